@@ -1,1 +1,34 @@
-//! Placeholder while the crate is laid out.
+//! Flight control of a quadcopter: all that flies.
+//!
+//! One [`Controller`] is built from a [`Config`] and then ticked at a fixed rate: [`Controller::tick`] takes a
+//! [`Measurement`] and a [`Command`] and returns motor commands together with everything that led to them.
+//! The law is that of A. Szabo's thesis (Wright State, 2017), chapters 4.2.2 and 5, with its misprints resolved.
+//!
+//! Conventions: SI units; inertial frame north-east-down, body frame front-right-down; Euler angles Z-Y-X in radians.
+//! Rotors, seen from above: 1 front-left, 2 front-right, 3 rear-right, 4 rear-left; 1 and 3 turn counter-clockwise.
+//! "Command unit" is the vehicle's unit of motor commands, microseconds of PWM for the thesis' craft.
+//!
+//! Each law is three types: what people tune (physical and rate-free, in [`gains`]), the immutable law built for one
+//! sample time, and a small `Copy` state. No allocation, no clock, no input or output, no panic; f32 in flight, the same
+//! bits on every target (libm or [`trig`] for transcendental functions, no fused multiply-add).
+
+#![cfg_attr(not(test), no_std)]
+#![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)
+)]
+
+pub mod controller;
+pub mod error;
+pub mod filter;
+pub mod gains;
+pub mod mixer;
+pub mod pid;
+pub mod supervisor;
+
+pub use controller::{Controller, Measurement, Terms, Tick};
+pub use error::ConfigError;
+pub use gains::Config;
+pub use mixer::Refused;
+pub use supervisor::{Command, Faults, Mode};

@@ -1,0 +1,4 @@
+//! Speed of one control tick.
+fn main() {
+    divan::main();
+}

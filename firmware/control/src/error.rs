@@ -1,0 +1,71 @@
+//! What can be wrong with a configuration, by name.
+
+use core::fmt;
+
+/// A parameter's place in the configuration, for example `roll.kp`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Parameter {
+    /// The table it stands in; empty at the top level.
+    pub group: &'static str,
+    /// Its key.
+    pub name: &'static str,
+}
+
+impl fmt::Display for Parameter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.group.is_empty() { f.write_str(self.name) } else { write!(f, "{}.{}", self.group, self.name) }
+    }
+}
+
+/// Why a configuration cannot fly.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ConfigError {
+    /// A number is NaN or infinite.
+    NotFinite {
+        /// Which.
+        parameter: Parameter,
+        /// Its value.
+        value: f64,
+    },
+    /// A number lies outside what makes sense.
+    OutOfRange {
+        /// Which.
+        parameter: Parameter,
+        /// Its value.
+        value: f64,
+        /// Least allowed value.
+        minimum: f64,
+        /// Greatest allowed value.
+        maximum: f64,
+    },
+    /// The first end of a range is not below the second.
+    EmptyRange {
+        /// Which.
+        parameter: Parameter,
+        /// First end.
+        low: f64,
+        /// Second end.
+        high: f64,
+    },
+    /// The mixing matrix has no inverse: some axis cannot be commanded.
+    SingularMixing,
+}
+
+impl fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::NotFinite { parameter, value } => write!(f, "{parameter} is {value}: give a finite number"),
+            Self::OutOfRange { parameter, value, minimum, maximum } => {
+                write!(f, "{parameter} is {value}: give a number from {minimum} to {maximum}")
+            }
+            Self::EmptyRange { parameter, low, high } => {
+                write!(f, "{parameter} is [{low}, {high}]: the first number must be less than the second")
+            }
+            Self::SingularMixing => f.write_str(
+                "mixing: the matrix has no usable inverse, so some axis cannot be commanded; check the rotor coefficients and their signs",
+            ),
+        }
+    }
+}
+
+impl core::error::Error for ConfigError {}
