@@ -1,1 +1,34 @@
-//! Placeholder while the crate is laid out.
+//! Plots and self-contained HTML pages, the same for every program of the project.
+//!
+//! Data goes in, text comes out: a [`Figure`] (or [`Panels`] stacked over one time axis) becomes an SVG, a [`Page`] of paragraphs,
+//! tables and figures becomes one HTML file that opens without a network, prints, and can be read on a phone. The same input gives
+//! the same bytes on every run: no clock, no random identifier, no environment is read.
+//!
+//! Conventions:
+//!
+//! - Every axis and every table column has a unit next to its name; values are SI unless the unit says otherwise.
+//! - A [`Style`] is a role (measured, predicted before, predicted after, reference, limit), not a colour. Each role has one colour of
+//!   the Okabe-Ito palette *and* one dash or width, so that print and colour-blind eyes can tell them apart.
+//! - A value that cannot be drawn (NaN, infinite, beyond 1e100, not positive on a logarithmic axis) is a gap, never a zero.
+//! - Long series are thinned to what the pixels can show, keeping the extremes of every pixel column: peaks stay.
+//!
+//! Deliberately absent: scripts and interaction, fonts, colour maps, reading of data files, and the current date (the caller gives it).
+#![forbid(unsafe_code)]
+
+mod axis;
+mod decimate;
+mod draw;
+mod figure;
+mod file;
+mod number;
+mod page;
+mod statistics;
+mod style;
+
+pub use axis::Axis;
+pub use figure::{Figure, Kind, Mark, Panels, Series};
+pub use file::{Error, write_atomic};
+pub use number::significant;
+pub use page::{Cell, Column, InputFile, Page, Provenance, Section, Table, Verdict};
+pub use statistics::{Bin, Sample, bin_statistics, binned_scatter, histogram};
+pub use style::Style;
