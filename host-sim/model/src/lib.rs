@@ -1,1 +1,37 @@
-//! Placeholder while the crate is laid out.
+//! The model of a quadcopter: one equation of motion, physical effects as its terms, and the files that hold them.
+//!
+//! Everything in the project turns around one value, the [`Model`]: a [`Vehicle`] (what the operator measured), a
+//! list of [`Effect`]s, and a value with unit and standard error for each coefficient of each effect. Identification
+//! writes it; comparison, simulation and design read it.
+//!
+//! Conventions (thesis chapter 2, with the resolutions of its misprints written where they matter):
+//! - SI units, radians. Inertial frame north-east-down (z down, height = -z). Body frame front-right-down.
+//! - Euler angles Z-Y-X: yaw psi, pitch theta, roll phi. The direction cosine matrix of (2.2) takes *inertial*
+//!   components to *body* components; its transpose takes body to inertial.
+//! - Rotors, seen from above: 1 front-left, 2 front-right, 3 rear-right, 4 rear-left.
+//! - Every term is `+ coefficient x regressor`, as in (4.3): a drag has a negative coefficient.
+//!
+//! What is deliberately absent: sensors, noise and delay (crate `sil`), and everything that estimates (crate `sysid`).
+#![forbid(unsafe_code)]
+
+mod axis;
+mod battery;
+mod effect;
+pub mod effects;
+pub mod frames;
+mod model_file;
+mod plant;
+mod sample;
+mod vehicle;
+
+pub use axis::{AXES, Axis, PerAxis};
+pub use battery::Battery;
+pub use effect::{Coefficient, EffectInfo, Kind, Sink};
+pub use effects::Effect;
+pub use model_file::{
+    AxisError, Estimate, FitRecord, FlightRecord, FlightRole, HistoryEntry, Model, ModelError,
+    ReferenceValues, Term,
+};
+pub use plant::{Plant, State, Substeps};
+pub use sample::{Adjustments, Sample, SampleInput};
+pub use vehicle::{MotorMapKind, Motors, RotorMap, Spin, Vehicle, VehicleError};

@@ -1,0 +1,23 @@
+//! Rotor speed follows the battery voltage in a way the motor map leaves out: speed = map + k (V - V_ref), (4.10).
+//! V_ref is the mean voltage of the training flights, kept in the model file.
+
+use crate::{Adjustments, Axis, Coefficient, EffectInfo, Kind};
+
+pub(super) const INFO: EffectInfo = EffectInfo {
+    id: "battery-voltage",
+    sentence: "Thrust follows the battery voltage in a way the motor map leaves out.",
+    kind: Kind::Adjusting,
+    axes: &[Axis::W, Axis::P, Axis::Q, Axis::R],
+    coefficients: &[Coefficient {
+        name: "speed_per_volt",
+        unit: "rad/s/V",
+        possible: (-2000.0, 2000.0),
+        typical: 40.0,
+    }],
+    excitation: "fly from a full battery to an empty one",
+    confused_with: &[("mass-change", "fly on: a heavier craft stays heavier, a battery goes on falling")],
+};
+
+pub(super) fn adjust(c: &[f64], adjust: &mut Adjustments) {
+    adjust.rotor_speed_per_volt = c[0];
+}

@@ -1,0 +1,127 @@
+//! The catalogue: one file an effect. An effect's definition here is used to identify, to predict and to simulate.
+//!
+//! To add one: write its file (an `INFO` and either `columns` or `adjust`), then name it in the list below.
+
+use std::fmt;
+
+use crate::{Adjustments, EffectInfo, Kind, Sample, Sink};
+
+macro_rules! catalogue {
+    (columns { $($linear:ident => $linear_file:ident),* $(,)? } adjusting { $($other:ident => $other_file:ident),* $(,)? }) => {
+        $(mod $linear_file;)*
+        $(mod $other_file;)*
+
+        /// A physical effect: one term of the equations of motion, or something that changes what the terms see.
+        #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub enum Effect {
+            $(#[doc = concat!("See `", stringify!($linear_file), ".rs`.")] $linear,)*
+            $(#[doc = concat!("See `", stringify!($other_file), ".rs`.")] $other,)*
+        }
+
+        /// Every known effect, the basic model's first.
+        pub const CATALOGUE: &[Effect] = &[$(Effect::$linear,)* $(Effect::$other,)*];
+
+        impl Effect {
+            /// What the effect says of itself.
+            pub const fn info(self) -> &'static EffectInfo {
+                match self {
+                    $(Effect::$linear => &$linear_file::INFO,)*
+                    $(Effect::$other => &$other_file::INFO,)*
+                }
+            }
+
+            /// Hands the effect's columns at `sample` to `sink`; nothing for an adjusting effect.
+            #[inline]
+            pub fn columns(self, sample: &Sample, sink: &mut impl Sink) {
+                match self {
+                    $(Effect::$linear => $linear_file::columns(sample, sink),)*
+                    $(Effect::$other => {})*
+                }
+            }
+
+            /// Writes what the coefficients mean into `adjust`; nothing for a linear effect.
+            pub fn adjust(self, coefficients: &[f64], adjust: &mut Adjustments) {
+                match self {
+                    $(Effect::$linear => {})*
+                    $(Effect::$other => $other_file::adjust(coefficients, adjust),)*
+                }
+            }
+        }
+    };
+}
+
+catalogue! {
+    columns {
+        Thrust => thrust,
+        LinearDrag => linear_drag,
+        RotorMoments => rotor_moments,
+        InertiaCoupling => inertia_coupling,
+        Gyroscopic => gyroscopic,
+        AngularDamping => angular_damping,
+        QuadraticDrag => quadratic_drag,
+        FlappingMoment => flapping_moment,
+        RateCoupling => rate_coupling,
+    }
+    adjusting {
+        GroundEffect => ground_effect,
+        SteadyWind => steady_wind,
+        BatteryVoltage => battery_voltage,
+        TrackingOffset => tracking_offset,
+        AttitudeOffset => attitude_offset,
+    }
+}
+
+impl Effect {
+    /// The effect of this identifier.
+    pub fn from_id(id: &str) -> Option<Self> {
+        CATALOGUE.iter().copied().find(|effect| effect.info().id == id)
+    }
+
+    /// The word for it in commands, files and pages.
+    pub const fn id(self) -> &'static str {
+        self.info().id
+    }
+
+    /// The basic model of (4.3).
+    pub fn basic() -> impl Iterator<Item = Self> {
+        CATALOGUE.iter().copied().filter(|effect| effect.info().kind == Kind::Basic)
+    }
+
+    /// Effects that can be missing from a model.
+    pub fn candidates() -> impl Iterator<Item = Self> {
+        CATALOGUE.iter().copied().filter(|effect| effect.info().kind != Kind::Basic)
+    }
+}
+
+impl fmt::Debug for Effect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.id())
+    }
+}
+
+impl fmt::Display for Effect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.id())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn identifiers_are_unique_and_found_again() {
+        for &effect in CATALOGUE {
+            assert_eq!(Effect::from_id(effect.id()), Some(effect));
+            assert!(!effect.info().coefficients.is_empty());
+            for coefficient in effect.info().coefficients {
+                assert!(coefficient.possible.0 < coefficient.possible.1 && coefficient.typical > 0.0);
+            }
+            for (other, manoeuvre) in effect.info().confused_with {
+                assert!(!manoeuvre.is_empty());
+                assert_ne!(*other, effect.id());
+            }
+        }
+        assert_eq!(Effect::from_id("no-such-effect"), None);
+    }
+}

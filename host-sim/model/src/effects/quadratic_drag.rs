@@ -1,0 +1,27 @@
+//! Drag of the frame, growing with the square of the airspeed: force = C |V| V with the air-relative velocity V,
+//! one coefficient in the rotor plane and one across it. Negative.
+
+use crate::{Axis, Coefficient, EffectInfo, Kind, Sample, Sink};
+
+const fn coefficient(name: &'static str) -> Coefficient {
+    Coefficient { name, unit: "N s^2/m^2", possible: (-20.0, 0.0), typical: 0.2 }
+}
+
+pub(super) const INFO: EffectInfo = EffectInfo {
+    id: "quadratic-drag",
+    sentence: "Beyond the linear drag, the air brakes the craft with the square of its speed.",
+    kind: Kind::Linear,
+    axes: &[Axis::U, Axis::V, Axis::W],
+    coefficients: &[coefficient("C_qd_xy"), coefficient("C_qd_z")],
+    excitation: "fly straight at three or more speeds, the fastest above 3 m/s",
+    confused_with: &[("linear-drag", "fly at well-separated speeds: the ratio of drag to speed tells them apart")],
+};
+
+#[inline]
+pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
+    let v = &s.air_velocity_m_s;
+    let speed_per_mass = v.norm() / s.constants.mass_kg;
+    sink.add(Axis::U, 0, speed_per_mass * v.x);
+    sink.add(Axis::V, 0, speed_per_mass * v.y);
+    sink.add(Axis::W, 1, speed_per_mass * v.z);
+}

@@ -1,0 +1,434 @@
+//! The model and its file: vehicle, effects, coefficients with units and errors, what was fitted on what, and how the
+//! model came to be.
+//!
+//! Format `quadlab-model`, version 1, TOML. Numbers are written with the shortest digits that read back to the same
+//! bits, so a model round-trips exactly.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::vehicle::toml_message;
+use crate::{Adjustments, Axis, Effect, PerAxis, Vehicle};
+
+const FORMAT: &str = "quadlab-model";
+const VERSION: u32 = 1;
+
+/// A coefficient's value with its standard error.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// Value, in the unit of the effect's coefficient.
+    pub value: f64,
+    /// Standard error in the same unit; absent where the value was not fitted (printed, assumed).
+    pub std_error: Option<f64>,
+}
+
+/// An effect in a model with the values of its coefficients.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Term {
+    /// The effect.
+    pub effect: Effect,
+    /// One estimate for each of its coefficients, in order.
+    pub coefficients: Vec<Estimate>,
+}
+
+/// Constants that belong to a fit and are not coefficients.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReferenceValues {
+    /// Mean battery voltage of the training flights, V: where `battery-voltage` is zero.
+    pub battery_v: f64,
+}
+
+/// Errors of one axis.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AxisError {
+    /// Sum of squared errors, (unit of the axis)^2.
+    pub sse: f64,
+    /// Root mean square error, unit of the axis.
+    pub rms: f64,
+    /// 1 - sse / (sum of squares about the mean).
+    pub r2: f64,
+    /// Samples behind it.
+    pub samples: u64,
+}
+
+/// What a flight was used for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FlightRole {
+    /// Fitted on.
+    Train,
+    /// Held out.
+    Validate,
+}
+
+/// A flight that the fit saw.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FlightRecord {
+    /// File name.
+    pub name: String,
+    /// SHA-256 of the file, hexadecimal.
+    pub sha256: String,
+    /// What it was used for.
+    pub role: FlightRole,
+    /// Samples used.
+    pub samples: u64,
+}
+
+/// The fit that gave the coefficients.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FitRecord {
+    /// Flights.
+    pub flights: Vec<FlightRecord>,
+    /// Errors on the training flights.
+    pub train: PerAxis<AxisError>,
+    /// Errors on the held-out flights.
+    pub held_out: PerAxis<AxisError>,
+}
+
+/// An effect that was added, with the held-out error before and after.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HistoryEntry {
+    /// The effect's identifier.
+    pub effect: String,
+    /// Whether the held-out flights supported it.
+    pub supported: bool,
+    /// Sum of squared errors on the held-out flights before.
+    pub sse_before: PerAxis<f64>,
+    /// And after.
+    pub sse_after: PerAxis<f64>,
+}
+
+/// A model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Model {
+    /// What the operator measured.
+    pub vehicle: Vehicle,
+    /// Effects and their coefficients.
+    pub terms: Vec<Term>,
+    /// Constants of the fit.
+    pub reference: ReferenceValues,
+    /// The fit, where there was one.
+    pub fit: Option<FitRecord>,
+    /// Effects added to the basic model, in order.
+    pub history: Vec<HistoryEntry>,
+}
+
+/// Why a model file was refused.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelError {
+    /// The file cannot be read.
+    #[error("{}: cannot read the model file: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Not TOML, a field missing, unknown or of the wrong type.
+    #[error("{}: {message}", path.display())]
+    Parse {
+        /// The file.
+        path: PathBuf,
+        /// The parser's message on one line.
+        message: String,
+    },
+    /// Not a model file, or one of another version.
+    #[error("{}: format \"{format}\" version {version} is not read by this program; it reads \"{FORMAT}\" version {VERSION}", path.display())]
+    Version {
+        /// The file.
+        path: PathBuf,
+        /// Format found.
+        format: String,
+        /// Version found.
+        version: u32,
+    },
+    /// An effect this program does not know.
+    #[error("{}: unknown effect \"{effect}\"; known are {known}", path.display())]
+    UnknownEffect {
+        /// The file.
+        path: PathBuf,
+        /// Its name in the file.
+        effect: String,
+        /// Those known.
+        known: String,
+    },
+    /// The coefficients of an effect are not those it has.
+    #[error("{}: effect \"{effect}\" has the coefficients {expected}, the file gives {found}", path.display())]
+    Coefficients {
+        /// The file.
+        path: PathBuf,
+        /// The effect.
+        effect: String,
+        /// Those it has.
+        expected: String,
+        /// Those given.
+        found: String,
+    },
+    /// The vehicle in the model is impossible.
+    #[error(transparent)]
+    Vehicle(#[from] crate::VehicleError),
+}
+
+#[derive(Serialize, Deserialize)]
+struct Header {
+    format: String,
+    version: u32,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ModelFile {
+    format: String,
+    version: u32,
+    reference: ReferenceValues,
+    vehicle: Vehicle,
+    #[serde(rename = "effect", default)]
+    effects: Vec<EffectEntry>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    fit: Option<FitRecord>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    history: Vec<HistoryEntry>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct EffectEntry {
+    id: String,
+    #[serde(rename = "coefficient")]
+    coefficients: Vec<CoefficientEntry>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CoefficientEntry {
+    name: String,
+    value: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    std_error: Option<f64>,
+    unit: String,
+}
+
+impl Model {
+    /// A model without effects.
+    pub fn new(vehicle: Vehicle) -> Self {
+        Self {
+            vehicle,
+            terms: Vec::new(),
+            reference: ReferenceValues::default(),
+            fit: None,
+            history: Vec::new(),
+        }
+    }
+
+    /// The thesis' identified model (tables 4.2 to 4.12), with C_T unrounded as reference section 1 finds it behind
+    /// the printed K^-1.
+    pub fn thesis() -> Self {
+        let text = include_str!("../vehicles/f330-model.toml");
+        Self::parse(text, Path::new("f330-model.toml")).expect("the model file in the source tree is tested")
+    }
+
+    /// The term of an effect.
+    pub fn term(&self, effect: Effect) -> Option<&Term> {
+        self.terms.iter().find(|term| term.effect == effect)
+    }
+
+    /// Whether the effect is in the model.
+    pub fn has(&self, effect: Effect) -> bool {
+        self.term(effect).is_some()
+    }
+
+    /// The effects in order.
+    pub fn effects(&self) -> Vec<Effect> {
+        self.terms.iter().map(|term| term.effect).collect()
+    }
+
+    /// Sets an effect's coefficients to known values without error, adding the effect if it is not there.
+    ///
+    /// # Panics
+    /// When the number of values is not the effect's: a mistake in the program, not in its input.
+    pub fn set(&mut self, effect: Effect, values: &[f64]) {
+        assert_eq!(values.len(), effect.info().coefficients.len(), "{effect}");
+        let coefficients = values.iter().map(|&value| Estimate { value, std_error: None }).collect();
+        match self.terms.iter_mut().find(|term| term.effect == effect) {
+            Some(term) => term.coefficients = coefficients,
+            None => self.terms.push(Term { effect, coefficients }),
+        }
+    }
+
+    /// What the adjusting effects change.
+    pub fn adjustments(&self) -> Adjustments {
+        let mut adjust =
+            Adjustments { reference_voltage_v: self.reference.battery_v, ..Adjustments::default() };
+        for term in &self.terms {
+            let values: Vec<f64> = term.coefficients.iter().map(|c| c.value).collect();
+            term.effect.adjust(&values, &mut adjust);
+        }
+        adjust
+    }
+
+    /// Reads and checks a model file.
+    pub fn read(path: &Path) -> Result<Self, ModelError> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
+        Self::parse(&text, path)
+    }
+
+    /// Parses and checks the text of a model file; `path` is for messages.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, ModelError> {
+        let parse_error = |error: toml::de::Error| ModelError::Parse {
+            path: path.to_owned(),
+            message: toml_message(text, &error),
+        };
+        // The version first: a later version may have fields that this one does not know.
+        let header: Header = toml::from_str(text).map_err(parse_error)?;
+        if header.format != FORMAT || header.version != VERSION {
+            return Err(ModelError::Version {
+                path: path.to_owned(),
+                format: header.format,
+                version: header.version,
+            });
+        }
+        let file: ModelFile = toml::from_str(text).map_err(parse_error)?;
+        file.vehicle.check(path)?;
+        let terms =
+            file.effects.into_iter().map(|entry| read_effect(entry, path)).collect::<Result<_, _>>()?;
+        Ok(Self {
+            vehicle: file.vehicle,
+            terms,
+            reference: file.reference,
+            fit: file.fit,
+            history: file.history,
+        })
+    }
+
+    /// The text of the model file.
+    pub fn to_toml(&self) -> String {
+        let file = ModelFile {
+            format: FORMAT.into(),
+            version: VERSION,
+            reference: self.reference,
+            vehicle: self.vehicle.clone(),
+            effects: self.terms.iter().map(write_effect).collect(),
+            fit: self.fit.clone(),
+            history: self.history.clone(),
+        };
+        toml::to_string(&file).expect("numbers, strings and tables are always TOML")
+    }
+}
+
+fn read_effect(entry: EffectEntry, path: &Path) -> Result<Term, ModelError> {
+    let Some(effect) = Effect::from_id(&entry.id) else {
+        let known: Vec<&str> = crate::effects::CATALOGUE.iter().map(|e| e.id()).collect();
+        return Err(ModelError::UnknownEffect {
+            path: path.into(),
+            effect: entry.id,
+            known: known.join(", "),
+        });
+    };
+    let expected: Vec<&str> = effect.info().coefficients.iter().map(|c| c.name).collect();
+    let found: Vec<&str> = entry.coefficients.iter().map(|c| c.name.as_str()).collect();
+    if expected != found || entry.coefficients.iter().any(|c| !c.value.is_finite()) {
+        return Err(ModelError::Coefficients {
+            path: path.into(),
+            effect: entry.id.clone(),
+            expected: expected.join(", "),
+            found: if expected == found { "a value that is not finite".into() } else { found.join(", ") },
+        });
+    }
+    let coefficients =
+        entry.coefficients.iter().map(|c| Estimate { value: c.value, std_error: c.std_error }).collect();
+    Ok(Term { effect, coefficients })
+}
+
+fn write_effect(term: &Term) -> EffectEntry {
+    let info = term.effect.info();
+    let coefficients =
+        info.coefficients.iter().zip(&term.coefficients).map(|(c, estimate)| CoefficientEntry {
+            name: c.name.into(),
+            value: estimate.value,
+            std_error: estimate.std_error,
+            unit: c.unit.into(),
+        });
+    EffectEntry { id: info.id.into(), coefficients: coefficients.collect() }
+}
+
+impl PerAxis<f64> {
+    /// Percent by which `after` is below `self`, for each axis; 0 where there was no error.
+    pub fn drop_percent(&self, after: &Self) -> Self {
+        Self::from_fn(
+            |axis: Axis| {
+                if self[axis] > 0.0 { 100.0 * (self[axis] - after[axis]) / self[axis] } else { 0.0 }
+            },
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_model_round_trips_exactly() {
+        let mut model = Model::thesis();
+        model.set(Effect::GroundEffect, &[1.0 / 3.0]);
+        model.terms[0].coefficients[0].std_error = Some(0.1 + 0.2);
+        model.reference.battery_v = 11.7 / 7.0;
+        model.fit = Some(FitRecord {
+            flights: vec![FlightRecord {
+                name: "A \"quoted\" # name.csv".into(),
+                sha256: "00ff".into(),
+                role: FlightRole::Train,
+                samples: 12,
+            }],
+            train: PerAxis::from_fn(|a| AxisError {
+                sse: 1e-300 * a.index() as f64,
+                rms: 0.1,
+                r2: -3.0,
+                samples: 9,
+            }),
+            held_out: PerAxis::default(),
+        });
+        model.history.push(HistoryEntry {
+            effect: "ground-effect".into(),
+            supported: true,
+            sse_before: PerAxis::from_fn(|_| std::f64::consts::PI),
+            sse_after: PerAxis::default(),
+        });
+        let text = model.to_toml();
+        assert_eq!(Model::parse(&text, Path::new("m.toml")).unwrap(), model);
+        assert_eq!(Model::parse(&text, Path::new("m.toml")).unwrap().to_toml(), text);
+    }
+
+    #[test]
+    fn other_versions_effects_and_coefficients_are_clear_errors() {
+        let text = Model::thesis().to_toml();
+        for (from, to, expected) in [
+            ("version = 1", "version = 2", "version 2 is not read"),
+            ("quadlab-model", "other", "format \"other\""),
+            ("id = \"thrust\"", "id = \"thurst\"", "unknown effect \"thurst\""),
+            ("name = \"C_T\"", "name = \"C_X\"", "has the coefficients C_T, the file gives C_X"),
+            ("mass = 1.214", "mass = 0.0", "mass = 0 is impossible"),
+        ] {
+            assert!(text.contains(from), "{from}");
+            let error =
+                Model::parse(&text.replacen(from, to, 1), Path::new("m.toml")).unwrap_err().to_string();
+            assert!(error.contains(expected) && error.starts_with("m.toml: "), "{error}");
+            assert_eq!(error.lines().count(), 1, "{error}");
+        }
+    }
+
+    #[test]
+    fn thesis_model_has_the_whole_basic_model() {
+        let model = Model::thesis();
+        for effect in Effect::basic() {
+            assert!(model.has(effect), "{effect}");
+        }
+        assert!(model.has(Effect::FlappingMoment) && model.has(Effect::RateCoupling));
+    }
+}

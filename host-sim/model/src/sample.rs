@@ -1,0 +1,173 @@
+//! What an effect can look at: the craft, its air and its rotors at one instant.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::{Vehicle, frames};
+
+/// What the effects of kind [`crate::Kind::Adjusting`] change. Neutral by default.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Adjustments {
+    /// Steady wind, inertial NED, m/s (the air's velocity over ground).
+    pub wind_ned_m_s: Vector3<f64>,
+    /// k of the ground effect: each rotor's thrust times 1 / (1 - k (R / 4h)^2).
+    pub ground_effect_gain: f64,
+    /// Rotor speed per volt beyond the map, rad/s/V, about `reference_voltage_v`.
+    pub rotor_speed_per_volt: f64,
+    /// Voltage at which the map is right, V.
+    pub reference_voltage_v: f64,
+    /// Tracked point beyond the vehicle file's, body FRD, m.
+    pub tracked_point_m: Vector3<f64>,
+    /// Tilt of the tracked attitude against the body about x and y, rad: measured = true followed by the tilt.
+    pub attitude_tilt_rad: [f64; 2],
+}
+
+impl Default for Adjustments {
+    fn default() -> Self {
+        Self {
+            wind_ned_m_s: Vector3::zeros(),
+            ground_effect_gain: 0.0,
+            rotor_speed_per_volt: 0.0,
+            reference_voltage_v: 0.0,
+            tracked_point_m: Vector3::zeros(),
+            attitude_tilt_rad: [0.0; 2],
+        }
+    }
+}
+
+impl Adjustments {
+    /// Rotor speed in rad/s after the voltage correction.
+    pub fn corrected_speed_rad_s(&self, speed_rad_s: f64, battery_v: f64) -> f64 {
+        if self.rotor_speed_per_volt == 0.0 {
+            return speed_rad_s;
+        }
+        (speed_rad_s + self.rotor_speed_per_volt * (battery_v - self.reference_voltage_v)).max(0.0)
+    }
+
+    fn tilt(&self) -> Option<Matrix3<f64>> {
+        let [x, y] = self.attitude_tilt_rad;
+        (x != 0.0 || y != 0.0).then(|| frames::dcm_from_rotation_vector(Vector3::new(x, y, 0.0)))
+    }
+
+    /// The attitude a tracker reports for the body's attitude (both inertial to body).
+    pub fn measured_dcm(&self, dcm: &Matrix3<f64>) -> Matrix3<f64> {
+        self.tilt().map_or(*dcm, |tilt| tilt * dcm)
+    }
+
+    /// The body's attitude behind a tracked one (both inertial to body).
+    pub fn true_dcm(&self, measured: &Matrix3<f64>) -> Matrix3<f64> {
+        self.tilt().map_or(*measured, |tilt| tilt.transpose() * measured)
+    }
+}
+
+/// Constants of a vehicle that effects use, computed once.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Constants {
+    pub(crate) mass_kg: f64,
+    pub(crate) beta_kg_m: f64,
+    pub(crate) rotor_radius_m: f64,
+    /// sqrt(2) l beta of (2.7), kg m^2.
+    pub(crate) arm_beta_kg_m2: f64,
+    pub(crate) spin: [f64; 4],
+    /// Rotor hubs in the body frame: +-l/sqrt(2) along x and y, m.
+    pub(crate) hub_m: [[f64; 2]; 4],
+}
+
+impl Constants {
+    pub(crate) fn new(vehicle: &Vehicle) -> Self {
+        let beta = vehicle.beta_kg_m();
+        let reach = vehicle.arm_length * std::f64::consts::FRAC_1_SQRT_2;
+        Self {
+            mass_kg: vehicle.mass,
+            beta_kg_m: beta,
+            rotor_radius_m: vehicle.rotor_radius,
+            arm_beta_kg_m2: std::f64::consts::SQRT_2 * vehicle.arm_length * beta,
+            spin: vehicle.motors.spin.map(|s| s.yaw_sign()),
+            hub_m: [[reach, -reach], [reach, reach], [-reach, reach], [-reach, -reach]],
+        }
+    }
+}
+
+/// The state a [`Sample`] is made from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SampleInput {
+    /// Centre of mass, inertial NED, m.
+    pub position_ned_m: Vector3<f64>,
+    /// Inertial to body (2.2).
+    pub dcm: Matrix3<f64>,
+    /// Velocity of the centre of mass over ground, body components, m/s.
+    pub velocity_m_s: Vector3<f64>,
+    /// Body rates p, q, r, rad/s.
+    pub rate_rad_s: Vector3<f64>,
+    /// Rotor speeds, rad/s (command units for a vehicle whose map is to be identified).
+    pub rotor_rad_s: [f64; 4],
+    /// Rotor accelerations, rad/s^2.
+    pub rotor_acceleration_rad_s2: [f64; 4],
+    /// Battery voltage, V.
+    pub battery_v: f64,
+}
+
+/// Everything an effect can look at.
+#[derive(Debug, Clone, Copy)]
+pub struct Sample {
+    /// The state as given.
+    pub input: SampleInput,
+    /// Velocity relative to the air, body components, m/s.
+    pub air_velocity_m_s: Vector3<f64>,
+    /// Square of each rotor's speed times all that changes its thrust, rad^2/s^2.
+    pub rotor_thrust_rad2_s2: [f64; 4],
+    /// Square of each rotor's speed, rad^2/s^2: the reaction torque follows it.
+    pub rotor_speed_squared_rad2_s2: [f64; 4],
+    pub(crate) constants: Constants,
+}
+
+impl Sample {
+    pub(crate) fn with_constants(input: SampleInput, constants: &Constants, adjust: &Adjustments) -> Self {
+        let air_velocity_m_s = if adjust.wind_ned_m_s == Vector3::zeros() {
+            input.velocity_m_s
+        } else {
+            input.velocity_m_s - input.dcm * adjust.wind_ned_m_s
+        };
+        let squared = input.rotor_rad_s.map(|w| w * w);
+        let mut thrust = squared;
+        if adjust.ground_effect_gain != 0.0 {
+            for (rotor, value) in thrust.iter_mut().enumerate() {
+                *value *= ground_effect_factor(&input, constants, rotor, adjust.ground_effect_gain);
+            }
+        }
+        Self {
+            input,
+            air_velocity_m_s,
+            rotor_thrust_rad2_s2: thrust,
+            rotor_speed_squared_rad2_s2: squared,
+            constants: *constants,
+        }
+    }
+
+    /// A sample of `vehicle` with what adjusting effects change.
+    pub fn new(input: SampleInput, vehicle: &Vehicle, adjust: &Adjustments) -> Self {
+        Self::with_constants(input, &Constants::new(vehicle), adjust)
+    }
+
+    /// Height of the centre of mass over the floor, m.
+    pub fn height_m(&self) -> f64 {
+        -self.input.position_ned_m.z
+    }
+
+    /// Signed sum of the rotor speeds: + for rotors that yaw the craft right, the S = w1 - w2 + w3 - w4 of the thesis
+    /// (reference section 5), rad/s.
+    pub fn signed_rotor_sum_rad_s(&self) -> f64 {
+        let (w, s) = (&self.input.rotor_rad_s, &self.constants.spin);
+        s[0] * w[0] + s[1] * w[1] + s[2] * w[2] + s[3] * w[3]
+    }
+}
+
+/// Cheeseman and Bennett's thrust ratio 1 / (1 - k (R / 4h)^2) with each hub's own height over the floor at z = 0.
+fn ground_effect_factor(input: &SampleInput, constants: &Constants, rotor: usize, gain: f64) -> f64 {
+    let [x, y] = constants.hub_m[rotor];
+    // Third column of the direction cosine matrix: body components of "down".
+    let hub_down_m = input.position_ned_m.z + input.dcm[(0, 2)] * x + input.dcm[(1, 2)] * y;
+    // A hub within a quarter radius of the floor is on its landing gear; the formula ends there.
+    let height_m = (-hub_down_m).max(0.25 * constants.rotor_radius_m);
+    let ratio = 0.25 * constants.rotor_radius_m / height_m;
+    1.0 / (1.0 - gain * ratio * ratio).max(0.2)
+}

@@ -1,0 +1,330 @@
+//! The vehicle file: what the operator knows before any flight (contract section 3).
+//!
+//! Mass and geometry from scale and tape measure, the rotor map from a motor test stand (4.11). Unknown keys and
+//! impossible values are errors that name the field.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+/// Direction of rotation of a rotor, seen from above.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Spin {
+    /// Counter-clockwise seen from above: its reaction torque yaws the craft right (+r).
+    Ccw,
+    /// Clockwise seen from above: its reaction torque yaws the craft left (-r).
+    Cw,
+}
+
+impl Spin {
+    /// +1 where a faster rotor yaws the craft right (counter-clockwise), -1 where it yaws left.
+    pub const fn yaw_sign(self) -> f64 {
+        match self {
+            Spin::Ccw => 1.0,
+            Spin::Cw => -1.0,
+        }
+    }
+}
+
+/// Where rotor speeds come from when they are not logged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MotorMapKind {
+    /// No test stand: the command itself stands in for the rotor speed and the fit absorbs the scale.
+    Identify,
+}
+
+/// The `[motors]` table.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Motors {
+    /// Direction of rotation of rotors 1..4 seen from above.
+    pub spin: [Spin; 4],
+    /// Unit of the commands, for people: "us", "normalised", ...
+    pub command_unit: String,
+    /// Smallest and largest command.
+    pub command_range: [f64; 2],
+    /// `"identify"` when there is no test stand.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub map: Option<MotorMapKind>,
+    /// Rotor speed per command, rad/s per command unit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub command: Option<f64>,
+    /// Rotor speed per volt, rad/s/V.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub voltage: Option<f64>,
+    /// Rotor speed offset, rad/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset: Option<f64>,
+    /// First-order lag of the rotor speed, rad/s; absent = unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lag: Option<f64>,
+}
+
+/// Commanded rotor speed from command and voltage, (4.10): `command * cmd + voltage * vbat + offset`, rad/s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RotorMap {
+    /// rad/s per command unit.
+    pub command: f64,
+    /// rad/s per volt.
+    pub voltage: f64,
+    /// rad/s.
+    pub offset: f64,
+}
+
+impl RotorMap {
+    /// Commanded rotor speed in rad/s, never below zero: an electronic speed controller does not brake into reverse.
+    pub fn speed_rad_s(&self, command: f64, battery_v: f64) -> f64 {
+        (self.command * command + self.voltage * battery_v + self.offset).max(0.0)
+    }
+
+    /// The command that asks for a rotor speed at a battery voltage.
+    pub fn command_for(&self, speed_rad_s: f64, battery_v: f64) -> f64 {
+        (speed_rad_s - self.voltage * battery_v - self.offset) / self.command
+    }
+}
+
+/// A vehicle file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Vehicle {
+    /// Name for people.
+    pub name: String,
+    /// kg.
+    pub mass: f64,
+    /// Centre of mass to motor, m.
+    pub arm_length: f64,
+    /// m.
+    pub rotor_radius: f64,
+    /// kg/m^3.
+    pub air_density: f64,
+    /// m/s^2.
+    pub gravity: f64,
+    /// From the centre of mass to the tracked point, body FRD, m.
+    #[serde(default)]
+    pub tracked_point: [f64; 3],
+    /// Motors, rotors and their map.
+    pub motors: Motors,
+}
+
+/// Why a vehicle file was refused.
+#[derive(Debug, thiserror::Error)]
+pub enum VehicleError {
+    /// The file cannot be read.
+    #[error("{}: cannot read the vehicle file: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Not TOML, a field missing, unknown or of the wrong type.
+    #[error("{}: {message}", path.display())]
+    Parse {
+        /// The file.
+        path: PathBuf,
+        /// The parser's message on one line.
+        message: String,
+    },
+    /// A value that no vehicle has.
+    #[error("{}: {field} = {value} is impossible: {expected}", path.display())]
+    Impossible {
+        /// The file.
+        path: PathBuf,
+        /// The field.
+        field: &'static str,
+        /// Its value.
+        value: String,
+        /// What it should be.
+        expected: &'static str,
+    },
+}
+
+impl Vehicle {
+    /// Reads and checks a vehicle file.
+    pub fn read(path: &Path) -> Result<Self, VehicleError> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| VehicleError::Read { path: path.to_owned(), source })?;
+        Self::parse(&text, path)
+    }
+
+    /// Parses and checks the text of a vehicle file; `path` is for messages.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, VehicleError> {
+        let vehicle: Self = toml::from_str(text).map_err(|error| VehicleError::Parse {
+            path: path.to_owned(),
+            message: toml_message(text, &error),
+        })?;
+        vehicle.check(path)?;
+        Ok(vehicle)
+    }
+
+    /// Checks every value against what a quadcopter can have; `path` is for messages.
+    pub fn check(&self, path: &Path) -> Result<(), VehicleError> {
+        let refuse = |field, value: String, expected| {
+            Err(VehicleError::Impossible { path: path.to_owned(), field, value, expected })
+        };
+        let ranges: [(&'static str, f64, f64, f64, &'static str); 5] = [
+            ("mass", self.mass, 0.001, 1000.0, "kilograms, between 0.001 and 1000"),
+            (
+                "arm_length",
+                self.arm_length,
+                0.005,
+                10.0,
+                "metres from the centre to a motor, between 0.005 and 10",
+            ),
+            ("rotor_radius", self.rotor_radius, 0.002, 5.0, "metres, between 0.002 and 5"),
+            ("air_density", self.air_density, 0.1, 5.0, "kg/m^3, between 0.1 and 5"),
+            ("gravity", self.gravity, 1.0, 30.0, "m/s^2, between 1 and 30"),
+        ];
+        for (field, value, low, high, expected) in ranges {
+            if !(value >= low && value <= high) {
+                return refuse(field, value.to_string(), expected);
+            }
+        }
+        if self.tracked_point.iter().any(|x| x.is_nan() || x.abs() > 10.0) {
+            return refuse("tracked_point", format!("{:?}", self.tracked_point), "metres, each within 10");
+        }
+        let m = &self.motors;
+        let [low, high] = m.command_range;
+        if !(low.is_finite() && high.is_finite() && low < high) {
+            return refuse("motors.command_range", format!("{:?}", m.command_range), "[smallest, largest]");
+        }
+        let turning: f64 = m.spin.iter().map(|s| s.yaw_sign()).sum();
+        if turning != 0.0 {
+            return refuse(
+                "motors.spin",
+                format!("{:?}", m.spin),
+                "two rotors each way, or yaw cannot be balanced",
+            );
+        }
+        if let Some(lag) = m.lag
+            && !(lag > 0.0 && lag < 1000.0)
+        {
+            return refuse(
+                "motors.lag",
+                lag.to_string(),
+                "rad/s, above 0 and below 1000 (leave out if unknown)",
+            );
+        }
+        match (m.map, m.command) {
+            (Some(MotorMapKind::Identify), None) if m.voltage.is_none() && m.offset.is_none() => Ok(()),
+            (Some(MotorMapKind::Identify), _) => refuse(
+                "motors.map",
+                "\"identify\"".into(),
+                "leave out motors.command, voltage and offset when the map is to be identified",
+            ),
+            (None, Some(gain)) if gain.is_finite() && gain > 0.0 => {
+                let finite = m.voltage.unwrap_or(0.0).is_finite() && m.offset.unwrap_or(0.0).is_finite();
+                if finite {
+                    Ok(())
+                } else {
+                    refuse("motors.voltage/offset", "not finite".into(), "finite numbers")
+                }
+            }
+            (None, Some(gain)) => {
+                refuse("motors.command", gain.to_string(), "rad/s per command unit, above 0")
+            }
+            (None, None) => refuse(
+                "motors.command",
+                "missing".into(),
+                "give motors.command (with voltage, offset) or motors.map = \"identify\"",
+            ),
+        }
+    }
+
+    /// The rotor map. Without a test stand the command stands in for the speed: gain 1, so that "speeds" are in
+    /// command units and the coefficients absorb the scale.
+    pub fn rotor_map(&self) -> RotorMap {
+        match self.motors.map {
+            Some(MotorMapKind::Identify) => RotorMap { command: 1.0, voltage: 0.0, offset: 0.0 },
+            None => RotorMap {
+                command: self.motors.command.unwrap_or(1.0),
+                voltage: self.motors.voltage.unwrap_or(0.0),
+                offset: self.motors.offset.unwrap_or(0.0),
+            },
+        }
+    }
+
+    /// Whether rotor speeds computed by [`Self::rotor_map`] are real rad/s.
+    pub fn has_rotor_map(&self) -> bool {
+        self.motors.map.is_none()
+    }
+
+    /// beta = rho A_R R_R^2 with the disk area A_R = pi R_R^2 (reference section 1), kg m: thrust is C_T beta sum w^2.
+    pub fn beta_kg_m(&self) -> f64 {
+        let area_m2 = std::f64::consts::PI * self.rotor_radius * self.rotor_radius;
+        self.air_density * area_m2 * self.rotor_radius * self.rotor_radius
+    }
+
+    /// The thesis' F330 of table 3.1.
+    pub fn thesis() -> Self {
+        let text = include_str!("../vehicles/f330.toml");
+        Self::parse(text, Path::new("f330.toml")).expect("the vehicle file in the source tree is tested")
+    }
+}
+
+/// A TOML error as one line with the line number, without the excerpt.
+pub(crate) fn toml_message(text: &str, error: &toml::de::Error) -> String {
+    let reason = error.message().replace('\n', " ");
+    match error.span() {
+        Some(span) => {
+            let line = text[..span.start.min(text.len())].matches('\n').count() + 1;
+            format!("line {line}: {reason}")
+        }
+        None => reason,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with(edit: impl Fn(&str) -> String) -> Result<Vehicle, VehicleError> {
+        Vehicle::parse(&edit(include_str!("../vehicles/f330.toml")), Path::new("v.toml"))
+    }
+
+    #[test]
+    fn thesis_vehicle_has_the_beta_of_the_reference() {
+        assert!((Vehicle::thesis().beta_kg_m() / 4.100726391e-04 - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn an_unknown_key_is_named_with_its_line() {
+        let error = with(|t| t.replace("gravity", "gravty")).unwrap_err().to_string();
+        assert!(error.starts_with("v.toml: line ") && error.contains("gravty"), "{error}");
+        assert_eq!(error.lines().count(), 1);
+    }
+
+    #[test]
+    fn impossible_values_are_refused_by_name() {
+        for (from, to, field) in [
+            ("mass = 1.214", "mass = -1.0", "mass"),
+            ("mass = 1.214", "mass = nan", "mass"),
+            ("arm_length = 0.167", "arm_length = 167.0", "arm_length"),
+            ("lag = 21.5", "lag = 0.0", "motors.lag"),
+            ("command = 0.7850", "command = -0.7850", "motors.command"),
+            ("\"ccw\", \"cw\", \"ccw\", \"cw\"", "\"ccw\", \"cw\", \"ccw\", \"ccw\"", "motors.spin"),
+            ("[1000.0, 2000.0]", "[2000.0, 1000.0]", "motors.command_range"),
+        ] {
+            let error = with(|t| {
+                assert!(t.contains(from), "{from}");
+                t.replace(from, to)
+            })
+            .unwrap_err()
+            .to_string();
+            assert!(error.contains(field), "{error}");
+        }
+    }
+
+    #[test]
+    fn map_and_inverse_are_inverse() {
+        let map = Vehicle::thesis().rotor_map();
+        for command in [1100.0, 1500.0, 1900.0] {
+            let speed = map.speed_rad_s(command, 11.1);
+            assert!((map.command_for(speed, 11.1) - command).abs() < 1e-9);
+        }
+        // Reference section 1: largest speed at 11.1 V and 2000 us.
+        assert!((map.speed_rad_s(2000.0, 11.1) - 860.52).abs() < 0.01);
+    }
+}
