@@ -1,2 +1,115 @@
-//! Placeholder while the crate is laid out.
-fn main() {}
+//! The developer's front door: `cargo xtask COMMAND`.
+//!
+//! Everything a developer or the continuous integration runs is a command here, so that there is one
+//! way to do it on every machine. Each module is one command or one check; a check is a function from
+//! plain data to a list of problems, so that it can be shown a bad example in its unit test.
+//!
+//! Deliberately absent: any knowledge of quadcopters. `xtask` uses no crate of the workspace, hence it
+//! builds quickly and still works when one of them does not compile.
+#![forbid(unsafe_code)]
+
+mod arrows;
+mod bench;
+mod dependencies;
+mod licences;
+mod process;
+mod setup;
+mod tally;
+mod test;
+mod tidy;
+mod tools;
+mod workspace;
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::process::Program;
+use crate::workspace::Workspace;
+
+/// The developer's front door of quadlab.
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Fly the controller against the simulated craft; `sil --help` lists its arguments
+    #[command(disable_help_flag = true)]
+    Sil(PassedThrough),
+    /// Run the whole story, from flights to a better model; `demo --help` lists its arguments
+    #[command(disable_help_flag = true)]
+    Demo(PassedThrough),
+    /// Check everything: format, lints, tests, docs, arrows between crates, licences, house rules
+    Test(test::Options),
+    /// Run the benchmarks: times, and instruction counts where valgrind is installed
+    Bench(bench::Options),
+    /// Install the tools that the other commands use, or say what is missing
+    Setup(setup::Options),
+}
+
+/// Arguments that belong to the program behind the command, `--help` among them.
+#[derive(clap::Args)]
+struct PassedThrough {
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, value_name = "ARGS")]
+    arguments: Vec<OsString>,
+}
+
+fn main() -> ExitCode {
+    let command = Arguments::parse().command;
+    match run(command) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(command: Command) -> anyhow::Result<ExitCode> {
+    match command {
+        Command::Sil(passed) => process::run_program(&Program::SIL, &passed.arguments),
+        Command::Demo(passed) => process::run_program(&Program::DEMO, &passed.arguments),
+        Command::Test(options) => test::run(&Workspace::load()?, &options),
+        Command::Bench(options) => bench::run(&Workspace::load()?, &options),
+        Command::Setup(options) => setup::run(&Workspace::load()?, &options),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The arguments of `sil`, as clap hands them on.
+    fn passed_to_sil(line: &[&str]) -> Vec<OsString> {
+        match Arguments::try_parse_from(line).expect("every argument is passed through").command {
+            Command::Sil(passed) => passed.arguments,
+            _ => panic!("parsed as another command"),
+        }
+    }
+
+    #[test]
+    fn every_argument_of_sil_is_passed_through_untouched() {
+        for arguments in [
+            vec!["--help"],
+            vec!["-h"],
+            vec!["--scenario", "hover", "roll-10", "--json"],
+            vec!["--delay=3", "--", "--seed", "-1"],
+            vec!["help"],
+            vec![],
+        ] {
+            let line = [vec!["cargo xtask", "sil"], arguments.clone()].concat();
+            assert_eq!(passed_to_sil(&line), arguments, "{line:?}");
+        }
+    }
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        use clap::CommandFactory;
+        Arguments::command().debug_assert();
+    }
+}

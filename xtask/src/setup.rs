@@ -1,0 +1,175 @@
+//! `cargo xtask setup`: from a fresh Debian or Ubuntu with Rust to a machine on which all commands work.
+//!
+//! It only installs what is missing, so it can be run any number of times. What it may not install (no
+//! root for apt-get, no network) it says, with the line to type.
+
+use std::process::{Command, ExitCode};
+
+use anyhow::Result;
+
+use crate::process::{output_of, shown};
+use crate::tools::{self, CLIPPY, GIT, GUNGRAUN_RUNNER, NEXTEST, RUSTFMT, Tool, VALGRIND};
+use crate::workspace::Workspace;
+
+/// Options of the command.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Only say what is there and what is missing
+    #[arg(long)]
+    check: bool,
+}
+
+/// A tool as it is on this machine.
+struct State {
+    name: &'static str,
+    purpose: &'static str,
+    /// The version that is there.
+    found: Option<String>,
+    /// The line that installs it.
+    install: String,
+    /// Nothing stops working without it.
+    optional: bool,
+}
+
+impl State {
+    fn of(tool: &Tool, purpose: &'static str, optional: bool) -> Self {
+        Self { name: tool.name, purpose, found: tool.found(), install: tool.install.to_owned(), optional }
+    }
+}
+
+/// What each tool is for, and whether it is here.
+fn states(workspace: &Workspace) -> Vec<State> {
+    let mut states = vec![
+        State::of(&RUSTFMT, "`cargo xtask test` checks the format", false),
+        State::of(&CLIPPY, "`cargo xtask test` checks the lints", false),
+        State::of(&GIT, "`cargo xtask test` asks it which files are the project's", false),
+        State::of(&NEXTEST, "`cargo xtask test` runs the tests faster", true),
+        State::of(&VALGRIND, "`cargo xtask bench` counts instructions", false),
+    ];
+    states.extend(workspace.locked_version("gungraun").map(|version| runner(&version)));
+    states
+}
+
+/// The runner counts as found in the locked version alone: it refuses to work with another library.
+fn runner(version: &str) -> State {
+    State {
+        name: GUNGRAUN_RUNNER,
+        purpose: "`cargo xtask bench` counts instructions",
+        found: tools::gungraun_runner_version().filter(|found| found == version),
+        install: tools::gungraun_runner_install(version),
+        optional: false,
+    }
+}
+
+/// Installs what is missing; status 1 when something needed is still missing at the end.
+pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
+    let mut complete = true;
+    for state in states(workspace) {
+        let done = settle(&state, options.check);
+        complete &= done || state.optional;
+    }
+    println!(
+        "{}",
+        if complete { "all that is needed is there" } else { "something needed is missing, see above" }
+    );
+    Ok(ExitCode::from(u8::from(!complete)))
+}
+
+/// Says how a tool stands, installs it if it may, and answers whether it is there.
+fn settle(state: &State, only_check: bool) -> bool {
+    let State { name, purpose, found, install, optional } = state;
+    if let Some(version) = found {
+        println!("there      {name}: {version}");
+        return true;
+    }
+    let need = if *optional { "optional" } else { "missing" };
+    println!("{need:9}  {name}: {purpose}");
+    if only_check || *optional {
+        println!("           install it with: {install}");
+        return false;
+    }
+    match attempt(install) {
+        Ok(()) => {
+            println!("installed  {name}, with: {install}");
+            true
+        }
+        Err(why) => {
+            println!("not done   {name}: {why}; install it with: {install}");
+            false
+        }
+    }
+}
+
+/// Runs an installation line, unless it cannot work here.
+fn attempt(install: &str) -> Result<(), String> {
+    if install.starts_with("apt-get") {
+        apt_obstacle(is_root(), output_of(Command::new("apt-get").arg("--version")).is_some())?;
+        // A fresh machine or container has no package lists yet.
+        execute("apt-get update --quiet")?;
+    }
+    execute(install)
+}
+
+/// Why apt-get may not be used, if so.
+fn apt_obstacle(root: bool, has_apt: bool) -> Result<(), String> {
+    match (has_apt, root) {
+        (false, _) => Err("this machine has no apt-get".to_owned()),
+        (true, false) => Err("apt-get needs root".to_owned()),
+        (true, true) => Ok(()),
+    }
+}
+
+fn is_root() -> bool {
+    output_of(Command::new("id").arg("-u")).is_some_and(|id| id.trim() == "0")
+}
+
+fn execute(line: &str) -> Result<(), String> {
+    let mut words = line.split_whitespace();
+    let mut command = Command::new(words.next().unwrap_or_default());
+    command.args(words).env("DEBIAN_FRONTEND", "noninteractive");
+    match command.status() {
+        Ok(status) if status.success() => Ok(()),
+        Ok(status) => Err(format!("`{}` failed ({status})", shown(&command))),
+        Err(error) => Err(format!("`{}` does not start ({error})", shown(&command))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn state(found: Option<&str>, install: &str, optional: bool) -> State {
+        State {
+            name: "a",
+            purpose: "to test",
+            found: found.map(Into::into),
+            install: install.into(),
+            optional,
+        }
+    }
+
+    #[test]
+    fn what_is_there_is_not_installed_again() {
+        assert!(settle(&state(Some("1.0"), "no-such-program-here", false), false));
+    }
+
+    #[test]
+    fn checking_installs_nothing() {
+        assert!(!settle(&state(None, "true", false), true));
+        assert!(!settle(&state(None, "true", true), false));
+    }
+
+    #[test]
+    fn a_failed_installation_is_reported() {
+        assert!(settle(&state(None, "cargo --version", false), false));
+        assert!(!settle(&state(None, "cargo no-such-subcommand", false), false));
+        assert!(attempt("no-such-program-here").expect_err("not a program").contains("does not start"));
+    }
+
+    #[test]
+    fn apt_needs_root_and_debian() {
+        assert!(apt_obstacle(true, true).is_ok());
+        assert_eq!(apt_obstacle(false, true), Err("apt-get needs root".to_owned()));
+        assert!(apt_obstacle(true, false).is_err());
+    }
+}

@@ -1,0 +1,255 @@
+//! `cargo xtask test`: every check, one after the other, with one closing line of counts.
+//!
+//! The order is from quick and common to slow and rare. A step that cannot run is skipped aloud; in
+//! continuous integration (`CI=true`) that is a failure, since nobody would read it.
+
+use std::process::{Command, ExitCode};
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+
+use crate::process::{cargo, filtered, output_of, shown, succeeds};
+use crate::tally::{self, LibtestReader, SKIP_MARK, Tally};
+use crate::tools::{CLIPPY, GIT, NEXTEST, RUSTFMT, Tool};
+use crate::workspace::Workspace;
+use crate::{arrows, dependencies, licences, tidy};
+
+/// Options of the command.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Go on after a failed step, to see all of them
+    #[arg(long)]
+    keep_going: bool,
+}
+
+/// What came of a step.
+enum Outcome {
+    /// The step ran; counts of tests, or one for the check itself.
+    Ran(Tally),
+    /// The step could not run: what, why and the line that mends it.
+    Skipped(String),
+}
+
+/// One step: a name, what it does, and the doing.
+struct Step {
+    name: &'static str,
+    about: &'static str,
+    run: fn(&Workspace) -> Result<Outcome>,
+}
+
+const STEPS: &[Step] = &[
+    Step { name: "format", about: "sources are formatted", run: format },
+    Step { name: "lints", about: "clippy and the compiler have nothing to say on any target", run: lints },
+    Step { name: "tests", about: "unit tests, integration tests and stories", run: tests },
+    Step { name: "doc tests", about: "examples in the docs run", run: doc_tests },
+    Step { name: "docs", about: "rustdoc builds without warnings", run: docs },
+    Step { name: "arrows", about: "crates use only what the architecture allows", run: check_arrows },
+    Step { name: "licences", about: "every dependency may be linked", run: check_licences },
+    Step { name: "tidy", about: "house rules: heads, links, sizes, leftovers", run: check_tidy },
+];
+
+/// Runs the steps; status 1 when one fails.
+pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
+    let start = Instant::now();
+    let mut total = Tally::default();
+    let mut summary = Vec::new();
+    for (at, step) in STEPS.iter().enumerate() {
+        if total.failed > 0 && !options.keep_going {
+            summary.push(format!("  not run  {}", step.name));
+            continue;
+        }
+        println!("\n== {}/{} {}: {}", at + 1, STEPS.len(), step.name, step.about);
+        let began = Instant::now();
+        let tally = counted(step, (step.run)(workspace));
+        let word = verdict(&tally);
+        let seconds = began.elapsed().as_secs_f64();
+        println!("   {word} in {seconds:.1} s");
+        summary.push(format!("  {word:7}  {:9} {seconds:7.1} s  {tally}", step.name));
+        total.add(&tally);
+    }
+    println!("\n== summary, {:.1} s", start.elapsed().as_secs_f64());
+    for line in summary.iter().chain(&total.skip_lines) {
+        println!("{line}");
+    }
+    println!("{total}");
+    Ok(ExitCode::from(u8::from(total.failed > 0)))
+}
+
+/// Turns whatever came of a step into counts. An error of the step itself is one failure.
+fn counted(step: &Step, outcome: Result<Outcome>) -> Tally {
+    match outcome {
+        Ok(Outcome::Ran(tally)) => tally,
+        Ok(Outcome::Skipped(why)) => {
+            let line = format!("{SKIP_MARK} {}, {why}", step.name);
+            println!("{line}");
+            skipped_step(line, in_continuous_integration())
+        }
+        Err(error) => {
+            println!("error: {error:#}");
+            one(false)
+        }
+    }
+}
+
+/// A step left out: skipped on a developer's machine, failed where nobody reads it.
+fn skipped_step(line: String, fails: bool) -> Tally {
+    Tally { failed: usize::from(fails), skipped: usize::from(!fails), skip_lines: vec![line], passed: 0 }
+}
+
+fn verdict(tally: &Tally) -> &'static str {
+    match tally {
+        Tally { failed: 1.., .. } => "FAILED",
+        Tally { passed: 0, skipped: 1.., .. } => "skipped",
+        _ => "passed",
+    }
+}
+
+/// Is this the continuous integration, that is, `CI=true`?
+pub(crate) fn in_continuous_integration() -> bool {
+    std::env::var_os("CI").is_some_and(|value| value == "true")
+}
+
+/// The count of a check that is one thing: it holds or not.
+fn one(holds: bool) -> Tally {
+    Tally { passed: usize::from(holds), failed: usize::from(!holds), ..Tally::default() }
+}
+
+fn command_holds(mut command: Command) -> Result<Outcome> {
+    println!("   {}", shown(&command));
+    Ok(Outcome::Ran(one(succeeds(&mut command)?)))
+}
+
+/// Runs a cargo command that needs a tool, or says how to install it.
+fn with_tool(tool: &Tool, command: Command) -> Result<Outcome> {
+    match tool.found() {
+        Some(_) => command_holds(command),
+        None => Ok(missing(tool)),
+    }
+}
+
+fn missing(tool: &Tool) -> Outcome {
+    Outcome::Skipped(format!("{} is not installed: {}", tool.name, tool.install))
+}
+
+fn format(_: &Workspace) -> Result<Outcome> {
+    with_tool(&RUSTFMT, cargo(["fmt", "--all", "--check"]))
+}
+
+fn lints(_: &Workspace) -> Result<Outcome> {
+    with_tool(&CLIPPY, cargo(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))
+}
+
+fn tests(workspace: &Workspace) -> Result<Outcome> {
+    if NEXTEST.found().is_some() {
+        return with_nextest(workspace);
+    }
+    println!("   with `cargo test`; faster with nextest: {}", NEXTEST.install);
+    harness(cargo(["test", "--workspace", "--tests", "--no-fail-fast", "--", "--show-output"]))
+}
+
+fn doc_tests(_: &Workspace) -> Result<Outcome> {
+    harness(cargo(["test", "--workspace", "--doc", "--no-fail-fast", "--", "--show-output"]))
+}
+
+/// Runs the tests with nextest, counting from its JUnit report and its list of ignored tests.
+fn with_nextest(workspace: &Workspace) -> Result<Outcome> {
+    let folder = workspace.metadata.target_directory.join("nextest").join("xtask");
+    let report = folder.join("junit.xml").into_std_path_buf();
+    // A report of an earlier run must not be taken for this one's when nothing compiles.
+    if report.exists() {
+        std::fs::remove_file(&report).with_context(|| format!("cannot remove {}", report.display()))?;
+    }
+    let mut command = cargo(["nextest", "run", "--workspace", "--profile", "xtask"]);
+    println!("   {}", shown(&command));
+    let succeeded = succeeds(&mut command)?;
+    if !report.exists() {
+        return Ok(Outcome::Ran(one(false)));
+    }
+    let xml =
+        std::fs::read_to_string(&report).with_context(|| format!("cannot read {}", report.display()))?;
+    let mut tally = tally::from_junit(&xml)?;
+    let list = output_of(&mut cargo(["nextest", "list", "--workspace", "--message-format", "json"]));
+    tally.add(&tally::ignored_in_list(&list.context("`cargo nextest list` fails")?)?);
+    Ok(Outcome::Ran(agreeing(tally, succeeded)))
+}
+
+/// Runs `cargo test`, counting from what the test harnesses print.
+fn harness(mut command: Command) -> Result<Outcome> {
+    println!("   {}", shown(&command));
+    let mut reader = LibtestReader::default();
+    let succeeded = filtered(&mut command, |line| reader.line(line))?;
+    Ok(Outcome::Ran(agreeing(reader.finish(), succeeded)))
+}
+
+/// A run that failed without a failed test (it did not compile, or crashed) is one failure all the same.
+fn agreeing(mut tally: Tally, succeeded: bool) -> Tally {
+    if !succeeded && tally.failed == 0 {
+        tally.failed = 1;
+    }
+    tally
+}
+
+fn docs(_: &Workspace) -> Result<Outcome> {
+    let mut command = cargo(["doc", "--workspace", "--no-deps"]);
+    let flags = std::env::var("RUSTDOCFLAGS").unwrap_or_default();
+    command.env("RUSTDOCFLAGS", format!("{flags} -D warnings").trim());
+    command_holds(command)
+}
+
+fn check_arrows(workspace: &Workspace) -> Result<Outcome> {
+    let mut problems = arrows::check(workspace);
+    problems.extend(dependencies::check(workspace)?);
+    let about = format!("{} crates, {} arrows", workspace.members().len(), arrows::edges(workspace).len());
+    Ok(listed(&about, &problems))
+}
+
+fn check_licences(workspace: &Workspace) -> Result<Outcome> {
+    Ok(listed(&format!("{} packages", workspace.metadata.packages.len()), &licences::check(workspace)?))
+}
+
+fn check_tidy(workspace: &Workspace) -> Result<Outcome> {
+    if GIT.found().is_none() {
+        return Ok(missing(&GIT));
+    }
+    Ok(listed("all files that git knows", &tidy::check(workspace)?))
+}
+
+/// Prints a check's problems; the check holds when there are none.
+fn listed(about: &str, problems: &[String]) -> Outcome {
+    println!("   {about}");
+    for problem in problems {
+        println!("   {problem}");
+    }
+    Outcome::Ran(one(problems.is_empty()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_that_fails_without_a_failed_test_is_a_failure() {
+        let two = Tally { passed: 2, ..Tally::default() };
+        assert_eq!(agreeing(two.clone(), false).failed, 1);
+        assert_eq!(agreeing(two, true).failed, 0);
+        assert_eq!(agreeing(Tally { failed: 3, ..Tally::default() }, false).failed, 3);
+    }
+
+    #[test]
+    fn a_skipped_step_fails_in_continuous_integration_only() {
+        let line = || format!("{SKIP_MARK} lints, clippy is not installed: {}", CLIPPY.install);
+        assert_eq!(verdict(&skipped_step(line(), false)), "skipped");
+        assert_eq!(verdict(&skipped_step(line(), true)), "FAILED");
+        assert_eq!(skipped_step(line(), true).skip_lines, [line()]);
+    }
+
+    #[test]
+    fn problems_make_a_check_fail() {
+        let failed = |problems: &[String]| match listed("a check", problems) {
+            Outcome::Ran(tally) => tally.failed,
+            Outcome::Skipped(_) => panic!("a check that ran was skipped"),
+        };
+        assert_eq!(failed(&[]), 0);
+        assert_eq!(failed(&["a problem".to_owned(), "another".to_owned()]), 1);
+    }
+}
