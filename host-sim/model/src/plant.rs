@@ -168,21 +168,46 @@ impl Plant {
     /// Advances `state` over the period of `substeps` with a held rotor speed command.
     pub fn step(&self, state: &mut State, commanded_rad_s: &[f64; 4], battery_v: f64, substeps: &Substeps) {
         for _ in 0..substeps.count {
-            self.runge_kutta_4(state, commanded_rad_s, battery_v, substeps);
+            self.lagged_step(state, commanded_rad_s, battery_v, substeps);
         }
     }
 
-    fn runge_kutta_4(&self, state: &mut State, commanded: &[f64; 4], battery_v: f64, substeps: &Substeps) {
-        let h = substeps.step_s;
-        let start = *state;
+    /// Advances `state` by one step of `step_s` with rotor speeds that are known at its start and end (logged, or
+    /// computed beforehand) and run straight in between. The state's own rotor speeds follow.
+    pub fn step_between(
+        &self,
+        state: &mut State,
+        start: &[f64; 4],
+        end: &[f64; 4],
+        battery_v: f64,
+        step_s: f64,
+    ) {
+        let middle = std::array::from_fn(|i| 0.5 * (start[i] + end[i]));
+        self.runge_kutta_4(state, [start, &middle, end], end, battery_v, step_s);
+    }
+
+    fn lagged_step(&self, state: &mut State, commanded: &[f64; 4], battery_v: f64, substeps: &Substeps) {
+        let start = state.rotor_rad_s;
         let towards = |decay: f64| -> [f64; 4] {
-            std::array::from_fn(|i| commanded[i] + (start.rotor_rad_s[i] - commanded[i]) * decay)
+            std::array::from_fn(|i| commanded[i] + (start[i] - commanded[i]) * decay)
         };
         let (middle, end) = (towards(substeps.half_decay), towards(substeps.decay));
-        let k1 = self.derivative(&start, &start.rotor_rad_s, commanded, battery_v);
-        let k2 = self.derivative(&moved(&start, &k1, 0.5 * h), &middle, commanded, battery_v);
-        let k3 = self.derivative(&moved(&start, &k2, 0.5 * h), &middle, commanded, battery_v);
-        let k4 = self.derivative(&moved(&start, &k3, h), &end, commanded, battery_v);
+        self.runge_kutta_4(state, [&start, &middle, &end], commanded, battery_v, substeps.step_s);
+    }
+
+    fn runge_kutta_4(
+        &self,
+        state: &mut State,
+        [rotor_start, rotor_middle, rotor_end]: [&[f64; 4]; 3],
+        commanded: &[f64; 4],
+        battery_v: f64,
+        h: f64,
+    ) {
+        let start = *state;
+        let k1 = self.derivative(&start, rotor_start, commanded, battery_v);
+        let k2 = self.derivative(&moved(&start, &k1, 0.5 * h), rotor_middle, commanded, battery_v);
+        let k3 = self.derivative(&moved(&start, &k2, 0.5 * h), rotor_middle, commanded, battery_v);
+        let k4 = self.derivative(&moved(&start, &k3, h), rotor_end, commanded, battery_v);
         let sixth = h / 6.0;
         state.position_ned_m += sixth * (k1.position + 2.0 * (k2.position + k3.position) + k4.position);
         state.velocity_m_s += sixth * (k1.velocity + 2.0 * (k2.velocity + k3.velocity) + k4.velocity);
@@ -190,7 +215,7 @@ impl Plant {
         let attitude =
             start.attitude + sixth * (k1.attitude + 2.0 * (k2.attitude + k3.attitude) + k4.attitude);
         state.attitude = attitude / attitude.norm();
-        state.rotor_rad_s = end;
+        state.rotor_rad_s = *rotor_end;
     }
 
     /// (2.1) with the resolutions of reference section 5: velocity to inertial by the transpose of (2.2), gravity to
@@ -324,9 +349,9 @@ mod tests {
         let mut state = State::at_rest(Vector3::zeros(), [600.0; 4]);
         let commanded = [700.0, 500.0, 600.0, 0.0];
         plant.step(&mut state, &commanded, 11.1, &plant.substeps(0.1, 10));
-        for i in 0..4 {
-            let exact = commanded[i] + (600.0 - commanded[i]) * (-21.5_f64 * 0.1).exp();
-            assert!((state.rotor_rad_s[i] - exact).abs() < 1e-9);
+        for (rotor, target) in state.rotor_rad_s.iter().zip(commanded) {
+            let exact = target + (600.0 - target) * (-21.5_f64 * 0.1).exp();
+            assert!((rotor - exact).abs() < 1e-9);
         }
     }
 
