@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 
-use crate::number::superscript;
+use crate::number::{significant, superscript};
 
 /// Larger magnitudes are not drawn, so that no difference or square of drawn values can overflow.
 const LARGEST: f64 = 1e100;
@@ -54,6 +54,10 @@ impl Extent {
         self.0 = Some((low.min(value), high.max(value)));
     }
 
+    pub(crate) fn low(self) -> Option<f64> {
+        self.0.map(|(low, _)| low)
+    }
+
     pub(crate) fn is_empty(self) -> bool {
         self.0.is_none()
     }
@@ -76,8 +80,8 @@ pub(crate) struct Scale {
 }
 
 impl Scale {
-    /// Covers `extent`, widened by `margin` of its length on both sides, with about `ticks` ticks.
-    pub(crate) fn new(axis: &Axis, extent: Extent, margin: f64, ticks: usize) -> Self {
+    /// Covers `extent`, widened below and above by the shares `margin` of its length, with about `ticks` ticks.
+    pub(crate) fn new(axis: &Axis, extent: Extent, margin: (f64, f64), ticks: usize) -> Self {
         let (low, high) = match extent.0 {
             Some((low, high)) => widen(axis.transform(low), axis.transform(high), margin, axis.logarithmic),
             None => (0.0, 1.0),
@@ -172,11 +176,11 @@ impl Scale {
 
     fn tick_label(&self, value: f64) -> String {
         if self.axis.logarithmic {
-            let exponent = value.log10().floor();
-            return if (-3.0..5.0).contains(&(exponent + 1e-9)) {
-                format!("{value}")
+            // One digit is exact for 1, 2, 5 times a power of ten, which itself may be off in the last bit.
+            return if (0.9e-3..0.9e5).contains(&value) {
+                significant(value, 1)
             } else {
-                format!("{value:e}")
+                format!("{value:.0e}")
             };
         }
         let text = format!("{:.*}", self.decimals, value / 10_f64.powi(self.power));
@@ -200,12 +204,12 @@ impl Scale {
 }
 
 /// Range for data between `low` and `high`; constant data gets room around it.
-fn widen(low: f64, high: f64, margin: f64, logarithmic: bool) -> (f64, f64) {
+fn widen(low: f64, high: f64, margin: (f64, f64), logarithmic: bool) -> (f64, f64) {
     let length = high - low;
     if logarithmic {
         // At least one decade, else there may be no tick to read.
         let missing = (1.0 - length).max(0.0);
-        return (low - 0.5 * missing - margin * length, high + 0.5 * missing + margin * length);
+        return (low - 0.5 * missing - margin.0 * length, high + 0.5 * missing + margin.1 * length);
     }
     let largest = low.abs().max(high.abs());
     if largest < 1.0 / LARGEST {
@@ -215,7 +219,7 @@ fn widen(low: f64, high: f64, margin: f64, logarithmic: bool) -> (f64, f64) {
     if length < 1e-9 * largest {
         return (low - 0.1 * largest, high + 0.1 * largest);
     }
-    (low - margin * length, high + margin * length)
+    (low - margin.0 * length, high + margin.1 * length)
 }
 
 /// Smallest of 1, 2, 5 times a power of ten that is not below `step`.
@@ -261,7 +265,7 @@ mod tests {
         let axis = Axis { logarithmic, ..Axis::new("drag", "N") };
         let mut extent = Extent::default();
         values.iter().filter(|v| axis.can_draw(**v)).for_each(|v| extent.add(*v));
-        Scale::new(&axis, extent, 0.0, 6)
+        Scale::new(&axis, extent, (0.0, 0.0), 6)
     }
 
     fn labels(values: &[f64], logarithmic: bool) -> Vec<String> {
@@ -286,6 +290,7 @@ mod tests {
     fn logarithmic_ticks_are_decades_or_parts_of_one() {
         assert_eq!(labels(&[0.01, 1e6], true), ["0.01", "1", "100", "10000", "1e6"]);
         assert_eq!(labels(&[1.0, 10.0], true), ["1", "2", "5", "10"]);
+        assert_eq!(labels(&[1e45, 1e48], true), ["1e45", "1e46", "1e47", "1e48"]);
         assert!(labels(&[3.0, 3.1], true).len() >= 2);
     }
 

@@ -133,14 +133,14 @@ impl Layout {
         let (x_extent, y_extents) = extents(figures);
         let y_target = (plot_height / 42).clamp(2, 8) as usize;
         let mut y: Vec<_> = std::iter::zip(figures, &y_extents)
-            .map(|(figure, extent)| Scale::new(&figure.y, *extent, 0.05, y_target))
+            .map(|(figure, extent)| Scale::new(&figure.y, *extent, y_margin(figure, *extent), y_target))
             .collect();
         let y_titles: Vec<_> = y.iter().map(|scale| wrap(&scale.title(), plot_height, TEXT_PX)).collect();
         let title_lines = y_titles.iter().map(Vec::len).max().unwrap_or(0) as i32;
         let tick_width =
             y.iter().flat_map(Scale::tick_labels).map(|label| text_width(&label, TEXT_PX)).max().unwrap_or(0);
         let left = title_lines * LINE_PX + tick_width + 18;
-        let plot_width = (width - left - RIGHT_PX).max(60);
+        let plot_width = (width - left - RIGHT_PX).max(SMALLEST_PLOT_PX);
         let mut x = fitting_x_scale(figures, x_extent, plot_width);
         if let [figure] = figures
             && figure.equal_scale
@@ -156,7 +156,8 @@ impl Layout {
             .zip(&y_extents)
             .filter(|(_, extent)| extent.is_empty())
             .for_each(|(scale, _)| scale.remove_ticks());
-        Self { width, height: around + plot_height * count, left, plot_height, headers, y_titles, x, y }
+        let (width, height) = (left + plot_width + RIGHT_PX, around + plot_height * count);
+        Self { width, height, left, plot_height, headers, y_titles, x, y }
     }
 }
 
@@ -168,7 +169,8 @@ fn extents(figures: &[Figure]) -> (Extent, Vec<Extent>) {
     for figure in figures {
         let mut y = Extent::default();
         for series in &figure.series {
-            let points = series.data.iter().filter(|(x, y)| x_axis.can_draw(*x) && figure.y.can_draw(*y));
+            let points = corners(series, |x| x_axis.can_draw(x))
+                .filter(|(x, y)| x_axis.can_draw(*x) && figure.y.can_draw(*y));
             let half = if series.kind == Kind::Bars { half_bar_width(&series.data) } else { 0.0 };
             for point in points {
                 [point.0 - half, point.0 + half]
@@ -190,6 +192,13 @@ fn extents(figures: &[Figure]) -> (Extent, Vec<Extent>) {
         all_y.push(y);
     }
     (x, all_y)
+}
+
+/// Shares of the range added below and above the data; bars that all rise stand on the axis.
+fn y_margin(figure: &Figure, extent: Extent) -> (f64, f64) {
+    let has_bars = figure.series.iter().any(|series| series.kind == Kind::Bars);
+    let below = if has_bars && extent.low() == Some(0.0) { 0.0 } else { 0.05 };
+    (below, 0.05)
 }
 
 fn mark_extents(figure: &Figure) -> (Vec<f64>, Vec<f64>) {
@@ -218,7 +227,7 @@ fn half_bar_width(data: &[(f64, f64)]) -> f64 {
 fn fitting_x_scale(figures: &[Figure], extent: Extent, plot_width: i32) -> Scale {
     let on_the_edge = |s: &Series| s.kind == Kind::Points;
     let needs_margin = figures.iter().any(|f| f.equal_scale || f.series.iter().any(on_the_edge));
-    let margin = if needs_margin { 0.03 } else { 0.0 };
+    let margin = if needs_margin { (0.03, 0.03) } else { (0.0, 0.0) };
     let most = (plot_width / 80).clamp(2, 12);
     let scales = (2..=most).rev().map(|target| Scale::new(&figures[0].x, extent, margin, target as usize));
     let fits = |scale: &Scale| {
@@ -496,8 +505,7 @@ impl Plot<'_, '_> {
         }
         for series in &self.figure.series {
             match series.kind {
-                Kind::Line => self.draw_line(series.style, series.data.iter().copied())?,
-                Kind::Step => self.draw_line(series.style, stairs(&series.data))?,
+                Kind::Line | Kind::Step => self.draw_line(series)?,
                 Kind::Points => self.draw_points(series)?,
                 Kind::Bars => self.draw_bars(series)?,
             }
@@ -554,7 +562,9 @@ impl Plot<'_, '_> {
         }
     }
 
-    fn draw_line(&self, style: Style, points: impl Iterator<Item = (f64, f64)>) -> Outcome {
+    fn draw_line(&self, series: &Series) -> Outcome {
+        let style = series.style;
+        let points = corners(series, |x| self.x.can_draw(x));
         for run in decimate::line(points.map(|point| self.place(point))) {
             match run.as_slice() {
                 // A lone point between two gaps has no line to be seen by.
@@ -579,7 +589,7 @@ impl Plot<'_, '_> {
 
     fn draw_bars(&self, series: &Series) -> Outcome {
         let half = half_bar_width(&series.data);
-        let (_, height) = self.size_px();
+        let (width, height) = self.size_px();
         let base = self.y_px(0.0).unwrap_or(height);
         // More bars than pixel columns: those that reach furthest in each column stand for the others.
         let tops = decimate::line(series.data.iter().map(|point| self.place(*point)));
@@ -590,7 +600,8 @@ impl Plot<'_, '_> {
             .unwrap_or(1.0)
             .max(0.4);
         for (x, top) in tops.into_iter().flatten() {
-            let corners = [to_units((x - half_px, top.min(base))), to_units((x + half_px, top.max(base)))];
+            let (left, right) = ((x - half_px).max(0.0), (x + half_px).min(width));
+            let corners = [to_units((left, top.min(base))), to_units((right, top.max(base)))];
             self.area.draw(&Rectangle::new(corners, fill(series.style, BAR_OPACITY)))?;
         }
         Ok(())
@@ -602,11 +613,12 @@ fn to_units((x_px, y_px): (f64, f64)) -> (i32, i32) {
     ((x_px * units).round() as i32, (y_px * units).round() as i32)
 }
 
-/// Corners of the staircase in which each value holds until the next point.
-fn stairs(data: &[(f64, f64)]) -> impl Iterator<Item = (f64, f64)> {
-    data.iter().enumerate().flat_map(|(i, &(x, y))| {
-        let until = data.get(i + 1).map_or(x, |next| next.0);
-        [(x, y), (until, y)]
+/// The points a line goes through: those of the series, for a step also the end of each tread.
+fn corners(series: &Series, x_can_draw: impl Fn(f64) -> bool) -> impl Iterator<Item = (f64, f64)> {
+    let next = series.data.iter().skip(1).map(Some).chain([None]);
+    series.data.iter().zip(next).flat_map(move |(&(x, y), next)| {
+        let tread = next.filter(|_| series.kind == Kind::Step && x_can_draw(x)).map(|next| (next.0, y));
+        [Some((x, y)), tread].into_iter().flatten()
     })
 }
 

@@ -160,7 +160,7 @@ impl Figure {
         self
     }
 
-    /// Draws the figure, `width` by `height` CSS pixels (kept between 240 and 8000).
+    /// Draws the figure, `width` by `height` CSS pixels (kept between 240 and 8000, and more where the texts need it).
     #[must_use]
     pub fn to_svg(&self, width: u32, height: u32) -> String {
         draw::svg(std::slice::from_ref(self), width, height)
@@ -182,7 +182,7 @@ impl Panels {
         Self { figures: figures.into() }
     }
 
-    /// Draws the stack, `width` by `height` CSS pixels in all (kept between 240 and 8000, and at least 160 per panel).
+    /// Draws the stack, `width` by `height` CSS pixels in all (kept between 240 and 8000, and more where the texts need it).
     #[must_use]
     pub fn to_svg(&self, width: u32, height: u32) -> String {
         draw::svg(&self.figures, width, height)

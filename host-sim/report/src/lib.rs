@@ -4,6 +4,20 @@
 //! tables and figures becomes one HTML file that opens without a network, prints, and can be read on a phone. The same input gives
 //! the same bytes on every run: no clock, no random identifier, no environment is read.
 //!
+//! ```
+//! use report::{Axis, Cell, Column, Figure, Mark, Page, Section, Series, Style, Table, Verdict};
+//!
+//! let rate = Figure::new("Roll rate", Axis::new("time", "s"), Axis::new("roll rate", "rad/s"))
+//!     .with(Series::line("measured", Style::Measured, [(0.0, 0.1), (0.01, f64::NAN), (0.02, 0.3)]))
+//!     .mark(Mark::limit("limit", 1.5));
+//! let errors = Table::new("Error", [Column::text("flight"), Column::number("rms", "rad/s")])
+//!     .row([Cell::from("A"), Cell::number(0.0231, 3).verdict(Verdict::Good)]);
+//! let page = Page::new("Flight A", "The limit was kept.")
+//!     .section(Section::new("Rates").figure(rate, "One sample is missing.").table(errors));
+//! assert!(page.render().contains("0.0231"));
+//! // page.write("flight-a.html")?;
+//! ```
+//!
 //! Conventions:
 //!
 //! - Every axis and every table column has a unit next to its name; values are SI unless the unit says otherwise.

@@ -141,8 +141,8 @@ pub fn binned_scatter(title: &str, x: Axis, y: Axis, points: &[(f64, f64)], bins
     Figure::new(title, x, y)
         .mark(Mark::Horizontal { name: String::new(), y: 0.0, style: Style::Reference })
         .with(Series::points("samples", Style::Muted, points))
-        .with(Series::line("± 1 standard deviation", Style::Category(6), spread))
-        .with(Series::line("", Style::PredictedAfter, means.clone()))
+        .with(Series::line("± 1 standard deviation", Style::Category(0), spread))
+        .with(Series::line("", Style::Category(0), means.clone()))
         .with(Series::points("mean per bin", Style::Category(0), means))
 }
 

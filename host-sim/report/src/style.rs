@@ -49,8 +49,8 @@ const GREEN: RGBColor = RGBColor(0x00, 0x9E, 0x73);
 const BLUE: RGBColor = RGBColor(0x00, 0x72, 0xB2);
 const VERMILLION: RGBColor = RGBColor(0xD5, 0x5E, 0x00);
 const PURPLE: RGBColor = RGBColor(0xCC, 0x79, 0xA7);
-const GREY: RGBColor = RGBColor(0x5A, 0x5A, 0x5A);
-const PALE: RGBColor = RGBColor(0xA8, 0xA8, 0xA8);
+const GREY: RGBColor = RGBColor(0x85, 0x85, 0x85);
+const PALE: RGBColor = RGBColor(0xBC, 0xBC, 0xBC);
 
 const fn look(colour: RGBColor, width: u32, dash: &'static [u32], marker: Marker) -> Look {
     Look { colour, width, dash, marker }
