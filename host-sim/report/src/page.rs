@@ -365,7 +365,7 @@ impl Cell {
         html! {
             td class=[column.class()] {
                 @if let Some(verdict) = self.verdict {
-                    span class=(verdict.class()) { (verdict.symbol()) " " (self.text) }
+                    span class=(verdict.class()) { (verdict.symbol()) "\u{a0}" (self.text) }
                 } @else {
                     (self.text)
                 }
@@ -425,6 +425,7 @@ footer h2 { font-size: 1rem; margin-top: 0.5rem; }
 dl { display: grid; grid-template-columns: max-content 1fr; gap: 0.2rem 1rem; }
 dt { font-weight: 600; grid-column: 1; }
 dd { margin: 0; grid-column: 2; overflow-wrap: anywhere; }
+@media (max-width: 600px) { th, td { padding: 0.3rem 0.4rem; } table { font-size: 0.875rem; } }
 @media print {
   :root { --ink: #000000; --soft: #333333; --line: #999999; --paper: #ffffff; --shade: #f2f2f2; --good: #00553d; --bad: #8f2f00; }
   body { padding: 0; font-size: 10pt; }

@@ -234,7 +234,7 @@ fn verdicts_are_told_by_a_symbol() {
         [Verdict::Good, Verdict::Bad, Verdict::Neutral].map(|verdict| Cell::number(1.0, 2).verdict(verdict));
     let table = Table::new("", ["a", "b", "c"].map(|name| Column::number(name, ""))).row(row);
     let html = Page::new("", "").section(Section::new("").table(table)).render();
-    for expected in ["✓ 1.0", "✗ 1.0", "– 1.0"] {
+    for expected in ["✓\u{a0}1.0", "✗\u{a0}1.0", "–\u{a0}1.0"] {
         assert!(html.contains(expected), "{expected}");
     }
 }
