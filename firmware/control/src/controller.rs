@@ -1,10 +1,33 @@
-//! The controller.
+//! One control period, from measurement and command to motor commands.
+//!
+//! Order of a tick (thesis chapter 5; every item is tested against recorded closed-loop runs, see `tests/thesis_law.rs`):
+//! 1. inputs pass the door ([`supervisor`](crate::supervisor)); measurements are used as they come, their delay is the world's;
+//! 2. Euler rates, body rates and vertical velocity are estimated;
+//! 3. in position mode the outer loop makes roll and pitch commands of the position command;
+//! 4. prefilters make references of commands, and errors follow (yaw the short way round);
+//! 5. roll, pitch and yaw loops give angular accelerations;
+//! 6. the altitude loop gives the thrust: `T = hover - PID(z)`;
+//! 7. the inverse mixing matrix gives squared rotor speeds (negative ones become 0), the motor map commands at the measured
+//!    voltage; injection is added; the range clamps. What was refused is for the next tick's integrators to know.
+//!
+//! Filters start in the steady state of their first input, integrators and cancellers at rest. During cut-off the motors
+//! idle, the estimators run on, and the loops start anew at its end.
+//!
+//! The hand-tuned law (thesis 4.2.2) has the same order; in step 7 the sign matrix (4.5) gives commands directly.
+//!
+//! Not here: arming, failsafes, clock checks; and no tilt compensation, limit of thrust or priority between axes, as in the
+//! thesis.
 
+use crate::altitude::{AltitudeLoop, AltitudeLoopState};
+use crate::attitude::{AngleLoop, AngleLoopState};
 use crate::error::ConfigError;
-use crate::gains::Config;
-use crate::mixer::Refused;
+use crate::estimator::{Estimator, EstimatorState};
+use crate::gains::{Config, Law};
+use crate::mixer::{AtEnd, Mixer, Refused, rotor_speeds};
+use crate::motor_map::{CommandRange, MotorMap};
 use crate::pid::PidTerms;
-use crate::supervisor::{Command, Faults};
+use crate::position::{PositionLaw, PositionState};
+use crate::supervisor::{Bounds, Command, Faults, Inputs, Mode};
 
 /// What the sensors say.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -92,10 +115,64 @@ pub struct Tick {
     pub faults: Faults,
 }
 
+/// The immutable part: what [`Config`] was built into.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Laws {
+    bounds: Bounds,
+    estimator: Estimator,
+    position: PositionLaw,
+    roll: AngleLoop,
+    pitch: AngleLoop,
+    yaw: AngleLoop,
+    altitude: AltitudeLoop,
+    mixer: Mixer,
+    /// Absent in the hand-tuned law: the mixer gives commands directly.
+    motor_map: Option<MotorMap>,
+    range: CommandRange,
+}
+
+/// Memory of the inner loops, from the first tick after the start or a cut-off.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct InnerState {
+    roll: AngleLoopState,
+    pitch: AngleLoopState,
+    yaw: AngleLoopState,
+    altitude: AltitudeLoopState,
+    refused: Refused,
+}
+
+/// All that survives a tick. What is `None` starts with its next input.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Memory {
+    /// Has there been a good measurement?
+    started: bool,
+    inputs: Inputs,
+    estimator: Option<EstimatorState>,
+    position: Option<PositionState>,
+    inner: Option<InnerState>,
+    pwm: [f32; 4],
+    faults: Faults,
+}
+
+impl Memory {
+    fn new(idle: f32) -> Self {
+        Self {
+            started: false,
+            inputs: Inputs::default(),
+            estimator: None,
+            position: None,
+            inner: None,
+            pwm: [idle; 4],
+            faults: Faults::default(),
+        }
+    }
+}
+
 /// The controller: an immutable law and a small memory. Copying it is taking a snapshot.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Controller {
-    idle: f32,
+    laws: Laws,
+    memory: Memory,
 }
 
 impl Controller {
@@ -104,20 +181,171 @@ impl Controller {
     /// # Errors
     /// The first parameter that is not finite or out of range, by name.
     pub fn new(config: &Config) -> Result<Self, ConfigError> {
-        let [low, _] = config.command_range;
-        Ok(Self { idle: low as f32 })
-    }
-
-    /// One control period. Total: any bits in any input give finite motor commands inside the range.
-    pub fn tick(&mut self, _measurement: &Measurement, _command: &Command) -> Tick {
-        Tick {
-            pwm: [self.idle; 4],
-            terms: Terms::default(),
-            refused: Refused::default(),
-            faults: Faults::default(),
-        }
+        config.check()?;
+        let (period_s, anti_windup) = (config.sample_time_s, config.anti_windup);
+        let (loops, hover, mixer, motor_map) = match &config.law {
+            Law::ModelBased(law) => {
+                (law.loops, law.hover_thrust_n, Mixer::new(&law.mixing)?, Some(MotorMap::new(&law.motor_map)))
+            }
+            Law::HandTuned(law) => (law.loops, law.hover_command, Mixer::signs(), None),
+        };
+        let rule = config.estimation.gain_rule;
+        let laws = Laws {
+            bounds: Bounds::new(&config.position_limits),
+            estimator: Estimator::new(&config.estimation, period_s),
+            position: PositionLaw::new(&loops.x, &loops.y, rule, period_s, anti_windup),
+            roll: AngleLoop::new(&loops.roll, period_s, anti_windup),
+            pitch: AngleLoop::new(&loops.pitch, period_s, anti_windup),
+            yaw: AngleLoop::new(&loops.yaw, period_s, anti_windup),
+            altitude: AltitudeLoop::new(&loops.altitude, hover, period_s, anti_windup),
+            mixer,
+            motor_map,
+            range: CommandRange::new(config.command_range),
+        };
+        Ok(Self { memory: Memory::new(laws.range.idle()), laws })
     }
 
     /// Forgets everything: integrators at zero, filters start at their next input, fault counts at zero.
-    pub fn reset(&mut self) {}
+    pub fn reset(&mut self) {
+        self.memory = Memory::new(self.laws.range.idle());
+    }
+
+    /// One control period. Total: any bits in any input give finite motor commands inside the range.
+    pub fn tick(&mut self, measurement: &Measurement, command: &Command) -> Tick {
+        let Self { laws, memory } = self;
+        let faults = &mut memory.faults;
+        faults.internal.note(false);
+        let all_good = memory.inputs.measure(measurement, laws.estimator.uses_gyro(), faults);
+        if !memory.started {
+            if !all_good {
+                return idle(laws, memory, Terms::default());
+            }
+            memory.inputs.hold_here();
+            memory.started = true;
+        }
+        memory.inputs.command(command, &laws.bounds, &mut memory.faults);
+        let mut terms = estimate(laws, memory, measurement.gyro_rad_s.is_some());
+        if command.cut_off {
+            (memory.position, memory.inner) = (None, None);
+            return idle(laws, memory, terms);
+        }
+        outer_loop(laws, memory, command.mode, &mut terms);
+        inner_loops(laws, memory, &mut terms);
+        allocate(laws, memory, terms)
+    }
+}
+
+/// Motors at idle.
+fn idle(laws: &Laws, memory: &mut Memory, terms: Terms) -> Tick {
+    memory.pwm = [laws.range.idle(); 4];
+    Tick { pwm: memory.pwm, terms, refused: Refused::default(), faults: memory.faults }
+}
+
+/// Step 2: inputs as used, rates and voltage.
+#[inline]
+fn estimate(laws: &Laws, memory: &mut Memory, gyro_came: bool) -> Terms {
+    let Inputs { position_m, attitude_rad, gyro_rad_s, battery_v, .. } = memory.inputs;
+    let [_, _, z_m] = position_m;
+    let state = memory
+        .estimator
+        .get_or_insert_with(|| laws.estimator.start(attitude_rad, z_m, battery_v, gyro_rad_s));
+    let estimates = laws.estimator.step(state, attitude_rad, z_m, battery_v, gyro_came.then_some(gyro_rad_s));
+    Terms {
+        position_m,
+        attitude_rad,
+        battery_v: estimates.battery_v,
+        euler_rates_rad_s: estimates.euler_rates_rad_s,
+        body_rates_rad_s: estimates.body_rates_rad_s,
+        z_rate_m_s: estimates.z_rate_m_s,
+        ..Terms::default()
+    }
+}
+
+/// Step 3: roll, pitch and yaw commands.
+#[inline]
+fn outer_loop(laws: &Laws, memory: &mut Memory, mode: Mode, terms: &mut Terms) {
+    let inputs = &memory.inputs;
+    let [roll, pitch] = match mode {
+        Mode::Attitude => {
+            memory.position = None;
+            inputs.attitude_command_rad
+        }
+        Mode::Position => {
+            let ([x, y, _], [_, _, yaw]) = (inputs.position_m, inputs.attitude_rad);
+            let state = memory.position.get_or_insert_with(|| laws.position.start([x, y]));
+            let (angles, outer) = laws.position.step(state, inputs.position_command_m, [x, y], yaw);
+            terms.outer = Some(outer);
+            angles
+        }
+    };
+    terms.attitude_command_rad = [roll, pitch, inputs.yaw_command_rad];
+    terms.z_command_m = inputs.z_command_m;
+}
+
+/// Steps 4 to 6: thrust and angular accelerations.
+#[inline]
+fn inner_loops(laws: &Laws, memory: &mut Memory, terms: &mut Terms) {
+    let [roll_command, pitch_command, yaw_command] = terms.attitude_command_rad;
+    let ([roll, pitch, yaw], [p, q, r]) = (terms.attitude_rad, terms.body_rates_rad_s);
+    let [_, _, z] = terms.position_m;
+    let state = memory.inner.get_or_insert_with(|| InnerState {
+        roll: laws.roll.start(roll_command),
+        pitch: laws.pitch.start(pitch_command),
+        yaw: laws.yaw.start(yaw_command),
+        altitude: laws.altitude.start(terms.z_command_m),
+        refused: Refused::default(),
+    });
+    let refused = state.refused;
+    let roll = laws.roll.step_tilt(&mut state.roll, roll_command, roll, p, refused.roll);
+    let pitch = laws.pitch.step_tilt(&mut state.pitch, pitch_command, pitch, q, refused.pitch);
+    let yaw = laws.yaw.step_yaw(&mut state.yaw, yaw_command, yaw, r, refused.yaw);
+    let (altitude, thrust) =
+        laws.altitude.step(&mut state.altitude, terms.z_command_m, z, terms.z_rate_m_s, refused.thrust);
+    terms.attitude_reference_rad = [roll.reference, pitch.reference, yaw.reference];
+    terms.z_reference_m = altitude.reference;
+    terms.attitude_error_rad = [roll.error, pitch.error, yaw.error];
+    terms.z_error_m = altitude.error;
+    (terms.roll, terms.pitch, terms.yaw, terms.altitude) =
+        (roll.terms, pitch.terms, yaw.terms, altitude.terms);
+    terms.thrust = thrust;
+    terms.torque = [roll.terms.output, pitch.terms.output, yaw.terms.output];
+}
+
+/// Step 7: motor commands, and what they refuse.
+#[inline]
+fn allocate(laws: &Laws, memory: &mut Memory, mut terms: Terms) -> Tick {
+    let mixed = laws.mixer.mix(terms.thrust, terms.torque);
+    let (commands, mut ends) = match &laws.motor_map {
+        Some(map) => {
+            let (speeds, ends) = rotor_speeds(mixed);
+            terms.rotor_speed_rad_s = Some(speeds);
+            (map.commands(speeds, terms.battery_v), ends)
+        }
+        None => (mixed, [AtEnd::default(); 4]),
+    };
+    let finite = mixed.iter().chain(&commands).all(|x| x.is_finite());
+    if !finite {
+        return internal_fault(memory, terms);
+    }
+    let mut pwm = commands;
+    for ((command, injection), end) in pwm.iter_mut().zip(memory.inputs.injection).zip(&mut ends) {
+        let (clamped, clamp) = laws.range.clamp(*command + injection);
+        *command = clamped;
+        end.high |= clamp.high;
+        end.low |= clamp.low;
+    }
+    let refused = laws.mixer.refused(ends);
+    if let Some(inner) = &mut memory.inner {
+        inner.refused = refused;
+    }
+    memory.pwm = pwm;
+    Tick { pwm, terms, refused, faults: memory.faults }
+}
+
+/// Something in memory or gains overflowed: start anew with the next tick, and repeat the last commands in this one.
+#[cold]
+fn internal_fault(memory: &mut Memory, terms: Terms) -> Tick {
+    memory.faults.internal.note(true);
+    (memory.estimator, memory.position, memory.inner) = (None, None, None);
+    Tick { pwm: memory.pwm, terms, refused: Refused::default(), faults: memory.faults }
 }

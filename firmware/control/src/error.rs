@@ -47,6 +47,11 @@ pub enum ConfigError {
         /// Second end.
         high: f64,
     },
+    /// A parameter stands where there is no use for it.
+    NotApplicable {
+        /// Which.
+        parameter: Parameter,
+    },
     /// The mixing matrix has no inverse: some axis cannot be commanded.
     SingularMixing,
 }
@@ -61,6 +66,7 @@ impl fmt::Display for ConfigError {
             Self::EmptyRange { parameter, low, high } => {
                 write!(f, "{parameter} is [{low}, {high}]: the first number must be less than the second")
             }
+            Self::NotApplicable { parameter } => write!(f, "{parameter} has no effect here: leave it out"),
             Self::SingularMixing => f.write_str(
                 "mixing: the matrix has no usable inverse, so some axis cannot be commanded; check the rotor coefficients and their signs",
             ),

@@ -8,6 +8,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::error::{ConfigError, Parameter};
 use crate::filter::GainRule;
 
 /// Everything that has to be known before the first tick.
@@ -356,3 +357,163 @@ const THESIS_POSITION: PositionLoop = PositionLoop {
     rate_limit_m_s: 0.5,
     output_limit_rad: None,
 };
+
+/// Checks the numbers of one table of the configuration, and names the first bad one.
+struct Check {
+    group: &'static str,
+}
+
+impl Check {
+    fn within(&self, name: &'static str, value: f64, minimum: f64, maximum: f64) -> Result<(), ConfigError> {
+        let parameter = Parameter { group: self.group, name };
+        if !value.is_finite() {
+            return Err(ConfigError::NotFinite { parameter, value });
+        }
+        if value < minimum || value > maximum {
+            return Err(ConfigError::OutOfRange { parameter, value, minimum, maximum });
+        }
+        Ok(())
+    }
+
+    fn optional(
+        &self,
+        name: &'static str,
+        value: Option<f64>,
+        minimum: f64,
+        maximum: f64,
+    ) -> Result<(), ConfigError> {
+        value.map_or(Ok(()), |value| self.within(name, value, minimum, maximum))
+    }
+
+    fn all(&self, name: &'static str, values: &[f64], minimum: f64, maximum: f64) -> Result<(), ConfigError> {
+        values.iter().try_for_each(|value| self.within(name, *value, minimum, maximum))
+    }
+
+    fn range(&self, name: &'static str, [low, high]: [f64; 2]) -> Result<(), ConfigError> {
+        self.all(name, &[low, high], -1e5, 1e5)?;
+        if low < high {
+            return Ok(());
+        }
+        Err(ConfigError::EmptyRange { parameter: Parameter { group: self.group, name }, low, high })
+    }
+}
+
+/// Greatest gain: beyond it an error of 1 overflows every motor's range by far.
+const GAIN_MAX: f64 = 1e6;
+
+impl Config {
+    /// Is this a configuration that can be built and flown? (A mixing matrix is inverted, and refused, only at build.)
+    ///
+    /// # Errors
+    /// The first parameter that is not finite or out of range, by name.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let top = Check { group: "" };
+        top.within("sample_time_s", self.sample_time_s, 1e-4, 0.1)?;
+        top.range("command_range", self.command_range)?;
+        let limits = Check { group: "position_limits" };
+        limits.range("x_m", self.position_limits.x_m)?;
+        limits.range("y_m", self.position_limits.y_m)?;
+        limits.range("z_m", self.position_limits.z_m)?;
+        // Above half the sampling rate there is nothing to filter.
+        let highest_rad_s = core::f64::consts::PI / self.sample_time_s;
+        self.estimation.check(highest_rad_s)?;
+        match &self.law {
+            Law::ModelBased(law) => {
+                Check { group: "law" }.within("hover_thrust_n", law.hover_thrust_n, 1e-4, 1e5)?;
+                law.mixing.check()?;
+                law.motor_map.check()?;
+                law.loops.check(highest_rad_s)
+            }
+            Law::HandTuned(law) => {
+                let [low, high] = self.command_range;
+                Check { group: "law" }.within("hover_command", law.hover_command, low, high)?;
+                law.loops.check(highest_rad_s)
+            }
+        }
+    }
+}
+
+impl Estimation {
+    fn check(&self, highest_rad_s: f64) -> Result<(), ConfigError> {
+        let check = Check { group: "estimation" };
+        let velocity = &self.velocity;
+        check.within("natural_frequency_rad_s", velocity.natural_frequency_rad_s, 1e-2, highest_rad_s)?;
+        check.within("damping_ratio", velocity.damping_ratio, 0.05, 10.0)?;
+        check.optional("corner_rad_s", self.gyro.map(|gyro| gyro.corner_rad_s), 1e-2, highest_rad_s)?;
+        check.optional("gain", self.battery.map(|battery| battery.gain), 1e-6, 1.0)
+    }
+}
+
+impl Loops {
+    fn check(&self, highest_rad_s: f64) -> Result<(), ConfigError> {
+        self.roll.check("roll", highest_rad_s)?;
+        self.pitch.check("pitch", highest_rad_s)?;
+        self.yaw.check("yaw", highest_rad_s)?;
+        self.altitude.check("altitude", highest_rad_s)?;
+        if self.altitude.canceller.is_some() {
+            // The altitude loop has no place for one; silently leaving it out would be worse.
+            let parameter = Parameter { group: "altitude", name: "canceller" };
+            return Err(ConfigError::NotApplicable { parameter });
+        }
+        self.x.check("x", highest_rad_s)?;
+        self.y.check("y", highest_rad_s)
+    }
+}
+
+impl InnerLoop {
+    fn check(&self, group: &'static str, highest_rad_s: f64) -> Result<(), ConfigError> {
+        let check = Check { group };
+        check.within("kp", self.kp, 0.0, GAIN_MAX)?;
+        check.within("ki", self.ki, 0.0, GAIN_MAX)?;
+        check.within("kd", self.kd, 0.0, GAIN_MAX)?;
+        check.optional("prefilter_rad_s", self.prefilter_rad_s, 1e-2, highest_rad_s)?;
+        check.optional("zero_rad_s", self.canceller.map(|c| c.zero_rad_s), 1e-3, highest_rad_s)?;
+        check.optional("pole_rad_s", self.canceller.map(|c| c.pole_rad_s), 1e-3, highest_rad_s)?;
+        check.optional("output_limit", self.output_limit, 1e-9, 1e9)
+    }
+}
+
+impl PositionLoop {
+    fn check(&self, group: &'static str, highest_rad_s: f64) -> Result<(), ConfigError> {
+        let check = Check { group };
+        check.within("kp", self.kp, 0.0, GAIN_MAX)?;
+        check.within("ki", self.ki, 0.0, GAIN_MAX)?;
+        check.within("kd", self.kd, 0.0, GAIN_MAX)?;
+        check.within("velocity_filter_rad_s", self.velocity_filter_rad_s, 1e-2, highest_rad_s)?;
+        check.within("rate_limit_m_s", self.rate_limit_m_s, 1e-4, 100.0)?;
+        check.optional("output_limit_rad", self.output_limit_rad, 1e-6, core::f64::consts::FRAC_PI_2)
+    }
+}
+
+impl Mixing {
+    fn check(&self) -> Result<(), ConfigError> {
+        let check = Check { group: "mixing" };
+        match self {
+            Self::Inverse(rows) => rows.iter().try_for_each(|row| check.all("inverse", row, -1e12, 1e12)),
+            Self::Matrix(rows) => rows.iter().try_for_each(|row| check.all("matrix", row, -1e12, 1e12)),
+            Self::Coefficients(c) => {
+                check.within("air_density_kg_m3", c.air_density_kg_m3, 1e-3, 10.0)?;
+                check.within("rotor_radius_m", c.rotor_radius_m, 1e-3, 10.0)?;
+                check.within("arm_length_m", c.arm_length_m, 1e-3, 10.0)?;
+                check.within("thrust", c.thrust, 1e-9, 1e3)?;
+                check.all("roll", &c.roll, 1e-9, 1e6)?;
+                check.all("pitch", &c.pitch, 1e-9, 1e6)?;
+                check.all("yaw", &c.yaw, -1e6, 1e6)
+            }
+        }
+    }
+}
+
+impl MotorMapParams {
+    fn check(&self) -> Result<(), ConfigError> {
+        let check = Check { group: "motor_map" };
+        check.within("command", self.command, 1e-6, 1e6)?;
+        check.within("voltage", self.voltage, -1e6, 1e6)?;
+        check.within("offset", self.offset, -1e9, 1e9)?;
+        let Some(inverse) = &self.inverse else { return Ok(()) };
+        let check = Check { group: "motor_map.inverse" };
+        check.within("speed", inverse.speed, 1e-6, 1e6)?;
+        check.within("voltage", inverse.voltage, -1e9, 1e9)?;
+        check.within("offset", inverse.offset, -1e9, 1e9)
+    }
+}

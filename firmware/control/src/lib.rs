@@ -19,16 +19,25 @@
     deny(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)
 )]
 
+pub mod altitude;
+pub mod attitude;
+pub mod canceller;
 pub mod controller;
 pub mod error;
+pub mod estimator;
 pub mod filter;
 pub mod gains;
 pub mod mixer;
+pub mod motor_map;
 pub mod pid;
+pub mod position;
+pub mod prefilter;
 pub mod supervisor;
+pub mod trig;
 
-pub use controller::{Controller, Measurement, Terms, Tick};
+pub use controller::{Controller, Measurement, OuterTerms, Terms, Tick};
 pub use error::ConfigError;
 pub use gains::Config;
-pub use mixer::Refused;
-pub use supervisor::{Command, Faults, Mode};
+pub use mixer::{Directions, Refused};
+pub use pid::PidTerms;
+pub use supervisor::{Command, Fault, Faults, Mode};

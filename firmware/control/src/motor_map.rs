@@ -1,0 +1,125 @@
+//! Rotor speed and motor command at a battery voltage, thesis (4.11) and (5.12):
+//! `omega = command * cmd + voltage * V + offset` (steady state) and its inverse.
+//!
+//! The printed inverse is rounded (a round trip adds about 0.04 rad/s); a configuration may give it as it is, otherwise
+//! the exact inverse is used. The rotor's lag is not compensated.
+
+use crate::gains::MotorMapParams;
+use crate::mixer::AtEnd;
+
+/// The map for flight.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MotorMap {
+    speed: f32,
+    voltage: f32,
+    offset: f32,
+}
+
+impl MotorMap {
+    /// The given inverse, or the exact one.
+    pub fn new(params: &MotorMapParams) -> Self {
+        let (speed, voltage, offset) = params.inverse.map_or(
+            (1.0 / params.command, -params.voltage / params.command, -params.offset / params.command),
+            |inverse| (inverse.speed, inverse.voltage, inverse.offset),
+        );
+        Self { speed: speed as f32, voltage: voltage as f32, offset: offset as f32 }
+    }
+
+    /// Motor commands, in command units, for rotor speeds in rad/s at a battery voltage in V.
+    #[inline]
+    pub fn commands(&self, speeds_rad_s: [f32; 4], battery_v: f32) -> [f32; 4] {
+        let at_rest = self.voltage * battery_v + self.offset;
+        speeds_rad_s.map(|w| self.speed * w + at_rest)
+    }
+}
+
+/// The steady rotor speed in rad/s of a motor command at a battery voltage in V: the forward map.
+pub fn rotor_speed_rad_s(params: &MotorMapParams, command: f64, battery_v: f64) -> f64 {
+    params.command * command + params.voltage * battery_v + params.offset
+}
+
+/// The range of motor commands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CommandRange {
+    low: f32,
+    high: f32,
+}
+
+impl CommandRange {
+    /// Ends in command units, first the idle command.
+    pub fn new([low, high]: [f64; 2]) -> Self {
+        Self { low: low as f32, high: high as f32 }
+    }
+
+    /// The idle command.
+    pub fn idle(&self) -> f32 {
+        self.low
+    }
+
+    /// The nearest command inside the range, and whether that is another one. What is not a number becomes idle.
+    #[inline]
+    pub fn clamp(&self, command: f32) -> (f32, AtEnd) {
+        if command > self.high {
+            (self.high, AtEnd { high: true, low: false })
+        } else if command >= self.low {
+            (command, AtEnd::default())
+        } else {
+            (self.low, AtEnd { high: false, low: true })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gains::THESIS_MOTOR_MAP;
+    use proptest::prelude::*;
+
+    /// Hover commands of the printed matrix and map (reference numbers, 2 decimals; f32 holds 1800 to 1.2e-4).
+    #[test]
+    fn hover_commands_at_several_voltages() {
+        let map = MotorMap::new(&THESIS_MOTOR_MAP);
+        let hover = [611.409, 634.3527, 633.6577, 657.8632];
+        for (volts, want) in [
+            (9.9, [1750.97, 1780.19, 1779.31, 1810.14]),
+            (11.1, [1682.71, 1711.94, 1711.05, 1741.89]),
+            (12.6, [1597.39, 1626.62, 1625.73, 1656.57]),
+        ] {
+            for (got, want) in map.commands(hover, volts).into_iter().zip(want) {
+                assert!((got - want).abs() < 0.006, "{volts} V: {got} {want}");
+            }
+        }
+    }
+
+    proptest! {
+        /// The exact inverse returns to the command within f32 rounding; the printed one adds about 0.04 rad/s.
+        #[test]
+        fn round_trip(command in 1000.0_f64..2000.0, volts in 9.9_f64..12.6) {
+            let exact = MotorMapParams { inverse: None, ..THESIS_MOTOR_MAP };
+            for (params, tolerance_rad_s) in [(exact, 1e-3), (THESIS_MOTOR_MAP, 0.05)] {
+                let omega = rotor_speed_rad_s(&params, command, volts);
+                prop_assume!(omega > 0.0);
+                let [back, ..] = MotorMap::new(&params).commands([omega as f32; 4], volts as f32);
+                let again = rotor_speed_rad_s(&params, f64::from(back), volts);
+                prop_assert!((again - omega).abs() < tolerance_rad_s, "{omega} -> {again}");
+            }
+        }
+
+        #[test]
+        fn clamp_is_total(bits in any::<u32>()) {
+            let range = CommandRange::new([1000.0, 2000.0]);
+            let (command, _) = range.clamp(f32::from_bits(bits));
+            prop_assert!((1000.0..=2000.0).contains(&command));
+        }
+    }
+
+    #[test]
+    fn clamp_reports_the_end() {
+        let range = CommandRange::new([1000.0, 2000.0]);
+        assert_eq!(range.clamp(1500.0), (1500.0, AtEnd::default()));
+        assert_eq!(range.clamp(2000.0), (2000.0, AtEnd::default()));
+        assert_eq!(range.clamp(2000.5), (2000.0, AtEnd { high: true, low: false }));
+        assert_eq!(range.clamp(999.0), (1000.0, AtEnd { high: false, low: true }));
+        assert_eq!(range.clamp(f32::NAN), (1000.0, AtEnd { high: false, low: true }));
+    }
+}
