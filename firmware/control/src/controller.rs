@@ -213,52 +213,58 @@ impl Controller {
     /// One control period. Total: any bits in any input give finite motor commands inside the range.
     pub fn tick(&mut self, measurement: &Measurement, command: &Command) -> Tick {
         let Self { laws, memory } = self;
-        let faults = &mut memory.faults;
-        faults.internal.note(false);
-        let all_good = memory.inputs.measure(measurement, laws.estimator.uses_gyro(), faults);
-        if !memory.started {
-            if !all_good {
-                return idle(laws, memory, Terms::default());
-            }
-            memory.inputs.hold_here();
-            memory.started = true;
-        }
-        memory.inputs.command(command, &laws.bounds, &mut memory.faults);
-        let mut terms = estimate(laws, memory, measurement.gyro_rad_s.is_some());
-        if command.cut_off {
-            (memory.position, memory.inner) = (None, None);
-            return idle(laws, memory, terms);
-        }
-        outer_loop(laws, memory, command.mode, &mut terms);
-        inner_loops(laws, memory, &mut terms);
-        allocate(laws, memory, terms)
+        let mut tick = Tick {
+            pwm: [laws.range.idle(); 4],
+            terms: Terms::default(),
+            refused: Refused::default(),
+            faults: memory.faults,
+        };
+        fly(laws, memory, measurement, command, &mut tick);
+        memory.faults = tick.faults;
+        memory.pwm = tick.pwm;
+        tick
     }
 }
 
-/// Motors at idle.
-fn idle(laws: &Laws, memory: &mut Memory, terms: Terms) -> Tick {
-    memory.pwm = [laws.range.idle(); 4];
-    Tick { pwm: memory.pwm, terms, refused: Refused::default(), faults: memory.faults }
+/// Fills in a tick that stands at idle.
+#[inline]
+fn fly(laws: &Laws, memory: &mut Memory, measurement: &Measurement, command: &Command, tick: &mut Tick) {
+    tick.faults.internal.note(false);
+    let all_good = memory.inputs.measure(measurement, laws.estimator.uses_gyro(), &mut tick.faults);
+    if !memory.started {
+        if !all_good {
+            return;
+        }
+        memory.inputs.hold_here();
+        memory.started = true;
+    }
+    memory.inputs.command(command, &laws.bounds, &mut tick.faults);
+    let terms = &mut tick.terms;
+    estimate(laws, memory, measurement.gyro_rad_s.is_some(), terms);
+    if command.cut_off {
+        (memory.position, memory.inner) = (None, None);
+        return;
+    }
+    outer_loop(laws, memory, command.mode, terms);
+    inner_loops(laws, memory, terms);
+    allocate(laws, memory, tick);
 }
 
 /// Step 2: inputs as used, rates and voltage.
 #[inline]
-fn estimate(laws: &Laws, memory: &mut Memory, gyro_came: bool) -> Terms {
+fn estimate(laws: &Laws, memory: &mut Memory, gyro_came: bool, terms: &mut Terms) {
     let Inputs { position_m, attitude_rad, gyro_rad_s, battery_v, .. } = memory.inputs;
     let [_, _, z_m] = position_m;
     let state = memory
         .estimator
         .get_or_insert_with(|| laws.estimator.start(attitude_rad, z_m, battery_v, gyro_rad_s));
     let estimates = laws.estimator.step(state, attitude_rad, z_m, battery_v, gyro_came.then_some(gyro_rad_s));
-    Terms {
-        position_m,
-        attitude_rad,
-        battery_v: estimates.battery_v,
-        euler_rates_rad_s: estimates.euler_rates_rad_s,
-        body_rates_rad_s: estimates.body_rates_rad_s,
-        z_rate_m_s: estimates.z_rate_m_s,
-        ..Terms::default()
-    }
+    terms.position_m = position_m;
+    terms.attitude_rad = attitude_rad;
+    terms.battery_v = estimates.battery_v;
+    terms.euler_rates_rad_s = estimates.euler_rates_rad_s;
+    terms.body_rates_rad_s = estimates.body_rates_rad_s;
+    terms.z_rate_m_s = estimates.z_rate_m_s;
 }
 
 /// Step 3: roll, pitch and yaw commands.
@@ -313,8 +319,14 @@ fn inner_loops(laws: &Laws, memory: &mut Memory, terms: &mut Terms) {
 
 /// Step 7: motor commands, and what they refuse.
 #[inline]
-fn allocate(laws: &Laws, memory: &mut Memory, mut terms: Terms) -> Tick {
+fn allocate(laws: &Laws, memory: &mut Memory, tick: &mut Tick) {
+    let terms = &mut tick.terms;
     let mixed = laws.mixer.mix(terms.thrust, terms.torque);
+    let [m1, m2, m3, m4] = mixed;
+    // Not finite if any of the four is not. (Checked before the square roots, which make 0 of a NaN.)
+    if !((m1 + m2) + (m3 + m4)).is_finite() {
+        return internal_fault(memory, tick);
+    }
     let (commands, mut ends) = match &laws.motor_map {
         Some(map) => {
             let (speeds, ends) = rotor_speeds(mixed);
@@ -323,29 +335,23 @@ fn allocate(laws: &Laws, memory: &mut Memory, mut terms: Terms) -> Tick {
         }
         None => (mixed, [AtEnd::default(); 4]),
     };
-    let finite = mixed.iter().chain(&commands).all(|x| x.is_finite());
-    if !finite {
-        return internal_fault(memory, terms);
-    }
-    let mut pwm = commands;
-    for ((command, injection), end) in pwm.iter_mut().zip(memory.inputs.injection).zip(&mut ends) {
-        let (clamped, clamp) = laws.range.clamp(*command + injection);
-        *command = clamped;
+    let each = tick.pwm.iter_mut().zip(commands).zip(memory.inputs.injection).zip(&mut ends);
+    for (((pwm, command), injection), end) in each {
+        let (clamped, clamp) = laws.range.clamp(command + injection);
+        *pwm = clamped;
         end.high |= clamp.high;
         end.low |= clamp.low;
     }
-    let refused = laws.mixer.refused(ends);
+    tick.refused = laws.mixer.refused(ends);
     if let Some(inner) = &mut memory.inner {
-        inner.refused = refused;
+        inner.refused = tick.refused;
     }
-    memory.pwm = pwm;
-    Tick { pwm, terms, refused, faults: memory.faults }
 }
 
 /// Something in memory or gains overflowed: start anew with the next tick, and repeat the last commands in this one.
 #[cold]
-fn internal_fault(memory: &mut Memory, terms: Terms) -> Tick {
-    memory.faults.internal.note(true);
+fn internal_fault(memory: &mut Memory, tick: &mut Tick) {
+    tick.faults.internal.note(true);
+    tick.pwm = memory.pwm;
     (memory.estimator, memory.position, memory.inner) = (None, None, None);
-    Tick { pwm: memory.pwm, terms, refused: Refused::default(), faults: memory.faults }
 }

@@ -185,6 +185,9 @@ impl Mixer {
     /// What the rotors at their ends refuse of each axis.
     #[inline]
     pub fn refused(&self, at_end: [AtEnd; 4]) -> Refused {
+        if at_end == [AtEnd::default(); 4] {
+            return Refused::default();
+        }
         let mut bits = 0;
         for (row, end) in self.rows.iter().zip(at_end) {
             if end.high {

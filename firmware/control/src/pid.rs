@@ -81,16 +81,23 @@ impl Pid {
         refused: Directions,
         filter: impl FnOnce(f32) -> f32,
     ) -> PidTerms {
-        let blocked = self.anti_windup
-            && (error > 0.0 && (refused.high || state.refused.high)
-                || error < 0.0 && (refused.low || state.refused.low));
-        if !blocked {
-            state.integral += error * self.period_s;
-        }
+        // Without branches (& and |): which way the error points is a coin toss in flight.
+        let up = (error > 0.0) & (refused.high | state.refused.high);
+        let down = (error < 0.0) & (refused.low | state.refused.low);
+        let share = if self.anti_windup & (up | down) { 0.0 } else { self.period_s };
+        state.integral += error * share;
         let (p, i, d) = (self.kp * error, self.ki * state.integral, -(self.kd * rate));
         let wanted = filter(p + i) + d;
         state.refused = Directions { high: wanted > self.limit, low: wanted < -self.limit };
-        PidTerms { p, i, d, output: wanted.clamp(-self.limit, self.limit) }
+        // Not `clamp`, which panics if a limit is not a number, nor `min` and `max`, which would hide a NaN.
+        let output = if wanted > self.limit {
+            self.limit
+        } else if wanted < -self.limit {
+            -self.limit
+        } else {
+            wanted
+        };
+        PidTerms { p, i, d, output }
     }
 }
 
