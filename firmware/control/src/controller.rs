@@ -19,11 +19,11 @@
 //! thesis.
 
 use crate::altitude::{AltitudeLoop, AltitudeLoopState};
-use crate::attitude::{AngleLoop, AngleLoopState};
+use crate::attitude::{AngleLoop, AngleLoopState, LoopOutput};
 use crate::error::ConfigError;
-use crate::estimator::{Estimator, EstimatorState};
+use crate::estimator::{Estimates, Estimator, EstimatorState};
 use crate::gains::{Config, Law};
-use crate::mixer::{AtEnd, Mixer, Refused, rotor_speeds};
+use crate::mixer::{Mixer, Refused, rotor_speeds};
 use crate::motor_map::{CommandRange, MotorMap};
 use crate::pid::PidTerms;
 use crate::position::{PositionLaw, PositionState};
@@ -213,145 +213,188 @@ impl Controller {
     /// One control period. Total: any bits in any input give finite motor commands inside the range.
     pub fn tick(&mut self, measurement: &Measurement, command: &Command) -> Tick {
         let Self { laws, memory } = self;
-        let mut tick = Tick {
-            pwm: [laws.range.idle(); 4],
-            terms: Terms::default(),
-            refused: Refused::default(),
-            faults: memory.faults,
-        };
-        fly(laws, memory, measurement, command, &mut tick);
-        memory.faults = tick.faults;
-        memory.pwm = tick.pwm;
-        tick
-    }
-}
-
-/// Fills in a tick that stands at idle.
-#[inline]
-fn fly(laws: &Laws, memory: &mut Memory, measurement: &Measurement, command: &Command, tick: &mut Tick) {
-    tick.faults.internal.note(false);
-    let all_good = memory.inputs.measure(measurement, laws.estimator.uses_gyro(), &mut tick.faults);
-    if !memory.started {
-        if !all_good {
-            return;
+        memory.faults.internal.note(false);
+        let all_good = memory.inputs.measure(measurement, laws.estimator.uses_gyro(), &mut memory.faults);
+        if !memory.started {
+            if !all_good {
+                return idle(laws, memory, None);
+            }
+            memory.inputs.hold_here();
+            memory.started = true;
         }
-        memory.inputs.hold_here();
-        memory.started = true;
+        memory.inputs.command(command, &laws.bounds, &mut memory.faults);
+        let estimates = estimate(laws, memory, measurement.gyro_rad_s.is_some());
+        if command.cut_off {
+            return idle(laws, memory, Some(&estimates));
+        }
+        let (attitude_command_rad, outer) = outer_loop(laws, memory, command.mode);
+        let loops = inner_loops(laws, memory, &estimates, attitude_command_rad);
+        let motors = allocate(laws, memory, &loops, estimates.battery_v);
+        let inputs = &memory.inputs;
+        let terms = Terms {
+            position_m: inputs.position_m,
+            attitude_rad: inputs.attitude_rad,
+            battery_v: estimates.battery_v,
+            euler_rates_rad_s: estimates.euler_rates_rad_s,
+            body_rates_rad_s: estimates.body_rates_rad_s,
+            z_rate_m_s: estimates.z_rate_m_s,
+            outer,
+            attitude_command_rad,
+            z_command_m: inputs.z_command_m,
+            attitude_reference_rad: [loops.roll.reference, loops.pitch.reference, loops.yaw.reference],
+            z_reference_m: loops.altitude.reference,
+            attitude_error_rad: [loops.roll.error, loops.pitch.error, loops.yaw.error],
+            z_error_m: loops.altitude.error,
+            roll: loops.roll.terms,
+            pitch: loops.pitch.terms,
+            yaw: loops.yaw.terms,
+            altitude: loops.altitude.terms,
+            thrust: loops.thrust,
+            torque: loops.torque(),
+            rotor_speed_rad_s: motors.rotor_speed_rad_s,
+        };
+        Tick { pwm: memory.pwm, terms, refused: motors.refused, faults: memory.faults }
     }
-    memory.inputs.command(command, &laws.bounds, &mut tick.faults);
-    let terms = &mut tick.terms;
-    estimate(laws, memory, measurement.gyro_rad_s.is_some(), terms);
-    if command.cut_off {
-        (memory.position, memory.inner) = (None, None);
-        return;
-    }
-    outer_loop(laws, memory, command.mode, terms);
-    inner_loops(laws, memory, terms);
-    allocate(laws, memory, tick);
 }
 
-/// Step 2: inputs as used, rates and voltage.
+/// Motors at idle; the loops start anew after it.
+#[cold]
+fn idle(laws: &Laws, memory: &mut Memory, estimates: Option<&Estimates>) -> Tick {
+    (memory.position, memory.inner) = (None, None);
+    memory.pwm = [laws.range.idle(); 4];
+    let mut terms = Terms::default();
+    if let Some(estimates) = estimates {
+        terms.position_m = memory.inputs.position_m;
+        terms.attitude_rad = memory.inputs.attitude_rad;
+        terms.battery_v = estimates.battery_v;
+        terms.euler_rates_rad_s = estimates.euler_rates_rad_s;
+        terms.body_rates_rad_s = estimates.body_rates_rad_s;
+        terms.z_rate_m_s = estimates.z_rate_m_s;
+    }
+    Tick { pwm: memory.pwm, terms, refused: Refused::default(), faults: memory.faults }
+}
+
+/// Step 2: rates and voltage.
 #[inline]
-fn estimate(laws: &Laws, memory: &mut Memory, gyro_came: bool, terms: &mut Terms) {
-    let Inputs { position_m, attitude_rad, gyro_rad_s, battery_v, .. } = memory.inputs;
-    let [_, _, z_m] = position_m;
+fn estimate(laws: &Laws, memory: &mut Memory, gyro_came: bool) -> Estimates {
+    let Inputs { position_m: [_, _, z_m], attitude_rad, gyro_rad_s, battery_v, .. } = memory.inputs;
     let state = memory
         .estimator
         .get_or_insert_with(|| laws.estimator.start(attitude_rad, z_m, battery_v, gyro_rad_s));
-    let estimates = laws.estimator.step(state, attitude_rad, z_m, battery_v, gyro_came.then_some(gyro_rad_s));
-    terms.position_m = position_m;
-    terms.attitude_rad = attitude_rad;
-    terms.battery_v = estimates.battery_v;
-    terms.euler_rates_rad_s = estimates.euler_rates_rad_s;
-    terms.body_rates_rad_s = estimates.body_rates_rad_s;
-    terms.z_rate_m_s = estimates.z_rate_m_s;
+    laws.estimator.step(state, attitude_rad, z_m, battery_v, gyro_came.then_some(gyro_rad_s))
 }
 
-/// Step 3: roll, pitch and yaw commands.
+/// Step 3: roll, pitch and yaw commands in rad.
 #[inline]
-fn outer_loop(laws: &Laws, memory: &mut Memory, mode: Mode, terms: &mut Terms) {
+fn outer_loop(laws: &Laws, memory: &mut Memory, mode: Mode) -> ([f32; 3], Option<OuterTerms>) {
     let inputs = &memory.inputs;
-    let [roll, pitch] = match mode {
+    match mode {
         Mode::Attitude => {
             memory.position = None;
-            inputs.attitude_command_rad
+            let [roll, pitch] = inputs.attitude_command_rad;
+            ([roll, pitch, inputs.yaw_command_rad], None)
         }
         Mode::Position => {
             let ([x, y, _], [_, _, yaw]) = (inputs.position_m, inputs.attitude_rad);
             let state = memory.position.get_or_insert_with(|| laws.position.start([x, y]));
-            let (angles, outer) = laws.position.step(state, inputs.position_command_m, [x, y], yaw);
-            terms.outer = Some(outer);
-            angles
+            let ([roll, pitch], outer) = laws.position.step(state, inputs.position_command_m, [x, y], yaw);
+            ([roll, pitch, inputs.yaw_command_rad], Some(outer))
         }
-    };
-    terms.attitude_command_rad = [roll, pitch, inputs.yaw_command_rad];
-    terms.z_command_m = inputs.z_command_m;
+    }
+}
+
+/// What the inner loops ask for.
+struct InnerOutput {
+    roll: LoopOutput,
+    pitch: LoopOutput,
+    yaw: LoopOutput,
+    altitude: LoopOutput,
+    thrust: f32,
+}
+
+impl InnerOutput {
+    #[inline]
+    fn torque(&self) -> [f32; 3] {
+        [self.roll.terms.output, self.pitch.terms.output, self.yaw.terms.output]
+    }
 }
 
 /// Steps 4 to 6: thrust and angular accelerations.
 #[inline]
-fn inner_loops(laws: &Laws, memory: &mut Memory, terms: &mut Terms) {
-    let [roll_command, pitch_command, yaw_command] = terms.attitude_command_rad;
-    let ([roll, pitch, yaw], [p, q, r]) = (terms.attitude_rad, terms.body_rates_rad_s);
-    let [_, _, z] = terms.position_m;
+fn inner_loops(laws: &Laws, memory: &mut Memory, estimates: &Estimates, commands: [f32; 3]) -> InnerOutput {
+    let Inputs { position_m: [_, _, z], attitude_rad: [phi, theta, psi], z_command_m, .. } = memory.inputs;
+    let ([roll_command, pitch_command, yaw_command], [p, q, r]) = (commands, estimates.body_rates_rad_s);
     let state = memory.inner.get_or_insert_with(|| InnerState {
         roll: laws.roll.start(roll_command),
         pitch: laws.pitch.start(pitch_command),
         yaw: laws.yaw.start(yaw_command),
-        altitude: laws.altitude.start(terms.z_command_m),
+        altitude: laws.altitude.start(z_command_m),
         refused: Refused::default(),
     });
     let refused = state.refused;
-    let roll = laws.roll.step_tilt(&mut state.roll, roll_command, roll, p, refused.roll);
-    let pitch = laws.pitch.step_tilt(&mut state.pitch, pitch_command, pitch, q, refused.pitch);
-    let yaw = laws.yaw.step_yaw(&mut state.yaw, yaw_command, yaw, r, refused.yaw);
+    let roll = laws.roll.step_tilt(&mut state.roll, roll_command, phi, p, refused.roll);
+    let pitch = laws.pitch.step_tilt(&mut state.pitch, pitch_command, theta, q, refused.pitch);
+    let yaw = laws.yaw.step_yaw(&mut state.yaw, yaw_command, psi, r, refused.yaw);
     let (altitude, thrust) =
-        laws.altitude.step(&mut state.altitude, terms.z_command_m, z, terms.z_rate_m_s, refused.thrust);
-    terms.attitude_reference_rad = [roll.reference, pitch.reference, yaw.reference];
-    terms.z_reference_m = altitude.reference;
-    terms.attitude_error_rad = [roll.error, pitch.error, yaw.error];
-    terms.z_error_m = altitude.error;
-    (terms.roll, terms.pitch, terms.yaw, terms.altitude) =
-        (roll.terms, pitch.terms, yaw.terms, altitude.terms);
-    terms.thrust = thrust;
-    terms.torque = [roll.terms.output, pitch.terms.output, yaw.terms.output];
+        laws.altitude.step(&mut state.altitude, z_command_m, z, estimates.z_rate_m_s, refused.thrust);
+    InnerOutput { roll, pitch, yaw, altitude, thrust }
+}
+
+/// What became of the inner loops' wishes; the motor commands themselves are in memory.
+struct Motors {
+    rotor_speed_rad_s: Option<[f32; 4]>,
+    refused: Refused,
 }
 
 /// Step 7: motor commands, and what they refuse.
 #[inline]
-fn allocate(laws: &Laws, memory: &mut Memory, tick: &mut Tick) {
-    let terms = &mut tick.terms;
-    let mixed = laws.mixer.mix(terms.thrust, terms.torque);
+fn allocate(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f32) -> Motors {
+    let mixed = laws.mixer.mix(loops.thrust, loops.torque());
     let [m1, m2, m3, m4] = mixed;
     // Not finite if any of the four is not. (Checked before the square roots, which make 0 of a NaN.)
     if !((m1 + m2) + (m3 + m4)).is_finite() {
-        return internal_fault(memory, tick);
+        return internal_fault(memory);
     }
-    let (commands, mut ends) = match &laws.motor_map {
+    let (rotor_speed_rad_s, mut wanted) = match &laws.motor_map {
         Some(map) => {
-            let (speeds, ends) = rotor_speeds(mixed);
-            terms.rotor_speed_rad_s = Some(speeds);
-            (map.commands(speeds, terms.battery_v), ends)
+            let speeds = rotor_speeds(mixed);
+            (Some(speeds), map.commands(speeds, battery_v))
         }
-        None => (mixed, [AtEnd::default(); 4]),
+        None => (None, mixed),
     };
-    let each = tick.pwm.iter_mut().zip(commands).zip(memory.inputs.injection).zip(&mut ends);
-    for (((pwm, command), injection), end) in each {
-        let (clamped, clamp) = laws.range.clamp(command + injection);
-        *pwm = clamped;
-        end.high |= clamp.high;
-        end.low |= clamp.low;
+    for (command, injection) in wanted.iter_mut().zip(memory.inputs.injection) {
+        *command += injection;
     }
-    tick.refused = laws.mixer.refused(ends);
+    memory.pwm = wanted.map(|command| laws.range.clamp(command));
+    let no_rotor_backwards =
+        rotor_speed_rad_s.is_none() || mixed.iter().fold(true, |all, w2| all & (*w2 >= 0.0));
+    let refused = if no_rotor_backwards && memory.pwm == wanted {
+        Refused::default()
+    } else {
+        refusal(laws, mixed, wanted)
+    };
     if let Some(inner) = &mut memory.inner {
-        inner.refused = tick.refused;
+        inner.refused = refused;
     }
+    Motors { rotor_speed_rad_s, refused }
+}
+
+/// What is refused when some motor is at an end.
+#[cold]
+fn refusal(laws: &Laws, mixed: [f32; 4], wanted: [f32; 4]) -> Refused {
+    let mut ends = wanted.map(|command| laws.range.at_end(command));
+    if laws.motor_map.is_some() {
+        for (end, squared_speed) in ends.iter_mut().zip(mixed) {
+            end.low |= squared_speed < 0.0;
+        }
+    }
+    laws.mixer.refused(ends)
 }
 
 /// Something in memory or gains overflowed: start anew with the next tick, and repeat the last commands in this one.
 #[cold]
-fn internal_fault(memory: &mut Memory, tick: &mut Tick) {
-    tick.faults.internal.note(true);
-    tick.pwm = memory.pwm;
+fn internal_fault(memory: &mut Memory) -> Motors {
+    memory.faults.internal.note(true);
     (memory.estimator, memory.position, memory.inner) = (None, None, None);
+    Motors { rotor_speed_rad_s: None, refused: Refused::default() }
 }

@@ -185,9 +185,6 @@ impl Mixer {
     /// What the rotors at their ends refuse of each axis.
     #[inline]
     pub fn refused(&self, at_end: [AtEnd; 4]) -> Refused {
-        if at_end == [AtEnd::default(); 4] {
-            return Refused::default();
-        }
         let mut bits = 0;
         for (row, end) in self.rows.iter().zip(at_end) {
             if end.high {
@@ -203,12 +200,10 @@ impl Mixer {
     }
 }
 
-/// Speeds in rad/s from squared speeds; negative ones become 0, and the rotor counts as at its lower end.
+/// Speeds in rad/s from squared speeds; negative ones (and what is not a number) become 0.
 #[inline]
-pub fn rotor_speeds(squared: [f32; 4]) -> ([f32; 4], [AtEnd; 4]) {
-    let speeds = squared.map(|w2| libm::sqrtf(if w2 > 0.0 { w2 } else { 0.0 }));
-    let ends = squared.map(|w2| AtEnd { high: false, low: w2 < 0.0 });
-    (speeds, ends)
+pub fn rotor_speeds(squared: [f32; 4]) -> [f32; 4] {
+    squared.map(|w2| libm::sqrtf(if w2 > 0.0 { w2 } else { 0.0 }))
 }
 
 #[cfg(test)]
@@ -275,11 +270,10 @@ mod tests {
     #[test]
     fn hover_speeds() {
         let mixer = Mixer::new(&Mixing::Inverse(THESIS_INVERSE_MIXING)).unwrap();
-        let (speeds, ends) = rotor_speeds(mixer.mix(11.9093, [0.0; 3]));
+        let speeds = rotor_speeds(mixer.mix(11.9093, [0.0; 3]));
         for (got, want) in speeds.into_iter().zip([611.409, 634.3527, 633.6577, 657.8632]) {
             assert!((got - want).abs() < 2e-4, "{got} {want}: f32 holds 600 to 6e-5"); // twice that
         }
-        assert_eq!(ends, [AtEnd::default(); 4]);
     }
 
     /// More left thrust rolls right, more front thrust pitches up, faster 1 and 3 yaw right.
@@ -299,8 +293,8 @@ mod tests {
         let mixer = Mixer::signs();
         let squares = mixer.mix(1.0, [3.0, 0.0, 0.0]);
         assert_eq!(squares, [4.0, -2.0, -2.0, 4.0]);
-        let (speeds, ends) = rotor_speeds(squares);
-        assert_eq!(speeds, [2.0, 0.0, 0.0, 2.0]);
+        assert_eq!(rotor_speeds(squares), [2.0, 0.0, 0.0, 2.0]);
+        let ends = squares.map(|w2| AtEnd { high: false, low: w2 < 0.0 });
         let refused = mixer.refused(ends);
         assert!(refused.roll.high && !refused.roll.low, "more roll to the right is refused");
         assert!(refused.thrust.low && !refused.thrust.high, "less thrust is refused, more is not");
@@ -334,7 +328,7 @@ mod tests {
     proptest! {
         #[test]
         fn speeds_are_never_nan_or_negative(bits in any::<[u32; 4]>()) {
-            let (speeds, _) = rotor_speeds(bits.map(f32::from_bits));
+            let speeds = rotor_speeds(bits.map(f32::from_bits));
             prop_assert!(speeds.iter().all(|w| *w >= 0.0));
         }
     }

@@ -56,16 +56,16 @@ impl CommandRange {
         self.low
     }
 
-    /// The nearest command inside the range, and whether that is another one. What is not a number becomes idle.
+    /// The nearest command inside the range. What is not a number becomes idle.
     #[inline]
-    pub fn clamp(&self, command: f32) -> (f32, AtEnd) {
-        if command > self.high {
-            (self.high, AtEnd { high: true, low: false })
-        } else if command >= self.low {
-            (command, AtEnd::default())
-        } else {
-            (self.low, AtEnd { high: false, low: true })
-        }
+    pub fn clamp(&self, command: f32) -> f32 {
+        let not_above = if command > self.high { self.high } else { command };
+        if not_above >= self.low { not_above } else { self.low }
+    }
+
+    /// At which end a command lies outside.
+    pub fn at_end(&self, command: f32) -> AtEnd {
+        AtEnd { high: command > self.high, low: command.is_nan() || command < self.low }
     }
 }
 
@@ -108,18 +108,26 @@ mod tests {
         #[test]
         fn clamp_is_total(bits in any::<u32>()) {
             let range = CommandRange::new([1000.0, 2000.0]);
-            let (command, _) = range.clamp(f32::from_bits(bits));
+            let command = range.clamp(f32::from_bits(bits));
             prop_assert!((1000.0..=2000.0).contains(&command));
         }
     }
 
     #[test]
-    fn clamp_reports_the_end() {
+    fn clamp_and_its_report() {
         let range = CommandRange::new([1000.0, 2000.0]);
-        assert_eq!(range.clamp(1500.0), (1500.0, AtEnd::default()));
-        assert_eq!(range.clamp(2000.0), (2000.0, AtEnd::default()));
-        assert_eq!(range.clamp(2000.5), (2000.0, AtEnd { high: true, low: false }));
-        assert_eq!(range.clamp(999.0), (1000.0, AtEnd { high: false, low: true }));
-        assert_eq!(range.clamp(f32::NAN), (1000.0, AtEnd { high: false, low: true }));
+        let (inside, high, low) =
+            (AtEnd::default(), AtEnd { high: true, low: false }, AtEnd { high: false, low: true });
+        for (command, clamped, end) in [
+            (1500.0, 1500.0, inside),
+            (2000.0, 2000.0, inside),
+            (1000.0, 1000.0, inside),
+            (2000.5, 2000.0, high),
+            (999.0, 1000.0, low),
+            (f32::INFINITY, 2000.0, high),
+            (f32::NAN, 1000.0, low),
+        ] {
+            assert_eq!((range.clamp(command), range.at_end(command)), (clamped, end), "{command}");
+        }
     }
 }

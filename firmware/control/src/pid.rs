@@ -81,22 +81,23 @@ impl Pid {
         refused: Directions,
         filter: impl FnOnce(f32) -> f32,
     ) -> PidTerms {
-        // Without branches (& and |): which way the error points is a coin toss in flight.
-        let up = (error > 0.0) & (refused.high | state.refused.high);
-        let down = (error < 0.0) & (refused.low | state.refused.low);
-        let share = if self.anti_windup & (up | down) { 0.0 } else { self.period_s };
-        state.integral += error * share;
+        let refused_up = refused.high || state.refused.high;
+        let refused_down = refused.low || state.refused.low;
+        let blocked = self.anti_windup && (refused_up && error > 0.0 || refused_down && error < 0.0);
+        if !blocked {
+            state.integral += error * self.period_s;
+        }
         let (p, i, d) = (self.kp * error, self.ki * state.integral, -(self.kd * rate));
         let wanted = filter(p + i) + d;
-        state.refused = Directions { high: wanted > self.limit, low: wanted < -self.limit };
         // Not `clamp`, which panics if a limit is not a number, nor `min` and `max`, which would hide a NaN.
-        let output = if wanted > self.limit {
-            self.limit
+        let (output, high, low) = if wanted > self.limit {
+            (self.limit, true, false)
         } else if wanted < -self.limit {
-            -self.limit
+            (-self.limit, false, true)
         } else {
-            wanted
+            (wanted, false, false)
         };
+        state.refused = Directions { high, low };
         PidTerms { p, i, d, output }
     }
 }

@@ -104,14 +104,24 @@ fn take(held: &mut f32, value: f32, limit: f32) -> bool {
     good
 }
 
-/// [`take`] for each field.
+/// [`take`] for each field, all at once if all are good.
 #[inline]
 fn take_all<const N: usize>(held: &mut [f32; N], values: [f32; N], limit: f32) -> bool {
-    let mut good = true;
-    for (held, value) in held.iter_mut().zip(values) {
-        good &= take(held, value, limit);
+    let good = values.iter().fold(true, |good, value| good & (value.abs() <= limit));
+    if good {
+        *held = values;
+    } else {
+        take_the_good(held, &values, limit);
     }
     good
+}
+
+/// The rare case of [`take_all`].
+#[cold]
+fn take_the_good(held: &mut [f32], values: &[f32], limit: f32) {
+    for (held, value) in held.iter_mut().zip(values) {
+        take(held, *value, limit);
+    }
 }
 
 impl Inputs {
