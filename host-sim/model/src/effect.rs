@@ -13,6 +13,9 @@ pub struct Coefficient {
     pub possible: (f64, f64),
     /// An ordinary magnitude, the scale of search steps for effects that act through [`crate::Adjustments`].
     pub typical: f64,
+    /// Standard deviation about zero of what is known before any flight, for coefficients that only mean something
+    /// together with another one (the height offset of a ground effect that may not be there).
+    pub prior: Option<f64>,
 }
 
 /// How an effect enters the equations.

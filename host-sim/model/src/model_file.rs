@@ -376,7 +376,7 @@ mod tests {
     #[test]
     fn a_model_round_trips_exactly() {
         let mut model = Model::thesis();
-        model.set(Effect::GroundEffect, &[1.0 / 3.0]);
+        model.set(Effect::GroundEffect, &[1.0 / 3.0, 0.01]);
         model.terms[0].coefficients[0].std_error = Some(0.1 + 0.2);
         model.reference.battery_v = 11.7 / 7.0;
         model.fit = Some(FitRecord {

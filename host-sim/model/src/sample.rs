@@ -11,6 +11,8 @@ pub struct Adjustments {
     pub wind_ned_m_s: Vector3<f64>,
     /// k of the ground effect: each rotor's thrust times 1 / (1 - k (R / 4h)^2).
     pub ground_effect_gain: f64,
+    /// Height of the hubs over the floor beyond that of the centre of mass over z = 0, m.
+    pub ground_effect_height_offset_m: f64,
     /// Rotor speed per volt beyond the map, rad/s/V, about `reference_voltage_v`.
     pub rotor_speed_per_volt: f64,
     /// Voltage at which the map is right, V.
@@ -26,6 +28,7 @@ impl Default for Adjustments {
         Self {
             wind_ned_m_s: Vector3::zeros(),
             ground_effect_gain: 0.0,
+            ground_effect_height_offset_m: 0.0,
             rotor_speed_per_volt: 0.0,
             reference_voltage_v: 0.0,
             tracked_point_m: Vector3::zeros(),
@@ -131,7 +134,7 @@ impl Sample {
         let mut thrust = squared;
         if adjust.ground_effect_gain != 0.0 {
             for (rotor, value) in thrust.iter_mut().enumerate() {
-                *value *= ground_effect_factor(&input, constants, rotor, adjust.ground_effect_gain);
+                *value *= ground_effect_factor(&input, constants, rotor, adjust);
             }
         }
         Self {
@@ -162,12 +165,17 @@ impl Sample {
 }
 
 /// Cheeseman and Bennett's thrust ratio 1 / (1 - k (R / 4h)^2) with each hub's own height over the floor at z = 0.
-fn ground_effect_factor(input: &SampleInput, constants: &Constants, rotor: usize, gain: f64) -> f64 {
+fn ground_effect_factor(
+    input: &SampleInput,
+    constants: &Constants,
+    rotor: usize,
+    adjust: &Adjustments,
+) -> f64 {
     let [x, y] = constants.hub_m[rotor];
     // Third column of the direction cosine matrix: body components of "down".
     let hub_down_m = input.position_ned_m.z + input.dcm[(0, 2)] * x + input.dcm[(1, 2)] * y;
     // A hub within a quarter radius of the floor is on its landing gear; the formula ends there.
-    let height_m = (-hub_down_m).max(0.25 * constants.rotor_radius_m);
+    let height_m = (adjust.ground_effect_height_offset_m - hub_down_m).max(0.25 * constants.rotor_radius_m);
     let ratio = 0.25 * constants.rotor_radius_m / height_m;
-    1.0 / (1.0 - gain * ratio * ratio).max(0.2)
+    1.0 / (1.0 - adjust.ground_effect_gain * ratio * ratio).max(0.2)
 }

@@ -1,8 +1,18 @@
 //! From flight files to a model: reading, preprocessing, least-squares identification, comparison and diagnosis.
 #![forbid(unsafe_code)]
 
+pub mod compare;
+pub mod conditions;
 mod decimal;
+pub mod diagnose;
 pub mod filter;
+pub mod fit;
 pub mod flight;
+pub mod prepare;
+pub mod regress;
 
+pub use compare::{Comparison, compare};
+pub use diagnose::{Addition, Diagnosis, Verdict, add, diagnose};
+pub use fit::{Fit, FitError, Residuals, errors, fit, residuals};
 pub use flight::{Column, Flight, FlightError};
+pub use prepare::{Conditions, ForceTarget, Prepared, TooShort};

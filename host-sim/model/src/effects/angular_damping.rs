@@ -4,7 +4,7 @@
 use crate::{Axis, Coefficient, EffectInfo, Kind, Sample, Sink};
 
 const fn coefficient(name: &'static str) -> Coefficient {
-    Coefficient { name, unit: "1/s", possible: (-100.0, 10.0), typical: 1.0 }
+    Coefficient { name, unit: "1/s", possible: (-100.0, 10.0), typical: 1.0, prior: None }
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {

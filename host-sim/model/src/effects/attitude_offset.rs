@@ -3,7 +3,7 @@
 use crate::{Adjustments, Axis, Coefficient, EffectInfo, Kind};
 
 const fn coefficient(name: &'static str) -> Coefficient {
-    Coefficient { name, unit: "rad", possible: (-0.5, 0.5), typical: 0.02 }
+    Coefficient { name, unit: "rad", possible: (-0.5, 0.5), typical: 0.02, prior: None }
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {

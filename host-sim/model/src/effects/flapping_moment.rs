@@ -5,7 +5,7 @@
 use crate::{Axis, Coefficient, EffectInfo, Kind, Sample, Sink};
 
 const fn coefficient(name: &'static str) -> Coefficient {
-    Coefficient { name, unit: "rad/(s m)", possible: (-500.0, 500.0), typical: 3.0 }
+    Coefficient { name, unit: "rad/(s m)", possible: (-500.0, 500.0), typical: 3.0, prior: None }
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {

@@ -6,7 +6,7 @@
 use crate::{Axis, Coefficient, EffectInfo, Kind, Sample, Sink};
 
 const fn ratio(name: &'static str) -> Coefficient {
-    Coefficient { name, unit: "1", possible: (-0.5, 0.5), typical: 0.003 }
+    Coefficient { name, unit: "1", possible: (-0.5, 0.5), typical: 0.003, prior: None }
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {

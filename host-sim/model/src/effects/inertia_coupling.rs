@@ -3,7 +3,7 @@
 use crate::{Axis, Coefficient, EffectInfo, Kind, Sample, Sink};
 
 const fn ratio(name: &'static str) -> Coefficient {
-    Coefficient { name, unit: "1", possible: (-1.0, 1.0), typical: 0.5 }
+    Coefficient { name, unit: "1", possible: (-1.0, 1.0), typical: 0.5, prior: None }
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {

@@ -3,7 +3,7 @@
 use crate::{Axis, Coefficient, EffectInfo, Kind, Sample, Sink};
 
 const fn coefficient(name: &'static str) -> Coefficient {
-    Coefficient { name, unit: "N s/m", possible: (-20.0, 0.0), typical: 0.25 }
+    Coefficient { name, unit: "N s/m", possible: (-20.0, 0.0), typical: 0.25, prior: None }
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {

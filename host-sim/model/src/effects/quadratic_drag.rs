@@ -4,7 +4,7 @@
 use crate::{Axis, Coefficient, EffectInfo, Kind, Sample, Sink};
 
 const fn coefficient(name: &'static str) -> Coefficient {
-    Coefficient { name, unit: "N s^2/m^2", possible: (-20.0, 0.0), typical: 0.2 }
+    Coefficient { name, unit: "N s^2/m^2", possible: (-20.0, 0.0), typical: 0.2, prior: None }
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {

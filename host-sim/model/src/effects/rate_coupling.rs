@@ -3,7 +3,7 @@
 use crate::{Axis, Coefficient, EffectInfo, Kind, Sample, Sink};
 
 const fn coefficient(name: &'static str) -> Coefficient {
-    Coefficient { name, unit: "N s/rad", possible: (-50.0, 50.0), typical: 0.15 }
+    Coefficient { name, unit: "N s/rad", possible: (-50.0, 50.0), typical: 0.15, prior: None }
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {

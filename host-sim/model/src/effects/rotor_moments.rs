@@ -8,11 +8,11 @@
 use crate::{Axis, Coefficient, EffectInfo, Kind, Sample, Sink};
 
 const fn thrust_moment(name: &'static str) -> Coefficient {
-    Coefficient { name, unit: "1/(kg m^2)", possible: (0.0, 1e6), typical: 0.6 }
+    Coefficient { name, unit: "1/(kg m^2)", possible: (0.0, 1e6), typical: 0.6, prior: None }
 }
 
 const fn reaction(name: &'static str) -> Coefficient {
-    Coefficient { name, unit: "1/(kg m^2)", possible: (-1e6, 1e6), typical: 0.3 }
+    Coefficient { name, unit: "1/(kg m^2)", possible: (-1e6, 1e6), typical: 0.3, prior: None }
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {

@@ -3,7 +3,7 @@
 use crate::{Adjustments, Axis, Coefficient, EffectInfo, Kind};
 
 const fn coefficient(name: &'static str) -> Coefficient {
-    Coefficient { name, unit: "m/s", possible: (-30.0, 30.0), typical: 1.0 }
+    Coefficient { name, unit: "m/s", possible: (-30.0, 30.0), typical: 1.0, prior: None }
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {

@@ -9,7 +9,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     sentence: "Each rotor pulls upward with the square of its speed.",
     kind: Kind::Basic,
     axes: &[Axis::W],
-    coefficients: &[Coefficient { name: "C_T", unit: "1", possible: (1e-4, 1.0), typical: 0.02 }],
+    coefficients: &[Coefficient { name: "C_T", unit: "1", possible: (1e-4, 1.0), typical: 0.02, prior: None }],
     excitation: "climb and descend",
     confused_with: &[],
 };

@@ -3,7 +3,7 @@
 use crate::{Adjustments, Axis, Coefficient, EffectInfo, Kind};
 
 const fn coefficient(name: &'static str) -> Coefficient {
-    Coefficient { name, unit: "m", possible: (-1.0, 1.0), typical: 0.05 }
+    Coefficient { name, unit: "m", possible: (-1.0, 1.0), typical: 0.05, prior: None }
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {

@@ -1,0 +1,276 @@
+//! Model against measurement: where does it fail?
+//!
+//! Two views, since a good derivative fit can still drift: errors of the six accelerations (per axis, per flight, by
+//! condition), and open-loop prediction over 1, 10 and 50 samples from every sample of the flight, with no knowledge
+//! of the future except the motor inputs.
+
+use model::{AXES, Axis, AxisError, Model, PerAxis, Plant, State, frames};
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use crate::prepare::{Prepared, Stretch};
+use crate::{Residuals, errors, residuals};
+
+/// Longest horizon of the open-loop prediction, samples.
+pub const LONGEST_HORIZON: usize = 50;
+/// Equal-count bins a condition is cut into.
+const BINS: usize = 5;
+/// A bin is worth showing when its share of the squared error is this much above its share of the samples, percent.
+const NOTABLE_EXCESS_PERCENT: f64 = 5.0;
+/// Most bins shown.
+const WORST: usize = 12;
+
+/// Error of one axis, as in the contract's JSON.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct AxisFigures {
+    /// Root mean square of measured minus predicted, m/s^2 or rad/s^2.
+    pub rms: f64,
+    /// Sum of squares.
+    pub sse: f64,
+    /// Coefficient of determination.
+    pub r2: f64,
+}
+
+impl From<AxisError> for AxisFigures {
+    fn from(e: AxisError) -> Self {
+        Self { rms: e.rms, sse: e.sse, r2: e.r2 }
+    }
+}
+
+/// One flight.
+#[derive(Debug, Clone, Serialize)]
+pub struct FlightComparison {
+    /// File name.
+    pub name: String,
+    /// Rows compared.
+    pub samples: usize,
+    /// Errors.
+    pub axes: PerAxis<AxisFigures>,
+    /// What was mended or left out of the flight.
+    pub notes: Vec<String>,
+}
+
+/// Mean norm of the open-loop error over all starting samples (attitude: geodesic angle).
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct HorizonError {
+    /// m.
+    pub position_m: f64,
+    /// m/s.
+    pub velocity_m_s: f64,
+    /// rad.
+    pub attitude_rad: f64,
+    /// rad/s.
+    pub rate_rad_s: f64,
+}
+
+/// Open-loop errors over the contract's horizons.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Horizons {
+    /// One sample ahead.
+    #[serde(rename = "1")]
+    pub one: HorizonError,
+    /// Ten samples ahead.
+    #[serde(rename = "10")]
+    pub ten: HorizonError,
+    /// Fifty samples ahead.
+    #[serde(rename = "50")]
+    pub fifty: HorizonError,
+    /// Sum over every horizon from 1 to 50.
+    pub sum_1_50: HorizonError,
+}
+
+/// A condition under which an axis fails.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Worst {
+    /// Axis.
+    pub axis: Axis,
+    /// "height 0.14 to 0.36 m".
+    pub condition: String,
+    /// Root mean square error under the condition.
+    pub rms: f64,
+    /// Share of the axis' squared error, percent; the bin holds a fifth of the samples.
+    pub share_percent: f64,
+}
+
+/// All of a comparison.
+#[derive(Debug, Clone, Serialize)]
+pub struct Comparison {
+    /// Each flight.
+    pub flights: Vec<FlightComparison>,
+    /// All flights together.
+    pub total: PerAxis<AxisFigures>,
+    /// Open-loop prediction, all flights together.
+    pub horizons: Horizons,
+    /// Mean norm of the error at every horizon from 1 to 50 samples, for plots.
+    #[serde(skip)]
+    pub by_horizon: Vec<HorizonError>,
+    /// Where it fails most.
+    pub worst: Vec<Worst>,
+}
+
+/// Compares a model with flights.
+pub fn compare(model: &Model, flights: &[&Prepared]) -> Comparison {
+    let all: Vec<Residuals> = flights.iter().map(|flight| residuals(flight, model)).collect();
+    let total = errors(&all);
+    let by_horizon = open_loop(model, flights);
+    Comparison {
+        flights: flights
+            .iter()
+            .zip(&all)
+            .map(|(flight, residuals)| {
+                let figures = errors([residuals]);
+                FlightComparison {
+                    name: flight.name.clone(),
+                    samples: flight.rows(),
+                    axes: PerAxis::from_fn(|a| figures[a].into()),
+                    notes: flight.notes.clone(),
+                }
+            })
+            .collect(),
+        total: PerAxis::from_fn(|a| total[a].into()),
+        horizons: summary(&by_horizon),
+        by_horizon,
+        worst: worst(model, flights, &all),
+    }
+}
+
+fn summary(by_horizon: &[HorizonError]) -> Horizons {
+    let at = |h: usize| by_horizon.get(h - 1).copied().unwrap_or_default();
+    let sum = |f: fn(&HorizonError) -> f64| by_horizon.iter().map(f).sum();
+    Horizons {
+        one: at(1),
+        ten: at(10),
+        fifty: at(50),
+        sum_1_50: HorizonError {
+            position_m: sum(|e| e.position_m),
+            velocity_m_s: sum(|e| e.velocity_m_s),
+            attitude_rad: sum(|e| e.attitude_rad),
+            rate_rad_s: sum(|e| e.rate_rad_s),
+        },
+    }
+}
+
+/// Mean open-loop errors at each horizon from 1 to [`LONGEST_HORIZON`] samples.
+pub fn open_loop(model: &Model, flights: &[&Prepared]) -> Vec<HorizonError> {
+    let plant = Plant::new(model);
+    let mut sums = vec![HorizonError::default(); LONGEST_HORIZON];
+    let mut starts = 0_u64;
+    for flight in flights {
+        for stretch in &flight.stretches {
+            starts += add_rollouts(&plant, model, flight, stretch, &mut sums);
+        }
+    }
+    let n = starts.max(1) as f64;
+    for sum in &mut sums {
+        sum.position_m /= n;
+        sum.velocity_m_s /= n;
+        sum.attitude_rad /= n;
+        sum.rate_rad_s /= n;
+    }
+    sums
+}
+
+fn add_rollouts(
+    plant: &Plant,
+    model: &Model,
+    flight: &Prepared,
+    stretch: &Stretch,
+    sums: &mut [HorizonError],
+) -> u64 {
+    let states = reference_states(model, flight, stretch);
+    let velocities: Vec<Vector3<f64>> =
+        states.iter().map(|s| frames::dcm_from_quaternion(&s.attitude).tr_mul(&s.velocity_m_s)).collect();
+    let last = states.len() - flight.margin;
+    let mut starts = 0;
+    for start in flight.margin..last.saturating_sub(sums.len()) {
+        let mut state = states[start];
+        for (h, sum) in sums.iter_mut().enumerate() {
+            let (from, to) = (start + h, start + h + 1);
+            let (before, after) = (&states[from].rotor_rad_s, &states[to].rotor_rad_s);
+            plant.step_between(&mut state, before, after, stretch.battery_v[from], flight.period_s);
+            let measured = &states[to];
+            let velocity = frames::dcm_from_quaternion(&state.attitude).tr_mul(&state.velocity_m_s);
+            sum.position_m += (state.position_ned_m - measured.position_ned_m).norm();
+            sum.velocity_m_s += (velocity - velocities[to]).norm();
+            sum.attitude_rad += frames::geodesic_angle_rad(&state.attitude, &measured.attitude);
+            sum.rate_rad_s += (state.rate_rad_s - measured.rate_rad_s).norm();
+        }
+        starts += 1;
+    }
+    starts
+}
+
+/// The state at every sample that predictions start from and are judged by: an onboard estimator's as logged, raw
+/// tracking smoothed without lag.
+pub(crate) fn reference_states(model: &Model, flight: &Prepared, stretch: &Stretch) -> Vec<State> {
+    let adjust = model.adjustments();
+    let lever = Vector3::from(model.vehicle.tracked_point) + adjust.tracked_point_m;
+    let rotor = stretch.rotor_rad_s(&model.vehicle, &adjust, flight.period_s);
+    let at = |parts: &[Vec<f64>; 3], k: usize| Vector3::new(parts[0][k], parts[1][k], parts[2][k]);
+    (0..stretch.time_s.len())
+        .map(|k| {
+            let (tracked, rate) = if flight.has_logged_velocity {
+                (stretch.dcm[k], at(&stretch.rate_rad_s, k))
+            } else {
+                (frames::dcm_from_euler(at(&stretch.euler_rad, k)), at(&stretch.smooth_rate_rad_s, k))
+            };
+            let dcm = adjust.true_dcm(&tracked);
+            State {
+                position_ned_m: at(&stretch.position_ned_m, k) - dcm.tr_mul(&lever),
+                attitude: frames::quaternion_from_euler(frames::euler_from_dcm(&dcm)),
+                velocity_m_s: dcm * at(&stretch.velocity_ned_m_s, k) - rate.cross(&lever),
+                rate_rad_s: rate,
+                rotor_rad_s: std::array::from_fn(|i| rotor[i].0[k]),
+            }
+        })
+        .collect()
+}
+
+/// Bins of the conditions in which an axis has more than its share of the squared error.
+fn worst(model: &Model, flights: &[&Prepared], all: &[Residuals]) -> Vec<Worst> {
+    let adjust = model.adjustments();
+    let conditions: Vec<_> = flights.iter().map(|f| f.conditions(&model.vehicle, &adjust).all()).collect();
+    let mut found: Vec<(f64, Worst)> = Vec::new();
+    let count = conditions.first().map_or(0, Vec::len);
+    for axis in AXES {
+        for index in 0..count {
+            let mut points: Vec<(f64, f64)> = conditions
+                .iter()
+                .zip(all)
+                .flat_map(|(c, r)| {
+                    c[index].values.iter().copied().zip(r.residual[axis.index()].iter().copied())
+                })
+                .collect();
+            points.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let total: f64 = points.iter().map(|(_, e)| e * e).sum();
+            if points.len() < 10 * BINS || total <= 0.0 {
+                continue;
+            }
+            let bin = points.chunks(points.len().div_ceil(BINS)).max_by(|a, b| {
+                let mean =
+                    |chunk: &[(f64, f64)]| chunk.iter().map(|(_, e)| e * e).sum::<f64>() / chunk.len() as f64;
+                mean(a).total_cmp(&mean(b))
+            });
+            let Some(bin) = bin else { continue };
+            let sse: f64 = bin.iter().map(|(_, e)| e * e).sum();
+            let share_percent = 100.0 * sse / total;
+            let excess = share_percent - 100.0 * bin.len() as f64 / points.len() as f64;
+            if excess > NOTABLE_EXCESS_PERCENT {
+                let info = &conditions[0][index];
+                let (low, high) = (bin[0].0, bin[bin.len() - 1].0);
+                found.push((
+                    excess,
+                    Worst {
+                        axis,
+                        condition: format!("{} {low:.2} to {high:.2} {}", info.name, info.unit),
+                        rms: (sse / bin.len() as f64).sqrt(),
+                        share_percent,
+                    },
+                ));
+            }
+        }
+    }
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    found.truncate(WORST);
+    found.into_iter().map(|(_, worst)| worst).collect()
+}

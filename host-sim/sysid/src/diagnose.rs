@@ -1,0 +1,653 @@
+//! Which physical effect is missing?
+//!
+//! Every candidate is fitted together with the whole model on the training flights and judged on held-out flights.
+//! A candidate is **supported** when all of this holds:
+//! - its coefficients differ from zero on the training flights (Wald test with the coloured-residual covariance,
+//!   F distribution, corrected for the number of candidates after Holm and Bonferroni's inequality);
+//! - the held-out error falls by more than chance (one-sided t test over blocks of time, so that neighbouring samples
+//!   are not counted as independent) and in most held-out flights;
+//! - it falls by enough to matter;
+//! - the coefficients are physically possible.
+//!
+//! Candidates overlap: a wind looks partly like a tilted tracker. So the best supported one joins the model and the
+//! others are judged again with it in place; those that then add nothing are reported as explained by it, or, when
+//! either explains the other equally well, as confounded.
+//!
+//! What is left after the supported effects is searched for dependence on every measured quantity, by the same
+//! held-out standard: that is the difference between "adequate" and "unexplained".
+
+use std::collections::BTreeMap;
+
+use model::{Effect, Estimate, Kind, Model, PerAxis, effects::CATALOGUE};
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
+
+use crate::prepare::Prepared;
+use crate::regress::WINDOW_S;
+use crate::{Fit, FitError, Residuals, errors, fit, residuals};
+
+/// Largest corrected p-value of a finding.
+const SIGNIFICANCE: f64 = 0.01;
+/// Largest p-value of the held-out gain.
+const HELD_OUT_SIGNIFICANCE: f64 = 0.05;
+/// Smallest held-out drop, percent of an axis' squared error, that matters.
+pub const MATTERS_PERCENT: f64 = 1.5;
+/// Smallest share of an axis' held-out squared error that counts as structure, percent.
+const STRUCTURE_PERCENT: f64 = 3.0;
+/// Largest corrected p-value of structure.
+const STRUCTURE_SIGNIFICANCE: f64 = 0.01;
+/// A rival with this part of the best effect's gain is examined for confusion with it.
+const RIVAL: f64 = 0.7;
+/// Most effects found in one diagnosis.
+const MAX_FOUND: usize = 6;
+
+/// The conclusion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// A known effect is missing.
+    MissingEffect,
+    /// No effect is supported and the residual shows no structure.
+    Adequate,
+    /// The residual shows structure that no known effect accounts for.
+    Unexplained,
+}
+
+/// Errors of one axis without and with an effect, on the held-out flights.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct AxisDrop {
+    /// Sum of squares without.
+    pub sse_before: f64,
+    /// Sum of squares with.
+    pub sse_after: f64,
+    /// Percent by which it falls.
+    pub drop_percent: f64,
+}
+
+/// A coefficient of a candidate.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CoefficientFigures {
+    /// Name.
+    pub name: &'static str,
+    /// Value.
+    pub value: f64,
+    /// Standard error, coloured residuals accounted for.
+    pub std_error: f64,
+    /// Unit.
+    pub unit: &'static str,
+}
+
+/// A candidate's evidence.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct EffectFinding {
+    /// Identifier.
+    pub effect: &'static str,
+    /// Whether the flights support it.
+    pub supported: bool,
+    /// Held-out drop of the squared error over the axes it acts on, each weighed by its noise, percent.
+    pub drop_percent: f64,
+    /// The axes it acts on.
+    pub axes: BTreeMap<&'static str, AxisDrop>,
+    /// Of the Wald test on the training flights, corrected for the number of candidates.
+    pub p_value: f64,
+    /// Of the gain on the held-out flights.
+    pub held_out_p_value: f64,
+    /// Held-out flights on which the error falls, and how many there are.
+    pub flights_improved: [usize; 2],
+    /// Coefficients.
+    pub coefficients: Vec<CoefficientFigures>,
+    /// Effects that the flights cannot tell it from.
+    pub confounded_with: Vec<&'static str>,
+    /// Why it is or is not supported, one sentence.
+    pub reason: String,
+    /// Gain in units of noise variance: the rank.
+    #[serde(skip)]
+    gain: f64,
+}
+
+/// Structure in the residual that no known effect accounts for.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Unexplained {
+    /// Axis.
+    pub axis: model::Axis,
+    /// The measured quantity it depends on.
+    pub depends_on: &'static str,
+    /// Share of the axis' held-out squared error, percent.
+    pub share_percent: f64,
+    /// Corrected p-value.
+    pub p_value: f64,
+}
+
+/// A diagnosis.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Diagnosis {
+    /// The conclusion.
+    pub verdict: Verdict,
+    /// The conclusion and its reason in plain English.
+    pub summary: String,
+    /// Candidates, best first.
+    pub effects: Vec<EffectFinding>,
+    /// What is left.
+    pub unexplained: Vec<Unexplained>,
+}
+
+impl Diagnosis {
+    /// The best supported effect.
+    pub fn best(&self) -> Option<Effect> {
+        self.effects.iter().find(|e| e.supported).and_then(|e| Effect::from_id(e.effect))
+    }
+}
+
+/// A model refitted on the training flights and its residuals on the held-out ones.
+struct Judged {
+    fit: Fit,
+    held_out: Vec<Residuals>,
+}
+
+fn judge(
+    model: &Model,
+    effects: &[Effect],
+    train: &[&Prepared],
+    validate: &[&Prepared],
+) -> Result<Judged, FitError> {
+    let fit = fit(train, &model.vehicle, effects, Some(model))?;
+    let held_out = validate.iter().map(|flight| residuals(flight, &fit.model)).collect();
+    Ok(Judged { fit, held_out })
+}
+
+/// Diagnoses a model: which effect of the catalogue is missing from it?
+///
+/// `progress` is told of each candidate as it is tried.
+pub fn diagnose(
+    model: &Model,
+    train: &[&Prepared],
+    validate: &[&Prepared],
+    mut progress: impl FnMut(&str),
+) -> Result<Diagnosis, FitError> {
+    let candidates: Vec<Effect> = Effect::candidates().filter(|e| !model.has(*e)).collect();
+    let base = judge(model, &model.effects(), train, validate)?;
+    let mut findings: Vec<EffectFinding> = candidates
+        .iter()
+        .map(|&effect| {
+            progress(effect.id());
+            examine(&base, effect, train, validate, candidates.len())
+        })
+        .collect();
+    rank(&mut findings);
+    let mut found = select(&base, &mut findings, train, validate, &mut progress)?;
+    progress("what is left");
+    let unexplained = loop {
+        let mut effects = base.fit.model.effects();
+        effects.extend(&found);
+        let unexplained = structure(&judge(&base.fit.model, &effects, train, validate)?, train, validate);
+        if !demote_stand_ins(&mut findings, &mut found, &unexplained) {
+            break unexplained;
+        }
+    };
+    rank(&mut findings);
+    let verdict = match (found.is_empty(), unexplained.is_empty()) {
+        (false, _) => Verdict::MissingEffect,
+        (true, true) => Verdict::Adequate,
+        (true, false) => Verdict::Unexplained,
+    };
+    let summary = summary(verdict, &findings, &unexplained);
+    Ok(Diagnosis { verdict, summary, effects: findings, unexplained })
+}
+
+/// An effect that leaves more structure on its axes than it takes away is a stand-in for something else: naming it would
+/// be confidently wrong. Returns whether any was demoted.
+fn demote_stand_ins(
+    findings: &mut [EffectFinding],
+    found: &mut Vec<Effect>,
+    unexplained: &[Unexplained],
+) -> bool {
+    let before = found.len();
+    for finding in findings.iter_mut().filter(|f| f.supported) {
+        let worth = finding.axes.values().map(|a| a.drop_percent).fold(0.0, f64::max);
+        let left = unexplained.iter().filter(|u| finding.axes.contains_key(u.axis.name()));
+        let Some(most) = left.max_by(|a, b| a.share_percent.total_cmp(&b.share_percent)) else { continue };
+        if most.share_percent > worth {
+            finding.supported = false;
+            finding.reason = format!(
+                "a stand-in at best: it takes {worth:.1} %, and {:.1} % of what is left in {} depends on the {}",
+                most.share_percent, most.axis, most.depends_on
+            );
+            found.retain(|e| e.id() != finding.effect);
+        }
+    }
+    found.len() < before
+}
+
+fn rank(findings: &mut [EffectFinding]) {
+    findings.sort_by(|a, b| b.supported.cmp(&a.supported).then(b.gain.total_cmp(&a.gain)));
+}
+
+/// Goes through the supported findings, best first: each joins the model if it is still supported with those before it
+/// in place. Returns those that joined; marks the others as explained or confounded.
+fn select(
+    base: &Judged,
+    findings: &mut [EffectFinding],
+    train: &[&Prepared],
+    validate: &[&Prepared],
+    progress: &mut impl FnMut(&str),
+) -> Result<Vec<Effect>, FitError> {
+    let mut found: Vec<Effect> = Vec::new();
+    let mut left: Vec<Effect> =
+        findings.iter().filter(|f| f.supported).filter_map(|f| Effect::from_id(f.effect)).collect();
+    let candidates = findings.len();
+    while !left.is_empty() && found.len() < MAX_FOUND {
+        // The first round has been judged already: the findings are in order of their gain over the base.
+        let best = left.remove(0);
+        let mut effects = base.fit.model.effects();
+        effects.extend(found.iter().chain([&best]));
+        let with_best = judge(&base.fit.model, &effects, train, validate)?;
+        let mut again: Vec<(Effect, EffectFinding)> = left
+            .iter()
+            .map(|&effect| {
+                progress(effect.id());
+                (effect, examine(&with_best, effect, train, validate, candidates))
+            })
+            .collect();
+        again.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
+        for (effect, conditional) in &again {
+            if !conditional.supported {
+                explained_by(base, findings, *effect, best, train, validate);
+            }
+        }
+        left = again.into_iter().filter(|(_, f)| f.supported).map(|(e, _)| e).collect();
+        found.push(best);
+    }
+    rank(findings);
+    Ok(found)
+}
+
+/// Marks `effect` as explained by `best`, or both as confounded when `best` adds nothing to `effect` either.
+fn explained_by(
+    base: &Judged,
+    findings: &mut [EffectFinding],
+    effect: Effect,
+    best: Effect,
+    train: &[&Prepared],
+    validate: &[&Prepared],
+) {
+    let gain = |id: &str| findings.iter().find(|f| f.effect == id).map_or(0.0, |f| f.gain);
+    let rival = gain(effect.id()) > RIVAL * gain(best.id());
+    let mut effects = base.fit.model.effects();
+    effects.push(effect);
+    let confounded = rival
+        && judge(&base.fit.model, &effects, train, validate)
+            .is_ok_and(|with| !examine(&with, best, train, validate, findings.len()).supported);
+    for finding in findings.iter_mut() {
+        if finding.effect == effect.id() {
+            finding.supported = false;
+            finding.reason = if confounded {
+                format!("these flights cannot tell it from {best}{}", separate(effect, best))
+            } else {
+                format!("adds nothing once {best} is in the model")
+            };
+            if confounded {
+                finding.confounded_with.push(best.id());
+            }
+        } else if finding.effect == best.id() && confounded {
+            finding.confounded_with.push(effect.id());
+        }
+    }
+}
+
+/// The manoeuvre that separates two effects, where one is known.
+fn separate(a: Effect, b: Effect) -> String {
+    let known = |x: Effect, y: Effect| {
+        x.info().confused_with.iter().find(|(id, _)| *id == y.id()).map(|(_, how)| *how)
+    };
+    known(a, b).or_else(|| known(b, a)).map_or(String::new(), |how| format!("; to separate them: {how}"))
+}
+
+/// Fits `effect` on top of a judged model and weighs the evidence.
+fn examine(
+    base: &Judged,
+    effect: Effect,
+    train: &[&Prepared],
+    validate: &[&Prepared],
+    candidates: usize,
+) -> EffectFinding {
+    let mut effects = base.fit.model.effects();
+    effects.push(effect);
+    let mut finding = EffectFinding {
+        effect: effect.id(),
+        supported: false,
+        drop_percent: 0.0,
+        axes: BTreeMap::new(),
+        p_value: 1.0,
+        held_out_p_value: 1.0,
+        flights_improved: [0, validate.len()],
+        coefficients: Vec::new(),
+        confounded_with: Vec::new(),
+        reason: String::new(),
+        gain: f64::NEG_INFINITY,
+    };
+    let with = match judge(&base.fit.model, &effects, train, validate) {
+        Ok(with) => with,
+        Err(refused) => {
+            finding.reason = refused.to_string();
+            return finding;
+        }
+    };
+    let estimates = estimates(&with.fit, effect);
+    let info = effect.info();
+    finding.coefficients = info
+        .coefficients
+        .iter()
+        .zip(&estimates)
+        .map(|(c, e)| CoefficientFigures {
+            name: c.name,
+            value: e.value,
+            std_error: e.std_error.unwrap_or(0.0),
+            unit: c.unit,
+        })
+        .collect();
+    finding.p_value = (wald_p_value(&with.fit, effect, train) * candidates as f64).min(1.0);
+    let gain = held_out_gain(base, &with, effect, validate);
+    let (before, after) = (errors(&base.held_out), errors(&with.held_out));
+    for &axis in info.axes {
+        let (sse_before, sse_after) = (before[axis].sse, after[axis].sse);
+        let drop_percent = if sse_before > 0.0 { 100.0 * (1.0 - sse_after / sse_before) } else { 0.0 };
+        finding.axes.insert(axis.name(), AxisDrop { sse_before, sse_after, drop_percent });
+    }
+    finding.drop_percent = gain.drop_percent;
+    finding.held_out_p_value = gain.p_value;
+    finding.flights_improved[0] = gain.flights_improved;
+    finding.gain = gain.total;
+    (finding.supported, finding.reason) = weigh(&finding, effect, &with.fit);
+    finding
+}
+
+fn estimates(fit: &Fit, effect: Effect) -> Vec<Estimate> {
+    fit.model.term(effect).map_or_else(Vec::new, |term| term.coefficients.clone())
+}
+
+/// Whether the evidence suffices, and the reason in a sentence.
+fn weigh(finding: &EffectFinding, effect: Effect, fit: &Fit) -> (bool, String) {
+    let largest = finding.axes.values().map(|a| a.drop_percent).fold(f64::NEG_INFINITY, f64::max);
+    let [improved, flights] = finding.flights_improved;
+    if finding.p_value > SIGNIFICANCE {
+        return (false, format!("its coefficients do not differ from zero (p = {:.2})", finding.p_value));
+    }
+    if largest < MATTERS_PERCENT {
+        let least = format!(
+            "{largest:.1} % of the held-out error at best, under the {MATTERS_PERCENT} % that matters"
+        );
+        return (false, format!("too small to matter: {least}"));
+    }
+    if finding.held_out_p_value > HELD_OUT_SIGNIFICANCE || 2 * improved <= flights && flights > 1 {
+        let p = finding.held_out_p_value;
+        return (
+            false,
+            format!("held-out flights do not bear it out ({improved} of {flights} improve, p = {p:.2})"),
+        );
+    }
+    if let Some(what) = impossible(effect, fit) {
+        return (false, what);
+    }
+    (
+        true,
+        format!("held-out error falls by {:.1} % in {improved} of {flights} flights", finding.drop_percent),
+    )
+}
+
+/// A coefficient outside its physical range by more than its error allows, as a sentence.
+fn impossible(effect: Effect, fit: &Fit) -> Option<String> {
+    // Without a rotor map, rotor "speeds" are commands and ranges in rad/s mean nothing.
+    if effect == Effect::BatteryVoltage && !fit.model.vehicle.has_rotor_map() {
+        return None;
+    }
+    estimates(fit, effect).iter().zip(effect.info().coefficients).find_map(|(e, c)| {
+        let slack = 2.0 * e.std_error.unwrap_or(0.0);
+        let (low, high) = c.possible;
+        (e.value < low - slack || e.value > high + slack).then(|| {
+            format!("needs {} = {:.3} {}, outside the possible {low} to {high}", c.name, e.value, c.unit)
+        })
+    })
+}
+
+/// p-value of the hypothesis that all coefficients of `effect` are zero.
+fn wald_p_value(fit: &Fit, effect: Effect, train: &[&Prepared]) -> f64 {
+    let first: usize =
+        fit.model.terms.iter().take_while(|t| t.effect != effect).map(|t| t.coefficients.len()).sum();
+    // Coefficients with a prior only qualify the others (an offset, a shift): zero is no hypothesis about them.
+    let tested: Vec<usize> = effect
+        .info()
+        .coefficients
+        .iter()
+        .enumerate()
+        .filter(|(_, c)| c.prior.is_none())
+        .map(|(i, _)| i)
+        .collect();
+    let values = estimates(fit, effect);
+    let k = tested.len();
+    let theta = DVector::from_iterator(k, tested.iter().map(|&i| values[i].value));
+    let covariance = DMatrix::from_fn(k, k, |r, c| fit.covariance[(first + tested[r], first + tested[c])]);
+    let Some(cholesky) = covariance.cholesky() else { return 1.0 };
+    let wald = theta.dot(&cholesky.solve(&theta)) / k as f64;
+    // Independent stretches of time stand in for samples: their number less the coefficients.
+    let duration_s: f64 = train.iter().map(|f| f.rows() as f64 * f.period_s).sum();
+    let freedom = (duration_s / WINDOW_S - k as f64).max(1.0);
+    FisherSnedecor::new(k as f64, freedom).map_or(1.0, |f| f.sf(wald))
+}
+
+struct Gain {
+    /// Fall of the squared error in units of noise variance.
+    total: f64,
+    drop_percent: f64,
+    p_value: f64,
+    flights_improved: usize,
+}
+
+/// The fall of the held-out squared error over the axes an effect acts on, each in units of the noise variance that
+/// is left on the training flights with it.
+fn held_out_gain(base: &Judged, with: &Judged, effect: Effect, validate: &[&Prepared]) -> Gain {
+    let mut blocks = Vec::new();
+    let (mut total, mut before) = (0.0, 0.0);
+    let mut flights_improved = 0;
+    for ((flight, a), b) in validate.iter().zip(&base.held_out).zip(&with.held_out) {
+        let mut difference = vec![0.0; flight.rows()];
+        for axis in effect.info().axes.iter().map(|a| a.index()) {
+            let weight = 1.0 / (with.fit.sigma[axis] * with.fit.sigma[axis]);
+            for ((d, x), y) in difference.iter_mut().zip(&a.residual[axis]).zip(&b.residual[axis]) {
+                *d += weight * (x * x - y * y);
+                before += weight * x * x;
+            }
+        }
+        let sum: f64 = difference.iter().sum();
+        flights_improved += usize::from(sum > 0.0);
+        total += sum;
+        blocks.extend(block_sums(flight, &difference));
+    }
+    Gain {
+        total,
+        drop_percent: if before > 0.0 { 100.0 * total / before } else { 0.0 },
+        p_value: one_sided_p_value(&blocks),
+        flights_improved,
+    }
+}
+
+/// Sums over blocks of time as long as the covariance's window, not across gaps.
+fn block_sums(flight: &Prepared, values: &[f64]) -> Vec<f64> {
+    let length = (WINDOW_S / flight.period_s).round().max(1.0) as usize;
+    let starts = flight.row_starts();
+    let mut blocks = Vec::new();
+    for (i, &start) in starts.iter().enumerate() {
+        let end = starts.get(i + 1).copied().unwrap_or(values.len());
+        blocks.extend(
+            values[start..end]
+                .chunks(length)
+                .filter(|c| 2 * c.len() >= length)
+                .map(|c| c.iter().sum::<f64>()),
+        );
+    }
+    blocks
+}
+
+/// p-value of "the mean is not above zero", by Student's t over the blocks.
+fn one_sided_p_value(blocks: &[f64]) -> f64 {
+    let n = blocks.len() as f64;
+    if blocks.len() < 3 {
+        return 1.0;
+    }
+    let mean = blocks.iter().sum::<f64>() / n;
+    let variance = blocks.iter().map(|b| (b - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    if variance <= 0.0 {
+        return if mean > 0.0 { 0.0 } else { 1.0 };
+    }
+    let t = mean / (variance / n).sqrt();
+    StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.0, |d| d.sf(t))
+}
+
+/// Dependence of the residual on each measured quantity: a cubic fitted to the training residuals must lower the
+/// held-out squared error by more than chance and by enough to matter.
+fn structure(rest: &Judged, train: &[&Prepared], validate: &[&Prepared]) -> Vec<Unexplained> {
+    let model = &rest.fit.model;
+    let adjust = model.adjustments();
+    let fitted: Vec<Residuals> = train.iter().map(|f| residuals(f, model)).collect();
+    let conditions = |flights: &[&Prepared]| -> Vec<_> {
+        flights.iter().map(|f| f.conditions(&model.vehicle, &adjust).all()).collect()
+    };
+    let (known, held_out) = (conditions(train), conditions(validate));
+    let quantities = known.first().map_or(0, Vec::len);
+    let tests = (quantities * 6) as f64;
+    let mut found = Vec::new();
+    for axis in model::AXES {
+        let total: f64 = rest.held_out.iter().flat_map(|r| &r.residual[axis.index()]).map(|e| e * e).sum();
+        for index in 0..quantities {
+            let points = known.iter().zip(&fitted).flat_map(|(c, r)| {
+                c[index].values.iter().copied().zip(r.residual[axis.index()].iter().copied())
+            });
+            let Some(cubic) = Cubic::fit(points) else { continue };
+            let mut blocks = Vec::new();
+            let mut gain = 0.0;
+            for ((flight, c), r) in validate.iter().zip(&held_out).zip(&rest.held_out) {
+                let difference: Vec<f64> = c[index]
+                    .values
+                    .iter()
+                    .zip(&r.residual[axis.index()])
+                    .map(|(x, e)| e * e - (e - cubic.at(*x)).powi(2))
+                    .collect();
+                gain += difference.iter().sum::<f64>();
+                blocks.extend(block_sums(flight, &difference));
+            }
+            let share_percent = if total > 0.0 { 100.0 * gain / total } else { 0.0 };
+            let p_value = (one_sided_p_value(&blocks) * tests).min(1.0);
+            if share_percent > STRUCTURE_PERCENT && p_value < STRUCTURE_SIGNIFICANCE {
+                found.push(Unexplained { axis, depends_on: known[0][index].name, share_percent, p_value });
+            }
+        }
+    }
+    found.sort_by(|a, b| b.share_percent.total_cmp(&a.share_percent));
+    found
+}
+
+/// A cubic in a standardised quantity, held constant beyond the range it was fitted on.
+struct Cubic {
+    mean: f64,
+    scale: f64,
+    range: (f64, f64),
+    coefficients: DVector<f64>,
+}
+
+impl Cubic {
+    fn fit(points: impl Iterator<Item = (f64, f64)> + Clone) -> Option<Self> {
+        let n = points.clone().count() as f64;
+        let mean = points.clone().map(|(x, _)| x).sum::<f64>() / n;
+        let scale = (points.clone().map(|(x, _)| (x - mean).powi(2)).sum::<f64>() / n).sqrt();
+        if !(scale > 0.0) {
+            return None;
+        }
+        let (mut normal, mut right) = (DMatrix::zeros(4, 4), DVector::zeros(4));
+        let mut range = (f64::INFINITY, f64::NEG_INFINITY);
+        for (x, e) in points {
+            let s = (x - mean) / scale;
+            range = (range.0.min(s), range.1.max(s));
+            let row = DVector::from_vec(vec![1.0, s, s * s, s * s * s]);
+            normal.ger(1.0, &row, &row, 1.0);
+            right.axpy(e, &row, 1.0);
+        }
+        let coefficients = normal.cholesky()?.solve(&right);
+        Some(Self { mean, scale, range, coefficients })
+    }
+
+    fn at(&self, x: f64) -> f64 {
+        let s = ((x - self.mean) / self.scale).clamp(self.range.0, self.range.1);
+        let c = &self.coefficients;
+        c[0] + s * (c[1] + s * (c[2] + s * c[3]))
+    }
+}
+
+fn summary(verdict: Verdict, findings: &[EffectFinding], unexplained: &[Unexplained]) -> String {
+    let supported: Vec<&EffectFinding> = findings.iter().filter(|f| f.supported).collect();
+    match verdict {
+        Verdict::MissingEffect => {
+            let best = supported[0];
+            let sentence = Effect::from_id(best.effect).map_or("", |e| e.info().sentence);
+            let also: Vec<&str> = supported[1..].iter().map(|f| f.effect).collect();
+            let also = if also.is_empty() {
+                String::new()
+            } else {
+                format!(" Also supported: {}.", also.join(", "))
+            };
+            let [improved, flights] = best.flights_improved;
+            format!(
+                "The model lacks {}. {sentence} With it the error on flights that were not used for the fit falls by \
+                 {:.1} % ({improved} of {flights} flights, p = {:.1e}).{also}",
+                best.effect, best.drop_percent, best.p_value
+            )
+        }
+        Verdict::Adequate => {
+            "No known effect lowers the error on held-out flights by an amount that matters, and what \
+                              is left depends on none of the measured quantities."
+                .into()
+        }
+        Verdict::Unexplained => {
+            let worst = &unexplained[0];
+            format!(
+                "The residual of {} depends on the {} ({:.1} % of its held-out error), and no known effect accounts \
+                 for it.",
+                worst.axis, worst.depends_on, worst.share_percent
+            )
+        }
+    }
+}
+
+/// An effect added to a model: the better model and the held-out errors without and with it.
+#[derive(Debug, Clone)]
+pub struct Addition {
+    /// The refitted model with the effect.
+    pub fit: Fit,
+    /// The evidence.
+    pub finding: EffectFinding,
+    /// Held-out errors of the model refitted without it.
+    pub before: PerAxis<f64>,
+    /// Held-out errors with it.
+    pub after: PerAxis<f64>,
+}
+
+/// Adds an effect to a model, refits everything on the training flights and judges it on the held-out ones.
+pub fn add(
+    model: &Model,
+    effect: Effect,
+    train: &[&Prepared],
+    validate: &[&Prepared],
+) -> Result<Addition, FitError> {
+    let base = judge(model, &model.effects(), train, validate)?;
+    let mut effects = model.effects();
+    effects.push(effect);
+    let with = judge(model, &effects, train, validate)?;
+    let candidates = CATALOGUE.iter().filter(|e| e.info().kind != Kind::Basic && !model.has(**e)).count();
+    let finding = examine(&base, effect, train, validate, candidates);
+    let (before, after) = (errors(&base.held_out), errors(&with.held_out));
+    Ok(Addition {
+        fit: with.fit,
+        finding,
+        before: PerAxis::from_fn(|a| before[a].sse),
+        after: PerAxis::from_fn(|a| after[a].sse),
+    })
+}

@@ -1,0 +1,353 @@
+//! Identification: a model structure fitted to flights, and what it predicts.
+//!
+//! Linear coefficients come from one least squares. Coefficients of adjusting effects (wind, lever, ground effect ...)
+//! enter through the residual's derivative with respect to them, next to the linear columns, and the step is repeated
+//! until it is small against its own standard error: Gauss and Newton's method on the same stacked problem, so
+//! every coefficient gets a standard error of the same kind.
+
+use model::{
+    Adjustments, Axis, AxisError, Effect, Estimate, Kind, Model, PerAxis, Sample, Sink, Term, Vehicle,
+};
+
+use crate::prepare::{Prepared, coefficient_count};
+use crate::regress::{self, FlightRows, Prior, Unidentifiable};
+
+/// Most Gauss-Newton steps; bilinear problems such as wind and drag take three or four.
+const MAX_STEPS: usize = 12;
+/// A step this small against the standard error is the last.
+const CONVERGED: f64 = 0.01;
+
+/// Why a fit was refused.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum FitError {
+    /// No flight to fit on.
+    #[error("no flights to fit on")]
+    NoFlights,
+    /// A coefficient that the flights never excited.
+    #[error("the flights do not excite {coefficient} of {effect}: {excitation}")]
+    NotExcited {
+        /// The effect.
+        effect: &'static str,
+        /// The coefficient.
+        coefficient: &'static str,
+        /// What to fly.
+        excitation: &'static str,
+    },
+    /// Coefficients that the flights cannot tell apart.
+    #[error("the flights cannot tell apart {}; fly so that they move separately", coefficients.join(", "))]
+    Collinear {
+        /// "effect coefficient" of each.
+        coefficients: Vec<String>,
+    },
+    /// The iteration for an adjusting effect ran away.
+    #[error("the fit of {effect} does not settle: these flights do not determine it")]
+    NotConverged {
+        /// The effect.
+        effect: &'static str,
+    },
+}
+
+/// A fitted model with what its errors are judged by.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// The model: vehicle, effects, coefficients with standard errors. Fit record and history are the caller's.
+    pub model: Model,
+    /// Standard deviation of the training residual of each axis.
+    pub sigma: [f64; 6],
+    /// Covariance of all coefficients in the model's order.
+    pub covariance: nalgebra::DMatrix<f64>,
+    /// Condition number of the column-scaled problem.
+    pub condition: f64,
+}
+
+/// Residuals (measured minus predicted) of one flight over its rows.
+#[derive(Debug, Clone)]
+pub struct Residuals {
+    /// Measured, for each axis.
+    pub measured: [Vec<f64>; 6],
+    /// Measured minus predicted, for each axis.
+    pub residual: [Vec<f64>; 6],
+}
+
+/// Fits `effects` to `flights`. `start` gives first values of adjusting coefficients, where it has them.
+pub fn fit(
+    flights: &[&Prepared],
+    vehicle: &Vehicle,
+    effects: &[Effect],
+    start: Option<&Model>,
+) -> Result<Fit, FitError> {
+    if flights.is_empty() {
+        return Err(FitError::NoFlights);
+    }
+    let mut model = Model::new(vehicle.clone());
+    model.reference.battery_v = match start {
+        Some(start) => start.reference.battery_v,
+        None => {
+            let rows: f64 = flights.iter().map(|f| f.rows() as f64).sum();
+            flights.iter().map(|f| f.mean_battery_v() * f.rows() as f64).sum::<f64>() / rows
+        }
+    };
+    for &effect in effects {
+        let zeros = vec![0.0; effect.info().coefficients.len()];
+        model.set(effect, &zeros);
+        if let (Kind::Adjusting, Some(known)) = (effect.info().kind, start.and_then(|m| m.term(effect))) {
+            let values: Vec<f64> = known.coefficients.iter().map(|c| c.value).collect();
+            model.set(effect, &values);
+        }
+    }
+    let adjusting: Vec<Effect> =
+        effects.iter().copied().filter(|e| e.info().kind == Kind::Adjusting).collect();
+    let linear: Vec<Effect> = effects.iter().copied().filter(|e| e.info().kind != Kind::Adjusting).collect();
+    let order: Vec<Effect> = linear.iter().chain(&adjusting).copied().collect();
+
+    let rows = assemble(flights, &model, &linear, &[]);
+    let count: usize = linear.iter().map(|e| coefficient_count(*e)).sum();
+    let solution = regress::solve(&rows, &vec![None; count]).map_err(|why| unidentifiable(why, &linear))?;
+    store(&mut model, &linear, solution.value.as_slice(), None);
+    if adjusting.is_empty() {
+        return Ok(finish(model, &linear, solution));
+    }
+    for _ in 0..MAX_STEPS {
+        let rows = assemble(flights, &model, &linear, &adjusting);
+        let mut priors = vec![None; count];
+        priors.extend(adjusting.iter().flat_map(|effect| priors_of(&model, *effect)));
+        let solution = regress::solve(&rows, &priors).map_err(|why| unidentifiable(why, &order))?;
+        // The linear part comes out as values, the adjusting part as steps from where the columns were formed.
+        let mut values = solution.value.clone();
+        let mut settled = true;
+        let mut at = count;
+        for effect in &adjusting {
+            let known: Vec<f64> =
+                model.term(*effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
+            for (now, info) in known.iter().zip(effect.info().coefficients) {
+                let step = solution.value[at];
+                let error = solution.covariance[(at, at)].sqrt();
+                settled &= step.abs() < CONVERGED * error + 1e-9 * info.typical;
+                // Far outside the possible there is nothing to find, and the columns lose their meaning.
+                let (low, high) = info.possible;
+                let reach = high - low;
+                values[at] = (now + step).clamp(low - reach, high + reach);
+                at += 1;
+            }
+        }
+        store(&mut model, &order, values.as_slice(), None);
+        if settled {
+            return Ok(finish(model, &order, regress::Solution { value: values, ..solution }));
+        }
+    }
+    Err(FitError::NotConverged { effect: adjusting[0].id() })
+}
+
+/// What is known of the next step of an adjusting effect's coefficients: it leads back to zero.
+fn priors_of(model: &Model, effect: Effect) -> impl Iterator<Item = Option<Prior>> {
+    let values: Vec<f64> =
+        model.term(effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
+    let known = effect.info().coefficients.iter().zip(values);
+    known.map(|(c, now)| c.prior.map(|deviation| Prior { expected: -now, deviation }))
+}
+
+/// Writes values (and errors) of `effects` in order into the model.
+fn store(model: &mut Model, effects: &[Effect], values: &[f64], errors: Option<&[f64]>) {
+    let mut at = 0;
+    for effect in effects {
+        let count = effect.info().coefficients.len();
+        let estimates =
+            (at..at + count).map(|k| Estimate { value: values[k], std_error: errors.map(|e| e[k]) });
+        let term = Term { effect: *effect, coefficients: estimates.collect() };
+        match model.terms.iter_mut().find(|t| t.effect == *effect) {
+            Some(known) => *known = term,
+            None => model.terms.push(term),
+        }
+        at += count;
+    }
+}
+
+fn finish(mut model: Model, order: &[Effect], solution: regress::Solution) -> Fit {
+    let errors: Vec<f64> = solution.covariance.diagonal().iter().map(|v| v.max(0.0).sqrt()).collect();
+    store(&mut model, order, solution.value.as_slice(), Some(&errors));
+    let covariance = in_model_order(&model, order, &solution.covariance);
+    Fit { model, sigma: solution.sigma, covariance, condition: solution.condition }
+}
+
+/// The covariance with rows and columns in the order of the model's terms.
+fn in_model_order(
+    model: &Model,
+    order: &[Effect],
+    covariance: &nalgebra::DMatrix<f64>,
+) -> nalgebra::DMatrix<f64> {
+    let first = |effect: Effect| -> usize {
+        order.iter().take_while(|e| **e != effect).map(|e| e.info().coefficients.len()).sum()
+    };
+    let index: Vec<usize> = model
+        .terms
+        .iter()
+        .flat_map(|t| (0..t.coefficients.len()).map(move |k| first(t.effect) + k))
+        .collect();
+    nalgebra::DMatrix::from_fn(index.len(), index.len(), |r, c| covariance[(index[r], index[c])])
+}
+
+fn unidentifiable(why: Unidentifiable, order: &[Effect]) -> FitError {
+    let find = |parameter: usize| {
+        let mut left = parameter;
+        for effect in order {
+            let info = effect.info();
+            if left < info.coefficients.len() {
+                return (info, info.coefficients[left].name);
+            }
+            left -= info.coefficients.len();
+        }
+        unreachable!("a parameter beyond the last coefficient")
+    };
+    match why {
+        Unidentifiable::NotExcited(k) => {
+            let (info, coefficient) = find(k);
+            FitError::NotExcited { effect: info.id, coefficient, excitation: info.excitation }
+        }
+        Unidentifiable::Collinear(all) => {
+            let coefficients = all.into_iter().map(|k| {
+                let (info, name) = find(k);
+                format!("{name} of {}", info.id)
+            });
+            FitError::Collinear { coefficients: coefficients.collect() }
+        }
+    }
+}
+
+/// Rows of the regression about a model: columns of the linear effects, then residual derivatives of the adjusting
+/// ones, whose targets are shifted so that the solution gives values for the former and steps for the latter.
+fn assemble(
+    flights: &[&Prepared],
+    model: &Model,
+    linear: &[Effect],
+    adjusting: &[Effect],
+) -> Vec<FlightRows> {
+    let vehicle = &model.vehicle;
+    let adjust = model.adjustments();
+    flights
+        .iter()
+        .map(|flight| {
+            let mut columns: Vec<_> =
+                flight.columns(linear, vehicle, &adjust).into_iter().map(|c| c.axes).collect();
+            for effect in adjusting {
+                columns.extend(residual_derivatives(flight, model, *effect));
+            }
+            FlightRows {
+                targets: flight.targets(vehicle, &adjust),
+                columns,
+                starts: flight.row_starts(),
+                period_s: flight.period_s,
+            }
+        })
+        .collect()
+}
+
+/// Minus the derivative of the residual with respect to each coefficient of an adjusting effect: central differences,
+/// which are exact to rounding for the smooth, mildly curved ways these effects act.
+fn residual_derivatives(flight: &Prepared, model: &Model, effect: Effect) -> Vec<[Option<Vec<f64>>; 6]> {
+    let info = effect.info();
+    let mut model = model.clone();
+    if !model.has(effect) {
+        model.set(effect, &vec![0.0; info.coefficients.len()]);
+    }
+    let base: Vec<f64> =
+        model.term(effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
+    (0..info.coefficients.len())
+        .map(|k| {
+            let step = 0.01 * step_scale(model.vehicle.has_rotor_map(), effect, k);
+            let mut at = |sign: f64| {
+                let mut values = base.clone();
+                values[k] += sign * step;
+                model.set(effect, &values);
+                residuals(flight, &model).residual
+            };
+            let (ahead, behind) = (at(1.0), at(-1.0));
+            std::array::from_fn(|axis| {
+                let difference: Vec<f64> =
+                    ahead[axis].iter().zip(&behind[axis]).map(|(a, b)| (b - a) / (2.0 * step)).collect();
+                // Rows that do not feel the coefficient stay out of the problem.
+                difference.iter().any(|d| *d != 0.0).then_some(difference)
+            })
+        })
+        .collect()
+}
+
+/// Ordinary magnitude of a coefficient; rotor "speeds" are commands near 1 where the map is unknown.
+fn step_scale(has_rotor_map: bool, effect: Effect, coefficient: usize) -> f64 {
+    let typical = effect.info().coefficients[coefficient].typical;
+    if effect == Effect::BatteryVoltage && !has_rotor_map { 0.05 } else { typical }
+}
+
+struct Prediction<'a> {
+    coefficients: &'a [f64],
+    sum: [f64; 6],
+}
+
+impl Sink for Prediction<'_> {
+    #[inline]
+    fn add(&mut self, axis: Axis, coefficient: usize, value: f64) {
+        self.sum[axis.index()] += self.coefficients[coefficient] * value;
+    }
+}
+
+/// Measured and measured-minus-predicted of all six axes over the rows of a flight.
+pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
+    let vehicle = &model.vehicle;
+    let adjust: Adjustments = model.adjustments();
+    let measured = flight.targets(vehicle, &adjust);
+    let terms: Vec<(Effect, Vec<f64>)> = model
+        .terms
+        .iter()
+        .filter(|t| t.effect.info().kind != Kind::Adjusting)
+        .map(|t| (t.effect, t.coefficients.iter().map(|c| c.value).collect()))
+        .collect();
+    let mut predicted: [Option<Vec<f64>>; 6] = Default::default();
+    let mut rows_before = 0;
+    for stretch in &flight.stretches {
+        let inputs = flight.inputs(stretch, vehicle, &adjust);
+        let mut axes: [Vec<f64>; 6] = std::array::from_fn(|_| Vec::with_capacity(inputs.len()));
+        for input in &inputs {
+            let sample = Sample::new(*input, vehicle, &adjust);
+            let mut sum = [0.0; 6];
+            for (effect, coefficients) in &terms {
+                let mut sink = Prediction { coefficients, sum };
+                effect.columns(&sample, &mut sink);
+                sum = sink.sum;
+            }
+            axes.iter_mut().zip(sum).for_each(|(axis, value)| axis.push(value));
+        }
+        flight.append_rows(stretch, &inputs, axes.map(Some), &mut predicted, rows_before);
+        rows_before += stretch.time_s.len() - 2 * flight.margin;
+    }
+    let residual = std::array::from_fn(|axis| match &predicted[axis] {
+        Some(predicted) => measured[axis].iter().zip(predicted).map(|(m, p)| m - p).collect(),
+        None => measured[axis].clone(),
+    });
+    Residuals { measured, residual }
+}
+
+/// Errors of each axis over several flights.
+pub fn errors<'a>(all: impl IntoIterator<Item = &'a Residuals>) -> PerAxis<AxisError> {
+    let mut sums = PerAxis::<(f64, f64, f64, u64)>::default();
+    for one in all {
+        for axis in model::AXES {
+            let sum = &mut sums[axis];
+            for (e, y) in one.residual[axis.index()].iter().zip(&one.measured[axis.index()]) {
+                sum.0 += e * e;
+                sum.1 += y;
+                sum.2 += y * y;
+                sum.3 += 1;
+            }
+        }
+    }
+    PerAxis::from_fn(|axis| {
+        let (sse, total, squares, samples) = sums[axis];
+        let n = samples.max(1) as f64;
+        let about_mean = squares - total * total / n;
+        AxisError {
+            sse,
+            rms: (sse / n).sqrt(),
+            r2: if about_mean > 0.0 { 1.0 - sse / about_mean } else { 0.0 },
+            samples,
+        }
+    })
+}
