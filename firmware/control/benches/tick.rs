@@ -7,14 +7,14 @@ fn main() {
     divan::main();
 }
 
-/// A second of wobbling about hover at 100 Hz.
+/// A second of slight wobbling about hover at 100 Hz; no motor reaches its end.
 fn measurements() -> Vec<Measurement> {
     (0..100)
         .map(|k| {
             let a = (f64::from(k) * 0.0628) as f32;
             Measurement {
-                position_m: [0.1 * libm::sinf(a), 0.1 * libm::cosf(a), -1.0 + 0.05 * libm::sinf(2.0 * a)],
-                attitude_rad: [0.05 * libm::cosf(a), 0.05 * libm::sinf(a), 0.3 * libm::sinf(a)],
+                position_m: [0.02 * libm::sinf(a), 0.02 * libm::cosf(a), -1.0 + 0.01 * libm::sinf(2.0 * a)],
+                attitude_rad: [0.01 * libm::cosf(a), 0.01 * libm::sinf(a), 0.05 * libm::sinf(a)],
                 gyro_rad_s: None,
                 battery_v: 11.1,
             }

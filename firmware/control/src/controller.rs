@@ -398,3 +398,248 @@ fn internal_fault(memory: &mut Memory) -> Motors {
     (memory.estimator, memory.position, memory.inner) = (None, None, None);
     Motors { rotor_speed_rad_s: None, refused: Refused::default() }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gains::GyroFusion;
+
+    const HOVER: Measurement = Measurement {
+        position_m: [0.0, 0.0, -1.0],
+        attitude_rad: [0.0; 3],
+        gyro_rad_s: None,
+        battery_v: 11.1,
+    };
+    const STAY: Command = Command {
+        mode: Mode::Attitude,
+        attitude_rad: [0.0; 2],
+        yaw_rad: 0.0,
+        z_m: -1.0,
+        position_m: [0.0; 2],
+        cut_off: false,
+        injection: [0.0; 4],
+    };
+
+    fn thesis() -> Controller {
+        Controller::new(&Config::thesis()).unwrap()
+    }
+
+    /// Hover commands of the printed matrix and map at 11.1 V (reference numbers, 2 decimals; f32 holds 1700 to 1.2e-4).
+    #[test]
+    fn hover_is_hover() {
+        let mut controller = thesis();
+        for _ in 0..1000 {
+            let tick = controller.tick(&HOVER, &STAY);
+            for (got, want) in tick.pwm.into_iter().zip([1682.71, 1711.94, 1711.05, 1741.89]) {
+                assert!((got - want).abs() < 0.006, "{got} {want}");
+            }
+            assert_eq!((tick.refused, tick.faults), (Refused::default(), Faults::default()));
+        }
+    }
+
+    /// The craft's answer to each command and disturbance, by the signs of the conventions, in both laws.
+    #[test]
+    fn directions() {
+        for config in [Config::thesis(), Config::thesis_hand_tuned()] {
+            let more = |measurement: &Measurement, command: &Command| {
+                let mut controller = Controller::new(&config).unwrap();
+                let hover = controller.tick(&HOVER, &STAY).pwm;
+                let mut now = hover;
+                for _ in 0..5 {
+                    now = controller.tick(measurement, command).pwm;
+                }
+                let change: [f32; 4] = core::array::from_fn(|i| now[i] - hover[i]);
+                change.map(|x| x > 0.0)
+            };
+            let left = [true, false, false, true];
+            let front = [true, true, false, false];
+            let ccw = [true, false, true, false];
+            assert_eq!(more(&HOVER, &Command { attitude_rad: [0.1, 0.0], ..STAY }), left, "roll right");
+            assert_eq!(more(&HOVER, &Command { attitude_rad: [0.0, 0.1], ..STAY }), front, "pitch up");
+            assert_eq!(more(&HOVER, &Command { yaw_rad: 0.1, ..STAY }), ccw, "yaw right");
+            assert_eq!(more(&HOVER, &Command { z_m: -1.2, ..STAY }), [true; 4], "climb");
+            assert_eq!(
+                more(&Measurement { attitude_rad: [-0.1, 0.0, 0.0], ..HOVER }, &STAY),
+                left,
+                "rolled left"
+            );
+        }
+    }
+
+    #[test]
+    fn nothing_flies_before_the_first_good_measurement() {
+        let mut controller = thesis();
+        let blind = Measurement { position_m: [f32::NAN; 3], ..HOVER };
+        for k in 1..=5 {
+            let tick = controller.tick(&blind, &STAY);
+            assert_eq!(tick.pwm, [1000.0; 4]);
+            assert_eq!(tick.faults.measurement.count, k);
+        }
+        assert!(controller.tick(&HOVER, &STAY).pwm[0] > 1600.0);
+    }
+
+    #[test]
+    fn a_bad_sample_is_held_and_counted() {
+        let mut controller = thesis();
+        controller.tick(&HOVER, &STAY);
+        let before = controller.tick(&HOVER, &STAY).pwm;
+        let bad = Measurement { attitude_rad: [f32::NAN, 0.0, f32::INFINITY], battery_v: f32::NAN, ..HOVER };
+        let tick = controller.tick(&bad, &STAY);
+        assert_eq!(tick.pwm, before);
+        assert!(tick.faults.measurement.now && tick.faults.battery.now && !tick.faults.command.now);
+        let bad = Command { z_m: f32::NAN, ..STAY };
+        let tick = controller.tick(&HOVER, &bad);
+        assert_eq!(tick.terms.z_command_m, -1.0);
+        assert!(tick.faults.command.now && !tick.faults.measurement.now);
+        assert_eq!((tick.faults.measurement.count, tick.faults.battery.count), (1, 1));
+    }
+
+    #[test]
+    fn cut_off_idles_and_forgets_the_integrals() {
+        let mut controller = thesis();
+        let low = Measurement { position_m: [0.0, 0.0, -0.8], ..HOVER };
+        let mut wound_up = 0.0;
+        for _ in 0..200 {
+            wound_up = controller.tick(&low, &STAY).terms.altitude.i;
+        }
+        assert!(wound_up < -0.3, "0.2 m for 2 s: {wound_up}");
+        let tick = controller.tick(&low, &Command { cut_off: true, injection: [50.0; 4], ..STAY });
+        assert_eq!(tick.pwm, [1000.0; 4], "idle, injection or not");
+        let after = controller.tick(&low, &STAY).terms.altitude.i;
+        assert!((after + 0.002).abs() < 1e-5, "one tick of 0.2 m: {after}");
+    }
+
+    #[test]
+    fn injection_is_added_behind_the_map_and_clamped() {
+        let mut controller = thesis();
+        let plain = controller.tick(&HOVER, &STAY).pwm;
+        let tick = controller.tick(&HOVER, &Command { injection: [10.0, -20.0, 0.0, 1e9], ..STAY });
+        // Hover repeats to the rounding of 1700 us.
+        assert!((tick.pwm[0] - plain[0] - 10.0).abs() < 1e-3);
+        assert!((tick.pwm[1] - plain[1] + 20.0).abs() < 1e-3);
+        assert_eq!(tick.pwm[3], 2000.0);
+        // Motor 4 (rear left) at its upper end: it has no more for thrust, roll right and pitch down.
+        assert!(tick.refused.thrust.high && tick.refused.roll.high && tick.refused.pitch.low);
+        assert!(!tick.refused.thrust.low && !tick.refused.roll.low && !tick.refused.pitch.high);
+    }
+
+    /// Saturation flows backwards: with the rotors at their end the integral stands, without anti-windup it runs.
+    #[test]
+    fn refused_thrust_stops_the_altitude_integral() {
+        let deep = Measurement { position_m: [0.0, 0.0, 0.0], ..HOVER };
+        for (anti_windup, stands) in [(true, true), (false, false)] {
+            let mut controller = Controller::new(&Config { anti_windup, ..Config::thesis() }).unwrap();
+            let command = Command { z_m: -2.0, ..STAY };
+            let early = (0..10).map(|_| controller.tick(&deep, &command)).last().unwrap();
+            assert!(early.refused.thrust.high, "18 N/m * 2 m is more than there is");
+            let late = (0..100).map(|_| controller.tick(&deep, &command)).last().unwrap();
+            assert_eq!(late.terms.altitude.i == early.terms.altitude.i, stands);
+            let high = Measurement { position_m: [0.0, 0.0, -3.0], ..HOVER };
+            let back = (0..50).map(|_| controller.tick(&high, &command)).last().unwrap();
+            assert!(back.terms.altitude.i > late.terms.altitude.i, "unwinds");
+        }
+    }
+
+    #[test]
+    fn switching_to_position_mode_starts_where_the_craft_is() {
+        let mut controller = thesis();
+        let there = Measurement { position_m: [1.0, -0.5, -1.0], ..HOVER };
+        let tick = controller.tick(&there, &STAY);
+        assert_eq!(tick.terms.outer, None);
+        let command = Command { mode: Mode::Position, position_m: [0.0, 0.0], ..STAY };
+        let outer = controller.tick(&there, &command).terms.outer.unwrap();
+        // One tick at 0.5 m/s towards the command.
+        assert!((outer.reference_m[0] - 0.995).abs() < 1e-6 && (outer.reference_m[1] + 0.495).abs() < 1e-6);
+        for _ in 0..100 {
+            controller.tick(&there, &command);
+        }
+        controller.tick(&there, &STAY);
+        let again = controller.tick(&there, &command).terms.outer.unwrap();
+        assert_eq!(again, outer, "the outer loop starts anew");
+    }
+
+    #[test]
+    fn a_snapshot_flies_on_alike() {
+        let mut one = thesis();
+        for k in 0..50 {
+            one.tick(&Measurement { attitude_rad: [0.001 * k as f32, 0.0, 0.0], ..HOVER }, &STAY);
+        }
+        let mut other = one;
+        for k in 0..50 {
+            let measurement = Measurement { attitude_rad: [0.0, 0.001 * k as f32, 0.02], ..HOVER };
+            assert_eq!(one.tick(&measurement, &STAY), other.tick(&measurement, &STAY));
+        }
+    }
+
+    #[test]
+    fn corrupted_memory_is_thrown_away() {
+        let mut controller = thesis();
+        let before = controller.tick(&HOVER, &STAY).pwm;
+        controller.memory.estimator =
+            Some(controller.laws.estimator.start([f32::NAN; 3], -1.0, 11.1, [0.0; 3]));
+        let tick = controller.tick(&HOVER, &STAY);
+        assert_eq!((tick.pwm, tick.faults.internal.count), (before, 1), "the last commands once more");
+        let tick = controller.tick(&HOVER, &STAY);
+        assert_eq!((tick.faults.internal.now, tick.faults.internal.count), (false, 1));
+        for (got, want) in tick.pwm.into_iter().zip(before) {
+            assert!((got - want).abs() < 1e-3, "flies on");
+        }
+    }
+
+    #[test]
+    fn a_gyro_that_is_wanted_and_missing_is_a_fault() {
+        let mut config = Config::thesis();
+        config.estimation.gyro =
+            Some(GyroFusion { corner_rad_s: 5.0, complement: crate::gains::Complement::Exact });
+        let mut controller = Controller::new(&config).unwrap();
+        assert!(controller.tick(&HOVER, &STAY).faults.measurement.now);
+        let turning = Measurement { gyro_rad_s: Some([0.2, 0.0, 0.0]), ..HOVER };
+        let tick = controller.tick(&turning, &STAY);
+        assert!(!tick.faults.measurement.now);
+        // The high-pass lets the jump through: nearly all of it.
+        assert!((tick.terms.body_rates_rad_s[0] - 0.2).abs() < 1e-3, "{:?}", tick.terms.body_rates_rad_s);
+    }
+
+    /// Ten seconds of flight of the same step at several rates: the laws are built for their period, the results agree.
+    #[test]
+    fn the_sample_time_is_a_parameter() {
+        let integral_after_a_second = |rate_hz: u16| {
+            let config = Config { sample_time_s: 1.0 / f64::from(rate_hz), ..Config::thesis() };
+            let mut controller = Controller::new(&config).unwrap();
+            controller.tick(&HOVER, &STAY);
+            let command = Command { yaw_rad: 0.1, ..STAY };
+            (0..rate_hz).map(|_| controller.tick(&HOVER, &command).terms.yaw).last().unwrap()
+        };
+        // Prefilter 4/(s+4): e(1 s) = 0.1 (1 - exp(-4)), integral 0.1 (1 - (1 - exp(-4)) / 4).
+        let (p, i) = (15.0 * 0.098_168, 0.1 * (1.0 - 0.981_684 / 4.0));
+        for rate_hz in [100, 250, 1000] {
+            let terms = integral_after_a_second(rate_hz);
+            // Backward Euler and the prefilter's sample of delay: within one period of the slope.
+            let tolerance = 0.12 / f32::from(rate_hz);
+            assert!(
+                (terms.p - p).abs() < tolerance && (terms.i - i).abs() < tolerance,
+                "{rate_hz} Hz: {terms:?}"
+            );
+        }
+    }
+
+    /// Yaw held at the branch cut of the angle: noise to either side moves no motor by much.
+    #[test]
+    fn heading_south_is_no_special_place() {
+        let mut controller = thesis();
+        let pi = core::f32::consts::PI;
+        let command = Command { yaw_rad: pi, ..STAY };
+        let south = |noise: f32| Measurement {
+            attitude_rad: [0.0, 0.0, crate::trig::wrap_angle(pi + noise)],
+            ..HOVER
+        };
+        let hover = controller.tick(&south(0.0), &command).pwm;
+        for k in 0..100 {
+            let tick = controller.tick(&south(if k % 2 == 0 { 1e-4 } else { -1e-4 }), &command);
+            for (got, want) in tick.pwm.into_iter().zip(hover) {
+                // 2e-4 rad in 0.01 s is 0.02 rad/s; times 0.6 of the estimator at half the rate and 5 rad/s^2 per rad/s.
+                assert!((got - want).abs() < 3.0, "{k}: {got} {want}");
+            }
+        }
+    }
+}

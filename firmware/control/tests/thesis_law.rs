@@ -158,6 +158,13 @@ fn the_estimator_as_printed() {
     check(include_str!("golden/pattern_printed75.csv"), &config, Mode::Position);
 }
 
+/// The law of the identification flights, with this crate's gains for it. Its outputs are in microseconds, so its floors
+/// (1 us of thrust and torque) are stricter still.
+#[test]
+fn the_hand_tuned_law() {
+    check(include_str!("golden/hand_tuned.csv"), &Config::thesis_hand_tuned(), Mode::Position);
+}
+
 /// The smallest mistakes that were ever made with this law are far outside the tolerance.
 #[test]
 fn the_tolerance_is_tight_enough() {
