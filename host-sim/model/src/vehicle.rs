@@ -225,10 +225,12 @@ impl Vehicle {
             (None, Some(gain)) => {
                 refuse("motors.command", gain.to_string(), "rad/s per command unit, above 0")
             }
+            // No map at all: flights must log their rotor speeds (omega1..4).
+            (None, None) if m.voltage.is_none() && m.offset.is_none() => Ok(()),
             (None, None) => refuse(
                 "motors.command",
                 "missing".into(),
-                "give motors.command (with voltage, offset) or motors.map = \"identify\"",
+                "a map needs motors.command besides voltage and offset; leave out all three if rotor speeds are logged",
             ),
         }
     }
@@ -244,6 +246,11 @@ impl Vehicle {
                 offset: self.motors.offset.unwrap_or(0.0),
             },
         }
+    }
+
+    /// Whether rotor speeds can be computed from commands; if not, flights must log them.
+    pub fn can_map_commands(&self) -> bool {
+        self.motors.map.is_some() || self.motors.command.is_some()
     }
 
     /// Whether rotor speeds computed by [`Self::rotor_map`] are real rad/s.

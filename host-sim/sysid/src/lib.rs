@@ -15,4 +15,4 @@ pub use compare::{Comparison, compare};
 pub use diagnose::{Addition, Diagnosis, Verdict, add, diagnose};
 pub use fit::{Fit, FitError, Residuals, errors, fit, residuals};
 pub use flight::{Column, Flight, FlightError};
-pub use prepare::{Conditions, ForceTarget, Prepared, TooShort};
+pub use prepare::{Conditions, ForceTarget, PrepareError, Prepared};

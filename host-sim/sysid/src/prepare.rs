@@ -121,7 +121,7 @@ pub struct Conditions {
 
 impl Prepared {
     /// Prepares a flight of `vehicle`. Errors are a sentence for people; the caller names the file.
-    pub fn new(flight: &Flight, vehicle: &Vehicle) -> Result<Self, TooShort> {
+    pub fn new(flight: &Flight, vehicle: &Vehicle) -> Result<Self, PrepareError> {
         let t = flight.required(Column::T);
         let period_s = rounded_period(median_step(t));
         let filter = RegressionFilter::new(period_s);
@@ -138,6 +138,9 @@ impl Prepared {
         let margin = windows * filter.half();
         let shortest = 2 * margin + filter.smooth.len();
         let channels = Channels::new(flight, imu.is_some(), velocity.is_some());
+        if channels.rotor.is_none() && !vehicle.can_map_commands() {
+            return Err(PrepareError::NoRotorSpeeds);
+        }
         let (columns, bridged) = bridge(&channels.columns);
         if bridged > 0 {
             notes.push(format!("{bridged} single missing values bridged"));
@@ -161,7 +164,7 @@ impl Prepared {
         if stretches.is_empty() {
             let duration_s = t.last().unwrap_or(&0.0) - t.first().unwrap_or(&0.0);
             let needed_s = shortest as f64 * period_s;
-            return Err(TooShort { samples: t.len(), duration_s, needed_s });
+            return Err(PrepareError::TooShort { samples: t.len(), duration_s, needed_s });
         }
         let gyro_bias_rad_s = remove_gyro_bias(&mut stretches, &filter);
         for stretch in &mut stretches {
@@ -180,7 +183,6 @@ impl Prepared {
             margin,
         };
         prepared.notes.dedup();
-        let _ = vehicle;
         Ok(prepared)
     }
 
@@ -379,8 +381,7 @@ impl Prepared {
         let mut c = Conditions::default();
         for stretch in &self.stretches {
             let inputs = self.inputs(stretch, vehicle, adjust);
-            for k in self.margin..stretch.time_s.len() - self.margin {
-                let input = &inputs[k];
+            for (k, input) in inputs.iter().enumerate().take(inputs.len() - self.margin).skip(self.margin) {
                 c.time_s.push(stretch.time_s[k]);
                 for i in 0..3 {
                     c.position_ned_m[i].push(input.position_ned_m[i]);
@@ -396,15 +397,26 @@ impl Prepared {
     }
 }
 
-/// A flight too short to use.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TooShort {
-    /// Samples in the file.
-    pub samples: usize,
-    /// First to last time, s.
-    pub duration_s: f64,
-    /// Length without gaps that is needed, s.
-    pub needed_s: f64,
+/// Why a flight cannot be used.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum PrepareError {
+    /// Too short.
+    #[error(
+        "has {samples} samples over {duration_s:.2} s; at least {needed_s:.2} s without gaps or missing values are needed"
+    )]
+    TooShort {
+        /// Samples in the file.
+        samples: usize,
+        /// First to last time, s.
+        duration_s: f64,
+        /// Length without gaps that is needed, s.
+        needed_s: f64,
+    },
+    /// Neither rotor speeds nor a map.
+    #[error(
+        "has no rotor speeds (omega1..4) and the vehicle file has no motor map; give [motors] command, voltage and offset, or map = \"identify\""
+    )]
+    NoRotorSpeeds,
 }
 
 /// Linear coefficients of an effect: none for an adjusting one.
@@ -622,8 +634,8 @@ fn bridge(columns: &[Vec<f64>]) -> (Vec<Vec<f64>>, usize) {
                 let end = (k..column.len()).find(|&j| column[j].is_finite()).unwrap_or(column.len());
                 if k > 0 && end < column.len() && end - k <= longest {
                     let (from, to, span) = (column[k - 1], column[end], (end - k + 1) as f64);
-                    for j in k..end {
-                        column[j] = from + (to - from) * (j - k + 1) as f64 / span;
+                    for (step, value) in column[k..end].iter_mut().enumerate() {
+                        *value = from + (to - from) * (step + 1) as f64 / span;
                         count += usize::from(index != BATTERY);
                     }
                 }
