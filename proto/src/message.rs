@@ -9,10 +9,6 @@ pub enum Message {
     Input(Input),
     /// From the controller: the outcome of that tick.
     Output(Output),
-    /// To the controller: forget everything and start over with the first tick.
-    Reset,
-    /// From the controller: it is (again) as new.
-    Ready,
     /// To the controller: no more ticks; leave.
     Stop,
 }

@@ -1,1 +1,47 @@
-//! Placeholder while the crate is laid out.
+//! Software in the loop: the controller that flies against the identified plant, 100 times a second.
+//!
+//! A [`FlightPlan`] says everything about a flight: the [`model::Model`] that stands for the craft (any model, with
+//! whatever effects), the controller's configuration, what is commanded when ([`Script`], [`Excitation`]), the
+//! sensors' noise, delay and seed, and the battery. [`fly`] turns it into a [`Recording`]; equal plans give equal
+//! bits. [`Scenario`] names the flights of the thesis' chapter 5, each with what it has to fulfil.
+//!
+//! Order of a tick, that of the reference the thesis' responses were recomputed with:
+//! 1. the sensors look at the craft; the pose enters a first-in-first-out line of [`FlightPlan::delay_samples`],
+//! 2. the controller gets the oldest pose of the line, the gyro and the voltage as they are now, and the command,
+//! 3. its motor commands become commanded rotor speeds at the voltage of now, held for the tick,
+//! 4. the plant advances by one tick in [`FlightPlan::substeps`] Runge-Kutta steps.
+//!
+//! Controller and plant may be one process or two ([`Link`]): the messages are those of crate `proto`, and the
+//! recordings do not differ in a single bit.
+//!
+//! Conventions: SI, inertial frame north-east-down, body frame front-right-down, Euler angles Z-Y-X in radians.
+//!
+//! Deliberately absent: a floor (a craft that sinks below z = 0 flies on), the tracker's drop-outs, ARM targets.
+#![forbid(unsafe_code)]
+
+mod craft;
+mod delay;
+mod excitation;
+mod flight;
+mod link;
+pub mod metrics;
+mod noise;
+pub mod page;
+mod process;
+mod random;
+pub mod reference;
+mod scenario;
+mod script;
+mod sensors;
+mod suite;
+
+pub use craft::Craft;
+pub use excitation::Excitation;
+pub use flight::{CAGE_M, ClosedLoop, FlightPlan, Recording, Row, SilError, fly, fly_over};
+pub use link::{InProcess, Link, LinkError};
+pub use noise::{Coloured, NoiseModel};
+pub use process::{Iceoryx2, serve};
+pub use scenario::{Check, Scenario, Settings};
+pub use script::{Script, Step, StepAxis, Waypoint};
+pub use sensors::Sensors;
+pub use suite::{Outcome, Suite, Transport};

@@ -1,0 +1,161 @@
+//! `sil`: flies the controller against the simulated craft and judges the flights.
+#![forbid(unsafe_code)]
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Context;
+use clap::{Parser, ValueEnum};
+use indicatif::{ProgressBar, ProgressStyle};
+use sil::{LinkError, NoiseModel, Scenario, Settings, SilError, Suite, Transport, page};
+
+/// Fly the controller against the simulated craft at 100 Hz and judge the flights.
+///
+/// Exit status: 0 every flight does what it has to, 1 one does not, 2 bad usage or input, 130 interrupted.
+#[derive(Parser)]
+#[command(name = "sil", version)]
+struct Arguments {
+    /// Flights: hover, roll-10, pitch-10, yaw-30 (degrees), z-0.5, x-1, y-1 (metres), roll-30, pattern, excitation;
+    /// none named: all but roll-30, which is beyond the design's limit
+    #[arg(long = "scenario", value_name = "NAME", num_args = 1..)]
+    scenarios: Vec<Scenario>,
+
+    /// Age of the pose that the controller gets, in samples of 10 ms
+    #[arg(long, value_name = "SAMPLES", default_value_t = 2, value_parser = clap::value_parser!(u16).range(0..=1000))]
+    delay: u16,
+
+    /// Noise of the sensors; off gives the numbers of the reference
+    #[arg(long, value_enum, default_value_t = Switch::Off)]
+    noise: Switch,
+
+    /// Seed of noise, excitation and the tour of `excitation`
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+
+    /// Controller and plant in one process, or in two over shared memory; the results are the same to the last bit
+    #[arg(long, value_enum, default_value_t = Way::Inproc)]
+    transport: Way,
+
+    /// Where the controller runs; this version has `host` only
+    #[arg(long, value_name = "PLACE", default_value = "host")]
+    on: String,
+
+    /// Runge-Kutta steps of the plant in a tick of 10 ms
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    substeps: u16,
+
+    /// Folder for index.html and one flight file a flight
+    #[arg(long, value_name = "DIR", default_value = "out/sil")]
+    out: PathBuf,
+
+    /// Print one JSON document on standard output and nothing else
+    #[arg(long)]
+    json: bool,
+
+    /// Serve as the controller of a run (started by sil itself)
+    #[arg(long, value_name = "RUN", hide = true)]
+    controller: Option<String>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Switch {
+    Off,
+    On,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Way {
+    Inproc,
+    Iceoryx2,
+}
+
+const BAD_USAGE: u8 = 2;
+const INTERRUPTED: u8 = 130;
+
+fn main() -> ExitCode {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => return usage(&error),
+    };
+    let outcome = match &arguments.controller {
+        Some(run) => sil::serve(run).map(|()| ExitCode::SUCCESS).map_err(anyhow::Error::from),
+        None => run(&arguments),
+    };
+    outcome.unwrap_or_else(|error| {
+        eprintln!("error: {error:#}");
+        let interrupted = matches!(error.downcast_ref(), Some(SilError::Link(LinkError::Interrupted)));
+        ExitCode::from(if interrupted { INTERRUPTED } else { BAD_USAGE })
+    })
+}
+
+/// Help as it is; a mistake as one line.
+fn usage(error: &clap::Error) -> ExitCode {
+    if !error.use_stderr() {
+        let _ = error.print();
+        return ExitCode::SUCCESS;
+    }
+    let text = error.to_string();
+    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+    let said: Vec<&str> =
+        lines.take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more")).collect();
+    eprintln!("{} (see sil --help)", said.join(" "));
+    ExitCode::from(BAD_USAGE)
+}
+
+fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
+    match arguments.on.as_str() {
+        "host" => {}
+        "armv7" | "cortex-m4" => anyhow::bail!(
+            "--on {}: the ARM programs are not part of this version; use --on host",
+            arguments.on
+        ),
+        other => anyhow::bail!("--on {other}: not a place to run; use --on host"),
+    }
+    let scenarios = match arguments.scenarios.as_slice() {
+        [] => Scenario::standard().collect(),
+        named => named.to_vec(),
+    };
+    let settings = Settings {
+        delay_samples: usize::from(arguments.delay),
+        noise: (arguments.noise == Switch::On).then(NoiseModel::default),
+        seed: arguments.seed,
+        substeps: u32::from(arguments.substeps),
+    };
+    let transport = match arguments.transport {
+        Way::Inproc => Transport::InProcess,
+        Way::Iceoryx2 => Transport::Iceoryx2 { program: std::env::current_exe()? },
+    };
+    let bar = ProgressBar::new(scenarios.len() as u64)
+        .with_style(ProgressStyle::with_template("{bar:20} {pos}/{len} {msg}")?);
+    let mut flown = 0;
+    let suite = Suite::fly(&scenarios, &settings, &transport, |scenario| {
+        bar.set_position(flown);
+        bar.set_message(scenario.name());
+        flown += 1;
+    });
+    bar.finish_and_clear();
+    let suite = suite?;
+    let provenance = report::Provenance {
+        command_line: std::env::args().collect::<Vec<_>>().join(" "),
+        version: format!("sil {}", env!("CARGO_PKG_VERSION")),
+        ..report::Provenance::default()
+    };
+    std::fs::create_dir_all(&arguments.out)
+        .with_context(|| format!("cannot create the folder {}", arguments.out.display()))?;
+    suite.write_flights(&arguments.out)?;
+    let index = arguments.out.join("index.html");
+    page::page(&suite, &settings, provenance).write(&index)?;
+    print(arguments, &suite, &index);
+    Ok(ExitCode::from(u8::from(!suite.pass())))
+}
+
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn print(arguments: &Arguments, suite: &Suite, index: &std::path::Path) {
+    if arguments.json {
+        println!("{}", suite.to_json());
+        return;
+    }
+    print!("{}", page::text_table(suite));
+    println!("motor commands sha256 {}", suite.pwm_sha256);
+    println!("page and flight files: {}", index.display());
+}

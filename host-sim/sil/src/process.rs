@@ -1,0 +1,290 @@
+//! Controller and plant in two processes, over shared memory (iceoryx2).
+//!
+//! The plant's process asks, the controller's answers: one request and one response a tick, each a frame of crate
+//! `proto`, and an event each way that wakes the sleeper. Services carry the run's own number, so that runs side by side
+//! do not meet; all files of the middleware carry the prefix `quadlab_`, so that foreign programs are left alone.
+//!
+//! The configuration goes to the controller's process as one line of JSON on its standard input. The input stays open:
+//! its end tells the controller that the plant is gone, however it went. In the other direction the plant looks whether
+//! the controller's process still lives whenever it has waited in vain. Whoever survives removes the other's shared
+//! memory; if neither does, the next run does.
+
+use std::io::{BufRead, Read, Write};
+use std::path::Path;
+use std::process::{Child, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use control::{Command, Config, Controller, Measurement};
+use iceoryx2::port::client::Client;
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::port::server::Server;
+use iceoryx2::prelude::*;
+use proto::{MAX_FRAME_LEN, Message};
+
+use crate::link::{Link, LinkError, arguments, input, output};
+
+type Ipc = ipc::Service;
+type Asking = Client<Ipc, [u8], (), [u8], ()>;
+type Answering = Server<Ipc, [u8], (), [u8], ()>;
+
+/// How long one wait lasts before the other side's life is looked at.
+const LOOK: Duration = Duration::from_millis(50);
+/// How long the other side may take for anything.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// Ticks between two looks for Ctrl-C; a tick takes some 50 us.
+const TICKS_BETWEEN_LOOKS: u32 = 100;
+
+fn refused<E: std::fmt::Debug>(what: &'static str) -> impl Fn(E) -> LinkError {
+    move |error| LinkError::Middleware { what, reason: format!("{error:?}") }
+}
+
+/// The middleware's configuration: ours alone, whatever a user's file says.
+fn middleware() -> iceoryx2::config::Config {
+    let mut config = iceoryx2::config::Config::default();
+    if let Ok(prefix) = FileName::new(b"quadlab_") {
+        config.global.prefix = prefix;
+    }
+    config
+}
+
+fn node() -> Result<Node<Ipc>, LinkError> {
+    set_log_level(LogLevel::Fatal);
+    let node = NodeBuilder::new().config(&middleware()).create::<Ipc>().map_err(refused("create a node"))?;
+    // The first wait installs the handler that turns Ctrl-C into an error of later waits.
+    node.wait(Duration::ZERO).map_err(|_| LinkError::Interrupted)?;
+    Ok(node)
+}
+
+/// The services of one run.
+struct Services {
+    ticks: iceoryx2::service::port_factory::request_response::PortFactory<Ipc, [u8], (), [u8], ()>,
+    asked: iceoryx2::service::port_factory::event::PortFactory<Ipc>,
+    answered: iceoryx2::service::port_factory::event::PortFactory<Ipc>,
+}
+
+impl Services {
+    fn name(run: &str, part: &str) -> Result<ServiceName, LinkError> {
+        ServiceName::new(&format!("quadlab/sil/{run}/{part}")).map_err(refused("name a service"))
+    }
+
+    fn open_or_create(node: &Node<Ipc>, run: &str) -> Result<Self, LinkError> {
+        let event = |part| -> Result<_, LinkError> {
+            node.service_builder(&Self::name(run, part)?)
+                .event()
+                .open_or_create()
+                .map_err(refused("create an event service"))
+        };
+        let ticks = node
+            .service_builder(&Self::name(run, "ticks")?)
+            .request_response::<[u8], [u8]>()
+            .open_or_create()
+            .map_err(refused("create a request-response service"))?;
+        Ok(Self { ticks, asked: event("asked")?, answered: event("answered")? })
+    }
+}
+
+/// A controller in a process of its own.
+pub struct Iceoryx2 {
+    client: Asking,
+    asked: Notifier<Ipc>,
+    answered: Listener<Ipc>,
+    child: Child,
+    node: Node<Ipc>,
+    buffer: [u8; MAX_FRAME_LEN],
+}
+
+impl Iceoryx2 {
+    /// Starts `program --controller RUN` (which has to call [`serve`]) with a configuration and waits until it listens.
+    ///
+    /// # Errors
+    /// The program cannot be started, ends at once, or the middleware refuses something.
+    pub fn start(program: &Path, config: &Config) -> Result<Self, LinkError> {
+        let run = unused_name();
+        let node = node()?;
+        let services = Services::open_or_create(&node, &run)?;
+        let client = services
+            .ticks
+            .client_builder()
+            .initial_max_slice_len(MAX_FRAME_LEN)
+            .create()
+            .map_err(refused("create a client"))?;
+        let asked = services.asked.notifier_builder().create().map_err(refused("create a notifier"))?;
+        let answered = services.answered.listener_builder().create().map_err(refused("create a listener"))?;
+        let child = spawn(program, &run, config)?;
+        let mut link = Self { client, asked, answered, child, node, buffer: [0; MAX_FRAME_LEN] };
+        let started = Instant::now();
+        let there = || {
+            services.ticks.dynamic_config().number_of_servers() > 0
+                && services.asked.dynamic_config().number_of_listeners() > 0
+                && services.answered.dynamic_config().number_of_notifiers() > 0
+        };
+        while !there() {
+            std::thread::sleep(Duration::from_millis(1));
+            link.look(started)?;
+        }
+        Ok(link)
+    }
+
+    /// Whether it makes sense to go on waiting since `started`.
+    fn look(&mut self, started: Instant) -> Result<(), LinkError> {
+        self.node.wait(Duration::ZERO).map_err(|_| LinkError::Interrupted)?;
+        if let Ok(Some(status)) = self.child.try_wait() {
+            return Err(LinkError::PeerGone { status: status.to_string() });
+        }
+        if started.elapsed() > PATIENCE {
+            return Err(LinkError::Silent { seconds: PATIENCE.as_secs() });
+        }
+        Ok(())
+    }
+
+    fn send(&mut self, message: &Message) -> Result<Pending, LinkError> {
+        let frame = proto::encode(message, &mut self.buffer)?;
+        let request = self.client.loan_slice_uninit(frame.len()).map_err(refused("lend memory"))?;
+        let pending = request.write_from_slice(frame).send().map_err(refused("send a request"))?;
+        self.asked.notify().map_err(refused("wake the controller"))?;
+        Ok(pending)
+    }
+}
+
+type Pending = iceoryx2::pending_response::PendingResponse<Ipc, [u8], (), [u8], ()>;
+
+/// Unique among the runs of this machine: the process and the moment.
+fn unused_name() -> String {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    let nanoseconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos());
+    let count = COUNT.fetch_add(1, Ordering::Relaxed);
+    format!("{:x}-{nanoseconds:x}-{count:x}", std::process::id())
+}
+
+fn spawn(program: &Path, run: &str, config: &Config) -> Result<Child, LinkError> {
+    let failed = |source| LinkError::Start { program: program.display().to_string(), source };
+    let mut child = std::process::Command::new(program)
+        .args(["--controller", run])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .map_err(failed)?;
+    let mut line = serde_json::to_vec(config).map_err(|error| failed(error.into()))?;
+    line.push(b'\n');
+    // The input stays open in `child.stdin`: its end is the sign that this process is gone.
+    child.stdin.as_mut().map_or(Ok(()), |stdin| stdin.write_all(&line)).map_err(failed)?;
+    Ok(child)
+}
+
+impl Link for Iceoryx2 {
+    fn tick(
+        &mut self,
+        tick: u32,
+        measurement: &Measurement,
+        command: &Command,
+    ) -> Result<proto::Output, LinkError> {
+        let started = Instant::now();
+        if tick.is_multiple_of(TICKS_BETWEEN_LOOKS) {
+            self.look(started)?;
+        }
+        let pending = self.send(&Message::Input(input(tick, measurement, command)))?;
+        loop {
+            if let Some(response) = pending.receive().map_err(refused("receive a response"))? {
+                return match proto::decode(response.payload())? {
+                    Message::Output(output) if output.tick == tick => Ok(output),
+                    other => Err(LinkError::WrongAnswer { expected: tick, found: format!("{other:?}") }),
+                };
+            }
+            // An interrupted or empty wait is no reason to give up; what is, `look` knows.
+            if !matches!(self.answered.timed_wait(|_| {}, LOOK), Ok(1..)) {
+                self.look(started)?;
+            }
+        }
+    }
+}
+
+impl Drop for Iceoryx2 {
+    /// Tells the controller to leave, and clears away what it could not.
+    fn drop(&mut self) {
+        let _ = self.send(&Message::Stop);
+        drop(self.child.stdin.take());
+        let started = Instant::now();
+        while matches!(self.child.try_wait(), Ok(None)) {
+            if started.elapsed() > PATIENCE {
+                let _ = self.child.kill();
+                let _ = self.child.wait();
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        self.node.blocking_cleanup_dead_nodes(Duration::from_secs(1));
+    }
+}
+
+/// The controller's side: reads its configuration from standard input, answers ticks of run `run`, and returns when it is
+/// told to stop or the plant's process is gone.
+///
+/// # Errors
+/// A configuration that cannot be read or flown, or what the middleware refuses.
+pub fn serve(run: &str) -> Result<(), crate::SilError> {
+    let config = read_config()?;
+    let mut controller = Controller::new(&config)?;
+    let plant_gone = watch_input();
+    let node = node()?;
+    let services = Services::open_or_create(&node, run)?;
+    let answered = services.answered.notifier_builder().create().map_err(refused("create a notifier"))?;
+    let asked = services.asked.listener_builder().create().map_err(refused("create a listener"))?;
+    let server = services
+        .ticks
+        .server_builder()
+        .initial_max_slice_len(MAX_FRAME_LEN)
+        .create()
+        .map_err(refused("create a server"))?;
+    let mut go_on = true;
+    while go_on && !plant_gone.load(Ordering::Relaxed) {
+        // Ctrl-C reaches both processes: it is the plant's to decide, so an interrupted wait is like an empty one.
+        let _ = asked.timed_wait(|_| {}, LOOK);
+        go_on = answer_all(&server, &answered, &mut controller)?;
+    }
+    drop((server, asked, answered, services));
+    node.blocking_cleanup_dead_nodes(Duration::from_secs(1));
+    Ok(())
+}
+
+/// Answers what has come; `false` after a request to stop.
+fn answer_all(
+    server: &Answering,
+    answered: &Notifier<Ipc>,
+    controller: &mut Controller,
+) -> Result<bool, LinkError> {
+    let mut buffer = [0; MAX_FRAME_LEN];
+    while let Some(request) = server.receive().map_err(refused("receive a request"))? {
+        let asked = match proto::decode(request.payload())? {
+            Message::Input(asked) => asked,
+            Message::Stop | Message::Output(_) => return Ok(false),
+        };
+        let (measurement, command) = arguments(&asked);
+        let outcome = output(asked.tick, &controller.tick(&measurement, &command));
+        let frame = proto::encode(&Message::Output(outcome), &mut buffer)?;
+        let response = request.loan_slice_uninit(frame.len()).map_err(refused("lend memory"))?;
+        response.write_from_slice(frame).send().map_err(refused("send a response"))?;
+        answered.notify().map_err(refused("wake the plant"))?;
+    }
+    Ok(true)
+}
+
+fn read_config() -> Result<Config, LinkError> {
+    let mut line = String::new();
+    let failed = |source| LinkError::Start { program: "itself".into(), source };
+    std::io::stdin().lock().read_line(&mut line).map_err(failed)?;
+    serde_json::from_str(&line).map_err(|error| failed(error.into()))
+}
+
+/// Becomes true when standard input ends.
+fn watch_input() -> Arc<AtomicBool> {
+    let ended = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&ended);
+    std::thread::spawn(move || {
+        // Nothing more is written; only the end is waited for.
+        let _ = std::io::stdin().lock().read_to_end(&mut Vec::new());
+        flag.store(true, Ordering::Relaxed);
+    });
+    ended
+}
