@@ -86,6 +86,8 @@ pub struct Worst {
     pub axis: Axis,
     /// "height 0.14 to 0.36 m".
     pub condition: String,
+    /// The quantity by itself: "height".
+    pub quantity: &'static str,
     /// Root mean square error under the condition.
     pub rms: f64,
     /// Share of the axis' squared error, percent; the bin holds a fifth of the samples.
@@ -263,6 +265,7 @@ fn worst(model: &Model, flights: &[&Prepared], all: &[Residuals]) -> Vec<Worst> 
                     Worst {
                         axis,
                         condition: format!("{} {low:.2} to {high:.2} {}", info.name, info.unit),
+                        quantity: info.name,
                         rms: (sse / bin.len() as f64).sqrt(),
                         share_percent,
                     },

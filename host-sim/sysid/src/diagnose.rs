@@ -514,23 +514,20 @@ fn structure(rest: &Judged, train: &[&Prepared], validate: &[&Prepared]) -> Vec<
     };
     let (known, held_out) = (conditions(train), conditions(validate));
     let quantities = known.first().map_or(0, Vec::len);
-    let tests = (quantities * 6) as f64;
+    let tests = ((quantities + 1) * 6) as f64;
     let mut found = Vec::new();
     for axis in model::AXES {
         let total: f64 = rest.held_out.iter().flat_map(|r| &r.residual[axis.index()]).map(|e| e * e).sum();
-        for index in 0..quantities {
-            let points = known.iter().zip(&fitted).flat_map(|(c, r)| {
-                c[index].values.iter().copied().zip(r.residual[axis.index()].iter().copied())
-            });
-            let Some(cubic) = Cubic::fit(points) else { continue };
+        let training = || fitted.iter().flat_map(|r| r.residual[axis.index()].iter().copied());
+        let constant = training().sum::<f64>() / training().count().max(1) as f64;
+        let mut judge = |depends_on: &'static str, explain: &dyn Fn(usize, usize) -> f64, before: f64| {
             let mut blocks = Vec::new();
             let mut gain = 0.0;
-            for ((flight, c), r) in validate.iter().zip(&held_out).zip(&rest.held_out) {
-                let difference: Vec<f64> = c[index]
-                    .values
+            for (f, (flight, r)) in validate.iter().zip(&rest.held_out).enumerate() {
+                let difference: Vec<f64> = r.residual[axis.index()]
                     .iter()
-                    .zip(&r.residual[axis.index()])
-                    .map(|(x, e)| e * e - (e - cubic.at(*x)).powi(2))
+                    .enumerate()
+                    .map(|(k, e)| (e - before).powi(2) - (e - explain(f, k)).powi(2))
                     .collect();
                 gain += difference.iter().sum::<f64>();
                 blocks.extend(block_sums(flight, &difference));
@@ -538,7 +535,17 @@ fn structure(rest: &Judged, train: &[&Prepared], validate: &[&Prepared]) -> Vec<
             let share_percent = if total > 0.0 { 100.0 * gain / total } else { 0.0 };
             let p_value = (one_sided_p_value(&blocks) * tests).min(1.0);
             if share_percent > STRUCTURE_PERCENT && p_value < STRUCTURE_SIGNIFICANCE {
-                found.push(Unexplained { axis, depends_on: known[0][index].name, share_percent, p_value });
+                found.push(Unexplained { axis, depends_on, share_percent, p_value });
+            }
+        };
+        // A constant is a dependence on nothing measured; the quantities are judged by what they add to it.
+        judge("constant offset", &|_, _| constant, 0.0);
+        for index in 0..quantities {
+            let points = known.iter().zip(&fitted).flat_map(|(c, r)| {
+                c[index].values.iter().copied().zip(r.residual[axis.index()].iter().copied())
+            });
+            if let Some(cubic) = Cubic::fit(points) {
+                judge(known[0][index].name, &|f, k| cubic.at(held_out[f][index].values[k]), constant);
             }
         }
     }
@@ -609,9 +616,14 @@ fn summary(verdict: Verdict, findings: &[EffectFinding], unexplained: &[Unexplai
         Verdict::Unexplained => {
             let worst = &unexplained[0];
             format!(
-                "The residual of {} depends on the {} ({:.1} % of its held-out error), and no known effect accounts \
-                 for it.",
-                worst.axis, worst.depends_on, worst.share_percent
+                "The residual of {} {} ({:.1} % of its held-out error), and no known effect accounts for it.",
+                worst.axis,
+                if worst.depends_on == "constant offset" {
+                    "has a constant offset".to_owned()
+                } else {
+                    format!("depends on the {}", worst.depends_on)
+                },
+                worst.share_percent
             )
         }
     }
