@@ -38,6 +38,37 @@ pub enum Error {
     },
 }
 
+/// Where bytes for a path really go.
+enum Target {
+    /// A file in a folder that exists: written beside it and renamed.
+    File { path: PathBuf, folder: PathBuf },
+    /// A device or pipe: written directly, because it cannot be replaced.
+    Direct,
+}
+
+fn target_of(path: &Path) -> Result<Target, Error> {
+    let refused = |source| Error::Refused { path: path.to_owned(), source };
+    let target = match fs::metadata(path) {
+        Ok(existing) if existing.is_dir() => return Err(Error::IsFolder { path: path.to_owned() }),
+        Ok(existing) if existing.is_file() => fs::canonicalize(path).map_err(refused)?,
+        Ok(_) => return Ok(Target::Direct),
+        Err(_) => path.to_owned(),
+    };
+    let folder = folder_of(&target).ok_or_else(|| Error::NoFileName { path: path.to_owned() })?;
+    if !folder.is_dir() {
+        return Err(Error::MissingFolder { path: path.to_owned(), folder });
+    }
+    Ok(Target::File { path: target, folder })
+}
+
+/// Checks, before any work is done for it, that [`write_atomic`] would find a place for `path`.
+///
+/// # Errors
+/// [`Error`] when `path` is a folder, names no file or lies in a missing folder. Permissions and free space show only when writing.
+pub fn check_writable(path: impl AsRef<Path>) -> Result<(), Error> {
+    target_of(path.as_ref()).map(|_| ())
+}
+
 /// Writes `bytes` to `path` so that a reader sees the old content or the whole new one, also after a power cut.
 ///
 /// A temporary file in the same folder is written, synchronised to disk and renamed over `path`. A symbolic link is kept and its
@@ -49,16 +80,10 @@ pub enum Error {
 pub fn write_atomic(path: impl AsRef<Path>, bytes: impl AsRef<[u8]>) -> Result<(), Error> {
     let path = path.as_ref();
     let refused = |source| Error::Refused { path: path.to_owned(), source };
-    let target = match fs::metadata(path) {
-        Ok(existing) if existing.is_dir() => return Err(Error::IsFolder { path: path.to_owned() }),
-        Ok(existing) if existing.is_file() => fs::canonicalize(path).map_err(refused)?,
-        Ok(_) => return fs::write(path, bytes).map_err(refused),
-        Err(_) => path.to_owned(),
+    let (target, folder) = match target_of(path)? {
+        Target::Direct => return fs::write(path, bytes).map_err(refused),
+        Target::File { path, folder } => (path, folder),
     };
-    let folder = folder_of(&target).ok_or_else(|| Error::NoFileName { path: path.to_owned() })?;
-    if !folder.is_dir() {
-        return Err(Error::MissingFolder { path: path.to_owned(), folder });
-    }
     let mut temporary = temporary_in(&folder).map_err(refused)?;
     temporary.write_all(bytes.as_ref()).map_err(refused)?;
     temporary.as_file().sync_all().map_err(refused)?;
@@ -139,6 +164,9 @@ mod tests {
         let error = write_atomic(missing.join("out.svg"), "x").unwrap_err();
         assert!(matches!(&error, Error::MissingFolder { folder, .. } if *folder == missing), "{error}");
         assert!(names_in(folder.path()).is_empty());
+        assert_eq!(check_writable(missing.join("out.svg")).unwrap_err().to_string(), error.to_string());
+        check_writable(folder.path().join("out.svg")).unwrap();
+        assert!(names_in(folder.path()).is_empty(), "a check writes nothing");
     }
 
     #[test]
