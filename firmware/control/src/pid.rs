@@ -81,23 +81,28 @@ impl Pid {
         refused: Directions,
         filter: impl FnOnce(f32) -> f32,
     ) -> PidTerms {
-        let refused_up = refused.high || state.refused.high;
-        let refused_down = refused.low || state.refused.low;
-        let blocked = self.anti_windup && (refused_up && error > 0.0 || refused_down && error < 0.0);
+        let refused =
+            Directions { high: refused.high | state.refused.high, low: refused.low | state.refused.low };
+        let any = refused.high | refused.low;
+        let blocked = any && self.anti_windup && (refused.high && error > 0.0 || refused.low && error < 0.0);
         if !blocked {
             state.integral += error * self.period_s;
         }
         let (p, i, d) = (self.kp * error, self.ki * state.integral, -(self.kd * rate));
         let wanted = filter(p + i) + d;
-        // Not `clamp`, which panics if a limit is not a number, nor `min` and `max`, which would hide a NaN.
-        let (output, high, low) = if wanted > self.limit {
-            (self.limit, true, false)
-        } else if wanted < -self.limit {
-            (-self.limit, false, true)
+        if wanted.abs() <= self.limit {
+            state.refused = Directions::default();
+            return PidTerms { p, i, d, output: wanted };
+        }
+        // Not `clamp`, which panics if a limit is not a number. A NaN stays one, for the end of the tick to see.
+        state.refused = Directions { high: wanted > 0.0, low: wanted < 0.0 };
+        let output = if wanted > 0.0 {
+            self.limit
+        } else if wanted < 0.0 {
+            -self.limit
         } else {
-            (wanted, false, false)
+            wanted
         };
-        state.refused = Directions { high, low };
         PidTerms { p, i, d, output }
     }
 }

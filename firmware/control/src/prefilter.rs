@@ -69,15 +69,13 @@ impl RateLimiter {
     #[inline]
     pub fn step(&self, reference: &mut f32, command: f32) -> f32 {
         let to_go = command - *reference;
-        *reference += if to_go > self.step {
-            self.step
-        } else if to_go < -self.step {
-            -self.step
-        } else if to_go.is_nan() {
-            0.0
-        } else {
-            to_go
-        };
+        if to_go.abs() <= self.step {
+            *reference += to_go;
+        } else if to_go > 0.0 {
+            *reference += self.step;
+        } else if to_go < 0.0 {
+            *reference -= self.step;
+        }
         *reference
     }
 }

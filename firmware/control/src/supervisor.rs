@@ -76,7 +76,9 @@ impl Fault {
     #[inline]
     pub(crate) fn note(&mut self, raised: bool) {
         self.now = raised;
-        self.count = self.count.saturating_add(u32::from(raised));
+        if raised {
+            self.count = self.count.saturating_add(1);
+        }
     }
 }
 
@@ -94,10 +96,17 @@ pub(crate) struct Inputs {
     pub(crate) injection: [f32; 4],
 }
 
+/// The magnitude of a value as its bits: they order as the magnitudes do, with infinity and NaN above all numbers, and
+/// comparing integers is cheaper than comparing floats one by one.
+#[inline]
+fn magnitude(value: f32) -> u32 {
+    value.to_bits() & 0x7fff_ffff
+}
+
 /// Takes a value over if its magnitude is within the limit (NaN is not); tells whether it did.
 #[inline]
 fn take(held: &mut f32, value: f32, limit: f32) -> bool {
-    let good = value.abs() <= limit;
+    let good = magnitude(value) <= limit.to_bits();
     if good {
         *held = value;
     }
@@ -107,7 +116,8 @@ fn take(held: &mut f32, value: f32, limit: f32) -> bool {
 /// [`take`] for each field, all at once if all are good.
 #[inline]
 fn take_all<const N: usize>(held: &mut [f32; N], values: [f32; N], limit: f32) -> bool {
-    let good = values.iter().fold(true, |good, value| good & (value.abs() <= limit));
+    let greatest = values.iter().fold(0, |greatest, value| magnitude(*value).max(greatest));
+    let good = greatest <= limit.to_bits();
     if good {
         *held = values;
     } else {
