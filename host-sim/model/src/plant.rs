@@ -7,8 +7,9 @@
 
 use nalgebra::{Vector3, Vector4};
 
+use crate::effects::Weights;
 use crate::sample::Constants;
-use crate::{Adjustments, Axis, Effect, Model, RotorMap, Sample, SampleInput, Sink, frames};
+use crate::{Adjustments, Model, RotorMap, Sample, SampleInput, frames};
 
 /// State of the craft.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,43 +76,19 @@ pub struct Plant {
     adjust: Adjustments,
     map: RotorMap,
     lag_rad_s: Option<f64>,
-    /// Effects with columns, each with the index of its first coefficient.
-    terms: Vec<(Effect, usize)>,
-    coefficients: Vec<f64>,
-}
-
-/// Multiplies columns by coefficients and sums them.
-struct Accelerations<'a> {
-    coefficients: &'a [f64],
-    sum: [f64; 6],
-}
-
-impl Sink for Accelerations<'_> {
-    #[inline]
-    fn add(&mut self, axis: Axis, coefficient: usize, value: f64) {
-        self.sum[axis.index()] += self.coefficients[coefficient] * value;
-    }
+    weights: Weights,
 }
 
 impl Plant {
     /// The plant of a model.
     pub fn new(model: &Model) -> Self {
-        let mut terms = Vec::new();
-        let mut coefficients = Vec::new();
-        for term in &model.terms {
-            if term.effect.info().kind != crate::Kind::Adjusting {
-                terms.push((term.effect, coefficients.len()));
-                coefficients.extend(term.coefficients.iter().map(|c| c.value));
-            }
-        }
         Self {
             constants: Constants::new(&model.vehicle),
             gravity_m_s2: model.vehicle.gravity,
             adjust: model.adjustments(),
             map: model.vehicle.rotor_map(),
             lag_rad_s: model.vehicle.motors.lag,
-            terms,
-            coefficients,
+            weights: Weights::new(&model.terms),
         }
     }
 
@@ -125,7 +102,8 @@ impl Plant {
         self.sample_at(state, &state.rotor_rad_s, commanded_rad_s, battery_v)
     }
 
-    #[inline]
+    /// Inlined, so that a stage keeps in registers what its effects look at and never builds the rest.
+    #[inline(always)]
     fn sample_at(&self, state: &State, rotor: &[f64; 4], commanded: &[f64; 4], battery_v: f64) -> Sample {
         let lag = self.lag_rad_s.unwrap_or(0.0);
         let input = SampleInput {
@@ -144,13 +122,7 @@ impl Plant {
     /// rad/s^2.
     #[inline]
     pub fn accelerations(&self, sample: &Sample) -> [f64; 6] {
-        let mut sum = [0.0; 6];
-        for &(effect, first) in &self.terms {
-            let mut sink = Accelerations { coefficients: &self.coefficients[first..], sum };
-            effect.columns(sample, &mut sink);
-            sum = sink.sum;
-        }
-        sum
+        self.weights.accelerations(sample)
     }
 
     /// Rotor speeds in rad/s that motor commands ask for at a battery voltage.
@@ -214,7 +186,7 @@ impl Plant {
         state.rate_rad_s += sixth * (k1.rate + 2.0 * (k2.rate + k3.rate) + k4.rate);
         let attitude =
             start.attitude + sixth * (k1.attitude + 2.0 * (k2.attitude + k3.attitude) + k4.attitude);
-        state.attitude = attitude / attitude.norm();
+        state.attitude = attitude * (1.0 / attitude.norm());
         state.rotor_rad_s = *rotor_end;
     }
 
@@ -258,7 +230,7 @@ mod tests {
     //! A free body keeps its energy and its angular momentum; each check has a twin with a term off that must fail.
 
     use super::*;
-    use crate::{Model, Vehicle};
+    use crate::{Effect, Model, Vehicle};
 
     /// Principal moments of inertia of the test body, kg m^2. They differ, so that the Euler terms matter.
     const INERTIA: [f64; 3] = [0.012, 0.016, 0.025];

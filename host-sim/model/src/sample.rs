@@ -65,7 +65,8 @@ impl Adjustments {
 /// Constants of a vehicle that effects use, computed once.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Constants {
-    pub(crate) mass_kg: f64,
+    /// 1 / mass, 1/kg.
+    pub(crate) per_mass: f64,
     pub(crate) beta_kg_m: f64,
     pub(crate) rotor_radius_m: f64,
     /// sqrt(2) l beta of (2.7), kg m^2.
@@ -80,7 +81,7 @@ impl Constants {
         let beta = vehicle.beta_kg_m();
         let reach = vehicle.arm_length * std::f64::consts::FRAC_1_SQRT_2;
         Self {
-            mass_kg: vehicle.mass,
+            per_mass: 1.0 / vehicle.mass,
             beta_kg_m: beta,
             rotor_radius_m: vehicle.rotor_radius,
             arm_beta_kg_m2: std::f64::consts::SQRT_2 * vehicle.arm_length * beta,
@@ -124,6 +125,7 @@ pub struct Sample {
 }
 
 impl Sample {
+    #[inline(always)]
     pub(crate) fn with_constants(input: SampleInput, constants: &Constants, adjust: &Adjustments) -> Self {
         let air_velocity_m_s = if adjust.wind_ned_m_s == Vector3::zeros() {
             input.velocity_m_s
@@ -133,8 +135,11 @@ impl Sample {
         let squared = input.rotor_rad_s.map(|w| w * w);
         let mut thrust = squared;
         if adjust.ground_effect_gain != 0.0 {
-            for (rotor, value) in thrust.iter_mut().enumerate() {
-                *value *= ground_effect_factor(&input, constants, rotor, adjust);
+            // Third column of the direction cosine matrix: body components of "down".
+            let down = [input.dcm[(0, 2)], input.dcm[(1, 2)]];
+            let factors = ground_effect_factors(input.position_ned_m.z, down, constants, adjust);
+            for (value, factor) in thrust.iter_mut().zip(factors) {
+                *value *= factor;
             }
         }
         Self {
@@ -164,18 +169,18 @@ impl Sample {
     }
 }
 
-/// Cheeseman and Bennett's thrust ratio 1 / (1 - k (R / 4h)^2) with each hub's own height over the floor at z = 0.
-fn ground_effect_factor(
-    input: &SampleInput,
-    constants: &Constants,
-    rotor: usize,
-    adjust: &Adjustments,
-) -> f64 {
-    let [x, y] = constants.hub_m[rotor];
-    // Third column of the direction cosine matrix: body components of "down".
-    let hub_down_m = input.position_ned_m.z + input.dcm[(0, 2)] * x + input.dcm[(1, 2)] * y;
-    // A hub within a quarter radius of the floor is on its landing gear; the formula ends there.
-    let height_m = (adjust.ground_effect_height_offset_m - hub_down_m).max(0.25 * constants.rotor_radius_m);
-    let ratio = 0.25 * constants.rotor_radius_m / height_m;
-    1.0 / (1.0 - adjust.ground_effect_gain * ratio * ratio).max(0.2)
+/// Cheeseman and Bennett's thrust ratio 1 / (1 - k (R / 4h)^2) of each rotor with its hub's own height over the floor at
+/// z = 0; `z_m` is the centre of mass, `down` the body components along x and y of "down".
+///
+/// Out of line and fed by value: most plants have no ground effect, and their integration stays in registers.
+#[inline(never)]
+fn ground_effect_factors(z_m: f64, down: [f64; 2], constants: &Constants, adjust: &Adjustments) -> [f64; 4] {
+    constants.hub_m.map(|[x, y]| {
+        let hub_down_m = z_m + down[0] * x + down[1] * y;
+        // A hub within a quarter radius of the floor is on its landing gear; the formula ends there.
+        let height_m =
+            (adjust.ground_effect_height_offset_m - hub_down_m).max(0.25 * constants.rotor_radius_m);
+        let ratio = 0.25 * constants.rotor_radius_m / height_m;
+        1.0 / (1.0 - adjust.ground_effect_gain * ratio * ratio).max(0.2)
+    })
 }

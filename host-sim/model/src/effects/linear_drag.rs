@@ -18,7 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
 
 #[inline]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
-    let per_mass = 1.0 / s.constants.mass_kg;
+    let per_mass = s.constants.per_mass;
     sink.add(Axis::U, 0, s.air_velocity_m_s.x * per_mass);
     sink.add(Axis::V, 1, s.air_velocity_m_s.y * per_mass);
     sink.add(Axis::W, 2, s.air_velocity_m_s.z * per_mass);

@@ -4,7 +4,7 @@
 
 use std::fmt;
 
-use crate::{Adjustments, EffectInfo, Kind, Sample, Sink};
+use crate::{Adjustments, Axis, EffectInfo, Kind, Sample, Sink, Term};
 
 macro_rules! catalogue {
     (columns { $($linear:ident => $linear_file:ident),* $(,)? } adjusting { $($other:ident => $other_file:ident),* $(,)? }) => {
@@ -47,7 +47,70 @@ macro_rules! catalogue {
                 }
             }
         }
+
+        impl Weights {
+            /// The six rows at `sample`. Straight-line code over the whole catalogue: every effect's `columns` is
+            /// inlined with its own coefficients, and what the present effects do not look at is never computed.
+            #[inline(always)]
+            pub(crate) fn accelerations(&self, sample: &Sample) -> [f64; 6] {
+                let mut sum = [0.0; 6];
+                $({
+                    let index = Effect::$linear as usize;
+                    if self.present[index] {
+                        let mut sink = WeightedSum { coefficients: &self.coefficients[index], sum: &mut sum };
+                        $linear_file::columns(sample, &mut sink);
+                    }
+                })*
+                sum
+            }
+        }
     };
+}
+
+/// The linear effects of a model with the values of their coefficients, in the catalogue's order.
+#[derive(Debug, Clone)]
+pub(crate) struct Weights {
+    present: [bool; CATALOGUE.len()],
+    coefficients: [[f64; WIDEST]; CATALOGUE.len()],
+}
+
+/// Most coefficients of one effect.
+const WIDEST: usize = {
+    let (mut widest, mut index) = (0, 0);
+    while index < CATALOGUE.len() {
+        let count = CATALOGUE[index].info().coefficients.len();
+        widest = if count > widest { count } else { widest };
+        index += 1;
+    }
+    widest
+};
+
+impl Weights {
+    pub(crate) fn new(terms: &[Term]) -> Self {
+        let mut weights =
+            Self { present: [false; CATALOGUE.len()], coefficients: [[0.0; WIDEST]; CATALOGUE.len()] };
+        for term in terms.iter().filter(|term| term.effect.info().kind != Kind::Adjusting) {
+            let index = term.effect as usize;
+            weights.present[index] = true;
+            for (sum, estimate) in weights.coefficients[index].iter_mut().zip(&term.coefficients) {
+                *sum += estimate.value;
+            }
+        }
+        weights
+    }
+}
+
+/// Multiplies columns by coefficients and sums them.
+struct WeightedSum<'a> {
+    coefficients: &'a [f64; WIDEST],
+    sum: &'a mut [f64; 6],
+}
+
+impl Sink for WeightedSum<'_> {
+    #[inline(always)]
+    fn add(&mut self, axis: Axis, coefficient: usize, value: f64) {
+        self.sum[axis.index()] += self.coefficients[coefficient] * value;
+    }
 }
 
 catalogue! {

@@ -20,7 +20,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
 #[inline]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
     let v = &s.air_velocity_m_s;
-    let speed_per_mass = v.norm() / s.constants.mass_kg;
+    let speed_per_mass = v.norm() * s.constants.per_mass;
     sink.add(Axis::U, 0, speed_per_mass * v.x);
     sink.add(Axis::V, 0, speed_per_mass * v.y);
     sink.add(Axis::W, 1, speed_per_mass * v.z);

@@ -22,7 +22,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
 
 #[inline]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
-    let per_mass = 1.0 / s.constants.mass_kg;
+    let per_mass = s.constants.per_mass;
     sink.add(Axis::U, 0, s.input.rate_rad_s.y * per_mass);
     sink.add(Axis::V, 1, s.input.rate_rad_s.x * per_mass);
 }

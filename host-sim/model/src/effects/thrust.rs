@@ -17,5 +17,5 @@ pub(super) const INFO: EffectInfo = EffectInfo {
 #[inline]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
     let t = &s.rotor_thrust_rad2_s2;
-    sink.add(Axis::W, 0, -s.constants.beta_kg_m / s.constants.mass_kg * (t[0] + t[1] + t[2] + t[3]));
+    sink.add(Axis::W, 0, -s.constants.beta_kg_m * s.constants.per_mass * (t[0] + t[1] + t[2] + t[3]));
 }
