@@ -5,7 +5,7 @@
 //! thesis prints the derivative per sample; here it is divided by the sampling period.
 //!
 //! **Why a third filter.** The thesis regresses the filtered *derivative* of a velocity on *smoothed* regressors. The two
-//! filters do not pass the same frequencies (at 19 rad/s the derivative is 14 % low, the smoother 1.5 %), so whatever
+//! filters do not pass the same frequencies (at 20 rad/s the derivative is 13 % low, the smoother 2 %), so whatever
 //! the motors do at several hertz is underestimated: on simulated flights with known truth the rotor moment
 //! coefficients come out 3 % low. The derivative filter is the exact derivative of *some* smoother: `D y = sum d_k y_k`
 //! rearranges, by summation by parts, to a weighted mean of the increments of `y`. Applying that same weighted mean
@@ -86,20 +86,39 @@ pub fn convolve(signal: &[f64], taps: &[f64]) -> Vec<f64> {
     if signal.len() < taps.len() {
         return result;
     }
-    let inside = &mut result[half..signal.len() - half];
-    inside.fill(0.0);
-    // Tap by tap over the whole signal: the inner loop is a plain a += t * b that vectorises.
+    let last = signal.len() - half;
+    weighted_sums(signal, taps, &mut result[half..last]);
+    result
+}
+
+/// `out[i] = sum over k of taps[k] * signal[i + k]`. Most of an identification's time is spent here: the widest vector
+/// instructions of the machine at hand are chosen when the program runs (without fused multiply-add, so that
+/// every machine gives the same bits).
+#[multiversion::multiversion(targets("x86_64+avx2", "x86_64+avx512f", "aarch64+neon"))]
+fn weighted_sums(signal: &[f64], taps: &[f64], out: &mut [f64]) {
+    // Blocks that stay in the first-level cache; four taps at a time halve the traffic of the running sums.
     const BLOCK: usize = 512;
-    for (block, out) in inside.chunks_mut(BLOCK).enumerate() {
-        let start = block * BLOCK;
-        for (k, &tap) in taps.iter().enumerate() {
-            let shifted = &signal[start + k..start + k + out.len()];
-            for (o, s) in out.iter_mut().zip(shifted) {
+    for (block, out) in out.chunks_mut(BLOCK).enumerate() {
+        let signal = &signal[block * BLOCK..];
+        let length = out.len();
+        out.fill(0.0);
+        let groups = taps.chunks_exact(4);
+        let rest = groups.remainder();
+        let mut k = 0;
+        for group in groups {
+            let [a, b, c, d] = [0, 1, 2, 3].map(|i| &signal[k + i..k + i + length]);
+            for i in 0..length {
+                out[i] += (group[0] * a[i] + group[1] * b[i]) + (group[2] * c[i] + group[3] * d[i]);
+            }
+            k += 4;
+        }
+        for tap in rest {
+            for (o, s) in out.iter_mut().zip(&signal[k..k + length]) {
                 *o += tap * s;
             }
+            k += 1;
         }
     }
-    result
 }
 
 #[cfg(test)]

@@ -137,22 +137,23 @@ impl Prepared {
         let windows = if force_target == ForceTarget::Position { 2 } else { 1 };
         let margin = windows * filter.half();
         let shortest = 2 * margin + filter.smooth.len();
-        let channels = Channels::new(flight, imu.is_some(), velocity.is_some());
+        let mut channels = Channels::new(flight, imu.is_some(), velocity.is_some());
         if channels.rotor.is_none() && !vehicle.can_map_commands() {
             return Err(PrepareError::NoRotorSpeeds);
         }
-        let (columns, bridged) = bridge(&channels.columns);
+        let bridged = bridge(&mut channels.columns);
+        let columns = &channels.columns;
         if bridged > 0 {
             notes.push(format!("{bridged} single missing values bridged"));
         }
         let mut stretches = Vec::new();
         let mut dropped = 0;
-        for range in unbroken(t, &columns, period_s) {
+        for range in unbroken(t, columns, period_s) {
             if range.len() < shortest {
                 dropped += range.len();
                 continue;
             }
-            let even = even_grid(t, &columns, range, period_s, &mut notes);
+            let even = even_grid(t, columns, range, period_s, &mut notes);
             stretches.push(channels.stretch(even, period_s, &filter, velocity.is_some()));
         }
         if dropped > 0 {
@@ -557,20 +558,16 @@ impl Channels {
 
     fn stretch(
         &self,
-        even: EvenGrid,
+        mut even: EvenGrid,
         period_s: f64,
         filter: &RegressionFilter,
         logged_velocity: bool,
     ) -> Stretch {
-        let take =
-            |first: usize| -> [Vec<f64>; 3] { std::array::from_fn(|i| even.columns[first + i].clone()) };
-        let take4 =
-            |first: usize| -> [Vec<f64>; 4] { std::array::from_fn(|i| even.columns[first + i].clone()) };
-        let position_ned_m = take(POSITION);
-        let euler = take(EULER);
+        let position_ned_m = even.take(POSITION);
+        let euler = even.take(EULER);
         let dcm = (0..even.time_s.len()).map(|k| frames::dcm_from_euler(vector(&euler, k))).collect();
         let velocity_ned_m_s = match self.velocity.filter(|_| logged_velocity) {
-            Some(first) => take(first),
+            Some(first) => even.take(first),
             None => {
                 position_ned_m.each_ref().map(|p| with_ends(p, convolve(p, &filter.derivative), period_s))
             }
@@ -580,12 +577,13 @@ impl Channels {
             dcm,
             velocity_ned_m_s,
             euler_rad: euler.map(|angle| smoothed(angle, filter)),
-            rate_rad_s: take(RATE),
-            smooth_rate_rad_s: take(RATE),
-            command: take4(COMMAND),
-            logged_rotor_rad_s: self.rotor.map(take4),
-            battery_v: smoothed(even.columns[BATTERY].clone(), filter),
-            imu_m_s2: self.imu.map(take),
+            rate_rad_s: even.take(RATE),
+            // Smoothed once the bias is known.
+            smooth_rate_rad_s: Default::default(),
+            command: even.take(COMMAND),
+            logged_rotor_rad_s: self.rotor.map(|first| even.take(first)),
+            battery_v: smoothed(std::mem::take(&mut even.columns[BATTERY]), filter),
+            imu_m_s2: self.imu.map(|first| even.take(first)),
             time_s: even.time_s,
         }
     }
@@ -614,37 +612,31 @@ fn unwrap_angle(angle: &mut [f64]) {
     }
 }
 
-/// Bridges runs of up to [`BRIDGED_SAMPLES`] missing values by a straight line. Returns the columns and the number of
-/// values filled in.
-fn bridge(columns: &[Vec<f64>]) -> (Vec<Vec<f64>>, usize) {
+/// Bridges runs of up to [`BRIDGED_SAMPLES`] missing values by a straight line. Returns the number of values filled
+/// in, the battery's aside.
+fn bridge(columns: &mut [Vec<f64>]) -> usize {
     let mut count = 0;
-    let columns = columns
-        .iter()
-        .enumerate()
-        .map(|(index, column)| {
-            let mut column = column.clone();
-            // A battery is slow and often logged at a tenth of the rate.
-            let longest = if index == BATTERY { BRIDGED_BATTERY_SAMPLES } else { BRIDGED_SAMPLES };
-            let mut k = 0;
-            while k < column.len() {
-                if column[k].is_finite() {
-                    k += 1;
-                    continue;
-                }
-                let end = (k..column.len()).find(|&j| column[j].is_finite()).unwrap_or(column.len());
-                if k > 0 && end < column.len() && end - k <= longest {
-                    let (from, to, span) = (column[k - 1], column[end], (end - k + 1) as f64);
-                    for (step, value) in column[k..end].iter_mut().enumerate() {
-                        *value = from + (to - from) * (step + 1) as f64 / span;
-                        count += usize::from(index != BATTERY);
-                    }
-                }
-                k = end;
+    for (index, column) in columns.iter_mut().enumerate() {
+        // A battery is slow and often logged at a tenth of the rate.
+        let longest = if index == BATTERY { BRIDGED_BATTERY_SAMPLES } else { BRIDGED_SAMPLES };
+        let mut k = 0;
+        while k < column.len() {
+            if column[k].is_finite() {
+                k += 1;
+                continue;
             }
-            column
-        })
-        .collect();
-    (columns, count)
+            let end = (k..column.len()).find(|&j| column[j].is_finite()).unwrap_or(column.len());
+            if k > 0 && end < column.len() && end - k <= longest {
+                let (from, to, span) = (column[k - 1], column[end], (end - k + 1) as f64);
+                for (step, value) in column[k..end].iter_mut().enumerate() {
+                    *value = from + (to - from) * (step + 1) as f64 / span;
+                    count += usize::from(index != BATTERY);
+                }
+            }
+            k = end;
+        }
+    }
+    count
 }
 
 /// Ranges of samples without gaps in time and without missing values.
@@ -673,6 +665,13 @@ fn unbroken(t: &[f64], columns: &[Vec<f64>], period_s: f64) -> Vec<std::ops::Ran
 struct EvenGrid {
     time_s: Vec<f64>,
     columns: Vec<Vec<f64>>,
+}
+
+impl EvenGrid {
+    /// Columns from `first` on, moved out.
+    fn take<const N: usize>(&mut self, first: usize) -> [Vec<f64>; N] {
+        std::array::from_fn(|i| std::mem::take(&mut self.columns[first + i]))
+    }
 }
 
 /// The samples on an even grid: as they are when the log is even, else interpolated (commands are held, the rest runs
@@ -736,7 +735,9 @@ fn remove_gyro_bias(stretches: &mut [Stretch], filter: &RegressionFilter) -> [f6
     let mut count = 0.0;
     for stretch in stretches.iter() {
         let slopes = stretch.euler_rad.each_ref().map(|angle| convolve(angle, &filter.derivative));
-        for k in 2 * filter.half()..stretch.time_s.len() - 2 * filter.half() {
+        // A mean needs no more than ten values a second.
+        let inside = 2 * filter.half()..stretch.time_s.len() - 2 * filter.half();
+        for k in inside.step_by(10) {
             let rates = frames::body_rates_from_euler(vector(&stretch.euler_rad, k), vector(&slopes, k));
             let difference = vector(&stretch.rate_rad_s, k) - rates;
             if difference.iter().all(|d| d.is_finite()) {
