@@ -1,2 +1,100 @@
-//! Placeholder while the crate is laid out.
-fn main() {}
+//! `quadlab`: from flights to a model, and from a model that fails to the physical effect it lacks.
+//!
+//! One file a command; each returns what goes to standard output and whether what it checks holds. This file parses
+//! arguments and turns errors into one line and an exit status: 0 done, 1 the job ran and what it checks does not hold,
+//! 2 bad usage or bad input. Progress and warnings go to standard error.
+//!
+//! Deliberately absent: mathematics (crates `model` and `sysid`) and drawing (crate `report`).
+#![forbid(unsafe_code)]
+
+mod add;
+mod compare;
+mod demo;
+mod diagnose;
+mod effects;
+mod figures;
+mod flights;
+mod hidden;
+mod identify;
+mod output;
+mod pages;
+mod progress;
+mod story;
+mod tables;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::output::Outcome;
+
+/// Identify a quadcopter's model from flights, find out where it fails and which physical effect it lacks.
+///
+/// Exit status: 0 done, 1 the job ran and what it checks does not hold, 2 bad usage or bad input.
+#[derive(Parser)]
+#[command(name = "quadlab", version, max_term_width = 100)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Identify(identify::Options),
+    Compare(compare::Options),
+    Diagnose(diagnose::Options),
+    Add(add::Options),
+    Effects(effects::Options),
+    Demo(demo::Options),
+}
+
+const DOES_NOT_HOLD: u8 = 1;
+const BAD_INPUT: u8 = 2;
+
+fn main() -> ExitCode {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => return usage(&error),
+    };
+    let outcome = match arguments.command {
+        Command::Identify(options) => identify::run(&options),
+        Command::Compare(options) => compare::run(&options),
+        Command::Diagnose(options) => diagnose::run(&options),
+        Command::Add(options) => add::run(&options),
+        Command::Effects(options) => effects::run(&options),
+        Command::Demo(options) => demo::run(&options),
+    };
+    match outcome.and_then(finish) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {}", one_line(&format!("{error:#}")));
+            ExitCode::from(BAD_INPUT)
+        }
+    }
+}
+
+fn finish(outcome: Outcome) -> anyhow::Result<ExitCode> {
+    output::print(&outcome.text)?;
+    Ok(if outcome.holds { ExitCode::SUCCESS } else { ExitCode::from(DOES_NOT_HOLD) })
+}
+
+/// Help as it is; a mistake as one line.
+fn usage(error: &clap::Error) -> ExitCode {
+    if !error.use_stderr() {
+        // A reader that closes the pipe early has seen enough.
+        let _ = error.print();
+        return ExitCode::SUCCESS;
+    }
+    let text = error.to_string();
+    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+    let said: Vec<&str> =
+        lines.take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more")).collect();
+    let said = if said.is_empty() { "error: no command given".to_owned() } else { said.join(" ") };
+    eprintln!("{} (see quadlab --help)", one_line(&said));
+    ExitCode::from(BAD_INPUT)
+}
+
+/// A file name or field may hold a line break; an error is one line all the same.
+fn one_line(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+}

@@ -1,0 +1,84 @@
+//! `quadlab compare`: a model against flights, and where it fails.
+
+use std::path::PathBuf;
+
+use model::{FlightRole, Model};
+use sysid::Comparison;
+
+use crate::flights::{self, Loaded};
+use crate::output::{Outcome, check_outputs, provenance};
+use crate::{pages, progress, tables};
+
+/// Compare a model with flights: errors of each axis, open-loop prediction, and where it fails most.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Example:\n  quadlab compare --model model.toml --flights D.csv E.csv --html compare.html"
+)]
+pub(crate) struct Options {
+    /// Model file, for example: --model model.toml
+    #[arg(long, value_name = "TOML")]
+    model: PathBuf,
+
+    /// Flights to compare with, for example: --flights D.csv E.csv
+    #[arg(long, value_name = "CSV", num_args = 1.., required = true)]
+    flights: Vec<PathBuf>,
+
+    /// Page with figures to write, for example: --html compare.html
+    #[arg(long, value_name = "HTML")]
+    html: Option<PathBuf>,
+
+    /// Print one JSON document on standard output and nothing else there
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
+    let inputs: Vec<&PathBuf> = options.flights.iter().chain([&options.model]).collect();
+    check_outputs(&options.html, &inputs)?;
+    let model = Model::read(&options.model)?;
+    let flights = flights::read(&options.flights, &model.vehicle, options.json)?;
+    warn_of_fitted(&model, &flights);
+    let spinner = progress::spinner(options.json);
+    spinner.set_message("predicting");
+    let comparison = sysid::compare(&model, &flights::prepared(&flights));
+    spinner.finish_and_clear();
+    if let Some(path) = &options.html {
+        pages::compare(&model, &flights, &comparison)
+            .provenance(provenance(&[&options.model], &flights))
+            .write(path)?;
+    }
+    if options.json { Outcome::json(&comparison) } else { Ok(Outcome::done(text(options, &comparison))) }
+}
+
+/// A model looks better than it is on flights that it was fitted to.
+fn warn_of_fitted(model: &Model, flights: &[Loaded]) {
+    let Some(record) = &model.fit else { return };
+    for flight in flights {
+        let fitted = record.flights.iter().any(|f| f.role == FlightRole::Train && f.sha256 == flight.sha256);
+        if fitted {
+            eprintln!(
+                "warning: {}: the model was fitted to this flight, so its errors here are too small",
+                flight.path.display()
+            );
+        }
+    }
+}
+
+fn text(options: &Options, comparison: &Comparison) -> String {
+    let mut text =
+        format!("{}\n{}", tables::comparison(comparison).to_text(), tables::horizons(comparison).to_text());
+    let worst = tables::worst(comparison);
+    if worst.has_rows() {
+        text.push('\n');
+        text.push_str(&worst.to_text());
+    } else {
+        text.push_str("\nNo condition holds more than its share of the error.\n");
+    }
+    for flight in comparison.flights.iter().filter(|f| !f.notes.is_empty()) {
+        text.push_str(&format!("\n{}: {}\n", flight.name, flight.notes.join("; ")));
+    }
+    if let Some(path) = &options.html {
+        text.push_str(&format!("\npage: {}\n", path.display()));
+    }
+    text
+}
