@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use sysid::{Column, Flight, Prepared};
 
 /// The thesis' vehicle with a physical basic model: damping that damps, inertia ratios of one tensor.
-pub fn truth() -> Model {
+pub(crate) fn truth() -> Model {
     let thesis = Model::thesis();
     let mut model = Model::new(Vehicle::thesis());
     for effect in [Effect::Thrust, Effect::LinearDrag, Effect::RotorMoments] {
@@ -24,19 +24,19 @@ pub fn truth() -> Model {
 }
 
 /// Standard deviations of the sensors' noise; the sizes of section 5.5 of the thesis and of common gyros.
-pub struct Noise {
-    pub position_m: f64,
-    pub attitude_rad: f64,
-    pub rate_rad_s: f64,
-    pub battery_v: f64,
+pub(crate) struct Noise {
+    pub(crate) position_m: f64,
+    pub(crate) attitude_rad: f64,
+    pub(crate) rate_rad_s: f64,
+    pub(crate) battery_v: f64,
 }
 
-pub const ORDINARY: Noise =
+pub(crate) const ORDINARY: Noise =
     Noise { position_m: 2.5e-4, attitude_rad: 7e-4, rate_rad_s: 0.012, battery_v: 0.015 };
-pub const NONE: Noise = Noise { position_m: 0.0, attitude_rad: 0.0, rate_rad_s: 0.0, battery_v: 0.0 };
+pub(crate) const NONE: Noise = Noise { position_m: 0.0, attitude_rad: 0.0, rate_rad_s: 0.0, battery_v: 0.0 };
 
 /// Flies `model` for `seconds` through sines in all directions and yaw, every motor excited by itself.
-pub fn fly(model: &Model, seed: u64, seconds: f64, noise: &Noise) -> Flight {
+pub(crate) fn fly(model: &Model, seed: u64, seconds: f64, noise: &Noise) -> Flight {
     let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(seed);
     let plant = Plant::new(model);
     let adjust = *plant.adjustments();
@@ -44,9 +44,10 @@ pub fn fly(model: &Model, seed: u64, seconds: f64, noise: &Noise) -> Flight {
     let substeps = plant.substeps(0.01, 4);
     let mut uniform = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
     let path: Vec<[f64; 3]> =
-        (0..4).map(|_| [uniform(0.6, 1.2), uniform(0.5, 1.4), uniform(0.0, 6.28)]).collect();
-    let excite: Vec<[f64; 3]> =
-        (0..4).map(|_| [uniform(4.0, 10.0), uniform(4.0, 20.0), uniform(0.0, 6.28)]).collect();
+        (0..4).map(|_| [uniform(0.6, 1.2), uniform(0.5, 1.4), uniform(0.0, std::f64::consts::TAU)]).collect();
+    let excite: Vec<[f64; 3]> = (0..4)
+        .map(|_| [uniform(4.0, 10.0), uniform(4.0, 20.0), uniform(0.0, std::f64::consts::TAU)])
+        .collect();
     let mut gauss = || {
         // Twelve uniforms make a near enough normal deviate without another dependency.
         (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0
@@ -72,7 +73,7 @@ pub fn fly(model: &Model, seed: u64, seconds: f64, noise: &Noise) -> Flight {
         let pitch = 60.0 * (pitch_c - euler.y) - 14.0 * w.y;
         let yaw = 4.0 * yaw_error - 3.0 * w.z;
         // Rotor speed deltas that give about these accelerations on this vehicle.
-        let lift = -9.0 * error.z + 9.0 * v.z * -1.0 * -1.0;
+        let lift = -9.0 * error.z + 9.0 * v.z;
         let speeds: [f64; 4] = std::array::from_fn(|i| {
             let (r, p, y) = ([1.0, -1.0, -1.0, 1.0][i], [1.0, 1.0, -1.0, -1.0][i], [1.0, -1.0, 1.0, -1.0][i]);
             635.0 + 32.0 * lift.clamp(-3.0, 3.0) / 3.0 + 2.0 * r * roll + 2.0 * p * pitch + 12.0 * y * yaw
@@ -107,6 +108,11 @@ pub fn fly(model: &Model, seed: u64, seconds: f64, noise: &Noise) -> Flight {
 }
 
 /// Flights of the seeds, prepared.
-pub fn prepared(model: &Model, seeds: std::ops::Range<u64>, seconds: f64, noise: &Noise) -> Vec<Prepared> {
+pub(crate) fn prepared(
+    model: &Model,
+    seeds: std::ops::Range<u64>,
+    seconds: f64,
+    noise: &Noise,
+) -> Vec<Prepared> {
     seeds.map(|seed| Prepared::new(&fly(model, seed, seconds, noise), &model.vehicle).unwrap()).collect()
 }
