@@ -1,1 +1,24 @@
-//! Placeholder while the crate is laid out.
+//! Where the stories find data that is not part of the project.
+//!
+//! Reference numbers and flights of others lie in a folder `shared` beside the repository (or where
+//! `QUADLAB_SHARED` points). Without it the tests that need it pass and print `SKIPPED`.
+#![forbid(unsafe_code)]
+
+use std::path::PathBuf;
+
+/// A file or folder of the shared data, or nothing (and a line that says so) when it is not there.
+pub fn shared(relative: &str) -> Option<PathBuf> {
+    let root = std::env::var_os("QUADLAB_SHARED")
+        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared")), PathBuf::from);
+    let path = root.join(relative);
+    if path.exists() {
+        return Some(path);
+    }
+    report_skipped(relative);
+    None
+}
+
+#[expect(clippy::print_stdout, reason = "the test runner collects these lines")]
+fn report_skipped(relative: &str) {
+    println!("SKIPPED: shared/{relative} is not beside the repository");
+}
