@@ -1,0 +1,32 @@
+//! Instructions of the thesis' plant over one control period of 0.01 s. The time is the aim (see `plant`); the count
+//! shows a change of a percent, which times do not.
+#![expect(missing_docs, reason = "the macros make public items without docs")]
+
+mod common;
+
+use common::Motion;
+use gungraun::{library_benchmark, library_benchmark_group, main};
+
+/// In a box, so that handing it back costs nothing.
+fn under_way(substeps: u32) -> Box<Motion> {
+    let mut motion = Box::new(Motion::new(substeps));
+    motion.step();
+    motion
+}
+
+#[library_benchmark]
+#[bench::of(under_way(1))]
+fn one_substep(mut motion: Box<Motion>) -> Box<Motion> {
+    motion.step();
+    motion
+}
+
+#[library_benchmark]
+#[bench::of(under_way(4))]
+fn four_substeps(mut motion: Box<Motion>) -> Box<Motion> {
+    motion.step();
+    motion
+}
+
+library_benchmark_group!(name = plant; benchmarks = one_substep, four_substeps);
+main!(library_benchmark_groups = plant);
