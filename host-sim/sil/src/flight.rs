@@ -414,7 +414,8 @@ mod tests {
 
     #[test]
     fn impossible_plans_are_refused_by_name() {
-        let edits: [(fn(&mut FlightPlan), &str); 5] = [
+        type Edit = fn(&mut FlightPlan);
+        let edits: [(Edit, &str); 5] = [
             (|p| p.duration_s = f64::NAN, "duration_s"),
             (|p| p.duration_s = 0.0, "duration_s"),
             (|p| p.substeps = 0, "substeps"),

@@ -6,12 +6,18 @@ use control::{Command, Config, Controller, Measurement, Mode, Tick};
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
     /// The controller's process could not be started.
-    #[error("cannot start the controller's process {program}: {source}")]
+    #[error("cannot start the controller's process {program}: {reason}")]
     Start {
         /// The program.
         program: String,
         /// What the system said.
-        source: std::io::Error,
+        reason: std::io::Error,
+    },
+    /// The configuration did not get from one process to the other.
+    #[error("cannot hand the configuration to the controller's process: {reason}")]
+    Configure {
+        /// What the system said.
+        reason: std::io::Error,
     },
     /// The other process is gone.
     #[error(

@@ -21,7 +21,7 @@ struct Arguments {
     scenarios: Vec<Scenario>,
 
     /// Age of the pose that the controller gets, in samples of 10 ms
-    #[arg(long, value_name = "SAMPLES", default_value_t = 2, value_parser = clap::value_parser!(u16).range(0..=1000))]
+    #[arg(long, value_name = "SAMPLES", default_value_t = 2, allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(0..=1000))]
     delay: u16,
 
     /// Noise of the sensors; off gives the numbers of the reference
@@ -29,7 +29,7 @@ struct Arguments {
     noise: Switch,
 
     /// Seed of noise, excitation and the tour of `excitation`
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     seed: u64,
 
     /// Controller and plant in one process, or in two over shared memory; the results are the same to the last bit
@@ -41,7 +41,7 @@ struct Arguments {
     on: String,
 
     /// Runge-Kutta steps of the plant in a tick of 10 ms
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 4, allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1000))]
     substeps: u16,
 
     /// Folder for index.html and one flight file a flight

@@ -1,16 +1,16 @@
 //! Controller and plant in two processes, over shared memory (iceoryx2).
 //!
 //! The plant's process asks, the controller's answers: one request and one response a tick, each a frame of crate
-//! `proto`, and an event each way that wakes the sleeper. Services carry the run's own number, so that runs side by side
-//! do not meet; all files of the middleware carry the prefix `quadlab_`, so that foreign programs are left alone.
+//! `proto`, and an event each way that wakes the sleeper. Every run is an iceoryx2 domain of its own: its files carry the
+//! run's name, so that runs side by side do not meet, and nothing stays behind when the run is over.
 //!
 //! The configuration goes to the controller's process as one line of JSON on its standard input. The input stays open:
 //! its end tells the controller that the plant is gone, however it went. In the other direction the plant looks whether
-//! the controller's process still lives whenever it has waited in vain. Whoever survives removes the other's shared
-//! memory; if neither does, the next run does.
+//! the controller's process still lives whenever it has waited in vain. Whoever leaves last clears the domain away. (If
+//! both are killed outright, a few kilobytes named `quadlab_*` stay in /dev/shm and in the temporary folder.)
 
 use std::io::{BufRead, Read, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -41,21 +41,49 @@ fn refused<E: std::fmt::Debug>(what: &'static str) -> impl Fn(E) -> LinkError {
     move |error| LinkError::Middleware { what, reason: format!("{error:?}") }
 }
 
-/// The middleware's configuration: ours alone, whatever a user's file says.
-fn middleware() -> iceoryx2::config::Config {
-    let mut config = iceoryx2::config::Config::default();
-    if let Ok(prefix) = FileName::new(b"quadlab_") {
-        config.global.prefix = prefix;
-    }
-    config
+/// The middleware's files of one run: those in `root`, and shared memory whose names start with `prefix`.
+struct Domain {
+    prefix: String,
+    root: PathBuf,
 }
 
-fn node() -> Result<Node<Ipc>, LinkError> {
-    set_log_level(LogLevel::Fatal);
-    let node = NodeBuilder::new().config(&middleware()).create::<Ipc>().map_err(refused("create a node"))?;
-    // The first wait installs the handler that turns Ctrl-C into an error of later waits.
-    node.wait(Duration::ZERO).map_err(|_| LinkError::Interrupted)?;
-    Ok(node)
+impl Domain {
+    fn new(run: &str) -> Self {
+        let prefix = format!("quadlab_{run}_");
+        Self { root: std::env::temp_dir().join(&prefix), prefix }
+    }
+
+    fn node(&self) -> Result<Node<Ipc>, LinkError> {
+        set_log_level(LogLevel::Fatal);
+        // From the defaults, not from a file of the user's that could differ between the two processes.
+        let mut config = iceoryx2::config::Config::default();
+        config.global.prefix = FileName::new(self.prefix.as_bytes()).map_err(refused("name its files"))?;
+        let root = iceoryx2::prelude::Path::new(self.root.as_os_str().as_encoded_bytes());
+        config.global.set_root_path(&root.map_err(refused("name its folder"))?);
+        let node = NodeBuilder::new().config(&config).create::<Ipc>().map_err(refused("create a node"))?;
+        // The first wait installs the handler that turns Ctrl-C into an error of later waits.
+        node.wait(Duration::ZERO).map_err(|_| LinkError::Interrupted)?;
+        Ok(node)
+    }
+
+    /// Removes what is left when both sides are done. Linux keeps POSIX shared memory in /dev/shm; where that is not so,
+    /// only the folder goes.
+    fn remove(&self) {
+        let shared = std::fs::read_dir("/dev/shm").into_iter().flatten().flatten();
+        for entry in shared.filter(|e| e.file_name().to_string_lossy().starts_with(&self.prefix)) {
+            let _ = std::fs::remove_file(entry.path());
+        }
+        let _ = std::fs::remove_dir_all(&self.root);
+    }
+}
+
+/// Removes a domain's files when it goes.
+struct Cleared(Domain);
+
+impl Drop for Cleared {
+    fn drop(&mut self) {
+        self.0.remove();
+    }
 }
 
 /// The services of one run.
@@ -94,6 +122,8 @@ pub struct Iceoryx2 {
     child: Child,
     node: Node<Ipc>,
     buffer: [u8; MAX_FRAME_LEN],
+    /// Last, because it is dropped last: when nobody uses its files any more.
+    _domain: Cleared,
 }
 
 impl Iceoryx2 {
@@ -103,7 +133,8 @@ impl Iceoryx2 {
     /// The program cannot be started, ends at once, or the middleware refuses something.
     pub fn start(program: &Path, config: &Config) -> Result<Self, LinkError> {
         let run = unused_name();
-        let node = node()?;
+        let domain = Cleared(Domain::new(&run));
+        let node = domain.0.node()?;
         let services = Services::open_or_create(&node, &run)?;
         let client = services
             .ticks
@@ -113,8 +144,10 @@ impl Iceoryx2 {
             .map_err(refused("create a client"))?;
         let asked = services.asked.notifier_builder().create().map_err(refused("create a notifier"))?;
         let answered = services.answered.listener_builder().create().map_err(refused("create a listener"))?;
-        let child = spawn(program, &run, config)?;
-        let mut link = Self { client, asked, answered, child, node, buffer: [0; MAX_FRAME_LEN] };
+        let child = spawn(program, &run)?;
+        let buffer = [0; MAX_FRAME_LEN];
+        let mut link = Self { client, asked, answered, child, node, buffer, _domain: domain };
+        link.configure(config).map_err(|error| link.explain(error))?;
         let started = Instant::now();
         let there = || {
             services.ticks.dynamic_config().number_of_servers() > 0
@@ -123,9 +156,29 @@ impl Iceoryx2 {
         };
         while !there() {
             std::thread::sleep(Duration::from_millis(1));
-            link.look(started)?;
+            link.look(started).map_err(|error| link.explain(error))?;
         }
         Ok(link)
+    }
+
+    /// Hands the configuration over. The input stays open: its end is the sign that this process is gone.
+    fn configure(&mut self, config: &Config) -> Result<(), LinkError> {
+        let failed = |reason| LinkError::Configure { reason };
+        let mut line = serde_json::to_vec(config).map_err(|error| failed(error.into()))?;
+        line.push(b'\n');
+        self.child.stdin.as_mut().map_or(Ok(()), |stdin| stdin.write_all(&line)).map_err(failed)
+    }
+
+    /// The cause behind an error: an interrupt, or that the controller's process is gone, brings others in its train.
+    fn explain(&mut self, error: LinkError) -> LinkError {
+        // Ctrl-C reaches both processes, not always this one first; a killed process takes a moment to be gone.
+        if self.node.wait(LOOK).is_err() {
+            return LinkError::Interrupted;
+        }
+        match self.child.try_wait() {
+            Ok(Some(status)) => LinkError::PeerGone { status: status.to_string() },
+            _ => error,
+        }
     }
 
     /// Whether it makes sense to go on waiting since `started`.
@@ -159,23 +212,28 @@ fn unused_name() -> String {
     format!("{:x}-{nanoseconds:x}-{count:x}", std::process::id())
 }
 
-fn spawn(program: &Path, run: &str, config: &Config) -> Result<Child, LinkError> {
-    let failed = |source| LinkError::Start { program: program.display().to_string(), source };
-    let mut child = std::process::Command::new(program)
+fn spawn(program: &Path, run: &str) -> Result<Child, LinkError> {
+    std::process::Command::new(program)
         .args(["--controller", run])
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .spawn()
-        .map_err(failed)?;
-    let mut line = serde_json::to_vec(config).map_err(|error| failed(error.into()))?;
-    line.push(b'\n');
-    // The input stays open in `child.stdin`: its end is the sign that this process is gone.
-    child.stdin.as_mut().map_or(Ok(()), |stdin| stdin.write_all(&line)).map_err(failed)?;
-    Ok(child)
+        .map_err(|reason| LinkError::Start { program: program.display().to_string(), reason })
 }
 
 impl Link for Iceoryx2 {
     fn tick(
+        &mut self,
+        tick: u32,
+        measurement: &Measurement,
+        command: &Command,
+    ) -> Result<proto::Output, LinkError> {
+        self.ask(tick, measurement, command).map_err(|error| self.explain(error))
+    }
+}
+
+impl Iceoryx2 {
+    fn ask(
         &mut self,
         tick: u32,
         measurement: &Measurement,
@@ -227,7 +285,8 @@ pub fn serve(run: &str) -> Result<(), crate::SilError> {
     let config = read_config()?;
     let mut controller = Controller::new(&config)?;
     let plant_gone = watch_input();
-    let node = node()?;
+    let domain = Domain::new(run);
+    let node = domain.node()?;
     let services = Services::open_or_create(&node, run)?;
     let answered = services.answered.notifier_builder().create().map_err(refused("create a notifier"))?;
     let asked = services.asked.listener_builder().create().map_err(refused("create a listener"))?;
@@ -245,6 +304,11 @@ pub fn serve(run: &str) -> Result<(), crate::SilError> {
     }
     drop((server, asked, answered, services));
     node.blocking_cleanup_dead_nodes(Duration::from_secs(1));
+    drop(node);
+    if go_on {
+        // The plant is gone without a word: nobody else will clear away.
+        domain.remove();
+    }
     Ok(())
 }
 
@@ -272,7 +336,7 @@ fn answer_all(
 
 fn read_config() -> Result<Config, LinkError> {
     let mut line = String::new();
-    let failed = |source| LinkError::Start { program: "itself".into(), source };
+    let failed = |reason| LinkError::Configure { reason };
     std::io::stdin().lock().read_line(&mut line).map_err(failed)?;
     serde_json::from_str(&line).map_err(|error| failed(error.into()))
 }

@@ -31,7 +31,10 @@ fn they_stay_in_the_cage_and_fly_low_and_fast() {
         assert!(lowest < 0.26 && highest > 1.2, "seed {seed}: {lowest} to {highest} m");
         let speed = |k: usize| range(rows.iter().map(|r| r.state.velocity_m_s[k].abs())).1;
         let (forward, sideward) = (speed(0), speed(1));
-        assert!((1.3..3.5).contains(&forward) && (1.0..3.5).contains(&sideward), "seed {seed}: {forward} {sideward} m/s");
+        assert!(
+            (1.3..3.5).contains(&forward) && (1.0..3.5).contains(&sideward),
+            "seed {seed}: {forward} {sideward} m/s"
+        );
         assert!(speed(2) > 0.3, "seed {seed}: {} m/s", speed(2));
         let (left, right) = range(flight.euler_rad().iter().map(|e| e[2]));
         assert!(right - left > 0.9, "seed {seed}: turned by {} rad", right - left);

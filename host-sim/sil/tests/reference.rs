@@ -58,11 +58,17 @@ fn compare(variant: Variant) {
         let name = format!("{scenario} {variant:?}");
         let samples = outcome.samples();
         for (time_s, expected) in reference.samples {
-            let (_, got) = samples.iter().find(|(t, _)| t == time_s).expect("sampled at the reference's times");
+            let (_, got) =
+                samples.iter().find(|(t, _)| t == time_s).expect("sampled at the reference's times");
             near(*got, *expected, RESPONSE, &format!("{name} at {time_s} s"));
         }
         let metrics = outcome.metrics.unwrap();
-        near(metrics.overshoot_percent, reference.overshoot_percent, OVERSHOOT_PERCENT, &format!("{name} overshoot"));
+        near(
+            metrics.overshoot_percent,
+            reference.overshoot_percent,
+            OVERSHOOT_PERCENT,
+            &format!("{name} overshoot"),
+        );
         near_time(metrics.rise_s, reference.rise_s, rise_tolerance_s(reference), &format!("{name} rise"));
         near_time(metrics.settling_5_s, reference.settling_5_s, SETTLING_S, &format!("{name} settling 5 %"));
         near_time(metrics.settling_2_s, reference.settling_2_s, SETTLING_S, &format!("{name} settling 2 %"));
@@ -146,9 +152,11 @@ fn limits_of_the_design() {
         assert_eq!(outcome.saturated_ticks > 0, lost, "{axis:?} {size}: only lost control saturates");
     }
     // Overshoot of those that hold, in the reference: pitch 30 2.324, yaw 90 2.316, z 2.274 %.
-    for (axis, size, expected) in
-        [(StepAxis::Pitch, degrees(30.0), 2.324), (StepAxis::Yaw, degrees(90.0), 2.316), (StepAxis::Z, -1.0, 2.274)]
-    {
+    for (axis, size, expected) in [
+        (StepAxis::Pitch, degrees(30.0), 2.324),
+        (StepAxis::Yaw, degrees(90.0), 2.316),
+        (StepAxis::Z, -1.0, 2.274),
+    ] {
         let overshoot = step_outcome(axis, size, 2, thesis()).metrics.unwrap().overshoot_percent;
         near(overshoot, expected, OVERSHOOT_PERCENT, &format!("{axis:?} overshoot"));
     }

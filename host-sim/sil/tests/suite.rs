@@ -75,7 +75,8 @@ fn json_has_the_fields_of_the_contract() {
     ] {
         assert!(roll.get(field).is_some(), "{field}");
     }
-    let times: Vec<f64> = roll["samples"].as_array().unwrap().iter().map(|s| s[0].as_f64().unwrap()).collect();
+    let times: Vec<f64> =
+        roll["samples"].as_array().unwrap().iter().map(|s| s[0].as_f64().unwrap()).collect();
     for time_s in [0.2, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0] {
         assert!(times.contains(&time_s), "{time_s} s in {times:?}");
     }

@@ -1,0 +1,209 @@
+//! The program `sil`: arguments, files, exit status, and two processes instead of one.
+
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+const SIL: &str = env!("CARGO_BIN_EXE_sil");
+
+fn sil(arguments: &[&str], out: &Path) -> Output {
+    Command::new(SIL).args(arguments).arg("--out").arg(out).output().expect("sil runs")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("UTF-8")
+}
+
+fn json(output: &Output) -> serde_json::Value {
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| {
+        panic!("one JSON document: {error}\n{}\n{}", text(&output.stdout), text(&output.stderr))
+    })
+}
+
+/// What the middleware has left of runs started by process `id`.
+fn left_behind(id: u32) -> Vec<String> {
+    let prefix = format!("quadlab_{id:x}-");
+    let names = ["/dev/shm".into(), std::env::temp_dir()]
+        .into_iter()
+        .flat_map(|folder| std::fs::read_dir(folder).into_iter().flatten().flatten());
+    names.map(|e| e.file_name().to_string_lossy().into_owned()).filter(|n| n.starts_with(&prefix)).collect()
+}
+
+fn wait_until(what: &str, mut condition: impl FnMut() -> bool) {
+    let started = Instant::now();
+    while !condition() {
+        assert!(started.elapsed() < Duration::from_secs(20), "waited 20 s for: {what}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn a_run_writes_a_page_and_flight_files() {
+    let out = tempfile::tempdir().unwrap();
+    let folder = out.path().join("deep/sil");
+    let output = sil(&["--scenario", "roll-10", "x-1"], &folder);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let table = text(&output.stdout);
+    assert!(table.contains("roll-10") && table.contains("pass") && !table.contains("FAIL"), "{table}");
+    let mut names: Vec<_> =
+        std::fs::read_dir(&folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    assert_eq!(names, ["index.html", "roll-10.csv", "x-1.csv"], "and no temporary file");
+    let flight = sysid::Flight::read(&folder.join("x-1.csv")).unwrap();
+    assert_eq!(flight.len(), 4101);
+    let page = std::fs::read_to_string(folder.join("index.html")).unwrap();
+    assert!(page.contains("5.28") && page.contains("reference") && page.contains("</html>"));
+}
+
+#[test]
+fn exit_status_and_json_say_the_same() {
+    let out = tempfile::tempdir().unwrap();
+    for (arguments, status) in
+        [(&["--scenario", "hover", "--json"][..], 0), (&["--scenario", "roll-30", "--json"], 1)]
+    {
+        let output = sil(arguments, out.path());
+        assert_eq!(output.status.code(), Some(status), "{arguments:?}");
+        assert_eq!(json(&output)["scenarios"][0]["pass"], status == 0);
+    }
+}
+
+#[test]
+fn bad_usage_is_one_line_and_status_2() {
+    let out = tempfile::tempdir().unwrap();
+    for (arguments, words) in [
+        (&["--scenario", "loop"][..], "known are hover, roll-10"),
+        (&["--delay", "-1"], "--delay"),
+        (&["--delay", "two"], "--delay"),
+        (&["--noise", "some"], "--noise"),
+        (&["--substeps", "0"], "--substeps"),
+        (&["--transport", "udp"], "--transport"),
+        (&["--nonsense"], "--nonsense"),
+        (&["--on", "armv7"], "not part of this version"),
+        (&["--on", "cortex-m4"], "not part of this version"),
+        (&["--on", "moon"], "--on host"),
+    ] {
+        let output = sil(arguments, out.path());
+        let message = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+        assert!(
+            message.contains(words) && message.trim_end().lines().count() == 1,
+            "{arguments:?}: {message}"
+        );
+        assert!(output.stdout.is_empty(), "{arguments:?}");
+    }
+    let file = out.path().join("file");
+    std::fs::write(&file, "in the way").unwrap();
+    let output = sil(&["--scenario", "hover"], &file);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
+}
+
+#[test]
+fn both_transports_give_the_same_bits_and_leave_nothing_behind() {
+    let out = tempfile::tempdir().unwrap();
+    let arguments =
+        ["--scenario", "hover", "pitch-10", "yaw-30", "excitation", "--noise", "on", "--seed", "7", "--json"];
+    let one = json(&sil(&arguments, &out.path().join("one")));
+    let mut child = Command::new(SIL)
+        .args(arguments)
+        .args(["--transport", "iceoryx2", "--out"])
+        .arg(out.path().join("two"))
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let id = child.id();
+    let mut stdout = child.stdout.take().unwrap();
+    let two: serde_json::Value = serde_json::from_reader(&mut stdout).unwrap();
+    assert!(child.wait().unwrap().success());
+    assert_eq!(one, two);
+    for name in ["hover.csv", "excitation.csv"] {
+        let read = |run: &str| std::fs::read(out.path().join(run).join(name)).unwrap();
+        assert_eq!(read("one"), read("two"), "{name}");
+    }
+    assert_eq!(left_behind(id), [""; 0]);
+}
+
+/// Process numbers of the children of a process (Linux).
+fn children(id: u32) -> Vec<u32> {
+    let list = std::fs::read_to_string(format!("/proc/{id}/task/{id}/children")).unwrap_or_default();
+    list.split_whitespace().filter_map(|id| id.parse().ok()).collect()
+}
+
+fn signal(id: u32, name: &str) {
+    let status = Command::new("kill").args([format!("-{name}"), id.to_string()]).status().unwrap();
+    assert!(status.success(), "kill -{name} {id}");
+}
+
+fn is_running(id: u32) -> bool {
+    // A zombie has no command line any more.
+    std::fs::read(format!("/proc/{id}/cmdline")).is_ok_and(|line| !line.is_empty())
+}
+
+/// Starts a run that takes seconds and waits until its controller's process answers.
+fn long_run(out: &Path) -> (std::process::Child, u32) {
+    let scenarios = ["pattern", "excitation", "x-1"].repeat(20);
+    let child = Command::new(SIL)
+        .arg("--scenario")
+        .args(scenarios)
+        .args(["--transport", "iceoryx2", "--json", "--out"])
+        .arg(out)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    wait_until("the controller's process", || !children(child.id()).is_empty());
+    // Somewhere in the middle of a flight.
+    std::thread::sleep(Duration::from_millis(300));
+    let controller = loop {
+        if let Some(&id) = children(child.id()).first() {
+            break id;
+        }
+    };
+    (child, controller)
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_killed_controller_is_an_error_at_once() {
+    let out = tempfile::tempdir().unwrap();
+    let (child, controller) = long_run(out.path());
+    let id = child.id();
+    signal(controller, "KILL");
+    let killed = Instant::now();
+    let output = child.wait_with_output().unwrap();
+    assert!(killed.elapsed() < Duration::from_secs(5), "{:?}", killed.elapsed());
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(
+        message.contains("process ended in the middle of a flight")
+            && message.trim_end().lines().count() == 1
+    );
+    assert_eq!(left_behind(id), [""; 0]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn an_interrupt_ends_both_processes() {
+    let out = tempfile::tempdir().unwrap();
+    let (child, controller) = long_run(out.path());
+    let id = child.id();
+    // As a terminal does with Ctrl-C: both get it.
+    signal(controller, "INT");
+    signal(id, "INT");
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("interrupted"));
+    wait_until("the controller to leave", || !is_running(controller));
+    assert_eq!(left_behind(id), [""; 0]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_killed_plant_takes_the_controller_with_it() {
+    let out = tempfile::tempdir().unwrap();
+    let (mut child, controller) = long_run(out.path());
+    let id = child.id();
+    child.kill().unwrap();
+    child.wait().unwrap();
+    wait_until("the controller to leave", || !is_running(controller));
+    assert_eq!(left_behind(id), [""; 0]);
+}
