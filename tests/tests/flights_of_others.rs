@@ -98,8 +98,11 @@ fn assert_near_truth(case: &str, model: &Model, expected: &[(Effect, usize, f64)
     }
 }
 
+/// Reads coefficients of a hidden effect off the simulator's parameters: effect, index, value.
+type OwnTruth = dyn Fn(&Value) -> Vec<(Effect, usize, f64)>;
+
 /// A case, what is hidden in it, and the true values of its coefficients where they have the same meaning there.
-fn check_case(case: &str, hidden: &[Effect], own: &dyn Fn(&Value) -> Vec<(Effect, usize, f64)>) {
+fn check_case(case: &str, hidden: &[Effect], own: &OwnTruth) {
     let (Some(folder), Some(world)) = (Folder::hidden(case), world(case)) else { return };
     let mut known: Vec<Effect> = Vec::new();
     for &effect in hidden {

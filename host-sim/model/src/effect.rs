@@ -33,7 +33,7 @@ pub enum Kind {
 /// What an effect says of itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EffectInfo {
-    /// The word for it in commands, files, JSON and pages (contract section 5).
+    /// The word for it in commands, files, JSON and pages.
     pub id: &'static str,
     /// One sentence for people.
     pub sentence: &'static str,

@@ -102,6 +102,12 @@ impl Plant {
         self.sample_at(state, &state.rotor_rad_s, commanded_rad_s, battery_v)
     }
 
+    /// The sample of a state that was measured rather than integrated.
+    #[inline]
+    pub fn sample_of(&self, input: SampleInput) -> Sample {
+        Sample::with_constants(input, &self.constants, &self.adjust)
+    }
+
     /// Inlined, so that a stage keeps in registers what its effects look at and never builds the rest.
     #[inline(always)]
     fn sample_at(&self, state: &State, rotor: &[f64; 4], commanded: &[f64; 4], battery_v: f64) -> Sample {

@@ -1,4 +1,4 @@
-//! The vehicle file: what the operator knows before any flight (contract section 3).
+//! The vehicle file: what the operator knows before any flight.
 //!
 //! Mass and geometry from scale and tape measure, the rotor map from a motor test stand (4.11). Unknown keys and
 //! impossible values are errors that name the field.

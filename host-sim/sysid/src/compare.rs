@@ -20,7 +20,7 @@ const NOTABLE_EXCESS_PERCENT: f64 = 5.0;
 /// Most bins shown.
 const WORST: usize = 12;
 
-/// Error of one axis, as in the contract's JSON.
+/// Error of one axis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct AxisFigures {
     /// Root mean square of measured minus predicted, m/s^2 or rad/s^2.
@@ -63,7 +63,7 @@ pub struct HorizonError {
     pub rate_rad_s: f64,
 }
 
-/// Open-loop errors over the contract's horizons.
+/// Open-loop errors over the horizons that are reported.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Horizons {
     /// One sample ahead.

@@ -226,8 +226,7 @@ fn assemble(
     flights
         .iter()
         .map(|flight| {
-            let mut columns: Vec<_> =
-                flight.columns(linear, vehicle, &adjust).into_iter().map(|c| c.axes).collect();
+            let mut columns: Vec<_> = flight.columns(linear, model).into_iter().map(|c| c.axes).collect();
             for effect in adjusting {
                 columns.extend(residual_derivatives(flight, model, *effect));
             }
@@ -277,43 +276,20 @@ fn step_scale(has_rotor_map: bool, effect: Effect, coefficient: usize) -> f64 {
     if effect == Effect::BatteryVoltage && !has_rotor_map { 0.05 } else { typical }
 }
 
-struct Prediction<'a> {
-    coefficients: &'a [f64],
-    sum: [f64; 6],
-}
-
-impl Sink for Prediction<'_> {
-    #[inline]
-    fn add(&mut self, axis: Axis, coefficient: usize, value: f64) {
-        self.sum[axis.index()] += self.coefficients[coefficient] * value;
-    }
-}
-
 /// Measured and measured-minus-predicted of all six axes over the rows of a flight.
 pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
     let vehicle = &model.vehicle;
     let adjust: Adjustments = model.adjustments();
     let measured = flight.targets(vehicle, &adjust);
-    let terms: Vec<(Effect, Vec<f64>)> = model
-        .terms
-        .iter()
-        .filter(|t| t.effect.info().kind != Kind::Adjusting)
-        .map(|t| (t.effect, t.coefficients.iter().map(|c| c.value).collect()))
-        .collect();
+    let plant = Plant::new(model);
     let mut predicted: [Option<Vec<f64>>; 6] = Default::default();
     let mut rows_before = 0;
     for stretch in &flight.stretches {
         let inputs = flight.inputs(stretch, vehicle, &adjust);
         let mut axes: [Vec<f64>; 6] = std::array::from_fn(|_| Vec::with_capacity(inputs.len()));
         for input in &inputs {
-            let sample = Sample::new(*input, vehicle, &adjust);
-            let mut sum = [0.0; 6];
-            for (effect, coefficients) in &terms {
-                let mut sink = Prediction { coefficients, sum };
-                effect.columns(&sample, &mut sink);
-                sum = sink.sum;
-            }
-            axes.iter_mut().zip(sum).for_each(|(axis, value)| axis.push(value));
+            let predicted = plant.accelerations(&plant.sample_of(*input));
+            axes.iter_mut().zip(predicted).for_each(|(axis, value)| axis.push(value));
         }
         flight.append_rows(stretch, &inputs, axes.map(Some), &mut predicted, rows_before);
         rows_before += stretch.time_s.len() - 2 * flight.margin;

@@ -1,4 +1,4 @@
-//! Flight files (contract section 2): reading, checking, writing.
+//! Flight files: reading, checking, writing.
 //!
 //! A flight is a table of samples at nominally 100 Hz. Columns are found by name, in any order; unknown ones are
 //! left alone; an empty field is a missing value (NaN in memory). What cannot be right (time going back, degrees
@@ -14,7 +14,7 @@ use model::Vehicle;
 
 use crate::decimal;
 
-/// Columns of the contract, in the order they are written.
+/// Columns of a flight file, in the order they are written.
 pub const COLUMNS: [&str; 25] = [
     "t", "x", "y", "z", "phi", "theta", "psi", "p", "q", "r", "cmd1", "cmd2", "cmd3", "cmd4", "vbat",
     "omega1", "omega2", "omega3", "omega4", "ax", "ay", "az", "vx", "vy", "vz",
@@ -23,10 +23,10 @@ pub const COLUMNS: [&str; 25] = [
 /// The first of [`COLUMNS`] that a file must have.
 const REQUIRED: usize = 15;
 
-/// A column of the contract.
+/// A column of a flight file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(usize)]
-#[expect(missing_docs, reason = "the columns are documented in the contract and in the README")]
+#[expect(missing_docs, reason = "the columns are documented in the README")]
 pub enum Column {
     T,
     X,
@@ -396,7 +396,7 @@ fn rate_factor(t: &[f64], angle: &[f64], rate: &[f64]) -> Option<f64> {
 struct Header {
     /// For each field of a row: the place of its column in `known`, nothing for an unknown column.
     fields: Vec<Option<usize>>,
-    /// Columns of the contract that the file has, in file order.
+    /// Known columns that the file has, in file order.
     known: Vec<usize>,
 }
 

@@ -16,7 +16,7 @@
 //!
 //! The tracked point is brought to the centre of mass (4.7) before it is differentiated.
 
-use model::{Adjustments, Axis, Effect, RotorMap, Sample, SampleInput, Sink, Vehicle, frames};
+use model::{Adjustments, Axis, Effect, Model, Plant, RotorMap, SampleInput, Sink, Vehicle, frames};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::filter::{RegressionFilter, convolve};
@@ -361,7 +361,7 @@ impl Prepared {
             let inputs = self.inputs(stretch, vehicle, adjust);
             let mut raw = RawColumns::new(count, inputs.len());
             for (k, input) in inputs.iter().enumerate() {
-                let sample = Sample::new(*input, vehicle, adjust);
+                let sample = plant.sample_of(*input);
                 raw.sample = k;
                 raw.first = 0;
                 for effect in effects {
