@@ -5,9 +5,7 @@
 //! until it is small against its own standard error: Gauss and Newton's method on the same stacked problem, so
 //! every coefficient gets a standard error of the same kind.
 
-use model::{
-    Adjustments, Axis, AxisError, Effect, Estimate, Kind, Model, PerAxis, Sample, Sink, Term, Vehicle,
-};
+use model::{Adjustments, AxisError, Effect, Estimate, Kind, Model, PerAxis, Plant, Term, Vehicle};
 
 use crate::prepare::{Prepared, coefficient_count};
 use crate::regress::{self, FlightRows, Prior, Unidentifiable};

@@ -348,12 +348,9 @@ impl Prepared {
     }
 
     /// The regression columns of linear effects, one for each coefficient in order.
-    pub(crate) fn columns(
-        &self,
-        effects: &[Effect],
-        vehicle: &Vehicle,
-        adjust: &Adjustments,
-    ) -> Vec<RowColumn> {
+    pub(crate) fn columns(&self, effects: &[Effect], model: &Model) -> Vec<RowColumn> {
+        let plant = Plant::new(model);
+        let (vehicle, adjust) = (&model.vehicle, plant.adjustments());
         let count: usize = effects.iter().map(|e| coefficient_count(*e)).sum();
         let mut result = vec![RowColumn::default(); count];
         let mut rows_before = 0;
