@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use model::{Effect, Model, Vehicle};
 use rayon::prelude::*;
-use sil::FlightPlan;
 
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, provenance};
@@ -160,7 +159,7 @@ fn fly(craft: &Model, seed: u64, folder: &Path) -> anyhow::Result<SetOptions> {
         .map(|(index, &name)| {
             // Neighbouring seeds of the demonstration share no flight.
             let flight_seed = seed.wrapping_mul(names.len() as u64).wrapping_add(index as u64);
-            let recording = sil::fly(&FlightPlan::identification(craft.clone(), flight_seed, FLIGHT_S))?;
+            let recording = sil::fly(&hidden::flight_plan(craft, flight_seed, FLIGHT_S))?;
             if !recording.complete || recording.cage_margin_m() < 0.0 {
                 return Err(DemoError::Lost { seed, name }.into());
             }

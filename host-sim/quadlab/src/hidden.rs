@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
+use control::gains::Law;
 use model::{Effect, Model};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use sil::FlightPlan;
 
 /// A coefficient's range; with `either_sign` the sign is drawn too.
 struct Strength {
@@ -39,6 +41,18 @@ const HIDDEN: &[(Effect, &[Strength])] = &[
 pub(crate) fn craft() -> Model {
     Model::parse(include_str!("../data/craft.toml"), Path::new("craft.toml"))
         .expect("the model file in the source tree is tested")
+}
+
+/// A flight to identify the craft from. The thesis' law with one change: no zero-cancellers in roll and pitch. Their poles
+/// stand on a zero that flapping moments make (thesis 5.3), and on a craft without them the position loops swing out of the
+/// cage; without the cancellers the craft stays in it with every hidden effect.
+pub(crate) fn flight_plan(craft: &Model, seed: u64, duration_s: f64) -> FlightPlan {
+    let mut plan = FlightPlan::identification(craft.clone(), seed, duration_s);
+    if let Law::ModelBased(law) = &mut plan.config.law {
+        law.loops.roll.canceller = None;
+        law.loops.pitch.canceller = None;
+    }
+    plan
 }
 
 /// The craft with one effect more, and that effect.
