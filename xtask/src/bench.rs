@@ -3,12 +3,13 @@
 //! Times say what a person waits for, but wander with the machine; instruction counts are the same on
 //! every run, so a change of a few percent can be seen. A bench whose name ends in `instructions` counts.
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
 use cargo_metadata::TargetKind;
 
-use crate::process::{cargo, shown, succeeds};
+use crate::process::{Program, cargo, run_program, shown, succeeds};
 use crate::tally::SKIP_MARK;
 use crate::tools::{self, VALGRIND};
 use crate::workspace::Workspace;
@@ -16,8 +17,19 @@ use crate::workspace::Workspace;
 /// Options of the command.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Only the benches of this name; all without it
+    /// Only the benches of this name; `lab` measures how often diagnoses are right; all times and counts without it
     name: Option<String>,
+
+    /// Arguments of `lab`, such as --quick
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, value_name = "ARGS")]
+    arguments: Vec<OsString>,
+}
+
+#[cfg(test)]
+impl Options {
+    pub(crate) fn arguments(&self) -> &[OsString] {
+        &self.arguments
+    }
 }
 
 /// A bench target of a crate.
@@ -35,6 +47,12 @@ impl Bench {
 
 /// Runs the benches; status 1 when one of them fails.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
+    if options.name.as_deref() == Some(Program::LAB.binary()) {
+        return run_program(&Program::LAB, &options.arguments);
+    }
+    if let Some(argument) = options.arguments.first() {
+        bail!("only `lab` takes arguments, and {} is one; leave it out", argument.display());
+    }
     let all: Vec<Bench> = workspace
         .targets(&TargetKind::Bench)
         .into_iter()

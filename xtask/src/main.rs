@@ -108,6 +108,14 @@ mod tests {
     }
 
     #[test]
+    fn arguments_of_lab_are_passed_through() {
+        let line = ["cargo xtask", "bench", "lab", "--quick", "--out", "somewhere"];
+        let parsed = Arguments::try_parse_from(line).expect("lab takes arguments");
+        let Command::Bench(options) = parsed.command else { panic!("parsed as another command") };
+        assert_eq!(options.arguments(), ["--quick", "--out", "somewhere"]);
+    }
+
+    #[test]
     fn the_command_line_is_consistent() {
         use clap::CommandFactory;
         Arguments::command().debug_assert();

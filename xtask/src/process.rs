@@ -21,6 +21,13 @@ impl Program {
     pub(crate) const SIL: Self = Self { package: "sil", binary: "sil", first: &[] };
     /// The demonstration, a command of the user's program.
     pub(crate) const DEMO: Self = Self { package: "quadlab", binary: "quadlab", first: &["demo"] };
+    /// How often the laboratory's diagnoses are right.
+    pub(crate) const LAB: Self = Self { package: "stories", binary: "lab", first: &[] };
+
+    /// Name of the program.
+    pub(crate) const fn binary(&self) -> &'static str {
+        self.binary
+    }
 
     /// What cargo is asked to do. `quiet` leaves out its progress, which goes to standard error.
     fn cargo_arguments(&self, arguments: &[OsString], quiet: bool) -> Vec<OsString> {
