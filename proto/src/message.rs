@@ -9,8 +9,6 @@ pub enum Message {
     Input(Input),
     /// From the controller: the outcome of that tick.
     Output(Output),
-    /// To the controller: no more ticks; leave.
-    Stop,
 }
 
 /// What the controller needs for one tick.

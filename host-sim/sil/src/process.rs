@@ -4,10 +4,12 @@
 //! `proto`, and an event each way that wakes the sleeper. Every run is an iceoryx2 domain of its own: its files carry the
 //! run's name, so that runs side by side do not meet, and nothing stays behind when the run is over.
 //!
-//! The configuration goes to the controller's process as one line of JSON on its standard input. The input stays open:
-//! its end tells the controller that the plant is gone, however it went. In the other direction the plant looks whether
-//! the controller's process still lives whenever it has waited in vain. Whoever leaves last clears the domain away. (If
-//! both are killed outright, a few kilobytes named `quadlab_*` stay in /dev/shm and in the temporary folder.)
+//! The configuration goes to the controller's process as one line of JSON on its standard input, which stays open: its end
+//! tells the controller that the plant is done, however that came about. In the other direction the plant looks whether the
+//! controller's process still lives whenever it has waited in vain. The plant gives up its own share of the domain before
+//! it closes that input, so the controller leaves last and clears the domain away; the plant does so too if it had to
+//! bury the controller. (If both are killed outright, a few kilobytes named `quadlab_*` stay in /dev/shm and in the
+//! temporary folder.)
 
 use std::io::{BufRead, Read, Write};
 use std::path::{Path, PathBuf};
@@ -77,15 +79,6 @@ impl Domain {
     }
 }
 
-/// Removes a domain's files when it goes.
-struct Cleared(Domain);
-
-impl Drop for Cleared {
-    fn drop(&mut self) {
-        self.0.remove();
-    }
-}
-
 /// The services of one run.
 struct Services {
     ticks: iceoryx2::service::port_factory::request_response::PortFactory<Ipc, [u8], (), [u8], ()>,
@@ -119,11 +112,31 @@ pub struct Iceoryx2 {
     client: Asking,
     asked: Notifier<Ipc>,
     answered: Listener<Ipc>,
-    child: Child,
     node: Node<Ipc>,
     buffer: [u8; MAX_FRAME_LEN],
-    /// Last, because it is dropped last: when nobody uses its files any more.
-    _domain: Cleared,
+    /// Last, because it is dropped last: when this side has given up its share of the domain.
+    controller: Peer,
+}
+
+/// The controller's process. It is told to leave when this goes.
+struct Peer {
+    child: Child,
+    domain: Domain,
+}
+
+impl Drop for Peer {
+    fn drop(&mut self) {
+        drop(self.child.stdin.take());
+        let started = Instant::now();
+        while matches!(self.child.try_wait(), Ok(None)) {
+            if started.elapsed() > PATIENCE {
+                let _ = self.child.kill();
+                let _ = self.child.wait();
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        self.domain.remove();
+    }
 }
 
 impl Iceoryx2 {
@@ -133,8 +146,10 @@ impl Iceoryx2 {
     /// The program cannot be started, ends at once, or the middleware refuses something.
     pub fn start(program: &Path, config: &Config) -> Result<Self, LinkError> {
         let run = unused_name();
-        let domain = Cleared(Domain::new(&run));
-        let node = domain.0.node()?;
+        let domain = Domain::new(&run);
+        // Before anything of the domain exists: from here on there is somebody to clear it away.
+        let controller = Peer { child: spawn(program, &run)?, domain };
+        let node = controller.domain.node()?;
         let services = Services::open_or_create(&node, &run)?;
         let client = services
             .ticks
@@ -144,9 +159,8 @@ impl Iceoryx2 {
             .map_err(refused("create a client"))?;
         let asked = services.asked.notifier_builder().create().map_err(refused("create a notifier"))?;
         let answered = services.answered.listener_builder().create().map_err(refused("create a listener"))?;
-        let child = spawn(program, &run)?;
         let buffer = [0; MAX_FRAME_LEN];
-        let mut link = Self { client, asked, answered, child, node, buffer, _domain: domain };
+        let mut link = Self { client, asked, answered, node, buffer, controller };
         link.configure(config).map_err(|error| link.explain(error))?;
         let started = Instant::now();
         let there = || {
@@ -161,21 +175,21 @@ impl Iceoryx2 {
         Ok(link)
     }
 
-    /// Hands the configuration over. The input stays open: its end is the sign that this process is gone.
+    /// Hands the configuration over. The input stays open: its end is the sign to leave.
     fn configure(&mut self, config: &Config) -> Result<(), LinkError> {
         let failed = |reason| LinkError::Configure { reason };
         let mut line = serde_json::to_vec(config).map_err(|error| failed(error.into()))?;
         line.push(b'\n');
-        self.child.stdin.as_mut().map_or(Ok(()), |stdin| stdin.write_all(&line)).map_err(failed)
+        self.controller.child.stdin.as_mut().map_or(Ok(()), |stdin| stdin.write_all(&line)).map_err(failed)
     }
 
-    /// The cause behind an error: an interrupt, or that the controller's process is gone, brings others in its train.
+    /// The cause behind an error: an interrupt or the end of the controller's process brings others in its train.
     fn explain(&mut self, error: LinkError) -> LinkError {
-        // Ctrl-C reaches both processes, not always this one first; a killed process takes a moment to be gone.
+        // A killed process takes a moment to be gone.
         if self.node.wait(LOOK).is_err() {
             return LinkError::Interrupted;
         }
-        match self.child.try_wait() {
+        match self.controller.child.try_wait() {
             Ok(Some(status)) => LinkError::PeerGone { status: status.to_string() },
             _ => error,
         }
@@ -184,7 +198,7 @@ impl Iceoryx2 {
     /// Whether it makes sense to go on waiting since `started`.
     fn look(&mut self, started: Instant) -> Result<(), LinkError> {
         self.node.wait(Duration::ZERO).map_err(|_| LinkError::Interrupted)?;
-        if let Ok(Some(status)) = self.child.try_wait() {
+        if let Ok(Some(status)) = self.controller.child.try_wait() {
             return Err(LinkError::PeerGone { status: status.to_string() });
         }
         if started.elapsed() > PATIENCE {
@@ -213,12 +227,12 @@ fn unused_name() -> String {
 }
 
 fn spawn(program: &Path, run: &str) -> Result<Child, LinkError> {
-    std::process::Command::new(program)
-        .args(["--controller", run])
-        .stdin(Stdio::piped())
-        .stdout(Stdio::null())
-        .spawn()
-        .map_err(|reason| LinkError::Start { program: program.display().to_string(), reason })
+    let mut command = std::process::Command::new(program);
+    command.args(["--controller", run]).stdin(Stdio::piped()).stdout(Stdio::null());
+    // In a group of its own Ctrl-C does not reach it: the plant is interrupted and ends it in good order.
+    #[cfg(unix)]
+    std::os::unix::process::CommandExt::process_group(&mut command, 0);
+    command.spawn().map_err(|reason| LinkError::Start { program: program.display().to_string(), reason })
 }
 
 impl Link for Iceoryx2 {
@@ -259,33 +273,22 @@ impl Iceoryx2 {
     }
 }
 
-impl Drop for Iceoryx2 {
-    /// Tells the controller to leave, and clears away what it could not.
-    fn drop(&mut self) {
-        let _ = self.send(&Message::Stop);
-        drop(self.child.stdin.take());
-        let started = Instant::now();
-        while matches!(self.child.try_wait(), Ok(None)) {
-            if started.elapsed() > PATIENCE {
-                let _ = self.child.kill();
-                let _ = self.child.wait();
-            }
-            std::thread::sleep(Duration::from_millis(1));
-        }
-        self.node.blocking_cleanup_dead_nodes(Duration::from_secs(1));
-    }
-}
-
-/// The controller's side: reads its configuration from standard input, answers ticks of run `run`, and returns when it is
-/// told to stop or the plant's process is gone.
+/// The controller's side: reads its configuration from standard input, answers ticks of run `run`, and returns when the
+/// input ends.
 ///
 /// # Errors
 /// A configuration that cannot be read or flown, or what the middleware refuses.
 pub fn serve(run: &str) -> Result<(), crate::SilError> {
-    let config = read_config()?;
-    let mut controller = Controller::new(&config)?;
-    let plant_gone = watch_input();
     let domain = Domain::new(run);
+    let outcome = answer_until_input_ends(run, &domain);
+    domain.remove();
+    outcome
+}
+
+fn answer_until_input_ends(run: &str, domain: &Domain) -> Result<(), crate::SilError> {
+    let Some(config) = read_config()? else { return Ok(()) };
+    let mut controller = Controller::new(&config)?;
+    let plant_done = watch_input();
     let node = domain.node()?;
     let services = Services::open_or_create(&node, run)?;
     let answered = services.answered.notifier_builder().create().map_err(refused("create a notifier"))?;
@@ -296,34 +299,24 @@ pub fn serve(run: &str) -> Result<(), crate::SilError> {
         .initial_max_slice_len(MAX_FRAME_LEN)
         .create()
         .map_err(refused("create a server"))?;
-    let mut go_on = true;
-    while go_on && !plant_gone.load(Ordering::Relaxed) {
-        // Ctrl-C reaches both processes: it is the plant's to decide, so an interrupted wait is like an empty one.
+    while !plant_done.load(Ordering::Relaxed) {
+        // An interrupted wait is like an empty one: whether to go on is the plant's to decide.
         let _ = asked.timed_wait(|_| {}, LOOK);
-        go_on = answer_all(&server, &answered, &mut controller)?;
-    }
-    drop((server, asked, answered, services));
-    node.blocking_cleanup_dead_nodes(Duration::from_secs(1));
-    drop(node);
-    if go_on {
-        // The plant is gone without a word: nobody else will clear away.
-        domain.remove();
+        answer_all(&server, &answered, &mut controller)?;
     }
     Ok(())
 }
 
-/// Answers what has come; `false` after a request to stop.
+/// Answers what has come.
 fn answer_all(
     server: &Answering,
     answered: &Notifier<Ipc>,
     controller: &mut Controller,
-) -> Result<bool, LinkError> {
+) -> Result<(), LinkError> {
     let mut buffer = [0; MAX_FRAME_LEN];
     while let Some(request) = server.receive().map_err(refused("receive a request"))? {
-        let asked = match proto::decode(request.payload())? {
-            Message::Input(asked) => asked,
-            Message::Stop | Message::Output(_) => return Ok(false),
-        };
+        // An output is not for this side; the plant will miss an answer and say so.
+        let Message::Input(asked) = proto::decode(request.payload())? else { continue };
         let (measurement, command) = arguments(&asked);
         let outcome = output(asked.tick, &controller.tick(&measurement, &command));
         let frame = proto::encode(&Message::Output(outcome), &mut buffer)?;
@@ -331,14 +324,17 @@ fn answer_all(
         response.write_from_slice(frame).send().map_err(refused("send a response"))?;
         answered.notify().map_err(refused("wake the plant"))?;
     }
-    Ok(true)
+    Ok(())
 }
 
-fn read_config() -> Result<Config, LinkError> {
+/// `None` if the plant went before it sent one.
+fn read_config() -> Result<Option<Config>, LinkError> {
     let mut line = String::new();
     let failed = |reason| LinkError::Configure { reason };
-    std::io::stdin().lock().read_line(&mut line).map_err(failed)?;
-    serde_json::from_str(&line).map_err(|error| failed(error.into()))
+    if std::io::stdin().lock().read_line(&mut line).map_err(failed)? == 0 {
+        return Ok(None);
+    }
+    serde_json::from_str(&line).map(Some).map_err(|error| failed(error.into()))
 }
 
 /// Becomes true when standard input ends.
