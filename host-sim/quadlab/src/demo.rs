@@ -126,11 +126,7 @@ fn on_hidden_effect(options: &Options) -> anyhow::Result<Outcome> {
     let sets = Sets::read(&files, &vehicle, false)?;
     let story = story::tell(&vehicle, &sets, false)?;
     let found = story.found().first() == Some(&effect);
-    let lead = format!(
-        "{} Hidden in the simulated craft (seed {seed}): {effect}. {}",
-        conclusion(&story),
-        verdict(found)
-    );
+    let lead = format!("{} {}", conclusion(&story), verdict(effect, seed, &story));
     let mut text = finish(options, &lead, &vehicle_path, &sets, &story)?;
     let _ = write!(text, "\n{}", tables::hidden(&craft, effect, story.last_model()).to_text());
     let again = format!("quadlab demo --seed {seed}");
@@ -138,8 +134,17 @@ fn on_hidden_effect(options: &Options) -> anyhow::Result<Outcome> {
     Ok(Outcome { text, holds: found })
 }
 
-fn verdict(found: bool) -> &'static str {
-    if found { "The flights gave it away." } else { "The flights did not give it away." }
+/// What was hidden, and whether the flights gave away that and nothing else.
+fn verdict(hidden: Effect, seed: u64, story: &Story) -> String {
+    let found = story.found();
+    let gave = if found.first() == Some(&hidden) { "gave it away" } else { "did not give it away" };
+    let not_there: Vec<&str> = found.iter().filter(|e| **e != hidden).map(|e| e.id()).collect();
+    let wrong = if not_there.is_empty() {
+        String::new()
+    } else {
+        format!(" Not in the craft, though found: {}.", not_there.join(", "))
+    };
+    format!("Hidden in the simulated craft (seed {seed}): {hidden}. The flights {gave}.{wrong}")
 }
 
 fn seed_from_clock() -> u64 {
@@ -201,7 +206,8 @@ fn finish(
         let line = format!("{}: {}. {}", step.effect, finding.reason, sentence(step.effect));
         let _ = write!(text, "\n{}", tables::paragraph(&line));
     }
-    let _ = write!(text, "\nWhat is left: {}", tables::paragraph(&story.last_diagnosis.summary));
+    let left = format!("What is left: {}", story.last_diagnosis.summary);
+    let _ = write!(text, "\n{}", tables::paragraph(&left));
     let _ = writeln!(text, "\npage: {}", page.display());
     Ok(text)
 }

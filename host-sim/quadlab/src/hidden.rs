@@ -43,9 +43,9 @@ pub(crate) fn craft() -> Model {
         .expect("the model file in the source tree is tested")
 }
 
-/// A flight to identify the craft from. The thesis' law with one change: no zero-cancellers in roll and pitch. Their poles
-/// stand on a zero that flapping moments make (thesis 5.3), and on a craft without them the position loops swing out of the
-/// cage; without the cancellers the craft stays in it with every hidden effect.
+/// A flight to identify the craft from. The thesis' law with one change: no zero-cancellers in roll and pitch. They cancel
+/// a zero at the drag's rate that shows only where flapping moments couple speed to attitude (5.20); on a craft without
+/// them the position loops swing out of the cage. Without the cancellers it stays inside with every hidden effect.
 pub(crate) fn flight_plan(craft: &Model, seed: u64, duration_s: f64) -> FlightPlan {
     let mut plan = FlightPlan::identification(craft.clone(), seed, duration_s);
     if let Law::ModelBased(law) = &mut plan.config.law {

@@ -24,6 +24,7 @@ mod tables;
 
 use std::process::ExitCode;
 
+use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
 use crate::output::Outcome;
@@ -89,7 +90,11 @@ fn usage(error: &clap::Error) -> ExitCode {
     let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
     let said: Vec<&str> =
         lines.take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more")).collect();
-    let said = if said.is_empty() { "error: no command given".to_owned() } else { said.join(" ") };
+    let said = match error.kind() {
+        // clap would print the whole help as the error.
+        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => "error: no command given".into(),
+        _ => said.join(" "),
+    };
     eprintln!("{} (see quadlab --help)", one_line(&said));
     ExitCode::from(BAD_INPUT)
 }

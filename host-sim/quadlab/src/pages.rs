@@ -60,7 +60,10 @@ fn where_it_fails(views: &[View], comparison: &Comparison) -> Section {
     if !worst.has_rows() {
         return section.paragraph("No condition holds more than its share of the error.");
     }
-    section = section.grid(&worst);
+    section = section.grid(&worst).paragraph(
+        "In the figures, means that leave the zero line are something the model misses; where only the spread grows, it may \
+         be noise.",
+    );
     let mut drawn: Vec<(Axis, &str)> = Vec::new();
     for found in &comparison.worst {
         if drawn.len() == MOST_RESIDUALS || drawn.contains(&(found.axis, found.quantity)) {
@@ -68,9 +71,7 @@ fn where_it_fails(views: &[View], comparison: &Comparison) -> Section {
         }
         drawn.push((found.axis, found.quantity));
         if let Some(figure) = figures::residual_against(views, found.axis, found.quantity) {
-            let caption = "Where the means leave the zero line, the model misses something; where only the spread grows, \
-                           it may be noise.";
-            section = section.figure(figure, caption);
+            section = section.figure(figure, "");
         }
     }
     section

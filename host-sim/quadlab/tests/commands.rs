@@ -1,0 +1,249 @@
+//! Each command through the real binary, on simulated flights with ground effect hidden in them: what it prints, what it
+//! writes, and the fields of its JSON that the contract fixes.
+
+mod common;
+
+use common::{AXES, copies, done_in, identify, json_in, with_sets};
+use model::{Effect, FlightRole, Model};
+use serde_json::Value;
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is not a number"))
+}
+
+fn has_axes(value: &Value, fields: &[&str]) {
+    for axis in AXES {
+        for field in fields {
+            number(&value[axis][field]);
+        }
+    }
+}
+
+#[test]
+fn identify_writes_a_model_with_its_flights_errors_and_hashes() {
+    let folder = copies();
+    let out =
+        done_in(folder.path(), &with_sets(&["identify", "--vehicle", "vehicle.toml", "--out", "model.toml"]));
+    for expected in ["C_T", "held-out rms", "gyro bias", "second derivative of the position", "model.toml"] {
+        assert!(out.contains(expected), "{expected} is not in\n{out}");
+    }
+    assert!(out.lines().all(|line| line.chars().count() <= 110), "{out}");
+
+    let model = Model::read(&folder.path().join("model.toml")).unwrap();
+    assert_eq!(model.effects(), Effect::basic().collect::<Vec<_>>());
+    let record = model.fit.as_ref().expect("a fit record");
+    let roles: Vec<_> = record.flights.iter().map(|f| (f.name.as_str(), f.role)).collect();
+    let (train, validate) = (FlightRole::Train, FlightRole::Validate);
+    let expected =
+        [("A.csv", train), ("B.csv", train), ("C.csv", train), ("D.csv", validate), ("E.csv", validate)];
+    assert_eq!(roles, expected);
+    for flight in &record.flights {
+        let output = std::process::Command::new("sha256sum").arg(folder.path().join(&flight.name)).output();
+        match output {
+            Ok(output) if output.status.success() => {
+                assert!(output.stdout.starts_with(flight.sha256.as_bytes()), "{}", flight.name);
+            }
+            _ => println!("SKIPPED: no sha256sum to check the hash of {} with", flight.name),
+        }
+    }
+    assert!(record.held_out.p.r2 > 0.9 && record.train.p.r2 > 0.9, "{record:?}");
+}
+
+#[test]
+fn identify_finds_what_the_simulated_craft_has() {
+    let folder = copies();
+    let json =
+        json_in(folder.path(), &with_sets(&["identify", "--vehicle", "vehicle.toml", "--out", "model.toml"]));
+    has_axes(&json["train"], &["rms", "sse", "r2"]);
+    has_axes(&json["held_out"], &["rms", "sse", "r2"]);
+    assert_eq!(json["flights"].as_array().unwrap().len(), 5);
+    let truth = Model::parse(include_str!("../data/craft.toml"), "craft.toml".as_ref()).unwrap();
+    let found = json["coefficients"].as_array().unwrap();
+    // The drag in the rotor plane and the damping are on axes that ground effect does not touch.
+    for (effect, name, index) in [
+        (Effect::LinearDrag, "C_du", 0),
+        (Effect::LinearDrag, "C_dv", 1),
+        (Effect::AngularDamping, "C_dr/Izz", 2),
+    ] {
+        let entry = found.iter().find(|c| c["name"] == name).expect(name);
+        assert_eq!(entry["effect"], effect.id());
+        let (value, error) = (number(&entry["value"]), number(&entry["std_error"]));
+        let expected = truth.term(effect).unwrap().coefficients[index].value;
+        // Five standard errors: a chance of one in a million for each, if the errors are honest.
+        assert!(
+            (value - expected).abs() < 5.0 * error,
+            "{name}: {value} +- {error}, the craft has {expected}"
+        );
+        assert!(error < 0.05 * expected.abs(), "{name}: an error of {error} says little");
+    }
+}
+
+#[test]
+fn compare_has_the_fields_of_the_contract_and_a_page() {
+    let folder = copies();
+    identify(folder.path());
+    let json = json_in(
+        folder.path(),
+        &["compare", "--model", "model.toml", "--flights", "D.csv", "E.csv", "--html", "page.html"],
+    );
+    let flights = json["flights"].as_array().unwrap();
+    assert_eq!(flights.len(), 2);
+    let mut sse = 0.0;
+    for (flight, name) in flights.iter().zip(["D.csv", "E.csv"]) {
+        assert_eq!(flight["name"], name);
+        assert!(number(&flight["samples"]) > 1000.0);
+        has_axes(&flight["axes"], &["rms", "sse", "r2"]);
+        let axis = &flight["axes"]["w"];
+        let mean_square = number(&axis["sse"]) / number(&flight["samples"]);
+        assert!(
+            (mean_square.sqrt() / number(&axis["rms"]) - 1.0).abs() < 1e-9,
+            "rms and sse of one flight agree"
+        );
+        sse += number(&axis["sse"]);
+    }
+    has_axes(&json["total"], &["rms", "sse", "r2"]);
+    assert!((number(&json["total"]["w"]["sse"]) / sse - 1.0).abs() < 1e-9, "the total is the sum");
+    let horizon = |name: &str, field: &str| number(&json["horizons"][name][field]);
+    for field in ["position_m", "velocity_m_s", "attitude_rad", "rate_rad_s"] {
+        let (one, ten, fifty) = (horizon("1", field), horizon("10", field), horizon("50", field));
+        assert!(0.0 < one && one <= 1.5 * ten && ten < 1.5 * fifty, "{field}: {one} {ten} {fifty}");
+        let sum = horizon("sum_1_50", field);
+        assert!(sum > one + ten + fifty && sum < 75.0 * fifty, "{field}: {sum}");
+    }
+    let worst = json["worst"].as_array().unwrap();
+    // Ground effect is missing from the basic model: some condition of w has to stand out.
+    assert!(worst.iter().any(|w| w["axis"] == "w"), "{worst:?}");
+    for w in worst {
+        assert!(w["condition"].is_string() && number(&w["rms"]) > 0.0);
+        assert!((0.0..=100.0).contains(&number(&w["share_percent"])));
+    }
+    self_contained(&std::fs::read_to_string(folder.path().join("page.html")).unwrap());
+}
+
+/// A page that refers to nothing outside itself.
+fn self_contained(page: &str) {
+    assert!(
+        page.starts_with("<!DOCTYPE html>") && page.contains("<svg") && page.trim_end().ends_with("</html>")
+    );
+    for outside in ["<script", "src=", "<link", "url(", "@import"] {
+        assert!(!page.contains(outside), "the page holds {outside}");
+    }
+}
+
+#[test]
+fn compare_warns_of_flights_that_the_model_was_fitted_to() {
+    let folder = copies();
+    identify(folder.path());
+    let output =
+        common::run_in(folder.path(), &["compare", "--model", "model.toml", "--flights", "A.csv", "D.csv"]);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0));
+    assert!(stderr.starts_with("warning: A.csv:") && stderr.lines().count() == 1, "{stderr}");
+}
+
+#[test]
+fn diagnose_names_the_hidden_effect_and_add_takes_it_away() {
+    let folder = copies();
+    identify(folder.path());
+    let diagnose = ["diagnose", "--model", "model.toml", "--html", "page.html"];
+    let json = json_in(folder.path(), &with_sets(&diagnose));
+    assert_eq!(json["verdict"], "missing-effect");
+    let effects = json["effects"].as_array().unwrap();
+    assert_eq!(effects.len(), Effect::candidates().count());
+    assert_eq!(effects[0]["effect"], "ground-effect");
+    for finding in effects {
+        let effect =
+            Effect::from_id(finding["effect"].as_str().unwrap()).expect("an effect of the catalogue");
+        assert!(finding["supported"].is_boolean() && finding["confounded_with"].is_array());
+        assert!((0.0..=1.0).contains(&number(&finding["p_value"])));
+        number(&finding["drop_percent"]);
+        for axis in effect.info().axes {
+            let axis = &finding["axes"][axis.name()];
+            let (before, after) = (number(&axis["sse_before"]), number(&axis["sse_after"]));
+            let drop = 100.0 * (1.0 - after / before);
+            assert!((number(&axis["drop_percent"]) - drop).abs() < 1e-9);
+        }
+        for (c, info) in finding["coefficients"].as_array().unwrap().iter().zip(effect.info().coefficients) {
+            assert_eq!((c["name"].as_str(), c["unit"].as_str()), (Some(info.name), Some(info.unit)));
+            number(&c["value"]);
+            number(&c["std_error"]);
+        }
+    }
+    assert!(json["unexplained"].is_array());
+    self_contained(&std::fs::read_to_string(folder.path().join("page.html")).unwrap());
+    let text = done_in(folder.path(), &with_sets(&["diagnose", "--model", "model.toml"]));
+    assert!(text.starts_with("The model lacks ground-effect."), "{text}");
+
+    let add = ["add", "ground-effect", "--model", "model.toml", "--out", "better.toml"];
+    let json = json_in(folder.path(), &with_sets(&add));
+    assert_eq!((json["effect"].as_str(), json["supported"].as_bool()), (Some("ground-effect"), Some(true)));
+    for axis in AXES {
+        let (before, after) = (number(&json["sse_before"][axis]), number(&json["sse_after"][axis]));
+        let drop = number(&json["drop_percent"][axis]);
+        assert!((100.0 * (1.0 - after / before) - drop).abs() < 1e-9, "{axis}");
+    }
+    // Simulated flights with nothing else missing: what is left of w is noise, a small part of what was there.
+    assert!(number(&json["drop_percent"]["w"]) > 50.0, "{json}");
+
+    let better = Model::read(&folder.path().join("better.toml")).unwrap();
+    assert!(better.has(Effect::GroundEffect));
+    assert_eq!(better.history.len(), 1);
+    assert_eq!((better.history[0].effect.as_str(), better.history[0].supported), ("ground-effect", true));
+    assert_eq!(better.history[0].sse_after.w, number(&json["sse_after"]["w"]));
+    assert_eq!(better.fit.as_ref().map(|fit| fit.held_out.w.sse), Some(better.history[0].sse_after.w));
+    let json = json_in(folder.path(), &with_sets(&["diagnose", "--model", "better.toml"]));
+    assert_eq!(json["verdict"], "adequate", "{json}");
+}
+
+#[test]
+fn an_effect_that_the_flights_do_not_support_is_added_and_said_to_be_so() {
+    let folder = copies();
+    identify(folder.path());
+    let add = ["add", "rate-coupling", "--model", "model.toml", "--out", "worse.toml"];
+    let text = done_in(folder.path(), &with_sets(&add));
+    assert!(text.contains("NOT supported"), "{text}");
+    let model = Model::read(&folder.path().join("worse.toml")).unwrap();
+    assert!(model.has(Effect::RateCoupling) && !model.history[0].supported);
+    // A second effect keeps the history of the first.
+    let add = ["add", "ground-effect", "--model", "worse.toml", "--out", "worse.toml"];
+    assert_eq!(json_in(folder.path(), &with_sets(&add))["supported"], true);
+    let model = Model::read(&folder.path().join("worse.toml")).unwrap();
+    let effects: Vec<&str> = model.history.iter().map(|h| h.effect.as_str()).collect();
+    assert_eq!(effects, ["rate-coupling", "ground-effect"]);
+}
+
+#[test]
+fn the_same_flights_give_the_same_bytes() {
+    let (one, two) = (copies(), copies());
+    for folder in [&one, &two] {
+        identify(folder.path());
+        let html = ["diagnose", "--model", "model.toml", "--html", "page.html"];
+        done_in(folder.path(), &with_sets(&html));
+    }
+    for name in ["model.toml", "page.html"] {
+        let read = |folder: &tempfile::TempDir| std::fs::read(folder.path().join(name)).unwrap();
+        assert!(read(&one) == read(&two), "{name} differs between two runs");
+    }
+}
+
+#[test]
+fn effects_lists_the_catalogue() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = done_in(folder.path(), &["effects"]);
+    let json = json_in(folder.path(), &["effects"]);
+    let entries = json.as_array().unwrap();
+    assert_eq!(entries.len(), model::effects::CATALOGUE.len());
+    for (entry, effect) in entries.iter().zip(model::effects::CATALOGUE) {
+        assert_eq!(entry["effect"], effect.id());
+        assert!(text.contains(&format!("  {}  (acts on ", effect.id())), "{effect}");
+    }
+}
+
+#[test]
+fn every_command_has_help_with_an_example() {
+    let folder = tempfile::tempdir().unwrap();
+    for command in ["identify", "compare", "diagnose", "add", "effects", "demo"] {
+        let help = done_in(folder.path(), &[command, "--help"]);
+        assert!(help.contains("Example") && help.contains(&format!("  quadlab {command}")), "{help}");
+    }
+}
