@@ -1,0 +1,271 @@
+//! The body in motion: Newton and Euler over the ground, rotor by rotor.
+//!
+//! The state holds what is conserved: linear momentum as the velocity over ground, and the angular momentum of body and
+//! rotors together in inertial components. One step is the implicit midpoint rule on R^3 x SO(3) (attitude advanced by
+//! the exponential of the midpoint's rate), so a free body keeps its angular momentum to rounding and its energy
+//! without drift. Euler's gyroscopic terms are never written down: they follow from turning the momentum into the body.
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use rand::{Rng, RngExt};
+use rand_distr::StandardNormal;
+
+use super::craft::Craft;
+
+/// Integration step, s: 2 kHz.
+pub const STEP_S: f64 = 0.0005;
+
+/// Fixed-point rounds of the midpoint. Each gains a factor of the step times the fastest rate, here under 0.01.
+const ROUNDS: usize = 3;
+
+/// Correlation time of gusts, s.
+const GUST_S: f64 = 0.5;
+
+/// Where and how the craft moves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Body {
+    /// Centre of mass, NED, m.
+    pub position_ned_m: Vector3<f64>,
+    /// Over ground, NED, m/s.
+    pub velocity_ned_m_s: Vector3<f64>,
+    /// Body to inertial.
+    pub attitude: Rotation3<f64>,
+    /// Of body and rotors about the centre of mass, inertial components, kg m^2/s.
+    pub momentum: Vector3<f64>,
+    /// Rotor speeds, rad/s.
+    pub rotor_rad_s: [f64; 4],
+    /// Direction and turning rate of the pendulum, inertial; a load hangs along it.
+    pub link: [Vector3<f64>; 2],
+    /// Terminal voltage, V.
+    pub battery_v: f64,
+    inverse_inertia: Matrix3<f64>,
+    gust_m_s: [f64; 2],
+    held_rad_s: f64,
+}
+
+/// Forces and torques at an instant.
+struct Wrench {
+    /// Without gravity and cable, inertial, N.
+    force_ned_n: Vector3<f64>,
+    /// Body, N m.
+    torque_nm: Vector3<f64>,
+}
+
+/// What a wrench depends on.
+struct Instant<'a> {
+    position: Vector3<f64>,
+    velocity: Vector3<f64>,
+    attitude: &'a Matrix3<f64>,
+    rate: Vector3<f64>,
+    rotor: &'a [f64; 4],
+    time_s: f64,
+}
+
+impl Body {
+    /// Level, at rest, rotors at hover speed.
+    pub fn hovering(craft: &Craft, position_ned_m: Vector3<f64>) -> Self {
+        let rotor_rad_s = [craft.hover_rad_s(); 4];
+        let inverse_inertia = craft.inertia_kg_m2.try_inverse().unwrap_or_else(Matrix3::zeros);
+        Self {
+            position_ned_m,
+            velocity_ned_m_s: Vector3::zeros(),
+            attitude: Rotation3::identity(),
+            momentum: Vector3::z() * rotor_momentum(craft, &rotor_rad_s),
+            rotor_rad_s,
+            link: [Vector3::z(), Vector3::zeros()],
+            battery_v: craft.battery.voltage_v(0.0, &rotor_rad_s),
+            inverse_inertia,
+            gust_m_s: [0.0; 2],
+            held_rad_s: rotor_rad_s[0],
+        }
+    }
+
+    /// Body rates, rad/s.
+    pub fn rate_rad_s(&self, craft: &Craft) -> Vector3<f64> {
+        let spin = Vector3::z() * rotor_momentum(craft, &self.rotor_rad_s);
+        self.inverse_inertia * (self.attitude.inverse() * self.momentum - spin)
+    }
+
+    /// Gives the body other rates, rad/s.
+    pub fn set_rate_rad_s(&mut self, craft: &Craft, rate_rad_s: Vector3<f64>) {
+        let spin = Vector3::z() * rotor_momentum(craft, &self.rotor_rad_s);
+        self.momentum = self.attitude * (craft.inertia_kg_m2 * rate_rad_s + spin);
+    }
+
+    /// Advances by [`STEP_S`] with held motor commands; `air` is asked for gusts.
+    pub fn step(&mut self, craft: &Craft, command: &[f64; 4], time_s: f64, air: &mut impl Rng) {
+        self.blow(craft, air);
+        let target = self.commanded_rad_s(craft, command, time_s);
+        let h = STEP_S;
+        let towards = |decay: f64| -> [f64; 4] {
+            std::array::from_fn(|i| target[i] + (self.rotor_rad_s[i] - target[i]) * decay)
+        };
+        let half = (-0.5 * h * craft.lag_rad_s).exp();
+        let (middle, end) = (towards(half), towards(half * half));
+        let spin = Vector3::z() * rotor_momentum(craft, &middle);
+        let spin_up = Vector3::z()
+            * ((rotor_momentum(craft, &end) - rotor_momentum(craft, &self.rotor_rad_s)) / h
+                * (1.0 - craft.spin_up_share));
+
+        let mut rate = self.rate_rad_s(craft);
+        let mut acceleration = Vector3::zeros();
+        let mut torque_ned = Vector3::zeros();
+        let mut link_acceleration = Vector3::zeros();
+        for _ in 0..ROUNDS {
+            let attitude = self.attitude * Rotation3::new(0.5 * h * rate);
+            rate =
+                self.inverse_inertia * (attitude.inverse() * (self.momentum + 0.5 * h * torque_ned) - spin);
+            let velocity = self.velocity_ned_m_s + 0.5 * h * acceleration;
+            let instant = Instant {
+                position: self.position_ned_m + 0.5 * h * velocity,
+                velocity,
+                attitude: attitude.matrix(),
+                rate,
+                rotor: &middle,
+                time_s: time_s + 0.5 * h,
+            };
+            let wrench = self.wrench(craft, &instant);
+            torque_ned = attitude * (wrench.torque_nm + spin_up);
+            let own = wrench.force_ned_n / craft.mass_kg;
+            let cable;
+            (cable, link_acceleration) = self.cable(craft, own, link_acceleration);
+            acceleration = own + cable + Vector3::new(0.0, 0.0, craft.gravity_m_s2);
+        }
+        let velocity = self.velocity_ned_m_s + 0.5 * h * acceleration;
+        self.position_ned_m += h * velocity;
+        self.velocity_ned_m_s += h * acceleration;
+        self.attitude *= Rotation3::new(h * rate);
+        self.momentum += h * torque_ned;
+        self.rotor_rad_s = end;
+        let turning = self.link[1] + 0.5 * h * link_acceleration;
+        self.link[0] = Rotation3::new(h * turning) * self.link[0];
+        self.link[1] += h * link_acceleration;
+        self.battery_v = craft.battery.voltage_v(time_s + h, &self.rotor_rad_s);
+    }
+
+    /// A gust is a first-order process with a fixed spread.
+    fn blow(&mut self, craft: &Craft, air: &mut impl Rng) {
+        let spread = craft.strange.gust_m_s;
+        if spread > 0.0 {
+            let keep = (-STEP_S / GUST_S).exp();
+            let push = spread * (1.0 - keep * keep).sqrt();
+            for gust in &mut self.gust_m_s {
+                let kick: f64 = air.sample(StandardNormal);
+                *gust = keep * *gust + push * kick;
+            }
+        }
+    }
+
+    fn commanded_rad_s(&mut self, craft: &Craft, command: &[f64; 4], time_s: f64) -> [f64; 4] {
+        let battery_v = craft.battery.voltage_v(time_s, &self.rotor_rad_s);
+        let map = &craft.map;
+        let mut speeds = command.map(|c| (map.command * c + map.voltage * battery_v + map.offset).max(0.0));
+        let band = craft.strange.dead_band_rad_s;
+        if band > 0.0 {
+            if (speeds[0] - self.held_rad_s).abs() > band {
+                self.held_rad_s = speeds[0];
+            }
+            speeds[0] = self.held_rad_s;
+        }
+        speeds
+    }
+
+    fn wrench(&self, craft: &Craft, now: &Instant<'_>) -> Wrench {
+        let air_ned = now.velocity - self.wind(craft, now);
+        let air = now.attitude.tr_mul(&air_ned);
+        let (thrusts_n, torque_z) = rotors(craft, now, &air);
+        let mut torque = Vector3::new(0.0, 0.0, torque_z);
+        for ([x, y], thrust) in craft.hubs_m().into_iter().zip(thrusts_n) {
+            // (x, y, 0) x (0, 0, -T)
+            torque.x -= y * thrust;
+            torque.y += x * thrust;
+        }
+        torque -= now.rate.component_mul(&Vector3::from(craft.damping_nm_s));
+        torque.z -= craft.quadratic_yaw_nm_s2 * now.rate.z.abs() * now.rate.z;
+        let [pitching, rolling] = craft.flapping_n_s;
+        torque.x -= rolling * air.y;
+        torque.y += pitching * air.x;
+
+        let mut force = self.drag(craft, now, &air);
+        force.z -= thrusts_n.iter().sum::<f64>();
+        force.x += craft.rate_coupling_n_s[0] * now.rate.y;
+        force.y += craft.rate_coupling_n_s[1] * now.rate.x;
+        let mut force_ned = now.attitude * force;
+        if let Some(tether) = craft.tether {
+            force_ned += tether.stiffness_n_m * (tether.anchor_ned_m - now.position);
+        }
+        let hum = craft.strange.hum_n * (std::f64::consts::TAU * 0.7 * now.time_s).sin();
+        force_ned += Vector3::new(0.8 * hum, 0.6 * hum, 0.0);
+        Wrench { force_ned_n: force_ned, torque_nm: torque }
+    }
+
+    fn drag(&self, craft: &Craft, now: &Instant<'_>, air: &Vector3<f64>) -> Vector3<f64> {
+        let mut drag = Vector3::from(craft.drag_n_s_m);
+        if craft.strange.heading_drag != 0.0 {
+            let yaw = now.attitude[(1, 0)].atan2(now.attitude[(0, 0)]);
+            drag *= 1.0 + craft.strange.heading_drag * (2.0 * yaw).cos();
+        }
+        let [plane, axial] = craft.quadratic_drag;
+        drag += air.norm() * Vector3::new(plane, plane, axial);
+        -drag.component_mul(air)
+    }
+
+    fn wind(&self, craft: &Craft, now: &Instant<'_>) -> Vector3<f64> {
+        let mut wind = craft.wind_ned_m_s;
+        wind.x += self.gust_m_s[0];
+        wind.y += self.gust_m_s[1];
+        if craft.strange.draught_m_s != 0.0 {
+            // A jet along north-east out of an opening, half a metre wide.
+            let across = 0.6 * now.position.x - 0.8 * now.position.y - 0.3;
+            let speed = craft.strange.draught_m_s * (-across * across / (2.0 * 0.35 * 0.35)).exp();
+            wind += speed * Vector3::new(0.8, 0.6, 0.0);
+        }
+        wind
+    }
+
+    /// The cable's pull on the craft, m/s^2, and the turning acceleration of the link.
+    ///
+    /// The load swings freely: l n'' is its acceleration less the craft's, and n.n'' = -|n'|^2 gives the tension.
+    fn cable(
+        &self,
+        craft: &Craft,
+        own: Vector3<f64>,
+        turning_up: Vector3<f64>,
+    ) -> (Vector3<f64>, Vector3<f64>) {
+        let Some(load) = craft.load else { return (Vector3::zeros(), Vector3::zeros()) };
+        let turning = self.link[1] + 0.5 * STEP_S * turning_up;
+        let n = Rotation3::new(0.5 * STEP_S * turning) * self.link[0];
+        let centripetal = load.length_m * turning.norm_squared();
+        let tension_n = (centripetal - n.dot(&own)) / (1.0 / load.mass_kg + 1.0 / craft.mass_kg);
+        let spin_up = -n.cross(&own) / load.length_m - load.damping_s * turning;
+        (n * (tension_n / craft.mass_kg), spin_up)
+    }
+}
+
+/// Thrust of each rotor, N, and their torque about z, N m.
+fn rotors(craft: &Craft, now: &Instant<'_>, air: &Vector3<f64>) -> ([f64; 4], f64) {
+    let lift = 1.0 + craft.translational_lift_s2_m2 * (air.x * air.x + air.y * air.y);
+    let warm = 1.0 - craft.strange.fade * (1.0 - (-now.time_s / 12.0).exp());
+    let hubs = craft.hubs_m();
+    let mut torque = 0.0;
+    let thrusts = std::array::from_fn(|i| {
+        let w = now.rotor[i];
+        torque += craft.spin[i] * craft.efficiency[i] * craft.torque_nm_s2 * w * w;
+        let thrust = craft.efficiency[i] * (craft.thrust_n_s2 * w * w + craft.thrust_n_s * w) * lift * warm;
+        if craft.ground_gain == 0.0 {
+            return thrust;
+        }
+        let [x, y] = hubs[i];
+        let down = now.position.z + now.attitude[(2, 0)] * x + now.attitude[(2, 1)] * y;
+        // The landing gear keeps the hubs off the floor.
+        let height = (craft.ground_offset_m - down).max(0.6 * craft.rotor_radius_m);
+        let ratio = craft.rotor_radius_m / (4.0 * height);
+        thrust / (1.0 - craft.ground_gain * ratio * ratio)
+    });
+    (thrusts, torque)
+}
+
+/// Angular momentum of the rotors along z of the body (down): a counter-clockwise one, seen from above, points up.
+fn rotor_momentum(craft: &Craft, rotor_rad_s: &[f64; 4]) -> f64 {
+    let signed: f64 = craft.spin.iter().zip(rotor_rad_s).map(|(s, w)| s * w).sum();
+    -craft.rotor_inertia_kg_m2 * signed
+}

@@ -1,0 +1,210 @@
+//! What the laboratory's instruments see of a flight: motion capture, gyro, battery, and the commands as sent.
+
+use nalgebra::{Rotation3, Vector3};
+use rand::RngExt;
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64;
+use sysid::{Column, Flight};
+
+use super::body::{Body, STEP_S};
+use super::craft::Craft;
+use super::pilot::PILOT_PERIOD_S;
+
+/// Faults and noise of the instruments.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sensors {
+    /// Scales all noise: 1 is 0.25 mm, 0.7 mrad, 0.012 rad/s and 15 mV.
+    pub noise: f64,
+    /// Correlation time of the motion capture's noise, s; 0 is white.
+    pub colour_s: f64,
+    /// Standard deviation of the times of samples about an even grid, s.
+    pub jitter_s: f64,
+    /// Part of the rows that are lost, in bursts.
+    pub dropout: f64,
+    /// How much older the gyro's sample is than its row, s.
+    pub gyro_age_s: f64,
+}
+
+impl Default for Sensors {
+    fn default() -> Self {
+        Self { noise: 1.0, colour_s: 0.0, jitter_s: 0.0, dropout: 0.0, gyro_age_s: 0.0 }
+    }
+}
+
+impl Sensors {
+    /// Position, m.
+    pub const POSITION_M: f64 = 0.00025;
+    /// Attitude about each body axis, rad.
+    pub const ATTITUDE_RAD: f64 = 0.0007;
+    /// Gyro, rad/s.
+    pub const RATE_RAD_S: f64 = 0.012;
+    /// Largest bias of the gyro, rad/s.
+    pub const BIAS_RAD_S: f64 = 0.03;
+    /// Battery, V.
+    pub const BATTERY_V: f64 = 0.015;
+
+    /// White noise of `factor` times the usual.
+    pub fn noisy(factor: f64) -> Self {
+        Self { noise: factor, ..Self::default() }
+    }
+}
+
+/// Mean length of a burst of lost rows.
+const BURST_ROWS: f64 = 12.0;
+const CHANNELS: usize = 15;
+
+/// Takes samples of a flight.
+pub(super) struct Recorder {
+    sensors: Sensors,
+    tilt: Rotation3<f64>,
+    bias_rad_s: Vector3<f64>,
+    rng: Pcg64,
+    /// Step at which each row is taken.
+    due: Vec<usize>,
+    rows: [Vec<f64>; CHANNELS],
+    /// Rates of the last steps, the newest last.
+    rates: Vec<Vector3<f64>>,
+    /// Present noise of the motion capture: position, then attitude, standard deviation 1.
+    mocap: [f64; 6],
+    losing: bool,
+}
+
+impl Recorder {
+    pub(super) fn new(craft: &Craft, sensors: &Sensors, duration_s: f64, mut rng: Pcg64) -> Self {
+        let per_row = (PILOT_PERIOD_S / STEP_S).round();
+        let count = (duration_s / PILOT_PERIOD_S).round() as usize;
+        let due = (0..count)
+            .map(|k| {
+                let wobble: f64 = rng.sample(StandardNormal);
+                // Under half a row, so that times keep rising.
+                let steps = (sensors.jitter_s * wobble / STEP_S).round().clamp(-0.4 * per_row, 0.4 * per_row);
+                (k as f64 * per_row + steps).max(0.0) as usize
+            })
+            .collect();
+        let [roll, pitch] = craft.tilt_rad;
+        let scale = sensors.noise.min(1.0) * Sensors::BIAS_RAD_S;
+        let bias_rad_s = Vector3::from_fn(|_, _| scale * rng.random_range(-1.0..1.0));
+        let mocap = std::array::from_fn(|_| rng.sample(StandardNormal));
+        Self {
+            sensors: *sensors,
+            tilt: Rotation3::new(Vector3::new(roll, pitch, 0.0)),
+            bias_rad_s,
+            rng,
+            due,
+            rows: std::array::from_fn(|_| Vec::with_capacity(count)),
+            rates: Vec::new(),
+            mocap,
+            losing: false,
+        }
+    }
+
+    /// Called at every step before it is taken.
+    pub(super) fn observe(&mut self, time_s: f64, body: &Body, craft: &Craft, command: &[f64; 4]) {
+        let step = (time_s / STEP_S).round() as usize;
+        let age = (self.sensors.gyro_age_s / STEP_S).round() as usize;
+        if age > 0 {
+            self.rates.push(body.rate_rad_s(craft));
+            if self.rates.len() > age + 1 {
+                self.rates.remove(0);
+            }
+        }
+        // Jitter keeps rows apart, so a step has one row at most.
+        if self.due.get(self.row()) != Some(&step) {
+            return;
+        }
+        let rate = if age > 0 { self.rates[0] } else { body.rate_rad_s(craft) };
+        self.record(step as f64 * STEP_S, body, craft, rate, command);
+    }
+
+    fn row(&self) -> usize {
+        self.rows[0].len()
+    }
+
+    fn record(&mut self, time_s: f64, body: &Body, craft: &Craft, rate: Vector3<f64>, command: &[f64; 4]) {
+        let noise = self.sensors.noise;
+        let mocap = self.mocap_noise();
+        let shake = Vector3::new(mocap[3], mocap[4], mocap[5]) * (noise * Sensors::ATTITUDE_RAD);
+        let seen = body.attitude * self.tilt * Rotation3::new(shake);
+        let (phi, theta, psi) = seen.euler_angles();
+        let place = body.position_ned_m + body.attitude * craft.lever_m;
+        let gyro = rate + self.bias_rad_s + self.white3() * (noise * Sensors::RATE_RAD_S);
+        let volts = body.battery_v + self.white() * noise * Sensors::BATTERY_V;
+        let position = noise * Sensors::POSITION_M;
+        let values = [
+            time_s,
+            place.x + position * mocap[0],
+            place.y + position * mocap[1],
+            place.z + position * mocap[2],
+            phi,
+            theta,
+            psi,
+            gyro.x,
+            gyro.y,
+            gyro.z,
+            command[0],
+            command[1],
+            command[2],
+            command[3],
+            volts,
+        ];
+        self.rows.iter_mut().zip(values).for_each(|(row, value)| row.push(value));
+    }
+
+    fn white(&mut self) -> f64 {
+        self.rng.sample(StandardNormal)
+    }
+
+    fn white3(&mut self) -> Vector3<f64> {
+        Vector3::from_fn(|_, _| self.rng.sample(StandardNormal))
+    }
+
+    /// Standard normal each; successive rows correlated where the noise has a colour.
+    fn mocap_noise(&mut self) -> [f64; 6] {
+        let colour_s = self.sensors.colour_s;
+        let keep = if colour_s > 0.0 { (-PILOT_PERIOD_S / colour_s).exp() } else { 0.0 };
+        let fresh = (1.0 - keep * keep).sqrt();
+        for k in 0..self.mocap.len() {
+            let kick = self.white();
+            self.mocap[k] = keep * self.mocap[k] + fresh * kick;
+        }
+        self.mocap
+    }
+
+    /// The flight, without the rows that were lost.
+    pub(super) fn flight(mut self, name: &str) -> Flight {
+        let kept: Vec<bool> = (0..self.row()).map(|_| self.is_kept()).collect();
+        let columns = [
+            Column::T,
+            Column::X,
+            Column::Y,
+            Column::Z,
+            Column::Phi,
+            Column::Theta,
+            Column::Psi,
+            Column::P,
+            Column::Q,
+            Column::R,
+            Column::Cmd1,
+            Column::Cmd2,
+            Column::Cmd3,
+            Column::Cmd4,
+            Column::Vbat,
+        ];
+        let rows = std::mem::take(&mut self.rows).map(|row| {
+            row.into_iter().zip(&kept).filter(|(_, kept)| **kept).map(|(value, _)| value).collect()
+        });
+        Flight::from_columns(name, columns.into_iter().zip(rows))
+    }
+
+    /// Two states, losing and keeping, with the wanted share and mean length of a burst.
+    fn is_kept(&mut self) -> bool {
+        let share = self.sensors.dropout;
+        if share > 0.0 {
+            let leave = 1.0 / BURST_ROWS;
+            let enter = leave * share / (1.0 - share);
+            let draw = self.rng.random_range(0.0..1.0);
+            self.losing = if self.losing { draw >= leave } else { draw < enter };
+        }
+        !self.losing
+    }
+}
