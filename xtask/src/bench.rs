@@ -1,24 +1,36 @@
-//! `cargo xtask bench`: times (divan) and, where valgrind can run, instruction counts (gungraun).
+//! `cargo xtask bench`: times (divan), throughput, and, where valgrind can run, instruction counts (gungraun).
 //!
 //! Times say what a person waits for, but wander with the machine; instruction counts are the same on
-//! every run, so a change of a few percent can be seen. A bench whose name ends in `instructions` counts.
+//! every run, so a change of a few percent can be seen. A bench whose name ends in `instructions` counts. One
+//! whose name ends in `throughput` does its work once and prints the processor time it took; it runs in several
+//! fresh processes, in turn with other people's programs if there are any to compare with.
 
 use std::ffi::OsString;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
 use cargo_metadata::TargetKind;
 
-use crate::process::{Program, cargo, run_program, shown, succeeds};
+use crate::figures::{self, Figures, Throughput, TimesReader};
+use crate::peers::{FLIGHT_FILE_FOLDER, Peers};
+use crate::process::{Program, cargo, filtered, run_program, shown};
 use crate::tally::SKIP_MARK;
 use crate::tools::{self, VALGRIND};
 use crate::workspace::Workspace;
+
+/// Fresh processes of a throughput bench.
+const RUNS: usize = 5;
 
 /// Options of the command.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Only the benches of this name; `lab` measures how often diagnoses are right; all times and counts without it
     name: Option<String>,
+
+    /// Run the reference programs in this folder in turn with our throughput benches
+    #[arg(long, value_name = "FOLDER")]
+    against: Option<PathBuf>,
 
     /// Arguments of `lab`, such as --quick
     #[arg(trailing_var_arg = true, allow_hyphen_values = true, value_name = "ARGS")]
@@ -32,6 +44,14 @@ impl Options {
     }
 }
 
+/// What a bench measures; they run in this order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Kind {
+    Times,
+    Throughput,
+    Instructions,
+}
+
 /// A bench target of a crate.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Bench {
@@ -40,12 +60,20 @@ struct Bench {
 }
 
 impl Bench {
-    fn counts_instructions(&self) -> bool {
-        self.name.ends_with("instructions")
+    fn kind(&self) -> Kind {
+        match self.name.rsplit('_').next() {
+            Some("instructions") => Kind::Instructions,
+            Some("throughput") => Kind::Throughput,
+            _ => Kind::Times,
+        }
+    }
+
+    fn command(&self) -> std::process::Command {
+        cargo(["bench", "--package", &self.package, "--bench", &self.name])
     }
 }
 
-/// Runs the benches; status 1 when one of them fails.
+/// Runs the benches and shows what they measured; status 1 when one of them fails.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
     if options.name.as_deref() == Some(Program::LAB.binary()) {
         return run_program(&Program::LAB, &options.arguments);
@@ -59,20 +87,28 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
         .map(|(package, name, _)| Bench { package, name })
         .collect();
     let chosen = chosen(&all, options.name.as_deref())?;
-    let obstacle =
-        chosen.iter().any(Bench::counts_instructions).then(|| counting_obstacle(workspace)).flatten();
+    let counts = chosen.iter().any(|bench| bench.kind() == Kind::Instructions);
+    let obstacle = if counts { counting_obstacle(workspace) } else { None };
+    let names: Vec<&str> = chosen.iter().map(|bench| bench.name.as_str()).collect();
+    let peers = options.against.as_ref().map(|folder| Peers::prepare(folder, &names)).transpose()?;
+    let mut figures = Figures::default();
     let mut failed = Vec::new();
     for bench in &chosen {
-        if let (true, Some(why)) = (bench.counts_instructions(), &obstacle) {
+        if let (Kind::Instructions, Some(why)) = (bench.kind(), &obstacle) {
             println!("{SKIP_MARK} {} of {}, {why}", bench.name, bench.package);
             continue;
         }
-        let mut command = cargo(["bench", "--package", &bench.package, "--bench", &bench.name]);
-        println!("\n== {} of {}: {}", bench.name, bench.package, shown(&command));
-        if !succeeds(&mut command)? {
+        println!("\n== {} of {}: {}", bench.name, bench.package, shown(&bench.command()));
+        let succeeded = match bench.kind() {
+            Kind::Times => time(bench, &mut figures)?,
+            Kind::Throughput => work(bench, peers.as_ref(), &mut figures)?,
+            Kind::Instructions => count(bench, &mut figures)?,
+        };
+        if !succeeded {
             failed.push(format!("{} of {}", bench.name, bench.package));
         }
     }
+    print!("\n{figures}");
     if failed.is_empty() {
         return Ok(ExitCode::SUCCESS);
     }
@@ -80,11 +116,78 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     Ok(ExitCode::FAILURE)
 }
 
-/// The benches to run, times before instruction counts.
+/// Runs a bench of divan, with its output on the terminal.
+fn time(bench: &Bench, figures: &mut Figures) -> Result<bool> {
+    let mut reader = TimesReader::default();
+    let mut found = 0;
+    let succeeded = filtered(&mut bench.command(), |line| {
+        if let Some((function, median)) = reader.line(line) {
+            figures.add_median(&bench.name, function, median);
+            found += 1;
+        }
+        true
+    })?;
+    Ok(succeeded && any(found, bench))
+}
+
+/// Runs a bench of gungraun, whose many lines a count are left out.
+fn count(bench: &Bench, figures: &mut Figures) -> Result<bool> {
+    let mut found = 0;
+    let succeeded = filtered(bench.command().env("GUNGRAUN_OUTPUT_FORMAT", "json"), |line| {
+        let Some((function, count)) = figures::counted(line) else { return true };
+        figures.add_instructions(&bench.name, function, count);
+        found += 1;
+        false
+    })?;
+    Ok(succeeded && any(found, bench))
+}
+
+/// Runs a throughput bench and its peers in turn: what disturbs the machine disturbs both.
+fn work(bench: &Bench, peers: Option<&Peers>, figures: &mut Figures) -> Result<bool> {
+    let mut ours: Vec<Throughput> = Vec::new();
+    let mut theirs: Vec<(&'static str, Vec<Throughput>)> = Vec::new();
+    for _ in 0..RUNS {
+        let mut command = bench.command();
+        command.arg("--quiet");
+        if let Some(peers) = peers {
+            command.env(FLIGHT_FILE_FOLDER, peers.working_folder());
+        }
+        let mut run = None;
+        let succeeded = filtered(&mut command, |line| {
+            run = run.take().or_else(|| Throughput::from_line(line));
+            true
+        })?;
+        let Some(run) = run.filter(|_| succeeded) else { return Ok(any(0, bench) && succeeded) };
+        for (peer, their_run) in
+            peers.map(|peers| peers.run(&bench.name, &run)).transpose()?.unwrap_or_default()
+        {
+            match theirs.iter_mut().find(|(name, _)| *name == peer) {
+                Some((_, runs)) => runs.push(their_run),
+                None => theirs.push((peer, vec![their_run])),
+            }
+        }
+        ours.push(run);
+    }
+    figures.add_throughput(&bench.name, &ours);
+    for (peer, runs) in &theirs {
+        figures.add_comparison(peer, &ours, runs);
+    }
+    Ok(true)
+}
+
+/// A bench without a figure has failed, or prints what this program no longer understands.
+fn any(found: usize, bench: &Bench) -> bool {
+    if found == 0 {
+        eprintln!("no figure recognised in what {} of {} prints", bench.name, bench.package);
+    }
+    found > 0
+}
+
+/// The benches to run, in the order of their kinds.
 fn chosen(all: &[Bench], name: Option<&str>) -> Result<Vec<Bench>> {
     let wanted = |bench: &&Bench| name.is_none_or(|name| bench.name == name);
     let mut chosen: Vec<Bench> = all.iter().filter(wanted).cloned().collect();
-    chosen.sort_by_key(Bench::counts_instructions);
+    chosen.sort_by_key(Bench::kind);
     let Some(name) = name.filter(|_| chosen.is_empty()) else {
         if chosen.is_empty() {
             bail!("no crate of the workspace has a bench");
@@ -142,8 +245,22 @@ mod tests {
     }
 
     #[test]
-    fn the_name_says_what_counts_instructions() {
-        assert!(bench("control", "tick_instructions").counts_instructions());
-        assert!(!bench("control", "tick").counts_instructions());
+    fn the_reference_programs_may_be_named_before_or_after_the_bench() {
+        use clap::{Args, Command, FromArgMatches};
+        for line in [["bench", "--against", "folder", "tick"], ["bench", "tick", "--against", "folder"]] {
+            let matches = Options::augment_args(Command::new("bench")).try_get_matches_from(line);
+            let options = Options::from_arg_matches(&matches.expect("both orders are fine"));
+            let options = options.expect("they are options");
+            assert_eq!(options.name.as_deref(), Some("tick"));
+            assert_eq!(options.against, Some(PathBuf::from("folder")), "{line:?}");
+            assert!(options.arguments.is_empty());
+        }
+    }
+
+    #[test]
+    fn the_name_says_what_is_measured() {
+        assert_eq!(bench("control", "tick_instructions").kind(), Kind::Instructions);
+        assert_eq!(bench("sil", "flight_throughput").kind(), Kind::Throughput);
+        assert_eq!(bench("control", "tick").kind(), Kind::Times);
     }
 }

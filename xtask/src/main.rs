@@ -11,7 +11,9 @@
 mod arrows;
 mod bench;
 mod dependencies;
+mod figures;
 mod licences;
+mod peers;
 mod process;
 mod setup;
 mod tally;
