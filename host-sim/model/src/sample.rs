@@ -131,7 +131,8 @@ impl Constants {
             beta_kg_m: beta,
             rotor_radius_m: vehicle.rotor_radius,
             roll_arm_kg_m2: [1.0 + right, right - 1.0, right - 1.0, 1.0 + right].map(|side| arm * side),
-            pitch_arm_kg_m2: [1.0 - forward, 1.0 - forward, -1.0 - forward, -1.0 - forward].map(|ahead| arm * ahead),
+            pitch_arm_kg_m2: [1.0 - forward, 1.0 - forward, -1.0 - forward, -1.0 - forward]
+                .map(|ahead| arm * ahead),
             changes_thrust: adjust.changes_thrust(),
             spin: vehicle.motors.spin.map(|s| s.yaw_sign()),
             hub_m: [[reach, -reach], [reach, reach], [-reach, reach], [-reach, -reach]],
@@ -187,8 +188,16 @@ impl Sample {
         if constants.changes_thrust {
             // Third column of the direction cosine matrix: body components of "down".
             let down = [input.dcm[(0, 2)], input.dcm[(1, 2)]];
-            let airspeed_squared = air_velocity_m_s.x * air_velocity_m_s.x + air_velocity_m_s.y * air_velocity_m_s.y;
-            thrust = changed_thrust(input.rotor_rad_s, input.position_ned_m.z, down, airspeed_squared, constants, adjust);
+            let airspeed_squared =
+                air_velocity_m_s.x * air_velocity_m_s.x + air_velocity_m_s.y * air_velocity_m_s.y;
+            thrust = changed_thrust(
+                input.rotor_rad_s,
+                input.position_ned_m.z,
+                down,
+                airspeed_squared,
+                constants,
+                adjust,
+            );
         }
         Self {
             input,
@@ -237,7 +246,8 @@ fn changed_thrust(
         let [x, y] = constants.hub_m[rotor];
         let hub_down_m = z_m + down[0] * x + down[1] * y;
         // A hub within a quarter radius of the floor is on its landing gear; the formula ends there.
-        let height_m = (adjust.ground_effect_height_offset_m - hub_down_m).max(0.25 * constants.rotor_radius_m);
+        let height_m =
+            (adjust.ground_effect_height_offset_m - hub_down_m).max(0.25 * constants.rotor_radius_m);
         let ratio = 0.25 * constants.rotor_radius_m / height_m;
         let ground = 1.0 / (1.0 - adjust.ground_effect_gain * ratio * ratio).max(0.2);
         (w * w + adjust.thrust_linear_rad_s * w) * (1.0 - adjust.thrust_loss[rotor]) * lift * ground
