@@ -181,13 +181,16 @@ fn case_06_wind_then_ground_effect() {
 }
 
 #[test]
-fn case_08_a_tether_is_in_no_catalogue_and_gets_no_wrong_name() {
-    let Some(folder) = Folder::hidden("case-08") else { return };
-    let diagnosis = folder.diagnose(&folder.fit(&[]).model);
-    assert_eq!(diagnosis.verdict, Verdict::Unexplained, "{}", diagnosis.summary);
-    assert!(
-        diagnosis.unexplained.iter().any(|u| u.depends_on.ends_with("position") || u.depends_on == "height")
-    );
+fn case_08_tether() {
+    check_case("case-08", &[Effect::Tether], &|w| {
+        let stiffness = number(w, "tether_k");
+        vec![
+            (Effect::Tether, 0, stiffness),
+            (Effect::Tether, 1, 0.0),
+            (Effect::Tether, 2, 0.0),
+            (Effect::Tether, 3, stiffness * number(w, "tether_z")),
+        ]
+    });
 }
 
 fn csv_names(folder: &Path, pick: impl Fn(&str) -> bool) -> Vec<String> {
@@ -200,10 +203,10 @@ fn csv_names(folder: &Path, pick: impl Fn(&str) -> bool) -> Vec<String> {
     names
 }
 
-/// Real, with measured rotor speed and IMU: motors with the right signs, drag where others found it, and the moment
-/// of the airflow that its authors could not model.
+/// Real, with measured rotor speed and IMU: motors with the right signs, drag where others found it, the rotors'
+/// inertia in yaw and the moment of the airflow that its authors could not model.
 #[test]
-fn nanodrone_has_right_signs_drag_and_flapping_moment() {
+fn nanodrone_has_right_signs_drag_rotor_inertia_and_flapping_moment() {
     let Some(path) = shared("data/nanodrone") else { return };
     let train = csv_names(&path, |n| !n.ends_with("run4"));
     let folder = Folder::read(&path, &train, &csv_names(&path, |n| n.ends_with("run4")));
@@ -219,8 +222,13 @@ fn nanodrone_has_right_signs_drag_and_flapping_moment() {
         assert!((0.40..0.46).contains(&drag_per_s), "{drag_per_s}");
     }
     let diagnosis = folder.diagnose(&base.model);
-    assert_eq!(diagnosis.best(), Some(Effect::FlappingMoment), "{}", diagnosis.summary);
-    let with = folder.fit(&[Effect::FlappingMoment]);
+    assert_eq!(diagnosis.best(), Some(Effect::RotorInertia), "{}", diagnosis.summary);
+    assert!(
+        diagnosis.effects.iter().any(|e| e.effect == "flapping-moment" && e.supported),
+        "{}",
+        diagnosis.summary
+    );
+    let with = folder.fit(&[Effect::RotorInertia, Effect::FlappingMoment]);
     let validate: Vec<&Prepared> = folder.validate.iter().collect();
     let (before, after) = (compare(&base.model, &validate), compare(&with.model, &validate));
     let attitude = |c: &sysid::Comparison| c.horizons.sum_1_50.attitude_rad;

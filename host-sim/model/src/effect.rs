@@ -30,6 +30,16 @@ pub enum Kind {
     Adjusting,
 }
 
+/// Which question an effect can answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Question {
+    /// What does the model lack? (And also: what changed?)
+    Structure,
+    /// What changed since the model was good? A fit of everything absorbs it: a heavier craft has a smaller thrust
+    /// coefficient, a shifted centre of mass other rotor moments.
+    Change,
+}
+
 /// What an effect says of itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EffectInfo {
@@ -39,6 +49,8 @@ pub struct EffectInfo {
     pub sentence: &'static str,
     /// How it enters the equations.
     pub kind: Kind,
+    /// Which question it can answer.
+    pub question: Question,
     /// Rows it acts on.
     pub axes: &'static [Axis],
     /// Its coefficients, in order.

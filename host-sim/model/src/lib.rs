@@ -26,12 +26,12 @@ mod vehicle;
 
 pub use axis::{AXES, Axis, PerAxis};
 pub use battery::Battery;
-pub use effect::{Coefficient, EffectInfo, Kind, Sink};
+pub use effect::{Coefficient, EffectInfo, Kind, Question, Sink};
 pub use effects::Effect;
 pub use model_file::{
     AxisError, Estimate, FitRecord, FlightRecord, FlightRole, HistoryEntry, Model, ModelError,
     ReferenceValues, Term,
 };
-pub use plant::{Plant, State, Substeps};
+pub use plant::{DelayLine, Plant, State, Substeps};
 pub use sample::{Adjustments, Sample, SampleInput};
 pub use vehicle::{MotorMapKind, Motors, RotorMap, Spin, Vehicle, VehicleError};

@@ -82,12 +82,13 @@ pub struct Plant {
 impl Plant {
     /// The plant of a model.
     pub fn new(model: &Model) -> Self {
+        let adjust = model.adjustments();
         Self {
-            constants: Constants::new(&model.vehicle),
+            constants: Constants::new(&model.vehicle, &adjust),
             gravity_m_s2: model.vehicle.gravity,
-            adjust: model.adjustments(),
+            adjust,
             map: model.vehicle.rotor_map(),
-            lag_rad_s: model.vehicle.motors.lag,
+            lag_rad_s: adjust.lag_rad_s(model.vehicle.motors.lag),
             weights: Weights::new(&model.terms),
         }
     }
@@ -117,6 +118,7 @@ impl Plant {
             dcm: frames::dcm_from_quaternion(&state.attitude),
             velocity_m_s: state.velocity_m_s,
             rate_rad_s: state.rate_rad_s,
+            angular_acceleration_rad_s2: Vector3::zeros(),
             rotor_rad_s: *rotor,
             rotor_acceleration_rad_s2: std::array::from_fn(|i| lag * (commanded[i] - rotor[i])),
             battery_v,
@@ -216,6 +218,45 @@ impl Plant {
             attitude: frames::quaternion_derivative(&state.attitude, &state.rate_rad_s),
             velocity: force + gravity - state.rate_rad_s.cross(&state.velocity_m_s),
             rate: Vector3::new(a[3], a[4], a[5]),
+        }
+    }
+}
+
+/// Dead time between command and rotor (`input-delay`): past commands, and where in the period they take over.
+///
+/// Without dead time it is a plain [`Plant::step`].
+#[derive(Debug, Clone)]
+pub struct DelayLine {
+    /// Commands not yet in force, oldest first; the first one is in force at the start of the period.
+    waiting: std::collections::VecDeque<[f64; 4]>,
+    /// The period before and after the takeover.
+    before: Option<Substeps>,
+    after: Option<Substeps>,
+}
+
+impl DelayLine {
+    /// For a plant, a control period and its integration steps, with rotors at rest at `initial_rad_s`.
+    pub fn new(plant: &Plant, period_s: f64, count: u32, initial_rad_s: [f64; 4]) -> Self {
+        let delay_s = plant.adjust.input_delay_s.max(0.0);
+        let whole = (delay_s / period_s).floor();
+        let part = delay_s / period_s - whole;
+        let cut = |part: f64| {
+            let steps = (part * f64::from(count)).ceil().max(1.0) as u32;
+            (part > 1e-9).then(|| plant.substeps(part * period_s, steps))
+        };
+        let waiting = std::iter::repeat_n(initial_rad_s, whole as usize + 1).collect();
+        Self { waiting, before: cut(part), after: cut(1.0 - part) }
+    }
+
+    /// Advances `state` over one period in which `commanded_rad_s` is given.
+    pub fn step(&mut self, plant: &Plant, state: &mut State, commanded_rad_s: &[f64; 4], battery_v: f64) {
+        self.waiting.push_back(*commanded_rad_s);
+        if let (Some(before), Some(old)) = (&self.before, self.waiting.front()) {
+            plant.step(state, old, battery_v, before);
+        }
+        self.waiting.pop_front();
+        if let (Some(after), Some(new)) = (&self.after, self.waiting.front()) {
+            plant.step(state, new, battery_v, after);
         }
     }
 }
@@ -331,6 +372,38 @@ mod tests {
             let exact = target + (600.0 - target) * (-21.5_f64 * 0.1).exp();
             assert!((rotor - exact).abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn a_delay_line_shifts_the_response_by_the_dead_time() {
+        let mut model = Model::thesis();
+        model.set(Effect::InputDelay, &[0.025]);
+        let plant = Plant::new(&model);
+        let mut line = DelayLine::new(&plant, 0.01, 4, [600.0; 4]);
+        let mut state = State::at_rest(Vector3::zeros(), [600.0; 4]);
+        for _ in 0..10 {
+            line.step(&plant, &mut state, &[700.0; 4], 11.1);
+        }
+        let exact = 700.0 - 100.0 * (-21.5_f64 * (0.1 - 0.025)).exp();
+        assert!((state.rotor_rad_s[0] - exact).abs() < 1e-9, "{} {exact}", state.rotor_rad_s[0]);
+    }
+
+    #[test]
+    fn a_product_of_inertia_keeps_the_angular_momentum_of_its_tensor() {
+        // Ixz = 0.001 kg m^2 in the tensor [[Ix 0 -Ixz] [0 Iy 0] [-Ixz 0 Iz]].
+        let ([x, y, z], xz) = (INERTIA, 0.001);
+        let tensor = nalgebra::Matrix3::new(x, 0.0, -xz, 0.0, y, 0.0, -xz, 0.0, z);
+        let drift = |terms: &[f64; 3]| {
+            let mut model = Model::new(Vehicle::thesis());
+            model.set(Effect::InertiaCoupling, &[(y - z) / x, (z - x) / y, (x - y) / z]);
+            model.set(Effect::ProductOfInertia, terms);
+            let end = after_10_s(&Plant::new(&model));
+            let momentum =
+                |s: &State| frames::dcm_from_quaternion(&s.attitude).tr_mul(&(tensor * s.rate_rad_s));
+            (momentum(&end) - momentum(&tumbling())).norm() / momentum(&tumbling()).norm()
+        };
+        assert!(drift(&[xz / x, xz / y, xz / z]) < 1e-9, "{}", drift(&[xz / x, xz / y, xz / z]));
+        assert!(drift(&[xz / x, 0.0, xz / z]) > 1e-3);
     }
 
     #[test]

@@ -19,6 +19,20 @@ pub struct Adjustments {
     pub reference_voltage_v: f64,
     /// Tracked point beyond the vehicle file's, body FRD, m.
     pub tracked_point_m: Vector3<f64>,
+    /// k of the translational lift: each rotor's thrust times 1 + k (u^2 + v^2) of the air-relative velocity, s^2/m^2.
+    pub translational_lift_s2_m2: f64,
+    /// Part of the thrust in proportion to the rotor speed: thrust goes with w^2 + this * w, rad/s.
+    pub thrust_linear_rad_s: f64,
+    /// Time constant of the rotors beyond the vehicle file's, s.
+    pub motor_time_constant_s: f64,
+    /// Dead time between command and rotor, s.
+    pub input_delay_s: f64,
+    /// Mass beyond the vehicle file's, kg.
+    pub extra_mass_kg: f64,
+    /// Centre of mass beyond the geometric centre, forward and right, m.
+    pub com_offset_m: [f64; 2],
+    /// Part of each rotor's thrust that is lost.
+    pub thrust_loss: [f64; 4],
     /// Tilt of the tracked attitude against the body about x and y, rad: measured = true followed by the tilt.
     pub attitude_tilt_rad: [f64; 2],
 }
@@ -32,6 +46,13 @@ impl Default for Adjustments {
             rotor_speed_per_volt: 0.0,
             reference_voltage_v: 0.0,
             tracked_point_m: Vector3::zeros(),
+            translational_lift_s2_m2: 0.0,
+            thrust_linear_rad_s: 0.0,
+            motor_time_constant_s: 0.0,
+            input_delay_s: 0.0,
+            extra_mass_kg: 0.0,
+            com_offset_m: [0.0; 2],
+            thrust_loss: [0.0; 4],
             attitude_tilt_rad: [0.0; 2],
         }
     }
@@ -44,6 +65,24 @@ impl Adjustments {
             return speed_rad_s;
         }
         (speed_rad_s + self.rotor_speed_per_volt * (battery_v - self.reference_voltage_v)).max(0.0)
+    }
+
+    /// Lag of the rotors in rad/s behind the vehicle file's, absent when they follow at once.
+    pub fn lag_rad_s(&self, vehicle_lag_rad_s: Option<f64>) -> Option<f64> {
+        if self.motor_time_constant_s == 0.0 {
+            return vehicle_lag_rad_s;
+        }
+        let time_constant_s = vehicle_lag_rad_s.map_or(0.0, |lag| 1.0 / lag) + self.motor_time_constant_s;
+        // A tenth of a millisecond is at once for a craft of any size.
+        (time_constant_s > 1e-4).then(|| 1.0 / time_constant_s)
+    }
+
+    /// Whether anything stands between the square of a rotor's speed and its thrust.
+    fn changes_thrust(&self) -> bool {
+        self.ground_effect_gain != 0.0
+            || self.translational_lift_s2_m2 != 0.0
+            || self.thrust_linear_rad_s != 0.0
+            || self.thrust_loss != [0.0; 4]
     }
 
     fn tilt(&self) -> Option<Matrix3<f64>> {
@@ -69,22 +108,32 @@ pub(crate) struct Constants {
     pub(crate) per_mass: f64,
     pub(crate) beta_kg_m: f64,
     pub(crate) rotor_radius_m: f64,
-    /// sqrt(2) l beta of (2.7), kg m^2.
-    pub(crate) arm_beta_kg_m2: f64,
+    /// sqrt(2) l beta of (2.7) with the sign of each rotor's roll moment (left rotors roll right), kg m^2.
+    pub(crate) roll_arm_kg_m2: [f64; 4],
+    /// The same for pitch (front rotors pitch up).
+    pub(crate) pitch_arm_kg_m2: [f64; 4],
+    changes_thrust: bool,
     pub(crate) spin: [f64; 4],
     /// Rotor hubs in the body frame: +-l/sqrt(2) along x and y, m.
     pub(crate) hub_m: [[f64; 2]; 4],
 }
 
 impl Constants {
-    pub(crate) fn new(vehicle: &Vehicle) -> Self {
+    pub(crate) fn new(vehicle: &Vehicle, adjust: &Adjustments) -> Self {
         let beta = vehicle.beta_kg_m();
         let reach = vehicle.arm_length * std::f64::consts::FRAC_1_SQRT_2;
+        let arm = std::f64::consts::SQRT_2 * vehicle.arm_length * beta;
+        // The lever of a hub is its distance from the centre of mass: y - dy to the side, x - dx ahead.
+        let [dx, dy] = adjust.com_offset_m;
+        let (forward, right) = (dx / reach, dy / reach);
         Self {
-            per_mass: 1.0 / vehicle.mass,
+            per_mass: 1.0 / (vehicle.mass + adjust.extra_mass_kg),
             beta_kg_m: beta,
             rotor_radius_m: vehicle.rotor_radius,
-            arm_beta_kg_m2: std::f64::consts::SQRT_2 * vehicle.arm_length * beta,
+            roll_arm_kg_m2: [1.0 + right, right - 1.0, right - 1.0, 1.0 + right].map(|side| arm * side),
+            pitch_arm_kg_m2: [1.0 - forward, 1.0 - forward, -1.0 - forward, -1.0 - forward]
+                .map(|ahead| arm * ahead),
+            changes_thrust: adjust.changes_thrust(),
             spin: vehicle.motors.spin.map(|s| s.yaw_sign()),
             hub_m: [[reach, -reach], [reach, reach], [-reach, reach], [-reach, -reach]],
         }
@@ -102,6 +151,8 @@ pub struct SampleInput {
     pub velocity_m_s: Vector3<f64>,
     /// Body rates p, q, r, rad/s.
     pub rate_rad_s: Vector3<f64>,
+    /// Angular acceleration, rad/s^2: what `product-of-inertia` couples. Zero where it is yet to be computed.
+    pub angular_acceleration_rad_s2: Vector3<f64>,
     /// Rotor speeds, rad/s (command units for a vehicle whose map is to be identified).
     pub rotor_rad_s: [f64; 4],
     /// Rotor accelerations, rad/s^2.
@@ -134,13 +185,19 @@ impl Sample {
         };
         let squared = input.rotor_rad_s.map(|w| w * w);
         let mut thrust = squared;
-        if adjust.ground_effect_gain != 0.0 {
+        if constants.changes_thrust {
             // Third column of the direction cosine matrix: body components of "down".
             let down = [input.dcm[(0, 2)], input.dcm[(1, 2)]];
-            let factors = ground_effect_factors(input.position_ned_m.z, down, constants, adjust);
-            for (value, factor) in thrust.iter_mut().zip(factors) {
-                *value *= factor;
-            }
+            let airspeed_squared =
+                air_velocity_m_s.x * air_velocity_m_s.x + air_velocity_m_s.y * air_velocity_m_s.y;
+            thrust = changed_thrust(
+                input.rotor_rad_s,
+                input.position_ned_m.z,
+                down,
+                airspeed_squared,
+                constants,
+                adjust,
+            );
         }
         Self {
             input,
@@ -153,7 +210,7 @@ impl Sample {
 
     /// A sample of `vehicle` with what adjusting effects change.
     pub fn new(input: SampleInput, vehicle: &Vehicle, adjust: &Adjustments) -> Self {
-        Self::with_constants(input, &Constants::new(vehicle), adjust)
+        Self::with_constants(input, &Constants::new(vehicle, adjust), adjust)
     }
 
     /// Height of the centre of mass over the floor, m.
@@ -169,18 +226,30 @@ impl Sample {
     }
 }
 
-/// Cheeseman and Bennett's thrust ratio 1 / (1 - k (R / 4h)^2) of each rotor with its hub's own height over the floor at
-/// z = 0; `z_m` is the centre of mass, `down` the body components along x and y of "down".
+/// What stands in for the square of each rotor's speed in its thrust, rad^2/s^2: the part linear in the speed, what is
+/// lost, translational lift, and Cheeseman and Bennett's ground effect 1 / (1 - k (R / 4h)^2) with each hub's own height
+/// over the floor at z = 0; `z_m` is the centre of mass, `down` the body components along x and y of "down".
 ///
-/// Out of line and fed by value: most plants have no ground effect, and their integration stays in registers.
+/// Out of line and fed by value: most plants have none of this, and their integration stays in registers.
 #[inline(never)]
-fn ground_effect_factors(z_m: f64, down: [f64; 2], constants: &Constants, adjust: &Adjustments) -> [f64; 4] {
-    constants.hub_m.map(|[x, y]| {
+fn changed_thrust(
+    speed_rad_s: [f64; 4],
+    z_m: f64,
+    down: [f64; 2],
+    airspeed_squared_m2_s2: f64,
+    constants: &Constants,
+    adjust: &Adjustments,
+) -> [f64; 4] {
+    let lift = 1.0 + adjust.translational_lift_s2_m2 * airspeed_squared_m2_s2;
+    std::array::from_fn(|rotor| {
+        let w = speed_rad_s[rotor];
+        let [x, y] = constants.hub_m[rotor];
         let hub_down_m = z_m + down[0] * x + down[1] * y;
         // A hub within a quarter radius of the floor is on its landing gear; the formula ends there.
         let height_m =
             (adjust.ground_effect_height_offset_m - hub_down_m).max(0.25 * constants.rotor_radius_m);
         let ratio = 0.25 * constants.rotor_radius_m / height_m;
-        1.0 / (1.0 - adjust.ground_effect_gain * ratio * ratio).max(0.2)
+        let ground = 1.0 / (1.0 - adjust.ground_effect_gain * ratio * ratio).max(0.2);
+        (w * w + adjust.thrust_linear_rad_s * w) * (1.0 - adjust.thrust_loss[rotor]) * lift * ground
     })
 }

@@ -39,6 +39,8 @@ const STRUCTURE_PERCENT: f64 = 3.0;
 const STRUCTURE_SIGNIFICANCE: f64 = 0.01;
 /// A rival with this part of the best effect's gain is examined for confusion with it.
 const RIVAL: f64 = 0.7;
+/// Part of its gain that each coefficient of an effect must earn over a simpler one.
+const SIMPLICITY: f64 = 0.02;
 /// Most effects found in one diagnosis.
 const MAX_FOUND: usize = 6;
 
@@ -219,8 +221,11 @@ fn demote_stand_ins(
     found.len() < before
 }
 
+/// Supported ones first, then by gain. An effect with more coefficients contains a simpler one's explanation more often
+/// than not (a cable to a far point is a steady push): it must gain clearly more to come first.
 fn rank(findings: &mut [EffectFinding]) {
-    findings.sort_by(|a, b| b.supported.cmp(&a.supported).then(b.gain.total_cmp(&a.gain)));
+    let score = |f: &EffectFinding| f.gain * (1.0 - SIMPLICITY * f.coefficients.len() as f64);
+    findings.sort_by(|a, b| b.supported.cmp(&a.supported).then(score(b).total_cmp(&score(a))));
 }
 
 /// Goes through the supported findings, best first: each joins the model if it is still supported with those before it
@@ -272,7 +277,9 @@ fn explained_by(
     validate: &[&Prepared],
 ) {
     let gain = |id: &str| findings.iter().find(|f| f.effect == id).map_or(0.0, |f| f.gain);
-    let rival = gain(effect.id()) > RIVAL * gain(best.id());
+    // One with more coefficients that explains no more is not a rival but contains the simpler one.
+    let simple = effect.info().coefficients.len() <= best.info().coefficients.len();
+    let rival = simple && gain(effect.id()) > RIVAL * gain(best.id());
     let mut effects = base.fit.model.effects();
     effects.push(effect);
     let confounded = rival
@@ -398,7 +405,7 @@ fn weigh(finding: &EffectFinding, effect: Effect, fit: &Fit) -> (bool, String) {
 /// A coefficient outside its physical range by more than its error allows, as a sentence.
 fn impossible(effect: Effect, fit: &Fit) -> Option<String> {
     // Without a rotor map, rotor "speeds" are commands and ranges in rad/s mean nothing.
-    if effect == Effect::BatteryVoltage && !fit.model.vehicle.has_rotor_map() {
+    if matches!(effect, Effect::BatteryVoltage | Effect::ThrustLinear) && !fit.model.vehicle.has_rotor_map() {
         return None;
     }
     estimates(fit, effect).iter().zip(effect.info().coefficients).find_map(|(e, c)| {

@@ -271,7 +271,9 @@ fn residual_derivatives(flight: &Prepared, model: &Model, effect: Effect) -> Vec
 /// Ordinary magnitude of a coefficient; rotor "speeds" are commands near 1 where the map is unknown.
 fn step_scale(has_rotor_map: bool, effect: Effect, coefficient: usize) -> f64 {
     let typical = effect.info().coefficients[coefficient].typical;
-    if effect == Effect::BatteryVoltage && !has_rotor_map { 0.05 } else { typical }
+    let in_rotor_speed =
+        matches!((effect, coefficient), (Effect::BatteryVoltage, 0) | (Effect::ThrustLinear, _));
+    if in_rotor_speed && !has_rotor_map { 0.05 } else { typical }
 }
 
 /// Measured and measured-minus-predicted of all six axes over the rows of a flight.

@@ -221,6 +221,7 @@ impl Prepared {
     ) -> Vec<SampleInput> {
         let lever = Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m;
         let rotor = stretch.rotor_rad_s(vehicle, adjust, self.period_s);
+        let turning = stretch.rate_rad_s.each_ref().map(|rate| central_difference(rate, self.period_s));
         (0..stretch.time_s.len())
             .map(|k| {
                 let dcm = adjust.true_dcm(&stretch.dcm[k]);
@@ -236,6 +237,7 @@ impl Prepared {
                     dcm,
                     velocity_m_s: velocity,
                     rate_rad_s: rate,
+                    angular_acceleration_rad_s2: vector(&turning, k),
                     rotor_rad_s: std::array::from_fn(|i| rotor[i].0[k]),
                     rotor_acceleration_rad_s2: std::array::from_fn(|i| rotor[i].1[k]),
                     battery_v: stretch.battery_v[k],
@@ -451,6 +453,7 @@ impl Stretch {
         adjust: &Adjustments,
         period_s: f64,
     ) -> [(Vec<f64>, Vec<f64>); 4] {
+        let delay = adjust.input_delay_s / period_s;
         if let Some(logged) = &self.logged_rotor_rad_s {
             return logged.each_ref().map(|speed| {
                 let corrected: Vec<f64> = speed
@@ -458,33 +461,79 @@ impl Stretch {
                     .zip(&self.battery_v)
                     .map(|(w, v)| adjust.corrected_speed_rad_s(*w, *v))
                     .collect();
-                let acceleration = central_difference(&corrected, period_s);
-                (corrected, acceleration)
+                let shifted = if delay == 0.0 { corrected } else { shifted(&corrected, delay) };
+                let acceleration = central_difference(&shifted, period_s);
+                (shifted, acceleration)
             });
         }
         let map: RotorMap = vehicle.rotor_map();
+        let lag = adjust.lag_rad_s(vehicle.motors.lag);
         self.command.each_ref().map(|command| {
             let commanded: Vec<f64> = command
                 .iter()
                 .zip(&self.battery_v)
                 .map(|(c, v)| adjust.corrected_speed_rad_s(map.speed_rad_s(*c, *v), *v))
                 .collect();
-            let Some(lag) = vehicle.motors.lag else {
-                let acceleration = central_difference(&commanded, period_s);
-                return (commanded, acceleration);
-            };
-            let decay = (-lag * period_s).exp();
-            let mut speed = Vec::with_capacity(commanded.len());
-            let mut acceleration = Vec::with_capacity(commanded.len());
-            let mut now = commanded.first().copied().unwrap_or(0.0);
-            for &target in &commanded {
-                speed.push(now);
-                acceleration.push(lag * (target - now));
-                now = target + (now - target) * decay;
+            match lag {
+                Some(lag) => lagged(&commanded, lag, delay, period_s),
+                None => {
+                    let shifted = if delay == 0.0 { commanded } else { shifted(&commanded, delay) };
+                    let acceleration = central_difference(&shifted, period_s);
+                    (shifted, acceleration)
+                }
             }
-            (speed, acceleration)
         })
     }
+}
+
+/// Response of a first-order lag to commands held over a sample, `delay` samples late: exact, since the response
+/// between samples is an exponential. Returns speed and acceleration.
+fn lagged(commanded: &[f64], lag_rad_s: f64, delay: f64, period_s: f64) -> (Vec<f64>, Vec<f64>) {
+    let decay = (-lag_rad_s * period_s).exp();
+    let whole = delay.floor();
+    // Time from the last sample that counts to the moment asked for.
+    let part_s = (1.0 - (delay - whole)) * period_s;
+    let (back, part_decay) = if delay == whole {
+        (whole as isize, 1.0)
+    } else {
+        (whole as isize + 1, (-lag_rad_s * part_s).exp())
+    };
+    let mut at_samples = Vec::with_capacity(commanded.len());
+    let mut now = commanded.first().copied().unwrap_or(0.0);
+    for &target in commanded {
+        at_samples.push(now);
+        now = target + (now - target) * decay;
+    }
+    let last = commanded.len() as isize - 1;
+    (0..=last)
+        .map(|k| {
+            let from = (k - back).clamp(0, last) as usize;
+            let target = commanded[from];
+            let speed = target + (at_samples[from] - target) * part_decay;
+            (speed, lag_rad_s * (target - speed))
+        })
+        .unzip()
+}
+
+/// A signal `delay` samples late (early if negative), along cubic Hermite arcs.
+fn shifted(signal: &[f64], delay: f64) -> Vec<f64> {
+    let last = signal.len() as isize - 1;
+    let value = |k: isize| signal[k.clamp(0, last) as usize];
+    (0..=last)
+        .map(|k| {
+            let place = k as f64 - delay;
+            let at = place.floor();
+            let s = place - at;
+            let at = at as isize;
+            let [a, b, c, d] = [value(at - 1), value(at), value(at + 1), value(at + 2)];
+            let (slope_b, slope_c) = (0.5 * (c - a), 0.5 * (d - b));
+            let (s2, s3) = (s * s, s * s * s);
+            (2.0 * s3 - 3.0 * s2 + 1.0) * b
+                + (s3 - 2.0 * s2 + s) * slope_b
+                + (3.0 * s2 - 2.0 * s3) * c
+                + (s3 - s2) * slope_c
+        })
+        .collect()
 }
 
 fn central_difference(signal: &[f64], period_s: f64) -> Vec<f64> {

@@ -1,6 +1,6 @@
 //! The tracked attitude is tilted against the body: gravity leaks into the forward and sideward rows.
 
-use crate::{Adjustments, Axis, Coefficient, EffectInfo, Kind};
+use crate::{Adjustments, Axis, Coefficient, EffectInfo, Kind, Question};
 
 const fn coefficient(name: &'static str) -> Coefficient {
     Coefficient { name, unit: "rad", possible: (-0.5, 0.5), typical: 0.02, prior: None }
@@ -10,6 +10,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     id: "attitude-offset",
     sentence: "The tracked attitude is tilted against the body, so hover looks like leaning.",
     kind: Kind::Adjusting,
+    question: Question::Structure,
     axes: &[Axis::U, Axis::V],
     coefficients: &[coefficient("tilt_roll"), coefficient("tilt_pitch")],
     excitation: "hover and turn once around in yaw",

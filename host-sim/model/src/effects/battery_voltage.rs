@@ -1,12 +1,13 @@
 //! Rotor speed follows the battery voltage in a way the motor map leaves out: speed = map + k (V - V_ref - shift), (4.10).
 //! V_ref is the mean voltage of the training flights, kept in the model file; V_ref + shift is where the map is right.
 
-use crate::{Adjustments, Axis, Coefficient, EffectInfo, Kind};
+use crate::{Adjustments, Axis, Coefficient, EffectInfo, Kind, Question};
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "battery-voltage",
     sentence: "Thrust follows the battery voltage in a way the motor map leaves out.",
     kind: Kind::Adjusting,
+    question: Question::Structure,
     axes: &[Axis::W, Axis::P, Axis::Q, Axis::R],
     coefficients: &[
         Coefficient {

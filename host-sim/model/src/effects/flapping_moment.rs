@@ -2,7 +2,7 @@
 //! and the craft is pitched by forward and rolled by sideward speed: p' = ... + C_dv^p v, q' = ... + C_du^q u
 //! (tables 4.8, 4.10: v enters p', u enters q'; not divided by the inertia).
 
-use crate::{Axis, Coefficient, EffectInfo, Kind, Sample, Sink};
+use crate::{Axis, Coefficient, EffectInfo, Kind, Question, Sample, Sink};
 
 const fn coefficient(name: &'static str) -> Coefficient {
     Coefficient { name, unit: "rad/(s m)", possible: (-500.0, 500.0), typical: 3.0, prior: None }
@@ -12,6 +12,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     id: "flapping-moment",
     sentence: "Moving through the air tilts the rotor disks: forward speed pitches the craft, sideward speed rolls it.",
     kind: Kind::Linear,
+    question: Question::Structure,
     axes: &[Axis::P, Axis::Q],
     coefficients: &[coefficient("C_dv_p"), coefficient("C_du_q")],
     excitation: "fly forward and sideways at several speeds, then stop",

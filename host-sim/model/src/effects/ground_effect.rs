@@ -2,12 +2,13 @@
 //! (Cheeseman and Bennett 1955 have k = 1 for one rotor; multirotors show 1 to 3). The hubs sit somewhat above or below
 //! the tracked point, and the floor is where the tracker's origin is, more or less: h is the height plus an offset.
 
-use crate::{Adjustments, Axis, Coefficient, EffectInfo, Kind};
+use crate::{Adjustments, Axis, Coefficient, EffectInfo, Kind, Question};
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "ground-effect",
     sentence: "Thrust rises near the floor.",
     kind: Kind::Adjusting,
+    question: Question::Structure,
     axes: &[Axis::W],
     coefficients: &[
         Coefficient { name: "k_ground", unit: "1", possible: (0.0, 10.0), typical: 1.0, prior: None },

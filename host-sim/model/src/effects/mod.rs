@@ -4,7 +4,7 @@
 
 use std::fmt;
 
-use crate::{Adjustments, Axis, EffectInfo, Kind, Sample, Sink, Term};
+use crate::{Adjustments, Axis, EffectInfo, Kind, Question, Sample, Sink, Term};
 
 macro_rules! catalogue {
     (columns { $($linear:ident => $linear_file:ident),* $(,)? } adjusting { $($other:ident => $other_file:ident),* $(,)? }) => {
@@ -52,7 +52,7 @@ macro_rules! catalogue {
             /// The six rows at `sample`. Straight-line code over the whole catalogue: every effect's `columns` is
             /// inlined with its own coefficients, and what the present effects do not look at is never computed.
             #[inline(always)]
-            pub(crate) fn accelerations(&self, sample: &Sample) -> [f64; 6] {
+            fn weighted_sum(&self, sample: &Sample) -> [f64; 6] {
                 let mut sum = [0.0; 6];
                 $({
                     let index = Effect::$linear as usize;
@@ -100,6 +100,27 @@ impl Weights {
     }
 }
 
+impl Weights {
+    /// The six rows at `sample`. A product of inertia couples the angular accelerations with each other: their
+    /// values are iterated, the ratios being a few percent, until they agree to rounding.
+    #[inline(always)]
+    pub(crate) fn accelerations(&self, sample: &Sample) -> [f64; 6] {
+        if !self.present[Effect::ProductOfInertia as usize] {
+            return self.weighted_sum(sample);
+        }
+        let mut sample = *sample;
+        let mut sum = [0.0; 6];
+        for _ in 0..PRODUCT_OF_INERTIA_PASSES {
+            sum = self.weighted_sum(&sample);
+            sample.input.angular_acceleration_rad_s2 = nalgebra::Vector3::new(sum[3], sum[4], sum[5]);
+        }
+        sum
+    }
+}
+
+/// Each pass gains a factor Ixz / I, at least a digit.
+const PRODUCT_OF_INERTIA_PASSES: usize = 12;
+
 /// Multiplies columns by coefficients and sums them.
 struct WeightedSum<'a> {
     coefficients: &'a [f64; WIDEST],
@@ -124,13 +145,24 @@ catalogue! {
         QuadraticDrag => quadratic_drag,
         FlappingMoment => flapping_moment,
         RateCoupling => rate_coupling,
+        RotorInertia => rotor_inertia,
+        ProductOfInertia => product_of_inertia,
+        QuadraticYawDamping => quadratic_yaw_damping,
+        Tether => tether,
     }
     adjusting {
         GroundEffect => ground_effect,
+        TranslationalLift => translational_lift,
+        ThrustLinear => thrust_linear,
+        MotorLag => motor_lag,
+        InputDelay => input_delay,
         SteadyWind => steady_wind,
         BatteryVoltage => battery_voltage,
         TrackingOffset => tracking_offset,
         AttitudeOffset => attitude_offset,
+        MassChange => mass_change,
+        ComOffset => com_offset,
+        MotorEfficiency => motor_efficiency,
     }
 }
 
@@ -152,6 +184,11 @@ impl Effect {
 
     /// Effects that can be missing from a model.
     pub fn candidates() -> impl Iterator<Item = Self> {
+        Self::changes().filter(|effect| effect.info().question == Question::Structure)
+    }
+
+    /// Effects that can have come about since a model was good.
+    pub fn changes() -> impl Iterator<Item = Self> {
         CATALOGUE.iter().copied().filter(|effect| effect.info().kind != Kind::Basic)
     }
 }

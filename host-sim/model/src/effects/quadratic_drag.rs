@@ -1,7 +1,7 @@
 //! Drag of the frame, growing with the square of the airspeed: force = C |V| V with the air-relative velocity V,
 //! one coefficient in the rotor plane and one across it. Negative.
 
-use crate::{Axis, Coefficient, EffectInfo, Kind, Sample, Sink};
+use crate::{Axis, Coefficient, EffectInfo, Kind, Question, Sample, Sink};
 
 const fn coefficient(name: &'static str) -> Coefficient {
     Coefficient { name, unit: "N s^2/m^2", possible: (-20.0, 0.0), typical: 0.2, prior: None }
@@ -11,6 +11,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     id: "quadratic-drag",
     sentence: "Beyond the linear drag, the air brakes the craft with the square of its speed.",
     kind: Kind::Linear,
+    question: Question::Structure,
     axes: &[Axis::U, Axis::V, Axis::W],
     coefficients: &[coefficient("C_qd_xy"), coefficient("C_qd_z")],
     excitation: "fly straight at three or more speeds, the fastest above 3 m/s",

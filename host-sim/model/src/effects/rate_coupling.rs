@@ -1,6 +1,6 @@
 //! Force from body rate: u' = ... + C_dq^u q / m, v' = ... + C_dp^v p / m (tables 4.2, 4.4).
 
-use crate::{Axis, Coefficient, EffectInfo, Kind, Sample, Sink};
+use crate::{Axis, Coefficient, EffectInfo, Kind, Question, Sample, Sink};
 
 const fn coefficient(name: &'static str) -> Coefficient {
     Coefficient { name, unit: "N s/rad", possible: (-50.0, 50.0), typical: 0.15, prior: None }
@@ -10,6 +10,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     id: "rate-coupling",
     sentence: "Pitching pushes the craft forward or back, rolling pushes it sideways.",
     kind: Kind::Linear,
+    question: Question::Structure,
     axes: &[Axis::U, Axis::V],
     coefficients: &[coefficient("C_dq_u"), coefficient("C_dp_v")],
     excitation: "pitch and roll quickly about hover",

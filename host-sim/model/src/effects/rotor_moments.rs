@@ -5,7 +5,7 @@
 //! The arm sqrt(2) l is the thesis' (geometry gives l / sqrt(2)); the factor 2 is in the coefficients, so they are
 //! not physical numbers (reference section 5).
 
-use crate::{Axis, Coefficient, EffectInfo, Kind, Sample, Sink};
+use crate::{Axis, Coefficient, EffectInfo, Kind, Question, Sample, Sink};
 
 const fn thrust_moment(name: &'static str) -> Coefficient {
     Coefficient { name, unit: "1/(kg m^2)", possible: (0.0, 1e6), typical: 0.6, prior: None }
@@ -19,6 +19,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     id: "rotor-moments",
     sentence: "Rotors off the centre roll and pitch the craft by their thrust and yaw it by their reaction torque.",
     kind: Kind::Basic,
+    question: Question::Structure,
     axes: &[Axis::P, Axis::Q, Axis::R],
     coefficients: &[
         thrust_moment("C1_p/Ixx"),
@@ -38,17 +39,13 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     confused_with: &[],
 };
 
-/// Left rotors roll right; front rotors pitch up.
-const ROLL: [f64; 4] = [1.0, -1.0, -1.0, 1.0];
-const PITCH: [f64; 4] = [1.0, 1.0, -1.0, -1.0];
-
 #[inline]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
-    let arm = s.constants.arm_beta_kg_m2;
+    let (roll, pitch) = (&s.constants.roll_arm_kg_m2, &s.constants.pitch_arm_kg_m2);
     let radius = s.constants.beta_kg_m * s.constants.rotor_radius_m;
     for rotor in 0..4 {
-        sink.add(Axis::P, rotor, arm * ROLL[rotor] * s.rotor_thrust_rad2_s2[rotor]);
-        sink.add(Axis::Q, 4 + rotor, arm * PITCH[rotor] * s.rotor_thrust_rad2_s2[rotor]);
+        sink.add(Axis::P, rotor, roll[rotor] * s.rotor_thrust_rad2_s2[rotor]);
+        sink.add(Axis::Q, 4 + rotor, pitch[rotor] * s.rotor_thrust_rad2_s2[rotor]);
         sink.add(Axis::R, 8 + rotor, radius * s.rotor_speed_squared_rad2_s2[rotor]);
     }
 }

@@ -1,6 +1,6 @@
 //! A constant wind, inertial frame, horizontal: every aerodynamic term sees the velocity relative to the moving air.
 
-use crate::{Adjustments, Axis, Coefficient, EffectInfo, Kind};
+use crate::{Adjustments, Axis, Coefficient, EffectInfo, Kind, Question};
 
 const fn coefficient(name: &'static str) -> Coefficient {
     Coefficient { name, unit: "m/s", possible: (-30.0, 30.0), typical: 1.0, prior: None }
@@ -10,6 +10,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     id: "steady-wind",
     sentence: "A steady wind blows: drag follows the speed through the air, not over the ground.",
     kind: Kind::Adjusting,
+    question: Question::Structure,
     axes: &[Axis::U, Axis::V],
     coefficients: &[coefficient("wind_north"), coefficient("wind_east")],
     excitation: "hover and turn once around in yaw",

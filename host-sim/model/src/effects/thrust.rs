@@ -2,12 +2,13 @@
 //!
 //! One C_T for all four rotors: the thesis found four to over-parameterise the model (section 4.1.1).
 
-use crate::{Axis, Coefficient, EffectInfo, Kind, Sample, Sink};
+use crate::{Axis, Coefficient, EffectInfo, Kind, Question, Sample, Sink};
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "thrust",
     sentence: "Each rotor pulls upward with the square of its speed.",
     kind: Kind::Basic,
+    question: Question::Structure,
     axes: &[Axis::W],
     coefficients: &[Coefficient { name: "C_T", unit: "1", possible: (1e-4, 1.0), typical: 0.02, prior: None }],
     excitation: "climb and descend",

@@ -1,6 +1,6 @@
 //! The tracked point is not the centre of mass: the tracker sees the lever swing with the body (4.7).
 
-use crate::{Adjustments, Axis, Coefficient, EffectInfo, Kind};
+use crate::{Adjustments, Axis, Coefficient, EffectInfo, Kind, Question};
 
 const fn coefficient(name: &'static str) -> Coefficient {
     Coefficient { name, unit: "m", possible: (-1.0, 1.0), typical: 0.05, prior: None }
@@ -10,6 +10,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     id: "tracking-offset",
     sentence: "The tracked point is not the centre of mass.",
     kind: Kind::Adjusting,
+    question: Question::Structure,
     axes: &[Axis::U, Axis::V, Axis::W],
     coefficients: &[coefficient("lever_x"), coefficient("lever_y"), coefficient("lever_z")],
     excitation: "pitch, roll and yaw in short bursts about hover",

@@ -1,0 +1,27 @@
+//! A product of inertia Ixz couples roll and yaw: with the tensor [[Ixx 0 -Ixz] [0 Iyy 0] [-Ixz 0 Izz]],
+//! p' = ... + Ixz/Ixx (r' + p q), q' = ... + Ixz/Iyy (r^2 - p^2), r' = ... + Ixz/Izz (p' - q r).
+
+use crate::{Axis, Coefficient, EffectInfo, Kind, Question, Sample, Sink};
+
+const fn ratio(name: &'static str) -> Coefficient {
+    Coefficient { name, unit: "1", possible: (-0.5, 0.5), typical: 0.02, prior: None }
+}
+
+pub(super) const INFO: EffectInfo = EffectInfo {
+    id: "product-of-inertia",
+    sentence: "The mass is not symmetrical front to back and top to bottom: yawing rolls the craft and rolling yaws it.",
+    kind: Kind::Linear,
+    question: Question::Structure,
+    axes: &[Axis::P, Axis::Q, Axis::R],
+    coefficients: &[ratio("Ixz/Ixx"), ratio("Ixz/Iyy"), ratio("Ixz/Izz")],
+    excitation: "roll and yaw hard at the same time",
+    confused_with: &[],
+};
+
+#[inline]
+pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
+    let (w, a) = (&s.input.rate_rad_s, &s.input.angular_acceleration_rad_s2);
+    sink.add(Axis::P, 0, a.z + w.x * w.y);
+    sink.add(Axis::Q, 1, w.z * w.z - w.x * w.x);
+    sink.add(Axis::R, 2, a.x - w.y * w.z);
+}
