@@ -6,7 +6,6 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use model::{Effect, Model, Vehicle};
 use rayon::prelude::*;
 
@@ -53,6 +52,8 @@ enum DemoError {
     Folder { folder: PathBuf, source: std::io::Error },
     #[error("{}: has {count} *.csv files; at least 2 are needed, one to fit on and one to judge by", folder.display())]
     TooFew { folder: PathBuf, count: usize },
+    #[error("{}: cannot create the folder: {source}; give another with --out", folder.display())]
+    Create { folder: PathBuf, source: std::io::Error },
     #[error("--seed {seed}: the simulated craft was lost in flight {name}; use another seed")]
     Lost { seed: u64, name: &'static str },
 }
@@ -64,9 +65,8 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     }
 }
 
-fn create(folder: &Path) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder)
-        .with_context(|| format!("{}: cannot create the folder; give another with --out", folder.display()))
+fn create(folder: &Path) -> Result<(), DemoError> {
+    std::fs::create_dir_all(folder).map_err(|source| DemoError::Create { folder: folder.into(), source })
 }
 
 fn on_flights(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
@@ -74,8 +74,8 @@ fn on_flights(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
     let vehicle_path = folder.join("vehicle.toml");
     let vehicle = Vehicle::read(&vehicle_path)?;
     let sets = Sets::read(&files, &vehicle, false)?;
-    let story = story::tell(&vehicle, &sets, false)?;
     create(&options.out)?;
+    let story = story::tell(&vehicle, &sets, false)?;
     let lead = format!("{how} {}", conclusion(&story));
     let text = finish(options, &lead, &vehicle_path, &sets, &story)?;
     Ok(Outcome::done(text))

@@ -68,7 +68,7 @@ fn main() -> ExitCode {
     match outcome.and_then(finish) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("error: {}", one_line(&format!("{error:#}")));
+            eprintln!("error: {}", one_line(&with_causes(&error)));
             ExitCode::from(BAD_INPUT)
         }
     }
@@ -97,6 +97,19 @@ fn usage(error: &clap::Error) -> ExitCode {
     };
     eprintln!("{} (see quadlab --help)", one_line(&said));
     ExitCode::from(BAD_INPUT)
+}
+
+/// The error and its causes, each told once: many errors of the libraries quote their cause themselves.
+fn with_causes(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |told, cause| {
+        if told.is_empty() {
+            cause
+        } else if told.contains(&cause) {
+            told
+        } else {
+            format!("{told}: {cause}")
+        }
+    })
 }
 
 /// A file name or field may hold a line break; an error is one line all the same.

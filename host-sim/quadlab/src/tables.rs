@@ -167,8 +167,10 @@ fn short(value: f64) -> String {
     significant(value, 3)
 }
 
+/// One decimal; what rounds to nothing has no sign.
 fn percent(value: f64) -> String {
-    format!("{value:.1}")
+    let text = format!("{value:.1}");
+    if text == "-0.0" { "0.0".into() } else { text }
 }
 
 /// A p-value: below what a table can tell apart, only its bound.

@@ -24,6 +24,7 @@ fn refused(folder: &Path, arguments: &[&str], expected: &[&str]) {
     assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
     assert!(output.stdout.is_empty(), "{arguments:?} printed {:?}", String::from_utf8_lossy(&output.stdout));
     assert!(stderr.starts_with("error: ") && stderr.lines().count() == 1, "{arguments:?}: {stderr}");
+    assert!(stderr.matches("os error").count() < 2, "{arguments:?} tells its cause twice: {stderr}");
     for text in expected {
         assert!(stderr.contains(text), "{arguments:?}: \"{text}\" is not in: {stderr}");
     }

@@ -111,4 +111,10 @@ fn a_folder_without_flights_is_refused_in_one_line() {
     refused(folder.path(), &["demo", "--flights", "."], "has 0 *.csv files");
     refused(folder.path(), &["demo", "--flights", ".", "--seed", "1"], "cannot be used with");
     assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none(), "nothing was written");
+    std::fs::write(folder.path().join("file"), "").unwrap();
+    refused(
+        folder.path(),
+        &["demo", "--seed", "1", "--out", "file"],
+        "file/flights: cannot create the folder",
+    );
 }
