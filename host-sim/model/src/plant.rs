@@ -77,19 +77,23 @@ pub struct Plant {
     map: RotorMap,
     lag_rad_s: Option<f64>,
     weights: Weights,
+    /// Whether the model is the thesis' in its structure: its stages are then integrated without a branch.
+    plain: bool,
 }
 
 impl Plant {
     /// The plant of a model.
     pub fn new(model: &Model) -> Self {
         let adjust = model.adjustments();
+        let weights = Weights::new(&model.terms);
         Self {
+            plain: weights.of_thesis() && adjust.leaves_samples_plain(),
             constants: Constants::new(&model.vehicle, &adjust),
             gravity_m_s2: model.vehicle.gravity,
             adjust,
             map: model.vehicle.rotor_map(),
             lag_rad_s: adjust.lag_rad_s(model.vehicle.motors.lag),
-            weights: Weights::new(&model.terms),
+            weights,
         }
     }
 
@@ -109,11 +113,15 @@ impl Plant {
         Sample::with_constants(input, &self.constants, &self.adjust)
     }
 
-    /// Inlined, so that a stage keeps in registers what its effects look at and never builds the rest.
-    #[inline(always)]
+    #[inline]
     fn sample_at(&self, state: &State, rotor: &[f64; 4], commanded: &[f64; 4], battery_v: f64) -> Sample {
+        self.sample_of(self.input_at(state, rotor, commanded, battery_v))
+    }
+
+    #[inline(always)]
+    fn input_at(&self, state: &State, rotor: &[f64; 4], commanded: &[f64; 4], battery_v: f64) -> SampleInput {
         let lag = self.lag_rad_s.unwrap_or(0.0);
-        let input = SampleInput {
+        SampleInput {
             position_ned_m: state.position_ned_m,
             dcm: frames::dcm_from_quaternion(&state.attitude),
             velocity_m_s: state.velocity_m_s,
@@ -122,8 +130,7 @@ impl Plant {
             rotor_rad_s: *rotor,
             rotor_acceleration_rad_s2: std::array::from_fn(|i| lag * (commanded[i] - rotor[i])),
             battery_v,
-        };
-        Sample::with_constants(input, &self.constants, &self.adjust)
+        }
     }
 
     /// The six rows of (4.3) at a sample: specific force in body axes (no gravity), m/s^2, and angular acceleration,
@@ -163,7 +170,7 @@ impl Plant {
         step_s: f64,
     ) {
         let middle = std::array::from_fn(|i| 0.5 * (start[i] + end[i]));
-        self.runge_kutta_4(state, [start, &middle, end], end, battery_v, step_s);
+        self.integrate(state, [start, &middle, end], end, battery_v, step_s);
     }
 
     fn lagged_step(&self, state: &mut State, commanded: &[f64; 4], battery_v: f64, substeps: &Substeps) {
@@ -172,10 +179,27 @@ impl Plant {
             std::array::from_fn(|i| commanded[i] + (start[i] - commanded[i]) * decay)
         };
         let (middle, end) = (towards(substeps.half_decay), towards(substeps.decay));
-        self.runge_kutta_4(state, [&start, &middle, &end], commanded, battery_v, substeps.step_s);
+        self.integrate(state, [&start, &middle, &end], commanded, battery_v, substeps.step_s);
     }
 
-    fn runge_kutta_4(
+    /// One Runge-Kutta step with the rotor speeds at its start, middle and end.
+    #[inline]
+    fn integrate(
+        &self,
+        state: &mut State,
+        rotor: [&[f64; 4]; 3],
+        commanded: &[f64; 4],
+        battery_v: f64,
+        step_s: f64,
+    ) {
+        if self.plain {
+            self.runge_kutta_4::<true>(state, rotor, commanded, battery_v, step_s);
+        } else {
+            self.runge_kutta_4::<false>(state, rotor, commanded, battery_v, step_s);
+        }
+    }
+
+    fn runge_kutta_4<const PLAIN: bool>(
         &self,
         state: &mut State,
         [rotor_start, rotor_middle, rotor_end]: [&[f64; 4]; 3],
@@ -184,10 +208,10 @@ impl Plant {
         h: f64,
     ) {
         let start = *state;
-        let k1 = self.derivative(&start, rotor_start, commanded, battery_v);
-        let k2 = self.derivative(&moved(&start, &k1, 0.5 * h), rotor_middle, commanded, battery_v);
-        let k3 = self.derivative(&moved(&start, &k2, 0.5 * h), rotor_middle, commanded, battery_v);
-        let k4 = self.derivative(&moved(&start, &k3, h), rotor_end, commanded, battery_v);
+        let k1 = self.derivative::<PLAIN>(&start, rotor_start, commanded, battery_v);
+        let k2 = self.derivative::<PLAIN>(&moved(&start, &k1, 0.5 * h), rotor_middle, commanded, battery_v);
+        let k3 = self.derivative::<PLAIN>(&moved(&start, &k2, 0.5 * h), rotor_middle, commanded, battery_v);
+        let k4 = self.derivative::<PLAIN>(&moved(&start, &k3, h), rotor_end, commanded, battery_v);
         let sixth = h / 6.0;
         state.position_ned_m += sixth * (k1.position + 2.0 * (k2.position + k3.position) + k4.position);
         state.velocity_m_s += sixth * (k1.velocity + 2.0 * (k2.velocity + k3.velocity) + k4.velocity);
@@ -201,16 +225,20 @@ impl Plant {
     /// (2.1) with the resolutions of reference section 5: velocity to inertial by the transpose of (2.2), gravity to
     /// body by (2.2).
     #[inline]
-    fn derivative(
+    fn derivative<const PLAIN: bool>(
         &self,
         state: &State,
         rotor: &[f64; 4],
         commanded: &[f64; 4],
         battery_v: f64,
     ) -> Derivative {
-        let sample = self.sample_at(state, rotor, commanded, battery_v);
-        let a = self.accelerations(&sample);
-        let dcm = &sample.input.dcm;
+        let input = self.input_at(state, rotor, commanded, battery_v);
+        let a = if PLAIN {
+            self.weights.accelerations_of_thesis(&Sample::plain(input, &self.constants))
+        } else {
+            self.weights.accelerations(&self.sample_of(input))
+        };
+        let dcm = &input.dcm;
         let gravity = dcm.column(2) * self.gravity_m_s2;
         let force = Vector3::new(a[0], a[1], a[2]);
         Derivative {

@@ -85,6 +85,11 @@ impl Adjustments {
             || self.thrust_loss != [0.0; 4]
     }
 
+    /// Whether a sample is plain: see [`Sample::plain`].
+    pub(crate) fn leaves_samples_plain(&self) -> bool {
+        self.wind_ned_m_s == Vector3::zeros() && !self.changes_thrust()
+    }
+
     fn tilt(&self) -> Option<Matrix3<f64>> {
         let [x, y] = self.attitude_tilt_rad;
         (x != 0.0 || y != 0.0).then(|| frames::dcm_from_rotation_vector(Vector3::new(x, y, 0.0)))
@@ -176,36 +181,39 @@ pub struct Sample {
 }
 
 impl Sample {
+    /// Still air, and thrust that follows the square of the speed.
+    #[inline(always)]
+    pub(crate) fn plain(input: SampleInput, constants: &Constants) -> Self {
+        let squared = input.rotor_rad_s.map(|w| w * w);
+        Self {
+            air_velocity_m_s: input.velocity_m_s,
+            rotor_thrust_rad2_s2: squared,
+            rotor_speed_squared_rad2_s2: squared,
+            constants: *constants,
+            input,
+        }
+    }
+
     #[inline(always)]
     pub(crate) fn with_constants(input: SampleInput, constants: &Constants, adjust: &Adjustments) -> Self {
-        let air_velocity_m_s = if adjust.wind_ned_m_s == Vector3::zeros() {
-            input.velocity_m_s
-        } else {
-            input.velocity_m_s - input.dcm * adjust.wind_ned_m_s
-        };
-        let squared = input.rotor_rad_s.map(|w| w * w);
-        let mut thrust = squared;
+        let mut sample = Self::plain(input, constants);
+        if adjust.wind_ned_m_s != Vector3::zeros() {
+            sample.air_velocity_m_s -= input.dcm * adjust.wind_ned_m_s;
+        }
         if constants.changes_thrust {
             // Third column of the direction cosine matrix: body components of "down".
             let down = [input.dcm[(0, 2)], input.dcm[(1, 2)]];
-            let airspeed_squared =
-                air_velocity_m_s.x * air_velocity_m_s.x + air_velocity_m_s.y * air_velocity_m_s.y;
-            thrust = changed_thrust(
+            let (u, v) = (sample.air_velocity_m_s.x, sample.air_velocity_m_s.y);
+            sample.rotor_thrust_rad2_s2 = changed_thrust(
                 input.rotor_rad_s,
                 input.position_ned_m.z,
                 down,
-                airspeed_squared,
+                u * u + v * v,
                 constants,
                 adjust,
             );
         }
-        Self {
-            input,
-            air_velocity_m_s,
-            rotor_thrust_rad2_s2: thrust,
-            rotor_speed_squared_rad2_s2: squared,
-            constants: *constants,
-        }
+        sample
     }
 
     /// A sample of `vehicle` with what adjusting effects change.

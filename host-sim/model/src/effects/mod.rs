@@ -49,15 +49,15 @@ macro_rules! catalogue {
         }
 
         impl Weights {
-            /// Adds the columns of the present effects that `which` picks, times their coefficients. Straight-line code
-            /// over the whole catalogue: `columns` is inlined with its effect's own coefficients, and what no effect
-            /// looks at is never computed.
+            /// Adds the columns of the effects that `which` picks, times their coefficients, which are 0 where the model
+            /// does not have the effect. Straight-line code over the catalogue: `columns` is inlined with its effect's
+            /// own coefficients, and what no effect looks at is never computed.
             #[inline(always)]
             fn weighted_sum(&self, sample: &Sample, which: impl Fn(Effect) -> bool) -> [f64; 6] {
                 let mut sum = [0.0; 6];
                 $({
                     let index = Effect::$linear as usize;
-                    if which(Effect::$linear) && self.present[index] {
+                    if which(Effect::$linear) {
                         let mut sink = WeightedSum { coefficients: &self.coefficients[index], sum: &mut sum };
                         $linear_file::columns(sample, &mut sink);
                     }
@@ -114,22 +114,29 @@ impl Weights {
 }
 
 impl Weights {
-    /// The six rows at `sample`. The thesis' model is inlined where it is integrated, so that a stage stays in
-    /// registers; the copy keeps it there although other models go to a function of their own.
-    #[inline(always)]
-    pub(crate) fn accelerations(&self, sample: &Sample) -> [f64; 6] {
-        if self.of_thesis { self.weighted_sum(sample, of_thesis) } else { self.of_any_model(*sample) }
+    /// Whether [`Self::accelerations_of_thesis`] is all there is.
+    pub(crate) fn of_thesis(&self) -> bool {
+        self.of_thesis
     }
 
-    /// A product of inertia couples the angular accelerations with each other: their values are iterated, the ratios
-    /// being a few percent, until they agree to rounding.
+    /// The six rows at `sample` of a model without other effects than the thesis'. To be inlined where it is integrated:
+    /// without a branch, a stage stays in registers.
+    #[inline(always)]
+    pub(crate) fn accelerations_of_thesis(&self, sample: &Sample) -> [f64; 6] {
+        self.weighted_sum(sample, of_thesis)
+    }
+
+    /// The six rows at `sample`. A product of inertia couples the angular accelerations with each other: their values are
+    /// iterated, the ratios being a few percent, until they agree to rounding.
     #[inline(never)]
-    fn of_any_model(&self, mut sample: Sample) -> [f64; 6] {
-        let mut sum = self.weighted_sum(&sample, |_| true);
-        if self.present[Effect::ProductOfInertia as usize] {
+    pub(crate) fn accelerations(&self, sample: &Sample) -> [f64; 6] {
+        let present = |effect: Effect| self.present[effect as usize];
+        let mut sum = self.weighted_sum(sample, present);
+        if present(Effect::ProductOfInertia) {
+            let mut sample = *sample;
             for _ in 1..PRODUCT_OF_INERTIA_PASSES {
                 sample.input.angular_acceleration_rad_s2 = nalgebra::Vector3::new(sum[3], sum[4], sum[5]);
-                sum = self.weighted_sum(&sample, |_| true);
+                sum = self.weighted_sum(&sample, present);
             }
         }
         sum
