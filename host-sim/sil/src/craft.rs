@@ -1,7 +1,7 @@
 //! The simulated craft: plant, battery and sensors behind the four motor commands.
 
 use control::Measurement;
-use model::{Battery, Plant, State, Substeps};
+use model::{Battery, DelayLine, Plant, State, Substeps};
 
 use crate::sensors::Sensors;
 
@@ -13,6 +13,8 @@ const GONE: f64 = 1e4;
 pub struct Craft {
     plant: Plant,
     substeps: Substeps,
+    /// Present if the model has a dead time between command and rotor.
+    dead_time: Option<DelayLine>,
     battery: Battery,
     sensors: Sensors,
     period_s: f64,
@@ -31,8 +33,10 @@ impl Craft {
         period_s: f64,
         substeps: u32,
     ) -> Self {
+        let dead_time = (plant.adjustments().input_delay_s > 0.0)
+            .then(|| DelayLine::new(&plant, period_s, substeps, state.rotor_rad_s));
         let substeps = plant.substeps(period_s, substeps);
-        Self { plant, substeps, battery, sensors, period_s, tick: 0, state }
+        Self { plant, substeps, dead_time, battery, sensors, period_s, tick: 0, state }
     }
 
     /// Voltage at the battery's terminals now, V.
@@ -51,7 +55,10 @@ impl Craft {
     #[inline]
     pub fn advance(&mut self, pwm: &[f32; 4], voltage_v: f64) {
         let commanded = self.plant.commanded_rad_s(&pwm.map(f64::from), voltage_v);
-        self.plant.step(&mut self.state, &commanded, voltage_v, &self.substeps);
+        match &mut self.dead_time {
+            None => self.plant.step(&mut self.state, &commanded, voltage_v, &self.substeps),
+            Some(line) => line.step(&self.plant, &mut self.state, &commanded, voltage_v),
+        }
         self.tick += 1;
     }
 
@@ -63,5 +70,56 @@ impl Craft {
         let all =
             s.position_ned_m.norm_squared() + s.velocity_m_s.norm_squared() + s.rate_rad_s.norm_squared();
         all < GONE * GONE && s.attitude.norm_squared().is_finite()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use model::{Effect, Model};
+    use nalgebra::Vector3;
+
+    /// Commands are microseconds; rotors start where 1500 us hold them.
+    fn rotor_after(delay_s: f64, ticks: u32) -> f64 {
+        let mut model = Model::thesis();
+        if delay_s > 0.0 {
+            model.set(Effect::InputDelay, &[delay_s]);
+        }
+        let plant = Plant::new(&model);
+        let start = plant.commanded_rad_s(&[1500.0; 4], 11.1);
+        let state = State::at_rest(Vector3::new(0.0, 0.0, -1.0), start);
+        let sensors = Sensors::new(&model, None, 0.01, 0);
+        let mut craft = Craft::new(plant, Battery::constant(11.1), sensors, state, 0.01, 4);
+        for _ in 0..ticks {
+            let voltage_v = craft.voltage_v();
+            craft.advance(&[1600.0; 4], voltage_v);
+        }
+        craft.state.rotor_rad_s[0] - start[0]
+    }
+
+    #[test]
+    fn a_dead_time_shifts_the_rotors_by_itself() {
+        assert_eq!(rotor_after(0.02, 2), 0.0, "nothing yet after two ticks");
+        assert!(rotor_after(0.0, 2) > 10.0, "without dead time the rotor moves at once");
+        // 0.7850 rad/s a microsecond (4.11), first-order lag of 21.5 rad/s.
+        let closed_form = |time_s: f64| 78.50 * (1.0 - (-21.5 * time_s).exp());
+        assert!((rotor_after(0.02, 5) - closed_form(0.03)).abs() < 1e-9);
+        assert!((rotor_after(0.025, 5) - closed_form(0.025)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_craft_that_is_not_finite_is_gone() {
+        let model = Model::thesis();
+        let craft = |edit: fn(&mut State)| {
+            let mut state = State::at_rest(Vector3::zeros(), [600.0; 4]);
+            edit(&mut state);
+            let sensors = Sensors::new(&model, None, 0.01, 0);
+            Craft::new(Plant::new(&model), Battery::constant(11.1), sensors, state, 0.01, 4).is_there()
+        };
+        assert!(craft(|_| {}));
+        assert!(!craft(|s| s.position_ned_m.y = f64::NAN));
+        assert!(!craft(|s| s.velocity_m_s.x = f64::INFINITY));
+        assert!(!craft(|s| s.rate_rad_s.z = 2e4));
+        assert!(!craft(|s| s.attitude[2] = f64::NAN));
     }
 }
