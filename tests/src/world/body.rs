@@ -249,7 +249,7 @@ fn rotors(craft: &Craft, now: &Instant<'_>, air: &Vector3<f64>) -> ([f64; 4], f6
     let mut torque = 0.0;
     let thrusts = std::array::from_fn(|i| {
         let w = now.rotor[i];
-        torque += craft.spin[i] * craft.efficiency[i] * craft.torque_nm_s2 * w * w;
+        torque += craft.spin[i] * craft.torque_efficiency[i] * craft.torque_nm_s2 * w * w;
         let thrust = craft.efficiency[i] * (craft.thrust_n_s2 * w * w + craft.thrust_n_s * w) * lift * warm;
         if craft.ground_gain == 0.0 {
             return thrust;

@@ -126,8 +126,10 @@ pub struct Craft {
     pub thrust_n_s: f64,
     /// Reaction torque over speed squared, N m s^2.
     pub torque_nm_s2: f64,
-    /// Part of its thrust and torque that each rotor gives.
+    /// Part of its thrust that each rotor gives.
     pub efficiency: [f64; 4],
+    /// Part of its reaction torque that each rotor gives.
+    pub torque_efficiency: [f64; 4],
     /// Of one rotor, kg m^2.
     pub rotor_inertia_kg_m2: f64,
     /// Share of the torque of a changing rotor speed that the body feels: 1 in nature, 0 in the basic model.
@@ -202,7 +204,6 @@ impl Craft {
             thrust_n_s2: about(7.4e-6, 0.12),
             thrust_n_s: 0.0,
             torque_nm_s2: about(2.65e-7, 0.12),
-            efficiency: [1.0; 4],
             rotor_inertia_kg_m2: about(3.6e-5, 0.15),
             spin_up_share: 0.0,
             spin: [1.0, -1.0, 1.0, -1.0],
@@ -246,7 +247,6 @@ impl Craft {
             thrust_n_s2,
             thrust_n_s: 0.0,
             torque_nm_s2: thrust_n_s2 * about(0.33 * rotor_radius_m, 0.12),
-            efficiency: [1.0; 4],
             rotor_inertia_kg_m2: inertia.x * about(0.002, 0.15),
             spin_up_share: 0.0,
             spin: [-1.0, 1.0, -1.0, 1.0],
@@ -292,6 +292,7 @@ impl Craft {
             thrust_n_s: 0.0,
             torque_nm_s2: 0.0,
             efficiency: [1.0; 4],
+            torque_efficiency: [1.0; 4],
             rotor_inertia_kg_m2: 0.0,
             spin_up_share: 0.0,
             spin: [1.0, -1.0, 1.0, -1.0],

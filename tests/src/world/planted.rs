@@ -111,7 +111,12 @@ pub const PLANTED: &[Seedling] = &[
         c.lever_m -= Vector3::new(c.centre_m[0], c.centre_m[1], 0.0);
     }),
     seedling("motor-efficiency", "one rotor gives less", |c, _, s, rng| {
-        c.efficiency[rng.random_range(0..4)] = 1.0 - 0.14 * s;
+        let rotor = rng.random_range(0..4);
+        c.efficiency[rotor] = 1.0 - 0.14 * s;
+        // A chipped blade takes its torque as before; a slow motor loses torque and thrust alike.
+        if rng.random_bool(0.5) {
+            c.torque_efficiency[rotor] = c.efficiency[rotor];
+        }
     }),
 ];
 

@@ -3,8 +3,6 @@
 //! The model divides forces by the vehicle file's mass, and torques by moments of inertia that it never sees; a thrust
 //! arm there is sqrt(2) l, a reaction torque's arm the rotor's radius. What has no such coefficient is left out.
 
-use nalgebra::Vector3;
-
 use super::World;
 
 /// A coefficient's true value.
@@ -36,34 +34,29 @@ fn list(effect: &'static str, values: impl IntoIterator<Item = f64>) -> impl Ite
 fn basic(world: &World) -> Vec<True> {
     let (craft, vehicle) = (&world.craft, &world.vehicle);
     let beta = vehicle.beta_kg_m();
-    let carried = craft.mass_kg;
-    let per_mass = vehicle.mass / carried;
-    let inertia = craft.inertia_kg_m2;
-    let inverse = inertia.try_inverse().unwrap_or_default();
+    let per_mass = vehicle.mass / craft.mass_kg;
+    // A product of inertia is a term of its own there: torques are divided by the tensor's diagonal.
+    let inertia = craft.inertia_kg_m2.diagonal();
     let mut all = Vec::new();
-    all.extend(list("thrust", [craft.thrust_n_s2 / beta * per_mass]));
+    // A load's weight is not in the vehicle file: what carries it comes out as another thrust.
+    if craft.load.is_none() {
+        all.extend(list("thrust", [craft.thrust_n_s2 / beta * per_mass]));
+    }
     all.extend(list("linear-drag", craft.drag_n_s_m.map(|d| -d * per_mass)));
-    let damping = craft.damping_nm_s;
-    all.extend(list("angular-damping", (0..3).map(|i| -damping[i] * inverse[(i, i)])));
+    all.extend(list("angular-damping", (0..3).map(|i| -craft.damping_nm_s[i] / inertia[i])));
     let arm = std::f64::consts::SQRT_2 * vehicle.arm_length * beta;
     let reach = beta * vehicle.rotor_radius;
-    let turned: Vec<Vector3<f64>> = (0..4)
-        .map(|i| {
-            let [x, y] = craft.hubs_m()[i];
-            let (thrust, reaction) = (craft.thrust_n_s2, craft.spin[i] * craft.torque_nm_s2);
-            craft.efficiency[i] * (inverse * Vector3::new(-y * thrust, x * thrust, reaction))
-        })
-        .collect();
-    let roll = (0..4).map(|i| turned[i].x / (arm * ROLL[i]));
-    let pitch = (0..4).map(|i| turned[i].y / (arm * PITCH[i]));
-    let yaw = (0..4).map(|i| turned[i].z / reach);
+    let hubs = craft.hubs_m();
+    let thrust = |i: usize| craft.efficiency[i] * craft.thrust_n_s2;
+    let roll = (0..4).map(|i| -hubs[i][1] * thrust(i) / (inertia.x * arm * ROLL[i]));
+    let pitch = (0..4).map(|i| hubs[i][0] * thrust(i) / (inertia.y * arm * PITCH[i]));
+    let yaw =
+        (0..4).map(|i| craft.spin[i] * craft.torque_efficiency[i] * craft.torque_nm_s2 / (inertia.z * reach));
     all.extend(list("rotor-moments", roll.chain(pitch).chain(yaw)));
-    if inertia[(0, 2)] == 0.0 {
-        let [x, y, z] = [inertia[(0, 0)], inertia[(1, 1)], inertia[(2, 2)]];
-        all.extend(list("inertia-coupling", [(y - z) / x, (z - x) / y, (x - y) / z]));
-        let rotor = craft.rotor_inertia_kg_m2;
-        all.extend(list("gyroscopic", [rotor / x, -rotor / y]));
-    }
+    let [x, y, z] = [inertia.x, inertia.y, inertia.z];
+    all.extend(list("inertia-coupling", [(y - z) / x, (z - x) / y, (x - y) / z]));
+    let rotor = craft.rotor_inertia_kg_m2;
+    all.extend(list("gyroscopic", [rotor / x, -rotor / y]));
     all
 }
 
@@ -78,7 +71,24 @@ fn own(world: &World, id: &'static str) -> Vec<True> {
             vec![-rolling / inertia.x, pitching / inertia.y]
         }
         "rate-coupling" => craft.rate_coupling_n_s.to_vec(),
-        "ground-effect" => vec![craft.ground_gain],
+        "ground-effect" => vec![craft.ground_gain, craft.ground_offset_m],
+        "translational-lift" => vec![craft.translational_lift_s2_m2],
+        "thrust-linear" => vec![craft.thrust_n_s / craft.thrust_n_s2],
+        "motor-lag" => vec![1.0 / craft.lag_rad_s - 1.0 / vehicle.motors.lag.unwrap_or(f64::INFINITY)],
+        "input-delay" => vec![craft.delay_s],
+        "rotor-inertia" => vec![craft.spin_up_share * craft.rotor_inertia_kg_m2 / inertia.z],
+        "product-of-inertia" => {
+            let ixz = -craft.inertia_kg_m2[(0, 2)];
+            vec![ixz / inertia.x, ixz / inertia.y, ixz / inertia.z]
+        }
+        "quadratic-yaw-damping" => vec![-craft.quadratic_yaw_nm_s2 / inertia.z],
+        "tether" => craft.tether.map_or_else(Vec::new, |tether| {
+            let pull = tether.anchor_ned_m * tether.stiffness_n_m;
+            vec![tether.stiffness_n_m, pull.x, pull.y, pull.z]
+        }),
+        "mass-change" => vec![craft.mass_kg - vehicle.mass],
+        "com-offset" => craft.centre_m.to_vec(),
+        "motor-efficiency" => craft.efficiency.map(|part| 1.0 - part).to_vec(),
         "steady-wind" => vec![craft.wind_ned_m_s.x, craft.wind_ned_m_s.y],
         "battery-voltage" => vec![craft.map.voltage - vehicle.motors.voltage.unwrap_or(0.0)],
         "attitude-offset" => craft.tilt_rad.to_vec(),
