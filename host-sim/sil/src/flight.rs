@@ -1,6 +1,6 @@
 //! A flight: what is flown ([`FlightPlan`]), flying it ([`fly`]), and what was recorded ([`Recording`]).
 
-use control::{Command, Config, Controller, Measurement};
+use control::{Config, Controller, Measurement};
 use model::{Battery, Model, Plant, State, frames};
 use nalgebra::Vector3;
 use sysid::{Column, Flight};
@@ -188,19 +188,61 @@ fn identification_config() -> Config {
     config
 }
 
-/// One tick of a flight.
+/// The craft as it is, in single precision.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Truth {
+    /// Centre of mass, inertial NED, m.
+    pub position_m: [f32; 3],
+    /// Unit quaternion (w, x, y, z), body to inertial.
+    pub attitude: [f32; 4],
+    /// Velocity over ground, body components, m/s.
+    pub velocity_m_s: [f32; 3],
+    /// Body rates p, q, r, rad/s.
+    pub rate_rad_s: [f32; 3],
+    /// Rotor speeds, rad/s.
+    pub rotor_rad_s: [f32; 4],
+    /// Voltage at the battery's terminals, V.
+    pub battery_v: f32,
+}
+
+/// One tick of a flight. Single precision is what sensors and controller have, and fresh memory for rows is a third of
+/// the cost of a fast flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
     /// The craft as it is.
-    pub state: State,
-    /// Voltage at the battery's terminals, V.
-    pub battery_v: f64,
+    pub truth: Truth,
     /// What the sensors said of it, before the delay.
     pub sensed: Measurement,
-    /// What was commanded.
-    pub command: Command,
+    /// Commanded inertial x and y, m.
+    pub position_command_m: [f32; 2],
     /// What the controller made of it.
     pub output: proto::Output,
+}
+
+impl Truth {
+    #[inline]
+    fn new(state: &State, battery_v: f64) -> Self {
+        let three = |v: &Vector3<f64>| [v.x as f32, v.y as f32, v.z as f32];
+        Self {
+            position_m: three(&state.position_ned_m),
+            attitude: <[f64; 4]>::from(state.attitude).map(|q| q as f32),
+            velocity_m_s: three(&state.velocity_m_s),
+            rate_rad_s: three(&state.rate_rad_s),
+            rotor_rad_s: state.rotor_rad_s.map(|w| w as f32),
+            battery_v: battery_v as f32,
+        }
+    }
+
+    /// Phi, theta, psi, rad.
+    pub fn euler_rad(&self) -> [f64; 3] {
+        frames::euler_from_quaternion(&self.attitude.map(f64::from).into()).into()
+    }
+
+    /// Cosine of the angle between the body's and the inertial z axis: 1 level, -1 upside down.
+    pub fn upright(&self) -> f64 {
+        let [_, x, y, _] = self.attitude.map(f64::from);
+        1.0 - 2.0 * (x * x + y * y)
+    }
 }
 
 /// A flight as flown.
@@ -273,7 +315,8 @@ impl<'a, L: Link> ClosedLoop<'a, L> {
             command.injection = excitation.next_sample();
         }
         let output = self.link.tick(self.tick, &measurement, &command)?;
-        let row = Row { state: self.craft.state, battery_v, sensed, command, output };
+        let truth = Truth::new(&self.craft.state, battery_v);
+        let row = Row { truth, sensed, position_command_m: command.position_m, output };
         self.craft.advance(&output.pwm, battery_v);
         self.tick += 1;
         Ok(row)
@@ -318,19 +361,19 @@ impl Recording {
         let mut turns = 0.0;
         let mut before: Option<f64> = None;
         let angles = self.rows.iter().map(|row| {
-            let euler = row.state.euler_rad();
+            let [roll, pitch, yaw] = row.truth.euler_rad();
             if let Some(before) = before {
-                turns -= ((euler.z - before) / std::f64::consts::TAU).round();
+                turns -= ((yaw - before) / std::f64::consts::TAU).round();
             }
-            before = Some(euler.z);
-            [euler.x, euler.y, euler.z + turns * std::f64::consts::TAU]
+            before = Some(yaw);
+            [roll, pitch, yaw + turns * std::f64::consts::TAU]
         });
         angles.collect()
     }
 
     /// One quantity of the craft in each row.
     pub fn series(&self, axis: StepAxis) -> Vec<f64> {
-        let position = |k: usize| self.rows.iter().map(|row| row.state.position_ned_m[k]).collect();
+        let position = |k: usize| self.rows.iter().map(|row| f64::from(row.truth.position_m[k])).collect();
         let angle = |k: usize| self.euler_rad().iter().map(|euler| euler[k]).collect();
         match axis {
             StepAxis::Roll => angle(0),
@@ -351,9 +394,9 @@ impl Recording {
     /// How far the craft stayed inside the cage at its closest, m; negative if it left it or hit the floor.
     pub fn cage_margin_m(&self) -> f64 {
         let margin = |row: &Row| {
-            let p = &row.state.position_ned_m;
-            let [x, y, height] = CAGE_M;
-            (x - p.x.abs()).min(y - p.y.abs()).min(height + p.z).min(-p.z)
+            let [x, y, z] = row.truth.position_m.map(f64::from);
+            let [x_limit, y_limit, ceiling] = CAGE_M;
+            (x_limit - x.abs()).min(y_limit - y.abs()).min(ceiling + z).min(-z)
         };
         self.rows.iter().map(margin).fold(f64::INFINITY, f64::min)
     }
@@ -368,7 +411,7 @@ impl Recording {
         let gyro =
             |k: usize| column(&|row| row.sensed.gyro_rad_s.map_or(f64::NAN, |rates| f64::from(rates[k])));
         let motor = |k: usize| column(&|row| f64::from(row.output.pwm[k]));
-        let rotor = |k: usize| column(&|row| row.state.rotor_rad_s[k]);
+        let rotor = |k: usize| column(&|row| f64::from(row.truth.rotor_rad_s[k]));
         let time = (0..self.rows.len()).map(|row| self.time_s(row)).collect();
         let mut columns = vec![
             (Column::T, time),

@@ -37,7 +37,7 @@ mod suite;
 
 pub use craft::Craft;
 pub use excitation::Excitation;
-pub use flight::{CAGE_M, ClosedLoop, FlightPlan, Recording, Row, SilError, fly, fly_over};
+pub use flight::{CAGE_M, ClosedLoop, FlightPlan, Recording, Row, SilError, Truth, fly, fly_over};
 pub use link::{InProcess, Link, LinkError};
 pub use noise::{Coloured, NoiseModel};
 pub use process::{Iceoryx2, serve};

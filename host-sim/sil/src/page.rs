@@ -136,8 +136,8 @@ fn commanded(axis: StepAxis, row: &Row) -> f64 {
         StepAxis::Pitch => pitch,
         StepAxis::Yaw => yaw,
         StepAxis::Z => row.output.z_command_m,
-        StepAxis::X => row.command.position_m[0],
-        StepAxis::Y => row.command.position_m[1],
+        StepAxis::X => row.position_command_m[0],
+        StepAxis::Y => row.position_command_m[1],
     })
 }
 
@@ -209,12 +209,12 @@ fn track(recording: &Recording) -> Figure {
         .with(Series::line(
             "command",
             Style::Reference,
-            line(|row| (f64::from(row.command.position_m[0]), f64::from(row.command.position_m[1]))),
+            line(|row| (f64::from(row.position_command_m[0]), f64::from(row.position_command_m[1]))),
         ))
         .with(Series::line(
             "flown",
             Style::PredictedAfter,
-            line(|row| (row.state.position_ned_m.x, row.state.position_ned_m.y)),
+            line(|row| (f64::from(row.truth.position_m[0]), f64::from(row.truth.position_m[1]))),
         ))
         .equal_scale()
 }
@@ -230,7 +230,7 @@ fn motion_panels(outcome: &Outcome) -> Panels {
         .with(Series::line(
             "flown",
             Style::PredictedAfter,
-            over_time(recording, |_, row| -row.state.position_ned_m.z),
+            over_time(recording, |_, row| -f64::from(row.truth.position_m[2])),
         ));
     let angles = [StepAxis::Roll, StepAxis::Pitch, StepAxis::Yaw];
     let attitude = angles.into_iter().map(|axis| loop_figure(recording, axis));

@@ -208,11 +208,11 @@ fn rise(metrics: &StepMetrics, limit_s: f64) -> Check {
 
 /// Reference: 0.0044 degrees and 0.075 mm with ideal sensors. Noise of 1 mrad shakes the weakly damped pitch loop.
 fn hover_checks(plan: &FlightPlan, flight: &Recording) -> Vec<Check> {
-    let (tilt_limit_deg, height_limit_mm) = if plan.noise.is_some() { (3.0, 20.0) } else { (0.02, 0.5) };
+    let (tilt_limit_deg, height_limit_mm) = if plan.noise.is_some() { (1.0, 5.0) } else { (0.02, 0.5) };
     let greatest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0_f64, |a, b| a.max(b.abs()));
     let tilt_rad = greatest(&mut flight.euler_rad().iter().flatten().copied());
     let [_, _, z_m] = plan.start_m;
-    let height_m = greatest(&mut flight.rows.iter().map(|row| row.state.position_ned_m.z - z_m));
+    let height_m = greatest(&mut flight.rows.iter().map(|row| f64::from(row.truth.position_m[2]) - z_m));
     vec![
         at_most("attitude", tilt_rad.to_degrees(), tilt_limit_deg, "deg"),
         at_most("height error", 1e3 * height_m, height_limit_mm, "mm"),
@@ -226,8 +226,9 @@ fn pattern_checks(plan: &FlightPlan, flight: &Recording) -> Vec<Check> {
     let misses = (1..).map(|leg| leg * leg_rows - 1).zip(list.iter().cycle());
     let worst_m = misses
         .map_while(|(row, waypoint)| {
-            let position = flight.rows.get(row)?.state.position_ned_m;
-            Some((position - nalgebra::Vector3::from(waypoint.position_m)).norm())
+            let position_m = flight.rows.get(row)?.truth.position_m;
+            let miss = |(at, wanted): (f32, f64)| (f64::from(at) - wanted).powi(2);
+            Some(position_m.into_iter().zip(waypoint.position_m).map(miss).sum::<f64>().sqrt())
         })
         .fold(0.0, f64::max);
     vec![

@@ -6,9 +6,9 @@
 
 use control::Measurement;
 use model::{Adjustments, Model, State, frames};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
-use crate::noise::{NoiseModel, NoiseSource};
+use crate::noise::{NoiseModel, NoiseSample, NoiseSource};
 
 /// The sensors of one craft in one flight.
 #[derive(Debug, Clone)]
@@ -35,29 +35,23 @@ impl Sensors {
     /// What the sensors say of a state, now.
     #[inline]
     pub fn sense(&mut self, state: &State, battery_v: f64) -> Measurement {
+        let body = frames::dcm_from_quaternion(&state.attitude);
         let mut position_m = state.position_ned_m;
-        let mut attitude_rad = match &self.tilt {
-            None => state.euler_rad(),
-            Some(adjust) => {
-                frames::euler_from_dcm(&adjust.measured_dcm(&frames::dcm_from_quaternion(&state.attitude)))
-            }
-        };
-        if let Some(point) = self.tracked_point_m {
-            position_m += frames::dcm_from_quaternion(&state.attitude).tr_mul(&point);
+        if let Some(point) = &self.tracked_point_m {
+            position_m += body.tr_mul(point);
         }
-        let (mut gyro_rad_s, mut battery_v) = (state.rate_rad_s, battery_v);
-        if let Some(source) = &mut self.noise {
-            let noise = source.sample();
-            position_m += Vector3::from(noise.position_m);
-            attitude_rad += Vector3::from(noise.attitude_rad);
-            gyro_rad_s += Vector3::from(noise.gyro_rad_s);
-            battery_v += noise.battery_v;
-        }
-        Measurement {
+        let ideal = Measurement {
             position_m: single(&position_m),
-            attitude_rad: single(&attitude_rad),
-            gyro_rad_s: Some(single(&gyro_rad_s)),
+            attitude_rad: match &self.tilt {
+                None => euler_rad(&body),
+                Some(adjust) => euler_rad(&adjust.measured_dcm(&body)),
+            },
+            gyro_rad_s: Some(single(&state.rate_rad_s)),
             battery_v: battery_v as f32,
+        };
+        match &mut self.noise {
+            None => ideal,
+            Some(source) => noisy(&ideal, &source.sample()),
         }
     }
 }
@@ -65,6 +59,30 @@ impl Sensors {
 #[inline]
 fn single(v: &Vector3<f64>) -> [f32; 3] {
     [v.x as f32, v.y as f32, v.z as f32]
+}
+
+/// Phi, theta, psi of a tracked attitude (inertial to body), in the single precision that is measured in. From `libm`:
+/// the same bits on every host.
+#[inline]
+fn euler_rad(dcm: &Matrix3<f64>) -> [f32; 3] {
+    let at = |row, column| dcm[(row, column)] as f32;
+    [
+        libm::atan2f(at(1, 2), at(2, 2)),
+        -libm::asinf(at(0, 2).clamp(-1.0, 1.0)),
+        libm::atan2f(at(0, 1), at(0, 0)),
+    ]
+}
+
+fn noisy(ideal: &Measurement, noise: &NoiseSample) -> Measurement {
+    let sum = |values: [f32; 3], noise: [f64; 3]| -> [f32; 3] {
+        std::array::from_fn(|k| values[k] + noise[k] as f32)
+    };
+    Measurement {
+        position_m: sum(ideal.position_m, noise.position_m),
+        attitude_rad: sum(ideal.attitude_rad, noise.attitude_rad),
+        gyro_rad_s: ideal.gyro_rad_s.map(|rates| sum(rates, noise.gyro_rad_s)),
+        battery_v: ideal.battery_v + noise.battery_v as f32,
+    }
 }
 
 #[cfg(test)]
@@ -86,6 +104,23 @@ mod tests {
         assert_eq!(seen.gyro_rad_s, Some([0.1, 0.2, 0.3]));
         assert_eq!(seen.battery_v, 11.1);
         assert!((seen.attitude_rad[2] - std::f32::consts::FRAC_PI_2).abs() < 1e-6);
+    }
+
+    #[test]
+    fn tracked_angles_are_those_of_the_attitude() {
+        let mut sensors = Sensors::new(&Model::thesis(), None, 0.01, 0);
+        for k in 0..200 {
+            let k = f64::from(k);
+            let euler = Vector3::new(3.1 * (0.7 * k).sin(), 1.5 * (1.3 * k).sin(), 3.1 * (2.1 * k).cos());
+            let mut state = tilted_state();
+            state.attitude = frames::quaternion_from_euler(euler);
+            let seen = sensors.sense(&state, 11.1).attitude_rad;
+            // Single precision, made worse by the steep arcsine near 90 degrees of pitch.
+            let tolerance = 4e-7 / euler.y.cos();
+            for (got, expected) in seen.iter().zip(euler.iter()) {
+                assert!((f64::from(*got) - expected).abs() < tolerance, "{seen:?} {euler}");
+            }
+        }
     }
 
     #[test]

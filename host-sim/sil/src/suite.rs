@@ -63,11 +63,7 @@ impl Outcome {
     pub fn new(scenario: Scenario, plan: FlightPlan, recording: Recording) -> Self {
         let response = response(&plan, &recording);
         let metrics = (!response.is_empty()).then(|| step_metrics(&response, recording.period_s));
-        let upright = recording.rows.iter().all(|row| {
-            let [_, x, y, _]: [f64; 4] = row.state.attitude.into();
-            // Cosine of the angle between the body's and the inertial z axis.
-            1.0 - 2.0 * (x * x + y * y) > 0.0
-        });
+        let upright = recording.rows.iter().all(|row| row.truth.upright() > 0.0);
         let within = metrics.is_none_or(|m| m.overshoot_percent <= LOST_OVERSHOOT_PERCENT);
         Self {
             lost_control: !(recording.complete && upright && within),

@@ -27,9 +27,9 @@ fn they_stay_in_the_cage_and_fly_low_and_fast() {
         let margin_m = flight.cage_margin_m();
         // Low passes are commanded 0.15 m over the floor.
         assert!(margin_m > 0.05, "seed {seed}: {margin_m} m from floor or cage");
-        let (lowest, highest) = range(rows.iter().map(|r| -r.state.position_ned_m.z));
+        let (lowest, highest) = range(rows.iter().map(|r| -f64::from(r.truth.position_m[2])));
         assert!(lowest < 0.26 && highest > 1.2, "seed {seed}: {lowest} to {highest} m");
-        let speed = |k: usize| range(rows.iter().map(|r| r.state.velocity_m_s[k].abs())).1;
+        let speed = |k: usize| range(rows.iter().map(|r| f64::from(r.truth.velocity_m_s[k].abs()))).1;
         let (forward, sideward) = (speed(0), speed(1));
         assert!(
             (1.3..3.5).contains(&forward) && (1.0..3.5).contains(&sideward),
@@ -39,7 +39,7 @@ fn they_stay_in_the_cage_and_fly_low_and_fast() {
         let (left, right) = range(flight.euler_rad().iter().map(|e| e[2]));
         assert!(right - left > 0.9, "seed {seed}: turned by {} rad", right - left);
         for k in 0..3 {
-            let rate = rms(rows.iter().map(|r| r.state.rate_rad_s[k]));
+            let rate = rms(rows.iter().map(|r| f64::from(r.truth.rate_rad_s[k])));
             assert!(rate > 0.1, "seed {seed}: rate {k} {rate} rad/s rms");
         }
         let saturated = flight.saturated_ticks(plan.config.command_range);
@@ -50,7 +50,9 @@ fn they_stay_in_the_cage_and_fly_low_and_fast() {
 #[test]
 fn the_battery_falls_and_sags() {
     let (_, flight) = flown(1, 40.0);
-    let volts = |rows: &[sil::Row]| rows.iter().map(|r| r.battery_v).sum::<f64>() / rows.len() as f64;
+    let volts = |rows: &[sil::Row]| {
+        rows.iter().map(|r| f64::from(r.truth.battery_v)).sum::<f64>() / rows.len() as f64
+    };
     let n = flight.rows.len();
     let fall = volts(&flight.rows[..n / 4]) - volts(&flight.rows[3 * n / 4..]);
     // 8 mV/s over the 30 s between the middles of the quarters, and as much again for the difference in load.

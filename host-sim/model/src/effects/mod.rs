@@ -49,14 +49,15 @@ macro_rules! catalogue {
         }
 
         impl Weights {
-            /// The six rows at `sample`. Straight-line code over the whole catalogue: every effect's `columns` is
-            /// inlined with its own coefficients, and what the present effects do not look at is never computed.
+            /// Adds the columns of the present effects that `which` picks, times their coefficients. Straight-line code
+            /// over the whole catalogue: `columns` is inlined with its effect's own coefficients, and what no effect
+            /// looks at is never computed.
             #[inline(always)]
-            fn weighted_sum(&self, sample: &Sample) -> [f64; 6] {
+            fn weighted_sum(&self, sample: &Sample, which: impl Fn(Effect) -> bool) -> [f64; 6] {
                 let mut sum = [0.0; 6];
                 $({
                     let index = Effect::$linear as usize;
-                    if self.present[index] {
+                    if which(Effect::$linear) && self.present[index] {
                         let mut sink = WeightedSum { coefficients: &self.coefficients[index], sum: &mut sum };
                         $linear_file::columns(sample, &mut sink);
                     }
@@ -72,6 +73,14 @@ macro_rules! catalogue {
 pub(crate) struct Weights {
     present: [bool; CATALOGUE.len()],
     coefficients: [[f64; WIDEST]; CATALOGUE.len()],
+    /// Whether there is nothing but effects of the thesis' model.
+    of_thesis: bool,
+}
+
+/// Whether an effect is part of the thesis' model (tables 4.2 to 4.12), which most flights are simulated with.
+const fn of_thesis(effect: Effect) -> bool {
+    matches!(effect.info().kind, Kind::Basic)
+        || matches!(effect, Effect::FlappingMoment | Effect::RateCoupling)
 }
 
 /// Most coefficients of one effect.
@@ -87,11 +96,15 @@ const WIDEST: usize = {
 
 impl Weights {
     pub(crate) fn new(terms: &[Term]) -> Self {
-        let mut weights =
-            Self { present: [false; CATALOGUE.len()], coefficients: [[0.0; WIDEST]; CATALOGUE.len()] };
+        let mut weights = Self {
+            present: [false; CATALOGUE.len()],
+            coefficients: [[0.0; WIDEST]; CATALOGUE.len()],
+            of_thesis: true,
+        };
         for term in terms.iter().filter(|term| term.effect.info().kind != Kind::Adjusting) {
             let index = term.effect as usize;
             weights.present[index] = true;
+            weights.of_thesis &= of_thesis(term.effect);
             for (sum, estimate) in weights.coefficients[index].iter_mut().zip(&term.coefficients) {
                 *sum += estimate.value;
             }
@@ -101,18 +114,23 @@ impl Weights {
 }
 
 impl Weights {
-    /// The six rows at `sample`. A product of inertia couples the angular accelerations with each other: their
-    /// values are iterated, the ratios being a few percent, until they agree to rounding.
+    /// The six rows at `sample`. The thesis' model is inlined where it is integrated, so that a stage stays in
+    /// registers; the copy keeps it there although other models go to a function of their own.
     #[inline(always)]
     pub(crate) fn accelerations(&self, sample: &Sample) -> [f64; 6] {
-        if !self.present[Effect::ProductOfInertia as usize] {
-            return self.weighted_sum(sample);
-        }
-        let mut sample = *sample;
-        let mut sum = [0.0; 6];
-        for _ in 0..PRODUCT_OF_INERTIA_PASSES {
-            sum = self.weighted_sum(&sample);
-            sample.input.angular_acceleration_rad_s2 = nalgebra::Vector3::new(sum[3], sum[4], sum[5]);
+        if self.of_thesis { self.weighted_sum(sample, of_thesis) } else { self.of_any_model(*sample) }
+    }
+
+    /// A product of inertia couples the angular accelerations with each other: their values are iterated, the ratios
+    /// being a few percent, until they agree to rounding.
+    #[inline(never)]
+    fn of_any_model(&self, mut sample: Sample) -> [f64; 6] {
+        let mut sum = self.weighted_sum(&sample, |_| true);
+        if self.present[Effect::ProductOfInertia as usize] {
+            for _ in 1..PRODUCT_OF_INERTIA_PASSES {
+                sample.input.angular_acceleration_rad_s2 = nalgebra::Vector3::new(sum[3], sum[4], sum[5]);
+                sum = self.weighted_sum(&sample, |_| true);
+            }
         }
         sum
     }

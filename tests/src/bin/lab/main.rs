@@ -1,0 +1,139 @@
+//! `lab`: how often does the laboratory name the right effect?
+//!
+//! Worlds that share no equation with the product's plant ([`stories::world`]) hide an effect, two, one that no catalogue
+//! has, or nothing. The product identifies and diagnoses from the flights alone; here its answers are counted.
+//! Results depend on the seed and on nothing else: not on the clock, not on the number of threads.
+#![forbid(unsafe_code)]
+
+mod plan;
+mod score;
+mod show;
+mod trial;
+
+use std::io::{IsTerminal, Write};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+use anyhow::Context;
+use clap::Parser;
+use indicatif::{ProgressBar, ProgressStyle};
+use rayon::prelude::*;
+
+use crate::plan::{Plan, Trial};
+use crate::score::Scores;
+use crate::trial::Outcome;
+
+/// Measure how often diagnoses are right, on flights of simulated worlds that were not made with the product's plant.
+///
+/// Prints tables, and writes lab.json and index.html.
+#[derive(Parser)]
+#[command(
+    name = "lab",
+    version,
+    after_help = "Examples:\n  cargo xtask bench lab --quick\n  cargo xtask bench lab --only ground-effect --strength 0.3 --noise 2 --seeds 20 --keep-failures"
+)]
+struct Arguments {
+    /// One seed, one strength and one noise level: under a minute
+    #[arg(long)]
+    quick: bool,
+
+    /// Repetitions of every combination
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
+    seeds: Option<u64>,
+
+    /// First seed
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+
+    /// Strengths of the hidden effect; 1 is what a pilot would notice
+    #[arg(long, value_name = "S", num_args = 1.., value_parser = plan::positive)]
+    strength: Vec<f64>,
+
+    /// Noise of the sensors; 1 is a good motion capture
+    #[arg(long, value_name = "S", num_args = 1.., value_parser = plan::positive)]
+    noise: Vec<f64>,
+
+    /// Only trials that hide these (nothing, pairs, or identifiers of effects)
+    #[arg(long, value_name = "WHAT", num_args = 1..)]
+    only: Vec<String>,
+
+    /// Length of a flight, s
+    #[arg(long, value_name = "S", default_value_t = 24.0, value_parser = plan::flight_length)]
+    duration: f64,
+
+    /// Folder for lab.json and index.html
+    #[arg(long, value_name = "DIR", default_value = "out/lab")]
+    out: PathBuf,
+
+    /// Write the flights of wrong answers into folders of their own, for `quadlab explain`
+    #[arg(long)]
+    keep_failures: bool,
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            let _ = writeln!(std::io::stderr(), "error: {error:#}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let plan = Plan::new(arguments)?;
+    std::fs::create_dir_all(&arguments.out).with_context(|| {
+        format!("{}: cannot create the folder; give another with --out", arguments.out.display())
+    })?;
+    let outcomes = all(&plan.trials);
+    if arguments.keep_failures {
+        keep_failures(arguments, &outcomes)?;
+    }
+    let scores = Scores::of(&plan, &outcomes);
+    report::write_atomic(arguments.out.join("lab.json"), serde_json::to_string_pretty(&scores)?)?;
+    let page = arguments.out.join("index.html");
+    show::page(&plan, &scores).write(&page)?;
+    let mut text = show::text(&scores);
+    text.push_str(&format!("\npage: {}\n", page.display()));
+    std::io::stdout().write_all(text.as_bytes()).context("cannot write the tables")
+}
+
+/// Runs all trials on all cores; the outcomes are in the order of the plan.
+fn all(trials: &[Trial]) -> Vec<Outcome> {
+    let terminal = std::io::stderr().is_terminal();
+    let bar = if terminal { ProgressBar::new(trials.len() as u64) } else { ProgressBar::hidden() };
+    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} trials, {eta} left")
+        .expect("the template in the source is well-formed");
+    bar.set_style(style);
+    let started = Instant::now();
+    let done = AtomicUsize::new(0);
+    let tenth = trials.len().div_ceil(10).max(1);
+    let outcomes = trials
+        .par_iter()
+        .map(|trial| {
+            let outcome = trial::run(trial);
+            bar.inc(1);
+            let count = done.fetch_add(1, Ordering::Relaxed) + 1;
+            if !terminal && (count.is_multiple_of(tenth) || count == trials.len()) {
+                let seconds = started.elapsed().as_secs_f64();
+                let _ = writeln!(std::io::stderr(), "{count} of {} trials, {seconds:.0} s", trials.len());
+            }
+            outcome
+        })
+        .collect();
+    bar.finish_and_clear();
+    outcomes
+}
+
+fn keep_failures(arguments: &Arguments, outcomes: &[Outcome]) -> anyhow::Result<()> {
+    for outcome in outcomes.iter().filter(|outcome| !outcome.is_right()) {
+        let folder = arguments.out.join("failures").join(outcome.trial.folder_name());
+        let Ok((world, flights)) = trial::fly(&outcome.trial) else { continue };
+        world
+            .write(&folder, &flights.iter().collect::<Vec<_>>())
+            .with_context(|| format!("{}: cannot write the flights", folder.display()))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,205 @@
+//! Which trials to run.
+
+use anyhow::bail;
+use model::Effect;
+use rand::seq::IndexedRandom;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use serde::Serialize;
+use stories::world::{OUTSIDE, PLANTED, Size, changes};
+
+use crate::Arguments;
+
+/// Low, middle and high.
+const STRENGTHS: [f64; 3] = [0.3, 0.6, 1.2];
+/// Better than usual, usual, bad.
+const NOISES: [f64; 3] = [0.8, 1.2, 2.0];
+const SEEDS: u64 = 3;
+/// Trials with nothing hidden, and with two effects, per seed.
+const NOTHING_PER_SEED: u64 = 12;
+const PAIRS_PER_SEED: u64 = 12;
+
+/// What a world hides.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum Hidden {
+    /// A calm world.
+    Nothing,
+    /// One effect of the catalogue.
+    One(&'static str),
+    /// Two effects of the catalogue, each with its strength.
+    Pair([(&'static str, f64); 2]),
+    /// What the catalogue does not have.
+    Outside(&'static str),
+}
+
+/// One world, flown and diagnosed.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Trial {
+    pub(crate) hidden: Hidden,
+    pub(crate) strength: f64,
+    pub(crate) noise: f64,
+    pub(crate) size: Size,
+    pub(crate) seed: u64,
+    pub(crate) duration_s: f64,
+    /// Most effects to add one after the other.
+    pub(crate) rounds: usize,
+}
+
+impl Trial {
+    /// Effects to plant.
+    pub(crate) fn planted(&self) -> Vec<(&'static str, f64)> {
+        match self.hidden {
+            Hidden::Nothing => Vec::new(),
+            Hidden::One(id) | Hidden::Outside(id) => vec![(id, self.strength)],
+            Hidden::Pair(pair) => pair.to_vec(),
+        }
+    }
+
+    /// Row of the confusion matrix.
+    pub(crate) fn label(&self) -> String {
+        match self.hidden {
+            Hidden::Nothing => "nothing".into(),
+            Hidden::One(id) | Hidden::Outside(id) => id.into(),
+            Hidden::Pair([(a, _), (b, _)]) => format!("{a} + {b}"),
+        }
+    }
+
+    pub(crate) fn folder_name(&self) -> String {
+        let label = self.label().replace(" + ", "-and-");
+        format!("{label}-s{}-n{}-{}-{}", self.strength, self.noise, self.size.name(), self.seed)
+    }
+}
+
+/// All trials, and what they are chosen from.
+pub(crate) struct Plan {
+    pub(crate) strengths: Vec<f64>,
+    pub(crate) noises: Vec<f64>,
+    pub(crate) seeds: u64,
+    pub(crate) first_seed: u64,
+    pub(crate) duration_s: f64,
+    pub(crate) trials: Vec<Trial>,
+}
+
+/// Effects of the product's catalogue, and whether the worlds can hide them.
+pub(crate) fn catalogue() -> Vec<(&'static str, bool)> {
+    let can = |id: &str| PLANTED.iter().any(|p| p.id == id) && !changes().any(|change| change == id);
+    Effect::candidates().map(|effect| (effect.id(), can(effect.id()))).collect()
+}
+
+impl Plan {
+    pub(crate) fn new(arguments: &Arguments) -> anyhow::Result<Self> {
+        let chosen = |given: &[f64], all: &[f64], quick: f64| match (given.is_empty(), arguments.quick) {
+            (false, _) => given.to_vec(),
+            (true, true) => vec![quick],
+            (true, false) => all.to_vec(),
+        };
+        let mut plan = Self {
+            strengths: chosen(&arguments.strength, &STRENGTHS, STRENGTHS[1]),
+            noises: chosen(&arguments.noise, &NOISES, NOISES[1]),
+            seeds: arguments.seeds.unwrap_or(if arguments.quick { 1 } else { SEEDS }),
+            first_seed: arguments.seed,
+            duration_s: arguments.duration,
+            trials: Vec::new(),
+        };
+        let known: Vec<&str> = catalogue().into_iter().filter(|(_, can)| *can).map(|(id, _)| id).collect();
+        let unnamed = PLANTED
+            .iter()
+            .map(|p| p.id)
+            .filter(|id| !known.contains(id) && !changes().any(|change| change == *id));
+        let outside: Vec<&str> = unnamed.chain(OUTSIDE.iter().map(|p| p.id)).collect();
+        // In a quick run, sizes take turns.
+        let mut turn = 0;
+        let mut sizes = || {
+            turn += 1;
+            if arguments.quick { vec![Size::ALL[turn % 2]] } else { Size::ALL.to_vec() }
+        };
+        let rounds = if arguments.quick { 1 } else { 3 };
+        for id in &known {
+            let sizes = sizes();
+            plan.grid(&Hidden::One(id), &plan.strengths.clone(), &sizes, rounds);
+        }
+        for id in outside {
+            let sizes = sizes();
+            let strongest = plan.strengths[plan.strengths.len() - 1];
+            plan.grid(&Hidden::Outside(id), &[strongest], &sizes, 1);
+        }
+        let per_seed = |all: u64| if arguments.quick { all / 3 } else { all };
+        for k in 0..plan.seeds * per_seed(NOTHING_PER_SEED) {
+            let noise = plan.noises[k as usize % plan.noises.len()];
+            plan.push(Hidden::Nothing, 0.0, noise, Size::ALL[(k / 3) as usize % 2], k, 1);
+        }
+        if known.len() > 1 {
+            for k in 0..plan.seeds * per_seed(PAIRS_PER_SEED) {
+                let pair = pair(&known, plan.first_seed, k);
+                let noise = plan.noises[k as usize % plan.noises.len()];
+                plan.push(Hidden::Pair(pair), pair[0].1, noise, Size::ALL[(k / 3) as usize % 2], k, 3);
+            }
+        }
+        plan.keep_only(&arguments.only)?;
+        Ok(plan)
+    }
+
+    fn grid(&mut self, hidden: &Hidden, strengths: &[f64], sizes: &[Size], rounds: usize) {
+        for &strength in strengths {
+            for noise in self.noises.clone() {
+                for &size in sizes {
+                    for k in 0..self.seeds {
+                        self.push(hidden.clone(), strength, noise, size, k, rounds);
+                    }
+                }
+            }
+        }
+    }
+
+    fn push(&mut self, hidden: Hidden, strength: f64, noise: f64, size: Size, k: u64, rounds: usize) {
+        let mut trial = Trial { hidden, strength, noise, size, seed: 0, duration_s: self.duration_s, rounds };
+        trial.seed = seed(&trial, self.first_seed + k);
+        self.trials.push(trial);
+    }
+
+    fn keep_only(&mut self, only: &[String]) -> anyhow::Result<()> {
+        if only.is_empty() {
+            return Ok(());
+        }
+        let is_named = |trial: &Trial, name: &String| match &trial.hidden {
+            Hidden::Pair(_) => name == "pairs",
+            _ => trial.label() == *name,
+        };
+        if let Some(unknown) = only.iter().find(|name| !self.trials.iter().any(|t| is_named(t, name))) {
+            let mut names: Vec<String> = self.trials.iter().map(Trial::label).collect();
+            names.retain(|name| !name.contains('+'));
+            names.dedup();
+            bail!("--only {unknown}: no trial hides that; there are: pairs, {}", names.join(", "));
+        }
+        self.trials.retain(|trial| only.iter().any(|name| is_named(trial, name)));
+        Ok(())
+    }
+}
+
+/// Two different effects with strengths from the middle to the high.
+fn pair(known: &[&'static str], first_seed: u64, k: u64) -> [(&'static str, f64); 2] {
+    let mut rng = Pcg64::seed_from_u64(first_seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(k));
+    let two: Vec<&&str> = known.sample(&mut rng, 2).collect();
+    let mut strength = || (rng.random_range(0.6..1.2_f64) * 100.0).round() / 100.0;
+    [(*two[0], strength()), (*two[1], strength())]
+}
+
+/// A seed of its own for every trial, the same whatever else is in the catalogue: FNV-1a over what the trial is.
+fn seed(trial: &Trial, k: u64) -> u64 {
+    let text = format!("{} {} {} {} {k}", trial.label(), trial.strength, trial.noise, trial.size.name());
+    let hash = text
+        .bytes()
+        .fold(0xCBF2_9CE4_8422_2325_u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01B3));
+    hash % 1_000_000
+}
+
+pub(crate) fn positive(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if value > 0.0 && value <= 10.0 { Ok(value) } else { Err("must be above 0 and at most 10".into()) }
+}
+
+pub(crate) fn flight_length(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if (10.0..=600.0).contains(&value) { Ok(value) } else { Err("must be between 10 and 600 s".into()) }
+}

@@ -1,0 +1,198 @@
+//! One trial: a world is flown, and the product is asked what it hides.
+
+use model::{Effect, Model};
+use serde::Serialize;
+use stories::world::{Pattern, Sensors, True, World};
+use sysid::{Diagnosis, Fit, Flight, Prepared, Verdict, diagnose, fit};
+
+use crate::plan::{Hidden, Trial};
+
+/// Half width of a 95 % interval in standard errors.
+const HALF_95: f64 = 1.959_964;
+
+/// The product's answer.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Outcome {
+    pub(crate) trial: Trial,
+    /// What it answered first: an effect's identifier, "adequate", "unexplained", or why there is no answer.
+    pub(crate) answer: String,
+    /// Effects added one after the other.
+    pub(crate) found: Vec<&'static str>,
+    /// What it said of each planted effect.
+    pub(crate) planted: Vec<OfPlanted>,
+    /// Effects that it says it cannot tell from its first answer.
+    pub(crate) confounded_with: Vec<&'static str>,
+    /// Structure left: axis, what it depends on, percent.
+    pub(crate) unexplained: Vec<String>,
+    /// Coefficients against the truth, with the right structure.
+    pub(crate) coefficients: Vec<Distance>,
+}
+
+/// What the diagnosis of the basic model said of a planted effect.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct OfPlanted {
+    pub(crate) effect: &'static str,
+    /// Place in the ranking, the first is 1.
+    pub(crate) rank: usize,
+    pub(crate) supported: bool,
+    pub(crate) drop_percent: f64,
+    pub(crate) reason: String,
+}
+
+/// A coefficient's distance from the truth.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Distance {
+    pub(crate) effect: &'static str,
+    pub(crate) coefficient: &'static str,
+    pub(crate) value: f64,
+    pub(crate) truth: f64,
+    /// In standard errors.
+    pub(crate) errors: f64,
+}
+
+impl Distance {
+    pub(crate) fn is_covered(&self) -> bool {
+        self.errors.abs() <= HALF_95
+    }
+}
+
+impl Outcome {
+    /// Whether the first answer is right; for a pair, whether both and nothing else were found.
+    pub(crate) fn is_right(&self) -> bool {
+        match &self.trial.hidden {
+            Hidden::Nothing => self.answer == "adequate",
+            Hidden::One(id) => self.answer == *id,
+            Hidden::Outside(_) => self.answer == "unexplained",
+            Hidden::Pair([(a, _), (b, _)]) => {
+                self.found.len() == 2 && self.found.contains(a) && self.found.contains(b)
+            }
+        }
+    }
+
+    /// Whether the loop ended with the planted effects and nothing else.
+    pub(crate) fn is_clean(&self) -> bool {
+        let planted: Vec<_> = self.trial.planted().into_iter().map(|(id, _)| id).collect();
+        self.found.len() == planted.len() && planted.iter().all(|id| self.found.contains(id))
+    }
+
+    fn failed(trial: &Trial, answer: String) -> Self {
+        Self {
+            trial: trial.clone(),
+            answer,
+            found: Vec::new(),
+            planted: Vec::new(),
+            confounded_with: Vec::new(),
+            unexplained: Vec::new(),
+            coefficients: Vec::new(),
+        }
+    }
+}
+
+/// Five flights, those to fit on first.
+pub(crate) fn fly(trial: &Trial) -> Result<(World, Vec<Flight>), String> {
+    let mut world = World::new(trial.size, trial.seed);
+    for (id, strength) in trial.planted() {
+        world = world.with(id, strength).map_err(|error| error.to_string())?;
+    }
+    let sensors = Sensors::noisy(trial.noise);
+    let patterns = Pattern::TRAIN.into_iter().chain(Pattern::VALIDATE);
+    let flights: Result<Vec<Flight>, _> =
+        patterns.map(|pattern| world.fly(pattern, trial.duration_s, &sensors, 0)).collect();
+    Ok((world, flights.map_err(|lost| lost.to_string())?))
+}
+
+pub(crate) fn run(trial: &Trial) -> Outcome {
+    ask(trial).unwrap_or_else(|why| Outcome::failed(trial, why))
+}
+
+fn ask(trial: &Trial) -> Result<Outcome, String> {
+    let (world, flights) = fly(trial)?;
+    let prepared: Vec<Prepared> = flights
+        .iter()
+        .map(|flight| Prepared::new(flight, &world.vehicle).map_err(|error| error.to_string()))
+        .collect::<Result<_, _>>()?;
+    let all: Vec<&Prepared> = prepared.iter().collect();
+    let (train, validate) = all.split_at(Pattern::TRAIN.len());
+    let fitted = |effects: &[Effect], start: Option<&Model>| -> Result<Fit, String> {
+        fit(train, &world.vehicle, effects, start).map_err(|error| error.to_string())
+    };
+    let mut effects: Vec<Effect> = Effect::basic().collect();
+    let mut first: Option<Diagnosis> = None;
+    let mut found = Vec::new();
+    let mut model = fitted(&effects, None)?.model;
+    for _ in 0..=trial.rounds {
+        let diagnosis = diagnose(&model, train, validate, |_| ()).map_err(|error| error.to_string())?;
+        let best = diagnosis.best();
+        first.get_or_insert(diagnosis);
+        let Some(effect) = best else { break };
+        found.push(effect.id());
+        if found.len() >= trial.rounds {
+            break;
+        }
+        effects.push(effect);
+        model = fitted(&effects, Some(&model))?.model;
+    }
+    let diagnosis = first.ok_or("no diagnosis")?;
+    Ok(Outcome {
+        trial: trial.clone(),
+        answer: answer(&diagnosis),
+        found,
+        planted: trial.planted().into_iter().filter_map(|(id, _)| of_planted(&diagnosis, id)).collect(),
+        confounded_with: diagnosis.effects.first().map_or_else(Vec::new, |f| f.confounded_with.clone()),
+        unexplained: diagnosis
+            .unexplained
+            .iter()
+            .map(|u| format!("{} on {}, {:.1} %", u.axis, u.depends_on, u.share_percent))
+            .collect(),
+        coefficients: distances(trial, &world, fitted),
+    })
+}
+
+fn answer(diagnosis: &Diagnosis) -> String {
+    match (diagnosis.best(), diagnosis.verdict) {
+        (Some(effect), _) => effect.id().into(),
+        (None, Verdict::Adequate) => "adequate".into(),
+        (None, _) => "unexplained".into(),
+    }
+}
+
+fn of_planted(diagnosis: &Diagnosis, id: &str) -> Option<OfPlanted> {
+    let place = diagnosis.effects.iter().position(|finding| finding.effect == id)?;
+    let finding = &diagnosis.effects[place];
+    Some(OfPlanted {
+        effect: finding.effect,
+        rank: place + 1,
+        supported: finding.supported,
+        drop_percent: finding.drop_percent,
+        reason: finding.reason.clone(),
+    })
+}
+
+/// Coefficients of the model with the right structure against the truth; none where the catalogue lacks it.
+fn distances(
+    trial: &Trial,
+    world: &World,
+    fitted: impl Fn(&[Effect], Option<&Model>) -> Result<Fit, String>,
+) -> Vec<Distance> {
+    let mut effects: Vec<Effect> = Effect::basic().collect();
+    for (id, _) in trial.planted() {
+        match Effect::from_id(id) {
+            Some(effect) => effects.push(effect),
+            None => return Vec::new(),
+        }
+    }
+    let Ok(fit) = fitted(&effects, None) else { return Vec::new() };
+    world.truth().into_iter().filter_map(|truth| distance(&fit.model, &truth)).collect()
+}
+
+fn distance(model: &Model, truth: &True) -> Option<Distance> {
+    let effect = Effect::from_id(truth.effect)?;
+    let estimate = model.term(effect)?.coefficients.get(truth.index)?;
+    Some(Distance {
+        effect: truth.effect,
+        coefficient: effect.info().coefficients.get(truth.index)?.name,
+        value: estimate.value,
+        truth: truth.value,
+        errors: (estimate.value - truth.value) / estimate.std_error?,
+    })
+}
