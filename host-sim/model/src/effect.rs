@@ -33,8 +33,10 @@ pub enum Kind {
 /// Which question an effect can answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Question {
-    /// What does the model lack? (And also: what changed?)
+    /// What does the model lack?
     Structure,
+    /// Either: it may have been overlooked, or come about.
+    Both,
     /// What changed since the model was good? A fit of everything absorbs it: a heavier craft has a smaller thrust
     /// coefficient, a shifted centre of mass other rotor moments.
     Change,

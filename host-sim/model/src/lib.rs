@@ -29,7 +29,7 @@ pub use battery::Battery;
 pub use effect::{Coefficient, EffectInfo, Kind, Question, Sink};
 pub use effects::Effect;
 pub use model_file::{
-    AxisError, Estimate, FitRecord, FlightRecord, FlightRole, HistoryEntry, Model, ModelError,
+    AxisError, ChangeScatter, Estimate, FitRecord, FlightRecord, FlightRole, HistoryEntry, Model, ModelError,
     ReferenceValues, Term,
 };
 pub use plant::{DelayLine, Plant, State, Substeps};

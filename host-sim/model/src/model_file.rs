@@ -88,6 +88,21 @@ pub struct FitRecord {
     pub train: PerAxis<AxisError>,
     /// Errors on the held-out flights.
     pub held_out: PerAxis<AxisError>,
+    /// How much the craft differs from flight to flight: what a later change must stand out from.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub scatter: Vec<ChangeScatter>,
+}
+
+/// How far the estimate of a change scatters about zero between the flights a model was made from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ChangeScatter {
+    /// Identifier of the effect.
+    pub effect: String,
+    /// Name of the coefficient.
+    pub coefficient: String,
+    /// Root mean square of the estimates, in the coefficient's unit.
+    pub deviation: f64,
 }
 
 /// An effect that was added, with the held-out error before and after.
@@ -393,6 +408,11 @@ mod tests {
                 samples: 9,
             }),
             held_out: PerAxis::default(),
+            scatter: vec![ChangeScatter {
+                effect: "mass-change".into(),
+                coefficient: "extra_mass".into(),
+                deviation: 0.01,
+            }],
         });
         model.history.push(HistoryEntry {
             effect: "ground-effect".into(),

@@ -76,7 +76,7 @@ fn on_flights(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
     let sets = Sets::read(&files, &vehicle, false)?;
     create(&options.out)?;
     let story = story::tell(&vehicle, &sets, false)?;
-    let lead = format!("{how} {}", conclusion(&story));
+    let lead = format!("{how} {}", story.conclusion());
     let text = finish(options, &lead, &vehicle_path, &sets, &story)?;
     Ok(Outcome::done(text))
 }
@@ -126,7 +126,7 @@ fn on_hidden_effect(options: &Options) -> anyhow::Result<Outcome> {
     let sets = Sets::read(&files, &vehicle, false)?;
     let story = story::tell(&vehicle, &sets, false)?;
     let found = story.found().first() == Some(&effect);
-    let lead = format!("{} {}", conclusion(&story), verdict(effect, seed, &story));
+    let lead = format!("{} {}", story.conclusion(), verdict(effect, seed, &story));
     let mut text = finish(options, &lead, &vehicle_path, &sets, &story)?;
     let _ = write!(text, "\n{}", tables::hidden(&craft, effect, story.last_model()).to_text());
     let again = format!("quadlab demo --seed {seed}");
@@ -177,14 +177,6 @@ fn fly(craft: &Model, seed: u64, folder: &Path) -> anyhow::Result<SetOptions> {
     bar.finish_and_clear();
     let (train, validate) = files.split_at(TRAIN.len());
     Ok(SetOptions { train: train.to_vec(), validate: validate.to_vec() })
-}
-
-fn conclusion(story: &Story) -> String {
-    let found: Vec<&str> = story.found().iter().map(|e| e.id()).collect();
-    match found.as_slice() {
-        [] => format!("Found: nothing. {}", story.last_diagnosis.summary),
-        names => format!("Found: {}.", names.join(", then ")),
-    }
 }
 
 /// Writes models and page, and says what was found.

@@ -7,23 +7,31 @@ use sysid::Diagnosis;
 
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs, provenance};
-use crate::{pages, progress, tables};
+use crate::{flights, pages, progress, tables};
 
 /// Say which physical effect a model lacks, with the evidence for each.
 ///
 /// Every effect of the catalogue is fitted together with the whole model on the training flights and judged on the
 /// flights held out. An effect is supported when the error falls there by more than chance and by enough to matter,
 /// with coefficients that are physically possible.
+///
+/// With --changed the model was good once: its parameters stay, and new flights are explained by one change (a heavier
+/// craft, a weak motor, a wind ...), which must stand out from how much the craft differed from flight to flight then.
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  quadlab diagnose --model model.toml --train A.csv B.csv C.csv \
-                        --validate D.csv E.csv --html diagnosis.html")]
+#[command(after_help = "Examples:\n  quadlab diagnose --model model.toml --train A.csv B.csv C.csv \
+                        --validate D.csv E.csv --html diagnosis.html\n  \
+                        quadlab diagnose --model model.toml --changed today-1.csv today-2.csv")]
 pub(crate) struct Options {
     /// Model file, for example: --model model.toml
     #[arg(long, value_name = "TOML")]
     model: PathBuf,
 
     #[command(flatten)]
-    sets: SetOptions,
+    sets: Option<SetOptions>,
+
+    /// New flights: what has changed since the model was made? For example: --changed today-1.csv today-2.csv
+    #[arg(long, value_name = "CSV", num_args = 1.., conflicts_with_all = ["train", "validate", "html"])]
+    changed: Vec<PathBuf>,
 
     /// Page with figures to write, for example: --html diagnosis.html
     #[arg(long, value_name = "HTML")]
@@ -34,18 +42,54 @@ pub(crate) struct Options {
     json: bool,
 }
 
+/// Why there is nothing to diagnose.
+#[derive(Debug, thiserror::Error)]
+enum DiagnoseError {
+    #[error(
+        "no flights given: name --train and --validate (what is missing?) or --changed (what has changed?)"
+    )]
+    NoFlights,
+}
+
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
-    let mut inputs = options.sets.paths();
+    match &options.sets {
+        _ if !options.changed.is_empty() => run_changed(options),
+        Some(sets) => run_missing(options, sets),
+        None => Err(DiagnoseError::NoFlights.into()),
+    }
+}
+
+fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> {
+    let mut inputs = sets.paths();
     inputs.push(&options.model);
     check_outputs(&options.html, &inputs)?;
     let model = Model::read(&options.model)?;
-    let sets = Sets::read(&options.sets, &model.vehicle, options.json)?;
+    let sets = Sets::read(sets, &model.vehicle, options.json)?;
     let diagnosis = diagnose(&model, &sets, options.json)?;
     if let Some(path) = &options.html {
         pages::diagnose(&model, &sets, &diagnosis)
             .provenance(provenance(&[&options.model], sets.all()))
             .write(path)?;
     }
+    if options.json { Outcome::json(&diagnosis) } else { Ok(Outcome::done(text(options, &diagnosis))) }
+}
+
+fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
+    let model = Model::read(&options.model)?;
+    let loaded = flights::read(&options.changed, &model.vehicle, options.json)?;
+    if model.fit.as_ref().is_none_or(|fit| fit.scatter.is_empty()) {
+        eprintln!(
+            "warning: {}: does not say how much the craft differed from flight to flight; changes are judged against noise alone",
+            options.model.display()
+        );
+    }
+    let spinner = progress::spinner(options.json);
+    let diagnosis = sysid::changes::changed(&model, &flights::prepared(&loaded), |step| {
+        spinner.set_message(format!("trying {step}"));
+    });
+    spinner.finish_and_clear();
+    let diagnosis =
+        diagnosis.map_err(|refused| anyhow::Error::new(refused).context(flights::names(&loaded)))?;
     if options.json { Outcome::json(&diagnosis) } else { Ok(Outcome::done(text(options, &diagnosis))) }
 }
 

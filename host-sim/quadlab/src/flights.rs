@@ -105,7 +105,13 @@ impl Sets {
         };
         let mut flights = entries(&self.train, FlightRole::Train);
         flights.extend(entries(&self.validate, FlightRole::Validate));
-        FitRecord { flights, train: errors(model, &self.train()), held_out: errors(model, &self.validate()) }
+        let all: Vec<&Prepared> = self.all().map(|flight| &flight.prepared).collect();
+        FitRecord {
+            flights,
+            train: errors(model, &self.train()),
+            held_out: errors(model, &self.validate()),
+            scatter: sysid::changes::scatter(model, &all),
+        }
     }
 
     /// An error of a fit with the flights it was about.

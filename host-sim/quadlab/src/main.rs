@@ -12,6 +12,7 @@ mod compare;
 mod demo;
 mod diagnose;
 mod effects;
+mod explain;
 mod figures;
 mod flights;
 mod hidden;
@@ -45,6 +46,7 @@ enum Command {
     Compare(compare::Options),
     Diagnose(diagnose::Options),
     Add(add::Options),
+    Explain(explain::Options),
     Effects(effects::Options),
     Demo(demo::Options),
 }
@@ -62,6 +64,7 @@ fn main() -> ExitCode {
         Command::Compare(options) => compare::run(&options),
         Command::Diagnose(options) => diagnose::run(&options),
         Command::Add(options) => add::run(&options),
+        Command::Explain(options) => explain::run(&options),
         Command::Effects(options) => effects::run(&options),
         Command::Demo(options) => demo::run(&options),
     };

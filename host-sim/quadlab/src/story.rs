@@ -43,6 +43,15 @@ impl Story {
         self.steps.last().map_or(&self.basic_comparison, |step| &step.comparison)
     }
 
+    /// What was found, in a sentence, and what was not.
+    pub(crate) fn conclusion(&self) -> String {
+        let found: Vec<&str> = self.found().iter().map(|e| e.id()).collect();
+        match found.as_slice() {
+            [] => format!("Found: nothing. {}", self.last_diagnosis.summary),
+            names => format!("Found: {}.", names.join(", then ")),
+        }
+    }
+
     /// Effects in the order they were added.
     pub(crate) fn found(&self) -> Vec<Effect> {
         self.steps.iter().map(|step| step.effect).collect()

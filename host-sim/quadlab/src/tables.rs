@@ -386,7 +386,7 @@ pub(crate) fn evidence(diagnosis: &Diagnosis) -> Grid {
         let known = !finding.coefficients.is_empty();
         let number = |text: String| if known { text } else { "-".into() };
         grid.push([
-            finding.effect.into(),
+            named(finding),
             yes_no(finding.supported),
             number(percent(finding.drop_percent)),
             number(probability(finding.p_value)),
@@ -394,6 +394,11 @@ pub(crate) fn evidence(diagnosis: &Diagnosis) -> Grid {
         ]);
     }
     grid
+}
+
+/// "motor-efficiency 2" for a change of motor 2.
+fn named(finding: &EffectFinding) -> String {
+    finding.motor.map_or_else(|| finding.effect.into(), |motor| format!("{} {motor}", finding.effect))
 }
 
 fn reason(finding: &EffectFinding) -> String {
@@ -413,7 +418,7 @@ pub(crate) fn candidates(diagnosis: &Diagnosis, supported_only: bool) -> Grid {
     for finding in diagnosis.effects.iter().filter(|f| f.supported || !supported_only) {
         for c in &finding.coefficients {
             let [value, error] = value_and_error(c.value, Some(c.std_error));
-            grid.push([finding.effect.into(), c.name.into(), value, error, c.unit.into()]);
+            grid.push([named(finding), c.name.into(), value, error, c.unit.into()]);
         }
     }
     grid

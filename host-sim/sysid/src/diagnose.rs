@@ -18,7 +18,7 @@
 
 use std::collections::BTreeMap;
 
-use model::{Effect, Estimate, Kind, Model, PerAxis, effects::CATALOGUE};
+use model::{AxisError, Effect, Estimate, Model, PerAxis};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
@@ -28,7 +28,7 @@ use crate::regress::WINDOW_S;
 use crate::{Fit, FitError, Residuals, errors, fit, residuals};
 
 /// Largest corrected p-value of a finding.
-const SIGNIFICANCE: f64 = 0.01;
+pub(crate) const SIGNIFICANCE: f64 = 0.01;
 /// Largest p-value of the held-out gain.
 const HELD_OUT_SIGNIFICANCE: f64 = 0.05;
 /// Smallest held-out drop, percent of an axis' squared error, that matters.
@@ -103,9 +103,32 @@ pub struct EffectFinding {
     pub confounded_with: Vec<&'static str>,
     /// Why it is or is not supported, one sentence.
     pub reason: String,
-    /// Gain in units of noise variance: the rank.
+    /// Logarithm of the held-out likelihood ratio over all six axes: the rank.
     #[serde(skip)]
-    gain: f64,
+    pub(crate) gain: f64,
+    /// The motor, for a change of one motor.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motor: Option<u8>,
+}
+
+impl EffectFinding {
+    /// Nothing known yet.
+    pub(crate) fn unsupported(effect: Effect, flights: usize) -> Self {
+        Self {
+            effect: effect.id(),
+            supported: false,
+            drop_percent: 0.0,
+            axes: BTreeMap::new(),
+            p_value: 1.0,
+            held_out_p_value: 1.0,
+            flights_improved: [0, flights],
+            coefficients: Vec::new(),
+            confounded_with: Vec::new(),
+            reason: String::new(),
+            gain: f64::NEG_INFINITY,
+            motor: None,
+        }
+    }
 }
 
 /// Structure in the residual that no known effect accounts for.
@@ -320,19 +343,7 @@ fn examine(
 ) -> EffectFinding {
     let mut effects = base.fit.model.effects();
     effects.push(effect);
-    let mut finding = EffectFinding {
-        effect: effect.id(),
-        supported: false,
-        drop_percent: 0.0,
-        axes: BTreeMap::new(),
-        p_value: 1.0,
-        held_out_p_value: 1.0,
-        flights_improved: [0, validate.len()],
-        coefficients: Vec::new(),
-        confounded_with: Vec::new(),
-        reason: String::new(),
-        gain: f64::NEG_INFINITY,
-    };
+    let mut finding = EffectFinding::unsupported(effect, validate.len());
     let with = match judge(&base.fit.model, &effects, train, validate) {
         Ok(with) => with,
         Err(refused) => {
@@ -364,7 +375,7 @@ fn examine(
     finding.drop_percent = gain.drop_percent;
     finding.held_out_p_value = gain.p_value;
     finding.flights_improved[0] = gain.flights_improved;
-    finding.gain = gain.total;
+    finding.gain = log_likelihood_ratio(&before, &after);
     (finding.supported, finding.reason) = weigh(&finding, effect, &with.fit);
     finding
 }
@@ -442,9 +453,14 @@ fn wald_p_value(fit: &Fit, effect: Effect, train: &[&Prepared]) -> f64 {
     FisherSnedecor::new(k as f64, freedom).map_or(1.0, |f| f.sf(wald))
 }
 
+/// Of two models of the same flights, Gaussian residuals: sum over the axes of n/2 ln(sse before / sse after). Effects that
+/// act on different axes are compared by it, whatever the axes' noise.
+pub(crate) fn log_likelihood_ratio(before: &PerAxis<AxisError>, after: &PerAxis<AxisError>) -> f64 {
+    let ratio = |a: model::Axis| 0.5 * before[a].samples as f64 * (before[a].sse / after[a].sse).ln();
+    model::AXES.into_iter().map(ratio).filter(|r| r.is_finite()).sum()
+}
+
 struct Gain {
-    /// Fall of the squared error in units of noise variance.
-    total: f64,
     drop_percent: f64,
     p_value: f64,
     flights_improved: usize,
@@ -471,7 +487,6 @@ fn held_out_gain(base: &Judged, with: &Judged, effect: Effect, validate: &[&Prep
         blocks.extend(block_sums(flight, &difference));
     }
     Gain {
-        total,
         drop_percent: if before > 0.0 { 100.0 * total / before } else { 0.0 },
         p_value: one_sided_p_value(&blocks),
         flights_improved,
@@ -479,7 +494,7 @@ fn held_out_gain(base: &Judged, with: &Judged, effect: Effect, validate: &[&Prep
 }
 
 /// Sums over blocks of time as long as the covariance's window, not across gaps.
-fn block_sums(flight: &Prepared, values: &[f64]) -> Vec<f64> {
+pub(crate) fn block_sums(flight: &Prepared, values: &[f64]) -> Vec<f64> {
     let length = (WINDOW_S / flight.period_s).round().max(1.0) as usize;
     let starts = flight.row_starts();
     let mut blocks = Vec::new();
@@ -496,7 +511,7 @@ fn block_sums(flight: &Prepared, values: &[f64]) -> Vec<f64> {
 }
 
 /// p-value of "the mean is not above zero", by Student's t over the blocks.
-fn one_sided_p_value(blocks: &[f64]) -> f64 {
+pub(crate) fn one_sided_p_value(blocks: &[f64]) -> f64 {
     let n = blocks.len() as f64;
     if blocks.len() < 3 {
         return 1.0;
@@ -660,7 +675,7 @@ pub fn add(
     let mut effects = model.effects();
     effects.push(effect);
     let with = judge(model, &effects, train, validate)?;
-    let candidates = CATALOGUE.iter().filter(|e| e.info().kind != Kind::Basic && !model.has(**e)).count();
+    let candidates = Effect::candidates().filter(|e| !model.has(*e)).count();
     let finding = examine(&base, effect, train, validate, candidates);
     let (before, after) = (errors(&base.held_out), errors(&with.held_out));
     Ok(Addition {

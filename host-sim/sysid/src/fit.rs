@@ -118,13 +118,10 @@ pub fn fit(
             let known: Vec<f64> =
                 model.term(*effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
             for (now, info) in known.iter().zip(effect.info().coefficients) {
-                let step = solution.value[at];
-                let error = solution.covariance[(at, at)].sqrt();
-                settled &= step.abs() < CONVERGED * error + 1e-9 * info.typical;
-                // Far outside the possible there is nothing to find, and the columns lose their meaning.
-                let (low, high) = info.possible;
-                let reach = high - low;
-                values[at] = (now + step).clamp(low - reach, high + reach);
+                let (step, end) = step_limit(*now, solution.value[at], info);
+                settled &=
+                    step.abs() < CONVERGED * solution.covariance[(at, at)].sqrt() + 1e-9 * info.typical;
+                values[at] = end;
                 at += 1;
             }
         }
@@ -134,6 +131,14 @@ pub fn fit(
         }
     }
     Err(FitError::NotConverged { effect: adjusting[0].id() })
+}
+
+/// A step of an adjusting coefficient and where it ends. Far outside the possible there is nothing to find, and the columns
+/// lose their meaning: it ends there.
+pub(crate) fn step_limit(now: f64, step: f64, info: &model::Coefficient) -> (f64, f64) {
+    let (low, high) = info.possible;
+    let reach = high - low;
+    (step, (now + step).clamp(low - reach, high + reach))
 }
 
 /// What is known of the next step of an adjusting effect's coefficients: it leads back to zero.
@@ -240,7 +245,11 @@ fn assemble(
 
 /// Minus the derivative of the residual with respect to each coefficient of an adjusting effect: central differences,
 /// which are exact to rounding for the smooth, mildly curved ways these effects act.
-fn residual_derivatives(flight: &Prepared, model: &Model, effect: Effect) -> Vec<[Option<Vec<f64>>; 6]> {
+pub(crate) fn residual_derivatives(
+    flight: &Prepared,
+    model: &Model,
+    effect: Effect,
+) -> Vec<[Option<Vec<f64>>; 6]> {
     let info = effect.info();
     let mut model = model.clone();
     if !model.has(effect) {

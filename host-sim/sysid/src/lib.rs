@@ -1,6 +1,7 @@
 //! From flight files to a model: reading, preprocessing, least-squares identification, comparison and diagnosis.
 #![forbid(unsafe_code)]
 
+pub mod changes;
 pub mod compare;
 pub mod conditions;
 mod decimal;

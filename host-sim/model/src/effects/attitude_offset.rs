@@ -10,7 +10,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     id: "attitude-offset",
     sentence: "The tracked attitude is tilted against the body, so hover looks like leaning.",
     kind: Kind::Adjusting,
-    question: Question::Structure,
+    question: Question::Both,
     axes: &[Axis::U, Axis::V],
     coefficients: &[coefficient("tilt_roll"), coefficient("tilt_pitch")],
     excitation: "hover and turn once around in yaw",

@@ -7,7 +7,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     id: "battery-voltage",
     sentence: "Thrust follows the battery voltage in a way the motor map leaves out.",
     kind: Kind::Adjusting,
-    question: Question::Structure,
+    question: Question::Both,
     axes: &[Axis::W, Axis::P, Axis::Q, Axis::R],
     coefficients: &[
         Coefficient {

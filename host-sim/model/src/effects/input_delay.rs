@@ -6,7 +6,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     id: "input-delay",
     sentence: "Commands reach the rotors late.",
     kind: Kind::Adjusting,
-    question: Question::Structure,
+    question: Question::Both,
     axes: &[Axis::W, Axis::P, Axis::Q, Axis::R],
     coefficients: &[Coefficient { name: "dead_time", unit: "s", possible: (0.0, 0.5), typical: 0.01, prior: None }],
     excitation: "excite every motor by itself at several hertz",

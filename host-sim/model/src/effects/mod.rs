@@ -209,12 +209,17 @@ impl Effect {
 
     /// Effects that can be missing from a model.
     pub fn candidates() -> impl Iterator<Item = Self> {
-        Self::changes().filter(|effect| effect.info().question == Question::Structure)
+        CATALOGUE
+            .iter()
+            .copied()
+            .filter(|effect| effect.info().kind != Kind::Basic && effect.info().question != Question::Change)
     }
 
     /// Effects that can have come about since a model was good.
     pub fn changes() -> impl Iterator<Item = Self> {
-        CATALOGUE.iter().copied().filter(|effect| effect.info().kind != Kind::Basic)
+        CATALOGUE.iter().copied().filter(|effect| {
+            effect.info().kind != Kind::Basic && effect.info().question != Question::Structure
+        })
     }
 }
 

@@ -6,7 +6,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     id: "motor-lag",
     sentence: "The rotors follow their command slower or faster than assumed.",
     kind: Kind::Adjusting,
-    question: Question::Structure,
+    question: Question::Both,
     axes: &[Axis::W, Axis::P, Axis::Q, Axis::R],
     coefficients: &[Coefficient {
         name: "time_constant_change",

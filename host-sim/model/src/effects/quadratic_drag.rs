@@ -11,7 +11,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     id: "quadratic-drag",
     sentence: "Beyond the linear drag, the air brakes the craft with the square of its speed.",
     kind: Kind::Linear,
-    question: Question::Structure,
+    question: Question::Both,
     axes: &[Axis::U, Axis::V, Axis::W],
     coefficients: &[coefficient("C_qd_xy"), coefficient("C_qd_z")],
     excitation: "fly straight at three or more speeds, the fastest above 3 m/s",

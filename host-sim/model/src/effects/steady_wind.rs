@@ -10,7 +10,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     id: "steady-wind",
     sentence: "A steady wind blows: drag follows the speed through the air, not over the ground.",
     kind: Kind::Adjusting,
-    question: Question::Structure,
+    question: Question::Both,
     axes: &[Axis::U, Axis::V],
     coefficients: &[coefficient("wind_north"), coefficient("wind_east")],
     excitation: "hover and turn once around in yaw",

@@ -13,7 +13,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     id: "tether",
     sentence: "A cable pulls the craft towards a fixed point.",
     kind: Kind::Linear,
-    question: Question::Structure,
+    question: Question::Both,
     axes: &[Axis::U, Axis::V, Axis::W],
     coefficients: &[
         Coefficient { name: "stiffness", unit: "N/m", possible: (0.0, 1000.0), typical: 1.0, prior: None },

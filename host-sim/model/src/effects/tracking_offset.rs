@@ -10,7 +10,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     id: "tracking-offset",
     sentence: "The tracked point is not the centre of mass.",
     kind: Kind::Adjusting,
-    question: Question::Structure,
+    question: Question::Both,
     axes: &[Axis::U, Axis::V, Axis::W],
     coefficients: &[coefficient("lever_x"), coefficient("lever_y"), coefficient("lever_z")],
     excitation: "pitch, roll and yaw in short bursts about hover",

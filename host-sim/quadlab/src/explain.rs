@@ -1,0 +1,108 @@
+//! `quadlab explain`: the whole loop by itself, from flights to a model in which nothing supported is missing.
+
+use std::path::PathBuf;
+
+use model::{PerAxis, Vehicle};
+use serde::Serialize;
+use sysid::Verdict;
+use sysid::diagnose::Unexplained;
+
+use crate::flights::{SetOptions, Sets};
+use crate::output::{Outcome, check_outputs, provenance};
+use crate::story::{self, Story};
+use crate::{pages, tables};
+
+/// Identify the basic model, then diagnose and add until nothing that the flights support is left.
+///
+/// An effect is added only when flights that it was not fitted on support it; the loop ends when none is left. The error
+/// after every step is kept in the model's history.
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  quadlab explain --vehicle vehicle.toml --train A.csv B.csv C.csv \
+                        --validate D.csv E.csv --out model.toml --html story.html")]
+pub(crate) struct Options {
+    /// What is known of the craft before any flight, for example: --vehicle vehicle.toml
+    #[arg(long, value_name = "TOML")]
+    vehicle: PathBuf,
+
+    #[command(flatten)]
+    sets: SetOptions,
+
+    /// Model file to write, for example: --out model.toml
+    #[arg(long, value_name = "TOML")]
+    out: PathBuf,
+
+    /// Page with figures to write, for example: --html story.html
+    #[arg(long, value_name = "HTML")]
+    html: Option<PathBuf>,
+
+    /// Print one JSON document on standard output and nothing else there
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
+    let mut inputs = options.sets.paths();
+    inputs.push(&options.vehicle);
+    check_outputs([&options.out].into_iter().chain(&options.html), &inputs)?;
+    let vehicle = Vehicle::read(&options.vehicle)?;
+    let sets = Sets::read(&options.sets, &vehicle, options.json)?;
+    let story = story::tell(&vehicle, &sets, options.json)?;
+    report::write_atomic(&options.out, story.last_model().to_toml())?;
+    if let Some(path) = &options.html {
+        pages::story(&story.conclusion(), &sets, &story)
+            .provenance(provenance(&[&options.vehicle], sets.all()))
+            .write(path)?;
+    }
+    if options.json { Outcome::json(&document(&story)) } else { Ok(Outcome::done(text(options, &story))) }
+}
+
+fn text(options: &Options, story: &Story) -> String {
+    let mut text =
+        format!("{}\n{}", tables::paragraph(&story.conclusion()), tables::falling_error(story).to_text());
+    text.push_str(&format!("\n{}", tables::coefficients(story.last_model()).to_text()));
+    let left = tables::unexplained(&story.last_diagnosis.unexplained);
+    if left.has_rows() {
+        text.push_str(&format!("\n{}", left.to_text()));
+    }
+    text.push_str(&format!("\nmodel written to {}\n", options.out.display()));
+    if let Some(path) = &options.html {
+        text.push_str(&format!("page: {}\n", path.display()));
+    }
+    text
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    /// Of the model at the end: adequate, or structure is left unexplained.
+    verdict: Verdict,
+    summary: String,
+    added: Vec<Added>,
+    sse_first: PerAxis<f64>,
+    sse_last: PerAxis<f64>,
+    unexplained: &'a [Unexplained],
+}
+
+#[derive(Serialize)]
+struct Added {
+    effect: &'static str,
+    drop_percent: f64,
+}
+
+fn document(story: &Story) -> Document<'_> {
+    let sse = |c: &sysid::Comparison| PerAxis::from_fn(|a| c.total[a].sse);
+    Document {
+        verdict: story.last_diagnosis.verdict,
+        summary: story.conclusion(),
+        added: story
+            .steps
+            .iter()
+            .map(|step| Added {
+                effect: step.addition.finding.effect,
+                drop_percent: step.addition.finding.drop_percent,
+            })
+            .collect(),
+        sse_first: sse(&story.basic_comparison),
+        sse_last: sse(story.last_comparison()),
+        unexplained: &story.last_diagnosis.unexplained,
+    }
+}

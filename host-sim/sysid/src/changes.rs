@@ -1,0 +1,390 @@
+//! The model was good once: what has changed since?
+//!
+//! The model's parameters stay; the residual of new flights is explained by one change at a time: a heavier craft, a weak
+//! motor, a wind, a shifted battery. The same standard of evidence as in [`crate::diagnose`]: each change is
+//! estimated on all new flights but one and judged on that one (blocks of time where there is a single flight).
+//!
+//! A real craft differs a little from flight to flight (trim, battery seat, tracker calibration). How much, is known
+//! from the flights the model was made from: the model file holds how far each change's estimate scatters between them.
+//! A change must stand out from that scatter, not only from the noise.
+
+use model::{ChangeScatter, Effect, Model};
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+use statrs::distribution::{ContinuousCDF, FisherSnedecor};
+
+use crate::diagnose::{
+    AxisDrop, CoefficientFigures, Diagnosis, EffectFinding, MATTERS_PERCENT, SIGNIFICANCE, Verdict,
+    block_sums, log_likelihood_ratio, one_sided_p_value,
+};
+use crate::fit::{residual_derivatives, step_limit};
+use crate::prepare::Prepared;
+use crate::regress::{self, FlightRows, Prior, WINDOW_S};
+use crate::{FitError, Residuals, errors, residuals};
+
+/// Most Gauss-Newton steps.
+const MAX_STEPS: usize = 8;
+/// A rival with this part of the best change's gain is examined for confusion with it.
+const RIVAL: f64 = 0.7;
+
+/// One change to explain new flights by: an effect, and which of its coefficients.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Change {
+    /// The effect.
+    #[serde(serialize_with = "effect_id")]
+    pub effect: Effect,
+    /// Motor number 1 to 4, for a change of one motor.
+    pub motor: Option<u8>,
+}
+
+fn effect_id<S: serde::Serializer>(effect: &Effect, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(effect.id())
+}
+
+impl Change {
+    /// Every change that can have come about to a craft of `model`.
+    pub fn all(model: &Model) -> Vec<Self> {
+        Effect::changes()
+            .filter(|effect| !model.has(*effect))
+            .flat_map(|effect| match effect {
+                Effect::MotorEfficiency => {
+                    (1..=4).map(|motor| Self { effect, motor: Some(motor) }).collect::<Vec<_>>()
+                }
+                _ => vec![Self { effect, motor: None }],
+            })
+            .collect()
+    }
+
+    /// Indices of the coefficients it frees.
+    fn coefficients(self) -> Vec<usize> {
+        match self.motor {
+            Some(motor) => vec![usize::from(motor) - 1],
+            None => (0..self.effect.info().coefficients.len()).collect(),
+        }
+    }
+
+    /// For people: "motor-efficiency of motor 2".
+    pub fn name(self) -> String {
+        match self.motor {
+            Some(motor) => format!("{} of motor {motor}", self.effect),
+            None => self.effect.id().into(),
+        }
+    }
+}
+
+/// A change fitted to flights with the model's parameters fixed.
+struct Fitted {
+    model: Model,
+    values: DVector<f64>,
+    covariance: DMatrix<f64>,
+    sigma: [f64; 6],
+}
+
+/// Fits a change to flights, starting from none, on top of `model`.
+fn fit_change(model: &Model, change: Change, flights: &[&Prepared]) -> Result<Fitted, FitError> {
+    let info = change.effect.info();
+    let free = change.coefficients();
+    let mut changed = model.clone();
+    let mut all: Vec<f64> = model.term(change.effect).map_or_else(
+        || vec![0.0; info.coefficients.len()],
+        |t| t.coefficients.iter().map(|c| c.value).collect(),
+    );
+    for _ in 0..MAX_STEPS {
+        changed.set(change.effect, &all);
+        let rows: Vec<FlightRows> =
+            flights.iter().map(|flight| rows(flight, &changed, change, &free)).collect();
+        let priors: Vec<Option<Prior>> = free
+            .iter()
+            .map(|&k| info.coefficients[k].prior.map(|deviation| Prior { expected: -all[k], deviation }))
+            .collect();
+        let solution = regress::solve(&rows, &priors).map_err(|_| FitError::NotExcited {
+            effect: info.id,
+            coefficient: info.coefficients[free[0]].name,
+            excitation: info.excitation,
+        })?;
+        let mut settled = true;
+        for (i, &k) in free.iter().enumerate() {
+            let (step, ends) = step_limit(all[k], solution.value[i], &info.coefficients[k]);
+            settled &=
+                step.abs() < 0.01 * solution.covariance[(i, i)].sqrt() + 1e-9 * info.coefficients[k].typical;
+            all[k] = ends;
+        }
+        if settled {
+            changed.set(change.effect, &all);
+            let values = DVector::from_iterator(free.len(), free.iter().map(|&k| all[k]));
+            return Ok(Fitted {
+                model: changed,
+                values,
+                covariance: solution.covariance,
+                sigma: solution.sigma,
+            });
+        }
+    }
+    Err(FitError::NotConverged { effect: info.id })
+}
+
+fn rows(flight: &Prepared, changed: &Model, change: Change, free: &[usize]) -> FlightRows {
+    let mut derivatives = residual_derivatives(flight, changed, change.effect);
+    FlightRows {
+        targets: residuals(flight, changed).residual,
+        columns: free.iter().map(|&k| std::mem::take(&mut derivatives[k])).collect(),
+        starts: flight.row_starts(),
+        period_s: flight.period_s,
+    }
+}
+
+/// How far each change's estimate scatters between the flights a model was made from: for the model file.
+pub fn scatter(model: &Model, flights: &[&Prepared]) -> Vec<ChangeScatter> {
+    let mut result = Vec::new();
+    for change in Change::all(model) {
+        let names = change.coefficients().into_iter().map(|k| change.effect.info().coefficients[k].name);
+        let estimates: Vec<Fitted> =
+            flights.iter().filter_map(|flight| fit_change(model, change, &[flight]).ok()).collect();
+        if estimates.len() < 2 {
+            continue;
+        }
+        for (i, name) in names.enumerate() {
+            // About zero, not about the mean: the model is the reference.
+            let mean_square =
+                estimates.iter().map(|e| e.values[i] * e.values[i]).sum::<f64>() / estimates.len() as f64;
+            result.push(ChangeScatter {
+                effect: change.effect.id().into(),
+                coefficient: name.into(),
+                deviation: mean_square.sqrt(),
+            });
+        }
+    }
+    result
+}
+
+/// Names the one change that explains new flights, with the model's parameters as they are.
+pub fn changed(
+    model: &Model,
+    flights: &[&Prepared],
+    mut progress: impl FnMut(&str),
+) -> Result<Diagnosis, FitError> {
+    if flights.is_empty() {
+        return Err(FitError::NoFlights);
+    }
+    let changes = Change::all(model);
+    let mut findings: Vec<(Change, EffectFinding)> = changes
+        .iter()
+        .map(|&change| {
+            progress(change.effect.id());
+            (change, examine(model, change, flights, changes.len()))
+        })
+        .collect();
+    let score = |f: &EffectFinding| f.gain * (1.0 - 0.02 * f.coefficients.len() as f64);
+    findings.sort_by(|a, b| b.1.supported.cmp(&a.1.supported).then(score(&b.1).total_cmp(&score(&a.1))));
+    mark_rivals(model, &mut findings, flights, changes.len());
+    let supported = findings.iter().any(|(_, f)| f.supported);
+    let summary = match findings.iter().find(|(_, f)| f.supported) {
+        Some((change, f)) => {
+            let size: Vec<String> = f
+                .coefficients
+                .iter()
+                .map(|c| format!("{} = {:.4} +- {:.4} {}", c.name, c.value, c.std_error, c.unit))
+                .collect();
+            let rivals = if f.confounded_with.is_empty() {
+                String::new()
+            } else {
+                format!(" These flights cannot tell it from {}.", f.confounded_with.join(", "))
+            };
+            format!(
+                "Since the model was made, {} has come about ({}): it takes away {:.1} % of the error on flights it was \
+                 not estimated from.{rivals}",
+                change.name(),
+                size.join(", "),
+                f.drop_percent
+            )
+        }
+        None => "No change stands out from the scatter between the flights the model was made from.".into(),
+    };
+    Ok(Diagnosis {
+        verdict: if supported { Verdict::MissingEffect } else { Verdict::Adequate },
+        summary,
+        effects: findings.into_iter().map(|(_, finding)| finding).collect(),
+        unexplained: Vec::new(),
+    })
+}
+
+/// Changes that explain nearly as much as the best, and add nothing to it nor it to them, cannot be told from it.
+fn mark_rivals(
+    model: &Model,
+    findings: &mut [(Change, EffectFinding)],
+    flights: &[&Prepared],
+    candidates: usize,
+) {
+    let Some((best, best_gain)) = findings.first().filter(|(_, f)| f.supported).map(|(c, f)| (*c, f.gain))
+    else {
+        return;
+    };
+    let Ok(with_best) = fit_change(model, best, flights) else { return };
+    let mut rivals = Vec::new();
+    for (change, finding) in findings.iter_mut().skip(1).filter(|(_, f)| f.supported) {
+        let adds =
+            change.effect != best.effect && examine(&with_best.model, *change, flights, candidates).supported;
+        if adds {
+            continue;
+        }
+        finding.supported = false;
+        finding.reason = format!("adds nothing once {} is accounted for", best.name());
+        let rival = finding.gain > RIVAL * best_gain
+            && fit_change(model, *change, flights).is_ok_and(|with| {
+                change.effect == best.effect || !examine(&with.model, best, flights, candidates).supported
+            });
+        if rival {
+            finding.reason = format!("these flights cannot tell it from {}", best.name());
+            finding.confounded_with.push(best.effect.id());
+            rivals.push(change.effect.id());
+        }
+    }
+    rivals.retain(|id| *id != best.effect.id());
+    rivals.dedup();
+    findings[0].1.confounded_with = rivals;
+}
+
+fn examine(model: &Model, change: Change, flights: &[&Prepared], candidates: usize) -> EffectFinding {
+    let info = change.effect.info();
+    let mut finding = EffectFinding::unsupported(change.effect, flights.len());
+    finding.motor = change.motor;
+    let fitted = match fit_change(model, change, flights) {
+        Ok(fitted) => fitted,
+        Err(refused) => {
+            finding.reason = refused.to_string();
+            return finding;
+        }
+    };
+    let free = change.coefficients();
+    let total = with_scatter(model, change, &fitted, flights.len());
+    finding.coefficients = free
+        .iter()
+        .enumerate()
+        .map(|(i, &k)| CoefficientFigures {
+            name: info.coefficients[k].name,
+            value: fitted.values[i],
+            std_error: total[(i, i)].max(0.0).sqrt(),
+            unit: info.coefficients[k].unit,
+        })
+        .collect();
+    let duration_s: f64 = flights.iter().map(|f| f.rows() as f64 * f.period_s).sum();
+    finding.p_value =
+        (p_value(&fitted.values, &total, &free, change.effect, duration_s) * candidates as f64).min(1.0);
+    cross_validate(model, change, flights, &fitted, &mut finding);
+    (finding.supported, finding.reason) = weigh(&finding, change, &fitted);
+    finding
+}
+
+/// The covariance of an estimate with what the base flights scatter by; the mean over several flights scatters less.
+fn with_scatter(model: &Model, change: Change, fitted: &Fitted, flights: usize) -> DMatrix<f64> {
+    let mut total = fitted.covariance.clone();
+    let scatter = model.fit.as_ref().map_or(&[][..], |fit| &fit.scatter);
+    for (i, k) in change.coefficients().into_iter().enumerate() {
+        let name = change.effect.info().coefficients[k].name;
+        if let Some(known) = scatter.iter().find(|s| s.effect == change.effect.id() && s.coefficient == name)
+        {
+            total[(i, i)] += known.deviation * known.deviation * (1.0 / flights as f64).max(0.25);
+        }
+    }
+    total
+}
+
+fn p_value(
+    values: &DVector<f64>,
+    covariance: &DMatrix<f64>,
+    free: &[usize],
+    effect: Effect,
+    duration_s: f64,
+) -> f64 {
+    let tested: Vec<usize> =
+        (0..free.len()).filter(|&i| effect.info().coefficients[free[i]].prior.is_none()).collect();
+    let k = tested.len();
+    let theta = DVector::from_iterator(k, tested.iter().map(|&i| values[i]));
+    let covariance = DMatrix::from_fn(k, k, |r, c| covariance[(tested[r], tested[c])]);
+    let Some(cholesky) = covariance.cholesky() else { return 1.0 };
+    let freedom = (duration_s / WINDOW_S - k as f64).max(1.0);
+    FisherSnedecor::new(k as f64, freedom)
+        .map_or(1.0, |f| f.sf(theta.dot(&cholesky.solve(&theta)) / k as f64))
+}
+
+/// Errors on flights the change was not estimated from.
+fn cross_validate(
+    model: &Model,
+    change: Change,
+    flights: &[&Prepared],
+    fitted: &Fitted,
+    finding: &mut EffectFinding,
+) {
+    let axes = change.effect.info().axes;
+    let before: Vec<Residuals> = flights.iter().map(|flight| residuals(flight, model)).collect();
+    let after: Vec<Residuals> = (0..flights.len())
+        .map(|left_out| {
+            let rest: Vec<&Prepared> =
+                flights.iter().enumerate().filter(|(i, _)| *i != left_out).map(|(_, f)| *f).collect();
+            // A single flight can only be judged on itself; the scatter then guards against chance.
+            let other = if rest.is_empty() { None } else { fit_change(model, change, &rest).ok() };
+            residuals(flights[left_out], other.as_ref().map_or(&fitted.model, |o| &o.model))
+        })
+        .collect();
+    let mut blocks = Vec::new();
+    let (mut gain, mut total) = (0.0, 0.0);
+    for ((flight, a), b) in flights.iter().zip(&before).zip(&after) {
+        let mut difference = vec![0.0; flight.rows()];
+        for axis in axes.iter().map(|a| a.index()) {
+            let weight = 1.0 / (fitted.sigma[axis] * fitted.sigma[axis]);
+            for ((d, x), y) in difference.iter_mut().zip(&a.residual[axis]).zip(&b.residual[axis]) {
+                *d += weight * (x * x - y * y);
+                total += weight * x * x;
+            }
+        }
+        let sum: f64 = difference.iter().sum();
+        finding.flights_improved[0] += usize::from(sum > 0.0);
+        gain += sum;
+        blocks.extend(block_sums(flight, &difference));
+    }
+    let (e0, e1) = (errors(&before), errors(&after));
+    for &axis in axes {
+        let (sse_before, sse_after) = (e0[axis].sse, e1[axis].sse);
+        let drop_percent = if sse_before > 0.0 { 100.0 * (1.0 - sse_after / sse_before) } else { 0.0 };
+        finding.axes.insert(axis.name(), AxisDrop { sse_before, sse_after, drop_percent });
+    }
+    finding.gain = log_likelihood_ratio(&e0, &e1);
+    finding.drop_percent = if total > 0.0 { 100.0 * gain / total } else { 0.0 };
+    finding.held_out_p_value = one_sided_p_value(&blocks);
+}
+
+fn weigh(finding: &EffectFinding, change: Change, fitted: &Fitted) -> (bool, String) {
+    let largest = finding.axes.values().map(|a| a.drop_percent).fold(f64::NEG_INFINITY, f64::max);
+    let [improved, flights] = finding.flights_improved;
+    if finding.p_value > SIGNIFICANCE {
+        let p = finding.p_value;
+        return (
+            false,
+            format!("does not stand out from noise and the scatter between flights (p = {p:.2})"),
+        );
+    }
+    if largest < MATTERS_PERCENT {
+        return (false, format!("too small to matter: {largest:.1} % of the error at best"));
+    }
+    if finding.held_out_p_value > 0.05 || 2 * improved <= flights && flights > 1 {
+        return (
+            false,
+            format!("does not carry over from flight to flight ({improved} of {flights} improve)"),
+        );
+    }
+    for (i, k) in change.coefficients().into_iter().enumerate() {
+        let coefficient = &change.effect.info().coefficients[k];
+        let (low, high) = coefficient.possible;
+        let slack = 2.0 * fitted.covariance[(i, i)].max(0.0).sqrt();
+        if fitted.values[i] < low - slack || fitted.values[i] > high + slack {
+            return (
+                false,
+                format!(
+                    "needs {} = {:.3} {}, which is impossible",
+                    coefficient.name, fitted.values[i], coefficient.unit
+                ),
+            );
+        }
+    }
+    (true, format!("error on flights it was not estimated from falls by {:.1} %", finding.drop_percent))
+}
