@@ -7,7 +7,7 @@ use report::{
 use crate::flight::{Recording, Row};
 use crate::reference::{Variant, response};
 use crate::scenario::{Check, Scenario, Settings, step_of};
-use crate::script::StepAxis;
+use crate::script::{Script, StepAxis};
 use crate::suite::{Outcome, Suite};
 
 const MOTORS: [&str; 4] = ["1 front-left", "2 front-right", "3 rear-right", "4 rear-left"];
@@ -35,14 +35,13 @@ pub fn page(suite: &Suite, settings: &Settings, provenance: Provenance) -> Page 
 fn outcome_table(suite: &Suite) -> Table {
     let columns = [
         Column::text("flight"),
+        Column::text("verdict"),
         Column::number("overshoot", "%"),
-        Column::number("rise 10-90 %", "s"),
+        Column::number("rise", "s"),
         Column::number("settling 5 %", "s"),
         Column::number("settling 2 %", "s"),
-        Column::number("steady-state error", "of the step"),
+        Column::number("error at the end", "of the step"),
         Column::number("saturated", "ticks"),
-        Column::text("requirement"),
-        Column::text("verdict"),
     ];
     let mut table = Table::new("", columns);
     for outcome in &suite.outcomes {
@@ -51,14 +50,13 @@ fn outcome_table(suite: &Suite) -> Table {
         let verdict = if outcome.pass() { Verdict::Good } else { Verdict::Bad };
         table.push([
             Cell::from(outcome.scenario.name()),
+            Cell::from(if outcome.pass() { "holds" } else { "fails" }).verdict(verdict),
             number(metrics.map(|m| m.overshoot_percent)),
             number(metrics.and_then(|m| m.rise_s)),
             number(metrics.and_then(|m| m.settling_5_s)),
             number(metrics.and_then(|m| m.settling_2_s)),
             number(metrics.map(|m| m.steady_state_error)),
             Cell::number(outcome.saturated_ticks as f64, 6),
-            Cell::from(requirements(outcome).as_str()),
-            Cell::from(if outcome.pass() { "holds" } else { "fails" }).verdict(verdict),
         ]);
     }
     table
@@ -88,22 +86,24 @@ fn section(outcome: &Outcome, settings: &Settings) -> Section {
     };
     let section = Section::new(heading).paragraph(requirements(outcome));
     let section = match step_of(&outcome.plan) {
-        Some((step, _)) => section.figure(response_panels(outcome, settings, step.axis), caption(scenario)),
-        None => section
-            .figure(track(&outcome.recording), "The track from above.")
-            .figure(motion_panels(outcome), "Height and attitude."),
+        Some((step, _)) => {
+            let points = reference_points(outcome, settings, step.axis);
+            let caption = match points {
+                Some(_) => "Command and response; points: the reference response.",
+                None => "Command and response.",
+            };
+            section.figure(response_panels(outcome, step.axis, points), caption)
+        }
+        None => section.figure(motion_panels(outcome), "Height and attitude."),
+    };
+    let section = match outcome.plan.script {
+        Script::Waypoints { .. } => section.figure(track(&outcome.recording), "The track from above."),
+        Script::Hold | Script::Step(_) => section,
     };
     section.figure(
         motor_panels(outcome),
         "Motor commands; thrust and angular accelerations that the law asks for.",
     )
-}
-
-fn caption(scenario: Scenario) -> String {
-    match scenario.thesis_figure() {
-        Some(_) => "Command and response; points: the reference response.".into(),
-        None => "Command and response.".into(),
-    }
 }
 
 fn time() -> Axis {
@@ -158,19 +158,22 @@ fn loop_figure(recording: &Recording, axis: StepAxis) -> Figure {
         ))
 }
 
-fn response_panels(outcome: &Outcome, settings: &Settings, axis: StepAxis) -> Panels {
+/// The reference response in the units of the plot, where the flight was one of the reference's.
+fn reference_points(outcome: &Outcome, settings: &Settings, axis: StepAxis) -> Option<Vec<(f64, f64)>> {
+    if settings.noise.is_some() || settings.delay_samples != 2 {
+        return None;
+    }
+    let (step, base) = step_of(&outcome.plan)?;
+    let reference = response(Variant::A, outcome.scenario.name())?;
+    let (_, _, factor) = quantity(axis);
+    let point = |&(after_s, value): &(f64, f64)| (step.at_s + after_s, factor * (base + step.size * value));
+    Some(reference.samples.iter().map(point).collect())
+}
+
+fn response_panels(outcome: &Outcome, axis: StepAxis, points: Option<Vec<(f64, f64)>>) -> Panels {
     let recording = &outcome.recording;
     let mut first = loop_figure(recording, axis);
-    let reference_conditions = settings.noise.is_none() && settings.delay_samples == 2;
-    if let (true, Some((step, base)), Some(reference)) =
-        (reference_conditions, step_of(&outcome.plan), response(Variant::A, outcome.scenario.name()))
-    {
-        let (_, _, factor) = quantity(axis);
-        let points: Vec<(f64, f64)> = reference
-            .samples
-            .iter()
-            .map(|(after_s, value)| (step.at_s + after_s, factor * (base + step.size * value)))
-            .collect();
+    if let Some(points) = points {
         first = first.with(Series::points("reference", Style::Category(5), points));
     }
     let mut figures = vec![first];
