@@ -92,10 +92,11 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     let names: Vec<&str> = chosen.iter().map(|bench| bench.name.as_str()).collect();
     let peers = options.against.as_ref().map(|folder| Peers::prepare(folder, &names)).transpose()?;
     let mut figures = Figures::default();
+    let mut skipped = peers.as_ref().map(|peers| peers.skipped.clone()).unwrap_or_default();
     let mut failed = Vec::new();
     for bench in &chosen {
         if let (Kind::Instructions, Some(why)) = (bench.kind(), &obstacle) {
-            println!("{SKIP_MARK} {} of {}, {why}", bench.name, bench.package);
+            skipped.push(format!("{SKIP_MARK} {} of {}, {why}", bench.name, bench.package));
             continue;
         }
         println!("\n== {} of {}: {}", bench.name, bench.package, shown(&bench.command()));
@@ -109,6 +110,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
         }
     }
     print!("\n{figures}");
+    skipped.iter().for_each(|line| println!("{line}"));
     if failed.is_empty() {
         return Ok(ExitCode::SUCCESS);
     }
@@ -154,10 +156,12 @@ fn work(bench: &Bench, peers: Option<&Peers>, figures: &mut Figures) -> Result<b
         }
         let mut run = None;
         let succeeded = filtered(&mut command, |line| {
-            run = run.take().or_else(|| Throughput::from_line(line));
-            true
+            let Some(read) = Throughput::from_line(line) else { return true };
+            println!("{} per CPU-second", read.shown());
+            run = Some(read);
+            false
         })?;
-        let Some(run) = run.filter(|_| succeeded) else { return Ok(any(0, bench) && succeeded) };
+        let Some(run) = run.filter(|_| succeeded) else { return Ok(any(0, bench)) };
         for (peer, their_run) in
             peers.map(|peers| peers.run(&bench.name, &run)).transpose()?.unwrap_or_default()
         {

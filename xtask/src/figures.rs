@@ -29,6 +29,11 @@ impl Throughput {
         self.amount / self.cpu_s
     }
 
+    /// "3,210,000 closed-loop steps".
+    pub(crate) fn shown(&self) -> String {
+        format!("{} {}", grouped(significant(self.rate())), self.work)
+    }
+
     /// Reads the line of a throughput bench.
     pub(crate) fn from_line(line: &str) -> Option<Self> {
         let value: Value = serde_json::from_str(line).ok()?;
@@ -153,7 +158,7 @@ const AGAINST: [&str; 5] = ["per CPU-second", "ours", "theirs", "ours / theirs",
 
 impl Row {
     fn cells(&self) -> [String; 5] {
-        let rate = self.rate.as_ref().map(|(rate, work)| format!("{} {work}", grouped(*rate)));
+        let rate = self.rate.as_ref().map(|(rate, work)| format!("{} {work}", grouped(significant(*rate))));
         [
             format!("{} {}", self.bench, self.function).trim_end().to_owned(),
             self.median.clone().unwrap_or_default(),
@@ -168,8 +173,8 @@ impl Comparison {
     fn cells(&self) -> [String; 5] {
         [
             self.work.clone(),
-            grouped(self.ours),
-            grouped(self.theirs),
+            grouped(significant(self.ours)),
+            grouped(significant(self.theirs)),
             format!("{:.2}", self.ratio),
             self.peer.to_owned(),
         ]
@@ -182,7 +187,12 @@ fn change(count: Instructions) -> Option<String> {
     Some(if count.now == before { "same".to_owned() } else { format!("{percent:+.2} %") })
 }
 
-/// Three digits of a small number, whole groups of a large one: 47.3, 3,210,000.
+/// To three significant digits: more would not repeat.
+fn significant(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
+}
+
+/// Tenths of a small number, groups of digits of a large one: 47.3, 3,210,000.
 fn grouped(value: f64) -> String {
     if value < 100.0 {
         return format!("{value:.1}");
@@ -303,6 +313,7 @@ plant four_substeps       464 ns
         for (value, text) in cases {
             assert_eq!(grouped(value), text);
         }
+        assert_eq!(grouped(significant(2_169_351.0)), "2,170,000");
         assert_eq!(median(vec![3.0, 1.0, 2.0, 10.0]), 2.5);
     }
 }

@@ -52,7 +52,7 @@ struct Peer {
 
 const ALL: [Peer; 4] = [
     Peer {
-        name: "a C reference of plant and controller (gcc -O3 -march=native)",
+        name: "C, another plant and controller (gcc -O3 -march=native)",
         bench: "flight_throughput",
         prepare: compile_reference,
         command: |peers| Command::new(peers.made("w1_c")),
@@ -63,7 +63,7 @@ const ALL: [Peer; 4] = [
         },
     },
     Peer {
-        name: "numpy: filter, 6 least squares, 8,100 subsets",
+        name: "numpy, which also searches 8,100 subsets of terms",
         bench: "identification_throughput",
         prepare: |peers| {
             let program = peers.reference("w3_gen.py")?;
@@ -97,18 +97,22 @@ pub(crate) struct Peers {
     folder: PathBuf,
     made: TempDir,
     ready: Vec<&'static Peer>,
+    /// A line for each peer that cannot run here.
+    pub(crate) skipped: Vec<String>,
 }
 
 impl Peers {
-    /// Builds the peers of `benches` from the reference programs in `folder`, and says which have to be left out.
+    /// Builds the peers of `benches` from the reference programs in `folder`.
     pub(crate) fn prepare(folder: &Path, benches: &[&str]) -> Result<Self> {
         let made = tempfile::tempdir().context("cannot make a temporary folder")?;
         let folder = std::path::absolute(folder).context("the folder of --against has no path")?;
-        let mut peers = Self { folder, made, ready: Vec::new() };
+        let mut peers = Self { folder, made, ready: Vec::new(), skipped: Vec::new() };
         for peer in ALL.iter().filter(|peer| benches.contains(&peer.bench)) {
             match (peer.prepare)(&peers) {
                 Ok(()) => peers.ready.push(peer),
-                Err(why) => println!("{SKIP_MARK} {} beside {}, {why:#}", peer.name, peer.bench),
+                Err(why) => {
+                    peers.skipped.push(format!("{SKIP_MARK} {} beside {}, {why:#}", peer.name, peer.bench));
+                }
             }
         }
         Ok(peers)
@@ -220,6 +224,8 @@ mod tests {
         let empty = tempfile::tempdir().expect("a folder");
         let peers = Peers::prepare(empty.path(), &["flight_throughput"]).expect("nothing to build");
         assert!(peers.ready.is_empty());
+        assert_eq!(peers.skipped.len(), 1);
+        assert!(peers.skipped[0].ends_with("w1_c.c is not there"), "{:?}", peers.skipped);
         assert!(peers.run("flight_throughput", &ours()).expect("nothing to run").is_empty());
     }
 
