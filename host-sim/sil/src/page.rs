@@ -6,7 +6,7 @@ use report::{
 
 use crate::flight::{Recording, Row};
 use crate::reference::{Variant, response};
-use crate::scenario::{Check, Scenario, Settings, step_of};
+use crate::scenario::{Check, Settings, step_of};
 use crate::script::{Script, StepAxis};
 use crate::suite::{Outcome, Suite};
 
