@@ -1,7 +1,6 @@
 //! Instructions from flight file to model: reading one file, preparing and fitting five flights of 60 s at 100 Hz.
 //!
-//! The aims are times (see `identification`); the counts show a change of a percent, which times do not. Valgrind
-//! offers no AVX-512: on machines with it, the filters run other code here than in the timed benches.
+//! The aims are times (see `identification`); the counts show a change of a percent, which times do not.
 #![expect(missing_docs, reason = "the macros make public items without docs")]
 
 mod common;
