@@ -207,7 +207,7 @@ fn add_rollouts(
 pub(crate) fn reference_states(model: &Model, flight: &Prepared, stretch: &Stretch) -> Vec<State> {
     let adjust = model.adjustments();
     let lever = Vector3::from(model.vehicle.tracked_point) + adjust.tracked_point_m;
-    let rotor = stretch.rotor_rad_s(&model.vehicle, &adjust, flight.period_s);
+    let rotor = stretch.rotors(&model.vehicle, &adjust, flight.period_s);
     let at = |parts: &[Vec<f64>; 3], k: usize| Vector3::new(parts[0][k], parts[1][k], parts[2][k]);
     (0..stretch.time_s.len())
         .map(|k| {
@@ -222,7 +222,7 @@ pub(crate) fn reference_states(model: &Model, flight: &Prepared, stretch: &Stret
                 attitude: frames::quaternion_from_euler(frames::euler_from_dcm(&dcm)),
                 velocity_m_s: dcm * at(&stretch.velocity_ned_m_s, k) - rate.cross(&lever),
                 rate_rad_s: rate,
-                rotor_rad_s: std::array::from_fn(|i| rotor[i].0[k]),
+                rotor_rad_s: std::array::from_fn(|i| rotor[i].speed_rad_s[k]),
             }
         })
         .collect()

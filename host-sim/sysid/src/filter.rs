@@ -9,7 +9,7 @@
 //! the motors do at several hertz is underestimated: on simulated flights with known truth the rotor moment
 //! coefficients come out 3 % low. The derivative filter is the exact derivative of *some* smoother: `D y = sum d_k y_k`
 //! rearranges, by summation by parts, to a weighted mean of the increments of `y`. Applying that same weighted mean
-//! ([`RegressionFilter::matched`]) to the regressors puts both sides of the equation through one filter, and the bias is gone.
+//! ([`RegressionFilter::between`]) to the regressors puts both sides of the equation through one filter, and the bias is gone.
 
 /// The taps, from n = -half to n = half, for use as `sum over n of tap[n] * signal[center + n]`.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,7 +18,10 @@ pub struct RegressionFilter {
     pub smooth: Vec<f64>,
     /// Derivative taps in 1/s: second row of G divided by the sampling period.
     pub derivative: Vec<f64>,
-    /// Taps of the smoother whose derivative `derivative` is, integrated between samples by the trapezoid.
+    /// The smoother whose derivative `derivative` is: weights of the means of a signal *between* neighbouring samples, one
+    /// fewer than the other taps.
+    pub between: Vec<f64>,
+    /// The same for a signal known at samples, whose mean between two of them is taken as that of its ends.
     pub matched: Vec<f64>,
 }
 
@@ -34,7 +37,8 @@ impl RegressionFilter {
         let half = ((0.5 * Self::WINDOW_S / period_s).round() as usize).max(3);
         let [smooth, slope] = polynomial_taps(half);
         let derivative: Vec<f64> = slope.iter().map(|g| g / period_s).collect();
-        Self { smooth, matched: matched_taps(&slope), derivative }
+        let between = between_taps(&slope);
+        Self { smooth, matched: matched_taps(&between), between, derivative }
     }
 
     /// Samples on either side of the center.
@@ -67,14 +71,23 @@ fn polynomial_taps(half: usize) -> [Vec<f64>; 2] {
 }
 
 /// Summation by parts: `sum d_n y_n = sum K_n (y_{n+1} - y_n)` with `K_n = -(d_{-half} + ... + d_n)`; an increment is the
-/// integral of y' over one period, taken as the mean of its ends.
-fn matched_taps(slope: &[f64]) -> Vec<f64> {
-    let mut taps = vec![0.0; slope.len()];
+/// mean of y' over one period, times the period.
+fn between_taps(slope: &[f64]) -> Vec<f64> {
     let mut sum = 0.0;
-    for k in 0..slope.len() - 1 {
-        sum -= slope[k];
-        taps[k] += 0.5 * sum;
-        taps[k + 1] += 0.5 * sum;
+    slope[..slope.len() - 1]
+        .iter()
+        .map(|d| {
+            sum -= d;
+            sum
+        })
+        .collect()
+}
+
+fn matched_taps(between: &[f64]) -> Vec<f64> {
+    let mut taps = vec![0.0; between.len() + 1];
+    for (k, weight) in between.iter().enumerate() {
+        taps[k] += 0.5 * weight;
+        taps[k + 1] += 0.5 * weight;
     }
     taps
 }
@@ -88,6 +101,18 @@ pub fn convolve(signal: &[f64], taps: &[f64]) -> Vec<f64> {
     }
     let last = signal.len() - half;
     weighted_sums(signal, taps, &mut result[half..last]);
+    result
+}
+
+/// Filters a signal known between samples (its first value lies between the first two) with [`RegressionFilter::between`];
+/// the result is at the samples, NaN where the window does not fit.
+pub fn convolve_between(signal: &[f64], taps: &[f64]) -> Vec<f64> {
+    let half = taps.len() / 2;
+    let mut result = vec![f64::NAN; signal.len() + 1];
+    if signal.len() >= taps.len() {
+        let last = result.len() - half;
+        weighted_sums(signal, taps, &mut result[half..last]);
+    }
     result
 }
 
@@ -220,6 +245,20 @@ mod tests {
             let (derivative, matched) = (sum(&filter.derivative, f64::sin), sum(&filter.matched, f64::cos));
             assert!((derivative / w * trapezoid - matched).abs() < 1e-12, "{w}: {derivative} {matched}");
         }
+    }
+
+    #[test]
+    fn a_derivative_filtered_between_samples_is_the_filtered_derivative() {
+        // y = t^3 sin: the means of y' between samples are its increments, so both ways agree to rounding.
+        let y: Vec<f64> =
+            (0..80).map(|k| (0.01 * f64::from(k)).powi(3) * (0.7 * f64::from(k)).sin()).collect();
+        let means: Vec<f64> = y.windows(2).map(|w| (w[1] - w[0]) / 0.01).collect();
+        let filter = RegressionFilter::new(0.01);
+        let (a, b) = (convolve(&y, &filter.derivative), convolve_between(&means, &filter.between));
+        for k in 15..65 {
+            assert!((a[k] - b[k]).abs() < 1e-11, "{k}: {} {}", a[k], b[k]);
+        }
+        assert!(b[14].is_nan() && b[65].is_nan() && b.len() == 80);
     }
 
     #[test]

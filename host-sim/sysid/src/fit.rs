@@ -5,9 +5,11 @@
 //! until it is small against its own standard error: Gauss and Newton's method on the same stacked problem, so
 //! every coefficient gets a standard error of the same kind.
 
-use model::{Adjustments, AxisError, Effect, Estimate, Kind, Model, PerAxis, Plant, Term, Vehicle};
+use model::{
+    Adjustments, AxisError, Effect, Estimate, Kind, Model, PerAxis, Plant, SampleInput, Term, Vehicle,
+};
 
-use crate::prepare::{Prepared, coefficient_count};
+use crate::prepare::{ForceTarget, Prepared, coefficient_count};
 use crate::regress::{self, FlightRows, Prior, Unidentifiable};
 
 /// Most Gauss-Newton steps; bilinear problems such as wind and drag take three or four.
@@ -294,13 +296,13 @@ pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
     let mut predicted: [Option<Vec<f64>>; 6] = Default::default();
     let mut rows_before = 0;
     for stretch in &flight.stretches {
-        let inputs = flight.inputs(stretch, vehicle, &adjust);
-        let mut axes: [Vec<f64>; 6] = std::array::from_fn(|_| Vec::with_capacity(inputs.len()));
-        for input in &inputs {
-            let predicted = plant.accelerations(&plant.sample_of(*input));
-            axes.iter_mut().zip(predicted).for_each(|(axis, value)| axis.push(value));
+        let states = flight.states(stretch, vehicle, &adjust);
+        let mut axes = accelerations(&plant, &states.between);
+        if flight.force_target == ForceTarget::Imu {
+            let [u, v, w, ..] = accelerations(&plant, flight.force_states(&states));
+            [axes[0], axes[1], axes[2]] = [u, v, w];
         }
-        flight.append_rows(stretch, &inputs, axes.map(Some), &mut predicted, rows_before);
+        flight.append_rows(&states, axes.map(Some), &mut predicted, rows_before);
         rows_before += stretch.time_s.len() - 2 * flight.margin;
     }
     let residual = std::array::from_fn(|axis| match &predicted[axis] {
@@ -308,6 +310,16 @@ pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
         None => measured[axis].clone(),
     });
     Residuals { measured, residual }
+}
+
+/// The six rows of the equations of motion at every state.
+fn accelerations(plant: &Plant, states: &[SampleInput]) -> [Vec<f64>; 6] {
+    let mut axes: [Vec<f64>; 6] = std::array::from_fn(|_| Vec::with_capacity(states.len()));
+    for state in states {
+        let row = plant.accelerations(&plant.sample_of(*state));
+        axes.iter_mut().zip(row).for_each(|(axis, value)| axis.push(value));
+    }
+    axes
 }
 
 /// Errors of each axis over several flights.

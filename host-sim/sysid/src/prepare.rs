@@ -10,7 +10,9 @@
 //!    be half a second late against the load that makes the voltage sag.
 //! 4. Targets. Force rows: specific force in body axes, from the IMU if logged, else from the derivative of the logged
 //!    velocity, else from the twice differentiated position. Moment rows: derivative of the body rates.
-//! 5. Every regressor goes through the same filter as its target ([`crate::filter`] says why). Accelerations that come
+//! 5. Regressors are formed from the mean state between two samples, which for rotors is that of their exponential:
+//!    what a velocity gains from sample to sample is the mean acceleration between them, not that at either end.
+//! 6. Every regressor goes through the same filter as its target ([`crate::filter`] says why). Accelerations that come
 //!    from the tracker are formed in the inertial frame, so regressors of the force rows are turned there with the
 //!    attitude of each sample, filtered, and turned back with the attitude of the row.
 //!
@@ -19,7 +21,7 @@
 use model::{Adjustments, Axis, Effect, Model, Plant, RotorMap, SampleInput, Sink, Vehicle, frames};
 use nalgebra::{Matrix3, Vector3};
 
-use crate::filter::{RegressionFilter, convolve};
+use crate::filter::{RegressionFilter, convolve, convolve_between};
 use crate::flight::{Column, Flight, median_step};
 
 /// Steps longer than this many periods are gaps: nothing is interpolated across.
@@ -92,6 +94,22 @@ pub struct Prepared {
     pub(crate) filter: RegressionFilter,
     /// Samples at the ends of a stretch that give no rows.
     pub(crate) margin: usize,
+}
+
+/// States of a stretch.
+pub(crate) struct States {
+    /// At its samples.
+    pub(crate) at: Vec<SampleInput>,
+    /// Mean states between neighbouring samples, one fewer.
+    pub(crate) between: Vec<SampleInput>,
+}
+
+/// One rotor over a stretch.
+pub(crate) struct RotorTrack {
+    /// Speed at every sample, rad/s.
+    pub(crate) speed_rad_s: Vec<f64>,
+    /// Mean speed between neighbouring samples, rad/s, one fewer.
+    pub(crate) mean_rad_s: Vec<f64>,
 }
 
 /// A column of the regression over one flight: the six axes, each a vector over the rows or nothing.
@@ -212,17 +230,12 @@ impl Prepared {
         starts
     }
 
-    /// The states of all samples of a stretch under `adjust`.
-    pub(crate) fn inputs(
-        &self,
-        stretch: &Stretch,
-        vehicle: &Vehicle,
-        adjust: &Adjustments,
-    ) -> Vec<SampleInput> {
+    /// The states of a stretch under `adjust`, at its samples and between them.
+    pub(crate) fn states(&self, stretch: &Stretch, vehicle: &Vehicle, adjust: &Adjustments) -> States {
         let lever = Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m;
-        let rotor = stretch.rotor_rad_s(vehicle, adjust, self.period_s);
+        let rotor = stretch.rotors(vehicle, adjust, self.period_s);
         let turning = stretch.rate_rad_s.each_ref().map(|rate| central_difference(rate, self.period_s));
-        (0..stretch.time_s.len())
+        let at: Vec<SampleInput> = (0..stretch.time_s.len())
             .map(|k| {
                 let dcm = adjust.true_dcm(&stretch.dcm[k]);
                 let rate = vector(&stretch.rate_rad_s, k);
@@ -238,12 +251,33 @@ impl Prepared {
                     velocity_m_s: velocity,
                     rate_rad_s: rate,
                     angular_acceleration_rad_s2: vector(&turning, k),
-                    rotor_rad_s: std::array::from_fn(|i| rotor[i].0[k]),
-                    rotor_acceleration_rad_s2: std::array::from_fn(|i| rotor[i].1[k]),
+                    rotor_rad_s: std::array::from_fn(|i| rotor[i].speed_rad_s[k]),
+                    rotor_acceleration_rad_s2: [0.0; 4],
                     battery_v: stretch.battery_v[k],
                 }
             })
-            .collect()
+            .collect();
+        let between = at
+            .windows(2)
+            .enumerate()
+            .map(|(k, pair)| {
+                let (a, b) = (&pair[0], &pair[1]);
+                SampleInput {
+                    position_ned_m: 0.5 * (a.position_ned_m + b.position_ned_m),
+                    // The mean of two attitudes a hundredth of a radian apart is a rotation to a part in 10^5.
+                    dcm: 0.5 * (a.dcm + b.dcm),
+                    velocity_m_s: 0.5 * (a.velocity_m_s + b.velocity_m_s),
+                    rate_rad_s: 0.5 * (a.rate_rad_s + b.rate_rad_s),
+                    angular_acceleration_rad_s2: (b.rate_rad_s - a.rate_rad_s) / self.period_s,
+                    rotor_rad_s: std::array::from_fn(|i| rotor[i].mean_rad_s[k]),
+                    rotor_acceleration_rad_s2: std::array::from_fn(|i| {
+                        (rotor[i].speed_rad_s[k + 1] - rotor[i].speed_rad_s[k]) / self.period_s
+                    }),
+                    battery_v: 0.5 * (a.battery_v + b.battery_v),
+                }
+            })
+            .collect();
+        States { at, between }
     }
 
     /// Targets of the six axes over the rows.
@@ -298,34 +332,38 @@ impl Prepared {
         force
     }
 
-    /// Passes values of the six axes at every sample of a stretch through the filters of their targets and appends
-    /// the rows. Axes without values stay without.
+    /// The states that force rows and moment rows are formed from: what an IMU measures is a value at a sample, what
+    /// comes from differences is a mean between samples.
+    pub(crate) fn force_states<'a>(&self, states: &'a States) -> &'a [SampleInput] {
+        if self.force_target == ForceTarget::Imu { &states.at } else { &states.between }
+    }
+
+    /// Passes values of the six axes through the filters of their targets and appends the rows. Force axes are given at
+    /// [`Self::force_states`], moment axes between samples. Axes without values stay without.
     pub(crate) fn append_rows(
         &self,
-        stretch: &Stretch,
-        inputs: &[SampleInput],
+        states: &States,
         mut axes: [Option<Vec<f64>>; 6],
         rows: &mut [Option<Vec<f64>>; 6],
         rows_before: usize,
     ) {
-        let length = stretch.time_s.len();
+        let length = states.at.len();
         let inside = self.margin..length - self.margin;
         if axes[..3].iter().any(Option::is_some) && self.force_target != ForceTarget::Imu {
-            let taps = &self.filter.matched;
             let mut ned: [Vec<f64>; 3] = std::array::from_fn(|_| Vec::with_capacity(length));
-            for k in 0..length {
+            for (k, state) in states.between.iter().enumerate() {
                 let body = Vector3::from_fn(|i, _| axes[i].as_ref().map_or(0.0, |a| a[k]));
-                let turned = inputs[k].dcm.tr_mul(&body);
+                let turned = state.dcm.tr_mul(&body);
                 ned.iter_mut().zip(turned.iter()).for_each(|(n, t)| n.push(*t));
             }
             let twice = self.force_target == ForceTarget::Position;
             let ned = ned.map(|signal| {
-                let once = convolve(&signal, taps);
-                if twice { convolve(&once, taps) } else { once }
+                let once = convolve_between(&signal, &self.filter.between);
+                if twice { convolve(&once, &self.filter.matched) } else { once }
             });
             let mut body: [Vec<f64>; 3] = std::array::from_fn(|_| vec![f64::NAN; length]);
             for k in inside.clone() {
-                let turned = inputs[k].dcm * vector(&ned, k);
+                let turned = states.at[k].dcm * vector(&ned, k);
                 body.iter_mut().zip(turned.iter()).for_each(|(b, t)| b[k] = *t);
             }
             for (slot, values) in axes.iter_mut().zip(body) {
@@ -337,7 +375,7 @@ impl Prepared {
             }
         }
         for slot in axes[3..].iter_mut().flatten() {
-            *slot = convolve(slot, &self.filter.matched);
+            *slot = convolve_between(slot, &self.filter.between);
         }
         for (row, values) in rows.iter_mut().zip(axes) {
             if let Some(values) = values {
@@ -357,19 +395,13 @@ impl Prepared {
         let mut result = vec![RowColumn::default(); count];
         let mut rows_before = 0;
         for stretch in &self.stretches {
-            let inputs = self.inputs(stretch, vehicle, adjust);
-            let mut raw = RawColumns::new(count, inputs.len());
-            for (k, input) in inputs.iter().enumerate() {
-                let sample = plant.sample_of(*input);
-                raw.sample = k;
-                raw.first = 0;
-                for effect in effects {
-                    effect.columns(&sample, &mut raw);
-                    raw.first += coefficient_count(*effect);
-                }
+            let states = self.states(stretch, vehicle, adjust);
+            let mut raw = RawColumns::new(count, &plant, &states.between, effects);
+            if self.force_target == ForceTarget::Imu {
+                raw.take_forces(RawColumns::new(count, &plant, &states.at, effects));
             }
             for (column, axes) in result.iter_mut().zip(raw.values) {
-                self.append_rows(stretch, &inputs, axes, &mut column.axes, rows_before);
+                self.append_rows(&states, axes, &mut column.axes, rows_before);
             }
             rows_before += stretch.time_s.len() - 2 * self.margin;
         }
@@ -380,7 +412,7 @@ impl Prepared {
     pub fn conditions(&self, vehicle: &Vehicle, adjust: &Adjustments) -> Conditions {
         let mut c = Conditions::default();
         for stretch in &self.stretches {
-            let inputs = self.inputs(stretch, vehicle, adjust);
+            let inputs = self.states(stretch, vehicle, adjust).at;
             for (k, input) in inputs.iter().enumerate().take(inputs.len() - self.margin).skip(self.margin) {
                 c.time_s.push(stretch.time_s[k]);
                 for i in 0..3 {
@@ -432,8 +464,30 @@ struct RawColumns {
 }
 
 impl RawColumns {
-    fn new(count: usize, samples: usize) -> Self {
-        Self { values: vec![Default::default(); count], first: 0, sample: 0, samples }
+    /// The columns of `effects` at every state.
+    fn new(count: usize, plant: &Plant, states: &[SampleInput], effects: &[Effect]) -> Self {
+        let mut raw =
+            Self { values: vec![Default::default(); count], first: 0, sample: 0, samples: states.len() };
+        for (k, state) in states.iter().enumerate() {
+            let sample = plant.sample_of(*state);
+            raw.sample = k;
+            raw.first = 0;
+            for effect in effects {
+                effect.columns(&sample, &mut raw);
+                raw.first += coefficient_count(*effect);
+            }
+        }
+        raw
+    }
+
+    /// Takes the force axes of other columns in place of its own.
+    fn take_forces(&mut self, other: Self) {
+        for (mine, theirs) in self.values.iter_mut().zip(other.values) {
+            let [u, v, w, ..] = theirs;
+            mine[0] = u;
+            mine[1] = v;
+            mine[2] = w;
+        }
     }
 }
 
@@ -446,13 +500,8 @@ impl Sink for RawColumns {
 }
 
 impl Stretch {
-    /// Speed and acceleration of each rotor at every sample, rad/s and rad/s^2.
-    pub(crate) fn rotor_rad_s(
-        &self,
-        vehicle: &Vehicle,
-        adjust: &Adjustments,
-        period_s: f64,
-    ) -> [(Vec<f64>, Vec<f64>); 4] {
+    /// Each rotor's speed.
+    pub(crate) fn rotors(&self, vehicle: &Vehicle, adjust: &Adjustments, period_s: f64) -> [RotorTrack; 4] {
         let delay = adjust.input_delay_s / period_s;
         if let Some(logged) = &self.logged_rotor_rad_s {
             return logged.each_ref().map(|speed| {
@@ -461,9 +510,9 @@ impl Stretch {
                     .zip(&self.battery_v)
                     .map(|(w, v)| adjust.corrected_speed_rad_s(*w, *v))
                     .collect();
-                let shifted = if delay == 0.0 { corrected } else { shifted(&corrected, delay) };
-                let acceleration = central_difference(&shifted, period_s);
-                (shifted, acceleration)
+                let speed_rad_s = if delay == 0.0 { corrected } else { shifted(&corrected, delay) };
+                let mean_rad_s = speed_rad_s.windows(2).map(|w| 0.5 * (w[0] + w[1])).collect();
+                RotorTrack { speed_rad_s, mean_rad_s }
             });
         }
         let map: RotorMap = vehicle.rotor_map();
@@ -474,45 +523,52 @@ impl Stretch {
                 .zip(&self.battery_v)
                 .map(|(c, v)| adjust.corrected_speed_rad_s(map.speed_rad_s(*c, *v), *v))
                 .collect();
-            match lag {
-                Some(lag) => lagged(&commanded, lag, delay, period_s),
-                None => {
-                    let shifted = if delay == 0.0 { commanded } else { shifted(&commanded, delay) };
-                    let acceleration = central_difference(&shifted, period_s);
-                    (shifted, acceleration)
-                }
-            }
+            lagged(&commanded, lag, delay, period_s)
         })
     }
 }
 
-/// Response of a first-order lag to commands held over a sample, `delay` samples late: exact, since the response
-/// between samples is an exponential. Returns speed and acceleration.
-fn lagged(commanded: &[f64], lag_rad_s: f64, delay: f64, period_s: f64) -> (Vec<f64>, Vec<f64>) {
-    let decay = (-lag_rad_s * period_s).exp();
-    let whole = delay.floor();
-    // Time from the last sample that counts to the moment asked for.
-    let part_s = (1.0 - (delay - whole)) * period_s;
-    let (back, part_decay) = if delay == whole {
-        (whole as isize, 1.0)
-    } else {
-        (whole as isize + 1, (-lag_rad_s * part_s).exp())
-    };
+/// Response of a first-order lag (at once, without one) to commands held over a sample, `delay` samples late. Exact: between
+/// samples the response is an exponential.
+fn lagged(commanded: &[f64], lag_rad_s: Option<f64>, delay: f64, period_s: f64) -> RotorTrack {
+    // At once: an exponential that has died out within any part of a sample.
+    let lag = lag_rad_s.unwrap_or(1e6 / period_s);
+    let decay = |time_s: f64| (-lag * time_s).exp();
+    let over_sample = decay(period_s);
     let mut at_samples = Vec::with_capacity(commanded.len());
     let mut now = commanded.first().copied().unwrap_or(0.0);
     for &target in commanded {
         at_samples.push(now);
-        now = target + (now - target) * decay;
+        now = target + (now - target) * over_sample;
     }
+    let whole = delay.floor();
+    // The sample before the moment asked for, and the time from it to that moment.
+    let (back, part_s) = if delay == whole {
+        (whole as isize, 0.0)
+    } else {
+        (whole as isize + 1, (1.0 - delay + whole) * period_s)
+    };
     let last = commanded.len() as isize - 1;
-    (0..=last)
+    let clamped = |k: isize| k.clamp(0, last) as usize;
+    let part_decay = decay(part_s);
+    let speed_rad_s = (0..=last)
         .map(|k| {
-            let from = (k - back).clamp(0, last) as usize;
-            let target = commanded[from];
-            let speed = target + (at_samples[from] - target) * part_decay;
-            (speed, lag_rad_s * (target - speed))
+            let from = clamped(k - back);
+            commanded[from] + (at_samples[from] - commanded[from]) * part_decay
         })
-        .unzip()
+        .collect();
+    // From the moment to the next sample under one command, then as long under the next one as makes a period.
+    let (first_s, first_weight, second_weight) =
+        (period_s - part_s, (part_decay - over_sample) / lag, (1.0 - part_decay) / lag);
+    let mean_rad_s = (0..last)
+        .map(|k| {
+            let (a, b) = (clamped(k - back), clamped(k - back + 1));
+            let first = commanded[a] * first_s + (at_samples[a] - commanded[a]) * first_weight;
+            let second = commanded[b] * part_s + (at_samples[b] - commanded[b]) * second_weight;
+            (first + second) / period_s
+        })
+        .collect();
+    RotorTrack { speed_rad_s, mean_rad_s }
 }
 
 /// A signal `delay` samples late (early if negative), along cubic Hermite arcs.
