@@ -262,7 +262,7 @@ fn planted_effects_mean_the_same_in_the_plant() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn every_effect_can_be_flown_and_equal_seeds_fly_equally(

@@ -326,9 +326,10 @@ impl Craft {
         [[a, -a], [a, a], [-a, a], [-a, -a]].map(|[hx, hy]| [hx - x, hy - y])
     }
 
-    /// Speed at which four such rotors carry the craft, rad/s.
+    /// Speed at which four such rotors carry the craft and its load, rad/s.
     pub fn hover_rad_s(&self) -> f64 {
-        let each_n = 0.25 * self.mass_kg * self.gravity_m_s2;
+        let carried_kg = self.mass_kg + self.load.map_or(0.0, |load| load.mass_kg);
+        let each_n = 0.25 * carried_kg * self.gravity_m_s2;
         let (a, b) = (self.thrust_n_s2, self.thrust_n_s);
         (-b + (b * b + 4.0 * a * each_n).sqrt()) / (2.0 * a)
     }
@@ -338,12 +339,20 @@ impl Craft {
         self.battery.voltage_v(0.0, &[self.hover_rad_s(); 4])
     }
 
+    /// Smallest and largest command.
+    pub const fn command_range(&self) -> [f64; 2] {
+        match self.size {
+            Size::F330 => [1050.0, 1990.0],
+            Size::Small => [0.0, 1.0],
+        }
+    }
+
     /// The vehicle file of an operator who measured everything right.
     pub fn vehicle(&self) -> Vehicle {
         let spin = self.spin.map(|s| if s > 0.0 { Spin::Ccw } else { Spin::Cw });
-        let (name, unit, range) = match self.size {
-            Size::F330 => ("F330-like", "us", [1050.0, 1990.0]),
-            Size::Small => ("small", "normalised", [0.0, 1.0]),
+        let (name, unit) = match self.size {
+            Size::F330 => ("F330-like", "us"),
+            Size::Small => ("small", "normalised"),
         };
         Vehicle {
             name: name.into(),
@@ -356,7 +365,7 @@ impl Craft {
             motors: Motors {
                 spin,
                 command_unit: unit.into(),
-                command_range: range,
+                command_range: self.command_range(),
                 map: None,
                 command: Some(self.map.command),
                 voltage: Some(self.map.voltage),

@@ -98,8 +98,7 @@ impl World {
         round: u64,
     ) -> Result<Flight, Lost> {
         let purpose = |kind: u64| Purpose::Flight { kind, pattern: pattern as u64, round };
-        let reach = self.craft.load.map_or(0.0, |load| load.length_m);
-        let mut pilot = Pilot::new(&self.designed, pattern, reach, &mut stream(self.seed, purpose(0)));
+        let mut pilot = Pilot::new(&self.designed, &self.craft, pattern, &mut stream(self.seed, purpose(0)));
         let mut body = Body::hovering(&self.craft, pilot.start());
         let mut recorder = Recorder::new(&self.craft, sensors, duration_s, stream(self.seed, purpose(1)));
         let mut air = stream(self.seed, purpose(2));

@@ -154,8 +154,10 @@ pub(super) struct Pilot {
 }
 
 impl Pilot {
-    /// A pilot who knows `craft` as designed; a load on a link of `clearance_m` must not touch the floor.
-    pub(super) fn new(craft: &Craft, pattern: Pattern, clearance_m: f64, rng: &mut impl Rng) -> Self {
+    /// A pilot who knows the craft as `designed` and has trimmed `real` for hover; its load must not touch the floor.
+    pub(super) fn new(designed: &Craft, real: &Craft, pattern: Pattern, rng: &mut impl Rng) -> Self {
+        let craft = designed;
+        let clearance_m = real.load.map_or(0.0, |load| load.length_m);
         let corners = (0..40).map(|_| std::array::from_fn(|_| rng.random_range(-1.0..1.0))).collect();
         let path = Path {
             pattern,
@@ -184,12 +186,13 @@ impl Pilot {
                 (TAU * low_hz * rng.random_range(1.0..1.7), rng.random_range(0.0..TAU))
             })
         });
+        let trim_m_s2 = craft.gravity_m_s2 * ((real.hover_rad_s() / craft.hover_rad_s()).powi(2) - 1.0);
         Self {
             craft: craft.clone(),
             path,
             gains,
             tones,
-            position_integral: Vector3::zeros(),
+            position_integral: Vector3::new(0.0, 0.0, -trim_m_s2 / gains.position_integral_s3),
             rate_integral: Vector3::zeros(),
             battery_v: craft.hover_v(),
             seen: None,
@@ -272,7 +275,8 @@ impl Pilot {
             let share = thrust_n - torque.x / y + torque.y / x + craft.spin[i] * torque.z / ratio_m;
             let speed = ((0.25 * share).clamp(0.1 * hover_n, 2.2 * hover_n) / craft.thrust_n_s2).sqrt();
             let shake: f64 = self.tones[i].iter().map(|(w, phase)| (w * time_s + phase).sin()).sum();
-            craft.map.command_for(speed + SHAKE * hover * shake, self.battery_v)
+            let [low, high] = craft.command_range();
+            craft.map.command_for(speed + SHAKE * hover * shake, self.battery_v).clamp(low, high)
         })
     }
 }

@@ -35,10 +35,10 @@ impl std::fmt::Display for Share {
     }
 }
 
-/// One effect of the catalogue: how often it was named first.
+/// One effect of the catalogue, or one change: how often it was named first.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct EffectScore {
-    pub(crate) effect: &'static str,
+    pub(crate) effect: String,
     pub(crate) by_strength: Vec<Share>,
     pub(crate) by_noise: Vec<Share>,
     pub(crate) by_size: Vec<Share>,
@@ -87,6 +87,10 @@ pub(crate) struct Scores {
     /// Named first, over all effects of the catalogue.
     pub(crate) named: Share,
     pub(crate) nothing_right: Share,
+    /// Changes named with the right motor.
+    pub(crate) changes_right: Share,
+    /// Nothing changed, and said so.
+    pub(crate) unchanged_right: Share,
     pub(crate) pairs_right: Share,
     /// Pairs in which at least both are among those found.
     pub(crate) pairs_both: Share,
@@ -106,6 +110,7 @@ impl Scores {
     pub(crate) fn of(plan: &Plan, outcomes: &[Outcome]) -> Self {
         let kind = |wanted: fn(&Hidden) -> bool| outcomes.iter().filter(move |o| wanted(&o.trial.hidden));
         let one = || kind(|h| matches!(h, Hidden::One(_)));
+        let changes = || kind(|h| matches!(h, Hidden::Change(Some(_))));
         let nothing = || kind(|h| matches!(h, Hidden::Nothing));
         let pairs = || kind(|h| matches!(h, Hidden::Pair(_)));
         let outside = || kind(|h| matches!(h, Hidden::Outside(_)));
@@ -119,9 +124,11 @@ impl Scores {
             first_seed: plan.first_seed,
             flight_s: plan.duration_s,
             trials: outcomes.len(),
-            effects: effects(plan, &one().collect::<Vec<_>>()),
+            effects: effects(plan, &one().chain(changes()).collect::<Vec<_>>()),
             named: Share::of(one(), Outcome::is_right),
             nothing_right: Share::of(nothing(), Outcome::is_right),
+            changes_right: Share::of(changes(), Outcome::is_right),
+            unchanged_right: Share::of(kind(|h| matches!(h, Hidden::Change(None))), Outcome::is_right),
             pairs_right: Share::of(pairs(), Outcome::is_right),
             pairs_both: Share::of(pairs(), both),
             outside_unexplained: Share::of(outside(), Outcome::is_right),
@@ -147,22 +154,22 @@ fn failure(outcome: &Outcome) -> Failure {
 }
 
 fn effects(plan: &Plan, outcomes: &[&Outcome]) -> Vec<EffectScore> {
-    let of = |id: &'static str, also: &dyn Fn(&Trial) -> bool, hit: fn(&Outcome) -> bool| {
-        let mine = outcomes.iter().filter(|o| o.trial.hidden == Hidden::One(id) && also(&o.trial));
+    let of = |hidden: &Hidden, also: &dyn Fn(&Trial) -> bool, hit: fn(&Outcome) -> bool| {
+        let mine = outcomes.iter().filter(|o| o.trial.hidden == *hidden && also(&o.trial));
         Share::of(mine.copied(), hit)
     };
-    let mut ids: Vec<&'static str> = Vec::new();
+    let mut kinds: Vec<&Trial> = Vec::new();
     for outcome in outcomes {
-        if let Hidden::One(id) = outcome.trial.hidden
-            && !ids.contains(&id)
-        {
-            ids.push(id);
+        if !kinds.iter().any(|known| known.hidden == outcome.trial.hidden) {
+            kinds.push(&outcome.trial);
         }
     }
     let right = Outcome::is_right;
-    ids.into_iter()
-        .map(|effect| EffectScore {
-            effect,
+    kinds
+        .into_iter()
+        .map(|kind| (kind, &kind.hidden))
+        .map(|(kind, effect)| EffectScore {
+            effect: kind.label(),
             by_strength: plan.strengths.iter().map(|s| of(effect, &|t| t.strength == *s, right)).collect(),
             by_noise: plan.noises.iter().map(|n| of(effect, &|t| t.noise == *n, right)).collect(),
             by_size: stories::world::Size::ALL

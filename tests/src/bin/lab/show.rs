@@ -33,6 +33,8 @@ fn lead(scores: &Scores) -> String {
     };
     say("hidden effect named first:", scores.named);
     say("nothing hidden and nothing found:", scores.nothing_right);
+    say("change named:", scores.changes_right);
+    say("nothing changed and nothing found:", scores.unchanged_right);
     say("both of a pair and nothing else:", scores.pairs_right);
     say("both of a pair among those found:", scores.pairs_both);
     say("outside the catalogue and unexplained:", scores.outside_unexplained);
@@ -53,13 +55,13 @@ fn effects(text: &mut String, scores: &Scores) {
         return;
     }
     let _ = writeln!(text, "Named first, of all trials that hide it (clean: and nothing else after it)");
-    let _ = write!(text, "{:<24}", "effect");
+    let _ = write!(text, "{:<36}", "effect");
     for heading in headings(scores) {
         let _ = write!(text, "{:>13}", heading);
     }
     text.push('\n');
     for effect in &scores.effects {
-        let _ = write!(text, "{:<24}", effect.effect);
+        let _ = write!(text, "{:<36}", effect.effect);
         let shares = effect.by_strength.iter().chain(&effect.by_noise).chain(&effect.by_size);
         for share in shares.chain([&effect.all, &effect.clean]) {
             let _ = write!(text, "{share:>13}");
@@ -78,7 +80,7 @@ fn confusion(text: &mut String, scores: &Scores) {
         let mut sorted: Vec<_> = answers.iter().collect();
         sorted.sort_by(|a, b| b.1.cmp(a.1).then(a.0.cmp(b.0)));
         let answers: Vec<String> = sorted.into_iter().map(|(answer, n)| format!("{n} {answer}")).collect();
-        let _ = writeln!(text, "{hidden:<24}{}", answers.join(", "));
+        let _ = writeln!(text, "{hidden:<36}{}", answers.join(", "));
     }
     text.push('\n');
 }
@@ -202,7 +204,7 @@ fn effects_table(scores: &Scores) -> Table {
     for effect in &scores.effects {
         let shares = effect.by_strength.iter().chain(&effect.by_noise).chain(&effect.by_size);
         let shares = shares.chain([&effect.all, &effect.clean]).map(|share| share_cell(*share));
-        table.push([Cell::from(effect.effect)].into_iter().chain(shares));
+        table.push([Cell::from(effect.effect.as_str())].into_iter().chain(shares));
     }
     table
 }

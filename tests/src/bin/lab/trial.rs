@@ -1,6 +1,6 @@
 //! One trial: a world is flown, and the product is asked what it hides.
 
-use model::{Effect, Model};
+use model::{Effect, FitRecord, Model};
 use serde::Serialize;
 use stories::world::{Pattern, Sensors, True, World};
 use sysid::{Diagnosis, Fit, Flight, Prepared, Verdict, diagnose, fit};
@@ -16,6 +16,8 @@ pub(crate) struct Outcome {
     pub(crate) trial: Trial,
     /// What it answered first: an effect's identifier, "adequate", "unexplained", or why there is no answer.
     pub(crate) answer: String,
+    /// Whether the motor it blames is the one, where it blames one.
+    pub(crate) motor_is_right: bool,
     /// Effects added one after the other.
     pub(crate) found: Vec<&'static str>,
     /// What it said of each planted effect.
@@ -60,7 +62,8 @@ impl Outcome {
     /// Whether the first answer is right; for a pair, whether both and nothing else were found.
     pub(crate) fn is_right(&self) -> bool {
         match &self.trial.hidden {
-            Hidden::Nothing => self.answer == "adequate",
+            Hidden::Nothing | Hidden::Change(None) => self.answer == "adequate",
+            Hidden::Change(Some(id)) => self.answer == *id && self.motor_is_right,
             Hidden::One(id) => self.answer == *id,
             Hidden::Outside(_) => self.answer == "unexplained",
             Hidden::Pair([(a, _), (b, _)]) => {
@@ -79,6 +82,7 @@ impl Outcome {
         Self {
             trial: trial.clone(),
             answer,
+            motor_is_right: false,
             found: Vec::new(),
             planted: Vec::new(),
             confounded_with: Vec::new(),
@@ -88,29 +92,79 @@ impl Outcome {
     }
 }
 
-/// Five flights, those to fit on first.
-pub(crate) fn fly(trial: &Trial) -> Result<(World, Vec<Flight>), String> {
-    let mut world = World::new(trial.size, trial.seed);
-    for (id, strength) in trial.planted() {
-        world = world.with(id, strength).map_err(|error| error.to_string())?;
-    }
+/// The world of a trial; for a change, the craft after it.
+fn world(trial: &Trial) -> Result<World, String> {
+    trial.planted().into_iter().try_fold(World::new(trial.size, trial.seed), |world, (id, strength)| {
+        world.with(id, strength).map_err(|error| error.to_string())
+    })
+}
+
+fn fly_round(
+    world: &World,
+    trial: &Trial,
+    patterns: impl Iterator<Item = Pattern>,
+    round: u64,
+) -> Result<Vec<Flight>, String> {
     let sensors = Sensors::noisy(trial.noise);
-    let patterns = Pattern::TRAIN.into_iter().chain(Pattern::VALIDATE);
-    let flights: Result<Vec<Flight>, _> =
-        patterns.map(|pattern| world.fly(pattern, trial.duration_s, &sensors, 0)).collect();
-    Ok((world, flights.map_err(|lost| lost.to_string())?))
+    patterns
+        .map(|pattern| world.fly(pattern, trial.duration_s, &sensors, round).map_err(|lost| lost.to_string()))
+        .collect()
+}
+
+/// Five flights, those to fit on first; for a change, two more after it.
+pub(crate) fn fly(trial: &Trial) -> Result<(World, Vec<Flight>), String> {
+    let world = world(trial)?;
+    let all = Pattern::TRAIN.into_iter().chain(Pattern::VALIDATE);
+    if !matches!(trial.hidden, Hidden::Change(_)) {
+        let flights = fly_round(&world, trial, all, 0)?;
+        return Ok((world, flights));
+    }
+    let mut flights = fly_round(&World::new(trial.size, trial.seed), trial, all, 0)?;
+    for mut flight in fly_round(&world, trial, Pattern::VALIDATE.into_iter(), 1)? {
+        flight.name.push_str("-after");
+        flights.push(flight);
+    }
+    Ok((world, flights))
 }
 
 pub(crate) fn run(trial: &Trial) -> Outcome {
-    ask(trial).unwrap_or_else(|why| Outcome::failed(trial, why))
+    let asked = match trial.hidden {
+        Hidden::Change(_) => ask_what_changed(trial),
+        _ => ask_what_is_missing(trial),
+    };
+    asked.unwrap_or_else(|why| Outcome::failed(trial, why))
 }
 
-fn ask(trial: &Trial) -> Result<Outcome, String> {
-    let (world, flights) = fly(trial)?;
-    let prepared: Vec<Prepared> = flights
+fn prepare(flights: &[Flight], world: &World) -> Result<Vec<Prepared>, String> {
+    flights
         .iter()
         .map(|flight| Prepared::new(flight, &world.vehicle).map_err(|error| error.to_string()))
-        .collect::<Result<_, _>>()?;
+        .collect()
+}
+
+fn ask_what_changed(trial: &Trial) -> Result<Outcome, String> {
+    let (world, flights) = fly(trial)?;
+    let base = World::new(trial.size, trial.seed);
+    let prepared = prepare(&flights, &base)?;
+    let all: Vec<&Prepared> = prepared.iter().collect();
+    let (before, after) = all.split_at(Pattern::TRAIN.len() + Pattern::VALIDATE.len());
+    let effects: Vec<Effect> = Effect::basic().collect();
+    let train = &before[..Pattern::TRAIN.len()];
+    let mut model = fit(train, &base.vehicle, &effects, None).map_err(|error| error.to_string())?.model;
+    let scatter = sysid::changes::scatter(&model, before);
+    model.fit = Some(FitRecord { scatter, ..FitRecord::default() });
+    let diagnosis = sysid::changes::changed(&model, after, |_| ()).map_err(|error| error.to_string())?;
+    let blamed = diagnosis.effects.iter().find(|finding| finding.supported).and_then(|finding| finding.motor);
+    let weak = world.craft.efficiency.iter().position(|part| *part != 1.0);
+    Ok(Outcome {
+        motor_is_right: blamed.map(|motor| usize::from(motor) - 1) == weak,
+        ..outcome(trial, &diagnosis, diagnosis.best().map(Effect::id).into_iter().collect(), Vec::new())
+    })
+}
+
+fn ask_what_is_missing(trial: &Trial) -> Result<Outcome, String> {
+    let (world, flights) = fly(trial)?;
+    let prepared = prepare(&flights, &world)?;
     let all: Vec<&Prepared> = prepared.iter().collect();
     let (train, validate) = all.split_at(Pattern::TRAIN.len());
     let fitted = |effects: &[Effect], start: Option<&Model>| -> Result<Fit, String> {
@@ -133,19 +187,29 @@ fn ask(trial: &Trial) -> Result<Outcome, String> {
         model = fitted(&effects, Some(&model))?.model;
     }
     let diagnosis = first.ok_or("no diagnosis")?;
-    Ok(Outcome {
+    Ok(outcome(trial, &diagnosis, found, distances(trial, &world, fitted)))
+}
+
+fn outcome(
+    trial: &Trial,
+    diagnosis: &Diagnosis,
+    found: Vec<&'static str>,
+    coefficients: Vec<Distance>,
+) -> Outcome {
+    Outcome {
         trial: trial.clone(),
-        answer: answer(&diagnosis),
+        answer: answer(diagnosis),
+        motor_is_right: true,
         found,
-        planted: trial.planted().into_iter().filter_map(|(id, _)| of_planted(&diagnosis, id)).collect(),
+        planted: trial.planted().into_iter().filter_map(|(id, _)| of_planted(diagnosis, id)).collect(),
         confounded_with: diagnosis.effects.first().map_or_else(Vec::new, |f| f.confounded_with.clone()),
         unexplained: diagnosis
             .unexplained
             .iter()
             .map(|u| format!("{} on {}, {:.1} %", u.axis, u.depends_on, u.share_percent))
             .collect(),
-        coefficients: distances(trial, &world, fitted),
-    })
+        coefficients,
+    }
 }
 
 fn answer(diagnosis: &Diagnosis) -> String {
