@@ -1,7 +1,7 @@
 //! The model was good once: what has changed since?
 //!
 //! The model's parameters stay; the residual of new flights is explained by one change at a time: a heavier craft, a weak
-//! motor, a wind, a shifted battery. The same standard of evidence as in [`crate::diagnose`]: each change is
+//! motor, a wind, a shifted battery. The same standard of evidence as in [`diagnose`](mod@crate::diagnose): each change is
 //! estimated on all new flights but one and judged on that one (blocks of time where there is a single flight).
 //!
 //! A real craft differs a little from flight to flight (trim, battery seat, tracker calibration). How much, is known
