@@ -8,6 +8,7 @@
 //! last bit; files with quotes go through the `csv` crate.
 
 use std::fmt::Write as _;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use model::Vehicle;
@@ -188,28 +189,58 @@ impl Flight {
     }
 
     /// Reads and checks a flight file.
+    ///
+    /// A block at a time, so that the text is parsed while it is in the cache and a long log costs the memory of its
+    /// numbers only.
     pub fn read(path: &Path) -> Result<Self, FlightError> {
         if path.is_dir() {
             return Err(FlightError::Folder { path: path.into() });
         }
-        let bytes = std::fs::read(path).map_err(|source| FlightError::Read { path: path.into(), source })?;
-        Self::parse(&bytes, path)
+        let unreadable = |source| FlightError::Read { path: path.into(), source };
+        let mut file = std::fs::File::open(path).map_err(unreadable)?;
+        let size = file.metadata().map_or(0, |m| m.len() as usize);
+        let mut reader: Option<PlainReader> = None;
+        let mut block = vec![0; BLOCK_BYTES];
+        let mut kept = 0;
+        loop {
+            let read = file.read(&mut block[kept..]).map_err(unreadable)?;
+            let filled = kept + read;
+            let text = &block[..filled];
+            let last = read == 0;
+            // Whole rows only, unless nothing follows. Quotes need the whole file at once.
+            let end = if last { Some(filled) } else { memchr::memrchr(b'\n', text).map(|n| n + 1) };
+            let (Some(end), false) = (end, memchr::memchr(b'"', text).is_some()) else {
+                return Self::parse(&std::fs::read(path).map_err(unreadable)?, path);
+            };
+            match &mut reader {
+                Some(reader) => reader.rows(&block[..end], path)?,
+                None => reader = Some(PlainReader::new(&block[..end], size, path)?),
+            }
+            if last {
+                break;
+            }
+            block.copy_within(end..filled, 0);
+            kept = filled - end;
+        }
+        match reader {
+            Some(reader) => reader.finish(path),
+            None => Err(FlightError::Empty { path: path.into() }),
+        }
     }
 
     /// Parses the bytes of a flight file; `path` is for messages and gives the name.
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, FlightError> {
-        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-        if bytes.iter().all(u8::is_ascii_whitespace) {
-            return Err(FlightError::Empty { path: path.into() });
+        if memchr::memchr(b'"', bytes).is_none() {
+            return PlainReader::new(bytes, bytes.len(), path)?.finish(path);
         }
+        let bytes = without_mark(bytes, path)?;
         let header_end = memchr::memchr(b'\n', bytes).unwrap_or(bytes.len());
         let header = read_header(&bytes[..header_end], path)?;
-        let body = &bytes[(header_end + 1).min(bytes.len())..];
-        let table = if memchr::memchr(b'"', bytes).is_some() {
-            read_quoted(bytes, &header, path)?
-        } else {
-            read_plain(body, &header, path)?
-        };
+        let table = read_quoted(bytes, &header, path)?;
+        Self::from_table(&header, table, path)
+    }
+
+    fn from_table(header: &Header, table: Vec<Vec<f64>>, path: &Path) -> Result<Self, FlightError> {
         let mut flight = Self {
             name: path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into()),
             ..Self::default()
@@ -434,30 +465,64 @@ fn shortened(text: &str) -> String {
     if text.chars().count() <= 120 { text.into() } else { text.chars().take(117).collect::<String>() + "..." }
 }
 
-fn read_plain(body: &[u8], header: &Header, path: &Path) -> Result<Vec<Vec<f64>>, FlightError> {
-    // A guess of the row count from the first row saves growing the vectors.
-    let first = memchr::memchr(b'\n', body).unwrap_or(body.len()).max(1);
-    let mut table: Vec<Vec<f64>> =
-        header.known.iter().map(|_| Vec::with_capacity(body.len() / first + 1)).collect();
-    let mut at = 0;
-    let mut row = 1;
-    while at < body.len() {
-        row += 1;
-        let start = at;
-        if let Some(end) = read_row(body, &mut at, header, &mut table) {
-            let line = &body[start..memchr::memchr(b'\n', &body[start..]).map_or(body.len(), |n| start + n)];
-            if line.trim_ascii().is_empty() && end.column == 0 {
+/// Bytes read at once.
+const BLOCK_BYTES: usize = 256 * 1024;
+
+/// The text without a byte order mark; blank text is refused.
+fn without_mark<'a>(bytes: &'a [u8], path: &Path) -> Result<&'a [u8], FlightError> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    if bytes.iter().all(u8::is_ascii_whitespace) {
+        return Err(FlightError::Empty { path: path.into() });
+    }
+    Ok(bytes)
+}
+
+/// Reads files without quotes, whole rows at a time.
+struct PlainReader {
+    header: Header,
+    table: Vec<Vec<f64>>,
+    row: usize,
+}
+
+impl PlainReader {
+    /// Starts with the first rows of a file of `size` bytes.
+    fn new(first: &[u8], size: usize, path: &Path) -> Result<Self, FlightError> {
+        let bytes = without_mark(first, path)?;
+        let header_end = memchr::memchr(b'\n', bytes).unwrap_or(bytes.len());
+        let header = read_header(&bytes[..header_end], path)?;
+        let body = &bytes[(header_end + 1).min(bytes.len())..];
+        // A guess of the row count from the first row saves growing the vectors.
+        let row_bytes = memchr::memchr(b'\n', body).unwrap_or(body.len()).max(1);
+        let table = header.known.iter().map(|_| Vec::with_capacity(size / row_bytes + 1)).collect();
+        let mut reader = Self { header, table, row: 1 };
+        reader.rows(body, path)?;
+        Ok(reader)
+    }
+
+    fn rows(&mut self, body: &[u8], path: &Path) -> Result<(), FlightError> {
+        let mut at = 0;
+        while at < body.len() {
+            self.row += 1;
+            let start = at;
+            if let Some(fault) = read_row(body, &mut at, &self.header, &mut self.table) {
+                let line =
+                    &body[start..memchr::memchr(b'\n', &body[start..]).map_or(body.len(), |n| start + n)];
+                if !(line.trim_ascii().is_empty() && fault.column == 0) {
+                    return Err(fault.into_error(line, self.row, &self.header, path));
+                }
                 // A blank line, most often the last: no sample.
                 at = start + line.len() + 1;
-                for (column, values) in table.iter_mut().enumerate() {
-                    values.truncate(if column < end.filled { values.len() - 1 } else { values.len() });
+                for values in &mut self.table[..fault.filled] {
+                    values.pop();
                 }
-                continue;
             }
-            return Err(end.into_error(line, row, header, path));
         }
+        Ok(())
     }
-    Ok(table)
+
+    fn finish(self, path: &Path) -> Result<Flight, FlightError> {
+        Flight::from_table(&self.header, self.table, path)
+    }
 }
 
 /// Where and how a row went wrong.

@@ -114,6 +114,34 @@ fn wrong_units_are_recognised() {
 }
 
 #[test]
+fn a_long_file_is_read_in_blocks_to_the_same_flight() {
+    let short = good();
+    let (header, rows) = short.split_once('\n').unwrap();
+    let mut text = format!("{header}\n");
+    for (k, row) in rows.lines().cycle().take(20_000).enumerate() {
+        let (_, rest) = row.split_once(',').unwrap();
+        text.push_str(&format!("{:.2},{rest}\n", k as f64 * 0.01));
+    }
+    assert!(text.len() > 4 << 20, "several blocks");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("long.csv");
+    let compare = |text: &str| {
+        std::fs::write(&path, text).unwrap();
+        let (read, parsed) = (Flight::read(&path), Flight::parse(text.as_bytes(), &path));
+        match (read, parsed) {
+            (Ok(a), Ok(b)) => assert_eq!(a, b),
+            (a, b) => assert_eq!(a.map_err(|e| e.to_string()), b.map_err(|e| e.to_string())),
+        }
+    };
+    compare(&text);
+    compare(text.trim_end());
+    compare(&format!("\u{feff}{text}\n\n"));
+    // A fault and a quote far from the first block.
+    compare(&text.replacen("\n150.00,", "\n150.00,oops", 1));
+    compare(&text.replacen("\n150.00,", "\n\"150.00\",", 1));
+}
+
+#[test]
 fn folders_and_missing_files_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let error = Flight::read(folder.path()).unwrap_err().to_string();
