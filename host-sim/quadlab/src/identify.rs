@@ -65,6 +65,9 @@ pub(crate) fn identify(vehicle: &Vehicle, sets: &Sets, json: bool) -> anyhow::Re
     let mut model = fit.model;
     model.fit = Some(sets.record(&model));
     spinner.finish_and_clear();
+    for doubt in sysid::impossible_signs(&model) {
+        eprintln!("warning: {doubt}");
+    }
     Ok(Identified { model, condition: fit.condition })
 }
 

@@ -120,7 +120,7 @@ fn fit_change(model: &Model, change: Change, flights: &[&Prepared]) -> Result<Fi
             });
         }
     }
-    Err(FitError::NotConverged { effect: info.id })
+    Err(FitError::NotConverged { effect: info.id, excitation: info.excitation })
 }
 
 fn rows(flight: &Prepared, changed: &Model, change: Change, free: &[usize]) -> FlightRows {

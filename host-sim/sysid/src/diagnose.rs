@@ -23,6 +23,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
 
+use crate::fit::step_scale;
 use crate::prepare::Prepared;
 use crate::regress::WINDOW_S;
 use crate::{Fit, FitError, Residuals, errors, fit, residuals};
@@ -389,6 +390,9 @@ fn weigh(finding: &EffectFinding, effect: Effect, fit: &Fit) -> (bool, String) {
     let largest = finding.axes.values().map(|a| a.drop_percent).fold(f64::NEG_INFINITY, f64::max);
     let [improved, flights] = finding.flights_improved;
     if finding.p_value > SIGNIFICANCE {
+        if let Some(unseen) = not_excited(effect, fit) {
+            return (false, unseen);
+        }
         return (false, format!("its coefficients do not differ from zero (p = {:.2})", finding.p_value));
     }
     if largest < MATTERS_PERCENT {
@@ -411,6 +415,24 @@ fn weigh(finding: &EffectFinding, effect: Effect, fit: &Fit) -> (bool, String) {
         true,
         format!("held-out error falls by {:.1} % in {improved} of {flights} flights", finding.drop_percent),
     )
+}
+
+/// "Not seen" is not "not there": when an effect of ordinary size would hide in the error of its estimate, say so and
+/// what to fly.
+fn not_excited(effect: Effect, fit: &Fit) -> Option<String> {
+    let info = effect.info();
+    let has_map = fit.model.vehicle.has_rotor_map();
+    let hidden = |k: usize, e: &Estimate| {
+        info.coefficients[k].prior.is_none()
+            && e.std_error.is_some_and(|error| 2.0 * error > step_scale(has_map, effect, k))
+    };
+    let all = estimates(fit, effect);
+    all.iter().enumerate().any(|(k, e)| hidden(k, e)).then(|| {
+        format!(
+            "not excited: one of ordinary size would not show in these flights; to see it: {}",
+            info.excitation
+        )
+    })
 }
 
 /// A coefficient outside its physical range by more than its error allows, as a sentence.

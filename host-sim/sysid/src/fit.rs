@@ -40,10 +40,12 @@ pub enum FitError {
         coefficients: Vec<String>,
     },
     /// The iteration for an adjusting effect ran away.
-    #[error("the fit of {effect} does not settle: these flights do not determine it")]
+    #[error("the fit of {effect} does not settle, these flights do not determine it; to see it: {excitation}")]
     NotConverged {
         /// The effect.
         effect: &'static str,
+        /// What to fly.
+        excitation: &'static str,
     },
 }
 
@@ -132,7 +134,7 @@ pub fn fit(
             return Ok(finish(model, &order, regress::Solution { value: values, ..solution }));
         }
     }
-    Err(FitError::NotConverged { effect: adjusting[0].id() })
+    Err(FitError::NotConverged { effect: adjusting[0].id(), excitation: adjusting[0].info().excitation })
 }
 
 /// A step of an adjusting coefficient and where it ends. Far outside the possible there is nothing to find, and the columns
@@ -280,7 +282,7 @@ pub(crate) fn residual_derivatives(
 }
 
 /// Ordinary magnitude of a coefficient; rotor "speeds" are commands near 1 where the map is unknown.
-fn step_scale(has_rotor_map: bool, effect: Effect, coefficient: usize) -> f64 {
+pub(crate) fn step_scale(has_rotor_map: bool, effect: Effect, coefficient: usize) -> f64 {
     let typical = effect.info().coefficients[coefficient].typical;
     let in_rotor_speed =
         matches!((effect, coefficient), (Effect::BatteryVoltage, 0) | (Effect::ThrustLinear, _));
@@ -310,6 +312,38 @@ pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
         None => measured[axis].clone(),
     });
     Residuals { measured, residual }
+}
+
+/// Coefficients of the basic model whose sign contradicts the craft's geometry or physics by more than their error, each as
+/// a sentence. A fit with a motor that pushes the wrong way can predict well and is no model: it holds rates and damps
+/// them.
+pub fn impossible_signs(model: &Model) -> Vec<String> {
+    let spin = model.vehicle.motors.spin.map(|s| s.yaw_sign());
+    let mut found = Vec::new();
+    for term in model.terms.iter().filter(|t| t.effect.info().kind == Kind::Basic) {
+        for (k, (estimate, info)) in term.coefficients.iter().zip(term.effect.info().coefficients).enumerate()
+        {
+            let expected = match (term.effect, k) {
+                (Effect::Thrust, _) | (Effect::RotorMoments, 0..8) => 1.0,
+                (Effect::RotorMoments, _) => spin[k - 8],
+                (Effect::LinearDrag, _) => -1.0,
+                _ => continue,
+            };
+            let slack = 2.0 * estimate.std_error.unwrap_or(0.0);
+            if estimate.value * expected < -slack {
+                let should = if expected > 0.0 { "positive" } else { "negative" };
+                found.push(format!(
+                    "{} = {:.4} +- {:.4} {} must be {should}: rotor order or spin in the vehicle file, a clock offset \
+                     between commands and motion, or too little excitation",
+                    info.name,
+                    estimate.value,
+                    0.5 * slack,
+                    info.unit
+                ));
+            }
+        }
+    }
+    found
 }
 
 /// The six rows of the equations of motion at every state.

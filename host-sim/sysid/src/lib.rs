@@ -14,6 +14,6 @@ pub mod regress;
 
 pub use compare::{Comparison, compare};
 pub use diagnose::{Addition, Diagnosis, Verdict, add, diagnose};
-pub use fit::{Fit, FitError, Residuals, errors, fit, residuals};
+pub use fit::{Fit, FitError, Residuals, errors, fit, impossible_signs, residuals};
 pub use flight::{Column, Flight, FlightError};
 pub use prepare::{Conditions, ForceTarget, PrepareError, Prepared};

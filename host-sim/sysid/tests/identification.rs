@@ -201,6 +201,53 @@ fn missing_values_are_bridged_or_left_out() {
 }
 
 #[test]
+fn a_motor_that_pushes_the_wrong_way_is_named() {
+    let truth = truth();
+    let flights = prepared(&truth, 0..2, 20.0, &ORDINARY);
+    let right = fit(&all(&flights), &truth.vehicle, &basic(), None).unwrap().model;
+    assert_eq!(sysid::impossible_signs(&right), Vec::<String>::new());
+    // A vehicle file with the rotors' spin the other way round.
+    let mut mirrored = truth.vehicle.clone();
+    mirrored.motors.spin.reverse();
+    let wrong = fit(&all(&flights), &mirrored, &basic(), None).unwrap().model;
+    let doubts = sysid::impossible_signs(&wrong);
+    assert_eq!(doubts.len(), 4, "{doubts:?}");
+    assert!(doubts[0].contains("C1_r/Izz") && doubts[0].contains("must be negative"), "{}", doubts[0]);
+}
+
+#[test]
+fn an_effect_that_was_not_excited_is_not_called_absent() {
+    // Two quiet flights high over the floor say nothing of the ground effect.
+    let mut world = truth();
+    world.vehicle.tracked_point = [0.0; 3];
+    let mut flights = Vec::new();
+    for seed in 60..65 {
+        let high = fly(&world, seed, 20.0, &ORDINARY).to_csv();
+        // The same flight ten metres up.
+        let lifted: String = high
+            .lines()
+            .enumerate()
+            .map(|(k, line)| {
+                let mut fields: Vec<String> = line.split(',').map(str::to_owned).collect();
+                if k > 0 {
+                    fields[3] = (fields[3].parse::<f64>().unwrap() - 10.0).to_string();
+                }
+                fields.join(",") + "\n"
+            })
+            .collect();
+        let flight = sysid::Flight::parse(lifted.as_bytes(), std::path::Path::new("high.csv")).unwrap();
+        flights.push(Prepared::new(&flight, &world.vehicle).unwrap());
+    }
+    let all = all(&flights);
+    let base = fit(&all[..3], &world.vehicle, &basic(), None).unwrap();
+    let diagnosis = diagnose(&base.model, &all[..3], &all[3..], |_| ()).unwrap();
+    let ground = diagnosis.effects.iter().find(|e| e.effect == "ground-effect").unwrap();
+    assert!(!ground.supported && ground.reason.contains("low"), "{}", ground.reason);
+    let drag = diagnosis.effects.iter().find(|e| e.effect == "quadratic-drag").unwrap();
+    assert!(drag.reason.contains("do not differ from zero"), "{}", drag.reason);
+}
+
+#[test]
 fn hover_without_motion_is_refused_or_honest_about_drag() {
     let truth = truth();
     let mut flight = fly(&truth, 5, 10.0, &NONE);
