@@ -129,7 +129,7 @@ fn left(views: &[View], diagnosis: &Diagnosis) -> Section {
         .unexplained
         .iter()
         .take(MOST_RESIDUALS)
-        .filter_map(|u| figures::residual_against(views, u.axis, u.depends_on));
+        .filter_map(|u| figures::residual_against(views, u.axis, &u.depends_on));
     figures.fold(section, |section, figure| section.figure(figure, "Residual of the model as given."))
 }
 

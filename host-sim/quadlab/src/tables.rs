@@ -433,7 +433,7 @@ pub(crate) fn unexplained(all: &[Unexplained]) -> Grid {
     for u in all {
         grid.push([
             u.axis.name().into(),
-            u.depends_on.into(),
+            u.depends_on.clone(),
             percent(u.share_percent),
             probability(u.p_value),
         ]);

@@ -40,7 +40,9 @@ pub enum FitError {
         coefficients: Vec<String>,
     },
     /// The iteration for an adjusting effect ran away.
-    #[error("the fit of {effect} does not settle, these flights do not determine it; to see it: {excitation}")]
+    #[error(
+        "the fit of {effect} does not settle, these flights do not determine it; to see it: {excitation}"
+    )]
     NotConverged {
         /// The effect.
         effect: &'static str,

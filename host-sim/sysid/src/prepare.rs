@@ -72,7 +72,7 @@ pub(crate) struct Stretch {
     command: [Vec<f64>; 4],
     logged_rotor_rad_s: Option<[Vec<f64>; 4]>,
     pub(crate) battery_v: Vec<f64>,
-    imu_m_s2: Option<[Vec<f64>; 3]>,
+    pub(crate) imu_m_s2: Option<[Vec<f64>; 3]>,
 }
 
 /// A flight made ready for regression.
