@@ -151,11 +151,14 @@ impl Plan {
             }
         }
         for id in changeable() {
+            // What only a change can be is told apart at every strength; the rest at the middle one, if there is time.
+            let own = changes().any(|own| own == id);
+            if arguments.quick && !own {
+                continue;
+            }
             let sizes = sizes();
-            // What only a change can be is told apart at every strength; the rest at the middle one.
             let middle = [plan.strengths[plan.strengths.len() / 2]];
-            let strengths =
-                if changes().any(|own| own == id) { plan.strengths.clone() } else { middle.to_vec() };
+            let strengths = if own { plan.strengths.clone() } else { middle.to_vec() };
             plan.grid(&Hidden::Change(Some(id)), &strengths, &sizes, 1);
         }
         for k in 0..plan.seeds * per_seed(NOTHING_PER_SEED) {

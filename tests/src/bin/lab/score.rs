@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::plan::{Hidden, Plan, Trial, catalogue};
-use crate::trial::{OfPlanted, Outcome};
+use crate::trial::{Distance, OfPlanted, Outcome};
 
 /// So many of so many.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
@@ -74,6 +74,16 @@ pub(crate) struct Failure {
     pub(crate) unexplained: Vec<String>,
 }
 
+/// A coefficient that came out far from the truth, by its own standard error.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Far {
+    pub(crate) trial: Trial,
+    pub(crate) distance: Distance,
+}
+
+/// Beyond this many standard errors a coefficient is far from the truth: one in 1.7 million if errors were honest.
+const FAR: f64 = 5.0;
+
 /// Everything counted.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Scores {
@@ -104,6 +114,8 @@ pub(crate) struct Scores {
     pub(crate) confusion: BTreeMap<String, BTreeMap<String, usize>>,
     pub(crate) without_world: Vec<&'static str>,
     pub(crate) failures: Vec<Failure>,
+    /// The farthest first.
+    pub(crate) far: Vec<Far>,
 }
 
 impl Scores {
@@ -138,8 +150,24 @@ impl Scores {
             confusion: confusion(outcomes),
             without_world: catalogue().into_iter().filter(|(_, can)| !can).map(|(id, _)| id).collect(),
             failures: outcomes.iter().filter(|o| !o.is_right()).map(failure).collect(),
+            far: far(outcomes),
         }
     }
+}
+
+/// The farthest coefficient of every trial that has one.
+fn far(outcomes: &[Outcome]) -> Vec<Far> {
+    let size = |distance: &Distance| distance.errors.abs();
+    let mut far: Vec<Far> = outcomes
+        .iter()
+        .filter_map(|outcome| {
+            let farthest = outcome.coefficients.iter().max_by(|a, b| size(a).total_cmp(&size(b)))?;
+            Some(Far { trial: outcome.trial.clone(), distance: farthest.clone() })
+        })
+        .filter(|far| size(&far.distance) > FAR)
+        .collect();
+    far.sort_by(|a, b| size(&b.distance).total_cmp(&size(&a.distance)));
+    far
 }
 
 fn failure(outcome: &Outcome) -> Failure {
@@ -185,7 +213,7 @@ fn effects(plan: &Plan, outcomes: &[&Outcome]) -> Vec<EffectScore> {
 fn coverage(outcomes: &[Outcome]) -> Vec<Coverage> {
     type Key = (&'static str, &'static str, &'static str);
     let mut order: Vec<Key> = Vec::new();
-    let mut all: BTreeMap<Key, Vec<&crate::trial::Distance>> = BTreeMap::new();
+    let mut all: BTreeMap<Key, Vec<&Distance>> = BTreeMap::new();
     for outcome in outcomes {
         for distance in &outcome.coefficients {
             let key = (distance.effect, distance.coefficient, outcome.trial.size.name());
@@ -199,7 +227,7 @@ fn coverage(outcomes: &[Outcome]) -> Vec<Coverage> {
         .into_iter()
         .map(|key| {
             let distances = &all[&key];
-            let mean = |f: &dyn Fn(&crate::trial::Distance) -> f64| {
+            let mean = |f: &dyn Fn(&Distance) -> f64| {
                 distances.iter().map(|d| f(d)).sum::<f64>() / distances.len() as f64
             };
             Coverage {

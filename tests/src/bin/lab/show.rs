@@ -5,8 +5,9 @@ use std::fmt::Write as _;
 use report::{Cell, Column, Page, Provenance, Section, Table, Verdict};
 use stories::world::Size;
 
-use crate::plan::{Hidden, Plan};
-use crate::score::{Coverage, Failure, Scores, Share};
+use crate::plan::{Hidden, Plan, Trial};
+use crate::score::{Coverage, Failure, Far, Scores, Share};
+use crate::trial::Distance;
 
 /// A coefficient whose intervals hold the truth less often than this is shown in the text, percent.
 const POOR_COVERAGE_PERCENT: f64 = 85.0;
@@ -19,6 +20,7 @@ pub(crate) fn text(scores: &Scores) -> String {
     effects(&mut text, scores);
     confusion(&mut text, scores);
     coverage(&mut text, scores);
+    far(&mut text, scores);
     failures(&mut text, scores);
     text
 }
@@ -110,6 +112,38 @@ fn coverage(text: &mut String, scores: &Scores) {
     text.push('\n');
 }
 
+fn far(text: &mut String, scores: &Scores) {
+    if scores.far.is_empty() {
+        return;
+    }
+    let _ =
+        writeln!(text, "Far from the truth: the worst coefficient of a trial ({} trials)", scores.far.len());
+    for far in scores.far.iter().take(MOST_FAILURES / 2) {
+        let _ = writeln!(text, "  {}", far_sentence(far));
+    }
+    text.push('\n');
+}
+
+fn far_sentence(far: &Far) -> String {
+    let Distance { effect, coefficient, value, truth, errors } = far.distance;
+    format!(
+        "{}: {effect} {coefficient} is {value:.5}, true {truth:.5}, {errors:.1} standard errors off",
+        named(&far.trial)
+    )
+}
+
+/// What it takes to see a trial again.
+fn named(trial: &Trial) -> String {
+    format!(
+        "{} (strength {}, noise {}, {}, seed {})",
+        trial.label(),
+        trial.strength,
+        trial.noise,
+        trial.size.name(),
+        trial.seed
+    )
+}
+
 fn failures(text: &mut String, scores: &Scores) {
     if scores.failures.is_empty() {
         return;
@@ -129,14 +163,7 @@ fn sentence(failure: &Failure) -> String {
         Hidden::Pair(_) => format!("found {}", listed(&failure.found)),
         _ => failure.answer.clone(),
     };
-    let mut text = format!(
-        "{} (strength {}, noise {}, {}, seed {}): {found}",
-        trial.label(),
-        trial.strength,
-        trial.noise,
-        trial.size.name(),
-        trial.seed
-    );
+    let mut text = format!("{}: {found}", named(trial));
     for planted in failure.planted.iter().filter(|p| !p.supported) {
         let _ = write!(text, "; {} is number {}, {}", planted.effect, planted.rank, planted.reason);
     }
@@ -176,6 +203,11 @@ pub(crate) fn page(plan: &Plan, scores: &Scores) -> Page {
                      holds the truth in 95 of 100 trials; an honest standard error makes the root mean square distance 1.",
                 )
                 .table(coverage_table(scores)),
+        )
+        .section(
+            Section::new("Far from the truth")
+                .paragraph("The worst coefficient of every trial that has one beyond five standard errors.")
+                .list(scores.far.iter().map(far_sentence)),
         )
         .section(Section::new("Wrong answers").list(scores.failures.iter().map(sentence)))
         .provenance(Provenance {
