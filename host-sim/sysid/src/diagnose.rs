@@ -42,7 +42,7 @@ const STRUCTURE_SIGNIFICANCE: f64 = 0.01;
 /// 0.8 to 1.25 on two flights of 24 s.
 const ABOVE_NOISE: f64 = 1.6;
 /// Part of the excess over the noise that the right effects may leave.
-const LEFT_BY_THE_RIGHT: f64 = 0.05;
+const LEFT_BY_THE_RIGHT: f64 = 0.1;
 /// A rival with this part of the best effect's gain is examined for confusion with it.
 const RIVAL: f64 = 0.7;
 /// Part of its gain that each coefficient of an effect must earn over a simpler one.

@@ -111,16 +111,65 @@ pub fn fit(
     if adjusting.is_empty() {
         return Ok(finish(model, &linear, solution));
     }
+    let layout = Layout { linear, adjusting, order };
+    // Where a coefficient qualifies another one (a height offset, a voltage shift), the way from zero can end in a side
+    // valley: go from an ordinary value as well and take the better end.
+    let second = second_start(&model, &layout.adjusting, start);
+    let first = settle(flights, model, &layout);
+    let Some(second) = second else { return first };
+    match (first, settle(flights, second, &layout)) {
+        (Ok(a), Ok(b)) => Ok(if spread(&b) < spread(&a) { b } else { a }),
+        (Ok(fit), Err(_)) | (Err(_), Ok(fit)) => Ok(fit),
+        (Err(why), Err(_)) => Err(why),
+    }
+}
+
+/// Logarithm of the residuals' standard deviations over all axes: the likelihood, but for sign and scale.
+fn spread(fit: &Fit) -> f64 {
+    fit.sigma.iter().map(|s| s.ln()).sum()
+}
+
+/// The effects of a fit, in the order of its parameters.
+struct Layout {
+    linear: Vec<Effect>,
+    adjusting: Vec<Effect>,
+    order: Vec<Effect>,
+}
+
+/// The model with ordinary values for adjusting effects that have a qualifying coefficient and no known value.
+fn second_start(model: &Model, adjusting: &[Effect], start: Option<&Model>) -> Option<Model> {
+    let unknown = |effect: &&Effect| {
+        effect.info().coefficients.iter().any(|c| c.prior.is_some()) && start.is_none_or(|m| !m.has(**effect))
+    };
+    let mut second = model.clone();
+    let mut any = false;
+    for effect in adjusting.iter().filter(unknown) {
+        let values: Vec<f64> = (0..effect.info().coefficients.len())
+            .map(|k| {
+                let qualifies = effect.info().coefficients[k].prior.is_some();
+                if qualifies { 0.0 } else { step_scale(model.vehicle.has_rotor_map(), *effect, k) }
+            })
+            .collect();
+        second.set(*effect, &values);
+        any = true;
+    }
+    any.then_some(second)
+}
+
+/// Gauss and Newton's steps from where `model` stands.
+fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fit, FitError> {
+    let Layout { linear, adjusting, order } = layout;
+    let count: usize = linear.iter().map(|e| coefficient_count(*e)).sum();
     for _ in 0..MAX_STEPS {
-        let rows = assemble(flights, &model, &linear, &adjusting);
+        let rows = assemble(flights, &model, linear, adjusting);
         let mut priors = vec![None; count];
         priors.extend(adjusting.iter().flat_map(|effect| priors_of(&model, *effect)));
-        let solution = regress::solve(&rows, &priors).map_err(|why| unidentifiable(why, &order))?;
+        let solution = regress::solve(&rows, &priors).map_err(|why| unidentifiable(why, order))?;
         // The linear part comes out as values, the adjusting part as steps from where the columns were formed.
         let mut values = solution.value.clone();
         let mut settled = true;
         let mut at = count;
-        for effect in &adjusting {
+        for effect in adjusting {
             let known: Vec<f64> =
                 model.term(*effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
             for (now, info) in known.iter().zip(effect.info().coefficients) {
@@ -131,9 +180,9 @@ pub fn fit(
                 at += 1;
             }
         }
-        store(&mut model, &order, values.as_slice(), None);
+        store(&mut model, order, values.as_slice(), None);
         if settled {
-            return Ok(finish(model, &order, regress::Solution { value: values, ..solution }));
+            return Ok(finish(model, order, regress::Solution { value: values, ..solution }));
         }
     }
     Err(FitError::NotConverged { effect: adjusting[0].id(), excitation: adjusting[0].info().excitation })

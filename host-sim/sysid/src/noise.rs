@@ -6,74 +6,96 @@
 //! gust, a swinging load, an engine that ages. Its spectrum says at which frequency.
 //!
 //! Logs of an estimator instead of sensors have no white noise to go by; their channels fail the test for whiteness
-//! (the autocorrelation of fourth differences is known), and nothing is said.
+//! (the autocorrelation of fourth differences is known, and so is what they do over every other sample), and nothing is
+//! said.
 
 use std::f64::consts::TAU;
 
 use crate::Residuals;
-use crate::prepare::{ForceTarget, Prepared};
+use crate::prepare::{ForceTarget, Prepared, Stretch};
 
 /// Variance of the fourth difference of unit white noise: 1 + 16 + 36 + 16 + 1.
 const FOURTH_DIFFERENCE: f64 = 70.0;
 /// Its autocorrelation at one and two samples: -56/70 and 28/70.
 const WHITE: [f64; 2] = [-0.8, 0.4];
-/// How far the autocorrelation may be off; 2,000 samples scatter by 0.03.
-const WHITE_TOLERANCE: f64 = 0.12;
+/// How far the autocorrelation may be off.
+const WHITE_TOLERANCE: f64 = 0.08;
+/// How far the variance by every other sample may be off that by every sample. White noise has the same; the sluggish noise
+/// of a tracker, which the filters pass more of than its highest frequencies tell, has more.
+const SAME_VARIANCE: f64 = 0.15;
 /// Frequencies looked at, Hz: from what a flight is long enough for to where the filters end.
 const FREQUENCIES_HZ: (f64, f64, usize) = (0.1, 5.0, 99);
 /// An oscillation has this part of the excess within a sixth of its frequency.
 const CONCENTRATED: f64 = 0.5;
 
-/// Picks the three channels that a force row comes from.
-type Channel = fn(&crate::prepare::Stretch) -> &[Vec<f64>; 3];
+/// Three channels of a stretch.
+type Channels = fn(&Stretch) -> &[Vec<f64>; 3];
 
-/// Variance that sensor noise alone leaves in a row of each axis of a flight, (unit of the axis)^2; nothing where the
-/// channel behind the axis is not white noise at its highest frequencies.
-fn floor(flight: &Prepared) -> [Option<f64>; 6] {
+/// The channels that force rows come from, and what the filters make of the variance of their noise.
+fn force_channels(flight: &Prepared) -> (Channels, f64) {
     let filter = &flight.filter;
-    let energy = |taps: &[f64]| taps.iter().map(|t| t * t).sum::<f64>();
-    let once = energy(&filter.derivative);
-    let (channel, gain): (Channel, f64) = match flight.force_target {
+    match flight.force_target {
         ForceTarget::Imu => (|s| s.imu_m_s2.as_ref().unwrap_or(&s.rate_rad_s), energy(&filter.smooth)),
-        ForceTarget::Velocity => (|s| &s.velocity_ned_m_s, once),
+        ForceTarget::Velocity => (|s| &s.velocity_ned_m_s, energy(&filter.derivative)),
         ForceTarget::Position => (|s| &s.position_ned_m, energy(&self_convolution(&filter.derivative))),
-    };
-    let force: [Option<f64>; 3] = std::array::from_fn(|i| white_variance(flight, |s| &channel(s)[i]));
-    // Inertial axes and body axes share the mean: a tracker is about as good in each direction.
-    let force = match (flight.force_target, force) {
-        (ForceTarget::Imu, each) => each,
-        (_, [Some(x), Some(y), Some(z)]) => [Some((x + y + z) / 3.0); 3],
-        _ => [None; 3],
-    };
-    let turning: [Option<f64>; 3] = std::array::from_fn(|i| white_variance(flight, |s| &s.rate_rad_s[i]));
-    std::array::from_fn(|axis| {
-        if axis < 3 { force[axis].map(|v| v * gain) } else { turning[axis - 3].map(|v| v * once) }
+    }
+}
+
+fn gyro_channels(flight: &Prepared) -> (Channels, f64) {
+    (|s| &s.rate_rad_s, energy(&flight.filter.derivative))
+}
+
+fn energy(taps: &[f64]) -> f64 {
+    taps.iter().map(|t| t * t).sum()
+}
+
+/// Variance that sensor noise alone leaves in a row of each of three axes of a flight, (unit of the axis)^2.
+fn floor(flight: &Prepared, (channels, gain): (Channels, f64)) -> [f64; 3] {
+    std::array::from_fn(|i| {
+        let differences: Vec<Vec<f64>> =
+            flight.stretches.iter().map(|s| fourth_differences(&channels(s)[i], 1)).collect();
+        gain * variance(&differences)
     })
 }
 
-/// Variance of the white noise in a channel, by the median of its squared fourth differences: a glitch does not count.
-fn white_variance(flight: &Prepared, channel: impl Fn(&crate::prepare::Stretch) -> &Vec<f64>) -> Option<f64> {
-    let mut squares = Vec::new();
-    let mut lagged = [0.0; 3];
-    for stretch in &flight.stretches {
-        let differences: Vec<f64> =
-            channel(stretch).windows(5).map(|w| w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]).collect();
-        for (lag, sum) in lagged.iter_mut().enumerate() {
-            *sum += differences
-                .iter()
-                .zip(&differences[lag.min(differences.len())..])
-                .map(|(a, b)| a * b)
-                .sum::<f64>();
-        }
-        squares.extend(differences.iter().map(|d| d * d));
-    }
-    let white = WHITE.iter().zip(&lagged[1..]).all(|(w, sum)| (sum / lagged[0] - w).abs() < WHITE_TOLERANCE);
-    if !white {
-        return None;
-    }
+/// Whether the noise of three channels is white, over all flights: the autocorrelation of fourth differences, and their
+/// variance over every other sample.
+fn is_white(flights: &[&Prepared], channels: impl Fn(&Prepared) -> (Channels, f64)) -> bool {
+    let all = |step: usize| -> Vec<Vec<f64>> {
+        let each = flights.iter().flat_map(|f| f.stretches.iter().map(|s| (channels(f).0)(s)));
+        // Channels of unequal noise weigh the same.
+        each.flatten()
+            .map(|signal| {
+                let differences = fourth_differences(signal, step);
+                let scale = variance(std::slice::from_ref(&fourth_differences(signal, 1))).sqrt();
+                differences.into_iter().map(|d| d / scale).collect()
+            })
+            .collect()
+    };
+    let (fine, coarse) = (all(1), all(2));
+    let lagged = |lag: usize| -> f64 {
+        fine.iter().flat_map(|d| d.iter().zip(d.iter().skip(lag))).map(|(a, b)| a * b).sum()
+    };
+    let correlated =
+        WHITE.iter().zip(1..).all(|(w, lag)| (lagged(lag) / lagged(0) - w).abs() < WHITE_TOLERANCE);
+    correlated && (variance(&coarse) / variance(&fine) - 1.0).abs() < SAME_VARIANCE
+}
+
+/// Fourth differences over every `step`-th sample.
+fn fourth_differences(signal: &[f64], step: usize) -> Vec<f64> {
+    let window = |w: &[f64]| w[0] - 4.0 * w[step] + 6.0 * w[2 * step] - 4.0 * w[3 * step] + w[4 * step];
+    signal.windows(4 * step + 1).map(window).collect()
+}
+
+/// Variance behind fourth differences, by the median of their squares: a glitch does not count. NaN without any.
+fn variance(differences: &[Vec<f64>]) -> f64 {
+    let mut squares: Vec<f64> = differences.iter().flatten().map(|d| d * d).collect();
     let middle = squares.len() / 2;
+    if squares.is_empty() {
+        return f64::NAN;
+    }
     // The median of a squared normal deviate is 0.4549 of its variance.
-    Some(*squares.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.4549 / FOURTH_DIFFERENCE)
+    *squares.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.4549 / FOURTH_DIFFERENCE
 }
 
 fn self_convolution(taps: &[f64]) -> Vec<f64> {
@@ -87,17 +109,26 @@ fn self_convolution(taps: &[f64]) -> Vec<f64> {
 }
 
 /// Ratio of the residual's variance to what the sensors' noise explains, for each axis over several flights; nothing
-/// where the noise is not known.
+/// where the noise is not white.
 pub fn excess(flights: &[&Prepared], residuals: &[Residuals]) -> [Option<f64>; 6] {
-    let (mut found, mut expected) = ([0.0; 6], [Some(0.0); 6]);
+    let (force, turning) = (is_white(flights, force_channels), is_white(flights, gyro_channels));
+    let (mut found, mut expected) = ([0.0; 6], [0.0; 6]);
     for (flight, residual) in flights.iter().zip(residuals) {
-        let floor = floor(flight);
-        for axis in 0..6 {
+        let mut noise = floor(flight, force_channels(flight));
+        if flight.force_target != ForceTarget::Imu {
+            // Inertial axes and body axes share the mean: a tracker is about as good in each direction.
+            noise = [noise.iter().sum::<f64>() / 3.0; 3];
+        }
+        let noise = noise.into_iter().chain(floor(flight, gyro_channels(flight)));
+        for (axis, noise) in noise.enumerate() {
             found[axis] += residual.residual[axis].iter().map(|e| e * e).sum::<f64>();
-            expected[axis] = expected[axis].zip(floor[axis]).map(|(sum, v)| sum + v * flight.rows() as f64);
+            expected[axis] += noise * flight.rows() as f64;
         }
     }
-    std::array::from_fn(|axis| expected[axis].filter(|e| *e > 0.0).map(|e| found[axis] / e))
+    std::array::from_fn(|axis| {
+        let known = if axis < 3 { force } else { turning };
+        (known && expected[axis] > 0.0).then(|| found[axis] / expected[axis])
+    })
 }
 
 /// Where in frequency a residual stands out most from white noise through the filters: "an oscillation at 0.70 Hz", or

@@ -6,8 +6,9 @@
 //! 2. Angles are unwrapped. The gyro's bias is taken out: its mean difference from the rates of the tracked attitude
 //!    (the low frequencies of (4.6); the gyro keeps the rest).
 //! 3. Rotor speeds: logged ones, or the motor map (4.10) at the smoothed battery voltage, then the first-order lag,
-//!    exactly for commands held over a sample. The voltage is smoothed without lag; the causal filter of 4.2.5 would
-//!    be half a second late against the load that makes the voltage sag.
+//!    exactly for commands held over a sample. The voltage is smoothed without lag, over a tenth of a
+//!    second; the causal filter of 4.2.5 would be half a second late against the load that makes the voltage sag, and a
+//!    long window would take the sag away.
 //! 4. Targets. Force rows: specific force in body axes, from the IMU if logged, else from the derivative of the logged
 //!    velocity, else from the twice differentiated position. Moment rows: derivative of the body rates.
 //! 5. Regressors are formed from the mean state between two samples, which for rotors is that of their exponential:
@@ -612,7 +613,11 @@ fn subtract(parts: &mut [Vec<f64>; 3], k: usize, amount: Vector3<f64>) {
 
 /// The smoothed signal, and the signal itself where the window does not fit.
 fn smoothed(signal: Vec<f64>, filter: &RegressionFilter) -> Vec<f64> {
-    let smooth = convolve(&signal, &filter.smooth);
+    smoothed_by(signal, &filter.smooth)
+}
+
+fn smoothed_by(signal: Vec<f64>, taps: &[f64]) -> Vec<f64> {
+    let smooth = convolve(&signal, taps);
     smooth.into_iter().zip(signal).map(|(s, raw)| if s.is_nan() { raw } else { s }).collect()
 }
 
@@ -684,7 +689,10 @@ impl Channels {
             smooth_rate_rad_s: Default::default(),
             command: even.take(COMMAND),
             logged_rotor_rad_s: self.rotor.map(|first| even.take(first)),
-            battery_v: smoothed(std::mem::take(&mut even.columns[BATTERY]), filter),
+            battery_v: smoothed_by(
+                std::mem::take(&mut even.columns[BATTERY]),
+                &RegressionFilter::short_smooth(period_s),
+            ),
             imu_m_s2: self.imu.map(|first| even.take(first)),
             time_s: even.time_s,
         }
