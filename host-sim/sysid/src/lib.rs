@@ -11,6 +11,7 @@ pub mod fit;
 pub mod flight;
 pub mod prepare;
 pub mod regress;
+mod rows;
 
 pub use compare::{Comparison, compare};
 pub use diagnose::{Addition, Diagnosis, Verdict, add, diagnose};
