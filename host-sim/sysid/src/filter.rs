@@ -139,65 +139,76 @@ pub(crate) fn weighted_sum(signal: &[f64], taps: &[f64]) -> f64 {
 }
 
 /// Signals side by side through one symmetric filter: samples come in one at a time, results are formed where they are
-/// wanted. Only a few windows of samples are kept, in the first-level cache.
-pub(crate) struct SideBySide<'a> {
-    taps: &'a [f64],
+/// wanted. Only a few windows of samples are kept, in the nearest caches.
+pub(crate) struct SideBySide {
+    /// From the ends of the window inwards; half of the centre's, which is met from both sides.
+    folded_taps: Vec<f64>,
+    /// Samples in a window.
+    window: usize,
     signals: usize,
-    /// Numbers of a sample, with room for whole vectors.
-    stride: usize,
-    samples: Vec<f64>,
-    /// Numbers of `samples` in use.
+    /// Groups of signals in a sample, the last filled up.
+    groups: usize,
+    samples: Vec<[f64; LANES]>,
+    /// Groups of `samples` in use.
     filled: usize,
 }
 
-impl<'a> SideBySide<'a> {
-    pub(crate) fn new(taps: &'a [f64], signals: usize) -> Self {
-        let stride = signals.next_multiple_of(LANES);
-        Self { taps, signals, stride, samples: vec![0.0; 3 * taps.len() * stride], filled: 0 }
+impl SideBySide {
+    pub(crate) fn new(taps: &[f64], signals: usize) -> Self {
+        let mut folded_taps = taps[..taps.len().div_ceil(2)].to_vec();
+        if let (1, Some(centre)) = (taps.len() % 2, folded_taps.last_mut()) {
+            *centre *= 0.5;
+        }
+        let groups = signals.div_ceil(LANES);
+        let samples = vec![[0.0; LANES]; 3 * taps.len() * groups];
+        Self { folded_taps, window: taps.len(), signals, groups, samples, filled: 0 }
     }
 
     /// Samples from the centre of the window to its end, the centre's included where it falls on one.
     pub(crate) fn reach(&self) -> usize {
-        self.taps.len().div_ceil(2)
+        self.folded_taps.len()
     }
 
     /// Room for the next sample of all signals.
     #[inline]
     pub(crate) fn push(&mut self) -> &mut [f64] {
         if self.filled == self.samples.len() {
-            let window = (self.taps.len() - 1) * self.stride;
-            self.samples.copy_within(self.filled - window.., 0);
-            self.filled = window;
+            let kept = (self.window - 1) * self.groups;
+            self.samples.copy_within(self.filled - kept.., 0);
+            self.filled = kept;
         }
         let start = self.filled;
-        self.filled += self.stride;
-        &mut self.samples[start..start + self.signals]
+        self.filled += self.groups;
+        &mut self.samples[start..self.filled].as_flattened_mut()[..self.signals]
     }
 
-    /// The filtered signals, the window ending at the latest sample.
+    /// The latest sample.
+    pub(crate) fn latest(&self) -> &[f64] {
+        &self.samples[self.filled - self.groups..self.filled].as_flattened()[..self.signals]
+    }
+
+    /// The first of the signals, as many as `out` takes, filtered; the window ends at the latest sample.
     pub(crate) fn filtered(&self, out: &mut [f64]) {
-        let window = self.taps.len() * self.stride;
-        folded_sums(&self.samples[self.filled - window..self.filled], self.stride, self.taps, out);
+        let window = &self.samples[self.filled - self.window * self.groups..self.filled];
+        for (group, out) in out.chunks_mut(LANES).enumerate() {
+            let sums = folded_sums(window, self.groups, group, &self.folded_taps);
+            out.copy_from_slice(&sums[..out.len()]);
+        }
     }
 }
 
-/// `out[i] = sum over k of taps[k] * samples[k * stride + i]` for symmetric taps: the two samples of a tap are added first.
+/// A group of signals through a symmetric filter: the two samples of a tap are added first.
 #[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
-fn folded_sums(samples: &[f64], stride: usize, taps: &[f64], out: &mut [f64]) {
-    let (pairs, centre) = (taps.len() / 2, taps.len() % 2);
-    for (group, out) in out.chunks_mut(LANES).enumerate() {
-        let at = |k: usize| samples[k * stride + group * LANES..].first_chunk::<LANES>();
-        let mut sums = [0.0; LANES];
-        for (k, tap) in taps[..pairs + centre].iter().enumerate() {
-            let (Some(a), Some(b)) = (at(k), at(taps.len() - 1 - k)) else { return };
-            // The centre is met twice.
-            let tap = if k < pairs { *tap } else { 0.5 * tap };
-            for i in 0..LANES {
-                sums[i] += tap * (a[i] + b[i]);
-            }
+fn folded_sums(window: &[[f64; LANES]], groups: usize, group: usize, folded_taps: &[f64]) -> [f64; LANES] {
+    let (ahead, back) = (window.chunks_exact(groups), window.rchunks_exact(groups));
+    let mut sums = [0.0; LANES];
+    for ((a, b), tap) in ahead.zip(back).zip(folded_taps) {
+        let (a, b) = (&a[group], &b[group]);
+        for i in 0..LANES {
+            sums[i] += tap * (a[i] + b[i]);
         }
-        out.copy_from_slice(&sums[..out.len()]);
     }
+    sums
 }
 
 /// Appends `sum over k of taps[k] * signal[i + k]` for every i where the window fits.

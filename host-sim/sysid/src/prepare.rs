@@ -292,7 +292,14 @@ fn lagged(commanded: &[f64], lag_rad_s: Option<f64>, delay: f64, period_s: f64) 
     let mut now = commanded.first().copied().unwrap_or(0.0);
     for &target in commanded {
         at_samples.push(now);
-        now = target + (now - target) * over_sample;
+        now = target * (1.0 - over_sample) + now * over_sample;
+    }
+    if delay == 0.0 {
+        let weight = (1.0 - over_sample) / (lag * period_s);
+        let mean_of = |(now, target): (&f64, &f64)| target + (now - target) * weight;
+        let steps = commanded.len().saturating_sub(1);
+        let mean_rad_s = at_samples.iter().zip(commanded).take(steps).map(mean_of).collect();
+        return RotorTrack { speed_rad_s: at_samples, mean_rad_s };
     }
     let whole = delay.floor();
     // The sample before the moment asked for, and the time from it to that moment.

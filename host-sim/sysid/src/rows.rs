@@ -32,7 +32,8 @@ pub(crate) type RowColumn = [Option<Vec<f64>>; 6];
 /// The states of a stretch.
 pub(crate) struct States<'a> {
     stretch: &'a Stretch,
-    adjust: &'a Adjustments,
+    /// From the tracked attitude to the body's, where they differ.
+    untilt: Option<Matrix3<f64>>,
     lever_m: Vector3<f64>,
     rotor: [RotorTrack; 4],
     period_s: f64,
@@ -45,7 +46,8 @@ impl States<'_> {
 
     /// Inertial to body at a sample.
     fn dcm(&self, k: usize) -> Matrix3<f64> {
-        self.adjust.true_dcm(&self.stretch.dcm[k])
+        let tracked = &self.stretch.dcm[k];
+        self.untilt.map_or(*tracked, |untilt| untilt * tracked)
     }
 
     /// At a sample, but for the accelerations.
@@ -82,13 +84,13 @@ impl States<'_> {
         }
     }
 
-    /// Mean states between neighbouring samples, one fewer.
-    fn between(&self) -> impl Iterator<Item = SampleInput> {
+    /// Hands over the mean states between neighbouring samples, one fewer.
+    fn for_each_between(&self, mut take: impl FnMut(SampleInput)) {
         let per_period = 1.0 / self.period_s;
         let mut a = self.without_acceleration(0);
-        (1..self.len()).map(move |k| {
+        for k in 1..self.len() {
             let b = self.without_acceleration(k);
-            let mean = SampleInput {
+            take(SampleInput {
                 position_ned_m: 0.5 * (a.position_ned_m + b.position_ned_m),
                 // The mean of two attitudes a hundredth of a radian apart is a rotation to a part in 10^5.
                 dcm: 0.5 * (a.dcm + b.dcm),
@@ -100,10 +102,9 @@ impl States<'_> {
                     per_period * (b.rotor_rad_s[i] - a.rotor_rad_s[i])
                 }),
                 battery_v: 0.5 * (a.battery_v + b.battery_v),
-            };
+            });
             a = b;
-            mean
-        })
+        }
     }
 }
 
@@ -134,11 +135,11 @@ impl Prepared {
         &self,
         stretch: &'a Stretch,
         vehicle: &Vehicle,
-        adjust: &'a Adjustments,
+        adjust: &Adjustments,
     ) -> States<'a> {
         States {
             stretch,
-            adjust,
+            untilt: Some(adjust.true_dcm(&Matrix3::identity())).filter(|m| *m != Matrix3::identity()),
             lever_m: Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m,
             rotor: stretch.rotors(vehicle, adjust, self.period_s),
             period_s: self.period_s,
@@ -234,27 +235,36 @@ impl Prepared {
         let imu = self.force_target == ForceTarget::Imu;
         for stretch in &self.stretches {
             let states = self.states(stretch, vehicle, adjust);
-            let mut values = Values::new(terms, &plant.sample_of(states.at(0)));
             let rows = || self.row_samples(stretch, stride);
-            let width = if imu { values.forces.len() } else { 3 * values.turned.len() };
-            let mut forces = FilteredRows::new(&force_taps, width, rows());
-            let mut moments = FilteredRows::new(&self.filter.between, values.moments.len(), rows());
-            for input in states.between() {
-                values.set(terms, &plant.sample_of(input));
-                if moments.push(|row| values.copy_moments(row)).is_some() {
-                    values.append(&values.moments, &moments.row, &mut result);
+            let first = plant.sample_of(states.at(0));
+            let layout = Layout::new(terms, &first, |axis| axis >= 3);
+            let moments_and_rest = layout.places.len();
+            let mut moments =
+                FilteredRows::new(&self.filter.between, moments_and_rest, layout.wanted, rows());
+            let turned = if imu { Vec::new() } else { layout.forces_by_parameter() };
+            let mut forces = FilteredRows::new(&force_taps, 3 * turned.len(), 3 * turned.len(), rows());
+            states.for_each_between(|input| {
+                let dcm = input.dcm;
+                let sample = plant.sample_of(input);
+                if moments.push(|row| layout.write(terms, &sample, row)).is_some() {
+                    append(&layout.places, &moments.row, &mut result);
                 }
-                if imu || width == 0 {
-                    continue;
+                if turned.is_empty() {
+                    return;
                 }
-                if let Some(k) = forces.push(|row| values.turn_forces(&input.dcm, row)) {
-                    values.append_turned_back(&states.dcm(k), &forces.row, &mut result);
+                let body = moments.filter.latest();
+                if let Some(k) = forces.push(|row| layout.turn_forces(&turned, &dcm, body, row)) {
+                    append_turned_back(&turned, &states.dcm(k), &forces.row, &mut result);
                 }
-            }
-            for k in 0..if imu && width > 0 { states.len() } else { 0 } {
-                values.set(terms, &plant.sample_of(states.at(k)));
-                if forces.push(|row| values.copy_forces(row)).is_some() {
-                    values.append(&values.forces, &forces.row, &mut result);
+            });
+            if imu {
+                let layout = Layout::new(terms, &first, |axis| axis < 3);
+                let mut forces = FilteredRows::new(&force_taps, layout.places.len(), layout.wanted, rows());
+                for k in 0..states.len() {
+                    let sample = plant.sample_of(states.at(k));
+                    if forces.push(|row| layout.write(terms, &sample, row)).is_some() {
+                        append(&layout.places, &forces.row, &mut result);
+                    }
                 }
             }
         }
@@ -267,12 +277,12 @@ pub(crate) fn coefficient_count(effect: Effect) -> usize {
     if effect.info().kind == model::Kind::Adjusting { 0 } else { effect.info().coefficients.len() }
 }
 
-/// Terms of the equations of motion: parameters times what they multiply. Which axes a parameter acts on does not
-/// depend on the state.
+/// Terms of the equations of motion: parameters times what they multiply. Which parameter acts on which axis, and the
+/// order of the terms, do not depend on the state.
 trait Terms {
     /// Parameters.
     fn count(&self) -> usize;
-    /// Adds what each parameter multiplies, by `sink.add(axis, parameter, value)`.
+    /// Adds what each parameter multiplies, by `sink.add(axis, parameter, value)`, once for each axis.
     fn evaluate(&self, sample: &Sample, sink: &mut impl Sink);
 }
 
@@ -326,116 +336,116 @@ impl Terms for Prediction<'_> {
     }
 }
 
-/// Where one parameter acts.
+/// What a value is part of.
+#[derive(Clone, Copy)]
 struct Place {
     parameter: usize,
     axis: usize,
-    /// Its value in [`Values::values`].
-    slot: usize,
-    /// First of the three places of its force in the inertial frame.
-    turned: usize,
 }
 
-/// Values of terms at one state, only where they act.
-struct Values {
-    /// Slot of each parameter on each axis; none where it does not act.
-    slots: Vec<[usize; 6]>,
-    values: Vec<f64>,
-    forces: Vec<Place>,
-    moments: Vec<Place>,
-    /// Parameters that act on forces.
-    turned: Vec<usize>,
+/// The order of the values of terms at one state.
+struct Layout {
+    /// Slot of each value, in the order in which the terms add them.
+    slots: Vec<usize>,
+    /// What is in each slot: what is wanted, then the rest, each sorted by parameter.
+    places: Vec<Place>,
+    /// Values that are wanted.
+    wanted: usize,
+}
+
+/// A parameter that acts on forces, and its slots.
+struct Turned {
+    parameter: usize,
+    slots: Range<usize>,
 }
 
 /// Notes which parameter acts where.
-struct Touched(Vec<(usize, usize)>);
+struct Touched(Vec<Place>);
 
 impl Sink for Touched {
     fn add(&mut self, axis: Axis, parameter: usize, _: f64) {
-        self.0.push((parameter, axis.index()));
+        self.0.push(Place { parameter, axis: axis.index() });
     }
 }
 
-impl Values {
-    fn new(terms: &impl Terms, sample: &Sample) -> Self {
+/// Writes values to their slots.
+struct Slots<'a> {
+    slots: std::slice::Iter<'a, usize>,
+    row: &'a mut [f64],
+}
+
+impl Sink for Slots<'_> {
+    #[inline(always)]
+    fn add(&mut self, _: Axis, _: usize, value: f64) {
+        if let Some(&slot) = self.slots.next() {
+            self.row[slot] = value;
+        }
+    }
+}
+
+impl Layout {
+    fn new(terms: &impl Terms, sample: &Sample, wanted: impl Fn(usize) -> bool) -> Self {
         let mut touched = Touched(Vec::new());
         terms.evaluate(sample, &mut touched);
-        let mut places = touched.0;
-        places.sort_unstable();
-        places.dedup();
-        let mut new = Self {
-            slots: vec![[usize::MAX; 6]; terms.count()],
-            values: vec![0.0; places.len()],
-            forces: Vec::new(),
-            moments: Vec::new(),
-            turned: Vec::new(),
-        };
-        for (slot, (parameter, axis)) in places.into_iter().enumerate() {
-            new.slots[parameter][axis] = slot;
-            if axis < 3 && new.turned.last() != Some(&parameter) {
-                new.turned.push(parameter);
-            }
-            let turned = 3 * new.turned.len().saturating_sub(1);
-            let place = Place { parameter, axis, slot, turned };
-            if axis < 3 { new.forces.push(place) } else { new.moments.push(place) }
-        }
-        new
+        let added = touched.0;
+        let mut order: Vec<usize> = (0..added.len()).collect();
+        order.sort_by_key(|&k| (!wanted(added[k].axis), added[k].parameter));
+        let mut slots = vec![0; added.len()];
+        order.iter().enumerate().for_each(|(slot, &k)| slots[k] = slot);
+        let wanted = added.iter().filter(|place| wanted(place.axis)).count();
+        Self { slots, places: order.iter().map(|&k| added[k]).collect(), wanted }
     }
 
     #[inline]
-    fn set(&mut self, terms: &impl Terms, sample: &Sample) {
-        self.values.fill(0.0);
-        terms.evaluate(sample, self);
+    fn write(&self, terms: &impl Terms, sample: &Sample, row: &mut [f64]) {
+        terms.evaluate(sample, &mut Slots { slots: self.slots.iter(), row });
     }
 
-    fn copy_moments(&self, row: &mut [f64]) {
-        row.iter_mut().zip(&self.moments).for_each(|(r, place)| *r = self.values[place.slot]);
-    }
-
-    fn copy_forces(&self, row: &mut [f64]) {
-        row.iter_mut().zip(&self.forces).for_each(|(r, place)| *r = self.values[place.slot]);
+    fn forces_by_parameter(&self) -> Vec<Turned> {
+        let mut turned: Vec<Turned> = Vec::new();
+        for (slot, place) in self.places.iter().enumerate().filter(|(_, place)| place.axis < 3) {
+            match turned.last_mut().filter(|last| last.parameter == place.parameter) {
+                Some(last) => last.slots.end = slot + 1,
+                None => turned.push(Turned { parameter: place.parameter, slots: slot..slot + 1 }),
+            }
+        }
+        turned
     }
 
     /// Forces from body to inertial axes.
-    fn turn_forces(&self, dcm: &Matrix3<f64>, row: &mut [f64]) {
-        row.fill(0.0);
-        for place in &self.forces {
-            let value = self.values[place.slot];
-            for (r, direction) in
-                row[place.turned..place.turned + 3].iter_mut().zip(dcm.row(place.axis).iter())
-            {
-                *r += direction * value;
+    #[inline]
+    fn turn_forces(&self, turned: &[Turned], dcm: &Matrix3<f64>, body: &[f64], ned: &mut [f64]) {
+        let axes: [[f64; 3]; 3] = dcm.transpose().into();
+        for (ned, Turned { slots, .. }) in ned.as_chunks_mut::<3>().0.iter_mut().zip(turned) {
+            let mut sum = [0.0; 3];
+            for (place, value) in self.places[slots.clone()].iter().zip(&body[slots.clone()]) {
+                sum.iter_mut().zip(axes[place.axis]).for_each(|(s, a)| *s += a * value);
             }
-        }
-    }
-
-    fn append(&self, places: &[Place], row: &[f64], result: &mut [RowColumn]) {
-        for (place, value) in places.iter().zip(row) {
-            result[place.parameter][place.axis].get_or_insert_default().push(*value);
-        }
-    }
-
-    /// Appends filtered forces, back in body axes.
-    fn append_turned_back(&self, dcm: &Matrix3<f64>, row: &[f64], result: &mut [RowColumn]) {
-        for (&parameter, force) in self.turned.iter().zip(row.chunks_exact(3)) {
-            let body = dcm * Vector3::new(force[0], force[1], force[2]);
-            for (column, value) in result[parameter].iter_mut().zip(body.iter()) {
-                column.get_or_insert_default().push(*value);
-            }
+            *ned = sum;
         }
     }
 }
 
-impl Sink for Values {
-    #[inline(always)]
-    fn add(&mut self, axis: Axis, parameter: usize, value: f64) {
-        self.values[self.slots[parameter][axis.index()]] += value;
+/// Appends filtered signals to the columns that they belong to.
+fn append(places: &[Place], row: &[f64], result: &mut [RowColumn]) {
+    for (place, value) in places.iter().zip(row) {
+        result[place.parameter][place.axis].get_or_insert_default().push(*value);
+    }
+}
+
+/// Appends filtered forces, back in body axes.
+fn append_turned_back(turned: &[Turned], dcm: &Matrix3<f64>, row: &[f64], result: &mut [RowColumn]) {
+    for (Turned { parameter, .. }, force) in turned.iter().zip(row.chunks_exact(3)) {
+        let body = dcm * Vector3::new(force[0], force[1], force[2]);
+        for (column, value) in result[*parameter].iter_mut().zip(body.iter()) {
+            column.get_or_insert_default().push(*value);
+        }
     }
 }
 
 /// Signals side by side through a filter, at rows only.
-struct FilteredRows<'a> {
-    filter: SideBySide<'a>,
+struct FilteredRows {
+    filter: SideBySide,
     rows: StepBy<Range<usize>>,
     next: Option<usize>,
     /// Samples taken in.
@@ -444,10 +454,11 @@ struct FilteredRows<'a> {
     row: Vec<f64>,
 }
 
-impl<'a> FilteredRows<'a> {
-    fn new(taps: &'a [f64], width: usize, mut rows: StepBy<Range<usize>>) -> Self {
+impl FilteredRows {
+    /// For samples of `signals` values, of which the first `filtered` are filtered.
+    fn new(taps: &[f64], signals: usize, filtered: usize, mut rows: StepBy<Range<usize>>) -> Self {
         let next = rows.next();
-        Self { filter: SideBySide::new(taps, width), rows, next, taken: 0, row: vec![0.0; width] }
+        Self { filter: SideBySide::new(taps, signals), rows, next, taken: 0, row: vec![0.0; filtered] }
     }
 
     /// Takes in the next sample, which `fill` writes. The sample of the row whose window this completes, if it does.
