@@ -121,9 +121,9 @@ pub fn compose(first: &[f64], second: &[f64]) -> Vec<f64> {
 /// Numbers of the widest vector registers, or of two of the next smaller ones.
 const LANES: usize = 8;
 
-/// `sum over k of taps[k] * signal[k]`: a filter at one place.
+/// `sum over k of taps[k] * signal[k]`, a filter at one place; `signal` may go on.
 #[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
-pub(crate) fn weighted_sum(signal: &[f64], taps: &[f64]) -> f64 {
+pub(crate) fn sum_of_products(signal: &[f64], taps: &[f64]) -> f64 {
     let signal = &signal[..taps.len()];
     let mut sums = [0.0; LANES];
     let (signals, signal_rest) = signal.as_chunks::<LANES>();
@@ -227,7 +227,7 @@ fn append_weighted_sums(signal: &[f64], taps: &[f64], out: &mut Vec<f64>) {
         }
         out.extend_from_slice(&sums);
     }
-    out.extend((count - count % BLOCK..count).map(|start| weighted_sum(&signal[start..], taps)));
+    out.extend((count - count % BLOCK..count).map(|start| sum_of_products(&signal[start..], taps)));
 }
 
 #[cfg(test)]
@@ -364,7 +364,7 @@ mod tests {
         let composed = compose(&taps, &taps);
         for k in 30..70 {
             // Sums of 61 products of numbers up to 10^3.
-            assert!((twice[k] - weighted_sum(&y[k - 30..], &composed)).abs() < 1e-9, "{k}");
+            assert!((twice[k] - sum_of_products(&y[k - 30..], &composed)).abs() < 1e-9, "{k}");
         }
     }
 

@@ -16,7 +16,7 @@ use std::borrow::Cow;
 use model::{Adjustments, RotorMap, Vehicle, frames};
 use nalgebra::{Matrix3, Vector3};
 
-use crate::filter::{RegressionFilter, compose, convolve, weighted_sum};
+use crate::filter::{RegressionFilter, compose, convolve, sum_of_products};
 use crate::flight::{Column, Flight, median_step};
 
 /// Steps longer than this many periods are gaps: nothing is interpolated across.
@@ -600,7 +600,7 @@ fn remove_gyro_bias(stretches: &mut [Stretch], filter: &RegressionFilter) -> [f6
     for stretch in stretches.iter() {
         let at = |k: usize, taps: &[f64]| {
             let start = k - taps.len() / 2;
-            Vector3::from(stretch.euler_rad.each_ref().map(|angle| weighted_sum(&angle[start..], taps)))
+            Vector3::from(stretch.euler_rad.each_ref().map(|angle| sum_of_products(&angle[start..], taps)))
         };
         // A mean needs no more than ten values a second.
         for k in (2 * half..stretch.time_s.len() - 2 * half).step_by(10) {

@@ -20,7 +20,7 @@ use std::ops::Range;
 use model::{Adjustments, Axis, Effect, Model, Plant, Sample, SampleInput, Sink, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 
-use crate::filter::{SideBySide, compose, weighted_sum};
+use crate::filter::{SideBySide, compose, sum_of_products};
 use crate::prepare::{ForceTarget, Prepared, RotorTrack, Stretch, subtract, vector};
 
 /// Time between the rows of a fit, s.
@@ -45,12 +45,14 @@ impl States<'_> {
     }
 
     /// Inertial to body at a sample.
+    #[inline]
     fn dcm(&self, k: usize) -> Matrix3<f64> {
         let tracked = &self.stretch.dcm[k];
         self.untilt.map_or(*tracked, |untilt| untilt * tracked)
     }
 
     /// At a sample, but for the accelerations.
+    #[inline]
     fn without_acceleration(&self, k: usize) -> SampleInput {
         let stretch = self.stretch;
         let dcm = self.dcm(k);
@@ -154,7 +156,7 @@ impl Prepared {
             self.append_force_targets(stretch, vehicle, adjust, stride, &mut targets);
             for (target, rate) in targets[3..].iter_mut().zip(&stretch.rate_rad_s) {
                 let rows = self.row_samples(stretch, stride);
-                target.extend(rows.map(|k| weighted_sum(&rate[k - half..], &self.filter.derivative)));
+                target.extend(rows.map(|k| sum_of_products(&rate[k - half..], &self.filter.derivative)));
             }
         }
         targets
@@ -173,7 +175,8 @@ impl Prepared {
         if let (ForceTarget::Imu, Some(imu)) = (self.force_target, &stretch.imu_m_s2) {
             for (target, signal) in targets.iter_mut().zip(imu) {
                 let half = self.filter.half();
-                target.extend(rows.clone().map(|k| weighted_sum(&signal[k - half..], &self.filter.smooth)));
+                target
+                    .extend(rows.clone().map(|k| sum_of_products(&signal[k - half..], &self.filter.smooth)));
             }
             return;
         }
@@ -197,7 +200,8 @@ impl Prepared {
         let signal = corrected.as_ref().unwrap_or(tracked);
         let half = taps.len() / 2;
         for k in rows {
-            let acceleration = Vector3::from(signal.each_ref().map(|s| weighted_sum(&s[k - half..], &taps)));
+            let acceleration =
+                Vector3::from(signal.each_ref().map(|s| sum_of_products(&s[k - half..], &taps)));
             let force = acceleration - Vector3::new(0.0, 0.0, vehicle.gravity);
             let body = adjust.true_dcm(&stretch.dcm[k]) * force;
             targets.iter_mut().zip(body.iter()).for_each(|(target, b)| target.push(*b));
