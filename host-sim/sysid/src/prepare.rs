@@ -474,7 +474,8 @@ fn bridge(columns: &mut [Cow<[f64]>]) -> usize {
     for (index, column) in columns.iter_mut().enumerate() {
         // A battery is slow and often logged at a tenth of the rate.
         let longest = if index == BATTERY { BRIDGED_BATTERY_SAMPLES } else { BRIDGED_SAMPLES };
-        if column.iter().all(|v| v.is_finite()) {
+        // Without leaving early, which is quicker where all are there.
+        if column.iter().fold(true, |all, v| all & v.is_finite()) {
             continue;
         }
         let column = column.to_mut();
