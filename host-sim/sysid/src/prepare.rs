@@ -9,7 +9,7 @@
 //!    exactly for commands held over a sample. The voltage is smoothed without lag; the causal filter of 4.2.5 would
 //!    be half a second late against the load that makes the voltage sag.
 //!
-//! What the rows are made of is in [`crate::rows`].
+//! What the rows are made of is in `rows.rs`.
 
 use std::borrow::Cow;
 
