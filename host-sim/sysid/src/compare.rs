@@ -209,12 +209,13 @@ pub(crate) fn reference_states(model: &Model, flight: &Prepared, stretch: &Stret
     let lever = Vector3::from(model.vehicle.tracked_point) + adjust.tracked_point_m;
     let rotor = stretch.rotors(&model.vehicle, &adjust, flight.period_s);
     let at = |parts: &[Vec<f64>; 3], k: usize| Vector3::new(parts[0][k], parts[1][k], parts[2][k]);
+    let smooth = (!flight.has_logged_velocity)
+        .then(|| [&stretch.euler_rad, &stretch.rate_rad_s].map(|s| flight.smooth(s)));
     (0..stretch.time_s.len())
         .map(|k| {
-            let (tracked, rate) = if flight.has_logged_velocity {
-                (stretch.dcm[k], at(&stretch.rate_rad_s, k))
-            } else {
-                (frames::dcm_from_euler(at(&stretch.euler_rad, k)), at(&stretch.smooth_rate_rad_s, k))
+            let (tracked, rate) = match &smooth {
+                None => (stretch.dcm[k], at(&stretch.rate_rad_s, k)),
+                Some([euler, rate]) => (frames::dcm_from_euler(at(euler, k)), at(rate, k)),
             };
             let dcm = adjust.true_dcm(&tracked);
             State {

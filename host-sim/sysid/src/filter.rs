@@ -10,6 +10,9 @@
 //! coefficients come out 3 % low. The derivative filter is the exact derivative of *some* smoother: `D y = sum d_k y_k`
 //! rearranges, by summation by parts, to a weighted mean of the increments of `y`. Applying that same weighted mean
 //! ([`RegressionFilter::between`]) to the regressors puts both sides of the equation through one filter, and the bias is gone.
+//!
+//! **Speed.** The widest vector instructions of the machine at hand are chosen when the program runs, without fused
+//! multiply-add and with sums in a fixed order, so that every machine gives the same bits.
 
 /// The taps, from n = -half to n = half, for use as `sum over n of tap[n] * signal[center + n]`.
 #[derive(Debug, Clone, PartialEq)]
@@ -99,58 +102,139 @@ fn matched_taps(between: &[f64]) -> Vec<f64> {
     taps
 }
 
-/// Filters `signal` where the window fits; the first and last `taps.len() / 2` values of the result are NaN.
-pub fn convolve(signal: &[f64], taps: &[f64]) -> Vec<f64> {
+/// Filters `signal` where the window fits; the first and last `taps.len() / 2` values are `end(k)`.
+pub fn convolve(signal: &[f64], taps: &[f64], end: impl Fn(usize) -> f64) -> Vec<f64> {
     let half = taps.len() / 2;
-    let mut result = vec![f64::NAN; signal.len()];
     if signal.len() < taps.len() {
-        return result;
+        return (0..signal.len()).map(end).collect();
     }
     let last = signal.len() - half;
-    weighted_sums(signal, taps, &mut result[half..last]);
+    let mut result = Vec::with_capacity(signal.len());
+    result.extend((0..half).map(&end));
+    append_weighted_sums(signal, taps, &mut result);
+    result.extend((last..signal.len()).map(&end));
     result
 }
 
-/// Filters a signal known between samples (its first value lies between the first two) with [`RegressionFilter::between`];
-/// the result is at the samples, NaN where the window does not fit.
-pub fn convolve_between(signal: &[f64], taps: &[f64]) -> Vec<f64> {
-    let half = taps.len() / 2;
-    let mut result = vec![f64::NAN; signal.len() + 1];
-    if signal.len() >= taps.len() {
-        let last = result.len() - half;
-        weighted_sums(signal, taps, &mut result[half..last]);
+/// The taps of one filter after another.
+pub fn compose(first: &[f64], second: &[f64]) -> Vec<f64> {
+    let mut taps = vec![0.0; first.len() + second.len() - 1];
+    for (k, a) in first.iter().enumerate() {
+        taps[k..].iter_mut().zip(second).for_each(|(tap, b)| *tap += a * b);
     }
-    result
+    taps
 }
 
-/// `out[i] = sum over k of taps[k] * signal[i + k]`. Most of an identification's time is spent here: the widest vector
-/// instructions of the machine at hand are chosen when the program runs (without fused multiply-add, so that
-/// every machine gives the same bits).
-#[multiversion::multiversion(targets("x86_64+avx2", "x86_64+avx512f", "aarch64+neon"))]
-fn weighted_sums(signal: &[f64], taps: &[f64], out: &mut [f64]) {
-    // Blocks that stay in the first-level cache; four taps at a time halve the traffic of the running sums.
-    const BLOCK: usize = 512;
-    for (block, out) in out.chunks_mut(BLOCK).enumerate() {
-        let signal = &signal[block * BLOCK..];
-        let length = out.len();
-        out.fill(0.0);
-        let groups = taps.chunks_exact(4);
-        let rest = groups.remainder();
-        let mut k = 0;
-        for group in groups {
-            let [a, b, c, d] = [0, 1, 2, 3].map(|i| &signal[k + i..k + i + length]);
-            for i in 0..length {
-                out[i] += (group[0] * a[i] + group[1] * b[i]) + (group[2] * c[i] + group[3] * d[i]);
-            }
-            k += 4;
-        }
-        for tap in rest {
-            for (o, s) in out.iter_mut().zip(&signal[k..k + length]) {
-                *o += tap * s;
-            }
-            k += 1;
+/// Numbers of the widest vector registers, or of two of the next smaller ones.
+const LANES: usize = 8;
+
+/// `sum over k of taps[k] * signal[k]`, a filter at one place; `signal` may go on.
+#[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
+pub(crate) fn sum_of_products(signal: &[f64], taps: &[f64]) -> f64 {
+    let signal = &signal[..taps.len()];
+    let mut sums = [0.0; LANES];
+    let (signals, signal_rest) = signal.as_chunks::<LANES>();
+    let (groups, tap_rest) = taps.as_chunks::<LANES>();
+    for (s, t) in signals.iter().zip(groups) {
+        for i in 0..LANES {
+            sums[i] += s[i] * t[i];
         }
     }
+    let rest: f64 = signal_rest.iter().zip(tap_rest).map(|(s, t)| s * t).sum();
+    let [a, b, c, d, e, f, g, h] = sums;
+    ((a + e) + (c + g)) + ((b + f) + (d + h)) + rest
+}
+
+/// Signals side by side through one symmetric filter: samples come in one at a time, results are formed where they are
+/// wanted. Only a few windows of samples are kept, in the nearest caches.
+pub(crate) struct SideBySide {
+    /// From the ends of the window inwards; half of the centre's, which is met from both sides.
+    folded_taps: Vec<f64>,
+    /// Samples in a window.
+    window: usize,
+    signals: usize,
+    /// Groups of signals in a sample, the last filled up.
+    groups: usize,
+    samples: Vec<[f64; LANES]>,
+    /// Groups of `samples` in use.
+    filled: usize,
+}
+
+impl SideBySide {
+    pub(crate) fn new(taps: &[f64], signals: usize) -> Self {
+        let mut folded_taps = taps[..taps.len().div_ceil(2)].to_vec();
+        if let (1, Some(centre)) = (taps.len() % 2, folded_taps.last_mut()) {
+            *centre *= 0.5;
+        }
+        let groups = signals.div_ceil(LANES);
+        let samples = vec![[0.0; LANES]; 3 * taps.len() * groups];
+        Self { folded_taps, window: taps.len(), signals, groups, samples, filled: 0 }
+    }
+
+    /// Samples from the centre of the window to its end, the centre's included where it falls on one.
+    pub(crate) fn reach(&self) -> usize {
+        self.folded_taps.len()
+    }
+
+    /// Room for the next sample of all signals.
+    #[inline]
+    pub(crate) fn push(&mut self) -> &mut [f64] {
+        if self.filled == self.samples.len() {
+            let kept = (self.window - 1) * self.groups;
+            self.samples.copy_within(self.filled - kept.., 0);
+            self.filled = kept;
+        }
+        let start = self.filled;
+        self.filled += self.groups;
+        &mut self.samples[start..self.filled].as_flattened_mut()[..self.signals]
+    }
+
+    /// The latest sample.
+    pub(crate) fn latest(&self) -> &[f64] {
+        &self.samples[self.filled - self.groups..self.filled].as_flattened()[..self.signals]
+    }
+
+    /// The first of the signals, as many as `out` takes, filtered; the window ends at the latest sample.
+    pub(crate) fn filtered(&self, out: &mut [f64]) {
+        let window = &self.samples[self.filled - self.window * self.groups..self.filled];
+        for (group, out) in out.chunks_mut(LANES).enumerate() {
+            let sums = folded_sums(window, self.groups, group, &self.folded_taps);
+            out.copy_from_slice(&sums[..out.len()]);
+        }
+    }
+}
+
+/// A group of signals through a symmetric filter: the two samples of a tap are added first.
+#[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
+fn folded_sums(window: &[[f64; LANES]], groups: usize, group: usize, folded_taps: &[f64]) -> [f64; LANES] {
+    let (ahead, back) = (window.chunks_exact(groups), window.rchunks_exact(groups));
+    let mut sums = [0.0; LANES];
+    for ((a, b), tap) in ahead.zip(back).zip(folded_taps) {
+        let (a, b) = (&a[group], &b[group]);
+        for i in 0..LANES {
+            sums[i] += tap * (a[i] + b[i]);
+        }
+    }
+    sums
+}
+
+/// Appends `sum over k of taps[k] * signal[i + k]` for every i where the window fits.
+#[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
+fn append_weighted_sums(signal: &[f64], taps: &[f64], out: &mut Vec<f64>) {
+    // As many running sums as stay in registers.
+    const BLOCK: usize = 4 * LANES;
+    let count = signal.len() + 1 - taps.len();
+    for start in (0..count - count % BLOCK).step_by(BLOCK) {
+        let mut sums = [0.0; BLOCK];
+        for (k, tap) in taps.iter().enumerate() {
+            let Some(window) = signal[start + k..].first_chunk::<BLOCK>() else { break };
+            for i in 0..BLOCK {
+                sums[i] += tap * window[i];
+            }
+        }
+        out.extend_from_slice(&sums);
+    }
+    out.extend((count - count % BLOCK..count).map(|start| sum_of_products(&signal[start..], taps)));
 }
 
 #[cfg(test)]
@@ -217,7 +301,8 @@ mod tests {
         let y = |t: f64| 0.3 - 2.0 * t + 5.0 * t.powi(2) - 1.5 * t.powi(3) + 4.0 * t.powi(4);
         let slope = |t: f64| -2.0 + 10.0 * t - 4.5 * t.powi(2) + 16.0 * t.powi(3);
         let signal: Vec<f64> = (0..100).map(|k| y(f64::from(k) * 0.01)).collect();
-        let (smooth, derivative) = (convolve(&signal, &filter.smooth), convolve(&signal, &filter.derivative));
+        let [smooth, derivative] =
+            [&filter.smooth, &filter.derivative].map(|taps| convolve(&signal, taps, |_| f64::NAN));
         for k in 15..85 {
             let t = k as f64 * 0.01;
             assert!((smooth[k] - y(t)).abs() < 1e-12 && (derivative[k] - slope(t)).abs() < 1e-10);
@@ -261,11 +346,33 @@ mod tests {
             (0..80).map(|k| (0.01 * f64::from(k)).powi(3) * (0.7 * f64::from(k)).sin()).collect();
         let means: Vec<f64> = y.windows(2).map(|w| (w[1] - w[0]) / 0.01).collect();
         let filter = RegressionFilter::new(0.01);
-        let (a, b) = (convolve(&y, &filter.derivative), convolve_between(&means, &filter.between));
-        for k in 15..65 {
-            assert!((a[k] - b[k]).abs() < 1e-11, "{k}: {} {}", a[k], b[k]);
+        let a = convolve(&y, &filter.derivative, |_| f64::NAN);
+        let mut side_by_side = SideBySide::new(&filter.between, 9);
+        assert_eq!(side_by_side.reach(), 15);
+        for (k, mean) in means.iter().enumerate() {
+            let scaled = |i: usize| mean * (i + 1) as f64;
+            side_by_side.push().iter_mut().enumerate().for_each(|(i, value)| *value = scaled(i));
+            // The window of row m ends with the mean between samples m + 14 and m + 15.
+            let Some(row) = (k + 1).checked_sub(15).filter(|row| *row >= 15) else { continue };
+            let mut b = [0.0; 9];
+            side_by_side.filtered(&mut b);
+            for (i, b) in b.iter().enumerate() {
+                assert!((a[row] * (i + 1) as f64 - b).abs() < 1e-10, "{row}, {i}: {} {b}", a[row]);
+            }
         }
-        assert!(b[14].is_nan() && b[65].is_nan() && b.len() == 80);
+    }
+
+    #[test]
+    fn a_composed_filter_is_one_after_the_other() {
+        let y: Vec<f64> = (0..100).map(|k| (0.7 * f64::from(k)).sin() + 0.01 * f64::from(k * k)).collect();
+        let taps = RegressionFilter::new(0.01).derivative;
+        let slope = |signal: &[f64]| convolve(signal, &taps, |_| f64::NAN);
+        let twice = slope(&slope(&y));
+        let composed = compose(&taps, &taps);
+        for k in 30..70 {
+            // Sums of 61 products of numbers up to 10^3.
+            assert!((twice[k] - sum_of_products(&y[k - 30..], &composed)).abs() < 1e-9, "{k}");
+        }
     }
 
     #[test]

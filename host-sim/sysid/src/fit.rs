@@ -5,12 +5,11 @@
 //! until it is small against its own standard error: Gauss and Newton's method on the same stacked problem, so
 //! every coefficient gets a standard error of the same kind.
 
-use model::{
-    Adjustments, AxisError, Effect, Estimate, Kind, Model, PerAxis, Plant, SampleInput, Term, Vehicle,
-};
+use model::{AxisError, Effect, Estimate, Kind, Model, PerAxis, Term, Vehicle};
 
-use crate::prepare::{ForceTarget, Prepared, coefficient_count};
+use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Prior, Unidentifiable};
+use crate::rows::{RowColumn, coefficient_count};
 
 /// Most Gauss-Newton steps; bilinear problems such as wind and drag take three or four.
 const MAX_STEPS: usize = 12;
@@ -284,15 +283,16 @@ fn assemble(
     flights
         .iter()
         .map(|flight| {
-            let mut columns: Vec<_> = flight.columns(linear, model).into_iter().map(|c| c.axes).collect();
+            let stride = flight.fit_stride();
+            let mut columns = flight.columns(linear, model, stride);
             for effect in adjusting {
-                columns.extend(residual_derivatives(flight, model, *effect));
+                columns.extend(residual_derivatives_at(flight, model, *effect, stride));
             }
             FlightRows {
-                targets: flight.targets(vehicle, &adjust),
+                targets: flight.targets(vehicle, &adjust, stride),
                 columns,
-                starts: flight.row_starts(),
-                period_s: flight.period_s,
+                starts: flight.starts_of_rows(stride),
+                period_s: flight.period_s * stride as f64,
             }
         })
         .collect()
@@ -300,11 +300,17 @@ fn assemble(
 
 /// Minus the derivative of the residual with respect to each coefficient of an adjusting effect: central differences,
 /// which are exact to rounding for the smooth, mildly curved ways these effects act.
-pub(crate) fn residual_derivatives(
+pub(crate) fn residual_derivatives(flight: &Prepared, model: &Model, effect: Effect) -> Vec<RowColumn> {
+    residual_derivatives_at(flight, model, effect, 1)
+}
+
+/// The same over the rows at every `stride`th sample.
+fn residual_derivatives_at(
     flight: &Prepared,
     model: &Model,
     effect: Effect,
-) -> Vec<[Option<Vec<f64>>; 6]> {
+    stride: usize,
+) -> Vec<RowColumn> {
     let info = effect.info();
     let mut model = model.clone();
     if !model.has(effect) {
@@ -319,7 +325,7 @@ pub(crate) fn residual_derivatives(
                 let mut values = base.clone();
                 values[k] += sign * step;
                 model.set(effect, &values);
-                residuals(flight, &model).residual
+                residuals_at(flight, &model, stride).residual
             };
             let (ahead, behind) = (at(1.0), at(-1.0));
             std::array::from_fn(|axis| {
@@ -342,22 +348,13 @@ pub(crate) fn step_scale(has_rotor_map: bool, effect: Effect, coefficient: usize
 
 /// Measured and measured-minus-predicted of all six axes over the rows of a flight.
 pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
-    let vehicle = &model.vehicle;
-    let adjust: Adjustments = model.adjustments();
-    let measured = flight.targets(vehicle, &adjust);
-    let plant = Plant::new(model);
-    let mut predicted: [Option<Vec<f64>>; 6] = Default::default();
-    let mut rows_before = 0;
-    for stretch in &flight.stretches {
-        let states = flight.states(stretch, vehicle, &adjust);
-        let mut axes = accelerations(&plant, &states.between);
-        if flight.force_target == ForceTarget::Imu {
-            let [u, v, w, ..] = accelerations(&plant, flight.force_states(&states));
-            [axes[0], axes[1], axes[2]] = [u, v, w];
-        }
-        flight.append_rows(&states, axes.map(Some), &mut predicted, rows_before);
-        rows_before += stretch.time_s.len() - 2 * flight.margin;
-    }
+    residuals_at(flight, model, 1)
+}
+
+/// The same over the rows at every `stride`th sample.
+fn residuals_at(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
+    let measured = flight.targets(&model.vehicle, &model.adjustments(), stride);
+    let predicted = flight.predicted(model, stride);
     let residual = std::array::from_fn(|axis| match &predicted[axis] {
         Some(predicted) => measured[axis].iter().zip(predicted).map(|(m, p)| m - p).collect(),
         None => measured[axis].clone(),
@@ -395,16 +392,6 @@ pub fn impossible_signs(model: &Model) -> Vec<String> {
         }
     }
     found
-}
-
-/// The six rows of the equations of motion at every state.
-fn accelerations(plant: &Plant, states: &[SampleInput]) -> [Vec<f64>; 6] {
-    let mut axes: [Vec<f64>; 6] = std::array::from_fn(|_| Vec::with_capacity(states.len()));
-    for state in states {
-        let row = plant.accelerations(&plant.sample_of(*state));
-        axes.iter_mut().zip(row).for_each(|(axis, value)| axis.push(value));
-    }
-    axes
 }
 
 /// Errors of each axis over several flights.

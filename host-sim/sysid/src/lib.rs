@@ -12,6 +12,7 @@ pub mod flight;
 pub mod noise;
 pub mod prepare;
 pub mod regress;
+mod rows;
 
 pub use compare::{Comparison, compare};
 pub use diagnose::{Addition, Diagnosis, Verdict, add, diagnose};

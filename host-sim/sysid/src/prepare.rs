@@ -1,4 +1,4 @@
-//! From a flight as logged to rows of a regression (4.2.3 to 4.2.5).
+//! From a flight as logged to even stretches of samples that a regression can use (4.2.3 to 4.2.5).
 //!
 //! What is done, in order:
 //! 1. The log is cut into stretches without gaps; jitter is taken out by interpolation to an even grid; single missing
@@ -9,20 +9,15 @@
 //!    exactly for commands held over a sample. The voltage is smoothed without lag, over a tenth of a
 //!    second; the causal filter of 4.2.5 would be half a second late against the load that makes the voltage sag, and a
 //!    long window would take the sag away.
-//! 4. Targets. Force rows: specific force in body axes, from the IMU if logged, else from the derivative of the logged
-//!    velocity, else from the twice differentiated position. Moment rows: derivative of the body rates.
-//! 5. Regressors are formed from the mean state between two samples, which for rotors is that of their exponential:
-//!    what a velocity gains from sample to sample is the mean acceleration between them, not that at either end.
-//! 6. Every regressor goes through the same filter as its target ([`crate::filter`] says why). Accelerations that come
-//!    from the tracker are formed in the inertial frame, so regressors of the force rows are turned there with the
-//!    attitude of each sample, filtered, and turned back with the attitude of the row.
 //!
-//! The tracked point is brought to the centre of mass (4.7) before it is differentiated.
+//! What the rows are made of is in `rows.rs`.
 
-use model::{Adjustments, Axis, Effect, Model, Plant, RotorMap, SampleInput, Sink, Vehicle, frames};
+use std::borrow::Cow;
+
+use model::{Adjustments, RotorMap, Vehicle, frames};
 use nalgebra::{Matrix3, Vector3};
 
-use crate::filter::{RegressionFilter, convolve, convolve_between};
+use crate::filter::{RegressionFilter, compose, convolve, sum_of_products};
 use crate::flight::{Column, Flight, median_step};
 
 /// Steps longer than this many periods are gaps: nothing is interpolated across.
@@ -61,7 +56,7 @@ impl ForceTarget {
 pub(crate) struct Stretch {
     pub(crate) time_s: Vec<f64>,
     pub(crate) position_ned_m: [Vec<f64>; 3],
-    /// Smoothed phi, theta, psi, unwrapped; as logged at the ends, where the window does not fit.
+    /// Phi, theta, psi as logged, unwrapped.
     pub(crate) euler_rad: [Vec<f64>; 3],
     /// Inertial to body, from the attitude as logged.
     pub(crate) dcm: Vec<Matrix3<f64>>,
@@ -69,7 +64,6 @@ pub(crate) struct Stretch {
     pub(crate) velocity_ned_m_s: [Vec<f64>; 3],
     /// Gyro less its bias.
     pub(crate) rate_rad_s: [Vec<f64>; 3],
-    pub(crate) smooth_rate_rad_s: [Vec<f64>; 3],
     command: [Vec<f64>; 4],
     logged_rotor_rad_s: Option<[Vec<f64>; 4]>,
     pub(crate) battery_v: Vec<f64>,
@@ -97,26 +91,12 @@ pub struct Prepared {
     pub(crate) margin: usize,
 }
 
-/// States of a stretch.
-pub(crate) struct States {
-    /// At its samples.
-    pub(crate) at: Vec<SampleInput>,
-    /// Mean states between neighbouring samples, one fewer.
-    pub(crate) between: Vec<SampleInput>,
-}
-
 /// One rotor over a stretch.
 pub(crate) struct RotorTrack {
     /// Speed at every sample, rad/s.
     pub(crate) speed_rad_s: Vec<f64>,
     /// Mean speed between neighbouring samples, rad/s, one fewer.
     pub(crate) mean_rad_s: Vec<f64>,
-}
-
-/// A column of the regression over one flight: the six axes, each a vector over the rows or nothing.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct RowColumn {
-    pub(crate) axes: [Option<Vec<f64>>; 6],
 }
 
 /// What is known at the rows besides the regression, to judge residuals by.
@@ -187,9 +167,6 @@ impl Prepared {
             return Err(PrepareError::TooShort { samples: t.len(), duration_s, needed_s });
         }
         let gyro_bias_rad_s = remove_gyro_bias(&mut stretches, &filter);
-        for stretch in &mut stretches {
-            stretch.smooth_rate_rad_s = stretch.rate_rad_s.clone().map(|rate| smoothed(rate, &filter));
-        }
         let has_logged_velocity = velocity.is_some();
         let mut prepared = Self {
             name: flight.name.clone(),
@@ -222,205 +199,29 @@ impl Prepared {
 
     /// Rows at which stretches begin: neighbours across these are not neighbours in time.
     pub(crate) fn row_starts(&self) -> Vec<usize> {
-        let mut starts = Vec::new();
-        let mut row = 0;
-        for stretch in &self.stretches {
-            starts.push(row);
-            row += stretch.time_s.len() - 2 * self.margin;
-        }
-        starts
+        self.starts_of_rows(1)
     }
 
-    /// The states of a stretch under `adjust`, at its samples and between them.
-    pub(crate) fn states(&self, stretch: &Stretch, vehicle: &Vehicle, adjust: &Adjustments) -> States {
-        let lever = Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m;
-        let rotor = stretch.rotors(vehicle, adjust, self.period_s);
-        let turning = stretch.rate_rad_s.each_ref().map(|rate| central_difference(rate, self.period_s));
-        let at: Vec<SampleInput> = (0..stretch.time_s.len())
-            .map(|k| {
-                let dcm = adjust.true_dcm(&stretch.dcm[k]);
-                let rate = vector(&stretch.rate_rad_s, k);
-                let mut velocity = dcm * vector(&stretch.velocity_ned_m_s, k);
-                let mut position = vector(&stretch.position_ned_m, k);
-                if lever != Vector3::zeros() {
-                    velocity -= rate.cross(&lever);
-                    position -= dcm.tr_mul(&lever);
-                }
-                SampleInput {
-                    position_ned_m: position,
-                    dcm,
-                    velocity_m_s: velocity,
-                    rate_rad_s: rate,
-                    angular_acceleration_rad_s2: vector(&turning, k),
-                    rotor_rad_s: std::array::from_fn(|i| rotor[i].speed_rad_s[k]),
-                    rotor_acceleration_rad_s2: [0.0; 4],
-                    battery_v: stretch.battery_v[k],
-                }
-            })
-            .collect();
-        let between = at
-            .windows(2)
-            .enumerate()
-            .map(|(k, pair)| {
-                let (a, b) = (&pair[0], &pair[1]);
-                SampleInput {
-                    position_ned_m: 0.5 * (a.position_ned_m + b.position_ned_m),
-                    // The mean of two attitudes a hundredth of a radian apart is a rotation to a part in 10^5.
-                    dcm: 0.5 * (a.dcm + b.dcm),
-                    velocity_m_s: 0.5 * (a.velocity_m_s + b.velocity_m_s),
-                    rate_rad_s: 0.5 * (a.rate_rad_s + b.rate_rad_s),
-                    angular_acceleration_rad_s2: (b.rate_rad_s - a.rate_rad_s) / self.period_s,
-                    rotor_rad_s: std::array::from_fn(|i| rotor[i].mean_rad_s[k]),
-                    rotor_acceleration_rad_s2: std::array::from_fn(|i| {
-                        (rotor[i].speed_rad_s[k + 1] - rotor[i].speed_rad_s[k]) / self.period_s
-                    }),
-                    battery_v: 0.5 * (a.battery_v + b.battery_v),
-                }
-            })
-            .collect();
-        States { at, between }
-    }
-
-    /// Targets of the six axes over the rows.
-    pub(crate) fn targets(&self, vehicle: &Vehicle, adjust: &Adjustments) -> [Vec<f64>; 6] {
-        let mut targets: [Vec<f64>; 6] = Default::default();
-        for stretch in &self.stretches {
-            let inside = self.margin..stretch.time_s.len() - self.margin;
-            for (target, values) in targets.iter_mut().zip(self.force_targets(stretch, vehicle, adjust)) {
-                target.extend_from_slice(&values[inside.clone()]);
-            }
-            for (axis, rate) in stretch.rate_rad_s.iter().enumerate() {
-                let acceleration = convolve(rate, &self.filter.derivative);
-                targets[3 + axis].extend_from_slice(&acceleration[inside.clone()]);
-            }
-        }
-        targets
-    }
-
-    /// Specific force in body axes at every sample of a stretch (NaN in the margins).
-    fn force_targets(&self, stretch: &Stretch, vehicle: &Vehicle, adjust: &Adjustments) -> [Vec<f64>; 3] {
-        let smooth = |signal: &Vec<f64>| convolve(signal, &self.filter.smooth);
-        let slope = |signal: &Vec<f64>| convolve(signal, &self.filter.derivative);
-        let lever = Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m;
-        let acceleration_ned = match (self.force_target, &stretch.imu_m_s2) {
-            (ForceTarget::Imu, Some(imu)) => return imu.each_ref().map(smooth),
-            (ForceTarget::Velocity, _) => {
-                let mut velocity = stretch.velocity_ned_m_s.clone();
-                if lever != Vector3::zeros() {
-                    for k in 0..stretch.time_s.len() {
-                        let swing = vector(&stretch.rate_rad_s, k).cross(&lever);
-                        subtract(&mut velocity, k, adjust.true_dcm(&stretch.dcm[k]).tr_mul(&swing));
-                    }
-                }
-                velocity.each_ref().map(slope)
-            }
-            _ => {
-                let mut position = stretch.position_ned_m.clone();
-                if lever != Vector3::zeros() {
-                    for k in 0..stretch.time_s.len() {
-                        subtract(&mut position, k, adjust.true_dcm(&stretch.dcm[k]).tr_mul(&lever));
-                    }
-                }
-                position.each_ref().map(|p| slope(&slope(p)))
-            }
-        };
-        let mut force: [Vec<f64>; 3] = std::array::from_fn(|_| Vec::with_capacity(stretch.time_s.len()));
-        for k in 0..stretch.time_s.len() {
-            let a = vector(&acceleration_ned, k) - Vector3::new(0.0, 0.0, vehicle.gravity);
-            let body = adjust.true_dcm(&stretch.dcm[k]) * a;
-            force.iter_mut().zip(body.iter()).for_each(|(f, b)| f.push(*b));
-        }
-        force
-    }
-
-    /// The states that force rows and moment rows are formed from: what an IMU measures is a value at a sample, what
-    /// comes from differences is a mean between samples.
-    pub(crate) fn force_states<'a>(&self, states: &'a States) -> &'a [SampleInput] {
-        if self.force_target == ForceTarget::Imu { &states.at } else { &states.between }
-    }
-
-    /// Passes values of the six axes through the filters of their targets and appends the rows. Force axes are given at
-    /// [`Self::force_states`], moment axes between samples. Axes without values stay without.
-    pub(crate) fn append_rows(
-        &self,
-        states: &States,
-        mut axes: [Option<Vec<f64>>; 6],
-        rows: &mut [Option<Vec<f64>>; 6],
-        rows_before: usize,
-    ) {
-        let length = states.at.len();
-        let inside = self.margin..length - self.margin;
-        if axes[..3].iter().any(Option::is_some) && self.force_target != ForceTarget::Imu {
-            let mut ned: [Vec<f64>; 3] = std::array::from_fn(|_| Vec::with_capacity(length));
-            for (k, state) in states.between.iter().enumerate() {
-                let body = Vector3::from_fn(|i, _| axes[i].as_ref().map_or(0.0, |a| a[k]));
-                let turned = state.dcm.tr_mul(&body);
-                ned.iter_mut().zip(turned.iter()).for_each(|(n, t)| n.push(*t));
-            }
-            let twice = self.force_target == ForceTarget::Position;
-            let ned = ned.map(|signal| {
-                let once = convolve_between(&signal, &self.filter.between);
-                if twice { convolve(&once, &self.filter.matched) } else { once }
-            });
-            let mut body: [Vec<f64>; 3] = std::array::from_fn(|_| vec![f64::NAN; length]);
-            for k in inside.clone() {
-                let turned = states.at[k].dcm * vector(&ned, k);
-                body.iter_mut().zip(turned.iter()).for_each(|(b, t)| b[k] = *t);
-            }
-            for (slot, values) in axes.iter_mut().zip(body) {
-                *slot = Some(values);
-            }
-        } else {
-            for slot in axes[..3].iter_mut().flatten() {
-                *slot = convolve(slot, &self.filter.smooth);
-            }
-        }
-        for slot in axes[3..].iter_mut().flatten() {
-            *slot = convolve_between(slot, &self.filter.between);
-        }
-        for (row, values) in rows.iter_mut().zip(axes) {
-            if let Some(values) = values {
-                let row = row.get_or_insert_with(|| vec![0.0; rows_before]);
-                row.extend_from_slice(&values[inside.clone()]);
-            } else if let Some(row) = row {
-                row.resize(rows_before + inside.len(), 0.0);
-            }
-        }
-    }
-
-    /// The regression columns of linear effects, one for each coefficient in order.
-    pub(crate) fn columns(&self, effects: &[Effect], model: &Model) -> Vec<RowColumn> {
-        let plant = Plant::new(model);
-        let (vehicle, adjust) = (&model.vehicle, plant.adjustments());
-        let count: usize = effects.iter().map(|e| coefficient_count(*e)).sum();
-        let mut result = vec![RowColumn::default(); count];
-        let mut rows_before = 0;
-        for stretch in &self.stretches {
-            let states = self.states(stretch, vehicle, adjust);
-            let mut raw = RawColumns::new(count, &plant, &states.between, effects);
-            if self.force_target == ForceTarget::Imu {
-                raw.take_forces(RawColumns::new(count, &plant, &states.at, effects));
-            }
-            for (column, axes) in result.iter_mut().zip(raw.values) {
-                self.append_rows(&states, axes, &mut column.axes, rows_before);
-            }
-            rows_before += stretch.time_s.len() - 2 * self.margin;
-        }
-        result
+    /// Signals without their high frequencies; as they are at the ends, where the window does not fit.
+    pub(crate) fn smooth(&self, signals: &[Vec<f64>; 3]) -> [Vec<f64>; 3] {
+        signals.each_ref().map(|signal| smoothed(signal, &self.filter.smooth))
     }
 
     /// What the residuals can be judged by, at the rows.
     pub fn conditions(&self, vehicle: &Vehicle, adjust: &Adjustments) -> Conditions {
         let mut c = Conditions::default();
         for stretch in &self.stretches {
-            let inputs = self.states(stretch, vehicle, adjust).at;
-            for (k, input) in inputs.iter().enumerate().take(inputs.len() - self.margin).skip(self.margin) {
+            let states = self.states(stretch, vehicle, adjust);
+            let euler_rad = self.smooth(&stretch.euler_rad);
+            let rate_rad_s = self.smooth(&stretch.rate_rad_s);
+            for k in self.margin..states.len() - self.margin {
+                let input = states.at(k);
                 c.time_s.push(stretch.time_s[k]);
                 for i in 0..3 {
                     c.position_ned_m[i].push(input.position_ned_m[i]);
                     c.velocity_m_s[i].push(input.velocity_m_s[i]);
-                    c.rate_rad_s[i].push(stretch.smooth_rate_rad_s[i][k]);
-                    c.euler_rad[i].push(stretch.euler_rad[i][k]);
+                    c.rate_rad_s[i].push(rate_rad_s[i][k]);
+                    c.euler_rad[i].push(euler_rad[i][k]);
                 }
                 c.mean_rotor_rad_s.push(input.rotor_rad_s.iter().sum::<f64>() / 4.0);
                 c.battery_v.push(input.battery_v);
@@ -450,54 +251,6 @@ pub enum PrepareError {
         "has no rotor speeds (omega1..4) and the vehicle file has no motor map; give [motors] command, voltage and offset, or map = \"identify\""
     )]
     NoRotorSpeeds,
-}
-
-/// Linear coefficients of an effect: none for an adjusting one.
-pub(crate) fn coefficient_count(effect: Effect) -> usize {
-    if effect.info().kind == model::Kind::Adjusting { 0 } else { effect.info().coefficients.len() }
-}
-
-struct RawColumns {
-    values: Vec<[Option<Vec<f64>>; 6]>,
-    first: usize,
-    sample: usize,
-    samples: usize,
-}
-
-impl RawColumns {
-    /// The columns of `effects` at every state.
-    fn new(count: usize, plant: &Plant, states: &[SampleInput], effects: &[Effect]) -> Self {
-        let mut raw =
-            Self { values: vec![Default::default(); count], first: 0, sample: 0, samples: states.len() };
-        for (k, state) in states.iter().enumerate() {
-            let sample = plant.sample_of(*state);
-            raw.sample = k;
-            raw.first = 0;
-            for effect in effects {
-                effect.columns(&sample, &mut raw);
-                raw.first += coefficient_count(*effect);
-            }
-        }
-        raw
-    }
-
-    /// Takes the force axes of other columns in place of its own.
-    fn take_forces(&mut self, other: Self) {
-        for (mine, theirs) in self.values.iter_mut().zip(other.values) {
-            let [u, v, w, ..] = theirs;
-            mine[0] = u;
-            mine[1] = v;
-            mine[2] = w;
-        }
-    }
-}
-
-impl Sink for RawColumns {
-    #[inline]
-    fn add(&mut self, axis: Axis, coefficient: usize, value: f64) {
-        let column = &mut self.values[self.first + coefficient][axis.index()];
-        column.get_or_insert_with(|| vec![0.0; self.samples])[self.sample] += value;
-    }
 }
 
 impl Stretch {
@@ -540,7 +293,14 @@ fn lagged(commanded: &[f64], lag_rad_s: Option<f64>, delay: f64, period_s: f64) 
     let mut now = commanded.first().copied().unwrap_or(0.0);
     for &target in commanded {
         at_samples.push(now);
-        now = target + (now - target) * over_sample;
+        now = target * (1.0 - over_sample) + now * over_sample;
+    }
+    if delay == 0.0 {
+        let weight = (1.0 - over_sample) / (lag * period_s);
+        let mean_of = |(now, target): (&f64, &f64)| target + (now - target) * weight;
+        let steps = commanded.len().saturating_sub(1);
+        let mean_rad_s = at_samples.iter().zip(commanded).take(steps).map(mean_of).collect();
+        return RotorTrack { speed_rad_s: at_samples, mean_rad_s };
     }
     let whole = delay.floor();
     // The sample before the moment asked for, and the time from it to that moment.
@@ -593,32 +353,22 @@ fn shifted(signal: &[f64], delay: f64) -> Vec<f64> {
         .collect()
 }
 
-fn central_difference(signal: &[f64], period_s: f64) -> Vec<f64> {
-    let last = signal.len() - 1;
-    (0..=last)
-        .map(|k| {
-            let (before, after) = (k.saturating_sub(1), (k + 1).min(last));
-            (signal[after] - signal[before]) / ((after - before).max(1) as f64 * period_s)
-        })
-        .collect()
+fn central_difference(signal: &[f64], k: usize, period_s: f64) -> f64 {
+    let (before, after) = (k.saturating_sub(1), (k + 1).min(signal.len() - 1));
+    (signal[after] - signal[before]) / ((after - before).max(1) as f64 * period_s)
 }
 
-fn vector(parts: &[Vec<f64>; 3], k: usize) -> Vector3<f64> {
+pub(crate) fn vector(parts: &[Vec<f64>; 3], k: usize) -> Vector3<f64> {
     Vector3::new(parts[0][k], parts[1][k], parts[2][k])
 }
 
-fn subtract(parts: &mut [Vec<f64>; 3], k: usize, amount: Vector3<f64>) {
+pub(crate) fn subtract(parts: &mut [Vec<f64>; 3], k: usize, amount: Vector3<f64>) {
     parts.iter_mut().zip(amount.iter()).for_each(|(part, a)| part[k] -= a);
 }
 
 /// The smoothed signal, and the signal itself where the window does not fit.
-fn smoothed(signal: Vec<f64>, filter: &RegressionFilter) -> Vec<f64> {
-    smoothed_by(signal, &filter.smooth)
-}
-
-fn smoothed_by(signal: Vec<f64>, taps: &[f64]) -> Vec<f64> {
-    let smooth = convolve(&signal, taps);
-    smooth.into_iter().zip(signal).map(|(s, raw)| if s.is_nan() { raw } else { s }).collect()
+fn smoothed(signal: &[f64], taps: &[f64]) -> Vec<f64> {
+    convolve(signal, taps, |k| signal[k])
 }
 
 /// A period within 0.1 % of a whole number of tenths of a millisecond is that number: clocks tick evenly.
@@ -628,8 +378,9 @@ fn rounded_period(period_s: f64) -> f64 {
 }
 
 /// The columns that preparation uses, in a fixed order.
-struct Channels {
-    columns: Vec<Vec<f64>>,
+struct Channels<'a> {
+    /// As logged, unless something had to be mended.
+    columns: Vec<Cow<'a, [f64]>>,
     rotor: Option<usize>,
     imu: Option<usize>,
     velocity: Option<usize>,
@@ -642,17 +393,17 @@ const COMMAND: usize = 9;
 const BATTERY: usize = 13;
 const OPTIONAL: usize = 14;
 
-impl Channels {
-    fn new(flight: &Flight, imu: bool, velocity: bool) -> Self {
+impl<'a> Channels<'a> {
+    fn new(flight: &'a Flight, imu: bool, velocity: bool) -> Self {
         use Column::*;
         let required = [X, Y, Z, Phi, Theta, Psi, P, Q, R, Cmd1, Cmd2, Cmd3, Cmd4, Vbat];
-        let mut columns: Vec<Vec<f64>> = required.iter().map(|&c| flight.required(c).to_vec()).collect();
+        let mut columns: Vec<Cow<[f64]>> = required.iter().map(|&c| flight.required(c).into()).collect();
         for angle in &mut columns[EULER..RATE] {
             unwrap_angle(angle);
         }
         let mut next = OPTIONAL;
-        let mut add = |group: &[&[f64]]| {
-            columns.extend(group.iter().map(|c| c.to_vec()));
+        let mut add = |group: &[&'a [f64]]| {
+            columns.extend(group.iter().map(|&c| Cow::from(c)));
             let at = next;
             next += group.len();
             at
@@ -676,41 +427,36 @@ impl Channels {
         let velocity_ned_m_s = match self.velocity.filter(|_| logged_velocity) {
             Some(first) => even.take(first),
             None => {
-                position_ned_m.each_ref().map(|p| with_ends(p, convolve(p, &filter.derivative), period_s))
+                // Plain differences at the ends: rows there are never used, but filters must not spread a NaN.
+                position_ned_m
+                    .each_ref()
+                    .map(|p| convolve(p, &filter.derivative, |k| central_difference(p, k, period_s)))
             }
         };
         Stretch {
             position_ned_m,
             dcm,
             velocity_ned_m_s,
-            euler_rad: euler.map(|angle| smoothed(angle, filter)),
+            euler_rad: euler,
             rate_rad_s: even.take(RATE),
-            // Smoothed once the bias is known.
-            smooth_rate_rad_s: Default::default(),
             command: even.take(COMMAND),
             logged_rotor_rad_s: self.rotor.map(|first| even.take(first)),
-            battery_v: smoothed_by(
-                std::mem::take(&mut even.columns[BATTERY]),
-                &RegressionFilter::short_smooth(period_s),
-            ),
+            battery_v: smoothed(&even.columns[BATTERY], &RegressionFilter::short_smooth(period_s)),
             imu_m_s2: self.imu.map(|first| even.take(first)),
             time_s: even.time_s,
         }
     }
 }
 
-/// A derivative filled at the ends of the stretch, where the window does not fit, with plain differences: rows there
-/// are never used, but the filters that follow must not spread a NaN.
-fn with_ends(signal: &[f64], derivative: Vec<f64>, period_s: f64) -> Vec<f64> {
-    let ends = central_difference(signal, period_s);
-    derivative.into_iter().zip(ends).map(|(d, end)| if d.is_nan() { end } else { d }).collect()
-}
-
-fn unwrap_angle(angle: &mut [f64]) {
+fn unwrap_angle(angle: &mut Cow<[f64]>) {
     use std::f64::consts::{PI, TAU};
+    let jumps = |w: &[f64]| (w[1] - w[0]).abs() > PI || !w[1].is_finite();
+    if !angle.windows(2).any(jumps) {
+        return;
+    }
     let mut turns = 0.0;
     let mut last = f64::NAN;
-    for value in angle.iter_mut().filter(|v| v.is_finite()) {
+    for value in angle.to_mut().iter_mut().filter(|v| v.is_finite()) {
         let raw = *value;
         if raw - last > PI {
             turns -= ((raw - last) / TAU).round();
@@ -724,11 +470,16 @@ fn unwrap_angle(angle: &mut [f64]) {
 
 /// Bridges runs of up to [`BRIDGED_SAMPLES`] missing values by a straight line. Returns the number of values filled
 /// in, the battery's aside.
-fn bridge(columns: &mut [Vec<f64>]) -> usize {
+fn bridge(columns: &mut [Cow<[f64]>]) -> usize {
     let mut count = 0;
     for (index, column) in columns.iter_mut().enumerate() {
         // A battery is slow and often logged at a tenth of the rate.
         let longest = if index == BATTERY { BRIDGED_BATTERY_SAMPLES } else { BRIDGED_SAMPLES };
+        // Without leaving early, which is quicker where all are there.
+        if column.iter().fold(true, |all, v| all & v.is_finite()) {
+            continue;
+        }
+        let column = column.to_mut();
         let mut k = 0;
         while k < column.len() {
             if column[k].is_finite() {
@@ -750,8 +501,11 @@ fn bridge(columns: &mut [Vec<f64>]) -> usize {
 }
 
 /// Ranges of samples without gaps in time and without missing values.
-fn unbroken(t: &[f64], columns: &[Vec<f64>], period_s: f64) -> Vec<std::ops::Range<usize>> {
-    let complete: Vec<bool> = (0..t.len()).map(|k| columns.iter().all(|c| c[k].is_finite())).collect();
+fn unbroken(t: &[f64], columns: &[Cow<[f64]>], period_s: f64) -> Vec<std::ops::Range<usize>> {
+    let mut complete = vec![true; t.len()];
+    for column in columns {
+        complete.iter_mut().zip(column.iter()).for_each(|(all, v)| *all &= v.is_finite());
+    }
     let mut ranges = Vec::new();
     let mut start = None;
     for k in 0..t.len() {
@@ -788,7 +542,7 @@ impl EvenGrid {
 /// along cubic Hermite arcs).
 fn even_grid(
     t: &[f64],
-    columns: &[Vec<f64>],
+    columns: &[Cow<[f64]>],
     range: std::ops::Range<usize>,
     period_s: f64,
     notes: &mut Vec<String>,
@@ -839,16 +593,20 @@ fn hermite(t: &[f64], y: &[f64], at: usize, time: f64) -> f64 {
         + (s3 - s2) * step * slope(at + 1)
 }
 
-/// Takes out the mean difference between the gyro and the rates of the tracked attitude over the whole flight.
+/// Takes out the mean difference between the gyro and the rates of the smoothed attitude over the whole flight.
 fn remove_gyro_bias(stretches: &mut [Stretch], filter: &RegressionFilter) -> [f64; 3] {
+    let half = filter.half();
+    let slope_of_smoothed = compose(&filter.smooth, &filter.derivative);
     let mut sum = Vector3::zeros();
     let mut count = 0.0;
     for stretch in stretches.iter() {
-        let slopes = stretch.euler_rad.each_ref().map(|angle| convolve(angle, &filter.derivative));
+        let at = |k: usize, taps: &[f64]| {
+            let start = k - taps.len() / 2;
+            Vector3::from(stretch.euler_rad.each_ref().map(|angle| sum_of_products(&angle[start..], taps)))
+        };
         // A mean needs no more than ten values a second.
-        let inside = 2 * filter.half()..stretch.time_s.len() - 2 * filter.half();
-        for k in inside.step_by(10) {
-            let rates = frames::body_rates_from_euler(vector(&stretch.euler_rad, k), vector(&slopes, k));
+        for k in (2 * half..stretch.time_s.len() - 2 * half).step_by(10) {
+            let rates = frames::body_rates_from_euler(at(k, &filter.smooth), at(k, &slope_of_smoothed));
             let difference = vector(&stretch.rate_rad_s, k) - rates;
             if difference.iter().all(|d| d.is_finite()) {
                 sum += difference;

@@ -13,6 +13,8 @@
 use model::AXES;
 use nalgebra::{DMatrix, DVector};
 
+use crate::filter::sum_of_products;
+
 /// Bartlett window of the covariance: over twice the span of the longest filter chain, s.
 pub const WINDOW_S: f64 = 1.5;
 
@@ -99,36 +101,66 @@ pub(crate) fn solve(flights: &[FlightRows], priors: &[Option<Prior>]) -> Result<
     Ok(Solution { value, covariance, sigma, condition })
 }
 
-/// Rows a block of the reduction takes at once: small enough for the second-level cache.
+/// Rows a block of the reduction takes at once: small enough for the nearest cache.
 const BLOCK_ROWS: usize = 256;
 
 fn axis_triangle(flights: &[FlightRows], axis: usize, parameters: usize) -> AxisTriangle {
     let active: Vec<usize> =
         (0..parameters).filter(|&k| flights.iter().any(|f| f.columns[k][axis].is_some())).collect();
     let width = active.len() + 1;
-    let mut triangle = DMatrix::zeros(0, width);
+    let mut triangle = DMatrix::zeros(width, width);
+    let mut block = DMatrix::zeros(BLOCK_ROWS, width);
     for flight in flights {
         for start in (0..flight.rows()).step_by(BLOCK_ROWS) {
             let end = (start + BLOCK_ROWS).min(flight.rows());
-            let above = triangle.nrows();
-            let mut block = DMatrix::zeros(above + end - start, width);
-            block.rows_mut(0, above).copy_from(&triangle);
-            for (c, &k) in active.iter().enumerate() {
-                if let Some(column) = &flight.columns[k][axis] {
-                    block.column_mut(c).as_mut_slice()[above..].copy_from_slice(&column[start..end]);
+            let columns = active.iter().map(|&k| flight.columns[k][axis].as_ref());
+            for (c, column) in columns.chain([Some(&flight.targets[axis])]).enumerate() {
+                let mut place = block.column_mut(c);
+                let (rows, rest) = place.as_mut_slice().split_at_mut(end - start);
+                match column {
+                    Some(column) => rows.copy_from_slice(&column[start..end]),
+                    None => rows.fill(0.0),
                 }
+                rest.fill(0.0);
             }
-            block.column_mut(width - 1).as_mut_slice()[above..]
-                .copy_from_slice(&flight.targets[axis][start..end]);
-            triangle = reduce(block);
+            absorb(&mut triangle, &mut block);
         }
     }
     AxisTriangle { parameters: active, triangle }
 }
 
-/// The triangle of a block, by Householder reflections.
-fn reduce(block: DMatrix<f64>) -> DMatrix<f64> {
-    block.qr().unpack_r()
+/// The triangle of a triangle over a block of rows, by Householder reflections (Golub and Van Loan 2013, section 5.2);
+/// each leaves all rows of the triangle but one alone. The block's rows are used up.
+fn absorb(triangle: &mut DMatrix<f64>, block: &mut DMatrix<f64>) {
+    for k in 0..triangle.ncols() {
+        let (x, mut rest) = block.columns_range_pair_mut(k, k + 1..);
+        let x = x.as_slice();
+        let head = triangle[(k, k)];
+        let below = sum_of_products(x, x);
+        if below == 0.0 {
+            continue;
+        }
+        let norm = (head * head + below).sqrt().copysign(head);
+        let pivot = head + norm;
+        let scale = 2.0 / (pivot * pivot + below);
+        triangle[(k, k)] = -norm;
+        for (c, mut column) in (k + 1..).zip(rest.column_iter_mut()) {
+            let column = column.as_mut_slice();
+            let factor = scale * (pivot * triangle[(k, c)] + sum_of_products(x, column));
+            triangle[(k, c)] -= factor * pivot;
+            subtract_multiple(column, factor, x);
+        }
+    }
+}
+
+#[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
+fn subtract_multiple(from: &mut [f64], factor: f64, values: &[f64]) {
+    from.iter_mut().zip(values).for_each(|(f, v)| *f -= factor * v);
+}
+
+#[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
+fn add_products(to: &mut [f64], a: &[f64], b: &[f64]) {
+    to.iter_mut().zip(a.iter().zip(b)).for_each(|(t, (a, b))| *t += a * b);
 }
 
 fn residual_norm(axis: &AxisTriangle, value: &DVector<f64>) -> f64 {
@@ -173,7 +205,7 @@ fn solve_merged(
     if height < parameters {
         return Err(Unidentifiable::Collinear((0..parameters).collect()));
     }
-    let triangle = reduce(stacked);
+    let triangle = stacked.qr().unpack_r();
     let r = triangle.view((0, 0), (parameters, parameters)).into_owned();
     let y = triangle.view((0, parameters), (parameters, 1)).column(0).into_owned();
     let svd = r.clone().svd(false, true);
@@ -222,14 +254,14 @@ fn scores(flight: &FlightRows, value: &DVector<f64>, sigma: &[f64; 6], parameter
         let mut weighted = flight.targets[axis].clone();
         for (k, column) in flight.columns.iter().enumerate() {
             if let Some(column) = &column[axis] {
-                weighted.iter_mut().zip(column).for_each(|(e, x)| *e -= value[k] * x);
+                subtract_multiple(&mut weighted, value[k], column);
             }
         }
         let weight = 1.0 / (sigma[axis] * sigma[axis]);
         weighted.iter_mut().for_each(|e| *e *= weight);
         for (score, column) in scores.iter_mut().zip(&flight.columns) {
             if let Some(column) = &column[axis] {
-                score.iter_mut().zip(column.iter().zip(&weighted)).for_each(|(s, (x, e))| *s += x * e);
+                add_products(score, column, &weighted);
             }
         }
     }
@@ -306,6 +338,20 @@ mod tests {
         alone.targets[1].fill(0.0);
         let solution = solve(&[alone], &[None; 2]).unwrap();
         assert!((solution.value - expected).norm() < 1e-12);
+    }
+
+    /// R'R is X'X whatever the blocks, here two full ones and a part.
+    #[test]
+    fn blocks_add_up_to_the_normal_equations() {
+        let flight = made_up(2 * BLOCK_ROWS + 100, |k| 0.3 * (k as f64 * 1.7).sin());
+        let AxisTriangle { triangle, .. } = axis_triangle(std::slice::from_ref(&flight), 0, 2);
+        let columns = [0, 1].map(|k| flight.columns[k][0].clone().unwrap());
+        let [a, b] = columns.map(DVector::from_vec);
+        let x = DMatrix::from_columns(&[a, b, DVector::from_vec(flight.targets[0].clone())]);
+        let (found, expected) = (triangle.transpose() * &triangle, x.transpose() * &x);
+        // Sums of 600 products of numbers near 1.
+        assert!((found - &expected).norm() < 1e-13 * expected.norm());
+        assert!(triangle.lower_triangle().iter().filter(|v| **v != 0.0).count() <= 3, "{triangle}");
     }
 
     #[test]
