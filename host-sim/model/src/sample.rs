@@ -216,16 +216,6 @@ impl Sample {
         sample
     }
 
-    /// A sample of `vehicle` with what adjusting effects change.
-    pub fn new(input: SampleInput, vehicle: &Vehicle, adjust: &Adjustments) -> Self {
-        Self::with_constants(input, &Constants::new(vehicle, adjust), adjust)
-    }
-
-    /// Height of the centre of mass over the floor, m.
-    pub fn height_m(&self) -> f64 {
-        -self.input.position_ned_m.z
-    }
-
     /// Signed sum of the rotor speeds: + for rotors that yaw the craft right, the S = w1 - w2 + w3 - w4 of the thesis
     /// (reference section 5), rad/s.
     pub fn signed_rotor_sum_rad_s(&self) -> f64 {

@@ -17,7 +17,7 @@ use crate::diagnose::{
     AxisDrop, CoefficientFigures, Diagnosis, EffectFinding, MATTERS_PERCENT, SIGNIFICANCE, Verdict,
     block_sums, log_likelihood_ratio, one_sided_p_value,
 };
-use crate::fit::{residual_derivatives, step_limit};
+use crate::fit::{residual_derivatives, step_end};
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Prior, WINDOW_S};
 use crate::{FitError, Residuals, errors, residuals};
@@ -104,10 +104,10 @@ fn fit_change(model: &Model, change: Change, flights: &[&Prepared]) -> Result<Fi
         })?;
         let mut settled = true;
         for (i, &k) in free.iter().enumerate() {
-            let (step, ends) = step_limit(all[k], solution.value[i], &info.coefficients[k]);
+            let step = solution.value[i];
             settled &=
                 step.abs() < 0.01 * solution.covariance[(i, i)].sqrt() + 1e-9 * info.coefficients[k].typical;
-            all[k] = ends;
+            all[k] = step_end(all[k], step, &info.coefficients[k]);
         }
         if settled {
             changed.set(change.effect, &all);

@@ -208,13 +208,15 @@ pub fn diagnose(
     rank(&mut findings);
     let mut found = select(&base, &mut findings, train, validate, &mut progress)?;
     progress("what is left");
+    let noise_before = noise::excess(validate, &base.held_out);
     let unexplained = loop {
         let mut effects = base.fit.model.effects();
         effects.extend(&found);
         let rest = judge(&base.fit.model, &effects, train, validate)?;
         let mut unexplained = structure(&rest, train, validate);
-        unexplained.extend(above_noise(&rest, validate));
-        let proxies = incomplete(&base, &rest, validate);
+        let noise_after = noise::excess(validate, &rest.held_out);
+        unexplained.extend(above_noise(&noise_after, &rest, validate));
+        let proxies = incomplete(&noise_before, &noise_after);
         if !demote_stand_ins(&mut findings, &mut found, &unexplained, &proxies) {
             break unexplained;
         }
@@ -621,8 +623,7 @@ fn structure(rest: &Judged, train: &[&Prepared], validate: &[&Prepared]) -> Vec<
 }
 
 /// Axes whose residual is well above the sensors' noise without depending on a measured quantity: with what frequency.
-fn above_noise(rest: &Judged, validate: &[&Prepared]) -> Vec<Unexplained> {
-    let ratios = noise::excess(validate, &rest.held_out);
+fn above_noise(ratios: &[Option<f64>; 6], rest: &Judged, validate: &[&Prepared]) -> Vec<Unexplained> {
     model::AXES
         .into_iter()
         .filter_map(|axis| {
@@ -634,8 +635,7 @@ fn above_noise(rest: &Judged, validate: &[&Prepared]) -> Vec<Unexplained> {
 }
 
 /// Axes on which the effects found leave more of the residual's excess over the noise than right ones would.
-fn incomplete(base: &Judged, rest: &Judged, validate: &[&Prepared]) -> [bool; 6] {
-    let (before, after) = (noise::excess(validate, &base.held_out), noise::excess(validate, &rest.held_out));
+fn incomplete(before: &[Option<f64>; 6], after: &[Option<f64>; 6]) -> [bool; 6] {
     std::array::from_fn(|axis| match (before[axis], after[axis]) {
         (Some(before), Some(after)) => {
             after > ABOVE_NOISE && (after - 1.0) > LEFT_BY_THE_RIGHT * (before - 1.0)

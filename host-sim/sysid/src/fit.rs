@@ -172,10 +172,10 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
             let known: Vec<f64> =
                 model.term(*effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
             for (now, info) in known.iter().zip(effect.info().coefficients) {
-                let (step, end) = step_limit(*now, solution.value[at], info);
+                let step = solution.value[at];
                 settled &=
                     step.abs() < CONVERGED * solution.covariance[(at, at)].sqrt() + 1e-9 * info.typical;
-                values[at] = end;
+                values[at] = step_end(*now, step, info);
                 at += 1;
             }
         }
@@ -187,12 +187,12 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
     Err(FitError::NotConverged { effect: adjusting[0].id(), excitation: adjusting[0].info().excitation })
 }
 
-/// A step of an adjusting coefficient and where it ends. Far outside the possible there is nothing to find, and the columns
-/// lose their meaning: it ends there.
-pub(crate) fn step_limit(now: f64, step: f64, info: &model::Coefficient) -> (f64, f64) {
+/// Where a step of an adjusting coefficient ends. Far outside the possible there is nothing to find, and the columns lose
+/// their meaning: it ends there.
+pub(crate) fn step_end(now: f64, step: f64, info: &model::Coefficient) -> f64 {
     let (low, high) = info.possible;
     let reach = high - low;
-    (step, (now + step).clamp(low - reach, high + reach))
+    (now + step).clamp(low - reach, high + reach)
 }
 
 /// What is known of the next step of an adjusting effect's coefficients: it leads back to zero.
