@@ -36,8 +36,13 @@ impl RegressionFilter {
 
     /// The filter for a sampling period in s.
     pub fn new(period_s: f64) -> Self {
+        Self::with_window(period_s, Self::WINDOW_S)
+    }
+
+    /// The filter for a sampling period and a window of its own, both in s.
+    pub fn with_window(period_s: f64, window_s: f64) -> Self {
         // A window needs more samples than the polynomial has coefficients.
-        let half = ((0.5 * Self::WINDOW_S / period_s).round() as usize).max(3);
+        let half = ((0.5 * window_s / period_s).round() as usize).max(3);
         let [smooth, slope] = polynomial_taps(half);
         let derivative: Vec<f64> = slope.iter().map(|g| g / period_s).collect();
         let between = between_taps(&slope);

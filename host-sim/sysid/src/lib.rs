@@ -2,20 +2,27 @@
 #![forbid(unsafe_code)]
 
 pub mod changes;
+pub mod channels_check;
+pub mod clocks;
 pub mod compare;
 pub mod conditions;
 mod decimal;
 pub mod diagnose;
+pub mod faults;
 pub mod filter;
 pub mod fit;
 pub mod flight;
+pub mod frames_check;
+pub mod motors_check;
 pub mod noise;
 pub mod prepare;
 pub mod regress;
 mod rows;
+mod tracks;
 
 pub use compare::{Comparison, compare};
 pub use diagnose::{Addition, Diagnosis, Verdict, add, diagnose};
+pub use faults::{Examined, Fault, FaultKind, Severity, examine};
 pub use fit::{Fit, FitError, Residuals, errors, fit, impossible_signs, residuals};
 pub use flight::{Column, Flight, FlightError};
 pub use prepare::{Conditions, ForceTarget, PrepareError, Prepared};

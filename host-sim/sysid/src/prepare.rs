@@ -64,8 +64,8 @@ pub(crate) struct Stretch {
     pub(crate) velocity_ned_m_s: [Vec<f64>; 3],
     /// Gyro less its bias.
     pub(crate) rate_rad_s: [Vec<f64>; 3],
-    command: [Vec<f64>; 4],
-    logged_rotor_rad_s: Option<[Vec<f64>; 4]>,
+    pub(crate) command: [Vec<f64>; 4],
+    pub(crate) logged_rotor_rad_s: Option<[Vec<f64>; 4]>,
     pub(crate) battery_v: Vec<f64>,
     pub(crate) imu_m_s2: Option<[Vec<f64>; 3]>,
 }
