@@ -22,6 +22,8 @@ const JUMP_M: f64 = 0.05;
 const JUMP_M_S2: f64 = 400.0;
 /// A turn between two samples beyond what the gyro can have seen, rad.
 const JUMP_RAD: f64 = 0.3;
+/// Part of the samples with a jump from which it is no fault of a moment.
+const MOST_JUMPS: f64 = 0.02;
 /// Between two jumps closer than this the tracker was elsewhere, s.
 const EXCURSION_S: f64 = 0.6;
 /// Samples taken out about a jump: more than what is bridged.
@@ -36,6 +38,8 @@ pub struct Channels {
     pub frozen: Vec<String>,
     /// Jumps of the tracker.
     pub jumps: Vec<String>,
+    /// Whether jumps were told only.
+    pub jumps_kept: bool,
     /// Commands at their ends.
     pub saturated: Vec<String>,
     /// The flight with what lies taken out, if anything does.
@@ -70,20 +74,34 @@ pub fn check(flight: &Flight, vehicle: &Vehicle) -> Channels {
     }
     found.frozen.extend(stuck_motors(flight));
     let jumps = jumps(&masked, period_s);
-    if let Some(first) = jumps.first() {
-        found.jumps.push(format!(
-            "the tracker jumps as no craft flies {}, first at t = {:.2} s (lost or exchanged markers?): samples about the \
-             jumps are left out",
-            times(jumps.len()),
-            t[*first]
-        ));
-        mask_jumps(&mut masked, &jumps);
+    // A tracker that always jumps is one in other units or axes, which other checks name.
+    let always = jumps.len() as f64 > MOST_JUMPS * flight.len() as f64;
+    if let Some(first) = jumps.first().filter(|_| !always) {
+        // A logged velocity is the target then, and the position beside it an estimate that was corrected.
+        let kept = flight.group([Column::Vx, Column::Vy, Column::Vz]).is_some();
+        let (what, done) = if kept {
+            (
+                "position or attitude estimate",
+                "(corrections of an estimator?): velocities are logged, so these samples are kept",
+            )
+        } else {
+            ("tracker", "(lost or exchanged markers?): samples about the jumps are left out")
+        };
+        let place = format!("{}, first at t = {:.2} s", times(jumps.len()), t[*first]);
+        found.jumps.push(format!("the {what} jumps as no craft flies {place} {done}"));
+        found.jumps_kept = kept;
+        if !kept {
+            mask_jumps(&mut masked, &jumps);
+        }
     }
     found.saturated = saturated(flight, vehicle);
-    if !found.jumps.is_empty() || masked != *flight && found.frozen.iter().any(|f| f.contains("left out")) {
-        found.masked = Some(masked);
-    }
+    let is_masked = POSE.iter().chain(&GYRO).any(|&c| missing(&masked, c) != missing(flight, c));
+    found.masked = is_masked.then_some(masked);
     found
+}
+
+fn missing(flight: &Flight, column: Column) -> usize {
+    flight.required(column).iter().filter(|v| v.is_nan()).count()
 }
 
 fn times(count: usize) -> String {

@@ -39,6 +39,10 @@ use crate::tracks::{self, Axes, Lags, Pair};
 pub const MATTERS_S: f64 = 0.003;
 /// A skew that is worth a correction: 10 ms between start and end of a flight of 20 s.
 pub const MATTERS_SKEW: f64 = 5e-4;
+/// The same for a position against an IMU, whose low-pass filter alone is 5 to 10 ms late, s.
+pub const MATTERS_AGAINST_IMU_S: f64 = 0.012;
+/// The same for the skew: a filter's delay looks a little like one.
+pub const MATTERS_AGAINST_IMU_SKEW: f64 = 2e-3;
 /// Standard errors by which an estimate has to stand out.
 const SIGNIFICANT: f64 = 4.0;
 /// Less alike than this, the streams tell nothing about each other.
@@ -61,6 +65,9 @@ pub struct Clock {
     /// Time at which `offset_s` holds, s.
     #[serde(skip)]
     pub middle_s: f64,
+    /// Least offset, s, and skew that matter.
+    #[serde(skip)]
+    pub least: [f64; 2],
 }
 
 impl Clock {
@@ -71,11 +78,11 @@ impl Clock {
 
     /// Whether the skew stands out from its error.
     pub fn is_skewed(&self) -> bool {
-        self.skew.abs() > MATTERS_SKEW.max(SIGNIFICANT * self.skew_std_error)
+        self.skew.abs() > self.least[1].max(SIGNIFICANT * self.skew_std_error)
     }
 
     fn judged(mut self) -> Self {
-        let late = self.offset_s.abs() > MATTERS_S.max(SIGNIFICANT * self.offset_std_error_s);
+        let late = self.offset_s.abs() > self.least[0].max(SIGNIFICANT * self.offset_std_error_s);
         self.matters = late || self.is_skewed();
         self
     }
@@ -177,7 +184,10 @@ fn board_keeps_time(flight: &Prepared, gravity_m_s2: f64, skew: f64) -> bool {
 
 /// The tracked attitude's clock against the gyro's.
 pub fn of_attitude(flight: &Prepared) -> Option<Clock> {
-    estimate(&tracks::rates(flight, |k, stretch| stretch.dcm[k]), flight.period_s)
+    // An estimator's attitude lags its own gyro by part of a sample, which is no clock.
+    let least_s = if flight.has_logged_velocity { MATTERS_S.max(flight.period_s) } else { MATTERS_S };
+    let pairs = tracks::rates(flight, |k, stretch| stretch.dcm[k]);
+    estimate(&pairs, flight.period_s, [least_s, MATTERS_SKEW])
 }
 
 /// The tracked position's clock against the IMU's. Nothing without an IMU, and nothing where velocities are logged: then the
@@ -186,10 +196,10 @@ pub fn of_position(flight: &Prepared) -> Option<Clock> {
     if flight.has_logged_velocity {
         return None;
     }
-    estimate(&tracks::forces(flight), flight.period_s)
+    estimate(&tracks::forces(flight), flight.period_s, [MATTERS_AGAINST_IMU_S, MATTERS_AGAINST_IMU_SKEW])
 }
 
-fn estimate(pairs: &[Pair], period_s: f64) -> Option<Clock> {
+fn estimate(pairs: &[Pair], period_s: f64, least: [f64; 2]) -> Option<Clock> {
     if pairs.is_empty() {
         return None;
     }
@@ -205,6 +215,7 @@ fn estimate(pairs: &[Pair], period_s: f64) -> Option<Clock> {
         skew_std_error: f64::NAN,
         matters: false,
         middle_s,
+        least,
     };
     let both = refined(pairs, period_s, clock, true);
     // A skew that does not stand out would only make the offset less certain.

@@ -106,7 +106,9 @@ pub fn examine(flight: &Flight, vehicle: &Vehicle) -> Result<Examined, PrepareEr
         (FaultKind::TrackerJump, channels.jumps),
         (FaultKind::SaturatedCommands, channels.saturated),
     ] {
-        found.into_iter().for_each(|sentence| add(kind, Severity::Warning, sentence));
+        let kept = kind == FaultKind::TrackerJump && channels.jumps_kept;
+        let severity = if kept { Severity::Note } else { Severity::Warning };
+        found.into_iter().for_each(|sentence| add(kind, severity, sentence));
     }
     let mut flight = std::borrow::Cow::Borrowed(flight);
     if let Some(masked) = channels.masked {

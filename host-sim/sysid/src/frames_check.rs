@@ -24,20 +24,28 @@ use crate::filter::{RegressionFilter, compose, sum_of_products};
 use crate::prepare::{Prepared, Stretch, vector};
 use crate::tracks::{self, Axes, Lags, Match};
 
-/// Correlation from which a relation holds.
-const HOLDS: f64 = 0.75;
-/// Correlation under which a relation is contradicted.
+/// Correlation under which a relation is in doubt, so that other axes are tried.
+const IN_DOUBT: f64 = 0.6;
+/// Correlation under which a relation is contradicted, whether something mends it or not.
 const CONTRADICTED: f64 = 0.25;
-/// The same for vertical accelerations, which a sagging battery and the floor blur.
-const CONTRADICTED_VERTICAL: f64 = -0.4;
-const HOLDS_VERTICAL: f64 = 0.4;
+/// Correlation from which a relation in doubt is mended, and how much more it has to be than before.
+const MENDED: f64 = 0.8;
+const MENDED_BY: f64 = 0.3;
+/// How much better than a simpler fault a later one of the list has to be.
+const BETTER_BY: f64 = 0.02;
 /// Rates under this tell nothing, rad/s.
 const EXCITED_RAD_S: f64 = 0.12;
 /// Accelerations under this tell nothing, m/s^2.
 const EXCITED_M_S2: f64 = 0.3;
+/// The same for vertical ones, which the rotors explain with less noise.
+const EXCITED_VERTICAL_M_S2: f64 = 0.12;
 /// Window of the filters for accelerations, s: a tracker differentiated twice needs a long one.
 const WINDOW_S: f64 = 0.7;
 const ROW_PERIOD_S: f64 = 0.05;
+/// Fewer rows than this tell nothing: two seconds.
+const LEAST_ROWS: usize = 40;
+/// Correlation under which an IMU contradicts the tracked motion.
+const IMU_CONTRADICTED: f64 = -0.4;
 
 /// What was found.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -48,27 +56,21 @@ pub struct FrameFault {
     pub named: bool,
 }
 
-/// How a relation fares.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Relation {
-    Contradicted,
-    /// Nothing in the flight excites it, or it is between.
-    Open,
-    /// Smallest correlation, for choosing between two that hold.
-    Holds(f64),
+/// How a relation fares: the smallest correlation of its axes, nothing where no axis is excited.
+type Relation = Option<f64>;
+
+fn below(relation: Relation, limit: f64) -> bool {
+    relation.is_some_and(|value| value < limit)
 }
 
-impl Relation {
-    fn rank(self) -> u8 {
-        match self {
-            Relation::Contradicted => 0,
-            Relation::Open => 1,
-            Relation::Holds(_) => 2,
-        }
-    }
-
-    fn quality(self) -> f64 {
-        if let Relation::Holds(quality) = self { quality } else { 0.0 }
+/// Whether a relation that was `old` is right, or no worse than it was, when it is `new`.
+fn is_mended(old: Relation, new: Relation) -> bool {
+    match (old, new) {
+        (Some(old), Some(new)) if old < IN_DOUBT => new >= MENDED.max(old + MENDED_BY),
+        (Some(old), Some(new)) => new >= old - 0.1,
+        (None, new) => new.is_none_or(|new| new >= IN_DOUBT),
+        // What was excited is excited in any axes.
+        (Some(_), None) => false,
     }
 }
 
@@ -242,21 +244,14 @@ pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
     let as_is = Seen::new(flight, vehicle, as_logged);
     let rates = as_is.rates(&[Axes::SAME])[0];
     let force = as_is.force(Axes::SAME, 1.0);
-    if rates != Relation::Contradicted && force != Relation::Contradicted {
+    if !below(rates, IN_DOUBT) && !below(force, IN_DOUBT) {
         return None;
     }
     let mut best: Option<(f64, String)> = None;
     let mut consider = |new_rates: Relation, new_force: Relation, sentence: &dyn Fn() -> String| {
-        let mended = |old: Relation, new: Relation| match old {
-            Relation::Contradicted => new.rank() == 2,
-            _ => new.rank() >= old.rank(),
-        };
-        let score = new_rates.quality() + new_force.quality();
-        // Earlier hypotheses are simpler: a later one has to be clearly better.
-        if mended(rates, new_rates)
-            && mended(force, new_force)
-            && best.as_ref().is_none_or(|(s, _)| score > s + 0.02)
-        {
+        let score = new_rates.unwrap_or(0.0) + new_force.unwrap_or(0.0);
+        let better = best.as_ref().is_none_or(|(s, _)| score > s + BETTER_BY);
+        if better && is_mended(rates, new_rates) && is_mended(force, new_force) {
             best = Some((score, sentence()));
         }
     };
@@ -270,6 +265,13 @@ pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
             format!("{}: {}", hypothesis.looks_like, hypothesis.mend)
         });
     }
+    // Before mirrored positions: a log that is upside down in all streams looks the same as a position mirrored in all axes.
+    for c in &CONVENTIONS {
+        let seen = Seen::new(flight, vehicle, c.undo);
+        consider(seen.rates(&[c.gyro])[0], seen.force(c.position, 1.0), &|| {
+            format!("{}: {}", c.looks_like, c.mend)
+        });
+    }
     for axes in axes.iter().skip(1) {
         consider(rates, as_is.force(*axes, 1.0), &|| position_sentence(*axes));
     }
@@ -278,24 +280,21 @@ pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
             format!("x, y, z look like {unit}: multiply by {scale}")
         });
     }
-    for c in &CONVENTIONS {
-        let seen = Seen::new(flight, vehicle, c.undo);
-        consider(seen.rates(&[c.gyro])[0], seen.force(c.position, 1.0), &|| {
-            format!("{}: {}", c.looks_like, c.mend)
-        });
+    match best {
+        Some((_, sentence)) => Some(FrameFault { sentence, named: true }),
+        None if below(rates, CONTRADICTED) || below(force, CONTRADICTED) => {
+            Some(FrameFault { sentence: unnamed(rates, force), named: false })
+        }
+        None => None,
     }
-    Some(match best {
-        Some((_, sentence)) => FrameFault { sentence, named: true },
-        None => FrameFault { sentence: unnamed(rates, force), named: false },
-    })
 }
 
 fn unnamed(rates: Relation, force: Relation) -> String {
-    let which = match (rates, force) {
-        (Relation::Contradicted, Relation::Contradicted) => {
+    let which = match (below(rates, CONTRADICTED), below(force, CONTRADICTED)) {
+        (true, true) => {
             "the rates are not those of the attitude, and the acceleration is not along its thrust axis"
         }
-        (Relation::Contradicted, _) => "the gyro does not show the rates of the attitude",
+        (true, false) => "the gyro does not show the rates of the attitude",
         _ => "the acceleration of the position is not along the thrust axis of the attitude",
     };
     format!(
@@ -351,25 +350,20 @@ impl Seen {
 
     /// Relation 1 for each hypothesis of the gyro's axes.
     fn rates(&self, hypotheses: &[Axes]) -> Vec<Relation> {
-        let Some(lags) = &self.lags else { return vec![Relation::Open; hypotheses.len()] };
+        let Some(lags) = &self.lags else { return vec![None; hypotheses.len()] };
         let one = |(axes, found): (&Axes, Match)| {
             let excited = |i: usize| lags.rms_onboard[i].max(lags.rms_tracked[axes.from[i]]) > EXCITED_RAD_S;
-            let told: Vec<f64> = (0..3).filter(|&i| excited(i)).map(|i| found.correlation[i]).collect();
-            let worst = told.iter().copied().fold(f64::INFINITY, f64::min);
-            match worst {
-                _ if told.is_empty() => Relation::Open,
-                w if w >= HOLDS => Relation::Holds(found.similarity.min(w)),
-                w if w <= CONTRADICTED => Relation::Contradicted,
-                _ => Relation::Open,
-            }
+            let told = (0..3).filter(|&i| excited(i)).map(|i| found.correlation[i]);
+            // Equal in size as well: degrees correlate with radians.
+            told.min_by(f64::total_cmp).map(|worst| worst.min(found.similarity))
         };
         hypotheses.iter().zip(lags.best(hypotheses)).map(one).collect()
     }
 
     /// Relation 2 with the position's axes and unit mended.
     fn force(&self, axes: Axes, scale: f64) -> Relation {
-        if self.rows.len() < 40 {
-            return Relation::Open;
+        if self.rows.len() < LEAST_ROWS {
+            return None;
         }
         let mended = |v: Vector3<f64>| scale * axes.of(v);
         let measured: Vec<Vector3<f64>> = self.rows.iter().map(|r| mended(r.acceleration)).collect();
@@ -397,7 +391,7 @@ impl Seen {
             let thrust = solution[0] + solution[1];
             return self.judged(thrust, &measured, &predicted);
         }
-        Relation::Contradicted
+        Some(-1.0)
     }
 
     fn solve(
@@ -431,30 +425,25 @@ impl Seen {
 
     fn judged(&self, thrust: f64, measured: &[Vector3<f64>], predicted: &[Vector3<f64>]) -> Relation {
         if !(0.3..3.0).contains(&(thrust / self.gravity)) {
-            return Relation::Contradicted;
+            return Some(-1.0);
         }
-        let mut worst = f64::INFINITY;
-        let mut told = false;
-        for axis in 0..3 {
+        let told = (0..3).filter_map(|axis| {
             let of = |v: &[Vector3<f64>]| v.iter().map(|v| v[axis]).collect::<Vec<f64>>();
-            let (m, p) = (of(measured), of(predicted));
-            let (rms, correlation) = (deviation(&m), correlation(&m, &p));
-            if rms < EXCITED_M_S2 || axis == 2 && !self.thrust_varies {
-                continue;
+            let m = of(measured);
+            if axis < 2 {
+                return (deviation(&m) > EXCITED_M_S2).then(|| correlation(&m, &of(predicted)));
             }
-            told = true;
-            let (low, high) =
-                if axis == 2 { (CONTRADICTED_VERTICAL, HOLDS_VERTICAL) } else { (CONTRADICTED, HOLDS) };
-            // On the scale of the horizontal axes.
-            let placed = CONTRADICTED + (correlation - low) / (high - low) * (HOLDS - CONTRADICTED);
-            worst = worst.min(placed.min(1.0));
-        }
-        match worst {
-            _ if !told => Relation::Open,
-            w if w >= HOLDS => Relation::Holds(w),
-            w if w <= CONTRADICTED => Relation::Contradicted,
-            _ => Relation::Open,
-        }
+            // Up and down the rotors themselves are asked: a fit would leave out a thrust of the wrong sign. A sagging
+            // battery and the floor blur it, so that half of a correlation is as good as all of it.
+            let lift: Vec<f64> = self.rows.iter().map(|r| -r.pull.z).collect();
+            let excited = self.thrust_varies && deviation(&m) > EXCITED_VERTICAL_M_S2;
+            // Weak motion that the rotors do not explain is a draught or noise, strong motion is not.
+            let strong = deviation(&m) > EXCITED_M_S2;
+            excited
+                .then(|| (2.0 * correlation(&m, &lift)).clamp(-1.0, 1.0))
+                .filter(|c| strong || c.abs() > MENDED)
+        });
+        told.min_by(f64::total_cmp)
     }
 }
 
@@ -580,14 +569,16 @@ fn imu_hypotheses() -> Vec<ImuHypothesis> {
 
 /// Checks relation 3 on a flight whose clocks agree; nothing without an IMU.
 pub fn check_imu(flight: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
-    let as_logged = imu_relation(flight, vehicle, &|f, _, _| f)?;
-    if as_logged != Relation::Contradicted {
+    let as_logged = imu_relation(flight, vehicle, &|f, _, _| f);
+    // Small forces to the sides drown in a tilted tracker: only a clear contradiction counts.
+    if !below(as_logged, IMU_CONTRADICTED) {
         return None;
     }
     let mut best: Option<(f64, String)> = None;
     for (sentence, undo) in imu_hypotheses() {
-        if let Some(Relation::Holds(quality)) = imu_relation(flight, vehicle, &*undo)
-            && best.as_ref().is_none_or(|(b, _)| quality > b + 0.02)
+        if let Some(quality) = imu_relation(flight, vehicle, &*undo)
+            && quality >= MENDED
+            && best.as_ref().is_none_or(|(b, _)| quality > b + BETTER_BY)
         {
             best = Some((quality, sentence));
         }
@@ -607,7 +598,7 @@ fn imu_relation(
     flight: &Prepared,
     vehicle: &Vehicle,
     undo: &dyn Fn(Vector3<f64>, &Matrix3<f64>, f64) -> Vector3<f64>,
-) -> Option<Relation> {
+) -> Relation {
     let taps = Taps::new(flight.period_s);
     let stride = ((ROW_PERIOD_S / flight.period_s).round() as usize).max(1);
     let gravity = Vector3::new(0.0, 0.0, vehicle.gravity);
@@ -634,12 +625,12 @@ fn imu_relation(
             }
         }
     }
-    if sensed[0].len() < 40 {
+    if sensed[0].len() < LEAST_ROWS {
         return None;
     }
     let off = Vector3::from_fn(|i, _| mean(&sensed[i]) - mean(&tracked[i])).norm() / vehicle.gravity;
     if off > 0.5 {
-        return Some(Relation::Contradicted);
+        return Some(-1.0);
     }
     let mut worst: f64 = if off < 0.2 { 1.0 } else { 0.5 };
     for i in 0..3 {
@@ -648,10 +639,5 @@ fn imu_relation(
         }
         worst = worst.min(correlation(&sensed[i], &tracked[i]));
     }
-    Some(match worst {
-        w if w >= HOLDS => Relation::Holds(w),
-        // Small forces to the sides drown in a tilted tracker; only a clear contradiction counts.
-        w if w <= -0.4 => Relation::Contradicted,
-        _ => Relation::Open,
-    })
+    Some(worst)
 }
