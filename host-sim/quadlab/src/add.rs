@@ -6,7 +6,9 @@ use model::effects::CATALOGUE;
 use model::{Effect, HistoryEntry, Model, PerAxis};
 use serde::Serialize;
 use sysid::Addition;
+use sysid::plausible::Likeness;
 
+use crate::faults::{self, FaultOptions};
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs};
 use crate::{progress, tables};
@@ -33,6 +35,9 @@ pub(crate) struct Options {
     #[arg(long, value_name = "TOML")]
     out: PathBuf,
 
+    #[command(flatten)]
+    faults: FaultOptions,
+
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
     json: bool,
@@ -55,10 +60,16 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         let there = listed(&model.effects());
         return Err(AddError::AlreadyThere { model: options.model.clone(), effect, there }.into());
     }
-    let sets = Sets::read(&options.sets, &model.vehicle, options.json)?;
+    let sets = Sets::read(&options.sets, &model.vehicle, options.faults.reading(options.json))?;
+    sets.faults.of_fitted(&model, &sets.validate);
+    sets.faults.of_likeness(&model, sets.all(), Likeness::SAME);
     let (better, addition) = add(&model, effect, &sets, options.json)?;
     report::write_atomic(&options.out, better.to_toml())?;
-    if options.json { Outcome::json(&document(&addition)) } else { Ok(text(options, &better, &addition)) }
+    if options.json {
+        faults::json(&document(&addition), sets.all(), &sets.faults)
+    } else {
+        Ok(text(options, &better, &addition))
+    }
 }
 
 fn known_effect(id: &str) -> Result<Effect, AddError> {

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use model::{Effect, Model, Vehicle};
 use rayon::prelude::*;
 
+use crate::faults::Reading;
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, provenance};
 use crate::story::{self, Story};
@@ -73,7 +74,7 @@ fn on_flights(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
     let (files, how) = chosen_flights(folder)?;
     let vehicle_path = folder.join("vehicle.toml");
     let vehicle = Vehicle::read(&vehicle_path)?;
-    let sets = Sets::read(&files, &vehicle, false)?;
+    let sets = Sets::read(&files, &vehicle, Reading::default())?;
     create(&options.out)?;
     let story = story::tell(&vehicle, &sets, false)?;
     let lead = format!("{how} {}", story.conclusion());
@@ -123,7 +124,7 @@ fn on_hidden_effect(options: &Options) -> anyhow::Result<Outcome> {
 
     // From here on only the files speak.
     let vehicle = Vehicle::read(&vehicle_path)?;
-    let sets = Sets::read(&files, &vehicle, false)?;
+    let sets = Sets::read(&files, &vehicle, Reading::default())?;
     let story = story::tell(&vehicle, &sets, false)?;
     let found = story.found().first() == Some(&effect);
     let lead = format!("{} {}", story.conclusion(), verdict(effect, seed, &story));

@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use model::Model;
 use sysid::Diagnosis;
+use sysid::plausible::Likeness;
 
+use crate::faults::{self, FaultOptions};
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs, provenance};
 use crate::{flights, pages, progress, tables};
@@ -37,6 +39,9 @@ pub(crate) struct Options {
     #[arg(long, value_name = "HTML")]
     html: Option<PathBuf>,
 
+    #[command(flatten)]
+    faults: FaultOptions,
+
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
     json: bool,
@@ -64,19 +69,28 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
     inputs.push(&options.model);
     check_outputs(&options.html, &inputs)?;
     let model = Model::read(&options.model)?;
-    let sets = Sets::read(sets, &model.vehicle, options.json)?;
+    let sets = Sets::read(sets, &model.vehicle, options.faults.reading(options.json))?;
+    sets.faults.of_fitted(&model, &sets.validate);
+    sets.faults.of_likeness(&model, sets.all(), Likeness::SAME);
     let diagnosis = diagnose(&model, &sets, options.json)?;
     if let Some(path) = &options.html {
-        pages::diagnose(&model, &sets, &diagnosis)
+        pages::with_checks(pages::diagnose(&model, &sets, &diagnosis), sets.all(), &sets.faults)
             .provenance(provenance(&[&options.model], sets.all()))
             .write(path)?;
     }
-    if options.json { Outcome::json(&diagnosis) } else { Ok(Outcome::done(text(options, &diagnosis))) }
+    if options.json {
+        faults::json(&diagnosis, sets.all(), &sets.faults)
+    } else {
+        Ok(Outcome::done(text(options, &diagnosis)))
+    }
 }
 
 fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
     let model = Model::read(&options.model)?;
-    let loaded = flights::read(&options.changed, &model.vehicle, options.json)?;
+    let reading = options.faults.reading(options.json);
+    let (loaded, faults) = flights::read(&options.changed, &model.vehicle, reading)?;
+    faults.of_fitted(&model, &loaded);
+    faults.of_likeness(&model, &loaded, Likeness::CHANGED);
     if model.fit.as_ref().is_none_or(|fit| fit.scatter.is_empty()) {
         eprintln!(
             "warning: {}: does not say how much the craft differed from flight to flight; changes are judged against noise alone",
@@ -90,7 +104,11 @@ fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
     spinner.finish_and_clear();
     let diagnosis =
         diagnosis.map_err(|refused| anyhow::Error::new(refused).context(flights::names(&loaded)))?;
-    if options.json { Outcome::json(&diagnosis) } else { Ok(Outcome::done(text(options, &diagnosis))) }
+    if options.json {
+        faults::json(&diagnosis, &loaded, &faults)
+    } else {
+        Ok(Outcome::done(text(options, &diagnosis)))
+    }
 }
 
 /// Diagnoses with progress on standard error.

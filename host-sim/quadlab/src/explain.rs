@@ -7,6 +7,7 @@ use serde::Serialize;
 use sysid::Verdict;
 use sysid::diagnose::Unexplained;
 
+use crate::faults::{self, FaultOptions};
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs, provenance};
 use crate::story::{self, Story};
@@ -35,6 +36,9 @@ pub(crate) struct Options {
     #[arg(long, value_name = "HTML")]
     html: Option<PathBuf>,
 
+    #[command(flatten)]
+    faults: FaultOptions,
+
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
     json: bool,
@@ -45,15 +49,19 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     inputs.push(&options.vehicle);
     check_outputs([&options.out].into_iter().chain(&options.html), &inputs)?;
     let vehicle = Vehicle::read(&options.vehicle)?;
-    let sets = Sets::read(&options.sets, &vehicle, options.json)?;
+    let sets = Sets::read(&options.sets, &vehicle, options.faults.reading(options.json))?;
     let story = story::tell(&vehicle, &sets, options.json)?;
     report::write_atomic(&options.out, story.last_model().to_toml())?;
     if let Some(path) = &options.html {
-        pages::story(&story.conclusion(), &sets, &story)
+        pages::with_checks(pages::story(&story.conclusion(), &sets, &story), sets.all(), &sets.faults)
             .provenance(provenance(&[&options.vehicle], sets.all()))
             .write(path)?;
     }
-    if options.json { Outcome::json(&document(&story)) } else { Ok(Outcome::done(text(options, &story))) }
+    if options.json {
+        faults::json(&document(&story), sets.all(), &sets.faults)
+    } else {
+        Ok(Outcome::done(text(options, &story)))
+    }
 }
 
 fn text(options: &Options, story: &Story) -> String {

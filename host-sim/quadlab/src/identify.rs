@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use model::{AxisError, Effect, FlightRole, Model, PerAxis, Vehicle};
 use serde::Serialize;
 
+use crate::faults::{self, FaultOptions};
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs};
 use crate::{progress, tables};
@@ -28,6 +29,9 @@ pub(crate) struct Options {
     #[arg(long, value_name = "TOML")]
     out: PathBuf,
 
+    #[command(flatten)]
+    faults: FaultOptions,
+
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
     json: bool,
@@ -38,11 +42,11 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     inputs.push(&options.vehicle);
     check_outputs([&options.out], &inputs)?;
     let vehicle = Vehicle::read(&options.vehicle)?;
-    let sets = Sets::read(&options.sets, &vehicle, options.json)?;
+    let sets = Sets::read(&options.sets, &vehicle, options.faults.reading(options.json))?;
     let identified = identify(&vehicle, &sets, options.json)?;
     report::write_atomic(&options.out, identified.model.to_toml())?;
     if options.json {
-        Outcome::json(&document(&identified, &sets))
+        faults::json(&document(&identified, &sets), sets.all(), &sets.faults)
     } else {
         Ok(text(options, &identified, &sets))
     }
@@ -68,6 +72,7 @@ pub(crate) fn identify(vehicle: &Vehicle, sets: &Sets, json: bool) -> anyhow::Re
     for doubt in sysid::impossible_signs(&model) {
         eprintln!("warning: {doubt}");
     }
+    sets.faults.of_fit(&model, sets);
     Ok(Identified { model, condition: fit.condition })
 }
 
@@ -76,8 +81,9 @@ fn text(options: &Options, identified: &Identified, sets: &Sets) -> Outcome {
     let record = model.fit.clone().unwrap_or_default();
     let roles = sets.train.iter().map(|f| (f, "train")).chain(sets.validate.iter().map(|f| (f, "validate")));
     Outcome::done(format!(
-        "{}\n{}\n{}\ncondition number of the fit: {}\nmodel written to {}\n",
+        "{}\n{}\n{}\n{}\ncondition number of the fit: {}\nmodel written to {}\n",
         tables::flights(roles).to_text(),
+        tables::clocks(sets.all()).to_text(),
         tables::coefficients(model).to_text(),
         tables::fit_errors(&record.train, &record.held_out).to_text(),
         report::significant(identified.condition, 2),

@@ -13,6 +13,7 @@ mod demo;
 mod diagnose;
 mod effects;
 mod explain;
+mod faults;
 mod figures;
 mod flights;
 mod hidden;

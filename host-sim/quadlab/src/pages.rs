@@ -4,6 +4,7 @@ use model::{AXES, Axis, Effect, Model};
 use report::{Page, Section};
 use sysid::{Comparison, Diagnosis};
 
+use crate::faults::Faults;
 use crate::figures::{self, Captioned, View};
 use crate::flights::{Loaded, Sets, prepared};
 use crate::story::Story;
@@ -26,6 +27,21 @@ impl Add for Section {
     fn grid(self, grid: &Grid) -> Self {
         if grid.has_rows() { self.table(grid.to_table()) } else { self }
     }
+}
+
+/// The page with what was found in the flights before anything was fitted.
+pub(crate) fn with_checks<'a>(
+    page: Page,
+    flights: impl IntoIterator<Item = &'a Loaded>,
+    faults: &Faults,
+) -> Page {
+    let mut section = Section::new("What was checked");
+    let found = tables::faults(&faults.all());
+    if !found.has_rows() {
+        section = section
+            .paragraph("Channels, axes and signs, motor order, clocks and vehicle file: nothing is wrong.");
+    }
+    page.section(section.grid(&found).grid(&tables::clocks(flights)))
 }
 
 /// A model against flights.

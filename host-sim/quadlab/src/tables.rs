@@ -4,9 +4,10 @@ use std::fmt::Write as _;
 
 use model::{AXES, AxisError, Effect, HistoryEntry, Model, PerAxis};
 use report::significant;
+use sysid::clocks::Clock;
 use sysid::compare::HorizonError;
 use sysid::diagnose::{EffectFinding, Unexplained};
-use sysid::{Comparison, Diagnosis};
+use sysid::{Comparison, Diagnosis, Fault};
 
 use crate::flights::Loaded;
 use crate::story::Story;
@@ -267,6 +268,50 @@ pub(crate) fn flights<'a>(all: impl IntoIterator<Item = (&'a Loaded, &'static st
             p.force_target.name().into(),
             if p.notes.is_empty() { "-".into() } else { p.notes.join("; ") },
         ]);
+    }
+    grid
+}
+
+/// What is wrong with flights, vehicle file and fit.
+pub(crate) fn faults(faults: &[Fault]) -> Grid {
+    let mut grid = Grid::new(
+        "What was found before anything was fitted, and in the fit",
+        [text("kind"), text("flight"), text("what it is and how to mend it")],
+    );
+    for fault in faults {
+        grid.push([
+            fault.kind.id().into(),
+            fault.flight.clone().unwrap_or("-".into()),
+            fault.sentence.clone(),
+        ]);
+    }
+    grid
+}
+
+/// The tracker's clock against the sensors on board, where flights tell.
+pub(crate) fn clocks<'a>(flights: impl IntoIterator<Item = &'a Loaded>) -> Grid {
+    let mut grid = Grid::new(
+        "Clocks: how late the tracker is against the sensors on board (a skew: the tracker runs ahead)",
+        [
+            text("flight"),
+            number("attitude against gyro", "ms"),
+            number("skew", "%"),
+            number("position against IMU", "ms"),
+            verdict("corrected"),
+        ],
+    );
+    let offset = |clock: Option<Clock>| match clock {
+        Some(c) => format!("{:.2} ± {:.2}", 1e3 * c.offset_s, 1e3 * c.offset_std_error_s),
+        None => "-".into(),
+    };
+    for flight in flights {
+        let c = &flight.clocks;
+        let skew = c
+            .attitude
+            .map_or("-".into(), |a| format!("{:.3} ± {:.3}", 100.0 * a.skew, 100.0 * a.skew_std_error));
+        let corrected = if c.aligned { "yes" } else { "no" };
+        let name = flight.prepared.name.clone();
+        grid.push([name, offset(c.attitude), skew, offset(c.position), corrected.into()]);
     }
     grid
 }

@@ -16,8 +16,7 @@ use crate::motors_check;
 use crate::prepare::{PrepareError, Prepared};
 
 /// What kind of fault; the word in JSON.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum FaultKind {
     /// Tracker and board stamp the same moment differently.
     ClockOffset,
@@ -49,6 +48,35 @@ pub enum FaultKind {
     SharedSamples,
     /// A flight that the model was fitted on.
     FittedOn,
+}
+
+impl FaultKind {
+    /// The word for it in JSON and on pages.
+    pub const fn id(self) -> &'static str {
+        match self {
+            Self::ClockOffset => "clock-offset",
+            Self::ClockSkew => "clock-skew",
+            Self::WrongFrame => "wrong-frame",
+            Self::InconsistentFrames => "inconsistent-frames",
+            Self::WrongMotors => "wrong-motors",
+            Self::SaturatedCommands => "saturated-commands",
+            Self::FrozenChannel => "frozen-channel",
+            Self::TrackerJump => "tracker-jump",
+            Self::Gaps => "gaps",
+            Self::ImplausibleVehicle => "implausible-vehicle",
+            Self::OtherVehicle => "other-vehicle",
+            Self::TooFewFlights => "too-few-flights",
+            Self::NotExcited => "not-excited",
+            Self::SharedSamples => "shared-samples",
+            Self::FittedOn => "fitted-on",
+        }
+    }
+}
+
+impl Serialize for FaultKind {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.id())
+    }
 }
 
 /// What is done about a fault.

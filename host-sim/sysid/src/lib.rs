@@ -15,6 +15,8 @@ pub mod flight;
 pub mod frames_check;
 pub mod motors_check;
 pub mod noise;
+pub mod overlap;
+pub mod plausible;
 pub mod prepare;
 pub mod regress;
 mod rows;

@@ -188,6 +188,11 @@ impl Prepared {
         self.stretches.iter().map(|s| s.time_s.len() - 2 * self.margin).sum()
     }
 
+    /// Whether rotor speeds were logged.
+    pub fn has_logged_rotor_speed(&self) -> bool {
+        self.stretches.iter().all(|s| s.logged_rotor_rad_s.is_some())
+    }
+
     /// Mean battery voltage, V.
     pub fn mean_battery_v(&self) -> f64 {
         let (sum, count) = self
