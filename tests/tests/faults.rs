@@ -2,10 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use model::{Vehicle, frames};
+use model::{Effect, Model, Vehicle, frames};
 use nalgebra::{Matrix3, Vector3, Vector4};
+use rand::{RngExt, SeedableRng};
 use stories::shared;
 use stories::world::{Pattern, Sensors, Size, World};
+use sysid::plausible::{self, Likeness};
 use sysid::{Column, Fault, FaultKind, Flight, Severity, examine};
 
 use Column::*;
@@ -226,6 +228,264 @@ fn sound_flights_have_no_faults() {
             let examined = examine(&flight, &vehicle).unwrap();
             assert!(examined.faults.is_empty(), "seed {seed} {}: {:?}", flight.name, examined.faults);
         }
+    }
+}
+
+/// The flight with an IMU: what a noise-free twin of it feels, in body axes, with noise of a filtered accelerometer.
+fn with_imu(world: &World, pattern: Pattern) -> Option<Flight> {
+    let (exact, noisy) = (
+        world.fly(pattern, 20.0, &Sensors::noisy(0.0), 0).ok()?,
+        world.fly(pattern, 20.0, &Sensors::default(), 0).ok()?,
+    );
+    let count = exact.len().min(noisy.len());
+    let at = |c: Column, k: usize| exact.column(c).unwrap()[k];
+    let place = |k: usize| Vector3::from([X, Y, Z].map(|c| at(c, k)));
+    let mut random = rand_pcg::Pcg64::seed_from_u64(7);
+    let mut imu: [Vec<f64>; 3] = Default::default();
+    for k in 0..count {
+        let middle = k.clamp(1, count - 2);
+        let acceleration = (place(middle + 1) - 2.0 * place(middle) + place(middle - 1)) / 1e-4;
+        let euler = Vector3::from([Phi, Theta, Psi].map(|c| at(c, middle)));
+        let force =
+            frames::dcm_from_euler(euler) * (acceleration - Vector3::new(0.0, 0.0, world.vehicle.gravity));
+        for i in 0..3 {
+            imu[i].push(force[i] + random.random_range(-0.3..0.3));
+        }
+    }
+    let columns = ALL.map(|c| (c, noisy.column(c).unwrap()[..count].to_vec()));
+    Some(Flight::from_columns(pattern.name(), columns.into_iter().chain([Ax, Ay, Az].into_iter().zip(imu))))
+}
+
+#[test]
+fn planted_imu_faults_are_found_and_named() {
+    let (mut count, mut found) = (0, 0);
+    for seed in 0..4 {
+        let world = World::new(Size::ALL[(seed % 2) as usize], seed);
+        for flight in Pattern::TRAIN.into_iter().chain(Pattern::VALIDATE).filter_map(|p| with_imu(&world, p))
+        {
+            let examined = examine(&flight, &world.vehicle).unwrap();
+            assert!(examined.faults.is_empty(), "seed {seed} {}: {:?}", flight.name, examined.faults);
+            let mut faults: Vec<(String, &str, Edit)> = Vec::new();
+            for (k, m) in rotations().into_iter().enumerate().skip(1) {
+                faults.push((
+                    format!("IMU turned {k}"),
+                    "ax, ay, az look like",
+                    Box::new(move |r| r.imu = m * r.imu),
+                ));
+            }
+            faults.push(("reversed".into(), "wrong sign", Box::new(|r| r.imu *= -1.0)));
+            faults.push(("in g".into(), "multiples of g", Box::new(|r| r.imu /= 9.81)));
+            let down = |r: &Row| frames::dcm_from_euler(r.euler) * Vector3::new(0.0, 0.0, 9.81);
+            faults.push(("no gravity".into(), "without gravity", Box::new(move |r| r.imu += down(r))));
+            faults.push((
+                "wrong gravity".into(),
+                "gravity with the wrong sign",
+                Box::new(move |r| r.imu += 2.0 * down(r)),
+            ));
+            for (what, word, edit) in faults {
+                let examined = examine(&edited(&flight, edit), &world.vehicle).unwrap();
+                count += 1;
+                let right = refused(&examined.faults).is_some_and(|f| f.sentence.contains(word));
+                found += usize::from(right);
+                if !right {
+                    println!("seed {seed} {} {what}: {:?}", flight.name, examined.faults);
+                }
+            }
+        }
+    }
+    println!("{count} planted, {found} named rightly");
+    assert!(found as f64 >= 0.8 * count as f64);
+}
+
+#[test]
+fn motors_in_another_order_are_named() {
+    let (mut count, mut found) = (0, 0);
+    for (seed, vehicle, flights) in worlds(0..4) {
+        for flight in flights {
+            for order in orders().into_iter().skip(1) {
+                let wrong = edited(&flight, move |r| r.command = order.map(|i| r.command[i]));
+                let examined = examine(&wrong, &vehicle).unwrap();
+                count += 1;
+                // The columns cmd1.. hold the commands of motors order[0] + 1, ...
+                let words: Vec<String> =
+                    (0..4).map(|k| format!("cmd{} of motor {} ", k + 1, order[k] + 1)).collect();
+                let fault = refused(&examined.faults);
+                let right = fault.is_some_and(|f| words.iter().all(|w| f.sentence.contains(w)));
+                found += usize::from(right);
+                if !right {
+                    println!("seed {seed} {} {order:?}: {:?}", flight.name, examined.faults);
+                }
+            }
+            let mut turned = vehicle.clone();
+            turned.motors.spin.rotate_left(1);
+            let examined = examine(&flight, &turned).unwrap();
+            count += 1;
+            found += usize::from(refused(&examined.faults).is_some_and(|f| f.sentence.contains("spin")));
+        }
+    }
+    println!("{count} planted, {found} named rightly");
+    assert!(found as f64 >= 0.99 * count as f64);
+}
+
+fn orders() -> Vec<[usize; 4]> {
+    let mut all = Vec::new();
+    for code in 0..256_usize {
+        let order = [code / 64, code / 16 % 4, code / 4 % 4, code % 4];
+        if (0..4).all(|i| order.contains(&i)) {
+            all.push(order);
+        }
+    }
+    all
+}
+
+/// The flight with other values in some columns.
+fn with_columns(flight: &Flight, change: impl Fn(Column, &[f64]) -> Vec<f64>) -> Flight {
+    Flight::from_columns(flight.name.clone(), ALL.map(|c| (c, change(c, flight.column(c).unwrap()))))
+}
+
+#[test]
+fn trackers_that_freeze_or_jump_are_cut_out() {
+    let pose = [X, Y, Z, Phi, Theta, Psi];
+    for (seed, vehicle, flights) in worlds(0..4) {
+        for flight in flights {
+            let sound = examine(&flight, &vehicle).unwrap().prepared.rows();
+            let frozen = with_columns(&flight, |c, v| {
+                let mut v = v.to_vec();
+                if pose.contains(&c) {
+                    let held = v[600];
+                    v[600..650].fill(held);
+                }
+                v
+            });
+            let jumped = with_columns(&flight, |c, v| {
+                let far = if c == Y { 0.4 } else { 0.0 };
+                v.iter()
+                    .enumerate()
+                    .map(|(k, v)| if (700..715).contains(&k) { v + far } else { *v })
+                    .collect()
+            });
+            let moved = with_columns(&flight, |c, v| {
+                let far = if c == X { 0.2 } else { 0.0 };
+                v.iter().enumerate().map(|(k, v)| if k >= 800 { v + far } else { *v }).collect()
+            });
+            for (wrong, kind, lost) in [
+                (frozen, FaultKind::FrozenChannel, 49),
+                (jumped, FaultKind::TrackerJump, 15),
+                (moved, FaultKind::TrackerJump, 1),
+            ] {
+                let examined = examine(&wrong, &vehicle).unwrap();
+                let kinds: Vec<FaultKind> = examined
+                    .faults
+                    .iter()
+                    .filter(|f| f.severity == Severity::Warning)
+                    .map(|f| f.kind)
+                    .collect();
+                assert_eq!(kinds, [kind], "seed {seed} {}: {:?}", flight.name, examined.faults);
+                // Ends of stretches give no rows either: two windows at each side of the cut.
+                let rows = examined.prepared.rows();
+                assert!(rows + lost <= sound && rows + lost + 80 > sound, "{rows} of {sound}");
+            }
+        }
+    }
+}
+
+#[test]
+fn stuck_motors_and_commands_at_their_ends_are_told() {
+    for (seed, vehicle, flights) in worlds(0..2) {
+        let [low, high] = vehicle.motors.command_range;
+        for flight in flights {
+            let stuck = edited(&flight, |r| r.command[2] = 0.5 * (low + high));
+            let at_end = with_columns(&flight, |c, v| {
+                let end = |(k, v): (usize, &f64)| if c == Cmd2 && k % 8 == 0 { high } else { *v };
+                v.iter().enumerate().map(end).collect()
+            });
+            for (wrong, kind, word) in [
+                (stuck, FaultKind::FrozenChannel, "cmd3 never changes"),
+                (at_end, FaultKind::SaturatedCommands, "cmd2 in 12 % of the samples"),
+            ] {
+                let faults = examine(&wrong, &vehicle).unwrap().faults;
+                let told = faults.iter().any(|f| f.kind == kind && f.sentence.contains(word));
+                assert!(told, "seed {seed} {}: {faults:?}", flight.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn pieces_and_copies_of_a_flight_are_recognised() {
+    for (seed, vehicle, flights) in worlds(0..4) {
+        let prepared: Vec<_> = flights.iter().map(|f| examine(f, &vehicle).unwrap().prepared).collect();
+        for (k, flight) in flights.iter().enumerate() {
+            for (j, other) in prepared.iter().enumerate().filter(|(j, _)| *j != k) {
+                assert!(!sysid::overlap::share_samples(&prepared[k], other), "seed {seed} {k} {j}");
+            }
+            let piece = with_columns(flight, |_, v| v[431..1400].to_vec());
+            let rounded = with_columns(flight, |c, v| {
+                let digits = if c == T { 1e3 } else { 1e4 };
+                v.iter().map(|v| (v * digits).round() / digits).collect()
+            });
+            for again in [piece, rounded] {
+                let again = examine(&again, &vehicle).unwrap().prepared;
+                assert!(sysid::overlap::share_samples(&prepared[k], &again), "seed {seed} {k}");
+            }
+        }
+    }
+}
+
+#[test]
+fn wrong_vehicle_files_and_other_craft_are_suspected() {
+    for (seed, vehicle, flights) in worlds(0..6) {
+        if flights.len() < 5 {
+            continue;
+        }
+        let basic: Vec<Effect> = Effect::basic().collect();
+        let model_of = |vehicle: &Vehicle| {
+            let prepared: Vec<_> = flights.iter().map(|f| examine(f, vehicle).unwrap().prepared).collect();
+            let model =
+                sysid::fit(&prepared.iter().collect::<Vec<_>>(), vehicle, &basic, None).unwrap().model;
+            (model, prepared)
+        };
+        let suspicions = |vehicle: &Vehicle| {
+            let (model, _) = model_of(vehicle);
+            plausible::of_vehicle(vehicle).into_iter().chain(plausible::of_fit(&model, false)).count()
+        };
+        assert_eq!(suspicions(&vehicle), 0, "seed {seed}");
+        let edits: [(&str, fn(&mut Vehicle)); 5] = [
+            ("grams", |v| v.mass *= 1000.0),
+            ("diameter", |v| v.rotor_radius *= 2.0),
+            ("diagonal", |v| v.arm_length *= 2.0),
+            ("centimetres", |v| v.rotor_radius *= 0.1),
+            ("revolutions a minute", |v| {
+                for k in [&mut v.motors.command, &mut v.motors.voltage, &mut v.motors.offset] {
+                    *k = k.map(|k| k * 60.0 / std::f64::consts::TAU);
+                }
+            }),
+        ];
+        for (what, edit) in edits {
+            let mut wrong = vehicle.clone();
+            edit(&mut wrong);
+            assert!(suspicions(&wrong) > 0, "seed {seed}: {what}");
+        }
+        // Flights of a craft half as large again as the model's.
+        let (mut model, prepared) = model_of(&vehicle);
+        let all: Vec<_> = prepared.iter().collect();
+        assert_eq!(plausible::differences(&model, &all, Likeness::SAME), Vec::<String>::new(), "seed {seed}");
+        let scaled = |model: &mut Model, effect: Effect, factor: f64| {
+            let term = model.terms.iter_mut().find(|t| t.effect == effect).unwrap();
+            term.coefficients.iter_mut().for_each(|c| c.value *= factor);
+        };
+        // A third heavier is a finding of --changed, not another craft.
+        scaled(&mut model, Effect::Thrust, 1.35);
+        assert_eq!(
+            plausible::differences(&model, &all, Likeness::CHANGED),
+            Vec::<String>::new(),
+            "seed {seed}"
+        );
+        assert_eq!(plausible::differences(&model, &all, Likeness::SAME).len(), 1, "seed {seed}");
+        scaled(&mut model, Effect::Thrust, 1.5);
+        assert_eq!(plausible::differences(&model, &all, Likeness::CHANGED).len(), 1, "seed {seed}");
+        scaled(&mut model, Effect::RotorMoments, -1.0);
+        assert_eq!(plausible::differences(&model, &all, Likeness::CHANGED).len(), 3, "seed {seed}");
     }
 }
 

@@ -8,7 +8,7 @@ use sysid::clocks::Clocks;
 use sysid::plausible::{self, Likeness};
 use sysid::{Fault, FaultKind, Severity, overlap};
 
-use crate::flights::{self, FlightsError, Loaded, Sets};
+use crate::flights::{FlightsError, Loaded, Sets};
 use crate::output::Outcome;
 
 /// What is done about faults.
@@ -138,14 +138,14 @@ impl Faults {
             model.vehicle.name,
             differences.join(", ")
         );
-        self.tell(&listed(&flights), Fault::of_all(FaultKind::OtherVehicle, Severity::Warning, sentence));
+        self.tell(&listed(flights), Fault::of_all(FaultKind::OtherVehicle, Severity::Warning, sentence));
     }
 
     /// What a fitted model says of its vehicle file and of the flights it was fitted on and judged by.
     pub(crate) fn of_fit(&self, model: &Model, sets: &Sets) {
         let logged = sets.train.iter().all(|f| f.prepared.has_logged_rotor_speed());
         for fault in plausible::of_fit(model, logged) {
-            self.tell(&flights::names(&sets.train), fault);
+            self.tell(&listed(&sets.train), fault);
         }
         let judged: Vec<_> = sets.validate();
         let differences = plausible::differences(model, &judged, Likeness::SAME);
@@ -153,17 +153,25 @@ impl Faults {
             let sentence = format!(
                 "these flights look like those of another vehicle than {}: against the fit, {}; judge a model by flights of the same \
                  craft",
-                flights::names(&sets.train),
+                listed(&sets.train),
                 differences.join(", ")
             );
             let fault = Fault::of_all(FaultKind::OtherVehicle, Severity::Warning, sentence);
-            self.tell(&flights::names(&sets.validate), fault);
+            self.tell(&listed(&sets.validate), fault);
         }
     }
 }
 
-fn listed(flights: &[&Loaded]) -> String {
-    flights.iter().map(|f| f.path.display().to_string()).collect::<Vec<_>>().join(", ")
+/// Flights that are named one by one; of more, the rest is counted.
+const NAMED: usize = 5;
+
+/// "A.csv, B.csv", with the folders the user gave.
+fn listed<'a>(flights: impl IntoIterator<Item = &'a Loaded>) -> String {
+    let mut names: Vec<String> = flights.into_iter().map(|f| f.path.display().to_string()).collect();
+    let more = names.len().saturating_sub(NAMED);
+    names.truncate(NAMED);
+    let rest = if more > 0 { format!(" and {more} more") } else { String::new() };
+    names.join(", ") + &rest
 }
 
 /// A document with the faults and the clocks of the flights it is about.

@@ -122,16 +122,13 @@ pub struct Clocks {
 }
 
 impl Clocks {
-    /// The clocks of a flight as it was logged.
+    /// The attitude's clock of a flight as it was logged. The position's is for when that is mended: the attitude turns the
+    /// IMU that judges it ([`of_position`]).
     pub fn of(flight: &Prepared, gravity_m_s2: f64) -> Self {
-        let mut clocks = Self { attitude: of_attitude(flight), ..Self::default() };
-        // The IMU is turned by the attitude, so that one has to be right before.
-        if clocks.attitude.is_none_or(|c| !c.matters) {
-            clocks.position = of_position(flight);
-        }
-        let skew = clocks.correction().map_or(0.0, |c| c.skew());
-        clocks.board_keeps_time = skew != 0.0 && board_keeps_time(flight, gravity_m_s2, skew);
-        clocks
+        let attitude = of_attitude(flight);
+        let skew = attitude.filter(|c| c.matters).map_or(0.0, |c| c.skew);
+        let board_keeps_time = skew != 0.0 && board_keeps_time(flight, gravity_m_s2, skew);
+        Self { attitude, board_keeps_time, ..Self::default() }
     }
 }
 

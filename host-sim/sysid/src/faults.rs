@@ -143,19 +143,27 @@ pub fn examine(flight: &Flight, vehicle: &Vehicle) -> Result<Examined, PrepareEr
         flight = std::borrow::Cow::Owned(masked);
     }
     let mut prepared = Prepared::new(&flight, vehicle)?;
-    let frame = frames_check::check(&prepared, vehicle);
     let mut clocks = Clocks::default();
-    if let Some(fault) = frame {
-        add_frame(fault, &mut add);
-    } else {
-        (prepared, clocks) = on_one_clock(flight.into_owned(), prepared, vehicle)?;
-        tell_clocks(&clocks, &mut add);
-        if let Some(fault) = frames_check::check_imu(&prepared, vehicle) {
-            add_frame(fault, &mut add);
+    let mut frame = frames_check::check(&prepared, vehicle);
+    if frame.is_none() {
+        let mut flight = flight.into_owned();
+        clocks = Clocks::of(&prepared, vehicle.gravity);
+        put_on_one_clock(&mut flight, &mut prepared, &mut clocks, vehicle)?;
+        frame = frames_check::check_imu(&prepared, vehicle);
+        // An IMU in other axes would be taken for one with another clock.
+        if frame.is_none() {
+            clocks.position = clocks::of_position(&prepared);
+            let mut rest = Clocks { attitude: None, ..clocks };
+            put_on_one_clock(&mut flight, &mut prepared, &mut rest, vehicle)?;
+            clocks.aligned |= rest.aligned;
         }
+        tell_clocks(&clocks, &mut add);
         if let Some(sentence) = motors_check::check(&prepared, vehicle) {
             add(FaultKind::WrongMotors, Severity::Refused, sentence);
         }
+    }
+    if let Some(fault) = frame {
+        add_frame(fault, &mut add);
     }
     prepared.notes.iter().for_each(|note| add(FaultKind::Gaps, Severity::Note, note.clone()));
     faults.sort_by_key(|f| std::cmp::Reverse(f.severity));
@@ -170,27 +178,19 @@ fn add_frame(fault: FrameFault, add: &mut impl FnMut(FaultKind, Severity, String
     }
 }
 
-/// The flight with its tracker on one clock with the board, where they differ.
-fn on_one_clock(
-    flight: Flight,
-    prepared: Prepared,
+/// Puts the tracker on one clock with the board, where they differ.
+fn put_on_one_clock(
+    flight: &mut Flight,
+    prepared: &mut Prepared,
+    clocks: &mut Clocks,
     vehicle: &Vehicle,
-) -> Result<(Prepared, Clocks), PrepareError> {
-    let mut found = Clocks::of(&prepared, vehicle.gravity);
-    let Some(correction) = found.correction() else { return Ok((prepared, found)) };
-    let mut aligned = clocks::align(&flight, &correction);
-    let mut prepared = Prepared::new(&aligned, vehicle)?;
-    found.aligned = true;
-    // With the attitude on the board's clock the IMU can judge the position.
-    if found.position.is_none() {
-        found.position = clocks::of_position(&prepared);
-        let rest = Clocks { position: found.position, ..Clocks::default() };
-        if let Some(correction) = rest.correction() {
-            aligned = clocks::align(&aligned, &correction);
-            prepared = Prepared::new(&aligned, vehicle)?;
-        }
+) -> Result<(), PrepareError> {
+    if let Some(correction) = clocks.correction() {
+        *flight = clocks::align(flight, &correction);
+        *prepared = Prepared::new(flight, vehicle)?;
+        clocks.aligned = true;
     }
-    Ok((prepared, found))
+    Ok(())
 }
 
 fn tell_clocks(found: &Clocks, add: &mut impl FnMut(FaultKind, Severity, String)) {

@@ -44,7 +44,11 @@ const WINDOW_S: f64 = 0.7;
 const ROW_PERIOD_S: f64 = 0.05;
 /// Fewer rows than this tell nothing: two seconds.
 const LEAST_ROWS: usize = 40;
-/// Correlation under which an IMU contradicts the tracked motion.
+/// Correlation under which an IMU is in doubt, and forces under which it tells nothing, m/s^2. To the sides a craft feels its
+/// drag only, so both are lower than for the rest.
+const IMU_IN_DOUBT: f64 = 0.2;
+const IMU_EXCITED_M_S2: f64 = 0.1;
+/// Correlation under which an IMU contradicts the tracked motion, whether something mends it or not.
 const IMU_CONTRADICTED: f64 = -0.4;
 
 /// What was found.
@@ -567,11 +571,10 @@ fn imu_hypotheses() -> Vec<ImuHypothesis> {
     all
 }
 
-/// Checks relation 3 on a flight whose clocks agree; nothing without an IMU.
+/// Checks relation 3 on a flight whose gyro and attitude share a clock; nothing without an IMU.
 pub fn check_imu(flight: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
     let as_logged = imu_relation(flight, vehicle, &|f, _, _| f);
-    // Small forces to the sides drown in a tilted tracker: only a clear contradiction counts.
-    if !below(as_logged, IMU_CONTRADICTED) {
+    if !below(as_logged, IMU_IN_DOUBT) {
         return None;
     }
     let mut best: Option<(f64, String)> = None;
@@ -583,15 +586,17 @@ pub fn check_imu(flight: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
             best = Some((quality, sentence));
         }
     }
-    Some(match best {
-        Some((_, sentence)) => FrameFault { sentence, named: true },
-        None => FrameFault {
+    match best {
+        Some((_, sentence)) => Some(FrameFault { sentence, named: true }),
+        // Small forces to the sides drown in a tilted tracker.
+        None if !below(as_logged, IMU_CONTRADICTED) => None,
+        None => Some(FrameFault {
             sentence: "the specific force ax, ay, az is not that of the tracked motion, and no single wrong axis, sign or \
                        unit explains it: check how the log was converted"
                 .into(),
             named: false,
-        },
-    })
+        }),
+    }
 }
 
 fn imu_relation(
@@ -634,7 +639,7 @@ fn imu_relation(
     }
     let mut worst: f64 = if off < 0.2 { 1.0 } else { 0.5 };
     for i in 0..3 {
-        if deviation(&tracked[i]).max(deviation(&sensed[i])) < EXCITED_M_S2 {
+        if deviation(&tracked[i]).max(deviation(&sensed[i])) < IMU_EXCITED_M_S2 {
             continue;
         }
         worst = worst.min(correlation(&sensed[i], &tracked[i]));

@@ -2,8 +2,8 @@
 //!
 //! Rotor i rolls, pitches and yaws the craft with the signs of its place ([`model`]'s conventions) and its spin. For each
 //! of the 24 ways of numbering four motors, the roll and pitch that the rotors would cause are correlated with the
-//! measured angular accelerations. Motors are called wrongly numbered only where the numbering as given does not roll and pitch the
-//! craft at all and another one clearly does. Yaw is judged alone: it follows the spins.
+//! measured angular accelerations. Motors are called wrongly numbered only where the numbering as given explains roll or pitch
+//! badly and another one clearly explains both. Yaw is judged alone: it follows the spins.
 //!
 //! Rotors answer late and clocks are off a little: each hypothesis gets the best of several delays.
 
@@ -17,9 +17,11 @@ const DELAYS_S: [f64; 9] = [-0.04, -0.02, 0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12
 /// Sign of each place's roll and pitch moment.
 const ROLL: [f64; 4] = [1.0, -1.0, -1.0, 1.0];
 const PITCH: [f64; 4] = [1.0, 1.0, -1.0, -1.0];
-/// Correlation from which motors clearly turn the craft, and under which they do not.
+/// Correlation from which motors clearly turn the craft, and under which they are in doubt.
 const CLEAR: f64 = 0.65;
-const NONE: f64 = 0.1;
+const IN_DOUBT: f64 = 0.5;
+/// How much better another numbering has to be.
+const BETTER_BY: f64 = 0.3;
 
 /// Products of angular accelerations and rotor thrusts at one delay.
 #[derive(Default, Clone, Copy)]
@@ -55,9 +57,9 @@ pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<String> {
         best.max_by(|a, b| a.0.total_cmp(&b.0)).expect("there are delays")
     };
     let (as_given, at) = score([0, 1, 2, 3]);
-    if as_given < NONE {
+    if as_given < IN_DOUBT {
         let best = orders().into_iter().map(|o| (score(o).0, o)).max_by(|a, b| a.0.total_cmp(&b.0))?;
-        return (best.0 > CLEAR).then(|| order_sentence(best.1));
+        return (best.0 > CLEAR.max(as_given + BETTER_BY)).then(|| order_sentence(best.1));
     }
     let spin = vehicle.motors.spin.map(|s| s.yaw_sign());
     let yaw = at.correlation(2, spin);

@@ -69,25 +69,30 @@ pub fn of_fit(model: &Model, rotor_speeds_logged: bool) -> Vec<Fault> {
             ),
         ));
     }
-    let moments = values(Effect::RotorMoments);
-    for (axis, range) in [("roll", 0..4), ("pitch", 4..8)] {
-        let Some(some) = moments.get(range) else { continue };
-        let mean = some.iter().sum::<f64>() / some.len() as f64;
-        // C_i of (2.7) is C_T / (2 I): the thesis' arm is sqrt(2) l, geometry's l / sqrt(2).
-        let inertia = 0.5 * thrust / mean;
-        let ratio = inertia / (model.vehicle.mass * model.vehicle.arm_length.powi(2));
-        if !(INERTIA.0..=INERTIA.1).contains(&ratio) {
-            faults.push(warning(
-                FaultKind::ImplausibleVehicle,
-                format!(
-                    "vehicle file: the fit gives a moment of inertia in {axis} of {ratio:.2e} of mass times arm_length squared, craft \
-                     have 0.25 to 0.45; are mass and arm_length right (centre to motor, metres), and do commands and \
-                     motion share a clock?"
-                ),
-            ));
-        }
-    }
+    faults.extend(inertia(model, thrust, &values(Effect::RotorMoments)));
     faults
+}
+
+/// Moments of inertia in roll and pitch that no craft has.
+fn inertia(model: &Model, thrust: f64, moments: &[f64]) -> Option<Fault> {
+    let scale = model.vehicle.mass * model.vehicle.arm_length.powi(2);
+    let of = |range: std::ops::Range<usize>| {
+        let some = moments.get(range)?;
+        // C_i of (2.7) is C_T / (2 I): the thesis' arm is sqrt(2) l, geometry's l / sqrt(2).
+        Some(0.5 * thrust * some.len() as f64 / some.iter().sum::<f64>() / scale)
+    };
+    let (roll, pitch) = (of(0..4)?, of(4..8)?);
+    let plausible = |ratio: f64| (INERTIA.0..=INERTIA.1).contains(&ratio);
+    (!plausible(roll) || !plausible(pitch)).then(|| {
+        warning(
+            FaultKind::ImplausibleVehicle,
+            format!(
+                "moments of inertia in roll and pitch come out as {roll:.2} and {pitch:.2} of mass times arm_length squared, craft have \
+                 0.25 to 0.45: mass or arm_length (centre to motor, metres) is wrong, commands come late against the \
+                 motion, or a strong moment is not in the model"
+            ),
+        )
+    })
 }
 
 fn warning(kind: FaultKind, sentence: String) -> Fault {
