@@ -68,6 +68,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     if options.json {
         faults::json(&document(&addition), sets.all(), &sets.faults)
     } else {
+        sets.faults.warn();
         Ok(text(options, &better, &addition))
     }
 }

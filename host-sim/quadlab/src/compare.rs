@@ -57,6 +57,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     if options.json {
         faults::json(&comparison, &flights, &faults)
     } else {
+        faults.warn();
         Ok(Outcome::done(text(options, &comparison)))
     }
 }

@@ -79,6 +79,7 @@ fn on_flights(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
     let story = story::tell(&vehicle, &sets, false)?;
     let lead = format!("{how} {}", story.conclusion());
     let text = finish(options, &lead, &vehicle_path, &sets, &story)?;
+    sets.faults.warn();
     Ok(Outcome::done(text))
 }
 

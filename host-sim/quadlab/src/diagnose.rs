@@ -81,6 +81,7 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
     if options.json {
         faults::json(&diagnosis, sets.all(), &sets.faults)
     } else {
+        sets.faults.warn();
         Ok(Outcome::done(text(options, &diagnosis)))
     }
 }
@@ -107,6 +108,7 @@ fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
     if options.json {
         faults::json(&diagnosis, &loaded, &faults)
     } else {
+        faults.warn();
         Ok(Outcome::done(text(options, &diagnosis)))
     }
 }

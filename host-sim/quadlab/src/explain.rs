@@ -60,6 +60,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     if options.json {
         faults::json(&document(&story), sets.all(), &sets.faults)
     } else {
+        sets.faults.warn();
         Ok(Outcome::done(text(options, &story)))
     }
 }

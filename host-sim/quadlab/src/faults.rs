@@ -1,6 +1,6 @@
 //! Faults of flights, vehicle files and fits: told on standard error, in JSON and on pages, or refused.
 
-use std::cell::{Ref, RefCell};
+use std::cell::RefCell;
 
 use model::{FlightRole, Model, Vehicle};
 use serde::Serialize;
@@ -35,22 +35,25 @@ impl FaultOptions {
     }
 }
 
-/// What was found so far; it grows while a command works.
+/// What was found so far, each with the files it is about; it grows while a command works.
 #[derive(Default)]
-pub(crate) struct Faults(RefCell<Vec<Fault>>);
+pub(crate) struct Faults(RefCell<Vec<(String, Fault)>>);
 
 impl Faults {
     /// All of them.
-    pub(crate) fn all(&self) -> Ref<'_, [Fault]> {
-        Ref::map(self.0.borrow(), Vec::as_slice)
+    pub(crate) fn all(&self) -> Vec<Fault> {
+        self.0.borrow().iter().map(|(_, fault)| fault.clone()).collect()
     }
 
-    /// Tells a fault that is about `whose` on standard error and keeps it.
-    fn tell(&self, whose: &str, fault: Fault) {
-        if fault.severity != Severity::Note {
+    /// Warns on standard error. For the end of a command: one that is refused says why in one line and nothing else.
+    pub(crate) fn warn(&self) {
+        for (whose, fault) in self.0.borrow().iter().filter(|(_, f)| f.severity != Severity::Note) {
             eprintln!("warning: {whose}: {}", fault.sentence);
         }
-        self.0.borrow_mut().push(fault);
+    }
+
+    fn tell(&self, whose: &str, fault: Fault) {
+        self.0.borrow_mut().push((whose.into(), fault));
     }
 
     /// Faults of the flights one by one and of the vehicle file by itself. One that makes every conclusion wrong is an error.
@@ -179,7 +182,7 @@ fn listed<'a>(flights: impl IntoIterator<Item = &'a Loaded>) -> String {
 struct WithFaults<'a, T> {
     #[serde(flatten)]
     document: &'a T,
-    faults: &'a [Fault],
+    faults: Vec<Fault>,
     clocks: Vec<ClockEntry<'a>>,
 }
 
@@ -196,7 +199,8 @@ pub(crate) fn json<'a>(
     flights: impl IntoIterator<Item = &'a Loaded>,
     faults: &Faults,
 ) -> anyhow::Result<Outcome> {
+    faults.warn();
     let entry = |flight: &'a Loaded| ClockEntry { flight: &flight.prepared.name, clocks: flight.clocks };
     let clocks = flights.into_iter().map(entry).collect();
-    Outcome::json(&WithFaults { document, faults: &faults.all(), clocks })
+    Outcome::json(&WithFaults { document, faults: faults.all(), clocks })
 }

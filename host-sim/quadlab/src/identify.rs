@@ -48,6 +48,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     if options.json {
         faults::json(&document(&identified, &sets), sets.all(), &sets.faults)
     } else {
+        sets.faults.warn();
         Ok(text(options, &identified, &sets))
     }
 }
