@@ -177,11 +177,9 @@ fn jumps(flight: &Flight, period_s: f64) -> Vec<usize> {
         if step_s > 3.5 * period_s {
             continue;
         }
-        // The step between two samples against those before and after it.
-        let step = at(&position, k + 1) - at(&position, k);
-        let (before, after) =
-            (at(&position, k) - at(&position, k - 1), at(&position, k + 2) - at(&position, k + 1));
-        let out = (step - before).norm().min((step - after).norm());
+        // The step between two samples against those before and after it, for equal times.
+        let step = |k: usize| (at(&position, k + 1) - at(&position, k)) * (step_s / (t[k + 1] - t[k]));
+        let out = (step(k) - step(k - 1)).norm().min((step(k) - step(k + 1)).norm());
         let far = JUMP_M.max(JUMP_M_S2 * step_s * step_s);
         let turned = frames::geodesic_angle_rad(
             &frames::quaternion_from_euler(at(&euler, k)),
