@@ -91,7 +91,7 @@ impl Clock {
     pub fn sentence(&self, tracked: &str, onboard: &str, board_keeps_time: bool) -> String {
         let order = if self.offset_s > 0.0 { "late" } else { "early" };
         let mut text = format!(
-            "{tracked} come {:.1} +- {:.1} ms {order} against {onboard}",
+            "{tracked} come {:.1} +- {:.2} ms {order} against {onboard}",
             1e3 * self.offset_s.abs(),
             1e3 * self.offset_std_error_s
         );
@@ -273,9 +273,7 @@ fn rows(pairs: &[Pair], period_s: f64, stride: usize, clock: &Clock, with_skew: 
         }
     }
     starts.dedup();
-    for axis in 0..3 {
-        targets[axis] = vec![0.0; times.len()];
-    }
+    targets[..3].iter_mut().for_each(|t| *t = vec![0.0; times.len()]);
     let on_axes = |column: [Vec<f64>; 3]| -> [Option<Vec<f64>>; 6] {
         let [p, q, r] = column;
         [None, None, None, Some(p), Some(q), Some(r)]

@@ -1,7 +1,7 @@
 //! What is checked of a flight before anything is fitted: faults of the log are found and named, not fitted away.
 //!
 //! [`examine`] looks at one flight: channels that lie ([`crate::channels_check`]), axes and signs
-//! ([`crate::frames_check`]), motor order ([`crate::motors_check`]), clocks ([`crate::clocks`]). It hands back the flight
+//! ([`crate::frames_check`], [`crate::imu_check`]), motor order ([`crate::motors_check`]), clocks ([`crate::clocks`]). It hands back the flight
 //! with what can be mended mended, and a list of [`Fault`]s. Faults of a vehicle file, of a fit and of a set of flights are
 //! in [`crate::plausible`] and [`crate::overlap`].
 
@@ -12,6 +12,7 @@ use crate::channels_check;
 use crate::clocks::{self, Clock, Clocks};
 use crate::flight::Flight;
 use crate::frames_check::{self, FrameFault};
+use crate::imu_check;
 use crate::motors_check;
 use crate::prepare::{PrepareError, Prepared};
 
@@ -149,7 +150,7 @@ pub fn examine(flight: &Flight, vehicle: &Vehicle) -> Result<Examined, PrepareEr
         let mut flight = flight.into_owned();
         clocks = Clocks::of(&prepared, vehicle.gravity);
         put_on_one_clock(&mut flight, &mut prepared, &mut clocks, vehicle)?;
-        frame = frames_check::check_imu(&prepared, vehicle);
+        frame = imu_check::check(&prepared, vehicle);
         // An IMU in other axes would be taken for one with another clock.
         if frame.is_none() {
             clocks.position = clocks::of_position(&prepared);

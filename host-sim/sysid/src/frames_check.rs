@@ -6,7 +6,7 @@
 //! 1. the gyro is the rate of the tracked attitude;
 //! 2. the tracked point accelerates by gravity and by a thrust along the tracked -z axis of the body, less a drag along
 //!    its velocity;
-//! 3. the IMU's specific force is that acceleration less gravity, in body axes ([`check_imu`], once clocks agree).
+//! 3. the IMU's specific force is that acceleration less gravity, in body axes ([`crate::imu_check`], once clocks agree).
 //!
 //! Every single fault of a list (24 rotations of an axis system and their mirror images, quaternions in other orders,
 //! conjugated or swapped angles, the conventions of other programs, wrong units) is undone in turn. A fault is named only
@@ -29,10 +29,10 @@ const IN_DOUBT: f64 = 0.6;
 /// Correlation under which a relation is contradicted, whether something mends it or not.
 const CONTRADICTED: f64 = 0.25;
 /// Correlation from which a relation in doubt is mended, and how much more it has to be than before.
-const MENDED: f64 = 0.8;
+pub(crate) const MENDED: f64 = 0.8;
 const MENDED_BY: f64 = 0.3;
 /// How much better than a simpler fault a later one of the list has to be.
-const BETTER_BY: f64 = 0.02;
+pub(crate) const BETTER_BY: f64 = 0.02;
 /// Rates under this tell nothing, rad/s.
 const EXCITED_RAD_S: f64 = 0.12;
 /// Accelerations under this tell nothing, m/s^2.
@@ -41,16 +41,9 @@ const EXCITED_M_S2: f64 = 0.3;
 const EXCITED_VERTICAL_M_S2: f64 = 0.12;
 /// Window of the filters for accelerations, s: a tracker differentiated twice needs a long one.
 const WINDOW_S: f64 = 0.7;
-const ROW_PERIOD_S: f64 = 0.05;
+pub(crate) const ROW_PERIOD_S: f64 = 0.05;
 /// Fewer rows than this tell nothing: two seconds.
-const LEAST_ROWS: usize = 40;
-/// Correlation under which an IMU is in doubt, and forces under which it tells nothing, m/s^2. To the sides a craft feels its
-/// drag only, so both are lower than for the rest.
-const IMU_IN_DOUBT: f64 = 0.2;
-const IMU_EXCITED_M_S2: f64 = 0.1;
-/// Correlation under which an IMU contradicts the tracked motion, whether something mends it or not.
-const IMU_CONTRADICTED: f64 = -0.4;
-
+pub(crate) const LEAST_ROWS: usize = 40;
 /// What was found.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FrameFault {
@@ -61,9 +54,9 @@ pub struct FrameFault {
 }
 
 /// How a relation fares: the smallest correlation of its axes, nothing where no axis is excited.
-type Relation = Option<f64>;
+pub(crate) type Relation = Option<f64>;
 
-fn below(relation: Relation, limit: f64) -> bool {
+pub(crate) fn below(relation: Relation, limit: f64) -> bool {
     relation.is_some_and(|value| value < limit)
 }
 
@@ -451,30 +444,30 @@ impl Seen {
     }
 }
 
-fn mean(values: &[f64]) -> f64 {
+pub(crate) fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-fn deviation(values: &[f64]) -> f64 {
+pub(crate) fn deviation(values: &[f64]) -> f64 {
     let middle = mean(values);
     mean(&values.iter().map(|v| (v - middle).powi(2)).collect::<Vec<_>>()).sqrt()
 }
 
-fn correlation(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn correlation(a: &[f64], b: &[f64]) -> f64 {
     let (ma, mb) = (mean(a), mean(b));
     let product = a.iter().zip(b).map(|(a, b)| (a - ma) * (b - mb)).sum::<f64>() / a.len().max(1) as f64;
     product / (deviation(a) * deviation(b)).max(1e-12)
 }
 
 /// Filters for the second derivative, for the first through the same window, and for what is as it is.
-struct Taps {
-    second: Vec<f64>,
+pub(crate) struct Taps {
+    pub(crate) second: Vec<f64>,
     first: Vec<f64>,
-    smooth: Vec<f64>,
+    pub(crate) smooth: Vec<f64>,
 }
 
 impl Taps {
-    fn new(period_s: f64) -> Self {
+    pub(crate) fn new(period_s: f64) -> Self {
         let filter = RegressionFilter::with_window(period_s, WINDOW_S);
         Self {
             second: compose(&filter.derivative, &filter.derivative),
@@ -483,11 +476,11 @@ impl Taps {
         }
     }
 
-    fn half(&self) -> usize {
+    pub(crate) fn half(&self) -> usize {
         self.second.len() / 2
     }
 
-    fn at(&self, taps: &[f64], signal: &[Vec<f64>; 3], k: usize) -> Vector3<f64> {
+    pub(crate) fn at(&self, taps: &[f64], signal: &[Vec<f64>; 3], k: usize) -> Vector3<f64> {
         Vector3::from(signal.each_ref().map(|s| sum_of_products(&s[k - self.half()..], taps)))
     }
 }
@@ -533,116 +526,4 @@ fn force_rows(
 fn sum_of_squares(flight: &Prepared, stretch: &Stretch, vehicle: &Vehicle) -> Vec<f64> {
     let rotors = stretch.rotors(vehicle, &model::Adjustments::default(), flight.period_s);
     (0..stretch.time_s.len()).map(|k| rotors.iter().map(|r| r.speed_rad_s[k].powi(2)).sum()).collect()
-}
-
-/// Ways an IMU may have been written wrongly: what it looks like, how to mend it, and the specific force in body axes
-/// from what was logged, the attitude (inertial to body) and gravity.
-type ImuHypothesis = (String, Box<dyn Fn(Vector3<f64>, &Matrix3<f64>, f64) -> Vector3<f64>>);
-
-fn imu_hypotheses() -> Vec<ImuHypothesis> {
-    let names = ["ax", "ay", "az"];
-    let mut all: Vec<ImuHypothesis> = Vec::new();
-    for axes in Axes::all().into_iter().skip(1) {
-        let turned = axes.sign == [-1.0; 3] && axes.from == [0, 1, 2];
-        let is = if turned { " (gravity included with the wrong sign)" } else { "" };
-        let sentence = format!(
-            "ax, ay, az look like {} of this craft{is}: write {} into ax, ay, az",
-            axes.inverse().named(names),
-            axes.named(names)
-        );
-        all.push((sentence, Box::new(move |f, _, _| axes.of(f))));
-    }
-    all.push(("ax, ay, az look like multiples of g: multiply by 9.81".into(), Box::new(|f, _, g| g * f)));
-    all.push((
-        "ax, ay, az look like accelerations without gravity, an IMU's specific force is wanted (0, 0, -9.81 at rest): \
-         subtract gravity in body axes"
-            .into(),
-        Box::new(|f, dcm, g| f - g * dcm.column(2)),
-    ));
-    all.push((
-        "az has gravity with the wrong sign: subtract it twice in body axes".into(),
-        Box::new(|f, dcm, g| f - 2.0 * g * dcm.column(2)),
-    ));
-    all.push((
-        "ax, ay, az look like accelerations in the inertial frame: subtract gravity and turn them into the body frame"
-            .into(),
-        Box::new(|f, dcm, g| dcm * (f - Vector3::new(0.0, 0.0, g))),
-    ));
-    all
-}
-
-/// Checks relation 3 on a flight whose gyro and attitude share a clock; nothing without an IMU.
-pub fn check_imu(flight: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
-    let as_logged = imu_relation(flight, vehicle, &|f, _, _| f);
-    if !below(as_logged, IMU_IN_DOUBT) {
-        return None;
-    }
-    let mut best: Option<(f64, String)> = None;
-    for (sentence, undo) in imu_hypotheses() {
-        if let Some(quality) = imu_relation(flight, vehicle, &*undo)
-            && quality >= MENDED
-            && best.as_ref().is_none_or(|(b, _)| quality > b + BETTER_BY)
-        {
-            best = Some((quality, sentence));
-        }
-    }
-    match best {
-        Some((_, sentence)) => Some(FrameFault { sentence, named: true }),
-        // Small forces to the sides drown in a tilted tracker.
-        None if !below(as_logged, IMU_CONTRADICTED) => None,
-        None => Some(FrameFault {
-            sentence: "the specific force ax, ay, az is not that of the tracked motion, and no single wrong axis, sign or \
-                       unit explains it: check how the log was converted"
-                .into(),
-            named: false,
-        }),
-    }
-}
-
-fn imu_relation(
-    flight: &Prepared,
-    vehicle: &Vehicle,
-    undo: &dyn Fn(Vector3<f64>, &Matrix3<f64>, f64) -> Vector3<f64>,
-) -> Relation {
-    let taps = Taps::new(flight.period_s);
-    let stride = ((ROW_PERIOD_S / flight.period_s).round() as usize).max(1);
-    let gravity = Vector3::new(0.0, 0.0, vehicle.gravity);
-    let (mut sensed, mut tracked): ([Vec<f64>; 3], [Vec<f64>; 3]) = Default::default();
-    for stretch in &flight.stretches {
-        let imu = stretch.imu_m_s2.as_ref()?;
-        let count = stretch.time_s.len();
-        if count <= 2 * taps.half() {
-            continue;
-        }
-        let mut turned: [Vec<f64>; 3] = Default::default();
-        for k in 0..count {
-            let dcm = &stretch.dcm[k];
-            let force = dcm.tr_mul(&undo(vector(imu, k), dcm, vehicle.gravity));
-            turned.iter_mut().zip(force.iter()).for_each(|(column, f)| column.push(*f));
-        }
-        for k in (taps.half()..count - taps.half()).step_by(stride) {
-            let dcm = &stretch.dcm[k];
-            let a = dcm * taps.at(&taps.smooth, &turned, k);
-            let b = dcm * (taps.at(&taps.second, &stretch.position_ned_m, k) - gravity);
-            for i in 0..3 {
-                sensed[i].push(a[i]);
-                tracked[i].push(b[i]);
-            }
-        }
-    }
-    if sensed[0].len() < LEAST_ROWS {
-        return None;
-    }
-    let off = Vector3::from_fn(|i, _| mean(&sensed[i]) - mean(&tracked[i])).norm() / vehicle.gravity;
-    if off > 0.5 {
-        return Some(-1.0);
-    }
-    let mut worst: f64 = if off < 0.2 { 1.0 } else { 0.5 };
-    for i in 0..3 {
-        if deviation(&tracked[i]).max(deviation(&sensed[i])) < IMU_EXCITED_M_S2 {
-            continue;
-        }
-        worst = worst.min(correlation(&sensed[i], &tracked[i]));
-    }
-    Some(worst)
 }

@@ -13,6 +13,7 @@ pub mod filter;
 pub mod fit;
 pub mod flight;
 pub mod frames_check;
+pub mod imu_check;
 pub mod motors_check;
 pub mod noise;
 pub mod overlap;

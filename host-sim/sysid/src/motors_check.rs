@@ -8,6 +8,7 @@
 //! Rotors answer late and clocks are off a little: each hypothesis gets the best of several delays.
 
 use model::{Adjustments, Vehicle};
+use nalgebra::{Matrix4, SMatrix, Vector3, Vector4};
 
 use crate::filter::sum_of_products;
 use crate::prepare::Prepared;
@@ -26,24 +27,24 @@ const BETTER_BY: f64 = 0.3;
 /// Products of angular accelerations and rotor thrusts at one delay.
 #[derive(Default, Clone, Copy)]
 struct Products {
-    cross: [[f64; 4]; 3],
-    motors: [[f64; 4]; 4],
-    turns: [f64; 3],
+    /// Axis with motor.
+    cross: SMatrix<f64, 3, 4>,
+    motors: Matrix4<f64>,
+    /// Squares.
+    turns: Vector3<f64>,
 }
 
 impl Products {
     /// Correlation of an axis with a sum of rotor thrusts of given signs.
     fn correlation(&self, axis: usize, signs: [f64; 4]) -> f64 {
-        let cross: f64 = (0..4).map(|i| signs[i] * self.cross[axis][i]).sum();
-        let square: f64 = (0..4)
-            .flat_map(|i| (0..4).map(move |j| (i, j)))
-            .map(|(i, j)| signs[i] * signs[j] * self.motors[i][j])
-            .sum();
+        let signs = Vector4::from(signs);
+        let cross = self.cross.row(axis).transpose().dot(&signs);
+        let square = signs.dot(&(self.motors * signs));
         cross / (square * self.turns[axis]).sqrt().max(f64::MIN_POSITIVE)
     }
 }
 
-/// A sentence if the motors of `flights` are numbered or spin otherwise than `vehicle` says.
+/// A sentence if the motors of a flight are numbered or spin otherwise than `vehicle` says.
 pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<String> {
     let delays: Vec<Products> = DELAYS_S.iter().map(|d| products(flight, vehicle, *d)).collect();
     // `place[k]` is where the motor of cmd k+1 sits.
@@ -101,7 +102,7 @@ fn products(flight: &Prepared, vehicle: &Vehicle, delay_s: f64) -> Products {
     let half = flight.filter.half();
     let shift = (delay_s / flight.period_s).round() as isize;
     let stride = ((0.03 / flight.period_s).round() as usize).max(1);
-    let mut rows: Vec<([f64; 3], [f64; 4])> = Vec::new();
+    let mut rows: Vec<(Vector3<f64>, Vector4<f64>)> = Vec::new();
     for stretch in &flight.stretches {
         let squares = stretch
             .rotors(vehicle, &Adjustments::default(), flight.period_s)
@@ -117,26 +118,17 @@ fn products(flight: &Prepared, vehicle: &Vehicle, delay_s: f64) -> Products {
                 .map(|r| sum_of_products(&r[k - half..], &flight.filter.derivative));
             let thrusts =
                 squares.each_ref().map(|s| sum_of_products(&s[start as usize..], &flight.filter.between));
-            rows.push((turns, thrusts));
+            rows.push((turns.into(), thrusts.into()));
         }
     }
     let count = rows.len().max(1) as f64;
-    let mean_turns: [f64; 3] = std::array::from_fn(|i| rows.iter().map(|r| r.0[i]).sum::<f64>() / count);
-    let mean_thrusts: [f64; 4] = std::array::from_fn(|i| rows.iter().map(|r| r.1[i]).sum::<f64>() / count);
-    for (turns, thrusts) in &rows {
-        let a: [f64; 3] = std::array::from_fn(|i| turns[i] - mean_turns[i]);
-        let b: [f64; 4] = std::array::from_fn(|i| thrusts[i] - mean_thrusts[i]);
-        for i in 0..4 {
-            for axis in 0..3 {
-                sum.cross[axis][i] += a[axis] * b[i];
-            }
-            for j in 0..4 {
-                sum.motors[i][j] += b[i] * b[j];
-            }
-        }
-        for axis in 0..3 {
-            sum.turns[axis] += a[axis] * a[axis];
-        }
+    let mean_turn = rows.iter().map(|(turn, _)| turn).sum::<Vector3<f64>>() / count;
+    let mean_thrust = rows.iter().map(|(_, thrust)| thrust).sum::<Vector4<f64>>() / count;
+    for (turn, thrust) in &rows {
+        let (a, b) = (turn - mean_turn, thrust - mean_thrust);
+        sum.cross += a * b.transpose();
+        sum.motors += b * b.transpose();
+        sum.turns += a.component_mul(&a);
     }
     sum
 }

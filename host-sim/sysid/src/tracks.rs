@@ -166,20 +166,17 @@ pub(crate) struct Match {
 #[derive(Debug, Clone, Copy, Default)]
 struct Products {
     /// Onboard axis i with tracked axis j.
-    cross: [[f64; 3]; 3],
-    onboard: [f64; 3],
-    tracked: [f64; 3],
+    cross: Matrix3<f64>,
+    /// Squares.
+    onboard: Vector3<f64>,
+    tracked: Vector3<f64>,
 }
 
 impl Products {
     fn add(&mut self, other: &Self) {
-        for i in 0..3 {
-            self.onboard[i] += other.onboard[i];
-            self.tracked[i] += other.tracked[i];
-            for j in 0..3 {
-                self.cross[i][j] += other.cross[i][j];
-            }
-        }
+        self.cross += other.cross;
+        self.onboard += other.onboard;
+        self.tracked += other.tracked;
     }
 }
 
@@ -233,16 +230,11 @@ impl Lags {
                         if other < 0 || other >= pair.len() as isize {
                             continue;
                         }
-                        let a: [f64; 3] = std::array::from_fn(|i| pair.onboard[i][k] - mean_onboard[i]);
-                        let b: [f64; 3] =
-                            std::array::from_fn(|i| pair.tracked[i][other as usize] - mean_tracked[i]);
-                        for i in 0..3 {
-                            products.onboard[i] += a[i] * a[i];
-                            products.tracked[i] += b[i] * b[i];
-                            for j in 0..3 {
-                                products.cross[i][j] += a[i] * b[j];
-                            }
-                        }
+                        let a = Vector3::from_fn(|i, _| pair.onboard[i][k] - mean_onboard[i]);
+                        let b = Vector3::from_fn(|i, _| pair.tracked[i][other as usize] - mean_tracked[i]);
+                        products.cross += a * b.transpose();
+                        products.onboard += a.component_mul(&a);
+                        products.tracked += b.component_mul(&b);
                     }
                     products
                 };
@@ -288,15 +280,15 @@ impl Lags {
 fn best_of(shifts: &[(f64, f64, Products)], axes: Axes) -> Match {
     let nothing = Match { offset_s: 0.0, skew: 0.0, similarity: -1.0, correlation: [0.0; 3] };
     shifts.iter().fold(nothing, |best, (offset_s, skew, p)| {
-        let product: f64 = (0..3).map(|i| axes.sign[i] * p.cross[i][axes.from[i]]).sum();
-        let squares: f64 = p.onboard.iter().chain(&p.tracked).sum();
+        let product: f64 = (0..3).map(|i| axes.sign[i] * p.cross[(i, axes.from[i])]).sum();
+        let squares = p.onboard.sum() + p.tracked.sum();
         let similarity = 2.0 * product / squares.max(f64::MIN_POSITIVE);
         if similarity <= best.similarity {
             return best;
         }
         let correlation = std::array::from_fn(|i| {
             let j = axes.from[i];
-            axes.sign[i] * p.cross[i][j] / (p.onboard[i] * p.tracked[j]).sqrt().max(f64::MIN_POSITIVE)
+            axes.sign[i] * p.cross[(i, j)] / (p.onboard[i] * p.tracked[j]).sqrt().max(f64::MIN_POSITIVE)
         });
         Match { offset_s: *offset_s, skew: *skew, similarity, correlation }
     })
