@@ -145,6 +145,12 @@ impl Plant {
         command.map(|c| self.adjust.corrected_speed_rad_s(self.map.speed_rad_s(c, battery_v), battery_v))
     }
 
+    /// The commands that ask for rotor speeds at a battery voltage.
+    pub fn command_for(&self, rotor_rad_s: &[f64; 4], battery_v: f64) -> [f64; 4] {
+        let beyond = self.adjust.rotor_speed_per_volt * (battery_v - self.adjust.reference_voltage_v);
+        rotor_rad_s.map(|speed| self.map.command_for(speed - beyond, battery_v))
+    }
+
     /// Cuts `period_s` into `count` integration steps.
     pub fn substeps(&self, period_s: f64, count: u32) -> Substeps {
         let step_s = period_s / f64::from(count);
@@ -250,7 +256,8 @@ impl Plant {
     }
 }
 
-/// Dead time between command and rotor (`input-delay`): past commands, and where in the period they take over.
+/// Dead time between command and rotor (`input-delay`): past commands, and where in the period they take over. The battery
+/// acts at the motor and has no dead time.
 ///
 /// Without dead time it is a plain [`Plant::step`].
 #[derive(Debug, Clone)]
@@ -263,8 +270,8 @@ pub struct DelayLine {
 }
 
 impl DelayLine {
-    /// For a plant, a control period and its integration steps, with rotors at rest at `initial_rad_s`.
-    pub fn new(plant: &Plant, period_s: f64, count: u32, initial_rad_s: [f64; 4]) -> Self {
+    /// For a plant, a control period and its integration steps, after a long time of `initial` commands.
+    pub fn new(plant: &Plant, period_s: f64, count: u32, initial: [f64; 4]) -> Self {
         let delay_s = plant.adjust.input_delay_s.max(0.0);
         let whole = (delay_s / period_s).floor();
         let part = delay_s / period_s - whole;
@@ -272,19 +279,19 @@ impl DelayLine {
             let steps = (part * f64::from(count)).ceil().max(1.0) as u32;
             (part > 1e-9).then(|| plant.substeps(part * period_s, steps))
         };
-        let waiting = std::iter::repeat_n(initial_rad_s, whole as usize + 1).collect();
+        let waiting = std::iter::repeat_n(initial, whole as usize + 1).collect();
         Self { waiting, before: cut(part), after: cut(1.0 - part) }
     }
 
-    /// Advances `state` over one period in which `commanded_rad_s` is given.
-    pub fn step(&mut self, plant: &Plant, state: &mut State, commanded_rad_s: &[f64; 4], battery_v: f64) {
-        self.waiting.push_back(*commanded_rad_s);
+    /// Advances `state` over one period in which `command` is given.
+    pub fn step(&mut self, plant: &Plant, state: &mut State, command: &[f64; 4], battery_v: f64) {
+        self.waiting.push_back(*command);
         if let (Some(before), Some(old)) = (&self.before, self.waiting.front()) {
-            plant.step(state, old, battery_v, before);
+            plant.step(state, &plant.commanded_rad_s(old, battery_v), battery_v, before);
         }
         self.waiting.pop_front();
         if let (Some(after), Some(new)) = (&self.after, self.waiting.front()) {
-            plant.step(state, new, battery_v, after);
+            plant.step(state, &plant.commanded_rad_s(new, battery_v), battery_v, after);
         }
     }
 }
@@ -407,10 +414,11 @@ mod tests {
         let mut model = Model::thesis();
         model.set(Effect::InputDelay, &[0.025]);
         let plant = Plant::new(&model);
-        let mut line = DelayLine::new(&plant, 0.01, 4, [600.0; 4]);
+        let mut line = DelayLine::new(&plant, 0.01, 4, plant.command_for(&[600.0; 4], 11.1));
         let mut state = State::at_rest(Vector3::zeros(), [600.0; 4]);
+        let command = plant.command_for(&[700.0; 4], 11.1);
         for _ in 0..10 {
-            line.step(&plant, &mut state, &[700.0; 4], 11.1);
+            line.step(&plant, &mut state, &command, 11.1);
         }
         let exact = 700.0 - 100.0 * (-21.5_f64 * (0.1 - 0.025)).exp();
         assert!((state.rotor_rad_s[0] - exact).abs() < 1e-9, "{} {exact}", state.rotor_rad_s[0]);

@@ -1,6 +1,7 @@
 //! From flight files to a model: reading, preprocessing, least-squares identification, comparison and diagnosis.
 #![forbid(unsafe_code)]
 
+mod battery;
 pub mod changes;
 pub mod compare;
 pub mod conditions;
