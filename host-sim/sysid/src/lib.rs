@@ -9,6 +9,7 @@ pub mod diagnose;
 pub mod filter;
 pub mod fit;
 pub mod flight;
+pub mod library;
 pub mod noise;
 pub mod prepare;
 pub mod regress;
