@@ -60,9 +60,7 @@ fn astray(found: &Model, effect: Effect, expected: &[f64]) -> Vec<String> {
 /// Effects of flown structure: fitted together with the whole model.
 #[test]
 fn effects_come_back_from_the_flights_that_they_were_put_into() {
-    let effects: Vec<Effect> = Effect::candidates()
-        .filter(|e| !Model::thesis().has(*e))
-        .collect();
+    let effects: Vec<Effect> = Effect::candidates().filter(|e| !Model::thesis().has(*e)).collect();
     assert!(effects.len() >= 16, "{effects:?}");
     let mut wrong = Vec::new();
     for effect in effects {
@@ -131,10 +129,16 @@ fn a_slung_load_goes_round_twice() {
 fn the_catalogue_says_what_a_user_needs_of_each_effect() {
     for effect in CATALOGUE {
         let info = effect.info();
-        assert!(info.sentence.ends_with('.') && !info.axes.is_empty() && !info.excitation.is_empty(), "{effect}");
+        assert!(
+            info.sentence.ends_with('.') && !info.axes.is_empty() && !info.excitation.is_empty(),
+            "{effect}"
+        );
         for c in info.coefficients {
             assert!(!c.name.is_empty() && !c.unit.is_empty(), "{effect}");
-            assert!(c.possible.0 < c.possible.1 && c.possible.0.is_finite() && c.possible.1.is_finite(), "{effect}");
+            assert!(
+                c.possible.0 < c.possible.1 && c.possible.0.is_finite() && c.possible.1.is_finite(),
+                "{effect}"
+            );
             assert!(c.typical > 0.0 && c.prior.is_none_or(|p| p > 0.0), "{effect}");
         }
         for (other, manoeuvre) in info.confused_with {

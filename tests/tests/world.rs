@@ -241,31 +241,11 @@ fn two_implementations_of_the_same_physics_agree() {
     }
 }
 
-/// The world's load swings as wide as it likes, the plant's a little.
-#[test]
-fn a_slung_load_means_the_same_in_the_plant_as_far_as_it_swings_a_little() {
-    for size in Size::ALL {
-        let world = World::new(size, 20).with("slung-load", 1.0).unwrap();
-        let off = disagreement(&world, &true_model(&world).unwrap());
-        let mut light = world.clone();
-        light.planted.clear();
-        let without = disagreement(&world, &true_model(&light).unwrap());
-        // Swings of a fifth of a radian, and a pull that follows the vertical acceleration: some percent of the effect.
-        assert!(off < 0.1 * without, "{size:?}: {off}, without the load {without}");
-    }
-}
-
 #[test]
 fn planted_effects_mean_the_same_in_the_plant() {
-    // Seen by instruments only, or not simulated by the plant; or simulated as far as it is small (below).
-    let unseen = [
-        "attitude-offset",
-        "tracking-offset",
-        "product-of-inertia",
-        "input-delay",
-        "battery-voltage",
-        "slung-load",
-    ];
+    // Seen by instruments only, or not simulated by the plant.
+    let unseen =
+        ["attitude-offset", "tracking-offset", "product-of-inertia", "input-delay", "battery-voltage"];
     let mut checked = 0;
     for effect in PLANTED.iter().filter(|e| !unseen.contains(&e.id) && !changes().any(|c| c == e.id)) {
         for size in Size::ALL {

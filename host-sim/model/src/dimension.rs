@@ -66,15 +66,20 @@ impl Dimension {
 /// "kg m/s^2"; "1" for a pure number.
 impl fmt::Display for Dimension {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let factors = |sign: f64| -> Vec<String> {
-            let present = BASE.iter().zip(self.0).map(|(name, power)| (name, sign * power));
-            present
-                .filter(|(_, power)| *power > 1e-9)
-                .map(|(name, power)| {
-                    if (power - 1.0).abs() < 1e-9 { (*name).to_owned() } else { format!("{name}^{power}") }
-                })
-                .collect()
-        };
+        let factors =
+            |sign: f64| -> Vec<String> {
+                let present = BASE.iter().zip(self.0).map(|(name, power)| (name, sign * power));
+                present
+                    .filter(|(_, power)| *power > 1e-9)
+                    .map(|(name, power)| {
+                        if (power - 1.0).abs() < 1e-9 {
+                            (*name).to_owned()
+                        } else {
+                            format!("{name}^{power}")
+                        }
+                    })
+                    .collect()
+            };
         let (above, below) = (factors(1.0), factors(-1.0));
         f.write_str(&if above.is_empty() { "1".to_owned() } else { above.join(" ") })?;
         match below.as_slice() {

@@ -217,13 +217,24 @@ impl Traced {
     }
 
     /// Values of one unit.
-    fn alike(self, other: Self, what: &str, f: fn(f64, f64) -> f64, entry: fn(Entry, Entry) -> Entry) -> Self {
+    fn alike(
+        self,
+        other: Self,
+        what: &str,
+        f: fn(f64, f64) -> f64,
+        entry: fn(Entry, Entry) -> Entry,
+    ) -> Self {
         self.with(other, |a, b| {
             let dimension = match (a.is_zero(), b.is_zero()) {
                 (true, _) => b.dimension,
                 (_, true) => a.dimension,
                 _ if a.dimension.is(b.dimension) => a.dimension,
-                _ => return Err(format!("{what} {} and {}, which must have the same unit", a.dimension, b.dimension)),
+                _ => {
+                    return Err(format!(
+                        "{what} {} and {}, which must have the same unit",
+                        a.dimension, b.dimension
+                    ));
+                }
             };
             let entry = match (a.is_zero(), b.is_zero()) {
                 (true, _) => b.entry,
@@ -600,7 +611,9 @@ impl<'a> Scanner<'a> {
     fn operator(&mut self, operator: char) -> Result<(), String> {
         if !self.after_operand {
             if self.after_operator {
-                return Err(format!("two operators in a row at \"{operator}\"; put a negative number in brackets"));
+                return Err(format!(
+                    "two operators in a row at \"{operator}\"; put a negative number in brackets"
+                ));
             }
             if operator != '-' {
                 return Err(format!("nothing stands before \"{operator}\""));
@@ -636,7 +649,8 @@ mod tests {
     fn value(text: &str) -> f64 {
         let formula = Formula::parse(text).unwrap_or_else(|why| panic!("{text}: {why}"));
         // a, b, c, ... are 1, 2, 3, ...
-        let inputs: Vec<f64> = formula.names().iter().map(|n| f64::from(n.as_bytes()[0] - b'a' + 1)).collect();
+        let inputs: Vec<f64> =
+            formula.names().iter().map(|n| f64::from(n.as_bytes()[0] - b'a' + 1)).collect();
         formula.value(&inputs)
     }
 
@@ -704,7 +718,8 @@ mod tests {
     fn deep_and_long_text_is_refused_at_once() {
         let deep = format!("{}a{}", "(".repeat(100_000), ")".repeat(100_000));
         let long = "a+".repeat(500_000) + "a";
-        for text in [deep.as_str(), &long, &deep[..MAX_LENGTH], &"-".repeat(MAX_LENGTH), &"max(".repeat(100)] {
+        for text in [deep.as_str(), &long, &deep[..MAX_LENGTH], &"-".repeat(MAX_LENGTH), &"max(".repeat(100)]
+        {
             let started = std::time::Instant::now();
             assert!(Formula::parse(text).is_err());
             assert!(started.elapsed().as_millis() < 50, "{:?}", started.elapsed());
@@ -726,9 +741,12 @@ mod tests {
         {
             assert_eq!(dimension_of(unit).unwrap().to_string(), expected);
         }
-        for (unit, expected) in
-            [("mm", "unknown unit \"mm\""), ("1/kg m", "unclear"), ("2 m", "is a number"), ("m +", "operator")]
-        {
+        for (unit, expected) in [
+            ("mm", "unknown unit \"mm\""),
+            ("1/kg m", "unclear"),
+            ("2 m", "is a number"),
+            ("m +", "operator"),
+        ] {
             let why = dimension_of(unit).unwrap_err();
             assert!(why.contains(expected), "{unit}: {why}");
         }
@@ -790,10 +808,12 @@ mod tests {
                 (prop::sample::select(vec!['+', '-', '*', '/', '^']), pair.clone())
                     .prop_map(|(c, (a, b))| Tree::Two(c, a.into(), b.into())),
                 inner.clone().prop_map(|a| Tree::Negative(a.into())),
-                (prop::sample::select(vec!["sin", "abs"]), inner)
-                    .prop_map(|(f, a)| Tree::Call(f, a.into())),
-                (prop::sample::select(vec!["min", "max"]), pair)
-                    .prop_map(|(f, (a, b))| Tree::CallTwo(f, a.into(), b.into())),
+                (prop::sample::select(vec!["sin", "abs"]), inner).prop_map(|(f, a)| Tree::Call(f, a.into())),
+                (prop::sample::select(vec!["min", "max"]), pair).prop_map(|(f, (a, b))| Tree::CallTwo(
+                    f,
+                    a.into(),
+                    b.into()
+                )),
             ]
         })
     }

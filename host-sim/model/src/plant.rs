@@ -51,7 +51,7 @@ impl State {
     pub fn is_finite(&self) -> bool {
         let all =
             self.position_ned_m.sum() + self.attitude.sum() + self.velocity_m_s.sum() + self.rate_rad_s.sum();
-        let swing = self.swing.offset_m.iter().chain(&self.swing.velocity_m_s).sum::<f64>();
+        let swing = self.swing.direction.sum() + self.swing.turning_rad_s.sum();
         (all + self.rotor_rad_s.iter().sum::<f64>() + swing).is_finite()
     }
 }
@@ -136,7 +136,7 @@ impl Plant {
             rotor_rad_s: *rotor,
             rotor_acceleration_rad_s2: std::array::from_fn(|i| lag * (commanded[i] - rotor[i])),
             battery_v,
-            load_offset_m: state.swing.offset_m,
+            swing: state.swing,
         }
     }
 
@@ -144,11 +144,14 @@ impl Plant {
     /// rad/s^2.
     #[inline]
     pub fn accelerations(&self, sample: &Sample) -> [f64; 6] {
-        let mut a = self.weights.accelerations(sample);
+        self.carrying(self.weights.accelerations(sample), &sample.input)
+    }
+
+    /// Accelerations of everything else with the pull of a slung load, where there is one.
+    fn carrying(&self, mut a: [f64; 6], input: &SampleInput) -> [f64; 6] {
         if let Some(load) = &self.adjust.load {
             let force = Vector3::new(a[0], a[1], a[2]);
-            let (input, per_mass) = (&sample.input, self.constants.per_mass);
-            let force = load.act(force, &input.dcm, input.load_offset_m, per_mass, self.gravity_m_s2);
+            let force = load.act(force, &input.dcm, &input.swing, self.constants.per_mass);
             a[..3].copy_from_slice(force.as_slice());
         }
         a
@@ -274,7 +277,7 @@ impl Plant {
         state.rotor_rad_s = *rotor_end;
         if !PLAIN {
             let swing = start.swing.moved(&k1.swing, sixth).moved(&k2.swing, 2.0 * sixth);
-            state.swing = swing.moved(&k3.swing, 2.0 * sixth).moved(&k4.swing, sixth);
+            state.swing = swing.moved(&k3.swing, 2.0 * sixth).moved(&k4.swing, sixth).normalized();
         }
     }
 
@@ -292,18 +295,20 @@ impl Plant {
         let a = if PLAIN {
             self.weights.accelerations_of_thesis(&Sample::plain(input, &self.constants))
         } else {
-            self.accelerations(&self.sample_of(input))
+            self.weights.accelerations(&self.sample_of(input))
         };
         let dcm = &input.dcm;
         let gravity = dcm.column(2) * self.gravity_m_s2;
-        let force = Vector3::new(a[0], a[1], a[2]);
-        let swing = match &self.adjust.load {
+        let still = Swing { direction: Vector3::zeros(), turning_rad_s: Vector3::zeros() };
+        let (a, swing) = match &self.adjust.load {
             Some(load) if !PLAIN => {
-                let over_ground = dcm.tr_mul(&force);
-                load.derivative(&state.swing, [over_ground.x, over_ground.y], self.gravity_m_s2)
+                let force_ned_m_s2 = dcm.tr_mul(&Vector3::new(a[0], a[1], a[2]));
+                let swing = load.derivative(&state.swing, force_ned_m_s2, self.gravity_m_s2);
+                (self.carrying(a, &input), swing)
             }
-            _ => Swing::default(),
+            _ => (a, still),
         };
+        let force = Vector3::new(a[0], a[1], a[2]);
         Derivative {
             position: dcm.tr_mul(&state.velocity_m_s),
             attitude: frames::quaternion_derivative(&state.attitude, &state.rate_rad_s),

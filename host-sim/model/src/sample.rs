@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::{Load, Vehicle, frames};
+use crate::{Load, Swing, Vehicle, frames};
 
 /// What the effects of kind [`crate::Kind::Adjusting`] change. Neutral by default.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -173,8 +173,8 @@ pub struct SampleInput {
     pub rotor_acceleration_rad_s2: [f64; 4],
     /// Battery voltage, V.
     pub battery_v: f64,
-    /// Where a slung load is relative to the craft, north and east, m.
-    pub load_offset_m: [f64; 2],
+    /// Where a slung load hangs; still where there is none.
+    pub swing: Swing,
 }
 
 /// Everything an effect can look at.

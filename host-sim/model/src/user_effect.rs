@@ -620,7 +620,10 @@ fn check_name(field: &str, name: &str, taken: &[&str]) -> Result<(), Problem> {
 fn check_coefficients(definition: &Definition) -> Result<Vec<Dimension>, Problem> {
     let all = &definition.coefficient;
     if all.is_empty() || all.len() > MAX_COEFFICIENTS {
-        return Err(("coefficient".into(), format!("has {}, 1 to {MAX_COEFFICIENTS} are possible", all.len())));
+        return Err((
+            "coefficient".into(),
+            format!("has {}, 1 to {MAX_COEFFICIENTS} are possible", all.len()),
+        ));
     }
     let mut dimensions = Vec::new();
     for (k, c) in all.iter().enumerate() {
@@ -648,8 +651,7 @@ fn check_constants(definition: &Definition) -> Result<Vec<Dimension>, Problem> {
     let mut dimensions = Vec::new();
     for (k, c) in all.iter().enumerate() {
         let before = all[..k].iter().map(|c| c.name.as_str());
-        let taken: Vec<&str> =
-            definition.coefficient.iter().map(|c| c.name.as_str()).chain(before).collect();
+        let taken: Vec<&str> = definition.coefficient.iter().map(|c| c.name.as_str()).chain(before).collect();
         let short: String = c.name.chars().take(MAX_NAME).collect();
         let field = format!("constant {short:?}");
         check_name(&field, &c.name, &taken)?;
@@ -673,7 +675,10 @@ impl Names<'_> {
         let row = Row::parse(row).ok_or_else(|| format!("unknown row; rows are {}", rows_known()))?;
         let formula = Formula::parse(text)?;
         if formula.names().len() > MAX_NAMES {
-            return Err(format!("has {} different names, at most {MAX_NAMES} are possible", formula.names().len()));
+            return Err(format!(
+                "has {} different names, at most {MAX_NAMES} are possible",
+                formula.names().len()
+            ));
         }
         let inputs = formula.names().iter().map(|name| self.input(name)).collect::<Result<Vec<_>, _>>()?;
         if !inputs.iter().any(|input| matches!(input, Input::Coefficient(_))) {
@@ -710,7 +715,11 @@ impl Names<'_> {
             return Trace { dimension: self.coefficients[k], entry: entry(k), value: None };
         }
         if let Some(k) = constant.iter().position(|c| c.name == name) {
-            return Trace { dimension: self.constants[k], entry: Entry::Free, value: Some(constant[k].value) };
+            return Trace {
+                dimension: self.constants[k],
+                entry: Entry::Free,
+                value: Some(constant[k].value),
+            };
         }
         let unit = QUANTITIES.iter().find(|q| q.name == name).map_or("1", |q| q.unit);
         let dimension = dimension_of(unit).unwrap_or(Dimension::NONE);

@@ -52,15 +52,43 @@ fn effect(text: &str) -> Effect {
 #[test]
 fn what_cannot_be_right_is_refused_with_file_effect_and_field() {
     for (from, to, expected) in [
-        ("/ mass\"", "/ mass + time\"", "acceleration.down: unknown name \"time\"; known are stiffness"),
-        ("stiffness * north)", "stiffness * speed)", "acceleration.north: takes the difference of kg m/s^2 and kg/s, "),
-        ("- stiffness * down) / mass", "- stiffness * down)", "acceleration.down: has the unit kg m/s^2, the row needs m/s^2"),
-        ("(pull_east - stiffness * east) / mass", "exp(-height / 0.3) * gravity", "acceleration.east: names none of"),
-        ("(pull_east - stiffness * east) / mass", "pull_east/mass * exp(-height/0.3)", "takes exp of m, which must be a pure number"),
+        ("/ mass\"", "/ mass + time\"", "acceleration.north: unknown name \"time\"; known are stiffness"),
+        (
+            "stiffness * north)",
+            "stiffness * speed)",
+            "acceleration.north: takes the difference of kg m/s^2 and kg/s, ",
+        ),
+        (
+            "- stiffness * down) / mass",
+            "- stiffness * down)",
+            "acceleration.down: has the unit kg m/s^2, the row needs m/s^2",
+        ),
+        (
+            "(pull_east - stiffness * east) / mass",
+            "exp(-height / 0.3) * gravity",
+            "acceleration.east: names none of",
+        ),
+        (
+            "(pull_east - stiffness * east) / mass",
+            "pull_east/mass * exp(-height/0.3)",
+            "takes exp of m, which must be a pure number",
+        ),
         ("(pull_east - stiffness * east) / mass", "pull_east/mass ^ height", "exponent in m"),
-        ("(pull_east - stiffness * east) / mass", "pull_east / mass)", "acceleration.east: a bracket is closed"),
-        ("acceleration.east", "acceleration.west", "acceleration.west: unknown row; rows are u, v, w, p, q, r (body), north"),
-        ("unit = \"N/m\"", "unit = \"N/mm\"", "coefficient \"stiffness\": unit: unknown unit \"mm\"; known are kg, m"),
+        (
+            "(pull_east - stiffness * east) / mass",
+            "pull_east / mass)",
+            "acceleration.east: a bracket is closed",
+        ),
+        (
+            "acceleration.east",
+            "acceleration.west",
+            "acceleration.west: unknown row; rows are u, v, w, p, q, r (body), north",
+        ),
+        (
+            "unit = \"N/m\"",
+            "unit = \"N/mm\"",
+            "coefficient \"stiffness\": unit: unknown unit \"mm\"; known are kg, m",
+        ),
         ("[0.0, 1000.0]", "[1000.0, 0.0]", "coefficient \"stiffness\": possible: is [smallest, largest]"),
         ("typical = 1.0", "typical = -1.0", "coefficient \"stiffness\": typical"),
         ("typical = 1.0", "typical = nan", "coefficient \"stiffness\": typical"),
@@ -71,14 +99,21 @@ fn what_cannot_be_right_is_refused_with_file_effect_and_field() {
         ("id = \"my-cable\"", "id = \"My Cable\"", "id: is a word of a to z"),
         ("confused_with.tether", "confused_with.leash", "confused_with: unknown effect \"leash\""),
         ("sentence = \"A", "sentnce = \"A", "line 4: unknown field `sentnce`"),
-        ("typical = 1.0 },\n]", "typical = 1.0 },\n{ name = \"x\", unit = \"1\", possible = [0.0, 1.0], typical = 1.0 }]", "coefficient x: is in no formula"),
+        (
+            "typical = 1.0 },\n]",
+            "typical = 1.0 },\n{ name = \"x\", unit = \"1\", possible = [0.0, 1.0], typical = 1.0 }]",
+            "coefficient x: is in no formula",
+        ),
         ("[[effect]]", "[[effect]", "line 2: "),
     ] {
         assert!(CABLE.contains(from), "{from}");
         let why = refused(&CABLE.replacen(from, to, 1));
         assert!(why.contains(expected), "{to}: {why}");
     }
-    assert!(refused(&CABLE.replacen("possible = [0.0, 1000.0]", "possible = [-inf, 1.0]", 1)).contains("possible"));
+    assert!(
+        refused(&CABLE.replacen("possible = [0.0, 1000.0]", "possible = [-inf, 1.0]", 1))
+            .contains("possible")
+    );
     assert!(refused(&CABLE.repeat(17)).contains("more than 16"));
 }
 
@@ -114,13 +149,24 @@ fn linear_is_what_is_linear() {
              coefficient = [{{ name = \"a\", unit = \"1/s\", possible = [0.0, 1.0], typical = 1.0 }},\n\
              {{ name = \"b\", unit = \"1/s\", possible = [0.0, 1.0], typical = 1.0 }}]"
         );
-        let parsed = user_effect::parse(&text, Path::new("x")).unwrap_or_else(|why| panic!("{formula}: {why}"));
+        let parsed =
+            user_effect::parse(&text, Path::new("x")).unwrap_or_else(|why| panic!("{formula}: {why}"));
         parsed[0].is_linear()
     };
-    for formula in ["a*u + b*v", "-(a - b)*u", "(a*u + b*v)*sin(phi)/2", "a*u + 0*b*u", "u*(3*a/2 - b)", "a*u+b^1*u"] {
+    for formula in
+        ["a*u + b*v", "-(a - b)*u", "(a*u + b*v)*sin(phi)/2", "a*u + 0*b*u", "u*(3*a/2 - b)", "a*u+b^1*u"]
+    {
         assert!(linear(formula), "{formula}");
     }
-    for formula in ["a*u*b/a", "a*u + b*v + gravity", "sqrt(a*b)*u", "abs(a)*u + b*u", "a^2/b*u", "max(a,b)*u", "exp(a/b)*b*u"] {
+    for formula in [
+        "a*u*b/a",
+        "a*u + b*v + gravity",
+        "sqrt(a*b)*u",
+        "abs(a)*u + b*u",
+        "a^2/b*u",
+        "max(a,b)*u",
+        "exp(a/b)*b*u",
+    ] {
         assert!(!linear(formula), "{formula}");
     }
 }
@@ -137,9 +183,9 @@ fn state() -> State {
 #[test]
 fn a_users_cable_is_the_catalogues_tether() {
     let values = [0.8, 0.3, -0.2, -0.9];
-    let fly = |effect: Effect| {
+    let fly = |effect: Option<Effect>| {
         let mut model = Model::thesis();
-        model.set(effect, &values);
+        effect.into_iter().for_each(|effect| model.set(effect, &values));
         model.set(Effect::SteadyWind, &[1.0, -0.5]);
         let plant = Plant::new(&model);
         let (mut state, substeps) = (state(), plant.substeps(0.01, 4));
@@ -148,12 +194,12 @@ fn a_users_cable_is_the_catalogues_tether() {
         }
         (plant.accelerations(&plant.sample(&state, &[640.0; 4], 11.1)), state)
     };
-    let ((a, own), (b, catalogue)) = (fly(effect(CABLE)), fly(Effect::Tether));
+    let ((a, own), (b, catalogue)) = (fly(Some(effect(CABLE))), fly(Some(Effect::Tether)));
     // The same numbers in another order of additions, over 400 steps of an unstable craft.
     assert!((own.position_ned_m - catalogue.position_ned_m).norm() < 1e-9);
     assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9), "{a:?} {b:?}");
     // The twin: without it the craft is elsewhere.
-    let (_, without) = fly(Effect::QuadraticYawDamping.min(Effect::Tether));
+    let (_, without) = fly(None);
     assert!((own.position_ned_m - without.position_ned_m).norm() > 1e-3);
 }
 
@@ -174,8 +220,8 @@ fn a_model_with_users_effects_round_trips_and_needs_no_other_file() {
     let other = text.replacen("- stiffness * north", "- 2 * stiffness * north", 1);
     let why = Model::parse(&other, Path::new("m.toml")).unwrap_err().to_string();
     assert!(why.starts_with("m.toml: effect \"my-cable\": id: is already defined in another way"), "{why}");
-    let without = text.replacen("id = \"bump\"", "id = \"bumb\"", 1);
-    assert!(Model::parse(&without, Path::new("m.toml")).is_err());
+    let (before, after) = text.rsplit_once("\"bump\"").unwrap();
+    assert!(Model::parse(&format!("{before}\"bumb\"{after}"), Path::new("m.toml")).is_err());
 }
 
 #[test]
@@ -202,7 +248,10 @@ fn a_formula_without_a_value_is_named_not_flown_over() {
         let (finite, undefined) = step(height_m);
         let undefined = undefined.expect("the formula is named").to_string();
         assert!(!finite, "{height_m}");
-        assert_eq!(undefined, "effect \"root\": acceleration.u = \"k * sqrt(height - low)\" is not a finite number");
+        assert_eq!(
+            undefined,
+            "effect \"root\": acceleration.u = \"k * sqrt(height - low)\" is not a finite number"
+        );
     }
 }
 

@@ -95,7 +95,8 @@ fn samples_without_a_value_are_counted_and_said() {
     let text = CUSHION.replacen("exp(-height / decay)", "sqrt((height - low) / decay)", 1)
         + "constant = [{ name = \"low\", unit = \"m\", value = 0.4 }]\n";
     std::fs::write(folder.path().join("my.toml"), text).unwrap();
-    let add = ["add", "cushion", "--effects", "my.toml", "--model", "model.toml", "--out", "out.toml", "--json"];
+    let add =
+        ["add", "cushion", "--effects", "my.toml", "--model", "model.toml", "--out", "out.toml", "--json"];
     let output = run_in(folder.path(), &with_sets(&add));
     let stderr = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(0), "{stderr}");
@@ -125,7 +126,8 @@ fn a_users_cable_explains_a_cable_as_the_catalogue_does() {
     };
     let vehicle = case.join("vehicle.toml").display().to_string();
     json(&["identify", "--vehicle", &vehicle, "--out", "model.toml"]);
-    let own = json(&["add", "my-cable", "--effects", "my.toml", "--model", "model.toml", "--out", "own.toml"]);
+    let own =
+        json(&["add", "my-cable", "--effects", "my.toml", "--model", "model.toml", "--out", "own.toml"]);
     let known = json(&["add", Effect::Tether.id(), "--model", "model.toml", "--out", "known.toml"]);
     assert_eq!(own["supported"], true, "{own}");
     for axis in ["u", "v", "w"] {

@@ -117,6 +117,7 @@ pub fn fit(
     let order: Vec<Effect> = linear.iter().chain(&adjusting).copied().collect();
 
     let rows = assemble(flights, &model, &linear, &[]);
+    check_finite(flights, &rows, &model)?;
     let count: usize = linear.iter().map(|e| coefficient_count(*e)).sum();
     let solution = regress::solve(&rows, &vec![None; count]).map_err(|why| unidentifiable(why, &linear))?;
     store(&mut model, &linear, solution.value.as_slice(), None);
@@ -175,6 +176,7 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
         }
         store(&mut model, order, values.as_slice(), None);
         if settled {
+            check_scales(&model, adjusting)?;
             return Ok(finish(model, order, regress::Solution { value: values, ..solution }));
         }
     }
@@ -187,10 +189,28 @@ pub(crate) fn step_end(now: f64, step: f64, info: &model::Coefficient) -> f64 {
     let (low, high) = info.possible;
     let reach = high - low;
     if low > 0.0 && now > 0.0 {
-        // What cannot be zero is a scale: no step takes more than half of it away or more than doubles it.
-        return (now + step).clamp(0.5 * now, 2.0 * now).clamp(0.5 * low, 2.0 * high);
+        // What cannot be zero is a scale: no step takes more than half of it away or more than doubles it, and beyond the
+        // possible it means something else.
+        return (now + step).clamp(0.5 * now, 2.0 * now).clamp(low, high);
     }
     (now + step).clamp(low - reach, high + reach)
+}
+
+/// A length or another scale that ended where the possible ends was not found but ran away.
+fn check_scales(model: &Model, adjusting: &[Effect]) -> Result<(), FitError> {
+    let ran_away = |effect: &&Effect| {
+        let values = model.term(**effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value);
+        values.zip(effect.info().coefficients).any(|(value, c)| {
+            let (low, high) = c.possible;
+            c.prior.is_some() && low > 0.0 && (value <= low || value >= high)
+        })
+    };
+    match adjusting.iter().find(ran_away) {
+        None => Ok(()),
+        Some(effect) => {
+            Err(FitError::NotConverged { effect: effect.id(), excitation: effect.info().excitation })
+        }
+    }
 }
 
 /// A formula of a user may have no value at a state that nobody thought of.
@@ -312,7 +332,7 @@ fn assemble(
             let stride = flight.fit_stride();
             let mut columns = flight.columns(linear, model, stride);
             let targets = if adjusting.iter().any(|effect| effect.adds_accelerations()) {
-                targets_less_added(flight, model, linear, &columns, stride)
+                less_added(residuals_at(flight, model, stride).residual, model, linear, &columns)
             } else {
                 flight.targets(&model.vehicle, &adjust, stride)
             };
@@ -329,15 +349,14 @@ fn assemble(
         .collect()
 }
 
-/// The targets less what effects add that have no columns: what is left of them plus what the linear effects predict.
-pub(crate) fn targets_less_added(
-    flight: &Prepared,
+/// The targets less what effects add that have no columns: the residual plus what the linear effects predict.
+pub(crate) fn less_added(
+    residual: [Vec<f64>; 6],
     model: &Model,
     linear: &[Effect],
     columns: &[RowColumn],
-    stride: usize,
 ) -> [Vec<f64>; 6] {
-    let mut targets = residuals_at(flight, model, stride).residual;
+    let mut targets = residual;
     let values = linear.iter().flat_map(|e| model.term(*e)).flat_map(|t| &t.coefficients).map(|c| c.value);
     for (value, column) in values.zip(columns) {
         for (target, column) in targets.iter_mut().zip(column) {
@@ -370,7 +389,7 @@ fn residual_derivatives_at(
         model.term(effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
     (0..info.coefficients.len())
         .map(|k| {
-            let step = 0.01 * step_scale(model.vehicle.has_rotor_map(), effect, k);
+            let step = 0.01 * local_scale(model.vehicle.has_rotor_map(), effect, k, base[k]);
             let mut at = |sign: f64| {
                 let mut values = base.clone();
                 values[k] += sign * step;
@@ -386,6 +405,12 @@ fn residual_derivatives_at(
             })
         })
         .collect()
+}
+
+/// Magnitude of a coefficient for differences about a value: a length or another scale goes by itself.
+fn local_scale(has_rotor_map: bool, effect: Effect, coefficient: usize, value: f64) -> f64 {
+    let is_scale = effect.info().coefficients[coefficient].possible.0 > 0.0 && value > 0.0;
+    if is_scale { value } else { step_scale(has_rotor_map, effect, coefficient) }
 }
 
 /// Ordinary magnitude of a coefficient; rotor "speeds" are commands near 1 where the map is unknown.

@@ -19,7 +19,7 @@
 use std::iter::StepBy;
 use std::ops::Range;
 
-use model::{Adjustments, Axis, Effect, Model, Plant, Sample, SampleInput, Sink, Vehicle};
+use model::{Adjustments, Axis, Effect, Model, Plant, Sample, SampleInput, Sink, Swing, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::filter::{SideBySide, compose, sum_of_products};
@@ -39,8 +39,8 @@ pub(crate) struct States<'a> {
     untilt: Option<Matrix3<f64>>,
     lever_m: Vector3<f64>,
     rotor: [RotorTrack; 4],
-    /// A slung load relative to the craft at every sample, where there is one.
-    load_offset_m: Option<Vec<[f64; 2]>>,
+    /// A slung load at every sample, where there is one.
+    swings: Option<Vec<Swing>>,
     period_s: f64,
 }
 
@@ -77,7 +77,7 @@ impl States<'_> {
             rotor_rad_s: self.rotor.each_ref().map(|r| r.speed_rad_s[k]),
             rotor_acceleration_rad_s2: [0.0; 4],
             battery_v: stretch.battery_v[k],
-            load_offset_m: self.load_offset_m.as_ref().map_or([0.0; 2], |offsets| offsets[k]),
+            swing: self.swings.as_ref().map_or_else(Swing::default, |swings| swings[k]),
         }
     }
 
@@ -110,7 +110,7 @@ impl States<'_> {
                     per_period * (b.rotor_rad_s[i] - a.rotor_rad_s[i])
                 }),
                 battery_v: 0.5 * (a.battery_v + b.battery_v),
-                load_offset_m: std::array::from_fn(|i| 0.5 * (a.load_offset_m[i] + b.load_offset_m[i])),
+                swing: a.swing.middle(&b.swing),
             });
             a = b;
         }
@@ -152,10 +152,7 @@ impl Prepared {
             untilt: Some(adjust.true_dcm(&Matrix3::identity())).filter(|m| *m != Matrix3::identity()),
             lever_m: Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m,
             rotor: stretch.rotors(vehicle, adjust, self.period_s),
-            load_offset_m: adjust.load.map(|load| {
-                let swings = swing::driven(self, stretch, vehicle, adjust, &load);
-                swings.into_iter().map(|s| s.offset_m).collect()
-            }),
+            swings: adjust.load.map(|load| swing::driven(self, stretch, vehicle, adjust, &load)),
             period_s: self.period_s,
         }
     }
@@ -246,7 +243,7 @@ impl Prepared {
         let pull = swing::share(model, load) * load.stiffness_rad2_s2(gravity_m_s2);
         let plant = Plant::new(model);
         self.filtered_from(&plant, &FreeSwings { pull }, stride, |stretch| States {
-            load_offset_m: Some(load.free(stretch.time_s.len(), self.period_s, gravity_m_s2)),
+            swings: Some(swing::free(load, stretch.time_s.len(), self.period_s, gravity_m_s2)),
             ..self.states(stretch, &model.vehicle, &Adjustments { load: None, ..*plant.adjustments() })
         })
     }
@@ -350,7 +347,7 @@ impl Terms for LinearEffects {
     }
 }
 
-/// Linear effects of a craft that carries a slung load: their vertical forces move the load as well.
+/// Linear effects of a craft that carries a slung load: along the cable, their forces move the load as well.
 struct Carrying<T> {
     inner: T,
     /// Load's mass over the craft's.
@@ -365,12 +362,11 @@ impl<T: Terms> Terms for Carrying<T> {
     fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
         let mut forces = Forces { of: vec![None; self.inner.count()], sink };
         self.inner.evaluate(sample, &mut forces);
-        let dcm = &sample.input.dcm;
+        let n = sample.input.dcm * sample.input.swing.direction;
         for (parameter, force) in forces.of.iter().enumerate() {
             let Some(force) = force else { continue };
-            let mut ned = dcm.tr_mul(force);
-            ned.z /= 1.0 + self.share;
-            for (axis, value) in model::AXES.into_iter().zip((dcm * ned).iter()) {
+            let with_load = force - n * (self.share / (1.0 + self.share) * n.dot(force));
+            for (axis, value) in model::AXES.into_iter().zip(with_load.iter()) {
                 forces.sink.add(axis, parameter, *value);
             }
         }
@@ -406,7 +402,7 @@ impl Terms for FreeSwings {
 
     fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
         for (parameter, (direction, solution)) in [(0, 0), (0, 1), (1, 0), (1, 1)].into_iter().enumerate() {
-            let offset_m = sample.input.load_offset_m[solution];
+            let offset_m = sample.input.swing.direction[solution];
             let body = sample.input.dcm.column(direction) * (self.pull * offset_m);
             for (axis, value) in model::AXES.into_iter().zip(body.iter()) {
                 sink.add(axis, parameter, *value);

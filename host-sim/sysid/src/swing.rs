@@ -5,10 +5,15 @@
 //! stretch, offset and velocity north and east. They enter linearly, so they are taken out of the residual by a small least
 //! squares of their own before anything is judged, with the effect's coefficients as they are. A prior keeps them honest: a
 //! load swings by some degrees, so a load of next to no mass cannot explain an oscillation by swinging wildly.
+//!
+//! The pull on the craft goes with its place, and the target of the regression may be the second derivative of the same
+//! log: the tracker's noise is in both, and a stiff pendulum without any load would explain it. The place is therefore
+//! smoothed over 0.6 s, which leaves a swing (up to 10 rad/s or so) as it is and ends where a derivative's noise begins.
 
 use model::{Adjustments, Load, Model, Swing, Vehicle};
 use nalgebra::{Matrix4, Vector3, Vector4};
 
+use crate::filter::{RegressionFilter, convolve};
 use crate::prepare::{Prepared, Stretch, vector};
 
 /// Standard deviation of the swing at the beginning, rad.
@@ -32,11 +37,25 @@ pub(crate) fn driven(
     let lever_m = Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m;
     let place = |k: usize| {
         let tracked = vector(&stretch.position_ned_m, k);
-        let centre = tracked - adjust.true_dcm(&stretch.dcm[k]).tr_mul(&lever_m);
-        [centre.x, centre.y]
+        tracked - adjust.true_dcm(&stretch.dcm[k]).tr_mul(&lever_m)
     };
-    let places: Vec<[f64; 2]> = (0..stretch.time_s.len()).map(place).collect();
+    let raw: Vec<Vector3<f64>> = (0..stretch.time_s.len()).map(place).collect();
+    let taps = RegressionFilter::long_smooth(flight.period_s);
+    let smooth: [Vec<f64>; 3] = std::array::from_fn(|axis| {
+        let signal: Vec<f64> = raw.iter().map(|place| place[axis]).collect();
+        convolve(&signal, &taps, |k| signal[k])
+    });
+    let places: Vec<Vector3<f64>> = (0..raw.len()).map(|k| vector(&smooth, k)).collect();
     load.driven(&places, flight.period_s, vehicle.gravity)
+}
+
+/// The two free swings, in place of the load's direction north and east.
+pub(crate) fn free(load: &Load, samples: usize, period_s: f64, gravity_m_s2: f64) -> Vec<Swing> {
+    let carry = |[offset, velocity]: [f64; 2]| Swing {
+        direction: Vector3::new(offset, velocity, 0.0),
+        turning_rad_s: Vector3::zeros(),
+    };
+    load.free(samples, period_s, gravity_m_s2).into_iter().map(carry).collect()
 }
 
 /// Takes out of a residual what the load's swing at the beginning of each stretch explains.

@@ -58,7 +58,10 @@ impl Asked {
     fn new(model: &Model, effect: Effect) -> Option<Self> {
         let Effect::User(user) = effect else { return None };
         if let Some(term) = model.term(effect) {
-            return Some(Self { user, coefficients: vec![term.coefficients.iter().map(|c| c.value).collect()] });
+            return Some(Self {
+                user,
+                coefficients: vec![term.coefficients.iter().map(|c| c.value).collect()],
+            });
         }
         let info = user.info();
         let typical = |k: usize| info.coefficients[k].typical;

@@ -90,7 +90,8 @@ fn samples_without_a_value_are_left_out_before_and_after_alike() {
         flight.leave_out_undefined(&plain, &[own, Effect::Tether]).unwrap();
     }
     assert!(rows(&flights) < before - 100 && rows(&flights) > before / 4, "{} of {before}", rows(&flights));
-    let noted = flights.iter().filter(|f| f.notes.iter().any(|n| n.contains("\"k * sqrt(height - low)\""))).count();
+    let noted =
+        flights.iter().filter(|f| f.notes.iter().any(|n| n.contains("\"k * sqrt(height - low)\""))).count();
     assert!(noted > 0, "{:?}", flights[0].notes);
     let all: Vec<&Prepared> = flights.iter().collect();
     let added = add(&base(&flights), own, &all[..3], &all[3..]).unwrap();
