@@ -7,6 +7,7 @@ use sysid::Diagnosis;
 
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs, provenance};
+use crate::user_effects::{self, EffectOptions};
 use crate::{flights, pages, progress, tables};
 
 /// Say which physical effect a model lacks, with the evidence for each.
@@ -28,6 +29,9 @@ pub(crate) struct Options {
 
     #[command(flatten)]
     sets: Option<SetOptions>,
+
+    #[command(flatten)]
+    effects: EffectOptions,
 
     /// New flights: what has changed since the model was made? For example: --changed today-1.csv today-2.csv
     #[arg(long, value_name = "CSV", num_args = 1.., conflicts_with_all = ["train", "validate", "html"])]
@@ -62,9 +66,12 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
 fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> {
     let mut inputs = sets.paths();
     inputs.push(&options.model);
+    inputs.extend(options.effects.paths());
     check_outputs(&options.html, &inputs)?;
+    let effects = options.effects.read()?;
     let model = Model::read(&options.model)?;
-    let sets = Sets::read(sets, &model.vehicle, options.json)?;
+    let mut sets = Sets::read(sets, &model.vehicle, options.json)?;
+    sets.leave_out_undefined(&model, &effects)?;
     let diagnosis = diagnose(&model, &sets, options.json)?;
     if let Some(path) = &options.html {
         pages::diagnose(&model, &sets, &diagnosis)
@@ -75,8 +82,10 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
 }
 
 fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
+    let effects = options.effects.read()?;
     let model = Model::read(&options.model)?;
-    let loaded = flights::read(&options.changed, &model.vehicle, options.json)?;
+    let mut loaded = flights::read(&options.changed, &model.vehicle, options.json)?;
+    user_effects::leave_out_undefined(&mut loaded, &model, &effects)?;
     if model.fit.as_ref().is_none_or(|fit| fit.scatter.is_empty()) {
         eprintln!(
             "warning: {}: does not say how much the craft differed from flight to flight; changes are judged against noise alone",

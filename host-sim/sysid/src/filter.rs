@@ -50,6 +50,13 @@ impl RegressionFilter {
         smooth
     }
 
+    /// Smoothing taps over twice the window, for what must not share the noise of a derivative: they end (-3 dB at 17 rad/s)
+    /// where that begins.
+    pub fn double_smooth(period_s: f64) -> Vec<f64> {
+        let [smooth, _] = polynomial_taps(((Self::WINDOW_S / period_s).round() as usize).max(3));
+        smooth
+    }
+
     /// Samples on either side of the center.
     pub fn half(&self) -> usize {
         self.smooth.len() / 2

@@ -15,6 +15,9 @@ pub mod noise;
 pub mod prepare;
 pub mod regress;
 mod rows;
+mod starts;
+mod swing;
+mod undefined;
 
 pub use compare::{Comparison, compare};
 pub use diagnose::{Addition, Diagnosis, Verdict, add, diagnose};

@@ -233,7 +233,7 @@ impl Prepared {
 }
 
 /// Why a flight cannot be used.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PrepareError {
     /// Too short.
     #[error(
@@ -252,9 +252,34 @@ pub enum PrepareError {
         "has no rotor speeds (omega1..4) and the vehicle file has no motor map; give [motors] command, voltage and offset, or map = \"identify\""
     )]
     NoRotorSpeeds,
+    /// A user's formula has no value anywhere for long enough.
+    #[error("has nothing left to use: {reason} nearly everywhere")]
+    Undefined {
+        /// Which formula.
+        reason: String,
+    },
 }
 
 impl Stretch {
+    /// A part of it.
+    pub(crate) fn part(&self, range: std::ops::Range<usize>) -> Self {
+        fn cut<const N: usize>(all: &[Vec<f64>; N], range: &std::ops::Range<usize>) -> [Vec<f64>; N] {
+            all.each_ref().map(|one| one[range.clone()].to_vec())
+        }
+        Self {
+            time_s: self.time_s[range.clone()].to_vec(),
+            position_ned_m: cut(&self.position_ned_m, &range),
+            euler_rad: cut(&self.euler_rad, &range),
+            dcm: self.dcm[range.clone()].to_vec(),
+            velocity_ned_m_s: cut(&self.velocity_ned_m_s, &range),
+            rate_rad_s: cut(&self.rate_rad_s, &range),
+            command: cut(&self.command, &range),
+            logged_rotor_rad_s: self.logged_rotor_rad_s.as_ref().map(|all| cut(all, &range)),
+            battery_v: self.battery_v[range.clone()].to_vec(),
+            imu_m_s2: self.imu_m_s2.as_ref().map(|all| cut(all, &range)),
+        }
+    }
+
     /// Each rotor's speed.
     pub(crate) fn rotors(&self, vehicle: &Vehicle, adjust: &Adjustments, period_s: f64) -> [RotorTrack; 4] {
         let delay = adjust.input_delay_s / period_s;
