@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use crate::user_effect::{self, Definition};
 use crate::vehicle::toml_message;
 use crate::{Adjustments, Axis, Effect, PerAxis, Vehicle};
 
@@ -188,6 +189,9 @@ pub enum ModelError {
     /// The vehicle in the model is impossible.
     #[error(transparent)]
     Vehicle(#[from] crate::VehicleError),
+    /// The definition of a user's effect in the model cannot be right.
+    #[error(transparent)]
+    UserEffect(#[from] crate::UserEffectError),
 }
 
 #[derive(Serialize, Deserialize)]
@@ -203,6 +207,9 @@ struct ModelFile {
     version: u32,
     reference: ReferenceValues,
     vehicle: Vehicle,
+    /// Of the users' effects among `effects`.
+    #[serde(rename = "definition", default, skip_serializing_if = "Vec::is_empty")]
+    definitions: Vec<Definition>,
     #[serde(rename = "effect", default)]
     effects: Vec<EffectEntry>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -311,6 +318,9 @@ impl Model {
         }
         let file: ModelFile = toml::from_str(text).map_err(parse_error)?;
         file.vehicle.check(path)?;
+        for definition in file.definitions {
+            user_effect::define(definition, path)?;
+        }
         let terms =
             file.effects.into_iter().map(|entry| read_effect(entry, path)).collect::<Result<_, _>>()?;
         Ok(Self {
@@ -329,6 +339,7 @@ impl Model {
             version: VERSION,
             reference: self.reference,
             vehicle: self.vehicle.clone(),
+            definitions: self.terms.iter().filter_map(|term| definition_of(term.effect)).collect(),
             effects: self.terms.iter().map(write_effect).collect(),
             fit: self.fit.clone(),
             history: self.history.clone(),
@@ -339,7 +350,7 @@ impl Model {
 
 fn read_effect(entry: EffectEntry, path: &Path) -> Result<Term, ModelError> {
     let Some(effect) = Effect::from_id(&entry.id) else {
-        let known: Vec<&str> = crate::effects::CATALOGUE.iter().map(|e| e.id()).collect();
+        let known: Vec<&str> = Effect::all().map(|e| e.id()).collect();
         return Err(ModelError::UnknownEffect {
             path: path.into(),
             effect: entry.id,
@@ -359,6 +370,13 @@ fn read_effect(entry: EffectEntry, path: &Path) -> Result<Term, ModelError> {
     let coefficients =
         entry.coefficients.iter().map(|c| Estimate { value: c.value, std_error: c.std_error }).collect();
     Ok(Term { effect, coefficients })
+}
+
+fn definition_of(effect: Effect) -> Option<Definition> {
+    match effect {
+        Effect::User(user) => Some(user.definition().clone()),
+        _ => None,
+    }
 }
 
 fn write_effect(term: &Term) -> EffectEntry {

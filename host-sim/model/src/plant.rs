@@ -1,6 +1,6 @@
 //! The plant: the equations of motion (2.1), (2.8) with a model's effects as their terms, and a fixed-step integrator.
 //!
-//! State: position (NED), attitude quaternion, body velocity, body rates, rotor speeds. A quaternion instead of the
+//! State: position (NED), attitude quaternion, body velocity, body rates, rotor speeds, and the swing of a slung load. A quaternion instead of the
 //! thesis' Euler angles: the same motion, no singularity when a simulated craft tumbles, no sines in the stages.
 //! Rotors are first-order lags of the commanded speed, integrated exactly over a held command; the rest is classical
 //! fourth-order Runge-Kutta. No adaptive step: equal inputs give equal bits.
@@ -9,7 +9,8 @@ use nalgebra::{Vector3, Vector4};
 
 use crate::effects::Weights;
 use crate::sample::Constants;
-use crate::{Adjustments, Model, RotorMap, Sample, SampleInput, frames};
+use crate::user_effect::Undefined;
+use crate::{Adjustments, Model, RotorMap, Sample, SampleInput, Swing, frames};
 
 /// State of the craft.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,6 +25,8 @@ pub struct State {
     pub rate_rad_s: Vector3<f64>,
     /// Rotor speeds, rad/s.
     pub rotor_rad_s: [f64; 4],
+    /// A slung load's swing; still where there is none.
+    pub swing: Swing,
 }
 
 impl State {
@@ -35,6 +38,7 @@ impl State {
             velocity_m_s: Vector3::zeros(),
             rate_rad_s: Vector3::zeros(),
             rotor_rad_s,
+            swing: Swing::default(),
         }
     }
 
@@ -47,7 +51,8 @@ impl State {
     pub fn is_finite(&self) -> bool {
         let all =
             self.position_ned_m.sum() + self.attitude.sum() + self.velocity_m_s.sum() + self.rate_rad_s.sum();
-        (all + self.rotor_rad_s.iter().sum::<f64>()).is_finite()
+        let swing = self.swing.direction.sum() + self.swing.turning_rad_s.sum();
+        (all + self.rotor_rad_s.iter().sum::<f64>() + swing).is_finite()
     }
 }
 
@@ -66,6 +71,7 @@ struct Derivative {
     attitude: Vector4<f64>,
     velocity: Vector3<f64>,
     rate: Vector3<f64>,
+    swing: Swing,
 }
 
 /// A model made ready to integrate.
@@ -130,6 +136,7 @@ impl Plant {
             rotor_rad_s: *rotor,
             rotor_acceleration_rad_s2: std::array::from_fn(|i| lag * (commanded[i] - rotor[i])),
             battery_v,
+            swing: state.swing,
         }
     }
 
@@ -137,12 +144,28 @@ impl Plant {
     /// rad/s^2.
     #[inline]
     pub fn accelerations(&self, sample: &Sample) -> [f64; 6] {
-        self.weights.accelerations(sample)
+        self.carrying(self.weights.accelerations(sample), &sample.input)
+    }
+
+    /// Accelerations of everything else with the pull of a slung load, where there is one.
+    fn carrying(&self, mut a: [f64; 6], input: &SampleInput) -> [f64; 6] {
+        if let Some(load) = &self.adjust.load {
+            let force = Vector3::new(a[0], a[1], a[2]);
+            let force = load.act(force, &input.dcm, &input.swing, self.constants.per_mass);
+            a[..3].copy_from_slice(force.as_slice());
+        }
+        a
     }
 
     /// Rotor speeds in rad/s that motor commands ask for at a battery voltage.
     pub fn commanded_rad_s(&self, command: &[f64; 4], battery_v: f64) -> [f64; 4] {
         command.map(|c| self.adjust.corrected_speed_rad_s(self.map.speed_rad_s(c, battery_v), battery_v))
+    }
+
+    /// The commands that ask for rotor speeds at a battery voltage.
+    pub fn command_for(&self, rotor_rad_s: &[f64; 4], battery_v: f64) -> [f64; 4] {
+        let beyond = self.adjust.rotor_speed_per_volt * (battery_v - self.adjust.reference_voltage_v);
+        rotor_rad_s.map(|speed| self.map.command_for(speed - beyond, battery_v))
     }
 
     /// Cuts `period_s` into `count` integration steps.
@@ -171,6 +194,44 @@ impl Plant {
     ) {
         let middle = std::array::from_fn(|i| 0.5 * (start[i] + end[i]));
         self.integrate(state, [start, &middle, end], end, battery_v, step_s);
+    }
+
+    /// The formula of a user's effect that has no finite value in the step that starts at `state`, if one has none: why the
+    /// state after it is not finite.
+    pub fn undefined_in_step(
+        &self,
+        state: &State,
+        commanded_rad_s: &[f64; 4],
+        battery_v: f64,
+        substeps: &Substeps,
+    ) -> Option<Undefined> {
+        let mut state = *state;
+        for _ in 0..substeps.count {
+            // A stage that fails shows in the stage before it: formulas are asked where Runge and Kutta ask them.
+            let rotor = state.rotor_rad_s;
+            let h = substeps.step_s;
+            let mut stage = state;
+            for part in [0.5, 0.5, 1.0, 0.0] {
+                let sample = self.sample_at(&stage, &rotor, commanded_rad_s, battery_v);
+                if let Some(undefined) = self.undefined(&sample) {
+                    return Some(undefined);
+                }
+                let k = self.derivative::<false>(&stage, &rotor, commanded_rad_s, battery_v);
+                stage = moved(&state, &k, part * h);
+            }
+            self.lagged_step(&mut state, commanded_rad_s, battery_v, substeps);
+        }
+        None
+    }
+
+    /// Whether the model has effects of users.
+    pub fn has_user_effects(&self) -> bool {
+        !self.weights.users().is_empty()
+    }
+
+    /// The formula of a user's effect that has no finite value at a sample, if one has none.
+    pub fn undefined(&self, sample: &Sample) -> Option<Undefined> {
+        self.weights.users().iter().find_map(|(user, coefficients)| user.undefined(sample, coefficients))
     }
 
     fn lagged_step(&self, state: &mut State, commanded: &[f64; 4], battery_v: f64, substeps: &Substeps) {
@@ -220,6 +281,10 @@ impl Plant {
             start.attitude + sixth * (k1.attitude + 2.0 * (k2.attitude + k3.attitude) + k4.attitude);
         state.attitude = attitude * (1.0 / attitude.norm());
         state.rotor_rad_s = *rotor_end;
+        if !PLAIN {
+            let swing = start.swing.moved(&k1.swing, sixth).moved(&k2.swing, 2.0 * sixth);
+            state.swing = swing.moved(&k3.swing, 2.0 * sixth).moved(&k4.swing, sixth).normalized();
+        }
     }
 
     /// (2.1) with the resolutions of reference section 5: velocity to inertial by the transpose of (2.2), gravity to
@@ -240,17 +305,28 @@ impl Plant {
         };
         let dcm = &input.dcm;
         let gravity = dcm.column(2) * self.gravity_m_s2;
+        let still = Swing { direction: Vector3::zeros(), turning_rad_s: Vector3::zeros() };
+        let (a, swing) = match &self.adjust.load {
+            Some(load) if !PLAIN => {
+                let force_ned_m_s2 = dcm.tr_mul(&Vector3::new(a[0], a[1], a[2]));
+                let swing = load.derivative(&state.swing, force_ned_m_s2, self.gravity_m_s2);
+                (self.carrying(a, &input), swing)
+            }
+            _ => (a, still),
+        };
         let force = Vector3::new(a[0], a[1], a[2]);
         Derivative {
             position: dcm.tr_mul(&state.velocity_m_s),
             attitude: frames::quaternion_derivative(&state.attitude, &state.rate_rad_s),
             velocity: force + gravity - state.rate_rad_s.cross(&state.velocity_m_s),
             rate: Vector3::new(a[3], a[4], a[5]),
+            swing,
         }
     }
 }
 
-/// Dead time between command and rotor (`input-delay`): past commands, and where in the period they take over.
+/// Dead time between command and rotor (`input-delay`): past commands, and where in the period they take over. The battery
+/// acts at the motor and has no dead time.
 ///
 /// Without dead time it is a plain [`Plant::step`].
 #[derive(Debug, Clone)]
@@ -263,8 +339,8 @@ pub struct DelayLine {
 }
 
 impl DelayLine {
-    /// For a plant, a control period and its integration steps, with rotors at rest at `initial_rad_s`.
-    pub fn new(plant: &Plant, period_s: f64, count: u32, initial_rad_s: [f64; 4]) -> Self {
+    /// For a plant, a control period and its integration steps, after a long time of `initial` commands.
+    pub fn new(plant: &Plant, period_s: f64, count: u32, initial: [f64; 4]) -> Self {
         let delay_s = plant.adjust.input_delay_s.max(0.0);
         let whole = (delay_s / period_s).floor();
         let part = delay_s / period_s - whole;
@@ -272,19 +348,19 @@ impl DelayLine {
             let steps = (part * f64::from(count)).ceil().max(1.0) as u32;
             (part > 1e-9).then(|| plant.substeps(part * period_s, steps))
         };
-        let waiting = std::iter::repeat_n(initial_rad_s, whole as usize + 1).collect();
+        let waiting = std::iter::repeat_n(initial, whole as usize + 1).collect();
         Self { waiting, before: cut(part), after: cut(1.0 - part) }
     }
 
-    /// Advances `state` over one period in which `commanded_rad_s` is given.
-    pub fn step(&mut self, plant: &Plant, state: &mut State, commanded_rad_s: &[f64; 4], battery_v: f64) {
-        self.waiting.push_back(*commanded_rad_s);
+    /// Advances `state` over one period in which `command` is given.
+    pub fn step(&mut self, plant: &Plant, state: &mut State, command: &[f64; 4], battery_v: f64) {
+        self.waiting.push_back(*command);
         if let (Some(before), Some(old)) = (&self.before, self.waiting.front()) {
-            plant.step(state, old, battery_v, before);
+            plant.step(state, &plant.commanded_rad_s(old, battery_v), battery_v, before);
         }
         self.waiting.pop_front();
         if let (Some(after), Some(new)) = (&self.after, self.waiting.front()) {
-            plant.step(state, new, battery_v, after);
+            plant.step(state, &plant.commanded_rad_s(new, battery_v), battery_v, after);
         }
     }
 }
@@ -297,6 +373,7 @@ fn moved(state: &State, rate: &Derivative, time_s: f64) -> State {
         velocity_m_s: state.velocity_m_s + time_s * rate.velocity,
         rate_rad_s: state.rate_rad_s + time_s * rate.rate,
         rotor_rad_s: state.rotor_rad_s,
+        swing: state.swing.moved(&rate.swing, time_s),
     }
 }
 
@@ -407,10 +484,11 @@ mod tests {
         let mut model = Model::thesis();
         model.set(Effect::InputDelay, &[0.025]);
         let plant = Plant::new(&model);
-        let mut line = DelayLine::new(&plant, 0.01, 4, [600.0; 4]);
+        let mut line = DelayLine::new(&plant, 0.01, 4, plant.command_for(&[600.0; 4], 11.1));
         let mut state = State::at_rest(Vector3::zeros(), [600.0; 4]);
+        let command = plant.command_for(&[700.0; 4], 11.1);
         for _ in 0..10 {
-            line.step(&plant, &mut state, &[700.0; 4], 11.1);
+            line.step(&plant, &mut state, &command, 11.1);
         }
         let exact = 700.0 - 100.0 * (-21.5_f64 * (0.1 - 0.025)).exp();
         assert!((state.rotor_rad_s[0] - exact).abs() < 1e-9, "{} {exact}", state.rotor_rad_s[0]);

@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use model::effects::CATALOGUE;
 use model::{Effect, HistoryEntry, Model, PerAxis};
 use serde::Serialize;
 use sysid::Addition;
@@ -11,6 +10,7 @@ use sysid::plausible::Likeness;
 use crate::faults::{self, FaultOptions};
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs};
+use crate::user_effects::EffectOptions;
 use crate::{progress, tables};
 
 /// Add a physical effect to a model and fit all of it again.
@@ -30,6 +30,9 @@ pub(crate) struct Options {
 
     #[command(flatten)]
     sets: SetOptions,
+
+    #[command(flatten)]
+    effects: EffectOptions,
 
     /// Model file to write, for example: --out better.toml
     #[arg(long, value_name = "TOML")]
@@ -53,14 +56,18 @@ enum AddError {
 }
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
-    let effect = known_effect(&options.effect)?;
-    check_outputs([&options.out], &options.sets.paths())?;
+    let mut inputs = options.sets.paths();
+    inputs.extend(options.effects.paths());
+    check_outputs([&options.out], &inputs)?;
+    options.effects.read()?;
     let model = Model::read(&options.model)?;
+    let effect = known_effect(&options.effect)?;
     if model.has(effect) {
         let there = listed(&model.effects());
         return Err(AddError::AlreadyThere { model: options.model.clone(), effect, there }.into());
     }
-    let sets = Sets::read(&options.sets, &model.vehicle, options.faults.reading(options.json))?;
+    let mut sets = Sets::read(&options.sets, &model.vehicle, options.faults.reading(options.json))?;
+    sets.leave_out_undefined(&model, &[effect])?;
     sets.faults.of_fitted(&model, &sets.validate);
     sets.faults.of_likeness(&model, sets.all(), Likeness::SAME);
     let (better, addition) = add(&model, effect, &sets, options.json)?;
@@ -111,7 +118,7 @@ pub(crate) fn add(
 fn text(options: &Options, better: &Model, addition: &Addition) -> Outcome {
     let finding = &addition.finding;
     let verdict = if finding.supported { "is supported" } else { "is NOT supported by these flights" };
-    let sentence = CATALOGUE.iter().find(|e| e.id() == finding.effect).map_or("", |e| e.info().sentence);
+    let sentence = Effect::from_id(finding.effect).map_or("", |e| e.info().sentence);
     Outcome::done(format!(
         "{}\n{}\n{}\nmodel written to {}\n",
         tables::paragraph(&format!("{} {verdict}: {}. {sentence}", finding.effect, finding.reason)),

@@ -9,7 +9,7 @@ use sysid::plausible::Likeness;
 use crate::faults::{self, FaultOptions};
 use crate::flights;
 use crate::output::{Outcome, check_outputs, provenance};
-use crate::{pages, progress, tables};
+use crate::{pages, progress, tables, user_effects};
 
 /// Compare a model with flights: errors of each axis, open-loop prediction, and where it fails most.
 #[derive(clap::Args)]
@@ -42,7 +42,8 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     check_outputs(&options.html, &inputs)?;
     let model = Model::read(&options.model)?;
     let reading = options.faults.reading(options.json);
-    let (flights, faults) = flights::read(&options.flights, &model.vehicle, reading)?;
+    let (mut flights, faults) = flights::read(&options.flights, &model.vehicle, reading)?;
+    user_effects::leave_out_undefined(&mut flights, &model, &[])?;
     faults.of_fitted(&model, &flights);
     faults.of_likeness(&model, &flights, Likeness::SAME);
     let spinner = progress::spinner(options.json);

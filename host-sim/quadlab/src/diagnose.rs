@@ -9,6 +9,7 @@ use sysid::plausible::Likeness;
 use crate::faults::{self, FaultOptions};
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs, provenance};
+use crate::user_effects::{self, EffectOptions};
 use crate::{flights, pages, progress, tables};
 
 /// Say which physical effect a model lacks, with the evidence for each.
@@ -30,6 +31,9 @@ pub(crate) struct Options {
 
     #[command(flatten)]
     sets: Option<SetOptions>,
+
+    #[command(flatten)]
+    effects: EffectOptions,
 
     /// New flights: what has changed since the model was made? For example: --changed today-1.csv today-2.csv
     #[arg(long, value_name = "CSV", num_args = 1.., conflicts_with_all = ["train", "validate", "html"])]
@@ -67,9 +71,12 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
 fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> {
     let mut inputs = sets.paths();
     inputs.push(&options.model);
+    inputs.extend(options.effects.paths());
     check_outputs(&options.html, &inputs)?;
+    let effects = options.effects.read()?;
     let model = Model::read(&options.model)?;
-    let sets = Sets::read(sets, &model.vehicle, options.faults.reading(options.json))?;
+    let mut sets = Sets::read(sets, &model.vehicle, options.faults.reading(options.json))?;
+    sets.leave_out_undefined(&model, &effects)?;
     sets.faults.of_fitted(&model, &sets.validate);
     sets.faults.of_likeness(&model, sets.all(), Likeness::SAME);
     let diagnosis = diagnose(&model, &sets, options.json)?;
@@ -87,9 +94,11 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
 }
 
 fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
+    let effects = options.effects.read()?;
     let model = Model::read(&options.model)?;
     let reading = options.faults.reading(options.json);
-    let (loaded, faults) = flights::read(&options.changed, &model.vehicle, reading)?;
+    let (mut loaded, faults) = flights::read(&options.changed, &model.vehicle, reading)?;
+    user_effects::leave_out_undefined(&mut loaded, &model, &effects)?;
     faults.of_fitted(&model, &loaded);
     faults.of_likeness(&model, &loaded, Likeness::CHANGED);
     if model.fit.as_ref().is_none_or(|fit| fit.scatter.is_empty()) {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use model::{PerAxis, Vehicle};
+use model::{Model, PerAxis, Vehicle};
 use serde::Serialize;
 use sysid::Verdict;
 use sysid::diagnose::Unexplained;
@@ -11,6 +11,7 @@ use crate::faults::{self, FaultOptions};
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs, provenance};
 use crate::story::{self, Story};
+use crate::user_effects::EffectOptions;
 use crate::{pages, tables};
 
 /// Identify the basic model, then diagnose and add until nothing that the flights support is left.
@@ -27,6 +28,9 @@ pub(crate) struct Options {
 
     #[command(flatten)]
     sets: SetOptions,
+
+    #[command(flatten)]
+    effects: EffectOptions,
 
     /// Model file to write, for example: --out model.toml
     #[arg(long, value_name = "TOML")]
@@ -47,9 +51,12 @@ pub(crate) struct Options {
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let mut inputs = options.sets.paths();
     inputs.push(&options.vehicle);
+    inputs.extend(options.effects.paths());
     check_outputs([&options.out].into_iter().chain(&options.html), &inputs)?;
     let vehicle = Vehicle::read(&options.vehicle)?;
-    let sets = Sets::read(&options.sets, &vehicle, options.faults.reading(options.json))?;
+    let effects = options.effects.read()?;
+    let mut sets = Sets::read(&options.sets, &vehicle, options.faults.reading(options.json))?;
+    sets.leave_out_undefined(&Model::new(vehicle.clone()), &effects)?;
     let story = story::tell(&vehicle, &sets, options.json)?;
     report::write_atomic(&options.out, story.last_model().to_toml())?;
     if let Some(path) = &options.html {

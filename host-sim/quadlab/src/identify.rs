@@ -8,6 +8,7 @@ use serde::Serialize;
 use crate::faults::{self, FaultOptions};
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs};
+use crate::user_effects::EffectOptions;
 use crate::{progress, tables};
 
 /// Identify the basic model from flights.
@@ -25,6 +26,9 @@ pub(crate) struct Options {
     #[command(flatten)]
     sets: SetOptions,
 
+    #[command(flatten)]
+    effects: EffectOptions,
+
     /// Model file to write, for example: --out model.toml
     #[arg(long, value_name = "TOML")]
     out: PathBuf,
@@ -40,9 +44,12 @@ pub(crate) struct Options {
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let mut inputs = options.sets.paths();
     inputs.push(&options.vehicle);
+    inputs.extend(options.effects.paths());
     check_outputs([&options.out], &inputs)?;
     let vehicle = Vehicle::read(&options.vehicle)?;
-    let sets = Sets::read(&options.sets, &vehicle, options.faults.reading(options.json))?;
+    let effects = options.effects.read()?;
+    let mut sets = Sets::read(&options.sets, &vehicle, options.faults.reading(options.json))?;
+    sets.leave_out_undefined(&Model::new(vehicle.clone()), &effects)?;
     let identified = identify(&vehicle, &sets, options.json)?;
     report::write_atomic(&options.out, identified.model.to_toml())?;
     if options.json {

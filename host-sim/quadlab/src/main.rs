@@ -23,6 +23,7 @@ mod pages;
 mod progress;
 mod story;
 mod tables;
+mod user_effects;
 
 use std::process::ExitCode;
 

@@ -1,6 +1,7 @@
 //! The simulated craft: plant, battery and sensors behind the four motor commands.
 
 use control::Measurement;
+use model::user_effect::Undefined;
 use model::{Battery, DelayLine, Plant, State, Substeps};
 
 use crate::sensors::Sensors;
@@ -19,6 +20,12 @@ pub struct Craft {
     sensors: Sensors,
     period_s: f64,
     tick: u32,
+    /// Voltage of the tick before, V.
+    last_v: f64,
+    /// Whether the model has effects of users, whose formulas may have no value.
+    has_formulas: bool,
+    /// The formula that had none.
+    pub fault: Option<Undefined>,
     /// Where it is and how it moves.
     pub state: State,
 }
@@ -33,10 +40,26 @@ impl Craft {
         period_s: f64,
         substeps: u32,
     ) -> Self {
-        let dead_time = (plant.adjustments().input_delay_s > 0.0)
-            .then(|| DelayLine::new(&plant, period_s, substeps, state.rotor_rad_s));
+        let last_v = battery.voltage_v(0.0, &state.rotor_rad_s);
+        let dead_time = (plant.adjustments().input_delay_s > 0.0).then(|| {
+            DelayLine::new(&plant, period_s, substeps, plant.command_for(&state.rotor_rad_s, last_v))
+        });
         let substeps = plant.substeps(period_s, substeps);
-        Self { plant, substeps, dead_time, battery, sensors, period_s, tick: 0, state }
+        let has_formulas = plant.has_user_effects();
+        let (tick, fault) = (0, None);
+        Self {
+            plant,
+            substeps,
+            dead_time,
+            battery,
+            sensors,
+            period_s,
+            tick,
+            last_v,
+            has_formulas,
+            fault,
+            state,
+        }
     }
 
     /// Voltage at the battery's terminals now, V.
@@ -54,12 +77,24 @@ impl Craft {
     /// One tick with motor commands held, in command units.
     #[inline]
     pub fn advance(&mut self, pwm: &[f32; 4], voltage_v: f64) {
-        let commanded = self.plant.commanded_rad_s(&pwm.map(f64::from), voltage_v);
+        let command = pwm.map(f64::from);
+        // The battery acts on the motors all the while: over the tick, the voltage in its middle. Held as it was at the
+        // start, a sag would come half a tick late.
+        let middle_v = voltage_v + 0.5 * (voltage_v - self.last_v);
+        self.last_v = voltage_v;
+        let before = self.has_formulas.then_some(self.state);
         match &mut self.dead_time {
-            None => self.plant.step(&mut self.state, &commanded, voltage_v, &self.substeps),
-            Some(line) => line.step(&self.plant, &mut self.state, &commanded, voltage_v),
+            None => {
+                let commanded = self.plant.commanded_rad_s(&command, middle_v);
+                self.plant.step(&mut self.state, &commanded, middle_v, &self.substeps);
+            }
+            Some(line) => line.step(&self.plant, &mut self.state, &command, middle_v),
         }
         self.tick += 1;
+        if let Some(before) = before.filter(|_| !self.state.is_finite()) {
+            let commanded = self.plant.commanded_rad_s(&command, middle_v);
+            self.fault = self.plant.undefined_in_step(&before, &commanded, middle_v, &self.substeps);
+        }
     }
 
     /// Whether the simulation can go on.

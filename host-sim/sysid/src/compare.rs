@@ -4,11 +4,12 @@
 //! condition), and open-loop prediction over 1, 10 and 50 samples from every sample of the flight, with no knowledge
 //! of the future except the motor inputs.
 
-use model::{AXES, Axis, AxisError, Model, PerAxis, Plant, State, frames};
+use model::{AXES, Axis, AxisError, Effect, Model, PerAxis, Plant, State, frames};
 use nalgebra::Vector3;
 use serde::Serialize;
 
 use crate::prepare::{Prepared, Stretch};
+use crate::swing;
 use crate::{Residuals, errors, residuals};
 
 /// Longest horizon of the open-loop prediction, samples.
@@ -183,9 +184,14 @@ fn add_rollouts(
     let velocities: Vec<Vector3<f64>> =
         states.iter().map(|s| frames::dcm_from_quaternion(&s.attitude).tr_mul(&s.velocity_m_s)).collect();
     let last = states.len() - flight.margin;
+    let has_users = model.effects().iter().any(|effect| matches!(effect, Effect::User(_)));
     let mut starts = 0;
     for start in flight.margin..last.saturating_sub(sums.len()) {
         let mut state = states[start];
+        let ahead = start..start + sums.len();
+        if has_users && !stays_finite(plant, flight, stretch, &states, ahead) {
+            continue;
+        }
         for (h, sum) in sums.iter_mut().enumerate() {
             let (from, to) = (start + h, start + h + 1);
             let (before, after) = (&states[from].rotor_rad_s, &states[to].rotor_rad_s);
@@ -202,6 +208,22 @@ fn add_rollouts(
     starts
 }
 
+/// Whether the prediction over `steps` stays finite: a user's formula may have no value where a prediction strays to.
+fn stays_finite(
+    plant: &Plant,
+    flight: &Prepared,
+    stretch: &Stretch,
+    states: &[State],
+    steps: std::ops::Range<usize>,
+) -> bool {
+    let mut state = states[steps.start];
+    for k in steps {
+        let (before, after) = (&states[k].rotor_rad_s, &states[k + 1].rotor_rad_s);
+        plant.step_between(&mut state, before, after, stretch.battery_v[k], flight.period_s);
+    }
+    state.is_finite()
+}
+
 /// The state at every sample that predictions start from and are judged by: an onboard estimator's as logged, raw
 /// tracking smoothed without lag.
 pub(crate) fn reference_states(model: &Model, flight: &Prepared, stretch: &Stretch) -> Vec<State> {
@@ -209,6 +231,10 @@ pub(crate) fn reference_states(model: &Model, flight: &Prepared, stretch: &Stret
     let lever = Vector3::from(model.vehicle.tracked_point) + adjust.tracked_point_m;
     let rotor = stretch.rotors(&model.vehicle, &adjust, flight.period_s);
     let at = |parts: &[Vec<f64>; 3], k: usize| Vector3::new(parts[0][k], parts[1][k], parts[2][k]);
+    let swings = adjust
+        .load
+        .map(|load| swing::driven(flight, stretch, &model.vehicle, &adjust, &load))
+        .unwrap_or_default();
     let smooth = (!flight.has_logged_velocity)
         .then(|| [&stretch.euler_rad, &stretch.rate_rad_s].map(|s| flight.smooth(s)));
     (0..stretch.time_s.len())
@@ -224,6 +250,7 @@ pub(crate) fn reference_states(model: &Model, flight: &Prepared, stretch: &Stret
                 velocity_m_s: dcm * at(&stretch.velocity_ned_m_s, k) - rate.cross(&lever),
                 rate_rad_s: rate,
                 rotor_rad_s: std::array::from_fn(|i| rotor[i].speed_rad_s[k]),
+                swing: swings.get(k).copied().unwrap_or_default(),
             }
         })
         .collect()

@@ -23,7 +23,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
 
-use crate::fit::step_scale;
+use crate::fit::{check_residuals, step_scale};
 use crate::prepare::Prepared;
 use crate::regress::WINDOW_S;
 use crate::{Fit, FitError, Residuals, errors, fit, noise, residuals};
@@ -183,7 +183,8 @@ fn judge(
     validate: &[&Prepared],
 ) -> Result<Judged, FitError> {
     let fit = fit(train, &model.vehicle, effects, Some(model))?;
-    let held_out = validate.iter().map(|flight| residuals(flight, &fit.model)).collect();
+    let held_out: Vec<Residuals> = validate.iter().map(|flight| residuals(flight, &fit.model)).collect();
+    check_residuals(validate, &held_out, &fit.model)?;
     Ok(Judged { fit, held_out })
 }
 

@@ -49,10 +49,16 @@ impl RegressionFilter {
         Self { smooth, matched: matched_taps(&between), between, derivative }
     }
 
-    /// Smoothing taps over a tenth of a second, for signals that follow the rotors (the battery's voltage sags with the load):
-    /// the long window would take the sag away with the noise.
-    pub fn short_smooth(period_s: f64) -> Vec<f64> {
-        let [smooth, _] = polynomial_taps(((0.05 / period_s).round() as usize).max(3));
+    /// Smoothing taps over a second, for signals that are slow but for what is known of them.
+    pub fn long_smooth(period_s: f64) -> Vec<f64> {
+        let [smooth, _] = polynomial_taps(((0.5 / period_s).round() as usize).max(3));
+        smooth
+    }
+
+    /// Smoothing taps over twice the window, for what must not share the noise of a derivative: they end (-3 dB at 17 rad/s)
+    /// where that begins.
+    pub fn double_smooth(period_s: f64) -> Vec<f64> {
+        let [smooth, _] = polynomial_taps(((Self::WINDOW_S / period_s).round() as usize).max(3));
         smooth
     }
 

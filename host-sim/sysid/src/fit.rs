@@ -4,12 +4,15 @@
 //! enter through the residual's derivative with respect to them, next to the linear columns, and the step is repeated
 //! until it is small against its own standard error: Gauss and Newton's method on the same stacked problem, so
 //! every coefficient gets a standard error of the same kind.
+//!
+//! Where they start decides where they end, for some: `starts.rs`.
 
 use model::{AxisError, Effect, Estimate, Kind, Model, PerAxis, Term, Vehicle};
 
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Prior, Unidentifiable};
 use crate::rows::{RowColumn, coefficient_count};
+use crate::{starts, swing};
 
 /// Most Gauss-Newton steps; bilinear problems such as wind and drag take three or four.
 const MAX_STEPS: usize = 12;
@@ -37,6 +40,16 @@ pub enum FitError {
     Collinear {
         /// "effect coefficient" of each.
         coefficients: Vec<String>,
+    },
+    /// A user's formula without a finite value at a sample that was not left out beforehand.
+    #[error(
+        "{flight}: the model has no finite prediction: a formula of {effect} takes a root, a logarithm or a quotient of what they do not exist for"
+    )]
+    NotFinite {
+        /// The flight.
+        flight: String,
+        /// Users' effects in the model.
+        effect: String,
     },
     /// The iteration for an adjusting effect ran away.
     #[error(
@@ -104,6 +117,7 @@ pub fn fit(
     let order: Vec<Effect> = linear.iter().chain(&adjusting).copied().collect();
 
     let rows = assemble(flights, &model, &linear, &[]);
+    check_finite(flights, &rows, &model)?;
     let count: usize = linear.iter().map(|e| coefficient_count(*e)).sum();
     let solution = regress::solve(&rows, &vec![None; count]).map_err(|why| unidentifiable(why, &linear))?;
     store(&mut model, &linear, solution.value.as_slice(), None);
@@ -111,48 +125,28 @@ pub fn fit(
         return Ok(finish(model, &linear, solution));
     }
     let layout = Layout { linear, adjusting, order };
-    // Where a coefficient qualifies another one (a height offset, a voltage shift), the way from zero can end in a side
-    // valley: go from an ordinary value as well and take the better end.
-    let second = second_start(&model, &layout.adjusting, start);
-    let first = settle(flights, model, &layout);
-    let Some(second) = second else { return first };
-    match (first, settle(flights, second, &layout)) {
-        (Ok(a), Ok(b)) => Ok(if spread(&b) < spread(&a) { b } else { a }),
+    let is_unknown = |effect: Effect| start.is_none_or(|m| !m.has(effect));
+    let ends = starts::of(flights, model, &layout, is_unknown)?
+        .into_iter()
+        .map(|start| settle(flights, start, &layout));
+    ends.reduce(|best, end| match (best, end) {
+        (Ok(a), Ok(b)) => Ok(if spread(&b.sigma) < spread(&a.sigma) { b } else { a }),
         (Ok(fit), Err(_)) | (Err(_), Ok(fit)) => Ok(fit),
         (Err(why), Err(_)) => Err(why),
-    }
+    })
+    .unwrap_or(Err(FitError::NoFlights))
 }
 
 /// Logarithm of the residuals' standard deviations over all axes: the likelihood, but for sign and scale.
-fn spread(fit: &Fit) -> f64 {
-    fit.sigma.iter().map(|s| s.ln()).sum()
+pub(crate) fn spread(sigma: &[f64; 6]) -> f64 {
+    sigma.iter().map(|s| s.ln()).sum()
 }
 
 /// The effects of a fit, in the order of its parameters.
-struct Layout {
-    linear: Vec<Effect>,
-    adjusting: Vec<Effect>,
+pub(crate) struct Layout {
+    pub(crate) linear: Vec<Effect>,
+    pub(crate) adjusting: Vec<Effect>,
     order: Vec<Effect>,
-}
-
-/// The model with ordinary values for adjusting effects that have a qualifying coefficient and no known value.
-fn second_start(model: &Model, adjusting: &[Effect], start: Option<&Model>) -> Option<Model> {
-    let unknown = |effect: &&Effect| {
-        effect.info().coefficients.iter().any(|c| c.prior.is_some()) && start.is_none_or(|m| !m.has(**effect))
-    };
-    let mut second = model.clone();
-    let mut any = false;
-    for effect in adjusting.iter().filter(unknown) {
-        let values: Vec<f64> = (0..effect.info().coefficients.len())
-            .map(|k| {
-                let qualifies = effect.info().coefficients[k].prior.is_some();
-                if qualifies { 0.0 } else { step_scale(model.vehicle.has_rotor_map(), *effect, k) }
-            })
-            .collect();
-        second.set(*effect, &values);
-        any = true;
-    }
-    any.then_some(second)
 }
 
 /// Gauss and Newton's steps from where `model` stands.
@@ -161,6 +155,7 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
     let count: usize = linear.iter().map(|e| coefficient_count(*e)).sum();
     for _ in 0..MAX_STEPS {
         let rows = assemble(flights, &model, linear, adjusting);
+        check_finite(flights, &rows, &model)?;
         let mut priors = vec![None; count];
         priors.extend(adjusting.iter().flat_map(|effect| priors_of(&model, *effect)));
         let solution = regress::solve(&rows, &priors).map_err(|why| unidentifiable(why, order))?;
@@ -181,6 +176,7 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
         }
         store(&mut model, order, values.as_slice(), None);
         if settled {
+            check_scales(&model, adjusting)?;
             return Ok(finish(model, order, regress::Solution { value: values, ..solution }));
         }
     }
@@ -192,7 +188,58 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
 pub(crate) fn step_end(now: f64, step: f64, info: &model::Coefficient) -> f64 {
     let (low, high) = info.possible;
     let reach = high - low;
+    if low > 0.0 && now > 0.0 {
+        // What cannot be zero is a scale: no step takes more than half of it away or more than doubles it, and beyond the
+        // possible it means something else.
+        return (now + step).clamp(0.5 * now, 2.0 * now).clamp(low, high);
+    }
     (now + step).clamp(low - reach, high + reach)
+}
+
+/// A length or another scale that ended where the possible ends was not found but ran away.
+fn check_scales(model: &Model, adjusting: &[Effect]) -> Result<(), FitError> {
+    let ran_away = |effect: &&Effect| {
+        let values = model.term(**effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value);
+        values.zip(effect.info().coefficients).any(|(value, c)| {
+            let (low, high) = c.possible;
+            c.prior.is_some() && low > 0.0 && (value <= low || value >= high)
+        })
+    };
+    match adjusting.iter().find(ran_away) {
+        None => Ok(()),
+        Some(effect) => {
+            Err(FitError::NotConverged { effect: effect.id(), excitation: effect.info().excitation })
+        }
+    }
+}
+
+/// A formula of a user may have no value at a state that nobody thought of.
+fn check_finite(flights: &[&Prepared], rows: &[FlightRows], model: &Model) -> Result<(), FitError> {
+    let finite = |rows: &FlightRows| {
+        rows.columns.iter().flatten().flatten().chain(&rows.targets).flatten().all(|value| value.is_finite())
+    };
+    blame_users(model, flights.iter().zip(rows).find(|(_, rows)| !finite(rows)).map(|(flight, _)| *flight))
+}
+
+/// The same for residuals of flights.
+pub(crate) fn check_residuals(
+    flights: &[&Prepared],
+    residuals: &[Residuals],
+    model: &Model,
+) -> Result<(), FitError> {
+    let finite = |r: &Residuals| r.residual.iter().flatten().all(|value| value.is_finite());
+    blame_users(model, flights.iter().zip(residuals).find(|(_, r)| !finite(r)).map(|(flight, _)| *flight))
+}
+
+fn blame_users(model: &Model, not_finite: Option<&Prepared>) -> Result<(), FitError> {
+    let users: Vec<&str> =
+        model.effects().iter().filter(|e| matches!(e, Effect::User(_))).map(|e| e.id()).collect();
+    match not_finite {
+        Some(flight) if !users.is_empty() => {
+            Err(FitError::NotFinite { flight: flight.name.clone(), effect: users.join(", ") })
+        }
+        _ => Ok(()),
+    }
 }
 
 /// What is known of the next step of an adjusting effect's coefficients: it leads back to zero.
@@ -204,7 +251,7 @@ fn priors_of(model: &Model, effect: Effect) -> impl Iterator<Item = Option<Prior
 }
 
 /// Writes values (and errors) of `effects` in order into the model.
-fn store(model: &mut Model, effects: &[Effect], values: &[f64], errors: Option<&[f64]>) {
+pub(crate) fn store(model: &mut Model, effects: &[Effect], values: &[f64], errors: Option<&[f64]>) {
     let mut at = 0;
     for effect in effects {
         let count = effect.info().coefficients.len();
@@ -278,24 +325,46 @@ fn assemble(
     linear: &[Effect],
     adjusting: &[Effect],
 ) -> Vec<FlightRows> {
-    let vehicle = &model.vehicle;
     let adjust = model.adjustments();
     flights
         .iter()
         .map(|flight| {
             let stride = flight.fit_stride();
             let mut columns = flight.columns(linear, model, stride);
+            let targets = if adjusting.iter().any(|effect| effect.adds_accelerations()) {
+                less_added(residuals_at(flight, model, stride).residual, model, linear, &columns)
+            } else {
+                flight.targets(&model.vehicle, &adjust, stride)
+            };
             for effect in adjusting {
                 columns.extend(residual_derivatives_at(flight, model, *effect, stride));
             }
             FlightRows {
-                targets: flight.targets(vehicle, &adjust, stride),
+                targets,
                 columns,
                 starts: flight.starts_of_rows(stride),
                 period_s: flight.period_s * stride as f64,
             }
         })
         .collect()
+}
+
+/// The targets less what effects add that have no columns: the residual plus what the linear effects predict.
+pub(crate) fn less_added(
+    residual: [Vec<f64>; 6],
+    model: &Model,
+    linear: &[Effect],
+    columns: &[RowColumn],
+) -> [Vec<f64>; 6] {
+    let mut targets = residual;
+    let values = linear.iter().flat_map(|e| model.term(*e)).flat_map(|t| &t.coefficients).map(|c| c.value);
+    for (value, column) in values.zip(columns) {
+        for (target, column) in targets.iter_mut().zip(column) {
+            let Some(column) = column else { continue };
+            target.iter_mut().zip(column).for_each(|(t, c)| *t += value * c);
+        }
+    }
+    targets
 }
 
 /// Minus the derivative of the residual with respect to each coefficient of an adjusting effect: central differences,
@@ -320,7 +389,7 @@ fn residual_derivatives_at(
         model.term(effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
     (0..info.coefficients.len())
         .map(|k| {
-            let step = 0.01 * step_scale(model.vehicle.has_rotor_map(), effect, k);
+            let step = 0.01 * local_scale(model.vehicle.has_rotor_map(), effect, k, base[k]);
             let mut at = |sign: f64| {
                 let mut values = base.clone();
                 values[k] += sign * step;
@@ -338,6 +407,12 @@ fn residual_derivatives_at(
         .collect()
 }
 
+/// Magnitude of a coefficient for differences about a value: a length or another scale goes by itself.
+fn local_scale(has_rotor_map: bool, effect: Effect, coefficient: usize, value: f64) -> f64 {
+    let is_scale = effect.info().coefficients[coefficient].possible.0 > 0.0 && value > 0.0;
+    if is_scale { value } else { step_scale(has_rotor_map, effect, coefficient) }
+}
+
 /// Ordinary magnitude of a coefficient; rotor "speeds" are commands near 1 where the map is unknown.
 pub(crate) fn step_scale(has_rotor_map: bool, effect: Effect, coefficient: usize) -> f64 {
     let typical = effect.info().coefficients[coefficient].typical;
@@ -352,13 +427,14 @@ pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
 }
 
 /// The same over the rows at every `stride`th sample.
-fn residuals_at(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
+pub(crate) fn residuals_at(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
     let measured = flight.targets(&model.vehicle, &model.adjustments(), stride);
     let predicted = flight.predicted(model, stride);
-    let residual = std::array::from_fn(|axis| match &predicted[axis] {
+    let mut residual = std::array::from_fn(|axis| match &predicted[axis] {
         Some(predicted) => measured[axis].iter().zip(predicted).map(|(m, p)| m - p).collect(),
         None => measured[axis].clone(),
     });
+    swing::take_out_beginnings(flight, model, stride, &mut residual);
     Residuals { measured, residual }
 }
 

@@ -1,6 +1,7 @@
 //! From flight files to a model: reading, preprocessing, least-squares identification, comparison and diagnosis.
 #![forbid(unsafe_code)]
 
+mod battery;
 pub mod changes;
 pub mod channels_check;
 pub mod clocks;
@@ -14,6 +15,7 @@ pub mod fit;
 pub mod flight;
 pub mod frames_check;
 pub mod imu_check;
+pub mod library;
 pub mod motors_check;
 pub mod noise;
 pub mod overlap;
@@ -21,7 +23,10 @@ pub mod plausible;
 pub mod prepare;
 pub mod regress;
 mod rows;
+mod starts;
+mod swing;
 mod tracks;
+mod undefined;
 
 pub use compare::{Comparison, compare};
 pub use diagnose::{Addition, Diagnosis, Verdict, add, diagnose};

@@ -6,9 +6,8 @@
 //! 2. Angles are unwrapped. The gyro's bias is taken out: its mean difference from the rates of the tracked attitude
 //!    (the low frequencies of (4.6); the gyro keeps the rest).
 //! 3. Rotor speeds: logged ones, or the motor map (4.10) at the smoothed battery voltage, then the first-order lag,
-//!    exactly for commands held over a sample. The voltage is smoothed without lag, over a tenth of a
-//!    second; the causal filter of 4.2.5 would be half a second late against the load that makes the voltage sag, and a
-//!    long window would take the sag away.
+//!    exactly for commands held over a sample. The voltage is freed from noise in `battery.rs`; the causal filter of 4.2.5
+//!    would be half a second late against the load that makes the voltage sag.
 //!
 //! What the rows are made of is in `rows.rs`.
 
@@ -17,6 +16,7 @@ use std::borrow::Cow;
 use model::{Adjustments, RotorMap, Vehicle, frames};
 use nalgebra::{Matrix3, Vector3};
 
+use crate::battery;
 use crate::filter::{RegressionFilter, compose, convolve, sum_of_products};
 use crate::flight::{Column, Flight, median_step};
 
@@ -166,6 +166,7 @@ impl Prepared {
             let needed_s = shortest as f64 * period_s;
             return Err(PrepareError::TooShort { samples: t.len(), duration_s, needed_s });
         }
+        battery::steady(&mut stretches, vehicle, period_s);
         let gyro_bias_rad_s = remove_gyro_bias(&mut stretches, &filter);
         let has_logged_velocity = velocity.is_some();
         let mut prepared = Self {
@@ -237,7 +238,7 @@ impl Prepared {
 }
 
 /// Why a flight cannot be used.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PrepareError {
     /// Too short.
     #[error(
@@ -256,9 +257,34 @@ pub enum PrepareError {
         "has no rotor speeds (omega1..4) and the vehicle file has no motor map; give [motors] command, voltage and offset, or map = \"identify\""
     )]
     NoRotorSpeeds,
+    /// A user's formula has no value anywhere for long enough.
+    #[error("has nothing left to use: {reason} nearly everywhere")]
+    Undefined {
+        /// Which formula.
+        reason: String,
+    },
 }
 
 impl Stretch {
+    /// A part of it.
+    pub(crate) fn part(&self, range: std::ops::Range<usize>) -> Self {
+        fn cut<const N: usize>(all: &[Vec<f64>; N], range: &std::ops::Range<usize>) -> [Vec<f64>; N] {
+            all.each_ref().map(|one| one[range.clone()].to_vec())
+        }
+        Self {
+            time_s: self.time_s[range.clone()].to_vec(),
+            position_ned_m: cut(&self.position_ned_m, &range),
+            euler_rad: cut(&self.euler_rad, &range),
+            dcm: self.dcm[range.clone()].to_vec(),
+            velocity_ned_m_s: cut(&self.velocity_ned_m_s, &range),
+            rate_rad_s: cut(&self.rate_rad_s, &range),
+            command: cut(&self.command, &range),
+            logged_rotor_rad_s: self.logged_rotor_rad_s.as_ref().map(|all| cut(all, &range)),
+            battery_v: self.battery_v[range.clone()].to_vec(),
+            imu_m_s2: self.imu_m_s2.as_ref().map(|all| cut(all, &range)),
+        }
+    }
+
     /// Each rotor's speed.
     pub(crate) fn rotors(&self, vehicle: &Vehicle, adjust: &Adjustments, period_s: f64) -> [RotorTrack; 4] {
         let delay = adjust.input_delay_s / period_s;
@@ -276,14 +302,33 @@ impl Stretch {
         }
         let map: RotorMap = vehicle.rotor_map();
         let lag = adjust.lag_rad_s(vehicle.motors.lag);
+        // The battery acts at the motor, without dead time and all the while: over a sample, the mean of its ends. Held as
+        // it was at the sample's start, a sag would come half a sample late and show as drag.
+        let per_volt = map.voltage + adjust.rotor_speed_per_volt;
+        let fixed = map.offset - adjust.rotor_speed_per_volt * adjust.reference_voltage_v;
+        let by_voltage: Vec<f64> = (0..self.battery_v.len())
+            .map(|k| {
+                let next = self.battery_v.get(k + 1).unwrap_or(&self.battery_v[k]);
+                per_volt * 0.5 * (self.battery_v[k] + next)
+            })
+            .collect();
+        let by_voltage = lagged(&by_voltage, lag, 0.0, period_s);
         self.command.each_ref().map(|command| {
-            let commanded: Vec<f64> = command
-                .iter()
-                .zip(&self.battery_v)
-                .map(|(c, v)| adjust.corrected_speed_rad_s(map.speed_rad_s(*c, *v), *v))
-                .collect();
-            lagged(&commanded, lag, delay, period_s)
+            let commanded: Vec<f64> = command.iter().map(|c| map.command * c + fixed).collect();
+            lagged(&commanded, lag, delay, period_s).plus(&by_voltage)
         })
+    }
+}
+
+impl RotorTrack {
+    /// The sum of two parts of the speed; a rotor does not turn backwards.
+    fn plus(mut self, other: &Self) -> Self {
+        let add = |to: &mut [f64], part: &[f64]| {
+            to.iter_mut().zip(part).for_each(|(speed, part)| *speed = (*speed + part).max(0.0));
+        };
+        add(&mut self.speed_rad_s, &other.speed_rad_s);
+        add(&mut self.mean_rad_s, &other.mean_rad_s);
+        self
     }
 }
 
@@ -372,7 +417,7 @@ pub(crate) fn subtract(parts: &mut [Vec<f64>; 3], k: usize, amount: Vector3<f64>
 }
 
 /// The smoothed signal, and the signal itself where the window does not fit.
-fn smoothed(signal: &[f64], taps: &[f64]) -> Vec<f64> {
+pub(crate) fn smoothed(signal: &[f64], taps: &[f64]) -> Vec<f64> {
     convolve(signal, taps, |k| signal[k])
 }
 
@@ -446,7 +491,7 @@ impl<'a> Channels<'a> {
             rate_rad_s: even.take(RATE),
             command: even.take(COMMAND),
             logged_rotor_rad_s: self.rotor.map(|first| even.take(first)),
-            battery_v: smoothed(&even.columns[BATTERY], &RegressionFilter::short_smooth(period_s)),
+            battery_v: even.columns[BATTERY].clone(),
             imu_m_s2: self.imu.map(|first| even.take(first)),
             time_s: even.time_s,
         }

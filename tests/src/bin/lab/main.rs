@@ -5,6 +5,7 @@
 //! Results depend on the seed and on nothing else: not on the clock, not on the number of threads.
 #![forbid(unsafe_code)]
 
+mod library;
 mod plan;
 mod score;
 mod show;
@@ -70,6 +71,10 @@ struct Arguments {
     /// Write the flights of wrong answers into folders of their own, for `quadlab explain`
     #[arg(long)]
     keep_failures: bool,
+
+    /// Write what regressions choose from in each trial into folders under this one, for tests/peers/compare.py
+    #[arg(long, value_name = "DIR")]
+    libraries: Option<PathBuf>,
 }
 
 fn main() -> ExitCode {
@@ -90,6 +95,9 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let outcomes = all(&plan.trials);
     if arguments.keep_failures {
         keep_failures(arguments, &outcomes)?;
+    }
+    if let Some(folder) = &arguments.libraries {
+        library::write(folder, &outcomes)?;
     }
     let scores = Scores::of(&plan, &outcomes);
     report::write_atomic(arguments.out.join("lab.json"), serde_json::to_string_pretty(&scores)?)?;
