@@ -297,6 +297,35 @@ fn planted_imu_faults_are_found_and_named() {
 }
 
 #[test]
+fn a_position_that_is_late_against_the_imu_is_put_right() {
+    for seed in 0..4 {
+        let world = World::new(Size::ALL[(seed % 2) as usize], seed);
+        for flight in Pattern::TRAIN.into_iter().filter_map(|p| with_imu(&world, p)) {
+            let late = 4;
+            let columns = ALL.into_iter().chain([Ax, Ay, Az]).map(|c| {
+                let values = flight.column(c).unwrap();
+                let tracked = [X, Y, Z].contains(&c);
+                let range = if tracked { 0..values.len() - late } else { late..values.len() };
+                (c, values[range].to_vec())
+            });
+            let examined =
+                examine(&Flight::from_columns(flight.name.clone(), columns), &world.vehicle).unwrap();
+            let clock = examined.clocks.position.unwrap();
+            println!(
+                "seed {seed} {}: {:.1} +- {:.1} ms",
+                flight.name,
+                1e3 * clock.offset_s,
+                1e3 * clock.offset_std_error_s
+            );
+            // An acceleration from a position is noisy: three standard errors, half a sample at least.
+            let slack = 0.005_f64.max(3.0 * clock.offset_std_error_s);
+            assert!((clock.offset_s - 0.04).abs() < slack, "seed {seed} {}: {clock:?}", flight.name);
+            assert!(examined.clocks.aligned, "seed {seed} {}", flight.name);
+        }
+    }
+}
+
+#[test]
 fn motors_in_another_order_are_named() {
     let (mut count, mut found) = (0, 0);
     for (seed, vehicle, flights) in worlds(0..4) {
@@ -394,12 +423,14 @@ fn stuck_motors_and_commands_at_their_ends_are_told() {
         let [low, high] = vehicle.motors.command_range;
         for flight in flights {
             let stuck = edited(&flight, |r| r.command[2] = 0.5 * (low + high));
+            let dead = edited(&flight, |r| r.rate.z = 0.0);
             let at_end = with_columns(&flight, |c, v| {
                 let end = |(k, v): (usize, &f64)| if c == Cmd2 && k % 8 == 0 { high } else { *v };
                 v.iter().enumerate().map(end).collect()
             });
             for (wrong, kind, word) in [
                 (stuck, FaultKind::FrozenChannel, "cmd3 never changes"),
+                (dead, FaultKind::FrozenChannel, "r never changes"),
                 (at_end, FaultKind::SaturatedCommands, "cmd2 in 12 % of the samples"),
             ] {
                 let faults = examine(&wrong, &vehicle).unwrap().faults;

@@ -72,7 +72,7 @@ pub fn check(flight: &Flight, vehicle: &Vehicle) -> Channels {
             mask(&mut masked, stream, run);
         }
     }
-    found.frozen.extend(stuck_motors(flight));
+    found.frozen.extend(dead_columns(flight));
     let jumps = jumps(&masked, period_s);
     // A tracker that always jumps is one in other units or axes, which other checks name.
     let always = jumps.len() as f64 > MOST_JUMPS * flight.len() as f64;
@@ -143,25 +143,26 @@ fn frozen_runs(
     runs
 }
 
-/// Motors whose command never changes while another one's does.
-fn stuck_motors(flight: &Flight) -> Vec<String> {
-    let distinct = |column: Column| {
+/// Columns that never change though the craft moves: motors, and sensors that were not logged.
+fn dead_columns(flight: &Flight) -> Vec<String> {
+    let moves = |column: Column| {
         let values = flight.required(column);
         values.windows(2).filter(|w| w[0].is_finite() && w[1].is_finite() && w[0] != w[1]).count()
     };
-    let moves = COMMANDS.map(distinct);
-    let most = moves.into_iter().max().unwrap_or(0);
-    COMMANDS
-        .into_iter()
-        .zip(moves)
-        .filter(|(_, moves)| *moves == 0 && most > flight.len() / 20)
-        .map(|(column, _)| {
-            format!(
-                "{} never changes while other commands do: a stuck motor, or the column of another signal; mend the log",
-                COLUMNS[column as usize]
-            )
-        })
-        .collect()
+    let mut found = Vec::new();
+    for (stream, advice) in [
+        (
+            &COMMANDS[..],
+            "while other commands do: a stuck motor, or the column of another signal; mend the log",
+        ),
+        (&POSE, "though the craft moves: not logged, or a dead sensor; a model cannot do without it"),
+        (&GYRO, "though the craft moves: not logged, or a dead sensor; a model cannot do without it"),
+    ] {
+        let most = stream.iter().map(|&c| moves(c)).max().unwrap_or(0);
+        let dead = stream.iter().filter(|&&c| moves(c) == 0 && most > flight.len() / 20);
+        found.extend(dead.map(|&c| format!("{} never changes {advice}", COLUMNS[c as usize])));
+    }
+    found
 }
 
 /// Samples after which the tracker is somewhere else.

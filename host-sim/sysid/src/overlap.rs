@@ -10,6 +10,8 @@ use crate::prepare::{Prepared, Stretch};
 const PROBE: usize = 40;
 /// Places of a stretch from which samples are looked for in the other flight, s apart.
 const PROBE_EVERY_S: f64 = 2.0;
+/// Places that have to be found: one alone may be a step that a noise-free simulation flew twice.
+const LEAST_PROBES: usize = 2;
 /// Differences that another format makes: part of the motion, and of a rate in rad/s at three digits.
 const ROUNDING: f64 = 0.02;
 const ROUNDING_RAD_S: f64 = 6e-4;
@@ -27,11 +29,11 @@ fn has_piece_of(whole: &Prepared, other: &Prepared) -> bool {
         return false;
     }
     let step = ((PROBE_EVERY_S / other.period_s) as usize).max(1);
-    other.stretches.iter().any(|piece| {
-        (0..piece.time_s.len().saturating_sub(PROBE))
-            .step_by(step)
-            .any(|from| whole.stretches.iter().any(|stretch| is_in(stretch, piece, from)))
-    })
+    let probes = other.stretches.iter().flat_map(|piece| {
+        (0..piece.time_s.len().saturating_sub(PROBE)).step_by(step).map(move |from| (piece, from))
+    });
+    let found = probes.filter(|(piece, from)| whole.stretches.iter().any(|s| is_in(s, piece, *from)));
+    found.take(LEAST_PROBES).count() == LEAST_PROBES
 }
 
 fn is_in(stretch: &Stretch, piece: &Stretch, from: usize) -> bool {
