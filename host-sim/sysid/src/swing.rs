@@ -8,7 +8,7 @@
 //!
 //! The pull on the craft goes with its place, and the target of the regression may be the second derivative of the same
 //! log: the tracker's noise is in both, and a stiff pendulum without any load would explain it. The place is therefore
-//! smoothed over 0.6 s, which leaves a swing (up to 10 rad/s or so) as it is and ends where a derivative's noise begins.
+//! smoothed over 0.4 s, which leaves a swing (up to 11 rad/s) as it is, and ends where most of a derivative's noise begins.
 
 use model::{Adjustments, Load, Model, Swing, Vehicle};
 use nalgebra::{Matrix4, Vector3, Vector4};
