@@ -161,7 +161,7 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
     let Layout { linear, adjusting, order } = layout;
     let count: usize = linear.iter().map(|e| coefficient_count(*e)).sum();
     let adds = adjusting.iter().any(|effect| effect.adds_accelerations());
-    for _ in 0..if adds { 2 * MAX_STEPS } else { MAX_STEPS } {
+    for _ in 0..if adds { MAX_STEPS + MAX_STEPS / 2 } else { MAX_STEPS } {
         let rows = assemble(flights, &model, linear, adjusting);
         check_finite(flights, &rows, &model)?;
         let mut priors = vec![None; count];
@@ -235,7 +235,7 @@ pub(crate) fn step_end(now: f64, step: f64, info: &model::Coefficient) -> f64 {
 }
 
 /// A length or another scale that ended where the possible ends was not found but ran away.
-fn check_scales(model: &Model, adjusting: &[Effect]) -> Result<(), FitError> {
+pub(crate) fn check_scales(model: &Model, adjusting: &[Effect]) -> Result<(), FitError> {
     let ran_away = |effect: &&Effect| {
         let values = model.term(**effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value);
         values.zip(effect.info().coefficients).any(|(value, c)| {

@@ -53,9 +53,11 @@ fn second(model: &Model, unknown: &[Effect]) -> Option<Model> {
 }
 
 /// Parts of themselves (for a scale) or of an ordinary value by which the coefficients of a shape are changed in turn.
-const CHANGES: [f64; 5] = [0.12, 0.08, 0.05, 0.03, 0.015];
+const CHANGES: [f64; 4] = [0.1, 0.05, 0.025, 0.0125];
 /// Starts whose shape is improved: the valley of the best one need not be the deepest.
 const IMPROVED: usize = 3;
+/// One that leaves more than the best so far by this (of the logarithm of the spread) is not worth it.
+const HOPELESS: f64 = 0.3;
 /// Rounds with one change.
 const ROUNDS: usize = 3;
 /// A start explains something when it lowers the logarithm of the residual's spread by this: 0.2 % of it.
@@ -75,10 +77,13 @@ fn search(flights: &[&Prepared], model: &mut Model, layout: &Layout, effect: Eff
     let explains = |end: &End| end.score < end.without - EXPLAINS;
     let mut best: Option<End> = None;
     for (place, end) in ends.into_iter().take(IMPROVED).enumerate() {
-        let end = if explains(&end) { problem.improve(end) } else { end };
-        if place == 0 || explains(&end) {
-            better(&mut best, Some(end));
+        if place > 0
+            && (!explains(&end) || best.as_ref().is_some_and(|best| end.score > best.score + HOPELESS))
+        {
+            break;
         }
+        let end = if explains(&end) { problem.improve(end) } else { end };
+        better(&mut best, Some(end));
     }
     let info = effect.info();
     let Some(best) = best else {
@@ -89,7 +94,8 @@ fn search(flights: &[&Prepared], model: &mut Model, layout: &Layout, effect: Eff
         });
     };
     model.set(effect, &best.values);
-    Ok(())
+    // No step would lead away from there.
+    fit::check_scales(model, &[effect])
 }
 
 /// Where a least squares ended: all coefficients, and how much is left with them and with the free ones at zero.

@@ -18,6 +18,8 @@ use crate::prepare::{Prepared, Stretch, vector};
 
 /// Standard deviation of the swing at the beginning, rad.
 const SWING_RAD: f64 = 0.15;
+/// Share of the load in the craft's mass that is no load.
+const NO_LOAD: f64 = 1e-3;
 /// Time from one independent value of filtered noise to the next, s.
 const INDEPENDENT_S: f64 = 0.1;
 
@@ -65,7 +67,10 @@ pub(crate) fn take_out_beginnings(
     stride: usize,
     residual: &mut [Vec<f64>; 6],
 ) {
-    let Some(load) = model.adjustments().load.filter(|load| load.mass_kg != 0.0) else { return };
+    // What the beginning adds goes with the square of the share: a search that starts from none need not ask.
+    let Some(load) = model.adjustments().load.filter(|load| share(model, load).abs() > NO_LOAD) else {
+        return;
+    };
     let columns = flight.free_swings(model, &load, stride);
     let starts = flight.starts_of_rows(stride);
     let offset_m = SWING_RAD * load.cable_length_m;
