@@ -87,18 +87,18 @@ pub(crate) fn take_out_beginnings(
         let row_of = |axis: usize, k: usize| -> Vector4<f64> {
             Vector4::from_fn(|p, _| columns[p][axis].as_ref().map_or(0.0, |column| column[k]))
         };
-        for axis in 0..3 {
+        for (axis, residual) in residual[..3].iter().enumerate() {
             for k in rows.clone() {
                 let row = row_of(axis, k);
                 normal += row * row.transpose();
-                right += row * residual[axis][k];
+                right += row * residual[k];
             }
         }
         let Some(cholesky) = normal.cholesky() else { continue };
         let beginning = cholesky.solve(&right);
-        for axis in 0..3 {
+        for (axis, residual) in residual[..3].iter_mut().enumerate() {
             for k in rows.clone() {
-                residual[axis][k] -= row_of(axis, k).dot(&beginning);
+                residual[k] -= row_of(axis, k).dot(&beginning);
             }
         }
     }
