@@ -87,11 +87,13 @@ impl Load {
     /// The swings under a craft at places given every `period_s` (inertial, m), from a load that moves with it at first.
     ///
     /// Verlet's method with the cable as a constraint (Ryckaert, Ciccotti and Berendsen 1977): it needs the craft's places
-    /// only, no derivative of them. Frequencies come out (w0 period)^2 / 24 high.
+    /// only, no derivative of them. Damping acts on the mean of the velocities before and after, and gravity is a little
+    /// less than it is, so that a small swing takes its time to the last digit.
     pub fn driven(&self, places_m: &[Vector3<f64>], period_s: f64, gravity_m_s2: f64) -> Vec<Swing> {
         let (h, length) = (period_s, self.length_m());
-        let fall = Vector3::new(0.0, 0.0, gravity_m_s2 * h * h);
-        let kept = 1.0 - self.damping_per_s(gravity_m_s2) * h;
+        let phase = self.stiffness_rad2_s2(gravity_m_s2).sqrt() * h;
+        let fall = Vector3::new(0.0, 0.0, 2.0 * (1.0 - phase.cos()) * length);
+        let damping = 0.5 * self.damping_per_s(gravity_m_s2) * h;
         let hanging = Vector3::new(0.0, 0.0, length);
         // The cable before and now; the craft went on as it goes on over a twentieth of a second.
         let (mut before, mut now) = (hanging, hanging);
@@ -103,7 +105,8 @@ impl Load {
             let Some(next_place) = places_m.get(k + 1) else { break };
             let next_way = next_place - places_m[k];
             // The load less the craft's next place, if the cable let it go.
-            let free = now + (now - before) * kept + way - next_way + fall;
+            let pushed = (now - before) * (1.0 - damping) + way - next_way + fall;
+            let free = now + pushed / (1.0 + damping);
             let next = on_cable(free, now, length);
             (before, now, way) = (now, next, next_way);
         }
@@ -261,26 +264,27 @@ mod tests {
         model.set(Effect::SlungLoad, &[0.1, 0.4, 0.05]);
         let load = Load { mass_kg: 0.1, cable_length_m: 0.4, damping_ratio: 0.05 };
         let plant = Plant::new(&model);
-        let mut state = State::at_rest(Vector3::new(0.0, 0.0, -1.0), [660.0; 4]);
+        // The thesis' craft hovers at these (reference section 1), faster by the load's weight.
+        let hover = [611.4090, 634.3527, 633.6577, 657.8632].map(|w: f64| w * (1.0 + 0.1_f64 / 1.214).sqrt());
+        let mut state = State::at_rest(Vector3::new(0.0, 0.0, -1.0), hover);
         let substeps = plant.substeps(0.002, 2);
         let (mut places, mut flown) = (Vec::new(), Vec::new());
-        for k in 0..1500 {
+        for k in 0..500 {
             places.push(state.position_ned_m);
             flown.push(state.swing);
             let t = 0.002 * f64::from(k);
-            let (lift, tilt) = (10.0 * (2.0 * t).sin(), 1.5 * (3.0 * t).cos());
-            let commanded = [660.0, 660.0, 660.0, 660.0].map(|w| w + lift);
-            let commanded =
-                [commanded[0] + tilt, commanded[1] + tilt, commanded[2] - tilt, commanded[3] - tilt];
+            let (lift, tilt) = (15.0 * (4.0 * t).sin(), 3.0 * (4.0 * t).cos());
+            let shares = [lift + tilt, lift + tilt, lift - tilt, lift - tilt];
+            let commanded = std::array::from_fn(|i| hover[i] + shares[i]);
             plant.step(&mut state, &commanded, 11.1, &substeps);
         }
         let widest = flown.iter().map(|s| s.direction.xy().norm()).fold(0.0, f64::max);
-        assert!(widest > 0.2, "{widest}");
+        assert!((0.05..1.0).contains(&widest), "{widest}");
         let swings = load.driven(&places, 0.002, model.vehicle.gravity);
         let off = |(a, b): (&Swing, &Swing)| (a.direction - b.direction).norm();
         let worst = swings.iter().zip(&flown).map(off).fold(0.0, f64::max);
-        // First order in the damping over a sample of 2 ms.
-        assert!(worst < 0.01 * widest, "{worst} of {widest}");
+        // Second order in the sample of 2 ms, and a velocity at the start from a twentieth of a second.
+        assert!(worst < 0.003 * widest, "{worst} of {widest}");
     }
 
     #[test]

@@ -55,10 +55,10 @@ impl RegressionFilter {
         smooth
     }
 
-    /// Smoothing taps over twice the window, for what must not share the noise of a derivative: they end (-3 dB at 17 rad/s)
-    /// where that begins.
-    pub fn double_smooth(period_s: f64) -> Vec<f64> {
-        let [smooth, _] = polynomial_taps(((Self::WINDOW_S / period_s).round() as usize).max(3));
+    /// Smoothing taps over four tenths of a second, for what should not share the noise of a derivative: they end (-3 dB at
+    /// 26 rad/s) about where that begins.
+    pub fn medium_smooth(period_s: f64) -> Vec<f64> {
+        let [smooth, _] = polynomial_taps(((0.2 / period_s).round() as usize).max(3));
         smooth
     }
 

@@ -16,6 +16,13 @@ use crate::{starts, swing};
 
 /// Most Gauss-Newton steps; bilinear problems such as wind and drag take three or four.
 const MAX_STEPS: usize = 12;
+/// Where effects add accelerations, the steps crawl at the end (a swing's beginning is taken out between them): done when
+/// the logarithms of the residuals' spreads together change by less than this.
+const NO_FURTHER: f64 = 0.003;
+/// They may rise by this in a step without it being a wrong one.
+const WORSE: f64 = 0.2;
+/// Most halvings of a wrong step.
+const HALVINGS: usize = 4;
 /// A step this small against the standard error is the last.
 const CONVERGED: f64 = 0.01;
 
@@ -153,7 +160,8 @@ pub(crate) struct Layout {
 fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fit, FitError> {
     let Layout { linear, adjusting, order } = layout;
     let count: usize = linear.iter().map(|e| coefficient_count(*e)).sum();
-    for _ in 0..MAX_STEPS {
+    let adds = adjusting.iter().any(|effect| effect.adds_accelerations());
+    for _ in 0..if adds { MAX_STEPS + MAX_STEPS / 2 } else { MAX_STEPS } {
         let rows = assemble(flights, &model, linear, adjusting);
         check_finite(flights, &rows, &model)?;
         let mut priors = vec![None; count];
@@ -174,13 +182,43 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
                 at += 1;
             }
         }
+        let before = adds.then(|| (model.clone(), left(flights, &model)));
         store(&mut model, order, values.as_slice(), None);
+        if let Some((before, left_before)) = before {
+            shorten(flights, &before, left_before, &mut model);
+            settled |= (left_before - left(flights, &model)).abs() < NO_FURTHER;
+        }
         if settled {
             check_scales(&model, adjusting)?;
             return Ok(finish(model, order, regress::Solution { value: values, ..solution }));
         }
     }
     Err(FitError::NotConverged { effect: adjusting[0].id(), excitation: adjusting[0].info().excitation })
+}
+
+/// Logarithm of the residuals' spread over all axes, at the rows of a fit.
+fn left(flights: &[&Prepared], model: &Model) -> f64 {
+    let mut squares = [0.0; 6];
+    for flight in flights {
+        let residual = residuals_at(flight, model, flight.fit_stride()).residual;
+        squares.iter_mut().zip(&residual).for_each(|(sum, r)| *sum += r.iter().map(|e| e * e).sum::<f64>());
+    }
+    squares.iter().map(|sum| 0.5 * sum.max(f64::MIN_POSITIVE).ln()).sum()
+}
+
+/// Halves a step that makes things worse: far from the end, a residual that is not convex may do so.
+fn shorten(flights: &[&Prepared], before: &Model, left_before: f64, model: &mut Model) {
+    for _ in 0..HALVINGS {
+        if left(flights, model) <= left_before + WORSE {
+            return;
+        }
+        for term in &mut model.terms {
+            let Some(old) = before.term(term.effect) else { continue };
+            for (new, old) in term.coefficients.iter_mut().zip(&old.coefficients) {
+                new.value = 0.5 * (new.value + old.value);
+            }
+        }
+    }
 }
 
 /// Where a step of an adjusting coefficient ends. Far outside the possible there is nothing to find, and the columns lose
@@ -197,7 +235,7 @@ pub(crate) fn step_end(now: f64, step: f64, info: &model::Coefficient) -> f64 {
 }
 
 /// A length or another scale that ended where the possible ends was not found but ran away.
-fn check_scales(model: &Model, adjusting: &[Effect]) -> Result<(), FitError> {
+pub(crate) fn check_scales(model: &Model, adjusting: &[Effect]) -> Result<(), FitError> {
     let ran_away = |effect: &&Effect| {
         let values = model.term(**effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value);
         values.zip(effect.info().coefficients).any(|(value, c)| {

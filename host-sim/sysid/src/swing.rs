@@ -8,7 +8,7 @@
 //!
 //! The pull on the craft goes with its place, and the target of the regression may be the second derivative of the same
 //! log: the tracker's noise is in both, and a stiff pendulum without any load would explain it. The place is therefore
-//! smoothed over 0.6 s, which leaves a swing (up to 10 rad/s or so) as it is and ends where a derivative's noise begins.
+//! smoothed over 0.4 s, which leaves a swing (up to 11 rad/s) as it is, and ends where most of a derivative's noise begins.
 
 use model::{Adjustments, Load, Model, Swing, Vehicle};
 use nalgebra::{Matrix4, Vector3, Vector4};
@@ -18,6 +18,8 @@ use crate::prepare::{Prepared, Stretch, vector};
 
 /// Standard deviation of the swing at the beginning, rad.
 const SWING_RAD: f64 = 0.15;
+/// Share of the load in the craft's mass that is no load.
+const NO_LOAD: f64 = 1e-3;
 /// Time from one independent value of filtered noise to the next, s.
 const INDEPENDENT_S: f64 = 0.1;
 
@@ -40,7 +42,7 @@ pub(crate) fn driven(
         tracked - adjust.true_dcm(&stretch.dcm[k]).tr_mul(&lever_m)
     };
     let raw: Vec<Vector3<f64>> = (0..stretch.time_s.len()).map(place).collect();
-    let taps = RegressionFilter::double_smooth(flight.period_s);
+    let taps = RegressionFilter::medium_smooth(flight.period_s);
     let smooth: [Vec<f64>; 3] = std::array::from_fn(|axis| {
         let signal: Vec<f64> = raw.iter().map(|place| place[axis]).collect();
         convolve(&signal, &taps, |k| signal[k])
@@ -65,7 +67,10 @@ pub(crate) fn take_out_beginnings(
     stride: usize,
     residual: &mut [Vec<f64>; 6],
 ) {
-    let Some(load) = model.adjustments().load.filter(|load| load.mass_kg != 0.0) else { return };
+    // What the beginning adds goes with the square of the share: a search that starts from none need not ask.
+    let Some(load) = model.adjustments().load.filter(|load| share(model, load).abs() > NO_LOAD) else {
+        return;
+    };
     let columns = flight.free_swings(model, &load, stride);
     let starts = flight.starts_of_rows(stride);
     let offset_m = SWING_RAD * load.cable_length_m;
@@ -82,7 +87,7 @@ pub(crate) fn take_out_beginnings(
         let row_of = |axis: usize, k: usize| -> Vector4<f64> {
             Vector4::from_fn(|p, _| columns[p][axis].as_ref().map_or(0.0, |column| column[k]))
         };
-        for (axis, residual) in residual.iter().enumerate().take(3) {
+        for (axis, residual) in residual[..3].iter().enumerate() {
             for k in rows.clone() {
                 let row = row_of(axis, k);
                 normal += row * row.transpose();
@@ -91,7 +96,7 @@ pub(crate) fn take_out_beginnings(
         }
         let Some(cholesky) = normal.cholesky() else { continue };
         let beginning = cholesky.solve(&right);
-        for (axis, residual) in residual.iter_mut().enumerate().take(3) {
+        for (axis, residual) in residual[..3].iter_mut().enumerate() {
             for k in rows.clone() {
                 residual[k] -= row_of(axis, k).dot(&beginning);
             }

@@ -16,7 +16,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         Coefficient {
             name: "cable_length",
             unit: "m",
-            possible: (0.05, 10.0),
+            possible: (0.08, 10.0),
             typical: 0.4,
             prior: Some(30.0),
         },
@@ -32,9 +32,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
 
 /// Lengths from which a fit starts, m: a quarter apart, an eighth in frequency, which is as wide as the resonance of a
 /// swing with the damping that they start with.
-pub(super) const STARTING_LENGTHS_M: [f64; 19] = [
-    0.0625, 0.078, 0.098, 0.122, 0.153, 0.191, 0.238, 0.298, 0.373, 0.466, 0.582, 0.728, 0.91, 1.14, 1.42, 1.78,
-    2.22, 2.78, 3.47,
+pub(super) const STARTING_LENGTHS_M: [f64; 17] = [
+    0.098, 0.122, 0.153, 0.191, 0.238, 0.298, 0.373, 0.466, 0.582, 0.728, 0.91, 1.14, 1.42, 1.78, 2.22, 2.78, 3.47,
 ];
 /// Damping ratio from which a fit starts.
 pub(super) const STARTING_DAMPING: f64 = 0.06;
