@@ -115,7 +115,8 @@ fn planted() -> Vec<(String, &'static str, Edit)> {
         ));
         all.push((format!("angle {axis} mirrored"), "wrong sign", Box::new(move |r| r.euler[axis] *= -1.0)));
     }
-    let orders: [(&str, &str, fn(Vector4<f64>) -> Vector4<f64>); 3] = [
+    type Order = fn(Vector4<f64>) -> Vector4<f64>;
+    let orders: [(&str, &str, Order); 3] = [
         ("conjugated", "conjugated", |q| Vector4::new(q[0], -q[1], -q[2], -q[3])),
         ("x, y, z, w read as w, x, y, z", "x, y, z, w", |q| Vector4::new(q[1], q[2], q[3], q[0])),
         ("w, x, y, z read as x, y, z, w", "w, x, y, z", |q| Vector4::new(q[3], q[0], q[1], q[2])),
@@ -462,6 +463,8 @@ fn pieces_and_copies_of_a_flight_are_recognised() {
     }
 }
 
+type Change = fn(&mut Vehicle);
+
 #[test]
 fn wrong_vehicle_files_and_other_craft_are_suspected() {
     for (seed, vehicle, flights) in worlds(0..6) {
@@ -480,7 +483,7 @@ fn wrong_vehicle_files_and_other_craft_are_suspected() {
             plausible::of_vehicle(vehicle).into_iter().chain(plausible::of_fit(&model, false)).count()
         };
         assert_eq!(suspicions(&vehicle), 0, "seed {seed}");
-        let edits: [(&str, fn(&mut Vehicle)); 5] = [
+        let edits: [(&str, Change); 5] = [
             ("grams", |v| v.mass *= 1000.0),
             ("diameter", |v| v.rotor_radius *= 2.0),
             ("diagonal", |v| v.arm_length *= 2.0),
