@@ -92,8 +92,9 @@ fn bad_effects_are_refused_with_one_line() {
 fn samples_without_a_value_are_counted_and_said() {
     let folder = copies();
     identify(folder.path());
-    let text = CUSHION.replacen("exp(-height / decay)", "sqrt((height - low) / decay)", 1)
-        + "constant = [{ name = \"low\", unit = \"m\", value = 0.4 }]\n";
+    let text = "[[effect]]\nid = \"cushion\"\nacceleration.w = \"-k * thrust * sqrt(height - low)\"\n\
+                coefficient = [{ name = \"k\", unit = \"1/m^0.5\", possible = [-1.0, 1.0], typical = 0.01 }]\n\
+                constant = [{ name = \"low\", unit = \"m\", value = 0.4 }]\n";
     std::fs::write(folder.path().join("my.toml"), text).unwrap();
     let add =
         ["add", "cushion", "--effects", "my.toml", "--model", "model.toml", "--out", "out.toml", "--json"];

@@ -8,10 +8,10 @@ use model::{Model, user_effect};
 use serde_json::Value;
 use sil::{FlightPlan, SilError, fly};
 
-fn with_effect(folder: &Path, formula: &str, unit: &str, value: f64) -> Model {
+fn with_effect(folder: &Path, id: &str, formula: &str, unit: &str, value: f64) -> Model {
     let path = folder.join("my.toml");
     let text = format!(
-        "[[effect]]\nid = \"own\"\nacceleration.north = \"{formula}\"\n\
+        "[[effect]]\nid = \"{id}\"\nacceleration.north = \"{formula}\"\n\
          coefficient = [{{ name = \"k\", unit = \"{unit}\", possible = [-10.0, 10.0], typical = 1.0 }}]\n\
          constant = [{{ name = \"low\", unit = \"m\", value = 0.8 }}]\n"
     );
@@ -30,7 +30,7 @@ fn sil(folder: &Path, arguments: &[&str]) -> Output {
 fn a_model_with_a_users_effect_flies() {
     let folder = tempfile::tempdir().unwrap();
     // A cable to the middle, soft enough for the loops.
-    let model = with_effect(folder.path(), "-k * north / mass", "N/m", 0.5);
+    let model = with_effect(folder.path(), "soft-cable", "-k * north / mass", "N/m", 0.5);
     std::fs::write(folder.path().join("model.toml"), model.to_toml()).unwrap();
     let step = |model: &[&str]| -> Value {
         let arguments = [&["--scenario", "x-1", "--json", "--out", "out"], model].concat();
@@ -49,7 +49,7 @@ fn a_model_with_a_users_effect_flies() {
 #[test]
 fn a_formula_without_a_value_ends_the_flight_with_its_name() {
     let folder = tempfile::tempdir().unwrap();
-    let model = with_effect(folder.path(), "k * sqrt(height - low)", "m^0.5/s^2", 0.1);
+    let model = with_effect(folder.path(), "own", "k * sqrt(height - low)", "m^0.5/s^2", 0.1);
     let mut plan = FlightPlan::thesis_step(sil::StepAxis::Z, 0.5);
     plan.model = model.clone();
     let SilError::Undefined { undefined, time_s } = fly(&plan).unwrap_err() else { panic!("another error") };
