@@ -91,6 +91,10 @@ pub struct FitRecord {
     /// How much the craft differs from flight to flight: what a later change must stand out from.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub scatter: Vec<ChangeScatter>,
+    /// Dead time in s that flights of commands show beyond the model's own: their clocks are counted from it. Absent where
+    /// rotor speeds were measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotor_delay_s: Option<f64>,
 }
 
 /// How far the estimate of a change scatters about zero between the flights a model was made from.
@@ -413,6 +417,7 @@ mod tests {
                 coefficient: "extra_mass".into(),
                 deviation: 0.01,
             }],
+            rotor_delay_s: Some(0.1 / 3.0),
         });
         model.history.push(HistoryEntry {
             effect: "ground-effect".into(),

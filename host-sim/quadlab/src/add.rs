@@ -9,7 +9,7 @@ use sysid::Addition;
 
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs};
-use crate::{progress, tables};
+use crate::{progress, real_logs, tables};
 
 /// Add a physical effect to a model and fit all of it again.
 ///
@@ -55,7 +55,8 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         let there = listed(&model.effects());
         return Err(AddError::AlreadyThere { model: options.model.clone(), effect, there }.into());
     }
-    let sets = Sets::read(&options.sets, &model.vehicle, options.json)?;
+    let mut sets = Sets::read(&options.sets, &model.vehicle, options.json)?;
+    real_logs::align(&mut sets, &model);
     let (better, addition) = add(&model, effect, &sets, options.json)?;
     report::write_atomic(&options.out, better.to_toml())?;
     if options.json { Outcome::json(&document(&addition)) } else { Ok(text(options, &better, &addition)) }

@@ -7,7 +7,7 @@ use sysid::Comparison;
 
 use crate::flights::{self, Loaded};
 use crate::output::{Outcome, check_outputs, provenance};
-use crate::{pages, progress, tables};
+use crate::{pages, progress, real_logs, tables};
 
 /// Compare a model with flights: errors of each axis, open-loop prediction, and where it fails most.
 #[derive(clap::Args)]
@@ -36,8 +36,9 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let inputs: Vec<&PathBuf> = options.flights.iter().chain([&options.model]).collect();
     check_outputs(&options.html, &inputs)?;
     let model = Model::read(&options.model)?;
-    let flights = flights::read(&options.flights, &model.vehicle, options.json)?;
+    let mut flights = flights::read(&options.flights, &model.vehicle, options.json)?;
     warn_of_fitted(&model, &flights);
+    real_logs::align_flights(&mut flights, &model, real_logs::reference_of(&model));
     let spinner = progress::spinner(options.json);
     spinner.set_message("predicting");
     let comparison = sysid::compare(&model, &flights::prepared(&flights));

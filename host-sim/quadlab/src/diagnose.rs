@@ -7,7 +7,7 @@ use sysid::Diagnosis;
 
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs, provenance};
-use crate::{flights, pages, progress, tables};
+use crate::{flights, pages, progress, real_logs, tables};
 
 /// Say which physical effect a model lacks, with the evidence for each.
 ///
@@ -64,7 +64,8 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
     inputs.push(&options.model);
     check_outputs(&options.html, &inputs)?;
     let model = Model::read(&options.model)?;
-    let sets = Sets::read(sets, &model.vehicle, options.json)?;
+    let mut sets = Sets::read(sets, &model.vehicle, options.json)?;
+    real_logs::align(&mut sets, &model);
     let diagnosis = diagnose(&model, &sets, options.json)?;
     if let Some(path) = &options.html {
         pages::diagnose(&model, &sets, &diagnosis)
@@ -76,13 +77,14 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
 
 fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
     let model = Model::read(&options.model)?;
-    let loaded = flights::read(&options.changed, &model.vehicle, options.json)?;
+    let mut loaded = flights::read(&options.changed, &model.vehicle, options.json)?;
     if model.fit.as_ref().is_none_or(|fit| fit.scatter.is_empty()) {
         eprintln!(
             "warning: {}: does not say how much the craft differed from flight to flight; changes are judged against noise alone",
             options.model.display()
         );
     }
+    real_logs::align_flights(&mut loaded, &model, sysid::Reference::Flights);
     let spinner = progress::spinner(options.json);
     let diagnosis = sysid::changes::changed(&model, &flights::prepared(&loaded), |step| {
         spinner.set_message(format!("trying {step}"));

@@ -45,8 +45,8 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     inputs.push(&options.vehicle);
     check_outputs([&options.out].into_iter().chain(&options.html), &inputs)?;
     let vehicle = Vehicle::read(&options.vehicle)?;
-    let sets = Sets::read(&options.sets, &vehicle, options.json)?;
-    let story = story::tell(&vehicle, &sets, options.json)?;
+    let mut sets = Sets::read(&options.sets, &vehicle, options.json)?;
+    let story = story::tell(&vehicle, &mut sets, options.json)?;
     report::write_atomic(&options.out, story.last_model().to_toml())?;
     if let Some(path) = &options.html {
         pages::story(&story.conclusion(), &sets, &story)

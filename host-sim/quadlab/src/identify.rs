@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs};
-use crate::{progress, tables};
+use crate::{progress, real_logs, tables};
 
 /// Identify the basic model from flights.
 ///
@@ -38,8 +38,8 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     inputs.push(&options.vehicle);
     check_outputs([&options.out], &inputs)?;
     let vehicle = Vehicle::read(&options.vehicle)?;
-    let sets = Sets::read(&options.sets, &vehicle, options.json)?;
-    let identified = identify(&vehicle, &sets, options.json)?;
+    let mut sets = Sets::read(&options.sets, &vehicle, options.json)?;
+    let identified = identify(&vehicle, &mut sets, options.json)?;
     report::write_atomic(&options.out, identified.model.to_toml())?;
     if options.json {
         Outcome::json(&document(&identified, &sets))
@@ -57,12 +57,14 @@ pub(crate) struct Identified {
 }
 
 /// Fits the basic model.
-pub(crate) fn identify(vehicle: &Vehicle, sets: &Sets, json: bool) -> anyhow::Result<Identified> {
+pub(crate) fn identify(vehicle: &Vehicle, sets: &mut Sets, json: bool) -> anyhow::Result<Identified> {
     let spinner = progress::spinner(json);
     spinner.set_message("fitting the basic model");
     let basic: Vec<Effect> = Effect::basic().collect();
+    real_logs::align_training(sets, &real_logs::basic_model(vehicle));
     let fit = sysid::fit(&sets.train(), vehicle, &basic, None).map_err(|refused| sets.blame(refused))?;
     let mut model = fit.model;
+    real_logs::align_held_out(sets, &model);
     model.fit = Some(sets.record(&model));
     spinner.finish_and_clear();
     for doubt in sysid::impossible_signs(&model) {
@@ -102,6 +104,8 @@ struct FlightEntry<'a> {
     role: FlightRole,
     samples: usize,
     gyro_bias_rad_s: [f64; 3],
+    /// Clock of the rotor samples against that of the state.
+    alignment: Option<&'a sysid::Alignment>,
     force_target: &'static str,
     notes: &'a [String],
 }
@@ -127,6 +131,7 @@ fn document<'a>(identified: &'a Identified, sets: &'a Sets) -> Document<'a> {
             role: entry.role,
             samples: flight.prepared.rows(),
             gyro_bias_rad_s: flight.prepared.gyro_bias_rad_s,
+            alignment: flight.prepared.alignment.as_ref(),
             force_target: flight.prepared.force_target.name(),
             notes: &flight.prepared.notes,
         })

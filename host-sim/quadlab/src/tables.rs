@@ -252,6 +252,7 @@ pub(crate) fn flights<'a>(all: impl IntoIterator<Item = (&'a Loaded, &'static st
             text("role"),
             number("rows", ""),
             number("gyro bias p q r", "rad/s"),
+            number("rotors late", "ms"),
             text("force rows from"),
             text("notes"),
         ],
@@ -264,11 +265,19 @@ pub(crate) fn flights<'a>(all: impl IntoIterator<Item = (&'a Loaded, &'static st
             role.into(),
             p.rows().to_string(),
             bias.join(" "),
+            rotors_late(p),
             p.force_target.name().into(),
             if p.notes.is_empty() { "-".into() } else { p.notes.join("; ") },
         ]);
     }
     grid
+}
+
+/// "12.3 +- 0.4" ms, in brackets where it is left alone.
+pub(crate) fn rotors_late(flight: &sysid::Prepared) -> String {
+    let Some(alignment) = &flight.alignment else { return "-".into() };
+    let text = format!("{:.1} +- {:.1}", 1e3 * alignment.late_s, 1e3 * alignment.std_error_s);
+    if alignment.corrected { text } else { format!("({text})") }
 }
 
 /// Root mean square error of each flight and axis, and of all flights together.

@@ -8,6 +8,7 @@ use model::{AXES, Axis, AxisError, Model, PerAxis, Plant, State, frames};
 use nalgebra::Vector3;
 use serde::Serialize;
 
+use crate::alignment::Alignment;
 use crate::prepare::{Prepared, Stretch};
 use crate::{Residuals, errors, residuals};
 
@@ -48,6 +49,8 @@ pub struct FlightComparison {
     pub axes: PerAxis<AxisFigures>,
     /// What was mended or left out of the flight.
     pub notes: Vec<String>,
+    /// Clock of the rotor samples against that of the state.
+    pub alignment: Option<Alignment>,
 }
 
 /// Mean norm of the open-loop error over all starting samples (attitude: geodesic angle).
@@ -126,6 +129,7 @@ pub fn compare(model: &Model, flights: &[&Prepared]) -> Comparison {
                     samples: flight.rows(),
                     axes: PerAxis::from_fn(|a| figures[a].into()),
                     notes: flight.notes.clone(),
+                    alignment: flight.alignment.clone(),
                 }
             })
             .collect(),
@@ -207,7 +211,7 @@ fn add_rollouts(
 pub(crate) fn reference_states(model: &Model, flight: &Prepared, stretch: &Stretch) -> Vec<State> {
     let adjust = model.adjustments();
     let lever = Vector3::from(model.vehicle.tracked_point) + adjust.tracked_point_m;
-    let rotor = stretch.rotors(&model.vehicle, &adjust, flight.period_s);
+    let rotor = stretch.rotors(&model.vehicle, &adjust, flight.period_s, flight.rotor_late_s());
     let at = |parts: &[Vec<f64>; 3], k: usize| Vector3::new(parts[0][k], parts[1][k], parts[2][k]);
     let smooth = (!flight.has_logged_velocity)
         .then(|| [&stretch.euler_rad, &stretch.rate_rad_s].map(|s| flight.smooth(s)));

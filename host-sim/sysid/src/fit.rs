@@ -204,7 +204,7 @@ fn priors_of(model: &Model, effect: Effect) -> impl Iterator<Item = Option<Prior
 }
 
 /// Writes values (and errors) of `effects` in order into the model.
-fn store(model: &mut Model, effects: &[Effect], values: &[f64], errors: Option<&[f64]>) {
+pub(crate) fn store(model: &mut Model, effects: &[Effect], values: &[f64], errors: Option<&[f64]>) {
     let mut at = 0;
     for effect in effects {
         let count = effect.info().coefficients.len();
@@ -305,7 +305,7 @@ pub(crate) fn residual_derivatives(flight: &Prepared, model: &Model, effect: Eff
 }
 
 /// The same over the rows at every `stride`th sample.
-fn residual_derivatives_at(
+pub(crate) fn residual_derivatives_at(
     flight: &Prepared,
     model: &Model,
     effect: Effect,
@@ -325,7 +325,7 @@ fn residual_derivatives_at(
                 let mut values = base.clone();
                 values[k] += sign * step;
                 model.set(effect, &values);
-                residuals_at(flight, &model, stride).residual
+                residuals_at_rows(flight, &model, stride).residual
             };
             let (ahead, behind) = (at(1.0), at(-1.0));
             std::array::from_fn(|axis| {
@@ -348,11 +348,11 @@ pub(crate) fn step_scale(has_rotor_map: bool, effect: Effect, coefficient: usize
 
 /// Measured and measured-minus-predicted of all six axes over the rows of a flight.
 pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
-    residuals_at(flight, model, 1)
+    residuals_at_rows(flight, model, 1)
 }
 
 /// The same over the rows at every `stride`th sample.
-fn residuals_at(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
+pub(crate) fn residuals_at_rows(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
     let measured = flight.targets(&model.vehicle, &model.adjustments(), stride);
     let predicted = flight.predicted(model, stride);
     let residual = std::array::from_fn(|axis| match &predicted[axis] {

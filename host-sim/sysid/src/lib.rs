@@ -1,6 +1,7 @@
 //! From flight files to a model: reading, preprocessing, least-squares identification, comparison and diagnosis.
 #![forbid(unsafe_code)]
 
+pub mod alignment;
 pub mod changes;
 pub mod compare;
 pub mod conditions;
@@ -13,7 +14,9 @@ pub mod noise;
 pub mod prepare;
 pub mod regress;
 mod rows;
+pub mod trim;
 
+pub use alignment::{Alignment, Reference, align, align_to};
 pub use compare::{Comparison, compare};
 pub use diagnose::{Addition, Diagnosis, Verdict, add, diagnose};
 pub use fit::{Fit, FitError, Residuals, errors, fit, impossible_signs, residuals};

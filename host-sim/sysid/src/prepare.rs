@@ -17,8 +17,10 @@ use std::borrow::Cow;
 use model::{Adjustments, RotorMap, Vehicle, frames};
 use nalgebra::{Matrix3, Vector3};
 
+use crate::alignment::Alignment;
 use crate::filter::{RegressionFilter, compose, convolve, sum_of_products};
 use crate::flight::{Column, Flight, median_step};
+use crate::trim::Trim;
 
 /// Steps longer than this many periods are gaps: nothing is interpolated across.
 const GAP_PERIODS: f64 = 3.5;
@@ -85,6 +87,10 @@ pub struct Prepared {
     pub gyro_bias_rad_s: [f64; 3],
     /// What was mended or left out, for people.
     pub notes: Vec<String>,
+    /// The clock of the rotor samples against that of the state, where it was looked at ([`crate::alignment`]).
+    pub alignment: Option<Alignment>,
+    /// Constant part of the targets that belongs to this flight and not to the craft ([`crate::trim`]); m/s^2, rad/s^2.
+    pub trim: Option<Trim>,
     pub(crate) stretches: Vec<Stretch>,
     pub(crate) filter: RegressionFilter,
     /// Samples at the ends of a stretch that give no rows.
@@ -175,6 +181,8 @@ impl Prepared {
             has_logged_velocity,
             gyro_bias_rad_s,
             notes,
+            alignment: None,
+            trim: None,
             stretches,
             filter,
             margin,
@@ -186,6 +194,16 @@ impl Prepared {
     /// Rows the flight gives.
     pub fn rows(&self) -> usize {
         self.stretches.iter().map(|s| s.time_s.len() - 2 * self.margin).sum()
+    }
+
+    /// Whether rotor speeds were measured, rather than computed from commands.
+    pub fn has_rotor_speeds(&self) -> bool {
+        self.stretches.iter().any(|s| s.logged_rotor_rad_s.is_some())
+    }
+
+    /// By how much the rotor samples (measured speeds or commands) come late against the state, s, where it is corrected.
+    pub fn rotor_late_s(&self) -> f64 {
+        self.alignment.as_ref().map_or(0.0, Alignment::corrected_s)
     }
 
     /// Mean battery voltage, V.
@@ -254,9 +272,15 @@ pub enum PrepareError {
 }
 
 impl Stretch {
-    /// Each rotor's speed.
-    pub(crate) fn rotors(&self, vehicle: &Vehicle, adjust: &Adjustments, period_s: f64) -> [RotorTrack; 4] {
-        let delay = adjust.input_delay_s / period_s;
+    /// Each rotor's speed. `late_s` is what the log's rotor samples come late: they are brought forward by it.
+    pub(crate) fn rotors(
+        &self,
+        vehicle: &Vehicle,
+        adjust: &Adjustments,
+        period_s: f64,
+        late_s: f64,
+    ) -> [RotorTrack; 4] {
+        let delay = (adjust.input_delay_s - late_s) / period_s;
         if let Some(logged) = &self.logged_rotor_rad_s {
             return logged.each_ref().map(|speed| {
                 let corrected: Vec<f64> = speed

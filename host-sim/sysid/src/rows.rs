@@ -146,7 +146,7 @@ impl Prepared {
             stretch,
             untilt: Some(adjust.true_dcm(&Matrix3::identity())).filter(|m| *m != Matrix3::identity()),
             lever_m: Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m,
-            rotor: stretch.rotors(vehicle, adjust, self.period_s),
+            rotor: stretch.rotors(vehicle, adjust, self.period_s, self.rotor_late_s()),
             period_s: self.period_s,
         }
     }
@@ -160,6 +160,11 @@ impl Prepared {
             for (target, rate) in targets[3..].iter_mut().zip(&stretch.rate_rad_s) {
                 let rows = self.row_samples(stretch, stride);
                 target.extend(rows.map(|k| sum_of_products(&rate[k - half..], &self.filter.derivative)));
+            }
+        }
+        if let Some(trim) = &self.trim {
+            for (target, trim) in targets.iter_mut().zip(trim.value) {
+                target.iter_mut().for_each(|t| *t -= trim);
             }
         }
         targets
