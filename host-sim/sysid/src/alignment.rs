@@ -21,6 +21,7 @@
 
 use model::{Effect, Kind, Model};
 use serde::Serialize;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::fit::{residual_derivatives_at, store};
 use crate::prepare::Prepared;
@@ -33,7 +34,9 @@ pub const SIGNIFICANT: f64 = 4.0;
 /// Offsets under this many samples are left alone.
 pub const MATTERS_SAMPLES: f64 = 0.2;
 /// Length of the pieces of a flight whose offsets are compared, s.
-pub const PIECE_S: f64 = 10.0;
+pub const PIECE_S: f64 = 8.0;
+/// Fewest pieces that say something about wandering.
+const FEWEST_PIECES: usize = 3;
 /// Largest p-value of "the clock does not wander".
 const WANDERING_SIGNIFICANCE: f64 = 1e-4;
 /// Pieces must scatter by this many samples (root mean square) for a wandering clock to matter.
@@ -125,9 +128,13 @@ pub fn align(flights: &mut [&mut Prepared], model: &Model) {
             [Effect::RotorInertia, Effect::FlappingMoment].into_iter().filter(|e| !linear.contains(e)),
         );
     }
-    let offsets = offsets_together(flights, model, &along).or_else(|_| offsets_together(flights, model, &linear));
-    if let Ok(offsets) = offsets {
-        decide(flights, &offsets, Reference::Flights);
+    let found = offsets_together(flights, model, &along).or_else(|_| offsets_together(flights, model, &linear));
+    match found {
+        Ok((offsets, fitted)) => {
+            decide(flights, &offsets, Reference::Flights);
+            flights.iter_mut().for_each(|flight| name_wandering(flight, &fitted));
+        }
+        Err(_) => flights.iter_mut().for_each(|flight| flight.alignment = None),
     }
 }
 
@@ -137,6 +144,60 @@ pub fn align_to(model: &Model, flights: &mut [&mut Prepared], reference: Referen
         flights.iter_mut().map(|flight| offset_alone(flight, model).ok()).collect();
     let found: Vec<Offset> = offsets.iter().map(|o| o.unwrap_or(Offset { late_s: 0.0, variance_s2: f64::INFINITY })).collect();
     decide(flights, &found, reference);
+    flights.iter_mut().for_each(|flight| name_wandering(flight, model));
+}
+
+/// Compares the offsets of the pieces of a flight under a model's coefficients and notes them if the clock wanders.
+fn name_wandering(flight: &mut Prepared, model: &Model) {
+    let pieces = piece_offsets(flight, model).unwrap_or_default();
+    let period_s = flight.period_s;
+    let Some(alignment) = &mut flight.alignment else { return };
+    let weight: f64 = pieces.iter().map(|p| p.std_error_s.powi(-2)).sum();
+    let mean = pieces.iter().map(|p| p.late_s * p.std_error_s.powi(-2)).sum::<f64>() / weight;
+    let squares = |scale: fn(&PieceOffset) -> f64| -> f64 {
+        pieces.iter().map(|p| (p.late_s - mean).powi(2) / scale(p)).sum()
+    };
+    let count = pieces.len() as f64;
+    let Ok(distribution) = ChiSquared::new(count - 1.0) else { return };
+    let beyond_errors = distribution.sf(squares(|p| p.std_error_s.powi(2))) < WANDERING_SIGNIFICANCE;
+    let scatter = (squares(|_| 1.0) / count).sqrt();
+    if pieces.len() >= FEWEST_PIECES && beyond_errors && scatter > WANDERING_SAMPLES * period_s {
+        alignment.wandering = pieces;
+    }
+}
+
+/// Offset of each piece of a flight; pieces in which nothing shows it are left out.
+fn piece_offsets(flight: &Prepared, model: &Model) -> Result<Vec<PieceOffset>, Unidentifiable> {
+    let stride = flight.fit_stride();
+    let [shift, constants] = own_columns(flight, model);
+    let rows = shift.iter().flatten().flatten().map(Vec::len).next().unwrap_or(0);
+    let length = (PIECE_S / (flight.period_s * stride as f64)).round().max(1.0) as usize;
+    let count = rows / length;
+    if count < FEWEST_PIECES {
+        return Ok(Vec::new());
+    }
+    let piece = |index: usize| -> RowColumn {
+        let own = |column: &Vec<f64>| -> Vec<f64> {
+            let inside = |row: usize| (row / length).min(count - 1) == index;
+            column.iter().enumerate().map(|(row, c)| if inside(row) { *c } else { 0.0 }).collect()
+        };
+        std::array::from_fn(|axis| shift[0][axis].as_ref().map(own))
+    };
+    let rows = FlightRows {
+        targets: residuals_at_rows(flight, model, stride).residual,
+        columns: (0..count).map(piece).chain(constants).collect(),
+        starts: flight.starts_of_rows(stride),
+        period_s: flight.period_s * stride as f64,
+    };
+    let width = rows.columns.len();
+    let solution = regress::solve(&[rows], &vec![None; width])?;
+    let corrected_s = flight.rotor_late_s();
+    let known = (0..count).map(|k| PieceOffset {
+        time_s: (k as f64 + 0.5) * PIECE_S,
+        late_s: corrected_s - solution.value[k],
+        std_error_s: solution.covariance[(k, k)].sqrt(),
+    });
+    Ok(known.filter(|p| p.std_error_s < FARTHEST_SAMPLES * flight.period_s).collect())
 }
 
 /// Median dead time of flights of commands under a model's coefficients, beyond its effects', s: what [`Reference::Model`]
@@ -204,7 +265,7 @@ fn offsets_together(
     flights: &mut [&mut Prepared],
     model: &Model,
     effects: &[Effect],
-) -> Result<Vec<Offset>, Unidentifiable> {
+) -> Result<(Vec<Offset>, Model), Unidentifiable> {
     let mut model = model.clone();
     let linear: usize = effects.iter().map(|e| coefficient_count(*e)).sum();
     for flight in flights.iter_mut() {
@@ -251,7 +312,7 @@ fn offsets_together(
             break;
         }
     }
-    Ok(offsets)
+    Ok((offsets, model))
 }
 
 fn limited(step_s: f64, late_s: f64, period_s: f64) -> f64 {

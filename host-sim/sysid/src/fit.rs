@@ -38,6 +38,15 @@ pub enum FitError {
         /// "effect coefficient" of each.
         coefficients: Vec<String>,
     },
+    /// A moment without the rotors' moments.
+    #[error(
+        "{effect} acts on the rotation alone, which this model does not have: these flights did not determine it \
+         (see `rotation_refused` in the model file)"
+    )]
+    NoRotation {
+        /// The effect.
+        effect: &'static str,
+    },
     /// The iteration for an adjusting effect ran away.
     #[error(
         "the fit of {effect} does not settle, these flights do not determine it; to see it: {excitation}"
@@ -82,6 +91,11 @@ pub fn fit(
     if flights.is_empty() {
         return Err(FitError::NoFlights);
     }
+    if !effects.contains(&Effect::RotorMoments)
+        && let Some(effect) = effects.iter().find(|e| acts_on_rotation_alone(**e))
+    {
+        return Err(FitError::NoRotation { effect: effect.id() });
+    }
     let mut model = Model::new(vehicle.clone());
     model.reference.battery_v = match start {
         Some(start) => start.reference.battery_v,
@@ -121,6 +135,21 @@ pub fn fit(
         (Ok(fit), Err(_)) | (Err(_), Ok(fit)) => Ok(fit),
         (Err(why), Err(_)) => Err(why),
     }
+}
+
+/// Whether an effect has rows of p, q and r and no others.
+pub(crate) fn acts_on_rotation_alone(effect: Effect) -> bool {
+    effect.info().axes.iter().all(|axis| axis.index() >= 3)
+}
+
+/// Whether a model says anything about the rotation: one whose rotor moments were refused has force rows alone.
+pub fn has_rotation(model: &Model) -> bool {
+    model.has(Effect::RotorMoments)
+}
+
+/// Effects without those of the rotation.
+pub fn without_rotation(effects: &[Effect]) -> Vec<Effect> {
+    effects.iter().copied().filter(|e| !acts_on_rotation_alone(*e)).collect()
 }
 
 /// Logarithm of the residuals' standard deviations over all axes: the likelihood, but for sign and scale.
@@ -353,7 +382,11 @@ pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
 
 /// The same over the rows at every `stride`th sample.
 pub(crate) fn residuals_at_rows(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
-    let measured = flight.targets(&model.vehicle, &model.adjustments(), stride);
+    let mut measured = flight.targets(&model.vehicle, &model.adjustments(), stride);
+    if !has_rotation(model) {
+        // What a model does not speak of is no error of it: nothing measured, nothing predicted.
+        measured[3..].iter_mut().for_each(|axis| axis.fill(0.0));
+    }
     let predicted = flight.predicted(model, stride);
     let residual = std::array::from_fn(|axis| match &predicted[axis] {
         Some(predicted) => measured[axis].iter().zip(predicted).map(|(m, p)| m - p).collect(),
@@ -366,6 +399,16 @@ pub(crate) fn residuals_at_rows(flight: &Prepared, model: &Model, stride: usize)
 /// a sentence. A fit with a motor that pushes the wrong way can predict well and is no model: it holds rates and damps
 /// them.
 pub fn impossible_signs(model: &Model) -> Vec<String> {
+    doubts(model).into_iter().map(|(_, doubt)| doubt).collect()
+}
+
+/// Those of [`impossible_signs`] that are about the rotors' moments: the rotation is not identifiable from the flights.
+pub fn impossible_motors(model: &Model) -> Vec<String> {
+    let motors = |(effect, doubt): (Effect, String)| (effect == Effect::RotorMoments).then_some(doubt);
+    doubts(model).into_iter().filter_map(motors).collect()
+}
+
+fn doubts(model: &Model) -> Vec<(Effect, String)> {
     let spin = model.vehicle.motors.spin.map(|s| s.yaw_sign());
     let mut found = Vec::new();
     for term in model.terms.iter().filter(|t| t.effect.info().kind == Kind::Basic) {
@@ -380,14 +423,14 @@ pub fn impossible_signs(model: &Model) -> Vec<String> {
             let slack = 2.0 * estimate.std_error.unwrap_or(0.0);
             if estimate.value * expected < -slack {
                 let should = if expected > 0.0 { "positive" } else { "negative" };
-                found.push(format!(
+                found.push((term.effect, format!(
                     "{} = {:.4} +- {:.4} {} must be {should}: rotor order or spin in the vehicle file, a clock offset \
                      between commands and motion, or too little excitation",
                     info.name,
                     estimate.value,
                     0.5 * slack,
                     info.unit
-                ));
+                )));
             }
         }
     }

@@ -3,6 +3,7 @@
 
 pub mod alignment;
 pub mod changes;
+pub mod closed_loop;
 pub mod compare;
 pub mod conditions;
 mod decimal;
@@ -13,12 +14,18 @@ pub mod flight;
 pub mod noise;
 pub mod prepare;
 pub mod regress;
+pub mod refine;
 mod rows;
 pub mod trim;
 
 pub use alignment::{Alignment, Reference, align, align_to};
+pub use closed_loop::{MotorsOfFlights, motors_of_flights};
 pub use compare::{Comparison, compare};
 pub use diagnose::{Addition, Diagnosis, Verdict, add, diagnose};
-pub use fit::{Fit, FitError, Residuals, errors, fit, impossible_signs, residuals};
+pub use fit::{
+    Fit, FitError, Residuals, errors, fit, has_rotation, impossible_motors, impossible_signs, residuals,
+    without_rotation,
+};
 pub use flight::{Column, Flight, FlightError};
+pub use refine::{RefineError, Refinement, RefinementOutcome, refine};
 pub use prepare::{Conditions, ForceTarget, PrepareError, Prepared};

@@ -124,6 +124,19 @@ impl Prepared {
         (self.margin..stretch.time_s.len() - self.margin).step_by(stride)
     }
 
+    /// Of the rows at every sample, those at which a fit has rows.
+    pub(crate) fn row_samples_of_conditions(&self) -> Vec<usize> {
+        let stride = self.fit_stride();
+        let mut first = 0;
+        let mut all = Vec::new();
+        for stretch in &self.stretches {
+            let rows = stretch.time_s.len() - 2 * self.margin;
+            all.extend((first..first + rows).step_by(stride));
+            first += rows;
+        }
+        all
+    }
+
     /// Rows at which stretches begin: neighbours across these are not neighbours in time.
     pub(crate) fn starts_of_rows(&self, stride: usize) -> Vec<usize> {
         let mut next = 0;
