@@ -2,15 +2,16 @@
 
 use std::path::PathBuf;
 
-use model::{PerAxis, Vehicle};
+use model::{Model, PerAxis, Vehicle};
 use serde::Serialize;
 use sysid::Verdict;
 use sysid::diagnose::Unexplained;
 
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs, provenance};
+use crate::real_logs::{RefineOptions, RefinementEntry};
 use crate::story::{self, Story};
-use crate::{pages, tables};
+use crate::{pages, real_logs, tables};
 
 /// Identify the basic model, then diagnose and add until nothing that the flights support is left.
 ///
@@ -26,6 +27,9 @@ pub(crate) struct Options {
 
     #[command(flatten)]
     sets: SetOptions,
+
+    #[command(flatten)]
+    refine: RefineOptions,
 
     /// Model file to write, for example: --out model.toml
     #[arg(long, value_name = "TOML")]
@@ -47,22 +51,31 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let vehicle = Vehicle::read(&options.vehicle)?;
     let mut sets = Sets::read(&options.sets, &vehicle, options.json)?;
     let story = story::tell(&vehicle, &mut sets, options.json)?;
-    report::write_atomic(&options.out, story.last_model().to_toml())?;
+    let mut model = story.last_model().clone();
+    let refinement = real_logs::refine(&mut model, &sets, &options.refine, options.json)?;
+    report::write_atomic(&options.out, model.to_toml())?;
     if let Some(path) = &options.html {
         pages::story(&story.conclusion(), &sets, &story)
             .provenance(provenance(&[&options.vehicle], sets.all()))
             .write(path)?;
     }
-    if options.json { Outcome::json(&document(&story)) } else { Ok(Outcome::done(text(options, &story))) }
+    if options.json {
+        Outcome::json(&document(&story, refinement))
+    } else {
+        Ok(Outcome::done(text(options, &story, &model, refinement.as_ref())))
+    }
 }
 
-fn text(options: &Options, story: &Story) -> String {
+fn text(options: &Options, story: &Story, model: &Model, refinement: Option<&RefinementEntry>) -> String {
     let mut text =
         format!("{}\n{}", tables::paragraph(&story.conclusion()), tables::falling_error(story).to_text());
-    text.push_str(&format!("\n{}", tables::coefficients(story.last_model()).to_text()));
+    text.push_str(&format!("\n{}", tables::coefficients(model).to_text()));
     let left = tables::unexplained(&story.last_diagnosis.unexplained);
     if left.has_rows() {
         text.push_str(&format!("\n{}", left.to_text()));
+    }
+    if let Some(refinement) = refinement {
+        text.push_str(&format!("\n{}", tables::paragraph(&refinement.text())));
     }
     text.push_str(&format!("\nmodel written to {}\n", options.out.display()));
     if let Some(path) = &options.html {
@@ -80,6 +93,8 @@ struct Document<'a> {
     sse_first: PerAxis<f64>,
     sse_last: PerAxis<f64>,
     unexplained: &'a [Unexplained],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    refinement: Option<RefinementEntry>,
 }
 
 #[derive(Serialize)]
@@ -88,7 +103,7 @@ struct Added {
     drop_percent: f64,
 }
 
-fn document(story: &Story) -> Document<'_> {
+fn document(story: &Story, refinement: Option<RefinementEntry>) -> Document<'_> {
     let sse = |c: &sysid::Comparison| PerAxis::from_fn(|a| c.total[a].sse);
     Document {
         verdict: story.last_diagnosis.verdict,
@@ -104,5 +119,6 @@ fn document(story: &Story) -> Document<'_> {
         sse_first: sse(&story.basic_comparison),
         sse_last: sse(story.last_comparison()),
         unexplained: &story.last_diagnosis.unexplained,
+        refinement,
     }
 }

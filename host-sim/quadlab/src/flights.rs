@@ -112,6 +112,7 @@ impl Sets {
             held_out: errors(model, &self.validate()),
             scatter: sysid::changes::scatter(model, &all),
             rotor_delay_s: sysid::alignment::common_delay_s(model, &self.train()),
+            ..FitRecord::default()
         }
     }
 

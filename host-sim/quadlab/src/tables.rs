@@ -6,7 +6,7 @@ use model::{AXES, AxisError, Effect, HistoryEntry, Model, PerAxis};
 use report::significant;
 use sysid::compare::HorizonError;
 use sysid::diagnose::{EffectFinding, Unexplained};
-use sysid::{Comparison, Diagnosis};
+use sysid::{Comparison, Diagnosis, MotorsOfFlights};
 
 use crate::flights::Loaded;
 use crate::story::Story;
@@ -269,6 +269,38 @@ pub(crate) fn flights<'a>(all: impl IntoIterator<Item = (&'a Loaded, &'static st
             p.force_target.name().into(),
             if p.notes.is_empty() { "-".into() } else { p.notes.join("; ") },
         ]);
+    }
+    grid
+}
+
+/// Constants that training flights have of their own, where they stand out.
+pub(crate) fn trim(flights: &[Loaded]) -> Grid {
+    let mut grid = Grid::new(
+        "Trim of single flights beyond the mean of all (u v w in m/s^2, p q r in rad/s^2); held-out flights have none",
+        std::iter::once(text("flight")).chain(AXES.map(|axis| number(axis.name(), ""))).collect::<Vec<_>>(),
+    );
+    for flight in flights {
+        let Some(trim) = &flight.prepared.trim else { continue };
+        let cells = trim.value.map(|v| if v == 0.0 { "-".into() } else { short(v) });
+        grid.push(std::iter::once(flight.prepared.name.clone()).chain(cells));
+    }
+    grid
+}
+
+/// Motor coefficients flight by flight, of axes on which they are in doubt.
+pub(crate) fn motors(all: &[MotorsOfFlights]) -> Grid {
+    let mut grid = Grid::new(
+        "Motor coefficients of single flights, the rest of the model held [1/(kg m^2)]: they follow how it was flown",
+        [text("axis"), text("flight"), number("1", ""), number("2", ""), number("3", ""), number("4", "")],
+    );
+    for motors in all.iter().filter(|m| m.warning.is_some()) {
+        for flight in &motors.flights {
+            let cells = flight.value.iter().zip(&flight.std_error).map(|(v, e)| {
+                let [value, error] = value_and_error(*v, Some(*e));
+                format!("{value} +- {error}")
+            });
+            grid.push([motors.axis.name().into(), flight.name.clone()].into_iter().chain(cells));
+        }
     }
     grid
 }

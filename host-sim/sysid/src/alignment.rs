@@ -23,10 +23,9 @@ use model::{Effect, Kind, Model};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::fit::{residual_derivatives_at, store};
+use crate::fit::{has_rotation, residual_derivatives_at, residuals_at_rows, store};
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Unidentifiable};
-use crate::fit::residuals_at_rows;
 use crate::rows::{RowColumn, coefficient_count};
 
 /// Standard errors beyond which an offset is one.
@@ -119,6 +118,9 @@ pub enum Reference {
 /// Aligns flights to fit on, together: the linear effects of `model` and everything its linear coefficients are fitted
 /// with, its adjusting effects as they are. Flights that do not determine the model are left alone: the fit says why.
 pub fn align(flights: &mut [&mut Prepared], model: &Model) {
+    if !has_rotation(model) {
+        return leave_alone(flights);
+    }
     let linear: Vec<Effect> =
         model.effects().into_iter().filter(|e| e.info().kind != Kind::Adjusting).collect();
     let measured = flights.iter().all(|f| f.has_rotor_speeds());
@@ -134,12 +136,20 @@ pub fn align(flights: &mut [&mut Prepared], model: &Model) {
             decide(flights, &offsets, Reference::Flights);
             flights.iter_mut().for_each(|flight| name_wandering(flight, &fitted));
         }
-        Err(_) => flights.iter_mut().for_each(|flight| flight.alignment = None),
+        Err(_) => leave_alone(flights),
     }
+}
+
+/// Without rotation there is nothing sharp to see an offset by.
+fn leave_alone(flights: &mut [&mut Prepared]) {
+    flights.iter_mut().for_each(|flight| flight.alignment = None);
 }
 
 /// Aligns flights to a model whose coefficients stay as they are.
 pub fn align_to(model: &Model, flights: &mut [&mut Prepared], reference: Reference) {
+    if !has_rotation(model) {
+        return leave_alone(flights);
+    }
     let offsets: Vec<Option<Offset>> =
         flights.iter_mut().map(|flight| offset_alone(flight, model).ok()).collect();
     let found: Vec<Offset> = offsets.iter().map(|o| o.unwrap_or(Offset { late_s: 0.0, variance_s2: f64::INFINITY })).collect();
@@ -203,6 +213,9 @@ fn piece_offsets(flight: &Prepared, model: &Model) -> Result<Vec<PieceOffset>, U
 /// Median dead time of flights of commands under a model's coefficients, beyond its effects', s: what [`Reference::Model`]
 /// takes. Nothing where rotor speeds were measured.
 pub fn common_delay_s(model: &Model, flights: &[&Prepared]) -> Option<f64> {
+    if !has_rotation(model) {
+        return None;
+    }
     let commanded = flights.iter().filter(|f| !f.has_rotor_speeds());
     let found: Vec<f64> = commanded
         .filter_map(|flight| {
