@@ -71,7 +71,7 @@ pub(crate) fn identify(vehicle: &Vehicle, sets: &mut Sets, json: bool) -> anyhow
     let basic: Vec<Effect> = Effect::basic().collect();
     real_logs::align_training(sets, &real_logs::basic_model(vehicle));
     let mut fit = sysid::fit(&sets.train(), vehicle, &basic, None).map_err(|refused| sets.blame(refused))?;
-    let rotation_refused = sysid::impossible_motors(&fit.model);
+    let rotation_refused = sysid::rotation_doubts(&fit.model, &sets.train());
     if !rotation_refused.is_empty() {
         let forces = sysid::without_rotation(&basic);
         fit = sysid::fit(&sets.train(), vehicle, &forces, None).map_err(|refused| sets.blame(refused))?;
@@ -93,7 +93,7 @@ fn text(
     refinement: Option<&RefinementEntry>,
 ) -> Outcome {
     let model = &identified.model;
-    let record = model.fit.clone().unwrap_or_default();
+    let record = real_logs::record_of(model);
     let roles = sets.train.iter().map(|f| (f, "train")).chain(sets.validate.iter().map(|f| (f, "validate")));
     let mut more = String::new();
     for grid in [tables::trim(&sets.train), tables::motors(&identified.motors)] {
@@ -162,7 +162,7 @@ fn document<'a>(
     refinement: Option<RefinementEntry>,
 ) -> Document<'a> {
     let model = &identified.model;
-    let record = model.fit.clone().unwrap_or_default();
+    let record = real_logs::record_of(model);
     let flights = sets
         .all()
         .zip(&record.flights)

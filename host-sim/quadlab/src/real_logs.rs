@@ -1,7 +1,7 @@
 //! What real logs need before a model meets them, and what they say about it afterwards: clocks and trim of single
 //! flights, motors that answer the airflow, a rotation that the flights do not determine, refinement on predictions.
 
-use model::{Effect, HistoryEntry, Model, OpenLoopSums, PerAxis, RefinementRecord, Vehicle};
+use model::{Axis, AxisError, Effect, FitRecord, HistoryEntry, Model, OpenLoopSums, PerAxis, RefinementRecord, Vehicle};
 use serde::Serialize;
 use sysid::compare::HorizonError;
 use sysid::refine::Rows;
@@ -108,7 +108,7 @@ pub(crate) fn refine(
     spinner.set_message("refining on predictions");
     let refinement = sysid::refine(model, &sets.train(), &sets.validate(), rows)?;
     let outcome = refinement.outcome;
-    let sse = |record: Option<&model::FitRecord>| {
+    let sse = |record: Option<&FitRecord>| {
         record.map_or_else(PerAxis::default, |fit| PerAxis::from_fn(|axis| fit.held_out[axis].sse))
     };
     let before = sse(model.fit.as_ref());
@@ -143,6 +143,19 @@ fn sums(e: &HorizonError) -> OpenLoopSums {
         attitude_rad: finite(e.attitude_rad),
         rate_rad_s: finite(e.rate_rad_s),
     }
+}
+
+/// The fit record of a model as it is shown: errors of axes that the model does not speak of are not numbers.
+pub(crate) fn record_of(model: &Model) -> FitRecord {
+    let mut record = model.fit.clone().unwrap_or_default();
+    if !sysid::has_rotation(model) {
+        for errors in [&mut record.train, &mut record.held_out] {
+            for axis in [Axis::P, Axis::Q, Axis::R] {
+                errors[axis] = AxisError { sse: f64::NAN, rms: f64::NAN, r2: f64::NAN, ..errors[axis] };
+            }
+        }
+    }
+    record
 }
 
 /// Motor coefficients of each training flight.

@@ -164,7 +164,12 @@ pub(crate) fn paragraph(text: &str) -> String {
 
 /// Three significant digits for what is compared by eye.
 fn short(value: f64) -> String {
-    significant(value, 3)
+    if value.is_nan() { "-".into() } else { significant(value, 3) }
+}
+
+/// Three decimals for a coefficient of determination.
+fn determination(r2: f64) -> String {
+    if r2.is_nan() { "-".into() } else { format!("{r2:.3}") }
 }
 
 /// One decimal; what rounds to nothing has no sign.
@@ -235,9 +240,9 @@ pub(crate) fn fit_errors(train: &PerAxis<AxisError>, held_out: &PerAxis<AxisErro
             axis.name().into(),
             axis.unit().into(),
             short(t.rms),
-            format!("{:.3}", t.r2),
+            determination(t.r2),
             short(h.rms),
-            format!("{:.3}", h.r2),
+            determination(h.r2),
         ]);
     }
     grid
@@ -328,7 +333,7 @@ pub(crate) fn comparison(comparison: &Comparison) -> Grid {
     let samples: usize = comparison.flights.iter().map(|f| f.samples).sum();
     let total = AXES.map(|axis| short(comparison.total[axis].rms));
     grid.push(["all flights".into(), samples.to_string()].into_iter().chain(total));
-    let r2 = AXES.map(|axis| format!("{:.3}", comparison.total[axis].r2));
+    let r2 = AXES.map(|axis| determination(comparison.total[axis].r2));
     grid.push(["R2 of all flights".into(), String::new()].into_iter().chain(r2));
     grid
 }

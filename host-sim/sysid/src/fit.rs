@@ -5,7 +5,7 @@
 //! until it is small against its own standard error: Gauss and Newton's method on the same stacked problem, so
 //! every coefficient gets a standard error of the same kind.
 
-use model::{AxisError, Effect, Estimate, Kind, Model, PerAxis, Term, Vehicle};
+use model::{Axis, AxisError, Effect, Estimate, Kind, Model, PerAxis, Term, Vehicle};
 
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Prior, Unidentifiable};
@@ -402,10 +402,25 @@ pub fn impossible_signs(model: &Model) -> Vec<String> {
     doubts(model).into_iter().map(|(_, doubt)| doubt).collect()
 }
 
-/// Those of [`impossible_signs`] that are about the rotors' moments: the rotation is not identifiable from the flights.
-pub fn impossible_motors(model: &Model) -> Vec<String> {
+/// A model whose rotation explains less than this of every moment row knows nothing of it.
+const LEAST_ROTATION_R2: f64 = 0.1;
+
+/// Why the rotation is not identifiable from the flights a model was fitted to: rotors that push the wrong way, or moment
+/// rows of which nothing is explained. Empty where it is.
+pub fn rotation_doubts(model: &Model, flights: &[&Prepared]) -> Vec<String> {
     let motors = |(effect, doubt): (Effect, String)| (effect == Effect::RotorMoments).then_some(doubt);
-    doubts(model).into_iter().filter_map(motors).collect()
+    let mut found: Vec<String> = doubts(model).into_iter().filter_map(motors).collect();
+    let all: Vec<Residuals> = flights.iter().map(|f| residuals_at_rows(f, model, f.fit_stride())).collect();
+    let fitted = errors(&all);
+    let largest = [Axis::P, Axis::Q, Axis::R].map(|axis| fitted[axis].r2).into_iter().fold(f64::MIN, f64::max);
+    if largest < LEAST_ROTATION_R2 {
+        found.push(format!(
+            "motor commands explain {:.0} % of the angular accelerations at best: clocks that wander within flights, or \
+             too little excitation",
+            100.0 * largest.max(0.0)
+        ));
+    }
+    found
 }
 
 fn doubts(model: &Model) -> Vec<(Effect, String)> {

@@ -23,7 +23,7 @@ pub use closed_loop::{MotorsOfFlights, motors_of_flights};
 pub use compare::{Comparison, compare};
 pub use diagnose::{Addition, Diagnosis, Verdict, add, diagnose};
 pub use fit::{
-    Fit, FitError, Residuals, errors, fit, has_rotation, impossible_motors, impossible_signs, residuals,
+    Fit, FitError, Residuals, errors, fit, has_rotation, impossible_signs, residuals, rotation_doubts,
     without_rotation,
 };
 pub use flight::{Column, Flight, FlightError};

@@ -7,9 +7,9 @@
 //! Estimated on training flights, together with all linear coefficients, as **deviations from the flights' mean**: what is
 //! common to all flights is the craft's or the wind's (`com-offset`, `attitude-offset`, `steady-wind`) and stays to
 //! be found as that. A deviation counts when it is beyond [`SIGNIFICANT`] of its standard errors (coloured
-//! residuals accounted for) and more than [`MATTERS`] of the row's residual. Only flights with an accelerometer or measured
-//! rotor speeds have trim: where forces come from a tracker and moments from commands, the same constants are the
-//! evidence of wind and weak motors.
+//! residuals accounted for) and more than [`MATTERS`] of the row's residual. Only flights with measured rotor speeds have
+//! trim (force rows: and with an accelerometer): where speeds follow from commands and forces from a tracker, a constant
+//! that differs between flights is evidence of the battery, of weak motors, of wind.
 //!
 //! **Held-out flights have none.** To know a flight's own constant one must have flown it: comparison and open-loop
 //! prediction get the common coefficients and nothing else.
@@ -70,8 +70,7 @@ pub fn estimate(flights: &mut [&mut Prepared], model: &Model) {
 }
 
 fn has_trim(flight: &Prepared, axis: usize) -> bool {
-    let imu = flight.force_target == ForceTarget::Imu;
-    if axis < 3 { imu } else { imu || flight.has_rotor_speeds() }
+    flight.has_rotor_speeds() && (axis >= 3 || flight.force_target == ForceTarget::Imu)
 }
 
 /// Columns of all flights but the last are ones on that flight, and minus ones on the last.
