@@ -139,6 +139,7 @@ struct FlightEntry<'a> {
     role: FlightRole,
     samples: usize,
     gyro_bias_rad_s: [f64; 3],
+    accelerometer_bias_m_s2: [f64; 2],
     /// Clock of the rotor samples against that of the state.
     alignment: Option<&'a sysid::Alignment>,
     /// Constants of the rows beyond the mean of the training flights.
@@ -172,6 +173,7 @@ fn document<'a>(
             role: entry.role,
             samples: flight.prepared.rows(),
             gyro_bias_rad_s: flight.prepared.gyro_bias_rad_s,
+            accelerometer_bias_m_s2: flight.prepared.accelerometer_bias_m_s2,
             alignment: flight.prepared.alignment.as_ref(),
             trim: flight.prepared.trim,
             force_target: flight.prepared.force_target.name(),

@@ -272,10 +272,17 @@ pub(crate) fn flights<'a>(all: impl IntoIterator<Item = (&'a Loaded, &'static st
             bias.join(" "),
             rotors_late(p),
             p.force_target.name().into(),
-            if p.notes.is_empty() { "-".into() } else { p.notes.join("; ") },
+            notes(p),
         ]);
     }
     grid
+}
+
+fn notes(flight: &sysid::Prepared) -> String {
+    let [x, y] = flight.accelerometer_bias_m_s2;
+    let bias = (x != 0.0 || y != 0.0).then(|| format!("accelerometer bias x y {x:.3} {y:.3} m/s^2"));
+    let all: Vec<String> = bias.into_iter().chain(flight.notes.iter().cloned()).collect();
+    if all.is_empty() { "-".into() } else { all.join("; ") }
 }
 
 /// Constants that training flights have of their own, where they stand out.

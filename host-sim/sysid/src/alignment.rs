@@ -109,7 +109,7 @@ impl Alignment {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reference {
     /// The dead time that flights of commands showed when the model was fitted, s ([`model::FitRecord::rotor_delay_s`]);
-    /// without one, commands are left alone.
+    /// without one, or with one that matters and is not yet in the model, commands are left alone.
     Model(Option<f64>),
     /// The median of the flights themselves: what has come about in all of them is physics.
     Flights,
@@ -260,7 +260,11 @@ fn decide(flights: &mut [&mut Prepared], offsets: &[Offset], reference: Referenc
         };
         let late_s = offset.late_s - from_s;
         let std_error_s = (offset.variance_s2 + from_variance).sqrt();
-        let matters = late_s.abs() > MATTERS_SAMPLES * flight.period_s;
+        // Coefficients that were fitted with a dead time unsettled judge no clock.
+        let settled = measured
+            || reference == Reference::Flights
+            || common_s.is_some_and(|common| common.abs() < MATTERS_SAMPLES * flight.period_s);
+        let matters = settled && late_s.abs() > MATTERS_SAMPLES * flight.period_s;
         let corrected = matters && late_s.abs() > SIGNIFICANT * std_error_s;
         flight.alignment = std_error_s
             .is_finite()

@@ -9,7 +9,8 @@ use nalgebra::Vector3;
 use serde::Serialize;
 
 use crate::alignment::Alignment;
-use crate::prepare::{Prepared, Stretch};
+use crate::filter::RegressionFilter;
+use crate::prepare::{Prepared, Stretch, smoothed};
 use crate::fit::has_rotation;
 use crate::{Residuals, errors, residuals};
 
@@ -201,8 +202,10 @@ fn add_rollouts(
 ) -> u64 {
     let states = reference_states(model, flight, stretch);
     let velocities: Vec<Vector3<f64>> = states.iter().map(velocity_ned_m_s).collect();
+    let rotor_mean_rad_s = mean_rotor_speeds(model, flight, stretch);
     let track = Track {
         states: &states,
+        rotor_mean_rad_s: &rotor_mean_rad_s,
         battery_v: &stretch.battery_v,
         period_s: flight.period_s,
         turns: has_rotation(model),
@@ -231,6 +234,8 @@ pub(crate) fn velocity_ned_m_s(state: &State) -> Vector3<f64> {
 /// A stretch to predict open loop: states by sample, with the rotor speeds that drive the prediction.
 pub(crate) struct Track<'a> {
     pub(crate) states: &'a [State],
+    /// Mean rotor speeds between neighbouring samples, rad/s.
+    pub(crate) rotor_mean_rad_s: &'a [[f64; 4]],
     pub(crate) battery_v: &'a [f64],
     pub(crate) period_s: f64,
     /// Whether the model predicts attitude and rates; the logged ones are taken otherwise.
@@ -254,7 +259,12 @@ impl Track<'_> {
         for h in 1..=samples {
             let (from, to) = (start + h - 1, start + h);
             let (before, after) = (&self.states[from].rotor_rad_s, &self.states[to].rotor_rad_s);
-            plant.step_between(&mut state, before, after, self.battery_v[from], self.period_s);
+            plant.step_through(
+                &mut state,
+                [before, &self.rotor_mean_rad_s[from], after],
+                self.battery_v[from],
+                self.period_s,
+            );
             state.velocity_m_s += Vector3::new(push[0], push[1], push[2]);
             state.rate_rad_s += Vector3::new(push[3], push[4], push[5]);
             if !self.turns {
@@ -266,15 +276,33 @@ impl Track<'_> {
     }
 }
 
+/// Each rotor's mean speed between neighbouring samples, rad/s.
+pub(crate) fn mean_rotor_speeds(model: &Model, flight: &Prepared, stretch: &Stretch) -> Vec<[f64; 4]> {
+    let rotor =
+        stretch.rotors(&model.vehicle, &model.adjustments(), flight.period_s, flight.rotor_late_s());
+    (1..stretch.time_s.len()).map(|k| std::array::from_fn(|i| rotor[i].mean_rad_s[k - 1])).collect()
+}
+
 /// The state at every sample that predictions start from and are judged by: an onboard estimator's as logged, raw
 /// tracking smoothed without lag.
 pub(crate) fn reference_states(model: &Model, flight: &Prepared, stretch: &Stretch) -> Vec<State> {
+    states_of(model, flight, stretch, &flight.filter.smooth)
+}
+
+/// The same smoothed over a tenth of a second at most: what is fitted to must not be smoother than the rotors that drive
+/// it, and a start with all its noise would be taken for damping.
+pub(crate) fn barely_smoothed_states(model: &Model, flight: &Prepared, stretch: &Stretch) -> Vec<State> {
+    states_of(model, flight, stretch, &RegressionFilter::short_smooth(flight.period_s))
+}
+
+fn states_of(model: &Model, flight: &Prepared, stretch: &Stretch, taps: &[f64]) -> Vec<State> {
     let adjust = model.adjustments();
     let lever = Vector3::from(model.vehicle.tracked_point) + adjust.tracked_point_m;
     let rotor = stretch.rotors(&model.vehicle, &adjust, flight.period_s, flight.rotor_late_s());
     let at = |parts: &[Vec<f64>; 3], k: usize| Vector3::new(parts[0][k], parts[1][k], parts[2][k]);
-    let smooth = (!flight.has_logged_velocity)
-        .then(|| [&stretch.euler_rad, &stretch.rate_rad_s].map(|s| flight.smooth(s)));
+    let smooth = (!flight.has_logged_velocity).then(|| {
+        [&stretch.euler_rad, &stretch.rate_rad_s].map(|s| s.each_ref().map(|one| smoothed(one, taps)))
+    });
     (0..stretch.time_s.len())
         .map(|k| {
             let (tracked, rate) = match &smooth {

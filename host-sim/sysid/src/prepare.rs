@@ -4,7 +4,7 @@
 //! 1. The log is cut into stretches without gaps; jitter is taken out by interpolation to an even grid; single missing
 //!    values are bridged. What was done is counted in [`Prepared::notes`].
 //! 2. Angles are unwrapped. The gyro's bias is taken out: its mean difference from the rates of the tracked attitude
-//!    (the low frequencies of (4.6); the gyro keeps the rest).
+//!    (the low frequencies of (4.6); the gyro keeps the rest). So is an accelerometer's, against an estimator's velocity.
 //! 3. Rotor speeds: logged ones, or the motor map (4.10) at the smoothed battery voltage, then the first-order lag,
 //!    exactly for commands held over a sample. The voltage is smoothed without lag, over a tenth of a
 //!    second; the causal filter of 4.2.5 would be half a second late against the load that makes the voltage sag, and a
@@ -85,6 +85,9 @@ pub struct Prepared {
     pub has_logged_velocity: bool,
     /// Gyro bias found and taken out, rad/s.
     pub gyro_bias_rad_s: [f64; 3],
+    /// Accelerometer bias along x and y found and taken out, m/s^2; zero without an accelerometer and
+    /// for raw tracking.
+    pub accelerometer_bias_m_s2: [f64; 2],
     /// What was mended or left out, for people.
     pub notes: Vec<String>,
     /// The clock of the rotor samples against that of the state, where it was looked at ([`crate::alignment`]).
@@ -174,12 +177,18 @@ impl Prepared {
         }
         let gyro_bias_rad_s = remove_gyro_bias(&mut stretches, &filter);
         let has_logged_velocity = velocity.is_some();
+        let accelerometer_bias_m_s2 = if has_logged_velocity {
+            remove_accelerometer_bias(&mut stretches, &filter, vehicle.gravity)
+        } else {
+            [0.0; 2]
+        };
         let mut prepared = Self {
             name: flight.name.clone(),
             period_s,
             force_target,
             has_logged_velocity,
             gyro_bias_rad_s,
+            accelerometer_bias_m_s2,
             notes,
             alignment: None,
             trim: None,
@@ -391,7 +400,7 @@ pub(crate) fn subtract(parts: &mut [Vec<f64>; 3], k: usize, amount: Vector3<f64>
 }
 
 /// The smoothed signal, and the signal itself where the window does not fit.
-fn smoothed(signal: &[f64], taps: &[f64]) -> Vec<f64> {
+pub(crate) fn smoothed(signal: &[f64], taps: &[f64]) -> Vec<f64> {
     convolve(signal, taps, |k| signal[k])
 }
 
@@ -615,6 +624,38 @@ fn hermite(t: &[f64], y: &[f64], at: usize, time: f64) -> f64 {
         + (s3 - 2.0 * s2 + s) * step * slope(at)
         + (3.0 * s2 - 2.0 * s3) * y[at + 1]
         + (s3 - s2) * step * slope(at + 1)
+}
+
+/// Takes out the mean difference between the accelerometer and the accelerations of the tracked motion over the whole
+/// flight, along x and y: there a bias stands for a drag, a wind or a cable that is not there. Forces move the craft and
+/// the accelerometer alike, so none of them is taken out with it. Along z the scale of the thrust hides it. Only for logs
+/// of an estimator, which levels its attitude by the motion: of raw tracking the same difference is the tilt of the
+/// tracked frame.
+fn remove_accelerometer_bias(stretches: &mut [Stretch], filter: &RegressionFilter, gravity_m_s2: f64) -> [f64; 2] {
+    let half = 2 * filter.half();
+    let gravity = Vector3::new(0.0, 0.0, gravity_m_s2);
+    let (mut sum, mut count) = (Vector3::zeros(), 0.0);
+    for stretch in stretches.iter() {
+        let Some(imu) = &stretch.imu_m_s2 else { continue };
+        let at = |signal: &[Vec<f64>; 3], k: usize, taps: &[f64]| {
+            Vector3::from(signal.each_ref().map(|s| sum_of_products(&s[k - taps.len() / 2..], taps)))
+        };
+        for k in (half..stretch.time_s.len() - half).step_by(10) {
+            let moved = at(&stretch.velocity_ned_m_s, k, &filter.derivative) - gravity;
+            let difference = at(imu, k, &filter.smooth) - stretch.dcm[k] * moved;
+            if difference.iter().all(|d| d.is_finite()) {
+                sum += difference;
+                count += 1.0;
+            }
+        }
+    }
+    let bias = if count > 0.0 { [sum.x / count, sum.y / count] } else { [0.0; 2] };
+    for stretch in stretches {
+        for (signal, b) in stretch.imu_m_s2.iter_mut().flatten().zip(bias) {
+            signal.iter_mut().for_each(|value| *value -= b);
+        }
+    }
+    bias
 }
 
 /// Takes out the mean difference between the gyro and the rates of the smoothed attitude over the whole flight.

@@ -20,8 +20,9 @@
 //! **Nuisance.** Each training flight has a constant moment of its own (trim, a battery's seat): left in, it would be
 //! taken for damping or for unequal motors. It is estimated along and forgotten.
 //!
-//! **Standard errors.** Errors along a rollout are one error seen fifty times, and rollouts overlap. The covariance is the
-//! sandwich H^-1 (sum of s s') H^-1 with scores s summed over blocks of [`BLOCK_S`], which are longer than both.
+//! **Standard errors.** Errors along a rollout are one error seen fifty times, and the smoother spreads noise from one
+//! rollout to the next: the formula for white noise would be far too optimistic. They are the jackknife's over blocks
+//! of [`BLOCK_S`], longer than both (the sandwich of scores with each block's leverage taken out).
 //!
 //! **What is refused.** Coefficients of impossible sign, drag or damping that feeds energy in where it did not before, and
 //! anything that does not lower the open-loop error of held-out flights.
@@ -31,7 +32,7 @@ use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion, Vector3, Vector4};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::compare::{HorizonError, LONGEST_HORIZON, open_loop, reference_states, sum_of_horizons};
+use crate::compare::{HorizonError, LONGEST_HORIZON, barely_smoothed_states, mean_rotor_speeds, open_loop, sum_of_horizons};
 use crate::fit::{has_rotation, impossible_signs};
 use crate::prepare::Prepared;
 
@@ -42,7 +43,7 @@ const START_STEP_S: f64 = 0.5;
 /// Norms are rounded off below about this part of the quantity's mean.
 const ROUNDED: f64 = 0.4;
 /// Blocks of time that are taken as independent, s.
-const BLOCK_S: f64 = 3.0;
+const BLOCK_S: f64 = 1.5;
 /// Stiffness of the tie between flights' constants, of the curvature of all.
 const TIED: f64 = 1e3;
 /// Most steps.
@@ -111,16 +112,24 @@ pub fn refine(
     validate: &[&Prepared],
     rows: Rows,
 ) -> Result<Refinement, RefineError> {
-    if !has_rotation(model) {
-        return Err(RefineError::NoRotation);
-    }
-    let problem = Problem::new(model, train, rows)?;
-    let (refined, steps) = problem.descend()?;
+    let (refined, steps) = descend(model, train, rows)?;
     let before = sum_of_horizons(&open_loop(model, validate));
     let after = sum_of_horizons(&open_loop(&refined, validate));
     let (kept, reason) = judge(model, &refined, &before, &after);
     let model = if kept { refined } else { model.clone() };
     Ok(Refinement { model, outcome: RefinementOutcome { rows, kept, reason, before, after, steps } })
+}
+
+/// The refined coefficients whatever they are, with standard errors.
+pub fn refined(model: &Model, train: &[&Prepared], rows: Rows) -> Result<Model, RefineError> {
+    Ok(descend(model, train, rows)?.0)
+}
+
+fn descend(model: &Model, train: &[&Prepared], rows: Rows) -> Result<(Model, usize), RefineError> {
+    if !has_rotation(model) {
+        return Err(RefineError::NoRotation);
+    }
+    Problem::new(model, train, rows)?.descend()
 }
 
 /// Whether the refined coefficients are possible and better.
@@ -184,6 +193,7 @@ struct Free {
 struct Run<'a> {
     flight: usize,
     states: Vec<State>,
+    rotor_mean_rad_s: Vec<[f64; 4]>,
     velocities: Vec<Vector3<f64>>,
     battery_v: &'a [f64],
     period_s: f64,
@@ -214,8 +224,14 @@ struct Quadratic {
     loss: f64,
     gradient: DVector<f64>,
     curvature: DMatrix<f64>,
-    /// Sum of products of the scores of blocks.
-    meat: DMatrix<f64>,
+    blocks: Vec<Block>,
+}
+
+/// The part of a block of time in gradient and curvature, over the parameters of its flight.
+struct Block {
+    run: usize,
+    gradient: DVector<f64>,
+    curvature: DMatrix<f64>,
 }
 
 impl<'a> Problem<'a> {
@@ -239,11 +255,12 @@ impl<'a> Problem<'a> {
                 let last = stretch.time_s.len() - flight.margin;
                 let starts: Vec<usize> =
                     (flight.margin..last.saturating_sub(LONGEST_HORIZON)).step_by(step).collect();
-                let states = reference_states(model, flight, stretch);
+                let states = barely_smoothed_states(model, flight, stretch);
                 runs.push(Run {
                     flight: index,
                     velocities: states.iter().map(crate::compare::velocity_ned_m_s).collect(),
                     states,
+                    rotor_mean_rad_s: mean_rotor_speeds(model, flight, stretch),
                     battery_v: &stretch.battery_v,
                     period_s: flight.period_s,
                     starts,
@@ -339,25 +356,25 @@ impl<'a> Problem<'a> {
                 (step, Plant::new(&self.with(&moved)))
             })
             .collect();
-        let parts: Vec<Quadratic> =
-            self.runs.par_iter().map(|run| self.of_run(run, &plant, &plants, &trims[run.flight])).collect();
+        let parts: Vec<(f64, Vec<Block>)> = (0..self.runs.len())
+            .into_par_iter()
+            .map(|run| self.of_run(run, &plant, &plants, &trims[self.runs[run].flight]))
+            .collect();
         let count = self.parameters();
         let mut sum = Quadratic {
             loss: 0.0,
             gradient: DVector::zeros(count),
             curvature: DMatrix::zeros(count, count),
-            meat: DMatrix::zeros(count, count),
+            blocks: Vec::new(),
         };
-        for (run, part) in self.runs.iter().zip(parts) {
-            let places = self.places(run);
-            sum.loss += part.loss;
-            for (i, &row) in places.iter().enumerate() {
-                sum.gradient[row] += part.gradient[i];
-                for (j, &column) in places.iter().enumerate() {
-                    sum.curvature[(row, column)] += part.curvature[(i, j)];
-                    sum.meat[(row, column)] += part.meat[(i, j)];
-                }
+        for (loss, blocks) in parts {
+            sum.loss += loss;
+            for block in &blocks {
+                let places = self.places(&self.runs[block.run]);
+                add_at(&mut sum.gradient, &block.gradient, &places);
+                add_square_at(&mut sum.curvature, &block.curvature, &places, 1.0);
             }
+            sum.blocks.extend(blocks);
         }
         self.tie_trims(&mut sum);
         sum
@@ -389,7 +406,14 @@ impl<'a> Problem<'a> {
         value.clamp(low, high)
     }
 
-    fn of_run(&self, run: &Run, plant: &Plant, plants: &[(f64, Plant)], trim: &[f64; 6]) -> Quadratic {
+    fn of_run(
+        &self,
+        index: usize,
+        plant: &Plant,
+        plants: &[(f64, Plant)],
+        trim: &[f64; 6],
+    ) -> (f64, Vec<Block>) {
+        let run = &self.runs[index];
         let base = run.errors(plant, trim);
         let mut columns: Vec<Vec<f64>> = plants
             .iter()
@@ -403,9 +427,7 @@ impl<'a> Problem<'a> {
         }
         let width = columns.len();
         let mut loss = 0.0;
-        let mut gradient = DVector::zeros(width);
-        let mut curvature = DMatrix::zeros(width, width);
-        let mut meat = DMatrix::zeros(width, width);
+        let mut blocks = Vec::new();
         for block in 0..run.starts.len().div_ceil(run.block) {
             let (from, to) = (block * run.block, ((block + 1) * run.block).min(run.starts.len()));
             let range = from * PER_START..to * PER_START;
@@ -426,12 +448,30 @@ impl<'a> Problem<'a> {
                     }
                 }
             }
-            let score = weighted.tr_mul(&errors);
-            curvature += weighted.tr_mul(&weighted);
-            meat.ger(1.0, &score, &score, 1.0);
-            gradient += score;
+            blocks.push(Block {
+                run: index,
+                gradient: weighted.tr_mul(&errors),
+                curvature: weighted.tr_mul(&weighted),
+            });
         }
-        Quadratic { loss, gradient, curvature, meat }
+        (loss, blocks)
+    }
+
+    /// Jackknife over blocks of time: how far the end of the descent moves without each of them, squared and summed.
+    fn covariance(&self, at: &Quadratic) -> Result<DMatrix<f64>, RefineError> {
+        let count = self.parameters();
+        let mut sum = DMatrix::zeros(count, count);
+        for block in &at.blocks {
+            let places = self.places(&self.runs[block.run]);
+            let mut without = at.curvature.clone();
+            add_square_at(&mut without, &block.curvature, &places, -1.0);
+            let mut gradient = DVector::zeros(count);
+            add_at(&mut gradient, &block.gradient, &places);
+            let moved = scaled(&without).ok_or(RefineError::Singular)?.solve(&gradient);
+            sum.ger(1.0, &moved, &moved, 1.0);
+        }
+        let blocks = at.blocks.len().max(1) as f64;
+        Ok(sum * ((blocks - 1.0) / blocks))
     }
 
     /// The model at the end of the descent, with standard errors.
@@ -467,8 +507,7 @@ impl<'a> Problem<'a> {
                 }
             }
         }
-        let inverse = damped_inverse(&at.curvature).ok_or(RefineError::Singular)?;
-        let covariance = &inverse * at.meat * &inverse;
+        let covariance = self.covariance(&at)?;
         let mut model = self.with(&values);
         for (k, free) in self.free.iter().enumerate() {
             for term in model.terms.iter_mut().filter(|t| t.effect == free.effect) {
@@ -484,6 +523,7 @@ impl Run<'_> {
     fn errors(&self, plant: &Plant, trim: &[f64; 6]) -> Vec<f64> {
         let track = crate::compare::Track {
             states: &self.states,
+            rotor_mean_rad_s: &self.rotor_mean_rad_s,
             battery_v: self.battery_v,
             period_s: self.period_s,
             turns: true,
@@ -533,8 +573,16 @@ fn damped_step(at: &Quadratic, damping: f64) -> Option<DVector<f64>> {
     Some(scaled(&raised)?.solve(&at.gradient))
 }
 
-fn damped_inverse(curvature: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-    Some(scaled(curvature)?.inverse())
+fn add_at(to: &mut DVector<f64>, part: &DVector<f64>, places: &[usize]) {
+    places.iter().zip(part.iter()).for_each(|(&place, value)| to[place] += value);
+}
+
+fn add_square_at(to: &mut DMatrix<f64>, part: &DMatrix<f64>, places: &[usize], factor: f64) {
+    for (i, &row) in places.iter().enumerate() {
+        for (j, &column) in places.iter().enumerate() {
+            to[(row, column)] += factor * part[(i, j)];
+        }
+    }
 }
 
 /// A Cholesky factor of a matrix whose units differ widely, by its scaled one.
@@ -556,10 +604,4 @@ impl Scaled {
     fn solve(&self, right: &DVector<f64>) -> DVector<f64> {
         self.factor.solve(&right.component_mul(&self.scale)).component_mul(&self.scale)
     }
-
-    fn inverse(&self) -> DMatrix<f64> {
-        let unit = self.factor.inverse();
-        DMatrix::from_fn(unit.nrows(), unit.ncols(), |r, c| unit[(r, c)] * self.scale[r] * self.scale[c])
-    }
 }
-
