@@ -30,7 +30,8 @@ pub use effect::{Coefficient, EffectInfo, Kind, Question, Sink};
 pub use effects::Effect;
 pub use model_file::{
     AxisError, ChangeScatter, Estimate, FitRecord, FlightRecord, FlightRole, HistoryEntry, Model, ModelError,
-    ReferenceValues, Term, OpenLoopSums, RefinementRecord};
+    OpenLoopSums, ReferenceValues, RefinementRecord, Term,
+};
 pub use plant::{DelayLine, Plant, State, Substeps};
 pub use sample::{Adjustments, Sample, SampleInput};
 pub use vehicle::{MotorMapKind, Motors, RotorMap, Spin, Vehicle, VehicleError};

@@ -1,7 +1,9 @@
 //! What real logs need before a model meets them, and what they say about it afterwards: clocks and trim of single
 //! flights, motors that answer the airflow, a rotation that the flights do not determine, refinement on predictions.
 
-use model::{Axis, AxisError, Effect, FitRecord, HistoryEntry, Model, OpenLoopSums, PerAxis, RefinementRecord, Vehicle};
+use model::{
+    Axis, AxisError, Effect, FitRecord, HistoryEntry, Model, OpenLoopSums, PerAxis, RefinementRecord, Vehicle,
+};
 use serde::Serialize;
 use sysid::compare::HorizonError;
 use sysid::refine::Rows;

@@ -130,7 +130,8 @@ pub fn align(flights: &mut [&mut Prepared], model: &Model) {
             [Effect::RotorInertia, Effect::FlappingMoment].into_iter().filter(|e| !linear.contains(e)),
         );
     }
-    let found = offsets_together(flights, model, &along).or_else(|_| offsets_together(flights, model, &linear));
+    let found =
+        offsets_together(flights, model, &along).or_else(|_| offsets_together(flights, model, &linear));
     match found {
         Ok((offsets, fitted)) => {
             decide(flights, &offsets, Reference::Flights);
@@ -152,7 +153,8 @@ pub fn align_to(model: &Model, flights: &mut [&mut Prepared], reference: Referen
     }
     let offsets: Vec<Option<Offset>> =
         flights.iter_mut().map(|flight| offset_alone(flight, model).ok()).collect();
-    let found: Vec<Offset> = offsets.iter().map(|o| o.unwrap_or(Offset { late_s: 0.0, variance_s2: f64::INFINITY })).collect();
+    let found: Vec<Offset> =
+        offsets.iter().map(|o| o.unwrap_or(Offset { late_s: 0.0, variance_s2: f64::INFINITY })).collect();
     decide(flights, &found, reference);
     flights.iter_mut().for_each(|flight| name_wandering(flight, model));
 }
@@ -241,16 +243,16 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 
 /// Writes into each flight what is to be corrected.
 fn decide(flights: &mut [&mut Prepared], offsets: &[Offset], reference: Reference) {
-    let commanded = || flights.iter().zip(offsets).filter(|(f, o)| !f.has_rotor_speeds() && o.variance_s2.is_finite());
+    let commanded =
+        || flights.iter().zip(offsets).filter(|(f, o)| !f.has_rotor_speeds() && o.variance_s2.is_finite());
     let common_s = match reference {
         Reference::Model(delay) => delay,
         Reference::Flights => median(commanded().map(|(_, o)| o.late_s).collect()),
     };
     // The median of n normal deviates varies by pi / 2n of their variance.
     let count = commanded().count().max(1) as f64;
-    let common_variance = commanded().map(|(_, o)| o.variance_s2).sum::<f64>() / count
-        * std::f64::consts::FRAC_PI_2
-        / count;
+    let common_variance =
+        commanded().map(|(_, o)| o.variance_s2).sum::<f64>() / count * std::f64::consts::FRAC_PI_2 / count;
     for (flight, offset) in flights.iter_mut().zip(offsets) {
         let measured = flight.has_rotor_speeds();
         let (from_s, from_variance) = match (measured, common_s) {
@@ -266,9 +268,12 @@ fn decide(flights: &mut [&mut Prepared], offsets: &[Offset], reference: Referenc
             || common_s.is_some_and(|common| common.abs() < MATTERS_SAMPLES * flight.period_s);
         let matters = settled && late_s.abs() > MATTERS_SAMPLES * flight.period_s;
         let corrected = matters && late_s.abs() > SIGNIFICANT * std_error_s;
-        flight.alignment = std_error_s
-            .is_finite()
-            .then(|| Alignment { late_s, std_error_s, corrected, wandering: Vec::new() });
+        flight.alignment = std_error_s.is_finite().then(|| Alignment {
+            late_s,
+            std_error_s,
+            corrected,
+            wandering: Vec::new(),
+        });
     }
 }
 
@@ -289,8 +294,7 @@ fn offsets_together(
         flight.alignment = None;
     }
     // Coefficients to begin with: without them nothing follows from a shift.
-    let plain: Vec<FlightRows> =
-        flights.iter().map(|f| rows(f, &model, effects, Vec::new())).collect();
+    let plain: Vec<FlightRows> = flights.iter().map(|f| rows(f, &model, effects, Vec::new())).collect();
     let start = regress::solve(&plain, &vec![None; linear])?;
     store(&mut model, effects, start.value.as_slice(), None);
     let count = flights.len();

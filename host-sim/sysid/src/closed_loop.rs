@@ -83,7 +83,8 @@ fn of_axis(
     let first = 4 * (axis.index() - 3);
     let (mut found, mut wald, mut freedom) = (Vec::new(), 0.0, 0.0);
     for (flight, columns) in flights.iter().zip(columns) {
-        let Some((step, distance, std_error)) = own_step(model, flight, &columns[first..first + 4], axis) else {
+        let Some((step, distance, std_error)) = own_step(model, flight, &columns[first..first + 4], axis)
+        else {
             continue;
         };
         wald += distance;
@@ -164,7 +165,8 @@ fn strongest_correlation(
         let rows = flight.row_samples_of_conditions();
         let moment: Vec<f64> = (0..rows.len())
             .map(|row| {
-                let part = |motor: usize| columns[4 * place + motor][axis.index()].as_ref().map_or(0.0, |c| c[row]);
+                let part =
+                    |motor: usize| columns[4 * place + motor][axis.index()].as_ref().map_or(0.0, |c| c[row]);
                 (0..4).map(|motor| common[motor] * part(motor)).sum()
             })
             .collect();

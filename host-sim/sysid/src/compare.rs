@@ -10,8 +10,8 @@ use serde::Serialize;
 
 use crate::alignment::Alignment;
 use crate::filter::RegressionFilter;
-use crate::prepare::{Prepared, Stretch, smoothed};
 use crate::fit::has_rotation;
+use crate::prepare::{Prepared, Stretch, smoothed};
 use crate::{Residuals, errors, residuals};
 
 /// Longest horizon of the open-loop prediction, samples.
@@ -126,14 +126,12 @@ pub fn compare(model: &Model, flights: &[&Prepared]) -> Comparison {
         flights: flights
             .iter()
             .zip(&all)
-            .map(|(flight, residuals)| {
-                FlightComparison {
-                    name: flight.name.clone(),
-                    samples: flight.rows(),
-                    axes: figures(errors([residuals])),
-                    notes: flight.notes.clone(),
-                    alignment: flight.alignment.clone(),
-                }
+            .map(|(flight, residuals)| FlightComparison {
+                name: flight.name.clone(),
+                samples: flight.rows(),
+                axes: figures(errors([residuals])),
+                notes: flight.notes.clone(),
+                alignment: flight.alignment.clone(),
             })
             .collect(),
         total,
@@ -164,12 +162,7 @@ fn figures_of(model: &Model, axis: Axis, error: AxisError) -> AxisFigures {
 
 fn summary(by_horizon: &[HorizonError]) -> Horizons {
     let at = |h: usize| by_horizon.get(h - 1).copied().unwrap_or_default();
-    Horizons {
-        one: at(1),
-        ten: at(10),
-        fifty: at(50),
-        sum_1_50: sum_of_horizons(by_horizon),
-    }
+    Horizons { one: at(1), ten: at(10), fifty: at(50), sum_1_50: sum_of_horizons(by_horizon) }
 }
 
 /// Mean open-loop errors at each horizon from 1 to [`LONGEST_HORIZON`] samples.
@@ -278,8 +271,7 @@ impl Track<'_> {
 
 /// Each rotor's mean speed between neighbouring samples, rad/s.
 pub(crate) fn mean_rotor_speeds(model: &Model, flight: &Prepared, stretch: &Stretch) -> Vec<[f64; 4]> {
-    let rotor =
-        stretch.rotors(&model.vehicle, &model.adjustments(), flight.period_s, flight.rotor_late_s());
+    let rotor = stretch.rotors(&model.vehicle, &model.adjustments(), flight.period_s, flight.rotor_late_s());
     (1..stretch.time_s.len()).map(|k| std::array::from_fn(|i| rotor[i].mean_rad_s[k - 1])).collect()
 }
 

@@ -412,7 +412,8 @@ pub fn rotation_doubts(model: &Model, flights: &[&Prepared]) -> Vec<String> {
     let mut found: Vec<String> = doubts(model).into_iter().filter_map(motors).collect();
     let all: Vec<Residuals> = flights.iter().map(|f| residuals_at_rows(f, model, f.fit_stride())).collect();
     let fitted = errors(&all);
-    let largest = [Axis::P, Axis::Q, Axis::R].map(|axis| fitted[axis].r2).into_iter().fold(f64::MIN, f64::max);
+    let largest =
+        [Axis::P, Axis::Q, Axis::R].map(|axis| fitted[axis].r2).into_iter().fold(f64::MIN, f64::max);
     if largest < LEAST_ROTATION_R2 {
         found.push(format!(
             "motor commands explain {:.0} % of the angular accelerations at best: clocks that wander within flights, or \

@@ -13,8 +13,8 @@ pub mod fit;
 pub mod flight;
 pub mod noise;
 pub mod prepare;
-pub mod regress;
 pub mod refine;
+pub mod regress;
 mod rows;
 pub mod trim;
 
@@ -27,5 +27,5 @@ pub use fit::{
     without_rotation,
 };
 pub use flight::{Column, Flight, FlightError};
-pub use refine::{RefineError, Refinement, RefinementOutcome, refine};
 pub use prepare::{Conditions, ForceTarget, PrepareError, Prepared};
+pub use refine::{RefineError, Refinement, RefinementOutcome, refine};

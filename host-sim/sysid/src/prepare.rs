@@ -631,7 +631,11 @@ fn hermite(t: &[f64], y: &[f64], at: usize, time: f64) -> f64 {
 /// the accelerometer alike, so none of them is taken out with it. Along z the scale of the thrust hides it. Only for logs
 /// of an estimator, which levels its attitude by the motion: of raw tracking the same difference is the tilt of the
 /// tracked frame.
-fn remove_accelerometer_bias(stretches: &mut [Stretch], filter: &RegressionFilter, gravity_m_s2: f64) -> [f64; 2] {
+fn remove_accelerometer_bias(
+    stretches: &mut [Stretch],
+    filter: &RegressionFilter,
+    gravity_m_s2: f64,
+) -> [f64; 2] {
     let half = 2 * filter.half();
     let gravity = Vector3::new(0.0, 0.0, gravity_m_s2);
     let (mut sum, mut count) = (Vector3::zeros(), 0.0);

@@ -32,7 +32,9 @@ use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion, Vector3, Vector4};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::compare::{HorizonError, LONGEST_HORIZON, barely_smoothed_states, mean_rotor_speeds, open_loop, sum_of_horizons};
+use crate::compare::{
+    HorizonError, LONGEST_HORIZON, barely_smoothed_states, mean_rotor_speeds, open_loop, sum_of_horizons,
+};
 use crate::fit::{has_rotation, impossible_signs};
 use crate::prepare::Prepared;
 
@@ -179,7 +181,10 @@ fn feeds_energy(model: &Model, refined: &Model) -> Option<String> {
 
 /// Effects that rollouts say less of than accelerations do.
 fn seen_better_by_the_sample(effect: Effect) -> bool {
-    matches!(effect, Effect::InertiaCoupling | Effect::Gyroscopic | Effect::RotorInertia | Effect::ProductOfInertia)
+    matches!(
+        effect,
+        Effect::InertiaCoupling | Effect::Gyroscopic | Effect::RotorInertia | Effect::ProductOfInertia
+    )
 }
 
 /// A coefficient that is moved.
@@ -223,7 +228,10 @@ const PER_START: usize = PER_HORIZON * HORIZONS;
 struct Quadratic {
     loss: f64,
     gradient: DVector<f64>,
+    /// Of the reweighted least squares: an upper bound, for the steps.
     curvature: DMatrix<f64>,
+    /// Of the loss itself, which is flatter along an error than across it, for the covariance.
+    flatter: DMatrix<f64>,
     blocks: Vec<Block>,
 }
 
@@ -232,6 +240,7 @@ struct Block {
     run: usize,
     gradient: DVector<f64>,
     curvature: DMatrix<f64>,
+    flatter: DMatrix<f64>,
 }
 
 impl<'a> Problem<'a> {
@@ -365,6 +374,7 @@ impl<'a> Problem<'a> {
             loss: 0.0,
             gradient: DVector::zeros(count),
             curvature: DMatrix::zeros(count, count),
+            flatter: DMatrix::zeros(count, count),
             blocks: Vec::new(),
         };
         for (loss, blocks) in parts {
@@ -373,6 +383,7 @@ impl<'a> Problem<'a> {
                 let places = self.places(&self.runs[block.run]);
                 add_at(&mut sum.gradient, &block.gradient, &places);
                 add_square_at(&mut sum.curvature, &block.curvature, &places, 1.0);
+                add_square_at(&mut sum.flatter, &block.flatter, &places, 1.0);
             }
             sum.blocks.extend(blocks);
         }
@@ -389,6 +400,7 @@ impl<'a> Problem<'a> {
             for row in places() {
                 for column in places() {
                     sum.curvature[(row, column)] += stiff;
+                    sum.flatter[(row, column)] += stiff;
                 }
             }
         }
@@ -415,10 +427,8 @@ impl<'a> Problem<'a> {
     ) -> (f64, Vec<Block>) {
         let run = &self.runs[index];
         let base = run.errors(plant, trim);
-        let mut columns: Vec<Vec<f64>> = plants
-            .iter()
-            .map(|(step, moved)| slopes(&base, run.errors(moved, trim), *step))
-            .collect();
+        let mut columns: Vec<Vec<f64>> =
+            plants.iter().map(|(step, moved)| slopes(&base, run.errors(moved, trim), *step)).collect();
         for axis in self.own_axes.clone() {
             let step = 1e-3;
             let mut moved = *trim;
@@ -434,24 +444,29 @@ impl<'a> Problem<'a> {
             let height = range.len();
             let mut weighted = DMatrix::zeros(height, width);
             let mut errors = DVector::zeros(height);
+            let mut along = DMatrix::zeros(height / 3, width);
             for (k, part) in base[range.clone()].chunks_exact(3).enumerate() {
                 let scale = self.scale[k % (4 * HORIZONS)];
                 let relative = norm(part) / scale;
                 loss += self.rounded(k, part);
                 // Square root of the weight under which least squares has the loss' gradient.
-                let root =
-                    1.0 / (scale * (relative * relative + ROUNDED * ROUNDED).sqrt().sqrt());
+                let root = 1.0 / (scale * (relative * relative + ROUNDED * ROUNDED).sqrt().sqrt());
                 for i in 3 * k..3 * k + 3 {
                     errors[i] = root * base[range.start + i];
                     for (c, column) in columns.iter().enumerate() {
                         weighted[(i, c)] = root * column[range.start + i];
+                        along[(k, c)] += root * column[range.start + i] * base[range.start + i];
                     }
                 }
+                let length = scale * (relative * relative + ROUNDED * ROUNDED).sqrt();
+                along.row_mut(k).unscale_mut(length);
             }
+            let curvature = weighted.tr_mul(&weighted);
             blocks.push(Block {
                 run: index,
                 gradient: weighted.tr_mul(&errors),
-                curvature: weighted.tr_mul(&weighted),
+                flatter: &curvature - along.tr_mul(&along),
+                curvature,
             });
         }
         (loss, blocks)
@@ -463,8 +478,8 @@ impl<'a> Problem<'a> {
         let mut sum = DMatrix::zeros(count, count);
         for block in &at.blocks {
             let places = self.places(&self.runs[block.run]);
-            let mut without = at.curvature.clone();
-            add_square_at(&mut without, &block.curvature, &places, -1.0);
+            let mut without = at.flatter.clone();
+            add_square_at(&mut without, &block.flatter, &places, -1.0);
             let mut gradient = DVector::zeros(count);
             add_at(&mut gradient, &block.gradient, &places);
             let moved = scaled(&without).ok_or(RefineError::Singular)?.solve(&gradient);

@@ -104,9 +104,13 @@ fn flight_rows(
 
 /// Value and standard error of flight `index`'s deviation on the axis whose parameters begin at `first`.
 fn deviation(solution: &Solution, first: usize, index: usize, count: usize) -> (f64, f64) {
-    let weights = DVector::from_fn(count - 1, |k, _| {
-        if index == count - 1 { -1.0 } else { f64::from(u8::from(index == k)) }
-    });
+    let weights =
+        DVector::from_fn(
+            count - 1,
+            |k, _| {
+                if index == count - 1 { -1.0 } else { f64::from(u8::from(index == k)) }
+            },
+        );
     let values = solution.value.rows(first, count - 1);
     let covariance = solution.covariance.view((first, first), (count - 1, count - 1));
     (weights.dot(&values), weights.dot(&(covariance * &weights)).max(0.0).sqrt())

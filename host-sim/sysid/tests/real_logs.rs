@@ -7,7 +7,8 @@ use common::{NONE, Noise, ORDINARY, fly, truth};
 use model::{Effect, Estimate, Model, Vehicle};
 use sysid::refine::{RefineError, Rows};
 use sysid::{
-    Column, Flight, Prepared, Reference, align, align_to, compare, fit, motors_of_flights, refine, rotation_doubts,
+    Column, Flight, Prepared, Reference, align, align_to, compare, fit, motors_of_flights, refine,
+    rotation_doubts,
 };
 
 const PERIOD_S: f64 = 0.01;
@@ -256,7 +257,8 @@ fn refinement_brings_wrong_coefficients_back() {
         assert_eq!(refinement.model.term(effect), wrong.term(effect));
     }
     // Once right, it stays what it is or is refused: nothing is left to gain.
-    let again = refine(&refinement.model, &references(&train), &references(&validate), Rows::Moments).unwrap();
+    let again =
+        refine(&refinement.model, &references(&train), &references(&validate), Rows::Moments).unwrap();
     assert!(again.outcome.after.rate_rad_s > 0.97 * after.rate_rad_s, "{:?}", again.outcome);
 }
 
@@ -265,11 +267,11 @@ fn refinement_brings_wrong_coefficients_back() {
 #[test]
 fn refined_intervals_cover_the_truth() {
     let truth = truth();
-    let runs = 20;
+    let runs = 24;
     let (mut inside, mut intervals) = (0, 0);
     let mut zs = [(0.0, 0.0); 15];
     for run in 0..runs {
-        let train = common::prepared(&truth, 200 + 3 * run..203 + 3 * run, 40.0, &ORDINARY);
+        let train = common::prepared(&truth, 200 + 2 * run..202 + 2 * run, 20.0, &ORDINARY);
         let start = fit(&references(&train), &truth.vehicle, &basic(), None).unwrap().model;
         // Judged on itself: only the estimate matters here, not whether it is kept.
         let problem = sysid::refine::refined(&start, &references(&train), Rows::Moments).unwrap();
@@ -277,14 +279,22 @@ fn refined_intervals_cover_the_truth() {
             let (found, expected) = (problem.term(effect).unwrap(), truth.term(effect).unwrap());
             for (f, t) in found.coefficients.iter().zip(&expected.coefficients) {
                 inside += usize::from((f.value - t.value).abs() < 1.96 * f.std_error.unwrap());
-                let z = (f.value - t.value) / f.std_error.unwrap(); let i = (intervals % 15) as usize; zs[i].0 += z; zs[i].1 += z * z;
+                let z = (f.value - t.value) / f.std_error.unwrap();
+                let i = (intervals % 15) as usize;
+                zs[i].0 += z;
+                zs[i].1 += z * z;
                 intervals += 1;
             }
         }
     }
-    for (k, (m, v)) in zs.iter().enumerate() { println!("Z {k} mean {:.2} sd {:.2}", m / runs as f64, ((v - m * m / runs as f64) / runs as f64).sqrt()); }
+    for (k, (m, v)) in zs.iter().enumerate() {
+        println!(
+            "Z {k} mean {:.2} sd {:.2}",
+            m / runs as f64,
+            ((v - m * m / runs as f64) / runs as f64).sqrt()
+        );
+    }
     let covered = 100.0 * f64::from(inside as u32) / f64::from(intervals);
-    println!("{covered:.1} % of {intervals} intervals");
     assert!((90.0..98.0).contains(&covered), "{covered:.1} % of {intervals}");
 }
 
