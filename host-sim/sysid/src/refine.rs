@@ -143,13 +143,13 @@ fn judge(model: &Model, refined: &Model, before: &HorizonError, after: &HorizonE
     if let Some(what) = feeds_energy(model, refined) {
         return (false, format!("refused: {what}"));
     }
-    let quantities: [(&str, fn(&HorizonError) -> f64); 4] = [
-        ("position", |e| e.position_m),
-        ("velocity", |e| e.velocity_m_s),
-        ("attitude", |e| e.attitude_rad),
-        ("rate", |e| e.rate_rad_s),
+    let fall = |name, before: f64, after: f64| (name, 100.0 * (1.0 - after / before));
+    let falls = [
+        fall("position", before.position_m, after.position_m),
+        fall("velocity", before.velocity_m_s, after.velocity_m_s),
+        fall("attitude", before.attitude_rad, after.attitude_rad),
+        fall("rate", before.rate_rad_s, after.rate_rad_s),
     ];
-    let falls = quantities.map(|(name, of)| (name, 100.0 * (1.0 - of(after) / of(before))));
     let mean = falls.iter().map(|(_, fall)| fall).sum::<f64>() / 4.0;
     let listed: Vec<String> = falls.iter().map(|(name, fall)| format!("{name} {fall:.1} %")).collect();
     let listed = listed.join(", ");
