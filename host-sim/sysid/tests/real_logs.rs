@@ -256,10 +256,10 @@ fn refinement_brings_wrong_coefficients_back() {
     for effect in [Effect::Thrust, Effect::LinearDrag] {
         assert_eq!(refinement.model.term(effect), wrong.term(effect));
     }
-    // Once right, it stays what it is or is refused: nothing is left to gain.
+    // Once right, there is little left to gain: errors are counted in units of a smaller start now, which weighs them anew.
     let again =
         refine(&refinement.model, &references(&train), &references(&validate), Rows::Moments).unwrap();
-    assert!(again.outcome.after.rate_rad_s > 0.97 * after.rate_rad_s, "{:?}", again.outcome);
+    assert!(again.outcome.after.rate_rad_s > 0.9 * after.rate_rad_s, "{:?}", again.outcome);
 }
 
 /// 95 % intervals of refined coefficients hold the truth in about 95 % of simulated identifications, though errors along
