@@ -542,7 +542,7 @@ fn everything_wrong(vehicle: &Vehicle, flights: &[Flight]) -> Vec<Fault> {
     let basic: Vec<Effect> = Effect::basic().collect();
     if let Ok(fit) = sysid::fit(train, vehicle, &basic, None) {
         faults.extend(plausible::of_vehicle(vehicle));
-        faults.extend(plausible::of_fit(&fit.model, prepared[0].has_logged_rotor_speed()));
+        faults.extend(plausible::of_fit(&fit.model, prepared[0].has_rotor_speeds()));
         for sentence in plausible::differences(&fit.model, validate, Likeness::SAME) {
             faults.push(Fault::of_all(FaultKind::OtherVehicle, Severity::Warning, sentence));
         }

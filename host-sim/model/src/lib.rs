@@ -36,7 +36,7 @@ pub use effects::Effect;
 pub use load::{Load, Swing};
 pub use model_file::{
     AxisError, ChangeScatter, Estimate, FitRecord, FlightRecord, FlightRole, HistoryEntry, Model, ModelError,
-    ReferenceValues, Term,
+    OpenLoopSums, ReferenceValues, RefinementRecord, Term,
 };
 pub use plant::{DelayLine, Plant, State, Substeps};
 pub use quantity::{QUANTITIES, Quantity};

@@ -126,7 +126,24 @@ impl Plant {
 
     #[inline(always)]
     fn input_at(&self, state: &State, rotor: &[f64; 4], commanded: &[f64; 4], battery_v: f64) -> SampleInput {
+        self.input_with(state, rotor, self.lagged_acceleration_rad_s2(rotor, commanded), battery_v)
+    }
+
+    /// Of rotors on their way to what is commanded.
+    #[inline(always)]
+    fn lagged_acceleration_rad_s2(&self, rotor: &[f64; 4], commanded: &[f64; 4]) -> [f64; 4] {
         let lag = self.lag_rad_s.unwrap_or(0.0);
+        std::array::from_fn(|i| lag * (commanded[i] - rotor[i]))
+    }
+
+    #[inline(always)]
+    fn input_with(
+        &self,
+        state: &State,
+        rotor: &[f64; 4],
+        rotor_acceleration_rad_s2: [f64; 4],
+        battery_v: f64,
+    ) -> SampleInput {
         SampleInput {
             position_ned_m: state.position_ned_m,
             dcm: frames::dcm_from_quaternion(&state.attitude),
@@ -134,7 +151,7 @@ impl Plant {
             rate_rad_s: state.rate_rad_s,
             angular_acceleration_rad_s2: Vector3::zeros(),
             rotor_rad_s: *rotor,
-            rotor_acceleration_rad_s2: std::array::from_fn(|i| lag * (commanded[i] - rotor[i])),
+            rotor_acceleration_rad_s2,
             battery_v,
             swing: state.swing,
         }
@@ -192,8 +209,22 @@ impl Plant {
         battery_v: f64,
         step_s: f64,
     ) {
-        let middle = std::array::from_fn(|i| 0.5 * (start[i] + end[i]));
-        self.integrate(state, [start, &middle, end], end, battery_v, step_s);
+        let mean = std::array::from_fn(|i| 0.5 * (start[i] + end[i]));
+        self.step_through(state, [start, &mean, end], battery_v, step_s);
+    }
+
+    /// The same with the mean of the rotor speeds over the step, which on the way of a lag is not that of its ends.
+    pub fn step_through(
+        &self,
+        state: &mut State,
+        [start, mean, end]: [&[f64; 4]; 3],
+        battery_v: f64,
+        step_s: f64,
+    ) {
+        // Simpson's rule, which the step amounts to, gives the mean back.
+        let middle = std::array::from_fn(|i| 0.25 * (6.0 * mean[i] - start[i] - end[i]));
+        let slope = std::array::from_fn(|i| (end[i] - start[i]) / step_s);
+        self.integrate(state, [start, &middle, end], |_| slope, battery_v, step_s);
     }
 
     /// The formula of a user's effect that has no finite value in the step that starts at `state`, if one has none: why the
@@ -216,7 +247,8 @@ impl Plant {
                 if let Some(undefined) = self.undefined(&sample) {
                     return Some(undefined);
                 }
-                let k = self.derivative::<false>(&stage, &rotor, commanded_rad_s, battery_v);
+                let acceleration = self.lagged_acceleration_rad_s2(&rotor, commanded_rad_s);
+                let k = self.derivative::<false>(&stage, &rotor, acceleration, battery_v);
                 stage = moved(&state, &k, part * h);
             }
             self.lagged_step(&mut state, commanded_rad_s, battery_v, substeps);
@@ -240,7 +272,8 @@ impl Plant {
             std::array::from_fn(|i| commanded[i] + (start[i] - commanded[i]) * decay)
         };
         let (middle, end) = (towards(substeps.half_decay), towards(substeps.decay));
-        self.integrate(state, [&start, &middle, &end], commanded, battery_v, substeps.step_s);
+        let slope = |rotor: &[f64; 4]| self.lagged_acceleration_rad_s2(rotor, commanded);
+        self.integrate(state, [&start, &middle, &end], slope, battery_v, substeps.step_s);
     }
 
     /// One Runge-Kutta step with the rotor speeds at its start, middle and end.
@@ -249,14 +282,14 @@ impl Plant {
         &self,
         state: &mut State,
         rotor: [&[f64; 4]; 3],
-        commanded: &[f64; 4],
+        rotor_acceleration: impl Fn(&[f64; 4]) -> [f64; 4],
         battery_v: f64,
         step_s: f64,
     ) {
         if self.plain {
-            self.runge_kutta_4::<true>(state, rotor, commanded, battery_v, step_s);
+            self.runge_kutta_4::<true>(state, rotor, rotor_acceleration, battery_v, step_s);
         } else {
-            self.runge_kutta_4::<false>(state, rotor, commanded, battery_v, step_s);
+            self.runge_kutta_4::<false>(state, rotor, rotor_acceleration, battery_v, step_s);
         }
     }
 
@@ -264,15 +297,18 @@ impl Plant {
         &self,
         state: &mut State,
         [rotor_start, rotor_middle, rotor_end]: [&[f64; 4]; 3],
-        commanded: &[f64; 4],
+        rotor_acceleration: impl Fn(&[f64; 4]) -> [f64; 4],
         battery_v: f64,
         h: f64,
     ) {
         let start = *state;
-        let k1 = self.derivative::<PLAIN>(&start, rotor_start, commanded, battery_v);
-        let k2 = self.derivative::<PLAIN>(&moved(&start, &k1, 0.5 * h), rotor_middle, commanded, battery_v);
-        let k3 = self.derivative::<PLAIN>(&moved(&start, &k2, 0.5 * h), rotor_middle, commanded, battery_v);
-        let k4 = self.derivative::<PLAIN>(&moved(&start, &k3, h), rotor_end, commanded, battery_v);
+        let stage = |state: &State, rotor: &[f64; 4]| {
+            self.derivative::<PLAIN>(state, rotor, rotor_acceleration(rotor), battery_v)
+        };
+        let k1 = stage(&start, rotor_start);
+        let k2 = stage(&moved(&start, &k1, 0.5 * h), rotor_middle);
+        let k3 = stage(&moved(&start, &k2, 0.5 * h), rotor_middle);
+        let k4 = stage(&moved(&start, &k3, h), rotor_end);
         let sixth = h / 6.0;
         state.position_ned_m += sixth * (k1.position + 2.0 * (k2.position + k3.position) + k4.position);
         state.velocity_m_s += sixth * (k1.velocity + 2.0 * (k2.velocity + k3.velocity) + k4.velocity);
@@ -294,10 +330,10 @@ impl Plant {
         &self,
         state: &State,
         rotor: &[f64; 4],
-        commanded: &[f64; 4],
+        rotor_acceleration_rad_s2: [f64; 4],
         battery_v: f64,
     ) -> Derivative {
-        let input = self.input_at(state, rotor, commanded, battery_v);
+        let input = self.input_with(state, rotor, rotor_acceleration_rad_s2, battery_v);
         let a = if PLAIN {
             self.weights.accelerations_of_thesis(&Sample::plain(input, &self.constants))
         } else {

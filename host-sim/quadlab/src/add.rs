@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use model::{Effect, HistoryEntry, Model, PerAxis};
+use model::{Effect, FitRecord, HistoryEntry, Model, PerAxis};
 use serde::Serialize;
 use sysid::Addition;
 use sysid::plausible::Likeness;
@@ -10,8 +10,9 @@ use sysid::plausible::Likeness;
 use crate::faults::{self, FaultOptions};
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs};
+use crate::real_logs::{RefineOptions, RefinementEntry};
 use crate::user_effects::EffectOptions;
-use crate::{progress, tables};
+use crate::{progress, real_logs, tables};
 
 /// Add a physical effect to a model and fit all of it again.
 ///
@@ -33,6 +34,9 @@ pub(crate) struct Options {
 
     #[command(flatten)]
     effects: EffectOptions,
+
+    #[command(flatten)]
+    refine: RefineOptions,
 
     /// Model file to write, for example: --out better.toml
     #[arg(long, value_name = "TOML")]
@@ -70,13 +74,15 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     sets.leave_out_undefined(&model, &[effect])?;
     sets.faults.of_fitted(&model, &sets.validate);
     sets.faults.of_likeness(&model, sets.all(), Likeness::SAME);
-    let (better, addition) = add(&model, effect, &sets, options.json)?;
+    real_logs::align(&mut sets, &model);
+    let (mut better, addition) = add(&model, effect, &mut sets, options.json)?;
+    let refinement = real_logs::refine(&mut better, &sets, &options.refine, options.json)?;
     report::write_atomic(&options.out, better.to_toml())?;
     if options.json {
-        faults::json(&document(&addition), sets.all(), &sets.faults)
+        faults::json(&document(&addition, refinement), sets.all(), &sets.faults)
     } else {
         sets.faults.warn();
-        Ok(text(options, &better, &addition))
+        Ok(text(options, &better, &addition, refinement.as_ref()))
     }
 }
 
@@ -95,15 +101,19 @@ fn listed(effects: &[Effect]) -> String {
 pub(crate) fn add(
     model: &Model,
     effect: Effect,
-    sets: &Sets,
+    sets: &mut Sets,
     json: bool,
 ) -> anyhow::Result<(Model, Addition)> {
     let spinner = progress::spinner(json);
     spinner.set_message(format!("adding {effect}"));
+    let mut with = model.clone();
+    with.set(effect, &vec![0.0; effect.info().coefficients.len()]);
+    real_logs::trim(sets, &with);
     let addition =
         sysid::add(model, effect, &sets.train(), &sets.validate()).map_err(|refused| sets.blame(refused))?;
     let mut better = addition.fit.model.clone();
-    better.fit = Some(sets.record(&better));
+    let rotation_refused = model.fit.as_ref().map_or_else(Vec::new, |fit| fit.rotation_refused.clone());
+    better.fit = Some(FitRecord { rotation_refused, ..sets.record(&better) });
     better.history.clone_from(&model.history);
     better.history.push(HistoryEntry {
         effect: effect.id().into(),
@@ -115,12 +125,18 @@ pub(crate) fn add(
     Ok((better, addition))
 }
 
-fn text(options: &Options, better: &Model, addition: &Addition) -> Outcome {
+fn text(
+    options: &Options,
+    better: &Model,
+    addition: &Addition,
+    refinement: Option<&RefinementEntry>,
+) -> Outcome {
+    let refined = refinement.map_or_else(String::new, |r| format!("\n{}", tables::paragraph(&r.text())));
     let finding = &addition.finding;
     let verdict = if finding.supported { "is supported" } else { "is NOT supported by these flights" };
     let sentence = Effect::from_id(finding.effect).map_or("", |e| e.info().sentence);
     Outcome::done(format!(
-        "{}\n{}\n{}\nmodel written to {}\n",
+        "{}\n{}\n{}{refined}\nmodel written to {}\n",
         tables::paragraph(&format!("{} {verdict}: {}. {sentence}", finding.effect, finding.reason)),
         tables::before_after(
             "Squared error on the held-out flights, everything fitted again without and with the effect",
@@ -141,9 +157,11 @@ struct Document<'a> {
     drop_percent: PerAxis<f64>,
     supported: bool,
     finding: &'a sysid::diagnose::EffectFinding,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    refinement: Option<RefinementEntry>,
 }
 
-fn document(addition: &Addition) -> Document<'_> {
+fn document(addition: &Addition, refinement: Option<RefinementEntry>) -> Document<'_> {
     Document {
         effect: addition.finding.effect,
         sse_before: addition.before,
@@ -151,5 +169,6 @@ fn document(addition: &Addition) -> Document<'_> {
         drop_percent: addition.before.drop_percent(&addition.after),
         supported: addition.finding.supported,
         finding: &addition.finding,
+        refinement,
     }
 }

@@ -9,7 +9,7 @@ use sysid::plausible::Likeness;
 use crate::faults::{self, FaultOptions};
 use crate::flights;
 use crate::output::{Outcome, check_outputs, provenance};
-use crate::{pages, progress, tables, user_effects};
+use crate::{pages, progress, real_logs, tables, user_effects};
 
 /// Compare a model with flights: errors of each axis, open-loop prediction, and where it fails most.
 #[derive(clap::Args)]
@@ -46,6 +46,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     user_effects::leave_out_undefined(&mut flights, &model, &[])?;
     faults.of_fitted(&model, &flights);
     faults.of_likeness(&model, &flights, Likeness::SAME);
+    real_logs::align_flights(&mut flights, &model, real_logs::reference_of(&model));
     let spinner = progress::spinner(options.json);
     spinner.set_message("predicting");
     let comparison = sysid::compare(&model, &flights::prepared(&flights));

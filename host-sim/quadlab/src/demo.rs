@@ -74,9 +74,9 @@ fn on_flights(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
     let (files, how) = chosen_flights(folder)?;
     let vehicle_path = folder.join("vehicle.toml");
     let vehicle = Vehicle::read(&vehicle_path)?;
-    let sets = Sets::read(&files, &vehicle, Reading::default())?;
+    let mut sets = Sets::read(&files, &vehicle, Reading::default())?;
     create(&options.out)?;
-    let story = story::tell(&vehicle, &sets, false)?;
+    let story = story::tell(&vehicle, &mut sets, false)?;
     let lead = format!("{how} {}", story.conclusion());
     let text = finish(options, &lead, &vehicle_path, &sets, &story)?;
     sets.faults.warn();
@@ -125,8 +125,8 @@ fn on_hidden_effect(options: &Options) -> anyhow::Result<Outcome> {
 
     // From here on only the files speak.
     let vehicle = Vehicle::read(&vehicle_path)?;
-    let sets = Sets::read(&files, &vehicle, Reading::default())?;
-    let story = story::tell(&vehicle, &sets, false)?;
+    let mut sets = Sets::read(&files, &vehicle, Reading::default())?;
+    let story = story::tell(&vehicle, &mut sets, false)?;
     let found = story.found().first() == Some(&effect);
     let lead = format!("{} {}", story.conclusion(), verdict(effect, seed, &story));
     let mut text = finish(options, &lead, &vehicle_path, &sets, &story)?;

@@ -10,7 +10,7 @@ use crate::faults::{self, FaultOptions};
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs, provenance};
 use crate::user_effects::{self, EffectOptions};
-use crate::{flights, pages, progress, tables};
+use crate::{flights, pages, progress, real_logs, tables};
 
 /// Say which physical effect a model lacks, with the evidence for each.
 ///
@@ -79,6 +79,7 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
     sets.leave_out_undefined(&model, &effects)?;
     sets.faults.of_fitted(&model, &sets.validate);
     sets.faults.of_likeness(&model, sets.all(), Likeness::SAME);
+    real_logs::align(&mut sets, &model);
     let diagnosis = diagnose(&model, &sets, options.json)?;
     if let Some(path) = &options.html {
         pages::with_checks(pages::diagnose(&model, &sets, &diagnosis), sets.all(), &sets.faults)
@@ -107,6 +108,7 @@ fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
             options.model.display()
         );
     }
+    real_logs::align_flights(&mut loaded, &model, sysid::Reference::Flights);
     let spinner = progress::spinner(options.json);
     let diagnosis = sysid::changes::changed(&model, &flights::prepared(&loaded), |step| {
         spinner.set_message(format!("trying {step}"));

@@ -10,9 +10,10 @@ use sysid::diagnose::Unexplained;
 use crate::faults::{self, FaultOptions};
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs, provenance};
+use crate::real_logs::{RefineOptions, RefinementEntry};
 use crate::story::{self, Story};
 use crate::user_effects::EffectOptions;
-use crate::{pages, tables};
+use crate::{pages, real_logs, tables};
 
 /// Identify the basic model, then diagnose and add until nothing that the flights support is left.
 ///
@@ -31,6 +32,9 @@ pub(crate) struct Options {
 
     #[command(flatten)]
     effects: EffectOptions,
+
+    #[command(flatten)]
+    refine: RefineOptions,
 
     /// Model file to write, for example: --out model.toml
     #[arg(long, value_name = "TOML")]
@@ -57,28 +61,33 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let effects = options.effects.read()?;
     let mut sets = Sets::read(&options.sets, &vehicle, options.faults.reading(options.json))?;
     sets.leave_out_undefined(&Model::new(vehicle.clone()), &effects)?;
-    let story = story::tell(&vehicle, &sets, options.json)?;
-    report::write_atomic(&options.out, story.last_model().to_toml())?;
+    let story = story::tell(&vehicle, &mut sets, options.json)?;
+    let mut model = story.last_model().clone();
+    let refinement = real_logs::refine(&mut model, &sets, &options.refine, options.json)?;
+    report::write_atomic(&options.out, model.to_toml())?;
     if let Some(path) = &options.html {
         pages::with_checks(pages::story(&story.conclusion(), &sets, &story), sets.all(), &sets.faults)
             .provenance(provenance(&[&options.vehicle], sets.all()))
             .write(path)?;
     }
     if options.json {
-        faults::json(&document(&story), sets.all(), &sets.faults)
+        faults::json(&document(&story, refinement), sets.all(), &sets.faults)
     } else {
         sets.faults.warn();
-        Ok(Outcome::done(text(options, &story)))
+        Ok(Outcome::done(text(options, &story, &model, refinement.as_ref())))
     }
 }
 
-fn text(options: &Options, story: &Story) -> String {
+fn text(options: &Options, story: &Story, model: &Model, refinement: Option<&RefinementEntry>) -> String {
     let mut text =
         format!("{}\n{}", tables::paragraph(&story.conclusion()), tables::falling_error(story).to_text());
-    text.push_str(&format!("\n{}", tables::coefficients(story.last_model()).to_text()));
+    text.push_str(&format!("\n{}", tables::coefficients(model).to_text()));
     let left = tables::unexplained(&story.last_diagnosis.unexplained);
     if left.has_rows() {
         text.push_str(&format!("\n{}", left.to_text()));
+    }
+    if let Some(refinement) = refinement {
+        text.push_str(&format!("\n{}", tables::paragraph(&refinement.text())));
     }
     text.push_str(&format!("\nmodel written to {}\n", options.out.display()));
     if let Some(path) = &options.html {
@@ -96,6 +105,8 @@ struct Document<'a> {
     sse_first: PerAxis<f64>,
     sse_last: PerAxis<f64>,
     unexplained: &'a [Unexplained],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    refinement: Option<RefinementEntry>,
 }
 
 #[derive(Serialize)]
@@ -104,7 +115,7 @@ struct Added {
     drop_percent: f64,
 }
 
-fn document(story: &Story) -> Document<'_> {
+fn document(story: &Story, refinement: Option<RefinementEntry>) -> Document<'_> {
     let sse = |c: &sysid::Comparison| PerAxis::from_fn(|a| c.total[a].sse);
     Document {
         verdict: story.last_diagnosis.verdict,
@@ -120,5 +131,6 @@ fn document(story: &Story) -> Document<'_> {
         sse_first: sse(&story.basic_comparison),
         sse_last: sse(story.last_comparison()),
         unexplained: &story.last_diagnosis.unexplained,
+        refinement,
     }
 }

@@ -146,7 +146,7 @@ impl Faults {
 
     /// What a fitted model says of its vehicle file and of the flights it was fitted on and judged by.
     pub(crate) fn of_fit(&self, model: &Model, sets: &Sets) {
-        let logged = sets.train.iter().all(|f| f.prepared.has_logged_rotor_speed());
+        let logged = sets.train.iter().all(|f| f.prepared.has_rotor_speeds());
         for fault in plausible::of_fit(model, logged) {
             self.tell(&listed(&sets.train), fault);
         }

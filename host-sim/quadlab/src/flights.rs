@@ -129,6 +129,8 @@ impl Sets {
             train: errors(model, &self.train()),
             held_out: errors(model, &self.validate()),
             scatter: sysid::changes::scatter(model, &all),
+            rotor_delay_s: sysid::alignment::common_delay_s(model, &self.train()),
+            ..FitRecord::default()
         }
     }
 

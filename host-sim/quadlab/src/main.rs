@@ -21,6 +21,7 @@ mod identify;
 mod output;
 mod pages;
 mod progress;
+mod real_logs;
 mod story;
 mod tables;
 mod user_effects;

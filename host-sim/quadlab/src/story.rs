@@ -59,7 +59,7 @@ impl Story {
 }
 
 /// Goes through the loop. It ends: every round adds an effect that the model does not have.
-pub(crate) fn tell(vehicle: &Vehicle, sets: &Sets, json: bool) -> anyhow::Result<Story> {
+pub(crate) fn tell(vehicle: &Vehicle, sets: &mut Sets, json: bool) -> anyhow::Result<Story> {
     let basic = identify::identify(vehicle, sets, json)?.model;
     let basic_comparison = sysid::compare(&basic, &sets.validate());
     let mut steps: Vec<Step> = Vec::new();

@@ -23,7 +23,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
 
-use crate::fit::{check_residuals, step_scale};
+use crate::fit::{check_residuals, has_rotation, step_scale, without_rotation};
 use crate::prepare::Prepared;
 use crate::regress::WINDOW_S;
 use crate::{Fit, FitError, Residuals, errors, fit, noise, residuals};
@@ -188,6 +188,12 @@ fn judge(
     Ok(Judged { fit, held_out })
 }
 
+/// Effects that a model may lack. One without rotation lacks none of the rotation's alone.
+fn candidates_for(model: &Model) -> Vec<Effect> {
+    let all: Vec<Effect> = Effect::candidates().filter(|e| !model.has(*e)).collect();
+    if has_rotation(model) { all } else { without_rotation(&all) }
+}
+
 /// Diagnoses a model: which effect of the catalogue is missing from it?
 ///
 /// `progress` is told of each candidate as it is tried.
@@ -197,7 +203,7 @@ pub fn diagnose(
     validate: &[&Prepared],
     mut progress: impl FnMut(&str),
 ) -> Result<Diagnosis, FitError> {
-    let candidates: Vec<Effect> = Effect::candidates().filter(|e| !model.has(*e)).collect();
+    let candidates = candidates_for(model);
     let base = judge(model, &model.effects(), train, validate)?;
     let mut findings: Vec<EffectFinding> = candidates
         .iter()
@@ -745,7 +751,7 @@ pub fn add(
     let mut effects = model.effects();
     effects.push(effect);
     let with = judge(model, &effects, train, validate)?;
-    let candidates = Effect::candidates().filter(|e| !model.has(*e)).count();
+    let candidates = candidates_for(model).len();
     let finding = examine(&base, effect, train, validate, candidates);
     let (before, after) = (errors(&base.held_out), errors(&with.held_out));
     Ok(Addition {

@@ -49,6 +49,12 @@ impl RegressionFilter {
         Self { smooth, matched: matched_taps(&between), between, derivative }
     }
 
+    /// Smoothing taps over a tenth of a second: half the noise goes, and nothing that a rotor does.
+    pub fn short_smooth(period_s: f64) -> Vec<f64> {
+        let [smooth, _] = polynomial_taps(((0.05 / period_s).round() as usize).max(3));
+        smooth
+    }
+
     /// Smoothing taps over a second, for signals that are slow but for what is known of them.
     pub fn long_smooth(period_s: f64) -> Vec<f64> {
         let [smooth, _] = polynomial_taps(((0.5 / period_s).round() as usize).max(3));

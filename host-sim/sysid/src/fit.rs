@@ -7,7 +7,7 @@
 //!
 //! Where they start decides where they end, for some: `starts.rs`.
 
-use model::{AxisError, Effect, Estimate, Kind, Model, PerAxis, Term, Vehicle};
+use model::{Axis, AxisError, Effect, Estimate, Kind, Model, PerAxis, Term, Vehicle};
 
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Prior, Unidentifiable};
@@ -58,6 +58,15 @@ pub enum FitError {
         /// Users' effects in the model.
         effect: String,
     },
+    /// A moment without the rotors' moments.
+    #[error(
+        "{effect} acts on the rotation alone, which this model does not have: these flights did not determine it \
+         (see `rotation_refused` in the model file)"
+    )]
+    NoRotation {
+        /// The effect.
+        effect: &'static str,
+    },
     /// The iteration for an adjusting effect ran away.
     #[error(
         "the fit of {effect} does not settle, these flights do not determine it; to see it: {excitation}"
@@ -102,6 +111,11 @@ pub fn fit(
     if flights.is_empty() {
         return Err(FitError::NoFlights);
     }
+    if !effects.contains(&Effect::RotorMoments)
+        && let Some(effect) = effects.iter().find(|e| acts_on_rotation_alone(**e))
+    {
+        return Err(FitError::NoRotation { effect: effect.id() });
+    }
     let mut model = Model::new(vehicle.clone());
     model.reference.battery_v = match start {
         Some(start) => start.reference.battery_v,
@@ -142,6 +156,21 @@ pub fn fit(
         (Err(why), Err(_)) => Err(why),
     })
     .unwrap_or(Err(FitError::NoFlights))
+}
+
+/// Whether an effect has rows of p, q and r and no others.
+pub(crate) fn acts_on_rotation_alone(effect: Effect) -> bool {
+    effect.info().axes.iter().all(|axis| axis.index() >= 3)
+}
+
+/// Whether a model says anything about the rotation: one whose rotor moments were refused has force rows alone.
+pub fn has_rotation(model: &Model) -> bool {
+    model.has(Effect::RotorMoments)
+}
+
+/// Effects without those of the rotation.
+pub fn without_rotation(effects: &[Effect]) -> Vec<Effect> {
+    effects.iter().copied().filter(|e| !acts_on_rotation_alone(*e)).collect()
 }
 
 /// Logarithm of the residuals' standard deviations over all axes: the likelihood, but for sign and scale.
@@ -200,7 +229,7 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
 fn left(flights: &[&Prepared], model: &Model) -> f64 {
     let mut squares = [0.0; 6];
     for flight in flights {
-        let residual = residuals_at(flight, model, flight.fit_stride()).residual;
+        let residual = residuals_at_rows(flight, model, flight.fit_stride()).residual;
         squares.iter_mut().zip(&residual).for_each(|(sum, r)| *sum += r.iter().map(|e| e * e).sum::<f64>());
     }
     squares.iter().map(|sum| 0.5 * sum.max(f64::MIN_POSITIVE).ln()).sum()
@@ -370,7 +399,7 @@ fn assemble(
             let stride = flight.fit_stride();
             let mut columns = flight.columns(linear, model, stride);
             let targets = if adjusting.iter().any(|effect| effect.adds_accelerations()) {
-                less_added(residuals_at(flight, model, stride).residual, model, linear, &columns)
+                less_added(residuals_at_rows(flight, model, stride).residual, model, linear, &columns)
             } else {
                 flight.targets(&model.vehicle, &adjust, stride)
             };
@@ -412,7 +441,7 @@ pub(crate) fn residual_derivatives(flight: &Prepared, model: &Model, effect: Eff
 }
 
 /// The same over the rows at every `stride`th sample.
-fn residual_derivatives_at(
+pub(crate) fn residual_derivatives_at(
     flight: &Prepared,
     model: &Model,
     effect: Effect,
@@ -432,7 +461,7 @@ fn residual_derivatives_at(
                 let mut values = base.clone();
                 values[k] += sign * step;
                 model.set(effect, &values);
-                residuals_at(flight, &model, stride).residual
+                residuals_at_rows(flight, &model, stride).residual
             };
             let (ahead, behind) = (at(1.0), at(-1.0));
             std::array::from_fn(|axis| {
@@ -461,12 +490,16 @@ pub(crate) fn step_scale(has_rotor_map: bool, effect: Effect, coefficient: usize
 
 /// Measured and measured-minus-predicted of all six axes over the rows of a flight.
 pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
-    residuals_at(flight, model, 1)
+    residuals_at_rows(flight, model, 1)
 }
 
 /// The same over the rows at every `stride`th sample.
-pub(crate) fn residuals_at(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
-    let measured = flight.targets(&model.vehicle, &model.adjustments(), stride);
+pub(crate) fn residuals_at_rows(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
+    let mut measured = flight.targets(&model.vehicle, &model.adjustments(), stride);
+    if !has_rotation(model) {
+        // What a model does not speak of is no error of it: nothing measured, nothing predicted.
+        measured[3..].iter_mut().for_each(|axis| axis.fill(0.0));
+    }
     let predicted = flight.predicted(model, stride);
     let mut residual = std::array::from_fn(|axis| match &predicted[axis] {
         Some(predicted) => measured[axis].iter().zip(predicted).map(|(m, p)| m - p).collect(),
@@ -480,6 +513,32 @@ pub(crate) fn residuals_at(flight: &Prepared, model: &Model, stride: usize) -> R
 /// a sentence. A fit with a motor that pushes the wrong way can predict well and is no model: it holds rates and damps
 /// them.
 pub fn impossible_signs(model: &Model) -> Vec<String> {
+    doubts(model).into_iter().map(|(_, doubt)| doubt).collect()
+}
+
+/// A model whose rotation explains less than this of every moment row knows nothing of it.
+const LEAST_ROTATION_R2: f64 = 0.1;
+
+/// Why the rotation is not identifiable from the flights a model was fitted to: rotors that push the wrong way, or moment
+/// rows of which nothing is explained. Empty where it is.
+pub fn rotation_doubts(model: &Model, flights: &[&Prepared]) -> Vec<String> {
+    let motors = |(effect, doubt): (Effect, String)| (effect == Effect::RotorMoments).then_some(doubt);
+    let mut found: Vec<String> = doubts(model).into_iter().filter_map(motors).collect();
+    let all: Vec<Residuals> = flights.iter().map(|f| residuals_at_rows(f, model, f.fit_stride())).collect();
+    let fitted = errors(&all);
+    let largest =
+        [Axis::P, Axis::Q, Axis::R].map(|axis| fitted[axis].r2).into_iter().fold(f64::MIN, f64::max);
+    if largest < LEAST_ROTATION_R2 {
+        found.push(format!(
+            "motor commands explain {:.0} % of the angular accelerations at best: clocks that wander within flights, or \
+             too little excitation",
+            100.0 * largest.max(0.0)
+        ));
+    }
+    found
+}
+
+fn doubts(model: &Model) -> Vec<(Effect, String)> {
     let spin = model.vehicle.motors.spin.map(|s| s.yaw_sign());
     let mut found = Vec::new();
     for term in model.terms.iter().filter(|t| t.effect.info().kind == Kind::Basic) {
@@ -494,14 +553,14 @@ pub fn impossible_signs(model: &Model) -> Vec<String> {
             let slack = 2.0 * estimate.std_error.unwrap_or(0.0);
             if estimate.value * expected < -slack {
                 let should = if expected > 0.0 { "positive" } else { "negative" };
-                found.push(format!(
+                found.push((term.effect, format!(
                     "{} = {:.4} +- {:.4} {} must be {should}: rotor order or spin in the vehicle file, a clock offset \
                      between commands and motion, or too little excitation",
                     info.name,
                     estimate.value,
                     0.5 * slack,
                     info.unit
-                ));
+                )));
             }
         }
     }

@@ -524,6 +524,7 @@ fn force_rows(
 
 /// Sum of the squares of the rotor speeds (or of what stands in for them).
 fn sum_of_squares(flight: &Prepared, stretch: &Stretch, vehicle: &Vehicle) -> Vec<f64> {
-    let rotors = stretch.rotors(vehicle, &model::Adjustments::default(), flight.period_s);
+    let rotors =
+        stretch.rotors(vehicle, &model::Adjustments::default(), flight.period_s, flight.rotor_late_s());
     (0..stretch.time_s.len()).map(|k| rotors.iter().map(|r| r.speed_rad_s[k].powi(2)).sum()).collect()
 }

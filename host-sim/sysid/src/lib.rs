@@ -1,10 +1,12 @@
 //! From flight files to a model: reading, preprocessing, least-squares identification, comparison and diagnosis.
 #![forbid(unsafe_code)]
 
+pub mod alignment;
 mod battery;
 pub mod changes;
 pub mod channels_check;
 pub mod clocks;
+pub mod closed_loop;
 pub mod compare;
 pub mod conditions;
 mod decimal;
@@ -21,16 +23,24 @@ pub mod noise;
 pub mod overlap;
 pub mod plausible;
 pub mod prepare;
+pub mod refine;
 pub mod regress;
 mod rows;
 mod starts;
 mod swing;
 mod tracks;
+pub mod trim;
 mod undefined;
 
+pub use alignment::{Alignment, Reference, align, align_to};
+pub use closed_loop::{MotorsOfFlights, motors_of_flights};
 pub use compare::{Comparison, compare};
 pub use diagnose::{Addition, Diagnosis, Verdict, add, diagnose};
 pub use faults::{Examined, Fault, FaultKind, Severity, examine};
-pub use fit::{Fit, FitError, Residuals, errors, fit, impossible_signs, residuals};
+pub use fit::{
+    Fit, FitError, Residuals, errors, fit, has_rotation, impossible_signs, residuals, rotation_doubts,
+    without_rotation,
+};
 pub use flight::{Column, Flight, FlightError};
 pub use prepare::{Conditions, ForceTarget, PrepareError, Prepared};
+pub use refine::{RefineError, Refinement, RefinementOutcome, refine};

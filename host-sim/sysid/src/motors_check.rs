@@ -105,7 +105,7 @@ fn products(flight: &Prepared, vehicle: &Vehicle, delay_s: f64) -> Products {
     let mut rows: Vec<(Vector3<f64>, Vector4<f64>)> = Vec::new();
     for stretch in &flight.stretches {
         let squares = stretch
-            .rotors(vehicle, &Adjustments::default(), flight.period_s)
+            .rotors(vehicle, &Adjustments::default(), flight.period_s, flight.rotor_late_s())
             .map(|r| r.mean_rad_s.iter().map(|w| w * w).collect::<Vec<f64>>());
         for k in (half..stretch.time_s.len().saturating_sub(half + 1)).step_by(stride) {
             let start = k as isize - half as isize - shift;

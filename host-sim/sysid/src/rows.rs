@@ -129,6 +129,19 @@ impl Prepared {
         (self.margin..stretch.time_s.len() - self.margin).step_by(stride)
     }
 
+    /// Of the rows at every sample, those at which a fit has rows.
+    pub(crate) fn row_samples_of_conditions(&self) -> Vec<usize> {
+        let stride = self.fit_stride();
+        let mut first = 0;
+        let mut all = Vec::new();
+        for stretch in &self.stretches {
+            let rows = stretch.time_s.len() - 2 * self.margin;
+            all.extend((first..first + rows).step_by(stride));
+            first += rows;
+        }
+        all
+    }
+
     /// Rows at which stretches begin: neighbours across these are not neighbours in time.
     pub(crate) fn starts_of_rows(&self, stride: usize) -> Vec<usize> {
         let mut next = 0;
@@ -151,7 +164,7 @@ impl Prepared {
             stretch,
             untilt: Some(adjust.true_dcm(&Matrix3::identity())).filter(|m| *m != Matrix3::identity()),
             lever_m: Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m,
-            rotor: stretch.rotors(vehicle, adjust, self.period_s),
+            rotor: stretch.rotors(vehicle, adjust, self.period_s, self.rotor_late_s()),
             swings: adjust.load.map(|load| swing::driven(self, stretch, vehicle, adjust, &load)),
             period_s: self.period_s,
         }
@@ -166,6 +179,11 @@ impl Prepared {
             for (target, rate) in targets[3..].iter_mut().zip(&stretch.rate_rad_s) {
                 let rows = self.row_samples(stretch, stride);
                 target.extend(rows.map(|k| sum_of_products(&rate[k - half..], &self.filter.derivative)));
+            }
+        }
+        if let Some(trim) = &self.trim {
+            for (target, trim) in targets.iter_mut().zip(trim.value) {
+                target.iter_mut().for_each(|t| *t -= trim);
             }
         }
         targets

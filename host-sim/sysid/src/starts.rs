@@ -12,7 +12,7 @@
 use model::{Effect, Model};
 
 use crate::FitError;
-use crate::fit::{self, Layout, less_added, residuals_at, step_scale};
+use crate::fit::{self, Layout, less_added, residuals_at_rows, step_scale};
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows};
 use crate::rows::RowColumn;
@@ -192,7 +192,7 @@ impl Problem<'_> {
             .zip(linear)
             .map(|(flight, linear)| {
                 let stride = flight.fit_stride();
-                let here = residuals_at(flight, model, stride).residual;
+                let here = residuals_at_rows(flight, model, stride).residual;
                 for (sum, residual) in squares.iter_mut().zip(&here) {
                     *sum = (sum.0 + residual.iter().map(|e| e * e).sum::<f64>(), sum.1 + residual.len());
                 }
@@ -236,7 +236,7 @@ fn slopes(
             let mut values = base.clone();
             values[k] += step;
             moved.set(effect, &values);
-            let ahead = residuals_at(flight, &moved, flight.fit_stride()).residual;
+            let ahead = residuals_at_rows(flight, &moved, flight.fit_stride()).residual;
             std::array::from_fn(|axis| {
                 let slope: Vec<f64> =
                     here[axis].iter().zip(&ahead[axis]).map(|(h, a)| (h - a) / step).collect();
