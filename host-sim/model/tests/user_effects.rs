@@ -56,7 +56,7 @@ fn what_cannot_be_right_is_refused_with_file_effect_and_field() {
         (
             "stiffness * north)",
             "stiffness * speed)",
-            "acceleration.north: takes the difference of kg m/s^2 and kg/s, ",
+            "acceleration.north: takes the difference of kg m/s^2 and kg m/s^3, ",
         ),
         (
             "- stiffness * down) / mass",

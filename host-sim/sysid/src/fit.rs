@@ -399,7 +399,9 @@ fn assemble(
             let stride = flight.fit_stride();
             let mut columns = flight.columns(linear, model, stride);
             let targets = if adjusting.iter().any(|effect| effect.adds_accelerations()) {
-                less_added(residuals_at_rows(flight, model, stride).residual, model, linear, &columns)
+                let mut residual = with_beginnings(flight, model, stride).residual;
+                swing::take_out_beginnings(flight, model, stride, &mut residual, &mut columns);
+                less_added(residual, model, linear, &columns)
             } else {
                 flight.targets(&model.vehicle, &adjust, stride)
             };
@@ -495,17 +497,23 @@ pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
 
 /// The same over the rows at every `stride`th sample.
 pub(crate) fn residuals_at_rows(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
+    let mut residuals = with_beginnings(flight, model, stride);
+    swing::take_out_beginnings(flight, model, stride, &mut residuals.residual, &mut []);
+    residuals
+}
+
+/// The same with what the beginning of a load's swing adds.
+fn with_beginnings(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
     let mut measured = flight.targets(&model.vehicle, &model.adjustments(), stride);
     if !has_rotation(model) {
         // What a model does not speak of is no error of it: nothing measured, nothing predicted.
         measured[3..].iter_mut().for_each(|axis| axis.fill(0.0));
     }
     let predicted = flight.predicted(model, stride);
-    let mut residual = std::array::from_fn(|axis| match &predicted[axis] {
+    let residual = std::array::from_fn(|axis| match &predicted[axis] {
         Some(predicted) => measured[axis].iter().zip(predicted).map(|(m, p)| m - p).collect(),
         None => measured[axis].clone(),
     });
-    swing::take_out_beginnings(flight, model, stride, &mut residual);
     Residuals { measured, residual }
 }
 

@@ -15,6 +15,7 @@ use nalgebra::{Matrix4, Vector3, Vector4};
 
 use crate::filter::{RegressionFilter, convolve};
 use crate::prepare::{Prepared, Stretch, vector};
+use crate::rows::RowColumn;
 
 /// Standard deviation of the swing at the beginning, rad.
 const SWING_RAD: f64 = 0.15;
@@ -60,18 +61,25 @@ pub(crate) fn free(load: &Load, samples: usize, period_s: f64, gravity_m_s2: f64
     load.free(samples, period_s, gravity_m_s2).into_iter().map(carry).collect()
 }
 
-/// Takes out of a residual what the load's swing at the beginning of each stretch explains.
+/// Takes out of a residual what the load's swing at the beginning of each stretch explains, and of columns that stand beside
+/// it in a fit what it would explain of them.
 pub(crate) fn take_out_beginnings(
     flight: &Prepared,
     model: &Model,
     stride: usize,
     residual: &mut [Vec<f64>; 6],
+    beside: &mut [RowColumn],
 ) {
     // What the beginning adds goes with the square of the share: a search that starts from none need not ask.
     let Some(load) = model.adjustments().load.filter(|load| share(model, load).abs() > NO_LOAD) else {
         return;
     };
     let columns = flight.free_swings(model, &load, stride);
+    let acts = |column: &&mut RowColumn| column[..3].iter().any(Option::is_some);
+    let mut beside: Vec<&mut RowColumn> = beside.iter_mut().filter(acts).collect();
+    for axis in beside.iter_mut().flat_map(|column| &mut column[..3]) {
+        axis.get_or_insert_with(|| vec![0.0; residual[0].len()]);
+    }
     let starts = flight.starts_of_rows(stride);
     let offset_m = SWING_RAD * load.cable_length_m;
     let velocity_m_s = offset_m * load.stiffness_rad2_s2(model.vehicle.gravity).sqrt();
@@ -83,22 +91,29 @@ pub(crate) fn take_out_beginnings(
         // Neighbouring rows repeat each other's noise.
         let noise = mean_square * (INDEPENDENT_S / (flight.period_s * stride as f64)).max(1.0);
         let mut normal = Matrix4::from_diagonal(&variances.map(|v| noise / v));
-        let mut right = Vector4::zeros();
-        let row_of = |axis: usize, k: usize| -> Vector4<f64> {
-            Vector4::from_fn(|p, _| columns[p][axis].as_ref().map_or(0.0, |column| column[k]))
-        };
-        for (axis, residual) in residual[..3].iter().enumerate() {
-            for k in rows.clone() {
-                let row = row_of(axis, k);
-                normal += row * row.transpose();
-                right += row * residual[k];
-            }
+        let free: [Vec<Vector4<f64>>; 3] = std::array::from_fn(|axis| {
+            let value = |p: usize, k: usize| columns[p][axis].as_ref().map_or(0.0, |column| column[k]);
+            rows.clone().map(|k| Vector4::from_fn(|p, _| value(p, k))).collect()
+        });
+        for row in free.iter().flatten() {
+            normal += row * row.transpose();
         }
         let Some(cholesky) = normal.cholesky() else { continue };
-        let beginning = cholesky.solve(&right);
-        for (axis, residual) in residual[..3].iter_mut().enumerate() {
-            for k in rows.clone() {
-                residual[k] -= row_of(axis, k).dot(&beginning);
+        let take_out = |signal: [&mut [f64]; 3]| {
+            let mut right = Vector4::zeros();
+            for (free, signal) in free.iter().zip(&signal) {
+                right += free.iter().zip(signal.iter()).map(|(f, s)| f * *s).sum::<Vector4<f64>>();
+            }
+            let beginning = cholesky.solve(&right);
+            for (free, signal) in free.iter().zip(signal) {
+                free.iter().zip(signal).for_each(|(f, s)| *s -= f.dot(&beginning));
+            }
+        };
+        let [u, v, w, ..] = residual;
+        take_out([&mut u[rows.clone()], &mut v[rows.clone()], &mut w[rows.clone()]]);
+        for column in &mut beside {
+            if let [Some(u), Some(v), Some(w), ..] = &mut **column {
+                take_out([&mut u[rows.clone()], &mut v[rows.clone()], &mut w[rows.clone()]]);
             }
         }
     }
