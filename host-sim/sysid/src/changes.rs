@@ -11,15 +11,14 @@
 use model::{ChangeScatter, Effect, Model};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
-use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use crate::diagnose::{
     AxisDrop, CoefficientFigures, Diagnosis, EffectFinding, MATTERS_PERCENT, SIGNIFICANCE, Verdict,
-    block_sums, log_likelihood_ratio, one_sided_p_value,
+    block_sums, log_likelihood_ratio, one_sided_p_value, zero_p_value,
 };
 use crate::fit::{residual_derivatives, step_end};
 use crate::prepare::Prepared;
-use crate::regress::{self, FlightRows, Prior, WINDOW_S};
+use crate::regress::{self, FlightRows, Prior};
 use crate::{FitError, Residuals, errors, residuals};
 
 /// Most Gauss-Newton steps.
@@ -267,9 +266,9 @@ fn examine(model: &Model, change: Change, flights: &[&Prepared], candidates: usi
             unit: info.coefficients[k].unit,
         })
         .collect();
-    let duration_s: f64 = flights.iter().map(|f| f.rows() as f64 * f.period_s).sum();
-    finding.p_value =
-        (p_value(&fitted.values, &total, &free, change.effect, duration_s) * candidates as f64).min(1.0);
+    let coefficients = free.iter().map(|&k| &info.coefficients[k]);
+    let p_value = zero_p_value(fitted.values.as_slice(), &total, coefficients, flights);
+    finding.p_value = (p_value * candidates as f64).min(1.0);
     cross_validate(model, change, flights, &fitted, &mut finding);
     (finding.supported, finding.reason) = weigh(&finding, change, &fitted);
     finding
@@ -287,24 +286,6 @@ fn with_scatter(model: &Model, change: Change, fitted: &Fitted, flights: usize) 
         }
     }
     total
-}
-
-fn p_value(
-    values: &DVector<f64>,
-    covariance: &DMatrix<f64>,
-    free: &[usize],
-    effect: Effect,
-    duration_s: f64,
-) -> f64 {
-    let tested: Vec<usize> =
-        (0..free.len()).filter(|&i| effect.info().coefficients[free[i]].prior.is_none()).collect();
-    let k = tested.len();
-    let theta = DVector::from_iterator(k, tested.iter().map(|&i| values[i]));
-    let covariance = DMatrix::from_fn(k, k, |r, c| covariance[(tested[r], tested[c])]);
-    let Some(cholesky) = covariance.cholesky() else { return 1.0 };
-    let freedom = (duration_s / WINDOW_S - k as f64).max(1.0);
-    FisherSnedecor::new(k as f64, freedom)
-        .map_or(1.0, |f| f.sf(theta.dot(&cholesky.solve(&theta)) / k as f64))
 }
 
 /// Errors on flights the change was not estimated from.
@@ -344,13 +325,11 @@ fn cross_validate(
     }
     let (e0, e1) = (errors(&before), errors(&after));
     for &axis in axes {
-        let (sse_before, sse_after) = (e0[axis].sse, e1[axis].sse);
-        let drop_percent = if sse_before > 0.0 { 100.0 * (1.0 - sse_after / sse_before) } else { 0.0 };
-        finding.axes.insert(axis.name(), AxisDrop { sse_before, sse_after, drop_percent });
+        finding.axes.insert(axis.name(), AxisDrop::new(e0[axis].sse, e1[axis].sse));
     }
     finding.gain = log_likelihood_ratio(&e0, &e1);
     finding.drop_percent = if total > 0.0 { 100.0 * gain / total } else { 0.0 };
-    finding.held_out_p_value = one_sided_p_value(&blocks);
+    finding.held_out_p_value = Some(one_sided_p_value(&blocks));
 }
 
 fn weigh(finding: &EffectFinding, change: Change, fitted: &Fitted) -> (bool, String) {
@@ -366,7 +345,7 @@ fn weigh(finding: &EffectFinding, change: Change, fitted: &Fitted) -> (bool, Str
     if largest < MATTERS_PERCENT {
         return (false, format!("too small to matter: {largest:.1} % of the error at best"));
     }
-    if finding.held_out_p_value > 0.05 || 2 * improved <= flights && flights > 1 {
+    if finding.held_out_p_value.is_some_and(|p| p > 0.05) || 2 * improved <= flights && flights > 1 {
         return (
             false,
             format!("does not carry over from flight to flight ({improved} of {flights} improve)"),

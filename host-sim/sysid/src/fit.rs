@@ -13,8 +13,8 @@ use crate::rows::{RowColumn, coefficient_count};
 
 /// Most Gauss-Newton steps; bilinear problems such as wind and drag take three or four.
 const MAX_STEPS: usize = 12;
-/// A step this small against the standard error is the last.
-const CONVERGED: f64 = 0.01;
+/// A step this small against the standard error of white residuals, which is the smaller one, is the last.
+const CONVERGED: f64 = 0.03;
 
 /// Why a fit was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -163,7 +163,7 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
         let rows = assemble(flights, &model, linear, adjusting);
         let mut priors = vec![None; count];
         priors.extend(adjusting.iter().flat_map(|effect| priors_of(&model, *effect)));
-        let solution = regress::solve(&rows, &priors).map_err(|why| unidentifiable(why, order))?;
+        let solution = regress::solve_without_errors(&rows, &priors).map_err(|why| unidentifiable(why, order))?;
         // The linear part comes out as values, the adjusting part as steps from where the columns were formed.
         let mut values = solution.value.clone();
         let mut settled = true;
@@ -181,6 +181,7 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
         }
         store(&mut model, order, values.as_slice(), None);
         if settled {
+            let solution = regress::with_errors(solution, &rows, &priors);
             return Ok(finish(model, order, regress::Solution { value: values, ..solution }));
         }
     }
@@ -196,7 +197,7 @@ pub(crate) fn step_end(now: f64, step: f64, info: &model::Coefficient) -> f64 {
 }
 
 /// What is known of the next step of an adjusting effect's coefficients: it leads back to zero.
-fn priors_of(model: &Model, effect: Effect) -> impl Iterator<Item = Option<Prior>> {
+pub(crate) fn priors_of(model: &Model, effect: Effect) -> impl Iterator<Item = Option<Prior>> {
     let values: Vec<f64> =
         model.term(effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
     let known = effect.info().coefficients.iter().zip(values);
@@ -285,8 +286,11 @@ fn assemble(
         .map(|flight| {
             let stride = flight.fit_stride();
             let mut columns = flight.columns(linear, model, stride);
-            for effect in adjusting {
-                columns.extend(residual_derivatives_at(flight, model, *effect, stride));
+            if !adjusting.is_empty() {
+                let here = residuals_at(flight, model, stride).residual;
+                for effect in adjusting {
+                    columns.extend(residual_derivatives_at(flight, model, *effect, stride, &here));
+                }
             }
             FlightRows {
                 targets: flight.targets(vehicle, &adjust, stride),
@@ -298,18 +302,23 @@ fn assemble(
         .collect()
 }
 
-/// Minus the derivative of the residual with respect to each coefficient of an adjusting effect: central differences,
-/// which are exact to rounding for the smooth, mildly curved ways these effects act.
+/// Minus the derivative of the residual with respect to each coefficient of an adjusting effect.
 pub(crate) fn residual_derivatives(flight: &Prepared, model: &Model, effect: Effect) -> Vec<RowColumn> {
-    residual_derivatives_at(flight, model, effect, 1)
+    let here = residuals(flight, model).residual;
+    residual_derivatives_at(flight, model, effect, 1, &here)
 }
 
-/// The same over the rows at every `stride`th sample.
-fn residual_derivatives_at(
+/// Step of a derivative, part of an ordinary magnitude. Effects act smoothly: a forward difference over it is off by about
+/// this part of the derivative; rounding, 1e-15 of the residual, matters less still.
+const DERIVATIVE_STEP: f64 = 1e-5;
+
+/// The same over the rows at every `stride`th sample, by forward differences from the residual where the model stands.
+pub(crate) fn residual_derivatives_at(
     flight: &Prepared,
     model: &Model,
     effect: Effect,
     stride: usize,
+    here: &[Vec<f64>; 6],
 ) -> Vec<RowColumn> {
     let info = effect.info();
     let mut model = model.clone();
@@ -320,17 +329,14 @@ fn residual_derivatives_at(
         model.term(effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
     (0..info.coefficients.len())
         .map(|k| {
-            let step = 0.01 * step_scale(model.vehicle.has_rotor_map(), effect, k);
-            let mut at = |sign: f64| {
-                let mut values = base.clone();
-                values[k] += sign * step;
-                model.set(effect, &values);
-                residuals_at(flight, &model, stride).residual
-            };
-            let (ahead, behind) = (at(1.0), at(-1.0));
+            let step = DERIVATIVE_STEP * step_scale(model.vehicle.has_rotor_map(), effect, k);
+            let mut values = base.clone();
+            values[k] += step;
+            model.set(effect, &values);
+            let ahead = residuals_at(flight, &model, stride).residual;
             std::array::from_fn(|axis| {
                 let difference: Vec<f64> =
-                    ahead[axis].iter().zip(&behind[axis]).map(|(a, b)| (b - a) / (2.0 * step)).collect();
+                    ahead[axis].iter().zip(&here[axis]).map(|(a, b)| (b - a) / step).collect();
                 // Rows that do not feel the coefficient stay out of the problem.
                 difference.iter().any(|d| *d != 0.0).then_some(difference)
             })
@@ -352,7 +358,7 @@ pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
 }
 
 /// The same over the rows at every `stride`th sample.
-fn residuals_at(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
+pub(crate) fn residuals_at(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
     let measured = flight.targets(&model.vehicle, &model.adjustments(), stride);
     let predicted = flight.predicted(model, stride);
     let residual = std::array::from_fn(|axis| match &predicted[axis] {

@@ -13,9 +13,12 @@ pub mod noise;
 pub mod prepare;
 pub mod regress;
 mod rows;
+mod screen;
+mod select;
+pub mod subsets;
 
 pub use compare::{Comparison, compare};
-pub use diagnose::{Addition, Diagnosis, Verdict, add, diagnose};
+pub use diagnose::{Addition, Diagnosis, Options, Verdict, add, diagnose, diagnose_with};
 pub use fit::{Fit, FitError, Residuals, errors, fit, impossible_signs, residuals};
 pub use flight::{Column, Flight, FlightError};
 pub use prepare::{Conditions, ForceTarget, PrepareError, Prepared};

@@ -61,9 +61,11 @@ pub(crate) struct Solution {
 }
 
 /// The triangle of [X | y] on one axis, over the parameters that act there.
-struct AxisTriangle {
-    parameters: Vec<usize>,
-    triangle: DMatrix<f64>,
+pub(crate) struct AxisTriangle {
+    /// Those that act there, in order.
+    pub(crate) parameters: Vec<usize>,
+    /// Of their columns and the target.
+    pub(crate) triangle: DMatrix<f64>,
 }
 
 /// What is known of a parameter before any flight.
@@ -77,6 +79,14 @@ pub(crate) struct Prior {
 
 /// Solves the stacked problem; a parameter may have a prior, which enters as one more row.
 pub(crate) fn solve(flights: &[FlightRows], priors: &[Option<Prior>]) -> Result<Solution, Unidentifiable> {
+    Ok(with_errors(solve_without_errors(flights, priors)?, flights, priors))
+}
+
+/// The same with the covariance of white residuals, which costs no second look at the rows: what an iteration needs.
+pub(crate) fn solve_without_errors(
+    flights: &[FlightRows],
+    priors: &[Option<Prior>],
+) -> Result<Solution, Unidentifiable> {
     let parameters = priors.len();
     let triangles: Vec<AxisTriangle> = (0..6).map(|axis| axis_triangle(flights, axis, parameters)).collect();
     let rows: usize = flights.iter().map(FlightRows::rows).sum();
@@ -93,18 +103,27 @@ pub(crate) fn solve(flights: &[FlightRows], priors: &[Option<Prior>]) -> Result<
         }
         (value, inverse, condition) = solve_merged(&triangles, priors, &sigma)?;
     }
-    let mut meat = scores_covariance(flights, &value, &sigma, parameters);
+    Ok(Solution { value, covariance: inverse, sigma, condition })
+}
+
+/// A solution with its covariance accounting for coloured residuals.
+pub(crate) fn with_errors(
+    solution: Solution,
+    flights: &[FlightRows],
+    priors: &[Option<Prior>],
+) -> Solution {
+    let mut meat = scores_covariance(flights, &solution.value, &solution.sigma, priors.len());
     for (k, prior) in priors.iter().enumerate() {
         meat[(k, k)] += prior.map_or(0.0, |p| 1.0 / (p.deviation * p.deviation));
     }
-    let covariance = &inverse * meat * inverse.transpose();
-    Ok(Solution { value, covariance, sigma, condition })
+    let covariance = &solution.covariance * meat * solution.covariance.transpose();
+    Solution { covariance, ..solution }
 }
 
 /// Rows a block of the reduction takes at once: small enough for the nearest cache.
 const BLOCK_ROWS: usize = 256;
 
-fn axis_triangle(flights: &[FlightRows], axis: usize, parameters: usize) -> AxisTriangle {
+pub(crate) fn axis_triangle(flights: &[FlightRows], axis: usize, parameters: usize) -> AxisTriangle {
     let active: Vec<usize> =
         (0..parameters).filter(|&k| flights.iter().any(|f| f.columns[k][axis].is_some())).collect();
     let width = active.len() + 1;
@@ -229,7 +248,7 @@ fn solve_merged(
 }
 
 /// Newey and West's estimate of the covariance of X'W e.
-fn scores_covariance(
+pub(crate) fn scores_covariance(
     flights: &[FlightRows],
     value: &DVector<f64>,
     sigma: &[f64; 6],
