@@ -5,7 +5,7 @@
 //! until it is small against its own standard error: Gauss and Newton's method on the same stacked problem, so
 //! every coefficient gets a standard error of the same kind.
 
-use model::{AxisError, Effect, Estimate, Kind, Model, PerAxis, Term, Vehicle};
+use model::{Adjustments, AxisError, Effect, Estimate, Kind, Model, PerAxis, Term, Vehicle};
 
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Prior, Unidentifiable};
@@ -13,8 +13,9 @@ use crate::rows::{RowColumn, coefficient_count};
 
 /// Most Gauss-Newton steps; bilinear problems such as wind and drag take three or four.
 const MAX_STEPS: usize = 12;
-/// A step this small against the standard error of white residuals, which is the smaller one, is the last.
-const CONVERGED: f64 = 0.03;
+/// A step this small against the standard error of white residuals, which is the smaller one, is the last: each step leaves
+/// a tenth of the one before it or less.
+const CONVERGED: f64 = 0.1;
 
 /// Why a fit was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -287,7 +288,7 @@ fn assemble(
             let stride = flight.fit_stride();
             let mut columns = flight.columns(linear, model, stride);
             if !adjusting.is_empty() {
-                let here = residuals_at(flight, model, stride).residual;
+                let here = residuals_at(flight, model, stride);
                 for effect in adjusting {
                     columns.extend(residual_derivatives_at(flight, model, *effect, stride, &here));
                 }
@@ -304,8 +305,7 @@ fn assemble(
 
 /// Minus the derivative of the residual with respect to each coefficient of an adjusting effect.
 pub(crate) fn residual_derivatives(flight: &Prepared, model: &Model, effect: Effect) -> Vec<RowColumn> {
-    let here = residuals(flight, model).residual;
-    residual_derivatives_at(flight, model, effect, 1, &here)
+    residual_derivatives_at(flight, model, effect, 1, &residuals(flight, model))
 }
 
 /// Step of a derivative, part of an ordinary magnitude. Effects act smoothly: a forward difference over it is off by about
@@ -318,13 +318,14 @@ pub(crate) fn residual_derivatives_at(
     model: &Model,
     effect: Effect,
     stride: usize,
-    here: &[Vec<f64>; 6],
+    here: &Residuals,
 ) -> Vec<RowColumn> {
     let info = effect.info();
     let mut model = model.clone();
     if !model.has(effect) {
         model.set(effect, &vec![0.0; info.coefficients.len()]);
     }
+    let adjust = model.adjustments();
     let base: Vec<f64> =
         model.term(effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
     (0..info.coefficients.len())
@@ -333,15 +334,25 @@ pub(crate) fn residual_derivatives_at(
             let mut values = base.clone();
             values[k] += step;
             model.set(effect, &values);
-            let ahead = residuals_at(flight, &model, stride).residual;
+            // Most effects change what is predicted, not what was measured.
+            let ahead = if sees_alike(&model.adjustments(), &adjust) {
+                minus_predicted(&here.measured, flight, &model, stride)
+            } else {
+                residuals_at(flight, &model, stride).residual
+            };
             std::array::from_fn(|axis| {
                 let difference: Vec<f64> =
-                    ahead[axis].iter().zip(&here[axis]).map(|(a, b)| (b - a) / step).collect();
+                    ahead[axis].iter().zip(&here.residual[axis]).map(|(a, b)| (b - a) / step).collect();
                 // Rows that do not feel the coefficient stay out of the problem.
                 difference.iter().any(|d| *d != 0.0).then_some(difference)
             })
         })
         .collect()
+}
+
+/// Whether a tracker reports the same of a motion under both.
+fn sees_alike(a: &Adjustments, b: &Adjustments) -> bool {
+    a.tracked_point_m == b.tracked_point_m && a.attitude_tilt_rad == b.attitude_tilt_rad
 }
 
 /// Ordinary magnitude of a coefficient; rotor "speeds" are commands near 1 where the map is unknown.
@@ -360,12 +371,21 @@ pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
 /// The same over the rows at every `stride`th sample.
 pub(crate) fn residuals_at(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
     let measured = flight.targets(&model.vehicle, &model.adjustments(), stride);
+    let residual = minus_predicted(&measured, flight, model, stride);
+    Residuals { measured, residual }
+}
+
+fn minus_predicted(
+    measured: &[Vec<f64>; 6],
+    flight: &Prepared,
+    model: &Model,
+    stride: usize,
+) -> [Vec<f64>; 6] {
     let predicted = flight.predicted(model, stride);
-    let residual = std::array::from_fn(|axis| match &predicted[axis] {
+    std::array::from_fn(|axis| match &predicted[axis] {
         Some(predicted) => measured[axis].iter().zip(predicted).map(|(m, p)| m - p).collect(),
         None => measured[axis].clone(),
-    });
-    Residuals { measured, residual }
+    })
 }
 
 /// Coefficients of the basic model whose sign contradicts the craft's geometry or physics by more than their error, each as

@@ -72,7 +72,7 @@ impl Structure {
 
     fn rows(&self, flight: &Prepared) -> FlightRows {
         let stride = flight.fit_stride();
-        let residual = residuals_at(flight, &self.model, stride).residual;
+        let here = residuals_at(flight, &self.model, stride);
         let all: Vec<Effect> = self.own.iter().chain(&self.candidates).copied().collect();
         let linear: Vec<Effect> = all.iter().copied().filter(|e| !is_adjusting(e)).collect();
         // All linear ones in one pass over the states, then each to its place.
@@ -80,12 +80,12 @@ impl Structure {
         let columns: Vec<RowColumn> = all
             .iter()
             .flat_map(|effect| match is_adjusting(effect) {
-                true => residual_derivatives_at(flight, &self.model, *effect, stride, &residual),
+                true => residual_derivatives_at(flight, &self.model, *effect, stride, &here),
                 false => formed.by_ref().take(coefficient_count(*effect)).collect(),
             })
             .collect();
         FlightRows {
-            targets: residual,
+            targets: here.residual,
             columns,
             starts: flight.starts_of_rows(stride),
             period_s: flight.period_s * stride as f64,
