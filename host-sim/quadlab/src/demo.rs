@@ -75,7 +75,7 @@ fn on_flights(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
     let vehicle = Vehicle::read(&vehicle_path)?;
     let sets = Sets::read(&files, &vehicle, false)?;
     create(&options.out)?;
-    let story = story::tell(&vehicle, &sets, false)?;
+    let story = story::tell(&vehicle, &sets, &sysid::Options::default(), false)?;
     let lead = format!("{how} {}", story.conclusion());
     let text = finish(options, &lead, &vehicle_path, &sets, &story)?;
     Ok(Outcome::done(text))
@@ -124,7 +124,7 @@ fn on_hidden_effect(options: &Options) -> anyhow::Result<Outcome> {
     // From here on only the files speak.
     let vehicle = Vehicle::read(&vehicle_path)?;
     let sets = Sets::read(&files, &vehicle, false)?;
-    let story = story::tell(&vehicle, &sets, false)?;
+    let story = story::tell(&vehicle, &sets, &sysid::Options::default(), false)?;
     let found = story.found().first() == Some(&effect);
     let lead = format!("{} {}", story.conclusion(), verdict(effect, seed, &story));
     let mut text = finish(options, &lead, &vehicle_path, &sets, &story)?;

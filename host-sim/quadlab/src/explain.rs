@@ -7,6 +7,7 @@ use serde::Serialize;
 use sysid::Verdict;
 use sysid::diagnose::Unexplained;
 
+use crate::diagnose::WithoutOptions;
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs, provenance};
 use crate::story::{self, Story};
@@ -27,6 +28,9 @@ pub(crate) struct Options {
     #[command(flatten)]
     sets: SetOptions,
 
+    #[command(flatten)]
+    without: WithoutOptions,
+
     /// Model file to write, for example: --out model.toml
     #[arg(long, value_name = "TOML")]
     out: PathBuf,
@@ -45,8 +49,9 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     inputs.push(&options.vehicle);
     check_outputs([&options.out].into_iter().chain(&options.html), &inputs)?;
     let vehicle = Vehicle::read(&options.vehicle)?;
+    let diagnose_options = options.without.options()?;
     let sets = Sets::read(&options.sets, &vehicle, options.json)?;
-    let story = story::tell(&vehicle, &sets, options.json)?;
+    let story = story::tell(&vehicle, &sets, &diagnose_options, options.json)?;
     report::write_atomic(&options.out, story.last_model().to_toml())?;
     if let Some(path) = &options.html {
         pages::story(&story.conclusion(), &sets, &story)
@@ -73,8 +78,11 @@ fn text(options: &Options, story: &Story) -> String {
 
 #[derive(Serialize)]
 struct Document<'a> {
-    /// Of the model at the end: adequate, or structure is left unexplained.
+    /// Of the whole loop: `adequate` when nothing was missing, `missing-effect` when what was missing has been added and nothing
+    /// is left, `unexplained` when something is left at the end.
     verdict: Verdict,
+    /// Of the model before anything was added.
+    verdict_first: Verdict,
     summary: String,
     added: Vec<Added>,
     sse_first: PerAxis<f64>,
@@ -86,12 +94,15 @@ struct Document<'a> {
 struct Added {
     effect: &'static str,
     drop_percent: f64,
+    /// Held-out errors with it and those before it.
+    sse: PerAxis<f64>,
 }
 
 fn document(story: &Story) -> Document<'_> {
     let sse = |c: &sysid::Comparison| PerAxis::from_fn(|a| c.total[a].sse);
     Document {
-        verdict: story.last_diagnosis.verdict,
+        verdict: story.verdict(),
+        verdict_first: story.steps.first().map_or(story.last_diagnosis.verdict, |s| s.diagnosis.verdict),
         summary: story.conclusion(),
         added: story
             .steps
@@ -99,6 +110,7 @@ fn document(story: &Story) -> Document<'_> {
             .map(|step| Added {
                 effect: step.addition.finding.effect,
                 drop_percent: step.addition.finding.drop_percent,
+                sse: step.addition.after,
             })
             .collect(),
         sse_first: sse(&story.basic_comparison),

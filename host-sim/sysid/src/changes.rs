@@ -25,6 +25,9 @@ use crate::{FitError, Residuals, errors, residuals};
 const MAX_STEPS: usize = 8;
 /// A rival with this part of the best change's gain is examined for confusion with it.
 const RIVAL: f64 = 0.7;
+/// One with this part of it is confounded with it whatever more they explain together: a weight under a motor is both a
+/// shifted centre of mass and, nearly, a motor that lifts less.
+const AS_GOOD: f64 = 0.9;
 
 /// One change to explain new flights by: an effect, and which of its coefficients.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -184,11 +187,9 @@ pub fn changed(
                 .iter()
                 .map(|c| format!("{} = {:.4} +- {:.4} {}", c.name, c.value, c.std_error, c.unit))
                 .collect();
-            let rivals = if f.confounded_with.is_empty() {
-                String::new()
-            } else {
-                format!(" These flights cannot tell it from {}.", f.confounded_with.join(", "))
-            };
+            let rivals = f.reason.split_once("; these flights cannot tell it from ");
+            let rivals =
+                rivals.map_or_else(String::new, |(_, names)| format!(" These flights cannot tell it from {names}."));
             format!(
                 "Since the model was made, {} has come about ({}): it takes away {:.1} % of the error on flights it was \
                  not estimated from.{rivals}",
@@ -221,26 +222,34 @@ fn mark_rivals(
     let Ok(with_best) = fit_change(model, best, flights) else { return };
     let mut rivals = Vec::new();
     for (change, finding) in findings.iter_mut().skip(1).filter(|(_, f)| f.supported) {
+        let as_good = finding.gain > AS_GOOD * best_gain;
         let adds =
             change.effect != best.effect && examine(&with_best.model, *change, flights, candidates).supported;
-        if adds {
+        if adds && !as_good {
             continue;
         }
         finding.supported = false;
         finding.reason = format!("adds nothing once {} is accounted for", best.name());
-        let rival = finding.gain > RIVAL * best_gain
-            && fit_change(model, *change, flights).is_ok_and(|with| {
-                change.effect == best.effect || !examine(&with.model, best, flights, candidates).supported
-            });
+        let rival = as_good
+            || finding.gain > RIVAL * best_gain
+                && fit_change(model, *change, flights).is_ok_and(|with| {
+                    change.effect == best.effect
+                        || !examine(&with.model, best, flights, candidates).supported
+                });
         if rival {
             finding.reason = format!("these flights cannot tell it from {}", best.name());
             finding.confounded_with.push(best.effect.id());
-            rivals.push(change.effect.id());
+            rivals.push(*change);
         }
     }
-    rivals.retain(|id| *id != best.effect.id());
-    rivals.dedup();
-    findings[0].1.confounded_with = rivals;
+    let names = rivals.iter().map(|rival| rival.name()).collect::<Vec<_>>().join(", ");
+    let best = &mut findings[0].1;
+    best.confounded_with = rivals.iter().map(|rival| rival.effect.id()).collect();
+    best.confounded_with.sort_unstable();
+    best.confounded_with.dedup();
+    if !names.is_empty() {
+        best.reason.push_str(&format!("; these flights cannot tell it from {names}"));
+    }
 }
 
 fn examine(model: &Model, change: Change, flights: &[&Prepared], candidates: usize) -> EffectFinding {

@@ -34,7 +34,7 @@ use crate::{Fit, FitError, Residuals, errors, noise, residuals};
 /// Largest corrected p-value of a finding.
 pub(crate) const SIGNIFICANCE: f64 = 0.01;
 /// Largest p-value of the held-out gain.
-const HELD_OUT_SIGNIFICANCE: f64 = 0.05;
+pub(crate) const HELD_OUT_SIGNIFICANCE: f64 = 0.05;
 /// Smallest held-out drop, percent of an axis' squared error, that matters.
 pub const MATTERS_PERCENT: f64 = 1.5;
 /// Smallest share of an axis' held-out squared error that counts as structure, percent.
@@ -330,7 +330,7 @@ pub(crate) fn weigh(finding: &EffectFinding, effect: Effect, model: &Model) -> (
         if let Some(unseen) = not_excited(finding, effect, model) {
             return (false, unseen);
         }
-        return (false, format!("its coefficients do not differ from zero (p = {:.2})", finding.p_value));
+        return (false, "its coefficients do not differ from zero by more than chance".into());
     }
     if largest < MATTERS_PERCENT {
         let least = format!(

@@ -16,9 +16,11 @@ mod rows;
 mod screen;
 mod select;
 pub mod subsets;
+pub mod why;
 
 pub use compare::{Comparison, compare};
 pub use diagnose::{Addition, Diagnosis, Options, Verdict, add, diagnose, diagnose_with};
 pub use fit::{Fit, FitError, Residuals, errors, fit, impossible_signs, residuals};
 pub use flight::{Column, Flight, FlightError};
+pub use why::{Why, WhyError, why};
 pub use prepare::{Conditions, ForceTarget, PrepareError, Prepared};

@@ -336,8 +336,12 @@ impl Projection {
         lift.rows_mut(0, own).copy_from(&-absorbed);
         let rest = r.view((own, own), (count + 1, count + 1));
         let train = rest.transpose() * rest;
-        let left = (0..count).map(|k| train[(k, k)] / r.column(own + k).norm_squared().max(f64::MIN_POSITIVE));
-        Some(Self { own, left: left.collect(), lift, train })
+        let left = |k: usize| {
+            let square = r.column(own + k).norm_squared();
+            // Of a dead column, nothing is absorbed.
+            if square > 0.0 { train[(k, k)] / square } else { 1.0 }
+        };
+        Some(Self { own, left: (0..count).map(left).collect(), lift, train })
     }
 
     /// Cross products of rows over all coefficients and the residual.

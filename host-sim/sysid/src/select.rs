@@ -18,9 +18,9 @@ use crate::{Fit, FitError, Residuals, errors, fit, residuals};
 
 /// Held-out log-likelihood that a coefficient must bring for its effect to be looked at: what one that is not there brings by
 /// chance is below zero on average, and above this once in ten.
-const PENALTY: f64 = 1.0;
+pub(crate) const PENALTY: f64 = 1.0;
 /// Most effects in a set of the search.
-const SET: usize = 3;
+pub(crate) const SET: usize = 3;
 /// Sets that are fitted exactly in a round.
 const CONTENDERS: usize = 4;
 /// Part of the best set's score that a contender has, linearised; the exact fit may reverse the order of two as close as that.
