@@ -13,14 +13,17 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use crate::diagnose::{
-    AxisDrop, CoefficientFigures, Diagnosis, EffectFinding, MATTERS_PERCENT, SIGNIFICANCE, Verdict,
-    block_sums, log_likelihood_ratio, one_sided_p_value, zero_p_value,
+    AxisDrop, CoefficientFigures, Diagnosis, EffectFinding, MATTERS_PERCENT, Verdict,
+    block_sums, independent_stretches, log_likelihood_ratio, one_sided_p_value, zero_p_value,
 };
 use crate::fit::{residual_derivatives, step_end};
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Prior};
 use crate::{FitError, Residuals, errors, residuals};
 
+/// Largest corrected p-value of a change. Larger than for a missing effect: the scatter between flights holds their noise as well,
+/// so noise counts twice.
+const SIGNIFICANCE: f64 = 0.05;
 /// Most Gauss-Newton steps.
 const MAX_STEPS: usize = 8;
 /// A rival with this part of the best change's gain is examined for confusion with it.
@@ -145,14 +148,16 @@ pub fn scatter(model: &Model, flights: &[&Prepared]) -> Vec<ChangeScatter> {
         if estimates.len() < 2 {
             continue;
         }
+        // Each flight had its part in the model that it is held against; a new one has none.
+        let count = estimates.len() as f64;
+        let of_a_new_one = count / (count - 1.0);
         for (i, name) in names.enumerate() {
             // About zero, not about the mean: the model is the reference.
-            let mean_square =
-                estimates.iter().map(|e| e.values[i] * e.values[i]).sum::<f64>() / estimates.len() as f64;
+            let mean_square = estimates.iter().map(|e| e.values[i] * e.values[i]).sum::<f64>() / count;
             result.push(ChangeScatter {
                 effect: change.effect.id().into(),
                 coefficient: name.into(),
-                deviation: mean_square.sqrt(),
+                deviation: of_a_new_one * mean_square.sqrt(),
             });
         }
     }
@@ -242,6 +247,7 @@ fn mark_rivals(
             rivals.push(*change);
         }
     }
+    rivals.extend(as_good_together(findings, best, best_gain));
     let names = rivals.iter().map(|rival| rival.name()).collect::<Vec<_>>().join(", ");
     let best = &mut findings[0].1;
     best.confounded_with = rivals.iter().map(|rival| rival.effect.id()).collect();
@@ -250,6 +256,23 @@ fn mark_rivals(
     if !names.is_empty() {
         best.reason.push_str(&format!("; these flights cannot tell it from {names}"));
     }
+}
+
+/// Two other changes that act on different axes and together take away as much as the best one: a weight under a motor, which
+/// shifts the centre of mass and adds to the mass, looks like a motor that lifts less.
+fn as_good_together(findings: &[(Change, EffectFinding)], best: Change, best_gain: f64) -> Vec<Change> {
+    let others = || findings.iter().skip(1).filter(|(c, f)| c.effect != best.effect && f.gain > 0.0);
+    let apart = |a: Change, b: Change| a.effect.info().axes.iter().all(|x| !b.effect.info().axes.contains(x));
+    let mut pair: Option<(f64, [Change; 2])> = None;
+    for (a, first) in others().filter(|(_, f)| f.p_value < SIGNIFICANCE) {
+        for (b, second) in others().filter(|(b, _)| apart(*a, *b)) {
+            let sum = first.gain + second.gain;
+            if sum > AS_GOOD * best_gain && pair.is_none_or(|(most, _)| sum > most) {
+                pair = Some((sum, [*a, *b]));
+            }
+        }
+    }
+    pair.map_or_else(Vec::new, |(_, both)| both.to_vec())
 }
 
 fn examine(model: &Model, change: Change, flights: &[&Prepared], candidates: usize) -> EffectFinding {
@@ -264,7 +287,7 @@ fn examine(model: &Model, change: Change, flights: &[&Prepared], candidates: usi
         }
     };
     let free = change.coefficients();
-    let total = with_scatter(model, change, &fitted, flights.len());
+    let (total, independent) = with_scatter(model, change, &fitted, flights);
     finding.coefficients = free
         .iter()
         .enumerate()
@@ -276,25 +299,39 @@ fn examine(model: &Model, change: Change, flights: &[&Prepared], candidates: usi
         })
         .collect();
     let coefficients = free.iter().map(|&k| &info.coefficients[k]);
-    let p_value = zero_p_value(fitted.values.as_slice(), &total, coefficients, flights);
+    let p_value = zero_p_value(fitted.values.as_slice(), &total, coefficients, independent);
     finding.p_value = (p_value * candidates as f64).min(1.0);
     cross_validate(model, change, flights, &fitted, &mut finding);
     (finding.supported, finding.reason) = weigh(&finding, change, &fitted);
     finding
 }
 
-/// The covariance of an estimate with what the base flights scatter by; the mean over several flights scatters less.
-fn with_scatter(model: &Model, change: Change, fitted: &Fitted, flights: usize) -> DMatrix<f64> {
+/// The covariance of an estimate with what the base flights scatter by, and what it is known from: a scatter seen in a few flights
+/// is itself uncertain (Welch 1947 and Satterthwaite 1946 for the sum). New flights of one day share the trim of that day, so several
+/// of them scatter no less than one.
+fn with_scatter(
+    model: &Model,
+    change: Change,
+    fitted: &Fitted,
+    flights: &[&Prepared],
+) -> (DMatrix<f64>, f64) {
     let mut total = fitted.covariance.clone();
-    let scatter = model.fit.as_ref().map_or(&[][..], |fit| &fit.scatter);
+    let stretches = independent_stretches(flights);
+    let Some(fit) = &model.fit else { return (total, stretches) };
+    let base_flights = fit.flights.len().max(2) as f64;
+    let mut independent = stretches;
     for (i, k) in change.coefficients().into_iter().enumerate() {
         let name = change.effect.info().coefficients[k].name;
-        if let Some(known) = scatter.iter().find(|s| s.effect == change.effect.id() && s.coefficient == name)
-        {
-            total[(i, i)] += known.deviation * known.deviation * (1.0 / flights as f64).max(0.25);
+        let known = fit.scatter.iter().find(|s| s.effect == change.effect.id() && s.coefficient == name);
+        let Some(known) = known else { continue };
+        let (noise, scatter) = (total[(i, i)], known.deviation * known.deviation);
+        total[(i, i)] = noise + scatter;
+        let spread = noise * noise / stretches + scatter * scatter / base_flights;
+        if spread > 0.0 {
+            independent = independent.min(total[(i, i)].powi(2) / spread);
         }
     }
-    total
+    (total, independent)
 }
 
 /// Errors on flights the change was not estimated from.

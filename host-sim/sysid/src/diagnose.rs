@@ -390,18 +390,18 @@ fn wald_p_value(fit: &Fit, effect: Effect, train: &[&Prepared]) -> f64 {
     let values: Vec<f64> = estimates(fit, effect).iter().map(|e| e.value).collect();
     let count = values.len();
     let covariance = fit.covariance.view((first, first), (count, count)).into_owned();
-    zero_p_value(&values, &covariance, effect.info().coefficients, train)
+    zero_p_value(&values, &covariance, effect.info().coefficients, independent_stretches(train))
 }
 
 /// p-value of the hypothesis that all `coefficients` are zero: Wald's statistic against the F distribution.
 ///
-/// Coefficients with a prior only qualify the others (an offset, a shift): zero is no hypothesis about them. Independent stretches
-/// of time stand in for samples: their number less the coefficients.
+/// Coefficients with a prior only qualify the others (an offset, a shift): zero is no hypothesis about them. `independent` is what
+/// the covariance is known from: stretches of time, see [`independent_stretches`], or fewer.
 pub(crate) fn zero_p_value<'a>(
     values: &[f64],
     covariance: &DMatrix<f64>,
     coefficients: impl IntoIterator<Item = &'a model::Coefficient>,
-    flights: &[&Prepared],
+    independent: f64,
 ) -> f64 {
     let is_tested = |(i, c): (usize, &model::Coefficient)| c.prior.is_none().then_some(i);
     let tested: Vec<usize> = coefficients.into_iter().enumerate().filter_map(is_tested).collect();
@@ -410,9 +410,13 @@ pub(crate) fn zero_p_value<'a>(
     let covariance = DMatrix::from_fn(k, k, |r, c| covariance[(tested[r], tested[c])]);
     let Some(cholesky) = covariance.cholesky() else { return 1.0 };
     let wald = theta.dot(&cholesky.solve(&theta)) / k as f64;
-    let duration_s: f64 = flights.iter().map(|f| f.rows() as f64 * f.period_s).sum();
-    let freedom = (duration_s / WINDOW_S - k as f64).max(1.0);
+    let freedom = (independent - k as f64).max(1.0);
     FisherSnedecor::new(k as f64, freedom).map_or(1.0, |f| f.sf(wald))
+}
+
+/// Neighbouring samples are not independent; stretches as long as the covariance's window stand in for them.
+pub(crate) fn independent_stretches(flights: &[&Prepared]) -> f64 {
+    flights.iter().map(|f| f.rows() as f64 * f.period_s).sum::<f64>() / WINDOW_S
 }
 
 /// Of two models of the same flights, Gaussian residuals: sum over the axes of n/2 ln(sse before / sse after). Effects that

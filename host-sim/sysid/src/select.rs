@@ -9,7 +9,8 @@
 use model::{Effect, Kind, Model};
 
 use crate::diagnose::{
-    AxisDrop, CoefficientFigures, EffectFinding, SIGNIFICANCE, evidence, separate, weigh, zero_p_value,
+    AxisDrop, CoefficientFigures, EffectFinding, SIGNIFICANCE, evidence, independent_stretches, separate,
+    weigh, zero_p_value,
 };
 use crate::prepare::Prepared;
 use crate::screen::Screen;
@@ -280,8 +281,9 @@ impl<'a> Search<'a> {
         finding.drop_percent = single.drop_percent;
         finding.flights_improved[0] = single.flights_improved;
         finding.gain = single.gain;
+        let independent = independent_stretches(self.train);
         let p_value =
-            zero_p_value(single.values.as_slice(), &single.covariance, info.coefficients, self.train);
+            zero_p_value(single.values.as_slice(), &single.covariance, info.coefficients, independent);
         finding.p_value = (p_value * self.screen.candidates.len() as f64).min(1.0);
         let (alone, reason) = weigh(&finding, effect, &self.base.fit.model);
         finding.reason = match (alone, confounded.iter().find(|(_, other)| *other == effect)) {

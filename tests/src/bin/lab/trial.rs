@@ -1,6 +1,6 @@
 //! One trial: a world is flown, and the product is asked what it hides.
 
-use model::{Effect, FitRecord, Model};
+use model::{Effect, FitRecord, FlightRecord, FlightRole, Model};
 use serde::Serialize;
 use stories::world::{Pattern, Sensors, True, World};
 use sysid::{Diagnosis, Fit, Flight, Prepared, Verdict, diagnose, fit};
@@ -152,7 +152,13 @@ fn ask_what_changed(trial: &Trial) -> Result<Outcome, String> {
     let train = &before[..Pattern::TRAIN.len()];
     let mut model = fit(train, &base.vehicle, &effects, None).map_err(|error| error.to_string())?.model;
     let scatter = sysid::changes::scatter(&model, before);
-    model.fit = Some(FitRecord { scatter, ..FitRecord::default() });
+    let flights = before.iter().map(|flight| FlightRecord {
+        name: flight.name.clone(),
+        sha256: String::new(),
+        role: FlightRole::Train,
+        samples: flight.rows() as u64,
+    });
+    model.fit = Some(FitRecord { scatter, flights: flights.collect(), ..FitRecord::default() });
     let diagnosis = sysid::changes::changed(&model, after, |_| ()).map_err(|error| error.to_string())?;
     let blamed = diagnosis.effects.iter().find(|finding| finding.supported).and_then(|finding| finding.motor);
     let weak = world.craft.efficiency.iter().position(|part| *part != 1.0);
