@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use crate::diagnose::{
-    AxisDrop, CoefficientFigures, Diagnosis, EffectFinding, MATTERS_PERCENT, Verdict,
+    AxisDrop, CoefficientFigures, Diagnosis, EffectFinding, MATTERS_PERCENT, SIGNIFICANCE, Verdict,
     block_sums, independent_stretches, log_likelihood_ratio, one_sided_p_value, zero_p_value,
 };
 use crate::fit::{residual_derivatives, step_end};
@@ -21,9 +21,11 @@ use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Prior};
 use crate::{FitError, Residuals, errors, residuals};
 
-/// Largest corrected p-value of a change. Larger than for a missing effect: the scatter between flights holds their noise as well,
-/// so noise counts twice.
-const SIGNIFICANCE: f64 = 0.05;
+/// Largest corrected p-value of a change that takes away most of the error. A scatter known from a handful of flights makes even a
+/// large change uncertain; a small one must be certain.
+const LARGE_SIGNIFICANCE: f64 = 0.05;
+/// Part of the error, percent, from which on a change takes away most of it.
+const LARGE_PERCENT: f64 = 50.0;
 /// Most Gauss-Newton steps.
 const MAX_STEPS: usize = 8;
 /// A rival with this part of the best change's gain is examined for confusion with it.
@@ -381,7 +383,8 @@ fn cross_validate(
 fn weigh(finding: &EffectFinding, change: Change, fitted: &Fitted) -> (bool, String) {
     let largest = finding.axes.values().map(|a| a.drop_percent).fold(f64::NEG_INFINITY, f64::max);
     let [improved, flights] = finding.flights_improved;
-    if finding.p_value > SIGNIFICANCE {
+    let is_large = finding.drop_percent > LARGE_PERCENT;
+    if finding.p_value > if is_large { LARGE_SIGNIFICANCE } else { SIGNIFICANCE } {
         let p = finding.p_value;
         return (
             false,
