@@ -51,8 +51,7 @@ fn flights(why: &Why) -> Grid {
         &["held-out flight", "u", "v", "w", "p", "q", "r"],
     );
     for flight in &why.flights {
-        let drops =
-            model::AXES.iter().map(|axis| format!("{:.1}", flight.axes[axis.name()].drop_percent));
+        let drops = model::AXES.iter().map(|axis| format!("{:.1}", flight.axes[axis.name()].drop_percent));
         grid.push([flight.flight.clone()].into_iter().chain(drops));
     }
     grid

@@ -28,7 +28,8 @@ fn identified(vehicle: &Path, train: &[PathBuf], validate: &[PathBuf]) -> tempfi
 }
 
 fn changed(folder: &Path, flights: &[PathBuf]) -> Value {
-    let mut arguments: Vec<String> = ["diagnose", "--model", "model.toml", "--changed"].map(str::to_owned).to_vec();
+    let mut arguments: Vec<String> =
+        ["diagnose", "--model", "model.toml", "--changed"].map(str::to_owned).to_vec();
     arguments.extend(paths(flights));
     json_in(folder, &arguments.iter().map(String::as_str).collect::<Vec<_>>())
 }
@@ -40,8 +41,11 @@ fn a_weak_motor_is_named_with_its_loss() {
         names.iter().map(|name| folder.join(format!("{name}.csv"))).collect()
     };
     let base = case.join("base");
-    let folder =
-        identified(&case.join("vehicle.toml"), &flights(&base, &["A", "B", "C"]), &flights(&base, &["D", "E"]));
+    let folder = identified(
+        &case.join("vehicle.toml"),
+        &flights(&base, &["A", "B", "C"]),
+        &flights(&base, &["D", "E"]),
+    );
     let diagnosis = changed(folder.path(), &flights(&case, &["A", "B", "C", "D", "E"]));
     assert_eq!(diagnosis["verdict"], "missing-effect");
     let best = &diagnosis["effects"][0];

@@ -80,7 +80,9 @@ fn an_unknown_tether_is_unexplained_and_depends_on_the_position() {
     assert_eq!(diagnosis["verdict"], "unexplained", "{diagnosis}");
     assert!(diagnosis["effects"].as_array().unwrap().iter().all(|e| e["effect"] != "tether"));
     let left = diagnosis["unexplained"].as_array().unwrap();
-    let on_place = |u: &Value| ["north position", "east position", "height"].contains(&u["depends_on"].as_str().unwrap());
+    let on_place = |u: &Value| {
+        ["north position", "east position", "height"].contains(&u["depends_on"].as_str().unwrap())
+    };
     assert!(left.iter().any(on_place), "{left:?}");
 
     let vehicle = flights.join("vehicle.toml").display().to_string();
@@ -101,7 +103,13 @@ fn why_shows_the_evidence_for_and_against() {
     let right = why("ground-effect", "model.toml");
     assert_eq!(right["supported"], true);
     assert!(right["criteria"].as_array().unwrap().iter().all(|c| c["met"] == true));
-    assert!(right["flights"].as_array().unwrap().iter().all(|f| f["axes"]["w"]["drop_percent"].as_f64().unwrap() > 20.0));
+    assert!(
+        right["flights"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .all(|f| f["axes"]["w"]["drop_percent"].as_f64().unwrap() > 20.0)
+    );
     let wrong = why("translational-lift", "model.toml");
     assert_eq!(wrong["supported"], false);
     assert!(wrong["criteria"].as_array().unwrap().iter().any(|c| c["met"] == false));

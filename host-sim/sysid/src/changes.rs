@@ -16,7 +16,7 @@ use crate::diagnose::{
     AxisDrop, CoefficientFigures, Diagnosis, EffectFinding, MATTERS_PERCENT, SIGNIFICANCE, Verdict,
     block_sums, independent_stretches, log_likelihood_ratio, one_sided_p_value, zero_p_value,
 };
-use crate::fit::{residual_derivatives, step_end};
+use crate::fit::{residual_derivatives_at, residuals_at, step_end};
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Prior};
 use crate::{FitError, Residuals, errors, residuals};
@@ -131,12 +131,14 @@ fn fit_change(model: &Model, change: Change, flights: &[&Prepared]) -> Result<Fi
 }
 
 fn rows(flight: &Prepared, changed: &Model, change: Change, free: &[usize]) -> FlightRows {
-    let mut derivatives = residual_derivatives(flight, changed, change.effect);
+    let stride = flight.fit_stride();
+    let here = residuals_at(flight, changed, stride);
+    let mut derivatives = residual_derivatives_at(flight, changed, change.effect, stride, &here);
     FlightRows {
-        targets: residuals(flight, changed).residual,
         columns: free.iter().map(|&k| std::mem::take(&mut derivatives[k])).collect(),
-        starts: flight.row_starts(),
-        period_s: flight.period_s,
+        targets: here.residual,
+        starts: flight.starts_of_rows(stride),
+        period_s: flight.period_s * stride as f64,
     }
 }
 
@@ -195,8 +197,9 @@ pub fn changed(
                 .map(|c| format!("{} = {:.4} +- {:.4} {}", c.name, c.value, c.std_error, c.unit))
                 .collect();
             let rivals = f.reason.split_once("; these flights cannot tell it from ");
-            let rivals =
-                rivals.map_or_else(String::new, |(_, names)| format!(" These flights cannot tell it from {names}."));
+            let rivals = rivals.map_or_else(String::new, |(_, names)| {
+                format!(" These flights cannot tell it from {names}.")
+            });
             format!(
                 "Since the model was made, {} has come about ({}): it takes away {:.1} % of the error on flights it was \
                  not estimated from.{rivals}",
@@ -240,8 +243,7 @@ fn mark_rivals(
         let rival = as_good
             || finding.gain > RIVAL * best_gain
                 && fit_change(model, *change, flights).is_ok_and(|with| {
-                    change.effect == best.effect
-                        || !examine(&with.model, best, flights, candidates).supported
+                    change.effect == best.effect || !examine(&with.model, best, flights, candidates).supported
                 });
         if rival {
             finding.reason = format!("these flights cannot tell it from {}", best.name());

@@ -164,7 +164,8 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
         let rows = assemble(flights, &model, linear, adjusting);
         let mut priors = vec![None; count];
         priors.extend(adjusting.iter().flat_map(|effect| priors_of(&model, *effect)));
-        let solution = regress::solve_without_errors(&rows, &priors).map_err(|why| unidentifiable(why, order))?;
+        let solution =
+            regress::solve_without_errors(&rows, &priors).map_err(|why| unidentifiable(why, order))?;
         // The linear part comes out as values, the adjusting part as steps from where the columns were formed.
         let mut values = solution.value.clone();
         let mut settled = true;
@@ -303,16 +304,12 @@ fn assemble(
         .collect()
 }
 
-/// Minus the derivative of the residual with respect to each coefficient of an adjusting effect.
-pub(crate) fn residual_derivatives(flight: &Prepared, model: &Model, effect: Effect) -> Vec<RowColumn> {
-    residual_derivatives_at(flight, model, effect, 1, &residuals(flight, model))
-}
-
 /// Step of a derivative, part of an ordinary magnitude. Effects act smoothly: a forward difference over it is off by about
 /// this part of the derivative; rounding, 1e-15 of the residual, matters less still.
 const DERIVATIVE_STEP: f64 = 1e-5;
 
-/// The same over the rows at every `stride`th sample, by forward differences from the residual where the model stands.
+/// Minus the derivative of the residual with respect to each coefficient of an adjusting effect, over the rows at every
+/// `stride`th sample: forward differences from the residual where the model stands.
 pub(crate) fn residual_derivatives_at(
     flight: &Prepared,
     model: &Model,

@@ -22,5 +22,5 @@ pub use compare::{Comparison, compare};
 pub use diagnose::{Addition, Diagnosis, Options, Verdict, add, diagnose, diagnose_with};
 pub use fit::{Fit, FitError, Residuals, errors, fit, impossible_signs, residuals};
 pub use flight::{Column, Flight, FlightError};
-pub use why::{Why, WhyError, why};
 pub use prepare::{Conditions, ForceTarget, PrepareError, Prepared};
+pub use why::{Why, WhyError, why};

@@ -107,11 +107,7 @@ pub(crate) fn solve_without_errors(
 }
 
 /// A solution with its covariance accounting for coloured residuals.
-pub(crate) fn with_errors(
-    solution: Solution,
-    flights: &[FlightRows],
-    priors: &[Option<Prior>],
-) -> Solution {
+pub(crate) fn with_errors(solution: Solution, flights: &[FlightRows], priors: &[Option<Prior>]) -> Solution {
     let mut meat = scores_covariance(flights, &solution.value, &solution.sigma, priors.len());
     for (k, prior) in priors.iter().enumerate() {
         meat[(k, k)] += prior.map_or(0.0, |p| 1.0 / (p.deviation * p.deviation));

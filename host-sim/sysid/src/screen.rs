@@ -226,10 +226,11 @@ impl Screen {
         let all: Vec<usize> = self.problem.groups[candidate].clone().collect();
         let place = |k: usize| columns.iter().position(|c| *c == k);
         let values = DVector::from_fn(all.len(), |r, _| place(all[r]).map_or(0.0, |i| some[i]));
-        let covariance = DMatrix::from_fn(all.len(), all.len(), |r, c| match (place(all[r]), place(all[c])) {
-            (Some(i), Some(j)) => some_covariance[(i, j)],
-            _ => 0.0,
-        });
+        let covariance =
+            DMatrix::from_fn(all.len(), all.len(), |r, c| match (place(all[r]), place(all[c])) {
+                (Some(i), Some(j)) => some_covariance[(i, j)],
+                _ => 0.0,
+            });
         let effect = self.candidates[candidate];
         let mut ratio = [1.0; 6];
         let (mut before_all, mut fall, mut gain) = (0.0, 0.0, 0.0);
@@ -331,7 +332,8 @@ impl Projection {
             at += part.nrows();
         }
         let r = stacked.qr().unpack_r();
-        let absorbed = r.view((0, 0), (own, own)).solve_upper_triangular(&r.view((0, own), (own, count + 1)))?;
+        let absorbed =
+            r.view((0, 0), (own, own)).solve_upper_triangular(&r.view((0, own), (own, count + 1)))?;
         let mut lift = DMatrix::identity(width + 1, width + 1).columns(own, count + 1).into_owned();
         lift.rows_mut(0, own).copy_from(&-absorbed);
         let rest = r.view((own, own), (count + 1, count + 1));

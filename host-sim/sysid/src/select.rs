@@ -230,7 +230,11 @@ impl<'a> Search<'a> {
     }
 
     /// Every candidate's evidence, best first: that of the members with the others in place, that of the rest by themselves.
-    pub(crate) fn all_findings(&self, chosen: Chosen, _progress: &mut impl FnMut(&str)) -> Vec<EffectFinding> {
+    pub(crate) fn all_findings(
+        &self,
+        chosen: Chosen,
+        _progress: &mut impl FnMut(&str),
+    ) -> Vec<EffectFinding> {
         let Chosen { findings: mut all, confounded, .. } = chosen;
         let set = supported(&all);
         for (index, &effect) in self.screen.candidates.iter().enumerate() {

@@ -202,7 +202,9 @@ mod tests {
             let count = self.columns[0].ncols();
             Problem {
                 groups: (0..count / width).map(|g| g * width..(g + 1) * width).collect(),
-                train: (0..6).map(|axis| self.cross(axis, 0)).fold(DMatrix::zeros(count + 1, count + 1), |a, b| a + b),
+                train: (0..6)
+                    .map(|axis| self.cross(axis, 0))
+                    .fold(DMatrix::zeros(count + 1, count + 1), |a, b| a + b),
                 held_out: std::array::from_fn(|axis| self.cross(axis, ROWS)),
                 effective_rows: [ROWS as f64; 6],
                 admissible: vec![(f64::NEG_INFINITY, f64::INFINITY); count],
@@ -289,7 +291,9 @@ mod tests {
         assert!(sets[0].members.contains(&3));
         for (k, set) in sets.iter().enumerate() {
             let part = |other: &Subset| other.members.iter().all(|m| set.members.contains(m));
-            assert!(sets[..k].iter().all(|better| better.members.len() >= set.members.len() || !part(better)));
+            assert!(
+                sets[..k].iter().all(|better| better.members.len() >= set.members.len() || !part(better))
+            );
         }
     }
 

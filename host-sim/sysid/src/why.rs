@@ -170,8 +170,7 @@ pub fn why(
     let mut effects = without.effects();
     effects.push(effect);
     let with = judge(start, &effects, train, validate)?;
-    let finding =
-        evidence(&search.base, &with, effect, (train, validate), search.screen.candidates.len());
+    let finding = evidence(&search.base, &with, effect, (train, validate), search.screen.candidates.len());
     let found = search.choose(&mut |_| ())?.findings;
     let beside = beside_found(&search, &without, effect, &found, (train, validate))?;
     Ok(assemble(model.has(effect), effect, &search, &with, &finding, (&found, beside), validate))
@@ -333,9 +332,14 @@ fn alike(screen: &Screen, index: usize) -> Vec<Likeness> {
         .filter_map(|other| {
             let inflation = variance_inflation(&screen.problem.train, &own, &live(other))?;
             let id = screen.candidates[other].id();
-            let known = |a: Effect, b: &str| a.info().confused_with.iter().find(|(o, _)| *o == b).map(|c| c.1);
+            let known =
+                |a: Effect, b: &str| a.info().confused_with.iter().find(|(o, _)| *o == b).map(|c| c.1);
             let separate = known(effect, id).or_else(|| known(screen.candidates[other], effect.id()));
-            (inflation > CONFUSED_VIF).then_some(Likeness { effect: id, variance_inflation: inflation, separate })
+            (inflation > CONFUSED_VIF).then_some(Likeness {
+                effect: id,
+                variance_inflation: inflation,
+                separate,
+            })
         })
         .collect();
     all.sort_by(|a, b| b.variance_inflation.total_cmp(&a.variance_inflation));
