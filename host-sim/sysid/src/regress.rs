@@ -369,6 +369,32 @@ mod tests {
         assert!(triangle.lower_triangle().iter().filter(|v| **v != 0.0).count() <= 3, "{triangle}");
     }
 
+    /// Triangles of shards, in any order, hold what one QR of all rows holds.
+    #[test]
+    fn triangles_of_shards_merge_to_that_of_all() {
+        let shards: Vec<FlightRows> = [700, 333, 64, 1]
+            .into_iter()
+            .map(|rows| made_up(rows, |k| 0.3 * (k as f64 * 1.7).sin()))
+            .collect();
+        let one = axis_triangle(&shards, 0, 2).triangle;
+        for order in [[0, 1, 2, 3], [3, 1, 0, 2]] {
+            let mut stacked = DMatrix::zeros(12, 3);
+            for (place, &shard) in order.iter().enumerate() {
+                let part = axis_triangle(std::slice::from_ref(&shards[shard]), 0, 2).triangle;
+                stacked.rows_mut(3 * place, 3).copy_from(&part);
+            }
+            let merged = stacked.qr().unpack_r();
+            let solved = |r: &DMatrix<f64>| {
+                r.view((0, 0), (2, 2)).solve_upper_triangular(&r.view((0, 2), (2, 1))).unwrap()
+            };
+            // Two ways to sum a thousand products.
+            assert!(
+                (solved(&merged) / solved(&one).norm() - &solved(&one) / solved(&one).norm()).norm() < 1e-10
+            );
+            assert!((merged[(2, 2)].abs() / one[(2, 2)].abs() - 1.0).abs() < 1e-10);
+        }
+    }
+
     #[test]
     fn dead_and_repeated_columns_are_refused_by_index() {
         let mut flight = made_up(200, |_| 0.1);

@@ -126,7 +126,7 @@ impl Screen {
         }
         let projection = Projection::new(&parts, own, count).ok_or(FitError::NoFlights)?;
         let meat = projection.of_square(&meat);
-        let mut squares = vec![(0.0, 0.0, 0.0); 6];
+        let mut squares = [(0.0, 0.0); 6];
         let flights: Vec<[DMatrix<f64>; 6]> = validate
             .iter()
             .map(|flight| {
@@ -163,7 +163,7 @@ impl Screen {
             train,
             held_out,
             effective_rows: std::array::from_fn(|axis| {
-                let (rows, coloured, _) = squares[axis];
+                let (rows, coloured) = squares[axis];
                 rows * rows / f64::max(coloured, rows)
             }),
             admissible: vec![(f64::NEG_INFINITY, f64::INFINITY); count],
