@@ -115,8 +115,12 @@ pub fn fit(
     // Where a coefficient qualifies another one (a height offset, a voltage shift), the way from zero can end in a side
     // valley: go from an ordinary value as well and take the better end.
     let second = second_start(&model, &layout.adjusting, start);
-    let first = settle(flights, model, &layout);
-    let Some(second) = second else { return first };
+    let first = settle(flights, model.clone(), &layout);
+    let Some(second) = second else {
+        // The first step from zero can end where an effect saturates (a lag of nothing): set out from either side as well.
+        let from = |side: f64| settle(flights, ordinary(&model, &layout.adjusting, start, side), &layout);
+        return first.or_else(|why| from(1.0).or_else(|_| from(-1.0)).map_err(|_| why));
+    };
     match (first, settle(flights, second, &layout)) {
         (Ok(a), Ok(b)) => Ok(if spread(&b) < spread(&a) { b } else { a }),
         (Ok(fit), Err(_)) | (Err(_), Ok(fit)) => Ok(fit),
@@ -154,6 +158,19 @@ fn second_start(model: &Model, adjusting: &[Effect], start: Option<&Model>) -> O
         any = true;
     }
     any.then_some(second)
+}
+
+/// The model with half the ordinary values, of one sign, for adjusting effects without a known value.
+fn ordinary(model: &Model, adjusting: &[Effect], start: Option<&Model>, side: f64) -> Model {
+    let mut model = model.clone();
+    let has_map = model.vehicle.has_rotor_map();
+    for effect in adjusting.iter().filter(|e| start.is_none_or(|m| !m.has(**e))) {
+        let values: Vec<f64> = (0..effect.info().coefficients.len())
+            .map(|k| 0.5 * side * step_scale(has_map, *effect, k))
+            .collect();
+        model.set(*effect, &values);
+    }
+    model
 }
 
 /// Gauss and Newton's steps from where `model` stands.
@@ -327,7 +344,11 @@ pub(crate) fn residual_derivatives_at(
         model.term(effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
     (0..info.coefficients.len())
         .map(|k| {
-            let step = DERIVATIVE_STEP * step_scale(model.vehicle.has_rotor_map(), effect, k);
+            let step = match effect {
+                // Time constants under a tenth of a millisecond count as none.
+                Effect::MotorLag => 2e-4,
+                _ => DERIVATIVE_STEP * step_scale(model.vehicle.has_rotor_map(), effect, k),
+            };
             let mut values = base.clone();
             values[k] += step;
             model.set(effect, &values);

@@ -152,7 +152,9 @@ impl<'a> Search<'a> {
     fn with(&self, start: &Model, set: &[Effect]) -> Result<Judged, FitError> {
         let mut effects = self.base.fit.model.effects();
         effects.extend(set);
+        // Values from a larger set can lie where an effect saturates: then from the base model's.
         judge(start, &effects, self.train, self.validate)
+            .or_else(|_| judge(&self.base.fit.model, &effects, self.train, self.validate))
     }
 
     /// Weighs each member with the others in place; those that are not supported leave, the weakest first.
