@@ -171,7 +171,8 @@ impl<'a> Search<'a> {
                 progress(effect.id());
                 let mut rest = set.clone();
                 rest.remove(k);
-                let without = if rest.is_empty() { None } else { Some(self.with(&all.fit.model, &rest)?) };
+                // Where the rest cannot be fitted without it, it is weighed against the base model.
+                let without = if rest.is_empty() { None } else { self.with(&all.fit.model, &rest).ok() };
                 let reference = without.as_ref().unwrap_or(&self.base);
                 let finding = evidence(reference, &all, effect, (self.train, self.validate), count);
                 weighed.push((finding, without));
