@@ -53,6 +53,8 @@ impl Change {
     pub fn all(model: &Model) -> Vec<Self> {
         Effect::changes()
             .filter(|effect| !model.has(*effect))
+            // A lag that was never known has not changed: what shows was missing all along.
+            .filter(|effect| *effect != Effect::MotorLag || model.vehicle.motors.lag.is_some())
             .flat_map(|effect| match effect {
                 Effect::MotorEfficiency => {
                     (1..=4).map(|motor| Self { effect, motor: Some(motor) }).collect::<Vec<_>>()
