@@ -50,9 +50,9 @@ pub(crate) struct Options {
     json: bool,
 }
 
-/// Why an effect cannot be added to a model.
+/// Why an effect cannot be used.
 #[derive(Debug, thiserror::Error)]
-enum AddError {
+pub(crate) enum AddError {
     #[error("unknown effect \"{effect}\"; known are {known}")]
     Unknown { effect: String, known: String },
     #[error("{}: already has the effect \"{effect}\"; its effects are {there}", model.display())]
@@ -86,7 +86,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     }
 }
 
-fn known_effect(id: &str) -> Result<Effect, AddError> {
+pub(crate) fn known_effect(id: &str) -> Result<Effect, AddError> {
     Effect::from_id(id).ok_or_else(|| {
         let candidates: Vec<Effect> = Effect::candidates().collect();
         AddError::Unknown { effect: id.into(), known: listed(&candidates) }

@@ -7,6 +7,7 @@ use serde::Serialize;
 use sysid::Verdict;
 use sysid::diagnose::Unexplained;
 
+use crate::diagnose::WithoutOptions;
 use crate::faults::{self, FaultOptions};
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs, provenance};
@@ -34,6 +35,9 @@ pub(crate) struct Options {
     effects: EffectOptions,
 
     #[command(flatten)]
+    without: WithoutOptions,
+
+    #[command(flatten)]
     refine: RefineOptions,
 
     /// Model file to write, for example: --out model.toml
@@ -59,9 +63,10 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     check_outputs([&options.out].into_iter().chain(&options.html), &inputs)?;
     let vehicle = Vehicle::read(&options.vehicle)?;
     let effects = options.effects.read()?;
+    let diagnose_options = options.without.options()?;
     let mut sets = Sets::read(&options.sets, &vehicle, options.faults.reading(options.json))?;
     sets.leave_out_undefined(&Model::new(vehicle.clone()), &effects)?;
-    let story = story::tell(&vehicle, &mut sets, options.json)?;
+    let story = story::tell(&vehicle, &mut sets, &diagnose_options, options.json)?;
     let mut model = story.last_model().clone();
     let refinement = real_logs::refine(&mut model, &sets, &options.refine, options.json)?;
     report::write_atomic(&options.out, model.to_toml())?;
@@ -98,8 +103,11 @@ fn text(options: &Options, story: &Story, model: &Model, refinement: Option<&Ref
 
 #[derive(Serialize)]
 struct Document<'a> {
-    /// Of the model at the end: adequate, or structure is left unexplained.
+    /// Of the whole loop: `adequate` when nothing was missing, `missing-effect` when what was missing has been added and nothing
+    /// is left, `unexplained` when something is left at the end.
     verdict: Verdict,
+    /// Of the model before anything was added.
+    verdict_first: Verdict,
     summary: String,
     added: Vec<Added>,
     sse_first: PerAxis<f64>,
@@ -113,12 +121,15 @@ struct Document<'a> {
 struct Added {
     effect: &'static str,
     drop_percent: f64,
+    /// Held-out errors with it and those before it.
+    sse: PerAxis<f64>,
 }
 
 fn document(story: &Story, refinement: Option<RefinementEntry>) -> Document<'_> {
     let sse = |c: &sysid::Comparison| PerAxis::from_fn(|a| c.total[a].sse);
     Document {
-        verdict: story.last_diagnosis.verdict,
+        verdict: story.verdict(),
+        verdict_first: story.steps.first().map_or(story.last_diagnosis.verdict, |s| s.diagnosis.verdict),
         summary: story.conclusion(),
         added: story
             .steps
@@ -126,6 +137,7 @@ fn document(story: &Story, refinement: Option<RefinementEntry>) -> Document<'_> 
             .map(|step| Added {
                 effect: step.addition.finding.effect,
                 drop_percent: step.addition.finding.drop_percent,
+                sse: step.addition.after,
             })
             .collect(),
         sse_first: sse(&story.basic_comparison),

@@ -12,6 +12,7 @@ mod compare;
 mod demo;
 mod diagnose;
 mod effects;
+mod evidence;
 mod explain;
 mod faults;
 mod figures;

@@ -45,6 +45,11 @@ const fn verdict(name: &'static str) -> Heading {
     Heading { name, unit: "", content: Content::Verdict }
 }
 
+/// An empty table of words.
+pub(crate) fn evidence_grid(caption: &str, names: &[&'static str]) -> Grid {
+    Grid::new(caption, names.iter().map(|name| text(name)).collect::<Vec<_>>())
+}
+
 /// A table of words and numbers that are already written out.
 pub(crate) struct Grid {
     caption: String,
@@ -57,7 +62,7 @@ impl Grid {
         Self { caption: caption.into(), headings: headings.into(), rows: Vec::new() }
     }
 
-    fn push(&mut self, row: impl IntoIterator<Item = String>) {
+    pub(crate) fn push(&mut self, row: impl IntoIterator<Item = String>) {
         self.rows.push(row.into_iter().collect());
     }
 
@@ -180,7 +185,7 @@ fn percent(value: f64) -> String {
 }
 
 /// A p-value: below what a table can tell apart, only its bound.
-fn probability(p: f64) -> String {
+pub(crate) fn probability(p: f64) -> String {
     if p < 1e-12 {
         "<1e-12".into()
     } else if p < 0.001 {

@@ -7,7 +7,7 @@
 //!
 //! Where they start decides where they end, for some: `starts.rs`.
 
-use model::{Axis, AxisError, Effect, Estimate, Kind, Model, PerAxis, Term, Vehicle};
+use model::{Adjustments, Axis, AxisError, Effect, Estimate, Kind, Model, PerAxis, Term, Vehicle};
 
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Prior, Unidentifiable};
@@ -23,8 +23,9 @@ const NO_FURTHER: f64 = 0.003;
 const WORSE: f64 = 0.2;
 /// Most halvings of a wrong step.
 const HALVINGS: usize = 4;
-/// A step this small against the standard error is the last.
-const CONVERGED: f64 = 0.01;
+/// A step this small against the standard error of white residuals, which is the smaller one, is the last: each step leaves
+/// a tenth of the one before it or less.
+const CONVERGED: f64 = 0.1;
 
 /// Why a fit was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -147,15 +148,33 @@ pub fn fit(
     }
     let layout = Layout { linear, adjusting, order };
     let is_unknown = |effect: Effect| start.is_none_or(|m| !m.has(effect));
-    let ends = starts::of(flights, model, &layout, is_unknown)?
-        .into_iter()
-        .map(|start| settle(flights, start, &layout));
-    ends.reduce(|best, end| match (best, end) {
+    let starts = starts::of(flights, model, &layout, is_unknown)?;
+    let only = (starts.len() == 1).then(|| starts[0].clone());
+    let ends = starts.into_iter().map(|start| settle(flights, start, &layout));
+    let best = ends.reduce(|best, end| match (best, end) {
         (Ok(a), Ok(b)) => Ok(if spread(&b.sigma) < spread(&a.sigma) { b } else { a }),
         (Ok(fit), Err(_)) | (Err(_), Ok(fit)) => Ok(fit),
         (Err(why), Err(_)) => Err(why),
-    })
-    .unwrap_or(Err(FitError::NoFlights))
+    });
+    let best = best.unwrap_or(Err(FitError::NoFlights));
+    let Some(only) = only else { return best };
+    // The first step from zero can end where an effect saturates (a lag of nothing): set out from either side as well.
+    let from = |side: f64| settle(flights, ordinary(&only, &layout.adjusting, start, side), &layout);
+    best.or_else(|why| from(1.0).or_else(|_| from(-1.0)).map_err(|_| why))
+}
+
+/// The model with half the ordinary values, of one sign, for adjusting effects without a known value.
+fn ordinary(model: &Model, adjusting: &[Effect], start: Option<&Model>, side: f64) -> Model {
+    let mut model = model.clone();
+    let has_map = model.vehicle.has_rotor_map();
+    let unknown = |e: &&Effect| start.is_none_or(|m| !m.has(**e)) && e.starts().is_empty();
+    for effect in adjusting.iter().filter(unknown) {
+        let values: Vec<f64> = (0..effect.info().coefficients.len())
+            .map(|k| 0.5 * side * step_scale(has_map, *effect, k))
+            .collect();
+        model.set(*effect, &values);
+    }
+    model
 }
 
 /// Whether an effect has rows of p, q and r and no others.
@@ -195,7 +214,8 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
         check_finite(flights, &rows, &model)?;
         let mut priors = vec![None; count];
         priors.extend(adjusting.iter().flat_map(|effect| priors_of(&model, *effect)));
-        let solution = regress::solve(&rows, &priors).map_err(|why| unidentifiable(why, order))?;
+        let solution =
+            regress::solve_without_errors(&rows, &priors).map_err(|why| unidentifiable(why, order))?;
         // The linear part comes out as values, the adjusting part as steps from where the columns were formed.
         let mut values = solution.value.clone();
         let mut settled = true;
@@ -219,6 +239,7 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
         }
         if settled {
             check_scales(&model, adjusting)?;
+            let solution = regress::with_errors(solution, &rows, &priors);
             return Ok(finish(model, order, regress::Solution { value: values, ..solution }));
         }
     }
@@ -310,7 +331,7 @@ fn blame_users(model: &Model, not_finite: Option<&Prepared>) -> Result<(), FitEr
 }
 
 /// What is known of the next step of an adjusting effect's coefficients: it leads back to zero.
-fn priors_of(model: &Model, effect: Effect) -> impl Iterator<Item = Option<Prior>> {
+pub(crate) fn priors_of(model: &Model, effect: Effect) -> impl Iterator<Item = Option<Prior>> {
     let values: Vec<f64> =
         model.term(effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
     let known = effect.info().coefficients.iter().zip(values);
@@ -405,8 +426,11 @@ fn assemble(
             } else {
                 flight.targets(&model.vehicle, &adjust, stride)
             };
-            for effect in adjusting {
-                columns.extend(residual_derivatives_at(flight, model, *effect, stride));
+            if !adjusting.is_empty() {
+                let here = residuals_at_rows(flight, model, stride);
+                for effect in adjusting {
+                    columns.extend(residual_derivatives_at(flight, model, *effect, stride, &here));
+                }
             }
             FlightRows {
                 targets,
@@ -436,39 +460,46 @@ pub(crate) fn less_added(
     targets
 }
 
-/// Minus the derivative of the residual with respect to each coefficient of an adjusting effect: central differences,
-/// which are exact to rounding for the smooth, mildly curved ways these effects act.
-pub(crate) fn residual_derivatives(flight: &Prepared, model: &Model, effect: Effect) -> Vec<RowColumn> {
-    residual_derivatives_at(flight, model, effect, 1)
-}
+/// Step of a derivative, part of an ordinary magnitude. Effects act smoothly: a forward difference over it is off by about
+/// this part of the derivative; rounding, 1e-15 of the residual, matters less still.
+const DERIVATIVE_STEP: f64 = 1e-5;
 
-/// The same over the rows at every `stride`th sample.
+/// Minus the derivative of the residual with respect to each coefficient of an adjusting effect, over the rows at every
+/// `stride`th sample: forward differences from the residual where the model stands.
 pub(crate) fn residual_derivatives_at(
     flight: &Prepared,
     model: &Model,
     effect: Effect,
     stride: usize,
+    here: &Residuals,
 ) -> Vec<RowColumn> {
     let info = effect.info();
     let mut model = model.clone();
     if !model.has(effect) {
         model.set(effect, &vec![0.0; info.coefficients.len()]);
     }
+    let adjust = model.adjustments();
     let base: Vec<f64> =
         model.term(effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
     (0..info.coefficients.len())
         .map(|k| {
-            let step = 0.01 * local_scale(model.vehicle.has_rotor_map(), effect, k, base[k]);
-            let mut at = |sign: f64| {
-                let mut values = base.clone();
-                values[k] += sign * step;
-                model.set(effect, &values);
+            let step = match effect {
+                // Time constants under a tenth of a millisecond count as none.
+                Effect::MotorLag => 2e-4,
+                _ => DERIVATIVE_STEP * local_scale(model.vehicle.has_rotor_map(), effect, k, base[k]),
+            };
+            let mut values = base.clone();
+            values[k] += step;
+            model.set(effect, &values);
+            // Most effects change what is predicted, not what was measured; a load's swing is projected out of both.
+            let ahead = if adjust.load.is_none() && sees_alike(&model.adjustments(), &adjust) {
+                minus_predicted(&here.measured, flight, &model, stride)
+            } else {
                 residuals_at_rows(flight, &model, stride).residual
             };
-            let (ahead, behind) = (at(1.0), at(-1.0));
             std::array::from_fn(|axis| {
                 let difference: Vec<f64> =
-                    ahead[axis].iter().zip(&behind[axis]).map(|(a, b)| (b - a) / (2.0 * step)).collect();
+                    ahead[axis].iter().zip(&here.residual[axis]).map(|(a, b)| (b - a) / step).collect();
                 // Rows that do not feel the coefficient stay out of the problem.
                 difference.iter().any(|d| *d != 0.0).then_some(difference)
             })
@@ -480,6 +511,11 @@ pub(crate) fn residual_derivatives_at(
 fn local_scale(has_rotor_map: bool, effect: Effect, coefficient: usize, value: f64) -> f64 {
     let is_scale = effect.info().coefficients[coefficient].possible.0 > 0.0 && value > 0.0;
     if is_scale { value } else { step_scale(has_rotor_map, effect, coefficient) }
+}
+
+/// Whether a tracker reports the same of a motion under both.
+fn sees_alike(a: &Adjustments, b: &Adjustments) -> bool {
+    a.tracked_point_m == b.tracked_point_m && a.attitude_tilt_rad == b.attitude_tilt_rad
 }
 
 /// Ordinary magnitude of a coefficient; rotor "speeds" are commands near 1 where the map is unknown.
@@ -509,12 +545,21 @@ fn with_beginnings(flight: &Prepared, model: &Model, stride: usize) -> Residuals
         // What a model does not speak of is no error of it: nothing measured, nothing predicted.
         measured[3..].iter_mut().for_each(|axis| axis.fill(0.0));
     }
+    let residual = minus_predicted(&measured, flight, model, stride);
+    Residuals { measured, residual }
+}
+
+fn minus_predicted(
+    measured: &[Vec<f64>; 6],
+    flight: &Prepared,
+    model: &Model,
+    stride: usize,
+) -> [Vec<f64>; 6] {
     let predicted = flight.predicted(model, stride);
-    let residual = std::array::from_fn(|axis| match &predicted[axis] {
+    std::array::from_fn(|axis| match &predicted[axis] {
         Some(predicted) => measured[axis].iter().zip(predicted).map(|(m, p)| m - p).collect(),
         None => measured[axis].clone(),
-    });
-    Residuals { measured, residual }
+    })
 }
 
 /// Coefficients of the basic model whose sign contradicts the craft's geometry or physics by more than their error, each as

@@ -26,16 +26,20 @@ pub mod prepare;
 pub mod refine;
 pub mod regress;
 mod rows;
+mod screen;
+mod select;
 mod starts;
+pub mod subsets;
 mod swing;
 mod tracks;
 pub mod trim;
 mod undefined;
+pub mod why;
 
 pub use alignment::{Alignment, Reference, align, align_to};
 pub use closed_loop::{MotorsOfFlights, motors_of_flights};
 pub use compare::{Comparison, compare};
-pub use diagnose::{Addition, Diagnosis, Verdict, add, diagnose};
+pub use diagnose::{Addition, Diagnosis, Options, Verdict, add, diagnose, diagnose_with};
 pub use faults::{Examined, Fault, FaultKind, Severity, examine};
 pub use fit::{
     Fit, FitError, Residuals, errors, fit, has_rotation, impossible_signs, residuals, rotation_doubts,
@@ -44,3 +48,4 @@ pub use fit::{
 pub use flight::{Column, Flight, FlightError};
 pub use prepare::{Conditions, ForceTarget, PrepareError, Prepared};
 pub use refine::{RefineError, Refinement, RefinementOutcome, refine};
+pub use why::{Why, WhyError, why};

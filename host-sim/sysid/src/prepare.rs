@@ -634,8 +634,9 @@ fn even_grid(
         };
     }
     notes.push(format!("{uneven} uneven sampling steps interpolated to {:.1} Hz", 1.0 / period_s));
-    let count = ((times[times.len() - 1] - times[0]) / period_s).floor() as usize + 1;
-    let grid: Vec<f64> = (0..count).map(|k| times[0] + k as f64 * period_s).collect();
+    let start = grid_start(times, period_s);
+    let count = ((times[times.len() - 1] - start) / period_s).floor() as usize + 1;
+    let grid: Vec<f64> = (0..count).map(|k| start + k as f64 * period_s).collect();
     let columns = columns.iter().enumerate().map(|(index, column)| {
         let values = &column[range.clone()];
         let held = (COMMAND..BATTERY).contains(&index);
@@ -646,7 +647,8 @@ fn even_grid(
                     at += 1;
                 }
                 if held {
-                    values[at + usize::from(time >= times[at + 1])]
+                    // A row that is a little late tells of a command that has already been there.
+                    values[at + usize::from(times[at + 1] - time < 0.5 * period_s)]
                 } else {
                     hermite(times, values, at, time)
                 }
@@ -654,6 +656,17 @@ fn even_grid(
             .collect()
     });
     EvenGrid { time_s: grid.clone(), columns: columns.collect() }
+}
+
+/// Where an even grid starts that lies in the middle of jittering times: one that began at a late row would be late throughout,
+/// and every command on it.
+fn grid_start(times: &[f64], period_s: f64) -> f64 {
+    let off = |t: &f64| {
+        let periods = (t - times[0]) / period_s;
+        periods - periods.round()
+    };
+    let start = times[0] + period_s * times.iter().map(off).sum::<f64>() / times.len() as f64;
+    if start < times[0] { start + period_s } else { start }
 }
 
 /// Cubic Hermite interpolation between samples `at` and `at + 1` with the slopes of the neighbours.
