@@ -37,6 +37,8 @@ pub(crate) const SIGNIFICANCE: f64 = 0.01;
 pub(crate) const HELD_OUT_SIGNIFICANCE: f64 = 0.05;
 /// Smallest held-out drop, percent of an axis' squared error, that matters.
 pub const MATTERS_PERCENT: f64 = 1.5;
+/// A cable's stiffness stands out from zero by this many standard errors.
+const SLACK_ERRORS: f64 = 3.0;
 /// Smallest share of an axis' held-out squared error that counts as structure, percent.
 const STRUCTURE_PERCENT: f64 = 3.0;
 /// Largest corrected p-value of structure.
@@ -346,13 +348,24 @@ pub(crate) fn weigh(finding: &EffectFinding, effect: Effect, model: &Model) -> (
         let p = by_chance.map_or_else(String::new, |p| format!(", p = {p:.2}"));
         return (false, format!("held-out flights do not bear it out ({improved} of {flights} improve{p})"));
     }
-    if let Some(what) = impossible(finding, effect, model) {
+    if let Some(what) = impossible(finding, effect, model).or_else(|| slack_cable(finding, effect)) {
         return (false, what);
     }
     (
         true,
         format!("held-out error falls by {:.1} % in {improved} of {flights} flights", finding.drop_percent),
     )
+}
+
+/// A cable without stiffness is a push that is the same everywhere: what a trim that differs between flights looks like.
+fn slack_cable(finding: &EffectFinding, effect: Effect) -> Option<String> {
+    let stiffness = finding.coefficients.first().filter(|_| effect == Effect::Tether)?;
+    (stiffness.value < SLACK_ERRORS * stiffness.std_error).then(|| {
+        format!(
+            "a push that is the same everywhere and no cable: its stiffness is {:.4} +- {:.4} {}",
+            stiffness.value, stiffness.std_error, stiffness.unit
+        )
+    })
 }
 
 /// "Not seen" is not "not there": when an effect of ordinary size would hide in the error of its estimate, say so and
