@@ -39,6 +39,8 @@ pub(crate) const HELD_OUT_SIGNIFICANCE: f64 = 0.05;
 pub const MATTERS_PERCENT: f64 = 1.5;
 /// A cable's stiffness stands out from zero by this many standard errors.
 const SLACK_ERRORS: f64 = 3.0;
+/// Smallest lag or dead time that is one, s: a tenth of a sample.
+const TIMING_S: f64 = 0.001;
 /// Smallest share of an axis' held-out squared error that counts as structure, percent.
 const STRUCTURE_PERCENT: f64 = 3.0;
 /// Largest corrected p-value of structure.
@@ -351,6 +353,9 @@ pub(crate) fn weigh(finding: &EffectFinding, effect: Effect, model: &Model) -> (
     if let Some(what) = impossible(finding, effect, model).or_else(|| slack_cable(finding, effect)) {
         return (false, what);
     }
+    if let Some(what) = below_the_clocks(finding, effect) {
+        return (false, what);
+    }
     (
         true,
         format!("held-out error falls by {:.1} % in {improved} of {flights} flights", finding.drop_percent),
@@ -364,6 +369,20 @@ fn slack_cable(finding: &EffectFinding, effect: Effect) -> Option<String> {
         format!(
             "a push that is the same everywhere and no cable: its stiffness is {:.4} +- {:.4} {}",
             stiffness.value, stiffness.std_error, stiffness.unit
+        )
+    })
+}
+
+/// A lag or a dead time of a fraction of a millisecond: logs do not tell when their commands took effect as exactly as that
+/// (times jitter, commands are held), and no loop at 100 Hz feels it.
+fn below_the_clocks(finding: &EffectFinding, effect: Effect) -> Option<String> {
+    let timing =
+        finding.coefficients.first().filter(|_| matches!(effect, Effect::MotorLag | Effect::InputDelay))?;
+    (timing.value.abs() < TIMING_S).then(|| {
+        format!(
+            "too small to matter: {:.2} ms, under the {:.0} ms that a log's times resolve",
+            1e3 * timing.value,
+            1e3 * TIMING_S
         )
     })
 }

@@ -569,6 +569,11 @@ pub fn impossible_signs(model: &Model) -> Vec<String> {
     doubts(model).into_iter().map(|(_, doubt)| doubt).collect()
 }
 
+/// Whether thrust points up. A term that makes it negative is no effect but a polynomial that happens to fit.
+pub(crate) fn lifts(model: &Model) -> bool {
+    doubts(model).iter().all(|(effect, _)| *effect != Effect::Thrust)
+}
+
 /// A model whose rotation explains less than this of every moment row knows nothing of it.
 const LEAST_ROTATION_R2: f64 = 0.1;
 

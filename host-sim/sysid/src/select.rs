@@ -14,7 +14,7 @@ use crate::diagnose::{
     AxisDrop, CoefficientFigures, EffectFinding, SIGNIFICANCE, evidence, independent_stretches, separate,
     weigh, zero_p_value,
 };
-use crate::fit::check_residuals;
+use crate::fit::{check_residuals, lifts};
 use crate::prepare::Prepared;
 use crate::screen::Screen;
 use crate::subsets::Subset;
@@ -150,12 +150,28 @@ impl<'a> Search<'a> {
         progress: &mut impl FnMut(&str),
     ) -> Option<Scored> {
         let near = sets.iter().take_while(|set| set.score >= CONTENDER * sets[0].score).take(CONTENDERS);
+        let best = self.best_of(from, screen, near, progress);
+        // Sets that end in nonsense hide a member that by itself does not.
+        let single = sets.iter().filter(|set| set.members.len() == 1).take(CONTENDERS);
+        best.or_else(|| self.best_of(from, screen, single, progress))
+    }
+
+    fn best_of<'s>(
+        &self,
+        from: &Judged,
+        screen: &Screen,
+        sets: impl Iterator<Item = &'s Subset>,
+        progress: &mut impl FnMut(&str),
+    ) -> Option<Scored> {
         let mut best: Option<Scored> = None;
-        for set in near {
+        for set in sets {
             let start = screen.start(set);
             let members: Vec<Effect> = start.iter().map(|(effect, _)| *effect).collect();
             progress(&members.iter().map(|e| e.id()).collect::<Vec<_>>().join(" and "));
             let Ok(judged) = self.fitted(&from.fit.model, &start) else { continue };
+            if !lifts(&judged.fit.model) {
+                continue;
+            }
             let score = screen.gain(&from.held_out, &judged.held_out) - PENALTY * set.values.len() as f64;
             if score > best.as_ref().map_or(0.0, |b| b.0) {
                 best = Some((score, members, judged));
