@@ -16,7 +16,10 @@
 //! Deliberately absent: flights (crate `sysid`), the nonlinear closed loop (crate `sil`), and drawing (crate `report`).
 #![forbid(unsafe_code)]
 
+pub mod check;
+pub mod curves;
 mod error;
+mod gains_file;
 pub mod linear;
 pub mod loops;
 pub mod margins;
@@ -25,6 +28,9 @@ pub mod state_space;
 pub mod trim;
 
 pub use error::{DesignError, Result};
+pub use nalgebra::Complex;
+
+pub use gains_file::{Gains, Provenance};
 
 /// A TOML error as one line with the line number, without the excerpt.
 fn toml_message(text: &str, error: &toml::de::Error) -> String {

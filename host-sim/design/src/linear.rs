@@ -20,7 +20,7 @@ use nalgebra::{Complex, DMatrix, Matrix4, SMatrix, Vector4};
 
 use crate::error::{DesignError, Result};
 use crate::state_space::eigenvalues;
-use crate::trim::{Dynamics, Equilibrium, INPUTS, STATES, TrimTarget, equilibrium, equilibrium_of};
+use crate::trim::{Dynamics, Equilibrium, INPUTS, STATES, TrimTarget, equilibrium};
 
 /// A of (5.16).
 pub type MatrixA = SMatrix<f64, 12, 12>;
@@ -77,13 +77,6 @@ impl Linear {
     pub fn new(model: &Model, target: &TrimTarget) -> Result<Self> {
         let equilibrium = equilibrium(model, target)?;
         Self::about(model, target, equilibrium, Differences::Fine)
-    }
-
-    /// Linearises at hover where the effects a craft needs are known to be there.
-    pub(crate) fn hover(model: &Model) -> Result<Self> {
-        let target = TrimTarget::default();
-        let equilibrium = equilibrium_of(&Dynamics::new(model, None), &target)?;
-        Self::about(model, &target, equilibrium, Differences::Fine)
     }
 
     fn about(

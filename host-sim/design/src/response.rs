@@ -35,7 +35,7 @@ impl Response {
 }
 
 /// Which way through a closed loop, as a single-input system.
-fn path(closed: &StateSpace, input: usize, output: usize) -> StateSpace {
+pub(crate) fn path(closed: &StateSpace, input: usize, output: usize) -> StateSpace {
     StateSpace {
         a: closed.a.clone(),
         b: closed.b.columns(input, 1).into_owned(),

@@ -219,11 +219,7 @@ pub fn equilibrium(model: &Model, target: &TrimTarget) -> Result<Equilibrium> {
             return Err(DesignError::MissingEffect { effect: effect.id(), channel });
         }
     }
-    let dynamics = Dynamics::new(model, target.battery_v);
-    equilibrium_of(&dynamics, target)
-}
-
-pub(crate) fn equilibrium_of(dynamics: &Dynamics, target: &TrimTarget) -> Result<Equilibrium> {
+    let dynamics = &Dynamics::new(model, target.battery_v);
     let no_thrust = DesignError::Uncontrollable { channel: "z", input: "T_Z", output: "w" };
     let level = Search { dynamics, target: *target, hover_rad2_s2: 1.0 }.state(&[0.0; 6]);
     // Thrust of one (rad/s)^2 at each rotor, found where it is large against drag.

@@ -391,8 +391,8 @@ fn the_product_finds_the_printed_margins_from_the_model() {
     }
     let sampled =
         |name| LoopMargins::of(&model_loop(name, View::Sampled { delay_samples: 2 })).unwrap().at_error;
-    // 1 in the third digit: the unrounded denominators and the true zero.
-    near(sampled(LoopName::Roll).gain_margin.unwrap(), 1.246, 2e-3, "roll, 2 samples");
+    // The true zero takes 0.2 % of it, in pitch (whose zero is as printed) nothing.
+    near(sampled(LoopName::Roll).gain_margin.unwrap(), 1.246, 3e-3, "roll, 2 samples");
     near(sampled(LoopName::Pitch).gain_margin.unwrap(), 1.085, 2e-3, "pitch, 2 samples");
 }
 

@@ -4,12 +4,14 @@
 //! arguments and turns errors into one line and an exit status: 0 done, 1 the job ran and what it checks does not hold,
 //! 2 bad usage or bad input. Progress and warnings go to standard error.
 //!
-//! Deliberately absent: mathematics (crates `model` and `sysid`) and drawing (crate `report`).
+//! Deliberately absent: mathematics (crates `model`, `sysid` and `design`) and drawing (crate `report`).
 #![forbid(unsafe_code)]
 
 mod add;
 mod compare;
 mod demo;
+mod design_check;
+mod design_pages;
 mod diagnose;
 mod effects;
 mod explain;
@@ -17,6 +19,7 @@ mod figures;
 mod flights;
 mod hidden;
 mod identify;
+mod linearize;
 mod output;
 mod pages;
 mod progress;
@@ -49,6 +52,15 @@ enum Command {
     Explain(explain::Options),
     Effects(effects::Options),
     Demo(demo::Options),
+    Linearize(linearize::Options),
+    /// Analyse and design control loops on a model
+    #[command(subcommand)]
+    Design(DesignCommand),
+}
+
+#[derive(Subcommand)]
+enum DesignCommand {
+    Check(design_check::Options),
 }
 
 const DOES_NOT_HOLD: u8 = 1;
@@ -67,6 +79,8 @@ fn main() -> ExitCode {
         Command::Explain(options) => explain::run(&options),
         Command::Effects(options) => effects::run(&options),
         Command::Demo(options) => demo::run(&options),
+        Command::Linearize(options) => linearize::run(&options),
+        Command::Design(DesignCommand::Check(options)) => design_check::run(&options),
     };
     match outcome.and_then(finish) {
         Ok(code) => code,
