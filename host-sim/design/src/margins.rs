@@ -32,7 +32,8 @@ pub struct PhaseCrossing {
 /// Margins at one cut of a loop.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Margins {
-    /// Least phase margin, degrees; absent if the gain never crosses 1.
+    /// Least phase margin, degrees; absent if the gain never crosses 1. Of a stable loop it is positive: the phase that it
+    /// can lose, or gain where that is less (loops around unstable plants).
     pub phase_margin_deg: Option<f64>,
     /// Gain crossover frequency it belongs to, rad/s.
     pub crossover_rad_s: Option<f64>,
@@ -111,7 +112,8 @@ impl Margins {
         };
         let upwards = nearest(stable.then_some(true));
         Self {
-            phase_margin_deg: least.map(|c| c.phase_margin_deg),
+            phase_margin_deg: least
+                .map(|c| if stable { c.phase_margin_deg.abs() } else { c.phase_margin_deg }),
             crossover_rad_s: least.map(|c| c.frequency_rad_s),
             gain_margin: upwards.map(|c| c.gain_margin),
             phase_crossover_rad_s: upwards.map(|c| c.frequency_rad_s),

@@ -90,7 +90,12 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
 }
 
 fn number(value: Option<f64>, digits: usize) -> String {
-    value.map_or_else(|| "-".into(), |x| significant(x, digits))
+    value.map_or_else(|| "-".into(), |x| short(x, digits))
+}
+
+/// Less than a thousandth of anything in these tables (degrees, seconds, per cent) is nothing.
+fn short(value: f64, digits: usize) -> String {
+    if value.abs() < 1e-3 { "0".into() } else { significant(value, digits) }
 }
 
 /// Rows of equal columns.
@@ -176,12 +181,12 @@ fn steps(text: &mut String, report: &CheckReport) {
     for s in &report.steps {
         rows.push(vec![
             s.name.into(),
-            significant(s.commanded.overshoot_percent, 3),
+            short(s.commanded.overshoot_percent, 3),
             number(s.commanded.rise_s, 3),
             number(s.commanded.settling_5_s, 3),
             number(s.commanded.settling_2_s, 3),
             number(s.commanded.lowest_after_peak, 3),
-            significant(s.without_prefilter.overshoot_percent, 3),
+            short(s.without_prefilter.overshoot_percent, 3),
             number(s.without_prefilter.rise_s, 3),
         ]);
     }
@@ -199,8 +204,8 @@ fn disturbances(text: &mut String, report: &CheckReport) {
             d.name.into(),
             significant(d.peak, 3),
             significant(d.peak_s, 3),
-            significant(d.last, 2),
-            significant(d.last_without_integral, 3),
+            short(d.last, 2),
+            short(d.last_without_integral, 3),
             d.unit.into(),
         ]);
     }
