@@ -7,7 +7,8 @@
 //! 3. [`loops`]: the law's loops around the channels, as the thesis designs them (continuous) and as they fly (sampled at
 //!    100 Hz with the filters of crate `control` and the pose some samples late).
 //! 4. [`margins`], [`response`]: what the loops are judged by.
-//! 5. [`check`]: all of it for a model and a gains file, over battery voltages and over what the identification leaves
+//! 5. [`procedure`]: gains from specifications, the thesis' way or searched for a late pose.
+//! 6. [`check`]: all of it for a model and a gains file, over battery voltages and over what the identification leaves
 //!    uncertain.
 //!
 //! Conventions: SI units, radians, rad/s; states and inputs in the order of (5.13). Inputs of the linear model are thrust
@@ -23,6 +24,7 @@ mod gains_file;
 pub mod linear;
 pub mod loops;
 pub mod margins;
+pub mod procedure;
 pub mod response;
 pub mod state_space;
 pub mod trim;

@@ -72,6 +72,11 @@ impl Band {
         Self { low_rad_s: 0.02, high_rad_s, points: 600 }
     }
 
+    /// The same with a grid that is enough to search on, but could miss two crossings that lie close together.
+    pub fn coarse(period_s: Option<f64>) -> Self {
+        Self { points: 300, ..Self::of(period_s) }
+    }
+
     /// The grid, evenly spaced in the logarithm.
     pub fn grid(&self) -> impl Iterator<Item = f64> + '_ {
         let ratio = self.high_rad_s / self.low_rad_s;

@@ -11,6 +11,7 @@ mod add;
 mod compare;
 mod demo;
 mod design_check;
+mod design_gains;
 mod design_pages;
 mod diagnose;
 mod effects;
@@ -53,14 +54,7 @@ enum Command {
     Effects(effects::Options),
     Demo(demo::Options),
     Linearize(linearize::Options),
-    /// Analyse and design control loops on a model
-    #[command(subcommand)]
-    Design(DesignCommand),
-}
-
-#[derive(Subcommand)]
-enum DesignCommand {
-    Check(design_check::Options),
+    Design(design_gains::Options),
 }
 
 const DOES_NOT_HOLD: u8 = 1;
@@ -80,7 +74,7 @@ fn main() -> ExitCode {
         Command::Effects(options) => effects::run(&options),
         Command::Demo(options) => demo::run(&options),
         Command::Linearize(options) => linearize::run(&options),
-        Command::Design(DesignCommand::Check(options)) => design_check::run(&options),
+        Command::Design(options) => design_gains::run(&options),
     };
     match outcome.and_then(finish) {
         Ok(code) => code,

@@ -103,7 +103,7 @@ fn what_is_uncertain_spreads_the_margins() {
     for coefficient in model.terms.iter_mut().flat_map(|term| &mut term.coefficients) {
         coefficient.std_error = Some(0.02 * coefficient.value.abs());
     }
-    model.set(Effect::BatteryVoltage, &[10.0]);
+    model.set(Effect::BatteryVoltage, &[10.0, 0.0]);
     write_model(folder.path(), &model);
     let arguments = with(&["--delay", "0", "--samples", "12"]);
     let report = json_in(folder.path(), &arguments);
@@ -199,4 +199,44 @@ fn mistakes_are_one_line_each() {
     stuck.set(Effect::RotorMoments, &moments);
     write_model(folder, &stuck);
     refused(folder, &CHECK, &["no equilibrium"]);
+}
+
+/// The thesis' procedure writes a gains file with its provenance, which the check takes; another vehicle refuses it.
+#[test]
+fn designed_gains_are_written_checked_and_belong_to_their_vehicle() {
+    let folder = thesis();
+    let folder = folder.path();
+    std::fs::write(folder.join("specs.toml"), "method = \"thesis\"\n").unwrap();
+    let arguments = ["design", "--model", "model.toml", "--specs", "specs.toml", "--out", "gains.toml"];
+    let document = json_in(folder, &arguments);
+    assert!(document["steps"].as_array().unwrap().len() >= 18);
+    assert!(document["shortfalls"].as_array().unwrap().is_empty());
+    let written = std::fs::read_to_string(folder.join("gains.toml")).unwrap();
+    assert!(written.contains("model_sha256") && written.contains("phase_margin_deg"), "{written}");
+    let report = json_in(folder, &with(&["--continuous"]));
+    assert!(named(&report["loops"], "roll")["phase_margin_deg"].as_f64().unwrap() >= 45.0);
+    let mut other = Model::thesis();
+    other.vehicle.name = "other craft".into();
+    write_model(folder, &other);
+    refused(folder, &CHECK, &["belong to another vehicle"]);
+}
+
+#[test]
+fn specifications_that_cannot_be_met_write_nothing() {
+    let folder = thesis();
+    let folder = folder.path();
+    std::fs::write(folder.join("specs.toml"), "method = \"thesis\"\n[yaw]\novershoot_percent = 5.0\nrise_s = 0.1\nprefilter_rad_s = 4.0\nintegral_rad_s = 0.06\n").unwrap();
+    let output =
+        run_in(folder, &["design", "--model", "model.toml", "--specs", "specs.toml", "--out", "new.toml"]);
+    assert_eq!(output.status.code(), Some(1));
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("NOT MET: yaw: rise, s: wanted 0.1"), "{text}");
+    assert!(!folder.join("new.toml").exists());
+    std::fs::write(folder.join("specs.toml"), "[yaw]\nspeed = 1\n").unwrap();
+    refused(
+        folder,
+        &["design", "--model", "model.toml", "--specs", "specs.toml", "--out", "new.toml"],
+        &["specs.toml: line 2"],
+    );
+    refused(folder, &["design", "--model", "model.toml"], &["--out"]);
 }
