@@ -33,8 +33,8 @@ const ARROWS: &[Allowed] = &[
     },
     Allowed {
         from: "sil",
-        to: &["model", "control", "proto", "report", "sysid"],
-        why: "the loop joins plant and controller, writes flight files and draws its responses",
+        to: &["model", "control", "proto", "report", "sysid", "design"],
+        why: "the loop joins plant and controller, writes flight files, and draws and judges its responses",
     },
     Allowed {
         from: "ground",
