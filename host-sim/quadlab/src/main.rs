@@ -15,7 +15,9 @@ mod design_gains;
 mod design_pages;
 mod diagnose;
 mod effects;
+mod evidence;
 mod explain;
+mod faults;
 mod figures;
 mod flights;
 mod hidden;
@@ -24,8 +26,10 @@ mod linearize;
 mod output;
 mod pages;
 mod progress;
+mod real_logs;
 mod story;
 mod tables;
+mod user_effects;
 
 use std::process::ExitCode;
 
