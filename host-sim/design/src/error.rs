@@ -15,6 +15,14 @@ pub enum DesignError {
         /// The channel.
         channel: &'static str,
     },
+    /// The model has states beyond the twelve of (5.13).
+    #[error(
+        "the model has the effect \"{effect}\", whose swing the linear model of (5.13) does not hold: leave the load at home, or give it as mass-change"
+    )]
+    Swinging {
+        /// The effect's identifier.
+        effect: &'static str,
+    },
     /// The optimiser found nothing near enough to rest.
     #[error("no equilibrium: the cost J of (5.13) stays at {cost:.3e}, mostly in {worst}; {hint}")]
     NoEquilibrium {

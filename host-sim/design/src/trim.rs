@@ -9,7 +9,7 @@ use std::path::Path;
 use argmin::core::{CostFunction, Executor, Gradient, State as _};
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;
-use model::{Effect, Model, Plant, SampleInput, frames};
+use model::{Effect, Model, Plant, SampleInput, Swing, frames};
 use nalgebra::Vector3;
 use serde::Deserialize;
 
@@ -115,6 +115,7 @@ impl Dynamics {
             rotor_rad_s: *rotor,
             rotor_acceleration_rad_s2: *rotor_acceleration,
             battery_v: self.battery_v,
+            swing: Swing::default(),
         }))
     }
 
@@ -219,6 +220,9 @@ pub fn equilibrium(model: &Model, target: &TrimTarget) -> Result<Equilibrium> {
             return Err(DesignError::MissingEffect { effect: effect.id(), channel });
         }
     }
+    if model.has(Effect::SlungLoad) {
+        return Err(DesignError::Swinging { effect: Effect::SlungLoad.id() });
+    }
     let dynamics = &Dynamics::new(model, target.battery_v);
     let no_thrust = DesignError::Uncontrollable { channel: "z", input: "T_Z", output: "w" };
     let level = Search { dynamics, target: *target, hover_rad2_s2: 1.0 }.state(&[0.0; 6]);
@@ -305,6 +309,15 @@ mod tests {
         let theta = e.state[7];
         let forward = 0.2520 * 2.0 * theta.cos().powi(2) + 0.2609 * 2.0 * theta.sin().powi(2);
         assert!(theta > 0.0 && (e.inputs[0] * theta.sin() - forward).abs() < 1e-6, "{theta} {forward}");
+    }
+
+    /// The swing of a load is a state of its own, which the twelve of (5.13) do not have.
+    #[test]
+    fn a_craft_with_a_swinging_load_is_refused() {
+        let mut model = Model::thesis();
+        model.set(Effect::SlungLoad, &[0.05, 0.4, 0.05]);
+        let error = equilibrium(&model, &TrimTarget::default()).unwrap_err().to_string();
+        assert!(error.contains("slung-load") && error.contains("mass-change"), "{error}");
     }
 
     #[test]

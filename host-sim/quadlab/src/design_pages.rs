@@ -2,9 +2,10 @@
 
 use control::Config;
 use design::Complex;
-use design::check::{CheckReport, LONG_S, Study, commanded};
+use design::check::{CheckReport, LONG_S, Spread, Study, Uncertainty, commanded};
 use design::curves::{self, FrequencyPoint, GAINS, Gain};
-use design::loops::{ClosedLoop, LoopPlant, View};
+use design::linear::CANCEL_TOLERANCE;
+use design::loops::{ClosedLoop, LoopName, LoopPlant, View, with_moved_zero};
 use design::response::{bare_step, disturbance_step};
 use model::Model;
 use report::{Axis, Cell, Column, Figure, Mark, Page, Panels, Section, Series, Style, Table, Verdict};
@@ -38,7 +39,96 @@ pub(crate) fn check(
     for (plant, closed) in &study.loops {
         page = page.section(section(config, view, plant, closed)?);
     }
+    if !report.moved_zero.is_empty() {
+        page = page.section(moved_zeros(config, view, &study, report)?);
+    }
+    if let Some(uncertainty) = &report.uncertainty {
+        page = page.section(spread(uncertainty));
+    }
     Ok(page.section(battery(report)))
+}
+
+/// Zeros whose step responses are drawn, as in figure A.1.
+const DRAWN_ZEROS: [f64; 5] = [0.0, 0.1, 0.2, 0.5, 1.0];
+
+/// Appendix A: table A.1, figures A.1 and A.2.
+fn moved_zeros(config: &Config, view: View, study: &Study, report: &CheckReport) -> anyhow::Result<Section> {
+    let columns = [
+        Column::text("loop"),
+        Column::number("zero", "rad/s"),
+        Column::number("phase margin", "deg"),
+        Column::number("crossover", "rad/s"),
+    ];
+    let mut table = Table::new("", columns);
+    for row in &report.moved_zero {
+        table.push([
+            Cell::from(row.name),
+            Cell::number(row.zero_rad_s, 4),
+            Cell::number(row.phase_margin_deg.unwrap_or(f64::NAN), 6),
+            Cell::number(row.crossover_rad_s.unwrap_or(f64::NAN), 5),
+        ]);
+    }
+    let mut section = Section::new("The plant's zero moved (thesis appendix A)")
+        .paragraph("The canceller stays where it is; the first row of each loop has the zero under the canceller's pole.")
+        .table(table);
+    let channel = study.linear.channel(LoopName::Roll.channel(), CANCEL_TOLERANCE)?;
+    if report.moved_zero.iter().any(|row| row.name == LoopName::Roll.name()) {
+        let mut steps = Figure::new("", Axis::new("time", "s"), Axis::new("response over step", "1"));
+        let mut magnitude = Figure::new("", frequency(), Axis::new("magnitude", "dB"));
+        let mut phase = Figure::new("", frequency(), Axis::new("phase", "deg"));
+        for (k, zero_rad_s) in DRAWN_ZEROS.into_iter().enumerate() {
+            let mut plant = with_moved_zero(&channel, zero_rad_s, study.linear.motor_lag_rad_s)?;
+            plant.input_delay_s = study.linear.input_delay_s;
+            let closed = ClosedLoop::new(config, &plant, LoopName::Roll, view)?;
+            let name = format!("{zero_rad_s} rad/s");
+            let bode = curves::loop_bode(&closed);
+            magnitude = magnitude.with(line(&bode, &name, Style::Category(k), |p| p.magnitude_db));
+            phase = phase.with(line(&bode, "", Style::Category(k), |p| p.phase_deg));
+            if closed.closed.is_stable()? {
+                let response = drawn(commanded(config, &closed)?.points());
+                steps = steps.with(Series::line(name, Style::Category(k), response));
+            }
+        }
+        section =
+            section.figure(steps, "Roll: step responses with the plant's zero moved (figure A.1).").figure(
+                Panels::new([magnitude, phase]),
+                "Roll: loop gain with the plant's zero moved (figure A.2).",
+            );
+    }
+    Ok(section)
+}
+
+/// Margins over draws of the model.
+fn spread(uncertainty: &Uncertainty) -> Section {
+    let columns = [
+        Column::text("loop"),
+        Column::number("unstable", "draws"),
+        Column::number("phase margin: worst", "deg"),
+        Column::number("5 % below", "deg"),
+        Column::number("gain margin: worst", ""),
+        Column::number("5 % below", ""),
+        Column::number("delay margin: worst", "ms"),
+    ];
+    let mut table = Table::new("", columns);
+    for l in &uncertainty.loops {
+        let of =
+            |spread: Option<Spread>, pick: fn(Spread) -> f64| Cell::number(spread.map_or(f64::NAN, pick), 3);
+        table.push([
+            Cell::from(l.name),
+            Cell::number(l.unstable as f64, 6),
+            of(l.phase_margin_deg, |s| s.min),
+            of(l.phase_margin_deg, |s| s.p05),
+            of(l.gain_margin, |s| s.min),
+            of(l.gain_margin, |s| s.p05),
+            of(l.delay_margin_s, |s| 1000.0 * s.min),
+        ]);
+    }
+    Section::new("Over the model's uncertainty")
+        .paragraph(format!(
+            "{} draws of {} coefficients from their standard errors, taken as independent.",
+            uncertainty.samples, uncertainty.coefficients
+        ))
+        .table(table)
 }
 
 fn margins(report: &CheckReport) -> Table {

@@ -126,7 +126,12 @@ fn the_page_stands_alone_and_the_text_names_every_loop() {
         assert!(text.lines().any(|line| line.starts_with(&format!("{name} "))), "{name}: {text}");
     }
     let page = std::fs::read_to_string(folder.path().join("check.html")).unwrap();
-    assert!(page.contains("Root locus of Kd") && page.contains("Nichols") && page.contains("<svg"));
+    assert!(
+        page.contains("Root locus of Kd")
+            && page.contains("figure A.1")
+            && page.contains("Nichols")
+            && page.contains("<svg")
+    );
     assert!(!page.contains("src=\"http") && !page.contains("href=\"http"));
 }
 
