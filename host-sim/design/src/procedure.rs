@@ -24,7 +24,9 @@ use crate::check::{Study, commanded};
 use crate::curves::{Gain, gain_mut, gain_of};
 use crate::error::{DesignError, Result};
 use crate::linear::{CANCEL_TOLERANCE, Linear};
-use crate::loops::{ClosedLoop, LoopName, LoopPlant, View, inner_gains_mut, law_effect, loops_of_mut};
+use crate::loops::{
+    ClosedLoop, LoopName, LoopPlant, View, inner_gains, inner_gains_mut, law_effect, loops_of, loops_of_mut,
+};
 use crate::margins::{Band, Margins};
 use crate::response::{commanded_step, least_damped, step_metrics};
 use crate::trim::TrimTarget;
@@ -613,6 +615,14 @@ impl Work<'_> {
                     self.specs.delay_samples, self.specs.stable_delay_samples
                 );
                 self.found(name, gain, value, rule);
+            }
+            if let Some(canceller) = inner_gains(loops_of(&self.config), name).canceller {
+                self.steps.push(Step {
+                    name: name.name(),
+                    gain: "canceller zero",
+                    value: canceller.zero_rad_s,
+                    rule: "searched with the gains: further out it lifts the dip and costs phase".into(),
+                });
             }
         }
         Ok(())
