@@ -71,7 +71,8 @@ type Scored = (f64, Vec<Effect>, Judged);
 pub(crate) struct Search<'a> {
     pub(crate) base: Judged,
     pub(crate) screen: Screen,
-    /// Candidates whose fit is a search over shapes, with the base model and each of them.
+    /// Candidates that are fitted exactly at once, with the base model and each of them: where the fit is a search over shapes,
+    /// and users' effects.
     searched: Vec<(Effect, Result<Judged, FitError>)>,
     train: &'a [&'a Prepared],
     validate: &'a [&'a Prepared],
@@ -86,8 +87,10 @@ impl<'a> Search<'a> {
         validate: &'a [&'a Prepared],
     ) -> Result<Self, FitError> {
         let base = judge(model, &model.effects(), train, validate)?;
+        // A user's formula may have no value at some sample: that must not spoil the others.
+        let is_searched = |effect: &Effect| !effect.starts().is_empty() || matches!(effect, Effect::User(_));
         let (searched, linearised): (Vec<Effect>, Vec<Effect>) =
-            candidates.into_iter().partition(|effect| !effect.starts().is_empty());
+            candidates.into_iter().partition(is_searched);
         let screen = Screen::new(&base.fit, &linearised, train, validate)?;
         let searched = searched
             .into_iter()
