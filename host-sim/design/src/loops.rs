@@ -313,7 +313,7 @@ fn realised(numerator: &[f64], denominator: &[f64], velocity: Option<&[f64]>) ->
 fn one_integrator_more(angle: &Channel, position: &Channel) -> bool {
     let mut left: Vec<Complex<f64>> = position.poles.clone();
     for pole in &angle.poles {
-        let near = |other: &Complex<f64>| (other - pole).norm() <= 1e-6 * pole.norm().max(1e-3);
+        let near = |other: &Complex<f64>| (other - pole).norm() <= 1e-6 * pole.norm().max(1.0);
         match left.iter().position(near) {
             Some(at) => drop(left.swap_remove(at)),
             None => return false,

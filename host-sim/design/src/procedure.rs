@@ -392,24 +392,26 @@ impl Work<'_> {
             channel: name.name(),
             reason: format!("no {what} makes it stable"),
         };
-        // Velocity gain: from the root locus of (5.25).
-        let open = close(&self.config)?.velocity_loop.is_stable()?;
-        let holds = |kd: f64| close(&self.with(name, Gain::Velocity, kd))?.velocity_loop.is_stable();
-        let least =
-            if open { 1.0 } else { first(0.05, 500.0, holds)?.ok_or_else(|| unstable("velocity gain"))? };
-        let kd = specs.velocity_gain_ratio * least;
+        // Velocity gain: from the root locus of (5.25). A pole at the origin is the proportional gain's to move.
+        let slowest = |kd: f64| -> Result<f64> {
+            let poles = close(&self.with(name, Gain::Velocity, kd))?.velocity_loop.poles()?;
+            Ok(poles.iter().filter(|p| p.norm() > 1e-6).map(|p| p.re).fold(f64::NEG_INFINITY, f64::max))
+        };
+        let holds = |kd: f64| Ok(slowest(kd)? < 0.0);
+        let (kd, rule) = if holds(0.0)? {
+            let rule = "the axis is stable by itself: moves the slowest pole of the velocity loop as far left as it goes";
+            (best(0.05, 500.0, slowest)?, rule.to_owned())
+        } else {
+            let least = first(0.05, 500.0, holds)?.ok_or_else(|| unstable("velocity gain"))?;
+            let ratio = specs.velocity_gain_ratio;
+            let rule =
+                format!("{ratio:.2} times {least:.3}, the least that stabilises the velocity loop (5.25)");
+            (ratio * least, rule)
+        };
         if !holds(kd)? {
             return Err(unstable("velocity gain"));
         }
-        self.found(
-            name,
-            Gain::Velocity,
-            kd,
-            format!(
-                "{:.2} times {least:.3}, the least that stabilises the velocity loop (5.25)",
-                specs.velocity_gain_ratio
-            ),
-        );
+        self.found(name, Gain::Velocity, kd, rule);
         self.canceller(name, specs.zero_rad_s)?;
         // Proportional gain: (5.27), as large as overshoot, margin and crossover allow, with a third of the phase kept for Ki.
         let allowed = |config: &Config, reserve_deg: f64| -> Result<bool> {

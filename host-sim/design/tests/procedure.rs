@@ -56,6 +56,22 @@ fn the_default_design_survives_a_late_pose() {
     assert_eq!(design(&model, &Specs::default()).unwrap(), designed);
 }
 
+/// A craft as most are: damped, no moment from sideways flight, so no unstable poles, no slow zero, and angles that
+/// integrate.
+#[test]
+fn a_damped_craft_gets_gains_without_a_canceller() {
+    let mut model = Model::thesis();
+    model.set(Effect::AngularDamping, &[-0.8, -0.9, -0.4]);
+    model.terms.retain(|term| term.effect != Effect::FlappingMoment);
+    let designed = design(&model, &Specs::thesis()).unwrap();
+    let loops = design::loops::loops_of(&designed.config);
+    assert!(loops.roll.canceller.is_none() && loops.pitch.canceller.is_none());
+    let margins = Study::new(&model, &designed.config, View::Continuous).unwrap().margins().unwrap();
+    for (name, margins) in margins {
+        assert!(margins.stable && margins.at_error.phase_margin_deg.unwrap() >= 44.9, "{name}: {margins:?}");
+    }
+}
+
 #[test]
 fn what_cannot_be_met_is_said_with_both_numbers() {
     let mut specs = Specs::thesis();
