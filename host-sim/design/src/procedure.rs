@@ -547,6 +547,7 @@ impl Work<'_> {
             let within = |kp: f64| -> Result<bool> {
                 Ok(tried(kp, share * kp)?.is_some_and(|m| {
                     m.crossover_rad_s.is_some_and(|w| w <= specs.crossover_rad_s)
+                        && m.phase_margin_deg.is_none_or(|phase| phase >= specs.phase_margin_deg)
                         && (self.specs.method == Method::Thesis
                             || m.gain_margin.is_none_or(|g| g >= specs.gain_margin))
                 }))
@@ -563,7 +564,10 @@ impl Work<'_> {
         let Some((_, kp, kd)) = chosen else {
             return Err(DesignError::Channel {
                 channel: name.name(),
-                reason: format!("no gain crosses below {} rad/s and is stable", specs.crossover_rad_s),
+                reason: format!(
+                    "no gain crosses below {} rad/s with {} degrees of phase margin",
+                    specs.crossover_rad_s, specs.phase_margin_deg
+                ),
             });
         };
         let rule = format!(
