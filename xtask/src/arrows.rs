@@ -26,11 +26,15 @@ const ARROWS: &[Allowed] = &[
         to: &["model"],
         why: "identification fits the effects that the plant simulates",
     },
-    Allowed { from: "design", to: &["model"], why: "gains are designed on the linearised model" },
+    Allowed {
+        from: "design",
+        to: &["model", "control"],
+        why: "gains are designed on the linearised model and judged with the filters that fly",
+    },
     Allowed {
         from: "sil",
-        to: &["model", "control", "proto", "report", "sysid"],
-        why: "the loop joins plant and controller, writes flight files and draws its responses",
+        to: &["model", "control", "proto", "report", "sysid", "design"],
+        why: "the loop joins plant and controller, writes flight files, and draws and judges its responses",
     },
     Allowed {
         from: "ground",

@@ -4,12 +4,15 @@
 //! arguments and turns errors into one line and an exit status: 0 done, 1 the job ran and what it checks does not hold,
 //! 2 bad usage or bad input. Progress and warnings go to standard error.
 //!
-//! Deliberately absent: mathematics (crates `model` and `sysid`) and drawing (crate `report`).
+//! Deliberately absent: mathematics (crates `model`, `sysid` and `design`) and drawing (crate `report`).
 #![forbid(unsafe_code)]
 
 mod add;
 mod compare;
 mod demo;
+mod design_check;
+mod design_gains;
+mod design_pages;
 mod diagnose;
 mod effects;
 mod evidence;
@@ -19,6 +22,7 @@ mod figures;
 mod flights;
 mod hidden;
 mod identify;
+mod linearize;
 mod output;
 mod pages;
 mod progress;
@@ -53,6 +57,8 @@ enum Command {
     Explain(explain::Options),
     Effects(effects::Options),
     Demo(demo::Options),
+    Linearize(linearize::Options),
+    Design(design_gains::Options),
 }
 
 const DOES_NOT_HOLD: u8 = 1;
@@ -71,6 +77,8 @@ fn main() -> ExitCode {
         Command::Explain(options) => explain::run(&options),
         Command::Effects(options) => effects::run(&options),
         Command::Demo(options) => demo::run(&options),
+        Command::Linearize(options) => linearize::run(&options),
+        Command::Design(options) => design_gains::run(&options),
     };
     match outcome.and_then(finish) {
         Ok(code) => code,

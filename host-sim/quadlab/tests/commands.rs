@@ -247,7 +247,7 @@ fn effects_lists_the_catalogue() {
 #[test]
 fn every_command_has_help_with_an_example() {
     let folder = tempfile::tempdir().unwrap();
-    for command in ["identify", "compare", "diagnose", "add", "effects", "demo"] {
+    for command in ["identify", "compare", "diagnose", "add", "effects", "demo", "linearize"] {
         let help = done_in(folder.path(), &[command, "--help"]);
         assert!(help.contains("Example") && help.contains(&format!("  quadlab {command}")), "{help}");
     }

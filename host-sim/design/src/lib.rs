@@ -1,0 +1,47 @@
+//! From a model to gains that fly: equilibrium, linear model, loops, margins, responses.
+//!
+//! Follows A. Szabo's thesis (Wright State, 2017), chapter 5 and appendices A and B:
+//!
+//! 1. [`trim`]: the equilibrium, (5.13) and (5.14).
+//! 2. [`linear`]: A, B, C, D about it (5.16), and the transfer function of each channel, (5.17) to (5.22).
+//! 3. [`loops`]: the law's loops around the channels, as the thesis designs them (continuous) and as they fly (sampled at
+//!    100 Hz with the filters of crate `control` and the pose some samples late).
+//! 4. [`margins`], [`response`]: what the loops are judged by.
+//! 5. [`procedure`]: gains from specifications, the thesis' way or searched for a late pose.
+//! 6. [`check`]: all of it for a model and a gains file, over battery voltages and over what the identification leaves
+//!    uncertain.
+//!
+//! Conventions: SI units, radians, rad/s; states and inputs in the order of (5.13). Inputs of the linear model are thrust
+//! (N, up) and angular accelerations (rad/s^2).
+//!
+//! Deliberately absent: flights (crate `sysid`), the nonlinear closed loop (crate `sil`), and drawing (crate `report`).
+#![forbid(unsafe_code)]
+
+pub mod check;
+pub mod curves;
+mod error;
+mod gains_file;
+pub mod linear;
+pub mod loops;
+pub mod margins;
+pub mod procedure;
+pub mod response;
+pub mod state_space;
+pub mod trim;
+
+pub use error::{DesignError, Result};
+pub use nalgebra::Complex;
+
+pub use gains_file::{Gains, Provenance};
+
+/// A TOML error as one line with the line number, without the excerpt.
+fn toml_message(text: &str, error: &toml::de::Error) -> String {
+    let reason = error.message().replace('\n', " ");
+    match error.span() {
+        Some(span) => {
+            let line = text[..span.start.min(text.len())].matches('\n').count() + 1;
+            format!("line {line}: {reason}")
+        }
+        None => reason,
+    }
+}

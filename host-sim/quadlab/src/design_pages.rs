@@ -1,0 +1,314 @@
+//! The page of `quadlab design check`: the figures of thesis chapter 5 and its appendices, for these gains on this model.
+
+use control::Config;
+use design::Complex;
+use design::check::{CheckReport, LONG_S, Spread, Study, Uncertainty, commanded};
+use design::curves::{self, FrequencyPoint, GAINS, Gain};
+use design::linear::CANCEL_TOLERANCE;
+use design::loops::{ClosedLoop, LoopName, LoopPlant, View, with_moved_zero};
+use design::response::{bare_step, disturbance_step};
+use model::Model;
+use report::{Axis, Cell, Column, Figure, Mark, Page, Panels, Section, Series, Style, Table, Verdict};
+
+/// Factors on a gain along its root locus.
+const LOCUS_POINTS: usize = 60;
+/// A locus goes to this multiple of the gain.
+const LOCUS_END: f64 = 3.0;
+/// How much of a response is drawn, s.
+const DRAWN_S: f64 = 15.0;
+
+/// The page of a check.
+pub(crate) fn check(
+    model: &Model,
+    config: &Config,
+    view: View,
+    report: &CheckReport,
+) -> anyhow::Result<Page> {
+    let study = Study::new(model, config, view)?;
+    let unstable: Vec<&str> = report.loops.iter().filter(|l| !l.stable).map(|l| l.name).collect();
+    let how = match report.delay_samples {
+        Some(delay) => format!("sampled, the pose {delay} samples late"),
+        None => "continuous, as the thesis designs".into(),
+    };
+    let lead = match unstable.is_empty() {
+        true => format!("{}: every loop is stable ({how}).", report.vehicle),
+        false => format!("{}: unstable: {} ({how}).", report.vehicle, unstable.join(", ")),
+    };
+    let mut page = Page::new("Design check", lead)
+        .section(Section::new("Margins").table(margins(report)).list(report.notes.clone()));
+    for (plant, closed) in &study.loops {
+        page = page.section(section(config, view, plant, closed)?);
+    }
+    if !report.moved_zero.is_empty() {
+        page = page.section(moved_zeros(config, view, &study, report)?);
+    }
+    if let Some(uncertainty) = &report.uncertainty {
+        page = page.section(spread(uncertainty));
+    }
+    Ok(page.section(battery(report)))
+}
+
+/// Zeros whose step responses are drawn, as in figure A.1.
+const DRAWN_ZEROS: [f64; 5] = [0.0, 0.1, 0.2, 0.5, 1.0];
+
+/// Appendix A: table A.1, figures A.1 and A.2.
+fn moved_zeros(config: &Config, view: View, study: &Study, report: &CheckReport) -> anyhow::Result<Section> {
+    let columns = [
+        Column::text("loop"),
+        Column::number("zero", "rad/s"),
+        Column::number("phase margin", "deg"),
+        Column::number("crossover", "rad/s"),
+    ];
+    let mut table = Table::new("", columns);
+    for row in &report.moved_zero {
+        table.push([
+            Cell::from(row.name),
+            Cell::number(row.zero_rad_s, 4),
+            Cell::number(row.phase_margin_deg.unwrap_or(f64::NAN), 6),
+            Cell::number(row.crossover_rad_s.unwrap_or(f64::NAN), 5),
+        ]);
+    }
+    let mut section = Section::new("The plant's zero moved (thesis appendix A)")
+        .paragraph("The canceller stays where it is; the first row of each loop has the zero under the canceller's pole.")
+        .table(table);
+    let channel = study.linear.channel(LoopName::Roll.channel(), CANCEL_TOLERANCE)?;
+    if report.moved_zero.iter().any(|row| row.name == LoopName::Roll.name()) {
+        let mut steps = Figure::new("", Axis::new("time", "s"), Axis::new("response over step", "1"));
+        let mut magnitude = Figure::new("", frequency(), Axis::new("magnitude", "dB"));
+        let mut phase = Figure::new("", frequency(), Axis::new("phase", "deg"));
+        for (k, zero_rad_s) in DRAWN_ZEROS.into_iter().enumerate() {
+            let mut plant = with_moved_zero(&channel, zero_rad_s, study.linear.motor_lag_rad_s)?;
+            plant.input_delay_s = study.linear.input_delay_s;
+            let closed = ClosedLoop::new(config, &plant, LoopName::Roll, view)?;
+            let name = format!("{zero_rad_s} rad/s");
+            let bode = curves::loop_bode(&closed);
+            magnitude = magnitude.with(line(&bode, &name, Style::Category(k), |p| p.magnitude_db));
+            phase = phase.with(line(&bode, "", Style::Category(k), |p| p.phase_deg));
+            if closed.closed.is_stable()? {
+                let response = drawn(commanded(config, &closed)?.points());
+                steps = steps.with(Series::line(name, Style::Category(k), response));
+            }
+        }
+        section =
+            section.figure(steps, "Roll: step responses with the plant's zero moved (figure A.1).").figure(
+                Panels::new([magnitude, phase]),
+                "Roll: loop gain with the plant's zero moved (figure A.2).",
+            );
+    }
+    Ok(section)
+}
+
+/// Margins over draws of the model.
+fn spread(uncertainty: &Uncertainty) -> Section {
+    let columns = [
+        Column::text("loop"),
+        Column::number("unstable", "draws"),
+        Column::number("phase margin: worst", "deg"),
+        Column::number("5 % below", "deg"),
+        Column::number("gain margin: worst", ""),
+        Column::number("5 % below", ""),
+        Column::number("delay margin: worst", "ms"),
+    ];
+    let mut table = Table::new("", columns);
+    for l in &uncertainty.loops {
+        let of =
+            |spread: Option<Spread>, pick: fn(Spread) -> f64| Cell::number(spread.map_or(f64::NAN, pick), 3);
+        table.push([
+            Cell::from(l.name),
+            Cell::number(l.unstable as f64, 6),
+            of(l.phase_margin_deg, |s| s.min),
+            of(l.phase_margin_deg, |s| s.p05),
+            of(l.gain_margin, |s| s.min),
+            of(l.gain_margin, |s| s.p05),
+            of(l.delay_margin_s, |s| 1000.0 * s.min),
+        ]);
+    }
+    Section::new("Over the model's uncertainty")
+        .paragraph(format!(
+            "{} draws of {} coefficients from their standard errors, taken as independent.",
+            uncertainty.samples, uncertainty.coefficients
+        ))
+        .table(table)
+}
+
+fn margins(report: &CheckReport) -> Table {
+    let columns = [
+        Column::text("loop"),
+        Column::text("closed"),
+        Column::number("phase margin", "deg"),
+        Column::number("crossover", "rad/s"),
+        Column::number("gain margin", ""),
+        Column::number("delay margin", "ms"),
+        Column::number("sensitivity peak", ""),
+        Column::number("overshoot", "%"),
+        Column::number("rise", "s"),
+    ];
+    let mut table = Table::new("", columns);
+    let number = |value: Option<f64>| Cell::number(value.unwrap_or(f64::NAN), 4);
+    for l in &report.loops {
+        let step = report.steps.iter().find(|s| s.name == l.name);
+        let (verdict, word) = if l.stable { (Verdict::Good, "stable") } else { (Verdict::Bad, "unstable") };
+        table.push([
+            Cell::from(l.name),
+            Cell::from(word).verdict(verdict),
+            number(l.phase_margin_deg),
+            number(l.crossover_rad_s),
+            number(l.gain_margin),
+            number(l.delay_margin_s.map(|s| 1000.0 * s)),
+            number(Some(l.sensitivity_peak)),
+            number(step.map(|s| s.commanded.overshoot_percent)),
+            number(step.and_then(|s| s.commanded.rise_s)),
+        ]);
+    }
+    table
+}
+
+fn section(config: &Config, view: View, plant: &LoopPlant, closed: &ClosedLoop) -> anyhow::Result<Section> {
+    let bode = curves::loop_bode(closed);
+    let mut section = Section::new(closed.name.name())
+        .figure(
+            bode_panels(&bode, "loop gain"),
+            "Loop gain, cut at the error with the velocity feedback closed.",
+        )
+        .figure(nichols(&bode), "Nichols plot of the loop gain; the loop must keep away from the cross.");
+    for gain in GAINS {
+        let symbol = gain.symbol();
+        section = section.figure(
+            locus(config, view, plant, closed, gain)?,
+            format!(
+                "Root locus of {symbol}, from 0 to {LOCUS_END} times its value; crosses: {symbol} as it is."
+            ),
+        );
+    }
+    if closed.closed.is_stable()? {
+        let [bare, filtered] = curves::closed_bode(closed)?;
+        section = section
+            .figure(
+                two_bodes(&bare, &filtered),
+                "Closed loop: from the reference, and through the prefilter.",
+            )
+            .figure(
+                steps(config, closed)?,
+                "Step response with and without prefilter (x, y: 1 m with and without rate limit).",
+            )
+            .figure(disturbance(closed)?, "Response to a step disturbance at the actuator.");
+    }
+    Ok(section)
+}
+
+fn frequency() -> Axis {
+    Axis::logarithmic("frequency", "rad/s")
+}
+
+fn line(
+    points: &[FrequencyPoint],
+    name: &str,
+    style: Style,
+    value: impl Fn(&FrequencyPoint) -> f64,
+) -> Series {
+    let data: Vec<_> = points.iter().map(|p| (p.frequency_rad_s, value(p))).collect();
+    Series::line(name, style, data)
+}
+
+fn bode_panels(points: &[FrequencyPoint], name: &str) -> Panels {
+    let magnitude = Figure::new("", frequency(), Axis::new("magnitude", "dB"))
+        .with(line(points, name, Style::PredictedAfter, |p| p.magnitude_db))
+        .mark(Mark::limit("gain 1", 0.0));
+    let phase = Figure::new("", frequency(), Axis::new("phase", "deg"))
+        .with(line(points, "", Style::PredictedAfter, |p| p.phase_deg))
+        .mark(Mark::limit("-180 deg", -180.0));
+    Panels::new([magnitude, phase])
+}
+
+fn two_bodes(bare: &[FrequencyPoint], filtered: &[FrequencyPoint]) -> Panels {
+    let panel = |label, unit, value: fn(&FrequencyPoint) -> f64| {
+        Figure::new("", frequency(), Axis::new(label, unit))
+            .with(line(bare, "from the reference", Style::PredictedBefore, value))
+            .with(line(filtered, "through the prefilter", Style::PredictedAfter, value))
+    };
+    Panels::new([panel("magnitude", "dB", |p| p.magnitude_db), panel("phase", "deg", |p| p.phase_deg)])
+}
+
+/// The part of a Nichols plot around the critical point.
+fn nichols(points: &[FrequencyPoint]) -> Figure {
+    let data: Vec<_> = points
+        .iter()
+        .filter(|p| p.magnitude_db.abs() < 40.0)
+        .map(|p| (p.phase_deg, p.magnitude_db))
+        .collect();
+    Figure::new("", Axis::new("phase", "deg"), Axis::new("magnitude", "dB"))
+        .with(Series::line("loop gain", Style::PredictedAfter, data))
+        .with(Series::points("-1", Style::Category(5), [(-180.0, 0.0)]))
+}
+
+fn locus(
+    config: &Config,
+    view: View,
+    plant: &LoopPlant,
+    closed: &ClosedLoop,
+    gain: Gain,
+) -> anyhow::Result<Figure> {
+    let own = curves::gain_of(config, closed.name, gain);
+    let end = if own > 0.0 { LOCUS_END * own } else { 1.0 };
+    let values: Vec<f64> = (0..=LOCUS_POINTS).map(|k| end * k as f64 / LOCUS_POINTS as f64).collect();
+    let all = curves::root_locus(config, plant, closed.name, view, gain, &values)?;
+    let here = curves::root_locus(config, plant, closed.name, view, gain, &[own])?;
+    // The fast poles of filters and rotors would shrink the picture to a dot.
+    let sampled = closed.closed.period_s.is_some();
+    let near = |p: &&Complex<f64>| if sampled { p.re > 0.5 } else { p.norm() < 25.0 };
+    let flat = |poles: &[Vec<Complex<f64>>]| {
+        poles.iter().flatten().filter(near).map(|p| (p.re, p.im)).collect::<Vec<_>>()
+    };
+    let (label, unit) = if sampled { ("real part of z", "1") } else { ("real part of s", "rad/s") };
+    let figure = Figure::new("", Axis::new(label, unit), Axis::new("imaginary part", unit))
+        .with(Series::points("closed-loop poles", Style::Muted, flat(&all)))
+        .with(Series::points("as it is", Style::Category(5), flat(&here)));
+    Ok(if sampled {
+        let circle: Vec<_> = (0..=60)
+            .map(|k| {
+                let angle = (f64::from(k) - 30.0) / 30.0 * std::f64::consts::FRAC_PI_3;
+                (angle.cos(), angle.sin())
+            })
+            .collect();
+        figure.with(Series::line("unit circle", Style::Limit, circle))
+    } else {
+        figure.mark(Mark::event("stability", 0.0))
+    })
+}
+
+fn drawn(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    points.into_iter().filter(|(t, _)| *t <= DRAWN_S).collect()
+}
+
+fn steps(config: &Config, closed: &ClosedLoop) -> anyhow::Result<Figure> {
+    let time = Axis::new("time", "s");
+    Ok(Figure::new("", time, Axis::new("response over step", "1"))
+        .with(Series::line("bare", Style::PredictedBefore, drawn(bare_step(closed, LONG_S)?.points())))
+        .with(Series::line("commanded", Style::PredictedAfter, drawn(commanded(config, closed)?.points())))
+        .mark(Mark::limit("", 1.0)))
+}
+
+fn disturbance(closed: &ClosedLoop) -> anyhow::Result<Figure> {
+    let unit = if closed.name.unit() == "m" { "m" } else { "rad" };
+    Ok(Figure::new("", Axis::new("time", "s"), Axis::new("response to a unit disturbance", unit))
+        .with(Series::line("", Style::PredictedAfter, disturbance_step(closed, LONG_S)?.points())))
+}
+
+fn battery(report: &CheckReport) -> Section {
+    let section = Section::new("Over battery voltage");
+    if report.battery.is_empty() {
+        return section.paragraph("The model does not say at which voltage it was made.");
+    }
+    let mut columns = vec![Column::number("battery", "V"), Column::number("thrust over weight", "")];
+    columns.extend(report.loops.iter().map(|l| Column::number(format!("{}: phase margin", l.name), "deg")));
+    let mut table = Table::new("", columns);
+    for at in &report.battery {
+        let margins = at.loops.iter().map(|l| {
+            let margin = if l.stable { l.phase_margin_deg.unwrap_or(f64::NAN) } else { f64::NAN };
+            Cell::number(margin, 3)
+        });
+        let first = [Cell::number(at.battery_v, 3), Cell::number(at.thrust_to_weight, 3)];
+        table.push(first.into_iter().chain(margins));
+    }
+    section.table(table)
+}

@@ -1,0 +1,247 @@
+//! `linearize` and `design check` as a user runs them: the contract's JSON, the thesis' numbers, exit statuses, one line a
+//! mistake. The numbers' own tests, with what each tolerance means, are those of crate `design`.
+
+mod common;
+
+use std::path::Path;
+
+use common::{done_in, json_in, run_in};
+use model::{Effect, Model};
+use serde_json::Value;
+
+const GAINS: &str = include_str!("../../model/vehicles/f330-gains.toml");
+const CHECK: [&str; 6] = ["design", "check", "--model", "model.toml", "--gains", "gains.toml"];
+
+/// A folder with the thesis' model and gains.
+fn thesis() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    write_model(folder.path(), &Model::thesis());
+    std::fs::write(folder.path().join("gains.toml"), GAINS).unwrap();
+    folder
+}
+
+fn write_model(folder: &Path, model: &Model) {
+    std::fs::write(folder.join("model.toml"), model.to_toml()).unwrap();
+}
+
+fn with(more: &[&'static str]) -> Vec<&'static str> {
+    CHECK.iter().chain(more).copied().collect()
+}
+
+fn named<'a>(list: &'a Value, name: &str) -> &'a Value {
+    list.as_array()
+        .unwrap()
+        .iter()
+        .find(|entry| entry["name"] == name)
+        .unwrap_or_else(|| panic!("no {name}: {list}"))
+}
+
+fn near(value: &Value, want: f64, tolerance: f64) {
+    let got = value.as_f64().unwrap_or(f64::NAN);
+    assert!((got - want).abs() <= tolerance, "got {got}, want {want} +- {tolerance}");
+}
+
+/// Tolerances of the reference; crossovers against the printed values 0.005 rad/s.
+#[test]
+fn the_continuous_check_has_the_thesis_numbers() {
+    let folder = thesis();
+    let report = json_in(folder.path(), &with(&["--continuous"]));
+    let loops = &report["loops"];
+    for (name, phase, crossover) in [
+        ("roll", 47.6555, 5.3531),
+        ("pitch", 45.8471, 5.4843),
+        ("yaw", 61.47, 2.583),
+        ("z", 70.37, 2.138),
+        ("x", 48.813, 1.17),
+        ("y", 47.635, 1.12),
+    ] {
+        let entry = named(loops, name);
+        near(&entry["phase_margin_deg"], phase, 0.1);
+        near(&entry["crossover_rad_s"], crossover, 0.005);
+        assert!(entry["delay_margin_s"].as_f64().unwrap() > 0.0);
+        let poles = entry["poles"].as_array().unwrap();
+        assert!(!poles.is_empty() && poles.iter().all(|p| p[0].as_f64().unwrap() < 0.0 && p[1].is_number()));
+    }
+    near(&named(loops, "roll")["gain_margin"], 2.7952, 0.01);
+    let steps = &report["steps"];
+    for (name, overshoot, tolerance) in
+        [("yaw", 3.54, 0.02), ("z", 2.15, 0.02), ("x", 15.0, 0.5), ("y", 17.0, 0.5)]
+    {
+        near(&named(steps, name)["overshoot_percent"], overshoot, tolerance);
+    }
+    near(&named(steps, "yaw")["rise_s"], 0.665, 0.005);
+    near(&named(steps, "z")["rise_s"], 1.24, 0.005);
+    let moved: Vec<&Value> =
+        report["moved_zero"].as_array().unwrap().iter().filter(|row| row["name"] == "roll").collect();
+    assert_eq!(moved.len(), 16);
+    near(&moved[0]["zero_rad_s"], 0.2149, 0.0);
+    near(&moved[0]["phase_margin_deg"], 47.6555, 0.02);
+    near(&moved[15]["crossover_rad_s"], 5.9198, 0.003);
+}
+
+#[test]
+fn three_samples_of_delay_are_one_too_many() {
+    let folder = thesis();
+    let two = json_in(folder.path(), &with(&["--delay", "2"]));
+    near(&named(&two["loops"], "pitch")["gain_margin"], 1.085, 0.003);
+    near(&named(&two["loops"], "pitch")["least_damped"]["damping"], 0.019, 0.001);
+    let three = run_in(folder.path(), &with(&["--delay", "3", "--json"]));
+    assert_eq!(three.status.code(), Some(1));
+    let three: Value = serde_json::from_slice(&three.stdout).unwrap();
+    for (name, stable) in [("roll", false), ("pitch", false), ("yaw", true), ("z", true)] {
+        assert_eq!(named(&three["loops"], name)["stable"], stable, "{name}");
+    }
+    assert_eq!(named(&three["loops"], "roll")["delay_margin_s"], 0.0);
+}
+
+/// With standard errors the margins spread, and the same seed gives the same spread; a voltage that the motor map takes
+/// out changes nothing, one that it does not changes the gain.
+#[test]
+fn what_is_uncertain_spreads_the_margins() {
+    let folder = thesis();
+    let mut model = Model::thesis();
+    for coefficient in model.terms.iter_mut().flat_map(|term| &mut term.coefficients) {
+        coefficient.std_error = Some(0.02 * coefficient.value.abs());
+    }
+    model.set(Effect::BatteryVoltage, &[10.0, 0.0]);
+    write_model(folder.path(), &model);
+    let arguments = with(&["--delay", "0", "--samples", "12"]);
+    let report = json_in(folder.path(), &arguments);
+    let roll = named(&report["uncertainty"]["loops"], "roll");
+    let (worst, median) = (&roll["gain_margin"]["min"], &roll["gain_margin"]["median"]);
+    assert!(worst.as_f64().unwrap() < median.as_f64().unwrap(), "{roll}");
+    assert_eq!(json_in(folder.path(), &arguments), report);
+    let battery = report["battery"].as_array().unwrap();
+    let margin = |row: &Value| named(&row["loops"], "roll")["gain_margin"].as_f64().unwrap();
+    assert!(margin(&battery[0]) > 1.005 * margin(&battery[4]), "a full battery leaves less gain margin");
+    let thrust = |row: &Value| row["thrust_to_weight"].as_f64().unwrap();
+    assert!(thrust(&battery[4]) > thrust(&battery[0]));
+}
+
+#[test]
+fn the_page_stands_alone_and_the_text_names_every_loop() {
+    let folder = thesis();
+    let text = done_in(folder.path(), &with(&["--delay", "2", "--html", "check.html"]));
+    for name in ["roll", "pitch", "yaw", "z", "x", "y"] {
+        assert!(text.lines().any(|line| line.starts_with(&format!("{name} "))), "{name}: {text}");
+    }
+    let page = std::fs::read_to_string(folder.path().join("check.html")).unwrap();
+    assert!(
+        page.contains("Root locus of Kd")
+            && page.contains("figure A.1")
+            && page.contains("Nichols")
+            && page.contains("<svg")
+    );
+    assert!(!page.contains("src=\"http") && !page.contains("href=\"http"));
+}
+
+#[test]
+fn linearize_gives_the_thesis_transfer_functions() {
+    let folder = thesis();
+    let document = json_in(folder.path(), &["linearize", "--model", "model.toml"]);
+    assert!(document["equilibrium"]["cost"].as_f64().unwrap() < 1e-20);
+    near(&document["equilibrium"]["input"][0], 11.9093, 1e-4);
+    near(&document["a"][4][6], 9.81, 1e-6);
+    assert_eq!(document["states"][6]["name"], "phi");
+    let roll = named(&document["channels"], "roll");
+    for (got, want) in roll["denominator"].as_array().unwrap().iter().zip([1.0, -0.9888, 0.2274, 37.03]) {
+        near(got, want, 3e-4 * f64::abs(want));
+    }
+    let text = done_in(folder.path(), &["linearize", "--model", "model.toml"]);
+    assert!(text.contains("cancelled") && text.contains("cost J"), "{text}");
+}
+
+#[test]
+fn a_trim_file_moves_the_equilibrium() {
+    let folder = thesis();
+    std::fs::write(folder.path().join("trim.toml"), "velocity_ned_m_s = [2.0, 0.0, 0.0]\n").unwrap();
+    let document = json_in(folder.path(), &["linearize", "--model", "model.toml", "--at", "trim.toml"]);
+    assert!(document["equilibrium"]["state"][7].as_f64().unwrap() < -0.01, "nose down to fly forward");
+}
+
+/// One line, exit status 2, nothing on standard output.
+fn refused(folder: &Path, arguments: &[&str], expected: &[&str]) {
+    let output = run_in(folder, arguments);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
+    assert!(output.stdout.is_empty() && stderr.lines().count() == 1, "{arguments:?}: {stderr}");
+    for text in expected {
+        assert!(stderr.contains(text), "{arguments:?}: \"{text}\" is not in: {stderr}");
+    }
+}
+
+#[test]
+fn mistakes_are_one_line_each() {
+    let folder = thesis();
+    let folder = folder.path();
+    std::fs::write(folder.join("bad.toml"), GAINS.replacen("kp = 100.0", "kq = 100.0", 1)).unwrap();
+    let bad = ["design", "check", "--model", "model.toml", "--gains", "bad.toml"];
+    refused(folder, &bad, &["bad.toml: ", "kq"]);
+    refused(
+        folder,
+        &["design", "check", "--model", "model.toml", "--gains", "none.toml"],
+        &["none.toml: cannot read"],
+    );
+    refused(folder, &with(&["--delay", "1000"]), &["--delay 1000"]);
+    std::fs::write(folder.join("trim.toml"), "speed = 1\n").unwrap();
+    refused(
+        folder,
+        &["linearize", "--model", "model.toml", "--at", "trim.toml"],
+        &["trim.toml: line 1", "speed"],
+    );
+    let mut other = Model::thesis();
+    other.vehicle.name = "other craft".into();
+    write_model(folder, &other);
+    refused(folder, &CHECK, &["gains.toml: these gains belong to another vehicle", "other craft"]);
+    let mut lacking = Model::thesis();
+    lacking.terms.retain(|term| term.effect != Effect::RotorMoments);
+    write_model(folder, &lacking);
+    refused(folder, &CHECK, &["\"rotor-moments\""]);
+    refused(folder, &["linearize", "--model", "model.toml"], &["\"rotor-moments\""]);
+    let mut stuck = Model::thesis();
+    // All rotors roll the same way: the craft cannot be trimmed, let alone controlled.
+    let moments = [0.6, -0.6, -0.6, 0.6, 0.6, 0.7, 0.6, 0.6, 0.35, -0.33, 0.3, -0.27];
+    stuck.set(Effect::RotorMoments, &moments);
+    write_model(folder, &stuck);
+    refused(folder, &CHECK, &["no equilibrium"]);
+}
+
+/// The thesis' procedure writes a gains file with its provenance, which the check takes; another vehicle refuses it.
+#[test]
+fn designed_gains_are_written_checked_and_belong_to_their_vehicle() {
+    let folder = thesis();
+    let folder = folder.path();
+    std::fs::write(folder.join("specs.toml"), "method = \"thesis\"\n").unwrap();
+    let arguments = ["design", "--model", "model.toml", "--specs", "specs.toml", "--out", "gains.toml"];
+    let document = json_in(folder, &arguments);
+    assert!(document["steps"].as_array().unwrap().len() >= 18);
+    assert!(document["shortfalls"].as_array().unwrap().is_empty());
+    let written = std::fs::read_to_string(folder.join("gains.toml")).unwrap();
+    assert!(written.contains("model_sha256") && written.contains("phase_margin_deg"), "{written}");
+    let report = json_in(folder, &with(&["--continuous"]));
+    assert!(named(&report["loops"], "roll")["phase_margin_deg"].as_f64().unwrap() >= 45.0);
+    let mut other = Model::thesis();
+    other.vehicle.name = "other craft".into();
+    write_model(folder, &other);
+    refused(folder, &CHECK, &["belong to another vehicle"]);
+}
+
+#[test]
+fn specifications_that_cannot_be_met_write_nothing() {
+    let folder = thesis();
+    let folder = folder.path();
+    std::fs::write(folder.join("specs.toml"), "method = \"thesis\"\n[yaw]\novershoot_percent = 5.0\nrise_s = 0.1\nprefilter_rad_s = 4.0\nintegral_rad_s = 0.06\n").unwrap();
+    let output =
+        run_in(folder, &["design", "--model", "model.toml", "--specs", "specs.toml", "--out", "new.toml"]);
+    assert_eq!(output.status.code(), Some(1));
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("NOT MET: yaw: rise, s: wanted 0.1"), "{text}");
+    assert!(!folder.join("new.toml").exists());
+    std::fs::write(folder.join("specs.toml"), "[yaw]\nspeed = 1\n").unwrap();
+    refused(
+        folder,
+        &["design", "--model", "model.toml", "--specs", "specs.toml", "--out", "new.toml"],
+        &["specs.toml: line 2"],
+    );
+    refused(folder, &["design", "--model", "model.toml"], &["--out"]);
+}
