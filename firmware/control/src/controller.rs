@@ -1,7 +1,7 @@
 //! One control period, from measurement and command to motor commands.
 //!
 //! Order of a tick (thesis chapter 5; every item is tested against recorded closed-loop runs, see `tests/thesis_law.rs`):
-//! 1. inputs pass the door ([`supervisor`](crate::supervisor)); measurements are used as they come, their delay is the world's;
+//! 1. inputs pass the door ([`door`](crate::door)); measurements are used as they come, their delay is the world's;
 //! 2. Euler rates, body rates and vertical velocity are estimated;
 //! 3. in position mode the outer loop makes roll and pitch commands of the position command;
 //! 4. prefilters make references of commands, and errors follow (yaw the short way round);
@@ -15,7 +15,7 @@
 //!
 //! The hand-tuned law (thesis 4.2.2) has the same order; in step 7 the sign matrix (4.5) gives commands directly.
 //!
-//! Not here: arming, failsafes, clock checks; and no tilt compensation, limit of thrust or priority between axes, as in the
+//! Not here: arming, failsafes, clock checks (the [`Autopilot`](crate::Autopilot) has them); and no tilt compensation, limit of thrust or priority between axes, as in the
 //! thesis.
 
 use crate::altitude::{AltitudeLoop, AltitudeLoopState};
@@ -27,7 +27,7 @@ use crate::mixer::{Mixer, Refused, rotor_speeds};
 use crate::motor_map::{CommandRange, MotorMap};
 use crate::pid::PidTerms;
 use crate::position::{PositionLaw, PositionState};
-use crate::supervisor::{Bounds, Command, Faults, Inputs, Mode};
+use crate::door::{Bounds, Command, Faults, Inputs, Mode};
 
 /// What the sensors say.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -208,6 +208,13 @@ impl Controller {
     /// Forgets everything: integrators at zero, filters start at their next input, fault counts at zero.
     pub fn reset(&mut self) {
         self.memory = Memory::new(self.laws.range.idle());
+    }
+
+    /// The altitude loop's reference is this height from now on, inertial z in m, with no way to go; its integrator stays.
+    pub(crate) fn settle_height(&mut self, z_m: f32) {
+        if let Some(inner) = &mut self.memory.inner {
+            self.laws.altitude.settle(&mut inner.altitude, z_m);
+        }
     }
 
     /// One control period. Total: any bits in any input give finite motor commands inside the range.
