@@ -70,7 +70,7 @@ pub struct Readings {
 }
 
 /// The outcome of a tick.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Flight {
     /// Motor commands and how they came about.
     pub tick: Tick,
@@ -116,6 +116,7 @@ pub struct Autopilot {
     /// Attitude by the gyro since then, rad; none while poses come.
     carried_rad: Option<[f32; 3]>,
     anchor: Anchor,
+    flight: Flight,
 }
 
 /// Before the first pose nothing is known.
@@ -156,6 +157,7 @@ impl Autopilot {
             pose: NOWHERE,
             carried_rad: None,
             anchor: Anchor::default(),
+            flight: Flight::default(),
         })
     }
 
@@ -185,7 +187,7 @@ impl Autopilot {
 
     /// One control period. Total: whatever comes in, motor commands are finite and inside the range.
     #[inline]
-    pub fn tick(&mut self, readings: &Readings) -> Flight {
+    pub fn tick(&mut self, readings: &Readings) -> &Flight {
         let Self { limits, monitors, .. } = self;
         let mut conditions = Conditions::NONE;
         let found = &mut conditions;
@@ -231,7 +233,8 @@ impl Autopilot {
             gyro_rad_s,
             battery_v: readings.battery_v,
         };
-        let tick = self.controller.tick(&measurement, command);
+        self.controller.tick_into(&measurement, command, &mut self.flight.tick);
+        let tick = &self.flight.tick;
         let terms = &tick.terms;
         if let (true, Some(rates)) = (seen, readings.gyro_rad_s) {
             self.monitors.compare_rates(rates, terms.body_rates_rad_s, &self.limits);
@@ -244,7 +247,8 @@ impl Autopilot {
             elapsed_us,
             &self.limits,
         );
-        Flight { tick, state, conditions, preflight }
+        (self.flight.state, self.flight.conditions, self.flight.preflight) = (state, conditions, preflight);
+        &self.flight
     }
 
     /// What matters only on the ground, while landing, or when somebody asks for something.

@@ -103,7 +103,7 @@ pub struct Terms {
 }
 
 /// The outcome of one tick.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Tick {
     /// Motor commands in command units (us for the thesis' craft): always finite, always inside the command range.
     pub pwm: [f32; 4],
@@ -219,12 +219,20 @@ impl Controller {
 
     /// One control period. Total: any bits in any input give finite motor commands inside the range.
     pub fn tick(&mut self, measurement: &Measurement, command: &Command) -> Tick {
+        let mut outcome = Tick::default();
+        self.tick_into(measurement, command, &mut outcome);
+        outcome
+    }
+
+    /// As [`Controller::tick`], into a place that is there already: copying an outcome is a fifth of the cost of a tick.
+    #[inline]
+    pub(crate) fn tick_into(&mut self, measurement: &Measurement, command: &Command, outcome: &mut Tick) {
         let Self { laws, memory } = self;
         memory.faults.internal.note(false);
         let all_good = memory.inputs.measure(measurement, laws.estimator.uses_gyro(), &mut memory.faults);
         if !memory.started {
             if !all_good {
-                return idle(laws, memory, None);
+                return idle(laws, memory, None, outcome);
             }
             memory.inputs.hold_here();
             memory.started = true;
@@ -232,13 +240,13 @@ impl Controller {
         memory.inputs.command(command, &laws.bounds, &mut memory.faults);
         let estimates = estimate(laws, memory, measurement.gyro_rad_s.is_some());
         if command.cut_off {
-            return idle(laws, memory, Some(&estimates));
+            return idle(laws, memory, Some(&estimates), outcome);
         }
         let (attitude_command_rad, outer) = outer_loop(laws, memory, command.mode);
         let loops = inner_loops(laws, memory, &estimates, attitude_command_rad);
         let motors = allocate(laws, memory, &loops, estimates.battery_v);
         let inputs = &memory.inputs;
-        let terms = Terms {
+        outcome.terms = Terms {
             position_m: inputs.position_m,
             attitude_rad: inputs.attitude_rad,
             battery_v: estimates.battery_v,
@@ -260,13 +268,13 @@ impl Controller {
             torque: loops.torque(),
             rotor_speed_rad_s: motors.rotor_speed_rad_s,
         };
-        Tick { pwm: memory.pwm, terms, refused: motors.refused, faults: memory.faults }
+        (outcome.pwm, outcome.refused, outcome.faults) = (memory.pwm, motors.refused, memory.faults);
     }
 }
 
 /// Motors at idle; the loops start anew after it.
 #[cold]
-fn idle(laws: &Laws, memory: &mut Memory, estimates: Option<&Estimates>) -> Tick {
+fn idle(laws: &Laws, memory: &mut Memory, estimates: Option<&Estimates>, outcome: &mut Tick) {
     (memory.position, memory.inner) = (None, None);
     memory.pwm = [laws.range.idle(); 4];
     let mut terms = Terms::default();
@@ -278,7 +286,7 @@ fn idle(laws: &Laws, memory: &mut Memory, estimates: Option<&Estimates>) -> Tick
         terms.body_rates_rad_s = estimates.body_rates_rad_s;
         terms.z_rate_m_s = estimates.z_rate_m_s;
     }
-    Tick { pwm: memory.pwm, terms, refused: Refused::default(), faults: memory.faults }
+    *outcome = Tick { pwm: memory.pwm, terms, refused: Refused::default(), faults: memory.faults };
 }
 
 /// Step 2: rates and voltage.

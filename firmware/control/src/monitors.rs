@@ -10,7 +10,7 @@
 
 use crate::autopilot::Pose;
 use crate::condition::{Condition, Conditions};
-use crate::door::magnitude;
+use crate::door::{ANGLE_LIMIT_RAD, POSITION_LIMIT_M, magnitude};
 use crate::gains::Config;
 use crate::supervision::Supervision;
 use crate::trig::{sin_cos, wrap_angle};
@@ -318,19 +318,18 @@ impl Monitors {
     ) -> bool {
         let good = pose.is_some_and(|pose| {
             self.outside = !inside(pose.position_m, limits);
-            let new = pose != last;
-            let reach_m = limits.jump_m
-                + limits.speed_m_per_us * self.pose.age_us.saturating_add(elapsed_us) as f32;
             let plausible = if anchored {
+                // In the usual case no time has passed but one period, whose share is less than a rounding of the rest.
+                let reach_m = if self.pose.age_us == 0 { limits.jump_m } else { self.reach_m(limits) };
                 near(pose, last.position_m, attitude_rad, reach_m, limits)
             } else {
-                pose.position_m.iter().chain(&pose.attitude_rad).sum::<f32>().is_finite()
+                is_pose(pose)
             };
-            if new && plausible {
+            if plausible && differ(&pose.position_m, &last.position_m) {
                 self.pose_repeats = 0;
                 return true;
             }
-            self.doubtful(new, plausible, limits, conditions)
+            self.doubtful(pose != last, plausible, limits, conditions)
         });
         self.pose.step(good, elapsed_us, &limits.pose);
         if self.pose.late {
@@ -341,6 +340,12 @@ impl Monitors {
         let outside = self.fence.step(self.outside, elapsed_us, limits.fence_us);
         conditions.note(Condition::OutsideFence, outside);
         good
+    }
+
+    /// How far from the last good pose the craft may be, m.
+    #[cold]
+    fn reach_m(&self, limits: &Limits) -> f32 {
+        limits.jump_m + limits.speed_m_per_us * self.pose.age_us as f32
     }
 
     /// The same pose again, or one that cannot be.
@@ -368,7 +373,7 @@ impl Monitors {
     ) -> Option<[f32; 3]> {
         if let Some(rates) = gyro_rad_s {
             let greatest = rates.iter().fold(0, |greatest, rate| magnitude(*rate).max(greatest));
-            if greatest <= limits.rate_limit && rates != self.imu_last && !self.imu_disagrees {
+            if greatest <= limits.rate_limit && differ(&rates, &self.imu_last) && !self.imu_disagrees {
                 self.imu_last = rates;
                 (self.imu_equal, self.imu_missing, self.imu_age_us) = (1, 0, 0);
                 return gyro_rad_s;
@@ -456,6 +461,14 @@ impl Monitors {
             sum += smooth.abs();
         }
         self.imu_disagrees = !(sum <= limits.disagreement_rad_s);
+        if self.imu_disagrees {
+            self.forget_nonsense(sum);
+        }
+    }
+
+    /// A sum that is no number would stay so for good.
+    #[cold]
+    fn forget_nonsense(&mut self, sum: f32) {
         if !sum.is_finite() {
             self.difference_rad_s = [0.0; 3];
         }
@@ -493,6 +506,19 @@ impl Monitors {
 fn inside([x, y, z]: [f32; 3], limits: &Limits) -> bool {
     let ([cx, cy, cz], [hx, hy, hz]) = (limits.fence_centre_m, limits.fence_half_m);
     (x - cx).abs() <= hx && (y - cy).abs() <= hy && (z - cz).abs() <= hz
+}
+
+/// Do two vectors differ? (Written out: a comparison of arrays is a loop.)
+#[inline]
+fn differ([a, b, c]: &[f32; 3], [x, y, z]: &[f32; 3]) -> bool {
+    a != x || b != y || c != z
+}
+
+/// Numbers within reason?
+#[cold]
+fn is_pose(pose: &Pose) -> bool {
+    pose.position_m.iter().all(|x| magnitude(*x) <= POSITION_LIMIT_M.to_bits())
+        && pose.attitude_rad.iter().all(|x| magnitude(*x) <= ANGLE_LIMIT_RAD.to_bits())
 }
 
 /// Can the craft have got there? NaN cannot.
