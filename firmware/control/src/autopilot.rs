@@ -207,6 +207,10 @@ impl Autopilot {
         let seen = monitors.pose(readings.pose.as_ref(), &self.pose, before_rad, anchored, elapsed_us, limits, found);
         let gyro_rad_s = monitors.imu(readings.gyro_rad_s, elapsed_us, limits, found);
         if let (true, Some(pose)) = (seen, &readings.pose) {
+            if self.carried_rad.is_some() && monitors.pose.late {
+                // What the estimators make of the way between is no velocity.
+                self.controller.restart_estimators();
+            }
             (self.pose, self.carried_rad) = (*pose, None);
         } else {
             self.carried_rad = Some(carry(before_rad, gyro_rad_s, elapsed_us));

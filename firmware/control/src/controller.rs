@@ -217,6 +217,12 @@ impl Controller {
         }
     }
 
+    /// The estimators start in the steady state of their next inputs.
+    #[cold]
+    pub(crate) fn restart_estimators(&mut self) {
+        self.memory.estimator = None;
+    }
+
     /// One control period. Total: any bits in any input give finite motor commands inside the range.
     pub fn tick(&mut self, measurement: &Measurement, command: &Command) -> Tick {
         let mut outcome = Tick::default();

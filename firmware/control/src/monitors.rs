@@ -203,6 +203,12 @@ pub(crate) struct Monitors {
     pub(crate) link: Silence,
     pub(crate) pose: Silence,
     pose_repeats: u32,
+    /// For how long no pose at all has come, us.
+    unheard_us: u32,
+    /// A simulation begins with a line of equal poses: none of them is frozen.
+    pose_settling: bool,
+    /// Can the sample of this tick be compared with motion capture?
+    imu_comparable: bool,
     imu_last: [f32; 3],
     imu_equal: u32,
     imu_missing: u32,
@@ -230,6 +236,9 @@ impl Monitors {
             link: Silence::NEVER,
             pose: Silence::NEVER,
             pose_repeats: 0,
+            unheard_us: 0,
+            pose_settling: false,
+            imu_comparable: false,
             imu_last: [f32::NAN; 3],
             imu_equal: 0,
             imu_missing: u32::MAX,
@@ -253,6 +262,7 @@ impl Monitors {
         Self {
             link: Silence::GOOD,
             pose: Silence::GOOD,
+            pose_settling: true,
             imu_missing: 0,
             imu_age_us: 0,
             outside: false,
@@ -319,18 +329,20 @@ impl Monitors {
         let good = pose.is_some_and(|pose| {
             self.outside = !inside(pose.position_m, limits);
             let plausible = if anchored {
-                // In the usual case no time has passed but one period, whose share is less than a rounding of the rest.
-                let reach_m = if self.pose.age_us == 0 { limits.jump_m } else { self.reach_m(limits) };
+                // Refused poses add nothing: a tracker that has jumped is not believed for staying there.
+                let reach_m = if self.unheard_us == 0 { limits.jump_m } else { self.reach_m(limits) };
                 near(pose, last.position_m, attitude_rad, reach_m, limits)
             } else {
                 is_pose(pose)
             };
             if plausible && differ(&pose.position_m, &last.position_m) {
                 self.pose_repeats = 0;
+                self.pose_settling &= !anchored;
                 return true;
             }
             self.doubtful(pose != last, plausible, limits, conditions)
         });
+        self.unheard_us = if pose.is_some() { 0 } else { self.unheard_us.saturating_add(elapsed_us) };
         self.pose.step(good, elapsed_us, &limits.pose);
         if self.pose.late {
             conditions.note(Condition::PoseLate, true);
@@ -345,14 +357,15 @@ impl Monitors {
     /// How far from the last good pose the craft may be, m.
     #[cold]
     fn reach_m(&self, limits: &Limits) -> f32 {
-        limits.jump_m + limits.speed_m_per_us * self.pose.age_us as f32
+        limits.jump_m + limits.speed_m_per_us * self.unheard_us as f32
     }
 
     /// The same pose again, or one that cannot be.
     #[cold]
     fn doubtful(&mut self, new: bool, plausible: bool, limits: &Limits, conditions: &mut Conditions) -> bool {
         self.pose_repeats = if new { 0 } else { self.pose_repeats.saturating_add(1) };
-        let frozen = self.pose_repeats >= limits.pose_repeats;
+        let frozen = self.pose_repeats >= limits.pose_repeats && !self.pose_settling;
+
         conditions.note(Condition::PoseFrozen, frozen);
         conditions.note(Condition::PoseJumped, !plausible);
         let good = plausible && !frozen;
@@ -376,6 +389,7 @@ impl Monitors {
             if greatest <= limits.rate_limit && differ(&rates, &self.imu_last) && !self.imu_disagrees {
                 self.imu_last = rates;
                 (self.imu_equal, self.imu_missing, self.imu_age_us) = (1, 0, 0);
+                self.imu_comparable = true;
                 return gyro_rad_s;
             }
         }
@@ -393,6 +407,7 @@ impl Monitors {
     ) -> Option<[f32; 3]> {
         let plausible =
             gyro_rad_s.filter(|rates| rates.iter().all(|rate| magnitude(*rate) <= limits.rate_limit));
+        self.imu_comparable = plausible.is_some();
         match plausible {
             Some(rates) => {
                 self.imu_missing = 0;
@@ -455,23 +470,17 @@ impl Monitors {
     /// Body rates by gyro and by motion capture, rad/s.
     #[inline]
     pub(crate) fn compare_rates(&mut self, gyro_rad_s: [f32; 3], tracked_rad_s: [f32; 3], limits: &Limits) {
+        if !self.imu_comparable {
+            return;
+        }
         let mut sum = 0.0;
         for ((smooth, gyro), tracked) in self.difference_rad_s.iter_mut().zip(gyro_rad_s).zip(tracked_rad_s) {
-            *smooth += limits.disagreement_gain * ((gyro - tracked) - *smooth);
+            // One wild sample counts for no more than a wrong one.
+            let difference = bound(gyro - tracked, 2.0 * limits.disagreement_rad_s);
+            *smooth += limits.disagreement_gain * (difference - *smooth);
             sum += smooth.abs();
         }
-        self.imu_disagrees = !(sum <= limits.disagreement_rad_s);
-        if self.imu_disagrees {
-            self.forget_nonsense(sum);
-        }
-    }
-
-    /// A sum that is no number would stay so for good.
-    #[cold]
-    fn forget_nonsense(&mut self, sum: f32) {
-        if !sum.is_finite() {
-            self.difference_rad_s = [0.0; 3];
-        }
+        self.imu_disagrees = sum > limits.disagreement_rad_s;
     }
 
     /// How the tick went: thrust refused upwards, rate of inertial z in m/s, roll and pitch, a result that is no number.
@@ -498,6 +507,20 @@ impl Monitors {
     /// Is the craft inside the box, by the last pose?
     pub(crate) fn is_inside(&self) -> bool {
         !self.outside
+    }
+}
+
+/// The value, but not beyond the limit to either side; 0 for what is no number.
+#[inline]
+fn bound(value: f32, limit: f32) -> f32 {
+    if value > limit {
+        limit
+    } else if value >= -limit {
+        value
+    } else if value < -limit {
+        -limit
+    } else {
+        0.0
     }
 }
 
@@ -528,7 +551,7 @@ fn near(pose: &Pose, [x0, y0, z0]: [f32; 3], [roll0, pitch0, yaw0]: [f32; 3], re
     let (dx, dy, dz) = (x - x0, y - y0, z - z0);
     let jump_rad = limits.jump_rad;
     dx * dx + dy * dy + dz * dz <= reach_m * reach_m
-        && (roll - roll0).abs() <= jump_rad
+        && wrap_angle(roll - roll0).abs() <= jump_rad
         && (pitch - pitch0).abs() <= jump_rad
         && wrap_angle(yaw - yaw0).abs() <= jump_rad
 }

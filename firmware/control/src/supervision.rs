@@ -2,7 +2,8 @@
 //!
 //! Every key has a default, so files from before there was a supervisor still read. Times and angles are what other
 //! autopilots fly with, made shorter for a cage: 0.5 s without a command and 60 degrees for 0.3 s as in PX4 and Crazyflie's
-//! firmware, 2 s to motors off as in Crazyflie's, a thrust loss judged over about a second as in ArduPilot.
+//! firmware, 2 s to motors off as in Crazyflie's, a thrust loss judged within a second as in ArduPilot (sooner: the
+//! thesis' law has no priority of attitude over thrust and keeps a saturated craft level for about a second only).
 //! Battery levels belong to a pack, so there is no default that guesses one: without levels the voltage is not judged.
 
 use serde::{Deserialize, Serialize};
@@ -195,13 +196,13 @@ impl Supervision {
             repeats: 10,
             cut_after_s: 0.18,
             rate_limit_rad_s: 35.0,
-            disagreement_rad_s: 1.0,
-            disagreement_filter_s: 0.1,
+            disagreement_rad_s: 1.2,
+            disagreement_filter_s: 0.2,
         },
         battery: BatteryLevels::NONE,
         tilt: Tilt { limit_rad: core::f64::consts::FRAC_PI_3, for_s: 0.3, arming_rad: 0.2 },
         fence: Fence { x_m: [-3.4, 3.4], y_m: [-2.2, 2.2], z_m: [-2.6, 0.5], for_s: 0.2 },
-        thrust: Thrust { for_s: 0.9, sink_m_s: 0.2, level_rad: 0.35 },
+        thrust: Thrust { for_s: 0.4, sink_m_s: 0.2, level_rad: 0.35 },
         timing: Timing { jump_s: 1.0, overrun_s: 0.1 },
         landing: Landing {
             descent_m_s: 0.3,
