@@ -374,3 +374,55 @@ fn carry([roll, pitch, yaw]: [f32; 3], gyro_rad_s: Option<[f32; 3]>, elapsed_us:
         wrap_angle(yaw + dt * turning / cos_pitch),
     ]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A result that is no number cannot be brought about from outside (see `tests/totality.rs`); here it is said to be so.
+    #[test]
+    fn a_result_that_is_no_number_lands_and_then_cuts() {
+        let mut autopilot = Autopilot::in_flight(&Config::thesis()).unwrap();
+        let mut readings = Readings {
+            time_us: 0,
+            pose: Some(Pose { position_m: [0.0, 0.0, -1.0], attitude_rad: [0.0; 3] }),
+            gyro_rad_s: Some([0.0; 3]),
+            battery_v: 11.1,
+            command: Some(Command { cut_off: false, z_m: -1.0, ..IDLE }),
+            request: None,
+            outputs_ready: true,
+        };
+        let mut state = |no_number| {
+            readings.time_us += 10_000;
+            readings.pose.as_mut().unwrap().position_m[0] += 1e-4;
+            readings.gyro_rad_s.as_mut().unwrap()[0] += 1e-4;
+            autopilot.monitors.after(false, 0.0, [0.0; 3], no_number, 10_000, &autopilot.limits);
+            autopilot.tick(&readings).state
+        };
+        assert_eq!([state(false), state(false)], [State::Flying; 2]);
+        assert_eq!([state(true), state(false)], [State::Land; 2]);
+        assert_eq!(state(true), State::Cut);
+        assert_eq!(state(false), State::Cut);
+    }
+
+    /// Turning about a fixed axis: the carried attitude is that of the rotation, by nalgebra.
+    #[test]
+    fn the_gyro_carries_the_attitude() {
+        use nalgebra::{Rotation3, Vector3};
+        let rates = [0.6_f32, -0.4, 0.9];
+        let start = [0.1_f32, 0.2, 3.0];
+        let [r0, p0, y0] = start.map(f64::from);
+        let mut attitude = start;
+        for _ in 0..1000 {
+            attitude = carry(attitude, Some(rates), 1000);
+        }
+        let turned = Rotation3::new(Vector3::from(rates.map(f64::from)));
+        let exact = Rotation3::from_euler_angles(r0, p0, y0) * turned;
+        let (roll, pitch, yaw) = exact.euler_angles();
+        for (got, want) in attitude.iter().zip([roll, pitch, yaw]) {
+            // First-order steps of 1 ms over 1 s at 1.2 rad/s: half of 1.2^2 * 1 ms, below 1e-3 rad.
+            assert!((f64::from(*got) - want).abs() < 1e-3, "{attitude:?} {roll} {pitch} {yaw}");
+        }
+        assert_eq!(carry(start, None, 10_000), start);
+    }
+}
