@@ -1,7 +1,8 @@
 //! What has to hold for any bytes, from a radio or from an attacker.
 
 use proto::{
-    Deframer, Key, MAX_FRAME_LEN, MAX_PACKET_LEN, MAX_STREAM_LEN, Opener, Role, Sealer, decode, enframe, encode,
+    Deframer, Key, MAX_FRAME_LEN, MAX_PACKET_LEN, MAX_STREAM_LEN, Opener, Role, Sealer, decode, encode,
+    enframe,
 };
 
 /// Panics if something does not hold.

@@ -214,7 +214,10 @@ mod tests {
         assert!(counter.keep(&mut store).is_err());
         assert_eq!(counter.take(), None);
         counter.reserved(3);
-        assert_eq!([counter.take(), counter.take(), counter.take(), counter.take()], [Some(0), Some(1), Some(2), None]);
+        assert_eq!(
+            [counter.take(), counter.take(), counter.take(), counter.take()],
+            [Some(0), Some(1), Some(2), None]
+        );
     }
 
     #[test]

@@ -140,9 +140,9 @@ impl fmt::Display for Refused {
             Self::NoTag => f.write_str(
                 "a packet without a tag, and this side has a key: give the other side the same key file",
             ),
-            Self::NoKey => {
-                f.write_str("a packet with a tag, and this side has no key: give it the other side's key file")
-            }
+            Self::NoKey => f.write_str(
+                "a packet with a tag, and this side has no key: give it the other side's key file",
+            ),
             Self::Forged => f.write_str("a packet with a wrong tag: the keys differ, or it was forged"),
             Self::Replayed { accepts_from } => {
                 write!(f, "a packet that has been there; numbers from {accepts_from} on are accepted")

@@ -55,7 +55,10 @@ mod tests {
         ] {
             let address: IpAddr = peer.parse().unwrap();
             assert_eq!(admit(address, None, false).is_ok(), here, "{peer}");
-            assert!(admit(address, Some(&key), false).is_ok() && admit(address, None, true).is_ok(), "{peer}");
+            assert!(
+                admit(address, Some(&key), false).is_ok() && admit(address, None, true).is_ok(),
+                "{peer}"
+            );
         }
     }
 }

@@ -23,7 +23,8 @@ fn corpus() -> Vec<Vec<u8>> {
 fn the_corpus_holds_every_message() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus/decode");
     for (k, message) in common::messages().iter().enumerate() {
-        let (mut frame, mut packet, mut stream) = ([0; MAX_FRAME_LEN], [0; MAX_PACKET_LEN], [0; MAX_STREAM_LEN]);
+        let (mut frame, mut packet, mut stream) =
+            ([0; MAX_FRAME_LEN], [0; MAX_PACKET_LEN], [0; MAX_STREAM_LEN]);
         let frame = encode(message, &mut frame).unwrap().to_vec();
         let open = Sealer::open(Role::Ground, 0).seal(message, &mut packet).unwrap().1.to_vec();
         let mut keyed = Sealer::authenticated(Role::Ground, 0, Key::new([1; 32]), 0);

@@ -52,7 +52,11 @@ fn damage_is_refused() {
             for bit in 0..packet.len() * 8 {
                 let mut damaged = packet.clone();
                 damaged[bit / 8] ^= 1 << (bit % 8);
-                assert_eq!(opener.clone().unseal(&damaged), Err(Refused::Damaged), "bit {bit} of {message:?}");
+                assert_eq!(
+                    opener.clone().unseal(&damaged),
+                    Err(Refused::Damaged),
+                    "bit {bit} of {message:?}"
+                );
             }
             for length in 0..packet.len() {
                 assert!(opener.clone().unseal(&packet[..length]).is_err(), "{length} bytes of {message:?}");

@@ -75,7 +75,8 @@ fn packets_have_their_bytes() {
     let who = Message::Who;
     let mut open = Sealer::open(Role::Ground, 0x0102);
     assert_eq!(open.seal(&who, &mut buffer).unwrap(), (0, bytes(PLAIN).as_slice()));
-    let mut keyed = Sealer::authenticated(Role::Craft, 0x0102, Key::new(std::array::from_fn(|k| k as u8)), 300);
+    let mut keyed =
+        Sealer::authenticated(Role::Craft, 0x0102, Key::new(std::array::from_fn(|k| k as u8)), 300);
     keyed.counter.reserved(301);
     assert_eq!(keyed.seal(&who, &mut buffer).unwrap(), (300, bytes(KEYED).as_slice()));
 }

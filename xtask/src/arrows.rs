@@ -42,7 +42,11 @@ const ARROWS: &[Allowed] = &[
         to: &["proto", "proto-files"],
         why: "the ground station speaks to the craft in messages only",
     },
-    Allowed { from: "com", to: &["control", "proto", "proto-files"], why: "the craft carries the flight law and a link" },
+    Allowed {
+        from: "com",
+        to: &["control", "proto", "proto-files"],
+        why: "the craft carries the flight law and a link",
+    },
     Allowed { from: "mcu", to: &["control", "proto"], why: "the craft carries the flight law and a link" },
     Allowed {
         from: "quadlab",

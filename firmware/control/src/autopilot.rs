@@ -204,7 +204,15 @@ impl Autopilot {
         monitors.link(commanded, elapsed_us, limits, found);
         let before_rad = self.carried_rad.unwrap_or(self.pose.attitude_rad);
         let anchored = self.state != State::Disarmed && self.pose.position_m[0].is_finite();
-        let seen = monitors.pose(readings.pose.as_ref(), &self.pose, before_rad, anchored, elapsed_us, limits, found);
+        let seen = monitors.pose(
+            readings.pose.as_ref(),
+            &self.pose,
+            before_rad,
+            anchored,
+            elapsed_us,
+            limits,
+            found,
+        );
         let gyro_rad_s = monitors.imu(readings.gyro_rad_s, elapsed_us, limits, found);
         if let (true, Some(pose)) = (seen, &readings.pose) {
             if self.carried_rad.is_some() && monitors.pose.late {
@@ -274,7 +282,8 @@ impl Autopilot {
         conditions.note(Condition::FlightRequested, commanded && !self.pilot.cut_off);
         conditions.note(Condition::DisarmRequested, asked(Request::Disarm));
         conditions.note(Condition::LandRequested, asked(Request::Land));
-        conditions.note(Condition::CutRequested, asked(Request::Cut) || flies && commanded && self.pilot.cut_off);
+        conditions
+            .note(Condition::CutRequested, asked(Request::Cut) || flies && commanded && self.pilot.cut_off);
         let [_, _, z_m] = self.pose.position_m;
         let down = self.state == State::Land && self.carried_rad.is_none() && z_m >= self.descent.down_m;
         conditions.note(Condition::Landed, down);
@@ -308,7 +317,13 @@ impl Autopilot {
 
     /// The command in every state but flying, and in the tick in which a state changes.
     #[cold]
-    fn guide(&mut self, state: State, attitude_rad: [f32; 3], elapsed_us: u32, conditions: Conditions) -> Command {
+    fn guide(
+        &mut self,
+        state: State,
+        attitude_rad: [f32; 3],
+        elapsed_us: u32,
+        conditions: Conditions,
+    ) -> Command {
         let before = core::mem::replace(&mut self.state, state);
         if state.motors_idle() {
             return IDLE;
@@ -322,8 +337,7 @@ impl Autopilot {
             self.cast_anchor(attitude_rad, blind, entered);
         }
         let anchor = &mut self.anchor;
-        let level =
-            Command { yaw_rad: anchor.yaw_rad, z_m: anchor.z_m, cut_off: false, ..IDLE };
+        let level = Command { yaw_rad: anchor.yaw_rad, z_m: anchor.z_m, cut_off: false, ..IDLE };
         if blind {
             let offset_m = if state == State::Land { self.descent.blind_offset_m } else { 0.0 };
             return Command { z_m: anchor.z_m + offset_m, ..level };
@@ -355,7 +369,8 @@ impl Autopilot {
 /// Is every field a number? (A sum is not if one of its parts is not.)
 #[inline]
 fn is_number(command: &Command) -> bool {
-    let Command { attitude_rad: [a, b], yaw_rad, z_m, position_m: [x, y], injection: [i, j, k, l], .. } = *command;
+    let Command { attitude_rad: [a, b], yaw_rad, z_m, position_m: [x, y], injection: [i, j, k, l], .. } =
+        *command;
     ((a + b) + (x + y) + (yaw_rad + z_m) + (i + j) + (k + l)).is_finite()
 }
 

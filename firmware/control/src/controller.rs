@@ -20,6 +20,7 @@
 
 use crate::altitude::{AltitudeLoop, AltitudeLoopState};
 use crate::attitude::{AngleLoop, AngleLoopState, LoopOutput};
+use crate::door::{Bounds, Command, Faults, Inputs, Mode};
 use crate::error::ConfigError;
 use crate::estimator::{Estimates, Estimator, EstimatorState};
 use crate::gains::{Config, Law};
@@ -27,7 +28,6 @@ use crate::mixer::{Mixer, Refused, rotor_speeds};
 use crate::motor_map::{CommandRange, MotorMap};
 use crate::pid::PidTerms;
 use crate::position::{PositionLaw, PositionState};
-use crate::door::{Bounds, Command, Faults, Inputs, Mode};
 
 /// What the sensors say.
 #[derive(Debug, Clone, Copy, PartialEq)]

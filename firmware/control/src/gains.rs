@@ -404,7 +404,13 @@ pub(crate) struct Check {
 }
 
 impl Check {
-    pub(crate) fn within(&self, name: &'static str, value: f64, minimum: f64, maximum: f64) -> Result<(), ConfigError> {
+    pub(crate) fn within(
+        &self,
+        name: &'static str,
+        value: f64,
+        minimum: f64,
+        maximum: f64,
+    ) -> Result<(), ConfigError> {
         let parameter = Parameter { group: self.group, name };
         if !value.is_finite() {
             return Err(ConfigError::NotFinite { parameter, value });
@@ -662,9 +668,12 @@ mod tests {
     #[test]
     fn unknown_keys_are_errors() {
         let text = toml::to_string(&Config::thesis()).unwrap();
-        for (key, misspelt) in
-            [("anti_windup", "antiwindup"), ("prefilter_rad_s", "prefilter"), ("kd =", "kd_ ="), ("coast_s", "coast")]
-        {
+        for (key, misspelt) in [
+            ("anti_windup", "antiwindup"),
+            ("prefilter_rad_s", "prefilter"),
+            ("kd =", "kd_ ="),
+            ("coast_s", "coast"),
+        ] {
             assert!(text.contains(key));
             assert!(toml::from_str::<Config>(&text.replace(key, misspelt)).is_err(), "{misspelt}");
         }

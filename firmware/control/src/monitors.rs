@@ -433,7 +433,13 @@ impl Monitors {
 
     /// The voltage.
     #[inline]
-    pub(crate) fn battery(&mut self, voltage_v: f32, elapsed_us: u32, limits: &Limits, conditions: &mut Conditions) {
+    pub(crate) fn battery(
+        &mut self,
+        voltage_v: f32,
+        elapsed_us: u32,
+        limits: &Limits,
+        conditions: &mut Conditions,
+    ) {
         let [warn_v, _, _] = limits.battery_v;
         if self.battery_low || !(voltage_v >= warn_v) {
             self.battery_sags(voltage_v, elapsed_us, limits, conditions);
@@ -441,7 +447,13 @@ impl Monitors {
     }
 
     #[cold]
-    fn battery_sags(&mut self, voltage_v: f32, elapsed_us: u32, limits: &Limits, conditions: &mut Conditions) {
+    fn battery_sags(
+        &mut self,
+        voltage_v: f32,
+        elapsed_us: u32,
+        limits: &Limits,
+        conditions: &mut Conditions,
+    ) {
         let levels = [Condition::BatteryLow, Condition::BatteryCritical, Condition::BatteryEmpty];
         self.battery_low = false;
         for ((held, level_v), condition) in self.battery.iter_mut().zip(limits.battery_v).zip(levels) {
@@ -453,7 +465,13 @@ impl Monitors {
 
     /// The attitude in rad as it is flown with.
     #[inline]
-    pub(crate) fn tilt(&mut self, attitude_rad: [f32; 3], elapsed_us: u32, limits: &Limits, conditions: &mut Conditions) {
+    pub(crate) fn tilt(
+        &mut self,
+        attitude_rad: [f32; 3],
+        elapsed_us: u32,
+        limits: &Limits,
+        conditions: &mut Conditions,
+    ) {
         let tilted = !(tilt_bound(attitude_rad) <= limits.tilt_rad) && beyond(attitude_rad, limits);
         conditions.note(Condition::Tilted, self.tilt.step(tilted, elapsed_us, limits.tilt_us));
     }
@@ -546,7 +564,13 @@ fn is_pose(pose: &Pose) -> bool {
 
 /// Can the craft have got there? NaN cannot.
 #[inline]
-fn near(pose: &Pose, [x0, y0, z0]: [f32; 3], [roll0, pitch0, yaw0]: [f32; 3], reach_m: f32, limits: &Limits) -> bool {
+fn near(
+    pose: &Pose,
+    [x0, y0, z0]: [f32; 3],
+    [roll0, pitch0, yaw0]: [f32; 3],
+    reach_m: f32,
+    limits: &Limits,
+) -> bool {
     let ([x, y, z], [roll, pitch, yaw]) = (pose.position_m, pose.attitude_rad);
     let (dx, dy, dz) = (x - x0, y - y0, z - z0);
     let jump_rad = limits.jump_rad;

@@ -204,12 +204,7 @@ impl Supervision {
         fence: Fence { x_m: [-3.4, 3.4], y_m: [-2.2, 2.2], z_m: [-2.6, 0.5], for_s: 0.2 },
         thrust: Thrust { for_s: 0.4, sink_m_s: 0.2, level_rad: 0.35 },
         timing: Timing { jump_s: 1.0, overrun_s: 0.1 },
-        landing: Landing {
-            descent_m_s: 0.3,
-            fast_descent_m_s: 0.6,
-            blind_offset_m: 0.06,
-            touchdown_m: 0.1,
-        },
+        landing: Landing { descent_m_s: 0.3, fast_descent_m_s: 0.6, blind_offset_m: 0.06, touchdown_m: 0.1 },
     };
 
     /// Can this be flown with?

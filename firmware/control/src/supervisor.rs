@@ -7,7 +7,8 @@
 //! ```
 //!
 //! - *disarmed*, *armed*, *cut*: motors idle. *flying*: the pilot's command. *hold*: stay where it is. *land*: go down here.
-//! - When several conditions are there the most severe action wins: disarm (somebody asked for it), cut, land, hold, fly, arm.
+//! - When several conditions are there the most severe action wins: disarm (somebody asked for it), cut, stand down,
+//!   land, hold, fly, arm.
 //! - Hold goes back to flying by itself once nothing asks for it any more; the monitors make sure that this takes good data
 //!   for a while. Land never goes back up. Cut is latched. Nothing arms but a request, and only with all preflight checks good.
 //!
@@ -36,8 +37,7 @@ pub enum State {
 
 impl State {
     /// All, in the order of their numbers.
-    pub const ALL: [Self; 6] =
-        [Self::Disarmed, Self::Armed, Self::Flying, Self::Hold, Self::Land, Self::Cut];
+    pub const ALL: [Self; 6] = [Self::Disarmed, Self::Armed, Self::Flying, Self::Hold, Self::Land, Self::Cut];
 
     /// Do the motors idle?
     pub const fn motors_idle(self) -> bool {
@@ -58,45 +58,47 @@ pub enum Action {
     Hold,
     /// To [`State::Land`].
     Land,
+    /// To [`State::Disarmed`], because there is nothing left to fly for.
+    Stand,
     /// To [`State::Cut`].
     Cut,
-    /// To [`State::Disarmed`].
+    /// To [`State::Disarmed`], because somebody asked.
     Disarm,
 }
 
 /// The table: for each condition the action in [`State::ALL`]: disarmed, armed, flying, hold, land, cut.
 #[rustfmt::skip]
 pub const TABLE: [(Condition, [Action; 6]); 26] = {
-    use Action::{Arm, Cut, Disarm, Fly, Hold, Land, Stay};
+    use Action::{Arm, Cut, Disarm, Fly, Hold, Land, Stand, Stay};
     use Condition as C;
     [
-        //                       disarmed  armed   flying  hold    land    cut
-        (C::ArmRequested,       [Arm,      Stay,   Stay,   Stay,   Stay,   Stay]),
-        (C::FlightRequested,    [Stay,     Fly,    Stay,   Stay,   Stay,   Stay]),
-        (C::DisarmRequested,    [Disarm,   Disarm, Disarm, Disarm, Disarm, Disarm]),
-        (C::LandRequested,      [Stay,     Disarm, Land,   Land,   Stay,   Stay]),
-        (C::CutRequested,       [Cut,      Cut,    Cut,    Cut,    Cut,    Stay]),
-        (C::Landed,             [Stay,     Stay,   Stay,   Stay,   Disarm, Stay]),
-        (C::LinkLate,           [Stay,     Disarm, Hold,   Hold,   Stay,   Stay]),
-        (C::LinkLost,           [Stay,     Disarm, Land,   Land,   Stay,   Stay]),
-        (C::PoseLate,           [Stay,     Disarm, Hold,   Hold,   Stay,   Stay]),
-        (C::PoseLost,           [Stay,     Disarm, Land,   Land,   Stay,   Stay]),
-        (C::PoseGone,           [Stay,     Disarm, Cut,    Cut,    Cut,    Stay]),
-        (C::PoseFrozen,         [Stay,     Stay,   Stay,   Stay,   Stay,   Stay]),
-        (C::PoseJumped,         [Stay,     Stay,   Stay,   Stay,   Stay,   Stay]),
-        (C::ImuLate,            [Stay,     Disarm, Land,   Land,   Stay,   Stay]),
-        (C::ImuStuck,           [Stay,     Disarm, Land,   Land,   Stay,   Stay]),
-        (C::ImuDisagrees,       [Stay,     Disarm, Land,   Land,   Stay,   Stay]),
-        (C::ImuGone,            [Stay,     Disarm, Cut,    Cut,    Cut,    Stay]),
-        (C::BatteryLow,         [Stay,     Disarm, Stay,   Stay,   Stay,   Stay]),
-        (C::BatteryCritical,    [Stay,     Disarm, Land,   Land,   Stay,   Stay]),
-        (C::BatteryEmpty,       [Stay,     Disarm, Land,   Land,   Stay,   Stay]),
-        (C::Tilted,             [Stay,     Disarm, Cut,    Cut,    Cut,    Stay]),
-        (C::OutsideFence,       [Stay,     Disarm, Land,   Land,   Stay,   Stay]),
-        (C::ThrustLost,         [Stay,     Disarm, Land,   Land,   Stay,   Stay]),
-        (C::ClockJumped,        [Stay,     Disarm, Land,   Land,   Stay,   Stay]),
-        (C::LoopOverrun,        [Stay,     Disarm, Land,   Land,   Stay,   Stay]),
-        (C::NotANumber,         [Stay,     Disarm, Land,   Land,   Cut,    Stay]),
+        //                       disarmed armed  flying  hold    land    cut
+        (C::ArmRequested,       [Arm,    Stay,   Stay,   Stay,   Stay,   Stay]),
+        (C::FlightRequested,    [Stay,   Fly,    Stay,   Stay,   Stay,   Stay]),
+        (C::DisarmRequested,    [Disarm, Disarm, Disarm, Disarm, Disarm, Disarm]),
+        (C::LandRequested,      [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::CutRequested,       [Cut,    Cut,    Cut,    Cut,    Cut,    Stay]),
+        (C::Landed,             [Stay,   Stay,   Stay,   Stay,   Stand,  Stay]),
+        (C::LinkLate,           [Stay,   Stand,  Hold,   Hold,   Stay,   Stay]),
+        (C::LinkLost,           [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::PoseLate,           [Stay,   Stand,  Hold,   Hold,   Stay,   Stay]),
+        (C::PoseLost,           [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::PoseGone,           [Stay,   Stand,  Cut,    Cut,    Cut,    Stay]),
+        (C::PoseFrozen,         [Stay,   Stay,   Stay,   Stay,   Stay,   Stay]),
+        (C::PoseJumped,         [Stay,   Stay,   Stay,   Stay,   Stay,   Stay]),
+        (C::ImuLate,            [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::ImuStuck,           [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::ImuDisagrees,       [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::ImuGone,            [Stay,   Stand,  Cut,    Cut,    Cut,    Stay]),
+        (C::BatteryLow,         [Stay,   Stand,  Stay,   Stay,   Stay,   Stay]),
+        (C::BatteryCritical,    [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::BatteryEmpty,       [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::Tilted,             [Stay,   Stand,  Cut,    Cut,    Cut,    Stay]),
+        (C::OutsideFence,       [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::ThrustLost,         [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::ClockJumped,        [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::LoopOverrun,        [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::NotANumber,         [Stay,   Stand,  Land,   Land,   Cut,    Stay]),
     ]
 };
 
@@ -105,13 +107,14 @@ struct Row {
     any: u32,
     disarm: u32,
     cut: u32,
+    stand: u32,
     land: u32,
     hold: u32,
     fly: u32,
 }
 
 const fn row(state: State) -> Row {
-    let mut row = Row { any: 0, disarm: 0, cut: 0, land: 0, hold: 0, fly: 0 };
+    let mut row = Row { any: 0, disarm: 0, cut: 0, stand: 0, land: 0, hold: 0, fly: 0 };
     let mut rest: &[(Condition, [Action; 6])] = &TABLE;
     while let [(condition, [disarmed, armed, flying, hold, land, cut]), others @ ..] = rest {
         let action = match state {
@@ -129,6 +132,7 @@ const fn row(state: State) -> Row {
             Action::Fly => row.fly |= bit,
             Action::Hold => row.hold |= bit,
             Action::Land => row.land |= bit,
+            Action::Stand => row.stand |= bit,
             Action::Cut => row.cut |= bit,
             Action::Disarm => row.disarm |= bit,
         }
@@ -170,6 +174,7 @@ fn severest(row: &Row, bits: u32) -> Action {
     let by_severity = [
         (row.disarm, Action::Disarm),
         (row.cut, Action::Cut),
+        (row.stand, Action::Stand),
         (row.land, Action::Land),
         (row.hold, Action::Hold),
         (row.fly, Action::Fly),
@@ -188,7 +193,7 @@ pub fn next(state: State, conditions: Conditions) -> State {
         Action::Hold => State::Hold,
         Action::Land => State::Land,
         Action::Cut => State::Cut,
-        Action::Disarm => State::Disarmed,
+        Action::Stand | Action::Disarm => State::Disarmed,
     }
 }
 
@@ -310,11 +315,10 @@ mod tests {
                 }
             }
             State::Land => {
-                // On the floor there is nothing left to stop.
-                if set.has(C::Landed) {
-                    State::Disarmed
-                } else if stop || set.has(C::NotANumber) {
+                if stop || set.has(C::NotANumber) {
                     State::Cut
+                } else if set.has(C::Landed) {
+                    State::Disarmed
                 } else {
                     State::Land
                 }
@@ -335,7 +339,11 @@ mod tests {
                 let bits = spread(k);
                 let set = Conditions::from_bits(bits);
                 let got = next(state, set);
-                assert!(got == by_the_rules(state, set), "{state:?} {:?}: {got:?}", set.iter().collect::<Vec<_>>());
+                assert!(
+                    got == by_the_rules(state, set),
+                    "{state:?} {:?}: {got:?}",
+                    set.iter().collect::<Vec<_>>()
+                );
                 if k % 1009 == 0 {
                     for extra in [C::PoseFrozen.bit(), C::PoseJumped.bit(), silent] {
                         assert_eq!(next(state, Conditions::from_bits(bits | extra)), got);
@@ -352,7 +360,11 @@ mod tests {
             for (a, first) in TABLE {
                 for (b, second) in TABLE {
                     let want = first[state as usize].max(second[state as usize]);
-                    assert_eq!(action(state, Conditions::from_bits(a.bit() | b.bit())), want, "{state:?} {a:?} {b:?}");
+                    assert_eq!(
+                        action(state, Conditions::from_bits(a.bit() | b.bit())),
+                        want,
+                        "{state:?} {a:?} {b:?}"
+                    );
                 }
             }
         }

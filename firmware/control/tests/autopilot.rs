@@ -204,7 +204,11 @@ fn timers_do_not_care_when_the_clock_wraps() {
         assert_eq!(story(start), expected, "start {start}");
     }
     for before_wrap_us in (0..12_000_000).step_by(510_000) {
-        assert_eq!(story(0_u32.wrapping_sub(before_wrap_us)), expected, "{before_wrap_us} us before the wrap");
+        assert_eq!(
+            story(0_u32.wrapping_sub(before_wrap_us)),
+            expected,
+            "{before_wrap_us} us before the wrap"
+        );
     }
 }
 
@@ -229,19 +233,19 @@ fn any_readings() -> impl Strategy<Value = Readings> {
     let three = || [any_f32(), any_f32(), any_f32()];
     let pose = prop::option::of((three(), three()))
         .prop_map(|pose| pose.map(|(position_m, attitude_rad)| Pose { position_m, attitude_rad }));
-    let command = prop::option::of((any::<bool>(), [any_f32(), any_f32(), any_f32(), any_f32()], any::<bool>())).prop_map(
-        |command| {
-            command.map(|(position, [a, b, c, d], cut_off)| Command {
-                mode: if position { control::Mode::Position } else { control::Mode::Attitude },
-                attitude_rad: [a, b],
-                yaw_rad: c,
-                z_m: d,
-                position_m: [b, c],
-                cut_off,
-                injection: [d, a, b, c],
-            })
-        },
-    );
+    let command =
+        prop::option::of((any::<bool>(), [any_f32(), any_f32(), any_f32(), any_f32()], any::<bool>()))
+            .prop_map(|command| {
+                command.map(|(position, [a, b, c, d], cut_off)| Command {
+                    mode: if position { control::Mode::Position } else { control::Mode::Attitude },
+                    attitude_rad: [a, b],
+                    yaw_rad: c,
+                    z_m: d,
+                    position_m: [b, c],
+                    cut_off,
+                    injection: [d, a, b, c],
+                })
+            });
     let request = prop::sample::select(vec![
         None,
         None,

@@ -77,43 +77,68 @@ pub fn drills() -> Vec<Drill> {
     let mut list = Vec::new();
     let mut add = |rule, name, expected, inject| list.push(Drill { name, rule, expected, inject });
 
-    add(C::LinkLate, "commands silent for 0.6 s, then back", Goes(&[(Hold, 0.51), (Flying, 1.15)]), |p, t| {
-        once(p, K::LinkSilent, t, 0.6);
-    });
+    add(
+        C::LinkLate,
+        "commands silent for 0.6 s, then back",
+        Goes(&[(Hold, 0.51), (Flying, 1.15)]),
+        |p, t| {
+            once(p, K::LinkSilent, t, 0.6);
+        },
+    );
     add(C::LinkLate, "commands silent for 0.49 s", Flies, |p, t| once(p, K::LinkSilent, t, 0.49));
     add(C::LinkLate, "commands that are no numbers", Goes(&[(Hold, 0.51), (Land, 2.0)]), |p, t| {
         once(p, K::LinkGarbage, t, ALWAYS_S);
     });
-    add(C::LinkLost, "commands silent for good", Goes(&[(Hold, 0.51), (Land, 2.0), (Disarmed, 8.0)]), |p, t| {
-        once(p, K::LinkSilent, t, ALWAYS_S);
-    });
+    add(
+        C::LinkLost,
+        "commands silent for good",
+        Goes(&[(Hold, 0.51), (Land, 2.0), (Disarmed, 8.0)]),
+        |p, t| {
+            once(p, K::LinkSilent, t, ALWAYS_S);
+        },
+    );
     add(C::LinkLost, "commands silent for 1.88 s", Short(&[(Hold, 0.51), (Flying, 2.42)]), |p, t| {
         once(p, K::LinkSilent, t, 1.88);
     });
-    add(C::LinkLate, "one command frame every 0.4 s after a silence", Goes(&[(Hold, 0.51), (Land, 20.0)]), |p, t| {
-        once(p, K::LinkSilent, t, 0.8);
-        for k in 0..30 {
-            once(p, K::LinkSilent, t + 0.81 + 0.4 * f64::from(k), 0.39);
-        }
-        // It lands when the silence has lasted; here single frames keep it in hold.
-        once(p, K::LinkSilent, t + 4.0, ALWAYS_S);
-    });
+    add(
+        C::LinkLate,
+        "one command frame every 0.4 s after a silence",
+        Goes(&[(Hold, 0.51), (Land, 20.0)]),
+        |p, t| {
+            once(p, K::LinkSilent, t, 0.8);
+            for k in 0..30 {
+                once(p, K::LinkSilent, t + 0.81 + 0.4 * f64::from(k), 0.39);
+            }
+            // It lands when the silence has lasted; here single frames keep it in hold.
+            once(p, K::LinkSilent, t + 4.0, ALWAYS_S);
+        },
+    );
     add(C::PoseLate, "poses silent for 0.06 s", Goes(&[(Hold, 0.1), (Flying, 0.3)]), |p, t| {
         once(p, K::PoseSilent, t, 0.06);
     });
     add(C::PoseLate, "poses silent for 0.04 s", Flies, |p, t| once(p, K::PoseSilent, t, 0.04));
-    add(C::PoseLost, "poses silent for 0.45 s", Goes(&[(Hold, 0.1), (Land, 0.5), (Disarmed, 8.0)]), |p, t| {
-        once(p, K::PoseSilent, t, 0.45);
-    });
+    add(
+        C::PoseLost,
+        "poses silent for 0.45 s",
+        Goes(&[(Hold, 0.1), (Land, 0.5), (Disarmed, 8.0)]),
+        |p, t| {
+            once(p, K::PoseSilent, t, 0.45);
+        },
+    );
     add(C::PoseLost, "poses silent for 0.38 s", Short(&[(Hold, 0.1), (Flying, 0.6)]), |p, t| {
         once(p, K::PoseSilent, t, 0.38);
     });
     add(C::PoseGone, "poses silent for good", Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]), |p, t| {
         once(p, K::PoseSilent, t, ALWAYS_S);
     });
-    add(C::PoseGone, "poses silent for 1.85 s", Short(&[(Hold, 0.1), (Land, 0.5), (Disarmed, 8.0)]), |p, t| {
-        once(p, K::PoseSilent, t, 1.85);
-    });
+    add(
+        C::PoseGone,
+        "poses silent for 1.85 s",
+        Short(&[(Hold, 0.1), (Land, 0.5), (Disarmed, 8.0)]),
+        |p, t| {
+            once(p, K::PoseSilent, t, 1.85);
+        },
+    );
     add(C::PoseFrozen, "the same pose for good", Goes(&[(Hold, 0.13), (Land, 0.5), (Cut, 2.0)]), |p, t| {
         once(p, K::PoseFrozen, t, ALWAYS_S);
     });
@@ -121,21 +146,42 @@ pub fn drills() -> Vec<Drill> {
     add(C::PoseJumped, "poses 0.6 m away for good", Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]), |p, t| {
         once(p, K::PoseShifted([0.6, 0.0, 0.0]), t, ALWAYS_S);
     });
-    add(C::PoseJumped, "one pose 0.6 m away", Flies, |p, t| once(p, K::PoseShifted([0.6, 0.0, 0.0]), t, 0.01));
-    add(C::PoseJumped, "poses 5 cm away for good", Flies, |p, t| once(p, K::PoseShifted([0.05, 0.0, 0.0]), t, ALWAYS_S));
-    add(C::PoseJumped, "heading turned by 180 degrees", Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]), |p, t| {
-        once(p, K::PoseTurned(std::f32::consts::PI), t, ALWAYS_S);
+    add(C::PoseJumped, "one pose 0.6 m away", Flies, |p, t| {
+        once(p, K::PoseShifted([0.6, 0.0, 0.0]), t, 0.01)
     });
-    add(C::PoseJumped, "heading turned by 5 degrees", Flies, |p, t| once(p, K::PoseTurned(0.087), t, ALWAYS_S));
-    add(C::OutsideFence, "positions that are no numbers", Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]), |p, t| {
-        once(p, K::PoseNotANumber, t, ALWAYS_S);
+    add(C::PoseJumped, "poses 5 cm away for good", Flies, |p, t| {
+        once(p, K::PoseShifted([0.05, 0.0, 0.0]), t, ALWAYS_S)
     });
+    add(
+        C::PoseJumped,
+        "heading turned by 180 degrees",
+        Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]),
+        |p, t| {
+            once(p, K::PoseTurned(std::f32::consts::PI), t, ALWAYS_S);
+        },
+    );
+    add(C::PoseJumped, "heading turned by 5 degrees", Flies, |p, t| {
+        once(p, K::PoseTurned(0.087), t, ALWAYS_S)
+    });
+    add(
+        C::OutsideFence,
+        "positions that are no numbers",
+        Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]),
+        |p, t| {
+            once(p, K::PoseNotANumber, t, ALWAYS_S);
+        },
+    );
     add(C::OutsideFence, "positions that are no numbers for 0.04 s", Flies, |p, t| {
         once(p, K::PoseNotANumber, t, 0.04);
     });
-    add(C::OutsideFence, "a box that ends 0.1 m off for good", Goes(&[(Land, 0.5), (Disarmed, 8.0)]), |p, _| {
-        fence_around_start(p, -0.1);
-    });
+    add(
+        C::OutsideFence,
+        "a box that ends 0.1 m off for good",
+        Goes(&[(Land, 0.5), (Disarmed, 8.0)]),
+        |p, _| {
+            fence_around_start(p, -0.1);
+        },
+    );
     add(C::OutsideFence, "a box with the whole flight inside", Flies, |p, _| fence_around_start(p, 3.0));
     add(C::ImuLate, "gyro missing for good", Goes(&[(Land, 0.1), (Disarmed, 8.0)]), |p, t| {
         once(p, K::ImuMissing, t, ALWAYS_S);
@@ -150,14 +196,24 @@ pub fn drills() -> Vec<Drill> {
         once(p, K::ImuBiased(1.5), t, ALWAYS_S);
     });
     add(C::ImuDisagrees, "gyro off by 0.15 rad/s", Flies, |p, t| once(p, K::ImuBiased(0.15), t, ALWAYS_S));
-    add(C::ImuGone, "gyro missing for good, under a law that needs it", Goes(&[(Land, 0.1), (Cut, 0.2)]), |p, t| {
-        needs_gyro(p);
-        once(p, K::ImuMissing, t, ALWAYS_S);
-    });
-    add(C::ImuGone, "gyro missing for 0.15 s, under a law that needs it", Short(&[(Land, 0.1), (Disarmed, 8.0)]), |p, t| {
-        needs_gyro(p);
-        once(p, K::ImuMissing, t, 0.15);
-    });
+    add(
+        C::ImuGone,
+        "gyro missing for good, under a law that needs it",
+        Goes(&[(Land, 0.1), (Cut, 0.2)]),
+        |p, t| {
+            needs_gyro(p);
+            once(p, K::ImuMissing, t, ALWAYS_S);
+        },
+    );
+    add(
+        C::ImuGone,
+        "gyro missing for 0.15 s, under a law that needs it",
+        Short(&[(Land, 0.1), (Disarmed, 8.0)]),
+        |p, t| {
+            needs_gyro(p);
+            once(p, K::ImuMissing, t, 0.15);
+        },
+    );
     add(C::ImuGone, "poses and gyro silent", Goes(&[(Land, 0.1), (Cut, 0.2)]), |p, t| {
         once(p, K::PoseSilent, t, ALWAYS_S);
         once(p, K::ImuMissing, t, ALWAYS_S);
@@ -194,7 +250,9 @@ pub fn drills() -> Vec<Drill> {
     add(C::ClockJumped, "clock wraps in the middle", Flies, |p, t| {
         p.clock_us = 0_u32.wrapping_sub((t * 1e6) as u32);
     });
-    add(C::LoopOverrun, "loop stalls for 12 ticks", Goes(&[(Land, 0.2)]), |p, t| once(p, K::LoopStalled, t, 0.12));
+    add(C::LoopOverrun, "loop stalls for 12 ticks", Goes(&[(Land, 0.2)]), |p, t| {
+        once(p, K::LoopStalled, t, 0.12)
+    });
     add(C::LoopOverrun, "loop stalls for 2 ticks", Flies, |p, t| once(p, K::LoopStalled, t, 0.02));
     add(C::LandRequested, "the ground asks to land", Goes(&[(Land, 0.02), (Disarmed, 8.0)]), |p, t| {
         once(p, K::Asks(Request::Land), t, 0.01);
@@ -205,7 +263,9 @@ pub fn drills() -> Vec<Drill> {
     add(C::CutRequested, "the ground cuts the motors", Goes(&[(Cut, 0.02)]), |p, t| {
         once(p, K::Asks(Request::Cut), t, 0.01);
     });
-    add(C::CutRequested, "the command is cut-off, once", Goes(&[(Cut, 0.02)]), |p, t| once(p, K::CutOff, t, 0.01));
+    add(C::CutRequested, "the command is cut-off, once", Goes(&[(Cut, 0.02)]), |p, t| {
+        once(p, K::CutOff, t, 0.01)
+    });
     add(C::DisarmRequested, "the ground disarms", Goes(&[(Disarmed, 0.02)]), |p, t| {
         once(p, K::Asks(Request::Disarm), t, 0.01);
     });
@@ -273,7 +333,8 @@ impl Drill {
         let after_s = |row: usize| (row as f64 - begin as f64) * recording.period_s;
         let rows = recording.rows.iter().enumerate();
         let flagged = |bits| Conditions::from_bits(bits).has(self.rule);
-        let flagged_s = rows.clone().find(|(_, row)| flagged(row.supervision.conditions)).map(|(k, _)| after_s(k));
+        let flagged_s =
+            rows.clone().find(|(_, row)| flagged(row.supervision.conditions)).map(|(k, _)| after_s(k));
         let (mut states, mut reasons) = (Vec::new(), Vec::new());
         let mut last = State::Flying;
         for (k, row) in rows {
@@ -283,7 +344,9 @@ impl Drill {
                 reasons.push(Conditions::from_bits(row.supervision.conditions));
             }
         }
-        let place = |k: usize| recording.rows.get(k).map_or([0.0; 2], |row| [row.truth.position_m[0], row.truth.position_m[1]]);
+        let place = |k: usize| {
+            recording.rows.get(k).map_or([0.0; 2], |row| [row.truth.position_m[0], row.truth.position_m[1]])
+        };
         let [x0, y0] = place(begin);
         let runs = |row: &&crate::flight::Row| !matches!(row.supervision.state, State::Cut | State::Disarmed);
         let drift_m = recording.rows.iter().skip(begin).take_while(runs).fold(0.0_f64, |most, row| {
@@ -303,7 +366,9 @@ impl Drill {
 fn in_order(states: &[(State, f64)], expected: &[(State, f64)]) -> bool {
     let mut rest = states.iter();
     states.iter().all(|(_, at_s)| *at_s >= 0.0)
-        && expected.iter().all(|(wanted, by_s)| rest.any(|(state, at_s)| state == wanted && *at_s <= by_s + 1e-6))
+        && expected
+            .iter()
+            .all(|(wanted, by_s)| rest.any(|(state, at_s)| state == wanted && *at_s <= by_s + 1e-6))
 }
 
 /// The drills of one seed as a table: what happens, the rule, what came of it in each flight.
@@ -317,14 +382,26 @@ pub fn table(seed: u64) -> Result<(String, bool), SilError> {
         let _ = writeln!(text, "{} [{:?}]", drill.name, drill.rule);
         for found in drill.fly(seed)? {
             all &= found.holds;
-            let went: Vec<String> = found.states.iter().zip(&found.reasons).map(|((state, at_s), reasons)| {
-                let reasons: Vec<String> = reasons.iter().map(|reason| format!("{reason:?}")).collect();
-                format!("{state:?} {at_s:.2} s ({})", if reasons.is_empty() { "all good".into() } else { reasons.join(" ") })
-            }).collect();
+            let went: Vec<String> = found
+                .states
+                .iter()
+                .zip(&found.reasons)
+                .map(|((state, at_s), reasons)| {
+                    let reasons: Vec<String> = reasons.iter().map(|reason| format!("{reason:?}")).collect();
+                    format!(
+                        "{state:?} {at_s:.2} s ({})",
+                        if reasons.is_empty() { "all good".into() } else { reasons.join(" ") }
+                    )
+                })
+                .collect();
             let went = if went.is_empty() { "flies on".to_owned() } else { went.join(", ") };
             let flagged = found.flagged_s.map_or("not flagged".to_owned(), |s| format!("flagged {s:.2} s"));
             let verdict = if found.holds { "" } else { "  NOT AS EXPECTED" };
-            let _ = writeln!(text, "  {:8} {flagged:15} {went}; drift {:.2} m{verdict}", found.flight, found.drift_m);
+            let _ = writeln!(
+                text,
+                "  {:8} {flagged:15} {went}; drift {:.2} m{verdict}",
+                found.flight, found.drift_m
+            );
         }
     }
     Ok((text, all))

@@ -117,10 +117,9 @@ impl Faults {
             }
             FaultKind::PoseSilent => readings.pose = None,
             FaultKind::PoseFrozen => readings.pose = last_pose,
-            FaultKind::PoseShifted(by_m) => pose(
-                &|pose| pose.position_m.iter_mut().zip(by_m).for_each(|(x, by)| *x += by),
-                readings,
-            ),
+            FaultKind::PoseShifted(by_m) => {
+                pose(&|pose| pose.position_m.iter_mut().zip(by_m).for_each(|(x, by)| *x += by), readings)
+            }
             FaultKind::PoseTurned(by_rad) => pose(&|pose| pose.attitude_rad[2] += by_rad, readings),
             FaultKind::PoseNotANumber => pose(&|pose| pose.position_m = [f32::NAN; 3], readings),
             FaultKind::ImuMissing => readings.gyro_rad_s = None,

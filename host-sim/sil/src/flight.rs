@@ -191,6 +191,10 @@ fn identification_config() -> Config {
     use control::gains::{Complement, GyroFusion, Law, PositionLimits};
     let mut config = Config::thesis();
     config.position_limits = PositionLimits { x_m: [-2.0, 2.0], y_m: [-1.2, 1.2], z_m: [-2.0, -0.1] };
+    // Up to the walls: what a hidden effect does to the flight is what is wanted.
+    let [x, y, ceiling] = CAGE_M;
+    let fence = &mut config.supervision.fence;
+    (fence.x_m, fence.y_m, fence.z_m[0]) = ([-x, x], [-y, y], -ceiling);
     config.estimation.gyro = Some(GyroFusion { corner_rad_s: 5.0, complement: Complement::Exact });
     if let Law::ModelBased(law) = &mut config.law {
         for position in [&mut law.loops.x, &mut law.loops.y] {
@@ -342,7 +346,8 @@ impl<'a, L: Link> ClosedLoop<'a, L> {
             request: None,
             outputs_ready: true,
         };
-        let stalled = !self.plan.faults.is_empty() && self.faults.distort(&self.plan.faults, time_s, &mut readings);
+        let stalled =
+            !self.plan.faults.is_empty() && self.faults.distort(&self.plan.faults, time_s, &mut readings);
         let outcome = match self.answered {
             Some(answered) if stalled => answered,
             _ => self.link.tick(self.tick, &readings)?,
@@ -351,7 +356,8 @@ impl<'a, L: Link> ClosedLoop<'a, L> {
         let proto::Outcome { output, supervision } = outcome;
         let truth = Truth::new(&self.craft.state, battery_v);
         let row = Row { truth, sensed, position_command_m: command.position_m, output, supervision };
-        let motors = self.faults.motors(&self.plan.faults, time_s, output.pwm, self.plan.config.command_range);
+        let motors =
+            self.faults.motors(&self.plan.faults, time_s, output.pwm, self.plan.config.command_range);
         self.craft.advance(&motors, battery_v);
         self.tick += 1;
         Ok(row)

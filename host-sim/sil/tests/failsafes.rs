@@ -12,7 +12,11 @@ fn every_drill_ends_as_expected() {
     for drill in drills() {
         for seed in 1..=4 {
             for found in drill.fly(seed).unwrap() {
-                assert!(found.holds, "{} (seed {seed}): expected {:?}, found {found:?}", drill.name, drill.expected);
+                assert!(
+                    found.holds,
+                    "{} (seed {seed}): expected {:?}, found {found:?}",
+                    drill.name, drill.expected
+                );
             }
         }
     }
@@ -25,17 +29,25 @@ fn every_rule_has_both_drills() {
     // Not from a sensor of a craft in the air: seen in the drills that land, and forced in the autopilot's own tests.
     let elsewhere = [Condition::FlightRequested, Condition::Landed, Condition::NotANumber];
     // Requests need no near miss: a request is or is not.
-    let requests =
-        [Condition::DisarmRequested, Condition::LandRequested, Condition::CutRequested, Condition::ArmRequested];
+    let requests = [
+        Condition::DisarmRequested,
+        Condition::LandRequested,
+        Condition::CutRequested,
+        Condition::ArmRequested,
+    ];
     for rule in Condition::ALL.into_iter().filter(|rule| !elsewhere.contains(rule)) {
         let of_rule = || list.iter().filter(|drill| drill.rule == rule);
         let goes = |drill: &&sil::Drill| matches!(drill.expected, Expected::Goes(_));
         assert!(
-            of_rule().any(|drill| goes(&drill)) || [Condition::BatteryLow, Condition::ArmRequested].contains(&rule),
+            of_rule().any(|drill| goes(&drill))
+                || [Condition::BatteryLow, Condition::ArmRequested].contains(&rule),
             "{rule:?} is not set off"
         );
         let warns_only = rule == Condition::BatteryLow;
-        assert!(warns_only || requests.contains(&rule) || of_rule().any(|drill| !goes(&drill)), "{rule:?} has no near miss");
+        assert!(
+            warns_only || requests.contains(&rule) || of_rule().any(|drill| !goes(&drill)),
+            "{rule:?} has no near miss"
+        );
     }
 }
 
@@ -47,7 +59,9 @@ fn without_a_fault_every_drill_flies_on() {
             let (mut plan, _) = drills()[0].plan(flight, seed);
             plan.faults.clear();
             let recording = fly(&plan).unwrap();
-            assert!(recording.complete && recording.rows.iter().all(|row| row.supervision.state == State::Flying));
+            assert!(
+                recording.complete && recording.rows.iter().all(|row| row.supervision.state == State::Flying)
+            );
         }
     }
 }
@@ -62,7 +76,10 @@ fn normal_flights_raise_nothing() {
         }
     }
     for seed in 0..40 {
-        plans.push((format!("identification {seed}"), FlightPlan::identification(Model::thesis(), seed, 30.0)));
+        plans.push((
+            format!("identification {seed}"),
+            FlightPlan::identification(Model::thesis(), seed, 30.0),
+        ));
     }
     for (name, plan) in plans {
         let recording = fly(&plan).unwrap();
@@ -80,7 +97,8 @@ fn normal_flights_raise_nothing() {
 /// Ten minutes from 30 s before the 32-bit clock wraps are, bit for bit, those from zero.
 #[test]
 fn the_wrap_of_the_clock_is_no_event() {
-    let mut plan = Scenario::Pattern.plan(&Settings { noise: Some(NoiseModel::default()), ..Settings::default() });
+    let mut plan =
+        Scenario::Pattern.plan(&Settings { noise: Some(NoiseModel::default()), ..Settings::default() });
     plan.duration_s = 600.0;
     // A silence across the wrap, so that a timer runs through it.
     plan.faults = vec![Fault { kind: FaultKind::LinkSilent, from_s: 29.7, for_s: 0.6 }];

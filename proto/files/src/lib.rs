@@ -174,7 +174,9 @@ mod tests {
     fn what_is_no_key_is_refused_by_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("key");
-        for text in ["", "00", &"0".repeat(63), &"0".repeat(65), &"g".repeat(64), &"é".repeat(32), &"a".repeat(5000)] {
+        for text in
+            ["", "00", &"0".repeat(63), &"0".repeat(65), &"g".repeat(64), &"é".repeat(32), &"a".repeat(5000)]
+        {
             write(&path, text, 0o600);
             let message = read_key(&path).unwrap_err().to_string();
             assert!(message.contains("key") && message.contains("64 hexadecimal"), "{message}");
