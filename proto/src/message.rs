@@ -2,8 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Everything that goes over a link. (Telemetry is the largest by far; no message is kept for long.)
-#[expect(clippy::large_enum_variant, reason = "there is no allocator to box it with")]
+/// Everything that goes over a link.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Message {
     /// To the controller: sensors and command of one tick.
