@@ -110,7 +110,9 @@ pub struct Autopilot {
     descent: Descent,
     monitors: Monitors,
     state: State,
-    pilot: Command,
+    /// Of the pilot's last command.
+    mode: Mode,
+    idle_wanted: bool,
     /// The last good one.
     pose: Pose,
     /// Attitude by the gyro since then, rad; none while poses come.
@@ -153,7 +155,8 @@ impl Autopilot {
             },
             monitors: Monitors::at_rest(),
             state: State::Disarmed,
-            pilot: IDLE,
+            mode: IDLE.mode,
+            idle_wanted: true,
             pose: NOWHERE,
             carried_rad: None,
             anchor: Anchor::default(),
@@ -192,15 +195,13 @@ impl Autopilot {
         let mut conditions = Conditions::NONE;
         let found = &mut conditions;
         let elapsed_us = monitors.clock(readings.time_us, limits, found);
-        let commanded = readings.command.as_ref().is_some_and(|command| {
-            let good = is_number(command);
-            if good {
-                self.pilot = *command;
-            } else {
-                count(&mut monitors.counters.commands_refused);
-            }
-            good
-        });
+        let pilot = readings.command.as_ref().filter(|command| is_number(command));
+        match pilot {
+            Some(command) => (self.mode, self.idle_wanted) = (command.mode, command.cut_off),
+            None if readings.command.is_some() => count(&mut monitors.counters.commands_refused),
+            None => {}
+        }
+        let commanded = pilot.is_some();
         monitors.link(commanded, elapsed_us, limits, found);
         let before_rad = self.carried_rad.unwrap_or(self.pose.attitude_rad);
         let anchored = self.state != State::Disarmed && self.pose.position_m[0].is_finite();
@@ -228,16 +229,16 @@ impl Autopilot {
         monitors.tilt(attitude_rad, elapsed_us, limits, found);
         monitors.aftermath(found);
         let mut preflight = Preflight::default();
-        if self.state != State::Flying || readings.request.is_some() || self.pilot.cut_off {
+        if self.state != State::Flying || readings.request.is_some() || self.idle_wanted {
             preflight = self.attend(readings, commanded, attitude_rad, &mut conditions);
         }
         let state = next(self.state, conditions);
         let guided;
-        let command = if state == State::Flying && self.state == State::Flying {
-            &self.pilot
+        let (mode, cut_off, command) = if state == State::Flying && self.state == State::Flying {
+            (self.mode, self.idle_wanted, pilot)
         } else {
-            guided = self.guide(state, attitude_rad, elapsed_us, conditions);
-            &guided
+            guided = self.guide(state, pilot, attitude_rad, elapsed_us, conditions);
+            (guided.mode, guided.cut_off, Some(&guided))
         };
         let measurement = Measurement {
             position_m: self.pose.position_m,
@@ -245,7 +246,7 @@ impl Autopilot {
             gyro_rad_s,
             battery_v: readings.battery_v,
         };
-        self.controller.tick_into(&measurement, command, &mut self.flight.tick);
+        self.controller.tick_into(&measurement, seen, mode, cut_off, command, &mut self.flight.tick);
         let tick = &self.flight.tick;
         let terms = &tick.terms;
         if let (true, Some(rates)) = (seen, readings.gyro_rad_s) {
@@ -279,11 +280,11 @@ impl Autopilot {
         let asked = |request| readings.request == Some(request);
         let flies = !self.state.motors_idle();
         conditions.note(Condition::ArmRequested, asked(Request::Arm) && preflight.ready());
-        conditions.note(Condition::FlightRequested, commanded && !self.pilot.cut_off);
+        conditions.note(Condition::FlightRequested, commanded && !self.idle_wanted);
         conditions.note(Condition::DisarmRequested, asked(Request::Disarm));
         conditions.note(Condition::LandRequested, asked(Request::Land));
         conditions
-            .note(Condition::CutRequested, asked(Request::Cut) || flies && commanded && self.pilot.cut_off);
+            .note(Condition::CutRequested, asked(Request::Cut) || flies && commanded && self.idle_wanted);
         let [_, _, z_m] = self.pose.position_m;
         let down = self.state == State::Land && self.carried_rad.is_none() && z_m >= self.descent.down_m;
         conditions.note(Condition::Landed, down);
@@ -311,15 +312,17 @@ impl Autopilot {
         checks.note(Preflight::TIMING, none(&timing) && self.monitors.on_time(&self.limits));
         checks.note(Preflight::CONTROLLER, none(&[Condition::NotANumber]));
         checks.note(Preflight::OUTPUTS, readings.outputs_ready);
-        checks.note(Preflight::IDLE, self.pilot.cut_off);
+        checks.note(Preflight::IDLE, self.idle_wanted);
         checks
     }
 
-    /// The command in every state but flying, and in the tick in which a state changes.
+    /// The command in every state but flying, and in the tick in which a state changes. (Back in flight between two commands the
+    /// place is held until the next.)
     #[cold]
     fn guide(
         &mut self,
         state: State,
+        pilot: Option<&Command>,
         attitude_rad: [f32; 3],
         elapsed_us: u32,
         conditions: Conditions,
@@ -328,8 +331,8 @@ impl Autopilot {
         if state.motors_idle() {
             return IDLE;
         }
-        if state == State::Flying {
-            return self.pilot;
+        if let (State::Flying, Some(pilot)) = (state, pilot) {
+            return *pilot;
         }
         let blind = conditions.has(Condition::PoseLate);
         let entered = before == State::Flying;

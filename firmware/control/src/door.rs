@@ -152,6 +152,19 @@ impl Inputs {
         position && attitude && battery
     }
 
+    /// As [`Inputs::measure`], for a position and an attitude that the monitors have let pass.
+    #[inline]
+    pub(crate) fn measure_judged(&mut self, m: &Measurement, wants_gyro: bool, faults: &mut Faults) -> bool {
+        let [roll, pitch, yaw] = m.attitude_rad;
+        (self.position_m, self.attitude_rad) = (m.position_m, [roll, pitch, wrap_angle(yaw)]);
+        let gyro = !wants_gyro
+            || m.gyro_rad_s.is_some_and(|gyro| take_all(&mut self.gyro_rad_s, gyro, RATE_LIMIT_RAD_S));
+        let battery = m.battery_v >= 0.0 && take(&mut self.battery_v, m.battery_v, VOLTAGE_LIMIT_V);
+        faults.measurement.note(!gyro);
+        faults.battery.note(!battery);
+        battery
+    }
+
     /// What is commanded before there has been a good command: stay here, level.
     pub(crate) fn hold_here(&mut self) {
         let ([x, y, z], [_, _, yaw]) = (self.position_m, self.attitude_rad);

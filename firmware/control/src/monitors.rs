@@ -491,10 +491,16 @@ impl Monitors {
         if !self.imu_comparable {
             return;
         }
-        let mut sum = 0.0;
-        for ((smooth, gyro), tracked) in self.difference_rad_s.iter_mut().zip(gyro_rad_s).zip(tracked_rad_s) {
+        let ([p, q, r], [tp, tq, tr]) = (gyro_rad_s, tracked_rad_s);
+        let mut difference = [p - tp, q - tq, r - tr];
+        let [dp, dq, dr] = difference;
+        let bound_rad_s = 2.0 * limits.disagreement_rad_s;
+        if !(dp.abs() + dq.abs() + dr.abs() <= bound_rad_s) {
             // One wild sample counts for no more than a wrong one.
-            let difference = bound(gyro - tracked, 2.0 * limits.disagreement_rad_s);
+            difference = bounded(difference, bound_rad_s);
+        }
+        let mut sum = 0.0;
+        for (smooth, difference) in self.difference_rad_s.iter_mut().zip(difference) {
             *smooth += limits.disagreement_gain * (difference - *smooth);
             sum += smooth.abs();
         }
@@ -528,18 +534,10 @@ impl Monitors {
     }
 }
 
-/// The value, but not beyond the limit to either side; 0 for what is no number.
-#[inline]
-fn bound(value: f32, limit: f32) -> f32 {
-    if value > limit {
-        limit
-    } else if value >= -limit {
-        value
-    } else if value < -limit {
-        -limit
-    } else {
-        0.0
-    }
+/// Each value, but not beyond the limit to either side; 0 for what is no number.
+#[cold]
+fn bounded(values: [f32; 3], limit: f32) -> [f32; 3] {
+    values.map(|value| if value.is_nan() { 0.0 } else { value.clamp(-limit, limit) })
 }
 
 /// Inside the box? NaN is not.
@@ -574,10 +572,19 @@ fn near(
     let ([x, y, z], [roll, pitch, yaw]) = (pose.position_m, pose.attitude_rad);
     let (dx, dy, dz) = (x - x0, y - y0, z - z0);
     let jump_rad = limits.jump_rad;
+    let (turned_roll, turned_pitch, turned_yaw) = (roll - roll0, pitch - pitch0, yaw - yaw0);
     dx * dx + dy * dy + dz * dz <= reach_m * reach_m
-        && wrap_angle(roll - roll0).abs() <= jump_rad
-        && (pitch - pitch0).abs() <= jump_rad
-        && wrap_angle(yaw - yaw0).abs() <= jump_rad
+        && turned_pitch.abs() <= jump_rad
+        && ((turned_roll.abs() <= jump_rad && turned_yaw.abs() <= jump_rad)
+            || short_way(turned_roll, turned_yaw, jump_rad))
+}
+
+/// Roll and yaw may have gone through half a turn.
+#[cold]
+fn short_way(roll_rad: f32, yaw_rad: f32, jump_rad: f32) -> bool {
+    // Beyond reason an angle has no short way.
+    let turned = |angle: f32| angle.abs() <= 2.0 * ANGLE_LIMIT_RAD && wrap_angle(angle).abs() <= jump_rad;
+    turned(roll_rad) && turned(yaw_rad)
 }
 
 /// Is the tilt beyond its limit? `cos(tilt) = cos(roll) cos(pitch)`; NaN is beyond.
