@@ -44,7 +44,7 @@ fn stream(bytes: &[u8]) {
     let mut deframer = Deframer::new();
     for byte in bytes {
         if let Some(found) = deframer.push(*byte) {
-            packet(&found.to_vec());
+            packet(found);
         }
     }
     deframer.push(0);

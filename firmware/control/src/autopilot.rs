@@ -24,7 +24,7 @@ use crate::controller::{Controller, Measurement, Tick};
 use crate::door::{Command, Mode};
 use crate::error::ConfigError;
 use crate::gains::Config;
-use crate::monitors::{Counters, Limits, Monitors, count, tilt_bound};
+use crate::monitors::{Counters, Known, Limits, Monitors, count, tilt_bound};
 use crate::supervisor::{Preflight, State, next};
 use crate::trig::{sin_cos, wrap_angle};
 
@@ -205,15 +205,8 @@ impl Autopilot {
         monitors.link(commanded, elapsed_us, limits, found);
         let before_rad = self.carried_rad.unwrap_or(self.pose.attitude_rad);
         let anchored = self.state != State::Disarmed && self.pose.position_m[0].is_finite();
-        let seen = monitors.pose(
-            readings.pose.as_ref(),
-            &self.pose,
-            before_rad,
-            anchored,
-            elapsed_us,
-            limits,
-            found,
-        );
+        let known = Known { last: &self.pose, attitude_rad: before_rad, anchored };
+        let seen = monitors.pose(readings.pose.as_ref(), &known, elapsed_us, limits, found);
         let gyro_rad_s = monitors.imu(readings.gyro_rad_s, elapsed_us, limits, found);
         if let (true, Some(pose)) = (seen, &readings.pose) {
             if self.carried_rad.is_some() && monitors.pose.late {

@@ -232,7 +232,8 @@ impl Controller {
 
     /// As [`Controller::tick`], into a place that is there already: copying an outcome is a fifth of the cost of a tick.
     ///
-    /// `judged`: position and attitude have passed a door already. Without a command the values of the last one are kept.
+    /// `judged`: position and attitude have passed a door already. Without a command
+    /// the values of the last one are kept.
     #[inline]
     pub(crate) fn tick_into(
         &mut self,

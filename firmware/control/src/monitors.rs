@@ -194,6 +194,16 @@ pub(crate) fn count(counter: &mut u32) {
     *counter = counter.saturating_add(1);
 }
 
+/// What is known before a pose comes.
+pub(crate) struct Known<'a> {
+    /// The last pose that could be flown with.
+    pub(crate) last: &'a Pose,
+    /// Where the craft has turned since then by the gyro, rad.
+    pub(crate) attitude_rad: [f32; 3],
+    /// Without it a pose may be anywhere.
+    pub(crate) anchored: bool,
+}
+
 /// All detectors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Monitors {
@@ -313,19 +323,17 @@ impl Monitors {
         }
     }
 
-    /// Whether a pose came that can be flown with. `last` is the last one that could, `attitude_rad` where the craft is by
-    /// the gyro since then; without `anchored` a pose may be anywhere.
+    /// Whether a pose came that can be flown with.
     #[inline]
     pub(crate) fn pose(
         &mut self,
         pose: Option<&Pose>,
-        last: &Pose,
-        attitude_rad: [f32; 3],
-        anchored: bool,
+        known: &Known<'_>,
         elapsed_us: u32,
         limits: &Limits,
         conditions: &mut Conditions,
     ) -> bool {
+        let Known { last, attitude_rad, anchored } = *known;
         let good = pose.is_some_and(|pose| {
             self.outside = !inside(pose.position_m, limits);
             let plausible = if anchored {

@@ -376,7 +376,7 @@ mod tests {
         for condition in Condition::ALL.into_iter().filter(|c| *c != C::DisarmRequested) {
             assert_eq!(next(State::Cut, Conditions::from_bits(condition.bit())), State::Cut);
         }
-        let all = Conditions::from_bits(u32::MAX & !C::DisarmRequested.bit());
+        let all = Conditions::from_bits(!C::DisarmRequested.bit());
         assert_eq!(next(State::Cut, all), State::Cut);
         assert_eq!(next(State::Cut, Conditions::from_bits(u32::MAX)), State::Disarmed);
     }

@@ -104,8 +104,10 @@ fn from_the_stand_to_the_air_and_back() {
     assert!(idles(&flight) && flight.state == State::Disarmed, "a command does not take off again");
 }
 
+type Break = fn(&mut Rig);
+
 /// One way to break each preflight check that inputs can break; the controller's own fault is forced in a unit test.
-const BREAKS: [(u16, fn(&mut Rig)); 9] = [
+const BREAKS: [(u16, Break); 9] = [
     (Preflight::LINK, |rig| rig.readings.command = None),
     (Preflight::POSE, |rig| rig.readings.pose = None),
     (Preflight::IMU, |rig| rig.readings.gyro_rad_s = None),
