@@ -545,7 +545,18 @@ impl Monitors {
 /// Each value, but not beyond the limit to either side; 0 for what is no number.
 #[cold]
 fn bounded(values: [f32; 3], limit: f32) -> [f32; 3] {
-    values.map(|value| if value.is_nan() { 0.0 } else { value.clamp(-limit, limit) })
+    // Not `clamp`, which panics where the limit is no number.
+    values.map(|value| {
+        if value > limit {
+            limit
+        } else if value < -limit {
+            -limit
+        } else if value.is_nan() {
+            0.0
+        } else {
+            value
+        }
+    })
 }
 
 /// Inside the box? NaN is not.
