@@ -16,22 +16,30 @@
 
 mod axis;
 mod battery;
+mod dimension;
 mod effect;
 pub mod effects;
+mod formula;
 pub mod frames;
+mod load;
 mod model_file;
 mod plant;
+mod quantity;
 mod sample;
+pub mod user_effect;
 mod vehicle;
 
 pub use axis::{AXES, Axis, PerAxis};
 pub use battery::Battery;
 pub use effect::{Coefficient, EffectInfo, Kind, Question, Sink};
 pub use effects::Effect;
+pub use load::{Load, Swing};
 pub use model_file::{
     AxisError, ChangeScatter, Estimate, FitRecord, FlightRecord, FlightRole, HistoryEntry, Model, ModelError,
-    ReferenceValues, Term,
+    OpenLoopSums, ReferenceValues, RefinementRecord, Term,
 };
 pub use plant::{DelayLine, Plant, State, Substeps};
+pub use quantity::{QUANTITIES, Quantity};
 pub use sample::{Adjustments, Sample, SampleInput};
+pub use user_effect::UserEffectError;
 pub use vehicle::{MotorMapKind, Motors, RotorMap, Spin, Vehicle, VehicleError};

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use crate::user_effect::{self, Definition};
 use crate::vehicle::toml_message;
 use crate::{Adjustments, Axis, Effect, PerAxis, Vehicle};
 
@@ -91,6 +92,46 @@ pub struct FitRecord {
     /// How much the craft differs from flight to flight: what a later change must stand out from.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub scatter: Vec<ChangeScatter>,
+    /// Dead time in s that flights of commands show beyond the model's own: their clocks are counted from it. Absent where
+    /// rotor speeds were measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotor_delay_s: Option<f64>,
+    /// Why the model has no rotation, where the flights did not determine it: force rows are all there is.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rotation_refused: Vec<String>,
+    /// What a refinement on open-loop predictions came to, where one was tried.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refinement: Option<RefinementRecord>,
+}
+
+/// A refinement on open-loop predictions.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RefinementRecord {
+    /// Which coefficients were moved: "moments" or "all".
+    pub rows: String,
+    /// Whether they were kept.
+    pub kept: bool,
+    /// Why.
+    pub reason: String,
+    /// Open-loop error of the held-out flights before, summed over horizons of 1 to 50 samples.
+    pub before: OpenLoopSums,
+    /// And with the moved coefficients.
+    pub after: OpenLoopSums,
+}
+
+/// Mean norms of open-loop errors, summed over horizons of 1 to 50 samples.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OpenLoopSums {
+    /// m.
+    pub position_m: f64,
+    /// m/s.
+    pub velocity_m_s: f64,
+    /// rad.
+    pub attitude_rad: f64,
+    /// rad/s.
+    pub rate_rad_s: f64,
 }
 
 /// How far the estimate of a change scatters about zero between the flights a model was made from.
@@ -188,6 +229,9 @@ pub enum ModelError {
     /// The vehicle in the model is impossible.
     #[error(transparent)]
     Vehicle(#[from] crate::VehicleError),
+    /// The definition of a user's effect in the model cannot be right.
+    #[error(transparent)]
+    UserEffect(#[from] crate::UserEffectError),
 }
 
 #[derive(Serialize, Deserialize)]
@@ -203,6 +247,9 @@ struct ModelFile {
     version: u32,
     reference: ReferenceValues,
     vehicle: Vehicle,
+    /// Of the users' effects among `effects`.
+    #[serde(rename = "definition", default, skip_serializing_if = "Vec::is_empty")]
+    definitions: Vec<Definition>,
     #[serde(rename = "effect", default)]
     effects: Vec<EffectEntry>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -311,6 +358,9 @@ impl Model {
         }
         let file: ModelFile = toml::from_str(text).map_err(parse_error)?;
         file.vehicle.check(path)?;
+        for definition in file.definitions {
+            user_effect::define(definition, path)?;
+        }
         let terms =
             file.effects.into_iter().map(|entry| read_effect(entry, path)).collect::<Result<_, _>>()?;
         Ok(Self {
@@ -329,6 +379,7 @@ impl Model {
             version: VERSION,
             reference: self.reference,
             vehicle: self.vehicle.clone(),
+            definitions: self.terms.iter().filter_map(|term| definition_of(term.effect)).collect(),
             effects: self.terms.iter().map(write_effect).collect(),
             fit: self.fit.clone(),
             history: self.history.clone(),
@@ -339,7 +390,7 @@ impl Model {
 
 fn read_effect(entry: EffectEntry, path: &Path) -> Result<Term, ModelError> {
     let Some(effect) = Effect::from_id(&entry.id) else {
-        let known: Vec<&str> = crate::effects::CATALOGUE.iter().map(|e| e.id()).collect();
+        let known: Vec<&str> = Effect::all().map(|e| e.id()).collect();
         return Err(ModelError::UnknownEffect {
             path: path.into(),
             effect: entry.id,
@@ -359,6 +410,13 @@ fn read_effect(entry: EffectEntry, path: &Path) -> Result<Term, ModelError> {
     let coefficients =
         entry.coefficients.iter().map(|c| Estimate { value: c.value, std_error: c.std_error }).collect();
     Ok(Term { effect, coefficients })
+}
+
+fn definition_of(effect: Effect) -> Option<Definition> {
+    match effect {
+        Effect::User(user) => Some(user.definition().clone()),
+        _ => None,
+    }
 }
 
 fn write_effect(term: &Term) -> EffectEntry {
@@ -413,6 +471,15 @@ mod tests {
                 coefficient: "extra_mass".into(),
                 deviation: 0.01,
             }],
+            rotor_delay_s: Some(0.1 / 3.0),
+            rotation_refused: vec!["C2_q = -3".into()],
+            refinement: Some(RefinementRecord {
+                rows: "moments".into(),
+                kept: true,
+                reason: "it falls".into(),
+                before: OpenLoopSums { position_m: 1.0 / 7.0, ..OpenLoopSums::default() },
+                after: OpenLoopSums::default(),
+            }),
         });
         model.history.push(HistoryEntry {
             effect: "ground-effect".into(),
@@ -423,6 +490,18 @@ mod tests {
         let text = model.to_toml();
         assert_eq!(Model::parse(&text, Path::new("m.toml")).unwrap(), model);
         assert_eq!(Model::parse(&text, Path::new("m.toml")).unwrap().to_toml(), text);
+    }
+
+    /// Files from before alignment and refinement have fewer fields in their fit.
+    #[test]
+    fn a_fit_record_without_the_newer_fields_is_read() {
+        let mut model = Model::thesis();
+        model.fit = Some(FitRecord::default());
+        let text = model.to_toml();
+        for newer in ["rotor_delay_s", "rotation_refused", "refinement", "scatter"] {
+            assert!(!text.contains(newer), "{text}");
+        }
+        assert_eq!(Model::parse(&text, Path::new("m.toml")).unwrap(), model);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The plant: the equations of motion (2.1), (2.8) with a model's effects as their terms, and a fixed-step integrator.
 //!
-//! State: position (NED), attitude quaternion, body velocity, body rates, rotor speeds. A quaternion instead of the
+//! State: position (NED), attitude quaternion, body velocity, body rates, rotor speeds, and the swing of a slung load. A quaternion instead of the
 //! thesis' Euler angles: the same motion, no singularity when a simulated craft tumbles, no sines in the stages.
 //! Rotors are first-order lags of the commanded speed, integrated exactly over a held command; the rest is classical
 //! fourth-order Runge-Kutta. No adaptive step: equal inputs give equal bits.
@@ -9,7 +9,8 @@ use nalgebra::{Vector3, Vector4};
 
 use crate::effects::Weights;
 use crate::sample::Constants;
-use crate::{Adjustments, Model, RotorMap, Sample, SampleInput, frames};
+use crate::user_effect::Undefined;
+use crate::{Adjustments, Model, RotorMap, Sample, SampleInput, Swing, frames};
 
 /// State of the craft.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,6 +25,8 @@ pub struct State {
     pub rate_rad_s: Vector3<f64>,
     /// Rotor speeds, rad/s.
     pub rotor_rad_s: [f64; 4],
+    /// A slung load's swing; still where there is none.
+    pub swing: Swing,
 }
 
 impl State {
@@ -35,6 +38,7 @@ impl State {
             velocity_m_s: Vector3::zeros(),
             rate_rad_s: Vector3::zeros(),
             rotor_rad_s,
+            swing: Swing::default(),
         }
     }
 
@@ -47,7 +51,8 @@ impl State {
     pub fn is_finite(&self) -> bool {
         let all =
             self.position_ned_m.sum() + self.attitude.sum() + self.velocity_m_s.sum() + self.rate_rad_s.sum();
-        (all + self.rotor_rad_s.iter().sum::<f64>()).is_finite()
+        let swing = self.swing.direction.sum() + self.swing.turning_rad_s.sum();
+        (all + self.rotor_rad_s.iter().sum::<f64>() + swing).is_finite()
     }
 }
 
@@ -66,6 +71,7 @@ struct Derivative {
     attitude: Vector4<f64>,
     velocity: Vector3<f64>,
     rate: Vector3<f64>,
+    swing: Swing,
 }
 
 /// A model made ready to integrate.
@@ -120,7 +126,24 @@ impl Plant {
 
     #[inline(always)]
     fn input_at(&self, state: &State, rotor: &[f64; 4], commanded: &[f64; 4], battery_v: f64) -> SampleInput {
+        self.input_with(state, rotor, self.lagged_acceleration_rad_s2(rotor, commanded), battery_v)
+    }
+
+    /// Of rotors on their way to what is commanded.
+    #[inline(always)]
+    fn lagged_acceleration_rad_s2(&self, rotor: &[f64; 4], commanded: &[f64; 4]) -> [f64; 4] {
         let lag = self.lag_rad_s.unwrap_or(0.0);
+        std::array::from_fn(|i| lag * (commanded[i] - rotor[i]))
+    }
+
+    #[inline(always)]
+    fn input_with(
+        &self,
+        state: &State,
+        rotor: &[f64; 4],
+        rotor_acceleration_rad_s2: [f64; 4],
+        battery_v: f64,
+    ) -> SampleInput {
         SampleInput {
             position_ned_m: state.position_ned_m,
             dcm: frames::dcm_from_quaternion(&state.attitude),
@@ -128,8 +151,9 @@ impl Plant {
             rate_rad_s: state.rate_rad_s,
             angular_acceleration_rad_s2: Vector3::zeros(),
             rotor_rad_s: *rotor,
-            rotor_acceleration_rad_s2: std::array::from_fn(|i| lag * (commanded[i] - rotor[i])),
+            rotor_acceleration_rad_s2,
             battery_v,
+            swing: state.swing,
         }
     }
 
@@ -137,7 +161,17 @@ impl Plant {
     /// rad/s^2.
     #[inline]
     pub fn accelerations(&self, sample: &Sample) -> [f64; 6] {
-        self.weights.accelerations(sample)
+        self.carrying(self.weights.accelerations(sample), &sample.input)
+    }
+
+    /// Accelerations of everything else with the pull of a slung load, where there is one.
+    fn carrying(&self, mut a: [f64; 6], input: &SampleInput) -> [f64; 6] {
+        if let Some(load) = &self.adjust.load {
+            let force = Vector3::new(a[0], a[1], a[2]);
+            let force = load.act(force, &input.dcm, &input.swing, self.constants.per_mass);
+            a[..3].copy_from_slice(force.as_slice());
+        }
+        a
     }
 
     /// Rotor speeds in rad/s that motor commands ask for at a battery voltage.
@@ -175,8 +209,61 @@ impl Plant {
         battery_v: f64,
         step_s: f64,
     ) {
-        let middle = std::array::from_fn(|i| 0.5 * (start[i] + end[i]));
-        self.integrate(state, [start, &middle, end], end, battery_v, step_s);
+        let mean = std::array::from_fn(|i| 0.5 * (start[i] + end[i]));
+        self.step_through(state, [start, &mean, end], battery_v, step_s);
+    }
+
+    /// The same with the mean of the rotor speeds over the step, which on the way of a lag is not that of its ends.
+    pub fn step_through(
+        &self,
+        state: &mut State,
+        [start, mean, end]: [&[f64; 4]; 3],
+        battery_v: f64,
+        step_s: f64,
+    ) {
+        // Simpson's rule, which the step amounts to, gives the mean back.
+        let middle = std::array::from_fn(|i| 0.25 * (6.0 * mean[i] - start[i] - end[i]));
+        let slope = std::array::from_fn(|i| (end[i] - start[i]) / step_s);
+        self.integrate(state, [start, &middle, end], |_| slope, battery_v, step_s);
+    }
+
+    /// The formula of a user's effect that has no finite value in the step that starts at `state`, if one has none: why the
+    /// state after it is not finite.
+    pub fn undefined_in_step(
+        &self,
+        state: &State,
+        commanded_rad_s: &[f64; 4],
+        battery_v: f64,
+        substeps: &Substeps,
+    ) -> Option<Undefined> {
+        let mut state = *state;
+        for _ in 0..substeps.count {
+            // A stage that fails shows in the stage before it: formulas are asked where Runge and Kutta ask them.
+            let rotor = state.rotor_rad_s;
+            let h = substeps.step_s;
+            let mut stage = state;
+            for part in [0.5, 0.5, 1.0, 0.0] {
+                let sample = self.sample_at(&stage, &rotor, commanded_rad_s, battery_v);
+                if let Some(undefined) = self.undefined(&sample) {
+                    return Some(undefined);
+                }
+                let acceleration = self.lagged_acceleration_rad_s2(&rotor, commanded_rad_s);
+                let k = self.derivative::<false>(&stage, &rotor, acceleration, battery_v);
+                stage = moved(&state, &k, part * h);
+            }
+            self.lagged_step(&mut state, commanded_rad_s, battery_v, substeps);
+        }
+        None
+    }
+
+    /// Whether the model has effects of users.
+    pub fn has_user_effects(&self) -> bool {
+        !self.weights.users().is_empty()
+    }
+
+    /// The formula of a user's effect that has no finite value at a sample, if one has none.
+    pub fn undefined(&self, sample: &Sample) -> Option<Undefined> {
+        self.weights.users().iter().find_map(|(user, coefficients)| user.undefined(sample, coefficients))
     }
 
     fn lagged_step(&self, state: &mut State, commanded: &[f64; 4], battery_v: f64, substeps: &Substeps) {
@@ -185,7 +272,8 @@ impl Plant {
             std::array::from_fn(|i| commanded[i] + (start[i] - commanded[i]) * decay)
         };
         let (middle, end) = (towards(substeps.half_decay), towards(substeps.decay));
-        self.integrate(state, [&start, &middle, &end], commanded, battery_v, substeps.step_s);
+        let slope = |rotor: &[f64; 4]| self.lagged_acceleration_rad_s2(rotor, commanded);
+        self.integrate(state, [&start, &middle, &end], slope, battery_v, substeps.step_s);
     }
 
     /// One Runge-Kutta step with the rotor speeds at its start, middle and end.
@@ -194,14 +282,14 @@ impl Plant {
         &self,
         state: &mut State,
         rotor: [&[f64; 4]; 3],
-        commanded: &[f64; 4],
+        rotor_acceleration: impl Fn(&[f64; 4]) -> [f64; 4],
         battery_v: f64,
         step_s: f64,
     ) {
         if self.plain {
-            self.runge_kutta_4::<true>(state, rotor, commanded, battery_v, step_s);
+            self.runge_kutta_4::<true>(state, rotor, rotor_acceleration, battery_v, step_s);
         } else {
-            self.runge_kutta_4::<false>(state, rotor, commanded, battery_v, step_s);
+            self.runge_kutta_4::<false>(state, rotor, rotor_acceleration, battery_v, step_s);
         }
     }
 
@@ -209,15 +297,18 @@ impl Plant {
         &self,
         state: &mut State,
         [rotor_start, rotor_middle, rotor_end]: [&[f64; 4]; 3],
-        commanded: &[f64; 4],
+        rotor_acceleration: impl Fn(&[f64; 4]) -> [f64; 4],
         battery_v: f64,
         h: f64,
     ) {
         let start = *state;
-        let k1 = self.derivative::<PLAIN>(&start, rotor_start, commanded, battery_v);
-        let k2 = self.derivative::<PLAIN>(&moved(&start, &k1, 0.5 * h), rotor_middle, commanded, battery_v);
-        let k3 = self.derivative::<PLAIN>(&moved(&start, &k2, 0.5 * h), rotor_middle, commanded, battery_v);
-        let k4 = self.derivative::<PLAIN>(&moved(&start, &k3, h), rotor_end, commanded, battery_v);
+        let stage = |state: &State, rotor: &[f64; 4]| {
+            self.derivative::<PLAIN>(state, rotor, rotor_acceleration(rotor), battery_v)
+        };
+        let k1 = stage(&start, rotor_start);
+        let k2 = stage(&moved(&start, &k1, 0.5 * h), rotor_middle);
+        let k3 = stage(&moved(&start, &k2, 0.5 * h), rotor_middle);
+        let k4 = stage(&moved(&start, &k3, h), rotor_end);
         let sixth = h / 6.0;
         state.position_ned_m += sixth * (k1.position + 2.0 * (k2.position + k3.position) + k4.position);
         state.velocity_m_s += sixth * (k1.velocity + 2.0 * (k2.velocity + k3.velocity) + k4.velocity);
@@ -226,6 +317,10 @@ impl Plant {
             start.attitude + sixth * (k1.attitude + 2.0 * (k2.attitude + k3.attitude) + k4.attitude);
         state.attitude = attitude * (1.0 / attitude.norm());
         state.rotor_rad_s = *rotor_end;
+        if !PLAIN {
+            let swing = start.swing.moved(&k1.swing, sixth).moved(&k2.swing, 2.0 * sixth);
+            state.swing = swing.moved(&k3.swing, 2.0 * sixth).moved(&k4.swing, sixth).normalized();
+        }
     }
 
     /// (2.1) with the resolutions of reference section 5: velocity to inertial by the transpose of (2.2), gravity to
@@ -235,10 +330,10 @@ impl Plant {
         &self,
         state: &State,
         rotor: &[f64; 4],
-        commanded: &[f64; 4],
+        rotor_acceleration_rad_s2: [f64; 4],
         battery_v: f64,
     ) -> Derivative {
-        let input = self.input_at(state, rotor, commanded, battery_v);
+        let input = self.input_with(state, rotor, rotor_acceleration_rad_s2, battery_v);
         let a = if PLAIN {
             self.weights.accelerations_of_thesis(&Sample::plain(input, &self.constants))
         } else {
@@ -246,12 +341,22 @@ impl Plant {
         };
         let dcm = &input.dcm;
         let gravity = dcm.column(2) * self.gravity_m_s2;
+        let still = Swing { direction: Vector3::zeros(), turning_rad_s: Vector3::zeros() };
+        let (a, swing) = match &self.adjust.load {
+            Some(load) if !PLAIN => {
+                let force_ned_m_s2 = dcm.tr_mul(&Vector3::new(a[0], a[1], a[2]));
+                let swing = load.derivative(&state.swing, force_ned_m_s2, self.gravity_m_s2);
+                (self.carrying(a, &input), swing)
+            }
+            _ => (a, still),
+        };
         let force = Vector3::new(a[0], a[1], a[2]);
         Derivative {
             position: dcm.tr_mul(&state.velocity_m_s),
             attitude: frames::quaternion_derivative(&state.attitude, &state.rate_rad_s),
             velocity: force + gravity - state.rate_rad_s.cross(&state.velocity_m_s),
             rate: Vector3::new(a[3], a[4], a[5]),
+            swing,
         }
     }
 }
@@ -304,6 +409,7 @@ fn moved(state: &State, rate: &Derivative, time_s: f64) -> State {
         velocity_m_s: state.velocity_m_s + time_s * rate.velocity,
         rate_rad_s: state.rate_rad_s + time_s * rate.rate,
         rotor_rad_s: state.rotor_rad_s,
+        swing: state.swing.moved(&rate.swing, time_s),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::{Vehicle, frames};
+use crate::{Load, Swing, Vehicle, frames};
 
 /// What the effects of kind [`crate::Kind::Adjusting`] change. Neutral by default.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,6 +33,8 @@ pub struct Adjustments {
     pub com_offset_m: [f64; 2],
     /// Part of each rotor's thrust that is lost.
     pub thrust_loss: [f64; 4],
+    /// A load on a cable under the craft.
+    pub load: Option<Load>,
     /// Tilt of the tracked attitude against the body about x and y, rad: measured = true followed by the tilt.
     pub attitude_tilt_rad: [f64; 2],
 }
@@ -53,6 +55,7 @@ impl Default for Adjustments {
             extra_mass_kg: 0.0,
             com_offset_m: [0.0; 2],
             thrust_loss: [0.0; 4],
+            load: None,
             attitude_tilt_rad: [0.0; 2],
         }
     }
@@ -87,7 +90,7 @@ impl Adjustments {
 
     /// Whether a sample is plain: see [`Sample::plain`].
     pub(crate) fn leaves_samples_plain(&self) -> bool {
-        self.wind_ned_m_s == Vector3::zeros() && !self.changes_thrust()
+        self.wind_ned_m_s == Vector3::zeros() && !self.changes_thrust() && self.load.is_none()
     }
 
     fn tilt(&self) -> Option<Matrix3<f64>> {
@@ -113,6 +116,9 @@ pub(crate) struct Constants {
     pub(crate) per_mass: f64,
     pub(crate) beta_kg_m: f64,
     pub(crate) rotor_radius_m: f64,
+    pub(crate) arm_length_m: f64,
+    pub(crate) air_density_kg_m3: f64,
+    pub(crate) gravity_m_s2: f64,
     /// sqrt(2) l beta of (2.7) with the sign of each rotor's roll moment (left rotors roll right), kg m^2.
     pub(crate) roll_arm_kg_m2: [f64; 4],
     /// The same for pitch (front rotors pitch up).
@@ -135,6 +141,9 @@ impl Constants {
             per_mass: 1.0 / (vehicle.mass + adjust.extra_mass_kg),
             beta_kg_m: beta,
             rotor_radius_m: vehicle.rotor_radius,
+            arm_length_m: vehicle.arm_length,
+            air_density_kg_m3: vehicle.air_density,
+            gravity_m_s2: vehicle.gravity,
             roll_arm_kg_m2: [1.0 + right, right - 1.0, right - 1.0, 1.0 + right].map(|side| arm * side),
             pitch_arm_kg_m2: [1.0 - forward, 1.0 - forward, -1.0 - forward, -1.0 - forward]
                 .map(|ahead| arm * ahead),
@@ -164,6 +173,8 @@ pub struct SampleInput {
     pub rotor_acceleration_rad_s2: [f64; 4],
     /// Battery voltage, V.
     pub battery_v: f64,
+    /// Where a slung load hangs; still where there is none.
+    pub swing: Swing,
 }
 
 /// Everything an effect can look at.

@@ -2,14 +2,17 @@
 
 use std::path::PathBuf;
 
-use model::effects::CATALOGUE;
-use model::{Effect, HistoryEntry, Model, PerAxis};
+use model::{Effect, FitRecord, HistoryEntry, Model, PerAxis};
 use serde::Serialize;
 use sysid::Addition;
+use sysid::plausible::Likeness;
 
+use crate::faults::{self, FaultOptions};
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs};
-use crate::{progress, tables};
+use crate::real_logs::{RefineOptions, RefinementEntry};
+use crate::user_effects::EffectOptions;
+use crate::{progress, real_logs, tables};
 
 /// Add a physical effect to a model and fit all of it again.
 ///
@@ -29,18 +32,27 @@ pub(crate) struct Options {
     #[command(flatten)]
     sets: SetOptions,
 
+    #[command(flatten)]
+    effects: EffectOptions,
+
+    #[command(flatten)]
+    refine: RefineOptions,
+
     /// Model file to write, for example: --out better.toml
     #[arg(long, value_name = "TOML")]
     out: PathBuf,
+
+    #[command(flatten)]
+    faults: FaultOptions,
 
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
     json: bool,
 }
 
-/// Why an effect cannot be added to a model.
+/// Why an effect cannot be used.
 #[derive(Debug, thiserror::Error)]
-enum AddError {
+pub(crate) enum AddError {
     #[error("unknown effect \"{effect}\"; known are {known}")]
     Unknown { effect: String, known: String },
     #[error("{}: already has the effect \"{effect}\"; its effects are {there}", model.display())]
@@ -48,20 +60,33 @@ enum AddError {
 }
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
-    let effect = known_effect(&options.effect)?;
-    check_outputs([&options.out], &options.sets.paths())?;
+    let mut inputs = options.sets.paths();
+    inputs.extend(options.effects.paths());
+    check_outputs([&options.out], &inputs)?;
+    options.effects.read()?;
     let model = Model::read(&options.model)?;
+    let effect = known_effect(&options.effect)?;
     if model.has(effect) {
         let there = listed(&model.effects());
         return Err(AddError::AlreadyThere { model: options.model.clone(), effect, there }.into());
     }
-    let sets = Sets::read(&options.sets, &model.vehicle, options.json)?;
-    let (better, addition) = add(&model, effect, &sets, options.json)?;
+    let mut sets = Sets::read(&options.sets, &model.vehicle, options.faults.reading(options.json))?;
+    sets.leave_out_undefined(&model, &[effect])?;
+    sets.faults.of_fitted(&model, &sets.validate);
+    sets.faults.of_likeness(&model, sets.all(), Likeness::SAME);
+    real_logs::align(&mut sets, &model);
+    let (mut better, addition) = add(&model, effect, &mut sets, options.json)?;
+    let refinement = real_logs::refine(&mut better, &sets, &options.refine, options.json)?;
     report::write_atomic(&options.out, better.to_toml())?;
-    if options.json { Outcome::json(&document(&addition)) } else { Ok(text(options, &better, &addition)) }
+    if options.json {
+        faults::json(&document(&addition, refinement), sets.all(), &sets.faults)
+    } else {
+        sets.faults.warn();
+        Ok(text(options, &better, &addition, refinement.as_ref()))
+    }
 }
 
-fn known_effect(id: &str) -> Result<Effect, AddError> {
+pub(crate) fn known_effect(id: &str) -> Result<Effect, AddError> {
     Effect::from_id(id).ok_or_else(|| {
         let candidates: Vec<Effect> = Effect::candidates().collect();
         AddError::Unknown { effect: id.into(), known: listed(&candidates) }
@@ -76,15 +101,19 @@ fn listed(effects: &[Effect]) -> String {
 pub(crate) fn add(
     model: &Model,
     effect: Effect,
-    sets: &Sets,
+    sets: &mut Sets,
     json: bool,
 ) -> anyhow::Result<(Model, Addition)> {
     let spinner = progress::spinner(json);
     spinner.set_message(format!("adding {effect}"));
+    let mut with = model.clone();
+    with.set(effect, &vec![0.0; effect.info().coefficients.len()]);
+    real_logs::trim(sets, &with);
     let addition =
         sysid::add(model, effect, &sets.train(), &sets.validate()).map_err(|refused| sets.blame(refused))?;
     let mut better = addition.fit.model.clone();
-    better.fit = Some(sets.record(&better));
+    let rotation_refused = model.fit.as_ref().map_or_else(Vec::new, |fit| fit.rotation_refused.clone());
+    better.fit = Some(FitRecord { rotation_refused, ..sets.record(&better) });
     better.history.clone_from(&model.history);
     better.history.push(HistoryEntry {
         effect: effect.id().into(),
@@ -96,12 +125,18 @@ pub(crate) fn add(
     Ok((better, addition))
 }
 
-fn text(options: &Options, better: &Model, addition: &Addition) -> Outcome {
+fn text(
+    options: &Options,
+    better: &Model,
+    addition: &Addition,
+    refinement: Option<&RefinementEntry>,
+) -> Outcome {
+    let refined = refinement.map_or_else(String::new, |r| format!("\n{}", tables::paragraph(&r.text())));
     let finding = &addition.finding;
     let verdict = if finding.supported { "is supported" } else { "is NOT supported by these flights" };
-    let sentence = CATALOGUE.iter().find(|e| e.id() == finding.effect).map_or("", |e| e.info().sentence);
+    let sentence = Effect::from_id(finding.effect).map_or("", |e| e.info().sentence);
     Outcome::done(format!(
-        "{}\n{}\n{}\nmodel written to {}\n",
+        "{}\n{}\n{}{refined}\nmodel written to {}\n",
         tables::paragraph(&format!("{} {verdict}: {}. {sentence}", finding.effect, finding.reason)),
         tables::before_after(
             "Squared error on the held-out flights, everything fitted again without and with the effect",
@@ -122,9 +157,11 @@ struct Document<'a> {
     drop_percent: PerAxis<f64>,
     supported: bool,
     finding: &'a sysid::diagnose::EffectFinding,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    refinement: Option<RefinementEntry>,
 }
 
-fn document(addition: &Addition) -> Document<'_> {
+fn document(addition: &Addition, refinement: Option<RefinementEntry>) -> Document<'_> {
     Document {
         effect: addition.finding.effect,
         sse_before: addition.before,
@@ -132,5 +169,6 @@ fn document(addition: &Addition) -> Document<'_> {
         drop_percent: addition.before.drop_percent(&addition.after),
         supported: addition.finding.supported,
         finding: &addition.finding,
+        refinement,
     }
 }

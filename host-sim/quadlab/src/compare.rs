@@ -2,12 +2,14 @@
 
 use std::path::PathBuf;
 
-use model::{FlightRole, Model};
+use model::Model;
 use sysid::Comparison;
+use sysid::plausible::Likeness;
 
-use crate::flights::{self, Loaded};
+use crate::faults::{self, FaultOptions};
+use crate::flights;
 use crate::output::{Outcome, check_outputs, provenance};
-use crate::{pages, progress, tables};
+use crate::{pages, progress, real_logs, tables, user_effects};
 
 /// Compare a model with flights: errors of each axis, open-loop prediction, and where it fails most.
 #[derive(clap::Args)]
@@ -27,6 +29,9 @@ pub(crate) struct Options {
     #[arg(long, value_name = "HTML")]
     html: Option<PathBuf>,
 
+    #[command(flatten)]
+    faults: FaultOptions,
+
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
     json: bool,
@@ -36,31 +41,26 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let inputs: Vec<&PathBuf> = options.flights.iter().chain([&options.model]).collect();
     check_outputs(&options.html, &inputs)?;
     let model = Model::read(&options.model)?;
-    let flights = flights::read(&options.flights, &model.vehicle, options.json)?;
-    warn_of_fitted(&model, &flights);
+    let reading = options.faults.reading(options.json);
+    let (mut flights, faults) = flights::read(&options.flights, &model.vehicle, reading)?;
+    user_effects::leave_out_undefined(&mut flights, &model, &[])?;
+    faults.of_fitted(&model, &flights);
+    faults.of_likeness(&model, &flights, Likeness::SAME);
+    real_logs::align_flights(&mut flights, &model, real_logs::reference_of(&model));
     let spinner = progress::spinner(options.json);
     spinner.set_message("predicting");
     let comparison = sysid::compare(&model, &flights::prepared(&flights));
     spinner.finish_and_clear();
     if let Some(path) = &options.html {
-        pages::compare(&model, &flights, &comparison)
+        pages::with_checks(pages::compare(&model, &flights, &comparison), &flights, &faults)
             .provenance(provenance(&[&options.model], &flights))
             .write(path)?;
     }
-    if options.json { Outcome::json(&comparison) } else { Ok(Outcome::done(text(options, &comparison))) }
-}
-
-/// A model looks better than it is on flights that it was fitted to.
-fn warn_of_fitted(model: &Model, flights: &[Loaded]) {
-    let Some(record) = &model.fit else { return };
-    for flight in flights {
-        let fitted = record.flights.iter().any(|f| f.role == FlightRole::Train && f.sha256 == flight.sha256);
-        if fitted {
-            eprintln!(
-                "warning: {}: the model was fitted to this flight, so its errors here are too small",
-                flight.path.display()
-            );
-        }
+    if options.json {
+        faults::json(&comparison, &flights, &faults)
+    } else {
+        faults.warn();
+        Ok(Outcome::done(text(options, &comparison)))
     }
 }
 

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use model::{Effect, Model, Vehicle};
 use rayon::prelude::*;
 
+use crate::faults::Reading;
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, provenance};
 use crate::story::{self, Story};
@@ -73,11 +74,12 @@ fn on_flights(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
     let (files, how) = chosen_flights(folder)?;
     let vehicle_path = folder.join("vehicle.toml");
     let vehicle = Vehicle::read(&vehicle_path)?;
-    let sets = Sets::read(&files, &vehicle, false)?;
+    let mut sets = Sets::read(&files, &vehicle, Reading::default())?;
     create(&options.out)?;
-    let story = story::tell(&vehicle, &sets, false)?;
+    let story = story::tell(&vehicle, &mut sets, &sysid::Options::default(), false)?;
     let lead = format!("{how} {}", story.conclusion());
     let text = finish(options, &lead, &vehicle_path, &sets, &story)?;
+    sets.faults.warn();
     Ok(Outcome::done(text))
 }
 
@@ -123,8 +125,8 @@ fn on_hidden_effect(options: &Options) -> anyhow::Result<Outcome> {
 
     // From here on only the files speak.
     let vehicle = Vehicle::read(&vehicle_path)?;
-    let sets = Sets::read(&files, &vehicle, false)?;
-    let story = story::tell(&vehicle, &sets, false)?;
+    let mut sets = Sets::read(&files, &vehicle, Reading::default())?;
+    let story = story::tell(&vehicle, &mut sets, &sysid::Options::default(), false)?;
     let found = story.found().first() == Some(&effect);
     let lead = format!("{} {}", story.conclusion(), verdict(effect, seed, &story));
     let mut text = finish(options, &lead, &vehicle_path, &sets, &story)?;

@@ -2,12 +2,15 @@
 
 use std::path::PathBuf;
 
-use model::Model;
+use model::{Effect, Model};
 use sysid::Diagnosis;
+use sysid::plausible::Likeness;
 
+use crate::faults::{self, FaultOptions};
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs, provenance};
-use crate::{flights, pages, progress, tables};
+use crate::user_effects::{self, EffectOptions};
+use crate::{evidence, flights, pages, progress, real_logs, tables};
 
 /// Say which physical effect a model lacks, with the evidence for each.
 ///
@@ -20,6 +23,8 @@ use crate::{flights, pages, progress, tables};
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  quadlab diagnose --model model.toml --train A.csv B.csv C.csv \
                         --validate D.csv E.csv --html diagnosis.html\n  \
+                        quadlab diagnose --model model.toml --train A.csv B.csv C.csv --validate D.csv E.csv \
+                        --why ground-effect\n  \
                         quadlab diagnose --model model.toml --changed today-1.csv today-2.csv")]
 pub(crate) struct Options {
     /// Model file, for example: --model model.toml
@@ -29,17 +34,46 @@ pub(crate) struct Options {
     #[command(flatten)]
     sets: Option<SetOptions>,
 
+    #[command(flatten)]
+    effects: EffectOptions,
+
     /// New flights: what has changed since the model was made? For example: --changed today-1.csv today-2.csv
     #[arg(long, value_name = "CSV", num_args = 1.., conflicts_with_all = ["train", "validate", "html"])]
     changed: Vec<PathBuf>,
+
+    /// Show all the evidence for and against one effect, missing or in the model, for example: --why ground-effect
+    #[arg(long, value_name = "EFFECT", conflicts_with_all = ["changed", "html"])]
+    why: Option<String>,
+
+    #[command(flatten)]
+    without: WithoutOptions,
 
     /// Page with figures to write, for example: --html diagnosis.html
     #[arg(long, value_name = "HTML")]
     html: Option<PathBuf>,
 
+    #[command(flatten)]
+    faults: FaultOptions,
+
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
     json: bool,
+}
+
+/// Effects to leave out of the catalogue.
+#[derive(clap::Args)]
+pub(crate) struct WithoutOptions {
+    /// Treat these effects as if nobody knew them, for example: --without tether
+    #[arg(long, value_name = "EFFECT", num_args = 1..)]
+    without: Vec<String>,
+}
+
+impl WithoutOptions {
+    /// What to diagnose with.
+    pub(crate) fn options(&self) -> Result<sysid::Options, crate::add::AddError> {
+        let without = self.without.iter().map(|id| crate::add::known_effect(id)).collect::<Result<_, _>>()?;
+        Ok(sysid::Options { without })
+    }
 }
 
 /// Why there is nothing to diagnose.
@@ -62,27 +96,49 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
 fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> {
     let mut inputs = sets.paths();
     inputs.push(&options.model);
+    inputs.extend(options.effects.paths());
     check_outputs(&options.html, &inputs)?;
+    let effects = options.effects.read()?;
     let model = Model::read(&options.model)?;
-    let sets = Sets::read(sets, &model.vehicle, options.json)?;
-    let diagnosis = diagnose(&model, &sets, options.json)?;
+    let diagnose_options = options.without.options()?;
+    let asked = options.why.as_deref().map(crate::add::known_effect).transpose()?;
+    let mut sets = Sets::read(sets, &model.vehicle, options.faults.reading(options.json))?;
+    sets.leave_out_undefined(&model, &effects)?;
+    sets.faults.of_fitted(&model, &sets.validate);
+    sets.faults.of_likeness(&model, sets.all(), Likeness::SAME);
+    real_logs::align(&mut sets, &model);
+    if let Some(effect) = asked {
+        return why(options, &model, effect, &sets, &diagnose_options);
+    }
+    let diagnosis = diagnose(&model, &sets, &diagnose_options, options.json)?;
     if let Some(path) = &options.html {
-        pages::diagnose(&model, &sets, &diagnosis)
+        pages::with_checks(pages::diagnose(&model, &sets, &diagnosis), sets.all(), &sets.faults)
             .provenance(provenance(&[&options.model], sets.all()))
             .write(path)?;
     }
-    if options.json { Outcome::json(&diagnosis) } else { Ok(Outcome::done(text(options, &diagnosis))) }
+    if options.json {
+        faults::json(&diagnosis, sets.all(), &sets.faults)
+    } else {
+        sets.faults.warn();
+        Ok(Outcome::done(text(options, &diagnosis)))
+    }
 }
 
 fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
+    let effects = options.effects.read()?;
     let model = Model::read(&options.model)?;
-    let loaded = flights::read(&options.changed, &model.vehicle, options.json)?;
+    let reading = options.faults.reading(options.json);
+    let (mut loaded, faults) = flights::read(&options.changed, &model.vehicle, reading)?;
+    user_effects::leave_out_undefined(&mut loaded, &model, &effects)?;
+    faults.of_fitted(&model, &loaded);
+    faults.of_likeness(&model, &loaded, Likeness::CHANGED);
     if model.fit.as_ref().is_none_or(|fit| fit.scatter.is_empty()) {
         eprintln!(
             "warning: {}: does not say how much the craft differed from flight to flight; changes are judged against noise alone",
             options.model.display()
         );
     }
+    real_logs::align_flights(&mut loaded, &model, sysid::Reference::Flights);
     let spinner = progress::spinner(options.json);
     let diagnosis = sysid::changes::changed(&model, &flights::prepared(&loaded), |step| {
         spinner.set_message(format!("trying {step}"));
@@ -90,13 +146,41 @@ fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
     spinner.finish_and_clear();
     let diagnosis =
         diagnosis.map_err(|refused| anyhow::Error::new(refused).context(flights::names(&loaded)))?;
-    if options.json { Outcome::json(&diagnosis) } else { Ok(Outcome::done(text(options, &diagnosis))) }
+    if options.json {
+        faults::json(&diagnosis, &loaded, &faults)
+    } else {
+        faults.warn();
+        Ok(Outcome::done(text(options, &diagnosis)))
+    }
+}
+
+fn why(
+    options: &Options,
+    model: &Model,
+    effect: Effect,
+    sets: &Sets,
+    diagnose_options: &sysid::Options,
+) -> anyhow::Result<Outcome> {
+    let spinner = progress::spinner(options.json);
+    spinner.set_message(format!("examining {effect}"));
+    let why = sysid::why(model, effect, &sets.train(), &sets.validate(), diagnose_options);
+    spinner.finish_and_clear();
+    let why = match why {
+        Err(sysid::WhyError::Fit(refused)) => return Err(sets.blame(refused)),
+        other => other?,
+    };
+    if options.json { Outcome::json(&why) } else { Ok(Outcome::done(evidence::text(&why))) }
 }
 
 /// Diagnoses with progress on standard error.
-pub(crate) fn diagnose(model: &Model, sets: &Sets, json: bool) -> anyhow::Result<Diagnosis> {
+pub(crate) fn diagnose(
+    model: &Model,
+    sets: &Sets,
+    options: &sysid::Options,
+    json: bool,
+) -> anyhow::Result<Diagnosis> {
     let spinner = progress::spinner(json);
-    let diagnosis = sysid::diagnose(model, &sets.train(), &sets.validate(), |step| {
+    let diagnosis = sysid::diagnose_with(model, &sets.train(), &sets.validate(), options, |step| {
         spinner.set_message(format!("trying {step}"));
     });
     spinner.finish_and_clear();

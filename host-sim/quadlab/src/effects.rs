@@ -2,17 +2,20 @@
 
 use std::fmt::Write as _;
 
-use model::effects::CATALOGUE;
 use model::{Axis, Effect, Kind};
 use serde::Serialize;
 
 use crate::output::Outcome;
 use crate::tables;
+use crate::user_effects::EffectOptions;
 
 /// List the physical effects that a model can have.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  quadlab effects")]
 pub(crate) struct Options {
+    #[command(flatten)]
+    effects: EffectOptions,
+
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
     json: bool,
@@ -43,11 +46,13 @@ struct ConfusionEntry {
 }
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
+    options.effects.read()?;
+    let all: Vec<Effect> = Effect::all().collect();
     if options.json {
-        return Outcome::json(&CATALOGUE.iter().map(|e| entry(*e)).collect::<Vec<_>>());
+        return Outcome::json(&all.iter().map(|e| entry(*e)).collect::<Vec<_>>());
     }
     let (basic, candidates): (Vec<Effect>, Vec<Effect>) =
-        CATALOGUE.iter().partition(|e| e.info().kind == Kind::Basic);
+        all.iter().partition(|e| e.info().kind == Kind::Basic);
     let mut text = String::from("In every model:\n");
     basic.iter().for_each(|effect| describe(*effect, &mut text));
     text.push_str("\nCan be missing from a model (quadlab diagnose, quadlab add):\n");

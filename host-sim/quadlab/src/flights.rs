@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 use model::{AxisError, FitRecord, FlightRecord, FlightRole, Model, PerAxis, Vehicle};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
-use sysid::{Flight, FlightError, PrepareError, Prepared};
+use sysid::clocks::Clocks;
+use sysid::{Fault, Flight, FlightError, PrepareError, Prepared};
 
+use crate::faults::{Faults, Reading};
 use crate::progress;
 
 /// A flight file, read and prepared.
@@ -17,12 +19,18 @@ pub(crate) struct Loaded {
     pub(crate) sha256: String,
     /// Ready for regression.
     pub(crate) prepared: Prepared,
+    /// What is wrong with it.
+    pub(crate) faults: Vec<Fault>,
+    /// Its clocks.
+    pub(crate) clocks: Clocks,
 }
 
 /// Flights to fit on and flights to judge by.
 pub(crate) struct Sets {
     pub(crate) train: Vec<Loaded>,
     pub(crate) validate: Vec<Loaded>,
+    /// What is wrong with them, and with the vehicle file and fits as far as they have come.
+    pub(crate) faults: Faults,
 }
 
 /// Why flights cannot be used.
@@ -34,6 +42,9 @@ pub(crate) enum FlightsError {
     /// What is in it.
     #[error("{}: {why}", path.display())]
     Unusable { path: PathBuf, why: PrepareError },
+    /// A fault that makes every conclusion wrong.
+    #[error("{}: {sentence} (or --accept-faults to go on regardless)", path.display())]
+    Faulty { path: PathBuf, sentence: String },
     /// The same content twice, whatever the names.
     #[error("{}: is the same flight as {}{}; give each flight once", again.display(), first.display(), why(*in_both_sets))]
     GivenTwice { first: PathBuf, again: PathBuf, in_both_sets: bool },
@@ -64,9 +75,13 @@ impl SetOptions {
 
 impl Sets {
     /// Reads the flights of both sets; none may be in both or twice in one.
-    pub(crate) fn read(options: &SetOptions, vehicle: &Vehicle, json: bool) -> Result<Self, FlightsError> {
+    pub(crate) fn read(
+        options: &SetOptions,
+        vehicle: &Vehicle,
+        reading: Reading,
+    ) -> Result<Self, FlightsError> {
         let paths: Vec<PathBuf> = options.paths().into_iter().cloned().collect();
-        let mut train = read_files(&paths, vehicle, json)?;
+        let mut train = read_files(&paths, vehicle, reading)?;
         let count = options.train.len();
         if let Some((first, again)) = repeated(&train) {
             let in_both_sets = first < count && again >= count;
@@ -74,7 +89,10 @@ impl Sets {
             return Err(FlightsError::GivenTwice { first: path(first), again: path(again), in_both_sets });
         }
         let validate = train.split_off(count);
-        Ok(Self { train, validate })
+        let sets = Self { train, validate, faults: Faults::default() };
+        sets.faults.of_flights(sets.all(), vehicle, reading)?;
+        sets.faults.of_sets(&sets, reading)?;
+        Ok(sets)
     }
 
     /// All flights.
@@ -111,6 +129,8 @@ impl Sets {
             train: errors(model, &self.train()),
             held_out: errors(model, &self.validate()),
             scatter: sysid::changes::scatter(model, &all),
+            rotor_delay_s: sysid::alignment::common_delay_s(model, &self.train()),
+            ..FitRecord::default()
         }
     }
 
@@ -136,14 +156,22 @@ pub(crate) fn names(flights: &[Loaded]) -> String {
 }
 
 /// Reads flights that are all of one kind; none may be given twice.
-pub(crate) fn read(paths: &[PathBuf], vehicle: &Vehicle, json: bool) -> Result<Vec<Loaded>, FlightsError> {
-    let flights = read_files(paths, vehicle, json)?;
+pub(crate) fn read(
+    paths: &[PathBuf],
+    vehicle: &Vehicle,
+    reading: Reading,
+) -> Result<(Vec<Loaded>, Faults), FlightsError> {
+    let flights = read_files(paths, vehicle, reading)?;
     match repeated(&flights) {
         Some((first, again)) => {
             let path = |index: usize| flights[index].path.clone();
             Err(FlightsError::GivenTwice { first: path(first), again: path(again), in_both_sets: false })
         }
-        None => Ok(flights),
+        None => {
+            let faults = Faults::default();
+            faults.of_flights(&flights, vehicle, reading)?;
+            Ok((flights, faults))
+        }
     }
 }
 
@@ -156,8 +184,8 @@ fn repeated(flights: &[Loaded]) -> Option<(usize, usize)> {
 }
 
 /// Reads files side by side; of several errors, that of the first file is reported, whichever came first in time.
-fn read_files(paths: &[PathBuf], vehicle: &Vehicle, json: bool) -> Result<Vec<Loaded>, FlightsError> {
-    let bar = progress::bar(paths.len(), json);
+fn read_files(paths: &[PathBuf], vehicle: &Vehicle, reading: Reading) -> Result<Vec<Loaded>, FlightsError> {
+    let bar = progress::bar(paths.len(), reading.json);
     bar.set_message("reading flights");
     let all: Vec<Result<Loaded, FlightsError>> = paths
         .par_iter()
@@ -178,9 +206,9 @@ fn read_file(path: &Path, vehicle: &Vehicle) -> Result<Loaded, FlightsError> {
     let bytes = std::fs::read(path).map_err(|source| FlightError::Read { path: path.into(), source })?;
     let flight = Flight::parse(&bytes, path)?;
     flight.check_against(vehicle, path)?;
-    let prepared =
-        Prepared::new(&flight, vehicle).map_err(|why| FlightsError::Unusable { path: path.into(), why })?;
-    Ok(Loaded { path: path.into(), sha256: sha256(&bytes), prepared })
+    let sysid::Examined { prepared, faults, clocks } =
+        sysid::examine(&flight, vehicle).map_err(|why| FlightsError::Unusable { path: path.into(), why })?;
+    Ok(Loaded { path: path.into(), sha256: sha256(&bytes), prepared, faults, clocks })
 }
 
 /// SHA-256, hexadecimal.

@@ -2,12 +2,16 @@
 
 use std::path::PathBuf;
 
-use model::{AxisError, Effect, FlightRole, Model, PerAxis, Vehicle};
+use model::{AxisError, Effect, FitRecord, FlightRole, Model, PerAxis, Vehicle};
 use serde::Serialize;
+use sysid::MotorsOfFlights;
 
+use crate::faults::{self, FaultOptions};
 use crate::flights::{SetOptions, Sets};
 use crate::output::{Outcome, check_outputs};
-use crate::{progress, tables};
+use crate::real_logs::{RefineOptions, RefinementEntry};
+use crate::user_effects::EffectOptions;
+use crate::{progress, real_logs, tables};
 
 /// Identify the basic model from flights.
 ///
@@ -24,9 +28,18 @@ pub(crate) struct Options {
     #[command(flatten)]
     sets: SetOptions,
 
+    #[command(flatten)]
+    effects: EffectOptions,
+
+    #[command(flatten)]
+    refine: RefineOptions,
+
     /// Model file to write, for example: --out model.toml
     #[arg(long, value_name = "TOML")]
     out: PathBuf,
+
+    #[command(flatten)]
+    faults: FaultOptions,
 
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
@@ -36,15 +49,20 @@ pub(crate) struct Options {
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let mut inputs = options.sets.paths();
     inputs.push(&options.vehicle);
+    inputs.extend(options.effects.paths());
     check_outputs([&options.out], &inputs)?;
     let vehicle = Vehicle::read(&options.vehicle)?;
-    let sets = Sets::read(&options.sets, &vehicle, options.json)?;
-    let identified = identify(&vehicle, &sets, options.json)?;
+    let effects = options.effects.read()?;
+    let mut sets = Sets::read(&options.sets, &vehicle, options.faults.reading(options.json))?;
+    sets.leave_out_undefined(&Model::new(vehicle.clone()), &effects)?;
+    let mut identified = identify(&vehicle, &mut sets, options.json)?;
+    let refinement = real_logs::refine(&mut identified.model, &sets, &options.refine, options.json)?;
     report::write_atomic(&options.out, identified.model.to_toml())?;
     if options.json {
-        Outcome::json(&document(&identified, &sets))
+        faults::json(&document(&identified, &sets, refinement), sets.all(), &sets.faults)
     } else {
-        Ok(text(options, &identified, &sets))
+        sets.faults.warn();
+        Ok(text(options, &identified, &sets, refinement.as_ref()))
     }
 }
 
@@ -54,30 +72,57 @@ pub(crate) struct Identified {
     pub(crate) model: Model,
     /// Condition number of the column-scaled problem.
     pub(crate) condition: f64,
+    /// Motor coefficients flight by flight.
+    pub(crate) motors: Vec<MotorsOfFlights>,
 }
 
 /// Fits the basic model.
-pub(crate) fn identify(vehicle: &Vehicle, sets: &Sets, json: bool) -> anyhow::Result<Identified> {
+pub(crate) fn identify(vehicle: &Vehicle, sets: &mut Sets, json: bool) -> anyhow::Result<Identified> {
     let spinner = progress::spinner(json);
     spinner.set_message("fitting the basic model");
     let basic: Vec<Effect> = Effect::basic().collect();
-    let fit = sysid::fit(&sets.train(), vehicle, &basic, None).map_err(|refused| sets.blame(refused))?;
-    let mut model = fit.model;
-    model.fit = Some(sets.record(&model));
-    spinner.finish_and_clear();
-    for doubt in sysid::impossible_signs(&model) {
-        eprintln!("warning: {doubt}");
+    real_logs::align_training(sets, &real_logs::basic_model(vehicle));
+    let mut fit = sysid::fit(&sets.train(), vehicle, &basic, None).map_err(|refused| sets.blame(refused))?;
+    let rotation_refused = sysid::rotation_doubts(&fit.model, &sets.train());
+    if !rotation_refused.is_empty() {
+        let forces = sysid::without_rotation(&basic);
+        fit = sysid::fit(&sets.train(), vehicle, &forces, None).map_err(|refused| sets.blame(refused))?;
+        real_logs::align_training(sets, &fit.model);
     }
-    Ok(Identified { model, condition: fit.condition })
+    let mut model = fit.model;
+    real_logs::align_held_out(sets, &model);
+    model.fit = Some(FitRecord { rotation_refused, ..sets.record(&model) });
+    let motors = real_logs::motors(&model, sets);
+    spinner.finish_and_clear();
+    real_logs::warn(&model, sets, &motors);
+    sets.faults.of_fit(&model, sets);
+    Ok(Identified { model, condition: fit.condition, motors })
 }
 
-fn text(options: &Options, identified: &Identified, sets: &Sets) -> Outcome {
+fn text(
+    options: &Options,
+    identified: &Identified,
+    sets: &Sets,
+    refinement: Option<&RefinementEntry>,
+) -> Outcome {
     let model = &identified.model;
-    let record = model.fit.clone().unwrap_or_default();
+    let record = real_logs::record_of(model);
     let roles = sets.train.iter().map(|f| (f, "train")).chain(sets.validate.iter().map(|f| (f, "validate")));
+    let mut more = String::new();
+    for grid in [tables::trim(&sets.train), tables::motors(&identified.motors)] {
+        if grid.has_rows() {
+            more.push_str(&format!("{}\n", grid.to_text()));
+        }
+    }
+    let refused = (!record.rotation_refused.is_empty())
+        .then(|| format!("Note: {}.", real_logs::rotation_refused(&record.rotation_refused)));
+    for sentence in refused.into_iter().chain(refinement.map(RefinementEntry::text)) {
+        more.push_str(&format!("{}\n", tables::paragraph(&sentence)));
+    }
     Outcome::done(format!(
-        "{}\n{}\n{}\ncondition number of the fit: {}\nmodel written to {}\n",
+        "{}\n{}\n{}\n{}\n{more}condition number of the fit: {}\nmodel written to {}\n",
         tables::flights(roles).to_text(),
+        tables::clocks(sets.all()).to_text(),
         tables::coefficients(model).to_text(),
         tables::fit_errors(&record.train, &record.held_out).to_text(),
         report::significant(identified.condition, 2),
@@ -93,6 +138,12 @@ struct Document<'a> {
     train: PerAxis<AxisError>,
     held_out: PerAxis<AxisError>,
     condition: f64,
+    /// Why the model has no rotation, where it has none.
+    rotation_refused: Vec<String>,
+    /// Motor coefficients flight by flight, and whether they follow how the flights were flown.
+    motors: &'a [MotorsOfFlights],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    refinement: Option<RefinementEntry>,
 }
 
 #[derive(Serialize)]
@@ -102,6 +153,11 @@ struct FlightEntry<'a> {
     role: FlightRole,
     samples: usize,
     gyro_bias_rad_s: [f64; 3],
+    accelerometer_bias_m_s2: [f64; 2],
+    /// Clock of the rotor samples against that of the state.
+    alignment: Option<&'a sysid::Alignment>,
+    /// Constants of the rows beyond the mean of the training flights.
+    trim: Option<sysid::trim::Trim>,
     force_target: &'static str,
     notes: &'a [String],
 }
@@ -115,9 +171,13 @@ struct CoefficientEntry {
     unit: &'static str,
 }
 
-fn document<'a>(identified: &'a Identified, sets: &'a Sets) -> Document<'a> {
+fn document<'a>(
+    identified: &'a Identified,
+    sets: &'a Sets,
+    refinement: Option<RefinementEntry>,
+) -> Document<'a> {
     let model = &identified.model;
-    let record = model.fit.clone().unwrap_or_default();
+    let record = real_logs::record_of(model);
     let flights = sets
         .all()
         .zip(&record.flights)
@@ -127,6 +187,9 @@ fn document<'a>(identified: &'a Identified, sets: &'a Sets) -> Document<'a> {
             role: entry.role,
             samples: flight.prepared.rows(),
             gyro_bias_rad_s: flight.prepared.gyro_bias_rad_s,
+            accelerometer_bias_m_s2: flight.prepared.accelerometer_bias_m_s2,
+            alignment: flight.prepared.alignment.as_ref(),
+            trim: flight.prepared.trim,
             force_target: flight.prepared.force_target.name(),
             notes: &flight.prepared.notes,
         })
@@ -148,5 +211,8 @@ fn document<'a>(identified: &'a Identified, sets: &'a Sets) -> Document<'a> {
         train: record.train,
         held_out: record.held_out,
         condition: identified.condition,
+        rotation_refused: record.rotation_refused,
+        motors: &identified.motors,
+        refinement,
     }
 }

@@ -12,7 +12,9 @@ mod compare;
 mod demo;
 mod diagnose;
 mod effects;
+mod evidence;
 mod explain;
+mod faults;
 mod figures;
 mod flights;
 mod hidden;
@@ -20,8 +22,10 @@ mod identify;
 mod output;
 mod pages;
 mod progress;
+mod real_logs;
 mod story;
 mod tables;
+mod user_effects;
 
 use std::process::ExitCode;
 

@@ -4,8 +4,10 @@ use model::{AXES, Axis, Effect, Model};
 use report::{Page, Section};
 use sysid::{Comparison, Diagnosis};
 
+use crate::faults::Faults;
 use crate::figures::{self, Captioned, View};
 use crate::flights::{Loaded, Sets, prepared};
+use crate::real_logs;
 use crate::story::Story;
 use crate::tables::{self, Grid};
 
@@ -26,6 +28,21 @@ impl Add for Section {
     fn grid(self, grid: &Grid) -> Self {
         if grid.has_rows() { self.table(grid.to_table()) } else { self }
     }
+}
+
+/// The page with what was found in the flights before anything was fitted.
+pub(crate) fn with_checks<'a>(
+    page: Page,
+    flights: impl IntoIterator<Item = &'a Loaded>,
+    faults: &Faults,
+) -> Page {
+    let mut section = Section::new("What was checked");
+    let found = tables::faults(&faults.all());
+    if !found.has_rows() {
+        section = section
+            .paragraph("Channels, axes and signs, motor order, clocks and vehicle file: nothing is wrong.");
+    }
+    page.section(section.grid(&found).grid(&tables::clocks(flights)))
 }
 
 /// A model against flights.
@@ -177,7 +194,17 @@ pub(crate) fn story(lead: &str, sets: &Sets, story: &Story) -> Page {
                 .grid(&tables::evidence(&story.last_diagnosis)),
         )
         .section(Section::new("The model").grid(&tables::coefficients(story.last_model())))
+        .section(flights(sets, story.last_model()))
         .section(meanings(&Effect::candidates().collect::<Vec<_>>()))
+}
+
+/// What single flights have of their own: clocks, biases, trim, and motors that follow how they were flown.
+fn flights(sets: &Sets, model: &Model) -> Section {
+    let roles = sets.train.iter().map(|f| (f, "train")).chain(sets.validate.iter().map(|f| (f, "validate")));
+    let motors = real_logs::motors(model, sets);
+    let section = Section::new("The flights").grid(&tables::flights(roles)).grid(&tables::trim(&sets.train));
+    let warned = motors.iter().filter_map(|m| m.warning.clone()).fold(section, Section::paragraph);
+    warned.grid(&tables::motors(&motors))
 }
 
 fn listed(flights: &[Loaded]) -> String {

@@ -1,7 +1,7 @@
 //! The whole loop: identify, diagnose, add what is found, until nothing that the flights support is left.
 
 use model::{Effect, Model, Vehicle};
-use sysid::{Addition, Comparison, Diagnosis};
+use sysid::{Addition, Comparison, Diagnosis, Verdict};
 
 use crate::flights::Sets;
 use crate::{add, diagnose, identify};
@@ -52,6 +52,14 @@ impl Story {
         }
     }
 
+    /// The conclusion of the whole loop: was anything missing, and is anything left?
+    pub(crate) fn verdict(&self) -> Verdict {
+        match (self.steps.is_empty(), self.last_diagnosis.verdict) {
+            (false, Verdict::Adequate) => Verdict::MissingEffect,
+            (_, last) => last,
+        }
+    }
+
     /// Effects in the order they were added.
     pub(crate) fn found(&self) -> Vec<Effect> {
         self.steps.iter().map(|step| step.effect).collect()
@@ -59,13 +67,18 @@ impl Story {
 }
 
 /// Goes through the loop. It ends: every round adds an effect that the model does not have.
-pub(crate) fn tell(vehicle: &Vehicle, sets: &Sets, json: bool) -> anyhow::Result<Story> {
+pub(crate) fn tell(
+    vehicle: &Vehicle,
+    sets: &mut Sets,
+    options: &sysid::Options,
+    json: bool,
+) -> anyhow::Result<Story> {
     let basic = identify::identify(vehicle, sets, json)?.model;
     let basic_comparison = sysid::compare(&basic, &sets.validate());
     let mut steps: Vec<Step> = Vec::new();
     loop {
         let model = steps.last().map_or(&basic, |step| &step.model);
-        let diagnosis = diagnose::diagnose(model, sets, json)?;
+        let diagnosis = diagnose::diagnose(model, sets, options, json)?;
         let Some(effect) = diagnosis.best() else {
             return Ok(Story { basic, basic_comparison, steps, last_diagnosis: diagnosis });
         };

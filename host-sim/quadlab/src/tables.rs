@@ -4,9 +4,10 @@ use std::fmt::Write as _;
 
 use model::{AXES, AxisError, Effect, HistoryEntry, Model, PerAxis};
 use report::significant;
+use sysid::clocks::Clock;
 use sysid::compare::HorizonError;
 use sysid::diagnose::{EffectFinding, Unexplained};
-use sysid::{Comparison, Diagnosis};
+use sysid::{Comparison, Diagnosis, Fault, MotorsOfFlights};
 
 use crate::flights::Loaded;
 use crate::story::Story;
@@ -44,6 +45,11 @@ const fn verdict(name: &'static str) -> Heading {
     Heading { name, unit: "", content: Content::Verdict }
 }
 
+/// An empty table of words.
+pub(crate) fn evidence_grid(caption: &str, names: &[&'static str]) -> Grid {
+    Grid::new(caption, names.iter().map(|name| text(name)).collect::<Vec<_>>())
+}
+
 /// A table of words and numbers that are already written out.
 pub(crate) struct Grid {
     caption: String,
@@ -56,7 +62,7 @@ impl Grid {
         Self { caption: caption.into(), headings: headings.into(), rows: Vec::new() }
     }
 
-    fn push(&mut self, row: impl IntoIterator<Item = String>) {
+    pub(crate) fn push(&mut self, row: impl IntoIterator<Item = String>) {
         self.rows.push(row.into_iter().collect());
     }
 
@@ -164,7 +170,12 @@ pub(crate) fn paragraph(text: &str) -> String {
 
 /// Three significant digits for what is compared by eye.
 fn short(value: f64) -> String {
-    significant(value, 3)
+    if value.is_nan() { "-".into() } else { significant(value, 3) }
+}
+
+/// Three decimals for a coefficient of determination.
+fn determination(r2: f64) -> String {
+    if r2.is_nan() { "-".into() } else { format!("{r2:.3}") }
 }
 
 /// One decimal; what rounds to nothing has no sign.
@@ -174,7 +185,7 @@ fn percent(value: f64) -> String {
 }
 
 /// A p-value: below what a table can tell apart, only its bound.
-fn probability(p: f64) -> String {
+pub(crate) fn probability(p: f64) -> String {
     if p < 1e-12 {
         "<1e-12".into()
     } else if p < 0.001 {
@@ -235,9 +246,9 @@ pub(crate) fn fit_errors(train: &PerAxis<AxisError>, held_out: &PerAxis<AxisErro
             axis.name().into(),
             axis.unit().into(),
             short(t.rms),
-            format!("{:.3}", t.r2),
+            determination(t.r2),
             short(h.rms),
-            format!("{:.3}", h.r2),
+            determination(h.r2),
         ]);
     }
     grid
@@ -252,6 +263,7 @@ pub(crate) fn flights<'a>(all: impl IntoIterator<Item = (&'a Loaded, &'static st
             text("role"),
             number("rows", ""),
             number("gyro bias p q r", "rad/s"),
+            number("rotors late", "ms"),
             text("force rows from"),
             text("notes"),
         ],
@@ -264,11 +276,102 @@ pub(crate) fn flights<'a>(all: impl IntoIterator<Item = (&'a Loaded, &'static st
             role.into(),
             p.rows().to_string(),
             bias.join(" "),
+            rotors_late(p),
             p.force_target.name().into(),
-            if p.notes.is_empty() { "-".into() } else { p.notes.join("; ") },
+            notes(p),
         ]);
     }
     grid
+}
+
+/// What is wrong with flights, vehicle file and fit.
+pub(crate) fn faults(faults: &[Fault]) -> Grid {
+    let mut grid = Grid::new(
+        "What was found before anything was fitted, and in the fit",
+        [text("kind"), text("flight"), text("what it is and how to mend it")],
+    );
+    for fault in faults {
+        grid.push([
+            fault.kind.id().into(),
+            fault.flight.clone().unwrap_or("-".into()),
+            fault.sentence.clone(),
+        ]);
+    }
+    grid
+}
+
+/// The tracker's clock against the sensors on board, where flights tell.
+pub(crate) fn clocks<'a>(flights: impl IntoIterator<Item = &'a Loaded>) -> Grid {
+    let mut grid = Grid::new(
+        "Clocks: how late the tracker is against the sensors on board (a skew: the tracker runs ahead)",
+        [
+            text("flight"),
+            number("attitude against gyro", "ms"),
+            number("skew", "%"),
+            number("position against IMU", "ms"),
+            verdict("corrected"),
+        ],
+    );
+    let offset = |clock: Option<Clock>| match clock {
+        Some(c) => format!("{:.2} ± {:.2}", 1e3 * c.offset_s, 1e3 * c.offset_std_error_s),
+        None => "-".into(),
+    };
+    for flight in flights {
+        let c = &flight.clocks;
+        let skew = c
+            .attitude
+            .map_or("-".into(), |a| format!("{:.3} ± {:.3}", 100.0 * a.skew, 100.0 * a.skew_std_error));
+        let corrected = if c.aligned { "yes" } else { "no" };
+        let name = flight.prepared.name.clone();
+        grid.push([name, offset(c.attitude), skew, offset(c.position), corrected.into()]);
+    }
+    grid
+}
+
+fn notes(flight: &sysid::Prepared) -> String {
+    let [x, y] = flight.accelerometer_bias_m_s2;
+    let bias = (x != 0.0 || y != 0.0).then(|| format!("accelerometer bias x y {x:.3} {y:.3} m/s^2"));
+    let all: Vec<String> = bias.into_iter().chain(flight.notes.iter().cloned()).collect();
+    if all.is_empty() { "-".into() } else { all.join("; ") }
+}
+
+/// Constants that training flights have of their own, where they stand out.
+pub(crate) fn trim(flights: &[Loaded]) -> Grid {
+    let mut grid = Grid::new(
+        "Trim of single flights beyond the mean of all (u v w in m/s^2, p q r in rad/s^2); held-out flights have none",
+        std::iter::once(text("flight")).chain(AXES.map(|axis| number(axis.name(), ""))).collect::<Vec<_>>(),
+    );
+    for flight in flights {
+        let Some(trim) = &flight.prepared.trim else { continue };
+        let cells = trim.value.map(|v| if v == 0.0 { "-".into() } else { short(v) });
+        grid.push(std::iter::once(flight.prepared.name.clone()).chain(cells));
+    }
+    grid
+}
+
+/// Motor coefficients flight by flight, of axes on which they are in doubt.
+pub(crate) fn motors(all: &[MotorsOfFlights]) -> Grid {
+    let mut grid = Grid::new(
+        "Motor coefficients of single flights, the rest of the model held [1/(kg m^2)]: they follow how it was flown",
+        [text("axis"), text("flight"), number("1", ""), number("2", ""), number("3", ""), number("4", "")],
+    );
+    for motors in all.iter().filter(|m| m.warning.is_some()) {
+        for flight in &motors.flights {
+            let cells = flight.value.iter().zip(&flight.std_error).map(|(v, e)| {
+                let [value, error] = value_and_error(*v, Some(*e));
+                format!("{value} +- {error}")
+            });
+            grid.push([motors.axis.name().into(), flight.name.clone()].into_iter().chain(cells));
+        }
+    }
+    grid
+}
+
+/// "12.3 +- 0.4" ms, in brackets where it is left alone.
+pub(crate) fn rotors_late(flight: &sysid::Prepared) -> String {
+    let Some(alignment) = &flight.alignment else { return "-".into() };
+    let text = format!("{:.1} +- {:.1}", 1e3 * alignment.late_s, 1e3 * alignment.std_error_s);
+    if alignment.corrected { text } else { format!("({text})") }
 }
 
 /// Root mean square error of each flight and axis, and of all flights together.
@@ -287,7 +390,7 @@ pub(crate) fn comparison(comparison: &Comparison) -> Grid {
     let samples: usize = comparison.flights.iter().map(|f| f.samples).sum();
     let total = AXES.map(|axis| short(comparison.total[axis].rms));
     grid.push(["all flights".into(), samples.to_string()].into_iter().chain(total));
-    let r2 = AXES.map(|axis| format!("{:.3}", comparison.total[axis].r2));
+    let r2 = AXES.map(|axis| determination(comparison.total[axis].r2));
     grid.push(["R2 of all flights".into(), String::new()].into_iter().chain(r2));
     grid
 }

@@ -69,6 +69,63 @@ fn nothing_is_found_where_nothing_is_hidden() {
     assert!(diagnosis["effects"].as_array().unwrap().iter().all(|e| e["supported"] == false));
 }
 
+/// What nobody knows is not called by another name: without the tether in the catalogue, what is left depends on the place.
+#[test]
+fn an_unknown_tether_is_unexplained_and_depends_on_the_position() {
+    let Some(root) = shared("data/hidden") else { return };
+    let flights = root.join("case-08");
+    let folder = identified(&flights);
+    let without = ["diagnose", "--model", "model.toml", "--without", "tether"];
+    let diagnosis = json(folder.path(), &without, &flights);
+    assert_eq!(diagnosis["verdict"], "unexplained", "{diagnosis}");
+    assert!(diagnosis["effects"].as_array().unwrap().iter().all(|e| e["effect"] != "tether"));
+    let left = diagnosis["unexplained"].as_array().unwrap();
+    let on_place = |u: &Value| {
+        ["north position", "east position", "height"].contains(&u["depends_on"].as_str().unwrap())
+    };
+    assert!(left.iter().any(on_place), "{left:?}");
+
+    let vehicle = flights.join("vehicle.toml").display().to_string();
+    let loop_ = ["explain", "--vehicle", &vehicle, "--out", "out.toml", "--without", "tether"];
+    let story = json(folder.path(), &loop_, &flights);
+    assert_eq!(story["verdict"], "unexplained", "{story}");
+    assert!(story["added"].as_array().unwrap().is_empty());
+}
+
+#[test]
+fn why_shows_the_evidence_for_and_against() {
+    let Some(root) = shared("data/hidden") else { return };
+    let flights = root.join("case-01");
+    let folder = identified(&flights);
+    let why = |effect: &str, model: &str| {
+        json(folder.path(), &["diagnose", "--model", model, "--why", effect], &flights)
+    };
+    let right = why("ground-effect", "model.toml");
+    assert_eq!(right["supported"], true);
+    assert!(right["criteria"].as_array().unwrap().iter().all(|c| c["met"] == true));
+    assert!(
+        right["flights"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .all(|f| f["axes"]["w"]["drop_percent"].as_f64().unwrap() > 20.0)
+    );
+    let wrong = why("translational-lift", "model.toml");
+    assert_eq!(wrong["supported"], false);
+    assert!(wrong["criteria"].as_array().unwrap().iter().any(|c| c["met"] == false));
+    assert_eq!(wrong["found"], serde_json::json!(["ground-effect"]));
+    assert!(wrong["drop_percent_beside_found"].as_f64().unwrap() < 1.0);
+
+    // In the model, it is taken out: the same evidence but for where the fits start from.
+    json(folder.path(), &["add", "ground-effect", "--model", "model.toml", "--out", "with.toml"], &flights);
+    let inside = why("ground-effect", "with.toml");
+    assert_eq!(inside["in_model"], true);
+    assert_eq!(inside["supported"], true);
+    let value = |why: &Value| why["coefficients"][0]["value"].as_f64().unwrap();
+    let half = right["coefficients"][0]["half_width_95"].as_f64().unwrap();
+    assert!((value(&inside) - value(&right)).abs() < 0.1 * half);
+}
+
 #[test]
 fn a_flight_of_another_craft_is_refused() {
     let Some(root) = shared("data") else { return };

@@ -1,6 +1,7 @@
 //! The simulated craft: plant, battery and sensors behind the four motor commands.
 
 use control::Measurement;
+use model::user_effect::Undefined;
 use model::{Battery, DelayLine, Plant, State, Substeps};
 
 use crate::sensors::Sensors;
@@ -21,6 +22,10 @@ pub struct Craft {
     tick: u32,
     /// Voltage of the tick before, V.
     last_v: f64,
+    /// Whether the model has effects of users, whose formulas may have no value.
+    has_formulas: bool,
+    /// The formula that had none.
+    pub fault: Option<Undefined>,
     /// Where it is and how it moves.
     pub state: State,
 }
@@ -40,7 +45,21 @@ impl Craft {
             DelayLine::new(&plant, period_s, substeps, plant.command_for(&state.rotor_rad_s, last_v))
         });
         let substeps = plant.substeps(period_s, substeps);
-        Self { plant, substeps, dead_time, battery, sensors, period_s, tick: 0, last_v, state }
+        let has_formulas = plant.has_user_effects();
+        let (tick, fault) = (0, None);
+        Self {
+            plant,
+            substeps,
+            dead_time,
+            battery,
+            sensors,
+            period_s,
+            tick,
+            last_v,
+            has_formulas,
+            fault,
+            state,
+        }
     }
 
     /// Voltage at the battery's terminals now, V.
@@ -63,6 +82,7 @@ impl Craft {
         // start, a sag would come half a tick late.
         let middle_v = voltage_v + 0.5 * (voltage_v - self.last_v);
         self.last_v = voltage_v;
+        let before = self.has_formulas.then_some(self.state);
         match &mut self.dead_time {
             None => {
                 let commanded = self.plant.commanded_rad_s(&command, middle_v);
@@ -71,6 +91,10 @@ impl Craft {
             Some(line) => line.step(&self.plant, &mut self.state, &command, middle_v),
         }
         self.tick += 1;
+        if let Some(before) = before.filter(|_| !self.state.is_finite()) {
+            let commanded = self.plant.commanded_rad_s(&command, middle_v);
+            self.fault = self.plant.undefined_in_step(&before, &commanded, middle_v, &self.substeps);
+        }
     }
 
     /// Whether the simulation can go on.

@@ -38,6 +38,14 @@ pub enum SilError {
     /// The link between plant and controller.
     #[error(transparent)]
     Link(#[from] LinkError),
+    /// A user's formula without a value where the craft flew to: the flight ends there.
+    #[error("the simulated flight ends after {time_s:.2} s: {undefined}")]
+    Undefined {
+        /// Which.
+        undefined: model::user_effect::Undefined,
+        /// When, s.
+        time_s: f64,
+    },
     /// An output file.
     #[error(transparent)]
     File(#[from] report::Error),
@@ -386,6 +394,10 @@ fn record<L: Link>(mut flight: ClosedLoop<'_, L>) -> Result<Recording, SilError>
     let mut rows = Vec::with_capacity(count);
     while rows.len() < count && flight.craft.is_there() {
         rows.push(flight.step()?);
+    }
+    if let Some(undefined) = flight.craft.fault {
+        let time_s = rows.len() as f64 * plan.config.sample_time_s;
+        return Err(SilError::Undefined { undefined, time_s });
     }
     Ok(Recording { complete: rows.len() == count, rows, period_s: plan.config.sample_time_s })
 }

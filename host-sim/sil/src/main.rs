@@ -6,7 +6,9 @@ use std::process::ExitCode;
 
 use anyhow::Context;
 use clap::{Parser, ValueEnum};
+use control::Config;
 use indicatif::{ProgressBar, ProgressStyle};
+use model::Model;
 use sil::{LinkError, NoiseModel, Scenario, Settings, SilError, Suite, Transport, page};
 
 /// Fly the controller against the simulated craft at 100 Hz and judge the flights.
@@ -19,6 +21,10 @@ struct Arguments {
     /// none named: all but roll-30, which is beyond the design's limit
     #[arg(long = "scenario", value_name = "NAME", num_args = 1..)]
     scenarios: Vec<Scenario>,
+
+    /// Model file of the craft to fly, one that the thesis' gains suit (as from quadlab add); the thesis' craft if not given
+    #[arg(long, value_name = "TOML")]
+    model: Option<PathBuf>,
 
     /// Age of the pose that the controller gets, in samples of 10 ms
     #[arg(long, value_name = "SAMPLES", default_value_t = 2, allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(0..=1000))]
@@ -123,6 +129,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         named => named.to_vec(),
     };
     let settings = Settings {
+        model: arguments.model.as_deref().map(flyable).transpose()?,
         delay_samples: usize::from(arguments.delay),
         noise: (arguments.noise == Switch::On).then(NoiseModel::default),
         seed: arguments.seed,
@@ -154,6 +161,27 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     page::page(&suite, &settings, provenance).write(&index)?;
     print(arguments, &suite, &index);
     Ok(ExitCode::from(u8::from(!suite.pass())))
+}
+
+/// A model whose motors can be commanded.
+fn flyable(path: &std::path::Path) -> anyhow::Result<Model> {
+    let model = Model::read(path)?;
+    let motors = &model.vehicle.motors;
+    if !(model.vehicle.can_map_commands() && model.vehicle.has_rotor_map()) {
+        anyhow::bail!(
+            "{}: vehicle.motors: has no map from command to rotor speed; give command, voltage and offset to fly it",
+            path.display()
+        );
+    }
+    let range = Config::thesis().command_range.map(f64::from);
+    if motors.command_range != range {
+        anyhow::bail!(
+            "{}: vehicle.motors.command_range: is {:?}; the thesis' gains are for {range:?}",
+            path.display(),
+            motors.command_range
+        );
+    }
+    Ok(model)
 }
 
 #[expect(clippy::print_stdout, reason = "the program's output")]

@@ -42,8 +42,10 @@ pub enum Scenario {
 }
 
 /// What the user of the program can choose.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
+    /// The craft; absent: the thesis'.
+    pub model: Option<Model>,
     /// Age of the pose that the controller gets, samples.
     pub delay_samples: usize,
     /// Noise of the sensors.
@@ -56,7 +58,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { delay_samples: 2, noise: None, seed: 1, substeps: 4 }
+        Self { model: None, delay_samples: 2, noise: None, seed: 1, substeps: 4 }
     }
 }
 
@@ -148,8 +150,9 @@ impl Scenario {
             (Self::Excitation, _) => FlightPlan::identification(Model::thesis(), settings.seed, EXCITATION_S),
             _ => FlightPlan::thesis(),
         };
-        let Settings { delay_samples, noise, seed, substeps } = *settings;
-        FlightPlan { delay_samples, noise, seed, substeps, ..plan }
+        let &Settings { ref model, delay_samples, noise, seed, substeps } = settings;
+        let model = model.clone().unwrap_or(plan.model);
+        FlightPlan { model, delay_samples, noise, seed, substeps, ..plan }
     }
 
     /// What the flight had to fulfil, and whether it did.

@@ -39,7 +39,7 @@ impl Split {
     fn new(stretch: &mut Stretch, vehicle: &Vehicle, taps: &[f64], period_s: f64) -> Self {
         let slow_v = smoothed(&stretch.battery_v, taps);
         let measured = std::mem::replace(&mut stretch.battery_v, slow_v.clone());
-        let rotors = stretch.rotors(vehicle, &Adjustments::default(), period_s);
+        let rotors = stretch.rotors(vehicle, &Adjustments::default(), period_s, 0.0);
         let cubes = |k: usize| rotors.iter().map(|r| r.speed_rad_s[k].powi(3)).sum::<f64>();
         let load: Vec<f64> = (0..slow_v.len()).map(cubes).collect();
         let less = |all: &[f64], slow: &[f64]| all.iter().zip(slow).map(|(a, s)| a - s).collect();

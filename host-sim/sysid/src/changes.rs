@@ -11,21 +11,28 @@
 use model::{ChangeScatter, Effect, Model};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
-use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use crate::diagnose::{
     AxisDrop, CoefficientFigures, Diagnosis, EffectFinding, MATTERS_PERCENT, SIGNIFICANCE, Verdict,
-    block_sums, log_likelihood_ratio, one_sided_p_value,
+    block_sums, independent_stretches, log_likelihood_ratio, one_sided_p_value, zero_p_value,
 };
-use crate::fit::{residual_derivatives, step_end};
+use crate::fit::{residual_derivatives_at, residuals_at_rows, step_end};
 use crate::prepare::Prepared;
-use crate::regress::{self, FlightRows, Prior, WINDOW_S};
+use crate::regress::{self, FlightRows, Prior};
 use crate::{FitError, Residuals, errors, residuals};
 
+/// Largest corrected p-value of a change that takes away most of the error. A scatter known from a handful of flights makes even a
+/// large change uncertain; a small one must be certain.
+const LARGE_SIGNIFICANCE: f64 = 0.05;
+/// Part of the error, percent, from which on a change takes away most of it.
+const LARGE_PERCENT: f64 = 50.0;
 /// Most Gauss-Newton steps.
 const MAX_STEPS: usize = 8;
 /// A rival with this part of the best change's gain is examined for confusion with it.
 const RIVAL: f64 = 0.7;
+/// One with this part of it is confounded with it whatever more they explain together: a weight under a motor is both a
+/// shifted centre of mass and, nearly, a motor that lifts less.
+const AS_GOOD: f64 = 0.9;
 
 /// One change to explain new flights by: an effect, and which of its coefficients.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -46,6 +53,8 @@ impl Change {
     pub fn all(model: &Model) -> Vec<Self> {
         Effect::changes()
             .filter(|effect| !model.has(*effect))
+            // A lag that was never known has not changed: what shows was missing all along.
+            .filter(|effect| *effect != Effect::MotorLag || model.vehicle.motors.lag.is_some())
             .flat_map(|effect| match effect {
                 Effect::MotorEfficiency => {
                     (1..=4).map(|motor| Self { effect, motor: Some(motor) }).collect::<Vec<_>>()
@@ -124,12 +133,14 @@ fn fit_change(model: &Model, change: Change, flights: &[&Prepared]) -> Result<Fi
 }
 
 fn rows(flight: &Prepared, changed: &Model, change: Change, free: &[usize]) -> FlightRows {
-    let mut derivatives = residual_derivatives(flight, changed, change.effect);
+    let stride = flight.fit_stride();
+    let here = residuals_at_rows(flight, changed, stride);
+    let mut derivatives = residual_derivatives_at(flight, changed, change.effect, stride, &here);
     FlightRows {
-        targets: residuals(flight, changed).residual,
         columns: free.iter().map(|&k| std::mem::take(&mut derivatives[k])).collect(),
-        starts: flight.row_starts(),
-        period_s: flight.period_s,
+        targets: here.residual,
+        starts: flight.starts_of_rows(stride),
+        period_s: flight.period_s * stride as f64,
     }
 }
 
@@ -143,14 +154,16 @@ pub fn scatter(model: &Model, flights: &[&Prepared]) -> Vec<ChangeScatter> {
         if estimates.len() < 2 {
             continue;
         }
+        // Each flight had its part in the model that it is held against; a new one has none.
+        let count = estimates.len() as f64;
+        let of_a_new_one = count / (count - 1.0);
         for (i, name) in names.enumerate() {
             // About zero, not about the mean: the model is the reference.
-            let mean_square =
-                estimates.iter().map(|e| e.values[i] * e.values[i]).sum::<f64>() / estimates.len() as f64;
+            let mean_square = estimates.iter().map(|e| e.values[i] * e.values[i]).sum::<f64>() / count;
             result.push(ChangeScatter {
                 effect: change.effect.id().into(),
                 coefficient: name.into(),
-                deviation: mean_square.sqrt(),
+                deviation: of_a_new_one * mean_square.sqrt(),
             });
         }
     }
@@ -185,11 +198,10 @@ pub fn changed(
                 .iter()
                 .map(|c| format!("{} = {:.4} +- {:.4} {}", c.name, c.value, c.std_error, c.unit))
                 .collect();
-            let rivals = if f.confounded_with.is_empty() {
-                String::new()
-            } else {
-                format!(" These flights cannot tell it from {}.", f.confounded_with.join(", "))
-            };
+            let rivals = f.reason.split_once("; these flights cannot tell it from ");
+            let rivals = rivals.map_or_else(String::new, |(_, names)| {
+                format!(" These flights cannot tell it from {names}.")
+            });
             format!(
                 "Since the model was made, {} has come about ({}): it takes away {:.1} % of the error on flights it was \
                  not estimated from.{rivals}",
@@ -222,26 +234,51 @@ fn mark_rivals(
     let Ok(with_best) = fit_change(model, best, flights) else { return };
     let mut rivals = Vec::new();
     for (change, finding) in findings.iter_mut().skip(1).filter(|(_, f)| f.supported) {
+        let as_good = finding.gain > AS_GOOD * best_gain;
         let adds =
             change.effect != best.effect && examine(&with_best.model, *change, flights, candidates).supported;
-        if adds {
+        if adds && !as_good {
             continue;
         }
         finding.supported = false;
         finding.reason = format!("adds nothing once {} is accounted for", best.name());
-        let rival = finding.gain > RIVAL * best_gain
-            && fit_change(model, *change, flights).is_ok_and(|with| {
-                change.effect == best.effect || !examine(&with.model, best, flights, candidates).supported
-            });
+        let rival = as_good
+            || finding.gain > RIVAL * best_gain
+                && fit_change(model, *change, flights).is_ok_and(|with| {
+                    change.effect == best.effect || !examine(&with.model, best, flights, candidates).supported
+                });
         if rival {
             finding.reason = format!("these flights cannot tell it from {}", best.name());
             finding.confounded_with.push(best.effect.id());
-            rivals.push(change.effect.id());
+            rivals.push(*change);
         }
     }
-    rivals.retain(|id| *id != best.effect.id());
-    rivals.dedup();
-    findings[0].1.confounded_with = rivals;
+    rivals.extend(as_good_together(findings, best, best_gain));
+    let names = rivals.iter().map(|rival| rival.name()).collect::<Vec<_>>().join(", ");
+    let best = &mut findings[0].1;
+    best.confounded_with = rivals.iter().map(|rival| rival.effect.id()).collect();
+    best.confounded_with.sort_unstable();
+    best.confounded_with.dedup();
+    if !names.is_empty() {
+        best.reason.push_str(&format!("; these flights cannot tell it from {names}"));
+    }
+}
+
+/// Two other changes that act on different axes and together take away as much as the best one: a weight under a motor, which
+/// shifts the centre of mass and adds to the mass, looks like a motor that lifts less.
+fn as_good_together(findings: &[(Change, EffectFinding)], best: Change, best_gain: f64) -> Vec<Change> {
+    let others = || findings.iter().skip(1).filter(|(c, f)| c.effect != best.effect && f.gain > 0.0);
+    let apart = |a: Change, b: Change| a.effect.info().axes.iter().all(|x| !b.effect.info().axes.contains(x));
+    let mut pair: Option<(f64, [Change; 2])> = None;
+    for (a, first) in others().filter(|(_, f)| f.p_value < SIGNIFICANCE) {
+        for (b, second) in others().filter(|(b, _)| apart(*a, *b)) {
+            let sum = first.gain + second.gain;
+            if sum > AS_GOOD * best_gain && pair.is_none_or(|(most, _)| sum > most) {
+                pair = Some((sum, [*a, *b]));
+            }
+        }
+    }
+    pair.map_or_else(Vec::new, |(_, both)| both.to_vec())
 }
 
 fn examine(model: &Model, change: Change, flights: &[&Prepared], candidates: usize) -> EffectFinding {
@@ -256,7 +293,7 @@ fn examine(model: &Model, change: Change, flights: &[&Prepared], candidates: usi
         }
     };
     let free = change.coefficients();
-    let total = with_scatter(model, change, &fitted, flights.len());
+    let (total, independent) = with_scatter(model, change, &fitted, flights);
     finding.coefficients = free
         .iter()
         .enumerate()
@@ -267,44 +304,40 @@ fn examine(model: &Model, change: Change, flights: &[&Prepared], candidates: usi
             unit: info.coefficients[k].unit,
         })
         .collect();
-    let duration_s: f64 = flights.iter().map(|f| f.rows() as f64 * f.period_s).sum();
-    finding.p_value =
-        (p_value(&fitted.values, &total, &free, change.effect, duration_s) * candidates as f64).min(1.0);
+    let coefficients = free.iter().map(|&k| &info.coefficients[k]);
+    let p_value = zero_p_value(fitted.values.as_slice(), &total, coefficients, independent);
+    finding.p_value = (p_value * candidates as f64).min(1.0);
     cross_validate(model, change, flights, &fitted, &mut finding);
     (finding.supported, finding.reason) = weigh(&finding, change, &fitted);
     finding
 }
 
-/// The covariance of an estimate with what the base flights scatter by; the mean over several flights scatters less.
-fn with_scatter(model: &Model, change: Change, fitted: &Fitted, flights: usize) -> DMatrix<f64> {
+/// The covariance of an estimate with what the base flights scatter by, and what it is known from: a scatter seen in a few flights
+/// is itself uncertain (Welch 1947 and Satterthwaite 1946 for the sum). New flights of one day share the trim of that day, so several
+/// of them scatter no less than one.
+fn with_scatter(
+    model: &Model,
+    change: Change,
+    fitted: &Fitted,
+    flights: &[&Prepared],
+) -> (DMatrix<f64>, f64) {
     let mut total = fitted.covariance.clone();
-    let scatter = model.fit.as_ref().map_or(&[][..], |fit| &fit.scatter);
+    let stretches = independent_stretches(flights);
+    let Some(fit) = &model.fit else { return (total, stretches) };
+    let base_flights = fit.flights.len().max(2) as f64;
+    let mut independent = stretches;
     for (i, k) in change.coefficients().into_iter().enumerate() {
         let name = change.effect.info().coefficients[k].name;
-        if let Some(known) = scatter.iter().find(|s| s.effect == change.effect.id() && s.coefficient == name)
-        {
-            total[(i, i)] += known.deviation * known.deviation * (1.0 / flights as f64).max(0.25);
+        let known = fit.scatter.iter().find(|s| s.effect == change.effect.id() && s.coefficient == name);
+        let Some(known) = known else { continue };
+        let (noise, scatter) = (total[(i, i)], known.deviation * known.deviation);
+        total[(i, i)] = noise + scatter;
+        let spread = noise * noise / stretches + scatter * scatter / base_flights;
+        if spread > 0.0 {
+            independent = independent.min(total[(i, i)].powi(2) / spread);
         }
     }
-    total
-}
-
-fn p_value(
-    values: &DVector<f64>,
-    covariance: &DMatrix<f64>,
-    free: &[usize],
-    effect: Effect,
-    duration_s: f64,
-) -> f64 {
-    let tested: Vec<usize> =
-        (0..free.len()).filter(|&i| effect.info().coefficients[free[i]].prior.is_none()).collect();
-    let k = tested.len();
-    let theta = DVector::from_iterator(k, tested.iter().map(|&i| values[i]));
-    let covariance = DMatrix::from_fn(k, k, |r, c| covariance[(tested[r], tested[c])]);
-    let Some(cholesky) = covariance.cholesky() else { return 1.0 };
-    let freedom = (duration_s / WINDOW_S - k as f64).max(1.0);
-    FisherSnedecor::new(k as f64, freedom)
-        .map_or(1.0, |f| f.sf(theta.dot(&cholesky.solve(&theta)) / k as f64))
+    (total, independent)
 }
 
 /// Errors on flights the change was not estimated from.
@@ -344,19 +377,18 @@ fn cross_validate(
     }
     let (e0, e1) = (errors(&before), errors(&after));
     for &axis in axes {
-        let (sse_before, sse_after) = (e0[axis].sse, e1[axis].sse);
-        let drop_percent = if sse_before > 0.0 { 100.0 * (1.0 - sse_after / sse_before) } else { 0.0 };
-        finding.axes.insert(axis.name(), AxisDrop { sse_before, sse_after, drop_percent });
+        finding.axes.insert(axis.name(), AxisDrop::new(e0[axis].sse, e1[axis].sse));
     }
     finding.gain = log_likelihood_ratio(&e0, &e1);
     finding.drop_percent = if total > 0.0 { 100.0 * gain / total } else { 0.0 };
-    finding.held_out_p_value = one_sided_p_value(&blocks);
+    finding.held_out_p_value = Some(one_sided_p_value(&blocks));
 }
 
 fn weigh(finding: &EffectFinding, change: Change, fitted: &Fitted) -> (bool, String) {
     let largest = finding.axes.values().map(|a| a.drop_percent).fold(f64::NEG_INFINITY, f64::max);
     let [improved, flights] = finding.flights_improved;
-    if finding.p_value > SIGNIFICANCE {
+    let is_large = finding.drop_percent > LARGE_PERCENT;
+    if finding.p_value > if is_large { LARGE_SIGNIFICANCE } else { SIGNIFICANCE } {
         let p = finding.p_value;
         return (
             false,
@@ -366,7 +398,7 @@ fn weigh(finding: &EffectFinding, change: Change, fitted: &Fitted) -> (bool, Str
     if largest < MATTERS_PERCENT {
         return (false, format!("too small to matter: {largest:.1} % of the error at best"));
     }
-    if finding.held_out_p_value > 0.05 || 2 * improved <= flights && flights > 1 {
+    if finding.held_out_p_value.is_some_and(|p| p > 0.05) || 2 * improved <= flights && flights > 1 {
         return (
             false,
             format!("does not carry over from flight to flight ({improved} of {flights} improve)"),

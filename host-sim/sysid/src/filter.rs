@@ -36,17 +36,35 @@ impl RegressionFilter {
 
     /// The filter for a sampling period in s.
     pub fn new(period_s: f64) -> Self {
+        Self::with_window(period_s, Self::WINDOW_S)
+    }
+
+    /// The filter for a sampling period and a window of its own, both in s.
+    pub fn with_window(period_s: f64, window_s: f64) -> Self {
         // A window needs more samples than the polynomial has coefficients.
-        let half = ((0.5 * Self::WINDOW_S / period_s).round() as usize).max(3);
+        let half = ((0.5 * window_s / period_s).round() as usize).max(3);
         let [smooth, slope] = polynomial_taps(half);
         let derivative: Vec<f64> = slope.iter().map(|g| g / period_s).collect();
         let between = between_taps(&slope);
         Self { smooth, matched: matched_taps(&between), between, derivative }
     }
 
+    /// Smoothing taps over a tenth of a second: half the noise goes, and nothing that a rotor does.
+    pub fn short_smooth(period_s: f64) -> Vec<f64> {
+        let [smooth, _] = polynomial_taps(((0.05 / period_s).round() as usize).max(3));
+        smooth
+    }
+
     /// Smoothing taps over a second, for signals that are slow but for what is known of them.
     pub fn long_smooth(period_s: f64) -> Vec<f64> {
         let [smooth, _] = polynomial_taps(((0.5 / period_s).round() as usize).max(3));
+        smooth
+    }
+
+    /// Smoothing taps over four tenths of a second, for what should not share the noise of a derivative: they end (-3 dB at
+    /// 26 rad/s) about where that begins.
+    pub fn medium_smooth(period_s: f64) -> Vec<f64> {
+        let [smooth, _] = polynomial_taps(((0.2 / period_s).round() as usize).max(3));
         smooth
     }
 

@@ -4,17 +4,28 @@
 //! enter through the residual's derivative with respect to them, next to the linear columns, and the step is repeated
 //! until it is small against its own standard error: Gauss and Newton's method on the same stacked problem, so
 //! every coefficient gets a standard error of the same kind.
+//!
+//! Where they start decides where they end, for some: `starts.rs`.
 
-use model::{AxisError, Effect, Estimate, Kind, Model, PerAxis, Term, Vehicle};
+use model::{Adjustments, Axis, AxisError, Effect, Estimate, Kind, Model, PerAxis, Term, Vehicle};
 
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Prior, Unidentifiable};
 use crate::rows::{RowColumn, coefficient_count};
+use crate::{starts, swing};
 
 /// Most Gauss-Newton steps; bilinear problems such as wind and drag take three or four.
 const MAX_STEPS: usize = 12;
-/// A step this small against the standard error is the last.
-const CONVERGED: f64 = 0.01;
+/// Where effects add accelerations, the steps crawl at the end (a swing's beginning is taken out between them): done when
+/// the logarithms of the residuals' spreads together change by less than this.
+const NO_FURTHER: f64 = 0.003;
+/// They may rise by this in a step without it being a wrong one.
+const WORSE: f64 = 0.2;
+/// Most halvings of a wrong step.
+const HALVINGS: usize = 4;
+/// A step this small against the standard error of white residuals, which is the smaller one, is the last: each step leaves
+/// a tenth of the one before it or less.
+const CONVERGED: f64 = 0.1;
 
 /// Why a fit was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -37,6 +48,25 @@ pub enum FitError {
     Collinear {
         /// "effect coefficient" of each.
         coefficients: Vec<String>,
+    },
+    /// A user's formula without a finite value at a sample that was not left out beforehand.
+    #[error(
+        "{flight}: the model has no finite prediction: a formula of {effect} takes a root, a logarithm or a quotient of what they do not exist for"
+    )]
+    NotFinite {
+        /// The flight.
+        flight: String,
+        /// Users' effects in the model.
+        effect: String,
+    },
+    /// A moment without the rotors' moments.
+    #[error(
+        "{effect} acts on the rotation alone, which this model does not have: these flights did not determine it \
+         (see `rotation_refused` in the model file)"
+    )]
+    NoRotation {
+        /// The effect.
+        effect: &'static str,
     },
     /// The iteration for an adjusting effect ran away.
     #[error(
@@ -82,6 +112,11 @@ pub fn fit(
     if flights.is_empty() {
         return Err(FitError::NoFlights);
     }
+    if !effects.contains(&Effect::RotorMoments)
+        && let Some(effect) = effects.iter().find(|e| acts_on_rotation_alone(**e))
+    {
+        return Err(FitError::NoRotation { effect: effect.id() });
+    }
     let mut model = Model::new(vehicle.clone());
     model.reference.battery_v = match start {
         Some(start) => start.reference.battery_v,
@@ -104,6 +139,7 @@ pub fn fit(
     let order: Vec<Effect> = linear.iter().chain(&adjusting).copied().collect();
 
     let rows = assemble(flights, &model, &linear, &[]);
+    check_finite(flights, &rows, &model)?;
     let count: usize = linear.iter().map(|e| coefficient_count(*e)).sum();
     let solution = regress::solve(&rows, &vec![None; count]).map_err(|why| unidentifiable(why, &linear))?;
     store(&mut model, &linear, solution.value.as_slice(), None);
@@ -111,59 +147,75 @@ pub fn fit(
         return Ok(finish(model, &linear, solution));
     }
     let layout = Layout { linear, adjusting, order };
-    // Where a coefficient qualifies another one (a height offset, a voltage shift), the way from zero can end in a side
-    // valley: go from an ordinary value as well and take the better end.
-    let second = second_start(&model, &layout.adjusting, start);
-    let first = settle(flights, model, &layout);
-    let Some(second) = second else { return first };
-    match (first, settle(flights, second, &layout)) {
-        (Ok(a), Ok(b)) => Ok(if spread(&b) < spread(&a) { b } else { a }),
+    let is_unknown = |effect: Effect| start.is_none_or(|m| !m.has(effect));
+    let starts = starts::of(flights, model, &layout, is_unknown)?;
+    let only = (starts.len() == 1).then(|| starts[0].clone());
+    let ends = starts.into_iter().map(|start| settle(flights, start, &layout));
+    let best = ends.reduce(|best, end| match (best, end) {
+        (Ok(a), Ok(b)) => Ok(if spread(&b.sigma) < spread(&a.sigma) { b } else { a }),
         (Ok(fit), Err(_)) | (Err(_), Ok(fit)) => Ok(fit),
         (Err(why), Err(_)) => Err(why),
+    });
+    let best = best.unwrap_or(Err(FitError::NoFlights));
+    let Some(only) = only else { return best };
+    // The first step from zero can end where an effect saturates (a lag of nothing): set out from either side as well.
+    let from = |side: f64| settle(flights, ordinary(&only, &layout.adjusting, start, side), &layout);
+    best.or_else(|why| from(1.0).or_else(|_| from(-1.0)).map_err(|_| why))
+}
+
+/// The model with half the ordinary values, of one sign, for adjusting effects without a known value.
+fn ordinary(model: &Model, adjusting: &[Effect], start: Option<&Model>, side: f64) -> Model {
+    let mut model = model.clone();
+    let has_map = model.vehicle.has_rotor_map();
+    let unknown = |e: &&Effect| start.is_none_or(|m| !m.has(**e)) && e.starts().is_empty();
+    for effect in adjusting.iter().filter(unknown) {
+        let values: Vec<f64> = (0..effect.info().coefficients.len())
+            .map(|k| 0.5 * side * step_scale(has_map, *effect, k))
+            .collect();
+        model.set(*effect, &values);
     }
+    model
+}
+
+/// Whether an effect has rows of p, q and r and no others.
+pub(crate) fn acts_on_rotation_alone(effect: Effect) -> bool {
+    effect.info().axes.iter().all(|axis| axis.index() >= 3)
+}
+
+/// Whether a model says anything about the rotation: one whose rotor moments were refused has force rows alone.
+pub fn has_rotation(model: &Model) -> bool {
+    model.has(Effect::RotorMoments)
+}
+
+/// Effects without those of the rotation.
+pub fn without_rotation(effects: &[Effect]) -> Vec<Effect> {
+    effects.iter().copied().filter(|e| !acts_on_rotation_alone(*e)).collect()
 }
 
 /// Logarithm of the residuals' standard deviations over all axes: the likelihood, but for sign and scale.
-fn spread(fit: &Fit) -> f64 {
-    fit.sigma.iter().map(|s| s.ln()).sum()
+pub(crate) fn spread(sigma: &[f64; 6]) -> f64 {
+    sigma.iter().map(|s| s.ln()).sum()
 }
 
 /// The effects of a fit, in the order of its parameters.
-struct Layout {
-    linear: Vec<Effect>,
-    adjusting: Vec<Effect>,
+pub(crate) struct Layout {
+    pub(crate) linear: Vec<Effect>,
+    pub(crate) adjusting: Vec<Effect>,
     order: Vec<Effect>,
-}
-
-/// The model with ordinary values for adjusting effects that have a qualifying coefficient and no known value.
-fn second_start(model: &Model, adjusting: &[Effect], start: Option<&Model>) -> Option<Model> {
-    let unknown = |effect: &&Effect| {
-        effect.info().coefficients.iter().any(|c| c.prior.is_some()) && start.is_none_or(|m| !m.has(**effect))
-    };
-    let mut second = model.clone();
-    let mut any = false;
-    for effect in adjusting.iter().filter(unknown) {
-        let values: Vec<f64> = (0..effect.info().coefficients.len())
-            .map(|k| {
-                let qualifies = effect.info().coefficients[k].prior.is_some();
-                if qualifies { 0.0 } else { step_scale(model.vehicle.has_rotor_map(), *effect, k) }
-            })
-            .collect();
-        second.set(*effect, &values);
-        any = true;
-    }
-    any.then_some(second)
 }
 
 /// Gauss and Newton's steps from where `model` stands.
 fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fit, FitError> {
     let Layout { linear, adjusting, order } = layout;
     let count: usize = linear.iter().map(|e| coefficient_count(*e)).sum();
-    for _ in 0..MAX_STEPS {
+    let adds = adjusting.iter().any(|effect| effect.adds_accelerations());
+    for _ in 0..if adds { MAX_STEPS + MAX_STEPS / 2 } else { MAX_STEPS } {
         let rows = assemble(flights, &model, linear, adjusting);
+        check_finite(flights, &rows, &model)?;
         let mut priors = vec![None; count];
         priors.extend(adjusting.iter().flat_map(|effect| priors_of(&model, *effect)));
-        let solution = regress::solve(&rows, &priors).map_err(|why| unidentifiable(why, order))?;
+        let solution =
+            regress::solve_without_errors(&rows, &priors).map_err(|why| unidentifiable(why, order))?;
         // The linear part comes out as values, the adjusting part as steps from where the columns were formed.
         let mut values = solution.value.clone();
         let mut settled = true;
@@ -179,12 +231,44 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
                 at += 1;
             }
         }
+        let before = adds.then(|| (model.clone(), left(flights, &model)));
         store(&mut model, order, values.as_slice(), None);
+        if let Some((before, left_before)) = before {
+            shorten(flights, &before, left_before, &mut model);
+            settled |= (left_before - left(flights, &model)).abs() < NO_FURTHER;
+        }
         if settled {
+            check_scales(&model, adjusting)?;
+            let solution = regress::with_errors(solution, &rows, &priors);
             return Ok(finish(model, order, regress::Solution { value: values, ..solution }));
         }
     }
     Err(FitError::NotConverged { effect: adjusting[0].id(), excitation: adjusting[0].info().excitation })
+}
+
+/// Logarithm of the residuals' spread over all axes, at the rows of a fit.
+fn left(flights: &[&Prepared], model: &Model) -> f64 {
+    let mut squares = [0.0; 6];
+    for flight in flights {
+        let residual = residuals_at_rows(flight, model, flight.fit_stride()).residual;
+        squares.iter_mut().zip(&residual).for_each(|(sum, r)| *sum += r.iter().map(|e| e * e).sum::<f64>());
+    }
+    squares.iter().map(|sum| 0.5 * sum.max(f64::MIN_POSITIVE).ln()).sum()
+}
+
+/// Halves a step that makes things worse: far from the end, a residual that is not convex may do so.
+fn shorten(flights: &[&Prepared], before: &Model, left_before: f64, model: &mut Model) {
+    for _ in 0..HALVINGS {
+        if left(flights, model) <= left_before + WORSE {
+            return;
+        }
+        for term in &mut model.terms {
+            let Some(old) = before.term(term.effect) else { continue };
+            for (new, old) in term.coefficients.iter_mut().zip(&old.coefficients) {
+                new.value = 0.5 * (new.value + old.value);
+            }
+        }
+    }
 }
 
 /// Where a step of an adjusting coefficient ends. Far outside the possible there is nothing to find, and the columns lose
@@ -192,11 +276,62 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
 pub(crate) fn step_end(now: f64, step: f64, info: &model::Coefficient) -> f64 {
     let (low, high) = info.possible;
     let reach = high - low;
+    if low > 0.0 && now > 0.0 {
+        // What cannot be zero is a scale: no step takes more than half of it away or more than doubles it, and beyond the
+        // possible it means something else.
+        return (now + step).clamp(0.5 * now, 2.0 * now).clamp(low, high);
+    }
     (now + step).clamp(low - reach, high + reach)
 }
 
+/// A length or another scale that ended where the possible ends was not found but ran away.
+pub(crate) fn check_scales(model: &Model, adjusting: &[Effect]) -> Result<(), FitError> {
+    let ran_away = |effect: &&Effect| {
+        let values = model.term(**effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value);
+        values.zip(effect.info().coefficients).any(|(value, c)| {
+            let (low, high) = c.possible;
+            c.prior.is_some() && low > 0.0 && (value <= low || value >= high)
+        })
+    };
+    match adjusting.iter().find(ran_away) {
+        None => Ok(()),
+        Some(effect) => {
+            Err(FitError::NotConverged { effect: effect.id(), excitation: effect.info().excitation })
+        }
+    }
+}
+
+/// A formula of a user may have no value at a state that nobody thought of.
+fn check_finite(flights: &[&Prepared], rows: &[FlightRows], model: &Model) -> Result<(), FitError> {
+    let finite = |rows: &FlightRows| {
+        rows.columns.iter().flatten().flatten().chain(&rows.targets).flatten().all(|value| value.is_finite())
+    };
+    blame_users(model, flights.iter().zip(rows).find(|(_, rows)| !finite(rows)).map(|(flight, _)| *flight))
+}
+
+/// The same for residuals of flights.
+pub(crate) fn check_residuals(
+    flights: &[&Prepared],
+    residuals: &[Residuals],
+    model: &Model,
+) -> Result<(), FitError> {
+    let finite = |r: &Residuals| r.residual.iter().flatten().all(|value| value.is_finite());
+    blame_users(model, flights.iter().zip(residuals).find(|(_, r)| !finite(r)).map(|(flight, _)| *flight))
+}
+
+fn blame_users(model: &Model, not_finite: Option<&Prepared>) -> Result<(), FitError> {
+    let users: Vec<&str> =
+        model.effects().iter().filter(|e| matches!(e, Effect::User(_))).map(|e| e.id()).collect();
+    match not_finite {
+        Some(flight) if !users.is_empty() => {
+            Err(FitError::NotFinite { flight: flight.name.clone(), effect: users.join(", ") })
+        }
+        _ => Ok(()),
+    }
+}
+
 /// What is known of the next step of an adjusting effect's coefficients: it leads back to zero.
-fn priors_of(model: &Model, effect: Effect) -> impl Iterator<Item = Option<Prior>> {
+pub(crate) fn priors_of(model: &Model, effect: Effect) -> impl Iterator<Item = Option<Prior>> {
     let values: Vec<f64> =
         model.term(effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
     let known = effect.info().coefficients.iter().zip(values);
@@ -204,7 +339,7 @@ fn priors_of(model: &Model, effect: Effect) -> impl Iterator<Item = Option<Prior
 }
 
 /// Writes values (and errors) of `effects` in order into the model.
-fn store(model: &mut Model, effects: &[Effect], values: &[f64], errors: Option<&[f64]>) {
+pub(crate) fn store(model: &mut Model, effects: &[Effect], values: &[f64], errors: Option<&[f64]>) {
     let mut at = 0;
     for effect in effects {
         let count = effect.info().coefficients.len();
@@ -278,18 +413,27 @@ fn assemble(
     linear: &[Effect],
     adjusting: &[Effect],
 ) -> Vec<FlightRows> {
-    let vehicle = &model.vehicle;
     let adjust = model.adjustments();
     flights
         .iter()
         .map(|flight| {
             let stride = flight.fit_stride();
             let mut columns = flight.columns(linear, model, stride);
-            for effect in adjusting {
-                columns.extend(residual_derivatives_at(flight, model, *effect, stride));
+            let targets = if adjusting.iter().any(|effect| effect.adds_accelerations()) {
+                let mut residual = with_beginnings(flight, model, stride).residual;
+                swing::take_out_beginnings(flight, model, stride, &mut residual, &mut columns);
+                less_added(residual, model, linear, &columns)
+            } else {
+                flight.targets(&model.vehicle, &adjust, stride)
+            };
+            if !adjusting.is_empty() {
+                let here = residuals_at_rows(flight, model, stride);
+                for effect in adjusting {
+                    columns.extend(residual_derivatives_at(flight, model, *effect, stride, &here));
+                }
             }
             FlightRows {
-                targets: flight.targets(vehicle, &adjust, stride),
+                targets,
                 columns,
                 starts: flight.starts_of_rows(stride),
                 period_s: flight.period_s * stride as f64,
@@ -298,44 +442,80 @@ fn assemble(
         .collect()
 }
 
-/// Minus the derivative of the residual with respect to each coefficient of an adjusting effect: central differences,
-/// which are exact to rounding for the smooth, mildly curved ways these effects act.
-pub(crate) fn residual_derivatives(flight: &Prepared, model: &Model, effect: Effect) -> Vec<RowColumn> {
-    residual_derivatives_at(flight, model, effect, 1)
+/// The targets less what effects add that have no columns: the residual plus what the linear effects predict.
+pub(crate) fn less_added(
+    residual: [Vec<f64>; 6],
+    model: &Model,
+    linear: &[Effect],
+    columns: &[RowColumn],
+) -> [Vec<f64>; 6] {
+    let mut targets = residual;
+    let values = linear.iter().flat_map(|e| model.term(*e)).flat_map(|t| &t.coefficients).map(|c| c.value);
+    for (value, column) in values.zip(columns) {
+        for (target, column) in targets.iter_mut().zip(column) {
+            let Some(column) = column else { continue };
+            target.iter_mut().zip(column).for_each(|(t, c)| *t += value * c);
+        }
+    }
+    targets
 }
 
-/// The same over the rows at every `stride`th sample.
-fn residual_derivatives_at(
+/// Step of a derivative, part of an ordinary magnitude. Effects act smoothly: a forward difference over it is off by about
+/// this part of the derivative; rounding, 1e-15 of the residual, matters less still.
+const DERIVATIVE_STEP: f64 = 1e-5;
+
+/// Minus the derivative of the residual with respect to each coefficient of an adjusting effect, over the rows at every
+/// `stride`th sample: forward differences from the residual where the model stands.
+pub(crate) fn residual_derivatives_at(
     flight: &Prepared,
     model: &Model,
     effect: Effect,
     stride: usize,
+    here: &Residuals,
 ) -> Vec<RowColumn> {
     let info = effect.info();
     let mut model = model.clone();
     if !model.has(effect) {
         model.set(effect, &vec![0.0; info.coefficients.len()]);
     }
+    let adjust = model.adjustments();
     let base: Vec<f64> =
         model.term(effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
     (0..info.coefficients.len())
         .map(|k| {
-            let step = 0.01 * step_scale(model.vehicle.has_rotor_map(), effect, k);
-            let mut at = |sign: f64| {
-                let mut values = base.clone();
-                values[k] += sign * step;
-                model.set(effect, &values);
-                residuals_at(flight, &model, stride).residual
+            let step = match effect {
+                // Time constants under a tenth of a millisecond count as none.
+                Effect::MotorLag => 2e-4,
+                _ => DERIVATIVE_STEP * local_scale(model.vehicle.has_rotor_map(), effect, k, base[k]),
             };
-            let (ahead, behind) = (at(1.0), at(-1.0));
+            let mut values = base.clone();
+            values[k] += step;
+            model.set(effect, &values);
+            // Most effects change what is predicted, not what was measured; a load's swing is projected out of both.
+            let ahead = if adjust.load.is_none() && sees_alike(&model.adjustments(), &adjust) {
+                minus_predicted(&here.measured, flight, &model, stride)
+            } else {
+                residuals_at_rows(flight, &model, stride).residual
+            };
             std::array::from_fn(|axis| {
                 let difference: Vec<f64> =
-                    ahead[axis].iter().zip(&behind[axis]).map(|(a, b)| (b - a) / (2.0 * step)).collect();
+                    ahead[axis].iter().zip(&here.residual[axis]).map(|(a, b)| (b - a) / step).collect();
                 // Rows that do not feel the coefficient stay out of the problem.
                 difference.iter().any(|d| *d != 0.0).then_some(difference)
             })
         })
         .collect()
+}
+
+/// Magnitude of a coefficient for differences about a value: a length or another scale goes by itself.
+fn local_scale(has_rotor_map: bool, effect: Effect, coefficient: usize, value: f64) -> f64 {
+    let is_scale = effect.info().coefficients[coefficient].possible.0 > 0.0 && value > 0.0;
+    if is_scale { value } else { step_scale(has_rotor_map, effect, coefficient) }
+}
+
+/// Whether a tracker reports the same of a motion under both.
+fn sees_alike(a: &Adjustments, b: &Adjustments) -> bool {
+    a.tracked_point_m == b.tracked_point_m && a.attitude_tilt_rad == b.attitude_tilt_rad
 }
 
 /// Ordinary magnitude of a coefficient; rotor "speeds" are commands near 1 where the map is unknown.
@@ -348,24 +528,70 @@ pub(crate) fn step_scale(has_rotor_map: bool, effect: Effect, coefficient: usize
 
 /// Measured and measured-minus-predicted of all six axes over the rows of a flight.
 pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
-    residuals_at(flight, model, 1)
+    residuals_at_rows(flight, model, 1)
 }
 
 /// The same over the rows at every `stride`th sample.
-fn residuals_at(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
-    let measured = flight.targets(&model.vehicle, &model.adjustments(), stride);
+pub(crate) fn residuals_at_rows(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
+    let mut residuals = with_beginnings(flight, model, stride);
+    swing::take_out_beginnings(flight, model, stride, &mut residuals.residual, &mut []);
+    residuals
+}
+
+/// The same with what the beginning of a load's swing adds.
+fn with_beginnings(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
+    let mut measured = flight.targets(&model.vehicle, &model.adjustments(), stride);
+    if !has_rotation(model) {
+        // What a model does not speak of is no error of it: nothing measured, nothing predicted.
+        measured[3..].iter_mut().for_each(|axis| axis.fill(0.0));
+    }
+    let residual = minus_predicted(&measured, flight, model, stride);
+    Residuals { measured, residual }
+}
+
+fn minus_predicted(
+    measured: &[Vec<f64>; 6],
+    flight: &Prepared,
+    model: &Model,
+    stride: usize,
+) -> [Vec<f64>; 6] {
     let predicted = flight.predicted(model, stride);
-    let residual = std::array::from_fn(|axis| match &predicted[axis] {
+    std::array::from_fn(|axis| match &predicted[axis] {
         Some(predicted) => measured[axis].iter().zip(predicted).map(|(m, p)| m - p).collect(),
         None => measured[axis].clone(),
-    });
-    Residuals { measured, residual }
+    })
 }
 
 /// Coefficients of the basic model whose sign contradicts the craft's geometry or physics by more than their error, each as
 /// a sentence. A fit with a motor that pushes the wrong way can predict well and is no model: it holds rates and damps
 /// them.
 pub fn impossible_signs(model: &Model) -> Vec<String> {
+    doubts(model).into_iter().map(|(_, doubt)| doubt).collect()
+}
+
+/// A model whose rotation explains less than this of every moment row knows nothing of it.
+const LEAST_ROTATION_R2: f64 = 0.1;
+
+/// Why the rotation is not identifiable from the flights a model was fitted to: rotors that push the wrong way, or moment
+/// rows of which nothing is explained. Empty where it is.
+pub fn rotation_doubts(model: &Model, flights: &[&Prepared]) -> Vec<String> {
+    let motors = |(effect, doubt): (Effect, String)| (effect == Effect::RotorMoments).then_some(doubt);
+    let mut found: Vec<String> = doubts(model).into_iter().filter_map(motors).collect();
+    let all: Vec<Residuals> = flights.iter().map(|f| residuals_at_rows(f, model, f.fit_stride())).collect();
+    let fitted = errors(&all);
+    let largest =
+        [Axis::P, Axis::Q, Axis::R].map(|axis| fitted[axis].r2).into_iter().fold(f64::MIN, f64::max);
+    if largest < LEAST_ROTATION_R2 {
+        found.push(format!(
+            "motor commands explain {:.0} % of the angular accelerations at best: clocks that wander within flights, or \
+             too little excitation",
+            100.0 * largest.max(0.0)
+        ));
+    }
+    found
+}
+
+fn doubts(model: &Model) -> Vec<(Effect, String)> {
     let spin = model.vehicle.motors.spin.map(|s| s.yaw_sign());
     let mut found = Vec::new();
     for term in model.terms.iter().filter(|t| t.effect.info().kind == Kind::Basic) {
@@ -380,14 +606,14 @@ pub fn impossible_signs(model: &Model) -> Vec<String> {
             let slack = 2.0 * estimate.std_error.unwrap_or(0.0);
             if estimate.value * expected < -slack {
                 let should = if expected > 0.0 { "positive" } else { "negative" };
-                found.push(format!(
+                found.push((term.effect, format!(
                     "{} = {:.4} +- {:.4} {} must be {should}: rotor order or spin in the vehicle file, a clock offset \
                      between commands and motion, or too little excitation",
                     info.name,
                     estimate.value,
                     0.5 * slack,
                     info.unit
-                ));
+                )));
             }
         }
     }

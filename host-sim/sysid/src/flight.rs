@@ -267,6 +267,12 @@ impl Flight {
         self.columns[column as usize].as_deref()
     }
 
+    /// Puts other values into a column.
+    pub(crate) fn replace(&mut self, column: Column, values: Vec<f64>) {
+        debug_assert_eq!(values.len(), self.len(), "columns differ in length");
+        self.columns[column as usize] = Some(values);
+    }
+
     /// A column that every flight has.
     pub(crate) fn required(&self, column: Column) -> &[f64] {
         self.column(column).unwrap_or(&[])

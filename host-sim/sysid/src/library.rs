@@ -6,7 +6,7 @@
 
 use model::{Effect, Kind, Model};
 
-use crate::fit::residual_derivatives;
+use crate::fit::{residual_derivatives_at, residuals_at_rows};
 use crate::prepare::Prepared;
 use crate::rows::coefficient_count;
 
@@ -42,23 +42,11 @@ pub fn library(model: &Model, flight: &Prepared) -> Library {
     };
     let mut names: Vec<LibraryColumn> = linear.iter().copied().flat_map(name).collect();
     debug_assert_eq!(names.len(), linear.iter().map(|e| coefficient_count(*e)).sum::<usize>());
-    let starts: Vec<usize> = flight.row_starts();
+    let here = residuals_at_rows(flight, model, stride);
     for effect in candidates().filter(|effect| !is_linear(effect)) {
-        for column in residual_derivatives(flight, model, effect) {
-            columns.push(column.map(|axis| axis.map(|values| every(&values, &starts, stride))));
-        }
+        columns.extend(residual_derivatives_at(flight, model, effect, stride, &here));
         names.extend(name(effect));
     }
     let targets = flight.targets(&model.vehicle, &model.adjustments(), stride);
     Library { targets, names, columns }
-}
-
-/// Every `stride`th row of each stretch.
-fn every(values: &[f64], starts: &[usize], stride: usize) -> Vec<f64> {
-    let ends = starts.iter().skip(1).copied().chain([values.len()]);
-    starts
-        .iter()
-        .zip(ends)
-        .flat_map(|(start, end)| values[*start..end].iter().step_by(stride).copied())
-        .collect()
 }

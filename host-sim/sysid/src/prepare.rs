@@ -4,7 +4,7 @@
 //! 1. The log is cut into stretches without gaps; jitter is taken out by interpolation to an even grid; single missing
 //!    values are bridged. What was done is counted in [`Prepared::notes`].
 //! 2. Angles are unwrapped. The gyro's bias is taken out: its mean difference from the rates of the tracked attitude
-//!    (the low frequencies of (4.6); the gyro keeps the rest).
+//!    (the low frequencies of (4.6); the gyro keeps the rest). So is an accelerometer's, against an estimator's velocity.
 //! 3. Rotor speeds: logged ones, or the motor map (4.10) at the smoothed battery voltage, then the first-order lag,
 //!    exactly for commands held over a sample. The voltage is freed from noise in `battery.rs`; the causal filter of 4.2.5
 //!    would be half a second late against the load that makes the voltage sag.
@@ -16,9 +16,11 @@ use std::borrow::Cow;
 use model::{Adjustments, RotorMap, Vehicle, frames};
 use nalgebra::{Matrix3, Vector3};
 
+use crate::alignment::Alignment;
 use crate::battery;
 use crate::filter::{RegressionFilter, compose, convolve, sum_of_products};
 use crate::flight::{Column, Flight, median_step};
+use crate::trim::Trim;
 
 /// Steps longer than this many periods are gaps: nothing is interpolated across.
 const GAP_PERIODS: f64 = 3.5;
@@ -64,8 +66,8 @@ pub(crate) struct Stretch {
     pub(crate) velocity_ned_m_s: [Vec<f64>; 3],
     /// Gyro less its bias.
     pub(crate) rate_rad_s: [Vec<f64>; 3],
-    command: [Vec<f64>; 4],
-    logged_rotor_rad_s: Option<[Vec<f64>; 4]>,
+    pub(crate) command: [Vec<f64>; 4],
+    pub(crate) logged_rotor_rad_s: Option<[Vec<f64>; 4]>,
     pub(crate) battery_v: Vec<f64>,
     pub(crate) imu_m_s2: Option<[Vec<f64>; 3]>,
 }
@@ -83,8 +85,15 @@ pub struct Prepared {
     pub has_logged_velocity: bool,
     /// Gyro bias found and taken out, rad/s.
     pub gyro_bias_rad_s: [f64; 3],
+    /// Accelerometer bias along x and y found and taken out, m/s^2; zero without an accelerometer and
+    /// for raw tracking.
+    pub accelerometer_bias_m_s2: [f64; 2],
     /// What was mended or left out, for people.
     pub notes: Vec<String>,
+    /// The clock of the rotor samples against that of the state, where it was looked at ([`crate::alignment`]).
+    pub alignment: Option<Alignment>,
+    /// Constant part of the targets that belongs to this flight and not to the craft ([`crate::trim`]); m/s^2, rad/s^2.
+    pub trim: Option<Trim>,
     pub(crate) stretches: Vec<Stretch>,
     pub(crate) filter: RegressionFilter,
     /// Samples at the ends of a stretch that give no rows.
@@ -169,13 +178,21 @@ impl Prepared {
         battery::steady(&mut stretches, vehicle, period_s);
         let gyro_bias_rad_s = remove_gyro_bias(&mut stretches, &filter);
         let has_logged_velocity = velocity.is_some();
+        let accelerometer_bias_m_s2 = if has_logged_velocity {
+            remove_accelerometer_bias(&mut stretches, &filter, vehicle.gravity)
+        } else {
+            [0.0; 2]
+        };
         let mut prepared = Self {
             name: flight.name.clone(),
             period_s,
             force_target,
             has_logged_velocity,
             gyro_bias_rad_s,
+            accelerometer_bias_m_s2,
             notes,
+            alignment: None,
+            trim: None,
             stretches,
             filter,
             margin,
@@ -187,6 +204,16 @@ impl Prepared {
     /// Rows the flight gives.
     pub fn rows(&self) -> usize {
         self.stretches.iter().map(|s| s.time_s.len() - 2 * self.margin).sum()
+    }
+
+    /// Whether rotor speeds were measured, rather than computed from commands.
+    pub fn has_rotor_speeds(&self) -> bool {
+        self.stretches.iter().any(|s| s.logged_rotor_rad_s.is_some())
+    }
+
+    /// By how much the rotor samples (measured speeds or commands) come late against the state, s, where it is corrected.
+    pub fn rotor_late_s(&self) -> f64 {
+        self.alignment.as_ref().map_or(0.0, Alignment::corrected_s)
     }
 
     /// Mean battery voltage, V.
@@ -233,7 +260,7 @@ impl Prepared {
 }
 
 /// Why a flight cannot be used.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PrepareError {
     /// Too short.
     #[error(
@@ -252,12 +279,43 @@ pub enum PrepareError {
         "has no rotor speeds (omega1..4) and the vehicle file has no motor map; give [motors] command, voltage and offset, or map = \"identify\""
     )]
     NoRotorSpeeds,
+    /// A user's formula has no value anywhere for long enough.
+    #[error("has nothing left to use: {reason} nearly everywhere")]
+    Undefined {
+        /// Which formula.
+        reason: String,
+    },
 }
 
 impl Stretch {
-    /// Each rotor's speed.
-    pub(crate) fn rotors(&self, vehicle: &Vehicle, adjust: &Adjustments, period_s: f64) -> [RotorTrack; 4] {
-        let delay = adjust.input_delay_s / period_s;
+    /// A part of it.
+    pub(crate) fn part(&self, range: std::ops::Range<usize>) -> Self {
+        fn cut<const N: usize>(all: &[Vec<f64>; N], range: &std::ops::Range<usize>) -> [Vec<f64>; N] {
+            all.each_ref().map(|one| one[range.clone()].to_vec())
+        }
+        Self {
+            time_s: self.time_s[range.clone()].to_vec(),
+            position_ned_m: cut(&self.position_ned_m, &range),
+            euler_rad: cut(&self.euler_rad, &range),
+            dcm: self.dcm[range.clone()].to_vec(),
+            velocity_ned_m_s: cut(&self.velocity_ned_m_s, &range),
+            rate_rad_s: cut(&self.rate_rad_s, &range),
+            command: cut(&self.command, &range),
+            logged_rotor_rad_s: self.logged_rotor_rad_s.as_ref().map(|all| cut(all, &range)),
+            battery_v: self.battery_v[range.clone()].to_vec(),
+            imu_m_s2: self.imu_m_s2.as_ref().map(|all| cut(all, &range)),
+        }
+    }
+
+    /// Each rotor's speed. `late_s` is what the log's rotor samples come late: they are brought forward by it.
+    pub(crate) fn rotors(
+        &self,
+        vehicle: &Vehicle,
+        adjust: &Adjustments,
+        period_s: f64,
+        late_s: f64,
+    ) -> [RotorTrack; 4] {
+        let delay = (adjust.input_delay_s - late_s) / period_s;
         if let Some(logged) = &self.logged_rotor_rad_s {
             return logged.each_ref().map(|speed| {
                 let corrected: Vec<f64> = speed
@@ -282,7 +340,7 @@ impl Stretch {
                 per_volt * 0.5 * (self.battery_v[k] + next)
             })
             .collect();
-        let by_voltage = lagged(&by_voltage, lag, 0.0, period_s);
+        let by_voltage = lagged(&by_voltage, lag, -late_s / period_s, period_s);
         self.command.each_ref().map(|command| {
             let commanded: Vec<f64> = command.iter().map(|c| map.command * c + fixed).collect();
             lagged(&commanded, lag, delay, period_s).plus(&by_voltage)
@@ -576,8 +634,9 @@ fn even_grid(
         };
     }
     notes.push(format!("{uneven} uneven sampling steps interpolated to {:.1} Hz", 1.0 / period_s));
-    let count = ((times[times.len() - 1] - times[0]) / period_s).floor() as usize + 1;
-    let grid: Vec<f64> = (0..count).map(|k| times[0] + k as f64 * period_s).collect();
+    let start = grid_start(times, period_s);
+    let count = ((times[times.len() - 1] - start) / period_s).floor() as usize + 1;
+    let grid: Vec<f64> = (0..count).map(|k| start + k as f64 * period_s).collect();
     let columns = columns.iter().enumerate().map(|(index, column)| {
         let values = &column[range.clone()];
         let held = (COMMAND..BATTERY).contains(&index);
@@ -588,7 +647,8 @@ fn even_grid(
                     at += 1;
                 }
                 if held {
-                    values[at + usize::from(time >= times[at + 1])]
+                    // A row that is a little late tells of a command that has already been there.
+                    values[at + usize::from(times[at + 1] - time < 0.5 * period_s)]
                 } else {
                     hermite(times, values, at, time)
                 }
@@ -596,6 +656,17 @@ fn even_grid(
             .collect()
     });
     EvenGrid { time_s: grid.clone(), columns: columns.collect() }
+}
+
+/// Where an even grid starts that lies in the middle of jittering times: one that began at a late row would be late throughout,
+/// and every command on it.
+fn grid_start(times: &[f64], period_s: f64) -> f64 {
+    let off = |t: &f64| {
+        let periods = (t - times[0]) / period_s;
+        periods - periods.round()
+    };
+    let start = times[0] + period_s * times.iter().map(off).sum::<f64>() / times.len() as f64;
+    if start < times[0] { start + period_s } else { start }
 }
 
 /// Cubic Hermite interpolation between samples `at` and `at + 1` with the slopes of the neighbours.
@@ -611,6 +682,42 @@ fn hermite(t: &[f64], y: &[f64], at: usize, time: f64) -> f64 {
         + (s3 - 2.0 * s2 + s) * step * slope(at)
         + (3.0 * s2 - 2.0 * s3) * y[at + 1]
         + (s3 - s2) * step * slope(at + 1)
+}
+
+/// Takes out the mean difference between the accelerometer and the accelerations of the tracked motion over the whole
+/// flight, along x and y: there a bias stands for a drag, a wind or a cable that is not there. Forces move the craft and
+/// the accelerometer alike, so none of them is taken out with it. Along z the scale of the thrust hides it. Only for logs
+/// of an estimator, which levels its attitude by the motion: of raw tracking the same difference is the tilt of the
+/// tracked frame.
+fn remove_accelerometer_bias(
+    stretches: &mut [Stretch],
+    filter: &RegressionFilter,
+    gravity_m_s2: f64,
+) -> [f64; 2] {
+    let half = 2 * filter.half();
+    let gravity = Vector3::new(0.0, 0.0, gravity_m_s2);
+    let (mut sum, mut count) = (Vector3::zeros(), 0.0);
+    for stretch in stretches.iter() {
+        let Some(imu) = &stretch.imu_m_s2 else { continue };
+        let at = |signal: &[Vec<f64>; 3], k: usize, taps: &[f64]| {
+            Vector3::from(signal.each_ref().map(|s| sum_of_products(&s[k - taps.len() / 2..], taps)))
+        };
+        for k in (half..stretch.time_s.len() - half).step_by(10) {
+            let moved = at(&stretch.velocity_ned_m_s, k, &filter.derivative) - gravity;
+            let difference = at(imu, k, &filter.smooth) - stretch.dcm[k] * moved;
+            if difference.iter().all(|d| d.is_finite()) {
+                sum += difference;
+                count += 1.0;
+            }
+        }
+    }
+    let bias = if count > 0.0 { [sum.x / count, sum.y / count] } else { [0.0; 2] };
+    for stretch in stretches {
+        for (signal, b) in stretch.imu_m_s2.iter_mut().flatten().zip(bias) {
+            signal.iter_mut().for_each(|value| *value -= b);
+        }
+    }
+    bias
 }
 
 /// Takes out the mean difference between the gyro and the rates of the smoothed attitude over the whole flight.

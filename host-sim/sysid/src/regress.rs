@@ -61,9 +61,11 @@ pub(crate) struct Solution {
 }
 
 /// The triangle of [X | y] on one axis, over the parameters that act there.
-struct AxisTriangle {
-    parameters: Vec<usize>,
-    triangle: DMatrix<f64>,
+pub(crate) struct AxisTriangle {
+    /// Those that act there, in order.
+    pub(crate) parameters: Vec<usize>,
+    /// Of their columns and the target.
+    pub(crate) triangle: DMatrix<f64>,
 }
 
 /// What is known of a parameter before any flight.
@@ -77,6 +79,14 @@ pub(crate) struct Prior {
 
 /// Solves the stacked problem; a parameter may have a prior, which enters as one more row.
 pub(crate) fn solve(flights: &[FlightRows], priors: &[Option<Prior>]) -> Result<Solution, Unidentifiable> {
+    Ok(with_errors(solve_without_errors(flights, priors)?, flights, priors))
+}
+
+/// The same with the covariance of white residuals, which costs no second look at the rows: what an iteration needs.
+pub(crate) fn solve_without_errors(
+    flights: &[FlightRows],
+    priors: &[Option<Prior>],
+) -> Result<Solution, Unidentifiable> {
     let parameters = priors.len();
     let triangles: Vec<AxisTriangle> = (0..6).map(|axis| axis_triangle(flights, axis, parameters)).collect();
     let rows: usize = flights.iter().map(FlightRows::rows).sum();
@@ -93,18 +103,23 @@ pub(crate) fn solve(flights: &[FlightRows], priors: &[Option<Prior>]) -> Result<
         }
         (value, inverse, condition) = solve_merged(&triangles, priors, &sigma)?;
     }
-    let mut meat = scores_covariance(flights, &value, &sigma, parameters);
+    Ok(Solution { value, covariance: inverse, sigma, condition })
+}
+
+/// A solution with its covariance accounting for coloured residuals.
+pub(crate) fn with_errors(solution: Solution, flights: &[FlightRows], priors: &[Option<Prior>]) -> Solution {
+    let mut meat = scores_covariance(flights, &solution.value, &solution.sigma, priors.len());
     for (k, prior) in priors.iter().enumerate() {
         meat[(k, k)] += prior.map_or(0.0, |p| 1.0 / (p.deviation * p.deviation));
     }
-    let covariance = &inverse * meat * inverse.transpose();
-    Ok(Solution { value, covariance, sigma, condition })
+    let covariance = &solution.covariance * meat * solution.covariance.transpose();
+    Solution { covariance, ..solution }
 }
 
 /// Rows a block of the reduction takes at once: small enough for the nearest cache.
 const BLOCK_ROWS: usize = 256;
 
-fn axis_triangle(flights: &[FlightRows], axis: usize, parameters: usize) -> AxisTriangle {
+pub(crate) fn axis_triangle(flights: &[FlightRows], axis: usize, parameters: usize) -> AxisTriangle {
     let active: Vec<usize> =
         (0..parameters).filter(|&k| flights.iter().any(|f| f.columns[k][axis].is_some())).collect();
     let width = active.len() + 1;
@@ -229,7 +244,7 @@ fn solve_merged(
 }
 
 /// Newey and West's estimate of the covariance of X'W e.
-fn scores_covariance(
+pub(crate) fn scores_covariance(
     flights: &[FlightRows],
     value: &DVector<f64>,
     sigma: &[f64; 6],
@@ -352,6 +367,32 @@ mod tests {
         // Sums of 600 products of numbers near 1.
         assert!((found - &expected).norm() < 1e-13 * expected.norm());
         assert!(triangle.lower_triangle().iter().filter(|v| **v != 0.0).count() <= 3, "{triangle}");
+    }
+
+    /// Triangles of shards, in any order, hold what one QR of all rows holds.
+    #[test]
+    fn triangles_of_shards_merge_to_that_of_all() {
+        let shards: Vec<FlightRows> = [700, 333, 64, 1]
+            .into_iter()
+            .map(|rows| made_up(rows, |k| 0.3 * (k as f64 * 1.7).sin()))
+            .collect();
+        let one = axis_triangle(&shards, 0, 2).triangle;
+        for order in [[0, 1, 2, 3], [3, 1, 0, 2]] {
+            let mut stacked = DMatrix::zeros(12, 3);
+            for (place, &shard) in order.iter().enumerate() {
+                let part = axis_triangle(std::slice::from_ref(&shards[shard]), 0, 2).triangle;
+                stacked.rows_mut(3 * place, 3).copy_from(&part);
+            }
+            let merged = stacked.qr().unpack_r();
+            let solved = |r: &DMatrix<f64>| {
+                r.view((0, 0), (2, 2)).solve_upper_triangular(&r.view((0, 2), (2, 1))).unwrap()
+            };
+            // Two ways to sum a thousand products.
+            assert!(
+                (solved(&merged) / solved(&one).norm() - &solved(&one) / solved(&one).norm()).norm() < 1e-10
+            );
+            assert!((merged[(2, 2)].abs() / one[(2, 2)].abs() - 1.0).abs() < 1e-10);
+        }
     }
 
     #[test]

@@ -19,11 +19,12 @@
 use std::iter::StepBy;
 use std::ops::Range;
 
-use model::{Adjustments, Axis, Effect, Model, Plant, Sample, SampleInput, Sink, Vehicle};
+use model::{Adjustments, Axis, Effect, Model, Plant, Sample, SampleInput, Sink, Swing, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::filter::{SideBySide, compose, sum_of_products};
 use crate::prepare::{ForceTarget, Prepared, RotorTrack, Stretch, subtract, vector};
+use crate::swing;
 
 /// Longest time between the rows of a fit, s.
 const FIT_ROW_PERIOD_S: f64 = 0.03;
@@ -38,6 +39,8 @@ pub(crate) struct States<'a> {
     untilt: Option<Matrix3<f64>>,
     lever_m: Vector3<f64>,
     rotor: [RotorTrack; 4],
+    /// A slung load at every sample, where there is one.
+    swings: Option<Vec<Swing>>,
     period_s: f64,
 }
 
@@ -74,6 +77,7 @@ impl States<'_> {
             rotor_rad_s: self.rotor.each_ref().map(|r| r.speed_rad_s[k]),
             rotor_acceleration_rad_s2: [0.0; 4],
             battery_v: stretch.battery_v[k],
+            swing: self.swings.as_ref().map_or_else(Swing::default, |swings| swings[k]),
         }
     }
 
@@ -89,7 +93,7 @@ impl States<'_> {
     }
 
     /// Hands over the mean states between neighbouring samples, one fewer.
-    fn for_each_between(&self, mut take: impl FnMut(SampleInput)) {
+    pub(crate) fn for_each_between(&self, mut take: impl FnMut(SampleInput)) {
         let per_period = 1.0 / self.period_s;
         let mut a = self.without_acceleration(0);
         for k in 1..self.len() {
@@ -106,6 +110,7 @@ impl States<'_> {
                     per_period * (b.rotor_rad_s[i] - a.rotor_rad_s[i])
                 }),
                 battery_v: 0.5 * (a.battery_v + b.battery_v),
+                swing: a.swing.middle(&b.swing),
             });
             a = b;
         }
@@ -122,6 +127,19 @@ impl Prepared {
     /// The samples of a stretch at which there are rows.
     fn row_samples(&self, stretch: &Stretch, stride: usize) -> StepBy<Range<usize>> {
         (self.margin..stretch.time_s.len() - self.margin).step_by(stride)
+    }
+
+    /// Of the rows at every sample, those at which a fit has rows.
+    pub(crate) fn row_samples_of_conditions(&self) -> Vec<usize> {
+        let stride = self.fit_stride();
+        let mut first = 0;
+        let mut all = Vec::new();
+        for stretch in &self.stretches {
+            let rows = stretch.time_s.len() - 2 * self.margin;
+            all.extend((first..first + rows).step_by(stride));
+            first += rows;
+        }
+        all
     }
 
     /// Rows at which stretches begin: neighbours across these are not neighbours in time.
@@ -146,7 +164,8 @@ impl Prepared {
             stretch,
             untilt: Some(adjust.true_dcm(&Matrix3::identity())).filter(|m| *m != Matrix3::identity()),
             lever_m: Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m,
-            rotor: stretch.rotors(vehicle, adjust, self.period_s),
+            rotor: stretch.rotors(vehicle, adjust, self.period_s, self.rotor_late_s()),
+            swings: adjust.load.map(|load| swing::driven(self, stretch, vehicle, adjust, &load)),
             period_s: self.period_s,
         }
     }
@@ -160,6 +179,11 @@ impl Prepared {
             for (target, rate) in targets[3..].iter_mut().zip(&stretch.rate_rad_s) {
                 let rows = self.row_samples(stretch, stride);
                 target.extend(rows.map(|k| sum_of_products(&rate[k - half..], &self.filter.derivative)));
+            }
+        }
+        if let Some(trim) = &self.trim {
+            for (target, trim) in targets.iter_mut().zip(trim.value) {
+                target.iter_mut().for_each(|t| *t -= trim);
             }
         }
         targets
@@ -215,13 +239,31 @@ impl Prepared {
     pub(crate) fn columns(&self, effects: &[Effect], model: &Model, stride: usize) -> Vec<RowColumn> {
         let effects: Vec<(Effect, usize)> = effects.iter().map(|e| (*e, coefficient_count(*e))).collect();
         let count = effects.iter().map(|(_, count)| count).sum();
-        self.filtered(&Plant::new(model), &model.vehicle, &LinearEffects { effects, count }, stride)
+        let (plant, effects) = (Plant::new(model), LinearEffects { effects, count });
+        match plant.adjustments().load {
+            None => self.filtered(&plant, &model.vehicle, &effects, stride),
+            Some(load) => {
+                let share = swing::share(model, &load);
+                self.filtered(&plant, &model.vehicle, &Carrying { inner: effects, share }, stride)
+            }
+        }
     }
 
     /// What a model predicts of the targets.
     pub(crate) fn predicted(&self, model: &Model, stride: usize) -> RowColumn {
         let plant = Plant::new(model);
         self.filtered(&plant, &model.vehicle, &Prediction(&plant), stride).pop().unwrap_or_default()
+    }
+
+    /// What a load's free swing adds, from an offset of 1 m and from 1 m/s, north, then east.
+    pub(crate) fn free_swings(&self, model: &Model, load: &model::Load, stride: usize) -> Vec<RowColumn> {
+        let gravity_m_s2 = model.vehicle.gravity;
+        let pull = swing::share(model, load) * load.stiffness_rad2_s2(gravity_m_s2);
+        let plant = Plant::new(model);
+        self.filtered_from(&plant, &FreeSwings { pull }, stride, |stretch| States {
+            swings: Some(swing::free(load, stretch.time_s.len(), self.period_s, gravity_m_s2)),
+            ..self.states(stretch, &model.vehicle, &Adjustments { load: None, ..*plant.adjustments() })
+        })
     }
 
     /// The terms through the filters of the targets, at the rows.
@@ -232,8 +274,17 @@ impl Prepared {
         terms: &impl Terms,
         stride: usize,
     ) -> Vec<RowColumn> {
+        self.filtered_from(plant, terms, stride, |stretch| self.states(stretch, vehicle, plant.adjustments()))
+    }
+
+    fn filtered_from<'a>(
+        &'a self,
+        plant: &Plant,
+        terms: &impl Terms,
+        stride: usize,
+        states_of: impl Fn(&'a Stretch) -> States<'a>,
+    ) -> Vec<RowColumn> {
         let mut result = vec![RowColumn::default(); terms.count()];
-        let adjust = plant.adjustments();
         let force_taps = match self.force_target {
             ForceTarget::Imu => self.filter.smooth.clone(),
             ForceTarget::Velocity => self.filter.between.clone(),
@@ -241,7 +292,7 @@ impl Prepared {
         };
         let imu = self.force_target == ForceTarget::Imu;
         for stretch in &self.stretches {
-            let states = self.states(stretch, vehicle, adjust);
+            let states = states_of(stretch);
             let rows = || self.row_samples(stretch, stride);
             let first = plant.sample_of(states.at(0));
             let layout = Layout::new(terms, &first, |axis| axis >= 3);
@@ -310,6 +361,70 @@ impl Terms for LinearEffects {
         for (effect, count) in &self.effects {
             effect.columns(sample, &mut From { first, sink });
             first += count;
+        }
+    }
+}
+
+/// Linear effects of a craft that carries a slung load: along the cable, their forces move the load as well.
+struct Carrying<T> {
+    inner: T,
+    /// Load's mass over the craft's.
+    share: f64,
+}
+
+impl<T: Terms> Terms for Carrying<T> {
+    fn count(&self) -> usize {
+        self.inner.count()
+    }
+
+    fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
+        let mut forces = Forces { of: vec![None; self.inner.count()], sink };
+        self.inner.evaluate(sample, &mut forces);
+        let n = sample.input.dcm * sample.input.swing.direction;
+        for (parameter, force) in forces.of.iter().enumerate() {
+            let Some(force) = force else { continue };
+            let with_load = force - n * (self.share / (1.0 + self.share) * n.dot(force));
+            for (axis, value) in model::AXES.into_iter().zip(with_load.iter()) {
+                forces.sink.add(axis, parameter, *value);
+            }
+        }
+    }
+}
+
+/// Keeps forces, hands on moments.
+struct Forces<'a, S> {
+    of: Vec<Option<Vector3<f64>>>,
+    sink: &'a mut S,
+}
+
+impl<S: Sink> Sink for Forces<'_, S> {
+    fn add(&mut self, axis: Axis, parameter: usize, value: f64) {
+        if axis.is_force() {
+            self.of[parameter].get_or_insert_default()[axis.index()] += value;
+        } else {
+            self.sink.add(axis, parameter, value);
+        }
+    }
+}
+
+/// Pulls of a load that swings freely, whose two solutions stand in for its place.
+struct FreeSwings {
+    /// Acceleration of the craft per metre of offset, 1/s^2.
+    pull: f64,
+}
+
+impl Terms for FreeSwings {
+    fn count(&self) -> usize {
+        4
+    }
+
+    fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
+        for (parameter, (direction, solution)) in [(0, 0), (0, 1), (1, 0), (1, 1)].into_iter().enumerate() {
+            let offset_m = sample.input.swing.direction[solution];
+            let body = sample.input.dcm.column(direction) * (self.pull * offset_m);
+            for (axis, value) in model::AXES.into_iter().zip(body.iter()) {
+                sink.add(axis, parameter, *value);
+            }
         }
     }
 }

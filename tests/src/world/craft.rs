@@ -4,7 +4,7 @@ use model::{Motors, Spin, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 use rand::{Rng, RngExt};
 
-/// Two families of craft.
+/// Families of craft.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Size {
@@ -12,17 +12,22 @@ pub enum Size {
     F330,
     /// 0.06 to 0.25 kg, 2.5 to 4 inch rotors at three times the speed, turning the other way round.
     Small,
+    /// 2.5 to 4 kg, 13 to 15 inch rotors, slower still.
+    Large,
 }
 
 impl Size {
-    /// Both.
-    pub const ALL: [Self; 2] = [Self::F330, Self::Small];
+    /// All.
+    pub const ALL: [Self; 3] = [Self::F330, Self::Small, Self::Large];
+    /// The two that every effect is hidden in.
+    pub const MAIN: [Self; 2] = [Self::F330, Self::Small];
 
     /// For people.
     pub const fn name(self) -> &'static str {
         match self {
             Self::F330 => "F330",
             Self::Small => "small",
+            Self::Large => "large",
         }
     }
 }
@@ -184,6 +189,7 @@ impl Craft {
         match size {
             Size::F330 => Self::f330(rng),
             Size::Small => Self::small(rng),
+            Size::Large => Self::large(rng),
         }
     }
 
@@ -218,6 +224,40 @@ impl Craft {
             },
             drag_n_s_m: [about(0.27, 0.12), about(0.27, 0.12), about(0.29, 0.12)],
             damping_nm_s: [about(0.010, 0.15), about(0.010, 0.15), about(0.0125, 0.15)],
+            ..Self::calm()
+        }
+    }
+
+    /// The F330 grown: thrust coefficients with the fourth power of the rotors' size, moments of inertia with mass and length squared,
+    /// drag with area, damping with area and length squared.
+    fn large(rng: &mut impl Rng) -> Self {
+        let mut about = |value: f64, spread: f64| value * (1.0 + spread * rng.random_range(-1.0..1.0));
+        let (mass_kg, arm_m, rotor_radius_m) = (about(3.2, 0.2), about(0.29, 0.1), about(0.178, 0.07));
+        let (heavier, longer) = (mass_kg / 1.214, arm_m / 0.167);
+        let inertia = heavier * longer * longer;
+        let blades = (rotor_radius_m / 0.1016_f64).powi(4);
+        let area = longer * longer;
+        let map = Map { command: 0.42, voltage: 12.0, offset: -640.0 };
+        Self {
+            size: Size::Large,
+            mass_kg,
+            arm_m,
+            rotor_radius_m,
+            inertia_kg_m2: Matrix3::from_diagonal(&Vector3::new(
+                about(0.0140 * inertia, 0.12),
+                about(0.0150 * inertia, 0.12),
+                about(0.0240 * inertia, 0.12),
+            )),
+            thrust_n_s2: about(7.4e-6 * blades, 0.12),
+            torque_nm_s2: about(2.65e-7 * blades * rotor_radius_m / 0.1016, 0.12),
+            rotor_inertia_kg_m2: about(3.6e-5 * blades, 0.15),
+            spin_up_share: 0.0,
+            spin: [1.0, -1.0, 1.0, -1.0],
+            lag_rad_s: 17.0,
+            map,
+            battery: Cell { full_v: about(24.0, 0.03), decay_v_s: 0.014, sag_v: 0.2, full_load_rad_s: 330.0 },
+            drag_n_s_m: [0.27, 0.27, 0.29].map(|d| about(d * area, 0.12)),
+            damping_nm_s: [0.010, 0.010, 0.0125].map(|d| about(d * area * area, 0.15)),
             ..Self::calm()
         }
     }
@@ -342,7 +382,7 @@ impl Craft {
     /// Smallest and largest command.
     pub const fn command_range(&self) -> [f64; 2] {
         match self.size {
-            Size::F330 => [1050.0, 1990.0],
+            Size::F330 | Size::Large => [1050.0, 1990.0],
             Size::Small => [0.0, 1.0],
         }
     }
@@ -353,6 +393,7 @@ impl Craft {
         let (name, unit) = match self.size {
             Size::F330 => ("F330-like", "us"),
             Size::Small => ("small", "normalised"),
+            Size::Large => ("large", "us"),
         };
         Vehicle {
             name: name.into(),

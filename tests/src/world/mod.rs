@@ -29,7 +29,7 @@ use sysid::Flight;
 
 pub use body::{Body, STEP_S};
 pub use craft::{Craft, Size};
-pub use pilot::Pattern;
+pub use pilot::{Pattern, Style};
 pub use planted::{OUTSIDE, PLANTED, Planted, changes};
 pub use sensors::Sensors;
 pub use truth::True;
@@ -46,6 +46,8 @@ pub struct World {
     pub vehicle: Vehicle,
     /// Effects planted, in order.
     pub planted: Vec<Planted>,
+    /// How it is flown.
+    pub style: Style,
     /// The craft before anything was planted: what its pilot was tuned on.
     designed: Craft,
     seed: u64,
@@ -73,7 +75,12 @@ impl World {
     pub fn new(size: Size, seed: u64) -> Self {
         let craft = Craft::draw(size, &mut stream(seed, Purpose::Craft));
         let vehicle = craft.vehicle();
-        Self { designed: craft.clone(), craft, vehicle, planted: Vec::new(), seed }
+        Self { designed: craft.clone(), craft, vehicle, planted: Vec::new(), style: Style::Usual, seed }
+    }
+
+    /// The same world flown in another style.
+    pub fn flown(self, style: Style) -> Self {
+        Self { style, ..self }
     }
 
     /// Plants an effect of [`PLANTED`] or [`OUTSIDE`].
@@ -98,7 +105,12 @@ impl World {
         round: u64,
     ) -> Result<Flight, Lost> {
         let purpose = |kind: u64| Purpose::Flight { kind, pattern: pattern as u64, round };
-        let mut pilot = Pilot::new(&self.designed, &self.craft, pattern, &mut stream(self.seed, purpose(0)));
+        let mut pilot = Pilot::new(
+            &self.designed,
+            &self.craft,
+            (pattern, self.style),
+            &mut stream(self.seed, purpose(0)),
+        );
         let mut body = Body::hovering(&self.craft, pilot.start());
         let mut recorder = Recorder::new(&self.craft, sensors, duration_s, stream(self.seed, purpose(1)));
         let mut air = stream(self.seed, purpose(2));

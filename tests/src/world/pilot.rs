@@ -57,6 +57,33 @@ impl std::fmt::Display for Pattern {
     }
 }
 
+/// How a pilot flies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Style {
+    /// Small figures, slowly.
+    Gentle,
+    /// As usual.
+    #[default]
+    Usual,
+    /// Wide figures, fast.
+    Brisk,
+}
+
+impl Style {
+    /// All.
+    pub const ALL: [Self; 3] = [Self::Gentle, Self::Usual, Self::Brisk];
+
+    /// Factors on the reach and on the periods of the figures.
+    const fn factors(self) -> (f64, f64) {
+        match self {
+            Self::Gentle => (0.75, 1.25),
+            Self::Usual => (1.0, 1.0),
+            Self::Brisk => (1.2, 0.88),
+        }
+    }
+}
+
 /// Where to be: position NED in m and yaw in rad.
 type Place = (Vector3<f64>, f64);
 
@@ -155,21 +182,28 @@ pub(super) struct Pilot {
 
 impl Pilot {
     /// A pilot who knows the craft as `designed` and has trimmed `real` for hover; its load must not touch the floor.
-    pub(super) fn new(designed: &Craft, real: &Craft, pattern: Pattern, rng: &mut impl Rng) -> Self {
+    pub(super) fn new(
+        designed: &Craft,
+        real: &Craft,
+        (pattern, style): (Pattern, Style),
+        rng: &mut impl Rng,
+    ) -> Self {
         let craft = designed;
+        let (wide, slow) = style.factors();
         let clearance_m = real.load.map_or(0.0, |load| load.length_m);
         let corners = (0..40).map(|_| std::array::from_fn(|_| rng.random_range(-1.0..1.0))).collect();
         let path = Path {
             pattern,
             low_m: 1.3 * craft.rotor_radius_m + if clearance_m > 0.0 { clearance_m + 0.1 } else { 0.0 },
-            reach_m: rng.random_range(0.85..1.15),
-            pace: std::array::from_fn(|_| rng.random_range(0.88..1.14)),
+            reach_m: wide * rng.random_range(0.85..1.15),
+            pace: std::array::from_fn(|_| slow * rng.random_range(0.88..1.14)),
             phase: std::array::from_fn(|_| rng.random_range(0.0..TAU)),
             corners,
         };
         // Slow rotors allow slow loops only: the rate loop crosses at half the lag.
         let rate_s = match craft.size {
             Size::F330 => 8.0,
+            Size::Large => 7.0,
             Size::Small => 12.0,
         };
         let gains = Gains {

@@ -17,17 +17,19 @@ pub struct Sensors {
     pub noise: f64,
     /// Correlation time of the motion capture's noise, s; 0 is white.
     pub colour_s: f64,
-    /// Standard deviation of the times of samples about an even grid, s.
+    /// Root mean square lateness of samples behind an even grid, s.
     pub jitter_s: f64,
     /// Part of the rows that are lost, in bursts.
     pub dropout: f64,
     /// How much older the gyro's sample is than its row, s.
     pub gyro_age_s: f64,
+    /// Length of a gap somewhere in the flight, s.
+    pub gap_s: f64,
 }
 
 impl Default for Sensors {
     fn default() -> Self {
-        Self { noise: 1.0, colour_s: 0.0, jitter_s: 0.0, dropout: 0.0, gyro_age_s: 0.0 }
+        Self { noise: 1.0, colour_s: 0.0, jitter_s: 0.0, dropout: 0.0, gyro_age_s: 0.0, gap_s: 0.0 }
     }
 }
 
@@ -42,6 +44,12 @@ impl Sensors {
     pub const BIAS_RAD_S: f64 = 0.03;
     /// Battery, V.
     pub const BATTERY_V: f64 = 0.015;
+
+    /// A log as it is on a bad day: a clock that wobbles by half a millisecond, a row in fifty lost in bursts, two
+    /// seconds missing somewhere.
+    pub fn rough(factor: f64) -> Self {
+        Self { jitter_s: 0.0005, dropout: 0.02, gap_s: 2.0, ..Self::noisy(factor) }
+    }
 
     /// White noise of `factor` times the usual.
     pub fn noisy(factor: f64) -> Self {
@@ -76,9 +84,9 @@ impl Recorder {
         let due = (0..count)
             .map(|k| {
                 let wobble: f64 = rng.sample(StandardNormal);
-                // Under half a row, so that times keep rising.
-                let steps = (sensors.jitter_s * wobble / STEP_S).round().clamp(-0.4 * per_row, 0.4 * per_row);
-                (k as f64 * per_row + steps).max(0.0) as usize
+                // A logger is late, never early; under half a row, so that times keep rising.
+                let steps = (sensors.jitter_s * wobble.abs() / STEP_S).round().min(0.4 * per_row);
+                (k as f64 * per_row + steps) as usize
             })
             .collect();
         let [roll, pitch] = craft.tilt_rad;
@@ -172,7 +180,8 @@ impl Recorder {
 
     /// The flight, without the rows that were lost.
     pub(super) fn flight(mut self, name: &str) -> Flight {
-        let kept: Vec<bool> = (0..self.row()).map(|_| self.is_kept()).collect();
+        let gap = self.gap();
+        let kept: Vec<bool> = (0..self.row()).map(|k| self.is_kept() && !gap.contains(&k)).collect();
         let columns = [
             Column::T,
             Column::X,
@@ -194,6 +203,16 @@ impl Recorder {
             row.into_iter().zip(&kept).filter(|(_, kept)| **kept).map(|(value, _)| value).collect()
         });
         Flight::from_columns(name, columns.into_iter().zip(rows))
+    }
+
+    /// Rows of the gap: anywhere in the middle half of the flight.
+    fn gap(&mut self) -> std::ops::Range<usize> {
+        let length = (self.sensors.gap_s / PILOT_PERIOD_S).round() as usize;
+        if length == 0 {
+            return 0..0;
+        }
+        let start = self.rng.random_range(self.row() / 4..=self.row() / 2);
+        start..start + length
     }
 
     /// Two states, losing and keeping, with the wanted share and mean length of a burst.

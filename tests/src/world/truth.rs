@@ -38,10 +38,7 @@ fn basic(world: &World) -> Vec<True> {
     // A product of inertia is a term of its own there: torques are divided by the tensor's diagonal.
     let inertia = craft.inertia_kg_m2.diagonal();
     let mut all = Vec::new();
-    // A load's weight is not in the vehicle file: what carries it comes out as another thrust.
-    if craft.load.is_none() {
-        all.extend(list("thrust", [craft.thrust_n_s2 / beta * per_mass]));
-    }
+    all.extend(list("thrust", [craft.thrust_n_s2 / beta * per_mass]));
     all.extend(list("linear-drag", craft.drag_n_s_m.map(|d| -d * per_mass)));
     all.extend(list("angular-damping", (0..3).map(|i| -craft.damping_nm_s[i] / inertia[i])));
     let arm = std::f64::consts::SQRT_2 * vehicle.arm_length * beta;
@@ -85,6 +82,10 @@ fn own(world: &World, id: &'static str) -> Vec<True> {
         "tether" => craft.tether.map_or_else(Vec::new, |tether| {
             let pull = tether.anchor_ned_m * tether.stiffness_n_m;
             vec![tether.stiffness_n_m, pull.x, pull.y, pull.z]
+        }),
+        "slung-load" => craft.load.map_or_else(Vec::new, |load| {
+            let swing_rad_s = (craft.gravity_m_s2 / load.length_m).sqrt();
+            vec![load.mass_kg, load.length_m, 0.5 * load.damping_s / swing_rad_s]
         }),
         "mass-change" => vec![craft.mass_kg - vehicle.mass],
         "com-offset" => craft.centre_m.to_vec(),

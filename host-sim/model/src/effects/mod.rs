@@ -1,9 +1,11 @@
 //! The catalogue: one file an effect. An effect's definition here is used to identify, to predict and to simulate.
 //!
-//! To add one: write its file (an `INFO` and either `columns` or `adjust`), then name it in the list below.
+//! To add one: write its file (an `INFO` and either `columns` or `adjust`), then name it in the list below. Effects that
+//! users define at run time ([`crate::user_effect`]) stand beside the catalogue.
 
 use std::fmt;
 
+use crate::user_effect::{self, User};
 use crate::{Adjustments, Axis, EffectInfo, Kind, Question, Sample, Sink, Term};
 
 macro_rules! catalogue {
@@ -16,9 +18,14 @@ macro_rules! catalogue {
         pub enum Effect {
             $(#[doc = concat!("See `", stringify!($linear_file), ".rs`.")] $linear,)*
             $(#[doc = concat!("See `", stringify!($other_file), ".rs`.")] $other,)*
+            /// Defined by a user, in a file.
+            User(User),
         }
 
-        /// Every known effect, the basic model's first.
+        /// Places in the catalogue.
+        enum Place { $($linear,)* $($other,)* }
+
+        /// Every effect known beforehand, the basic model's first.
         pub const CATALOGUE: &[Effect] = &[$(Effect::$linear,)* $(Effect::$other,)*];
 
         impl Effect {
@@ -27,6 +34,16 @@ macro_rules! catalogue {
                 match self {
                     $(Effect::$linear => &$linear_file::INFO,)*
                     $(Effect::$other => &$other_file::INFO,)*
+                    Effect::User(user) => user.info(),
+                }
+            }
+
+            /// Place in the catalogue; none for a user's.
+            const fn place(self) -> Option<usize> {
+                match self {
+                    $(Effect::$linear => Some(Place::$linear as usize),)*
+                    $(Effect::$other => Some(Place::$other as usize),)*
+                    Effect::User(_) => None,
                 }
             }
 
@@ -36,6 +53,7 @@ macro_rules! catalogue {
                 match self {
                     $(Effect::$linear => $linear_file::columns(sample, sink),)*
                     $(Effect::$other => {})*
+                    Effect::User(user) => user.columns(sample, sink),
                 }
             }
 
@@ -44,6 +62,7 @@ macro_rules! catalogue {
                 match self {
                     $(Effect::$linear => {})*
                     $(Effect::$other => $other_file::adjust(coefficients, adjust),)*
+                    Effect::User(_) => {}
                 }
             }
         }
@@ -56,7 +75,7 @@ macro_rules! catalogue {
             fn weighted_sum(&self, sample: &Sample, which: impl Fn(Effect) -> bool) -> [f64; 6] {
                 let mut sum = [0.0; 6];
                 $({
-                    let index = Effect::$linear as usize;
+                    let index = Place::$linear as usize;
                     if which(Effect::$linear) {
                         let mut sink = WeightedSum { coefficients: &self.coefficients[index], sum: &mut sum };
                         $linear_file::columns(sample, &mut sink);
@@ -68,11 +87,12 @@ macro_rules! catalogue {
     };
 }
 
-/// The linear effects of a model with the values of their coefficients, in the catalogue's order.
+/// The linear effects of a model with the values of their coefficients, in the catalogue's order, and the users'.
 #[derive(Debug, Clone)]
 pub(crate) struct Weights {
     present: [bool; CATALOGUE.len()],
     coefficients: [[f64; WIDEST]; CATALOGUE.len()],
+    users: Vec<(User, Vec<f64>)>,
     /// Whether there is nothing but effects of the thesis' model.
     of_thesis: bool,
 }
@@ -99,10 +119,18 @@ impl Weights {
         let mut weights = Self {
             present: [false; CATALOGUE.len()],
             coefficients: [[0.0; WIDEST]; CATALOGUE.len()],
+            users: Vec::new(),
             of_thesis: true,
         };
-        for term in terms.iter().filter(|term| term.effect.info().kind != Kind::Adjusting) {
-            let index = term.effect as usize;
+        for term in terms {
+            if let Effect::User(user) = term.effect {
+                weights.users.push((user, term.coefficients.iter().map(|c| c.value).collect()));
+                weights.of_thesis = false;
+            }
+            let Some(index) = term.effect.place() else { continue };
+            if term.effect.info().kind == Kind::Adjusting {
+                continue;
+            }
             weights.present[index] = true;
             weights.of_thesis &= of_thesis(term.effect);
             for (sum, estimate) in weights.coefficients[index].iter_mut().zip(&term.coefficients) {
@@ -130,7 +158,7 @@ impl Weights {
     /// iterated, the ratios being a few percent, until they agree to rounding.
     #[inline(never)]
     pub(crate) fn accelerations(&self, sample: &Sample) -> [f64; 6] {
-        let present = |effect: Effect| self.present[effect as usize];
+        let present = |effect: Effect| effect.place().is_some_and(|place| self.present[place]);
         let mut sum = self.weighted_sum(sample, present);
         if present(Effect::ProductOfInertia) {
             let mut sample = *sample;
@@ -139,7 +167,15 @@ impl Weights {
                 sum = self.weighted_sum(&sample, present);
             }
         }
+        for (user, coefficients) in &self.users {
+            user.add_accelerations(sample, coefficients, &mut sum);
+        }
         sum
+    }
+
+    /// The users' effects with the values of their coefficients.
+    pub(crate) fn users(&self) -> &[(User, Vec<f64>)] {
+        &self.users
     }
 }
 
@@ -188,13 +224,38 @@ catalogue! {
         MassChange => mass_change,
         ComOffset => com_offset,
         MotorEfficiency => motor_efficiency,
+        SlungLoad => slung_load,
     }
 }
 
 impl Effect {
-    /// The effect of this identifier.
+    /// The effect of this identifier: of the catalogue, or a user's that has been read.
     pub fn from_id(id: &str) -> Option<Self> {
-        CATALOGUE.iter().copied().find(|effect| effect.info().id == id)
+        Self::all().find(|effect| effect.info().id == id)
+    }
+
+    /// The catalogue, then the users' effects that have been read.
+    pub fn all() -> impl Iterator<Item = Self> {
+        CATALOGUE.iter().copied().chain(user_effect::all().into_iter().map(Effect::User))
+    }
+
+    /// Where a fit that knows nothing of the effect starts: values of the coefficients that make its shape (a length, a
+    /// frequency), none for those that least squares give once the shape is known. Nothing for an effect that can
+    /// start at zero.
+    pub fn starts(self) -> Vec<Vec<Option<f64>>> {
+        match self {
+            Effect::User(user) => user.starts(),
+            Effect::SlungLoad => slung_load::STARTING_LENGTHS_M
+                .iter()
+                .map(|length_m| vec![None, Some(*length_m), Some(slung_load::STARTING_DAMPING)])
+                .collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Whether the effect is adjusting and yet adds accelerations of its own, which no column shows.
+    pub fn adds_accelerations(self) -> bool {
+        matches!(self, Effect::User(_) | Effect::SlungLoad) && self.info().kind == Kind::Adjusting
     }
 
     /// The word for it in commands, files and pages.
@@ -209,15 +270,13 @@ impl Effect {
 
     /// Effects that can be missing from a model.
     pub fn candidates() -> impl Iterator<Item = Self> {
-        CATALOGUE
-            .iter()
-            .copied()
+        Self::all()
             .filter(|effect| effect.info().kind != Kind::Basic && effect.info().question != Question::Change)
     }
 
     /// Effects that can have come about since a model was good.
     pub fn changes() -> impl Iterator<Item = Self> {
-        CATALOGUE.iter().copied().filter(|effect| {
+        Self::all().filter(|effect| {
             effect.info().kind != Kind::Basic && effect.info().question != Question::Structure
         })
     }

@@ -6,14 +6,14 @@ use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::Serialize;
-use stories::world::{OUTSIDE, PLANTED, Size, changes};
+use stories::world::{OUTSIDE, PLANTED, Size, Style, changes};
 
 use crate::Arguments;
 
 /// Low, middle and high.
-const STRENGTHS: [f64; 3] = [0.3, 0.6, 1.2];
+const STRENGTHS: [f64; 3] = [0.3, 0.75, 1.2];
 /// Better than usual, usual, bad.
-const NOISES: [f64; 3] = [0.8, 1.2, 2.0];
+const NOISES: [f64; 3] = [0.8, 1.4, 2.0];
 const SEEDS: u64 = 3;
 /// Before what has changed, in labels.
 pub(crate) const CHANGED: &str = "since then: ";
@@ -48,6 +48,9 @@ pub(crate) struct Trial {
     pub(crate) duration_s: f64,
     /// Most effects to add one after the other.
     pub(crate) rounds: usize,
+    pub(crate) style: Style,
+    /// A log with jitter, lost rows and a gap.
+    pub(crate) rough: bool,
 }
 
 impl Trial {
@@ -126,7 +129,7 @@ impl Plan {
         let mut turn = 0;
         let mut sizes = || {
             turn += 1;
-            if arguments.quick { vec![Size::ALL[turn % 2]] } else { Size::ALL.to_vec() }
+            if arguments.quick { vec![Size::MAIN[turn % 2]] } else { Size::MAIN.to_vec() }
         };
         let rounds = if arguments.quick { 1 } else { 3 };
         for id in &known {
@@ -141,13 +144,13 @@ impl Plan {
         let per_seed = |all: u64| if arguments.quick { all / 3 } else { all };
         for k in 0..plan.seeds * per_seed(NOTHING_PER_SEED) {
             let noise = plan.noises[k as usize % plan.noises.len()];
-            plan.push(Hidden::Nothing, 0.0, noise, Size::ALL[(k / 3) as usize % 2], k, 1);
+            plan.push(Hidden::Nothing, 0.0, noise, Size::ALL[(k / 3) as usize % 3], k, 1);
         }
         if known.len() > 1 {
             for k in 0..plan.seeds * per_seed(PAIRS_PER_SEED) {
                 let pair = pair(&known, plan.first_seed, k);
                 let noise = plan.noises[k as usize % plan.noises.len()];
-                plan.push(Hidden::Pair(pair), pair[0].1, noise, Size::ALL[(k / 3) as usize % 2], k, 3);
+                plan.push(Hidden::Pair(pair), pair[0].1, noise, Size::ALL[(k / 3) as usize % 3], k, 3);
             }
         }
         for id in changeable() {
@@ -163,7 +166,7 @@ impl Plan {
         }
         for k in 0..plan.seeds * per_seed(NOTHING_PER_SEED) {
             let noise = plan.noises[k as usize % plan.noises.len()];
-            plan.push(Hidden::Change(None), 0.0, noise, Size::ALL[(k / 3) as usize % 2], k, 1);
+            plan.push(Hidden::Change(None), 0.0, noise, Size::ALL[(k / 3) as usize % 3], k, 1);
         }
         plan.keep_only(&arguments.only)?;
         Ok(plan)
@@ -182,7 +185,19 @@ impl Plan {
     }
 
     fn push(&mut self, hidden: Hidden, strength: f64, noise: f64, size: Size, k: u64, rounds: usize) {
-        let mut trial = Trial { hidden, strength, noise, size, seed: 0, duration_s: self.duration_s, rounds };
+        // Styles and logs take turns: of any three repetitions each style has one, of any two one log is rough.
+        let turn = k as usize;
+        let mut trial = Trial {
+            hidden,
+            strength,
+            noise,
+            size,
+            seed: 0,
+            duration_s: self.duration_s,
+            rounds,
+            style: Style::ALL[(turn + 1) % 3],
+            rough: turn % 2 == 1,
+        };
         trial.seed = seed(&trial, self.first_seed + k);
         self.trials.push(trial);
     }

@@ -135,11 +135,13 @@ fn far_sentence(far: &Far) -> String {
 /// What it takes to see a trial again.
 fn named(trial: &Trial) -> String {
     format!(
-        "{} (strength {}, noise {}, {}, seed {})",
+        "{} (strength {}, noise {}, {}, {}, {:?}, seed {})",
         trial.label(),
         trial.strength,
         trial.noise,
         trial.size.name(),
+        if trial.rough { "rough log" } else { "clean log" },
+        trial.style,
         trial.seed
     )
 }

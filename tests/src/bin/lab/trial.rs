@@ -1,6 +1,6 @@
 //! One trial: a world is flown, and the product is asked what it hides.
 
-use model::{Effect, FitRecord, Model};
+use model::{Effect, FitRecord, FlightRecord, FlightRole, Model};
 use serde::Serialize;
 use stories::world::{Pattern, Sensors, True, World};
 use sysid::{Diagnosis, Fit, Flight, Prepared, Verdict, diagnose, fit};
@@ -92,9 +92,14 @@ impl Outcome {
     }
 }
 
+/// The world of a trial with nothing hidden.
+fn calm(trial: &Trial) -> World {
+    World::new(trial.size, trial.seed).flown(trial.style)
+}
+
 /// The world of a trial; for a change, the craft after it.
 fn world(trial: &Trial) -> Result<World, String> {
-    trial.planted().into_iter().try_fold(World::new(trial.size, trial.seed), |world, (id, strength)| {
+    trial.planted().into_iter().try_fold(calm(trial), |world, (id, strength)| {
         world.with(id, strength).map_err(|error| error.to_string())
     })
 }
@@ -105,7 +110,7 @@ fn fly_round(
     patterns: impl Iterator<Item = Pattern>,
     round: u64,
 ) -> Result<Vec<Flight>, String> {
-    let sensors = Sensors::noisy(trial.noise);
+    let sensors = if trial.rough { Sensors::rough(trial.noise) } else { Sensors::noisy(trial.noise) };
     patterns
         .map(|pattern| world.fly(pattern, trial.duration_s, &sensors, round).map_err(|lost| lost.to_string()))
         .collect()
@@ -119,7 +124,7 @@ pub(crate) fn fly(trial: &Trial) -> Result<(World, Vec<Flight>), String> {
         let flights = fly_round(&world, trial, all, 0)?;
         return Ok((world, flights));
     }
-    let mut flights = fly_round(&World::new(trial.size, trial.seed), trial, all, 0)?;
+    let mut flights = fly_round(&calm(trial), trial, all, 0)?;
     for mut flight in fly_round(&world, trial, Pattern::VALIDATE.into_iter(), 1)? {
         flight.name.push_str("-after");
         flights.push(flight);
@@ -144,7 +149,7 @@ fn prepare(flights: &[Flight], world: &World) -> Result<Vec<Prepared>, String> {
 
 fn ask_what_changed(trial: &Trial) -> Result<Outcome, String> {
     let (world, flights) = fly(trial)?;
-    let base = World::new(trial.size, trial.seed);
+    let base = calm(trial);
     let prepared = prepare(&flights, &base)?;
     let all: Vec<&Prepared> = prepared.iter().collect();
     let (before, after) = all.split_at(Pattern::TRAIN.len() + Pattern::VALIDATE.len());
@@ -152,7 +157,13 @@ fn ask_what_changed(trial: &Trial) -> Result<Outcome, String> {
     let train = &before[..Pattern::TRAIN.len()];
     let mut model = fit(train, &base.vehicle, &effects, None).map_err(|error| error.to_string())?.model;
     let scatter = sysid::changes::scatter(&model, before);
-    model.fit = Some(FitRecord { scatter, ..FitRecord::default() });
+    let flights = before.iter().map(|flight| FlightRecord {
+        name: flight.name.clone(),
+        sha256: String::new(),
+        role: FlightRole::Train,
+        samples: flight.rows() as u64,
+    });
+    model.fit = Some(FitRecord { scatter, flights: flights.collect(), ..FitRecord::default() });
     let diagnosis = sysid::changes::changed(&model, after, |_| ()).map_err(|error| error.to_string())?;
     let blamed = diagnosis.effects.iter().find(|finding| finding.supported).and_then(|finding| finding.motor);
     let weak = world.craft.efficiency.iter().position(|part| *part != 1.0);

@@ -1,0 +1,70 @@
+//! What formulas of users can look at: names, units and meanings of the quantities at one instant.
+
+use crate::Sample;
+
+/// A quantity that formulas can name.
+#[derive(Debug)]
+pub struct Quantity {
+    /// Name in formulas.
+    pub name: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// What it is, for people.
+    pub meaning: &'static str,
+    pub(crate) value: fn(&Sample) -> f64,
+}
+
+const fn quantity(
+    name: &'static str,
+    unit: &'static str,
+    meaning: &'static str,
+    value: fn(&Sample) -> f64,
+) -> Quantity {
+    Quantity { name, unit, meaning, value }
+}
+
+/// All of them.
+///
+/// Velocities u, v, w are those through the air, as every aerodynamic effect sees them: over ground where the model has no
+/// wind. Rotor speeds are commands where a vehicle's motor map is to be identified.
+pub const QUANTITIES: &[Quantity] = &[
+    quantity("u", "m/s", "forward velocity through the air, body", |s| s.air_velocity_m_s.x),
+    quantity("v", "m/s", "rightward velocity through the air, body", |s| s.air_velocity_m_s.y),
+    quantity("w", "m/s", "downward velocity through the air, body", |s| s.air_velocity_m_s.z),
+    quantity("speed", "m/s", "speed through the air", |s| s.air_velocity_m_s.norm()),
+    quantity("north_speed", "m/s", "velocity north over ground", |s| over_ground(s, 0)),
+    quantity("east_speed", "m/s", "velocity east over ground", |s| over_ground(s, 1)),
+    quantity("down_speed", "m/s", "velocity down over ground", |s| over_ground(s, 2)),
+    quantity("p", "rad/s", "roll rate", |s| s.input.rate_rad_s.x),
+    quantity("q", "rad/s", "pitch rate", |s| s.input.rate_rad_s.y),
+    quantity("r", "rad/s", "yaw rate", |s| s.input.rate_rad_s.z),
+    quantity("north", "m", "position north", |s| s.input.position_ned_m.x),
+    quantity("east", "m", "position east", |s| s.input.position_ned_m.y),
+    quantity("down", "m", "position down", |s| s.input.position_ned_m.z),
+    quantity("height", "m", "height over z = 0, -down", |s| -s.input.position_ned_m.z),
+    quantity("phi", "rad", "roll angle", |s| s.input.dcm[(1, 2)].atan2(s.input.dcm[(2, 2)])),
+    quantity("theta", "rad", "pitch angle", |s| -s.input.dcm[(0, 2)].clamp(-1.0, 1.0).asin()),
+    quantity("psi", "rad", "yaw angle, -pi to pi", |s| s.input.dcm[(0, 1)].atan2(s.input.dcm[(0, 0)])),
+    quantity("thrust", "m/s^2", "specific thrust of all rotors divided by C_T", |s| {
+        s.constants.beta_kg_m * s.constants.per_mass * s.rotor_thrust_rad2_s2.iter().sum::<f64>()
+    }),
+    quantity("omega1", "rad/s", "speed of rotor 1, front left", |s| s.input.rotor_rad_s[0]),
+    quantity("omega2", "rad/s", "speed of rotor 2, front right", |s| s.input.rotor_rad_s[1]),
+    quantity("omega3", "rad/s", "speed of rotor 3, rear right", |s| s.input.rotor_rad_s[2]),
+    quantity("omega4", "rad/s", "speed of rotor 4, rear left", |s| s.input.rotor_rad_s[3]),
+    quantity("domega1", "rad/s^2", "acceleration of rotor 1", |s| s.input.rotor_acceleration_rad_s2[0]),
+    quantity("domega2", "rad/s^2", "acceleration of rotor 2", |s| s.input.rotor_acceleration_rad_s2[1]),
+    quantity("domega3", "rad/s^2", "acceleration of rotor 3", |s| s.input.rotor_acceleration_rad_s2[2]),
+    quantity("domega4", "rad/s^2", "acceleration of rotor 4", |s| s.input.rotor_acceleration_rad_s2[3]),
+    quantity("vbat", "V", "battery voltage", |s| s.input.battery_v),
+    quantity("mass", "kg", "mass of the craft", |s| 1.0 / s.constants.per_mass),
+    quantity("gravity", "m/s^2", "acceleration of free fall", |s| s.constants.gravity_m_s2),
+    quantity("arm_length", "m", "centre to motor", |s| s.constants.arm_length_m),
+    quantity("rotor_radius", "m", "radius of a rotor", |s| s.constants.rotor_radius_m),
+    quantity("air_density", "kg/m^3", "density of the air", |s| s.constants.air_density_kg_m3),
+    quantity("pi", "1", "half a turn", |_| std::f64::consts::PI),
+];
+
+fn over_ground(sample: &Sample, axis: usize) -> f64 {
+    sample.input.dcm.column(axis).dot(&sample.input.velocity_m_s)
+}

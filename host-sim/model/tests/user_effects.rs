@@ -1,0 +1,285 @@
+//! Users' effects: what is refused and how, what they mean in the equations, and the way through a model file.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use model::{Effect, Kind, Model, Plant, State, user_effect};
+use nalgebra::Vector3;
+use proptest::prelude::*;
+
+const CABLE: &str = r#"
+[[effect]]
+id = "my-cable"
+sentence = "A rubber cable pulls the craft towards a hook."
+acceleration.north = "(pull_north - stiffness * north) / mass"
+acceleration.east = "(pull_east - stiffness * east) / mass"
+acceleration.down = "(pull_down - stiffness * down) / mass"
+confused_with.tether = "they are the same"
+coefficient = [
+  { name = "stiffness", unit = "N/m", possible = [0.0, 1000.0], typical = 1.0 },
+  { name = "pull_north", unit = "N", possible = [-1000.0, 1000.0], typical = 1.0 },
+  { name = "pull_east", unit = "N", possible = [-1000.0, 1000.0], typical = 1.0 },
+  { name = "pull_down", unit = "N", possible = [-1000.0, 1000.0], typical = 1.0 },
+]
+"#;
+
+const BUMP: &str = r#"
+[[effect]]
+id = "bump"
+acceleration.w = "-k * thrust * exp(-height / decay) + other * w / time"
+coefficient = [
+  { name = "k", unit = "1", possible = [0.0, 1.0], typical = 0.01 },
+  { name = "decay", unit = "m", possible = [0.01, 3.0], typical = 0.3 },
+  { name = "other", unit = "1", possible = [-1.0, 1.0], typical = 0.1 },
+]
+constant = [{ name = "time", unit = "s", value = 2.0 }]
+"#;
+
+fn refused(text: &str) -> String {
+    let why = user_effect::parse(text, Path::new("my.toml")).expect_err(text).to_string();
+    assert!(why.starts_with("my.toml: ") && why.lines().count() == 1, "{why}");
+    why
+}
+
+fn effect(text: &str) -> Effect {
+    let folder = std::env::temp_dir().join(format!("user-effects-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let path = folder.join(format!("{:x}.toml", text.len()));
+    std::fs::write(&path, text).unwrap();
+    user_effect::read(&path).unwrap()[0]
+}
+
+#[test]
+fn what_cannot_be_right_is_refused_with_file_effect_and_field() {
+    for (from, to, expected) in [
+        ("/ mass\"", "/ mass + time\"", "acceleration.north: unknown name \"time\"; known are stiffness"),
+        (
+            "stiffness * north)",
+            "stiffness * speed)",
+            "acceleration.north: takes the difference of kg m/s^2 and kg m/s^3, ",
+        ),
+        (
+            "- stiffness * down) / mass",
+            "- stiffness * down)",
+            "acceleration.down: has the unit kg m/s^2, the row needs m/s^2",
+        ),
+        (
+            "(pull_east - stiffness * east) / mass",
+            "exp(-height / 0.3) * gravity",
+            "acceleration.east: names none of",
+        ),
+        (
+            "(pull_east - stiffness * east) / mass",
+            "pull_east/mass * exp(-height/0.3)",
+            "takes exp of m, which must be a pure number",
+        ),
+        ("(pull_east - stiffness * east) / mass", "pull_east/mass ^ height", "exponent in m"),
+        (
+            "(pull_east - stiffness * east) / mass",
+            "pull_east / mass)",
+            "acceleration.east: a bracket is closed",
+        ),
+        (
+            "acceleration.east",
+            "acceleration.west",
+            "acceleration.west: unknown row; rows are u, v, w, p, q, r (body), north",
+        ),
+        (
+            "unit = \"N/m\"",
+            "unit = \"N/mm\"",
+            "coefficient \"stiffness\": unit: unknown unit \"mm\"; known are kg, m",
+        ),
+        ("[0.0, 1000.0]", "[1000.0, 0.0]", "coefficient \"stiffness\": possible: is [smallest, largest]"),
+        ("typical = 1.0", "typical = -1.0", "coefficient \"stiffness\": typical"),
+        ("typical = 1.0", "typical = nan", "coefficient \"stiffness\": typical"),
+        ("name = \"stiffness\"", "name = \"height\"", "is the height over z = 0, -down; choose another name"),
+        ("name = \"stiffness\"", "name = \"sin\"", "is a function's name"),
+        ("name = \"pull_east\"", "name = \"pull_north\"", "the name is given twice"),
+        ("id = \"my-cable\"", "id = \"tether\"", "effect \"tether\": id: is an effect of the catalogue"),
+        ("id = \"my-cable\"", "id = \"My Cable\"", "id: is a word of a to z"),
+        ("confused_with.tether", "confused_with.leash", "confused_with: unknown effect \"leash\""),
+        ("sentence = \"A", "sentnce = \"A", "line 4: unknown field `sentnce`"),
+        (
+            "typical = 1.0 },\n]",
+            "typical = 1.0 },\n{ name = \"x\", unit = \"1\", possible = [0.0, 1.0], typical = 1.0 }]",
+            "coefficient x: is in no formula",
+        ),
+        ("[[effect]]", "[[effect]", "line 2: "),
+    ] {
+        assert!(CABLE.contains(from), "{from}");
+        let why = refused(&CABLE.replacen(from, to, 1));
+        assert!(why.contains(expected), "{to}: {why}");
+    }
+    assert!(
+        refused(&CABLE.replacen("possible = [0.0, 1000.0]", "possible = [-inf, 1.0]", 1))
+            .contains("possible")
+    );
+    assert!(refused(&CABLE.repeat(17)).contains("more than 16"));
+}
+
+#[test]
+fn hostile_files_are_refused_at_once() {
+    let deep = "(".repeat(100_000);
+    let nested = format!("effect = {}{}", "[".repeat(100_000), "]".repeat(100_000));
+    let bytes = "a".repeat(1_000_000);
+    let formula = |text: &str| CABLE.replacen("pull_north - stiffness * north", text, 1);
+    for text in [
+        formula(&deep),
+        formula(&"(".repeat(400)),
+        formula(&"-".repeat(499)),
+        formula(&"sqrt(".repeat(90)),
+        nested[..60_000].to_owned(),
+        nested,
+        bytes,
+        CABLE.replacen("my-cable", &"x".repeat(60_000), 1),
+        CABLE.replacen("pull_north", &"x".repeat(400), 1),
+    ] {
+        let started = Instant::now();
+        let why = refused(&text);
+        assert!(started.elapsed() < Duration::from_millis(50), "{:?}", started.elapsed());
+        assert!(why.len() < 1000, "{why}");
+    }
+}
+
+#[test]
+fn linear_is_what_is_linear() {
+    let linear = |formula: &str| {
+        let text = format!(
+            "[[effect]]\nid = \"a\"\nacceleration.u = \"{formula}\"\n\
+             coefficient = [{{ name = \"a\", unit = \"1/s\", possible = [0.0, 1.0], typical = 1.0 }},\n\
+             {{ name = \"b\", unit = \"1/s\", possible = [0.0, 1.0], typical = 1.0 }}]"
+        );
+        let parsed =
+            user_effect::parse(&text, Path::new("x")).unwrap_or_else(|why| panic!("{formula}: {why}"));
+        parsed[0].is_linear()
+    };
+    for formula in
+        ["a*u + b*v", "-(a - b)*u", "(a*u + b*v)*sin(phi)/2", "a*u + 0*b*u", "u*(3*a/2 - b)", "a*u+b^1*u"]
+    {
+        assert!(linear(formula), "{formula}");
+    }
+    for formula in [
+        "a*u*b/a",
+        "a*u + b*v + gravity",
+        "sqrt(a*b)*u",
+        "abs(a)*u + b*u",
+        "a^2/b*u",
+        "max(a,b)*u",
+        "exp(a/b)*b*u",
+    ] {
+        assert!(!linear(formula), "{formula}");
+    }
+}
+
+fn state() -> State {
+    let mut state = State::at_rest(Vector3::new(0.7, -0.4, -1.3), [640.0, 620.0, 650.0, 610.0]);
+    state.attitude = model::frames::quaternion_from_euler(Vector3::new(0.2, -0.3, 1.1));
+    state.velocity_m_s = Vector3::new(1.0, -0.5, 0.2);
+    state.rate_rad_s = Vector3::new(0.3, 0.2, -0.4);
+    state
+}
+
+/// The cable of the catalogue, written by a user, moves the craft as the catalogue's does.
+#[test]
+fn a_users_cable_is_the_catalogues_tether() {
+    let values = [0.8, 0.3, -0.2, -0.9];
+    let fly = |effect: Option<Effect>| {
+        let mut model = Model::thesis();
+        effect.into_iter().for_each(|effect| model.set(effect, &values));
+        model.set(Effect::SteadyWind, &[1.0, -0.5]);
+        let plant = Plant::new(&model);
+        let (mut state, substeps) = (state(), plant.substeps(0.01, 4));
+        for _ in 0..100 {
+            plant.step(&mut state, &[640.0, 630.0, 640.0, 630.0], 11.1, &substeps);
+        }
+        (plant.accelerations(&plant.sample(&state, &[640.0; 4], 11.1)), state)
+    };
+    let ((a, own), (b, catalogue)) = (fly(Some(effect(CABLE))), fly(Some(Effect::Tether)));
+    // The same numbers in another order of additions, over 400 steps of an unstable craft.
+    assert!((own.position_ned_m - catalogue.position_ned_m).norm() < 1e-9);
+    assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9), "{a:?} {b:?}");
+    // The twin: without it the craft is elsewhere.
+    let (_, without) = fly(None);
+    assert!((own.position_ned_m - without.position_ned_m).norm() > 1e-3);
+}
+
+#[test]
+fn a_model_with_users_effects_round_trips_and_needs_no_other_file() {
+    let (cable, bump) = (effect(CABLE), effect(BUMP));
+    assert_eq!((cable.info().kind, bump.info().kind), (Kind::Linear, Kind::Adjusting));
+    assert_eq!(Effect::from_id("bump"), Some(bump));
+    assert!(Effect::candidates().any(|e| e == bump));
+    let mut model = Model::thesis();
+    model.set(cable, &[0.1 + 0.2, 1.0 / 3.0, 0.0, -1.0]);
+    model.set(bump, &[0.02, 0.4, 0.1]);
+    let text = model.to_toml();
+    let again = Model::parse(&text, Path::new("m.toml")).unwrap();
+    assert_eq!(again, model);
+    assert_eq!(again.to_toml(), text);
+    // The same word for something else is an error, in a model as in a file of effects.
+    let other = text.replacen("- stiffness * north", "- 2 * stiffness * north", 1);
+    let why = Model::parse(&other, Path::new("m.toml")).unwrap_err().to_string();
+    assert!(why.starts_with("m.toml: effect \"my-cable\": id: is already defined in another way"), "{why}");
+    let (before, after) = text.rsplit_once("\"bump\"").unwrap();
+    assert!(Model::parse(&format!("{before}\"bumb\"{after}"), Path::new("m.toml")).is_err());
+}
+
+#[test]
+fn a_formula_without_a_value_is_named_not_flown_over() {
+    let root = effect(
+        "[[effect]]\nid = \"root\"\nacceleration.u = \"k * sqrt(height - low)\"\n\
+         coefficient = [{ name = \"k\", unit = \"m^0.5/s^2\", possible = [-1.0, 1.0], typical = 0.1 }]\n\
+         constant = [{ name = \"low\", unit = \"m\", value = 1.0 }]",
+    );
+    let mut model = Model::thesis();
+    model.set(root, &[0.1]);
+    let plant = Plant::new(&model);
+    let substeps = plant.substeps(0.01, 4);
+    let step = |height_m: f64| {
+        let mut state = State::at_rest(Vector3::new(0.0, 0.0, -height_m), [300.0; 4]);
+        state.velocity_m_s.z = 1.0;
+        let before = state;
+        plant.step(&mut state, &[300.0; 4], 11.1, &substeps);
+        (state.is_finite(), plant.undefined_in_step(&before, &[300.0; 4], 11.1, &substeps))
+    };
+    assert_eq!(step(1.5), (true, None));
+    // Below the height at once, and in the middle of the step.
+    for height_m in [0.9, 1.005] {
+        let (finite, undefined) = step(height_m);
+        let undefined = undefined.expect("the formula is named").to_string();
+        assert!(!finite, "{height_m}");
+        assert_eq!(
+            undefined,
+            "effect \"root\": acceleration.u = \"k * sqrt(height - low)\" is not a finite number"
+        );
+    }
+}
+
+proptest! {
+    /// Whatever a file holds: an answer in one line, and at once.
+    #[test]
+    fn mutated_files_are_parsed_or_refused(
+        cuts in prop::collection::vec((0_usize..1200, 0_usize..1200, 0_usize..12), 1..4),
+        bump in any::<bool>(),
+    ) {
+        let scraps = ["(", ")", "\"", "^", "-", "9e999", " = ", "\n", "[[effect]]", "{", "nan", "\u{e9}"];
+        let mut text = if bump { BUMP.to_owned() } else { CABLE.to_owned() };
+        for (from, to, scrap) in cuts {
+            let (from, to) = (from.min(to) % text.len(), from.max(to) % text.len());
+            let (from, to) = (from.min(to), from.max(to).min(from.min(to) + 8));
+            if text.is_char_boundary(from) && text.is_char_boundary(to) {
+                text.replace_range(from..to, scraps[scrap]);
+            }
+        }
+        if let Err(why) = user_effect::parse(&text, Path::new("my.toml")) {
+            prop_assert_eq!(why.to_string().lines().count(), 1, "{}", why);
+        }
+    }
+
+    #[test]
+    fn random_text_is_refused(text in "\\PC{0,200}") {
+        if let Err(why) = user_effect::parse(&text, Path::new("my.toml")) {
+            prop_assert_eq!(why.to_string().lines().count(), 1);
+        }
+    }
+}
