@@ -7,22 +7,42 @@
 //! Units and frames are those of the project: SI, inertial frame north-east-down, body frame front-right-down, Euler
 //! angles Z-Y-X in radians, motor commands in the vehicle's own unit.
 //!
-//! Deliberately absent: framing for byte streams, checksums and authentication (a transport that needs them adds them
-//! around a frame), and any arithmetic.
+//! Inside a process and over shared memory a frame is all there is. Over a network or a wire it travels as a packet
+//! ([`Sealer`], [`Opener`]): header with version, direction, link and a number that never comes twice; the message; with a
+//! [`Key`] an HMAC-SHA-256 tag; a CRC. On a byte stream the packet is stuffed ([`enframe`], [`Deframer`]: COBS).
+//!
+//! Versions: [`MIN_VERSION`] to [`VERSION`] are read, [`VERSION`] is written. Version 1 had `Input` and `Output` only, and no
+//! packets. The bytes of each version are pinned in `tests/wire_v1.rs` and `tests/wire_v2.rs`.
+//!
+//! Deliberately absent: encryption (a pose is no secret), sockets, files and clocks.
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 
+mod counter;
 mod message;
+mod packet;
+mod peer;
+mod stream;
 
-pub use message::{Command, Input, Measurement, Message, Mode, Output, Refusal};
+pub use counter::{CounterStore, RESERVE, ReplayGuard, SendCounter};
+pub use message::{
+    Answer, Command, Counters, Gains, Identity, ImuSample, Input, Loop, Measurement, Message, Mode, Outcome,
+    Output, Pose, Readings, Refusal, Request, State, Supervision, Telemetry, TimedPose, Timer,
+};
+pub use packet::{Key, MAX_PACKET_LEN, Opener, Refused, Role, Sealer, Statistics, TAG_LEN};
+pub use peer::{NotAdmitted, admit};
+pub use stream::{Deframer, MAX_STREAM_LEN, enframe};
 
 use core::fmt;
 
-/// Version of the messages. Anything that changes the bytes of a message raises it.
-pub const VERSION: u8 = 1;
+/// Version of the messages that are written. Anything that changes the bytes of a message raises it.
+pub const VERSION: u8 = 2;
+
+/// Oldest version that is still read.
+pub const MIN_VERSION: u8 = 1;
 
 /// No frame is longer, in bytes.
-pub const MAX_FRAME_LEN: usize = 160;
+pub const MAX_FRAME_LEN: usize = 320;
 
 /// Why bytes are not a message, or a message did not become bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,7 +69,7 @@ impl fmt::Display for Error {
             Self::Version { found } => {
                 write!(
                     f,
-                    "the other side speaks protocol version {found}, this one version {VERSION}: build both from the same source"
+                    "the other side speaks protocol version {found}, this one versions {MIN_VERSION} to {VERSION}: build both from the same source"
                 )
             }
             Self::Malformed => f.write_str("not a message: cut short or damaged"),
@@ -80,10 +100,19 @@ pub fn encode<'a>(message: &Message, buffer: &'a mut [u8]) -> Result<&'a [u8], E
 /// Whatever is wrong with the bytes; nothing panics.
 pub fn decode(frame: &[u8]) -> Result<Message, Error> {
     let (&version, body) = frame.split_first().ok_or(Error::Empty)?;
-    if version != VERSION {
+    decode_body(version, body)
+}
+
+/// Reads the message of a version without its first byte.
+fn decode_body(version: u8, body: &[u8]) -> Result<Message, Error> {
+    if !(MIN_VERSION..=VERSION).contains(&version) {
         return Err(Error::Version { found: version });
     }
     match postcard::take_from_bytes(body) {
+        // Version 1 ended with the second message.
+        Ok((message, _)) if version == 1 && !matches!(message, Message::Input(_) | Message::Output(_)) => {
+            Err(Error::Malformed)
+        }
         Ok((message, [])) => Ok(message),
         Ok((_, rest)) => Err(Error::TrailingBytes(rest.len())),
         Err(_) => Err(Error::Malformed),

@@ -9,6 +9,29 @@ pub enum Message {
     Input(Input),
     /// From the controller: the outcome of that tick.
     Output(Output),
+    // From here on since version 2. Order and fields of what stands here are its bytes: append only.
+    /// To the autopilot in lockstep: what has come since the tick before.
+    Readings(Readings),
+    /// From the autopilot in lockstep: the outcome of that tick.
+    Outcome(Outcome),
+    /// Ground to craft: where motion capture sees it.
+    Pose(TimedPose),
+    /// Ground to craft: what is asked for.
+    Command(Command),
+    /// Ground to craft: arm, disarm, land or cut.
+    Request(Request),
+    /// Ground to craft: gains of one loop. Heard while disarmed only.
+    Gains(Gains),
+    /// Ground to craft: the ground's clock; telemetry carries the newest back.
+    Timer(Timer),
+    /// Ground to craft: who are you?
+    Who,
+    /// Craft to ground: everything about a tick.
+    Telemetry(Telemetry),
+    /// Craft to ground: who it is.
+    Identity(Identity),
+    /// Craft to ground: what became of a request or of gains.
+    Answer(Answer),
 }
 
 /// What the controller needs for one tick.
@@ -105,4 +128,231 @@ impl Refusal {
     pub fn any(&self) -> bool {
         [self.thrust, self.roll, self.pitch, self.yaw].as_flattened().contains(&true)
     }
+}
+
+/// Where motion capture sees the craft.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Pose {
+    /// Tracked point, inertial NED, m.
+    pub position_m: [f32; 3],
+    /// Roll, pitch, yaw (Z-Y-X), rad.
+    pub attitude_rad: [f32; 3],
+}
+
+/// A pose and when it was taken.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct TimedPose {
+    /// Number of the tracker's frame.
+    pub frame: u32,
+    /// The ground's clock when it was taken, us modulo 2^32.
+    pub ground_us: u32,
+    /// The pose.
+    pub pose: Pose,
+}
+
+/// What the ground asks for, beside the command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Request {
+    /// Arm, if every preflight check is good.
+    Arm,
+    /// Motors to idle; the only way out of cut.
+    Disarm,
+    /// Land where it is.
+    Land,
+    /// Motors to idle for good.
+    Cut,
+}
+
+/// What has come to an autopilot since the tick before.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Readings {
+    /// Number of the tick, from 0; the answer carries it back.
+    pub tick: u32,
+    /// The craft's clock, us modulo 2^32.
+    pub time_us: u32,
+    /// The newest pose.
+    pub pose: Option<Pose>,
+    /// Gyro p, q, r, body FRD, rad/s.
+    pub gyro_rad_s: Option<[f32; 3]>,
+    /// Battery voltage, V.
+    pub battery_v: f32,
+    /// The newest command.
+    pub command: Option<Command>,
+    /// The newest request.
+    pub request: Option<Request>,
+    /// Whether outputs and the program's own checks are good.
+    pub outputs_ready: bool,
+}
+
+/// What the craft is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum State {
+    /// Motors idle.
+    Disarmed,
+    /// Motors idle; a command without cut-off takes off.
+    Armed,
+    /// The ground's command is flown.
+    Flying,
+    /// Staying where it is.
+    Hold,
+    /// Going down where it is.
+    Land,
+    /// Motors idle until it is disarmed.
+    Cut,
+}
+
+/// What the supervisor has found and made of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Supervision {
+    /// What the craft is doing.
+    pub state: State,
+    /// One bit a condition; the flight law's crate says which.
+    pub conditions: u32,
+    /// One bit a preflight check that is good; while disarmed only.
+    pub preflight: u16,
+}
+
+/// The outcome of an autopilot's tick.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// What the controller made of it.
+    pub output: Output,
+    /// What the supervisor made of it.
+    pub supervision: Supervision,
+}
+
+/// A loop of the controller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Loop {
+    /// Roll angle.
+    Roll,
+    /// Pitch angle.
+    Pitch,
+    /// Yaw angle.
+    Yaw,
+    /// Height.
+    Altitude,
+    /// Position along x.
+    X,
+    /// Position along y.
+    Y,
+}
+
+/// Gains of one loop, in the units of the gains file.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Gains {
+    /// Which.
+    pub of: Loop,
+    /// Proportional.
+    pub kp: f32,
+    /// Integral.
+    pub ki: f32,
+    /// Velocity feedback.
+    pub kd: f32,
+}
+
+/// The ground's ramp of time (thesis 5.5).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Timer {
+    /// us modulo 2^32.
+    pub ground_us: u32,
+}
+
+/// Everything about a tick (thesis chapter 3).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Telemetry {
+    /// Number of the tick.
+    pub tick: u32,
+    /// The craft's ramp of time, us modulo 2^32.
+    pub craft_us: u32,
+    /// The ground's ramp of time as it came last, us modulo 2^32.
+    pub ground_us: u32,
+    /// What the supervisor says.
+    pub supervision: Supervision,
+    /// Which loops are closed.
+    pub mode: Mode,
+    /// Roll, pitch, yaw commands before the prefilters, rad.
+    pub attitude_command_rad: [f32; 3],
+    /// Commanded inertial z before the prefilter, m.
+    pub z_command_m: f32,
+    /// Motion capture as it was flown with.
+    pub tracked: Pose,
+    /// Body rates from motion capture (blended with the gyro where the law does so), rad/s.
+    pub tracked_rates_rad_s: [f32; 3],
+    /// The IMU, if it spoke.
+    pub imu: Option<ImuSample>,
+    /// Commanded thrust, N (command units in a hand-tuned law).
+    pub thrust: f32,
+    /// Commanded roll, pitch, yaw acceleration, rad/s^2 (command units in a hand-tuned law).
+    pub torque: [f32; 3],
+    /// Motor commands, command units.
+    pub pwm: [f32; 4],
+    /// Directions in which the motors could not follow.
+    pub refused: Refusal,
+    /// Battery voltage, V.
+    pub battery_v: f32,
+    /// Battery current, A, if it is measured.
+    pub current_a: Option<f32>,
+    /// What has gone wrong so far.
+    pub counters: Counters,
+}
+
+/// What an IMU board says.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ImuSample {
+    /// Gyro p, q, r, body FRD, rad/s.
+    pub gyro_rad_s: [f32; 3],
+    /// Its own estimate of roll, pitch, yaw, rad, if it makes one.
+    pub attitude_rad: Option<[f32; 3]>,
+    /// Specific force, body FRD, m/s^2, if it measures it.
+    pub acceleration_m_s2: Option<[f32; 3]>,
+}
+
+/// What has gone wrong since the start, counted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Counters {
+    /// Greatest lateness of a tick since the telemetry before, us.
+    pub jitter_us: u32,
+    /// Late ticks.
+    pub overruns: u32,
+    /// Leaps of the clock.
+    pub clock_jumps: u32,
+    /// Poses refused.
+    pub poses_refused: u32,
+    /// Ticks without a usable IMU sample.
+    pub imu_refused: u32,
+    /// Commands refused.
+    pub commands_refused: u32,
+    /// Faults of the controller's inputs and results.
+    pub faults: u32,
+    /// Packets that never came, by the gaps in their numbers.
+    pub packets_lost: u32,
+    /// Packets refused: damaged, forged, replayed or not for this craft.
+    pub packets_refused: u32,
+}
+
+/// Who a craft is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Identity {
+    /// Oldest and newest version of the messages that it understands.
+    pub versions: [u8; 2],
+    /// Version of its program: major, minor, patch.
+    pub program: [u16; 3],
+    /// SHA-256 of its gains and vehicle file.
+    pub vehicle_sha256: [u8; 32],
+    /// Least packet number that it accepts from the ground.
+    pub accepts_from: u64,
+    /// What the craft is doing.
+    pub state: State,
+}
+
+/// What became of something that was asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Answer {
+    /// Number of the packet that asked.
+    pub to: u64,
+    /// Whether it was done.
+    pub done: bool,
+    /// Preflight checks that were good at that time, one bit each.
+    pub preflight: u16,
 }

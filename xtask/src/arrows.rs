@@ -19,6 +19,11 @@ struct Allowed {
 const ARROWS: &[Allowed] = &[
     Allowed { from: "control", to: &[], why: "what flies knows neither the plant nor files nor links" },
     Allowed { from: "proto", to: &[], why: "both ends of a link share the messages and nothing else" },
+    Allowed {
+        from: "proto-files",
+        to: &["proto"],
+        why: "keys and counters are files only where there is a file system",
+    },
     Allowed { from: "model", to: &[], why: "the plant never sees the controller" },
     Allowed { from: "report", to: &[], why: "pages and plots are drawn from plain numbers" },
     Allowed {
@@ -38,10 +43,14 @@ const ARROWS: &[Allowed] = &[
     },
     Allowed {
         from: "ground",
-        to: &["proto"],
+        to: &["proto", "proto-files"],
         why: "the ground station speaks to the craft in messages only",
     },
-    Allowed { from: "com", to: &["control", "proto"], why: "the craft carries the flight law and a link" },
+    Allowed {
+        from: "com",
+        to: &["control", "proto", "proto-files"],
+        why: "the craft carries the flight law and a link",
+    },
     Allowed { from: "mcu", to: &["control", "proto"], why: "the craft carries the flight law and a link" },
     Allowed {
         from: "quadlab",

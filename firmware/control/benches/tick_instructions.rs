@@ -5,7 +5,7 @@
 mod common;
 
 use common::Flight;
-use control::{Mode, Tick};
+use control::Mode;
 use gungraun::{library_benchmark, library_benchmark_group, main};
 
 /// A flight whose filters have forgotten the start. In a box, so that handing it back costs nothing.
@@ -19,13 +19,13 @@ fn under_way(mode: Mode) -> Box<Flight> {
 
 #[library_benchmark]
 #[bench::of(under_way(Mode::Attitude))]
-fn attitude_mode(mut flight: Box<Flight>) -> (Tick, Box<Flight>) {
+fn attitude_mode(mut flight: Box<Flight>) -> ([f32; 4], Box<Flight>) {
     (flight.tick(), flight)
 }
 
 #[library_benchmark]
 #[bench::of(under_way(Mode::Position))]
-fn position_mode(mut flight: Box<Flight>) -> (Tick, Box<Flight>) {
+fn position_mode(mut flight: Box<Flight>) -> ([f32; 4], Box<Flight>) {
     (flight.tick(), flight)
 }
 

@@ -39,6 +39,11 @@ impl AltitudeLoop {
         AltitudeLoopState { prefilter: self.prefilter.steady(command_m), pid: PidState::default() }
     }
 
+    /// The command as if it had always been there, the integrator as it is.
+    pub(crate) fn settle(&self, state: &mut AltitudeLoopState, command_m: f32) {
+        state.prefilter = self.prefilter.steady(command_m);
+    }
+
     /// One period: command and z in m, its rate in m/s, what the motors refused of the thrust. Gives the loop and the thrust.
     #[inline]
     pub fn step(

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{ConfigError, Parameter};
 use crate::filter::GainRule;
+use crate::supervision::{BatteryLevels, Supervision};
 
 /// Everything that has to be known before the first tick.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -25,6 +26,9 @@ pub struct Config {
     pub estimation: Estimation,
     /// Do integrators stop while the motors (or a loop's own limit) refuse more in their direction?
     pub anti_windup: bool,
+    /// When the supervisor steps in; absent: the defaults.
+    #[serde(default)]
+    pub supervision: Supervision,
     /// The control law.
     pub law: Law,
 }
@@ -307,6 +311,7 @@ impl Config {
                 battery: None,
             },
             anti_windup: true,
+            supervision: Supervision { battery: BatteryLevels::THREE_CELLS, ..Supervision::DEFAULT },
             law: Law::ModelBased(ModelBased {
                 hover_thrust_n: 11.9093,
                 loops: Loops {
@@ -394,12 +399,18 @@ const THESIS_POSITION: PositionLoop = PositionLoop {
 };
 
 /// Checks the numbers of one table of the configuration, and names the first bad one.
-struct Check {
-    group: &'static str,
+pub(crate) struct Check {
+    pub(crate) group: &'static str,
 }
 
 impl Check {
-    fn within(&self, name: &'static str, value: f64, minimum: f64, maximum: f64) -> Result<(), ConfigError> {
+    pub(crate) fn within(
+        &self,
+        name: &'static str,
+        value: f64,
+        minimum: f64,
+        maximum: f64,
+    ) -> Result<(), ConfigError> {
         let parameter = Parameter { group: self.group, name };
         if !value.is_finite() {
             return Err(ConfigError::NotFinite { parameter, value });
@@ -424,7 +435,7 @@ impl Check {
         values.iter().try_for_each(|value| self.within(name, *value, minimum, maximum))
     }
 
-    fn range(&self, name: &'static str, [low, high]: [f64; 2]) -> Result<(), ConfigError> {
+    pub(crate) fn range(&self, name: &'static str, [low, high]: [f64; 2]) -> Result<(), ConfigError> {
         self.all(name, &[low, high], -1e5, 1e5)?;
         if low < high {
             return Ok(());
@@ -452,6 +463,7 @@ impl Config {
         // Above half the sampling rate there is nothing to filter.
         let highest_rad_s = core::f64::consts::PI / self.sample_time_s;
         self.estimation.check(highest_rad_s)?;
+        self.supervision.check()?;
         match &self.law {
             Law::ModelBased(law) => {
                 Check { group: "law" }.within("hover_thrust_n", law.hover_thrust_n, 1e-4, 1e5)?;
@@ -592,6 +604,11 @@ mod tests {
                 "estimation.natural_frequency_rad_s is 400:",
             ),
             (changed(|c| c.estimation.battery = Some(BatteryFilter { gain: 0.0 })), "estimation.gain is 0:"),
+            (changed(|c| c.supervision.link.hold_after_s = -1.0), "supervision.link.hold_after_s is -1:"),
+            (changed(|c| c.supervision.pose.cut_after_s = 0.1), "supervision.pose.cut_after_s is 0.1:"),
+            (changed(|c| c.supervision.battery.empty_v = 11.0), "supervision.battery.empty_v is 11:"),
+            (changed(|c| c.supervision.fence.z_m = [0.0, -2.0]), "supervision.fence.z_m is [0, -2]:"),
+            (changed(|c| c.supervision.tilt.limit_rad = f64::NAN), "supervision.tilt.limit_rad is NaN:"),
             (model_based(|l| l.loops.roll.kp = -1.0), "roll.kp is -1:"),
             (model_based(|l| l.loops.pitch.ki = f64::INFINITY), "pitch.ki is inf:"),
             (model_based(|l| l.loops.yaw.prefilter_rad_s = Some(0.0)), "yaw.prefilter_rad_s is 0:"),
@@ -632,12 +649,31 @@ mod tests {
         }
     }
 
+    /// A file from before there was a supervisor, and one that names a single key of its table.
+    #[test]
+    fn files_without_supervision_have_the_defaults() {
+        let text = toml::to_string(&Config::thesis()).unwrap();
+        let (before, from) = text.split_once("[supervision").unwrap();
+        let after = from.find("\n[law").map_or("", |k| &from[k..]);
+        let old = format!("{before}{after}");
+        assert!(!old.contains("supervision"), "{old}");
+        let read = toml::from_str::<Config>(&old).unwrap();
+        assert_eq!(read, Config { supervision: Supervision::default(), ..Config::thesis() });
+        let one = format!("{before}[supervision.tilt]\nlimit_rad = 0.5\n{after}");
+        let mut expected = read;
+        expected.supervision.tilt.limit_rad = 0.5;
+        assert_eq!(toml::from_str::<Config>(&one).unwrap(), expected);
+    }
+
     #[test]
     fn unknown_keys_are_errors() {
         let text = toml::to_string(&Config::thesis()).unwrap();
-        for (key, misspelt) in
-            [("anti_windup", "antiwindup"), ("prefilter_rad_s", "prefilter"), ("kd =", "kd_ =")]
-        {
+        for (key, misspelt) in [
+            ("anti_windup", "antiwindup"),
+            ("prefilter_rad_s", "prefilter"),
+            ("kd =", "kd_ ="),
+            ("coast_s", "coast"),
+        ] {
             assert!(text.contains(key));
             assert!(toml::from_str::<Config>(&text.replace(key, misspelt)).is_err(), "{misspelt}");
         }

@@ -13,6 +13,7 @@ use nalgebra::Matrix4;
 
 use crate::error::ConfigError;
 use crate::gains::{Mixing, RotorCoefficients};
+use crate::trig::sqrt;
 
 /// Directions in which an axis could not be followed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -203,7 +204,7 @@ impl Mixer {
 /// Speeds in rad/s from squared speeds; negative ones (and what is not a number) become 0.
 #[inline]
 pub fn rotor_speeds(squared: [f32; 4]) -> [f32; 4] {
-    squared.map(|w2| libm::sqrtf(if w2 > 0.0 { w2 } else { 0.0 }))
+    squared.map(|w2| if w2 > 0.0 { sqrt(w2) } else { 0.0 })
 }
 
 #[cfg(test)]

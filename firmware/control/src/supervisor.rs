@@ -1,322 +1,401 @@
-//! The door that every input passes: modes, limits of commands, bad numbers, counted faults.
+//! States, and one table of what each condition does in each of them.
 //!
-//! A value that is not finite or is beyond any reason (see [`ANGLE_LIMIT_RAD`] and its neighbours) never reaches a law: the
-//! last good value of that field is held, and a fault of its kind is raised and counted. A bad injection counts as none.
-//! Position and altitude commands are moved into the configured box (thesis 3: 4 m x 2 m x 2 m on the floor).
-//! Nothing flies before there has been one sample whose position, attitude and voltage were all good.
+//! ```text
+//! disarmed --arm--> armed --fly--> flying <--> hold --> land --> disarmed
+//!     ^               |               |          |        |
+//!     +---------------+--- disarm ----+----------+--------+-- cut (from anywhere; only disarm leaves it)
+//! ```
 //!
-//! Motor cut-off and injection are carried out by the [`Controller`](crate::Controller).
+//! - *disarmed*, *armed*, *cut*: motors idle. *flying*: the pilot's command. *hold*: stay where it is. *land*: go down here.
+//! - When several conditions are there the most severe action wins: disarm (somebody asked for it), cut, stand down,
+//!   land, hold, fly, arm.
+//! - Hold goes back to flying by itself once nothing asks for it any more; the monitors make sure that this takes good data
+//!   for a while. Land never goes back up. Cut is latched. Nothing arms but a request, and only with all preflight checks good.
+//!
+//! The machine is pure: `next(state, conditions)`. Time is in the [`monitors`](crate::monitors).
 
-use crate::controller::Measurement;
-use crate::gains::PositionLimits;
-use crate::trig::wrap_angle;
+use crate::condition::{Condition, Conditions};
 
-/// Angles beyond this many rad are no angles.
-pub const ANGLE_LIMIT_RAD: f32 = 1000.0;
-/// Positions beyond this many m are no positions.
-pub const POSITION_LIMIT_M: f32 = 1e5;
-/// Body rates beyond this many rad/s are no rates.
-pub const RATE_LIMIT_RAD_S: f32 = 1e4;
-/// Voltages outside 0 to this many V are no voltages.
-pub const VOLTAGE_LIMIT_V: f32 = 1000.0;
-
-/// Which loops are closed.
+/// What the craft is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Mode {
-    /// Inner loops only: roll, pitch, yaw and altitude are commanded.
+#[repr(u8)]
+pub enum State {
+    /// Motors idle, commands ignored.
     #[default]
-    Attitude,
-    /// Outer loop too: position, yaw and altitude are commanded.
-    Position,
+    Disarmed = 0,
+    /// Motors idle; a command without cut-off takes off.
+    Armed = 1,
+    /// The pilot's command is flown.
+    Flying = 2,
+    /// The place (or, without poses, the attitude) is held.
+    Hold = 3,
+    /// Down, here.
+    Land = 4,
+    /// Motors idle until somebody disarms.
+    Cut = 5,
 }
 
-/// What the pilot or the ground station asks for.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Command {
-    /// Which loops are closed.
-    pub mode: Mode,
-    /// Roll and pitch in rad; used in [`Mode::Attitude`].
-    pub attitude_rad: [f32; 2],
-    /// Yaw in rad; any branch, the short way round is flown.
-    pub yaw_rad: f32,
-    /// Inertial z in m, down positive: height is `-z_m`.
-    pub z_m: f32,
-    /// Inertial x and y in m; used in [`Mode::Position`].
-    pub position_m: [f32; 2],
-    /// Motors to idle, integrators to zero.
-    pub cut_off: bool,
-    /// Added to each motor command for system identification, in command units.
-    pub injection: [f32; 4],
+impl State {
+    /// All, in the order of their numbers.
+    pub const ALL: [Self; 6] = [Self::Disarmed, Self::Armed, Self::Flying, Self::Hold, Self::Land, Self::Cut];
+
+    /// Do the motors idle?
+    pub const fn motors_idle(self) -> bool {
+        matches!(self, Self::Disarmed | Self::Armed | Self::Cut)
+    }
 }
 
-/// How often something was wrong, by kind, since the controller was made or reset; and whether it was in this tick.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Faults {
-    /// Position, attitude or gyro not finite or beyond reason, or a gyro that the configuration wants is missing.
-    pub measurement: Fault,
-    /// A command or an injection not finite or beyond reason.
-    pub command: Fault,
-    /// Voltage not finite or beyond reason.
-    pub battery: Fault,
-    /// A result was not finite: memory was reset and the last motor commands repeated.
-    pub internal: Fault,
+/// What a condition asks for; a later one is more severe.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Action {
+    /// Nothing.
+    Stay,
+    /// To [`State::Armed`].
+    Arm,
+    /// To [`State::Flying`].
+    Fly,
+    /// To [`State::Hold`].
+    Hold,
+    /// To [`State::Land`].
+    Land,
+    /// To [`State::Disarmed`], because there is nothing left to fly for.
+    Stand,
+    /// To [`State::Cut`].
+    Cut,
+    /// To [`State::Disarmed`], because somebody asked.
+    Disarm,
 }
 
-/// One kind of fault.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Fault {
-    /// Raised in this tick.
-    pub now: bool,
-    /// Ticks in which it was raised; stays at the greatest number once reached.
-    pub count: u32,
+/// The table: for each condition the action in [`State::ALL`]: disarmed, armed, flying, hold, land, cut.
+#[rustfmt::skip]
+pub const TABLE: [(Condition, [Action; 6]); 26] = {
+    use Action::{Arm, Cut, Disarm, Fly, Hold, Land, Stand, Stay};
+    use Condition as C;
+    [
+        //                       disarmed armed  flying  hold    land    cut
+        (C::ArmRequested,       [Arm,    Stay,   Stay,   Stay,   Stay,   Stay]),
+        (C::FlightRequested,    [Stay,   Fly,    Stay,   Stay,   Stay,   Stay]),
+        (C::DisarmRequested,    [Disarm, Disarm, Disarm, Disarm, Disarm, Disarm]),
+        (C::LandRequested,      [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::CutRequested,       [Cut,    Cut,    Cut,    Cut,    Cut,    Stay]),
+        (C::Landed,             [Stay,   Stay,   Stay,   Stay,   Stand,  Stay]),
+        (C::LinkLate,           [Stay,   Stand,  Hold,   Hold,   Stay,   Stay]),
+        (C::LinkLost,           [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::PoseLate,           [Stay,   Stand,  Hold,   Hold,   Stay,   Stay]),
+        (C::PoseLost,           [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::PoseGone,           [Stay,   Stand,  Cut,    Cut,    Cut,    Stay]),
+        (C::PoseFrozen,         [Stay,   Stay,   Stay,   Stay,   Stay,   Stay]),
+        (C::PoseJumped,         [Stay,   Stay,   Stay,   Stay,   Stay,   Stay]),
+        (C::ImuLate,            [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::ImuStuck,           [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::ImuDisagrees,       [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::ImuGone,            [Stay,   Stand,  Cut,    Cut,    Cut,    Stay]),
+        (C::BatteryLow,         [Stay,   Stand,  Stay,   Stay,   Stay,   Stay]),
+        (C::BatteryCritical,    [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::BatteryEmpty,       [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::Tilted,             [Stay,   Stand,  Cut,    Cut,    Cut,    Stay]),
+        (C::OutsideFence,       [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::ThrustLost,         [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::ClockJumped,        [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::LoopOverrun,        [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::NotANumber,         [Stay,   Stand,  Land,   Land,   Cut,    Stay]),
+    ]
+};
+
+/// The table of one state, turned round: the conditions that ask for each action.
+struct Row {
+    any: u32,
+    disarm: u32,
+    cut: u32,
+    stand: u32,
+    land: u32,
+    hold: u32,
+    fly: u32,
 }
 
-impl Fault {
-    /// Notes whether this tick has the fault.
-    #[inline]
-    pub(crate) fn note(&mut self, raised: bool) {
-        self.now = raised;
-        if raised {
-            self.count = self.count.saturating_add(1);
+const fn row(state: State) -> Row {
+    let mut row = Row { any: 0, disarm: 0, cut: 0, stand: 0, land: 0, hold: 0, fly: 0 };
+    let mut rest: &[(Condition, [Action; 6])] = &TABLE;
+    while let [(condition, [disarmed, armed, flying, hold, land, cut]), others @ ..] = rest {
+        let action = match state {
+            State::Disarmed => *disarmed,
+            State::Armed => *armed,
+            State::Flying => *flying,
+            State::Hold => *hold,
+            State::Land => *land,
+            State::Cut => *cut,
+        };
+        let bit = condition.bit();
+        match action {
+            Action::Stay => {}
+            Action::Arm => {}
+            Action::Fly => row.fly |= bit,
+            Action::Hold => row.hold |= bit,
+            Action::Land => row.land |= bit,
+            Action::Stand => row.stand |= bit,
+            Action::Cut => row.cut |= bit,
+            Action::Disarm => row.disarm |= bit,
         }
+        if !matches!(action, Action::Stay) {
+            row.any |= bit;
+        }
+        rest = others;
     }
+    row
 }
 
-/// The last good inputs; what the laws are given.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct Inputs {
-    pub(crate) position_m: [f32; 3],
-    pub(crate) attitude_rad: [f32; 3],
-    pub(crate) gyro_rad_s: [f32; 3],
-    pub(crate) battery_v: f32,
-    pub(crate) attitude_command_rad: [f32; 2],
-    pub(crate) yaw_command_rad: f32,
-    pub(crate) z_command_m: f32,
-    pub(crate) position_command_m: [f32; 2],
-    pub(crate) injection: [f32; 4],
-}
+static ROWS: [Row; 6] = [
+    row(State::Disarmed),
+    row(State::Armed),
+    row(State::Flying),
+    row(State::Hold),
+    row(State::Land),
+    row(State::Cut),
+];
 
-/// The magnitude of a value as its bits: they order as the magnitudes do, with infinity and NaN above all numbers, and
-/// comparing integers is cheaper than comparing floats one by one.
+/// The most severe of what the conditions ask for in a state.
 #[inline]
-fn magnitude(value: f32) -> u32 {
-    value.to_bits() & 0x7fff_ffff
+pub fn action(state: State, conditions: Conditions) -> Action {
+    let [disarmed, armed, flying, hold, land, cut] = &ROWS;
+    let row = match state {
+        State::Disarmed => disarmed,
+        State::Armed => armed,
+        State::Flying => flying,
+        State::Hold => hold,
+        State::Land => land,
+        State::Cut => cut,
+    };
+    if conditions.bits() & row.any == 0 { Action::Stay } else { severest(row, conditions.bits()) }
 }
 
-/// Takes a value over if its magnitude is within the limit (NaN is not); tells whether it did.
-#[inline]
-fn take(held: &mut f32, value: f32, limit: f32) -> bool {
-    let good = magnitude(value) <= limit.to_bits();
-    if good {
-        *held = value;
-    }
-    good
-}
-
-/// [`take`] for each field, all at once if all are good.
-#[inline]
-fn take_all<const N: usize>(held: &mut [f32; N], values: [f32; N], limit: f32) -> bool {
-    let greatest = values.iter().fold(0, |greatest, value| magnitude(*value).max(greatest));
-    let good = greatest <= limit.to_bits();
-    if good {
-        *held = values;
-    } else {
-        take_the_good(held, &values, limit);
-    }
-    good
-}
-
-/// The rare case of [`take_all`].
+/// Something is asked for: what?
 #[cold]
-fn take_the_good(held: &mut [f32], values: &[f32], limit: f32) {
-    for (held, value) in held.iter_mut().zip(values) {
-        take(held, *value, limit);
+fn severest(row: &Row, bits: u32) -> Action {
+    let by_severity = [
+        (row.disarm, Action::Disarm),
+        (row.cut, Action::Cut),
+        (row.stand, Action::Stand),
+        (row.land, Action::Land),
+        (row.hold, Action::Hold),
+        (row.fly, Action::Fly),
+    ];
+    by_severity.into_iter().find(|(mask, _)| bits & mask != 0).map_or(Action::Arm, |(_, action)| action)
+}
+
+/// The state after this one.
+#[inline]
+pub fn next(state: State, conditions: Conditions) -> State {
+    match action(state, conditions) {
+        Action::Stay if matches!(state, State::Hold) => State::Flying,
+        Action::Stay => state,
+        Action::Arm => State::Armed,
+        Action::Fly => State::Flying,
+        Action::Hold => State::Hold,
+        Action::Land => State::Land,
+        Action::Cut => State::Cut,
+        Action::Stand | Action::Disarm => State::Disarmed,
     }
 }
 
-impl Inputs {
-    /// Takes the good fields of a measurement over. Returns whether all of it was good (the voltage included); the gyro
-    /// counts only if it is wanted.
-    #[inline]
-    pub(crate) fn measure(&mut self, m: &Measurement, wants_gyro: bool, faults: &mut Faults) -> bool {
-        let position = take_all(&mut self.position_m, m.position_m, POSITION_LIMIT_M);
-        let attitude = take_all(&mut self.attitude_rad, m.attitude_rad, ANGLE_LIMIT_RAD);
-        let [_, _, yaw] = &mut self.attitude_rad;
-        *yaw = wrap_angle(*yaw);
-        let gyro = !wants_gyro
-            || m.gyro_rad_s.is_some_and(|gyro| take_all(&mut self.gyro_rad_s, gyro, RATE_LIMIT_RAD_S));
-        let battery = m.battery_v >= 0.0 && take(&mut self.battery_v, m.battery_v, VOLTAGE_LIMIT_V);
-        faults.measurement.note(!(position && attitude && gyro));
-        faults.battery.note(!battery);
-        position && attitude && battery
+/// What has to be good before the craft can be armed; one bit each.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Preflight(u16);
+
+impl Preflight {
+    /// Good command frames come.
+    pub const LINK: u16 = 1;
+    /// Good poses come.
+    pub const POSE: u16 = 1 << 1;
+    /// Good gyro samples come and agree with the poses.
+    pub const IMU: u16 = 1 << 2;
+    /// The voltage is above the warning level.
+    pub const BATTERY: u16 = 1 << 3;
+    /// The craft stands level.
+    pub const LEVEL: u16 = 1 << 4;
+    /// The craft is inside the box.
+    pub const INSIDE: u16 = 1 << 5;
+    /// Clock and loop keep time.
+    pub const TIMING: u16 = 1 << 6;
+    /// The controller has no fault.
+    pub const CONTROLLER: u16 = 1 << 7;
+    /// The program says that its outputs work and that its own checks passed.
+    pub const OUTPUTS: u16 = 1 << 8;
+    /// The pilot's command is cut-off: nothing takes off by the arming itself.
+    pub const IDLE: u16 = 1 << 9;
+    /// All of them.
+    pub const ALL: Self = Self((1 << 10) - 1);
+
+    /// The set with these bits.
+    pub const fn from_bits(bits: u16) -> Self {
+        Self(bits & Self::ALL.0)
     }
 
-    /// What is commanded before there has been a good command: stay here, level.
-    pub(crate) fn hold_here(&mut self) {
-        let ([x, y, z], [_, _, yaw]) = (self.position_m, self.attitude_rad);
-        self.attitude_command_rad = [0.0; 2];
-        self.yaw_command_rad = yaw;
-        self.z_command_m = z;
-        self.position_command_m = [x, y];
+    /// One bit a check that is good.
+    pub const fn bits(self) -> u16 {
+        self.0
     }
 
-    /// Takes the good fields of a command over, positions moved into the box.
-    #[inline]
-    pub(crate) fn command(&mut self, c: &Command, bounds: &Bounds, faults: &mut Faults) {
-        let mut good = take_all(&mut self.attitude_command_rad, c.attitude_rad, ANGLE_LIMIT_RAD);
-        good &= take(&mut self.yaw_command_rad, c.yaw_rad, ANGLE_LIMIT_RAD);
-        self.yaw_command_rad = wrap_angle(self.yaw_command_rad);
-        good &= take(&mut self.z_command_m, c.z_m, f32::MAX);
-        self.z_command_m = bounds.z.clamp(self.z_command_m);
-        good &= take_all(&mut self.position_command_m, c.position_m, f32::MAX);
-        let [x, y] = self.position_command_m;
-        self.position_command_m = [bounds.x.clamp(x), bounds.y.clamp(y)];
-        self.injection = [0.0; 4];
-        good &= take_all(&mut self.injection, c.injection, f32::MAX);
-        faults.command.note(!good);
-    }
-}
-
-/// An interval of positions in m.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Interval {
-    low: f32,
-    high: f32,
-}
-
-impl Interval {
-    fn new([low, high]: [f64; 2]) -> Self {
-        Self { low: low as f32, high: high as f32 }
+    /// May the craft be armed?
+    pub const fn ready(self) -> bool {
+        self.0 == Self::ALL.0
     }
 
-    /// The nearest value inside; anything that is not a number goes to the lower end.
-    #[inline]
-    fn clamp(&self, value: f32) -> f32 {
-        if value > self.high {
-            self.high
-        } else if value >= self.low {
-            value
-        } else {
-            self.low
+    /// Notes how a check came out.
+    pub(crate) fn note(&mut self, check: u16, good: bool) {
+        if good {
+            self.0 |= check;
         }
-    }
-}
-
-/// The box of position commands.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Bounds {
-    x: Interval,
-    y: Interval,
-    z: Interval,
-}
-
-impl Bounds {
-    pub(crate) fn new(limits: &PositionLimits) -> Self {
-        Self { x: Interval::new(limits.x_m), y: Interval::new(limits.y_m), z: Interval::new(limits.z_m) }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    //! The machine against rules written a second time, in other words and the other way round: by state, from what must be
+    //! true of a safe craft, not from the table.
+
     use super::*;
-    use crate::gains::Config;
-    use proptest::prelude::*;
+    use Condition as C;
 
-    fn bounds() -> Bounds {
-        Bounds::new(&Config::thesis().position_limits)
+    fn any(set: Conditions, of: &[Condition]) -> bool {
+        of.iter().any(|c| set.has(*c))
     }
 
-    #[test]
-    fn commands_are_moved_into_the_box() {
-        let mut inputs = Inputs::default();
-        let mut faults = Faults::default();
-        let mut commanded = |x, y, z| {
-            let command = Command { position_m: [x, y], z_m: z, ..Command::default() };
-            inputs.command(&command, &bounds(), &mut faults);
-            let [x, y] = inputs.position_command_m;
-            [x, y, inputs.z_command_m]
-        };
-        assert_eq!(commanded(1.0, 0.5, -1.0), [1.0, 0.5, -1.0]);
-        assert_eq!(commanded(3.0, 1.5, -2.5), [2.0, 1.0, -2.0]);
-        assert_eq!(commanded(-3.0, -1.5, 0.5), [-2.0, -1.0, 0.0]);
-        assert_eq!(commanded(f32::NAN, 0.0, -0.5), [-2.0, 0.0, -0.5], "the last good x is held");
-        assert_eq!(faults.command, Fault { now: true, count: 1 });
-    }
+    /// Dangers in three grades.
+    const STOP: [Condition; 3] = [C::PoseGone, C::ImuGone, C::Tilted];
+    const DOWN: [Condition; 12] = [
+        C::LinkLost,
+        C::PoseLost,
+        C::ImuLate,
+        C::ImuStuck,
+        C::ImuDisagrees,
+        C::BatteryCritical,
+        C::BatteryEmpty,
+        C::OutsideFence,
+        C::ThrustLost,
+        C::ClockJumped,
+        C::LoopOverrun,
+        C::NotANumber,
+    ];
+    const WAIT: [Condition; 2] = [C::LinkLate, C::PoseLate];
 
-    #[test]
-    fn each_field_is_held_by_itself() {
-        let mut inputs = Inputs::default();
-        let mut faults = Faults::default();
-        let good = Measurement {
-            position_m: [1.0, 2.0, -1.0],
-            attitude_rad: [0.1, 0.2, 0.3],
-            gyro_rad_s: None,
-            battery_v: 11.1,
-        };
-        assert!(inputs.measure(&good, false, &mut faults));
-        let bad = Measurement {
-            position_m: [1.1, f32::NAN, f32::INFINITY],
-            attitude_rad: [-1e30, 0.25, 0.35],
-            gyro_rad_s: None,
-            battery_v: -1.0,
-        };
-        assert!(!inputs.measure(&bad, false, &mut faults));
-        assert_eq!(inputs.position_m, [1.1, 2.0, -1.0]);
-        assert_eq!(inputs.attitude_rad, [0.1, 0.25, 0.35]);
-        assert_eq!(inputs.battery_v, 11.1);
-        assert_eq!((faults.measurement.count, faults.battery.count, faults.command.count), (1, 1, 0));
-        inputs.measure(&good, true, &mut faults);
-        assert_eq!(faults.measurement, Fault { now: true, count: 2 }, "a wanted gyro is missing");
-        inputs.measure(&good, false, &mut faults);
-        assert_eq!(faults.measurement, Fault { now: false, count: 2 });
-    }
-
-    #[test]
-    fn a_bad_injection_is_none() {
-        let mut inputs = Inputs::default();
-        let command = Command { injection: [5.0, f32::NAN, f32::INFINITY, -5.0], ..Command::default() };
-        inputs.command(&command, &bounds(), &mut Faults::default());
-        assert_eq!(inputs.injection, [5.0, 0.0, 0.0, -5.0]);
-    }
-
-    #[test]
-    fn counts_do_not_roll_over() {
-        let mut fault = Fault { now: false, count: u32::MAX };
-        fault.note(true);
-        assert_eq!(fault.count, u32::MAX);
-    }
-
-    proptest! {
-        #[test]
-        fn nothing_bad_gets_through(m in any::<[u32; 10]>(), c in any::<[u32; 10]>()) {
-            let f = |k: usize| f32::from_bits(m[k]);
-            let g = |k: usize| f32::from_bits(c[k]);
-            let mut inputs = Inputs::default();
-            let mut faults = Faults::default();
-            let measurement = Measurement {
-                position_m: [f(0), f(1), f(2)],
-                attitude_rad: [f(3), f(4), f(5)],
-                gyro_rad_s: Some([f(6), f(7), f(8)]),
-                battery_v: f(9),
-            };
-            inputs.measure(&measurement, true, &mut faults);
-            let command = Command {
-                attitude_rad: [g(0), g(1)],
-                yaw_rad: g(2),
-                z_m: g(3),
-                position_m: [g(4), g(5)],
-                injection: [g(6), g(7), g(8), g(9)],
-                ..Command::default()
-            };
-            inputs.command(&command, &bounds(), &mut faults);
-            let Inputs { position_m, attitude_rad, gyro_rad_s, battery_v, .. } = inputs;
-            prop_assert!(position_m.iter().all(|x| x.abs() <= POSITION_LIMIT_M));
-            prop_assert!(attitude_rad.iter().all(|x| x.abs() <= ANGLE_LIMIT_RAD));
-            prop_assert!(gyro_rad_s.iter().all(|x| x.abs() <= RATE_LIMIT_RAD_S));
-            prop_assert!((0.0..=VOLTAGE_LIMIT_V).contains(&battery_v));
-            prop_assert!((-2.0..=0.0).contains(&inputs.z_command_m));
-            prop_assert!(inputs.attitude_command_rad.iter().all(|x| x.abs() <= ANGLE_LIMIT_RAD));
-            prop_assert!(inputs.injection.iter().all(|x| x.is_finite()));
+    fn by_the_rules(state: State, set: Conditions) -> State {
+        if set.has(C::DisarmRequested) {
+            return State::Disarmed;
         }
+        if state == State::Cut || set.has(C::CutRequested) {
+            return State::Cut;
+        }
+        let (stop, down, wait) = (any(set, &STOP), any(set, &DOWN), any(set, &WAIT));
+        match state {
+            State::Disarmed => {
+                if set.has(C::ArmRequested) {
+                    State::Armed
+                } else {
+                    State::Disarmed
+                }
+            }
+            State::Armed => {
+                if stop || down || wait || any(set, &[C::BatteryLow, C::LandRequested]) {
+                    State::Disarmed
+                } else if set.has(C::FlightRequested) {
+                    State::Flying
+                } else {
+                    State::Armed
+                }
+            }
+            State::Flying | State::Hold => {
+                if stop {
+                    State::Cut
+                } else if down || set.has(C::LandRequested) {
+                    State::Land
+                } else if wait {
+                    State::Hold
+                } else {
+                    State::Flying
+                }
+            }
+            State::Land => {
+                if stop || set.has(C::NotANumber) {
+                    State::Cut
+                } else if set.has(C::Landed) {
+                    State::Disarmed
+                } else {
+                    State::Land
+                }
+            }
+            State::Cut => unreachable!(),
+        }
+    }
+
+    /// Every state with every set of conditions: 6 times 2^26 is 403 million rows. Those that no state listens to (frozen
+    /// and jumped poses, which count as missing ones) are left at their four combinations on a thinner grid, so 2^24 remain.
+    #[test]
+    fn every_state_with_every_set_of_conditions() {
+        let silent = C::PoseFrozen.bit() | C::PoseJumped.bit();
+        let spread = |k: u32| (k & 0x7ff) | (k & !0x7ff) << 2;
+        assert_eq!(spread(u32::MAX >> 8) & silent, 0, "bits 11 and 12 are stepped over");
+        for state in State::ALL {
+            for k in 0..1 << 24 {
+                let bits = spread(k);
+                let set = Conditions::from_bits(bits);
+                let got = next(state, set);
+                assert!(
+                    got == by_the_rules(state, set),
+                    "{state:?} {:?}: {got:?}",
+                    set.iter().collect::<Vec<_>>()
+                );
+                if k % 1009 == 0 {
+                    for extra in [C::PoseFrozen.bit(), C::PoseJumped.bit(), silent] {
+                        assert_eq!(next(state, Conditions::from_bits(bits | extra)), got);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The order of actions is their severity, and each row of the table is its condition's.
+    #[test]
+    fn the_most_severe_wins() {
+        for state in State::ALL {
+            for (a, first) in TABLE {
+                for (b, second) in TABLE {
+                    let want = first[state as usize].max(second[state as usize]);
+                    assert_eq!(
+                        action(state, Conditions::from_bits(a.bit() | b.bit())),
+                        want,
+                        "{state:?} {a:?} {b:?}"
+                    );
+                }
+            }
+        }
+        assert_eq!(TABLE.map(|(condition, _)| condition), Condition::ALL);
+    }
+
+    #[test]
+    fn cut_is_left_by_disarm_alone() {
+        for condition in Condition::ALL.into_iter().filter(|c| *c != C::DisarmRequested) {
+            assert_eq!(next(State::Cut, Conditions::from_bits(condition.bit())), State::Cut);
+        }
+        let all = Conditions::from_bits(!C::DisarmRequested.bit());
+        assert_eq!(next(State::Cut, all), State::Cut);
+        assert_eq!(next(State::Cut, Conditions::from_bits(u32::MAX)), State::Disarmed);
+    }
+
+    #[test]
+    fn nothing_but_a_request_arms() {
+        for k in 0..1_u32 << 26 {
+            let without = Conditions::from_bits(k & !C::ArmRequested.bit());
+            if k % 97 == 0 {
+                let next = next(State::Disarmed, without);
+                assert!(next == State::Disarmed || next == State::Cut);
+            }
+        }
+    }
+
+    /// All 1024 rows of the arming matrix: it arms on the last one only.
+    #[test]
+    fn the_arming_matrix() {
+        let ready: Vec<u16> = (0..1024).filter(|bits| Preflight::from_bits(*bits).ready()).collect();
+        assert_eq!(ready, [1023]);
     }
 }

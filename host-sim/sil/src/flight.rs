@@ -1,6 +1,7 @@
 //! A flight: what is flown ([`FlightPlan`]), flying it ([`fly`]), and what was recorded ([`Recording`]).
 
-use control::{Config, Controller, Measurement};
+use control::supervision::Fence;
+use control::{Config, Controller, Measurement, Pose, Readings};
 use model::{Battery, Model, Plant, State, frames};
 use nalgebra::Vector3;
 use sysid::{Column, Flight};
@@ -8,6 +9,7 @@ use sysid::{Column, Flight};
 use crate::craft::Craft;
 use crate::delay::Delay;
 use crate::excitation::Excitation;
+use crate::fault::{Fault, Faults};
 use crate::link::{InProcess, Link, LinkError};
 use crate::noise::NoiseModel;
 use crate::script::{Script, Start, Step, StepAxis};
@@ -76,6 +78,10 @@ pub struct FlightPlan {
     pub seed: u64,
     /// Runge-Kutta steps in a tick (reference: 4).
     pub substeps: u32,
+    /// What goes wrong on the way.
+    pub faults: Vec<Fault>,
+    /// The craft's clock at the start, us.
+    pub clock_us: u32,
 }
 
 impl FlightPlan {
@@ -94,6 +100,8 @@ impl FlightPlan {
             battery: Battery::constant(11.1),
             seed: 0,
             substeps: 4,
+            faults: Vec::new(),
+            clock_us: 0,
         }
     }
 
@@ -106,7 +114,12 @@ impl FlightPlan {
             StepAxis::X | StepAxis::Y => 40.0,
         };
         let step = Step { axis, size, at_s: 1.0 };
-        Self { script: Script::Step(step), duration_s: step.at_s + after_s, ..Self::thesis() }
+        let mut plan = Self { script: Script::Step(step), duration_s: step.at_s + after_s, ..Self::thesis() };
+        if matches!(axis, StepAxis::Roll | StepAxis::Pitch) {
+            // A held angle flies tens of metres in 10 s; the reference has no walls.
+            plan.config.supervision.fence = Fence::NONE;
+        }
+        plan
     }
 
     /// A flight to identify `model` from (thesis 4.2.1): a tour of the cage that differs from seed to seed, excited
@@ -186,6 +199,10 @@ fn identification_config() -> Config {
     use control::gains::{Complement, GyroFusion, Law, PositionLimits};
     let mut config = Config::thesis();
     config.position_limits = PositionLimits { x_m: [-2.0, 2.0], y_m: [-1.2, 1.2], z_m: [-2.0, -0.1] };
+    // Up to the walls: what a hidden effect does to the flight is what is wanted.
+    let [x, y, ceiling] = CAGE_M;
+    let fence = &mut config.supervision.fence;
+    (fence.x_m, fence.y_m, fence.z_m[0]) = ([-x, x], [-y, y], -ceiling);
     config.estimation.gyro = Some(GyroFusion { corner_rad_s: 5.0, complement: Complement::Exact });
     if let Law::ModelBased(law) = &mut config.law {
         for position in [&mut law.loops.x, &mut law.loops.y] {
@@ -225,6 +242,8 @@ pub struct Row {
     pub position_command_m: [f32; 2],
     /// What the controller made of it.
     pub output: proto::Output,
+    /// What the supervisor made of it.
+    pub supervision: proto::Supervision,
 }
 
 impl Truth {
@@ -273,6 +292,9 @@ pub struct ClosedLoop<'a, L> {
     start: Start,
     delay: Delay<([f32; 3], [f32; 3])>,
     excitation: Option<Excitation>,
+    faults: Faults,
+    /// What was answered last: what the motors go on doing while the loop stalls.
+    answered: Option<proto::Outcome>,
     tick: u32,
 }
 
@@ -302,6 +324,8 @@ impl<'a, L: Link> ClosedLoop<'a, L> {
             start: plan.start(),
             delay: Delay::new(plan.delay_samples),
             excitation: plan.excitation.then_some(excitation),
+            faults: Faults::default(),
+            answered: None,
             tick: 0,
             plan,
         })
@@ -316,16 +340,33 @@ impl<'a, L: Link> ClosedLoop<'a, L> {
         let battery_v = self.craft.voltage_v();
         let sensed = self.craft.sense(battery_v);
         let (position_m, attitude_rad) = self.delay.push((sensed.position_m, sensed.attitude_rad));
-        let measurement = Measurement { position_m, attitude_rad, ..sensed };
         let time_s = f64::from(self.tick) * self.plan.config.sample_time_s;
         let mut command = self.plan.script.command(&self.start, time_s);
         if let Some(excitation) = &mut self.excitation {
             command.injection = excitation.next_sample();
         }
-        let output = self.link.tick(self.tick, &measurement, &command)?;
+        let mut readings = Readings {
+            time_us: self.plan.clock_us.wrapping_add((time_s * 1e6).round() as u32),
+            pose: Some(Pose { position_m, attitude_rad }),
+            gyro_rad_s: sensed.gyro_rad_s,
+            battery_v: sensed.battery_v,
+            command: Some(command),
+            request: None,
+            outputs_ready: true,
+        };
+        let stalled =
+            !self.plan.faults.is_empty() && self.faults.distort(&self.plan.faults, time_s, &mut readings);
+        let outcome = match self.answered {
+            Some(answered) if stalled => answered,
+            _ => self.link.tick(self.tick, &readings)?,
+        };
+        self.answered = Some(outcome);
+        let proto::Outcome { output, supervision } = outcome;
         let truth = Truth::new(&self.craft.state, battery_v);
-        let row = Row { truth, sensed, position_command_m: command.position_m, output };
-        self.craft.advance(&output.pwm, battery_v);
+        let row = Row { truth, sensed, position_command_m: command.position_m, output, supervision };
+        let motors =
+            self.faults.motors(&self.plan.faults, time_s, output.pwm, self.plan.config.command_range);
+        self.craft.advance(&motors, battery_v);
         self.tick += 1;
         Ok(row)
     }

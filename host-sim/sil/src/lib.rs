@@ -11,17 +11,22 @@
 //! 3. its motor commands become commanded rotor speeds at the voltage of now, held for the tick,
 //! 4. the plant advances by one tick in [`FlightPlan::substeps`] Runge-Kutta steps.
 //!
+//! What flies is the whole [`control::Autopilot`], supervisor included, from the air on. [`Fault`]s break links, sensors, motors
+//! and clock on the way; [`drills`] is the list of flights that set off each failsafe, and of those that just do not.
+//!
 //! Controller and plant may be one process or two ([`Link`]): the messages are those of crate `proto`, and the
 //! recordings do not differ in a single bit.
 //!
 //! Conventions: SI, inertial frame north-east-down, body frame front-right-down, Euler angles Z-Y-X in radians.
 //!
-//! Deliberately absent: a floor (a craft that sinks below z = 0 flies on), the tracker's drop-outs, ARM targets.
+//! Deliberately absent: a floor (a craft that sinks below z = 0 flies on), ARM targets.
 #![forbid(unsafe_code)]
 
 mod craft;
 mod delay;
 mod excitation;
+pub mod failsafe;
+mod fault;
 mod flight;
 mod link;
 pub mod metrics;
@@ -37,6 +42,8 @@ mod suite;
 
 pub use craft::Craft;
 pub use excitation::Excitation;
+pub use failsafe::{Drill, Expected, Found, drills};
+pub use fault::{Fault, FaultKind};
 pub use flight::{CAGE_M, ClosedLoop, FlightPlan, Recording, Row, SilError, Truth, fly, fly_over};
 pub use link::{InProcess, Link, LinkError};
 pub use noise::{Coloured, NoiseModel};

@@ -1,6 +1,6 @@
 //! The way from the sensors to the controller and back.
 
-use control::{Command, Config, Controller, Measurement, Mode, Tick};
+use control::{Autopilot, Command, Config, Flight, Mode, Pose, Readings, Request, State, Tick};
 
 /// What can go wrong between controller and plant.
 #[derive(Debug, thiserror::Error)]
@@ -59,52 +59,61 @@ pub enum LinkError {
 
 /// Something that answers ticks.
 pub trait Link {
-    /// One tick of the controller.
+    /// One tick of the autopilot.
     ///
     /// # Errors
     /// What goes wrong on the way; never in process.
-    fn tick(
-        &mut self,
-        tick: u32,
-        measurement: &Measurement,
-        command: &Command,
-    ) -> Result<proto::Output, LinkError>;
+    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, LinkError>;
 }
 
-/// The controller in the same process.
+/// The autopilot in the same process.
 #[derive(Debug, Clone)]
 pub struct InProcess {
-    controller: Controller,
+    autopilot: Autopilot,
 }
 
 impl InProcess {
-    /// A fresh controller.
+    /// A fresh autopilot of a craft in the air.
     ///
     /// # Errors
     /// The first parameter that cannot be flown with, by name.
     pub fn new(config: &Config) -> Result<Self, control::ConfigError> {
-        Ok(Self { controller: Controller::new(config)? })
+        Ok(Self { autopilot: Autopilot::in_flight(config)? })
     }
 }
 
 impl Link for InProcess {
     #[inline]
-    fn tick(
-        &mut self,
-        tick: u32,
-        measurement: &Measurement,
-        command: &Command,
-    ) -> Result<proto::Output, LinkError> {
-        Ok(output(tick, &self.controller.tick(measurement, command)))
+    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, LinkError> {
+        Ok(outcome(tick, self.autopilot.tick(readings)))
     }
 }
 
-/// What of a tick is recorded and sent.
+/// What of a tick is recorded and sent, of the law and of the supervisor.
 #[inline]
-pub(crate) fn output(tick: u32, outcome: &Tick) -> proto::Output {
+pub(crate) fn outcome(tick: u32, flight: &Flight) -> proto::Outcome {
+    proto::Outcome {
+        output: output(tick, &flight.tick),
+        supervision: proto::Supervision {
+            state: match flight.state {
+                State::Disarmed => proto::State::Disarmed,
+                State::Armed => proto::State::Armed,
+                State::Flying => proto::State::Flying,
+                State::Hold => proto::State::Hold,
+                State::Land => proto::State::Land,
+                State::Cut => proto::State::Cut,
+            },
+            conditions: flight.conditions.bits(),
+            preflight: flight.preflight.bits(),
+        },
+    }
+}
+
+#[inline]
+fn output(tick: u32, outcome: &Tick) -> proto::Output {
     let Tick { pwm, terms, refused, faults } = outcome;
     let directions = |d: control::mixer::Directions| [d.high, d.low];
-    let count = |fault: control::supervisor::Fault| fault.count;
+    let count = |fault: control::Fault| fault.count;
     proto::Output {
         tick,
         pwm: *pwm,
@@ -126,16 +135,17 @@ pub(crate) fn output(tick: u32, outcome: &Tick) -> proto::Output {
     }
 }
 
-pub(crate) fn input(tick: u32, measurement: &Measurement, command: &Command) -> proto::Input {
-    proto::Input {
+/// The message that readings travel in.
+pub(crate) fn message(tick: u32, readings: &Readings) -> proto::Readings {
+    proto::Readings {
         tick,
-        measurement: proto::Measurement {
-            position_m: measurement.position_m,
-            attitude_rad: measurement.attitude_rad,
-            gyro_rad_s: measurement.gyro_rad_s,
-            battery_v: measurement.battery_v,
-        },
-        command: proto::Command {
+        time_us: readings.time_us,
+        pose: readings
+            .pose
+            .map(|pose| proto::Pose { position_m: pose.position_m, attitude_rad: pose.attitude_rad }),
+        gyro_rad_s: readings.gyro_rad_s,
+        battery_v: readings.battery_v,
+        command: readings.command.map(|command| proto::Command {
             mode: match command.mode {
                 Mode::Attitude => proto::Mode::Attitude,
                 Mode::Position => proto::Mode::Position,
@@ -146,31 +156,44 @@ pub(crate) fn input(tick: u32, measurement: &Measurement, command: &Command) -> 
             position_m: command.position_m,
             cut_off: command.cut_off,
             injection: command.injection,
-        },
+        }),
+        request: readings.request.map(|request| match request {
+            Request::Arm => proto::Request::Arm,
+            Request::Disarm => proto::Request::Disarm,
+            Request::Land => proto::Request::Land,
+            Request::Cut => proto::Request::Cut,
+        }),
+        outputs_ready: readings.outputs_ready,
     }
 }
 
-pub(crate) fn arguments(input: &proto::Input) -> (Measurement, Command) {
-    let proto::Input { measurement: m, command: c, .. } = input;
-    let measurement = Measurement {
-        position_m: m.position_m,
-        attitude_rad: m.attitude_rad,
-        gyro_rad_s: m.gyro_rad_s,
-        battery_v: m.battery_v,
-    };
-    let command = Command {
-        mode: match c.mode {
-            proto::Mode::Attitude => Mode::Attitude,
-            proto::Mode::Position => Mode::Position,
-        },
-        attitude_rad: c.attitude_rad,
-        yaw_rad: c.yaw_rad,
-        z_m: c.z_m,
-        position_m: c.position_m,
-        cut_off: c.cut_off,
-        injection: c.injection,
-    };
-    (measurement, command)
+/// The readings of a message.
+pub(crate) fn readings(message: &proto::Readings) -> Readings {
+    Readings {
+        time_us: message.time_us,
+        pose: message.pose.map(|pose| Pose { position_m: pose.position_m, attitude_rad: pose.attitude_rad }),
+        gyro_rad_s: message.gyro_rad_s,
+        battery_v: message.battery_v,
+        command: message.command.map(|command| Command {
+            mode: match command.mode {
+                proto::Mode::Attitude => Mode::Attitude,
+                proto::Mode::Position => Mode::Position,
+            },
+            attitude_rad: command.attitude_rad,
+            yaw_rad: command.yaw_rad,
+            z_m: command.z_m,
+            position_m: command.position_m,
+            cut_off: command.cut_off,
+            injection: command.injection,
+        }),
+        request: message.request.map(|request| match request {
+            proto::Request::Arm => Request::Arm,
+            proto::Request::Disarm => Request::Disarm,
+            proto::Request::Land => Request::Land,
+            proto::Request::Cut => Request::Cut,
+        }),
+        outputs_ready: message.outputs_ready,
+    }
 }
 
 #[cfg(test)]
@@ -178,22 +201,27 @@ mod tests {
     use super::*;
 
     #[test]
-    fn arguments_survive_the_way_through_a_message() {
-        let measurement = Measurement {
-            position_m: [1.0, 2.0, 3.0],
-            attitude_rad: [4.0, 5.0, 6.0],
+    fn readings_survive_the_way_through_a_message() {
+        let full = Readings {
+            time_us: 21,
+            pose: Some(Pose { position_m: [1.0, 2.0, 3.0], attitude_rad: [4.0, 5.0, 6.0] }),
             gyro_rad_s: Some([7.0, 8.0, 9.0]),
             battery_v: 10.0,
+            command: Some(Command {
+                mode: Mode::Position,
+                attitude_rad: [11.0, 12.0],
+                yaw_rad: 13.0,
+                z_m: 14.0,
+                position_m: [15.0, 16.0],
+                cut_off: true,
+                injection: [17.0, 18.0, 19.0, 20.0],
+            }),
+            request: Some(Request::Land),
+            outputs_ready: true,
         };
-        let command = Command {
-            mode: Mode::Position,
-            attitude_rad: [11.0, 12.0],
-            yaw_rad: 13.0,
-            z_m: 14.0,
-            position_m: [15.0, 16.0],
-            cut_off: true,
-            injection: [17.0, 18.0, 19.0, 20.0],
-        };
-        assert_eq!(arguments(&input(3, &measurement, &command)), (measurement, command));
+        let empty = Readings { pose: None, gyro_rad_s: None, command: None, request: None, ..full };
+        for sent in [full, empty] {
+            assert_eq!(readings(&message(3, &sent)), sent);
+        }
     }
 }

@@ -50,6 +50,10 @@ struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 4, allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1000))]
     substeps: u16,
 
+    /// Fly the failsafe drills instead and print the list: each rule with a flight that sets it off and one that just does not
+    #[arg(long)]
+    failsafes: bool,
+
     /// Folder for index.html and one flight file a flight
     #[arg(long, value_name = "DIR", default_value = "out/sil")]
     out: PathBuf,
@@ -117,6 +121,9 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         ),
         other => anyhow::bail!("--on {other}: not a place to run; use --on host"),
     }
+    if arguments.failsafes {
+        return failsafes(arguments.seed);
+    }
     let scenarios = match arguments.scenarios.as_slice() {
         [] => Scenario::standard().collect(),
         named => named.to_vec(),
@@ -175,6 +182,13 @@ fn flyable(path: &std::path::Path) -> anyhow::Result<Model> {
         );
     }
     Ok(model)
+}
+
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn failsafes(seed: u64) -> anyhow::Result<ExitCode> {
+    let (table, all) = sil::failsafe::table(seed)?;
+    print!("{table}");
+    Ok(ExitCode::from(u8::from(!all)))
 }
 
 #[expect(clippy::print_stdout, reason = "the program's output")]

@@ -18,7 +18,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use control::{Command, Config, Controller, Measurement};
+use control::{Autopilot, Config, Readings};
 use iceoryx2::port::client::Client;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
@@ -26,7 +26,7 @@ use iceoryx2::port::server::Server;
 use iceoryx2::prelude::*;
 use proto::{MAX_FRAME_LEN, Message};
 
-use crate::link::{Link, LinkError, arguments, input, output};
+use crate::link::{Link, LinkError, message, outcome, readings};
 
 type Ipc = ipc::Service;
 type Asking = Client<Ipc, [u8], (), [u8], ()>;
@@ -236,32 +236,22 @@ fn spawn(program: &Path, run: &str) -> Result<Child, LinkError> {
 }
 
 impl Link for Iceoryx2 {
-    fn tick(
-        &mut self,
-        tick: u32,
-        measurement: &Measurement,
-        command: &Command,
-    ) -> Result<proto::Output, LinkError> {
-        self.ask(tick, measurement, command).map_err(|error| self.explain(error))
+    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, LinkError> {
+        self.ask(tick, readings).map_err(|error| self.explain(error))
     }
 }
 
 impl Iceoryx2 {
-    fn ask(
-        &mut self,
-        tick: u32,
-        measurement: &Measurement,
-        command: &Command,
-    ) -> Result<proto::Output, LinkError> {
+    fn ask(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, LinkError> {
         let started = Instant::now();
         if tick.is_multiple_of(TICKS_BETWEEN_LOOKS) {
             self.look(started)?;
         }
-        let pending = self.send(&Message::Input(input(tick, measurement, command)))?;
+        let pending = self.send(&Message::Readings(message(tick, readings)))?;
         loop {
             if let Some(response) = pending.receive().map_err(refused("receive a response"))? {
                 return match proto::decode(response.payload())? {
-                    Message::Output(output) if output.tick == tick => Ok(output),
+                    Message::Outcome(outcome) if outcome.output.tick == tick => Ok(outcome),
                     other => Err(LinkError::WrongAnswer { expected: tick, found: format!("{other:?}") }),
                 };
             }
@@ -287,7 +277,7 @@ pub fn serve(run: &str) -> Result<(), crate::SilError> {
 
 fn answer_until_input_ends(run: &str, domain: &Domain) -> Result<(), crate::SilError> {
     let Some(config) = read_config()? else { return Ok(()) };
-    let mut controller = Controller::new(&config)?;
+    let mut autopilot = Autopilot::in_flight(&config)?;
     let plant_done = watch_input();
     let node = domain.node()?;
     let services = Services::open_or_create(&node, run)?;
@@ -302,7 +292,7 @@ fn answer_until_input_ends(run: &str, domain: &Domain) -> Result<(), crate::SilE
     while !plant_done.load(Ordering::Relaxed) {
         // An interrupted wait is like an empty one: whether to go on is the plant's to decide.
         let _ = asked.timed_wait(|_| {}, LOOK);
-        answer_all(&server, &answered, &mut controller)?;
+        answer_all(&server, &answered, &mut autopilot)?;
     }
     Ok(())
 }
@@ -311,15 +301,14 @@ fn answer_until_input_ends(run: &str, domain: &Domain) -> Result<(), crate::SilE
 fn answer_all(
     server: &Answering,
     answered: &Notifier<Ipc>,
-    controller: &mut Controller,
+    autopilot: &mut Autopilot,
 ) -> Result<(), LinkError> {
     let mut buffer = [0; MAX_FRAME_LEN];
     while let Some(request) = server.receive().map_err(refused("receive a request"))? {
         // An output is not for this side; the plant will miss an answer and say so.
-        let Message::Input(asked) = proto::decode(request.payload())? else { continue };
-        let (measurement, command) = arguments(&asked);
-        let outcome = output(asked.tick, &controller.tick(&measurement, &command));
-        let frame = proto::encode(&Message::Output(outcome), &mut buffer)?;
+        let Message::Readings(asked) = proto::decode(request.payload())? else { continue };
+        let outcome = outcome(asked.tick, autopilot.tick(&readings(&asked)));
+        let frame = proto::encode(&Message::Outcome(outcome), &mut buffer)?;
         let response = request.loan_slice_uninit(frame.len()).map_err(refused("lend memory"))?;
         response.write_from_slice(frame).send().map_err(refused("send a response"))?;
         answered.notify().map_err(refused("wake the plant"))?;

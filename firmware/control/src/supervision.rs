@@ -1,0 +1,303 @@
+//! When the supervisor steps in: the `[supervision]` table of the gains file.
+//!
+//! Every key has a default, so files from before there was a supervisor still read. Times and angles are what other
+//! autopilots fly with, made shorter for a cage: 0.5 s without a command and 60 degrees for 0.3 s as in PX4 and Crazyflie's
+//! firmware, 2 s to motors off as in Crazyflie's, a thrust loss judged within a second as in ArduPilot (sooner: the
+//! thesis' law has no priority of attitude over thrust and keeps a saturated craft level for about a second only).
+//! Battery levels belong to a pack, so there is no default that guesses one: without levels the voltage is not judged.
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::ConfigError;
+use crate::gains::Check;
+
+/// When the supervisor steps in.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Supervision {
+    /// Command frames.
+    pub link: Link,
+    /// Poses from motion capture.
+    pub pose: PoseLimits,
+    /// Gyro.
+    pub imu: Imu,
+    /// Voltage levels.
+    pub battery: BatteryLevels,
+    /// Tilt.
+    pub tilt: Tilt,
+    /// The box that must not be left.
+    pub fence: Fence,
+    /// Loss of thrust.
+    pub thrust: Thrust,
+    /// Clock and loop.
+    pub timing: Timing,
+    /// How a landing goes.
+    pub landing: Landing,
+}
+
+/// Command frames from the ground.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Link {
+    /// Hold after so many s without a good frame.
+    pub hold_after_s: f64,
+    /// Land after so many s without a good frame.
+    pub land_after_s: f64,
+    /// A link that was lost counts again after so many s of good frames.
+    pub good_for_s: f64,
+}
+
+/// Poses from motion capture.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PoseLimits {
+    /// So many s without a good pose are coasted: position held, attitude carried on by the gyro. Then: level, and hold.
+    pub coast_s: f64,
+    /// Go down after so many s without a good pose.
+    pub land_after_s: f64,
+    /// Motors off after so many s without a good pose.
+    pub cut_after_s: f64,
+    /// Poses that were missing count again after so many s of good ones.
+    pub good_for_s: f64,
+    /// The same pose for so many samples after its first is frozen.
+    pub repeats: u32,
+    /// A pose farther from the last than this many m ...
+    pub jump_m: f64,
+    /// ... plus this many m/s times the time between them is refused.
+    pub speed_m_s: f64,
+    /// So is one turned by more than this many rad about an axis.
+    pub jump_rad: f64,
+}
+
+/// Gyro.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Imu {
+    /// So many ticks without a sample are a fault.
+    pub missing_ticks: u32,
+    /// The same sample so many times is a fault.
+    pub repeats: u32,
+    /// Motors off after so many s without a usable sample, where the law uses the gyro or there are no poses either.
+    pub cut_after_s: f64,
+    /// Rates beyond this many rad/s are no rates (2000 degrees/s is the range of the usual chips).
+    pub rate_limit_rad_s: f64,
+    /// Greatest difference to the rates from motion capture in rad/s, after smoothing (added over the axes).
+    pub disagreement_rad_s: f64,
+    /// Time constant of that smoothing in s. It has to outlast the delay of the poses.
+    pub disagreement_filter_s: f64,
+}
+
+/// Voltage levels in V; 0 is no level.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BatteryLevels {
+    /// Under it the craft cannot be armed, and warns.
+    pub warn_v: f64,
+    /// Under it the craft lands.
+    pub land_v: f64,
+    /// Under it the craft lands fast.
+    pub empty_v: f64,
+    /// A level counts when the voltage has been under it for so many s: a sag in a climb is no empty battery.
+    pub for_s: f64,
+}
+
+/// Tilt.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Tilt {
+    /// Greatest angle between the body's and the inertial z axis in rad.
+    pub limit_rad: f64,
+    /// For so many s.
+    pub for_s: f64,
+    /// Greatest such angle at which the craft may be armed, in rad.
+    pub arming_rad: f64,
+}
+
+/// The box that must not be left, inertial NED in m.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Fence {
+    /// Least and greatest x in m.
+    pub x_m: [f64; 2],
+    /// Least and greatest y in m.
+    pub y_m: [f64; 2],
+    /// Least and greatest z in m, down positive.
+    pub z_m: [f64; 2],
+    /// For so many s.
+    pub for_s: f64,
+}
+
+/// Loss of thrust: the motors refuse thrust while the craft is level and sinks.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Thrust {
+    /// For so many s.
+    pub for_s: f64,
+    /// Sinking is faster than this many m/s.
+    pub sink_m_s: f64,
+    /// Level is a roll and a pitch that add up to less than this many rad.
+    pub level_rad: f64,
+}
+
+/// Clock and loop.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Timing {
+    /// Two ticks farther apart than this many s, or not in order, mean that the clock is wrong.
+    pub jump_s: f64,
+    /// So many s lost to late ticks are an overrun; a tenth of each tick in time is taken off again.
+    pub overrun_s: f64,
+}
+
+/// How a landing goes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Landing {
+    /// Rate of descent in m/s.
+    pub descent_m_s: f64,
+    /// Rate of descent with an empty battery in m/s.
+    pub fast_descent_m_s: f64,
+    /// Without poses nobody knows the height: the altitude loop is shown a height that is too great by this many m, and so
+    /// gives less thrust than carries the craft.
+    pub blind_offset_m: f64,
+    /// The landing is down this many m above the lowest height that may be commanded.
+    pub touchdown_m: f64,
+}
+
+impl Fence {
+    /// A box that cannot be left.
+    pub const NONE: Self = Self { x_m: [-1e5, 1e5], y_m: [-1e5, 1e5], z_m: [-1e5, 1e5], for_s: 0.2 };
+}
+
+impl BatteryLevels {
+    /// No levels.
+    pub const NONE: Self = Self { warn_v: 0.0, land_v: 0.0, empty_v: 0.0, for_s: 1.0 };
+    /// A lithium-polymer pack of three cells in flight, when 15, 7 and 5 % are left: 3.7, 3.6 and 3.5 V a cell at rest,
+    /// less the half volt that hovering draws it down.
+    pub const THREE_CELLS: Self = Self { warn_v: 10.6, land_v: 10.3, empty_v: 10.0, for_s: 1.0 };
+}
+
+impl Supervision {
+    /// The defaults: a cage of 7.6 m x 5.2 m and 2.8 m (thesis chapter 3) less a margin of 0.4 m, and no battery levels.
+    pub const DEFAULT: Self = Self {
+        link: Link { hold_after_s: 0.5, land_after_s: 1.9, good_for_s: 0.5 },
+        pose: PoseLimits {
+            coast_s: 0.05,
+            land_after_s: 0.4,
+            cut_after_s: 1.9,
+            good_for_s: 0.1,
+            repeats: 3,
+            jump_m: 0.5,
+            speed_m_s: 3.0,
+            jump_rad: 1.0,
+        },
+        imu: Imu {
+            missing_ticks: 3,
+            repeats: 10,
+            cut_after_s: 0.18,
+            rate_limit_rad_s: 35.0,
+            disagreement_rad_s: 1.2,
+            disagreement_filter_s: 0.2,
+        },
+        battery: BatteryLevels::NONE,
+        tilt: Tilt { limit_rad: core::f64::consts::FRAC_PI_3, for_s: 0.3, arming_rad: 0.2 },
+        fence: Fence { x_m: [-3.4, 3.4], y_m: [-2.2, 2.2], z_m: [-2.6, 0.5], for_s: 0.2 },
+        thrust: Thrust { for_s: 0.4, sink_m_s: 0.2, level_rad: 0.35 },
+        timing: Timing { jump_s: 1.0, overrun_s: 0.1 },
+        landing: Landing { descent_m_s: 0.3, fast_descent_m_s: 0.6, blind_offset_m: 0.06, touchdown_m: 0.1 },
+    };
+
+    /// Can this be flown with?
+    pub(crate) fn check(&self) -> Result<(), ConfigError> {
+        let Self { link, pose, imu, battery, tilt, fence, thrust, timing, landing } = self;
+        // No time is longer than a minute: a timer in microseconds counts to 71 of them.
+        let seconds = |group, times: &[(&'static str, f64)]| {
+            times.iter().try_for_each(|(name, value)| Check { group }.within(name, *value, 0.0, 60.0))
+        };
+        seconds(
+            "supervision.link",
+            &[
+                ("hold_after_s", link.hold_after_s),
+                ("land_after_s", link.land_after_s),
+                ("good_for_s", link.good_for_s),
+            ],
+        )?;
+        seconds(
+            "supervision.pose",
+            &[
+                ("coast_s", pose.coast_s),
+                ("land_after_s", pose.land_after_s),
+                ("cut_after_s", pose.cut_after_s),
+                ("good_for_s", pose.good_for_s),
+            ],
+        )?;
+        seconds("supervision.imu", &[("cut_after_s", imu.cut_after_s)])?;
+        seconds("supervision.battery", &[("for_s", battery.for_s)])?;
+        seconds("supervision.tilt", &[("for_s", tilt.for_s)])?;
+        seconds("supervision.fence", &[("for_s", fence.for_s)])?;
+        seconds("supervision.thrust", &[("for_s", thrust.for_s)])?;
+        seconds("supervision.timing", &[("jump_s", timing.jump_s), ("overrun_s", timing.overrun_s)])?;
+        let order = |group: &'static str, name, low, high| Check { group }.within(name, high, low, 60.0);
+        order("supervision.link", "land_after_s", link.hold_after_s, link.land_after_s)?;
+        order("supervision.pose", "land_after_s", pose.coast_s, pose.land_after_s)?;
+        order("supervision.pose", "cut_after_s", pose.land_after_s, pose.cut_after_s)?;
+        let check = Check { group: "supervision.pose" };
+        check.within("repeats", f64::from(pose.repeats), 1.0, 1e6)?;
+        check.within("jump_m", pose.jump_m, 1e-3, 1e5)?;
+        check.within("speed_m_s", pose.speed_m_s, 0.0, 1e4)?;
+        check.within("jump_rad", pose.jump_rad, 1e-3, 10.0)?;
+        let check = Check { group: "supervision.imu" };
+        check.within("missing_ticks", f64::from(imu.missing_ticks), 1.0, 1e6)?;
+        check.within("repeats", f64::from(imu.repeats), 1.0, 1e6)?;
+        check.within("rate_limit_rad_s", imu.rate_limit_rad_s, 1e-2, 1e4)?;
+        check.within("disagreement_rad_s", imu.disagreement_rad_s, 1e-3, 1e4)?;
+        check.within("disagreement_filter_s", imu.disagreement_filter_s, 1e-3, 60.0)?;
+        let check = Check { group: "supervision.battery" };
+        check.within("warn_v", battery.warn_v, 0.0, 1e3)?;
+        check.within("land_v", battery.land_v, 0.0, battery.warn_v)?;
+        check.within("empty_v", battery.empty_v, 0.0, battery.land_v)?;
+        let check = Check { group: "supervision.tilt" };
+        check.within("limit_rad", tilt.limit_rad, 0.1, core::f64::consts::PI)?;
+        check.within("arming_rad", tilt.arming_rad, 0.01, core::f64::consts::PI)?;
+        let check = Check { group: "supervision.fence" };
+        check.range("x_m", fence.x_m)?;
+        check.range("y_m", fence.y_m)?;
+        check.range("z_m", fence.z_m)?;
+        let check = Check { group: "supervision.thrust" };
+        check.within("sink_m_s", thrust.sink_m_s, 0.0, 100.0)?;
+        check.within("level_rad", thrust.level_rad, 0.01, core::f64::consts::PI)?;
+        let check = Check { group: "supervision.landing" };
+        check.within("descent_m_s", landing.descent_m_s, 0.01, 10.0)?;
+        check.within("fast_descent_m_s", landing.fast_descent_m_s, 0.01, 10.0)?;
+        check.within("blind_offset_m", landing.blind_offset_m, 0.0, 1.0)?;
+        check.within("touchdown_m", landing.touchdown_m, 0.0, 1.0)
+    }
+}
+
+macro_rules! defaults {
+    ($($table:ident: $field:ident),*) => {$(
+        impl Default for $table {
+            fn default() -> Self {
+                Supervision::DEFAULT.$field
+            }
+        }
+    )*};
+}
+
+defaults!(
+    Link: link,
+    PoseLimits: pose,
+    Imu: imu,
+    BatteryLevels: battery,
+    Tilt: tilt,
+    Fence: fence,
+    Thrust: thrust,
+    Timing: timing,
+    Landing: landing
+);
+
+impl Default for Supervision {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}

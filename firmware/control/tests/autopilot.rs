@@ -1,0 +1,307 @@
+//! The autopilot as a board sees it: readings in, states and motor commands out.
+
+use control::supervisor::Preflight;
+use control::{Autopilot, Command, Condition, Config, Pose, Readings, Request, State};
+use proptest::prelude::*;
+
+/// A craft on its stand, and what it hears.
+struct Rig {
+    autopilot: Autopilot,
+    readings: Readings,
+    tick: u32,
+}
+
+const STAND: Pose = Pose { position_m: [0.0, 0.0, -0.05], attitude_rad: [0.0; 3] };
+const WAIT: Command = Command {
+    mode: control::Mode::Attitude,
+    attitude_rad: [0.0; 2],
+    yaw_rad: 0.0,
+    z_m: -1.0,
+    position_m: [0.0; 2],
+    cut_off: true,
+    injection: [0.0; 4],
+};
+
+impl Rig {
+    fn new(time_us: u32) -> Self {
+        let readings = Readings {
+            time_us,
+            pose: Some(STAND),
+            gyro_rad_s: Some([0.0; 3]),
+            battery_v: 11.5,
+            command: Some(WAIT),
+            request: None,
+            outputs_ready: true,
+        };
+        Self { autopilot: Autopilot::new(&Config::thesis()).unwrap(), readings, tick: 0 }
+    }
+
+    /// One tick 10 ms on; sensors shiver as real ones do.
+    fn tick(&mut self, request: Option<Request>) -> control::Flight {
+        self.tick += 1;
+        self.readings.time_us = self.readings.time_us.wrapping_add(10_000);
+        let shiver = (self.tick % 7) as f32 * 1e-5;
+        let mut readings = Readings { request, ..self.readings };
+        if let Some(pose) = &mut readings.pose {
+            pose.position_m[0] += shiver;
+        }
+        if let Some(gyro) = &mut readings.gyro_rad_s {
+            gyro[0] += shiver;
+        }
+        *self.autopilot.tick(&readings)
+    }
+
+    fn run(&mut self, ticks: u32) -> control::Flight {
+        (0..ticks).map(|_| self.tick(None)).last().unwrap()
+    }
+
+    fn armed(time_us: u32) -> Self {
+        let mut rig = Self::new(time_us);
+        rig.run(100);
+        assert_eq!(rig.tick(Some(Request::Arm)).state, State::Armed);
+        rig
+    }
+
+    fn flying(time_us: u32) -> Self {
+        let mut rig = Self::armed(time_us);
+        rig.readings.command = Some(Command { cut_off: false, ..WAIT });
+        assert_eq!(rig.tick(None).state, State::Flying);
+        rig
+    }
+}
+
+fn idles(flight: &control::Flight) -> bool {
+    flight.tick.pwm == [1000.0; 4]
+}
+
+#[test]
+fn it_boots_disarmed_and_waits_for_half_a_second_of_commands() {
+    let mut rig = Rig::new(0);
+    for k in 1..=60 {
+        let flight = rig.tick(Some(Request::Arm));
+        assert!(idles(&flight));
+        let link = flight.preflight.bits() & Preflight::LINK != 0;
+        assert_eq!(link, k >= 50, "tick {k}: 0.5 s of good frames");
+        assert_eq!(flight.state == State::Armed, k >= 50, "tick {k}");
+        if flight.state == State::Armed {
+            return;
+        }
+    }
+    panic!("never armed");
+}
+
+#[test]
+fn from_the_stand_to_the_air_and_back() {
+    let mut rig = Rig::armed(0);
+    assert!(idles(&rig.run(200)), "armed, motors idle");
+    rig.readings.command = Some(Command { cut_off: false, ..WAIT });
+    let flight = rig.run(50);
+    assert_eq!(flight.state, State::Flying);
+    assert!(!idles(&flight), "it climbs");
+    assert_eq!(rig.tick(Some(Request::Land)).state, State::Land);
+    assert_eq!(rig.tick(None).state, State::Disarmed, "on its stand it has landed");
+    let flight = rig.run(500);
+    assert!(idles(&flight) && flight.state == State::Disarmed, "a command does not take off again");
+}
+
+type Break = fn(&mut Rig);
+
+/// One way to break each preflight check that inputs can break; the controller's own fault is forced in a unit test.
+const BREAKS: [(u16, Break); 9] = [
+    (Preflight::LINK, |rig| rig.readings.command = None),
+    (Preflight::POSE, |rig| rig.readings.pose = None),
+    (Preflight::IMU, |rig| rig.readings.gyro_rad_s = None),
+    (Preflight::BATTERY, |rig| rig.readings.battery_v = 10.5),
+    (Preflight::LEVEL, |rig| rig.readings.pose.iter_mut().for_each(|pose| pose.attitude_rad[0] = 0.3)),
+    (Preflight::INSIDE, |rig| rig.readings.pose.iter_mut().for_each(|pose| pose.position_m[1] = 2.5)),
+    (Preflight::TIMING, |rig| rig.readings.time_us = rig.readings.time_us.wrapping_add(2_000_000)),
+    (Preflight::OUTPUTS, |rig| rig.readings.outputs_ready = false),
+    (Preflight::IDLE, |rig| rig.readings.command.iter_mut().for_each(|command| command.cut_off = false)),
+];
+
+/// All 512 combinations of the checks that inputs can break: it arms with none broken, and only so.
+#[test]
+fn it_arms_on_the_good_row_only() {
+    for row in 0..512_u16 {
+        let mut rig = Rig::new(0);
+        rig.run(100);
+        let mut broken = 0;
+        let timing = BREAKS[6].1;
+        for (k, (check, break_it)) in BREAKS.iter().enumerate() {
+            if row & 1 << k != 0 {
+                broken |= check;
+                // What was said before arming and what leaps is broken in the last tick.
+                if k != 6 {
+                    break_it(&mut rig);
+                }
+            }
+        }
+        let before = rig.run(150);
+        if row & 1 << 6 != 0 {
+            timing(&mut rig);
+        }
+        let flight = rig.tick(Some(Request::Arm));
+        assert_eq!(flight.state, if row == 0 { State::Armed } else { State::Disarmed }, "row {row:09b}");
+        // A craft without poses stands where it was last seen; without commands it has the last one.
+        let hidden = if broken & Preflight::POSE != 0 { Preflight::LEVEL | Preflight::INSIDE } else { 0 }
+            | if broken & Preflight::LINK != 0 { Preflight::IDLE } else { 0 };
+        assert_eq!(flight.preflight.bits() | hidden, Preflight::ALL.bits() & !broken | hidden, "{before:?}");
+    }
+}
+
+#[test]
+fn cut_is_latched() {
+    let mut rig = Rig::flying(0);
+    assert!(idles(&rig.tick(Some(Request::Cut))));
+    for request in [None, Some(Request::Arm), Some(Request::Land), Some(Request::Cut)] {
+        for _ in 0..200 {
+            let flight = rig.tick(request);
+            assert!(flight.state == State::Cut && idles(&flight));
+        }
+    }
+    assert_eq!(rig.tick(Some(Request::Disarm)).state, State::Disarmed);
+    assert_eq!(rig.run(300).state, State::Disarmed);
+}
+
+#[test]
+fn an_armed_craft_that_loses_anything_is_disarmed() {
+    for (k, (_, break_it)) in BREAKS.iter().enumerate().filter(|(k, _)| ![7, 8].contains(k)) {
+        let mut rig = Rig::armed(0);
+        break_it(&mut rig);
+        // A tilt has to last, and the limit in flight is wider.
+        if k == 4 {
+            rig.readings.pose.iter_mut().for_each(|pose| pose.attitude_rad[0] = 1.2);
+        }
+        assert_eq!(rig.run(150).state, State::Disarmed, "check {k}");
+    }
+}
+
+/// The same second of trouble from several starts of the clock: across the wrap and the half way it is the same.
+#[test]
+fn timers_do_not_care_when_the_clock_wraps() {
+    let story = |start: u32| -> Vec<(State, u32)> {
+        let mut rig = Rig::flying(start);
+        let mut states = vec![(rig.tick(None).state, 0)];
+        for k in 0..1000 {
+            match k {
+                100 => rig.readings.command = None,
+                170 => rig.readings.command = Some(Command { cut_off: false, ..WAIT }),
+                400 => rig.readings.pose = None,
+                420 => rig.readings.pose = Some(STAND),
+                600 => rig.readings.battery_v = 10.2,
+                _ => {}
+            }
+            let flight = rig.tick(None);
+            if states.last().unwrap().0 != flight.state {
+                states.push((flight.state, k));
+            }
+        }
+        states
+    };
+    let expected = story(1_000_000);
+    let names: Vec<State> = expected.iter().map(|(state, _)| *state).collect();
+    use State::{Disarmed, Flying, Hold, Land};
+    assert_eq!(names, [Flying, Hold, Flying, Hold, Flying, Land, Disarmed]);
+    for start in [0_u32, 1 << 31, (1 << 31) - 5_000_000, 0_u32.wrapping_sub(30_000_000)] {
+        assert_eq!(story(start), expected, "start {start}");
+    }
+    for before_wrap_us in (0..12_000_000).step_by(510_000) {
+        assert_eq!(
+            story(0_u32.wrapping_sub(before_wrap_us)),
+            expected,
+            "{before_wrap_us} us before the wrap"
+        );
+    }
+}
+
+#[test]
+fn without_any_clock_there_is_a_fault() {
+    let mut rig = Rig::flying(0);
+    rig.readings.time_us = rig.readings.time_us.wrapping_sub(10_000);
+    let flight = rig.tick(None);
+    assert!(flight.conditions.has(Condition::ClockJumped), "the clock stands still");
+    assert_eq!(flight.state, State::Land);
+}
+
+fn any_f32() -> impl Strategy<Value = f32> {
+    prop_oneof![
+        3 => any::<u32>().prop_map(f32::from_bits),
+        6 => -2.0_f32..2.0,
+        1 => prop::sample::select(vec![f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, 1e-45, -0.0]),
+    ]
+}
+
+fn any_readings() -> impl Strategy<Value = Readings> {
+    let three = || [any_f32(), any_f32(), any_f32()];
+    let pose = prop::option::of((three(), three()))
+        .prop_map(|pose| pose.map(|(position_m, attitude_rad)| Pose { position_m, attitude_rad }));
+    let command =
+        prop::option::of((any::<bool>(), [any_f32(), any_f32(), any_f32(), any_f32()], any::<bool>()))
+            .prop_map(|command| {
+                command.map(|(position, [a, b, c, d], cut_off)| Command {
+                    mode: if position { control::Mode::Position } else { control::Mode::Attitude },
+                    attitude_rad: [a, b],
+                    yaw_rad: c,
+                    z_m: d,
+                    position_m: [b, c],
+                    cut_off,
+                    injection: [d, a, b, c],
+                })
+            });
+    let request = prop::sample::select(vec![
+        None,
+        None,
+        None,
+        Some(Request::Arm),
+        Some(Request::Disarm),
+        Some(Request::Land),
+        Some(Request::Cut),
+    ]);
+    let clock = prop_oneof![4 => Just(10_000_u32), 1 => any::<u32>(), 1 => 0_u32..200_000];
+    (clock, pose, prop::option::of(three()), any_f32(), command, request, any::<bool>()).prop_map(
+        |(time_us, pose, gyro_rad_s, battery, command, request, outputs_ready)| Readings {
+            time_us,
+            pose,
+            gyro_rad_s,
+            battery_v: battery + 10.5,
+            command,
+            request,
+            outputs_ready,
+        },
+    )
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(30_000))]
+
+    /// Whatever comes, in whatever order, from the stand, armed or flying: motor commands are inside the range, idle where they
+    /// have to be, nothing arms without a request, and cut is left by disarm alone.
+    #[test]
+    fn any_readings_are_survived(from in 0_usize..4, inputs in prop::collection::vec(any_readings(), 1..40)) {
+        let mut rig = match from {
+            0 => Rig::new(0),
+            1 => Rig::armed(0),
+            2 => Rig::flying(0),
+            _ => Rig { autopilot: Autopilot::in_flight(&Config::thesis_hand_tuned()).unwrap(), ..Rig::new(0) },
+        };
+        let mut before = rig.autopilot.state();
+        let mut time_us = rig.readings.time_us;
+        for input in inputs {
+            time_us = time_us.wrapping_add(input.time_us);
+            let flight = *rig.autopilot.tick(&Readings { time_us, ..input });
+            prop_assert!(flight.tick.pwm.iter().all(|pwm| (1000.0..=2000.0).contains(pwm)), "{flight:?}");
+            prop_assert!(!flight.state.motors_idle() || idles(&flight), "{flight:?}");
+            prop_assert_eq!(flight.tick.faults.internal.count, 0);
+            if before.motors_idle() && !flight.state.motors_idle() {
+                prop_assert!(before == State::Armed && flight.state == State::Flying, "{before:?} {:?}", flight.state);
+            }
+            if before == State::Cut && flight.state != State::Cut {
+                prop_assert_eq!(input.request, Some(Request::Disarm));
+            }
+            if flight.state == State::Armed && before != State::Armed {
+                prop_assert!(before == State::Disarmed && input.request == Some(Request::Arm) && flight.preflight.ready());
+            }
+            before = flight.state;
+        }
+    }
+}

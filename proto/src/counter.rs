@@ -1,0 +1,264 @@
+//! Packet numbers that never come twice, not even after a restart.
+//!
+//! A sender takes numbers only from a stretch that its store holds as used already, so after a crash it goes on behind it.
+//! A receiver accepts only growing numbers, and only under a limit that its store holds already, so after a restart it
+//! refuses everything it may have accepted before. Both ask for the next stretch when half of one is left: the store may be
+//! slow, and is never waited for in a control loop. [`RESERVE`] numbers are lost at a restart, of 2^64.
+//!
+//! A sender that is behind a restarted receiver hears [`accepts_from`](crate::Identity::accepts_from) and skips ahead.
+
+/// Length of a stretch of numbers.
+pub const RESERVE: u64 = 1024;
+
+/// Keeps one number through a restart. Storing has to be done (on the disk, in the flash) when it returns.
+pub trait CounterStore {
+    /// What can go wrong.
+    type Error;
+
+    /// The number as it was stored last; 0 if there is none.
+    ///
+    /// # Errors
+    /// It cannot be read. Then no number is safe.
+    fn load(&mut self) -> Result<u64, Self::Error>;
+
+    /// Stores a number, greater than all before.
+    ///
+    /// # Errors
+    /// It cannot be stored. Then the stretch must not be used.
+    fn store(&mut self, number: u64) -> Result<(), Self::Error>;
+}
+
+/// Numbers for a sender.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SendCounter {
+    next: u64,
+    reserved: u64,
+}
+
+impl SendCounter {
+    /// Goes on after a restart: `stored` is what the store holds. Numbers come once a stretch is reserved.
+    pub fn resume(stored: u64) -> Self {
+        Self { next: stored, reserved: stored }
+    }
+
+    /// Numbers from 0 on that no store holds: for links without a key.
+    pub fn volatile() -> Self {
+        Self { next: 0, reserved: u64::MAX }
+    }
+
+    /// What has to be stored next, if it is time; then call [`SendCounter::reserved`].
+    pub fn to_reserve(&self) -> Option<u64> {
+        (self.reserved.saturating_sub(self.next) < RESERVE / 2).then(|| self.next.saturating_add(RESERVE))
+    }
+
+    /// The store holds `number`.
+    pub fn reserved(&mut self, number: u64) {
+        self.reserved = self.reserved.max(number);
+    }
+
+    /// Stores what has to be stored.
+    ///
+    /// # Errors
+    /// The store's.
+    pub fn keep<S: CounterStore>(&mut self, store: &mut S) -> Result<(), S::Error> {
+        if let Some(number) = self.to_reserve() {
+            store.store(number)?;
+            self.reserved(number);
+        }
+        Ok(())
+    }
+
+    /// The receiver accepts numbers from here on.
+    pub fn skip_to(&mut self, number: u64) {
+        self.next = self.next.max(number);
+    }
+
+    /// The next number; none if nothing is reserved.
+    pub fn take(&mut self) -> Option<u64> {
+        let number = self.next;
+        if number >= self.reserved {
+            return None;
+        }
+        self.next = number + 1;
+        Some(number)
+    }
+}
+
+/// What a receiver thinks of a number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Verdict {
+    /// Accepted; so many numbers before it never came.
+    Fresh { lost: u64 },
+    /// Has been there, or could have been.
+    Replayed { accepts_from: u64 },
+    /// Beyond what is reserved: accepted once more is.
+    NotYet,
+}
+
+/// Numbers that a receiver has seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ReplayGuard {
+    accepts_from: u64,
+    reserved: u64,
+    /// The greatest genuine number that lay beyond the reserved stretch.
+    wanted: u64,
+    /// Nothing has been accepted since the start: a gap before the first one is no loss.
+    fresh: bool,
+    /// No store and no key: a sender that starts anew at 0 is let in.
+    volatile: bool,
+}
+
+impl ReplayGuard {
+    /// Goes on after a restart: `stored` is what the store holds.
+    pub fn resume(stored: u64) -> Self {
+        Self { accepts_from: stored, reserved: stored, wanted: stored, fresh: true, volatile: false }
+    }
+
+    /// Order only: for links without a key.
+    pub fn volatile() -> Self {
+        Self { accepts_from: 0, reserved: u64::MAX, wanted: 0, fresh: true, volatile: true }
+    }
+
+    /// Least number that will be accepted.
+    pub fn accepts_from(&self) -> u64 {
+        self.accepts_from
+    }
+
+    /// What has to be stored next, if it is time; then call [`ReplayGuard::reserved`].
+    pub fn to_reserve(&self) -> Option<u64> {
+        let base = self.accepts_from.max(self.wanted);
+        (self.reserved.saturating_sub(base) < RESERVE / 2).then(|| base.saturating_add(RESERVE))
+    }
+
+    /// The store holds `number`.
+    pub fn reserved(&mut self, number: u64) {
+        self.reserved = self.reserved.max(number);
+    }
+
+    /// Stores what has to be stored.
+    ///
+    /// # Errors
+    /// The store's.
+    pub fn keep<S: CounterStore>(&mut self, store: &mut S) -> Result<(), S::Error> {
+        if let Some(number) = self.to_reserve() {
+            store.store(number)?;
+            self.reserved(number);
+        }
+        Ok(())
+    }
+
+    /// Judges the number of a packet that is genuine.
+    pub(crate) fn judge(&mut self, number: u64) -> Verdict {
+        let began_anew = self.volatile && number.saturating_add(RESERVE) < self.accepts_from;
+        if number < self.accepts_from && !began_anew {
+            return Verdict::Replayed { accepts_from: self.accepts_from };
+        }
+        if number >= self.reserved {
+            self.wanted = self.wanted.max(number);
+            return Verdict::NotYet;
+        }
+        let lost = if self.fresh || began_anew { 0 } else { number - self.accepts_from };
+        (self.accepts_from, self.fresh) = (number + 1, false);
+        Verdict::Fresh { lost }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A store that can be made to fail.
+    #[derive(Default)]
+    struct Store {
+        number: u64,
+        broken: bool,
+    }
+
+    impl CounterStore for Store {
+        type Error = ();
+
+        fn load(&mut self) -> Result<u64, ()> {
+            Ok(self.number)
+        }
+
+        fn store(&mut self, number: u64) -> Result<(), ()> {
+            assert!(number > self.number, "stored numbers grow");
+            if self.broken {
+                return Err(());
+            }
+            self.number = number;
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_sender_never_takes_a_number_twice_however_often_it_crashes() {
+        let mut store = Store::default();
+        let mut last = None;
+        for crash_after in [0_u32, 1, 3, 500, 511, 512, 513, 1023, 1024, 1025, 5000] {
+            let mut counter = SendCounter::resume(store.load().unwrap());
+            assert_eq!(counter.take(), None, "nothing is reserved yet");
+            for _ in 0..crash_after {
+                counter.keep(&mut store).unwrap();
+                let number = counter.take().unwrap();
+                assert!(last.is_none_or(|last| number > last), "{last:?} {number}");
+                last = Some(number);
+            }
+        }
+    }
+
+    #[test]
+    fn without_a_store_the_numbers_end() {
+        let mut store = Store { broken: true, ..Store::default() };
+        let mut counter = SendCounter::resume(0);
+        assert!(counter.keep(&mut store).is_err());
+        assert_eq!(counter.take(), None);
+        counter.reserved(3);
+        assert_eq!(
+            [counter.take(), counter.take(), counter.take(), counter.take()],
+            [Some(0), Some(1), Some(2), None]
+        );
+    }
+
+    #[test]
+    fn a_restarted_receiver_refuses_everything_it_accepted() {
+        let mut store = Store::default();
+        let mut seen = Vec::new();
+        for from in [0, 10_000, 10_500, u64::MAX - 3000] {
+            let mut guard = ReplayGuard::resume(store.load().unwrap());
+            for number in &seen {
+                assert!(matches!(guard.judge(*number), Verdict::Replayed { .. }), "{number} after a restart");
+            }
+            let from = guard.accepts_from().max(from);
+            for number in from..from + 700 {
+                guard.keep(&mut store).unwrap();
+                if guard.judge(number) == Verdict::NotYet {
+                    guard.keep(&mut store).unwrap();
+                    assert!(matches!(guard.judge(number), Verdict::Fresh { .. }));
+                }
+                assert!(matches!(guard.judge(number), Verdict::Replayed { .. }), "{number} twice");
+                seen.push(number);
+            }
+        }
+    }
+
+    #[test]
+    fn gaps_are_counted_and_order_is_kept() {
+        let mut guard = ReplayGuard::resume(0);
+        guard.reserved(1000);
+        assert_eq!(guard.judge(100), Verdict::Fresh { lost: 0 });
+        assert_eq!(guard.judge(101), Verdict::Fresh { lost: 0 });
+        assert_eq!(guard.judge(105), Verdict::Fresh { lost: 3 });
+        assert_eq!(guard.judge(104), Verdict::Replayed { accepts_from: 106 }, "late is too late");
+        assert_eq!(guard.judge(1000), Verdict::NotYet);
+    }
+
+    #[test]
+    fn an_open_link_lets_a_new_start_in() {
+        let mut guard = ReplayGuard::volatile();
+        assert_eq!(guard.judge(5000), Verdict::Fresh { lost: 0 });
+        assert!(matches!(guard.judge(4990), Verdict::Replayed { .. }));
+        assert_eq!(guard.judge(0), Verdict::Fresh { lost: 0 });
+        assert_eq!(guard.to_reserve(), None);
+    }
+}

@@ -1,0 +1,66 @@
+//! Packets on a byte stream: consistent overhead byte stuffing, with a zero after each packet.
+//!
+//! A zero never occurs inside, so a reader that starts in the middle or loses bytes is in step again at the next one.
+
+use crate::packet::MAX_PACKET_LEN;
+
+/// No stuffed packet is longer, in bytes: one byte of overhead in 254, one more, and the zero.
+pub const MAX_STREAM_LEN: usize = MAX_PACKET_LEN + MAX_PACKET_LEN / 254 + 2;
+
+/// Writes a packet in its stuffed form with its zero; `None` if `buffer` is too short ([`MAX_STREAM_LEN`] suffices).
+pub fn enframe<'a>(packet: &[u8], buffer: &'a mut [u8]) -> Option<&'a [u8]> {
+    let length = cobs::try_encode(packet, buffer).ok()?;
+    *buffer.get_mut(length)? = 0;
+    buffer.get(..=length)
+}
+
+/// Finds packets in a byte stream.
+#[derive(Debug, Clone)]
+pub struct Deframer {
+    buffer: [u8; MAX_STREAM_LEN],
+    length: usize,
+    /// Too long to be a packet: everything up to the next zero is left out.
+    overlong: bool,
+    /// Frames that were no packets; stays at the greatest number.
+    pub dropped: u32,
+}
+
+impl Default for Deframer {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Deframer {
+    /// Nothing has come yet.
+    pub const fn new() -> Self {
+        Self { buffer: [0; MAX_STREAM_LEN], length: 0, overlong: false, dropped: 0 }
+    }
+
+    /// Takes one byte; gives the packet that it ends, still sealed.
+    pub fn push(&mut self, byte: u8) -> Option<&[u8]> {
+        if byte != 0 {
+            match self.buffer.get_mut(self.length) {
+                Some(place) => {
+                    *place = byte;
+                    self.length += 1;
+                }
+                None => self.overlong = true,
+            }
+            return None;
+        }
+        let (length, overlong) = (self.length, self.overlong);
+        (self.length, self.overlong) = (0, false);
+        if length == 0 && !overlong {
+            return None; // zeros between packets are allowed
+        }
+        let stuffed = self.buffer.get_mut(..length).filter(|_| !overlong);
+        match stuffed.and_then(|stuffed| cobs::decode_in_place(stuffed).ok()) {
+            Some(length) => self.buffer.get(..length),
+            None => {
+                self.dropped = self.dropped.saturating_add(1);
+                None
+            }
+        }
+    }
+}
