@@ -4,6 +4,7 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
+use control::supervision::Fence;
 use model::{Model, user_effect};
 use serde_json::Value;
 use sil::{FlightPlan, SilError, fly};
@@ -59,6 +60,8 @@ fn a_formula_without_a_value_ends_the_flight_with_its_name() {
     // Higher up there is nothing to object to.
     plan = FlightPlan::thesis_step(sil::StepAxis::Z, -0.5);
     plan.model = model.clone();
+    // The push north goes on for twenty seconds.
+    plan.config.supervision.fence = Fence::NONE;
     assert!(fly(&plan).unwrap().complete);
 
     std::fs::write(folder.path().join("model.toml"), model.to_toml()).unwrap();
