@@ -1,7 +1,7 @@
 //! Channels that lie: a tracker that freezes or jumps, commands at their ends, motors that never move.
 //!
 //! A frozen tracker repeats its last pose while the gyro goes on; a teleport (a swapped marker, a lost track) is a jump that no
-//! craft flies. Their samples are taken out like missing values ([`mask`]), so that what is left is a flight with gaps
+//! craft flies. Their samples are taken out like missing values (`mask`), so that what is left is a flight with gaps
 //! and nothing is fitted to them. Commands at an end of their range are kept, and told: there the controller asked
 //! for more than the motors gave.
 

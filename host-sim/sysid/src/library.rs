@@ -1,6 +1,6 @@
 //! The library of a flight: what a regression on it chooses from, as plain numbers for other programs.
 //!
-//! Targets and columns are those that a fit stacks ([`crate::fit`]): the basic model's columns, and those of every candidate
+//! Targets and columns are those that a fit stacks (`fit.rs`): the basic model's columns, and those of every candidate
 //! effect of the catalogue. Adjusting effects, which are not linear in their coefficients, stand in with the derivative of the
 //! residual at none of them.
 

@@ -7,10 +7,10 @@
 //! least-squares start). Only the moment rows are moved unless asked: forces from an accelerometer are better seen
 //! sample by sample than through an integral of them.
 //!
-//! **Loss.** For position, velocity, attitude (rotation vector) and rate at every [`HORIZON_STEP`]th horizon the norm of
+//! **Loss.** For position, velocity, attitude (rotation vector) and rate at every `HORIZON_STEP`th horizon the norm of
 //! the error over its mean at the start of the descent; so all four quantities weigh the same and so does every horizon. A
 //! norm, not its square: it is what `sum_1_50` of a comparison reports, and a stretch in which the model is lost (a
-//! collision, a gust) does not decide the fit. Towards zero the norm turns into a square ([`ROUNDED`]); each step
+//! collision, a gust) does not decide the fit. Towards zero the norm turns into a square (`ROUNDED`); each step
 //! solves the reweighted least squares.
 //!
 //! **What stays.** Inertia ratios and gyroscopic torque are products of rates, which half a second averages away, and
@@ -22,7 +22,7 @@
 //!
 //! **Standard errors.** Errors along a rollout are one error seen fifty times, and the smoother spreads noise from one
 //! rollout to the next: the formula for white noise would be far too optimistic. They are the jackknife's over blocks
-//! of [`BLOCK_S`], longer than both (the sandwich of scores with each block's leverage taken out).
+//! of `BLOCK_S`, longer than both (the sandwich of scores with each block's leverage taken out).
 //!
 //! **What is refused.** Coefficients of impossible sign, drag or damping that feeds energy in where it did not before, and
 //! anything that does not lower the open-loop error of held-out flights.
