@@ -132,12 +132,25 @@ pub(crate) fn fly(trial: &Trial) -> Result<(World, Vec<Flight>), String> {
     Ok((world, flights))
 }
 
+/// Crafts drawn for a trial before it is given up.
+const DRAWS: u64 = 5;
+
+/// A craft that its pilot cannot keep is no answer of the product: another is drawn.
 pub(crate) fn run(trial: &Trial) -> Outcome {
-    let asked = match trial.hidden {
-        Hidden::Change(_) => ask_what_changed(trial),
-        _ => ask_what_is_missing(trial),
-    };
-    asked.unwrap_or_else(|why| Outcome::failed(trial, why))
+    let mut last = Outcome::failed(trial, "no craft was drawn".into());
+    for draw in 0..DRAWS {
+        let trial = Trial { seed: trial.seed + draw * 1_000_000, ..trial.clone() };
+        let asked = match trial.hidden {
+            Hidden::Change(_) => ask_what_changed(&trial),
+            _ => ask_what_is_missing(&trial),
+        };
+        match asked {
+            Ok(outcome) => return outcome,
+            Err(why) if why.starts_with("the craft was lost") => last = Outcome::failed(&trial, why),
+            Err(why) => return Outcome::failed(&trial, why),
+        }
+    }
+    last
 }
 
 fn prepare(flights: &[Flight], world: &World) -> Result<Vec<Prepared>, String> {
