@@ -32,28 +32,28 @@ pub trait CounterStore {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SendCounter {
     next: u64,
-    reserved: u64,
+    reserved: Reserved,
 }
 
 impl SendCounter {
     /// Goes on after a restart: `stored` is what the store holds. Numbers come once a stretch is reserved.
     pub fn resume(stored: u64) -> Self {
-        Self { next: stored, reserved: stored }
+        Self { next: stored, reserved: Reserved { end: stored } }
     }
 
     /// Numbers from 0 on that no store holds: for links without a key.
     pub fn volatile() -> Self {
-        Self { next: 0, reserved: u64::MAX }
+        Self { next: 0, reserved: Reserved { end: u64::MAX } }
     }
 
     /// What has to be stored next, if it is time; then call [`SendCounter::reserved`].
     pub fn to_reserve(&self) -> Option<u64> {
-        (self.reserved.saturating_sub(self.next) < RESERVE / 2).then(|| self.next.saturating_add(RESERVE))
+        self.reserved.due(self.next)
     }
 
     /// The store holds `number`.
     pub fn reserved(&mut self, number: u64) {
-        self.reserved = self.reserved.max(number);
+        self.reserved.extend(number);
     }
 
     /// Stores what has to be stored.
@@ -61,11 +61,7 @@ impl SendCounter {
     /// # Errors
     /// The store's.
     pub fn keep<S: CounterStore>(&mut self, store: &mut S) -> Result<(), S::Error> {
-        if let Some(number) = self.to_reserve() {
-            store.store(number)?;
-            self.reserved(number);
-        }
-        Ok(())
+        self.reserved.keep(self.next, store)
     }
 
     /// The receiver accepts numbers from here on.
@@ -76,11 +72,38 @@ impl SendCounter {
     /// The next number; none if nothing is reserved.
     pub fn take(&mut self) -> Option<u64> {
         let number = self.next;
-        if number >= self.reserved {
+        if number >= self.reserved.end {
             return None;
         }
         self.next = number + 1;
         Some(number)
+    }
+}
+
+/// Numbers set aside: the store holds that none from `end` on has been used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Reserved {
+    end: u64,
+}
+
+impl Reserved {
+    /// What has to be stored for numbers from `base` on, if it is time.
+    fn due(&self, base: u64) -> Option<u64> {
+        (self.end.saturating_sub(base) < RESERVE / 2).then(|| base.saturating_add(RESERVE))
+    }
+
+    /// The store holds `number`.
+    fn extend(&mut self, number: u64) {
+        self.end = self.end.max(number);
+    }
+
+    /// Stores what has to be stored.
+    fn keep<S: CounterStore>(&mut self, base: u64, store: &mut S) -> Result<(), S::Error> {
+        if let Some(number) = self.due(base) {
+            store.store(number)?;
+            self.extend(number);
+        }
+        Ok(())
     }
 }
 
@@ -99,7 +122,7 @@ pub(crate) enum Verdict {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ReplayGuard {
     accepts_from: u64,
-    reserved: u64,
+    reserved: Reserved,
     /// The greatest genuine number that lay beyond the reserved stretch.
     wanted: u64,
     /// Nothing has been accepted since the start: a gap before the first one is no loss.
@@ -111,12 +134,18 @@ pub struct ReplayGuard {
 impl ReplayGuard {
     /// Goes on after a restart: `stored` is what the store holds.
     pub fn resume(stored: u64) -> Self {
-        Self { accepts_from: stored, reserved: stored, wanted: stored, fresh: true, volatile: false }
+        Self {
+            accepts_from: stored,
+            reserved: Reserved { end: stored },
+            wanted: stored,
+            fresh: true,
+            volatile: false,
+        }
     }
 
     /// Order only: for links without a key.
     pub fn volatile() -> Self {
-        Self { accepts_from: 0, reserved: u64::MAX, wanted: 0, fresh: true, volatile: true }
+        Self { accepts_from: 0, reserved: Reserved { end: u64::MAX }, wanted: 0, fresh: true, volatile: true }
     }
 
     /// Least number that will be accepted.
@@ -124,15 +153,19 @@ impl ReplayGuard {
         self.accepts_from
     }
 
+    /// Where the numbers go on from, as far as they have been heard.
+    fn base(&self) -> u64 {
+        self.accepts_from.max(self.wanted)
+    }
+
     /// What has to be stored next, if it is time; then call [`ReplayGuard::reserved`].
     pub fn to_reserve(&self) -> Option<u64> {
-        let base = self.accepts_from.max(self.wanted);
-        (self.reserved.saturating_sub(base) < RESERVE / 2).then(|| base.saturating_add(RESERVE))
+        self.reserved.due(self.base())
     }
 
     /// The store holds `number`.
     pub fn reserved(&mut self, number: u64) {
-        self.reserved = self.reserved.max(number);
+        self.reserved.extend(number);
     }
 
     /// Stores what has to be stored.
@@ -140,11 +173,7 @@ impl ReplayGuard {
     /// # Errors
     /// The store's.
     pub fn keep<S: CounterStore>(&mut self, store: &mut S) -> Result<(), S::Error> {
-        if let Some(number) = self.to_reserve() {
-            store.store(number)?;
-            self.reserved(number);
-        }
-        Ok(())
+        self.reserved.keep(self.base(), store)
     }
 
     /// Judges the number of a packet that is genuine.
@@ -153,7 +182,7 @@ impl ReplayGuard {
         if number < self.accepts_from && !began_anew {
             return Verdict::Replayed { accepts_from: self.accepts_from };
         }
-        if number >= self.reserved {
+        if number >= self.reserved.end {
             self.wanted = self.wanted.max(number);
             return Verdict::NotYet;
         }

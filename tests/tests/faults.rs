@@ -153,40 +153,27 @@ fn planted() -> Vec<(String, &'static str, Edit)> {
         "upside down",
         Box::new(move |r| r.euler = to(r.euler, flip, Matrix3::identity())),
     ));
-    all.push((
-        "log NWU/FLU".into(),
-        "whole log",
-        Box::new(move |r| {
-            r.euler = to(r.euler, flip, flip);
-            r.position = flip * r.position;
-            r.rate = flip * r.rate;
-        }),
-    ));
-    all.push((
-        "log ENU/FLU".into(),
-        "whole log",
-        Box::new(move |r| {
-            r.euler = to(r.euler, flip, enu);
-            r.position = enu * r.position;
-            r.rate = flip * r.rate;
-        }),
-    ));
-    all.push((
-        "tracker NWU/FLU".into(),
-        "tracker",
-        Box::new(move |r| {
-            r.euler = to(r.euler, flip, flip);
-            r.position = flip * r.position;
-        }),
-    ));
-    all.push((
-        "tracker ENU/FLU".into(),
-        "tracker",
-        Box::new(move |r| {
-            r.euler = to(r.euler, flip, enu);
-            r.position = enu * r.position;
-        }),
-    ));
+    for (name, earth) in [("NWU", flip), ("ENU", enu)] {
+        all.push((
+            format!("log {name}/FLU"),
+            "whole log",
+            Box::new(move |r| {
+                r.euler = to(r.euler, flip, earth);
+                r.position = earth * r.position;
+                r.rate = flip * r.rate;
+            }),
+        ));
+    }
+    for (name, earth) in [("NWU", flip), ("ENU", enu)] {
+        all.push((
+            format!("tracker {name}/FLU"),
+            "tracker",
+            Box::new(move |r| {
+                r.euler = to(r.euler, flip, earth);
+                r.position = earth * r.position;
+            }),
+        ));
+    }
     all.push(("angles in degrees".into(), "degrees", Box::new(|r| r.euler = r.euler.map(f64::to_degrees))));
     all.push(("position in millimetres".into(), "millimetres", Box::new(|r| r.position *= 1000.0)));
     all

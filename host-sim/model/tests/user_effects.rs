@@ -7,21 +7,7 @@ use model::{Effect, Kind, Model, Plant, State, user_effect};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 
-const CABLE: &str = r#"
-[[effect]]
-id = "my-cable"
-sentence = "A rubber cable pulls the craft towards a hook."
-acceleration.north = "(pull_north - stiffness * north) / mass"
-acceleration.east = "(pull_east - stiffness * east) / mass"
-acceleration.down = "(pull_down - stiffness * down) / mass"
-confused_with.tether = "they are the same"
-coefficient = [
-  { name = "stiffness", unit = "N/m", possible = [0.0, 1000.0], typical = 1.0 },
-  { name = "pull_north", unit = "N", possible = [-1000.0, 1000.0], typical = 1.0 },
-  { name = "pull_east", unit = "N", possible = [-1000.0, 1000.0], typical = 1.0 },
-  { name = "pull_down", unit = "N", possible = [-1000.0, 1000.0], typical = 1.0 },
-]
-"#;
+const CABLE: &str = include_str!("my-cable.toml");
 
 const BUMP: &str = r#"
 [[effect]]

@@ -8,20 +8,7 @@ use common::{copies, done_in, identify, json_in, run_in, shared, with_sets};
 use model::Effect;
 
 /// A cable to a hook, as a user who does not know the catalogue writes it.
-const CABLE: &str = r#"
-[[effect]]
-id = "my-cable"
-sentence = "A rubber cable pulls the craft towards a hook."
-acceleration.north = "(pull_north - stiffness * north) / mass"
-acceleration.east = "(pull_east - stiffness * east) / mass"
-acceleration.down = "(pull_down - stiffness * down) / mass"
-coefficient = [
-  { name = "stiffness", unit = "N/m", possible = [0.0, 1000.0], typical = 1.0 },
-  { name = "pull_north", unit = "N", possible = [-1000.0, 1000.0], typical = 1.0 },
-  { name = "pull_east", unit = "N", possible = [-1000.0, 1000.0], typical = 1.0 },
-  { name = "pull_down", unit = "N", possible = [-1000.0, 1000.0], typical = 1.0 },
-]
-"#;
+const CABLE: &str = include_str!("../../model/tests/my-cable.toml");
 
 /// What the hidden ground effect of the test flights looks like to a user: more thrust near the floor.
 const CUSHION: &str = r#"

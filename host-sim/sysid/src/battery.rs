@@ -11,9 +11,12 @@ use model::{Adjustments, Vehicle};
 use crate::filter::{RegressionFilter, sum_of_products};
 use crate::prepare::{Stretch, smoothed};
 
+/// Window over which the rest is smoothed, s.
+const SLOW_S: f64 = 1.0;
+
 /// Splits the voltage of each stretch and puts it together without noise.
 pub(crate) fn steady(stretches: &mut [Stretch], vehicle: &Vehicle, period_s: f64) {
-    let taps = RegressionFilter::long_smooth(period_s);
+    let taps = RegressionFilter::smoothing_taps(period_s, SLOW_S);
     let split: Vec<Split> = stretches.iter_mut().map(|s| Split::new(s, vehicle, &taps, period_s)).collect();
     let (mut shared, mut squares) = (0.0, 0.0);
     for Split { fast_load, fast_v, .. } in &split {

@@ -24,6 +24,9 @@ const NOTABLE_EXCESS_PERCENT: f64 = 5.0;
 /// Most bins shown.
 const WORST: usize = 12;
 
+/// Window that takes half of the noise and nothing that a rotor does, s.
+const BARELY_S: f64 = 0.1;
+
 /// Error of one axis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct AxisFigures {
@@ -294,7 +297,8 @@ pub(crate) fn reference_states(model: &Model, flight: &Prepared, stretch: &Stret
 /// The same smoothed over a tenth of a second at most: what is fitted to must not be smoother than the rotors that drive
 /// it, and a start with all its noise would be taken for damping.
 pub(crate) fn barely_smoothed_states(model: &Model, flight: &Prepared, stretch: &Stretch) -> Vec<State> {
-    states_of(model, flight, stretch, &RegressionFilter::short_smooth(flight.period_s))
+    let taps = RegressionFilter::smoothing_taps(flight.period_s, BARELY_S);
+    states_of(model, flight, stretch, &taps)
 }
 
 fn states_of(model: &Model, flight: &Prepared, stretch: &Stretch, taps: &[f64]) -> Vec<State> {

@@ -350,10 +350,10 @@ pub(crate) fn weigh(finding: &EffectFinding, effect: Effect, model: &Model) -> (
         let p = by_chance.map_or_else(String::new, |p| format!(", p = {p:.2}"));
         return (false, format!("held-out flights do not bear it out ({improved} of {flights} improve{p})"));
     }
-    if let Some(what) = impossible(finding, effect, model).or_else(|| slack_cable(finding, effect)) {
-        return (false, what);
-    }
-    if let Some(what) = below_the_clocks(finding, effect) {
+    let objection = impossible(finding, effect, model)
+        .or_else(|| slack_cable(finding, effect))
+        .or_else(|| below_the_clocks(finding, effect));
+    if let Some(what) = objection {
         return (false, what);
     }
     (

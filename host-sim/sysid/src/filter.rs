@@ -41,30 +41,15 @@ impl RegressionFilter {
 
     /// The filter for a sampling period and a window of its own, both in s.
     pub fn with_window(period_s: f64, window_s: f64) -> Self {
-        // A window needs more samples than the polynomial has coefficients.
-        let half = ((0.5 * window_s / period_s).round() as usize).max(3);
-        let [smooth, slope] = polynomial_taps(half);
+        let [smooth, slope] = polynomial_taps(half_of(period_s, window_s));
         let derivative: Vec<f64> = slope.iter().map(|g| g / period_s).collect();
         let between = between_taps(&slope);
         Self { smooth, matched: matched_taps(&between), between, derivative }
     }
 
-    /// Smoothing taps over a tenth of a second: half the noise goes, and nothing that a rotor does.
-    pub fn short_smooth(period_s: f64) -> Vec<f64> {
-        let [smooth, _] = polynomial_taps(((0.05 / period_s).round() as usize).max(3));
-        smooth
-    }
-
-    /// Smoothing taps over a second, for signals that are slow but for what is known of them.
-    pub fn long_smooth(period_s: f64) -> Vec<f64> {
-        let [smooth, _] = polynomial_taps(((0.5 / period_s).round() as usize).max(3));
-        smooth
-    }
-
-    /// Smoothing taps over four tenths of a second, for what should not share the noise of a derivative: they end (-3 dB at
-    /// 26 rad/s) about where that begins.
-    pub fn medium_smooth(period_s: f64) -> Vec<f64> {
-        let [smooth, _] = polynomial_taps(((0.2 / period_s).round() as usize).max(3));
+    /// The smoothing taps alone, over a window of `window_s`.
+    pub fn smoothing_taps(period_s: f64, window_s: f64) -> Vec<f64> {
+        let [smooth, _] = polynomial_taps(half_of(period_s, window_s));
         smooth
     }
 
@@ -72,6 +57,11 @@ impl RegressionFilter {
     pub fn half(&self) -> usize {
         self.smooth.len() / 2
     }
+}
+
+/// Samples on either side of the center of a window. It needs more samples than the polynomial has coefficients.
+fn half_of(period_s: f64, window_s: f64) -> usize {
+    ((0.5 * window_s / period_s).round() as usize).max(3)
 }
 
 /// Value and slope (per sample) at the center of the least-squares polynomial of order 4 over 2 half + 1 samples.

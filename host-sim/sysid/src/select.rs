@@ -8,6 +8,8 @@
 //!    again.
 //! 3. A candidate that does as well in a member's place is confounded with it.
 
+use std::cell::OnceCell;
+
 use model::{Effect, Kind, Model};
 
 use crate::diagnose::{
@@ -71,9 +73,10 @@ type Scored = (f64, Vec<Effect>, Judged);
 pub(crate) struct Search<'a> {
     pub(crate) base: Judged,
     pub(crate) screen: Screen,
-    /// Candidates that are fitted exactly at once, with the base model and each of them: where the fit is a search over shapes,
-    /// and users' effects.
-    searched: Vec<(Effect, Result<Judged, FitError>)>,
+    /// Candidates that are fitted exactly: where the fit is a search over shapes, and users' effects.
+    searched: Vec<Effect>,
+    /// The base model with each of them by itself, once somebody asks.
+    alone: OnceCell<Vec<Result<Judged, FitError>>>,
     train: &'a [&'a Prepared],
     validate: &'a [&'a Prepared],
 }
@@ -92,15 +95,18 @@ impl<'a> Search<'a> {
         let (searched, linearised): (Vec<Effect>, Vec<Effect>) =
             candidates.into_iter().partition(is_searched);
         let screen = Screen::new(&base.fit, &linearised, train, validate)?;
-        let searched = searched
-            .into_iter()
-            .map(|effect| {
-                let mut effects = base.fit.model.effects();
-                effects.push(effect);
-                (effect, judge(&base.fit.model, &effects, train, validate))
-            })
-            .collect();
-        Ok(Self { base, screen, searched, train, validate })
+        Ok(Self { base, screen, searched, alone: OnceCell::new(), train, validate })
+    }
+
+    /// Candidates that are fitted exactly, each with the base model.
+    fn searched(&self) -> impl Iterator<Item = (Effect, &Result<Judged, FitError>)> {
+        let with = |effect: &Effect| {
+            let mut effects = self.base.fit.model.effects();
+            effects.push(*effect);
+            judge(&self.base.fit.model, &effects, self.train, self.validate)
+        };
+        let alone = self.alone.get_or_init(|| self.searched.iter().map(with).collect());
+        self.searched.iter().copied().zip(alone)
     }
 
     /// Candidates.
@@ -191,30 +197,35 @@ impl<'a> Search<'a> {
     ) -> Option<(Vec<Effect>, Judged)> {
         let linearised = best.as_ref().map_or_else(Vec::new, |(_, members, _)| members.clone());
         let mut best = best;
-        for (effect, alone) in self.searched.iter().filter(|(effect, _)| !set.contains(effect)) {
+        for (effect, alone) in self.searched().filter(|(effect, _)| !set.contains(effect)) {
             let penalty = |effects: &[Effect]| -> f64 {
                 let count: usize = effects.iter().map(|e| e.info().coefficients.len()).sum();
                 PENALTY * count as f64
             };
             // One that cannot be fitted or is worth nothing to the base model is not tried again.
             let Ok(alone) = alone else { continue };
-            if screen.gain(&self.base.held_out, &alone.held_out) <= penalty(&[*effect]) {
+            if screen.gain(&self.base.held_out, &alone.held_out) <= penalty(&[effect]) {
                 continue;
             }
             progress(effect.id());
             let mut start = from.fit.model.clone();
-            if let Some(term) = alone.fit.model.term(*effect) {
-                start.set(*effect, &term.coefficients.iter().map(|c| c.value).collect::<Vec<_>>());
+            if let Some(term) = alone.fit.model.term(effect) {
+                start.set(effect, &term.coefficients.iter().map(|c| c.value).collect::<Vec<_>>());
             }
             let mut beside = vec![Vec::new()];
             if !linearised.is_empty() {
                 beside.push(linearised.clone());
             }
             for mut members in beside {
-                members.push(*effect);
+                members.push(effect);
                 let mut effects = from.fit.model.effects();
                 effects.extend(&members);
-                let Ok(judged) = judge(&start, &effects, self.train, self.validate) else { continue };
+                // By itself on top of the base model it has been fitted already.
+                let judged = match members.len() + set.len() {
+                    1 => Ok(alone.clone()),
+                    _ => judge(&start, &effects, self.train, self.validate),
+                };
+                let Ok(judged) = judged else { continue };
                 let score = screen.gain(&from.held_out, &judged.held_out) - penalty(&members);
                 if score > best.as_ref().map_or(0.0, |b| b.0) {
                     best = Some((score, members, judged));
@@ -339,9 +350,9 @@ impl<'a> Search<'a> {
                 all.push(self.linearised(index, effect, &set, &confounded));
             }
         }
-        for (effect, alone) in &self.searched {
+        for (effect, alone) in self.searched() {
             if !all.iter().any(|f| f.effect == effect.id()) {
-                all.push(self.exact(*effect, alone, &set));
+                all.push(self.exact(effect, alone, &set));
             }
         }
         for finding in all.iter_mut().filter(|f| f.supported) {

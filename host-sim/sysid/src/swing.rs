@@ -24,6 +24,10 @@ const NO_LOAD: f64 = 1e-3;
 /// Time from one independent value of filtered noise to the next, s.
 const INDEPENDENT_S: f64 = 0.1;
 
+/// Window over which what drives a load is smoothed, s: it should not share the noise of a derivative, and ends (-3 dB at
+/// 26 rad/s) about where that begins.
+const DRIVING_WINDOW_S: f64 = 0.4;
+
 /// Mass of the load over that of the craft.
 pub(crate) fn share(model: &Model, load: &Load) -> f64 {
     load.mass_kg / (model.vehicle.mass + model.adjustments().extra_mass_kg)
@@ -43,7 +47,7 @@ pub(crate) fn driven(
         tracked - adjust.true_dcm(&stretch.dcm[k]).tr_mul(&lever_m)
     };
     let raw: Vec<Vector3<f64>> = (0..stretch.time_s.len()).map(place).collect();
-    let taps = RegressionFilter::medium_smooth(flight.period_s);
+    let taps = RegressionFilter::smoothing_taps(flight.period_s, DRIVING_WINDOW_S);
     let smooth: [Vec<f64>; 3] = std::array::from_fn(|axis| {
         let signal: Vec<f64> = raw.iter().map(|place| place[axis]).collect();
         convolve(&signal, &taps, |k| signal[k])
