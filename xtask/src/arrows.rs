@@ -37,8 +37,13 @@ const ARROWS: &[Allowed] = &[
         why: "gains are designed on the linearised model and judged with the filters that fly",
     },
     Allowed {
+        from: "craft",
+        to: &["control", "proto"],
+        why: "every craft's program turns messages into ticks and ticks into messages the same way",
+    },
+    Allowed {
         from: "sil",
-        to: &["model", "control", "proto", "report", "sysid", "design"],
+        to: &["model", "craft", "control", "proto", "report", "sysid", "design"],
         why: "the loop joins plant and controller, writes flight files, and draws and judges its responses",
     },
     Allowed {
@@ -48,10 +53,14 @@ const ARROWS: &[Allowed] = &[
     },
     Allowed {
         from: "com",
-        to: &["control", "proto", "proto-files"],
+        to: &["craft", "control", "proto", "proto-files"],
         why: "the craft carries the flight law and a link",
     },
-    Allowed { from: "mcu", to: &["control", "proto"], why: "the craft carries the flight law and a link" },
+    Allowed {
+        from: "mcu",
+        to: &["craft", "control", "proto"],
+        why: "the craft carries the flight law and a link",
+    },
     Allowed {
         from: "quadlab",
         to: &["control", "model", "proto", "report", "sysid", "design", "sil", "ground"],
@@ -59,7 +68,10 @@ const ARROWS: &[Allowed] = &[
     },
     Allowed {
         from: "stories",
-        to: &["control", "model", "proto", "report", "sysid", "design", "sil", "ground", "com", "quadlab"],
+        to: &[
+            "control", "craft", "model", "proto", "report", "sysid", "design", "sil", "ground", "com",
+            "quadlab",
+        ],
         why: "stories go across crates",
     },
     Allowed { from: "xtask", to: &[], why: "the door has to open when a crate behind it does not build" },
