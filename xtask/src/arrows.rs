@@ -25,6 +25,7 @@ const ARROWS: &[Allowed] = &[
         why: "keys and counters are files only where there is a file system",
     },
     Allowed { from: "model", to: &[], why: "the plant never sees the controller" },
+    Allowed { from: "pattern", to: &[], why: "who flies a pattern is no part of it" },
     Allowed { from: "report", to: &[], why: "pages and plots are drawn from plain numbers" },
     Allowed {
         from: "sysid",
@@ -43,12 +44,12 @@ const ARROWS: &[Allowed] = &[
     },
     Allowed {
         from: "sil",
-        to: &["model", "craft", "control", "proto", "report", "sysid", "design"],
+        to: &["model", "craft", "control", "proto", "report", "sysid", "design", "pattern"],
         why: "the loop joins plant and controller, writes flight files, and draws and judges its responses",
     },
     Allowed {
         from: "ground",
-        to: &["proto", "proto-files"],
+        to: &["pattern", "proto", "proto-files"],
         why: "the ground station speaks to the craft in messages only",
     },
     Allowed {
@@ -63,14 +64,14 @@ const ARROWS: &[Allowed] = &[
     },
     Allowed {
         from: "quadlab",
-        to: &["control", "model", "proto", "report", "sysid", "design", "sil", "ground"],
+        to: &["control", "model", "pattern", "proto", "report", "sysid", "design", "sil", "ground"],
         why: "the user's program joins the libraries",
     },
     Allowed {
         from: "stories",
         to: &[
             "control", "craft", "model", "proto", "report", "sysid", "design", "sil", "ground", "com",
-            "quadlab",
+            "pattern", "quadlab",
         ],
         why: "stories go across crates",
     },

@@ -8,12 +8,12 @@ use sysid::{Column, Flight};
 
 use crate::craft::Craft;
 use crate::delay::Delay;
-use crate::excitation::Excitation;
 use crate::fault::{Fault, Faults};
 use crate::link::{InProcess, Link, LinkError};
 use crate::noise::NoiseModel;
 use crate::script::{Script, Start, Step, StepAxis};
 use crate::sensors::Sensors;
+use pattern::{Excitation, Pattern};
 
 /// The cage of the thesis' laboratory (chapter 3): 7.6 m x 5.2 m, 2.8 m high, centred on the origin. Greatest |x|, |y|
 /// and height, m.
@@ -143,6 +143,21 @@ impl FlightPlan {
         }
     }
 
+    /// A pattern flown by `model` under `config` with the sensors, battery and pose delay of an identification flight,
+    /// from rest where the pattern begins.
+    pub fn pattern(model: Model, config: Config, pattern: Pattern, seed: u64) -> Self {
+        let first = pattern.at(0.0);
+        Self {
+            duration_s: pattern.duration_s(),
+            start_m: first.position_m,
+            start_yaw_rad: first.attitude_rad[2],
+            script: Script::Pattern(pattern),
+            excitation: false,
+            config,
+            ..Self::identification(model, seed, 1.0)
+        }
+    }
+
     fn check(&self) -> Result<(), SilError> {
         let refuse = |field, value: String, expected| Err(SilError::Plan { field, value, expected });
         let period_s = self.config.sample_time_s;
@@ -196,8 +211,13 @@ const FLIGHT_BATTERY: Battery =
     Battery { full_v: 12.1, decay_v_per_s: 0.008, hover_sag_v: 0.5, hover_speed_rad_s: 635.0 };
 
 fn identification_config() -> Config {
+    for_identification(Config::thesis())
+}
+
+/// A configuration with the freedom that identification flights need: references that move at 2.5 m/s, angles up to 20
+/// degrees, the whole cage, and rates from the gyro ([`FlightPlan::identification`] says why).
+pub fn for_identification(mut config: Config) -> Config {
     use control::gains::{Complement, GyroFusion, Law, PositionLimits};
-    let mut config = Config::thesis();
     config.position_limits = PositionLimits { x_m: [-2.0, 2.0], y_m: [-1.2, 1.2], z_m: [-2.0, -0.1] };
     // Up to the walls: what a hidden effect does to the flight is what is wanted.
     let [x, y, ceiling] = CAGE_M;
