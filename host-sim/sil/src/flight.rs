@@ -132,7 +132,7 @@ impl FlightPlan {
     pub fn identification(model: Model, seed: u64, duration_s: f64) -> Self {
         Self {
             model,
-            config: identification_config(),
+            config: identification_config(Config::thesis()),
             script: Script::tour(seed, duration_s),
             excitation: true,
             duration_s,
@@ -195,9 +195,9 @@ impl FlightPlan {
 const FLIGHT_BATTERY: Battery =
     Battery { full_v: 12.1, decay_v_per_s: 0.008, hover_sag_v: 0.5, hover_speed_rad_s: 635.0 };
 
-fn identification_config() -> Config {
+/// Gains with what an identification flight needs beside them ([`FlightPlan::identification`]).
+pub(crate) fn identification_config(mut config: Config) -> Config {
     use control::gains::{Complement, GyroFusion, Law, PositionLimits};
-    let mut config = Config::thesis();
     config.position_limits = PositionLimits { x_m: [-2.0, 2.0], y_m: [-1.2, 1.2], z_m: [-2.0, -0.1] };
     // Up to the walls: what a hidden effect does to the flight is what is wanted.
     let [x, y, ceiling] = CAGE_M;
