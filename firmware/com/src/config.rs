@@ -1,8 +1,9 @@
 //! The configuration file: ports, paths, and which craft this is. Everything is checked before anything is opened.
 //!
 //! Paths in it are relative to its own folder. What flies is the gains file (`[files] gains`, the one `quadlab design`
-//! writes); which craft it flies says the vehicle file. Gains made for another craft are refused: by the name in their
-//! `[provenance]` and by the range of commands.
+//! writes); which craft it flies says the vehicle file. Gains made for another vehicle are refused: by what their
+//! `[provenance]` says (the name, and the hash of its measurements where `[files] vehicle_sha256` gives it) and by the range
+//! of commands.
 
 use std::fs;
 use std::net::SocketAddr;
@@ -10,6 +11,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use control::Config as Law;
+use gains_file::{Gains, VehicleId};
 use proto::Key;
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
@@ -38,6 +40,7 @@ struct File {
 struct Files {
     vehicle: PathBuf,
     gains: PathBuf,
+    vehicle_sha256: Option<String>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -198,7 +201,7 @@ impl Setup {
         let gains_text =
             fs::read_to_string(&gains_path).map_err(access(&gains_path, "read the gains file"))?;
         let vehicle: Vehicle = parse(&vehicle_text, &vehicle_path)?;
-        let law = gains_for(&vehicle, &gains_text, &gains_path)?;
+        let law = gains_for(&vehicle, file.files.vehicle_sha256.as_deref(), &gains_text, &gains_path)?;
 
         let link = link(&file.link, folder).map_err(refuse)?;
         let outputs = outputs(file.pwm.outputs).map_err(refuse)?;
@@ -277,54 +280,32 @@ struct Motors {
     command_range: [f64; 2],
 }
 
-#[derive(Debug, Deserialize)]
-struct Provenance {
-    vehicle: String,
-}
-
-/// Reads a gains file without its provenance.
+/// Reads a gains file, whichever vehicle it is for.
 ///
 /// # Errors
 /// What is wrong in it.
 pub fn read_gains(path: &Path) -> Result<Law> {
-    let text = fs::read_to_string(path).map_err(access(path, "read the gains file"))?;
-    Ok(parse_gains(&text, path)?.0)
-}
-
-fn parse_gains(text: &str, path: &Path) -> Result<(Law, Option<Provenance>)> {
-    let refuse = |message: String| Error::Content { path: path.to_owned(), message };
-    let mut table: toml::Table = parse(text, path)?;
-    let provenance = table.remove("provenance").map(toml::Value::try_into::<Provenance>).transpose();
-    let provenance =
-        provenance.map_err(|e| refuse(format!("[provenance]: {}", e.message().replace('\n', " "))))?;
-    let law: Law = table.try_into().map_err(|e| refuse(e.message().replace('\n', " ")))?;
-    law.check().map_err(|error| refuse(error.to_string()))?;
-    Ok((law, provenance))
+    Ok(Gains::read(path)?.config)
 }
 
 /// The gains, if they are for this vehicle.
-fn gains_for(vehicle: &Vehicle, text: &str, path: &Path) -> Result<Law> {
+fn gains_for(vehicle: &Vehicle, sha256: Option<&str>, text: &str, path: &Path) -> Result<Law> {
     let refuse = |message: String| Err(Error::Content { path: path.to_owned(), message });
-    let (law, provenance) = parse_gains(text, path)?;
-    let Some(Provenance { vehicle: made_for }) = provenance else {
+    let gains = Gains::parse(text, path)?;
+    if gains.provenance.is_none() {
         return refuse(format!(
-            "it has no [provenance], so nobody knows which craft it is for; `quadlab design` writes one, or add `vehicle = {:?}` yourself",
-            vehicle.name
-        ));
-    };
-    if made_for != vehicle.name {
-        return refuse(format!(
-            "these gains are for {made_for:?}, the vehicle is {:?}: design gains for it",
+            "it has no [provenance], so nobody knows which vehicle it is for; `quadlab design` writes one, or add `vehicle = {:?}` yourself",
             vehicle.name
         ));
     }
-    if law.command_range != vehicle.motors.command_range {
+    gains.belongs_to(&VehicleId { name: &vehicle.name, sha256 }, path)?;
+    if gains.config.command_range != vehicle.motors.command_range {
         return refuse(format!(
             "command_range is {:?}, the vehicle's is {:?}: design the gains anew with this vehicle file",
-            law.command_range, vehicle.motors.command_range
+            gains.config.command_range, vehicle.motors.command_range
         ));
     }
-    Ok(law)
+    Ok(gains.config)
 }
 
 fn link(table: &LinkTable, folder: &Path) -> std::result::Result<Link, String> {
@@ -428,7 +409,7 @@ mod tests {
             let law = toml::to_string(&Law::thesis()).unwrap();
             case.write(
                 "gains.toml",
-                &format!("{law}\n[provenance]\nvehicle = 'a craft'\nsource = 'by hand'\n"),
+                &format!("{law}\n[provenance]\nvehicle = 'a craft'\nvehicle_sha256 = 'aa'\n"),
             );
             case
         }
@@ -475,7 +456,7 @@ mod tests {
     #[test]
     fn each_mistake_is_one_line_that_names_it() {
         let key = "0".repeat(64);
-        let cases: [(&str, &str, &str, &str); 22] = [
+        let cases: [(&str, &str, &str, &str); 23] = [
             ("com.toml", "[imu]", "[imy]", "line 6: "),
             ("com.toml", "port = ", "prot = ", "prot"),
             ("com.toml", "'127.0.0.1:0'", "'localhost'", "[link] listen"),
@@ -493,10 +474,11 @@ mod tests {
             ("com.toml", "[pwm]", "[timing]\npriority = 99\n[pwm]", "[timing] priority is 99"),
             ("com.toml", "[pwm]", "[guardian]\nsilence_s = 0.01\n[pwm]", "[guardian] silence_s"),
             ("com.toml", "'vehicle.toml'", "'other.toml'", "other.toml: cannot read the vehicle file"),
+            ("com.toml", "gains = ", "vehicle_sha256 = 'bb'\ngains = ", "measured otherwise"),
             ("vehicle.toml", "'us'", "'fraction'", "[pwm] pulse_ns is missing"),
-            ("vehicle.toml", "a craft", "another", "\"a craft\", the vehicle is \"another\""),
+            ("vehicle.toml", "a craft", "another", "they are for \"a craft\", this is \"another\""),
             ("vehicle.toml", "2000.0", "1900.0", "command_range is [1000.0, 2000.0]"),
-            ("gains.toml", "[provenance]\nvehicle = 'a craft'\nsource = 'by hand'", "", "no [provenance]"),
+            ("gains.toml", "[provenance]\nvehicle = 'a craft'\nvehicle_sha256 = 'aa'", "", "no [provenance]"),
             ("gains.toml", "kp = 100.0", "kp = nan", "kp is NaN"),
         ];
         for (name, from, to, expected) in cases {

@@ -38,6 +38,9 @@ pub enum Error {
     /// A key or counter file.
     #[error(transparent)]
     LinkFile(#[from] proto_files::FileError),
+    /// Gains that cannot be flown here.
+    #[error(transparent)]
+    Gains(#[from] gains_file::GainsError),
     /// The guardian's process is gone.
     #[error("the guardian was killed; the loop idled the outputs and ended")]
     Orphaned,
