@@ -34,27 +34,29 @@ pub fn who(question: &Question) -> Result<Option<Identity>> {
     let socket = UdpSocket::bind(any).map_err(system("open a socket"))?;
     socket.connect(question.craft).map_err(system("reach the craft's address"))?;
     socket.set_read_timeout(Some(AGAIN_AFTER)).map_err(system("set up a socket"))?;
-    let (mut sealer, mut opener, mut counters) = ends(question)?;
+    let (mut sealer, mut opener, counters) = ends(question)?;
     let started = Instant::now();
     let mut refused = None;
     while started.elapsed() < question.patience {
-        if let Some([sent, heard]) = &mut counters {
-            sealer.counter.keep(sent)?;
-            opener.guard.keep(heard)?;
-        }
         let mut buffer = [0; MAX_PACKET_LEN + 1];
         let sealed = sealer.seal(&Message::Who, &mut buffer);
-        let (_, packet) = sealed.map_err(|refused| Error::Other(refused.to_string()))?;
+        let (number, packet) = sealed.map_err(|refused| Error::Other(refused.to_string()))?;
         // A closed port on the same machine refuses; the craft may be about to start.
         let sent = socket.send(packet);
         let asked = Instant::now();
         while asked.elapsed() < AGAIN_AFTER {
             let Ok(length) = socket.recv(&mut buffer) else { break };
             match opener.unseal(&buffer[..length]) {
-                // Whether it heard the question or only saw that its number is behind: it says who it is.
-                Ok((_, Message::Identity(identity))) => return Ok(Some(identity)),
+                // Of an earlier question, of nobody knows when.
+                Ok((_, Message::Identity(identity))) if identity.accepts_from <= number => {}
+                // Whether it heard this question or only saw that its number is behind: it says who it is.
+                Ok((_, Message::Identity(identity))) => {
+                    if let Some([_, mut heard]) = counters {
+                        heard.store(opener.guard.accepts_from())?;
+                    }
+                    return Ok(Some(identity));
+                }
                 Ok(_) => {}
-                Err(proto::Refused::NotReserved) => break,
                 Err(why) => refused = Some(why),
             }
         }
@@ -70,6 +72,8 @@ pub fn who(question: &Question) -> Result<Option<Identity>> {
 
 type Ends = (Sealer, Opener, Option<[CounterFile; 2]>);
 
+/// The numbers that this side has used and heard are kept in files of their own: asking is not flying. What was heard is kept
+/// exactly and not by stretches, or a second question within seconds would take the craft's answer for an echo.
 fn ends(question: &Question) -> Result<Ends> {
     let number = question.number;
     let Some((key, folder)) = &question.key else {
@@ -77,7 +81,9 @@ fn ends(question: &Question) -> Result<Ends> {
     };
     let mut counters = ["ask-sent", "ask-heard"].map(|name| CounterFile::new(folder.join(name)));
     let [sent, heard] = &mut counters;
-    let sealer = Sealer::authenticated(Role::Ground, number, key.clone(), sent.load()?);
-    let opener = Opener::authenticated(Role::Craft, number, key.clone(), heard.load()?);
+    let mut sealer = Sealer::authenticated(Role::Ground, number, key.clone(), sent.load()?);
+    sealer.counter.keep(sent)?;
+    let mut opener = Opener::authenticated(Role::Craft, number, key.clone(), heard.load()?);
+    opener.guard.reserved(u64::MAX);
     Ok((sealer, opener, Some(counters)))
 }

@@ -3,3 +3,4 @@
 mod allocations;
 mod common;
 mod process;
+mod programs;
