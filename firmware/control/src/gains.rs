@@ -4,6 +4,9 @@
 //! [`Config::thesis_hand_tuned`]. [`Controller::new`](crate::Controller::new) checks every number by name and builds the
 //! immutable laws from it. Configuration is in f64 because filters are designed in f64; flight is in f32.
 //!
+//! Every field is written, absent ones too (TOML leaves those out by itself): a format that does not describe itself, as
+//! postcard in firmware images, could not tell which was skipped.
+//!
 //! Not here: memory (see the `...State` types beside each law) and anything that changes in flight.
 
 use serde::{Deserialize, Serialize};
@@ -54,10 +57,10 @@ pub struct Estimation {
     /// How the gain of filters with a zero at the origin is matched (this estimator and the position loops' filter).
     pub gain_rule: GainRule,
     /// Blend the gyro into the body rates; absent: body rates come from the attitude alone, as in the thesis' flights.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub gyro: Option<GyroFusion>,
     /// Smooth the measured voltage; absent: it is used as measured.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub battery: Option<BatteryFilter>,
 }
 
@@ -172,13 +175,13 @@ pub struct InnerLoop {
     /// Velocity feedback gain, output per rad/s (or m/s).
     pub kd: f64,
     /// Corner of the low-pass on the command in rad/s; absent: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub prefilter_rad_s: Option<f64>,
     /// Lag canceller on proportional plus integral part; absent: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub canceller: Option<CancellerParams>,
     /// Greatest magnitude of the output; absent: no limit.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub output_limit: Option<f64>,
 }
 
@@ -207,7 +210,7 @@ pub struct PositionLoop {
     /// Fastest motion of the reference in m/s (thesis: 0.5).
     pub rate_limit_m_s: f64,
     /// Greatest commanded angle in rad; absent: no limit.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub output_limit_rad: Option<f64>,
 }
 
@@ -254,7 +257,7 @@ pub struct MotorMapParams {
     /// rad/s.
     pub offset: f64,
     /// An inverse to use as it is given, rounding included; absent: the exact inverse.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub inverse: Option<InverseMotorMap>,
 }
 

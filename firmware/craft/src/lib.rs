@@ -28,6 +28,7 @@
 pub mod convert;
 mod craft;
 mod digest;
+pub mod image;
 mod lockstep;
 
 pub use craft::{Craft, Inputs, Link, Setup};
