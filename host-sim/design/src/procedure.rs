@@ -15,7 +15,7 @@ use argmin::solver::neldermead::NelderMead;
 use control::Config;
 use control::filter::GainRule;
 use control::gains::{
-    CancellerParams, InnerLoop, Law, Mixing, MotorMapParams, PositionLoop, VelocityEstimator,
+    CancellerParams, InnerLoop, Law, Mixing, MotorMapParams, PositionLoop, Saturation, VelocityEstimator,
 };
 use model::Model;
 use serde::{Deserialize, Serialize};
@@ -307,6 +307,9 @@ fn blank(model: &Model, linear: &Linear, specs: &Specs) -> Result<Config> {
     if specs.method == Method::Delay {
         // A rate that is measured 6.5 % too large is gain that the margins do not have.
         config.estimation.gain_rule = GainRule::Slope;
+        // What the linear loops do not see: motors at their ends, and a thrust that leans.
+        config.saturation = Saturation::AttitudeFirst;
+        config.tilt_compensation = true;
     }
     let map = vehicle.rotor_map();
     let k = &linear.effectiveness;
