@@ -221,6 +221,12 @@ impl Controller {
         self.memory = Memory::new(self.laws.range.idle());
     }
 
+    /// The same law, with the faults that another one has counted.
+    pub(crate) fn with_faults_of(mut self, other: &Self) -> Self {
+        self.memory.faults = other.memory.faults;
+        self
+    }
+
     /// The altitude loop's reference is this height from now on, inertial z in m, with no way to go; its integrator stays.
     pub(crate) fn settle_height(&mut self, z_m: f32) {
         if let Some(inner) = &mut self.memory.inner {

@@ -8,12 +8,12 @@ use sysid::{Column, Flight};
 
 use crate::craft::Craft;
 use crate::delay::Delay;
-use crate::excitation::Excitation;
 use crate::fault::{Fault, Faults};
 use crate::link::{InProcess, Link, LinkError};
 use crate::noise::NoiseModel;
 use crate::script::{Script, Start, Step, StepAxis};
 use crate::sensors::Sensors;
+use pattern::{Excitation, Pattern};
 
 /// The cage of the thesis' laboratory (chapter 3): 7.6 m x 5.2 m, 2.8 m high, centred on the origin. Greatest |x|, |y|
 /// and height, m.
@@ -132,7 +132,7 @@ impl FlightPlan {
     pub fn identification(model: Model, seed: u64, duration_s: f64) -> Self {
         Self {
             model,
-            config: identification_config(Config::thesis()),
+            config: for_identification(Config::thesis()),
             script: Script::tour(seed, duration_s),
             excitation: true,
             duration_s,
@@ -140,6 +140,21 @@ impl FlightPlan {
             battery: FLIGHT_BATTERY,
             seed,
             ..Self::thesis()
+        }
+    }
+
+    /// A pattern flown by `model` under `config` with the sensors, battery and pose delay of an identification flight,
+    /// from rest where the pattern begins.
+    pub fn pattern(model: Model, config: Config, pattern: Pattern, seed: u64) -> Self {
+        let first = pattern.at(0.0);
+        Self {
+            duration_s: pattern.duration_s(),
+            start_m: first.position_m,
+            start_yaw_rad: first.attitude_rad[2],
+            script: Script::Pattern(pattern),
+            excitation: false,
+            config,
+            ..Self::identification(model, seed, 1.0)
         }
     }
 
@@ -195,8 +210,9 @@ impl FlightPlan {
 const FLIGHT_BATTERY: Battery =
     Battery { full_v: 12.1, decay_v_per_s: 0.008, hover_sag_v: 0.5, hover_speed_rad_s: 635.0 };
 
-/// Gains with what an identification flight needs beside them ([`FlightPlan::identification`]).
-pub(crate) fn identification_config(mut config: Config) -> Config {
+/// Gains with what an identification flight needs beside them ([`FlightPlan::identification`] says why): references that move at
+/// 2.5 m/s, angles up to 20 degrees, the whole cage, and rates from the gyro.
+pub fn for_identification(mut config: Config) -> Config {
     use control::gains::{Complement, GyroFusion, Law, PositionLimits};
     config.position_limits = PositionLimits { x_m: [-2.0, 2.0], y_m: [-1.2, 1.2], z_m: [-2.0, -0.1] };
     // Up to the walls: what a hidden effect does to the flight is what is wanted.

@@ -1,7 +1,7 @@
 //! Software in the loop: the controller that flies against the identified plant, 100 times a second.
 //!
 //! A [`FlightPlan`] says everything about a flight: the [`model::Model`] that stands for the craft (any model, with
-//! whatever effects), the controller's configuration, what is commanded when ([`Script`], [`Excitation`]), the
+//! whatever effects), the controller's configuration, what is commanded when ([`Script`], [`pattern::Excitation`]), the
 //! sensors' noise, delay and seed, and the battery. [`fly`] turns it into a [`Recording`]; equal plans give equal
 //! bits. [`Scenario`] names the flights of the thesis' chapter 5, each with what it has to fulfil.
 //!
@@ -24,7 +24,6 @@
 
 mod craft;
 mod delay;
-mod excitation;
 pub mod failsafe;
 mod fault;
 mod flight;
@@ -33,7 +32,6 @@ pub mod metrics;
 mod noise;
 pub mod page;
 mod process;
-mod random;
 pub mod reference;
 mod scenario;
 mod script;
@@ -41,10 +39,11 @@ mod sensors;
 mod suite;
 
 pub use craft::Craft;
-pub use excitation::Excitation;
 pub use failsafe::{Drill, Expected, Found, drills};
 pub use fault::{Fault, FaultKind};
-pub use flight::{CAGE_M, ClosedLoop, FlightPlan, Recording, Row, SilError, Truth, fly, fly_over};
+pub use flight::{
+    CAGE_M, ClosedLoop, FlightPlan, Recording, Row, SilError, Truth, fly, fly_over, for_identification,
+};
 pub use link::{InProcess, Link, LinkError};
 pub use noise::{Coloured, NoiseModel};
 pub use process::{Iceoryx2, serve};

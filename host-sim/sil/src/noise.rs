@@ -9,7 +9,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
-use crate::random::{Purpose, stream};
+use pattern::random::{Purpose, stream};
 
 /// Noise with a memory.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

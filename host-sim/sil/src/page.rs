@@ -97,7 +97,9 @@ fn section(outcome: &Outcome, settings: &Settings) -> Section {
         None => section.figure(motion_panels(outcome), "Height and attitude."),
     };
     let section = match outcome.plan.script {
-        Script::Waypoints { .. } => section.figure(track(&outcome.recording), "The track from above."),
+        Script::Waypoints { .. } | Script::Pattern(_) => {
+            section.figure(track(&outcome.recording), "The track from above.")
+        }
         Script::Hold | Script::Step(_) => section,
     };
     section.figure(

@@ -13,7 +13,7 @@ use control::Config;
 use control::supervision::Fence;
 use model::{Battery, Model};
 
-use crate::flight::{FlightPlan, Recording, identification_config};
+use crate::flight::{FlightPlan, Recording, for_identification};
 use crate::metrics::StepMetrics;
 use crate::noise::NoiseModel;
 use crate::script::{Script, Step, StepAxis, Waypoint};
@@ -167,7 +167,7 @@ impl Scenario {
     /// flight goes up to the walls.
     fn flown_by(self, config: Config, model: Option<&Model>, plan: FlightPlan) -> FlightPlan {
         let no_walls = plan.config.supervision.fence == Fence::NONE;
-        let mut config = if self == Self::Excitation { identification_config(config) } else { config };
+        let mut config = if self == Self::Excitation { for_identification(config) } else { config };
         if no_walls {
             config.supervision.fence = Fence::NONE;
         }

@@ -3,9 +3,10 @@
 use std::f64::consts::PI;
 
 use control::{Command, Mode};
+use pattern::Pattern;
 use rand::RngExt;
 
-use crate::random::{Purpose, stream};
+use pattern::random::{Purpose, stream};
 
 /// The quantity that steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,6 +61,8 @@ pub enum Script {
         /// Length of one round, s.
         repeat_s: Option<f64>,
     },
+    /// A pattern file, with what it adds to the motors.
+    Pattern(Pattern),
 }
 
 /// Start of a flight: the rest that commands are relative to.
@@ -89,7 +92,27 @@ impl Script {
                 let base = Command { yaw_rad: yaw_rad as f32, z_m: z, ..Command::default() };
                 Command { mode: Mode::Position, position_m: [x, y], ..base }
             }
+            Self::Pattern(pattern) => command_of(&pattern.at(time_s)),
         }
+    }
+
+    /// The script as rows of a pattern every `period_s`, with `injection` added to the motors. The start is where a flight
+    /// begins: `start_m`, inertial NED, m, and heading, rad.
+    pub fn rows(
+        &self,
+        (start_m, start_yaw_rad): ([f64; 3], f64),
+        period_s: f64,
+        duration_s: f64,
+        mut injection: impl FnMut(f64) -> [f64; 4],
+    ) -> Vec<pattern::Row> {
+        let start = Start { position_m: start_m, yaw_rad: start_yaw_rad };
+        let ticks = (duration_s / period_s).round() as u32;
+        let row = |tick: u32| {
+            let t_s = (f64::from(tick) * period_s * 1e8).round() / 1e8;
+            let added = if tick < ticks { injection(t_s) } else { [0.0; 4] };
+            row_of(t_s, &self.command(&start, t_s), added)
+        };
+        (0..=ticks).map(row).collect()
     }
 
     /// A different tour of the cage for every seed, for identification flights: long dashes along x and y at up to 2
@@ -134,6 +157,37 @@ impl Script {
             round += 1;
         }
         Self::Waypoints { list, repeat_s: None }
+    }
+}
+
+fn command_of(row: &pattern::Row) -> Command {
+    let [roll, pitch, yaw] = row.attitude_rad.map(|v| v as f32);
+    let [x, y, z] = row.position_m.map(|v| v as f32);
+    Command {
+        mode: match row.mode {
+            pattern::Mode::Attitude => Mode::Attitude,
+            pattern::Mode::Position => Mode::Position,
+        },
+        attitude_rad: [roll, pitch],
+        yaw_rad: yaw,
+        z_m: z,
+        position_m: [x, y],
+        injection: row.injection.map(|v| v as f32),
+        ..Command::default()
+    }
+}
+
+fn row_of(t_s: f64, command: &Command, injection: [f64; 4]) -> pattern::Row {
+    let ([roll, pitch], [x, y]) = (command.attitude_rad.map(f64::from), command.position_m.map(f64::from));
+    pattern::Row {
+        t_s,
+        mode: match command.mode {
+            Mode::Attitude => pattern::Mode::Attitude,
+            Mode::Position => pattern::Mode::Position,
+        },
+        attitude_rad: [roll, pitch, f64::from(command.yaw_rad)],
+        position_m: [x, y, f64::from(command.z_m)],
+        injection,
     }
 }
 
@@ -185,6 +239,24 @@ mod tests {
         let x = |time_s| script.command(&START, time_s).position_m[0];
         assert_eq!([x(0.0), x(0.99), x(1.0), x(1.99), x(2.0), x(2.99)], [0.5, 0.5, 1.0, 1.0, 2.0, 2.0]);
         assert_eq!([x(3.0), x(4.0), x(5.5)], [0.5, 1.0, 2.0]);
+    }
+
+    /// A tour and its pattern file command the same, to the millionth that is written.
+    #[test]
+    fn a_script_reads_back_from_its_pattern() {
+        let tour = Script::tour(3, 20.0);
+        let rows = tour.rows((START.position_m, START.yaw_rad), 0.01, 20.0, |t_s| [t_s, -t_s, 0.5, 0.0]);
+        let text = Pattern::new(rows, std::path::Path::new("p.csv")).unwrap().to_csv();
+        let back = Script::Pattern(Pattern::parse(text.as_bytes(), std::path::Path::new("p.csv")).unwrap());
+        for tick in 0..2000 {
+            let time_s = f64::from(tick) * 0.01;
+            let (one, two) = (tour.command(&START, time_s), back.command(&START, time_s));
+            assert_eq!(one.mode, two.mode);
+            let close = |a: f32, b: f32| (a - b).abs() < 1e-6;
+            assert!(close(one.z_m, two.z_m) && close(one.yaw_rad, two.yaw_rad), "{tick}");
+            assert!((0..2).all(|k| close(one.position_m[k], two.position_m[k])), "{tick}");
+            assert!((f64::from(two.injection[0]) - time_s).abs() < 2e-6 && two.injection[2] == 0.5, "{tick}");
+        }
     }
 
     #[test]
