@@ -10,5 +10,6 @@ pub mod optitrack;
 pub mod ramps;
 pub mod recorder;
 pub mod replay;
+pub mod run;
 pub mod station;
 pub mod vicon;
