@@ -18,6 +18,11 @@ struct Allowed {
 /// Every crate of the architecture, those that are still to come among them.
 const ARROWS: &[Allowed] = &[
     Allowed { from: "control", to: &[], why: "what flies knows neither the plant nor files nor links" },
+    Allowed {
+        from: "gains-file",
+        to: &["control"],
+        why: "one reader of gains for the craft, the simulation and the design",
+    },
     Allowed { from: "proto", to: &[], why: "both ends of a link share the messages and nothing else" },
     Allowed {
         from: "proto-files",
@@ -34,25 +39,34 @@ const ARROWS: &[Allowed] = &[
     },
     Allowed {
         from: "design",
-        to: &["model", "control"],
+        to: &["model", "control", "gains-file"],
         why: "gains are designed on the linearised model and judged with the filters that fly",
     },
     Allowed {
+        from: "craft",
+        to: &["control", "proto"],
+        why: "every craft's program turns messages into ticks and ticks into messages the same way",
+    },
+    Allowed {
         from: "sil",
-        to: &["model", "control", "pattern", "proto", "report", "sysid", "design"],
+        to: &["model", "craft", "control", "proto", "report", "sysid", "design", "pattern"],
         why: "the loop joins plant and controller, writes flight files, and draws and judges its responses",
     },
     Allowed {
         from: "ground",
-        to: &["pattern", "proto", "proto-files"],
-        why: "the ground station speaks to the craft in messages only",
+        to: &["control", "model", "pattern", "proto", "proto-files", "report", "sysid"],
+        why: "it speaks to the craft in messages, names what the supervisor says, and leaves flight files that identification reads",
     },
     Allowed {
         from: "com",
-        to: &["control", "proto", "proto-files"],
+        to: &["craft", "control", "gains-file", "proto", "proto-files"],
         why: "the craft carries the flight law and a link",
     },
-    Allowed { from: "mcu", to: &["control", "proto"], why: "the craft carries the flight law and a link" },
+    Allowed {
+        from: "mcu",
+        to: &["craft", "control", "gains-file", "proto"],
+        why: "the craft carries the flight law and a link",
+    },
     Allowed {
         from: "quadlab",
         to: &["control", "model", "pattern", "proto", "report", "sysid", "design", "sil", "ground"],
@@ -61,8 +75,8 @@ const ARROWS: &[Allowed] = &[
     Allowed {
         from: "stories",
         to: &[
-            "control", "model", "pattern", "proto", "report", "sysid", "design", "sil", "ground", "com",
-            "quadlab",
+            "control", "craft", "model", "proto", "report", "sysid", "design", "sil", "ground", "com",
+            "pattern", "quadlab",
         ],
         why: "stories go across crates",
     },

@@ -183,6 +183,25 @@ impl Autopilot {
         self.monitors.counters
     }
 
+    /// The outcome of the last tick; the default before the first.
+    pub fn flight(&self) -> &Flight {
+        &self.flight
+    }
+
+    /// Flies by the law of another configuration from now on, with its loops and estimators at rest: while disarmed only, and
+    /// answers whether it was. Supervision, landing and what has been counted stay as they are.
+    ///
+    /// # Errors
+    /// As [`Autopilot::new`].
+    pub fn retune(&mut self, config: &Config) -> Result<bool, ConfigError> {
+        if self.state != State::Disarmed {
+            return Ok(false);
+        }
+        let controller = Controller::new(config)?;
+        self.controller = controller.with_faults_of(&self.controller);
+        Ok(true)
+    }
+
     /// The law alone.
     pub fn controller(&self) -> &Controller {
         &self.controller

@@ -57,7 +57,7 @@ pub enum DesignError {
     /// An eigenvalue iteration or a matrix inverse failed.
     #[error("numerical failure in {0}: the model's coefficients are far from those of any craft")]
     Numerics(&'static str),
-    /// A gains or trim file cannot be read.
+    /// A specifications file cannot be read.
     #[error("{}: cannot read the file: {source}", path.display())]
     Read {
         /// The file.
@@ -73,14 +73,9 @@ pub enum DesignError {
         /// What is wrong, on one line.
         message: String,
     },
-    /// The gains belong to another craft.
-    #[error("{}: these gains belong to another vehicle: {reason}", path.display())]
-    OtherVehicle {
-        /// The gains file.
-        path: PathBuf,
-        /// What does not fit.
-        reason: String,
-    },
+    /// A gains file.
+    #[error(transparent)]
+    Gains(#[from] gains_file::GainsError),
 }
 
 /// Result of this crate.

@@ -8,7 +8,8 @@
 //!    100 Hz with the filters of crate `control` and the pose some samples late).
 //! 4. [`margins`], [`response`]: what the loops are judged by.
 //! 5. [`procedure`]: gains from specifications, the thesis' way or searched for a late pose.
-//! 6. [`check`]: all of it for a model and a gains file, over battery voltages and over what the identification leaves
+//! 6. [`fit`]: whether gains belong to a vehicle.
+//! 7. [`check`]: all of it for a model and a gains file, over battery voltages and over what the identification leaves
 //!    uncertain.
 //!
 //! Conventions: SI units, radians, rad/s; states and inputs in the order of (5.13). Inputs of the linear model are thrust
@@ -20,7 +21,7 @@
 pub mod check;
 pub mod curves;
 mod error;
-mod gains_file;
+pub mod fit;
 pub mod linear;
 pub mod loops;
 pub mod margins;
@@ -32,7 +33,7 @@ pub mod trim;
 pub use error::{DesignError, Result};
 pub use nalgebra::Complex;
 
-pub use gains_file::{Gains, Provenance};
+pub use gains_file::{Gains, GainsError, Provenance};
 
 /// A TOML error as one line with the line number, without the excerpt.
 fn toml_message(text: &str, error: &toml::de::Error) -> String {

@@ -6,6 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
 /// Direction of rotation of a rotor, seen from above.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -142,6 +143,31 @@ pub enum VehicleError {
 }
 
 impl Vehicle {
+    /// SHA-256, hexadecimal, of everything the file says, whatever its layout: which vehicle gains were designed for. Equal
+    /// for a vehicle file and for the models identified with it.
+    pub fn sha256(&self) -> String {
+        let mut hash = Sha256::new();
+        let mut text = |text: &str| {
+            hash.update((text.len() as u64).to_le_bytes());
+            hash.update(text);
+        };
+        text(&self.name);
+        text(&self.motors.command_unit);
+        let m = &self.motors;
+        let mut number = |number: f64| hash.update((number + 0.0).to_le_bytes());
+        let lengths = [self.mass, self.arm_length, self.rotor_radius, self.air_density, self.gravity];
+        let turns = m.spin.map(Spin::yaw_sign);
+        for x in lengths.into_iter().chain(self.tracked_point).chain(turns).chain(m.command_range) {
+            number(x);
+        }
+        // A number that is not given is none that could be: all of them are finite.
+        for x in [m.command, m.voltage, m.offset, m.lag] {
+            number(x.unwrap_or(f64::INFINITY));
+        }
+        number(f64::from(u8::from(m.map.is_some())));
+        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
     /// Reads and checks a vehicle file.
     pub fn read(path: &Path) -> Result<Self, VehicleError> {
         let text = std::fs::read_to_string(path)
@@ -294,6 +320,26 @@ mod tests {
     #[test]
     fn thesis_vehicle_has_the_beta_of_the_reference() {
         assert!((Vehicle::thesis().beta_kg_m() / 4.100726391e-04 - 1.0).abs() < 1e-9);
+    }
+
+    /// Layout and comments do not matter, each number does.
+    #[test]
+    fn the_hash_tells_vehicles_apart_and_not_their_files() {
+        let hash = Vehicle::thesis().sha256();
+        assert_eq!(hash.len(), 64);
+        let same = |text: &str| with(|_| text.to_owned()).unwrap().sha256() == hash;
+        let text = include_str!("../vehicles/f330.toml");
+        assert!(same(&toml::to_string(&Vehicle::thesis()).unwrap()));
+        assert!(same(&format!("# a comment\n{text}")));
+        for (from, to) in [
+            ("mass = 1.214", "mass = 1.215"),
+            ("lag = 21.5", ""),
+            ("lag = 21.5", "lag = 21.6"),
+            ("name = \"F330", "name = \"F331"),
+        ] {
+            assert!(text.contains(from), "{from}");
+            assert!(!same(&text.replace(from, to)), "{from} -> {to}");
+        }
     }
 
     #[test]

@@ -3,11 +3,8 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use design::Gains;
 use design::check::{CheckOptions, CheckReport, Spread, check};
-use design::linear::Linear;
 use design::loops::View;
-use design::trim::TrimTarget;
 use model::Model;
 use report::significant;
 
@@ -72,8 +69,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     refuse("samples", options.samples, 100_000)?;
     check_outputs(&options.html, &[&options.model, &options.gains])?;
     let model = Model::read(&options.model)?;
-    let gains = Gains::read(&options.gains)?;
-    gains.fit(&model, &Linear::new(&model, &TrimTarget::default())?, &options.gains)?;
+    let gains = design::fit::read_for(&options.gains, &model)?;
     let view = match options.continuous {
         true => View::Continuous,
         false => View::Sampled { delay_samples: options.delay },

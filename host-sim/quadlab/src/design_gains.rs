@@ -89,6 +89,7 @@ fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outc
     if holds {
         let provenance = Provenance {
             vehicle: model.vehicle.name.clone(),
+            vehicle_sha256: Some(model.vehicle.sha256()),
             source: format!("quadlab {} design", env!("CARGO_PKG_VERSION")),
             model_sha256: Some(sha256(&std::fs::read(path)?)),
             specs: Some(toml::Table::try_from(specs)?),

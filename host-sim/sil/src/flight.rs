@@ -132,7 +132,7 @@ impl FlightPlan {
     pub fn identification(model: Model, seed: u64, duration_s: f64) -> Self {
         Self {
             model,
-            config: identification_config(),
+            config: for_identification(Config::thesis()),
             script: Script::tour(seed, duration_s),
             excitation: true,
             duration_s,
@@ -210,12 +210,8 @@ impl FlightPlan {
 const FLIGHT_BATTERY: Battery =
     Battery { full_v: 12.1, decay_v_per_s: 0.008, hover_sag_v: 0.5, hover_speed_rad_s: 635.0 };
 
-fn identification_config() -> Config {
-    for_identification(Config::thesis())
-}
-
-/// A configuration with the freedom that identification flights need: references that move at 2.5 m/s, angles up to 20
-/// degrees, the whole cage, and rates from the gyro ([`FlightPlan::identification`] says why).
+/// Gains with what an identification flight needs beside them ([`FlightPlan::identification`] says why): references that move at
+/// 2.5 m/s, angles up to 20 degrees, the whole cage, and rates from the gyro.
 pub fn for_identification(mut config: Config) -> Config {
     use control::gains::{Complement, GyroFusion, Law, PositionLimits};
     config.position_limits = PositionLimits { x_m: [-2.0, 2.0], y_m: [-1.2, 1.2], z_m: [-2.0, -0.1] };

@@ -22,9 +22,14 @@ struct Arguments {
     #[arg(long = "scenario", value_name = "NAME", num_args = 1..)]
     scenarios: Vec<Scenario>,
 
-    /// Model file of the craft to fly, one that the thesis' gains suit (as from quadlab add); the thesis' craft if not given
+    /// Model file of the craft to fly; without --gains one that the thesis' gains suit (as from quadlab add); the thesis'
+    /// craft if not given
     #[arg(long, value_name = "TOML")]
     model: Option<PathBuf>,
+
+    /// Gains file to fly with, as from quadlab design for this craft's model; the thesis' gains if not given
+    #[arg(long, value_name = "TOML")]
+    gains: Option<PathBuf>,
 
     /// Age of the pose that the controller gets, in samples of 10 ms
     #[arg(long, value_name = "SAMPLES", default_value_t = 2, allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(0..=1000))]
@@ -128,8 +133,13 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         [] => Scenario::standard().collect(),
         named => named.to_vec(),
     };
+    let model =
+        arguments.model.as_deref().map(|path| flyable(path, arguments.gains.is_some())).transpose()?;
+    let craft = |path: &PathBuf| design::fit::read_for(path, model.as_ref().unwrap_or(&Model::thesis()));
+    let gains = arguments.gains.as_ref().map(craft).transpose()?;
     let settings = Settings {
-        model: arguments.model.as_deref().map(flyable).transpose()?,
+        config: gains.map(|gains| gains.config),
+        model,
         delay_samples: usize::from(arguments.delay),
         noise: (arguments.noise == Switch::On).then(NoiseModel::default),
         seed: arguments.seed,
@@ -163,8 +173,8 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::from(u8::from(!suite.pass())))
 }
 
-/// A model whose motors can be commanded.
-fn flyable(path: &std::path::Path) -> anyhow::Result<Model> {
+/// A model whose motors can be commanded, by gains of its own or by the thesis'.
+fn flyable(path: &std::path::Path, own_gains: bool) -> anyhow::Result<Model> {
     let model = Model::read(path)?;
     let motors = &model.vehicle.motors;
     if !(model.vehicle.can_map_commands() && model.vehicle.has_rotor_map()) {
@@ -174,9 +184,9 @@ fn flyable(path: &std::path::Path) -> anyhow::Result<Model> {
         );
     }
     let range = Config::thesis().command_range.map(f64::from);
-    if motors.command_range != range {
+    if !own_gains && motors.command_range != range {
         anyhow::bail!(
-            "{}: vehicle.motors.command_range: is {:?}; the thesis' gains are for {range:?}",
+            "{}: vehicle.motors.command_range: is {:?}; the thesis' gains are for {range:?}; give --gains",
             path.display(),
             motors.command_range
         );

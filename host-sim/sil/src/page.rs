@@ -162,7 +162,8 @@ fn loop_figure(recording: &Recording, axis: StepAxis) -> Figure {
 
 /// The reference response in the units of the plot, where the flight was one of the reference's.
 fn reference_points(outcome: &Outcome, settings: &Settings, axis: StepAxis) -> Option<Vec<(f64, f64)>> {
-    if settings.noise.is_some() || settings.delay_samples != 2 {
+    let another = settings.config.is_some() || settings.model.is_some();
+    if another || settings.noise.is_some() || settings.delay_samples != 2 {
         return None;
     }
     let (step, base) = step_of(&outcome.plan)?;

@@ -18,7 +18,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use control::{Autopilot, Config, Readings};
+use control::{Config, Readings};
+use craft::{Lockstep, convert};
 use iceoryx2::port::client::Client;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
@@ -26,7 +27,7 @@ use iceoryx2::port::server::Server;
 use iceoryx2::prelude::*;
 use proto::{MAX_FRAME_LEN, Message};
 
-use crate::link::{Link, LinkError, message, outcome, readings};
+use crate::link::{Link, LinkError};
 
 type Ipc = ipc::Service;
 type Asking = Client<Ipc, [u8], (), [u8], ()>;
@@ -247,7 +248,7 @@ impl Iceoryx2 {
         if tick.is_multiple_of(TICKS_BETWEEN_LOOKS) {
             self.look(started)?;
         }
-        let pending = self.send(&Message::Readings(message(tick, readings)))?;
+        let pending = self.send(&Message::Readings(convert::readings_message(tick, readings)))?;
         loop {
             if let Some(response) = pending.receive().map_err(refused("receive a response"))? {
                 return match proto::decode(response.payload())? {
@@ -277,7 +278,7 @@ pub fn serve(run: &str) -> Result<(), crate::SilError> {
 
 fn answer_until_input_ends(run: &str, domain: &Domain) -> Result<(), crate::SilError> {
     let Some(config) = read_config()? else { return Ok(()) };
-    let mut autopilot = Autopilot::in_flight(&config)?;
+    let mut lockstep = Lockstep::new(&config)?;
     let plant_done = watch_input();
     let node = domain.node()?;
     let services = Services::open_or_create(&node, run)?;
@@ -292,7 +293,7 @@ fn answer_until_input_ends(run: &str, domain: &Domain) -> Result<(), crate::SilE
     while !plant_done.load(Ordering::Relaxed) {
         // An interrupted wait is like an empty one: whether to go on is the plant's to decide.
         let _ = asked.timed_wait(|_| {}, LOOK);
-        answer_all(&server, &answered, &mut autopilot)?;
+        answer_all(&server, &answered, &mut lockstep)?;
     }
     Ok(())
 }
@@ -301,13 +302,12 @@ fn answer_until_input_ends(run: &str, domain: &Domain) -> Result<(), crate::SilE
 fn answer_all(
     server: &Answering,
     answered: &Notifier<Ipc>,
-    autopilot: &mut Autopilot,
+    lockstep: &mut Lockstep,
 ) -> Result<(), LinkError> {
     let mut buffer = [0; MAX_FRAME_LEN];
     while let Some(request) = server.receive().map_err(refused("receive a request"))? {
         // An output is not for this side; the plant will miss an answer and say so.
-        let Message::Readings(asked) = proto::decode(request.payload())? else { continue };
-        let outcome = outcome(asked.tick, autopilot.tick(&readings(&asked)));
+        let Some(outcome) = lockstep.answer(&proto::decode(request.payload())?) else { continue };
         let frame = proto::encode(&Message::Outcome(outcome), &mut buffer)?;
         let response = request.loan_slice_uninit(frame.len()).map_err(refused("lend memory"))?;
         response.write_from_slice(frame).send().map_err(refused("send a response"))?;

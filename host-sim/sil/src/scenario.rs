@@ -9,9 +9,11 @@
 use std::fmt;
 use std::str::FromStr;
 
-use model::Model;
+use control::Config;
+use control::supervision::Fence;
+use model::{Battery, Model};
 
-use crate::flight::{FlightPlan, Recording};
+use crate::flight::{FlightPlan, Recording, for_identification};
 use crate::metrics::StepMetrics;
 use crate::noise::NoiseModel;
 use crate::script::{Script, Step, StepAxis, Waypoint};
@@ -46,6 +48,8 @@ pub enum Scenario {
 pub struct Settings {
     /// The craft; absent: the thesis'.
     pub model: Option<Model>,
+    /// What flies it; absent: the thesis' gains. With it a craft has the voltage that its model was made at.
+    pub config: Option<Config>,
     /// Age of the pose that the controller gets, samples.
     pub delay_samples: usize,
     /// Noise of the sensors.
@@ -58,7 +62,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { model: None, delay_samples: 2, noise: None, seed: 1, substeps: 4 }
+        Self { model: None, config: None, delay_samples: 2, noise: None, seed: 1, substeps: 4 }
     }
 }
 
@@ -150,9 +154,26 @@ impl Scenario {
             (Self::Excitation, _) => FlightPlan::identification(Model::thesis(), settings.seed, EXCITATION_S),
             _ => FlightPlan::thesis(),
         };
-        let &Settings { ref model, delay_samples, noise, seed, substeps } = settings;
+        let plan = match &settings.config {
+            Some(config) => self.flown_by(*config, settings.model.as_ref(), plan),
+            None => plan,
+        };
+        let &Settings { ref model, delay_samples, noise, seed, substeps, .. } = settings;
         let model = model.clone().unwrap_or(plan.model);
         FlightPlan { model, delay_samples, noise, seed, substeps, ..plan }
+    }
+
+    /// A plan with other gains, but with the room that its flight needs: a held angle goes tens of metres, an identification
+    /// flight goes up to the walls.
+    fn flown_by(self, config: Config, model: Option<&Model>, plan: FlightPlan) -> FlightPlan {
+        let no_walls = plan.config.supervision.fence == Fence::NONE;
+        let mut config = if self == Self::Excitation { for_identification(config) } else { config };
+        if no_walls {
+            config.supervision.fence = Fence::NONE;
+        }
+        let made_at_v = model.map_or(0.0, |model| model.reference.battery_v);
+        let battery = if made_at_v > 0.0 { Battery::constant(made_at_v) } else { plan.battery };
+        FlightPlan { config, battery, ..plan }
     }
 
     /// What the flight had to fulfil, and whether it did.

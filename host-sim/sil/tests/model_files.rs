@@ -88,3 +88,44 @@ fn models_that_cannot_be_flown_are_refused() {
         assert_eq!(stderr.lines().count(), 1, "{stderr}");
     }
 }
+
+/// The thesis' gains from their file are the thesis' gains: not a bit of a flight differs. Those of another vehicle, by name,
+/// by what was measured of it or by what they do on the model, are refused with one line and status 2.
+#[test]
+fn gains_files_fly_and_those_of_another_vehicle_do_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    let thesis = include_str!("../../model/vehicles/f330-gains.toml");
+    write("thesis.toml", thesis);
+    let hash = |gains: &[&str]| {
+        let output = sil(folder.path(), &[&["--scenario", "y-1", "--json", "--out", "out"], gains].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let json: Value = serde_json::from_slice(&output.stdout).unwrap();
+        json["pwm_sha256"].as_str().unwrap().to_owned()
+    };
+    assert_eq!(hash(&["--gains", "thesis.toml"]), hash(&[]));
+
+    let named = "vehicle = \"F330 (thesis)\"";
+    assert!(thesis.contains(named));
+    write("name.toml", &thesis.replace(named, "vehicle = \"F450\""));
+    write("hash.toml", &thesis.replace(named, &format!("{named}\nvehicle_sha256 = \"{}\"", "0".repeat(64))));
+    write("hover.toml", &thesis.replace("hover_thrust_n = 11.9093", "hover_thrust_n = 5.0"));
+    write("broken.toml", &thesis.replace("anti_windup", "anti_windupp"));
+    let mut heavy = Model::thesis();
+    heavy.vehicle.mass *= 2.0;
+    write("heavy-model.toml", &heavy.to_toml());
+    for (gains, model, expected) in [
+        ("name.toml", None, "they are for \"F450\""),
+        ("hash.toml", None, "measured otherwise"),
+        ("hover.toml", None, "hover_thrust_n"),
+        ("broken.toml", None, "anti_windupp"),
+        ("missing.toml", None, "cannot read"),
+        ("thesis.toml", Some("heavy-model.toml"), "hover_thrust_n"),
+    ] {
+        let model = model.map_or(vec![], |model| vec!["--model", model]);
+        let output = sil(folder.path(), &[&["--gains", gains, "--out", "out"], &model[..]].concat());
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!((output.status.code(), stderr.lines().count()), (Some(2), 1), "{gains}: {stderr}");
+        assert!(stderr.contains(gains) && stderr.contains(expected), "{gains}: {stderr}");
+    }
+}

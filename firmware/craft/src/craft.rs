@@ -1,0 +1,337 @@
+//! A craft: its autopilot, what it has heard, and what it has to say.
+
+use control::gains::{InnerLoop, Law, PositionLoop};
+use control::{Autopilot, Command, Config, ConfigError, Flight, Mode, Pose, Readings, Request, State};
+use heapless::Deque;
+use proto::{Answer, Counters, Gains, Identity, ImuSample, Loop, MIN_VERSION, Message, Telemetry, VERSION};
+
+use crate::convert;
+
+/// Answers that wait for the end of the tick. More requests than that between two ticks lose their answers, not their effect.
+const OUTBOX: usize = 8;
+
+/// What is fixed when a craft boots, beside its configuration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Setup {
+    /// SHA-256 of the gains and vehicle file that the configuration was read from.
+    pub vehicle_sha256: [u8; 32],
+    /// Version of the program: major, minor, patch.
+    pub program: [u16; 3],
+    /// Telemetry comes every so many ticks; 0 counts as 1.
+    pub telemetry_every: u16,
+}
+
+/// What a program measured itself for one tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Inputs {
+    /// The craft's monotonic clock, us modulo 2^32.
+    pub time_us: u32,
+    /// The newest IMU sample since the tick before, body FRD.
+    pub imu: Option<ImuSample>,
+    /// Battery voltage, V; NaN if it could not be measured.
+    pub battery_v: f32,
+    /// Battery current, A, if it is measured.
+    pub current_a: Option<f32>,
+    /// Do the program's outputs work, and did its own checks pass?
+    pub outputs_ready: bool,
+    /// How long after its time the tick began, us.
+    pub lateness_us: u32,
+}
+
+/// What the link counts and knows, for telemetry and identity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Link {
+    /// Packets that never came, by the gaps in their numbers.
+    pub lost: u32,
+    /// Packets refused: damaged, forged, replayed, or bytes that were no packet.
+    pub refused: u32,
+    /// Least packet number that is accepted from the ground.
+    pub accepts_from: u64,
+}
+
+impl From<&proto::Opener> for Link {
+    fn from(opener: &proto::Opener) -> Self {
+        let proto::Statistics { lost, refused, .. } = opener.statistics;
+        Self { lost, refused, accepts_from: opener.guard.accepts_from() }
+    }
+}
+
+/// A request that has been heard, and the number of the packet that it came in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Asked {
+    number: u64,
+    request: Request,
+}
+
+/// What has come since the tick before.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Inbox {
+    pose: Option<Pose>,
+    command: Option<Command>,
+    asked: Option<Asked>,
+}
+
+/// A craft, disarmed when it is made.
+#[derive(Debug, Clone)]
+pub struct Craft {
+    setup: Setup,
+    config: Config,
+    autopilot: Autopilot,
+    inbox: Inbox,
+    outbox: Deque<Answer, OUTBOX>,
+    /// Of the ticks done, modulo 2^32.
+    tick: u32,
+    time_us: u32,
+    ground_us: u32,
+    mode: Mode,
+    imu: Option<ImuSample>,
+    battery_v: f32,
+    current_a: Option<f32>,
+    /// Greatest lateness since the telemetry before, us.
+    jitter_us: u32,
+    /// Messages that are not for a craft.
+    misdirected: u32,
+    introduce: bool,
+    /// Ticks until telemetry is due.
+    until_telemetry: u16,
+    telemetry_due: bool,
+}
+
+impl Craft {
+    /// A disarmed craft that has heard nothing yet.
+    ///
+    /// # Errors
+    /// The first parameter that cannot be flown with, by name.
+    pub fn new(config: &Config, setup: Setup) -> Result<Self, ConfigError> {
+        Ok(Self {
+            setup,
+            config: *config,
+            autopilot: Autopilot::new(config)?,
+            inbox: Inbox::default(),
+            outbox: Deque::new(),
+            tick: 0,
+            time_us: 0,
+            ground_us: 0,
+            mode: Mode::Attitude,
+            imu: None,
+            battery_v: f32::NAN,
+            current_a: None,
+            jitter_us: 0,
+            misdirected: 0,
+            introduce: false,
+            until_telemetry: 0,
+            telemetry_due: false,
+        })
+    }
+
+    /// Hears a message of the ground, in the packet with this number. It takes effect with the next tick; gains do at once, while
+    /// disarmed.
+    pub fn hear(&mut self, number: u64, message: &Message) {
+        match message {
+            Message::Pose(timed) => self.inbox.pose = Some(convert::pose(&timed.pose)),
+            Message::Command(command) => self.inbox.command = Some(convert::command(command)),
+            Message::Request(request) => self.ask(Asked { number, request: convert::request(*request) }),
+            Message::Gains(gains) => {
+                let done = self.retune(gains).is_ok();
+                self.answer(number, done);
+            }
+            Message::Timer(timer) => self.ground_us = timer.ground_us,
+            Message::Who => self.introduce(),
+            Message::Input(_)
+            | Message::Output(_)
+            | Message::Readings(_)
+            | Message::Outcome(_)
+            | Message::Telemetry(_)
+            | Message::Identity(_)
+            | Message::Answer(_) => self.misdirected = self.misdirected.saturating_add(1),
+        }
+    }
+
+    /// The identity goes out with the next messages: after booting, and when a genuine packet had too low a number, so that its
+    /// sender can skip ahead.
+    pub fn introduce(&mut self) {
+        self.introduce = true;
+    }
+
+    /// One control period. Total: whatever came, the motor commands `tick.pwm` are finite and inside the range.
+    #[inline]
+    pub fn tick(&mut self, inputs: &Inputs) -> &Flight {
+        let Inbox { pose, command, asked } = core::mem::take(&mut self.inbox);
+        let readings = Readings {
+            time_us: inputs.time_us,
+            pose,
+            gyro_rad_s: inputs.imu.map(|imu| imu.gyro_rad_s),
+            battery_v: inputs.battery_v,
+            command,
+            request: asked.map(|asked| asked.request),
+            outputs_ready: inputs.outputs_ready,
+        };
+        self.autopilot.tick(&readings);
+        self.tick = self.tick.wrapping_add(1);
+        (self.time_us, self.imu) = (inputs.time_us, inputs.imu);
+        (self.battery_v, self.current_a) = (inputs.battery_v, inputs.current_a);
+        self.jitter_us = self.jitter_us.max(inputs.lateness_us);
+        self.mode = match self.autopilot.flight().tick.terms.outer {
+            Some(_) => Mode::Position,
+            None => Mode::Attitude,
+        };
+        if let Some(Asked { number, request }) = asked {
+            self.answer(number, is_done(request, self.autopilot.state()));
+        }
+        match self.until_telemetry.checked_sub(1) {
+            Some(left @ 1..) => self.until_telemetry = left,
+            _ => (self.until_telemetry, self.telemetry_due) = (self.setup.telemetry_every.max(1), true),
+        }
+        self.autopilot.flight()
+    }
+
+    /// The next message to the ground: answers, identity, telemetry, in this order. To be called after a tick until there are no
+    /// more.
+    pub fn next_message(&mut self, link: &Link) -> Option<Message> {
+        if let Some(answer) = self.outbox.pop_front() {
+            return Some(Message::Answer(answer));
+        }
+        if core::mem::take(&mut self.introduce) {
+            return Some(Message::Identity(self.identity(link)));
+        }
+        core::mem::take(&mut self.telemetry_due).then(|| {
+            let telemetry = self.telemetry(link);
+            self.jitter_us = 0;
+            Message::Telemetry(telemetry)
+        })
+    }
+
+    /// Who this is.
+    pub fn identity(&self, link: &Link) -> Identity {
+        Identity {
+            versions: [MIN_VERSION, VERSION],
+            program: self.setup.program,
+            vehicle_sha256: self.setup.vehicle_sha256,
+            accepts_from: link.accepts_from,
+            state: convert::state_message(self.autopilot.state()),
+        }
+    }
+
+    /// Everything about the last tick.
+    pub fn telemetry(&self, link: &Link) -> Telemetry {
+        let flight = self.autopilot.flight();
+        let terms = &flight.tick.terms;
+        Telemetry {
+            // The first tick has number 0.
+            tick: self.tick.wrapping_sub(1),
+            craft_us: self.time_us,
+            ground_us: self.ground_us,
+            supervision: convert::supervision(flight),
+            mode: convert::mode_message(self.mode),
+            attitude_command_rad: terms.attitude_command_rad,
+            z_command_m: terms.z_command_m,
+            tracked: proto::Pose { position_m: terms.position_m, attitude_rad: terms.attitude_rad },
+            tracked_rates_rad_s: terms.body_rates_rad_s,
+            imu: self.imu,
+            thrust: terms.thrust,
+            torque: terms.torque,
+            pwm: flight.tick.pwm,
+            refused: convert::refusal(&flight.tick.refused),
+            battery_v: self.battery_v,
+            current_a: self.current_a,
+            counters: self.counters(link),
+        }
+    }
+
+    /// What the craft is doing.
+    pub fn state(&self) -> State {
+        self.autopilot.state()
+    }
+
+    /// All of the last tick.
+    pub fn flight(&self) -> &Flight {
+        self.autopilot.flight()
+    }
+
+    fn counters(&self, link: &Link) -> Counters {
+        let found = self.autopilot.counters();
+        Counters {
+            jitter_us: self.jitter_us,
+            overruns: found.overruns,
+            clock_jumps: found.clock_jumps,
+            poses_refused: found.poses_refused,
+            imu_refused: found.imu_refused,
+            commands_refused: found.commands_refused,
+            faults: convert::fault_count(&self.autopilot.flight().tick.faults),
+            packets_lost: link.lost,
+            packets_refused: link.refused.saturating_add(self.misdirected),
+        }
+    }
+
+    /// Keeps the more severe of two requests; the other one is not done.
+    fn ask(&mut self, new: Asked) {
+        let dropped = match self.inbox.asked {
+            Some(kept) if severity(kept.request) > severity(new.request) => Some(new),
+            kept => {
+                self.inbox.asked = Some(new);
+                // The same request again is one request; the newest packet gets the answer.
+                kept.filter(|kept| kept.request != new.request)
+            }
+        };
+        if let Some(Asked { number, .. }) = dropped {
+            self.answer(number, false);
+        }
+    }
+
+    fn answer(&mut self, to: u64, done: bool) {
+        let answer = Answer { to, done, preflight: self.autopilot.flight().preflight.bits() };
+        // A full outbox keeps what is in it.
+        let _ = self.outbox.push_back(answer);
+    }
+
+    /// Flies with other gains of one loop from now on, if they can be flown with and nothing flies yet.
+    fn retune(&mut self, gains: &Gains) -> Result<(), NotRetuned> {
+        let mut config = self.config;
+        let loops = match &mut config.law {
+            Law::ModelBased(law) => &mut law.loops,
+            Law::HandTuned(law) => &mut law.loops,
+        };
+        let set_inner = |inner: &mut InnerLoop| (inner.kp, inner.ki, inner.kd) = gains_of(gains);
+        let set_outer = |outer: &mut PositionLoop| (outer.kp, outer.ki, outer.kd) = gains_of(gains);
+        match gains.of {
+            Loop::Roll => set_inner(&mut loops.roll),
+            Loop::Pitch => set_inner(&mut loops.pitch),
+            Loop::Yaw => set_inner(&mut loops.yaw),
+            Loop::Altitude => set_inner(&mut loops.altitude),
+            Loop::X => set_outer(&mut loops.x),
+            Loop::Y => set_outer(&mut loops.y),
+        }
+        if self.autopilot.retune(&config).map_err(|_| NotRetuned)? {
+            self.config = config;
+            return Ok(());
+        }
+        Err(NotRetuned)
+    }
+}
+
+/// The ground hears only that it was not done: the gains were out of range, or the craft was not disarmed.
+struct NotRetuned;
+
+fn gains_of(gains: &Gains) -> (f64, f64, f64) {
+    (f64::from(gains.kp), f64::from(gains.ki), f64::from(gains.kd))
+}
+
+/// The supervisor's order.
+fn severity(request: Request) -> u8 {
+    match request {
+        Request::Arm => 0,
+        Request::Land => 1,
+        Request::Cut => 2,
+        Request::Disarm => 3,
+    }
+}
+
+/// Does the craft do what was asked for?
+fn is_done(request: Request, state: State) -> bool {
+    match request {
+        Request::Arm => state == State::Armed,
+        Request::Disarm => state == State::Disarmed,
+        Request::Land => matches!(state, State::Land | State::Disarmed),
+        Request::Cut => state == State::Cut,
+    }
+}
