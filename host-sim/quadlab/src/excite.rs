@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use control::Config;
+use design::procedure::{Method, Specs, design};
 use model::Model;
 use pattern::{Pattern, relative_peak_factor};
 use report::{Axis, Figure, Page, Panels, Section, Series, Style, significant};
 use serde::Serialize;
 use sil::manoeuvre::{Injection, Signal, library};
-use sil::predict::{Course, Foreseen, Predictor, Prospect};
 use sil::plan::{BAND_HZ, GENTLE, known_error};
+use sil::predict::{Course, Foreseen, Predictor, Prospect};
 use sysid::information::{Expected, Parameter};
 
 use crate::output::{Outcome, check_outputs, provenance};
@@ -156,12 +157,12 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         std::iter::once(&options.model).chain(&options.gains).chain(&options.pattern).collect();
     check_outputs(options.out.iter().chain(&options.html), &inputs)?;
     let model = Model::read(&options.model)?;
-    let config = config(&model, &options.model, options.gains.as_deref())?;
-    let pattern = match &options.pattern {
-        Some(path) => Pattern::read(path)?,
-        None => made(options, &config)?,
+    let given = options.pattern.as_ref().map(|path| Pattern::read(path)).transpose()?;
+    let predictor = predictor(&model, &options.model, options.gains.as_deref(), options.seed)?;
+    let pattern = match given {
+        Some(pattern) => pattern,
+        None => made(options, predictor.config())?,
     };
-    let predictor = Predictor::new(model, config, options.seed)?;
     let foreseen = predictor.foresee(&pattern)?;
     let document = document(options, &predictor, &pattern, &foreseen);
     let holds = document.flight.trouble.is_none();
@@ -172,20 +173,33 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         let files: Vec<&Path> = inputs.iter().map(|p| p.as_path()).collect();
         page(&document, &pattern, &predictor)?.provenance(provenance(&files, [])).write(html)?;
     }
-    let outcome =
-        if options.json { Outcome::json(&document)? } else { Outcome::done(described(&document, options.out.is_some())) };
+    let outcome = if options.json {
+        Outcome::json(&document)?
+    } else {
+        Outcome::done(described(&document, options.out.is_some()))
+    };
     Ok(Outcome { holds, ..outcome })
 }
 
-/// The configuration that flies: of a gains file, or designed for the model.
-pub(crate) fn config(model: &Model, path: &Path, gains: Option<&Path>) -> anyhow::Result<Config> {
+/// The model under the gains of a file, or else under gains designed for it: the thesis' way, which takes a second, and where
+/// that loses the craft, by the search for a late pose.
+pub(crate) fn predictor(
+    model: &Model,
+    path: &Path,
+    gains: Option<&Path>,
+    seed: u64,
+) -> anyhow::Result<Predictor> {
     if !(model.vehicle.can_map_commands() && model.vehicle.has_rotor_map()) {
         return Err(ExciteError::NoMap(path.into()).into());
     }
-    Ok(match gains {
-        Some(gains) => design::fit::read_for(gains, model)?.config,
-        None => design::procedure::design(model, &design::procedure::Specs::default())?.config,
-    })
+    if let Some(gains) = gains {
+        return Ok(Predictor::new(model.clone(), design::fit::read_for(gains, model)?.config, seed)?);
+    }
+    let designed = |method: Method| {
+        let config = design(model, &Specs { method, ..Specs::default() })?.config;
+        anyhow::Ok(Predictor::new(model.clone(), config, seed)?)
+    };
+    designed(Method::Thesis).or_else(|_| designed(Method::Delay))
 }
 
 fn made(options: &Options, config: &Config) -> anyhow::Result<Pattern> {
@@ -253,7 +267,9 @@ fn injected(pattern: &Pattern) -> InjectionEntry {
         }
     }
     InjectionEntry {
-        relative_peak_factor: std::array::from_fn(|k| (peak[k] > 0.0).then(|| relative_peak_factor(&motors[k]))),
+        relative_peak_factor: std::array::from_fn(|k| {
+            (peak[k] > 0.0).then(|| relative_peak_factor(&motors[k]))
+        }),
         peak,
         largest_correlation: largest,
     }
@@ -313,7 +329,17 @@ fn described(document: &Document, wanted: bool) -> String {
     let _ = writeln!(
         text,
         "Flight of {} s: roll up to {:.1}, pitch up to {:.1} deg, {:.1} m/s; x {:.2} to {:.2}, y {:.2} to {:.2}, height {:.2} to {:.2} m; {} saturated ticks",
-        document.duration_s, f.roll_deg, f.pitch_deg, f.speed_m_s, x[0], x[1], y[0], y[1], -z[1], -z[0], f.saturated_ticks
+        document.duration_s,
+        f.roll_deg,
+        f.pitch_deg,
+        f.speed_m_s,
+        x[0],
+        x[1],
+        y[0],
+        y[1],
+        -z[1],
+        -z[0],
+        f.saturated_ticks
     );
     let i = &document.injection;
     let factors: Vec<String> =
@@ -327,7 +353,12 @@ fn described(document: &Document, wanted: bool) -> String {
         largest(&f.command_correlation)
     );
     let noise: Vec<String> = document.noise.iter().map(|n| significant(*n, 2)).collect();
-    let _ = writeln!(text, "Residual reckoned with: u v w {} m/s^2, p q r {} rad/s^2", noise[..3].join(" "), noise[3..].join(" "));
+    let _ = writeln!(
+        text,
+        "Residual reckoned with: u v w {} m/s^2, p q r {} rad/s^2",
+        noise[..3].join(" "),
+        noise[3..].join(" ")
+    );
     if !document.cannot_be_told_apart.is_empty() {
         let _ = writeln!(text, "\nCannot be told apart: {}", document.cannot_be_told_apart.join(", "));
     }
@@ -351,7 +382,8 @@ fn described(document: &Document, wanted: bool) -> String {
             c.unit
         );
     }
-    let (seen, unseen): (Vec<&EffectEntry>, Vec<&EffectEntry>) = document.effects.iter().partition(|e| e.excited);
+    let (seen, unseen): (Vec<&EffectEntry>, Vec<&EffectEntry>) =
+        document.effects.iter().partition(|e| e.excited);
     let seen: Vec<String> =
         seen.iter().map(|e| format!("{} ({:.0})", e.effect, e.deviations.unwrap_or(0.0))).collect();
     let none = |list: String| if list.is_empty() { "none".into() } else { list };
@@ -396,13 +428,11 @@ fn page(document: &Document, pattern: &Pattern, predictor: &Predictor) -> anyhow
     };
     let euler = recording.euler_rad();
     let unit = predictor.model().vehicle.motors.command_unit.as_str();
-    let injection = (0..4).fold(
-        Figure::new("On the motors", time(), Axis::new("injection", unit)),
-        |figure, motor| {
+    let injection =
+        (0..4).fold(Figure::new("On the motors", time(), Axis::new("injection", unit)), |figure, motor| {
             let data: Vec<(f64, f64)> = pattern.rows().iter().map(|r| (r.t_s, r.injection[motor])).collect();
             figure.with(Series::line(format!("motor {}", motor + 1), Style::Category(motor), data))
-        },
-    );
+        });
     let attitude = ["roll", "pitch"].into_iter().enumerate().fold(
         Figure::new("Attitude", time(), Axis::new("angle", "deg")),
         |figure, (axis, name)| {
@@ -418,10 +448,13 @@ fn page(document: &Document, pattern: &Pattern, predictor: &Predictor) -> anyhow
         },
     );
     let text = described(document, false);
-    Ok(Page::new("A flight that tells", "What a pattern will tell, from a simulated flight of the current model.")
-        .section(Section::new("The flight").figure(
-            Panels::new([injection, attitude, position]),
-            "As the model flies it, without noise.",
-        ))
-        .section(Section::new("What it will tell").preformatted(text)))
+    Ok(Page::new(
+        "A flight that tells",
+        "What a pattern will tell, from a simulated flight of the current model.",
+    )
+    .section(
+        Section::new("The flight")
+            .figure(Panels::new([injection, attitude, position]), "As the model flies it, without noise."),
+    )
+    .section(Section::new("What it will tell").preformatted(text)))
 }

@@ -245,7 +245,11 @@ fn page(result: &StandResult, vehicle: &Vehicle) -> Page {
     let clock = || Axis::new("tachometer's time", "s");
     let speed = Figure::new("Rotor speed", clock(), Axis::new("rotor speed", "rad/s"))
         .with(Series::points("measured", Style::Measured, pairs(time, &|k| samples.measured_rad_s[k])))
-        .with(Series::line("map and lag", Style::PredictedAfter, pairs(time, &|k| samples.predicted_rad_s[k])));
+        .with(Series::line(
+            "map and lag",
+            Style::PredictedAfter,
+            pairs(time, &|k| samples.predicted_rad_s[k]),
+        ));
     let command = Figure::new("Command", clock(), Axis::new("command", unit)).with(Series::step(
         "",
         Style::Reference,

@@ -9,7 +9,7 @@ use serde::Serialize;
 use sil::plan::{APART, Goal, Proposal, check_effect, coefficient, known_error, plan};
 use sil::predict::Predictor;
 
-use crate::excite::config;
+use crate::excite::predictor;
 use crate::output::{Outcome, check_outputs};
 use crate::tables;
 
@@ -31,7 +31,13 @@ pub(crate) struct Options {
     gains: Option<PathBuf>,
 
     /// Two effects to tell apart, for example: --separate steady-wind attitude-offset
-    #[arg(long, value_name = "EFFECT", num_args = 2, required_unless_present = "shrink", conflicts_with = "shrink")]
+    #[arg(
+        long,
+        value_name = "EFFECT",
+        num_args = 2,
+        required_unless_present = "shrink",
+        conflicts_with = "shrink"
+    )]
     separate: Option<Vec<String>>,
 
     /// A coefficient to know better, for example: --shrink C_du, or --shrink linear-drag.C_du
@@ -93,8 +99,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         return Err(NoPlan::Duration(options.duration).into());
     }
     let model = Model::read(&options.model)?;
-    let config = config(&model, &options.model, options.gains.as_deref())?;
-    let predictor = Predictor::new(model, config, options.seed)?;
+    let predictor = predictor(&model, &options.model, options.gains.as_deref(), options.seed)?;
     let goal = goal(options, &predictor)?;
     let proposals = plan(&predictor, goal, options.duration, options.seed)?;
     let enough = proposals.first().is_some_and(|best| is_enough(best, goal));
@@ -166,7 +171,9 @@ fn why(proposals: &[Proposal], goal: Goal, known: Option<f64>) -> String {
         Goal::Separate(a, b) => {
             let text = |v: Option<f64>| v.map_or_else(|| "no".to_owned(), |v| format!("{v:.1}"));
             let reason = |a: Effect, b: Effect| a.info().confused_with.iter().find(|(id, _)| *id == b.id());
-            let physics = reason(a, b).or_else(|| reason(b, a)).map(|(_, words)| format!(" As the catalogue has it: {words}."));
+            let physics = reason(a, b)
+                .or_else(|| reason(b, a))
+                .map(|(_, words)| format!(" As the catalogue has it: {words}."));
             format!(
                 "With {a} or {b} of ordinary size in the craft and both in the fit, what is there stands out by {} standard errors; in plain hover by {}.{}",
                 text(best.worth),
@@ -175,7 +182,8 @@ fn why(proposals: &[Proposal], goal: Goal, known: Option<f64>) -> String {
             )
         }
         Goal::Shrink(p) => {
-            let error = |v: Option<f64>| v.map_or_else(|| "not known at all".to_owned(), |v| significant(v, 2));
+            let error =
+                |v: Option<f64>| v.map_or_else(|| "not known at all".to_owned(), |v| significant(v, 2));
             format!(
                 "After it the standard error of {} is {} {} (now: {}; after plain hover: {}). To see {}: {}.",
                 p.info().name,

@@ -96,16 +96,19 @@ pub enum PlanError {
 pub fn coefficient(predictor: &Predictor, name: &str) -> Result<Parameter, PlanError> {
     let effects = predictor.model().effects().into_iter().chain(predictor.candidates().iter().copied());
     let all: Vec<Parameter> = effects
-        .flat_map(|effect| (0..effect.info().coefficients.len()).map(move |index| Parameter { effect, index }))
+        .flat_map(|effect| {
+            (0..effect.info().coefficients.len()).map(move |index| Parameter { effect, index })
+        })
         .collect();
     let long = |p: &Parameter| format!("{}.{}", p.effect, p.info().name);
     let found: Vec<&Parameter> = all.iter().filter(|p| p.info().name == name || long(p) == name).collect();
     let listed = |list: &[&Parameter]| list.iter().map(|p| long(p)).collect::<Vec<_>>().join(", ");
     match found.as_slice() {
         [one] => Ok(**one),
-        [] => {
-            Err(PlanError::NoCoefficient { name: name.into(), known: listed(&all.iter().collect::<Vec<_>>()) })
-        }
+        [] => Err(PlanError::NoCoefficient {
+            name: name.into(),
+            known: listed(&all.iter().collect::<Vec<_>>()),
+        }),
         several => Err(PlanError::SeveralCoefficients { name: name.into(), known: listed(several) }),
     }
 }
@@ -120,7 +123,9 @@ pub fn check_effect(predictor: &Predictor, effect: Effect) -> Result<(), PlanErr
         return refuse("is part of every model: ask for one of its coefficients with --shrink");
     }
     if !predictor.model().has(effect) && !predictor.candidates().contains(&effect) {
-        return refuse("cannot be foreseen: a fit of everything absorbs it, or it starts from a shape of its own");
+        return refuse(
+            "cannot be foreseen: a fit of everything absorbs it, or it starts from a shape of its own",
+        );
     }
     Ok(())
 }
@@ -129,7 +134,12 @@ pub fn check_effect(predictor: &Predictor, effect: Effect) -> Result<(), PlanErr
 ///
 /// # Errors
 /// A model that cannot be flown at all.
-pub fn plan(predictor: &Predictor, goal: Goal, duration_s: f64, seed: u64) -> Result<Vec<Proposal>, PlanError> {
+pub fn plan(
+    predictor: &Predictor,
+    goal: Goal,
+    duration_s: f64,
+    seed: u64,
+) -> Result<Vec<Proposal>, PlanError> {
     let [low, high] = predictor.config().command_range;
     let flights: Vec<(Manoeuvre, f64)> = library(duration_s, seed)
         .into_iter()
