@@ -8,10 +8,14 @@
 //! builds quickly and still works when one of them does not compile.
 #![forbid(unsafe_code)]
 
+mod armv7;
 mod arrows;
 mod bench;
 mod dependencies;
 mod figures;
+mod flash;
+mod flash_chip;
+mod flash_com;
 mod licences;
 mod peers;
 mod process;
@@ -46,6 +50,8 @@ enum Command {
     /// Run the whole story, from flights to a better model; `demo --help` lists its arguments
     #[command(disable_help_flag = true)]
     Demo(PassedThrough),
+    /// Put a new program onto a craft, or go back to the one before
+    Flash(flash::Options),
     /// Check everything: format, lints, tests, docs, arrows between crates, licences, house rules
     Test(test::Options),
     /// Run the benchmarks: times, and instruction counts where valgrind is installed
@@ -76,6 +82,7 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
     match command {
         Command::Sil(passed) => process::run_program(&Program::SIL, &passed.arguments),
         Command::Demo(passed) => process::run_program(&Program::DEMO, &passed.arguments),
+        Command::Flash(options) => flash::run(options),
         Command::Test(options) => test::run(&Workspace::load()?, &options),
         Command::Bench(options) => bench::run(&Workspace::load()?, &options),
         Command::Setup(options) => setup::run(&Workspace::load()?, &options),

@@ -27,6 +27,7 @@ mod delay;
 pub mod failsafe;
 mod fault;
 mod flight;
+mod laboratory;
 mod link;
 pub mod manoeuvre;
 pub mod metrics;
@@ -47,6 +48,7 @@ pub use fault::{Fault, FaultKind};
 pub use flight::{
     CAGE_M, ClosedLoop, FlightPlan, Recording, Row, SilError, Truth, fly, fly_over, for_identification,
 };
+pub use laboratory::Laboratory;
 pub use link::{InProcess, Link, LinkError};
 pub use noise::{Coloured, NoiseModel};
 pub use process::{Iceoryx2, serve};

@@ -177,8 +177,8 @@ impl Manoeuvre {
         duration_s: f64,
         path: &Path,
     ) -> Result<Pattern, ManoeuvreError> {
-        let mut added = injection.over(period_s, duration_s)?;
-        let rows = self.script.rows((START_M, 0.0), period_s, duration_s, |time_s| added(time_s));
+        let added = injection.over(period_s, duration_s)?;
+        let rows = self.script.rows((START_M, 0.0), period_s, duration_s, added);
         Ok(Pattern::new(rows, path)?)
     }
 }
