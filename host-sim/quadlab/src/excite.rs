@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use control::Config;
+use design::procedure::{Method, Specs, design};
 use model::Model;
 use pattern::{Pattern, relative_peak_factor};
 use report::{Axis, Figure, Page, Panels, Section, Series, Style, significant};
@@ -156,12 +157,12 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         std::iter::once(&options.model).chain(&options.gains).chain(&options.pattern).collect();
     check_outputs(options.out.iter().chain(&options.html), &inputs)?;
     let model = Model::read(&options.model)?;
-    let config = config(&model, &options.model, options.gains.as_deref())?;
-    let pattern = match &options.pattern {
-        Some(path) => Pattern::read(path)?,
-        None => made(options, &config)?,
+    let given = options.pattern.as_ref().map(|path| Pattern::read(path)).transpose()?;
+    let predictor = predictor(&model, &options.model, options.gains.as_deref(), options.seed)?;
+    let pattern = match given {
+        Some(pattern) => pattern,
+        None => made(options, predictor.config())?,
     };
-    let predictor = Predictor::new(model, config, options.seed)?;
     let foreseen = predictor.foresee(&pattern)?;
     let document = document(options, &predictor, &pattern, &foreseen);
     let holds = document.flight.trouble.is_none();
@@ -180,15 +181,25 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     Ok(Outcome { holds, ..outcome })
 }
 
-/// The configuration that flies: of a gains file, or designed for the model.
-pub(crate) fn config(model: &Model, path: &Path, gains: Option<&Path>) -> anyhow::Result<Config> {
+/// The model under the gains of a file, or else under gains designed for it: the thesis' way, which takes a second, and where
+/// that loses the craft, by the search for a late pose.
+pub(crate) fn predictor(
+    model: &Model,
+    path: &Path,
+    gains: Option<&Path>,
+    seed: u64,
+) -> anyhow::Result<Predictor> {
     if !(model.vehicle.can_map_commands() && model.vehicle.has_rotor_map()) {
         return Err(ExciteError::NoMap(path.into()).into());
     }
-    Ok(match gains {
-        Some(gains) => design::fit::read_for(gains, model)?.config,
-        None => design::procedure::design(model, &design::procedure::Specs::default())?.config,
-    })
+    if let Some(gains) = gains {
+        return Ok(Predictor::new(model.clone(), design::fit::read_for(gains, model)?.config, seed)?);
+    }
+    let designed = |method: Method| {
+        let config = design(model, &Specs { method, ..Specs::default() })?.config;
+        anyhow::Ok(Predictor::new(model.clone(), config, seed)?)
+    };
+    designed(Method::Thesis).or_else(|_| designed(Method::Delay))
 }
 
 fn made(options: &Options, config: &Config) -> anyhow::Result<Pattern> {

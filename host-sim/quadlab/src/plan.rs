@@ -9,7 +9,7 @@ use serde::Serialize;
 use sil::plan::{APART, Goal, Proposal, check_effect, coefficient, known_error, plan};
 use sil::predict::Predictor;
 
-use crate::excite::config;
+use crate::excite::predictor;
 use crate::output::{Outcome, check_outputs};
 use crate::tables;
 
@@ -99,8 +99,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         return Err(NoPlan::Duration(options.duration).into());
     }
     let model = Model::read(&options.model)?;
-    let config = config(&model, &options.model, options.gains.as_deref())?;
-    let predictor = Predictor::new(model, config, options.seed)?;
+    let predictor = predictor(&model, &options.model, options.gains.as_deref(), options.seed)?;
     let goal = goal(options, &predictor)?;
     let proposals = plan(&predictor, goal, options.duration, options.seed)?;
     let enough = proposals.first().is_some_and(|best| is_enough(best, goal));

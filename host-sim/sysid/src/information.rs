@@ -149,7 +149,9 @@ impl Information {
         let rows = rows_about(flight, model, effects);
         let parameters: Vec<Parameter> = effects
             .iter()
-            .flat_map(|&effect| (0..coefficient_count(effect)).map(move |index| Parameter { effect, index }))
+            .flat_map(|&effect| {
+                (0..effect.info().coefficients.len()).map(move |index| Parameter { effect, index })
+            })
             .collect();
         let count = parameters.len();
         let mut information = Self {
