@@ -302,7 +302,7 @@ mod tests {
         Map {
             command: estimated(0.785_012_345, 0.0021),
             voltage: Some(estimated(44.651_234, 0.62)),
-            offset: estimated(-1205.123_456, 9.1),
+            offset: estimated(-1_205.123_456, 9.1),
             lag: estimated(21.512_345, 0.31),
             lag_is_known,
             rms_rad_s: 3.0,
