@@ -9,10 +9,14 @@
 #![forbid(unsafe_code)]
 
 mod arm;
+mod armv7;
 mod arrows;
 mod bench;
 mod dependencies;
 mod figures;
+mod flash;
+mod flash_chip;
+mod flash_com;
 mod licences;
 mod peers;
 mod process;
@@ -47,6 +51,8 @@ enum Command {
     /// Run the whole story, from flights to a better model; `demo --help` lists its arguments
     #[command(disable_help_flag = true)]
     Demo(PassedThrough),
+    /// Put a new program onto a craft, or go back to the one before
+    Flash(flash::Options),
     /// Check everything: format, lints, tests, docs, arrows between crates, licences, house rules
     Test(test::Options),
     /// Run the benchmarks: times, and instruction counts where valgrind is installed
@@ -83,6 +89,7 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
             process::run_program(&Program::SIL, &passed.arguments)
         }
         Command::Demo(passed) => process::run_program(&Program::DEMO, &passed.arguments),
+        Command::Flash(options) => flash::run(options),
         Command::Test(options) => test::run(&Workspace::load()?, &options),
         Command::Bench(options) => bench::run(&Workspace::load()?, &options),
         Command::Arm(options) => arm::run(&Workspace::load()?, &options),

@@ -29,11 +29,40 @@ pub struct Config {
     pub estimation: Estimation,
     /// Do integrators stop while the motors (or a loop's own limit) refuse more in their direction?
     pub anti_windup: bool,
+    /// What the motors get when they cannot have all that the loops ask for; absent: each is clipped, as in the thesis.
+    #[serde(default, skip_serializing_if = "Saturation::is_clip")]
+    pub saturation: Saturation,
+    /// Is the thrust divided by `cos(phi) cos(theta)`, so that its vertical part is what altitude asks for? Absent: no, as in
+    /// the thesis. For the model-based law, whose thrust is a force.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub tilt_compensation: bool,
     /// When the supervisor steps in; absent: the defaults.
     #[serde(default)]
     pub supervision: Supervision,
     /// The control law.
     pub law: Law,
+}
+
+/// What the motors get when they cannot have all that the loops ask for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Saturation {
+    /// Each motor's command is clipped by itself, whatever axis that takes from. As in the thesis.
+    #[default]
+    Clip,
+    /// Roll and pitch come before thrust, thrust before yaw ([`Mixer::share`](crate::mixer::Mixer::share)).
+    AttitudeFirst,
+}
+
+impl Saturation {
+    fn is_clip(&self) -> bool {
+        *self == Self::Clip
+    }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands references")]
+fn is_false(flag: &bool) -> bool {
+    !flag
 }
 
 /// The box of allowed position commands, inertial NED, in m (thesis 3: 4 m x 2 m x 2 m centred on the floor).
@@ -314,6 +343,8 @@ impl Config {
                 battery: None,
             },
             anti_windup: true,
+            saturation: Saturation::Clip,
+            tilt_compensation: false,
             supervision: Supervision { battery: BatteryLevels::THREE_CELLS, ..Supervision::DEFAULT },
             law: Law::ModelBased(ModelBased {
                 hover_thrust_n: 11.9093,
@@ -475,6 +506,10 @@ impl Config {
                 law.loops.check(highest_rad_s)
             }
             Law::HandTuned(law) => {
+                if self.tilt_compensation {
+                    let parameter = Parameter { group: "", name: "tilt_compensation" };
+                    return Err(ConfigError::NotApplicable { parameter });
+                }
                 let [low, high] = self.command_range;
                 Check { group: "law" }.within("hover_command", law.hover_command, low, high)?;
                 law.loops.check(highest_rad_s)

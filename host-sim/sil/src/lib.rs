@@ -29,10 +29,14 @@ mod emulated;
 pub mod failsafe;
 mod fault;
 mod flight;
+mod laboratory;
 mod link;
+pub mod manoeuvre;
 pub mod metrics;
 mod noise;
 pub mod page;
+pub mod plan;
+pub mod predict;
 mod process;
 pub mod reference;
 pub mod same_bits;
@@ -48,6 +52,7 @@ pub use fault::{Fault, FaultKind};
 pub use flight::{
     CAGE_M, ClosedLoop, FlightPlan, Recording, Row, SilError, Truth, fly, fly_over, for_identification,
 };
+pub use laboratory::{Laboratory, Radio};
 pub use link::{InProcess, Link, LinkError};
 pub use noise::{Coloured, NoiseModel};
 pub use process::{Iceoryx2, serve};

@@ -1,0 +1,210 @@
+//! The loop: what came, a tick of the [`Craft`], what goes out.
+//!
+//! On its thread nothing waits, nothing is allocated and no file is read or written but the four pulse lengths, which are
+//! the outputs themselves (a test counts allocations). Beside it are the threads of the IMU's line, of the battery's
+//! converter, of the packet numbers, and of the log.
+
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::{self, sleep};
+use std::time::{Duration, Instant};
+
+use control::State;
+use craft::{Craft, Inputs};
+use embedded_hal::pwm::SetDutyCycle;
+
+use crate::battery::Battery;
+use crate::clock::{Beat, Ticker};
+use crate::config::{BatterySource, Setup};
+use crate::error::{Error, Result, log, system};
+use crate::guardian::{Heart, Sign};
+use crate::imu::Imu;
+use crate::link::{Link, Notice};
+use crate::pwm::Motors;
+use crate::realtime;
+
+/// What may wait to be logged; what does not fit is not logged.
+const WAITING: usize = 64;
+/// Between two looks of the log's thread.
+const LOG_EVERY: Duration = Duration::from_millis(20);
+/// A refused packet is worth a line this often; all are counted.
+const REFUSAL_EVERY: Duration = Duration::from_secs(1);
+
+/// Something that happened in the loop.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Event {
+    /// The craft went to another state.
+    State(State),
+    /// Something about a packet.
+    Notice(Notice),
+    /// An output could not be written, or could be again.
+    Outputs(bool),
+}
+
+/// All that the loop's thread touches.
+#[derive(Debug)]
+pub struct Flight<C> {
+    craft: Craft,
+    link: Link,
+    imu: Imu,
+    battery: Battery,
+    /// Voltage comes with the IMU's frames.
+    battery_by_imu: bool,
+    motors: Motors<C>,
+    outputs_ready: bool,
+    state: State,
+    events: SyncSender<Event>,
+}
+
+impl<C: SetDutyCycle> Flight<C> {
+    /// Opens what the setup names; the outputs are open already.
+    ///
+    /// # Errors
+    /// The first thing that cannot be had.
+    pub fn open(setup: &Setup, motors: Motors<C>) -> Result<(Self, Receiver<Event>)> {
+        let craft = Craft::new(&setup.law, about(setup)).map_err(|error| Error::Other(error.to_string()))?;
+        let link = Link::open(&setup.link)?;
+        let (port, baud) = setup.imu.clone();
+        let imu = Imu::open(port, baud, setup.priority)?;
+        let battery = match &setup.battery {
+            BatterySource::Imu => Battery::default(),
+            BatterySource::Converter { path, volt_per_count } => {
+                Battery::from_converter(path.clone(), *volt_per_count)?
+            }
+        };
+        let (events, log) = sync_channel(WAITING);
+        let flight = Self {
+            craft,
+            link,
+            imu,
+            battery,
+            battery_by_imu: setup.battery == BatterySource::Imu,
+            motors,
+            outputs_ready: true,
+            state: State::Disarmed,
+            events,
+        };
+        Ok((flight, log))
+    }
+
+    /// The link, to look at.
+    pub fn link(&self) -> &Link {
+        &self.link
+    }
+
+    /// What the craft is doing.
+    pub fn state(&self) -> State {
+        self.state
+    }
+
+    /// One tick.
+    pub fn tick(&mut self, beat: Beat) {
+        let Self { craft, link, imu, battery, motors, events, .. } = self;
+        link.receive(craft, |notice| tell(events, Event::Notice(notice)));
+        let frame = imu.newest();
+        if let Some(voltage_v) = frame.and_then(|frame| frame.battery_v).filter(|_| self.battery_by_imu) {
+            battery.store(voltage_v);
+        }
+        let flight = craft.tick(&Inputs {
+            time_us: beat.time_us,
+            imu: frame.map(|frame| frame.sample),
+            battery_v: battery.voltage_v(),
+            current_a: frame.and_then(|frame| frame.current_a),
+            outputs_ready: self.outputs_ready,
+            lateness_us: beat.late_us,
+        });
+        let (pwm, state) = (flight.tick.pwm, flight.state);
+        let written = motors.set(&pwm).is_ok();
+        if written != self.outputs_ready {
+            self.outputs_ready = written;
+            tell(events, Event::Outputs(written));
+        }
+        if state != self.state {
+            self.state = state;
+            tell(events, Event::State(state));
+        }
+        link.send(craft);
+    }
+
+    /// All motors to idle.
+    pub fn idle(&mut self) -> bool {
+        self.motors.idle().is_ok()
+    }
+}
+
+/// What the ground is told of this program and its craft.
+fn about(setup: &Setup) -> craft::Setup {
+    craft::Setup {
+        vehicle_sha256: setup.vehicle_sha256,
+        program: program_version(),
+        telemetry_every: setup.link.telemetry_every,
+    }
+}
+
+/// Version of this program: major, minor, patch.
+pub fn program_version() -> [u16; 3] {
+    let mut numbers = env!("CARGO_PKG_VERSION").split('.').map(|number| number.parse().unwrap_or(0));
+    std::array::from_fn(|_| numbers.next().unwrap_or(0))
+}
+
+/// A log that is behind is not waited for.
+fn tell(events: &SyncSender<Event>, event: Event) {
+    let _ = events.try_send(event);
+}
+
+/// The life of the loop's process.
+///
+/// # Errors
+/// What cannot be opened, or [`Error::Orphaned`].
+pub fn fly<C: SetDutyCycle>(setup: &Setup, motors: Motors<C>, mut heart: Heart) -> Result<()> {
+    let (mut flight, events) = Flight::open(setup, motors)?;
+    let log_events = move || print(&events);
+    thread::Builder::new()
+        .name("log".into())
+        .spawn(log_events)
+        .map_err(system("start the thread of the log"))?;
+    log(&format!("listening on {}", flight.link().address()?));
+    for line in realtime::ask_for(setup.priority) {
+        log(&line);
+    }
+    let mut ticker = Ticker::start(setup.period_ns());
+    loop {
+        let beat = ticker.wait();
+        flight.tick(beat);
+        match heart.beat() {
+            Sign::Go => {}
+            order => {
+                flight.idle();
+                return if order == Sign::Stop { Ok(()) } else { Err(Error::Orphaned) };
+            }
+        }
+    }
+}
+
+/// Prints events until the loop is gone. (It looks now and then instead of waiting: a thread that waits takes a lock that the
+/// loop would have to wait for in its turn.)
+fn print(events: &Receiver<Event>) {
+    let mut refused: Option<Instant> = None;
+    loop {
+        for event in events.try_iter() {
+            match event {
+                Event::State(state) => log(&format!("state: {state:?}").to_lowercase()),
+                Event::Outputs(true) => log("the outputs can be written again"),
+                Event::Outputs(false) => log("an output cannot be written"),
+                Event::Notice(notice) => {
+                    if refused.is_none_or(|at| at.elapsed() >= REFUSAL_EVERY) {
+                        refused = Some(Instant::now());
+                        log(&said(notice));
+                    }
+                }
+            }
+        }
+        sleep(LOG_EVERY);
+    }
+}
+
+fn said(notice: Notice) -> String {
+    match notice {
+        Notice::Refused(from, refused) => format!("from {from}: {refused}"),
+        Notice::Stranger(from) => proto::NotAdmitted { peer: from.ip() }.to_string(),
+    }
+}

@@ -1,0 +1,6 @@
+//! The whole program: real processes, a pseudo terminal, UDP, and files as the kernel's PWM interface has them.
+
+mod allocations;
+mod common;
+mod process;
+mod programs;
