@@ -178,7 +178,7 @@ impl Flash {
         };
         let program = match &self.program {
             Some(program) => program.clone(),
-            None => crate::armv7::build()?,
+            None => crate::arm::com(&crate::workspace::Workspace::load()?)?,
         };
         let bytes = std::fs::read(&program).with_context(|| format!("cannot read {}", program.display()))?;
         files.insert(PROGRAM.into(), bytes);
