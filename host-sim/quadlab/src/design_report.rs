@@ -161,6 +161,8 @@ impl Work {
         let fits = |n: &&Compared| begins.iter().any(|b| n.what.starts_with(b) || n.place.starts_with(b));
         for n in self.numbers.iter().filter(fits) {
             let apart = n.found.map_or(f64::NAN, |found| 100.0 * (found / n.printed - 1.0));
+            // Less than the last printed digit says nothing.
+            let apart = if apart.abs() < 1e-3 { 0.0 } else { apart };
             let note = match (self.thesis, n.holds()) {
                 (true, true) => Cell::from(n.why).verdict(Verdict::Good),
                 (true, false) => Cell::from(n.why).verdict(Verdict::Bad),
