@@ -6,7 +6,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Result, bail, ensure};
 
 use crate::process::{cargo, output_of, shown, succeeds};
 use crate::workspace::{self, Workspace};
@@ -31,7 +31,7 @@ fn rustup_has_it() -> bool {
     library.is_some_and(|folder| Path::new(folder.trim()).is_dir())
 }
 
-/// Builds `com`, release; where it is.
+/// Builds `com`, release, without debug information; where it is.
 pub(crate) fn build() -> Result<PathBuf> {
     if let Some(obstacle) = obstacle() {
         bail!(obstacle);
@@ -42,7 +42,17 @@ pub(crate) fn build() -> Result<PathBuf> {
     ensure!(succeeds(&mut command)?, "`{}` failed", shown(&command));
     let target = Workspace::load()?.metadata.target_directory.into_std_path_buf();
     let program = target.join(TARGET).join("release/com");
-    program.exists().then_some(program).context("cargo built no com")
+    ensure!(program.exists(), "cargo built no com");
+    stripped(&program)
+}
+
+/// Without what only a debugger needs: a tenth of the bytes for the radio.
+fn stripped(program: &Path) -> Result<PathBuf> {
+    let small = program.with_extension("stripped");
+    let mut command = Command::new("arm-linux-gnueabihf-strip");
+    command.arg("-o").arg(&small).arg(program);
+    ensure!(succeeds(&mut command)?, "`{}` failed", shown(&command));
+    Ok(small)
 }
 
 fn debian() -> Command {
