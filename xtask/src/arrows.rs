@@ -54,8 +54,8 @@ const ARROWS: &[Allowed] = &[
     },
     Allowed {
         from: "ground",
-        to: &["pattern", "proto", "proto-files"],
-        why: "the ground station speaks to the craft in messages only",
+        to: &["control", "model", "pattern", "proto", "proto-files", "report", "sysid"],
+        why: "it speaks to the craft in messages, names what the supervisor says, and leaves flight files that identification reads",
     },
     Allowed {
         from: "com",

@@ -91,6 +91,43 @@ impl Condition {
         Self::NotANumber,
     ];
 
+    /// What people read.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::ArmRequested => "arm requested",
+            Self::FlightRequested => "flight requested",
+            Self::DisarmRequested => "disarm requested",
+            Self::LandRequested => "landing requested",
+            Self::CutRequested => "cut requested",
+            Self::Landed => "landed",
+            Self::LinkLate => "link late",
+            Self::LinkLost => "link lost",
+            Self::PoseLate => "pose late",
+            Self::PoseLost => "pose lost",
+            Self::PoseGone => "pose gone",
+            Self::PoseFrozen => "pose frozen",
+            Self::PoseJumped => "pose jumped",
+            Self::ImuLate => "IMU late",
+            Self::ImuStuck => "IMU stuck",
+            Self::ImuDisagrees => "IMU and motion capture disagree",
+            Self::ImuGone => "IMU gone",
+            Self::BatteryLow => "battery low",
+            Self::BatteryCritical => "battery critical",
+            Self::BatteryEmpty => "battery empty",
+            Self::Tilted => "tilted",
+            Self::OutsideFence => "outside the fence",
+            Self::ThrustLost => "thrust lost",
+            Self::ClockJumped => "clock jumped",
+            Self::LoopOverrun => "loop overrun",
+            Self::NotANumber => "result not a number",
+        }
+    }
+
+    /// Did somebody ask for it, or is it the end of what was asked for? The others are faults.
+    pub const fn is_asked_for(self) -> bool {
+        (self as u8) <= Self::Landed as u8
+    }
+
     /// Its bit.
     pub const fn bit(self) -> u32 {
         1 << self as u8
@@ -145,5 +182,17 @@ mod tests {
             assert_eq!(set.iter().collect::<Vec<_>>(), [condition]);
         }
         assert_eq!(Conditions::from_bits(u32::MAX).iter().count(), Condition::ALL.len());
+    }
+
+    #[test]
+    fn each_condition_and_check_has_a_name_of_its_own() {
+        use crate::supervisor::Preflight;
+        let mut names: Vec<_> = Condition::ALL.iter().map(|condition| condition.name()).collect();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), Condition::ALL.len());
+        let bits = Preflight::NAMES.iter().fold(0, |bits, (bit, _)| bits | bit);
+        assert_eq!((bits, Preflight::ALL.missing().count()), (Preflight::ALL.bits(), 0));
+        assert_eq!(Preflight::from_bits(!Preflight::IMU).missing().collect::<Vec<_>>(), ["IMU"]);
     }
 }

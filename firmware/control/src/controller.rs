@@ -15,15 +15,17 @@
 //!
 //! The hand-tuned law (thesis 4.2.2) has the same order; in step 7 the sign matrix (4.5) gives commands directly.
 //!
-//! Not here: arming, failsafes, clock checks (the [`Autopilot`](crate::Autopilot) has them); and no tilt compensation, limit of thrust or priority between axes, as in the
-//! thesis.
+//! Two things that the thesis has not, and that a configuration can ask for: the thrust divided by `cos(phi) cos(theta)` in
+//! step 6 (up to twice), and in step 7, where a motor is asked for more than it has, roll and pitch before thrust before yaw.
+//!
+//! Not here: arming, failsafes, clock checks (the [`Autopilot`](crate::Autopilot) has them), and a limit of the thrust.
 
 use crate::altitude::{AltitudeLoop, AltitudeLoopState};
 use crate::attitude::{AngleLoop, AngleLoopState, LoopOutput};
 use crate::door::{Bounds, Command, Faults, Inputs, Mode};
 use crate::error::ConfigError;
 use crate::estimator::{Estimates, Estimator, EstimatorState};
-use crate::gains::{Config, Law};
+use crate::gains::{Check, Config, Law, Saturation};
 use crate::mixer::{Mixer, Refused, rotor_speeds};
 use crate::motor_map::{CommandRange, MotorMap};
 use crate::pid::PidTerms;
@@ -129,6 +131,9 @@ struct Laws {
     /// Absent in the hand-tuned law: the mixer gives commands directly.
     motor_map: Option<MotorMap>,
     range: CommandRange,
+    /// Roll and pitch before thrust before yaw, where a motor is at its end.
+    attitude_first: bool,
+    tilt_compensation: bool,
 }
 
 /// Memory of the inner loops, from the first tick after the start or a cut-off.
@@ -190,6 +195,10 @@ impl Controller {
             Law::HandTuned(law) => (law.loops, law.hover_command, Mixer::signs(), None),
         };
         let rule = config.estimation.gain_rule;
+        let attitude_first = config.saturation == Saturation::AttitudeFirst;
+        if attitude_first {
+            Check { group: "mixing" }.within("thrust of a rotor", mixer.least_thrust(), 1e-9, 1e12)?;
+        }
         let laws = Laws {
             bounds: Bounds::new(&config.position_limits),
             estimator: Estimator::new(&config.estimation, period_s),
@@ -201,6 +210,8 @@ impl Controller {
             mixer,
             motor_map,
             range: CommandRange::new(config.command_range),
+            attitude_first,
+            tilt_compensation: config.tilt_compensation,
         };
         Ok(Self { memory: Memory::new(laws.range.idle()), laws })
     }
@@ -381,10 +392,17 @@ fn inner_loops(laws: &Laws, memory: &mut Memory, estimates: &Estimates, commands
     let roll = laws.roll.step_tilt(&mut state.roll, roll_command, phi, p, refused.roll);
     let pitch = laws.pitch.step_tilt(&mut state.pitch, pitch_command, theta, q, refused.pitch);
     let yaw = laws.yaw.step_yaw(&mut state.yaw, yaw_command, psi, r, refused.yaw);
-    let (altitude, thrust) =
+    let (altitude, mut thrust) =
         laws.altitude.step(&mut state.altitude, z_command_m, z, estimates.z_rate_m_s, refused.thrust);
+    if laws.tilt_compensation {
+        // What is not a number stays one, for the end of the tick to see.
+        thrust /= if estimates.upright > LEAST_UPRIGHT { estimates.upright } else { LEAST_UPRIGHT };
+    }
     InnerOutput { roll, pitch, yaw, altitude, thrust }
 }
+
+/// Beyond 60 degrees of tilt the thrust is not raised further: twice is what a craft may have.
+const LEAST_UPRIGHT: f32 = 0.5;
 
 /// What became of the inner loops' wishes; the motor commands themselves are in memory.
 struct Motors {
@@ -401,6 +419,26 @@ fn allocate(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f3
     if !((m1 + m2) + (m3 + m4)).is_finite() {
         return internal_fault(memory);
     }
+    let (rotor_speed_rad_s, wanted) = commands(laws, memory, mixed, battery_v);
+    memory.pwm = wanted.map(|command| laws.range.clamp(command));
+    let no_rotor_backwards =
+        rotor_speed_rad_s.is_none() || mixed.iter().fold(true, |all, w2| all & (*w2 >= 0.0));
+    let motors = if no_rotor_backwards && memory.pwm == wanted {
+        Motors { rotor_speed_rad_s, refused: Refused::default() }
+    } else if laws.attitude_first {
+        share(laws, memory, loops, battery_v)
+    } else {
+        Motors { rotor_speed_rad_s, refused: refusal(laws, mixed, wanted) }
+    };
+    if let Some(inner) = &mut memory.inner {
+        inner.refused = motors.refused;
+    }
+    motors
+}
+
+/// Rotor speeds in rad/s where the law knows any, and motor commands, injection included, on either side of their range.
+#[inline]
+fn commands(laws: &Laws, memory: &Memory, mixed: [f32; 4], battery_v: f32) -> (Option<[f32; 4]>, [f32; 4]) {
     let (rotor_speed_rad_s, mut wanted) = match &laws.motor_map {
         Some(map) => {
             let speeds = rotor_speeds(mixed);
@@ -411,17 +449,23 @@ fn allocate(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f3
     for (command, injection) in wanted.iter_mut().zip(memory.inputs.injection) {
         *command += injection;
     }
+    (rotor_speed_rad_s, wanted)
+}
+
+/// Step 7 where some motor is at an end, and roll and pitch come first. The injection keeps its place.
+#[cold]
+fn share(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f32) -> Motors {
+    let ends = laws.range.ends().map(|end| {
+        memory.inputs.injection.map(|injection| match &laws.motor_map {
+            Some(map) => map.squared_speed(end - injection, battery_v),
+            None => end - injection,
+        })
+    });
+    let [low, high] = ends;
+    let (mixed, refused) = laws.mixer.share(loops.thrust, loops.torque(), low, high);
+    let (rotor_speed_rad_s, wanted) = commands(laws, memory, mixed, battery_v);
+    // What rounding leaves outside.
     memory.pwm = wanted.map(|command| laws.range.clamp(command));
-    let no_rotor_backwards =
-        rotor_speed_rad_s.is_none() || mixed.iter().fold(true, |all, w2| all & (*w2 >= 0.0));
-    let refused = if no_rotor_backwards && memory.pwm == wanted {
-        Refused::default()
-    } else {
-        refusal(laws, mixed, wanted)
-    };
-    if let Some(inner) = &mut memory.inner {
-        inner.refused = refused;
-    }
     Motors { rotor_speed_rad_s, refused }
 }
 

@@ -28,10 +28,20 @@ pub fn aerospace_from_xyz([phi, theta, psi]: [f32; 3]) -> [f32; 3] {
 
 /// Body rates p, q, r in rad/s from Euler rates in rad/s at roll and pitch in rad: the inverse of thesis (2.3).
 #[inline]
-pub fn body_rates([d_phi, d_theta, d_psi]: [f32; 3], roll_rad: f32, pitch_rad: f32) -> [f32; 3] {
+pub fn body_rates(euler_rates_rad_s: [f32; 3], roll_rad: f32, pitch_rad: f32) -> [f32; 3] {
+    body_rates_and_upright(euler_rates_rad_s, roll_rad, pitch_rad).0
+}
+
+/// Body rates in rad/s, and `cos(phi) cos(theta)`: what of the thrust is vertical.
+#[inline]
+fn body_rates_and_upright(
+    [d_phi, d_theta, d_psi]: [f32; 3],
+    roll_rad: f32,
+    pitch_rad: f32,
+) -> ([f32; 3], f32) {
     let ((sf, cf), (st, ct)) = (sin_cos(roll_rad), sin_cos(pitch_rad));
     let turning = d_psi * ct;
-    [d_phi - d_psi * st, d_theta * cf + turning * sf, turning * cf - d_theta * sf]
+    ([d_phi - d_psi * st, d_theta * cf + turning * sf, turning * cf - d_theta * sf], cf * ct)
 }
 
 /// Complementary filter for one period.
@@ -92,6 +102,8 @@ pub struct Estimates {
     pub z_rate_m_s: f32,
     /// Voltage in V.
     pub battery_v: f32,
+    /// `cos(phi) cos(theta)`: what of the thrust is vertical.
+    pub upright: f32,
 }
 
 impl Estimator {
@@ -160,7 +172,7 @@ impl Estimator {
             self.velocity.step(&mut state.theta, theta),
             self.velocity.step(&mut state.psi, psi),
         ];
-        let from_attitude = body_rates(euler_rates_rad_s, phi, theta);
+        let (from_attitude, upright) = body_rates_and_upright(euler_rates_rad_s, phi, theta);
         Estimates {
             euler_rates_rad_s,
             body_rates_rad_s: match &self.fusion {
@@ -169,6 +181,7 @@ impl Estimator {
             },
             z_rate_m_s: self.velocity.step(&mut state.z, z_m),
             battery_v: self.battery.step(&mut state.battery, battery_v),
+            upright,
         }
     }
 }

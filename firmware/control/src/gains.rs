@@ -4,6 +4,9 @@
 //! [`Config::thesis_hand_tuned`]. [`Controller::new`](crate::Controller::new) checks every number by name and builds the
 //! immutable laws from it. Configuration is in f64 because filters are designed in f64; flight is in f32.
 //!
+//! Every field is written, absent ones too (TOML leaves those out by itself): a format that does not describe itself, as
+//! postcard in firmware images, could not tell which was skipped.
+//!
 //! Not here: memory (see the `...State` types beside each law) and anything that changes in flight.
 
 use serde::{Deserialize, Serialize};
@@ -26,11 +29,40 @@ pub struct Config {
     pub estimation: Estimation,
     /// Do integrators stop while the motors (or a loop's own limit) refuse more in their direction?
     pub anti_windup: bool,
+    /// What the motors get when they cannot have all that the loops ask for; absent: each is clipped, as in the thesis.
+    #[serde(default, skip_serializing_if = "Saturation::is_clip")]
+    pub saturation: Saturation,
+    /// Is the thrust divided by `cos(phi) cos(theta)`, so that its vertical part is what altitude asks for? Absent: no, as in
+    /// the thesis. For the model-based law, whose thrust is a force.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub tilt_compensation: bool,
     /// When the supervisor steps in; absent: the defaults.
     #[serde(default)]
     pub supervision: Supervision,
     /// The control law.
     pub law: Law,
+}
+
+/// What the motors get when they cannot have all that the loops ask for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Saturation {
+    /// Each motor's command is clipped by itself, whatever axis that takes from. As in the thesis.
+    #[default]
+    Clip,
+    /// Roll and pitch come before thrust, thrust before yaw ([`Mixer::share`](crate::mixer::Mixer::share)).
+    AttitudeFirst,
+}
+
+impl Saturation {
+    fn is_clip(&self) -> bool {
+        *self == Self::Clip
+    }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands references")]
+fn is_false(flag: &bool) -> bool {
+    !flag
 }
 
 /// The box of allowed position commands, inertial NED, in m (thesis 3: 4 m x 2 m x 2 m centred on the floor).
@@ -54,10 +86,10 @@ pub struct Estimation {
     /// How the gain of filters with a zero at the origin is matched (this estimator and the position loops' filter).
     pub gain_rule: GainRule,
     /// Blend the gyro into the body rates; absent: body rates come from the attitude alone, as in the thesis' flights.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub gyro: Option<GyroFusion>,
     /// Smooth the measured voltage; absent: it is used as measured.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub battery: Option<BatteryFilter>,
 }
 
@@ -172,13 +204,13 @@ pub struct InnerLoop {
     /// Velocity feedback gain, output per rad/s (or m/s).
     pub kd: f64,
     /// Corner of the low-pass on the command in rad/s; absent: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub prefilter_rad_s: Option<f64>,
     /// Lag canceller on proportional plus integral part; absent: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub canceller: Option<CancellerParams>,
     /// Greatest magnitude of the output; absent: no limit.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub output_limit: Option<f64>,
 }
 
@@ -207,7 +239,7 @@ pub struct PositionLoop {
     /// Fastest motion of the reference in m/s (thesis: 0.5).
     pub rate_limit_m_s: f64,
     /// Greatest commanded angle in rad; absent: no limit.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub output_limit_rad: Option<f64>,
 }
 
@@ -254,7 +286,7 @@ pub struct MotorMapParams {
     /// rad/s.
     pub offset: f64,
     /// An inverse to use as it is given, rounding included; absent: the exact inverse.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub inverse: Option<InverseMotorMap>,
 }
 
@@ -311,6 +343,8 @@ impl Config {
                 battery: None,
             },
             anti_windup: true,
+            saturation: Saturation::Clip,
+            tilt_compensation: false,
             supervision: Supervision { battery: BatteryLevels::THREE_CELLS, ..Supervision::DEFAULT },
             law: Law::ModelBased(ModelBased {
                 hover_thrust_n: 11.9093,
@@ -472,6 +506,10 @@ impl Config {
                 law.loops.check(highest_rad_s)
             }
             Law::HandTuned(law) => {
+                if self.tilt_compensation {
+                    let parameter = Parameter { group: "", name: "tilt_compensation" };
+                    return Err(ConfigError::NotApplicable { parameter });
+                }
                 let [low, high] = self.command_range;
                 Check { group: "law" }.within("hover_command", law.hover_command, low, high)?;
                 law.loops.check(highest_rad_s)

@@ -6,8 +6,9 @@
 //! `sqrt(2) l` is twice the geometric arm of an x frame; the identified coefficients absorb the 2 (K^-1 reproduces only so).
 //!
 //! A negative squared speed cannot be had and becomes 0; a command outside its range is clamped. Each is reported per axis
-//! and direction ([`Refused`]), and the next tick's integrators read it: saturation flows backwards as data. Nothing is
-//! rescaled: priorities between axes are deliberately absent, as in the thesis.
+//! and direction ([`Refused`]), and the next tick's integrators read it: saturation flows backwards as data. In the thesis
+//! nothing is rescaled; [`Mixer::share`] is what a configuration can ask for instead: roll and pitch before thrust, thrust
+//! before yaw. A craft that clips its motors one by one tips over when one of them is at its end; this one sinks.
 
 use nalgebra::Matrix4;
 
@@ -201,6 +202,98 @@ impl Mixer {
     }
 }
 
+/// What each rotor can give, in the mixer's units, and what it is asked for, all divided by its share of the thrust.
+#[derive(Clone, Copy)]
+struct Room {
+    low: f32,
+    high: f32,
+    lean: f32,
+    turn: f32,
+}
+
+impl Room {
+    /// What is left at either end beside a part of the lean.
+    fn beside(&self, part: f32) -> (f32, f32) {
+        (self.low - part * self.lean, self.high - part * self.lean)
+    }
+}
+
+/// The part of 1, at least 0, of `wanted` that fits into `room`.
+fn fitting(part: f32, wanted: f32, room: f32) -> f32 {
+    if part * wanted <= room {
+        part
+    } else if room > 0.0 {
+        room / wanted
+    } else {
+        0.0
+    }
+}
+
+/// Whether more or less was wanted of an axis whose wish was not granted.
+fn towards(wanted: f32, granted: bool) -> Directions {
+    Directions { high: !granted && wanted > 0.0, low: !granted && wanted < 0.0 }
+}
+
+impl Mixer {
+    /// The least of what the rotors answer to 1 of thrust: positive if every one lifts, without which [`Mixer::share`] has
+    /// nothing to give and take.
+    pub(crate) fn least_thrust(&self) -> f64 {
+        self.rows.iter().map(|row| f64::from(row.thrust)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// As [`Mixer::mix`] with every result from `low` to `high`, and what that refuses: roll and pitch together are had as far as
+    /// any thrust allows, then the thrust nearest to the one asked for, then yaw as far as the rest allows. Each part is the
+    /// largest there is, so nothing is lost to a rotor that has room. For rotors that all lift.
+    #[cold]
+    pub fn share(
+        &self,
+        thrust: f32,
+        [roll, pitch, yaw]: [f32; 3],
+        low: [f32; 4],
+        high: [f32; 4],
+    ) -> ([f32; 4], Refused) {
+        let mut rooms = [Room { low: 0.0, high: 0.0, lean: 0.0, turn: 0.0 }; 4];
+        for (((room, row), low), high) in rooms.iter_mut().zip(&self.rows).zip(low).zip(high) {
+            let share = 1.0 / row.thrust;
+            *room = Room {
+                low: share * low,
+                high: share * high,
+                lean: share * (row.roll * roll + row.pitch * pitch),
+                turn: share * row.yaw * yaw,
+            };
+        }
+        // Two rotors that lean apart need as much room between the end of one and the end of the other.
+        let mut leaning = 1.0;
+        for up in &rooms {
+            for down in &rooms {
+                leaning = fitting(leaning, up.lean - down.lean, up.high - down.low);
+            }
+        }
+        let (mut least, mut most) = (f32::NEG_INFINITY, f32::INFINITY);
+        for room in &rooms {
+            let (low, high) = room.beside(leaning);
+            least = if low > least { low } else { least };
+            most = if high < most { high } else { most };
+        }
+        let below = if thrust > most { most } else { thrust };
+        let given = if below < least { least } else { below };
+        let mut turning = 1.0;
+        for room in &rooms {
+            let (low, high) = room.beside(leaning);
+            turning = fitting(turning, room.turn, high - given);
+            turning = fitting(turning, -room.turn, given - low);
+        }
+        let mixed = self.mix(given, [leaning * roll, leaning * pitch, turning * yaw]);
+        let refused = Refused {
+            thrust: Directions { high: given < thrust, low: given > thrust },
+            roll: towards(roll, leaning >= 1.0),
+            pitch: towards(pitch, leaning >= 1.0),
+            yaw: towards(yaw, turning >= 1.0),
+        };
+        (mixed, refused)
+    }
+}
+
 /// Speeds in rad/s from squared speeds; negative ones (and what is not a number) become 0.
 #[inline]
 pub fn rotor_speeds(squared: [f32; 4]) -> [f32; 4] {
@@ -326,7 +419,84 @@ mod tests {
         assert_eq!(inverse(&[[f64::NAN; 4]; 4]), Err(ConfigError::SingularMixing));
     }
 
+    /// Unit ranges and the sign matrix, worked out by hand.
+    #[test]
+    fn attitude_comes_before_thrust_and_thrust_before_yaw() {
+        let mixer = Mixer::signs();
+        let share = |thrust, torque| mixer.share(thrust, torque, [0.0; 4], [1.0; 4]);
+        let (high, low) = (Directions { high: true, low: false }, Directions { high: false, low: true });
+        // All fits.
+        assert_eq!(share(0.5, [0.25, 0.125, 0.0]), (mixer.mix(0.5, [0.25, 0.125, 0.0]), Refused::default()));
+        // Roll wants 0.25 above the thrust: the thrust gives way.
+        let (mixed, refused) = share(0.9, [0.25, 0.0, 0.0]);
+        assert_eq!((mixed, refused), ([1.0, 0.5, 0.5, 1.0], Refused { thrust: high, ..Refused::default() }));
+        // And so from below.
+        let (mixed, refused) = share(0.125, [0.0, -0.25, 0.0]);
+        assert_eq!((mixed, refused), ([0.0, 0.0, 0.5, 0.5], Refused { thrust: low, ..Refused::default() }));
+        // Yaw gets what is left beside the thrust, in its own direction.
+        let (mixed, refused) = share(0.75, [0.125, 0.0, -0.5]);
+        assert_eq!(mixed, [0.75, 0.75, 0.5, 1.0]);
+        assert_eq!(refused, Refused { yaw: low, ..Refused::default() });
+        // More roll and pitch than the rotors have at any thrust: halved together, thrust in the middle, no yaw.
+        let (mixed, refused) = share(0.75, [0.5, 0.5, 0.125]);
+        assert_eq!(mixed, [1.0, 0.5, 0.0, 0.5]);
+        assert_eq!(refused, Refused { thrust: high, roll: high, pitch: high, yaw: high });
+    }
+
     proptest! {
+        #![proptest_config(ProptestConfig::with_cases(5_000))]
+
+        /// On the thesis' matrix, whatever is asked for: all rotors inside their range; what is refused is refused for a rotor
+        /// at its end; roll and pitch keep their direction and are whole wherever some thrust allows it; yaw is not reversed.
+        #[test]
+        fn what_can_be_had_is_had(
+            thrust in -10.0_f32..40.0, roll in -200.0_f32..200.0, pitch in -200.0_f32..200.0, yaw in -60.0_f32..60.0
+        ) {
+            let mixer = Mixer::new(&Mixing::Inverse(THESIS_INVERSE_MIXING)).unwrap();
+            let forward = inverse(&THESIS_INVERSE_MIXING).unwrap();
+            let (low, high) = ([9e4_f32; 4], [7.4e5_f32; 4]);
+            let (mixed, refused) = mixer.share(thrust, [roll, pitch, yaw], low, high);
+            // f32 holds 7.4e5 to 0.03; sums of four such, and quotients.
+            let slack = 1.0;
+            prop_assert!(mixed.iter().all(|w2| *w2 > 9e4 - slack && *w2 < 7.4e5 + slack), "{mixed:?}");
+            let had = forward.map(|row| row.iter().zip(mixed).map(|(k, w2)| k * f64::from(w2)).sum::<f64>());
+            let [got_thrust, got_roll, got_pitch, got_yaw] = had;
+            let part = |got: f64, wanted: f32| got / f64::from(wanted);
+            // The forward matrix turns 1 of w^2 into 1e-4 rad/s^2 and 1e-5 N.
+            let near = |a: f64, b: f64, tolerance: f64| (a - b).abs() < tolerance;
+            if !refused.roll.high && !refused.roll.low {
+                prop_assert!(near(got_roll, f64::from(roll), 1e-3) && near(got_pitch, f64::from(pitch), 1e-3));
+            } else {
+                let share = part(got_roll, roll);
+                prop_assert!(share > -1e-3 && share < 1.0, "{share}");
+                prop_assert!(near(got_pitch, share * f64::from(pitch), 1e-2 * (1.0 + f64::from(pitch.abs()))));
+                // Before yaw moves them, one is at one end and one at the other: no thrust would give more.
+                let (alone, _) = mixer.share(thrust, [roll, pitch, 0.0], low, high);
+                let least = alone.into_iter().fold(f32::MAX, f32::min);
+                let most = alone.into_iter().fold(0.0, f32::max);
+                prop_assert!(least < 9e4 + slack && most > 7.4e5 - slack, "{alone:?}");
+            }
+            prop_assert_eq!(refused.thrust.high, got_thrust < f64::from(thrust) - 1e-4, "{}", got_thrust);
+            prop_assert_eq!(refused.thrust.low, got_thrust > f64::from(thrust) + 1e-4);
+            if !refused.yaw.high && !refused.yaw.low {
+                prop_assert!(near(got_yaw, f64::from(yaw), 1e-3));
+            } else {
+                let share = part(got_yaw, yaw);
+                prop_assert!(share > -1e-3 && share < 1.0, "{share}");
+            }
+        }
+
+        /// Any bits: nothing panics, and a result that is a number is inside the range or next to it.
+        #[test]
+        fn any_bits_can_be_shared(bits in any::<[u32; 4]>()) {
+            let [thrust, roll, pitch, yaw] = bits.map(f32::from_bits);
+            let mixer = Mixer::new(&Mixing::Inverse(THESIS_INVERSE_MIXING)).unwrap();
+            let (mixed, _) = mixer.share(thrust, [roll, pitch, yaw], [0.0; 4], [7.4e5; 4]);
+            if [thrust, roll, pitch, yaw].iter().all(|x| x.abs() < 1e6) {
+                prop_assert!(mixed.iter().all(|w2| *w2 > -1e2 && *w2 < 7.5e5), "{mixed:?}");
+            }
+        }
+
         #[test]
         fn speeds_are_never_nan_or_negative(bits in any::<[u32; 4]>()) {
             let speeds = rotor_speeds(bits.map(f32::from_bits));

@@ -31,6 +31,13 @@ impl MotorMap {
         let at_rest = self.voltage * battery_v + self.offset;
         speeds_rad_s.map(|w| self.speed * w + at_rest)
     }
+
+    /// Squared rotor speed, in rad^2/s^2, of a motor command at a battery voltage in V; 0 where the rotor would stand still.
+    #[inline]
+    pub fn squared_speed(&self, command: f32, battery_v: f32) -> f32 {
+        let speed_rad_s = (command - (self.voltage * battery_v + self.offset)) / self.speed;
+        if speed_rad_s > 0.0 { speed_rad_s * speed_rad_s } else { 0.0 }
+    }
 }
 
 /// The steady rotor speed in rad/s of a motor command at a battery voltage in V: the forward map.
@@ -49,6 +56,11 @@ impl CommandRange {
     /// Ends in command units, first the idle command.
     pub fn new([low, high]: [f64; 2]) -> Self {
         Self { low: low as f32, high: high as f32 }
+    }
+
+    /// Lowest and highest command.
+    pub fn ends(&self) -> [f32; 2] {
+        [self.low, self.high]
     }
 
     /// The idle command.
@@ -89,6 +101,15 @@ mod tests {
                 assert!((got - want).abs() < 0.006, "{volts} V: {got} {want}");
             }
         }
+    }
+
+    /// 860.52 rad/s at 2000 us and 11.1 V (reference numbers, 2 decimals), and a rotor that stands still.
+    #[test]
+    fn squared_speeds_of_the_range() {
+        let map = MotorMap::new(&MotorMapParams { inverse: None, ..THESIS_MOTOR_MAP });
+        assert!((f64::from(map.squared_speed(2000.0, 11.1)).sqrt() - 860.52).abs() < 0.005);
+        assert_eq!(map.squared_speed(0.0, 11.1), 0.0);
+        assert_eq!(map.squared_speed(f32::NAN, 11.1), 0.0);
     }
 
     proptest! {

@@ -225,6 +225,25 @@ impl Preflight {
     /// All of them.
     pub const ALL: Self = Self((1 << 10) - 1);
 
+    /// Each check with what people read, in the order of the bits.
+    pub const NAMES: [(u16, &'static str); 10] = [
+        (Self::LINK, "link"),
+        (Self::POSE, "pose"),
+        (Self::IMU, "IMU"),
+        (Self::BATTERY, "battery"),
+        (Self::LEVEL, "level"),
+        (Self::INSIDE, "inside the fence"),
+        (Self::TIMING, "timing"),
+        (Self::CONTROLLER, "controller"),
+        (Self::OUTPUTS, "outputs"),
+        (Self::IDLE, "idle command"),
+    ];
+
+    /// Names of the checks that are not good.
+    pub fn missing(self) -> impl Iterator<Item = &'static str> {
+        Self::NAMES.into_iter().filter(move |(bit, _)| self.0 & bit == 0).map(|(_, name)| name)
+    }
+
     /// The set with these bits.
     pub const fn from_bits(bits: u16) -> Self {
         Self(bits & Self::ALL.0)

@@ -28,8 +28,9 @@
 pub mod convert;
 mod craft;
 mod digest;
+pub mod image;
 mod lockstep;
 
 pub use craft::{Craft, Inputs, Link, Setup};
 pub use digest::digest;
-pub use lockstep::Lockstep;
+pub use lockstep::{Lockstep, MAX_ANSWER_LEN};

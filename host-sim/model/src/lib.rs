@@ -35,8 +35,8 @@ pub use effect::{Coefficient, EffectInfo, Kind, Question, Sink};
 pub use effects::Effect;
 pub use load::{Load, Swing};
 pub use model_file::{
-    AxisError, ChangeScatter, Estimate, FitRecord, FlightRecord, FlightRole, HistoryEntry, Model, ModelError,
-    OpenLoopSums, ReferenceValues, RefinementRecord, Term,
+    AxisError, ChangeScatter, Correlation, Estimate, FitRecord, FlightRecord, FlightRole, HistoryEntry,
+    Model, ModelError, OpenLoopSums, ReferenceValues, RefinementRecord, Term,
 };
 pub use plant::{DelayLine, Plant, State, Substeps};
 pub use quantity::{QUANTITIES, Quantity};

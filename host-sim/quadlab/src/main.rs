@@ -16,6 +16,7 @@ mod design_pages;
 mod diagnose;
 mod effects;
 mod evidence;
+mod excite;
 mod explain;
 mod faults;
 mod figures;
@@ -23,8 +24,10 @@ mod flights;
 mod hidden;
 mod identify;
 mod linearize;
+mod motor_map;
 mod output;
 mod pages;
+mod plan;
 mod progress;
 mod real_logs;
 mod story;
@@ -59,6 +62,9 @@ enum Command {
     Demo(demo::Options),
     Linearize(linearize::Options),
     Design(design_gains::Options),
+    MotorMap(motor_map::Options),
+    Excite(excite::Options),
+    Plan(plan::Options),
 }
 
 const DOES_NOT_HOLD: u8 = 1;
@@ -79,6 +85,9 @@ fn main() -> ExitCode {
         Command::Demo(options) => demo::run(&options),
         Command::Linearize(options) => linearize::run(&options),
         Command::Design(options) => design_gains::run(&options),
+        Command::MotorMap(options) => motor_map::run(&options),
+        Command::Excite(options) => excite::run(&options),
+        Command::Plan(options) => plan::run(&options),
     };
     match outcome.and_then(finish) {
         Ok(code) => code,

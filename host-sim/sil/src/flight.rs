@@ -187,7 +187,12 @@ impl FlightPlan {
 
     /// The craft at its start, with rotors at the speeds that the controller's first tick asks for.
     fn craft(&self) -> Result<Craft, SilError> {
-        let period_s = self.config.sample_time_s;
+        self.craft_with_period(self.config.sample_time_s)
+    }
+
+    /// The same, to be advanced in ticks of another length.
+    pub(crate) fn craft_with_period(&self, period_s: f64) -> Result<Craft, SilError> {
+        self.check()?;
         let plant = Plant::new(&self.model);
         let mut state = State::at_rest(Vector3::from(self.start_m), [0.0; 4]);
         state.attitude = frames::quaternion_from_euler(Vector3::new(0.0, 0.0, self.start_yaw_rad));

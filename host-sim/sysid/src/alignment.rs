@@ -296,7 +296,7 @@ fn offsets_together(
     // Coefficients to begin with: without them nothing follows from a shift.
     let plain: Vec<FlightRows> = flights.iter().map(|f| rows(f, &model, effects, Vec::new())).collect();
     let start = regress::solve(&plain, &vec![None; linear])?;
-    store(&mut model, effects, start.value.as_slice(), None);
+    store(&mut model, effects, start.value.as_slice());
     let count = flights.len();
     let mut late: Vec<f64> = vec![0.0; count];
     let mut offsets = Vec::new();
@@ -317,7 +317,7 @@ fn offsets_together(
             .collect();
         let parameters = linear + count * (1 + ROTOR_ROWS.len());
         let solution = regress::solve(&shifted, &vec![None; parameters])?;
-        store(&mut model, effects, &solution.value.as_slice()[..linear], None);
+        store(&mut model, effects, &solution.value.as_slice()[..linear]);
         let mut settled = true;
         offsets.clear();
         for (i, flight) in flights.iter_mut().enumerate() {
@@ -380,7 +380,7 @@ fn settle_alone(flight: &mut Prepared, model: &Model, along: &[Effect]) -> Resul
             .zip(solution.value.iter().skip(width - free))
             .map(|(now, step)| now + step)
             .collect();
-        store(&mut model, along, &own, None);
+        store(&mut model, along, &own);
         let step = limited(-solution.value[0], late_s, flight.period_s);
         late_s += step;
         variance_s2 = solution.covariance[(0, 0)];

@@ -142,7 +142,7 @@ pub fn fit(
     check_finite(flights, &rows, &model)?;
     let count: usize = linear.iter().map(|e| coefficient_count(*e)).sum();
     let solution = regress::solve(&rows, &vec![None; count]).map_err(|why| unidentifiable(why, &linear))?;
-    store(&mut model, &linear, solution.value.as_slice(), None);
+    store(&mut model, &linear, solution.value.as_slice());
     if adjusting.is_empty() {
         return Ok(finish(model, &linear, solution));
     }
@@ -232,7 +232,7 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
             }
         }
         let before = adds.then(|| (model.clone(), left(flights, &model)));
-        store(&mut model, order, values.as_slice(), None);
+        store(&mut model, order, values.as_slice());
         if let Some((before, left_before)) = before {
             shorten(flights, &before, left_before, &mut model);
             settled |= (left_before - left(flights, &model)).abs() < NO_FURTHER;
@@ -338,13 +338,12 @@ pub(crate) fn priors_of(model: &Model, effect: Effect) -> impl Iterator<Item = O
     known.map(|(c, now)| c.prior.map(|deviation| Prior { expected: -now, deviation }))
 }
 
-/// Writes values (and errors) of `effects` in order into the model.
-pub(crate) fn store(model: &mut Model, effects: &[Effect], values: &[f64], errors: Option<&[f64]>) {
+/// Writes values of `effects` in order into the model, without errors.
+pub(crate) fn store(model: &mut Model, effects: &[Effect], values: &[f64]) {
     let mut at = 0;
     for effect in effects {
         let count = effect.info().coefficients.len();
-        let estimates =
-            (at..at + count).map(|k| Estimate { value: values[k], std_error: errors.map(|e| e[k]) });
+        let estimates = (at..at + count).map(|k| Estimate { value: values[k], std_error: None });
         let term = Term { effect: *effect, coefficients: estimates.collect() };
         match model.terms.iter_mut().find(|t| t.effect == *effect) {
             Some(known) => *known = term,
@@ -355,9 +354,10 @@ pub(crate) fn store(model: &mut Model, effects: &[Effect], values: &[f64], error
 }
 
 fn finish(mut model: Model, order: &[Effect], solution: regress::Solution) -> Fit {
-    let errors: Vec<f64> = solution.covariance.diagonal().iter().map(|v| v.max(0.0).sqrt()).collect();
-    store(&mut model, order, solution.value.as_slice(), Some(&errors));
+    store(&mut model, order, solution.value.as_slice());
     let covariance = in_model_order(&model, order, &solution.covariance);
+    let all: Vec<usize> = (0..covariance.nrows()).collect();
+    model.set_covariance(&all, &covariance);
     Fit { model, sigma: solution.sigma, covariance, condition: solution.condition }
 }
 

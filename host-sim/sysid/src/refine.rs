@@ -524,11 +524,12 @@ impl<'a> Problem<'a> {
         }
         let covariance = self.covariance(&at)?;
         let mut model = self.with(&values);
-        for (k, free) in self.free.iter().enumerate() {
-            for term in model.terms.iter_mut().filter(|t| t.effect == free.effect) {
-                term.coefficients[free.index].std_error = Some(covariance[(k, k)].max(0.0).sqrt());
-            }
-        }
+        let first = |effect| -> usize {
+            model.terms.iter().take_while(|t| t.effect != effect).map(|t| t.coefficients.len()).sum()
+        };
+        let places: Vec<usize> = self.free.iter().map(|free| first(free.effect) + free.index).collect();
+        let own = covariance.view_range(..places.len(), ..places.len()).into_owned();
+        model.set_covariance(&places, &own);
         Ok((model, steps))
     }
 }

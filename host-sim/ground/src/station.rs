@@ -1,0 +1,665 @@
+//! The ground station without sockets, clocks and terminals: what comes in goes to the right place, what is due goes out.
+//!
+//! The caller hands in packets, sightings, wishes and the time (us of one steady clock), and takes packets out. What is sent:
+//!
+//! - poses, each as soon as it is seen;
+//! - commands, [`Settings::command_hz`] times a second, from the first telemetry on: a craft that flies already is not cut;
+//! - the ramp of time at irregular intervals ([`ramp_interval_s`]);
+//! - requests and gains, each [`AGAIN_S`] until the craft has done or refused them: UDP may lose them, and each is harmless twice;
+//! - `Who` each second until there is an identity, and when telemetry stays out.
+//!
+//! What happens is told as [`Told`] lines, once each: changes of state, faults by their names, refusals, the clock's pace.
+
+use std::collections::VecDeque;
+
+use control::condition::{Condition, Conditions};
+use control::supervisor::Preflight;
+use proto::{Gains, Identity, Message, Pose, Request, State, Statistics, Telemetry, TimedPose, Timer};
+
+use crate::link::{Link, LinkError};
+use crate::mission::{Ask, Known, Mission, Progress, Step};
+use crate::mocap::Heard;
+use crate::ramps::{ClockEvent, Pace, Ramps, ramp_interval_s};
+use crate::recorder::{Entry, Level, LinkRecord, Recorder};
+
+/// Between two sendings of a request that is not answered, s.
+pub const AGAIN_S: f64 = 0.1;
+/// Telemetry that stays out for so long is lost, s.
+pub const SILENCE_S: f64 = 1.0;
+/// Poses that stay out for so long are told, s.
+const BLIND_S: f64 = 0.5;
+/// Least rate at which commands may be sent: the craft holds after half a second without one.
+pub const LEAST_COMMAND_HZ: f64 = 4.0;
+/// Between two records of the link, us.
+const LINK_EVERY_US: u64 = 250_000;
+/// Rates and losses are averaged over this, us.
+const AVERAGE_US: u64 = 2_000_000;
+/// The same refusal is told again after this, us.
+const TOLD_AGAIN_US: u64 = 10_000_000;
+
+/// What people can wish for in flight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[expect(missing_docs, reason = "the words say it")]
+pub enum Wish {
+    Arm,
+    TakeOff,
+    Pattern,
+    Land,
+    Disarm,
+    Cut,
+}
+
+/// A line for people.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Told {
+    /// When, us of the ground's clock.
+    pub at_us: u64,
+    /// How bad it is.
+    pub level: Level,
+    /// The line.
+    pub text: String,
+}
+
+/// What a station needs to know.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// Commands in a second.
+    pub command_hz: f64,
+    /// What to do.
+    pub steps: Vec<Step>,
+    /// What [`Wish::Pattern`] does.
+    pub pattern: Vec<Step>,
+    /// Height of [`Wish::TakeOff`], m.
+    pub take_off_m: f64,
+    /// Command units for one microsecond of the thesis' excitation.
+    pub excitation_gain: f64,
+    /// Land and fail when the craft's clock is off.
+    pub land_on_clock_fault: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            command_hz: 50.0,
+            steps: Vec::new(),
+            pattern: Vec::new(),
+            take_off_m: 1.0,
+            excitation_gain: 1.0,
+            land_on_clock_fault: false,
+        }
+    }
+}
+
+/// Why settings cannot be used.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SettingsError {
+    /// Commands too rare or too often.
+    #[error(
+        "{0} commands a second: from {LEAST_COMMAND_HZ} (the craft holds after 0.5 s without one) to 500"
+    )]
+    CommandRate(f64),
+    /// A height that is none.
+    #[error("a take-off to {0} m: from 0.1 m to 100 m")]
+    Height(f64),
+}
+
+/// Rate and loss of a stream over the last seconds, from counts that only grow.
+#[derive(Debug, Clone, Default)]
+struct Average {
+    /// Times, counts that came and counts that did not.
+    marks: VecDeque<(u64, u64, u64)>,
+}
+
+impl Average {
+    fn mark(&mut self, now_us: u64, came: u64, lost: u64) {
+        self.marks.push_back((now_us, came, lost));
+        while self.marks.front().is_some_and(|(at, ..)| at + AVERAGE_US < now_us) {
+            self.marks.pop_front();
+        }
+    }
+
+    /// In a second, and the part that was lost.
+    fn rate_and_loss(&self) -> (f64, f64) {
+        let (Some(first), Some(last)) = (self.marks.front(), self.marks.back()) else { return (0.0, 0.0) };
+        let (came, lost) = (last.1.saturating_sub(first.1) as f64, last.2.saturating_sub(first.2) as f64);
+        let elapsed_s = last.0.saturating_sub(first.0) as f64 * 1e-6;
+        let rate = if elapsed_s > 0.0 { came / elapsed_s } else { 0.0 };
+        (rate, if lost > 0.0 { lost / (came + lost) } else { 0.0 })
+    }
+}
+
+/// What has come of the tracker.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Tracker {
+    /// The last pose, and when it came.
+    pub last: Option<(Pose, u64)>,
+    /// Frames with the craft in them.
+    pub seen: u64,
+    /// Frames in which the cameras had lost it.
+    pub not_seen: u64,
+    /// Datagrams that could not be used.
+    pub refused: u64,
+    /// Age of the last frame when it came, s, as far as the tracker says.
+    pub age_s: f64,
+}
+
+/// Everything about now, for a view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Snapshot {
+    /// The ground's clock, us.
+    pub now_us: u64,
+    /// The last telemetry, and when it came.
+    pub telemetry: Option<(Telemetry, u64)>,
+    /// Who the craft is.
+    pub identity: Option<Identity>,
+    /// Delay, pace and losses.
+    pub link: Option<LinkRecord>,
+    /// What is made of the pace.
+    pub pace: Pace,
+    /// The tracker.
+    pub tracker: Tracker,
+    /// What has come from the craft.
+    pub statistics: Statistics,
+    /// What is being done.
+    pub doing: String,
+    /// The last lines that were told, oldest first.
+    pub told: Vec<Told>,
+    /// The file that is being recorded.
+    pub recording: Option<String>,
+}
+
+/// Something that is asked for again and again.
+#[derive(Debug, Clone, Copy)]
+struct Pending {
+    ask: Ask,
+    /// Numbers of the packets in which it was asked, oldest and newest.
+    numbers: [u64; 2],
+    next_us: u64,
+}
+
+/// The station.
+#[derive(Debug)]
+pub struct Station {
+    settings: Settings,
+    link: Link,
+    mission: Mission,
+    ramps: Ramps,
+    recorder: Option<Recorder>,
+    telemetry: Option<(Telemetry, u64)>,
+    identity: Option<Identity>,
+    tracker: Tracker,
+    pending: Option<Pending>,
+    next_command_us: u64,
+    next_ramp_us: u64,
+    ramps_sent: u64,
+    next_who_us: u64,
+    next_link_us: u64,
+    packets_sent: u64,
+    down: Average,
+    up: Average,
+    poses: Average,
+    told: VecDeque<Told>,
+    untold: VecDeque<Told>,
+    refusals: Vec<(String, u64)>,
+    out: Vec<Vec<u8>>,
+    silent: bool,
+    blind: bool,
+    /// Something went wrong that a script has to answer for.
+    faulty: bool,
+    started_us: Option<u64>,
+}
+
+/// Lines that a view can show.
+const REMEMBERED: usize = 200;
+
+impl Station {
+    /// A station that has heard nothing yet.
+    ///
+    /// # Errors
+    /// Settings that cannot be used.
+    pub fn new(settings: Settings, link: Link, recorder: Option<Recorder>) -> Result<Self, SettingsError> {
+        if !(settings.command_hz >= LEAST_COMMAND_HZ && settings.command_hz <= 500.0) {
+            return Err(SettingsError::CommandRate(settings.command_hz));
+        }
+        if !(settings.take_off_m >= 0.1 && settings.take_off_m <= 100.0) {
+            return Err(SettingsError::Height(settings.take_off_m));
+        }
+        let mission =
+            Mission::new(settings.steps.clone(), 1.0 / settings.command_hz, settings.excitation_gain);
+        Ok(Self {
+            settings,
+            link,
+            mission,
+            ramps: Ramps::default(),
+            recorder,
+            telemetry: None,
+            identity: None,
+            tracker: Tracker::default(),
+            pending: None,
+            next_command_us: 0,
+            next_ramp_us: 0,
+            ramps_sent: 0,
+            next_who_us: 0,
+            next_link_us: 0,
+            packets_sent: 0,
+            down: Average::default(),
+            up: Average::default(),
+            poses: Average::default(),
+            told: VecDeque::new(),
+            untold: VecDeque::new(),
+            refusals: Vec::new(),
+            out: Vec::new(),
+            silent: false,
+            blind: false,
+            faulty: false,
+            started_us: None,
+        })
+    }
+
+    /// A packet has come from the craft.
+    pub fn on_packet(&mut self, now_us: u64, packet: &[u8]) {
+        match self.link.unseal(packet) {
+            Ok(Message::Telemetry(telemetry)) => self.on_telemetry(now_us, telemetry),
+            Ok(Message::Identity(identity)) => self.on_identity(now_us, identity),
+            Ok(Message::Answer(answer)) => {
+                self.record(now_us, &Entry::Answer(&answer));
+                self.on_answer(now_us, answer);
+            }
+            Ok(_) => self.refused(now_us, "a message that is not for a ground station".into()),
+            Err(error) => self.refused(now_us, error.to_string()),
+        }
+    }
+
+    fn on_telemetry(&mut self, now_us: u64, telemetry: Telemetry) {
+        self.record(now_us, &Entry::Telemetry(&telemetry));
+        let Telemetry { craft_us, ground_us, tick, supervision, counters, .. } = telemetry;
+        if let Some(event) = self.ramps.heard(craft_us, ground_us, tick, now_us) {
+            self.on_clock(now_us, event);
+        }
+        let before = self.telemetry.map(|(before, _)| before.supervision);
+        self.telemetry = Some((telemetry, now_us));
+        let statistics = self.link.statistics();
+        self.down.mark(now_us, u64::from(statistics.accepted), u64::from(statistics.lost));
+        let lost_up = u64::from(counters.packets_lost);
+        self.up.mark(now_us, self.packets_sent.saturating_sub(lost_up), lost_up);
+        if self.silent {
+            self.silent = false;
+            self.tell(now_us, Level::Info, "telemetry again".into());
+        }
+        let Some(before) = before else {
+            self.tell(
+                now_us,
+                Level::Info,
+                format!("the craft is heard, its state is {:?}", supervision.state),
+            );
+            if let Some(known) = self.known() {
+                self.mission.adopt(&known);
+            }
+            return;
+        };
+        if before.state != supervision.state {
+            let told = format!("{:?} -> {:?}", before.state, supervision.state);
+            let level = if supervision.state == State::Cut { Level::Error } else { Level::Info };
+            self.tell(now_us, level, told);
+        }
+        self.tell_conditions(now_us, before.conditions, supervision.conditions, supervision.state);
+    }
+
+    /// New faults and those that are over, by name. On the floor a missing link or pose is no news.
+    fn tell_conditions(&mut self, now_us: u64, before: u32, after: u32, state: State) {
+        let faults = |bits: u32| Conditions::from_bits(bits).iter().filter(|c| !c.is_asked_for());
+        let names = |faults: Vec<Condition>| faults.iter().map(|c| c.name()).collect::<Vec<_>>().join(", ");
+        let new: Vec<_> = faults(after & !before).collect();
+        let over: Vec<_> = faults(before & !after).collect();
+        let in_the_air = matches!(state, State::Flying | State::Hold | State::Land | State::Cut);
+        if !new.is_empty() {
+            let level = if in_the_air { Level::Warning } else { Level::Info };
+            self.tell(now_us, level, names(new));
+        }
+        if !over.is_empty() && in_the_air {
+            self.tell(now_us, Level::Info, format!("over: {}", names(over)));
+        }
+    }
+
+    fn on_clock(&mut self, now_us: u64, event: ClockEvent) {
+        let level = match event {
+            ClockEvent::Well => Level::Info,
+            ClockEvent::Leapt { .. } => Level::Warning,
+            ClockEvent::Off { .. } => {
+                self.faulty = true;
+                Level::Error
+            }
+        };
+        self.tell(now_us, level, event.to_string());
+        if matches!(event, ClockEvent::Off { .. })
+            && self.settings.land_on_clock_fault
+            && self.mission.is_flying()
+        {
+            self.mission.instead([Step::Land {}]);
+        }
+    }
+
+    fn on_identity(&mut self, now_us: u64, identity: Identity) {
+        self.record(now_us, &Entry::Identity(&identity));
+        if self.identity != Some(Identity { accepts_from: 0, state: State::Disarmed, ..identity }) {
+            let [major, minor, patch] = identity.program;
+            let hash: String = identity.vehicle_sha256.iter().take(4).map(|b| format!("{b:02x}")).collect();
+            self.tell(
+                now_us,
+                Level::Info,
+                format!("craft's program {major}.{minor}.{patch}, gains and vehicle {hash}"),
+            );
+        }
+        // What changes all the time is no other craft.
+        self.identity = Some(Identity { accepts_from: 0, state: State::Disarmed, ..identity });
+    }
+
+    fn on_answer(&mut self, now_us: u64, answer: proto::Answer) {
+        let Some(pending) = self.pending else { return };
+        let [first, last] = pending.numbers;
+        if !(first..=last).contains(&answer.to) {
+            return;
+        }
+        match (pending.ask, answer.done) {
+            (Ask::Gains(gains), done) => {
+                self.mission.answered(done);
+                self.pending = None;
+                let told = if done { "the craft flies with" } else { "the craft refuses" };
+                let level = if done { Level::Info } else { Level::Warning };
+                self.tell(now_us, level, format!("{told} other gains of {:?}", gains.of));
+            }
+            // The state in telemetry ends it.
+            (Ask::Request(_), true) => {}
+            (Ask::Request(request), false) => {
+                let missing: Vec<_> = Preflight::from_bits(answer.preflight).missing().collect();
+                let why = match (request, missing.is_empty()) {
+                    (Request::Arm, false) => format!("not good yet: {}", missing.join(", ")),
+                    _ => "not done".into(),
+                };
+                self.refused(now_us, format!("{request:?}: {why}"));
+            }
+        }
+    }
+
+    /// The tracker has been heard.
+    pub fn on_tracker(&mut self, now_us: u64, heard: Heard) {
+        match heard {
+            Heard::Seen(sighting) => {
+                let age_us = u64::try_from(sighting.age.as_micros()).unwrap_or(u64::MAX);
+                let pose = TimedPose {
+                    frame: sighting.frame,
+                    ground_us: now_us.saturating_sub(age_us) as u32,
+                    pose: sighting.pose,
+                };
+                self.send(now_us, &Message::Pose(pose));
+                self.record(now_us, &Entry::Pose(&pose));
+                if self.tracker.last.is_none() {
+                    self.tell(now_us, Level::Info, "the tracker sees the craft".into());
+                }
+                let tracker = &mut self.tracker;
+                tracker.seen += 1;
+                (tracker.last, tracker.age_s) = (Some((sighting.pose, now_us)), sighting.age.as_secs_f64());
+                self.poses.mark(now_us, self.tracker.seen, self.tracker.not_seen);
+            }
+            Heard::NotSeen { .. } => self.tracker.not_seen += 1,
+            Heard::Refused(why) => {
+                self.tracker.refused += 1;
+                self.refused(now_us, why);
+            }
+            Heard::End => self.tell(now_us, Level::Info, "nothing more comes from the tracker".into()),
+            Heard::Nothing => {}
+        }
+    }
+
+    /// Somebody wishes for something.
+    pub fn on_wish(&mut self, now_us: u64, wish: Wish) {
+        let steps = match wish {
+            Wish::Arm => vec![Step::Arm {}],
+            Wish::TakeOff => vec![Step::TakeOff { height_m: self.settings.take_off_m }],
+            Wish::Pattern if self.settings.pattern.is_empty() => {
+                return self.tell(
+                    now_us,
+                    Level::Warning,
+                    "there is no pattern: give one with --pattern".into(),
+                );
+            }
+            Wish::Pattern => self.settings.pattern.clone(),
+            Wish::Land => vec![Step::Land {}],
+            Wish::Disarm => vec![Step::Disarm {}],
+            Wish::Cut => vec![Step::Cut {}],
+        };
+        self.tell(now_us, Level::Info, format!("asked for: {wish:?}"));
+        self.pending = None;
+        self.mission.instead(steps);
+    }
+
+    /// Sends what is due.
+    pub fn poll(&mut self, now_us: u64) {
+        let started_us = *self.started_us.get_or_insert(now_us);
+        if now_us >= self.next_ramp_us {
+            self.send(now_us, &Message::Timer(Timer { ground_us: now_us as u32 }));
+            self.next_ramp_us = now_us + (ramp_interval_s(self.ramps_sent) * 1e6) as u64;
+            self.ramps_sent += 1;
+        }
+        let heard_us = self.telemetry.map_or(started_us, |(_, at)| at);
+        let out_s = now_us.saturating_sub(heard_us) as f64 * 1e-6;
+        if (self.identity.is_none() || out_s > SILENCE_S) && now_us >= self.next_who_us {
+            self.send(now_us, &Message::Who);
+            self.next_who_us = now_us + 1_000_000;
+        }
+        if out_s > SILENCE_S && !self.silent {
+            self.silent = true;
+            let told = match self.telemetry {
+                Some(_) => "no telemetry any more: is the craft in reach, and its program running?",
+                None => "no telemetry yet: is this the craft's address, and do both sides have the same key?",
+            };
+            self.tell(now_us, Level::Error, told.into());
+        }
+        self.watch_tracker(now_us);
+        if let (Some(known), true) = (self.known(), now_us >= self.next_command_us) {
+            let period_us = (1e6 / self.settings.command_hz) as u64;
+            // In step with the first one; after a stall from now on.
+            self.next_command_us = match self.next_command_us + period_us {
+                next if next > now_us => next,
+                _ => now_us + period_us,
+            };
+            let before = self.mission.progress().clone();
+            let command = self.mission.command(now_us as f64 * 1e-6, &known);
+            self.send(now_us, &Message::Command(command));
+            self.record(now_us, &Entry::Command(&command));
+            if *self.mission.progress() != before
+                && let Progress::Failed(why) = self.mission.progress().clone()
+            {
+                self.tell(now_us, Level::Error, why);
+            }
+            self.ask(now_us, &known);
+        }
+        if now_us >= self.next_link_us {
+            self.next_link_us = now_us + LINK_EVERY_US;
+            if let Some(link) = self.link_record() {
+                self.record(now_us, &Entry::Link(&link));
+            }
+        }
+    }
+
+    fn watch_tracker(&mut self, now_us: u64) {
+        let Some((_, at_us)) = self.tracker.last else { return };
+        let blind = now_us.saturating_sub(at_us) as f64 * 1e-6 > BLIND_S;
+        if blind != self.blind {
+            self.blind = blind;
+            let (level, told) = match blind {
+                true => (Level::Warning, "the tracker does not see the craft any more"),
+                false => (Level::Info, "the tracker sees the craft again"),
+            };
+            self.tell(now_us, level, told.into());
+        }
+    }
+
+    /// Asks for what the mission needs, again and again until its state is there.
+    fn ask(&mut self, now_us: u64, known: &Known) {
+        let wanted = self.mission.ask().filter(|ask| !is_there(ask, known.state));
+        let Some(ask) = wanted else {
+            self.pending = None;
+            return;
+        };
+        let pending = self.pending.filter(|pending| pending.ask == ask);
+        if pending.is_some_and(|pending| now_us < pending.next_us) {
+            return;
+        }
+        let message = match ask {
+            Ask::Request(request) => Message::Request(request),
+            Ask::Gains(gains) => Message::Gains(gains),
+        };
+        let Some(number) = self.send(now_us, &message) else { return };
+        match (pending, ask) {
+            (Some(_), _) => {}
+            (None, Ask::Request(request)) => self.record(now_us, &Entry::Request(request)),
+            (None, Ask::Gains(gains)) => self.record(now_us, &Entry::Gains(&gains)),
+        }
+        let first = pending.map_or(number, |pending| pending.numbers[0]);
+        let next_us = now_us + (AGAIN_S * 1e6) as u64;
+        self.pending = Some(Pending { ask, numbers: [first, number], next_us });
+    }
+
+    /// Seals and queues a message; its number.
+    fn send(&mut self, now_us: u64, message: &Message) -> Option<u64> {
+        match self.link.seal(message) {
+            Ok((number, packet)) => {
+                self.packets_sent += 1;
+                self.out.push(packet);
+                Some(number)
+            }
+            Err(error) => {
+                self.faulty |= matches!(error, LinkError::File(_));
+                self.refused(now_us, format!("nothing can be sent: {error}"));
+                None
+            }
+        }
+    }
+
+    fn record(&mut self, now_us: u64, entry: &Entry<'_>) {
+        let Some(recorder) = &mut self.recorder else { return };
+        if let Err(error) = recorder.write(now_us, entry) {
+            self.recorder = None;
+            self.faulty = true;
+            self.tell(now_us, Level::Error, format!("recording ends here: {error}"));
+        }
+    }
+
+    /// Tells a refusal once in a while, however often it comes.
+    fn refused(&mut self, now_us: u64, why: String) {
+        self.refusals.retain(|(_, at_us)| at_us + TOLD_AGAIN_US > now_us);
+        // Whoever sends junk cannot fill memory with it.
+        if self.refusals.len() >= 50 || self.refusals.iter().any(|(told, _)| *told == why) {
+            return;
+        }
+        self.refusals.push((why.clone(), now_us));
+        self.tell(now_us, Level::Warning, why);
+    }
+
+    /// Tells people a line.
+    pub fn tell(&mut self, at_us: u64, level: Level, text: String) {
+        self.record(at_us, &Entry::Log(level, &text));
+        let told = Told { at_us, level, text };
+        self.told.push_back(told.clone());
+        self.untold.push_back(told);
+        for lines in [&mut self.told, &mut self.untold] {
+            while lines.len() > REMEMBERED {
+                lines.pop_front();
+            }
+        }
+    }
+
+    /// Lines that have not been taken yet.
+    pub fn take_told(&mut self) -> impl Iterator<Item = Told> + use<'_> {
+        self.untold.drain(..)
+    }
+
+    /// Packets to send, in order.
+    pub fn take_packets(&mut self) -> impl Iterator<Item = Vec<u8>> + use<'_> {
+        self.out.drain(..)
+    }
+
+    /// When [`poll`](Self::poll) has something to do next, us.
+    pub fn next_due_us(&self) -> u64 {
+        let command_us = if self.telemetry.is_some() { self.next_command_us } else { u64::MAX };
+        self.next_ramp_us.min(command_us).min(self.next_link_us)
+    }
+
+    fn known(&self) -> Option<Known> {
+        let (telemetry, _) = self.telemetry.as_ref()?;
+        // The tracker's pose is fresher than the one that went to the craft and back.
+        let pose = self.tracker.last.map_or(telemetry.tracked, |(pose, _)| pose);
+        let (state, preflight) = (telemetry.supervision.state, telemetry.supervision.preflight);
+        Some(Known { state, pose, preflight })
+    }
+
+    fn link_record(&self) -> Option<LinkRecord> {
+        let timing = self.ramps.timing()?;
+        let ((_, lost_down), (_, lost_up), (pose_hz, _)) =
+            (self.down.rate_and_loss(), self.up.rate_and_loss(), self.poses.rate_and_loss());
+        Some(LinkRecord {
+            one_way_s: timing.one_way_s,
+            least_one_way_s: timing.least_one_way_s,
+            skew: timing.skew,
+            skew_std_error: timing.skew_std_error,
+            tick_hz: timing.tick_hz,
+            lost_down,
+            lost_up,
+            pose_hz,
+        })
+    }
+
+    /// How the mission goes.
+    pub fn progress(&self) -> &Progress {
+        self.mission.progress()
+    }
+
+    /// Is the craft off the floor, by what it says and what was asked of it?
+    pub fn is_flying(&self) -> bool {
+        let state = self.telemetry.map(|(telemetry, _)| telemetry.supervision.state);
+        self.mission.is_flying() || matches!(state, Some(State::Flying | State::Hold | State::Land))
+    }
+
+    /// Has something gone wrong that a script has to answer for: the craft's clock, the recording, the packet counters?
+    pub fn is_faulty(&self) -> bool {
+        self.faulty
+    }
+
+    /// How long telemetry has been out, s; none before the first.
+    pub fn silence_s(&self, now_us: u64) -> Option<f64> {
+        self.telemetry.map(|(_, at_us)| now_us.saturating_sub(at_us) as f64 * 1e-6)
+    }
+
+    /// Everything about now.
+    pub fn snapshot(&self, now_us: u64) -> Snapshot {
+        Snapshot {
+            now_us,
+            telemetry: self.telemetry,
+            identity: self.identity,
+            link: self.link_record(),
+            pace: self.ramps.timing().map_or(Pace::Unknown, |timing| timing.pace),
+            tracker: self.tracker,
+            statistics: self.link.statistics(),
+            doing: self.mission.describe(),
+            told: self.told.iter().cloned().collect(),
+            recording: self.recorder.as_ref().map(|recorder| recorder.path().display().to_string()),
+        }
+    }
+
+    /// Ends the recording, for [`finish`](crate::recorder::finish).
+    pub fn end_recording(&mut self) {
+        self.recorder = None;
+    }
+}
+
+/// Is the craft where the request would bring it?
+fn is_there(ask: &Ask, state: State) -> bool {
+    match ask {
+        Ask::Gains(Gains { .. }) => false,
+        Ask::Request(Request::Arm) => !matches!(state, State::Disarmed | State::Cut),
+        Ask::Request(Request::Land) => matches!(state, State::Land | State::Disarmed | State::Cut),
+        Ask::Request(Request::Disarm) => state == State::Disarmed,
+        Ask::Request(Request::Cut) => state == State::Cut,
+    }
+}
