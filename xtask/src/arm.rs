@@ -201,8 +201,8 @@ pub(crate) fn build(
     let Some(toolchain) = Toolchain::of(target) else { bail!("{} cannot be built here", target.name()) };
     let mut command = toolchain.build(target, workspace);
     command.args(["--quiet", "--package", package]);
-    programs.iter().for_each(|program| drop(command.args(["--bin", program])));
-    features.iter().for_each(|feature| drop(command.args(["--features", feature])));
+    command.args(programs.iter().flat_map(|program| ["--bin", program]));
+    command.args(features.iter().flat_map(|feature| ["--features", feature]));
     eprintln!("   {}", shown(&command));
     if !succeeds(command.stdout(std::process::Stdio::null()))? {
         bail!("{} does not build for {}", programs.join(", "), target.triple());

@@ -32,8 +32,8 @@ impl<P: SetDutyCycle> Escs<P> {
         let mut all = true;
         for (output, command) in self.outputs.iter_mut().zip(commands) {
             let pulse_us = IDLE_US + (command - self.low) * self.us_per_unit;
-            // `max` takes the number where the other is none.
-            let duty = duty(pulse_us.max(IDLE_US).min(FULL_US), output.max_duty_cycle());
+            let pulse_us = if pulse_us.is_nan() { IDLE_US } else { pulse_us.clamp(IDLE_US, FULL_US) };
+            let duty = duty(pulse_us, output.max_duty_cycle());
             all &= output.set_duty_cycle(duty).is_ok();
         }
         all
