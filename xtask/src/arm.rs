@@ -316,7 +316,7 @@ fn report(workspace: &Workspace) -> Result<Value> {
 }
 
 /// The program for a real board, beside the emulator's.
-fn board_program(workspace: &Workspace) -> Result<PathBuf> {
+pub(crate) fn board_program(workspace: &Workspace) -> Result<PathBuf> {
     let built = build(workspace, Target::CortexM4, "mcu", &["mcu"], &["stm32f405"])?.remove(0);
     let kept = built.with_file_name("mcu-stm32f405");
     std::fs::copy(&built, &kept).with_context(|| format!("cannot write {}", kept.display()))?;
