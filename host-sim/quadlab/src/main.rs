@@ -20,6 +20,7 @@ mod explain;
 mod faults;
 mod figures;
 mod flights;
+mod ground;
 mod hidden;
 mod identify;
 mod linearize;
@@ -27,6 +28,7 @@ mod output;
 mod pages;
 mod progress;
 mod real_logs;
+mod simulated;
 mod story;
 mod tables;
 mod user_effects;
@@ -58,6 +60,7 @@ enum Command {
     Effects(effects::Options),
     Demo(demo::Options),
     Linearize(linearize::Options),
+    Ground(Box<ground::Options>),
     Design(design_gains::Options),
 }
 
@@ -78,6 +81,7 @@ fn main() -> ExitCode {
         Command::Effects(options) => effects::run(&options),
         Command::Demo(options) => demo::run(&options),
         Command::Linearize(options) => linearize::run(&options),
+        Command::Ground(options) => ground::run(&options),
         Command::Design(options) => design_gains::run(&options),
     };
     match outcome.and_then(finish) {
