@@ -8,10 +8,15 @@
 //! builds quickly and still works when one of them does not compile.
 #![forbid(unsafe_code)]
 
+mod arm;
+mod armv7;
 mod arrows;
 mod bench;
 mod dependencies;
 mod figures;
+mod flash;
+mod flash_chip;
+mod flash_com;
 mod licences;
 mod peers;
 mod process;
@@ -46,10 +51,14 @@ enum Command {
     /// Run the whole story, from flights to a better model; `demo --help` lists its arguments
     #[command(disable_help_flag = true)]
     Demo(PassedThrough),
+    /// Put a new program onto a craft, or go back to the one before
+    Flash(flash::Options),
     /// Check everything: format, lints, tests, docs, arrows between crates, licences, house rules
     Test(test::Options),
     /// Run the benchmarks: times, and instruction counts where valgrind is installed
     Bench(bench::Options),
+    /// Build the programs of the craft's processors; sizes, stack and instructions of a period
+    Arm(arm::Options),
     /// Install the tools that the other commands use, or say what is missing
     Setup(setup::Options),
 }
@@ -74,10 +83,16 @@ fn main() -> ExitCode {
 
 fn run(command: Command) -> anyhow::Result<ExitCode> {
     match command {
-        Command::Sil(passed) => process::run_program(&Program::SIL, &passed.arguments),
+        Command::Sil(mut passed) => {
+            let more = arm::arguments_of_sil(&Workspace::load()?, &passed.arguments)?;
+            passed.arguments.extend(more);
+            process::run_program(&Program::SIL, &passed.arguments)
+        }
         Command::Demo(passed) => process::run_program(&Program::DEMO, &passed.arguments),
+        Command::Flash(options) => flash::run(options),
         Command::Test(options) => test::run(&Workspace::load()?, &options),
         Command::Bench(options) => bench::run(&Workspace::load()?, &options),
+        Command::Arm(options) => arm::run(&Workspace::load()?, &options),
         Command::Setup(options) => setup::run(&Workspace::load()?, &options),
     }
 }

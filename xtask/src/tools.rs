@@ -42,6 +42,15 @@ pub(crate) const VALGRIND: Tool =
 pub(crate) const GUNGRAUN_RUNNER: &str = "gungraun-runner";
 
 impl Tool {
+    /// A tool by name, the command that prints its version, and the line that installs it.
+    pub(crate) const fn of(
+        name: &'static str,
+        version: &'static [&'static str],
+        install: &'static str,
+    ) -> Self {
+        Self { name, version, install }
+    }
+
     /// First line of what the tool says of its version; nothing when it is not installed.
     pub(crate) fn found(&self) -> Option<String> {
         let (program, arguments) = self.version.split_first()?;

@@ -1,12 +1,13 @@
 //! The ground's side of one question: who is there, and what is it doing? For programs that install others, and for people.
 
-use std::net::{SocketAddr, UdpSocket};
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use proto::{CounterStore, Identity, Key, MAX_PACKET_LEN, Message, Opener, Role, Sealer};
 use proto_files::CounterFile;
 
+use crate::config;
 use crate::error::{Error, Result, system};
 
 /// Between two questions: UDP may lose one.
@@ -23,6 +24,22 @@ pub struct Question {
     pub key: Option<(Key, PathBuf)>,
     /// How long to wait for an answer.
     pub patience: Duration,
+}
+
+impl Question {
+    /// To the craft of this configuration, from its own machine.
+    pub fn of(link: &config::Link, patience: Duration) -> Self {
+        let mut craft = link.listen;
+        if craft.ip().is_unspecified() {
+            // What listens everywhere listens here.
+            craft.set_ip(if craft.is_ipv4() {
+                Ipv4Addr::LOCALHOST.into()
+            } else {
+                Ipv6Addr::LOCALHOST.into()
+            });
+        }
+        Self { craft, number: link.number, key: link.key.clone().zip(link.counters.clone()), patience }
+    }
 }
 
 /// Asks until a craft answers, or until patience is at its end.

@@ -76,7 +76,11 @@ enum Command {
 #[derive(clap::Args)]
 struct Asking {
     /// Address and port of the craft's link
-    craft: String,
+    #[arg(required_unless_present = "config")]
+    craft: Option<String>,
+    /// Ask the craft of this configuration, on this machine
+    #[arg(long, conflicts_with_all = ["craft", "key", "counters", "number"])]
+    config: Option<PathBuf>,
     /// Key file of the link
     #[arg(long, requires = "counters")]
     key: Option<PathBuf>,
@@ -154,19 +158,16 @@ fn identity(config: &Path) -> Result<ExitCode> {
 }
 
 fn ask(asking: &Asking) -> Result<ExitCode> {
-    let Asking { craft, key, counters, number, wait } = asking;
-    let address = craft.to_socket_addrs().ok().and_then(|mut addresses| addresses.next());
-    let craft = address.ok_or_else(|| {
-        Error::Other(format!(
-            "{craft:?} is no address that is known here; write HOST:PORT, such as 192.168.1.10:14650"
-        ))
-    })?;
-    let key = key.as_deref().map(proto_files::read_key).transpose()?;
-    let key = key.zip(counters.clone());
-    if !(0.0..=3600.0).contains(wait) {
+    let wait = asking.wait;
+    if !(0.0..=3600.0).contains(&wait) {
         return Err(Error::Other(format!("--wait {wait}: from 0 to 3600 s")));
     }
-    let question = Question { craft, number: *number, key, patience: Duration::from_secs_f64(*wait) };
+    let patience = Duration::from_secs_f64(wait);
+    let question = match &asking.config {
+        Some(config) => Question::of(&Setup::read(config)?.link, patience),
+        None => asked(asking, patience)?,
+    };
+    let craft = question.craft;
     match who(&question)? {
         None => {
             log(&format!("nobody answers at {craft}"));
@@ -177,6 +178,19 @@ fn ask(asking: &Asking) -> Result<ExitCode> {
             Ok(ExitCode::SUCCESS)
         }
     }
+}
+
+fn asked(asking: &Asking, patience: Duration) -> Result<Question> {
+    let Asking { craft, key, counters, number, .. } = asking;
+    let craft = craft.as_deref().unwrap_or_default();
+    let address = craft.to_socket_addrs().ok().and_then(|mut addresses| addresses.next());
+    let address = address.ok_or_else(|| {
+        Error::Other(format!(
+            "{craft:?} is no address that is known here; write HOST:PORT, such as 192.168.1.10:14650"
+        ))
+    })?;
+    let key = key.as_deref().map(proto_files::read_key).transpose()?;
+    Ok(Question { craft: address, number: *number, key: key.zip(counters.clone()), patience })
 }
 
 fn told(identity: &Identity) -> serde_json::Value {

@@ -16,6 +16,7 @@ mod design_pages;
 mod diagnose;
 mod effects;
 mod evidence;
+mod excite;
 mod explain;
 mod faults;
 mod figures;
@@ -24,8 +25,10 @@ mod ground;
 mod hidden;
 mod identify;
 mod linearize;
+mod motor_map;
 mod output;
 mod pages;
+mod plan;
 mod progress;
 mod real_logs;
 mod simulated;
@@ -62,6 +65,9 @@ enum Command {
     Linearize(linearize::Options),
     Ground(Box<ground::Options>),
     Design(design_gains::Options),
+    MotorMap(motor_map::Options),
+    Excite(excite::Options),
+    Plan(plan::Options),
 }
 
 const DOES_NOT_HOLD: u8 = 1;
@@ -83,6 +89,9 @@ fn main() -> ExitCode {
         Command::Linearize(options) => linearize::run(&options),
         Command::Ground(options) => ground::run(&options),
         Command::Design(options) => design_gains::run(&options),
+        Command::MotorMap(options) => motor_map::run(&options),
+        Command::Excite(options) => excite::run(&options),
+        Command::Plan(options) => plan::run(&options),
     };
     match outcome.and_then(finish) {
         Ok(code) => code,

@@ -12,10 +12,10 @@
 use model::{Effect, Kind, Model};
 use nalgebra::{DMatrix, DVector};
 
-use crate::fit::{priors_of, residual_derivatives_at, residuals_at_rows};
+use crate::fit::priors_of;
+use crate::information::rows_about;
 use crate::prepare::Prepared;
 use crate::regress::{AxisTriangle, FlightRows, WINDOW_S, axis_triangle, scores_covariance};
-use crate::rows::{RowColumn, coefficient_count};
 use crate::subsets::{Problem, Subset};
 use crate::{Fit, FitError, Residuals, errors};
 
@@ -71,25 +71,8 @@ impl Structure {
     }
 
     fn rows(&self, flight: &Prepared) -> FlightRows {
-        let stride = flight.fit_stride();
-        let here = residuals_at_rows(flight, &self.model, stride);
         let all: Vec<Effect> = self.own.iter().chain(&self.candidates).copied().collect();
-        let linear: Vec<Effect> = all.iter().copied().filter(|e| !is_adjusting(e)).collect();
-        // All linear ones in one pass over the states, then each to its place.
-        let mut formed = flight.columns(&linear, &self.model, stride).into_iter();
-        let columns: Vec<RowColumn> = all
-            .iter()
-            .flat_map(|effect| match is_adjusting(effect) {
-                true => residual_derivatives_at(flight, &self.model, *effect, stride, &here),
-                false => formed.by_ref().take(coefficient_count(*effect)).collect(),
-            })
-            .collect();
-        FlightRows {
-            targets: here.residual,
-            columns,
-            starts: flight.starts_of_rows(stride),
-            period_s: flight.period_s * stride as f64,
-        }
+        rows_about(flight, &self.model, &all)
     }
 }
 

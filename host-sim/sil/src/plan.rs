@@ -1,0 +1,202 @@
+//! What to fly next: manoeuvres of the library, each flown in simulation, ranked by what they would tell.
+//!
+//! Two questions. Which flight tells two effects apart: with either of them of ordinary size in the craft and both in the fit,
+//! by how many standard errors does it stand out? (The noncentrality of the test that it is the other one alone; the smaller
+//! of both ways counts.) And which flight makes the standard error of a coefficient smallest, with what the model's file
+//! says of all of them as a start?
+
+use std::path::Path;
+
+use model::{Effect, Model};
+use pattern::Pattern;
+use rayon::prelude::*;
+use sysid::information::Parameter;
+
+use crate::manoeuvre::{Injection, Manoeuvre, ManoeuvreError, Signal, library};
+use crate::predict::{Course, Foreseen, PredictError, Predictor};
+
+/// Amplitude of the multisine beside every manoeuvre, and of a strong one, part of the command range: the thesis' 15 us are
+/// 0.015.
+pub const GENTLE: f64 = 0.015;
+/// See [`GENTLE`].
+pub const STRONG: f64 = 0.035;
+/// Its band, Hz: what moves the craft and passes the regression's filter.
+pub const BAND_HZ: [f64; 2] = [0.2, 5.0];
+/// Manoeuvres that are also flown with a strong multisine.
+const WITH_STRONG: [&str; 2] = ["hover", "tour"];
+/// Standard errors from which on two effects are told apart.
+pub const APART: f64 = 4.0;
+
+/// What is wanted of the next flight.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Goal {
+    /// Two effects told apart.
+    Separate(Effect, Effect),
+    /// The error of a coefficient made small.
+    Shrink(Parameter),
+}
+
+/// A flight that could be next.
+#[derive(Debug, Clone)]
+pub struct Proposal {
+    /// Name of the manoeuvre.
+    pub name: &'static str,
+    /// What to fly, in words.
+    pub words: &'static str,
+    /// Amplitude of the multisine on the motors, command units.
+    pub amplitude: f64,
+    /// The flight.
+    pub pattern: Pattern,
+    /// How it goes.
+    pub course: Course,
+    /// What it would tell: standard errors between the effects (to be large), or the coefficient's error (to be small); none
+    /// where it tells nothing.
+    pub worth: Option<f64>,
+}
+
+/// Why there is no plan.
+#[derive(Debug, thiserror::Error)]
+pub enum PlanError {
+    /// A flight that cannot be foreseen.
+    #[error(transparent)]
+    Predict(#[from] PredictError),
+    /// A pattern that cannot be made.
+    #[error(transparent)]
+    Manoeuvre(#[from] ManoeuvreError),
+    /// A name that is none.
+    #[error("\"{name}\" is no coefficient of the model or of an effect it lacks; known are {known}")]
+    NoCoefficient {
+        /// As given.
+        name: String,
+        /// Those there are.
+        known: String,
+    },
+    /// A name of several.
+    #[error("\"{name}\" is a coefficient of several effects: say which, {known}")]
+    SeveralCoefficients {
+        /// As given.
+        name: String,
+        /// Which.
+        known: String,
+    },
+    /// An effect that flights cannot be asked about.
+    #[error("{effect}: {why}")]
+    Effect {
+        /// Which.
+        effect: String,
+        /// Why not.
+        why: &'static str,
+    },
+}
+
+/// The coefficient of a name: `C_du`, or `linear-drag.C_du`.
+///
+/// # Errors
+/// None, or several.
+pub fn coefficient(predictor: &Predictor, name: &str) -> Result<Parameter, PlanError> {
+    let effects = predictor.model().effects().into_iter().chain(predictor.candidates().iter().copied());
+    let all: Vec<Parameter> = effects
+        .flat_map(|effect| {
+            (0..effect.info().coefficients.len()).map(move |index| Parameter { effect, index })
+        })
+        .collect();
+    let long = |p: &Parameter| format!("{}.{}", p.effect, p.info().name);
+    let found: Vec<&Parameter> = all.iter().filter(|p| p.info().name == name || long(p) == name).collect();
+    let listed = |list: &[&Parameter]| list.iter().map(|p| long(p)).collect::<Vec<_>>().join(", ");
+    match found.as_slice() {
+        [one] => Ok(**one),
+        [] => Err(PlanError::NoCoefficient {
+            name: name.into(),
+            known: listed(&all.iter().collect::<Vec<_>>()),
+        }),
+        several => Err(PlanError::SeveralCoefficients { name: name.into(), known: listed(several) }),
+    }
+}
+
+/// Whether flights can be asked about an effect.
+///
+/// # Errors
+/// Why not.
+pub fn check_effect(predictor: &Predictor, effect: Effect) -> Result<(), PlanError> {
+    let refuse = |why| Err(PlanError::Effect { effect: effect.id().into(), why });
+    if effect.info().kind == model::Kind::Basic {
+        return refuse("is part of every model: ask for one of its coefficients with --shrink");
+    }
+    if !predictor.model().has(effect) && !predictor.candidates().contains(&effect) {
+        return refuse(
+            "cannot be foreseen: a fit of everything absorbs it, or it starts from a shape of its own",
+        );
+    }
+    Ok(())
+}
+
+/// Every manoeuvre, the best first; those that cannot be flown so at the end.
+///
+/// # Errors
+/// A model that cannot be flown at all.
+pub fn plan(
+    predictor: &Predictor,
+    goal: Goal,
+    duration_s: f64,
+    seed: u64,
+) -> Result<Vec<Proposal>, PlanError> {
+    let [low, high] = predictor.config().command_range;
+    let flights: Vec<(Manoeuvre, f64)> = library(duration_s, seed)
+        .into_iter()
+        .flat_map(|m| {
+            let strong = WITH_STRONG.contains(&m.name).then(|| (m.clone(), STRONG));
+            std::iter::once((m, GENTLE)).chain(strong)
+        })
+        .map(|(m, part)| (m, part * (high - low)))
+        .collect();
+    let period_s = predictor.config().sample_time_s;
+    let mut proposals: Vec<Proposal> = flights
+        .par_iter()
+        .map(|(manoeuvre, amplitude)| {
+            let injection =
+                Injection { signal: Signal::Multisine, amplitude: *amplitude, band_hz: BAND_HZ, seed };
+            let pattern = manoeuvre.pattern(&injection, period_s, duration_s, Path::new(manoeuvre.name))?;
+            let foreseen = predictor.foresee(&pattern)?;
+            let worth = worth(predictor, &foreseen, goal);
+            let Foreseen { course, .. } = foreseen;
+            let (name, words) = (manoeuvre.name, manoeuvre.words);
+            Ok(Proposal { name, words, amplitude: *amplitude, pattern, course, worth })
+        })
+        .collect::<Result<_, PlanError>>()?;
+    let rank = |p: &Proposal| {
+        let worth = match (goal, p.worth) {
+            (Goal::Separate(..), worth) => -worth.unwrap_or(0.0),
+            (Goal::Shrink(_), worth) => worth.unwrap_or(f64::INFINITY),
+        };
+        (p.course.trouble.is_some(), worth)
+    };
+    proposals.sort_by(|a, b| {
+        let ((a_bad, a), (b_bad, b)) = (rank(a), rank(b));
+        a_bad.cmp(&b_bad).then(a.total_cmp(&b))
+    });
+    Ok(proposals)
+}
+
+fn worth(predictor: &Predictor, foreseen: &Foreseen, goal: Goal) -> Option<f64> {
+    match goal {
+        Goal::Separate(a, b) => {
+            let one = predictor.apart(&foreseen.information, a, b)?;
+            let other = predictor.apart(&foreseen.information, b, a)?;
+            Some(one.deviations.min(other.deviations))
+        }
+        Goal::Shrink(parameter) => {
+            let model = predictor.model();
+            let mut effects = model.effects();
+            if !effects.contains(&parameter.effect) {
+                effects.push(parameter.effect);
+            }
+            let information = foreseen.information.clone().knowing(|p| known_error(model, p));
+            information.expected(&effects).ok()?.std_error(parameter)
+        }
+    }
+}
+
+/// Standard error in the model's file.
+pub fn known_error(model: &Model, parameter: Parameter) -> Option<f64> {
+    model.term(parameter.effect)?.coefficients.get(parameter.index)?.std_error
+}

@@ -1,0 +1,563 @@
+//! Flashing a computer on module: Linux, reached with the system's `ssh`.
+//!
+//! On the craft a release is a folder of its own, named by what is in it; `current` and `previous` are symbolic links that
+//! are replaced by renaming, so there is at every moment one whole program to start:
+//!
+//! ```text
+//! FOLDER/releases/3f9c0a6e1b2d/{com, com.toml, vehicle.toml, gains.toml}
+//! FOLDER/current -> releases/3f9c0a6e1b2d        FOLDER/previous -> releases/...
+//! ```
+//!
+//! Order: build; ask the craft what it is doing (its own program asks, over its link) and leave it alone unless it is
+//! disarmed; copy; compare SHA-256; let the new program check its files there; stop, switch, start; ask again, and go back to
+//! the release before if another answers than was flashed.
+//!
+//! Absent: keys. A key is put on the craft once, by hand, mode 0600; its configuration names it.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, Stdio};
+use std::str::FromStr;
+
+use anyhow::{Context, Result, bail, ensure};
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+
+use crate::process::shown;
+
+/// USER@HOST[:PORT].
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Destination {
+    /// As ssh takes it.
+    user_at_host: String,
+    port: Option<u16>,
+}
+
+impl FromStr for Destination {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || {
+            format!("{text:?} is no destination; write USER@HOST or USER@HOST:PORT, such as root@192.168.7.2")
+        };
+        let (user, rest) = text.split_once('@').ok_or_else(wrong)?;
+        // An IPv6 address has colons of its own and stands in brackets.
+        let (host, port) = match rest.strip_prefix('[').and_then(|rest| rest.split_once(']')) {
+            Some((host, "")) => (host, None),
+            Some((host, port)) => (host, Some(port.strip_prefix(':').ok_or_else(wrong)?)),
+            None => rest.split_once(':').map_or((rest, None), |(host, port)| (host, Some(port))),
+        };
+        let port = port.map(|port| port.parse().map_err(|_| wrong())).transpose()?;
+        // What begins with a dash would be an option of ssh.
+        let plain = |name: &str| {
+            !name.is_empty()
+                && !name.starts_with('-')
+                && name.chars().all(|c| c.is_ascii_alphanumeric() || "._-:".contains(c))
+        };
+        if !plain(user) || !plain(host) {
+            return Err(wrong());
+        }
+        Ok(Self { user_at_host: format!("{user}@{host}"), port })
+    }
+}
+
+/// One flash.
+pub(crate) struct Flash {
+    pub(crate) destination: Destination,
+    pub(crate) config: Option<PathBuf>,
+    pub(crate) folder: String,
+    pub(crate) ssh_config: Option<PathBuf>,
+    pub(crate) runner: String,
+    pub(crate) program: Option<PathBuf>,
+    pub(crate) rollback: bool,
+}
+
+/// What goes onto the craft.
+struct Release {
+    /// The first digits of the hash of all of it.
+    id: String,
+    files: BTreeMap<String, Vec<u8>>,
+}
+
+const PROGRAM: &str = "com";
+const CONFIG: &str = "com.toml";
+const SERVICE: &str = "quadlab-com";
+
+impl Flash {
+    /// The steps, in words.
+    fn steps(&self) -> Vec<String> {
+        let Self { folder, config, program, .. } = self;
+        let craft = &self.destination.user_at_host;
+        let ask = format!(
+            "ask the craft over its link what it is doing ({folder}/current/com who); go on only if it is disarmed, or nothing runs there"
+        );
+        let start = format!(
+            "stop what runs, switch {folder}/current by renaming, start it: systemd unit {SERVICE}, or directly where there is no systemd"
+        );
+        let answer = "ask again; version and vehicle hash have to be those of this release".to_owned();
+        if self.rollback {
+            return vec![
+                ask,
+                format!("exchange {folder}/current and {folder}/previous on {craft}"),
+                start,
+                answer,
+            ];
+        }
+        let build = match program {
+            Some(program) => format!("take the program {}", program.display()),
+            None => "build com for armv7, release".into(),
+        };
+        let files = match config {
+            Some(config) => {
+                format!("with {} and the vehicle and gains files that it names", config.display())
+            }
+            None => "with the configuration that the craft has".into(),
+        };
+        vec![
+            build,
+            ask,
+            format!(
+                "copy the program {files} over ssh into a folder of its own in {craft}:{folder}/releases"
+            ),
+            "compare the SHA-256 of every file there, and let the new program check its configuration there"
+                .into(),
+            start,
+            format!("{answer}; otherwise go back to {folder}/previous"),
+        ]
+    }
+
+    /// `--dry-run`.
+    pub(crate) fn print_steps(&self) -> Result<ExitCode> {
+        let example = shown(&self.ssh("..."));
+        println!("would flash {} ({example}):", self.destination.user_at_host);
+        for (number, step) in self.steps().iter().enumerate() {
+            println!("  {}. {step}", number + 1);
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+
+    pub(crate) fn run(&self) -> Result<ExitCode> {
+        self.check_folder()?;
+        if self.rollback {
+            return self.roll_back();
+        }
+        let release = self.release()?;
+        println!("release {}: {}", release.id, release.files.keys().cloned().collect::<Vec<_>>().join(", "));
+        self.leave_alone_unless_disarmed()?;
+        self.copy(&release)?;
+        self.check_there(&release)?;
+        let expected = self.identity(&format!("releases/{}", release.id))?;
+        self.switch_to(&format!("releases/{}", release.id))?;
+        if let Err(why) = self.start().and_then(|()| self.answers_as(&expected)) {
+            println!("{why:#}");
+            self.go_back()?;
+            bail!("the craft is back at the release before, which answers");
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+
+    /// It goes into shell lines between quotes.
+    fn check_folder(&self) -> Result<()> {
+        let plain = |c: char| c.is_ascii_alphanumeric() || "/._-".contains(c);
+        ensure!(
+            self.folder.starts_with('/') && self.folder.chars().all(plain) && !self.folder.contains(".."),
+            "--folder {:?}: give an absolute path of letters, digits and ._-",
+            self.folder
+        );
+        ensure!(!self.runner.contains('\''), "--runner: without quotes, please");
+        Ok(())
+    }
+
+    /// Reads everything that goes onto the craft.
+    fn release(&self) -> Result<Release> {
+        let mut files = match &self.config {
+            Some(config) => files_of(config)?,
+            None => self.files_on_the_craft()?,
+        };
+        let program = match &self.program {
+            Some(program) => program.clone(),
+            None => crate::armv7::build()?,
+        };
+        let bytes = std::fs::read(&program).with_context(|| format!("cannot read {}", program.display()))?;
+        files.insert(PROGRAM.into(), bytes);
+        let mut all = Sha256::new();
+        for (name, bytes) in &files {
+            all.update(name.as_bytes());
+            all.update(hash(bytes).as_bytes());
+        }
+        let mut id = hex(&all.finalize());
+        id.truncate(12);
+        Ok(Release { id, files })
+    }
+
+    /// The configuration that is there, to go along with a new program.
+    fn files_on_the_craft(&self) -> Result<BTreeMap<String, Vec<u8>>> {
+        let list = self.remote(&format!("cd {}/current 2>/dev/null && ls", self.folder), None)?;
+        let list = list.context("the craft has no configuration yet: give one with --config com.toml")?;
+        let mut files = BTreeMap::new();
+        for name in list.lines().filter(|name| *name != PROGRAM) {
+            let bytes = self.remote(&format!("cat {}/current/{name}", self.folder), None)?;
+            files.insert(
+                name.to_owned(),
+                bytes.with_context(|| format!("cannot read {name} there"))?.into_bytes(),
+            );
+        }
+        Ok(files)
+    }
+
+    /// A craft that flies, or may be about to, is not touched.
+    fn leave_alone_unless_disarmed(&self) -> Result<()> {
+        if !self.is_running()? {
+            println!("nothing runs there");
+            return Ok(());
+        }
+        let answer = self.ask(2)?;
+        let answer = answer.context(
+            "a program runs on the craft and does not answer on its link, so nobody knows whether it flies; look at it, and stop it yourself",
+        )?;
+        let state = answer["state"].as_str().unwrap_or("unknown");
+        ensure!(state == "disarmed", "the craft is {state}: disarm it first");
+        println!("the craft is disarmed; program {}", answer["program"].as_str().unwrap_or("unknown"));
+        Ok(())
+    }
+
+    fn copy(&self, release: &Release) -> Result<()> {
+        let there = format!("{}/releases/{}", self.folder, release.id);
+        self.must(&format!("mkdir -p {there}"), None)?;
+        for (name, bytes) in &release.files {
+            // Under another name until it is whole.
+            let put = format!("cat > {there}/{name}.new && mv {there}/{name}.new {there}/{name}");
+            self.must(&put, Some(bytes))?;
+        }
+        self.must(&format!("chmod 755 {there}/{PROGRAM} && sync"), None)?;
+        Ok(())
+    }
+
+    /// The files arrived, and the new program can use them.
+    fn check_there(&self, release: &Release) -> Result<()> {
+        let there = format!("{}/releases/{}", self.folder, release.id);
+        for (name, bytes) in &release.files {
+            let line = self.must(&format!("sha256sum {there}/{name}"), None)?;
+            let found = line.split_whitespace().next().unwrap_or_default();
+            ensure!(
+                found == hash(bytes),
+                "{there}/{name}: SHA-256 {found}, not {}: the copy is damaged",
+                hash(bytes)
+            );
+        }
+        println!("{} files copied and compared (SHA-256)", release.files.len());
+        let said = self.must(&self.com(&format!("releases/{}", release.id), "check", CONFIG), None)?;
+        print!("{said}");
+        Ok(())
+    }
+
+    /// A command of the program in a release, with one of its files.
+    fn com(&self, release: &str, command: &str, file: &str) -> String {
+        let there = format!("{}/{release}", self.folder);
+        format!("{} {there}/{PROGRAM} {command} {there}/{file}", self.runner)
+    }
+
+    /// Who the program in a release says that it is.
+    fn identity(&self, release: &str) -> Result<Value> {
+        let said = self.must(&self.com(release, "identity", CONFIG), None)?;
+        serde_json::from_str(&said).context("the program there does not say who it is")
+    }
+
+    /// What runs says over the link who it is and what it does.
+    fn ask(&self, seconds: u32) -> Result<Option<Value>> {
+        let question = format!("{} --wait {seconds}", self.com("current", "who --config", CONFIG));
+        let Some(said) = self.remote(&question, None)? else { return Ok(None) };
+        Ok(Some(serde_json::from_str(&said).context("the answer over the link cannot be read")?))
+    }
+
+    fn is_running(&self) -> Result<bool> {
+        Ok(self.remote(&format!("{}\nrunning", self.functions()), None)?.is_some())
+    }
+
+    /// `current` is this release from now on, and `previous` what it was before.
+    fn switch_to(&self, release: &str) -> Result<()> {
+        let folder = &self.folder;
+        let script = format!(
+            "cd {folder}
+             old=$(readlink current || true)
+             if [ -n \"$old\" ] && [ \"$old\" != {release} ]; then ln -sfn \"$old\" previous.new && mv -T previous.new previous; fi
+             ln -sfn {release} current.new && mv -T current.new current"
+        );
+        self.must(&script, None)?;
+        Ok(())
+    }
+
+    /// Stops what runs and starts `current`.
+    fn start(&self) -> Result<()> {
+        let said = self.must(&format!("{}\nrestart", self.functions()), None)?;
+        print!("{said}");
+        Ok(())
+    }
+
+    fn answers_as(&self, expected: &Value) -> Result<()> {
+        let answer = self
+            .ask(10)?
+            .context("the new program does not answer on its link; its log is com.log, or the journal's")?;
+        for field in ["program", "vehicle_sha256"] {
+            ensure!(
+                answer[field] == expected[field],
+                "over the link the craft says {field} {}, but {} was flashed",
+                answer[field],
+                expected[field]
+            );
+        }
+        println!(
+            "over the link: program {}, vehicle hash {}, {}",
+            text(&answer, "program"),
+            text(&answer, "vehicle_sha256"),
+            text(&answer, "state")
+        );
+        Ok(())
+    }
+
+    fn previous(&self) -> Result<String> {
+        let release = self.remote(&format!("readlink {}/previous", self.folder), None)?;
+        Ok(release.context("there is no release before this one on the craft")?.trim().to_owned())
+    }
+
+    /// To the release before, because the new one does not work.
+    fn go_back(&self) -> Result<()> {
+        let previous = self.previous()?;
+        self.switch_to(&previous)?;
+        self.start()?;
+        self.answers_as(&self.identity("current")?)
+    }
+
+    fn roll_back(&self) -> Result<ExitCode> {
+        let previous = self.previous()?;
+        self.leave_alone_unless_disarmed()?;
+        self.switch_to(&previous)?;
+        self.start()?;
+        self.answers_as(&self.identity("current")?)?;
+        println!("back at {previous}");
+        Ok(ExitCode::SUCCESS)
+    }
+
+    /// Shell functions `running` and `restart`, with systemd or without.
+    fn functions(&self) -> String {
+        let Self { folder, runner, .. } = self;
+        let unit = self.unit();
+        let command = format!("{runner} {folder}/current/{PROGRAM} run {folder}/current/{CONFIG}");
+        format!(
+            "systemd() {{ [ -d /run/systemd/system ]; }}
+             pid() {{ cat {folder}/com.pid 2>/dev/null; }}
+             direct() {{ p=$(pid) && [ -n \"$p\" ] && tr '\\0' ' ' < /proc/$p/cmdline 2>/dev/null | grep -q '{folder}/current/{PROGRAM} run'; }}
+             running() {{ direct || {{ systemd && systemctl --quiet is-active {SERVICE}; }}; }}
+             stop() {{
+               if direct; then
+                 kill -TERM $(pid)
+                 n=0; while direct && [ $n -lt 50 ]; do sleep 0.1; n=$((n + 1)); done
+                 ! direct || {{ echo 'what runs does not stop' >&2; return 1; }}
+               fi
+               if systemd && systemctl --quiet is-active {SERVICE}; then systemctl stop {SERVICE}; fi
+             }}
+             restart() {{
+               stop || return 1
+               if systemd; then
+                 cat > /etc/systemd/system/{SERVICE}.service.new <<'UNIT'
+{unit}UNIT
+                 mv /etc/systemd/system/{SERVICE}.service.new /etc/systemd/system/{SERVICE}.service
+                 systemctl daemon-reload && systemctl --quiet enable {SERVICE} && systemctl start {SERVICE} && echo 'started by systemd'
+               else
+                 setsid {command} >> {folder}/com.log 2>&1 < /dev/null &
+                 echo $! > {folder}/com.pid
+                 echo 'started directly: there is no systemd'
+               fi
+             }}"
+        )
+    }
+
+    /// The systemd unit. The guardian is the main process: it alone is told to stop, and gives the signs of life.
+    fn unit(&self) -> String {
+        let Self { folder, runner, .. } = self;
+        let mut unit = String::new();
+        let _ = write!(
+            unit,
+            "[Unit]\nDescription=quadlab: flight program of the craft\nAfter=network.target\n\n\
+             [Service]\nType=notify\nExecStart={runner}{space}{folder}/current/{PROGRAM} run {folder}/current/{CONFIG}\n\
+             Restart=on-failure\nRestartSec=1\nWatchdogSec=2\nKillMode=mixed\nTimeoutStopSec=3\nLimitRTPRIO=99\nLimitMEMLOCK=infinity\n\n\
+             [Install]\nWantedBy=multi-user.target\n",
+            space = if runner.is_empty() { "" } else { " " },
+        );
+        unit
+    }
+
+    fn ssh(&self, script: &str) -> Command {
+        let mut command = Command::new("ssh");
+        if let Some(config) = &self.ssh_config {
+            command.arg("-F").arg(config);
+        }
+        command.args(["-o", "BatchMode=yes", "-o", "ConnectTimeout=10"]);
+        if let Some(port) = self.destination.port {
+            command.args(["-p", &port.to_string()]);
+        }
+        command.args([self.destination.user_at_host.as_str(), script]);
+        command
+    }
+
+    /// Runs a shell script on the craft: what it printed, or nothing if it failed. An error is a craft that cannot be reached.
+    fn remote(&self, script: &str, input: Option<&[u8]>) -> Result<Option<String>> {
+        let (succeeded, stdout, _) = self.execute(script, input)?;
+        Ok(succeeded.then_some(stdout))
+    }
+
+    /// The same for a script that has to succeed.
+    fn must(&self, script: &str, input: Option<&[u8]>) -> Result<String> {
+        let (succeeded, stdout, stderr) = self.execute(script, input)?;
+        let why = stderr.lines().last().unwrap_or("it says nothing");
+        ensure!(succeeded, "on the craft: {why}");
+        Ok(stdout)
+    }
+
+    fn execute(&self, script: &str, input: Option<&[u8]>) -> Result<(bool, String, String)> {
+        let mut command = self.ssh(&format!("set -e\n{script}"));
+        command.stdin(if input.is_some() { Stdio::piped() } else { Stdio::null() });
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().context("cannot start ssh: apt-get install openssh-client")?;
+        if let (Some(mut stdin), Some(bytes)) = (child.stdin.take(), input) {
+            // A script that fails closes its input; its status and words say why.
+            let _ = stdin.write_all(bytes);
+        }
+        let output = child.wait_with_output().context("ssh cannot be waited for")?;
+        let stderr = String::from_utf8_lossy(&output.stderr).trim().to_owned();
+        // ssh's own failures have this status.
+        if output.status.code() == Some(255) {
+            bail!(
+                "{} cannot be reached: {}",
+                self.destination.user_at_host,
+                stderr.lines().last().unwrap_or("ssh says nothing")
+            );
+        }
+        Ok((output.status.success(), String::from_utf8_lossy(&output.stdout).into_owned(), stderr))
+    }
+}
+
+/// A configuration and the files it names, which lie beside it.
+fn files_of(config: &Path) -> Result<BTreeMap<String, Vec<u8>>> {
+    let text =
+        std::fs::read_to_string(config).with_context(|| format!("cannot read {}", config.display()))?;
+    let table: toml::Table = text.parse().with_context(|| format!("{} is not TOML", config.display()))?;
+    let mut files = BTreeMap::from([(CONFIG.to_owned(), text.into_bytes())]);
+    for field in ["vehicle", "gains"] {
+        let name = table.get("files").and_then(|files| files.get(field)).and_then(toml::Value::as_str);
+        let name = name.with_context(|| format!("{}: [files] {field} is missing", config.display()))?;
+        let plain = name.chars().all(|c| c.is_ascii_alphanumeric() || "._-".contains(c));
+        ensure!(
+            plain && !name.starts_with(['.', '-']) && name != PROGRAM && name != CONFIG,
+            "{}: [files] {field} is {name:?}: put it beside the configuration, with a name of letters, digits and ._-",
+            config.display()
+        );
+        let path = config.with_file_name(name);
+        let bytes = std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        files.insert(name.to_owned(), bytes);
+    }
+    Ok(files)
+}
+
+fn text<'a>(answer: &'a Value, field: &str) -> &'a str {
+    answer[field].as_str().unwrap_or("unknown")
+}
+
+fn hash(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn destination(text: &str) -> Result<(String, Option<u16>), String> {
+        text.parse::<Destination>().map(|to| (to.user_at_host, to.port))
+    }
+
+    #[test]
+    fn destinations_are_users_at_hosts() {
+        assert_eq!(destination("root@192.168.7.2"), Ok(("root@192.168.7.2".into(), None)));
+        assert_eq!(destination("me@craft-1.local:2222"), Ok(("me@craft-1.local".into(), Some(2222))));
+        assert_eq!(destination("me@[fe80::1]:22"), Ok(("me@fe80::1".into(), Some(22))));
+        for wrong in [
+            "",
+            "host",
+            "@host",
+            "me@",
+            "me@host:",
+            "me@host:x",
+            "me@host:70000",
+            "-oProxyCommand=x@h",
+            "me@-x",
+            "me@h;ls",
+            "me@[::1]22",
+        ] {
+            assert!(destination(wrong).is_err_and(|error| error.contains("USER@HOST")), "{wrong}");
+        }
+    }
+
+    fn flash() -> Flash {
+        Flash {
+            destination: "root@craft:2222".parse().unwrap(),
+            config: None,
+            folder: "/opt/quadlab".into(),
+            ssh_config: None,
+            runner: String::new(),
+            program: None,
+            rollback: false,
+        }
+    }
+
+    #[test]
+    fn ssh_asks_no_questions_and_takes_the_port() {
+        assert_eq!(
+            shown(&flash().ssh("ls")),
+            "ssh -o BatchMode=yes -o ConnectTimeout=10 -p 2222 root@craft ls"
+        );
+    }
+
+    #[test]
+    fn folders_that_a_shell_would_take_apart_are_refused() {
+        let check = |folder: &str| Flash { folder: folder.into(), ..flash() }.check_folder();
+        assert!(check("/opt/quadlab").is_ok());
+        for folder in ["opt", "/opt/quad lab", "/opt/$(reboot)", "/opt;ls", "/opt/../etc", "/o'p"] {
+            assert!(check(folder).is_err(), "{folder}");
+        }
+    }
+
+    #[test]
+    fn the_shell_can_read_the_functions() {
+        let script = flash().functions();
+        let mut sh = Command::new("sh").arg("-n").stdin(Stdio::piped()).spawn().unwrap();
+        sh.stdin.take().unwrap().write_all(script.as_bytes()).unwrap();
+        assert!(sh.wait().unwrap().success(), "{script}");
+        let unit = flash().unit();
+        assert!(
+            unit.contains("\nExecStart=/opt/quadlab/current/com run /opt/quadlab/current/com.toml\n"),
+            "{unit}"
+        );
+    }
+
+    #[test]
+    fn a_configuration_takes_its_files_along() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("mine.toml");
+        std::fs::write(&path, "[files]\nvehicle = 'v.toml'\ngains = 'g.toml'\n").unwrap();
+        assert!(files_of(&path).unwrap_err().to_string().contains("v.toml"));
+        std::fs::write(folder.path().join("v.toml"), "v").unwrap();
+        std::fs::write(folder.path().join("g.toml"), "g").unwrap();
+        let files = files_of(&path).unwrap();
+        assert_eq!(files.keys().collect::<Vec<_>>(), ["com.toml", "g.toml", "v.toml"]);
+        for name in ["../v.toml", "/etc/passwd", "a b", "com", "$(x)"] {
+            std::fs::write(&path, format!("[files]\nvehicle = 'v.toml'\ngains = '{name}'\n")).unwrap();
+            assert!(files_of(&path).is_err(), "{name}");
+        }
+    }
+}
