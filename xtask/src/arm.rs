@@ -328,6 +328,7 @@ fn report(workspace: &Workspace) -> Result<Value> {
     }))
 }
 
+<<<<<<< HEAD
 /// Where the microcontroller's program runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Chip {
@@ -349,6 +350,11 @@ pub(crate) fn chip(workspace: &Workspace, chip: Chip, gains: Option<PathBuf>) ->
         return Ok(built);
     }
     // Both have one name; the next build of the other must not take this one's place.
+=======
+/// The program for a real board, beside the emulator's.
+pub(crate) fn board_program(workspace: &Workspace) -> Result<PathBuf> {
+    let built = build(workspace, Target::CortexM4, "mcu", &["mcu"], &["stm32f405"])?.remove(0);
+>>>>>>> main
     let kept = built.with_file_name("mcu-stm32f405");
     std::fs::copy(&built, &kept).with_context(|| format!("cannot write {}", kept.display()))?;
     Ok(kept)

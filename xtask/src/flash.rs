@@ -17,7 +17,11 @@ pub(crate) struct Options {
     /// Onto a computer with Linux and ssh
     #[arg(long, group = "to", value_name = "USER@HOST[:PORT]")]
     com: Option<flash_com::Destination>,
+<<<<<<< HEAD
     /// Onto a chip through a debug probe (probe-rs), its name as in `probe-rs chip list`: STM32F405RG
+=======
+    /// Onto this chip, through a debug probe (probe-rs); propellers off
+>>>>>>> main
     #[arg(long, group = "to", value_name = "CHIP")]
     probe: Option<String>,
     /// Into an emulator
@@ -52,15 +56,28 @@ pub(crate) struct Options {
 
 /// Does it.
 pub(crate) fn run(options: Options) -> Result<ExitCode> {
+<<<<<<< HEAD
     let Options { com, probe, qemu, dry_run, rollback, config, gains, folder, ssh_config, runner, program } =
+=======
+    let Options { com, probe, qemu, dry_run, rollback, config, folder, ssh_config, runner, program } =
+>>>>>>> main
         options;
     if let Some(destination) = com {
         let flash = flash_com::Flash { destination, config, folder, ssh_config, runner, program, rollback };
         return if dry_run { flash.print_steps() } else { flash.run() };
     }
+<<<<<<< HEAD
     match (probe, qemu) {
         (Some(chip), _) => flash_chip::probe(&chip, gains, dry_run),
         (None, Some(target)) => flash_chip::emulate(target, gains, dry_run),
         (None, None) => bail!("say where to: --com, --probe or --qemu"),
+=======
+    if let Some(chip) = probe {
+        return flash_chip::onto(&chip, dry_run);
+    }
+    match qemu {
+        Some(target) => flash_chip::emulate(target, dry_run),
+        None => bail!("say where to: --com, --probe or --qemu"),
+>>>>>>> main
     }
 }
