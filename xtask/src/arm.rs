@@ -190,21 +190,13 @@ pub(crate) fn missing(target: Target) -> Option<String> {
     Some(format!("{} is not installed: {}", tool.name, tool.install))
 }
 
-/// What else there is to say of a build.
-#[derive(Debug, Clone, Default)]
-struct BuildOptions {
-    feature: Option<&'static str>,
-    /// Gains to build in.
-    gains: Option<PathBuf>,
-}
-
 /// Builds programs of one package; their paths.
-fn build(
+pub(crate) fn build(
     workspace: &Workspace,
     target: Target,
     package: &str,
     programs: &[&str],
-    options: &BuildOptions,
+    features: &[&str],
 ) -> Result<Vec<PathBuf>> {
     if let Some(missing) = missing(target) {
         bail!("{missing} (`cargo xtask setup` does it)");
@@ -213,8 +205,7 @@ fn build(
     let mut command = toolchain.build(target, workspace);
     command.args(["--quiet", "--profile", profile(package), "--package", package]);
     command.args(programs.iter().flat_map(|program| ["--bin", program]));
-    command.args(options.feature.iter().flat_map(|feature| ["--features", feature]));
-    command.envs(options.gains.iter().map(|gains| ("QUADLAB_GAINS", gains)));
+    command.args(features.iter().flat_map(|feature| ["--features", feature]));
     eprintln!("   {}", shown(&command));
     if !succeeds(command.stdout(std::process::Stdio::null()))? {
         bail!("{} does not build for {}", programs.join(", "), target.triple());
@@ -223,7 +214,7 @@ fn build(
 }
 
 fn build_one(workspace: &Workspace, target: Target, package: &str, program: &str) -> Result<PathBuf> {
-    Ok(build(workspace, target, package, &[program], &BuildOptions::default())?.remove(0))
+    Ok(build(workspace, target, package, &[program], &[])?.remove(0))
 }
 
 /// The craft computer's program, which also answers a simulator.
@@ -312,10 +303,10 @@ fn measured(program: &Path) -> Result<Value> {
 fn report(workspace: &Workspace) -> Result<Value> {
     let target = Target::CortexM4;
     // The board's first: the emulated one has the same name, and is the one to stay.
-    let board = sizes(&chip(workspace, Chip::Stm32f405, None)?)?;
+    let board = sizes(&board_program(workspace)?)?;
     // It links, so no panic can be reached from a tick.
     let programs = ["mcu", "mcu-lockstep", "mcu-measure", "mcu-no-panic"];
-    let built = build(workspace, target, "mcu", &programs, &BuildOptions::default())?;
+    let built = build(workspace, target, "mcu", &programs, &[])?;
     let [emulated, _, measure, _] = &built[..] else { bail!("as many programs as were asked for") };
     let emulated = sizes(emulated)?;
     let measured = measured(measure)?;
@@ -328,41 +319,12 @@ fn report(workspace: &Workspace) -> Result<Value> {
     }))
 }
 
-<<<<<<< HEAD
-/// Where the microcontroller's program runs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Chip {
-    /// QEMU's mps2-an386.
-    Emulated,
-    /// A board with an STM32F405.
-    Stm32f405,
-}
-
-/// The microcontroller's program with the gains of a file, or the thesis'.
-pub(crate) fn chip(workspace: &Workspace, chip: Chip, gains: Option<PathBuf>) -> Result<PathBuf> {
-    // The build script starts from another folder.
-    let absolute =
-        |path: PathBuf| path.canonicalize().with_context(|| format!("cannot find {}", path.display()));
-    let feature = (chip == Chip::Stm32f405).then_some("stm32f405");
-    let options = BuildOptions { feature, gains: gains.map(absolute).transpose()? };
-    let built = build(workspace, Target::CortexM4, "mcu", &["mcu"], &options)?.remove(0);
-    if chip == Chip::Emulated {
-        return Ok(built);
-    }
-    // Both have one name; the next build of the other must not take this one's place.
-=======
-/// The program for a real board, beside the emulator's.
+/// The program for a real board, beside the emulator's: both have one name.
 pub(crate) fn board_program(workspace: &Workspace) -> Result<PathBuf> {
     let built = build(workspace, Target::CortexM4, "mcu", &["mcu"], &["stm32f405"])?.remove(0);
->>>>>>> main
     let kept = built.with_file_name("mcu-stm32f405");
     std::fs::copy(&built, &kept).with_context(|| format!("cannot write {}", kept.display()))?;
     Ok(kept)
-}
-
-/// The craft computer's program.
-pub(crate) fn com(workspace: &Workspace) -> Result<PathBuf> {
-    build_one(workspace, Target::Armv7, COM, COM)
 }
 
 /// `cargo xtask arm`: builds everything and says what it is.
@@ -413,7 +375,7 @@ fn text(report: &Value) -> String {
 fn build_all(workspace: &Workspace) -> Result<Vec<PathBuf>> {
     let (package, program) = lockstep(Target::Armv7);
     let mut built = vec![build_one(workspace, Target::Armv7, package, program)?];
-    built.push(com(workspace)?);
+    built.push(build_one(workspace, Target::Armv7, COM, COM)?);
     let (package, program) = lockstep(Target::CortexM4);
     built.push(build_one(workspace, Target::CortexM4, package, program)?);
     Ok(built)

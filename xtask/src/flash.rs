@@ -1,6 +1,6 @@
 //! `cargo xtask flash`: a new program onto a craft, and back to the one before.
 //!
-//! Three ways: onto a computer on module over ssh ([`crate::flash_com`]), onto a chip through a debug probe, or into an
+//! Three ways: onto a computer on module over ssh ([`crate::flash_com`]), onto a chip through a debug or into an
 //! emulator ([`crate::flash_chip`]). `--dry-run` prints the steps and does none.
 
 use std::path::PathBuf;
@@ -17,11 +17,7 @@ pub(crate) struct Options {
     /// Onto a computer with Linux and ssh
     #[arg(long, group = "to", value_name = "USER@HOST[:PORT]")]
     com: Option<flash_com::Destination>,
-<<<<<<< HEAD
-    /// Onto a chip through a debug probe (probe-rs), its name as in `probe-rs chip list`: STM32F405RG
-=======
     /// Onto this chip, through a debug probe (probe-rs); propellers off
->>>>>>> main
     #[arg(long, group = "to", value_name = "CHIP")]
     probe: Option<String>,
     /// Into an emulator
@@ -37,9 +33,6 @@ pub(crate) struct Options {
     /// the files that it has
     #[arg(long, requires = "com", value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Gains file that is built into a chip's program; absent: the thesis'
-    #[arg(long, conflicts_with = "com", value_name = "FILE")]
-    gains: Option<PathBuf>,
     /// Folder on the craft
     #[arg(long, requires = "com", default_value = "/opt/quadlab", value_name = "DIR")]
     folder: String,
@@ -56,28 +49,17 @@ pub(crate) struct Options {
 
 /// Does it.
 pub(crate) fn run(options: Options) -> Result<ExitCode> {
-<<<<<<< HEAD
-    let Options { com, probe, qemu, dry_run, rollback, config, gains, folder, ssh_config, runner, program } =
-=======
     let Options { com, probe, qemu, dry_run, rollback, config, folder, ssh_config, runner, program } =
->>>>>>> main
         options;
     if let Some(destination) = com {
         let flash = flash_com::Flash { destination, config, folder, ssh_config, runner, program, rollback };
         return if dry_run { flash.print_steps() } else { flash.run() };
     }
-<<<<<<< HEAD
-    match (probe, qemu) {
-        (Some(chip), _) => flash_chip::probe(&chip, gains, dry_run),
-        (None, Some(target)) => flash_chip::emulate(target, gains, dry_run),
-        (None, None) => bail!("say where to: --com, --probe or --qemu"),
-=======
     if let Some(chip) = probe {
         return flash_chip::onto(&chip, dry_run);
     }
     match qemu {
         Some(target) => flash_chip::emulate(target, dry_run),
         None => bail!("say where to: --com, --probe or --qemu"),
->>>>>>> main
     }
 }

@@ -3,21 +3,11 @@
 //! A probe stops the chip whatever it is doing, and nobody can ask it over the link first: the craft has to stand without
 //! propellers or battery on its motors.
 
-<<<<<<< HEAD
-use std::path::{Path, PathBuf};
-=======
 use std::path::Path;
->>>>>>> main
 use std::process::{Command, ExitCode};
 
 use anyhow::{Result, bail, ensure};
 
-<<<<<<< HEAD
-use crate::arm::{self, QEMU_ARM, QEMU_SYSTEM_ARM};
-use crate::process::{shown, succeeds};
-use crate::tools::Tool;
-use crate::workspace::Workspace;
-=======
 use crate::arm::{self, QEMU_ARM, QEMU_SYSTEM_ARM, Target};
 use crate::process::{shown, succeeds};
 use crate::tools::Tool;
@@ -29,19 +19,13 @@ const PROBE_RS: Tool =
 
 /// The chip that the firmware is linked for, and the variant of it with 1 MB that probe-rs shall take.
 const CHIP: (&str, &str) = ("stm32f405", "STM32F405RGTx");
->>>>>>> main
 
 /// What can be emulated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Emulated {
     /// The computer on module: Linux on ARM, its programs run by qemu-arm
     Armv7,
-<<<<<<< HEAD
-    /// The microcontroller: QEMU's mps2-an386 with its serial port on a TCP port of this machine
-    #[value(name = "cortex-m4")]
-=======
     /// The microcontroller: qemu-system-arm's board mps2-an386
->>>>>>> main
     CortexM4,
 }
 
@@ -56,22 +40,6 @@ fn variant(chip: &str) -> Result<String> {
     Ok(if lower == family { usual.to_owned() } else { chip.to_owned() })
 }
 
-<<<<<<< HEAD
-/// The emulated microcontroller's link to the ground.
-const SERIAL_PORT: &str = "127.0.0.1:5740";
-
-/// Writes programs into chips.
-const PROBE_RS: Tool =
-    Tool::of("probe-rs", &["probe-rs", "--version"], "cargo install --locked probe-rs-tools");
-
-const GAINS: &str = "host-sim/model/vehicles/f330-gains.toml";
-
-fn com_in_qemu(program: &Path) -> Command {
-    let mut command = Command::new(QEMU_ARM.name);
-    command.args(["-L", LIBRARIES]).arg(program).args(["lockstep", "--gains", GAINS]);
-    command.current_dir(crate::workspace::root());
-    command
-=======
 /// What is done with a probe: write and compare, then start.
 fn with_probe(chip: &str, program: &Path) -> [Command; 2] {
     let mut download = Command::new(PROBE_RS.name);
@@ -101,47 +69,10 @@ pub(crate) fn onto(chip: &str, dry_run: bool) -> Result<ExitCode> {
         ensure!(succeeds(&mut command)?, "`{}` failed", shown(&command));
     }
     Ok(ExitCode::SUCCESS)
->>>>>>> main
 }
 
-fn mcu_in_qemu(program: &Path) -> Command {
-    let mut command = Command::new(QEMU_SYSTEM_ARM.name);
-    command.args(["-machine", "mps2-an386", "-cpu", "cortex-m4", "-display", "none", "-monitor", "none"]);
-    command.args(["-serial", &format!("tcp:{SERIAL_PORT},server=on,wait=off"), "-kernel"]).arg(program);
-    command
-}
+const GAINS: &str = "host-sim/model/vehicles/f330-gains.toml";
 
-<<<<<<< HEAD
-fn need(tool: &Tool) -> Result<()> {
-    if tool.found().is_none() {
-        bail!("{} is not installed: {}", tool.name, tool.install);
-    }
-    Ok(())
-}
-
-/// Starts the program in the emulator; there it answers (a simulator, or the ground over the serial port) until it is ended.
-pub(crate) fn emulate(target: Emulated, gains: Option<PathBuf>, dry_run: bool) -> Result<ExitCode> {
-    let (tool, name) = match target {
-        Emulated::Armv7 => (&QEMU_ARM, "com for armv7, release"),
-        Emulated::CortexM4 => (&QEMU_SYSTEM_ARM, "mcu for QEMU's mps2-an386"),
-    };
-    let run = |program: &Path| match target {
-        Emulated::Armv7 => com_in_qemu(program),
-        Emulated::CortexM4 => mcu_in_qemu(program),
-    };
-    if dry_run {
-        println!("would build {name}, and run it:");
-        println!("  {}", shown(&run(Path::new(if target == Emulated::Armv7 { "com" } else { "mcu" }))));
-        return Ok(ExitCode::SUCCESS);
-    }
-    need(tool)?;
-    let workspace = Workspace::load()?;
-    let program = match target {
-        Emulated::Armv7 => arm::com(&workspace)?,
-        Emulated::CortexM4 => arm::chip(&workspace, arm::Chip::Emulated, gains)?,
-    };
-    let mut command = run(&program);
-=======
 /// What runs a program in the emulator.
 fn emulator(target: Emulated, program: &Path) -> Command {
     match target {
@@ -184,42 +115,10 @@ pub(crate) fn emulate(target: Emulated, dry_run: bool) -> Result<ExitCode> {
     }
     let program = arm::build(&Workspace::load()?, of, name, &[name], &[])?.remove(0);
     let mut command = emulator(target, &program);
->>>>>>> main
     println!("{}", shown(&command));
     Ok(ExitCode::from(u8::from(!succeeds(&mut command)?)))
 }
 
-<<<<<<< HEAD
-/// Writes the program into a chip through a probe, reads it back, and starts it.
-pub(crate) fn probe(chip: &str, gains: Option<PathBuf>, dry_run: bool) -> Result<ExitCode> {
-    if !chip.to_ascii_uppercase().starts_with("STM32F405") {
-        bail!("--probe {chip}: there is a program for the STM32F405 only (firmware/mcu/src/stm32f405.rs)");
-    }
-    let steps = |program: &Path| {
-        let step = |first: &[&str]| {
-            let mut command = Command::new(PROBE_RS.name);
-            command.args(first).args(["--chip", chip]);
-            command
-        };
-        let mut download = step(&["download", "--verify"]);
-        download.arg(program);
-        [download, step(&["reset"])]
-    };
-    if dry_run {
-        println!("would build mcu for the STM32F405, with its gains built in:");
-        steps(Path::new("mcu-stm32f405")).iter().for_each(|step| println!("  {}", shown(step)));
-        return Ok(ExitCode::SUCCESS);
-    }
-    need(&PROBE_RS)?;
-    let program = arm::chip(&Workspace::load()?, arm::Chip::Stm32f405, gains)?;
-    for mut step in steps(&program) {
-        println!("{}", shown(&step));
-        if !succeeds(&mut step)? {
-            bail!("`{}` failed; is the probe plugged in and the chip powered?", shown(&step));
-        }
-    }
-    Ok(ExitCode::SUCCESS)
-=======
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -235,5 +134,4 @@ mod tests {
         assert_eq!(download, "probe-rs download --chip STM32F405RGTx --verify p");
         assert_eq!(reset, "probe-rs reset --chip STM32F405RGTx");
     }
->>>>>>> main
 }

@@ -25,7 +25,7 @@ use anyhow::{Context, Result, bail, ensure};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use crate::arm;
+use crate::arm::{self, Target};
 use crate::process::{shown, succeeds};
 use crate::workspace::Workspace;
 
@@ -180,7 +180,9 @@ impl Flash {
         };
         let program = match &self.program {
             Some(program) => program.clone(),
-            None => stripped(&arm::com(&Workspace::load()?)?)?,
+            None => stripped(
+                &arm::build(&Workspace::load()?, Target::Armv7, PROGRAM, &[PROGRAM], &[])?.remove(0),
+            )?,
         };
         let bytes = std::fs::read(&program).with_context(|| format!("cannot read {}", program.display()))?;
         files.insert(PROGRAM.into(), bytes);
