@@ -10,8 +10,7 @@ use control::Config;
 use indicatif::{ProgressBar, ProgressStyle};
 use model::Model;
 use sil::{
-    Emulated, Emulation, LinkError, NoiseModel, Processor, Scenario, Settings, SilError, Suite, Transport,
-    page,
+    Emulation, LinkError, NoiseModel, Processor, Scenario, Settings, SilError, Suite, Transport, page,
 };
 
 /// Fly the controller against the simulated craft at 100 Hz and judge the flights.
