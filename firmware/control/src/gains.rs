@@ -30,11 +30,11 @@ pub struct Config {
     /// Do integrators stop while the motors (or a loop's own limit) refuse more in their direction?
     pub anti_windup: bool,
     /// What the motors get when they cannot have all that the loops ask for; absent: each is clipped, as in the thesis.
-    #[serde(default, skip_serializing_if = "Saturation::is_clip")]
+    #[serde(default)]
     pub saturation: Saturation,
     /// Is the thrust divided by `cos(phi) cos(theta)`, so that its vertical part is what altitude asks for? Absent: no, as in
     /// the thesis. For the model-based law, whose thrust is a force.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default)]
     pub tilt_compensation: bool,
     /// When the supervisor steps in; absent: the defaults.
     #[serde(default)]
@@ -53,17 +53,6 @@ pub enum Saturation {
     /// Roll and pitch come before thrust, thrust before yaw ([`Mixer::share`](crate::mixer::Mixer::share)); where roll and pitch
     /// themselves take nearly all there is, less tilt than commanded is flown.
     AttitudeFirst,
-}
-
-impl Saturation {
-    fn is_clip(&self) -> bool {
-        *self == Self::Clip
-    }
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands references")]
-fn is_false(flag: &bool) -> bool {
-    !flag
 }
 
 /// The box of allowed position commands, inertial NED, in m (thesis 3: 4 m x 2 m x 2 m centred on the floor).
