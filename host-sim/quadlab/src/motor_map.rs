@@ -302,7 +302,7 @@ mod tests {
         Map {
             command: estimated(0.785_012_345, 0.0021),
             voltage: Some(estimated(44.651_234, 0.62)),
-            offset: estimated(-1205.123_456, 9.1),
+            offset: estimated(-1_205.123_456, 9.1),
             lag: estimated(21.512_345, 0.31),
             lag_is_known,
             rms_rad_s: 3.0,
@@ -316,11 +316,11 @@ mod tests {
     #[test]
     fn the_vehicle_file_is_completed_and_keeps_the_rest() {
         let text = completed(STAND_LESS, &map(true), Path::new("v.toml")).unwrap();
-        let expected = STAND_LESS.replace("map = \"identify\"\n", "").replace("lag = 18.0", "lag = 21.5123")
+        let expected = STAND_LESS.replace("map = \"identify\"\n", "").replace("lag = 18.0", "lag = 21.512")
             + "command = 0.78501\nvoltage = 44.651\noffset = -1205.12\n";
         assert_eq!(text, expected);
         let vehicle = Vehicle::parse(&text, Path::new("v.toml")).unwrap();
-        assert!(vehicle.has_rotor_map() && vehicle.motors.lag == Some(21.5123));
+        assert!(vehicle.has_rotor_map() && vehicle.motors.lag == Some(21.512));
         let unknown = completed(STAND_LESS, &map(false), Path::new("v.toml")).unwrap();
         assert!(unknown.contains("lag = 18.0 # a guess"), "{unknown}");
     }
