@@ -153,6 +153,7 @@ impl Flash {
         let expected = self.identity(&format!("releases/{}", release.id))?;
         self.switch_to(&format!("releases/{}", release.id))?;
         if let Err(why) = self.start().and_then(|()| self.answers_as(&expected)) {
+            print!("{}", self.last_words()?);
             println!("{why:#}");
             self.go_back()?;
             bail!("the craft is back at the release before, which answers");
@@ -303,7 +304,7 @@ impl Flash {
     fn answers_as(&self, expected: &Value) -> Result<()> {
         let answer = self
             .ask(10)?
-            .context("the new program does not answer on its link; its log is com.log, or the journal's")?;
+            .context("the new program does not answer on its link; above is what it said last")?;
         for field in ["program", "vehicle_sha256"] {
             ensure!(
                 answer[field] == expected[field],
@@ -326,10 +327,22 @@ impl Flash {
         Ok(release.context("there is no release before this one on the craft")?.trim().to_owned())
     }
 
-    /// To the release before, because the new one does not work.
+    /// What the program there said last.
+    fn last_words(&self) -> Result<String> {
+        let folder = &self.folder;
+        let words = format!(
+            "if [ -d /run/systemd/system ]; then journalctl --quiet -u {SERVICE} -n 3 -o cat; else tail -n 3 {folder}/com.log; fi"
+        );
+        Ok(self.remote(&words, None)?.unwrap_or_default())
+    }
+
+    /// To the release before, because the new one does not work. That one stays `previous` too: what failed is not to be come back to.
     fn go_back(&self) -> Result<()> {
         let previous = self.previous()?;
-        self.switch_to(&previous)?;
+        self.must(
+            &format!("cd {} && ln -sfn {previous} current.new && mv -T current.new current", self.folder),
+            None,
+        )?;
         self.start()?;
         self.answers_as(&self.identity("current")?)
     }
