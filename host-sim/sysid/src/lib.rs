@@ -28,6 +28,7 @@ pub mod regress;
 mod rows;
 mod screen;
 mod select;
+mod spikes;
 mod starts;
 pub mod subsets;
 mod swing;

@@ -17,6 +17,7 @@ use crate::prepare::Prepared;
 use crate::regress::{AxisTriangle, FlightRows, WINDOW_S, axis_triangle, scores_covariance};
 use crate::rows::{RowColumn, coefficient_count};
 use crate::subsets::{Problem, Subset};
+use crate::swing;
 use crate::{Fit, FitError, Residuals, errors};
 
 /// A coefficient this many standard errors outside the possible is inadmissible in a linearised fit.
@@ -71,12 +72,13 @@ impl Structure {
     }
 
     fn rows(&self, flight: &Prepared) -> FlightRows {
+        let flight = &*swing::in_pieces(flight, &self.model);
         let stride = flight.fit_stride();
         let here = residuals_at_rows(flight, &self.model, stride);
         let all: Vec<Effect> = self.own.iter().chain(&self.candidates).copied().collect();
         let linear: Vec<Effect> = all.iter().copied().filter(|e| !is_adjusting(e)).collect();
         // All linear ones in one pass over the states, then each to its place.
-        let mut formed = flight.columns(&linear, &self.model, stride).into_iter();
+        let mut formed = flight.columns(&linear, &self.model, stride, &here.begun).into_iter();
         let columns: Vec<RowColumn> = all
             .iter()
             .flat_map(|effect| match is_adjusting(effect) {
