@@ -254,9 +254,9 @@ fn changed_thrust(
         let w = speed_rad_s[rotor];
         let [x, y] = constants.hub_m[rotor];
         let hub_down_m = z_m + down[0] * x + down[1] * y;
-        // A hub within a quarter radius of the floor is on its landing gear; the formula ends there.
+        // Cheeseman and Bennett give the formula for heights over half a radius; lower, a craft is on its landing gear.
         let height_m =
-            (adjust.ground_effect_height_offset_m - hub_down_m).max(0.25 * constants.rotor_radius_m);
+            (adjust.ground_effect_height_offset_m - hub_down_m).max(0.5 * constants.rotor_radius_m);
         let ratio = 0.25 * constants.rotor_radius_m / height_m;
         let ground = 1.0 / (1.0 - adjust.ground_effect_gain * ratio * ratio).max(0.2);
         (w * w + adjust.thrust_linear_rad_s * w) * (1.0 - adjust.thrust_loss[rotor]) * lift * ground

@@ -365,7 +365,7 @@ fn settle_alone(flight: &mut Prepared, model: &Model, along: &[Effect]) -> Resul
         let stride = flight.fit_stride();
         let [mut columns, constants] = own_columns(flight, &model);
         columns.extend(constants);
-        columns.extend(flight.columns(along, &model, stride));
+        columns.extend(flight.columns(along, &model, stride, &[]));
         let rows = FlightRows {
             targets: residuals_at_rows(flight, &model, stride).residual,
             columns,
@@ -410,7 +410,7 @@ fn own_columns(flight: &Prepared, model: &Model) -> [Vec<RowColumn>; 2] {
 /// Rows of a flight with the columns of `effects` and more.
 fn rows(flight: &Prepared, model: &Model, effects: &[Effect], more: Vec<RowColumn>) -> FlightRows {
     let stride = flight.fit_stride();
-    let mut columns = flight.columns(effects, model, stride);
+    let mut columns = flight.columns(effects, model, stride, &[]);
     columns.extend(more);
     FlightRows {
         targets: flight.targets(&model.vehicle, &model.adjustments(), stride),

@@ -62,7 +62,7 @@ pub fn motors_of_flights(model: &Model, flights: &[&Prepared]) -> Vec<MotorsOfFl
     };
     let common: Vec<f64> = term.coefficients.iter().map(|c| c.value).collect();
     let columns: Vec<Vec<RowColumn>> =
-        flights.iter().map(|f| f.columns(&[Effect::RotorMoments], model, f.fit_stride())).collect();
+        flights.iter().map(|f| f.columns(&[Effect::RotorMoments], model, f.fit_stride(), &[])).collect();
     [Axis::P, Axis::Q, Axis::R]
         .into_iter()
         .enumerate()

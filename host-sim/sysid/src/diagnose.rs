@@ -4,8 +4,8 @@
 //! A candidate is **supported** when all of this holds:
 //! - its coefficients differ from zero on the training flights (Wald test with the coloured-residual covariance,
 //!   F distribution, corrected for the number of candidates after Holm and Bonferroni's inequality);
-//! - the held-out error falls by more than chance (one-sided t test over blocks of time, so that neighbouring samples
-//!   are not counted as independent) and in most held-out flights;
+//! - the held-out error falls by more than chance (one-sided t test against what noise does to the fall, summed over blocks of
+//!   time, so that neighbouring samples are not counted as independent) and in most held-out flights;
 //! - it falls by enough to matter;
 //! - the coefficients are physically possible.
 //!
@@ -29,6 +29,7 @@ use crate::fit::{has_rotation, step_scale, without_rotation};
 use crate::prepare::Prepared;
 use crate::regress::WINDOW_S;
 use crate::select::{Judged, Search, judge};
+use crate::swing;
 use crate::{Fit, FitError, Residuals, errors, noise, residuals};
 
 /// Largest corrected p-value of a finding.
@@ -329,6 +330,12 @@ fn estimates(fit: &Fit, effect: Effect) -> Vec<Estimate> {
     fit.model.term(effect).map_or_else(Vec::new, |term| term.coefficients.clone())
 }
 
+/// Smallest held-out drop of an effect that matters, percent: what the free beginnings of a load's swing take away by chance is
+/// none of its doing.
+pub(crate) fn matters_percent(effect: Effect) -> f64 {
+    MATTERS_PERCENT + if effect == Effect::SlungLoad { swing::BY_CHANCE_PERCENT } else { 0.0 }
+}
+
 /// Whether the evidence suffices, and the reason in a sentence.
 pub(crate) fn weigh(finding: &EffectFinding, effect: Effect, model: &Model) -> (bool, String) {
     let largest = finding.axes.values().map(|a| a.drop_percent).fold(f64::NEG_INFINITY, f64::max);
@@ -339,10 +346,10 @@ pub(crate) fn weigh(finding: &EffectFinding, effect: Effect, model: &Model) -> (
         }
         return (false, "its coefficients do not differ from zero by more than chance".into());
     }
-    if largest < MATTERS_PERCENT {
-        let least = format!(
-            "{largest:.1} % of the held-out error at best, under the {MATTERS_PERCENT} % that matters"
-        );
+    let matters = matters_percent(effect);
+    if largest < matters {
+        let least =
+            format!("{largest:.1} % of the held-out error at best, under the {matters:.1} % that matters");
         return (false, format!("too small to matter: {least}"));
     }
     let by_chance = finding.held_out_p_value.filter(|p| *p > HELD_OUT_SIGNIFICANCE);
@@ -470,27 +477,58 @@ struct Gain {
 /// The fall of the held-out squared error over the axes an effect acts on, each in units of the noise variance that
 /// is left on the training flights with it.
 fn held_out_gain(base: &Judged, with: &Judged, effect: Effect, validate: &[&Prepared]) -> Gain {
-    let mut blocks = Vec::new();
+    let mut blocks = Blocks::default();
     let (mut total, mut before) = (0.0, 0.0);
     let mut flights_improved = 0;
     for ((flight, a), b) in validate.iter().zip(&base.held_out).zip(&with.held_out) {
         let mut difference = vec![0.0; flight.rows()];
+        let mut chance = difference.clone();
         for axis in effect.info().axes.iter().map(|a| a.index()) {
             let weight = 1.0 / (with.fit.sigma[axis] * with.fit.sigma[axis]);
-            for ((d, x), y) in difference.iter_mut().zip(&a.residual[axis]).zip(&b.residual[axis]) {
+            let sums = difference.iter_mut().zip(&mut chance);
+            for (((d, c), x), y) in sums.zip(&a.residual[axis]).zip(&b.residual[axis]) {
                 *d += weight * (x * x - y * y);
+                *c += weight * 2.0 * y * (x - y);
                 before += weight * x * x;
             }
         }
         let sum: f64 = difference.iter().sum();
         flights_improved += usize::from(sum > 0.0);
         total += sum;
-        blocks.extend(block_sums(flight, &difference));
+        blocks.gain.extend(block_sums(flight, &difference));
+        blocks.chance.extend(block_sums(flight, &chance));
     }
     Gain {
         drop_percent: if before > 0.0 { 100.0 * total / before } else { 0.0 },
-        p_value: one_sided_p_value(&blocks),
+        p_value: blocks.p_value(),
         flights_improved,
+    }
+}
+
+/// A held-out gain, block by block. With e left by the better model, which predicts d more than the other, the gain is
+/// (e + d)^2 - e^2 = d^2 + 2 e d, and 2 e d is the part that noise has in it.
+///
+/// The spread of the gain itself is no measure of chance: an effect that shows in one low pass of a flight has all its gain in
+/// one block, and a t test over blocks then calls it luck, however large it is.
+#[derive(Default)]
+struct Blocks {
+    gain: Vec<f64>,
+    chance: Vec<f64>,
+}
+
+impl Blocks {
+    /// p-value of "the gain is no more than noise made it", by Student's t over the blocks.
+    fn p_value(&self) -> f64 {
+        let n = self.gain.len() as f64;
+        if self.gain.len() < 3 {
+            return 1.0;
+        }
+        let gain: f64 = self.gain.iter().sum();
+        let spread = self.chance.iter().map(|c| c * c).sum::<f64>().sqrt();
+        if !(spread > 0.0) {
+            return if gain > 0.0 { 0.0 } else { 1.0 };
+        }
+        StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.0, |d| d.sf(gain / spread))
     }
 }
 

@@ -12,7 +12,8 @@ use model::{Adjustments, Axis, AxisError, Effect, Estimate, Kind, Model, PerAxis
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Prior, Unidentifiable};
 use crate::rows::{RowColumn, coefficient_count};
-use crate::{starts, swing};
+use crate::starts;
+use crate::swing::{self, Beginning};
 
 /// Most Gauss-Newton steps; bilinear problems such as wind and drag take three or four.
 const MAX_STEPS: usize = 12;
@@ -94,12 +95,23 @@ pub struct Fit {
 }
 
 /// Residuals (measured minus predicted) of one flight over its rows.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Residuals {
     /// Measured, for each axis.
     pub measured: [Vec<f64>; 6],
     /// Measured minus predicted, for each axis.
     pub residual: [Vec<f64>; 6],
+    /// How a slung load swung when each piece began ([`swing::in_pieces`]), where there is one.
+    pub(crate) begun: Vec<Beginning>,
+}
+
+impl Residuals {
+    /// Appends what comes after.
+    pub(crate) fn append(&mut self, next: Self) {
+        self.measured.iter_mut().zip(next.measured).for_each(|(all, next)| all.extend(next));
+        self.residual.iter_mut().zip(next.residual).for_each(|(all, next)| all.extend(next));
+        self.begun.extend(next.begun);
+    }
 }
 
 /// Fits `effects` to `flights`. `start` gives first values of adjusting coefficients, where it has them.
@@ -138,12 +150,15 @@ pub fn fit(
     let linear: Vec<Effect> = effects.iter().copied().filter(|e| e.info().kind != Kind::Adjusting).collect();
     let order: Vec<Effect> = linear.iter().chain(&adjusting).copied().collect();
 
-    let rows = assemble(flights, &model, &linear, &[]);
+    let rows = assemble(flights, &model, &linear, &[], &mut vec![Vec::new(); flights.len()]).0;
     check_finite(flights, &rows, &model)?;
     let count: usize = linear.iter().map(|e| coefficient_count(*e)).sum();
-    let solution = regress::solve(&rows, &vec![None; count]).map_err(|why| unidentifiable(why, &linear))?;
+    let priors = vec![None; count];
+    let solution =
+        regress::solve_without_errors(&rows, &priors).map_err(|why| unidentifiable(why, &linear))?;
     store(&mut model, &linear, solution.value.as_slice());
     if adjusting.is_empty() {
+        let solution = regress::with_errors_beside(solution, &rows, &priors, &timing(flights, &model));
         return Ok(finish(model, &linear, solution));
     }
     let layout = Layout { linear, adjusting, order };
@@ -209,9 +224,23 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
     let Layout { linear, adjusting, order } = layout;
     let count: usize = linear.iter().map(|e| coefficient_count(*e)).sum();
     let adds = adjusting.iter().any(|effect| effect.adds_accelerations());
+    // Where the last step came from, and what was left there.
+    let mut last: Option<(Model, f64)> = None;
+    let mut begun = vec![Vec::new(); flights.len()];
+    let mut halvings = 0;
     for _ in 0..if adds { MAX_STEPS + MAX_STEPS / 2 } else { MAX_STEPS } {
-        let rows = assemble(flights, &model, linear, adjusting);
+        let (rows, left) = assemble(flights, &model, linear, adjusting, &mut begun);
         check_finite(flights, &rows, &model)?;
+        let left_before = last.as_ref().map(|(_, left)| *left);
+        if let Some((before, left_before)) = &last
+            && left > left_before + WORSE
+            && halvings < HALVINGS
+        {
+            halvings += 1;
+            halve(before, &mut model);
+            continue;
+        }
+        halvings = 0;
         let mut priors = vec![None; count];
         priors.extend(adjusting.iter().flat_map(|effect| priors_of(&model, *effect)));
         let solution =
@@ -231,42 +260,48 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
                 at += 1;
             }
         }
-        let before = adds.then(|| (model.clone(), left(flights, &model)));
+        settled |= adds && left_before.is_some_and(|before| (before - left).abs() < NO_FURTHER);
+        let before = model.clone();
         store(&mut model, order, values.as_slice());
-        if let Some((before, left_before)) = before {
-            shorten(flights, &before, left_before, &mut model);
-            settled |= (left_before - left(flights, &model)).abs() < NO_FURTHER;
-        }
+        last = Some((before, left));
         if settled {
             check_scales(&model, adjusting)?;
-            let solution = regress::with_errors(solution, &rows, &priors);
+            let solution = regress::with_errors_beside(solution, &rows, &priors, &timing(flights, &model));
             return Ok(finish(model, order, regress::Solution { value: values, ..solution }));
         }
     }
     Err(FitError::NotConverged { effect: adjusting[0].id(), excitation: adjusting[0].info().excitation })
 }
 
-/// Logarithm of the residuals' spread over all axes, at the rows of a fit.
-fn left(flights: &[&Prepared], model: &Model) -> f64 {
-    let mut squares = [0.0; 6];
-    for flight in flights {
-        let residual = residuals_at_rows(flight, model, flight.fit_stride()).residual;
-        squares.iter_mut().zip(&residual).for_each(|(sum, r)| *sum += r.iter().map(|e| e * e).sum::<f64>());
-    }
-    squares.iter().map(|sum| 0.5 * sum.max(f64::MIN_POSITIVE).ln()).sum()
+/// How far the moments at which commands took effect may lie from the middle of a log's jittering times, in standard deviations of
+/// the jitter: a logger that is only ever late is 1 of them off (exponential lateness) to 1.7 (even).
+const LATENESS: f64 = 1.4;
+
+/// By what the residual of each flight changes if its commands took effect one such deviation away; nothing where times are even or
+/// the clock of measured rotor speeds was found.
+fn timing(flights: &[&Prepared], model: &Model) -> Vec<Option<RowColumn>> {
+    let of = |flight: &&Prepared| {
+        let is_known = flight.has_rotor_speeds() && flight.alignment.is_some();
+        (flight.jitter_s > 0.0 && !is_known).then(|| {
+            let flight = &*swing::in_pieces(flight, model);
+            let stride = flight.fit_stride();
+            let here = residuals_at_rows(flight, model, stride);
+            let slopes = residual_derivatives_at(flight, model, Effect::InputDelay, stride, &here);
+            let mut off: RowColumn = slopes.into_iter().next().unwrap_or_default();
+            let deviation_s = LATENESS * flight.jitter_s;
+            off.iter_mut().flatten().flatten().for_each(|value| *value *= deviation_s);
+            off
+        })
+    };
+    flights.iter().map(of).collect()
 }
 
 /// Halves a step that makes things worse: far from the end, a residual that is not convex may do so.
-fn shorten(flights: &[&Prepared], before: &Model, left_before: f64, model: &mut Model) {
-    for _ in 0..HALVINGS {
-        if left(flights, model) <= left_before + WORSE {
-            return;
-        }
-        for term in &mut model.terms {
-            let Some(old) = before.term(term.effect) else { continue };
-            for (new, old) in term.coefficients.iter_mut().zip(&old.coefficients) {
-                new.value = 0.5 * (new.value + old.value);
-            }
+fn halve(before: &Model, model: &mut Model) {
+    for term in &mut model.terms {
+        let Some(old) = before.term(term.effect) else { continue };
+        for (new, old) in term.coefficients.iter_mut().zip(&old.coefficients) {
+            new.value = 0.5 * (new.value + old.value);
         }
     }
 }
@@ -406,30 +441,39 @@ fn unidentifiable(why: Unidentifiable, order: &[Effect]) -> FitError {
 }
 
 /// Rows of the regression about a model: columns of the linear effects, then residual derivatives of the adjusting
-/// ones, whose targets are shifted so that the solution gives values for the former and steps for the latter.
+/// ones, whose targets are shifted so that the solution gives values for the former and steps for the latter. With the logarithm
+/// of the spread of what the model leaves, over all axes, where any effect is adjusting. `begun` is how a load was found to begin in
+/// each flight, to go on from.
 fn assemble(
     flights: &[&Prepared],
     model: &Model,
     linear: &[Effect],
     adjusting: &[Effect],
-) -> Vec<FlightRows> {
-    let adjust = model.adjustments();
-    flights
+    begun: &mut [Vec<Beginning>],
+) -> (Vec<FlightRows>, f64) {
+    let adds = adjusting.iter().any(|effect| effect.adds_accelerations());
+    let mut squares = [0.0_f64; 6];
+    let rows = flights
         .iter()
-        .map(|flight| {
+        .zip(begun)
+        .map(|(flight, begun)| {
+            let flight = &*swing::in_pieces(flight, model);
             let stride = flight.fit_stride();
-            let mut columns = flight.columns(linear, model, stride);
-            let targets = if adjusting.iter().any(|effect| effect.adds_accelerations()) {
-                let mut residual = with_beginnings(flight, model, stride).residual;
-                swing::take_out_beginnings(flight, model, stride, &mut residual, &mut columns);
+            let here = (!adjusting.is_empty()).then(|| residuals_from(flight, model, stride, begun));
+            *begun = here.as_ref().map_or_else(Vec::new, |here| here.begun.clone());
+            let mut columns = flight.columns(linear, model, stride, begun);
+            let targets = if adds {
+                let mut residual = with_beginnings(flight, model, stride, begun).residual;
+                swing::take_out_beginnings(flight, model, stride, begun, &mut residual, &mut columns);
                 less_added(residual, model, linear, &columns)
             } else {
-                flight.targets(&model.vehicle, &adjust, stride)
+                flight.targets(&model.vehicle, &model.adjustments(), stride)
             };
-            if !adjusting.is_empty() {
-                let here = residuals_at_rows(flight, model, stride);
+            if let Some(here) = &here {
+                let left = here.residual.each_ref().map(|r| r.iter().map(|e| e * e).sum::<f64>());
+                squares.iter_mut().zip(left).for_each(|(sum, left)| *sum += left);
                 for effect in adjusting {
-                    columns.extend(residual_derivatives_at(flight, model, *effect, stride, &here));
+                    columns.extend(residual_derivatives_at(flight, model, *effect, stride, here));
                 }
             }
             FlightRows {
@@ -439,7 +483,8 @@ fn assemble(
                 period_s: flight.period_s * stride as f64,
             }
         })
-        .collect()
+        .collect();
+    (rows, squares.iter().map(|sum| 0.5 * sum.max(f64::MIN_POSITIVE).ln()).sum())
 }
 
 /// The targets less what effects add that have no columns: the residual plus what the linear effects predict.
@@ -493,9 +538,9 @@ pub(crate) fn residual_derivatives_at(
             model.set(effect, &values);
             // Most effects change what is predicted, not what was measured; a load's swing is projected out of both.
             let ahead = if adjust.load.is_none() && sees_alike(&model.adjustments(), &adjust) {
-                minus_predicted(&here.measured, flight, &model, stride)
+                minus_predicted(&here.measured, flight, &model, stride, &[])
             } else {
-                residuals_at_rows(flight, &model, stride).residual
+                residuals_begun(flight, &model, stride, &here.begun).residual
             };
             std::array::from_fn(|axis| {
                 let difference: Vec<f64> =
@@ -533,20 +578,40 @@ pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
 
 /// The same over the rows at every `stride`th sample.
 pub(crate) fn residuals_at_rows(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
-    let mut residuals = with_beginnings(flight, model, stride);
-    swing::take_out_beginnings(flight, model, stride, &mut residuals.residual, &mut []);
+    residuals_from(flight, model, stride, &[])
+}
+
+/// The same from what is known of how a load begins.
+fn residuals_from(flight: &Prepared, model: &Model, stride: usize, known: &[Beginning]) -> Residuals {
+    let flight = &*swing::in_pieces(flight, model);
+    match swing::carried(model) {
+        Some(load) => swing::follow(flight, (model, &load), stride, known),
+        None => with_beginnings(flight, model, stride, &[]),
+    }
+}
+
+/// The same with a load that begins nearly so.
+fn residuals_begun(flight: &Prepared, model: &Model, stride: usize, begun: &[Beginning]) -> Residuals {
+    let flight = &*swing::in_pieces(flight, model);
+    let mut residuals = with_beginnings(flight, model, stride, begun);
+    swing::take_out_beginnings(flight, model, stride, begun, &mut residuals.residual, &mut []);
     residuals
 }
 
-/// The same with what the beginning of a load's swing adds.
-fn with_beginnings(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
+/// The same with what the beginning of a load's swing adds to `begun`.
+pub(crate) fn with_beginnings(
+    flight: &Prepared,
+    model: &Model,
+    stride: usize,
+    begun: &[Beginning],
+) -> Residuals {
     let mut measured = flight.targets(&model.vehicle, &model.adjustments(), stride);
     if !has_rotation(model) {
         // What a model does not speak of is no error of it: nothing measured, nothing predicted.
         measured[3..].iter_mut().for_each(|axis| axis.fill(0.0));
     }
-    let residual = minus_predicted(&measured, flight, model, stride);
-    Residuals { measured, residual }
+    let residual = minus_predicted(&measured, flight, model, stride, begun);
+    Residuals { measured, residual, begun: begun.to_vec() }
 }
 
 fn minus_predicted(
@@ -554,8 +619,9 @@ fn minus_predicted(
     flight: &Prepared,
     model: &Model,
     stride: usize,
+    begun: &[Beginning],
 ) -> [Vec<f64>; 6] {
-    let predicted = flight.predicted(model, stride);
+    let predicted = flight.predicted(model, stride, begun);
     std::array::from_fn(|axis| match &predicted[axis] {
         Some(predicted) => measured[axis].iter().zip(predicted).map(|(m, p)| m - p).collect(),
         None => measured[axis].clone(),

@@ -30,6 +30,7 @@ pub mod regress;
 mod rows;
 mod screen;
 mod select;
+mod spikes;
 pub mod stand;
 mod starts;
 pub mod subsets;

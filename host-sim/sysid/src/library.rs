@@ -36,7 +36,7 @@ pub fn library(model: &Model, flight: &Prepared) -> Library {
     let candidates = || Effect::candidates().filter(|effect| !model.has(*effect));
     let is_linear = |effect: &Effect| effect.info().kind != Kind::Adjusting;
     let linear: Vec<Effect> = model.effects().into_iter().chain(candidates()).filter(is_linear).collect();
-    let mut columns = flight.columns(&linear, model, stride);
+    let mut columns = flight.columns(&linear, model, stride, &[]);
     let name = |effect: Effect| {
         (0..effect.info().coefficients.len()).map(move |coefficient| LibraryColumn { effect, coefficient })
     };

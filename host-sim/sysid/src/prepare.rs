@@ -1,7 +1,7 @@
 //! From a flight as logged to even stretches of samples that a regression can use (4.2.3 to 4.2.5).
 //!
 //! What is done, in order:
-//! 1. The log is cut into stretches without gaps; jitter is taken out by interpolation to an even grid; single missing
+//! 1. Gross outliers become missing values (`spikes.rs`). The log is cut into stretches without gaps; jitter is taken out by interpolation to an even grid; single missing
 //!    values are bridged. What was done is counted in [`Prepared::notes`].
 //! 2. Angles are unwrapped. The gyro's bias is taken out: its mean difference from the rates of the tracked attitude
 //!    (the low frequencies of (4.6); the gyro keeps the rest). So is an accelerometer's, against an estimator's velocity.
@@ -20,6 +20,7 @@ use crate::alignment::Alignment;
 use crate::battery;
 use crate::filter::{RegressionFilter, compose, convolve, sum_of_products};
 use crate::flight::{Column, Flight, median_step};
+use crate::spikes;
 use crate::trim::Trim;
 
 /// Steps longer than this many periods are gaps: nothing is interpolated across.
@@ -94,6 +95,8 @@ pub struct Prepared {
     pub alignment: Option<Alignment>,
     /// Constant part of the targets that belongs to this flight and not to the craft ([`crate::trim`]); m/s^2, rad/s^2.
     pub trim: Option<Trim>,
+    /// Standard deviation of the log's times about an even grid, s.
+    pub(crate) jitter_s: f64,
     pub(crate) stretches: Vec<Stretch>,
     pub(crate) filter: RegressionFilter,
     /// Samples at the ends of a stretch that give no rows.
@@ -146,6 +149,10 @@ impl Prepared {
         let margin = windows * filter.half();
         let shortest = 2 * margin + filter.smooth.len();
         let mut channels = Channels::new(flight, imu.is_some(), velocity.is_some());
+        let spikes = channels.take_out_spikes(t, period_s);
+        if spikes > 0 {
+            notes.push(format!("{spikes} outliers taken out"));
+        }
         if channels.rotor.is_none() && !vehicle.can_map_commands() {
             return Err(PrepareError::NoRotorSpeeds);
         }
@@ -155,13 +162,14 @@ impl Prepared {
             notes.push(format!("{bridged} single missing values bridged"));
         }
         let mut stretches = Vec::new();
-        let mut dropped = 0;
+        let (mut dropped, mut jitter_s) = (0, 0.0);
         for range in unbroken(t, columns, period_s) {
             if range.len() < shortest {
                 dropped += range.len();
                 continue;
             }
             let even = even_grid(t, columns, range, period_s, &mut notes);
+            jitter_s = f64::max(jitter_s, even.jitter_s);
             stretches.push(channels.stretch(even, period_s, &filter, velocity.is_some()));
         }
         if dropped > 0 {
@@ -193,12 +201,25 @@ impl Prepared {
             notes,
             alignment: None,
             trim: None,
+            jitter_s,
             stretches,
             filter,
             margin,
         };
         prepared.notes.dedup();
         Ok(prepared)
+    }
+
+    /// All but the samples.
+    pub(crate) fn without_stretches(&self) -> Self {
+        Self {
+            name: self.name.clone(),
+            notes: self.notes.clone(),
+            alignment: self.alignment.clone(),
+            stretches: Vec::new(),
+            filter: self.filter.clone(),
+            ..*self
+        }
     }
 
     /// Rows the flight gives.
@@ -492,6 +513,15 @@ impl<'a> Channels<'a> {
         Self { columns, rotor, imu, velocity }
     }
 
+    /// Makes gross outliers of the sensors missing values (`spikes.rs`). Commands may be anything. Returns their number.
+    fn take_out_spikes(&mut self, t: &[f64], period_s: f64) -> usize {
+        let time: Vec<f64> = t.iter().map(|t| t / period_s).collect();
+        let is_gap = |k: &usize| time[*k] - time[*k - 1] > GAP_PERIODS;
+        let gaps: Vec<usize> = (1..time.len()).filter(is_gap).collect();
+        let sensors = (POSITION..COMMAND).chain(BATTERY..self.columns.len());
+        sensors.map(|column| spikes::take_out(&mut self.columns[column], &time, &gaps)).sum()
+    }
+
     fn stretch(
         &self,
         mut even: EvenGrid,
@@ -606,6 +636,8 @@ fn unbroken(t: &[f64], columns: &[Cow<[f64]>], period_s: f64) -> Vec<std::ops::R
 
 struct EvenGrid {
     time_s: Vec<f64>,
+    /// Standard deviation of the samples' times about the grid, s.
+    jitter_s: f64,
     columns: Vec<Vec<f64>>,
 }
 
@@ -630,11 +662,12 @@ fn even_grid(
     if uneven == 0 {
         return EvenGrid {
             time_s: times.to_vec(),
+            jitter_s: 0.0,
             columns: columns.iter().map(|c| c[range.clone()].to_vec()).collect(),
         };
     }
     notes.push(format!("{uneven} uneven sampling steps interpolated to {:.1} Hz", 1.0 / period_s));
-    let start = grid_start(times, period_s);
+    let (start, jitter_s) = grid_start(times, period_s);
     let count = ((times[times.len() - 1] - start) / period_s).floor() as usize + 1;
     let grid: Vec<f64> = (0..count).map(|k| start + k as f64 * period_s).collect();
     let columns = columns.iter().enumerate().map(|(index, column)| {
@@ -655,18 +688,21 @@ fn even_grid(
             })
             .collect()
     });
-    EvenGrid { time_s: grid.clone(), columns: columns.collect() }
+    EvenGrid { time_s: grid.clone(), jitter_s, columns: columns.collect() }
 }
 
 /// Where an even grid starts that lies in the middle of jittering times: one that began at a late row would be late throughout,
-/// and every command on it.
-fn grid_start(times: &[f64], period_s: f64) -> f64 {
+/// and every command on it. With the standard deviation of the times about it.
+fn grid_start(times: &[f64], period_s: f64) -> (f64, f64) {
     let off = |t: &f64| {
         let periods = (t - times[0]) / period_s;
         periods - periods.round()
     };
-    let start = times[0] + period_s * times.iter().map(off).sum::<f64>() / times.len() as f64;
-    if start < times[0] { start + period_s } else { start }
+    let count = times.len() as f64;
+    let mean = times.iter().map(off).sum::<f64>() / count;
+    let variance = times.iter().map(|t| (off(t) - mean).powi(2)).sum::<f64>() / count;
+    let start = times[0] + period_s * mean;
+    (if start < times[0] { start + period_s } else { start }, period_s * variance.sqrt())
 }
 
 /// Cubic Hermite interpolation between samples `at` and `at + 1` with the slopes of the neighbours.

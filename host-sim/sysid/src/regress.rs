@@ -107,11 +107,32 @@ pub(crate) fn solve_without_errors(
 }
 
 /// A solution with its covariance accounting for coloured residuals.
-pub(crate) fn with_errors(solution: Solution, flights: &[FlightRows], priors: &[Option<Prior>]) -> Solution {
+fn with_errors(solution: Solution, flights: &[FlightRows], priors: &[Option<Prior>]) -> Solution {
+    with_errors_beside(solution, flights, priors, &[])
+}
+
+/// The same with what the targets may all be off by together: for each flight, one standard deviation of it.
+pub(crate) fn with_errors_beside(
+    solution: Solution,
+    flights: &[FlightRows],
+    priors: &[Option<Prior>],
+    off: &[Option<[Option<Vec<f64>>; 6]>],
+) -> Solution {
     let mut meat = scores_covariance(flights, &solution.value, &solution.sigma, priors.len());
     for (k, prior) in priors.iter().enumerate() {
         meat[(k, k)] += prior.map_or(0.0, |p| 1.0 / (p.deviation * p.deviation));
     }
+    let mut common = DVector::<f64>::zeros(priors.len());
+    for (flight, off) in flights.iter().zip(off) {
+        for (axis, off) in off.iter().flatten().enumerate() {
+            let Some(off) = off else { continue };
+            let weight = 1.0 / (solution.sigma[axis] * solution.sigma[axis]);
+            for (sum, column) in common.iter_mut().zip(&flight.columns) {
+                *sum += column[axis].as_ref().map_or(0.0, |column| weight * sum_of_products(column, off));
+            }
+        }
+    }
+    meat.ger(1.0, &common, &common, 1.0);
     let covariance = &solution.covariance * meat * solution.covariance.transpose();
     Solution { covariance, ..solution }
 }

@@ -24,7 +24,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::filter::{SideBySide, compose, sum_of_products};
 use crate::prepare::{ForceTarget, Prepared, RotorTrack, Stretch, subtract, vector};
-use crate::swing;
+use crate::swing::{self, Beginning};
 
 /// Longest time between the rows of a fit, s.
 const FIT_ROW_PERIOD_S: f64 = 0.03;
@@ -153,19 +153,30 @@ impl Prepared {
         self.stretches.iter().map(start).collect()
     }
 
-    /// The states of a stretch under `adjust`.
+    /// The states of a stretch under `adjust`; a load moves with the craft at first.
     pub(crate) fn states<'a>(
         &self,
         stretch: &'a Stretch,
         vehicle: &Vehicle,
         adjust: &Adjustments,
     ) -> States<'a> {
+        self.states_from(stretch, vehicle, adjust, &Beginning::default())
+    }
+
+    /// The same with a load that swings at first.
+    fn states_from<'a>(
+        &self,
+        stretch: &'a Stretch,
+        vehicle: &Vehicle,
+        adjust: &Adjustments,
+        beginning: &Beginning,
+    ) -> States<'a> {
         States {
             stretch,
             untilt: Some(adjust.true_dcm(&Matrix3::identity())).filter(|m| *m != Matrix3::identity()),
             lever_m: Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m,
             rotor: stretch.rotors(vehicle, adjust, self.period_s, self.rotor_late_s()),
-            swings: adjust.load.map(|load| swing::driven(self, stretch, vehicle, adjust, &load)),
+            swings: adjust.load.map(|load| swing::driven(self, stretch, vehicle, adjust, &load, beginning)),
             period_s: self.period_s,
         }
     }
@@ -235,32 +246,45 @@ impl Prepared {
         }
     }
 
-    /// The regression columns of linear effects, one for each coefficient in order.
-    pub(crate) fn columns(&self, effects: &[Effect], model: &Model, stride: usize) -> Vec<RowColumn> {
+    /// The regression columns of linear effects, one for each coefficient in order. `begun` is how a load swings when each stretch
+    /// begins: not at all, where there is nothing.
+    pub(crate) fn columns(
+        &self,
+        effects: &[Effect],
+        model: &Model,
+        stride: usize,
+        begun: &[Beginning],
+    ) -> Vec<RowColumn> {
         let effects: Vec<(Effect, usize)> = effects.iter().map(|e| (*e, coefficient_count(*e))).collect();
         let count = effects.iter().map(|(_, count)| count).sum();
         let (plant, effects) = (Plant::new(model), LinearEffects { effects, count });
         match plant.adjustments().load {
-            None => self.filtered(&plant, &model.vehicle, &effects, stride),
+            None => self.filtered(&plant, &model.vehicle, &effects, stride, begun),
             Some(load) => {
                 let share = swing::share(model, &load);
-                self.filtered(&plant, &model.vehicle, &Carrying { inner: effects, share }, stride)
+                self.filtered(&plant, &model.vehicle, &Carrying { inner: effects, share }, stride, begun)
             }
         }
     }
 
     /// What a model predicts of the targets.
-    pub(crate) fn predicted(&self, model: &Model, stride: usize) -> RowColumn {
+    pub(crate) fn predicted(&self, model: &Model, stride: usize, begun: &[Beginning]) -> RowColumn {
         let plant = Plant::new(model);
-        self.filtered(&plant, &model.vehicle, &Prediction(&plant), stride).pop().unwrap_or_default()
+        self.filtered(&plant, &model.vehicle, &Prediction(&plant), stride, begun).pop().unwrap_or_default()
     }
 
     /// What a load's free swing adds, from an offset of 1 m and from 1 m/s, north, then east.
-    pub(crate) fn free_swings(&self, model: &Model, load: &model::Load, stride: usize) -> Vec<RowColumn> {
+    pub(crate) fn free_swings(
+        &self,
+        model: &Model,
+        load: &model::Load,
+        share: f64,
+        stride: usize,
+    ) -> Vec<RowColumn> {
         let gravity_m_s2 = model.vehicle.gravity;
-        let pull = swing::share(model, load) * load.stiffness_rad2_s2(gravity_m_s2);
+        let pull = share * load.stiffness_rad2_s2(gravity_m_s2);
         let plant = Plant::new(model);
-        self.filtered_from(&plant, &FreeSwings { pull }, stride, |stretch| States {
+        self.filtered_from(&plant, &FreeSwings { pull }, stride, |_, stretch| States {
             swings: Some(swing::free(load, stretch.time_s.len(), self.period_s, gravity_m_s2)),
             ..self.states(stretch, &model.vehicle, &Adjustments { load: None, ..*plant.adjustments() })
         })
@@ -273,8 +297,13 @@ impl Prepared {
         vehicle: &Vehicle,
         terms: &impl Terms,
         stride: usize,
+        begun: &[Beginning],
     ) -> Vec<RowColumn> {
-        self.filtered_from(plant, terms, stride, |stretch| self.states(stretch, vehicle, plant.adjustments()))
+        let hanging = Beginning::default();
+        self.filtered_from(plant, terms, stride, |index, stretch| {
+            let beginning = begun.get(index).unwrap_or(&hanging);
+            self.states_from(stretch, vehicle, plant.adjustments(), beginning)
+        })
     }
 
     fn filtered_from<'a>(
@@ -282,7 +311,7 @@ impl Prepared {
         plant: &Plant,
         terms: &impl Terms,
         stride: usize,
-        states_of: impl Fn(&'a Stretch) -> States<'a>,
+        states_of: impl Fn(usize, &'a Stretch) -> States<'a>,
     ) -> Vec<RowColumn> {
         let mut result = vec![RowColumn::default(); terms.count()];
         let force_taps = match self.force_target {
@@ -291,8 +320,8 @@ impl Prepared {
             ForceTarget::Position => compose(&self.filter.between, &self.filter.matched),
         };
         let imu = self.force_target == ForceTarget::Imu;
-        for stretch in &self.stretches {
-            let states = states_of(stretch);
+        for (index, stretch) in self.stretches.iter().enumerate() {
+            let states = states_of(index, stretch);
             let rows = || self.row_samples(stretch, stride);
             let first = plant.sample_of(states.at(0));
             let layout = Layout::new(terms, &first, |axis| axis >= 3);

@@ -9,13 +9,16 @@
 //!   anything, its shape is improved by trying ever nearer neighbours: Gauss and Newton's steps go on from where they
 //!   converge.
 
+use std::borrow::Cow;
+
 use model::{Effect, Model};
 
 use crate::FitError;
-use crate::fit::{self, Layout, less_added, residuals_at_rows, step_scale};
+use crate::fit::{self, Layout, less_added, step_scale, with_beginnings};
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows};
 use crate::rows::RowColumn;
+use crate::swing;
 
 /// The starts of a fit. `model` has the linear coefficients of a fit without the adjusting effects that are unknown.
 pub(crate) fn of(
@@ -42,8 +45,9 @@ fn second(model: &Model, unknown: &[Effect]) -> Option<Model> {
     for effect in unknown.iter().filter(qualified) {
         let values: Vec<f64> = (0..effect.info().coefficients.len())
             .map(|k| {
-                let qualifies = effect.info().coefficients[k].prior.is_some();
-                if qualifies { 0.0 } else { step_scale(model.vehicle.has_rotor_map(), *effect, k) }
+                // A height that is too large leaves the formula smooth, one that is too small ends where it ends.
+                let qualifies = effect.info().coefficients[k].prior;
+                qualifies.unwrap_or_else(|| step_scale(model.vehicle.has_rotor_map(), *effect, k))
             })
             .collect();
         second.set(*effect, &values);
@@ -60,13 +64,19 @@ const IMPROVED: usize = 3;
 const HOPELESS: f64 = 0.3;
 /// Rounds with one change.
 const ROUNDS: usize = 3;
+/// Share of a slung load in the craft's mass that is ordinary.
+const ORDINARY_SHARE: f64 = 0.05;
 /// A start explains something when it lowers the logarithm of the residual's spread by this: 0.2 % of it.
 const EXPLAINS: f64 = 0.002;
 
 /// Sets an effect to the best of its starts.
 fn search(flights: &[&Prepared], model: &mut Model, layout: &Layout, effect: Effect) -> Result<(), FitError> {
-    let linear = linear_columns(flights, model, layout, effect);
+    let mut with = model.clone();
     let starts = effect.starts();
+    with.set(effect, &starts[0].iter().map(|value| value.unwrap_or(0.0)).collect::<Vec<_>>());
+    let pieces: Vec<Cow<Prepared>> = flights.iter().map(|flight| swing::in_pieces(flight, &with)).collect();
+    let flights: &[&Prepared] = &pieces.iter().map(|flight| &**flight).collect::<Vec<_>>();
+    let linear = linear_columns(flights, model, layout, effect);
     let is_shape: Vec<bool> =
         starts.iter().flatten().take(effect.info().coefficients.len()).map(Option::is_some).collect();
     let mut problem = Problem { flights, model, layout, effect, is_shape, linear };
@@ -155,9 +165,9 @@ impl Problem<'_> {
     }
 }
 
-/// Of a flight: columns of the linear effects that act where an effect does, and all of them.
+/// Of a flight: columns of the linear effects, and which of them act where an effect does.
 struct LinearColumns {
-    acting: Vec<RowColumn>,
+    acts: Vec<bool>,
     all: Vec<RowColumn>,
 }
 
@@ -167,10 +177,10 @@ fn linear_columns(
     layout: &Layout,
     effect: Effect,
 ) -> Vec<LinearColumns> {
-    let acts = |column: &&RowColumn| effect.info().axes.iter().any(|axis| column[axis.index()].is_some());
+    let acts = |column: &RowColumn| effect.info().axes.iter().any(|axis| column[axis.index()].is_some());
     let of = |flight: &&Prepared| {
-        let all = flight.columns(&layout.linear, model, flight.fit_stride());
-        LinearColumns { acting: all.iter().filter(acts).cloned().collect(), all }
+        let all = flight.columns(&layout.linear, model, flight.fit_stride(), &[]);
+        LinearColumns { acts: all.iter().map(acts).collect(), all }
     };
     flights.iter().map(of).collect()
 }
@@ -192,13 +202,27 @@ impl Problem<'_> {
             .zip(linear)
             .map(|(flight, linear)| {
                 let stride = flight.fit_stride();
-                let here = residuals_at_rows(flight, model, stride).residual;
+                let mut here = with_beginnings(flight, model, stride, &[]).residual;
+                let mut columns = linear.all.clone();
+                columns.extend(slopes(flight, model, *effect, &free, &here));
+                // With no mass yet, a load's swing at the beginning is taken out as that of an ordinary one.
+                if let Some(load) = model.adjustments().load {
+                    swing::take_out(
+                        flight,
+                        model,
+                        (&load, ORDINARY_SHARE),
+                        stride,
+                        &[],
+                        &mut here,
+                        &mut columns,
+                    );
+                }
                 for (sum, residual) in squares.iter_mut().zip(&here) {
                     *sum = (sum.0 + residual.iter().map(|e| e * e).sum::<f64>(), sum.1 + residual.len());
                 }
-                let mut columns = linear.acting.clone();
-                columns.extend(slopes(flight, model, *effect, &free, &here));
-                let mut targets = less_added(here, model, &layout.linear, &linear.all);
+                let mut targets = less_added(here, model, &layout.linear, &columns);
+                let mut acts = linear.acts.iter();
+                columns.retain(|_| acts.next().copied().unwrap_or(true));
                 for axis in model::AXES.into_iter().filter(|axis| !axes.contains(axis)) {
                     targets[axis.index()].fill(0.0);
                     columns.iter_mut().for_each(|column| column[axis.index()] = None);
@@ -236,7 +260,7 @@ fn slopes(
             let mut values = base.clone();
             values[k] += step;
             moved.set(effect, &values);
-            let ahead = residuals_at_rows(flight, &moved, flight.fit_stride()).residual;
+            let ahead = with_beginnings(flight, &moved, flight.fit_stride(), &[]).residual;
             std::array::from_fn(|axis| {
                 let slope: Vec<f64> =
                     here[axis].iter().zip(&ahead[axis]).map(|(h, a)| (h - a) / step).collect();

@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use crate::diagnose::{
     AxisDrop, CoefficientFigures, EffectFinding, HELD_OUT_SIGNIFICANCE, MATTERS_PERCENT, Options,
-    SIGNIFICANCE, evidence,
+    SIGNIFICANCE, evidence, matters_percent,
 };
 use crate::prepare::Prepared;
 use crate::screen::Screen;
@@ -290,7 +290,7 @@ fn criteria(finding: &EffectFinding) -> Vec<Criterion> {
             "matters: largest fall of the held-out squared error of an axis",
             largest,
             "%",
-            MATTERS_PERCENT,
+            Effect::from_id(finding.effect).map_or(MATTERS_PERCENT, matters_percent),
         ),
         Criterion::at_most(
             "holds on new flights: chance of such a fall without the effect",

@@ -17,6 +17,9 @@ pub const STEP_S: f64 = 0.0005;
 /// Fixed-point rounds of the midpoint. Each gains a factor of the step times the fastest rate, here under 0.01.
 const ROUNDS: usize = 3;
 
+/// The landing gear keeps the hubs this many rotor radii off the floor.
+pub(super) const LANDING_GEAR: f64 = 0.6;
+
 /// Correlation time of gusts, s.
 const GUST_S: f64 = 0.5;
 
@@ -83,6 +86,14 @@ impl Body {
     pub fn rate_rad_s(&self, craft: &Craft) -> Vector3<f64> {
         let spin = Vector3::z() * rotor_momentum(craft, &self.rotor_rad_s);
         self.inverse_inertia * (self.attitude.inverse() * self.momentum - spin)
+    }
+
+    /// How far the lowest hub is above where its landing gear would stand on the floor, m.
+    pub(super) fn lowest_hub_m(&self, craft: &Craft) -> f64 {
+        let attitude = self.attitude.matrix();
+        let down = |[x, y]: [f64; 2]| attitude[(2, 0)] * x + attitude[(2, 1)] * y;
+        let lowest = craft.hubs_m().into_iter().map(down).fold(f64::NEG_INFINITY, f64::max);
+        craft.ground_offset_m - self.position_ned_m.z - lowest - LANDING_GEAR * craft.rotor_radius_m
     }
 
     /// Gives the body other rates, rad/s.
@@ -256,8 +267,7 @@ fn rotors(craft: &Craft, now: &Instant<'_>, air: &Vector3<f64>) -> ([f64; 4], f6
         }
         let [x, y] = hubs[i];
         let down = now.position.z + now.attitude[(2, 0)] * x + now.attitude[(2, 1)] * y;
-        // The landing gear keeps the hubs off the floor.
-        let height = (craft.ground_offset_m - down).max(0.6 * craft.rotor_radius_m);
+        let height = (craft.ground_offset_m - down).max(LANDING_GEAR * craft.rotor_radius_m);
         let ratio = craft.rotor_radius_m / (4.0 * height);
         thrust / (1.0 - craft.ground_gain * ratio * ratio)
     });

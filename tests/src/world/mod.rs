@@ -53,7 +53,7 @@ pub struct World {
     seed: u64,
 }
 
-/// The craft left the space it was meant to fly in.
+/// The craft left the space it was meant to fly in, or touched the floor.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("the craft was lost in flight {pattern} of seed {seed} after {time_s:.2} s")]
 pub struct Lost {
@@ -120,7 +120,7 @@ impl World {
         for tick in 0..ticks {
             let time_s = tick as f64 * PILOT_PERIOD_S;
             commands.push(pilot.command(time_s, &body, &self.craft.battery));
-            if !pilot.is_content(&body) {
+            if !pilot.is_content(&body, &self.craft) {
                 return Err(Lost { pattern, seed: self.seed, time_s });
             }
             for step in 0..steps_per_tick {

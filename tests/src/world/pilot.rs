@@ -189,8 +189,12 @@ impl Pilot {
         rng: &mut impl Rng,
     ) -> Self {
         let craft = designed;
-        let (wide, slow) = style.factors();
+        let (mut wide, mut slow) = style.factors();
         let clearance_m = real.load.map_or(0.0, |load| load.length_m);
+        if real.load.is_some() {
+            // Nobody flies a load so that it swings up to the rotors: accelerations of a third.
+            (wide, slow) = (0.75 * wide, 1.5 * slow);
+        }
         let corners = (0..40).map(|_| std::array::from_fn(|_| rng.random_range(-1.0..1.0))).collect();
         let path = Path {
             pattern,
@@ -238,10 +242,15 @@ impl Pilot {
         self.path.at(0.0).0
     }
 
-    /// Whether the craft is where a craft under control would be.
-    pub(super) fn is_content(&self, body: &Body) -> bool {
+    /// Whether the craft is where a craft under control would be and off the floor, and a load below it: one that swings
+    /// higher would be among the rotors, or its cable slack.
+    pub(super) fn is_content(&self, body: &Body, craft: &Craft) -> bool {
         let level = body.attitude.matrix()[(2, 2)] > 0.3;
-        level && body.position_ned_m.xy().norm() < 6.0 && (-6.0..0.2).contains(&body.position_ned_m.z)
+        let place = body.position_ned_m;
+        let hangs = craft.load.is_none() || body.link[0].z > 0.5;
+        // Where the floor acts on the rotors, the formula of its effect ends on the landing gear.
+        let clear = craft.ground_gain == 0.0 || body.lowest_hub_m(craft) > 0.0;
+        level && hangs && clear && place.xy().norm() < 6.0 && (-6.0..0.2).contains(&place.z)
     }
 
     /// Motor commands at a tick.

@@ -25,11 +25,21 @@ pub struct Sensors {
     pub gyro_age_s: f64,
     /// Length of a gap somewhere in the flight, s.
     pub gap_s: f64,
+    /// Part of the rows with a gross outlier in the motion capture, and as many with one in the gyro.
+    pub outliers: f64,
 }
 
 impl Default for Sensors {
     fn default() -> Self {
-        Self { noise: 1.0, colour_s: 0.0, jitter_s: 0.0, dropout: 0.0, gyro_age_s: 0.0, gap_s: 0.0 }
+        Self {
+            noise: 1.0,
+            colour_s: 0.0,
+            jitter_s: 0.0,
+            dropout: 0.0,
+            gyro_age_s: 0.0,
+            gap_s: 0.0,
+            outliers: 0.0,
+        }
     }
 }
 
@@ -42,6 +52,8 @@ impl Sensors {
     pub const RATE_RAD_S: f64 = 0.012;
     /// Largest bias of the gyro, rad/s.
     pub const BIAS_RAD_S: f64 = 0.03;
+    /// Largest outliers of each: 0.3 m, 0.4 rad, 6 rad/s; the least are a tenth.
+    const OUTLIERS: [f64; 3] = [0.3, 0.4, 6.0];
     /// Battery, V.
     pub const BATTERY_V: f64 = 0.015;
 
@@ -49,6 +61,11 @@ impl Sensors {
     /// seconds missing somewhere.
     pub fn rough(factor: f64) -> Self {
         Self { jitter_s: 0.0005, dropout: 0.02, gap_s: 2.0, ..Self::noisy(factor) }
+    }
+
+    /// The same with one row in twenty whose motion capture is somewhere else, and as many with a gyro's garbled word.
+    pub fn with_outliers(self) -> Self {
+        Self { outliers: 0.05, ..self }
     }
 
     /// White noise of `factor` times the usual.
@@ -156,6 +173,25 @@ impl Recorder {
             volts,
         ];
         self.rows.iter_mut().zip(values).for_each(|(row, value)| row.push(value));
+        self.garble();
+    }
+
+    /// Makes some of the latest row's values gross outliers.
+    fn garble(&mut self) {
+        let share = self.sensors.outliers;
+        if share <= 0.0 {
+            return;
+        }
+        let (tracker, gyro) = (self.rng.random_bool(share), self.rng.random_bool(share));
+        for (row, value) in self.rows.iter_mut().enumerate().skip(1).take(9) {
+            let kind = (row - 1) / 3;
+            let off = Sensors::OUTLIERS[kind] * self.rng.random_range(0.1..1.0);
+            let sign = if self.rng.random_bool(0.5) { 1.0 } else { -1.0 };
+            let hit = if kind < 2 { tracker } else { gyro };
+            if let Some(last) = value.last_mut().filter(|_| hit) {
+                *last += sign * off;
+            }
+        }
     }
 
     fn white(&mut self) -> f64 {

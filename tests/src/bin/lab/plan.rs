@@ -51,6 +51,8 @@ pub(crate) struct Trial {
     pub(crate) style: Style,
     /// A log with jitter, lost rows and a gap.
     pub(crate) rough: bool,
+    /// A log with gross outliers.
+    pub(crate) outliers: bool,
 }
 
 impl Trial {
@@ -185,8 +187,9 @@ impl Plan {
     }
 
     fn push(&mut self, hidden: Hidden, strength: f64, noise: f64, size: Size, k: u64, rounds: usize) {
-        // Styles and logs take turns: of any three repetitions each style has one, of any two one log is rough.
-        let turn = k as usize;
+        // Styles and logs take turns: of any three repetitions each style has one, of any two one log is rough, of any four
+        // two have outliers.
+        let turn = (self.first_seed - 1 + k) as usize;
         let mut trial = Trial {
             hidden,
             strength,
@@ -197,6 +200,7 @@ impl Plan {
             rounds,
             style: Style::ALL[(turn + 1) % 3],
             rough: turn % 2 == 1,
+            outliers: turn / 2 % 2 == 1,
         };
         trial.seed = seed(&trial, self.first_seed + k);
         self.trials.push(trial);

@@ -140,7 +140,12 @@ fn named(trial: &Trial) -> String {
         trial.strength,
         trial.noise,
         trial.size.name(),
-        if trial.rough { "rough log" } else { "clean log" },
+        match (trial.rough, trial.outliers) {
+            (false, false) => "clean log",
+            (true, false) => "rough log",
+            (false, true) => "log with outliers",
+            (true, true) => "rough log with outliers",
+        },
         trial.style,
         trial.seed
     )

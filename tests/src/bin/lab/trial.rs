@@ -111,6 +111,7 @@ fn fly_round(
     round: u64,
 ) -> Result<Vec<Flight>, String> {
     let sensors = if trial.rough { Sensors::rough(trial.noise) } else { Sensors::noisy(trial.noise) };
+    let sensors = if trial.outliers { sensors.with_outliers() } else { sensors };
     patterns
         .map(|pattern| world.fly(pattern, trial.duration_s, &sensors, round).map_err(|lost| lost.to_string()))
         .collect()

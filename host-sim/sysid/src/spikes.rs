@@ -1,0 +1,197 @@
+//! Gross outliers: single samples that no neighbour knows of.
+//!
+//! A tracker swaps two markers for a frame, a bus garbles a word: one sample in a hundred, or in twenty, is off by ten or a
+//! thousand times the noise. Least squares squares that. Such a sample is recognised by its six neighbours: it is far from the
+//! line through them (Theil 1950 and Sen 1968: medians, which one or two further spikes among the six do not move), by the
+//! noise of the channel and by how well the line fits the neighbours themselves. So a quick turn, which no neighbour lies on a
+//! line with, is no spike, and nor is a step, which half of the neighbours share.
+//!
+//! What is found is missing from then on and bridged as missing values are. Errors of several samples in a row are
+//! `channels_check.rs`' to find: jumps and frozen trackers.
+
+use std::borrow::Cow;
+
+/// Neighbours on each side, where there are as many.
+const REACH: usize = 3;
+/// A spike is off the line through its neighbours by this many times the usual distance from it: one in 10^8 of Gaussian
+/// noise.
+const OF_NOISE: f64 = 6.0;
+/// And by this many times the neighbours' own median distance from it: a parabola through all seven has 1.6 times.
+const OF_NEIGHBOURS: f64 = 8.0;
+/// Both are this many times as much at the ends, where the neighbours are on one side: a line's end is 3.5 samples from its
+/// middle, and a parabola leaves it by 4 times what it does at the middle.
+const DRAWN_OUT: f64 = 3.0;
+/// A sample that far between its two neighbours, in usual distances, is looked at.
+const LOOKED_AT: f64 = 3.0;
+/// Part of the samples beyond which it is no noise with outliers but a channel of another kind (one that is held, say).
+const MOST: f64 = 0.15;
+
+/// Looks at a channel: two spikes among the neighbours hide a third, until they are gone.
+const PASSES: usize = 5;
+
+/// Makes the spikes of a channel missing; how many there were. `channel` is copied only if there are any. `time` is in periods;
+/// neighbours across one of `gaps`, the first sample after each, are none.
+pub(crate) fn take_out(channel: &mut Cow<[f64]>, time: &[f64], gaps: &[usize]) -> usize {
+    let most = (MOST * channel.len() as f64) as usize;
+    let mut all: Vec<usize> = Vec::new();
+    let mut cleaned: Cow<[f64]> = Cow::Borrowed(&**channel);
+    for _ in 0..PASSES {
+        let usual = usual_distance(&cleaned);
+        let starts = std::iter::once(0).chain(gaps.iter().copied());
+        let ends = gaps.iter().copied().chain([channel.len()]);
+        let found: Vec<usize> = starts
+            .zip(ends)
+            .flat_map(|(start, end)| {
+                let piece = spikes(&cleaned[start..end], &time[start..end], usual);
+                piece.into_iter().map(move |k| start + k)
+            })
+            .collect();
+        if found.is_empty() {
+            break;
+        }
+        let values = cleaned.to_mut();
+        found.iter().for_each(|&k| values[k] = f64::NAN);
+        all.extend(found);
+    }
+    if all.len() > most {
+        return 0;
+    }
+    if !all.is_empty() {
+        let values = channel.to_mut();
+        all.iter().for_each(|&k| values[k] = f64::NAN);
+    }
+    all.len()
+}
+
+/// The samples of a channel that are spikes as far as their neighbours can tell.
+fn spikes(channel: &[f64], time: &[f64], usual: f64) -> Vec<usize> {
+    if !(usual > 0.0) || channel.is_empty() {
+        return Vec::new();
+    }
+    let last = channel.len() - 1;
+    let is_off = |&k: &usize| {
+        // Next to a missing value, and at the ends, there is no telling this way.
+        let near = k > 0
+            && k < last
+            && (channel[k] - 0.5 * (channel[k - 1] + channel[k + 1])).abs() < LOOKED_AT * usual;
+        !near && channel[k].is_finite()
+    };
+    (0..channel.len()).filter(is_off).filter(|&k| is_spike(channel, time, k, usual)).collect()
+}
+
+/// Standard deviation of a sample about the mean of its neighbours, by the median: spikes do not count.
+fn usual_distance(channel: &[f64]) -> f64 {
+    let mut distances: Vec<f64> = channel
+        .windows(3)
+        .map(|w| (w[1] - 0.5 * (w[0] + w[2])).abs())
+        .filter(|distance| distance.is_finite())
+        .collect();
+    if distances.len() < 10 {
+        return 0.0;
+    }
+    let middle = distances.len() / 2;
+    // The median of |x| is 0.6745 of a normal deviation.
+    *distances.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745
+}
+
+fn is_spike(channel: &[f64], time: &[f64], k: usize, usual: f64) -> bool {
+    let mut neighbours = [(0.0, 0.0); 2 * REACH];
+    let mut count = 0;
+    // At an end, all of them are on one side.
+    let first = k.saturating_sub(REACH).min(channel.len().saturating_sub(2 * REACH + 1));
+    for (j, value) in channel.iter().enumerate().skip(first).take(2 * REACH + 1) {
+        if j != k && value.is_finite() {
+            neighbours[count] = (time[j] - time[k], *value);
+            count += 1;
+        }
+    }
+    let neighbours = &neighbours[..count];
+    if count < REACH + 1 {
+        return false;
+    }
+    let mut slopes = [0.0; REACH * (2 * REACH - 1)];
+    let mut pairs = 0;
+    for (i, (t, value)) in neighbours.iter().enumerate() {
+        for (other_t, other) in &neighbours[..i] {
+            slopes[pairs] = (value - other) / (t - other_t);
+            pairs += 1;
+        }
+    }
+    let slope = median(&mut slopes[..pairs]);
+    let mut levels = [0.0; 2 * REACH];
+    levels.iter_mut().zip(neighbours).for_each(|(level, (t, value))| *level = value - slope * t);
+    let level = median(&mut levels[..count]);
+    levels[..count].iter_mut().for_each(|value| *value = (*value - level).abs());
+    let own = (channel[k] - level).abs();
+    // From one side the line is drawn out to where it is not known as well.
+    let reach = if k - first == REACH { 1.0 } else { DRAWN_OUT };
+    own > reach * OF_NOISE * usual && own > reach * OF_NEIGHBOURS * median(&mut levels[..count])
+}
+
+/// The middle of some values, of an even number the mean of the two.
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    let n = values.len();
+    0.5 * (values[(n - 1) / 2] + values[n / 2])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    /// A craft that turns as hard as crafts turn, seen with noise.
+    fn flown(rng: &mut Pcg64Mcg, noise: f64) -> Vec<f64> {
+        let wave = |k: usize, hz: f64| (std::f64::consts::TAU * hz * 0.01 * k as f64).sin();
+        (0..3000)
+            .map(|k| {
+                // Nearly normal, and six deviations off at most.
+                let e: f64 = (0..12).map(|_| rng.random::<f64>() - 0.5).sum();
+                0.8 * wave(k, 0.4) + 0.05 * wave(k, 3.1) + 0.01 * wave(k, 7.3) + noise * e
+            })
+            .collect()
+    }
+
+    fn taken_out(channel: &[f64]) -> Vec<usize> {
+        let mut cleaned = Cow::Borrowed(channel);
+        let time: Vec<f64> = (0..channel.len()).map(|k| k as f64).collect();
+        let count = take_out(&mut cleaned, &time, &[]);
+        let gone: Vec<usize> = (0..channel.len()).filter(|&k| cleaned[k].is_nan()).collect();
+        assert_eq!(gone.len(), count);
+        gone
+    }
+
+    #[test]
+    fn every_gross_outlier_is_found_and_nothing_else() {
+        for seed in 0..10 {
+            let mut rng = Pcg64Mcg::seed_from_u64(seed);
+            let clean = flown(&mut rng, 0.001);
+            // Of 3000 samples none is six deviations off.
+            assert_eq!(taken_out(&clean), [], "seed {seed}");
+            let mut spiky = clean.clone();
+            let hit: Vec<usize> = (0..3000).filter(|_| rng.random_bool(0.05)).collect();
+            for &k in &hit {
+                spiky[k] += if rng.random_bool(0.5) { 1.0 } else { -1.0 } * rng.random_range(0.05..0.5);
+            }
+            let found = taken_out(&spiky);
+            let wrong = found.iter().filter(|k| !hit.contains(k)).count();
+            // Where three of seven are hit a good one may look like the one that is off: some of a thousand.
+            assert!(wrong <= 2, "seed {seed}: {wrong}");
+            let missed: Vec<&usize> = hit.iter().filter(|k| !found.contains(k)).collect();
+            assert!(missed.len() <= 1, "seed {seed}: {missed:?} of {} missed", hit.len());
+        }
+    }
+
+    #[test]
+    fn motion_without_noise_steps_and_held_values_are_no_spikes() {
+        let mut rng = Pcg64Mcg::seed_from_u64(1);
+        assert_eq!(taken_out(&flown(&mut rng, 0.0)), []);
+        let step: Vec<f64> =
+            flown(&mut rng, 0.001).iter().enumerate().map(|(k, v)| v + f64::from(k > 900)).collect();
+        assert_eq!(taken_out(&step), []);
+        let held: Vec<f64> = (0..3000).map(|k| (f64::from(k / 7) * 0.37).sin()).collect();
+        assert_eq!(taken_out(&held), []);
+        assert_eq!(taken_out(&[0.0; 500]), []);
+    }
+}
