@@ -9,7 +9,6 @@
 #![forbid(unsafe_code)]
 
 mod arm;
-mod armv7;
 mod arrows;
 mod bench;
 mod dependencies;

@@ -9,7 +9,7 @@ use anyhow::Result;
 
 use crate::arm;
 use crate::process::{output_of, shown};
-use crate::tools::{self, CLIPPY, GIT, GUNGRAUN_RUNNER, NEXTEST, RUSTFMT, Tool, VALGRIND};
+use crate::tools::{self, CLIPPY, GIT, GUNGRAUN_RUNNER, NEXTEST, RUSTFMT, SSHD, Tool, VALGRIND};
 use crate::workspace::Workspace;
 
 /// Options of the command.
@@ -57,6 +57,7 @@ fn states(workspace: &Workspace) -> Vec<State> {
     for tool in [&arm::ARM_GCC, &arm::QEMU_ARM, &arm::ARM_LD, &arm::QEMU_SYSTEM_ARM] {
         states.push(State::of(tool, "`cargo xtask arm` builds and runs the craft's programs", false));
     }
+    states.push(State::of(&SSHD, "`cargo xtask flash` is tested on a real one", false));
     states.extend(arm::Target::ALL.map(target));
     states
 }

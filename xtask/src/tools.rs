@@ -37,6 +37,12 @@ pub(crate) const GIT: Tool =
 /// Counts instructions.
 pub(crate) const VALGRIND: Tool =
     Tool { name: "valgrind", version: &["valgrind", "--version"], install: "apt-get install --yes valgrind" };
+/// Lets others in over ssh. It has no option for its version and lies outside most users' path.
+pub(crate) const SSHD: Tool = Tool {
+    name: "sshd",
+    version: &["sh", "-c", "test -x /usr/sbin/sshd && echo /usr/sbin/sshd"],
+    install: "apt-get install --yes openssh-server",
+};
 /// Name of the program that starts instruction-count benches under valgrind. Its version has to be that
 /// of the library `gungraun`, so its installation line depends on the lock file.
 pub(crate) const GUNGRAUN_RUNNER: &str = "gungraun-runner";

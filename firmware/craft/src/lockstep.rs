@@ -5,10 +5,8 @@ use proto::{MAX_FRAME_LEN, Message};
 
 use crate::{convert, digest};
 
-const DIGEST_LEN: usize = 8;
-
-/// No answer of [`Lockstep::answer_frame`] is longer, in bytes.
-pub const MAX_ANSWER_LEN: usize = MAX_FRAME_LEN + DIGEST_LEN;
+/// What a recording begins with.
+pub const RECORDING_MAGIC: [u8; 8] = *b"recorded";
 
 /// An autopilot in the air, driven by [`proto::Readings`].
 #[derive(Debug, Clone)]
@@ -32,29 +30,30 @@ impl Lockstep {
         Some(convert::outcome(asked.tick, self.autopilot.tick(&convert::readings(asked))))
     }
 
-    /// One tick over a narrow link: a frame with readings in; out, in `buffer`, the frame of the outcome and behind it the
-    /// [`digest`](crate::digest()) of the whole tick (u64, little endian), internal terms included. Other bytes have no answer.
+    /// One tick over a link: a frame with readings in; out, in `buffer`, the frame of the outcome. Other bytes have no answer.
     pub fn answer_frame<'a>(
         &mut self,
         frame: &[u8],
-        buffer: &'a mut [u8; MAX_ANSWER_LEN],
+        buffer: &'a mut [u8; MAX_FRAME_LEN],
     ) -> Option<&'a [u8]> {
         let outcome = self.answer(&proto::decode(frame).ok()?)?;
-        let length = proto::encode(&Message::Outcome(outcome), buffer).ok()?.len();
-        let end = length + DIGEST_LEN;
-        buffer.get_mut(length..end)?.copy_from_slice(&digest(self.flight()).to_le_bytes());
-        buffer.get(..end)
+        proto::encode(&Message::Outcome(outcome), buffer).ok()
     }
 
-    /// What [`Lockstep::answer_frame`] answered, taken apart again.
-    ///
-    /// # Errors
-    /// Bytes that are no such answer.
-    pub fn read_answer(answer: &[u8]) -> Result<(proto::Outcome, u64), proto::Error> {
-        let (frame, digest) = answer.split_last_chunk::<DIGEST_LEN>().ok_or(proto::Error::Malformed)?;
-        match proto::decode(frame)? {
-            Message::Outcome(outcome) => Ok((outcome, u64::from_le_bytes(*digest))),
-            _ => Err(proto::Error::Malformed),
+    /// Ticks through a recording ([`RECORDING_MAGIC`], then frames of readings, each behind its length as u16, little endian) until a
+    /// length of 0, the end, or something else than readings. `each` hears the [`digest`](crate::digest()) of every whole tick.
+    pub fn replay(&mut self, recording: &[u8], mut each: impl FnMut(u64)) {
+        let Some(mut rest) = recording.strip_prefix(&RECORDING_MAGIC) else { return };
+        while let Some((length, behind)) = rest.split_first_chunk() {
+            let Some((frame, next)) = behind.split_at_checked(u16::from_le_bytes(*length).into()) else {
+                return;
+            };
+            let Ok(message) = proto::decode(frame) else { return };
+            if self.answer(&message).is_none() {
+                return;
+            }
+            each(digest(self.flight()));
+            rest = next;
         }
     }
 
@@ -84,12 +83,48 @@ mod tests {
         });
         let mut frame = [0; MAX_FRAME_LEN];
         let frame = proto::encode(&readings, &mut frame).unwrap();
-        let mut buffer = [0; MAX_ANSWER_LEN];
+        let mut buffer = [0; MAX_FRAME_LEN];
         let answer = one.answer_frame(frame, &mut buffer).unwrap();
         let outcome = other.answer(&readings).unwrap();
-        assert_eq!(Lockstep::read_answer(answer), Ok((outcome, digest(other.flight()))));
-        assert_eq!(Lockstep::read_answer(frame).unwrap_err(), proto::Error::Malformed);
+        assert_eq!(proto::decode(answer), Ok(Message::Outcome(outcome)));
         assert!(one.answer_frame(&frame[1..], &mut buffer).is_none());
         assert!(one.answer(&Message::Who).is_none());
+    }
+
+    #[test]
+    fn a_recording_is_ticked_through_to_its_end() {
+        let mut frame = [0; MAX_FRAME_LEN];
+        let mut recording = RECORDING_MAGIC.to_vec();
+        let mut expected = Vec::new();
+        let mut one = Lockstep::new(&Config::thesis()).unwrap();
+        for tick in 0..5 {
+            let readings = Message::Readings(proto::Readings {
+                tick,
+                time_us: tick * 10_000,
+                pose: Some(proto::Pose {
+                    position_m: [0.0, 0.0, -1.0 - 0.01 * tick as f32],
+                    attitude_rad: [0.0; 3],
+                }),
+                gyro_rad_s: None,
+                battery_v: 11.1,
+                command: None,
+                request: None,
+                outputs_ready: true,
+            });
+            one.answer(&readings).unwrap();
+            expected.push(digest(one.flight()));
+            let frame = proto::encode(&readings, &mut frame).unwrap();
+            recording.extend((frame.len() as u16).to_le_bytes());
+            recording.extend(frame);
+        }
+        let replayed = |recording: &[u8]| {
+            let mut digests = Vec::new();
+            Lockstep::new(&Config::thesis()).unwrap().replay(recording, |digest| digests.push(digest));
+            digests
+        };
+        assert_eq!(replayed(&recording), expected);
+        assert_eq!(replayed(&[&recording[..], &[0; 100]].concat()), expected, "what follows is no tick");
+        assert_eq!(replayed(&recording[..recording.len() - 1]), expected[..4], "cut short");
+        assert_eq!(replayed(&recording[1..]), [0_u64; 0], "no recording");
     }
 }

@@ -37,10 +37,11 @@ const TX_ENABLE: u32 = 1;
 const RX_ENABLE: u32 = 2;
 const RX_INTERRUPT: u32 = 8;
 
-/// Where QEMU may lay a gains image (`-device loader`): the board's slow memory, which no program here uses.
-pub const HANDED_OVER: usize = 0x2100_0000;
-/// More than any image has.
-const HANDED_OVER_LEN: usize = craft::image::MAX_IMAGE_LEN;
+/// Where QEMU may lay a gains image (`-device loader`): the board's 16 MB of slow memory, which no program here uses.
+pub const IMAGE: usize = 0x2100_0000;
+/// Where QEMU may lay a recording of readings.
+pub const RECORDING: usize = 0x2100_1000;
+const SLOW_MEMORY_END: usize = 0x2200_0000;
 
 /// Counts of a frame on the motors that are not there; as the STM32's timer.
 const FRAME_COUNTS: u16 = 52_500;
@@ -171,9 +172,15 @@ impl Board for Mps2 {
 }
 
 /// The memory where a gains image may lie.
-pub fn handed_over() -> &'static [u8] {
-    // SAFETY: the board has 16 MB of memory there; nothing writes to it while a program runs.
-    unsafe { core::slice::from_raw_parts(HANDED_OVER as *const u8, HANDED_OVER_LEN) }
+pub fn image() -> &'static [u8] {
+    // SAFETY: the board has memory there; nothing writes to it while a program runs.
+    unsafe { core::slice::from_raw_parts(IMAGE as *const u8, RECORDING - IMAGE) }
+}
+
+/// The memory where a recording may lie.
+pub fn recording() -> &'static [u8] {
+    // SAFETY: as above.
+    unsafe { core::slice::from_raw_parts(RECORDING as *const u8, SLOW_MEMORY_END - RECORDING) }
 }
 
 /// After a panic: motors idle, then a reset. (Without a watchdog to wait for, it is asked for at once.)

@@ -5,7 +5,10 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use control::Config;
+use design::Gains;
+use design::linear::Linear;
 use design::procedure::{Method, Specs, design};
+use design::trim::TrimTarget;
 use model::Model;
 use pattern::{Pattern, relative_peak_factor};
 use report::{Axis, Figure, Page, Panels, Section, Series, Style, significant};
@@ -15,6 +18,7 @@ use sil::plan::{BAND_HZ, GENTLE, known_error};
 use sil::predict::{Course, Foreseen, Predictor, Prospect};
 use sysid::information::{Expected, Parameter};
 
+use crate::hidden;
 use crate::output::{Outcome, check_outputs, provenance};
 
 /// Write a flight that makes the model's coefficients known, and say how well, before it is flown.
@@ -45,7 +49,7 @@ pub(crate) struct Options {
     signal: Word,
 
     /// Amplitude of a sine of the same power, command units; 1.5 % of the command range if not given
-    #[arg(long, value_name = "COMMAND")]
+    #[arg(long, value_name = "COMMAND", allow_negative_numbers = true)]
     amplitude: Option<f64>,
 
     /// Lowest and highest frequency of multisines and sweeps, Hz
@@ -99,6 +103,8 @@ enum ExciteError {
     Duration(f64),
     #[error("--amplitude {0}: give a positive number of command units, at most half the command range")]
     Amplitude(f64),
+    #[error("{}: no gains were found that fly this model in simulation; give --gains", .0.display())]
+    NoGains(PathBuf),
     #[error("{}: vehicle.motors: has no map from command to rotor speed; find it with quadlab motor-map to simulate flights", .0.display())]
     NoMap(PathBuf),
 }
@@ -181,8 +187,8 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     Ok(Outcome { holds, ..outcome })
 }
 
-/// The model under the gains of a file, or else under gains designed for it: the thesis' way, which takes a second, and where
-/// that loses the craft, by the search for a late pose.
+/// The model under the gains of a file, or else under the first that fly it: designed the thesis' way, which takes a second;
+/// by the search for a late pose; the thesis' own, if they suit; and these without the cancellers that only flapping asks for.
 pub(crate) fn predictor(
     model: &Model,
     path: &Path,
@@ -192,14 +198,24 @@ pub(crate) fn predictor(
     if !(model.vehicle.can_map_commands() && model.vehicle.has_rotor_map()) {
         return Err(ExciteError::NoMap(path.into()).into());
     }
+    let under = |config: Config| anyhow::Ok(Predictor::new(model.clone(), config, seed)?);
     if let Some(gains) = gains {
-        return Ok(Predictor::new(model.clone(), design::fit::read_for(gains, model)?.config, seed)?);
+        return under(design::fit::read_for(gains, model)?.config);
     }
-    let designed = |method: Method| {
-        let config = design(model, &Specs { method, ..Specs::default() })?.config;
-        anyhow::Ok(Predictor::new(model.clone(), config, seed)?)
+    let designed = |method: Method| under(design(model, &Specs { method, ..Specs::default() })?.config);
+    let of_thesis = |cancellers: bool| {
+        let mut config = Config::thesis();
+        let linear = Linear::new(model, &TrimTarget::default())?;
+        design::fit::fit(&Gains { config, provenance: None }, model, &linear, path)?;
+        if !cancellers {
+            hidden::without_cancellers(&mut config);
+        }
+        under(config)
     };
-    designed(Method::Thesis).or_else(|_| designed(Method::Delay))
+    designed(Method::Thesis)
+        .or_else(|_| designed(Method::Delay))
+        .or_else(|why| of_thesis(true).or_else(|_| of_thesis(false)).map_err(|_| why))
+        .map_err(|why| why.context(ExciteError::NoGains(path.into())))
 }
 
 fn made(options: &Options, config: &Config) -> anyhow::Result<Pattern> {

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use control::Config;
 use control::gains::Law;
 use model::{Effect, Model};
 use rand::{RngExt, SeedableRng};
@@ -48,11 +49,16 @@ pub(crate) fn craft() -> Model {
 /// them the position loops swing out of the cage. Without the cancellers it stays inside with every hidden effect.
 pub(crate) fn flight_plan(craft: &Model, seed: u64, duration_s: f64) -> FlightPlan {
     let mut plan = FlightPlan::identification(craft.clone(), seed, duration_s);
-    if let Law::ModelBased(law) = &mut plan.config.law {
+    without_cancellers(&mut plan.config);
+    plan
+}
+
+/// Takes the zero-cancellers of roll and pitch out of the thesis' law, for a craft without flapping moments.
+pub(crate) fn without_cancellers(config: &mut Config) {
+    if let Law::ModelBased(law) = &mut config.law {
         law.loops.roll.canceller = None;
         law.loops.pitch.canceller = None;
     }
-    plan
 }
 
 /// The craft with one effect more, and that effect.

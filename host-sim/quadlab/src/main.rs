@@ -13,6 +13,7 @@ mod demo;
 mod design_check;
 mod design_gains;
 mod design_pages;
+mod design_report;
 mod diagnose;
 mod effects;
 mod evidence;

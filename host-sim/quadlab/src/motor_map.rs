@@ -316,11 +316,11 @@ mod tests {
     #[test]
     fn the_vehicle_file_is_completed_and_keeps_the_rest() {
         let text = completed(STAND_LESS, &map(true), Path::new("v.toml")).unwrap();
-        let expected = STAND_LESS.replace("map = \"identify\"\n", "").replace("lag = 18.0", "lag = 21.5123")
+        let expected = STAND_LESS.replace("map = \"identify\"\n", "").replace("lag = 18.0", "lag = 21.512")
             + "command = 0.78501\nvoltage = 44.651\noffset = -1205.12\n";
         assert_eq!(text, expected);
         let vehicle = Vehicle::parse(&text, Path::new("v.toml")).unwrap();
-        assert!(vehicle.has_rotor_map() && vehicle.motors.lag == Some(21.5123));
+        assert!(vehicle.has_rotor_map() && vehicle.motors.lag == Some(21.512));
         let unknown = completed(STAND_LESS, &map(false), Path::new("v.toml")).unwrap();
         assert!(unknown.contains("lag = 18.0 # a guess"), "{unknown}");
     }

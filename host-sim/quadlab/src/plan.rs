@@ -165,7 +165,8 @@ fn words(goal: Goal) -> String {
 /// Why the best flight is the best, in plain words.
 fn why(proposals: &[Proposal], goal: Goal, known: Option<f64>) -> String {
     let Some(best) = proposals.first() else { return "There is nothing to fly.".into() };
-    let usual = proposals.iter().find(|p| p.name == "hover");
+    let hovers = proposals.iter().filter(|p| p.name == "hover");
+    let usual = hovers.min_by(|a, b| a.amplitude.total_cmp(&b.amplitude));
     let number = |p: Option<&Proposal>| p.and_then(|p| p.worth);
     match goal {
         Goal::Separate(a, b) => {
@@ -184,11 +185,11 @@ fn why(proposals: &[Proposal], goal: Goal, known: Option<f64>) -> String {
         Goal::Shrink(p) => {
             let error =
                 |v: Option<f64>| v.map_or_else(|| "not known at all".to_owned(), |v| significant(v, 2));
+            let unit = if p.info().unit == "1" { String::new() } else { format!(" {}", p.info().unit) };
             format!(
-                "After it the standard error of {} is {} {} (now: {}; after plain hover: {}). To see {}: {}.",
+                "After it the standard error of {} is {}{unit} (now: {}; after plain hover: {}). To see {}: {}.",
                 p.info().name,
                 error(best.worth),
-                p.info().unit,
                 error(known),
                 error(number(usual)),
                 p.effect,
@@ -237,6 +238,7 @@ fn described(document: &Document<'_>, unit: &str) -> String {
             format!("{} {unit}", significant(flight.amplitude, 3))
         );
     }
+    text.push_str("(The first is the gentlest of those that tell about as much as the best.)\n");
     if let Some(path) = &document.pattern {
         let _ = writeln!(text, "\npattern file: {path}");
     }

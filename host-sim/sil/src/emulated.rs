@@ -1,8 +1,9 @@
 //! The law on the processors of the craft, emulated by QEMU: the same `Readings` go in, and the same bits have to come out.
 //!
 //! - [`Emulated`] speaks to a lockstep program over its standard input and output, which for the bare Cortex-M4F are its emulated
-//!   serial port: stuffed frames of readings one way, answers of [`craft::Lockstep::answer_frame`] the other. The configuration is
-//!   laid into the chip's memory, or handed to the ARM Linux program as a file: an image of [`craft::image`].
+//!   serial port: stuffed frames of readings one way, of outcomes the other. The configuration is laid into the chip's memory, or
+//!   handed to the ARM Linux program as a file: an image of [`craft::image`]. A recording of readings goes the same way; then the
+//!   digests of its ticks come back.
 //! - [`Udp`] speaks to the craft computer's own program (`com lockstep`) as a ground station would: packets in datagrams.
 //!
 //! Deliberately absent: building the programs (`cargo xtask sil --on` does), and time: the emulated processor is slower and
@@ -12,12 +13,12 @@ use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use control::{Config, Readings};
+use craft::convert;
 use craft::image::{MAX_IMAGE_LEN, encode};
-use craft::{Lockstep, convert};
 use proto::{
     Deframer, MAX_FRAME_LEN, MAX_PACKET_LEN, MAX_STREAM_LEN, Message, Opener, Outcome, Role, Sealer, enframe,
 };
@@ -27,8 +28,9 @@ use crate::link::{Link, LinkError};
 
 /// How long an answer may take: an emulator on a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// Where the emulated board's program looks for an image: `HANDED_OVER` of `firmware/mcu/src/mps2.rs`.
-const IMAGE_ADDRESS: &str = "0x21000000";
+/// Where the emulated board's program looks for an image and a recording: `firmware/mcu/src/mps2.rs`.
+const IMAGE_ADDRESS: u32 = 0x2100_0000;
+const RECORDING_ADDRESS: u32 = 0x2100_1000;
 /// Libraries of ARM Linux programs, where Debian and Ubuntu put them.
 const ARM_LIBRARIES: &str = "/usr/arm-linux-gnueabihf";
 
@@ -55,12 +57,12 @@ impl Processor {
         [Self::Armv7, Self::CortexM4].into_iter().find(|processor| processor.name() == name)
     }
 
-    /// What starts `program` with the configuration in `image`.
-    fn lockstep(self, program: &Path, image: &Path) -> Command {
+    /// What starts the lockstep program with a configuration and, perhaps, a recording.
+    fn lockstep(self, program: &Path, image: &Path, recording: Option<&Path>) -> Command {
         match self {
             Self::Armv7 => {
                 let mut command = linux(program);
-                command.arg(image);
+                command.arg(image).args(recording);
                 command
             }
             Self::CortexM4 => {
@@ -69,8 +71,11 @@ impl Processor {
                 command.args(["-monitor", "none", "-serial", "stdio"]);
                 // A program that cannot go on ends the emulator.
                 command.args(["-semihosting-config", "enable=on,target=native"]);
-                let image = image.display();
-                command.args(["-device", &format!("loader,file={image},addr={IMAGE_ADDRESS},force-raw=on")]);
+                let files = [Some((image, IMAGE_ADDRESS)), recording.map(|file| (file, RECORDING_ADDRESS))];
+                for (file, address) in files.into_iter().flatten() {
+                    let file = file.display();
+                    command.args(["-device", &format!("loader,file={file},addr={address:#x},force-raw=on")]);
+                }
                 command.arg("-kernel").arg(program);
                 command
             }
@@ -91,7 +96,8 @@ pub struct Emulated {
     peer: Peer,
     input: ChildStdin,
     answers: Receiver<Vec<u8>>,
-    _image: TempPath,
+    /// They go when it does.
+    _files: Vec<TempPath>,
 }
 
 /// A child process that does not outlive its owner.
@@ -131,11 +137,32 @@ impl Emulated {
     /// # Errors
     /// An emulator that is not there, or a configuration that cannot be handed over.
     pub fn start(processor: Processor, program: &Path, config: &Config) -> Result<Self, LinkError> {
-        let image = image_file(config)?;
-        Self::run(&mut processor.lockstep(program, &image), image)
+        let image = file_with(&image_of(config)?)?;
+        Self::run(&mut processor.lockstep(program, &image, None), vec![image])
     }
 
-    fn run(command: &mut Command, image: TempPath) -> Result<Self, LinkError> {
+    /// Has the lockstep program tick through a recording; the digests of its `count` ticks.
+    ///
+    /// # Errors
+    /// As [`Emulated::start`], or a program that ends too early.
+    pub fn replay(
+        processor: Processor,
+        program: &Path,
+        config: &Config,
+        recording: &[u8],
+        count: usize,
+    ) -> Result<Vec<u64>, LinkError> {
+        let (image, recording) = (file_with(&image_of(config)?)?, file_with(recording)?);
+        let mut command = processor.lockstep(program, &image, Some(&recording));
+        let mut program = Self::run(&mut command, vec![image, recording])?;
+        let digest = |bytes: Vec<u8>| {
+            let digest: Result<[u8; 8], _> = bytes.try_into();
+            digest.map(u64::from_le_bytes).map_err(|_| proto::Error::Malformed.into())
+        };
+        (0..count).map(|_| program.next().and_then(digest)).collect()
+    }
+
+    fn run(command: &mut Command, files: Vec<TempPath>) -> Result<Self, LinkError> {
         let mut peer = Peer::spawn(command)?;
         let failed = || LinkError::Configure { reason: ErrorKind::BrokenPipe.into() };
         let input = peer.0.stdin.take().ok_or_else(failed)?;
@@ -151,54 +178,40 @@ impl Emulated {
                 }
             }
         });
-        Ok(Self { peer, input, answers, _image: image })
+        Ok(Self { peer, input, answers, _files: files })
     }
 
-    /// Asks without waiting. The chip has room for some 15 questions that it has not answered yet.
-    pub(crate) fn ask(&mut self, tick: u32, readings: &Readings) -> Result<(), LinkError> {
-        let (mut frame, mut stream) = ([0; MAX_FRAME_LEN], [0; MAX_STREAM_LEN]);
-        let frame = proto::encode(&Message::Readings(convert::readings_message(tick, readings)), &mut frame)?;
-        let bytes = enframe(frame, &mut stream).ok_or(proto::Error::BufferTooShort)?;
-        let written = self.input.write_all(bytes).and_then(|()| self.input.flush());
-        written.map_err(|_| self.peer.explain())
-    }
-
-    /// The next answer: the outcome, and the digest of the whole tick.
-    pub(crate) fn answer(&mut self, tick: u32) -> Result<(Outcome, u64), LinkError> {
-        match self.answers.recv_timeout(PATIENCE) {
-            Ok(answer) => {
-                let (outcome, digest) = Lockstep::read_answer(&answer)?;
-                expect(tick, &outcome)?;
-                Ok((outcome, digest))
-            }
-            Err(RecvTimeoutError::Disconnected | RecvTimeoutError::Timeout) => Err(self.peer.explain()),
-        }
+    /// What it says next.
+    fn next(&mut self) -> Result<Vec<u8>, LinkError> {
+        self.answers.recv_timeout(PATIENCE).map_err(|_| self.peer.explain())
     }
 }
 
 impl Link for Emulated {
     fn tick(&mut self, tick: u32, readings: &Readings) -> Result<Outcome, LinkError> {
-        self.ask(tick, readings)?;
-        Ok(self.answer(tick)?.0)
+        let (mut frame, mut stream) = ([0; MAX_FRAME_LEN], [0; MAX_STREAM_LEN]);
+        let frame = proto::encode(&Message::Readings(convert::readings_message(tick, readings)), &mut frame)?;
+        let bytes = enframe(frame, &mut stream).ok_or(proto::Error::BufferTooShort)?;
+        let written = self.input.write_all(bytes).and_then(|()| self.input.flush());
+        written.map_err(|_| self.peer.explain())?;
+        match proto::decode(&self.next()?)? {
+            Message::Outcome(outcome) if outcome.output.tick == tick => Ok(outcome),
+            other => Err(LinkError::WrongAnswer { expected: tick, found: format!("{other:?}") }),
+        }
     }
 }
 
-fn expect(tick: u32, outcome: &Outcome) -> Result<(), LinkError> {
-    let found = outcome.output.tick;
-    if found == tick {
-        return Ok(());
-    }
-    Err(LinkError::WrongAnswer { expected: tick, found: format!("tick {found}") })
+/// The image of a configuration that is not from a file, so there is no hash to tell.
+fn image_of(config: &Config) -> Result<Vec<u8>, LinkError> {
+    let image = encode(config, &[0; 32], &mut [0; MAX_IMAGE_LEN]).map(<[u8]>::to_vec);
+    image.ok_or_else(|| LinkError::Configure { reason: ErrorKind::InvalidData.into() })
 }
 
-/// The configuration in a file of its own, which goes with the value.
-fn image_file(config: &Config) -> Result<TempPath, LinkError> {
+/// A file that goes with the value.
+fn file_with(bytes: &[u8]) -> Result<TempPath, LinkError> {
     let failed = |reason| LinkError::Configure { reason };
-    let mut buffer = [0; MAX_IMAGE_LEN];
-    // Not from a file, so there is no hash to tell.
-    let image = encode(config, &[0; 32], &mut buffer).ok_or_else(|| failed(ErrorKind::InvalidData.into()))?;
-    let mut file = tempfile::Builder::new().suffix(".image").tempfile().map_err(failed)?;
-    file.write_all(image).map_err(failed)?;
+    let mut file = tempfile::NamedTempFile::new().map_err(failed)?;
+    file.write_all(bytes).map_err(failed)?;
     Ok(file.into_temp_path())
 }
 
@@ -298,6 +311,7 @@ impl Emulation {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use craft::Lockstep;
 
     fn readings() -> Readings {
         Readings {
@@ -321,11 +335,10 @@ mod tests {
     /// A program that ends at once is named by its end, one that is not there by its name; nothing waits a minute.
     #[test]
     fn a_program_that_does_not_answer_is_explained() {
-        let image = || image_file(&Config::thesis()).unwrap();
-        let mut gone = Emulated::run(&mut Command::new("false"), image()).unwrap();
+        let mut gone = Emulated::run(&mut Command::new("false"), Vec::new()).unwrap();
         let error = gone.tick(0, &readings()).unwrap_err();
         assert!(matches!(error, LinkError::PeerGone { .. }), "{error}");
-        let none = Emulated::run(&mut Command::new("no-such-emulator"), image()).unwrap_err().to_string();
+        let none = Emulated::run(&mut Command::new("no-such-emulator"), Vec::new()).unwrap_err().to_string();
         assert!(none.contains("no-such-emulator"), "{none}");
         let silent = Udp::run(&mut Command::new("false"), &Config::thesis()).unwrap_err();
         assert!(matches!(silent, LinkError::PeerGone { .. } | LinkError::Configure { .. }), "{silent}");

@@ -10,7 +10,7 @@ use control::Config;
 use indicatif::{ProgressBar, ProgressStyle};
 use model::Model;
 use sil::{
-    Emulated, Emulation, LinkError, NoiseModel, Processor, Scenario, Settings, SilError, Suite, Transport,
+    Emulation, FlightPlan, LinkError, NoiseModel, Processor, Scenario, Settings, SilError, Suite, Transport,
     page,
 };
 
@@ -70,6 +70,10 @@ struct Arguments {
     /// Fly the failsafe drills instead and print the list: each rule with a flight that sets it off and one that just does not
     #[arg(long)]
     failsafes: bool,
+
+    /// Fly a pattern file instead (as from quadlab excite or plan), with the speed and angles of an identification flight
+    #[arg(long, value_name = "CSV", conflicts_with_all = ["scenarios", "failsafes", "transport"])]
+    pattern: Option<PathBuf>,
 
     /// Folder for index.html and one flight file a flight
     #[arg(long, value_name = "DIR", default_value = "out/sil")]
@@ -153,6 +157,10 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         seed: arguments.seed,
         substeps: u32::from(arguments.substeps),
     };
+    if let Some(path) = &arguments.pattern {
+        anyhow::ensure!(processor.is_none(), "--pattern with --on: a pattern flies on this machine");
+        return fly_pattern(arguments, path, settings);
+    }
     let transport = match (arguments.transport, processor) {
         (Way::Inproc, None) => Transport::InProcess,
         (Way::Iceoryx2, None) => Transport::Iceoryx2 { program: std::env::current_exe()? },
@@ -213,18 +221,14 @@ fn same_bits(
     let mut same = true;
     let mut flights = Vec::new();
     for flown in sil::same_bits::fly_all(arguments.seed)? {
-        let mut link = Emulated::start(processor, program, &flown.config).map_err(SilError::from)?;
-        let difference = flown.replay(&mut link).map_err(SilError::from)?;
+        let difference = flown.replay(processor, program, &flown.config).map_err(SilError::from)?;
         same &= difference.is_none();
         let (ticks, saturated, sha256) = (flown.ticks.len(), flown.saturated_ticks(), flown.sha256());
         if !arguments.json {
             println!("{}: {ticks} ticks, {saturated} of them saturated, sha256 {sha256}", flown.name);
             match &difference {
                 None => println!("  the same bits on {}", arguments.on),
-                Some(found) => println!(
-                    "  DIFFERS from tick {} on:\n  here  {:?}\n  there {:?}",
-                    found.tick, found.here, found.there
-                ),
+                Some(found) => println!("  DIFFERS from tick {} on: here {:?}", found.tick, found.here),
             }
         }
         flights.push(serde_json::json!({
@@ -239,6 +243,44 @@ fn same_bits(
         println!("{}", serde_json::json!({ "on": arguments.on, "same": same, "flights": flights }));
     }
     Ok(ExitCode::from(u8::from(!same)))
+}
+
+/// Flies a pattern file and leaves its flight file. Exit status 1 where the craft is lost or leaves the cage.
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn fly_pattern(
+    arguments: &Arguments,
+    path: &std::path::Path,
+    settings: Settings,
+) -> anyhow::Result<ExitCode> {
+    let Settings { model, config, delay_samples, noise, seed, substeps } = settings;
+    let pattern = pattern::Pattern::read(path)?;
+    let config = sil::for_identification(config.unwrap_or_else(Config::thesis));
+    let plan = FlightPlan::pattern(model.unwrap_or_else(Model::thesis), config, pattern, seed);
+    let recording = sil::fly(&FlightPlan { delay_samples, noise, substeps, ..plan })?;
+    std::fs::create_dir_all(&arguments.out)
+        .with_context(|| format!("cannot create the folder {}", arguments.out.display()))?;
+    let name =
+        path.with_extension("").file_name().map_or("pattern".into(), |n| n.to_string_lossy().into_owned());
+    let file = arguments.out.join(format!("{name}-flight.csv"));
+    report::write_atomic(&file, recording.to_flight(name, false).to_csv())?;
+    let (margin_m, saturated) = (recording.cage_margin_m(), recording.saturated_ticks(config.command_range));
+    let pass = recording.complete && margin_m >= 0.0;
+    if arguments.json {
+        let document = serde_json::json!({
+            "pass": pass, "complete": recording.complete, "cage_margin_m": margin_m,
+            "saturated_ticks": saturated, "flight": file.display().to_string(),
+        });
+        println!("{document}");
+    } else {
+        let how = if recording.complete { "flown to its end" } else { "LOST" };
+        println!(
+            "{}: {how}, {} m from floor and cage at the closest, {saturated} saturated ticks",
+            path.display(),
+            report::significant(margin_m, 3)
+        );
+        println!("flight file: {}", file.display());
+    }
+    Ok(ExitCode::from(u8::from(!pass)))
 }
 
 /// A model whose motors can be commanded, by gains of its own or by the thesis'.

@@ -178,8 +178,21 @@ impl Manoeuvre {
         path: &Path,
     ) -> Result<Pattern, ManoeuvreError> {
         let added = injection.over(period_s, duration_s)?;
-        let rows = self.script.rows((START_M, 0.0), period_s, duration_s, added);
-        Ok(Pattern::new(rows, path)?)
+        Ok(self.pattern_with(added, period_s, duration_s, path)?)
+    }
+
+    /// The pattern of the manoeuvre with what `added` gives at each tick, command units.
+    ///
+    /// # Errors
+    /// Values that no pattern has.
+    pub fn pattern_with(
+        &self,
+        added: impl FnMut(f64) -> [f64; 4],
+        period_s: f64,
+        duration_s: f64,
+        path: &Path,
+    ) -> Result<Pattern, PatternError> {
+        Pattern::new(self.script.rows((START_M, 0.0), period_s, duration_s, added), path)
     }
 }
 

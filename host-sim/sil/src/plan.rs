@@ -8,11 +8,11 @@
 use std::path::Path;
 
 use model::{Effect, Model};
-use pattern::Pattern;
+use pattern::{Multisine, Pattern};
 use rayon::prelude::*;
 use sysid::information::Parameter;
 
-use crate::manoeuvre::{Injection, Manoeuvre, ManoeuvreError, Signal, library};
+use crate::manoeuvre::{Manoeuvre, ManoeuvreError, library};
 use crate::predict::{Course, Foreseen, PredictError, Predictor};
 
 /// Amplitude of the multisine beside every manoeuvre, and of a strong one, part of the command range: the thesis' 15 us are
@@ -26,6 +26,9 @@ pub const BAND_HZ: [f64; 2] = [0.2, 5.0];
 const WITH_STRONG: [&str; 2] = ["hover", "tour"];
 /// Standard errors from which on two effects are told apart.
 pub const APART: f64 = 4.0;
+
+/// Flights within this factor of the best tell about as much: 1.7 times the flight time makes up for it.
+const ABOUT_AS_MUCH: f64 = 1.3;
 
 /// What is wanted of the next flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -130,7 +133,8 @@ pub fn check_effect(predictor: &Predictor, effect: Effect) -> Result<(), PlanErr
     Ok(())
 }
 
-/// Every manoeuvre, the best first; those that cannot be flown so at the end.
+/// Every manoeuvre, the one to fly first, the others by what they tell, and those that cannot be flown so at the end. To fly
+/// is the gentlest (by its largest roll or pitch) of those that tell about as much as the best.
 ///
 /// # Errors
 /// A model that cannot be flown at all.
@@ -150,12 +154,15 @@ pub fn plan(
         .map(|(m, part)| (m, part * (high - low)))
         .collect();
     let period_s = predictor.config().sample_time_s;
+    // The search for phases takes as long as several flights: once for all.
+    let sines = Multisine::new(duration_s, BAND_HZ, seed).map_err(ManoeuvreError::from)?;
     let mut proposals: Vec<Proposal> = flights
         .par_iter()
         .map(|(manoeuvre, amplitude)| {
-            let injection =
-                Injection { signal: Signal::Multisine, amplitude: *amplitude, band_hz: BAND_HZ, seed };
-            let pattern = manoeuvre.pattern(&injection, period_s, duration_s, Path::new(manoeuvre.name))?;
+            let added = |time_s: f64| sines.at(time_s).map(|v| amplitude * v);
+            let path = Path::new(manoeuvre.name);
+            let pattern =
+                manoeuvre.pattern_with(added, period_s, duration_s, path).map_err(ManoeuvreError::from)?;
             let foreseen = predictor.foresee(&pattern)?;
             let worth = worth(predictor, &foreseen, goal);
             let Foreseen { course, .. } = foreseen;
@@ -174,6 +181,24 @@ pub fn plan(
         let ((a_bad, a), (b_bad, b)) = (rank(a), rank(b));
         a_bad.cmp(&b_bad).then(a.total_cmp(&b))
     });
+    if let Some(best) = proposals.first().and_then(|p| p.worth) {
+        let as_good = |p: &&(usize, &Proposal)| {
+            let near = match (goal, p.1.worth) {
+                (Goal::Separate(..), Some(worth)) => {
+                    worth * ABOUT_AS_MUCH >= best && (worth >= APART || best < APART)
+                }
+                (Goal::Shrink(_), Some(worth)) => worth <= best * ABOUT_AS_MUCH,
+                (_, None) => false,
+            };
+            near && p.1.course.trouble.is_none()
+        };
+        let tilt = |p: &Proposal| p.course.tilt_rad[0].max(p.course.tilt_rad[1]);
+        let all: Vec<(usize, &Proposal)> = proposals.iter().enumerate().collect();
+        let gentlest = all.iter().filter(as_good).min_by(|a, b| tilt(a.1).total_cmp(&tilt(b.1)));
+        if let Some(&(index, _)) = gentlest {
+            proposals[..=index].rotate_right(1);
+        }
+    }
     Ok(proposals)
 }
 
@@ -190,8 +215,8 @@ fn worth(predictor: &Predictor, foreseen: &Foreseen, goal: Goal) -> Option<f64> 
             if !effects.contains(&parameter.effect) {
                 effects.push(parameter.effect);
             }
-            let information = foreseen.information.clone().knowing(|p| known_error(model, p));
-            information.expected(&effects).ok()?.std_error(parameter)
+            let expected = foreseen.information.expected(&effects).ok()?;
+            expected.knowing(model).std_error(parameter)
         }
     }
 }

@@ -32,7 +32,7 @@ pub enum PredictError {
     Prepare(#[from] sysid::PrepareError),
     /// The model cannot be flown at all.
     #[error(
-        "the simulated craft is lost on an ordinary tour: give gains that suit the model (--gains, as from quadlab design)"
+        "the simulated craft does not fly an ordinary tour to its end: give gains that suit the model (--gains, as from quadlab design)"
     )]
     Lost,
 }
@@ -102,7 +102,8 @@ impl Predictor {
                 ..FlightPlan::identification(model.clone(), seed.wrapping_add(k), NOISE_FLIGHT_S)
             };
             let recording = fly(&plan)?;
-            if !recording.complete {
+            let taken_over = recording.rows.iter().any(|r| r.supervision.state != State::Flying);
+            if !recording.complete || taken_over {
                 return Err(PredictError::Lost);
             }
             flights.push(prepared(&recording, &model)?);

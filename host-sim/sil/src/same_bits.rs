@@ -4,12 +4,14 @@
 //! [`digest`](craft::digest()) of all that came of them: motor commands, each internal term of the law, faults, state and
 //! conditions. The other processor gets the same readings and has to come to the same number, tick by tick.
 
+use std::path::Path;
+
 use control::{Config, Readings};
-use craft::{Lockstep, convert, digest};
-use proto::{Message, Outcome};
+use craft::{Lockstep, RECORDING_MAGIC, convert, digest};
+use proto::{MAX_FRAME_LEN, Message, Outcome};
 use sha2::{Digest, Sha256};
 
-use crate::emulated::Emulated;
+use crate::emulated::{Emulated, Processor};
 use crate::fault::{Fault, FaultKind};
 use crate::flight::{ClosedLoop, FlightPlan, SilError};
 use crate::link::{Link, LinkError};
@@ -18,8 +20,6 @@ use crate::scenario::{Scenario, Settings};
 
 /// Length of a flight, s.
 pub const FLIGHT_S: f64 = 60.0;
-/// Questions on their way at a time.
-const WINDOW: usize = 8;
 
 /// A flight as the law saw it.
 #[derive(Debug, Clone)]
@@ -39,8 +39,8 @@ pub struct Difference {
     pub tick: usize,
     /// What came out here.
     pub here: Outcome,
-    /// What came out there.
-    pub there: Outcome,
+    /// Digest of the whole tick here, and there.
+    pub digests: [u64; 2],
 }
 
 /// The autopilot in this process, keeping a record.
@@ -117,26 +117,37 @@ impl Flown {
         self.ticks.iter().filter(|(_, outcome, _)| outcome.output.pwm.iter().any(at_end)).count()
     }
 
-    /// Computes it again behind `link`, which has to be fresh; where does it differ first?
+    /// All readings, as the lockstep programs take them.
+    fn recording(&self) -> Result<Vec<u8>, proto::Error> {
+        let mut bytes = RECORDING_MAGIC.to_vec();
+        for (tick, (readings, _, _)) in self.ticks.iter().enumerate() {
+            let message = Message::Readings(convert::readings_message(tick as u32, readings));
+            let mut frame = [0; MAX_FRAME_LEN];
+            let frame = proto::encode(&message, &mut frame)?;
+            bytes.extend((frame.len() as u16).to_le_bytes());
+            bytes.extend(frame);
+        }
+        Ok(bytes)
+    }
+
+    /// Computes it again on `processor`, by its lockstep program, with `config`; where does it differ first?
     ///
     /// # Errors
     /// What goes wrong on the way.
-    pub fn replay(&self, link: &mut Emulated) -> Result<Option<Difference>, LinkError> {
-        let mut questions = self.ticks.iter().enumerate();
-        let ask = |link: &mut Emulated, question: Option<(usize, &(Readings, Outcome, u64))>| {
-            question.map_or(Ok(()), |(tick, (readings, _, _))| link.ask(tick as u32, readings))
-        };
-        for _ in 0..WINDOW {
-            ask(link, questions.next())?;
-        }
-        for (tick, (_, here, digest)) in self.ticks.iter().enumerate() {
-            let (there, found) = link.answer(tick as u32)?;
-            if (&there, found) != (here, *digest) {
-                return Ok(Some(Difference { tick, here: *here, there }));
-            }
-            ask(link, questions.next())?;
-        }
-        Ok(None)
+    pub fn replay(
+        &self,
+        processor: Processor,
+        program: &Path,
+        config: &Config,
+    ) -> Result<Option<Difference>, LinkError> {
+        let found = Emulated::replay(processor, program, config, &self.recording()?, self.ticks.len())?;
+        let pairs = self.ticks.iter().zip(found).enumerate();
+        let mut differences = pairs.filter(|(_, ((_, _, here), there))| here != there);
+        Ok(differences.next().map(|(tick, ((_, outcome, here), there))| Difference {
+            tick,
+            here: *outcome,
+            digests: [*here, there],
+        }))
     }
 }
 

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use control::Config;
 use control::gains::Law;
 use sil::same_bits::{Flown, fly_all};
-use sil::{Emulated, Emulation, Processor, Scenario, Settings, Suite, Transport};
+use sil::{Emulation, Processor, Scenario, Settings, Suite, Transport};
 
 /// The program in this variable.
 fn program(variable: &str) -> Option<PathBuf> {
@@ -23,8 +23,7 @@ fn program(variable: &str) -> Option<PathBuf> {
 /// Every motor command and every internal term of three flights of a minute each.
 fn same_bits(processor: Processor, program: &Path) {
     for flown in fly_all(1).unwrap() {
-        let mut link = Emulated::start(processor, program, &flown.config).unwrap();
-        let difference = flown.replay(&mut link).unwrap();
+        let difference = flown.replay(processor, program, &flown.config).unwrap();
         assert_eq!(difference, None, "{} on {}", flown.name, processor.name());
         println!(
             "{}, {}: {} ticks, sha256 {}",
@@ -42,8 +41,7 @@ fn a_gain_that_differs_in_its_last_place_is_seen(processor: Processor, program: 
     let mut config: Config = flown.config;
     let Law::ModelBased(law) = &mut config.law else { panic!("the thesis' law") };
     law.loops.yaw.kd = f64::from((law.loops.yaw.kd as f32).next_up());
-    let mut link = Emulated::start(processor, program, &config).unwrap();
-    let difference = flown.replay(&mut link).unwrap().expect("other gains fly otherwise");
+    let difference = flown.replay(processor, program, &config).unwrap().expect("other gains fly otherwise");
     assert!(difference.tick < 100, "{difference:?}");
 }
 

@@ -56,6 +56,31 @@ fn a_run_writes_a_page_and_flight_files() {
 }
 
 #[test]
+fn a_pattern_file_is_flown() {
+    let out = tempfile::tempdir().unwrap();
+    let injection = sil::manoeuvre::Injection {
+        signal: sil::manoeuvre::Signal::Multisine,
+        amplitude: 15.0,
+        band_hz: [0.2, 5.0],
+        seed: 1,
+    };
+    let circle = sil::manoeuvre::library(12.0, 1).into_iter().find(|m| m.name == "circle").unwrap();
+    let pattern = circle.pattern(&injection, 0.01, 12.0, Path::new("circle")).unwrap();
+    let file = out.path().join("circle.csv");
+    std::fs::write(&file, pattern.to_csv()).unwrap();
+    let output = sil(&["--pattern", file.to_str().unwrap(), "--json"], out.path());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert_eq!(json(&output)["pass"], true);
+    let flight = sysid::Flight::read(&out.path().join("circle-flight.csv")).unwrap();
+    assert_eq!(flight.len(), 1201);
+    // Round the circle: 2 m across.
+    let x = flight.column(sysid::Column::X).unwrap();
+    assert!(x.iter().any(|x| *x > 1.5) && x[0] == 0.0);
+    let missing = sil(&["--pattern", "no-such.csv"], out.path());
+    assert_eq!((missing.status.code(), text(&missing.stderr).lines().count()), (Some(2), 1));
+}
+
+#[test]
 fn exit_status_and_json_say_the_same() {
     let out = tempfile::tempdir().unwrap();
     for (arguments, status) in

@@ -192,19 +192,6 @@ impl Information {
         self
     }
 
-    /// The same with coefficients that are known with a standard error, independently of each other.
-    #[must_use]
-    pub fn knowing(mut self, known: impl Fn(Parameter) -> Option<f64>) -> Self {
-        for (k, parameter) in self.parameters.iter().enumerate() {
-            if let Some(error) = known(*parameter).filter(|e| *e > 0.0) {
-                let precision = 1.0 / (error * error);
-                self.normal[(k, k)] += precision;
-                self.scores[(k, k)] += precision;
-            }
-        }
-        self
-    }
-
     /// Rows of each axis.
     pub fn rows(&self) -> f64 {
         self.rows
@@ -326,6 +313,45 @@ impl Expected {
         let k = self.parameters.iter().position(|p| *p == parameter)?;
         Some(self.covariance[(k, k)].max(0.0).sqrt())
     }
+
+    /// With what a model's file says of its coefficients already: their errors and, where the file has them, correlations.
+    #[must_use]
+    pub fn knowing(mut self, model: &Model) -> Self {
+        let of_model: Vec<Parameter> = model
+            .terms
+            .iter()
+            .flat_map(|t| (0..t.coefficients.len()).map(|index| Parameter { effect: t.effect, index }))
+            .collect();
+        let all = model.covariance();
+        let known: Vec<(usize, usize)> = self
+            .parameters
+            .iter()
+            .enumerate()
+            .filter_map(|(here, p)| Some((here, of_model.iter().position(|m| m == p)?)))
+            .filter(|(_, there)| all[(*there, *there)] > 0.0)
+            .collect();
+        let block = DMatrix::from_fn(known.len(), known.len(), |r, c| all[(known[r].1, known[c].1)]);
+        if let (Some(before), Some(mut precision)) = (precision(&block), precision(&self.covariance)) {
+            for (i, (r, _)) in known.iter().enumerate() {
+                for (j, (c, _)) in known.iter().enumerate() {
+                    precision[(*r, *c)] += before[(i, j)];
+                }
+            }
+            if let Some(covariance) = self::precision(&precision) {
+                self.covariance = covariance;
+            }
+        }
+        self
+    }
+}
+
+/// Inverse of a symmetric matrix whose diagonal may span many orders of magnitude; none if it is not positive definite.
+fn precision(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let scale = |k: usize| 1.0 / matrix[(k, k)].sqrt();
+    let n = matrix.nrows();
+    let scaled = DMatrix::from_fn(n, n, |r, c| matrix[(r, c)] * scale(r) * scale(c));
+    let inverse = scaled.cholesky()?.inverse();
+    Some(DMatrix::from_fn(n, n, |r, c| inverse[(r, c)] * scale(r) * scale(c)))
 }
 
 fn product(a: &[f64], b: &[f64]) -> f64 {
@@ -386,6 +412,23 @@ mod tests {
             Information { parameters, scores: normal.clone(), normal: normal.clone(), rows: 9.0 };
         let expected = information.expected(&[Effect::LinearDrag]).unwrap();
         assert!((expected.covariance - normal.try_inverse().unwrap()).norm() < 1e-12);
+    }
+
+    /// Two independent measurements of the same thing: their precisions add.
+    #[test]
+    fn what_is_known_adds_to_what_is_found() {
+        let mut model = Model::thesis();
+        for (k, error) in [0.3, 0.4, 0.5].into_iter().enumerate() {
+            let term = model.terms.iter_mut().find(|t| t.effect == Effect::LinearDrag).unwrap();
+            term.coefficients[k].std_error = Some(error);
+        }
+        let parameters: Vec<Parameter> =
+            (0..3).map(|index| Parameter { effect: Effect::LinearDrag, index }).collect();
+        let covariance = DMatrix::from_diagonal(&DVector::from_vec(vec![0.16, 1e6, 0.25]));
+        let found = Expected { parameters: parameters.clone(), covariance, dead: Vec::new() }.knowing(&model);
+        for (parameter, expected) in parameters.into_iter().zip([0.24, 0.4, 0.5_f64 / 2_f64.sqrt()]) {
+            assert!((found.std_error(parameter).unwrap() - expected).abs() < 1e-6, "{parameter:?}");
+        }
     }
 
     #[test]

@@ -55,6 +55,8 @@ const OUTLIER: f64 = 6.0;
 const STANDING: f64 = 0.05;
 /// Standard error of the voltage's coefficient, part of speed over voltage, beyond which it was not excited.
 const VOLTAGE_ERROR: f64 = 0.2;
+/// A voltage that moves by less than this is constant, V.
+const LEAST_VOLTS: f64 = 0.01;
 /// Standard error of the lag, part of it, beyond which it is not known.
 const LAG_ERROR: f64 = 0.25;
 /// Length of a part of the run that is judged as one, s; and number of folds.
@@ -215,7 +217,7 @@ pub enum MotorMapError {
     },
     /// The voltage hardly moved.
     #[error(
-        "voltage coefficient not excited: vbat goes from {low_v:.2} to {high_v:.2} V, which leaves a standard error of {error:.0} rad/s/V; run the battery down from full, or leave the voltage out with --without-voltage"
+        "voltage coefficient not excited: vbat goes from {low_v:.2} to {high_v:.2} V, which determines it to +- {error:.0} rad/s/V only; run the battery down from full, or leave the voltage out with --without-voltage"
     )]
     VoltageNotExcited {
         /// Smallest, V.
@@ -615,6 +617,10 @@ pub fn motor_map(stand: &Stand, with_voltage: bool) -> Result<StandResult, Motor
         return Err(problem.too_short());
     }
     let terms = if with_voltage { Terms::Voltage } else { Terms::Command };
+    let (low_v, high_v) = range(&craft.volts);
+    if with_voltage && high_v - low_v < LEAST_VOLTS {
+        return Err(MotorMapError::VoltageNotExcited { low_v, high_v, error: f64::INFINITY });
+    }
     let all: Vec<usize> = (0..problem.points.len()).collect();
     let start = synchronise(&problem, terms)?;
     let mut fitted = problem.fit(&all, terms, start, Free::LagAndClock)?;
@@ -628,7 +634,6 @@ pub fn motor_map(stand: &Stand, with_voltage: bool) -> Result<StandResult, Motor
     let motors = if all.len() > 1 { each_motor(&problem, terms, &fitted, stand)? } else { Vec::new() };
     let maps = compare(&problem, fitted.shape, with_voltage)?;
     let supported = maps.iter().rev().find(|m| m.supported).map_or(Terms::Command.name(), |m| m.terms);
-    let (low, high) = range(&craft.volts);
     Ok(StandResult {
         clock: StandClock {
             offset_s: Estimated { value: fitted.shape.offset_s, std_error: fitted.errors[1] },
@@ -642,7 +647,7 @@ pub fn motor_map(stand: &Stand, with_voltage: bool) -> Result<StandResult, Motor
         samples: fitted.rows,
         missed_pulses,
         left_out: given - fitted.rows - missed_pulses,
-        battery_v: [low, high],
+        battery_v: [low_v, high_v],
         figures: figures(&problem, terms, &fitted, stand),
     })
 }
