@@ -18,7 +18,8 @@
 //!
 //! A COM whose clock runs fast is the unsolved fault of the thesis (chapter 6): it throws off law, sample rate and integrators, and
 //! came and went by itself. It counts as wrong when the skew is beyond [`SKEW_LIMIT`] by four standard errors in two bins running, and as well again when the estimate is inside by one;
-//! with jitter of a tick that takes under 2 s for 1 %. A leap of more than [`LEAP_S`] between bins is named too.
+//! with jitter of a tick that takes under 2 s for 1 %. Bounds of two bins
+//! that are more than [`LEAP_S`] apart are a leap, and named too.
 //!
 //! Both ramps are microseconds modulo 2^32 (71.6 minutes); only differences are used. Deliberately absent: setting anybody's clock.
 
@@ -30,7 +31,7 @@ pub const BIN_S: f64 = 0.25;
 pub const BINS: usize = 6;
 /// A pace that differs by more than this part is a fault. Crystals differ by 1e-4 at most.
 pub const SKEW_LIMIT: f64 = 3e-3;
-/// Offsets of two bins that differ by more are a leap, s.
+/// Bounds of two bins that are farther apart are a leap, s.
 pub const LEAP_S: f64 = 0.05;
 /// Standard errors that a skew has to be beyond the limit.
 const SURE: f64 = 4.0;
@@ -147,9 +148,11 @@ struct Bin {
 }
 
 impl Bin {
-    /// The middle of the bounds, us.
-    fn offset_us(&self) -> f64 {
-        0.5 * (self.above.1 + self.below.1)
+    /// How far the offset has certainly moved, us: the bounds of both bins do not meet. A machine that stood still moves one bound
+    /// only.
+    fn leap_from_us(&self, before: &Self) -> f64 {
+        let (forward, back) = (self.above.1 - before.below.1, self.below.1 - before.above.1);
+        if forward > 0.0 { forward } else { back.min(0.0) }
     }
 }
 
@@ -158,6 +161,8 @@ impl Bin {
 pub struct Ramps {
     craft: Unwrapped,
     last_echo: Option<u32>,
+    /// An echo has changed: one that never did may be what the craft began with.
+    echoed: bool,
     bins: VecDeque<Bin>,
     last_tick: (u32, u64),
     /// Bins running in which the skew was surely beyond the limit, with its sign, and in which it was inside.
@@ -171,6 +176,7 @@ impl Default for Ramps {
         Self {
             craft: Unwrapped::default(),
             last_echo: None,
+            echoed: false,
             bins: VecDeque::with_capacity(BINS + 2),
             last_tick: (0, 0),
             beyond: 0,
@@ -189,9 +195,9 @@ impl Ramps {
         // The echo is a past value of the same clock that `arrived_us` is, cut to 32 bits.
         let round_trip_us = u64::from((arrived_us as u32).wrapping_sub(echo_us));
         let fresh = self.last_echo != Some(echo_us);
-        let first = self.last_echo.is_none();
+        self.echoed |= fresh && self.last_echo.is_some();
         self.last_echo = Some(echo_us);
-        if round_trip_us > OLDEST_US.min(arrived_us) || first {
+        if round_trip_us > OLDEST_US.min(arrived_us) || !self.echoed {
             return None; // nothing has come to the craft yet, or not for long
         }
         let round_trip_us = round_trip_us.cast_signed();
@@ -233,7 +239,7 @@ impl Ramps {
     fn close_bin(&mut self) -> Option<ClockEvent> {
         let newest = *self.bins.back()?;
         let before = self.bins.len().checked_sub(2).and_then(|k| self.bins.get(k));
-        let leap_us = before.map_or(0.0, |before| newest.offset_us() - before.offset_us());
+        let leap_us = before.map_or(0.0, |before| newest.leap_from_us(before));
         if leap_us.abs() > LEAP_S * 1e6 {
             self.bins.clear();
             (self.beyond, self.inside, self.pace) = (0, 0, Pace::Unknown);
@@ -445,6 +451,10 @@ mod tests {
             let (ramps, events) = run(&Simulated { queue_s, loss: 0.3, seed, ..LINK }, 600.0);
             let wrong: Vec<_> = events.iter().filter(|(_, e)| matches!(e, ClockEvent::Off { .. })).collect();
             assert!(wrong.is_empty(), "seed {seed}, queue {queue_s}: {wrong:?}");
+            assert!(
+                !events.iter().any(|(_, e)| matches!(e, ClockEvent::Leapt { .. })),
+                "seed {seed}: {events:?}"
+            );
             assert_ne!(ramps.timing().unwrap().pace, Pace::Fast);
         }
     }
@@ -480,7 +490,8 @@ mod tests {
     fn before_the_ramp_has_come_back_nothing_is_known() {
         let mut ramps = Ramps::default();
         for tick in 0..100_u32 {
-            assert_eq!(ramps.heard(tick * 10_000, 0, tick, 60_000_000 + u64::from(tick) * 10_000), None);
+            // Whatever the ground's clock says: an echo that never changes is none.
+            assert_eq!(ramps.heard(tick * 10_000, 0, tick, 1_000 + u64::from(tick) * 10_000), None);
         }
         assert_eq!(ramps.timing(), None);
     }

@@ -151,26 +151,28 @@ impl Entry<'_> {
         }
     }
 
-    /// Its JSON. Serialising plain data does not fail.
-    fn json(&self, log_ns: u64) -> Value {
-        let of = |value: serde_json::Result<Value>| value.unwrap_or(Value::Null);
+    /// Its JSON, numbers with the fewest digits that give them back. Serialising plain data does not fail.
+    fn json(&self, log_ns: u64) -> String {
+        fn of(value: &impl Serialize) -> String {
+            serde_json::to_string(value).unwrap_or_else(|_| "{}".into())
+        }
         match self {
-            Self::Telemetry(telemetry) => of(serde_json::to_value(telemetry)),
-            Self::Pose(pose) => of(serde_json::to_value(pose)),
-            Self::Command(command) => of(serde_json::to_value(command)),
-            Self::Request(request) => json!({ "request": request }),
-            Self::Gains(gains) => of(serde_json::to_value(gains)),
-            Self::Identity(identity) => of(serde_json::to_value(identity)),
-            Self::Answer(answer) => of(serde_json::to_value(answer)),
-            Self::Link(link) => of(serde_json::to_value(link)),
-            Self::Log(level, message) => json!({
+            Self::Telemetry(telemetry) => of(telemetry),
+            Self::Pose(pose) => of(pose),
+            Self::Command(command) => of(command),
+            Self::Request(request) => of(&json!({ "request": request })),
+            Self::Gains(gains) => of(gains),
+            Self::Identity(identity) => of(identity),
+            Self::Answer(answer) => of(answer),
+            Self::Link(link) => of(link),
+            Self::Log(level, message) => of(&json!({
                 "timestamp": { "sec": log_ns / 1_000_000_000, "nsec": log_ns % 1_000_000_000 },
                 "level": level.number(),
                 "message": message,
                 "name": "ground",
                 "file": "",
                 "line": 0,
-            }),
+            })),
         }
     }
 }
@@ -238,7 +240,7 @@ fn samples() -> [Value; 9] {
         Entry::Link(&link),
         Entry::Log(Level::Info, "words"),
     ]
-    .map(|entry| entry.json(0))
+    .map(|entry| serde_json::from_str(&entry.json(0)).unwrap_or_default())
 }
 
 /// The JSON schema of values like this one. Every number may be `null`, since JSON has no other word for one that is none.
@@ -296,7 +298,7 @@ fn with_ending(name: &Path, ending: &str) -> PathBuf {
 }
 
 impl Recorder {
-    /// Begins `NAME.mcap.part`.
+    /// Begins `NAME.mcap.part`; its first line of `/log` says what it is `about`.
     ///
     /// # Errors
     /// A recording of that name that is there, finished or not; a folder that cannot be written.
@@ -320,10 +322,14 @@ impl Recorder {
         let refuse = |source| mcap_error(&path, "begin the recording")(source);
         let (mut writer, channels) =
             begin_mcap(BufWriter::new(file), WriteOptions::new().use_chunks(false)).map_err(refuse)?;
-        let metadata = mcap::records::Metadata { name: "quadlab".into(), metadata: about.clone() };
-        writer.write_metadata(&metadata).map_err(refuse)?;
         writer.flush().map_err(refuse)?;
-        Ok(Self { path: path.clone(), writer, channels, sequences: [0; TOPICS.len()], epoch_ns })
+        let mut recorder =
+            Self { path: path.clone(), writer, channels, sequences: [0; TOPICS.len()], epoch_ns };
+        if !about.is_empty() {
+            let words: Vec<String> = about.iter().map(|(name, value)| format!("{name} {value}")).collect();
+            recorder.write(0, &Entry::Log(Level::Info, &words.join(", ")))?;
+        }
+        Ok(recorder)
     }
 
     /// Records something at this time of the ground's clock. It is with the system when this returns.
@@ -340,7 +346,7 @@ impl Recorder {
             publish_time: log_time,
         };
         self.sequences[channel] = self.sequences[channel].wrapping_add(1);
-        let data = entry.json(log_time).to_string();
+        let data = entry.json(log_time);
         let written = self.writer.write_to_known_channel(&header, data.as_bytes());
         written.and_then(|()| self.writer.flush()).map_err(mcap_error(&self.path, "write to the recording"))
     }
@@ -477,6 +483,7 @@ mod tests {
         let mut value = samples()[0].clone();
         value["tick"] = tick.into();
         value["craft_us"] = (tick * 10_000).into();
+        value["battery_v"] = json!(0.1);
         let state = if (10..110).contains(&tick) { "Flying" } else { "Disarmed" };
         value["supervision"]["state"] = state.into();
         value["tracked"]["position_m"] = json!([0.25, 0.0, if tick < 20 { 0.0 } else { -1.0 }]);
@@ -546,6 +553,7 @@ mod tests {
             let fields: Vec<_> = value.as_object().unwrap().keys().collect();
             let known: Vec<_> = schema["properties"].as_object().unwrap().keys().collect();
             assert_eq!(fields, known);
+            assert_eq!(value["battery_v"].as_f64().unwrap_or(0.1), 0.1, "not 0.10000000149011612");
             assert_eq!(schema["type"], "object", "viewers ask for an object");
         }
     }
@@ -577,7 +585,7 @@ mod tests {
     fn numbers_that_are_none_are_null_and_read_back_as_missing() {
         let mut told = telemetry(0);
         told.tracked.position_m[1] = f32::NAN;
-        let value = Entry::Telemetry(&told).json(0);
+        let value: Value = serde_json::from_str(&Entry::Telemetry(&told).json(0)).unwrap();
         assert_eq!(value["tracked"]["position_m"][1], Value::Null);
         assert_eq!(value["supervision"]["state"], "Disarmed");
     }

@@ -817,7 +817,7 @@ mod tests {
             Condition::BatteryLow.bit() | Condition::PoseLate.bit() | Condition::LandRequested.bit();
         for tick in 50..60 {
             bench.hear(
-                500_000 + u64::from(tick) * 10,
+                u64::from(tick) * 10_000,
                 &Message::Telemetry(telemetry(tick, State::Hold, conditions)),
             );
         }

@@ -47,7 +47,7 @@ fn line(told: &Told) -> String {
     format!("[{:7.1} s] {word}{}", told.at_us as f64 * 1e-6, told.text)
 }
 
-/// A line for each thing that happens, and one about the link every [`STATUS_US`].
+/// A line for each thing that happens, and one about the link every five seconds.
 #[derive(Debug)]
 pub struct Plain<W> {
     out: W,

@@ -1,6 +1,7 @@
 //! The simulated laboratory of `quadlab ground --simulated`, in real time on a thread of its own.
 //!
-//! It speaks what a real one speaks: the craft's packets over UDP, and the tracker's frames in Vicon's format.
+//! It speaks what a real one speaks: the craft's packets over UDP, and the tracker's frames in Vicon's format. On a machine that
+//! is too busy, time in it waits for the ground station and catches up later, so that the craft does not fall for it.
 
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;
@@ -17,6 +18,8 @@ use sil::{FlightPlan, Laboratory, Radio};
 const FRAMES: Frames = Frames::with_axes(Axes::Z_UP);
 /// A machine that stood still for longer than this has lost time; up to that it is caught up with.
 const STALL: Duration = Duration::from_millis(100);
+/// So long time waits for a ground station that has been heard before, and no longer: one that has gone is gone.
+const WAIT: Duration = Duration::from_millis(250);
 
 /// The laboratory while it runs.
 pub(crate) struct Simulated {
@@ -62,6 +65,7 @@ fn serve(mut lab: Laboratory, mut radio: Radio, tracker: &UdpSocket, over: &Atom
     let period = Duration::from_secs_f64(lab.period_s());
     let mut next = Instant::now();
     let mut frame = 0_u32;
+    let mut waits = false;
     while !over.load(Ordering::SeqCst) {
         std::thread::sleep(next.saturating_duration_since(Instant::now()));
         radio.receive(&mut lab);
@@ -77,6 +81,13 @@ fn serve(mut lab: Laboratory, mut radio: Radio, tracker: &UdpSocket, over: &Atom
         // Nobody may be listening yet, or any more.
         let _ = tracker.send(&Block { frame, objects: vec![quad] }.to_bytes());
         frame = frame.wrapping_add(1);
+        let sent = Instant::now();
+        let mut answered = radio.receive(&mut lab) > 0;
+        while waits && !answered && sent.elapsed() < WAIT {
+            std::thread::sleep(Duration::from_micros(200));
+            answered = radio.receive(&mut lab) > 0;
+        }
+        waits = answered;
         next += period;
         if next + STALL < Instant::now() {
             next = Instant::now() + period;

@@ -34,8 +34,9 @@ fn a_script_is_flown_and_recorded() {
     let (x, z) = (column(sysid::Column::X), column(sysid::Column::Z));
     let least = |values: &[f64]| values.iter().copied().fold(f64::INFINITY, f64::min);
     let most = |values: &[f64]| values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    // A step of 0.4 m at up to 2.5 m/s overshoots, and the landing stops a craft that may still move.
     assert!(
-        (0.25..0.6).contains(&most(&x)) && (-1.0..-0.6).contains(&least(&z)),
+        (0.25..0.9).contains(&most(&x)) && (-1.0..-0.6).contains(&least(&z)),
         "{} {}",
         most(&x),
         least(&z)
