@@ -457,10 +457,13 @@ impl Work<'_> {
                     }
                     let margins = at_error(&closed);
                     let slow = margins.crossover_rad_s.is_none_or(|w| w <= specs.crossover_rad_s);
-                    Ok(margins.phase_margin_deg.filter(|_| slow))
+                    let mode = least_damped(&closed.closed.poles()?, 0.0);
+                    let overshoot = mode.map_or(0.0, |m| damping_overshoot(m.damping));
+                    let damped = overshoot <= specs.damping_overshoot_percent;
+                    Ok(margins.phase_margin_deg.filter(|_| slow && damped))
                 };
                 let (kp, reached) = greatest(1.0, 2000.0, phase)?
-                    .ok_or_else(|| unstable("proportional gain within its crossover"))?;
+                    .ok_or_else(|| unstable("proportional gain within its crossover and overshoot"))?;
                 // A search goes on from the best there is.
                 if self.specs.method == Method::Thesis {
                     let wanted = specs.phase_margin_deg + INTEGRAL_RESERVE_DEG;

@@ -212,6 +212,7 @@ fn page(work: &Work) -> anyhow::Result<Page> {
         )?)
         .section(group(work, "Position (5.4)", outer, ["5.17", "5.18", "5.19", "5.20", "5.21", "5.22"])?)
         .section(flown(work)?);
+    page = page.section(ages(work)?);
     if !work.continuous.moved_zero.is_empty() {
         page = page.section(
             design_pages::moved_zeros(&work.config, View::Continuous, &work.study, &work.continuous)?
@@ -353,6 +354,32 @@ fn flown(work: &Work) -> anyhow::Result<Section> {
     }
     Ok(section)
 }
+
+/// What speed costs: the margins that are left as the pose gets older.
+fn ages(work: &Work) -> anyhow::Result<Section> {
+    let names = work.sampled.loops.iter().map(|l| Column::text(l.name));
+    let columns: Vec<Column> =
+        std::iter::once(Column::number("age of the pose", "samples")).chain(names).collect();
+    let mut table = Table::new("", columns);
+    for delay_samples in 0..=OLDEST_POSE {
+        let study = Study::new(&work.model, &work.config, View::Sampled { delay_samples })?;
+        let cells = study.margins()?.into_iter().map(|(_, margins)| {
+            if !margins.stable {
+                return Cell::from("unstable").verdict(Verdict::Bad);
+            }
+            let number = |value: Option<f64>| value.map_or_else(|| "-".into(), |x| significant(x, 3));
+            let error = &margins.at_error;
+            Cell::from(format!("{} deg, {}", number(error.phase_margin_deg), number(error.gain_margin)))
+        });
+        table.push(std::iter::once(Cell::number(delay_samples as f64, 2)).chain(cells));
+    }
+    Ok(Section::new("What a late pose costs")
+        .paragraph("Phase margin and gain margin of each loop at its error, by the age of the pose.")
+        .table(table))
+}
+
+/// Oldest pose of the table, samples.
+const OLDEST_POSE: usize = 6;
 
 /// Appendix B: what the integral part is for.
 fn disturbances(work: &Work) -> anyhow::Result<Section> {
