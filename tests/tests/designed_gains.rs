@@ -1,13 +1,21 @@
 //! Gains from the linear loops, flown in the nonlinear simulation: what the design promises is what flies.
 #![forbid(unsafe_code)]
 
+use std::path::Path;
+
 use control::Config;
+use control::gains::Saturation;
 use control::supervision::Fence;
 use design::check::{Study, commanded};
 use design::loops::{LOOPS, LoopName, View};
-use design::procedure::{Specs, design};
-use model::Model;
-use sil::{FlightPlan, StepAxis, fly};
+use model::{Battery, Model};
+use sil::{FlightPlan, NoiseModel, Outcome, Scenario, Settings, StepAxis, fly};
+
+/// The default design on the thesis' vehicle, as the file in the tree has it (crate `design` tests that it comes out so).
+fn designed() -> Config {
+    let text = include_str!("../../host-sim/model/vehicles/f330-designed-gains.toml");
+    design::Gains::parse(text, Path::new("f330-designed-gains.toml")).unwrap().config
+}
 
 /// The response over the step from the step on, one value a tick, of a flight with `delay` samples.
 fn flown(config: &Config, axis: StepAxis, size: f64, delay: usize) -> Vec<f64> {
@@ -48,11 +56,11 @@ fn small_steps_fly_as_the_linear_loops_say() {
 /// thesis' gains lose control with 3. The dip is that of the specifications, with what 10 degrees bend.
 #[test]
 fn designed_gains_fly_with_a_late_pose() {
-    let designed = design(&Model::thesis(), &Specs::default()).unwrap();
+    let designed = designed();
     let ten = 10_f64.to_radians();
     for axis in [StepAxis::Roll, StepAxis::Pitch] {
         for delay in [2, 4] {
-            let response = flown(&designed.config, axis, ten, delay);
+            let response = flown(&designed, axis, ten, delay);
             let metrics = design::response::step_metrics(&response, 0.01);
             println!("{axis:?}, {delay} samples: {metrics:?}");
             let tail = &response[response.len() - 200..];
@@ -72,4 +80,79 @@ fn designed_gains_fly_with_a_late_pose() {
     let tail = &series[series.len() - 200..];
     let ripple = tail.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max) / ten;
     assert!(!lost.complete || ripple > 5e-3, "{ripple}");
+}
+
+/// Every standard flight with the default design against the thesis' gains in the same simulation and against what the thesis
+/// prints: overshoot of yaw 3.54 %, altitude 2.15 %, x 15 % and y 17 %, rise of yaw 0.665 s and altitude 1.24 s. Roll and pitch
+/// have no printed step; the reference's linear loops rise in 0.378 and 0.332 s, and fall back to 62 % after their peak.
+#[test]
+fn designed_gains_fly_no_worse_than_the_thesis_gains() {
+    let config = designed();
+    let settings = Settings { config: Some(config), ..Settings::default() };
+    for (scenario, overshoot_percent, rise_s) in [
+        (Scenario::Roll10, 2.5, 0.298),
+        (Scenario::Pitch10, 2.5, 0.332),
+        (Scenario::Yaw30, 2.32, 0.665),
+        (Scenario::Climb, 2.15, 1.24),
+        (Scenario::X1, 15.0, 2.0),
+        (Scenario::Y1, 14.2, 2.0),
+    ] {
+        let plan = scenario.plan(&settings);
+        let outcome = Outcome::new(scenario, plan.clone(), fly(&plan).unwrap());
+        let metrics = outcome.metrics.unwrap();
+        println!("{scenario}: {metrics:?}");
+        assert!(outcome.pass() && outcome.saturated_ticks == 0, "{scenario}");
+        assert!(metrics.overshoot_percent <= overshoot_percent, "{scenario}: {metrics:?}");
+        assert!(metrics.rise_s.unwrap() <= rise_s, "{scenario}: {metrics:?}");
+        if matches!(scenario, Scenario::Roll10 | Scenario::Pitch10) {
+            assert!(metrics.lowest_after_peak.unwrap() >= 0.7, "{scenario}: {metrics:?}");
+        }
+    }
+    for scenario in [Scenario::Hover, Scenario::Pattern, Scenario::Excitation] {
+        let plan = scenario.plan(&settings);
+        assert!(Outcome::new(scenario, plan.clone(), fly(&plan).unwrap()).pass(), "{scenario}");
+    }
+}
+
+/// 30 degrees of roll held for 10 s, where the thesis' gains tumble: to both sides, with noise, with 3 and 4 samples of delay,
+/// and with a battery of 10.5 V. After 7 s the motors are at their end, for a craft that slides at 17 m/s has to hold 64
+/// rad/s^2 of the 73 there are against the air (the reference says 3.78 per m/s): then it gives up height, not the attitude,
+/// and a little of the angle. Motors clipped one by one lose the craft with the same gains.
+#[test]
+fn thirty_degrees_of_roll_are_held() {
+    let config = designed();
+    assert_eq!(config.saturation, Saturation::AttitudeFirst);
+    let thirty = 30_f64.to_radians();
+    let held = |config: &Config, size: f64, delay_samples: usize, noise: bool, battery_v: f64| {
+        let mut plan = FlightPlan {
+            config: *config,
+            delay_samples,
+            noise: noise.then(NoiseModel::default),
+            battery: Battery::constant(battery_v),
+            ..FlightPlan::thesis_step(StepAxis::Roll, size)
+        };
+        plan.config.supervision.fence = Fence::NONE;
+        let recording = fly(&plan).unwrap();
+        let part: Vec<f64> = recording.series(StepAxis::Roll).iter().map(|phi| phi / size).collect();
+        let after_dip = &part[400.min(part.len())..];
+        let least = after_dip.iter().copied().fold(f64::INFINITY, f64::min);
+        let most = part.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        println!(
+            "{size:.3} rad, {delay_samples} samples, noise {noise}, {battery_v} V: {least:.3} to {most:.3}"
+        );
+        recording.complete && least > 0.75 && most < 1.15
+    };
+    for (size, delay, noise, battery_v) in [
+        (thirty, 2, false, 11.1),
+        (-thirty, 2, false, 11.1),
+        (thirty, 2, true, 11.1),
+        (thirty, 3, false, 11.1),
+        (thirty, 4, false, 11.1),
+        (thirty, 2, false, 10.5),
+    ] {
+        assert!(held(&config, size, delay, noise, battery_v), "{size} {delay} {noise} {battery_v}");
+    }
+    let clipped = Config { saturation: Saturation::Clip, ..config };
+    assert!(!held(&clipped, thirty, 2, false, 11.1));
+    assert!(!held(&Config::thesis(), thirty, 2, false, 11.1));
 }

@@ -17,6 +17,9 @@ pub(crate) struct Options {
     /// Onto a computer with Linux and ssh
     #[arg(long, group = "to", value_name = "USER@HOST[:PORT]")]
     com: Option<flash_com::Destination>,
+    /// Onto this chip, through a debug probe (probe-rs); propellers off
+    #[arg(long, group = "to", value_name = "CHIP")]
+    probe: Option<String>,
     /// Into an emulator
     #[arg(long, group = "to", value_name = "TARGET")]
     qemu: Option<flash_chip::Emulated>,
@@ -46,10 +49,14 @@ pub(crate) struct Options {
 
 /// Does it.
 pub(crate) fn run(options: Options) -> Result<ExitCode> {
-    let Options { com, qemu, dry_run, rollback, config, folder, ssh_config, runner, program } = options;
+    let Options { com, probe, qemu, dry_run, rollback, config, folder, ssh_config, runner, program } =
+        options;
     if let Some(destination) = com {
         let flash = flash_com::Flash { destination, config, folder, ssh_config, runner, program, rollback };
         return if dry_run { flash.print_steps() } else { flash.run() };
+    }
+    if let Some(chip) = probe {
+        return flash_chip::onto(&chip, dry_run);
     }
     match qemu {
         Some(target) => flash_chip::emulate(target, dry_run),

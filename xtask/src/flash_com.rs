@@ -25,7 +25,9 @@ use anyhow::{Context, Result, bail, ensure};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use crate::process::shown;
+use crate::arm::{self, Target};
+use crate::process::{shown, succeeds};
+use crate::workspace::Workspace;
 
 /// USER@HOST[:PORT].
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -178,7 +180,9 @@ impl Flash {
         };
         let program = match &self.program {
             Some(program) => program.clone(),
-            None => crate::armv7::build()?,
+            None => stripped(
+                &arm::build(&Workspace::load()?, Target::Armv7, PROGRAM, &[PROGRAM], &[])?.remove(0),
+            )?,
         };
         let bytes = std::fs::read(&program).with_context(|| format!("cannot read {}", program.display()))?;
         files.insert(PROGRAM.into(), bytes);
@@ -437,6 +441,15 @@ impl Flash {
         }
         Ok((output.status.success(), String::from_utf8_lossy(&output.stdout).into_owned(), stderr))
     }
+}
+
+/// Without what only a debugger needs: a tenth of the bytes for the radio.
+fn stripped(program: &Path) -> Result<PathBuf> {
+    let small = program.with_extension("stripped");
+    let mut command = Command::new("arm-linux-gnueabihf-strip");
+    command.arg("-o").arg(&small).arg(program);
+    ensure!(succeeds(&mut command)?, "`{}` failed", shown(&command));
+    Ok(small)
 }
 
 /// A configuration and the files it names, which lie beside it.

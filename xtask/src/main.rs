@@ -8,7 +8,7 @@
 //! builds quickly and still works when one of them does not compile.
 #![forbid(unsafe_code)]
 
-mod armv7;
+mod arm;
 mod arrows;
 mod bench;
 mod dependencies;
@@ -56,6 +56,8 @@ enum Command {
     Test(test::Options),
     /// Run the benchmarks: times, and instruction counts where valgrind is installed
     Bench(bench::Options),
+    /// Build the programs of the craft's processors; sizes, stack and instructions of a period
+    Arm(arm::Options),
     /// Install the tools that the other commands use, or say what is missing
     Setup(setup::Options),
 }
@@ -80,11 +82,16 @@ fn main() -> ExitCode {
 
 fn run(command: Command) -> anyhow::Result<ExitCode> {
     match command {
-        Command::Sil(passed) => process::run_program(&Program::SIL, &passed.arguments),
+        Command::Sil(mut passed) => {
+            let more = arm::arguments_of_sil(&Workspace::load()?, &passed.arguments)?;
+            passed.arguments.extend(more);
+            process::run_program(&Program::SIL, &passed.arguments)
+        }
         Command::Demo(passed) => process::run_program(&Program::DEMO, &passed.arguments),
         Command::Flash(options) => flash::run(options),
         Command::Test(options) => test::run(&Workspace::load()?, &options),
         Command::Bench(options) => bench::run(&Workspace::load()?, &options),
+        Command::Arm(options) => arm::run(&Workspace::load()?, &options),
         Command::Setup(options) => setup::run(&Workspace::load()?, &options),
     }
 }

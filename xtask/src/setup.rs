@@ -7,8 +7,9 @@ use std::process::{Command, ExitCode};
 
 use anyhow::Result;
 
+use crate::arm;
 use crate::process::{output_of, shown};
-use crate::tools::{self, CLIPPY, GIT, GUNGRAUN_RUNNER, NEXTEST, RUSTFMT, Tool, VALGRIND};
+use crate::tools::{self, CLIPPY, GIT, GUNGRAUN_RUNNER, NEXTEST, RUSTFMT, SSHD, Tool, VALGRIND};
 use crate::workspace::Workspace;
 
 /// Options of the command.
@@ -25,15 +26,21 @@ struct State {
     purpose: &'static str,
     /// The version that is there.
     found: Option<String>,
-    /// The line that installs it.
-    install: String,
+    /// The lines that install it, the best one first: the next is tried where one fails.
+    install: Vec<String>,
     /// Nothing stops working without it.
     optional: bool,
 }
 
 impl State {
     fn of(tool: &Tool, purpose: &'static str, optional: bool) -> Self {
-        Self { name: tool.name, purpose, found: tool.found(), install: tool.install.to_owned(), optional }
+        Self {
+            name: tool.name,
+            purpose,
+            found: tool.found(),
+            install: vec![tool.install.to_owned()],
+            optional,
+        }
     }
 }
 
@@ -47,7 +54,23 @@ fn states(workspace: &Workspace) -> Vec<State> {
         State::of(&VALGRIND, "`cargo xtask bench` counts instructions", false),
     ];
     states.extend(workspace.locked_version("gungraun").map(|version| runner(&version)));
+    for tool in [&arm::ARM_GCC, &arm::QEMU_ARM, &arm::ARM_LD, &arm::QEMU_SYSTEM_ARM] {
+        states.push(State::of(tool, "`cargo xtask arm` builds and runs the craft's programs", false));
+    }
+    states.push(State::of(&SSHD, "`cargo xtask flash` is tested on a real one", false));
+    states.extend(arm::Target::ALL.map(target));
     states
+}
+
+/// A target counts as found when this toolchain or the distribution's can build it.
+fn target(target: arm::Target) -> State {
+    State {
+        name: target.triple(),
+        purpose: "`cargo xtask arm` builds for it",
+        found: arm::Toolchain::of(target).map(|toolchain| toolchain.describe().to_owned()),
+        install: target.install().map(ToOwned::to_owned).to_vec(),
+        optional: false,
+    }
 }
 
 /// The runner counts as found in the locked version alone: it refuses to work with another library.
@@ -56,7 +79,7 @@ fn runner(version: &str) -> State {
         name: GUNGRAUN_RUNNER,
         purpose: "`cargo xtask bench` counts instructions",
         found: tools::gungraun_runner_version().filter(|found| found == version),
-        install: tools::gungraun_runner_install(version),
+        install: vec![tools::gungraun_runner_install(version)],
         optional: false,
     }
 }
@@ -85,19 +108,19 @@ fn settle(state: &State, only_check: bool) -> bool {
     let need = if *optional { "optional" } else { "missing" };
     println!("{need:9}  {name}: {purpose}");
     if only_check || *optional {
-        println!("           install it with: {install}");
+        println!("           install it with: {}", install.join(", or "));
         return false;
     }
-    match attempt(install) {
-        Ok(()) => {
-            println!("installed  {name}, with: {install}");
-            true
-        }
-        Err(why) => {
-            println!("not done   {name}: {why}; install it with: {install}");
-            false
+    for line in install {
+        match attempt(line) {
+            Ok(()) => {
+                println!("installed  {name}, with: {line}");
+                return true;
+            }
+            Err(why) => println!("not done   {name}: {why}; install it with: {line}"),
         }
     }
+    false
 }
 
 /// Runs an installation line, unless it cannot work here.
@@ -143,7 +166,7 @@ mod tests {
             name: "a",
             purpose: "to test",
             found: found.map(Into::into),
-            install: install.into(),
+            install: vec![install.into()],
             optional,
         }
     }
@@ -164,6 +187,13 @@ mod tests {
         assert!(settle(&state(None, "cargo --version", false), false));
         assert!(!settle(&state(None, "cargo no-such-subcommand", false), false));
         assert!(attempt("no-such-program-here").expect_err("not a program").contains("does not start"));
+    }
+
+    #[test]
+    fn where_one_way_fails_the_next_is_tried() {
+        let mut two = state(None, "cargo no-such-subcommand", false);
+        two.install.push("cargo --version".to_owned());
+        assert!(settle(&two, false));
     }
 
     #[test]

@@ -12,7 +12,7 @@ use crate::process::{cargo, filtered, output_of, shown, succeeds};
 use crate::tally::{self, LibtestReader, SKIP_MARK, Tally};
 use crate::tools::{CLIPPY, GIT, NEXTEST, RUSTFMT, Tool};
 use crate::workspace::{self, Workspace};
-use crate::{arrows, dependencies, licences, tidy};
+use crate::{arm, arrows, dependencies, licences, tidy};
 
 /// Options of the command.
 #[derive(clap::Args)]
@@ -40,6 +40,11 @@ struct Step {
 const STEPS: &[Step] = &[
     Step { name: "format", about: "sources are formatted", run: format },
     Step { name: "lints", about: "clippy and the compiler have nothing to say on any target", run: lints },
+    Step {
+        name: "arm",
+        about: "programs of the craft's processors build, fit, and cannot panic in a tick",
+        run: arm_programs,
+    },
     Step { name: "tests", about: "unit tests, integration tests and stories", run: tests },
     Step { name: "doc tests", about: "examples in the docs run", run: doc_tests },
     Step { name: "docs", about: "rustdoc builds without warnings", run: docs },
@@ -139,12 +144,22 @@ fn lints(_: &Workspace) -> Result<Outcome> {
     with_tool(&CLIPPY, cargo(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))
 }
 
-fn tests(_: &Workspace) -> Result<Outcome> {
+/// Before the tests, which run what is built here.
+fn arm_programs(workspace: &Workspace) -> Result<Outcome> {
+    match arm::Target::ALL.into_iter().find_map(arm::missing) {
+        Some(missing) => Ok(Outcome::Skipped(missing)),
+        None => Ok(listed("both targets", &arm::check(workspace)?)),
+    }
+}
+
+fn tests(workspace: &Workspace) -> Result<Outcome> {
     if NEXTEST.found().is_some() {
-        return with_nextest();
+        return with_nextest(workspace);
     }
     println!("   with `cargo test`; faster with nextest: {}", NEXTEST.install);
-    harness(cargo(["test", "--workspace", "--tests", "--no-fail-fast", "--", "--show-output"]))
+    let mut command = cargo(["test", "--workspace", "--tests", "--no-fail-fast", "--", "--show-output"]);
+    command.envs(arm::variables(workspace));
+    harness(command)
 }
 
 fn doc_tests(_: &Workspace) -> Result<Outcome> {
@@ -155,13 +170,14 @@ fn doc_tests(_: &Workspace) -> Result<Outcome> {
 const JUNIT_REPORT: &str = "target/nextest/xtask/junit.xml";
 
 /// Runs the tests with nextest, counting from its JUnit report and its list of ignored tests.
-fn with_nextest() -> Result<Outcome> {
+fn with_nextest(workspace: &Workspace) -> Result<Outcome> {
     let report = workspace::root().join(JUNIT_REPORT);
     // A report of an earlier run must not be taken for this one's when nothing compiles.
     if report.exists() {
         std::fs::remove_file(&report).with_context(|| format!("cannot remove {}", report.display()))?;
     }
     let mut command = cargo(["nextest", "run", "--workspace", "--profile", "xtask"]);
+    command.envs(arm::variables(workspace));
     println!("   {}", shown(&command));
     let succeeded = succeeds(&mut command)?;
     if !succeeded && !report.exists() {

@@ -16,7 +16,8 @@ use crate::process::output_of;
 use crate::workspace::{self, Workspace};
 
 /// Crates that may use `unsafe`, as (crate, why nothing safe does it).
-const MAY_USE_UNSAFE: &[(&str, &str)] = &[];
+const MAY_USE_UNSAFE: &[(&str, &str)] =
+    &[("mcu", "registers are addresses, and handlers are the chip's to call")];
 
 /// Macros that mark unfinished work or a debugging session.
 const LEFTOVERS: [&str; 3] = ["todo", "unimplemented", "dbg"];

@@ -37,11 +37,26 @@ pub(crate) const GIT: Tool =
 /// Counts instructions.
 pub(crate) const VALGRIND: Tool =
     Tool { name: "valgrind", version: &["valgrind", "--version"], install: "apt-get install --yes valgrind" };
+/// Lets others in over ssh. It has no option for its version and lies outside most users' path.
+pub(crate) const SSHD: Tool = Tool {
+    name: "sshd",
+    version: &["sh", "-c", "test -x /usr/sbin/sshd && echo /usr/sbin/sshd"],
+    install: "apt-get install --yes openssh-server",
+};
 /// Name of the program that starts instruction-count benches under valgrind. Its version has to be that
 /// of the library `gungraun`, so its installation line depends on the lock file.
 pub(crate) const GUNGRAUN_RUNNER: &str = "gungraun-runner";
 
 impl Tool {
+    /// A tool by name, the command that prints its version, and the line that installs it.
+    pub(crate) const fn of(
+        name: &'static str,
+        version: &'static [&'static str],
+        install: &'static str,
+    ) -> Self {
+        Self { name, version, install }
+    }
+
     /// First line of what the tool says of its version; nothing when it is not installed.
     pub(crate) fn found(&self) -> Option<String> {
         let (program, arguments) = self.version.split_first()?;

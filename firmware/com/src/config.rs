@@ -17,6 +17,7 @@ use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Result, access};
+use crate::imu;
 use crate::pwm::{self, Pulses};
 
 /// The file as it is written.
@@ -220,9 +221,9 @@ impl Setup {
                 3.0 * law.sample_time_s
             )));
         }
-        if file.imu.baud < 9600 {
+        if imu::rate(file.imu.baud).is_none() {
             return Err(refuse(format!(
-                "[imu] baud is {}: a frame a tick needs 34000 baud, the usual rate is 115200",
+                "[imu] baud is {}: 38400 (one frame a tick), 57600, 115200 (the usual), 230400, 460800, 921600 or 1000000",
                 file.imu.baud
             )));
         }
@@ -440,6 +441,30 @@ mod tests {
         assert!(setup.link.key.is_none() && !setup.link.open);
     }
 
+    /// The example, and with every key that it has.
+    #[test]
+    fn the_example_names_every_key() {
+        const EXAMPLE: &str = include_str!("../com.toml");
+        let case = Case::new();
+        case.write("com.toml", EXAMPLE);
+        case.read().unwrap();
+        // A line that is switched off is a key or a table; with all of them on only paths are missing.
+        let key = |line: &str| {
+            line.strip_prefix("# ")
+                .filter(|line| line.starts_with('[') || line.contains(" = "))
+                .map(str::to_owned)
+        };
+        let full: Vec<String> =
+            EXAMPLE.lines().map(|line| key(line).unwrap_or_else(|| line.to_owned())).collect();
+        assert!(full.iter().any(|line| line.starts_with("open = false")));
+        case.write("com.toml", &full.join("\n"));
+        let message = case.read().unwrap_err().to_string();
+        assert!(message.contains("measured otherwise"), "{message}");
+        case.write("com.toml", &full.join("\n").replace("vehicle_sha256", "# vehicle_sha256"));
+        let message = case.read().unwrap_err().to_string();
+        assert!(message.contains("/etc/quadlab/key"), "{message}");
+    }
+
     /// `cat gains.toml vehicle.toml | sha256sum`, by coreutils.
     #[test]
     fn the_hash_is_what_anybody_can_compute() {
@@ -456,7 +481,7 @@ mod tests {
     #[test]
     fn each_mistake_is_one_line_that_names_it() {
         let key = "0".repeat(64);
-        let cases: [(&str, &str, &str, &str); 23] = [
+        let cases: [(&str, &str, &str, &str); 24] = [
             ("com.toml", "[imu]", "[imy]", "line 6: "),
             ("com.toml", "port = ", "prot = ", "prot"),
             ("com.toml", "'127.0.0.1:0'", "'localhost'", "[link] listen"),
@@ -465,6 +490,7 @@ mod tests {
             ("com.toml", "'127.0.0.1:0'", "'127.0.0.1:0'\nkey = 'loose'", "chmod 600"),
             ("com.toml", "'127.0.0.1:0'", "'127.0.0.1:0'\nkey = 'key'", "no counters"),
             ("com.toml", "'127.0.0.1:0'", "'127.0.0.1:0'\nkey = 'key'\ncounters = 'nowhere'", "is no folder"),
+            ("com.toml", "[pwm]", "baud = 9600\n[pwm]", "[imu] baud is 9600"),
             ("com.toml", "'pwmchip0/3'", "'pwm3'", "\"pwm3\" is no output"),
             ("com.toml", "'pwmchip0/3'", "'pwmchip0/0'", "twice"),
             ("com.toml", ", 'pwmchip0/3'", "", "3 are named"),

@@ -1,14 +1,19 @@
 //! The IMU board's serial line: a thread that reads it, and hands frames on without ever waiting for the loop.
 
-use std::io::ErrorKind;
-use std::path::PathBuf;
+use std::fs::File;
+use std::io::{self, Read};
+use std::os::fd::AsFd;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::{self, sleep};
 use std::time::Duration;
 
-use serial2::{CharSize, FlowControl, Parity, SerialPort, Settings, StopBits};
+use nix::sys::termios::{self, BaudRate, ControlFlags, InputFlags, SetArg};
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::fs::{Mode, OFlags};
+use rustix::time::Timespec;
 
 use crate::error::{Result, access, log};
 use crate::imu_frame::{ImuFrame, Parser};
@@ -16,7 +21,7 @@ use crate::realtime;
 
 /// Frames that may wait for the loop: several ticks' worth.
 const WAITING: usize = 32;
-/// How long a read may take before it is tried again.
+/// How long a wait for bytes may take before it begins anew.
 const READ_PATIENCE: Duration = Duration::from_millis(100);
 /// Between two tries to open a line that went away.
 const REOPEN_EVERY: Duration = Duration::from_millis(500);
@@ -60,42 +65,69 @@ impl Imu {
     }
 }
 
-/// 8 data bits, no parity, 1 stop bit, no flow control, no translation of bytes.
-fn open(port: &std::path::Path, baud: u32) -> Result<SerialPort> {
-    let settings = |mut settings: Settings| {
-        settings.set_raw();
-        settings.set_baud_rate(baud)?;
-        settings.set_char_size(CharSize::Bits8);
-        settings.set_parity(Parity::None);
-        settings.set_stop_bits(StopBits::One);
-        settings.set_flow_control(FlowControl::None);
-        Ok(settings)
-    };
-    let mut opened = SerialPort::open(port, settings).map_err(access(port, "open the IMU's serial port"))?;
-    opened.set_read_timeout(READ_PATIENCE).map_err(access(port, "set the IMU's serial port"))?;
-    Ok(opened)
+/// The system's name of a baud rate at which a frame of 34 bytes takes less than a tick.
+pub fn rate(baud: u32) -> Option<BaudRate> {
+    Some(match baud {
+        38_400 => BaudRate::B38400,
+        57_600 => BaudRate::B57600,
+        115_200 => BaudRate::B115200,
+        230_400 => BaudRate::B230400,
+        460_800 => BaudRate::B460800,
+        921_600 => BaudRate::B921600,
+        1_000_000 => BaudRate::B1000000,
+        _ => return None,
+    })
 }
 
-/// Reads to the end of the program, or until the loop is gone.
-fn read(
-    mut port: SerialPort,
-    path: &std::path::Path,
-    baud: u32,
-    frames: &SyncSender<ImuFrame>,
-    refused: &AtomicU32,
-) {
+/// 8 data bits, no parity, 1 stop bit, no flow control, no translation of bytes. (By the C library's calls: those of the
+/// kernel for any baud rate are unknown to emulators.)
+fn open(path: &Path, baud: u32) -> Result<File> {
+    let set = |port: &File| -> io::Result<()> {
+        let mut settings = termios::tcgetattr(port)?;
+        termios::cfmakeraw(&mut settings);
+        settings.input_flags.remove(InputFlags::IXOFF | InputFlags::IXANY);
+        settings.control_flags.remove(ControlFlags::CSTOPB | ControlFlags::CRTSCTS);
+        // Modem lines are not connected.
+        settings.control_flags.insert(ControlFlags::CREAD | ControlFlags::CLOCAL);
+        let rate = rate(baud).ok_or(io::ErrorKind::InvalidInput)?;
+        termios::cfsetspeed(&mut settings, rate)?;
+        termios::tcsetattr(port, SetArg::TCSANOW, &settings)?;
+        termios::tcflush(port, termios::FlushArg::TCIFLUSH)?;
+        Ok(())
+    };
+    // Without waiting for a carrier, and without becoming the terminal that Ctrl-C comes from.
+    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let port =
+        rustix::fs::open(path, flags, Mode::empty()).map_err(access(path, "open the IMU's serial port"))?;
+    let port = File::from(port);
+    set(&port).map_err(access(path, "set the IMU's serial port; is it one?"))?;
+    Ok(port)
+}
+
+/// What came over the line.
+fn wait_and_read(port: &mut File, bytes: &mut [u8]) -> io::Result<usize> {
+    let timeout = Timespec { tv_sec: 0, tv_nsec: READ_PATIENCE.subsec_nanos() as _ };
+    let mut ports = [PollFd::from_borrowed_fd(port.as_fd(), PollFlags::IN)];
+    if poll(&mut ports, Some(&timeout))? == 0 {
+        return Err(io::ErrorKind::WouldBlock.into());
+    }
+    port.read(bytes)
+}
+
+/// Reads to the end of the program.
+fn read(mut port: File, path: &Path, baud: u32, frames: &SyncSender<ImuFrame>, refused: &AtomicU32) {
     let mut parser = Parser::default();
     let mut bytes = [0; 256];
     loop {
-        match port.read(&mut bytes) {
+        match wait_and_read(&mut port, &mut bytes) {
             Ok(length @ 1..) => {
-                for frame in bytes[..length].iter().filter_map(|byte| parser.push(*byte)) {
+                for frame in bytes.iter().take(length).filter_map(|byte| parser.push(*byte)) {
                     // If the loop is behind it takes the next one; an old rate is worth nothing.
                     let _ = frames.try_send(frame);
                 }
                 refused.store(parser.refused, Ordering::Relaxed);
             }
-            Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
+            Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted) => {}
             outcome => {
                 let why = outcome.map_or_else(|error| error.to_string(), |_| "end of file".into());
                 log(&format!("{}: the IMU's line is gone ({why}); trying again", path.display()));
@@ -106,7 +138,7 @@ fn read(
 }
 
 /// Tries until the port is there again.
-fn reopen(path: &std::path::Path, baud: u32) -> SerialPort {
+fn reopen(path: &Path, baud: u32) -> File {
     loop {
         sleep(REOPEN_EVERY);
         if let Ok(port) = open(path, baud) {
@@ -121,6 +153,7 @@ mod tests {
     use super::*;
     use crate::imu_frame::{MAX_STUFFED_LEN, encode};
     use proto::ImuSample;
+    use serial2::SerialPort;
     use std::time::Instant;
 
     fn frame(sequence: u16) -> ImuFrame {

@@ -17,6 +17,8 @@
 //!
 //! Two things that the thesis has not, and that a configuration can ask for: the thrust divided by `cos(phi) cos(theta)` in
 //! step 6 (up to twice), and in step 7, where a motor is asked for more than it has, roll and pitch before thrust before yaw.
+//! With the second goes a retreat: while roll and pitch take nearly all that the motors have (held against the moment of fast
+//! sideways flight, say), the tilt that is flown becomes a smaller part of the one that is commanded, and grows back after.
 //!
 //! Not here: arming, failsafes, clock checks (the [`Autopilot`](crate::Autopilot) has them), and a limit of the thrust.
 
@@ -26,7 +28,7 @@ use crate::door::{Bounds, Command, Faults, Inputs, Mode};
 use crate::error::ConfigError;
 use crate::estimator::{Estimates, Estimator, EstimatorState};
 use crate::gains::{Check, Config, Law, Saturation};
-use crate::mixer::{Mixer, Refused, rotor_speeds};
+use crate::mixer::{Mixer, Refused, Share, rotor_speeds};
 use crate::motor_map::{CommandRange, MotorMap};
 use crate::pid::PidTerms;
 use crate::position::{PositionLaw, PositionState};
@@ -76,7 +78,8 @@ pub struct Terms {
     pub z_rate_m_s: f32,
     /// The outer loop; `None` in attitude mode.
     pub outer: Option<OuterTerms>,
-    /// Commands before the prefilters: roll, pitch, yaw in rad (from the outer loop in position mode).
+    /// Commands before the prefilters and before any retreat from them: roll, pitch, yaw in rad (from the outer loop in position
+    /// mode).
     pub attitude_command_rad: [f32; 3],
     /// Altitude command before the prefilter, inside the position limits: inertial z in m.
     pub z_command_m: f32,
@@ -134,6 +137,9 @@ struct Laws {
     /// Roll and pitch before thrust before yaw, where a motor is at its end.
     attitude_first: bool,
     tilt_compensation: bool,
+    /// By how much the part of the tilt that is flown falls in a strained period, and grows in another.
+    retreat: f32,
+    advance: f32,
 }
 
 /// Memory of the inner loops, from the first tick after the start or a cut-off.
@@ -144,6 +150,8 @@ struct InnerState {
     yaw: AngleLoopState,
     altitude: AltitudeLoopState,
     refused: Refused,
+    /// Part of the commanded tilt that is flown.
+    tilt_share: f32,
 }
 
 /// All that survives a tick. What is `None` starts with its next input.
@@ -212,6 +220,8 @@ impl Controller {
             range: CommandRange::new(config.command_range),
             attitude_first,
             tilt_compensation: config.tilt_compensation,
+            retreat: (RETREAT_PER_S * period_s) as f32,
+            advance: (ADVANCE_PER_S * period_s) as f32,
         };
         Ok(Self { memory: Memory::new(laws.range.idle()), laws })
     }
@@ -387,8 +397,10 @@ fn inner_loops(laws: &Laws, memory: &mut Memory, estimates: &Estimates, commands
         yaw: laws.yaw.start(yaw_command),
         altitude: laws.altitude.start(z_command_m),
         refused: Refused::default(),
+        tilt_share: 1.0,
     });
     let refused = state.refused;
+    let (roll_command, pitch_command) = (state.tilt_share * roll_command, state.tilt_share * pitch_command);
     let roll = laws.roll.step_tilt(&mut state.roll, roll_command, phi, p, refused.roll);
     let pitch = laws.pitch.step_tilt(&mut state.pitch, pitch_command, theta, q, refused.pitch);
     let yaw = laws.yaw.step_yaw(&mut state.yaw, yaw_command, psi, r, refused.yaw);
@@ -400,6 +412,12 @@ fn inner_loops(laws: &Laws, memory: &mut Memory, estimates: &Estimates, commands
     }
     InnerOutput { roll, pitch, yaw, altitude, thrust }
 }
+
+/// How fast the tilt is given up while motors are strained, parts of the command per s: slowly, because a craft that is held
+/// against a moment with all it has cannot be turned back fast. A hard manoeuvre of a second costs 5 %.
+const RETREAT_PER_S: f64 = 0.05;
+/// How fast it comes back.
+const ADVANCE_PER_S: f64 = 0.02;
 
 /// Beyond 60 degrees of tilt the thrust is not raised further: twice is what a craft may have.
 const LEAST_UPRIGHT: f32 = 0.5;
@@ -423,15 +441,20 @@ fn allocate(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f3
     memory.pwm = wanted.map(|command| laws.range.clamp(command));
     let no_rotor_backwards =
         rotor_speed_rad_s.is_none() || mixed.iter().fold(true, |all, w2| all & (*w2 >= 0.0));
-    let motors = if no_rotor_backwards && memory.pwm == wanted {
-        Motors { rotor_speed_rad_s, refused: Refused::default() }
+    let (motors, strained) = if no_rotor_backwards && memory.pwm == wanted {
+        (Motors { rotor_speed_rad_s, refused: Refused::default() }, false)
     } else if laws.attitude_first {
         share(laws, memory, loops, battery_v)
     } else {
-        Motors { rotor_speed_rad_s, refused: refusal(laws, mixed, wanted) }
+        (Motors { rotor_speed_rad_s, refused: refusal(laws, mixed, wanted) }, false)
     };
     if let Some(inner) = &mut memory.inner {
         inner.refused = motors.refused;
+        if strained {
+            inner.tilt_share = (inner.tilt_share - laws.retreat).max(0.0);
+        } else if inner.tilt_share < 1.0 {
+            inner.tilt_share = (inner.tilt_share + laws.advance).min(1.0);
+        }
     }
     motors
 }
@@ -452,9 +475,10 @@ fn commands(laws: &Laws, memory: &Memory, mixed: [f32; 4], battery_v: f32) -> (O
     (rotor_speed_rad_s, wanted)
 }
 
-/// Step 7 where some motor is at an end, and roll and pitch come first. The injection keeps its place.
+/// Step 7 where some motor is at an end, and roll and pitch come first. The injection keeps its place. Also whether they take
+/// nearly all there is.
 #[cold]
-fn share(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f32) -> Motors {
+fn share(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f32) -> (Motors, bool) {
     let ends = laws.range.ends().map(|end| {
         memory.inputs.injection.map(|injection| match &laws.motor_map {
             Some(map) => map.squared_speed(end - injection, battery_v),
@@ -462,11 +486,11 @@ fn share(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f32) 
         })
     });
     let [low, high] = ends;
-    let (mixed, refused) = laws.mixer.share(loops.thrust, loops.torque(), low, high);
+    let Share { mixed, refused, strained } = laws.mixer.share(loops.thrust, loops.torque(), low, high);
     let (rotor_speed_rad_s, wanted) = commands(laws, memory, mixed, battery_v);
     // What rounding leaves outside.
     memory.pwm = wanted.map(|command| laws.range.clamp(command));
-    Motors { rotor_speed_rad_s, refused }
+    (Motors { rotor_speed_rad_s, refused }, strained)
 }
 
 /// What is refused when some motor is at an end.

@@ -50,7 +50,8 @@ pub enum Saturation {
     /// Each motor's command is clipped by itself, whatever axis that takes from. As in the thesis.
     #[default]
     Clip,
-    /// Roll and pitch come before thrust, thrust before yaw ([`Mixer::share`](crate::mixer::Mixer::share)).
+    /// Roll and pitch come before thrust, thrust before yaw ([`Mixer::share`](crate::mixer::Mixer::share)); where roll and pitch
+    /// themselves take nearly all there is, less tilt than commanded is flown.
     AttitudeFirst,
 }
 

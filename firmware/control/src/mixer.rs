@@ -202,6 +202,20 @@ impl Mixer {
     }
 }
 
+/// What [`Mixer::share`] makes of wishes that cannot all be had.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Share {
+    /// A squared rotor speed (or a command) for each rotor, within its range.
+    pub mixed: [f32; 4],
+    /// What could not be had.
+    pub refused: Refused,
+    /// Whether roll and pitch take nearly all there is, so that little is left to hold the craft with.
+    pub strained: bool,
+}
+
+/// Part of what roll and pitch could have at any thrust beyond which the craft counts as strained.
+const STRAINED: f32 = 0.8;
+
 /// What each rotor can give, in the mixer's units, and what it is asked for, all divided by its share of the thrust.
 #[derive(Clone, Copy)]
 struct Room {
@@ -245,13 +259,7 @@ impl Mixer {
     /// any thrust allows, then the thrust nearest to the one asked for, then yaw as far as the rest allows. Each part is the
     /// largest there is, so nothing is lost to a rotor that has room. For rotors that all lift.
     #[cold]
-    pub fn share(
-        &self,
-        thrust: f32,
-        [roll, pitch, yaw]: [f32; 3],
-        low: [f32; 4],
-        high: [f32; 4],
-    ) -> ([f32; 4], Refused) {
+    pub fn share(&self, thrust: f32, [roll, pitch, yaw]: [f32; 3], low: [f32; 4], high: [f32; 4]) -> Share {
         let mut rooms = [Room { low: 0.0, high: 0.0, lean: 0.0, turn: 0.0 }; 4];
         for (((room, row), low), high) in rooms.iter_mut().zip(&self.rows).zip(low).zip(high) {
             let share = 1.0 / row.thrust;
@@ -263,12 +271,13 @@ impl Mixer {
             };
         }
         // Two rotors that lean apart need as much room between the end of one and the end of the other.
-        let mut leaning = 1.0;
+        let mut room = 1.0 / STRAINED;
         for up in &rooms {
             for down in &rooms {
-                leaning = fitting(leaning, up.lean - down.lean, up.high - down.low);
+                room = fitting(room, up.lean - down.lean, up.high - down.low);
             }
         }
+        let leaning = if room < 1.0 { room } else { 1.0 };
         let (mut least, mut most) = (f32::NEG_INFINITY, f32::INFINITY);
         for room in &rooms {
             let (low, high) = room.beside(leaning);
@@ -283,14 +292,14 @@ impl Mixer {
             turning = fitting(turning, room.turn, high - given);
             turning = fitting(turning, -room.turn, given - low);
         }
-        let mixed = self.mix(given, [leaning * roll, leaning * pitch, turning * yaw]);
         let refused = Refused {
             thrust: Directions { high: given < thrust, low: given > thrust },
             roll: towards(roll, leaning >= 1.0),
             pitch: towards(pitch, leaning >= 1.0),
             yaw: towards(yaw, turning >= 1.0),
         };
-        (mixed, refused)
+        let mixed = self.mix(given, [leaning * roll, leaning * pitch, turning * yaw]);
+        Share { mixed, refused, strained: room < 1.0 / STRAINED }
     }
 }
 
@@ -423,7 +432,13 @@ mod tests {
     #[test]
     fn attitude_comes_before_thrust_and_thrust_before_yaw() {
         let mixer = Mixer::signs();
-        let share = |thrust, torque| mixer.share(thrust, torque, [0.0; 4], [1.0; 4]);
+        let share = |thrust, torque| {
+            let Share { mixed, refused, strained } = mixer.share(thrust, torque, [0.0; 4], [1.0; 4]);
+            // With unit ranges two rotors can lean apart by 1: roll, or roll and pitch together, by 0.5.
+            let [roll, pitch, _]: [f32; 3] = torque;
+            assert_eq!(strained, 2.0 * (roll.abs() + pitch.abs()) > 0.8);
+            (mixed, refused)
+        };
         let (high, low) = (Directions { high: true, low: false }, Directions { high: false, low: true });
         // All fits.
         assert_eq!(share(0.5, [0.25, 0.125, 0.0]), (mixer.mix(0.5, [0.25, 0.125, 0.0]), Refused::default()));
@@ -455,7 +470,7 @@ mod tests {
             let mixer = Mixer::new(&Mixing::Inverse(THESIS_INVERSE_MIXING)).unwrap();
             let forward = inverse(&THESIS_INVERSE_MIXING).unwrap();
             let (low, high) = ([9e4_f32; 4], [7.4e5_f32; 4]);
-            let (mixed, refused) = mixer.share(thrust, [roll, pitch, yaw], low, high);
+            let Share { mixed, refused, .. } = mixer.share(thrust, [roll, pitch, yaw], low, high);
             // f32 holds 7.4e5 to 0.03; sums of four such, and quotients.
             let slack = 1.0;
             prop_assert!(mixed.iter().all(|w2| *w2 > 9e4 - slack && *w2 < 7.4e5 + slack), "{mixed:?}");
@@ -471,7 +486,7 @@ mod tests {
                 prop_assert!(share > -1e-3 && share < 1.0, "{share}");
                 prop_assert!(near(got_pitch, share * f64::from(pitch), 1e-2 * (1.0 + f64::from(pitch.abs()))));
                 // Before yaw moves them, one is at one end and one at the other: no thrust would give more.
-                let (alone, _) = mixer.share(thrust, [roll, pitch, 0.0], low, high);
+                let Share { mixed: alone, .. } = mixer.share(thrust, [roll, pitch, 0.0], low, high);
                 let least = alone.into_iter().fold(f32::MAX, f32::min);
                 let most = alone.into_iter().fold(0.0, f32::max);
                 prop_assert!(least < 9e4 + slack && most > 7.4e5 - slack, "{alone:?}");
@@ -491,7 +506,7 @@ mod tests {
         fn any_bits_can_be_shared(bits in any::<[u32; 4]>()) {
             let [thrust, roll, pitch, yaw] = bits.map(f32::from_bits);
             let mixer = Mixer::new(&Mixing::Inverse(THESIS_INVERSE_MIXING)).unwrap();
-            let (mixed, _) = mixer.share(thrust, [roll, pitch, yaw], [0.0; 4], [7.4e5; 4]);
+            let Share { mixed, .. } = mixer.share(thrust, [roll, pitch, yaw], [0.0; 4], [7.4e5; 4]);
             if [thrust, roll, pitch, yaw].iter().all(|x| x.abs() < 1e6) {
                 prop_assert!(mixed.iter().all(|w2| *w2 > -1e2 && *w2 < 7.5e5), "{mixed:?}");
             }

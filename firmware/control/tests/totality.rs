@@ -2,7 +2,7 @@
 //! when the bits are good again. 120,000 runs with every kind of f32 (NaNs, infinities, subnormals, huge, ordinary),
 //! each over many ticks, under every law and option; proptest prints the seed of a failure.
 
-use control::gains::{BatteryFilter, Complement, GyroFusion, Law, Mixing};
+use control::gains::{BatteryFilter, Complement, GyroFusion, Law, Mixing, Saturation};
 use control::{Command, Config, Controller, Measurement, Mode, Tick};
 use proptest::prelude::*;
 
@@ -50,13 +50,15 @@ fn command() -> impl Strategy<Value = Command> {
         })
 }
 
-fn configs() -> [Config; 4] {
+fn configs() -> [Config; 5] {
     let mut fused = Config::thesis();
     fused.estimation.gyro = Some(GyroFusion { corner_rad_s: 5.0, complement: Complement::Exact });
     fused.estimation.battery = Some(BatteryFilter { gain: 0.02 });
     let mut plain = Config::thesis();
     plain.anti_windup = false;
-    [Config::thesis(), Config::thesis_hand_tuned(), fused, plain]
+    let mut shared = Config::thesis();
+    (shared.saturation, shared.tilt_compensation) = (Saturation::AttitudeFirst, true);
+    [Config::thesis(), Config::thesis_hand_tuned(), fused, plain, shared]
 }
 
 fn assert_inside(tick: &Tick) -> Result<(), TestCaseError> {

@@ -39,7 +39,9 @@ impl fmt::Display for ImageError {
             Self::NotAnImage => "not a gains image: the first bytes are others",
             Self::CutShort => "a gains image that is cut short",
             Self::Damaged => "a damaged gains image (CRC)",
-            Self::OtherConfig => "a gains image for another version of the program: build both from the same source",
+            Self::OtherConfig => {
+                "a gains image for another version of the program: build both from the same source"
+            }
         })
     }
 }

@@ -33,4 +33,4 @@ mod lockstep;
 
 pub use craft::{Craft, Inputs, Link, Setup};
 pub use digest::digest;
-pub use lockstep::Lockstep;
+pub use lockstep::{Lockstep, RECORDING_MAGIC};

@@ -1,12 +1,13 @@
 //! Everything about a model and its gains in one report: `quadlab design check`.
 //!
-//! Margins also over what is not known for sure: the coefficients' standard errors (drawn as independent normal variables;
-//! the model file holds no correlations) and the battery voltage (the law's motor map against the model's).
+//! Margins also over what is not known for sure: the coefficients of the model (drawn as normal variables with the covariance
+//! in the model file, or with their standard errors alone where it holds no correlations) and the battery voltage (the law's
+//! motor map against the model's).
 
 use control::Config;
 use control::gains::Law;
 use model::{Model, Plant};
-use nalgebra::Complex;
+use nalgebra::{Complex, DMatrix, DVector};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -163,6 +164,8 @@ pub struct Uncertainty {
     pub seed: u64,
     /// Coefficients with a standard error.
     pub coefficients: usize,
+    /// Whether the model says how their errors hang together; otherwise they are drawn as independent.
+    pub correlated: bool,
     /// Draws that could not hover or whose loops could not be built.
     pub failed: usize,
     /// Loops.
@@ -486,12 +489,37 @@ fn has_errors(model: &Model) -> bool {
     model.terms.iter().flat_map(|t| &t.coefficients).any(|c| c.std_error.is_some_and(|e| e > 0.0))
 }
 
-/// The model with each coefficient drawn from its own error.
-fn drawn(model: &Model, random: &mut Pcg64) -> Model {
+/// A matrix that makes errors of all coefficients of independent normal variables of deviation 1.
+fn error_factor(model: &Model) -> DMatrix<f64> {
+    let covariance = model.covariance();
+    let errors = covariance.diagonal().map(f64::sqrt);
+    // Coefficients differ by many powers of ten: correlations are what can be taken apart.
+    let correlation = DMatrix::from_fn(covariance.nrows(), covariance.nrows(), |i, j| {
+        let scale = errors[i] * errors[j];
+        if i == j {
+            1.0
+        } else if scale > 0.0 {
+            covariance[(i, j)] / scale
+        } else {
+            0.0
+        }
+    });
+    if model.correlation.is_none() {
+        return DMatrix::from_diagonal(&errors);
+    }
+    // A root of the matrix by its eigenvectors: it is there even where two coefficients are known only together.
+    let parts = correlation.symmetric_eigen();
+    let roots = DMatrix::from_diagonal(&parts.eigenvalues.map(|value| value.max(0.0).sqrt()));
+    DMatrix::from_diagonal(&errors) * parts.eigenvectors * roots
+}
+
+/// The model with its coefficients drawn from their errors.
+fn drawn(model: &Model, factor: &DMatrix<f64>, random: &mut Pcg64) -> Model {
     let mut model = model.clone();
-    for coefficient in model.terms.iter_mut().flat_map(|t| &mut t.coefficients) {
-        let normal: f64 = StandardNormal.sample(random);
-        coefficient.value += coefficient.std_error.unwrap_or(0.0) * normal;
+    let normal = DVector::from_fn(factor.ncols(), |_, _| StandardNormal.sample(random));
+    let errors = factor * normal;
+    for (coefficient, error) in model.terms.iter_mut().flat_map(|t| &mut t.coefficients).zip(errors.iter()) {
+        coefficient.value += error;
     }
     model
 }
@@ -501,9 +529,10 @@ fn uncertainty(model: &Model, config: &Config, options: &CheckOptions) -> Result
         return Ok(None);
     }
     let mut random = Pcg64::seed_from_u64(options.seed);
+    let factor = error_factor(model);
     let mut draws: Vec<Vec<LoopMargins>> = Vec::new();
     for _ in 0..options.samples {
-        let model = drawn(model, &mut random);
+        let model = drawn(model, &factor, &mut random);
         let margins = Study::new(&model, config, options.view).and_then(|study| study.margins());
         if let Ok(margins) = margins {
             draws.push(margins.into_iter().map(|(_, margins)| margins).collect());
@@ -530,6 +559,7 @@ fn uncertainty(model: &Model, config: &Config, options: &CheckOptions) -> Result
             .flat_map(|t| &t.coefficients)
             .filter(|c| c.std_error.is_some_and(|e| e > 0.0))
             .count(),
+        correlated: model.correlation.is_some(),
         failed: options.samples - draws.len(),
         loops: loops.collect(),
     }))
@@ -539,4 +569,40 @@ fn spread(mut values: Vec<f64>) -> Option<Spread> {
     values.sort_by(f64::total_cmp);
     let at = |share: f64| values[(share * (values.len() - 1) as f64).round() as usize];
     (!values.is_empty()).then(|| Spread { min: at(0.0), p05: at(0.05), median: at(0.5), p95: at(0.95) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 20,000 draws of three coefficients, two of them known only together: their means and covariances come back. The
+    /// deviation of a mean is the coefficient's over 141, that of a covariance about its square over 100; four of each.
+    #[test]
+    fn draws_have_the_covariance_of_the_model() {
+        let mut model = Model::thesis();
+        let given = DMatrix::from_row_slice(3, 3, &[4e-8, 1e-4, 0.0, 1e-4, 0.25, 0.03, 0.0, 0.03, 0.09]);
+        model.set_covariance(&[0, 3, 4], &given);
+        let factor = error_factor(&model);
+        let mut random = Pcg64::seed_from_u64(7);
+        let count = 20_000;
+        let values = |model: &Model| -> Vec<f64> {
+            let all: Vec<f64> = model.terms.iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
+            [0, 3, 4].map(|k| all[k]).to_vec()
+        };
+        let mean = values(&model);
+        let (mut sum, mut squares) = (DVector::zeros(3), DMatrix::zeros(3, 3));
+        for _ in 0..count {
+            let draw = values(&drawn(&model, &factor, &mut random));
+            let off = DVector::from_fn(3, |k, _| draw[k] - mean[k]);
+            squares += &off * off.transpose();
+            sum += off;
+        }
+        for i in 0..3 {
+            assert!((sum[i] / f64::from(count)).abs() < 4.0 * given[(i, i)].sqrt() / 141.0, "{sum}");
+            for j in 0..3 {
+                let scale = (given[(i, i)] * given[(j, j)]).sqrt();
+                assert!((squares[(i, j)] / f64::from(count) - given[(i, j)]).abs() < 0.04 * scale, "{i} {j}");
+            }
+        }
+    }
 }

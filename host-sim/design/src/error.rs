@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::procedure::Shortfall;
+
 /// Why an analysis or a design cannot be made: one clear line each.
 #[derive(Debug, thiserror::Error)]
 pub enum DesignError {
@@ -54,6 +56,9 @@ pub enum DesignError {
         /// Why.
         reason: String,
     },
+    /// No gain meets a specification: the design ran and came to nothing.
+    #[error("{}: {}: wanted {}, reached {} at best", .0.name, .0.what, .0.wanted, .0.reached)]
+    Unmet(Shortfall),
     /// An eigenvalue iteration or a matrix inverse failed.
     #[error("numerical failure in {0}: the model's coefficients are far from those of any craft")]
     Numerics(&'static str),

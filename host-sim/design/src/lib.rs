@@ -9,7 +9,8 @@
 //! 4. [`margins`], [`response`]: what the loops are judged by.
 //! 5. [`procedure`]: gains from specifications, the thesis' way or searched for a late pose.
 //! 6. [`fit`]: whether gains belong to a vehicle.
-//! 7. [`check`]: all of it for a model and a gains file, over battery voltages and over what the identification leaves
+//! 7. [`printed`]: what the thesis prints, beside what is found.
+//! 8. [`check`]: all of it for a model and a gains file, over battery voltages and over what the identification leaves
 //!    uncertain.
 //!
 //! Conventions: SI units, radians, rad/s; states and inputs in the order of (5.13). Inputs of the linear model are thrust
@@ -25,6 +26,7 @@ pub mod fit;
 pub mod linear;
 pub mod loops;
 pub mod margins;
+pub mod printed;
 pub mod procedure;
 pub mod response;
 pub mod state_space;

@@ -361,6 +361,21 @@ fn largest(low: f64, high: f64, holds: impl Fn(f64) -> Result<bool>) -> Result<O
     Ok(last)
 }
 
+/// Where on a grid from `low` to `high` a value is greatest, and that value; absent where it has none anywhere.
+fn greatest(low: f64, high: f64, value: impl Fn(f64) -> Result<Option<f64>>) -> Result<Option<(f64, f64)>> {
+    const GRID: usize = 60;
+    let mut most: Option<(f64, f64)> = None;
+    for k in 0..=GRID {
+        let at = low * (high / low).powf(k as f64 / GRID as f64);
+        if let Some(value) = value(at)?
+            && most.is_none_or(|(_, most)| value > most)
+        {
+            most = Some((at, value));
+        }
+    }
+    Ok(most)
+}
+
 fn refine(mut good: f64, mut bad: f64, holds: impl Fn(f64) -> Result<bool>) -> Result<f64> {
     while (bad - good).abs() > 1e-3 * good.abs() {
         let middle = 0.5 * (good + bad);
@@ -429,10 +444,32 @@ impl Work<'_> {
                 && margins.phase_margin_deg.is_none_or(|pm| pm >= specs.phase_margin_deg + reserve_deg)
                 && margins.crossover_rad_s.is_none_or(|w| w <= specs.crossover_rad_s))
         };
-        let kp = largest(1.0, 2000.0, |kp| {
+        let found = largest(1.0, 2000.0, |kp| {
             allowed(&self.with(name, Gain::Proportional, kp), INTEGRAL_RESERVE_DEG)
-        })?
-        .ok_or_else(|| unstable("proportional gain within the specifications"))?;
+        })?;
+        let kp = match found {
+            Some(kp) => kp,
+            None => {
+                let phase = |kp: f64| -> Result<Option<f64>> {
+                    let closed = close(&self.with(name, Gain::Proportional, kp))?;
+                    if !closed.closed.is_stable()? {
+                        return Ok(None);
+                    }
+                    let margins = at_error(&closed);
+                    let slow = margins.crossover_rad_s.is_none_or(|w| w <= specs.crossover_rad_s);
+                    Ok(margins.phase_margin_deg.filter(|_| slow))
+                };
+                let (kp, reached) = greatest(1.0, 2000.0, phase)?
+                    .ok_or_else(|| unstable("proportional gain within its crossover"))?;
+                // A search goes on from the best there is.
+                if self.specs.method == Method::Thesis {
+                    let wanted = specs.phase_margin_deg + INTEGRAL_RESERVE_DEG;
+                    let what = "phase margin before the integral, deg";
+                    return Err(DesignError::Unmet(Shortfall { name: name.name(), what, wanted, reached }));
+                }
+                kp
+            }
+        };
         self.found(
             name,
             Gain::Proportional,
@@ -492,21 +529,32 @@ impl Work<'_> {
             kd,
             "moves the slowest pole of the velocity loop, rotors' lag included, as far left as it goes (5.29)",
         );
-        let allowed = |config: &Config| -> Result<bool> {
-            let closed = close(config)?;
+        let overshoot = |kp: f64| -> Result<Option<f64>> {
+            let closed = close(&self.with(name, Gain::Proportional, kp))?;
             if !closed.closed.is_stable()? {
-                return Ok(false);
+                return Ok(None);
             }
-            let overshoot =
-                least_damped(&closed.closed.poles()?, 0.0).map_or(0.0, |m| damping_overshoot(m.damping));
-            Ok(overshoot <= specs.overshoot_percent)
+            let mode = least_damped(&closed.closed.poles()?, 0.0);
+            Ok(Some(mode.map_or(0.0, |m| damping_overshoot(m.damping))))
         };
-        let kp = largest(0.05, 1000.0, |kp| allowed(&self.with(name, Gain::Proportional, kp)))?.ok_or_else(
-            || DesignError::Channel {
-                channel: name.name(),
-                reason: "no proportional gain meets its overshoot".into(),
-            },
-        )?;
+        let allowed = |kp: f64| Ok(overshoot(kp)?.is_some_and(|percent| percent <= specs.overshoot_percent));
+        let Some(kp) = largest(0.05, 1000.0, allowed)? else {
+            let least = greatest(0.05, 1000.0, |kp| Ok(overshoot(kp)?.map(|percent| -percent)))?;
+            return Err(least.map_or_else(
+                || DesignError::Channel {
+                    channel: name.name(),
+                    reason: "no proportional gain makes it stable".into(),
+                },
+                |(_, percent)| {
+                    DesignError::Unmet(Shortfall {
+                        name: name.name(),
+                        what: "overshoot by damping, %",
+                        wanted: specs.overshoot_percent,
+                        reached: -percent,
+                    })
+                },
+            ));
+        };
         self.found(
             name,
             Gain::Proportional,
@@ -578,12 +626,32 @@ impl Work<'_> {
             }
         }
         let Some((_, kp, kd)) = chosen else {
-            return Err(DesignError::Channel {
-                channel: name.name(),
-                reason: format!(
-                    "no gain crosses below {} rad/s with {} degrees of phase margin",
-                    specs.crossover_rad_s, specs.phase_margin_deg
-                ),
+            let phase = |kp: f64| -> Result<Option<f64>> {
+                let mut most: Option<f64> = None;
+                for k in 0..=10 {
+                    let margins = tried(kp, 0.2 * f64::from(k) * kp)?;
+                    let slow =
+                        margins.filter(|m| m.crossover_rad_s.is_some_and(|w| w <= specs.crossover_rad_s));
+                    let phase = slow.and_then(|m| m.phase_margin_deg);
+                    most = phase.map_or(most, |phase| Some(most.map_or(phase, |most| most.max(phase))));
+                }
+                Ok(most)
+            };
+            return Err(match greatest(0.01, 3.0, phase)? {
+                // Enough phase, so it is the gain margin that none of them has beside it.
+                Some((_, reached)) if reached < specs.phase_margin_deg => DesignError::Unmet(Shortfall {
+                    name: name.name(),
+                    what: "phase margin, deg",
+                    wanted: specs.phase_margin_deg,
+                    reached,
+                }),
+                _ => DesignError::Channel {
+                    channel: name.name(),
+                    reason: format!(
+                        "no gain crosses below {} rad/s with {} degrees of phase margin and a gain margin of {}",
+                        specs.crossover_rad_s, specs.phase_margin_deg, specs.gain_margin
+                    ),
+                },
             });
         };
         let rule = format!(

@@ -663,3 +663,203 @@ fn is_there(ask: &Ask, state: State) -> bool {
         Ask::Request(Request::Cut) => state == State::Cut,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    //! Against a craft of a few lines: what is sent, how often, and what people are told.
+
+    use super::*;
+    use crate::link::LinkSettings;
+    use crate::mocap::Sighting;
+    use proptest::prelude::*;
+    use proto::{Answer, Counters, MAX_PACKET_LEN, Mode, Opener, Refusal, Role, Sealer, Supervision};
+    use std::net::{IpAddr, Ipv4Addr};
+    use std::time::Duration;
+
+    fn telemetry(tick: u32, state: State, conditions: u32) -> Telemetry {
+        Telemetry {
+            tick,
+            craft_us: tick.wrapping_mul(10_000),
+            ground_us: 0,
+            supervision: Supervision {
+                state,
+                conditions,
+                preflight: Preflight::ALL.bits() & !Preflight::IMU,
+            },
+            mode: Mode::Position,
+            attitude_command_rad: [0.0; 3],
+            z_command_m: 0.0,
+            tracked: Pose { position_m: [0.0, 0.0, -1.0], attitude_rad: [0.0; 3] },
+            tracked_rates_rad_s: [0.0; 3],
+            imu: None,
+            thrust: 0.0,
+            torque: [0.0; 3],
+            pwm: [1000.0; 4],
+            refused: Refusal::default(),
+            battery_v: 11.0,
+            current_a: None,
+            counters: Counters::default(),
+        }
+    }
+
+    struct Bench {
+        station: Station,
+        sealer: Sealer,
+        opener: Opener,
+        tick: u32,
+    }
+
+    impl Bench {
+        fn new(settings: Settings) -> Self {
+            let link = Link::open(&LinkSettings::default(), IpAddr::V4(Ipv4Addr::LOCALHOST)).unwrap();
+            let station = Station::new(settings, link, None).unwrap();
+            let (sealer, opener) = (Sealer::open(Role::Craft, 0), Opener::open(Role::Ground, 0));
+            Self { station, sealer, opener, tick: 0 }
+        }
+
+        fn hear(&mut self, now_us: u64, message: &Message) {
+            let mut buffer = [0; MAX_PACKET_LEN];
+            let (_, packet) = self.sealer.seal(message, &mut buffer).unwrap();
+            self.station.on_packet(now_us, packet);
+        }
+
+        /// So many milliseconds, telemetry every ten; what was sent, with its packet's number and its time.
+        fn run(&mut self, from_ms: u64, ms: u64, state: Option<State>) -> Vec<(u64, u64, Message)> {
+            let mut sent = Vec::new();
+            for now_ms in from_ms..from_ms + ms {
+                let now_us = now_ms * 1000;
+                if let Some(state) = state.filter(|_| now_ms % 10 == 0) {
+                    self.hear(now_us, &Message::Telemetry(telemetry(self.tick, state, 0)));
+                    self.tick += 1;
+                }
+                self.station.poll(now_us);
+                for packet in self.station.take_packets().collect::<Vec<_>>() {
+                    let (number, message) = self.opener.unseal(&packet).unwrap();
+                    sent.push((now_ms, number, message));
+                }
+            }
+            sent
+        }
+
+        fn told(&mut self) -> String {
+            self.station.take_told().map(|told| told.text + "\n").collect()
+        }
+    }
+
+    fn count(sent: &[(u64, u64, Message)], of: fn(&Message) -> bool) -> usize {
+        sent.iter().filter(|(_, _, message)| of(message)).count()
+    }
+
+    #[test]
+    fn commands_come_at_their_rate_and_only_to_a_craft_that_is_heard() {
+        for (command_hz, expected) in [(4.0, 8), (50.0, 100), (100.0, 200)] {
+            let mut bench = Bench::new(Settings { command_hz, ..Settings::default() });
+            let silent = bench.run(0, 2000, None);
+            assert_eq!(count(&silent, |m| matches!(m, Message::Command(_))), 0);
+            // Identities and ramps are asked for and sent all the same: telemetry goes to whoever sends the clock.
+            assert_eq!(count(&silent, |m| matches!(m, Message::Who)), 2);
+            let ramps = count(&silent, |m| matches!(m, Message::Timer(_)));
+            assert!((190..=210).contains(&ramps), "{ramps} in 2 s, 10 ms apart in the mean");
+            assert!(bench.told().contains("no telemetry yet"));
+            let sent = bench.run(2000, 2000, Some(State::Disarmed));
+            let commands = count(&sent, |m| matches!(m, Message::Command(_)));
+            assert!(commands.abs_diff(expected) <= 1, "{commands} at {command_hz} Hz");
+            assert!(sent.iter().all(|(_, _, m)| !matches!(m, Message::Command(c) if !c.cut_off)));
+        }
+        for command_hz in [3.9, f64::NAN, 1e6] {
+            let link = Link::open(&LinkSettings::default(), IpAddr::V4(Ipv4Addr::LOCALHOST)).unwrap();
+            assert!(Station::new(Settings { command_hz, ..Settings::default() }, link, None).is_err());
+        }
+    }
+
+    #[test]
+    fn a_pose_goes_out_at_once_with_the_time_it_was_taken_at() {
+        let mut bench = Bench::new(Settings::default());
+        let pose = Pose { position_m: [1.0, 2.0, -3.0], attitude_rad: [0.1; 3] };
+        let age = Duration::from_millis(7);
+        bench.station.on_tracker(5_000_000_000, Heard::Seen(Sighting { frame: 9, pose, age }));
+        let packet = bench.station.take_packets().next().unwrap();
+        let (_, message) = bench.opener.unseal(&packet).unwrap();
+        // Modulo 2^32.
+        assert_eq!(
+            message,
+            Message::Pose(TimedPose { frame: 9, ground_us: (4_999_993_000_u64 % (1 << 32)) as u32, pose })
+        );
+    }
+
+    #[test]
+    fn a_request_is_repeated_until_its_state_is_there_and_says_why_not() {
+        let mut bench = Bench::new(Settings::default());
+        bench.run(0, 100, Some(State::Disarmed));
+        bench.station.on_wish(100_000, Wish::Arm);
+        let sent = bench.run(100, 1000, Some(State::Disarmed));
+        let asked: Vec<_> = sent.iter().filter(|(_, _, m)| *m == Message::Request(Request::Arm)).collect();
+        assert!((9..=11).contains(&asked.len()), "{} in a second", asked.len());
+        let (_, number, _) = asked[3];
+        let preflight = Preflight::ALL.bits() & !Preflight::IMU;
+        bench.told();
+        for _ in 0..3 {
+            bench.hear(1_100_000, &Message::Answer(Answer { to: *number, done: false, preflight }));
+        }
+        let told = bench.told();
+        assert!(told.contains("Arm: not good yet: IMU") && told.lines().count() == 1, "{told}");
+        let sent = bench.run(1100, 1000, Some(State::Armed));
+        assert_eq!(count(&sent, |m| matches!(m, Message::Request(_))), 0);
+        assert_eq!(*bench.station.progress(), Progress::Done);
+    }
+
+    #[test]
+    fn silence_and_faults_are_told_once_by_name() {
+        let mut bench = Bench::new(Settings::default());
+        bench.run(0, 500, Some(State::Flying));
+        assert!(bench.told().contains("the craft is heard, its state is Flying"));
+        let conditions =
+            Condition::BatteryLow.bit() | Condition::PoseLate.bit() | Condition::LandRequested.bit();
+        for tick in 50..60 {
+            bench.hear(
+                500_000 + u64::from(tick) * 10,
+                &Message::Telemetry(telemetry(tick, State::Hold, conditions)),
+            );
+        }
+        let told = bench.told();
+        assert!(told.contains("Flying -> Hold") && told.contains("pose late, battery low"), "{told}");
+        assert_eq!(told.lines().count(), 2, "{told}");
+        bench.run(600, 3000, None);
+        let told = bench.told();
+        assert!(told.contains("no telemetry any more") && told.lines().count() == 1, "{told}");
+        bench.tick = 100;
+        bench.run(3600, 10, Some(State::Flying));
+        let told = bench.told();
+        assert!(told.contains("telemetry again") && told.contains("over: pose late, battery low"), "{told}");
+    }
+
+    #[test]
+    fn losses_and_rates_are_those_of_the_last_seconds() {
+        let mut average = Average::default();
+        let mut lost = 0;
+        for k in 0..1000_u64 {
+            // A fifth is lost in the second half.
+            lost += u64::from(k >= 500 && k % 4 == 0);
+            average.mark(k * 10_000, k, lost);
+        }
+        let (rate, loss) = average.rate_and_loss();
+        assert!((rate - 100.0).abs() < 1.0 && (loss - 0.2).abs() < 0.01, "{rate} {loss}");
+        assert_eq!(Average::default().rate_and_loss(), (0.0, 0.0));
+    }
+
+    proptest! {
+        /// Junk from the network and from the tracker does no harm and does not grow.
+        #[test]
+        fn junk_does_no_harm(junk in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..400), 0..300)) {
+            let mut bench = Bench::new(Settings::default());
+            bench.run(0, 50, Some(State::Disarmed));
+            for (k, bytes) in junk.iter().enumerate() {
+                bench.station.on_packet(50_000 + k as u64, bytes);
+                bench.station.on_tracker(50_000, Heard::Refused(format!("{bytes:?}")));
+            }
+            prop_assert!(bench.station.take_told().count() <= 60);
+            let sent = bench.run(1000, 100, Some(State::Disarmed));
+            prop_assert!(count(&sent, |m| matches!(m, Message::Command(_))) >= 4);
+        }
+    }
+}

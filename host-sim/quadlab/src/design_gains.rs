@@ -7,21 +7,21 @@ use clap::Subcommand;
 use design::check::{CheckOptions, CheckReport, check};
 use design::loops::View;
 use design::procedure::{Designed, Method, Shortfall, Specs, Step, design};
-use design::{Gains, Provenance};
+use design::{DesignError, Gains, Provenance};
 use model::Model;
 use report::significant;
 use serde::Serialize;
 
-use crate::design_check;
 use crate::flights::sha256;
 use crate::output::{Outcome, check_outputs};
+use crate::{design_check, design_report};
 
 /// Design gains for a model, step by step; or check gains. Exit status 1 if a specification cannot be met.
 #[derive(clap::Args)]
 #[command(
     args_conflicts_with_subcommands = true,
     subcommand_negates_reqs = true,
-    after_help = "Examples:\n  quadlab design --model model.toml --out gains.toml\n  quadlab design --model model.toml --specs specs.toml --out gains.toml\n  quadlab design check --model model.toml --gains gains.toml\n\nA specifications file (every field may be left out; these are defaults):\n  method = \"delay\"          # or \"thesis\": chapter 5 step by step, without delay\n  delay_samples = 2\n  stable_delay_samples = 4\n  [attitude]\n  phase_margin_deg = 45.0\n  gain_margin = 2.0"
+    after_help = "Examples:\n  quadlab design --model model.toml --out gains.toml\n  quadlab design --model model.toml --specs specs.toml --out gains.toml\n  quadlab design check --model model.toml --gains gains.toml\n  quadlab design report --out report.html\n\nA specifications file (every field may be left out; these are defaults):\n  method = \"delay\"          # or \"thesis\": chapter 5 step by step, without delay\n  delay_samples = 2\n  stable_delay_samples = 4\n  [attitude]\n  phase_margin_deg = 45.0\n  gain_margin = 2.0"
 )]
 pub(crate) struct Options {
     #[command(subcommand)]
@@ -47,6 +47,7 @@ pub(crate) struct Options {
 #[derive(Subcommand)]
 enum Command {
     Check(design_check::Options),
+    Report(design_report::Options),
 }
 
 #[derive(Serialize)]
@@ -61,6 +62,7 @@ struct Document<'a> {
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     match (&options.command, &options.model, &options.out) {
         (Some(Command::Check(options)), ..) => design_check::run(options),
+        (Some(Command::Report(options)), ..) => design_report::run(options),
         (None, Some(model), Some(out)) => make(options, model, out),
         // The parser has asked for both.
         (None, ..) => Ok(Outcome::done(String::new())),
@@ -79,7 +81,10 @@ fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outc
         }
         None => Specs::default(),
     };
-    let designed = design(&model, &specs)?;
+    let designed = match design(&model, &specs) {
+        Err(DesignError::Unmet(shortfall)) => return unmet(options, specs.method, &shortfall),
+        designed => designed?,
+    };
     let view = match specs.method {
         Method::Thesis => View::Continuous,
         Method::Delay => View::Sampled { delay_samples: specs.delay_samples },
@@ -111,6 +116,27 @@ fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outc
         Outcome::done(text(&designed, &report, written.as_deref()))
     };
     Ok(Outcome { holds, ..outcome })
+}
+
+/// A design that ended at a specification that no gain meets.
+fn unmet(options: &Options, method: Method, shortfall: &Shortfall) -> anyhow::Result<Outcome> {
+    let shortfalls = std::slice::from_ref(shortfall);
+    let outcome = match options.json {
+        true => Outcome::json(&Document { method, steps: &[], shortfalls, loops: &[], gains: None })?,
+        false => Outcome::done(not_met(shortfalls)),
+    };
+    Ok(Outcome { holds: false, ..outcome })
+}
+
+/// One line for each specification that is not met, and what comes of it.
+fn not_met(shortfalls: &[Shortfall]) -> String {
+    let mut text = String::new();
+    for s in shortfalls {
+        let (wanted, reached) = (significant(s.wanted, 3), significant(s.reached, 3));
+        let _ = writeln!(text, "NOT MET: {}: {}: wanted {wanted}, reached {reached}", s.name, s.what);
+    }
+    text.push_str("no gains written: relax what is not met, or the delay\n");
+    text
 }
 
 /// Margins of each loop for the file.
@@ -154,21 +180,14 @@ fn text(designed: &Designed, report: &CheckReport, written: Option<&str>) -> Str
             number(l.delay_margin_s.map(|s| 1000.0 * s))
         );
     }
-    for s in &designed.shortfalls {
-        let _ = writeln!(
-            text,
-            "\nNOT MET: {}: {}: wanted {}, reached {}",
-            s.name,
-            s.what,
-            significant(s.wanted, 3),
-            significant(s.reached, 3)
-        );
-    }
     match written {
         Some(path) => {
             let _ = writeln!(text, "\ngains: {path}");
         }
-        None => text.push_str("\nno gains written: relax what is not met, or the delay\n"),
+        None => {
+            text.push('\n');
+            text.push_str(&not_met(&designed.shortfalls));
+        }
     }
     text
 }

@@ -52,7 +52,12 @@ pub(crate) fn check(
 const DRAWN_ZEROS: [f64; 5] = [0.0, 0.1, 0.2, 0.5, 1.0];
 
 /// Appendix A: table A.1, figures A.1 and A.2.
-fn moved_zeros(config: &Config, view: View, study: &Study, report: &CheckReport) -> anyhow::Result<Section> {
+pub(crate) fn moved_zeros(
+    config: &Config,
+    view: View,
+    study: &Study,
+    report: &CheckReport,
+) -> anyhow::Result<Section> {
     let columns = [
         Column::text("loop"),
         Column::number("zero", "rad/s"),
@@ -99,7 +104,7 @@ fn moved_zeros(config: &Config, view: View, study: &Study, report: &CheckReport)
 }
 
 /// Margins over draws of the model.
-fn spread(uncertainty: &Uncertainty) -> Section {
+pub(crate) fn spread(uncertainty: &Uncertainty) -> Section {
     let columns = [
         Column::text("loop"),
         Column::number("unstable", "draws"),
@@ -125,13 +130,15 @@ fn spread(uncertainty: &Uncertainty) -> Section {
     }
     Section::new("Over the model's uncertainty")
         .paragraph(format!(
-            "{} draws of {} coefficients from their standard errors, taken as independent.",
-            uncertainty.samples, uncertainty.coefficients
+            "{} draws of {} coefficients from their standard errors, {}.",
+            uncertainty.samples,
+            uncertainty.coefficients,
+            if uncertainty.correlated { "with their correlations" } else { "taken as independent" }
         ))
         .table(table)
 }
 
-fn margins(report: &CheckReport) -> Table {
+pub(crate) fn margins(report: &CheckReport) -> Table {
     let columns = [
         Column::text("loop"),
         Column::text("closed"),
@@ -210,7 +217,7 @@ fn line(
     Series::line(name, style, data)
 }
 
-fn bode_panels(points: &[FrequencyPoint], name: &str) -> Panels {
+pub(crate) fn bode_panels(points: &[FrequencyPoint], name: &str) -> Panels {
     let magnitude = Figure::new("", frequency(), Axis::new("magnitude", "dB"))
         .with(line(points, name, Style::PredictedAfter, |p| p.magnitude_db))
         .mark(Mark::limit("gain 1", 0.0));
@@ -220,7 +227,7 @@ fn bode_panels(points: &[FrequencyPoint], name: &str) -> Panels {
     Panels::new([magnitude, phase])
 }
 
-fn two_bodes(bare: &[FrequencyPoint], filtered: &[FrequencyPoint]) -> Panels {
+pub(crate) fn two_bodes(bare: &[FrequencyPoint], filtered: &[FrequencyPoint]) -> Panels {
     let panel = |label, unit, value: fn(&FrequencyPoint) -> f64| {
         Figure::new("", frequency(), Axis::new(label, unit))
             .with(line(bare, "from the reference", Style::PredictedBefore, value))
@@ -230,7 +237,7 @@ fn two_bodes(bare: &[FrequencyPoint], filtered: &[FrequencyPoint]) -> Panels {
 }
 
 /// The part of a Nichols plot around the critical point.
-fn nichols(points: &[FrequencyPoint]) -> Figure {
+pub(crate) fn nichols(points: &[FrequencyPoint]) -> Figure {
     let data: Vec<_> = points
         .iter()
         .filter(|p| p.magnitude_db.abs() < 40.0)
@@ -241,7 +248,7 @@ fn nichols(points: &[FrequencyPoint]) -> Figure {
         .with(Series::points("-1", Style::Category(5), [(-180.0, 0.0)]))
 }
 
-fn locus(
+pub(crate) fn locus(
     config: &Config,
     view: View,
     plant: &LoopPlant,
@@ -261,8 +268,9 @@ fn locus(
     };
     let (label, unit) = if sampled { ("real part of z", "1") } else { ("real part of s", "rad/s") };
     let figure = Figure::new("", Axis::new(label, unit), Axis::new("imaginary part", unit))
-        .with(Series::points("closed-loop poles", Style::Muted, flat(&all)))
-        .with(Series::points("as it is", Style::Category(5), flat(&here)));
+        .with(Series::points("0 to 3 times the gain", Style::Muted, flat(&all)))
+        .with(Series::points("gain 0", Style::Category(0), flat(&all[..1])))
+        .with(Series::points("the gain chosen", Style::Category(5), flat(&here)));
     Ok(if sampled {
         let circle: Vec<_> = (0..=60)
             .map(|k| {
@@ -276,11 +284,11 @@ fn locus(
     })
 }
 
-fn drawn(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+pub(crate) fn drawn(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     points.into_iter().filter(|(t, _)| *t <= DRAWN_S).collect()
 }
 
-fn steps(config: &Config, closed: &ClosedLoop) -> anyhow::Result<Figure> {
+pub(crate) fn steps(config: &Config, closed: &ClosedLoop) -> anyhow::Result<Figure> {
     let time = Axis::new("time", "s");
     Ok(Figure::new("", time, Axis::new("response over step", "1"))
         .with(Series::line("bare", Style::PredictedBefore, drawn(bare_step(closed, LONG_S)?.points())))
@@ -288,13 +296,13 @@ fn steps(config: &Config, closed: &ClosedLoop) -> anyhow::Result<Figure> {
         .mark(Mark::limit("", 1.0)))
 }
 
-fn disturbance(closed: &ClosedLoop) -> anyhow::Result<Figure> {
+pub(crate) fn disturbance(closed: &ClosedLoop) -> anyhow::Result<Figure> {
     let unit = if closed.name.unit() == "m" { "m" } else { "rad" };
     Ok(Figure::new("", Axis::new("time", "s"), Axis::new("response to a unit disturbance", unit))
-        .with(Series::line("", Style::PredictedAfter, disturbance_step(closed, LONG_S)?.points())))
+        .with(Series::line("as it is", Style::PredictedAfter, disturbance_step(closed, LONG_S)?.points())))
 }
 
-fn battery(report: &CheckReport) -> Section {
+pub(crate) fn battery(report: &CheckReport) -> Section {
     let section = Section::new("Over battery voltage");
     if report.battery.is_empty() {
         return section.paragraph("The model does not say at which voltage it was made.");

@@ -173,7 +173,7 @@ fn number(x: f64) -> String {
     if x.abs() < 1e-9 { "0".into() } else { significant(x, 5) }
 }
 
-fn text(linear: &Linear, channels: &[Channel]) -> String {
+pub(crate) fn text(linear: &Linear, channels: &[Channel]) -> String {
     let mut text = String::new();
     let e = &linear.equilibrium;
     let _ = writeln!(text, "Equilibrium (5.13), cost J = {:.2e} after {} iterations", e.cost, e.iterations);

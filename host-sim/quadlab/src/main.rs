@@ -13,6 +13,7 @@ mod demo;
 mod design_check;
 mod design_gains;
 mod design_pages;
+mod design_report;
 mod diagnose;
 mod effects;
 mod evidence;
@@ -21,6 +22,7 @@ mod explain;
 mod faults;
 mod figures;
 mod flights;
+mod ground;
 mod hidden;
 mod identify;
 mod linearize;
@@ -30,6 +32,7 @@ mod pages;
 mod plan;
 mod progress;
 mod real_logs;
+mod simulated;
 mod story;
 mod tables;
 mod user_effects;
@@ -61,6 +64,7 @@ enum Command {
     Effects(effects::Options),
     Demo(demo::Options),
     Linearize(linearize::Options),
+    Ground(Box<ground::Options>),
     Design(design_gains::Options),
     MotorMap(motor_map::Options),
     Excite(excite::Options),
@@ -84,6 +88,7 @@ fn main() -> ExitCode {
         Command::Effects(options) => effects::run(&options),
         Command::Demo(options) => demo::run(&options),
         Command::Linearize(options) => linearize::run(&options),
+        Command::Ground(options) => ground::run(&options),
         Command::Design(options) => design_gains::run(&options),
         Command::MotorMap(options) => motor_map::run(&options),
         Command::Excite(options) => excite::run(&options),

@@ -218,12 +218,95 @@ fn designed_gains_are_written_checked_and_belong_to_their_vehicle() {
     assert!(document["shortfalls"].as_array().unwrap().is_empty());
     let written = std::fs::read_to_string(folder.join("gains.toml")).unwrap();
     assert!(written.contains("model_sha256") && written.contains("phase_margin_deg"), "{written}");
+    let hash = format!("vehicle_sha256 = \"{}\"", Model::thesis().vehicle.sha256());
+    assert!(written.contains(&hash), "{written}");
     let report = json_in(folder, &with(&["--continuous"]));
     assert!(named(&report["loops"], "roll")["phase_margin_deg"].as_f64().unwrap() >= 45.0);
     let mut other = Model::thesis();
     other.vehicle.name = "other craft".into();
     write_model(folder, &other);
     refused(folder, &CHECK, &["belong to another vehicle"]);
+    let mut heavier = Model::thesis();
+    heavier.vehicle.mass *= 1.01;
+    write_model(folder, &heavier);
+    refused(folder, &CHECK, &["measured otherwise", "vehicle_sha256"]);
+}
+
+/// The report of the thesis' own vehicle needs no files, says of each printed number that it comes back, and has a figure for
+/// each of chapter 5's that are computed. Of other gains it says what does not come back in no word: they are not the thesis'.
+#[test]
+fn the_report_has_every_figure_and_number_of_chapter_5() {
+    let folder = thesis();
+    let folder = folder.path();
+    let document = json_in(folder, &["design", "report", "--samples", "2", "--out", "report.html", "--json"]);
+    assert_eq!((&document["thesis"], &document["holds"]), (&Value::Bool(true), &Value::Bool(true)));
+    let numbers = document["numbers"].as_array().unwrap();
+    assert_eq!(numbers.len(), 65);
+    for number in numbers {
+        let [printed, found, tolerance] =
+            ["printed", "found", "tolerance"].map(|key| number[key].as_f64().unwrap());
+        assert!((printed - found).abs() <= tolerance, "{number}");
+    }
+    let page = std::fs::read_to_string(folder.join("report.html")).unwrap();
+    let figures =
+        ["5.2", "5.3", "5.4", "5.5", "5.6", "5.7", "5.8", "5.9", "5.10", "5.12", "5.13", "5.14", "5.15"];
+    let outer = ["5.17", "5.18", "5.19", "5.20", "5.21", "5.22", "5.23", "5.24"];
+    for figure in figures.into_iter().chain(outer) {
+        assert!(page.contains(&format!("Figure {figure}: ")), "figure {figure}");
+    }
+    assert!(page.contains("figure A.1") && page.contains("appendix B") && page.contains("65 of the 65"));
+    assert!(!page.contains("NaN") && !page.contains("src=\"http"));
+
+    let slow = GAINS.replacen("kp = 15.0", "kp = 14.0", 1);
+    assert_ne!(slow, GAINS);
+    std::fs::write(folder.join("gains.toml"), slow).unwrap();
+    let report = ["design", "report", "--model", "model.toml", "--gains", "gains.toml", "--samples", "0"];
+    let text = done_in(folder, &[&report[..], &["--out", "slow.html"]].concat());
+    assert_eq!(text, "page: slow.html\n");
+    // With three samples of delay roll and pitch are unstable: the page is there, and the status says it.
+    let late = run_in(folder, &[&report[..], &["--out", "late.html", "--delay", "3"]].concat());
+    assert_eq!(late.status.code(), Some(1));
+    let text = String::from_utf8(late.stdout).unwrap();
+    assert!(text.contains("UNSTABLE: roll") && text.contains("UNSTABLE: pitch"), "{text}");
+    assert!(folder.join("late.html").exists());
+    refused(folder, &["design", "report", "--model", "model.toml", "--out", "r.html"], &["--gains"]);
+    refused(folder, &["design", "report"], &["--out"]);
+}
+
+#[test]
+fn what_no_gain_can_meet_is_said_with_status_1() {
+    let folder = thesis();
+    let folder = folder.path();
+    std::fs::write(folder.join("specs.toml"), "method = \"thesis\"\n[attitude]\nphase_margin_deg = 85.0\n")
+        .unwrap();
+    let design = ["design", "--model", "model.toml", "--specs", "specs.toml", "--out", "new.toml"];
+    let output = run_in(folder, &design);
+    assert_eq!(output.status.code(), Some(1));
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("NOT MET: roll: phase margin") && text.contains("wanted 93.0, reached "), "{text}");
+    assert!(!folder.join("new.toml").exists());
+    let json = run_in(folder, &[&design[..], &["--json"]].concat());
+    let json: Value = serde_json::from_slice(&json.stdout).unwrap();
+    assert_eq!(json["shortfalls"][0]["loop"], "roll");
+    assert!(json["gains"].is_null());
+}
+
+/// A load on a rope has states that (5.13) does not: said, not left out in silence.
+#[test]
+fn a_slung_load_is_refused_with_the_way_out() {
+    let folder = thesis();
+    let folder = folder.path();
+    let mut model = Model::thesis();
+    let typical: Vec<f64> = Effect::SlungLoad.info().coefficients.iter().map(|c| c.typical).collect();
+    model.set(Effect::SlungLoad, &typical);
+    write_model(folder, &model);
+    for arguments in [
+        vec!["linearize", "--model", "model.toml"],
+        CHECK.to_vec(),
+        vec!["design", "--model", "model.toml", "--out", "new.toml"],
+    ] {
+        refused(folder, &arguments, &["slung-load", "mass-change"]);
+    }
 }
 
 #[test]

@@ -5,14 +5,17 @@
 //! craft ([`::craft::Craft`]) hears what has come and ticks, its motor commands move the plant for a period, and the tracker
 //! gives the pose that it saw at the tick's beginning. When it reaches the craft is the ground station's affair.
 //!
-//! The floor at z = 0 stops whatever comes down: no bounce, no sliding, legs that stand level. Deliberately absent: sockets and
-//! clocks; whoever ticks this decides how fast time goes.
+//! The floor at z = 0 stops whatever comes down: no bounce, no sliding, legs that stand level. [`Radio`] is the craft's end of the
+//! link. Deliberately absent: clocks (whoever ticks this decides how fast time goes), and the tracker's format.
+
+use std::io;
+use std::net::{SocketAddr, UdpSocket};
 
 use ::craft::{Inputs, Setup};
 use control::Pose;
 use model::frames;
 use nalgebra::Vector3;
-use proto::{ImuSample, Message};
+use proto::{ImuSample, MAX_PACKET_LEN, Message, Opener, Refused, Role, Sealer};
 
 use crate::craft::Craft;
 use crate::flight::{FlightPlan, SilError};
@@ -60,13 +63,8 @@ impl Laboratory {
         self.program.hear(number, message);
     }
 
-    /// The craft introduces itself with its next messages.
-    pub fn introduce(&mut self) {
-        self.program.introduce();
-    }
-
     /// What the craft has to say; to be asked after a tick until there is no more.
-    pub fn next_message(&mut self, link: &::craft::Link) -> Option<Message> {
+    fn next_message(&mut self, link: &::craft::Link) -> Option<Message> {
         self.program.next_message(link)
     }
 
@@ -128,6 +126,68 @@ impl Laboratory {
     /// What the craft is doing.
     pub fn state(&self) -> control::State {
         self.program.state()
+    }
+}
+
+/// The simulated craft's end of the link: UDP on this machine, without a key.
+#[derive(Debug)]
+pub struct Radio {
+    socket: UdpSocket,
+    sealer: Sealer,
+    opener: Opener,
+    ground: Option<SocketAddr>,
+}
+
+impl Radio {
+    /// Listens on a free port of this machine.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn open() -> io::Result<Self> {
+        let socket = UdpSocket::bind(("127.0.0.1", 0))?;
+        socket.set_nonblocking(true)?;
+        let (sealer, opener) = (Sealer::open(Role::Craft, 0), Opener::open(Role::Ground, 0));
+        Ok(Self { socket, sealer, opener, ground: None })
+    }
+
+    /// Where it listens.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn address(&self) -> io::Result<SocketAddr> {
+        self.socket.local_addr()
+    }
+
+    /// The craft hears what has come; gives how many packets that were.
+    pub fn receive(&mut self, lab: &mut Laboratory) -> usize {
+        let mut buffer = [0; MAX_PACKET_LEN + 1];
+        let mut count = 0;
+        while let Ok((length, from)) = self.socket.recv_from(&mut buffer) {
+            count += 1;
+            match self.opener.unseal(&buffer[..length]) {
+                Ok((number, message)) => {
+                    self.ground = Some(from);
+                    lab.hear(number, &message);
+                }
+                Err(Refused::Replayed { .. }) => lab.program.introduce(),
+                Err(_) => {}
+            }
+        }
+        count
+    }
+
+    /// Sends what the craft has to say; gives how many packets that were.
+    pub fn send(&mut self, lab: &mut Laboratory) -> usize {
+        let link = ::craft::Link::from(&self.opener);
+        let mut count = 0;
+        while let Some(message) = lab.next_message(&link) {
+            let mut buffer = [0; MAX_PACKET_LEN];
+            let sealed = self.sealer.seal(&message, &mut buffer);
+            if let (Ok((_, packet)), Some(ground)) = (sealed, self.ground) {
+                count += usize::from(self.socket.send_to(packet, ground).is_ok());
+            }
+        }
+        count
     }
 }
 

@@ -15,15 +15,17 @@
 //! and clock on the way; [`drills`] is the list of flights that set off each failsafe, and of those that just do not.
 //!
 //! Controller and plant may be one process or two ([`Link`]): the messages are those of crate `proto`, and the
-//! recordings do not differ in a single bit.
+//! recordings do not differ in a single bit. The controller may also run on the craft's own processors, emulated ([`Emulation`]);
+//! [`same_bits`] compares everything that it computes there.
 //!
 //! Conventions: SI, inertial frame north-east-down, body frame front-right-down, Euler angles Z-Y-X in radians.
 //!
-//! Deliberately absent: a floor (a craft that sinks below z = 0 flies on), ARM targets.
+//! Deliberately absent: a floor (a craft that sinks below z = 0 flies on).
 #![forbid(unsafe_code)]
 
 mod craft;
 mod delay;
+mod emulated;
 pub mod failsafe;
 mod fault;
 mod flight;
@@ -37,18 +39,20 @@ pub mod plan;
 pub mod predict;
 mod process;
 pub mod reference;
+pub mod same_bits;
 mod scenario;
 mod script;
 mod sensors;
 mod suite;
 
 pub use craft::Craft;
+pub use emulated::{Emulated, Emulation, Processor, Udp};
 pub use failsafe::{Drill, Expected, Found, drills};
 pub use fault::{Fault, FaultKind};
 pub use flight::{
     CAGE_M, ClosedLoop, FlightPlan, Recording, Row, SilError, Truth, fly, fly_over, for_identification,
 };
-pub use laboratory::Laboratory;
+pub use laboratory::{Laboratory, Radio};
 pub use link::{InProcess, Link, LinkError};
 pub use noise::{Coloured, NoiseModel};
 pub use process::{Iceoryx2, serve};

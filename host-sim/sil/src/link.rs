@@ -67,6 +67,18 @@ pub trait Link {
     fn tick(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, LinkError>;
 }
 
+impl<L: Link + ?Sized> Link for &mut L {
+    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, LinkError> {
+        (**self).tick(tick, readings)
+    }
+}
+
+impl<L: Link + ?Sized> Link for Box<L> {
+    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, LinkError> {
+        (**self).tick(tick, readings)
+    }
+}
+
 /// The autopilot in the same process.
 #[derive(Debug, Clone)]
 pub struct InProcess {

@@ -9,7 +9,10 @@ use clap::{Parser, ValueEnum};
 use control::Config;
 use indicatif::{ProgressBar, ProgressStyle};
 use model::Model;
-use sil::{FlightPlan, LinkError, NoiseModel, Scenario, Settings, SilError, Suite, Transport, page};
+use sil::{
+    Emulation, FlightPlan, LinkError, NoiseModel, Processor, Scenario, Settings, SilError, Suite, Transport,
+    page,
+};
 
 /// Fly the controller against the simulated craft at 100 Hz and judge the flights.
 ///
@@ -47,9 +50,18 @@ struct Arguments {
     #[arg(long, value_enum, default_value_t = Way::Inproc)]
     transport: Way,
 
-    /// Where the controller runs; this version has `host` only
+    /// Where the controller runs: host, or emulated armv7 (the craft computer's program) or cortex-m4 (the microcontroller); the
+    /// results are the same to the last bit. `cargo xtask sil` builds what is needed
     #[arg(long, value_name = "PLACE", default_value = "host")]
     on: String,
+
+    /// The program for --on (given by cargo xtask sil)
+    #[arg(long, value_name = "PROGRAM", hide = true)]
+    firmware: Option<PathBuf>,
+
+    /// Compare a minute each of three flights, bit by bit and term by term, with the lockstep program of --on (cargo xtask arm)
+    #[arg(long, hide = true, requires = "firmware")]
+    same_bits: bool,
 
     /// Runge-Kutta steps of the plant in a tick of 10 ms
     #[arg(long, value_name = "N", default_value_t = 4, allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1000))]
@@ -122,13 +134,9 @@ fn usage(error: &clap::Error) -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
-    match arguments.on.as_str() {
-        "host" => {}
-        "armv7" | "cortex-m4" => anyhow::bail!(
-            "--on {}: the ARM programs are not part of this version; use --on host",
-            arguments.on
-        ),
-        other => anyhow::bail!("--on {other}: not a place to run; use --on host"),
+    let processor = processor(&arguments.on)?;
+    if let (true, Some(processor), Some(program)) = (arguments.same_bits, processor, &arguments.firmware) {
+        return same_bits(arguments, processor, program);
     }
     if arguments.failsafes {
         return failsafes(arguments.seed);
@@ -150,11 +158,29 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         substeps: u32::from(arguments.substeps),
     };
     if let Some(path) = &arguments.pattern {
+        if processor.is_some() {
+            anyhow::bail!(
+                "--pattern with --on {}: patterns are flown on the host; leave --on out",
+                arguments.on
+            );
+        }
         return fly_pattern(arguments, path, settings);
     }
-    let transport = match arguments.transport {
-        Way::Inproc => Transport::InProcess,
-        Way::Iceoryx2 => Transport::Iceoryx2 { program: std::env::current_exe()? },
+    let transport = match (arguments.transport, processor) {
+        (Way::Inproc, None) => Transport::InProcess,
+        (Way::Iceoryx2, None) => Transport::Iceoryx2 { program: std::env::current_exe()? },
+        (Way::Inproc, Some(processor)) => {
+            let program = arguments.firmware.clone().with_context(|| {
+                format!(
+                    "--on {0}: which program? `cargo xtask sil --on {0}` builds and names it",
+                    arguments.on
+                )
+            })?;
+            Transport::Emulated(Emulation { processor, program })
+        }
+        (Way::Iceoryx2, Some(_)) => {
+            anyhow::bail!("--transport iceoryx2 with --on {}: leave --transport out", arguments.on)
+        }
     };
     let bar = ProgressBar::new(scenarios.len() as u64)
         .with_style(ProgressStyle::with_template("{bar:20} {pos}/{len} {msg}")?);
@@ -216,6 +242,50 @@ fn fly_pattern(
         println!("flight file: {}", file.display());
     }
     Ok(ExitCode::from(u8::from(!pass)))
+}
+
+/// The emulated processor of this name; none for this machine's.
+fn processor(name: &str) -> anyhow::Result<Option<Processor>> {
+    match Processor::named(name) {
+        None if name != "host" => {
+            anyhow::bail!("--on {name}: not a place to run; use --on host, armv7 or cortex-m4")
+        }
+        found => Ok(found),
+    }
+}
+
+/// Status 1 when a bit differs.
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn same_bits(
+    arguments: &Arguments,
+    processor: Processor,
+    program: &std::path::Path,
+) -> anyhow::Result<ExitCode> {
+    let mut same = true;
+    let mut flights = Vec::new();
+    for flown in sil::same_bits::fly_all(arguments.seed)? {
+        let difference = flown.replay(processor, program, &flown.config).map_err(SilError::from)?;
+        same &= difference.is_none();
+        let (ticks, saturated, sha256) = (flown.ticks.len(), flown.saturated_ticks(), flown.sha256());
+        if !arguments.json {
+            println!("{}: {ticks} ticks, {saturated} of them saturated, sha256 {sha256}", flown.name);
+            match &difference {
+                None => println!("  the same bits on {}", arguments.on),
+                Some(found) => println!("  DIFFERS from tick {} on: here {:?}", found.tick, found.here),
+            }
+        }
+        flights.push(serde_json::json!({
+            "name": flown.name,
+            "ticks": ticks,
+            "saturated_ticks": saturated,
+            "sha256": sha256,
+            "differs_at": difference.map(|found| found.tick),
+        }));
+    }
+    if arguments.json {
+        println!("{}", serde_json::json!({ "on": arguments.on, "same": same, "flights": flights }));
+    }
+    Ok(ExitCode::from(u8::from(!same)))
 }
 
 /// A model whose motors can be commanded, by gains of its own or by the thesis'.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
+use crate::emulated::Emulation;
 use crate::flight::{FlightPlan, Recording, SilError, fly, fly_over};
 use crate::metrics::{StepMetrics, step_metrics, value_at};
 use crate::process::Iceoryx2;
@@ -26,6 +27,8 @@ pub enum Transport {
         /// The program that serves as controller when it is started with `--controller`.
         program: PathBuf,
     },
+    /// The controller on an emulated processor of the craft.
+    Emulated(Emulation),
 }
 
 /// A flown and judged scenario.
@@ -101,6 +104,7 @@ fn fly_by(transport: &Transport, plan: &FlightPlan) -> Result<Recording, SilErro
     match transport {
         Transport::InProcess => fly(plan),
         Transport::Iceoryx2 { program } => fly_over(plan, Iceoryx2::start(program, &plan.config)?),
+        Transport::Emulated(emulation) => fly_over(plan, emulation.link(&plan.config)?),
     }
 }
 

@@ -103,8 +103,9 @@ fn bad_usage_is_one_line_and_status_2() {
         (&["--substeps", "0"], "--substeps"),
         (&["--transport", "udp"], "--transport"),
         (&["--nonsense"], "--nonsense"),
-        (&["--on", "armv7"], "not part of this version"),
-        (&["--on", "cortex-m4"], "not part of this version"),
+        (&["--on", "armv7"], "cargo xtask sil --on armv7"),
+        (&["--on", "cortex-m4"], "cargo xtask sil --on cortex-m4"),
+        (&["--on", "armv7", "--transport", "iceoryx2"], "leave --transport out"),
         (&["--on", "moon"], "--on host"),
     ] {
         let output = sil(arguments, out.path());

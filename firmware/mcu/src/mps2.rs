@@ -1,0 +1,199 @@
+//! QEMU's mps2-an386, a Cortex-M4F with serial port and tick, and nothing that flies: no sensors, and motors that are four numbers
+//! in memory.
+//!
+//! Addresses and interrupts: Arm DAI 0386 (application note AN386) and the Cortex-M System Design Kit's UART (Arm DDI 0479).
+//! UART0 is QEMU's first serial port.
+#![allow(unsafe_code, reason = "registers are addresses, and handlers are the chip's to call")]
+
+use core::sync::atomic::{AtomicU16, Ordering};
+
+use control::Config;
+use cortex_m::Peripherals;
+use cortex_m::interrupt::InterruptNumber;
+use cortex_m::peripheral::syst::SystClkSource;
+use cortex_m::peripheral::{NVIC, SCB};
+use cortex_m_rt::exception;
+use embedded_hal::pwm::SetDutyCycle;
+use proto::ImuSample;
+
+use crate::Board;
+use crate::esc::{Escs, IDLE_US, duty};
+use crate::ring::{Ring, Serial};
+use crate::systick::Systick;
+
+/// The core's clock, Hz.
+pub const CLOCK_HZ: u32 = 25_000_000;
+
+const UART0: usize = 0x4000_4000;
+const DATA: usize = UART0;
+const STATE: usize = UART0 + 4;
+const CTRL: usize = UART0 + 8;
+const INTERRUPT: usize = UART0 + 12;
+const BAUD_DIVIDER: usize = UART0 + 16;
+
+const TX_FULL: u32 = 1;
+const RX_FULL: u32 = 2;
+const TX_ENABLE: u32 = 1;
+const RX_ENABLE: u32 = 2;
+const RX_INTERRUPT: u32 = 8;
+
+/// Where QEMU may lay a gains image (`-device loader`): the board's 16 MB of slow memory, which no program here uses.
+pub const IMAGE: usize = 0x2100_0000;
+/// Where QEMU may lay a recording of readings.
+pub const RECORDING: usize = 0x2100_1000;
+const SLOW_MEMORY_END: usize = 0x2200_0000;
+
+/// Counts of a frame on the motors that are not there; as the STM32's timer.
+const FRAME_COUNTS: u16 = 52_500;
+
+static RECEIVED: Ring<2048> = Ring::new();
+static TO_SEND: Ring<2048> = Ring::new();
+/// What the motors would get, in counts of a frame.
+static MOTORS: [AtomicU16; 4] = [const { AtomicU16::new(0) }; 4];
+
+/// An interrupt of the board by its number.
+#[derive(Debug, Clone, Copy)]
+struct Line(u16);
+
+const UART0_RECEIVED: Line = Line(0);
+
+// SAFETY: the number is one of the board's lines and does not change.
+unsafe impl InterruptNumber for Line {
+    fn number(self) -> u16 {
+        self.0
+    }
+}
+
+fn read(address: usize) -> u32 {
+    // SAFETY: called with registers of this board's UART only, which reading does no harm to beyond taking a byte.
+    unsafe { core::ptr::read_volatile(address as *const u32) }
+}
+
+fn write(address: usize, value: u32) {
+    // SAFETY: called with registers of this board's UART only; none of them reaches memory.
+    unsafe { core::ptr::write_volatile(address as *mut u32, value) }
+}
+
+/// A motor output that is a number in memory.
+#[derive(Debug)]
+pub struct Motor(&'static AtomicU16);
+
+impl embedded_hal::pwm::ErrorType for Motor {
+    type Error = core::convert::Infallible;
+}
+
+impl SetDutyCycle for Motor {
+    fn max_duty_cycle(&self) -> u16 {
+        FRAME_COUNTS
+    }
+
+    fn set_duty_cycle(&mut self, duty: u16) -> Result<(), Self::Error> {
+        self.0.store(duty, Ordering::Relaxed);
+        Ok(())
+    }
+}
+
+/// The emulated board.
+#[derive(Debug)]
+pub struct Mps2 {
+    link: Serial<'static, 2048, 2048>,
+    escs: Escs<Motor>,
+    /// None if it has been given away already.
+    clock: Option<Systick>,
+}
+
+/// Sets the board up: motors at idle, link open, tick running.
+pub fn boot(config: &Config) -> Mps2 {
+    let escs = Escs::new(MOTORS.each_ref().map(Motor), config.command_range);
+    write(BAUD_DIVIDER, 16);
+    write(CTRL, TX_ENABLE | RX_ENABLE | RX_INTERRUPT);
+    let clock = Peripherals::take().map(|mut core| {
+        Systick::start(&mut core.SYST, SystClkSource::Core, CLOCK_HZ / 1_000_000, config.sample_time_s)
+    });
+    // SAFETY: everything the handler touches is there.
+    unsafe { NVIC::unmask(UART0_RECEIVED) };
+    Mps2 { link: Serial { received: &RECEIVED, to_send: &TO_SEND, start: send }, escs, clock }
+}
+
+/// Sends everything: QEMU takes a byte at once.
+fn send() {
+    while let Some(byte) = TO_SEND.pop() {
+        while read(STATE) & TX_FULL != 0 {}
+        write(DATA, u32::from(byte));
+    }
+}
+
+/// All interrupts of the board; only one is on.
+#[exception]
+unsafe fn DefaultHandler(_line: i16) {
+    write(INTERRUPT, 2);
+    while read(STATE) & RX_FULL != 0 {
+        RECEIVED.push(&[read(DATA) as u8]);
+    }
+}
+
+impl Board for Mps2 {
+    type Link = Serial<'static, 2048, 2048>;
+
+    fn link(&mut self) -> &mut Self::Link {
+        &mut self.link
+    }
+
+    fn now_us(&mut self) -> u32 {
+        self.clock.map_or(0, Systick::now_us)
+    }
+
+    fn wait(&mut self) {
+        // With interrupts held back nothing slips in between the look and the sleep; a pending one ends the sleep all the same.
+        cortex_m::interrupt::free(|_| {
+            if RECEIVED.is_empty() {
+                cortex_m::asm::wfi();
+            }
+        });
+    }
+
+    fn imu(&mut self) -> Option<ImuSample> {
+        None
+    }
+
+    fn battery_v(&mut self) -> f32 {
+        f32::NAN
+    }
+
+    fn current_a(&mut self) -> Option<f32> {
+        None
+    }
+
+    fn drive(&mut self, commands: &[f32; 4]) -> bool {
+        self.escs.drive(commands)
+    }
+
+    fn feed_watchdog(&mut self) {}
+}
+
+/// The memory where a gains image may lie.
+pub fn image() -> &'static [u8] {
+    // SAFETY: the board has memory there; nothing writes to it while a program runs.
+    unsafe { core::slice::from_raw_parts(IMAGE as *const u8, RECORDING - IMAGE) }
+}
+
+/// The memory where a recording may lie.
+pub fn recording() -> &'static [u8] {
+    // SAFETY: as above.
+    unsafe { core::slice::from_raw_parts(RECORDING as *const u8, SLOW_MEMORY_END - RECORDING) }
+}
+
+/// After a panic: motors idle, then a reset. (Without a watchdog to wait for, it is asked for at once.)
+pub fn emergency() -> ! {
+    for motor in &MOTORS {
+        motor.store(duty(IDLE_US, FRAME_COUNTS), Ordering::Relaxed);
+    }
+    SCB::sys_reset()
+}
+
+/// Ends QEMU with a failure: a program that only tests run has nothing to save.
+pub fn fail() -> ! {
+    loop {
+        cortex_m_semihosting::debug::exit(cortex_m_semihosting::debug::EXIT_FAILURE);
+    }
+}

@@ -1,0 +1,85 @@
+//! The simulated laboratory of `quadlab ground --simulated`, in real time on a thread of its own.
+//!
+//! It speaks what a real one speaks: the craft's packets over UDP, and the tracker's frames in Vicon's format.
+
+use std::net::{SocketAddr, UdpSocket};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use ::ground::frames::{Axes, Frames, xyz_from_rotation};
+use ::ground::mocap::{MocapError, Vicon};
+use ::ground::vicon::{Block, Object};
+use model::Model;
+use sil::{FlightPlan, Laboratory, Radio};
+
+const FRAMES: Frames = Frames::with_axes(Axes::Z_UP);
+/// A machine that stood still for longer than this has lost time; up to that it is caught up with.
+const STALL: Duration = Duration::from_millis(100);
+
+/// The laboratory while it runs.
+pub(crate) struct Simulated {
+    /// Where the craft's program listens.
+    pub(crate) craft: SocketAddr,
+    tracker: UdpSocket,
+    over: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Simulated {
+    /// The thesis' craft on the floor, with noisy sensors and a battery that falls, under its law for identification flights.
+    pub(crate) fn start(seed: u64, clock_skew: f64) -> anyhow::Result<Self> {
+        let plan = FlightPlan::identification(Model::thesis(), seed, 1.0);
+        let lab = Laboratory::new(&plan, clock_skew)?;
+        let radio = Radio::open()?;
+        let craft = radio.address()?;
+        let tracker = UdpSocket::bind(("127.0.0.1", 0))?;
+        let over = Arc::new(AtomicBool::new(false));
+        let (sender, stop) = (tracker.try_clone()?, Arc::clone(&over));
+        let thread = Some(std::thread::spawn(move || serve(lab, radio, &sender, &stop)));
+        Ok(Self { craft, tracker, over, thread })
+    }
+
+    /// A receiver of the laboratory's tracker.
+    pub(crate) fn tracker(&self) -> Result<Vicon, MocapError> {
+        let vicon = Vicon::listen(SocketAddr::from(([127, 0, 0, 1], 0)), None, FRAMES)?;
+        self.tracker.connect(vicon.address()?)?;
+        Ok(vicon)
+    }
+}
+
+impl Drop for Simulated {
+    fn drop(&mut self) {
+        self.over.store(true, Ordering::SeqCst);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+fn serve(mut lab: Laboratory, mut radio: Radio, tracker: &UdpSocket, over: &AtomicBool) {
+    let period = Duration::from_secs_f64(lab.period_s());
+    let mut next = Instant::now();
+    let mut frame = 0_u32;
+    while !over.load(Ordering::SeqCst) {
+        std::thread::sleep(next.saturating_duration_since(Instant::now()));
+        radio.receive(&mut lab);
+        let pose = lab.tick();
+        radio.send(&mut lab);
+        let seen = proto::Pose { position_m: pose.position_m, attitude_rad: pose.attitude_rad };
+        let (position_m, rotation) = FRAMES.seen(&seen);
+        let quad = Object {
+            name: "quad".into(),
+            translation_mm: position_m.map(|m| m * 1e3),
+            rotation_rad: xyz_from_rotation(&rotation),
+        };
+        // Nobody may be listening yet, or any more.
+        let _ = tracker.send(&Block { frame, objects: vec![quad] }.to_bytes());
+        frame = frame.wrapping_add(1);
+        next += period;
+        if next + STALL < Instant::now() {
+            next = Instant::now() + period;
+        }
+    }
+}

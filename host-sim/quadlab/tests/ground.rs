@@ -1,0 +1,100 @@
+//! `quadlab ground` as a program: real time, real sockets, a laboratory that is simulated.
+
+mod common;
+
+use common::{done_in, run_in};
+use sysid::Flight;
+
+const SCRIPT: &str = r#"
+    [[step]]
+    do = "arm"
+    [[step]]
+    do = "take-off"
+    height_m = 0.7
+    [[step]]
+    do = "step"
+    axis = "x"
+    size = 0.4
+    for_s = 2.0
+    [[step]]
+    do = "land"
+"#;
+
+#[test]
+fn a_script_is_flown_and_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("s.toml"), SCRIPT).unwrap();
+    let text =
+        done_in(folder.path(), &["ground", "--simulated", "--script", "s.toml", "--record", "a/b", "--json"]);
+    let document: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(document["well"], true, "{document}");
+    assert_eq!(document["flights"], serde_json::json!(["a/b-1.csv"]));
+    let flight = Flight::read(&folder.path().join("a/b-1.csv")).unwrap();
+    let column = |column| flight.column(column).unwrap().to_vec();
+    let (x, z) = (column(sysid::Column::X), column(sysid::Column::Z));
+    let least = |values: &[f64]| values.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = |values: &[f64]| values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    assert!(
+        (0.25..0.6).contains(&most(&x)) && (-1.0..-0.6).contains(&least(&z)),
+        "{} {}",
+        most(&x),
+        least(&z)
+    );
+    assert!(document["messages"].as_u64().unwrap() > 500);
+    assert!(!folder.path().join("a/b.mcap.part").exists());
+    // The same name again would overwrite a flight.
+    let output = run_in(folder.path(), &["ground", "--simulated", "--script", "s.toml", "--record", "a/b"]);
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && stderr.contains("b.mcap"), "{stderr}");
+}
+
+/// Killed in the air: nothing of the recording is lost, and one command finishes it.
+#[test]
+fn a_recording_survives_a_kill() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("s.toml"), SCRIPT.replace("for_s = 2.0", "for_s = 60.0")).unwrap();
+    let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin!("quadlab"))
+        .current_dir(folder.path())
+        .args(["ground", "--simulated", "--script", "s.toml", "--record", "a"])
+        .stderr(std::process::Stdio::null())
+        .stdout(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    let part = folder.path().join("a.mcap.part");
+    let begun = std::time::Instant::now();
+    // Some 1.5 kB a tick: up and flying for a few seconds.
+    while std::fs::metadata(&part).map_or(0, |file| file.len()) < 1_500_000 {
+        assert!(begun.elapsed().as_secs() < 60, "nothing is recorded");
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let text = done_in(folder.path(), &["ground", "--recover", "a"]);
+    assert!(text.contains("a.mcap") && text.contains("a-1.csv"), "{text}");
+    assert!(!part.exists() && Flight::read(&folder.path().join("a-1.csv")).unwrap().len() > 50);
+}
+
+#[test]
+fn bad_usage_is_one_line_and_status_2() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("s.toml"), "[[step]]\ndo = \"jump\"\n").unwrap();
+    std::fs::write(folder.path().join("key"), "no key").unwrap();
+    let cases: [(&[&str], &str); 9] = [
+        (&[], "--craft"),
+        (&["--craft", "10.0.0.1:14550", "--no-tracker"], "key"),
+        (&["--craft", "127.0.0.1:1", "--key", "key"], "chmod 600"),
+        (&["--craft", "127.0.0.1:1", "--script", "s.toml"], "jump"),
+        (&["--craft", "127.0.0.1:1", "--pattern", "none.csv"], "none.csv"),
+        (&["--craft", "127.0.0.1:1", "--replay", "none.csv"], "none.csv"),
+        (&["--craft", "127.0.0.1:1", "--room", "x,y,-z"], "mirror image"),
+        (&["--simulated", "--command-hz", "2", "--no-record"], "from 4"),
+        (&["--recover", "nothing"], "nothing.mcap"),
+    ];
+    for (arguments, wanted) in cases {
+        let arguments: Vec<&str> = ["ground"].iter().chain(arguments).copied().collect();
+        let output = run_in(folder.path(), &arguments);
+        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
+        assert!(stderr.contains(wanted) && stderr.lines().count() == 1, "{arguments:?}: {stderr}");
+    }
+}

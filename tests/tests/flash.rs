@@ -1,0 +1,320 @@
+//! `cargo xtask flash` against a real sshd on this machine, whose craft is an ARM program under qemu-arm.
+//!
+//! Everything is real but the processor: Debian's sshd with keys of its own on a port of the loopback, the program built for
+//! armv7, its link, its guardian, a pseudo terminal for its IMU, files for its PWM. Without one of the means it is skipped.
+#![forbid(unsafe_code)]
+
+#[path = "../../firmware/com/tests/whole/common/mod.rs"]
+mod common;
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::net::{TcpListener, TcpStream, UdpSocket};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use common::{Bench, Ground, Held, IDLE, PATIENCE, patient_law};
+use control::{Config, Readings};
+use craft::convert;
+use proto::{MAX_PACKET_LEN, Message, Opener, Request, Role, Sealer, State};
+use sil::{FlightPlan, InProcess, Link, LinkError, NoiseModel, Recording, StepAxis};
+
+const RUNNER: &str = "qemu-arm -L /usr/arm-linux-gnueabihf";
+const INSTALL: &str = "apt-get install --yes openssh-server qemu-user gcc-arm-linux-gnueabihf libc6-dev-armhf-cross rustc-web cargo-web rust-web-src";
+
+fn has(program: &str, argument: &str) -> bool {
+    // sshd knows no such argument and says so; that it starts is enough.
+    Command::new(program).arg(argument).stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok()
+}
+
+/// What is missing on this machine, if so.
+fn missing() -> Option<&'static str> {
+    let needed = [
+        ("/usr/sbin/sshd", "-V"),
+        ("ssh", "-V"),
+        ("qemu-arm", "--version"),
+        ("arm-linux-gnueabihf-gcc", "--version"),
+    ];
+    needed.into_iter().find(|(program, argument)| !has(program, argument)).map(|(program, _)| program)
+}
+
+/// A free port, which the next program takes.
+fn free_port() -> u16 {
+    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
+}
+
+fn free_udp_port() -> u16 {
+    UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
+}
+
+/// A machine that is reached over ssh: this one.
+struct Machine {
+    folder: tempfile::TempDir,
+    sshd: Child,
+    port: u16,
+    user: String,
+}
+
+impl Machine {
+    fn start() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for name in ["host", "user"] {
+            let made = Command::new("ssh-keygen")
+                .args(["-q", "-t", "ed25519", "-N", "", "-f"])
+                .arg(at(name))
+                .status();
+            assert!(made.unwrap().success(), "ssh-keygen");
+        }
+        let port = free_port();
+        // As root, sshd wants this folder for its unprivileged half.
+        let _ = fs::create_dir_all("/run/sshd");
+        fs::copy(at("user.pub"), at("authorized_keys")).unwrap();
+        let config = format!(
+            "Port {port}\nListenAddress 127.0.0.1\nHostKey {0}/host\nAuthorizedKeysFile {0}/authorized_keys\nPidFile none\n\
+             StrictModes no\nUsePAM no\nPasswordAuthentication no\nPermitRootLogin prohibit-password\n",
+            folder.path().display()
+        );
+        fs::write(at("sshd_config"), config).unwrap();
+        let public = fs::read_to_string(at("host.pub")).unwrap();
+        fs::write(at("known_hosts"), format!("[127.0.0.1]:{port} {public}")).unwrap();
+        let client = format!(
+            "Host *\n IdentityFile {0}/user\n IdentitiesOnly yes\n UserKnownHostsFile {0}/known_hosts\n StrictHostKeyChecking yes\n",
+            folder.path().display()
+        );
+        fs::write(at("ssh_config"), client).unwrap();
+        let sshd = Command::new("/usr/sbin/sshd")
+            .args(["-D", "-e", "-f"])
+            .arg(at("sshd_config"))
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let started = Instant::now();
+        while TcpStream::connect(("127.0.0.1", port)).is_err() {
+            assert!(started.elapsed() < PATIENCE, "sshd does not listen");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let id = Command::new("id").arg("-un").output().unwrap();
+        let user = String::from_utf8(id.stdout).unwrap().trim().to_owned();
+        Self { folder, sshd, port, user }
+    }
+
+    fn craft(&self) -> PathBuf {
+        self.folder.path().join("craft")
+    }
+
+    fn flash(&self, more: &[&str]) -> Output {
+        let destination = format!("{}@127.0.0.1:{}", self.user, self.port);
+        let mut command = Command::new(program("xtask"));
+        command.args(["flash", "--com", &destination, "--runner", RUNNER, "--folder"]).arg(self.craft());
+        command.arg("--ssh-config").arg(self.folder.path().join("ssh_config")).args(more);
+        command.output().unwrap()
+    }
+
+    fn current(&self) -> PathBuf {
+        fs::canonicalize(self.craft().join("current")).unwrap()
+    }
+
+    fn process(&self) -> u32 {
+        fs::read_to_string(self.craft().join("com.pid")).unwrap().trim().parse().unwrap()
+    }
+}
+
+impl Drop for Machine {
+    fn drop(&mut self) {
+        if self.craft().join("com.pid").exists() {
+            let _ = Command::new("kill").arg(self.process().to_string()).stderr(Stdio::null()).status();
+        }
+        let _ = self.sshd.kill();
+        let _ = self.sshd.wait();
+    }
+}
+
+/// A program as this workspace builds it.
+fn program(name: &str) -> PathBuf {
+    let mut path = std::env::current_exe().unwrap();
+    path.pop();
+    if path.ends_with("deps") {
+        path.pop();
+    }
+    let path = path.join(name);
+    if !path.exists() {
+        let built = Command::new(env!("CARGO")).args(["build", "-p", name, "--bin", name]).status();
+        assert!(built.unwrap().success() && path.exists(), "{} is not there", path.display());
+    }
+    path
+}
+
+fn said(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+fn succeeded(output: &Output) -> String {
+    let said = said(output);
+    assert!(output.status.success(), "{said}");
+    said
+}
+
+/// The configuration of a craft whose devices are a bench's, with a port that stays.
+fn settle_ports(bench: &Bench) -> u16 {
+    let port = free_udp_port();
+    let path = bench.path("com.toml");
+    let text = fs::read_to_string(&path).unwrap();
+    let text = text.replace("127.0.0.1:0", &format!("127.0.0.1:{port}"));
+    fs::write(path, text.replace("root = 'pwm'", &format!("root = '{}'", bench.path("pwm").display())))
+        .unwrap();
+    port
+}
+
+/// The law in the flashed program, asked over UDP.
+struct OverUdp {
+    socket: UdpSocket,
+    sealer: Sealer,
+    opener: Opener,
+    child: Child,
+}
+
+impl OverUdp {
+    /// Starts the program of a release as the craft would.
+    fn start(release: &Path) -> Self {
+        let mut words = RUNNER.split(' ');
+        let mut command = Command::new(words.next().unwrap());
+        command
+            .args(words)
+            .arg(release.join("com"))
+            .args(["lockstep", "--gains"])
+            .arg(release.join("gains.toml"));
+        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+        let mut address = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut address).unwrap();
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket.connect(address.trim()).unwrap();
+        socket.set_read_timeout(Some(PATIENCE)).unwrap();
+        Self { socket, sealer: Sealer::open(Role::Ground, 0), opener: Opener::open(Role::Craft, 0), child }
+    }
+}
+
+impl Link for OverUdp {
+    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, LinkError> {
+        let mut buffer = [0; MAX_PACKET_LEN];
+        let message = Message::Readings(convert::readings_message(tick, readings));
+        let (_, packet) = self.sealer.seal(&message, &mut buffer).unwrap();
+        self.socket.send(packet).unwrap();
+        let length = self.socket.recv(&mut buffer).expect("the program answers");
+        match self.opener.unseal(&buffer[..length]).unwrap().1 {
+            Message::Outcome(outcome) => Ok(outcome),
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+impl Drop for OverUdp {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A minute in noise with a step of a metre, with the law wherever `link` leads.
+fn minute(link: impl Link, law: &Config) -> Recording {
+    let plan = FlightPlan {
+        config: *law,
+        noise: Some(NoiseModel::default()),
+        duration_s: 60.0,
+        ..FlightPlan::thesis_step(StepAxis::X, 1.0)
+    };
+    sil::fly_over(&plan, link).unwrap()
+}
+
+#[test]
+fn a_craft_is_flashed_flown_flashed_again_and_rolled_back() {
+    if let Some(missing) = missing() {
+        println!("SKIPPED: {missing} is not installed: {INSTALL}");
+        return;
+    }
+    let machine = Machine::start();
+    let bench = Bench::new(&patient_law(), "[guardian]\nsilence_s = 2.0\n");
+    let port = settle_ports(&bench);
+    let config = bench.path("com.toml");
+    let config = config.to_str().unwrap();
+
+    // Steps are printed, and nothing is done.
+    let steps = succeeded(&machine.flash(&["--config", config, "--dry-run"]));
+    assert!(
+        steps.contains("would flash") && steps.contains("SHA-256") && !machine.craft().exists(),
+        "{steps}"
+    );
+
+    let first = succeeded(&machine.flash(&["--config", config]));
+    assert!(
+        first.contains("nothing runs there") && first.contains("over the link: program 0.1.0"),
+        "{first}"
+    );
+    let (release, process) = (machine.current(), machine.process());
+    let elf = fs::read(release.join("com")).unwrap();
+    assert_eq!(elf[18..20], [40, 0], "the machine of the program is ARM");
+    assert!(bench.is_idle());
+
+    // A minute against the plant: every bit is that of the host's build.
+    let law = patient_law();
+    let began = Instant::now();
+    let there = minute(OverUdp::start(&release), &law);
+    println!("a minute flown in {:?} on an emulated ARM", began.elapsed());
+    let here = minute(InProcess::new(&law).unwrap(), &law);
+    assert_eq!(there.rows.len(), 6000);
+    let bits = |recording: &Recording| -> Vec<u32> {
+        recording.rows.iter().flat_map(|row| row.output.pwm.map(f32::to_bits)).collect()
+    };
+    assert!(bits(&there) == bits(&here), "the two builds command different motors");
+
+    // Armed it is left alone.
+    let mut held = Held::new(Ground::new(format!("127.0.0.1:{port}").parse().unwrap()));
+    held.until(&bench, IDLE, "ready", |held| {
+        held.ground.telemetry.is_some_and(|telemetry| telemetry.supervision.preflight == 0b11_1111_1111)
+    });
+    held.ground.request(Request::Arm);
+    held.until(&bench, IDLE, "armed", |held| held.ground.state() == State::Armed);
+    let refused = std::thread::scope(|scope| {
+        let flash = scope.spawn(|| {
+            machine.flash(&["--config", config, "--program", release.join("com").to_str().unwrap()])
+        });
+        while !flash.is_finished() {
+            held.tick(&bench, IDLE);
+        }
+        flash.join().unwrap()
+    });
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(said(&refused).contains("the craft is armed: disarm it first"), "{}", said(&refused));
+    held.ground.request(Request::Disarm);
+    held.until(&bench, IDLE, "disarmed", |held| held.ground.state() == State::Disarmed);
+    assert_eq!((machine.current(), machine.process()), (release.clone(), process));
+
+    // Other gains are another release. Its program is the one that is there.
+    let mut law = patient_law();
+    law.anti_windup = !law.anti_windup;
+    let gains = format!("{}\n[provenance]\nvehicle = 'F330 (thesis)'\n", toml::to_string(&law).unwrap());
+    fs::write(bench.path("gains.toml"), gains).unwrap();
+    let com = release.join("com");
+    let second = succeeded(&machine.flash(&["--config", config, "--program", com.to_str().unwrap()]));
+    assert!(second.contains("the craft is disarmed"), "{second}");
+    let hash = |said: &str| said.split("vehicle hash ").nth(1).unwrap()[..64].to_owned();
+    assert_ne!(hash(&first), hash(&second));
+    assert_ne!(machine.current(), release);
+    assert_ne!(machine.process(), process);
+
+    // Files that cannot be flown never become the current ones.
+    let good = machine.current();
+    fs::write(
+        bench.path("vehicle.toml"),
+        "name = 'another'\n[motors]\ncommand_unit = 'us'\ncommand_range = [1000.0, 2000.0]\n",
+    )
+    .unwrap();
+    let refused = machine.flash(&["--config", config, "--program", com.to_str().unwrap()]);
+    assert!(said(&refused).contains("these gains belong to another vehicle"), "{}", said(&refused));
+    assert_eq!((refused.status.code(), machine.current()), (Some(2), good));
+
+    let back = succeeded(&machine.flash(&["--rollback"]));
+    assert_eq!(hash(&back), hash(&first));
+    assert_eq!(machine.current(), release);
+}

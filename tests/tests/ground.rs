@@ -1,0 +1,271 @@
+//! The ground station flies a pattern through the simulated laboratory, and what it recorded identifies the craft.
+//!
+//! Everything passes through real sockets: the tracker's datagrams in Vicon's format, the ground's packets up, the craft's packets
+//! down. Time is simulated, so that a busy machine changes nothing and a minute of flight takes a second: the clock of the ground
+//! is the laboratory's, and each tick waits for the packets that it knows to be under way.
+
+use std::collections::BTreeMap;
+use std::net::{SocketAddr, UdpSocket};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use ground::frames::{Axes, Frames, xyz_from_rotation};
+use ground::link::{Link, LinkSettings};
+use ground::mission::{Progress, Step};
+use ground::mocap::{Heard, Receiver, Vicon};
+use ground::recorder::{Level, Recorder, finish};
+use ground::run::connect;
+use ground::station::{Settings, Station, Wish};
+use ground::vicon::{Block, Object};
+use model::{Effect, Model};
+use pattern::{Excitation, Pattern};
+use proto::State;
+use sil::{FlightPlan, Laboratory, Radio, Script};
+
+const HERE: &str = "127.0.0.1:0";
+const SOON: Duration = Duration::from_secs(10);
+const FRAMES: Frames = Frames::with_axes(Axes::Z_UP);
+
+/// A laboratory and a ground station on one machine and one simulated clock.
+struct Day {
+    lab: Laboratory,
+    radio: Radio,
+    station: Station,
+    vicon: Vicon,
+    tracker: UdpSocket,
+    socket: UdpSocket,
+    frame: u32,
+    now_s: f64,
+    told: Vec<(f64, Level, String)>,
+}
+
+impl Day {
+    fn new(plan: &FlightPlan, clock_skew: f64, steps: Vec<Step>, record: Option<&Path>) -> Self {
+        let radio = Radio::open().unwrap();
+        let socket = connect(radio.address().unwrap()).unwrap();
+        socket.set_read_timeout(Some(SOON)).unwrap();
+        let vicon = Vicon::listen(HERE.parse().unwrap(), Some("quad".into()), FRAMES).unwrap();
+        let tracker = UdpSocket::bind(HERE).unwrap();
+        tracker.connect(vicon.address().unwrap()).unwrap();
+        let link = Link::open(&LinkSettings::default(), radio.address().unwrap().ip()).unwrap();
+        let recorder = record.map(|name| Recorder::begin(name, 0, &BTreeMap::new()).unwrap());
+        let settings = Settings { command_hz: 100.0, steps, ..Settings::default() };
+        Self {
+            lab: Laboratory::new(plan, clock_skew).unwrap(),
+            radio,
+            station: Station::new(settings, link, recorder).unwrap(),
+            vicon,
+            tracker,
+            socket,
+            frame: 0,
+            now_s: 5.0,
+            told: Vec::new(),
+        }
+    }
+
+    fn now_us(&self, later_s: f64) -> u64 {
+        ((self.now_s + later_s) * 1e6) as u64
+    }
+
+    /// The ground sends; the craft hears all of it.
+    fn up(&mut self, later_s: f64) {
+        self.station.poll(self.now_us(later_s));
+        let mut under_way = 0;
+        for packet in self.station.take_packets() {
+            self.socket.send(&packet).unwrap();
+            under_way += 1;
+        }
+        while under_way > 0 {
+            under_way -= self.radio.receive(&mut self.lab).min(under_way);
+        }
+    }
+
+    /// One tick of the craft: telemetry reaches the ground 2 ms later, the pose 3 ms later, and is in the craft with the next tick.
+    fn tick(&mut self) {
+        let pose = self.lab.tick();
+        let under_way = self.radio.send(&mut self.lab);
+        let mut buffer = [0; 2048];
+        for _ in 0..under_way {
+            let length = self.socket.recv(&mut buffer).unwrap();
+            self.station.on_packet(self.now_us(0.002), &buffer[..length]);
+        }
+        let pose = proto::Pose { position_m: pose.position_m, attitude_rad: pose.attitude_rad };
+        let (position_m, rotation) = FRAMES.seen(&pose);
+        let quad = Object {
+            name: "quad".into(),
+            translation_mm: position_m.map(|m| m * 1e3),
+            rotation_rad: xyz_from_rotation(&rotation),
+        };
+        let wand = Object { name: "wand".into(), translation_mm: [1.0; 3], rotation_rad: [0.0; 3] };
+        self.tracker.send(&Block { frame: self.frame, objects: vec![wand, quad] }.to_bytes()).unwrap();
+        let heard = self.vicon.next(SOON).unwrap();
+        assert!(matches!(heard, Heard::Seen(_)), "{heard:?}");
+        self.station.on_tracker(self.now_us(0.003), heard);
+        // The ramp goes out whenever it is due; what comes between two ticks waits for the second.
+        let period_s = self.lab.period_s();
+        for part in 1..=8 {
+            self.up(period_s * f64::from(part) / 8.0 - 1e-4);
+        }
+        self.frame += 1;
+        self.now_s += period_s;
+        let told: Vec<_> = self.station.take_told().collect();
+        self.told.extend(told.into_iter().map(|told| (told.at_us as f64 * 1e-6, told.level, told.text)));
+    }
+
+    fn until(&mut self, limit_s: f64, holds: impl Fn(&Self) -> bool) {
+        let end_s = self.now_s + limit_s;
+        while !holds(self) {
+            assert!(self.now_s < end_s, "not within {limit_s} s: {:#?} {:?}", self.told, self.lab.state());
+            self.tick();
+        }
+    }
+
+    fn state(&self) -> Option<State> {
+        self.station.snapshot(0).telemetry.map(|(telemetry, _)| telemetry.supervision.state)
+    }
+}
+
+/// A tour of the cage with the thesis' excitation, as a pattern file would have it.
+fn tour(seed: u64, duration_s: f64) -> Box<Pattern> {
+    let mut excitation = Excitation::new(seed, 0.01, 1.0);
+    let rows = Script::tour(seed, duration_s)
+        .rows(([0.0, 0.0, -1.0], 0.0), 0.01, duration_s, |_| excitation.next_sample().map(f64::from));
+    let path = Path::new("tour.csv");
+    let text = Pattern::new(rows, path).unwrap().to_csv();
+    Box::new(Pattern::parse(text.as_bytes(), path).unwrap())
+}
+
+/// From the floor through a pattern to the floor; the flight file that is left.
+fn flown(folder: &Path, seed: u64) -> PathBuf {
+    let plan = FlightPlan::identification(Model::thesis(), seed, 1.0);
+    let name = folder.join(format!("flight{seed}"));
+    let steps = vec![
+        Step::Arm {},
+        Step::TakeOff { height_m: 1.0 },
+        Step::Fly { pattern: tour(seed, 25.0), times: 1, excite: None },
+        Step::Land {},
+    ];
+    let mut day = Day::new(&plan, 0.0, steps, Some(&name));
+    day.until(90.0, |day| *day.station.progress() != Progress::Going);
+    assert_eq!(*day.station.progress(), Progress::Done, "seed {seed}: {:#?}", day.told);
+    assert!(!day.station.is_faulty());
+    // Disarmed a hand's breadth over the floor, as the law's landing does.
+    day.until(1.0, |day| day.lab.is_down());
+    drop(day);
+    let finished = finish(&name).unwrap();
+    let [flight] = &finished.flights[..] else { panic!("seed {seed}: {finished:?}") };
+    flight.clone()
+}
+
+#[test]
+fn recorded_flights_identify_the_craft_that_flew() {
+    let folder = tempfile::tempdir().unwrap();
+    let truth = Model::thesis();
+    let flights: Vec<_> = (1..=3).map(|seed| flown(folder.path(), seed)).collect();
+    let prepared: Vec<_> = flights
+        .iter()
+        .map(|path| {
+            let flight = sysid::Flight::read(path).unwrap();
+            flight.check_against(&truth.vehicle, path).unwrap();
+            let examined = sysid::examine(&flight, &truth.vehicle).unwrap();
+            println!("{}: {} rows, clocks {:?}", path.display(), flight.len(), examined.clocks);
+            for fault in &examined.faults {
+                println!("  {}", fault.sentence);
+            }
+            examined.prepared
+        })
+        .collect();
+    // Everything that the craft has; a fit without some of it puts it into the rest.
+    let effects: Vec<Effect> = truth.terms.iter().map(|term| term.effect).collect();
+    let fit = sysid::fit(&prepared.iter().collect::<Vec<_>>(), &truth.vehicle, &effects, None).unwrap();
+    let mut worst: f64 = 0.0;
+    for term in &fit.model.terms {
+        let wanted = truth.terms.iter().find(|t| t.effect == term.effect);
+        for (k, (info, got)) in term.effect.info().coefficients.iter().zip(&term.coefficients).enumerate() {
+            let wanted = wanted.map_or(0.0, |term| term.coefficients[k].value);
+            let error = got.std_error.unwrap_or(f64::NAN);
+            let off = (got.value - wanted) / error;
+            println!(
+                "{} {}: {:.6} +- {error:.6}, true {wanted:.6}, off by {off:.2} errors",
+                term.effect.info().id,
+                info.name,
+                got.value
+            );
+            worst = worst.max(off.abs());
+        }
+    }
+    // Some 24 coefficients: 4.5 standard errors is what is asked of identification on flights of others, too.
+    assert!(worst < 4.5, "{worst:.2} standard errors");
+}
+
+#[test]
+fn a_fast_clock_is_named_within_two_seconds_of_the_first_telemetry() {
+    let plan = FlightPlan::identification(Model::thesis(), 1, 1.0);
+    for (skew, word) in [(0.0118, "fast"), (-0.0118, "slow")] {
+        let mut day = Day::new(&plan, skew, Vec::new(), None);
+        day.until(1.0, |day| day.state().is_some());
+        let heard_s = day.now_s;
+        day.until(5.0, |day| day.told.iter().any(|(_, level, _)| *level == Level::Error));
+        let (at_s, _, text) = day.told.iter().find(|(_, level, _)| *level == Level::Error).unwrap().clone();
+        println!("after {:.2} s: {text}", at_s - heard_s);
+        assert!(at_s - heard_s < 2.0 && text.contains(word), "{at_s} {heard_s} {text}");
+        // 1.18 %, to the tenth of it that a second and a half of ramps can tell.
+        assert!(text.contains("1.1") || text.contains("1.2"), "{text}");
+        assert!(day.station.is_faulty());
+    }
+}
+
+/// By hand: arm, take off, cut in the air. The craft falls, stays cut, and only a disarm lets it arm again.
+#[test]
+fn a_person_flies_by_wishes() {
+    let plan = FlightPlan::identification(Model::thesis(), 3, 1.0);
+    let mut day = Day::new(&plan, 0.0, Vec::new(), None);
+    day.until(2.0, |day| day.state() == Some(State::Disarmed));
+    for _ in 0..100 {
+        day.tick();
+    }
+    let wish = |day: &mut Day, wish| {
+        let now_us = day.now_us(0.0);
+        day.station.on_wish(now_us, wish);
+    };
+    wish(&mut day, Wish::Arm);
+    day.until(1.0, |day| day.state() == Some(State::Armed));
+    wish(&mut day, Wish::TakeOff);
+    day.until(6.0, |day| day.lab.position_m()[2] < -0.9);
+    wish(&mut day, Wish::Cut);
+    let cut_s = day.now_s;
+    day.until(1.0, |day| day.lab.state() == control::State::Cut);
+    // Sent at once, heard with the next tick.
+    assert!(day.now_s - cut_s < 0.035, "{} s", day.now_s - cut_s);
+    day.until(2.0, |day| day.lab.is_down());
+    wish(&mut day, Wish::Arm);
+    for _ in 0..700 {
+        day.tick();
+    }
+    assert_eq!(day.lab.state(), control::State::Cut, "a cut craft does not arm");
+    wish(&mut day, Wish::Disarm);
+    day.until(1.0, |day| day.state() == Some(State::Disarmed));
+    wish(&mut day, Wish::Arm);
+    day.until(1.0, |day| day.state() == Some(State::Armed));
+}
+
+/// A ground station that is started anew while the craft flies takes it over where it is, and lands it.
+#[test]
+fn a_restarted_ground_station_takes_a_flying_craft_over() {
+    let plan = FlightPlan::identification(Model::thesis(), 4, 1.0);
+    let mut day = Day::new(&plan, 0.0, vec![Step::Arm {}, Step::TakeOff { height_m: 1.0 }], None);
+    day.until(20.0, |day| *day.station.progress() == Progress::Done && day.lab.position_m()[2] < -0.9);
+    let peer: SocketAddr = day.radio.address().unwrap();
+    let link = Link::open(&LinkSettings::default(), peer.ip()).unwrap();
+    let settings = Settings { command_hz: 100.0, ..Settings::default() };
+    day.station = Station::new(settings, link, None).unwrap();
+    for _ in 0..300 {
+        day.tick();
+        assert_eq!(day.lab.state(), control::State::Flying, "{:#?}", day.told);
+    }
+    let [x, y, z] = day.lab.position_m();
+    assert!(x.abs() < 0.15 && y.abs() < 0.15 && (z + 1.0).abs() < 0.2, "{x} {y} {z}");
+    let now_us = day.now_us(0.0);
+    day.station.on_wish(now_us, Wish::Land);
+    day.until(20.0, |day| day.lab.is_down() && day.state() == Some(State::Disarmed));
+}
