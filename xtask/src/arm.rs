@@ -149,7 +149,7 @@ impl Toolchain {
                 command
             }
         };
-        command.args(["--profile", PROFILE, "--target", target.triple()]);
+        command.args(["--target", target.triple()]);
         command.env("CARGO_TARGET_DIR", folder(workspace));
         match target {
             Target::Armv7 => {
@@ -165,7 +165,10 @@ impl Toolchain {
     }
 }
 
-const PROFILE: &str = "firmware";
+/// The profile of a package's programs: what flies on Linux may unwind to its guardian, what flies on a chip has nowhere to.
+fn profile(package: &str) -> &'static str {
+    if package == COM { "release" } else { "firmware" }
+}
 
 /// Where ARM programs are built.
 fn folder(workspace: &Workspace) -> PathBuf {
@@ -173,8 +176,8 @@ fn folder(workspace: &Workspace) -> PathBuf {
 }
 
 /// A program as it was built.
-fn path_of(workspace: &Workspace, target: Target, program: &str) -> PathBuf {
-    folder(workspace).join(target.triple()).join(PROFILE).join(program)
+fn path_of(workspace: &Workspace, target: Target, package: &str, program: &str) -> PathBuf {
+    folder(workspace).join(target.triple()).join(profile(package)).join(program)
 }
 
 /// The first thing that is missing to build and run programs of a target, and the line that installs it.
@@ -200,14 +203,14 @@ pub(crate) fn build(
     }
     let Some(toolchain) = Toolchain::of(target) else { bail!("{} cannot be built here", target.name()) };
     let mut command = toolchain.build(target, workspace);
-    command.args(["--quiet", "--package", package]);
+    command.args(["--quiet", "--profile", profile(package), "--package", package]);
     command.args(programs.iter().flat_map(|program| ["--bin", program]));
     command.args(features.iter().flat_map(|feature| ["--features", feature]));
     eprintln!("   {}", shown(&command));
     if !succeeds(command.stdout(std::process::Stdio::null()))? {
         bail!("{} does not build for {}", programs.join(", "), target.triple());
     }
-    Ok(programs.iter().map(|program| path_of(workspace, target, program)).collect())
+    Ok(programs.iter().map(|program| path_of(workspace, target, package, program)).collect())
 }
 
 fn build_one(workspace: &Workspace, target: Target, package: &str, program: &str) -> Result<PathBuf> {
@@ -299,13 +302,14 @@ fn measured(program: &Path) -> Result<Value> {
 /// What there is to know of the microcontroller's program.
 fn report(workspace: &Workspace) -> Result<Value> {
     let target = Target::CortexM4;
+    // The board's first: the emulated one has the same name, and is the one to stay.
+    let board = sizes(&board_program(workspace)?)?;
     // It links, so no panic can be reached from a tick.
     let programs = ["mcu", "mcu-lockstep", "mcu-measure", "mcu-no-panic"];
     let built = build(workspace, target, "mcu", &programs, &[])?;
     let [emulated, _, measure, _] = &built[..] else { bail!("as many programs as were asked for") };
     let emulated = sizes(emulated)?;
     let measured = measured(measure)?;
-    let board = sizes(&board_program(workspace)?)?;
     Ok(json!({
         "toolchain": Toolchain::of(target).map(|toolchain| toolchain.describe()),
         "panics_in_a_tick": 0,
@@ -315,7 +319,7 @@ fn report(workspace: &Workspace) -> Result<Value> {
     }))
 }
 
-/// The program for a real board, beside the emulator's.
+/// The program for a real board, beside the emulator's: both have one name.
 pub(crate) fn board_program(workspace: &Workspace) -> Result<PathBuf> {
     let built = build(workspace, Target::CortexM4, "mcu", &["mcu"], &["stm32f405"])?.remove(0);
     let kept = built.with_file_name("mcu-stm32f405");
@@ -371,9 +375,7 @@ fn text(report: &Value) -> String {
 fn build_all(workspace: &Workspace) -> Result<Vec<PathBuf>> {
     let (package, program) = lockstep(Target::Armv7);
     let mut built = vec![build_one(workspace, Target::Armv7, package, program)?];
-    if workspace.members().iter().any(|member| member.name.as_str() == COM) {
-        built.push(build_one(workspace, Target::Armv7, COM, COM)?);
-    }
+    built.push(build_one(workspace, Target::Armv7, COM, COM)?);
     let (package, program) = lockstep(Target::CortexM4);
     built.push(build_one(workspace, Target::CortexM4, package, program)?);
     Ok(built)
@@ -382,12 +384,13 @@ fn build_all(workspace: &Workspace) -> Result<Vec<PathBuf>> {
 /// The variables by which the tests of `sil` find the programs, for those that are built.
 pub(crate) fn variables(workspace: &Workspace) -> Vec<(&'static str, PathBuf)> {
     let programs = [
-        ("QUADLAB_ARMV7_LOCKSTEP", Target::Armv7, lockstep(Target::Armv7).1),
-        ("QUADLAB_ARMV7_COM", Target::Armv7, COM),
-        ("QUADLAB_CORTEX_M4_LOCKSTEP", Target::CortexM4, lockstep(Target::CortexM4).1),
-        ("QUADLAB_CORTEX_M4_MCU", Target::CortexM4, "mcu"),
+        ("QUADLAB_ARMV7_LOCKSTEP", Target::Armv7, lockstep(Target::Armv7)),
+        ("QUADLAB_ARMV7_COM", Target::Armv7, (COM, COM)),
+        ("QUADLAB_CORTEX_M4_LOCKSTEP", Target::CortexM4, lockstep(Target::CortexM4)),
+        ("QUADLAB_CORTEX_M4_MCU", Target::CortexM4, ("mcu", "mcu")),
     ];
-    let paths = programs.map(|(name, target, program)| (name, path_of(workspace, target, program)));
+    let paths = programs
+        .map(|(name, target, (package, program))| (name, path_of(workspace, target, package, program)));
     paths.into_iter().filter(|(_, path)| path.is_file()).collect()
 }
 

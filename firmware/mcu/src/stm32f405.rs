@@ -24,7 +24,7 @@ use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc;
 use stm32f4xx_hal::serial::{self, config::Config as SerialConfig};
 use stm32f4xx_hal::spi::{self, Spi};
-use stm32f4xx_hal::timer::{ErasedChannel, fugit};
+use stm32f4xx_hal::timer::ErasedChannel;
 use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
 use crate::Board;
@@ -70,8 +70,7 @@ pub fn boot(config: &Config) -> Stm32f405 {
     let port_a = peripherals.GPIOA.split(&mut rcc);
     let port_c = peripherals.GPIOC.split(&mut rcc);
 
-    let frame = fugit::TimerDurationU32::<TIMER_HZ>::from_ticks(FRAME_COUNTS);
-    let (_, (one, two, three, four)) = peripherals.TIM3.pwm(frame, &mut rcc);
+    let (_, (one, two, three, four)) = peripherals.TIM3.pwm::<TIMER_HZ>(FRAME_US.micros(), &mut rcc);
     let mut one = one.with(port_c.pc6);
     let mut two = two.with(port_c.pc7);
     let mut three = three.with(port_c.pc8);

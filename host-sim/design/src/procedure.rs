@@ -765,6 +765,8 @@ impl Work<'_> {
 
 /// Phase that the integral part may take away, degrees.
 const INTEGRAL_RESERVE_DEG: f64 = 8.0;
+/// A prefilter beyond this is none: what it lets through is the noise of the position loops.
+const FASTEST_PREFILTER_RAD_S: f64 = 20.0;
 /// Steps of one run of the simplex.
 const SEARCH_STEPS: u64 = 150;
 /// Estimators that are tried; none is faster than the thesis', whose noise is known to fly.
@@ -838,7 +840,7 @@ impl Search<'_> {
         (gains.kd, gains.kp, gains.ki) = (parameters[0].exp(), parameters[1].exp(), parameters[2].exp());
         let mut others = parameters[3..].iter().map(|x| x.exp());
         if let Some(corner) = &mut gains.prefilter_rad_s {
-            *corner = others.next().unwrap_or(*corner);
+            *corner = others.next().unwrap_or(*corner).min(FASTEST_PREFILTER_RAD_S);
         }
         if let Some(canceller) = &mut gains.canceller {
             canceller.zero_rad_s = others.next().unwrap_or(canceller.zero_rad_s);

@@ -90,7 +90,7 @@ fn number(value: Option<f64>, digits: usize) -> String {
 }
 
 /// Less than a thousandth of anything in these tables (degrees, seconds, per cent) is nothing.
-fn short(value: f64, digits: usize) -> String {
+pub(crate) fn short(value: f64, digits: usize) -> String {
     if value.abs() < 1e-3 { "0".into() } else { significant(value, digits) }
 }
 
@@ -229,8 +229,12 @@ fn uncertainty(text: &mut String, report: &CheckReport) {
     let Some(u) = &report.uncertainty else { return };
     let _ = writeln!(
         text,
-        "\nOver {} draws of {} coefficients from their standard errors (seed {}; {} could not be analysed): worst, 5 %, median, 95 %",
-        u.samples, u.coefficients, u.seed, u.failed
+        "\nOver {} draws of {} coefficients from their standard errors, {} (seed {}; {} could not be analysed): worst, 5 %, median, 95 %",
+        u.samples,
+        u.coefficients,
+        if u.correlated { "with their correlations" } else { "taken as independent" },
+        u.seed,
+        u.failed
     );
     let spread = |s: Option<Spread>, factor: f64| {
         s.map_or_else(

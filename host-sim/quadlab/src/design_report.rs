@@ -15,6 +15,7 @@ use model::Model;
 use report::{Axis, Cell, Column, Figure, Mark, Page, Section, Series, Style, Table, Verdict, significant};
 use serde::Serialize;
 
+use crate::design_check::short;
 use crate::design_pages;
 use crate::linearize;
 use crate::output::{Outcome, check_outputs, provenance};
@@ -259,7 +260,7 @@ fn group(work: &Work, heading: &str, names: [LoopName; 2], figures: [&str; 6]) -
     let of_loops =
         |n: &&Compared| beginnings.iter().any(|b| n.what.starts_with(b)) && n.place.starts_with("5.");
     let mut section = Section::new(heading);
-    if work.numbers.iter().any(|n| of_loops(&&n)) {
+    if work.numbers.iter().any(|n| of_loops(&n)) {
         let places: Vec<String> =
             work.numbers.iter().filter(|n| of_loops(n)).map(|n| n.what.clone()).collect();
         section = section.table(work.numbers(&places.iter().map(String::as_str).collect::<Vec<_>>()));
@@ -318,7 +319,7 @@ fn step_numbers(work: &Work, name: LoopName) -> String {
     let rise = step.commanded.rise_s.map_or_else(|| "-".into(), |x| significant(x, 3));
     format!(
         "{name}: {with}; commanded: overshoot {} %, rise {rise} s.",
-        significant(step.commanded.overshoot_percent, 3)
+        short(step.commanded.overshoot_percent, 3)
     )
 }
 

@@ -158,12 +158,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         substeps: u32::from(arguments.substeps),
     };
     if let Some(path) = &arguments.pattern {
-        if processor.is_some() {
-            anyhow::bail!(
-                "--pattern with --on {}: patterns are flown on the host; leave --on out",
-                arguments.on
-            );
-        }
+        anyhow::ensure!(processor.is_none(), "--pattern with --on: a pattern flies on this machine");
         return fly_pattern(arguments, path, settings);
     }
     let transport = match (arguments.transport, processor) {
@@ -204,44 +199,6 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     page::page(&suite, &settings, provenance).write(&index)?;
     print(arguments, &suite, &index);
     Ok(ExitCode::from(u8::from(!suite.pass())))
-}
-
-/// Flies a pattern file and leaves its flight file. Exit status 1 where the craft is lost or leaves the cage.
-#[expect(clippy::print_stdout, reason = "the program's output")]
-fn fly_pattern(
-    arguments: &Arguments,
-    path: &std::path::Path,
-    settings: Settings,
-) -> anyhow::Result<ExitCode> {
-    let Settings { model, config, delay_samples, noise, seed, substeps } = settings;
-    let pattern = pattern::Pattern::read(path)?;
-    let config = sil::for_identification(config.unwrap_or_else(Config::thesis));
-    let plan = FlightPlan::pattern(model.unwrap_or_else(Model::thesis), config, pattern, seed);
-    let recording = sil::fly(&FlightPlan { delay_samples, noise, substeps, ..plan })?;
-    std::fs::create_dir_all(&arguments.out)
-        .with_context(|| format!("cannot create the folder {}", arguments.out.display()))?;
-    let name =
-        path.with_extension("").file_name().map_or("pattern".into(), |n| n.to_string_lossy().into_owned());
-    let file = arguments.out.join(format!("{name}-flight.csv"));
-    report::write_atomic(&file, recording.to_flight(name, false).to_csv())?;
-    let (margin_m, saturated) = (recording.cage_margin_m(), recording.saturated_ticks(config.command_range));
-    let pass = recording.complete && margin_m >= 0.0;
-    if arguments.json {
-        let document = serde_json::json!({
-            "pass": pass, "complete": recording.complete, "cage_margin_m": margin_m,
-            "saturated_ticks": saturated, "flight": file.display().to_string(),
-        });
-        println!("{document}");
-    } else {
-        let how = if recording.complete { "flown to its end" } else { "LOST" };
-        println!(
-            "{}: {how}, {} m from floor and cage at the closest, {saturated} saturated ticks",
-            path.display(),
-            report::significant(margin_m, 3)
-        );
-        println!("flight file: {}", file.display());
-    }
-    Ok(ExitCode::from(u8::from(!pass)))
 }
 
 /// The emulated processor of this name; none for this machine's.
@@ -286,6 +243,44 @@ fn same_bits(
         println!("{}", serde_json::json!({ "on": arguments.on, "same": same, "flights": flights }));
     }
     Ok(ExitCode::from(u8::from(!same)))
+}
+
+/// Flies a pattern file and leaves its flight file. Exit status 1 where the craft is lost or leaves the cage.
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn fly_pattern(
+    arguments: &Arguments,
+    path: &std::path::Path,
+    settings: Settings,
+) -> anyhow::Result<ExitCode> {
+    let Settings { model, config, delay_samples, noise, seed, substeps } = settings;
+    let pattern = pattern::Pattern::read(path)?;
+    let config = sil::for_identification(config.unwrap_or_else(Config::thesis));
+    let plan = FlightPlan::pattern(model.unwrap_or_else(Model::thesis), config, pattern, seed);
+    let recording = sil::fly(&FlightPlan { delay_samples, noise, substeps, ..plan })?;
+    std::fs::create_dir_all(&arguments.out)
+        .with_context(|| format!("cannot create the folder {}", arguments.out.display()))?;
+    let name =
+        path.with_extension("").file_name().map_or("pattern".into(), |n| n.to_string_lossy().into_owned());
+    let file = arguments.out.join(format!("{name}-flight.csv"));
+    report::write_atomic(&file, recording.to_flight(name, false).to_csv())?;
+    let (margin_m, saturated) = (recording.cage_margin_m(), recording.saturated_ticks(config.command_range));
+    let pass = recording.complete && margin_m >= 0.0;
+    if arguments.json {
+        let document = serde_json::json!({
+            "pass": pass, "complete": recording.complete, "cage_margin_m": margin_m,
+            "saturated_ticks": saturated, "flight": file.display().to_string(),
+        });
+        println!("{document}");
+    } else {
+        let how = if recording.complete { "flown to its end" } else { "LOST" };
+        println!(
+            "{}: {how}, {} m from floor and cage at the closest, {saturated} saturated ticks",
+            path.display(),
+            report::significant(margin_m, 3)
+        );
+        println!("flight file: {}", file.display());
+    }
+    Ok(ExitCode::from(u8::from(!pass)))
 }
 
 /// A model whose motors can be commanded, by gains of its own or by the thesis'.
