@@ -2,10 +2,11 @@
 
 use model::{Effect, Vehicle};
 use rand::{RngExt, SeedableRng};
+use stories::shared;
 use stories::world::{Pattern, Sensors, Size, World};
 use sysid::Column::*;
 use sysid::clocks::{self, Clocks};
-use sysid::{Column, Flight, Prepared};
+use sysid::{Column, FaultKind, Flight, Prepared, examine};
 
 /// The flight with its tracker's columns stamped late by `offset_s` at the middle of the flight, more by `skew` for
 /// every second after it. Straight lines between neighbours: the motion is slow against a sample.
@@ -164,5 +165,68 @@ fn a_board_that_runs_slow_is_known_from_gravity() {
             let skew = found.attitude.unwrap().skew;
             assert!((skew - 0.0118 / (1.0 - 0.0118)).abs() < 5e-4, "seed {seed} {}: {skew}", flight.name);
         }
+    }
+}
+
+/// The flight with its commands `late(t)` seconds late; held from row to row, as they were sent.
+fn commands_late(flight: &Flight, late: impl Fn(f64) -> f64) -> Flight {
+    let all = [T, X, Y, Z, Phi, Theta, Psi, P, Q, R, Cmd1, Cmd2, Cmd3, Cmd4, Vbat];
+    let t = flight.column(T).unwrap();
+    let row = |time: f64| t.partition_point(|t| *t <= time).clamp(1, t.len()) - 1;
+    let columns = all.map(|column| {
+        let values = flight.column(column).unwrap();
+        let command = [Cmd1, Cmd2, Cmd3, Cmd4].contains(&column);
+        let one =
+            |(k, time): (usize, &f64)| if command { values[row(time - late(*time))] } else { values[k] };
+        (column, t.iter().enumerate().map(one).collect::<Vec<f64>>())
+    });
+    Flight::from_columns(flight.name.clone(), columns)
+}
+
+fn wanders(flight: &Flight, vehicle: &Vehicle) -> Option<String> {
+    let faults = examine(flight, vehicle).unwrap().faults;
+    faults.into_iter().find(|f| f.kind == FaultKind::WanderingClock).map(|f| f.sentence)
+}
+
+#[test]
+fn commands_whose_clock_wanders_are_named() {
+    let (mut planted, mut named) = (0, 0);
+    for seed in 0..6 {
+        let (vehicle, flights) = flights(seed, &Sensors::noisy([0.8, 1.0, 2.0][(seed % 3) as usize]));
+        for flight in flights {
+            // As in logs of radio links: three samples early at first, one late in the end.
+            let from = flight.column(T).unwrap()[0];
+            let wandering = commands_late(&flight, |t| -0.03 + 0.002 * (t - from));
+            let found = wanders(&wandering, &vehicle);
+            planted += 1;
+            named += usize::from(found.is_some());
+            if found.is_none() {
+                println!("seed {seed} {}: not named", flight.name);
+            }
+            // A delay that stays is the craft's.
+            let delayed = commands_late(&flight, |_| 0.02);
+            assert_eq!(wanders(&delayed, &vehicle), None, "seed {seed} {}", flight.name);
+        }
+    }
+    println!("{planted} planted, {named} named");
+    assert!(named as f64 >= 0.9 * planted as f64);
+}
+
+#[test]
+fn real_logs_of_a_radio_link_wander_and_those_of_one_board_do_not() {
+    for (folder, least, most) in [("data/nanobench", 8, 11), ("data/nanodrone", 0, 0)] {
+        let Some(folder) = shared(folder) else { return };
+        let vehicle = Vehicle::read(&folder.join("vehicle.toml")).unwrap();
+        let mut paths: Vec<_> = std::fs::read_dir(&folder).unwrap().map(|e| e.unwrap().path()).collect();
+        paths.retain(|path| path.extension().is_some_and(|e| e == "csv"));
+        let named: Vec<String> = paths
+            .iter()
+            .filter_map(|path| {
+                let flight = Flight::read(path).unwrap();
+                Some(format!("{}: {}", flight.name, wanders(&flight, &vehicle)?))
+            })
+            .collect();
+        println!("{} of {}: {named:#?}", named.len(), paths.len());
+        assert!((least..=most).contains(&named.len()), "{named:#?}");
     }
 }

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use stories::shared;
 use stories::world::{OUTSIDE, PLANTED, Pattern, Sensors, Size, World};
 use sysid::plausible::{self, Likeness};
-use sysid::{Column, Fault, FaultKind, Flight, Severity, examine};
+use sysid::{Column, Fault, FaultKind, Flight, Prepared, Severity, examine};
 
 use Column::*;
 
@@ -281,7 +281,7 @@ fn planted_imu_faults_are_found_and_named() {
         }
     }
     println!("{count} planted, {found} named rightly");
-    assert!(found as f64 >= 0.97 * count as f64);
+    assert!(found as f64 >= 0.99 * count as f64);
 }
 
 #[test]
@@ -617,5 +617,27 @@ fn flights_of_others_are_not_refused() {
                 assert!(examined.faults.is_empty(), "{}: {:?}", path.display(), examined.faults);
             }
         }
+    }
+}
+
+/// Hovering says what the rotors lift and little else: no model is made of it, and the refusal names a coefficient and what to
+/// fly for it.
+#[test]
+fn flights_that_only_hover_say_what_to_fly() {
+    for seed in 0..4 {
+        let world = World::new(Size::ALL[(seed % 2) as usize], seed);
+        let flights: Vec<Prepared> = (0..3)
+            .filter_map(|again| world.fly(Pattern::Hover, 20.0, &Sensors::default(), again).ok())
+            .map(|flight| examine(&flight, &world.vehicle).unwrap().prepared)
+            .collect();
+        let basic: Vec<Effect> = Effect::basic().collect();
+        let fitted = sysid::fit(&flights.iter().collect::<Vec<_>>(), &world.vehicle, &basic, None);
+        let said =
+            fitted.map(|fit| fit.model.to_toml()).expect_err("hovering determines no model").to_string();
+        println!("seed {seed}: {said}");
+        let (what, fly) = said.split_once(": ").expect("a manoeuvre follows");
+        assert!(what.starts_with("the flights do not excite "), "seed {seed}: {said}");
+        let known = basic.iter().any(|effect| fly.contains(effect.info().excitation));
+        assert!(known, "seed {seed}: {said}");
     }
 }

@@ -25,14 +25,15 @@ const RUNS: usize = 5;
 /// Options of the command.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Only the benches of this name; `lab` measures how often diagnoses are right; all times and counts without it
+    /// Only the benches of this name; `lab` measures how often diagnoses are right, `real` what is found in real flights; all
+    /// times and counts without it
     name: Option<String>,
 
     /// Run the reference programs in this folder in turn with our throughput benches
     #[arg(long, value_name = "FOLDER")]
     against: Option<PathBuf>,
 
-    /// Arguments of `lab`, such as --quick
+    /// Arguments of `lab`, such as --quick, or of `real`, such as --data FOLDER
     #[arg(trailing_var_arg = true, allow_hyphen_values = true, value_name = "ARGS")]
     arguments: Vec<OsString>,
 }
@@ -75,11 +76,13 @@ impl Bench {
 
 /// Runs the benches and shows what they measured; status 1 when one of them fails.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
-    if options.name.as_deref() == Some(Program::LAB.binary()) {
-        return run_program(&Program::LAB, &options.arguments);
+    for program in [Program::LAB, Program::REAL] {
+        if options.name.as_deref() == Some(program.binary()) {
+            return run_program(&program, &options.arguments);
+        }
     }
     if let Some(argument) = options.arguments.first() {
-        bail!("only `lab` takes arguments, and {} is one; leave it out", argument.display());
+        bail!("only `lab` and `real` take arguments, and {} is one; leave it out", argument.display());
     }
     let all: Vec<Bench> = workspace
         .targets(&TargetKind::Bench)

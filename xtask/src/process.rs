@@ -23,6 +23,8 @@ impl Program {
     pub(crate) const DEMO: Self = Self { package: "quadlab", binary: "quadlab", first: &["demo"] };
     /// How often the laboratory's diagnoses are right.
     pub(crate) const LAB: Self = Self { package: "stories", binary: "lab", first: &[] };
+    /// What the product finds in real flights.
+    pub(crate) const REAL: Self = Self { package: "stories", binary: "real", first: &[] };
 
     /// Name of the program.
     pub(crate) const fn binary(&self) -> &'static str {

@@ -60,13 +60,17 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         faults::json(&comparison, &flights, &faults)
     } else {
         faults.warn();
-        Ok(Outcome::done(text(options, &comparison)))
+        Ok(Outcome::done(text(options, &flights, &comparison)))
     }
 }
 
-fn text(options: &Options, comparison: &Comparison) -> String {
-    let mut text =
-        format!("{}\n{}", tables::comparison(comparison).to_text(), tables::horizons(comparison).to_text());
+fn text(options: &Options, flights: &[flights::Loaded], comparison: &Comparison) -> String {
+    let mut text = format!(
+        "{}\n{}\n{}",
+        tables::comparison(comparison).to_text(),
+        tables::horizons(comparison).to_text(),
+        tables::clocks(flights).to_text()
+    );
     let worst = tables::worst(comparison);
     if worst.has_rows() {
         text.push('\n');

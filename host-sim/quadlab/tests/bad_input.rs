@@ -262,7 +262,7 @@ fn models_that_cannot_be_read_are_refused() {
     let text = std::fs::read_to_string(folder.path().join("model.toml")).unwrap();
     let diagnose = with_sets(&["diagnose", "--model", "bad.toml", "--html", "page.html"]);
     for (from, to, expected) in [
-        ("version = 1", "version = 9", "version 9"),
+        ("version = 2", "version = 9", "version 9"),
         ("id = \"thrust\"", "id = \"thurst\"", "unknown effect"),
         ("format", "fromat", "line "),
     ] {

@@ -24,8 +24,8 @@
 //! but not the 9.81 m/s^2 by which a tilted thrust pulls to the side. An offset between the gyro and an attitude that a filter on board made from it is
 //! zero and stays so. The delay between commands and motion is another matter: it is in the rotors, not in the clocks.
 //!
-//! Deliberately absent: clocks that wander within a flight. One offset and one skew are estimated; more would fit
-//! noise.
+//! Deliberately absent: a tracker's clock that wanders within a flight. One offset and one skew are estimated; more would
+//! fit noise. Commands that wander against the motion are named in [`crate::command_clock`].
 
 use serde::Serialize;
 

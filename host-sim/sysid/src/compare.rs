@@ -171,12 +171,22 @@ fn summary(by_horizon: &[HorizonError]) -> Horizons {
 
 /// Mean open-loop errors at each horizon from 1 to [`LONGEST_HORIZON`] samples.
 pub fn open_loop(model: &Model, flights: &[&Prepared]) -> Vec<HorizonError> {
+    open_loop_with(model, flights, true)
+}
+
+/// The same without the trim that training flights have: as if they had not been flown before.
+pub(crate) fn open_loop_without_trim(model: &Model, flights: &[&Prepared]) -> Vec<HorizonError> {
+    open_loop_with(model, flights, false)
+}
+
+fn open_loop_with(model: &Model, flights: &[&Prepared], with_trim: bool) -> Vec<HorizonError> {
     let plant = Plant::new(model);
     let mut sums = vec![HorizonError::default(); LONGEST_HORIZON];
     let mut starts = 0_u64;
     for flight in flights {
         for stretch in &flight.stretches {
-            starts += add_rollouts(&plant, model, flight, stretch, &mut sums);
+            let trim = flight.trim.as_ref().filter(|_| with_trim).map_or([0.0; 6], |trim| trim.value);
+            starts += add_rollouts(&plant, model, flight, stretch, &trim, &mut sums);
         }
     }
     let n = starts.max(1) as f64;
@@ -195,6 +205,7 @@ fn add_rollouts(
     model: &Model,
     flight: &Prepared,
     stretch: &Stretch,
+    trim: &[f64; 6],
     sums: &mut [HorizonError],
 ) -> u64 {
     let states = reference_states(model, flight, stretch);
@@ -207,19 +218,18 @@ fn add_rollouts(
         period_s: flight.period_s,
         turns: has_rotation(model),
     };
-    let trim = flight.trim.as_ref().map_or([0.0; 6], |trim| trim.value);
     let has_users = model.effects().iter().any(|effect| matches!(effect, Effect::User(_)));
     let mut starts = 0;
     for start in flight.margin..(states.len() - flight.margin).saturating_sub(sums.len()) {
         // A user's formula may have no value where a prediction strays to.
         let mut finite = true;
         if has_users {
-            track.roll_out(plant, &trim, start, sums.len(), |_, state| finite &= state.is_finite());
+            track.roll_out(plant, trim, start, sums.len(), |_, state| finite &= state.is_finite());
         }
         if !finite {
             continue;
         }
-        track.roll_out(plant, &trim, start, sums.len(), |h, state| {
+        track.roll_out(plant, trim, start, sums.len(), |h, state| {
             let (sum, to) = (&mut sums[h - 1], start + h);
             let measured = &states[to];
             sum.position_m += (state.position_ned_m - measured.position_ned_m).norm();

@@ -1,7 +1,7 @@
 //! What is checked of a flight before anything is fitted: faults of the log are found and named, not fitted away.
 //!
 //! [`examine`] looks at one flight: channels that lie ([`crate::channels_check`]), axes and signs
-//! ([`crate::frames_check`], [`crate::imu_check`]), motor order ([`crate::motors_check`]), clocks ([`crate::clocks`]). It hands back the flight
+//! ([`crate::frames_check`], [`crate::imu_check`]), motor order ([`crate::motors_check`]), clocks ([`crate::clocks`], [`crate::command_clock`]). It hands back the flight
 //! with what can be mended mended, and a list of [`Fault`]s. Faults of a vehicle file, of a fit and of a set of flights are
 //! in [`crate::plausible`] and [`crate::overlap`].
 
@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use crate::channels_check;
 use crate::clocks::{self, Clock, Clocks};
+use crate::command_clock;
 use crate::flight::Flight;
 use crate::frames_check::{self, FrameFault};
 use crate::imu_check;
@@ -23,6 +24,8 @@ pub enum FaultKind {
     ClockOffset,
     /// Their clocks run at different paces.
     ClockSkew,
+    /// The time between commands and motion changes within the flight.
+    WanderingClock,
     /// Wrong axes, signs, orders or units of attitude, rates, position or acceleration, known which.
     WrongFrame,
     /// They contradict each other, not known why.
@@ -57,6 +60,7 @@ impl FaultKind {
         match self {
             Self::ClockOffset => "clock-offset",
             Self::ClockSkew => "clock-skew",
+            Self::WanderingClock => "wandering-clock",
             Self::WrongFrame => "wrong-frame",
             Self::InconsistentFrames => "inconsistent-frames",
             Self::WrongMotors => "wrong-motors",
@@ -161,6 +165,8 @@ pub fn examine(flight: &Flight, vehicle: &Vehicle) -> Result<Examined, PrepareEr
         tell_clocks(&clocks, &mut add);
         if let Some(sentence) = motors_check::check(&prepared, vehicle) {
             add(FaultKind::WrongMotors, Severity::Refused, sentence);
+        } else if let Some(pieces) = command_clock::check(&prepared, vehicle) {
+            add(FaultKind::WanderingClock, Severity::Warning, command_clock::sentence(&pieces));
         }
     }
     if let Some(fault) = frame {

@@ -19,6 +19,10 @@ use crate::tracks::Axes;
 /// drag only, so both are lower than for the rest.
 const IN_DOUBT: f64 = 0.2;
 const EXCITED_M_S2: f64 = 0.1;
+/// Correlation up to which an IMU is in doubt where other axes are clearly better: along a diagonal, axes that are exchanged agree a
+/// little, too.
+const EXCHANGED: f64 = 0.6;
+const CLEARLY: f64 = 0.3;
 /// Correlation under which an IMU contradicts the tracked motion, whether something mends it or not.
 const CONTRADICTED: f64 = -0.4;
 
@@ -63,7 +67,7 @@ fn hypotheses() -> Vec<Hypothesis> {
 /// Checks a flight whose gyro and attitude share a clock; nothing without an IMU.
 pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
     let as_logged = relation(flight, vehicle, &|f, _, _| f);
-    if !below(as_logged, IN_DOUBT) {
+    if !below(as_logged, EXCHANGED) {
         return None;
     }
     let mut best: Option<(f64, String)> = None;
@@ -75,7 +79,8 @@ pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
             best = Some((quality, sentence));
         }
     }
-    match best {
+    let least = if below(as_logged, IN_DOUBT) { MENDED } else { as_logged? + CLEARLY };
+    match best.filter(|(quality, _)| *quality >= least) {
         Some((_, sentence)) => Some(FrameFault { sentence, named: true }),
         // Small forces to the sides drown in a tilted tracker.
         None if !below(as_logged, CONTRADICTED) => None,

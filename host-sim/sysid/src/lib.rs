@@ -7,6 +7,7 @@ pub mod changes;
 pub mod channels_check;
 pub mod clocks;
 pub mod closed_loop;
+pub mod command_clock;
 pub mod compare;
 pub mod conditions;
 mod decimal;

@@ -17,12 +17,16 @@
 //! `rotor-inertia` acts within samples: least squares on accelerations sees them better, and so they keep its
 //! values. Every coefficient stays within its physically possible range.
 //!
-//! **Nuisance.** Each training flight has a constant moment of its own (trim, a battery's seat): left in, it would be
-//! taken for damping or for unequal motors. It is estimated along and forgotten.
+//! **Nuisance.** Each training flight has a constant moment of its own (trim, a battery's seat). Estimated along and
+//! forgotten, the coefficients come nearer to the craft's; left in, they come nearer to what predicts a flight whose
+//! constants nobody knows. Which of the two is better for flights that were not fitted depends on the flights, and is decided by
+//! them: half of the training flights are refined either way and the other half is predicted, and the other way round. With
+//! fewer than `FEWEST_TO_DECIDE` flights the constants are estimated.
 //!
 //! **Standard errors.** Errors along a rollout are one error seen fifty times, and the smoother spreads noise from one
 //! rollout to the next: the formula for white noise would be far too optimistic. They are the jackknife's over blocks
-//! of `BLOCK_S`, longer than both (the sandwich of scores with each block's leverage taken out).
+//! of `BLOCK_S`, longer than both (the sandwich of scores with each block's leverage taken out); over whole flights where
+//! their constants are left in.
 //!
 //! **What is refused.** Coefficients of impossible sign, drag or damping that feeds energy in where it did not before, and
 //! anything that does not lower the open-loop error of held-out flights.
@@ -33,7 +37,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::compare::{
-    HorizonError, LONGEST_HORIZON, barely_smoothed_states, mean_rotor_speeds, open_loop, sum_of_horizons,
+    HorizonError, LONGEST_HORIZON, barely_smoothed_states, mean_rotor_speeds, open_loop,
+    open_loop_without_trim, sum_of_horizons,
 };
 use crate::fit::{has_rotation, impossible_signs};
 use crate::prepare::Prepared;
@@ -52,6 +57,8 @@ const TIED: f64 = 1e3;
 const MAX_STEPS: usize = 25;
 /// Relative fall of the loss under which the last step was the last.
 const CONVERGED: f64 = 1e-5;
+/// Training flights from which on they decide whether constants of single flights are estimated along.
+const FEWEST_TO_DECIDE: usize = 6;
 /// A quantity of held-out flights may grow by this much while the others fall, percent.
 const TOLERATED_PERCENT: f64 = 1.0;
 
@@ -131,7 +138,39 @@ fn descend(model: &Model, train: &[&Prepared], rows: Rows) -> Result<(Model, usi
     if !has_rotation(model) {
         return Err(RefineError::NoRotation);
     }
-    Problem::new(model, train, rows)?.descend()
+    let constants = constants(model, train, rows)?;
+    Problem::new(model, train, rows, constants)?.descend()
+}
+
+/// What is done about a constant moment (or force) of a single flight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Constants {
+    /// Estimated along.
+    Estimated,
+    /// Left in the errors, as in flights that are to be predicted.
+    Left,
+}
+
+/// Decided by how well each half of the training flights is predicted with coefficients of the other half.
+fn constants(model: &Model, train: &[&Prepared], rows: Rows) -> Result<Constants, RefineError> {
+    if train.len() < FEWEST_TO_DECIDE {
+        return Ok(Constants::Estimated);
+    }
+    // Every other one: files of one trajectory are often next to each other.
+    let half = |odd: usize| -> Vec<&Prepared> { train.iter().skip(odd).step_by(2).copied().collect() };
+    let halves = [half(0), half(1)];
+    let mut ratio = 0.0;
+    for (fitted, judge) in [(&halves[0], &halves[1]), (&halves[1], &halves[0])] {
+        let error = |constants| -> Result<HorizonError, RefineError> {
+            let (refined, _) = Problem::new(model, fitted, rows, constants)?.descend()?;
+            Ok(sum_of_horizons(&open_loop_without_trim(&refined, judge)))
+        };
+        let (left, estimated) = (error(Constants::Left)?, error(Constants::Estimated)?);
+        let quantities: [fn(&HorizonError) -> f64; 4] =
+            [|e| e.position_m, |e| e.velocity_m_s, |e| e.attitude_rad, |e| e.rate_rad_s];
+        ratio += quantities.iter().map(|of| of(&left) / of(&estimated)).sum::<f64>() / 8.0;
+    }
+    Ok(if ratio < 1.0 { Constants::Left } else { Constants::Estimated })
 }
 
 /// Whether the refined coefficients are possible and better.
@@ -244,7 +283,12 @@ struct Block {
 }
 
 impl<'a> Problem<'a> {
-    fn new(model: &Model, train: &[&'a Prepared], rows: Rows) -> Result<Self, RefineError> {
+    fn new(
+        model: &Model,
+        train: &[&'a Prepared],
+        rows: Rows,
+        constants: Constants,
+    ) -> Result<Self, RefineError> {
         let moment = |axes: &[Axis]| axes.iter().all(|a| a.index() >= 3);
         let free: Vec<Free> = model
             .terms
@@ -281,7 +325,11 @@ impl<'a> Problem<'a> {
         if runs.is_empty() {
             return Err(RefineError::TooShort);
         }
-        let own_axes = if rows == Rows::All { 0..6 } else { 3..6 };
+        let own_axes = match (constants, rows) {
+            (Constants::Left, _) => 0..0,
+            (Constants::Estimated, Rows::All) => 0..6,
+            (Constants::Estimated, Rows::Moments) => 3..6,
+        };
         let mut problem = Self {
             model: model.clone(),
             free,
@@ -472,21 +520,27 @@ impl<'a> Problem<'a> {
         (loss, blocks)
     }
 
-    /// Jackknife over blocks of time: how far the end of the descent moves without each of them, squared and summed.
+    /// Jackknife over blocks of time, over whole flights where their constants are left in the errors: how far the end of
+    /// the descent moves without each of them, squared and summed.
     fn covariance(&self, at: &Quadratic) -> Result<DMatrix<f64>, RefineError> {
         let count = self.parameters();
+        let by_flight = self.own_axes.is_empty();
+        let same = |a: &Block, b: &Block| by_flight && self.runs[a.run].flight == self.runs[b.run].flight;
+        let groups: Vec<&[Block]> = at.blocks.chunk_by(same).collect();
         let mut sum = DMatrix::zeros(count, count);
-        for block in &at.blocks {
-            let places = self.places(&self.runs[block.run]);
+        for group in &groups {
             let mut without = at.flatter.clone();
-            add_square_at(&mut without, &block.flatter, &places, -1.0);
             let mut gradient = DVector::zeros(count);
-            add_at(&mut gradient, &block.gradient, &places);
+            for block in *group {
+                let places = self.places(&self.runs[block.run]);
+                add_square_at(&mut without, &block.flatter, &places, -1.0);
+                add_at(&mut gradient, &block.gradient, &places);
+            }
             let moved = scaled(&without).ok_or(RefineError::Singular)?.solve(&gradient);
             sum.ger(1.0, &moved, &moved, 1.0);
         }
-        let blocks = at.blocks.len().max(1) as f64;
-        Ok(sum * ((blocks - 1.0) / blocks))
+        let count = groups.len().max(1) as f64;
+        Ok(sum * ((count - 1.0) / count))
     }
 
     /// The model at the end of the descent, with standard errors.

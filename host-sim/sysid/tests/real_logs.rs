@@ -4,7 +4,7 @@
 mod common;
 
 use common::{NONE, Noise, ORDINARY, fly, truth};
-use model::{Effect, Estimate, Model, Vehicle};
+use model::{Effect, Estimate, Model, Spin, Vehicle};
 use sysid::refine::{RefineError, Rows};
 use sysid::{
     Column, Flight, Prepared, Reference, align, align_to, compare, fit, motors_of_flights, refine,
@@ -260,6 +260,44 @@ fn refinement_brings_wrong_coefficients_back() {
     let again =
         refine(&refinement.model, &references(&train), &references(&validate), Rows::Moments).unwrap();
     assert!(again.outcome.after.rate_rad_s > 0.9 * after.rate_rad_s, "{:?}", again.outcome);
+}
+
+/// Flights of a craft with other motors lead away from the model; flights of its own craft say so, and it stays as it was.
+#[test]
+fn a_refinement_that_does_not_help_is_not_kept() {
+    let truth = truth();
+    let mut other = truth.clone();
+    for term in other.terms.iter_mut().filter(|t| t.effect == Effect::RotorMoments) {
+        term.coefficients.iter_mut().for_each(|c| c.value *= 1.3);
+    }
+    let strangers = common::prepared(&other, 130..132, 20.0, &ORDINARY);
+    let own = common::prepared(&truth, 135..136, 20.0, &ORDINARY);
+    let refinement = refine(&truth, &references(&strangers), &references(&own), Rows::Moments).unwrap();
+    let outcome = &refinement.outcome;
+    assert!(!outcome.kept && outcome.reason.starts_with("did not help"), "{}", outcome.reason);
+    assert!(outcome.after.rate_rad_s > 1.5 * outcome.before.rate_rad_s, "{outcome:?}");
+    assert_eq!(refinement.model, truth);
+}
+
+/// Motors that turn the other way than the vehicle file says: flights pull the reaction torques to their true sign, and a
+/// model whose signs its vehicle cannot have is refused however well it predicts.
+#[test]
+fn a_refinement_to_impossible_signs_is_refused() {
+    let truth = truth();
+    let flights = common::prepared(&truth, 140..143, 20.0, &ORDINARY);
+    let mut reversed = truth.clone();
+    for spin in &mut reversed.vehicle.motors.spin {
+        *spin = if *spin == Spin::Ccw { Spin::Cw } else { Spin::Ccw };
+    }
+    for term in reversed.terms.iter_mut().filter(|t| t.effect == Effect::RotorMoments) {
+        term.coefficients[8..].iter_mut().for_each(|c| c.value = -c.value);
+    }
+    let all = references(&flights);
+    let refinement = refine(&reversed, &all[..2], &all[2..], Rows::Moments).unwrap();
+    let outcome = &refinement.outcome;
+    assert!(!outcome.kept && outcome.reason.starts_with("refused: "), "{}", outcome.reason);
+    assert!(outcome.after.rate_rad_s < outcome.before.rate_rad_s, "{outcome:?}");
+    assert_eq!(refinement.model, reversed);
 }
 
 /// 95 % intervals of refined coefficients hold the truth in about 95 % of simulated identifications, though errors along

@@ -31,6 +31,8 @@ pub enum Pattern {
     D,
     /// Quick passes along a line, turning.
     E,
+    /// Nowhere: hovering on the spot with motors that are not shaken, of which little can be learned.
+    Hover,
 }
 
 impl Pattern {
@@ -47,6 +49,7 @@ impl Pattern {
             Self::C => "C",
             Self::D => "D",
             Self::E => "E",
+            Self::Hover => "hover",
         }
     }
 }
@@ -131,6 +134,7 @@ impl Path {
                 let yaw = 1.05 * wave(1, 6.2);
                 (1.15 * sweep, 0.6 * wave(2, 7.7), self.low_m + 0.1 + 0.55 * dip(3, 5.3), yaw)
             }
+            Pattern::Hover => (0.0, 0.0, 0.6 + self.low_m, 0.0),
         };
         let place = Vector3::new(self.reach_m * x * start, self.reach_m * y * start, 0.0);
         // Start where the height of the pattern is reached without a jump.
@@ -317,7 +321,8 @@ impl Pilot {
             let [x, y] = hubs[i];
             let share = thrust_n - torque.x / y + torque.y / x + craft.spin[i] * torque.z / ratio_m;
             let speed = ((0.25 * share).clamp(0.1 * hover_n, 2.2 * hover_n) / craft.thrust_n_s2).sqrt();
-            let shake: f64 = self.tones[i].iter().map(|(w, phase)| (w * time_s + phase).sin()).sum();
+            let tones = if self.path.pattern == Pattern::Hover { &[][..] } else { &self.tones[i][..] };
+            let shake: f64 = tones.iter().map(|(w, phase)| (w * time_s + phase).sin()).sum();
             let [low, high] = craft.command_range();
             craft.map.command_for(speed + SHAKE * hover * shake, self.battery_v).clamp(low, high)
         })

@@ -1,0 +1,92 @@
+//! Logs of other programs and broken files, given to every command that takes flights, in every place: one line that names
+//! the file, says what it is and how to mend it, exit status 2, nothing on standard output and nothing written.
+
+mod common;
+
+use std::path::{Path, PathBuf};
+
+use common::{copies, identify, run_in, shared};
+
+/// Files that are no flights: those of the shared data, and beginnings of files that people have.
+fn foreign(folder: &Path) -> Vec<PathBuf> {
+    let mut all: Vec<PathBuf> = Vec::new();
+    for inside in ["data/logs", "data/broken"] {
+        let Some(from) = shared(inside) else { continue };
+        all.extend(std::fs::read_dir(from).unwrap().map(|entry| entry.unwrap().path()));
+    }
+    for (name, content) in [
+        ("made.bin", &b"\xa3\x95\x80\x80\x59FMT\x00\x00"[..]),
+        ("made.bbl", b"H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\n"),
+        ("made.xlsx", b"PK\x03\x04\x14\x00\x06\x00"),
+        ("made.csv.gz", b"\x1f\x8b\x08\x00\x00"),
+        ("zeros.csv", &[0; 4096]),
+        ("noise.csv", b"\xff\xfe\x00\x01 1,2,3\n4,5\x07,6\n"),
+        ("bell.csv", b"t,x,\x07y\n0,0,0\n"),
+        ("columns.csv", b"time,px,py\n0,0,0\n"),
+    ] {
+        let path = folder.join(name);
+        std::fs::write(&path, content).unwrap();
+        all.push(path);
+    }
+    all.sort();
+    all
+}
+
+/// Each command with the foreign file in each place that takes flights.
+fn commands(file: &str) -> Vec<Vec<&str>> {
+    let vehicle = ["--vehicle", "vehicle.toml"];
+    let model = ["--model", "model.toml"];
+    let (out, page) = (["--out", "out.toml"], ["--html", "page.html"]);
+    // One flight beside it: all are read before the first is refused.
+    let train = ["--train", file, "--validate", "D.csv"];
+    let validate = ["--train", "A.csv", "--validate", file];
+    for sets in [train, validate] {
+        all.push([&["identify"][..], &vehicle, &out, &sets].concat());
+        all.push([&["explain"][..], &vehicle, &out, &sets].concat());
+        all.push([&["diagnose"][..], &model, &page, &sets].concat());
+        all.push([&["add", "ground-effect"][..], &model, &out, &sets].concat());
+    }
+    all.push([&["compare"][..], &model, &page, &["--flights", file]].concat());
+    all.push([&["diagnose"][..], &model, &page, &["--changed", file, "--json"]].concat());
+    all
+}
+
+#[test]
+fn no_command_takes_a_foreign_log_for_a_flight() {
+    let folder = copies();
+    identify(folder.path());
+    let logs = foreign(folder.path());
+    let names = || -> Vec<_> {
+        let entries = std::fs::read_dir(folder.path()).unwrap();
+        let mut all: Vec<_> = entries.map(|e| e.unwrap().file_name()).collect();
+        all.sort();
+        all
+    };
+    let before = names();
+    for log in &logs {
+        let file = log.to_str().unwrap();
+        for command in commands(file) {
+            let output = run_in(folder.path(), &command);
+            let stderr = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(output.status.code(), Some(2), "{command:?}: {stderr}");
+            assert!(output.stdout.is_empty(), "{command:?}");
+            let named = format!("error: {file}: row 1: ");
+            assert!(stderr.starts_with(&named) && stderr.lines().count() == 1, "{command:?}: {stderr}");
+            assert!(stderr.trim_end().chars().all(|c| !c.is_control()), "{command:?}: {stderr:?}");
+        }
+        let said = String::from_utf8(run_in(folder.path(), &commands(file)[0]).stderr).unwrap();
+        let expected = match log.extension().and_then(|e| e.to_str()) {
+            Some("ulg") => "PX4 ULog",
+            Some("bin") => "ArduPilot DataFlash",
+            Some("bbl") => "Betaflight blackbox",
+            Some("xlsx") => "spreadsheet",
+            Some("gz") => "gzip",
+            None => "Crazyflie SD-card log",
+            _ if file.ends_with("columns.csv") => "column \"t\" is missing",
+            _ => "binary file",
+        };
+        assert!(said.contains(expected), "{expected}: {said}");
+        println!("{}", said.trim_end());
+    }
+    assert_eq!(names(), before);
+}
