@@ -37,6 +37,7 @@ fn commands(file: &str) -> Vec<Vec<&str>> {
     let vehicle = ["--vehicle", "vehicle.toml"];
     let model = ["--model", "model.toml"];
     let (out, page) = (["--out", "out.toml"], ["--html", "page.html"]);
+    let mut all = Vec::new();
     // One flight beside it: all are read before the first is refused.
     let train = ["--train", file, "--validate", "D.csv"];
     let validate = ["--train", "A.csv", "--validate", file];
