@@ -72,7 +72,10 @@ fn astray(found: &Model, effect: Effect, expected: &[f64]) -> Vec<String> {
         .filter(|((found, expected), info)| {
             let error = found.std_error.expect("it was fitted");
             let counts = info.prior.is_none() || effect == Effect::SlungLoad;
-            counts && (found.value - *expected).abs() > 4.0 * error
+            // A swing is followed in pieces behind a smoother: a cable comes out short by half a percent (measured), which only a log
+            // without noise shows.
+            let followed = if effect == Effect::SlungLoad { 0.01 * expected.abs() } else { 0.0 };
+            counts && (found.value - *expected).abs() > 4.0 * error + followed
         })
         .map(|((found, expected), info)| format!("{effect} {}: {found:?}, true {expected}", info.name))
         .collect()

@@ -194,9 +194,9 @@ fn commands_whose_clock_wanders_are_named() {
     for seed in 0..6 {
         let (vehicle, flights) = flights(seed, &Sensors::noisy([0.8, 1.0, 2.0][(seed % 3) as usize]));
         for flight in flights {
-            // As in logs of radio links: three samples early at first, one late in the end.
+            // As in logs of radio links: three samples early at first, five late in the end.
             let from = flight.column(T).unwrap()[0];
-            let wandering = commands_late(&flight, |t| -0.03 + 0.002 * (t - from));
+            let wandering = commands_late(&flight, |t| -0.03 + 0.004 * (t - from));
             let found = wanders(&wandering, &vehicle);
             planted += 1;
             named += usize::from(found.is_some());

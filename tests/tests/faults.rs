@@ -614,7 +614,9 @@ fn flights_of_others_are_not_refused() {
             let examined = examine(&flight, &vehicle).unwrap();
             assert!(refused(&examined.faults).is_none(), "{}: {:?}", path.display(), examined.faults);
             if k < hidden {
-                assert!(examined.faults.is_empty(), "{}: {:?}", path.display(), examined.faults);
+                // A few of the noise's own largest values may be taken for outliers, which is a note.
+                let is_sound = examined.faults.iter().all(|f| f.severity == Severity::Note);
+                assert!(is_sound, "{}: {:?}", path.display(), examined.faults);
             }
         }
     }

@@ -48,7 +48,7 @@ fn commands(file: &str) -> Vec<Vec<&str>> {
         all.push([&["add", "ground-effect"][..], &model, &out, &sets].concat());
     }
     all.push([&["compare"][..], &model, &page, &["--flights", file]].concat());
-    all.push([&["diagnose"][..], &model, &page, &["--changed", file, "--json"]].concat());
+    all.push([&["diagnose"][..], &model, &["--changed", file, "--json"]].concat());
     all
 }
 

@@ -10,7 +10,8 @@
 //! airflow and controller hide the motors, are taken out.
 //!
 //! **A clock or the motors?** A lag of the motors is the same in all pieces: in simulated flights of noise up to twice the
-//! usual the lags of a flight scatter by a few milliseconds at most, in logs of a radio link by 7 to 30 ms. A scatter of more than
+//! usual the lags of a flight scatter by a few milliseconds, with an effect that hides the motors by up to 8 ms, in logs of a radio
+//! link by 7 to 30 ms. A scatter of more than
 //! [`MATTERS_S`] is called wandering. Where rotor speeds were measured, [`crate::alignment`] looks more closely.
 
 use model::{Adjustments, Vehicle};
@@ -30,7 +31,7 @@ const CLEAR: f64 = 0.6;
 /// Fewest lags of a flight, roll and pitch counted apart, that say something about wandering.
 const FEWEST_LAGS: usize = 5;
 /// Lags must scatter by this, s, for a clock to wander.
-pub const MATTERS_S: f64 = 0.006;
+pub const MATTERS_S: f64 = 0.010;
 /// Signs of the places' roll and pitch moments.
 const SIGNS: [[f64; 4]; 2] = [[1.0, -1.0, -1.0, 1.0], [1.0, 1.0, -1.0, -1.0]];
 

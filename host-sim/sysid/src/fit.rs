@@ -22,7 +22,7 @@ const MAX_STEPS: usize = 12;
 const NO_FURTHER: f64 = 0.003;
 /// They may rise by this in a step without it being a wrong one.
 const WORSE: f64 = 0.2;
-/// Most halvings of a wrong step.
+/// Most halvings of a wrong step where effects add accelerations; else one, for where it does not help the next start is cheaper.
 const HALVINGS: usize = 4;
 /// A step this small against the standard error of white residuals, which is the smaller one, is the last: each step leaves
 /// a tenth of the one before it or less.
@@ -234,7 +234,7 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
         let left_before = last.as_ref().map(|(_, left)| *left);
         if let Some((before, left_before)) = &last
             && left > left_before + WORSE
-            && halvings < HALVINGS
+            && halvings < if adds { HALVINGS } else { 1 }
         {
             halvings += 1;
             halve(before, &mut model);

@@ -151,7 +151,8 @@ impl Prepared {
         let mut channels = Channels::new(flight, imu.is_some(), velocity.is_some());
         let spikes = channels.take_out_spikes(t, period_s);
         if spikes > 0 {
-            notes.push(format!("{spikes} outliers taken out"));
+            let plural = if spikes == 1 { "" } else { "s" };
+            notes.push(format!("{spikes} outlier{plural} taken out"));
         }
         if channels.rotor.is_none() && !vehicle.can_map_commands() {
             return Err(PrepareError::NoRotorSpeeds);
