@@ -29,7 +29,7 @@ use crate::arm::{self, Target};
 use crate::process::{shown, succeeds};
 use crate::workspace::Workspace;
 
-/// USER@HOST[:PORT].
+/// `USER@HOST[:PORT]`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Destination {
     /// As ssh takes it.
