@@ -86,6 +86,19 @@ pub struct Command {
     pub injection: [f32; 4],
 }
 
+impl Command {
+    /// Nothing is asked for, motors idle.
+    pub const IDLE: Self = Self {
+        mode: Mode::Position,
+        attitude_rad: [0.0; 2],
+        yaw_rad: 0.0,
+        z_m: 0.0,
+        position_m: [0.0; 2],
+        cut_off: true,
+        injection: [0.0; 4],
+    };
+}
+
 /// The outcome of a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Output {

@@ -261,10 +261,9 @@ fn hash(texts: &[&str]) -> [u8; 32] {
 
 /// One line with the place of the mistake.
 fn parse<T: for<'a> Deserialize<'a>>(text: &str, path: &Path) -> Result<T> {
-    toml::from_str(text).map_err(|error| {
-        let line = error.span().map(|span| text[..span.start].matches('\n').count() + 1);
-        let place = line.map_or_else(String::new, |line| format!("line {line}: "));
-        Error::Content { path: path.to_owned(), message: place + &error.message().replace('\n', " ") }
+    toml::from_str(text).map_err(|error| Error::Content {
+        path: path.to_owned(),
+        message: gains_file::toml_message(text, &error),
     })
 }
 

@@ -8,15 +8,7 @@ use proto::{Answer, Command, Gains, ImuSample, Loop, Message, Mode, Pose, Reques
 
 const SETUP: Setup = Setup { vehicle_sha256: [7; 32], program: [1, 2, 3], telemetry_every: 1 };
 
-const IDLE: Command = Command {
-    mode: Mode::Position,
-    attitude_rad: [0.0; 2],
-    yaw_rad: 0.0,
-    z_m: -1.0,
-    position_m: [0.0; 2],
-    cut_off: true,
-    injection: [0.0; 4],
-};
+const IDLE: Command = Command { z_m: -1.0, ..Command::IDLE };
 
 /// A craft on the floor with good sensors, and a ground that speaks to it.
 struct Bench {

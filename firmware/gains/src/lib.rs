@@ -103,7 +103,7 @@ impl Gains {
     /// As [`Gains::read`].
     pub fn parse(text: &str, path: &Path) -> Result<Self, GainsError> {
         let refuse = |message: String| GainsError::Parse { path: path.to_owned(), message };
-        let mut table: toml::Table = toml::from_str(text).map_err(|e| refuse(one_line(text, &e)))?;
+        let mut table: toml::Table = toml::from_str(text).map_err(|e| refuse(toml_message(text, &e)))?;
         let provenance = table
             .remove(PROVENANCE)
             .map(Provenance::deserialize)
@@ -111,7 +111,7 @@ impl Gains {
             .map_err(|e| refuse(format!("[provenance]: {}", e.message().replace('\n', " "))))?;
         // Parsed from the text again where it can be, so that errors carry a line.
         let config = match provenance {
-            None => toml::from_str(text).map_err(|e| refuse(one_line(text, &e)))?,
+            None => toml::from_str(text).map_err(|e| refuse(toml_message(text, &e)))?,
             Some(_) => Config::deserialize(table).map_err(|e| refuse(e.message().replace('\n', " ")))?,
         };
         config.check().map_err(|e| refuse(e.to_string()))?;
@@ -163,7 +163,7 @@ fn start(hash: &str) -> String {
 }
 
 /// A TOML error as one line with the line number, without the excerpt.
-fn one_line(text: &str, error: &toml::de::Error) -> String {
+pub fn toml_message(text: &str, error: &toml::de::Error) -> String {
     let reason = error.message().replace('\n', " ");
     match error.span() {
         Some(span) => {

@@ -36,15 +36,3 @@ pub use error::{DesignError, Result};
 pub use nalgebra::Complex;
 
 pub use gains_file::{Gains, GainsError, Provenance};
-
-/// A TOML error as one line with the line number, without the excerpt.
-fn toml_message(text: &str, error: &toml::de::Error) -> String {
-    let reason = error.message().replace('\n', " ");
-    match error.span() {
-        Some(span) => {
-            let line = text[..span.start.min(text.len())].matches('\n').count() + 1;
-            format!("line {line}: {reason}")
-        }
-        None => reason,
-    }
-}

@@ -186,7 +186,7 @@ impl Specs {
     /// Parses and checks the text of a specifications file; `path` is for messages.
     pub fn parse(text: &str, path: &std::path::Path) -> Result<Self> {
         let refuse = |message: String| DesignError::Parse { path: path.to_owned(), message };
-        let specs: Self = toml::from_str(text).map_err(|e| refuse(crate::toml_message(text, &e)))?;
+        let specs: Self = toml::from_str(text).map_err(|e| refuse(gains_file::toml_message(text, &e)))?;
         let (a, p) = (&specs.attitude, &specs.position);
         let ranges = [
             ("attitude.phase_margin_deg", a.phase_margin_deg, 0.0, 90.0),

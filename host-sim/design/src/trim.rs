@@ -51,7 +51,7 @@ impl TrimTarget {
         let text = std::fs::read_to_string(path)
             .map_err(|source| DesignError::Read { path: path.to_owned(), source })?;
         let refuse = |message: String| DesignError::Parse { path: path.to_owned(), message };
-        let target: Self = toml::from_str(&text).map_err(|e| refuse(crate::toml_message(&text, &e)))?;
+        let target: Self = toml::from_str(&text).map_err(|e| refuse(gains_file::toml_message(&text, &e)))?;
         let within = |name: &str, value: f64, limit: f64| {
             if value.abs() <= limit {
                 return Ok(());

@@ -278,24 +278,13 @@ pub struct Mission {
     excitation_gain: f64,
 }
 
-/// Nothing is asked for, motors idle.
-const IDLE: Command = Command {
-    mode: Mode::Position,
-    attitude_rad: [0.0; 2],
-    yaw_rad: 0.0,
-    z_m: 0.0,
-    position_m: [0.0; 2],
-    cut_off: true,
-    injection: [0.0; 4],
-};
-
 impl Mission {
     /// Steps to be flown with a command every `period_s`. `excitation_gain` is command units for one microsecond of PWM.
     pub fn new(steps: impl IntoIterator<Item = Step>, period_s: f64, excitation_gain: f64) -> Self {
         Self {
             steps: steps.into_iter().collect(),
             begun: None,
-            command: IDLE,
+            command: Command::IDLE,
             flying: false,
             progress: Progress::Going,
             period_s,
@@ -336,7 +325,7 @@ impl Mission {
         if matches!(known.state, State::Flying | State::Hold | State::Land) {
             let [x, y, z] = known.pose.position_m;
             let [_, _, yaw_rad] = known.pose.attitude_rad;
-            self.command = Command { cut_off: false, position_m: [x, y], z_m: z, yaw_rad, ..IDLE };
+            self.command = Command { cut_off: false, position_m: [x, y], z_m: z, yaw_rad, ..Command::IDLE };
             self.flying = true;
         }
     }
@@ -364,7 +353,7 @@ impl Mission {
     /// The command of now, once in each command period.
     pub fn command(&mut self, now_s: f64, known: &Known) -> Command {
         if matches!(known.state, State::Disarmed | State::Cut) && self.flying && !self.takes_off() {
-            (self.flying, self.command) = (false, IDLE);
+            (self.flying, self.command) = (false, Command::IDLE);
         }
         while self.progress == Progress::Going {
             if self.begun.is_none() {
@@ -448,7 +437,7 @@ impl Mission {
                 let top_m = f64::from(z) - height_m;
                 let z_m = (f64::from(z) - CLIMB_M_S * since_s).max(top_m) as f32;
                 let [_, _, yaw_rad] = begun.place.attitude_rad;
-                self.command = Command { position_m: [x, y], z_m, yaw_rad, cut_off: false, ..IDLE };
+                self.command = Command { position_m: [x, y], z_m, yaw_rad, cut_off: false, ..Command::IDLE };
                 self.flying = true;
                 let left_m = f64::from(known.pose.position_m[2]) - top_m;
                 if known.state == State::Flying && left_m < CLOSE_M {

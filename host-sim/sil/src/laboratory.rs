@@ -197,17 +197,9 @@ mod tests {
     use crate::noise::NoiseModel;
     use control::State;
     use model::Model;
-    use proto::{Command, Mode, Request, TimedPose};
+    use proto::{Command, Request, TimedPose};
 
-    const IDLE: Command = Command {
-        mode: Mode::Position,
-        attitude_rad: [0.0; 2],
-        yaw_rad: 0.0,
-        z_m: 0.0,
-        position_m: [0.0; 2],
-        cut_off: true,
-        injection: [0.0; 4],
-    };
+    const IDLE: Command = Command::IDLE;
 
     /// A ground station of a few lines: the pose of the tick before and a command each tick.
     fn fly(lab: &mut Laboratory, ticks: u32, command: Command, request: Option<Request>) {

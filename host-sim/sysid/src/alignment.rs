@@ -219,14 +219,14 @@ pub fn common_delay_s(model: &Model, flights: &[&Prepared]) -> Option<f64> {
         return None;
     }
     let commanded = flights.iter().filter(|f| !f.has_rotor_speeds());
-    let found: Vec<f64> = commanded
+    let mut found: Vec<f64> = commanded
         .filter_map(|flight| {
             let mut own = (*flight).clone();
             let corrected = own.rotor_late_s();
             offset_alone(&mut own, model).ok().map(|o| o.late_s - corrected)
         })
         .collect();
-    median(found)
+    median(&mut found)
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -235,8 +235,9 @@ struct Offset {
     variance_s2: f64,
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
+/// The middle of some values, of an even number the mean of the two.
+pub(crate) fn median(values: &mut [f64]) -> Option<f64> {
+    values.sort_unstable_by(f64::total_cmp);
     let n = values.len();
     (n > 0).then(|| 0.5 * (values[(n - 1) / 2] + values[n / 2]))
 }
@@ -247,7 +248,7 @@ fn decide(flights: &mut [&mut Prepared], offsets: &[Offset], reference: Referenc
         || flights.iter().zip(offsets).filter(|(f, o)| !f.has_rotor_speeds() && o.variance_s2.is_finite());
     let common_s = match reference {
         Reference::Model(delay) => delay,
-        Reference::Flights => median(commanded().map(|(_, o)| o.late_s).collect()),
+        Reference::Flights => median(&mut commanded().map(|(_, o)| o.late_s).collect::<Vec<_>>()),
     };
     // The median of n normal deviates varies by pi / 2n of their variance.
     let count = commanded().count().max(1) as f64;

@@ -17,6 +17,7 @@
 use model::{Adjustments, Vehicle};
 use serde::Serialize;
 
+use crate::alignment::median;
 use crate::filter::sum_of_products;
 use crate::prepare::Prepared;
 
@@ -75,16 +76,10 @@ fn scatter_s(pieces: &[PieceLag]) -> Option<f64> {
     let mut deviations: Vec<f64> = Vec::new();
     for axis in 0..2 {
         let lags: Vec<f64> = pieces.iter().filter_map(|p| p.late_s[axis]).collect();
-        let Some(middle) = median(lags.clone()) else { continue };
+        let Some(middle) = median(&mut lags.clone()) else { continue };
         deviations.extend(lags.iter().map(|lag| (lag - middle).abs()));
     }
-    (deviations.len() >= FEWEST_LAGS).then(|| median(deviations).map(|m| NORMAL * m)).flatten()
-}
-
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    (n > 0).then(|| 0.5 * (values[(n - 1) / 2] + values[n / 2]))
+    (deviations.len() >= FEWEST_LAGS).then(|| median(&mut deviations).map(|m| NORMAL * m)).flatten()
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {

@@ -227,14 +227,16 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
     // Where the last step came from, and what was left there.
     let mut last: Option<(Model, f64)> = None;
     let mut begun = vec![Vec::new(); flights.len()];
+    let (most_steps, most_halvings) =
+        if adds { (MAX_STEPS + MAX_STEPS / 2, HALVINGS) } else { (MAX_STEPS, 1) };
     let mut halvings = 0;
-    for _ in 0..if adds { MAX_STEPS + MAX_STEPS / 2 } else { MAX_STEPS } {
+    for _ in 0..most_steps {
         let (rows, left) = assemble(flights, &model, linear, adjusting, &mut begun);
         check_finite(flights, &rows, &model)?;
         let left_before = last.as_ref().map(|(_, left)| *left);
         if let Some((before, left_before)) = &last
             && left > left_before + WORSE
-            && halvings < if adds { HALVINGS } else { 1 }
+            && halvings < most_halvings
         {
             halvings += 1;
             halve(before, &mut model);

@@ -11,6 +11,8 @@
 
 use std::borrow::Cow;
 
+use crate::alignment::median;
+
 /// Neighbours on each side, where there are as many.
 const REACH: usize = 3;
 /// A spike is off the line through its neighbours by this many times the usual distance from it: one in 10^8 of Gaussian
@@ -76,7 +78,7 @@ fn spikes(channel: &[f64], time: &[f64], usual: f64) -> Vec<usize> {
             && (channel[k] - 0.5 * (channel[k - 1] + channel[k + 1])).abs() < LOOKED_AT * usual;
         !near && channel[k].is_finite()
     };
-    (0..channel.len()).filter(is_off).filter(|&k| is_spike(channel, time, k, usual)).collect()
+    (0..channel.len()).filter(is_off).filter(|&k| is_spike(channel, time, k, usual) == Some(true)).collect()
 }
 
 /// Standard deviation of a sample about the mean of its neighbours, by the median: spikes do not count.
@@ -94,7 +96,8 @@ fn usual_distance(channel: &[f64]) -> f64 {
     *distances.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745
 }
 
-fn is_spike(channel: &[f64], time: &[f64], k: usize, usual: f64) -> bool {
+/// Nothing where there are too few neighbours to tell.
+fn is_spike(channel: &[f64], time: &[f64], k: usize, usual: f64) -> Option<bool> {
     let mut neighbours = [(0.0, 0.0); 2 * REACH];
     let mut count = 0;
     // At an end, all of them are on one side.
@@ -107,7 +110,7 @@ fn is_spike(channel: &[f64], time: &[f64], k: usize, usual: f64) -> bool {
     }
     let neighbours = &neighbours[..count];
     if count < REACH + 1 {
-        return false;
+        return None;
     }
     let mut slopes = [0.0; REACH * (2 * REACH - 1)];
     let mut pairs = 0;
@@ -117,22 +120,16 @@ fn is_spike(channel: &[f64], time: &[f64], k: usize, usual: f64) -> bool {
             pairs += 1;
         }
     }
-    let slope = median(&mut slopes[..pairs]);
+    let slope = median(&mut slopes[..pairs])?;
     let mut levels = [0.0; 2 * REACH];
     levels.iter_mut().zip(neighbours).for_each(|(level, (t, value))| *level = value - slope * t);
-    let level = median(&mut levels[..count]);
+    let level = median(&mut levels[..count])?;
     levels[..count].iter_mut().for_each(|value| *value = (*value - level).abs());
     let own = (channel[k] - level).abs();
     // From one side the line is drawn out to where it is not known as well.
     let reach = if k - first == REACH { 1.0 } else { DRAWN_OUT };
-    own > reach * OF_NOISE * usual && own > reach * OF_NEIGHBOURS * median(&mut levels[..count])
-}
-
-/// The middle of some values, of an even number the mean of the two.
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    let n = values.len();
-    0.5 * (values[(n - 1) / 2] + values[n / 2])
+    let least = f64::max(OF_NOISE * usual, OF_NEIGHBOURS * median(&mut levels[..count])?);
+    Some(own > reach * least)
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 use com::imu_frame::{self, ImuFrame, MAX_STUFFED_LEN};
 use control::Config;
 use proto::{
-    Answer, ImuSample, MAX_PACKET_LEN, Message, Mode, Opener, Pose, Request, Role, Sealer, State, Telemetry,
+    Answer, ImuSample, MAX_PACKET_LEN, Message, Opener, Pose, Request, Role, Sealer, State, Telemetry,
     TimedPose,
 };
 use serial2::SerialPort;
@@ -184,15 +184,7 @@ pub(crate) struct Ground {
     pub(crate) answers: Vec<Answer>,
 }
 
-pub(crate) const IDLE: proto::Command = proto::Command {
-    mode: Mode::Position,
-    attitude_rad: [0.0; 2],
-    yaw_rad: 0.0,
-    z_m: -1.0,
-    position_m: [0.0; 2],
-    cut_off: true,
-    injection: [0.0; 4],
-};
+pub(crate) const IDLE: proto::Command = proto::Command { z_m: -1.0, ..proto::Command::IDLE };
 
 impl Ground {
     pub(crate) fn new(craft: SocketAddr) -> Self {
