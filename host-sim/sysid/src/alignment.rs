@@ -23,7 +23,7 @@ use model::{Effect, Kind, Model};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::fit::{has_rotation, residual_derivatives_at, residuals_at_rows, store};
+use crate::fit::{Here, has_rotation, residual_derivatives_at, residuals_at_rows, store};
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Unidentifiable};
 use crate::rows::{RowColumn, coefficient_count};
@@ -395,7 +395,7 @@ fn settle_alone(flight: &mut Prepared, model: &Model, along: &[Effect]) -> Resul
 /// Columns of a flight alone: what a later rotor does, and a constant in each row that feels the rotors.
 fn own_columns(flight: &Prepared, model: &Model) -> [Vec<RowColumn>; 2] {
     let stride = flight.fit_stride();
-    let here = residuals_at_rows(flight, model, stride);
+    let here = Here::new(flight, model, stride, &[]);
     let shift = residual_derivatives_at(flight, model, Effect::InputDelay, stride, &here);
     let count = shift.iter().flatten().flatten().map(Vec::len).next().unwrap_or(0);
     let constants = ROTOR_ROWS

@@ -13,7 +13,7 @@ use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Prior, Unidentifiable};
 use crate::rows::{RowColumn, coefficient_count};
 use crate::starts;
-use crate::swing::{self, Beginning};
+use crate::swing::{self, Beginning, Followed, Unloaded};
 
 /// Most Gauss-Newton steps; bilinear problems such as wind and drag take three or four.
 const MAX_STEPS: usize = 12;
@@ -101,17 +101,12 @@ pub struct Residuals {
     pub measured: [Vec<f64>; 6],
     /// Measured minus predicted, for each axis.
     pub residual: [Vec<f64>; 6],
-    /// How a slung load swung when each piece began ([`swing::in_pieces`]), where there is one.
-    pub(crate) begun: Vec<Beginning>,
 }
 
-impl Residuals {
-    /// Appends what comes after.
-    pub(crate) fn append(&mut self, next: Self) {
-        self.measured.iter_mut().zip(next.measured).for_each(|(all, next)| all.extend(next));
-        self.residual.iter_mut().zip(next.residual).for_each(|(all, next)| all.extend(next));
-        self.begun.extend(next.begun);
-    }
+/// What a model leaves of a flight, and how its load was followed there, where it has one.
+pub(crate) struct Here {
+    pub(crate) residuals: Residuals,
+    followed: Option<Followed>,
 }
 
 /// Fits `effects` to `flights`. `start` gives first values of adjusting coefficients, where it has them.
@@ -285,9 +280,8 @@ fn timing(flights: &[&Prepared], model: &Model) -> Vec<Option<RowColumn>> {
     let of = |flight: &&Prepared| {
         let is_known = flight.has_rotor_speeds() && flight.alignment.is_some();
         (flight.jitter_s > 0.0 && !is_known).then(|| {
-            let flight = &*swing::in_pieces(flight, model);
             let stride = flight.fit_stride();
-            let here = residuals_at_rows(flight, model, stride);
+            let here = Here::new(flight, model, stride, &[]);
             let slopes = residual_derivatives_at(flight, model, Effect::InputDelay, stride, &here);
             let mut off: RowColumn = slopes.into_iter().next().unwrap_or_default();
             let deviation_s = LATENESS * flight.jitter_s;
@@ -459,20 +453,19 @@ fn assemble(
         .iter()
         .zip(begun)
         .map(|(flight, begun)| {
-            let flight = &*swing::in_pieces(flight, model);
             let stride = flight.fit_stride();
-            let here = (!adjusting.is_empty()).then(|| residuals_from(flight, model, stride, begun));
-            *begun = here.as_ref().map_or_else(Vec::new, |here| here.begun.clone());
-            let mut columns = flight.columns(linear, model, stride, begun);
-            let targets = if adds {
-                let mut residual = with_beginnings(flight, model, stride, begun).residual;
-                swing::take_out_beginnings(flight, model, stride, begun, &mut residual, &mut columns);
-                less_added(residual, model, linear, &columns)
-            } else {
-                flight.targets(&model.vehicle, &model.adjustments(), stride)
+            let here = (!adjusting.is_empty()).then(|| Here::new(flight, model, stride, begun));
+            *begun = here.as_ref().map_or_else(Vec::new, Here::begun);
+            let mut columns = match &here {
+                Some(here) => here.columns(flight, model, linear, stride),
+                None => flight.columns(linear, model, stride, &[]),
+            };
+            let targets = match &here {
+                Some(here) if adds => less_added(here.residuals.residual.clone(), model, linear, &columns),
+                _ => flight.targets(&model.vehicle, &model.adjustments(), stride),
             };
             if let Some(here) = &here {
-                let left = here.residual.each_ref().map(|r| r.iter().map(|e| e * e).sum::<f64>());
+                let left = here.residuals.residual.each_ref().map(|r| r.iter().map(|e| e * e).sum::<f64>());
                 squares.iter_mut().zip(left).for_each(|(sum, left)| *sum += left);
                 for effect in adjusting {
                     columns.extend(residual_derivatives_at(flight, model, *effect, stride, here));
@@ -518,13 +511,21 @@ pub(crate) fn residual_derivatives_at(
     model: &Model,
     effect: Effect,
     stride: usize,
-    here: &Residuals,
+    here: &Here,
 ) -> Vec<RowColumn> {
     let info = effect.info();
     let mut model = model.clone();
     if !model.has(effect) {
         model.set(effect, &vec![0.0; info.coefficients.len()]);
     }
+    let hung;
+    let here = match (&here.followed, swing::of_model(&model)) {
+        (None, Some(_)) => {
+            hung = Here::new(flight, &model, stride, &[]);
+            &hung
+        }
+        _ => here,
+    };
     let adjust = model.adjustments();
     let base: Vec<f64> =
         model.term(effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
@@ -538,15 +539,22 @@ pub(crate) fn residual_derivatives_at(
             let mut values = base.clone();
             values[k] += step;
             model.set(effect, &values);
-            // Most effects change what is predicted, not what was measured; a load's swing is projected out of both.
-            let ahead = if adjust.load.is_none() && sees_alike(&model.adjustments(), &adjust) {
-                minus_predicted(&here.measured, flight, &model, stride, &[])
+            if let Some(followed) = &here.followed {
+                return match swing::of_model(&model).filter(|_| effect == Effect::SlungLoad) {
+                    Some(ahead) => followed.slope_of_load(&ahead, step),
+                    None => followed.slope(flight, &model, step),
+                };
+            }
+            // Most effects change what is predicted, not what was measured.
+            let Residuals { measured, residual } = &here.residuals;
+            let ahead = if sees_alike(&model.adjustments(), &adjust) {
+                minus_predicted(measured, flight, &model, stride)
             } else {
-                residuals_begun(flight, &model, stride, &here.begun).residual
+                measured_less_predicted(flight, &model, stride).1
             };
             std::array::from_fn(|axis| {
                 let difference: Vec<f64> =
-                    ahead[axis].iter().zip(&here.residual[axis]).map(|(a, b)| (b - a) / step).collect();
+                    ahead[axis].iter().zip(&residual[axis]).map(|(a, b)| (b - a) / step).collect();
                 // Rows that do not feel the coefficient stay out of the problem.
                 difference.iter().any(|d| *d != 0.0).then_some(difference)
             })
@@ -580,40 +588,57 @@ pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
 
 /// The same over the rows at every `stride`th sample.
 pub(crate) fn residuals_at_rows(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
-    residuals_from(flight, model, stride, &[])
+    Here::new(flight, model, stride, &[]).residuals
 }
 
-/// The same from what is known of how a load begins.
-fn residuals_from(flight: &Prepared, model: &Model, stride: usize, known: &[Beginning]) -> Residuals {
-    let flight = &*swing::in_pieces(flight, model);
-    match swing::carried(model) {
-        Some(load) => swing::follow(flight, (model, &load), stride, known),
-        None => with_beginnings(flight, model, stride, &[]),
+impl Here {
+    /// Over the rows at every `stride`th sample; `known` is how a load was found to begin before, to go on from.
+    pub(crate) fn new(flight: &Prepared, model: &Model, stride: usize, known: &[Beginning]) -> Self {
+        match swing::of_model(model) {
+            Some(carried) => {
+                let followed = Followed::new(Unloaded::new(flight, model, stride), carried, known);
+                Self { residuals: followed.residuals(), followed: Some(followed) }
+            }
+            None => {
+                let (measured, residual) = measured_less_predicted(flight, model, stride);
+                Self { residuals: Residuals { measured, residual }, followed: None }
+            }
+        }
+    }
+
+    /// How a load begins each piece.
+    fn begun(&self) -> Vec<Beginning> {
+        self.followed.as_ref().map_or_else(Vec::new, |followed| followed.begun.clone())
+    }
+
+    /// The regression columns of linear effects of the model, with a load that swings as it was followed.
+    pub(crate) fn columns(
+        &self,
+        flight: &Prepared,
+        model: &Model,
+        linear: &[Effect],
+        stride: usize,
+    ) -> Vec<RowColumn> {
+        match &self.followed {
+            Some(followed) => followed.columns(flight, model, linear),
+            None => flight.columns(linear, model, stride, &[]),
+        }
     }
 }
 
-/// The same with a load that begins nearly so.
-fn residuals_begun(flight: &Prepared, model: &Model, stride: usize, begun: &[Beginning]) -> Residuals {
-    let flight = &*swing::in_pieces(flight, model);
-    let mut residuals = with_beginnings(flight, model, stride, begun);
-    swing::take_out_beginnings(flight, model, stride, begun, &mut residuals.residual, &mut []);
-    residuals
-}
-
-/// The same with what the beginning of a load's swing adds to `begun`.
-pub(crate) fn with_beginnings(
+/// Measured, and measured less predicted but for the pull of a load, over the rows at every `stride`th sample.
+pub(crate) fn measured_less_predicted(
     flight: &Prepared,
     model: &Model,
     stride: usize,
-    begun: &[Beginning],
-) -> Residuals {
+) -> ([Vec<f64>; 6], [Vec<f64>; 6]) {
     let mut measured = flight.targets(&model.vehicle, &model.adjustments(), stride);
     if !has_rotation(model) {
         // What a model does not speak of is no error of it: nothing measured, nothing predicted.
         measured[3..].iter_mut().for_each(|axis| axis.fill(0.0));
     }
-    let residual = minus_predicted(&measured, flight, model, stride, begun);
-    Residuals { measured, residual, begun: begun.to_vec() }
+    let residual = minus_predicted(&measured, flight, model, stride);
+    (measured, residual)
 }
 
 fn minus_predicted(
@@ -621,9 +646,8 @@ fn minus_predicted(
     flight: &Prepared,
     model: &Model,
     stride: usize,
-    begun: &[Beginning],
 ) -> [Vec<f64>; 6] {
-    let predicted = flight.predicted(model, stride, begun);
+    let predicted = flight.predicted(model, stride);
     std::array::from_fn(|axis| match &predicted[axis] {
         Some(predicted) => measured[axis].iter().zip(predicted).map(|(m, p)| m - p).collect(),
         None => measured[axis].clone(),

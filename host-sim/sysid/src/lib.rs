@@ -20,6 +20,7 @@ pub mod frames_check;
 pub mod imu_check;
 pub mod information;
 pub mod library;
+mod load_shapes;
 pub mod motor_map;
 pub mod motors_check;
 pub mod noise;

@@ -6,7 +6,7 @@
 
 use model::{Effect, Kind, Model};
 
-use crate::fit::{residual_derivatives_at, residuals_at_rows};
+use crate::fit::{Here, residual_derivatives_at};
 use crate::prepare::Prepared;
 use crate::rows::coefficient_count;
 
@@ -42,7 +42,7 @@ pub fn library(model: &Model, flight: &Prepared) -> Library {
     };
     let mut names: Vec<LibraryColumn> = linear.iter().copied().flat_map(name).collect();
     debug_assert_eq!(names.len(), linear.iter().map(|e| coefficient_count(*e)).sum::<usize>());
-    let here = residuals_at_rows(flight, model, stride);
+    let here = Here::new(flight, model, stride, &[]);
     for effect in candidates().filter(|effect| !is_linear(effect)) {
         columns.extend(residual_derivatives_at(flight, model, effect, stride, &here));
         names.extend(name(effect));

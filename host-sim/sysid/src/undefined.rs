@@ -8,6 +8,7 @@ use std::ops::Range;
 
 use model::{Effect, Kind, Model, Plant, SampleInput};
 
+use crate::rows::Part;
 use crate::prepare::{PrepareError, Prepared, Stretch};
 
 impl Prepared {
@@ -106,7 +107,7 @@ fn undefined_samples(
         ask(k, states.at(k));
     }
     let mut k = 0;
-    states.for_each_between(|input| {
+    states.for_each_between(&Part::whole(stretch), |input| {
         k += 1;
         ask(k, input);
     });
