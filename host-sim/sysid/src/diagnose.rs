@@ -25,7 +25,8 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
 
-use crate::fit::{has_rotation, step_scale, without_rotation};
+use crate::about::step_scale;
+use crate::fit::{has_rotation, without_rotation};
 use crate::prepare::Prepared;
 use crate::regress::WINDOW_S;
 use crate::select::{Judged, Search, judge};

@@ -7,13 +7,14 @@
 //!
 //! Where they start decides where they end, for some: `starts.rs`.
 
-use model::{Adjustments, Axis, AxisError, Effect, Estimate, Kind, Model, PerAxis, Term, Vehicle};
+use model::{Axis, AxisError, Effect, Estimate, Kind, Model, PerAxis, Term, Vehicle};
 
+use crate::about::{About, residuals_at_rows, step_scale};
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Prior, Unidentifiable};
 use crate::rows::{RowColumn, coefficient_count};
 use crate::starts;
-use crate::swing::{self, Beginning, Followed, Unloaded};
+use crate::swing::Beginning;
 
 /// Most Gauss-Newton steps; bilinear problems such as wind and drag take three or four.
 const MAX_STEPS: usize = 12;
@@ -27,6 +28,10 @@ const HALVINGS: usize = 4;
 /// A step this small against the standard error of white residuals, which is the smaller one, is the last: each step leaves
 /// a tenth of the one before it or less.
 const CONVERGED: f64 = 0.1;
+
+/// A step of less than this part of every coefficient (or of its ordinary magnitude) leaves the columns nearly as they are: the next one
+/// takes them over, and only what is left is formed anew. The step after that is off by such a part of itself.
+const SMALL: f64 = 0.03;
 
 /// Why a fit was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -103,12 +108,6 @@ pub struct Residuals {
     pub residual: [Vec<f64>; 6],
 }
 
-/// What a model leaves of a flight, and how its load was followed there, where it has one.
-pub(crate) struct Here {
-    pub(crate) residuals: Residuals,
-    followed: Option<Followed>,
-}
-
 /// Fits `effects` to `flights`. `start` gives first values of adjusting coefficients, where it has them.
 pub fn fit(
     flights: &[&Prepared],
@@ -169,7 +168,10 @@ pub fn fit(
     let best = best.unwrap_or(Err(FitError::NoFlights));
     let Some(only) = only else { return best };
     // The first step from zero can end where an effect saturates (a lag of nothing): set out from either side as well.
-    let from = |side: f64| settle(flights, ordinary(&only, &layout.adjusting, start, side), &layout);
+    let from = |side: f64| {
+        let other = ordinary(&only, &layout.adjusting, start, side);
+        if other == only { Err(not_converged(&layout.adjusting)) } else { settle(flights, other, &layout) }
+    };
     best.or_else(|why| from(1.0).or_else(|_| from(-1.0)).map_err(|_| why))
 }
 
@@ -225,8 +227,16 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
     let (most_steps, most_halvings) =
         if adds { (MAX_STEPS + MAX_STEPS / 2, HALVINGS) } else { (MAX_STEPS, 1) };
     let mut halvings = 0;
+    let mut kept: Option<Vec<FlightRows>> = None;
     for _ in 0..most_steps {
-        let (rows, left) = assemble(flights, &model, linear, adjusting, &mut begun);
+        let is_full = kept.is_none();
+        let (rows, left) = match kept.take() {
+            None => assemble(flights, &model, linear, adjusting, &mut begun),
+            Some(mut rows) => {
+                let left = follow_up(&mut rows, flights, &model, linear, &mut begun);
+                (rows, left)
+            }
+        };
         check_finite(flights, &rows, &model)?;
         let left_before = last.as_ref().map(|(_, left)| *left);
         if let Some((before, left_before)) = &last
@@ -245,6 +255,7 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
         // The linear part comes out as values, the adjusting part as steps from where the columns were formed.
         let mut values = solution.value.clone();
         let mut settled = true;
+        let mut is_small = is_full;
         let mut at = count;
         for effect in adjusting {
             let known: Vec<f64> =
@@ -253,6 +264,7 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
                 let step = solution.value[at];
                 settled &=
                     step.abs() < CONVERGED * solution.covariance[(at, at)].sqrt() + 1e-9 * info.typical;
+                is_small &= step.abs() < SMALL * now.abs().max(info.typical);
                 values[at] = step_end(*now, step, info);
                 at += 1;
             }
@@ -266,8 +278,13 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
             let solution = regress::with_errors_beside(solution, &rows, &priors, &timing(flights, &model));
             return Ok(finish(model, order, regress::Solution { value: values, ..solution }));
         }
+        kept = is_small.then_some(rows);
     }
-    Err(FitError::NotConverged { effect: adjusting[0].id(), excitation: adjusting[0].info().excitation })
+    Err(not_converged(adjusting))
+}
+
+fn not_converged(adjusting: &[Effect]) -> FitError {
+    FitError::NotConverged { effect: adjusting[0].id(), excitation: adjusting[0].info().excitation }
 }
 
 /// How far the moments at which commands took effect may lie from the middle of a log's jittering times, in standard deviations of
@@ -281,9 +298,8 @@ fn timing(flights: &[&Prepared], model: &Model) -> Vec<Option<RowColumn>> {
         let is_known = flight.has_rotor_speeds() && flight.alignment.is_some();
         (flight.jitter_s > 0.0 && !is_known).then(|| {
             let stride = flight.fit_stride();
-            let here = Here::new(flight, model, stride, &[]);
-            let slopes = residual_derivatives_at(flight, model, Effect::InputDelay, stride, &here);
-            let mut off: RowColumn = slopes.into_iter().next().unwrap_or_default();
+            let about = About::new(flight, model, (&[], &[Effect::InputDelay]), stride, &[]);
+            let mut off: RowColumn = about.columns.into_iter().next().unwrap_or_default();
             let deviation_s = LATENESS * flight.jitter_s;
             off.iter_mut().flatten().flatten().for_each(|value| *value *= deviation_s);
             off
@@ -448,29 +464,24 @@ fn assemble(
     begun: &mut [Vec<Beginning>],
 ) -> (Vec<FlightRows>, f64) {
     let adds = adjusting.iter().any(|effect| effect.adds_accelerations());
-    let mut squares = [0.0_f64; 6];
+    let mut sums = Squares::default();
     let rows = flights
         .iter()
         .zip(begun)
         .map(|(flight, begun)| {
             let stride = flight.fit_stride();
-            let here = (!adjusting.is_empty()).then(|| Here::new(flight, model, stride, begun));
-            *begun = here.as_ref().map_or_else(Vec::new, Here::begun);
-            let mut columns = match &here {
-                Some(here) => here.columns(flight, model, linear, stride),
-                None => flight.columns(linear, model, stride, &[]),
+            let all_targets = || flight.targets(&model.vehicle, &model.adjustments(), stride);
+            let (targets, columns) = if adjusting.is_empty() {
+                (all_targets(), flight.columns(linear, model, stride, None))
+            } else {
+                let about = About::new(flight, model, (linear, adjusting), stride, begun);
+                let Residuals { residual, .. } = about.residuals;
+                sums.add(&residual);
+                *begun = about.begun;
+                let targets =
+                    if adds { less_added(residual, model, linear, &about.columns) } else { all_targets() };
+                (targets, about.columns)
             };
-            let targets = match &here {
-                Some(here) if adds => less_added(here.residuals.residual.clone(), model, linear, &columns),
-                _ => flight.targets(&model.vehicle, &model.adjustments(), stride),
-            };
-            if let Some(here) = &here {
-                let left = here.residuals.residual.each_ref().map(|r| r.iter().map(|e| e * e).sum::<f64>());
-                squares.iter_mut().zip(left).for_each(|(sum, left)| *sum += left);
-                for effect in adjusting {
-                    columns.extend(residual_derivatives_at(flight, model, *effect, stride, here));
-                }
-            }
             FlightRows {
                 targets,
                 columns,
@@ -479,7 +490,47 @@ fn assemble(
             }
         })
         .collect();
-    (rows, squares.iter().map(|sum| 0.5 * sum.max(f64::MIN_POSITIVE).ln()).sum())
+    (rows, sums.spread())
+}
+
+/// Sums of squares of what is left on each axis.
+#[derive(Default)]
+struct Squares([f64; 6]);
+
+impl Squares {
+    fn add(&mut self, residual: &[Vec<f64>; 6]) {
+        let left = residual.each_ref().map(|r| r.iter().map(|e| e * e).sum::<f64>());
+        self.0.iter_mut().zip(left).for_each(|(sum, left)| *sum += left);
+    }
+
+    /// Logarithm of the spread over all axes.
+    fn spread(&self) -> f64 {
+        self.0.iter().map(|sum| 0.5 * sum.max(f64::MIN_POSITIVE).ln()).sum()
+    }
+}
+
+/// Rows that were formed about a model near this one: their columns stay, and what is left moves with the model. `begun` as in
+/// [`assemble`], whose second value this hands over.
+fn follow_up(
+    rows: &mut [FlightRows],
+    flights: &[&Prepared],
+    model: &Model,
+    linear: &[Effect],
+    begun: &mut [Vec<Beginning>],
+) -> f64 {
+    let mut sums = Squares::default();
+    for ((rows, flight), begun) in rows.iter_mut().zip(flights).zip(begun) {
+        let about = About::new(flight, model, (&[], &[]), flight.fit_stride(), begun);
+        sums.add(&about.residuals.residual);
+        *begun = about.begun;
+        let moments: [Vec<f64>; 3] = std::array::from_fn(|axis| std::mem::take(&mut rows.targets[3 + axis]));
+        rows.targets = less_added(about.residuals.residual, model, linear, &rows.columns);
+        if !has_rotation(model) {
+            // No column acts there.
+            rows.targets[3..].iter_mut().zip(moments).for_each(|(now, target)| *now = target);
+        }
+    }
+    sums.spread()
 }
 
 /// The targets less what effects add that have no columns: the residual plus what the linear effects predict.
@@ -498,160 +549,6 @@ pub(crate) fn less_added(
         }
     }
     targets
-}
-
-/// Step of a derivative, part of an ordinary magnitude. Effects act smoothly: a forward difference over it is off by about
-/// this part of the derivative; rounding, 1e-15 of the residual, matters less still.
-const DERIVATIVE_STEP: f64 = 1e-5;
-
-/// Minus the derivative of the residual with respect to each coefficient of an adjusting effect, over the rows at every
-/// `stride`th sample: forward differences from the residual where the model stands.
-pub(crate) fn residual_derivatives_at(
-    flight: &Prepared,
-    model: &Model,
-    effect: Effect,
-    stride: usize,
-    here: &Here,
-) -> Vec<RowColumn> {
-    let info = effect.info();
-    let mut model = model.clone();
-    if !model.has(effect) {
-        model.set(effect, &vec![0.0; info.coefficients.len()]);
-    }
-    let hung;
-    let here = match (&here.followed, swing::of_model(&model)) {
-        (None, Some(_)) => {
-            hung = Here::new(flight, &model, stride, &[]);
-            &hung
-        }
-        _ => here,
-    };
-    let adjust = model.adjustments();
-    let base: Vec<f64> =
-        model.term(effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
-    (0..info.coefficients.len())
-        .map(|k| {
-            let step = match effect {
-                // Time constants under a tenth of a millisecond count as none.
-                Effect::MotorLag => 2e-4,
-                _ => DERIVATIVE_STEP * local_scale(model.vehicle.has_rotor_map(), effect, k, base[k]),
-            };
-            let mut values = base.clone();
-            values[k] += step;
-            model.set(effect, &values);
-            if let Some(followed) = &here.followed {
-                return match swing::of_model(&model).filter(|_| effect == Effect::SlungLoad) {
-                    Some(ahead) => followed.slope_of_load(&ahead, step),
-                    None => followed.slope(flight, &model, step),
-                };
-            }
-            // Most effects change what is predicted, not what was measured.
-            let Residuals { measured, residual } = &here.residuals;
-            let ahead = if sees_alike(&model.adjustments(), &adjust) {
-                minus_predicted(measured, flight, &model, stride)
-            } else {
-                measured_less_predicted(flight, &model, stride).1
-            };
-            std::array::from_fn(|axis| {
-                let difference: Vec<f64> =
-                    ahead[axis].iter().zip(&residual[axis]).map(|(a, b)| (b - a) / step).collect();
-                // Rows that do not feel the coefficient stay out of the problem.
-                difference.iter().any(|d| *d != 0.0).then_some(difference)
-            })
-        })
-        .collect()
-}
-
-/// Magnitude of a coefficient for differences about a value: a length or another scale goes by itself.
-fn local_scale(has_rotor_map: bool, effect: Effect, coefficient: usize, value: f64) -> f64 {
-    let is_scale = effect.info().coefficients[coefficient].possible.0 > 0.0 && value > 0.0;
-    if is_scale { value } else { step_scale(has_rotor_map, effect, coefficient) }
-}
-
-/// Whether a tracker reports the same of a motion under both.
-fn sees_alike(a: &Adjustments, b: &Adjustments) -> bool {
-    a.tracked_point_m == b.tracked_point_m && a.attitude_tilt_rad == b.attitude_tilt_rad
-}
-
-/// Ordinary magnitude of a coefficient; rotor "speeds" are commands near 1 where the map is unknown.
-pub(crate) fn step_scale(has_rotor_map: bool, effect: Effect, coefficient: usize) -> f64 {
-    let typical = effect.info().coefficients[coefficient].typical;
-    let in_rotor_speed =
-        matches!((effect, coefficient), (Effect::BatteryVoltage, 0) | (Effect::ThrustLinear, _));
-    if in_rotor_speed && !has_rotor_map { 0.05 } else { typical }
-}
-
-/// Measured and measured-minus-predicted of all six axes over the rows of a flight.
-pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
-    residuals_at_rows(flight, model, 1)
-}
-
-/// The same over the rows at every `stride`th sample.
-pub(crate) fn residuals_at_rows(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
-    Here::new(flight, model, stride, &[]).residuals
-}
-
-impl Here {
-    /// Over the rows at every `stride`th sample; `known` is how a load was found to begin before, to go on from.
-    pub(crate) fn new(flight: &Prepared, model: &Model, stride: usize, known: &[Beginning]) -> Self {
-        match swing::of_model(model) {
-            Some(carried) => {
-                let followed = Followed::new(Unloaded::new(flight, model, stride), carried, known);
-                Self { residuals: followed.residuals(), followed: Some(followed) }
-            }
-            None => {
-                let (measured, residual) = measured_less_predicted(flight, model, stride);
-                Self { residuals: Residuals { measured, residual }, followed: None }
-            }
-        }
-    }
-
-    /// How a load begins each piece.
-    fn begun(&self) -> Vec<Beginning> {
-        self.followed.as_ref().map_or_else(Vec::new, |followed| followed.begun.clone())
-    }
-
-    /// The regression columns of linear effects of the model, with a load that swings as it was followed.
-    pub(crate) fn columns(
-        &self,
-        flight: &Prepared,
-        model: &Model,
-        linear: &[Effect],
-        stride: usize,
-    ) -> Vec<RowColumn> {
-        match &self.followed {
-            Some(followed) => followed.columns(flight, model, linear),
-            None => flight.columns(linear, model, stride, &[]),
-        }
-    }
-}
-
-/// Measured, and measured less predicted but for the pull of a load, over the rows at every `stride`th sample.
-pub(crate) fn measured_less_predicted(
-    flight: &Prepared,
-    model: &Model,
-    stride: usize,
-) -> ([Vec<f64>; 6], [Vec<f64>; 6]) {
-    let mut measured = flight.targets(&model.vehicle, &model.adjustments(), stride);
-    if !has_rotation(model) {
-        // What a model does not speak of is no error of it: nothing measured, nothing predicted.
-        measured[3..].iter_mut().for_each(|axis| axis.fill(0.0));
-    }
-    let residual = minus_predicted(&measured, flight, model, stride);
-    (measured, residual)
-}
-
-fn minus_predicted(
-    measured: &[Vec<f64>; 6],
-    flight: &Prepared,
-    model: &Model,
-    stride: usize,
-) -> [Vec<f64>; 6] {
-    let predicted = flight.predicted(model, stride);
-    std::array::from_fn(|axis| match &predicted[axis] {
-        Some(predicted) => measured[axis].iter().zip(predicted).map(|(m, p)| m - p).collect(),
-        None => measured[axis].clone(),
-    })
 }
 
 /// Coefficients of the basic model whose sign contradicts the craft's geometry or physics by more than their error, each as

@@ -21,7 +21,7 @@
 use model::{AXES, AxisError, Effect, Model, PerAxis};
 use nalgebra::{DMatrix, DVector};
 
-use crate::fit::{Here, residual_derivatives_at};
+use crate::about::About;
 use crate::prepare::Prepared;
 use crate::regress::FlightRows;
 use crate::residuals;
@@ -378,20 +378,22 @@ fn remembered(column: &[f64], memory: &[f64], starts: &[usize]) -> Vec<f64> {
 /// adjusting ones minus the residual's derivative.
 pub(crate) fn rows_about(flight: &Prepared, model: &Model, effects: &[Effect]) -> FlightRows {
     let stride = flight.fit_stride();
-    let here = Here::new(flight, model, stride, &[]);
     let is_adjusting = |e: &Effect| e.info().kind == model::Kind::Adjusting;
-    let linear: Vec<Effect> = effects.iter().copied().filter(|e| !is_adjusting(e)).collect();
-    // All linear ones in one pass over the states, then each to its place.
-    let mut formed = here.columns(flight, model, &linear, stride).into_iter();
+    let (adjusting, linear): (Vec<Effect>, Vec<Effect>) = effects.iter().copied().partition(is_adjusting);
+    let mut about = About::new(flight, model, (&linear, &adjusting), stride, &[]);
+    // Each to its place.
+    let mut derivatives =
+        about.columns.split_off(linear.iter().map(|e| coefficient_count(*e)).sum()).into_iter();
+    let mut formed = about.columns.into_iter();
     let columns: Vec<RowColumn> = effects
         .iter()
         .flat_map(|effect| match is_adjusting(effect) {
-            true => residual_derivatives_at(flight, model, *effect, stride, &here),
+            true => derivatives.by_ref().take(effect.info().coefficients.len()).collect::<Vec<_>>(),
             false => formed.by_ref().take(coefficient_count(*effect)).collect(),
         })
         .collect();
     FlightRows {
-        targets: here.residuals.residual,
+        targets: about.residuals.residual,
         columns,
         starts: flight.starts_of_rows(stride),
         period_s: flight.period_s * stride as f64,

@@ -63,7 +63,7 @@ impl LoadShapes {
     pub(crate) fn new(flights: &[&Prepared], model: &Model, linear: &[Effect]) -> Self {
         let stride = |flight: &&Prepared| flight.fit_stride();
         let columns: Vec<_> =
-            flights.iter().map(|flight| flight.columns(linear, model, stride(flight), &[])).collect();
+            flights.iter().map(|flight| flight.columns(linear, model, stride(flight), None)).collect();
         let acts = |k: &usize| columns.iter().any(|all| all[*k][..3].iter().any(Option::is_some));
         let acting: Vec<usize> = (0..columns.first().map_or(0, Vec::len)).filter(acts).collect();
         let count = acting.len() + 1;
@@ -120,8 +120,7 @@ impl Flight {
             Entry { column, axis, values, north_east }
         };
         let entries: Vec<Entry> = columns.into_iter().map(entry).collect();
-        let mut products: [DMatrix<f64>; 3] =
-            std::array::from_fn(|_| DMatrix::zeros(count + 1, count + 1));
+        let mut products: [DMatrix<f64>; 3] = std::array::from_fn(|_| DMatrix::zeros(count + 1, count + 1));
         for a in &entries {
             for b in entries.iter().filter(|b| b.axis == a.axis) {
                 products[a.axis][(a.column, b.column)] += sum_of_products(&a.values, &b.values);

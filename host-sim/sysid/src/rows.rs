@@ -38,6 +38,14 @@ pub(crate) struct Part {
     pub(crate) swings: Vec<Swing>,
 }
 
+/// A load on a cable as it was followed.
+pub(crate) struct Hung<'a> {
+    /// Of each stretch.
+    pub(crate) parts: &'a [Vec<Part>],
+    /// The part of a force along the cable that moves the load.
+    pub(crate) part: f64,
+}
+
 impl Part {
     /// A whole stretch without a load.
     pub(crate) fn whole(stretch: &Stretch) -> Self {
@@ -249,26 +257,41 @@ impl Prepared {
         }
     }
 
-    /// The regression columns of linear effects, one for each coefficient in order. `parts` of each stretch say how a load swings;
-    /// without any there is none.
+    /// The regression columns of linear effects, one for each coefficient in order.
     pub(crate) fn columns(
         &self,
         effects: &[Effect],
         model: &Model,
         stride: usize,
-        parts: &[Vec<Part>],
+        hung: Option<&Hung>,
     ) -> Vec<RowColumn> {
         let effects: Vec<(Effect, usize)> = effects.iter().map(|e| (*e, coefficient_count(*e))).collect();
         let count = effects.iter().map(|(_, count)| count).sum();
         let (plant, effects) = (Plant::new(model), LinearEffects { effects, count });
-        let cable = swing::of_model(model).filter(|_| !parts.is_empty()).map(|load| load.part());
-        self.filtered(&plant, &model.vehicle, &effects, stride, (parts, cable))
+        self.filtered(&plant, &model.vehicle, &effects, stride, hung)
     }
 
-    /// What a model predicts of the targets, but for the pull of a load.
-    pub(crate) fn predicted(&self, model: &Model, stride: usize) -> RowColumn {
-        let plant = Plant::new(&swing::without_load(model));
-        self.filtered(&plant, &model.vehicle, &Prediction(&plant), stride, (&[], None)).pop().unwrap_or_default()
+    /// What models of one vehicle predict of the targets, but for the pull of a load that comes of its swing. Those that see the same
+    /// states are evaluated side by side.
+    pub(crate) fn predicted_by(
+        &self,
+        models: &[&Model],
+        stride: usize,
+        hung: Option<&Hung>,
+    ) -> Vec<RowColumn> {
+        let plants: Vec<Plant> = models.iter().map(|model| Plant::new(&swing::without_load(model))).collect();
+        let mut predicted = vec![RowColumn::default(); models.len()];
+        let mut left: Vec<usize> = (0..plants.len()).collect();
+        while let Some(&first) = left.first() {
+            let own = plants[first].adjustments();
+            let sees_alike = |k: &usize| same_states(plants[*k].adjustments(), own);
+            let (group, rest): (Vec<usize>, Vec<usize>) = left.into_iter().partition(sees_alike);
+            let terms = Predictions(group.iter().map(|&k| &plants[k]).collect());
+            let of_group = self.filtered(&plants[first], &models[first].vehicle, &terms, stride, hung);
+            group.into_iter().zip(of_group).for_each(|(k, column)| predicted[k] = column);
+            left = rest;
+        }
+        predicted
     }
 
     /// Specific forces that a model predicts of each stretch but for the pull of a load, inertial, where regressors are formed:
@@ -300,22 +323,23 @@ impl Prepared {
         }
     }
 
-    /// The terms through the filters of the targets, at the rows. `cable` is the part of a force along it that goes into the load.
+    /// The terms through the filters of the targets, at the rows.
     fn filtered(
         &self,
         plant: &Plant,
         vehicle: &Vehicle,
         terms: &impl Terms,
         stride: usize,
-        (parts, cable): (&[Vec<Part>], Option<f64>),
+        hung: Option<&Hung>,
     ) -> Vec<RowColumn> {
+        let cable = hung.map(|hung| hung.part);
         let mut result = vec![RowColumn::default(); terms.count()];
         let force_taps = self.force_taps();
         let imu = self.force_target == ForceTarget::Imu;
         for (index, stretch) in self.stretches.iter().enumerate() {
             let states = self.states(stretch, vehicle, plant.adjustments());
             let whole = [Part::whole(stretch)];
-            for part in parts.get(index).map_or(&whole[..], Vec::as_slice) {
+            for part in hung.and_then(|hung| hung.parts.get(index)).map_or(&whole[..], Vec::as_slice) {
                 let first = part.samples.start;
                 let rows = || (self.margin..part.samples.len() - self.margin).step_by(stride);
                 let layout = Layout::new(terms, &plant.sample_of(states.at(first)), |axis| axis >= 3);
@@ -450,20 +474,41 @@ impl<S: Sink> Sink for From<'_, S> {
     }
 }
 
-/// The six rows of the equations of motion: one "parameter" that acts on all axes.
-struct Prediction<'a>(&'a Plant);
+/// The six rows of the equations of motion of models that see the same states: each is a "parameter" that acts on all axes.
+struct Predictions<'a>(Vec<&'a Plant>);
 
-impl Terms for Prediction<'_> {
+impl Terms for Predictions<'_> {
     fn count(&self) -> usize {
-        1
+        self.0.len()
     }
 
     #[inline]
     fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
-        for (axis, value) in model::AXES.into_iter().zip(self.0.accelerations(sample)) {
-            sink.add(axis, 0, value);
+        for (index, plant) in self.0.iter().enumerate() {
+            // The sample is the first one's.
+            let accelerations = match index {
+                0 => plant.accelerations(sample),
+                _ => plant.accelerations(&plant.sample_of(sample.input)),
+            };
+            for (axis, value) in model::AXES.into_iter().zip(accelerations) {
+                sink.add(axis, index, value);
+            }
         }
     }
+}
+
+/// Whether states are the same under both: a matter of the rotors and of the tracker.
+fn same_states(a: &Adjustments, b: &Adjustments) -> bool {
+    let of_states = |adjust: &Adjustments| {
+        let rotors = [
+            adjust.rotor_speed_per_volt,
+            adjust.reference_voltage_v,
+            adjust.motor_time_constant_s,
+            adjust.input_delay_s,
+        ];
+        (rotors, adjust.tracked_point_m, adjust.attitude_tilt_rad)
+    };
+    of_states(a) == of_states(b)
 }
 
 /// What a value is part of.

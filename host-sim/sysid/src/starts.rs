@@ -12,7 +12,8 @@
 use model::{Effect, Model};
 
 use crate::FitError;
-use crate::fit::{self, Layout, less_added, measured_less_predicted, step_scale};
+use crate::about::{measured_less_predicted, step_scale};
+use crate::fit::{self, Layout, less_added};
 use crate::load_shapes::LoadShapes;
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows};
@@ -151,7 +152,8 @@ impl Problem<'_> {
                     let Some(End { values, .. }) = &best else { continue };
                     let mut values = values.clone();
                     let (low, high) = info.coefficients[k].possible;
-                    let scale = if low > 0.0 { values[k] } else { 4.0 * step_scale(self.has_map, self.effect, k) };
+                    let scale =
+                        if low > 0.0 { values[k] } else { 4.0 * step_scale(self.has_map, self.effect, k) };
                     values[k] = (values[k] + sign * change * scale).clamp(low, high);
                     let end = self.solver.solve(&values);
                     moved |= better(&mut best, end);
@@ -179,7 +181,7 @@ fn linear_columns(
 ) -> Vec<LinearColumns> {
     let acts = |column: &RowColumn| effect.info().axes.iter().any(|axis| column[axis.index()].is_some());
     let of = |flight: &&Prepared| {
-        let all = flight.columns(&layout.linear, model, flight.fit_stride(), &[]);
+        let all = flight.columns(&layout.linear, model, flight.fit_stride(), None);
         LinearColumns { acts: all.iter().map(acts).collect(), all }
     };
     flights.iter().map(of).collect()

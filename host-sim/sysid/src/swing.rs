@@ -17,8 +17,9 @@ use std::ops::Range;
 use model::{Effect, Load, Model, Swing};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3, Vector4};
 
+use crate::about::measured_less_predicted;
 use crate::filter::{RegressionFilter, convolve, sum_of_products};
-use crate::fit::{Residuals, measured_less_predicted};
+use crate::fit::Residuals;
 use crate::prepare::{ForceTarget, Prepared, Stretch, vector};
 use crate::rows::{Part, RowColumn};
 
@@ -121,7 +122,8 @@ fn pieces(flight: &Prepared, stride: usize) -> Vec<Piece> {
         // The last one takes the rest.
         let count = ((places + of_piece / 2) / of_piece).max(1);
         for piece in 0..count {
-            let (from, to) = (piece * of_piece, if piece + 1 == count { places } else { (piece + 1) * of_piece });
+            let (from, to) =
+                (piece * of_piece, if piece + 1 == count { places } else { (piece + 1) * of_piece });
             let row = all.last().map_or(0, |last| last.rows.end);
             let rows = row..row + (to - from).div_ceil(stride);
             all.push(Piece { stretch, samples: from..to + 2 * flight.margin, rows });
@@ -303,7 +305,11 @@ struct Beginnings {
 
 impl Beginnings {
     /// Sums of the free swings times a signal over rows, north and east.
-    fn sums<'a>(&self, dcm: &[Matrix3<f64>], signal: impl Iterator<Item = Vector3<f64>> + 'a) -> Matrix2<f64> {
+    fn sums<'a>(
+        &self,
+        dcm: &[Matrix3<f64>],
+        signal: impl Iterator<Item = Vector3<f64>> + 'a,
+    ) -> Matrix2<f64> {
         let mut sums = Matrix2::zeros();
         for ((dcm, signal), (a, b)) in dcm.iter().zip(signal).zip(self.free[0].iter().zip(&self.free[1])) {
             let (north, east) = (dcm.column(0).dot(&signal), dcm.column(1).dot(&signal));
@@ -372,7 +378,10 @@ impl Followed {
             pull: std::array::from_fn(|_| Vec::with_capacity(unloaded.dcm.len())),
             residual: unloaded.residual.clone(),
             changes: Vec::with_capacity(count),
-            beginnings: Beginnings { free: unloaded.free_swings(&carried), inverse: Vec::with_capacity(count) },
+            beginnings: Beginnings {
+                free: unloaded.free_swings(&carried),
+                inverse: Vec::with_capacity(count),
+            },
             unloaded,
             carried,
         };
@@ -465,14 +474,16 @@ impl Followed {
             return;
         }
         let rows = self.unloaded.dcm.len();
-        let [Some(u), Some(v), Some(w)] = [0, 1, 2].map(|axis| column[axis].take().or_else(|| Some(vec![0.0; rows])))
+        let [Some(u), Some(v), Some(w)] =
+            [0, 1, 2].map(|axis| column[axis].take().or_else(|| Some(vec![0.0; rows])))
         else {
             return;
         };
         let mut signal = [u, v, w];
         for (piece, inverse) in self.unloaded.pieces.iter().zip(&self.beginnings.inverse) {
             let dcm = &self.unloaded.dcm[piece.rows.clone()];
-            let at_rows = piece.rows.clone().map(|row| Vector3::from([0, 1, 2].map(|axis| signal[axis][row])));
+            let at_rows =
+                piece.rows.clone().map(|row| Vector3::from([0, 1, 2].map(|axis| signal[axis][row])));
             let explains = inverse * self.beginnings.sums(dcm, at_rows);
             for (row, swung) in piece.rows.clone().zip(self.beginnings.swung(dcm, explains)) {
                 (0..3).for_each(|axis| signal[axis][row] -= swung[axis]);
@@ -481,18 +492,17 @@ impl Followed {
         column.iter_mut().zip(signal).for_each(|(column, signal)| *column = Some(signal));
     }
 
-    /// The regression columns of linear effects of the model, less what the beginnings would explain of them.
-    pub(crate) fn columns(&self, flight: &Prepared, model: &Model, linear: &[Effect]) -> Vec<RowColumn> {
+    /// The samples of each stretch in pieces, with the load's swing.
+    pub(crate) fn parts(&self, flight: &Prepared) -> Vec<Vec<Part>> {
         let mut parts: Vec<Vec<Part>> = flight.stretches.iter().map(|_| Vec::new()).collect();
         for (piece, swings) in self.unloaded.pieces.iter().zip(&self.swings) {
             parts[piece.stretch].push(Part { samples: piece.samples.clone(), swings: swings.clone() });
         }
-        let mut columns = flight.columns(linear, model, self.unloaded.stride, &parts);
-        columns.iter_mut().for_each(|column| self.take_out(column));
-        columns
+        parts
     }
 
-    /// Minus the derivative of the residual where only the load is another one, by `step` of one of its coefficients.
+    /// Minus the derivative of the residual where only the load is another one, by `step` of one of its coefficients; beginnings as they
+    /// are.
     pub(crate) fn slope_of_load(&self, ahead: &Carried, step: f64) -> RowColumn {
         let pull = self.unloaded.pull_from(ahead, &self.begun);
         let (part, here) = (ahead.part(), self.carried.part());
@@ -500,7 +510,6 @@ impl Followed {
         for (axis, (ahead, own)) in pull.iter().zip(&self.pull).enumerate() {
             column[axis] = Some(ahead.iter().zip(own).map(|(a, h)| (part * a - here * h) / step).collect());
         }
-        self.take_out(&mut column);
         column
     }
 
@@ -510,15 +519,14 @@ impl Followed {
         let carried = of_model(ahead).unwrap_or(self.carried);
         let pull = unloaded.pull_from(&carried, &self.begun);
         let part = carried.part();
-        let mut column: RowColumn = std::array::from_fn(|axis| {
+        std::array::from_fn(|axis| {
             let pull = pull.get(axis);
             let at = |row: usize| unloaded.residual[axis][row] - pull.map_or(0.0, |pull| part * pull[row]);
             let here = &self.residual[axis];
-            let slope: Vec<f64> = here.iter().enumerate().map(|(row, here)| (here - at(row)) / step).collect();
+            let slope: Vec<f64> =
+                here.iter().enumerate().map(|(row, here)| (here - at(row)) / step).collect();
             slope.iter().any(|d| *d != 0.0).then_some(slope)
-        });
-        self.take_out(&mut column);
-        column
+        })
     }
 }
 
