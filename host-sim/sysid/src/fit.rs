@@ -13,7 +13,7 @@ use crate::about::{About, residuals_at_rows, step_scale};
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Prior, Unidentifiable};
 use crate::rows::{RowColumn, coefficient_count};
-use crate::starts;
+use crate::starts::{self, Demand};
 use crate::swing::Beginning;
 
 /// Most Gauss-Newton steps; bilinear problems such as wind and drag take three or four.
@@ -74,6 +74,14 @@ pub enum FitError {
         /// The effect.
         effect: &'static str,
     },
+    /// An effect of which no shape explains anything.
+    #[error("no possible {effect} of any shape lowers the error of these flights; to see one: {excitation}")]
+    ExplainsNothing {
+        /// The effect.
+        effect: &'static str,
+        /// What to fly.
+        excitation: &'static str,
+    },
     /// The iteration for an adjusting effect ran away.
     #[error(
         "the fit of {effect} does not settle, these flights do not determine it; to see it: {excitation}"
@@ -114,6 +122,17 @@ pub fn fit(
     vehicle: &Vehicle,
     effects: &[Effect],
     start: Option<&Model>,
+) -> Result<Fit, FitError> {
+    fit_if(flights, vehicle, effects, start, Demand::Best)
+}
+
+/// The same, if the search over the shapes of an unknown effect finds what is demanded.
+pub(crate) fn fit_if(
+    flights: &[&Prepared],
+    vehicle: &Vehicle,
+    effects: &[Effect],
+    start: Option<&Model>,
+    demand: Demand,
 ) -> Result<Fit, FitError> {
     if flights.is_empty() {
         return Err(FitError::NoFlights);
@@ -157,7 +176,7 @@ pub fn fit(
     }
     let layout = Layout { linear, adjusting, order };
     let is_unknown = |effect: Effect| start.is_none_or(|m| !m.has(effect));
-    let starts = starts::of(flights, model, &layout, is_unknown)?;
+    let starts = starts::of(flights, model, &layout, is_unknown, demand)?;
     let only = (starts.len() == 1).then(|| starts[0].clone());
     let ends = starts.into_iter().map(|start| settle(flights, start, &layout));
     let best = ends.reduce(|best, end| match (best, end) {

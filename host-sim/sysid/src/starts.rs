@@ -25,12 +25,13 @@ pub(crate) fn of(
     mut model: Model,
     layout: &Layout,
     is_unknown: impl Fn(Effect) -> bool,
+    demand: Demand,
 ) -> Result<Vec<Model>, FitError> {
     let unknown: Vec<Effect> = layout.adjusting.iter().copied().filter(|e| is_unknown(*e)).collect();
     let (searched, ordinary): (Vec<Effect>, Vec<Effect>) =
         unknown.into_iter().partition(|effect| !effect.starts().is_empty());
     for effect in searched {
-        search(flights, &mut model, layout, effect)?;
+        search(flights, &mut model, layout, effect, demand)?;
     }
     let second = second(&model, &ordinary);
     Ok(std::iter::once(model).chain(second).collect())
@@ -66,8 +67,23 @@ const ROUNDS: usize = 3;
 /// A start explains something when it lowers the logarithm of the residual's spread by this: 0.2 % of it.
 const EXPLAINS: f64 = 0.002;
 
-/// Sets an effect to the best of its starts.
-fn search(flights: &[&Prepared], model: &mut Model, layout: &Layout, effect: Effect) -> Result<(), FitError> {
+/// What a search over shapes must find for a fit to go on from it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Demand {
+    /// Whatever is best.
+    Best,
+    /// Something possible that explains anything.
+    Promising,
+}
+
+/// Sets an effect to the best of its starts: of those where its coefficients are possible, if there are any.
+fn search(
+    flights: &[&Prepared],
+    model: &mut Model,
+    layout: &Layout,
+    effect: Effect,
+    demand: Demand,
+) -> Result<(), FitError> {
     let starts = effect.starts();
     let is_shape: Vec<bool> =
         starts.iter().flatten().take(effect.info().coefficients.len()).map(Option::is_some).collect();
@@ -81,7 +97,10 @@ fn search(flights: &[&Prepared], model: &mut Model, layout: &Layout, effect: Eff
         starts.iter().map(|start| start.iter().map(|value| value.unwrap_or(0.0)).collect::<Vec<_>>());
     let mut ends: Vec<End> = shapes.filter_map(|shape| problem.solver.solve(&shape)).collect();
     ends.sort_by(|a, b| a.score.total_cmp(&b.score));
-    let explains = |end: &End| end.score < end.without - EXPLAINS;
+    if ends.iter().any(|end| is_possible(effect, end)) {
+        ends.retain(|end| is_possible(effect, end));
+    }
+    let explains = |end: &End| is_possible(effect, end) && end.score < end.without - EXPLAINS;
     let mut best: Option<End> = None;
     for (place, end) in ends.into_iter().take(IMPROVED).enumerate() {
         if place > 0
@@ -100,6 +119,9 @@ fn search(flights: &[&Prepared], model: &mut Model, layout: &Layout, effect: Eff
             excitation: info.excitation,
         });
     };
+    if demand == Demand::Promising && !explains(&best) {
+        return Err(FitError::ExplainsNothing { effect: info.id, excitation: info.excitation });
+    }
     model.set(effect, &best.values);
     // No step would lead away from there.
     fit::check_scales(model, &[effect])
@@ -110,6 +132,12 @@ pub(crate) struct End {
     pub(crate) score: f64,
     pub(crate) without: f64,
     pub(crate) values: Vec<f64>,
+}
+
+/// Whether all coefficients are physically possible.
+fn is_possible(effect: Effect, end: &End) -> bool {
+    let within = |(value, c): (&f64, &model::Coefficient)| (c.possible.0..=c.possible.1).contains(value);
+    end.values.iter().zip(effect.info().coefficients).all(within)
 }
 
 /// Keeps the better of two; whether that is the new one.
@@ -155,7 +183,7 @@ impl Problem<'_> {
                     let scale =
                         if low > 0.0 { values[k] } else { 4.0 * step_scale(self.has_map, self.effect, k) };
                     values[k] = (values[k] + sign * change * scale).clamp(low, high);
-                    let end = self.solver.solve(&values);
+                    let end = self.solver.solve(&values).filter(|end| is_possible(self.effect, end));
                     moved |= better(&mut best, end);
                 }
                 if !moved {
