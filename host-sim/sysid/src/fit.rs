@@ -235,11 +235,18 @@ pub(crate) struct Layout {
     order: Vec<Effect>,
 }
 
+impl Layout {
+    /// Whether any effect adds accelerations that no column shows.
+    fn adds(&self) -> bool {
+        self.adjusting.iter().any(|effect| effect.adds_accelerations())
+    }
+}
+
 /// Gauss and Newton's steps from where `model` stands.
 fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fit, FitError> {
     let Layout { linear, adjusting, order } = layout;
     let count: usize = linear.iter().map(|e| coefficient_count(*e)).sum();
-    let adds = adjusting.iter().any(|effect| effect.adds_accelerations());
+    let adds = layout.adds();
     // Where the last step came from, and what was left there.
     let mut last: Option<(Model, f64)> = None;
     let mut begun = vec![Vec::new(); flights.len()];
@@ -252,7 +259,7 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
         let (rows, left) = match kept.take() {
             None => assemble(flights, &model, linear, adjusting, &mut begun),
             Some(mut rows) => {
-                let left = follow_up(&mut rows, flights, &model, linear, &mut begun);
+                let left = follow_up(&mut rows, flights, &model, layout, &mut begun);
                 (rows, left)
             }
         };
@@ -528,25 +535,29 @@ impl Squares {
     }
 }
 
-/// Rows that were formed about a model near this one: their columns stay, and what is left moves with the model. `begun` as in
-/// [`assemble`], whose second value this hands over.
+/// Rows that were formed about a model near this one: the derivatives of adjusting effects stay, the rest moves with the model. `begun` as
+/// in [`assemble`], whose second value this hands over.
 fn follow_up(
     rows: &mut [FlightRows],
     flights: &[&Prepared],
     model: &Model,
-    linear: &[Effect],
+    layout: &Layout,
     begun: &mut [Vec<Beginning>],
 ) -> f64 {
     let mut sums = Squares::default();
+    let count: usize = layout.linear.iter().map(|e| coefficient_count(*e)).sum();
     for ((rows, flight), begun) in rows.iter_mut().zip(flights).zip(begun) {
-        let about = About::new(flight, model, (&[], &[]), flight.fit_stride(), begun);
-        sums.add(&about.residuals.residual);
-        *begun = about.begun;
-        let moments: [Vec<f64>; 3] = std::array::from_fn(|axis| std::mem::take(&mut rows.targets[3 + axis]));
-        rows.targets = less_added(about.residuals.residual, model, linear, &rows.columns);
-        if !has_rotation(model) {
-            // No column acts there.
-            rows.targets[3..].iter_mut().zip(moments).for_each(|(now, target)| *now = target);
+        let stride = flight.fit_stride();
+        if layout.adds() {
+            let about = About::new(flight, model, (&[], &[]), stride, begun);
+            sums.add(&about.residuals.residual);
+            *begun = about.begun;
+            rows.targets = less_added(about.residuals.residual, model, &layout.linear, &rows.columns);
+        } else {
+            rows.targets = flight.targets(&model.vehicle, &model.adjustments(), stride);
+            let columns = flight.columns(&layout.linear, model, stride, None);
+            rows.columns.splice(..count, columns);
+            sums.add(&added(rows.targets.clone(), model, &layout.linear, &rows.columns, -1.0));
         }
     }
     sums.spread()
@@ -559,12 +570,23 @@ pub(crate) fn less_added(
     linear: &[Effect],
     columns: &[RowColumn],
 ) -> [Vec<f64>; 6] {
-    let mut targets = residual;
+    added(residual, model, linear, columns, 1.0)
+}
+
+/// Signals plus a number of times what the linear effects predict.
+fn added(
+    signals: [Vec<f64>; 6],
+    model: &Model,
+    linear: &[Effect],
+    columns: &[RowColumn],
+    times: f64,
+) -> [Vec<f64>; 6] {
+    let mut targets = signals;
     let values = linear.iter().flat_map(|e| model.term(*e)).flat_map(|t| &t.coefficients).map(|c| c.value);
     for (value, column) in values.zip(columns) {
         for (target, column) in targets.iter_mut().zip(column) {
             let Some(column) = column else { continue };
-            target.iter_mut().zip(column).for_each(|(t, c)| *t += value * c);
+            target.iter_mut().zip(column).for_each(|(t, c)| *t += times * value * c);
         }
     }
     targets
