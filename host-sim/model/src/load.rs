@@ -137,11 +137,16 @@ impl Load {
         Vector3::new(aside.x, aside.y, down)
     }
 
+    /// What offset and velocity of a load that swings a little under a craft that stays where it is become after a time.
+    pub fn free_motion(&self, time_s: f64, gravity_m_s2: f64) -> Matrix2<f64> {
+        let (stiffness, damping) = (self.stiffness_rad2_s2(gravity_m_s2), self.damping_per_s(gravity_m_s2));
+        (Matrix2::new(0.0, 1.0, -stiffness, -damping) * time_s).exp()
+    }
+
     /// Offsets of a load that swings a little under a craft that stays where it is, from an offset of 1 m and from a
     /// velocity of 1 m/s, m.
     pub fn free(&self, samples: usize, period_s: f64, gravity_m_s2: f64) -> Vec<[f64; 2]> {
-        let (stiffness, damping) = (self.stiffness_rad2_s2(gravity_m_s2), self.damping_per_s(gravity_m_s2));
-        let motion = (Matrix2::new(0.0, 1.0, -stiffness, -damping) * period_s).exp();
+        let motion = self.free_motion(period_s, gravity_m_s2);
         let mut state = Matrix2::identity();
         std::iter::repeat_with(|| {
             let now = state;

@@ -104,16 +104,18 @@ impl About {
             _ => flight.predicted_by(&models, stride, Some(&hung)).into_iter(),
         };
         let base = predicted.next().unwrap_or_default();
+        columns.iter_mut().for_each(|column| followed.take_out(column));
         for step in steps {
             columns.push(if leaves_load(&step) {
-                slope(&predicted.next().unwrap_or_default(), &base, step.size)
+                let mut column = slope(&predicted.next().unwrap_or_default(), &base, step.size);
+                followed.take_out(&mut column);
+                column
             } else if step.effect == Effect::SlungLoad {
                 followed.slope_of_load(&swing::of_model(&step.ahead).unwrap_or(carried), step.size)
             } else {
                 followed.slope(flight, &step.ahead, step.size)
             });
         }
-        columns.iter_mut().for_each(|column| followed.take_out(column));
         Self { residuals: followed.residuals(), begun: followed.begun, columns }
     }
 }

@@ -10,11 +10,12 @@
 use model::{Axis, AxisError, Effect, Estimate, Kind, Model, PerAxis, Term, Vehicle};
 
 use crate::about::{About, residuals_at_rows, step_scale};
+use crate::leverage;
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Prior, Unidentifiable};
 use crate::rows::{RowColumn, coefficient_count};
 use crate::starts::{self, Demand};
-use crate::swing::Beginning;
+use crate::swing::{self, Beginning};
 
 /// Most Gauss-Newton steps; bilinear problems such as wind and drag take three or four.
 const MAX_STEPS: usize = 12;
@@ -288,10 +289,12 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
                 model.term(*effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
             for (now, info) in known.iter().zip(effect.info().coefficients) {
                 let step = solution.value[at];
-                settled &=
-                    step.abs() < CONVERGED * solution.covariance[(at, at)].sqrt() + 1e-9 * info.typical;
-                is_small &= step.abs() < SMALL * now.abs().max(info.typical);
                 values[at] = step_end(*now, step, info);
+                // At a bound that no step crosses, there is no further.
+                let is_held = values[at] == *now && is_bound(info);
+                settled &= is_held
+                    || step.abs() < CONVERGED * solution.covariance[(at, at)].sqrt() + 1e-9 * info.typical;
+                is_small &= step.abs() < SMALL * now.abs().max(info.typical);
                 at += 1;
             }
         }
@@ -301,7 +304,16 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
         last = Some((before, left));
         if settled {
             check_scales(&model, adjusting)?;
-            let solution = regress::with_errors_beside(solution, &rows, &priors, &timing(flights, &model));
+            let surplus = swing::of_model(&model).map(|carried| {
+                let blocks = |flight: &&Prepared| swing::blocks(flight, &carried, flight.fit_stride());
+                let blocks: Vec<_> = flights.iter().map(blocks).collect();
+                leverage::of_blocks(&rows, &blocks, &solution)
+            });
+            let mut solution =
+                regress::with_errors_beside(solution, &rows, &priors, &timing(flights, &model));
+            if let Some(surplus) = surplus {
+                solution.covariance += surplus;
+            }
             return Ok(finish(model, order, regress::Solution { value: values, ..solution }));
         }
         kept = is_small.then_some(rows);
@@ -354,7 +366,12 @@ pub(crate) fn step_end(now: f64, step: f64, info: &model::Coefficient) -> f64 {
         // possible it means something else.
         return (now + step).clamp(0.5 * now, 2.0 * now).clamp(low, high);
     }
-    (now + step).clamp(low - reach, high + reach)
+    (now + step).clamp(if is_bound(info) { low } else { low - reach }, high + reach)
+}
+
+/// Whether no step leads below the least that is possible: a damping that adds energy makes a swing grow beyond all measure.
+fn is_bound(info: &model::Coefficient) -> bool {
+    info.possible.0 == 0.0 && info.prior.is_some()
 }
 
 /// A length or another scale that ended where the possible ends was not found but ran away.

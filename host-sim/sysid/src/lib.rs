@@ -20,6 +20,7 @@ pub mod flight;
 pub mod frames_check;
 pub mod imu_check;
 pub mod information;
+mod leverage;
 pub mod library;
 mod load_shapes;
 pub mod motor_map;

@@ -20,7 +20,7 @@ use crate::filter::sum_of_products;
 use crate::fit;
 use crate::prepare::Prepared;
 use crate::starts::{End, Shapes};
-use crate::swing::{Carried, Unloaded, of_model};
+use crate::swing::{Carried, SWING_RAD, Unloaded, of_model};
 
 /// Share of a slung load in the craft's mass that is ordinary: with no mass yet, the swing at the beginning is taken out as that of
 /// such a one.
@@ -133,7 +133,7 @@ impl Flight {
     fn add_products(&self, carried: &Carried, load: usize, sums: &mut [DMatrix<f64>; 3]) {
         let width = sums[0].ncols();
         let free = self.unloaded.free_swings(carried);
-        let pull = self.unloaded.pull_from(carried, &[]);
+        let pull = self.unloaded.pull_from(carried, &[]).0;
         let per_mass = carried.part_per_kg();
         let mut axes = pull.into_iter().enumerate().map(|(axis, mut values)| {
             values.iter_mut().for_each(|value| *value *= per_mass);
@@ -175,7 +175,7 @@ impl Flight {
                     sum_of_products(&squares[towards][rows.clone()], &pairs[r % 2 + c % 2])
                 })
             });
-            let known = self.unloaded.known(sideways, rows.len(), carried);
+            let known = self.unloaded.known(sideways, rows.len(), carried, SWING_RAD);
             let known = Matrix4::from_diagonal(&[known.x, known.y, known.x, known.y].into());
             let Some(inverse) = (own[0] + own[1] + own[2] + known).try_inverse() else { continue };
             let explained = inverse * (&with_columns[0] + &with_columns[1] + &with_columns[2]);

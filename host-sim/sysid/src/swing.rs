@@ -2,7 +2,7 @@
 //!
 //! The load's equation is driven by the craft's place alone (`host-sim/model/src/load.rs`), so its swing follows from the
 //! log, but for how it swung when the log began, and the tracker's noise and every gust on the load drive it too: a wide swing
-//! that is followed for half a minute ends anywhere. It is therefore followed in pieces of some seconds ([`in_pieces`]), and how it
+//! that is followed for half a minute ends anywhere. It is therefore followed in pieces of some seconds, and how it
 //! swung when a piece began is a nuisance: four numbers, offset and velocity north and east. While they are small they enter
 //! linearly, so they are taken out of the residual by a small least squares of their own before anything is judged, with the
 //! effect's coefficients as they are; while they are not, the swing is followed again from what was found. A prior keeps them
@@ -24,7 +24,10 @@ use crate::prepare::{ForceTarget, Prepared, Stretch, vector};
 use crate::rows::{Part, RowColumn};
 
 /// Standard deviation of the swing at the beginning, rad.
-const SWING_RAD: f64 = 0.15;
+pub(crate) const SWING_RAD: f64 = 0.15;
+/// Standard deviation of what happens to a swing in a piece beyond what the craft's way explains, rad: noise of the tracker, gusts. With
+/// twice as much, the estimated beginnings swallow noise and a swing seems to be damped more than it is; with a third, they cannot follow.
+const SURPRISE_RAD: f64 = 0.015;
 /// Times that a piece is followed from where its swing was found to begin.
 const FOLLOWED: usize = 4;
 /// A change of the beginning up to which the swing is linear in it, rad: of what a wide swing of 0.3 rad adds, it moves
@@ -59,20 +62,25 @@ impl Carried {
         self.share / (1.0 + self.share)
     }
 
+    /// zeta w0, by which a swing decays.
+    fn decay_per_s(&self) -> f64 {
+        self.load.damping_ratio * self.load.stiffness_rad2_s2(self.gravity_m_s2).sqrt()
+    }
+
     /// What [`Self::part`] grows by with the mass where there is none yet, 1/kg.
     pub(crate) fn part_per_kg(&self) -> f64 {
         1.0 / self.craft_kg
     }
 
-    /// Standard deviations of a beginning: offset m, velocity m/s.
-    fn usual(&self) -> Vector2<f64> {
-        let offset_m = SWING_RAD * self.load.cable_length_m;
+    /// Standard deviations of a swing of `angle_rad`: offset m, velocity m/s.
+    fn usual(&self, angle_rad: f64) -> Vector2<f64> {
+        let offset_m = angle_rad * self.load.cable_length_m;
         Vector2::new(offset_m, offset_m * self.load.stiffness_rad2_s2(self.gravity_m_s2).sqrt())
     }
 
     /// Whether a change of a beginning is too large for what enters linearly.
     fn is_large(&self, change: &Vector4<f64>) -> bool {
-        let usual = self.usual();
+        let usual = self.usual(SWING_RAD);
         change.component_div(&Vector4::new(usual.x, usual.y, usual.x, usual.y)).amax() > LARGE_RAD / SWING_RAD
     }
 }
@@ -112,6 +120,13 @@ struct Piece {
     rows: Range<usize>,
 }
 
+impl Piece {
+    /// Whether there is one before it.
+    fn goes_on(&self) -> bool {
+        self.samples.start > 0
+    }
+}
+
 /// The flight in pieces; their rows are those of the flight, in the same order.
 fn pieces(flight: &Prepared, stride: usize) -> Vec<Piece> {
     let fit_stride = flight.fit_stride();
@@ -130,6 +145,21 @@ fn pieces(flight: &Prepared, stride: usize) -> Vec<Piece> {
         }
     }
     all
+}
+
+/// Rows of a flight in blocks that know little of each other's swing: up to twice as long as a swing remembers, 1 / (zeta w0), two of a
+/// stretch at least.
+pub(crate) fn blocks(flight: &Prepared, carried: &Carried, stride: usize) -> Vec<Range<usize>> {
+    let memory_s = 1.0 / carried.decay_per_s();
+    let pieces = pieces(flight, stride);
+    let of_stretches = pieces.chunk_by(|a, b| a.stretch == b.stretch);
+    let blocks = of_stretches.flat_map(|of_stretch| {
+        let seconds = PIECE_S * of_stretch.len() as f64;
+        // A swing that is not damped remembers all.
+        let count = if memory_s > 0.0 { (seconds / (2.0 * memory_s)).ceil() as usize } else { 0 };
+        of_stretch.chunks(of_stretch.len().div_ceil(count.clamp(2, of_stretch.len().max(2))))
+    });
+    blocks.map(|block| block[0].rows.start..block[block.len() - 1].rows.end).collect()
 }
 
 /// A flight under a model but for its load's pull, and where that acts: what loads are tried on.
@@ -235,15 +265,36 @@ impl Unloaded {
 
     /// What a load pulls with from given beginnings of the pieces (hanging still, where there are none), for each part of a force along
     /// the cable that moves it, body m/s^2.
-    pub(crate) fn pull_from(&self, carried: &Carried, begun: &[Beginning]) -> [Vec<f64>; 3] {
+    pub(crate) fn pull_from(
+        &self,
+        carried: &Carried,
+        begun: &[Beginning],
+    ) -> ([Vec<f64>; 3], Vec<Matrix2<f64>>) {
         let mut all: [Vec<f64>; 3] = std::array::from_fn(|_| Vec::with_capacity(self.dcm.len()));
+        let mut ends = Vec::with_capacity(self.pieces.len());
         for (index, piece) in self.pieces.iter().enumerate() {
             let at = begun.get(index).map_or_else(Vector4::zeros, |begun| begun.at);
             let swings = self.driven(piece, carried, &at);
             let of_piece = self.pull(piece, carried, &swings);
             all.iter_mut().zip(of_piece).for_each(|(all, pull)| all.extend(pull));
+            ends.push(self.end(piece, carried, &swings));
         }
-        all
+        (all, ends)
+    }
+
+    /// How a load swings where the next piece begins: offset m and velocity m/s, north and east.
+    fn end(&self, piece: &Piece, carried: &Carried, swings: &[Swing]) -> Matrix2<f64> {
+        swings.get(piece.samples.len() - 2 * self.margin).map_or_else(Matrix2::zeros, |swing| {
+            let offset_m = carried.load.cable_length_m * swing.direction;
+            let velocity_m_s = carried.load.cable_length_m * swing.turning_rad_s.cross(&swing.direction);
+            Matrix2::new(offset_m.x, offset_m.y, velocity_m_s.x, velocity_m_s.y)
+        })
+    }
+
+    /// What becomes of a small swing by the beginning of the next piece.
+    fn carries_on(&self, piece: &Piece, carried: &Carried) -> Matrix2<f64> {
+        let time_s = self.period_s * (piece.samples.len() - 2 * self.margin) as f64;
+        carried.load.free_motion(time_s, carried.gravity_m_s2)
     }
 
     /// What a load's free swing adds at the rows of a piece in the direction in which it swings, from an offset of 1 m and from 1 m/s,
@@ -265,11 +316,11 @@ impl Unloaded {
 
     /// What is known of the beginning of a piece before its rows are looked at: the variance of the noise over those of offset and
     /// velocity. The noise is what is left on the two sideways axes, `squares` in all.
-    pub(crate) fn known(&self, squares: f64, rows: usize, carried: &Carried) -> Vector2<f64> {
+    pub(crate) fn known(&self, squares: f64, rows: usize, carried: &Carried, angle_rad: f64) -> Vector2<f64> {
         let mean_square = squares / (2.0 * rows as f64).max(1.0);
         // Neighbouring rows repeat each other's noise.
         let noise = mean_square * (INDEPENDENT_S / (self.period_s * self.stride as f64)).max(1.0);
-        carried.usual().map(|deviation| noise / (deviation * deviation))
+        carried.usual(angle_rad).map(|deviation| noise / (deviation * deviation))
     }
 }
 
@@ -301,6 +352,8 @@ struct Beginnings {
     free: [Vec<f64>; 2],
     /// Of each piece, the inverse of the normal equations, the same north and east.
     inverse: Vec<Matrix2<f64>>,
+    /// What becomes of each by the next one.
+    carries_on: Vec<Matrix2<f64>>,
 }
 
 impl Beginnings {
@@ -328,6 +381,13 @@ impl Beginnings {
             let north_east = beginning.tr_mul(&Vector2::new(*a, *b));
             dcm.column(0) * north_east.x + dcm.column(1) * north_east.y
         })
+    }
+
+    /// Adds the free swings of a beginning to a signal over a piece.
+    fn add(&self, signal: &mut [Vec<f64>; 3], piece: &Piece, dcm: &[Matrix3<f64>], beginning: Matrix2<f64>) {
+        for (row, swung) in piece.rows.clone().zip(self.swung(dcm, beginning)) {
+            (0..3).for_each(|axis| signal[axis][row] += swung[axis]);
+        }
     }
 
     /// Products of the free swings with each other over the first `rows`.
@@ -364,6 +424,8 @@ pub(crate) struct Followed {
     residual: [Vec<f64>; 6],
     /// What is left to say of the beginnings.
     changes: Vec<Matrix2<f64>>,
+    /// How each piece ends, but for that.
+    ends: Vec<Matrix2<f64>>,
     beginnings: Beginnings,
 }
 
@@ -378,9 +440,15 @@ impl Followed {
             pull: std::array::from_fn(|_| Vec::with_capacity(unloaded.dcm.len())),
             residual: unloaded.residual.clone(),
             changes: Vec::with_capacity(count),
+            ends: Vec::with_capacity(count),
             beginnings: Beginnings {
                 free: unloaded.free_swings(&carried),
                 inverse: Vec::with_capacity(count),
+                carries_on: unloaded
+                    .pieces
+                    .iter()
+                    .map(|piece| unloaded.carries_on(piece, &carried))
+                    .collect(),
             },
             unloaded,
             carried,
@@ -393,14 +461,9 @@ impl Followed {
             }
             let at = known.get(index).map_or(expected, |known| known.at);
             followed.begin(&piece, Beginning { at, expected });
-            let next = piece.samples.len() - 2 * followed.unloaded.margin;
-            let end = followed.swings.last().and_then(|swings| swings.get(next));
-            expected = end.map_or_else(Vector4::zeros, |swing| {
-                let length_m = carried.load.cable_length_m;
-                let offset_m = length_m * swing.direction;
-                let velocity_m_s = length_m * swing.turning_rad_s.cross(&swing.direction);
-                Vector4::new(offset_m.x, velocity_m_s.x, offset_m.y, velocity_m_s.y)
-            });
+            let swung =
+                followed.ends[index] + followed.beginnings.carries_on[index] * followed.changes[index];
+            expected = Vector4::from_column_slice(swung.as_slice());
         }
         followed
     }
@@ -426,6 +489,7 @@ impl Followed {
             all.extend(pull);
         }
         self.begun.push(best.begun);
+        self.ends.push(self.unloaded.end(piece, &self.carried, &best.swings));
         self.swings.push(best.swings);
         self.changes.push(best.change);
         self.beginnings.inverse.push(best.inverse);
@@ -444,7 +508,8 @@ impl Followed {
         };
         let residual: Vec<Vector3<f64>> = (0..piece.rows.len()).map(left).collect();
         let sideways: f64 = residual.iter().map(|e| e.xy().norm_squared()).sum();
-        let known = unloaded.known(sideways, piece.rows.len(), carried);
+        let angle_rad = if piece.goes_on() { SURPRISE_RAD } else { SWING_RAD };
+        let known = unloaded.known(sideways, piece.rows.len(), carried, angle_rad);
         let products = beginnings.products(piece.rows.len());
         let sums = beginnings.sums(&unloaded.dcm[piece.rows.clone()], residual.iter().copied());
         let inverse = (products + Matrix2::from_diagonal(&known)).try_inverse().unwrap_or_default();
@@ -468,8 +533,14 @@ impl Followed {
         Residuals { measured: self.unloaded.measured.clone(), residual }
     }
 
-    /// Takes out of a column what the beginnings would explain of it.
+    /// Takes out of a column what the beginnings would explain of it. What they say of one piece carries on to the next, whose beginning is
+    /// expected accordingly.
     pub(crate) fn take_out(&self, column: &mut RowColumn) {
+        self.take_out_with(column, &[]);
+    }
+
+    /// The same for a coefficient on which it depends how the pieces end, by `ends`.
+    fn take_out_with(&self, column: &mut RowColumn, ends: &[Matrix2<f64>]) {
         if column[..3].iter().all(Option::is_none) {
             return;
         }
@@ -480,14 +551,19 @@ impl Followed {
             return;
         };
         let mut signal = [u, v, w];
-        for (piece, inverse) in self.unloaded.pieces.iter().zip(&self.beginnings.inverse) {
+        let Beginnings { inverse, carries_on, .. } = &self.beginnings;
+        let mut shift = Matrix2::zeros();
+        for (index, piece) in self.unloaded.pieces.iter().enumerate() {
+            if !piece.goes_on() {
+                shift = Matrix2::zeros();
+            }
             let dcm = &self.unloaded.dcm[piece.rows.clone()];
+            self.beginnings.add(&mut signal, piece, dcm, shift);
             let at_rows =
                 piece.rows.clone().map(|row| Vector3::from([0, 1, 2].map(|axis| signal[axis][row])));
-            let explains = inverse * self.beginnings.sums(dcm, at_rows);
-            for (row, swung) in piece.rows.clone().zip(self.beginnings.swung(dcm, explains)) {
-                (0..3).for_each(|axis| signal[axis][row] -= swung[axis]);
-            }
+            let explains = inverse[index] * self.beginnings.sums(dcm, at_rows);
+            self.beginnings.add(&mut signal, piece, dcm, -explains);
+            shift = carries_on[index] * (shift - explains) + ends.get(index).copied().unwrap_or_default();
         }
         column.iter_mut().zip(signal).for_each(|(column, signal)| *column = Some(signal));
     }
@@ -504,12 +580,13 @@ impl Followed {
     /// Minus the derivative of the residual where only the load is another one, by `step` of one of its coefficients; beginnings as they
     /// are.
     pub(crate) fn slope_of_load(&self, ahead: &Carried, step: f64) -> RowColumn {
-        let pull = self.unloaded.pull_from(ahead, &self.begun);
+        let (pull, ends) = self.unloaded.pull_from(ahead, &self.begun);
         let (part, here) = (ahead.part(), self.carried.part());
         let mut column = RowColumn::default();
         for (axis, (ahead, own)) in pull.iter().zip(&self.pull).enumerate() {
             column[axis] = Some(ahead.iter().zip(own).map(|(a, h)| (part * a - here * h) / step).collect());
         }
+        self.take_out_with(&mut column, &self.slopes_of_ends(&ends, step));
         column
     }
 
@@ -517,16 +594,22 @@ impl Followed {
     pub(crate) fn slope(&self, flight: &Prepared, ahead: &Model, step: f64) -> RowColumn {
         let unloaded = Unloaded::new(flight, ahead, self.unloaded.stride);
         let carried = of_model(ahead).unwrap_or(self.carried);
-        let pull = unloaded.pull_from(&carried, &self.begun);
+        let (pull, ends) = unloaded.pull_from(&carried, &self.begun);
         let part = carried.part();
-        std::array::from_fn(|axis| {
+        let mut column: RowColumn = std::array::from_fn(|axis| {
             let pull = pull.get(axis);
             let at = |row: usize| unloaded.residual[axis][row] - pull.map_or(0.0, |pull| part * pull[row]);
             let here = &self.residual[axis];
             let slope: Vec<f64> =
                 here.iter().enumerate().map(|(row, here)| (here - at(row)) / step).collect();
             slope.iter().any(|d| *d != 0.0).then_some(slope)
-        })
+        });
+        self.take_out_with(&mut column, &self.slopes_of_ends(&ends, step));
+        column
+    }
+
+    fn slopes_of_ends(&self, ahead: &[Matrix2<f64>], step: f64) -> Vec<Matrix2<f64>> {
+        ahead.iter().zip(&self.ends).map(|(ahead, own)| (ahead - own) / step).collect()
     }
 }
 
