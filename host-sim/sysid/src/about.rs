@@ -9,7 +9,7 @@ use model::{Adjustments, Effect, Model};
 use crate::fit::{Residuals, has_rotation};
 use crate::prepare::Prepared;
 use crate::rows::{Hung, RowColumn};
-use crate::swing::{self, Beginning, Carried, Followed, Unloaded};
+use crate::swing::{self, Beginning, Carried, Followed, Known, Unloaded};
 
 /// Step of a derivative, part of an ordinary magnitude. Effects act smoothly: a forward difference over it is off by about
 /// this part of the derivative; rounding, 1e-15 of the residual, matters less still.
@@ -26,13 +26,13 @@ pub(crate) struct About {
 
 impl About {
     /// Over the rows at every `stride`th sample. A linear effect need not be in the model; an adjusting one that is not is
-    /// linearised where it is not there. `known` is how a load was found to begin before, to go on from.
+    /// linearised where it is not there. `known` is of a load that was followed before.
     pub(crate) fn new(
         flight: &Prepared,
         model: &Model,
         (linear, adjusting): (&[Effect], &[Effect]),
         stride: usize,
-        known: &[Beginning],
+        known: &Known,
     ) -> Self {
         let steps: Vec<Step> = adjusting.iter().flat_map(|effect| Step::all(model, *effect)).collect();
         match swing::of_model(model) {
@@ -61,7 +61,7 @@ impl About {
                 // Nothing hangs there yet: the derivative is that of a load without mass.
                 let mut hanging = model.clone();
                 hanging.set(step.effect, &step.base);
-                let alone = Self::new(flight, &hanging, (&[], &[step.effect]), stride, &[]);
+                let alone = Self::new(flight, &hanging, (&[], &[step.effect]), stride, &Known::default());
                 return alone.columns.into_iter().nth(step.coefficient).unwrap_or_default();
             }
             // Most effects change what is predicted, not what was measured.
@@ -82,7 +82,7 @@ impl About {
         linear: &[Effect],
         steps: &[Step],
         stride: usize,
-        known: &[Beginning],
+        known: &Known,
     ) -> Self {
         let followed = Followed::new(Unloaded::new(flight, model, stride), carried, known);
         let parts = if linear.is_empty() && steps.is_empty() { Vec::new() } else { followed.parts(flight) };
@@ -216,5 +216,5 @@ pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
 
 /// The same over the rows at every `stride`th sample.
 pub(crate) fn residuals_at_rows(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
-    About::new(flight, model, (&[], &[]), stride, &[]).residuals
+    About::new(flight, model, (&[], &[]), stride, &Known::default()).residuals
 }

@@ -28,6 +28,7 @@ use crate::fit::{has_rotation, store};
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Unidentifiable};
 use crate::rows::{RowColumn, coefficient_count};
+use crate::swing::Known;
 
 /// Standard errors beyond which an offset is one.
 pub const SIGNIFICANT: f64 = 4.0;
@@ -396,7 +397,7 @@ fn settle_alone(flight: &mut Prepared, model: &Model, along: &[Effect]) -> Resul
 /// Columns of a flight alone: what a later rotor does, and a constant in each row that feels the rotors.
 fn own_columns(flight: &Prepared, model: &Model) -> [Vec<RowColumn>; 2] {
     let stride = flight.fit_stride();
-    let shift = About::new(flight, model, (&[], &[Effect::InputDelay]), stride, &[]).columns;
+    let shift = About::new(flight, model, (&[], &[Effect::InputDelay]), stride, &Known::default()).columns;
     let count = shift.iter().flatten().flatten().map(Vec::len).next().unwrap_or(0);
     let constants = ROTOR_ROWS
         .map(|axis| {

@@ -20,6 +20,7 @@ use crate::diagnose::{
 use crate::fit::step_end;
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Prior};
+use crate::swing::Known;
 use crate::{FitError, Residuals, errors, residuals};
 
 /// Largest corrected p-value of a change that takes away most of the error. A scatter known from a handful of flights makes even a
@@ -136,7 +137,7 @@ fn fit_change(model: &Model, change: Change, flights: &[&Prepared]) -> Result<Fi
 fn rows(flight: &Prepared, changed: &Model, change: Change, free: &[usize]) -> FlightRows {
     let stride = flight.fit_stride();
     let About { residuals, columns: mut derivatives, .. } =
-        About::new(flight, changed, (&[], &[change.effect]), stride, &[]);
+        About::new(flight, changed, (&[], &[change.effect]), stride, &Known::default());
     FlightRows {
         columns: free.iter().map(|&k| std::mem::take(&mut derivatives[k])).collect(),
         targets: residuals.residual,

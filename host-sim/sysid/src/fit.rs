@@ -15,7 +15,7 @@ use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Prior, Unidentifiable};
 use crate::rows::{RowColumn, coefficient_count};
 use crate::starts::{self, Demand};
-use crate::swing::{self, Beginning};
+use crate::swing::{self, Known};
 
 /// Most Gauss-Newton steps; bilinear problems such as wind and drag take three or four.
 const MAX_STEPS: usize = 12;
@@ -24,6 +24,9 @@ const MAX_STEPS: usize = 12;
 const NO_FURTHER: f64 = 0.003;
 /// They may rise by this in a step without it being a wrong one.
 const WORSE: f64 = 0.2;
+/// First steps of a load that was searched for and leaves more than none: a length that is off by a few percent is out of step with a swing
+/// that is carried on from piece to piece, and would be led astray.
+const ROUGH_STEPS: usize = 3;
 /// Most halvings of a wrong step where effects add accelerations; else one, for where it does not help the next start is cheaper.
 const HALVINGS: usize = 4;
 /// A step this small against the standard error of white residuals, which is the smaller one, is the last: each step leaves
@@ -164,7 +167,7 @@ pub(crate) fn fit_if(
     let linear: Vec<Effect> = effects.iter().copied().filter(|e| e.info().kind != Kind::Adjusting).collect();
     let order: Vec<Effect> = linear.iter().chain(&adjusting).copied().collect();
 
-    let rows = assemble(flights, &model, &linear, &[], &mut vec![Vec::new(); flights.len()]).0;
+    let rows = assemble(flights, &model, &linear, &[], &mut vec![Known::default(); flights.len()]).0;
     check_finite(flights, &rows, &model)?;
     let count: usize = linear.iter().map(|e| coefficient_count(*e)).sum();
     let priors = vec![None; count];
@@ -175,8 +178,9 @@ pub(crate) fn fit_if(
         let solution = regress::with_errors_beside(solution, &rows, &priors, &timing(flights, &model));
         return Ok(finish(model, &linear, solution));
     }
-    let layout = Layout { linear, adjusting, order };
     let is_unknown = |effect: Effect| start.is_none_or(|m| !m.has(effect));
+    let is_searched = adjusting.contains(&Effect::SlungLoad) && is_unknown(Effect::SlungLoad);
+    let layout = Layout { linear, adjusting, order, is_searched };
     let starts = starts::of(flights, model, &layout, is_unknown, demand)?;
     let only = (starts.len() == 1).then(|| starts[0].clone());
     let ends = starts.into_iter().map(|start| settle(flights, start, &layout));
@@ -234,6 +238,8 @@ pub(crate) struct Layout {
     pub(crate) linear: Vec<Effect>,
     pub(crate) adjusting: Vec<Effect>,
     order: Vec<Effect>,
+    /// Whether a search gave a load's first values.
+    is_searched: bool,
 }
 
 impl Layout {
@@ -245,17 +251,23 @@ impl Layout {
 
 /// Gauss and Newton's steps from where `model` stands.
 fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fit, FitError> {
-    let Layout { linear, adjusting, order } = layout;
+    let Layout { linear, adjusting, order, .. } = layout;
     let count: usize = linear.iter().map(|e| coefficient_count(*e)).sum();
     let adds = layout.adds();
     // Where the last step came from, and what was left there.
     let mut last: Option<(Model, f64)> = None;
-    let mut begun = vec![Vec::new(); flights.len()];
+    let is_astray = || left_by(flights, &model) > left_by(flights, &swing::without_load(&model));
+    let rough_steps = if layout.is_searched && is_astray() { ROUGH_STEPS } else { 0 };
+    let mut begun = vec![Known { begun: Vec::new(), is_rough: rough_steps > 0 }; flights.len()];
     let (most_steps, most_halvings) =
         if adds { (MAX_STEPS + MAX_STEPS / 2, HALVINGS) } else { (MAX_STEPS, 1) };
     let mut halvings = 0;
     let mut kept: Option<Vec<FlightRows>> = None;
-    for _ in 0..most_steps {
+    for number in 0..rough_steps + most_steps {
+        if number == rough_steps {
+            begun.fill(Known::default());
+            (kept, last) = (None, None);
+        }
         let is_full = kept.is_none();
         let (rows, left) = match kept.take() {
             None => assemble(flights, &model, linear, adjusting, &mut begun),
@@ -302,7 +314,7 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
         let before = model.clone();
         store(&mut model, order, values.as_slice());
         last = Some((before, left));
-        if settled {
+        if settled && number >= rough_steps {
             check_scales(&model, adjusting)?;
             let surplus = swing::of_model(&model).map(|carried| {
                 let blocks = |flight: &&Prepared| swing::blocks(flight, &carried, flight.fit_stride());
@@ -336,7 +348,7 @@ fn timing(flights: &[&Prepared], model: &Model) -> Vec<Option<RowColumn>> {
         let is_known = flight.has_rotor_speeds() && flight.alignment.is_some();
         (flight.jitter_s > 0.0 && !is_known).then(|| {
             let stride = flight.fit_stride();
-            let about = About::new(flight, model, (&[], &[Effect::InputDelay]), stride, &[]);
+            let about = About::new(flight, model, (&[], &[Effect::InputDelay]), stride, &Known::default());
             let mut off: RowColumn = about.columns.into_iter().next().unwrap_or_default();
             let deviation_s = LATENESS * flight.jitter_s;
             off.iter_mut().flatten().flatten().for_each(|value| *value *= deviation_s);
@@ -504,7 +516,7 @@ fn assemble(
     model: &Model,
     linear: &[Effect],
     adjusting: &[Effect],
-    begun: &mut [Vec<Beginning>],
+    begun: &mut [Known],
 ) -> (Vec<FlightRows>, f64) {
     let adds = adjusting.iter().any(|effect| effect.adds_accelerations());
     let mut sums = Squares::default();
@@ -520,7 +532,7 @@ fn assemble(
                 let about = About::new(flight, model, (linear, adjusting), stride, begun);
                 let Residuals { residual, .. } = about.residuals;
                 sums.add(&residual);
-                *begun = about.begun;
+                begun.begun = about.begun;
                 let targets =
                     if adds { less_added(residual, model, linear, &about.columns) } else { all_targets() };
                 (targets, about.columns)
@@ -552,6 +564,15 @@ impl Squares {
     }
 }
 
+/// Logarithm of the spread of what a model leaves, over all axes.
+fn left_by(flights: &[&Prepared], model: &Model) -> f64 {
+    let mut sums = Squares::default();
+    for flight in flights {
+        sums.add(&residuals_at_rows(flight, model, flight.fit_stride()).residual);
+    }
+    sums.spread()
+}
+
 /// Rows that were formed about a model near this one: the derivatives of adjusting effects stay, the rest moves with the model. `begun` as
 /// in [`assemble`], whose second value this hands over.
 fn follow_up(
@@ -559,7 +580,7 @@ fn follow_up(
     flights: &[&Prepared],
     model: &Model,
     layout: &Layout,
-    begun: &mut [Vec<Beginning>],
+    begun: &mut [Known],
 ) -> f64 {
     let mut sums = Squares::default();
     let count: usize = layout.linear.iter().map(|e| coefficient_count(*e)).sum();
@@ -568,7 +589,7 @@ fn follow_up(
         if layout.adds() {
             let about = About::new(flight, model, (&[], &[]), stride, begun);
             sums.add(&about.residuals.residual);
-            *begun = about.begun;
+            begun.begun = about.begun;
             rows.targets = less_added(about.residuals.residual, model, &layout.linear, &rows.columns);
         } else {
             rows.targets = flight.targets(&model.vehicle, &model.adjustments(), stride);

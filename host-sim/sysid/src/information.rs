@@ -26,6 +26,7 @@ use crate::prepare::Prepared;
 use crate::regress::FlightRows;
 use crate::residuals;
 use crate::rows::{RowColumn, coefficient_count};
+use crate::swing::Known;
 
 /// Memory of the noise that is looked at, s: several times the span of the longest chain of filters.
 const MEMORY_S: f64 = 3.0;
@@ -380,7 +381,7 @@ pub(crate) fn rows_about(flight: &Prepared, model: &Model, effects: &[Effect]) -
     let stride = flight.fit_stride();
     let is_adjusting = |e: &Effect| e.info().kind == model::Kind::Adjusting;
     let (adjusting, linear): (Vec<Effect>, Vec<Effect>) = effects.iter().copied().partition(is_adjusting);
-    let mut about = About::new(flight, model, (&linear, &adjusting), stride, &[]);
+    let mut about = About::new(flight, model, (&linear, &adjusting), stride, &Known::default());
     // Each to its place.
     let mut derivatives =
         about.columns.split_off(linear.iter().map(|e| coefficient_count(*e)).sum()).into_iter();

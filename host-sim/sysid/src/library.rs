@@ -8,6 +8,7 @@ use model::{Effect, Kind, Model};
 
 use crate::about::About;
 use crate::prepare::Prepared;
+use crate::swing::Known;
 
 /// A column of a library: a coefficient of an effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,7 +37,7 @@ pub fn library(model: &Model, flight: &Prepared) -> Library {
     let is_linear = |effect: &Effect| effect.info().kind != Kind::Adjusting;
     let linear: Vec<Effect> = model.effects().into_iter().chain(candidates()).filter(is_linear).collect();
     let adjusting: Vec<Effect> = candidates().filter(|effect| !is_linear(effect)).collect();
-    let columns = About::new(flight, model, (&linear, &adjusting), stride, &[]).columns;
+    let columns = About::new(flight, model, (&linear, &adjusting), stride, &Known::default()).columns;
     let name = |effect: &Effect| {
         let effect = *effect;
         (0..effect.info().coefficients.len()).map(move |coefficient| LibraryColumn { effect, coefficient })

@@ -110,6 +110,15 @@ pub(crate) struct Beginning {
     expected: Vector4<f64>,
 }
 
+/// What is known of a load before it is followed.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Known {
+    /// How the pieces were found to begin, to go on from.
+    pub(crate) begun: Vec<Beginning>,
+    /// Whether its coefficients are hardly known: then neither is how a piece begins from how the one before it ends.
+    pub(crate) is_rough: bool,
+}
+
 /// A piece of a flight, over which a load's swing is followed from one beginning.
 #[derive(Debug, Clone)]
 struct Piece {
@@ -416,6 +425,7 @@ pub(crate) struct Followed {
     unloaded: Unloaded,
     carried: Carried,
     pub(crate) begun: Vec<Beginning>,
+    is_rough: bool,
     /// Of each piece.
     swings: Vec<Vec<Swing>>,
     /// For each part of a force along the cable that moves the load, body m/s^2.
@@ -430,12 +440,12 @@ pub(crate) struct Followed {
 }
 
 impl Followed {
-    /// Follows the load of a model through a flight, each piece from where the one before it ends; `known` are beginnings from elsewhere
-    /// to go on from.
-    pub(crate) fn new(unloaded: Unloaded, carried: Carried, known: &[Beginning]) -> Self {
+    /// Follows the load of a model through a flight, each piece from where the one before it ends.
+    pub(crate) fn new(unloaded: Unloaded, carried: Carried, known: &Known) -> Self {
         let count = unloaded.pieces.len();
         let mut followed = Self {
             begun: Vec::with_capacity(count),
+            is_rough: known.is_rough,
             swings: Vec::with_capacity(count),
             pull: std::array::from_fn(|_| Vec::with_capacity(unloaded.dcm.len())),
             residual: unloaded.residual.clone(),
@@ -459,7 +469,7 @@ impl Followed {
             if piece.samples.start == 0 {
                 expected = Vector4::zeros();
             }
-            let at = known.get(index).map_or(expected, |known| known.at);
+            let at = known.begun.get(index).map_or(expected, |known| known.at);
             followed.begin(&piece, Beginning { at, expected });
             let swung =
                 followed.ends[index] + followed.beginnings.carries_on[index] * followed.changes[index];
@@ -508,7 +518,7 @@ impl Followed {
         };
         let residual: Vec<Vector3<f64>> = (0..piece.rows.len()).map(left).collect();
         let sideways: f64 = residual.iter().map(|e| e.xy().norm_squared()).sum();
-        let angle_rad = if piece.goes_on() { SURPRISE_RAD } else { SWING_RAD };
+        let angle_rad = if piece.goes_on() && !self.is_rough { SURPRISE_RAD } else { SWING_RAD };
         let known = unloaded.known(sideways, piece.rows.len(), carried, angle_rad);
         let products = beginnings.products(piece.rows.len());
         let sums = beginnings.sums(&unloaded.dcm[piece.rows.clone()], residual.iter().copied());
@@ -617,7 +627,8 @@ impl Followed {
 pub(crate) fn followed(flight: &Prepared, stretch: &Stretch, model: &Model) -> Vec<Swing> {
     let Some(carried) = of_model(model) else { return Vec::new() };
     let alone = Prepared { stretches: vec![stretch.clone()], ..flight.without_stretches() };
-    let followed = Followed::new(Unloaded::new(&alone, model, alone.fit_stride()), carried, &[]);
+    let followed =
+        Followed::new(Unloaded::new(&alone, model, alone.fit_stride()), carried, &Known::default());
     let mut swings = Vec::with_capacity(stretch.time_s.len());
     for (index, own) in followed.swings.iter().enumerate() {
         // What the one before it had last belongs to this one's middle.
