@@ -112,6 +112,7 @@ impl Link {
             }
             other => other?,
         };
+        self.sealer.follow(&mut self.opener);
         if let Message::Identity(identity) = &message {
             self.sealer.counter.skip_to(identity.accepts_from);
         }

@@ -25,6 +25,9 @@ pub enum SilError {
     /// The controller's configuration.
     #[error("controller configuration: {0}")]
     Config(#[from] control::ConfigError),
+    /// A gains file.
+    #[error(transparent)]
+    Gains(#[from] design::GainsError),
     /// A number of the plan.
     #[error("flight plan: {field} is {value}: {expected}")]
     Plan {
