@@ -17,9 +17,9 @@ use crate::diagnose::{
     wald_p_value, weigh, zero_p_value,
 };
 use crate::fit::{check_residuals, fit_if, lifts};
-use crate::starts::Demand;
 use crate::prepare::Prepared;
 use crate::screen::Screen;
+use crate::starts::Demand;
 use crate::subsets::Subset;
 use crate::{Fit, FitError, Residuals, errors, fit, residuals};
 
