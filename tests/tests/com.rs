@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 
 use common::{Bench, Ground, IDLE, PATIENCE, Program, patient_law, signal};
 use ground::frames::{Axes, Frames, xyz_from_rotation};
-use ground::link::LinkSettings;
+use ground::link::{LinkSettings, PORT};
 use ground::vicon::{Block, Object};
 use model::{Battery, Model, Plant};
 use nalgebra::Vector3;
@@ -499,6 +499,14 @@ fn a_restart_of_either_side_loses_no_time_and_lets_no_echo_in() {
         assert!(packets < SOON, "{what}: {packets} packets");
         pilot.replay();
     }
+}
+
+/// Whoever copies the example and leaves the port out finds the craft.
+#[test]
+fn the_examples_port_is_the_ground_stations() {
+    let example = include_str!("../../firmware/com/com.toml");
+    let listens = format!("listen = \"127.0.0.1:{PORT}\"        # with a key: 0.0.0.0:{PORT}");
+    assert!(example.lines().any(|line| line == listens), "{listens}");
 }
 
 /// The craft's computer, the microcontroller's image and anybody with coreutils agree on what a craft is.

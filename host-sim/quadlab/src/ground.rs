@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use ::ground::frames::{Axes, Frames};
-use ::ground::link::{Link, LinkSettings};
+use ::ground::link::{Link, LinkSettings, PORT};
 use ::ground::mission::{Step, read_script};
 use ::ground::mocap::{Receiver, Vicon};
 use ::ground::optitrack::{COMMAND_PORT, OptiTrack};
@@ -33,13 +33,13 @@ use crate::simulated::Simulated;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     quadlab ground --simulated\n  \
-    quadlab ground --craft 192.168.7.2:14550 --key craft.key --object quad --record flights/monday\n  \
-    quadlab ground --craft 192.168.7.2:14550 --key craft.key --natnet 192.168.7.9 --script tour.toml --plain\n  \
+    quadlab ground --craft 192.168.7.2:14650 --key craft.key --object quad --record flights/monday\n  \
+    quadlab ground --craft 192.168.7.2:14650 --key craft.key --natnet 192.168.7.9 --script tour.toml --plain\n  \
     quadlab ground --simulated --pattern excite.csv --arm --land-after --record out/a\n  \
     quadlab ground --simulated --model model.toml --gains gains.toml\n  \
     quadlab ground --recover flights/monday")]
 pub(crate) struct Options {
-    /// The craft's program, for example: --craft 192.168.7.2:14550
+    /// The craft's program, for example: --craft 192.168.7.2:14650
     #[arg(long, value_name = "HOST:PORT", required_unless_present_any = ["simulated", "recover"])]
     craft: Option<String>,
 
@@ -223,7 +223,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let lab = plan.map(|plan| Simulated::start(&plan, options.clock_skew)).transpose()?;
     let craft = match (&lab, &options.craft) {
         (Some(lab), _) => lab.craft,
-        (None, Some(craft)) => address("--craft", craft, 14550)?,
+        (None, Some(craft)) => address("--craft", craft, PORT)?,
         (None, None) => unreachable!("clap asks for one of them"),
     };
     let link = LinkSettings {
@@ -423,8 +423,8 @@ mod tests {
     fn ports_may_be_left_out() {
         assert_eq!(address("--natnet", "127.0.0.1", 1510).unwrap(), "127.0.0.1:1510".parse().unwrap());
         assert_eq!(address("--natnet", "127.0.0.1:99", 1510).unwrap(), "127.0.0.1:99".parse().unwrap());
-        let message = address("--craft", "127.0.0.1:x", 14550).unwrap_err().to_string();
-        assert!(message.contains("--craft 127.0.0.1:x") && message.contains("14550"), "{message}");
+        let message = address("--craft", "127.0.0.1:x", PORT).unwrap_err().to_string();
+        assert!(message.contains("--craft 127.0.0.1:x") && message.contains("14650"), "{message}");
     }
 
     #[test]

@@ -107,7 +107,7 @@ fn bad_usage_is_one_line_and_status_2() {
     std::fs::write(folder.path().join("key"), "no key").unwrap();
     let cases: [(&[&str], &str); 9] = [
         (&[], "--craft"),
-        (&["--craft", "10.0.0.1:14550", "--no-tracker"], "key"),
+        (&["--craft", "10.0.0.1:14650", "--no-tracker"], "key"),
         (&["--craft", "127.0.0.1:1", "--key", "key"], "chmod 600"),
         (&["--craft", "127.0.0.1:1", "--script", "s.toml"], "jump"),
         (&["--craft", "127.0.0.1:1", "--pattern", "none.csv"], "none.csv"),
