@@ -13,14 +13,14 @@ fn main() {
 }
 
 /// Five flights of a world with `hidden` effects, and the basic model of the first three.
-fn flown(hidden: &[&str]) -> (Model, Vec<Prepared>) {
+fn flown(hidden: &[&str], sensors: &Sensors) -> (Model, Vec<Prepared>) {
     let calm = World::new(Size::F330, 1);
     let world = hidden.iter().fold(calm, |world, id| world.with(id, 1.0).expect("an effect of the worlds"));
     let flights: Vec<Prepared> = Pattern::TRAIN
         .into_iter()
         .chain(Pattern::VALIDATE)
         .map(|pattern| {
-            let flight = world.fly(pattern, 60.0, &Sensors::default(), 0).expect("the pilot copes");
+            let flight = world.fly(pattern, 60.0, sensors, 0).expect("the pilot copes");
             Prepared::new(&flight, &world.vehicle).expect("long enough")
         })
         .collect();
@@ -30,12 +30,33 @@ fn flown(hidden: &[&str]) -> (Model, Vec<Prepared>) {
     (model, flights)
 }
 
-#[divan::bench(args = [&[][..], &["ground-effect"], &["steady-wind", "ground-effect"]], sample_count = 10)]
-fn diagnose_five_flights(bencher: Bencher, hidden: &[&str]) {
-    let (model, flights) = flown(hidden);
+fn diagnose_flights(bencher: Bencher, hidden: &[&str], sensors: &Sensors) {
+    let (model, flights) = flown(hidden, sensors);
     let all: Vec<&Prepared> = flights.iter().collect();
     let (train, validate) = all.split_at(3);
     bencher.bench_local(|| diagnose(black_box(&model), train, validate, |_| ()).expect("a diagnosis"));
+}
+
+/// What worlds of the bench hide.
+const HIDDEN: [&[&str]; 7] = [
+    &[],
+    &["ground-effect"],
+    &["steady-wind", "ground-effect"],
+    &["tether"],
+    &["slung-load"],
+    &["slung-load", "ground-effect"],
+    &["tether", "steady-wind"],
+];
+
+#[divan::bench(args = HIDDEN, sample_count = 10)]
+fn diagnose_five_flights(bencher: Bencher, hidden: &[&str]) {
+    diagnose_flights(bencher, hidden, &Sensors::default());
+}
+
+/// One sample in twenty of every sensor is an outlier.
+#[divan::bench(args = [&[][..], &["steady-wind", "ground-effect"]], sample_count = 10)]
+fn diagnose_five_flights_with_outliers(bencher: Bencher, hidden: &[&str]) {
+    diagnose_flights(bencher, hidden, &Sensors::default().with_outliers());
 }
 
 /// Twenty candidates of two coefficients, 1350 sets, six axes.

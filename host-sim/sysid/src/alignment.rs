@@ -23,7 +23,8 @@ use model::{Effect, Kind, Model};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::fit::{has_rotation, residual_derivatives_at, residuals_at_rows, store};
+use crate::about::{About, residuals_at_rows};
+use crate::fit::{has_rotation, store};
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Unidentifiable};
 use crate::rows::{RowColumn, coefficient_count};
@@ -366,7 +367,7 @@ fn settle_alone(flight: &mut Prepared, model: &Model, along: &[Effect]) -> Resul
         let stride = flight.fit_stride();
         let [mut columns, constants] = own_columns(flight, &model);
         columns.extend(constants);
-        columns.extend(flight.columns(along, &model, stride, &[]));
+        columns.extend(flight.columns(along, &model, stride, None));
         let rows = FlightRows {
             targets: residuals_at_rows(flight, &model, stride).residual,
             columns,
@@ -395,8 +396,7 @@ fn settle_alone(flight: &mut Prepared, model: &Model, along: &[Effect]) -> Resul
 /// Columns of a flight alone: what a later rotor does, and a constant in each row that feels the rotors.
 fn own_columns(flight: &Prepared, model: &Model) -> [Vec<RowColumn>; 2] {
     let stride = flight.fit_stride();
-    let here = residuals_at_rows(flight, model, stride);
-    let shift = residual_derivatives_at(flight, model, Effect::InputDelay, stride, &here);
+    let shift = About::new(flight, model, (&[], &[Effect::InputDelay]), stride, &[]).columns;
     let count = shift.iter().flatten().flatten().map(Vec::len).next().unwrap_or(0);
     let constants = ROTOR_ROWS
         .map(|axis| {
@@ -411,7 +411,7 @@ fn own_columns(flight: &Prepared, model: &Model) -> [Vec<RowColumn>; 2] {
 /// Rows of a flight with the columns of `effects` and more.
 fn rows(flight: &Prepared, model: &Model, effects: &[Effect], more: Vec<RowColumn>) -> FlightRows {
     let stride = flight.fit_stride();
-    let mut columns = flight.columns(effects, model, stride, &[]);
+    let mut columns = flight.columns(effects, model, stride, None);
     columns.extend(more);
     FlightRows {
         targets: flight.targets(&model.vehicle, &model.adjustments(), stride),

@@ -12,11 +12,12 @@ use model::{ChangeScatter, Effect, Model};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
+use crate::about::About;
 use crate::diagnose::{
     AxisDrop, CoefficientFigures, Diagnosis, EffectFinding, MATTERS_PERCENT, SIGNIFICANCE, Verdict,
     block_sums, independent_stretches, log_likelihood_ratio, one_sided_p_value, zero_p_value,
 };
-use crate::fit::{residual_derivatives_at, residuals_at_rows, step_end};
+use crate::fit::step_end;
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Prior};
 use crate::{FitError, Residuals, errors, residuals};
@@ -134,11 +135,11 @@ fn fit_change(model: &Model, change: Change, flights: &[&Prepared]) -> Result<Fi
 
 fn rows(flight: &Prepared, changed: &Model, change: Change, free: &[usize]) -> FlightRows {
     let stride = flight.fit_stride();
-    let here = residuals_at_rows(flight, changed, stride);
-    let mut derivatives = residual_derivatives_at(flight, changed, change.effect, stride, &here);
+    let About { residuals, columns: mut derivatives, .. } =
+        About::new(flight, changed, (&[], &[change.effect]), stride, &[]);
     FlightRows {
         columns: free.iter().map(|&k| std::mem::take(&mut derivatives[k])).collect(),
-        targets: here.residual,
+        targets: residuals.residual,
         starts: flight.starts_of_rows(stride),
         period_s: flight.period_s * stride as f64,
     }

@@ -14,7 +14,8 @@ use nalgebra::DVector;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::fit::{has_rotation, residuals_at_rows};
+use crate::about::residuals_at_rows;
+use crate::fit::has_rotation;
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows};
 use crate::rows::RowColumn;
@@ -62,7 +63,7 @@ pub fn motors_of_flights(model: &Model, flights: &[&Prepared]) -> Vec<MotorsOfFl
     };
     let common: Vec<f64> = term.coefficients.iter().map(|c| c.value).collect();
     let columns: Vec<Vec<RowColumn>> =
-        flights.iter().map(|f| f.columns(&[Effect::RotorMoments], model, f.fit_stride(), &[])).collect();
+        flights.iter().map(|f| f.columns(&[Effect::RotorMoments], model, f.fit_stride(), None)).collect();
     [Axis::P, Axis::Q, Axis::R]
         .into_iter()
         .enumerate()

@@ -21,11 +21,12 @@
 use std::collections::BTreeMap;
 
 use model::{AxisError, Effect, Estimate, Model, PerAxis};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
 
-use crate::fit::{has_rotation, step_scale, without_rotation};
+use crate::about::step_scale;
+use crate::fit::{has_rotation, without_rotation};
 use crate::prepare::Prepared;
 use crate::regress::WINDOW_S;
 use crate::select::{Judged, Search, judge};
@@ -426,7 +427,7 @@ fn impossible(finding: &EffectFinding, effect: Effect, model: &Model) -> Option<
 }
 
 /// p-value of the hypothesis that all coefficients of `effect` are zero.
-fn wald_p_value(fit: &Fit, effect: Effect, train: &[&Prepared]) -> f64 {
+pub(crate) fn wald_p_value(fit: &Fit, effect: Effect, train: &[&Prepared]) -> f64 {
     let first: usize =
         fit.model.terms.iter().take_while(|t| t.effect != effect).map(|t| t.coefficients.len()).sum();
     let values: Vec<f64> = estimates(fit, effect).iter().map(|e| e.value).collect();
@@ -641,7 +642,7 @@ struct Cubic {
     mean: f64,
     scale: f64,
     range: (f64, f64),
-    coefficients: DVector<f64>,
+    coefficients: Vector4<f64>,
 }
 
 impl Cubic {
@@ -652,14 +653,14 @@ impl Cubic {
         if !(scale > 0.0) {
             return None;
         }
-        let (mut normal, mut right) = (DMatrix::zeros(4, 4), DVector::zeros(4));
+        let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
         let mut range = (f64::INFINITY, f64::NEG_INFINITY);
         for (x, e) in points {
             let s = (x - mean) / scale;
             range = (range.0.min(s), range.1.max(s));
-            let row = DVector::from_vec(vec![1.0, s, s * s, s * s * s]);
-            normal.ger(1.0, &row, &row, 1.0);
-            right.axpy(e, &row, 1.0);
+            let row = Vector4::new(1.0, s, s * s, s * s * s);
+            normal += row * row.transpose();
+            right += e * row;
         }
         let coefficients = normal.cholesky()?.solve(&right);
         Some(Self { mean, scale, range, coefficients })

@@ -7,13 +7,14 @@
 //!
 //! Where they start decides where they end, for some: `starts.rs`.
 
-use model::{Adjustments, Axis, AxisError, Effect, Estimate, Kind, Model, PerAxis, Term, Vehicle};
+use model::{Axis, AxisError, Effect, Estimate, Kind, Model, PerAxis, Term, Vehicle};
 
+use crate::about::{About, residuals_at_rows, step_scale};
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows, Prior, Unidentifiable};
 use crate::rows::{RowColumn, coefficient_count};
-use crate::starts;
-use crate::swing::{self, Beginning};
+use crate::starts::{self, Demand};
+use crate::swing::Beginning;
 
 /// Most Gauss-Newton steps; bilinear problems such as wind and drag take three or four.
 const MAX_STEPS: usize = 12;
@@ -27,6 +28,10 @@ const HALVINGS: usize = 4;
 /// A step this small against the standard error of white residuals, which is the smaller one, is the last: each step leaves
 /// a tenth of the one before it or less.
 const CONVERGED: f64 = 0.1;
+
+/// A step of less than this part of every coefficient (or of its ordinary magnitude) leaves the columns nearly as they are: the next one
+/// takes them over, and only what is left is formed anew. The step after that is off by such a part of itself.
+const SMALL: f64 = 0.03;
 
 /// Why a fit was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -69,6 +74,14 @@ pub enum FitError {
         /// The effect.
         effect: &'static str,
     },
+    /// An effect of which no shape explains anything.
+    #[error("no possible {effect} of any shape lowers the error of these flights; to see one: {excitation}")]
+    ExplainsNothing {
+        /// The effect.
+        effect: &'static str,
+        /// What to fly.
+        excitation: &'static str,
+    },
     /// The iteration for an adjusting effect ran away.
     #[error(
         "the fit of {effect} does not settle, these flights do not determine it; to see it: {excitation}"
@@ -101,17 +114,6 @@ pub struct Residuals {
     pub measured: [Vec<f64>; 6],
     /// Measured minus predicted, for each axis.
     pub residual: [Vec<f64>; 6],
-    /// How a slung load swung when each piece began ([`swing::in_pieces`]), where there is one.
-    pub(crate) begun: Vec<Beginning>,
-}
-
-impl Residuals {
-    /// Appends what comes after.
-    pub(crate) fn append(&mut self, next: Self) {
-        self.measured.iter_mut().zip(next.measured).for_each(|(all, next)| all.extend(next));
-        self.residual.iter_mut().zip(next.residual).for_each(|(all, next)| all.extend(next));
-        self.begun.extend(next.begun);
-    }
 }
 
 /// Fits `effects` to `flights`. `start` gives first values of adjusting coefficients, where it has them.
@@ -120,6 +122,17 @@ pub fn fit(
     vehicle: &Vehicle,
     effects: &[Effect],
     start: Option<&Model>,
+) -> Result<Fit, FitError> {
+    fit_if(flights, vehicle, effects, start, Demand::Best)
+}
+
+/// The same, if the search over the shapes of an unknown effect finds what is demanded.
+pub(crate) fn fit_if(
+    flights: &[&Prepared],
+    vehicle: &Vehicle,
+    effects: &[Effect],
+    start: Option<&Model>,
+    demand: Demand,
 ) -> Result<Fit, FitError> {
     if flights.is_empty() {
         return Err(FitError::NoFlights);
@@ -163,7 +176,7 @@ pub fn fit(
     }
     let layout = Layout { linear, adjusting, order };
     let is_unknown = |effect: Effect| start.is_none_or(|m| !m.has(effect));
-    let starts = starts::of(flights, model, &layout, is_unknown)?;
+    let starts = starts::of(flights, model, &layout, is_unknown, demand)?;
     let only = (starts.len() == 1).then(|| starts[0].clone());
     let ends = starts.into_iter().map(|start| settle(flights, start, &layout));
     let best = ends.reduce(|best, end| match (best, end) {
@@ -174,7 +187,10 @@ pub fn fit(
     let best = best.unwrap_or(Err(FitError::NoFlights));
     let Some(only) = only else { return best };
     // The first step from zero can end where an effect saturates (a lag of nothing): set out from either side as well.
-    let from = |side: f64| settle(flights, ordinary(&only, &layout.adjusting, start, side), &layout);
+    let from = |side: f64| {
+        let other = ordinary(&only, &layout.adjusting, start, side);
+        if other == only { Err(not_converged(&layout.adjusting)) } else { settle(flights, other, &layout) }
+    };
     best.or_else(|why| from(1.0).or_else(|_| from(-1.0)).map_err(|_| why))
 }
 
@@ -219,19 +235,34 @@ pub(crate) struct Layout {
     order: Vec<Effect>,
 }
 
+impl Layout {
+    /// Whether any effect adds accelerations that no column shows.
+    fn adds(&self) -> bool {
+        self.adjusting.iter().any(|effect| effect.adds_accelerations())
+    }
+}
+
 /// Gauss and Newton's steps from where `model` stands.
 fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fit, FitError> {
     let Layout { linear, adjusting, order } = layout;
     let count: usize = linear.iter().map(|e| coefficient_count(*e)).sum();
-    let adds = adjusting.iter().any(|effect| effect.adds_accelerations());
+    let adds = layout.adds();
     // Where the last step came from, and what was left there.
     let mut last: Option<(Model, f64)> = None;
     let mut begun = vec![Vec::new(); flights.len()];
     let (most_steps, most_halvings) =
         if adds { (MAX_STEPS + MAX_STEPS / 2, HALVINGS) } else { (MAX_STEPS, 1) };
     let mut halvings = 0;
+    let mut kept: Option<Vec<FlightRows>> = None;
     for _ in 0..most_steps {
-        let (rows, left) = assemble(flights, &model, linear, adjusting, &mut begun);
+        let is_full = kept.is_none();
+        let (rows, left) = match kept.take() {
+            None => assemble(flights, &model, linear, adjusting, &mut begun),
+            Some(mut rows) => {
+                let left = follow_up(&mut rows, flights, &model, layout, &mut begun);
+                (rows, left)
+            }
+        };
         check_finite(flights, &rows, &model)?;
         let left_before = last.as_ref().map(|(_, left)| *left);
         if let Some((before, left_before)) = &last
@@ -250,6 +281,7 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
         // The linear part comes out as values, the adjusting part as steps from where the columns were formed.
         let mut values = solution.value.clone();
         let mut settled = true;
+        let mut is_small = is_full;
         let mut at = count;
         for effect in adjusting {
             let known: Vec<f64> =
@@ -258,6 +290,7 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
                 let step = solution.value[at];
                 settled &=
                     step.abs() < CONVERGED * solution.covariance[(at, at)].sqrt() + 1e-9 * info.typical;
+                is_small &= step.abs() < SMALL * now.abs().max(info.typical);
                 values[at] = step_end(*now, step, info);
                 at += 1;
             }
@@ -271,8 +304,13 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
             let solution = regress::with_errors_beside(solution, &rows, &priors, &timing(flights, &model));
             return Ok(finish(model, order, regress::Solution { value: values, ..solution }));
         }
+        kept = is_small.then_some(rows);
     }
-    Err(FitError::NotConverged { effect: adjusting[0].id(), excitation: adjusting[0].info().excitation })
+    Err(not_converged(adjusting))
+}
+
+fn not_converged(adjusting: &[Effect]) -> FitError {
+    FitError::NotConverged { effect: adjusting[0].id(), excitation: adjusting[0].info().excitation }
 }
 
 /// How far the moments at which commands took effect may lie from the middle of a log's jittering times, in standard deviations of
@@ -285,11 +323,9 @@ fn timing(flights: &[&Prepared], model: &Model) -> Vec<Option<RowColumn>> {
     let of = |flight: &&Prepared| {
         let is_known = flight.has_rotor_speeds() && flight.alignment.is_some();
         (flight.jitter_s > 0.0 && !is_known).then(|| {
-            let flight = &*swing::in_pieces(flight, model);
             let stride = flight.fit_stride();
-            let here = residuals_at_rows(flight, model, stride);
-            let slopes = residual_derivatives_at(flight, model, Effect::InputDelay, stride, &here);
-            let mut off: RowColumn = slopes.into_iter().next().unwrap_or_default();
+            let about = About::new(flight, model, (&[], &[Effect::InputDelay]), stride, &[]);
+            let mut off: RowColumn = about.columns.into_iter().next().unwrap_or_default();
             let deviation_s = LATENESS * flight.jitter_s;
             off.iter_mut().flatten().flatten().for_each(|value| *value *= deviation_s);
             off
@@ -454,30 +490,24 @@ fn assemble(
     begun: &mut [Vec<Beginning>],
 ) -> (Vec<FlightRows>, f64) {
     let adds = adjusting.iter().any(|effect| effect.adds_accelerations());
-    let mut squares = [0.0_f64; 6];
+    let mut sums = Squares::default();
     let rows = flights
         .iter()
         .zip(begun)
         .map(|(flight, begun)| {
-            let flight = &*swing::in_pieces(flight, model);
             let stride = flight.fit_stride();
-            let here = (!adjusting.is_empty()).then(|| residuals_from(flight, model, stride, begun));
-            *begun = here.as_ref().map_or_else(Vec::new, |here| here.begun.clone());
-            let mut columns = flight.columns(linear, model, stride, begun);
-            let targets = if adds {
-                let mut residual = with_beginnings(flight, model, stride, begun).residual;
-                swing::take_out_beginnings(flight, model, stride, begun, &mut residual, &mut columns);
-                less_added(residual, model, linear, &columns)
+            let all_targets = || flight.targets(&model.vehicle, &model.adjustments(), stride);
+            let (targets, columns) = if adjusting.is_empty() {
+                (all_targets(), flight.columns(linear, model, stride, None))
             } else {
-                flight.targets(&model.vehicle, &model.adjustments(), stride)
+                let about = About::new(flight, model, (linear, adjusting), stride, begun);
+                let Residuals { residual, .. } = about.residuals;
+                sums.add(&residual);
+                *begun = about.begun;
+                let targets =
+                    if adds { less_added(residual, model, linear, &about.columns) } else { all_targets() };
+                (targets, about.columns)
             };
-            if let Some(here) = &here {
-                let left = here.residual.each_ref().map(|r| r.iter().map(|e| e * e).sum::<f64>());
-                squares.iter_mut().zip(left).for_each(|(sum, left)| *sum += left);
-                for effect in adjusting {
-                    columns.extend(residual_derivatives_at(flight, model, *effect, stride, here));
-                }
-            }
             FlightRows {
                 targets,
                 columns,
@@ -486,7 +516,51 @@ fn assemble(
             }
         })
         .collect();
-    (rows, squares.iter().map(|sum| 0.5 * sum.max(f64::MIN_POSITIVE).ln()).sum())
+    (rows, sums.spread())
+}
+
+/// Sums of squares of what is left on each axis.
+#[derive(Default)]
+struct Squares([f64; 6]);
+
+impl Squares {
+    fn add(&mut self, residual: &[Vec<f64>; 6]) {
+        let left = residual.each_ref().map(|r| r.iter().map(|e| e * e).sum::<f64>());
+        self.0.iter_mut().zip(left).for_each(|(sum, left)| *sum += left);
+    }
+
+    /// Logarithm of the spread over all axes.
+    fn spread(&self) -> f64 {
+        self.0.iter().map(|sum| 0.5 * sum.max(f64::MIN_POSITIVE).ln()).sum()
+    }
+}
+
+/// Rows that were formed about a model near this one: the derivatives of adjusting effects stay, the rest moves with the model. `begun` as
+/// in [`assemble`], whose second value this hands over.
+fn follow_up(
+    rows: &mut [FlightRows],
+    flights: &[&Prepared],
+    model: &Model,
+    layout: &Layout,
+    begun: &mut [Vec<Beginning>],
+) -> f64 {
+    let mut sums = Squares::default();
+    let count: usize = layout.linear.iter().map(|e| coefficient_count(*e)).sum();
+    for ((rows, flight), begun) in rows.iter_mut().zip(flights).zip(begun) {
+        let stride = flight.fit_stride();
+        if layout.adds() {
+            let about = About::new(flight, model, (&[], &[]), stride, begun);
+            sums.add(&about.residuals.residual);
+            *begun = about.begun;
+            rows.targets = less_added(about.residuals.residual, model, &layout.linear, &rows.columns);
+        } else {
+            rows.targets = flight.targets(&model.vehicle, &model.adjustments(), stride);
+            let columns = flight.columns(&layout.linear, model, stride, None);
+            rows.columns.splice(..count, columns);
+            sums.add(&added(rows.targets.clone(), model, &layout.linear, &rows.columns, -1.0));
+        }
+    }
+    sums.spread()
 }
 
 /// The targets less what effects add that have no columns: the residual plus what the linear effects predict.
@@ -496,138 +570,26 @@ pub(crate) fn less_added(
     linear: &[Effect],
     columns: &[RowColumn],
 ) -> [Vec<f64>; 6] {
-    let mut targets = residual;
+    added(residual, model, linear, columns, 1.0)
+}
+
+/// Signals plus a number of times what the linear effects predict.
+fn added(
+    signals: [Vec<f64>; 6],
+    model: &Model,
+    linear: &[Effect],
+    columns: &[RowColumn],
+    times: f64,
+) -> [Vec<f64>; 6] {
+    let mut targets = signals;
     let values = linear.iter().flat_map(|e| model.term(*e)).flat_map(|t| &t.coefficients).map(|c| c.value);
     for (value, column) in values.zip(columns) {
         for (target, column) in targets.iter_mut().zip(column) {
             let Some(column) = column else { continue };
-            target.iter_mut().zip(column).for_each(|(t, c)| *t += value * c);
+            target.iter_mut().zip(column).for_each(|(t, c)| *t += times * value * c);
         }
     }
     targets
-}
-
-/// Step of a derivative, part of an ordinary magnitude. Effects act smoothly: a forward difference over it is off by about
-/// this part of the derivative; rounding, 1e-15 of the residual, matters less still.
-const DERIVATIVE_STEP: f64 = 1e-5;
-
-/// Minus the derivative of the residual with respect to each coefficient of an adjusting effect, over the rows at every
-/// `stride`th sample: forward differences from the residual where the model stands.
-pub(crate) fn residual_derivatives_at(
-    flight: &Prepared,
-    model: &Model,
-    effect: Effect,
-    stride: usize,
-    here: &Residuals,
-) -> Vec<RowColumn> {
-    let info = effect.info();
-    let mut model = model.clone();
-    if !model.has(effect) {
-        model.set(effect, &vec![0.0; info.coefficients.len()]);
-    }
-    let adjust = model.adjustments();
-    let base: Vec<f64> =
-        model.term(effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
-    (0..info.coefficients.len())
-        .map(|k| {
-            let step = match effect {
-                // Time constants under a tenth of a millisecond count as none.
-                Effect::MotorLag => 2e-4,
-                _ => DERIVATIVE_STEP * local_scale(model.vehicle.has_rotor_map(), effect, k, base[k]),
-            };
-            let mut values = base.clone();
-            values[k] += step;
-            model.set(effect, &values);
-            // Most effects change what is predicted, not what was measured; a load's swing is projected out of both.
-            let ahead = if adjust.load.is_none() && sees_alike(&model.adjustments(), &adjust) {
-                minus_predicted(&here.measured, flight, &model, stride, &[])
-            } else {
-                residuals_begun(flight, &model, stride, &here.begun).residual
-            };
-            std::array::from_fn(|axis| {
-                let difference: Vec<f64> =
-                    ahead[axis].iter().zip(&here.residual[axis]).map(|(a, b)| (b - a) / step).collect();
-                // Rows that do not feel the coefficient stay out of the problem.
-                difference.iter().any(|d| *d != 0.0).then_some(difference)
-            })
-        })
-        .collect()
-}
-
-/// Magnitude of a coefficient for differences about a value: a length or another scale goes by itself.
-fn local_scale(has_rotor_map: bool, effect: Effect, coefficient: usize, value: f64) -> f64 {
-    let is_scale = effect.info().coefficients[coefficient].possible.0 > 0.0 && value > 0.0;
-    if is_scale { value } else { step_scale(has_rotor_map, effect, coefficient) }
-}
-
-/// Whether a tracker reports the same of a motion under both.
-fn sees_alike(a: &Adjustments, b: &Adjustments) -> bool {
-    a.tracked_point_m == b.tracked_point_m && a.attitude_tilt_rad == b.attitude_tilt_rad
-}
-
-/// Ordinary magnitude of a coefficient; rotor "speeds" are commands near 1 where the map is unknown.
-pub(crate) fn step_scale(has_rotor_map: bool, effect: Effect, coefficient: usize) -> f64 {
-    let typical = effect.info().coefficients[coefficient].typical;
-    let in_rotor_speed =
-        matches!((effect, coefficient), (Effect::BatteryVoltage, 0) | (Effect::ThrustLinear, _));
-    if in_rotor_speed && !has_rotor_map { 0.05 } else { typical }
-}
-
-/// Measured and measured-minus-predicted of all six axes over the rows of a flight.
-pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
-    residuals_at_rows(flight, model, 1)
-}
-
-/// The same over the rows at every `stride`th sample.
-pub(crate) fn residuals_at_rows(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
-    residuals_from(flight, model, stride, &[])
-}
-
-/// The same from what is known of how a load begins.
-fn residuals_from(flight: &Prepared, model: &Model, stride: usize, known: &[Beginning]) -> Residuals {
-    let flight = &*swing::in_pieces(flight, model);
-    match swing::carried(model) {
-        Some(load) => swing::follow(flight, (model, &load), stride, known),
-        None => with_beginnings(flight, model, stride, &[]),
-    }
-}
-
-/// The same with a load that begins nearly so.
-fn residuals_begun(flight: &Prepared, model: &Model, stride: usize, begun: &[Beginning]) -> Residuals {
-    let flight = &*swing::in_pieces(flight, model);
-    let mut residuals = with_beginnings(flight, model, stride, begun);
-    swing::take_out_beginnings(flight, model, stride, begun, &mut residuals.residual, &mut []);
-    residuals
-}
-
-/// The same with what the beginning of a load's swing adds to `begun`.
-pub(crate) fn with_beginnings(
-    flight: &Prepared,
-    model: &Model,
-    stride: usize,
-    begun: &[Beginning],
-) -> Residuals {
-    let mut measured = flight.targets(&model.vehicle, &model.adjustments(), stride);
-    if !has_rotation(model) {
-        // What a model does not speak of is no error of it: nothing measured, nothing predicted.
-        measured[3..].iter_mut().for_each(|axis| axis.fill(0.0));
-    }
-    let residual = minus_predicted(&measured, flight, model, stride, begun);
-    Residuals { measured, residual, begun: begun.to_vec() }
-}
-
-fn minus_predicted(
-    measured: &[Vec<f64>; 6],
-    flight: &Prepared,
-    model: &Model,
-    stride: usize,
-    begun: &[Beginning],
-) -> [Vec<f64>; 6] {
-    let predicted = flight.predicted(model, stride, begun);
-    std::array::from_fn(|axis| match &predicted[axis] {
-        Some(predicted) => measured[axis].iter().zip(predicted).map(|(m, p)| m - p).collect(),
-        None => measured[axis].clone(),
-    })
 }
 
 /// Coefficients of the basic model whose sign contradicts the craft's geometry or physics by more than their error, each as

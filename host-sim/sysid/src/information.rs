@@ -21,12 +21,11 @@
 use model::{AXES, AxisError, Effect, Model, PerAxis};
 use nalgebra::{DMatrix, DVector};
 
-use crate::fit::{residual_derivatives_at, residuals_at_rows};
+use crate::about::About;
 use crate::prepare::Prepared;
 use crate::regress::FlightRows;
 use crate::residuals;
 use crate::rows::{RowColumn, coefficient_count};
-use crate::swing;
 
 /// Memory of the noise that is looked at, s: several times the span of the longest chain of filters.
 const MEMORY_S: f64 = 3.0;
@@ -378,22 +377,23 @@ fn remembered(column: &[f64], memory: &[f64], starts: &[usize]) -> Vec<f64> {
 /// Columns of effects about a model, over the residual as target, at the rows of a fit: those of linear effects, and for
 /// adjusting ones minus the residual's derivative.
 pub(crate) fn rows_about(flight: &Prepared, model: &Model, effects: &[Effect]) -> FlightRows {
-    let flight = &*swing::in_pieces(flight, model);
     let stride = flight.fit_stride();
-    let here = residuals_at_rows(flight, model, stride);
     let is_adjusting = |e: &Effect| e.info().kind == model::Kind::Adjusting;
-    let linear: Vec<Effect> = effects.iter().copied().filter(|e| !is_adjusting(e)).collect();
-    // All linear ones in one pass over the states, then each to its place.
-    let mut formed = flight.columns(&linear, model, stride, &here.begun).into_iter();
+    let (adjusting, linear): (Vec<Effect>, Vec<Effect>) = effects.iter().copied().partition(is_adjusting);
+    let mut about = About::new(flight, model, (&linear, &adjusting), stride, &[]);
+    // Each to its place.
+    let mut derivatives =
+        about.columns.split_off(linear.iter().map(|e| coefficient_count(*e)).sum()).into_iter();
+    let mut formed = about.columns.into_iter();
     let columns: Vec<RowColumn> = effects
         .iter()
         .flat_map(|effect| match is_adjusting(effect) {
-            true => residual_derivatives_at(flight, model, *effect, stride, &here),
+            true => derivatives.by_ref().take(effect.info().coefficients.len()).collect::<Vec<_>>(),
             false => formed.by_ref().take(coefficient_count(*effect)).collect(),
         })
         .collect();
     FlightRows {
-        targets: here.residual,
+        targets: about.residuals.residual,
         columns,
         starts: flight.starts_of_rows(stride),
         period_s: flight.period_s * stride as f64,

@@ -1,6 +1,7 @@
 //! From flight files to a model: reading, preprocessing, least-squares identification, comparison and diagnosis.
 #![forbid(unsafe_code)]
 
+mod about;
 pub mod alignment;
 mod battery;
 pub mod changes;
@@ -20,6 +21,7 @@ pub mod frames_check;
 pub mod imu_check;
 pub mod information;
 pub mod library;
+mod load_shapes;
 pub mod motor_map;
 pub mod motors_check;
 pub mod noise;
@@ -41,14 +43,14 @@ pub mod trim;
 mod undefined;
 pub mod why;
 
+pub use about::residuals;
 pub use alignment::{Alignment, Reference, align, align_to};
 pub use closed_loop::{MotorsOfFlights, motors_of_flights};
 pub use compare::{Comparison, compare};
 pub use diagnose::{Addition, Diagnosis, Options, Verdict, add, diagnose, diagnose_with};
 pub use faults::{Examined, Fault, FaultKind, Severity, examine};
 pub use fit::{
-    Fit, FitError, Residuals, errors, fit, has_rotation, impossible_signs, residuals, rotation_doubts,
-    without_rotation,
+    Fit, FitError, Residuals, errors, fit, has_rotation, impossible_signs, rotation_doubts, without_rotation,
 };
 pub use flight::{Column, Flight, FlightError};
 pub use prepare::{Conditions, ForceTarget, PrepareError, Prepared};

@@ -6,9 +6,8 @@
 
 use model::{Effect, Kind, Model};
 
-use crate::fit::{residual_derivatives_at, residuals_at_rows};
+use crate::about::About;
 use crate::prepare::Prepared;
-use crate::rows::coefficient_count;
 
 /// A column of a library: a coefficient of an effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,17 +35,14 @@ pub fn library(model: &Model, flight: &Prepared) -> Library {
     let candidates = || Effect::candidates().filter(|effect| !model.has(*effect));
     let is_linear = |effect: &Effect| effect.info().kind != Kind::Adjusting;
     let linear: Vec<Effect> = model.effects().into_iter().chain(candidates()).filter(is_linear).collect();
-    let mut columns = flight.columns(&linear, model, stride, &[]);
-    let name = |effect: Effect| {
+    let adjusting: Vec<Effect> = candidates().filter(|effect| !is_linear(effect)).collect();
+    let columns = About::new(flight, model, (&linear, &adjusting), stride, &[]).columns;
+    let name = |effect: &Effect| {
+        let effect = *effect;
         (0..effect.info().coefficients.len()).map(move |coefficient| LibraryColumn { effect, coefficient })
     };
-    let mut names: Vec<LibraryColumn> = linear.iter().copied().flat_map(name).collect();
-    debug_assert_eq!(names.len(), linear.iter().map(|e| coefficient_count(*e)).sum::<usize>());
-    let here = residuals_at_rows(flight, model, stride);
-    for effect in candidates().filter(|effect| !is_linear(effect)) {
-        columns.extend(residual_derivatives_at(flight, model, effect, stride, &here));
-        names.extend(name(effect));
-    }
+    let names: Vec<LibraryColumn> = linear.iter().chain(&adjusting).flat_map(name).collect();
+    debug_assert_eq!(names.len(), columns.len());
     let targets = flight.targets(&model.vehicle, &model.adjustments(), stride);
     Library { targets, names, columns }
 }

@@ -12,8 +12,8 @@
 
 use model::{Axis, Effect, Model, Vehicle};
 
+use crate::about::residuals;
 use crate::faults::{Fault, FaultKind, Severity};
-use crate::fit::residuals;
 use crate::prepare::Prepared;
 
 /// Plausible thrust coefficients.

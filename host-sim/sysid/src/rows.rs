@@ -24,13 +24,34 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::filter::{SideBySide, compose, sum_of_products};
 use crate::prepare::{ForceTarget, Prepared, RotorTrack, Stretch, subtract, vector};
-use crate::swing::{self, Beginning};
+use crate::swing;
 
 /// Longest time between the rows of a fit, s.
 const FIT_ROW_PERIOD_S: f64 = 0.03;
 
 /// The values of one parameter over the rows, for each axis that it acts on.
 pub(crate) type RowColumn = [Option<Vec<f64>>; 6];
+
+/// Samples of a stretch that are filtered together, and how a load swings at each of them: hanging still, where there is nothing.
+pub(crate) struct Part {
+    pub(crate) samples: Range<usize>,
+    pub(crate) swings: Vec<Swing>,
+}
+
+/// A load on a cable as it was followed.
+pub(crate) struct Hung<'a> {
+    /// Of each stretch.
+    pub(crate) parts: &'a [Vec<Part>],
+    /// The part of a force along the cable that moves the load.
+    pub(crate) part: f64,
+}
+
+impl Part {
+    /// A whole stretch without a load.
+    pub(crate) fn whole(stretch: &Stretch) -> Self {
+        Self { samples: 0..stretch.time_s.len(), swings: Vec::new() }
+    }
+}
 
 /// The states of a stretch.
 pub(crate) struct States<'a> {
@@ -39,8 +60,6 @@ pub(crate) struct States<'a> {
     untilt: Option<Matrix3<f64>>,
     lever_m: Vector3<f64>,
     rotor: [RotorTrack; 4],
-    /// A slung load at every sample, where there is one.
-    swings: Option<Vec<Swing>>,
     period_s: f64,
 }
 
@@ -51,7 +70,7 @@ impl States<'_> {
 
     /// Inertial to body at a sample.
     #[inline]
-    fn dcm(&self, k: usize) -> Matrix3<f64> {
+    pub(crate) fn dcm(&self, k: usize) -> Matrix3<f64> {
         let tracked = &self.stretch.dcm[k];
         self.untilt.map_or(*tracked, |untilt| untilt * tracked)
     }
@@ -77,7 +96,7 @@ impl States<'_> {
             rotor_rad_s: self.rotor.each_ref().map(|r| r.speed_rad_s[k]),
             rotor_acceleration_rad_s2: [0.0; 4],
             battery_v: stretch.battery_v[k],
-            swing: self.swings.as_ref().map_or_else(Swing::default, |swings| swings[k]),
+            swing: Swing::default(),
         }
     }
 
@@ -92,11 +111,12 @@ impl States<'_> {
         }
     }
 
-    /// Hands over the mean states between neighbouring samples, one fewer.
-    pub(crate) fn for_each_between(&self, mut take: impl FnMut(SampleInput)) {
+    /// Hands over the mean states between neighbouring samples of a part, one fewer.
+    pub(crate) fn for_each_between(&self, part: &Part, mut take: impl FnMut(SampleInput)) {
         let per_period = 1.0 / self.period_s;
-        let mut a = self.without_acceleration(0);
-        for k in 1..self.len() {
+        let first = part.samples.start;
+        let mut a = self.without_acceleration(first);
+        for k in first + 1..part.samples.end {
             let b = self.without_acceleration(k);
             take(SampleInput {
                 position_ned_m: 0.5 * (a.position_ned_m + b.position_ned_m),
@@ -110,7 +130,10 @@ impl States<'_> {
                     per_period * (b.rotor_rad_s[i] - a.rotor_rad_s[i])
                 }),
                 battery_v: 0.5 * (a.battery_v + b.battery_v),
-                swing: a.swing.middle(&b.swing),
+                swing: match part.swings.get(k - 1 - first..=k - first) {
+                    Some([before, after]) => before.middle(after),
+                    _ => Swing::default(),
+                },
             });
             a = b;
         }
@@ -153,30 +176,18 @@ impl Prepared {
         self.stretches.iter().map(start).collect()
     }
 
-    /// The states of a stretch under `adjust`; a load moves with the craft at first.
+    /// The states of a stretch under `adjust`; a load hangs still.
     pub(crate) fn states<'a>(
         &self,
         stretch: &'a Stretch,
         vehicle: &Vehicle,
         adjust: &Adjustments,
     ) -> States<'a> {
-        self.states_from(stretch, vehicle, adjust, &Beginning::default())
-    }
-
-    /// The same with a load that swings at first.
-    fn states_from<'a>(
-        &self,
-        stretch: &'a Stretch,
-        vehicle: &Vehicle,
-        adjust: &Adjustments,
-        beginning: &Beginning,
-    ) -> States<'a> {
         States {
             stretch,
             untilt: Some(adjust.true_dcm(&Matrix3::identity())).filter(|m| *m != Matrix3::identity()),
             lever_m: Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m,
             rotor: stretch.rotors(vehicle, adjust, self.period_s, self.rotor_late_s()),
-            swings: adjust.load.map(|load| swing::driven(self, stretch, vehicle, adjust, &load, beginning)),
             period_s: self.period_s,
         }
     }
@@ -246,48 +257,70 @@ impl Prepared {
         }
     }
 
-    /// The regression columns of linear effects, one for each coefficient in order. `begun` is how a load swings when each stretch
-    /// begins: not at all, where there is nothing.
+    /// The regression columns of linear effects, one for each coefficient in order.
     pub(crate) fn columns(
         &self,
         effects: &[Effect],
         model: &Model,
         stride: usize,
-        begun: &[Beginning],
+        hung: Option<&Hung>,
     ) -> Vec<RowColumn> {
         let effects: Vec<(Effect, usize)> = effects.iter().map(|e| (*e, coefficient_count(*e))).collect();
         let count = effects.iter().map(|(_, count)| count).sum();
         let (plant, effects) = (Plant::new(model), LinearEffects { effects, count });
-        match plant.adjustments().load {
-            None => self.filtered(&plant, &model.vehicle, &effects, stride, begun),
-            Some(load) => {
-                let share = swing::share(model, &load);
-                self.filtered(&plant, &model.vehicle, &Carrying { inner: effects, share }, stride, begun)
-            }
-        }
+        self.filtered(&plant, &model.vehicle, &effects, stride, hung)
     }
 
-    /// What a model predicts of the targets.
-    pub(crate) fn predicted(&self, model: &Model, stride: usize, begun: &[Beginning]) -> RowColumn {
-        let plant = Plant::new(model);
-        self.filtered(&plant, &model.vehicle, &Prediction(&plant), stride, begun).pop().unwrap_or_default()
-    }
-
-    /// What a load's free swing adds, from an offset of 1 m and from 1 m/s, north, then east.
-    pub(crate) fn free_swings(
+    /// What models of one vehicle predict of the targets, but for the pull of a load that comes of its swing. Those that see the same
+    /// states are evaluated side by side.
+    pub(crate) fn predicted_by(
         &self,
-        model: &Model,
-        load: &model::Load,
-        share: f64,
+        models: &[&Model],
         stride: usize,
+        hung: Option<&Hung>,
     ) -> Vec<RowColumn> {
-        let gravity_m_s2 = model.vehicle.gravity;
-        let pull = share * load.stiffness_rad2_s2(gravity_m_s2);
-        let plant = Plant::new(model);
-        self.filtered_from(&plant, &FreeSwings { pull }, stride, |_, stretch| States {
-            swings: Some(swing::free(load, stretch.time_s.len(), self.period_s, gravity_m_s2)),
-            ..self.states(stretch, &model.vehicle, &Adjustments { load: None, ..*plant.adjustments() })
-        })
+        let plants: Vec<Plant> = models.iter().map(|model| Plant::new(&swing::without_load(model))).collect();
+        let mut predicted = vec![RowColumn::default(); models.len()];
+        let mut left: Vec<usize> = (0..plants.len()).collect();
+        while let Some(&first) = left.first() {
+            let own = plants[first].adjustments();
+            let sees_alike = |k: &usize| same_states(plants[*k].adjustments(), own);
+            let (group, rest): (Vec<usize>, Vec<usize>) = left.into_iter().partition(sees_alike);
+            let terms = Predictions(group.iter().map(|&k| &plants[k]).collect());
+            let of_group = self.filtered(&plants[first], &models[first].vehicle, &terms, stride, hung);
+            group.into_iter().zip(of_group).for_each(|(k, column)| predicted[k] = column);
+            left = rest;
+        }
+        predicted
+    }
+
+    /// Specific forces that a model predicts of each stretch but for the pull of a load, inertial, where regressors are formed:
+    /// between samples, or at them for an IMU; m/s^2.
+    pub(crate) fn predicted_forces_ned_m_s2(&self, model: &Model) -> Vec<Vec<Vector3<f64>>> {
+        let plant = Plant::new(&swing::without_load(model));
+        let force = |input: SampleInput| {
+            let [u, v, w, ..] = plant.accelerations(&plant.sample_of(input));
+            input.dcm.tr_mul(&Vector3::new(u, v, w))
+        };
+        let of_stretch = |stretch| {
+            let states = self.states(stretch, &model.vehicle, plant.adjustments());
+            if self.force_target == ForceTarget::Imu {
+                return (0..states.len()).map(|k| force(states.at(k))).collect();
+            }
+            let mut forces = Vec::with_capacity(states.len());
+            states.for_each_between(&Part::whole(stretch), |input| forces.push(force(input)));
+            forces
+        };
+        self.stretches.iter().map(of_stretch).collect()
+    }
+
+    /// The filter that makes the force rows of what is formed at the places of regressors.
+    pub(crate) fn force_taps(&self) -> Vec<f64> {
+        match self.force_target {
+            ForceTarget::Imu => self.filter.smooth.clone(),
+            ForceTarget::Velocity => self.filter.between.clone(),
+            ForceTarget::Position => compose(&self.filter.between, &self.filter.matched),
+        }
     }
 
     /// The terms through the filters of the targets, at the rows.
@@ -297,65 +330,99 @@ impl Prepared {
         vehicle: &Vehicle,
         terms: &impl Terms,
         stride: usize,
-        begun: &[Beginning],
+        hung: Option<&Hung>,
     ) -> Vec<RowColumn> {
-        let hanging = Beginning::default();
-        self.filtered_from(plant, terms, stride, |index, stretch| {
-            let beginning = begun.get(index).unwrap_or(&hanging);
-            self.states_from(stretch, vehicle, plant.adjustments(), beginning)
-        })
-    }
-
-    fn filtered_from<'a>(
-        &'a self,
-        plant: &Plant,
-        terms: &impl Terms,
-        stride: usize,
-        states_of: impl Fn(usize, &'a Stretch) -> States<'a>,
-    ) -> Vec<RowColumn> {
+        let cable = hung.map(|hung| hung.part);
         let mut result = vec![RowColumn::default(); terms.count()];
-        let force_taps = match self.force_target {
-            ForceTarget::Imu => self.filter.smooth.clone(),
-            ForceTarget::Velocity => self.filter.between.clone(),
-            ForceTarget::Position => compose(&self.filter.between, &self.filter.matched),
-        };
+        let force_taps = self.force_taps();
         let imu = self.force_target == ForceTarget::Imu;
         for (index, stretch) in self.stretches.iter().enumerate() {
-            let states = states_of(index, stretch);
-            let rows = || self.row_samples(stretch, stride);
-            let first = plant.sample_of(states.at(0));
-            let layout = Layout::new(terms, &first, |axis| axis >= 3);
-            let moments_and_rest = layout.places.len();
-            let mut moments =
-                FilteredRows::new(&self.filter.between, moments_and_rest, layout.wanted, rows());
-            let turned = if imu { Vec::new() } else { layout.forces_by_parameter() };
-            let mut forces = FilteredRows::new(&force_taps, 3 * turned.len(), 3 * turned.len(), rows());
-            states.for_each_between(|input| {
-                let dcm = input.dcm;
-                let sample = plant.sample_of(input);
-                if moments.push(|row| layout.write(terms, &sample, row)).is_some() {
-                    append(&layout.places, &moments.row, &mut result);
-                }
-                if turned.is_empty() {
-                    return;
-                }
-                let body = moments.filter.latest();
-                if let Some(k) = forces.push(|row| layout.turn_forces(&turned, &dcm, body, row)) {
-                    append_turned_back(&turned, &states.dcm(k), &forces.row, &mut result);
-                }
-            });
-            if imu {
-                let layout = Layout::new(terms, &first, |axis| axis < 3);
-                let mut forces = FilteredRows::new(&force_taps, layout.places.len(), layout.wanted, rows());
-                for k in 0..states.len() {
-                    let sample = plant.sample_of(states.at(k));
-                    if forces.push(|row| layout.write(terms, &sample, row)).is_some() {
-                        append(&layout.places, &forces.row, &mut result);
+            let states = self.states(stretch, vehicle, plant.adjustments());
+            let whole = [Part::whole(stretch)];
+            for part in hung.and_then(|hung| hung.parts.get(index)).map_or(&whole[..], Vec::as_slice) {
+                let first = part.samples.start;
+                let rows = || (self.margin..part.samples.len() - self.margin).step_by(stride);
+                let layout = Layout::new(terms, &plant.sample_of(states.at(first)), |axis| axis >= 3);
+                let mut moments =
+                    FilteredRows::new(&self.filter.between, layout.places.len(), layout.wanted, rows());
+                let turned = if imu { Vec::new() } else { layout.forces_by_parameter() };
+                let mut forces = FilteredRows::new(&force_taps, 3 * turned.len(), 3 * turned.len(), rows());
+                states.for_each_between(part, |input| {
+                    let (dcm, direction) = (input.dcm, input.swing.direction);
+                    let sample = plant.sample_of(input);
+                    if moments.push(|row| layout.write(terms, &sample, row)).is_some() {
+                        append(&layout.places, &moments.row, &mut result);
                     }
+                    if turned.is_empty() {
+                        return;
+                    }
+                    let body = moments.filter.latest();
+                    let at_row = forces.push(|row| {
+                        layout.turn_forces(&turned, &dcm, body, row);
+                        carry(row, cable, &direction);
+                    });
+                    if let Some(k) = at_row {
+                        append_turned_back(&turned, &states.dcm(first + k), &forces.row, &mut result);
+                    }
+                });
+                if imu {
+                    self.append_imu_forces(terms, plant, (&states, part), (stride, cable), &mut result);
                 }
             }
         }
         result
+    }
+
+    /// The force rows of an IMU: in body axes throughout.
+    fn append_imu_forces(
+        &self,
+        terms: &impl Terms,
+        plant: &Plant,
+        (states, part): (&States, &Part),
+        (stride, cable): (usize, Option<f64>),
+        result: &mut [RowColumn],
+    ) {
+        let first = part.samples.start;
+        let rows = (self.margin..part.samples.len() - self.margin).step_by(stride);
+        let taps = self.force_taps();
+        let layout = Layout::new(terms, &plant.sample_of(states.at(first)), |axis| axis < 3);
+        if cable.is_none() {
+            let mut forces = FilteredRows::new(&taps, layout.places.len(), layout.wanted, rows);
+            for k in part.samples.clone() {
+                let sample = plant.sample_of(states.at(k));
+                if forces.push(|row| layout.write(terms, &sample, row)).is_some() {
+                    append(&layout.places, &forces.row, result);
+                }
+            }
+            return;
+        }
+        // Along a cable, a force on one axis acts on all three.
+        let turned = layout.forces_by_parameter();
+        let body_axes = Matrix3::identity();
+        let mut sparse = vec![0.0; layout.places.len()];
+        let mut forces = FilteredRows::new(&taps, 3 * turned.len(), 3 * turned.len(), rows);
+        for k in part.samples.clone() {
+            let input = states.at(k);
+            let direction = input.dcm * part.swings.get(k - first).copied().unwrap_or_default().direction;
+            layout.write(terms, &plant.sample_of(input), &mut sparse);
+            let at_row = forces.push(|row| {
+                layout.turn_forces(&turned, &body_axes, &sparse, row);
+                carry(row, cable, &direction);
+            });
+            if at_row.is_some() {
+                append_turned_back(&turned, &body_axes, &forces.row, result);
+            }
+        }
+    }
+}
+
+/// Takes out of forces the part along a cable that moves the load, in the axes of `direction`.
+#[inline]
+fn carry(forces: &mut [f64], cable: Option<f64>, direction: &Vector3<f64>) {
+    let Some(part) = cable else { return };
+    for force in forces.as_chunks_mut::<3>().0 {
+        let along = part * (force[0] * direction.x + force[1] * direction.y + force[2] * direction.z);
+        force.iter_mut().zip(direction.iter()).for_each(|(f, n)| *f -= along * n);
     }
 }
 
@@ -394,70 +461,6 @@ impl Terms for LinearEffects {
     }
 }
 
-/// Linear effects of a craft that carries a slung load: along the cable, their forces move the load as well.
-struct Carrying<T> {
-    inner: T,
-    /// Load's mass over the craft's.
-    share: f64,
-}
-
-impl<T: Terms> Terms for Carrying<T> {
-    fn count(&self) -> usize {
-        self.inner.count()
-    }
-
-    fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
-        let mut forces = Forces { of: vec![None; self.inner.count()], sink };
-        self.inner.evaluate(sample, &mut forces);
-        let n = sample.input.dcm * sample.input.swing.direction;
-        for (parameter, force) in forces.of.iter().enumerate() {
-            let Some(force) = force else { continue };
-            let with_load = force - n * (self.share / (1.0 + self.share) * n.dot(force));
-            for (axis, value) in model::AXES.into_iter().zip(with_load.iter()) {
-                forces.sink.add(axis, parameter, *value);
-            }
-        }
-    }
-}
-
-/// Keeps forces, hands on moments.
-struct Forces<'a, S> {
-    of: Vec<Option<Vector3<f64>>>,
-    sink: &'a mut S,
-}
-
-impl<S: Sink> Sink for Forces<'_, S> {
-    fn add(&mut self, axis: Axis, parameter: usize, value: f64) {
-        if axis.is_force() {
-            self.of[parameter].get_or_insert_default()[axis.index()] += value;
-        } else {
-            self.sink.add(axis, parameter, value);
-        }
-    }
-}
-
-/// Pulls of a load that swings freely, whose two solutions stand in for its place.
-struct FreeSwings {
-    /// Acceleration of the craft per metre of offset, 1/s^2.
-    pull: f64,
-}
-
-impl Terms for FreeSwings {
-    fn count(&self) -> usize {
-        4
-    }
-
-    fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
-        for (parameter, (direction, solution)) in [(0, 0), (0, 1), (1, 0), (1, 1)].into_iter().enumerate() {
-            let offset_m = sample.input.swing.direction[solution];
-            let body = sample.input.dcm.column(direction) * (self.pull * offset_m);
-            for (axis, value) in model::AXES.into_iter().zip(body.iter()) {
-                sink.add(axis, parameter, *value);
-            }
-        }
-    }
-}
-
 /// A sink whose first parameter is `first` of another.
 struct From<'a, S> {
     first: usize,
@@ -471,20 +474,41 @@ impl<S: Sink> Sink for From<'_, S> {
     }
 }
 
-/// The six rows of the equations of motion: one "parameter" that acts on all axes.
-struct Prediction<'a>(&'a Plant);
+/// The six rows of the equations of motion of models that see the same states: each is a "parameter" that acts on all axes.
+struct Predictions<'a>(Vec<&'a Plant>);
 
-impl Terms for Prediction<'_> {
+impl Terms for Predictions<'_> {
     fn count(&self) -> usize {
-        1
+        self.0.len()
     }
 
     #[inline]
     fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
-        for (axis, value) in model::AXES.into_iter().zip(self.0.accelerations(sample)) {
-            sink.add(axis, 0, value);
+        for (index, plant) in self.0.iter().enumerate() {
+            // The sample is the first one's.
+            let accelerations = match index {
+                0 => plant.accelerations(sample),
+                _ => plant.accelerations(&plant.sample_of(sample.input)),
+            };
+            for (axis, value) in model::AXES.into_iter().zip(accelerations) {
+                sink.add(axis, index, value);
+            }
         }
     }
+}
+
+/// Whether states are the same under both: a matter of the rotors and of the tracker.
+fn same_states(a: &Adjustments, b: &Adjustments) -> bool {
+    let of_states = |adjust: &Adjustments| {
+        let rotors = [
+            adjust.rotor_speed_per_volt,
+            adjust.reference_voltage_v,
+            adjust.motor_time_constant_s,
+            adjust.input_delay_s,
+        ];
+        (rotors, adjust.tracked_point_m, adjust.attitude_tilt_rad)
+    };
+    of_states(a) == of_states(b)
 }
 
 /// What a value is part of.

@@ -14,11 +14,12 @@ use model::{Effect, Kind, Model};
 
 use crate::diagnose::{
     AxisDrop, CoefficientFigures, EffectFinding, SIGNIFICANCE, evidence, independent_stretches, separate,
-    weigh, zero_p_value,
+    wald_p_value, weigh, zero_p_value,
 };
-use crate::fit::{check_residuals, lifts};
+use crate::fit::{check_residuals, fit_if, lifts};
 use crate::prepare::Prepared;
 use crate::screen::Screen;
+use crate::starts::Demand;
 use crate::subsets::Subset;
 use crate::{Fit, FitError, Residuals, errors, fit, residuals};
 
@@ -31,6 +32,8 @@ pub(crate) const SET: usize = 3;
 const CONTENDERS: usize = 4;
 /// Part of the best set's score that a contender has, linearised; the exact fit may reverse the order of two as close as that.
 const CONTENDER: f64 = 0.6;
+/// p-value of the coefficients that an effect has by itself, from which on it is not tried with others.
+const BY_CHANCE: f64 = 0.05;
 /// Rounds of the search; most effects found is this times `SET`.
 const ROUNDS: usize = 2;
 /// Logarithm of the likelihood ratio under which two sets do equally well: odds of 20 to 1.
@@ -52,10 +55,19 @@ pub(crate) fn judge(
     train: &[&Prepared],
     validate: &[&Prepared],
 ) -> Result<Judged, FitError> {
-    let fit = fit(train, &model.vehicle, effects, Some(model))?;
+    judged(fit(train, &model.vehicle, effects, Some(model))?, validate)
+}
+
+/// What a fit predicts of the held-out flights.
+fn judged(fit: Fit, validate: &[&Prepared]) -> Result<Judged, FitError> {
     let held_out: Vec<Residuals> = validate.iter().map(|flight| residuals(flight, &fit.model)).collect();
     check_residuals(validate, &held_out, &fit.model)?;
     Ok(Judged { fit, held_out })
+}
+
+/// Whether an effect that is not there has such coefficients by itself once in twenty times.
+fn differs_by_chance(fit: &Fit, effect: Effect, train: &[&Prepared]) -> bool {
+    wald_p_value(fit, effect, train) > BY_CHANCE
 }
 
 /// What was found: the members of the set with their evidence, and the model with all that are supported.
@@ -103,7 +115,9 @@ impl<'a> Search<'a> {
         let with = |effect: &Effect| {
             let mut effects = self.base.fit.model.effects();
             effects.push(*effect);
-            judge(&self.base.fit.model, &effects, self.train, self.validate)
+            let model = &self.base.fit.model;
+            let fit = fit_if(self.train, &model.vehicle, &effects, Some(model), Demand::Promising)?;
+            judged(fit, self.validate)
         };
         let alone = self.alone.get_or_init(|| self.searched.iter().map(with).collect());
         self.searched.iter().copied().zip(alone)
@@ -204,7 +218,9 @@ impl<'a> Search<'a> {
             };
             // One that cannot be fitted or is worth nothing to the base model is not tried again.
             let Ok(alone) = alone else { continue };
-            if screen.gain(&self.base.held_out, &alone.held_out) <= penalty(&[effect]) {
+            if screen.gain(&self.base.held_out, &alone.held_out) <= penalty(&[effect])
+                || differs_by_chance(&alone.fit, effect, self.train)
+            {
                 continue;
             }
             progress(effect.id());

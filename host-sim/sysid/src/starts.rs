@@ -9,16 +9,15 @@
 //!   anything, its shape is improved by trying ever nearer neighbours: Gauss and Newton's steps go on from where they
 //!   converge.
 
-use std::borrow::Cow;
-
 use model::{Effect, Model};
 
 use crate::FitError;
-use crate::fit::{self, Layout, less_added, step_scale, with_beginnings};
+use crate::about::{measured_less_predicted, step_scale};
+use crate::fit::{self, Layout, less_added};
+use crate::load_shapes::LoadShapes;
 use crate::prepare::Prepared;
 use crate::regress::{self, FlightRows};
 use crate::rows::RowColumn;
-use crate::swing;
 
 /// The starts of a fit. `model` has the linear coefficients of a fit without the adjusting effects that are unknown.
 pub(crate) fn of(
@@ -26,12 +25,13 @@ pub(crate) fn of(
     mut model: Model,
     layout: &Layout,
     is_unknown: impl Fn(Effect) -> bool,
+    demand: Demand,
 ) -> Result<Vec<Model>, FitError> {
     let unknown: Vec<Effect> = layout.adjusting.iter().copied().filter(|e| is_unknown(*e)).collect();
     let (searched, ordinary): (Vec<Effect>, Vec<Effect>) =
         unknown.into_iter().partition(|effect| !effect.starts().is_empty());
     for effect in searched {
-        search(flights, &mut model, layout, effect)?;
+        search(flights, &mut model, layout, effect, demand)?;
     }
     let second = second(&model, &ordinary);
     Ok(std::iter::once(model).chain(second).collect())
@@ -64,27 +64,43 @@ const IMPROVED: usize = 3;
 const HOPELESS: f64 = 0.3;
 /// Rounds with one change.
 const ROUNDS: usize = 3;
-/// Share of a slung load in the craft's mass that is ordinary.
-const ORDINARY_SHARE: f64 = 0.05;
 /// A start explains something when it lowers the logarithm of the residual's spread by this: 0.2 % of it.
 const EXPLAINS: f64 = 0.002;
 
-/// Sets an effect to the best of its starts.
-fn search(flights: &[&Prepared], model: &mut Model, layout: &Layout, effect: Effect) -> Result<(), FitError> {
-    let mut with = model.clone();
+/// What a search over shapes must find for a fit to go on from it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Demand {
+    /// Whatever is best.
+    Best,
+    /// Something possible that explains anything.
+    Promising,
+}
+
+/// Sets an effect to the best of its starts: of those where its coefficients are possible, if there are any.
+fn search(
+    flights: &[&Prepared],
+    model: &mut Model,
+    layout: &Layout,
+    effect: Effect,
+    demand: Demand,
+) -> Result<(), FitError> {
     let starts = effect.starts();
-    with.set(effect, &starts[0].iter().map(|value| value.unwrap_or(0.0)).collect::<Vec<_>>());
-    let pieces: Vec<Cow<Prepared>> = flights.iter().map(|flight| swing::in_pieces(flight, &with)).collect();
-    let flights: &[&Prepared] = &pieces.iter().map(|flight| &**flight).collect::<Vec<_>>();
-    let linear = linear_columns(flights, model, layout, effect);
     let is_shape: Vec<bool> =
         starts.iter().flatten().take(effect.info().coefficients.len()).map(Option::is_some).collect();
-    let mut problem = Problem { flights, model, layout, effect, is_shape, linear };
+    let solver: Box<dyn Shapes> = match effect {
+        Effect::SlungLoad => Box::new(LoadShapes::new(flights, model, &layout.linear)),
+        _ => Box::new(AnyShapes::new(flights, model, layout, effect, is_shape.clone())),
+    };
+    let has_map = model.vehicle.has_rotor_map();
+    let mut problem = Problem { effect, is_shape, has_map, solver };
     let shapes =
-        starts.iter().map(|start| start.iter().map(|value| value.unwrap_or(0.0)).collect::<Vec<f64>>());
-    let mut ends: Vec<End> = shapes.filter_map(|shape| problem.solve(&shape)).collect();
+        starts.iter().map(|start| start.iter().map(|value| value.unwrap_or(0.0)).collect::<Vec<_>>());
+    let mut ends: Vec<End> = shapes.filter_map(|shape| problem.solver.solve(&shape)).collect();
     ends.sort_by(|a, b| a.score.total_cmp(&b.score));
-    let explains = |end: &End| end.score < end.without - EXPLAINS;
+    if ends.iter().any(|end| is_possible(effect, end)) {
+        ends.retain(|end| is_possible(effect, end));
+    }
+    let explains = |end: &End| is_possible(effect, end) && end.score < end.without - EXPLAINS;
     let mut best: Option<End> = None;
     for (place, end) in ends.into_iter().take(IMPROVED).enumerate() {
         if place > 0
@@ -103,16 +119,25 @@ fn search(flights: &[&Prepared], model: &mut Model, layout: &Layout, effect: Eff
             excitation: info.excitation,
         });
     };
+    if demand == Demand::Promising && !explains(&best) {
+        return Err(FitError::ExplainsNothing { effect: info.id, excitation: info.excitation });
+    }
     model.set(effect, &best.values);
     // No step would lead away from there.
     fit::check_scales(model, &[effect])
 }
 
 /// Where a least squares ended: all coefficients, and how much is left with them and with the free ones at zero.
-struct End {
-    score: f64,
-    without: f64,
-    values: Vec<f64>,
+pub(crate) struct End {
+    pub(crate) score: f64,
+    pub(crate) without: f64,
+    pub(crate) values: Vec<f64>,
+}
+
+/// Whether all coefficients are physically possible.
+fn is_possible(effect: Effect, end: &End) -> bool {
+    let within = |(value, c): (&f64, &model::Coefficient)| (c.possible.0..=c.possible.1).contains(value);
+    end.values.iter().zip(effect.info().coefficients).all(within)
 }
 
 /// Keeps the better of two; whether that is the new one.
@@ -127,20 +152,24 @@ fn better(best: &mut Option<End>, new: Option<End>) -> bool {
     }
 }
 
-/// An effect to be fitted at given shapes.
+/// An effect at given shapes.
+pub(crate) trait Shapes {
+    /// The coefficients that the shape leaves free together with the linear ones, on the axes that the effect acts on. Nothing
+    /// where they are not determined or not finite.
+    fn solve(&mut self, shape: &[f64]) -> Option<End>;
+}
+
+/// A search over the shapes of an effect.
 struct Problem<'a> {
-    flights: &'a [&'a Prepared],
-    model: &'a mut Model,
-    layout: &'a Layout,
     effect: Effect,
     is_shape: Vec<bool>,
-    linear: Vec<LinearColumns>,
+    has_map: bool,
+    solver: Box<dyn Shapes + 'a>,
 }
 
 impl Problem<'_> {
     /// The best of ever nearer neighbours.
     fn improve(&mut self, start: End) -> End {
-        let has_map = self.model.vehicle.has_rotor_map();
         let info = self.effect.info();
         let shape: Vec<usize> = (0..self.is_shape.len()).filter(|k| self.is_shape[*k]).collect();
         let mut best = Some(start);
@@ -151,9 +180,10 @@ impl Problem<'_> {
                     let Some(End { values, .. }) = &best else { continue };
                     let mut values = values.clone();
                     let (low, high) = info.coefficients[k].possible;
-                    let scale = if low > 0.0 { values[k] } else { 4.0 * step_scale(has_map, self.effect, k) };
+                    let scale =
+                        if low > 0.0 { values[k] } else { 4.0 * step_scale(self.has_map, self.effect, k) };
                     values[k] = (values[k] + sign * change * scale).clamp(low, high);
-                    let end = self.solve(&values);
+                    let end = self.solver.solve(&values).filter(|end| is_possible(self.effect, end));
                     moved |= better(&mut best, end);
                 }
                 if !moved {
@@ -179,15 +209,36 @@ fn linear_columns(
 ) -> Vec<LinearColumns> {
     let acts = |column: &RowColumn| effect.info().axes.iter().any(|axis| column[axis.index()].is_some());
     let of = |flight: &&Prepared| {
-        let all = flight.columns(&layout.linear, model, flight.fit_stride(), &[]);
+        let all = flight.columns(&layout.linear, model, flight.fit_stride(), None);
         LinearColumns { acts: all.iter().map(acts).collect(), all }
     };
     flights.iter().map(of).collect()
 }
 
-impl Problem<'_> {
-    /// The coefficients that the shape leaves free together with the linear ones, on the axes that the effect acts on. Nothing
-    /// where they are not determined or not finite.
+/// Any effect's shapes: the residual is formed anew for each.
+struct AnyShapes<'a> {
+    flights: &'a [&'a Prepared],
+    model: Model,
+    layout: &'a Layout,
+    effect: Effect,
+    is_shape: Vec<bool>,
+    linear: Vec<LinearColumns>,
+}
+
+impl<'a> AnyShapes<'a> {
+    fn new(
+        flights: &'a [&'a Prepared],
+        model: &Model,
+        layout: &'a Layout,
+        effect: Effect,
+        is_shape: Vec<bool>,
+    ) -> Self {
+        let linear = linear_columns(flights, model, layout, effect);
+        Self { flights, model: model.clone(), layout, effect, is_shape, linear }
+    }
+}
+
+impl Shapes for AnyShapes<'_> {
     fn solve(&mut self, shape: &[f64]) -> Option<End> {
         let Self { flights, model, layout, effect, is_shape, linear } = self;
         let given = shape.iter().zip(&*is_shape);
@@ -202,21 +253,9 @@ impl Problem<'_> {
             .zip(linear)
             .map(|(flight, linear)| {
                 let stride = flight.fit_stride();
-                let mut here = with_beginnings(flight, model, stride, &[]).residual;
+                let here = measured_less_predicted(flight, model, stride).1;
                 let mut columns = linear.all.clone();
                 columns.extend(slopes(flight, model, *effect, &free, &here));
-                // With no mass yet, a load's swing at the beginning is taken out as that of an ordinary one.
-                if let Some(load) = model.adjustments().load {
-                    swing::take_out(
-                        flight,
-                        model,
-                        (&load, ORDINARY_SHARE),
-                        stride,
-                        &[],
-                        &mut here,
-                        &mut columns,
-                    );
-                }
                 for (sum, residual) in squares.iter_mut().zip(&here) {
                     *sum = (sum.0 + residual.iter().map(|e| e * e).sum::<f64>(), sum.1 + residual.len());
                 }
@@ -260,7 +299,7 @@ fn slopes(
             let mut values = base.clone();
             values[k] += step;
             moved.set(effect, &values);
-            let ahead = with_beginnings(flight, &moved, flight.fit_stride(), &[]).residual;
+            let ahead = measured_less_predicted(flight, &moved, flight.fit_stride()).1;
             std::array::from_fn(|axis| {
                 let slope: Vec<f64> =
                     here[axis].iter().zip(&ahead[axis]).map(|(h, a)| (h - a) / step).collect();

@@ -12,15 +12,16 @@
 //! log: the tracker's noise is in both, and a stiff pendulum without any load would explain it. The place is therefore
 //! smoothed over 0.4 s, which leaves a swing (up to 11 rad/s) as it is, and ends where most of a derivative's noise begins.
 
-use std::borrow::Cow;
+use std::ops::Range;
 
-use model::{Adjustments, Load, Model, Swing, Vehicle};
-use nalgebra::{Matrix4, Vector3, Vector4};
+use model::{Effect, Load, Model, Swing};
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3, Vector4};
 
-use crate::filter::{RegressionFilter, convolve};
-use crate::fit::{Residuals, residuals_at_rows, with_beginnings};
-use crate::prepare::{Prepared, Stretch, vector};
-use crate::rows::RowColumn;
+use crate::about::measured_less_predicted;
+use crate::filter::{RegressionFilter, convolve, sum_of_products};
+use crate::fit::Residuals;
+use crate::prepare::{ForceTarget, Prepared, Stretch, vector};
+use crate::rows::{Part, RowColumn};
 
 /// Standard deviation of the swing at the beginning, rad.
 const SWING_RAD: f64 = 0.15;
@@ -29,8 +30,6 @@ const FOLLOWED: usize = 4;
 /// A change of the beginning up to which the swing is linear in it, rad: of what a wide swing of 0.3 rad adds, it moves
 /// the square by 6 parts in 1000 of gravity.
 const LARGE_RAD: f64 = 0.02;
-/// Share of the load in the craft's mass that is no load.
-const NO_LOAD: f64 = 1e-3;
 /// Time from one independent value of filtered noise to the next, s.
 const INDEPENDENT_S: f64 = 0.1;
 
@@ -41,53 +40,57 @@ pub(crate) const BY_CHANCE_PERCENT: f64 = 100.0 * 4.0 * INDEPENDENT_S / (2.0 * P
 /// 26 rad/s) about where that begins.
 const DRIVING_WINDOW_S: f64 = 0.4;
 
-/// Mass of the load over that of the craft.
-pub(crate) fn share(model: &Model, load: &Load) -> f64 {
-    load.mass_kg / (model.vehicle.mass + model.adjustments().extra_mass_kg)
-}
-
 /// Length of a piece, s: several swings of a cable of a metre, short enough for a wide swing to be followed.
 const PIECE_S: f64 = 4.0;
 
-/// The flight in pieces over which a load's swing is followed, where the model has a load: stretches that overlap by what filters
-/// need at their ends, so that the rows are those of the flight, in the same order.
-pub(crate) fn in_pieces<'a>(flight: &'a Prepared, model: &Model) -> Cow<'a, Prepared> {
-    let stride = flight.fit_stride();
-    let of_piece = ((PIECE_S / flight.period_s) as usize / stride).max(1) * stride;
-    let rows = |stretch: &Stretch| stretch.time_s.len() - 2 * flight.margin;
-    // The last one takes the rest.
-    let count = |stretch: &Stretch| ((rows(stretch) + of_piece / 2) / of_piece).max(1);
-    if model.adjustments().load.is_none() || flight.stretches.iter().all(|stretch| count(stretch) == 1) {
-        return Cow::Borrowed(flight);
-    }
-    let cut = |stretch: &'a Stretch| {
-        let count = count(stretch);
-        (0..count).map(move |piece| {
-            let end = if piece + 1 == count { rows(stretch) } else { (piece + 1) * of_piece };
-            stretch.part(piece * of_piece..end + 2 * flight.margin)
-        })
-    };
-    let stretches = flight.stretches.iter().flat_map(cut).collect();
-    Cow::Owned(Prepared { stretches, ..flight.without_stretches() })
+/// The load of a model.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Carried {
+    pub(crate) load: Load,
+    /// Its mass over the craft's.
+    pub(crate) share: f64,
+    craft_kg: f64,
+    gravity_m_s2: f64,
 }
 
-/// The load over a whole stretch, as its pieces follow it.
-pub(crate) fn followed(flight: &Prepared, stretch: &Stretch, model: &Model) -> Vec<Swing> {
-    let adjust = model.adjustments();
-    let Some(load) = adjust.load else { return Vec::new() };
-    let alone = Prepared { stretches: vec![stretch.clone()], ..flight.without_stretches() };
-    let pieces = in_pieces(&alone, model);
-    let begun = residuals_at_rows(&pieces, model, pieces.fit_stride()).begun;
-    let mut swings = Vec::with_capacity(stretch.time_s.len());
-    for (index, piece) in pieces.stretches.iter().enumerate() {
-        let beginning = begun.get(index).copied().unwrap_or_default();
-        let own = driven(&pieces, piece, &model.vehicle, &adjust, &load, &beginning);
-        // What the one before it had last belongs to this one's middle.
-        swings.truncate(swings.len().saturating_sub(flight.margin));
-        let known = if index == 0 { 0 } else { flight.margin };
-        swings.extend_from_slice(&own[known..]);
+impl Carried {
+    /// The part of a force along the cable that moves the load.
+    pub(crate) fn part(&self) -> f64 {
+        self.share / (1.0 + self.share)
     }
-    swings
+
+    /// What [`Self::part`] grows by with the mass where there is none yet, 1/kg.
+    pub(crate) fn part_per_kg(&self) -> f64 {
+        1.0 / self.craft_kg
+    }
+
+    /// Standard deviations of a beginning: offset m, velocity m/s.
+    fn usual(&self) -> Vector2<f64> {
+        let offset_m = SWING_RAD * self.load.cable_length_m;
+        Vector2::new(offset_m, offset_m * self.load.stiffness_rad2_s2(self.gravity_m_s2).sqrt())
+    }
+
+    /// Whether a change of a beginning is too large for what enters linearly.
+    fn is_large(&self, change: &Vector4<f64>) -> bool {
+        let usual = self.usual();
+        change.component_div(&Vector4::new(usual.x, usual.y, usual.x, usual.y)).amax() > LARGE_RAD / SWING_RAD
+    }
+}
+
+/// The load of a model, if it has one.
+pub(crate) fn of_model(model: &Model) -> Option<Carried> {
+    let adjust = model.adjustments();
+    adjust.load.map(|load| {
+        let craft_kg = model.vehicle.mass + adjust.extra_mass_kg;
+        Carried { load, share: load.mass_kg / craft_kg, craft_kg, gravity_m_s2: model.vehicle.gravity }
+    })
+}
+
+/// A model with nothing on the cable.
+pub(crate) fn without_load(model: &Model) -> Model {
+    let mut model = model.clone();
+    model.terms.retain(|term| term.effect != Effect::SlungLoad);
+    model
 }
 
 /// The swing of a load when a piece begins: north m, m/s, east m, m/s against the craft.
@@ -96,194 +99,448 @@ pub(crate) struct Beginning {
     /// What it is taken for.
     pub(crate) at: Vector4<f64>,
     /// What would be expected: as the piece before it ends, at rest after a gap.
-    pub(crate) expected: Vector4<f64>,
+    expected: Vector4<f64>,
 }
 
-/// The load over a stretch.
-pub(crate) fn driven(
-    flight: &Prepared,
-    stretch: &Stretch,
-    vehicle: &Vehicle,
-    adjust: &Adjustments,
-    load: &Load,
-    beginning: &Beginning,
-) -> Vec<Swing> {
-    let lever_m = Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m;
-    let place = |k: usize| {
-        let tracked = vector(&stretch.position_ned_m, k);
-        tracked - adjust.true_dcm(&stretch.dcm[k]).tr_mul(&lever_m)
-    };
-    let raw: Vec<Vector3<f64>> = (0..stretch.time_s.len()).map(place).collect();
-    let taps = RegressionFilter::smoothing_taps(flight.period_s, DRIVING_WINDOW_S);
-    let smooth: [Vec<f64>; 3] = std::array::from_fn(|axis| {
-        let signal: Vec<f64> = raw.iter().map(|place| place[axis]).collect();
-        convolve(&signal, &taps, |k| signal[k])
-    });
-    let places: Vec<Vector3<f64>> = (0..raw.len()).map(|k| vector(&smooth, k)).collect();
-    load.driven(&places, beginning.at.into(), flight.period_s, vehicle.gravity)
+/// A piece of a flight, over which a load's swing is followed from one beginning.
+#[derive(Debug, Clone)]
+struct Piece {
+    stretch: usize,
+    /// Samples of the stretch: those of neighbours overlap by what filters need at their ends.
+    samples: Range<usize>,
+    /// Rows of the flight.
+    rows: Range<usize>,
 }
 
-/// The two free swings, in place of the load's direction north and east.
-pub(crate) fn free(load: &Load, samples: usize, period_s: f64, gravity_m_s2: f64) -> Vec<Swing> {
-    let carry = |[offset, velocity]: [f64; 2]| Swing {
-        direction: Vector3::new(offset, velocity, 0.0),
-        turning_rad_s: Vector3::zeros(),
-    };
-    load.free(samples, period_s, gravity_m_s2).into_iter().map(carry).collect()
-}
-
-/// The load of a model whose swing matters: what it adds goes with its share.
-pub(crate) fn carried(model: &Model) -> Option<Load> {
-    model.adjustments().load.filter(|load| share(model, load).abs() > NO_LOAD)
-}
-
-/// Takes out of a residual what is left to say of the load's swing at the beginning of each piece, `begun` being what it was
-/// formed with, and of columns that stand beside it in a fit what it would explain of them. Hands over what was said: the
-/// change of each beginning.
-pub(crate) fn take_out_beginnings(
-    flight: &Prepared,
-    model: &Model,
-    stride: usize,
-    begun: &[Beginning],
-    residual: &mut [Vec<f64>; 6],
-    beside: &mut [RowColumn],
-) -> Vec<Vector4<f64>> {
-    match carried(model) {
-        Some(load) => take_out(flight, model, (&load, share(model, &load)), stride, begun, residual, beside),
-        None => Vec::new(),
-    }
-}
-
-/// The same for a load of a given share.
-pub(crate) fn take_out(
-    flight: &Prepared,
-    model: &Model,
-    (load, share): (&Load, f64),
-    stride: usize,
-    begun: &[Beginning],
-    residual: &mut [Vec<f64>; 6],
-    beside: &mut [RowColumn],
-) -> Vec<Vector4<f64>> {
-    let columns = flight.free_swings(model, load, share, stride);
-    let acts = |column: &&mut RowColumn| column[..3].iter().any(Option::is_some);
-    let mut beside: Vec<&mut RowColumn> = beside.iter_mut().filter(acts).collect();
-    for axis in beside.iter_mut().flat_map(|column| &mut column[..3]) {
-        axis.get_or_insert_with(|| vec![0.0; residual[0].len()]);
-    }
-    let starts = flight.starts_of_rows(stride);
-    let variances = usual(model, load).map(|d| d * d);
-    let mut changes = Vec::with_capacity(starts.len());
-    for (i, &start) in starts.iter().enumerate() {
-        let rows = start..starts.get(i + 1).copied().unwrap_or(residual[0].len());
-        let squares: f64 = residual[..2].iter().flat_map(|r| &r[rows.clone()]).map(|e| e * e).sum();
-        let mean_square = squares / (2.0 * rows.len() as f64).max(1.0);
-        // Neighbouring rows repeat each other's noise.
-        let noise = mean_square * (INDEPENDENT_S / (flight.period_s * stride as f64)).max(1.0);
-        let known = variances.map(|v| noise / v);
-        let mut normal = Matrix4::from_diagonal(&known);
-        let free: [Vec<Vector4<f64>>; 3] = std::array::from_fn(|axis| {
-            let value = |p: usize, k: usize| columns[p][axis].as_ref().map_or(0.0, |column| column[k]);
-            rows.clone().map(|k| Vector4::from_fn(|p, _| value(p, k))).collect()
-        });
-        for row in free.iter().flatten() {
-            normal += row * row.transpose();
+/// The flight in pieces; their rows are those of the flight, in the same order.
+fn pieces(flight: &Prepared, stride: usize) -> Vec<Piece> {
+    let fit_stride = flight.fit_stride();
+    let of_piece = ((PIECE_S / flight.period_s) as usize / fit_stride).max(1) * fit_stride;
+    let mut all: Vec<Piece> = Vec::new();
+    for (stretch, samples) in flight.stretches.iter().map(|stretch| stretch.time_s.len()).enumerate() {
+        let places = samples - 2 * flight.margin;
+        // The last one takes the rest.
+        let count = ((places + of_piece / 2) / of_piece).max(1);
+        for piece in 0..count {
+            let (from, to) =
+                (piece * of_piece, if piece + 1 == count { places } else { (piece + 1) * of_piece });
+            let row = all.last().map_or(0, |last| last.rows.end);
+            let rows = row..row + (to - from).div_ceil(stride);
+            all.push(Piece { stretch, samples: from..to + 2 * flight.margin, rows });
         }
-        let Some(cholesky) = normal.cholesky() else {
-            changes.push(Vector4::zeros());
-            continue;
-        };
-        let take_out = |signal: [&mut [f64]; 3], expected: Vector4<f64>| {
-            let mut right = known.component_mul(&expected);
-            for (free, signal) in free.iter().zip(&signal) {
-                right += free.iter().zip(signal.iter()).map(|(f, s)| f * *s).sum::<Vector4<f64>>();
-            }
-            let beginning = cholesky.solve(&right);
-            for (free, signal) in free.iter().zip(signal) {
-                free.iter().zip(signal).for_each(|(f, s)| *s -= f.dot(&beginning));
-            }
-            beginning
-        };
-        let [u, v, w, ..] = residual;
-        let expected = begun.get(i).map_or_else(Vector4::zeros, |begun| begun.expected - begun.at);
-        changes.push(take_out([&mut u[rows.clone()], &mut v[rows.clone()], &mut w[rows.clone()]], expected));
-        for column in &mut beside {
-            if let [Some(u), Some(v), Some(w), ..] = &mut **column {
-                let signal = [&mut u[rows.clone()], &mut v[rows.clone()], &mut w[rows.clone()]];
-                take_out(signal, Vector4::zeros());
-            }
-        }
-    }
-    changes
-}
-
-/// Standard deviations of a beginning.
-fn usual(model: &Model, load: &Load) -> Vector4<f64> {
-    let offset_m = SWING_RAD * load.cable_length_m;
-    let velocity_m_s = offset_m * load.stiffness_rad2_s2(model.vehicle.gravity).sqrt();
-    Vector4::new(offset_m, velocity_m_s, offset_m, velocity_m_s)
-}
-
-/// Whether a change of a beginning is too large for what enters linearly.
-fn is_large(model: &Model, load: &Load, change: &Vector4<f64>) -> bool {
-    change.component_div(&usual(model, load)).amax() > LARGE_RAD / SWING_RAD
-}
-
-/// Residuals of a flight in pieces under a model with a load, each piece from where the one before it ends; `known` are beginnings
-/// from elsewhere to go on from.
-pub(crate) fn follow(
-    flight: &Prepared,
-    (model, load): (&Model, &Load),
-    stride: usize,
-    known: &[Beginning],
-) -> Residuals {
-    let mut all = Residuals::default();
-    let mut goes_on: Option<(f64, Vector4<f64>)> = None;
-    for (i, piece) in flight.stretches.iter().enumerate() {
-        let alone = Prepared { stretches: vec![piece.clone()], ..flight.without_stretches() };
-        let same_time = |time_s: f64| (time_s - piece.time_s[0]).abs() < 0.5 * flight.period_s;
-        let expected =
-            goes_on.filter(|(time_s, _)| same_time(*time_s)).map_or_else(Vector4::zeros, |(_, at)| at);
-        let at = known.get(i).map_or(expected, |known| known.at);
-        let (begun, one) = begin(&alone, (model, load), stride, Beginning { at, expected });
-        all.append(one);
-        let swings = driven(&alone, piece, &model.vehicle, &model.adjustments(), load, &begun);
-        let next = piece.time_s.len() - 2 * flight.margin;
-        goes_on = swings.get(next).map(|swing| {
-            let offset_m = load.cable_length_m * swing.direction;
-            let velocity_m_s = load.cable_length_m * swing.turning_rad_s.cross(&swing.direction);
-            let at = Vector4::new(offset_m.x, velocity_m_s.x, offset_m.y, velocity_m_s.y);
-            (piece.time_s[next], at)
-        });
     }
     all
 }
 
-/// The beginning of a flight of one piece, from a first guess on, and its residuals.
-fn begin(
-    alone: &Prepared,
-    (model, load): (&Model, &Load),
+/// A flight under a model but for its load's pull, and where that acts: what loads are tried on.
+#[derive(Debug, Clone)]
+pub(crate) struct Unloaded {
+    pieces: Vec<Piece>,
+    period_s: f64,
     stride: usize,
-    first: Beginning,
-) -> (Beginning, Residuals) {
-    let evaluate = |begun: Beginning| {
-        let mut residuals = with_beginnings(alone, model, stride, &[begun]);
-        let residual = &mut residuals.residual;
-        let change = take_out_beginnings(alone, model, stride, &[begun], residual, &mut []).first().copied();
-        let left: f64 = residual[..3].iter().flatten().map(|e| e * e).sum();
-        (left, begun, change.unwrap_or_default(), residuals)
-    };
-    let mut best = evaluate(first);
-    for _ in 0..FOLLOWED {
-        let (left, begun, change, _) = &best;
-        if !is_large(model, load, change) {
-            break;
+    margin: usize,
+    /// Where the craft is at the samples of each stretch, smoothed, inertial m.
+    places_m: Vec<Vec<Vector3<f64>>>,
+    /// Specific force of everything but the cable, inertial m/s^2, where regressors are formed.
+    force_ned_m_s2: Vec<Vec<Vector3<f64>>>,
+    /// Inertial to body at the rows.
+    dcm: Vec<Matrix3<f64>>,
+    /// The same at the samples of each stretch, where forces are filtered in body axes.
+    body_dcm: Option<Vec<Vec<Matrix3<f64>>>>,
+    taps: Vec<f64>,
+    pub(crate) measured: [Vec<f64>; 6],
+    /// Measured less what everything but the load's pull predicts.
+    pub(crate) residual: [Vec<f64>; 6],
+}
+
+impl Unloaded {
+    pub(crate) fn new(flight: &Prepared, model: &Model, stride: usize) -> Self {
+        let adjust = model.adjustments();
+        let (measured, residual) = measured_less_predicted(flight, model, stride);
+        let pieces = pieces(flight, stride);
+        let dcms = |stretch: &Stretch| -> Vec<Matrix3<f64>> {
+            let states = flight.states(stretch, &model.vehicle, &adjust);
+            (0..states.len()).map(|k| states.dcm(k)).collect()
+        };
+        let body_dcm: Vec<Vec<Matrix3<f64>>> = flight.stretches.iter().map(dcms).collect();
+        let rows = |piece: &Piece| {
+            let dcm = &body_dcm[piece.stretch];
+            let row = piece.samples.start + flight.margin..piece.samples.end - flight.margin;
+            row.step_by(stride).map(|k| dcm[k])
+        };
+        let dcm = pieces.iter().flat_map(rows).collect();
+        let lever_m = Vector3::from(model.vehicle.tracked_point) + adjust.tracked_point_m;
+        let places = |(stretch, dcm): (&Stretch, &Vec<Matrix3<f64>>)| places(flight, stretch, dcm, &lever_m);
+        Self {
+            period_s: flight.period_s,
+            stride,
+            margin: flight.margin,
+            places_m: flight.stretches.iter().zip(&body_dcm).map(places).collect(),
+            force_ned_m_s2: flight.predicted_forces_ned_m_s2(model),
+            dcm,
+            body_dcm: (flight.force_target == ForceTarget::Imu).then_some(body_dcm),
+            taps: flight.force_taps(),
+            pieces,
+            measured,
+            residual,
         }
-        let next = evaluate(Beginning { at: begun.at + change, ..*begun });
-        // A swing far beyond the linear may be followed to somewhere worse.
-        if !(next.0 < *left) {
-            break;
-        }
-        best = next;
     }
-    (best.1, best.3)
+
+    /// Rows at which pieces begin and the last one ends.
+    pub(crate) fn rows_of_pieces(&self) -> impl Iterator<Item = Range<usize>> {
+        self.pieces.iter().map(|piece| piece.rows.clone())
+    }
+
+    /// Inertial to body at the rows.
+    pub(crate) fn dcm(&self) -> &[Matrix3<f64>] {
+        &self.dcm
+    }
+
+    /// The load over a piece.
+    fn driven(&self, piece: &Piece, carried: &Carried, beginning: &Vector4<f64>) -> Vec<Swing> {
+        let places = &self.places_m[piece.stretch][piece.samples.clone()];
+        carried.load.driven(places, (*beginning).into(), self.period_s, carried.gravity_m_s2)
+    }
+
+    /// What a load pulls the craft with at the rows of a piece, for each part of a force along the cable that moves it, body m/s^2.
+    fn pull(&self, piece: &Piece, carried: &Carried, swings: &[Swing]) -> [Vec<f64>; 3] {
+        let length_m = carried.load.cable_length_m;
+        let forces = &self.force_ned_m_s2[piece.stretch][piece.samples.start..];
+        let along = |swing: &Swing, force: &Vector3<f64>| {
+            let n = swing.direction;
+            n * (length_m * swing.turning_rad_s.norm_squared() - n.dot(force))
+        };
+        let mut signal: [Vec<f64>; 3] = std::array::from_fn(|_| Vec::with_capacity(swings.len()));
+        let mut push = |pull: Vector3<f64>| signal.iter_mut().zip(pull.iter()).for_each(|(s, p)| s.push(*p));
+        match &self.body_dcm {
+            Some(dcm) => {
+                let dcm = &dcm[piece.stretch][piece.samples.start..];
+                swings.iter().zip(forces).zip(dcm).for_each(|((s, f), dcm)| push(dcm * along(s, f)));
+            }
+            None => {
+                let between = swings.windows(2).map(|pair| pair[0].middle(&pair[1]));
+                between.zip(forces).for_each(|(s, f)| push(along(&s, f)));
+            }
+        }
+        let mut pull: [Vec<f64>; 3] = std::array::from_fn(|_| Vec::with_capacity(piece.rows.len()));
+        for (i, dcm) in self.dcm[piece.rows.clone()].iter().enumerate() {
+            let first = self.margin + i * self.stride - self.taps.len() / 2;
+            let filtered = signal.each_ref().map(|s| sum_of_products(&s[first..], &self.taps));
+            let filtered = Vector3::from(filtered);
+            let body = if self.body_dcm.is_some() { filtered } else { dcm * filtered };
+            pull.iter_mut().zip(body.iter()).for_each(|(pull, b)| pull.push(*b));
+        }
+        pull
+    }
+
+    /// What a load pulls with from given beginnings of the pieces (hanging still, where there are none), for each part of a force along
+    /// the cable that moves it, body m/s^2.
+    pub(crate) fn pull_from(&self, carried: &Carried, begun: &[Beginning]) -> [Vec<f64>; 3] {
+        let mut all: [Vec<f64>; 3] = std::array::from_fn(|_| Vec::with_capacity(self.dcm.len()));
+        for (index, piece) in self.pieces.iter().enumerate() {
+            let at = begun.get(index).map_or_else(Vector4::zeros, |begun| begun.at);
+            let swings = self.driven(piece, carried, &at);
+            let of_piece = self.pull(piece, carried, &swings);
+            all.iter_mut().zip(of_piece).for_each(|(all, pull)| all.extend(pull));
+        }
+        all
+    }
+
+    /// What a load's free swing adds at the rows of a piece in the direction in which it swings, from an offset of 1 m and from 1 m/s,
+    /// m/s^2: the same in all pieces, but for their length.
+    pub(crate) fn free_swings(&self, carried: &Carried) -> [Vec<f64>; 2] {
+        let Carried { load, share, gravity_m_s2, .. } = carried;
+        let longest = self.pieces.iter().max_by_key(|piece| piece.rows.len());
+        let (samples, rows) = longest.map_or((0, 0), |piece| (piece.samples.len(), piece.rows.len()));
+        let pull = share * load.stiffness_rad2_s2(*gravity_m_s2);
+        let offsets = load.free(samples, self.period_s, *gravity_m_s2);
+        std::array::from_fn(|solution| {
+            let at: Vec<f64> = offsets.iter().map(|offset_m| pull * offset_m[solution]).collect();
+            let between = || at.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
+            let signal = if self.body_dcm.is_some() { at.clone() } else { between() };
+            let first = |row: usize| self.margin + row * self.stride - self.taps.len() / 2;
+            (0..rows).map(|row| sum_of_products(&signal[first(row)..], &self.taps)).collect()
+        })
+    }
+
+    /// What is known of the beginning of a piece before its rows are looked at: the variance of the noise over those of offset and
+    /// velocity. The noise is what is left on the two sideways axes, `squares` in all.
+    pub(crate) fn known(&self, squares: f64, rows: usize, carried: &Carried) -> Vector2<f64> {
+        let mean_square = squares / (2.0 * rows as f64).max(1.0);
+        // Neighbouring rows repeat each other's noise.
+        let noise = mean_square * (INDEPENDENT_S / (self.period_s * self.stride as f64)).max(1.0);
+        carried.usual().map(|deviation| noise / (deviation * deviation))
+    }
+}
+
+/// Where the craft is, smoothed.
+fn places(
+    flight: &Prepared,
+    stretch: &Stretch,
+    dcm: &[Matrix3<f64>],
+    lever_m: &Vector3<f64>,
+) -> Vec<Vector3<f64>> {
+    let taps = RegressionFilter::smoothing_taps(flight.period_s, DRIVING_WINDOW_S);
+    let smooth = |signal: &[f64]| convolve(signal, &taps, |k| signal[k]);
+    let has_lever = *lever_m != Vector3::zeros();
+    let smoothed: [Vec<f64>; 3] = std::array::from_fn(|axis| {
+        let tracked = &stretch.position_ned_m[axis];
+        if !has_lever {
+            return smooth(tracked);
+        }
+        let arm = |(tracked, dcm): (&f64, &Matrix3<f64>)| tracked - dcm.column(axis).dot(lever_m);
+        smooth(&tracked.iter().zip(dcm).map(arm).collect::<Vec<_>>())
+    });
+    (0..dcm.len()).map(|k| vector(&smoothed, k)).collect()
+}
+
+/// What takes the beginnings of pieces out of signals at the rows.
+#[derive(Debug, Clone, Default)]
+struct Beginnings {
+    /// [`Unloaded::free_swings`].
+    free: [Vec<f64>; 2],
+    /// Of each piece, the inverse of the normal equations, the same north and east.
+    inverse: Vec<Matrix2<f64>>,
+}
+
+impl Beginnings {
+    /// Sums of the free swings times a signal over rows, north and east.
+    fn sums<'a>(
+        &self,
+        dcm: &[Matrix3<f64>],
+        signal: impl Iterator<Item = Vector3<f64>> + 'a,
+    ) -> Matrix2<f64> {
+        let mut sums = Matrix2::zeros();
+        for ((dcm, signal), (a, b)) in dcm.iter().zip(signal).zip(self.free[0].iter().zip(&self.free[1])) {
+            let (north, east) = (dcm.column(0).dot(&signal), dcm.column(1).dot(&signal));
+            sums += Matrix2::new(a * north, a * east, b * north, b * east);
+        }
+        sums
+    }
+
+    /// The free swings of a beginning (offset and velocity, north and east) at rows, body.
+    fn swung<'a>(
+        &'a self,
+        dcm: &'a [Matrix3<f64>],
+        beginning: Matrix2<f64>,
+    ) -> impl Iterator<Item = Vector3<f64>> + 'a {
+        dcm.iter().zip(self.free[0].iter().zip(&self.free[1])).map(move |(dcm, (a, b))| {
+            let north_east = beginning.tr_mul(&Vector2::new(*a, *b));
+            dcm.column(0) * north_east.x + dcm.column(1) * north_east.y
+        })
+    }
+
+    /// Products of the free swings with each other over the first `rows`.
+    fn products(&self, rows: usize) -> Matrix2<f64> {
+        let [a, b] = self.free.each_ref().map(|free| &free[..rows]);
+        let off = sum_of_products(a, b);
+        Matrix2::new(sum_of_products(a, a), off, off, sum_of_products(b, b))
+    }
+}
+
+/// A piece followed from a beginning.
+struct Tried {
+    begun: Beginning,
+    swings: Vec<Swing>,
+    pull: [Vec<f64>; 3],
+    inverse: Matrix2<f64>,
+    /// By what the beginning should change; offset and velocity, north and east.
+    change: Matrix2<f64>,
+    /// Sum of squares with it.
+    left: f64,
+}
+
+/// A flight whose load has been followed through its pieces.
+#[derive(Debug, Clone)]
+pub(crate) struct Followed {
+    unloaded: Unloaded,
+    carried: Carried,
+    pub(crate) begun: Vec<Beginning>,
+    /// Of each piece.
+    swings: Vec<Vec<Swing>>,
+    /// For each part of a force along the cable that moves the load, body m/s^2.
+    pull: [Vec<f64>; 3],
+    /// Measured less predicted, but for the beginnings.
+    residual: [Vec<f64>; 6],
+    /// What is left to say of the beginnings.
+    changes: Vec<Matrix2<f64>>,
+    beginnings: Beginnings,
+}
+
+impl Followed {
+    /// Follows the load of a model through a flight, each piece from where the one before it ends; `known` are beginnings from elsewhere
+    /// to go on from.
+    pub(crate) fn new(unloaded: Unloaded, carried: Carried, known: &[Beginning]) -> Self {
+        let count = unloaded.pieces.len();
+        let mut followed = Self {
+            begun: Vec::with_capacity(count),
+            swings: Vec::with_capacity(count),
+            pull: std::array::from_fn(|_| Vec::with_capacity(unloaded.dcm.len())),
+            residual: unloaded.residual.clone(),
+            changes: Vec::with_capacity(count),
+            beginnings: Beginnings {
+                free: unloaded.free_swings(&carried),
+                inverse: Vec::with_capacity(count),
+            },
+            unloaded,
+            carried,
+        };
+        let mut expected = Vector4::zeros();
+        for index in 0..count {
+            let piece = followed.unloaded.pieces[index].clone();
+            if piece.samples.start == 0 {
+                expected = Vector4::zeros();
+            }
+            let at = known.get(index).map_or(expected, |known| known.at);
+            followed.begin(&piece, Beginning { at, expected });
+            let next = piece.samples.len() - 2 * followed.unloaded.margin;
+            let end = followed.swings.last().and_then(|swings| swings.get(next));
+            expected = end.map_or_else(Vector4::zeros, |swing| {
+                let length_m = carried.load.cable_length_m;
+                let offset_m = length_m * swing.direction;
+                let velocity_m_s = length_m * swing.turning_rad_s.cross(&swing.direction);
+                Vector4::new(offset_m.x, velocity_m_s.x, offset_m.y, velocity_m_s.y)
+            });
+        }
+        followed
+    }
+
+    /// The beginning of a piece, from a first guess on.
+    fn begin(&mut self, piece: &Piece, first: Beginning) {
+        let mut best = self.tried(piece, first);
+        for _ in 0..FOLLOWED {
+            let change = Vector4::from_column_slice(best.change.as_slice());
+            if !self.carried.is_large(&change) {
+                break;
+            }
+            let next = self.tried(piece, Beginning { at: best.begun.at + change, ..best.begun });
+            // A swing far beyond the linear may be followed to somewhere worse.
+            if !(next.left < best.left) {
+                break;
+            }
+            best = next;
+        }
+        let part = self.carried.part();
+        for ((residual, all), pull) in self.residual.iter_mut().zip(&mut self.pull).zip(best.pull) {
+            residual[piece.rows.clone()].iter_mut().zip(&pull).for_each(|(r, p)| *r -= part * p);
+            all.extend(pull);
+        }
+        self.begun.push(best.begun);
+        self.swings.push(best.swings);
+        self.changes.push(best.change);
+        self.beginnings.inverse.push(best.inverse);
+    }
+
+    /// A piece from a beginning, and what is left to say of that: a small least squares, with what is expected as known as its
+    /// standard deviations say.
+    fn tried(&self, piece: &Piece, begun: Beginning) -> Tried {
+        let Self { unloaded, carried, beginnings, .. } = self;
+        let swings = unloaded.driven(piece, carried, &begun.at);
+        let pull = unloaded.pull(piece, carried, &swings);
+        let part = carried.part();
+        let left = |i: usize| {
+            let axis = |a: usize| unloaded.residual[a][piece.rows.start + i] - part * pull[a][i];
+            Vector3::new(axis(0), axis(1), axis(2))
+        };
+        let residual: Vec<Vector3<f64>> = (0..piece.rows.len()).map(left).collect();
+        let sideways: f64 = residual.iter().map(|e| e.xy().norm_squared()).sum();
+        let known = unloaded.known(sideways, piece.rows.len(), carried);
+        let products = beginnings.products(piece.rows.len());
+        let sums = beginnings.sums(&unloaded.dcm[piece.rows.clone()], residual.iter().copied());
+        let inverse = (products + Matrix2::from_diagonal(&known)).try_inverse().unwrap_or_default();
+        let surprise = begun.expected - begun.at;
+        let expected = Matrix2::from_column_slice(surprise.as_slice());
+        let change = inverse * (sums + Matrix2::from_diagonal(&known) * expected);
+        let explained = 2.0 * change.dot(&sums) - change.dot(&(products * change));
+        let square: f64 = residual.iter().map(Vector3::norm_squared).sum();
+        Tried { begun, swings, pull, inverse, change, left: square - explained }
+    }
+
+    /// What is left of the flight, the beginnings taken out.
+    pub(crate) fn residuals(&self) -> Residuals {
+        let mut residual = self.residual.clone();
+        for (piece, change) in self.unloaded.pieces.iter().zip(&self.changes) {
+            let dcm = &self.unloaded.dcm[piece.rows.clone()];
+            for (row, swung) in piece.rows.clone().zip(self.beginnings.swung(dcm, *change)) {
+                (0..3).for_each(|axis| residual[axis][row] -= swung[axis]);
+            }
+        }
+        Residuals { measured: self.unloaded.measured.clone(), residual }
+    }
+
+    /// Takes out of a column what the beginnings would explain of it.
+    pub(crate) fn take_out(&self, column: &mut RowColumn) {
+        if column[..3].iter().all(Option::is_none) {
+            return;
+        }
+        let rows = self.unloaded.dcm.len();
+        let [Some(u), Some(v), Some(w)] =
+            [0, 1, 2].map(|axis| column[axis].take().or_else(|| Some(vec![0.0; rows])))
+        else {
+            return;
+        };
+        let mut signal = [u, v, w];
+        for (piece, inverse) in self.unloaded.pieces.iter().zip(&self.beginnings.inverse) {
+            let dcm = &self.unloaded.dcm[piece.rows.clone()];
+            let at_rows =
+                piece.rows.clone().map(|row| Vector3::from([0, 1, 2].map(|axis| signal[axis][row])));
+            let explains = inverse * self.beginnings.sums(dcm, at_rows);
+            for (row, swung) in piece.rows.clone().zip(self.beginnings.swung(dcm, explains)) {
+                (0..3).for_each(|axis| signal[axis][row] -= swung[axis]);
+            }
+        }
+        column.iter_mut().zip(signal).for_each(|(column, signal)| *column = Some(signal));
+    }
+
+    /// The samples of each stretch in pieces, with the load's swing.
+    pub(crate) fn parts(&self, flight: &Prepared) -> Vec<Vec<Part>> {
+        let mut parts: Vec<Vec<Part>> = flight.stretches.iter().map(|_| Vec::new()).collect();
+        for (piece, swings) in self.unloaded.pieces.iter().zip(&self.swings) {
+            parts[piece.stretch].push(Part { samples: piece.samples.clone(), swings: swings.clone() });
+        }
+        parts
+    }
+
+    /// Minus the derivative of the residual where only the load is another one, by `step` of one of its coefficients; beginnings as they
+    /// are.
+    pub(crate) fn slope_of_load(&self, ahead: &Carried, step: f64) -> RowColumn {
+        let pull = self.unloaded.pull_from(ahead, &self.begun);
+        let (part, here) = (ahead.part(), self.carried.part());
+        let mut column = RowColumn::default();
+        for (axis, (ahead, own)) in pull.iter().zip(&self.pull).enumerate() {
+            column[axis] = Some(ahead.iter().zip(own).map(|(a, h)| (part * a - here * h) / step).collect());
+        }
+        column
+    }
+
+    /// The same where another coefficient of the model is, by `step`.
+    pub(crate) fn slope(&self, flight: &Prepared, ahead: &Model, step: f64) -> RowColumn {
+        let unloaded = Unloaded::new(flight, ahead, self.unloaded.stride);
+        let carried = of_model(ahead).unwrap_or(self.carried);
+        let pull = unloaded.pull_from(&carried, &self.begun);
+        let part = carried.part();
+        std::array::from_fn(|axis| {
+            let pull = pull.get(axis);
+            let at = |row: usize| unloaded.residual[axis][row] - pull.map_or(0.0, |pull| part * pull[row]);
+            let here = &self.residual[axis];
+            let slope: Vec<f64> =
+                here.iter().enumerate().map(|(row, here)| (here - at(row)) / step).collect();
+            slope.iter().any(|d| *d != 0.0).then_some(slope)
+        })
+    }
+}
+
+/// The load over a whole stretch, as its pieces follow it.
+pub(crate) fn followed(flight: &Prepared, stretch: &Stretch, model: &Model) -> Vec<Swing> {
+    let Some(carried) = of_model(model) else { return Vec::new() };
+    let alone = Prepared { stretches: vec![stretch.clone()], ..flight.without_stretches() };
+    let followed = Followed::new(Unloaded::new(&alone, model, alone.fit_stride()), carried, &[]);
+    let mut swings = Vec::with_capacity(stretch.time_s.len());
+    for (index, own) in followed.swings.iter().enumerate() {
+        // What the one before it had last belongs to this one's middle.
+        swings.truncate(swings.len().saturating_sub(flight.margin));
+        let known = if index == 0 { 0 } else { flight.margin };
+        swings.extend_from_slice(&own[known..]);
+    }
+    swings
 }

@@ -85,7 +85,7 @@ fn flight_rows(
     let stride = flight.fit_stride();
     let targets = flight.targets(&model.vehicle, &model.adjustments(), stride);
     let length = targets[0].len();
-    let mut columns = flight.columns(linear, model, stride, &[]);
+    let mut columns = flight.columns(linear, model, stride, None);
     for &axis in rows {
         for own in 0..count - 1 {
             let value = if index == count - 1 { -1.0 } else { f64::from(u8::from(index == own)) };

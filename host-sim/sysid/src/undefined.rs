@@ -9,6 +9,7 @@ use std::ops::Range;
 use model::{Effect, Kind, Model, Plant, SampleInput};
 
 use crate::prepare::{PrepareError, Prepared, Stretch};
+use crate::rows::Part;
 
 impl Prepared {
     /// Leaves out the samples at which a formula of `effects` (those of users among them) has no finite value, at the
@@ -106,7 +107,7 @@ fn undefined_samples(
         ask(k, states.at(k));
     }
     let mut k = 0;
-    states.for_each_between(|input| {
+    states.for_each_between(&Part::whole(stretch), |input| {
         k += 1;
         ask(k, input);
     });
