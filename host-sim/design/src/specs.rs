@@ -64,7 +64,7 @@ pub struct AttitudeSpecs {
     /// plant's slow zero has to be moved further, or the integral raised.
     pub least_after_peak: f64,
     /// Greatest rise time of a commanded step, s (the thesis' gains: 0.38 roll, 0.33 pitch; 0.30 and 0.27 as they fly). Absent:
-    /// 0.3 s, or on a craft with slower rotors or more delay than the thesis' three and a half times all the loop's delays.
+    /// 0.3 s, or on a craft with slower rotors or more delay than the thesis' three times all the loop's delays.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rise_s: Option<f64>,
     /// Greatest overshoot of a commanded step, per cent.
@@ -212,7 +212,7 @@ impl Specs {
     pub(crate) fn for_craft(&self, linear: &Linear) -> Self {
         let mut specs = *self;
         let config = Config::thesis();
-        let own_s = 3.5 * delay_s(&config, linear, self.delay_samples);
+        let own_s = 3.0 * delay_s(&config, linear, self.delay_samples);
         specs.attitude.rise_s = Some(self.attitude.rise_s.unwrap_or_else(|| own_s.max(0.3)));
         specs
     }

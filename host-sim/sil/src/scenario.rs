@@ -198,7 +198,7 @@ impl Scenario {
             (Self::Climb, Some(m)) => vec![overshoot(m, 5.0), rise(m, 1.5)],
             (Self::X1 | Self::Y1, Some(m)) => vec![
                 overshoot(m, 20.0),
-                rise(m, 2.0),
+                rise(m, 2.5),
                 at_most("steady-state error", m.steady_state_error.abs(), 0.05, "of the step"),
             ],
             (Self::Hover, _) => hover_checks(plan, flight),
