@@ -74,9 +74,7 @@ impl Trial {
             Hidden::One(id) | Hidden::Outside(id) => (*id).into(),
             Hidden::Change(Some(id)) => format!("{CHANGED}{id}"),
             Hidden::Change(None) => format!("{CHANGED}nothing"),
-            Hidden::Together(effects) => {
-                effects.iter().map(|(id, _)| *id).collect::<Vec<_>>().join(" + ")
-            }
+            Hidden::Together(effects) => effects.iter().map(|(id, _)| *id).collect::<Vec<_>>().join(" + "),
         }
     }
 
@@ -223,7 +221,10 @@ impl Plan {
             let mut names: Vec<String> = self.trials.iter().map(Trial::label).collect();
             names.retain(|name| !name.contains(" + ") && !name.starts_with(CHANGED));
             names.dedup();
-            bail!("--only {unknown}: no trial hides that; there are: pairs, triples, changes, {}", names.join(", "));
+            bail!(
+                "--only {unknown}: no trial hides that; there are: pairs, triples, changes, {}",
+                names.join(", ")
+            );
         }
         self.trials.retain(|trial| only.iter().any(|name| is_named(trial, name)));
         Ok(())
