@@ -1,16 +1,20 @@
 //! What a chip without files has to have built in: the gains, and where its memory is.
 //!
-//! `QUADLAB_GAINS` names the gains file, from the top folder of the repository or absolute; the thesis' if it is not set.
+//! `QUADLAB_GAINS` names the gains file and `QUADLAB_VEHICLE` the vehicle file, from the top folder of the repository or absolute;
+//! the thesis' if neither is set.
 #![forbid(unsafe_code)]
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
 use craft::image::{MAX_IMAGE_LEN, encode};
-use gains_file::Gains;
-use sha2::{Digest, Sha256};
+use gains_file::CraftFiles;
 
-const THESIS: &str = "host-sim/model/vehicles/f330-gains.toml";
+/// Variables, and the thesis' files.
+const FILES: [(&str, &str); 2] = [
+    ("QUADLAB_GAINS", "host-sim/model/vehicles/f330-gains.toml"),
+    ("QUADLAB_VEHICLE", "host-sim/model/vehicles/f330.toml"),
+];
 
 fn main() {
     if let Err(error) = run() {
@@ -20,11 +24,17 @@ fn main() {
 
 fn run() -> Result<(), Box<dyn Error>> {
     let out = PathBuf::from(std::env::var("OUT_DIR")?);
-    println!("cargo::rerun-if-env-changed=QUADLAB_GAINS");
-    let file = std::env::var("QUADLAB_GAINS").unwrap_or_else(|_| THESIS.to_owned());
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(&file);
-    println!("cargo::rerun-if-changed={}", path.display());
-    std::fs::write(out.join("gains.image"), image(&path)?)?;
+    let [gains, vehicle] = FILES.map(|(variable, thesis)| {
+        println!("cargo::rerun-if-env-changed={variable}");
+        let file = std::env::var(variable).unwrap_or_else(|_| thesis.to_owned());
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(&file);
+        println!("cargo::rerun-if-changed={}", path.display());
+        path
+    });
+    if std::env::var_os("QUADLAB_GAINS").is_some() != std::env::var_os("QUADLAB_VEHICLE").is_some() {
+        return Err("gains belong to a vehicle: set QUADLAB_GAINS and QUADLAB_VEHICLE, or neither".into());
+    }
+    std::fs::write(out.join("gains.image"), image(&gains, &vehicle)?)?;
     if std::env::var("CARGO_CFG_TARGET_OS")? == "none" {
         let board = if std::env::var_os("CARGO_FEATURE_STM32F405").is_some() { "stm32f405" } else { "mps2" };
         let memory = format!("memory/{board}.x");
@@ -38,10 +48,10 @@ fn run() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn image(path: &Path) -> Result<Vec<u8>, Box<dyn Error>> {
-    let gains = Gains::read(path)?;
-    let hash = Sha256::digest(std::fs::read(path)?).into();
+fn image(gains: &Path, vehicle: &Path) -> Result<Vec<u8>, Box<dyn Error>> {
+    let files = CraftFiles::read(gains, vehicle, None)?;
     let mut buffer = [0; MAX_IMAGE_LEN];
-    let image = encode(&gains.config, &hash, &mut buffer).ok_or("the gains do not fit into an image")?;
+    let image =
+        encode(&files.config, &files.sha256, &mut buffer).ok_or("the gains do not fit into an image")?;
     Ok(image.to_vec())
 }

@@ -1,14 +1,29 @@
-//! Packet numbers that never come twice, not even after a restart.
+//! Packet numbers that never come twice, not even after a restart, and that go on at once after one.
 //!
 //! A sender takes numbers only from a stretch that its store holds as used already, so after a crash it goes on behind it.
 //! A receiver accepts only growing numbers, and only under a limit that its store holds already, so after a restart it
 //! refuses everything it may have accepted before. Both ask for the next stretch when half of one is left: the store may be
-//! slow, and is never waited for in a control loop. [`RESERVE`] numbers are lost at a restart, of 2^64.
+//! slow, and is never waited for in a control loop.
 //!
-//! A sender that is behind a restarted receiver hears [`accepts_from`](crate::Identity::accepts_from) and skips ahead.
+//! After a restart a receiver's limit is above the other side's numbers, but by no more than [`RESERVE`]: it asks for a stretch
+//! only once a genuine packet has come, and from that packet's number on. Nobody need wait until they have grown so far:
+//!
+//! - a sender that starts anew begins [`LEAP`] ahead of what its store holds, above any limit of the other side;
+//! - who sees numbers leap by [`LEAP`] or more knows that the other side has started anew, and goes on with its own numbers
+//!   [`RESERVE`] ahead, above the other's limit ([`Sealer::follow`](crate::Sealer::follow)). That is less than a leap, so it is not
+//!   answered with another one;
+//! - a sender that is behind a restarted receiver hears [`accepts_from`](crate::Identity::accepts_from) and skips ahead, where the
+//!   receiver does not speak before it has heard somebody.
+//!
+//! So it makes no difference whether a program ended or was killed: nothing has to be stored at the end. A restart takes some
+//! thousand numbers of 2^64.
 
 /// Length of a stretch of numbers.
 pub const RESERVE: u64 = 1024;
+
+/// So far ahead begins a sender that starts anew: a stretch for the other side's limit, and one more, so that nobody takes its
+/// following ([`SendCounter::follow`]) for a new start.
+pub const LEAP: u64 = 2 * RESERVE;
 
 /// Keeps one number through a restart. Storing has to be done (on the disk, in the flash) when it returns.
 pub trait CounterStore {
@@ -36,9 +51,9 @@ pub struct SendCounter {
 }
 
 impl SendCounter {
-    /// Goes on after a restart: `stored` is what the store holds. Numbers come once a stretch is reserved.
+    /// Starts anew: `stored` is what the store holds. Numbers come once a stretch is reserved.
     pub fn resume(stored: u64) -> Self {
-        Self { next: stored, reserved: Reserved { end: stored } }
+        Self { next: stored.saturating_add(LEAP), reserved: Reserved { end: stored } }
     }
 
     /// Numbers from 0 on that no store holds: for links without a key.
@@ -61,12 +76,21 @@ impl SendCounter {
     /// # Errors
     /// The store's.
     pub fn keep<S: CounterStore>(&mut self, store: &mut S) -> Result<(), S::Error> {
-        self.reserved.keep(self.next, store)
+        if let Some(number) = self.to_reserve() {
+            store.store(number)?;
+            self.reserved(number);
+        }
+        Ok(())
     }
 
     /// The receiver accepts numbers from here on.
     pub fn skip_to(&mut self, number: u64) {
         self.next = self.next.max(number);
+    }
+
+    /// The other side has started anew: goes on above its limit.
+    pub fn follow(&mut self) {
+        self.next = self.next.saturating_add(RESERVE);
     }
 
     /// The next number; none if nothing is reserved.
@@ -96,15 +120,6 @@ impl Reserved {
     fn extend(&mut self, number: u64) {
         self.end = self.end.max(number);
     }
-
-    /// Stores what has to be stored.
-    fn keep<S: CounterStore>(&mut self, base: u64, store: &mut S) -> Result<(), S::Error> {
-        if let Some(number) = self.due(base) {
-            store.store(number)?;
-            self.extend(number);
-        }
-        Ok(())
-    }
 }
 
 /// What a receiver thinks of a number.
@@ -123,10 +138,14 @@ pub(crate) enum Verdict {
 pub struct ReplayGuard {
     accepts_from: u64,
     reserved: Reserved,
-    /// The greatest genuine number that lay beyond the reserved stretch.
+    /// One more than the greatest genuine number that lay beyond the reserved stretch.
     wanted: u64,
+    /// No genuine number above the limit has come since the start.
+    silent: bool,
     /// Nothing has been accepted since the start: a gap before the first one is no loss.
     fresh: bool,
+    /// The other side has started anew, and nobody has asked for it yet.
+    leapt: bool,
     /// No store and no key: a sender that starts anew at 0 is let in.
     volatile: bool,
 }
@@ -138,14 +157,16 @@ impl ReplayGuard {
             accepts_from: stored,
             reserved: Reserved { end: stored },
             wanted: stored,
+            silent: true,
             fresh: true,
+            leapt: false,
             volatile: false,
         }
     }
 
     /// Order only: for links without a key.
     pub fn volatile() -> Self {
-        Self { accepts_from: 0, reserved: Reserved { end: u64::MAX }, wanted: 0, fresh: true, volatile: true }
+        Self { reserved: Reserved { end: u64::MAX }, volatile: true, ..Self::resume(0) }
     }
 
     /// Least number that will be accepted.
@@ -160,7 +181,13 @@ impl ReplayGuard {
 
     /// What has to be stored next, if it is time; then call [`ReplayGuard::reserved`].
     pub fn to_reserve(&self) -> Option<u64> {
-        self.reserved.due(self.base())
+        // Otherwise each start without a word from the other side would move the limit farther away from it.
+        self.reserved.due(self.base()).filter(|_| !self.silent)
+    }
+
+    /// Has the other side started anew since this was asked last?
+    pub fn take_leap(&mut self) -> bool {
+        core::mem::take(&mut self.leapt)
     }
 
     /// The store holds `number`.
@@ -173,7 +200,11 @@ impl ReplayGuard {
     /// # Errors
     /// The store's.
     pub fn keep<S: CounterStore>(&mut self, store: &mut S) -> Result<(), S::Error> {
-        self.reserved.keep(self.base(), store)
+        if let Some(number) = self.to_reserve() {
+            store.store(number)?;
+            self.reserved(number);
+        }
+        Ok(())
     }
 
     /// Judges the number of a packet that is genuine.
@@ -182,13 +213,16 @@ impl ReplayGuard {
         if number < self.accepts_from && !began_anew {
             return Verdict::Replayed { accepts_from: self.accepts_from };
         }
+        self.silent = false;
         if number >= self.reserved.end {
-            self.wanted = self.wanted.max(number);
+            self.wanted = self.wanted.max(number.saturating_add(1));
             return Verdict::NotYet;
         }
-        let lost = if self.fresh || began_anew { 0 } else { number - self.accepts_from };
+        let gap = if self.fresh || began_anew { 0 } else { number - self.accepts_from };
+        self.leapt |= gap >= LEAP && !self.volatile;
         (self.accepts_from, self.fresh) = (number + 1, false);
-        Verdict::Fresh { lost }
+        // Numbers that were left out are not lost.
+        Verdict::Fresh { lost: if gap < RESERVE { gap } else { 0 } }
     }
 }
 
@@ -242,11 +276,8 @@ mod tests {
         let mut counter = SendCounter::resume(0);
         assert!(counter.keep(&mut store).is_err());
         assert_eq!(counter.take(), None);
-        counter.reserved(3);
-        assert_eq!(
-            [counter.take(), counter.take(), counter.take(), counter.take()],
-            [Some(0), Some(1), Some(2), None]
-        );
+        counter.reserved(LEAP + 3);
+        assert_eq!([0, 1, 2, 3].map(|_| counter.take()), [Some(LEAP), Some(LEAP + 1), Some(LEAP + 2), None]);
     }
 
     #[test]
@@ -263,7 +294,7 @@ mod tests {
                 guard.keep(&mut store).unwrap();
                 if guard.judge(number) == Verdict::NotYet {
                     guard.keep(&mut store).unwrap();
-                    assert!(matches!(guard.judge(number), Verdict::Fresh { .. }));
+                    assert!(matches!(guard.judge(number), Verdict::Fresh { .. }), "{number}");
                 }
                 assert!(matches!(guard.judge(number), Verdict::Replayed { .. }), "{number} twice");
                 seen.push(number);
@@ -280,6 +311,42 @@ mod tests {
         assert_eq!(guard.judge(105), Verdict::Fresh { lost: 3 });
         assert_eq!(guard.judge(104), Verdict::Replayed { accepts_from: 106 }, "late is too late");
         assert_eq!(guard.judge(1000), Verdict::NotYet);
+    }
+
+    #[test]
+    fn a_new_start_of_the_other_side_is_seen_and_following_it_is_not_taken_for_one() {
+        let heard = |numbers: &[u64]| {
+            let mut guard = ReplayGuard::resume(0);
+            guard.reserved(u64::MAX);
+            let verdicts: Vec<_> = numbers.iter().map(|number| guard.judge(*number)).collect();
+            (verdicts.last().copied().unwrap(), guard.take_leap(), guard.take_leap())
+        };
+        let mut sender = SendCounter::resume(700);
+        sender.reserved(u64::MAX);
+        let first = sender.take().unwrap();
+        assert_eq!(heard(&[699, first]), (Verdict::Fresh { lost: 0 }, true, false));
+        sender.follow();
+        let after = sender.take().unwrap();
+        assert_eq!(heard(&[first, after]), (Verdict::Fresh { lost: 0 }, false, false));
+        assert_eq!(heard(&[first]), (Verdict::Fresh { lost: 0 }, false, false), "nothing to leap from");
+        let mut open = ReplayGuard::volatile();
+        open.judge(0);
+        open.judge(1 << 40);
+        assert!(!open.take_leap(), "who needs no key cannot use numbers up");
+    }
+
+    /// However often a receiver starts without a word from the sender, its limit stays where the sender can reach it.
+    #[test]
+    fn a_limit_does_not_run_away() {
+        let mut store = Store::default();
+        let mut guard = ReplayGuard::resume(0);
+        guard.judge(4999);
+        guard.keep(&mut store).unwrap();
+        for _ in 0..10 {
+            let mut again = ReplayGuard::resume(store.load().unwrap());
+            again.keep(&mut store).unwrap();
+            assert_eq!(again.accepts_from(), 5000 + RESERVE);
+        }
     }
 
     #[test]

@@ -9,7 +9,8 @@
 //!
 //! Inside a process and over shared memory a frame is all there is. Over a network or a wire it travels as a packet
 //! ([`Sealer`], [`Opener`]): header with version, direction, link and a number that never comes twice; the message; with a
-//! [`Key`] an HMAC-SHA-256 tag; a CRC. On a byte stream the packet is stuffed ([`enframe`], [`Deframer`]: COBS).
+//! [`Key`] an HMAC-SHA-256 tag; a CRC. On a byte stream the packet is stuffed ([`enframe`], [`Deframer`]: COBS). What an IMU board
+//! says over a serial line is stuffed alike, and has a format of its own ([`imu_frame`]).
 //!
 //! Versions: [`MIN_VERSION`] to [`VERSION`] are read, [`VERSION`] is written. Version 1 had `Input` and `Output` only, and no
 //! packets. The bytes of each version are pinned in `tests/wire_v1.rs` and `tests/wire_v2.rs`.
@@ -19,12 +20,13 @@
 #![forbid(unsafe_code)]
 
 mod counter;
+pub mod imu_frame;
 mod message;
 mod packet;
 mod peer;
 mod stream;
 
-pub use counter::{CounterStore, RESERVE, ReplayGuard, SendCounter};
+pub use counter::{CounterStore, LEAP, RESERVE, ReplayGuard, SendCounter};
 pub use message::{
     Answer, Command, Counters, Gains, Identity, ImuSample, Input, Loop, Measurement, Message, Mode, Outcome,
     Output, Pose, Readings, Refusal, Request, State, Supervision, Telemetry, TimedPose, Timer,

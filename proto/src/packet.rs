@@ -177,6 +177,13 @@ impl Sealer {
         Self { role, link, key: None, counter: SendCounter::volatile() }
     }
 
+    /// To be called when a packet has been opened: if the other side has started anew, goes on where it accepts.
+    pub fn follow(&mut self, opener: &mut Opener) {
+        if opener.guard.take_leap() {
+            self.counter.follow();
+        }
+    }
+
     /// Writes a message as a packet into `buffer`; gives its number and its bytes.
     ///
     /// # Errors
@@ -189,15 +196,24 @@ impl Sealer {
         let flags = self.role.flag() | if self.key.is_some() { TAGGED } else { 0 };
         header.copy_from_slice(&header_bytes(flags, self.link, number));
         let mut length = HEADER_LEN + body;
-        if let Some(mac) = self.key.as_ref().and_then(|key| key.mac(&buffer[..length])) {
+        if let Some(mac) =
+            self.key.as_ref().zip(buffer.get(..length)).and_then(|(key, signed)| key.mac(signed))
+        {
             let tag = mac.finalize().into_bytes();
-            buffer.get_mut(length..length + TAG_LEN).ok_or(SHORT)?.copy_from_slice(&tag[..TAG_LEN]);
-            length += TAG_LEN;
+            put(&tag[..TAG_LEN], buffer, &mut length).ok_or(SHORT)?;
         }
-        let crc = CRC.checksum(&buffer[..length]).to_le_bytes();
-        buffer.get_mut(length..length + CRC_LEN).ok_or(SHORT)?.copy_from_slice(&crc);
-        Ok((number, &buffer[..length + CRC_LEN]))
+        let crc = CRC.checksum(buffer.get(..length).ok_or(SHORT)?).to_le_bytes();
+        put(&crc, buffer, &mut length).ok_or(SHORT)?;
+        Ok((number, buffer.get(..length).ok_or(SHORT)?))
     }
+}
+
+/// Puts bytes behind the first `length` of the buffer, if there is room.
+fn put(bytes: &[u8], buffer: &mut [u8], length: &mut usize) -> Option<()> {
+    let place = buffer.get_mut(*length..)?.get_mut(..bytes.len())?;
+    place.copy_from_slice(bytes);
+    *length += bytes.len();
+    Some(())
 }
 
 fn header_bytes(flags: u8, link: u16, number: u64) -> [u8; HEADER_LEN] {
@@ -210,9 +226,9 @@ fn header_bytes(flags: u8, link: u16, number: u64) -> [u8; HEADER_LEN] {
 pub struct Statistics {
     /// Packets accepted.
     pub accepted: u32,
-    /// Packets refused, for whatever reason.
+    /// Packets refused, for whatever reason but a number that is not reserved yet.
     pub refused: u32,
-    /// Packets that never came, by the gaps in their numbers.
+    /// Packets that never came, or came before their numbers were reserved: by the gaps in the numbers.
     pub lost: u32,
 }
 
@@ -255,6 +271,7 @@ impl Opener {
                 statistics.lost = statistics.lost.saturating_add(lost);
                 Ok((number, message))
             }
+            Err(Refused::NotReserved) => Err(Refused::NotReserved),
             Err(refused) => {
                 statistics.refused = statistics.refused.saturating_add(1);
                 Err(refused)

@@ -2,6 +2,8 @@
 //!
 //! A zero never occurs inside, so a reader that starts in the middle or loses bytes is in step again at the next one.
 
+use cobs::{DecodeResult, DecoderState};
+
 use crate::packet::MAX_PACKET_LEN;
 
 /// No stuffed packet is longer, in bytes: one byte of overhead in 254, one more, and the zero.
@@ -15,9 +17,11 @@ pub fn enframe<'a>(packet: &[u8], buffer: &'a mut [u8]) -> Option<&'a [u8]> {
 }
 
 /// Finds packets in a byte stream.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Deframer {
-    buffer: [u8; MAX_STREAM_LEN],
+    state: DecoderState,
+    /// What has been unstuffed of the present packet.
+    buffer: [u8; MAX_PACKET_LEN],
     length: usize,
     /// Too long to be a packet: everything up to the next zero is left out.
     overlong: bool,
@@ -34,30 +38,33 @@ impl Default for Deframer {
 impl Deframer {
     /// Nothing has come yet.
     pub const fn new() -> Self {
-        Self { buffer: [0; MAX_STREAM_LEN], length: 0, overlong: false, dropped: 0 }
+        let state = DecoderState::Idle;
+        Self { state, buffer: [0; MAX_PACKET_LEN], length: 0, overlong: false, dropped: 0 }
     }
 
     /// Takes one byte; gives the packet that it ends, still sealed.
     pub fn push(&mut self, byte: u8) -> Option<&[u8]> {
-        if byte != 0 {
-            match self.buffer.get_mut(self.length) {
-                Some(place) => {
-                    *place = byte;
-                    self.length += 1;
-                }
-                None => self.overlong = true,
+        // Byte by byte: a buffer that is unstuffed in place is indexed by its own content, and no compiler sees that this cannot
+        // panic.
+        match self.state.feed(byte) {
+            // Zeros between packets are allowed.
+            Ok(DecodeResult::NoData) => None,
+            Ok(DecodeResult::DataStart) => {
+                (self.length, self.overlong) = (0, false);
+                None
             }
-            return None;
-        }
-        let (length, overlong) = (self.length, self.overlong);
-        (self.length, self.overlong) = (0, false);
-        if length == 0 && !overlong {
-            return None; // zeros between packets are allowed
-        }
-        let stuffed = self.buffer.get_mut(..length).filter(|_| !overlong);
-        match stuffed.and_then(|stuffed| cobs::decode_in_place(stuffed).ok()) {
-            Some(length) => self.buffer.get(..length),
-            None => {
+            Ok(DecodeResult::DataContinue(byte)) => {
+                match self.buffer.get_mut(self.length) {
+                    Some(place) => {
+                        *place = byte;
+                        self.length += 1;
+                    }
+                    None => self.overlong = true,
+                }
+                None
+            }
+            Ok(DecodeResult::DataComplete) if !self.overlong => self.buffer.get(..self.length),
+            Ok(DecodeResult::DataComplete) | Err(_) => {
                 self.dropped = self.dropped.saturating_add(1);
                 None
             }

@@ -5,7 +5,8 @@ mod common;
 use common::messages;
 use proptest::prelude::*;
 use proto::{
-    Deframer, Key, MAX_PACKET_LEN, MAX_STREAM_LEN, Message, Opener, RESERVE, Refused, Role, Sealer, enframe,
+    Deframer, Key, LEAP, MAX_PACKET_LEN, MAX_STREAM_LEN, Message, Opener, RESERVE, Refused, Role, Sealer,
+    enframe,
 };
 
 const LINK: u16 = 7;
@@ -20,8 +21,8 @@ fn pair(keyed: bool) -> (Sealer, Opener) {
     }
     let mut sealer = Sealer::authenticated(Role::Ground, LINK, key(1), 0);
     let mut opener = Opener::authenticated(Role::Ground, LINK, key(1), 0);
-    sealer.counter.reserved(RESERVE);
-    opener.guard.reserved(RESERVE);
+    sealer.counter.reserved(LEAP + RESERVE);
+    opener.guard.reserved(LEAP + RESERVE);
     (sealer, opener)
 }
 
@@ -34,7 +35,8 @@ fn sealed(sealer: &mut Sealer, message: &Message) -> Vec<u8> {
 fn every_message_arrives() {
     for keyed in [false, true] {
         let (mut sealer, mut opener) = pair(keyed);
-        for (number, message) in (0..).zip(messages()) {
+        let first = if keyed { LEAP } else { 0 };
+        for (number, message) in (first..).zip(messages()) {
             let packet = sealed(&mut sealer, &message);
             assert_eq!(opener.unseal(&packet), Ok((number, message)));
         }
@@ -93,7 +95,7 @@ fn who_is_not_meant_or_not_known_is_refused_by_name() {
     let (mut sealer, _) = pair(true);
     let packet = sealed(&mut sealer, &Message::Who);
     let refused = |mut opener: Opener, packet: &[u8]| {
-        opener.guard.reserved(RESERVE);
+        opener.guard.reserved(LEAP + RESERVE);
         opener.unseal(packet).unwrap_err()
     };
     assert_eq!(refused(Opener::authenticated(Role::Ground, LINK, key(2), 0), &packet), Refused::Forged);
@@ -117,15 +119,16 @@ fn nothing_is_accepted_twice_even_after_a_restart() {
         assert!(opener.unseal(packet).is_ok());
         assert!(matches!(opener.unseal(packet), Err(Refused::Replayed { .. })));
     }
-    // What the store holds is RESERVE: the restarted craft begins there.
-    let mut restarted = Opener::authenticated(Role::Ground, LINK, key(1), RESERVE);
-    restarted.guard.reserved(2 * RESERVE);
+    // What the store holds is where the restarted craft begins.
+    let stored = LEAP + RESERVE;
+    let mut restarted = Opener::authenticated(Role::Ground, LINK, key(1), stored);
+    restarted.guard.reserved(stored + RESERVE);
     for packet in &packets {
-        assert_eq!(restarted.unseal(packet), Err(Refused::Replayed { accepts_from: RESERVE }));
+        assert_eq!(restarted.unseal(packet), Err(Refused::Replayed { accepts_from: stored }));
     }
     // The ground hears from where on it is accepted, and skips ahead.
     sealer.counter.skip_to(restarted.guard.accepts_from());
-    sealer.counter.reserved(2 * RESERVE);
+    sealer.counter.reserved(stored + RESERVE);
     assert!(restarted.unseal(&sealed(&mut sealer, &Message::Who)).is_ok());
 }
 

@@ -136,13 +136,13 @@ impl Toolchain {
         }
     }
 
-    /// `cargo build` for a target.
-    fn build(&self, target: Target, workspace: &Workspace) -> Command {
+    /// A cargo command (`build`, `clippy`) for a target.
+    fn cargo(&self, what: &str, target: Target, workspace: &Workspace) -> Command {
         let mut command = match self {
-            Self::Own => cargo(["build"]),
+            Self::Own => cargo([what]),
             Self::Distribution => {
                 let mut command = Command::new(DISTRIBUTION_CARGO);
-                command.arg("build").current_dir(crate::workspace::root());
+                command.arg(what).current_dir(crate::workspace::root());
                 command.env("RUSTC", DISTRIBUTION_RUSTC).env("RUSTC_BOOTSTRAP", "1");
                 command.env_remove("CARGO").env_remove("RUSTUP_TOOLCHAIN").env_remove("RUSTDOC");
                 command.arg(format!("-Zbuild-std={}", target.standard_library()));
@@ -202,7 +202,7 @@ pub(crate) fn build(
         bail!("{missing} (`cargo xtask setup` does it)");
     }
     let Some(toolchain) = Toolchain::of(target) else { bail!("{} cannot be built here", target.name()) };
-    let mut command = toolchain.build(target, workspace);
+    let mut command = toolchain.cargo("build", target, workspace);
     command.args(["--quiet", "--profile", profile(package), "--package", package]);
     command.args(programs.iter().flat_map(|program| ["--bin", program]));
     command.args(features.iter().flat_map(|feature| ["--features", feature]));
@@ -211,6 +211,24 @@ pub(crate) fn build(
         bail!("{} does not build for {}", programs.join(", "), target.triple());
     }
     Ok(programs.iter().map(|program| path_of(workspace, target, package, program)).collect())
+}
+
+/// Clippy over what only the craft's processors compile: the boards, and code that is other where words have 32 bits. Of targets
+/// that this toolchain has; the distribution's has no clippy. With the profile of the programs, which share what it builds for here.
+pub(crate) fn lints(workspace: &Workspace) -> Vec<Command> {
+    const OF: [(Target, &str, &[&str]); 3] = [
+        (Target::CortexM4, "mcu", &["--bins"]),
+        (Target::CortexM4, "mcu", &["--bin", "mcu", "--features", "stm32f405"]),
+        (Target::Armv7, COM, &["--bins", "--package", "craft"]),
+    ];
+    let own = OF.into_iter().filter(|(target, ..)| Toolchain::of(*target) == Some(Toolchain::Own));
+    own.map(|(target, package, more)| {
+        let mut command = Toolchain::Own.cargo("clippy", target, workspace);
+        command.args(["--quiet", "--profile", profile(package), "--package", package, "--lib"]);
+        command.args(more).args(["--", "-D", "warnings"]);
+        command
+    })
+    .collect()
 }
 
 fn build_one(workspace: &Workspace, target: Target, package: &str, program: &str) -> Result<PathBuf> {
@@ -304,7 +322,7 @@ fn report(workspace: &Workspace) -> Result<Value> {
     let target = Target::CortexM4;
     // The board's first: the emulated one has the same name, and is the one to stay.
     let board = sizes(&board_program(workspace)?)?;
-    // It links, so no panic can be reached from a tick.
+    // It links, so no panic can be reached.
     let programs = ["mcu", "mcu-lockstep", "mcu-measure", "mcu-no-panic"];
     let built = build(workspace, target, "mcu", &programs, &[])?;
     let [emulated, _, measure, _] = &built[..] else { bail!("as many programs as were asked for") };
@@ -312,7 +330,7 @@ fn report(workspace: &Workspace) -> Result<Value> {
     let measured = measured(measure)?;
     Ok(json!({
         "toolchain": Toolchain::of(target).map(|toolchain| toolchain.describe()),
-        "panics_in_a_tick": 0,
+        "panics_in_flight": 0,
         "mps2_an386": { "flash_bytes": emulated.flash, "ram_bytes": emulated.ram },
         "stm32f405": { "flash_bytes": board.flash, "ram_bytes": board.ram },
         "measured": measured,
@@ -346,7 +364,7 @@ fn text(report: &Value) -> String {
     let instructions = &measured["instructions"];
     [
         format!("thumbv7em-none-eabihf: {}", report["toolchain"].as_str().unwrap_or_default()),
-        "no panic can be reached from a tick (a program that has one does not link)".to_owned(),
+        "no panic can be reached from what it hears, a tick, what it says (a program that has one does not link)".to_owned(),
         format!(
             "mps2-an386 (QEMU)  {} bytes of flash, {} of RAM without stack",
             report["mps2_an386"]["flash_bytes"], report["mps2_an386"]["ram_bytes"]
@@ -364,8 +382,11 @@ fn text(report: &Value) -> String {
             instructions["period_least"], instructions["period_most"], instructions["period_mean"]
         ),
         format!(
-            "                   {} to boot, {} in the period of a change of gains",
-            instructions["boot"], instructions["gains_change"]
+            "                   {} to boot, {} in the period of a change of gains; the tick alone {} (attitude), {} (position)",
+            instructions["boot"],
+            instructions["gains_change"],
+            instructions["tick_attitude"],
+            instructions["tick_position"]
         ),
     ]
     .join("\n")

@@ -75,7 +75,7 @@ const ARROWS: &[Allowed] = &[
     Allowed {
         from: "stories",
         to: &[
-            "control", "craft", "model", "proto", "report", "sysid", "design", "sil", "ground", "com",
+            "control", "craft", "model", "proto", "report", "sysid", "design", "sil", "ground", "com", "mcu",
             "pattern", "quadlab",
         ],
         why: "stories go across crates",

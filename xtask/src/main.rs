@@ -69,7 +69,11 @@ struct PassedThrough {
     arguments: Vec<OsString>,
 }
 
+/// What a shell reports of a program that writes to a pipe nobody reads any more.
+const OUTPUT_CLOSED: i32 = 141;
+
 fn main() -> ExitCode {
+    end_quietly_when_output_closes();
     let command = Arguments::parse().command;
     match run(command) {
         Ok(code) => code,
@@ -78,6 +82,19 @@ fn main() -> ExitCode {
             ExitCode::from(2)
         }
     }
+}
+
+/// `cargo xtask ... | head`: every `println!` of every command panics when its reader has seen enough, and would say so at
+/// length. Here is the one place where such an end is a quiet one.
+fn end_quietly_when_output_closes() {
+    let usual = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        let said = panic.payload().downcast_ref::<String>().map_or("", String::as_str);
+        if said.starts_with("failed printing to stdout") && said.contains("Broken pipe") {
+            std::process::exit(OUTPUT_CLOSED);
+        }
+        usual(panic);
+    }));
 }
 
 fn run(command: Command) -> anyhow::Result<ExitCode> {

@@ -1,7 +1,7 @@
 //! Running cargo and other programs from the workspace's top folder, with what they print kept apart.
 
 use std::ffi::{OsStr, OsString};
-use std::io::{BufRead, BufReader, IsTerminal, Write};
+use std::io::{BufRead, BufReader, IsTerminal};
 use std::process::{Command, ExitCode, ExitStatus, Stdio};
 
 use anyhow::{Context, Result};
@@ -111,7 +111,7 @@ pub(crate) fn filtered(command: &mut Command, mut line: impl FnMut(&str) -> bool
         let bytes = bytes.with_context(|| format!("cannot read what `{name}` prints"))?;
         let text = String::from_utf8_lossy(&bytes);
         if line(&text) {
-            writeln!(std::io::stdout(), "{text}")?;
+            println!("{text}");
         }
     }
     let status = child.wait().with_context(|| format!("`{name}` cannot be waited for"))?;

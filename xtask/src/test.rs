@@ -42,7 +42,7 @@ const STEPS: &[Step] = &[
     Step { name: "lints", about: "clippy and the compiler have nothing to say on any target", run: lints },
     Step {
         name: "arm",
-        about: "programs of the craft's processors build, fit, and cannot panic in a tick",
+        about: "programs of the craft's processors build, fit, and cannot panic in flight",
         run: arm_programs,
     },
     Step { name: "tests", about: "unit tests, integration tests and stories", run: tests },
@@ -140,8 +140,17 @@ fn format(_: &Workspace) -> Result<Outcome> {
     with_tool(&RUSTFMT, cargo(["fmt", "--all", "--check"]))
 }
 
-fn lints(_: &Workspace) -> Result<Outcome> {
-    with_tool(&CLIPPY, cargo(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))
+fn lints(workspace: &Workspace) -> Result<Outcome> {
+    if CLIPPY.found().is_none() {
+        return Ok(missing(&CLIPPY));
+    }
+    let mut tally = Tally::default();
+    let here = cargo(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]);
+    for mut command in std::iter::once(here).chain(arm::lints(workspace)) {
+        println!("   {}", shown(&command));
+        tally.add(&one(succeeds(&mut command)?));
+    }
+    Ok(Outcome::Ran(tally))
 }
 
 /// Before the tests, which run what is built here.

@@ -9,8 +9,8 @@ use std::error::Error;
 use std::os::fd::AsFd;
 
 use com::clock::Ticker;
-use com::imu_frame::{ImuFrame, MAX_STUFFED_LEN, encode};
 use proto::ImuSample;
+use proto::imu_frame::{ImuFrame, MAX_STUFFED_LEN, encode};
 use serial2::SerialPort;
 
 /// What a row of the file says, each if it is there.

@@ -11,10 +11,9 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use control::Config as Law;
-use gains_file::{Gains, VehicleId};
+use gains_file::{CraftFiles, Gains, Motors, Vehicle};
 use proto::Key;
 use serde::Deserialize;
-use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Result, access};
 use crate::imu;
@@ -159,7 +158,7 @@ pub struct Setup {
     pub vehicle: String,
     /// The flight law's configuration.
     pub law: Law,
-    /// SHA-256 of the gains file with the vehicle file behind it: `cat gains.toml vehicle.toml | sha256sum`.
+    /// Of gains and vehicle file ([`gains_file::craft_sha256`]).
     pub vehicle_sha256: [u8; 32],
     /// The link.
     pub link: Link,
@@ -195,14 +194,9 @@ impl Setup {
         let refuse = |message: String| Error::Content { path: path.to_owned(), message };
         let at = |relative: &PathBuf| folder.join(relative);
 
-        let vehicle_path = at(&file.files.vehicle);
-        let gains_path = at(&file.files.gains);
-        let vehicle_text =
-            fs::read_to_string(&vehicle_path).map_err(access(&vehicle_path, "read the vehicle file"))?;
-        let gains_text =
-            fs::read_to_string(&gains_path).map_err(access(&gains_path, "read the gains file"))?;
-        let vehicle: Vehicle = parse(&vehicle_text, &vehicle_path)?;
-        let law = gains_for(&vehicle, file.files.vehicle_sha256.as_deref(), &gains_text, &gains_path)?;
+        let Files { vehicle, gains, vehicle_sha256 } = &file.files;
+        let CraftFiles { config: law, vehicle, sha256 } =
+            CraftFiles::read(&at(gains), &at(vehicle), vehicle_sha256.as_deref())?;
 
         let link = link(&file.link, folder).map_err(refuse)?;
         let outputs = outputs(file.pwm.outputs).map_err(refuse)?;
@@ -230,7 +224,7 @@ impl Setup {
         Ok(Self {
             vehicle: vehicle.name,
             law,
-            vehicle_sha256: hash(&[&gains_text, &vehicle_text]),
+            vehicle_sha256: sha256,
             link,
             imu: (at(&file.imu.port), file.imu.baud),
             pwm_root: at(&file.pwm.root),
@@ -251,14 +245,6 @@ impl Setup {
     }
 }
 
-fn hash(texts: &[&str]) -> [u8; 32] {
-    let mut sha = Sha256::new();
-    for text in texts {
-        sha.update(text.as_bytes());
-    }
-    sha.finalize().into()
-}
-
 /// One line with the place of the mistake.
 fn parse<T: for<'a> Deserialize<'a>>(text: &str, path: &Path) -> Result<T> {
     toml::from_str(text).map_err(|error| Error::Content {
@@ -267,45 +253,12 @@ fn parse<T: for<'a> Deserialize<'a>>(text: &str, path: &Path) -> Result<T> {
     })
 }
 
-/// What the program needs of a vehicle file; all of it is described in the project's contract.
-#[derive(Debug, Deserialize)]
-struct Vehicle {
-    name: String,
-    motors: Motors,
-}
-
-#[derive(Debug, Deserialize)]
-struct Motors {
-    command_unit: String,
-    command_range: [f64; 2],
-}
-
 /// Reads a gains file, whichever vehicle it is for.
 ///
 /// # Errors
 /// What is wrong in it.
 pub fn read_gains(path: &Path) -> Result<Law> {
     Ok(Gains::read(path)?.config)
-}
-
-/// The gains, if they are for this vehicle.
-fn gains_for(vehicle: &Vehicle, sha256: Option<&str>, text: &str, path: &Path) -> Result<Law> {
-    let refuse = |message: String| Err(Error::Content { path: path.to_owned(), message });
-    let gains = Gains::parse(text, path)?;
-    if gains.provenance.is_none() {
-        return refuse(format!(
-            "it has no [provenance], so nobody knows which vehicle it is for; `quadlab design` writes one, or add `vehicle = {:?}` yourself",
-            vehicle.name
-        ));
-    }
-    gains.belongs_to(&VehicleId { name: &vehicle.name, sha256 }, path)?;
-    if gains.config.command_range != vehicle.motors.command_range {
-        return refuse(format!(
-            "command_range is {:?}, the vehicle's is {:?}: design the gains anew with this vehicle file",
-            gains.config.command_range, vehicle.motors.command_range
-        ));
-    }
-    Ok(gains.config)
 }
 
 fn link(table: &LinkTable, folder: &Path) -> std::result::Result<Link, String> {
@@ -462,19 +415,6 @@ mod tests {
         case.write("com.toml", &full.join("\n").replace("vehicle_sha256", "# vehicle_sha256"));
         let message = case.read().unwrap_err().to_string();
         assert!(message.contains("/etc/quadlab/key"), "{message}");
-    }
-
-    /// `cat gains.toml vehicle.toml | sha256sum`, by coreutils.
-    #[test]
-    fn the_hash_is_what_anybody_can_compute() {
-        let case = Case::new();
-        let shell = "cat gains.toml vehicle.toml | sha256sum";
-        let output =
-            std::process::Command::new("sh").args(["-c", shell]).current_dir(case.folder.path()).output();
-        let expected = String::from_utf8(output.unwrap().stdout).unwrap();
-        let hash: String =
-            case.read().unwrap().vehicle_sha256.iter().map(|byte| format!("{byte:02x}")).collect();
-        assert_eq!(expected.split(' ').next(), Some(hash.as_str()));
     }
 
     #[test]

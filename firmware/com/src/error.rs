@@ -68,5 +68,6 @@ pub(crate) fn system<E: Into<io::Error>>(what: &'static str) -> impl FnOnce(E) -
 /// Writes a line to standard error. A log that nobody can take any more is no reason to fall out of the air.
 pub fn log(line: &str) {
     use io::Write;
-    let _ = writeln!(io::stderr(), "com: {line}");
+    // In one write: the guardian and the loop share the stream, and their lines must not run into each other.
+    let _ = io::stderr().write_all(format!("com: {line}\n").as_bytes());
 }

@@ -11,12 +11,12 @@ use std::thread::{self, sleep};
 use std::time::Duration;
 
 use nix::sys::termios::{self, BaudRate, ControlFlags, InputFlags, SetArg};
+use proto::imu_frame::{ImuFrame, Parser};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::{Mode, OFlags};
 use rustix::time::Timespec;
 
 use crate::error::{Result, access, log};
-use crate::imu_frame::{ImuFrame, Parser};
 use crate::realtime;
 
 /// Frames that may wait for the loop: several ticks' worth.
@@ -151,8 +151,8 @@ fn reopen(path: &Path, baud: u32) -> File {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::imu_frame::{MAX_STUFFED_LEN, encode};
     use proto::ImuSample;
+    use proto::imu_frame::{MAX_STUFFED_LEN, encode};
     use serial2::SerialPort;
     use std::time::Instant;
 

@@ -20,7 +20,6 @@ pub mod error;
 pub mod flight;
 pub mod guardian;
 pub mod imu;
-pub mod imu_frame;
 pub mod jitter;
 pub mod last_end;
 pub mod link;

@@ -65,10 +65,10 @@ impl Link {
             (Some(key), Some(folder)) => {
                 let [mut sent, mut heard] = ["sent", "heard"].map(|name| CounterFile::new(folder.join(name)));
                 let mut sealer = Sealer::authenticated(Role::Craft, number, key.clone(), sent.load()?);
-                let mut opener = Opener::authenticated(Role::Ground, number, key.clone(), heard.load()?);
-                // The first stretch before the loop begins; later ones beside it.
+                let opener = Opener::authenticated(Role::Ground, number, key.clone(), heard.load()?);
+                // The first stretch before the loop begins; later ones beside it. What is heard first is lost while the first
+                // stretch of heard numbers is stored.
                 sealer.counter.keep(&mut sent)?;
-                opener.guard.keep(&mut heard)?;
                 (sealer, opener, Some(Keeper::start([sent, heard])?))
             }
             _ => (Sealer::open(Role::Craft, number), Opener::open(Role::Ground, number), None),
@@ -109,12 +109,15 @@ impl Link {
         }
         match self.opener.unseal(packet) {
             Ok((number, message)) => {
+                self.sealer.follow(&mut self.opener);
                 match message {
                     Message::Pose(_) | Message::Command(_) | Message::Timer(_) => self.ground = Some(from),
                     _ => self.asker = Some(from),
                 }
                 craft.hear(number, &message);
             }
+            // Genuine, and too early by the time of storing a number.
+            Err(Refused::NotReserved) => {}
             Err(refused) => {
                 // Genuine, but behind: its sender is told where to go on.
                 if let Refused::Replayed { .. } = refused {

@@ -13,7 +13,7 @@ const OUTBOX: usize = 8;
 /// What is fixed when a craft boots, beside its configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Setup {
-    /// SHA-256 of the gains and vehicle file that the configuration was read from.
+    /// SHA-256 of the gains and vehicle file that the configuration was read from: `gains_file::craft_sha256`.
     pub vehicle_sha256: [u8; 32],
     /// Version of the program: major, minor, patch.
     pub program: [u16; 3],

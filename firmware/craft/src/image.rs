@@ -1,7 +1,7 @@
 //! A configuration as bytes that a program carries or is handed: what a gains file becomes for a chip without files.
 //!
 //! ```text
-//! "quadlab", version 1 | length of the rest u16 | SHA-256 of the gains file | Config (postcard) | CRC-32
+//! "quadlab", version 1 | length of the rest u16 | SHA-256 of gains and vehicle file | Config (postcard) | CRC-32
 //! ```
 //!
 //! Integers are little endian; the CRC (CRC-32/ISO-HDLC) is of everything before it. Whatever follows an image is ignored, so
@@ -48,7 +48,7 @@ impl fmt::Display for ImageError {
 
 impl core::error::Error for ImageError {}
 
-/// Writes the image of `config`, read from a file with this SHA-256, into `buffer`; `None` if that is too short
+/// Writes the image of `config`, read from files with this SHA-256, into `buffer`; `None` if that is too short
 /// ([`MAX_IMAGE_LEN`] suffices).
 pub fn encode<'a>(config: &Config, vehicle_sha256: &[u8; 32], buffer: &'a mut [u8]) -> Option<&'a [u8]> {
     let (head, rest) = buffer.split_at_mut_checked(HEAD_LEN)?;
@@ -64,7 +64,7 @@ pub fn encode<'a>(config: &Config, vehicle_sha256: &[u8; 32], buffer: &'a mut [u
     buffer.get(..end + CRC_LEN)
 }
 
-/// The configuration of the image that `bytes` begin with, and the SHA-256 of its file. Whether it can be flown is not looked at.
+/// The configuration of the image that `bytes` begin with, and the SHA-256 of its files. Whether it can be flown is not looked at.
 ///
 /// # Errors
 /// Why it is none.

@@ -5,13 +5,18 @@
 //! every number; [`Gains::belongs_to`] refuses another vehicle, by name and, where the file has one, by the SHA-256 of what
 //! the operator measured of it (`model::Vehicle::sha256`, which `quadlab design` writes). The craft's computer knows no
 //! model, so it is told both; whoever has a model can compare what the law does on its rotors too (`design::fit`).
+//! [`CraftFiles`] are the gains with the vehicle file that they fly: what every craft's program is built or started with, and the
+//! hash by which it tells who it is.
 //!
 //! Deliberately absent: writing to disk, and what the numbers mean (`control::gains`).
 #![forbid(unsafe_code)]
 
+mod craft_files;
+
 use std::path::{Path, PathBuf};
 
 use control::Config;
+pub use craft_files::{CraftFiles, Motors, Vehicle, craft_sha256};
 use serde::{Deserialize, Serialize};
 
 /// Where gains come from.
@@ -59,10 +64,12 @@ pub struct Gains {
 #[derive(Debug, thiserror::Error)]
 pub enum GainsError {
     /// The file cannot be read.
-    #[error("{}: cannot read the gains file: {reason}", path.display())]
+    #[error("{}: cannot read the {what} file: {reason}", path.display())]
     Read {
         /// The file.
         path: PathBuf,
+        /// What it should be.
+        what: &'static str,
         /// What the system said.
         reason: std::io::Error,
     },
@@ -92,9 +99,7 @@ impl Gains {
     /// # Errors
     /// A file that cannot be read, is not a gains file, or holds a number that cannot be flown.
     pub fn read(path: &Path) -> Result<Self, GainsError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|reason| GainsError::Read { path: path.to_owned(), reason })?;
-        Self::parse(&text, path)
+        Self::parse(&read(path, "gains")?, path)
     }
 
     /// Parses and checks the text of a gains file; `path` is for messages.
@@ -155,6 +160,10 @@ impl Gains {
             _ => Ok(()),
         }
     }
+}
+
+fn read(path: &Path, what: &'static str) -> Result<String, GainsError> {
+    std::fs::read_to_string(path).map_err(|reason| GainsError::Read { path: path.to_owned(), what, reason })
 }
 
 /// As much of a hash as people compare.

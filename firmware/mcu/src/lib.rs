@@ -13,7 +13,7 @@
 //! not fit into the buffer of the link is left out, never waited for.
 //!
 //! Programs: `mcu` flies; `mcu-lockstep` is ticked by a simulator; `mcu-measure` says what a period costs; `mcu-no-panic` links only if no
-//! panic can be reached from a tick.
+//! panic can be reached from what is heard, ticked and said in a period.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(not(target_os = "none"), forbid(unsafe_code))]
 #![cfg_attr(

@@ -21,7 +21,7 @@ pub enum BootError {
 }
 
 /// Packets in, a tick when it is due, motors, packets out.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Program {
     craft: Craft,
     opener: Opener,

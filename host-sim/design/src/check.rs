@@ -13,11 +13,12 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use serde::Serialize;
 
+use crate::envelope::{SteadyTilt, steady_tilts};
 use crate::error::Result;
 use crate::linear::{CANCEL_TOLERANCE, Linear};
 use crate::loops::{
-    ClosedLoop, LOOPS, LoopName, LoopPlant, View, inner_gains, law_effect, loops_of, outer_gains,
-    with_moved_zero,
+    ClosedLoop, LOOPS, LoopName, LoopPlant, View, axis_channel, inner_gains, law_effect, loops_of,
+    outer_gains, together, with_moved_zero,
 };
 use crate::margins::{Band, LoopMargins, Margins};
 use crate::response::{self, Mode, Response, StepMetrics, least_damped, step_metrics, value_at};
@@ -81,6 +82,17 @@ pub struct ActuatorMargins {
     pub crossover_rad_s: Option<f64>,
     /// Greatest sensitivity.
     pub sensitivity_peak: f64,
+}
+
+/// All loops closed at once, with what one axis does to another.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Together {
+    /// Whether they are stable.
+    pub stable: bool,
+    /// How fast the slowest mode decays, 1/s; below 0: it grows.
+    pub slowest_1_s: f64,
+    /// Oscillating mode with the least damping.
+    pub least_damped: Option<Mode>,
 }
 
 /// A step response: through prefilter or rate limit (1 m), and of the bare loop.
@@ -207,8 +219,10 @@ pub struct CheckReport {
     pub view: &'static str,
     /// Age of the pose, samples; absent in the continuous view.
     pub delay_samples: Option<usize>,
-    /// Whether every loop is stable, at every voltage too.
+    /// Whether every loop is stable, at every voltage too, and all of them together.
     pub holds: bool,
+    /// All loops closed at once.
+    pub together: Together,
     /// Loops.
     pub loops: Vec<LoopReport>,
     /// Step responses of the stable loops.
@@ -221,6 +235,8 @@ pub struct CheckReport {
     pub uncertainty: Option<Uncertainty>,
     /// Over the battery's voltage; empty if the model does not say at which voltage it was made.
     pub battery: Vec<BatteryReport>,
+    /// How far the craft can lean for ever.
+    pub steady_tilts: Vec<SteadyTilt>,
     /// What was approximated or left out.
     pub notes: Vec<String>,
 }
@@ -250,6 +266,23 @@ impl Study {
         };
         let loops = LOOPS.iter().map(close).collect::<Result<_>>()?;
         Ok(Self { linear, loops })
+    }
+
+    /// All loops of `config` closed at once.
+    pub fn together(&self, model: &Model, config: &Config, view: View) -> Result<Together> {
+        let effect = law_effect(model, &self.linear, config, self.linear.equilibrium.battery_v)?;
+        let closed = together(config, &self.linear, &effect, view)?;
+        let poles = closed.poles()?;
+        let worst = poles.first().copied().unwrap_or_default();
+        let slowest_1_s = match closed.period_s {
+            Some(period_s) => -worst.norm().ln() / period_s,
+            None => -worst.re,
+        };
+        Ok(Together {
+            stable: closed.is_stable()?,
+            slowest_1_s,
+            least_damped: least_damped(&poles, closed.period_s.unwrap_or(0.0)),
+        })
     }
 
     /// Margins of each loop.
@@ -289,7 +322,10 @@ pub fn check(model: &Model, config: &Config, options: &CheckOptions) -> Result<C
         .zip(&margins)
         .map(|((_, closed), (_, margins))| loop_report(closed, margins))
         .collect::<Result<Vec<_>>>()?;
-    let holds = loops.iter().all(|l| l.stable) && battery.iter().all(|b| b.loops.iter().all(|l| l.stable));
+    let together = study.together(model, config, options.view)?;
+    let holds = together.stable
+        && loops.iter().all(|l| l.stable)
+        && battery.iter().all(|b| b.loops.iter().all(|l| l.stable));
     Ok(CheckReport {
         vehicle: model.vehicle.name.clone(),
         view: match options.view {
@@ -301,12 +337,14 @@ pub fn check(model: &Model, config: &Config, options: &CheckOptions) -> Result<C
             View::Sampled { delay_samples } => Some(delay_samples),
         },
         holds,
+        together,
         loops,
         steps,
         disturbances,
         moved_zero: moved_zeros(config, &study, options.view)?,
         uncertainty: uncertainty(model, config, options)?,
         battery,
+        steady_tilts: steady_tilts(model)?,
         notes,
     })
 }
@@ -434,7 +472,7 @@ fn moved_zeros(config: &Config, study: &Study, view: View) -> Result<Vec<MovedZe
     let mut rows = Vec::new();
     for name in [LoopName::Roll, LoopName::Pitch] {
         let Some(canceller) = inner_gains(loops_of(config), name).canceller else { continue };
-        let channel = study.linear.channel(name.channel(), CANCEL_TOLERANCE)?;
+        let channel = axis_channel(&study.linear, name)?;
         if channel.zeros.len() != 1 {
             continue;
         }

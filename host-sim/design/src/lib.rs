@@ -10,7 +10,8 @@
 //! 5. [`procedure`]: gains from specifications, the thesis' way or searched for a late pose.
 //! 6. [`fit`]: whether gains belong to a vehicle.
 //! 7. [`printed`]: what the thesis prints, beside what is found.
-//! 8. [`check`]: all of it for a model and a gains file, over battery voltages and over what the identification leaves
+//! 8. [`envelope`]: how far the craft can lean for ever.
+//! 9. [`check`]: all of it for a model and a gains file, over battery voltages and over what the identification leaves
 //!    uncertain.
 //!
 //! Conventions: SI units, radians, rad/s; states and inputs in the order of (5.13). Inputs of the linear model are thrust
@@ -21,6 +22,7 @@
 
 pub mod check;
 pub mod curves;
+pub mod envelope;
 mod error;
 pub mod fit;
 pub mod linear;
@@ -29,6 +31,8 @@ pub mod margins;
 pub mod printed;
 pub mod procedure;
 pub mod response;
+mod search;
+pub mod specs;
 pub mod state_space;
 pub mod trim;
 

@@ -284,6 +284,14 @@ impl Channel {
         })
     }
 
+    /// The channel by itself: as if the other axes stood still.
+    pub(crate) fn alone(a: &MatrixA, b: &SMatrix<f64, 12, 1>, id: ChannelId, tolerance: f64) -> Result<Self> {
+        let own = |i: &usize| own_states(id).contains(i);
+        let a = MatrixA::from_fn(|i, j| if own(&i) && own(&j) { a[(i, j)] } else { 0.0 });
+        let b = SMatrix::<f64, 12, 1>::from_fn(|i, _| if own(&i) { b[i] } else { 0.0 });
+        Self::new(&a, &b, id, tolerance)
+    }
+
     /// Numerator, descending powers of s.
     pub fn numerator(&self) -> Vec<f64> {
         polynomial(&self.zeros).into_iter().map(|x| x * self.gain).collect()
@@ -306,6 +314,16 @@ pub(crate) fn polynomial(roots: &[Complex<f64>]) -> Vec<f64> {
         }
     }
     coefficients.iter().map(|c| c.re).collect()
+}
+
+/// States of the axis that a channel belongs to: what its output is made of where no other axis takes part.
+fn own_states(id: ChannelId) -> &'static [usize] {
+    match id.name {
+        "roll" | "y" => &[1, 4, 6, 9],
+        "pitch" | "x" => &[0, 3, 7, 10],
+        "yaw" => &[8, 11],
+        _ => &[2, 5],
+    }
 }
 
 /// States on a path from the input to the output, in order.

@@ -19,7 +19,9 @@ use model::Model;
 use nalgebra::{Complex, DMatrix, Matrix4};
 
 use crate::error::{DesignError, Result};
-use crate::linear::{CHANNELS, Channel, ChannelId, Linear, MatrixB, polynomial, sign_matrix};
+use crate::linear::{
+    CANCEL_TOLERANCE, CHANNELS, Channel, ChannelId, Linear, MatrixB, polynomial, sign_matrix,
+};
 use crate::state_space::{Block, Input, Network, Output, StateSpace};
 
 /// A loop of the law.
@@ -220,19 +222,14 @@ impl LoopPlant {
         let b: MatrixB = linear.proper_b() * effect;
         let inner = name.inner().channel();
         let column = b.column(inner.input).into_owned();
-        let angle = Channel::new(&linear.a, &column, inner, tolerance)?;
-        let mut notes = cancellation_notes(&angle);
+        let (angle, mut notes) = uncrossed(linear, &column, inner, tolerance)?;
         let motion = if name.is_outer() {
-            let position = Channel::new(&linear.a, &column, name.channel(), tolerance)?;
-            notes.extend(cancellation_notes(&position));
+            let (position, more) = uncrossed(linear, &column, name.channel(), tolerance)?;
+            notes.extend(more);
             match one_integrator_more(&angle, &position) {
                 true => Self::of_channels(&angle, Some(&position), name)?,
-                false => {
-                    notes.push(format!(
-                        "{name}: position and angle do not share their poles; the coupling to other axes is left out"
-                    ));
-                    decoupled(linear, &column, name)
-                }
+                // Something holds the craft to a place (a tether), or the position's channel is not that of the angle.
+                false => alone(linear, &column, name),
             }
         } else {
             Self::of_channels(&angle, None, name)?
@@ -322,8 +319,38 @@ fn one_integrator_more(angle: &Channel, position: &Channel) -> bool {
     matches!(left.as_slice(), [last] if last.norm() < 1e-6)
 }
 
+/// The channel that the loop of an axis is closed around.
+pub fn axis_channel(linear: &Linear, name: LoopName) -> Result<Channel> {
+    let id = name.channel();
+    let column = linear.proper_b().column(id.input).into_owned();
+    Ok(uncrossed(linear, &column, id, CANCEL_TOLERANCE)?.0)
+}
+
+/// A channel, and what was approximated. Where other axes leave it poles that no zero takes away (a craft that hovers
+/// leaning against wind is coupled in all axes), it is taken by itself: its own loop cannot move those poles, and that
+/// the loops hold them together is for [`together`] to say.
+fn uncrossed(
+    linear: &Linear,
+    column: &nalgebra::SVector<f64, 12>,
+    id: ChannelId,
+    tolerance: f64,
+) -> Result<(Channel, Vec<String>)> {
+    let (whole, own) =
+        (Channel::new(&linear.a, column, id, tolerance)?, Channel::alone(&linear.a, column, id, tolerance)?);
+    if whole.poles.len() <= own.poles.len() {
+        let notes = cancellation_notes(&whole);
+        return Ok((whole, notes));
+    }
+    let note = format!(
+        "{}: taken by itself; at this equilibrium other axes add {} poles to its transfer function, which the loops hold together",
+        id.name,
+        whole.poles.len() - own.poles.len()
+    );
+    Ok((own, vec![note]))
+}
+
 /// The axis by itself: position, velocity, angle, rate.
-fn decoupled(linear: &Linear, column: &nalgebra::SVector<f64, 12>, name: LoopName) -> StateSpace {
+fn alone(linear: &Linear, column: &nalgebra::SVector<f64, 12>, name: LoopName) -> StateSpace {
     let kept: [usize; 4] = if name == LoopName::X { [0, 3, 7, 10] } else { [1, 4, 6, 9] };
     let a = DMatrix::from_fn(4, 4, |i, j| linear.a[(kept[i], kept[j])]);
     let b = DMatrix::from_fn(4, 1, |i, _| column[kept[i]]);
@@ -553,14 +580,43 @@ impl ClosedLoop {
 }
 
 fn assemble(plant: &StateSpace, blocks: &Blocks, cut: Cut) -> Result<StateSpace> {
-    let period_s = blocks.period_s;
-    let mut net = Network::new(period_s);
+    let mut net = Network::new(blocks.period_s);
     let plant = net.add(plant.clone());
-    let (error, output, gyro_output) = (unit(&mut net), unit(&mut net), unit(&mut net));
+    let place = Place {
+        actuator: plant.input(0),
+        controlled: plant.output(0),
+        rate: plant.output(1),
+        position: blocks.outer.is_some().then(|| [plant.output(2), plant.output(3)]),
+    };
+    let ends = wire(&mut net, blocks, &place, cut);
+    match cut {
+        Cut::Nowhere => net.close(
+            &[vec![(ends.reference, 1.0)], vec![(place.actuator, 1.0)]],
+            &[vec![(ends.controlled, 1.0)], vec![(ends.law_output, 1.0)]],
+        ),
+        Cut::Error => net.close(&[vec![(ends.reference, 1.0)]], &[vec![(ends.measured, 1.0)]]),
+        Cut::Actuator => {
+            net.close(&[vec![(place.actuator, 1.0)]], &ends.to_actuator.map(|output| vec![(output, -1.0)]))
+        }
+    }
+}
+
+/// Where the plant meets a loop.
+struct Place {
+    actuator: Input,
+    controlled: Output,
+    rate: Output,
+    /// Position and velocity, for an outer loop.
+    position: Option<[Output; 2]>,
+}
+
+/// Adds the law's blocks of one loop to a network and links them to the plant.
+fn wire(net: &mut Network, blocks: &Blocks, plant: &Place, cut: Cut) -> Ends {
+    let (error, output, gyro_output) = (unit(net), unit(net), unit(net));
     let pi = net.add(blocks.proportional_integral.clone());
     let canceller = net.add(blocks.canceller.clone());
     let measured = net.add(blocks.delay.clone());
-    net.link(plant.output(0), measured.input(0), 1.0);
+    net.link(plant.controlled, measured.input(0), 1.0);
     let cut_here = |outer: bool| cut == Cut::Error && blocks.outer.is_some() == outer;
 
     // Error, proportional-integral, canceller, output.
@@ -572,62 +628,112 @@ fn assemble(plant: &StateSpace, blocks: &Blocks, cut: Cut) -> Result<StateSpace>
     net.link(canceller.output(0), output.input(0), 1.0);
 
     // Velocity feedback; through the gyro, where there is one, by a way of its own.
-    let rate = rate_of(&mut net, &blocks.rate, plant.output(1), measured.output(0));
+    let rate = rate_of(net, &blocks.rate, plant.rate, measured.output(0));
     match &blocks.fusion {
         None => net.link(rate, output.input(0), -blocks.kd),
         Some((low, high)) => {
             let (low, high) = (net.add(low.clone()), net.add(high.clone()));
             net.link(rate, low.input(0), 1.0);
-            net.link(plant.output(1), high.input(0), 1.0);
+            net.link(plant.rate, high.input(0), 1.0);
             net.link(low.output(0), output.input(0), -blocks.kd);
             net.link(high.output(0), gyro_output.input(0), -blocks.kd);
         }
     }
     if cut != Cut::Actuator {
-        net.link(output.output(0), plant.input(0), 1.0);
-        net.link(gyro_output.output(0), plant.input(0), 1.0);
+        net.link(output.output(0), plant.actuator, 1.0);
+        net.link(gyro_output.output(0), plant.actuator, 1.0);
     }
+    let to_actuator = [output.output(0), gyro_output.output(0)];
 
     // The position loop around it.
-    let mut ends = Ends {
-        reference: error.input(0),
-        controlled: plant.output(0),
-        measured: measured.output(0),
-        law_output: output.output(0),
-    };
-    if let Some(outer) = &blocks.outer {
-        let prefilter = net.add(blocks.prefilter.clone());
-        let position = net.add(blocks.delay.clone());
-        let pi = net.add(outer.proportional_integral.clone());
-        let (error_m, angle) = (unit(&mut net), unit(&mut net));
-        net.link(plant.output(2), position.input(0), 1.0);
-        if !cut_here(true) {
-            net.link(position.output(0), error_m.input(0), -1.0);
-        }
-        net.link(error_m.output(0), pi.input(0), 1.0);
-        net.link(pi.output(0), angle.input(0), 1.0);
-        let velocity = rate_of(&mut net, &outer.rate, plant.output(3), position.output(0));
-        net.link(velocity, angle.input(0), -outer.kd);
-        net.link(angle.output(0), prefilter.input(0), 1.0);
-        net.link(prefilter.output(0), error.input(0), 1.0);
-        ends = Ends {
-            reference: error_m.input(0),
-            controlled: plant.output(2),
-            measured: position.output(0),
-            law_output: angle.output(0),
+    let (Some(outer), Some([position, velocity])) = (&blocks.outer, plant.position) else {
+        return Ends {
+            reference: error.input(0),
+            controlled: plant.controlled,
+            measured: measured.output(0),
+            law_output: output.output(0),
+            to_actuator,
         };
+    };
+    let prefilter = net.add(blocks.prefilter.clone());
+    let late = net.add(blocks.delay.clone());
+    let pi = net.add(outer.proportional_integral.clone());
+    let (error_m, angle) = (unit(net), unit(net));
+    net.link(position, late.input(0), 1.0);
+    if !cut_here(true) {
+        net.link(late.output(0), error_m.input(0), -1.0);
     }
-    match cut {
-        Cut::Nowhere => net.close(
-            &[vec![(ends.reference, 1.0)], vec![(plant.input(0), 1.0)]],
-            &[vec![(ends.controlled, 1.0)], vec![(ends.law_output, 1.0)]],
-        ),
-        Cut::Error => net.close(&[vec![(ends.reference, 1.0)]], &[vec![(ends.measured, 1.0)]]),
-        Cut::Actuator => net.close(
-            &[vec![(plant.input(0), 1.0)]],
-            &[vec![(output.output(0), -1.0)], vec![(gyro_output.output(0), -1.0)]],
-        ),
+    net.link(error_m.output(0), pi.input(0), 1.0);
+    net.link(pi.output(0), angle.input(0), 1.0);
+    let velocity = rate_of(net, &outer.rate, velocity, late.output(0));
+    net.link(velocity, angle.input(0), -outer.kd);
+    net.link(angle.output(0), prefilter.input(0), 1.0);
+    net.link(prefilter.output(0), error.input(0), 1.0);
+    Ends {
+        reference: error_m.input(0),
+        controlled: position,
+        measured: late.output(0),
+        law_output: angle.output(0),
+        to_actuator,
     }
+}
+
+/// All loops closed at once around all twelve states: the references of yaw, z, x and y, and what they move. What the loops
+/// one by one leave out, how one axis moves another, is in it. (Left out even so: that the law turns rates from Euler's
+/// angles to the body's at the angle of the equilibrium, which is some degrees.)
+pub fn together(config: &Config, linear: &Linear, effect: &Matrix4<f64>, view: View) -> Result<StateSpace> {
+    let mut motion = Network::new(None);
+    let b = linear.proper_b() * effect;
+    // Outputs of the motion: the twelve states, and with the input's part what they change by. z and x are turned round.
+    let turned = |i: usize| if i == 0 || i == 2 { -1.0 } else { 1.0 };
+    let c = DMatrix::from_fn(24, 12, |i, j| {
+        let state = i % 12;
+        turned(state)
+            * match (i < 12, state == j) {
+                (true, same) => f64::from(same),
+                (false, _) => linear.a[(state, j)],
+            }
+    });
+    let body = motion.add(StateSpace {
+        a: DMatrix::from_fn(12, 12, |i, j| linear.a[(i, j)]),
+        b: DMatrix::from_fn(12, 4, |i, j| b[(i, j)]),
+        c,
+        d: DMatrix::zeros(24, 4),
+        period_s: None,
+    });
+    let entries: Vec<_> = (0..4)
+        .map(|k| match linear.motor_lag_rad_s {
+            None => vec![(body.input(k), 1.0)],
+            Some(lag) => {
+                let rotors = motion.add(StateSpace::transfer(&[lag], &[1.0, lag], None));
+                motion.link(rotors.output(0), body.input(k), 1.0);
+                vec![(rotors.input(0), 1.0)]
+            }
+        })
+        .collect();
+    let outputs: Vec<_> = (0..24).map(|k| vec![(body.output(k), 1.0)]).collect();
+    let whole = motion.close(&entries, &outputs)?;
+    let plant = LoopPlant { system: whole, input_delay_s: linear.input_delay_s, notes: Vec::new() };
+    let mut net = Network::new(match view {
+        View::Continuous => None,
+        View::Sampled { .. } => Some(config.sample_time_s),
+    });
+    let plant = net.add(plant.in_view(view, config.sample_time_s)?);
+    let (mut references, mut controlled) = (Vec::new(), Vec::new());
+    for name in [LoopName::Yaw, LoopName::Z, LoopName::X, LoopName::Y] {
+        let inner = name.inner().channel();
+        let outer = name.channel().output;
+        let place = Place {
+            actuator: plant.input(inner.input),
+            controlled: plant.output(inner.output),
+            rate: plant.output(12 + inner.output),
+            position: name.is_outer().then(|| [plant.output(outer), plant.output(12 + outer)]),
+        };
+        let ends = wire(&mut net, &Blocks::new(config, name, view), &place, Cut::Nowhere);
+        references.push(vec![(ends.reference, 1.0)]);
+        controlled.push(vec![(ends.controlled, 1.0)]);
+    }
+    net.close(&references, &controlled)
 }
 
 /// Where a loop is entered and left.
@@ -636,6 +742,8 @@ struct Ends {
     controlled: Output,
     measured: Output,
     law_output: Output,
+    /// What goes to the actuator: by the pose, and by the gyro.
+    to_actuator: [Output; 2],
 }
 
 /// A signal's sum point.

@@ -179,17 +179,15 @@ fn bisect(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
 ///
 /// The loop is cut at the actuator, where all that the pose does goes through: proportional, integral and velocity feedback,
 /// and for an outer loop position and attitude together. What a gyro does stays closed.
-pub fn delay_margin_s(closed: &ClosedLoop, band: Band) -> Option<f64> {
-    let gain = |w: f64| {
-        let [pose, gyro] = closed.gain_at_actuator(w);
-        pose / (gyro + 1.0)
-    };
+pub fn delay_margin_s(closed: &ClosedLoop, band: Band) -> Result<Option<f64>> {
+    let (pose, gyro) = (closed.at_actuator.sweep(0, 0)?, closed.at_actuator.sweep(1, 0)?);
+    let gain = |w: f64| pose.response(w) / (gyro.response(w) + 1.0);
     let margins = Margins::of(gain, band, true);
     let delay = |c: &GainCrossing| {
         let lag = c.phase_margin_deg.to_radians().rem_euclid(2.0 * std::f64::consts::PI);
         lag / c.frequency_rad_s
     };
-    margins.gain_crossings.iter().map(delay).min_by(f64::total_cmp)
+    Ok(margins.gain_crossings.iter().map(delay).min_by(f64::total_cmp))
 }
 
 /// All margins of a loop: at its error, at the actuator, and in delay.
@@ -210,11 +208,13 @@ impl LoopMargins {
     pub fn of(closed: &ClosedLoop) -> Result<Self> {
         let band = Band::of(closed.closed.period_s);
         let stable = closed.closed.is_stable()?;
+        let error = closed.at_error.sweep(0, 0)?;
+        let (pose, gyro) = (closed.at_actuator.sweep(0, 0)?, closed.at_actuator.sweep(1, 0)?);
         Ok(Self {
             stable,
-            at_error: Margins::of(|w| closed.gain_at_error(w), band, stable),
-            at_actuator: Margins::of(|w| closed.gain_at_actuator(w).iter().sum(), band, stable),
-            delay_margin_s: if stable { delay_margin_s(closed, band) } else { Some(0.0) },
+            at_error: Margins::of(|w| error.response(w), band, stable),
+            at_actuator: Margins::of(|w| pose.response(w) + gyro.response(w), band, stable),
+            delay_margin_s: if stable { delay_margin_s(closed, band)? } else { Some(0.0) },
         })
     }
 }

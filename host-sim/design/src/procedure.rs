@@ -10,222 +10,29 @@
 //!
 //! Deliberately absent: the nonlinear flight (crate `sil`), which is to be flown with the result.
 
-use argmin::core::{CostFunction, Executor, State as _};
-use argmin::solver::neldermead::NelderMead;
 use control::Config;
 use control::filter::GainRule;
 use control::gains::{
     CancellerParams, InnerLoop, Law, Mixing, MotorMapParams, PositionLoop, Saturation, VelocityEstimator,
 };
+use control::supervision::BatteryLevels;
 use model::Model;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::check::{Study, commanded};
 use crate::curves::{Gain, gain_mut, gain_of};
 use crate::error::{DesignError, Result};
 use crate::linear::{CANCEL_TOLERANCE, Linear};
 use crate::loops::{
-    ClosedLoop, LoopName, LoopPlant, View, inner_gains, inner_gains_mut, law_effect, loops_of, loops_of_mut,
+    ClosedLoop, LoopName, LoopPlant, View, axis_channel, inner_gains, inner_gains_mut, law_effect, loops_of,
+    loops_of_mut,
 };
 use crate::margins::{Band, Margins};
-use crate::response::{commanded_step, least_damped, step_metrics};
+use crate::response::{commanded_step, least_damped_seen, step_metrics};
+use crate::search::{RESERVE, Search, at_error};
+pub use crate::specs::{AttitudeSpecs, Method, PositionSpecs, SlowSpecs, Specs};
+use crate::state_space::StateSpace;
 use crate::trim::TrimTarget;
-
-/// How gains are found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Method {
-    /// The thesis' procedure on continuous loops.
-    Thesis,
-    /// A search on the loops as they fly.
-    Delay,
-}
-
-/// What is asked of the gains; the defaults are the thesis' specifications and, for the late pose, twice its gain.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Specs {
-    /// How gains are found.
-    pub method: Method,
-    /// Age of the pose at which the margins are to hold, samples (thesis 5.5: about 2).
-    pub delay_samples: usize,
-    /// Age of the pose with which every loop is to be stable, samples.
-    pub stable_delay_samples: usize,
-    /// Roll and pitch.
-    pub attitude: AttitudeSpecs,
-    /// Yaw.
-    pub yaw: SlowSpecs,
-    /// Altitude.
-    pub altitude: SlowSpecs,
-    /// Position along x and y.
-    pub position: PositionSpecs,
-}
-
-/// Specifications of roll and pitch, thesis 5.3.1.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct AttitudeSpecs {
-    /// Least phase margin, degrees (thesis: 45).
-    pub phase_margin_deg: f64,
-    /// Least gain margin.
-    pub gain_margin: f64,
-    /// Greatest gain crossover frequency, rad/s (thesis: 6).
-    pub crossover_rad_s: f64,
-    /// Greatest overshoot by the damping of the closed-loop poles, per cent (thesis: 35).
-    pub damping_overshoot_percent: f64,
-    /// Velocity gain over the least one that stabilises (the thesis' 10 is 1.18 times).
-    pub velocity_gain_ratio: f64,
-    /// Where the canceller moves the slow zero, rad/s (thesis: 0.6).
-    pub zero_rad_s: f64,
-    /// Corner of the prefilter, rad/s (thesis: 5); the search starts from it.
-    pub prefilter_rad_s: f64,
-    /// Least value of a commanded step's response after its first peak (the thesis' gains: 0.62). Less dip costs margin: the
-    /// plant's slow zero has to be moved further, or the integral raised.
-    pub least_after_peak: f64,
-    /// Greatest rise time of a commanded step, s (the thesis' gains: 0.38 roll, 0.33 pitch; 0.30 and 0.27 as they fly).
-    pub rise_s: f64,
-    /// Greatest overshoot of a commanded step, per cent.
-    pub overshoot_percent: f64,
-}
-
-/// Specifications of yaw or altitude, thesis 5.3.2.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SlowSpecs {
-    /// Greatest overshoot, per cent (thesis: 5).
-    pub overshoot_percent: f64,
-    /// Greatest rise time, s (thesis: 1 yaw, 1.5 altitude).
-    pub rise_s: f64,
-    /// Corner of the prefilter, rad/s (thesis: 4 yaw, 2 altitude).
-    pub prefilter_rad_s: f64,
-    /// Ki over Kp: how fast a constant disturbance is taken away, rad/s (thesis: 1/15 yaw, 1/18 altitude).
-    pub integral_rad_s: f64,
-}
-
-/// Specifications of the position loops, thesis 5.4.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct PositionSpecs {
-    /// Least phase margin, degrees (thesis: 45).
-    pub phase_margin_deg: f64,
-    /// Least gain margin, for the late pose.
-    pub gain_margin: f64,
-    /// Gain crossover frequency, rad/s (thesis: about 1, found 1.17 and 1.12).
-    pub crossover_rad_s: f64,
-    /// Ki over Kp, rad/s (thesis: 1/15).
-    pub integral_rad_s: f64,
-    /// Fastest motion of the reference, m/s (thesis: 0.5).
-    pub rate_limit_m_s: f64,
-    /// Corner of the velocity filter, rad/s (thesis: 10).
-    pub velocity_filter_rad_s: f64,
-    /// Greatest overshoot of 1 m through the rate limit, per cent (thesis: 15 and 17).
-    pub overshoot_percent: f64,
-}
-
-impl Default for Specs {
-    fn default() -> Self {
-        Self {
-            method: Method::Delay,
-            delay_samples: 2,
-            stable_delay_samples: 4,
-            attitude: AttitudeSpecs::default(),
-            yaw: SlowSpecs {
-                overshoot_percent: 5.0,
-                rise_s: 1.0,
-                prefilter_rad_s: 4.0,
-                integral_rad_s: 1.0 / 15.0,
-            },
-            altitude: SlowSpecs {
-                overshoot_percent: 5.0,
-                rise_s: 1.5,
-                prefilter_rad_s: 2.0,
-                integral_rad_s: 1.0 / 18.0,
-            },
-            position: PositionSpecs::default(),
-        }
-    }
-}
-
-impl Default for AttitudeSpecs {
-    fn default() -> Self {
-        Self {
-            phase_margin_deg: 45.0,
-            gain_margin: 2.0,
-            crossover_rad_s: 6.0,
-            damping_overshoot_percent: 35.0,
-            velocity_gain_ratio: 1.2,
-            zero_rad_s: 0.6,
-            prefilter_rad_s: 5.0,
-            least_after_peak: 0.7,
-            rise_s: 0.3,
-            overshoot_percent: 2.0,
-        }
-    }
-}
-
-impl Default for PositionSpecs {
-    fn default() -> Self {
-        Self {
-            phase_margin_deg: 45.0,
-            gain_margin: 2.0,
-            crossover_rad_s: 1.2,
-            integral_rad_s: 1.0 / 15.0,
-            rate_limit_m_s: 0.5,
-            velocity_filter_rad_s: 10.0,
-            overshoot_percent: 17.0,
-        }
-    }
-}
-
-impl Specs {
-    /// The thesis' procedure and specifications.
-    pub fn thesis() -> Self {
-        Self { method: Method::Thesis, ..Self::default() }
-    }
-
-    /// Parses and checks the text of a specifications file; `path` is for messages.
-    pub fn parse(text: &str, path: &std::path::Path) -> Result<Self> {
-        let refuse = |message: String| DesignError::Parse { path: path.to_owned(), message };
-        let specs: Self = toml::from_str(text).map_err(|e| refuse(gains_file::toml_message(text, &e)))?;
-        let (a, p) = (&specs.attitude, &specs.position);
-        let ranges = [
-            ("attitude.phase_margin_deg", a.phase_margin_deg, 0.0, 90.0),
-            ("attitude.gain_margin", a.gain_margin, 1.0, 100.0),
-            ("attitude.crossover_rad_s", a.crossover_rad_s, 0.01, 1000.0),
-            ("attitude.damping_overshoot_percent", a.damping_overshoot_percent, 0.1, 99.0),
-            ("attitude.velocity_gain_ratio", a.velocity_gain_ratio, 1.0, 100.0),
-            ("attitude.zero_rad_s", a.zero_rad_s, 1e-3, 100.0),
-            ("attitude.prefilter_rad_s", a.prefilter_rad_s, 1e-2, 300.0),
-            ("attitude.least_after_peak", a.least_after_peak, 0.0, 1.0),
-            ("attitude.rise_s", a.rise_s, 1e-3, 100.0),
-            ("attitude.overshoot_percent", a.overshoot_percent, 0.0, 100.0),
-            ("yaw.overshoot_percent", specs.yaw.overshoot_percent, 0.1, 99.0),
-            ("yaw.rise_s", specs.yaw.rise_s, 1e-3, 100.0),
-            ("yaw.prefilter_rad_s", specs.yaw.prefilter_rad_s, 1e-2, 300.0),
-            ("yaw.integral_rad_s", specs.yaw.integral_rad_s, 0.0, 100.0),
-            ("altitude.overshoot_percent", specs.altitude.overshoot_percent, 0.1, 99.0),
-            ("altitude.rise_s", specs.altitude.rise_s, 1e-3, 100.0),
-            ("altitude.prefilter_rad_s", specs.altitude.prefilter_rad_s, 1e-2, 300.0),
-            ("altitude.integral_rad_s", specs.altitude.integral_rad_s, 0.0, 100.0),
-            ("position.phase_margin_deg", p.phase_margin_deg, 0.0, 90.0),
-            ("position.gain_margin", p.gain_margin, 1.0, 100.0),
-            ("position.crossover_rad_s", p.crossover_rad_s, 0.01, 100.0),
-            ("position.integral_rad_s", p.integral_rad_s, 0.0, 100.0),
-            ("position.rate_limit_m_s", p.rate_limit_m_s, 1e-3, 100.0),
-            ("position.velocity_filter_rad_s", p.velocity_filter_rad_s, 1e-2, 300.0),
-            ("position.overshoot_percent", p.overshoot_percent, 0.0, 100.0),
-        ];
-        for (name, value, least, most) in ranges {
-            if !(value >= least && value <= most) {
-                return Err(refuse(format!("{name} is {value}: give a number from {least} to {most}")));
-            }
-        }
-        if specs.delay_samples > 100 || specs.stable_delay_samples > 100 {
-            return Err(refuse("delay_samples, stable_delay_samples: give at most 100".into()));
-        }
-        Ok(specs)
-    }
-}
 
 /// A gain that a step found, and why.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -255,6 +62,32 @@ pub struct Shortfall {
     pub reached: f64,
 }
 
+impl Shortfall {
+    /// The key of the specification in a specifications file; absent where none can be relaxed (an unstable loop).
+    pub fn key(&self) -> Option<String> {
+        let table = match self.name {
+            "roll" | "pitch" => "attitude",
+            "yaw" => "yaw",
+            "z" => "altitude",
+            "x" | "y" => "position",
+            _ => return None,
+        };
+        let key = match self.what {
+            "phase margin, deg" | "phase margin before the integral, deg" => "phase_margin_deg",
+            "gain margin" => "gain_margin",
+            "crossover, rad/s" => "crossover_rad_s",
+            "overshoot by damping, %" if table == "attitude" => "damping_overshoot_percent",
+            "overshoot, %" | "overshoot by damping, %" => "overshoot_percent",
+            "rise, s" => "rise_s",
+            "least value after the peak" => "least_after_peak",
+            "Ki over Kp, rad/s" => "integral_rad_s",
+            "stability with the latest pose (1: stable)" => return Some("stable_delay_samples".into()),
+            _ => return None,
+        };
+        Some(format!("{table}.{key}"))
+    }
+}
+
 /// Gains and how they came about.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Designed {
@@ -281,16 +114,18 @@ struct Work<'a> {
 /// A model that cannot be linearised at hover or controlled, or that no motor map can be made for.
 pub fn design(model: &Model, specs: &Specs) -> Result<Designed> {
     let linear = Linear::new(model, &TrimTarget::default())?;
+    let specs = &specs.for_craft(&linear);
     let config = blank(model, &linear, specs)?;
     let mut work = Work { model, linear, specs: *specs, config, steps: Vec::new() };
-    for name in [LoopName::Roll, LoopName::Pitch] {
-        work.attitude(name)?;
-    }
-    for name in [LoopName::Yaw, LoopName::Z] {
-        work.slow(name)?;
+    work.battery_levels();
+    for name in [LoopName::Roll, LoopName::Pitch, LoopName::Yaw, LoopName::Z] {
+        work.inner(name)?;
     }
     if specs.method == Method::Delay {
         work.search_attitude()?;
+        for name in [LoopName::Yaw, LoopName::Z] {
+            work.search_slow(name)?;
+        }
     }
     for name in [LoopName::X, LoopName::Y] {
         work.position(name)?;
@@ -401,33 +236,90 @@ impl Work<'_> {
         config
     }
 
+    /// Voltages at which the craft warns and lands, for the pack that the model was made with. The thesis' levels are those of
+    /// three cells; a craft of another voltage would land at once or never. Without a voltage they stay.
+    fn battery_levels(&mut self) {
+        let made_at_v = self.model.reference.battery_v;
+        if !(made_at_v > 0.0) {
+            return;
+        }
+        let cells = (made_at_v / CELL_IN_FLIGHT_V).round().max(1.0);
+        let levels = &mut self.config.supervision.battery;
+        for level in [&mut levels.warn_v, &mut levels.land_v, &mut levels.empty_v] {
+            *level *= cells / 3.0;
+        }
+        let BatteryLevels { warn_v, land_v, .. } = *levels;
+        self.steps.push(Step {
+            name: "all",
+            gain: "battery cells",
+            value: cells,
+            rule: format!(
+                "lithium-polymer, by the model's {made_at_v:.1} V: warns under {warn_v:.1} V, lands under {land_v:.1} V"
+            ),
+        });
+    }
+
+    /// An inner loop by the thesis' steps. Where they lead nowhere the search has a start of its own.
+    fn inner(&mut self, name: LoopName) -> Result<()> {
+        let (config, steps) = (self.config, self.steps.len());
+        let found = match name {
+            LoopName::Roll | LoopName::Pitch => self.attitude(name),
+            _ => self.slow(name),
+        };
+        match found {
+            Err(DesignError::Unmet(unmet)) if self.specs.method == Method::Delay => {
+                self.config = config;
+                self.steps.truncate(steps);
+                if matches!(name, LoopName::Roll | LoopName::Pitch) {
+                    self.canceller(name, self.specs.attitude.zero_rad_s)?;
+                }
+                let plant = self.plant(name)?;
+                if let Some((_, start)) = self.starts(&self.config, name, &plant)?.into_iter().next() {
+                    self.config = start;
+                }
+                let what = format!(
+                    "a start for the search: the thesis' steps end at {}, wanted {}, reached {}",
+                    unmet.what,
+                    short(unmet.wanted),
+                    short(unmet.reached)
+                );
+                self.steps.push(Step {
+                    name: name.name(),
+                    gain: Gain::Velocity.symbol(),
+                    value: gain_of(&self.config, name, Gain::Velocity),
+                    rule: what,
+                });
+                Ok(())
+            }
+            found => found,
+        }
+    }
+
     /// Thesis 5.3.1.
     fn attitude(&mut self, name: LoopName) -> Result<()> {
         let plant = self.plant(name)?;
         let specs = self.specs.attitude;
         let close = |config: &Config| ClosedLoop::new(config, &plant, name, View::Continuous);
-        let unstable = |what: &str| DesignError::Channel {
-            channel: name.name(),
-            reason: format!("no {what} makes it stable"),
-        };
-        // Velocity gain: from the root locus of (5.25). A pole at the origin is the proportional gain's to move.
+        // Velocity gain: from the root locus of (5.25).
         let slowest = |kd: f64| -> Result<f64> {
-            let poles = close(&self.with(name, Gain::Velocity, kd))?.velocity_loop.poles()?;
-            Ok(poles.iter().filter(|p| p.norm() > 1e-6).map(|p| p.re).fold(f64::NEG_INFINITY, f64::max))
+            slowest_moved(&close(&self.with(name, Gain::Velocity, kd))?.velocity_loop)
         };
         let holds = |kd: f64| Ok(slowest(kd)? < 0.0);
         let (kd, rule) = if holds(0.0)? {
             let rule = "the axis is stable by itself: moves the slowest pole of the velocity loop as far left as it goes";
             (best(0.05, 500.0, slowest)?, rule.to_owned())
         } else {
-            let least = first(0.05, 500.0, holds)?.ok_or_else(|| unstable("velocity gain"))?;
+            let Some(least) = first(0.05, 500.0, holds)? else {
+                let at_best = greatest(0.05, 500.0, |kd| Ok(Some(-slowest(kd)?)))?;
+                return Err(unstable(name, "velocity loop", at_best.map(|(_, growth)| -growth)));
+            };
             let ratio = specs.velocity_gain_ratio;
             let rule =
                 format!("{ratio:.2} times {least:.3}, the least that stabilises the velocity loop (5.25)");
             (ratio * least, rule)
         };
         if !holds(kd)? {
-            return Err(unstable("velocity gain"));
+            return Err(unstable(name, "velocity loop", Some(slowest(kd)?)));
         }
         self.found(name, Gain::Velocity, kd, rule);
         self.canceller(name, specs.zero_rad_s)?;
@@ -437,9 +329,8 @@ impl Work<'_> {
             if !closed.closed.is_stable()? {
                 return Ok(false);
             }
-            let margins = at_error(&closed);
-            let overshoot =
-                least_damped(&closed.closed.poles()?, 0.0).map_or(0.0, |m| damping_overshoot(m.damping));
+            let margins = at_error(&closed)?;
+            let overshoot = least_damped_seen(&closed.closed)?.map_or(0.0, |m| damping_overshoot(m.damping));
             Ok(overshoot <= specs.damping_overshoot_percent
                 && margins.phase_margin_deg.is_none_or(|pm| pm >= specs.phase_margin_deg + reserve_deg)
                 && margins.crossover_rad_s.is_none_or(|w| w <= specs.crossover_rad_s))
@@ -455,15 +346,16 @@ impl Work<'_> {
                     if !closed.closed.is_stable()? {
                         return Ok(None);
                     }
-                    let margins = at_error(&closed);
+                    let margins = at_error(&closed)?;
                     let slow = margins.crossover_rad_s.is_none_or(|w| w <= specs.crossover_rad_s);
-                    let mode = least_damped(&closed.closed.poles()?, 0.0);
+                    let mode = least_damped_seen(&closed.closed)?;
                     let overshoot = mode.map_or(0.0, |m| damping_overshoot(m.damping));
                     let damped = overshoot <= specs.damping_overshoot_percent;
                     Ok(margins.phase_margin_deg.filter(|_| slow && damped))
                 };
-                let (kp, reached) = greatest(1.0, 2000.0, phase)?
-                    .ok_or_else(|| unstable("proportional gain within its crossover and overshoot"))?;
+                let Some((kp, reached)) = greatest(1.0, 2000.0, phase)? else {
+                    return Err(self.undamped(name, &plant, specs.damping_overshoot_percent, 1.0)?);
+                };
                 // A search goes on from the best there is.
                 if self.specs.method == Method::Thesis {
                     let wanted = specs.phase_margin_deg + INTEGRAL_RESERVE_DEG;
@@ -496,9 +388,41 @@ impl Work<'_> {
         Ok(())
     }
 
+    /// No proportional gain is stable, damped and slow enough: what is reached at best.
+    fn undamped(&self, name: LoopName, plant: &LoopPlant, wanted: f64, unit: f64) -> Result<DesignError> {
+        let close = |kp: f64| {
+            ClosedLoop::new(&self.with(name, Gain::Proportional, kp), plant, name, View::Continuous)
+        };
+        let (low, high) = (0.05 * unit, 2000.0 * unit);
+        let damped = |kp: f64| -> Result<Option<f64>> {
+            let closed = close(kp)?;
+            if !closed.closed.is_stable()? {
+                return Ok(None);
+            }
+            Ok(Some(-least_damped_seen(&closed.closed)?.map_or(0.0, |m| damping_overshoot(m.damping))))
+        };
+        let unmet = |what, wanted, reached| {
+            DesignError::Unmet(Shortfall { name: name.name(), what, wanted, reached })
+        };
+        if let Some((_, percent)) = greatest(low, high, damped)? {
+            if -percent > wanted {
+                return Ok(unmet("overshoot by damping, %", wanted, -percent));
+            }
+            let slow = |kp: f64| -> Result<Option<f64>> {
+                let enough = damped(kp)?.filter(|percent| -percent <= wanted);
+                Ok(enough.map(|_| at_error(&close(kp)?)).transpose()?.and_then(|m| Some(-m.crossover_rad_s?)))
+            };
+            let least = greatest(low, high, slow)?.map_or(f64::NAN, |(_, crossover)| -crossover);
+            return Ok(unmet("crossover, rad/s", self.specs.attitude.crossover_rad_s, least));
+        }
+        let growth = |kp: f64| Ok(close(kp)?.closed.poles()?.first().map(|p| -p.re));
+        let at_best = greatest(low, high, growth)?.map(|(_, growth)| -growth);
+        Ok(unstable(name, "proportional loop", at_best))
+    }
+
     /// (5.26): the pole on the plant's slow zero, where there is one.
     fn canceller(&mut self, name: LoopName, zero_rad_s: f64) -> Result<()> {
-        let channel = self.linear.channel(name.channel(), CANCEL_TOLERANCE)?;
+        let channel = axis_channel(&self.linear, name)?;
         let slow = channel.zeros.iter().find(|z| z.im == 0.0 && z.re < 0.0 && -z.re < zero_rad_s);
         if let Some(slow) = slow {
             let pole_rad_s = -slow.re;
@@ -520,12 +444,11 @@ impl Work<'_> {
         let specs = if name == LoopName::Yaw { self.specs.yaw } else { self.specs.altitude };
         let close = |config: &Config| ClosedLoop::new(config, &plant, name, View::Continuous);
         let slowest = |kd: f64| -> Result<f64> {
-            // The integrator of the channel itself stays at the origin whatever the velocity gain; it is the proportional
-            // gain's to move.
-            let poles = close(&self.with(name, Gain::Velocity, kd))?.velocity_loop.poles()?;
-            Ok(poles.iter().map(|p| p.re).filter(|re| re.abs() > 1e-6).fold(f64::NEG_INFINITY, f64::max))
+            slowest_moved(&close(&self.with(name, Gain::Velocity, kd))?.velocity_loop)
         };
-        let kd = best(0.05, 500.0, slowest)?;
+        // In the channel's own unit: N for altitude, whose acceleration is a force over the mass.
+        let unit = 1.0 / plant_gain(&self.linear, name)?;
+        let kd = best(0.05 * unit, 500.0 * unit, slowest)?;
         self.found(
             name,
             Gain::Velocity,
@@ -537,26 +460,12 @@ impl Work<'_> {
             if !closed.closed.is_stable()? {
                 return Ok(None);
             }
-            let mode = least_damped(&closed.closed.poles()?, 0.0);
+            let mode = least_damped_seen(&closed.closed)?;
             Ok(Some(mode.map_or(0.0, |m| damping_overshoot(m.damping))))
         };
         let allowed = |kp: f64| Ok(overshoot(kp)?.is_some_and(|percent| percent <= specs.overshoot_percent));
-        let Some(kp) = largest(0.05, 1000.0, allowed)? else {
-            let least = greatest(0.05, 1000.0, |kp| Ok(overshoot(kp)?.map(|percent| -percent)))?;
-            return Err(least.map_or_else(
-                || DesignError::Channel {
-                    channel: name.name(),
-                    reason: "no proportional gain makes it stable".into(),
-                },
-                |(_, percent)| {
-                    DesignError::Unmet(Shortfall {
-                        name: name.name(),
-                        what: "overshoot by damping, %",
-                        wanted: specs.overshoot_percent,
-                        reached: -percent,
-                    })
-                },
-            ));
+        let Some(kp) = largest(0.05 * unit, 1000.0 * unit, allowed)? else {
+            return Err(self.undamped(name, &plant, specs.overshoot_percent, unit)?);
         };
         self.found(
             name,
@@ -594,10 +503,17 @@ impl Work<'_> {
             if !closed.closed.is_stable()? {
                 return Ok(None);
             }
-            Ok(Some(at_error(&closed)))
+            // On the fine grid: a resonance of the inner loop that rises through 1 is a narrow one.
+            let sweep = closed.at_error.sweep(0, 0)?;
+            Ok(Some(Margins::of(|w| sweep.response(w), Band::of(closed.closed.period_s), true)))
         };
         // Velocity gains from none to twice the proportional one; for each the largest proportional gain within the
         // crossover; of those the one with the widest margins.
+        let overshoot = |kp: f64, kd: f64| -> Result<f64> {
+            let closed = ClosedLoop::new(&with(kp, kd), &plant, name, view)?;
+            let step = commanded_step(&closed, Some(specs.rate_limit_m_s), POSITION_S)?;
+            Ok(step_metrics(&step.values, step.period_s).overshoot_percent)
+        };
         let mut chosen: Option<(f64, f64, f64)> = None;
         for k in 0..=20 {
             let share = 0.1 * f64::from(k);
@@ -610,52 +526,34 @@ impl Work<'_> {
                 }))
             };
             let Some(kp) = largest(0.01, 3.0, within)? else { continue };
-            let Some(margins) = tried(kp, share * kp)? else { continue };
-            let phase = margins.phase_margin_deg.unwrap_or(90.0);
-            // A fast loop with just the margin asked for, or else the most margin. As it flies, first of all one that does not
-            // come close to its overshoot.
+            // A fast loop with just the margin asked for. As it flies, first of all one that does not come close to its
+            // overshoot.
             let excess = match view {
                 View::Continuous => 0.0,
                 View::Sampled { .. } => {
-                    let closed = ClosedLoop::new(&with(kp, share * kp), &plant, name, view)?;
-                    let step = commanded_step(&closed, Some(specs.rate_limit_m_s), POSITION_S)?;
-                    let overshoot = step_metrics(&step.values, step.period_s).overshoot_percent;
-                    (overshoot - OVERSHOOT_USED * specs.overshoot_percent).max(0.0)
+                    (overshoot(kp, share * kp)? - OVERSHOOT_USED * specs.overshoot_percent).max(0.0)
                 }
             };
-            let worth = if phase >= specs.phase_margin_deg { 100.0 + kp - excess } else { phase };
+            let worth = kp - excess;
             if chosen.is_none_or(|(best, ..)| worth > best) {
                 chosen = Some((worth, kp, share * kp));
             }
         }
-        let Some((_, kp, kd)) = chosen else {
-            let phase = |kp: f64| -> Result<Option<f64>> {
-                let mut most: Option<f64> = None;
-                for k in 0..=10 {
-                    let margins = tried(kp, 0.2 * f64::from(k) * kp)?;
-                    let slow =
-                        margins.filter(|m| m.crossover_rad_s.is_some_and(|w| w <= specs.crossover_rad_s));
-                    let phase = slow.and_then(|m| m.phase_margin_deg);
-                    most = phase.map_or(most, |phase| Some(most.map_or(phase, |most| most.max(phase))));
-                }
-                Ok(most)
-            };
-            return Err(match greatest(0.01, 3.0, phase)? {
-                // Enough phase, so it is the gain margin that none of them has beside it.
-                Some((_, reached)) if reached < specs.phase_margin_deg => DesignError::Unmet(Shortfall {
-                    name: name.name(),
-                    what: "phase margin, deg",
-                    wanted: specs.phase_margin_deg,
-                    reached,
-                }),
-                _ => DesignError::Channel {
-                    channel: name.name(),
-                    reason: format!(
-                        "no gain crosses below {} rad/s with {} degrees of phase margin and a gain margin of {}",
-                        specs.crossover_rad_s, specs.phase_margin_deg, specs.gain_margin
-                    ),
-                },
-            });
+        let (kp, kd) = match chosen {
+            Some((_, kp, kd)) => (kp, kd),
+            None => {
+                let reach = |kp: f64, kd: f64| -> Result<Option<Reached>> {
+                    let Some(m) = tried(kp, kd)?.filter(|m| m.crossover_rad_s.is_some()) else {
+                        return Ok(None);
+                    };
+                    Ok(Some(Reached {
+                        phase_margin_deg: m.phase_margin_deg.unwrap_or(90.0),
+                        gain_margin: m.gain_margin.unwrap_or(100.0),
+                        crossover_rad_s: m.crossover_rad_s.unwrap_or(0.0),
+                    }))
+                };
+                self.nearest_position(name, reach)?
+            }
         };
         let rule = format!(
             "largest Kp that crosses at most at {} rad/s with {} degrees, over velocity gains",
@@ -672,23 +570,64 @@ impl Work<'_> {
         Ok(())
     }
 
+    /// Gains of a position loop that meets nothing: those that lack least, for the shortfalls to be told together; by the
+    /// thesis' way, which knows one, that one.
+    fn nearest_position(
+        &self,
+        name: LoopName,
+        reach: impl Fn(f64, f64) -> Result<Option<Reached>>,
+    ) -> Result<(f64, f64)> {
+        let specs = self.specs.position;
+        let searched = self.specs.method == Method::Delay;
+        let mut nearest: Option<(f64, f64, f64, Reached)> = None;
+        for k in 0..=10 {
+            let share = 0.2 * f64::from(k);
+            for step in 0..=40 {
+                let kp = 0.01 * 300_f64.powf(f64::from(step) / 40.0);
+                let Some(reached) = reach(kp, share * kp)? else { continue };
+                let lack = (1.0 - reached.phase_margin_deg / specs.phase_margin_deg.max(1e-3)).max(0.0)
+                    + (reached.crossover_rad_s / specs.crossover_rad_s - 1.0).max(0.0)
+                    + if searched { (1.0 - reached.gain_margin / specs.gain_margin).max(0.0) } else { 0.0 };
+                if nearest.as_ref().is_none_or(|(least, ..)| lack < *least) {
+                    nearest = Some((lack, kp, share * kp, reached));
+                }
+            }
+        }
+        let unmet = |what, wanted, reached| {
+            Err(DesignError::Unmet(Shortfall { name: name.name(), what, wanted, reached }))
+        };
+        match nearest {
+            None => unmet("proportional gain that makes it stable, at least", 0.01, 0.0),
+            Some((_, kp, kd, _)) if searched => Ok((kp, kd)),
+            Some((.., r)) if r.phase_margin_deg < specs.phase_margin_deg => {
+                unmet("phase margin, deg", specs.phase_margin_deg, r.phase_margin_deg)
+            }
+            Some((.., r)) => unmet("crossover, rad/s", specs.crossover_rad_s, r.crossover_rad_s),
+        }
+    }
+
     /// Roll and pitch on the loops as they fly. The estimator is common to both: each of a few is tried, and the one with
     /// the lower cost of both axes together flies.
     fn search_attitude(&mut self) -> Result<()> {
+        let both = [LoopName::Roll, LoopName::Pitch];
         let start = self.config;
-        let mut best: Option<(f64, Config)> = None;
+        let mut found: Option<(f64, Config)> = None;
         for estimator in ESTIMATORS {
             let mut config = start;
             config.estimation.velocity = estimator;
             let mut cost = 0.0;
-            for name in [LoopName::Roll, LoopName::Pitch] {
+            for name in both {
                 cost += self.search_axis(&mut config, name)?;
             }
-            if best.as_ref().is_none_or(|(least, _)| cost < *least) {
-                best = Some((cost, config));
+            if found.as_ref().is_none_or(|(least, _)| cost < *least) {
+                found = Some((cost, config));
             }
         }
-        let Some((cost, config)) = best else { return Ok(()) };
+        let Some((mut cost, mut config)) = found else { return Ok(()) };
+        // Where the thesis' gains are too far from what this craft needs, others to start from.
+        for name in both {
+            cost += self.search_anew(&mut config, name)?;
+        }
         self.config = config;
         let VelocityEstimator { natural_frequency_rad_s, damping_ratio } = config.estimation.velocity;
         self.steps.push(Step {
@@ -716,8 +655,9 @@ impl Work<'_> {
                     gain: "prefilter",
                     value: corner,
                     rule: format!(
-                        "searched with the gains: rise of at most {} s with at most {} % overshoot",
-                        self.specs.attitude.rise_s, self.specs.attitude.overshoot_percent
+                        "searched with the gains: rise of at most {:.3} s with at most {} % overshoot",
+                        self.specs.attitude.rise_s.unwrap_or(0.3),
+                        self.specs.attitude.overshoot_percent
                     ),
                 });
             }
@@ -733,45 +673,92 @@ impl Work<'_> {
         Ok(())
     }
 
+    /// Yaw or altitude as it flies, where the thesis' steps leave something short of the specifications.
+    fn search_slow(&mut self, name: LoopName) -> Result<()> {
+        let mut config = self.config;
+        if !self.lacks(&config, name)? {
+            return Ok(());
+        }
+        self.search_axis(&mut config, name)?;
+        self.search_anew(&mut config, name)?;
+        self.config = config;
+        let rule = format!(
+            "searched on the sampled loop with {} samples of delay, stable with {}: the thesis' steps fall short there",
+            self.specs.delay_samples, self.specs.stable_delay_samples
+        );
+        for gain in crate::curves::GAINS {
+            self.found(name, gain, gain_of(&config, name, gain), rule.clone());
+        }
+        Ok(())
+    }
+
+    /// Whether gains fall short of the specifications on the loop as it flies.
+    fn lacks(&self, config: &Config, name: LoopName) -> Result<bool> {
+        let plant = self.plant(name)?;
+        let search = Search { plant: &plant, config: *config, name, specs: self.specs };
+        Ok(search.worth(config, 0.0)?.shortfall > 0.0)
+    }
+
+    /// Searches one axis from gains made for its delays, slower and faster ones, if it falls short; gives what the cost falls
+    /// by, not above zero.
+    fn search_anew(&self, config: &mut Config, name: LoopName) -> Result<f64> {
+        if !self.lacks(config, name)? {
+            return Ok(0.0);
+        }
+        let plant = self.plant(name)?;
+        let cost = |config: &Config| -> Result<f64> {
+            let search = Search { plant: &plant, config: *config, name, specs: self.specs };
+            Ok(search.worth(config, RESERVE)?.cost())
+        };
+        let before = cost(config)?;
+        let mut least = before;
+        for (_, mut other) in self.starts(config, name, &plant)?.into_iter().take(STARTS) {
+            self.search_axis(&mut other, name)?;
+            let reached = cost(&other)?;
+            if reached < least {
+                (*config, least) = (other, reached);
+            }
+        }
+        Ok(least - before)
+    }
+
+    /// Gains to start a search from with their costs, the best first: slower and faster ones, soft and stiff. (A craft that the
+    /// air tips over as it gains speed is held by stiffness alone, and one that it rights by none.)
+    fn starts(&self, config: &Config, name: LoopName, plant: &LoopPlant) -> Result<Vec<(f64, Config)>> {
+        let mut starts = Vec::new();
+        for pace in [0.5, 1.0, 2.0] {
+            for stiffness in [0.5, 1.0, 2.0, 4.0, 8.0] {
+                let mut other = started(config, &self.linear, name, &self.specs, pace);
+                let gains = inner_gains_mut(loops_of_mut(&mut other), name);
+                (gains.kp, gains.ki) = (stiffness * gains.kp, stiffness * gains.ki);
+                let search = Search { plant, config: other, name, specs: self.specs };
+                starts.push((search.worth(&other, RESERVE)?.cost(), other));
+            }
+        }
+        starts.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Ok(starts)
+    }
+
     /// Searches the gains of one axis in `config`; gives the cost reached.
     fn search_axis(&self, config: &mut Config, name: LoopName) -> Result<f64> {
         let plant = self.plant(name)?;
         let search = Search { plant: &plant, config: *config, name, specs: self.specs };
-        let start = search.parameters();
-        let mut best = (f64::INFINITY, start.clone());
-        // From the thesis' gains, and again from the best: a simplex can collapse on the edge of what is allowed.
-        for size in [0.4, 0.2, 0.1] {
-            let from = best.1.clone();
-            let mut simplex = vec![from.clone()];
-            simplex.extend((0..from.len()).map(|k| {
-                let mut corner = from.clone();
-                corner[k] += size;
-                corner
-            }));
-            let solver = NelderMead::new(simplex)
-                .with_sd_tolerance(1e-5)
-                .map_err(|e| DesignError::Optimiser(e.to_string()))?;
-            let run =
-                Executor::new(search.clone(), solver).configure(|state| state.max_iters(SEARCH_STEPS)).run();
-            let result = run.map_err(|e| DesignError::Optimiser(e.to_string()))?;
-            let cost = result.state().get_best_cost();
-            if let Some(x) = result.state().get_best_param()
-                && cost < best.0
-            {
-                best = (cost, x.clone());
-            }
-        }
-        *config = search.with(&best.1);
-        Ok(best.0)
+        let (cost, found) = search.run()?;
+        *config = found;
+        Ok(cost)
     }
 }
 
+/// What a lithium-polymer cell has in the middle of a flight, under load, V.
+const CELL_IN_FLIGHT_V: f64 = 3.75;
 /// Phase that the integral part may take away, degrees.
 const INTEGRAL_RESERVE_DEG: f64 = 8.0;
-/// A prefilter beyond this is none: what it lets through is the noise of the position loops.
-const FASTEST_PREFILTER_RAD_S: f64 = 20.0;
-/// Steps of one run of the simplex.
-const SEARCH_STEPS: u64 = 150;
+/// How much of a position loop's step response is looked at for its overshoot, s.
+const POSITION_S: f64 = 12.0;
+/// Part of the overshoot of a position loop that a design uses.
+const OVERSHOOT_USED: f64 = 0.85;
+/// Starts of a search beside the thesis' steps.
+const STARTS: usize = 3;
 /// Estimators that are tried; none is faster than the thesis', whose noise is known to fly.
 const ESTIMATORS: [VelocityEstimator; 3] = [
     VelocityEstimator::CRITICAL_150,
@@ -813,96 +800,77 @@ fn damping_overshoot(damping: f64) -> f64 {
     100.0 * (-std::f64::consts::PI * damping / (1.0 - damping * damping).sqrt()).exp()
 }
 
-/// Margins of a stable loop, fast.
-fn at_error(closed: &ClosedLoop) -> Margins {
-    Margins::of(|w| closed.gain_at_error(w), Band::coarse(closed.closed.period_s), true)
+/// Real part of the slowest pole that a velocity gain moves. The channel's own integrator stays at the origin, or close to
+/// it where something weak holds the variable (a floor's cushion, a lean): that pole is the proportional gain's to move.
+fn slowest_moved(velocity_loop: &StateSpace) -> Result<f64> {
+    const AT_ORIGIN_RAD_S: f64 = 0.1;
+    let mut poles = velocity_loop.poles()?;
+    let nearest = (0..poles.len()).min_by(|&i, &j| poles[i].norm().total_cmp(&poles[j].norm()));
+    if let Some(nearest) = nearest
+        && poles[nearest].norm() < AT_ORIGIN_RAD_S
+        && poles[nearest].im == 0.0
+    {
+        poles.swap_remove(nearest);
+    }
+    // Two at the origin come out of the eigenvalues a rounding apart, as a pair.
+    Ok(poles.iter().filter(|p| p.norm() > 1e-6).map(|p| p.re).fold(f64::NEG_INFINITY, f64::max))
 }
 
-/// What the simplex searches: logarithms of Kd, Kp, Ki, of the prefilter's corner and, where there is a canceller, of its zero.
-#[derive(Clone)]
-struct Search<'a> {
-    plant: &'a LoopPlant,
-    config: Config,
-    name: LoopName,
-    specs: Specs,
+/// What a position loop comes to.
+struct Reached {
+    phase_margin_deg: f64,
+    gain_margin: f64,
+    crossover_rad_s: f64,
 }
 
-impl Search<'_> {
-    fn parameters(&self) -> Vec<f64> {
-        let mut config = self.config;
-        let gains = inner_gains_mut(loops_of_mut(&mut config), self.name);
-        let mut parameters = vec![gains.kd.ln(), gains.kp.ln(), gains.ki.max(1e-3).ln()];
-        parameters.extend(gains.prefilter_rad_s.map(f64::ln));
-        parameters.extend(gains.canceller.map(|c| c.zero_rad_s.ln()));
-        parameters
-    }
-
-    fn with(&self, parameters: &[f64]) -> Config {
-        let mut config = self.config;
-        let gains = inner_gains_mut(loops_of_mut(&mut config), self.name);
-        (gains.kd, gains.kp, gains.ki) = (parameters[0].exp(), parameters[1].exp(), parameters[2].exp());
-        let mut others = parameters[3..].iter().map(|x| x.exp());
-        if let Some(corner) = &mut gains.prefilter_rad_s {
-            *corner = others.next().unwrap_or(*corner).min(FASTEST_PREFILTER_RAD_S);
-        }
-        if let Some(canceller) = &mut gains.canceller {
-            canceller.zero_rad_s = others.next().unwrap_or(canceller.zero_rad_s);
-        }
-        config
-    }
-
-    fn worth(&self, config: &Config) -> Result<f64> {
-        let specs = &self.specs.attitude;
-        let view = |delay_samples| View::Sampled { delay_samples };
-        let closed = ClosedLoop::new(config, self.plant, self.name, view(self.specs.delay_samples))?;
-        let late = ClosedLoop::new(config, self.plant, self.name, view(self.specs.stable_delay_samples))?;
-        let radius = |closed: &ClosedLoop| -> Result<f64> {
-            Ok(closed.closed.poles()?.first().map_or(0.0, |p| p.norm()))
-        };
-        let (radius, late_radius) = (radius(&closed)?, radius(&late)?);
-        if radius >= 1.0 {
-            return Ok(1e3 * radius);
-        }
-        let at_error = at_error(&closed);
-        let actuator = |w: f64| closed.gain_at_actuator(w).iter().sum();
-        let at_actuator = Margins::of(actuator, Band::coarse(closed.closed.period_s), true);
-        let step = commanded_step(&closed, None, SEARCHED_S)?;
-        let metrics = step_metrics(&step.values, step.period_s);
-        // Each shortfall relative to what is asked, with a reserve of 4 % so that rounding does not undo it.
-        let lack = |reached: f64, wanted: f64| ((1.04 * wanted - reached) / wanted).max(0.0);
-        let excess = |reached: f64, wanted: f64| ((reached - 0.96 * wanted) / wanted).max(0.0);
-        let lowest = metrics.lowest_after_peak.unwrap_or(1.0);
-        let rise_s = metrics.rise_s.unwrap_or(10.0);
-        let shortfall = lack(at_error.phase_margin_deg.unwrap_or(90.0), specs.phase_margin_deg)
-            + lack(at_error.gain_margin.unwrap_or(100.0), specs.gain_margin)
-            + 10.0 * (late_radius - LATE_RADIUS).max(0.0)
-            + lack(lowest, specs.least_after_peak)
-            + excess(rise_s, specs.rise_s)
-            + excess(metrics.overshoot_percent, specs.overshoot_percent.max(1.0));
-        // Beyond the specifications: distance from -1 at the actuator, where the rotors' own errors enter, and little dip.
-        Ok(100.0 * shortfall + at_actuator.sensitivity_peak + (1.0 - lowest).max(0.0) + rise_s)
-    }
+/// A loop that no gain makes stable: how fast its worst mode grows at best.
+fn unstable(name: LoopName, which: &'static str, growth: Option<f64>) -> DesignError {
+    let what = match which {
+        "velocity loop" => "growth of the velocity loop's worst mode, 1/s",
+        _ => "growth of the proportional loop's worst mode, 1/s",
+    };
+    DesignError::Unmet(Shortfall {
+        name: name.name(),
+        what,
+        wanted: 0.0,
+        reached: growth.unwrap_or(f64::NAN),
+    })
 }
 
-/// How much of a step response the search looks at, s: past the dip.
-const SEARCHED_S: f64 = 5.0;
-/// How much of a position loop's step response is looked at for its overshoot, s.
-const POSITION_S: f64 = 12.0;
-/// Part of the overshoot of a position loop that a design uses.
-const OVERSHOOT_USED: f64 = 0.85;
-/// Spectral radius below which a loop with the latest pose counts as stable: a mode that halves in about a second.
-const LATE_RADIUS: f64 = 0.994;
+/// What the law's unit of output accelerates its variable by.
+fn plant_gain(linear: &Linear, name: LoopName) -> Result<f64> {
+    Ok(axis_channel(linear, name)?.gain.abs().max(1e-9))
+}
 
-impl CostFunction for Search<'_> {
-    type Param = Vec<f64>;
-    type Output = f64;
-    fn cost(&self, parameters: &Self::Param) -> std::result::Result<f64, argmin::core::Error> {
-        let config = self.with(parameters);
-        if config.check().is_err() {
-            return Ok(1e6);
-        }
-        Ok(self.worth(&config).unwrap_or(1e6))
+fn short(value: f64) -> String {
+    format!("{value:.3}")
+}
+
+/// All that delays a loop at low frequencies, s: rotors, dead time, pose, half a period of the hold, estimator.
+pub(crate) fn delay_s(config: &Config, linear: &Linear, delay_samples: usize) -> f64 {
+    let VelocityEstimator { natural_frequency_rad_s, damping_ratio } = config.estimation.velocity;
+    linear.motor_lag_rad_s.map_or(0.0, |lag| 1.0 / lag)
+        + linear.input_delay_s
+        + (delay_samples as f64 + 0.5) * config.sample_time_s
+        + 2.0 * damping_ratio / natural_frequency_rad_s
+}
+
+/// Gains to start a search from, made for a double integrator behind the delays of the loop. The velocity loop crosses where those delays take 20 degrees, the proportional one at a third of that;
+/// `pace` is how much faster.
+fn started(config: &Config, linear: &Linear, name: LoopName, specs: &Specs, pace: f64) -> Config {
+    let mut config = *config;
+    let delay_s = delay_s(&config, linear, specs.delay_samples);
+    let unit = 1.0 / plant_gain(linear, name).unwrap_or(1.0);
+    let velocity_rad_s = pace * 0.35 / delay_s;
+    let angle_rad_s = velocity_rad_s / 3.0;
+    let gains = inner_gains_mut(loops_of_mut(&mut config), name);
+    gains.kd = unit * velocity_rad_s;
+    gains.kp = gains.kd * angle_rad_s;
+    gains.ki = 0.1 * gains.kp * angle_rad_s;
+    if matches!(name, LoopName::Roll | LoopName::Pitch) {
+        gains.prefilter_rad_s = Some(3.0 * angle_rad_s);
     }
+    config
 }
 
 /// What of the specifications the gains do not meet, in the view of their method.
@@ -912,6 +880,7 @@ pub fn shortfalls(model: &Model, config: &Config, specs: &Specs) -> Result<Vec<S
         Method::Delay => View::Sampled { delay_samples: specs.delay_samples },
     };
     let study = Study::new(model, config, view)?;
+    let specs = &specs.for_craft(&study.linear);
     let mut list = Vec::new();
     let mut at_least = |name: LoopName, what, wanted: f64, reached: Option<f64>| {
         if let Some(reached) = reached.filter(|reached| *reached < wanted) {
@@ -934,6 +903,8 @@ pub fn shortfalls(model: &Model, config: &Config, specs: &Specs) -> Result<Vec<S
                 at_least(name, "phase margin, deg", specs.attitude.phase_margin_deg, error.phase_margin_deg);
                 if specs.method == Method::Delay {
                     let a = &specs.attitude;
+                    let gains = inner_gains(loops_of(config), name);
+                    at_least(name, "Ki over Kp, rad/s", a.integral_rad_s, Some(gains.ki / gains.kp));
                     at_least(name, "gain margin", a.gain_margin, error.gain_margin);
                     at_least(
                         name,
@@ -942,11 +913,15 @@ pub fn shortfalls(model: &Model, config: &Config, specs: &Specs) -> Result<Vec<S
                         metrics.lowest_after_peak,
                     );
                     at_least(name, "overshoot, %", -a.overshoot_percent, overshoot);
-                    at_least(name, "rise, s", -a.rise_s, rise);
+                    at_least(name, "rise, s", -a.rise_s.unwrap_or(0.3), rise);
                 }
             }
             LoopName::Yaw | LoopName::Z => {
                 let slow = if name == LoopName::Yaw { &specs.yaw } else { &specs.altitude };
+                if specs.method == Method::Delay {
+                    at_least(name, "phase margin, deg", slow.phase_margin_deg, error.phase_margin_deg);
+                    at_least(name, "gain margin", slow.gain_margin, error.gain_margin);
+                }
                 at_least(name, "overshoot, %", -slow.overshoot_percent, overshoot);
                 at_least(name, "rise, s", -slow.rise_s, rise);
             }
@@ -959,6 +934,18 @@ pub fn shortfalls(model: &Model, config: &Config, specs: &Specs) -> Result<Vec<S
             }
         }
     }
+    let together = study.together(model, config, view)?;
+    list.extend((!together.stable).then_some(Shortfall {
+        name: "all loops together",
+        what: "decay of the slowest mode, 1/s (above 0: stable)",
+        wanted: 0.0,
+        reached: together.slowest_1_s,
+    }));
+    let mut at_least = |name: LoopName, what, wanted: f64, reached: Option<f64>| {
+        if let Some(reached) = reached.filter(|reached| *reached < wanted) {
+            list.push(Shortfall { name: name.name(), what, wanted, reached });
+        }
+    };
     if specs.method == Method::Delay {
         let late = Study::new(model, config, View::Sampled { delay_samples: specs.stable_delay_samples })?;
         for (name, margins) in late.margins()? {

@@ -92,6 +92,21 @@ pub fn least_damped(poles: &[Complex<f64>], period_s: f64) -> Option<Mode> {
     modes.min_by(|a, b| a.damping.total_cmp(&b.damping))
 }
 
+/// The same of what a step of the reference shows: modes whose part of the response is less than a fiftieth of the step do
+/// not count. Such are slow ones that a zero of the closed loop nearly cancels, whatever their damping.
+///
+/// The part of a mode at the pole p is twice its residue of T(s)/s, here `T(p + e) e / p` with a small e.
+pub(crate) fn least_damped_seen(closed: &StateSpace) -> Result<Option<Mode>> {
+    const SEEN: f64 = 0.02;
+    let mut poles = closed.poles()?;
+    poles.retain(|pole| {
+        let apart = Complex::new(1e-6 * pole.norm().max(1e-3), 0.0);
+        let part = 2.0 * (closed.at(pole + apart, 0, 0) * apart / pole).norm();
+        !(part < SEEN)
+    });
+    Ok(least_damped(&poles, 0.0))
+}
+
 /// Numbers of one step response, which is divided by the size of the step.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct StepMetrics {

@@ -277,6 +277,59 @@ pub fn equilibrium(model: &Model, target: &TrimTarget) -> Result<Equilibrium> {
     })
 }
 
+/// Equilibria of a craft that slides faster and faster, each found from the one before: six accelerations are to vanish by
+/// roll, pitch and four rotors, so Newton's method does, and where it does not there is none nearby.
+pub(crate) struct Slide {
+    dynamics: Dynamics,
+    hover_rad2_s2: f64,
+}
+
+/// Roll, pitch and squared rotor speeds over that of an even hover.
+pub(crate) type Lean = [f64; 6];
+
+impl Slide {
+    /// From hover at a battery voltage; the lean there too.
+    pub(crate) fn new(model: &Model, battery_v: f64) -> Result<(Self, Lean)> {
+        let hover = equilibrium(model, &TrimTarget { battery_v: Some(battery_v), ..TrimTarget::default() })?;
+        let hover_rad2_s2 = hover.rotor_rad_s.iter().map(|w| w * w).sum::<f64>() / 4.0;
+        let rotor = hover.rotor_rad_s.map(|w| w * w / hover_rad2_s2);
+        let lean = [hover.state[6], hover.state[7], rotor[0], rotor[1], rotor[2], rotor[3]];
+        Ok((Self { dynamics: Dynamics::new(model, Some(battery_v)), hover_rad2_s2 }, lean))
+    }
+
+    /// The lean and the rotor speeds, rad/s, of a slide at this velocity over ground, m/s, next to another.
+    pub(crate) fn at(&self, velocity_ned_m_s: [f64; 3], near: &Lean) -> Option<(Lean, [f64; 4])> {
+        const ROUNDS: usize = 30;
+        let target = TrimTarget { velocity_ned_m_s, ..TrimTarget::default() };
+        let search = Search { dynamics: &self.dynamics, target, hover_rad2_s2: self.hover_rad2_s2 };
+        let accelerations = |x: &Lean| -> nalgebra::SVector<f64, 6> {
+            let rest = search.rest(x);
+            nalgebra::SVector::from_fn(|i, _| rest[[3, 4, 5, 9, 10, 11][i]])
+        };
+        let mut lean = *near;
+        for _ in 0..ROUNDS {
+            let rest = accelerations(&lean);
+            if rest.norm_squared() <= AT_REST {
+                return Some((lean, search.rotor(&lean)));
+            }
+            let mut slopes = nalgebra::SMatrix::<f64, 6, 6>::zeros();
+            for k in 0..6 {
+                let moved = |by: f64| {
+                    accelerations(&std::array::from_fn(|i| lean[i] + if i == k { by } else { 0.0 }))
+                };
+                slopes.set_column(k, &((moved(1e-6) - moved(-1e-6)) / 2e-6));
+            }
+            let step = slopes.lu().solve(&rest)?;
+            lean = std::array::from_fn(|i| lean[i] - step[i]);
+            // Beyond a right angle, or with rotors that would have to pull, nothing flies.
+            if !(lean[0].abs() < 1.5 && lean[1].abs() < 1.5 && lean[2..].iter().all(|w| *w > 0.0)) {
+                return None;
+            }
+        }
+        None
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

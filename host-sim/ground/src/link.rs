@@ -8,6 +8,9 @@ use proto::{
 };
 use proto_files::{CounterFile, FileError, read_key};
 
+/// Where a craft listens unless told otherwise: the port of `com`'s example configuration.
+pub const PORT: u16 = 14650;
+
 /// What the link needs to know.
 #[derive(Debug, Clone, Default)]
 pub struct LinkSettings {
@@ -112,6 +115,7 @@ impl Link {
             }
             other => other?,
         };
+        self.sealer.follow(&mut self.opener);
         if let Message::Identity(identity) = &message {
             self.sealer.counter.skip_to(identity.accepts_from);
         }

@@ -47,6 +47,8 @@
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
+use control::condition::Conditions;
+use control::supervisor::Preflight;
 use pattern::{Excitation, Pattern, PatternError};
 use proto::{Command, Gains, Loop, Mode, Pose, Request, State};
 use serde::Deserialize;
@@ -227,8 +229,58 @@ pub struct Known {
     pub state: State,
     /// Where it is.
     pub pose: Pose,
-    /// Which preflight checks are not good, one bit a good one.
+    /// Which preflight checks are good, one bit each.
     pub preflight: u16,
+    /// What was found in the tick in which it went into this state, one bit each.
+    pub found: u32,
+}
+
+impl Known {
+    /// The faults that brought the craft into its state, for people; nothing if there were none.
+    fn because(&self) -> String {
+        let faults = Conditions::from_bits(self.found);
+        let names: Vec<_> =
+            faults.iter().filter(|fault| !fault.is_asked_for()).map(|fault| fault.name()).collect();
+        if names.is_empty() { String::new() } else { format!(", because of {}", names.join(", ")) }
+    }
+}
+
+/// Preflight checks while the craft is asked to arm: what comes and goes is not good either.
+#[derive(Debug, Clone, Copy, Default)]
+struct Looks {
+    count: u32,
+    /// How often each was not good, in the order of [`Preflight::NAMES`].
+    missing: [u32; Preflight::NAMES.len()],
+}
+
+impl Looks {
+    fn look(&mut self, preflight: u16) {
+        self.count += 1;
+        for (missing, (bit, _)) in self.missing.iter_mut().zip(Preflight::NAMES) {
+            *missing += u32::from(preflight & bit == 0);
+        }
+    }
+
+    /// Why it does not arm, for people.
+    fn why(&self, state: State) -> String {
+        if state == State::Cut {
+            return "the craft was cut: disarm it first".into();
+        }
+        let mut names: Vec<_> =
+            self.missing.iter().zip(Preflight::NAMES).filter(|(missing, _)| **missing > 0).collect();
+        names.sort_by_key(|(missing, _)| std::cmp::Reverse(*missing));
+        let said: Vec<_> = names
+            .into_iter()
+            .map(|(missing, (_, name))| match 100 * missing / self.count.max(1) {
+                100 => name.to_owned(),
+                percent => format!("{name} ({} % of the time)", percent.max(1)),
+            })
+            .collect();
+        match said.as_slice() {
+            [] => "its checks are good, and it does not arm: do packets get through to it?".into(),
+            names => format!("the craft refuses, its checks are not all good: {}", names.join(", ")),
+        }
+    }
 }
 
 /// What is to be sent beside the command.
@@ -263,6 +315,7 @@ struct Begun {
     /// Of a pattern: when it really began, after the way to its start.
     flies_since_s: Option<f64>,
     answered: Option<bool>,
+    looks: Looks,
 }
 
 /// The steps, and the command of now.
@@ -396,6 +449,7 @@ impl Mission {
             excitation,
             flies_since_s: None,
             answered: None,
+            looks: Looks::default(),
         });
     }
 
@@ -412,10 +466,9 @@ impl Mission {
         };
         match &begun.step {
             Step::Arm {} => {
-                let missing: Vec<_> =
-                    control::supervisor::Preflight::from_bits(known.preflight).missing().collect();
-                let why = format!("the craft refuses, its checks are not all good: {}", missing.join(", "));
-                until(known.state != State::Disarmed && known.state != State::Cut, PROMPT_S, &why)
+                begun.looks.look(known.preflight);
+                let there = !matches!(known.state, State::Disarmed | State::Cut);
+                until(there, PROMPT_S, &begun.looks.why(known.state))
             }
             Step::Gains { .. } => match begun.answered {
                 Some(true) => Progress::Done,
@@ -431,7 +484,7 @@ impl Mission {
             }
             Step::TakeOff { height_m } => {
                 if known.state == State::Disarmed || known.state == State::Cut {
-                    return failed("the craft is not armed");
+                    return failed(&format!("the craft is not armed{}", known.because()));
                 }
                 let [x, y, z] = begun.place.position_m;
                 let top_m = f64::from(z) - height_m;
@@ -447,9 +500,11 @@ impl Mission {
                 }
                 until(false, PATIENT_S + height_m / CLIMB_M_S, "it does not rise")
             }
-            _ if !in_the_air => {
-                failed(&format!("the craft does not fly any more, its state is {:?}", known.state))
-            }
+            _ if !in_the_air => failed(&format!(
+                "the craft does not fly any more, its state is {:?}{}",
+                known.state,
+                known.because()
+            )),
             Step::Hold { for_s, .. } => {
                 if let Some(excitation) = &mut begun.excitation {
                     self.command.injection = excitation.next_sample();
@@ -555,12 +610,13 @@ fn name_of(step: &Step) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use control::condition::Condition;
     use proptest::prelude::*;
 
     const PERIOD_S: f64 = 0.02;
 
     fn known(state: State, position_m: [f32; 3]) -> Known {
-        Known { state, pose: Pose { position_m, attitude_rad: [0.0, 0.0, 0.5] }, preflight: 0x3ff }
+        Known { state, pose: Pose { position_m, attitude_rad: [0.0, 0.0, 0.5] }, preflight: 0x3ff, found: 0 }
     }
 
     fn parse(text: &str) -> Result<Vec<Step>, ScriptError> {
@@ -711,6 +767,35 @@ mod tests {
         }
         let Progress::Failed(why) = mission.progress() else { panic!("goes on") };
         assert!(why.contains("pose, IMU") && why.starts_with("arm"), "{why}");
+    }
+
+    /// A check that comes and goes is good when the time is over, more often than not.
+    #[test]
+    fn a_check_that_comes_and_goes_is_named_too() {
+        let mut mission = Mission::new([Step::Arm {}], PERIOD_S, 1.0);
+        for k in 0..300 {
+            let preflight = if k % 4 == 0 { 0x3ff & !Preflight::TIMING } else { 0x3ff };
+            mission
+                .command(f64::from(k) * PERIOD_S, &Known { preflight, ..known(State::Disarmed, [0.0; 3]) });
+        }
+        let Progress::Failed(why) = mission.progress() else { panic!("goes on") };
+        assert!(why.ends_with("not all good: timing (25 % of the time)"), "{why}");
+        let mut cut = Mission::new([Step::Arm {}], PERIOD_S, 1.0);
+        for k in 0..300 {
+            cut.command(f64::from(k) * PERIOD_S, &Known { preflight: 0, ..known(State::Cut, [0.0; 3]) });
+        }
+        let Progress::Failed(why) = cut.progress() else { panic!("goes on") };
+        assert!(why.contains("disarm it first"), "{why}");
+    }
+
+    #[test]
+    fn what_ended_a_flight_is_named() {
+        let mut mission = Mission::new([Step::TakeOff { height_m: 1.0 }], PERIOD_S, 1.0);
+        mission.command(0.0, &known(State::Armed, [0.0; 3]));
+        let found = Condition::LinkLate.bit() | Condition::LandRequested.bit();
+        mission.command(PERIOD_S, &Known { found, ..known(State::Disarmed, [0.0; 3]) });
+        let Progress::Failed(why) = mission.progress() else { panic!("goes on") };
+        assert!(why.ends_with("not armed, because of link late"), "{why}");
     }
 
     #[test]

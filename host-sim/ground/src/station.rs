@@ -186,6 +186,8 @@ pub struct Station {
     ramps: Ramps,
     recorder: Option<Recorder>,
     telemetry: Option<(Telemetry, u64)>,
+    /// Conditions in the tick in which the craft went into its state.
+    found: u32,
     identity: Option<Identity>,
     tracker: Tracker,
     pending: Option<Pending>,
@@ -233,6 +235,7 @@ impl Station {
             ramps: Ramps::default(),
             recorder,
             telemetry: None,
+            found: 0,
             identity: None,
             tracker: Tracker::default(),
             pending: None,
@@ -278,6 +281,9 @@ impl Station {
         }
         let before = self.telemetry.map(|(before, _)| before.supervision);
         self.telemetry = Some((telemetry, now_us));
+        if before.is_some_and(|before| before.state != supervision.state) {
+            self.found = supervision.conditions;
+        }
         let statistics = self.link.statistics();
         self.down.mark(now_us, u64::from(statistics.accepted), u64::from(statistics.lost));
         let lost_up = u64::from(counters.packets_lost);
@@ -591,7 +597,7 @@ impl Station {
         // The tracker's pose is fresher than the one that went to the craft and back.
         let pose = self.tracker.last.map_or(telemetry.tracked, |(pose, _)| pose);
         let (state, preflight) = (telemetry.supervision.state, telemetry.supervision.preflight);
-        Some(Known { state, pose, preflight })
+        Some(Known { state, pose, preflight, found: self.found })
     }
 
     fn link_record(&self) -> Option<LinkRecord> {

@@ -151,11 +151,25 @@ fn text(options: &Options, report: &CheckReport) -> String {
         ]);
     }
     columns(&mut text, &rows);
+    let together = &report.together;
+    let _ = writeln!(
+        text,
+        "\nAll loops together: {}, slowest mode {} at {} 1/s{}",
+        if together.stable { "stable" } else { "UNSTABLE" },
+        if together.slowest_1_s < 0.0 { "grows" } else { "decays" },
+        significant(together.slowest_1_s.abs(), 3),
+        together.least_damped.map_or_else(String::new, |m| format!(
+            ", least damping {} at {} rad/s",
+            significant(m.damping, 3),
+            significant(m.frequency_rad_s, 3)
+        ))
+    );
     steps(&mut text, report);
     disturbances(&mut text, report);
     moved_zeros(&mut text, report);
     uncertainty(&mut text, report);
     battery(&mut text, report);
+    steady_tilts(&mut text, report);
     for note in &report.notes {
         let _ = writeln!(text, "\nnote: {note}");
     }
@@ -250,6 +264,25 @@ fn uncertainty(text: &mut String, report: &CheckReport) {
             spread(l.phase_margin_deg, 1.0),
             spread(l.gain_margin, 1.0),
             spread(l.delay_margin_s, 1000.0),
+        ]);
+    }
+    columns(text, &rows);
+}
+
+fn steady_tilts(text: &mut String, report: &CheckReport) {
+    let Some(first) = report.steady_tilts.first() else { return };
+    let _ = writeln!(
+        text,
+        "\nTilt that can be held for ever: drag holds the slide, every motor inside its range at {} V",
+        significant(first.battery_v, 3)
+    );
+    let mut rows = vec![cells(["towards", "tilt deg", "speed m/s", "at its end"])];
+    for tilt in &report.steady_tilts {
+        rows.push(vec![
+            tilt.direction.name().into(),
+            significant(tilt.tilt_deg, 3),
+            significant(tilt.speed_m_s, 3),
+            tilt.motor.map_or_else(|| "none".into(), |motor| format!("motor {motor}")),
         ]);
     }
     columns(text, &rows);

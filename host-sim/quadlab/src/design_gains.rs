@@ -132,10 +132,14 @@ fn unmet(options: &Options, method: Method, shortfall: &Shortfall) -> anyhow::Re
 fn not_met(shortfalls: &[Shortfall]) -> String {
     let mut text = String::new();
     for s in shortfalls {
-        let (wanted, reached) = (significant(s.wanted, 3), significant(s.reached, 3));
-        let _ = writeln!(text, "NOT MET: {}: {}: wanted {wanted}, reached {reached}", s.name, s.what);
+        // Digits enough to tell the two apart.
+        let both = |digits| (significant(s.wanted, digits), significant(s.reached, digits));
+        let (wanted, reached) =
+            (3..9).map(both).find(|(wanted, reached)| wanted != reached).unwrap_or_else(|| both(9));
+        let key = s.key().map_or_else(String::new, |key| format!(" ({key})"));
+        let _ = writeln!(text, "NOT MET: {}: {}: wanted {wanted}, reached {reached}{key}", s.name, s.what);
     }
-    text.push_str("no gains written: relax what is not met, or the delay\n");
+    text.push_str("no gains written: relax what is not met in a file for --specs, or the delay\n");
     text
 }
 

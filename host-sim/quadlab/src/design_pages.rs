@@ -4,8 +4,7 @@ use control::Config;
 use design::Complex;
 use design::check::{CheckReport, LONG_S, Spread, Study, Uncertainty, commanded};
 use design::curves::{self, FrequencyPoint, GAINS, Gain};
-use design::linear::CANCEL_TOLERANCE;
-use design::loops::{ClosedLoop, LoopName, LoopPlant, View, with_moved_zero};
+use design::loops::{ClosedLoop, LoopName, LoopPlant, View, axis_channel, with_moved_zero};
 use design::response::{bare_step, disturbance_step};
 use model::Model;
 use report::{Axis, Cell, Column, Figure, Mark, Page, Panels, Section, Series, Style, Table, Verdict};
@@ -30,8 +29,11 @@ pub(crate) fn check(
         Some(delay) => format!("sampled, the pose {delay} samples late"),
         None => "continuous, as the thesis designs".into(),
     };
-    let lead = match unstable.is_empty() {
+    let lead = match unstable.is_empty() && report.together.stable {
         true => format!("{}: every loop is stable ({how}).", report.vehicle),
+        false if unstable.is_empty() => {
+            format!("{}: each loop is stable, all together are not ({how}).", report.vehicle)
+        }
         false => format!("{}: unstable: {} ({how}).", report.vehicle, unstable.join(", ")),
     };
     let mut page = Page::new("Design check", lead)
@@ -45,7 +47,36 @@ pub(crate) fn check(
     if let Some(uncertainty) = &report.uncertainty {
         page = page.section(spread(uncertainty));
     }
-    Ok(page.section(battery(report)))
+    Ok(page.section(battery(report)).section(steady_tilts(report)))
+}
+
+/// How far the craft can lean for ever.
+pub(crate) fn steady_tilts(report: &CheckReport) -> Section {
+    let section = Section::new("How far it can lean for ever");
+    let Some(first) = report.steady_tilts.first() else {
+        return section.paragraph("The vehicle has no map from commands to rotor speeds.");
+    };
+    let columns = [
+        Column::text("towards"),
+        Column::number("tilt", "deg"),
+        Column::number("speed", "m/s"),
+        Column::text("at its end"),
+    ];
+    let mut table = Table::new("", columns);
+    for tilt in &report.steady_tilts {
+        table.push([
+            Cell::from(tilt.direction.name()),
+            Cell::number(tilt.tilt_deg, 3),
+            Cell::number(tilt.speed_m_s, 3),
+            Cell::from(tilt.motor.map_or_else(|| "none".into(), |motor| format!("motor {motor}"))),
+        ]);
+    }
+    section
+        .paragraph(format!(
+            "A held tilt slides the craft until drag holds it. Up to these tilts every motor is then still inside its range, at {} V; steeper ones last until that speed is reached.",
+            report::significant(first.battery_v, 3)
+        ))
+        .table(table)
 }
 
 /// Zeros whose step responses are drawn, as in figure A.1.
@@ -76,7 +107,7 @@ pub(crate) fn moved_zeros(
     let mut section = Section::new("The plant's zero moved (thesis appendix A)")
         .paragraph("The canceller stays where it is; the first row of each loop has the zero under the canceller's pole.")
         .table(table);
-    let channel = study.linear.channel(LoopName::Roll.channel(), CANCEL_TOLERANCE)?;
+    let channel = axis_channel(&study.linear, LoopName::Roll)?;
     if report.moved_zero.iter().any(|row| row.name == LoopName::Roll.name()) {
         let mut steps = Figure::new("", Axis::new("time", "s"), Axis::new("response over step", "1"));
         let mut magnitude = Figure::new("", frequency(), Axis::new("magnitude", "dB"));

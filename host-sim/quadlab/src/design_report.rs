@@ -112,6 +112,10 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
                 number.place, number.what, number.printed
             );
         }
+        if !work.sampled.together.stable {
+            let _ =
+                writeln!(text, "UNSTABLE: all loops together with {} samples of delay", work.delay_samples);
+        }
         for l in work.sampled.loops.iter().filter(|l| !l.stable) {
             let _ = writeln!(text, "UNSTABLE: {} with {} samples of delay", l.name, work.delay_samples);
         }
@@ -223,7 +227,7 @@ fn page(work: &Work) -> anyhow::Result<Page> {
     if let Some(uncertainty) = &work.sampled.uncertainty {
         page = page.section(design_pages::spread(uncertainty));
     }
-    Ok(page.section(design_pages::battery(&work.sampled)))
+    Ok(page.section(design_pages::battery(&work.sampled)).section(design_pages::steady_tilts(&work.sampled)))
 }
 
 fn linear(work: &Work) -> anyhow::Result<Section> {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use ::ground::frames::{Axes, Frames};
-use ::ground::link::{Link, LinkSettings};
+use ::ground::link::{Link, LinkSettings, PORT};
 use ::ground::mission::{Step, read_script};
 use ::ground::mocap::{Receiver, Vicon};
 use ::ground::optitrack::{COMMAND_PORT, OptiTrack};
@@ -16,9 +16,12 @@ use ::ground::replay::Replay;
 use ::ground::run::{Ended, Stay, View, catch_interrupts, connect, run as fly};
 use ::ground::station::{Settings, Station};
 use ::ground::view::{Live, Plain};
+use model::Model;
 use pattern::Pattern;
 use serde::Serialize;
+use sil::FlightPlan;
 
+use crate::excite::predictor;
 use crate::output::Outcome;
 use crate::simulated::Simulated;
 
@@ -30,18 +33,27 @@ use crate::simulated::Simulated;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     quadlab ground --simulated\n  \
-    quadlab ground --craft 192.168.7.2:14550 --key craft.key --object quad --record flights/monday\n  \
-    quadlab ground --craft 192.168.7.2:14550 --key craft.key --natnet 192.168.7.9 --script tour.toml --plain\n  \
+    quadlab ground --craft 192.168.7.2:14650 --key craft.key --object quad --record flights/monday\n  \
+    quadlab ground --craft 192.168.7.2:14650 --key craft.key --natnet 192.168.7.9 --script tour.toml --plain\n  \
     quadlab ground --simulated --pattern excite.csv --arm --land-after --record out/a\n  \
+    quadlab ground --simulated --model model.toml --gains gains.toml\n  \
     quadlab ground --recover flights/monday")]
 pub(crate) struct Options {
-    /// The craft's program, for example: --craft 192.168.7.2:14550
+    /// The craft's program, for example: --craft 192.168.7.2:14650
     #[arg(long, value_name = "HOST:PORT", required_unless_present_any = ["simulated", "recover"])]
     craft: Option<String>,
 
     /// Fly the simulated laboratory instead: plant, craft's program and tracker on this machine
     #[arg(long, conflicts_with_all = ["craft", "key", "natnet", "replay", "no_tracker", "recover"])]
     simulated: bool,
+
+    /// Model of the simulated craft, from quadlab identify [default: the thesis' craft]
+    #[arg(long, value_name = "TOML", requires = "simulated")]
+    model: Option<PathBuf>,
+
+    /// Gains that the simulated craft flies with [default: some that suit the model, with the gyro and faster ways]
+    #[arg(long, value_name = "TOML", requires = "simulated")]
+    gains: Option<PathBuf>,
 
     /// By which part the simulated craft's clock runs fast, for example: --clock-skew 0.01
     #[arg(
@@ -207,10 +219,11 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     }
     let (steps, pattern) = steps(options)?;
     let stay = if options.script.is_some() || options.arm { Stay::UntilDone } else { Stay::UntilTold };
-    let lab = options.simulated.then(|| Simulated::start(options.seed, options.clock_skew)).transpose()?;
+    let plan = options.simulated.then(|| plan(options)).transpose()?;
+    let lab = plan.map(|plan| Simulated::start(&plan, options.clock_skew)).transpose()?;
     let craft = match (&lab, &options.craft) {
         (Some(lab), _) => lab.craft,
-        (None, Some(craft)) => address("--craft", craft, 14550)?,
+        (None, Some(craft)) => address("--craft", craft, PORT)?,
         (None, None) => unreachable!("clap asks for one of them"),
     };
     let link = LinkSettings {
@@ -241,6 +254,21 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     station.end_recording();
     let finished = name.as_deref().map(finish).transpose()?;
     outcome(options, &ended, finished.as_ref())
+}
+
+/// The simulated craft, with noisy sensors and a battery that falls, and what it flies with: gains that are given fly as they are.
+fn plan(options: &Options) -> anyhow::Result<FlightPlan> {
+    let model = match &options.model {
+        Some(path) => Model::read(path)?,
+        None => Model::thesis(),
+    };
+    let config = match (&options.gains, &options.model) {
+        (Some(gains), _) => Some(design::fit::read_for(gains, &model)?.config),
+        (None, Some(path)) => Some(*predictor(&model, path, None, options.seed)?.config()),
+        (None, None) => None,
+    };
+    let plan = FlightPlan::identification(model, options.seed, 1.0);
+    Ok(FlightPlan { config: config.unwrap_or(plan.config), ..plan })
 }
 
 /// Flies with lines or with the live view, whichever fits.
@@ -395,8 +423,8 @@ mod tests {
     fn ports_may_be_left_out() {
         assert_eq!(address("--natnet", "127.0.0.1", 1510).unwrap(), "127.0.0.1:1510".parse().unwrap());
         assert_eq!(address("--natnet", "127.0.0.1:99", 1510).unwrap(), "127.0.0.1:99".parse().unwrap());
-        let message = address("--craft", "127.0.0.1:x", 14550).unwrap_err().to_string();
-        assert!(message.contains("--craft 127.0.0.1:x") && message.contains("14550"), "{message}");
+        let message = address("--craft", "127.0.0.1:x", PORT).unwrap_err().to_string();
+        assert!(message.contains("--craft 127.0.0.1:x") && message.contains("14650"), "{message}");
     }
 
     #[test]

@@ -104,7 +104,7 @@ fn main() -> ExitCode {
 }
 
 fn finish(outcome: Outcome) -> anyhow::Result<ExitCode> {
-    output::print(&outcome.text)?;
+    report::print(&outcome.text)?;
     Ok(if outcome.holds { ExitCode::SUCCESS } else { ExitCode::from(DOES_NOT_HOLD) })
 }
 

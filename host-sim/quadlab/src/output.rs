@@ -1,6 +1,5 @@
 //! What a command leaves: text on standard output, files, and whether what it checks holds.
 
-use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use report::Provenance;
@@ -46,15 +45,6 @@ pub(crate) fn check_outputs<'a>(
         }
     }
     Ok(())
-}
-
-/// Prints to standard output. A reader that closes the pipe early (`quadlab effects | head`) has seen enough.
-pub(crate) fn print(text: &str) -> io::Result<()> {
-    let mut out = io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        other => other,
-    }
 }
 
 /// The footer of a page: command, version and the files behind it.

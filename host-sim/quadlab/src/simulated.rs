@@ -12,7 +12,6 @@ use std::time::{Duration, Instant};
 use ::ground::frames::{Axes, Frames, xyz_from_rotation};
 use ::ground::mocap::{MocapError, Vicon};
 use ::ground::vicon::{Block, Object};
-use model::Model;
 use sil::{FlightPlan, Laboratory, Radio};
 
 const FRAMES: Frames = Frames::with_axes(Axes::Z_UP);
@@ -31,10 +30,9 @@ pub(crate) struct Simulated {
 }
 
 impl Simulated {
-    /// The thesis' craft on the floor, with noisy sensors and a battery that falls, under its law for identification flights.
-    pub(crate) fn start(seed: u64, clock_skew: f64) -> anyhow::Result<Self> {
-        let plan = FlightPlan::identification(Model::thesis(), seed, 1.0);
-        let lab = Laboratory::new(&plan, clock_skew)?;
+    /// The craft of a plan on the floor, under its law, with its sensors and battery.
+    pub(crate) fn start(plan: &FlightPlan, clock_skew: f64) -> anyhow::Result<Self> {
+        let lab = Laboratory::new(plan, clock_skew)?;
         let radio = Radio::open()?;
         let craft = radio.address()?;
         let tracker = UdpSocket::bind(("127.0.0.1", 0))?;

@@ -49,6 +49,31 @@ fn a_script_is_flown_and_recorded() {
     assert!(output.status.code() == Some(2) && stderr.contains("b.mcap"), "{stderr}");
 }
 
+/// A model of one's own and gains of one's own fly in the simulated laboratory; gains of another craft do not.
+#[test]
+fn the_simulated_craft_can_be_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let vehicles = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/vehicles");
+    let [model, gains] = ["f330-model.toml", "f330-designed-gains.toml"]
+        .map(|name| std::fs::read_to_string(vehicles.join(name)).unwrap());
+    let at = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    at("model.toml", &model);
+    at("gains.toml", &gains);
+    at("other.toml", &gains.replace("vehicle = \"F330 (thesis)\"", "vehicle = \"another\""));
+    at(
+        "s.toml",
+        "[[step]]\ndo = \"arm\"\n[[step]]\ndo = \"take-off\"\nheight_m = 0.3\n[[step]]\ndo = \"land\"\n",
+    );
+    let simulated =
+        ["ground", "--simulated", "--script", "s.toml", "--no-record", "--plain", "--model", "model.toml"];
+    for gains in [&[][..], &["--gains", "gains.toml"]] {
+        done_in(folder.path(), &[&simulated, gains].concat());
+    }
+    let output = run_in(folder.path(), &[&simulated[..], &["--gains", "other.toml"]].concat());
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && stderr.contains("another vehicle"), "{stderr}");
+}
+
 /// Killed in the air: nothing of the recording is lost, and one command finishes it.
 #[test]
 fn a_recording_survives_a_kill() {
@@ -82,7 +107,7 @@ fn bad_usage_is_one_line_and_status_2() {
     std::fs::write(folder.path().join("key"), "no key").unwrap();
     let cases: [(&[&str], &str); 9] = [
         (&[], "--craft"),
-        (&["--craft", "10.0.0.1:14550", "--no-tracker"], "key"),
+        (&["--craft", "10.0.0.1:14650", "--no-tracker"], "key"),
         (&["--craft", "127.0.0.1:1", "--key", "key"], "chmod 600"),
         (&["--craft", "127.0.0.1:1", "--script", "s.toml"], "jump"),
         (&["--craft", "127.0.0.1:1", "--pattern", "none.csv"], "none.csv"),

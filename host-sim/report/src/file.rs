@@ -91,6 +91,19 @@ pub fn write_atomic(path: impl AsRef<Path>, bytes: impl AsRef<[u8]>) -> Result<(
     sync_folder(&folder).map_err(refused)
 }
 
+/// Prints a program's result to standard output. A reader that closes the pipe early (`... | head`) has seen enough: that is no
+/// error.
+///
+/// # Errors
+/// What the operating system refuses otherwise, a full disk for instance.
+pub fn print(text: &str) -> io::Result<()> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        other => other,
+    }
+}
+
 /// The folder that holds `path`; `None` when `path` names no file (or only a folder, as a trailing slash says).
 fn folder_of(path: &Path) -> Option<PathBuf> {
     path.file_name()?;

@@ -41,7 +41,7 @@ mod style;
 
 pub use axis::Axis;
 pub use figure::{Figure, Kind, Mark, Panels, Series};
-pub use file::{Error, check_writable, write_atomic};
+pub use file::{Error, check_writable, print, write_atomic};
 pub use number::significant;
 pub use page::{Cell, Column, InputFile, Page, Provenance, Section, Table, Verdict};
 pub use statistics::{Bin, Sample, bin_statistics, binned_scatter, histogram};

@@ -25,6 +25,9 @@ pub enum SilError {
     /// The controller's configuration.
     #[error("controller configuration: {0}")]
     Config(#[from] control::ConfigError),
+    /// A gains file.
+    #[error(transparent)]
+    Gains(#[from] design::GainsError),
     /// A number of the plan.
     #[error("flight plan: {field} is {value}: {expected}")]
     Plan {
@@ -130,6 +133,7 @@ impl FlightPlan {
     /// degrees loses control, reference section 6); rates come from the gyro above 5 rad/s, thesis (4.6), because from
     /// the delayed pose alone the pitch loop keeps 8.5 % of gain margin (reference 2.5).
     pub fn identification(model: Model, seed: u64, duration_s: f64) -> Self {
+        let battery = battery_of(&model, FLIGHT_BATTERY).unwrap_or(FLIGHT_BATTERY);
         Self {
             model,
             config: for_identification(Config::thesis()),
@@ -137,7 +141,7 @@ impl FlightPlan {
             excitation: true,
             duration_s,
             noise: Some(NoiseModel::default()),
-            battery: FLIGHT_BATTERY,
+            battery,
             seed,
             ..Self::thesis()
         }
@@ -214,6 +218,38 @@ impl FlightPlan {
 /// and its sag of half a volt are assumed (the thesis gives neither).
 const FLIGHT_BATTERY: Battery =
     Battery { full_v: 12.1, decay_v_per_s: 0.008, hover_sag_v: 0.5, hover_speed_rad_s: 635.0 };
+
+/// The battery of a craft that is not the thesis': one whose voltage in hover is what the model was made at when the thesis'
+/// has its own. A constant one stays constant; one that falls and sags does so by the same shares. Absent: the model does
+/// not say at which voltage it was made.
+///
+/// A model file holds no battery: it says what the craft does at a voltage, and flights' voltages come with the flights. The
+/// shares (a fall of 4 % a minute, 4 % of sag in hover) are those of a lithium-polymer pack of any number of cells.
+pub(crate) fn battery_of(model: &Model, thesis: Battery) -> Option<Battery> {
+    let made_at_v = model.reference.battery_v;
+    if !(made_at_v > 0.0) {
+        return None;
+    }
+    let share = made_at_v / (thesis.full_v - thesis.hover_sag_v);
+    let hover_speed_rad_s = match design::trim::equilibrium(model, &design::trim::TrimTarget::default()) {
+        Ok(hover) => hover.rotor_rad_s.iter().sum::<f64>() / 4.0,
+        Err(_) => thesis.hover_speed_rad_s,
+    };
+    Some(Battery {
+        full_v: share * thesis.full_v,
+        decay_v_per_s: share * thesis.decay_v_per_s,
+        hover_sag_v: share * thesis.hover_sag_v,
+        hover_speed_rad_s,
+    })
+}
+
+/// For flights with ideal sensors: a craft at rest without noise gives the same pose to the last bit for seconds, which on a
+/// real one only a frozen tracker does, so that it is not judged how often a reading repeats.
+pub(crate) fn with_still_sensors(mut config: Config) -> Config {
+    const ANY: u32 = 1_000_000;
+    (config.supervision.pose.repeats, config.supervision.imu.repeats) = (ANY, ANY);
+    config
+}
 
 /// Gains with what an identification flight needs beside them ([`FlightPlan::identification`] says why): references that move at
 /// 2.5 m/s, angles up to 20 degrees, the whole cage, and rates from the gyro.

@@ -5,14 +5,15 @@
 //! craft ([`::craft::Craft`]) hears what has come and ticks, its motor commands move the plant for a period, and the tracker
 //! gives the pose that it saw at the tick's beginning. When it reaches the craft is the ground station's affair.
 //!
-//! The floor at z = 0 stops whatever comes down: no bounce, no sliding, legs that stand level. [`Radio`] is the craft's end of the
-//! link. Deliberately absent: clocks (whoever ticks this decides how fast time goes), and the tracker's format.
+//! The floor at z = 0 stops whatever comes down: no bounce, no sliding, legs that stand level. [`Room`] is the plant with that floor
+//! and sensors, for whoever brings the craft's program along; [`Radio`] is the craft's end of the link. Deliberately absent: clocks
+//! (whoever ticks this decides how fast time goes), and the tracker's format.
 
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
 
 use ::craft::{Inputs, Setup};
-use control::Pose;
+use control::{Measurement, Pose};
 use model::frames;
 use nalgebra::Vector3;
 use proto::{ImuSample, MAX_PACKET_LEN, Message, Opener, Refused, Role, Sealer};
@@ -20,83 +21,41 @@ use proto::{ImuSample, MAX_PACKET_LEN, Message, Opener, Refused, Role, Sealer};
 use crate::craft::Craft;
 use crate::flight::{FlightPlan, SilError};
 
-/// The laboratory.
+/// The craft's body in a room with a floor, and the sensors that see it.
 #[derive(Debug, Clone)]
-pub struct Laboratory {
-    program: ::craft::Craft,
+pub struct Room {
     body: Craft,
-    period_s: f64,
-    /// A tick by the craft's clock, us.
-    tick_us: u32,
-    clock_us: u32,
 }
 
-impl Laboratory {
-    /// The craft of `plan` on the floor under its start, its program booted. `clock_skew` is by which part the craft's clock runs
-    /// fast (the fault of thesis chapter 6): its ticks come the sooner.
+impl Room {
+    /// The craft of `plan` on the floor under its start, for a program that ticks every `period_s`.
     ///
     /// # Errors
-    /// A plan or configuration that cannot be flown.
-    pub fn new(plan: &FlightPlan, clock_skew: f64) -> Result<Self, SilError> {
-        let nominal_s = plan.config.sample_time_s;
-        let period_s = nominal_s / (1.0 + clock_skew);
-        if !(period_s > 0.5 * nominal_s && period_s < 2.0 * nominal_s) {
-            let (field, value) = ("clock_skew", clock_skew.to_string());
-            return Err(SilError::Plan { field, value, expected: "-0.5 to 1" });
-        }
-        let setup = Setup { vehicle_sha256: [0; 32], program: [0, 1, 0], telemetry_every: 1 };
-        let program = ::craft::Craft::new(&plan.config, setup)?;
+    /// A plan that cannot be flown.
+    pub fn new(plan: &FlightPlan, period_s: f64) -> Result<Self, SilError> {
         let mut body = plan.craft_with_period(period_s)?;
         body.state.position_ned_m.z = 0.0;
         body.state.rotor_rad_s = [0.0; 4];
-        let tick_us = (nominal_s * 1e6).round() as u32;
-        Ok(Self { program, body, period_s, tick_us, clock_us: plan.clock_us })
+        Ok(Self { body })
     }
 
-    /// Time between two ticks, s.
-    pub fn period_s(&self) -> f64 {
-        self.period_s
-    }
-
-    /// The craft's program hears a message, in the packet with this number.
-    pub fn hear(&mut self, number: u64, message: &Message) {
-        self.program.hear(number, message);
-    }
-
-    /// What the craft has to say; to be asked after a tick until there is no more.
-    fn next_message(&mut self, link: &::craft::Link) -> Option<Message> {
-        self.program.next_message(link)
-    }
-
-    /// One tick; gives what the tracker saw at its beginning.
-    pub fn tick(&mut self) -> Pose {
+    /// What the sensors say now. Once a tick: noise goes on with every call.
+    pub fn sense(&mut self) -> Measurement {
         let voltage_v = self.body.voltage_v();
-        let seen = self.body.sense(voltage_v);
-        let imu = seen.gyro_rad_s.map(|gyro_rad_s| ImuSample {
-            gyro_rad_s,
-            attitude_rad: None,
-            acceleration_m_s2: None,
-        });
-        let inputs = Inputs {
-            time_us: self.clock_us,
-            imu,
-            battery_v: seen.battery_v,
-            current_a: None,
-            outputs_ready: true,
-            lateness_us: 0,
-        };
-        let flight = self.program.tick(&inputs);
-        let (idle, pwm) = (flight.state.motors_idle(), flight.tick.pwm);
+        self.body.sense(voltage_v)
+    }
+
+    /// One period with these motor commands held, or with idle motors.
+    pub fn advance(&mut self, pwm: &[f32; 4], idle: bool) {
+        let voltage_v = self.body.voltage_v();
         // Motors at idle stand still; the plant's map knows speeds of flight only.
         if idle {
             self.body.state.rotor_rad_s = [0.0; 4];
         }
         if !idle || !self.is_down() {
-            self.body.advance(&pwm, voltage_v);
+            self.body.advance(pwm, voltage_v);
         }
         self.stop_at_the_floor();
-        self.clock_us = self.clock_us.wrapping_add(self.tick_us);
-        Pose { position_m: seen.position_m, attitude_rad: seen.attitude_rad }
     }
 
     fn stop_at_the_floor(&mut self) {
@@ -121,6 +80,86 @@ impl Laboratory {
     /// Where it really is, inertial NED, m.
     pub fn position_m(&self) -> [f64; 3] {
         self.body.state.position_ned_m.into()
+    }
+}
+
+/// The laboratory.
+#[derive(Debug, Clone)]
+pub struct Laboratory {
+    program: ::craft::Craft,
+    room: Room,
+    period_s: f64,
+    /// A tick by the craft's clock, us.
+    tick_us: u32,
+    clock_us: u32,
+}
+
+impl Laboratory {
+    /// The craft of `plan` on the floor under its start, its program booted. `clock_skew` is by which part the craft's clock runs
+    /// fast (the fault of thesis chapter 6): its ticks come the sooner.
+    ///
+    /// # Errors
+    /// A plan or configuration that cannot be flown.
+    pub fn new(plan: &FlightPlan, clock_skew: f64) -> Result<Self, SilError> {
+        let nominal_s = plan.config.sample_time_s;
+        let period_s = nominal_s / (1.0 + clock_skew);
+        if !(period_s > 0.5 * nominal_s && period_s < 2.0 * nominal_s) {
+            let (field, value) = ("clock_skew", clock_skew.to_string());
+            return Err(SilError::Plan { field, value, expected: "-0.5 to 1" });
+        }
+        let setup = Setup { vehicle_sha256: [0; 32], program: [0, 1, 0], telemetry_every: 1 };
+        let program = ::craft::Craft::new(&plan.config, setup)?;
+        let room = Room::new(plan, period_s)?;
+        let tick_us = (nominal_s * 1e6).round() as u32;
+        Ok(Self { program, room, period_s, tick_us, clock_us: plan.clock_us })
+    }
+
+    /// Time between two ticks, s.
+    pub fn period_s(&self) -> f64 {
+        self.period_s
+    }
+
+    /// The craft's program hears a message, in the packet with this number.
+    pub fn hear(&mut self, number: u64, message: &Message) {
+        self.program.hear(number, message);
+    }
+
+    /// What the craft has to say; to be asked after a tick until there is no more.
+    fn next_message(&mut self, link: &::craft::Link) -> Option<Message> {
+        self.program.next_message(link)
+    }
+
+    /// One tick; gives what the tracker saw at its beginning.
+    pub fn tick(&mut self) -> Pose {
+        let seen = self.room.sense();
+        let imu = seen.gyro_rad_s.map(|gyro_rad_s| ImuSample {
+            gyro_rad_s,
+            attitude_rad: None,
+            acceleration_m_s2: None,
+        });
+        let inputs = Inputs {
+            time_us: self.clock_us,
+            imu,
+            battery_v: seen.battery_v,
+            current_a: None,
+            outputs_ready: true,
+            lateness_us: 0,
+        };
+        let flight = self.program.tick(&inputs);
+        let (idle, pwm) = (flight.state.motors_idle(), flight.tick.pwm);
+        self.room.advance(&pwm, idle);
+        self.clock_us = self.clock_us.wrapping_add(self.tick_us);
+        Pose { position_m: seen.position_m, attitude_rad: seen.attitude_rad }
+    }
+
+    /// Does the craft stand on the floor?
+    pub fn is_down(&self) -> bool {
+        self.room.is_down()
+    }
+
+    /// Where it really is, inertial NED, m.
+    pub fn position_m(&self) -> [f64; 3] {
+        self.room.position_m()
     }
 
     /// What the craft is doing.

@@ -52,7 +52,7 @@ pub use fault::{Fault, FaultKind};
 pub use flight::{
     CAGE_M, ClosedLoop, FlightPlan, Recording, Row, SilError, Truth, fly, fly_over, for_identification,
 };
-pub use laboratory::{Laboratory, Radio};
+pub use laboratory::{Laboratory, Radio, Room};
 pub use link::{InProcess, Link, LinkError};
 pub use noise::{Coloured, NoiseModel};
 pub use process::{Iceoryx2, serve};

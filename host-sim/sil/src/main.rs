@@ -1,6 +1,7 @@
 //! `sil`: flies the controller against the simulated craft and judges the flights.
 #![forbid(unsafe_code)]
 
+use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -197,7 +198,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     suite.write_flights(&arguments.out)?;
     let index = arguments.out.join("index.html");
     page::page(&suite, &settings, provenance).write(&index)?;
-    print(arguments, &suite, &index);
+    report::print(&text(arguments, &suite, &index))?;
     Ok(ExitCode::from(u8::from(!suite.pass())))
 }
 
@@ -212,7 +213,6 @@ fn processor(name: &str) -> anyhow::Result<Option<Processor>> {
 }
 
 /// Status 1 when a bit differs.
-#[expect(clippy::print_stdout, reason = "the program's output")]
 fn same_bits(
     arguments: &Arguments,
     processor: Processor,
@@ -220,16 +220,18 @@ fn same_bits(
 ) -> anyhow::Result<ExitCode> {
     let mut same = true;
     let mut flights = Vec::new();
+    let mut text = String::new();
     for flown in sil::same_bits::fly_all(arguments.seed)? {
         let difference = flown.replay(processor, program, &flown.config).map_err(SilError::from)?;
         same &= difference.is_none();
         let (ticks, saturated, sha256) = (flown.ticks.len(), flown.saturated_ticks(), flown.sha256());
         if !arguments.json {
-            println!("{}: {ticks} ticks, {saturated} of them saturated, sha256 {sha256}", flown.name);
-            match &difference {
-                None => println!("  the same bits on {}", arguments.on),
-                Some(found) => println!("  DIFFERS from tick {} on: here {:?}", found.tick, found.here),
-            }
+            let name = &flown.name;
+            let _ = writeln!(text, "{name}: {ticks} ticks, {saturated} of them saturated, sha256 {sha256}");
+            let _ = match &difference {
+                None => writeln!(text, "  the same bits on {}", arguments.on),
+                Some(found) => writeln!(text, "  DIFFERS from tick {} on: here {:?}", found.tick, found.here),
+            };
         }
         flights.push(serde_json::json!({
             "name": flown.name,
@@ -240,13 +242,14 @@ fn same_bits(
         }));
     }
     if arguments.json {
-        println!("{}", serde_json::json!({ "on": arguments.on, "same": same, "flights": flights }));
+        let document = serde_json::json!({ "on": arguments.on, "same": same, "flights": flights });
+        let _ = writeln!(text, "{document}");
     }
+    report::print(&text)?;
     Ok(ExitCode::from(u8::from(!same)))
 }
 
 /// Flies a pattern file and leaves its flight file. Exit status 1 where the craft is lost or leaves the cage.
-#[expect(clippy::print_stdout, reason = "the program's output")]
 fn fly_pattern(
     arguments: &Arguments,
     path: &std::path::Path,
@@ -265,21 +268,22 @@ fn fly_pattern(
     report::write_atomic(&file, recording.to_flight(name, false).to_csv())?;
     let (margin_m, saturated) = (recording.cage_margin_m(), recording.saturated_ticks(config.command_range));
     let pass = recording.complete && margin_m >= 0.0;
-    if arguments.json {
+    let text = if arguments.json {
         let document = serde_json::json!({
             "pass": pass, "complete": recording.complete, "cage_margin_m": margin_m,
             "saturated_ticks": saturated, "flight": file.display().to_string(),
         });
-        println!("{document}");
+        format!("{document}\n")
     } else {
         let how = if recording.complete { "flown to its end" } else { "LOST" };
-        println!(
-            "{}: {how}, {} m from floor and cage at the closest, {saturated} saturated ticks",
+        format!(
+            "{}: {how}, {} m from floor and cage at the closest, {saturated} saturated ticks\nflight file: {}\n",
             path.display(),
-            report::significant(margin_m, 3)
-        );
-        println!("flight file: {}", file.display());
-    }
+            report::significant(margin_m, 3),
+            file.display()
+        )
+    };
+    report::print(&text)?;
     Ok(ExitCode::from(u8::from(!pass)))
 }
 
@@ -304,20 +308,20 @@ fn flyable(path: &std::path::Path, own_gains: bool) -> anyhow::Result<Model> {
     Ok(model)
 }
 
-#[expect(clippy::print_stdout, reason = "the program's output")]
 fn failsafes(seed: u64) -> anyhow::Result<ExitCode> {
     let (table, all) = sil::failsafe::table(seed)?;
-    print!("{table}");
+    report::print(&table)?;
     Ok(ExitCode::from(u8::from(!all)))
 }
 
-#[expect(clippy::print_stdout, reason = "the program's output")]
-fn print(arguments: &Arguments, suite: &Suite, index: &std::path::Path) {
+fn text(arguments: &Arguments, suite: &Suite, index: &std::path::Path) -> String {
     if arguments.json {
-        println!("{}", suite.to_json());
-        return;
+        return suite.to_json() + "\n";
     }
-    print!("{}", page::text_table(suite));
-    println!("motor commands sha256 {}", suite.pwm_sha256);
-    println!("page and flight files: {}", index.display());
+    format!(
+        "{}motor commands sha256 {}\npage and flight files: {}\n",
+        page::text_table(suite),
+        suite.pwm_sha256,
+        index.display()
+    )
 }

@@ -11,7 +11,7 @@ use proto::State;
 use sysid::Prepared;
 use sysid::information::{Colour, Information, Parameter, Sight};
 
-use crate::flight::{FlightPlan, Recording, SilError, fly, for_identification};
+use crate::flight::{FlightPlan, Recording, SilError, fly, for_identification, with_still_sensors};
 
 /// Standard errors by which an effect of ordinary size has to stand out to be found.
 const SEEN_DEVIATIONS: f64 = 4.0;
@@ -140,7 +140,8 @@ impl Predictor {
 
     /// The plan of a pattern, with ideal sensors.
     pub fn plan(&self, pattern: &Pattern) -> FlightPlan {
-        FlightPlan { noise: None, ..FlightPlan::pattern(self.model.clone(), self.config, pattern.clone(), 0) }
+        let config = with_still_sensors(self.config);
+        FlightPlan { noise: None, ..FlightPlan::pattern(self.model.clone(), config, pattern.clone(), 0) }
     }
 
     /// Flies a pattern and says what it would tell.

@@ -1,6 +1,7 @@
 //! Same source, same bits: flights flown here, and everything that was computed in them computed again on another processor.
 //!
-//! Each flight is closed-loop and a minute long, with noise and delay. Every tick's readings are kept with the
+//! Each flight is closed-loop, with noise and delay, and a minute long (that of designed gains, which turn on what the thesis' law
+//! has not, shorter). Every tick's readings are kept with the
 //! [`digest`](craft::digest()) of all that came of them: motor commands, each internal term of the law, faults, state and
 //! conditions. The other processor gets the same readings and has to come to the same number, tick by tick.
 
@@ -58,8 +59,12 @@ impl Link for Recorder {
     }
 }
 
-/// The plans of the flights: between them both laws, both modes, excitation, gyro fusion, saturation, and a failsafe to its end.
-fn plans(seed: u64) -> [(&'static str, FlightPlan); 3] {
+/// Gains of the default design on the thesis' craft: motors at their ends serve attitude first, and tilt raises the thrust.
+const DESIGNED: &str = include_str!("../../model/vehicles/f330-designed-gains.toml");
+
+/// The plans of the flights: between them both laws, both modes, excitation, gyro fusion, saturation both ways, thrust raised with
+/// the tilt, and a failsafe to its end.
+fn plans(seed: u64) -> Result<[(&'static str, FlightPlan); 4], SilError> {
     let excited = FlightPlan::identification(model::Model::thesis(), seed, FLIGHT_S);
     let noise = Some(NoiseModel::default());
     let pattern = Scenario::Pattern.plan(&Settings { noise, seed: seed + 1, ..Settings::default() });
@@ -77,11 +82,15 @@ fn plans(seed: u64) -> [(&'static str, FlightPlan); 3] {
         faults: Vec::new(),
         ..failing.clone()
     };
-    [
+    let designed = design::Gains::parse(DESIGNED, Path::new("f330-designed-gains.toml"))?;
+    let config = Some(designed.config);
+    let rolled = Scenario::Roll30.plan(&Settings { config, noise, seed: seed + 3, ..Settings::default() });
+    Ok([
         ("tour with excitation and gyro fusion", excited),
         ("pattern with late poses, then weak motors and a landing", failing),
         ("pattern under the hand-tuned law, across a wrap of the clock", hand_tuned),
-    ]
+        ("roll of 30 degrees under designed gains, attitude before thrust", rolled),
+    ])
 }
 
 /// Flies all flights here.
@@ -89,7 +98,7 @@ fn plans(seed: u64) -> [(&'static str, FlightPlan); 3] {
 /// # Errors
 /// A plan that cannot be flown.
 pub fn fly_all(seed: u64) -> Result<Vec<Flown>, SilError> {
-    plans(seed).into_iter().map(|(name, plan)| fly(name, &plan)).collect()
+    plans(seed)?.into_iter().map(|(name, plan)| fly(name, &plan)).collect()
 }
 
 fn fly(name: &'static str, plan: &FlightPlan) -> Result<Flown, SilError> {
@@ -154,6 +163,7 @@ impl Flown {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use control::gains::Saturation;
     use proto::State;
 
     /// The flights are what they are said to be; otherwise equal bits would prove less.
@@ -165,8 +175,8 @@ mod tests {
             states.dedup();
             states
         };
-        let [excited, failing, hand_tuned] = &flown[..] else { panic!("three flights") };
-        assert!(flown.iter().all(|flown| flown.ticks.len() == 6001));
+        let [excited, failing, hand_tuned, rolled] = &flown[..] else { panic!("four flights") };
+        assert!(flown[..3].iter().all(|flown| flown.ticks.len() == 6001));
         assert_eq!(states(excited), [State::Flying]);
         let went = states(failing);
         assert!(went.starts_with(&[State::Flying, State::Hold, State::Flying, State::Land]), "{went:?}");
@@ -174,6 +184,13 @@ mod tests {
         assert_eq!(states(hand_tuned), [State::Flying]);
         let first_us = hand_tuned.ticks[0].0.time_us;
         assert!(hand_tuned.ticks.iter().any(|(readings, _, _)| readings.time_us < first_us), "no wrap");
+        assert_eq!(states(rolled), [State::Flying]);
+        assert_eq!(rolled.config.saturation, Saturation::AttitudeFirst);
+        assert!(
+            rolled.config.tilt_compensation && rolled.saturated_ticks() > 100,
+            "{}",
+            rolled.saturated_ticks()
+        );
     }
 
     #[test]

@@ -11,9 +11,9 @@ use std::str::FromStr;
 
 use control::Config;
 use control::supervision::Fence;
-use model::{Battery, Model};
+use model::{Effect, Model};
 
-use crate::flight::{FlightPlan, Recording, for_identification};
+use crate::flight::{FlightPlan, Recording, battery_of, for_identification, with_still_sensors};
 use crate::metrics::StepMetrics;
 use crate::noise::NoiseModel;
 use crate::script::{Script, Step, StepAxis, Waypoint};
@@ -48,7 +48,8 @@ pub enum Scenario {
 pub struct Settings {
     /// The craft; absent: the thesis'.
     pub model: Option<Model>,
-    /// What flies it; absent: the thesis' gains. With it a craft has the voltage that its model was made at.
+    /// What flies it; absent: the thesis' gains. With it a craft's battery is at the voltage that its model was made at: constant in
+    /// the steps, which are the reference's flights, and falling and sagging with the load in `excitation`.
     pub config: Option<Config>,
     /// Age of the pose that the controller gets, samples.
     pub delay_samples: usize,
@@ -160,7 +161,16 @@ impl Scenario {
         };
         let &Settings { ref model, delay_samples, noise, seed, substeps, .. } = settings;
         let model = model.clone().unwrap_or(plan.model);
-        FlightPlan { model, delay_samples, noise, seed, substeps, ..plan }
+        let mut plan = FlightPlan { model, delay_samples, noise, seed, substeps, ..plan };
+        // Level is not at rest where there is wind: the craft goes with it, at most by its speed.
+        let held = matches!(self, Self::Hover | Self::Yaw30 | Self::Climb);
+        if held && plan.model.has(Effect::SteadyWind) {
+            plan.config.supervision.fence = Fence::NONE;
+        }
+        if plan.noise.is_none() && settings.config.is_some() {
+            plan.config = with_still_sensors(plan.config);
+        }
+        plan
     }
 
     /// A plan with other gains, but with the room that its flight needs: a held angle goes tens of metres, an identification
@@ -171,8 +181,7 @@ impl Scenario {
         if no_walls {
             config.supervision.fence = Fence::NONE;
         }
-        let made_at_v = model.map_or(0.0, |model| model.reference.battery_v);
-        let battery = if made_at_v > 0.0 { Battery::constant(made_at_v) } else { plan.battery };
+        let battery = model.and_then(|model| battery_of(model, plan.battery)).unwrap_or(plan.battery);
         FlightPlan { config, battery, ..plan }
     }
 
@@ -189,7 +198,7 @@ impl Scenario {
             (Self::Climb, Some(m)) => vec![overshoot(m, 5.0), rise(m, 1.5)],
             (Self::X1 | Self::Y1, Some(m)) => vec![
                 overshoot(m, 20.0),
-                rise(m, 2.0),
+                rise(m, 2.5),
                 at_most("steady-state error", m.steady_state_error.abs(), 0.05, "of the step"),
             ],
             (Self::Hover, _) => hover_checks(plan, flight),

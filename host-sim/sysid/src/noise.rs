@@ -5,6 +5,8 @@
 //! the scatter of a variance. A residual well above has a cause, whether or not it depends on anything measured: a
 //! gust, a swinging load, an engine that ages. Its spectrum says at which frequency.
 //!
+//! Samples that were filled in (`prepare.rs`) have no noise of their own, and those at lost rows another: neither counts.
+//!
 //! Logs of an estimator instead of sensors have no white noise to go by; their channels fail the test for whiteness
 //! (the autocorrelation of fourth differences is known, and so is what they do over every other sample), and nothing is
 //! said.
@@ -53,7 +55,7 @@ fn energy(taps: &[f64]) -> f64 {
 fn floor(flight: &Prepared, (channels, gain): (Channels, f64)) -> [f64; 3] {
     std::array::from_fn(|i| {
         let differences: Vec<Vec<f64>> =
-            flight.stretches.iter().map(|s| fourth_differences(&channels(s)[i], 1)).collect();
+            flight.stretches.iter().map(|s| fourth_differences(&channels(s)[i], &s.measured, 1)).collect();
         gain * variance(&differences)
     })
 }
@@ -62,34 +64,47 @@ fn floor(flight: &Prepared, (channels, gain): (Channels, f64)) -> [f64; 3] {
 /// variance over every other sample.
 fn is_white(flights: &[&Prepared], channels: impl Fn(&Prepared) -> (Channels, f64)) -> bool {
     let all = |step: usize| -> Vec<Vec<f64>> {
-        let each = flights.iter().flat_map(|f| f.stretches.iter().map(|s| (channels(f).0)(s)));
+        let each = flights.iter().flat_map(|f| {
+            f.stretches.iter().flat_map(|s| (channels(f).0)(s).iter().map(|signal| (signal, &s.measured)))
+        });
         // Channels of unequal noise weigh the same.
-        each.flatten()
-            .map(|signal| {
-                let differences = fourth_differences(signal, step);
-                let scale = variance(std::slice::from_ref(&fourth_differences(signal, 1))).sqrt();
-                differences.into_iter().map(|d| d / scale).collect()
-            })
-            .collect()
+        each.map(|(signal, measured)| {
+            let differences = fourth_differences(signal, measured, step);
+            let scale = variance(std::slice::from_ref(&fourth_differences(signal, measured, 1))).sqrt();
+            differences.into_iter().map(|d| d / scale).collect()
+        })
+        .collect()
     };
     let (fine, coarse) = (all(1), all(2));
     let lagged = |lag: usize| -> f64 {
-        fine.iter().flat_map(|d| d.iter().zip(d.iter().skip(lag))).map(|(a, b)| a * b).sum()
+        let pairs = fine.iter().flat_map(|d| d.iter().zip(d.iter().skip(lag)));
+        let (sum, count) = pairs
+            .map(|(a, b)| a * b)
+            .filter(|product| product.is_finite())
+            .fold((0.0, 0.0), |(sum, count), product| (sum + product, count + 1.0));
+        sum / count
     };
     let correlated =
         WHITE.iter().zip(1..).all(|(w, lag)| (lagged(lag) / lagged(0) - w).abs() < WHITE_TOLERANCE);
     correlated && (variance(&coarse) / variance(&fine) - 1.0).abs() < SAME_VARIANCE
 }
 
-/// Fourth differences over every `step`-th sample.
-fn fourth_differences(signal: &[f64], step: usize) -> Vec<f64> {
-    let window = |w: &[f64]| w[0] - 4.0 * w[step] + 6.0 * w[2 * step] - 4.0 * w[3 * step] + w[4 * step];
-    signal.windows(4 * step + 1).map(window).collect()
+/// Fourth differences over every `step`-th sample; NaN where one of the five was filled in.
+fn fourth_differences(signal: &[f64], measured: &[bool], step: usize) -> Vec<f64> {
+    let window = |(w, measured): (&[f64], &[bool])| {
+        if (0..5).any(|k| !measured[k * step]) {
+            return f64::NAN;
+        }
+        w[0] - 4.0 * w[step] + 6.0 * w[2 * step] - 4.0 * w[3 * step] + w[4 * step]
+    };
+    let length = 4 * step + 1;
+    signal.windows(length).zip(measured.windows(length)).map(window).collect()
 }
 
 /// Variance behind fourth differences, by the median of their squares: a glitch does not count. NaN without any.
 fn variance(differences: &[Vec<f64>]) -> f64 {
-    let mut squares: Vec<f64> = differences.iter().flatten().map(|d| d * d).collect();
+    let mut squares: Vec<f64> =
+        differences.iter().flatten().map(|d| d * d).filter(|square| square.is_finite()).collect();
     let middle = squares.len() / 2;
     if squares.is_empty() {
         return f64::NAN;

@@ -71,6 +71,8 @@ pub(crate) struct Stretch {
     pub(crate) logged_rotor_rad_s: Option<[Vec<f64>; 4]>,
     pub(crate) battery_v: Vec<f64>,
     pub(crate) imu_m_s2: Option<[Vec<f64>; 3]>,
+    /// Whether a sample's sensor values were all logged, not filled in: only those carry the sensors' noise.
+    pub(crate) measured: Vec<bool>,
 }
 
 /// A flight made ready for regression.
@@ -157,7 +159,8 @@ impl Prepared {
         if channels.rotor.is_none() && !vehicle.can_map_commands() {
             return Err(PrepareError::NoRotorSpeeds);
         }
-        let bridged = bridge(&mut channels.columns);
+        let measured = channels.measured();
+        let bridged = bridge(t, &mut channels.columns, period_s);
         let columns = &channels.columns;
         if bridged > 0 {
             notes.push(format!("{bridged} single missing values bridged"));
@@ -169,7 +172,7 @@ impl Prepared {
                 dropped += range.len();
                 continue;
             }
-            let even = even_grid(t, columns, range, period_s, &mut notes);
+            let even = even_grid(t, columns, &measured, range, period_s, &mut notes);
             jitter_s = f64::max(jitter_s, even.jitter_s);
             stretches.push(channels.stretch(even, period_s, &filter, velocity.is_some()));
         }
@@ -326,6 +329,7 @@ impl Stretch {
             logged_rotor_rad_s: self.logged_rotor_rad_s.as_ref().map(|all| cut(all, &range)),
             battery_v: self.battery_v[range.clone()].to_vec(),
             imu_m_s2: self.imu_m_s2.as_ref().map(|all| cut(all, &range)),
+            measured: self.measured[range].to_vec(),
         }
     }
 
@@ -523,6 +527,15 @@ impl<'a> Channels<'a> {
         sensors.map(|column| spikes::take_out(&mut self.columns[column], &time, &gaps)).sum()
     }
 
+    /// Whether all of the sensors' values of a row are there; the battery's, which are smoothed, aside.
+    fn measured(&self) -> Vec<bool> {
+        let mut all = vec![true; self.columns[0].len()];
+        for column in (POSITION..COMMAND).chain(OPTIONAL..self.columns.len()) {
+            all.iter_mut().zip(self.columns[column].iter()).for_each(|(all, v)| *all &= v.is_finite());
+        }
+        all
+    }
+
     fn stretch(
         &self,
         mut even: EvenGrid,
@@ -552,6 +565,7 @@ impl<'a> Channels<'a> {
             logged_rotor_rad_s: self.rotor.map(|first| even.take(first)),
             battery_v: even.columns[BATTERY].clone(),
             imu_m_s2: self.imu.map(|first| even.take(first)),
+            measured: even.measured,
             time_s: even.time_s,
         }
     }
@@ -577,9 +591,11 @@ fn unwrap_angle(angle: &mut Cow<[f64]>) {
     }
 }
 
-/// Bridges runs of up to [`BRIDGED_SAMPLES`] missing values by a straight line. Returns the number of values filled
-/// in, the battery's aside.
-fn bridge(columns: &mut [Cow<[f64]>]) -> usize {
+/// Bridges runs of up to [`BRIDGED_SAMPLES`] missing values: along cubic arcs, as a straight line under a turn would be low by
+/// more than the noise; the battery and commands, which are held, by a straight line. Nothing but the battery is bridged across a gap
+/// in time. Returns the number of values filled in, the battery's aside.
+fn bridge(t: &[f64], columns: &mut [Cow<[f64]>], period_s: f64) -> usize {
+    let has_gap = |rows: &[usize]| (rows[0]..rows[1]).any(|k| t[k + 1] - t[k] > GAP_PERIODS * period_s);
     let mut count = 0;
     for (index, column) in columns.iter_mut().enumerate() {
         // A battery is slow and often logged at a tenth of the rate.
@@ -588,22 +604,24 @@ fn bridge(columns: &mut [Cow<[f64]>]) -> usize {
         if column.iter().fold(true, |all, v| all & v.is_finite()) {
             continue;
         }
+        let there: Vec<usize> = (0..column.len()).filter(|&k| column[k].is_finite()).collect();
+        let (times, values): (Vec<f64>, Vec<f64>) = there.iter().map(|&k| (t[k], column[k])).unzip();
+        let straight = (COMMAND..=BATTERY).contains(&index);
         let column = column.to_mut();
-        let mut k = 0;
-        while k < column.len() {
-            if column[k].is_finite() {
-                k += 1;
+        for (at, ends) in there.windows(2).enumerate() {
+            let missing = ends[1] - ends[0] - 1;
+            if missing == 0 || missing > longest || (index != BATTERY && has_gap(ends)) {
                 continue;
             }
-            let end = (k..column.len()).find(|&j| column[j].is_finite()).unwrap_or(column.len());
-            if k > 0 && end < column.len() && end - k <= longest {
-                let (from, to, span) = (column[k - 1], column[end], (end - k + 1) as f64);
-                for (step, value) in column[k..end].iter_mut().enumerate() {
-                    *value = from + (to - from) * (step + 1) as f64 / span;
-                    count += usize::from(index != BATTERY);
-                }
+            for k in ends[0] + 1..ends[1] {
+                column[k] = if straight {
+                    let part = (t[k] - times[at]) / (times[at + 1] - times[at]);
+                    values[at] + (values[at + 1] - values[at]) * part
+                } else {
+                    hermite(&times, &values, at, t[k])
+                };
+                count += usize::from(index != BATTERY);
             }
-            k = end;
         }
     }
     count
@@ -640,6 +658,7 @@ struct EvenGrid {
     /// Standard deviation of the samples' times about the grid, s.
     jitter_s: f64,
     columns: Vec<Vec<f64>>,
+    measured: Vec<bool>,
 }
 
 impl EvenGrid {
@@ -654,6 +673,7 @@ impl EvenGrid {
 fn even_grid(
     t: &[f64],
     columns: &[Cow<[f64]>],
+    measured: &[bool],
     range: std::ops::Range<usize>,
     period_s: f64,
     notes: &mut Vec<String>,
@@ -665,31 +685,43 @@ fn even_grid(
             time_s: times.to_vec(),
             jitter_s: 0.0,
             columns: columns.iter().map(|c| c[range.clone()].to_vec()).collect(),
+            measured: measured[range].to_vec(),
         };
     }
     notes.push(format!("{uneven} uneven sampling steps interpolated to {:.1} Hz", 1.0 / period_s));
     let (start, jitter_s) = grid_start(times, period_s);
     let count = ((times[times.len() - 1] - start) / period_s).floor() as usize + 1;
     let grid: Vec<f64> = (0..count).map(|k| start + k as f64 * period_s).collect();
+    // The sample before each moment of the grid.
+    let mut at = 0;
+    let before: Vec<usize> = grid
+        .iter()
+        .map(|&time| {
+            while at + 2 < times.len() && times[at + 1] <= time {
+                at += 1;
+            }
+            at
+        })
+        .collect();
+    let measured = before.iter().map(|&at| {
+        let lost_rows = times[at + 1] - times[at] > 1.5 * period_s;
+        !lost_rows && measured[range.start + at] && measured[range.start + at + 1]
+    });
+    let measured = measured.collect();
     let columns = columns.iter().enumerate().map(|(index, column)| {
         let values = &column[range.clone()];
         let held = (COMMAND..BATTERY).contains(&index);
-        let mut at = 0;
-        grid.iter()
-            .map(|&time| {
-                while at + 2 < times.len() && times[at + 1] <= time {
-                    at += 1;
-                }
-                if held {
-                    // A row that is a little late tells of a command that has already been there.
-                    values[at + usize::from(times[at + 1] - time < 0.5 * period_s)]
-                } else {
-                    hermite(times, values, at, time)
-                }
-            })
-            .collect()
+        let at_time = |(&time, &at): (&f64, &usize)| {
+            if held {
+                // A row that is a little late tells of a command that has already been there.
+                values[at + usize::from(times[at + 1] - time < 0.5 * period_s)]
+            } else {
+                hermite(times, values, at, time)
+            }
+        };
+        grid.iter().zip(&before).map(at_time).collect()
     });
-    EvenGrid { time_s: grid.clone(), jitter_s, columns: columns.collect() }
+    EvenGrid { time_s: grid.clone(), jitter_s, columns: columns.collect(), measured }
 }
 
 /// Where an even grid starts that lies in the middle of jittering times: one that began at a late row would be late throughout,
@@ -706,11 +738,19 @@ fn grid_start(times: &[f64], period_s: f64) -> (f64, f64) {
     (if start < times[0] { start + period_s } else { start }, period_s * variance.sqrt())
 }
 
-/// Cubic Hermite interpolation between samples `at` and `at + 1` with the slopes of the neighbours.
+/// Cubic Hermite interpolation between samples `at` and `at + 1`, with the slopes of the parabolas through each of them and its
+/// neighbours: exact for a parabola however the samples lie, and in the middle of even ones a cubic through four.
 fn hermite(t: &[f64], y: &[f64], at: usize, time: f64) -> f64 {
+    let secant = |k: usize| (y[k + 1] - y[k]) / (t[k + 1] - t[k]);
     let slope = |k: usize| {
-        let (a, b) = (k.saturating_sub(1), (k + 1).min(t.len() - 1));
-        (y[b] - y[a]) / (t[b] - t[a])
+        if k == 0 {
+            return secant(0);
+        }
+        if k + 1 == t.len() {
+            return secant(k - 1);
+        }
+        let (before, after) = (t[k] - t[k - 1], t[k + 1] - t[k]);
+        (secant(k - 1) * after + secant(k) * before) / (before + after)
     };
     let step = t[at + 1] - t[at];
     let s = (time - t[at]) / step;
@@ -785,4 +825,46 @@ fn remove_gyro_bias(stretches: &mut [Stretch], filter: &RegressionFilter) -> [f6
         }
     }
     bias.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every value that can be missing comes back: a cubic's in the middle of four even samples, a parabola's anywhere, a straight
+    /// line's of what is held.
+    #[test]
+    fn missing_values_come_back() {
+        let even: Vec<f64> = (0..40).map(|k| 0.01 * f64::from(k)).collect();
+        let uneven: Vec<f64> = even.iter().map(|t| t + 0.002 * (700.0 * t).sin()).collect();
+        let cubic = |t: f64| 1.0 + t * (3.0 + t * (20.0 - 90.0 * t));
+        let parabola = |t: f64| 1.0 + t * (3.0 - 20.0 * t);
+        let line = |t: f64| 1.0 - 3.0 * t;
+        let check = |t: &[f64], column: usize, missing: &[usize], curve: &dyn Fn(f64) -> f64| {
+            let mut columns: Vec<Cow<[f64]>> = vec![Cow::Owned(t.to_vec()); OPTIONAL];
+            let with_holes = |(k, t): (usize, &f64)| if missing.contains(&k) { f64::NAN } else { curve(*t) };
+            columns[column] = t.iter().enumerate().map(with_holes).collect::<Vec<f64>>().into();
+            let filled = bridge(t, &mut columns, 0.01);
+            assert_eq!(filled, if column == BATTERY { 0 } else { missing.len() });
+            for (value, t) in columns[column].iter().zip(t) {
+                assert!((value - curve(*t)).abs() < 1e-12, "column {column}, {t} s: {value}");
+            }
+        };
+        check(&even, POSITION, &[7, 20, 30], &cubic);
+        check(&uneven, RATE, &[7, 8, 9, 20, 30, 31], &parabola);
+        check(&uneven, COMMAND, &[7, 8, 20], &line);
+        check(&uneven, BATTERY, &[7, 8, 20, 21, 22, 23, 24, 25], &line);
+    }
+
+    #[test]
+    fn nothing_is_bridged_across_a_gap_or_over_four_values() {
+        let mut t: Vec<f64> = (0..40).map(|k| 0.01 * f64::from(k)).collect();
+        t[20..].iter_mut().for_each(|t| *t += 2.0);
+        let mut columns: Vec<Cow<[f64]>> = vec![Cow::Owned(t.clone()); OPTIONAL];
+        for k in [5, 6, 7, 8, 19] {
+            columns[RATE].to_mut()[k] = f64::NAN;
+        }
+        assert_eq!(bridge(&t, &mut columns, 0.01), 0);
+        assert_eq!(columns[RATE].iter().filter(|v| v.is_nan()).count(), 5);
+    }
 }

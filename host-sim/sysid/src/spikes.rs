@@ -6,6 +6,10 @@
 //! noise of the channel and by how well the line fits the neighbours themselves. So a quick turn, which no neighbour lies on a
 //! line with, is no spike, and nor is a step, which half of the neighbours share.
 //!
+//! Where spikes come in a crowd, four among seven, that line is lost. There a sample is held against the parabola that most of its
+//! neighbourhood agrees on (least median of squares' idea, Rousseeuw 1984; found as RANSAC does, but over all triples): it
+//! must be more than half of all, so a step still has none.
+//!
 //! What is found is missing from then on and bridged as missing values are. Errors of several samples in a row are
 //! `channels_check.rs`' to find: jumps and frozen trackers.
 
@@ -27,6 +31,11 @@ const DRAWN_OUT: f64 = 3.0;
 const LOOKED_AT: f64 = 3.0;
 /// Part of the samples beyond which it is no noise with outliers but a channel of another kind (one that is held, say).
 const MOST: f64 = 0.15;
+
+/// Neighbours on each side of a sample in a crowd of spikes.
+const CROWD_REACH: usize = 6;
+/// Samples of the neighbourhood that must agree on a parabola: more than there are on one side.
+const AGREE: usize = CROWD_REACH + 1;
 
 /// Looks at a channel: two spikes among the neighbours hide a third, until they are gone.
 const PASSES: usize = 5;
@@ -128,8 +137,46 @@ fn is_spike(channel: &[f64], time: &[f64], k: usize, usual: f64) -> Option<bool>
     let own = (channel[k] - level).abs();
     // From one side the line is drawn out to where it is not known as well.
     let reach = if k - first == REACH { 1.0 } else { DRAWN_OUT };
-    let least = f64::max(OF_NOISE * usual, OF_NEIGHBOURS * median(&mut levels[..count])?);
-    Some(own > reach * least)
+    let of_noise = reach * OF_NOISE * usual;
+    let of_neighbours = reach * OF_NEIGHBOURS * median(&mut levels[..count])?;
+    Some(own > of_noise && (own > of_neighbours || is_spike_in_a_crowd(channel, time, k, usual)))
+}
+
+/// Whether enough of the neighbourhood lies on a parabola, and the sample does not.
+fn is_spike_in_a_crowd(channel: &[f64], time: &[f64], k: usize, usual: f64) -> bool {
+    if k < CROWD_REACH || k + CROWD_REACH >= channel.len() {
+        return false;
+    }
+    let mut around = [(0.0, 0.0); 2 * CROWD_REACH];
+    let mut count = 0;
+    for j in (k - CROWD_REACH..=k + CROWD_REACH).filter(|&j| j != k && channel[j].is_finite()) {
+        around[count] = (time[j] - time[k], channel[j]);
+        count += 1;
+    }
+    let around = &around[..count];
+    let mut best = (0, 0.0);
+    for a in 0..count {
+        for b in 0..a {
+            for c in 0..b {
+                let curve = parabola(around[a], around[b], around[c]);
+                let agree = around.iter().filter(|(t, value)| (value - curve(*t)).abs() < OF_NOISE * usual);
+                let agree = agree.count();
+                if agree > best.0 {
+                    best = (agree, curve(0.0));
+                }
+            }
+        }
+    }
+    // Three of them are what it was drawn through: from three as noisy as these it is off by twice the noise at most.
+    best.0 >= AGREE && (channel[k] - best.1).abs() > 2.0 * OF_NOISE * usual
+}
+
+/// The parabola through three points (Newton's divided differences).
+fn parabola(a: (f64, f64), b: (f64, f64), c: (f64, f64)) -> impl Fn(f64) -> f64 {
+    let ab = (b.1 - a.1) / (b.0 - a.0);
+    let bc = (c.1 - b.1) / (c.0 - b.0);
+    let abc = (bc - ab) / (c.0 - a.0);
+    move |t| a.1 + (t - a.0) * (ab + (t - b.0) * abc)
 }
 
 #[cfg(test)]
@@ -161,7 +208,8 @@ mod tests {
 
     #[test]
     fn every_gross_outlier_is_found_and_nothing_else() {
-        for seed in 0..10 {
+        let mut missed = 0;
+        for seed in 0..20 {
             let mut rng = Pcg64Mcg::seed_from_u64(seed);
             let clean = flown(&mut rng, 0.001);
             // Of 3000 samples none is six deviations off.
@@ -175,9 +223,10 @@ mod tests {
             let wrong = found.iter().filter(|k| !hit.contains(k)).count();
             // Where three of seven are hit a good one may look like the one that is off: some of a thousand.
             assert!(wrong <= 2, "seed {seed}: {wrong}");
-            let missed: Vec<&usize> = hit.iter().filter(|k| !found.contains(k)).collect();
-            assert!(missed.len() <= 1, "seed {seed}: {missed:?} of {} missed", hit.len());
+            missed += hit.iter().filter(|k| !found.contains(k)).count();
         }
+        // Of 3000: one at an end, with others beside it, cannot be told.
+        assert!(missed <= 3, "{missed}");
     }
 
     #[test]

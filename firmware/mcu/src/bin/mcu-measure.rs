@@ -6,6 +6,8 @@
 //!
 //! - Instructions: QEMU counts 2^6 ns for each (`-icount shift=6`), and the core's timer counts 25 MHz, so one instruction is 1.6
 //!   counts. A real chip takes about as many cycles, more where its flash waits.
+//! - The tick alone, supervisor and input checks included, is measured beside it, a craft wobbling about hover as in the benches of
+//!   `control`: the mean in each mode.
 //! - Stack: all of it is painted before `main` (`paint-stack` of cortex-m-rt); what was used lost its colour. That is the greatest
 //!   depth of this run with its interrupts, not a bound over all runs.
 #![cfg_attr(target_os = "none", no_std, no_main)]
@@ -14,7 +16,9 @@
 #[allow(unsafe_code, reason = "the stack is looked at")]
 mod target {
     use core::fmt::Write;
+    use core::hint::black_box;
 
+    use control::{Autopilot, Readings};
     use cortex_m::peripheral::SYST;
     use cortex_m::peripheral::syst::SystClkSource;
     use cortex_m_semihosting::{debug, hio};
@@ -126,6 +130,34 @@ mod target {
         counts * 5 / 8
     }
 
+    /// Instructions of a tick of the autopilot in flight, on average; 0 if it does not fly.
+    #[inline(never)]
+    fn tick_alone(config: &control::Config, mode: control::Mode) -> u32 {
+        const TICKS: u16 = 200;
+        let Ok(mut autopilot) = Autopilot::in_flight(config) else { return 0 };
+        let mut counts = 0;
+        for k in 0..TICKS {
+            let angle = f32::from(k) * 0.0628;
+            let (sin, cos) = (libm::sinf(angle), libm::cosf(angle));
+            let readings = Readings {
+                time_us: u32::from(k) * 10_000,
+                pose: Some(control::Pose {
+                    position_m: [0.02 * sin, 0.02 * cos, -1.0 + 0.02 * sin * cos],
+                    attitude_rad: [0.01 * cos, 0.01 * sin, 0.05 * sin],
+                }),
+                gyro_rad_s: Some([-0.01 * sin, 0.01 * cos, 0.05 * cos]),
+                battery_v: 11.1,
+                command: Some(control::Command { mode, z_m: -1.0, ..control::Command::default() }),
+                request: None,
+                outputs_ready: true,
+            };
+            let start = SYST::get_current();
+            black_box(autopilot.tick(black_box(&readings)));
+            counts += since(start);
+        }
+        instructions(counts) / u32::from(TICKS)
+    }
+
     #[cortex_m_rt::entry]
     fn main() -> ! {
         let Some(mut core) = cortex_m::Peripherals::take() else { mps2::fail() };
@@ -158,13 +190,17 @@ mod target {
                 (least, most, sum, flown) = (least.min(counts), most.max(counts), sum + counts, flown + 1);
             }
         }
-        let mean = sum.checked_div(flown).unwrap_or(0);
         let (boot, stack, program_bytes) = (instructions(boot), stack_used(), size_of::<Program>());
+        // Behind the look at the stack, which is the program's.
+        let [attitude, position] =
+            [control::Mode::Attitude, control::Mode::Position].map(|mode| tick_alone(program.config(), mode));
+        let mean = sum.checked_div(flown).unwrap_or(0);
         if let Ok(mut out) = hio::hstdout() {
             let _ = writeln!(
                 out,
                 "{{\"flown_ticks\":{flown},\"instructions\":{{\"boot\":{boot},\"gains_change\":{retune},\
-                 \"period_least\":{least},\"period_mean\":{mean},\"period_most\":{most}}},\
+                 \"period_least\":{least},\"period_mean\":{mean},\"period_most\":{most},\
+                 \"tick_attitude\":{attitude},\"tick_position\":{position}}},\
                  \"stack_bytes\":{stack},\"program_bytes\":{program_bytes}}}"
             );
         }

@@ -102,10 +102,11 @@ fn contents(outcome: &Outcome) -> Result<(About, Vec<f64>), String> {
         }
     });
     let about = About {
-        group: match outcome.trial.hidden {
+        group: match &outcome.trial.hidden {
             Hidden::Nothing => "nothing",
             Hidden::One(_) => "single",
-            Hidden::Pair(_) => "pair",
+            Hidden::Together(effects) if effects.len() == 2 => "pair",
+            Hidden::Together(_) => "several",
             Hidden::Outside(_) => "outside",
             Hidden::Change(_) => "change",
         },

@@ -56,7 +56,7 @@ struct Arguments {
     #[arg(long, value_name = "S", num_args = 1.., value_parser = plan::positive)]
     noise: Vec<f64>,
 
-    /// Only trials that hide these (nothing, pairs, changes, or identifiers of effects)
+    /// Only trials that hide these (nothing, pairs, triples, changes, or identifiers of effects)
     #[arg(long, value_name = "WHAT", num_args = 1..)]
     only: Vec<String>,
 

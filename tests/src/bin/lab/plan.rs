@@ -17,9 +17,10 @@ const NOISES: [f64; 3] = [0.8, 1.4, 2.0];
 const SEEDS: u64 = 3;
 /// Before what has changed, in labels.
 pub(crate) const CHANGED: &str = "since then: ";
-/// Trials with nothing hidden or changed, and with two effects, per seed.
+/// Trials with nothing hidden or changed, with two effects and with three, per seed.
 const NOTHING_PER_SEED: u64 = 12;
 const PAIRS_PER_SEED: u64 = 12;
+const TRIPLES_PER_SEED: u64 = 6;
 
 /// What a world hides.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -29,8 +30,8 @@ pub(crate) enum Hidden {
     Nothing,
     /// One effect of the catalogue.
     One(&'static str),
-    /// Two effects of the catalogue, each with its strength.
-    Pair([(&'static str, f64); 2]),
+    /// Two or three effects of the catalogue, each with its strength.
+    Together(Vec<(&'static str, f64)>),
     /// What the catalogue does not have.
     Outside(&'static str),
     /// A craft whose model was good, and what happened to it since; nothing, perhaps.
@@ -58,22 +59,22 @@ pub(crate) struct Trial {
 impl Trial {
     /// Effects to plant.
     pub(crate) fn planted(&self) -> Vec<(&'static str, f64)> {
-        match self.hidden {
+        match &self.hidden {
             Hidden::Nothing | Hidden::Change(None) => Vec::new(),
             Hidden::Change(Some(id)) => vec![(id, self.strength)],
             Hidden::One(id) | Hidden::Outside(id) => vec![(id, self.strength)],
-            Hidden::Pair(pair) => pair.to_vec(),
+            Hidden::Together(effects) => effects.clone(),
         }
     }
 
     /// Row of the confusion matrix.
     pub(crate) fn label(&self) -> String {
-        match self.hidden {
+        match &self.hidden {
             Hidden::Nothing => "nothing".into(),
-            Hidden::One(id) | Hidden::Outside(id) => id.into(),
+            Hidden::One(id) | Hidden::Outside(id) => (*id).into(),
             Hidden::Change(Some(id)) => format!("{CHANGED}{id}"),
             Hidden::Change(None) => format!("{CHANGED}nothing"),
-            Hidden::Pair([(a, _), (b, _)]) => format!("{a} + {b}"),
+            Hidden::Together(effects) => effects.iter().map(|(id, _)| *id).collect::<Vec<_>>().join(" + "),
         }
     }
 
@@ -148,11 +149,12 @@ impl Plan {
             let noise = plan.noises[k as usize % plan.noises.len()];
             plan.push(Hidden::Nothing, 0.0, noise, Size::ALL[(k / 3) as usize % 3], k, 1);
         }
-        if known.len() > 1 {
-            for k in 0..plan.seeds * per_seed(PAIRS_PER_SEED) {
-                let pair = pair(&known, plan.first_seed, k);
+        for (several, trials) in [(2, PAIRS_PER_SEED), (3, TRIPLES_PER_SEED)] {
+            for k in 0..plan.seeds * per_seed(trials) {
+                let effects = together(&known, several, plan.first_seed, k);
                 let noise = plan.noises[k as usize % plan.noises.len()];
-                plan.push(Hidden::Pair(pair), pair[0].1, noise, Size::ALL[(k / 3) as usize % 3], k, 3);
+                let (strength, size) = (effects[0].1, Size::ALL[(k / 3) as usize % 3]);
+                plan.push(Hidden::Together(effects), strength, noise, size, k, several + 1);
             }
         }
         for id in changeable() {
@@ -211,7 +213,7 @@ impl Plan {
             return Ok(());
         }
         let is_named = |trial: &Trial, name: &String| match &trial.hidden {
-            Hidden::Pair(_) => name == "pairs",
+            Hidden::Together(effects) => name == if effects.len() == 2 { "pairs" } else { "triples" },
             Hidden::Change(_) => name == "changes",
             _ => trial.label() == *name,
         };
@@ -219,19 +221,22 @@ impl Plan {
             let mut names: Vec<String> = self.trials.iter().map(Trial::label).collect();
             names.retain(|name| !name.contains(" + ") && !name.starts_with(CHANGED));
             names.dedup();
-            bail!("--only {unknown}: no trial hides that; there are: pairs, changes, {}", names.join(", "));
+            bail!(
+                "--only {unknown}: no trial hides that; there are: pairs, triples, changes, {}",
+                names.join(", ")
+            );
         }
         self.trials.retain(|trial| only.iter().any(|name| is_named(trial, name)));
         Ok(())
     }
 }
 
-/// Two different effects with strengths from the middle to the high.
-fn pair(known: &[&'static str], first_seed: u64, k: u64) -> [(&'static str, f64); 2] {
+/// Different effects with strengths from the middle to the high.
+fn together(known: &[&'static str], several: usize, first_seed: u64, k: u64) -> Vec<(&'static str, f64)> {
     let mut rng = Pcg64::seed_from_u64(first_seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(k));
-    let two: Vec<&&str> = known.sample(&mut rng, 2).collect();
+    let chosen: Vec<&&str> = known.sample(&mut rng, several).collect();
     let mut strength = || (rng.random_range(0.6..1.2_f64) * 100.0).round() / 100.0;
-    [(*two[0], strength()), (*two[1], strength())]
+    chosen.into_iter().map(|id| (*id, strength())).collect()
 }
 
 /// A seed of its own for every trial, the same whatever else is in the catalogue: FNV-1a over what the trial is.

@@ -104,6 +104,10 @@ pub(crate) struct Scores {
     pub(crate) pairs_right: Share,
     /// Pairs in which at least both are among those found.
     pub(crate) pairs_both: Share,
+    /// All three of three, and nothing else.
+    pub(crate) triples_right: Share,
+    /// Threes that are all among those found.
+    pub(crate) triples_all: Share,
     pub(crate) outside_unexplained: Share,
     /// Outside the catalogue, and called by the name of an effect.
     pub(crate) outside_misnamed: Share,
@@ -124,10 +128,11 @@ impl Scores {
         let one = || kind(|h| matches!(h, Hidden::One(_)));
         let changes = || kind(|h| matches!(h, Hidden::Change(Some(_))));
         let nothing = || kind(|h| matches!(h, Hidden::Nothing));
-        let pairs = || kind(|h| matches!(h, Hidden::Pair(_)));
+        let pairs = || kind(|h| matches!(h, Hidden::Together(effects) if effects.len() == 2));
+        let triples = || kind(|h| matches!(h, Hidden::Together(effects) if effects.len() == 3));
         let outside = || kind(|h| matches!(h, Hidden::Outside(_)));
         let is_verdict = |answer: &str| ["adequate", "unexplained"].contains(&answer);
-        let both = |o: &Outcome| o.trial.planted().iter().all(|(id, _)| o.found.contains(id));
+        let all = |o: &Outcome| o.trial.planted().iter().all(|(id, _)| o.found.contains(id));
         let distances = || outcomes.iter().flat_map(|o| &o.coefficients);
         Self {
             strengths: plan.strengths.clone(),
@@ -142,7 +147,9 @@ impl Scores {
             changes_right: Share::of(changes(), Outcome::is_right),
             unchanged_right: Share::of(kind(|h| matches!(h, Hidden::Change(None))), Outcome::is_right),
             pairs_right: Share::of(pairs(), Outcome::is_right),
-            pairs_both: Share::of(pairs(), both),
+            pairs_both: Share::of(pairs(), all),
+            triples_right: Share::of(triples(), Outcome::is_right),
+            triples_all: Share::of(triples(), all),
             outside_unexplained: Share::of(outside(), Outcome::is_right),
             outside_misnamed: Share::of(outside(), |o| !is_verdict(&o.answer)),
             covered: Share { hits: distances().filter(|d| d.is_covered()).count(), of: distances().count() },
@@ -252,7 +259,7 @@ fn coverage(outcomes: &[Outcome]) -> Vec<Coverage> {
 
 fn confusion(outcomes: &[Outcome]) -> BTreeMap<String, BTreeMap<String, usize>> {
     let mut rows: BTreeMap<String, BTreeMap<String, usize>> = BTreeMap::new();
-    for outcome in outcomes.iter().filter(|o| !matches!(o.trial.hidden, Hidden::Pair(_))) {
+    for outcome in outcomes.iter().filter(|o| !matches!(o.trial.hidden, Hidden::Together(_))) {
         *rows.entry(outcome.trial.label()).or_default().entry(outcome.answer.clone()).or_default() += 1;
     }
     rows

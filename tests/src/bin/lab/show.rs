@@ -39,6 +39,8 @@ fn lead(scores: &Scores) -> String {
     say("nothing changed and nothing found:", scores.unchanged_right);
     say("both of a pair and nothing else:", scores.pairs_right);
     say("both of a pair among those found:", scores.pairs_both);
+    say("all of three and nothing else:", scores.triples_right);
+    say("all of three among those found:", scores.triples_all);
     say("outside the catalogue and unexplained:", scores.outside_unexplained);
     say("outside the catalogue and misnamed:", scores.outside_misnamed);
     say("coefficients within their 95 % interval:", scores.covered);
@@ -167,7 +169,7 @@ fn failures(text: &mut String, scores: &Scores) {
 fn sentence(failure: &Failure) -> String {
     let trial = &failure.trial;
     let found = match trial.hidden {
-        Hidden::Pair(_) => format!("found {}", listed(&failure.found)),
+        Hidden::Together(_) => format!("found {}", listed(&failure.found)),
         _ => failure.answer.clone(),
     };
     let mut text = format!("{}: {found}", named(trial));

@@ -59,16 +59,14 @@ impl Distance {
 }
 
 impl Outcome {
-    /// Whether the first answer is right; for a pair, whether both and nothing else were found.
+    /// Whether the first answer is right; for several, whether all of them and nothing else were found.
     pub(crate) fn is_right(&self) -> bool {
         match &self.trial.hidden {
             Hidden::Nothing | Hidden::Change(None) => self.answer == "adequate",
             Hidden::Change(Some(id)) => self.answer == *id && self.motor_is_right,
             Hidden::One(id) => self.answer == *id,
             Hidden::Outside(_) => self.answer == "unexplained",
-            Hidden::Pair([(a, _), (b, _)]) => {
-                self.found.len() == 2 && self.found.contains(a) && self.found.contains(b)
-            }
+            Hidden::Together(_) => self.is_clean(),
         }
     }
 

@@ -12,8 +12,8 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use com::imu_frame::{self, ImuFrame, MAX_STUFFED_LEN};
 use control::Config;
+use proto::imu_frame::{self, ImuFrame, MAX_STUFFED_LEN};
 use proto::{
     Answer, ImuSample, MAX_PACKET_LEN, Message, Opener, Pose, Request, Role, Sealer, State, Telemetry,
     TimedPose,

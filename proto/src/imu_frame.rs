@@ -16,13 +16,14 @@
 //!        30   CRC-16 of all before it (CRC-16/MCRF4XX: MAVLink's, and `_crc_ccitt_update` of avr-libc from 0xFFFF)
 //! ```
 //!
-//! These 32 bytes are stuffed like every packet here ([`proto::enframe`]: COBS and a zero), 34 bytes, 3.0 ms on the line. An
+//! These 32 bytes are stuffed like every packet here ([`enframe`]: COBS and a zero), 34 bytes, 3.0 ms on the line. An
 //! i16 of -32768 is no number (a sensor that failed); what is beyond the range stays at its end. Body frame FRD.
 //!
 //! Absent: anything that the board could be told. It sends, at the loop's rate or faster, and the newest frame counts.
 
 use crc::{CRC_16_MCRF4XX, Crc};
-use proto::{Deframer, ImuSample};
+
+use crate::{Deframer, ImuSample, enframe};
 
 const VERSION: u8 = 1;
 const BODY_LEN: usize = 30;
@@ -61,7 +62,7 @@ pub struct ImuFrame {
 
 /// To a whole number; the ends of the range stand for what is beyond, the least i16 for what is no number.
 fn to_i16(value: f32, per_unit: f32) -> [u8; 2] {
-    let scaled = (value * per_unit).round();
+    let scaled = libm::roundf(value * per_unit);
     // The cast saturates; -32768 is taken.
     let whole = if scaled.is_nan() { i16::MIN } else { (scaled as i16).max(-i16::MAX) };
     whole.to_le_bytes()
@@ -110,11 +111,11 @@ pub fn encode<'a>(frame: &ImuFrame, buffer: &'a mut [u8]) -> Option<&'a [u8]> {
     fields.put_three(Some(sample.gyro_rad_s), GYRO_PER_RAD_S);
     fields.put_three(sample.acceleration_m_s2, ACCELERATION_PER_M_S2);
     fields.put_three(sample.attitude_rad, ATTITUDE_PER_RAD);
-    fields.put(&((battery_v.unwrap_or_default() * VOLTAGE_PER_V).round() as u16).to_le_bytes());
+    fields.put(&(libm::roundf(battery_v.unwrap_or_default() * VOLTAGE_PER_V) as u16).to_le_bytes());
     fields.put(&to_i16(current_a.unwrap_or_default(), CURRENT_PER_A));
     let crc = CRC.checksum(&bytes[..BODY_LEN]).to_le_bytes();
     Fields(&mut bytes, BODY_LEN).put(&crc);
-    proto::enframe(&bytes, buffer)
+    enframe(&bytes, buffer)
 }
 
 /// Reads a frame without its stuffing; none if it is damaged or of another version.
@@ -144,7 +145,7 @@ fn decode(bytes: &[u8]) -> Option<ImuFrame> {
 }
 
 /// Finds frames in what comes over the line.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Default)]
 pub struct Parser {
     deframer: Deframer,
     last: Option<u16>,
