@@ -328,3 +328,47 @@ fn specifications_that_cannot_be_met_write_nothing() {
     );
     refused(folder, &["design", "--model", "model.toml"], &["--out"]);
 }
+
+/// What a stranger does with a craft of their own, from the model that their flights gave to the next flight: every command
+/// takes what the one before left. The demonstration's craft has no flapping moments and hovers in the floor's cushion.
+#[test]
+fn from_a_stranger_s_flights_to_gains_that_fly_and_the_next_flight() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    done_in(folder, &["demo", "--seed", "5", "--out", "."]);
+    let model = ["--model", "better.toml"];
+    let with_gains = ["--model", "better.toml", "--gains", "gains.toml"];
+    let of = |command: &[&'static str], more: &[&'static str]| [command, more].concat();
+    assert!(done_in(folder, &of(&["linearize"], &model)).contains("cost J"));
+    let designed = json_in(folder, &of(&["design", "--out", "gains.toml"], &model));
+    assert_eq!(designed["shortfalls"].as_array().unwrap().len(), 0);
+    let check = json_in(folder, &of(&["design", "check", "--samples", "4"], &with_gains));
+    assert_eq!((&check["holds"], &check["together"]["stable"]), (&Value::Bool(true), &Value::Bool(true)));
+    assert_eq!(check["steady_tilts"].as_array().unwrap().len(), 4);
+    for name in ["roll", "pitch", "yaw", "z", "x", "y"] {
+        assert!(named(&check["loops"], name)["gain_margin"].as_f64().unwrap() >= 2.0, "{name}");
+    }
+    // Flown, with a battery that sags and at the voltage of the flights.
+    let read = Model::read(&folder.join("better.toml")).unwrap();
+    let config = design::fit::read_for(&folder.join("gains.toml"), &read).unwrap().config;
+    let settings = sil::Settings { model: Some(read), config: Some(config), ..sil::Settings::default() };
+    for scenario in [sil::Scenario::Hover, sil::Scenario::Roll10, sil::Scenario::Excitation] {
+        let plan = scenario.plan(&settings);
+        let outcome = sil::Outcome::new(scenario, plan.clone(), sil::fly(&plan).unwrap());
+        assert!(outcome.pass(), "{scenario}: {:?} {:?}", outcome.metrics, outcome.checks);
+    }
+    let excite = ["excite", "--path", "hover", "--duration", "10", "--out", "pattern.csv"];
+    assert!(done_in(folder, &of(&excite, &with_gains)).contains("std. error"));
+    let report = ["design", "report", "--samples", "2", "--out", "report.html"];
+    assert_eq!(done_in(folder, &of(&report, &with_gains)), "page: report.html\n");
+
+    // And what goes wrong, one line each: another craft's gains, and specifications that nothing meets.
+    std::fs::write(folder.join("thesis.toml"), GAINS).unwrap();
+    let other = of(&["design", "check", "--model", "better.toml", "--gains"], &["thesis.toml"]);
+    refused(folder, &other, &["thesis.toml: ", "another vehicle"]);
+    std::fs::write(folder.join("specs.toml"), "method = \"thesis\"\n[yaw]\nrise_s = 0.05\n").unwrap();
+    let fast = run_in(folder, &of(&["design", "--specs", "specs.toml", "--out", "new.toml"], &model));
+    assert_eq!(fast.status.code(), Some(1));
+    let said = String::from_utf8(fast.stdout).unwrap();
+    assert!(said.contains("NOT MET: yaw: rise, s: wanted 0.0500") && said.contains("(yaw.rise_s)"), "{said}");
+}

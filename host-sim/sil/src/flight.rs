@@ -100,7 +100,7 @@ impl FlightPlan {
             start_yaw_rad: 0.0,
             delay_samples: 2,
             noise: None,
-            battery: Battery::constant(11.1),
+            battery: Battery::constant(THESIS_BATTERY_V),
             seed: 0,
             substeps: 4,
             faults: Vec::new(),
@@ -214,14 +214,16 @@ impl FlightPlan {
     }
 }
 
+/// The thesis' battery, V.
+const THESIS_BATTERY_V: f64 = 11.1;
 /// A lithium-polymer pack of three cells in mid-discharge that ends near the thesis' 11.1 V: its fall of 0.2 V a minute
 /// and its sag of half a volt are assumed (the thesis gives neither).
 const FLIGHT_BATTERY: Battery =
     Battery { full_v: 12.1, decay_v_per_s: 0.008, hover_sag_v: 0.5, hover_speed_rad_s: 635.0 };
 
-/// The battery of a craft that is not the thesis': one whose voltage in hover is what the model was made at when the thesis'
-/// has its own. A constant one stays constant; one that falls and sags does so by the same shares. Absent: the model does
-/// not say at which voltage it was made.
+/// The battery of a craft with another voltage than the thesis': the thesis' for this flight, scaled from its 11.1 V to what the
+/// model was made at. A constant one stays constant; one that falls and sags does so by the same shares. Absent: the model
+/// does not say at which voltage it was made.
 ///
 /// A model file holds no battery: it says what the craft does at a voltage, and flights' voltages come with the flights. The
 /// shares (a fall of 4 % a minute, 4 % of sag in hover) are those of a lithium-polymer pack of any number of cells.
@@ -230,7 +232,10 @@ pub(crate) fn battery_of(model: &Model, thesis: Battery) -> Option<Battery> {
     if !(made_at_v > 0.0) {
         return None;
     }
-    let share = made_at_v / (thesis.full_v - thesis.hover_sag_v);
+    let share = made_at_v / THESIS_BATTERY_V;
+    if share == 1.0 {
+        return Some(thesis);
+    }
     let hover_speed_rad_s = match design::trim::equilibrium(model, &design::trim::TrimTarget::default()) {
         Ok(hover) => hover.rotor_rad_s.iter().sum::<f64>() / 4.0,
         Err(_) => thesis.hover_speed_rad_s,

@@ -233,3 +233,20 @@ fn a_killed_plant_takes_the_controller_with_it() {
     wait_until("the controller to leave", || !is_running(controller));
     assert_eq!(left_behind(id), [""; 0]);
 }
+
+/// `sil ... | head -1`: a reader that has seen enough is no error and no panic.
+#[test]
+fn a_closed_output_is_a_quiet_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_sil"))
+        .args(["--scenario", "hover", "--out", "out"])
+        .current_dir(folder.path())
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+}
