@@ -4,6 +4,7 @@
 //! four squared rotor speeds by L-BFGS of the crate argmin; the thesis used MATLAB's `fmincon` on the same cost. The
 //! reached cost is part of the answer: a model that cannot hover has no small one.
 
+use std::cell::Cell;
 use std::path::Path;
 
 use argmin::core::{CostFunction, Executor, Gradient, State as _};
@@ -153,9 +154,26 @@ struct Search<'a> {
     dynamics: &'a Dynamics,
     target: TrimTarget,
     hover_rad2_s2: f64,
+    /// Costs and slopes asked for.
+    evaluations: Cell<u32>,
 }
 
-impl Search<'_> {
+/// Where there is no equilibrium a line search may go to and fro for ever. Thousands of evaluations find one where there is.
+const MOST_EVALUATIONS: u32 = 50_000;
+
+impl<'a> Search<'a> {
+    fn new(dynamics: &'a Dynamics, target: TrimTarget, hover_rad2_s2: f64) -> Self {
+        Self { dynamics, target, hover_rad2_s2, evaluations: Cell::new(0) }
+    }
+
+    fn count(&self) -> std::result::Result<(), argmin::core::Error> {
+        self.evaluations.set(self.evaluations.get() + 1);
+        if self.evaluations.get() > MOST_EVALUATIONS {
+            return Err(argmin::core::Error::msg("no equilibrium near"));
+        }
+        Ok(())
+    }
+
     fn state(&self, x: &[f64]) -> [f64; 12] {
         let euler = Vector3::new(x[0], x[1], self.target.yaw_rad);
         let body = frames::dcm_from_euler(euler) * Vector3::from(self.target.velocity_ned_m_s);
@@ -184,6 +202,7 @@ impl CostFunction for Search<'_> {
     type Param = Vec<f64>;
     type Output = f64;
     fn cost(&self, x: &Self::Param) -> std::result::Result<f64, argmin::core::Error> {
+        self.count()?;
         Ok(self.rest(x).iter().map(|r| r * r).sum())
     }
 }
@@ -192,6 +211,7 @@ impl Gradient for Search<'_> {
     type Param = Vec<f64>;
     type Gradient = Vec<f64>;
     fn gradient(&self, x: &Self::Param) -> std::result::Result<Vec<f64>, argmin::core::Error> {
+        self.count()?;
         let rest = self.rest(x);
         let slope = |i: usize| {
             // The cube root of the rounding error balances it against the third derivative.
@@ -225,14 +245,14 @@ pub fn equilibrium(model: &Model, target: &TrimTarget) -> Result<Equilibrium> {
     }
     let dynamics = &Dynamics::new(model, target.battery_v);
     let no_thrust = DesignError::Uncontrollable { channel: "z", input: "T_Z", output: "w" };
-    let level = Search { dynamics, target: *target, hover_rad2_s2: 1.0 }.state(&[0.0; 6]);
+    let level = Search::new(dynamics, *target, 1.0).state(&[0.0; 6]);
     // Thrust of one (rad/s)^2 at each rotor, found where it is large against drag.
     let per_square = dynamics.rotor_effort(&level, &[1000.0; 4])[0] / 1e6;
     if !(per_square > 0.0) {
         return Err(no_thrust);
     }
     let hover_rad2_s2 = dynamics.mass_kg * dynamics.gravity_m_s2 / per_square;
-    let search = Search { dynamics, target: *target, hover_rad2_s2 };
+    let search = Search::new(dynamics, *target, hover_rad2_s2);
     let (mut best, mut cost, mut iterations) = (vec![0.0, 0.0, 1.0, 1.0, 1.0, 1.0], f64::INFINITY, 0);
     // A line search ends where rounding hides the slope; starting again from there gains the last digits.
     for _ in 0..6 {
@@ -240,7 +260,7 @@ pub fn equilibrium(model: &Model, target: &TrimTarget) -> Result<Equilibrium> {
             .with_tolerance_grad(0.0)
             .and_then(|solver| solver.with_tolerance_cost(0.0))
             .map_err(|e| DesignError::Optimiser(e.to_string()))?;
-        let run = Executor::new(Search { dynamics, target: *target, hover_rad2_s2 }, solver)
+        let run = Executor::new(Search::new(dynamics, *target, hover_rad2_s2), solver)
             .configure(|state| state.param(best.clone()).max_iters(200).target_cost(ENOUGH))
             .run();
         let Ok(result) = run else { break };
@@ -301,7 +321,7 @@ impl Slide {
     pub(crate) fn at(&self, velocity_ned_m_s: [f64; 3], near: &Lean) -> Option<(Lean, [f64; 4])> {
         const ROUNDS: usize = 30;
         let target = TrimTarget { velocity_ned_m_s, ..TrimTarget::default() };
-        let search = Search { dynamics: &self.dynamics, target, hover_rad2_s2: self.hover_rad2_s2 };
+        let search = Search::new(&self.dynamics, target, self.hover_rad2_s2);
         let accelerations = |x: &Lean| -> nalgebra::SVector<f64, 6> {
             let rest = search.rest(x);
             nalgebra::SVector::from_fn(|i, _| rest[[3, 4, 5, 9, 10, 11][i]])

@@ -410,3 +410,15 @@ fn integral_action_removes_a_constant_disturbance() {
     // The slow pole 0.057 rad/s leaves exp(-11.4) of it.
     near(final_value(1.0), 0.0, 1e-5, "(B.4)");
 }
+
+/// At 100 m/s the air asks for more than the motors have: an error, and soon.
+#[test]
+fn a_speed_without_equilibrium_is_an_error_and_no_endless_search() {
+    for speed in [60.0, 100.0, 300.0] {
+        let target = TrimTarget { velocity_ned_m_s: [speed, 0.0, 0.0], ..TrimTarget::default() };
+        let Err(error) = design::trim::equilibrium(&Model::thesis(), &target) else { continue };
+        assert!(error.to_string().contains("equilibrium"), "{error}");
+    }
+    let target = TrimTarget { velocity_ned_m_s: [1000.0, 0.0, 0.0], ..TrimTarget::default() };
+    assert!(design::trim::equilibrium(&Model::thesis(), &target).is_err());
+}

@@ -32,17 +32,28 @@ const LOOKED_AT: f64 = 3.0;
 /// Part of the samples beyond which it is no noise with outliers but a channel of another kind (one that is held, say).
 const MOST: f64 = 0.15;
 
-/// Neighbours on each side of a sample in a crowd of spikes.
+/// Spikes among the six next neighbours, found ones included, that make a crowd.
+const CROWD: usize = 2;
+/// Neighbours on each side of a sample in a crowd.
 const CROWD_REACH: usize = 6;
 /// Samples of the neighbourhood that must agree on a parabola: more than there are on one side.
 const AGREE: usize = CROWD_REACH + 1;
+
+/// As many of them at least before the sample, and after it: what a drift and its correction leave is no spike.
+const ON_EACH_SIDE: usize = 3;
+/// A spike in a crowd, like its companions, is off the parabola by this many usual distances. Real sensors have restless moments
+/// in which samples are off by anything up to that, and belong there:
+const GROSS: f64 = 20.0;
+/// where more than this many neighbours are neither on the parabola nor gross, nothing is said.
+const DOUBTFUL: usize = 1;
 
 /// Looks at a channel: two spikes among the neighbours hide a third, until they are gone.
 const PASSES: usize = 5;
 
 /// Makes the spikes of a channel missing; how many there were. `channel` is copied only if there are any. `time` is in periods;
-/// neighbours across one of `gaps`, the first sample after each, are none.
-pub(crate) fn take_out(channel: &mut Cow<[f64]>, time: &[f64], gaps: &[usize]) -> usize {
+/// neighbours across one of `gaps`, the first sample after each, are none. `crowds` says whether the channel is smooth enough for a
+/// parabola over a tenth of a second; a rotor, which a command kicks, is not.
+pub(crate) fn take_out(channel: &mut Cow<[f64]>, time: &[f64], gaps: &[usize], crowds: bool) -> usize {
     let most = (MOST * channel.len() as f64) as usize;
     let mut all: Vec<usize> = Vec::new();
     let mut cleaned: Cow<[f64]> = Cow::Borrowed(&**channel);
@@ -53,7 +64,7 @@ pub(crate) fn take_out(channel: &mut Cow<[f64]>, time: &[f64], gaps: &[usize]) -
         let found: Vec<usize> = starts
             .zip(ends)
             .flat_map(|(start, end)| {
-                let piece = spikes(&cleaned[start..end], &time[start..end], usual);
+                let piece = spikes(&cleaned[start..end], &time[start..end], usual, crowds);
                 piece.into_iter().map(move |k| start + k)
             })
             .collect();
@@ -75,7 +86,7 @@ pub(crate) fn take_out(channel: &mut Cow<[f64]>, time: &[f64], gaps: &[usize]) -
 }
 
 /// The samples of a channel that are spikes as far as their neighbours can tell.
-fn spikes(channel: &[f64], time: &[f64], usual: f64) -> Vec<usize> {
+fn spikes(channel: &[f64], time: &[f64], usual: f64, crowds: bool) -> Vec<usize> {
     if !(usual > 0.0) || channel.is_empty() {
         return Vec::new();
     }
@@ -87,7 +98,10 @@ fn spikes(channel: &[f64], time: &[f64], usual: f64) -> Vec<usize> {
             && (channel[k] - 0.5 * (channel[k - 1] + channel[k + 1])).abs() < LOOKED_AT * usual;
         !near && channel[k].is_finite()
     };
-    (0..channel.len()).filter(is_off).filter(|&k| is_spike(channel, time, k, usual) == Some(true)).collect()
+    (0..channel.len())
+        .filter(is_off)
+        .filter(|&k| is_spike(channel, time, k, usual, crowds) == Some(true))
+        .collect()
 }
 
 /// Standard deviation of a sample about the mean of its neighbours, by the median: spikes do not count.
@@ -106,7 +120,7 @@ fn usual_distance(channel: &[f64]) -> f64 {
 }
 
 /// Nothing where there are too few neighbours to tell.
-fn is_spike(channel: &[f64], time: &[f64], k: usize, usual: f64) -> Option<bool> {
+fn is_spike(channel: &[f64], time: &[f64], k: usize, usual: f64, crowds: bool) -> Option<bool> {
     let mut neighbours = [(0.0, 0.0); 2 * REACH];
     let mut count = 0;
     // At an end, all of them are on one side.
@@ -139,7 +153,7 @@ fn is_spike(channel: &[f64], time: &[f64], k: usize, usual: f64) -> Option<bool>
     let reach = if k - first == REACH { 1.0 } else { DRAWN_OUT };
     let of_noise = reach * OF_NOISE * usual;
     let of_neighbours = reach * OF_NEIGHBOURS * median(&mut levels[..count])?;
-    Some(own > of_noise && (own > of_neighbours || is_spike_in_a_crowd(channel, time, k, usual)))
+    Some(own > of_noise && (own > of_neighbours || (crowds && is_spike_in_a_crowd(channel, time, k, usual))))
 }
 
 /// Whether enough of the neighbourhood lies on a parabola, and the sample does not.
@@ -154,21 +168,36 @@ fn is_spike_in_a_crowd(channel: &[f64], time: &[f64], k: usize, usual: f64) -> b
         count += 1;
     }
     let around = &around[..count];
-    let mut best = (0, 0.0);
+    let missing = (k - REACH..=k + REACH).filter(|&j| !channel[j].is_finite()).count();
+    let mut best = (0, (0, 0), 0, 0.0);
     for a in 0..count {
         for b in 0..a {
             for c in 0..b {
                 let curve = parabola(around[a], around[b], around[c]);
-                let agree = around.iter().filter(|(t, value)| (value - curve(*t)).abs() < OF_NOISE * usual);
-                let agree = agree.count();
-                if agree > best.0 {
-                    best = (agree, curve(0.0));
+                let (mut agree, mut beside, mut companions) = (0, 0, missing);
+                let mut sides = (0, 0);
+                for (t, value) in around {
+                    let off = (value - curve(*t)).abs();
+                    if off < OF_NOISE * usual {
+                        agree += 1;
+                        *(if *t < 0.0 { &mut sides.0 } else { &mut sides.1 }) += 1;
+                    } else if off < GROSS * usual {
+                        beside += 1;
+                    } else if t.abs() < REACH as f64 + 0.5 {
+                        companions += 1;
+                    }
+                }
+                if beside <= DOUBTFUL && agree > best.0 {
+                    best = (agree, sides, companions, curve(0.0));
                 }
             }
         }
     }
-    // Three of them are what it was drawn through: from three as noisy as these it is off by twice the noise at most.
-    best.0 >= AGREE && (channel[k] - best.1).abs() > 2.0 * OF_NOISE * usual
+    let (agree, sides, companions, expected) = best;
+    agree >= AGREE
+        && sides.0.min(sides.1) >= ON_EACH_SIDE
+        && companions >= CROWD
+        && (channel[k] - expected).abs() > GROSS * usual
 }
 
 /// The parabola through three points (Newton's divided differences).
@@ -200,7 +229,7 @@ mod tests {
     fn taken_out(channel: &[f64]) -> Vec<usize> {
         let mut cleaned = Cow::Borrowed(channel);
         let time: Vec<f64> = (0..channel.len()).map(|k| k as f64).collect();
-        let count = take_out(&mut cleaned, &time, &[]);
+        let count = take_out(&mut cleaned, &time, &[], true);
         let gone: Vec<usize> = (0..channel.len()).filter(|&k| cleaned[k].is_nan()).collect();
         assert_eq!(gone.len(), count);
         gone
