@@ -47,6 +47,10 @@ const GROSS: f64 = 20.0;
 /// where more than this many neighbours are neither on the parabola nor gross, nothing is said.
 const DOUBTFUL: usize = 1;
 
+/// Part of the samples that are spikes from which on crowds are looked for: where one in a hundred is, four of seven never
+/// are by chance, and what looks like it is the craft.
+const FREQUENT: f64 = 0.02;
+
 /// Looks at a channel: two spikes among the neighbours hide a third, until they are gone.
 const PASSES: usize = 5;
 
@@ -57,14 +61,16 @@ pub(crate) fn take_out(channel: &mut Cow<[f64]>, time: &[f64], gaps: &[usize], c
     let most = (MOST * channel.len() as f64) as usize;
     let mut all: Vec<usize> = Vec::new();
     let mut cleaned: Cow<[f64]> = Cow::Borrowed(&**channel);
-    for _ in 0..PASSES {
+    for pass in 0..2 * PASSES {
+        let crowded = all.len() as f64 > FREQUENT * channel.len() as f64;
+        let in_crowds = crowds && crowded && pass > 0;
         let usual = usual_distance(&cleaned);
         let starts = std::iter::once(0).chain(gaps.iter().copied());
         let ends = gaps.iter().copied().chain([channel.len()]);
         let found: Vec<usize> = starts
             .zip(ends)
             .flat_map(|(start, end)| {
-                let piece = spikes(&cleaned[start..end], &time[start..end], usual, crowds);
+                let piece = spikes(&cleaned[start..end], &time[start..end], usual, in_crowds);
                 piece.into_iter().map(move |k| start + k)
             })
             .collect();
@@ -133,7 +139,8 @@ fn is_spike(channel: &[f64], time: &[f64], k: usize, usual: f64, crowds: bool) -
     }
     let neighbours = &neighbours[..count];
     if count < REACH + 1 {
-        return None;
+        // So many of its neighbours were spikes, or are missing.
+        return crowds.then(|| is_spike_in_a_crowd(channel, time, k, usual));
     }
     let mut slopes = [0.0; REACH * (2 * REACH - 1)];
     let mut pairs = 0;
