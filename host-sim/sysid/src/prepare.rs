@@ -524,12 +524,9 @@ impl<'a> Channels<'a> {
         let is_gap = |k: &usize| time[*k] - time[*k - 1] > GAP_PERIODS;
         let gaps: Vec<usize> = (1..time.len()).filter(is_gap).collect();
         let sensors = (POSITION..COMMAND).chain(BATTERY..self.columns.len());
-        let is_rotor = |column: usize| self.rotor.is_some_and(|first| (first..first + 4).contains(&column));
-        let crowds: Vec<(usize, bool)> = sensors.map(|column| (column, !is_rotor(column))).collect();
-        crowds
-            .into_iter()
-            .map(|(column, crowds)| spikes::take_out(&mut self.columns[column], &time, &gaps, crowds))
-            .sum()
+        let rotors = self.rotor.map(|first| first..first + 4);
+        let crowds = |column| !rotors.as_ref().is_some_and(|rotors| rotors.contains(&column));
+        sensors.map(|column| spikes::take_out(&mut self.columns[column], &time, &gaps, crowds(column))).sum()
     }
 
     /// Whether all of the sensors' values of a row are there; the battery's, which are smoothed, aside.

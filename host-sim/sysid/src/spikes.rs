@@ -61,9 +61,8 @@ pub(crate) fn take_out(channel: &mut Cow<[f64]>, time: &[f64], gaps: &[usize], c
     let most = (MOST * channel.len() as f64) as usize;
     let mut all: Vec<usize> = Vec::new();
     let mut cleaned: Cow<[f64]> = Cow::Borrowed(&**channel);
-    for pass in 0..2 * PASSES {
-        let crowded = all.len() as f64 > FREQUENT * channel.len() as f64;
-        let in_crowds = crowds && crowded && pass > 0;
+    for _ in 0..2 * PASSES {
+        let in_crowds = crowds && all.len() as f64 > FREQUENT * channel.len() as f64;
         let usual = usual_distance(&cleaned);
         let starts = std::iter::once(0).chain(gaps.iter().copied());
         let ends = gaps.iter().copied().chain([channel.len()]);
