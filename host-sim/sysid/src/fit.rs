@@ -299,14 +299,15 @@ fn settle(flights: &[&Prepared], mut model: Model, layout: &Layout) -> Result<Fi
         for effect in adjusting {
             let known: Vec<f64> =
                 model.term(*effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
-            for (now, info) in known.iter().zip(effect.info().coefficients) {
+            for (k, (now, info)) in known.iter().zip(effect.info().coefficients).enumerate() {
                 let step = solution.value[at];
+                let ordinary = step_scale(model.vehicle.has_rotor_map(), *effect, k);
                 values[at] = step_end(*now, step, info);
                 // At a bound that no step crosses, there is no further.
                 let is_held = values[at] == *now && is_bound(info);
                 settled &= is_held
-                    || step.abs() < CONVERGED * solution.covariance[(at, at)].sqrt() + 1e-9 * info.typical;
-                is_small &= step.abs() < SMALL * now.abs().max(info.typical);
+                    || step.abs() < CONVERGED * solution.covariance[(at, at)].sqrt() + 1e-9 * ordinary;
+                is_small &= step.abs() < SMALL * now.abs().max(ordinary);
                 at += 1;
             }
         }
@@ -531,7 +532,7 @@ fn assemble(
             } else {
                 let about = About::new(flight, model, (linear, adjusting), stride, begun);
                 let Residuals { residual, .. } = about.residuals;
-                sums.add(&residual);
+                sums.add(&residual, model);
                 begun.begun = about.begun;
                 let targets =
                     if adds { less_added(residual, model, linear, &about.columns) } else { all_targets() };
@@ -548,13 +549,14 @@ fn assemble(
     (rows, sums.spread())
 }
 
-/// Sums of squares of what is left on each axis.
+/// Sums of squares of what is left on each axis that the model speaks of.
 #[derive(Default)]
 struct Squares([f64; 6]);
 
 impl Squares {
-    fn add(&mut self, residual: &[Vec<f64>; 6]) {
-        let left = residual.each_ref().map(|r| r.iter().map(|e| e * e).sum::<f64>());
+    fn add(&mut self, residual: &[Vec<f64>; 6], model: &Model) {
+        let axes = if has_rotation(model) { 6 } else { 3 };
+        let left = residual[..axes].iter().map(|r| r.iter().map(|e| e * e).sum::<f64>());
         self.0.iter_mut().zip(left).for_each(|(sum, left)| *sum += left);
     }
 
@@ -568,7 +570,7 @@ impl Squares {
 fn left_by(flights: &[&Prepared], model: &Model) -> f64 {
     let mut sums = Squares::default();
     for flight in flights {
-        sums.add(&residuals_at_rows(flight, model, flight.fit_stride()).residual);
+        sums.add(&residuals_at_rows(flight, model, flight.fit_stride()).residual, model);
     }
     sums.spread()
 }
@@ -588,14 +590,14 @@ fn follow_up(
         let stride = flight.fit_stride();
         if layout.adds() {
             let about = About::new(flight, model, (&[], &[]), stride, begun);
-            sums.add(&about.residuals.residual);
+            sums.add(&about.residuals.residual, model);
             begun.begun = about.begun;
             rows.targets = less_added(about.residuals.residual, model, &layout.linear, &rows.columns);
         } else {
             rows.targets = flight.targets(&model.vehicle, &model.adjustments(), stride);
             let columns = flight.columns(&layout.linear, model, stride, None);
             rows.columns.splice(..count, columns);
-            sums.add(&added(rows.targets.clone(), model, &layout.linear, &rows.columns, -1.0));
+            sums.add(&added(rows.targets.clone(), model, &layout.linear, &rows.columns, -1.0), model);
         }
     }
     sums.spread()
