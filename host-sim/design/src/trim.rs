@@ -107,7 +107,7 @@ impl Dynamics {
     /// Specific force and angular acceleration, the six rows of (4.3).
     fn accelerations(&self, z: &[f64; 12], rotor: &[f64; 4], rotor_acceleration: &[f64; 4]) -> [f64; 6] {
         let euler = Vector3::new(z[6], z[7], z[8]);
-        self.plant.accelerations(&self.plant.sample_of(SampleInput {
+        self.plant.accelerations(&self.plant.sample_of(&SampleInput {
             position_ned_m: Vector3::new(z[0], z[1], z[2]),
             dcm: frames::dcm_from_euler(euler),
             velocity_m_s: Vector3::new(z[3], z[4], z[5]),

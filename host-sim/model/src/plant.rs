@@ -108,20 +108,15 @@ impl Plant {
         &self.adjust
     }
 
-    /// The sample of a state with rotors on their way to `commanded_rad_s`.
-    pub fn sample(&self, state: &State, commanded_rad_s: &[f64; 4], battery_v: f64) -> Sample {
-        self.sample_at(state, &state.rotor_rad_s, commanded_rad_s, battery_v)
+    /// What [`Plant::sample_of`] takes of a state with rotors on their way to `commanded_rad_s`.
+    pub fn input(&self, state: &State, commanded_rad_s: &[f64; 4], battery_v: f64) -> SampleInput {
+        self.input_at(state, &state.rotor_rad_s, commanded_rad_s, battery_v)
     }
 
-    /// The sample of a state that was measured rather than integrated.
+    /// The sample of a state, measured or integrated.
     #[inline]
-    pub fn sample_of(&self, input: SampleInput) -> Sample {
+    pub fn sample_of<'a>(&'a self, input: &'a SampleInput) -> Sample<'a> {
         Sample::with_constants(input, &self.constants, &self.adjust)
-    }
-
-    #[inline]
-    fn sample_at(&self, state: &State, rotor: &[f64; 4], commanded: &[f64; 4], battery_v: f64) -> Sample {
-        self.sample_of(self.input_at(state, rotor, commanded, battery_v))
     }
 
     #[inline(always)]
@@ -161,7 +156,7 @@ impl Plant {
     /// rad/s^2.
     #[inline]
     pub fn accelerations(&self, sample: &Sample) -> [f64; 6] {
-        self.carrying(self.weights.accelerations(sample), &sample.input)
+        self.carrying(self.weights.accelerations(sample), sample.input)
     }
 
     /// Accelerations of everything else with the pull of a slung load, where there is one.
@@ -243,8 +238,8 @@ impl Plant {
             let h = substeps.step_s;
             let mut stage = state;
             for part in [0.5, 0.5, 1.0, 0.0] {
-                let sample = self.sample_at(&stage, &rotor, commanded_rad_s, battery_v);
-                if let Some(undefined) = self.undefined(&sample) {
+                let input = self.input_at(&stage, &rotor, commanded_rad_s, battery_v);
+                if let Some(undefined) = self.undefined(&self.sample_of(&input)) {
                     return Some(undefined);
                 }
                 let acceleration = self.lagged_acceleration_rad_s2(&rotor, commanded_rad_s);
@@ -335,9 +330,9 @@ impl Plant {
     ) -> Derivative {
         let input = self.input_with(state, rotor, rotor_acceleration_rad_s2, battery_v);
         let a = if PLAIN {
-            self.weights.accelerations_of_thesis(&Sample::plain(input, &self.constants))
+            self.weights.accelerations_of_thesis(&Sample::plain(&input, &self.constants))
         } else {
-            self.weights.accelerations(&self.sample_of(input))
+            self.weights.accelerations(&self.sample_of(&input))
         };
         let dcm = &input.dcm;
         let gravity = dcm.column(2) * self.gravity_m_s2;
@@ -554,7 +549,7 @@ mod tests {
         let plant = Plant::new(&Model::thesis());
         let rotor = [611.4090, 634.3527, 633.6577, 657.8632];
         let state = State::at_rest(Vector3::new(0.0, 0.0, -1.0), rotor);
-        let a = plant.accelerations(&plant.sample(&state, &rotor, 11.1));
+        let a = plant.accelerations(&plant.sample_of(&plant.input(&state, &rotor, 11.1)));
         assert!((a[2] + 9.81).abs() < 1e-4, "{a:?}");
         // Torques vanish to the four digits K^-1 is printed with.
         assert!(a[3].abs() < 2e-2 && a[4].abs() < 2e-2 && a[5].abs() < 2e-2, "{a:?}");

@@ -179,34 +179,38 @@ pub struct SampleInput {
 
 /// Everything an effect can look at.
 #[derive(Debug, Clone, Copy)]
-pub struct Sample {
+pub struct Sample<'a> {
     /// The state as given.
-    pub input: SampleInput,
+    pub input: &'a SampleInput,
     /// Velocity relative to the air, body components, m/s.
     pub air_velocity_m_s: Vector3<f64>,
     /// Square of each rotor's speed times all that changes its thrust, rad^2/s^2.
     pub rotor_thrust_rad2_s2: [f64; 4],
     /// Square of each rotor's speed, rad^2/s^2: the reaction torque follows it.
     pub rotor_speed_squared_rad2_s2: [f64; 4],
-    pub(crate) constants: Constants,
+    pub(crate) constants: &'a Constants,
 }
 
-impl Sample {
+impl<'a> Sample<'a> {
     /// Still air, and thrust that follows the square of the speed.
     #[inline(always)]
-    pub(crate) fn plain(input: SampleInput, constants: &Constants) -> Self {
+    pub(crate) fn plain(input: &'a SampleInput, constants: &'a Constants) -> Self {
         let squared = input.rotor_rad_s.map(|w| w * w);
         Self {
             air_velocity_m_s: input.velocity_m_s,
             rotor_thrust_rad2_s2: squared,
             rotor_speed_squared_rad2_s2: squared,
-            constants: *constants,
+            constants,
             input,
         }
     }
 
     #[inline(always)]
-    pub(crate) fn with_constants(input: SampleInput, constants: &Constants, adjust: &Adjustments) -> Self {
+    pub(crate) fn with_constants(
+        input: &'a SampleInput,
+        constants: &'a Constants,
+        adjust: &Adjustments,
+    ) -> Self {
         let mut sample = Self::plain(input, constants);
         if adjust.wind_ned_m_s != Vector3::zeros() {
             sample.air_velocity_m_s -= input.dcm * adjust.wind_ned_m_s;

@@ -178,7 +178,7 @@ fn a_users_cable_is_the_catalogues_tether() {
         for _ in 0..100 {
             plant.step(&mut state, &[640.0, 630.0, 640.0, 630.0], 11.1, &substeps);
         }
-        (plant.accelerations(&plant.sample(&state, &[640.0; 4], 11.1)), state)
+        (plant.accelerations(&plant.sample_of(&plant.input(&state, &[640.0; 4], 11.1))), state)
     };
     let ((a, own), (b, catalogue)) = (fly(Some(effect(CABLE))), fly(Some(Effect::Tether)));
     // The same numbers in another order of additions, over 400 steps of an unstable craft.

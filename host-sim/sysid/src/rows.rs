@@ -299,7 +299,7 @@ impl Prepared {
     pub(crate) fn predicted_forces_ned_m_s2(&self, model: &Model) -> Vec<Vec<Vector3<f64>>> {
         let plant = Plant::new(&swing::without_load(model));
         let force = |input: SampleInput| {
-            let [u, v, w, ..] = plant.accelerations(&plant.sample_of(input));
+            let [u, v, w, ..] = plant.accelerations(&plant.sample_of(&input));
             input.dcm.tr_mul(&Vector3::new(u, v, w))
         };
         let of_stretch = |stretch| {
@@ -342,14 +342,14 @@ impl Prepared {
             for part in hung.and_then(|hung| hung.parts.get(index)).map_or(&whole[..], Vec::as_slice) {
                 let first = part.samples.start;
                 let rows = || (self.margin..part.samples.len() - self.margin).step_by(stride);
-                let layout = Layout::new(terms, &plant.sample_of(states.at(first)), |axis| axis >= 3);
+                let layout = Layout::new(terms, &plant.sample_of(&states.at(first)), |axis| axis >= 3);
                 let mut moments =
                     FilteredRows::new(&self.filter.between, layout.places.len(), layout.wanted, rows());
                 let turned = if imu { Vec::new() } else { layout.forces_by_parameter() };
                 let mut forces = FilteredRows::new(&force_taps, 3 * turned.len(), 3 * turned.len(), rows());
                 states.for_each_between(part, |input| {
                     let (dcm, direction) = (input.dcm, input.swing.direction);
-                    let sample = plant.sample_of(input);
+                    let sample = plant.sample_of(&input);
                     if moments.push(|row| layout.write(terms, &sample, row)).is_some() {
                         append(&layout.places, &moments.row, &mut result);
                     }
@@ -385,11 +385,12 @@ impl Prepared {
         let first = part.samples.start;
         let rows = (self.margin..part.samples.len() - self.margin).step_by(stride);
         let taps = self.force_taps();
-        let layout = Layout::new(terms, &plant.sample_of(states.at(first)), |axis| axis < 3);
+        let layout = Layout::new(terms, &plant.sample_of(&states.at(first)), |axis| axis < 3);
         if cable.is_none() {
             let mut forces = FilteredRows::new(&taps, layout.places.len(), layout.wanted, rows);
             for k in part.samples.clone() {
-                let sample = plant.sample_of(states.at(k));
+                let input = states.at(k);
+                let sample = plant.sample_of(&input);
                 if forces.push(|row| layout.write(terms, &sample, row)).is_some() {
                     append(&layout.places, &forces.row, result);
                 }
@@ -404,7 +405,7 @@ impl Prepared {
         for k in part.samples.clone() {
             let input = states.at(k);
             let direction = input.dcm * part.swings.get(k - first).copied().unwrap_or_default().direction;
-            layout.write(terms, &plant.sample_of(input), &mut sparse);
+            layout.write(terms, &plant.sample_of(&input), &mut sparse);
             let at_row = forces.push(|row| {
                 layout.turn_forces(&turned, &body_axes, &sparse, row);
                 carry(row, cable, &direction);

@@ -80,7 +80,7 @@ impl Asked {
     }
 
     fn reason(&self, plant: &Plant, input: SampleInput) -> Option<String> {
-        let sample = plant.sample_of(input);
+        let sample = plant.sample_of(&input);
         let undefined = self.coefficients.iter().find_map(|c| self.user.undefined(&sample, c));
         undefined.map(|undefined| undefined.to_string())
     }

@@ -161,10 +161,10 @@ impl Weights {
         let present = |effect: Effect| effect.place().is_some_and(|place| self.present[place]);
         let mut sum = self.weighted_sum(sample, present);
         if present(Effect::ProductOfInertia) {
-            let mut sample = *sample;
+            let mut input = *sample.input;
             for _ in 1..PRODUCT_OF_INERTIA_PASSES {
-                sample.input.angular_acceleration_rad_s2 = nalgebra::Vector3::new(sum[3], sum[4], sum[5]);
-                sum = self.weighted_sum(&sample, present);
+                input.angular_acceleration_rad_s2 = nalgebra::Vector3::new(sum[3], sum[4], sum[5]);
+                sum = self.weighted_sum(&Sample { input: &input, ..*sample }, present);
             }
         }
         for (user, coefficients) in &self.users {
