@@ -48,11 +48,11 @@ impl About {
         steps: &[Step],
         stride: usize,
     ) -> Self {
-        let mut columns = flight.columns(linear, model, stride, None);
         let measured = measured(flight, model, stride);
         let ahead = steps.iter().map(|step| &step.ahead);
         let models: Vec<&Model> = std::iter::once(model).chain(ahead).collect();
-        let mut predicted = flight.predicted_by(&models, stride, None).into_iter();
+        let (mut columns, predicted) = flight.columns_and_predicted_by(linear, &models, stride, None);
+        let mut predicted = predicted.into_iter();
         let base = predicted.next().unwrap_or_default();
         let adjust = model.adjustments();
         columns.extend(steps.iter().zip(predicted).map(|(step, predicted)| {
@@ -87,8 +87,6 @@ impl About {
         let followed = Followed::new(Unloaded::new(flight, model, stride), carried, known);
         let parts = if linear.is_empty() && steps.is_empty() { Vec::new() } else { followed.parts(flight) };
         let hung = Hung { parts: &parts, part: carried.part() };
-        let mut columns =
-            if linear.is_empty() { Vec::new() } else { flight.columns(linear, model, stride, Some(&hung)) };
         let adjust = model.adjustments();
         // What leaves the load where it is moves it with the craft, as the forces of linear effects do.
         let leaves_load = |step: &&Step| {
@@ -99,10 +97,12 @@ impl About {
         };
         let models: Vec<&Model> =
             std::iter::once(model).chain(steps.iter().filter(leaves_load).map(|step| &step.ahead)).collect();
-        let mut predicted = match models.len() {
-            1 => Vec::new().into_iter(),
-            _ => flight.predicted_by(&models, stride, Some(&hung)).into_iter(),
+        let (mut columns, predicted) = match models.len() {
+            1 if linear.is_empty() => Default::default(),
+            1 => (flight.columns(linear, model, stride, Some(&hung)), Vec::new()),
+            _ => flight.columns_and_predicted_by(linear, &models, stride, Some(&hung)),
         };
+        let mut predicted = predicted.into_iter();
         let base = predicted.next().unwrap_or_default();
         columns.iter_mut().for_each(|column| followed.take_out(column));
         for step in steps {

@@ -265,20 +265,30 @@ impl Prepared {
         stride: usize,
         hung: Option<&Hung>,
     ) -> Vec<RowColumn> {
-        let effects: Vec<(Effect, usize)> = effects.iter().map(|e| (*e, coefficient_count(*e))).collect();
-        let count = effects.iter().map(|(_, count)| count).sum();
-        let (plant, effects) = (Plant::new(model), LinearEffects { effects, count });
+        let (plant, effects) = (Plant::new(model), LinearEffects::new(effects));
         self.filtered(&plant, &model.vehicle, &effects, stride, hung)
     }
 
-    /// What models of one vehicle predict of the targets, but for the pull of a load that comes of its swing. Those that see the same
-    /// states are evaluated side by side.
+    /// What models of one vehicle predict of the targets, but for the pull of a load that comes of its swing.
     pub(crate) fn predicted_by(
         &self,
         models: &[&Model],
         stride: usize,
         hung: Option<&Hung>,
     ) -> Vec<RowColumn> {
+        self.columns_and_predicted_by(&[], models, stride, hung).1
+    }
+
+    /// The columns of linear effects about the first of some models of one vehicle, and what they predict of the targets, but for the pull
+    /// of a load that comes of its swing. Models that see the same states are evaluated side by side.
+    pub(crate) fn columns_and_predicted_by(
+        &self,
+        linear: &[Effect],
+        models: &[&Model],
+        stride: usize,
+        hung: Option<&Hung>,
+    ) -> (Vec<RowColumn>, Vec<RowColumn>) {
+        let mut columns = Vec::new();
         let plants: Vec<Plant> = models.iter().map(|model| Plant::new(&swing::without_load(model))).collect();
         let mut predicted = vec![RowColumn::default(); models.len()];
         let mut left: Vec<usize> = (0..plants.len()).collect();
@@ -286,12 +296,17 @@ impl Prepared {
             let own = plants[first].adjustments();
             let sees_alike = |k: &usize| same_states(plants[*k].adjustments(), own);
             let (group, rest): (Vec<usize>, Vec<usize>) = left.into_iter().partition(sees_alike);
-            let terms = Predictions(group.iter().map(|&k| &plants[k]).collect());
-            let of_group = self.filtered(&plants[first], &models[first].vehicle, &terms, stride, hung);
-            group.into_iter().zip(of_group).for_each(|(k, column)| predicted[k] = column);
+            let terms = Both {
+                linear: LinearEffects::new(if first == 0 { linear } else { &[] }),
+                predictions: Predictions(group.iter().map(|&k| &plants[k]).collect()),
+            };
+            let mut of_group = self.filtered(&plants[first], &models[first].vehicle, &terms, stride, hung);
+            let predicted_by_group = of_group.split_off(terms.linear.count);
+            group.into_iter().zip(predicted_by_group).for_each(|(k, column)| predicted[k] = column);
+            columns.append(&mut of_group);
             left = rest;
         }
-        predicted
+        (columns, predicted)
     }
 
     /// Specific forces that a model predicts of each stretch but for the pull of a load, inertial, where regressors are formed:
@@ -447,6 +462,14 @@ struct LinearEffects {
     count: usize,
 }
 
+impl LinearEffects {
+    fn new(effects: &[Effect]) -> Self {
+        let effects: Vec<(Effect, usize)> = effects.iter().map(|e| (*e, coefficient_count(*e))).collect();
+        let count = effects.iter().map(|(_, count)| count).sum();
+        Self { effects, count }
+    }
+}
+
 impl Terms for LinearEffects {
     fn count(&self) -> usize {
         self.count
@@ -495,6 +518,24 @@ impl Terms for Predictions<'_> {
                 sink.add(axis, index, value);
             }
         }
+    }
+}
+
+/// Linear effects about a model, then the predictions of this and of others.
+struct Both<'a> {
+    linear: LinearEffects,
+    predictions: Predictions<'a>,
+}
+
+impl Terms for Both<'_> {
+    fn count(&self) -> usize {
+        self.linear.count() + self.predictions.count()
+    }
+
+    #[inline]
+    fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
+        self.linear.evaluate(sample, sink);
+        self.predictions.evaluate(sample, &mut From { first: self.linear.count, sink });
     }
 }
 
