@@ -21,10 +21,15 @@ stepwise: that which joined first). A trial is right when the first is what was 
 
 import argparse
 import json
+import os
 import pathlib
 import sys
 import warnings
 from concurrent.futures import ProcessPoolExecutor
+
+# A process a core, each with one thread: threads of linear algebra in every process would wait for each other most of the time.
+for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(threads, "1")
 
 import numpy as np
 import pysindy

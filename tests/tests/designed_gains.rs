@@ -156,3 +156,38 @@ fn thirty_degrees_of_roll_are_held() {
     assert!(!held(&clipped, thirty, 2, false, 11.1));
     assert!(!held(&Config::thesis(), thirty, 2, false, 11.1));
 }
+
+/// What `design check` says can be held for ever is held, for two minutes: at nine tenths of it the craft slides at a steady
+/// speed, level in height and with motors inside their range. A quarter beyond it the motors end, and height or angle goes.
+#[test]
+fn the_steady_tilt_is_where_holding_ends() {
+    let right = design::envelope::steady_tilts(&Model::thesis()).unwrap()[0];
+    let flown = |share: f64| {
+        let mut plan = FlightPlan {
+            config: designed(),
+            duration_s: 120.0,
+            ..FlightPlan::thesis_step(StepAxis::Roll, share * right.tilt_deg.to_radians())
+        };
+        plan.config.supervision.fence = Fence::NONE;
+        let recording = fly(&plan).unwrap();
+        let last = &recording.rows[recording.rows.len() - 1].truth;
+        let phi = last.euler_rad()[0].to_degrees();
+        let speed = last.velocity_m_s.iter().map(|v| f64::from(v * v)).sum::<f64>().sqrt();
+        println!("{share}: {phi:.2} deg at {speed:.2} m/s, z {:.2} m; {right:?}", last.position_m[2]);
+        let saturated = recording.saturated_ticks(plan.config.command_range);
+        (
+            recording.complete,
+            phi / right.tilt_deg,
+            speed / right.speed_m_s,
+            f64::from(last.position_m[2]),
+            saturated,
+        )
+    };
+    let (complete, tilt, speed, z_m, saturated) = flown(0.9);
+    // Half a degree of what the integral part still takes away after two minutes; the speed follows the tilt.
+    assert!(complete && (tilt - 0.9).abs() < 0.02 && speed > 0.8 && speed < 1.0, "{tilt} {speed}");
+    assert!((z_m + 1.0).abs() < 0.2 && saturated == 0, "{z_m} m, {saturated} ticks");
+    let (complete, tilt, _, z_m, saturated) = flown(1.25);
+    let kept = complete && (tilt - 1.25).abs() < 0.05 && (z_m + 1.0).abs() < 1.0;
+    assert!(!kept && saturated > 0, "{tilt}, {z_m} m, {saturated} ticks");
+}

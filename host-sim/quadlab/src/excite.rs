@@ -339,7 +339,10 @@ fn described(document: &Document, wanted: bool) -> String {
     let mut text = String::new();
     let f = &document.flight;
     if let Some(trouble) = &f.trouble {
-        let _ = writeln!(text, "NOT TO BE FLOWN: {trouble}. Take a smaller --amplitude or another --path.\n");
+        let _ = writeln!(
+            text,
+            "NOT TO BE FLOWN: {trouble}. Take a smaller --amplitude, another --path, or gains for this model (--gains).\n"
+        );
     }
     let [x, y, z] = f.position_m;
     let _ = writeln!(

@@ -183,7 +183,9 @@ fn a_pattern_that_loses_the_craft_is_not_written() {
     let folder = thesis();
     let output = run_in(folder.path(), &with(&EXCITE, &["--amplitude", "450", "--out", "wild.csv"]));
     assert_eq!(output.status.code(), Some(1));
-    assert!(String::from_utf8(output.stdout).unwrap().starts_with("NOT TO BE FLOWN: "));
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert!(said.starts_with("NOT TO BE FLOWN: the supervisor "), "{said}");
+    assert!(said.contains("(tilted to roll ") || said.contains("(outside the cage at x "), "{said}");
     assert!(!folder.path().join("wild.csv").exists());
 }
 

@@ -4,7 +4,8 @@
 //! The noise is that of the simulated sensors, or as large as the residual that the model's own fit recorded, where that is
 //! larger: on a real craft it nearly always is.
 
-use control::Config;
+use control::supervisor::{Action, action};
+use control::{Condition, Conditions, Config};
 use model::{Effect, Model};
 use pattern::Pattern;
 use proto::State;
@@ -32,9 +33,9 @@ pub enum PredictError {
     Prepare(#[from] sysid::PrepareError),
     /// The model cannot be flown at all.
     #[error(
-        "the simulated craft does not fly an ordinary tour to its end: give gains that suit the model (--gains, as from quadlab design)"
+        "the simulated craft does not fly an ordinary tour to its end: {0}; give gains that suit the model (--gains, as from quadlab design)"
     )]
-    Lost,
+    Lost(String),
 }
 
 /// A model under its gains, with the noise that its flights have.
@@ -102,14 +103,14 @@ impl Predictor {
                 ..FlightPlan::identification(model.clone(), seed.wrapping_add(k), NOISE_FLIGHT_S)
             };
             let recording = fly(&plan)?;
-            let taken_over = recording.rows.iter().any(|r| r.supervision.state != State::Flying);
-            if !recording.complete || taken_over {
-                return Err(PredictError::Lost);
+            if let Some(why) = end_before_time(&recording) {
+                return Err(PredictError::Lost(why));
             }
             flights.push(prepared(&recording, &model)?);
         }
         let all: Vec<&Prepared> = flights.iter().collect();
-        let mut colour = Colour::of(&model, &all).ok_or(PredictError::Lost)?;
+        let mut colour =
+            Colour::of(&model, &all).ok_or_else(|| PredictError::Lost("none was flown".into()))?;
         if let Some(fit) = &model.fit {
             colour = colour.at_least(&fit.train);
         }
@@ -196,17 +197,11 @@ impl Course {
         };
         let speed =
             |r: &crate::Row| r.truth.velocity_m_s.iter().map(|v| f64::from(v * v)).sum::<f64>().sqrt();
-        let taken_over = rows.iter().position(|r| r.supervision.state != State::Flying);
         let margin_m = recording.cage_margin_m();
-        let trouble = if !recording.complete {
-            Some(format!("the craft is lost after {:.1} s", recording.time_s(rows.len())))
-        } else if let Some(row) = taken_over {
-            Some(format!("the supervisor takes over after {:.1} s", recording.time_s(row)))
-        } else if margin_m < 0.0 {
-            Some(format!("it leaves the cage or meets the floor, by {:.2} m", -margin_m))
-        } else {
-            None
+        let outside = || {
+            (margin_m < 0.0).then(|| format!("it leaves the cage or meets the floor, by {:.2} m", -margin_m))
         };
+        let trouble = end_before_time(recording).or_else(outside);
         let motors: [Vec<f64>; 4] =
             std::array::from_fn(|k| rows.iter().map(|r| f64::from(r.output.pwm[k])).collect());
         Self {
@@ -220,6 +215,44 @@ impl Course {
             trouble,
         }
     }
+}
+
+/// Why a flight was not flown as commanded to its end.
+fn end_before_time(recording: &Recording) -> Option<String> {
+    let rows = &recording.rows;
+    let taken_over = rows.iter().position(|r| r.supervision.state != State::Flying);
+    if let Some(row) = taken_over {
+        return Some(format!("{} after {:.1} s", taking_over(&rows[row]), recording.time_s(row)));
+    }
+    (!recording.complete).then(|| format!("the craft is lost after {:.1} s", recording.time_s(rows.len())))
+}
+
+/// What the supervisor does in a flight at the first row that is not flown as commanded, and why.
+fn taking_over(row: &crate::Row) -> String {
+    let does = match row.supervision.state {
+        State::Hold => "holds the craft where it is",
+        State::Land => "lands the craft",
+        State::Cut => "cuts the motors",
+        State::Disarmed | State::Armed | State::Flying => "ends the flight",
+    };
+    let at = row.truth.position_m;
+    let why = |condition: Condition| match condition {
+        Condition::OutsideFence => {
+            format!("outside the cage at x {:.2}, y {:.2}, height {:.2} m", at[0], at[1], -at[2])
+        }
+        Condition::Tilted => {
+            let [roll, pitch, _] = row.truth.euler_rad().map(f64::to_degrees);
+            format!("tilted to roll {roll:.0}, pitch {pitch:.0} deg")
+        }
+        other => other.name().to_owned(),
+    };
+    let found = Conditions::from_bits(row.supervision.conditions);
+    let reasons: Vec<String> = found
+        .iter()
+        .filter(|c| action(control::State::Flying, Conditions::from_bits(c.bit())) != Action::Stay)
+        .map(why)
+        .collect();
+    format!("the supervisor {does} ({})", reasons.join(", "))
 }
 
 fn correlation(a: &[f64], b: &[f64]) -> f64 {
