@@ -21,7 +21,7 @@
 use std::collections::BTreeMap;
 
 use model::{AxisError, Effect, Estimate, Model, PerAxis};
-use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
+use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
 
@@ -30,8 +30,9 @@ use crate::fit::{has_rotation, without_rotation};
 use crate::prepare::Prepared;
 use crate::regress::WINDOW_S;
 use crate::select::{Judged, Search, judge};
+use crate::structure::{Structure, structure};
 use crate::swing;
-use crate::{Fit, FitError, Residuals, errors, noise, residuals};
+use crate::{Fit, FitError, errors, noise};
 
 /// Largest corrected p-value of a finding.
 pub(crate) const SIGNIFICANCE: f64 = 0.01;
@@ -43,10 +44,6 @@ pub const MATTERS_PERCENT: f64 = 1.5;
 const SLACK_ERRORS: f64 = 3.0;
 /// Smallest lag or dead time that is one, s: a tenth of a sample.
 const TIMING_S: f64 = 0.001;
-/// Smallest share of an axis' held-out squared error that counts as structure, percent.
-const STRUCTURE_PERCENT: f64 = 3.0;
-/// Largest corrected p-value of structure.
-const STRUCTURE_SIGNIFICANCE: f64 = 0.01;
 /// Residual variance over that of the sensors' noise from which on something is missing. Complete models scatter from
 /// 0.8 to 1.25 on two flights of 24 s.
 const ABOVE_NOISE: f64 = 1.6;
@@ -226,11 +223,11 @@ pub fn diagnose_with(
     let noise_before = noise::excess(validate, &search.base.held_out);
     let unexplained = loop {
         let rest = chosen.judged.as_ref().unwrap_or(&search.base);
-        let mut unexplained = structure(rest, train, validate);
+        let Structure { mut unexplained, answers_late } = structure(rest, train, validate);
         let noise_after = noise::excess(validate, &rest.held_out);
         unexplained.extend(above_noise(&noise_after, rest, validate));
         let proxies = incomplete(&noise_before, &noise_after);
-        if !demote_stand_ins(&mut chosen.findings, &unexplained, &proxies) {
+        if !demote_stand_ins(&mut chosen.findings, &unexplained, &proxies, answers_late) {
             break unexplained;
         }
         search.refit(&mut chosen)?;
@@ -248,15 +245,27 @@ pub fn diagnose_with(
 /// An effect that leaves more structure on its axes than it takes away is a stand-in for something else: naming it would
 /// be confidently wrong. Returns whether any was demoted.
 ///
+/// So is one of the rotors' answer to commands where what is left answers later still: air and parts that follow look like a slow or an
+/// early rotor.
+///
 /// So is one on an axis where all that was found together leaves a good part of the residual above the sensors' noise: the
 /// right effects leave the noise and nothing else.
 fn demote_stand_ins(
     findings: &mut [EffectFinding],
     unexplained: &[Unexplained],
     incomplete: &[bool; 6],
+    answers_late: bool,
 ) -> bool {
     let mut any = false;
     for finding in findings.iter_mut().filter(|f| f.supported) {
+        if answers_late && Effect::from_id(finding.effect).is_some_and(is_of_actuators) {
+            finding.supported = false;
+            finding.reason = "a stand-in at best: with it, what is left still follows what the rotors did in the last half second, which \
+                              the right effect would have taken away"
+                .into();
+            any = true;
+            continue;
+        }
         let strongest = finding.axes.iter().max_by(|a, b| a.1.drop_percent.total_cmp(&b.1.drop_percent));
         let strongest = strongest.and_then(|(name, _)| model::AXES.into_iter().find(|a| a.name() == *name));
         if let Some(axis) = strongest.filter(|a| incomplete[a.index()]) {
@@ -281,6 +290,11 @@ fn demote_stand_ins(
         }
     }
     any
+}
+
+/// Whether an effect says how rotors answer to commands, and nothing else.
+fn is_of_actuators(effect: Effect) -> bool {
+    matches!(effect, Effect::MotorLag | Effect::InputDelay | Effect::ThrustLinear)
 }
 
 /// The manoeuvre that separates two effects, where one is known.
@@ -512,14 +526,20 @@ fn held_out_gain(base: &Judged, with: &Judged, effect: Effect, validate: &[&Prep
 /// The spread of the gain itself is no measure of chance: an effect that shows in one low pass of a flight has all its gain in
 /// one block, and a t test over blocks then calls it luck, however large it is.
 #[derive(Default)]
-struct Blocks {
-    gain: Vec<f64>,
-    chance: Vec<f64>,
+pub(crate) struct Blocks {
+    pub(crate) gain: Vec<f64>,
+    pub(crate) chance: Vec<f64>,
 }
 
 impl Blocks {
+    /// Takes in blocks of another axis, in units of its own.
+    pub(crate) fn extend_by(&mut self, other: &Self, scale: f64) {
+        self.gain.extend(other.gain.iter().map(|gain| scale * gain));
+        self.chance.extend(other.chance.iter().map(|chance| scale * chance));
+    }
+
     /// p-value of "the gain is no more than noise made it", by Student's t over the blocks.
-    fn p_value(&self) -> f64 {
+    pub(crate) fn p_value(&self) -> f64 {
         let n = self.gain.len() as f64;
         if self.gain.len() < 3 {
             return 1.0;
@@ -565,56 +585,6 @@ pub(crate) fn one_sided_p_value(blocks: &[f64]) -> f64 {
     StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.0, |d| d.sf(t))
 }
 
-/// Dependence of the residual on each measured quantity: a cubic fitted to the training residuals must lower the
-/// held-out squared error by more than chance and by enough to matter.
-fn structure(rest: &Judged, train: &[&Prepared], validate: &[&Prepared]) -> Vec<Unexplained> {
-    let model = &rest.fit.model;
-    let adjust = model.adjustments();
-    let fitted: Vec<Residuals> = train.iter().map(|f| residuals(f, model)).collect();
-    let conditions = |flights: &[&Prepared]| -> Vec<_> {
-        flights.iter().map(|f| f.conditions(&model.vehicle, &adjust).all()).collect()
-    };
-    let (known, held_out) = (conditions(train), conditions(validate));
-    let quantities = known.first().map_or(0, Vec::len);
-    let tests = ((quantities + 1) * 6) as f64;
-    let mut found = Vec::new();
-    for axis in model::AXES {
-        let total: f64 = rest.held_out.iter().flat_map(|r| &r.residual[axis.index()]).map(|e| e * e).sum();
-        let training = || fitted.iter().flat_map(|r| r.residual[axis.index()].iter().copied());
-        let constant = training().sum::<f64>() / training().count().max(1) as f64;
-        let mut judge = |depends_on: &'static str, explain: &dyn Fn(usize, usize) -> f64, before: f64| {
-            let mut blocks = Vec::new();
-            let mut gain = 0.0;
-            for (f, (flight, r)) in validate.iter().zip(&rest.held_out).enumerate() {
-                let difference: Vec<f64> = r.residual[axis.index()]
-                    .iter()
-                    .enumerate()
-                    .map(|(k, e)| (e - before).powi(2) - (e - explain(f, k)).powi(2))
-                    .collect();
-                gain += difference.iter().sum::<f64>();
-                blocks.extend(block_sums(flight, &difference));
-            }
-            let share_percent = if total > 0.0 { 100.0 * gain / total } else { 0.0 };
-            let p_value = (one_sided_p_value(&blocks) * tests).min(1.0);
-            if share_percent > STRUCTURE_PERCENT && p_value < STRUCTURE_SIGNIFICANCE {
-                found.push(Unexplained { axis, depends_on: depends_on.into(), share_percent, p_value });
-            }
-        };
-        // A constant is a dependence on nothing measured; the quantities are judged by what they add to it.
-        judge("constant offset", &|_, _| constant, 0.0);
-        for index in 0..quantities {
-            let points = known.iter().zip(&fitted).flat_map(|(c, r)| {
-                c[index].values.iter().copied().zip(r.residual[axis.index()].iter().copied())
-            });
-            if let Some(cubic) = Cubic::fit(points) {
-                judge(known[0][index].name, &|f, k| cubic.at(held_out[f][index].values[k]), constant);
-            }
-        }
-    }
-    found.sort_by(|a, b| b.share_percent.total_cmp(&a.share_percent));
-    found
-}
-
 /// Axes whose residual is well above the sensors' noise without depending on a measured quantity: with what frequency.
 fn above_noise(ratios: &[Option<f64>; 6], rest: &Judged, validate: &[&Prepared]) -> Vec<Unexplained> {
     model::AXES
@@ -635,42 +605,6 @@ fn incomplete(before: &[Option<f64>; 6], after: &[Option<f64>; 6]) -> [bool; 6] 
         }
         _ => false,
     })
-}
-
-/// A cubic in a standardised quantity, held constant beyond the range it was fitted on.
-struct Cubic {
-    mean: f64,
-    scale: f64,
-    range: (f64, f64),
-    coefficients: Vector4<f64>,
-}
-
-impl Cubic {
-    fn fit(points: impl Iterator<Item = (f64, f64)> + Clone) -> Option<Self> {
-        let n = points.clone().count() as f64;
-        let mean = points.clone().map(|(x, _)| x).sum::<f64>() / n;
-        let scale = (points.clone().map(|(x, _)| (x - mean).powi(2)).sum::<f64>() / n).sqrt();
-        if !(scale > 0.0) {
-            return None;
-        }
-        let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
-        let mut range = (f64::INFINITY, f64::NEG_INFINITY);
-        for (x, e) in points {
-            let s = (x - mean) / scale;
-            range = (range.0.min(s), range.1.max(s));
-            let row = Vector4::new(1.0, s, s * s, s * s * s);
-            normal += row * row.transpose();
-            right += e * row;
-        }
-        let coefficients = normal.cholesky()?.solve(&right);
-        Some(Self { mean, scale, range, coefficients })
-    }
-
-    fn at(&self, x: f64) -> f64 {
-        let s = ((x - self.mean) / self.scale).clamp(self.range.0, self.range.1);
-        let c = &self.coefficients;
-        c[0] + s * (c[1] + s * (c[2] + s * c[3]))
-    }
 }
 
 fn summary(verdict: Verdict, findings: &[EffectFinding], unexplained: &[Unexplained]) -> String {

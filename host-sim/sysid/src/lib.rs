@@ -37,6 +37,7 @@ mod select;
 mod spikes;
 pub mod stand;
 mod starts;
+mod structure;
 pub mod subsets;
 mod swing;
 mod tracks;

@@ -60,6 +60,8 @@ const PASSES: usize = 5;
 pub(crate) fn take_out(channel: &mut Cow<[f64]>, time: &[f64], gaps: &[usize], crowds: bool) -> usize {
     let most = (MOST * channel.len() as f64) as usize;
     let mut all: Vec<usize> = Vec::new();
+    // A good sample among bad ones looks like a bad one, until these are gone. It is given back for good.
+    let mut given_back: Vec<usize> = Vec::new();
     let mut cleaned: Cow<[f64]> = Cow::Borrowed(&**channel);
     for _ in 0..2 * PASSES {
         let in_crowds = crowds && all.len() as f64 > FREQUENT * channel.len() as f64;
@@ -72,13 +74,27 @@ pub(crate) fn take_out(channel: &mut Cow<[f64]>, time: &[f64], gaps: &[usize], c
                 let piece = spikes(&cleaned[start..end], &time[start..end], usual, in_crowds);
                 piece.into_iter().map(move |k| start + k)
             })
+            .filter(|k| !given_back.contains(k))
             .collect();
-        if found.is_empty() {
+        let wronged: Vec<usize> = match in_crowds {
+            true => all.iter().copied().filter(|k| !given_back.contains(k)).collect(),
+            false => Vec::new(),
+        };
+        let belongs = |&k: &usize| {
+            let (start, end) = piece_of(k, gaps, channel.len());
+            let expected = expected_in_a_crowd(&cleaned[start..end], &time[start..end], k - start, usual);
+            expected.is_some_and(|(expected, _)| (channel[k] - expected).abs() < OF_NOISE * usual)
+        };
+        let wronged: Vec<usize> = wronged.into_iter().filter(belongs).collect();
+        if found.is_empty() && wronged.is_empty() {
             break;
         }
         let values = cleaned.to_mut();
         found.iter().for_each(|&k| values[k] = f64::NAN);
+        wronged.iter().for_each(|&k| values[k] = channel[k]);
         all.extend(found);
+        all.retain(|k| !wronged.contains(k));
+        given_back.extend(wronged);
     }
     if all.len() > most {
         return 0;
@@ -88,6 +104,13 @@ pub(crate) fn take_out(channel: &mut Cow<[f64]>, time: &[f64], gaps: &[usize], c
         all.iter().for_each(|&k| values[k] = f64::NAN);
     }
     all.len()
+}
+
+/// From which sample on and up to which there is no gap around a sample.
+fn piece_of(k: usize, gaps: &[usize], length: usize) -> (usize, usize) {
+    let next = gaps.partition_point(|&gap| gap <= k);
+    let start = if next == 0 { 0 } else { gaps[next - 1] };
+    (start, gaps.get(next).copied().unwrap_or(length))
 }
 
 /// The samples of a channel that are spikes as far as their neighbours can tell.
@@ -164,8 +187,16 @@ fn is_spike(channel: &[f64], time: &[f64], k: usize, usual: f64, crowds: bool) -
 
 /// Whether enough of the neighbourhood lies on a parabola, and the sample does not.
 fn is_spike_in_a_crowd(channel: &[f64], time: &[f64], k: usize, usual: f64) -> bool {
+    expected_in_a_crowd(channel, time, k, usual).is_some_and(|(expected, companions)| {
+        companions >= CROWD && (channel[k] - expected).abs() > GROSS * usual
+    })
+}
+
+/// What the parabola that enough of the neighbourhood lies on has at a sample, and how many of the next neighbours are missing or far off
+/// it.
+fn expected_in_a_crowd(channel: &[f64], time: &[f64], k: usize, usual: f64) -> Option<(f64, usize)> {
     if k < CROWD_REACH || k + CROWD_REACH >= channel.len() {
-        return false;
+        return None;
     }
     let mut around = [(0.0, 0.0); 2 * CROWD_REACH];
     let mut count = 0;
@@ -200,10 +231,7 @@ fn is_spike_in_a_crowd(channel: &[f64], time: &[f64], k: usize, usual: f64) -> b
         }
     }
     let (agree, sides, companions, expected) = best;
-    agree >= AGREE
-        && sides.0.min(sides.1) >= ON_EACH_SIDE
-        && companions >= CROWD
-        && (channel[k] - expected).abs() > GROSS * usual
+    (agree >= AGREE && sides.0.min(sides.1) >= ON_EACH_SIDE).then_some((expected, companions))
 }
 
 /// The parabola through three points (Newton's divided differences).
@@ -262,6 +290,23 @@ mod tests {
         }
         // Of 3000: one at an end, with others beside it, cannot be told.
         assert!(missed <= 3, "{missed}");
+    }
+
+    /// Five of eight samples of a gyro were off, and the one good one among the first four was taken for the spike.
+    #[test]
+    fn a_good_sample_among_bad_ones_is_given_back() {
+        let mut rng = Pcg64Mcg::seed_from_u64(3);
+        let mut channel = flown(&mut rng, 0.004);
+        // Spikes are frequent enough for crowds to be looked for.
+        let singles: Vec<usize> = (20..2900).step_by(35).filter(|k| !(1200..1300).contains(k)).collect();
+        singles.iter().for_each(|&k| channel[k] += 0.7);
+        let crowd = [1258, 1259, 1260, 1262, 1265];
+        for (k, off) in crowd.into_iter().zip([-5.7, -4.7, 1.2, -1.7, -5.7]) {
+            channel[k] += off;
+        }
+        let mut bad: Vec<usize> = singles.into_iter().chain(crowd).collect();
+        bad.sort_unstable();
+        assert_eq!(taken_out(&channel), bad);
     }
 
     #[test]

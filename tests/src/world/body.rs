@@ -20,6 +20,9 @@ const ROUNDS: usize = 3;
 /// The landing gear keeps the hubs this many rotor radii off the floor.
 pub(super) const LANDING_GEAR: f64 = 0.6;
 
+/// Time in which a rotor's wake follows it, s.
+const WAKE_S: f64 = 0.15;
+
 /// Correlation time of gusts, s.
 const GUST_S: f64 = 0.5;
 
@@ -43,6 +46,10 @@ pub struct Body {
     inverse_inertia: Matrix3<f64>,
     gust_m_s: [f64; 2],
     held_rad_s: f64,
+    /// How far what bounces is below its rest, m, and how fast it falls, m/s.
+    bounce: [f64; 2],
+    /// Rotor speeds that the wakes belong to, rad/s.
+    wake_rad_s: [f64; 4],
 }
 
 /// Forces and torques at an instant.
@@ -60,6 +67,7 @@ struct Instant<'a> {
     attitude: &'a Matrix3<f64>,
     rate: Vector3<f64>,
     rotor: &'a [f64; 4],
+    wake_rad_s: &'a [f64; 4],
     time_s: f64,
 }
 
@@ -78,6 +86,8 @@ impl Body {
             battery_v: craft.battery.voltage_v(0.0, &rotor_rad_s),
             inverse_inertia,
             gust_m_s: [0.0; 2],
+            bounce: [0.0; 2],
+            wake_rad_s: rotor_rad_s,
             held_rad_s: rotor_rad_s[0],
         }
     }
@@ -107,11 +117,14 @@ impl Body {
         self.blow(craft, air);
         let target = self.commanded_rad_s(craft, command, time_s);
         let h = STEP_S;
-        let towards = |decay: f64| -> [f64; 4] {
-            std::array::from_fn(|i| target[i] + (self.rotor_rad_s[i] - target[i]) * decay)
+        let towards = |part: f64| -> [f64; 4] {
+            std::array::from_fn(|i| {
+                let gains = target[i] > self.rotor_rad_s[i];
+                let slower = if gains { 1.0 - craft.strange.sluggish } else { 1.0 };
+                target[i] + (self.rotor_rad_s[i] - target[i]) * (-part * h * slower * craft.lag_rad_s).exp()
+            })
         };
-        let half = (-0.5 * h * craft.lag_rad_s).exp();
-        let (middle, end) = (towards(half), towards(half * half));
+        let (middle, end) = (towards(0.5), towards(1.0));
         let spin = Vector3::z() * rotor_momentum(craft, &middle);
         let spin_up = Vector3::z()
             * ((rotor_momentum(craft, &end) - rotor_momentum(craft, &self.rotor_rad_s)) / h
@@ -132,25 +145,41 @@ impl Body {
                 attitude: attitude.matrix(),
                 rate,
                 rotor: &middle,
+                wake_rad_s: &self.wake_rad_s,
                 time_s: time_s + 0.5 * h,
             };
             let wrench = self.wrench(craft, &instant);
             torque_ned = attitude * (wrench.torque_nm + spin_up);
-            let own = wrench.force_ned_n / craft.mass_kg;
+            let left = 1.0 - craft.strange.leak_per_s * time_s;
+            let own = wrench.force_ned_n / (left * craft.mass_kg);
             let cable;
             (cable, link_acceleration) = self.cable(craft, own, link_acceleration);
             acceleration = own + cable + Vector3::new(0.0, 0.0, craft.gravity_m_s2);
         }
         let velocity = self.velocity_ned_m_s + 0.5 * h * acceleration;
+        self.bounce(craft, acceleration.z);
         self.position_ned_m += h * velocity;
         self.velocity_ned_m_s += h * acceleration;
         self.attitude *= Rotation3::new(h * rate);
         self.momentum += h * torque_ned;
         self.rotor_rad_s = end;
+        for (wake, rotor) in self.wake_rad_s.iter_mut().zip(end) {
+            *wake += STEP_S / WAKE_S * (rotor - *wake);
+        }
         let turning = self.link[1] + 0.5 * h * link_acceleration;
         self.link[0] = Rotation3::new(h * turning) * self.link[0];
         self.link[1] += h * link_acceleration;
         self.battery_v = craft.battery.voltage_v(time_s + h, &self.rotor_rad_s);
+    }
+
+    /// A mass on a spring under the craft, which accelerates downward by so much.
+    fn bounce(&mut self, craft: &Craft, down_m_s2: f64) {
+        if craft.strange.bungee != 0.0 {
+            let [below, falling] = self.bounce;
+            // At rest it hangs where the spring carries its weight.
+            self.bounce[1] = falling - STEP_S * (bungee_m_s2(below, falling) + down_m_s2);
+            self.bounce[0] = below + STEP_S * self.bounce[1];
+        }
     }
 
     /// A gust is a first-order process with a fixed spread.
@@ -198,6 +227,7 @@ impl Body {
 
         let mut force = self.drag(craft, now, &air);
         force.z -= thrusts_n.iter().sum::<f64>();
+        force.x += craft.strange.loose_arm * (thrusts_n[0] - 0.25 * craft.mass_kg * craft.gravity_m_s2);
         force.x += craft.rate_coupling_n_s[0] * now.rate.y;
         force.y += craft.rate_coupling_n_s[1] * now.rate.x;
         let mut force_ned = now.attitude * force;
@@ -206,6 +236,11 @@ impl Body {
         }
         let hum = craft.strange.hum_n * (std::f64::consts::TAU * 0.7 * now.time_s).sin();
         force_ned += Vector3::new(0.8 * hum, 0.6 * hum, 0.0);
+        let strange = &craft.strange;
+        let close = |distance_m: f64| (-distance_m / 0.25).exp().min(2.0);
+        force_ned.z -= craft.mass_kg * strange.ceiling_m_s2 * close(1.9 + now.position.z);
+        force_ned.y += craft.mass_kg * strange.wall_m_s2 * close(0.8 - now.position.y);
+        force_ned.z += strange.bungee * craft.mass_kg * bungee_m_s2(self.bounce[0], self.bounce[1]);
         Wrench { force_ned_n: force_ned, torque_nm: torque }
     }
 
@@ -214,6 +249,9 @@ impl Body {
         if craft.strange.heading_drag != 0.0 {
             let yaw = now.attitude[(1, 0)].atan2(now.attitude[(0, 0)]);
             drag *= 1.0 + craft.strange.heading_drag * (2.0 * yaw).cos();
+        }
+        if air.x > 0.0 {
+            drag.x *= 1.0 + craft.strange.one_sided_drag;
         }
         let [plane, axial] = craft.quadratic_drag;
         drag += air.norm() * Vector3::new(plane, plane, axial);
@@ -224,6 +262,9 @@ impl Body {
         let mut wind = craft.wind_ned_m_s;
         wind.x += self.gust_m_s[0];
         wind.y += self.gust_m_s[1];
+        wind.x += craft.strange.shear_per_s * -now.position.z;
+        let (sine, cosine) = (std::f64::consts::TAU * now.time_s / 16.0).sin_cos();
+        wind += craft.strange.turning_wind_m_s * Vector3::new(cosine, sine, 0.0);
         if craft.strange.draught_m_s != 0.0 {
             // A jet along north-east out of an opening, half a metre wide.
             let across = 0.6 * now.position.x - 0.8 * now.position.y - 0.3;
@@ -261,7 +302,14 @@ fn rotors(craft: &Craft, now: &Instant<'_>, air: &Vector3<f64>) -> ([f64; 4], f6
     let thrusts = std::array::from_fn(|i| {
         let w = now.rotor[i];
         torque += craft.spin[i] * craft.torque_efficiency[i] * craft.torque_nm_s2 * w * w;
-        let thrust = craft.efficiency[i] * (craft.thrust_n_s2 * w * w + craft.thrust_n_s * w) * lift * warm;
+        let still = craft.thrust_n_s2 * w * w + craft.thrust_n_s * w;
+        let share_n = 0.25 * craft.mass_kg * craft.gravity_m_s2;
+        let still = still - craft.strange.stall * (still - share_n).max(0.0);
+        let sinking = air.z.clamp(0.0, 1.0);
+        let ahead = w / now.wake_rad_s[i].max(1.0) - 1.0;
+        let own_wake =
+            (1.0 - craft.strange.settling * sinking * sinking) * (1.0 + craft.strange.inflow * ahead);
+        let thrust = craft.efficiency[i] * still * lift * warm * own_wake;
         if craft.ground_gain == 0.0 {
             return thrust;
         }
@@ -272,6 +320,12 @@ fn rotors(craft: &Craft, now: &Instant<'_>, air: &Vector3<f64>) -> ([f64; 4], f6
         thrust / (1.0 - craft.ground_gain * ratio * ratio)
     });
     (thrusts, torque)
+}
+
+/// Pull of the spring of what bounces under the craft beyond its weight, for each kilogram of it, m/s^2: 2.5 Hz, a tenth of critical damping.
+fn bungee_m_s2(below_m: f64, falling_m_s: f64) -> f64 {
+    const NATURAL_RAD_S: f64 = std::f64::consts::TAU * 2.5;
+    NATURAL_RAD_S * NATURAL_RAD_S * below_m + 0.2 * NATURAL_RAD_S * falling_m_s
 }
 
 /// Angular momentum of the rotors along z of the body (down): a counter-clockwise one, seen from above, points up.

@@ -106,6 +106,30 @@ pub struct Strange {
     pub dead_band_rad_s: f64,
     /// Part of the thrust that is lost once the motors are hot.
     pub fade: f64,
+    /// Pull of a ceiling 1.9 m up, at it, m/s^2.
+    pub ceiling_m_s2: f64,
+    /// Pull of a wall 0.8 m to the east, at it, m/s^2.
+    pub wall_m_s2: f64,
+    /// Part of the mass that leaks away a second, 1/s.
+    pub leak_per_s: f64,
+    /// Drag forward times 1 + this, backward as it was.
+    pub one_sided_drag: f64,
+    /// Part of the thrust that is lost at 1 m/s down, into the own wake.
+    pub settling: f64,
+    /// Part by which the lag is slower where a rotor gains speed.
+    pub sluggish: f64,
+    /// Part of the thrust beyond that of hovering that is lost.
+    pub stall: f64,
+    /// Of a wind that turns round once in 16 s, m/s.
+    pub turning_wind_m_s: f64,
+    /// North wind for each metre of height, 1/s.
+    pub shear_per_s: f64,
+    /// Share of the mass of a thing that bounces on a spring under the craft at 2.5 Hz.
+    pub bungee: f64,
+    /// Thrust times 1 + this for each part by which a rotor is faster than its wake, which follows in 0.15 s.
+    pub inflow: f64,
+    /// Forward force of the first rotor for each newton beyond its share of the weight.
+    pub loose_arm: f64,
 }
 
 /// A craft and its air.

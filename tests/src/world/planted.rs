@@ -133,6 +133,28 @@ pub const OUTSIDE: &[Seedling] = &[
     seedling("dead-band", "a motor that ignores small changes", |c, _, s, _| {
         c.strange.dead_band_rad_s = 0.025 * s * c.hover_rad_s();
     }),
+    seedling("ceiling", "a pull to the ceiling", |c, _, s, _| c.strange.ceiling_m_s2 = 0.7 * s),
+    seedling("wall", "a pull to a wall", |c, _, s, _| c.strange.wall_m_s2 = 0.8 * s),
+    seedling("leak", "a cargo that trickles out", |c, _, s, _| c.strange.leak_per_s = 0.004 * s),
+    seedling("one-sided-drag", "drag that is larger forward than backward", |c, _, s, _| {
+        c.strange.one_sided_drag = 1.5 * s;
+    }),
+    seedling("settling", "thrust that is lost in the own wake", |c, _, s, _| c.strange.settling = 0.07 * s),
+    seedling("sluggish", "rotors slower to gain speed than to lose it", |c, _, s, _| {
+        c.strange.sluggish = 0.5 * s
+    }),
+    seedling("stall", "less thrust for more speed beyond hovering", |c, _, s, _| c.strange.stall = 0.4 * s),
+    seedling("turning-wind", "a wind that turns round in 16 s", |c, _, s, _| {
+        c.strange.turning_wind_m_s = 1.3 * s;
+    }),
+    seedling("wind-shear", "a wind that grows with height", |c, _, s, _| c.strange.shear_per_s = 1.2 * s),
+    seedling("bungee", "a thing that bounces under the craft", |c, _, s, _| c.strange.bungee = 0.05 * s),
+    seedling("loose-arm", "a rotor that leans forward with its thrust", |c, _, s, _| {
+        c.strange.loose_arm = 0.3 * s
+    }),
+    seedling("inflow", "thrust ahead of a wake that takes time to follow", |c, _, s, _| {
+        c.strange.inflow = 0.6 * s
+    }),
     seedling("hot-motors", "thrust that fades as the motors get hot", |c, _, s, _| c.strange.fade = 0.08 * s),
 ];
 

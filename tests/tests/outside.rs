@@ -1,0 +1,55 @@
+//! Effects that no catalogue has are said to be unknown, and what is told of them leads to their cause.
+#![forbid(unsafe_code)]
+
+use model::Effect;
+use stories::world::{OUTSIDE, Pattern, Sensors, Size, World};
+use sysid::{Diagnosis, Prepared, Verdict, diagnose, fit};
+
+fn diagnosed(id: &str, strength: f64, size: Size, seed: u64) -> Diagnosis {
+    let world = World::new(size, seed).with(id, strength).unwrap();
+    let fly = |pattern: Pattern| {
+        let flight = world.fly(pattern, 24.0, &Sensors::default(), 0).expect("the pilot copes");
+        Prepared::new(&flight, &world.vehicle).unwrap()
+    };
+    let (train, validate) = (Pattern::TRAIN.map(fly), Pattern::VALIDATE.map(fly));
+    let (train, validate): (Vec<&Prepared>, Vec<&Prepared>) =
+        (train.iter().collect(), validate.iter().collect());
+    let basic: Vec<Effect> = Effect::basic().collect();
+    let model = fit(&train, &world.vehicle, &basic, None).unwrap().model;
+    diagnose(&model, &train, &validate, |_| ()).unwrap()
+}
+
+fn depends_on(diagnosis: &Diagnosis) -> Vec<&str> {
+    diagnosis.unexplained.iter().map(|left| left.depends_on.as_ref()).collect()
+}
+
+/// A wake that follows the rotors late makes them look quicker than they are. What is left tells: the right lag leaves nothing that
+/// follows what was before, and it is found where a lag is what was hidden.
+#[test]
+fn a_late_wake_is_no_quick_rotor() {
+    for (size, seed) in [(Size::F330, 4), (Size::Small, 5)] {
+        println!("{size:?}, seed {seed}");
+        let wake = diagnosed("inflow", 1.0, size, seed);
+        assert_eq!(wake.verdict, Verdict::Unexplained, "{}", wake.summary);
+        assert!(depends_on(&wake).contains(&"accelerations of the last half second"), "{}", wake.summary);
+
+        let lag = diagnosed("motor-lag", 0.75, size, seed);
+        assert_eq!(lag.best(), Some(Effect::MotorLag), "{}", lag.summary);
+        assert_eq!(depends_on(&lag), Vec::<&str>::new(), "{}", lag.summary);
+    }
+}
+
+/// None of them gets a name, but for one that flights of half a minute cannot tell from thrust that is not quite quadratic.
+#[test]
+fn what_no_catalogue_has_gets_no_name() {
+    let mut named = Vec::new();
+    for (k, seedling) in OUTSIDE.iter().enumerate().filter(|(_, s)| s.id != "bungee") {
+        let seed = 40 + k as u64;
+        let diagnosis = diagnosed(seedling.id, 1.2, Size::ALL[k % 2], seed);
+        println!("{}, seed {seed}: {}", seedling.id, diagnosis.summary);
+        if diagnosis.verdict != Verdict::Unexplained {
+            named.push((seedling.id, diagnosis.summary));
+        }
+    }
+    assert!(named.is_empty(), "{named:?}");
+}
