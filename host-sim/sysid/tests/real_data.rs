@@ -108,3 +108,37 @@ fn rotation_of_a_crazyflie_with_wandering_clocks_is_refused_and_its_thrust_follo
     assert!(with < 0.26 && with < 0.6 * without, "{with} {without}");
     assert!(lateral_r2 > 0.5, "{lateral_r2}");
 }
+
+/// Whichever flight is left out, the others determine the voltage's coefficients, alike, and the thrust of that flight follows them.
+#[test]
+fn every_flight_of_a_crazyflie_follows_the_voltage_of_the_others() {
+    let Some(folder) = shared("data/nanobench") else { return };
+    let mut names: Vec<String> = std::fs::read_dir(&folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|extension| extension == "csv"))
+        .map(|path| path.file_stem().unwrap().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let (vehicle, flights) = read(&folder, &names);
+    let forces = sysid::without_rotation(&Effect::basic().collect::<Vec<_>>());
+    let with_battery: Vec<Effect> = forces.iter().copied().chain([Effect::BatteryVoltage]).collect();
+    let mut squares = [0.0; 2];
+    for (k, flight) in flights.iter().enumerate() {
+        let others: Vec<&Prepared> =
+            flights.iter().enumerate().filter(|(i, _)| *i != k).map(|(_, f)| f).collect();
+        for (sum, effects) in squares.iter_mut().zip([&forces, &with_battery]) {
+            let model = fit(&others, &vehicle, effects, None)
+                .unwrap_or_else(|why| panic!("without {}: {why}", names[k]))
+                .model;
+            *sum += compare(&model, &[flight]).total.w.sse;
+            if let Some(battery) = model.term(Effect::BatteryVoltage) {
+                let per_volt = battery.coefficients[0].value;
+                assert!((0.25..0.35).contains(&per_volt), "without {}: {per_volt}", names[k]);
+            }
+        }
+    }
+    // 0.86 to 0.25 m/s^2 in all.
+    assert!(squares[1] < 0.12 * squares[0], "{squares:?}");
+}
