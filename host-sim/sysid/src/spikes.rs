@@ -76,16 +76,12 @@ pub(crate) fn take_out(channel: &mut Cow<[f64]>, time: &[f64], gaps: &[usize], c
             })
             .filter(|k| !given_back.contains(k))
             .collect();
-        let wronged: Vec<usize> = match in_crowds {
-            true => all.iter().copied().filter(|k| !given_back.contains(k)).collect(),
-            false => Vec::new(),
-        };
         let belongs = |&k: &usize| {
             let (start, end) = piece_of(k, gaps, channel.len());
             let expected = expected_in_a_crowd(&cleaned[start..end], &time[start..end], k - start, usual);
             expected.is_some_and(|(expected, _)| (channel[k] - expected).abs() < OF_NOISE * usual)
         };
-        let wronged: Vec<usize> = wronged.into_iter().filter(belongs).collect();
+        let wronged: Vec<usize> = all.iter().copied().filter(|k| in_crowds && belongs(k)).collect();
         if found.is_empty() && wronged.is_empty() {
             break;
         }

@@ -1,4 +1,4 @@
-//! What depends the residual on? Each axis is judged by what a function of one measured quantity, fitted to training residuals, takes away
+//! What does the residual depend on? Each axis is judged by what a function of one measured quantity, fitted to training residuals, takes away
 //! of the held-out ones: a constant, a cubic in each quantity, and the past of the axis itself.
 //!
 //! **The past.** A model of states and rotors says what acts now. A part that swings, sloshes or bends answers later, and so does air: the
@@ -34,8 +34,10 @@ const PAST_STEP_S: f64 = 0.05;
 const PAST_STEPS: usize = 8;
 /// Neighbouring values of the past are alike: this part of their variance is added before the normal equations are solved.
 const RIDGE: f64 = 1e-4;
+/// What people read of it.
+const PAST: &str = "accelerations of the last half second";
 
-/// What is left depends on.
+/// What the residual depends on.
 pub(crate) struct Structure {
     /// Largest share first.
     pub(crate) unexplained: Vec<Unexplained>,
@@ -54,7 +56,7 @@ pub(crate) fn structure(rest: &Judged, train: &[&Prepared], validate: &[&Prepare
     let mut found = Vec::new();
     let (mut late, mut late_percent, mut is_late) = (Blocks::default(), 0.0, false);
     for axis in model::AXES {
-        let held = Held { axis, flights: validate, residuals: &rest.held_out };
+        let held = Held::new(axis, validate, &rest.held_out);
         let training = || fitted.iter().flat_map(|r| r.residual[axis.index()].iter().copied());
         let constant = training().sum::<f64>() / training().count().max(1) as f64;
         // A constant is a dependence on nothing measured; the quantities are judged by what they add to it.
@@ -69,13 +71,14 @@ pub(crate) fn structure(rest: &Judged, train: &[&Prepared], validate: &[&Prepare
             }
         }
         if let Some(past) = Past::fit(axis, train, &fitted, constant) {
-            let gained = held.gained_by(&past, constant);
-            let alone = gained.unexplained(axis);
+            let (blocks, gain) = held.gained_by(&past, constant);
+            let share_percent = held.share_percent(gain);
+            let alone = held.depends_on(PAST, share_percent, PAST_PERCENT, 6.0 * blocks.p_value());
             is_late |= alone.is_some();
             found.extend(alone);
             if OF_THRUST.contains(&axis) {
-                late_percent += gained.share_percent() / OF_THRUST.len() as f64;
-                late.extend_by(&gained.blocks, 1.0 / gained.total.max(f64::MIN_POSITIVE));
+                late_percent += share_percent / OF_THRUST.len() as f64;
+                late.extend_by(&blocks, 1.0 / held.total.max(f64::MIN_POSITIVE));
             }
         }
     }
@@ -94,9 +97,37 @@ struct Held<'a> {
     axis: Axis,
     flights: &'a [&'a Prepared],
     residuals: &'a [Residuals],
+    /// Its squared error.
+    total: f64,
 }
 
-impl Held<'_> {
+impl<'a> Held<'a> {
+    fn new(axis: Axis, flights: &'a [&'a Prepared], residuals: &'a [Residuals]) -> Self {
+        let total = residuals.iter().flat_map(|r| &r.residual[axis.index()]).map(|e| e * e).sum();
+        Self { axis, flights, residuals, total }
+    }
+
+    fn share_percent(&self, gain: f64) -> f64 {
+        if self.total > 0.0 { 100.0 * gain / self.total } else { 0.0 }
+    }
+
+    /// What takes away more than a least share, and more than chance does.
+    fn depends_on(
+        &self,
+        depends_on: &str,
+        share_percent: f64,
+        least_percent: f64,
+        p_value: f64,
+    ) -> Option<Unexplained> {
+        let p_value = p_value.min(1.0);
+        (share_percent > least_percent && p_value < STRUCTURE_SIGNIFICANCE).then(|| Unexplained {
+            axis: self.axis,
+            depends_on: depends_on.into(),
+            share_percent,
+            p_value,
+        })
+    }
+
     /// By what `explain`, of a flight and a row, is better than the constant `before`, one of so many `tests`.
     fn judge(
         &self,
@@ -105,70 +136,35 @@ impl Held<'_> {
         before: f64,
         tests: f64,
     ) -> Option<Unexplained> {
-        let axis = self.axis;
-        let (mut blocks, mut gain, mut total) = (Vec::new(), 0.0, 0.0);
+        let (mut blocks, mut gain) = (Vec::new(), 0.0);
         for (f, (flight, r)) in self.flights.iter().zip(self.residuals).enumerate() {
-            let residual = &r.residual[axis.index()];
-            let difference: Vec<f64> = residual
+            let difference: Vec<f64> = r.residual[self.axis.index()]
                 .iter()
                 .enumerate()
                 .map(|(k, e)| (e - before).powi(2) - (e - explain(f, k)).powi(2))
                 .collect();
             gain += difference.iter().sum::<f64>();
-            total += residual.iter().map(|e| e * e).sum::<f64>();
             blocks.extend(block_sums(flight, &difference));
         }
-        let share_percent = if total > 0.0 { 100.0 * gain / total } else { 0.0 };
-        let p_value = (one_sided_p_value(&blocks) * tests).min(1.0);
-        (share_percent > STRUCTURE_PERCENT && p_value < STRUCTURE_SIGNIFICANCE).then(|| Unexplained {
-            axis,
-            depends_on: depends_on.into(),
-            share_percent,
-            p_value,
-        })
+        let p_value = tests * one_sided_p_value(&blocks);
+        self.depends_on(depends_on, self.share_percent(gain), STRUCTURE_PERCENT, p_value)
     }
 
     /// What the past explains beyond the constant `before`. It shows wherever motors work, so that its gain is held against noise alone, as
-    /// that of an effect is.
-    fn gained_by(&self, past: &Past, before: f64) -> Gained {
-        let mut gained = Gained::default();
+    /// that of an effect is. The gain in all, too.
+    fn gained_by(&self, past: &Past, before: f64) -> (Blocks, f64) {
+        let (mut blocks, mut total) = (Blocks::default(), 0.0);
         for (flight, r) in self.flights.iter().zip(self.residuals) {
             let residual = &r.residual[self.axis.index()];
             let explained = past.over(flight, r);
             let by_noise = |(e, d): (&f64, &f64)| 2.0 * (e - before - d) * d;
             let noise: Vec<f64> = residual.iter().zip(&explained).map(by_noise).collect();
             let gain: Vec<f64> = noise.iter().zip(&explained).map(|(noise, d)| noise + d * d).collect();
-            gained.blocks.gain.extend(block_sums(flight, &gain));
-            gained.blocks.chance.extend(block_sums(flight, &noise));
-            gained.gain += gain.iter().sum::<f64>();
-            gained.total += residual.iter().map(|e| e * e).sum::<f64>();
+            blocks.gain.extend(block_sums(flight, &gain));
+            blocks.chance.extend(block_sums(flight, &noise));
+            total += gain.iter().sum::<f64>();
         }
-        gained
-    }
-}
-
-/// What the past takes away of an axis' held-out squared error.
-#[derive(Default)]
-struct Gained {
-    blocks: Blocks,
-    gain: f64,
-    total: f64,
-}
-
-impl Gained {
-    fn share_percent(&self) -> f64 {
-        if self.total > 0.0 { 100.0 * self.gain / self.total } else { 0.0 }
-    }
-
-    fn unexplained(&self, axis: Axis) -> Option<Unexplained> {
-        let share_percent = self.share_percent();
-        let p_value = (6.0 * self.blocks.p_value()).min(1.0);
-        (share_percent > PAST_PERCENT && p_value < STRUCTURE_SIGNIFICANCE).then(|| Unexplained {
-            axis,
-            depends_on: "accelerations of the last half second".into(),
-            share_percent,
-            p_value,
-        })
+        (blocks, total)
     }
 }
 

@@ -117,14 +117,15 @@ impl Body {
         self.blow(craft, air);
         let target = self.commanded_rad_s(craft, command, time_s);
         let h = STEP_S;
-        let towards = |part: f64| -> [f64; 4] {
+        let towards = |slowing: f64, gaining: f64| -> [f64; 4] {
             std::array::from_fn(|i| {
-                let gains = target[i] > self.rotor_rad_s[i];
-                let slower = if gains { 1.0 - craft.strange.sluggish } else { 1.0 };
-                target[i] + (self.rotor_rad_s[i] - target[i]) * (-part * h * slower * craft.lag_rad_s).exp()
+                let decay = if target[i] > self.rotor_rad_s[i] { gaining } else { slowing };
+                target[i] + (self.rotor_rad_s[i] - target[i]) * decay
             })
         };
-        let (middle, end) = (towards(0.5), towards(1.0));
+        let half = (-0.5 * h * craft.lag_rad_s).exp();
+        let slow_half = half.powf(1.0 - craft.strange.sluggish);
+        let (middle, end) = (towards(half, slow_half), towards(half * half, slow_half * slow_half));
         let spin = Vector3::z() * rotor_momentum(craft, &middle);
         let spin_up = Vector3::z()
             * ((rotor_momentum(craft, &end) - rotor_momentum(craft, &self.rotor_rad_s)) / h
@@ -263,8 +264,10 @@ impl Body {
         wind.x += self.gust_m_s[0];
         wind.y += self.gust_m_s[1];
         wind.x += craft.strange.shear_per_s * -now.position.z;
-        let (sine, cosine) = (std::f64::consts::TAU * now.time_s / 16.0).sin_cos();
-        wind += craft.strange.turning_wind_m_s * Vector3::new(cosine, sine, 0.0);
+        if craft.strange.turning_wind_m_s != 0.0 {
+            let (sine, cosine) = (std::f64::consts::TAU * now.time_s / 16.0).sin_cos();
+            wind += craft.strange.turning_wind_m_s * Vector3::new(cosine, sine, 0.0);
+        }
         if craft.strange.draught_m_s != 0.0 {
             // A jet along north-east out of an opening, half a metre wide.
             let across = 0.6 * now.position.x - 0.8 * now.position.y - 0.3;
