@@ -9,8 +9,8 @@ use sysid::compare::HorizonError;
 use sysid::refine::Rows;
 use sysid::{MotorsOfFlights, Prepared, Reference, RefinementOutcome};
 
-use crate::flights::{Loaded, Sets};
-use crate::progress;
+use crate::cli::flights::{Loaded, Sets};
+use crate::cli::progress;
 
 /// Whether to refine, and what.
 #[derive(clap::Args)]

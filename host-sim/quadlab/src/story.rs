@@ -3,8 +3,8 @@
 use model::{Effect, Model, Vehicle};
 use sysid::{Addition, Comparison, Diagnosis, Verdict};
 
-use crate::flights::Sets;
-use crate::{add, diagnose, identify};
+use crate::cli::flights::Sets;
+use crate::commands::{add, diagnose, identify};
 
 /// One round: a diagnosis and the effect that was added after it.
 pub(crate) struct Step {

@@ -21,9 +21,9 @@ use pattern::Pattern;
 use serde::Serialize;
 use sil::FlightPlan;
 
-use crate::excite::predictor;
-use crate::output::Outcome;
-use crate::simulated::Simulated;
+use crate::cli::output::Outcome;
+use crate::commands::excite::predictor;
+use crate::commands::simulated_laboratory::Simulated;
 
 /// Fly a craft: send poses and commands, show and record what it says.
 ///

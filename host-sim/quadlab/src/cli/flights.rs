@@ -8,8 +8,8 @@ use sha2::{Digest, Sha256};
 use sysid::clocks::Clocks;
 use sysid::{Fault, Flight, FlightError, PrepareError, Prepared};
 
-use crate::faults::{Faults, Reading};
-use crate::progress;
+use crate::cli::faults::{Faults, Reading};
+use crate::cli::progress;
 
 /// A flight file, read and prepared.
 pub(crate) struct Loaded {

@@ -40,7 +40,7 @@ const HIDDEN: &[(Effect, &[Strength])] = &[
 
 /// The craft of the demonstration with nothing missing from its basic model.
 pub(crate) fn craft() -> Model {
-    Model::parse(include_str!("../data/craft.toml"), Path::new("craft.toml"))
+    Model::parse(include_str!("../../data/craft.toml"), Path::new("craft.toml"))
         .expect("the model file in the source tree is tested")
 }
 

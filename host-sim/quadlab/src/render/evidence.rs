@@ -2,7 +2,7 @@
 
 use sysid::Why;
 
-use crate::tables::{self, Grid};
+use crate::render::tables::{self, Grid};
 
 /// Everything that was found out about it.
 pub(crate) fn text(why: &Why) -> String {

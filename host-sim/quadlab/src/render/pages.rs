@@ -4,12 +4,12 @@ use model::{AXES, Axis, Effect, Model};
 use report::{Page, Section};
 use sysid::{Comparison, Diagnosis};
 
-use crate::faults::Faults;
-use crate::figures::{self, Captioned, View};
-use crate::flights::{Loaded, Sets, prepared};
+use crate::cli::faults::Faults;
+use crate::cli::flights::{Loaded, Sets, prepared};
 use crate::real_logs;
+use crate::render::figures::{self, Captioned, View};
+use crate::render::tables::{self, Grid};
 use crate::story::Story;
-use crate::tables::{self, Grid};
 
 /// Most residual plots on a page.
 const MOST_RESIDUALS: usize = 4;

@@ -15,10 +15,10 @@ use model::Model;
 use report::{Axis, Cell, Column, Figure, Mark, Page, Section, Series, Style, Table, Verdict, significant};
 use serde::Serialize;
 
-use crate::design_check::short;
-use crate::design_pages;
-use crate::linearize;
-use crate::output::{Outcome, check_outputs, provenance};
+use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::commands::design_check::short;
+use crate::commands::linearize;
+use crate::render::design_pages;
 
 /// Chapter 5 of the thesis on one page: every figure that is computed here, with the numbers and the thesis' beside them.
 /// Exit status 1 if a loop is unstable, or if a number of the thesis' own vehicle does not come back.

@@ -10,7 +10,7 @@ use sysid::motor_map::{Estimated, Judged, Map, StandResult, motor_map};
 use sysid::stand::Stand;
 use toml_edit::{DocumentMut, Item, TableLike, value};
 
-use crate::output::{Outcome, check_outputs, provenance};
+use crate::cli::output::{Outcome, check_outputs, provenance};
 
 /// Find the motor map (command and voltage to rotor speed) and the motors' lag on a test stand.
 ///

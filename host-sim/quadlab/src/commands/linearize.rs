@@ -10,7 +10,7 @@ use model::Model;
 use report::significant;
 use serde::Serialize;
 
-use crate::output::Outcome;
+use crate::cli::output::Outcome;
 
 /// Linearise a model about an equilibrium: A, B, C, D and the transfer function of each channel.
 #[derive(clap::Args)]

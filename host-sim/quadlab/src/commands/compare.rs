@@ -6,10 +6,12 @@ use model::Model;
 use sysid::Comparison;
 use sysid::plausible::Likeness;
 
-use crate::faults::{self, FaultOptions};
-use crate::flights;
-use crate::output::{Outcome, check_outputs, provenance};
-use crate::{pages, progress, real_logs, tables, user_effects};
+use crate::cli::faults::{self, FaultOptions};
+use crate::cli::flights;
+use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::cli::{progress, user_effects};
+use crate::real_logs;
+use crate::render::{pages, tables};
 
 /// Compare a model with flights: errors of each axis, open-loop prediction, and where it fails most.
 #[derive(clap::Args)]

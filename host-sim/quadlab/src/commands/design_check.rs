@@ -8,8 +8,8 @@ use design::loops::View;
 use model::Model;
 use report::significant;
 
-use crate::design_pages;
-use crate::output::{Outcome, check_outputs, provenance};
+use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::render::design_pages;
 
 /// Oldest pose that makes sense: a second at 100 Hz.
 const MOST_DELAY: usize = 100;

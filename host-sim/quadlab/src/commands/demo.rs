@@ -9,11 +9,13 @@ use std::path::{Path, PathBuf};
 use model::{Effect, Model, Vehicle};
 use rayon::prelude::*;
 
-use crate::faults::Reading;
-use crate::flights::{SetOptions, Sets};
-use crate::output::{Outcome, provenance};
+use crate::cli::faults::Reading;
+use crate::cli::flights::{SetOptions, Sets};
+use crate::cli::output::{Outcome, provenance};
+use crate::cli::progress;
+use crate::commands::demo_effect;
+use crate::render::{pages, tables};
 use crate::story::{self, Story};
-use crate::{hidden, pages, progress, tables};
 
 /// The contract's names of flights to fit on and to judge by.
 const TRAIN: [&str; 3] = ["A", "B", "C"];
@@ -116,7 +118,7 @@ fn chosen_flights(folder: &Path) -> Result<(SetOptions, String), DemoError> {
 
 fn on_hidden_effect(options: &Options) -> anyhow::Result<Outcome> {
     let seed = options.seed.unwrap_or_else(seed_from_clock);
-    let (craft, effect) = hidden::draw(seed);
+    let (craft, effect) = demo_effect::draw(seed);
     let folder = options.out.join("flights");
     create(&folder)?;
     let files = fly(&craft, seed, &folder)?;
@@ -166,7 +168,7 @@ fn fly(craft: &Model, seed: u64, folder: &Path) -> anyhow::Result<SetOptions> {
         .map(|(index, &name)| {
             // Neighbouring seeds of the demonstration share no flight.
             let flight_seed = seed.wrapping_mul(names.len() as u64).wrapping_add(index as u64);
-            let recording = sil::fly(&hidden::flight_plan(craft, flight_seed, FLIGHT_S))?;
+            let recording = sil::fly(&demo_effect::flight_plan(craft, flight_seed, FLIGHT_S))?;
             if !recording.complete || recording.cage_margin_m() < 0.0 {
                 return Err(DemoError::Lost { seed, name }.into());
             }

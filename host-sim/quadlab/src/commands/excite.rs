@@ -18,8 +18,8 @@ use sil::plan::{BAND_HZ, GENTLE, known_error};
 use sil::predict::{Course, Foreseen, Predictor, Prospect};
 use sysid::information::{Expected, Parameter};
 
-use crate::hidden;
-use crate::output::{Outcome, check_outputs, provenance};
+use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::commands::demo_effect;
 
 /// Write a flight that makes the model's coefficients known, and say how well, before it is flown.
 ///
@@ -208,7 +208,7 @@ pub(crate) fn predictor(
         let linear = Linear::new(model, &TrimTarget::default())?;
         design::fit::fit(&Gains { config, provenance: None }, model, &linear, path)?;
         if !cancellers {
-            hidden::without_cancellers(&mut config);
+            demo_effect::without_cancellers(&mut config);
         }
         under(config)
     };

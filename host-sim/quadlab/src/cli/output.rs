@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use report::Provenance;
 use serde::Serialize;
 
-use crate::flights::{Loaded, sha256};
+use crate::cli::flights::{Loaded, sha256};
 
 /// What a command that ran hands back.
 pub(crate) struct Outcome {

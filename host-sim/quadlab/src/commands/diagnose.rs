@@ -6,11 +6,13 @@ use model::{Effect, Model};
 use sysid::Diagnosis;
 use sysid::plausible::Likeness;
 
-use crate::faults::{self, FaultOptions};
-use crate::flights::{SetOptions, Sets};
-use crate::output::{Outcome, check_outputs, provenance};
-use crate::user_effects::{self, EffectOptions};
-use crate::{evidence, flights, pages, progress, real_logs, tables};
+use crate::cli::faults::{self, FaultOptions};
+use crate::cli::flights::{SetOptions, Sets};
+use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::cli::user_effects::{self, EffectOptions};
+use crate::cli::{flights, progress};
+use crate::real_logs;
+use crate::render::{evidence, pages, tables};
 
 /// Say which physical effect a model lacks, with the evidence for each.
 ///
@@ -70,8 +72,9 @@ pub(crate) struct WithoutOptions {
 
 impl WithoutOptions {
     /// What to diagnose with.
-    pub(crate) fn options(&self) -> Result<sysid::Options, crate::add::AddError> {
-        let without = self.without.iter().map(|id| crate::add::known_effect(id)).collect::<Result<_, _>>()?;
+    pub(crate) fn options(&self) -> Result<sysid::Options, crate::commands::add::AddError> {
+        let without =
+            self.without.iter().map(|id| crate::commands::add::known_effect(id)).collect::<Result<_, _>>()?;
         Ok(sysid::Options { without })
     }
 }
@@ -101,7 +104,7 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
     let effects = options.effects.read()?;
     let model = Model::read(&options.model)?;
     let diagnose_options = options.without.options()?;
-    let asked = options.why.as_deref().map(crate::add::known_effect).transpose()?;
+    let asked = options.why.as_deref().map(crate::commands::add::known_effect).transpose()?;
     let mut sets = Sets::read(sets, &model.vehicle, options.faults.reading(options.json))?;
     sets.leave_out_undefined(&model, &effects)?;
     sets.faults.of_fitted(&model, &sets.validate);

@@ -7,12 +7,14 @@ use serde::Serialize;
 use sysid::Addition;
 use sysid::plausible::Likeness;
 
-use crate::faults::{self, FaultOptions};
-use crate::flights::{SetOptions, Sets};
-use crate::output::{Outcome, check_outputs};
+use crate::cli::faults::{self, FaultOptions};
+use crate::cli::flights::{SetOptions, Sets};
+use crate::cli::output::{Outcome, check_outputs};
+use crate::cli::progress;
+use crate::cli::user_effects::EffectOptions;
+use crate::real_logs;
 use crate::real_logs::{RefineOptions, RefinementEntry};
-use crate::user_effects::EffectOptions;
-use crate::{progress, real_logs, tables};
+use crate::render::tables;
 
 /// Add a physical effect to a model and fit all of it again.
 ///

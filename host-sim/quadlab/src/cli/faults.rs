@@ -8,8 +8,8 @@ use sysid::clocks::Clocks;
 use sysid::plausible::{self, Likeness};
 use sysid::{Fault, FaultKind, Severity, overlap};
 
-use crate::flights::{FlightsError, Loaded, Sets};
-use crate::output::Outcome;
+use crate::cli::flights::{FlightsError, Loaded, Sets};
+use crate::cli::output::Outcome;
 
 /// What is done about faults.
 #[derive(clap::Args, Clone, Copy)]

@@ -9,9 +9,9 @@ use serde::Serialize;
 use sil::plan::{APART, Goal, Proposal, check_effect, coefficient, known_error, plan};
 use sil::predict::Predictor;
 
-use crate::excite::predictor;
-use crate::output::{Outcome, check_outputs};
-use crate::tables;
+use crate::cli::output::{Outcome, check_outputs};
+use crate::commands::excite::predictor;
+use crate::render::tables;
 
 /// Say what to fly next: the flight that best tells two effects apart, or makes an error small.
 ///

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use model::{Effect, Model, UserEffectError};
 
-use crate::flights::{FlightsError, Loaded, Sets};
+use crate::cli::flights::{FlightsError, Loaded, Sets};
 
 /// Files of effects as given on the command line.
 #[derive(clap::Args)]

@@ -7,14 +7,15 @@ use serde::Serialize;
 use sysid::Verdict;
 use sysid::diagnose::Unexplained;
 
-use crate::diagnose::WithoutOptions;
-use crate::faults::{self, FaultOptions};
-use crate::flights::{SetOptions, Sets};
-use crate::output::{Outcome, check_outputs, provenance};
+use crate::cli::faults::{self, FaultOptions};
+use crate::cli::flights::{SetOptions, Sets};
+use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::cli::user_effects::EffectOptions;
+use crate::commands::diagnose::WithoutOptions;
+use crate::real_logs;
 use crate::real_logs::{RefineOptions, RefinementEntry};
+use crate::render::{pages, tables};
 use crate::story::{self, Story};
-use crate::user_effects::EffectOptions;
-use crate::{pages, real_logs, tables};
 
 /// Identify the basic model, then diagnose and add until nothing that the flights support is left.
 ///

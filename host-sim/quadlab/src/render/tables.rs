@@ -9,7 +9,7 @@ use sysid::compare::HorizonError;
 use sysid::diagnose::{EffectFinding, Unexplained};
 use sysid::{Comparison, Diagnosis, Fault, MotorsOfFlights};
 
-use crate::flights::Loaded;
+use crate::cli::flights::Loaded;
 use crate::story::Story;
 
 /// Printed lines are at most this long where a word allows it.

@@ -5,9 +5,9 @@ use std::fmt::Write as _;
 use model::{Axis, Effect, Kind};
 use serde::Serialize;
 
-use crate::output::Outcome;
-use crate::tables;
-use crate::user_effects::EffectOptions;
+use crate::cli::output::Outcome;
+use crate::cli::user_effects::EffectOptions;
+use crate::render::tables;
 
 /// List the physical effects that a model can have.
 #[derive(clap::Args)]
