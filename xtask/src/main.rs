@@ -9,30 +9,20 @@
 #![forbid(unsafe_code)]
 
 mod arm;
-mod arrows;
+mod base;
 mod bench;
-mod dependencies;
-mod figures;
+mod checks;
 mod flash;
-mod flash_chip;
-mod flash_com;
-mod licences;
-mod peers;
-mod process;
 mod setup;
-mod tally;
 mod test;
-mod tidy;
-mod tools;
-mod workspace;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::process::Program;
-use crate::workspace::Workspace;
+use crate::base::process::{Program, run_program};
+use crate::base::workspace::Workspace;
 
 /// The developer's front door of quadlab.
 #[derive(Parser)]
@@ -102,9 +92,9 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
         Command::Sil(mut passed) => {
             let more = arm::arguments_of_sil(&Workspace::load()?, &passed.arguments)?;
             passed.arguments.extend(more);
-            process::run_program(&Program::SIL, &passed.arguments)
+            run_program(&Program::SIL, &passed.arguments)
         }
-        Command::Demo(passed) => process::run_program(&Program::DEMO, &passed.arguments),
+        Command::Demo(passed) => run_program(&Program::DEMO, &passed.arguments),
         Command::Flash(options) => flash::run(options),
         Command::Test(options) => test::run(&Workspace::load()?, &options),
         Command::Bench(options) => bench::run(&Workspace::load()?, &options),

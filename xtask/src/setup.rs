@@ -8,9 +8,9 @@ use std::process::{Command, ExitCode};
 use anyhow::Result;
 
 use crate::arm;
-use crate::process::{output_of, shown};
-use crate::tools::{self, CLIPPY, GIT, GUNGRAUN_RUNNER, NEXTEST, RUSTFMT, SSHD, Tool, VALGRIND};
-use crate::workspace::Workspace;
+use crate::base::process::{output_of, shown};
+use crate::base::tools::{self, CLIPPY, GIT, GUNGRAUN_RUNNER, NEXTEST, RUSTFMT, SSHD, Tool, VALGRIND};
+use crate::base::workspace::Workspace;
 
 /// Options of the command.
 #[derive(clap::Args)]

@@ -8,11 +8,12 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 
-use crate::process::{cargo, filtered, output_of, shown, succeeds};
-use crate::tally::{self, LibtestReader, SKIP_MARK, Tally};
-use crate::tools::{CLIPPY, GIT, NEXTEST, RUSTFMT, Tool};
-use crate::workspace::{self, Workspace};
-use crate::{arm, arrows, dependencies, licences, tidy};
+use crate::arm;
+use crate::base::process::{cargo, filtered, in_continuous_integration, output_of, shown, succeeds};
+use crate::base::tally::{self, LibtestReader, SKIP_MARK, Tally};
+use crate::base::tools::{CLIPPY, GIT, NEXTEST, RUSTFMT, Tool};
+use crate::base::workspace::{self, Workspace};
+use crate::checks::{arrows, dependencies, licences, tidy};
 
 /// Options of the command.
 #[derive(clap::Args)]
@@ -107,11 +108,6 @@ fn verdict(tally: &Tally) -> &'static str {
         Tally { passed: 0, skipped: 1.., .. } => "skipped",
         _ => "passed",
     }
-}
-
-/// Is this the continuous integration, that is, `CI=true`?
-pub(crate) fn in_continuous_integration() -> bool {
-    std::env::var_os("CI").is_some_and(|value| value == "true")
 }
 
 /// The count of a check that is one thing: it holds or not.

@@ -12,8 +12,8 @@ use cargo_metadata::TargetKind;
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
 use pulldown_cmark::{Event, Options, Parser, Tag};
 
-use crate::process::output_of;
-use crate::workspace::{self, Workspace};
+use crate::base::process::{in_continuous_integration, output_of};
+use crate::base::workspace::{self, Workspace};
 
 /// Crates that may use `unsafe`, as (crate, why nothing safe does it).
 const MAY_USE_UNSAFE: &[(&str, &str)] =
@@ -68,7 +68,7 @@ fn listed_files(options: &[&str]) -> Result<Vec<String>> {
 
 /// A fresh clone must build what was committed: in continuous integration, cargo had nothing to change.
 fn lock_file_changed() -> Option<String> {
-    if !crate::test::in_continuous_integration() {
+    if !in_continuous_integration() {
         return None;
     }
     let mut git = std::process::Command::new("git");

@@ -26,8 +26,8 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use crate::arm::{self, Target};
-use crate::process::{shown, succeeds};
-use crate::workspace::Workspace;
+use crate::base::process::{shown, succeeds};
+use crate::base::workspace::Workspace;
 
 /// `USER@HOST[:PORT]`.
 #[derive(Debug, Clone, PartialEq, Eq)]

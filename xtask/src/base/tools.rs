@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use crate::process::{cargo, output_of};
+use crate::base::process::{cargo, output_of};
 
 /// An outside program.
 pub(crate) struct Tool {

@@ -1,0 +1,6 @@
+//! The checks of `cargo xtask test` that are ours: each is a function from plain data to a list of problems.
+
+pub(crate) mod arrows;
+pub(crate) mod dependencies;
+pub(crate) mod licences;
+pub(crate) mod tidy;
