@@ -13,7 +13,10 @@ mod base;
 mod bench;
 mod checks;
 mod flash;
+mod known;
+mod levels;
 mod setup;
+mod source;
 mod test;
 
 use std::ffi::OsString;
@@ -44,6 +47,10 @@ enum Command {
     Flash(flash::Options),
     /// Check everything: format, lints, tests, docs, arrows between crates, licences, house rules
     Test(test::Options),
+    /// Show on which files each file of a crate stands, and what goes in circles
+    Levels(levels::Options),
+    /// Delete what has been mended from the list of known violations
+    Known(known::Options),
     /// Run the benchmarks: times, and instruction counts where valgrind is installed
     Bench(bench::Options),
     /// Build the programs of the craft's processors; sizes, stack and instructions of a period
@@ -97,6 +104,8 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
         Command::Demo(passed) => run_program(&Program::DEMO, &passed.arguments),
         Command::Flash(options) => flash::run(options),
         Command::Test(options) => test::run(&Workspace::load()?, &options),
+        Command::Levels(options) => levels::run(&Workspace::load()?, &options),
+        Command::Known(options) => known::run(&Workspace::load()?, &options),
         Command::Bench(options) => bench::run(&Workspace::load()?, &options),
         Command::Arm(options) => arm::run(&Workspace::load()?, &options),
         Command::Setup(options) => setup::run(&Workspace::load()?, &options),

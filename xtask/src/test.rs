@@ -13,7 +13,8 @@ use crate::base::process::{cargo, filtered, in_continuous_integration, output_of
 use crate::base::tally::{self, LibtestReader, SKIP_MARK, Tally};
 use crate::base::tools::{CLIPPY, GIT, NEXTEST, RUSTFMT, Tool};
 use crate::base::workspace::{self, Workspace};
-use crate::checks::{arrows, dependencies, licences, tidy};
+use crate::checks::known::Kind;
+use crate::checks::{arrows, dependencies, licences, structure, tidy};
 
 /// Options of the command.
 #[derive(clap::Args)]
@@ -50,6 +51,9 @@ const STEPS: &[Step] = &[
     Step { name: "doc tests", about: "examples in the docs run", run: doc_tests },
     Step { name: "docs", about: "rustdoc builds without warnings", run: docs },
     Step { name: "arrows", about: "crates use only what the architecture allows", run: check_arrows },
+    Step { name: "circles", about: "no files use each other in a loop", run: check_circles },
+    Step { name: "folders", about: "folders of a crate use only those below them", run: check_folders },
+    Step { name: "lengths", about: "files and functions are short enough to read", run: check_lengths },
     Step { name: "licences", about: "every dependency may be linked", run: check_licences },
     Step { name: "tidy", about: "house rules: heads, links, sizes, leftovers", run: check_tidy },
 ];
@@ -224,6 +228,21 @@ fn check_arrows(workspace: &Workspace) -> Result<Outcome> {
     problems.extend(dependencies::check(workspace)?);
     let about = format!("{} crates, {} arrows", workspace.members().len(), arrows::edges(workspace).len());
     Ok(listed(&about, &problems))
+}
+
+fn check_circles(workspace: &Workspace) -> Result<Outcome> {
+    let problems = structure::check(workspace, &[Kind::Circle])?;
+    Ok(listed("every library and program; `cargo xtask levels` shows who uses whom", &problems))
+}
+
+fn check_folders(workspace: &Workspace) -> Result<Outcome> {
+    let problems = structure::check(workspace, &[Kind::FolderArrow, Kind::Folder])?;
+    Ok(listed("every crate that has folders", &problems))
+}
+
+fn check_lengths(workspace: &Workspace) -> Result<Outcome> {
+    let problems = structure::check(workspace, &[Kind::LongFile, Kind::LongFunction])?;
+    Ok(listed("every library and program, without what is for tests", &problems))
 }
 
 fn check_licences(workspace: &Workspace) -> Result<Outcome> {

@@ -1,0 +1,189 @@
+//! Which folder of a crate may use which: the levels inside a crate.
+//!
+//! `.` stands for the files beside the crate's root file; what the root re-exports is no arrow. A crate whose files all
+//! lie side by side needs no row. A folder inside a folder is one of its own.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::crates::Crate;
+use super::known::{Entry, Kind, Violation};
+
+/// What the files of one folder may use of the crate's other folders, and why.
+struct Folder {
+    of: &'static str,
+    folder: &'static str,
+    to: &'static [&'static str],
+    why: &'static str,
+}
+
+/// Shorter to write.
+const fn row(
+    of: &'static str,
+    folder: &'static str,
+    to: &'static [&'static str],
+    why: &'static str,
+) -> Folder {
+    Folder { of, folder, to, why }
+}
+
+/// Every folder of every crate that has any.
+const FOLDERS: &[Folder] = &[
+    row("xtask", "base", &[], "what every command stands on knows no command"),
+    row("xtask", "source", &[], "reading Rust sources needs nothing but the sources"),
+    row("xtask", "checks", &["base", "source"], "a check looks at the tree and runs nothing"),
+    row("xtask", "bench", &["base"], "benches are run and counted apart from checks"),
+    row("xtask", "arm", &["base"], "the craft's programs are built without knowing what becomes of them"),
+    row("xtask", "flash", &["base", "arm"], "what is flashed is built first"),
+    row(
+        "xtask",
+        ".",
+        &["base", "source", "checks", "arm", "bench", "flash"],
+        "each file is a command that joins what the folders hold",
+    ),
+];
+
+const TABLE: &str = "xtask/src/checks/folders.rs";
+
+/// Arrows between folders that the table does not allow, folders that it lacks, and rows that stand for nothing.
+pub(crate) fn violations(crates: &[Crate]) -> Vec<Violation> {
+    against(FOLDERS, crates)
+}
+
+fn against(table: &[Folder], crates: &[Crate]) -> Vec<Violation> {
+    let mut there: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
+    for one in crates {
+        let folders = one.tree.files.iter().map(|file| file.folder.as_str());
+        there.entry(&one.package).or_default().extend(folders);
+    }
+    let mut found = Vec::new();
+    for (of, folders) in there.iter().filter(|(_, folders)| folders.len() > 1) {
+        let lacks = |folder: &&&str| !table.iter().any(|row| row.of == *of && row.folder == **folder);
+        found.extend(folders.iter().filter(lacks).map(|folder| without_row(of, folder)));
+    }
+    for row in
+        table.iter().filter(|row| !there.get(row.of).is_some_and(|folders| folders.contains(row.folder)))
+    {
+        found.push(without_folder(row));
+    }
+    for one in crates {
+        found.extend(refused_arrows(table, one));
+    }
+    found
+}
+
+fn violation(kind: Kind, subject: &[&str], message: String) -> Violation {
+    let subject = subject.iter().map(ToString::to_string).collect();
+    Violation { entry: Entry { kind, subject, lines: 0 }, message }
+}
+
+fn without_row(of: &str, folder: &str) -> Violation {
+    let message = format!(
+        "{of}: folder {folder} has no row in the table of {TABLE}: add which folders its files may use, and why"
+    );
+    violation(Kind::Folder, &[of, folder], message)
+}
+
+fn without_folder(row: &Folder) -> Violation {
+    let message = format!("{TABLE}: crate {} has no folder {}: delete the row", row.of, row.folder);
+    violation(Kind::Folder, &[row.of, row.folder], message)
+}
+
+/// Arrows of a crate between folders, each once, with the first file and line.
+fn refused_arrows(table: &[Folder], one: &Crate) -> Vec<Violation> {
+    let mut seen = BTreeSet::new();
+    let mut found = Vec::new();
+    for ((from, to), line) in &one.graph.arrows {
+        let files = &one.tree.files;
+        let (user, used) = (&files[*from], &files[*to]);
+        let Some(row) = table.iter().find(|row| row.of == one.package && row.folder == user.folder) else {
+            continue;
+        };
+        let allowed = user.folder == used.folder || row.to.contains(&used.folder.as_str());
+        if allowed || !seen.insert((&user.folder, &used.folder)) {
+            continue;
+        }
+        let message = format!(
+            "{}:{line}: {} -> {} ({}): folder {} may use {} because {}; move the code, or change the table of {TABLE}",
+            user.path,
+            user.folder,
+            used.folder,
+            used.path,
+            user.folder,
+            if row.to.is_empty() { "no other".to_owned() } else { row.to.join(", ") },
+            row.why
+        );
+        found.push(violation(Kind::FolderArrow, &[&one.package, &user.folder, &used.folder], message));
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A crate with a file in each of two folders, `high/a.rs` with this text and `low/b.rs` with that.
+    fn crate_with(a: &str, b: &str) -> Vec<Crate> {
+        let folder = tempfile::tempdir().unwrap();
+        let files = [
+            ("lib.rs", "mod high;\nmod low;"),
+            ("high/mod.rs", "pub mod a;"),
+            ("high/a.rs", a),
+            ("low/mod.rs", "pub mod b;"),
+            ("low/b.rs", b),
+        ];
+        for (path, text) in files {
+            let path = folder.path().join(path);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, text).unwrap();
+        }
+        vec![Crate::read("small", folder.path(), &folder.path().join("lib.rs")).unwrap()]
+    }
+
+    const SMALL: &[Folder] = &[
+        row("small", ".", &["high", "low"], "the root joins all"),
+        row("small", "high", &["low"], "high stands on low"),
+        row("small", "low", &[], "low knows nothing above it"),
+    ];
+
+    #[test]
+    fn an_arrow_the_wrong_way_is_named_with_file_line_and_reason() {
+        let up = crate_with("pub fn a() {}", "\npub fn b() { crate::high::a::a() }");
+        let found = against(SMALL, &up);
+        assert_eq!(found.len(), 1);
+        assert_eq!(found[0].entry.to_string(), "folder-arrow small low high");
+        assert!(found[0].message.starts_with("low/b.rs:2: low -> high (high/a.rs): "), "{found:?}");
+        assert!(found[0].message.contains("low knows nothing above it"), "{found:?}");
+    }
+
+    #[test]
+    fn an_arrow_that_the_table_allows_passes() {
+        let down = crate_with("pub fn a() { crate::low::b::b() }", "pub fn b() {}");
+        assert!(against(SMALL, &down).is_empty());
+    }
+
+    #[test]
+    fn folders_and_rows_belong_together() {
+        let quiet = || crate_with("", "");
+        let found = against(&SMALL[1..], &quiet());
+        assert_eq!(found.len(), 1);
+        assert_eq!(found[0].entry.to_string(), "folder small .");
+        let gone = [row("small", "gone", &[], "nobody knows")];
+        let found = against(&gone, &quiet());
+        assert!(found.iter().any(|violation| violation.message.contains("has no folder gone")), "{found:?}");
+        assert_eq!(found.len(), 4);
+    }
+
+    /// The table itself: each folder once, only its crate's folders on the right, and no way back.
+    #[test]
+    fn the_table_has_no_circle() {
+        let mut placed: BTreeSet<(&str, &str)> = BTreeSet::new();
+        while placed.len() < FOLDERS.len() {
+            let next = FOLDERS.iter().find(|row| {
+                !placed.contains(&(row.of, row.folder))
+                    && row.to.iter().all(|to| placed.contains(&(row.of, to)))
+            });
+            let next = next.expect("an order in which each folder comes after those that it uses");
+            placed.insert((next.of, next.folder));
+        }
+    }
+}
