@@ -1,0 +1,148 @@
+//! `quadlab explain`: the whole loop by itself, from flights to a model in which nothing supported is missing.
+
+use std::path::PathBuf;
+
+use diagnosis::Verdict;
+use diagnosis::diagnose::Unexplained;
+use model::{Model, PerAxis, Vehicle};
+use serde::Serialize;
+
+use crate::cli::faults::{self, FaultOptions};
+use crate::cli::flights::{SetOptions, Sets};
+use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::cli::user_effects::EffectOptions;
+use crate::commands::diagnose::WithoutOptions;
+use crate::real_logs::{self, RefineOptions, RefinementEntry};
+use crate::render::{pages, tables};
+use crate::story::{self, Story};
+
+/// Identify the basic model, then diagnose and add until nothing that the flights support is left.
+///
+/// An effect is added only when flights that it was not fitted on support it; the loop ends when none is left. The error
+/// after every step is kept in the model's history.
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  quadlab explain --vehicle vehicle.toml --train A.csv B.csv C.csv \
+                        --validate D.csv E.csv --out model.toml --html story.html")]
+pub(crate) struct Options {
+    /// What is known of the craft before any flight, for example: --vehicle vehicle.toml
+    #[arg(long, value_name = "TOML")]
+    vehicle: PathBuf,
+
+    #[command(flatten)]
+    sets: SetOptions,
+
+    #[command(flatten)]
+    effects: EffectOptions,
+
+    #[command(flatten)]
+    without: WithoutOptions,
+
+    #[command(flatten)]
+    refine: RefineOptions,
+
+    /// Model file to write, for example: --out model.toml
+    #[arg(long, value_name = "TOML")]
+    out: PathBuf,
+
+    /// Page with figures to write, for example: --html story.html
+    #[arg(long, value_name = "HTML")]
+    html: Option<PathBuf>,
+
+    #[command(flatten)]
+    faults: FaultOptions,
+
+    /// Print one JSON document on standard output and nothing else there
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
+    let mut inputs = options.sets.paths();
+    inputs.push(&options.vehicle);
+    inputs.extend(options.effects.paths());
+    check_outputs([&options.out].into_iter().chain(&options.html), &inputs)?;
+    let vehicle = Vehicle::read(&options.vehicle)?;
+    let effects = options.effects.read()?;
+    let diagnose_options = options.without.options()?;
+    let mut sets = Sets::read(&options.sets, &vehicle, options.faults.reading(options.json))?;
+    sets.leave_out_undefined(&Model::new(vehicle.clone()), &effects)?;
+    let story = story::tell(&vehicle, &mut sets, &diagnose_options, options.json)?;
+    let mut model = story.last_model().clone();
+    let refinement = real_logs::refine(&mut model, &sets, &options.refine, options.json)?;
+    report::write_atomic(&options.out, model.to_toml())?;
+    if let Some(path) = &options.html {
+        pages::with_checks(pages::story(&story.conclusion(), &sets, &story), sets.all(), &sets.faults)
+            .provenance(provenance(&[&options.vehicle], sets.all()))
+            .write(path)?;
+    }
+    if options.json {
+        faults::json(&document(&story, refinement), sets.all(), &sets.faults)
+    } else {
+        sets.faults.warn();
+        Ok(Outcome::done(text(options, &story, &model, refinement.as_ref())))
+    }
+}
+
+fn text(options: &Options, story: &Story, model: &Model, refinement: Option<&RefinementEntry>) -> String {
+    let mut text =
+        format!("{}\n{}", tables::paragraph(&story.conclusion()), tables::falling_error(story).to_text());
+    text.push_str(&format!("\n{}", tables::coefficients(model).to_text()));
+    let left = tables::unexplained(&story.last_diagnosis.unexplained);
+    if left.has_rows() {
+        text.push_str(&format!("\n{}", left.to_text()));
+    }
+    if let Some(refinement) = refinement {
+        text.push_str(&format!("\n{}", tables::paragraph(&refinement.text())));
+    }
+    text.push_str(&format!("\nmodel written to {}\n", options.out.display()));
+    if let Some(path) = &options.html {
+        text.push_str(&format!("page: {}\n", path.display()));
+    }
+    text
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    /// Of the whole loop: `adequate` when nothing was missing, `missing-effect` when what was missing has been added and nothing
+    /// is left, `unexplained` when something is left at the end.
+    verdict: Verdict,
+    /// Of the model before anything was added.
+    verdict_first: Verdict,
+    summary: String,
+    added: Vec<Added>,
+    sse_first: PerAxis<f64>,
+    sse_last: PerAxis<f64>,
+    unexplained: &'a [Unexplained],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    refinement: Option<RefinementEntry>,
+}
+
+#[derive(Serialize)]
+struct Added {
+    effect: &'static str,
+    drop_percent: f64,
+    /// Held-out errors with it and those before it.
+    sse: PerAxis<f64>,
+}
+
+fn document(story: &Story, refinement: Option<RefinementEntry>) -> Document<'_> {
+    let sse = |c: &sysid::Comparison| PerAxis::from_fn(|a| c.total[a].sse);
+    Document {
+        verdict: story.verdict(),
+        verdict_first: story.steps.first().map_or(story.last_diagnosis.verdict, |s| s.diagnosis.verdict),
+        summary: story.conclusion(),
+        added: story
+            .steps
+            .iter()
+            .map(|step| Added {
+                effect: step.addition.finding.effect,
+                drop_percent: step.addition.finding.drop_percent,
+                sse: step.addition.after,
+            })
+            .collect(),
+        sse_first: sse(&story.basic_comparison),
+        sse_last: sse(story.last_comparison()),
+        unexplained: &story.last_diagnosis.unexplained,
+        refinement,
+    }
+}
