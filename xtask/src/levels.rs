@@ -1,6 +1,6 @@
 //! `cargo xtask levels`: which file stands on which, and what goes in circles.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
@@ -34,7 +34,26 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     Ok(ExitCode::SUCCESS)
 }
 
-/// Highest level first, then the circles.
+/// Folders and what each uses, when there are several.
+fn folders(one: &Crate) -> String {
+    let files = &one.tree.files;
+    let mut used: BTreeMap<&str, BTreeSet<&str>> =
+        files.iter().map(|file| (file.folder.as_str(), BTreeSet::new())).collect();
+    for (from, to) in one.graph.arrows.keys().map(|(from, to)| (&files[*from], &files[*to])) {
+        if from.folder != to.folder {
+            used.entry(&from.folder).or_default().insert(&to.folder);
+        }
+    }
+    let mut text = String::new();
+    for (folder, others) in used.iter().filter(|_| used.len() > 1) {
+        let others: Vec<&str> = others.iter().copied().collect();
+        let others = if others.is_empty() { "no other".to_owned() } else { others.join(", ") };
+        text += &format!("  folder {folder} uses {others}\n");
+    }
+    text
+}
+
+/// Highest level first, then the folders and the circles.
 fn described(one: &Crate, arrows: bool) -> String {
     let Graph { nodes, .. } = &one.graph;
     let levels = one.graph.levels();
@@ -54,6 +73,7 @@ fn described(one: &Crate, arrows: bool) -> String {
             }
         }
     }
+    text += &folders(one);
     for (number, circle) in circles.iter().enumerate() {
         let shortest = one.graph.shown(&circle.shortest);
         text += &format!("  circle {} of {} files: {shortest}\n", number + 1, circle.members.len());

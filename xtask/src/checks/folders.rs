@@ -1,12 +1,14 @@
 //! Which folder of a crate may use which: the levels inside a crate.
 //!
-//! `.` stands for the files beside the crate's root file; what the root re-exports is no arrow. A crate whose files all
-//! lie side by side needs no row. A folder inside a folder is one of its own.
+//! `.` stands for the files beside the crate's root file; what the root re-exports is no arrow. One of those files can
+//! have a row of its own, by its name: what all folders stand on lies beside what joins them. A crate whose files all lie
+//! side by side needs no row. A folder inside a folder is one of its own.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::crates::Crate;
 use super::known::{Entry, Kind, Violation};
+use crate::source::SourceFile;
 
 /// What the files of one folder may use of the crate's other folders, and why.
 struct Folder {
@@ -28,6 +30,35 @@ const fn row(
 
 /// Every folder of every crate that has any.
 const FOLDERS: &[Folder] = &[
+    row("sysid", "statistics.rs", &[], "numbers in, numbers out"),
+    row("sysid", "prepare", &["statistics.rs"], "samples are made from a flight alone"),
+    row(
+        "sysid",
+        "fit/slung_load",
+        &["statistics.rs", "prepare"],
+        "how a load swings is found from samples; the fit around it asks",
+    ),
+    row("sysid", "fit", &["statistics.rs", "prepare", "fit/slung_load"], "a fit is made of prepared samples"),
+    row(
+        "sysid",
+        "checks",
+        &["statistics.rs", "prepare", "fit"],
+        "a check looks at a flight through what a fit leaves of it",
+    ),
+    row(
+        "sysid",
+        ".",
+        &["statistics.rs", "prepare", "fit", "fit/slung_load", "checks"],
+        "a comparison joins samples, fits and checks",
+    ),
+    row("diagnosis", "planning", &[], "what a flight would tell does not depend on what was found"),
+    row("diagnosis", ".", &["planning"], "findings come before plans for the next flight"),
+    row("quadlab", "cli", &[], "arguments, progress and files are the same for every command"),
+    row("quadlab", "render", &["cli"], "tables, pages and figures are drawn from results"),
+    row("quadlab", "commands", &["cli", "render"], "a command parses, calls a library and shows the result"),
+    row("quadlab", ".", &["cli", "render", "commands"], "the program joins its commands"),
+    row("stories", "world", &[], "worlds share no equation with what is tested in them"),
+    row("stories", ".", &["world"], "a story plays in a world"),
     row("xtask", "base", &[], "what every command stands on knows no command"),
     row("xtask", "source", &[], "reading Rust sources needs nothing but the sources"),
     row("xtask", "checks", &["base", "source"], "a check looks at the tree and runs nothing"),
@@ -52,8 +83,8 @@ pub(crate) fn violations(crates: &[Crate]) -> Vec<Violation> {
 fn against(table: &[Folder], crates: &[Crate]) -> Vec<Violation> {
     let mut there: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
     for one in crates {
-        let folders = one.tree.files.iter().map(|file| file.folder.as_str());
-        there.entry(&one.package).or_default().extend(folders);
+        let rooms = one.tree.files.iter().map(|file| room(table, &one.package, file));
+        there.entry(&one.package).or_default().extend(rooms);
     }
     let mut found = Vec::new();
     for (of, folders) in there.iter().filter(|(_, folders)| folders.len() > 1) {
@@ -88,31 +119,35 @@ fn without_folder(row: &Folder) -> Violation {
     violation(Kind::Folder, &[row.of, row.folder], message)
 }
 
+/// Where a file belongs: a row of its own, or its folder.
+fn room<'a>(table: &[Folder], of: &str, file: &'a SourceFile) -> &'a str {
+    let name = file.path.rsplit('/').next().unwrap_or_default();
+    let own = file.folder == "." && table.iter().any(|row| row.of == of && row.folder == name);
+    if own { name } else { &file.folder }
+}
+
 /// Arrows of a crate between folders, each once, with the first file and line.
 fn refused_arrows(table: &[Folder], one: &Crate) -> Vec<Violation> {
     let mut seen = BTreeSet::new();
     let mut found = Vec::new();
     for ((from, to), line) in &one.graph.arrows {
-        let files = &one.tree.files;
-        let (user, used) = (&files[*from], &files[*to]);
-        let Some(row) = table.iter().find(|row| row.of == one.package && row.folder == user.folder) else {
+        let (user, used) = (&one.tree.files[*from], &one.tree.files[*to]);
+        let (high, low) = (room(table, &one.package, user), room(table, &one.package, used));
+        let Some(row) = table.iter().find(|row| row.of == one.package && row.folder == high) else {
             continue;
         };
-        let allowed = user.folder == used.folder || row.to.contains(&used.folder.as_str());
-        if allowed || !seen.insert((&user.folder, &used.folder)) {
+        if high == low || row.to.contains(&low) || !seen.insert((high, low)) {
             continue;
         }
         let message = format!(
-            "{}:{line}: {} -> {} ({}): folder {} may use {} because {}; move the code, or change the table of {TABLE}",
+            "{}:{line}: {high} -> {low} ({}): in {}, {high} may use {} because {}; move the code, or change the table of {TABLE}",
             user.path,
-            user.folder,
-            used.folder,
             used.path,
-            user.folder,
-            if row.to.is_empty() { "no other".to_owned() } else { row.to.join(", ") },
+            one.package,
+            if row.to.is_empty() { "nothing else".to_owned() } else { row.to.join(", ") },
             row.why
         );
-        found.push(violation(Kind::FolderArrow, &[&one.package, &user.folder, &used.folder], message));
+        found.push(violation(Kind::FolderArrow, &[&one.package, high, low], message));
     }
     found
 }
@@ -123,14 +158,17 @@ mod tests {
 
     /// A crate with a file in each of two folders, `high/a.rs` with this text and `low/b.rs` with that.
     fn crate_with(a: &str, b: &str) -> Vec<Crate> {
-        let folder = tempfile::tempdir().unwrap();
-        let files = [
+        crate_of(&[
             ("lib.rs", "mod high;\nmod low;"),
             ("high/mod.rs", "pub mod a;"),
             ("high/a.rs", a),
             ("low/mod.rs", "pub mod b;"),
             ("low/b.rs", b),
-        ];
+        ])
+    }
+
+    fn crate_of(files: &[(&str, &str)]) -> Vec<Crate> {
+        let folder = tempfile::tempdir().unwrap();
         for (path, text) in files {
             let path = folder.path().join(path);
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -159,6 +197,27 @@ mod tests {
     fn an_arrow_that_the_table_allows_passes() {
         let down = crate_with("pub fn a() { crate::low::b::b() }", "pub fn b() {}");
         assert!(against(SMALL, &down).is_empty());
+    }
+
+    #[test]
+    fn a_file_beside_the_root_can_have_a_row_of_its_own() {
+        let table = [
+            row("small", ".", &[], "the root"),
+            row("small", "b.rs", &[], "below"),
+            row("small", "high", &["b.rs"], "high"),
+        ];
+        let small = crate_of(&[
+            ("lib.rs", "mod high;\nmod b;"),
+            ("high/mod.rs", "pub fn a() { crate::b::b() }"),
+            ("b.rs", "pub fn b() {}"),
+        ]);
+        assert!(against(&table, &small).is_empty());
+        let entries: Vec<String> =
+            against(&[row("small", ".", &[], "the root"), row("small", "high", &["b.rs"], "high")], &small)
+                .iter()
+                .map(|found| found.entry.to_string())
+                .collect();
+        assert_eq!(entries, ["folder-arrow small high ."]);
     }
 
     #[test]

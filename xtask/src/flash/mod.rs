@@ -10,6 +10,8 @@ use anyhow::{Result, bail};
 
 mod chip;
 mod com;
+mod destination;
+mod release;
 
 /// Options of the command.
 #[derive(clap::Args)]
@@ -17,7 +19,7 @@ mod com;
 pub(crate) struct Options {
     /// Onto a computer with Linux and ssh
     #[arg(long, group = "to", value_name = "USER@HOST[:PORT]")]
-    com: Option<com::Destination>,
+    com: Option<destination::Destination>,
     /// Onto this chip, through a debug probe (probe-rs); propellers off
     #[arg(long, group = "to", value_name = "CHIP")]
     probe: Option<String>,

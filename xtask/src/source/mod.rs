@@ -10,4 +10,4 @@ mod tree;
 pub(crate) use graph::Graph;
 pub(crate) use lengths::lengths;
 pub(crate) use names::arrows;
-pub(crate) use tree::Tree;
+pub(crate) use tree::{SourceFile, Tree};
