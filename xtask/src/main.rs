@@ -11,6 +11,7 @@
 mod arm;
 mod base;
 mod bench;
+mod book;
 mod checks;
 mod flash;
 mod known;
@@ -51,6 +52,8 @@ enum Command {
     Levels(levels::Options),
     /// Delete what has been mended from the list of known violations
     Known(known::Options),
+    /// Build the book, man pages, shell completions and JSON Schemas
+    Docs(book::Options),
     /// Run the benchmarks: times, and instruction counts where valgrind is installed
     Bench(bench::Options),
     /// Build the programs of the craft's processors; sizes, stack and instructions of a period
@@ -106,6 +109,7 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
         Command::Test(options) => test::run(&Workspace::load()?, &options),
         Command::Levels(options) => levels::run(&Workspace::load()?, &options),
         Command::Known(options) => known::run(&Workspace::load()?, &options),
+        Command::Docs(options) => book::run(&options),
         Command::Bench(options) => bench::run(&Workspace::load()?, &options),
         Command::Arm(options) => arm::run(&Workspace::load()?, &options),
         Command::Setup(options) => setup::run(&Workspace::load()?, &options),

@@ -8,13 +8,13 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 
-use crate::arm;
 use crate::base::process::{cargo, filtered, in_continuous_integration, output_of, shown, succeeds};
 use crate::base::tally::{self, LibtestReader, SKIP_MARK, Tally};
-use crate::base::tools::{CLIPPY, GIT, NEXTEST, RUSTFMT, Tool};
+use crate::base::tools::{CLIPPY, GIT, MDBOOK, NEXTEST, RUSTFMT, Tool};
 use crate::base::workspace::{self, Workspace};
 use crate::checks::known::Kind;
 use crate::checks::{arrows, dependencies, licences, structure, tidy};
+use crate::{arm, book};
 
 /// Options of the command.
 #[derive(clap::Args)]
@@ -50,6 +50,7 @@ const STEPS: &[Step] = &[
     Step { name: "tests", about: "unit tests, integration tests and stories", run: tests },
     Step { name: "doc tests", about: "examples in the docs run", run: doc_tests },
     Step { name: "docs", about: "rustdoc builds without warnings", run: docs },
+    Step { name: "book", about: "the book builds; its links and commands exist", run: check_book },
     Step { name: "arrows", about: "crates use only what the architecture allows", run: check_arrows },
     Step { name: "circles", about: "no files use each other in a loop", run: check_circles },
     Step { name: "folders", about: "folders of a crate use only those below them", run: check_folders },
@@ -221,6 +222,21 @@ fn docs(_: &Workspace) -> Result<Outcome> {
     let flags = std::env::var("RUSTDOCFLAGS").unwrap_or_default();
     command.env("RUSTDOCFLAGS", format!("{flags} -D warnings").trim());
     command_holds(command)
+}
+
+fn check_book(workspace: &Workspace) -> Result<Outcome> {
+    if MDBOOK.found().is_none() {
+        return Ok(missing(&MDBOOK));
+    }
+    let checked = book::check(workspace)?;
+    let outcome = listed("pages, links and commands", &checked.problems);
+    let Outcome::Ran(mut tally) = outcome else { return Ok(outcome) };
+    if let Some(why) = checked.left_out {
+        let line = format!("{SKIP_MARK} book, {why}");
+        println!("   {line}");
+        tally.add(&skipped_step(line, false));
+    }
+    Ok(Outcome::Ran(tally))
 }
 
 fn check_arrows(workspace: &Workspace) -> Result<Outcome> {

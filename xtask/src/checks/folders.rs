@@ -64,11 +64,17 @@ const FOLDERS: &[Folder] = &[
     row("xtask", "checks", &["base", "source"], "a check looks at the tree and runs nothing"),
     row("xtask", "bench", &["base"], "benches are run and counted apart from checks"),
     row("xtask", "arm", &["base"], "the craft's programs are built without knowing what becomes of them"),
+    row(
+        "xtask",
+        "book",
+        &["base"],
+        "the book is built from its pages and from what the user's program writes",
+    ),
     row("xtask", "flash", &["base", "arm"], "what is flashed is built first"),
     row(
         "xtask",
         ".",
-        &["base", "source", "checks", "arm", "bench", "flash"],
+        &["base", "source", "checks", "arm", "bench", "book", "flash"],
         "each file is a command that joins what the folders hold",
     ),
 ];
