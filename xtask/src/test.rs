@@ -224,11 +224,11 @@ fn docs(_: &Workspace) -> Result<Outcome> {
     command_holds(command)
 }
 
-fn check_book(workspace: &Workspace) -> Result<Outcome> {
+fn check_book(_: &Workspace) -> Result<Outcome> {
     if MDBOOK.found().is_none() {
         return Ok(missing(&MDBOOK));
     }
-    let checked = book::check(workspace)?;
+    let checked = book::check()?;
     let outcome = listed("pages, links and commands", &checked.problems);
     let Outcome::Ran(mut tally) = outcome else { return Ok(outcome) };
     if let Some(why) = checked.left_out {

@@ -22,7 +22,7 @@ use self::commands::{Checker, Help, commands};
 use self::pages::{SUMMARY, Sources};
 use crate::base::process::{cargo, output_of, shown, succeeds};
 use crate::base::tools::MDBOOK;
-use crate::base::workspace::{self, Workspace};
+use crate::base::workspace;
 
 /// Options of the command.
 #[derive(clap::Args)]
@@ -30,6 +30,9 @@ pub(crate) struct Options {
     /// Folder for all of it; what is in its folders book, man, completions and schema is replaced
     #[arg(long, value_name = "DIR", default_value = "target/docs")]
     out: PathBuf,
+    /// Also check the book's links and commands, as `cargo xtask test` does
+    #[arg(long)]
+    check: bool,
 }
 
 /// The book's folder, from the top.
@@ -37,20 +40,24 @@ const BOOK: &str = "host-sim/book";
 /// The page that the pages of single effects stand below.
 const EFFECTS: &str = "effects/index.md";
 
-/// Builds everything; status 1 when the program cannot write its part yet.
+/// Builds everything; status 1 when the program cannot write its part yet, or a check fails.
 pub(crate) fn run(options: &Options) -> Result<ExitCode> {
     ensure!(MDBOOK.found().is_some(), "mdbook is not installed: {}", MDBOOK.install);
     let out = std::path::absolute(&options.out).context("the folder of --out has no absolute path")?;
-    let built = build(&out)?;
+    let left_out = build(&out)?;
     for folder in ["book", "man", "completions", "schema"].map(|name| out.join(name)) {
         if folder.is_dir() {
             println!("{}", folder.display());
         }
     }
-    if let Some(why) = &built {
+    if let Some(why) = &left_out {
         println!("left out: {why}");
     }
-    Ok(ExitCode::from(u8::from(built.is_some())))
+    let problems = if options.check { problems(&out)? } else { Vec::new() };
+    for problem in &problems {
+        println!("{problem}");
+    }
+    Ok(ExitCode::from(u8::from(left_out.is_some() || !problems.is_empty())))
 }
 
 /// What came of checking the book.
@@ -61,13 +68,18 @@ pub(crate) struct Checked {
 }
 
 /// Builds the book and checks its links and commands.
-pub(crate) fn check(_: &Workspace) -> Result<Checked> {
+pub(crate) fn check() -> Result<Checked> {
     if !workspace::root().join(BOOK).join("book.toml").is_file() {
         return Ok(Checked { problems: Vec::new(), left_out: Some(format!("there is no {BOOK}/book.toml")) });
     }
     let out = workspace::root().join("target/docs");
     let left_out = build(&out)?;
-    let sources = Sources::read(&staging(&out).join("src"))?;
+    Ok(Checked { problems: problems(&out)?, left_out })
+}
+
+/// Links and commands of a built book that lead nowhere.
+fn problems(out: &Path) -> Result<Vec<String>> {
+    let sources = Sources::read(&staging(out).join("src"))?;
     let mut problems = sources.problems();
     let mut checker = Checker::new(Programs);
     for (page, text) in &sources.pages {
@@ -76,8 +88,7 @@ pub(crate) fn check(_: &Workspace) -> Result<Checked> {
             problems.extend(problem.map(|problem| format!("{page}:{}: {problem}", shown.line)));
         }
     }
-    let problems = problems.into_iter().map(|problem| format!("{BOOK}/src/{problem}")).collect();
-    Ok(Checked { problems, left_out })
+    Ok(problems.into_iter().map(|problem| format!("{BOOK}/src/{problem}")).collect())
 }
 
 /// Where the book's sources are put together.

@@ -94,13 +94,15 @@ impl Reader<'_> {
     fn file(&mut self, path: &Path, parent: Option<usize>, children: &Path) -> Result<usize> {
         let text =
             std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-        let syntax =
-            syn::parse_file(&text).with_context(|| format!("{}: not readable as Rust", path.display()))?;
+        let place = slashes(path.strip_prefix(self.top).unwrap_or(path));
+        let syntax = syn::parse_file(&text).map_err(|error| {
+            anyhow::anyhow!("{place}:{}: not readable as Rust: {error}", error.span().start().line)
+        })?;
+        let syntax = Rc::new(syntax);
         let file = self.tree.files.len();
         let module = self.module(file, parent);
-        let syntax = Rc::new(syntax);
         self.tree.files.push(SourceFile {
-            path: slashes(path.strip_prefix(self.top).unwrap_or(path)),
+            path: place,
             folder: folder_from(self.folder, path),
             text,
             syntax: Rc::clone(&syntax),
