@@ -130,8 +130,7 @@ impl<H: Help> Checker<H> {
                 return Some(format!("`{}` has no command {word}", command[..at].join(" ")));
             }
             at += 1;
-            let Some(inside) = self.help(&command[..at]) else { return None };
-            help = inside;
+            help = self.help(&command[..at])?;
         }
         let options =
             command[at..].iter().take_while(|word| *word != "--").filter(|word| word.starts_with("--"));

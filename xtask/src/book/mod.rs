@@ -16,10 +16,11 @@ mod pages;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 
 use self::commands::{Checker, Help, commands};
 use self::pages::{SUMMARY, Sources};
+use crate::base::markdown::resolved;
 use crate::base::process::{cargo, output_of, shown, succeeds};
 use crate::base::tools::MDBOOK;
 use crate::base::workspace;
@@ -91,19 +92,21 @@ fn problems(out: &Path) -> Result<Vec<String>> {
     Ok(problems.into_iter().map(|problem| format!("{BOOK}/src/{problem}")).collect())
 }
 
-/// Where the book's sources are put together.
+/// Where the book's sources are put together: below a folder that stands for the top, since pages can include files from
+/// there.
 fn staging(out: &Path) -> PathBuf {
-    out.join("sources")
+    out.join("sources").join(BOOK)
 }
 
 /// Builds all of it below `out`; answers what had to be left out.
 fn build(out: &Path) -> Result<Option<String>> {
     let sources = staging(out);
     let reference = out.join("reference");
-    for folder in [&sources, &reference, &out.join("book")] {
+    for folder in [&out.join("sources"), &reference, &out.join("book")] {
         removed(folder)?;
     }
     copy(&workspace::root().join(BOOK), &sources)?;
+    copy_included(&workspace::root(), &out.join("sources"))?;
     let left_out = reference_of_program(&reference)?;
     if left_out.is_none() {
         for name in ["man", "completions", "schema"] {
@@ -112,10 +115,44 @@ fn build(out: &Path) -> Result<Option<String>> {
         }
         with_effects(&sources.join("src"), &reference.join("effects"))?;
     }
-    let mut mdbook = Command::new("mdbook");
-    mdbook.arg("build").arg(&sources).arg("--dest-dir").arg(out.join("book"));
-    ensure!(succeeds(&mut mdbook)?, "`{}` failed", shown(&mdbook));
+    make_book(&sources, &out.join("book"))?;
     Ok(left_out)
+}
+
+/// Runs mdBook. It goes on where it cannot include a file, and only says so.
+fn make_book(sources: &Path, out: &Path) -> Result<()> {
+    let mut mdbook = Command::new(MDBOOK.name);
+    mdbook.arg("build").arg(sources).arg("--dest-dir").arg(out);
+    let output = mdbook.output().context("cannot start mdbook")?;
+    let said =
+        String::from_utf8_lossy(&output.stderr).into_owned() + &String::from_utf8_lossy(&output.stdout);
+    let error = said.lines().find(|line| line.contains("ERROR"));
+    if !output.status.success() || error.is_some() {
+        bail!("`{}` failed: {}", shown(&mdbook), error.unwrap_or(said.trim()));
+    }
+    Ok(())
+}
+
+/// Copies what pages include from outside of the book: `{{#include ../../../README.md}}`.
+fn copy_included(top: &Path, to: &Path) -> Result<()> {
+    let sources = Sources::read(&top.join(BOOK).join("src"))?;
+    for (page, text) in &sources.pages {
+        for path in included(text) {
+            let place = format!("{BOOK}/src/{page}");
+            let Some(path) = resolved(&place, path).filter(|path| !path.starts_with(BOOK)) else { continue };
+            let (from, to) = (top.join(&path), to.join(&path));
+            std::fs::create_dir_all(to.parent().unwrap_or(&to))
+                .and_then(|()| std::fs::copy(&from, &to))
+                .with_context(|| format!("{place} includes {path}, which cannot be copied"))?;
+        }
+    }
+    Ok(())
+}
+
+/// Files that a page includes, without the part of them that it wants.
+fn included(text: &str) -> Vec<&str> {
+    let inside = text.split("{{#include ").skip(1).filter_map(|rest| rest.split("}}").next());
+    inside.filter_map(|path| path.trim().split(':').next()).collect()
 }
 
 /// Lets the program write its part, or says that it cannot.
@@ -244,6 +281,19 @@ mod tests {
         assert_eq!(Sources::read(&sources).unwrap().problems().len(), 1);
         with_effects(&sources, &effects).unwrap();
         assert_eq!(Sources::read(&sources).unwrap().problems(), [""; 0]);
+    }
+
+    #[test]
+    fn what_a_page_includes_from_outside_is_copied_along() {
+        let (top, to) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        let page = top.path().join(BOOK).join("src/a.md");
+        std::fs::create_dir_all(page.parent().unwrap()).unwrap();
+        std::fs::write(&page, "{{#include ../../../README.md:table}} {{#include b.md}}").unwrap();
+        let error = copy_included(top.path(), to.path()).unwrap_err().to_string();
+        assert_eq!(error, "host-sim/book/src/a.md includes README.md, which cannot be copied");
+        std::fs::write(top.path().join("README.md"), "text").unwrap();
+        copy_included(top.path(), to.path()).unwrap();
+        assert!(to.path().join("README.md").is_file());
     }
 
     #[test]
