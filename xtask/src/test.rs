@@ -22,6 +22,9 @@ pub(crate) struct Options {
     /// Go on after a failed step, to see all of them
     #[arg(long)]
     keep_going: bool,
+    /// Only these steps; absent: all of them
+    #[arg(value_name = "STEP", value_parser = STEPS.iter().map(|step| step.name).collect::<Vec<_>>())]
+    steps: Vec<String>,
 }
 
 /// What came of a step.
@@ -64,12 +67,15 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     let start = Instant::now();
     let mut total = Tally::default();
     let mut summary = Vec::new();
-    for (at, step) in STEPS.iter().enumerate() {
+    let wanted =
+        |step: &&Step| options.steps.is_empty() || options.steps.iter().any(|name| name == step.name);
+    let steps: Vec<&Step> = STEPS.iter().filter(wanted).collect();
+    for (at, step) in steps.iter().enumerate() {
         if total.failed > 0 && !options.keep_going {
             summary.push(format!("  not run  {}", step.name));
             continue;
         }
-        println!("\n== {}/{} {}: {}", at + 1, STEPS.len(), step.name, step.about);
+        println!("\n== {}/{} {}: {}", at + 1, steps.len(), step.name, step.about);
         let began = Instant::now();
         let tally = counted(step, (step.run)(workspace));
         let word = verdict(&tally);

@@ -185,12 +185,13 @@ mod tests {
         fn help(&mut self, words: &[String]) -> Option<String> {
             let text = match words.join(" ").as_str() {
                 "quadlab" => {
-                    "Usage: quadlab <COMMAND>\n\nCommands:\n  design    Design gains\n            for a model\n  plan      Plan\n\nOptions:\n  -h, --help\n"
+                    "Usage: quadlab <COMMAND>\n\nCommands:\n  design    Design gains\n            for a model\n  plan      Plan\n  passes\n\nOptions:\n  -h, --help\n"
                 }
                 "quadlab design" => {
                     "Commands:\n  check  Check gains\n\nOptions:\n      --out <TOML>  Write\n"
                 }
                 "quadlab design check" => "Options:\n      --delay <N>  Samples\n      --continuous\n",
+                "quadlab passes" => "Usage: quadlab passes [ARGS]...\n",
                 "quadlab plan" => "Options:\n      --model <TOML>\n",
                 _ => return None,
             };
@@ -205,6 +206,7 @@ mod tests {
             ("quadlab design check --delay 2 --continuous", None),
             ("quadlab design --out=gains.toml", None),
             ("quadlab plan anything.csv --model m.toml", None),
+            ("quadlab passes --any", None),
             ("quadlab --help", None),
             ("git clone --no-such-option", None),
             ("quadlab for", Some("`quadlab` has no command for")),
