@@ -10,10 +10,11 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use cargo_metadata::TargetKind;
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
-use pulldown_cmark::{Event, Options, Parser, Tag};
+use pulldown_cmark::Event;
 
-use crate::process::output_of;
-use crate::workspace::{self, Workspace};
+use crate::base::markdown::{events, links, path_of, resolved};
+use crate::base::process::{in_continuous_integration, output_of};
+use crate::base::workspace::{self, Workspace};
 
 /// Crates that may use `unsafe`, as (crate, why nothing safe does it).
 const MAY_USE_UNSAFE: &[(&str, &str)] =
@@ -24,6 +25,9 @@ const LEFTOVERS: [&str; 3] = ["todo", "unimplemented", "dbg"];
 
 /// A clone stays quick: large data are fetched or generated. Bytes.
 const LARGEST_FILE: u64 = 1_000_000;
+
+/// Where the book is.
+const BOOK: &str = "host-sim/book/src/";
 
 const ARCHITECTURE: &str = "ARCHITECTURE.md";
 
@@ -43,7 +47,9 @@ pub(crate) fn check(workspace: &Workspace) -> Result<Vec<String>> {
     for file in files.iter().filter(|file| file.ends_with(".rs")) {
         problems.extend(leftovers(file, &read(&root.join(file))?));
     }
-    for file in files.iter().filter(|file| file.ends_with(".md")) {
+    // The book links to pages that are generated, and has a step of its own.
+    let pages = files.iter().filter(|file| file.ends_with(".md") && !file.starts_with(BOOK));
+    for file in pages {
         problems.extend(broken_links(file, &read(&root.join(file))?, &known));
     }
     let folders: Vec<String> = workspace.members().iter().map(|member| workspace.folder_of(member)).collect();
@@ -68,7 +74,7 @@ fn listed_files(options: &[&str]) -> Result<Vec<String>> {
 
 /// A fresh clone must build what was committed: in continuous integration, cargo had nothing to change.
 fn lock_file_changed() -> Option<String> {
-    if !crate::test::in_continuous_integration() {
+    if !in_continuous_integration() {
         return None;
     }
     let mut git = std::process::Command::new("git");
@@ -176,44 +182,14 @@ impl Paths {
     }
 }
 
-fn markdown(text: &str) -> Parser<'_> {
-    Parser::new_ext(text, Options::ENABLE_TABLES)
-}
-
 /// Links of a page to files of the project that are not there.
 fn broken_links(page: &str, text: &str, known: &Paths) -> Vec<String> {
-    let mut problems = Vec::new();
-    for event in markdown(text) {
-        let (Event::Start(Tag::Link { dest_url, .. }) | Event::Start(Tag::Image { dest_url, .. })) = event
-        else {
-            continue;
-        };
-        let path = dest_url.split(['#', '?']).next().unwrap_or_default();
-        let is_address = path.split('/').next().is_some_and(|first| first.contains(':'));
-        if path.is_empty() || is_address {
-            continue;
-        }
-        if !resolved(page, path).is_some_and(|target| known.has(&target)) {
-            problems.push(format!("{page}: the link to {dest_url} leads nowhere in the repository"));
-        }
-    }
-    problems
-}
-
-/// A link's path from the root; nothing when it leaves the repository.
-fn resolved(page: &str, link: &str) -> Option<String> {
-    let mut parts: Vec<&str> = match link.strip_prefix('/') {
-        Some(_) => Vec::new(),
-        None => page.split('/').rev().skip(1).collect::<Vec<_>>().into_iter().rev().collect(),
+    let leads_nowhere = |link: &String| {
+        let path = path_of(link);
+        !path.is_empty() && !resolved(page, path).is_some_and(|target| known.has(&target))
     };
-    for part in link.split('/') {
-        match part {
-            "" | "." => {}
-            ".." => drop(parts.pop()?),
-            name => parts.push(name),
-        }
-    }
-    Some(parts.join("/"))
+    let broken = links(text).into_iter().filter(leads_nowhere);
+    broken.map(|link| format!("{page}: the link to {link} leads nowhere in the repository")).collect()
 }
 
 /// Does the architecture page name every member, and only folders and files that exist?
@@ -221,7 +197,7 @@ fn resolved(page: &str, link: &str) -> Option<String> {
 /// A name is a code span: with a slash at its end it is a folder; with one inside, and an existing
 /// top-level folder in front, it is a file or folder (so `m/s` is a unit and `proto/src/lib.rs` a file).
 fn architecture(text: &str, members: &[String], known: &Paths) -> Vec<String> {
-    let spans: Vec<String> = markdown(text)
+    let spans: Vec<String> = events(text)
         .filter_map(|event| if let Event::Code(span) = event { Some(span.into_string()) } else { None })
         .collect();
     let mut problems = Vec::new();

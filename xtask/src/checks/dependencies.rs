@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use anyhow::{Context, Result};
 use toml::{Table, Value};
 
-use crate::workspace::Workspace;
+use crate::base::workspace::Workspace;
 
 /// Manifest tables that hold dependencies.
 const TABLES: [&str; 3] = ["dependencies", "dev-dependencies", "build-dependencies"];

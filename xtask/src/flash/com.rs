@@ -17,53 +17,17 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Command, ExitCode, Stdio};
-use std::str::FromStr;
 
 use anyhow::{Context, Result, bail, ensure};
 use serde_json::Value;
-use sha2::{Digest, Sha256};
 
+use super::destination::Destination;
+use super::release::{CONFIG, PROGRAM, Release, files_of, hash, stripped};
 use crate::arm::{self, Target};
-use crate::process::{shown, succeeds};
-use crate::workspace::Workspace;
-
-/// `USER@HOST[:PORT]`.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Destination {
-    /// As ssh takes it.
-    user_at_host: String,
-    port: Option<u16>,
-}
-
-impl FromStr for Destination {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || {
-            format!("{text:?} is no destination; write USER@HOST or USER@HOST:PORT, such as root@192.168.7.2")
-        };
-        let (user, rest) = text.split_once('@').ok_or_else(wrong)?;
-        // An IPv6 address has colons of its own and stands in brackets.
-        let (host, port) = match rest.strip_prefix('[').and_then(|rest| rest.split_once(']')) {
-            Some((host, "")) => (host, None),
-            Some((host, port)) => (host, Some(port.strip_prefix(':').ok_or_else(wrong)?)),
-            None => rest.split_once(':').map_or((rest, None), |(host, port)| (host, Some(port))),
-        };
-        let port = port.map(|port| port.parse().map_err(|_| wrong())).transpose()?;
-        // What begins with a dash would be an option of ssh.
-        let plain = |name: &str| {
-            !name.is_empty()
-                && !name.starts_with('-')
-                && name.chars().all(|c| c.is_ascii_alphanumeric() || "._-:".contains(c))
-        };
-        if !plain(user) || !plain(host) {
-            return Err(wrong());
-        }
-        Ok(Self { user_at_host: format!("{user}@{host}"), port })
-    }
-}
+use crate::base::process::shown;
+use crate::base::workspace::Workspace;
 
 /// One flash.
 pub(crate) struct Flash {
@@ -76,15 +40,6 @@ pub(crate) struct Flash {
     pub(crate) rollback: bool,
 }
 
-/// What goes onto the craft.
-struct Release {
-    /// The first digits of the hash of all of it.
-    id: String,
-    files: BTreeMap<String, Vec<u8>>,
-}
-
-const PROGRAM: &str = "com";
-const CONFIG: &str = "com.toml";
 const SERVICE: &str = "quadlab-com";
 
 impl Flash {
@@ -175,7 +130,7 @@ impl Flash {
 
     /// Reads everything that goes onto the craft.
     fn release(&self) -> Result<Release> {
-        let mut files = match &self.config {
+        let files = match &self.config {
             Some(config) => files_of(config)?,
             None => self.files_on_the_craft()?,
         };
@@ -185,16 +140,7 @@ impl Flash {
                 &arm::build(&Workspace::load()?, Target::Armv7, PROGRAM, &[PROGRAM], &[])?.remove(0),
             )?,
         };
-        let bytes = std::fs::read(&program).with_context(|| format!("cannot read {}", program.display()))?;
-        files.insert(PROGRAM.into(), bytes);
-        let mut all = Sha256::new();
-        for (name, bytes) in &files {
-            all.update(name.as_bytes());
-            all.update(hash(bytes).as_bytes());
-        }
-        let mut id = hex(&all.finalize());
-        id.truncate(12);
-        Ok(Release { id, files })
+        Release::new(files, &program)
     }
 
     /// The configuration that is there, to go along with a new program.
@@ -456,78 +402,13 @@ impl Flash {
     }
 }
 
-/// Without what only a debugger needs: a tenth of the bytes for the radio.
-fn stripped(program: &Path) -> Result<PathBuf> {
-    let small = program.with_extension("stripped");
-    let mut command = Command::new("arm-linux-gnueabihf-strip");
-    command.arg("-o").arg(&small).arg(program);
-    ensure!(succeeds(&mut command)?, "`{}` failed", shown(&command));
-    Ok(small)
-}
-
-/// A configuration and the files it names, which lie beside it.
-fn files_of(config: &Path) -> Result<BTreeMap<String, Vec<u8>>> {
-    let text =
-        std::fs::read_to_string(config).with_context(|| format!("cannot read {}", config.display()))?;
-    let table: toml::Table = text.parse().with_context(|| format!("{} is not TOML", config.display()))?;
-    let mut files = BTreeMap::from([(CONFIG.to_owned(), text.into_bytes())]);
-    for field in ["vehicle", "gains"] {
-        let name = table.get("files").and_then(|files| files.get(field)).and_then(toml::Value::as_str);
-        let name = name.with_context(|| format!("{}: [files] {field} is missing", config.display()))?;
-        let plain = name.chars().all(|c| c.is_ascii_alphanumeric() || "._-".contains(c));
-        ensure!(
-            plain && !name.starts_with(['.', '-']) && name != PROGRAM && name != CONFIG,
-            "{}: [files] {field} is {name:?}: put it beside the configuration, with a name of letters, digits and ._-",
-            config.display()
-        );
-        let path = config.with_file_name(name);
-        let bytes = std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
-        files.insert(name.to_owned(), bytes);
-    }
-    Ok(files)
-}
-
 fn text<'a>(answer: &'a Value, field: &str) -> &'a str {
     answer[field].as_str().unwrap_or("unknown")
-}
-
-fn hash(bytes: &[u8]) -> String {
-    hex(&Sha256::digest(bytes))
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn destination(text: &str) -> Result<(String, Option<u16>), String> {
-        text.parse::<Destination>().map(|to| (to.user_at_host, to.port))
-    }
-
-    #[test]
-    fn destinations_are_users_at_hosts() {
-        assert_eq!(destination("root@192.168.7.2"), Ok(("root@192.168.7.2".into(), None)));
-        assert_eq!(destination("me@craft-1.local:2222"), Ok(("me@craft-1.local".into(), Some(2222))));
-        assert_eq!(destination("me@[fe80::1]:22"), Ok(("me@fe80::1".into(), Some(22))));
-        for wrong in [
-            "",
-            "host",
-            "@host",
-            "me@",
-            "me@host:",
-            "me@host:x",
-            "me@host:70000",
-            "-oProxyCommand=x@h",
-            "me@-x",
-            "me@h;ls",
-            "me@[::1]22",
-        ] {
-            assert!(destination(wrong).is_err_and(|error| error.contains("USER@HOST")), "{wrong}");
-        }
-    }
 
     fn flash() -> Flash {
         Flash {
@@ -569,21 +450,5 @@ mod tests {
             unit.contains("\nExecStart=/opt/quadlab/current/com run /opt/quadlab/current/com.toml\n"),
             "{unit}"
         );
-    }
-
-    #[test]
-    fn a_configuration_takes_its_files_along() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("mine.toml");
-        std::fs::write(&path, "[files]\nvehicle = 'v.toml'\ngains = 'g.toml'\n").unwrap();
-        assert!(files_of(&path).unwrap_err().to_string().contains("v.toml"));
-        std::fs::write(folder.path().join("v.toml"), "v").unwrap();
-        std::fs::write(folder.path().join("g.toml"), "g").unwrap();
-        let files = files_of(&path).unwrap();
-        assert_eq!(files.keys().collect::<Vec<_>>(), ["com.toml", "g.toml", "v.toml"]);
-        for name in ["../v.toml", "/etc/passwd", "a b", "com", "$(x)"] {
-            std::fs::write(&path, format!("[files]\nvehicle = 'v.toml'\ngains = '{name}'\n")).unwrap();
-            assert!(files_of(&path).is_err(), "{name}");
-        }
     }
 }

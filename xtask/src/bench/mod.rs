@@ -12,12 +12,15 @@ use std::process::ExitCode;
 use anyhow::{Result, bail};
 use cargo_metadata::TargetKind;
 
-use crate::figures::{self, Figures, Throughput, TimesReader};
-use crate::peers::{FLIGHT_FILE_FOLDER, Peers};
-use crate::process::{Program, cargo, filtered, run_program, shown};
-use crate::tally::SKIP_MARK;
-use crate::tools::{self, VALGRIND};
-use crate::workspace::Workspace;
+mod figures;
+mod peers;
+
+use self::figures::{Figures, Throughput, TimesReader};
+use self::peers::{FLIGHT_FILE_FOLDER, Peers};
+use crate::base::process::{Program, cargo, filtered, run_program, shown};
+use crate::base::tally::SKIP_MARK;
+use crate::base::tools::{self, VALGRIND};
+use crate::base::workspace::Workspace;
 
 /// Fresh processes of a throughput bench.
 const RUNS: usize = 5;

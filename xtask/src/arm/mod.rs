@@ -14,9 +14,9 @@ use anyhow::{Context, Result, bail};
 use object::{Object, ObjectSection, SectionFlags, elf};
 use serde_json::{Value, json};
 
-use crate::process::{cargo, output_of, shown, succeeds};
-use crate::tools::Tool;
-use crate::workspace::Workspace;
+use crate::base::process::{cargo, output_of, shown, succeeds};
+use crate::base::tools::Tool;
+use crate::base::workspace::Workspace;
 
 /// Options of the command.
 #[derive(clap::Args)]
@@ -142,7 +142,7 @@ impl Toolchain {
             Self::Own => cargo([what]),
             Self::Distribution => {
                 let mut command = Command::new(DISTRIBUTION_CARGO);
-                command.arg(what).current_dir(crate::workspace::root());
+                command.arg(what).current_dir(crate::base::workspace::root());
                 command.env("RUSTC", DISTRIBUTION_RUSTC).env("RUSTC_BOOTSTRAP", "1");
                 command.env_remove("CARGO").env_remove("RUSTUP_TOOLCHAIN").env_remove("RUSTDOC");
                 command.arg(format!("-Zbuild-std={}", target.standard_library()));

@@ -6,7 +6,7 @@
 
 use cargo_metadata::DependencyKind;
 
-use crate::workspace::Workspace;
+use crate::base::workspace::Workspace;
 
 /// What one crate may use of ours, and why no more than that.
 struct Allowed {
@@ -167,7 +167,7 @@ pub(crate) fn check(workspace: &Workspace) -> Vec<String> {
 fn unknown_crate(name: &str) -> Option<String> {
     let known = ARROWS.iter().any(|allowed| allowed.from == name);
     (!known).then(|| {
-        format!("crate {name} has no line in the table of xtask/src/arrows.rs: add what it may use, and why")
+        format!("crate {name} has no line in the table of xtask/src/checks/arrows.rs: add what it may use, and why")
     })
 }
 

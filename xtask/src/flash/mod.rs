@@ -1,14 +1,17 @@
 //! `cargo xtask flash`: a new program onto a craft, and back to the one before.
 //!
-//! Three ways: onto a computer on module over ssh ([`crate::flash_com`]), onto a chip through a debug or into an
-//! emulator ([`crate::flash_chip`]). `--dry-run` prints the steps and does none.
+//! Three ways: onto a computer on module over ssh ([`crate::flash::com`]), onto a chip through a debug or into an
+//! emulator ([`crate::flash::chip`]). `--dry-run` prints the steps and does none.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
 
-use crate::{flash_chip, flash_com};
+mod chip;
+mod com;
+mod destination;
+mod release;
 
 /// Options of the command.
 #[derive(clap::Args)]
@@ -16,13 +19,13 @@ use crate::{flash_chip, flash_com};
 pub(crate) struct Options {
     /// Onto a computer with Linux and ssh
     #[arg(long, group = "to", value_name = "USER@HOST[:PORT]")]
-    com: Option<flash_com::Destination>,
+    com: Option<destination::Destination>,
     /// Onto this chip, through a debug probe (probe-rs); propellers off
     #[arg(long, group = "to", value_name = "CHIP")]
     probe: Option<String>,
     /// Into an emulator
     #[arg(long, group = "to", value_name = "TARGET")]
-    qemu: Option<flash_chip::Emulated>,
+    qemu: Option<chip::Emulated>,
     /// Print what would be done, and do nothing
     #[arg(long)]
     dry_run: bool,
@@ -52,14 +55,14 @@ pub(crate) fn run(options: Options) -> Result<ExitCode> {
     let Options { com, probe, qemu, dry_run, rollback, config, folder, ssh_config, runner, program } =
         options;
     if let Some(destination) = com {
-        let flash = flash_com::Flash { destination, config, folder, ssh_config, runner, program, rollback };
+        let flash = com::Flash { destination, config, folder, ssh_config, runner, program, rollback };
         return if dry_run { flash.print_steps() } else { flash.run() };
     }
     if let Some(chip) = probe {
-        return flash_chip::onto(&chip, dry_run);
+        return chip::onto(&chip, dry_run);
     }
     match qemu {
-        Some(target) => flash_chip::emulate(target, dry_run),
+        Some(target) => chip::emulate(target, dry_run),
         None => bail!("say where to: --com, --probe or --qemu"),
     }
 }

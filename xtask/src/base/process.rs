@@ -6,7 +6,7 @@ use std::process::{Command, ExitCode, ExitStatus, Stdio};
 
 use anyhow::{Context, Result};
 
-use crate::workspace;
+use crate::base::workspace;
 
 /// A program of the workspace that a command stands for.
 pub(crate) struct Program {
@@ -69,6 +69,11 @@ fn exit_code(status: ExitStatus) -> ExitCode {
 /// The cargo that started us, so that a toolchain chosen on the command line stays chosen.
 fn cargo_path() -> OsString {
     std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())
+}
+
+/// Is this the continuous integration, that is, `CI=true`?
+pub(crate) fn in_continuous_integration() -> bool {
+    std::env::var_os("CI").is_some_and(|value| value == "true")
 }
 
 /// Cargo in the workspace's top folder.

@@ -9,9 +9,9 @@ use std::process::{Command, ExitCode};
 use anyhow::{Result, bail, ensure};
 
 use crate::arm::{self, QEMU_ARM, QEMU_SYSTEM_ARM, Target};
-use crate::process::{shown, succeeds};
-use crate::tools::Tool;
-use crate::workspace::{self, Workspace};
+use crate::base::process::{shown, succeeds};
+use crate::base::tools::Tool;
+use crate::base::workspace::{self, Workspace};
 
 /// Writes and reads chips through debug probes.
 const PROBE_RS: Tool =

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use cargo_metadata::PackageId;
 use spdx::{Expression, Licensee, ParseMode};
 
-use crate::workspace::Workspace;
+use crate::base::workspace::Workspace;
 
 /// What a dependency may be licensed under.
 const ALLOWED: &[&str] = &[
@@ -62,7 +62,7 @@ fn objection(allowed: &[Licensee], field: Option<&str>) -> Option<String> {
         return Some(format!("licence {text:?} is not an SPDX expression"));
     };
     let accepted = expression.evaluate(|asked| allowed.iter().any(|licence| licence.satisfies(asked)));
-    (!accepted).then(|| format!("licence {text} is not among those allowed in xtask/src/licences.rs"))
+    (!accepted).then(|| format!("licence {text} is not among those allowed in xtask/src/checks/licences.rs"))
 }
 
 /// Who uses a package, for every package.

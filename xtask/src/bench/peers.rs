@@ -10,9 +10,9 @@ use anyhow::{Context, Result, bail};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::figures::Throughput;
-use crate::process::shown;
-use crate::tally::SKIP_MARK;
+use crate::base::process::shown;
+use crate::base::tally::SKIP_MARK;
+use crate::bench::figures::Throughput;
 
 /// The flight file that ours leaves for the others, in the folder named by [`FLIGHT_FILE_FOLDER`].
 const FLIGHT_FILE: &str = "flight.csv";
