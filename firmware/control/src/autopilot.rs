@@ -1,8 +1,8 @@
 //! The whole of what flies: monitors, supervisor, guidance and the [`Controller`], ticked together.
 //!
 //! Firmware and simulation call this and nothing below it. Order of a tick:
-//! 1. the [`monitors`](crate::monitors) judge what came: clock, commands, pose, gyro, voltage, tilt;
-//! 2. the [`supervisor`](crate::supervisor) goes to the next state;
+//! 1. the [`monitors`](crate::safety::detectors) judge what came: clock, commands, pose, gyro, voltage, tilt;
+//! 2. the [`supervisor`](crate::safety::state_machine) goes to the next state;
 //! 3. in flight the pilot's command goes to the controller as it came; in hold and land the guidance here makes one;
 //! 4. the controller ticks, with motors at idle when disarmed, armed or cut;
 //! 5. what only the outcome shows (loss of thrust, gyro against motion capture, a result that is no number) is for the next
@@ -15,18 +15,18 @@
 //!
 //! Not here: sensors, links and clocks of a board, and the take-off, which is a command like another.
 //!
-//! [`PoseLimits::coast_s`]: crate::supervision::PoseLimits::coast_s
-//! [`PoseLimits::cut_after_s`]: crate::supervision::PoseLimits::cut_after_s
-//! [`Landing::blind_offset_m`]: crate::supervision::Landing::blind_offset_m
+//! [`PoseLimits::coast_s`]: crate::config::supervision_limits::PoseLimits::coast_s
+//! [`PoseLimits::cut_after_s`]: crate::config::supervision_limits::PoseLimits::cut_after_s
+//! [`Landing::blind_offset_m`]: crate::config::supervision_limits::Landing::blind_offset_m
 
-use crate::condition::{Condition, Conditions};
-use crate::controller::{Controller, Measurement, Tick};
-use crate::door::{Command, Mode};
-use crate::error::ConfigError;
-use crate::gains::Config;
-use crate::monitors::{Counters, Known, Limits, Monitors, count, tilt_bound};
-use crate::supervisor::{Preflight, State, next};
-use crate::trig::{sin_cos, wrap_angle};
+use crate::config::error::ConfigError;
+use crate::config::gains::Config;
+use crate::dsp::trig::{sin_cos, wrap_angle};
+use crate::inputs::checks::{Command, Mode};
+use crate::law::controller::{Controller, Measurement, Tick};
+use crate::safety::conditions::{Condition, Conditions};
+use crate::safety::detectors::{Counters, Known, Limits, Monitors, count, tilt_bound};
+use crate::safety::state_machine::{Preflight, State, next};
 
 /// Where motion capture sees the craft.
 #[derive(Debug, Clone, Copy, PartialEq)]

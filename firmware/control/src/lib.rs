@@ -2,7 +2,7 @@
 //!
 //! One [`Autopilot`] is built from a [`Config`] and then ticked at a fixed rate: [`Autopilot::tick`] takes [`Readings`], whatever
 //! has come since the tick before, and returns motor commands together with everything that led to them. It is a
-//! [`supervisor`] (monitors, conditions, states) in front of the [`Controller`], the law. The law is that of A. Szabo's thesis (Wright State, 2017), chapters 4.2.2 and 5, with its misprints resolved.
+//! supervisor (detectors, conditions, states) in front of the [`Controller`], the law. The law is that of A. Szabo's thesis (Wright State, 2017), chapters 4.2.2 and 5, with its misprints resolved.
 //!
 //! Conventions: SI units; inertial frame north-east-down, body frame front-right-down; Euler angles Z-Y-X in radians.
 //! Rotors, seen from above: 1 front-left, 2 front-right, 3 rear-right, 4 rear-left; 1 and 3 turn counter-clockwise.
@@ -19,34 +19,28 @@
     deny(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)
 )]
 
-pub mod altitude;
-pub mod attitude;
+mod allocation;
 pub mod autopilot;
-pub mod canceller;
-pub mod condition;
-pub mod controller;
-pub mod door;
-pub mod error;
-pub mod estimator;
-pub mod filter;
-pub mod gains;
-pub mod mixer;
-pub mod monitors;
-pub mod motor_map;
-pub mod pid;
-pub mod position;
-pub mod prefilter;
-pub mod supervision;
-pub mod supervisor;
-pub mod trig;
+mod config;
+mod dsp;
+mod inputs;
+mod law;
+mod safety;
+
+pub use allocation::{mixer, motor_map};
+pub use config::{error, gains, supervision_limits};
+pub use dsp::{canceller, filter, prefilter, trig};
+pub use inputs::checks;
+pub use law::{altitude, attitude, controller, estimator, pid, position};
+pub use safety::{conditions, detectors, state_machine};
 
 pub use autopilot::{Autopilot, Flight, Pose, Readings, Request};
-pub use condition::{Condition, Conditions};
+pub use checks::{Command, Fault, Faults, Mode};
+pub use conditions::{Condition, Conditions};
 pub use controller::{Controller, Measurement, OuterTerms, Terms, Tick};
-pub use door::{Command, Fault, Faults, Mode};
 pub use error::ConfigError;
 pub use gains::Config;
 pub use mixer::{Directions, Refused};
 pub use pid::PidTerms;
-pub use supervision::Supervision;
-pub use supervisor::State;
+pub use state_machine::{Preflight, State};
+pub use supervision_limits::Supervision;

@@ -1,6 +1,6 @@
 //! The autopilot as a board sees it: readings in, states and motor commands out.
 
-use control::supervisor::Preflight;
+use control::Preflight;
 use control::{Autopilot, Command, Condition, Config, Pose, Readings, Request, State};
 use proptest::prelude::*;
 

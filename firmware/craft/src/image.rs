@@ -95,7 +95,7 @@ mod tests {
         let mut full = Config::thesis();
         full.estimation.gyro = Some(GyroFusion { corner_rad_s: 5.0, complement: Complement::MatchedPair });
         full.estimation.battery = Some(BatteryFilter { gain: 0.02 });
-        full.supervision.fence = control::supervision::Fence::NONE;
+        full.supervision.fence = control::supervision_limits::Fence::NONE;
         [Config::thesis(), Config::thesis_hand_tuned(), full]
     }
 

@@ -1,6 +1,6 @@
 //! A craft as the ground sees it: messages in, messages out, with the flight law behind.
 
-use control::supervisor::Preflight;
+use control::Preflight;
 use control::{Config, State};
 use craft::{Craft, Inputs, Link, Setup, digest};
 use proptest::prelude::*;

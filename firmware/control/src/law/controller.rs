@@ -1,7 +1,7 @@
 //! One control period, from measurement and command to motor commands.
 //!
 //! Order of a tick (thesis chapter 5; every item is tested against recorded closed-loop runs, see `tests/thesis_law.rs`):
-//! 1. inputs pass the door ([`door`](crate::door)); measurements are used as they come, their delay is the world's;
+//! 1. inputs pass the door ([`door`](crate::inputs::checks)); measurements are used as they come, their delay is the world's;
 //! 2. Euler rates, body rates and vertical velocity are estimated;
 //! 3. in position mode the outer loop makes roll and pitch commands of the position command;
 //! 4. prefilters make references of commands, and errors follow (yaw the short way round);
@@ -22,16 +22,16 @@
 //!
 //! Not here: arming, failsafes, clock checks (the [`Autopilot`](crate::Autopilot) has them), and a limit of the thrust.
 
-use crate::altitude::{AltitudeLoop, AltitudeLoopState};
-use crate::attitude::{AngleLoop, AngleLoopState, LoopOutput};
-use crate::door::{Bounds, Command, Faults, Inputs, Mode};
-use crate::error::ConfigError;
-use crate::estimator::{Estimates, Estimator, EstimatorState};
-use crate::gains::{Check, Config, Law, Saturation};
-use crate::mixer::{Mixer, Refused, Share, rotor_speeds};
-use crate::motor_map::{CommandRange, MotorMap};
-use crate::pid::PidTerms;
-use crate::position::{PositionLaw, PositionState};
+use crate::allocation::mixer::{Mixer, Refused, Share, rotor_speeds};
+use crate::allocation::motor_map::{CommandRange, MotorMap};
+use crate::config::error::ConfigError;
+use crate::config::gains::{Check, Config, Law, Saturation};
+use crate::inputs::checks::{Bounds, Command, Faults, Inputs, Mode};
+use crate::law::altitude::{AltitudeLoop, AltitudeLoopState};
+use crate::law::attitude::{AngleLoop, AngleLoopState, LoopOutput};
+use crate::law::estimator::{Estimates, Estimator, EstimatorState};
+use crate::law::pid::PidTerms;
+use crate::law::position::{PositionLaw, PositionState};
 
 /// What the sensors say.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -516,7 +516,7 @@ fn internal_fault(memory: &mut Memory) -> Motors {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gains::GyroFusion;
+    use crate::config::gains::GyroFusion;
 
     const HOVER: Measurement = Measurement {
         position_m: [0.0, 0.0, -1.0],
@@ -704,7 +704,7 @@ mod tests {
     fn a_gyro_that_is_wanted_and_missing_is_a_fault() {
         let mut config = Config::thesis();
         config.estimation.gyro =
-            Some(GyroFusion { corner_rad_s: 5.0, complement: crate::gains::Complement::Exact });
+            Some(GyroFusion { corner_rad_s: 5.0, complement: crate::config::gains::Complement::Exact });
         let mut controller = Controller::new(&config).unwrap();
         assert!(controller.tick(&HOVER, &STAY).faults.measurement.now);
         let turning = Measurement { gyro_rad_s: Some([0.2, 0.0, 0.0]), ..HOVER };
@@ -744,7 +744,7 @@ mod tests {
         let pi = core::f32::consts::PI;
         let command = Command { yaw_rad: pi, ..STAY };
         let south = |noise: f32| Measurement {
-            attitude_rad: [0.0, 0.0, crate::trig::wrap_angle(pi + noise)],
+            attitude_rad: [0.0, 0.0, crate::dsp::trig::wrap_angle(pi + noise)],
             ..HOVER
         };
         let hover = controller.tick(&south(0.0), &command).pwm;

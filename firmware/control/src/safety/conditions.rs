@@ -1,6 +1,6 @@
 //! What the monitors can find, as one bit each, and sets of them.
 
-/// Something that may change the state of the craft. Which does what is the table in [`supervisor`](crate::supervisor).
+/// Something that may change the state of the craft. Which does what is the table in [`supervisor`](crate::safety::state_machine).
 ///
 /// The number is the bit in [`Conditions`], in telemetry and in logs: it never changes its meaning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn each_condition_and_check_has_a_name_of_its_own() {
-        use crate::supervisor::Preflight;
+        use crate::safety::state_machine::Preflight;
         let mut names: Vec<_> = Condition::ALL.iter().map(|condition| condition.name()).collect();
         names.sort_unstable();
         names.dedup();

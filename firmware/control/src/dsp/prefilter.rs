@@ -2,8 +2,8 @@
 //!
 //! Both start where they are told to, not at zero, and both are bounded: a bounded command gives a bounded reference.
 
-use crate::filter::{FirstOrder, FirstOrderState};
-use crate::trig::wrap_angle;
+use crate::dsp::filter::{FirstOrder, FirstOrderState};
+use crate::dsp::trig::wrap_angle;
 
 /// First-order low-pass on a command, or none.
 #[derive(Debug, Clone, Copy, PartialEq)]

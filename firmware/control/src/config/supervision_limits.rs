@@ -8,8 +8,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::ConfigError;
-use crate::gains::Check;
+use crate::config::error::ConfigError;
+use crate::config::gains::Check;
 
 /// When the supervisor steps in.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

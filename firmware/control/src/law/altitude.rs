@@ -3,11 +3,11 @@
 //! z is inertial and points down, so a positive error (the craft is too high) takes thrust away: the plant (5.19) is
 //! `-1/m`, printed with its sign lost. No tilt compensation and no limit of the thrust, as in the thesis.
 
-use crate::attitude::LoopOutput;
-use crate::gains::InnerLoop;
-use crate::mixer::Directions;
-use crate::pid::{Pid, PidState};
-use crate::prefilter::{Prefilter, PrefilterState};
+use crate::allocation::mixer::Directions;
+use crate::config::gains::InnerLoop;
+use crate::dsp::prefilter::{Prefilter, PrefilterState};
+use crate::law::attitude::LoopOutput;
+use crate::law::pid::{Pid, PidState};
 
 /// The altitude law for one period.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,7 +64,7 @@ impl AltitudeLoop {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gains::{Config, Law};
+    use crate::config::gains::{Config, Law};
 
     fn altitude() -> AltitudeLoop {
         let Law::ModelBased(law) = Config::thesis().law else { unreachable!() };

@@ -12,9 +12,9 @@
 //! - Hold goes back to flying by itself once nothing asks for it any more; the monitors make sure that this takes good data
 //!   for a while. Land never goes back up. Cut is latched. Nothing arms but a request, and only with all preflight checks good.
 //!
-//! The machine is pure: `next(state, conditions)`. Time is in the [`monitors`](crate::monitors).
+//! The machine is pure: `next(state, conditions)`. Time is in the [`monitors`](crate::safety::detectors).
 
-use crate::condition::{Condition, Conditions};
+use crate::safety::conditions::{Condition, Conditions};
 
 /// What the craft is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -11,9 +11,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{ConfigError, Parameter};
-use crate::filter::GainRule;
-use crate::supervision::{BatteryLevels, Supervision};
+use crate::config::error::{ConfigError, Parameter};
+use crate::config::supervision_limits::{BatteryLevels, Supervision};
+use crate::dsp::filter::GainRule;
 
 /// Everything that has to be known before the first tick.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -50,7 +50,7 @@ pub enum Saturation {
     /// Each motor's command is clipped by itself, whatever axis that takes from. As in the thesis.
     #[default]
     Clip,
-    /// Roll and pitch come before thrust, thrust before yaw ([`Mixer::share`](crate::mixer::Mixer::share)); where roll and pitch
+    /// Roll and pitch come before thrust, thrust before yaw ([`Mixer::share`](crate::allocation::mixer::Mixer::share)); where roll and pitch
     /// themselves take nearly all there is, less tilt than commanded is flown.
     AttitudeFirst,
 }

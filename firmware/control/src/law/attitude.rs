@@ -4,12 +4,12 @@
 //! rad/s^2 (command units in the hand-tuned law). Positive output turns towards positive angle. Yaw's error and reference
 //! go the short way round; roll and pitch are taken as they come, for a craft that has rolled over is not flown by this law.
 
-use crate::canceller::{Canceller, CancellerState};
-use crate::gains::InnerLoop;
-use crate::mixer::Directions;
-use crate::pid::{Pid, PidState, PidTerms};
-use crate::prefilter::{Prefilter, PrefilterState};
-use crate::trig::wrap_angle;
+use crate::allocation::mixer::Directions;
+use crate::config::gains::InnerLoop;
+use crate::dsp::canceller::{Canceller, CancellerState};
+use crate::dsp::prefilter::{Prefilter, PrefilterState};
+use crate::dsp::trig::wrap_angle;
+use crate::law::pid::{Pid, PidState, PidTerms};
 
 /// The law of one angle, for one period.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -100,7 +100,7 @@ impl AngleLoop {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gains::{Config, Law};
+    use crate::config::gains::{Config, Law};
     use core::f32::consts::PI;
 
     const FREE: Directions = Directions { high: false, low: false };

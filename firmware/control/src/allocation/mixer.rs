@@ -12,9 +12,9 @@
 
 use nalgebra::Matrix4;
 
-use crate::error::ConfigError;
-use crate::gains::{Mixing, RotorCoefficients};
-use crate::trig::sqrt;
+use crate::config::error::ConfigError;
+use crate::config::gains::{Mixing, RotorCoefficients};
+use crate::dsp::trig::sqrt;
 
 /// Directions in which an axis could not be followed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -323,7 +323,7 @@ pub fn rotor_speeds(squared: [f32; 4]) -> [f32; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gains::{THESIS_INVERSE_MIXING, THESIS_ROTORS};
+    use crate::config::gains::{THESIS_INVERSE_MIXING, THESIS_ROTORS};
     use proptest::prelude::*;
 
     fn largest_relative_difference(

@@ -8,8 +8,8 @@
 //! direction they refused the last output; the integral does not go further in that direction, but it may always come
 //! back. The sum's sign follows the error's because gains are not negative. With nothing refused the law is exactly linear.
 
-use crate::gains::InnerLoop;
-use crate::mixer::Directions;
+use crate::allocation::mixer::Directions;
+use crate::config::gains::InnerLoop;
 
 /// The parts of one loop's output, in the loop's output unit.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

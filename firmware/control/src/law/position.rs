@@ -7,13 +7,13 @@
 //!
 //! The reference starts at the measured position when the loop is closed, and integrators and velocity start at zero.
 
-use crate::controller::OuterTerms;
-use crate::filter::{FirstOrder, FirstOrderState, GainRule};
-use crate::gains::PositionLoop as Gains;
-use crate::mixer::Directions;
-use crate::pid::{Pid, PidState, PidTerms};
-use crate::prefilter::RateLimiter;
-use crate::trig;
+use crate::allocation::mixer::Directions;
+use crate::config::gains::PositionLoop as Gains;
+use crate::dsp::filter::{FirstOrder, FirstOrderState, GainRule};
+use crate::dsp::prefilter::RateLimiter;
+use crate::dsp::trig;
+use crate::law::controller::OuterTerms;
+use crate::law::pid::{Pid, PidState, PidTerms};
 
 /// The law of one horizontal axis, for one period.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -121,7 +121,7 @@ impl PositionLaw {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gains::{Config, Law};
+    use crate::config::gains::{Config, Law};
     use core::f32::consts::FRAC_PI_2;
 
     fn law() -> PositionLaw {

@@ -5,15 +5,15 @@
 //! - Comparisons are written so that NaN falls on the bad side.
 //! - A pose that is frozen, jumped or not a number counts as one that did not come; the silence that follows does the rest.
 //!
-//! What is done about a condition is the table in [`supervisor`](crate::supervisor); from when on it is one, the table
+//! What is done about a condition is the table in [`supervisor`](crate::safety::state_machine); from when on it is one, the table
 //! [`Supervision`] of the gains file.
 
 use crate::autopilot::Pose;
-use crate::condition::{Condition, Conditions};
-use crate::door::{ANGLE_LIMIT_RAD, POSITION_LIMIT_M, magnitude};
-use crate::gains::Config;
-use crate::supervision::Supervision;
-use crate::trig::{sin_cos, wrap_angle};
+use crate::config::gains::Config;
+use crate::config::supervision_limits::Supervision;
+use crate::dsp::trig::{sin_cos, wrap_angle};
+use crate::inputs::checks::{ANGLE_LIMIT_RAD, POSITION_LIMIT_M, magnitude};
+use crate::safety::conditions::{Condition, Conditions};
 
 /// Seconds as microseconds; what does not fit is the greatest number.
 fn micros(seconds: f64) -> u32 {

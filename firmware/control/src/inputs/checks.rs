@@ -6,11 +6,11 @@
 //! Nothing flies before there has been one sample whose position, attitude and voltage were all good.
 //!
 //! Motor cut-off and injection are carried out by the controller. What a fault leads to is the
-//! [`supervisor`](crate::supervisor)'s business.
+//! [`supervisor`](crate::safety::state_machine)'s business.
 
-use crate::controller::Measurement;
-use crate::gains::PositionLimits;
-use crate::trig::wrap_angle;
+use crate::config::gains::PositionLimits;
+use crate::dsp::trig::wrap_angle;
+use crate::law::controller::Measurement;
 
 /// Angles beyond this many rad are no angles.
 pub const ANGLE_LIMIT_RAD: f32 = 1000.0;
@@ -233,7 +233,7 @@ impl Bounds {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gains::Config;
+    use crate::config::gains::Config;
     use proptest::prelude::*;
 
     fn bounds() -> Bounds {

@@ -8,9 +8,9 @@
 //! Yaw may jump by whole turns: the estimator sees the short way. Every filter starts in the steady state of its first
 //! input, so nothing kicks when the craft starts at z = -1 m.
 
-use crate::filter::{FirstOrder, FirstOrderState, SecondOrder, SecondOrderState};
-use crate::gains::{Complement, Estimation, GyroFusion};
-use crate::trig::{sin_cos, wrap_angle};
+use crate::config::gains::{Complement, Estimation, GyroFusion};
+use crate::dsp::filter::{FirstOrder, FirstOrderState, SecondOrder, SecondOrderState};
+use crate::dsp::trig::{sin_cos, wrap_angle};
 
 /// Z-Y-X angles (phi, theta, psi) from X-Y-Z ones, all in rad, thesis (3.1).
 ///
@@ -204,7 +204,7 @@ fn fuse(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gains::{BatteryFilter, Config};
+    use crate::config::gains::{BatteryFilter, Config};
     use core::f32::consts::PI;
     use nalgebra::{Rotation3, Vector3};
     use proptest::prelude::*;
@@ -326,7 +326,7 @@ mod tests {
     fn fusion_of_equal_signals_is_that_signal() {
         let estimation = Estimation {
             gyro: Some(GyroFusion { corner_rad_s: 5.0, complement: Complement::Exact }),
-            gain_rule: crate::filter::GainRule::Slope,
+            gain_rule: crate::dsp::filter::GainRule::Slope,
             ..Config::thesis().estimation
         };
         let e = estimator(&estimation);

@@ -4,8 +4,8 @@
 //! The printed inverse is rounded (a round trip adds about 0.04 rad/s); a configuration may give it as it is, otherwise
 //! the exact inverse is used. The rotor's lag is not compensated.
 
-use crate::gains::MotorMapParams;
-use crate::mixer::AtEnd;
+use crate::allocation::mixer::AtEnd;
+use crate::config::gains::MotorMapParams;
 
 /// The map for flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -84,7 +84,7 @@ impl CommandRange {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gains::THESIS_MOTOR_MAP;
+    use crate::config::gains::THESIS_MOTOR_MAP;
     use proptest::prelude::*;
 
     /// Hover commands of the printed matrix and map (reference numbers, 2 decimals; f32 holds 1800 to 1.2e-4).

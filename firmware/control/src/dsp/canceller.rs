@@ -4,8 +4,8 @@
 //! canceller's pole stands on it and its own zero takes over at 0.6 rad/s. It acts on proportional plus integral part, not
 //! on the velocity feedback (thesis (5.24) to (5.28)), and starts at rest like the integrator it follows.
 
-use crate::filter::{FirstOrder, FirstOrderState};
-use crate::gains::CancellerParams;
+use crate::config::gains::CancellerParams;
+use crate::dsp::filter::{FirstOrder, FirstOrderState};
 
 /// Lag canceller, or none.
 #[derive(Debug, Clone, Copy, PartialEq)]

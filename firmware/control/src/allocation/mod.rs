@@ -1,0 +1,4 @@
+//! Control allocation: from thrust and angular accelerations to motor commands.
+
+pub mod mixer;
+pub mod motor_map;

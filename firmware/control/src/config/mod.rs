@@ -1,0 +1,6 @@
+//! Everything that is known before the first tick: what people tune, when the supervisor steps in, and what makes either
+//! impossible to fly with.
+
+pub mod error;
+pub mod gains;
+pub mod supervision_limits;

@@ -1,0 +1,3 @@
+//! What comes in with each tick, and what happens to a bad value.
+
+pub mod checks;
