@@ -1,7 +1,7 @@
-//! The whole of what flies: monitors, supervisor, guidance and the [`Controller`], ticked together.
+//! The whole of what flies: detectors, supervisor, guidance and the [`Controller`], ticked together.
 //!
 //! Firmware and simulation call this and nothing below it. Order of a tick:
-//! 1. the [`monitors`](crate::safety::detectors) judge what came: clock, commands, pose, gyro, voltage, tilt;
+//! 1. the [`detectors`](crate::safety::detectors) judge what came: clock, commands, pose, gyro, voltage, tilt;
 //! 2. the [`supervisor`](crate::safety::state_machine) goes to the next state;
 //! 3. in flight the pilot's command goes to the controller as it came; in hold and land the guidance here makes one;
 //! 4. the controller ticks, with motors at idle when disarmed, armed or cut;
@@ -22,52 +22,16 @@
 use crate::config::error::ConfigError;
 use crate::config::gains::Config;
 use crate::dsp::trig::{sin_cos, wrap_angle};
-use crate::inputs::checks::{Command, Mode};
-use crate::law::controller::{Controller, Measurement, Tick};
+use crate::inputs::input_checks::is_finite;
+use crate::inputs::readings::{Command, Measurement, Mode, Pose, Readings, Request};
+use crate::law::controller::Controller;
+use crate::law::terms::Tick;
 use crate::safety::conditions::{Condition, Conditions};
-use crate::safety::detectors::{Counters, Known, Limits, Monitors, count, tilt_bound};
-use crate::safety::state_machine::{Preflight, State, next};
-
-/// Where motion capture sees the craft.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pose {
-    /// Position of the tracked point, inertial NED, in m.
-    pub position_m: [f32; 3],
-    /// Roll phi, pitch theta, yaw psi (Z-Y-X) in rad; yaw on any branch.
-    pub attitude_rad: [f32; 3],
-}
-
-/// What somebody asks for, beside the command. Each is heard in the tick it comes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Request {
-    /// Arm, if every preflight check is good.
-    Arm,
-    /// Motors to idle, from any state; the only way out of cut.
-    Disarm,
-    /// Land here.
-    Land,
-    /// Motors to idle for good.
-    Cut,
-}
-
-/// Whatever has come since the tick before. What did not come is `None`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Readings {
-    /// The craft's monotonic clock in us, modulo 2^32.
-    pub time_us: u32,
-    /// The newest pose.
-    pub pose: Option<Pose>,
-    /// The newest gyro sample p, q, r, body FRD, in rad/s.
-    pub gyro_rad_s: Option<[f32; 3]>,
-    /// Battery voltage in V; NaN if it could not be measured.
-    pub battery_v: f32,
-    /// The newest command. One that is not all numbers counts as none.
-    pub command: Option<Command>,
-    /// The newest request.
-    pub request: Option<Request>,
-    /// Do the program's outputs work, and did its own checks pass?
-    pub outputs_ready: bool,
-}
+use crate::safety::detectors::{Counters, Detectors, LastKnown, count};
+use crate::safety::limits::Limits;
+use crate::safety::plausibility::tilt_bound;
+use crate::safety::preflight::Preflight;
+use crate::safety::state_machine::{State, next};
 
 /// The outcome of a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -76,7 +40,7 @@ pub struct Flight {
     pub tick: Tick,
     /// What the craft is doing.
     pub state: State,
-    /// What the monitors found.
+    /// What the detectors found.
     pub conditions: Conditions,
     /// Which preflight checks are good; looked at while disarmed only.
     pub preflight: Preflight,
@@ -108,7 +72,7 @@ pub struct Autopilot {
     controller: Controller,
     limits: Limits,
     descent: Descent,
-    monitors: Monitors,
+    detectors: Detectors,
     state: State,
     /// Of the pilot's last command.
     mode: Mode,
@@ -153,7 +117,7 @@ impl Autopilot {
                 blind_offset_m: landing.blind_offset_m as f32,
                 down_m: (lowest_m - landing.touchdown_m) as f32,
             },
-            monitors: Monitors::at_rest(),
+            detectors: Detectors::at_rest(),
             state: State::Disarmed,
             mode: IDLE.mode,
             idle_wanted: true,
@@ -170,7 +134,7 @@ impl Autopilot {
     /// # Errors
     /// As [`Autopilot::new`].
     pub fn in_flight(config: &Config) -> Result<Self, ConfigError> {
-        Ok(Self { monitors: Monitors::in_flight(), state: State::Flying, ..Self::new(config)? })
+        Ok(Self { detectors: Detectors::in_flight(), state: State::Flying, ..Self::new(config)? })
     }
 
     /// What the craft is doing.
@@ -180,7 +144,7 @@ impl Autopilot {
 
     /// What has been refused so far.
     pub fn counters(&self) -> Counters {
-        self.monitors.counters
+        self.detectors.counters
     }
 
     /// The outcome of the last tick; the default before the first.
@@ -210,25 +174,25 @@ impl Autopilot {
     /// One control period. Total: whatever comes in, motor commands are finite and inside the range.
     #[inline]
     pub fn tick(&mut self, readings: &Readings) -> &Flight {
-        let Self { limits, monitors, .. } = self;
+        let Self { limits, detectors, .. } = self;
         let mut conditions = Conditions::NONE;
         let found = &mut conditions;
-        let elapsed_us = monitors.clock(readings.time_us, limits, found);
-        let pilot = readings.command.as_ref().filter(|command| is_number(command));
+        let elapsed_us = detectors.clock(readings.time_us, limits, found);
+        let pilot = readings.command.as_ref().filter(|command| is_finite(command));
         match pilot {
             Some(command) => (self.mode, self.idle_wanted) = (command.mode, command.cut_off),
-            None if readings.command.is_some() => count(&mut monitors.counters.commands_refused),
+            None if readings.command.is_some() => count(&mut detectors.counters.commands_refused),
             None => {}
         }
         let commanded = pilot.is_some();
-        monitors.link(commanded, elapsed_us, limits, found);
+        detectors.link(commanded, elapsed_us, limits, found);
         let before_rad = self.carried_rad.unwrap_or(self.pose.attitude_rad);
         let anchored = self.state != State::Disarmed && self.pose.position_m[0].is_finite();
-        let known = Known { last: &self.pose, attitude_rad: before_rad, anchored };
-        let seen = monitors.pose(readings.pose.as_ref(), &known, elapsed_us, limits, found);
-        let gyro_rad_s = monitors.imu(readings.gyro_rad_s, elapsed_us, limits, found);
+        let known = LastKnown { last: &self.pose, attitude_rad: before_rad, anchored };
+        let seen = detectors.pose(readings.pose.as_ref(), &known, elapsed_us, limits, found);
+        let gyro_rad_s = detectors.imu(readings.gyro_rad_s, elapsed_us, limits, found);
         if let (true, Some(pose)) = (seen, &readings.pose) {
-            if self.carried_rad.is_some() && monitors.pose.late {
+            if self.carried_rad.is_some() && detectors.pose.late {
                 // What the estimators make of the way between is no velocity.
                 self.controller.restart_estimators();
             }
@@ -237,9 +201,9 @@ impl Autopilot {
             self.carried_rad = Some(carry(before_rad, gyro_rad_s, elapsed_us));
         }
         let attitude_rad = self.carried_rad.unwrap_or(self.pose.attitude_rad);
-        monitors.battery(readings.battery_v, elapsed_us, limits, found);
-        monitors.tilt(attitude_rad, elapsed_us, limits, found);
-        monitors.aftermath(found);
+        detectors.battery(readings.battery_v, elapsed_us, limits, found);
+        detectors.tilt(attitude_rad, elapsed_us, limits, found);
+        detectors.aftermath(found);
         let mut preflight = Preflight::default();
         if self.state != State::Flying || readings.request.is_some() || self.idle_wanted {
             preflight = self.attend(readings, commanded, attitude_rad, &mut conditions);
@@ -262,9 +226,9 @@ impl Autopilot {
         let tick = &self.flight.tick;
         let terms = &tick.terms;
         if let (true, Some(rates)) = (seen, readings.gyro_rad_s) {
-            self.monitors.compare_rates(rates, terms.body_rates_rad_s, &self.limits);
+            self.detectors.compare_rates(rates, terms.body_rates_rad_s, &self.limits);
         }
-        self.monitors.after(
+        self.detectors.after(
             tick.refused.thrust.high,
             terms.z_rate_m_s,
             attitude_rad,
@@ -319,9 +283,9 @@ impl Autopilot {
         let sags = [Condition::BatteryLow, Condition::BatteryCritical, Condition::BatteryEmpty];
         checks.note(Preflight::BATTERY, none(&sags) && readings.battery_v.is_finite());
         checks.note(Preflight::LEVEL, tilt_bound(attitude_rad) <= self.limits.arming_tilt_rad);
-        checks.note(Preflight::INSIDE, self.monitors.is_inside());
+        checks.note(Preflight::INSIDE, self.detectors.is_inside());
         let timing = [Condition::ClockJumped, Condition::LoopOverrun];
-        checks.note(Preflight::TIMING, none(&timing) && self.monitors.on_time(&self.limits));
+        checks.note(Preflight::TIMING, none(&timing) && self.detectors.on_time(&self.limits));
         checks.note(Preflight::CONTROLLER, none(&[Condition::NotANumber]));
         checks.note(Preflight::OUTPUTS, readings.outputs_ready);
         checks.note(Preflight::IDLE, self.idle_wanted);
@@ -381,14 +345,6 @@ impl Autopilot {
     }
 }
 
-/// Is every field a number? (A sum is not if one of its parts is not.)
-#[inline]
-fn is_number(command: &Command) -> bool {
-    let Command { attitude_rad: [a, b], yaw_rad, z_m, position_m: [x, y], injection: [i, j, k, l], .. } =
-        *command;
-    ((a + b) + (x + y) + (yaw_rad + z_m) + (i + j) + (k + l)).is_finite()
-}
-
 /// The attitude in rad after turning at the gyro's rates: Euler rates from body rates, thesis (2.3).
 #[cold]
 fn carry([roll, pitch, yaw]: [f32; 3], gyro_rad_s: Option<[f32; 3]>, elapsed_us: u32) -> [f32; 3] {
@@ -426,7 +382,7 @@ mod tests {
             readings.time_us += 10_000;
             readings.pose.as_mut().unwrap().position_m[0] += 1e-4;
             readings.gyro_rad_s.as_mut().unwrap()[0] += 1e-4;
-            autopilot.monitors.after(false, 0.0, [0.0; 3], no_number, 10_000, &autopilot.limits);
+            autopilot.detectors.after(false, 0.0, [0.0; 3], no_number, 10_000, &autopilot.limits);
             autopilot.tick(&readings).state
         };
         assert_eq!([state(false), state(false)], [State::Flying; 2]);

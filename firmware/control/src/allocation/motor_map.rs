@@ -84,7 +84,7 @@ impl CommandRange {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::gains::THESIS_MOTOR_MAP;
+    use crate::config::thesis::THESIS_MOTOR_MAP;
     use proptest::prelude::*;
 
     /// Hover commands of the printed matrix and map (reference numbers, 2 decimals; f32 holds 1800 to 1.2e-4).

@@ -3,4 +3,7 @@
 
 pub mod error;
 pub mod gains;
+pub(crate) mod range_check;
 pub mod supervision_limits;
+pub mod thesis;
+mod validation;

@@ -9,28 +9,28 @@
 use serde::{Deserialize, Serialize};
 
 use crate::config::error::ConfigError;
-use crate::config::gains::Check;
+use crate::config::range_check::RangeCheck;
 
 /// When the supervisor steps in.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Supervision {
     /// Command frames.
-    pub link: Link,
+    pub link: LinkLimits,
     /// Poses from motion capture.
     pub pose: PoseLimits,
     /// Gyro.
-    pub imu: Imu,
+    pub imu: ImuLimits,
     /// Voltage levels.
     pub battery: BatteryLevels,
     /// Tilt.
-    pub tilt: Tilt,
+    pub tilt: TiltLimits,
     /// The box that must not be left.
     pub fence: Fence,
     /// Loss of thrust.
-    pub thrust: Thrust,
+    pub thrust: ThrustLossLimits,
     /// Clock and loop.
-    pub timing: Timing,
+    pub timing: TimingLimits,
     /// How a landing goes.
     pub landing: Landing,
 }
@@ -38,7 +38,7 @@ pub struct Supervision {
 /// Command frames from the ground.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Link {
+pub struct LinkLimits {
     /// Hold after so many s without a good frame.
     pub hold_after_s: f64,
     /// Land after so many s without a good frame.
@@ -72,7 +72,7 @@ pub struct PoseLimits {
 /// Gyro.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Imu {
+pub struct ImuLimits {
     /// So many ticks without a sample are a fault.
     pub missing_ticks: u32,
     /// The same sample so many times is a fault.
@@ -104,7 +104,7 @@ pub struct BatteryLevels {
 /// Tilt.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Tilt {
+pub struct TiltLimits {
     /// Greatest angle between the body's and the inertial z axis in rad.
     pub limit_rad: f64,
     /// For so many s.
@@ -130,7 +130,7 @@ pub struct Fence {
 /// Loss of thrust: the motors refuse thrust while the craft is level and sinks.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Thrust {
+pub struct ThrustLossLimits {
     /// For so many s.
     pub for_s: f64,
     /// Sinking is faster than this many m/s.
@@ -142,7 +142,7 @@ pub struct Thrust {
 /// Clock and loop.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Timing {
+pub struct TimingLimits {
     /// Two ticks farther apart than this many s, or not in order, mean that the clock is wrong.
     pub jump_s: f64,
     /// So many s lost to late ticks are an overrun; a tenth of each tick in time is taken off again.
@@ -180,7 +180,7 @@ impl BatteryLevels {
 impl Supervision {
     /// The defaults: a cage of 7.6 m x 5.2 m and 2.8 m (thesis chapter 3) less a margin of 0.4 m, and no battery levels.
     pub const DEFAULT: Self = Self {
-        link: Link { hold_after_s: 0.5, land_after_s: 1.9, good_for_s: 0.5 },
+        link: LinkLimits { hold_after_s: 0.5, land_after_s: 1.9, good_for_s: 0.5 },
         pose: PoseLimits {
             coast_s: 0.05,
             land_after_s: 0.4,
@@ -191,7 +191,7 @@ impl Supervision {
             speed_m_s: 3.0,
             jump_rad: 1.0,
         },
-        imu: Imu {
+        imu: ImuLimits {
             missing_ticks: 3,
             repeats: 10,
             cut_after_s: 0.18,
@@ -200,79 +200,97 @@ impl Supervision {
             disagreement_filter_s: 0.2,
         },
         battery: BatteryLevels::NONE,
-        tilt: Tilt { limit_rad: core::f64::consts::FRAC_PI_3, for_s: 0.3, arming_rad: 0.2 },
+        tilt: TiltLimits { limit_rad: core::f64::consts::FRAC_PI_3, for_s: 0.3, arming_rad: 0.2 },
         fence: Fence { x_m: [-3.4, 3.4], y_m: [-2.2, 2.2], z_m: [-2.6, 0.5], for_s: 0.2 },
-        thrust: Thrust { for_s: 0.4, sink_m_s: 0.2, level_rad: 0.35 },
-        timing: Timing { jump_s: 1.0, overrun_s: 0.1 },
+        thrust: ThrustLossLimits { for_s: 0.4, sink_m_s: 0.2, level_rad: 0.35 },
+        timing: TimingLimits { jump_s: 1.0, overrun_s: 0.1 },
         landing: Landing { descent_m_s: 0.3, fast_descent_m_s: 0.6, blind_offset_m: 0.06, touchdown_m: 0.1 },
     };
 
-    /// Can this be flown with?
+    /// Checks every limit: the first that cannot be flown with, by name.
     pub(crate) fn check(&self) -> Result<(), ConfigError> {
-        let Self { link, pose, imu, battery, tilt, fence, thrust, timing, landing } = self;
-        // No time is longer than a minute: a timer in microseconds counts to 71 of them.
-        let seconds = |group, times: &[(&'static str, f64)]| {
-            times.iter().try_for_each(|(name, value)| Check { group }.within(name, *value, 0.0, 60.0))
-        };
-        seconds(
-            "supervision.link",
-            &[
-                ("hold_after_s", link.hold_after_s),
-                ("land_after_s", link.land_after_s),
-                ("good_for_s", link.good_for_s),
-            ],
-        )?;
-        seconds(
-            "supervision.pose",
-            &[
-                ("coast_s", pose.coast_s),
-                ("land_after_s", pose.land_after_s),
-                ("cut_after_s", pose.cut_after_s),
-                ("good_for_s", pose.good_for_s),
-            ],
-        )?;
-        seconds("supervision.imu", &[("cut_after_s", imu.cut_after_s)])?;
-        seconds("supervision.battery", &[("for_s", battery.for_s)])?;
-        seconds("supervision.tilt", &[("for_s", tilt.for_s)])?;
-        seconds("supervision.fence", &[("for_s", fence.for_s)])?;
-        seconds("supervision.thrust", &[("for_s", thrust.for_s)])?;
-        seconds("supervision.timing", &[("jump_s", timing.jump_s), ("overrun_s", timing.overrun_s)])?;
-        let order = |group: &'static str, name, low, high| Check { group }.within(name, high, low, 60.0);
+        self.check_times()?;
+        self.check_order_of_times()?;
+        self.check_streams()?;
+        self.check_flight()
+    }
+
+    /// No time is longer than a minute: a timer in microseconds counts to 71 of them.
+    fn check_times(&self) -> Result<(), ConfigError> {
+        let Self { link, pose, imu, battery, tilt, fence, thrust, timing, .. } = self;
+        let times = [
+            ("supervision.link", "hold_after_s", link.hold_after_s),
+            ("supervision.link", "land_after_s", link.land_after_s),
+            ("supervision.link", "good_for_s", link.good_for_s),
+            ("supervision.pose", "coast_s", pose.coast_s),
+            ("supervision.pose", "land_after_s", pose.land_after_s),
+            ("supervision.pose", "cut_after_s", pose.cut_after_s),
+            ("supervision.pose", "good_for_s", pose.good_for_s),
+            ("supervision.imu", "cut_after_s", imu.cut_after_s),
+            ("supervision.battery", "for_s", battery.for_s),
+            ("supervision.tilt", "for_s", tilt.for_s),
+            ("supervision.fence", "for_s", fence.for_s),
+            ("supervision.thrust", "for_s", thrust.for_s),
+            ("supervision.timing", "jump_s", timing.jump_s),
+            ("supervision.timing", "overrun_s", timing.overrun_s),
+        ];
+        times
+            .into_iter()
+            .try_for_each(|(group, name, time_s)| RangeCheck { group }.within(name, time_s, 0.0, LONGEST_S))
+    }
+
+    /// A milder reaction never comes after a more severe one.
+    fn check_order_of_times(&self) -> Result<(), ConfigError> {
+        let Self { link, pose, .. } = self;
+        let order = |group, name, low, high| RangeCheck { group }.within(name, high, low, LONGEST_S);
         order("supervision.link", "land_after_s", link.hold_after_s, link.land_after_s)?;
         order("supervision.pose", "land_after_s", pose.coast_s, pose.land_after_s)?;
-        order("supervision.pose", "cut_after_s", pose.land_after_s, pose.cut_after_s)?;
-        let check = Check { group: "supervision.pose" };
+        order("supervision.pose", "cut_after_s", pose.land_after_s, pose.cut_after_s)
+    }
+
+    /// What comes in: poses, gyro, voltage.
+    fn check_streams(&self) -> Result<(), ConfigError> {
+        let Self { pose, imu, battery, .. } = self;
+        let check = RangeCheck { group: "supervision.pose" };
         check.within("repeats", f64::from(pose.repeats), 1.0, 1e6)?;
         check.within("jump_m", pose.jump_m, 1e-3, 1e5)?;
         check.within("speed_m_s", pose.speed_m_s, 0.0, 1e4)?;
         check.within("jump_rad", pose.jump_rad, 1e-3, 10.0)?;
-        let check = Check { group: "supervision.imu" };
+        let check = RangeCheck { group: "supervision.imu" };
         check.within("missing_ticks", f64::from(imu.missing_ticks), 1.0, 1e6)?;
         check.within("repeats", f64::from(imu.repeats), 1.0, 1e6)?;
         check.within("rate_limit_rad_s", imu.rate_limit_rad_s, 1e-2, 1e4)?;
         check.within("disagreement_rad_s", imu.disagreement_rad_s, 1e-3, 1e4)?;
-        check.within("disagreement_filter_s", imu.disagreement_filter_s, 1e-3, 60.0)?;
-        let check = Check { group: "supervision.battery" };
+        check.within("disagreement_filter_s", imu.disagreement_filter_s, 1e-3, LONGEST_S)?;
+        let check = RangeCheck { group: "supervision.battery" };
         check.within("warn_v", battery.warn_v, 0.0, 1e3)?;
         check.within("land_v", battery.land_v, 0.0, battery.warn_v)?;
-        check.within("empty_v", battery.empty_v, 0.0, battery.land_v)?;
-        let check = Check { group: "supervision.tilt" };
+        check.within("empty_v", battery.empty_v, 0.0, battery.land_v)
+    }
+
+    /// What the craft does: tilt, place, sinking, landing.
+    fn check_flight(&self) -> Result<(), ConfigError> {
+        let Self { tilt, fence, thrust, landing, .. } = self;
+        let check = RangeCheck { group: "supervision.tilt" };
         check.within("limit_rad", tilt.limit_rad, 0.1, core::f64::consts::PI)?;
         check.within("arming_rad", tilt.arming_rad, 0.01, core::f64::consts::PI)?;
-        let check = Check { group: "supervision.fence" };
+        let check = RangeCheck { group: "supervision.fence" };
         check.range("x_m", fence.x_m)?;
         check.range("y_m", fence.y_m)?;
         check.range("z_m", fence.z_m)?;
-        let check = Check { group: "supervision.thrust" };
+        let check = RangeCheck { group: "supervision.thrust" };
         check.within("sink_m_s", thrust.sink_m_s, 0.0, 100.0)?;
         check.within("level_rad", thrust.level_rad, 0.01, core::f64::consts::PI)?;
-        let check = Check { group: "supervision.landing" };
+        let check = RangeCheck { group: "supervision.landing" };
         check.within("descent_m_s", landing.descent_m_s, 0.01, 10.0)?;
         check.within("fast_descent_m_s", landing.fast_descent_m_s, 0.01, 10.0)?;
         check.within("blind_offset_m", landing.blind_offset_m, 0.0, 1.0)?;
         check.within("touchdown_m", landing.touchdown_m, 0.0, 1.0)
     }
 }
+
+/// No time in the table is longer, in s.
+const LONGEST_S: f64 = 60.0;
 
 macro_rules! defaults {
     ($($table:ident: $field:ident),*) => {$(
@@ -285,14 +303,14 @@ macro_rules! defaults {
 }
 
 defaults!(
-    Link: link,
+    LinkLimits: link,
     PoseLimits: pose,
-    Imu: imu,
+    ImuLimits: imu,
     BatteryLevels: battery,
-    Tilt: tilt,
+    TiltLimits: tilt,
     Fence: fence,
-    Thrust: thrust,
-    Timing: timing,
+    ThrustLossLimits: thrust,
+    TimingLimits: timing,
     Landing: landing
 );
 

@@ -44,7 +44,9 @@ impl AngleLoop {
         Self {
             prefilter: Prefilter::new(gains.prefilter_rad_s, period_s),
             pid: Pid::of_inner_loop(gains, period_s, anti_windup),
-            canceller: Canceller::new(gains.canceller.as_ref(), period_s),
+            canceller: gains.canceller.map_or(Canceller::NONE, |canceller| {
+                Canceller::new(canceller.zero_rad_s, canceller.pole_rad_s, period_s)
+            }),
         }
     }
 

@@ -6,3 +6,4 @@ pub mod controller;
 pub mod estimator;
 pub mod pid;
 pub mod position;
+pub mod terms;

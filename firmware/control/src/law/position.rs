@@ -12,8 +12,8 @@ use crate::config::gains::PositionLoop as Gains;
 use crate::dsp::filter::{FirstOrder, FirstOrderState, GainRule};
 use crate::dsp::prefilter::RateLimiter;
 use crate::dsp::trig;
-use crate::law::controller::OuterTerms;
 use crate::law::pid::{Pid, PidState, PidTerms};
+use crate::law::terms::OuterTerms;
 
 /// The law of one horizontal axis, for one period.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,178 +1,20 @@
-//! Detectors with timers: from what comes in each tick to a set of [`Conditions`].
+//! Detectors: from what comes in with each tick to a set of [`Conditions`].
 //!
-//! - Timers are ages in microseconds that grow by the time since the tick before and stay at the greatest number. Only that
-//!   difference comes from the clock, taken modulo 2^32, so a clock that wraps (every 71.6 minutes) disturbs none.
+//! - Time passes by the difference between two ticks only, taken modulo 2^32; the [`timers`](crate::safety::timers) add it up.
 //! - Comparisons are written so that NaN falls on the bad side.
 //! - A pose that is frozen, jumped or not a number counts as one that did not come; the silence that follows does the rest.
 //!
-//! What is done about a condition is the table in [`supervisor`](crate::safety::state_machine); from when on it is one, the table
-//! [`Supervision`] of the gains file.
+//! From when on something counts is the table [`Supervision`] of the gains file. What is done about a condition is the table in
+//! [`state_machine`](crate::safety::state_machine).
+//!
+//! [`Supervision`]: crate::config::supervision_limits::Supervision
 
-use crate::autopilot::Pose;
-use crate::config::gains::Config;
-use crate::config::supervision_limits::Supervision;
-use crate::dsp::trig::{sin_cos, wrap_angle};
-use crate::inputs::checks::{ANGLE_LIMIT_RAD, POSITION_LIMIT_M, magnitude};
+use crate::inputs::input_checks::magnitude;
+use crate::inputs::readings::Pose;
 use crate::safety::conditions::{Condition, Conditions};
-
-/// Seconds as microseconds; what does not fit is the greatest number.
-fn micros(seconds: f64) -> u32 {
-    (seconds * 1e6) as u32
-}
-
-/// `|roll| + |pitch|` in rad, never less than the tilt as long as that is under a right angle.
-#[inline]
-pub(crate) fn tilt_bound([roll, pitch, _]: [f32; 3]) -> f32 {
-    roll.abs() + pitch.abs()
-}
-
-/// [`Supervision`] in the units of flight.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Limits {
-    pub(crate) period_us: u32,
-    pub(crate) jump_us: u32,
-    pub(crate) overrun_us: u32,
-    pub(crate) link: SilenceLimits,
-    pub(crate) pose: SilenceLimits,
-    pose_cut_us: u32,
-    pose_repeats: u32,
-    jump_m: f32,
-    speed_m_per_us: f32,
-    jump_rad: f32,
-    imu_missing_ticks: u32,
-    imu_repeats: u32,
-    imu_cut_us: u32,
-    /// As a [`magnitude`].
-    rate_limit: u32,
-    disagreement_rad_s: f32,
-    disagreement_gain: f32,
-    battery_v: [f32; 3],
-    battery_us: u32,
-    tilt_rad: f32,
-    tilt_cosine: f32,
-    tilt_us: u32,
-    pub(crate) arming_tilt_rad: f32,
-    fence_centre_m: [f32; 3],
-    fence_half_m: [f32; 3],
-    fence_us: u32,
-    thrust_us: u32,
-    sink_m_s: f32,
-    level_rad: f32,
-    uses_gyro: bool,
-}
-
-/// When a silence matters.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct SilenceLimits {
-    late_us: u32,
-    lost_us: u32,
-    good_us: u32,
-}
-
-impl Limits {
-    pub(crate) fn new(config: &Config) -> Self {
-        let Supervision { link, pose, imu, battery, tilt, fence, thrust, timing, .. } = &config.supervision;
-        let sides = [fence.x_m, fence.y_m, fence.z_m];
-        Self {
-            period_us: micros(config.sample_time_s),
-            jump_us: micros(timing.jump_s),
-            overrun_us: micros(timing.overrun_s),
-            link: SilenceLimits {
-                late_us: micros(link.hold_after_s),
-                lost_us: micros(link.land_after_s),
-                good_us: micros(link.good_for_s),
-            },
-            pose: SilenceLimits {
-                late_us: micros(pose.coast_s),
-                lost_us: micros(pose.land_after_s),
-                good_us: micros(pose.good_for_s),
-            },
-            pose_cut_us: micros(pose.cut_after_s),
-            pose_repeats: pose.repeats,
-            jump_m: pose.jump_m as f32,
-            speed_m_per_us: (pose.speed_m_s * 1e-6) as f32,
-            jump_rad: pose.jump_rad as f32,
-            imu_missing_ticks: imu.missing_ticks,
-            imu_repeats: imu.repeats,
-            imu_cut_us: micros(imu.cut_after_s),
-            rate_limit: magnitude(imu.rate_limit_rad_s as f32),
-            disagreement_rad_s: imu.disagreement_rad_s as f32,
-            disagreement_gain: (1.0 - libm::exp(-config.sample_time_s / imu.disagreement_filter_s)) as f32,
-            battery_v: [battery.warn_v as f32, battery.land_v as f32, battery.empty_v as f32],
-            battery_us: micros(battery.for_s),
-            tilt_rad: tilt.limit_rad as f32,
-            tilt_cosine: libm::cos(tilt.limit_rad) as f32,
-            tilt_us: micros(tilt.for_s),
-            arming_tilt_rad: tilt.arming_rad as f32,
-            fence_centre_m: sides.map(|[low, high]| (0.5 * (low + high)) as f32),
-            fence_half_m: sides.map(|[low, high]| (0.5 * (high - low)) as f32),
-            fence_us: micros(fence.for_s),
-            thrust_us: micros(thrust.for_s),
-            sink_m_s: thrust.sink_m_s as f32,
-            level_rad: thrust.level_rad as f32,
-            uses_gyro: config.estimation.gyro.is_some(),
-        }
-    }
-}
-
-/// How long a condition has held, in us.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-struct Held(u32);
-
-impl Held {
-    /// Has it held for so long?
-    #[inline]
-    fn step(&mut self, now: bool, elapsed_us: u32, for_us: u32) -> bool {
-        if !now {
-            self.0 = 0;
-            return false;
-        }
-        self.0 = self.0.saturating_add(elapsed_us);
-        self.0 >= for_us
-    }
-}
-
-/// A stream that may fall silent.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Silence {
-    /// Since the last good item, us.
-    pub(crate) age_us: u32,
-    /// For how long good items have come again, us.
-    good_us: u32,
-    pub(crate) late: bool,
-}
-
-impl Silence {
-    /// A stream that has never been heard.
-    const NEVER: Self = Self { age_us: u32::MAX, good_us: 0, late: true };
-    /// A stream that is in good order.
-    const GOOD: Self = Self { age_us: 0, good_us: 0, late: false };
-
-    #[inline]
-    fn step(&mut self, came: bool, elapsed_us: u32, limits: &SilenceLimits) {
-        if came && !self.late {
-            self.age_us = 0;
-        } else {
-            self.silent(came, elapsed_us, limits);
-        }
-    }
-
-    /// Nothing came, or not for long enough yet.
-    #[cold]
-    fn silent(&mut self, came: bool, elapsed_us: u32, limits: &SilenceLimits) {
-        self.age_us = if came { 0 } else { self.age_us.saturating_add(elapsed_us) };
-        // Gaps of half the time that is late are no good stream: a single item brings nothing back.
-        if self.age_us > limits.late_us / 2 {
-            self.good_us = 0;
-        }
-        if self.age_us >= limits.late_us {
-            self.late = true;
-        } else if self.late && self.age_us <= limits.late_us / 2 {
-            self.good_us = self.good_us.saturating_add(elapsed_us);
-            self.late = self.good_us < limits.good_us;
-        }
-    }
-}
+use crate::safety::limits::Limits;
+use crate::safety::plausibility::{differ, is_inside, is_pose, is_reachable, is_tilted_beyond, tilt_bound};
+use crate::safety::timers::{Held, Silence};
 
 /// How often something was refused, since the start. They stay at the greatest number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -195,7 +37,7 @@ pub(crate) fn count(counter: &mut u32) {
 }
 
 /// What is known before a pose comes.
-pub(crate) struct Known<'a> {
+pub(crate) struct LastKnown<'a> {
     /// The last pose that could be flown with.
     pub(crate) last: &'a Pose,
     /// Where the craft has turned since then by the gyro, rad.
@@ -206,7 +48,7 @@ pub(crate) struct Known<'a> {
 
 /// All detectors.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Monitors {
+pub(crate) struct Detectors {
     last_us: Option<u32>,
     /// Time lost to late ticks and not yet made up for, us.
     debt_us: u32,
@@ -237,7 +79,7 @@ pub(crate) struct Monitors {
     pub(crate) counters: Counters,
 }
 
-impl Monitors {
+impl Detectors {
     /// Nothing has been heard yet.
     pub(crate) fn at_rest() -> Self {
         Self {
@@ -328,18 +170,18 @@ impl Monitors {
     pub(crate) fn pose(
         &mut self,
         pose: Option<&Pose>,
-        known: &Known<'_>,
+        known: &LastKnown<'_>,
         elapsed_us: u32,
         limits: &Limits,
         conditions: &mut Conditions,
     ) -> bool {
-        let Known { last, attitude_rad, anchored } = *known;
+        let LastKnown { last, attitude_rad, anchored } = *known;
         let good = pose.is_some_and(|pose| {
-            self.outside = !inside(pose.position_m, limits);
+            self.outside = !is_inside(pose.position_m, limits);
             let plausible = if anchored {
                 // Refused poses add nothing: a tracker that has jumped is not believed for staying there.
                 let reach_m = if self.unheard_us == 0 { limits.jump_m } else { self.reach_m(limits) };
-                near(pose, last.position_m, attitude_rad, reach_m, limits)
+                is_reachable(pose, last.position_m, attitude_rad, reach_m, limits)
             } else {
                 is_pose(pose)
             };
@@ -368,7 +210,7 @@ impl Monitors {
         limits.jump_m + limits.speed_m_per_us * self.unheard_us as f32
     }
 
-    /// The same pose again, or one that cannot be.
+    /// A pose that came again unchanged, or one that cannot be true.
     #[cold]
     fn doubtful(&mut self, new: bool, plausible: bool, limits: &Limits, conditions: &mut Conditions) -> bool {
         self.pose_repeats = if new { 0 } else { self.pose_repeats.saturating_add(1) };
@@ -480,7 +322,7 @@ impl Monitors {
         limits: &Limits,
         conditions: &mut Conditions,
     ) {
-        let tilted = !(tilt_bound(attitude_rad) <= limits.tilt_rad) && beyond(attitude_rad, limits);
+        let tilted = !(tilt_bound(attitude_rad) <= limits.tilt_rad) && is_tilted_beyond(attitude_rad, limits);
         conditions.note(Condition::Tilted, self.tilt.step(tilted, elapsed_us, limits.tilt_us));
     }
 
@@ -557,58 +399,4 @@ fn bounded(values: [f32; 3], limit: f32) -> [f32; 3] {
             value
         }
     })
-}
-
-/// Inside the box? NaN is not.
-#[inline]
-fn inside([x, y, z]: [f32; 3], limits: &Limits) -> bool {
-    let ([cx, cy, cz], [hx, hy, hz]) = (limits.fence_centre_m, limits.fence_half_m);
-    (x - cx).abs() <= hx && (y - cy).abs() <= hy && (z - cz).abs() <= hz
-}
-
-/// Do two vectors differ? (Written out: a comparison of arrays is a loop.)
-#[inline]
-fn differ([a, b, c]: &[f32; 3], [x, y, z]: &[f32; 3]) -> bool {
-    a != x || b != y || c != z
-}
-
-/// Numbers within reason?
-#[cold]
-fn is_pose(pose: &Pose) -> bool {
-    pose.position_m.iter().all(|x| magnitude(*x) <= POSITION_LIMIT_M.to_bits())
-        && pose.attitude_rad.iter().all(|x| magnitude(*x) <= ANGLE_LIMIT_RAD.to_bits())
-}
-
-/// Can the craft have got there? NaN cannot.
-#[inline]
-fn near(
-    pose: &Pose,
-    [x0, y0, z0]: [f32; 3],
-    [roll0, pitch0, yaw0]: [f32; 3],
-    reach_m: f32,
-    limits: &Limits,
-) -> bool {
-    let ([x, y, z], [roll, pitch, yaw]) = (pose.position_m, pose.attitude_rad);
-    let (dx, dy, dz) = (x - x0, y - y0, z - z0);
-    let jump_rad = limits.jump_rad;
-    let (turned_roll, turned_pitch, turned_yaw) = (roll - roll0, pitch - pitch0, yaw - yaw0);
-    dx * dx + dy * dy + dz * dz <= reach_m * reach_m
-        && turned_pitch.abs() <= jump_rad
-        && ((turned_roll.abs() <= jump_rad && turned_yaw.abs() <= jump_rad)
-            || short_way(turned_roll, turned_yaw, jump_rad))
-}
-
-/// Roll and yaw may have gone through half a turn.
-#[cold]
-fn short_way(roll_rad: f32, yaw_rad: f32, jump_rad: f32) -> bool {
-    // Beyond reason an angle has no short way.
-    let turned = |angle: f32| angle.abs() <= 2.0 * ANGLE_LIMIT_RAD && wrap_angle(angle).abs() <= jump_rad;
-    turned(roll_rad) && turned(yaw_rad)
-}
-
-/// Is the tilt beyond its limit? `cos(tilt) = cos(roll) cos(pitch)`; NaN is beyond.
-#[cold]
-fn beyond([roll, pitch, _]: [f32; 3], limits: &Limits) -> bool {
-    let ((_, cos_roll), (_, cos_pitch)) = (sin_cos(roll), sin_cos(pitch));
-    !(cos_roll * cos_pitch >= limits.tilt_cosine)
 }

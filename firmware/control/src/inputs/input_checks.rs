@@ -1,16 +1,16 @@
-//! The door that every input of the [`Controller`](crate::Controller) passes: limits of commands, bad numbers, counted faults.
+//! Input checks: what happens to a bad value before it reaches the law.
 //!
-//! A value that is not finite or is beyond any reason (see [`ANGLE_LIMIT_RAD`] and its neighbours) never reaches a law: the
-//! last good value of that field is held, and a fault of its kind is raised and counted. A bad injection counts as none.
-//! Position and altitude commands are moved into the configured box (thesis 3: 4 m x 2 m x 2 m on the floor).
-//! Nothing flies before there has been one sample whose position, attitude and voltage were all good.
+//! - A value that is not finite or beyond any reason (see [`ANGLE_LIMIT_RAD`] and its neighbours) never reaches the law. The last
+//!   good value of that field is held, and a fault of its kind is raised and counted. A bad injection counts as none.
+//! - Position and altitude commands are moved into the configured box (thesis 3: 4 m x 2 m x 2 m on the floor).
+//! - Nothing flies before there has been one sample whose position, attitude and voltage were all good.
 //!
-//! Motor cut-off and injection are carried out by the controller. What a fault leads to is the
-//! [`supervisor`](crate::safety::state_machine)'s business.
+//! Motor cut-off and injection are carried out by the [`controller`](crate::law::controller). What a fault leads to is decided by the
+//! [`state_machine`](crate::safety::state_machine).
 
 use crate::config::gains::PositionLimits;
 use crate::dsp::trig::wrap_angle;
-use crate::law::controller::Measurement;
+use crate::inputs::readings::{Command, Measurement};
 
 /// Angles beyond this many rad are no angles.
 pub const ANGLE_LIMIT_RAD: f32 = 1000.0;
@@ -20,35 +20,6 @@ pub const POSITION_LIMIT_M: f32 = 1e5;
 pub const RATE_LIMIT_RAD_S: f32 = 1e4;
 /// Voltages outside 0 to this many V are no voltages.
 pub const VOLTAGE_LIMIT_V: f32 = 1000.0;
-
-/// Which loops are closed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Mode {
-    /// Inner loops only: roll, pitch, yaw and altitude are commanded.
-    #[default]
-    Attitude,
-    /// Outer loop too: position, yaw and altitude are commanded.
-    Position,
-}
-
-/// What the pilot or the ground station asks for.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Command {
-    /// Which loops are closed.
-    pub mode: Mode,
-    /// Roll and pitch in rad; used in [`Mode::Attitude`].
-    pub attitude_rad: [f32; 2],
-    /// Yaw in rad; any branch, the short way round is flown.
-    pub yaw_rad: f32,
-    /// Inertial z in m, down positive: height is `-z_m`.
-    pub z_m: f32,
-    /// Inertial x and y in m; used in [`Mode::Position`].
-    pub position_m: [f32; 2],
-    /// Motors to idle, integrators to zero.
-    pub cut_off: bool,
-    /// Added to each motor command for system identification, in command units.
-    pub injection: [f32; 4],
-}
 
 /// How often something was wrong, by kind, since the controller was made or reset; and whether it was in this tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -81,6 +52,14 @@ impl Fault {
             self.count = self.count.saturating_add(1);
         }
     }
+}
+
+/// Is every number of the command finite? (A sum is not if one of its parts is not.)
+#[inline]
+pub(crate) fn is_finite(command: &Command) -> bool {
+    let Command { attitude_rad: [a, b], yaw_rad, z_m, position_m: [x, y], injection: [i, j, k, l], .. } =
+        *command;
+    ((a + b) + (x + y) + (yaw_rad + z_m) + (i + j) + (k + l)).is_finite()
 }
 
 /// The last good inputs; what the laws are given.
@@ -152,9 +131,9 @@ impl Inputs {
         position && attitude && battery
     }
 
-    /// As [`Inputs::measure`], for a position and an attitude that the monitors have let pass.
+    /// [`Inputs::measure`] for a position and an attitude that the detectors have accepted.
     #[inline]
-    pub(crate) fn measure_judged(&mut self, m: &Measurement, wants_gyro: bool, faults: &mut Faults) -> bool {
+    pub(crate) fn measure_checked(&mut self, m: &Measurement, wants_gyro: bool, faults: &mut Faults) -> bool {
         let [roll, pitch, yaw] = m.attitude_rad;
         (self.position_m, self.attitude_rad) = (m.position_m, [roll, pitch, wrap_angle(yaw)]);
         let gyro = !wants_gyro
