@@ -1,8 +1,8 @@
 //! The whole of what flies: detectors, supervisor, guidance and the [`Controller`], ticked together.
 //!
 //! Firmware and simulation call this and nothing below it. Order of a tick:
-//! 1. the [`detectors`](crate::safety::detectors) judge what came: clock, commands, pose, gyro, voltage, tilt;
-//! 2. the [`supervisor`](crate::safety::state_machine) goes to the next state;
+//! 1. the [`detectors`](crate::safety::detectors) check what came: clock, commands, pose, gyro, voltage, tilt;
+//! 2. the [`state_machine`](crate::safety::state_machine) goes to the next state;
 //! 3. in flight the pilot's command goes to the controller as it came; in hold and land the guidance here makes one;
 //! 4. the controller ticks, with motors at idle when disarmed, armed or cut;
 //! 5. what only the outcome shows (loss of thrust, gyro against motion capture, a result that is no number) is for the next
@@ -74,10 +74,10 @@ pub struct Autopilot {
     descent: Descent,
     detectors: Detectors,
     state: State,
-    /// Of the pilot's last command.
+    /// Mode of the pilot's last command.
     mode: Mode,
     idle_wanted: bool,
-    /// The last good one.
+    /// The last good pose.
     pose: Pose,
     /// Attitude by the gyro since then, rad; none while poses come.
     carried_rad: Option<[f32; 3]>,
@@ -174,36 +174,17 @@ impl Autopilot {
     /// One control period. Total: whatever comes in, motor commands are finite and inside the range.
     #[inline]
     pub fn tick(&mut self, readings: &Readings) -> &Flight {
-        let Self { limits, detectors, .. } = self;
         let mut conditions = Conditions::NONE;
         let found = &mut conditions;
-        let elapsed_us = detectors.clock(readings.time_us, limits, found);
-        let pilot = readings.command.as_ref().filter(|command| is_finite(command));
-        match pilot {
-            Some(command) => (self.mode, self.idle_wanted) = (command.mode, command.cut_off),
-            None if readings.command.is_some() => count(&mut detectors.counters.commands_refused),
-            None => {}
-        }
+        let elapsed_us = self.detectors.clock(readings.time_us, &self.limits, found);
+        let pilot = self.hear_pilot(readings);
         let commanded = pilot.is_some();
-        detectors.link(commanded, elapsed_us, limits, found);
-        let before_rad = self.carried_rad.unwrap_or(self.pose.attitude_rad);
-        let anchored = self.state != State::Disarmed && self.pose.position_m[0].is_finite();
-        let known = LastKnown { last: &self.pose, attitude_rad: before_rad, anchored };
-        let seen = detectors.pose(readings.pose.as_ref(), &known, elapsed_us, limits, found);
-        let gyro_rad_s = detectors.imu(readings.gyro_rad_s, elapsed_us, limits, found);
-        if let (true, Some(pose)) = (seen, &readings.pose) {
-            if self.carried_rad.is_some() && detectors.pose.late {
-                // What the estimators make of the way between is no velocity.
-                self.controller.restart_estimators();
-            }
-            (self.pose, self.carried_rad) = (*pose, None);
-        } else {
-            self.carried_rad = Some(carry(before_rad, gyro_rad_s, elapsed_us));
-        }
-        let attitude_rad = self.carried_rad.unwrap_or(self.pose.attitude_rad);
-        detectors.battery(readings.battery_v, elapsed_us, limits, found);
-        detectors.tilt(attitude_rad, elapsed_us, limits, found);
-        detectors.aftermath(found);
+        self.detectors.link(commanded, elapsed_us, &self.limits, found);
+        let (measurement, seen) = self.measure(readings, elapsed_us, found);
+        let attitude_rad = measurement.attitude_rad;
+        self.detectors.battery(readings.battery_v, elapsed_us, &self.limits, found);
+        self.detectors.tilt(attitude_rad, elapsed_us, &self.limits, found);
+        self.detectors.aftermath(found);
         let mut preflight = Preflight::default();
         if self.state != State::Flying || readings.request.is_some() || self.idle_wanted {
             preflight = self.attend(readings, commanded, attitude_rad, &mut conditions);
@@ -216,13 +197,59 @@ impl Autopilot {
             guided = self.guide(state, pilot, attitude_rad, elapsed_us, conditions);
             (guided.mode, guided.cut_off, Some(&guided))
         };
+        self.controller.tick_into(&measurement, seen, mode, cut_off, command, &mut self.flight.tick);
+        self.look_back(readings, seen, attitude_rad, elapsed_us);
+        (self.flight.state, self.flight.conditions, self.flight.preflight) = (state, conditions, preflight);
+        &self.flight
+    }
+
+    /// The pilot's command, if a good one came; its mode and cut-off stay until the next.
+    #[inline]
+    fn hear_pilot<'a>(&mut self, readings: &'a Readings) -> Option<&'a Command> {
+        let pilot = readings.command.as_ref().filter(|command| is_finite(command));
+        match pilot {
+            Some(command) => (self.mode, self.idle_wanted) = (command.mode, command.cut_off),
+            None if readings.command.is_some() => count(&mut self.detectors.counters.commands_refused),
+            None => {}
+        }
+        pilot
+    }
+
+    /// Where the craft is and how it turns: by the pose if a good one came (then `true`), else carried on by the gyro.
+    #[inline]
+    fn measure(
+        &mut self,
+        readings: &Readings,
+        elapsed_us: u32,
+        conditions: &mut Conditions,
+    ) -> (Measurement, bool) {
+        let Self { limits, detectors, .. } = self;
+        let before_rad = self.carried_rad.unwrap_or(self.pose.attitude_rad);
+        let anchored = self.state != State::Disarmed && self.pose.position_m[0].is_finite();
+        let known = LastKnown { last: &self.pose, attitude_rad: before_rad, anchored };
+        let seen = detectors.pose(readings.pose.as_ref(), &known, elapsed_us, limits, conditions);
+        let gyro_rad_s = detectors.imu(readings.gyro_rad_s, elapsed_us, limits, conditions);
+        if let (true, Some(pose)) = (seen, &readings.pose) {
+            if self.carried_rad.is_some() && detectors.pose.late {
+                // What the estimators make of the way between is no velocity.
+                self.controller.restart_estimators();
+            }
+            (self.pose, self.carried_rad) = (*pose, None);
+        } else {
+            self.carried_rad = Some(carry(before_rad, gyro_rad_s, elapsed_us));
+        }
         let measurement = Measurement {
             position_m: self.pose.position_m,
-            attitude_rad,
+            attitude_rad: self.carried_rad.unwrap_or(self.pose.attitude_rad),
             gyro_rad_s,
             battery_v: readings.battery_v,
         };
-        self.controller.tick_into(&measurement, seen, mode, cut_off, command, &mut self.flight.tick);
+        (measurement, seen)
+    }
+
+    /// What only the outcome shows, for the next tick.
+    #[inline]
+    fn look_back(&mut self, readings: &Readings, seen: bool, attitude_rad: [f32; 3], elapsed_us: u32) {
         let tick = &self.flight.tick;
         let terms = &tick.terms;
         if let (true, Some(rates)) = (seen, readings.gyro_rad_s) {
@@ -236,8 +263,6 @@ impl Autopilot {
             elapsed_us,
             &self.limits,
         );
-        (self.flight.state, self.flight.conditions, self.flight.preflight) = (state, conditions, preflight);
-        &self.flight
     }
 
     /// What matters only on the ground, while landing, or when somebody asks for something.
@@ -324,7 +349,7 @@ impl Autopilot {
         if state == State::Land {
             let empty = conditions.has(Condition::BatteryEmpty);
             let rate = if empty { self.descent.fast_m_per_us } else { self.descent.slow_m_per_us };
-            // Past the floor it goes on only in numbers; the door keeps the command inside the box.
+            // Past the floor it goes on only in numbers; the input checks keep the command inside the box.
             anchor.z_m = (anchor.z_m + rate * elapsed_us as f32).min(self.descent.down_m + 1.0);
         }
         Command { mode: Mode::Position, position_m: anchor.position_m, z_m: anchor.z_m, ..level }

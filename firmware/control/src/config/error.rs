@@ -22,14 +22,14 @@ impl fmt::Display for Parameter {
 pub enum ConfigError {
     /// A number is NaN or infinite.
     NotFinite {
-        /// Which.
+        /// The parameter.
         parameter: Parameter,
         /// Its value.
         value: f64,
     },
     /// A number lies outside what makes sense.
     OutOfRange {
-        /// Which.
+        /// The parameter.
         parameter: Parameter,
         /// Its value.
         value: f64,
@@ -40,7 +40,7 @@ pub enum ConfigError {
     },
     /// The first end of a range is not below the second.
     EmptyRange {
-        /// Which.
+        /// The parameter.
         parameter: Parameter,
         /// First end.
         low: f64,
@@ -49,7 +49,7 @@ pub enum ConfigError {
     },
     /// A parameter stands where there is no use for it.
     NotApplicable {
-        /// Which.
+        /// The parameter.
         parameter: Parameter,
     },
     /// The mixing matrix has no inverse: some axis cannot be commanded.

@@ -1,4 +1,4 @@
-//! When the supervisor steps in: the `[supervision]` table of the gains file.
+//! Supervision limits: from when on something counts as wrong in flight, the `[supervision]` table of the gains file.
 //!
 //! Every key has a default, so files from before there was a supervisor still read. Times and angles are what other
 //! autopilots fly with, made shorter for a cage: 0.5 s without a command and 60 degrees for 0.3 s as in PX4 and Crazyflie's
@@ -59,7 +59,7 @@ pub struct PoseLimits {
     pub cut_after_s: f64,
     /// Poses that were missing count again after so many s of good ones.
     pub good_for_s: f64,
-    /// The same pose for so many samples after its first is frozen.
+    /// A pose that repeats for so many samples after its first is frozen.
     pub repeats: u32,
     /// A pose farther from the last than this many m ...
     pub jump_m: f64,
@@ -75,7 +75,7 @@ pub struct PoseLimits {
 pub struct ImuLimits {
     /// So many ticks without a sample are a fault.
     pub missing_ticks: u32,
-    /// The same sample so many times is a fault.
+    /// A sample that comes unchanged so many times is a fault.
     pub repeats: u32,
     /// Motors off after so many s without a usable sample, where the law uses the gyro or there are no poses either.
     pub cut_after_s: f64,

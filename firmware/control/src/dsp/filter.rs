@@ -253,7 +253,7 @@ impl<R: Real> SecondOrder<R> {
         (self.b0 + self.b1 + self.b2) / (R::ONE + self.a1 + self.a2)
     }
 
-    /// The same filter as a first-order one, if its second-order terms are zero.
+    /// This filter as a first-order one, if its second-order terms are zero.
     fn first_order(&self) -> FirstOrder<R> {
         FirstOrder { b0: self.b0, b1: self.b1, a1: self.a1 }
     }

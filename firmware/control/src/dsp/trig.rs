@@ -32,7 +32,7 @@ pub fn sin_cos(x: f32) -> (f32, f32) {
     }
 }
 
-/// The same angle in (-pi, pi], in rad. Values already inside come back bit for bit.
+/// The angle moved by whole turns into (-pi, pi], in rad. Values already inside come back bit for bit.
 pub fn wrap_angle(angle_rad: f32) -> f32 {
     if angle_rad > -PI && angle_rad <= PI {
         return angle_rad;

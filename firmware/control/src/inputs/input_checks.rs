@@ -64,7 +64,7 @@ pub(crate) fn is_finite(command: &Command) -> bool {
 
 /// The last good inputs; what the laws are given.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct Inputs {
+pub(crate) struct HeldInputs {
     pub(crate) position_m: [f32; 3],
     pub(crate) attitude_rad: [f32; 3],
     pub(crate) gyro_rad_s: [f32; 3],
@@ -114,7 +114,7 @@ fn take_the_good(held: &mut [f32], values: &[f32], limit: f32) {
     }
 }
 
-impl Inputs {
+impl HeldInputs {
     /// Takes the good fields of a measurement over. Returns whether all of it was good (the voltage included); the gyro
     /// counts only if it is wanted.
     #[inline]
@@ -131,7 +131,7 @@ impl Inputs {
         position && attitude && battery
     }
 
-    /// [`Inputs::measure`] for a position and an attitude that the detectors have accepted.
+    /// [`HeldInputs::measure`] for a position and an attitude that the detectors have accepted.
     #[inline]
     pub(crate) fn measure_checked(&mut self, m: &Measurement, wants_gyro: bool, faults: &mut Faults) -> bool {
         let [roll, pitch, yaw] = m.attitude_rad;
@@ -221,7 +221,7 @@ mod tests {
 
     #[test]
     fn commands_are_moved_into_the_box() {
-        let mut inputs = Inputs::default();
+        let mut inputs = HeldInputs::default();
         let mut faults = Faults::default();
         let mut commanded = |x, y, z| {
             let command = Command { position_m: [x, y], z_m: z, ..Command::default() };
@@ -238,7 +238,7 @@ mod tests {
 
     #[test]
     fn each_field_is_held_by_itself() {
-        let mut inputs = Inputs::default();
+        let mut inputs = HeldInputs::default();
         let mut faults = Faults::default();
         let good = Measurement {
             position_m: [1.0, 2.0, -1.0],
@@ -266,7 +266,7 @@ mod tests {
 
     #[test]
     fn a_bad_injection_is_none() {
-        let mut inputs = Inputs::default();
+        let mut inputs = HeldInputs::default();
         let command = Command { injection: [5.0, f32::NAN, f32::INFINITY, -5.0], ..Command::default() };
         inputs.command(&command, &bounds(), &mut Faults::default());
         assert_eq!(inputs.injection, [5.0, 0.0, 0.0, -5.0]);
@@ -284,7 +284,7 @@ mod tests {
         fn nothing_bad_gets_through(m in any::<[u32; 10]>(), c in any::<[u32; 10]>()) {
             let f = |k: usize| f32::from_bits(m[k]);
             let g = |k: usize| f32::from_bits(c[k]);
-            let mut inputs = Inputs::default();
+            let mut inputs = HeldInputs::default();
             let mut faults = Faults::default();
             let measurement = Measurement {
                 position_m: [f(0), f(1), f(2)],
@@ -302,7 +302,7 @@ mod tests {
                 ..Command::default()
             };
             inputs.command(&command, &bounds(), &mut faults);
-            let Inputs { position_m, attitude_rad, gyro_rad_s, battery_v, .. } = inputs;
+            let HeldInputs { position_m, attitude_rad, gyro_rad_s, battery_v, .. } = inputs;
             prop_assert!(position_m.iter().all(|x| x.abs() <= POSITION_LIMIT_M));
             prop_assert!(attitude_rad.iter().all(|x| x.abs() <= ANGLE_LIMIT_RAD));
             prop_assert!(gyro_rad_s.iter().all(|x| x.abs() <= RATE_LIMIT_RAD_S));

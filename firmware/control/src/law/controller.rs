@@ -29,7 +29,7 @@ use crate::allocation::motor_map::{CommandRange, MotorMap};
 use crate::config::error::ConfigError;
 use crate::config::gains::{Config, Law, Saturation};
 use crate::config::range_check::RangeCheck;
-use crate::inputs::input_checks::{Bounds, Faults, Inputs};
+use crate::inputs::input_checks::{Bounds, Faults, HeldInputs};
 use crate::inputs::readings::{Command, Measurement, Mode};
 use crate::law::altitude::{AltitudeLoop, AltitudeLoopState};
 use crate::law::attitude::{AngleLoop, AngleLoopState, LoopOutput};
@@ -76,7 +76,7 @@ struct InnerState {
 struct Memory {
     /// Has there been a good measurement?
     started: bool,
-    inputs: Inputs,
+    inputs: HeldInputs,
     estimator: Option<EstimatorState>,
     position: Option<PositionState>,
     inner: Option<InnerState>,
@@ -88,7 +88,7 @@ impl Memory {
     fn new(idle: f32) -> Self {
         Self {
             started: false,
-            inputs: Inputs::default(),
+            inputs: HeldInputs::default(),
             estimator: None,
             position: None,
             inner: None,
@@ -260,7 +260,7 @@ fn idle(laws: &Laws, memory: &mut Memory, estimates: Option<&Estimates>, outcome
 /// Step 2: rates and voltage.
 #[inline]
 fn estimate(laws: &Laws, memory: &mut Memory, gyro_came: bool) -> Estimates {
-    let Inputs { position_m: [_, _, z_m], attitude_rad, gyro_rad_s, battery_v, .. } = memory.inputs;
+    let HeldInputs { position_m: [_, _, z_m], attitude_rad, gyro_rad_s, battery_v, .. } = memory.inputs;
     let state = memory
         .estimator
         .get_or_insert_with(|| laws.estimator.start(attitude_rad, z_m, battery_v, gyro_rad_s));
@@ -305,7 +305,7 @@ impl InnerOutput {
 /// Steps 4 to 6: thrust and angular accelerations.
 #[inline]
 fn inner_loops(laws: &Laws, memory: &mut Memory, estimates: &Estimates, commands: [f32; 3]) -> InnerOutput {
-    let Inputs { position_m: [_, _, z], attitude_rad: [phi, theta, psi], z_command_m, .. } = memory.inputs;
+    let HeldInputs { position_m: [_, _, z], attitude_rad: [phi, theta, psi], z_command_m, .. } = memory.inputs;
     let ([roll_command, pitch_command, yaw_command], [p, q, r]) = (commands, estimates.body_rates_rad_s);
     let state = memory.inner.get_or_insert_with(|| InnerState {
         roll: laws.roll.start(roll_command),
