@@ -28,7 +28,7 @@ pub struct Question {
 
 impl Question {
     /// To the craft of this configuration, from its own machine.
-    pub fn of(link: &config::Link, patience: Duration) -> Self {
+    pub fn of(link: &config::LinkSettings, patience: Duration) -> Self {
         let mut craft = link.listen;
         if craft.ip().is_unspecified() {
             // What listens everywhere listens here.

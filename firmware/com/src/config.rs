@@ -122,7 +122,7 @@ impl Default for GuardianTable {
 
 /// The link to the ground.
 #[derive(Debug, Clone)]
-pub struct Link {
+pub struct LinkSettings {
     /// Where the ground's packets come in.
     pub listen: SocketAddr,
     /// Tells crafts with one key apart.
@@ -161,7 +161,7 @@ pub struct Setup {
     /// Of gains and vehicle file ([`gains_file::craft_sha256`]).
     pub vehicle_sha256: [u8; 32],
     /// The link.
-    pub link: Link,
+    pub link: LinkSettings,
     /// The IMU's serial port and its baud rate.
     pub imu: (PathBuf, u32),
     /// The folder of the PWM chips.
@@ -261,7 +261,7 @@ pub fn read_gains(path: &Path) -> Result<Law> {
     Ok(Gains::read(path)?.config)
 }
 
-fn link(table: &LinkTable, folder: &Path) -> std::result::Result<Link, String> {
+fn link(table: &LinkTable, folder: &Path) -> std::result::Result<LinkSettings, String> {
     let listen: SocketAddr = table.listen.parse().map_err(|_| {
         format!("[link] listen is {:?}: write address and port, such as 0.0.0.0:14650", table.listen)
     })?;
@@ -279,7 +279,7 @@ fn link(table: &LinkTable, folder: &Path) -> std::result::Result<Link, String> {
             "[link] listen is {listen}, and there is no key: whoever can reach the port could fly the craft; name a key file, or say open = true"
         ));
     }
-    Ok(Link {
+    Ok(LinkSettings {
         listen,
         number: table.number,
         key,

@@ -42,7 +42,7 @@ pub enum Event {
 
 /// All that the loop's thread touches.
 #[derive(Debug)]
-pub struct Flight<C> {
+pub struct FlightLoop<C> {
     craft: Craft,
     link: Link,
     imu: Imu,
@@ -55,7 +55,7 @@ pub struct Flight<C> {
     events: SyncSender<Event>,
 }
 
-impl<C: SetDutyCycle> Flight<C> {
+impl<C: SetDutyCycle> FlightLoop<C> {
     /// Opens what the setup names; the outputs are open already.
     ///
     /// # Errors
@@ -156,7 +156,7 @@ fn tell(events: &SyncSender<Event>, event: Event) {
 /// # Errors
 /// What cannot be opened, or [`Error::Orphaned`].
 pub fn fly<C: SetDutyCycle>(setup: &Setup, motors: Motors<C>, mut heart: Heart) -> Result<()> {
-    let (mut flight, events) = Flight::open(setup, motors)?;
+    let (mut flight, events) = FlightLoop::open(setup, motors)?;
     let log_events = move || print(&events);
     thread::Builder::new()
         .name("log".into())

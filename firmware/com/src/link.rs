@@ -43,7 +43,7 @@ pub struct Link {
     sealer: Sealer,
     opener: Opener,
     keeper: Option<Keeper>,
-    settings: config::Link,
+    settings: config::LinkSettings,
     /// Who gets telemetry.
     ground: Option<SocketAddr>,
     /// Who asked last.
@@ -56,7 +56,7 @@ impl Link {
     ///
     /// # Errors
     /// A port that is taken, or counters that cannot be read or stored.
-    pub fn open(settings: &config::Link) -> Result<Self> {
+    pub fn open(settings: &config::LinkSettings) -> Result<Self> {
         let socket = UdpSocket::bind(settings.listen)
             .map_err(system("listen on the link's port; does another program?"))?;
         socket.set_nonblocking(true).map_err(system("set up the link's socket"))?;
@@ -102,7 +102,7 @@ impl Link {
     }
 
     fn take(&mut self, packet: &[u8], from: SocketAddr, craft: &mut Craft, note: &mut impl FnMut(Notice)) {
-        let config::Link { key, open, .. } = &self.settings;
+        let config::LinkSettings { key, open, .. } = &self.settings;
         if proto::admit(from.ip(), key.as_ref(), *open).is_err() {
             self.strangers = self.strangers.saturating_add(1);
             return note(Notice::Stranger(from));
@@ -146,8 +146,8 @@ impl Link {
         self.reserve();
     }
 
-    fn counts(&self) -> craft::Link {
-        let mut counts = craft::Link::from(&self.opener);
+    fn counts(&self) -> craft::LinkStatus {
+        let mut counts = craft::LinkStatus::from(&self.opener);
         counts.refused = counts.refused.saturating_add(self.strangers);
         counts
     }

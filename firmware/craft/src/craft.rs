@@ -40,7 +40,7 @@ pub struct Inputs {
 
 /// What the link counts and knows, for telemetry and identity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Link {
+pub struct LinkStatus {
     /// Packets that never came, by the gaps in their numbers.
     pub lost: u32,
     /// Packets refused: damaged, forged, replayed, or bytes that were no packet.
@@ -49,7 +49,7 @@ pub struct Link {
     pub accepts_from: u64,
 }
 
-impl From<&proto::Opener> for Link {
+impl From<&proto::Opener> for LinkStatus {
     fn from(opener: &proto::Opener) -> Self {
         let proto::Statistics { lost, refused, .. } = opener.statistics;
         Self { lost, refused, accepts_from: opener.guard.accepts_from() }
@@ -187,7 +187,7 @@ impl Craft {
 
     /// The next message to the ground: answers, identity, telemetry, in this order. To be called after a tick until there are no
     /// more.
-    pub fn next_message(&mut self, link: &Link) -> Option<Message> {
+    pub fn next_message(&mut self, link: &LinkStatus) -> Option<Message> {
         if let Some(answer) = self.outbox.pop_front() {
             return Some(Message::Answer(answer));
         }
@@ -202,7 +202,7 @@ impl Craft {
     }
 
     /// Who this is.
-    pub fn identity(&self, link: &Link) -> Identity {
+    pub fn identity(&self, link: &LinkStatus) -> Identity {
         Identity {
             versions: [MIN_VERSION, VERSION],
             program: self.setup.program,
@@ -213,7 +213,7 @@ impl Craft {
     }
 
     /// Everything about the last tick.
-    pub fn telemetry(&self, link: &Link) -> Telemetry {
+    pub fn telemetry(&self, link: &LinkStatus) -> Telemetry {
         let flight = self.autopilot.flight();
         let terms = &flight.tick.terms;
         Telemetry {
@@ -248,7 +248,7 @@ impl Craft {
         self.autopilot.flight()
     }
 
-    fn counters(&self, link: &Link) -> Counters {
+    fn counters(&self, link: &LinkStatus) -> Counters {
         let found = self.autopilot.counters();
         Counters {
             jitter_us: self.jitter_us,

@@ -31,6 +31,6 @@ mod digest;
 pub mod image;
 mod lockstep;
 
-pub use craft::{Craft, Inputs, Link, Setup};
+pub use craft::{Craft, Inputs, LinkStatus, Setup};
 pub use digest::digest;
 pub use lockstep::{Lockstep, RECORDING_MAGIC};

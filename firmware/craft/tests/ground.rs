@@ -2,7 +2,7 @@
 
 use control::Preflight;
 use control::{Config, State};
-use craft::{Craft, Inputs, Link, Setup, digest};
+use craft::{Craft, Inputs, LinkStatus, Setup, digest};
 use proptest::prelude::*;
 use proto::{Answer, Command, Gains, ImuSample, Loop, Message, Mode, Pose, Request, TimedPose, Timer};
 
@@ -15,13 +15,13 @@ struct Bench {
     craft: Craft,
     ticks: u32,
     number: u64,
-    link: Link,
+    link: LinkStatus,
 }
 
 impl Bench {
     fn new(setup: Setup) -> Self {
         let craft = Craft::new(&Config::thesis(), setup).unwrap();
-        Self { craft, ticks: 0, number: 0, link: Link::default() }
+        Self { craft, ticks: 0, number: 0, link: LinkStatus::default() }
     }
 
     fn say(&mut self, message: Message) -> u64 {
@@ -150,7 +150,7 @@ fn the_newest_pose_and_command_count() {
 #[test]
 fn telemetry_tells_what_went_in() {
     let mut bench = Bench::ready(SETUP);
-    bench.link = Link { lost: 3, refused: 4, accepts_from: 99 };
+    bench.link = LinkStatus { lost: 3, refused: 4, accepts_from: 99 };
     bench.say(Message::Timer(Timer { ground_us: 77 }));
     bench.say(Message::Answer(Answer { to: 0, done: true, preflight: 0 }));
     let said = bench.run(Some([0.1, 0.2, 0.3]), 250);

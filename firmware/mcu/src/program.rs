@@ -2,7 +2,7 @@
 
 use control::{Config, ConfigError};
 use craft::image::{self, ImageError};
-use craft::{Craft, Inputs, Link, Setup};
+use craft::{Craft, Inputs, LinkStatus, Setup};
 use embedded_io::{Read, ReadReady, Write};
 use proto::{Deframer, MAX_PACKET_LEN, MAX_STREAM_LEN, Opener, Refused, Role, Sealer};
 
@@ -110,7 +110,7 @@ impl Program {
 
     /// All messages of a tick; what the link has no room for is left out.
     fn speak(&mut self, link: &mut impl Write) {
-        let mut state = Link::from(&self.opener);
+        let mut state = LinkStatus::from(&self.opener);
         state.refused = state.refused.saturating_add(self.deframer.dropped);
         let (mut packet, mut stream) = ([0; MAX_PACKET_LEN], [0; MAX_STREAM_LEN]);
         while let Some(message) = self.craft.next_message(&state) {

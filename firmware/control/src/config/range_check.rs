@@ -53,3 +53,42 @@ impl RangeCheck {
         Err(ConfigError::EmptyRange { parameter: Parameter { group: self.group, name }, low, high })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CHECK: RangeCheck = RangeCheck { group: "table" };
+
+    #[test]
+    fn the_ends_of_a_range_belong_to_it() {
+        assert_eq!([1.0, 2.0, 1.5].map(|value| CHECK.within("key", value, 1.0, 2.0)), [Ok(()); 3]);
+        for (value, message) in [
+            (0.9, "table.key is 0.9: give a number from 1 to 2"),
+            (2.1, "table.key is 2.1: give a number from 1 to 2"),
+            (f64::NAN, "table.key is NaN: give a finite number"),
+        ] {
+            assert_eq!(CHECK.within("key", value, 1.0, 2.0).unwrap_err().to_string(), message);
+        }
+    }
+
+    #[test]
+    fn what_is_absent_is_not_checked() {
+        assert_eq!(CHECK.optional("key", None, 1.0, 2.0), Ok(()));
+        assert!(CHECK.optional("key", Some(3.0), 1.0, 2.0).is_err());
+    }
+
+    #[test]
+    fn one_bad_number_spoils_an_array() {
+        assert_eq!(CHECK.all("key", &[1.0, 2.0], 1.0, 2.0), Ok(()));
+        assert!(CHECK.all("key", &[1.0, f64::INFINITY], 1.0, 2.0).is_err());
+    }
+
+    #[test]
+    fn a_range_goes_upwards() {
+        assert_eq!(CHECK.range("key", [-1.0, 1.0]), Ok(()));
+        for ends in [[1.0, 1.0], [1.0, -1.0], [f64::NAN, 1.0]] {
+            assert!(CHECK.range("key", ends).is_err(), "{ends:?}");
+        }
+    }
+}

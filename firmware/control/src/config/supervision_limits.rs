@@ -319,3 +319,65 @@ impl Default for Supervision {
         Self::DEFAULT
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn message(change: impl FnOnce(&mut Supervision)) -> String {
+        let mut limits = Supervision::DEFAULT;
+        change(&mut limits);
+        limits.check().map_or_else(|error| error.to_string(), |()| "good".into())
+    }
+
+    #[test]
+    fn the_defaults_can_be_flown_with() {
+        assert_eq!(message(|_| ()), "good");
+        assert_eq!(message(|s| s.fence = Fence::NONE), "good");
+        assert_eq!(message(|s| s.battery = BatteryLevels::THREE_CELLS), "good");
+    }
+
+    #[test]
+    fn a_milder_reaction_comes_first() {
+        assert_eq!(
+            message(|s| s.link.land_after_s = 0.4),
+            "supervision.link.land_after_s is 0.4: give a number from 0.5 to 60"
+        );
+        assert_eq!(
+            message(|s| s.pose.land_after_s = 0.01),
+            "supervision.pose.land_after_s is 0.01: give a number from 0.05 to 60"
+        );
+        assert!(message(|s| s.pose.cut_after_s = 0.3).starts_with("supervision.pose.cut_after_s is 0.3:"));
+        assert!(message(|s| s.battery.land_v = 1.0).starts_with("supervision.battery.land_v is 1:"));
+    }
+
+    /// A timer in microseconds counts to 71 minutes; every time in the table is checked.
+    #[test]
+    fn no_time_is_longer_than_a_minute() {
+        let times: [fn(&mut Supervision) -> &mut f64; 15] = [
+            |s| &mut s.link.hold_after_s,
+            |s| &mut s.link.land_after_s,
+            |s| &mut s.link.good_for_s,
+            |s| &mut s.pose.coast_s,
+            |s| &mut s.pose.land_after_s,
+            |s| &mut s.pose.cut_after_s,
+            |s| &mut s.pose.good_for_s,
+            |s| &mut s.imu.cut_after_s,
+            |s| &mut s.imu.disagreement_filter_s,
+            |s| &mut s.battery.for_s,
+            |s| &mut s.tilt.for_s,
+            |s| &mut s.fence.for_s,
+            |s| &mut s.thrust.for_s,
+            |s| &mut s.timing.jump_s,
+            |s| &mut s.timing.overrun_s,
+        ];
+        for (k, time) in times.into_iter().enumerate() {
+            for bad in [60.1, -0.1, f64::NAN] {
+                assert!(
+                    message(|s| *time(s) = bad).contains(&format!("_s is {bad}:")),
+                    "time {k} of {bad} s"
+                );
+            }
+        }
+    }
+}

@@ -137,3 +137,30 @@ const THESIS_POSITION: PositionLoop = PositionLoop {
     rate_limit_m_s: 0.5,
     output_limit_rad: None,
 };
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Thesis (5.14): the thrust that carries 1.214 kg (Table 3.1) at 9.81 m/s^2, four decimals.
+    #[test]
+    fn hover_thrust_is_the_weight() {
+        let Law::ModelBased(law) = Config::thesis().law else { panic!("the model-based law") };
+        assert!((law.hover_thrust_n - 1.214 * 9.81).abs() < 5e-5);
+    }
+
+    /// Thesis (5.12) is (4.11) solved for the command, to the digits that are printed.
+    #[test]
+    fn the_printed_inverse_is_that_of_the_printed_map() {
+        let map = THESIS_MOTOR_MAP;
+        let inverse = map.inverse.expect("it is printed");
+        assert!((inverse.speed - 1.0 / map.command).abs() < 5e-5);
+        assert!((inverse.voltage + map.voltage / map.command).abs() < 5e-4);
+        assert!((inverse.offset + map.offset / map.command).abs() < 0.05);
+    }
+
+    #[test]
+    fn both_laws_can_be_flown() {
+        assert_eq!((Config::thesis().check(), Config::thesis_hand_tuned().check()), (Ok(()), Ok(())));
+    }
+}

@@ -305,7 +305,8 @@ impl InnerOutput {
 /// Steps 4 to 6: thrust and angular accelerations.
 #[inline]
 fn inner_loops(laws: &Laws, memory: &mut Memory, estimates: &Estimates, commands: [f32; 3]) -> InnerOutput {
-    let HeldInputs { position_m: [_, _, z], attitude_rad: [phi, theta, psi], z_command_m, .. } = memory.inputs;
+    let HeldInputs { position_m: [_, _, z], attitude_rad: [phi, theta, psi], z_command_m, .. } =
+        memory.inputs;
     let ([roll_command, pitch_command, yaw_command], [p, q, r]) = (commands, estimates.body_rates_rad_s);
     let state = memory.inner.get_or_insert_with(|| InnerState {
         roll: laws.roll.start(roll_command),

@@ -400,3 +400,194 @@ fn bounded(values: [f32; 3], limit: f32) -> [f32; 3] {
         }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::gains::Config;
+    use crate::config::supervision_limits::BatteryLevels;
+    use Condition as C;
+
+    const PERIOD_US: u32 = 10_000;
+    const POSE: Pose = Pose { position_m: [0.0, 0.0, -1.0], attitude_rad: [0.0; 3] };
+
+    fn limits() -> Limits {
+        Limits::new(&Config::thesis())
+    }
+
+    /// What one call of a detector found.
+    fn found<T>(detect: impl FnOnce(&mut Conditions) -> T) -> (T, Vec<Condition>) {
+        let mut conditions = Conditions::NONE;
+        let result = detect(&mut conditions);
+        (result, conditions.iter().collect())
+    }
+
+    #[test]
+    fn the_clock_may_wrap_but_neither_leap_nor_stand_still() {
+        let limits = limits();
+        let mut detectors = Detectors::in_flight();
+        let mut tick = |time_us| found(|conditions| detectors.clock(time_us, &limits, conditions));
+        assert_eq!(tick(u32::MAX - 4999), (PERIOD_US, vec![]), "the first tick");
+        assert_eq!(tick(5000), (PERIOD_US, vec![]), "across the wrap");
+        for time_us in [5000, 4000, 3_000_000] {
+            assert_eq!(tick(time_us), (PERIOD_US, vec![C::ClockJumped]), "{time_us}");
+        }
+        assert_eq!(detectors.counters.clock_jumps, 3);
+    }
+
+    /// The table allows 0.1 s of delay: three ticks 40 ms late, and less after ticks in time.
+    #[test]
+    fn late_ticks_add_up_and_ticks_in_time_make_up_for_them() {
+        let limits = limits();
+        let mut detectors = Detectors::in_flight();
+        let mut time_us = 0;
+        let mut tick = |elapsed_us| {
+            time_us += elapsed_us;
+            let (_, conditions) = found(|conditions| detectors.clock(time_us, &limits, conditions));
+            (conditions, detectors.on_time(&limits), detectors.counters.overruns)
+        };
+        tick(0);
+        assert_eq!(tick(50_000), (vec![], true, 1));
+        assert_eq!(tick(50_000), (vec![], false, 2), "80 ms: no arming");
+        assert_eq!(tick(50_000), (vec![C::LoopOverrun], false, 3), "120 ms");
+        // A tenth of a period each.
+        (0..20).for_each(|_| assert_eq!(tick(PERIOD_US).2, 3));
+        assert_eq!(tick(PERIOD_US).0, vec![]);
+        (0..60).for_each(|_| drop(tick(PERIOD_US)));
+        assert!(tick(PERIOD_US).1);
+    }
+
+    #[test]
+    fn a_silent_link_is_late_and_then_lost() {
+        let limits = limits();
+        let mut detectors = Detectors::in_flight();
+        for k in 1..=200 {
+            let ((), conditions) = found(|c| detectors.link(false, PERIOD_US, &limits, c));
+            let want: &[Condition] = match k {
+                ..50 => &[],
+                50..190 => &[C::LinkLate],
+                _ => &[C::LinkLate, C::LinkLost],
+            };
+            assert_eq!(conditions, want, "{k}");
+        }
+    }
+
+    /// Ticks of a pose each, as a craft in flight sees them: whether it is used, and what is found.
+    fn pose_ticks(poses: impl IntoIterator<Item = Option<Pose>>) -> (Vec<(bool, Vec<Condition>)>, u32) {
+        let limits = limits();
+        let mut detectors = Detectors { pose_settling: false, ..Detectors::in_flight() };
+        let mut last = POSE;
+        let ticks = poses.into_iter().map(|pose| {
+            let known = LastKnown { last: &last, attitude_rad: last.attitude_rad, anchored: true };
+            let tick = found(|c| detectors.pose(pose.as_ref(), &known, PERIOD_US, &limits, c));
+            if let (true, Some(pose)) = (tick.0, pose) {
+                last = pose;
+            }
+            tick
+        });
+        (ticks.collect(), detectors.counters.poses_refused)
+    }
+
+    #[test]
+    fn a_pose_that_never_changes_is_frozen() {
+        let (ticks, refused) = pose_ticks([Some(POSE); 5]);
+        let used: Vec<bool> = ticks.iter().map(|tick| tick.0).collect();
+        // The table allows two repetitions.
+        assert_eq!(used, [true, true, false, false, false]);
+        assert_eq!(ticks[2].1, [C::PoseFrozen]);
+        assert_eq!(refused, 3);
+    }
+
+    #[test]
+    fn a_pose_out_of_reach_is_refused_until_a_silence_makes_room() {
+        let away = Pose { position_m: [0.6, 0.0, -1.0], ..POSE };
+        let (ticks, _) = pose_ticks([Some(away), Some(away)]);
+        assert_eq!(ticks, [(false, vec![C::PoseJumped]), (false, vec![C::PoseJumped])]);
+        // 0.5 m at once, and 3 m/s: four silent ticks and half a metre reach 0.62 m.
+        let (ticks, _) = pose_ticks([None, None, None, None, Some(away)]);
+        assert!(ticks[4].0, "{ticks:?}");
+    }
+
+    #[test]
+    fn no_pose_is_late_lost_and_gone_in_turn() {
+        let (ticks, _) = pose_ticks([None; 190]);
+        let conditions = |k: usize| ticks[k - 1].1.as_slice();
+        assert_eq!(conditions(4), []);
+        assert_eq!(conditions(5), [C::PoseLate]);
+        assert_eq!(conditions(40), [C::PoseLate, C::PoseLost]);
+        assert_eq!(conditions(190), [C::PoseLate, C::PoseLost, C::PoseGone]);
+    }
+
+    #[test]
+    fn leaving_the_box_counts_after_its_time() {
+        let outside = |k: u8| Pose { position_m: [0.0, 2.15 + 0.1 * f32::from(k), -1.0], ..POSE };
+        let (ticks, _) = pose_ticks((0..30).map(|k| Some(outside(k.min(3) * 2 + k % 2))));
+        let first = ticks.iter().position(|tick| tick.1.contains(&C::OutsideFence));
+        // Outside from tick 1 on, for 0.2 s.
+        assert_eq!(first, Some(20), "{ticks:?}");
+    }
+
+    #[test]
+    fn a_gyro_that_repeats_itself_is_stuck_and_a_wild_one_is_missing() {
+        let limits = limits();
+        let mut detectors = Detectors::in_flight();
+        let mut sample = |rates| found(|c| detectors.imu(rates, PERIOD_US, &limits, c));
+        let same = Some([0.1, 0.0, 0.0]);
+        for _ in 0..9 {
+            assert_eq!(sample(same), (same, vec![]));
+        }
+        assert_eq!(sample(same), (None, vec![C::ImuStuck]));
+        let other = Some([0.2, 0.0, 0.0]);
+        assert_eq!(sample(other), (other, vec![]));
+        for (k, bad) in [Some([36.0, 0.0, 0.0]), Some([f32::NAN, 0.0, 0.0]), None].into_iter().enumerate() {
+            let want = if k == 2 { vec![C::ImuLate] } else { vec![] };
+            assert_eq!(sample(bad), (None, want));
+        }
+    }
+
+    #[test]
+    fn a_gyro_that_contradicts_the_poses_is_noticed_and_one_wild_sample_is_not() {
+        let limits = limits();
+        let mut detectors = Detectors { imu_comparable: true, ..Detectors::in_flight() };
+        detectors.compare_rates([1e6, 0.0, 0.0], [0.0; 3], &limits);
+        assert!(!detectors.imu_disagrees);
+        let mut ticks = 0;
+        while !detectors.imu_disagrees {
+            detectors.compare_rates([2.0, 0.0, 0.0], [0.0; 3], &limits);
+            ticks += 1;
+        }
+        // 2 rad/s smoothed over 20 ticks passes 1.2 rad/s after 20 ln(2.0 / 0.8) = 18, the wild sample's 0.117 rad/s sooner.
+        assert!((16..=18).contains(&ticks), "{ticks}");
+    }
+
+    #[test]
+    fn a_sag_is_no_empty_battery_and_a_voltage_that_is_no_number_is() {
+        let mut config = Config::thesis();
+        config.supervision.battery = BatteryLevels { for_s: 0.05, ..BatteryLevels::THREE_CELLS };
+        let limits = Limits::new(&config);
+        let mut detectors = Detectors::in_flight();
+        let mut voltage = |volts| found(|c| detectors.battery(volts, PERIOD_US, &limits, c)).1;
+        (0..4).for_each(|_| assert_eq!(voltage(9.0), []));
+        assert_eq!(voltage(11.0), []);
+        (0..4).for_each(|_| assert_eq!(voltage(10.5), []));
+        assert_eq!(voltage(10.5), [C::BatteryLow]);
+        (0..4).for_each(|_| assert_eq!(voltage(f32::NAN), [C::BatteryLow]));
+        assert_eq!(voltage(f32::NAN), [C::BatteryLow, C::BatteryCritical, C::BatteryEmpty]);
+        assert_eq!(voltage(12.0), []);
+    }
+
+    #[test]
+    fn thrust_is_lost_by_a_level_craft_that_sinks_and_nobody_else() {
+        let limits = limits();
+        let lost = |refused, sink_m_s, roll_rad| {
+            let mut detectors = Detectors::in_flight();
+            for _ in 0..40 {
+                detectors.after(refused, sink_m_s, [roll_rad, 0.0, 0.0], false, PERIOD_US, &limits);
+            }
+            !found(|c| detectors.aftermath(c)).1.is_empty()
+        };
+        assert!(lost(true, 0.3, 0.1));
+        assert!(!lost(false, 0.3, 0.1) && !lost(true, 0.1, 0.1) && !lost(true, 0.3, 0.5));
+        assert!(!lost(true, f32::NAN, 0.1));
+    }
+}

@@ -97,3 +97,31 @@ impl Limits {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::supervision_limits::Fence;
+
+    #[test]
+    fn seconds_become_microseconds() {
+        assert_eq!([0.0, 1e-6, 0.01, 60.0, 1e9].map(micros), [0, 1, 10_000, 60_000_000, u32::MAX]);
+    }
+
+    /// The thesis' table, worked out by hand.
+    #[test]
+    fn the_table_in_the_units_of_flight() {
+        let mut config = Config::thesis();
+        config.supervision.fence = Fence { x_m: [-1.0, 3.0], y_m: [2.0, 4.0], z_m: [-2.5, 0.5], for_s: 0.2 };
+        let limits = Limits::new(&config);
+        assert_eq!((limits.period_us, limits.jump_us, limits.overrun_us), (10_000, 1_000_000, 100_000));
+        assert_eq!(limits.link, SilenceLimits { late_us: 500_000, lost_us: 1_900_000, good_us: 500_000 });
+        assert_eq!(limits.pose, SilenceLimits { late_us: 50_000, lost_us: 400_000, good_us: 100_000 });
+        assert_eq!((limits.fence_centre_m, limits.fence_half_m), ([1.0, 3.0, -1.0], [2.0, 1.0, 1.5]));
+        // cos(60 degrees), rounded once.
+        assert!((limits.tilt_cosine - 0.5).abs() < 1e-7);
+        // A first-order smoothing of 0.2 s at 0.01 s: 1 - exp(-0.05).
+        assert!((limits.disagreement_gain - 0.048_770_6).abs() < 1e-7);
+        assert_eq!((limits.rate_limit, limits.uses_gyro), (35.0_f32.to_bits(), false));
+    }
+}

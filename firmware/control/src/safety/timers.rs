@@ -63,3 +63,50 @@ impl Silence {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_holds_counts_after_its_time_and_begins_anew() {
+        let mut held = Held::default();
+        let steps = [true, true, true, false, true, true, true];
+        let counted = steps.map(|now| held.step(now, 10, 30));
+        assert_eq!(counted, [false, false, true, false, false, false, true]);
+        let mut long = Held(u32::MAX - 5);
+        assert!(long.step(true, 10, u32::MAX), "an age stays at the greatest number");
+    }
+
+    const LIMITS: SilenceLimits = SilenceLimits { late_us: 100, lost_us: 300, good_us: 80 };
+
+    #[test]
+    fn a_stream_is_late_after_its_time_without_an_item() {
+        let mut stream = Silence::GOOD;
+        for k in 1..=9 {
+            stream.step(false, 10, &LIMITS);
+            assert_eq!((stream.age_us, stream.late), (10 * k, false));
+        }
+        stream.step(false, 10, &LIMITS);
+        assert!(stream.late);
+        stream.step(false, u32::MAX, &LIMITS);
+        assert_eq!(stream.age_us, u32::MAX);
+    }
+
+    #[test]
+    fn a_late_stream_needs_good_items_for_a_while() {
+        let mut stream = Silence::NEVER;
+        let late = [10; 8].map(|elapsed_us| {
+            stream.step(true, elapsed_us, &LIMITS);
+            stream.late
+        });
+        assert_eq!(late, [true, true, true, true, true, true, true, false]);
+        // One item in a gap longer than half the time that is late brings nothing back.
+        let mut stream = Silence::NEVER;
+        for _ in 0..100 {
+            stream.step(true, 10, &LIMITS);
+            (0..6).for_each(|_| stream.step(false, 10, &LIMITS));
+            assert!(stream.late);
+        }
+    }
+}

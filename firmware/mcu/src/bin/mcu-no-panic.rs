@@ -16,7 +16,7 @@ mod target {
     use core::mem::MaybeUninit;
     use core::ptr::{addr_of, addr_of_mut, read_volatile, write_volatile};
 
-    use craft::{Craft, Inputs, Link, image};
+    use craft::{Craft, Inputs, LinkStatus, image};
     use embedded_io::{ErrorType, Read, ReadReady, Write};
     use mcu::{Board, Program};
     use proto::{ImuSample, Key, MAX_PACKET_LEN, Opener, Refused, Role, Sealer, imu_frame};
@@ -120,7 +120,7 @@ mod target {
         }
         sealer.follow(opener);
         let mut buffer = [0; MAX_PACKET_LEN];
-        while let Some(message) = craft.next_message(&Link::from(&*opener)) {
+        while let Some(message) = craft.next_message(&LinkStatus::from(&*opener)) {
             if let Ok((_, packet)) = sealer.seal(&message, &mut buffer) {
                 packet.iter().for_each(|byte| say(*byte));
             }
