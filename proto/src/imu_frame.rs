@@ -23,7 +23,8 @@
 
 use crc::{CRC_16_MCRF4XX, Crc};
 
-use crate::{Deframer, ImuSample, enframe};
+use crate::message::ImuSample;
+use crate::stream::{Deframer, enframe};
 
 const VERSION: u8 = 1;
 const BODY_LEN: usize = 30;

@@ -19,8 +19,8 @@ use hmac::{Hmac, KeyInit, Mac};
 use sha2::Sha256;
 
 use crate::counter::{ReplayGuard, SendCounter, Verdict};
+use crate::frame::{Error, MAX_FRAME_LEN, VERSION, decode_body};
 use crate::message::Message;
-use crate::{Error, MAX_FRAME_LEN, VERSION, decode_body};
 
 const HEADER_LEN: usize = 12;
 const CRC_LEN: usize = 4;

@@ -22,6 +22,7 @@
 )]
 
 pub mod battery;
+mod board;
 pub mod esc;
 pub mod imu;
 #[cfg(all(target_os = "none", not(feature = "stm32f405")))]
@@ -33,46 +34,8 @@ pub mod stm32f405;
 #[cfg(target_os = "none")]
 pub mod systick;
 
-pub use program::{BootError, Program};
-
-use proto::ImuSample;
+pub use board::Board;
+pub use program::{BootError, Program, VERSION};
 
 /// Gains and vehicle as they were built in: an image of `craft::image`.
 pub static GAINS_IMAGE: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/gains.image"));
-
-/// Version of the program: major, minor, patch.
-pub const VERSION: [u16; 3] = [
-    number(env!("CARGO_PKG_VERSION_MAJOR")),
-    number(env!("CARGO_PKG_VERSION_MINOR")),
-    number(env!("CARGO_PKG_VERSION_PATCH")),
-];
-
-const fn number(digits: &str) -> u16 {
-    match u16::from_str_radix(digits, 10) {
-        Ok(number) => number,
-        Err(_) => u16::MAX,
-    }
-}
-
-/// The hardware of a craft.
-pub trait Board {
-    /// The wire to the ground. Writing takes all bytes or none, and does not wait.
-    type Link: embedded_io::Read + embedded_io::ReadReady + embedded_io::Write;
-
-    /// The wire to the ground.
-    fn link(&mut self) -> &mut Self::Link;
-    /// Monotonic time in us, modulo 2^32.
-    fn now_us(&mut self) -> u32;
-    /// Sleeps until something happens: a byte, or the next period.
-    fn wait(&mut self);
-    /// The newest IMU sample, if there is one.
-    fn imu(&mut self) -> Option<ImuSample>;
-    /// Battery voltage, V; NaN if it cannot be measured.
-    fn battery_v(&mut self) -> f32;
-    /// Battery current, A, if it is measured.
-    fn current_a(&mut self) -> Option<f32>;
-    /// Motor commands to the outputs, in command units: did all of them work?
-    fn drive(&mut self, commands: &[f32; 4]) -> bool;
-    /// Tells the watchdog that the loop runs.
-    fn feed_watchdog(&mut self);
-}

@@ -16,7 +16,7 @@ use cortex_m_rt::exception;
 use embedded_hal::pwm::SetDutyCycle;
 use proto::ImuSample;
 
-use crate::Board;
+use crate::board::Board;
 use crate::esc::{Escs, IDLE_US, duty};
 use crate::ring::{Ring, Serial};
 use crate::systick::Systick;

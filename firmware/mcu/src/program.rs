@@ -6,7 +6,21 @@ use craft::{Craft, Inputs, LinkStatus, Setup};
 use embedded_io::{Read, ReadReady, Write};
 use proto::{Deframer, MAX_PACKET_LEN, MAX_STREAM_LEN, Opener, Refused, Role, Sealer};
 
-use crate::{Board, VERSION};
+use crate::board::Board;
+
+/// Version of the program: major, minor, patch.
+pub const VERSION: [u16; 3] = [
+    number(env!("CARGO_PKG_VERSION_MAJOR")),
+    number(env!("CARGO_PKG_VERSION_MINOR")),
+    number(env!("CARGO_PKG_VERSION_PATCH")),
+];
+
+const fn number(digits: &str) -> u16 {
+    match u16::from_str_radix(digits, 10) {
+        Ok(number) => number,
+        Err(_) => u16::MAX,
+    }
+}
 
 /// A wire has two ends: the number of its link.
 const LINK: u16 = 0;

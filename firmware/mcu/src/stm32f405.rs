@@ -8,7 +8,7 @@
 //! | IMU | MPU-6000 on SPI1: PA5 clock, PA6 in, PA7 out, PA4 select |
 //! | watchdog | the independent one, 50 ms: five periods |
 //!
-//! Not tried on a board by us: built, linked and sized only. What is above the [`Board`] runs in the emulator, bit for bit.
+//! Not tried on a board by us: built, linked and sized only. What is above the [`Board`](crate::board::Board) runs in the emulator, bit for bit.
 #![allow(unsafe_code, reason = "interrupts and the panic handler reach registers that the main loop owns")]
 
 use control::Config;
@@ -27,8 +27,8 @@ use stm32f4xx_hal::spi::{self, Spi};
 use stm32f4xx_hal::timer::ErasedChannel;
 use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
-use crate::Board;
 use crate::battery::Divider;
+use crate::board::Board;
 use crate::esc::{Escs, FRAME_US, IDLE_US, duty};
 use crate::imu::Mpu6000;
 use crate::ring::{Ring, Serial};
