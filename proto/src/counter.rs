@@ -6,7 +6,7 @@
 //! slow, and is never waited for in a control loop.
 //!
 //! After a restart a receiver's limit is above the other side's numbers, but by no more than [`RESERVE`]: it asks for a stretch
-//! only once a genuine packet has come, and from that packet's number on. Nobody need wait until they have grown so far:
+//! only once a genuine packet has come, and from that packet's number on. Nobody has to wait for the numbers to catch up:
 //!
 //! - a sender that starts anew begins [`LEAP`] ahead of what its store holds, above any limit of the other side;
 //! - who sees numbers leap by [`LEAP`] or more knows that the other side has started anew, and goes on with its own numbers
@@ -15,13 +15,13 @@
 //! - a sender that is behind a restarted receiver hears [`accepts_from`](crate::Identity::accepts_from) and skips ahead, where the
 //!   receiver does not speak before it has heard somebody.
 //!
-//! So it makes no difference whether a program ended or was killed: nothing has to be stored at the end. A restart takes some
-//! thousand numbers of 2^64.
+//! So a killed program is as good as one that ended: nothing has to be stored at the end. A restart costs a few thousand of 2^64
+//! numbers.
 
 /// Length of a stretch of numbers.
 pub const RESERVE: u64 = 1024;
 
-/// So far ahead begins a sender that starts anew: a stretch for the other side's limit, and one more, so that nobody takes its
+/// How far ahead a sender begins that starts anew: a stretch for the other side's limit, and one more, so that nobody takes its
 /// following ([`SendCounter::follow`]) for a new start.
 pub const LEAP: u64 = 2 * RESERVE;
 
@@ -122,14 +122,14 @@ impl Reserved {
     }
 }
 
-/// What a receiver thinks of a number.
+/// What a receiver makes of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Verdict {
-    /// Accepted; so many numbers before it never came.
+    /// Accepted; `lost` numbers before it never came.
     Fresh { lost: u64 },
-    /// Has been there, or could have been.
+    /// Received before, or could have been.
     Replayed { accepts_from: u64 },
-    /// Beyond what is reserved: accepted once more is.
+    /// Beyond what is reserved: will be accepted once more is reserved.
     NotYet,
 }
 

@@ -16,7 +16,7 @@ pub const MAX_FRAME_LEN: usize = 320;
 /// Why bytes are not a message, or a message did not become bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Error {
-    /// There are no bytes at all.
+    /// There are no bytes.
     Empty,
     /// The other side speaks another version.
     Version {
@@ -38,13 +38,13 @@ impl fmt::Display for Error {
             Self::Version { found } => {
                 write!(
                     f,
-                    "the other side speaks protocol version {found}, this one versions {MIN_VERSION} to {VERSION}: build both from the same source"
+                    "the other side speaks protocol version {found}, this one speaks {MIN_VERSION} to {VERSION}: build both from the same source"
                 )
             }
             Self::Malformed => f.write_str("not a message: cut short or damaged"),
-            Self::TrailingBytes(count) => write!(f, "{count} bytes too many after a message"),
+            Self::TrailingBytes(count) => write!(f, "{count} extra bytes after a message"),
             Self::BufferTooShort => {
-                write!(f, "the buffer is too short for a frame; {MAX_FRAME_LEN} bytes suffice")
+                write!(f, "the buffer is too short for a frame; {MAX_FRAME_LEN} bytes are enough")
             }
         }
     }

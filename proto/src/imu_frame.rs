@@ -1,4 +1,4 @@
-//! What the IMU board says over its serial line, 115200 baud, 8 data bits, no parity, 1 stop bit.
+//! What the IMU board sends over its serial line, 115200 baud, 8 data bits, no parity, 1 stop bit.
 //!
 //! The thesis' board (3DR APM 2.6) sends rates, attitude, acceleration, battery voltage and current over RS-232; the thesis
 //! prints no format, so this one is ours. All integers are little endian, as they lie in an AVR's or ARM's memory:
@@ -17,9 +17,9 @@
 //! ```
 //!
 //! These 32 bytes are stuffed like every packet here ([`enframe`]: COBS and a zero), 34 bytes, 3.0 ms on the line. An
-//! i16 of -32768 is no number (a sensor that failed); what is beyond the range stays at its end. Body frame FRD.
+//! i16 of -32768 is NaN (a sensor that failed); what is beyond the range is clamped. Body frame FRD.
 //!
-//! Absent: anything that the board could be told. It sends, at the loop's rate or faster, and the newest frame counts.
+//! Absent: messages to the board. It sends, at the loop's rate or faster, and the newest frame counts.
 
 use crc::{CRC_16_MCRF4XX, Crc};
 
@@ -61,7 +61,7 @@ pub struct ImuFrame {
     pub current_a: Option<f32>,
 }
 
-/// To a whole number; the ends of the range stand for what is beyond, the least i16 for what is no number.
+/// A value as an integer; clamped to the range, the least i16 for NaN.
 fn to_i16(value: f32, per_unit: f32) -> [u8; 2] {
     let scaled = libm::roundf(value * per_unit);
     // The cast saturates; -32768 is taken.

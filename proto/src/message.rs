@@ -254,7 +254,7 @@ pub enum Loop {
 /// Gains of one loop, in the units of the gains file.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Gains {
-    /// Which.
+    /// The loop.
     pub of: Loop,
     /// Proportional.
     pub kp: f32,

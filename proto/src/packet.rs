@@ -51,7 +51,7 @@ impl Key {
         Some(mac)
     }
 
-    /// In a time that does not depend on where the first difference is.
+    /// Compares in constant time.
     fn verifies(&self, bytes: &[u8], tag: &[u8]) -> bool {
         tag.len() == TAG_LEN && self.mac(bytes).is_some_and(|mac| mac.verify_truncated_left(tag).is_ok())
     }
@@ -110,12 +110,12 @@ pub enum Refused {
     NoKey,
     /// The tag is wrong: another key, or forged.
     Forged,
-    /// The number has been there, or could have been.
+    /// The number was received before, or could have been.
     Replayed {
         /// Least number that is accepted.
         accepts_from: u64,
     },
-    /// Genuine, but its number is not reserved yet; store what the guard asks for.
+    /// Genuine, but its number is not reserved yet: store what the guard asks for.
     NotReserved,
     /// The message in it cannot be read.
     Message(Error),
@@ -126,14 +126,14 @@ pub enum Refused {
 impl fmt::Display for Refused {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
-            Self::Length(length) => write!(f, "{length} bytes are no packet"),
+            Self::Length(length) => write!(f, "{length} bytes are not a packet"),
             Self::Damaged => f.write_str("a packet was damaged on the way (CRC)"),
             Self::Version { found } => write!(
                 f,
-                "the other side speaks packet version {found}, this one version {VERSION}: build both from the same source"
+                "the other side speaks packet version {found}, this one speaks {VERSION}: build both from the same source"
             ),
-            Self::Flags(flags) => write!(f, "packet flags {flags:#04x} have no meaning"),
-            Self::Direction => f.write_str("a packet came back from where it was sent to"),
+            Self::Flags(flags) => write!(f, "unknown packet flags {flags:#04x}"),
+            Self::Direction => f.write_str("one of our own packets came back"),
             Self::Link { found, expected } => {
                 write!(f, "a packet for link {found}; this is link {expected}")
             }
@@ -145,7 +145,7 @@ impl fmt::Display for Refused {
             ),
             Self::Forged => f.write_str("a packet with a wrong tag: the keys differ, or it was forged"),
             Self::Replayed { accepts_from } => {
-                write!(f, "a packet that has been there; numbers from {accepts_from} on are accepted")
+                write!(f, "a packet that was received before; numbers from {accepts_from} on are accepted")
             }
             Self::NotReserved => f.write_str("a packet number that is not reserved yet"),
             Self::Message(error) => write!(f, "in a packet: {error}"),
@@ -240,7 +240,7 @@ pub struct Opener {
     key: Option<Key>,
     /// The numbers.
     pub guard: ReplayGuard,
-    /// What has come.
+    /// Counts of what has come.
     pub statistics: Statistics,
 }
 
@@ -257,10 +257,10 @@ impl Opener {
         Self { from, link, key: None, guard, statistics: Statistics::default() }
     }
 
-    /// The number of a packet and its message, if it is one, is genuine, and has not been there.
+    /// The number and message of a packet that is intact, genuine and new.
     ///
     /// # Errors
-    /// Why not.
+    /// Why the packet was refused.
     pub fn unseal(&mut self, packet: &[u8]) -> Result<(u64, Message), Refused> {
         let outcome = self.judge(packet);
         let statistics = &mut self.statistics;

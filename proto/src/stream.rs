@@ -1,6 +1,6 @@
 //! Packets on a byte stream: consistent overhead byte stuffing, with a zero after each packet.
 //!
-//! A zero never occurs inside, so a reader that starts in the middle or loses bytes is in step again at the next one.
+//! A zero never occurs inside, so a reader that starts in the middle or loses bytes resynchronises at the next one.
 
 use cobs::{DecodeResult, DecoderState};
 
@@ -23,7 +23,7 @@ pub struct Deframer {
     /// What has been unstuffed of the present packet.
     buffer: [u8; MAX_PACKET_LEN],
     length: usize,
-    /// Too long to be a packet: everything up to the next zero is left out.
+    /// Too long to be a packet: everything up to the next zero is dropped.
     overlong: bool,
     /// Frames that were no packets; stays at the greatest number.
     pub dropped: u32,

@@ -27,7 +27,7 @@ pub struct Question {
 }
 
 impl Question {
-    /// To the craft of this configuration, from its own machine.
+    /// A question to the craft of this configuration, from its own machine.
     pub fn of(link: &config::LinkSettings, patience: Duration) -> Self {
         let mut craft = link.listen;
         if craft.ip().is_unspecified() {
@@ -42,7 +42,7 @@ impl Question {
     }
 }
 
-/// Asks until a craft answers, or until patience is at its end.
+/// Asks until a craft answers or the time is up.
 ///
 /// # Errors
 /// No craft there, or one that takes other packets: what it looks like.
@@ -64,9 +64,9 @@ pub fn who(question: &Question) -> Result<Option<Identity>> {
         while asked.elapsed() < AGAIN_AFTER {
             let Ok(length) = socket.recv(&mut buffer) else { break };
             match opener.unseal(&buffer[..length]) {
-                // Of an earlier question, of nobody knows when.
+                // The answer to an earlier question; its age is unknown.
                 Ok((_, Message::Identity(identity))) if identity.accepts_from <= number => {}
-                // Whether it heard this question or only saw that its number is behind: it says who it is.
+                // It answers the question, or only saw that its number is behind; either way it says who it is.
                 Ok((_, Message::Identity(identity))) => {
                     if let Some([_, mut heard]) = counters {
                         heard.store(opener.guard.accepts_from())?;
@@ -82,7 +82,7 @@ pub fn who(question: &Question) -> Result<Option<Identity>> {
         }
     }
     match refused {
-        Some(why) => Err(Error::Other(format!("{} answers, but: {why}", question.craft))),
+        Some(why) => Err(Error::Other(format!("{} answers, but {why}", question.craft))),
         None => Ok(None),
     }
 }

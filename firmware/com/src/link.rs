@@ -1,8 +1,8 @@
 //! The link to the ground: UDP datagrams that are packets of crate `proto`.
 //!
-//! The loop's thread sends and receives itself, without ever waiting; of a flood it opens [`BUDGET`] packets a tick, the rest
-//! is the kernel's to drop. Packet numbers that have to be on the disk before they are used are stored by a thread of their
-//! own ([`Keeper`]); the loop asks for them in time and looks whether they are there.
+//! The loop's thread sends and receives itself, without ever waiting; in a flood it opens [`BUDGET`] packets a tick and the
+//! kernel drops the rest. Packet numbers that have to be on the disk before they are used are stored by a thread of their
+//! own ([`Keeper`]); the loop asks for them in time and checks whether they are stored.
 //!
 //! Telemetry goes to whoever sent the last pose, command or clock; answers and the identity to whoever asked. So a second
 //! program may ask a craft who it is without taking the telemetry away from its pilot.
@@ -30,9 +30,9 @@ const LOOK_EVERY: Duration = Duration::from_millis(10);
 /// Something that a human should read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Notice {
-    /// A packet that was not taken.
+    /// A packet that was refused.
     Refused(SocketAddr, Refused),
-    /// A peer that is not on this machine, and there is no key.
+    /// A peer on another machine, although there is no key.
     Stranger(SocketAddr),
 }
 
@@ -58,7 +58,7 @@ impl Link {
     /// A port that is taken, or counters that cannot be read or stored.
     pub fn open(settings: &config::LinkSettings) -> Result<Self> {
         let socket = UdpSocket::bind(settings.listen)
-            .map_err(system("listen on the link's port; does another program?"))?;
+            .map_err(system("listen on the link's port; is another program using it?"))?;
         socket.set_nonblocking(true).map_err(system("set up the link's socket"))?;
         let number = settings.number;
         let (sealer, opener, keeper) = match (&settings.key, &settings.counters) {
@@ -80,12 +80,12 @@ impl Link {
     /// Where it listens.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn address(&self) -> Result<SocketAddr> {
-        self.socket.local_addr().map_err(system("look at the link's port"))
+        self.socket.local_addr().map_err(system("read the address of the link's port"))
     }
 
-    /// Lets the craft hear what has come; `note` gets what was refused. Never waits, never allocates.
+    /// Passes what has arrived on to the craft; `note` gets what was refused. Never waits, never allocates.
     pub fn receive(&mut self, craft: &mut Craft, mut note: impl FnMut(Notice)) {
         let mut buffer = [0; MAX_PACKET_LEN + 1];
         for _ in 0..BUDGET {
@@ -116,7 +116,7 @@ impl Link {
                 }
                 craft.hear(number, &message);
             }
-            // Genuine, and too early by the time of storing a number.
+            // Genuine, but its number is still being stored.
             Err(Refused::NotReserved) => {}
             Err(refused) => {
                 // Genuine, but behind: its sender is told where to go on.
@@ -129,7 +129,7 @@ impl Link {
         }
     }
 
-    /// Sends what the craft has to say. Never waits, never allocates; what does not go out is lost, as on the air.
+    /// Sends the craft's messages. Never waits, never allocates; what cannot be sent is lost, as on the air.
     pub fn send(&mut self, craft: &mut Craft) {
         let counts = self.counts();
         let mut buffer = [0; MAX_PACKET_LEN];
@@ -152,7 +152,7 @@ impl Link {
         counts
     }
 
-    /// Asks for the next stretches of numbers, and takes those that are there.
+    /// Asks for the next stretches of numbers, and takes those that are stored.
     fn reserve(&mut self) {
         let Some(keeper) = &self.keeper else { return };
         let [sent, heard] = &*keeper.stretches;

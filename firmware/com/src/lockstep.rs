@@ -1,8 +1,8 @@
 //! Software in the loop on this processor: a simulator asks tick by tick over UDP, and the law answers.
 //!
 //! Each datagram is a packet ([`proto::Sealer`] without a key, link 0) with [`proto::Readings`]; the answer is one with
-//! [`proto::Outcome`]. UDP may lose either: who asks the same tick again gets the same answer again, and the law is ticked
-//! once. No motor turns, no clock is read: the simulator's time is all there is, so it runs as fast as both can.
+//! [`proto::Outcome`]. UDP may lose either: asking for a tick again gives its answer again, and the law is ticked
+//! only once. No motor turns, no clock is read: the simulator's time is all there is, so it runs as fast as both can.
 
 use std::net::{SocketAddr, UdpSocket};
 
@@ -24,10 +24,10 @@ pub struct Server {
 }
 
 impl Server {
-    /// Listens for a simulator on this machine (or, if told so, on any).
+    /// Listens for a simulator on this machine (or on any, if `open`).
     ///
     /// # Errors
-    /// A configuration that cannot be flown, or a port that cannot be had.
+    /// A configuration that cannot be flown, or a port that cannot be opened.
     pub fn open(config: &Config, listen: SocketAddr, open: bool) -> Result<Self> {
         proto::admit(listen.ip(), None, open)?;
         let law = Lockstep::new(config).map_err(|error| Error::Other(error.to_string()))?;
@@ -44,12 +44,12 @@ impl Server {
     /// Where it listens.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn address(&self) -> Result<SocketAddr> {
         self.socket.local_addr().map_err(system("look at the simulator's port"))
     }
 
-    /// Answers for ever.
+    /// Answers until the socket fails.
     ///
     /// # Errors
     /// A socket that fails.

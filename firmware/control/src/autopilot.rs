@@ -1,16 +1,16 @@
 //! The whole of what flies: detectors, supervisor, guidance and the [`Controller`], ticked together.
 //!
-//! Firmware and simulation call this and nothing below it. Order of a tick:
+//! Firmware and simulation call nothing below this. Order of a tick:
 //! 1. the [`detectors`](crate::safety::detectors) check what came: clock, commands, pose, gyro, voltage, tilt;
 //! 2. the [`state_machine`](crate::safety::state_machine) goes to the next state;
 //! 3. in flight the pilot's command goes to the controller as it came; in hold and land the guidance here makes one;
 //! 4. the controller ticks, with motors at idle when disarmed, armed or cut;
-//! 5. what only the outcome shows (loss of thrust, gyro against motion capture, a result that is no number) is for the next
+//! 5. what only the outcome shows (loss of thrust, gyro against motion capture, a result that is not a number) counts in the next
 //!    tick.
 //!
 //! Without poses (thesis chapter 3 has no other position): the position is held and the attitude carried on from the last
 //! pose by the gyro, with Euler rates from body rates (thesis (2.3)). Up to [`PoseLimits::coast_s`] the command stays; then
-//! level at the held height; then down: the altitude loop is shown a craft too high by [`Landing::blind_offset_m`], which
+//! level at the held height; then down: the altitude loop sees a craft too high by [`Landing::blind_offset_m`], which
 //! takes `kp` times that off the hover thrust, with the integrator's trim kept. At [`PoseLimits::cut_after_s`] the motors stop.
 //!
 //! Not here: sensors, links and clocks of a board, and the take-off, which is a command like another.
@@ -52,11 +52,11 @@ struct Anchor {
     position_m: [f32; 2],
     yaw_rad: f32,
     z_m: f32,
-    /// Made without poses, or overtaken by a time without: to be made anew with the next one.
+    /// Made without poses, or outdated by a time without them: to be made anew with the next one.
     blind: bool,
 }
 
-/// Numbers of the landing, in flight's units.
+/// Numbers of the landing, in the units of flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Descent {
     slow_m_per_us: f32,
@@ -85,10 +85,10 @@ pub struct Autopilot {
     flight: Flight,
 }
 
-/// Before the first pose nothing is known.
+/// The pose before the first one: unknown.
 const NOWHERE: Pose = Pose { position_m: [f32::NAN; 3], attitude_rad: [f32::NAN; 3] };
 
-/// Nothing is asked for, motors idle.
+/// A command with motors at idle.
 const IDLE: Command = Command {
     mode: Mode::Attitude,
     attitude_rad: [0.0; 2],
@@ -100,7 +100,7 @@ const IDLE: Command = Command {
 };
 
 impl Autopilot {
-    /// A disarmed craft that has heard nothing yet.
+    /// A disarmed craft that has received nothing yet.
     ///
     /// # Errors
     /// The first parameter that is not finite or out of range, by name.
@@ -128,11 +128,11 @@ impl Autopilot {
         })
     }
 
-    /// A craft that is flying already, with every stream in good order: for simulations that begin in the air. A board boots
-    /// with [`Autopilot::new`].
+    /// A craft that is already flying, with every stream in order: for simulations that begin in the air. A board boots with
+    /// [`Autopilot::new`].
     ///
     /// # Errors
-    /// As [`Autopilot::new`].
+    /// Those of [`Autopilot::new`].
     pub fn in_flight(config: &Config) -> Result<Self, ConfigError> {
         Ok(Self { detectors: Detectors::in_flight(), state: State::Flying, ..Self::new(config)? })
     }
@@ -142,7 +142,7 @@ impl Autopilot {
         self.state
     }
 
-    /// What has been refused so far.
+    /// Counts of what has been refused so far.
     pub fn counters(&self) -> Counters {
         self.detectors.counters
     }
@@ -152,11 +152,11 @@ impl Autopilot {
         &self.flight
     }
 
-    /// Flies by the law of another configuration from now on, with its loops and estimators at rest: while disarmed only, and
-    /// answers whether it was. Supervision, landing and what has been counted stay as they are.
+    /// Switches to the law of another configuration, with its loops and estimators at rest: only while disarmed; returns whether it
+    /// did. Supervision, landing and counts stay as they are.
     ///
     /// # Errors
-    /// As [`Autopilot::new`].
+    /// Those of [`Autopilot::new`].
     pub fn retune(&mut self, config: &Config) -> Result<bool, ConfigError> {
         if self.state != State::Disarmed {
             return Ok(false);
@@ -265,7 +265,7 @@ impl Autopilot {
         );
     }
 
-    /// What matters only on the ground, while landing, or when somebody asks for something.
+    /// What matters only on the ground, while landing, or on a request.
     #[cold]
     fn attend(
         &mut self,
@@ -317,8 +317,8 @@ impl Autopilot {
         checks
     }
 
-    /// The command in every state but flying, and in the tick in which a state changes. (Back in flight between two commands the
-    /// place is held until the next.)
+    /// The command in every state but flying, and in the tick in which a state changes. (Back in flight, the place is held until the
+    /// next command.)
     #[cold]
     fn guide(
         &mut self,
@@ -349,13 +349,13 @@ impl Autopilot {
         if state == State::Land {
             let empty = conditions.has(Condition::BatteryEmpty);
             let rate = if empty { self.descent.fast_m_per_us } else { self.descent.slow_m_per_us };
-            // Past the floor it goes on only in numbers; the input checks keep the command inside the box.
+            // Past the floor only the number goes on; the input checks keep the command inside the box.
             anchor.z_m = (anchor.z_m + rate * elapsed_us as f32).min(self.descent.down_m + 1.0);
         }
         Command { mode: Mode::Position, position_m: anchor.position_m, z_m: anchor.z_m, ..level }
     }
 
-    /// Stay where the craft is. Poses that come back find the old place, at the height of now.
+    /// Makes the craft stay where it is. When poses come back, the old place is kept, at the present height.
     fn cast_anchor(&mut self, attitude_rad: [f32; 3], blind: bool, entered: bool) {
         let [x, y, z] = self.pose.position_m;
         let [_, _, yaw] = attitude_rad;
@@ -364,7 +364,7 @@ impl Autopilot {
         }
         (self.anchor.z_m, self.anchor.blind) = (z, blind);
         if blind {
-            // Whatever was left to climb: nobody will see it arrive.
+            // Without poses no one can see a climb end.
             self.controller.settle_height(z);
         }
     }
@@ -376,7 +376,7 @@ fn carry([roll, pitch, yaw]: [f32; 3], gyro_rad_s: Option<[f32; 3]>, elapsed_us:
     let Some([p, q, r]) = gyro_rad_s else { return [roll, pitch, yaw] };
     let dt = elapsed_us as f32 * 1e-6;
     let ((sin_roll, cos_roll), (sin_pitch, cos_pitch)) = (sin_cos(roll), sin_cos(pitch));
-    // With the nose straight up yaw and roll are one; by then the tilt has long been judged.
+    // With the nose straight up yaw and roll are one; by then the tilt has long been detected.
     let cos_pitch = if cos_pitch.abs() < 0.1 { 0.1 } else { cos_pitch };
     let turning = q * sin_roll + r * cos_roll;
     [

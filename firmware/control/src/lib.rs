@@ -1,8 +1,21 @@
 //! Flight control of a quadcopter: all that flies.
 //!
-//! One [`Autopilot`] is built from a [`Config`] and then ticked at a fixed rate: [`Autopilot::tick`] takes [`Readings`], whatever
-//! has come since the tick before, and returns motor commands together with everything that led to them. It is a
-//! supervisor (detectors, conditions, states) in front of the [`Controller`], the law. The law is that of A. Szabo's thesis (Wright State, 2017), chapters 4.2.2 and 5, with its misprints resolved.
+//! An [`Autopilot`] is built from a [`Config`] and then ticked at a fixed rate: [`Autopilot::tick`] takes [`Readings`], whatever
+//! has come since the tick before, and returns motor commands together with everything that led to them. It is a supervisor
+//! (detectors, conditions, a state machine) in front of the [`Controller`], the control law of A. Szabo's thesis (Wright State, 2017),
+//! chapters 4.2.2 and 5, with its misprints resolved.
+//!
+//! Folders are levels, each using only those above it:
+//!
+//! | folder | what is in it |
+//! |---|---|
+//! | `dsp/` | filters and trigonometry in f32 |
+//! | `config/` | what people tune: gains and supervision limits, and their checks |
+//! | `allocation/` | from thrust and torques to motor commands: mixer, desaturation, motor map |
+//! | `inputs/` | what comes in, and what happens to a bad value |
+//! | `law/` | estimators, loops, the controller |
+//! | `safety/` | the supervisor: detectors, conditions, state machine, preflight checks |
+//! | `autopilot.rs` | all of it, ticked together |
 //!
 //! Conventions: SI units; inertial frame north-east-down, body frame front-right-down; Euler angles Z-Y-X in radians.
 //! Rotors, seen from above: 1 front-left, 2 front-right, 3 rear-right, 4 rear-left; 1 and 3 turn counter-clockwise.

@@ -1,4 +1,4 @@
-//! A craft: its autopilot, what it has heard, and what it has to say.
+//! A craft: its autopilot, the messages it has received, and those it has to send.
 
 use control::gains::{InnerLoop, Law, PositionLoop};
 use control::{Autopilot, Command, Config, ConfigError, Flight, Mode, Pose, Readings, Request, State};
@@ -7,7 +7,7 @@ use proto::{Answer, Counters, Gains, Identity, ImuSample, Loop, MIN_VERSION, Mes
 
 use crate::convert;
 
-/// Answers that wait for the end of the tick. More requests than that between two ticks lose their answers, not their effect.
+/// How many answers may wait for the end of the tick. Further requests between two ticks take effect without an answer.
 const OUTBOX: usize = 8;
 
 /// What is fixed when a craft boots, beside its configuration.
@@ -17,7 +17,7 @@ pub struct Setup {
     pub vehicle_sha256: [u8; 32],
     /// Version of the program: major, minor, patch.
     pub program: [u16; 3],
-    /// Telemetry comes every so many ticks; 0 counts as 1.
+    /// Ticks from one telemetry message to the next; 0 counts as 1.
     pub telemetry_every: u16,
 }
 
@@ -38,7 +38,7 @@ pub struct Inputs {
     pub lateness_us: u32,
 }
 
-/// What the link counts and knows, for telemetry and identity.
+/// What the link has counted and accepts, for telemetry and identity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LinkStatus {
     /// Packets that never came, by the gaps in their numbers.
@@ -71,7 +71,7 @@ struct Inbox {
     asked: Option<Asked>,
 }
 
-/// A craft, disarmed when it is made.
+/// A craft, disarmed at first.
 #[derive(Debug, Clone)]
 pub struct Craft {
     setup: Setup,
@@ -79,7 +79,7 @@ pub struct Craft {
     autopilot: Autopilot,
     inbox: Inbox,
     outbox: Deque<Answer, OUTBOX>,
-    /// Of the ticks done, modulo 2^32.
+    /// Number of ticks so far, modulo 2^32.
     tick: u32,
     time_us: u32,
     ground_us: u32,
@@ -98,7 +98,7 @@ pub struct Craft {
 }
 
 impl Craft {
-    /// A disarmed craft that has heard nothing yet.
+    /// A disarmed craft that has received nothing yet.
     ///
     /// # Errors
     /// The first parameter that cannot be flown with, by name.
@@ -124,7 +124,7 @@ impl Craft {
         })
     }
 
-    /// Hears a message of the ground, in the packet with this number. It takes effect with the next tick; gains do at once, while
+    /// Receives a message of the ground, in the packet with this number. It takes effect in the next tick; gains do at once, while
     /// disarmed.
     pub fn hear(&mut self, number: u64, message: &Message) {
         match message {
@@ -201,7 +201,7 @@ impl Craft {
         })
     }
 
-    /// Who this is.
+    /// The craft's identity.
     pub fn identity(&self, link: &LinkStatus) -> Identity {
         Identity {
             versions: [MIN_VERSION, VERSION],
@@ -269,7 +269,7 @@ impl Craft {
             Some(kept) if severity(kept.request) > severity(new.request) => Some(new),
             kept => {
                 self.inbox.asked = Some(new);
-                // The same request again is one request; the newest packet gets the answer.
+                // A repeated request is one request; the newest packet gets the answer.
                 kept.filter(|kept| kept.request != new.request)
             }
         };
@@ -309,7 +309,7 @@ impl Craft {
     }
 }
 
-/// The ground hears only that it was not done: the gains were out of range, or the craft was not disarmed.
+/// The ground learns only that it was not done: the gains were out of range, or the craft was not disarmed.
 struct NotRetuned;
 
 fn gains_of(gains: &Gains) -> (f64, f64, f64) {
@@ -326,7 +326,7 @@ fn severity(request: Request) -> u8 {
     }
 }
 
-/// Does the craft do what was asked for?
+/// Does the craft do what was requested?
 fn is_done(request: Request, state: State) -> bool {
     match request {
         Request::Arm => state == State::Armed,

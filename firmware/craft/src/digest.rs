@@ -1,4 +1,4 @@
-//! Every bit of a tick as one number, so that two targets can be compared through a narrow link.
+//! A tick's digest: every bit of it in one number, so that two targets can be compared over a slow link.
 
 use control::mixer::Directions;
 use control::{Fault, Faults, Flight, OuterTerms, PidTerms, Refused, Terms, Tick};
@@ -28,7 +28,7 @@ pub fn digest(flight: &Flight) -> u64 {
     fnv.0
 }
 
-/// Fowler-Noll-Vo, 1a: <http://www.isthe.com/chongo/tech/comp/fnv/>.
+/// Fowler-Noll-Vo, variant 1a, 64 bits.
 struct Fnv(u64);
 
 impl Fnv {

@@ -1,4 +1,4 @@
-//! A configuration as bytes that a program carries or is handed: what a gains file becomes for a chip without files.
+//! A configuration as bytes that a program carries: what a gains file becomes for a chip without files.
 //!
 //! ```text
 //! "quadlab", version 1 | length of the rest u16 | SHA-256 of gains and vehicle file | Config (postcard) | CRC-32
@@ -20,10 +20,10 @@ const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// No image is longer, in bytes.
 pub const MAX_IMAGE_LEN: usize = 2048;
 
-/// Why bytes are no image.
+/// Why bytes are not an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ImageError {
-    /// They do not begin like one of this version.
+    /// They do not begin like an image of this version.
     NotAnImage,
     /// They end too early.
     CutShort,
@@ -36,7 +36,7 @@ pub enum ImageError {
 impl fmt::Display for ImageError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::NotAnImage => "not a gains image: the first bytes are others",
+            Self::NotAnImage => "not a gains image: it starts with other bytes",
             Self::CutShort => "a gains image that is cut short",
             Self::Damaged => "a damaged gains image (CRC)",
             Self::OtherConfig => {
@@ -64,10 +64,10 @@ pub fn encode<'a>(config: &Config, vehicle_sha256: &[u8; 32], buffer: &'a mut [u
     buffer.get(..end + CRC_LEN)
 }
 
-/// The configuration of the image that `bytes` begin with, and the SHA-256 of its files. Whether it can be flown is not looked at.
+/// The configuration of the image that `bytes` begin with, and the SHA-256 of its files. Whether it can be flown is not checked.
 ///
 /// # Errors
-/// Why it is none.
+/// Why the bytes are not an image.
 pub fn decode(bytes: &[u8]) -> Result<(Config, [u8; 32]), ImageError> {
     let rest = bytes.strip_prefix(&MAGIC).ok_or(ImageError::NotAnImage)?;
     let (length, rest) = rest.split_first_chunk().ok_or(ImageError::CutShort)?;

@@ -1,4 +1,4 @@
-//! What every program of a craft has in common, defined once: messages in, one tick of the autopilot, messages out.
+//! What all programs of a craft share: messages in, one tick of the autopilot, messages out.
 //!
 //! A program (the COM on Linux, the microcontroller's firmware) owns a clock, a link, sensors and motors. All else is here:
 //!
@@ -9,8 +9,8 @@
 //! ```
 //!
 //! Between two ticks the newest pose and the newest command count. Of several requests the most severe counts, in the
-//! supervisor's order (disarm, cut, land, arm): a cut is not undone by the arming behind it. Everything that asks for
-//! something is answered, with the number of the packet that asked.
+//! supervisor's order (disarm, cut, land, arm): a cut is not undone by the arming behind it. Every request
+//! is answered, with the number of its packet.
 //!
 //! [`Lockstep`] is the other way to be ticked, by a simulator that waits for each answer: [`proto::Readings`] in,
 //! [`proto::Outcome`] out. It is a type of its own, so that no message can put a flying craft into it. [`digest`] folds every

@@ -1,5 +1,5 @@
-//! QEMU's mps2-an386, a Cortex-M4F with serial port and tick, and nothing that flies: no sensors, and motors that are four numbers
-//! in memory.
+//! QEMU's mps2-an386, a Cortex-M4F with serial port and tick, without sensors; its motors are four
+//! numbers in memory.
 //!
 //! Addresses and interrupts: Arm DAI 0386 (application note AN386) and the Cortex-M System Design Kit's UART (Arm DDI 0479).
 //! UART0 is QEMU's first serial port.
@@ -43,12 +43,12 @@ pub const IMAGE: usize = 0x2100_0000;
 pub const RECORDING: usize = 0x2100_1000;
 const SLOW_MEMORY_END: usize = 0x2200_0000;
 
-/// Counts of a frame on the motors that are not there; as the STM32's timer.
+/// Counts of a frame of the simulated motors; as the STM32's timer.
 const FRAME_COUNTS: u16 = 52_500;
 
 static RECEIVED: Ring<2048> = Ring::new();
 static TO_SEND: Ring<2048> = Ring::new();
-/// What the motors would get, in counts of a frame.
+/// The motors' pulses, in counts of a frame.
 static MOTORS: [AtomicU16; 4] = [const { AtomicU16::new(0) }; 4];
 
 /// An interrupt of the board by its number.

@@ -45,7 +45,7 @@ impl<const N: usize> Ring<N> {
         self.len() == 0
     }
 
-    /// Takes all of `bytes` or none: did it?
+    /// Takes all of `bytes` or none, and says whether it did.
     pub fn push(&self, bytes: &[u8]) -> bool {
         if bytes.len() > N - self.len().min(N) {
             return false;

@@ -8,7 +8,7 @@
 //! | IMU | MPU-6000 on SPI1: PA5 clock, PA6 in, PA7 out, PA4 select |
 //! | watchdog | the independent one, 50 ms: five periods |
 //!
-//! Not tried on a board by us: built, linked and sized only. What is above the [`Board`](crate::board::Board) runs in the emulator, bit for bit.
+//! Not tested on hardware: only built, linked and sized. What is above the [`Board`](crate::board::Board) runs in the emulator, bit for bit.
 #![allow(unsafe_code, reason = "interrupts and the panic handler reach registers that the main loop owns")]
 
 use control::Config;

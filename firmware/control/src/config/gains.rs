@@ -4,8 +4,8 @@
 //! [`Config::thesis_hand_tuned`]. [`Controller::new`](crate::Controller::new) checks every number by name and builds the
 //! immutable laws from it. Configuration is in f64 because filters are designed in f64; flight is in f32.
 //!
-//! Every field is written, absent ones too (TOML leaves those out by itself): a format that does not describe itself, as
-//! postcard in firmware images, could not tell which was skipped.
+//! Every field is written, absent ones too (TOML leaves those out by itself): a format that does not describe itself, such as
+//! postcard in firmware images, could not know which was skipped.
 //!
 //! Not here: memory (see the `...State` types beside each law) and anything that changes in flight.
 
@@ -28,7 +28,7 @@ pub struct Config {
     pub estimation: Estimation,
     /// Do integrators stop while the motors (or a loop's own limit) refuse more in their direction?
     pub anti_windup: bool,
-    /// What the motors get when they cannot have all that the loops ask for; absent: each is clipped, as in the thesis.
+    /// What the motors get when they cannot give all that the loops ask for; absent: each is clipped, as in the thesis.
     #[serde(default)]
     pub saturation: Saturation,
     /// Is the thrust divided by `cos(phi) cos(theta)`, so that its vertical part is what altitude asks for? Absent: no, as in
@@ -42,14 +42,14 @@ pub struct Config {
     pub law: Law,
 }
 
-/// What the motors get when they cannot have all that the loops ask for.
+/// What the motors get when they cannot give all that the loops ask for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Saturation {
     /// Each motor's command is clipped by itself, whatever axis that takes from. As in the thesis.
     #[default]
     Clip,
-    /// Roll and pitch come before thrust, thrust before yaw ([`Mixer::share`](crate::allocation::mixer::Mixer::share)); where roll and pitch
+    /// Roll and pitch come before thrust, thrust before yaw ([`desaturation`](crate::allocation::desaturation)); where roll and pitch
     /// themselves take nearly all there is, less tilt than commanded is flown.
     AttitudeFirst,
 }
@@ -125,7 +125,7 @@ pub enum Complement {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BatteryFilter {
-    /// Share g of the newest sample, in (0, 1].
+    /// Weight g of the newest sample, in (0, 1].
     pub gain: f64,
 }
 

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::error::ConfigError;
 use crate::config::range_check::RangeCheck;
 
-/// When the supervisor steps in.
+/// When the supervisor steps in: the whole table.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Supervision {
@@ -39,11 +39,11 @@ pub struct Supervision {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LinkLimits {
-    /// Hold after so many s without a good frame.
+    /// Hold after this many s without a good frame.
     pub hold_after_s: f64,
-    /// Land after so many s without a good frame.
+    /// Land after this many s without a good frame.
     pub land_after_s: f64,
-    /// A link that was lost counts again after so many s of good frames.
+    /// A lost link counts again after this many s of good frames.
     pub good_for_s: f64,
 }
 
@@ -51,15 +51,15 @@ pub struct LinkLimits {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PoseLimits {
-    /// So many s without a good pose are coasted: position held, attitude carried on by the gyro. Then: level, and hold.
+    /// Coast for this many s without a good pose: position held, attitude carried on by the gyro. Then: level, and hold.
     pub coast_s: f64,
-    /// Go down after so many s without a good pose.
+    /// Land after this many s without a good pose.
     pub land_after_s: f64,
-    /// Motors off after so many s without a good pose.
+    /// Motors off after this many s without a good pose.
     pub cut_after_s: f64,
-    /// Poses that were missing count again after so many s of good ones.
+    /// Missing poses count again after this many s of good ones.
     pub good_for_s: f64,
-    /// A pose that repeats for so many samples after its first is frozen.
+    /// A pose is frozen after this many samples equal to its first.
     pub repeats: u32,
     /// A pose farther from the last than this many m ...
     pub jump_m: f64,
@@ -73,17 +73,17 @@ pub struct PoseLimits {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ImuLimits {
-    /// So many ticks without a sample are a fault.
+    /// This many ticks without a sample are a fault.
     pub missing_ticks: u32,
-    /// A sample that comes unchanged so many times is a fault.
+    /// A sample that comes unchanged this many times is a fault.
     pub repeats: u32,
-    /// Motors off after so many s without a usable sample, where the law uses the gyro or there are no poses either.
+    /// Motors off after this many s without a usable sample, where the law uses the gyro or there are no poses either.
     pub cut_after_s: f64,
-    /// Rates beyond this many rad/s are no rates (2000 degrees/s is the range of the usual chips).
+    /// Rates beyond this many rad/s are refused (2000 degrees/s is the range of the usual chips).
     pub rate_limit_rad_s: f64,
     /// Greatest difference to the rates from motion capture in rad/s, after smoothing (added over the axes).
     pub disagreement_rad_s: f64,
-    /// Time constant of that smoothing in s. It has to outlast the delay of the poses.
+    /// Time constant of that smoothing in s. It must be longer than the delay of the poses.
     pub disagreement_filter_s: f64,
 }
 
@@ -91,13 +91,13 @@ pub struct ImuLimits {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BatteryLevels {
-    /// Under it the craft cannot be armed, and warns.
+    /// Below it the craft cannot be armed, and warns.
     pub warn_v: f64,
-    /// Under it the craft lands.
+    /// Below it the craft lands.
     pub land_v: f64,
-    /// Under it the craft lands fast.
+    /// Below it the craft lands fast.
     pub empty_v: f64,
-    /// A level counts when the voltage has been under it for so many s: a sag in a climb is no empty battery.
+    /// A level counts once the voltage has been below it for this many s: a sag in a climb is no empty battery.
     pub for_s: f64,
 }
 
@@ -107,7 +107,7 @@ pub struct BatteryLevels {
 pub struct TiltLimits {
     /// Greatest angle between the body's and the inertial z axis in rad.
     pub limit_rad: f64,
-    /// For so many s.
+    /// How long it has to last before it counts, in s.
     pub for_s: f64,
     /// Greatest such angle at which the craft may be armed, in rad.
     pub arming_rad: f64,
@@ -123,7 +123,7 @@ pub struct Fence {
     pub y_m: [f64; 2],
     /// Least and greatest z in m, down positive.
     pub z_m: [f64; 2],
-    /// For so many s.
+    /// How long it has to last before it counts, in s.
     pub for_s: f64,
 }
 
@@ -131,7 +131,7 @@ pub struct Fence {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ThrustLossLimits {
-    /// For so many s.
+    /// How long it has to last before it counts, in s.
     pub for_s: f64,
     /// Sinking is faster than this many m/s.
     pub sink_m_s: f64,
@@ -143,9 +143,9 @@ pub struct ThrustLossLimits {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TimingLimits {
-    /// Two ticks farther apart than this many s, or not in order, mean that the clock is wrong.
+    /// Two ticks farther apart than this many s, or out of order, mean that the clock is wrong.
     pub jump_s: f64,
-    /// So many s lost to late ticks are an overrun; a tenth of each tick in time is taken off again.
+    /// This many s lost to late ticks are an overrun; each tick in time makes up for a tenth of a period.
     pub overrun_s: f64,
 }
 
@@ -157,15 +157,15 @@ pub struct Landing {
     pub descent_m_s: f64,
     /// Rate of descent with an empty battery in m/s.
     pub fast_descent_m_s: f64,
-    /// Without poses nobody knows the height: the altitude loop is shown a height that is too great by this many m, and so
-    /// gives less thrust than carries the craft.
+    /// Without poses the height is unknown: the altitude loop sees a height that is too great by this many m, and so gives less
+    /// thrust than carries the craft.
     pub blind_offset_m: f64,
-    /// The landing is down this many m above the lowest height that may be commanded.
+    /// The craft counts as landed this many m above the lowest height that may be commanded.
     pub touchdown_m: f64,
 }
 
 impl Fence {
-    /// A box that cannot be left.
+    /// A box too large to leave.
     pub const NONE: Self = Self { x_m: [-1e5, 1e5], y_m: [-1e5, 1e5], z_m: [-1e5, 1e5], for_s: 0.2 };
 }
 

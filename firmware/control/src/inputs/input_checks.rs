@@ -12,13 +12,13 @@ use crate::config::gains::PositionLimits;
 use crate::dsp::trig::wrap_angle;
 use crate::inputs::readings::{Command, Measurement};
 
-/// Angles beyond this many rad are no angles.
+/// No angle is greater, in rad: far beyond any real one.
 pub const ANGLE_LIMIT_RAD: f32 = 1000.0;
-/// Positions beyond this many m are no positions.
+/// No position is farther out, in m.
 pub const POSITION_LIMIT_M: f32 = 1e5;
-/// Body rates beyond this many rad/s are no rates.
+/// No body rate is greater, in rad/s.
 pub const RATE_LIMIT_RAD_S: f32 = 1e4;
-/// Voltages outside 0 to this many V are no voltages.
+/// No voltage is greater, in V; none is less than 0.
 pub const VOLTAGE_LIMIT_V: f32 = 1000.0;
 
 /// How often something was wrong, by kind, since the controller was made or reset; and whether it was in this tick.
@@ -62,7 +62,7 @@ pub(crate) fn is_finite(command: &Command) -> bool {
     ((a + b) + (x + y) + (yaw_rad + z_m) + (i + j) + (k + l)).is_finite()
 }
 
-/// The last good inputs; what the laws are given.
+/// The last good inputs: what the law sees.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct HeldInputs {
     pub(crate) position_m: [f32; 3],
@@ -83,7 +83,7 @@ pub(crate) fn magnitude(value: f32) -> u32 {
     value.to_bits() & 0x7fff_ffff
 }
 
-/// Takes a value over if its magnitude is within the limit (NaN is not); tells whether it did.
+/// Accepts a value if its magnitude is within the limit (NaN is not); returns whether it did.
 #[inline]
 fn take(held: &mut f32, value: f32, limit: f32) -> bool {
     let good = magnitude(value) <= limit.to_bits();
@@ -115,7 +115,7 @@ fn take_the_good(held: &mut [f32], values: &[f32], limit: f32) {
 }
 
 impl HeldInputs {
-    /// Takes the good fields of a measurement over. Returns whether all of it was good (the voltage included); the gyro
+    /// Accepts the good fields of a measurement. Returns whether all of it was good (the voltage included); the gyro
     /// counts only if it is wanted.
     #[inline]
     pub(crate) fn measure(&mut self, m: &Measurement, wants_gyro: bool, faults: &mut Faults) -> bool {
@@ -153,7 +153,7 @@ impl HeldInputs {
         self.position_command_m = [x, y];
     }
 
-    /// Takes the good fields of a command over, positions moved into the box.
+    /// Accepts the good fields of a command, with positions moved into the box.
     #[inline]
     pub(crate) fn command(&mut self, c: &Command, bounds: &Bounds, faults: &mut Faults) {
         let mut good = take_all(&mut self.attitude_command_rad, c.attitude_rad, ANGLE_LIMIT_RAD);

@@ -12,7 +12,7 @@ pub struct Pose {
     pub attitude_rad: [f32; 3],
 }
 
-/// What somebody asks for, beside the command. Each is heard in the tick it comes.
+/// What the ground asks for, beside the command. Each request counts in the tick in which it comes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Request {
     /// Arm, if every preflight check is good.
@@ -21,7 +21,7 @@ pub enum Request {
     Disarm,
     /// Land here.
     Land,
-    /// Motors to idle for good.
+    /// Motors to idle until disarmed.
     Cut,
 }
 
@@ -36,11 +36,11 @@ pub struct Readings {
     pub gyro_rad_s: Option<[f32; 3]>,
     /// Battery voltage in V; NaN if it could not be measured.
     pub battery_v: f32,
-    /// The newest command. One that is not all numbers counts as none.
+    /// The newest command. One with a value that is not finite counts as none.
     pub command: Option<Command>,
     /// The newest request.
     pub request: Option<Request>,
-    /// Do the program's outputs work, and did its own checks pass?
+    /// Whether the program's outputs work and its own checks passed.
     pub outputs_ready: bool,
 }
 

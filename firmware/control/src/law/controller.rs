@@ -16,7 +16,7 @@
 //!
 //! The hand-tuned law (thesis 4.2.2) has the same order; in step 7 the sign matrix (4.5) gives commands directly.
 //!
-//! Two things that the thesis has not, and that a configuration can ask for: the thrust divided by `cos(phi) cos(theta)` in
+//! A configuration can ask for two things that the thesis does not have: the thrust divided by `cos(phi) cos(theta)` in
 //! step 6 (up to twice), and in step 7, where a motor is asked for more than it has, roll and pitch before thrust before yaw.
 //! With the second goes a tilt reduction: while roll and pitch take nearly all that the motors have (held against the moment of
 //! fast sideways flight, say), a falling fraction of the commanded tilt is flown; afterwards it grows back.
@@ -74,7 +74,7 @@ struct InnerState {
 /// All that survives a tick. What is `None` starts with its next input.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Memory {
-    /// Has there been a good measurement?
+    /// Whether there has been a good measurement.
     started: bool,
     inputs: HeldInputs,
     estimator: Option<EstimatorState>,
@@ -337,10 +337,10 @@ const TILT_REDUCTION_PER_S: f64 = 0.05;
 /// How fast the full tilt comes back, fractions of the command per s.
 const TILT_RECOVERY_PER_S: f64 = 0.02;
 
-/// Beyond 60 degrees of tilt the thrust is not raised further: twice is what a craft may have.
+/// Beyond 60 degrees of tilt the thrust is not raised further: it is at most doubled.
 const LEAST_UPRIGHT: f32 = 0.5;
 
-/// What became of the inner loops' wishes; the motor commands themselves are in memory.
+/// What became of the inner loops' demands; the motor commands themselves are in memory.
 struct Motors {
     rotor_speed_rad_s: Option<[f32; 4]>,
     refused: Refused,
@@ -424,7 +424,7 @@ fn refusal(laws: &Laws, mixed: [f32; 4], wanted: [f32; 4]) -> Refused {
     laws.mixer.refused(ends)
 }
 
-/// Something in memory or gains overflowed: start anew with the next tick, and repeat the last commands in this one.
+/// After an overflow in memory or gains: starts anew with the next tick, and repeats the last commands in this one.
 #[cold]
 fn internal_fault(memory: &mut Memory) -> Motors {
     memory.faults.internal.note(true);

@@ -15,19 +15,19 @@ pub enum Condition {
     DisarmRequested = 2,
     /// The pilot asks to land.
     LandRequested = 3,
-    /// The pilot asks to stop the motors for good.
+    /// The pilot asks to stop the motors until disarmed.
     CutRequested = 4,
-    /// The landing is down.
+    /// The craft has landed.
     Landed = 5,
-    /// No good command frame for a while, or good ones again but not for long enough.
+    /// No good command frame for a while, or good ones again, but not for long enough.
     LinkLate = 6,
     /// No good command frame for long.
     LinkLost = 7,
-    /// No good pose for longer than may be coasted.
+    /// No good pose for longer than the craft may coast.
     PoseLate = 8,
     /// No good pose for so long that the craft has to go down.
     PoseLost = 9,
-    /// No good pose for so long that it must not fly any more.
+    /// No good pose for so long that the craft must not fly any more.
     PoseGone = 10,
     /// Poses come, always the same one. They count as missing.
     PoseFrozen = 11,
@@ -35,7 +35,7 @@ pub enum Condition {
     PoseJumped = 12,
     /// No plausible sample of the gyro for some ticks.
     ImuLate = 13,
-    /// The gyro says the same again and again.
+    /// The gyro repeats one sample again and again.
     ImuStuck = 14,
     /// The gyro and the motion capture contradict each other about the body rates.
     ImuDisagrees = 15,
@@ -92,7 +92,7 @@ impl Condition {
         Self::NotANumber,
     ];
 
-    /// What people read.
+    /// The name that people read.
     pub const fn name(self) -> &'static str {
         match self {
             Self::ArmRequested => "arm requested",
@@ -124,7 +124,7 @@ impl Condition {
         }
     }
 
-    /// Did somebody ask for it, or is it the end of what was asked for? The others are faults.
+    /// Is it a request, or the end of one? The others are faults.
     pub const fn is_asked_for(self) -> bool {
         (self as u8) <= Self::Landed as u8
     }
@@ -164,7 +164,7 @@ impl Conditions {
         self.0 |= u32::from(raised) << condition as u8;
     }
 
-    /// Those in the set, in the order of their bits.
+    /// The conditions in the set, in the order of their bits.
     pub fn iter(self) -> impl Iterator<Item = Condition> {
         Condition::ALL.into_iter().filter(move |condition| self.has(*condition))
     }

@@ -16,7 +16,7 @@ use crate::safety::limits::Limits;
 use crate::safety::plausibility::{differ, is_inside, is_pose, is_reachable, is_tilted_beyond, tilt_bound};
 use crate::safety::timers::{Held, Silence};
 
-/// How often something was refused, since the start. They stay at the greatest number.
+/// How often something was refused since the start; counts stay at the greatest number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counters {
     /// Poses refused: frozen, jumped or not a number.
@@ -36,7 +36,7 @@ pub(crate) fn count(counter: &mut u32) {
     *counter = counter.saturating_add(1);
 }
 
-/// What is known before a pose comes.
+/// What is known of the craft before a pose comes.
 pub(crate) struct LastKnown<'a> {
     /// The last pose that could be flown with.
     pub(crate) last: &'a Pose,
@@ -59,7 +59,7 @@ pub(crate) struct Detectors {
     unheard_us: u32,
     /// A simulation begins with a line of equal poses: none of them is frozen.
     pose_settling: bool,
-    /// Can the sample of this tick be compared with motion capture?
+    /// Whether the sample of this tick can be compared with motion capture.
     imu_comparable: bool,
     imu_last: [f32; 3],
     imu_equal: u32,
@@ -80,7 +80,7 @@ pub(crate) struct Detectors {
 }
 
 impl Detectors {
-    /// Nothing has been heard yet.
+    /// Nothing has been received yet.
     pub(crate) fn at_rest() -> Self {
         Self {
             last_us: None,
@@ -109,7 +109,7 @@ impl Detectors {
         }
     }
 
-    /// Everything has been in good order until now.
+    /// Everything has been in order until now.
     pub(crate) fn in_flight() -> Self {
         Self {
             link: Silence::GOOD,
@@ -122,7 +122,7 @@ impl Detectors {
         }
     }
 
-    /// Time since the tick before in us, as far as it can be believed.
+    /// Time since the tick before in us; one period if the clock cannot be right.
     #[inline]
     pub(crate) fn clock(&mut self, time_us: u32, limits: &Limits, conditions: &mut Conditions) -> u32 {
         let period_us = limits.period_us;
@@ -135,7 +135,7 @@ impl Detectors {
         self.off_time(elapsed_us, limits, conditions)
     }
 
-    /// A tick out of time, or one of those after it.
+    /// Handles a tick out of time, or one of those after it.
     #[cold]
     fn off_time(&mut self, elapsed_us: u32, limits: &Limits, conditions: &mut Conditions) -> u32 {
         let Limits { period_us, jump_us, overrun_us, .. } = *limits;
@@ -155,7 +155,7 @@ impl Detectors {
         elapsed_us
     }
 
-    /// Whether a command came.
+    /// Detects a silent link: `came` is whether a command came.
     #[inline]
     pub(crate) fn link(&mut self, came: bool, elapsed_us: u32, limits: &Limits, conditions: &mut Conditions) {
         self.link.step(came, elapsed_us, &limits.link);
@@ -165,7 +165,7 @@ impl Detectors {
         }
     }
 
-    /// Whether a pose came that can be flown with.
+    /// Detects bad and missing poses; returns whether a pose came that can be flown with.
     #[inline]
     pub(crate) fn pose(
         &mut self,
@@ -179,7 +179,7 @@ impl Detectors {
         let good = pose.is_some_and(|pose| {
             self.outside = !is_inside(pose.position_m, limits);
             let plausible = if anchored {
-                // Refused poses add nothing: a tracker that has jumped is not believed for staying there.
+                // Refused poses do not extend the reach: a tracker that has jumped is not believed for staying there.
                 let reach_m = if self.unheard_us == 0 { limits.jump_m } else { self.reach_m(limits) };
                 is_reachable(pose, last.position_m, attitude_rad, reach_m, limits)
             } else {
@@ -225,7 +225,7 @@ impl Detectors {
         good
     }
 
-    /// The gyro's sample, if it can be used.
+    /// Detects bad and missing gyro samples; returns the sample if it can be used.
     #[inline]
     pub(crate) fn imu(
         &mut self,
@@ -246,7 +246,7 @@ impl Detectors {
         self.imu_in_doubt(gyro_rad_s, elapsed_us, limits, conditions)
     }
 
-    /// No sample, no plausible one, or the same again.
+    /// Handles no sample, an implausible one, or a repeated one.
     #[cold]
     fn imu_in_doubt(
         &mut self,
@@ -281,7 +281,7 @@ impl Detectors {
         usable
     }
 
-    /// The voltage.
+    /// Detects a low voltage.
     #[inline]
     pub(crate) fn battery(
         &mut self,
@@ -313,7 +313,7 @@ impl Detectors {
         }
     }
 
-    /// The attitude in rad as it is flown with.
+    /// Detects excessive tilt of the attitude (rad) that is flown with.
     #[inline]
     pub(crate) fn tilt(
         &mut self,
@@ -326,7 +326,7 @@ impl Detectors {
         conditions.note(Condition::Tilted, self.tilt.step(tilted, elapsed_us, limits.tilt_us));
     }
 
-    /// What the tick before has left.
+    /// Reports what the end of the tick before has shown.
     #[inline]
     pub(crate) fn aftermath(&mut self, conditions: &mut Conditions) {
         if self.thrust_lost || self.not_a_number {
@@ -335,7 +335,7 @@ impl Detectors {
         }
     }
 
-    /// Body rates by gyro and by motion capture, rad/s.
+    /// Compares the body rates by gyro and by motion capture, in rad/s.
     #[inline]
     pub(crate) fn compare_rates(&mut self, gyro_rad_s: [f32; 3], tracked_rad_s: [f32; 3], limits: &Limits) {
         if !self.imu_comparable {
@@ -346,7 +346,7 @@ impl Detectors {
         let [dp, dq, dr] = difference;
         let bound_rad_s = 2.0 * limits.disagreement_rad_s;
         if !(dp.abs() + dq.abs() + dr.abs() <= bound_rad_s) {
-            // One wild sample counts for no more than a wrong one.
+            // One wild sample counts no more than one at the bound.
             difference = bounded(difference, bound_rad_s);
         }
         let mut sum = 0.0;
@@ -357,7 +357,7 @@ impl Detectors {
         self.imu_disagrees = sum > limits.disagreement_rad_s;
     }
 
-    /// How the tick went: thrust refused upwards, rate of inertial z in m/s, roll and pitch, a result that is no number.
+    /// Looks at the result of a tick: thrust refused upwards, rate of inertial z in m/s, attitude in rad, a result that is not a number.
     #[inline]
     pub(crate) fn after(
         &mut self,
@@ -373,21 +373,21 @@ impl Detectors {
         self.not_a_number = not_a_number;
     }
 
-    /// Do clock and loop keep time?
+    /// Whether clock and loop keep time.
     pub(crate) fn on_time(&self, limits: &Limits) -> bool {
         self.debt_us <= limits.overrun_us / 2
     }
 
-    /// Is the craft inside the box, by the last pose?
+    /// Whether the last pose was inside the box.
     pub(crate) fn is_inside(&self) -> bool {
         !self.outside
     }
 }
 
-/// Each value, but not beyond the limit to either side; 0 for what is no number.
+/// Each value clamped to the limit on either side; 0 for NaN.
 #[cold]
 fn bounded(values: [f32; 3], limit: f32) -> [f32; 3] {
-    // Not `clamp`, which panics where the limit is no number.
+    // Not `clamp`, which panics where the limit is NaN.
     values.map(|value| {
         if value > limit {
             limit

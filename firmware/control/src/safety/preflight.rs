@@ -23,12 +23,12 @@ impl Preflight {
     pub const CONTROLLER: u16 = 1 << 7;
     /// The program says that its outputs work and that its own checks passed.
     pub const OUTPUTS: u16 = 1 << 8;
-    /// The pilot's command is cut-off: nothing takes off by the arming itself.
+    /// The pilot's command is cut-off: arming alone does not take off.
     pub const IDLE: u16 = 1 << 9;
     /// All of them.
     pub const ALL: Self = Self((1 << 10) - 1);
 
-    /// Each check with what people read, in the order of the bits.
+    /// Each check with its name, in the order of the bits.
     pub const NAMES: [(u16, &'static str); 10] = [
         (Self::LINK, "link"),
         (Self::POSE, "pose"),
@@ -62,7 +62,7 @@ impl Preflight {
         self.0 == Self::ALL.0
     }
 
-    /// Notes how a check came out.
+    /// Records the result of a check.
     pub(crate) fn note(&mut self, check: u16, good: bool) {
         if good {
             self.0 |= check;

@@ -6,11 +6,10 @@
 //!     +---------------+--- disarm ----+----------+--------+-- cut (from anywhere; only disarm leaves it)
 //! ```
 //!
-//! - *disarmed*, *armed*, *cut*: motors idle. *flying*: the pilot's command. *hold*: stay where it is. *land*: go down here.
-//! - When several conditions are there the most severe action wins: disarm (somebody asked for it), cut, stand down,
-//!   land, hold, fly, arm.
+//! - *disarmed*, *armed*, *cut*: motors idle. *flying*: the pilot's command. *hold*: stay in place. *land*: descend in place.
+//! - Of several conditions the most severe action wins: disarm (on request), cut, stand down, land, hold, fly, arm.
 //! - Hold goes back to flying by itself once nothing asks for it any more; the detectors make sure that this takes good data
-//!   for a while. Land never goes back up. Cut is latched. Nothing arms but a request, and only with all preflight checks good.
+//!   for a while. A landing never goes back up. Cut is latched. Only a request arms, and only with all preflight checks good.
 //!
 //! The machine is pure: `next(state, conditions)`. Time is in the [`detectors`](crate::safety::detectors).
 
@@ -29,9 +28,9 @@ pub enum State {
     Flying = 2,
     /// The place (or, without poses, the attitude) is held.
     Hold = 3,
-    /// Down, here.
+    /// Descending in place.
     Land = 4,
-    /// Motors idle until somebody disarms.
+    /// Motors idle until the craft is disarmed.
     Cut = 5,
 }
 
@@ -58,11 +57,11 @@ pub enum Action {
     Hold,
     /// To [`State::Land`].
     Land,
-    /// To [`State::Disarmed`], because there is nothing left to fly for.
+    /// To [`State::Disarmed`], because there is no reason left to fly.
     Stand,
     /// To [`State::Cut`].
     Cut,
-    /// To [`State::Disarmed`], because somebody asked.
+    /// To [`State::Disarmed`], on request.
     Disarm,
 }
 
@@ -102,7 +101,7 @@ pub const TABLE: [(Condition, [Action; 6]); 26] = {
     ]
 };
 
-/// The table of one state, turned round: the conditions that ask for each action.
+/// The table of one state, transposed: the conditions that ask for each action.
 struct Row {
     any: u32,
     disarm: u32,
@@ -168,7 +167,7 @@ pub fn action(state: State, conditions: Conditions) -> Action {
     if conditions.bits() & row.any == 0 { Action::Stay } else { severest(row, conditions.bits()) }
 }
 
-/// Something is asked for: what?
+/// The most severe action that some condition asks for.
 #[cold]
 fn severest(row: &Row, bits: u32) -> Action {
     let by_severity = [
