@@ -4,7 +4,8 @@ use core::fmt;
 
 use crate::message::Message;
 
-/// Version of the messages that are written. Anything that changes the bytes of a message raises it.
+/// Version of the messages that are written. Anything that changes the bytes of a message raises
+/// it.
 pub const VERSION: u8 = 2;
 
 /// Oldest version that is still read.

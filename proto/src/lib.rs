@@ -1,19 +1,22 @@
 //! Messages between the controller, the ground and whatever simulates the craft, defined once.
 //!
-//! A frame is one byte, the protocol [`VERSION`], and then the [`Message`] in postcard encoding: integers as variable
-//! length, f32 as four bytes little endian, options and variants with a leading tag. Equal values give equal bytes on
-//! every machine, and floating-point numbers arrive bit for bit.
+//! A frame is one byte, the protocol [`VERSION`], and then the [`Message`] in postcard encoding:
+//! integers as variable length, f32 as four bytes little endian, options and variants with a
+//! leading tag. Equal values give equal bytes on every machine, and floating-point numbers arrive
+//! bit for bit.
 //!
-//! Units and frames are those of the project: SI, inertial frame north-east-down, body frame front-right-down, Euler
-//! angles Z-Y-X in radians, motor commands in the vehicle's own unit.
+//! Units and frames are those of the project: SI, inertial frame north-east-down, body frame
+//! front-right-down, Euler angles Z-Y-X in radians, motor commands in the vehicle's own unit.
 //!
-//! Inside a process and over shared memory a frame is all there is. Over a network or a wire it travels as a packet
-//! ([`Sealer`], [`Opener`]): header with version, direction, link and a number that never comes twice; the message; with a
-//! [`Key`] an HMAC-SHA-256 tag; a CRC. On a byte stream the packet is stuffed ([`enframe`], [`Deframer`]: COBS). An IMU board's
-//! serial line is stuffed the same way, with a format of its own ([`imu_frame`]).
+//! Inside a process and over shared memory a frame is all there is. Over a network or a wire it
+//! travels as a packet ([`Sealer`], [`Opener`]): header with version, direction, link and a number
+//! that never comes twice; the message; with a [`Key`] an HMAC-SHA-256 tag; a CRC. On a byte stream
+//! the packet is stuffed ([`enframe`], [`Deframer`]: COBS). An IMU board's serial line is stuffed
+//! the same way, with a format of its own ([`imu_frame`]).
 //!
-//! Versions: [`MIN_VERSION`] to [`VERSION`] are read, [`VERSION`] is written. Version 1 had `Input` and `Output` only, and no
-//! packets. The bytes of each version are pinned in `tests/wire_v1.rs` and `tests/wire_v2.rs`.
+//! Versions: [`MIN_VERSION`] to [`VERSION`] are read, [`VERSION`] is written. Version 1 had `Input`
+//! and `Output` only, and no packets. The bytes of each version are pinned in `tests/wire_v1.rs`
+//! and `tests/wire_v2.rs`.
 //!
 //! Deliberately absent: encryption (a pose is no secret), sockets, files and clocks.
 #![cfg_attr(not(test), no_std)]

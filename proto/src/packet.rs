@@ -4,13 +4,15 @@
 //! version u8 | flags u8 | link u16 | number u64 | message (postcard) | tag, 16 bytes, with a key | CRC-32
 //! ```
 //!
-//! All integers are little endian. Flags: bit 0 a tag is there, bit 1 the craft sent it; the others are 0. `link` tells crafts
-//! with one key apart. The tag is HMAC-SHA-256 (RFC 2104) of everything before it, cut to its first 16 bytes: RFC 2104 asks
-//! for half the hash at least, and guessing one right takes 2^128 tries over the radio. The CRC (CRC-32/ISO-HDLC, of
-//! everything before it) tells damage from forgery and finds every single and double bit error by itself, on links without
-//! a key too.
+//! All integers are little endian. Flags: bit 0 a tag is there, bit 1 the craft sent it; the others
+//! are 0. `link` tells crafts with one key apart. The tag is HMAC-SHA-256 (RFC 2104) of everything
+//! before it, cut to its first 16 bytes: RFC 2104 asks for half the hash at least, and guessing one
+//! right takes 2^128 tries over the radio. The CRC (CRC-32/ISO-HDLC, of everything before it) tells
+//! damage from forgery and finds every single and double bit error by itself, on links without a
+//! key too.
 //!
-//! Direction, link and number are under the tag: a packet cannot be sent back, to another craft, or again.
+//! Direction, link and number are under the tag: a packet cannot be sent back, to another craft, or
+//! again.
 
 use core::fmt;
 
@@ -177,7 +179,8 @@ impl Sealer {
         Self { role, link, key: None, counter: SendCounter::volatile() }
     }
 
-    /// To be called when a packet has been opened: if the other side has started anew, goes on where it accepts.
+    /// To be called when a packet has been opened: if the other side has started anew, goes on
+    /// where it accepts.
     pub fn follow(&mut self, opener: &mut Opener) {
         if opener.guard.take_leap() {
             self.counter.follow();
@@ -187,7 +190,8 @@ impl Sealer {
     /// Writes a message as a packet into `buffer`; gives its number and its bytes.
     ///
     /// # Errors
-    /// [`Refused::OutOfNumbers`], or a buffer shorter than [`MAX_PACKET_LEN`] that does not suffice.
+    /// [`Refused::OutOfNumbers`], or a buffer shorter than [`MAX_PACKET_LEN`] that does not
+    /// suffice.
     pub fn seal<'a>(&mut self, message: &Message, buffer: &'a mut [u8]) -> Result<(u64, &'a [u8]), Refused> {
         const SHORT: Refused = Refused::Message(Error::BufferTooShort);
         let (header, rest) = buffer.split_at_mut_checked(HEADER_LEN).ok_or(SHORT)?;
@@ -228,7 +232,8 @@ pub struct Statistics {
     pub accepted: u32,
     /// Packets refused, for whatever reason but a number that is not reserved yet.
     pub refused: u32,
-    /// Packets that never came, or came before their numbers were reserved: by the gaps in the numbers.
+    /// Packets that never came, or came before their numbers were reserved: by the gaps in the
+    /// numbers.
     pub lost: u32,
 }
 

@@ -1,6 +1,7 @@
 //! Packets on a byte stream: consistent overhead byte stuffing, with a zero after each packet.
 //!
-//! A zero never occurs inside, so a reader that starts in the middle or loses bytes resynchronises at the next one.
+//! A zero never occurs inside, so a reader that starts in the middle or loses bytes resynchronises
+//! at the next one.
 
 use cobs::{DecodeResult, DecoderState};
 
@@ -9,7 +10,8 @@ use crate::packet::MAX_PACKET_LEN;
 /// No stuffed packet is longer, in bytes: one byte of overhead in 254, one more, and the zero.
 pub const MAX_STREAM_LEN: usize = MAX_PACKET_LEN + MAX_PACKET_LEN / 254 + 2;
 
-/// Writes a packet in its stuffed form with its zero; `None` if `buffer` is too short ([`MAX_STREAM_LEN`] suffices).
+/// Writes a packet in its stuffed form with its zero; `None` if `buffer` is too short
+/// ([`MAX_STREAM_LEN`] suffices).
 pub fn enframe<'a>(packet: &[u8], buffer: &'a mut [u8]) -> Option<&'a [u8]> {
     let length = cobs::try_encode(packet, buffer).ok()?;
     *buffer.get_mut(length)? = 0;
@@ -44,8 +46,8 @@ impl Deframer {
 
     /// Takes one byte; gives the packet that it ends, still sealed.
     pub fn push(&mut self, byte: u8) -> Option<&[u8]> {
-        // Byte by byte: a buffer that is unstuffed in place is indexed by its own content, and no compiler sees that this cannot
-        // panic.
+        // Byte by byte: a buffer that is unstuffed in place is indexed by its own content, and no
+        // compiler sees that this cannot panic.
         match self.state.feed(byte) {
             // Zeros between packets are allowed.
             Ok(DecodeResult::NoData) => None,

@@ -1,4 +1,5 @@
-//! The ground's side of one question: who is there, and what is it doing? For programs that install others, and for people.
+//! The ground's side of one question: who is there, and what is it doing? For programs that install
+//! others, and for people.
 
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 use std::path::PathBuf;
@@ -66,7 +67,8 @@ pub fn who(question: &Question) -> Result<Option<Identity>> {
             match opener.unseal(&buffer[..length]) {
                 // The answer to an earlier question; its age is unknown.
                 Ok((_, Message::Identity(identity))) if identity.accepts_from <= number => {}
-                // It answers the question, or only saw that its number is behind; either way it says who it is.
+                // It answers the question, or only saw that its number is behind; either way it
+                // says who it is.
                 Ok((_, Message::Identity(identity))) => {
                     if let Some([_, mut heard]) = counters {
                         heard.store(opener.guard.accepts_from())?;
@@ -89,8 +91,9 @@ pub fn who(question: &Question) -> Result<Option<Identity>> {
 
 type Ends = (Sealer, Opener, Option<[CounterFile; 2]>);
 
-/// The numbers that this side has used and heard are kept in files of their own: asking is not flying. What was heard is kept
-/// exactly and not by stretches, or a second question within seconds would take the craft's answer for an echo.
+/// The numbers that this side has used and heard are kept in files of their own: asking is not
+/// flying. What was heard is kept exactly and not by stretches, or a second question within seconds
+/// would take the craft's answer for an echo.
 fn ends(question: &Question) -> Result<Ends> {
     let number = question.number;
     let Some((key, folder)) = &question.key else {

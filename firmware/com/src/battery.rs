@@ -1,8 +1,9 @@
-//! Battery voltage: from the IMU board's frames, as in the thesis, or from a converter of the board that Linux knows
-//! (industrial I/O, `/sys/bus/iio/devices/iio:deviceN/in_voltageM_raw`; or hwmon, `inK_input`).
+//! Battery voltage: from the IMU board's frames, as in the thesis, or from a converter of the board
+//! that Linux knows (industrial I/O, `/sys/bus/iio/devices/iio:deviceN/in_voltageM_raw`; or hwmon,
+//! `inK_input`).
 //!
-//! A converter is a file, and files are read by a thread of their own. A value that is older than [`STALE`] becomes NaN,
-//! whichever way it came: the supervisor then neither arms nor trusts it.
+//! A converter is a file, and files are read by a thread of their own. A value that is older than
+//! [`STALE`] becomes NaN, whichever way it came: the supervisor then neither arms nor trusts it.
 
 use std::fs;
 use std::path::{Path, PathBuf};

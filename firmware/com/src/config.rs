@@ -1,9 +1,10 @@
-//! The configuration file: ports, paths, and which craft this is. Everything is checked before any device is opened.
+//! The configuration file: ports, paths, and which craft this is. Everything is checked before any
+//! device is opened.
 //!
 //! Paths in it are relative to its own folder. The law flies with the gains file (`[files] gains`,
-//! written by `quadlab design`); the vehicle file describes the craft. Gains made for another vehicle are refused: by what their
-//! `[provenance]` says (the name, and the hash of its measurements where `[files] vehicle_sha256` gives it) and by the range
-//! of commands.
+//! written by `quadlab design`); the vehicle file describes the craft. Gains made for another
+//! vehicle are refused: by what their `[provenance]` says (the name, and the hash of its
+//! measurements where `[files] vehicle_sha256` gives it) and by the range of commands.
 
 use std::fs;
 use std::net::SocketAddr;
@@ -127,7 +128,8 @@ pub struct LinkSettings {
     pub listen: SocketAddr,
     /// Tells apart crafts that share a key.
     pub number: u16,
-    /// What both sides share; without one only peers on this machine are heard, unless the link is open.
+    /// What both sides share; without one only peers on this machine are heard, unless the link is
+    /// open.
     pub key: Option<Key>,
     /// Folder of the packet counters; there is one where there is a key.
     pub counters: Option<PathBuf>,
@@ -402,7 +404,8 @@ mod tests {
         let case = Case::new();
         case.write("com.toml", EXAMPLE);
         case.read().unwrap();
-        // A line that is switched off is a key or a table; with all of them on only paths are missing.
+        // A line that is switched off is a key or a table; with all of them on only paths are
+        // missing.
         let key = |line: &str| {
             line.strip_prefix("# ")
                 .filter(|line| line.starts_with('[') || line.contains(" = "))
@@ -430,9 +433,9 @@ mod tests {
             ("com.toml", "'127.0.0.1:0'", "'127.0.0.1:0'\nkey = 'none'", "[link] key: "),
             ("com.toml", "'127.0.0.1:0'", "'127.0.0.1:0'\nkey = 'loose'", "chmod 600"),
             ("com.toml", "'127.0.0.1:0'", "'127.0.0.1:0'\nkey = 'key'", "no counters"),
-            ("com.toml", "'127.0.0.1:0'", "'127.0.0.1:0'\nkey = 'key'\ncounters = 'nowhere'", "is no folder"),
+            ("com.toml", "'127.0.0.1:0'", "'127.0.0.1:0'\nkey = 'key'\ncounters = 'nowhere'", "is not a folder"),
             ("com.toml", "[pwm]", "baud = 9600\n[pwm]", "[imu] baud is 9600"),
-            ("com.toml", "'pwmchip0/3'", "'pwm3'", "\"pwm3\" is no output"),
+            ("com.toml", "'pwmchip0/3'", "'pwm3'", "\"pwm3\" is not an output"),
             ("com.toml", "'pwmchip0/3'", "'pwmchip0/0'", "twice"),
             ("com.toml", ", 'pwmchip0/3'", "", "3 are named"),
             ("com.toml", "2500000", "1500000", "no longer than the period"),

@@ -68,6 +68,7 @@ pub(crate) fn system<E: Into<io::Error>>(what: &'static str) -> impl FnOnce(E) -
 /// Writes a line to standard error. A log that cannot be written any more is no reason to crash.
 pub fn log(line: &str) {
     use io::Write;
-    // In one write: the guardian and the loop share the stream, and their lines must not run into each other.
+    // In one write: the guardian and the loop share the stream, and their lines must not run into
+    // each other.
     let _ = io::stderr().write_all(format!("com: {line}\n").as_bytes());
 }

@@ -1,8 +1,8 @@
 //! The loop: messages and sensors in, a tick of the [`Craft`], motor commands and messages out.
 //!
-//! On its thread nothing waits, nothing is allocated and no file is read or written but the four pulse lengths, which are
-//! the outputs themselves (a test counts allocations). Beside it are the threads of the IMU's line, of the battery's
-//! converter, of the packet numbers, and of the log.
+//! On its thread nothing waits, nothing is allocated and no file is read or written but the four
+//! pulse lengths, which are the outputs themselves (a test counts allocations). Beside it are the
+//! threads of the IMU's line, of the battery's converter, of the packet numbers, and of the log.
 
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::{self, sleep};
@@ -181,7 +181,8 @@ pub fn fly<C: SetDutyCycle>(setup: &Setup, motors: Motors<C>, mut heart: Heart) 
     }
 }
 
-/// Prints events for ever. (It polls instead of waiting: a thread that waits takes a lock that the loop might have to wait for.)
+/// Prints events for ever. (It polls instead of waiting: a thread that waits takes a lock that the
+/// loop might have to wait for.)
 fn print(events: &Receiver<Event>) {
     let mut refused: Option<Instant> = None;
     loop {

@@ -7,19 +7,21 @@
 //!                             --- its end, or "s" ---->  sees that the guardian is gone, or wants it to stop
 //! ```
 //!
-//! - The loop dies in whatever way (return, panic, SIGKILL): the kernel closes its end of the pipe; the guardian idles the outputs
-//!   at once.
-//! - The loop hangs (SIGSTOP, an endless loop, a dead lock): no byte for [`Terms::silence`]; the guardian idles the outputs,
-//!   kills the loop, and idles them again, since the loop may have written in between.
-//! - The guardian dies: its end of the pipe closes, and the loop idles the outputs in its next tick. The board's watchdog,
-//!   which only the guardian feeds, then resets the board.
+//! - The loop dies in whatever way (return, panic, SIGKILL): the kernel closes its end of the pipe;
+//!   the guardian idles the outputs at once.
+//! - The loop hangs (SIGSTOP, an endless loop, a dead lock): no byte for [`Terms::silence`]; the
+//!   guardian idles the outputs, kills the loop, and idles them again, since the loop may have
+//!   written in between.
+//! - The guardian dies: its end of the pipe closes, and the loop idles the outputs in its next
+//!   tick. The board's watchdog, which only the guardian feeds, then resets the board.
 //! - Both are killed at the same moment: only the board's watchdog is left.
-//! - SIGTERM or SIGINT: the guardian asks the loop to stop, which idles the outputs itself. SIGHUP is ignored: a
-//!   closed terminal is no reason to fall.
+//! - SIGTERM or SIGINT: the guardian asks the loop to stop, which idles the outputs itself. SIGHUP
+//!   is ignored: a closed terminal is no reason to fall.
 //!
-//! The loop is started by `fork`, before there is any thread, and so shares what has been opened and checked; no file has to
-//! be found again, even if the program has been replaced meanwhile. The guardian never restarts the loop: a human or systemd
-//! starts a craft whose program died, and it starts disarmed.
+//! The loop is started by `fork`, before there is any thread, and so shares what has been opened
+//! and checked; no file has to be found again, even if the program has been replaced meanwhile. The
+//! guardian never restarts the loop: a human or systemd starts a craft whose program died, and it
+//! starts disarmed.
 
 use std::fmt;
 use std::os::fd::{AsFd, OwnedFd};
@@ -52,7 +54,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(50);
 pub struct Terms {
     /// So long without a sign of life is death.
     pub silence: Duration,
-    /// The loop's real-time priority; the guardian's is one more, or a loop that never sleeps would keep it from looking.
+    /// The loop's real-time priority; the guardian's is one more, or a loop that never sleeps would
+    /// keep it from looking.
     pub priority: u8,
     /// Where the end is written down.
     pub last_end: LastEnd,
@@ -106,7 +109,8 @@ pub struct Heart {
 impl Heart {
     /// Gives a sign of life and returns what to do. Never waits.
     pub fn beat(&mut self) -> Sign {
-        // A full pipe means that the guardian has not looked for minutes; the other pipe says whether it is alive.
+        // A full pipe means that the guardian has not looked for minutes; the other pipe says
+        // whether it is alive.
         let _ = rustix::io::write(&self.beats, b".");
         let mut order = [0];
         match rustix::io::read(&self.orders, &mut order) {

@@ -1,4 +1,5 @@
-//! The IMU board's serial line: a thread reads it and hands frames on, without ever waiting for the loop.
+//! The IMU board's serial line: a thread reads it and hands frames on, without ever waiting for the
+//! loop.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -79,8 +80,8 @@ pub fn rate(baud: u32) -> Option<BaudRate> {
     })
 }
 
-/// 8 data bits, no parity, 1 stop bit, no flow control, no translation of bytes. (By the C library's calls: those of the
-/// kernel for any baud rate are unknown to emulators.)
+/// 8 data bits, no parity, 1 stop bit, no flow control, no translation of bytes. (By the C
+/// library's calls: those of the kernel for any baud rate are unknown to emulators.)
 fn open(path: &Path, baud: u32) -> Result<File> {
     let set = |port: &File| -> io::Result<()> {
         let mut settings = termios::tcgetattr(port)?;
@@ -162,7 +163,8 @@ mod tests {
         ImuFrame { sequence, board_us: 0, sample, battery_v: Some(11.1), current_a: None }
     }
 
-    /// Over a pseudo terminal of the kernel, in pieces, with noise between: byte for byte what a UART would give.
+    /// Over a pseudo terminal of the kernel, in pieces, with noise between: byte for byte what a
+    /// UART would give.
     #[test]
     fn frames_come_through_a_real_terminal() {
         let (board, line) = SerialPort::pair().unwrap();

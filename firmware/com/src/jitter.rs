@@ -44,8 +44,8 @@ impl fmt::Display for Lateness {
     }
 }
 
-/// Measures `beats` beats of `period_ns` with the loop's rights, while `busy` threads without them compute. Logs which rights were
-/// granted.
+/// Measures `beats` beats of `period_ns` with the loop's rights, while `busy` threads without them
+/// compute. Logs which rights were granted.
 pub fn measure(period_ns: u64, beats: usize, priority: u8, busy: usize) -> Lateness {
     let done = Arc::new(AtomicBool::new(false));
     let load: Vec<_> = (0..busy)

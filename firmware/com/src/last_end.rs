@@ -1,7 +1,8 @@
 //! How the program ended last, kept in a file for the next start.
 //!
-//! While the program runs the file says so, with the machine's boot. If it still says so at the next start, nothing could record
-//! the end: in the same boot the guardian itself was killed; in another one the power failed or the board was reset.
+//! While the program runs the file says so, with the machine's boot. If it still says so at the
+//! next start, nothing could record the end: in the same boot the guardian itself was killed; in
+//! another one the power failed or the board was reset.
 
 use std::fs;
 use std::path::PathBuf;

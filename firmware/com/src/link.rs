@@ -1,11 +1,13 @@
 //! The link to the ground: UDP datagrams that are packets of crate `proto`.
 //!
-//! The loop's thread sends and receives itself, without ever waiting; in a flood it opens [`BUDGET`] packets a tick and the
-//! kernel drops the rest. Packet numbers that have to be on the disk before they are used are stored by a thread of their
-//! own ([`Keeper`]); the loop asks for them in time and checks whether they are stored.
+//! The loop's thread sends and receives itself, without ever waiting; in a flood it opens
+//! [`BUDGET`] packets a tick and the kernel drops the rest. Packet numbers that have to be on the
+//! disk before they are used are stored by a thread of their own ([`Keeper`]); the loop asks for
+//! them in time and checks whether they are stored.
 //!
-//! Telemetry goes to whoever sent the last pose, command or clock; answers and the identity to whoever asked. So a second
-//! program may ask a craft who it is without taking the telemetry away from its pilot.
+//! Telemetry goes to whoever sent the last pose, command or clock; answers and the identity to
+//! whoever asked. So a second program may ask a craft who it is without taking the telemetry away
+//! from its pilot.
 
 use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
@@ -66,8 +68,8 @@ impl Link {
                 let [mut sent, mut heard] = ["sent", "heard"].map(|name| CounterFile::new(folder.join(name)));
                 let mut sealer = Sealer::authenticated(Role::Craft, number, key.clone(), sent.load()?);
                 let opener = Opener::authenticated(Role::Ground, number, key.clone(), heard.load()?);
-                // The first stretch before the loop begins; later ones beside it. What is heard first is lost while the first
-                // stretch of heard numbers is stored.
+                // The first stretch before the loop begins; later ones beside it. What is heard
+                // first is lost while the first stretch of heard numbers is stored.
                 sealer.counter.keep(&mut sent)?;
                 (sealer, opener, Some(Keeper::start([sent, heard])?))
             }
@@ -85,7 +87,8 @@ impl Link {
         self.socket.local_addr().map_err(system("read the address of the link's port"))
     }
 
-    /// Passes what has arrived on to the craft; `note` gets what was refused. Never waits, never allocates.
+    /// Passes what has arrived on to the craft; `note` gets what was refused. Never waits, never
+    /// allocates.
     pub fn receive(&mut self, craft: &mut Craft, mut note: impl FnMut(Notice)) {
         let mut buffer = [0; MAX_PACKET_LEN + 1];
         for _ in 0..BUDGET {
@@ -129,7 +132,8 @@ impl Link {
         }
     }
 
-    /// Sends the craft's messages. Never waits, never allocates; what cannot be sent is lost, as on the air.
+    /// Sends the craft's messages. Never waits, never allocates; what cannot be sent is lost, as on
+    /// the air.
     pub fn send(&mut self, craft: &mut Craft) {
         let counts = self.counts();
         let mut buffer = [0; MAX_PACKET_LEN];

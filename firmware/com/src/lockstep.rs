@@ -1,8 +1,10 @@
-//! Software in the loop on this processor: a simulator asks tick by tick over UDP, and the law answers.
+//! Software in the loop on this processor: a simulator asks tick by tick over UDP, and the law
+//! answers.
 //!
-//! Each datagram is a packet ([`proto::Sealer`] without a key, link 0) with [`proto::Readings`]; the answer is one with
-//! [`proto::Outcome`]. UDP may lose either: asking for a tick again gives its answer again, and the law is ticked
-//! only once. No motor turns, no clock is read: the simulator's time is all there is, so it runs as fast as both can.
+//! Each datagram is a packet ([`proto::Sealer`] without a key, link 0) with [`proto::Readings`];
+//! the answer is one with [`proto::Outcome`]. UDP may lose either: asking for a tick again gives
+//! its answer again, and the law is ticked only once. No motor turns, no clock is read: the
+//! simulator's time is all there is, so it runs as fast as both can.
 
 use std::net::{SocketAddr, UdpSocket};
 

@@ -1,7 +1,7 @@
 //! `com`: flies a craft, and a few small things around that. `com --help` lists them.
 //!
-//! Exit status: 0 done, 1 the craft's program ended without being asked to, or nobody answers, 2 bad usage or
-//! bad input.
+//! Exit status: 0 done, 1 the craft's program ended without being asked to, or nobody answers, 2
+//! bad usage or bad input.
 #![forbid(unsafe_code)]
 
 use std::io::{BufRead, Read};
@@ -50,7 +50,8 @@ enum Command {
     Who(Asking),
     /// Answer a simulator tick by tick; no motor turns
     Lockstep {
-        /// Gains file; without it the configuration is one line of JSON on standard input, and the program ends when that closes
+        /// Gains file; without it the configuration is one line of JSON on standard input, and the
+        /// program ends when that closes
         #[arg(long)]
         gains: Option<PathBuf>,
         /// Address to listen on; printed once the port is open

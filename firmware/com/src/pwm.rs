@@ -1,14 +1,16 @@
-//! Motor commands as pulses: the kernel's PWM interface (`/sys/class/pwm`) behind embedded-hal's [`SetDutyCycle`].
+//! Motor commands as pulses: the kernel's PWM interface (`/sys/class/pwm`) behind embedded-hal's
+//! [`SetDutyCycle`].
 //!
-//! A channel is a folder `pwmchipN/pwmM` with the files `period`, `duty_cycle` (both in ns), `polarity` and `enable`; it
-//! appears when M is written into `pwmchipN/export` (Linux, Documentation/driver-api/pwm.rst). A speed controller reads
-//! the length of the pulse alone: 1 ms is idle and 2 ms full, at whatever period it can follow (the thesis' board: 400 Hz).
+//! A channel is a folder `pwmchipN/pwmM` with the files `period`, `duty_cycle` (both in ns),
+//! `polarity` and `enable`; it appears when M is written into `pwmchipN/export` (Linux,
+//! Documentation/driver-api/pwm.rst). A speed controller reads the length of the pulse alone: 1 ms
+//! is idle and 2 ms full, at whatever period it can follow (the thesis' board: 400 Hz).
 //!
-//! embedded-hal counts a duty in 65535ths of the period: 38 ns of 2.5 ms, far below the microsecond that the thesis'
-//! commands are counted in.
+//! embedded-hal counts a duty in 65535ths of the period: 38 ns of 2.5 ms, far below the microsecond
+//! that the thesis' commands are counted in.
 //!
-//! Absent: switching a channel off. A speed controller without pulses may beep or forget its idle; idle pulses go on
-//! even after the program has ended.
+//! Absent: switching a channel off. A speed controller without pulses may beep or forget its idle;
+//! idle pulses go on even after the program has ended.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
@@ -52,7 +54,8 @@ impl SysfsPwm {
             let path = folder.join(name);
             fs::write(&path, value).map_err(access(&path, what))
         };
-        // The kernel refuses a period shorter than the pulse that is there, so the pulse goes first.
+        // The kernel refuses a period shorter than the pulse that is there, so the pulse goes
+        // first.
         if number(&folder.join("period")) != Some(period_ns) {
             put("duty_cycle", "0\n", "shorten the pulse")?;
             put("period", &format!("{period_ns}\n"), "set the period; does this PWM reach it?")?;
@@ -72,8 +75,8 @@ impl SysfsPwm {
         Ok(channel)
     }
 
-    /// Writes a pulse length in ns. No allocation. (A sysfs file takes each write as a whole; an ordinary file keeps what is
-    /// behind the line, so a reader of one reads the first line.)
+    /// Writes a pulse length in ns. No allocation. (A sysfs file takes each write as a whole; an
+    /// ordinary file keeps what is behind the line, so a reader of one reads the first line.)
     fn write(&mut self, pulse_ns: u32) -> io::Result<()> {
         let mut line = io::Cursor::new([0; 12]);
         writeln!(line, "{pulse_ns}")?;
@@ -306,7 +309,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever a command is, the pulse is between idle and full, and greater commands give no shorter pulses.
+        /// Whatever a command is, the pulse is between idle and full, and greater commands give no
+        /// shorter pulses.
         #[test]
         fn pulses_stay_in_range_and_in_order(a in any::<f32>(), b in any::<f32>()) {
             let (low, high) = (0.4, 0.8); // 1 ms and 2 ms of 2.5 ms

@@ -1,7 +1,9 @@
-//! What Linux can do for a thread that must not be late: first-in-first-out scheduling and memory that stays in place.
+//! What Linux can do for a thread that must not be late: first-in-first-out scheduling and memory
+//! that stays in place.
 //!
-//! Both need rights (root, or `LimitRTPRIO=` and `LimitMEMLOCK=` of the systemd unit). Without them the loop runs
-//! anyway and says so: on a busy machine its ticks are then late, which telemetry shows.
+//! Both need rights (root, or `LimitRTPRIO=` and `LimitMEMLOCK=` of the systemd unit). Without them
+//! the loop runs anyway and says so: on a busy machine its ticks are then late, which telemetry
+//! shows.
 
 use rustix::mm::{MlockAllFlags, mlockall};
 use thread_priority::{

@@ -1,8 +1,10 @@
-//! The two watchdogs behind the guardian: the board's, which resets it, and systemd's, which starts the program anew.
+//! The two watchdogs behind the guardian: the board's, which resets it, and systemd's, which starts
+//! the program anew.
 //!
-//! `/dev/watchdog` begins to count when it is opened; any byte feeds it, and only a `V` before it is closed stops it ("magic
-//! close": Linux, Documentation/watchdog/watchdog-api.rst). So if the guardian is killed the board is reset, and comes up
-//! disarmed. Its time is the driver's (`/sys/class/watchdog/watchdog0/timeout`).
+//! `/dev/watchdog` begins to count when it is opened; any byte feeds it, and only a `V` before it
+//! is closed stops it ("magic close": Linux, Documentation/watchdog/watchdog-api.rst). So if the
+//! guardian is killed the board is reset, and comes up disarmed. Its time is the driver's
+//! (`/sys/class/watchdog/watchdog0/timeout`).
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;
@@ -27,7 +29,8 @@ pub struct Watchdogs {
 }
 
 impl Watchdogs {
-    /// Opens the board's watchdog, if one is named, and checks whether systemd expects signs of life.
+    /// Opens the board's watchdog, if one is named, and checks whether systemd expects signs of
+    /// life.
     ///
     /// # Errors
     /// A watchdog that is named and cannot be opened.

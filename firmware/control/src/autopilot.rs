@@ -1,19 +1,25 @@
-//! The whole of what flies: detectors, supervisor, guidance and the [`Controller`], ticked together.
+//! The whole of what flies: detectors, supervisor, guidance and the [`Controller`], ticked
+//! together.
 //!
 //! Firmware and simulation call nothing below this. Order of a tick:
-//! 1. the [`detectors`](crate::safety::detectors) check what came: clock, commands, pose, gyro, voltage, tilt;
+//! 1. the [`detectors`](crate::safety::detectors) check what came: clock, commands, pose, gyro,
+//!    voltage, tilt;
 //! 2. the [`state_machine`](crate::safety::state_machine) goes to the next state;
-//! 3. in flight the pilot's command goes to the controller as it came; in hold and land the guidance here makes one;
+//! 3. in flight the pilot's command goes to the controller as it came; in hold and land the
+//!    guidance here makes one;
 //! 4. the controller ticks, with motors at idle when disarmed, armed or cut;
-//! 5. what only the outcome shows (loss of thrust, gyro against motion capture, a result that is not a number) counts in the next
-//!    tick.
+//! 5. what only the outcome shows (loss of thrust, gyro against motion capture, a result that is
+//!    not a number) counts in the next tick.
 //!
-//! Without poses (thesis chapter 3 has no other position): the position is held and the attitude carried on from the last
-//! pose by the gyro, with Euler rates from body rates (thesis (2.3)). Up to [`PoseLimits::coast_s`] the command stays; then
-//! level at the held height; then down: the altitude loop sees a craft too high by [`Landing::blind_offset_m`], which
-//! takes `kp` times that off the hover thrust, with the integrator's trim kept. At [`PoseLimits::cut_after_s`] the motors stop.
+//! Without poses (thesis chapter 3 has no other position): the position is held and the attitude
+//! carried on from the last pose by the gyro, with Euler rates from body rates (thesis (2.3)). Up
+//! to [`PoseLimits::coast_s`] the command stays; then level at the held height; then down: the
+//! altitude loop sees a craft too high by [`Landing::blind_offset_m`], which takes `kp` times that
+//! off the hover thrust, with the integrator's trim kept. At [`PoseLimits::cut_after_s`] the motors
+//! stop.
 //!
-//! Not here: sensors, links and clocks of a board, and the take-off, which is a command like another.
+//! Not here: sensors, links and clocks of a board, and the take-off, which is a command like
+//! another.
 //!
 //! [`PoseLimits::coast_s`]: crate::config::supervision_limits::PoseLimits::coast_s
 //! [`PoseLimits::cut_after_s`]: crate::config::supervision_limits::PoseLimits::cut_after_s
@@ -128,8 +134,8 @@ impl Autopilot {
         })
     }
 
-    /// A craft that is already flying, with every stream in order: for simulations that begin in the air. A board boots with
-    /// [`Autopilot::new`].
+    /// A craft that is already flying, with every stream in order: for simulations that begin in
+    /// the air. A board boots with [`Autopilot::new`].
     ///
     /// # Errors
     /// Those of [`Autopilot::new`].
@@ -152,8 +158,8 @@ impl Autopilot {
         &self.flight
     }
 
-    /// Switches to the law of another configuration, with its loops and estimators at rest: only while disarmed; returns whether it
-    /// did. Supervision, landing and counts stay as they are.
+    /// Switches to the law of another configuration, with its loops and estimators at rest: only
+    /// while disarmed; returns whether it did. Supervision, landing and counts stay as they are.
     ///
     /// # Errors
     /// Those of [`Autopilot::new`].
@@ -171,7 +177,8 @@ impl Autopilot {
         &self.controller
     }
 
-    /// One control period. Total: whatever comes in, motor commands are finite and inside the range.
+    /// One control period. Total: whatever comes in, motor commands are finite and inside the
+    /// range.
     #[inline]
     pub fn tick(&mut self, readings: &Readings) -> &Flight {
         let mut conditions = Conditions::NONE;
@@ -215,7 +222,8 @@ impl Autopilot {
         pilot
     }
 
-    /// Where the craft is and how it turns: by the pose if a good one came (then `true`), else carried on by the gyro.
+    /// Where the craft is and how it turns: by the pose if a good one came (then `true`), else
+    /// carried on by the gyro.
     #[inline]
     fn measure(
         &mut self,
@@ -317,8 +325,8 @@ impl Autopilot {
         checks
     }
 
-    /// The command in every state but flying, and in the tick in which a state changes. (Back in flight, the place is held until the
-    /// next command.)
+    /// The command in every state but flying, and in the tick in which a state changes. (Back in
+    /// flight, the place is held until the next command.)
     #[cold]
     fn guide(
         &mut self,
@@ -349,13 +357,15 @@ impl Autopilot {
         if state == State::Land {
             let empty = conditions.has(Condition::BatteryEmpty);
             let rate = if empty { self.descent.fast_m_per_us } else { self.descent.slow_m_per_us };
-            // Past the floor only the number goes on; the input checks keep the command inside the box.
+            // Past the floor only the number goes on; the input checks keep the command inside the
+            // box.
             anchor.z_m = (anchor.z_m + rate * elapsed_us as f32).min(self.descent.down_m + 1.0);
         }
         Command { mode: Mode::Position, position_m: anchor.position_m, z_m: anchor.z_m, ..level }
     }
 
-    /// Makes the craft stay where it is. When poses come back, the old place is kept, at the present height.
+    /// Makes the craft stay where it is. When poses come back, the old place is kept, at the
+    /// present height.
     fn cast_anchor(&mut self, attitude_rad: [f32; 3], blind: bool, entered: bool) {
         let [x, y, z] = self.pose.position_m;
         let [_, _, yaw] = attitude_rad;
@@ -370,7 +380,8 @@ impl Autopilot {
     }
 }
 
-/// The attitude in rad after turning at the gyro's rates: Euler rates from body rates, thesis (2.3).
+/// The attitude in rad after turning at the gyro's rates: Euler rates from body rates, thesis
+/// (2.3).
 #[cold]
 fn carry([roll, pitch, yaw]: [f32; 3], gyro_rad_s: Option<[f32; 3]>, elapsed_us: u32) -> [f32; 3] {
     let Some([p, q, r]) = gyro_rad_s else { return [roll, pitch, yaw] };
@@ -390,7 +401,8 @@ fn carry([roll, pitch, yaw]: [f32; 3], gyro_rad_s: Option<[f32; 3]>, elapsed_us:
 mod tests {
     use super::*;
 
-    /// A result that is no number cannot be brought about from outside (see `tests/totality.rs`); here it is said to be so.
+    /// A result that is no number cannot be brought about from outside (see `tests/totality.rs`);
+    /// here it is said to be so.
     #[test]
     fn a_result_that_is_no_number_lands_and_then_cuts() {
         let mut autopilot = Autopilot::in_flight(&Config::thesis()).unwrap();
@@ -431,7 +443,8 @@ mod tests {
         let exact = Rotation3::from_euler_angles(r0, p0, y0) * turned;
         let (roll, pitch, yaw) = exact.euler_angles();
         for (got, want) in attitude.iter().zip([roll, pitch, yaw]) {
-            // First-order steps of 1 ms over 1 s at 1.2 rad/s: half of 1.2^2 * 1 ms, below 1e-3 rad.
+            // First-order steps of 1 ms over 1 s at 1.2 rad/s: half of 1.2^2 * 1 ms, below 1e-3
+            // rad.
             assert!((f64::from(*got) - want).abs() < 1e-3, "{attitude:?} {roll} {pitch} {yaw}");
         }
         assert_eq!(carry(start, None, 10_000), start);

@@ -1,9 +1,10 @@
 //! Flight control of a quadcopter: all that flies.
 //!
-//! An [`Autopilot`] is built from a [`Config`] and then ticked at a fixed rate: [`Autopilot::tick`] takes [`Readings`], whatever
-//! has come since the tick before, and returns motor commands together with everything that led to them. It is a supervisor
-//! (detectors, conditions, a state machine) in front of the [`Controller`], the control law of A. Szabo's thesis (Wright State, 2017),
-//! chapters 4.2.2 and 5, with its misprints resolved.
+//! An [`Autopilot`] is built from a [`Config`] and then ticked at a fixed rate: [`Autopilot::tick`]
+//! takes [`Readings`], whatever has come since the tick before, and returns motor commands together
+//! with everything that led to them. It is a supervisor (detectors, conditions, a state machine) in
+//! front of the [`Controller`], the control law of A. Szabo's thesis (Wright State, 2017), chapters
+//! 4.2.2 and 5, with its misprints resolved.
 //!
 //! Folders are levels, each using only those above it:
 //!
@@ -17,13 +18,15 @@
 //! | `safety/` | the supervisor: detectors, conditions, state machine, preflight checks |
 //! | `autopilot.rs` | all of it, ticked together |
 //!
-//! Conventions: SI units; inertial frame north-east-down, body frame front-right-down; Euler angles Z-Y-X in radians.
-//! Rotors, seen from above: 1 front-left, 2 front-right, 3 rear-right, 4 rear-left; 1 and 3 turn counter-clockwise.
-//! "Command unit" is the vehicle's unit of motor commands, microseconds of PWM for the thesis' craft.
+//! Conventions: SI units; inertial frame north-east-down, body frame front-right-down; Euler angles
+//! Z-Y-X in radians. Rotors, seen from above: 1 front-left, 2 front-right, 3 rear-right, 4
+//! rear-left; 1 and 3 turn counter-clockwise. "Command unit" is the vehicle's unit of motor
+//! commands, microseconds of PWM for the thesis' craft.
 //!
-//! Each law is three types: what people tune (physical and rate-free, in [`gains`]), the immutable law built for one
-//! sample time, and a small `Copy` state. No allocation, no clock, no input or output, no panic; f32 in flight, the same
-//! bits on every target (libm or [`trig`] for transcendental functions, no fused multiply-add).
+//! Each law is three types: what people tune (physical and rate-free, in [`gains`]), the immutable
+//! law built for one sample time, and a small `Copy` state. No allocation, no clock, no input or
+//! output, no panic; f32 in flight, the same bits on every target (libm or [`trig`] for
+//! transcendental functions, no fused multiply-add).
 
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]

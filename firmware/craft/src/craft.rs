@@ -7,13 +7,15 @@ use proto::{Answer, Counters, Gains, Identity, ImuSample, Loop, MIN_VERSION, Mes
 
 use crate::convert;
 
-/// How many answers may wait for the end of the tick. Further requests between two ticks take effect without an answer.
+/// How many answers may wait for the end of the tick. Further requests between two ticks take
+/// effect without an answer.
 const OUTBOX: usize = 8;
 
 /// What is fixed when a craft boots, beside its configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Setup {
-    /// SHA-256 of the gains and vehicle file that the configuration was read from: `gains_file::craft_sha256`.
+    /// SHA-256 of the gains and vehicle file that the configuration was read from:
+    /// `gains_file::craft_sha256`.
     pub vehicle_sha256: [u8; 32],
     /// Version of the program: major, minor, patch.
     pub program: [u16; 3],
@@ -124,8 +126,8 @@ impl Craft {
         })
     }
 
-    /// Receives a message of the ground, in the packet with this number. It takes effect in the next tick; gains do at once, while
-    /// disarmed.
+    /// Receives a message of the ground, in the packet with this number. It takes effect in the
+    /// next tick; gains do at once, while disarmed.
     pub fn hear(&mut self, number: u64, message: &Message) {
         match message {
             Message::Pose(timed) => self.inbox.pose = Some(convert::pose(&timed.pose)),
@@ -147,13 +149,14 @@ impl Craft {
         }
     }
 
-    /// The identity goes out with the next messages: after booting, and when a genuine packet had too low a number, so that its
-    /// sender can skip ahead.
+    /// The identity goes out with the next messages: after booting, and when a genuine packet had
+    /// too low a number, so that its sender can skip ahead.
     pub fn introduce(&mut self) {
         self.introduce = true;
     }
 
-    /// One control period. Total: whatever came, the motor commands `tick.pwm` are finite and inside the range.
+    /// One control period. Total: whatever came, the motor commands `tick.pwm` are finite and
+    /// inside the range.
     #[inline]
     pub fn tick(&mut self, inputs: &Inputs) -> &Flight {
         let Inbox { pose, command, asked } = core::mem::take(&mut self.inbox);
@@ -185,8 +188,8 @@ impl Craft {
         self.autopilot.flight()
     }
 
-    /// The next message to the ground: answers, identity, telemetry, in this order. To be called after a tick until there are no
-    /// more.
+    /// The next message to the ground: answers, identity, telemetry, in this order. To be called
+    /// after a tick until there are no more.
     pub fn next_message(&mut self, link: &LinkStatus) -> Option<Message> {
         if let Some(answer) = self.outbox.pop_front() {
             return Some(Message::Answer(answer));
@@ -284,7 +287,8 @@ impl Craft {
         let _ = self.outbox.push_back(answer);
     }
 
-    /// Flies with other gains of one loop from now on, if they can be flown with and nothing flies yet.
+    /// Flies with other gains of one loop from now on, if they can be flown with and nothing flies
+    /// yet.
     fn retune(&mut self, gains: &Gains) -> Result<(), NotRetuned> {
         let mut config = self.config;
         let loops = match &mut config.law {
@@ -309,7 +313,8 @@ impl Craft {
     }
 }
 
-/// The ground learns only that it was not done: the gains were out of range, or the craft was not disarmed.
+/// The ground learns only that it was not done: the gains were out of range, or the craft was not
+/// disarmed.
 struct NotRetuned;
 
 fn gains_of(gains: &Gains) -> (f64, f64, f64) {

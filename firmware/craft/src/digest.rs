@@ -1,11 +1,12 @@
-//! A tick's digest: every bit of it in one number, so that two targets can be compared over a slow link.
+//! A tick's digest: every bit of it in one number, so that two targets can be compared over a slow
+//! link.
 
 use control::mixer::Directions;
 use control::{Fault, Faults, Flight, OuterTerms, PidTerms, Refused, Terms, Tick};
 
-/// FNV-1a, 64 bits, over everything in `flight`: motor commands, each internal term, refusals, faults, state, conditions and
-/// preflight checks. Equal bits give equal numbers on every target; numbers that differ in a sign of zero or in the payload of a
-/// NaN give others.
+/// FNV-1a, 64 bits, over everything in `flight`: motor commands, each internal term, refusals,
+/// faults, state, conditions and preflight checks. Equal bits give equal numbers on every target;
+/// numbers that differ in a sign of zero or in the payload of a NaN give others.
 pub fn digest(flight: &Flight) -> u64 {
     let mut fnv = Fnv(0xcbf2_9ce4_8422_2325);
     // Taken apart without `..`: a field that is added later cannot be forgotten.

@@ -1,11 +1,12 @@
-//! A configuration as bytes that a program carries: what a gains file becomes for a chip without files.
+//! A configuration as bytes that a program carries: what a gains file becomes for a chip without
+//! files.
 //!
 //! ```text
 //! "quadlab", version 1 | length of the rest u16 | SHA-256 of gains and vehicle file | Config (postcard) | CRC-32
 //! ```
 //!
-//! Integers are little endian; the CRC (CRC-32/ISO-HDLC) is of everything before it. Whatever follows an image is ignored, so
-//! that it can be read from a stretch of memory.
+//! Integers are little endian; the CRC (CRC-32/ISO-HDLC) is of everything before it. Whatever
+//! follows an image is ignored, so that it can be read from a stretch of memory.
 
 use control::Config;
 use core::fmt;
@@ -48,8 +49,8 @@ impl fmt::Display for ImageError {
 
 impl core::error::Error for ImageError {}
 
-/// Writes the image of `config`, read from files with this SHA-256, into `buffer`; `None` if that is too short
-/// ([`MAX_IMAGE_LEN`] suffices).
+/// Writes the image of `config`, read from files with this SHA-256, into `buffer`; `None` if that
+/// is too short ([`MAX_IMAGE_LEN`] suffices).
 pub fn encode<'a>(config: &Config, vehicle_sha256: &[u8; 32], buffer: &'a mut [u8]) -> Option<&'a [u8]> {
     let (head, rest) = buffer.split_at_mut_checked(HEAD_LEN)?;
     let (hash, rest) = rest.split_at_mut_checked(HASH_LEN)?;
@@ -64,7 +65,8 @@ pub fn encode<'a>(config: &Config, vehicle_sha256: &[u8; 32], buffer: &'a mut [u
     buffer.get(..end + CRC_LEN)
 }
 
-/// The configuration of the image that `bytes` begin with, and the SHA-256 of its files. Whether it can be flown is not checked.
+/// The configuration of the image that `bytes` begin with, and the SHA-256 of its files. Whether it
+/// can be flown is not checked.
 ///
 /// # Errors
 /// Why the bytes are not an image.

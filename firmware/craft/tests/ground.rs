@@ -30,7 +30,8 @@ impl Bench {
         self.number
     }
 
-    /// One tick with a pose, this command and a gyro that moves a little; what the craft says to it.
+    /// One tick with a pose, this command and a gyro that moves a little; what the craft says to
+    /// it.
     fn tick(&mut self, command: Command) -> Vec<Message> {
         // Sensors that stand still are taken for stuck ones.
         let dither = 1e-4 * (self.ticks % 7) as f32;
@@ -291,8 +292,8 @@ fn any_message() -> impl Strategy<Value = Message> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 200, ..ProptestConfig::default() })]
 
-    /// Whatever the ground says and the sensors measure: motors get finite commands inside their range, idle unless somebody
-    /// armed; every message out can be sent.
+    /// Whatever the ground says and the sensors measure: motors get finite commands inside their
+    /// range, idle unless somebody armed; every message out can be sent.
     #[test]
     fn nothing_the_ground_says_breaks_a_craft(
         ticks in prop::collection::vec(

@@ -1,19 +1,24 @@
-//! The craft on a bare Cortex-M4F: the same flight law as on every other target, a wire to the ground, four motors.
+//! The craft on a bare Cortex-M4F: the same flight law as on every other target, a wire to the
+//! ground, four motors.
 //!
-//! - [`Program`] is all that is not hardware: packets in, a tick when it is due, motors, packets out. It runs, and is tested, on
-//!   any machine.
-//! - [`Board`] is all that is: link, clock, sensors, motors, watchdog. There are two, each for its own build: QEMU's `mps2`
-//!   (without motors or sensors: for tests and simulation) and, with the feature of that name, `stm32f405`.
+//! - [`Program`] is all that is not hardware: packets in, a tick when it is due, motors, packets
+//!   out. It runs, and is tested, on any machine.
+//! - [`Board`] is all that is: link, clock, sensors, motors, watchdog. There are two, each for its
+//!   own build: QEMU's `mps2` (without motors or sensors: for tests and simulation) and, with the
+//!   feature of that name, `stm32f405`.
 //! - [`esc`], [`battery`], [`imu`], [`ring`]: drivers over embedded-hal and embedded-io traits.
 //!
-//! A chip has no files: gains and vehicle are built in ([`GAINS_IMAGE`], see `build.rs`), and the identity contains their SHA-256.
-//! It boots disarmed with motors at idle. If it ever panics, the motors go to idle and the watchdog restarts it, disarmed.
+//! A chip has no files: gains and vehicle are built in ([`GAINS_IMAGE`], see `build.rs`), and the
+//! identity contains their SHA-256. It boots disarmed with motors at idle. If it ever panics, the
+//! motors go to idle and the watchdog restarts it, disarmed.
 //!
-//! The link is a wire, so packets have numbers and a CRC but no key: whoever holds the wire controls the craft. Telemetry that does
-//! not fit into the buffer of the link is dropped, never waited for.
+//! The link is a wire, so packets have numbers and a CRC but no key: whoever holds the wire
+//! controls the craft. Telemetry that does not fit into the buffer of the link is dropped, never
+//! waited for.
 //!
-//! Programs: `mcu` flies; `mcu-lockstep` is ticked by a simulator; `mcu-measure` counts the instructions of a period; `mcu-no-panic` links
-//! only if no panic can be reached from receiving, ticking and sending in a period.
+//! Programs: `mcu` flies; `mcu-lockstep` is ticked by a simulator; `mcu-measure` counts the
+//! instructions of a period; `mcu-no-panic` links only if no panic can be reached from receiving,
+//! ticking and sending in a period.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(not(target_os = "none"), forbid(unsafe_code))]
 #![cfg_attr(

@@ -86,7 +86,8 @@ impl Program {
             board.wait();
             return;
         }
-        // After a period without a tick it continues from now: missed ticks are not made up, and the supervisor sees the gap.
+        // After a period without a tick it continues from now: missed ticks are not made up, and
+        // the supervisor sees the gap.
         let base_us = if lateness_us >= self.period_us { now_us } else { due_us };
         self.due_us = Some(base_us.wrapping_add(self.period_us));
         self.tick(board, now_us, lateness_us);
@@ -144,7 +145,8 @@ mod tests {
     use crate::ring::{Ring, Serial};
     use proto::{Command, ImuSample, Message, Mode, Pose, Request, State, TimedPose, enframe};
 
-    /// A craft on a bench: the ground's ends of two rings, sensors that are set by hand, a clock that goes on by waiting.
+    /// A craft on a bench: the ground's ends of two rings, sensors that are set by hand, a clock
+    /// that goes on by waiting.
     struct Bench<'a> {
         link: Serial<'a, 4096, 4096>,
         now_us: u32,

@@ -1,6 +1,7 @@
 //! Bytes between an interrupt and the main loop, one way.
 //!
-//! One side pushes, the other pops; each counts on its own, so no lock is needed. What does not fit is refused whole.
+//! One side pushes, the other pops; each counts on its own, so no lock is needed. What does not fit
+//! is refused whole.
 
 use core::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 

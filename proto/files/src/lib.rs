@@ -1,9 +1,10 @@
 //! Files beside a link, for both of its ends: the key and the packet counters.
 //!
-//! - A key file is 64 hexadecimal digits (32 bytes) and a line end; `head -c 32 /dev/urandom | xxd -p -c 64` makes one. It must
-//!   be readable by its owner alone (mode 0600); otherwise it is refused.
-//! - A counter file is one number. It is replaced by renaming a file that has reached the disk, so a loss of power leaves
-//!   the old number or the new one.
+//! - A key file is 64 hexadecimal digits (32 bytes) and a line end; `head -c 32 /dev/urandom | xxd
+//!   -p -c 64` makes one. It must be readable by its owner alone (mode 0600); otherwise it is
+//!   refused.
+//! - A counter file is one number. It is replaced by renaming a file that has reached the disk, so
+//!   a loss of power leaves the old number or the new one.
 //!
 //! Deliberately absent: making keys, and the protocol itself (crate `proto`).
 #![forbid(unsafe_code)]
@@ -54,12 +55,14 @@ fn access<'a>(path: &'a Path, what: &'static str) -> impl FnOnce(io::Error) -> F
 /// Reads a key.
 ///
 /// # Errors
-/// A file that cannot be read, that others can read, or that holds something else than 64 hexadecimal digits.
+/// A file that cannot be read, that others can read, or that holds something else than 64
+/// hexadecimal digits.
 pub fn read_key(path: &Path) -> Result<Key, FileError> {
     let mut file = File::open(path).map_err(access(path, "open the key file"))?;
     check_mode(&file, path)?;
     let mut text = String::new();
-    // The file that was checked is the one that is read. A key has 65 bytes; what is longer is none.
+    // The file that was checked is the one that is read. A key has 65 bytes; what is longer is
+    // none.
     (&mut file).take(1024).read_to_string(&mut text).map_err(access(path, "read the key file"))?;
     parse_key(text.trim()).ok_or_else(|| FileError::Content {
         path: path.to_owned(),

@@ -1,4 +1,5 @@
-//! The loop's thread allocates nothing: not with packets, not with junk, not when the state changes or an output fails.
+//! The loop's thread allocates nothing: not with packets, not with junk, not when the state changes
+//! or an output fails.
 
 use std::time::Duration;
 

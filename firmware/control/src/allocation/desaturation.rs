@@ -1,11 +1,13 @@
 //! Desaturation: what the axes get where the rotors cannot give all that they ask for.
 //!
-//! Roll and pitch come before thrust, thrust before yaw. Roll and pitch together get the largest fraction of their demand that
-//! some thrust allows; then the thrust is the nearest to the one asked for; then yaw gets the largest fraction that still fits. A
-//! craft that clips its motors one by one tips over when one of them is at its end; this one sinks.
+//! Roll and pitch come before thrust, thrust before yaw. Roll and pitch together get the largest
+//! fraction of their demand that some thrust allows; then the thrust is the nearest to the one
+//! asked for; then yaw gets the largest fraction that still fits. A craft that clips its motors one
+//! by one tips over when one of them is at its end; this one sinks.
 //!
-//! The thesis does none of this; a configuration asks for it with [`Saturation::AttitudeFirst`]. All demands are divided by the
-//! rotor's answer to 1 of thrust, so that they and the headroom are in units of thrust. For rotors that all lift.
+//! The thesis does none of this; a configuration asks for it with [`Saturation::AttitudeFirst`].
+//! All demands are divided by the rotor's answer to 1 of thrust, so that they and the headroom are
+//! in units of thrust. For rotors that all lift.
 //!
 //! [`Saturation::AttitudeFirst`]: crate::config::gains::Saturation::AttitudeFirst
 
@@ -18,11 +20,13 @@ pub struct Desaturated {
     pub mixed: [f32; 4],
     /// What could not be met.
     pub refused: Refused,
-    /// Whether roll and pitch take nearly all there is, so that little is left to hold the craft with.
+    /// Whether roll and pitch take nearly all there is, so that little is left to hold the craft
+    /// with.
     pub nearly_saturated: bool,
 }
 
-/// Fraction of the greatest roll and pitch at any thrust beyond which the craft counts as nearly saturated.
+/// Fraction of the greatest roll and pitch at any thrust beyond which the craft counts as nearly
+/// saturated.
 const NEARLY_SATURATED: f32 = 0.8;
 
 /// What one rotor can give and what it is asked for, each divided by its answer to 1 of thrust.
@@ -59,13 +63,14 @@ fn refused_direction(demand: f32, met: bool) -> Directions {
 }
 
 impl Mixer {
-    /// The least answer of a rotor to 1 of thrust: positive if every one lifts, as [`Mixer::desaturate`] needs it.
+    /// The least answer of a rotor to 1 of thrust: positive if every one lifts, as
+    /// [`Mixer::desaturate`] needs it.
     pub(crate) fn least_thrust(&self) -> f64 {
         self.rows.iter().map(|row| f64::from(row.thrust)).fold(f64::INFINITY, f64::min)
     }
 
-    /// As [`Mixer::mix`] with every result from `low` to `high`, and what that refuses. Each fraction is the largest there is, so
-    /// nothing is lost to a rotor that has headroom.
+    /// As [`Mixer::mix`] with every result from `low` to `high`, and what that refuses. Each
+    /// fraction is the largest there is, so nothing is lost to a rotor that has headroom.
     #[cold]
     pub fn desaturate(
         &self,
@@ -84,7 +89,8 @@ impl Mixer {
                 yaw_demand: per_thrust * row.yaw * yaw,
             };
         }
-        // The thrust moves all rotors alike: what counts is how far two of them are asked apart, from one's end to the other's.
+        // The thrust moves all rotors alike: what counts is how far two of them are asked apart,
+        // from one's end to the other's.
         let mut tilt_headroom = 1.0 / NEARLY_SATURATED;
         for up in &rotors {
             for down in &rotors {
@@ -110,7 +116,8 @@ impl Mixer {
     }
 }
 
-/// The thrust nearest to the one asked for that every rotor can give beside a fraction of the tilt demand.
+/// The thrust nearest to the one asked for that every rotor can give beside a fraction of the tilt
+/// demand.
 fn nearest_thrust(thrust: f32, rotors: &[Headroom; 4], tilt_fraction: f32) -> f32 {
     let (mut least, mut most) = (f32::NEG_INFINITY, f32::INFINITY);
     for rotor in rotors {
@@ -137,7 +144,8 @@ mod tests {
         let desaturate = |thrust, torque| {
             let Desaturated { mixed, refused, nearly_saturated } =
                 mixer.desaturate(thrust, torque, [0.0; 4], [1.0; 4]);
-            // With unit ranges two rotors can be asked 1 apart: roll, or roll and pitch together, by 0.5.
+            // With unit ranges two rotors can be asked 1 apart: roll, or roll and pitch together,
+            // by 0.5.
             let [roll, pitch, _]: [f32; 3] = torque;
             assert_eq!(nearly_saturated, 2.0 * (roll.abs() + pitch.abs()) > 0.8);
             (mixed, refused)
@@ -158,7 +166,8 @@ mod tests {
         let (mixed, refused) = desaturate(0.75, [0.125, 0.0, -0.5]);
         assert_eq!(mixed, [0.75, 0.75, 0.5, 1.0]);
         assert_eq!(refused, Refused { yaw: low, ..Refused::default() });
-        // More roll and pitch than the rotors have at any thrust: halved together, thrust in the middle, no yaw.
+        // More roll and pitch than the rotors have at any thrust: halved together, thrust in the
+        // middle, no yaw.
         let (mixed, refused) = desaturate(0.75, [0.5, 0.5, 0.125]);
         assert_eq!(mixed, [1.0, 0.5, 0.0, 0.5]);
         assert_eq!(refused, Refused { thrust: high, roll: high, pitch: high, yaw: high });
@@ -167,8 +176,9 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(5_000))]
 
-        /// On the thesis' matrix, whatever is asked for: all rotors inside their range; what is refused is refused for a rotor
-        /// at its end; roll and pitch keep their direction and are whole wherever some thrust allows it; yaw is not reversed.
+        /// On the thesis' matrix, whatever is asked for: all rotors inside their range; what is
+        /// refused is refused for a rotor at its end; roll and pitch keep their direction and are
+        /// whole wherever some thrust allows it; yaw is not reversed.
         #[test]
         fn what_can_be_met_is_met(
             thrust in -10.0_f32..40.0, roll in -200.0_f32..200.0, pitch in -200.0_f32..200.0, yaw in -60.0_f32..60.0
@@ -191,7 +201,8 @@ mod tests {
                 let fraction = part(got_roll, roll);
                 prop_assert!(fraction > -1e-3 && fraction < 1.0, "{fraction}");
                 prop_assert!(near(got_pitch, fraction * f64::from(pitch), 1e-2 * (1.0 + f64::from(pitch.abs()))));
-                // Before yaw moves them, one is at one end and one at the other: no thrust would give more.
+                // Before yaw moves them, one is at one end and one at the other: no thrust would
+                // give more.
                 let Desaturated { mixed: alone, .. } = mixer.desaturate(thrust, [roll, pitch, 0.0], low, high);
                 let least = alone.into_iter().fold(f32::MAX, f32::min);
                 let most = alone.into_iter().fold(0.0, f32::max);
@@ -207,7 +218,8 @@ mod tests {
             }
         }
 
-        /// Any bits: nothing panics, and a result that is a number is inside the range or next to it.
+        /// Any bits: nothing panics, and a result that is a number is inside the range or next to
+        /// it.
         #[test]
         fn any_bits_can_be_desaturated(bits in any::<[u32; 4]>()) {
             let [thrust, roll, pitch, yaw] = bits.map(f32::from_bits);

@@ -1,13 +1,16 @@
-//! From thrust and angular accelerations to squared rotor speeds, and what the motors refuse of them.
+//! From thrust and angular accelerations to squared rotor speeds, and what the motors refuse of
+//! them.
 //!
-//! Thesis (5.11): `[T, tau_phi, tau_theta, tau_psi] = K [w1^2 .. w4^2]`. The rows of K are made of geometry and identified
-//! coefficients: `b C_T`; `sqrt(2) l b C_i^p/Ixx` with the sign of the rotor's side (left rolls right, +p);
-//! `sqrt(2) l b C_i^q/Iyy` (front pitches up, +q); `b R C_i^r/Izz` (sign in the coefficient); `b = rho pi R^2 R^2`.
-//! `sqrt(2) l` is twice the geometric arm of an x frame; the identified coefficients absorb the 2 (K^-1 reproduces only so).
+//! Thesis (5.11): `[T, tau_phi, tau_theta, tau_psi] = K [w1^2 .. w4^2]`. The rows of K are made of
+//! geometry and identified coefficients: `b C_T`; `sqrt(2) l b C_i^p/Ixx` with the sign of the
+//! rotor's side (left rolls right, +p); `sqrt(2) l b C_i^q/Iyy` (front pitches up, +q); `b R
+//! C_i^r/Izz` (sign in the coefficient); `b = rho pi R^2 R^2`. `sqrt(2) l` is twice the geometric
+//! arm of an x frame; the identified coefficients absorb the 2 (K^-1 reproduces only so).
 //!
-//! A negative squared speed is impossible and becomes 0; a command outside its range is clamped. Each is reported per axis
-//! and direction ([`Refused`]), and the next tick's integrators read it: saturation flows backwards as data. In the thesis
-//! nothing is rescaled; a configuration can ask for [`desaturation`](crate::allocation::desaturation) instead.
+//! A negative squared speed is impossible and becomes 0; a command outside its range is clamped.
+//! Each is reported per axis and direction ([`Refused`]), and the next tick's integrators read it:
+//! saturation flows backwards as data. In the thesis nothing is rescaled; a configuration can ask
+//! for [`desaturation`](crate::allocation::desaturation) instead.
 
 use nalgebra::Matrix4;
 
@@ -60,7 +63,8 @@ const PITCH_SIGN: [f64; 4] = [1.0, 1.0, -1.0, -1.0];
 pub const SIGN_MATRIX: [[f64; 4]; 4] =
     [[1.0, 1.0, 1.0, 1.0], [1.0, -1.0, 1.0, -1.0], [1.0, -1.0, -1.0, 1.0], [1.0, 1.0, -1.0, -1.0]];
 
-/// The matrix K of thesis (5.11): rows thrust, roll, pitch, yaw; columns rotors; N and rad/s^2 per (rad/s)^2.
+/// The matrix K of thesis (5.11): rows thrust, roll, pitch, yaw; columns rotors; N and rad/s^2 per
+/// (rad/s)^2.
 pub fn effectiveness(c: &RotorCoefficients) -> [[f64; 4]; 4] {
     let radius = c.rotor_radius_m;
     let beta = c.air_density_kg_m3 * core::f64::consts::PI * radius * radius * radius * radius;
@@ -83,7 +87,8 @@ pub fn effectiveness(c: &RotorCoefficients) -> [[f64; 4]; 4] {
 /// [`ConfigError::SingularMixing`] if it has none, or none with finite entries.
 pub fn inverse(matrix: &[[f64; 4]; 4]) -> Result<[[f64; 4]; 4], ConfigError> {
     let rows = Matrix4::from_fn(|i, j| matrix.get(i).and_then(|row| row.get(j)).copied().unwrap_or(f64::NAN));
-    // Rows have different units and sizes of 1e-6: scaled to length 1 the determinant says how far from singular they are.
+    // Rows have different units and sizes of 1e-6: scaled to length 1 the determinant says how far
+    // from singular they are.
     let mut scaled = rows;
     let mut lengths = [0.0; 4];
     for (mut row, length) in scaled.row_iter_mut().zip(&mut lengths) {
@@ -104,8 +109,9 @@ pub fn inverse(matrix: &[[f64; 4]; 4]) -> Result<[[f64; 4]; 4], ConfigError> {
     if result.iter().flatten().all(|x| x.is_finite()) { Ok(result) } else { Err(ConfigError::SingularMixing) }
 }
 
-/// The determinant by complementary minors of the upper and the lower two rows. (The library's goes by a decomposition with pivots,
-/// which no compiler can show not to panic, and gains are received in flight code.)
+/// The determinant by complementary minors of the upper and the lower two rows. (The library's goes
+/// by a decomposition with pivots, which no compiler can show not to panic, and gains are received
+/// in flight code.)
 fn determinant(matrix: &Matrix4<f64>) -> f64 {
     let [[a0, b0, c0, d0], [a1, b1, c1, d1], [a2, b2, c2, d2], [a3, b3, c3, d3]] = matrix.data.0;
     (a0 * b1 - a1 * b0) * (c2 * d3 - c3 * d2) - (a0 * b2 - a2 * b0) * (c1 * d3 - c3 * d1)
@@ -115,7 +121,8 @@ fn determinant(matrix: &Matrix4<f64>) -> f64 {
         + (a2 * b3 - a3 * b2) * (c0 * d1 - c1 * d0)
 }
 
-/// One rotor's row: how it answers the four axes, and which of their directions it refuses when it is at an end.
+/// One rotor's row: how it answers the four axes, and which of their directions it refuses when it
+/// is at an end.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Row {
     pub(crate) thrust: f32,
@@ -188,7 +195,8 @@ impl Mixer {
         Self { rows: [Row::new(a), Row::new(b), Row::new(c), Row::new(d)] }
     }
 
-    /// The product with `[thrust, roll, pitch, yaw]`: a squared rotor speed (or a command) for each rotor.
+    /// The product with `[thrust, roll, pitch, yaw]`: a squared rotor speed (or a command) for each
+    /// rotor.
     #[inline]
     pub fn mix(&self, thrust: f32, [roll, pitch, yaw]: [f32; 3]) -> [f32; 4] {
         self.rows.map(|row| row.thrust * thrust + row.roll * roll + row.pitch * pitch + row.yaw * yaw)
@@ -238,8 +246,8 @@ mod tests {
         worst
     }
 
-    /// The tables print four digits: 2e-4 on the torque columns, 2e-3 on thrust with C_T = 0.0180, 2e-4 with the unrounded
-    /// C_T = 0.0180325 that the printed matrix was made with.
+    /// The tables print four digits: 2e-4 on the torque columns, 2e-3 on thrust with C_T = 0.0180,
+    /// 2e-4 with the unrounded C_T = 0.0180325 that the printed matrix was made with.
     #[test]
     fn inverse_is_the_printed_one() {
         let from_tables = inverse(&effectiveness(&THESIS_ROTORS)).unwrap();
@@ -252,7 +260,8 @@ mod tests {
     }
 
     proptest! {
-        /// As by nalgebra's decomposition: products of four numbers of up to 1, so some roundings of 1e-16.
+        /// As by nalgebra's decomposition: products of four numbers of up to 1, so some roundings
+        /// of 1e-16.
         #[test]
         fn the_determinant_is_the_librarys(entries in prop::array::uniform16(-1.0..1.0_f64)) {
             let matrix = Matrix4::from_row_slice(&entries);
@@ -287,7 +296,8 @@ mod tests {
         }
     }
 
-    /// Hover speeds of the printed matrix at 11.9093 N, as published with the reference numbers (4 decimals).
+    /// Hover speeds of the printed matrix at 11.9093 N, as published with the reference numbers (4
+    /// decimals).
     #[test]
     fn hover_speeds() {
         let mixer = Mixer::new(&Mixing::Inverse(THESIS_INVERSE_MIXING)).unwrap();

@@ -1,11 +1,12 @@
 //! What people tune: the configuration of a controller, in physical, rate-free units.
 //!
-//! [`Config`] is read from a file (serde, unknown keys are errors) or made by [`Config::thesis`] and
-//! [`Config::thesis_hand_tuned`]. [`Controller::new`](crate::Controller::new) checks every number by name and builds the
-//! immutable laws from it. Configuration is in f64 because filters are designed in f64; flight is in f32.
+//! [`Config`] is read from a file (serde, unknown keys are errors) or made by [`Config::thesis`]
+//! and [`Config::thesis_hand_tuned`]. [`Controller::new`](crate::Controller::new) checks every
+//! number by name and builds the immutable laws from it. Configuration is in f64 because filters
+//! are designed in f64; flight is in f32.
 //!
-//! Every field is written, absent ones too (TOML leaves those out by itself): a format that does not describe itself, such as
-//! postcard in firmware images, could not know which was skipped.
+//! Every field is written, absent ones too (TOML leaves those out by itself): a format that does
+//! not describe itself, such as postcard in firmware images, could not know which was skipped.
 //!
 //! Not here: memory (see the `...State` types beside each law) and anything that changes in flight.
 
@@ -20,7 +21,8 @@ use crate::dsp::filter::GainRule;
 pub struct Config {
     /// Period of the control loop in s (thesis: 0.01). Every filter and integrator is built for it.
     pub sample_time_s: f64,
-    /// Lowest and highest motor command, in the vehicle's command unit (thesis: microseconds of PWM). The lowest is idle.
+    /// Lowest and highest motor command, in the vehicle's command unit (thesis: microseconds of
+    /// PWM). The lowest is idle.
     pub command_range: [f64; 2],
     /// Where positions may be commanded.
     pub position_limits: PositionLimits,
@@ -28,11 +30,12 @@ pub struct Config {
     pub estimation: Estimation,
     /// Do integrators stop while the motors (or a loop's own limit) refuse more in their direction?
     pub anti_windup: bool,
-    /// What the motors get when they cannot give all that the loops ask for; absent: each is clipped, as in the thesis.
+    /// What the motors get when they cannot give all that the loops ask for; absent: each is
+    /// clipped, as in the thesis.
     #[serde(default)]
     pub saturation: Saturation,
-    /// Is the thrust divided by `cos(phi) cos(theta)`, so that its vertical part is what altitude asks for? Absent: no, as in
-    /// the thesis. For the model-based law, whose thrust is a force.
+    /// Is the thrust divided by `cos(phi) cos(theta)`, so that its vertical part is what altitude
+    /// asks for? Absent: no, as in the thesis. For the model-based law, whose thrust is a force.
     #[serde(default)]
     pub tilt_compensation: bool,
     /// When the supervisor steps in; absent: the defaults.
@@ -49,12 +52,14 @@ pub enum Saturation {
     /// Each motor's command is clipped by itself, whatever axis that takes from. As in the thesis.
     #[default]
     Clip,
-    /// Roll and pitch come before thrust, thrust before yaw ([`desaturation`](crate::allocation::desaturation)); where roll and pitch
-    /// themselves take nearly all there is, less tilt than commanded is flown.
+    /// Roll and pitch come before thrust, thrust before yaw
+    /// ([`desaturation`](crate::allocation::desaturation)); where roll and pitch themselves take
+    /// nearly all there is, less tilt than commanded is flown.
     AttitudeFirst,
 }
 
-/// The box of allowed position commands, inertial NED, in m (thesis 3: 4 m x 2 m x 2 m centred on the floor).
+/// The box of allowed position commands, inertial NED, in m (thesis 3: 4 m x 2 m x 2 m centred on
+/// the floor).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PositionLimits {
@@ -72,9 +77,11 @@ pub struct PositionLimits {
 pub struct Estimation {
     /// Estimator of the Euler rates and of the vertical velocity.
     pub velocity: VelocityEstimator,
-    /// How the gain of filters with a zero at the origin is matched (this estimator and the position loops' filter).
+    /// How the gain of filters with a zero at the origin is matched (this estimator and the
+    /// position loops' filter).
     pub gain_rule: GainRule,
-    /// Blend the gyro into the body rates; absent: body rates come from the attitude alone, as in the thesis' flights.
+    /// Blend the gyro into the body rates; absent: body rates come from the attitude alone, as in
+    /// the thesis' flights.
     #[serde(default)]
     pub gyro: Option<GyroFusion>,
     /// Smooth the measured voltage; absent: it is used as measured.
@@ -101,7 +108,8 @@ impl VelocityEstimator {
     pub const PRINTED_75: Self = Self { natural_frequency_rad_s: 75.0, damping_ratio: 0.5 };
 }
 
-/// Complementary filter of thesis (4.6): low frequencies from the attitude, high ones from the gyro.
+/// Complementary filter of thesis (4.6): low frequencies from the attitude, high ones from the
+/// gyro.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GyroFusion {
@@ -121,7 +129,8 @@ pub enum Complement {
     MatchedPair,
 }
 
-/// `g / (z - (1 - g))`: first-order smoothing of the voltage (thesis 4.2.5: `0.02 / (z - 0.98)` at 100 Hz).
+/// `g / (z - (1 - g))`: first-order smoothing of the voltage (thesis 4.2.5: `0.02 / (z - 0.98)` at
+/// 100 Hz).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BatteryFilter {
@@ -133,13 +142,16 @@ pub struct BatteryFilter {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Law {
-    /// Chapter 5: loops command thrust and angular accelerations, a model turns them into motor commands.
+    /// Chapter 5: loops command thrust and angular accelerations, a model turns them into motor
+    /// commands.
     ModelBased(ModelBased),
-    /// Chapter 4.2.2: loops command motor commands directly through a matrix of signs; needs no model.
+    /// Chapter 4.2.2: loops command motor commands directly through a matrix of signs; needs no
+    /// model.
     HandTuned(HandTuned),
 }
 
-/// The model-based law, thesis chapter 5. Outputs of the loops: thrust in N, angular accelerations in rad/s^2.
+/// The model-based law, thesis chapter 5. Outputs of the loops: thrust in N, angular accelerations
+/// in rad/s^2.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelBased {
@@ -163,8 +175,8 @@ pub struct HandTuned {
     pub loops: Loops,
 }
 
-/// Gains of all loops (thesis Tables 5.1 to 5.3). "Output" is rad/s^2 (attitude) and N (altitude) in the model-based law,
-/// command units in the hand-tuned one.
+/// Gains of all loops (thesis Tables 5.1 to 5.3). "Output" is rad/s^2 (attitude) and N (altitude)
+/// in the model-based law, command units in the hand-tuned one.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Loops {
@@ -236,9 +248,11 @@ pub struct PositionLoop {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Mixing {
-    /// The inverse itself: row i gives `omega_i^2` in rad^2/s^2 from thrust (N) and roll, pitch, yaw acceleration (rad/s^2).
+    /// The inverse itself: row i gives `omega_i^2` in rad^2/s^2 from thrust (N) and roll, pitch,
+    /// yaw acceleration (rad/s^2).
     Inverse([[f64; 4]; 4]),
-    /// The matrix K of thesis (5.11): rows thrust, roll, pitch, yaw; columns rotors. It is inverted at build.
+    /// The matrix K of thesis (5.11): rows thrust, roll, pitch, yaw; columns rotors. It is inverted
+    /// at build.
     Matrix([[f64; 4]; 4]),
     /// The identified coefficients that K is made of.
     Coefficients(RotorCoefficients),
@@ -264,7 +278,8 @@ pub struct RotorCoefficients {
     pub yaw: [f64; 4],
 }
 
-/// Rotor speed in rad/s = `command * cmd + voltage * vbat + offset` (the vehicle file's `[motors]`).
+/// Rotor speed in rad/s = `command * cmd + voltage * vbat + offset` (the vehicle file's
+/// `[motors]`).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MotorMapParams {

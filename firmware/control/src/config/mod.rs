@@ -1,5 +1,5 @@
-//! Everything that is known before the first tick: what people tune, when the supervisor steps in, and what makes either
-//! impossible to fly with.
+//! Everything that is known before the first tick: what people tune, when the supervisor steps in,
+//! and what makes either impossible to fly with.
 
 pub mod error;
 pub mod gains;

@@ -1,10 +1,13 @@
-//! Supervision limits: from when on something counts as wrong in flight, the `[supervision]` table of the gains file.
+//! Supervision limits: from when on something counts as wrong in flight, the `[supervision]` table
+//! of the gains file.
 //!
-//! Every key has a default, so files from before there was a supervisor still read. Times and angles are what other
-//! autopilots fly with, made shorter for a cage: 0.5 s without a command and 60 degrees for 0.3 s as in PX4 and Crazyflie's
-//! firmware, 2 s to motors off as in Crazyflie's, a thrust loss judged within a second as in ArduPilot (sooner: the
-//! thesis' law has no priority of attitude over thrust and keeps a saturated craft level for about a second only).
-//! Battery levels belong to a pack, so there is no default that guesses one: without levels the voltage is not judged.
+//! Every key has a default, so files from before there was a supervisor still read. Times and
+//! angles are what other autopilots fly with, made shorter for a cage: 0.5 s without a command and
+//! 60 degrees for 0.3 s as in PX4 and Crazyflie's firmware, 2 s to motors off as in Crazyflie's, a
+//! thrust loss judged within a second as in ArduPilot (sooner: the thesis' law has no priority of
+//! attitude over thrust and keeps a saturated craft level for about a second only). Battery levels
+//! belong to a pack, so there is no default that guesses one: without levels the voltage is not
+//! judged.
 
 use serde::{Deserialize, Serialize};
 
@@ -51,7 +54,8 @@ pub struct LinkLimits {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PoseLimits {
-    /// Coast for this many s without a good pose: position held, attitude carried on by the gyro. Then: level, and hold.
+    /// Coast for this many s without a good pose: position held, attitude carried on by the gyro.
+    /// Then: level, and hold.
     pub coast_s: f64,
     /// Land after this many s without a good pose.
     pub land_after_s: f64,
@@ -77,11 +81,13 @@ pub struct ImuLimits {
     pub missing_ticks: u32,
     /// A sample that comes unchanged this many times is a fault.
     pub repeats: u32,
-    /// Motors off after this many s without a usable sample, where the law uses the gyro or there are no poses either.
+    /// Motors off after this many s without a usable sample, where the law uses the gyro or there
+    /// are no poses either.
     pub cut_after_s: f64,
     /// Rates beyond this many rad/s are refused (2000 degrees/s is the range of the usual chips).
     pub rate_limit_rad_s: f64,
-    /// Greatest difference to the rates from motion capture in rad/s, after smoothing (added over the axes).
+    /// Greatest difference to the rates from motion capture in rad/s, after smoothing (added over
+    /// the axes).
     pub disagreement_rad_s: f64,
     /// Time constant of that smoothing in s. It must be longer than the delay of the poses.
     pub disagreement_filter_s: f64,
@@ -97,7 +103,8 @@ pub struct BatteryLevels {
     pub land_v: f64,
     /// Below it the craft lands fast.
     pub empty_v: f64,
-    /// A level counts once the voltage has been below it for this many s: a sag in a climb is no empty battery.
+    /// A level counts once the voltage has been below it for this many s: a sag in a climb is no
+    /// empty battery.
     pub for_s: f64,
 }
 
@@ -145,7 +152,8 @@ pub struct ThrustLossLimits {
 pub struct TimingLimits {
     /// Two ticks farther apart than this many s, or out of order, mean that the clock is wrong.
     pub jump_s: f64,
-    /// This many s lost to late ticks are an overrun; each tick in time makes up for a tenth of a period.
+    /// This many s lost to late ticks are an overrun; each tick in time makes up for a tenth of a
+    /// period.
     pub overrun_s: f64,
 }
 
@@ -157,8 +165,8 @@ pub struct Landing {
     pub descent_m_s: f64,
     /// Rate of descent with an empty battery in m/s.
     pub fast_descent_m_s: f64,
-    /// Without poses the height is unknown: the altitude loop sees a height that is too great by this many m, and so gives less
-    /// thrust than carries the craft.
+    /// Without poses the height is unknown: the altitude loop sees a height that is too great by
+    /// this many m, and so gives less thrust than carries the craft.
     pub blind_offset_m: f64,
     /// The craft counts as landed this many m above the lowest height that may be commanded.
     pub touchdown_m: f64,
@@ -172,13 +180,14 @@ impl Fence {
 impl BatteryLevels {
     /// No levels.
     pub const NONE: Self = Self { warn_v: 0.0, land_v: 0.0, empty_v: 0.0, for_s: 1.0 };
-    /// A lithium-polymer pack of three cells in flight, when 15, 7 and 5 % are left: 3.7, 3.6 and 3.5 V a cell at rest,
-    /// less the half volt that hovering draws it down.
+    /// A lithium-polymer pack of three cells in flight, when 15, 7 and 5 % are left: 3.7, 3.6 and
+    /// 3.5 V a cell at rest, less the half volt that hovering draws it down.
     pub const THREE_CELLS: Self = Self { warn_v: 10.6, land_v: 10.3, empty_v: 10.0, for_s: 1.0 };
 }
 
 impl Supervision {
-    /// The defaults: a cage of 7.6 m x 5.2 m and 2.8 m (thesis chapter 3) less a margin of 0.4 m, and no battery levels.
+    /// The defaults: a cage of 7.6 m x 5.2 m and 2.8 m (thesis chapter 3) less a margin of 0.4 m,
+    /// and no battery levels.
     pub const DEFAULT: Self = Self {
         link: LinkLimits { hold_after_s: 0.5, land_after_s: 1.9, good_for_s: 0.5 },
         pose: PoseLimits {

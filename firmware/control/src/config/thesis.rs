@@ -1,4 +1,5 @@
-//! The thesis' craft (DJI F330) as a configuration: its two laws and the numbers that the thesis prints for them.
+//! The thesis' craft (DJI F330) as a configuration: its two laws and the numbers that the thesis
+//! prints for them.
 
 use crate::config::gains::{
     CancellerParams, Config, Estimation, HandTuned, InnerLoop, InverseMotorMap, Law, Loops, Mixing,
@@ -36,7 +37,8 @@ pub const THESIS_ROTORS: RotorCoefficients = RotorCoefficients {
 };
 
 impl Config {
-    /// The thesis' craft (DJI F330) and its model-based law: Tables 5.1 to 5.3, printed inverse mixing and motor map.
+    /// The thesis' craft (DJI F330) and its model-based law: Tables 5.1 to 5.3, printed inverse
+    /// mixing and motor map.
     pub const fn thesis() -> Self {
         Self {
             sample_time_s: 0.01,
@@ -82,16 +84,19 @@ impl Config {
         }
     }
 
-    /// The thesis' craft under the hand-tuned law of its identification flights (4.2.2): PD on roll, pitch and yaw, PID on
-    /// altitude and position, estimated velocity feedback, `2500 s / (s^2 + 100 s + 2500)` (4.2.3), sign matrix (4.5).
+    /// The thesis' craft under the hand-tuned law of its identification flights (4.2.2): PD on
+    /// roll, pitch and yaw, PID on altitude and position, estimated velocity feedback, `2500 s /
+    /// (s^2 + 100 s + 2500)` (4.2.3), sign matrix (4.5).
     ///
-    /// The thesis prints no gains. These were found by a grid search on its nonlinear model (100 Hz, 2 samples of delay):
-    /// proportional and velocity gains of roll and pitch first, so that small steps die out with up to 3 samples of delay;
-    /// then the position gains with the least mean error after a 1 m step; yaw and altitude are Table 5.2 divided by what
-    /// one microsecond does at hover (0.052 rad/s^2, 0.0295 N), with more integral in altitude to carry the voltage, which
-    /// this law does not know. All loops together stay stable on that model for delays of 0 to 3 samples, for 0.8 to 1.25
-    /// times the inner gains, and from 10.8 V to 12 V. A yaw step ends about 10 % long: PD has no integral, and the four
-    /// rotors are not equal. The hover command is the mean of the four at 11.1 V.
+    /// The thesis prints no gains. These were found by a grid search on its nonlinear model (100
+    /// Hz, 2 samples of delay): proportional and velocity gains of roll and pitch first, so that
+    /// small steps die out with up to 3 samples of delay; then the position gains with the least
+    /// mean error after a 1 m step; yaw and altitude are Table 5.2 divided by what one microsecond
+    /// does at hover (0.052 rad/s^2, 0.0295 N), with more integral in altitude to carry the
+    /// voltage, which this law does not know. All loops together stay stable on that model for
+    /// delays of 0 to 3 samples, for 0.8 to 1.25 times the inner gains, and from 10.8 V to 12 V. A
+    /// yaw step ends about 10 % long: PD has no integral, and the four rotors are not equal. The
+    /// hover command is the mean of the four at 11.1 V.
     pub const fn thesis_hand_tuned() -> Self {
         let mut config = Self::thesis();
         config.estimation.velocity = VelocityEstimator::CRITICAL_100;

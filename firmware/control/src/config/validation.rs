@@ -8,7 +8,8 @@ use crate::config::range_check::RangeCheck;
 const GAIN_MAX: f64 = 1e6;
 
 impl Config {
-    /// Is this a configuration that can be built and flown? (A mixing matrix is inverted, and refused, only at build.)
+    /// Is this a configuration that can be built and flown? (A mixing matrix is inverted, and
+    /// refused, only at build.)
     ///
     /// # Errors
     /// The first parameter that is not finite or out of range, by name.

@@ -1,8 +1,10 @@
-//! The lag zero-canceller of the roll and pitch loops, `(s/z1 + 1) / (s/p1 + 1)`, thesis (5.9) and Table 5.1.
+//! The lag zero-canceller of the roll and pitch loops, `(s/z1 + 1) / (s/p1 + 1)`, thesis (5.9) and
+//! Table 5.1.
 //!
-//! Roll and pitch of the identified craft have a slow zero (0.21 rad/s), which would leave a large steady error. The
-//! canceller's pole stands on it and its own zero takes over at 0.6 rad/s. It acts on proportional plus integral part, not
-//! on the velocity feedback (thesis (5.24) to (5.28)), and starts at rest like the integrator it follows.
+//! Roll and pitch of the identified craft have a slow zero (0.21 rad/s), which would leave a large
+//! steady error. The canceller's pole stands on it and its own zero takes over at 0.6 rad/s. It
+//! acts on proportional plus integral part, not on the velocity feedback (thesis (5.24) to (5.28)),
+//! and starts at rest like the integrator it follows.
 
 use crate::dsp::filter::{FirstOrder, FirstOrderState};
 
@@ -38,8 +40,8 @@ impl Canceller {
 mod tests {
     use super::*;
 
-    /// Behind a plant zero at -0.2149 (here its exact sampled image) only the new zero at -0.6 is left: the chain is
-    /// `k (z - exp(-0.6 Ts))`, whose impulse response ends after two samples.
+    /// Behind a plant zero at -0.2149 (here its exact sampled image) only the new zero at -0.6 is
+    /// left: the chain is `k (z - exp(-0.6 Ts))`, whose impulse response ends after two samples.
     #[test]
     fn cancels_the_zero_and_leaves_the_new_one() {
         let canceller = Canceller::new(0.6, 0.2149, 0.01);

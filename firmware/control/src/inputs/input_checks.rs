@@ -1,12 +1,15 @@
 //! Input checks: what happens to a bad value before it reaches the law.
 //!
-//! - A value that is not finite or beyond any reason (see [`ANGLE_LIMIT_RAD`] and its neighbours) never reaches the law. The last
-//!   good value of that field is held, and a fault of its kind is raised and counted. A bad injection counts as none.
-//! - Position and altitude commands are moved into the configured box (thesis 3: 4 m x 2 m x 2 m on the floor).
-//! - Nothing flies before there has been one sample whose position, attitude and voltage were all good.
+//! - A value that is not finite or beyond any reason (see [`ANGLE_LIMIT_RAD`] and its neighbours)
+//!   never reaches the law. The last good value of that field is held, and a fault of its kind is
+//!   raised and counted. A bad injection counts as none.
+//! - Position and altitude commands are moved into the configured box (thesis 3: 4 m x 2 m x 2 m on
+//!   the floor).
+//! - Nothing flies before there has been one sample whose position, attitude and voltage were all
+//!   good.
 //!
-//! Motor cut-off and injection are carried out by the [`controller`](crate::law::controller). What a fault leads to is decided by the
-//! [`state_machine`](crate::safety::state_machine).
+//! Motor cut-off and injection are carried out by the [`controller`](crate::law::controller). What
+//! a fault leads to is decided by the [`state_machine`](crate::safety::state_machine).
 
 use crate::config::gains::PositionLimits;
 use crate::dsp::trig::wrap_angle;
@@ -21,10 +24,12 @@ pub const RATE_LIMIT_RAD_S: f32 = 1e4;
 /// No voltage is greater, in V; none is less than 0.
 pub const VOLTAGE_LIMIT_V: f32 = 1000.0;
 
-/// How often something was wrong, by kind, since the controller was made or reset; and whether it was in this tick.
+/// How often something was wrong, by kind, since the controller was made or reset; and whether it
+/// was in this tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Faults {
-    /// Position, attitude or gyro not finite or beyond reason, or a gyro that the configuration wants is missing.
+    /// Position, attitude or gyro not finite or beyond reason, or a gyro that the configuration
+    /// wants is missing.
     pub measurement: Fault,
     /// A command or an injection not finite or beyond reason.
     pub command: Fault,
@@ -76,8 +81,8 @@ pub(crate) struct HeldInputs {
     pub(crate) injection: [f32; 4],
 }
 
-/// The magnitude of a value as its bits: they order as the magnitudes do, with infinity and NaN above all numbers, and
-/// comparing integers is cheaper than comparing floats one by one.
+/// The magnitude of a value as its bits: they order as the magnitudes do, with infinity and NaN
+/// above all numbers, and comparing integers is cheaper than comparing floats one by one.
 #[inline]
 pub(crate) fn magnitude(value: f32) -> u32 {
     value.to_bits() & 0x7fff_ffff
@@ -115,8 +120,8 @@ fn take_the_good(held: &mut [f32], values: &[f32], limit: f32) {
 }
 
 impl HeldInputs {
-    /// Accepts the good fields of a measurement. Returns whether all of it was good (the voltage included); the gyro
-    /// counts only if it is wanted.
+    /// Accepts the good fields of a measurement. Returns whether all of it was good (the voltage
+    /// included); the gyro counts only if it is wanted.
     #[inline]
     pub(crate) fn measure(&mut self, m: &Measurement, wants_gyro: bool, faults: &mut Faults) -> bool {
         let position = take_all(&mut self.position_m, m.position_m, POSITION_LIMIT_M);

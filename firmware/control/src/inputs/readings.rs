@@ -1,7 +1,8 @@
-//! What comes in with a tick: [`Readings`] from the program, with poses, gyro samples, commands and requests in them, and the
-//! [`Measurement`] that the autopilot makes of the first two for the law.
+//! What comes in with a tick: [`Readings`] from the program, with poses, gyro samples, commands and
+//! requests in them, and the [`Measurement`] that the autopilot makes of the first two for the law.
 //!
-//! Plain values: what is bad in them is found by the detectors and by [`input_checks`](crate::inputs::input_checks).
+//! Plain values: what is bad in them is found by the detectors and by
+//! [`input_checks`](crate::inputs::input_checks).
 
 /// Where motion capture sees the craft.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,27 +1,33 @@
 //! One control period, from measurement and command to motor commands.
 //!
-//! Order of a tick (thesis chapter 5; every item is tested against recorded closed-loop runs, see `tests/thesis_law.rs`):
-//! 1. inputs are checked ([`input_checks`](crate::inputs::input_checks)); measurements are used as they come, their delay is the
-//!    world's;
+//! Order of a tick (thesis chapter 5; every item is tested against recorded closed-loop runs, see
+//! `tests/thesis_law.rs`):
+//! 1. inputs are checked ([`input_checks`](crate::inputs::input_checks)); measurements are used as
+//!    they come, their delay is the world's;
 //! 2. Euler rates, body rates and vertical velocity are estimated;
 //! 3. in position mode the outer loop makes roll and pitch commands of the position command;
 //! 4. prefilters make references of commands, and errors follow (yaw the short way round);
 //! 5. roll, pitch and yaw loops give angular accelerations;
 //! 6. the altitude loop gives the thrust: `T = hover - PID(z)`;
-//! 7. the inverse mixing matrix gives squared rotor speeds (negative ones become 0), the motor map commands at the measured
-//!    voltage; injection is added; the range clamps. What was refused is for the next tick's integrators to know.
+//! 7. the inverse mixing matrix gives squared rotor speeds (negative ones become 0), the motor map
+//!    commands at the measured voltage; injection is added; the range clamps. What was refused is
+//!    for the next tick's integrators to know.
 //!
-//! Filters start in the steady state of their first input, integrators and cancellers at rest. During cut-off the motors
-//! idle, the estimators run on, and the loops start anew at its end.
+//! Filters start in the steady state of their first input, integrators and cancellers at rest.
+//! During cut-off the motors idle, the estimators run on, and the loops start anew at its end.
 //!
-//! The hand-tuned law (thesis 4.2.2) has the same order; in step 7 the sign matrix (4.5) gives commands directly.
+//! The hand-tuned law (thesis 4.2.2) has the same order; in step 7 the sign matrix (4.5) gives
+//! commands directly.
 //!
-//! A configuration can ask for two things that the thesis does not have: the thrust divided by `cos(phi) cos(theta)` in
-//! step 6 (up to twice), and in step 7, where a motor is asked for more than it has, roll and pitch before thrust before yaw.
-//! With the second goes a tilt reduction: while roll and pitch take nearly all that the motors have (held against the moment of
-//! fast sideways flight, say), a falling fraction of the commanded tilt is flown; afterwards it grows back.
+//! A configuration can ask for two things that the thesis does not have: the thrust divided by
+//! `cos(phi) cos(theta)` in step 6 (up to twice), and in step 7, where a motor is asked for more
+//! than it has, roll and pitch before thrust before yaw. With the second goes a tilt reduction:
+//! while roll and pitch take nearly all that the motors have (held against the moment of fast
+//! sideways flight, say), a falling fraction of the commanded tilt is flown; afterwards it grows
+//! back.
 //!
-//! Not here: arming, failsafes, clock checks (the [`Autopilot`](crate::Autopilot) has them), and a limit of the thrust.
+//! Not here: arming, failsafes, clock checks (the [`Autopilot`](crate::Autopilot) has them), and a
+//! limit of the thrust.
 
 use crate::allocation::desaturation::Desaturated;
 use crate::allocation::mixer::{Mixer, Refused, rotor_speeds};
@@ -54,7 +60,8 @@ struct Laws {
     /// Roll and pitch before thrust before yaw, where a motor is at its end.
     attitude_first: bool,
     tilt_compensation: bool,
-    /// By how much the fraction of the commanded tilt that is flown falls in a nearly saturated period, and grows in another.
+    /// By how much the fraction of the commanded tilt that is flown falls in a nearly saturated
+    /// period, and grows in another.
     tilt_reduction: f32,
     tilt_recovery: f32,
 }
@@ -143,7 +150,8 @@ impl Controller {
         Ok(Self { memory: Memory::new(laws.range.idle()), laws })
     }
 
-    /// Forgets everything: integrators at zero, filters start at their next input, fault counts at zero.
+    /// Forgets everything: integrators at zero, filters start at their next input, fault counts at
+    /// zero.
     pub fn reset(&mut self) {
         self.memory = Memory::new(self.laws.range.idle());
     }
@@ -154,7 +162,8 @@ impl Controller {
         self
     }
 
-    /// The altitude loop's reference is this height from now on, inertial z in m, with no way to go; its integrator stays.
+    /// The altitude loop's reference is this height from now on, inertial z in m, with no way to
+    /// go; its integrator stays.
     pub(crate) fn settle_height(&mut self, z_m: f32) {
         if let Some(inner) = &mut self.memory.inner {
             self.laws.altitude.settle(&mut inner.altitude, z_m);
@@ -167,16 +176,19 @@ impl Controller {
         self.memory.estimator = None;
     }
 
-    /// One control period. Total: any bits in any input give finite motor commands inside the range.
+    /// One control period. Total: any bits in any input give finite motor commands inside the
+    /// range.
     pub fn tick(&mut self, measurement: &Measurement, command: &Command) -> Tick {
         let mut outcome = Tick::default();
         self.tick_into(measurement, false, command.mode, command.cut_off, Some(command), &mut outcome);
         outcome
     }
 
-    /// [`Controller::tick`] into a place that is there already: copying an outcome is a fifth of the cost of a tick.
+    /// [`Controller::tick`] into a place that is there already: copying an outcome is a fifth of
+    /// the cost of a tick.
     ///
-    /// `checked`: the detectors have checked position and attitude already. Without a command the values of the last one are kept.
+    /// `checked`: the detectors have checked position and attitude already. Without a command the
+    /// values of the last one are kept.
     #[inline]
     pub(crate) fn tick_into(
         &mut self,
@@ -331,8 +343,9 @@ fn inner_loops(laws: &Laws, memory: &mut Memory, estimates: &Estimates, commands
     InnerOutput { roll, pitch, yaw, altitude, thrust }
 }
 
-/// How fast the tilt is reduced while the motors are nearly saturated, fractions of the command per s: slowly, because a craft that
-/// needs all it has to hold against a moment cannot be turned back fast. A hard manoeuvre of a second costs 5 %.
+/// How fast the tilt is reduced while the motors are nearly saturated, fractions of the command per
+/// s: slowly, because a craft that needs all it has to hold against a moment cannot be turned back
+/// fast. A hard manoeuvre of a second costs 5 %.
 const TILT_REDUCTION_PER_S: f64 = 0.05;
 /// How fast the full tilt comes back, fractions of the command per s.
 const TILT_RECOVERY_PER_S: f64 = 0.02;
@@ -351,7 +364,8 @@ struct Motors {
 fn allocate(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f32) -> Motors {
     let mixed = laws.mixer.mix(loops.thrust, loops.torque());
     let [m1, m2, m3, m4] = mixed;
-    // Not finite if any of the four is not. (Checked before the square roots, which make 0 of a NaN.)
+    // Not finite if any of the four is not. (Checked before the square roots, which make 0 of a
+    // NaN.)
     if !((m1 + m2) + (m3 + m4)).is_finite() {
         return internal_fault(memory);
     }
@@ -377,7 +391,8 @@ fn allocate(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f3
     motors
 }
 
-/// Rotor speeds in rad/s where the law knows any, and motor commands, injection included, on either side of their range.
+/// Rotor speeds in rad/s where the law knows any, and motor commands, injection included, on either
+/// side of their range.
 #[inline]
 fn commands(laws: &Laws, memory: &Memory, mixed: [f32; 4], battery_v: f32) -> (Option<[f32; 4]>, [f32; 4]) {
     let (rotor_speed_rad_s, mut wanted) = match &laws.motor_map {
@@ -393,8 +408,8 @@ fn commands(laws: &Laws, memory: &Memory, mixed: [f32; 4], battery_v: f32) -> (O
     (rotor_speed_rad_s, wanted)
 }
 
-/// Step 7 where some motor is at an end, and roll and pitch come first. The injection is never reduced. Also whether roll and pitch
-/// take nearly all there is.
+/// Step 7 where some motor is at an end, and roll and pitch come first. The injection is never
+/// reduced. Also whether roll and pitch take nearly all there is.
 #[cold]
 fn desaturate(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f32) -> (Motors, bool) {
     let ends = laws.range.ends().map(|end| {
@@ -424,7 +439,8 @@ fn refusal(laws: &Laws, mixed: [f32; 4], wanted: [f32; 4]) -> Refused {
     laws.mixer.refused(ends)
 }
 
-/// After an overflow in memory or gains: starts anew with the next tick, and repeats the last commands in this one.
+/// After an overflow in memory or gains: starts anew with the next tick, and repeats the last
+/// commands in this one.
 #[cold]
 fn internal_fault(memory: &mut Memory) -> Motors {
     memory.faults.internal.note(true);
@@ -457,7 +473,8 @@ mod tests {
         Controller::new(&Config::thesis()).unwrap()
     }
 
-    /// Hover commands of the printed matrix and map at 11.1 V (reference numbers, 2 decimals; f32 holds 1700 to 1.2e-4).
+    /// Hover commands of the printed matrix and map at 11.1 V (reference numbers, 2 decimals; f32
+    /// holds 1700 to 1.2e-4).
     #[test]
     fn hover_is_hover() {
         let mut controller = thesis();
@@ -470,7 +487,8 @@ mod tests {
         }
     }
 
-    /// The craft's answer to each command and disturbance, by the signs of the conventions, in both laws.
+    /// The craft's answer to each command and disturbance, by the signs of the conventions, in both
+    /// laws.
     #[test]
     fn directions() {
         for config in [Config::thesis(), Config::thesis_hand_tuned()] {
@@ -551,12 +569,14 @@ mod tests {
         assert!((tick.pwm[0] - plain[0] - 10.0).abs() < 1e-3);
         assert!((tick.pwm[1] - plain[1] + 20.0).abs() < 1e-3);
         assert_eq!(tick.pwm[3], 2000.0);
-        // Motor 4 (rear left) at its upper end: it has no more for thrust, roll right and pitch down.
+        // Motor 4 (rear left) at its upper end: it has no more for thrust, roll right and pitch
+        // down.
         assert!(tick.refused.thrust.high && tick.refused.roll.high && tick.refused.pitch.low);
         assert!(!tick.refused.thrust.low && !tick.refused.roll.low && !tick.refused.pitch.high);
     }
 
-    /// Saturation flows backwards: with the rotors at their end the integral stands, without anti-windup it runs.
+    /// Saturation flows backwards: with the rotors at their end the integral stands, without
+    /// anti-windup it runs.
     #[test]
     fn refused_thrust_stops_the_altitude_integral() {
         let deep = Measurement { position_m: [0.0, 0.0, 0.0], ..HOVER };
@@ -633,7 +653,8 @@ mod tests {
         assert!((tick.terms.body_rates_rad_s[0] - 0.2).abs() < 1e-3, "{:?}", tick.terms.body_rates_rad_s);
     }
 
-    /// Ten seconds of flight of the same step at several rates: the laws are built for their period, the results agree.
+    /// Ten seconds of flight of the same step at several rates: the laws are built for their
+    /// period, the results agree.
     #[test]
     fn the_sample_time_is_a_parameter() {
         let integral_after_a_second = |rate_hz: u16| {
@@ -670,7 +691,8 @@ mod tests {
         for k in 0..100 {
             let tick = controller.tick(&south(if k % 2 == 0 { 1e-4 } else { -1e-4 }), &command);
             for (got, want) in tick.pwm.into_iter().zip(hover) {
-                // 2e-4 rad in 0.01 s is 0.02 rad/s; times 0.6 of the estimator at half the rate and 5 rad/s^2 per rad/s.
+                // 2e-4 rad in 0.01 s is 0.02 rad/s; times 0.6 of the estimator at half the rate and
+                // 5 rad/s^2 per rad/s.
                 assert!((got - want).abs() < 3.0, "{k}: {got} {want}");
             }
         }

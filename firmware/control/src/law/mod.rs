@@ -1,4 +1,5 @@
-//! The control law: estimators, loops, and the [`Controller`](controller::Controller) that ticks them.
+//! The control law: estimators, loops, and the [`Controller`](controller::Controller) that ticks
+//! them.
 
 pub mod altitude;
 pub mod attitude;

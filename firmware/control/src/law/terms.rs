@@ -36,8 +36,8 @@ pub struct Terms {
     pub z_rate_m_s: f32,
     /// The outer loop; `None` in attitude mode.
     pub outer: Option<OuterTerms>,
-    /// Commands before the prefilters and before any tilt reduction: roll, pitch, yaw in rad (from the outer loop in position
-    /// mode).
+    /// Commands before the prefilters and before any tilt reduction: roll, pitch, yaw in rad (from
+    /// the outer loop in position mode).
     pub attitude_command_rad: [f32; 3],
     /// Altitude command before the prefilter, inside the position limits: inertial z in m.
     pub z_command_m: f32,
@@ -68,7 +68,8 @@ pub struct Terms {
 /// The outcome of one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Tick {
-    /// Motor commands in command units (us for the thesis' craft): always finite, always inside the command range.
+    /// Motor commands in command units (us for the thesis' craft): always finite, always inside the
+    /// command range.
     pub pwm: [f32; 4],
     /// The terms that led to them.
     pub terms: Terms,

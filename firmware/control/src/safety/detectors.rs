@@ -1,11 +1,13 @@
 //! Detectors: from what comes in with each tick to a set of [`Conditions`].
 //!
-//! - Time passes by the difference between two ticks only, taken modulo 2^32; the [`timers`](crate::safety::timers) add it up.
+//! - Time passes by the difference between two ticks only, taken modulo 2^32; the
+//!   [`timers`](crate::safety::timers) add it up.
 //! - Comparisons are written so that NaN falls on the bad side.
-//! - A pose that is frozen, jumped or not a number counts as one that did not come; the silence that follows does the rest.
+//! - A pose that is frozen, jumped or not a number counts as one that did not come; the silence
+//!   that follows does the rest.
 //!
-//! From when on something counts is the table [`Supervision`] of the gains file. What is done about a condition is the table in
-//! [`state_machine`](crate::safety::state_machine).
+//! From when on something counts is the table [`Supervision`] of the gains file. What is done about
+//! a condition is the table in [`state_machine`](crate::safety::state_machine).
 //!
 //! [`Supervision`]: crate::config::supervision_limits::Supervision
 
@@ -139,7 +141,8 @@ impl Detectors {
     #[cold]
     fn off_time(&mut self, elapsed_us: u32, limits: &Limits, conditions: &mut Conditions) -> u32 {
         let Limits { period_us, jump_us, overrun_us, .. } = *limits;
-        // Backwards is a leap too: modulo 2^32 it is a long way forward. No two ticks are within one microsecond.
+        // Backwards is a leap too: modulo 2^32 it is a long way forward. No two ticks are within
+        // one microsecond.
         if elapsed_us == 0 || elapsed_us > jump_us {
             count(&mut self.counters.clock_jumps);
             conditions.note(Condition::ClockJumped, true);
@@ -179,7 +182,8 @@ impl Detectors {
         let good = pose.is_some_and(|pose| {
             self.outside = !is_inside(pose.position_m, limits);
             let plausible = if anchored {
-                // Refused poses do not extend the reach: a tracker that has jumped is not believed for staying there.
+                // Refused poses do not extend the reach: a tracker that has jumped is not believed
+                // for staying there.
                 let reach_m = if self.unheard_us == 0 { limits.jump_m } else { self.reach_m(limits) };
                 is_reachable(pose, last.position_m, attitude_rad, reach_m, limits)
             } else {
@@ -357,7 +361,8 @@ impl Detectors {
         self.imu_disagrees = sum > limits.disagreement_rad_s;
     }
 
-    /// Looks at the result of a tick: thrust refused upwards, rate of inertial z in m/s, attitude in rad, a result that is not a number.
+    /// Looks at the result of a tick: thrust refused upwards, rate of inertial z in m/s, attitude
+    /// in rad, a result that is not a number.
     #[inline]
     pub(crate) fn after(
         &mut self,
@@ -556,7 +561,8 @@ mod tests {
             detectors.compare_rates([2.0, 0.0, 0.0], [0.0; 3], &limits);
             ticks += 1;
         }
-        // 2 rad/s smoothed over 20 ticks passes 1.2 rad/s after 20 ln(2.0 / 0.8) = 18, the wild sample's 0.117 rad/s sooner.
+        // 2 rad/s smoothed over 20 ticks passes 1.2 rad/s after 20 ln(2.0 / 0.8) = 18, the wild
+        // sample's 0.117 rad/s sooner.
         assert!((16..=18).contains(&ticks), "{ticks}");
     }
 

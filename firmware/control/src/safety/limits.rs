@@ -1,4 +1,5 @@
-//! The `[supervision]` table of the gains file in the units of flight: microseconds, f32, and what a tick need not compute anew.
+//! The `[supervision]` table of the gains file in the units of flight: microseconds, f32, and what
+//! a tick need not compute anew.
 
 use crate::config::gains::Config;
 use crate::config::supervision_limits::Supervision;

@@ -1,4 +1,5 @@
-//! Can it be true? Questions about poses that need no memory. Comparisons are written so that NaN falls on the bad side.
+//! Can it be true? Questions about poses that need no memory. Comparisons are written so that NaN
+//! falls on the bad side.
 
 use crate::dsp::trig::{sin_cos, wrap_angle};
 use crate::inputs::input_checks::{ANGLE_LIMIT_RAD, POSITION_LIMIT_M, magnitude};

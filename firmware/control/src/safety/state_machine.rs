@@ -1,4 +1,5 @@
-//! The state machine: what the craft is doing, and one table of what each condition does in each state.
+//! The state machine: what the craft is doing, and one table of what each condition does in each
+//! state.
 //!
 //! ```text
 //! disarmed --arm--> armed --fly--> flying <--> hold --> land --> disarmed
@@ -6,12 +7,16 @@
 //!     +---------------+--- disarm ----+----------+--------+-- cut (from anywhere; only disarm leaves it)
 //! ```
 //!
-//! - *disarmed*, *armed*, *cut*: motors idle. *flying*: the pilot's command. *hold*: stay in place. *land*: descend in place.
-//! - Of several conditions the most severe action wins: disarm (on request), cut, stand down, land, hold, fly, arm.
-//! - Hold goes back to flying by itself once nothing asks for it any more; the detectors make sure that this takes good data
-//!   for a while. A landing never goes back up. Cut is latched. Only a request arms, and only with all preflight checks good.
+//! - *disarmed*, *armed*, *cut*: motors idle. *flying*: the pilot's command. *hold*: stay in place.
+//!   *land*: descend in place.
+//! - Of several conditions the most severe action wins: disarm (on request), cut, stand down, land,
+//!   hold, fly, arm.
+//! - Hold goes back to flying by itself once nothing asks for it any more; the detectors make sure
+//!   that this takes good data for a while. A landing never goes back up. Cut is latched. Only a
+//!   request arms, and only with all preflight checks good.
 //!
-//! The machine is pure: `next(state, conditions)`. Time is in the [`detectors`](crate::safety::detectors).
+//! The machine is pure: `next(state, conditions)`. Time is in the
+//! [`detectors`](crate::safety::detectors).
 
 use crate::safety::conditions::{Condition, Conditions};
 
@@ -65,7 +70,8 @@ pub enum Action {
     Disarm,
 }
 
-/// The table: for each condition the action in [`State::ALL`]: disarmed, armed, flying, hold, land, cut.
+/// The table: for each condition the action in [`State::ALL`]: disarmed, armed, flying, hold, land,
+/// cut.
 #[rustfmt::skip]
 pub const TABLE: [(Condition, [Action; 6]); 26] = {
     use Action::{Arm, Cut, Disarm, Fly, Hold, Land, Stand, Stay};
@@ -198,8 +204,8 @@ pub fn next(state: State, conditions: Conditions) -> State {
 
 #[cfg(test)]
 mod tests {
-    //! The machine against rules written a second time, in other words and the other way round: by state, from what must be
-    //! true of a safe craft, not from the table.
+    //! The machine against rules written a second time, in other words and the other way round: by
+    //! state, from what must be true of a safe craft, not from the table.
 
     use super::*;
     use Condition as C;
@@ -275,8 +281,9 @@ mod tests {
         }
     }
 
-    /// Every state with every set of conditions: 6 times 2^26 is 403 million rows. Those that no state listens to (frozen
-    /// and jumped poses, which count as missing ones) are left at their four combinations on a thinner grid, so 2^24 remain.
+    /// Every state with every set of conditions: 6 times 2^26 is 403 million rows. Those that no
+    /// state listens to (frozen and jumped poses, which count as missing ones) are left at their
+    /// four combinations on a thinner grid, so 2^24 remain.
     #[test]
     fn every_state_with_every_set_of_conditions() {
         let silent = C::PoseFrozen.bit() | C::PoseJumped.bit();

@@ -1,7 +1,8 @@
-//! Timers of the detectors: for how long something has held, and for how long a stream has been silent.
+//! Timers of the detectors: for how long something has held, and for how long a stream has been
+//! silent.
 //!
-//! They are ages in microseconds that grow by the time since the tick before and stay at the greatest number. No clock is kept, so
-//! a clock that wraps (every 71.6 minutes) disturbs none.
+//! They are ages in microseconds that grow by the time since the tick before and stay at the
+//! greatest number. No clock is kept, so a clock that wraps (every 71.6 minutes) disturbs none.
 
 use crate::safety::limits::SilenceLimits;
 
