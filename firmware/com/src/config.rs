@@ -433,7 +433,12 @@ mod tests {
             ("com.toml", "'127.0.0.1:0'", "'127.0.0.1:0'\nkey = 'none'", "[link] key: "),
             ("com.toml", "'127.0.0.1:0'", "'127.0.0.1:0'\nkey = 'loose'", "chmod 600"),
             ("com.toml", "'127.0.0.1:0'", "'127.0.0.1:0'\nkey = 'key'", "no counters"),
-            ("com.toml", "'127.0.0.1:0'", "'127.0.0.1:0'\nkey = 'key'\ncounters = 'nowhere'", "is not a folder"),
+            (
+                "com.toml",
+                "'127.0.0.1:0'",
+                "'127.0.0.1:0'\nkey = 'key'\ncounters = 'nowhere'",
+                "is not a folder",
+            ),
             ("com.toml", "[pwm]", "baud = 9600\n[pwm]", "[imu] baud is 9600"),
             ("com.toml", "'pwmchip0/3'", "'pwm3'", "\"pwm3\" is not an output"),
             ("com.toml", "'pwmchip0/3'", "'pwmchip0/0'", "twice"),
