@@ -7,42 +7,20 @@
 //! Deliberately absent: mathematics (crates `model`, `sysid` and `design`) and drawing (crate `report`).
 #![forbid(unsafe_code)]
 
-mod add;
-mod compare;
-mod demo;
-mod design_check;
-mod design_gains;
-mod design_pages;
-mod design_report;
-mod diagnose;
-mod effects;
-mod evidence;
-mod excite;
-mod explain;
-mod faults;
-mod figures;
-mod flights;
-mod ground;
-mod hidden;
-mod identify;
-mod linearize;
-mod motor_map;
-mod output;
-mod pages;
-mod plan;
-mod progress;
-mod real_logs;
-mod simulated;
-mod story;
-mod tables;
-mod user_effects;
+mod cli;
+mod commands;
+mod render;
 
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
-use crate::output::Outcome;
+use crate::cli::output::Outcome;
+use crate::commands::{
+    add, compare, demo, design, diagnose, effects, excite, explain, ground, identify, linearize, motor_map,
+    plan,
+};
 
 /// Identify a quadcopter's model from flights, find out where it fails and which physical effect it lacks.
 ///
@@ -65,7 +43,7 @@ enum Command {
     Demo(demo::Options),
     Linearize(linearize::Options),
     Ground(Box<ground::Options>),
-    Design(design_gains::Options),
+    Design(design::Options),
     MotorMap(motor_map::Options),
     Excite(excite::Options),
     Plan(plan::Options),
@@ -89,7 +67,7 @@ fn main() -> ExitCode {
         Command::Demo(options) => demo::run(&options),
         Command::Linearize(options) => linearize::run(&options),
         Command::Ground(options) => ground::run(&options),
-        Command::Design(options) => design_gains::run(&options),
+        Command::Design(options) => design::run(&options),
         Command::MotorMap(options) => motor_map::run(&options),
         Command::Excite(options) => excite::run(&options),
         Command::Plan(options) => plan::run(&options),

@@ -1,0 +1,9 @@
+//! What subcommands share: options, flights as they are named on the command line, faults, progress, output.
+
+pub(crate) mod faults;
+pub(crate) mod flights;
+pub(crate) mod output;
+pub(crate) mod progress;
+pub(crate) mod refine;
+pub(crate) mod terminal;
+pub(crate) mod user_effects;

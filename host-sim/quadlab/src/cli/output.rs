@@ -1,0 +1,77 @@
+//! What a command leaves: text on standard output, files, and whether what it checks holds.
+
+use std::path::{Path, PathBuf};
+
+use report::Provenance;
+use serde::Serialize;
+
+use diagnosis::workflow::{LoadedFlight, sha256};
+
+/// What a command that ran hands back.
+pub(crate) struct Outcome {
+    /// For standard output, with its last line break.
+    pub(crate) text: String,
+    /// Whether what the command checks holds.
+    pub(crate) holds: bool,
+}
+
+impl Outcome {
+    /// The job is done.
+    pub(crate) fn done(text: String) -> Self {
+        Self { text, holds: true }
+    }
+
+    /// The job is done; its result is one JSON document.
+    pub(crate) fn json(document: &impl Serialize) -> anyhow::Result<Self> {
+        Ok(Self::done(serde_json::to_string_pretty(document)? + "\n"))
+    }
+}
+
+/// An output file that would take the place of an input.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: is read by this command and would be overwritten; give another name for the output", .0.display())]
+pub(crate) struct OverwritesInput(PathBuf);
+
+/// Checks, before any work, that outputs have a place and take the place of no flight.
+pub(crate) fn check_outputs<'a>(
+    outputs: impl IntoIterator<Item = &'a PathBuf>,
+    inputs: &[&PathBuf],
+) -> anyhow::Result<()> {
+    for output in outputs {
+        report::check_writable(output)?;
+        let Ok(there) = output.canonicalize() else { continue };
+        if inputs.iter().any(|input| input.canonicalize().is_ok_and(|input| input == there)) {
+            return Err(OverwritesInput(output.clone()).into());
+        }
+    }
+    Ok(())
+}
+
+/// The footer of a page: command, version and the files behind it.
+pub(crate) fn provenance<'a>(
+    files: &[&Path],
+    flights: impl IntoIterator<Item = &'a LoadedFlight>,
+) -> Provenance {
+    let hashed = |path: &Path, hash: &str| report::InputFile {
+        path: path.display().to_string(),
+        hash: format!("sha256:{hash}"),
+    };
+    let mut inputs: Vec<_> = files
+        .iter()
+        .map(|path| hashed(path, &std::fs::read(path).map(|bytes| sha256(&bytes)).unwrap_or_default()))
+        .collect();
+    inputs.extend(flights.into_iter().map(|flight| hashed(&flight.path, &flight.sha256)));
+    let arguments: Vec<String> = std::env::args_os().map(|a| a.to_string_lossy().into_owned()).collect();
+    let (program, rest) = arguments.split_first().map_or(("quadlab", [].as_slice()), |(p, r)| {
+        (Path::new(p).file_name().and_then(|n| n.to_str()).unwrap_or("quadlab"), r)
+    });
+    Provenance {
+        command_line: std::iter::once(program)
+            .chain(rest.iter().map(String::as_str))
+            .collect::<Vec<_>>()
+            .join(" "),
+        version: format!("quadlab {}", env!("CARGO_PKG_VERSION")),
+        inputs,
+        ..Provenance::default()
+    }
+}

@@ -1,0 +1,141 @@
+//! `quadlab add`: an effect joins a model, and everything is fitted again.
+
+use std::path::PathBuf;
+
+use diagnosis::workflow::{self, Added};
+use model::{Effect, Model, PerAxis};
+use serde::Serialize;
+
+use crate::cli::faults::{self, FaultOptions};
+use crate::cli::flights::SetOptions;
+use crate::cli::output::{Outcome, check_outputs};
+use crate::cli::refine::{self, RefineOptions, RefinementEntry};
+use crate::cli::terminal::Terminal;
+use crate::cli::user_effects::EffectOptions;
+use crate::render::tables;
+
+/// Add a physical effect to a model and fit all of it again.
+///
+/// The error of each axis on the flights held out is shown before and after. An effect that the flights do not support
+/// is added all the same, and the answer says so.
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  quadlab add ground-effect --model model.toml --train A.csv B.csv C.csv \
+                        --validate D.csv E.csv --out better.toml\n\n`quadlab effects` lists the effects.")]
+pub(crate) struct Options {
+    /// The effect's identifier, for example: ground-effect
+    effect: String,
+
+    /// Model file to start from, for example: --model model.toml
+    #[arg(long, value_name = "TOML")]
+    model: PathBuf,
+
+    #[command(flatten)]
+    sets: SetOptions,
+
+    #[command(flatten)]
+    effects: EffectOptions,
+
+    #[command(flatten)]
+    refine: RefineOptions,
+
+    /// Model file to write, for example: --out better.toml
+    #[arg(long, value_name = "TOML")]
+    out: PathBuf,
+
+    #[command(flatten)]
+    faults: FaultOptions,
+
+    /// Print one JSON document on standard output and nothing else there
+    #[arg(long)]
+    json: bool,
+}
+
+/// Why an effect cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum AddError {
+    #[error("unknown effect \"{effect}\"; known are {known}")]
+    Unknown { effect: String, known: String },
+    #[error("{}: already has the effect \"{effect}\"; its effects are {there}", model.display())]
+    AlreadyThere { model: PathBuf, effect: Effect, there: String },
+}
+
+pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
+    let mut inputs = options.sets.paths();
+    inputs.extend(options.effects.paths());
+    check_outputs([&options.out], &inputs)?;
+    options.effects.read()?;
+    let model = Model::read(&options.model)?;
+    let effect = known_effect(&options.effect)?;
+    if model.has(effect) {
+        let there = listed(&model.effects());
+        return Err(AddError::AlreadyThere { model: options.model.clone(), effect, there }.into());
+    }
+    let terminal = Terminal::new(options.json);
+    let mut sets = options.sets.read(&model.vehicle, options.faults.reading(), &terminal)?;
+    let added = workflow::add(&model, effect, &mut sets, options.refine.rows(), &terminal)?;
+    terminal.clear();
+    report::write_atomic(&options.out, added.model.to_toml())?;
+    if options.json {
+        faults::json(&document(&added), sets.all(), &sets.faults)
+    } else {
+        faults::warn(&sets.faults);
+        Ok(text(options, &added))
+    }
+}
+
+pub(crate) fn known_effect(id: &str) -> Result<Effect, AddError> {
+    Effect::from_id(id).ok_or_else(|| {
+        let candidates: Vec<Effect> = Effect::candidates().collect();
+        AddError::Unknown { effect: id.into(), known: listed(&candidates) }
+    })
+}
+
+fn listed(effects: &[Effect]) -> String {
+    effects.iter().map(|e| e.id()).collect::<Vec<_>>().join(", ")
+}
+
+fn text(options: &Options, added: &Added) -> Outcome {
+    let refined = added.refinement.as_ref().map(refine::sentence);
+    let refined = refined.map_or_else(String::new, |sentence| format!("\n{}", tables::paragraph(&sentence)));
+    let addition = &added.addition;
+    let finding = &addition.finding;
+    let verdict = if finding.supported { "is supported" } else { "is NOT supported by these flights" };
+    let sentence = Effect::from_id(finding.effect).map_or("", |e| e.info().sentence);
+    Outcome::done(format!(
+        "{}\n{}\n{}{refined}\nmodel written to {}\n",
+        tables::paragraph(&format!("{} {verdict}: {}. {sentence}", finding.effect, finding.reason)),
+        tables::before_after(
+            "Squared error on the held-out flights, everything fitted again without and with the effect",
+            &addition.before,
+            &addition.after,
+        )
+        .to_text(),
+        tables::coefficients(&added.model).to_text(),
+        options.out.display(),
+    ))
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    effect: &'static str,
+    sse_before: PerAxis<f64>,
+    sse_after: PerAxis<f64>,
+    drop_percent: PerAxis<f64>,
+    supported: bool,
+    finding: &'a diagnosis::diagnose::EffectFinding,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    refinement: Option<RefinementEntry>,
+}
+
+fn document(added: &Added) -> Document<'_> {
+    let addition = &added.addition;
+    Document {
+        effect: addition.finding.effect,
+        sse_before: addition.before,
+        sse_after: addition.after,
+        drop_percent: addition.before.drop_percent(&addition.after),
+        supported: addition.finding.supported,
+        finding: &addition.finding,
+        refinement: added.refinement.as_ref().map(RefinementEntry::from),
+    }
+}

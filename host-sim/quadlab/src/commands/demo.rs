@@ -1,0 +1,222 @@
+//! `quadlab demo`: the whole explanation, from flights to a better model, and a page that tells it.
+//!
+//! Without flights of your own, a craft is flown in simulation with one physical effect that nobody is told of. The
+//! flights go to files, and everything after that sees the files only: the name found at the end is found from them.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use diagnosis::workflow::{self, Explanation, FlightSets, Reading};
+use model::{Effect, Model, Vehicle};
+use rayon::prelude::*;
+
+use crate::cli::faults;
+use crate::cli::flights::SetOptions;
+use crate::cli::output::{Outcome, provenance};
+use crate::cli::progress;
+use crate::cli::terminal::Terminal;
+use crate::commands::demo_effect;
+use crate::render::{pages, tables};
+
+/// The contract's names of flights to fit on and to judge by.
+const TRAIN: [&str; 3] = ["A", "B", "C"];
+const VALIDATE: [&str; 2] = ["D", "E"];
+/// Length of a simulated flight, s.
+const FLIGHT_S: f64 = 40.0;
+/// Part of the flights that is fitted on where the names do not say.
+const TRAIN_SHARE: f64 = 0.6;
+
+/// Run the whole explanation: identify, compare, diagnose, add, and a page with figures.
+///
+/// Without --flights, a simulated craft has one hidden effect, and the explanation is whether the flights give it away. Exit
+/// status 1 if they do not.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  quadlab demo --seed 7\n  quadlab demo --flights my-flights --out my-report"
+)]
+pub(crate) struct Options {
+    /// Folder with flight files and their vehicle.toml; A, B, C are fitted on and D, E judged by, other names 60 to 40
+    /// in order, for example: --flights my-flights
+    #[arg(long, value_name = "DIR", conflicts_with = "seed")]
+    flights: Option<PathBuf>,
+
+    /// Seed of the hidden effect and of the flights; from the clock if not given, for example: --seed 7
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+
+    /// Folder for report.html, model files and simulated flights, for example: --out my-report
+    #[arg(long, value_name = "DIR", default_value = "out/demo")]
+    out: PathBuf,
+}
+
+/// Why a folder of flights cannot be used.
+#[derive(Debug, thiserror::Error)]
+enum DemoError {
+    #[error("{}: cannot read the folder: {source}; name a folder with *.csv files and vehicle.toml", folder.display())]
+    Folder { folder: PathBuf, source: std::io::Error },
+    #[error("{}: has {count} *.csv files; at least 2 are needed, one to fit on and one to judge by", folder.display())]
+    TooFew { folder: PathBuf, count: usize },
+    #[error("{}: cannot create the folder: {source}; give another with --out", folder.display())]
+    Create { folder: PathBuf, source: std::io::Error },
+    #[error("--seed {seed}: the simulated craft was lost in flight {name}; use another seed")]
+    Lost { seed: u64, name: &'static str },
+}
+
+pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
+    match &options.flights {
+        Some(folder) => on_flights(options, folder),
+        None => on_hidden_effect(options),
+    }
+}
+
+fn create(folder: &Path) -> Result<(), DemoError> {
+    std::fs::create_dir_all(folder).map_err(|source| DemoError::Create { folder: folder.into(), source })
+}
+
+fn on_flights(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
+    let (files, how) = chosen_flights(folder)?;
+    let vehicle_path = folder.join("vehicle.toml");
+    let vehicle = Vehicle::read(&vehicle_path)?;
+    let terminal = Terminal::new(false);
+    let mut sets = files.read(&vehicle, Reading::default(), &terminal)?;
+    create(&options.out)?;
+    let explanation =
+        workflow::explain(&vehicle, &[], &mut sets, &diagnosis::Options::default(), None, &terminal)?;
+    terminal.clear();
+    let lead = format!("{how} {}", explanation.conclusion());
+    let text = finish(options, &lead, &vehicle_path, &sets, &explanation)?;
+    faults::warn(&sets.faults);
+    Ok(Outcome::done(text))
+}
+
+/// Which files of a folder are fitted on and which are judged by, and why.
+fn chosen_flights(folder: &Path) -> Result<(SetOptions, String), DemoError> {
+    let refused = |source| DemoError::Folder { folder: folder.into(), source };
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(refused)? {
+        let path = entry.map_err(refused)?.path();
+        if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
+            files.push(path);
+        }
+    }
+    files.sort();
+    let named = |names: &[&str]| -> Vec<PathBuf> {
+        let has_name =
+            |path: &&PathBuf| names.iter().any(|name| path.file_stem().is_some_and(|stem| stem == *name));
+        files.iter().filter(has_name).cloned().collect()
+    };
+    let (train, validate) = (named(&TRAIN), named(&VALIDATE));
+    if train.len() == TRAIN.len() && validate.len() == VALIDATE.len() {
+        let how = "Flights A, B and C were fitted on, D and E judged by.".to_owned();
+        return Ok((SetOptions { train, validate }, how));
+    }
+    let count = files.len();
+    if count < 2 {
+        return Err(DemoError::TooFew { folder: folder.into(), count });
+    }
+    let first = ((count as f64 * TRAIN_SHARE).round() as usize).clamp(1, count - 1);
+    let validate = files.split_off(first);
+    let how = format!("The first {first} of {count} flights by name were fitted on, the rest judged by.");
+    Ok((SetOptions { train: files, validate }, how))
+}
+
+fn on_hidden_effect(options: &Options) -> anyhow::Result<Outcome> {
+    let seed = options.seed.unwrap_or_else(seed_from_clock);
+    let (craft, effect) = demo_effect::draw(seed);
+    let folder = options.out.join("flights");
+    create(&folder)?;
+    let files = fly(&craft, seed, &folder)?;
+    let vehicle_path = folder.join("vehicle.toml");
+    report::write_atomic(&vehicle_path, toml::to_string(&craft.vehicle)?)?;
+
+    // From here on only the files speak.
+    let vehicle = Vehicle::read(&vehicle_path)?;
+    let terminal = Terminal::new(false);
+    let mut sets = files.read(&vehicle, Reading::default(), &terminal)?;
+    let explanation =
+        workflow::explain(&vehicle, &[], &mut sets, &diagnosis::Options::default(), None, &terminal)?;
+    let found = explanation.found().first() == Some(&effect);
+    terminal.clear();
+    let lead = format!("{} {}", explanation.conclusion(), verdict(effect, seed, &explanation));
+    let mut text = finish(options, &lead, &vehicle_path, &sets, &explanation)?;
+    let _ = write!(text, "\n{}", tables::hidden(&craft, effect, &explanation.model).to_text());
+    let again = format!("quadlab demo --seed {seed}");
+    let _ = writeln!(text, "\nto see this run again: {again}");
+    Ok(Outcome { text, holds: found })
+}
+
+/// What was hidden, and whether the flights gave away that and nothing else.
+fn verdict(hidden: Effect, seed: u64, explanation: &Explanation) -> String {
+    let found = explanation.found();
+    let gave = if found.first() == Some(&hidden) { "gave it away" } else { "did not give it away" };
+    let not_there: Vec<&str> = found.iter().filter(|e| **e != hidden).map(|e| e.id()).collect();
+    let wrong = if not_there.is_empty() {
+        String::new()
+    } else {
+        format!(" Not in the craft, though found: {}.", not_there.join(", "))
+    };
+    format!("Hidden in the simulated craft (seed {seed}): {hidden}. The flights {gave}.{wrong}")
+}
+
+fn seed_from_clock() -> u64 {
+    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    // Six digits are quickly typed again.
+    since.map_or(0, |since| since.as_micros() as u64 % 1_000_000)
+}
+
+/// Flies the five flights side by side and writes their files.
+fn fly(craft: &Model, seed: u64, folder: &Path) -> anyhow::Result<SetOptions> {
+    let names = [TRAIN[0], TRAIN[1], TRAIN[2], VALIDATE[0], VALIDATE[1]];
+    let bar = progress::bar(names.len(), false);
+    bar.set_message("flying");
+    let files: Vec<PathBuf> = names
+        .par_iter()
+        .enumerate()
+        .map(|(index, &name)| {
+            // Neighbouring seeds of the demonstration share no flight.
+            let flight_seed = seed.wrapping_mul(names.len() as u64).wrapping_add(index as u64);
+            let recording = sil::fly(&demo_effect::flight_plan(craft, flight_seed, FLIGHT_S))?;
+            if !recording.complete || recording.cage_margin_m() < 0.0 {
+                return Err(DemoError::Lost { seed, name }.into());
+            }
+            let path = folder.join(format!("{name}.csv"));
+            report::write_atomic(&path, recording.to_flight(name, false).to_csv())?;
+            bar.inc(1);
+            Ok(path)
+        })
+        .collect::<anyhow::Result<_>>()?;
+    bar.finish_and_clear();
+    let (train, validate) = files.split_at(TRAIN.len());
+    Ok(SetOptions { train: train.to_vec(), validate: validate.to_vec() })
+}
+
+/// Writes models and page, and says what was found.
+fn finish(
+    options: &Options,
+    lead: &str,
+    vehicle: &Path,
+    sets: &FlightSets,
+    explanation: &Explanation,
+) -> anyhow::Result<String> {
+    let page = options.out.join("report.html");
+    report::write_atomic(options.out.join("basic.toml"), explanation.basic.to_toml())?;
+    report::write_atomic(options.out.join("better.toml"), &explanation.model.to_toml())?;
+    pages::explanation(lead, sets, explanation)
+        .provenance(provenance(&[vehicle], sets.all()))
+        .write(&page)?;
+    let mut text = tables::paragraph(lead);
+    let _ = write!(text, "\n{}", tables::falling_error(explanation).to_text());
+    for step in &explanation.steps {
+        let finding = &step.addition.finding;
+        let line = format!("{}: {}. {}", step.effect, finding.reason, sentence(step.effect));
+        let _ = write!(text, "\n{}", tables::paragraph(&line));
+    }
+    let left = format!("What is left: {}", explanation.last_diagnosis.summary);
+    let _ = write!(text, "\n{}", tables::paragraph(&left));
+    let _ = writeln!(text, "\npage: {}", page.display());
+    Ok(text)
+}
+
+fn sentence(effect: Effect) -> &'static str {
+    effect.info().sentence
+}

@@ -1,0 +1,197 @@
+//! `quadlab design`: gains from a model and specifications.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use clap::Subcommand;
+use design::check::{CheckOptions, CheckReport, check};
+use design::loops::View;
+use design::procedure::{Designed, Method, Shortfall, Specs, Step, design};
+use design::{DesignError, Gains, Provenance};
+use model::Model;
+use report::significant;
+use serde::Serialize;
+
+use crate::cli::output::{Outcome, check_outputs};
+use crate::commands::{design_check, design_report};
+use diagnosis::workflow::sha256;
+
+/// Design gains for a model, step by step; or check gains. Exit status 1 if a specification cannot be met.
+#[derive(clap::Args)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    after_help = "Examples:\n  quadlab design --model model.toml --out gains.toml\n  quadlab design --model model.toml --specs specs.toml --out gains.toml\n  quadlab design check --model model.toml --gains gains.toml\n  quadlab design report --out report.html\n\nA specifications file (every field may be left out; these are defaults):\n  method = \"delay\"          # or \"thesis\": chapter 5 step by step, without delay\n  delay_samples = 2\n  stable_delay_samples = 4\n  [attitude]\n  phase_margin_deg = 45.0\n  gain_margin = 2.0"
+)]
+pub(crate) struct Options {
+    #[command(subcommand)]
+    command: Option<Command>,
+
+    /// Model file, for example: --model model.toml
+    #[arg(long, value_name = "TOML", required = true)]
+    model: Option<PathBuf>,
+
+    /// Specifications, for example: --specs specs.toml
+    #[arg(long, value_name = "TOML")]
+    specs: Option<PathBuf>,
+
+    /// Gains file to write, for example: --out gains.toml
+    #[arg(long, value_name = "TOML", required = true)]
+    out: Option<PathBuf>,
+
+    /// Print one JSON document on standard output and nothing else there
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Check(design_check::Options),
+    Report(design_report::Options),
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    method: Method,
+    steps: &'a [Step],
+    shortfalls: &'a [Shortfall],
+    loops: &'a [design::check::LoopReport],
+    gains: Option<String>,
+}
+
+pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
+    match (&options.command, &options.model, &options.out) {
+        (Some(Command::Check(options)), ..) => design_check::run(options),
+        (Some(Command::Report(options)), ..) => design_report::run(options),
+        (None, Some(model), Some(out)) => make(options, model, out),
+        // The parser has asked for both.
+        (None, ..) => Ok(Outcome::done(String::new())),
+    }
+}
+
+fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outcome> {
+    let inputs: Vec<&PathBuf> = std::iter::once(path).chain(&options.specs).collect();
+    check_outputs([out], &inputs)?;
+    let model = Model::read(path)?;
+    let specs = match &options.specs {
+        Some(path) => {
+            let text = std::fs::read_to_string(path)
+                .map_err(|source| design::DesignError::Read { path: path.clone(), source })?;
+            Specs::parse(&text, path)?
+        }
+        None => Specs::default(),
+    };
+    let designed = match design(&model, &specs) {
+        Err(DesignError::Unmet(shortfall)) => return unmet(options, specs.method, &shortfall),
+        designed => designed?,
+    };
+    let view = match specs.method {
+        Method::Thesis => View::Continuous,
+        Method::Delay => View::Sampled { delay_samples: specs.delay_samples },
+    };
+    let report = check(&model, &designed.config, &CheckOptions { view, samples: 0, seed: 0 })?;
+    let holds = designed.shortfalls.is_empty();
+    if holds {
+        let provenance = Provenance {
+            vehicle: model.vehicle.name.clone(),
+            vehicle_sha256: Some(model.vehicle.sha256()),
+            source: format!("quadlab {} design", env!("CARGO_PKG_VERSION")),
+            model_sha256: Some(sha256(&std::fs::read(path)?)),
+            specs: Some(toml::Table::try_from(specs)?),
+            margins: Some(margins(&report)),
+        };
+        let gains = Gains { config: designed.config, provenance: Some(provenance) };
+        report::write_atomic(out, gains.to_toml())?;
+    }
+    let written = holds.then(|| out.display().to_string());
+    let outcome = if options.json {
+        Outcome::json(&Document {
+            method: specs.method,
+            steps: &designed.steps,
+            shortfalls: &designed.shortfalls,
+            loops: &report.loops,
+            gains: written,
+        })?
+    } else {
+        Outcome::done(text(&designed, &report, written.as_deref()))
+    };
+    Ok(Outcome { holds, ..outcome })
+}
+
+/// A design that ended at a specification that no gain meets.
+fn unmet(options: &Options, method: Method, shortfall: &Shortfall) -> anyhow::Result<Outcome> {
+    let shortfalls = std::slice::from_ref(shortfall);
+    let outcome = match options.json {
+        true => Outcome::json(&Document { method, steps: &[], shortfalls, loops: &[], gains: None })?,
+        false => Outcome::done(not_met(shortfalls)),
+    };
+    Ok(Outcome { holds: false, ..outcome })
+}
+
+/// One line for each specification that is not met, and what comes of it.
+fn not_met(shortfalls: &[Shortfall]) -> String {
+    let mut text = String::new();
+    for s in shortfalls {
+        // Digits enough to tell the two apart.
+        let both = |digits| (significant(s.wanted, digits), significant(s.reached, digits));
+        let (wanted, reached) =
+            (3..9).map(both).find(|(wanted, reached)| wanted != reached).unwrap_or_else(|| both(9));
+        let key = s.key().map_or_else(String::new, |key| format!(" ({key})"));
+        let _ = writeln!(text, "NOT MET: {}: {}: wanted {wanted}, reached {reached}{key}", s.name, s.what);
+    }
+    text.push_str("no gains written: relax what is not met in a file for --specs, or the delay\n");
+    text
+}
+
+/// Margins of each loop for the file.
+fn margins(report: &CheckReport) -> toml::Table {
+    let row = |l: &design::check::LoopReport| {
+        let numbers = [
+            ("phase_margin_deg", l.phase_margin_deg),
+            ("gain_margin", l.gain_margin),
+            ("crossover_rad_s", l.crossover_rad_s),
+            ("delay_margin_s", l.delay_margin_s),
+        ];
+        let table: toml::Table =
+            numbers.into_iter().filter_map(|(k, v)| Some((k.to_owned(), toml::Value::Float(v?)))).collect();
+        (l.name.to_owned(), toml::Value::Table(table))
+    };
+    report.loops.iter().map(row).collect()
+}
+
+fn text(designed: &Designed, report: &CheckReport, written: Option<&str>) -> String {
+    let mut text = String::new();
+    for step in &designed.steps {
+        let _ = writeln!(
+            text,
+            "{:<6}{:<18}{:>9}  {}",
+            step.name,
+            step.gain,
+            significant(step.value, 4),
+            step.rule
+        );
+    }
+    text.push('\n');
+    for l in &report.loops {
+        let number = |value: Option<f64>| value.map_or_else(|| "-".into(), |x| significant(x, 3));
+        let _ = writeln!(
+            text,
+            "{:<6}phase margin {} deg at {} rad/s, gain margin {}, delay margin {} ms",
+            l.name,
+            number(l.phase_margin_deg),
+            number(l.crossover_rad_s),
+            number(l.gain_margin),
+            number(l.delay_margin_s.map(|s| 1000.0 * s))
+        );
+    }
+    match written {
+        Some(path) => {
+            let _ = writeln!(text, "\ngains: {path}");
+        }
+        None => {
+            text.push('\n');
+            text.push_str(&not_met(&designed.shortfalls));
+        }
+    }
+    text
+}

@@ -1,0 +1,163 @@
+//! `quadlab diagnose`: which physical effect is missing from a model?
+
+use std::path::PathBuf;
+
+use diagnosis::{Diagnosis, workflow};
+use model::Model;
+
+use crate::cli::faults::{self, FaultOptions};
+use crate::cli::flights::{self, SetOptions};
+use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::cli::terminal::Terminal;
+use crate::cli::user_effects::EffectOptions;
+use crate::render::{evidence, pages, tables};
+
+/// Say which physical effect a model lacks, with the evidence for each.
+///
+/// Every effect of the catalogue is fitted together with the whole model on the training flights and judged on the
+/// flights held out. An effect is supported when the error falls there by more than chance and by enough to matter,
+/// with coefficients that are physically possible.
+///
+/// With --changed the model was good once: its parameters stay, and new flights are explained by one change (a heavier
+/// craft, a weak motor, a wind ...), which must stand out from how much the craft differed from flight to flight then.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  quadlab diagnose --model model.toml --train A.csv B.csv C.csv \
+                        --validate D.csv E.csv --html diagnosis.html\n  \
+                        quadlab diagnose --model model.toml --train A.csv B.csv C.csv --validate D.csv E.csv \
+                        --why ground-effect\n  \
+                        quadlab diagnose --model model.toml --changed today-1.csv today-2.csv")]
+pub(crate) struct Options {
+    /// Model file, for example: --model model.toml
+    #[arg(long, value_name = "TOML")]
+    model: PathBuf,
+
+    #[command(flatten)]
+    sets: Option<SetOptions>,
+
+    #[command(flatten)]
+    effects: EffectOptions,
+
+    /// New flights: what has changed since the model was made? For example: --changed today-1.csv today-2.csv
+    #[arg(long, value_name = "CSV", num_args = 1.., conflicts_with_all = ["train", "validate", "html"])]
+    changed: Vec<PathBuf>,
+
+    /// Show all the evidence for and against one effect, missing or in the model, for example: --why ground-effect
+    #[arg(long, value_name = "EFFECT", conflicts_with_all = ["changed", "html"])]
+    why: Option<String>,
+
+    #[command(flatten)]
+    without: WithoutOptions,
+
+    /// Page with figures to write, for example: --html diagnosis.html
+    #[arg(long, value_name = "HTML")]
+    html: Option<PathBuf>,
+
+    #[command(flatten)]
+    faults: FaultOptions,
+
+    /// Print one JSON document on standard output and nothing else there
+    #[arg(long)]
+    json: bool,
+}
+
+/// Effects to leave out of the catalogue.
+#[derive(clap::Args)]
+pub(crate) struct WithoutOptions {
+    /// Treat these effects as if nobody knew them, for example: --without tether
+    #[arg(long, value_name = "EFFECT", num_args = 1..)]
+    without: Vec<String>,
+}
+
+impl WithoutOptions {
+    /// What to diagnose with.
+    pub(crate) fn options(&self) -> Result<diagnosis::Options, crate::commands::add::AddError> {
+        let without =
+            self.without.iter().map(|id| crate::commands::add::known_effect(id)).collect::<Result<_, _>>()?;
+        Ok(diagnosis::Options { without })
+    }
+}
+
+/// Why there is nothing to diagnose.
+#[derive(Debug, thiserror::Error)]
+enum DiagnoseError {
+    #[error(
+        "no flights given: name --train and --validate (what is missing?) or --changed (what has changed?)"
+    )]
+    NoFlights,
+}
+
+pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
+    match &options.sets {
+        _ if !options.changed.is_empty() => run_changed(options),
+        Some(sets) => run_missing(options, sets),
+        None => Err(DiagnoseError::NoFlights.into()),
+    }
+}
+
+fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> {
+    let mut inputs = sets.paths();
+    inputs.push(&options.model);
+    inputs.extend(options.effects.paths());
+    check_outputs(&options.html, &inputs)?;
+    let effects = options.effects.read()?;
+    let model = Model::read(&options.model)?;
+    let search = options.without.options()?;
+    let asked = options.why.as_deref().map(crate::commands::add::known_effect).transpose()?;
+    let terminal = Terminal::new(options.json);
+    let mut sets = sets.read(&model.vehicle, options.faults.reading(), &terminal)?;
+    if let Some(effect) = asked {
+        let why = workflow::why(&model, effect, &effects, &mut sets, &search, &terminal)?;
+        return if options.json { Outcome::json(&why) } else { Ok(Outcome::done(evidence::text(&why))) };
+    }
+    let diagnosis = workflow::diagnose(&model, &effects, &mut sets, &search, &terminal)?;
+    terminal.clear();
+    if let Some(path) = &options.html {
+        pages::with_checks(pages::diagnose(&model, &sets, &diagnosis), sets.all(), &sets.faults)
+            .provenance(provenance(&[&options.model], sets.all()))
+            .write(path)?;
+    }
+    if options.json {
+        faults::json(&diagnosis, sets.all(), &sets.faults)
+    } else {
+        faults::warn(&sets.faults);
+        Ok(Outcome::done(text(options, &diagnosis)))
+    }
+}
+
+fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
+    let effects = options.effects.read()?;
+    let model = Model::read(&options.model)?;
+    let terminal = Terminal::new(options.json);
+    let mut changed = flights::read(&options.changed, &model.vehicle, options.faults.reading(), &terminal)?;
+    if model.fit.as_ref().is_none_or(|fit| fit.scatter.is_empty()) {
+        eprintln!(
+            "warning: {}: does not say how much the craft differed from flight to flight; changes are judged against noise alone",
+            options.model.display()
+        );
+    }
+    let diagnosis = workflow::changed(&model, &effects, &mut changed, &terminal)?;
+    terminal.clear();
+    if options.json {
+        faults::json(&diagnosis, &changed.flights, &changed.faults)
+    } else {
+        faults::warn(&changed.faults);
+        Ok(Outcome::done(text(options, &diagnosis)))
+    }
+}
+
+fn text(options: &Options, diagnosis: &Diagnosis) -> String {
+    let mut text = tables::paragraph(&diagnosis.summary);
+    for grid in [tables::evidence(diagnosis), tables::candidates(diagnosis, true)] {
+        if grid.has_rows() {
+            text.push_str(&format!("\n{}", grid.to_text()));
+        }
+    }
+    let left = tables::unexplained(&diagnosis.unexplained);
+    if left.has_rows() {
+        text.push_str(&format!("\n{}", left.to_text()));
+    }
+    if let Some(path) = &options.html {
+        text.push_str(&format!("\npage: {}\n", path.display()));
+    }
+    text
+}

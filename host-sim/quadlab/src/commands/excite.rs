@@ -1,0 +1,479 @@
+//! `quadlab excite`: a pattern file that makes a flight tell, and what it will tell, before it is flown.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+use control::Config;
+use design::Gains;
+use design::linear::Linear;
+use design::procedure::{Method, Specs, design};
+use design::trim::TrimTarget;
+use diagnosis::planning::information::{Expected, Parameter};
+use model::Model;
+use pattern::{Pattern, relative_peak_factor};
+use report::{Axis, Figure, Page, Panels, Section, Series, Style, significant};
+use serde::Serialize;
+use sil::manoeuvre::{Injection, Signal, library};
+use sil::plan::{BAND_HZ, GENTLE, known_error};
+use sil::predict::{Course, Foreseen, Predictor, Prospect};
+
+use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::commands::demo_effect;
+
+/// Write a flight that makes the model's coefficients known, and say how well, before it is flown.
+///
+/// The pattern is flown in simulation by the current model; its Fisher information, for residuals coloured like those of
+/// real fits, gives the standard error of each coefficient and which effects of the catalogue would stay unseen. Exit
+/// status 1 if the craft cannot fly it.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  quadlab excite --model model.toml --out pattern.csv\n  quadlab excite --model model.toml --path hover --signal thesis --amplitude 20 --seed 3 --out pattern.csv\n  quadlab excite --model model.toml --pattern pattern.csv      # only say what it would tell"
+)]
+pub(crate) struct Options {
+    /// Model file: what is known so far, for example: --model model.toml
+    #[arg(long, value_name = "TOML")]
+    model: PathBuf,
+
+    /// Gains file of the law that will fly it; designed for the model if not given
+    #[arg(long, value_name = "TOML")]
+    gains: Option<PathBuf>,
+
+    /// Where to fly: hover, yaw-round, yaw-swings, height-steps, low-flight, climbs, dashes-forward, dashes-sideways,
+    /// dashes-yawed, shuttle, circle, tour
+    #[arg(long, value_name = "NAME", default_value = "tour")]
+    path: String,
+
+    /// What is added to the motors
+    #[arg(long, value_enum, default_value_t = Word::Multisine)]
+    signal: Word,
+
+    /// Amplitude of a sine of the same power, command units; 1.5 % of the command range if not given
+    #[arg(long, value_name = "COMMAND", allow_negative_numbers = true)]
+    amplitude: Option<f64>,
+
+    /// Lowest and highest frequency of multisines and sweeps, Hz
+    #[arg(long, value_name = "HZ", num_args = 2, default_values_t = BAND_HZ)]
+    band: Vec<f64>,
+
+    /// Length, s; the period of a multisine
+    #[arg(long, value_name = "S", default_value_t = 20.0)]
+    duration: f64,
+
+    /// Of random sines, phases and the tour
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+
+    /// A pattern file to look at instead of making one
+    #[arg(long, value_name = "CSV", conflicts_with_all = ["path", "signal", "amplitude", "band", "duration", "out"])]
+    pattern: Option<PathBuf>,
+
+    /// Pattern file to write, for example: --out pattern.csv
+    #[arg(long, value_name = "CSV", required_unless_present = "pattern")]
+    out: Option<PathBuf>,
+
+    /// Write a page with figures, for example: --html pattern.html
+    #[arg(long, value_name = "HTML")]
+    html: Option<PathBuf>,
+
+    /// Print one JSON document on standard output and nothing else there
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Word {
+    /// Random sines of the thesis (4.2.1)
+    Thesis,
+    /// Orthogonal multisines with small peaks
+    Multisine,
+    /// Sweeps in equal steps of hertz, one motor after the other
+    LinearSweep,
+    /// Sweeps in equal steps of octaves, one motor after the other
+    LogSweep,
+    /// Nothing
+    None,
+}
+
+#[derive(Debug, thiserror::Error)]
+enum ExciteError {
+    #[error("--path {given}: no such path; known are {known}")]
+    NoPath { given: String, known: String },
+    #[error("--duration {0}: give 8 to 600 seconds")]
+    Duration(f64),
+    #[error("--amplitude {0}: give a positive number of command units, at most half the command range")]
+    Amplitude(f64),
+    #[error("{}: no gains were found that fly this model in simulation; give --gains", .0.display())]
+    NoGains(PathBuf),
+    #[error("{}: vehicle.motors: has no map from command to rotor speed; find it with quadlab motor-map to simulate flights", .0.display())]
+    NoMap(PathBuf),
+}
+
+#[derive(Serialize)]
+struct Document {
+    pattern: Option<String>,
+    duration_s: f64,
+    injection: InjectionEntry,
+    flight: FlightEntry,
+    noise: [f64; 6],
+    coefficients: Vec<CoefficientEntry>,
+    cannot_be_told_apart: Vec<String>,
+    effects: Vec<EffectEntry>,
+}
+
+#[derive(Serialize)]
+struct InjectionEntry {
+    relative_peak_factor: [Option<f64>; 4],
+    peak: [f64; 4],
+    largest_correlation: f64,
+}
+
+#[derive(Serialize)]
+struct FlightEntry {
+    roll_deg: f64,
+    pitch_deg: f64,
+    position_m: [[f64; 2]; 3],
+    speed_m_s: f64,
+    saturated_ticks: usize,
+    command_correlation: [[f64; 4]; 4],
+    trouble: Option<String>,
+}
+
+#[derive(Serialize)]
+struct CoefficientEntry {
+    effect: &'static str,
+    name: &'static str,
+    unit: &'static str,
+    value: f64,
+    std_error: Option<f64>,
+    std_error_known: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct EffectEntry {
+    effect: &'static str,
+    excited: bool,
+    deviations: Option<f64>,
+    share_percent: Option<f64>,
+    to_see_it: &'static str,
+}
+
+pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
+    let inputs: Vec<&PathBuf> =
+        std::iter::once(&options.model).chain(&options.gains).chain(&options.pattern).collect();
+    check_outputs(options.out.iter().chain(&options.html), &inputs)?;
+    let model = Model::read(&options.model)?;
+    let given = options.pattern.as_ref().map(|path| Pattern::read(path)).transpose()?;
+    let predictor = predictor(&model, &options.model, options.gains.as_deref(), options.seed)?;
+    let pattern = match given {
+        Some(pattern) => pattern,
+        None => made(options, predictor.config())?,
+    };
+    let foreseen = predictor.foresee(&pattern)?;
+    let document = document(options, &predictor, &pattern, &foreseen);
+    let holds = document.flight.trouble.is_none();
+    if let (Some(out), true) = (&options.out, holds) {
+        report::write_atomic(out, pattern.to_csv())?;
+    }
+    if let Some(html) = &options.html {
+        let files: Vec<&Path> = inputs.iter().map(|p| p.as_path()).collect();
+        page(&document, &pattern, &predictor)?.provenance(provenance(&files, [])).write(html)?;
+    }
+    let outcome = if options.json {
+        Outcome::json(&document)?
+    } else {
+        Outcome::done(described(&document, options.out.is_some()))
+    };
+    Ok(Outcome { holds, ..outcome })
+}
+
+/// The model under the gains of a file, or else under the first that fly it: designed the thesis' way, which takes a second;
+/// by the search for a late pose; the thesis' own, if they suit; and these without the cancellers that only flapping asks for.
+pub(crate) fn predictor(
+    model: &Model,
+    path: &Path,
+    gains: Option<&Path>,
+    seed: u64,
+) -> anyhow::Result<Predictor> {
+    if !(model.vehicle.can_map_commands() && model.vehicle.has_rotor_map()) {
+        return Err(ExciteError::NoMap(path.into()).into());
+    }
+    let under = |config: Config| anyhow::Ok(Predictor::new(model.clone(), config, seed)?);
+    if let Some(gains) = gains {
+        return under(design::fit::read_for(gains, model)?.config);
+    }
+    let designed = |method: Method| under(design(model, &Specs { method, ..Specs::default() })?.config);
+    let of_thesis = |cancellers: bool| {
+        let mut config = Config::thesis();
+        let linear = Linear::new(model, &TrimTarget::default())?;
+        design::fit::fit(&Gains { config, provenance: None }, model, &linear, path)?;
+        if !cancellers {
+            demo_effect::without_cancellers(&mut config);
+        }
+        under(config)
+    };
+    designed(Method::Thesis)
+        .or_else(|_| designed(Method::Delay))
+        .or_else(|why| of_thesis(true).or_else(|_| of_thesis(false)).map_err(|_| why))
+        .map_err(|why| why.context(ExciteError::NoGains(path.into())))
+}
+
+fn made(options: &Options, config: &Config) -> anyhow::Result<Pattern> {
+    if !(8.0..=600.0).contains(&options.duration) {
+        return Err(ExciteError::Duration(options.duration).into());
+    }
+    let [low, high] = config.command_range;
+    let amplitude = options.amplitude.unwrap_or(GENTLE * (high - low));
+    if !(amplitude > 0.0 && amplitude <= 0.5 * (high - low)) {
+        return Err(ExciteError::Amplitude(amplitude).into());
+    }
+    let all = library(options.duration, options.seed);
+    let Some(manoeuvre) = all.iter().find(|m| m.name == options.path) else {
+        let known = all.iter().map(|m| m.name).collect::<Vec<_>>().join(", ");
+        return Err(ExciteError::NoPath { given: options.path.clone(), known }.into());
+    };
+    let band_hz = [options.band[0], options.band[1]];
+    let signal = match options.signal {
+        Word::Thesis => Signal::Thesis,
+        Word::Multisine => Signal::Multisine,
+        Word::LinearSweep => Signal::LinearSweep,
+        Word::LogSweep => Signal::LogSweep,
+        Word::None => Signal::None,
+    };
+    let injection = Injection { signal, amplitude, band_hz, seed: options.seed };
+    let path = options.out.as_deref().unwrap_or(Path::new("pattern"));
+    Ok(manoeuvre.pattern(&injection, config.sample_time_s, options.duration, path)?)
+}
+
+fn document(options: &Options, predictor: &Predictor, pattern: &Pattern, foreseen: &Foreseen) -> Document {
+    let model = predictor.model();
+    let (expected, alike) = match foreseen.information.expected(&model.effects()) {
+        Ok(expected) => (Some(expected), Vec::new()),
+        Err(alike) => (None, alike.0.iter().map(name).collect()),
+    };
+    let written = options.out.as_ref().filter(|_| foreseen.course.trouble.is_none());
+    Document {
+        pattern: written.map(|p| p.display().to_string()),
+        duration_s: pattern.duration_s(),
+        injection: injected(pattern),
+        flight: flight(&foreseen.course),
+        noise: predictor.noise(),
+        coefficients: coefficients(model, expected.as_ref()),
+        cannot_be_told_apart: alike,
+        effects: predictor.prospects(&foreseen.information).iter().map(effect).collect(),
+    }
+}
+
+fn name(p: &Parameter) -> String {
+    format!("{} of {}", p.info().name, p.effect)
+}
+
+fn injected(pattern: &Pattern) -> InjectionEntry {
+    let motor = |k: usize| -> Vec<f64> { pattern.rows().iter().map(|row| row.injection[k]).collect() };
+    let motors: [Vec<f64>; 4] = std::array::from_fn(motor);
+    let peak = motors.each_ref().map(|m| m.iter().fold(0.0_f64, |a, b| a.max(b.abs())));
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let mut largest = 0.0_f64;
+    for a in 0..4 {
+        for b in 0..a {
+            let power = dot(&motors[a], &motors[a]) * dot(&motors[b], &motors[b]);
+            if power > 0.0 {
+                largest = largest.max((dot(&motors[a], &motors[b]) / power.sqrt()).abs());
+            }
+        }
+    }
+    InjectionEntry {
+        relative_peak_factor: std::array::from_fn(|k| {
+            (peak[k] > 0.0).then(|| relative_peak_factor(&motors[k]))
+        }),
+        peak,
+        largest_correlation: largest,
+    }
+}
+
+fn flight(course: &Course) -> FlightEntry {
+    FlightEntry {
+        roll_deg: course.tilt_rad[0].to_degrees(),
+        pitch_deg: course.tilt_rad[1].to_degrees(),
+        position_m: course.position_m,
+        speed_m_s: course.speed_m_s,
+        saturated_ticks: course.saturated_ticks,
+        command_correlation: course.correlation,
+        trouble: course.trouble.clone(),
+    }
+}
+
+fn coefficients(model: &Model, expected: Option<&Expected>) -> Vec<CoefficientEntry> {
+    let entry = |effect: model::Effect, index: usize, value: f64| {
+        let parameter = Parameter { effect, index };
+        let info = parameter.info();
+        CoefficientEntry {
+            effect: effect.id(),
+            name: info.name,
+            unit: info.unit,
+            value,
+            std_error: expected.and_then(|e| e.std_error(parameter)),
+            std_error_known: known_error(model, parameter),
+        }
+    };
+    let terms = model.terms.iter();
+    terms
+        .flat_map(|t| t.coefficients.iter().enumerate().map(move |(k, c)| (t.effect, k, c.value)))
+        .map(|(effect, index, value)| entry(effect, index, value))
+        .collect()
+}
+
+fn effect(prospect: &Prospect) -> EffectEntry {
+    let info = prospect.effect.info();
+    EffectEntry {
+        effect: info.id,
+        excited: prospect.is_excited(),
+        deviations: prospect.sight.map(|s| s.deviations),
+        share_percent: prospect.sight.map(|s| s.share_percent),
+        to_see_it: info.excitation,
+    }
+}
+
+/// `wanted`: whether a pattern file was asked for.
+fn described(document: &Document, wanted: bool) -> String {
+    let mut text = String::new();
+    let f = &document.flight;
+    if let Some(trouble) = &f.trouble {
+        let _ = writeln!(
+            text,
+            "NOT TO BE FLOWN: {trouble}. Take a smaller --amplitude, another --path, or gains for this model (--gains).\n"
+        );
+    }
+    let [x, y, z] = f.position_m;
+    let _ = writeln!(
+        text,
+        "Flight of {} s: roll up to {:.1}, pitch up to {:.1} deg, {:.1} m/s; x {:.2} to {:.2}, y {:.2} to {:.2}, height {:.2} to {:.2} m; {} saturated ticks",
+        document.duration_s,
+        f.roll_deg,
+        f.pitch_deg,
+        f.speed_m_s,
+        x[0],
+        x[1],
+        y[0],
+        y[1],
+        -z[1],
+        -z[0],
+        f.saturated_ticks
+    );
+    let i = &document.injection;
+    let factors: Vec<String> =
+        i.relative_peak_factor.iter().map(|v| v.map_or_else(|| "-".into(), |v| format!("{v:.2}"))).collect();
+    let _ = writeln!(
+        text,
+        "On the motors: peaks {}, relative peak factors {} (a sine has 1), correlation at most {:.3}; of the commands as flown at most {:.2}",
+        i.peak.map(|p| significant(p, 3)).join(" "),
+        factors.join(" "),
+        i.largest_correlation,
+        largest(&f.command_correlation)
+    );
+    let noise: Vec<String> = document.noise.iter().map(|n| significant(*n, 2)).collect();
+    let _ = writeln!(
+        text,
+        "Residual reckoned with: u v w {} m/s^2, p q r {} rad/s^2",
+        noise[..3].join(" "),
+        noise[3..].join(" ")
+    );
+    if !document.cannot_be_told_apart.is_empty() {
+        let _ = writeln!(text, "\nCannot be told apart: {}", document.cannot_be_told_apart.join(", "));
+    }
+    let _ = writeln!(
+        text,
+        "\n{:<19}{:<16}{:>11}{:>12}{:>9}{:>12}  unit",
+        "effect", "coefficient", "value", "std. error", "percent", "so far"
+    );
+    for c in &document.coefficients {
+        let number = |v: Option<f64>| v.map_or_else(|| "-".into(), |v| significant(v, 2));
+        let percent = c.std_error.map(|e| 100.0 * e / c.value.abs()).filter(|p| p.is_finite());
+        let _ = writeln!(
+            text,
+            "{:<19}{:<16}{:>11}{:>12}{:>9}{:>12}  {}",
+            c.effect,
+            c.name,
+            significant(c.value, 4),
+            number(c.std_error),
+            number(percent),
+            number(c.std_error_known),
+            c.unit
+        );
+    }
+    let (seen, unseen): (Vec<&EffectEntry>, Vec<&EffectEntry>) =
+        document.effects.iter().partition(|e| e.excited);
+    let seen: Vec<String> =
+        seen.iter().map(|e| format!("{} ({:.0})", e.effect, e.deviations.unwrap_or(0.0))).collect();
+    let none = |list: String| if list.is_empty() { "none".into() } else { list };
+    let _ = writeln!(
+        text,
+        "\nOf ordinary size these would be found (standard errors by which they stand out): {}",
+        none(seen.join(", "))
+    );
+    text.push_str("Not excited:");
+    if unseen.is_empty() {
+        text.push_str(" none\n");
+    }
+    for e in unseen {
+        let how = match (e.deviations, e.share_percent) {
+            (Some(d), Some(s)) => format!("{d:.1} standard errors, {s:.2} % of the squared error"),
+            _ => "does not act in this flight, or exactly like something else".into(),
+        };
+        let _ = write!(text, "\n  {:<22}{how}; to see it: {}", e.effect, e.to_see_it);
+    }
+    text.push('\n');
+    if let Some(path) = &document.pattern {
+        let _ = writeln!(text, "\npattern file: {path}");
+    } else if wanted {
+        text.push_str("\nno pattern file written\n");
+    }
+    text
+}
+
+fn largest(correlation: &[[f64; 4]; 4]) -> f64 {
+    let mut largest = 0.0_f64;
+    for (a, row) in correlation.iter().enumerate() {
+        largest = row[..a].iter().fold(largest, |m, v| m.max(v.abs()));
+    }
+    largest
+}
+
+fn page(document: &Document, pattern: &Pattern, predictor: &Predictor) -> anyhow::Result<Page> {
+    let recording = sil::fly(&predictor.plan(pattern))?;
+    let time = || Axis::new("time", "s");
+    let of = |pick: &dyn Fn(usize) -> f64| -> Vec<(f64, f64)> {
+        (0..recording.rows.len()).map(|k| (recording.time_s(k), pick(k))).collect()
+    };
+    let euler = recording.euler_rad();
+    let unit = predictor.model().vehicle.motors.command_unit.as_str();
+    let injection =
+        (0..4).fold(Figure::new("On the motors", time(), Axis::new("injection", unit)), |figure, motor| {
+            let data: Vec<(f64, f64)> = pattern.rows().iter().map(|r| (r.t_s, r.injection[motor])).collect();
+            figure.with(Series::line(format!("motor {}", motor + 1), Style::Category(motor), data))
+        });
+    let attitude = ["roll", "pitch"].into_iter().enumerate().fold(
+        Figure::new("Attitude", time(), Axis::new("angle", "deg")),
+        |figure, (axis, name)| {
+            figure.with(Series::line(name, Style::Category(axis), of(&|k| euler[k][axis].to_degrees())))
+        },
+    );
+    let position = ["x", "y", "height"].into_iter().enumerate().fold(
+        Figure::new("Position", time(), Axis::new("position", "m")),
+        |figure, (axis, name)| {
+            let sign = if axis == 2 { -1.0 } else { 1.0 };
+            let value = |k: usize| sign * f64::from(recording.rows[k].truth.position_m[axis]);
+            figure.with(Series::line(name, Style::Category(axis), of(&value)))
+        },
+    );
+    let text = described(document, false);
+    Ok(Page::new(
+        "A flight that tells",
+        "What a pattern will tell, from a simulated flight of the current model.",
+    )
+    .section(
+        Section::new("The flight")
+            .figure(Panels::new([injection, attitude, position]), "As the model flies it, without noise."),
+    )
+    .section(Section::new("What it will tell").preformatted(text)))
+}

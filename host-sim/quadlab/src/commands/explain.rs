@@ -1,0 +1,153 @@
+//! `quadlab explain`: the whole loop by itself, from flights to a model in which nothing supported is missing.
+
+use std::path::PathBuf;
+
+use diagnosis::Verdict;
+use diagnosis::diagnose::Unexplained;
+use diagnosis::workflow::{self, Explanation};
+use model::{PerAxis, Vehicle};
+use serde::Serialize;
+
+use crate::cli::faults::{self, FaultOptions};
+use crate::cli::flights::SetOptions;
+use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::cli::refine::{self, RefineOptions, RefinementEntry};
+use crate::cli::terminal::Terminal;
+use crate::cli::user_effects::EffectOptions;
+use crate::commands::diagnose::WithoutOptions;
+use crate::render::{pages, tables};
+
+/// Identify the basic model, then diagnose and add until nothing that the flights support is left.
+///
+/// An effect is added only when flights that it was not fitted on support it; the loop ends when none is left. The error
+/// after every step is kept in the model's history.
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  quadlab explain --vehicle vehicle.toml --train A.csv B.csv C.csv \
+                        --validate D.csv E.csv --out model.toml --html story.html")]
+pub(crate) struct Options {
+    /// What is known of the craft before any flight, for example: --vehicle vehicle.toml
+    #[arg(long, value_name = "TOML")]
+    vehicle: PathBuf,
+
+    #[command(flatten)]
+    sets: SetOptions,
+
+    #[command(flatten)]
+    effects: EffectOptions,
+
+    #[command(flatten)]
+    without: WithoutOptions,
+
+    #[command(flatten)]
+    refine: RefineOptions,
+
+    /// Model file to write, for example: --out model.toml
+    #[arg(long, value_name = "TOML")]
+    out: PathBuf,
+
+    /// Page with figures to write, for example: --html story.html
+    #[arg(long, value_name = "HTML")]
+    html: Option<PathBuf>,
+
+    #[command(flatten)]
+    faults: FaultOptions,
+
+    /// Print one JSON document on standard output and nothing else there
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
+    let mut inputs = options.sets.paths();
+    inputs.push(&options.vehicle);
+    inputs.extend(options.effects.paths());
+    check_outputs([&options.out].into_iter().chain(&options.html), &inputs)?;
+    let vehicle = Vehicle::read(&options.vehicle)?;
+    let effects = options.effects.read()?;
+    let search = options.without.options()?;
+    let terminal = Terminal::new(options.json);
+    let mut sets = options.sets.read(&vehicle, options.faults.reading(), &terminal)?;
+    let explanation =
+        workflow::explain(&vehicle, &effects, &mut sets, &search, options.refine.rows(), &terminal)?;
+    terminal.clear();
+    report::write_atomic(&options.out, explanation.model.to_toml())?;
+    if let Some(path) = &options.html {
+        let page = pages::explanation(&explanation.conclusion(), &sets, &explanation);
+        pages::with_checks(page, sets.all(), &sets.faults)
+            .provenance(provenance(&[&options.vehicle], sets.all()))
+            .write(path)?;
+    }
+    if options.json {
+        faults::json(&document(&explanation), sets.all(), &sets.faults)
+    } else {
+        faults::warn(&sets.faults);
+        Ok(Outcome::done(text(options, &explanation)))
+    }
+}
+
+fn text(options: &Options, explanation: &Explanation) -> String {
+    let mut text = format!(
+        "{}\n{}",
+        tables::paragraph(&explanation.conclusion()),
+        tables::falling_error(explanation).to_text()
+    );
+    text.push_str(&format!("\n{}", tables::coefficients(&explanation.model).to_text()));
+    let left = tables::unexplained(&explanation.last_diagnosis.unexplained);
+    if left.has_rows() {
+        text.push_str(&format!("\n{}", left.to_text()));
+    }
+    if let Some(outcome) = &explanation.refinement {
+        text.push_str(&format!("\n{}", tables::paragraph(&refine::sentence(outcome))));
+    }
+    text.push_str(&format!("\nmodel written to {}\n", options.out.display()));
+    if let Some(path) = &options.html {
+        text.push_str(&format!("page: {}\n", path.display()));
+    }
+    text
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    /// Of the whole loop: `adequate` when nothing was missing, `missing-effect` when what was missing has been added and nothing
+    /// is left, `unexplained` when something is left at the end.
+    verdict: Verdict,
+    /// Of the model before anything was added.
+    verdict_first: Verdict,
+    summary: String,
+    added: Vec<Added>,
+    sse_first: PerAxis<f64>,
+    sse_last: PerAxis<f64>,
+    unexplained: &'a [Unexplained],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    refinement: Option<RefinementEntry>,
+}
+
+#[derive(Serialize)]
+struct Added {
+    effect: &'static str,
+    drop_percent: f64,
+    /// Held-out errors with it and those before it.
+    sse: PerAxis<f64>,
+}
+
+fn document(explanation: &Explanation) -> Document<'_> {
+    let sse = |c: &sysid::Comparison| PerAxis::from_fn(|a| c.total[a].sse);
+    Document {
+        verdict: explanation.verdict(),
+        verdict_first: explanation.first_diagnosis().verdict,
+        summary: explanation.conclusion(),
+        added: explanation
+            .steps
+            .iter()
+            .map(|step| Added {
+                effect: step.addition.finding.effect,
+                drop_percent: step.addition.finding.drop_percent,
+                sse: step.addition.after,
+            })
+            .collect(),
+        sse_first: sse(&explanation.basic_comparison),
+        sse_last: sse(explanation.last_comparison()),
+        unexplained: &explanation.last_diagnosis.unexplained,
+        refinement: explanation.refinement.as_ref().map(RefinementEntry::from),
+    }
+}

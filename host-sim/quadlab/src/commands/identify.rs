@@ -1,0 +1,177 @@
+//! `quadlab identify`: the basic model fitted to flights and judged on others.
+
+use std::path::PathBuf;
+
+use diagnosis::workflow::{self, FlightSets, Identified, rotation_refused, shown_record};
+use model::{AxisError, FlightRole, PerAxis, Vehicle};
+use serde::Serialize;
+use sysid::MotorsOfFlights;
+
+use crate::cli::faults::{self, FaultOptions};
+use crate::cli::flights::SetOptions;
+use crate::cli::output::{Outcome, check_outputs};
+use crate::cli::refine::{self, RefineOptions, RefinementEntry};
+use crate::cli::terminal::Terminal;
+use crate::cli::user_effects::EffectOptions;
+use crate::render::tables;
+
+/// Identify the basic model from flights.
+///
+/// Fits thrust, drag, rotor moments, inertia coupling, gyroscopic torque and angular damping to the training flights by
+/// least squares, judges them on the flights held out, and writes the model.
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  quadlab identify --vehicle vehicle.toml --train A.csv B.csv C.csv \
+                        --validate D.csv E.csv --out model.toml")]
+pub(crate) struct Options {
+    /// What is known of the craft before any flight, for example: --vehicle vehicle.toml
+    #[arg(long, value_name = "TOML")]
+    vehicle: PathBuf,
+
+    #[command(flatten)]
+    sets: SetOptions,
+
+    #[command(flatten)]
+    effects: EffectOptions,
+
+    #[command(flatten)]
+    refine: RefineOptions,
+
+    /// Model file to write, for example: --out model.toml
+    #[arg(long, value_name = "TOML")]
+    out: PathBuf,
+
+    #[command(flatten)]
+    faults: FaultOptions,
+
+    /// Print one JSON document on standard output and nothing else there
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
+    let mut inputs = options.sets.paths();
+    inputs.push(&options.vehicle);
+    inputs.extend(options.effects.paths());
+    check_outputs([&options.out], &inputs)?;
+    let vehicle = Vehicle::read(&options.vehicle)?;
+    let effects = options.effects.read()?;
+    let terminal = Terminal::new(options.json);
+    let mut sets = options.sets.read(&vehicle, options.faults.reading(), &terminal)?;
+    let identified = workflow::identify(&vehicle, &effects, &mut sets, options.refine.rows(), &terminal)?;
+    terminal.clear();
+    report::write_atomic(&options.out, identified.model.to_toml())?;
+    if options.json {
+        faults::json(&document(&identified, &sets), sets.all(), &sets.faults)
+    } else {
+        faults::warn(&sets.faults);
+        Ok(text(options, &identified, &sets))
+    }
+}
+
+fn text(options: &Options, identified: &Identified, sets: &FlightSets) -> Outcome {
+    let model = &identified.model;
+    let record = shown_record(model);
+    let mut more = String::new();
+    for grid in [tables::trim(sets.training.loaded()), tables::motors(&identified.motors)] {
+        if grid.has_rows() {
+            more.push_str(&format!("{}\n", grid.to_text()));
+        }
+    }
+    let refused = (!record.rotation_refused.is_empty())
+        .then(|| format!("Note: {}.", rotation_refused(&record.rotation_refused)));
+    for sentence in refused.into_iter().chain(identified.refinement.as_ref().map(refine::sentence)) {
+        more.push_str(&format!("{}\n", tables::paragraph(&sentence)));
+    }
+    Outcome::done(format!(
+        "{}\n{}\n{}\n{}\n{more}condition number of the fit: {}\nmodel written to {}\n",
+        tables::flights(sets).to_text(),
+        tables::clocks(sets.all()).to_text(),
+        tables::coefficients(model).to_text(),
+        tables::fit_errors(&record.train, &record.held_out).to_text(),
+        report::significant(identified.condition, 2),
+        options.out.display(),
+    ))
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    vehicle: &'a str,
+    flights: Vec<FlightEntry<'a>>,
+    coefficients: Vec<CoefficientEntry>,
+    train: PerAxis<AxisError>,
+    held_out: PerAxis<AxisError>,
+    condition: f64,
+    /// Why the model has no rotation, where it has none.
+    rotation_refused: Vec<String>,
+    /// Motor coefficients flight by flight, and whether they follow how the flights were flown.
+    motors: &'a [MotorsOfFlights],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    refinement: Option<RefinementEntry>,
+}
+
+#[derive(Serialize)]
+struct FlightEntry<'a> {
+    name: &'a str,
+    sha256: &'a str,
+    role: FlightRole,
+    samples: usize,
+    gyro_bias_rad_s: [f64; 3],
+    accelerometer_bias_m_s2: [f64; 2],
+    /// Clock of the rotor samples against that of the state.
+    alignment: Option<&'a sysid::Alignment>,
+    /// Constants of the rows beyond the mean of the training flights.
+    trim: Option<sysid::fit::trim::Trim>,
+    force_target: &'static str,
+    notes: &'a [String],
+}
+
+#[derive(Serialize)]
+struct CoefficientEntry {
+    effect: &'static str,
+    name: &'static str,
+    value: f64,
+    std_error: Option<f64>,
+    unit: &'static str,
+}
+
+fn document<'a>(identified: &'a Identified, sets: &'a FlightSets) -> Document<'a> {
+    let model = &identified.model;
+    let record = shown_record(model);
+    let flights = sets
+        .all()
+        .zip(&record.flights)
+        .map(|(flight, entry)| FlightEntry {
+            name: &flight.prepared.name,
+            sha256: &flight.sha256,
+            role: entry.role,
+            samples: flight.prepared.rows(),
+            gyro_bias_rad_s: flight.prepared.gyro_bias_rad_s,
+            accelerometer_bias_m_s2: flight.prepared.accelerometer_bias_m_s2,
+            alignment: flight.prepared.alignment.as_ref(),
+            trim: flight.prepared.trim,
+            force_target: flight.prepared.force_target.name(),
+            notes: &flight.prepared.notes,
+        })
+        .collect();
+    let coefficients = model.terms.iter().flat_map(|term| {
+        let info = term.effect.info();
+        info.coefficients.iter().zip(&term.coefficients).map(|(c, estimate)| CoefficientEntry {
+            effect: info.id,
+            name: c.name,
+            value: estimate.value,
+            std_error: estimate.std_error,
+            unit: c.unit,
+        })
+    });
+    Document {
+        vehicle: &model.vehicle.name,
+        flights,
+        coefficients: coefficients.collect(),
+        train: record.train,
+        held_out: record.held_out,
+        condition: identified.condition,
+        rotation_refused: record.rotation_refused,
+        motors: &identified.motors,
+        refinement: identified.refinement.as_ref().map(RefinementEntry::from),
+    }
+}

@@ -1,0 +1,19 @@
+//! One file a subcommand: its options, what it runs, what it prints and writes.
+
+pub(crate) mod add;
+pub(crate) mod compare;
+pub(crate) mod demo;
+pub(crate) mod demo_effect;
+pub(crate) mod design;
+pub(crate) mod design_check;
+pub(crate) mod design_report;
+pub(crate) mod diagnose;
+pub(crate) mod effects;
+pub(crate) mod excite;
+pub(crate) mod explain;
+pub(crate) mod ground;
+pub(crate) mod identify;
+pub(crate) mod linearize;
+pub(crate) mod motor_map;
+pub(crate) mod plan;
+pub(crate) mod simulated_laboratory;

@@ -1,0 +1,107 @@
+//! `quadlab diagnose --why`: the evidence for and against one effect, as text.
+
+use diagnosis::Why;
+
+use crate::render::tables::{self, Grid};
+
+/// Everything that was found out about it.
+pub(crate) fn text(why: &Why) -> String {
+    let mut text = tables::paragraph(&why.summary);
+    for grid in [criteria(why), flights(why), coefficients(why), sets(why), alike(why)] {
+        if grid.has_rows() {
+            text.push_str(&format!("\n{}", grid.to_text()));
+        }
+    }
+    let own = match why.variance_inflation {
+        inflation if inflation > 10.0 => format!(
+            "The model's own terms look like it: they inflate the variance of its coefficients {inflation:.0} times. "
+        ),
+        _ => String::new(),
+    };
+    text.push('\n');
+    text.push_str(&tables::paragraph(&format!("{own}To see it: {}.", why.to_see_it)));
+    text
+}
+
+fn criteria(why: &Why) -> Grid {
+    let mut grid = tables::evidence_grid(
+        "What an effect must do to be supported",
+        &["criterion", "found", "needed", "met"],
+    );
+    for c in &why.criteria {
+        let shown = |value: f64| match c.unit {
+            "%" => format!("{value:.1} %"),
+            "" => tables::probability(value),
+            unit => format!("{value:.1} {unit}"),
+        };
+        let sign = if c.at_most { "at most" } else { "at least" };
+        grid.push([
+            c.question.into(),
+            shown(c.value),
+            format!("{sign} {}", shown(c.threshold)),
+            if c.met { "yes" } else { "no" }.into(),
+        ]);
+    }
+    grid
+}
+
+fn flights(why: &Why) -> Grid {
+    let mut grid = tables::evidence_grid(
+        "Fall of the squared error with it, percent",
+        &["held-out flight", "u", "v", "w", "p", "q", "r"],
+    );
+    for flight in &why.flights {
+        let drops = model::AXES.iter().map(|axis| format!("{:.1}", flight.axes[axis.name()].drop_percent));
+        grid.push([flight.flight.clone()].into_iter().chain(drops));
+    }
+    grid
+}
+
+fn coefficients(why: &Why) -> Grid {
+    let mut grid = tables::evidence_grid(
+        "Its coefficients, everything fitted again",
+        &["name", "value", "+- (95 %)", "unit", "possible"],
+    );
+    for c in &why.coefficients {
+        let (low, high) = c.possible;
+        grid.push([
+            c.figures.name.into(),
+            report::significant(c.figures.value, 4),
+            report::significant(c.half_width_95, 2),
+            c.figures.unit.into(),
+            format!("{low} to {high}"),
+        ]);
+    }
+    grid
+}
+
+fn sets(why: &Why) -> Grid {
+    let mut grid = tables::evidence_grid(
+        "Best sets of effects, linearised (score: held-out log-likelihood less one for each coefficient)",
+        &["set", "score"],
+    );
+    let all = why.best_sets.iter().chain(&why.best_sets_with_it);
+    let mut shown: Vec<&[&str]> = Vec::new();
+    for set in all {
+        if !shown.contains(&set.effects.as_slice()) {
+            shown.push(&set.effects);
+            grid.push([set.effects.join(" + "), format!("{:.1}", set.score)]);
+        }
+    }
+    grid
+}
+
+fn alike(why: &Why) -> Grid {
+    let mut grid = tables::evidence_grid(
+        "Effects that these flights hardly tell it from",
+        &["effect", "variance inflation", "to separate them"],
+    );
+    for other in &why.alike {
+        grid.push([
+            other.effect.into(),
+            format!("{:.0}", other.variance_inflation),
+            other.separate.unwrap_or("fly so that they move separately").into(),
+        ]);
+    }
+    grid
+}
