@@ -88,3 +88,23 @@ pub(crate) fn decode_body(version: u8, body: &[u8]) -> Result<Message, Error> {
         Err(_) => Err(Error::Malformed),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_begins_with_its_version() {
+        let mut buffer = [0; MAX_FRAME_LEN];
+        let frame = encode(&Message::Who, &mut buffer).unwrap();
+        // `Who` is the tenth message.
+        assert_eq!(frame, [VERSION, 9]);
+        assert_eq!(decode(frame), Ok(Message::Who));
+        assert_eq!(decode(&[]), Err(Error::Empty));
+        assert_eq!(decode(&[VERSION + 1, 9]), Err(Error::Version { found: VERSION + 1 }));
+        assert_eq!(decode(&[1, 9]), Err(Error::Malformed), "version 1 ended with the second message");
+        assert_eq!(decode(&[VERSION, 9, 0, 0]), Err(Error::TrailingBytes(2)));
+        assert_eq!(decode(&[VERSION]), Err(Error::Malformed));
+        assert_eq!(encode(&Message::Who, &mut [0; 1]), Err(Error::BufferTooShort));
+    }
+}

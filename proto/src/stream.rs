@@ -73,3 +73,44 @@ impl Deframer {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn packets(bytes: &[u8], deframer: &mut Deframer) -> Vec<Vec<u8>> {
+        bytes.iter().filter_map(|byte| deframer.push(*byte).map(<[u8]>::to_vec)).collect()
+    }
+
+    /// Examples of Cheshire and Baker, "Consistent Overhead Byte Stuffing" (1999), worked by hand:
+    /// each code byte is the distance to the next zero.
+    #[test]
+    fn stuffed_bytes_are_those_of_the_paper() {
+        let mut buffer = [0; MAX_STREAM_LEN];
+        assert_eq!(enframe(&[0x11, 0x22, 0x00, 0x33], &mut buffer).unwrap(), [3, 0x11, 0x22, 2, 0x33, 0]);
+        assert_eq!(enframe(&[0, 0], &mut buffer).unwrap(), [1, 1, 1, 0]);
+        assert_eq!(enframe(&[1; 20], &mut [0; 20]), None, "no room");
+    }
+
+    #[test]
+    fn a_reader_that_starts_in_the_middle_finds_the_next_packet() {
+        let mut buffer = [0; MAX_STREAM_LEN];
+        let stuffed = enframe(&[7, 0, 9], &mut buffer).unwrap().to_vec();
+        let mut deframer = Deframer::new();
+        let stream = [&stuffed[2..], &stuffed, &[0, 0], &stuffed].concat();
+        let found = packets(&stream, &mut deframer);
+        assert_eq!(found[found.len() - 2..], [[7, 0, 9], [7, 0, 9]]);
+    }
+
+    #[test]
+    fn what_is_too_long_is_dropped_and_counted() {
+        let mut deframer = Deframer::new();
+        let mut noise = vec![1; 3 * MAX_PACKET_LEN];
+        noise.push(0);
+        assert_eq!(packets(&noise, &mut deframer), [[0_u8; 0]; 0]);
+        assert_eq!(deframer.dropped, 1);
+        let mut buffer = [0; MAX_STREAM_LEN];
+        let stuffed = enframe(&[5; MAX_PACKET_LEN], &mut buffer).unwrap();
+        assert_eq!(packets(stuffed, &mut deframer), [[5; MAX_PACKET_LEN]]);
+    }
+}

@@ -107,3 +107,29 @@ fn ends(question: &Question) -> Result<Ends> {
     opener.guard.reserved(u64::MAX);
     Ok((sealer, opener, Some(counters)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_craft_that_listens_everywhere_is_asked_here() {
+        for (listen, craft) in [
+            ("0.0.0.0:14650", "127.0.0.1:14650"),
+            ("[::]:14650", "[::1]:14650"),
+            ("192.168.1.2:1", "192.168.1.2:1"),
+        ] {
+            let link = config::LinkSettings {
+                listen: listen.parse().unwrap(),
+                number: 3,
+                key: None,
+                counters: None,
+                open: true,
+                telemetry_every: 1,
+            };
+            let question = Question::of(&link, Duration::ZERO);
+            assert_eq!((question.craft, question.number), (craft.parse().unwrap(), 3));
+            assert!(question.key.is_none());
+        }
+    }
+}

@@ -265,3 +265,33 @@ impl Guard {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The loop's ends of two pipes, and the guardian's.
+    fn heart() -> (Heart, OwnedFd, OwnedFd) {
+        let pipe = || pipe_with(PipeFlags::CLOEXEC | PipeFlags::NONBLOCK).unwrap();
+        let ((beats_out, beats), (orders, orders_in)) = (pipe(), pipe());
+        (Heart { beats, orders }, beats_out, orders_in)
+    }
+
+    #[test]
+    fn a_beat_is_a_byte_and_brings_the_order_back() {
+        let (mut heart, beats, orders) = heart();
+        assert_eq!([heart.beat(), heart.beat()], [Sign::Go, Sign::Go]);
+        let mut bytes = [0; 8];
+        assert_eq!(rustix::io::read(&beats, &mut bytes), Ok(2), "one byte a tick");
+        rustix::io::write(&orders, b"s").unwrap();
+        assert_eq!([heart.beat(), heart.beat()], [Sign::Stop, Sign::Go]);
+        drop(orders);
+        assert_eq!(heart.beat(), Sign::Orphaned);
+    }
+
+    #[test]
+    fn each_end_is_a_sentence() {
+        assert_eq!(End::Killed(9).to_string(), "the loop was killed by signal 9");
+        assert_eq!(End::Silent(81).to_string(), "the loop gave no sign of life for 81 ms and was killed");
+    }
+}

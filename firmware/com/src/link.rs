@@ -217,3 +217,30 @@ impl Keeper {
         Ok(Self { stretches })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The loop asks, the keeper stores, and only then the loop may use the numbers.
+    #[test]
+    fn numbers_are_used_only_once_they_are_stored() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut file = CounterFile::new(folder.path().join("sent"));
+        let stretch = Stretch::default();
+        let settle = |wanted| {
+            let mut reserved = None;
+            stretch.settle(wanted, |number| reserved = Some(number));
+            reserved
+        };
+        assert_eq!(settle(None), None, "nothing is asked for");
+        assert_eq!(settle(Some(1024)), Some(0), "not stored yet");
+        stretch.keep(&mut file).unwrap();
+        assert_eq!(settle(Some(1024)), Some(1024));
+        assert_eq!(file.load().unwrap(), 1024);
+        let mut missing = CounterFile::new(folder.path().join("none/sent"));
+        settle(Some(2048));
+        assert!(stretch.keep(&mut missing).is_err());
+        assert_eq!(settle(Some(2048)), Some(1024), "what cannot be stored is not used");
+    }
+}

@@ -87,3 +87,50 @@ impl Server {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::Ipv4Addr;
+
+    fn readings(tick: u32) -> Message {
+        Message::Readings(proto::Readings {
+            tick,
+            time_us: tick * 10_000,
+            pose: Some(proto::Pose {
+                position_m: [0.0, 0.0, -1.0 - 0.01 * tick as f32],
+                attitude_rad: [0.0; 3],
+            }),
+            gyro_rad_s: None,
+            battery_v: 11.1,
+            command: None,
+            request: None,
+            outputs_ready: true,
+        })
+    }
+
+    /// A datagram that is lost is asked for again; a law that ticked twice for it would be ahead of
+    /// the simulation.
+    #[test]
+    fn a_tick_that_is_asked_for_twice_is_ticked_once() {
+        let here = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+        let mut server = Server::open(&Config::thesis(), here, false).unwrap();
+        let simulator = UdpSocket::bind(here).unwrap();
+        let (mut law, mut opener) = (Lockstep::new(&Config::thesis()).unwrap(), Opener::open(Role::Craft, 0));
+        for (tick, fresh) in [(0, true), (1, true), (1, false), (2, true)] {
+            server.answer(&readings(tick), simulator.local_addr().unwrap()).unwrap();
+            let mut buffer = [0; MAX_PACKET_LEN];
+            let (length, _) = simulator.recv_from(&mut buffer).unwrap();
+            let (_, got) = opener.unseal(&buffer[..length]).unwrap();
+            let want = if fresh { law.answer(&readings(tick)) } else { server.last };
+            assert_eq!(got, Message::Outcome(want.unwrap()), "tick {tick}");
+        }
+    }
+
+    #[test]
+    fn a_stranger_is_let_in_on_request_only() {
+        let anywhere = SocketAddr::from((Ipv4Addr::UNSPECIFIED, 0));
+        assert!(matches!(Server::open(&Config::thesis(), anywhere, false), Err(Error::NotAdmitted(_))));
+        assert!(Server::open(&Config::thesis(), anywhere, true).is_ok());
+    }
+}

@@ -340,3 +340,58 @@ fn is_done(request: Request, state: State) -> bool {
         Request::Cut => state == State::Cut,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SETUP: Setup = Setup { vehicle_sha256: [1; 32], program: [0, 1, 2], telemetry_every: 3 };
+    const LINK: LinkStatus = LinkStatus { lost: 0, refused: 0, accepts_from: 7 };
+    const INPUTS: Inputs = Inputs {
+        time_us: 0,
+        imu: None,
+        battery_v: 11.1,
+        current_a: None,
+        outputs_ready: true,
+        lateness_us: 0,
+    };
+
+    fn messages(craft: &mut Craft) -> Vec<Message> {
+        core::iter::from_fn(|| craft.next_message(&LINK)).collect()
+    }
+
+    /// The order of the state machine: whatever disarms or cuts is never undone by what comes
+    /// behind it.
+    #[test]
+    fn the_most_severe_request_counts_and_each_is_answered() {
+        let mut craft = Craft::new(&Config::thesis(), SETUP).unwrap();
+        for (number, request) in [
+            (1, proto::Request::Arm),
+            (2, proto::Request::Cut),
+            (3, proto::Request::Arm),
+            (4, proto::Request::Land),
+        ] {
+            craft.hear(number, &Message::Request(request));
+        }
+        craft.tick(&INPUTS);
+        assert_eq!(craft.state(), State::Cut);
+        let answers: Vec<(u64, bool)> = messages(&mut craft)
+            .iter()
+            .filter_map(|message| if let Message::Answer(a) = message { Some((a.to, a.done)) } else { None })
+            .collect();
+        assert_eq!(answers, [(1, false), (3, false), (4, false), (2, true)]);
+    }
+
+    #[test]
+    fn telemetry_comes_every_third_tick_and_the_identity_when_asked() {
+        let mut craft = Craft::new(&Config::thesis(), SETUP).unwrap();
+        let telemetry = [(); 7].map(|()| {
+            craft.tick(&INPUTS);
+            matches!(messages(&mut craft)[..], [Message::Telemetry(_)])
+        });
+        assert_eq!(telemetry, [true, false, false, true, false, false, true]);
+        craft.hear(9, &Message::Who);
+        let [Message::Identity(identity)] = messages(&mut craft)[..] else { panic!("the identity") };
+        assert_eq!((identity.accepts_from, identity.program), (7, [0, 1, 2]));
+    }
+}

@@ -4,7 +4,7 @@
 //! Every key has a default, so files from before there was a supervisor still read. Times and
 //! angles are what other autopilots fly with, made shorter for a cage: 0.5 s without a command and
 //! 60 degrees for 0.3 s as in PX4 and Crazyflie's firmware, 2 s to motors off as in Crazyflie's, a
-//! thrust loss judged within a second as in ArduPilot (sooner: the thesis' law has no priority of
+//! thrust loss detected within a second as in ArduPilot (sooner: the thesis' law has no priority of
 //! attitude over thrust and keeps a saturated craft level for about a second only). Battery levels
 //! belong to a pack, so there is no default that guesses one: without levels the voltage is not
 //! judged.
