@@ -2,7 +2,7 @@
 //! together.
 //!
 //! Firmware and simulation call nothing below this. Order of a tick:
-//! 1. the [`detectors`](crate::safety::detectors) check what came: clock, commands, pose, gyro,
+//! 1. the detectors (`safety/detectors.rs`) check what came: clock, commands, pose, gyro,
 //!    voltage, tilt;
 //! 2. the [`state_machine`](crate::safety::state_machine) goes to the next state;
 //! 3. in flight the pilot's command goes to the controller as it came; in hold and land the

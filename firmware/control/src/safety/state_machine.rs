@@ -16,7 +16,7 @@
 //!   request arms, and only with all preflight checks good.
 //!
 //! The machine is pure: `next(state, conditions)`. Time is in the
-//! [`detectors`](crate::safety::detectors).
+//! detectors (`safety/detectors.rs`).
 
 use crate::safety::conditions::{Condition, Conditions};
 
