@@ -14,7 +14,7 @@ mod render;
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::cli::output::Outcome;
 use crate::commands::{
@@ -102,8 +102,21 @@ fn usage(error: &clap::Error) -> ExitCode {
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => "error: no command given".into(),
         _ => said.join(" "),
     };
-    eprintln!("{} (see quadlab --help)", one_line(&said));
+    eprintln!("{} (see {} --help)", one_line(&said), invoked());
     ExitCode::from(BAD_INPUT)
+}
+
+/// The command that was meant, with its subcommands: "quadlab design check".
+fn invoked() -> String {
+    let arguments = Arguments::command();
+    let mut command = &arguments;
+    let mut words = vec![command.get_name()];
+    for argument in std::env::args().skip(1) {
+        let Some(subcommand) = command.find_subcommand(&argument) else { break };
+        words.push(subcommand.get_name());
+        command = subcommand;
+    }
+    words.join(" ")
 }
 
 /// The error and its causes, each told once: many errors of the libraries quote their cause themselves.

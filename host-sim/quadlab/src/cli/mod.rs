@@ -2,6 +2,7 @@
 
 pub(crate) mod faults;
 pub(crate) mod flights;
+pub(crate) mod model_files;
 pub(crate) mod output;
 pub(crate) mod progress;
 pub(crate) mod refine;

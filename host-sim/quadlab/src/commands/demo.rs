@@ -11,7 +11,7 @@ use model::{Effect, Model, Vehicle};
 use rayon::prelude::*;
 
 use crate::cli::faults;
-use crate::cli::flights::SetOptions;
+use crate::cli::flights::SetFiles;
 use crate::cli::output::{Outcome, provenance};
 use crate::cli::progress;
 use crate::cli::terminal::Terminal;
@@ -90,7 +90,7 @@ fn on_flights(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
 }
 
 /// Which files of a folder are fitted on and which are judged by, and why.
-fn chosen_flights(folder: &Path) -> Result<(SetOptions, String), DemoError> {
+fn chosen_flights(folder: &Path) -> Result<(SetFiles, String), DemoError> {
     let refused = |source| DemoError::Folder { folder: folder.into(), source };
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(refused)? {
@@ -108,7 +108,7 @@ fn chosen_flights(folder: &Path) -> Result<(SetOptions, String), DemoError> {
     let (train, validate) = (named(&TRAIN), named(&VALIDATE));
     if train.len() == TRAIN.len() && validate.len() == VALIDATE.len() {
         let how = "Flights A, B and C were fitted on, D and E judged by.".to_owned();
-        return Ok((SetOptions { train, validate }, how));
+        return Ok((SetFiles { train, validate }, how));
     }
     let count = files.len();
     if count < 2 {
@@ -117,7 +117,7 @@ fn chosen_flights(folder: &Path) -> Result<(SetOptions, String), DemoError> {
     let first = ((count as f64 * TRAIN_SHARE).round() as usize).clamp(1, count - 1);
     let validate = files.split_off(first);
     let how = format!("The first {first} of {count} flights by name were fitted on, the rest judged by.");
-    Ok((SetOptions { train: files, validate }, how))
+    Ok((SetFiles { train: files, validate }, how))
 }
 
 fn on_hidden_effect(options: &Options) -> anyhow::Result<Outcome> {
@@ -165,7 +165,7 @@ fn seed_from_clock() -> u64 {
 }
 
 /// Flies the five flights side by side and writes their files.
-fn fly(craft: &Model, seed: u64, folder: &Path) -> anyhow::Result<SetOptions> {
+fn fly(craft: &Model, seed: u64, folder: &Path) -> anyhow::Result<SetFiles> {
     let names = [TRAIN[0], TRAIN[1], TRAIN[2], VALIDATE[0], VALIDATE[1]];
     let bar = progress::bar(names.len(), false);
     bar.set_message("flying");
@@ -187,7 +187,7 @@ fn fly(craft: &Model, seed: u64, folder: &Path) -> anyhow::Result<SetOptions> {
         .collect::<anyhow::Result<_>>()?;
     bar.finish_and_clear();
     let (train, validate) = files.split_at(TRAIN.len());
-    Ok(SetOptions { train: train.to_vec(), validate: validate.to_vec() })
+    Ok(SetFiles { train: train.to_vec(), validate: validate.to_vec() })
 }
 
 /// Writes models and page, and says what was found.

@@ -12,7 +12,7 @@ use model::Model;
 use report::significant;
 use serde::Serialize;
 
-use crate::cli::output::{Outcome, check_outputs};
+use crate::cli::output::{Outcome, OverwriteOptions};
 use crate::commands::{design_check, design_report};
 use diagnosis::workflow::sha256;
 
@@ -38,6 +38,9 @@ pub(crate) struct Options {
     /// Gains file to write, for example: --out gains.toml
     #[arg(long, value_name = "TOML", required = true)]
     out: Option<PathBuf>,
+
+    #[command(flatten)]
+    overwrite: OverwriteOptions,
 
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
@@ -71,7 +74,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
 
 fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outcome> {
     let inputs: Vec<&PathBuf> = std::iter::once(path).chain(&options.specs).collect();
-    check_outputs([out], &inputs)?;
+    options.overwrite.check([out], &inputs)?;
     let model = Model::read(path)?;
     let specs = match &options.specs {
         Some(path) => {

@@ -8,7 +8,7 @@ use design::loops::View;
 use model::Model;
 use report::significant;
 
-use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::cli::output::{Outcome, OverwriteOptions, provenance};
 use crate::render::design_pages;
 
 /// Oldest pose that makes sense: a second at 100 Hz.
@@ -48,6 +48,9 @@ pub(crate) struct Options {
     #[arg(long, value_name = "HTML")]
     html: Option<PathBuf>,
 
+    #[command(flatten)]
+    overwrite: OverwriteOptions,
+
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
     json: bool,
@@ -67,7 +70,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         |option, value, most| if value > most { Err(TooMany { option, value, most }) } else { Ok(()) };
     refuse("delay", options.delay, MOST_DELAY)?;
     refuse("samples", options.samples, 100_000)?;
-    check_outputs(&options.html, &[&options.model, &options.gains])?;
+    options.overwrite.check(&options.html, &[&options.model, &options.gains])?;
     let model = Model::read(&options.model)?;
     let gains = design::fit::read_for(&options.gains, &model)?;
     let view = match options.continuous {

@@ -15,7 +15,7 @@ use model::Model;
 use report::{Axis, Cell, Column, Figure, Mark, Page, Section, Series, Style, Table, Verdict, significant};
 use serde::Serialize;
 
-use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::cli::output::{Outcome, OverwriteOptions, provenance};
 use crate::commands::design_check::short;
 use crate::commands::linearize;
 use crate::render::design_pages;
@@ -51,6 +51,9 @@ pub(crate) struct Options {
     #[arg(long, value_name = "HTML", required = true)]
     out: Option<PathBuf>,
 
+    #[command(flatten)]
+    overwrite: OverwriteOptions,
+
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
     json: bool,
@@ -82,7 +85,7 @@ struct Work {
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let out = options.out.as_ref().context("--out: give the page to write")?;
     let inputs: Vec<&PathBuf> = options.model.iter().chain(&options.gains).collect();
-    check_outputs([out], &inputs)?;
+    options.overwrite.check([out], &inputs)?;
     let model = options.model.as_deref().map_or_else(|| Ok(Model::thesis()), Model::read)?;
     let config = match &options.gains {
         Some(path) => design::fit::read_for(path, &model)?.config,

@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use diagnosis::{Diagnosis, workflow};
-use model::Model;
 
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::{self, SetOptions};
-use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::cli::model_files::read_model;
+use crate::cli::output::{Outcome, OverwriteOptions, provenance};
 use crate::cli::terminal::Terminal;
 use crate::cli::user_effects::EffectOptions;
 use crate::render::{evidence, pages, tables};
@@ -55,6 +55,9 @@ pub(crate) struct Options {
     #[command(flatten)]
     faults: FaultOptions,
 
+    #[command(flatten)]
+    overwrite: OverwriteOptions,
+
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
     json: bool,
@@ -95,16 +98,17 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
 }
 
 fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> {
-    let mut inputs = sets.paths();
+    let files = sets.files()?;
+    let mut inputs = files.paths();
     inputs.push(&options.model);
     inputs.extend(options.effects.paths());
-    check_outputs(&options.html, &inputs)?;
+    options.overwrite.check(&options.html, &inputs)?;
     let effects = options.effects.read()?;
-    let model = Model::read(&options.model)?;
+    let model = read_model(&options.model)?;
     let search = options.without.options()?;
     let asked = options.why.as_deref().map(crate::commands::add::known_effect).transpose()?;
     let terminal = Terminal::new(options.json);
-    let mut sets = sets.read(&model.vehicle, options.faults.reading(), &terminal)?;
+    let mut sets = files.read(&model.vehicle, options.faults.reading(), &terminal)?;
     if let Some(effect) = asked {
         let why = workflow::why(&model, effect, &effects, &mut sets, &search, &terminal)?;
         return if options.json { Outcome::json(&why) } else { Ok(Outcome::done(evidence::text(&why))) };
@@ -126,9 +130,14 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
 
 fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
     let effects = options.effects.read()?;
-    let model = Model::read(&options.model)?;
+    let model = read_model(&options.model)?;
     let terminal = Terminal::new(options.json);
-    let mut changed = flights::read(&options.changed, &model.vehicle, options.faults.reading(), &terminal)?;
+    let mut changed = flights::read(
+        &flights::files(&options.changed)?,
+        &model.vehicle,
+        options.faults.reading(),
+        &terminal,
+    )?;
     if model.fit.as_ref().is_none_or(|fit| fit.scatter.is_empty()) {
         eprintln!(
             "warning: {}: does not say how much the craft differed from flight to flight; changes are judged against noise alone",

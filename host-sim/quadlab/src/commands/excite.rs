@@ -18,7 +18,7 @@ use sil::manoeuvre::{Injection, Signal, library};
 use sil::plan::{BAND_HZ, GENTLE, known_error};
 use sil::predict::{Course, Foreseen, Predictor, Prospect};
 
-use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::cli::output::{Outcome, OverwriteOptions, provenance};
 use crate::commands::demo_effect;
 
 /// Write a flight that makes the model's coefficients known, and say how well, before it is flown.
@@ -75,6 +75,9 @@ pub(crate) struct Options {
     /// Write a page with figures, for example: --html pattern.html
     #[arg(long, value_name = "HTML")]
     html: Option<PathBuf>,
+
+    #[command(flatten)]
+    overwrite: OverwriteOptions,
 
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
@@ -161,7 +164,7 @@ struct EffectEntry {
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let inputs: Vec<&PathBuf> =
         std::iter::once(&options.model).chain(&options.gains).chain(&options.pattern).collect();
-    check_outputs(options.out.iter().chain(&options.html), &inputs)?;
+    options.overwrite.check(options.out.iter().chain(&options.html), &inputs)?;
     let model = Model::read(&options.model)?;
     let given = options.pattern.as_ref().map(|path| Pattern::read(path)).transpose()?;
     let predictor = predictor(&model, &options.model, options.gains.as_deref(), options.seed)?;

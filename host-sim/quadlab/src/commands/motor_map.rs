@@ -10,7 +10,7 @@ use report::{Axis, Figure, Page, Panels, Section, Series, Style, significant};
 use serde::Serialize;
 use toml_edit::{DocumentMut, Item, TableLike, value};
 
-use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::cli::output::{Outcome, OverwriteOptions, provenance};
 
 /// Find the motor map (command and voltage to rotor speed) and the motors' lag on a test stand.
 ///
@@ -49,6 +49,9 @@ pub(crate) struct Options {
     #[arg(long, value_name = "HTML")]
     html: Option<PathBuf>,
 
+    #[command(flatten)]
+    overwrite: OverwriteOptions,
+
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
     json: bool,
@@ -64,7 +67,7 @@ struct Document<'a> {
 }
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
-    check_outputs(options.out.iter().chain(&options.html), &[&options.craft, &options.rotor])?;
+    options.overwrite.check(options.out.iter().chain(&options.html), &[&options.craft, &options.rotor])?;
     let text = std::fs::read_to_string(&options.vehicle)
         .map_err(|source| VehicleError::Read { path: options.vehicle.clone(), source })?;
     let vehicle = Vehicle::parse(&text, &options.vehicle)?;

@@ -9,7 +9,7 @@ use serde::Serialize;
 use sil::plan::{APART, Goal, Proposal, check_effect, coefficient, known_error, plan};
 use sil::predict::Predictor;
 
-use crate::cli::output::{Outcome, check_outputs};
+use crate::cli::output::{Outcome, OverwriteOptions};
 use crate::commands::excite::predictor;
 use crate::render::tables;
 
@@ -56,6 +56,9 @@ pub(crate) struct Options {
     #[arg(long, value_name = "CSV")]
     out: Option<PathBuf>,
 
+    #[command(flatten)]
+    overwrite: OverwriteOptions,
+
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
     json: bool,
@@ -94,7 +97,7 @@ struct Entry<'a> {
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let inputs: Vec<&PathBuf> = std::iter::once(&options.model).chain(&options.gains).collect();
-    check_outputs(&options.out, &inputs)?;
+    options.overwrite.check(&options.out, &inputs)?;
     if !(8.0..=600.0).contains(&options.duration) {
         return Err(NoPlan::Duration(options.duration).into());
     }

@@ -1,7 +1,7 @@
 //! Pages: what a command found, with the figures that show it.
 
 use diagnosis::Diagnosis;
-use diagnosis::workflow::{Explanation, Faults, FlightSets, LoadedFlight};
+use diagnosis::workflow::{Explanation, Faults, FlightSets, FlightsOfOneKind, LoadedFlight};
 use model::{AXES, Axis, Effect, Model};
 use report::{Page, Section};
 use sysid::Comparison;
@@ -69,6 +69,32 @@ pub(crate) fn compare(model: &Model, flights: &[LoadedFlight], comparison: &Comp
     page
 }
 
+/// Several models against the same flights.
+pub(crate) fn compare_models(
+    models: &[(&Model, &FlightsOfOneKind)],
+    comparisons: &[(String, &Comparison)],
+) -> Page {
+    let names: Vec<&str> = comparisons.iter().map(|(name, _)| name.as_str()).collect();
+    let lead = format!("How well {} predict the same flights.", names.join(", "));
+    let mut page = Page::new("Models side by side", lead)
+        .section(Section::new("Error of each axis").grid(&tables::side_by_side(comparisons)))
+        .section(
+            Section::new("Prediction from a state alone").grid(&tables::horizons_side_by_side(comparisons)),
+        );
+    let views: Vec<Option<View>> = models
+        .iter()
+        .map(|(model, flights)| View::all(&flights.prepared(), model).into_iter().next())
+        .collect();
+    if let Some(Some(first)) = views.first() {
+        for ((name, _), view) in comparisons.iter().zip(&views).skip(1) {
+            let section = Section::new(format!("{} (before) and {name} (after)", names[0]));
+            let figure = figures::measured_against_predicted(first, view.as_ref(), &AXES);
+            page = page.section(section.captioned(figure));
+        }
+    }
+    page
+}
+
 /// The conditions with more than their share of the error, each axis and quantity drawn once.
 fn where_it_fails(views: &[View], comparison: &Comparison) -> Section {
     let worst = tables::worst(comparison);
@@ -98,7 +124,10 @@ fn prediction(first: &Comparison, after: Option<&Comparison>) -> Section {
     let section = Section::new("Prediction without looking").captioned(figure);
     match after {
         None => section.grid(&tables::horizons(first)),
-        Some(after) => section.grid(&tables::horizons_before_after(first, after)),
+        Some(after) => {
+            let models = [("before".to_owned(), first), ("after".to_owned(), after)];
+            section.grid(&tables::horizons_side_by_side(&models))
+        }
     }
 }
 

@@ -422,8 +422,8 @@ pub(crate) fn horizons(comparison: &Comparison) -> Grid {
     grid
 }
 
-/// The same before and after a change of the model.
-pub(crate) fn horizons_before_after(before: &Comparison, after: &Comparison) -> Grid {
+/// Open-loop prediction errors of several models at the contract's horizons.
+pub(crate) fn horizons_side_by_side(models: &[(String, &Comparison)]) -> Grid {
     let mut grid = Grid::new(
         "Open-loop prediction: mean error after so many samples",
         [
@@ -435,17 +435,40 @@ pub(crate) fn horizons_before_after(before: &Comparison, after: &Comparison) -> 
             number("rate", "mrad/s"),
         ],
     );
-    let (b, a) = (&before.horizons, &after.horizons);
-    let rows = [
-        ("1", b.one, a.one),
-        ("10", b.ten, a.ten),
-        ("50", b.fifty, a.fifty),
-        ("sum of 1 to 50", b.sum_1_50, a.sum_1_50),
+    let horizons: [(&str, fn(&Comparison) -> HorizonError); 4] = [
+        ("1", |c| c.horizons.one),
+        ("10", |c| c.horizons.ten),
+        ("50", |c| c.horizons.fifty),
+        ("sum of 1 to 50", |c| c.horizons.sum_1_50),
     ];
-    for (name, before, after) in rows {
-        for (model, e) in [("before", before), ("after", after)] {
-            let values = thousandths(&e);
-            grid.push([name.to_owned(), model.to_owned()].into_iter().chain(values));
+    for (name, horizon) in horizons {
+        for (model, comparison) in models {
+            let values = thousandths(&horizon(comparison));
+            grid.push([name.to_owned(), model.clone()].into_iter().chain(values));
+        }
+    }
+    grid
+}
+
+/// Errors of several models over all flights, and by how much each is below the first model's.
+pub(crate) fn side_by_side(models: &[(String, &Comparison)]) -> Grid {
+    let mut grid = Grid::new(
+        "Error of each axis over all flights (rms; u v w in m/s^2, p q r in rad/s^2), R2, and the fall against the first model",
+        std::iter::once(text("model"))
+            .chain([text("")])
+            .chain(AXES.map(|axis| number(axis.name(), "")))
+            .collect::<Vec<_>>(),
+    );
+    let first = models.first().map(|(_, comparison)| comparison.total);
+    for (index, (model, comparison)) in models.iter().enumerate() {
+        let mut row = |what: &str, figures: [String; 6]| {
+            grid.push([model.clone(), what.to_owned()].into_iter().chain(figures));
+        };
+        row("rms", AXES.map(|axis| short(comparison.total[axis].rms)));
+        row("R2", AXES.map(|axis| determination(comparison.total[axis].r2)));
+        if let Some(first) = first.filter(|_| index > 0) {
+            let fall = |axis| 100.0 * (1.0 - comparison.total[axis].rms / first[axis].rms);
+            row("fall of the rms, %", AXES.map(|axis| short(fall(axis))));
         }
     }
     grid
