@@ -311,8 +311,7 @@ fn quadlab(folder: &Path, arguments: &[&str]) -> Value {
 fn the_ground_station_flies_the_program_and_its_recording_is_identified() {
     let mut law = for_identification(control::Config::thesis());
     // A test machine that stands still is forgiven; coming down takes less of the test's time.
-    law.supervision =
-        control::supervision::Supervision { fence: law.supervision.fence, ..patient_law().supervision };
+    law.supervision = control::Supervision { fence: law.supervision.fence, ..patient_law().supervision };
     law.supervision.landing.descent_m_s = 0.6;
     let plan = FlightPlan { config: law, ..FlightPlan::identification(Model::thesis(), 11, 1.0) };
     let bench = keyed_bench(&law);

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use control::Config;
 use control::gains::Saturation;
-use control::supervision::Fence;
+use control::supervision_limits::Fence;
 use design::check::{Study, commanded};
 use design::loops::{LOOPS, LoopName, View};
 use model::{Battery, Model};

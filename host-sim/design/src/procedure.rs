@@ -15,7 +15,7 @@ use control::filter::GainRule;
 use control::gains::{
     CancellerParams, InnerLoop, Law, Mixing, MotorMapParams, PositionLoop, Saturation, VelocityEstimator,
 };
-use control::supervision::BatteryLevels;
+use control::supervision_limits::BatteryLevels;
 use model::Model;
 use serde::Serialize;
 

@@ -47,8 +47,8 @@
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
-use control::condition::Conditions;
-use control::supervisor::Preflight;
+use control::Conditions;
+use control::Preflight;
 use pattern::{Excitation, Pattern, PatternError};
 use proto::{Command, Gains, Loop, Mode, Pose, Request, State};
 use serde::Deserialize;
@@ -610,7 +610,7 @@ fn name_of(step: &Step) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use control::condition::Condition;
+    use control::Condition;
     use proptest::prelude::*;
 
     const PERIOD_S: f64 = 0.02;

@@ -12,8 +12,8 @@
 
 use std::collections::VecDeque;
 
-use control::condition::{Condition, Conditions};
-use control::supervisor::Preflight;
+use control::Preflight;
+use control::{Condition, Conditions};
 use proto::{Gains, Identity, Message, Pose, Request, State, Statistics, Telemetry, TimedPose, Timer};
 
 use crate::link::{Link, LinkError};

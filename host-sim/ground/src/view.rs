@@ -6,8 +6,8 @@ use std::io::Write;
 use std::sync::mpsc::Sender;
 use std::time::Duration;
 
-use control::condition::Conditions;
-use control::supervisor::Preflight;
+use control::Conditions;
+use control::Preflight;
 use proto::{Mode, State, Telemetry};
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -328,7 +328,7 @@ mod tests {
     use super::*;
     use crate::recorder::LinkRecord;
     use crate::station::Tracker;
-    use control::condition::Condition;
+    use control::Condition;
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
 

@@ -1,6 +1,6 @@
 //! A flight: what is flown ([`FlightPlan`]), flying it ([`fly`]), and what was recorded ([`Recording`]).
 
-use control::supervision::Fence;
+use control::supervision_limits::Fence;
 use control::{Config, Controller, Measurement, Pose, Readings};
 use flights::{Column, Flight};
 use model::{Battery, Model, Plant, State, frames};

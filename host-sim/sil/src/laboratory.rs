@@ -125,7 +125,7 @@ impl Laboratory {
     }
 
     /// What the craft has to say; to be asked after a tick until there is no more.
-    fn next_message(&mut self, link: &::craft::Link) -> Option<Message> {
+    fn next_message(&mut self, link: &::craft::LinkStatus) -> Option<Message> {
         self.program.next_message(link)
     }
 
@@ -217,7 +217,7 @@ impl Radio {
 
     /// Sends what the craft has to say; gives how many packets that were.
     pub fn send(&mut self, lab: &mut Laboratory) -> usize {
-        let link = ::craft::Link::from(&self.opener);
+        let link = ::craft::LinkStatus::from(&self.opener);
         let mut count = 0;
         while let Some(message) = lab.next_message(&link) {
             let mut buffer = [0; MAX_PACKET_LEN];
@@ -251,7 +251,7 @@ mod tests {
             if let Some(request) = request.take() {
                 lab.hear(0, &Message::Request(request));
             }
-            let link = ::craft::Link::default();
+            let link = ::craft::LinkStatus::default();
             while lab.next_message(&link).is_some() {}
         }
     }

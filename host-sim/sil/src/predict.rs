@@ -4,7 +4,7 @@
 //! The noise is that of the simulated sensors, or as large as the residual that the model's own fit recorded, where that is
 //! larger: on a real craft it nearly always is.
 
-use control::supervisor::{Action, action};
+use control::state_machine::{Action, action};
 use control::{Condition, Conditions, Config};
 use diagnosis::planning::information::{Colour, Information, Parameter, Sight};
 use model::{Effect, Model};

@@ -10,7 +10,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use control::Config;
-use control::supervision::Fence;
+use control::supervision_limits::Fence;
 use model::{Effect, Model};
 
 use crate::flight::{FlightPlan, Recording, battery_of, for_identification, with_still_sensors};

@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use control::supervision::Fence;
+use control::supervision_limits::Fence;
 use model::{Model, user_effect};
 use serde_json::Value;
 use sil::{FlightPlan, SilError, fly};

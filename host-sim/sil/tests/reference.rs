@@ -9,7 +9,7 @@
 use control::Config;
 use control::filter::GainRule;
 use control::gains::VelocityEstimator;
-use control::supervision::Fence;
+use control::supervision_limits::Fence;
 use sil::reference::{RESPONSES, Response, Variant};
 use sil::{FlightPlan, Outcome, Scenario, Settings, StepAxis, fly};
 

@@ -1,14 +1,17 @@
 //! First- and second-order digital filters and their design by the matched Z-transform.
 //!
-//! The thesis designs every filter in s and converts it with MATLAB's `c2d(..., 'matched')`. The rule: each pole and zero
-//! `r` goes to `exp(r Ts)`; a strictly proper filter keeps one zero at infinity (one sample of delay) and its other zeros at
-//! infinity go to `z = -1`; the gain is made equal at one real frequency, `s = 0`, or where a pole or zero lies there the
-//! first free of `0.1/Ts, 0.2/Ts, ...`. A filter with a zero at the origin is therefore matched at `s = 0.1/Ts` and measures
-//! slow rates a few per cent too large (6.5 % for the 75 rad/s estimator at 100 Hz); [`GainRule::Slope`] mends that.
+//! The thesis designs every filter in s and converts it with MATLAB's `c2d(..., 'matched')`. The
+//! rule: each pole and zero `r` goes to `exp(r Ts)`; a strictly proper filter keeps one zero at
+//! infinity (one sample of delay) and its other zeros at infinity go to `z = -1`; the gain is made
+//! equal at one real frequency, `s = 0`, or where a pole or zero lies there the first free of
+//! `0.1/Ts, 0.2/Ts, ...`. A filter with a zero at the origin is therefore matched at `s = 0.1/Ts`
+//! and measures slow rates a few per cent too large (6.5 % for the 75 rad/s estimator at 100 Hz);
+//! [`GainRule::Slope`] mends that.
 //!
-//! Design functions are generic over [`Real`]: fly with f64 designs rounded once to f32 ([`FirstOrder::rounded`]).
-//! A filter is an immutable set of coefficients; its memory is a separate `Copy` state. Both run in direct form II
-//! transposed, `y = b0 x + s1; s1' = b1 x - a1 y + s2; s2' = b2 x - a2 y`.
+//! Design functions are generic over [`Real`]: fly with f64 designs rounded once to f32
+//! ([`FirstOrder::rounded`]). A filter is an immutable set of coefficients; its memory is a
+//! separate `Copy` state. Both run in direct form II transposed, `y = b0 x + s1; s1' = b1 x - a1
+//! y + s2; s2' = b2 x - a2 y`.
 //!
 //! Not here: filters of higher order, and estimation of frequency responses (the tests do that).
 
@@ -214,8 +217,8 @@ impl FirstOrder<f64> {
 }
 
 impl<R: Real> SecondOrder<R> {
-    /// `w^2 s / (s^2 + 2 zeta w s + w^2)`, thesis (5.5): natural frequency `w` in rad/s, damping ratio `zeta`, period in s.
-    /// With `zeta = 1` the pole is repeated.
+    /// `w^2 s / (s^2 + 2 zeta w s + w^2)`, thesis (5.5): natural frequency `w` in rad/s, damping
+    /// ratio `zeta`, period in s. With `zeta = 1` the pole is repeated.
     pub fn velocity_estimator(
         natural_frequency_rad_s: R,
         damping_ratio: R,
@@ -253,7 +256,7 @@ impl<R: Real> SecondOrder<R> {
         (self.b0 + self.b1 + self.b2) / (R::ONE + self.a1 + self.a2)
     }
 
-    /// The same filter as a first-order one, if its second-order terms are zero.
+    /// This filter as a first-order one, if its second-order terms are zero.
     fn first_order(&self) -> FirstOrder<R> {
         FirstOrder { b0: self.b0, b1: self.b1, a1: self.a1 }
     }
@@ -374,11 +377,13 @@ impl<R: Real> Analogue<R> {
     /// The matched Z-transform (see the head of this file).
     fn matched(&self, period: R, rule: GainRule) -> SecondOrder<R> {
         let poles = self.poles.to_z(period);
-        // Of the zeros at infinity one stays there; of the filters in this crate none has another one.
+        // Of the zeros at infinity one stays there; of the filters in this crate none has another
+        // one.
         let zeros = self.zeros.to_z(period);
         let gain = match rule {
             GainRule::Slope if self.zeros.has(R::ZERO) => {
-                // H(z) / ((z - 1) / Ts) at z = 1 equals H(s) / s at s = 0; the zero at the origin cancels on both sides.
+                // H(z) / ((z - 1) / Ts) at z = 1 equals H(s) / s at s = 0; the zero at the origin
+                // cancels on both sides.
                 self.gain / self.poles.at(R::ZERO) / period * poles.at(R::ONE)
             }
             _ => {
@@ -448,8 +453,8 @@ mod tests {
 
     type Entry = (&'static str, SecondOrder<f64>, SecondOrder<f32>, [f64; 5]);
 
-    /// Independently computed coefficients (numpy, reference table of matched-Z filters): name, double design, single
-    /// design, `[b0, b1, b2, a1, a2]`. They are given to about 13 digits.
+    /// Independently computed coefficients (numpy, reference table of matched-Z filters): name,
+    /// double design, single design, `[b0, b1, b2, a1, a2]`. They are given to about 13 digits.
     fn table() -> Vec<Entry> {
         macro_rules! first {
             ($name:literal, $design:ident($($arg:expr),*) $(, $rule:expr)?; $b0:expr, $b1:expr, $a1:expr) => {{
@@ -493,8 +498,9 @@ mod tests {
         ]
     }
 
-    /// 1e-12 relative in double: the table itself is rounded to 14 digits. The single-precision design loses digits where
-    /// `1 - exp(-a Ts)` cancels (6e-8 against 0.002 in the lag canceller, twice); rounding the double design keeps 6e-8.
+    /// 1e-12 relative in double: the table itself is rounded to 14 digits. The single-precision
+    /// design loses digits where `1 - exp(-a Ts)` cancels (6e-8 against 0.002 in the lag canceller,
+    /// twice); rounding the double design keeps 6e-8.
     #[test]
     fn coefficients_are_those_of_the_reference_table() {
         for (name, double, single, want) in table() {
@@ -552,8 +558,9 @@ mod tests {
         }
     }
 
-    /// A sampled filter cannot follow the analogue one up to half the rate; it must do so well below its poles, and the
-    /// error must fall in proportion to the period (the matched rule drops a zero at infinity: half a sample of delay more).
+    /// A sampled filter cannot follow the analogue one up to half the rate; it must do so well
+    /// below its poles, and the error must fall in proportion to the period (the matched rule drops
+    /// a zero at infinity: half a sample of delay more).
     #[test]
     fn frequency_response_tends_to_the_analogue_formula() {
         let low = |s: Complex<f64>| 5.0 / (s + 5.0);
@@ -590,7 +597,8 @@ mod tests {
                     .fold(0.0, f64::max)
             };
             let (coarse, fine) = (error(0.01), error(0.001));
-            // At 20 rad/s half a sample is 0.1 rad of phase, a whole one 0.2 rad; the gain adds a few per cent.
+            // At 20 rad/s half a sample is 0.1 rad of phase, a whole one 0.2 rad; the gain adds a
+            // few per cent.
             assert!(coarse < 0.25, "{name}: {coarse}");
             assert!(
                 fine < 0.15 * coarse,
@@ -599,7 +607,8 @@ mod tests {
         }
     }
 
-    /// The sampled filter's own response is known exactly: the zero-pole-gain form at `z`, up to half the sampling rate.
+    /// The sampled filter's own response is known exactly: the zero-pole-gain form at `z`, up to
+    /// half the sampling rate.
     #[test]
     fn frequency_response_is_the_zero_pole_form_up_to_half_the_rate() {
         let p = libm::exp(-0.75);
@@ -655,7 +664,8 @@ mod tests {
         let est = SecondOrder::<f64>::velocity_estimator(75.0, 1.0, TS, RULE).rounded();
         let mut e = est.steady(-1.0);
         for _ in 0..10_000 {
-            // f32: the output settles where rounding stops it, at most half a unit over 1 - pole = 0.0198 off.
+            // f32: the output settles where rounding stops it, at most half a unit over 1 - pole =
+            // 0.0198 off.
             assert!((low.step(&mut s, -1.0) + 1.0).abs() < 3e-6);
             assert!((lag.step(&mut l, 3.0) - 3.0).abs() < 3.0 * 6e-8 / 0.002_146 * 2.0);
             // Exactly: the state holds b2 x and b1 x + b2 x = 0.

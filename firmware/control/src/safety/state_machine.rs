@@ -1,4 +1,5 @@
-//! States, and one table of what each condition does in each of them.
+//! The state machine: what the craft is doing, and one table of what each condition does in each
+//! state.
 //!
 //! ```text
 //! disarmed --arm--> armed --fly--> flying <--> hold --> land --> disarmed
@@ -6,15 +7,18 @@
 //!     +---------------+--- disarm ----+----------+--------+-- cut (from anywhere; only disarm leaves it)
 //! ```
 //!
-//! - *disarmed*, *armed*, *cut*: motors idle. *flying*: the pilot's command. *hold*: stay where it is. *land*: go down here.
-//! - When several conditions are there the most severe action wins: disarm (somebody asked for it), cut, stand down,
-//!   land, hold, fly, arm.
-//! - Hold goes back to flying by itself once nothing asks for it any more; the monitors make sure that this takes good data
-//!   for a while. Land never goes back up. Cut is latched. Nothing arms but a request, and only with all preflight checks good.
+//! - *disarmed*, *armed*, *cut*: motors idle. *flying*: the pilot's command. *hold*: stay in place.
+//!   *land*: descend in place.
+//! - Of several conditions the most severe action wins: disarm (on request), cut, stand down, land,
+//!   hold, fly, arm.
+//! - Hold goes back to flying by itself once nothing asks for it any more; the detectors make sure
+//!   that this takes good data for a while. A landing never goes back up. Cut is latched. Only a
+//!   request arms, and only with all preflight checks good.
 //!
-//! The machine is pure: `next(state, conditions)`. Time is in the [`monitors`](crate::monitors).
+//! The machine is pure: `next(state, conditions)`. Time is in the
+//! detectors (`safety/detectors.rs`).
 
-use crate::condition::{Condition, Conditions};
+use crate::safety::conditions::{Condition, Conditions};
 
 /// What the craft is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -29,9 +33,9 @@ pub enum State {
     Flying = 2,
     /// The place (or, without poses, the attitude) is held.
     Hold = 3,
-    /// Down, here.
+    /// Descending in place.
     Land = 4,
-    /// Motors idle until somebody disarms.
+    /// Motors idle until the craft is disarmed.
     Cut = 5,
 }
 
@@ -58,15 +62,16 @@ pub enum Action {
     Hold,
     /// To [`State::Land`].
     Land,
-    /// To [`State::Disarmed`], because there is nothing left to fly for.
+    /// To [`State::Disarmed`], because there is no reason left to fly.
     Stand,
     /// To [`State::Cut`].
     Cut,
-    /// To [`State::Disarmed`], because somebody asked.
+    /// To [`State::Disarmed`], on request.
     Disarm,
 }
 
-/// The table: for each condition the action in [`State::ALL`]: disarmed, armed, flying, hold, land, cut.
+/// The table: for each condition the action in [`State::ALL`]: disarmed, armed, flying, hold, land,
+/// cut.
 #[rustfmt::skip]
 pub const TABLE: [(Condition, [Action; 6]); 26] = {
     use Action::{Arm, Cut, Disarm, Fly, Hold, Land, Stand, Stay};
@@ -102,7 +107,7 @@ pub const TABLE: [(Condition, [Action; 6]); 26] = {
     ]
 };
 
-/// The table of one state, turned round: the conditions that ask for each action.
+/// The table of one state, transposed: the conditions that ask for each action.
 struct Row {
     any: u32,
     disarm: u32,
@@ -168,7 +173,7 @@ pub fn action(state: State, conditions: Conditions) -> Action {
     if conditions.bits() & row.any == 0 { Action::Stay } else { severest(row, conditions.bits()) }
 }
 
-/// Something is asked for: what?
+/// The most severe action that some condition asks for.
 #[cold]
 fn severest(row: &Row, bits: u32) -> Action {
     let by_severity = [
@@ -197,80 +202,10 @@ pub fn next(state: State, conditions: Conditions) -> State {
     }
 }
 
-/// What has to be good before the craft can be armed; one bit each.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Preflight(u16);
-
-impl Preflight {
-    /// Good command frames come.
-    pub const LINK: u16 = 1;
-    /// Good poses come.
-    pub const POSE: u16 = 1 << 1;
-    /// Good gyro samples come and agree with the poses.
-    pub const IMU: u16 = 1 << 2;
-    /// The voltage is above the warning level.
-    pub const BATTERY: u16 = 1 << 3;
-    /// The craft stands level.
-    pub const LEVEL: u16 = 1 << 4;
-    /// The craft is inside the box.
-    pub const INSIDE: u16 = 1 << 5;
-    /// Clock and loop keep time.
-    pub const TIMING: u16 = 1 << 6;
-    /// The controller has no fault.
-    pub const CONTROLLER: u16 = 1 << 7;
-    /// The program says that its outputs work and that its own checks passed.
-    pub const OUTPUTS: u16 = 1 << 8;
-    /// The pilot's command is cut-off: nothing takes off by the arming itself.
-    pub const IDLE: u16 = 1 << 9;
-    /// All of them.
-    pub const ALL: Self = Self((1 << 10) - 1);
-
-    /// Each check with what people read, in the order of the bits.
-    pub const NAMES: [(u16, &'static str); 10] = [
-        (Self::LINK, "link"),
-        (Self::POSE, "pose"),
-        (Self::IMU, "IMU"),
-        (Self::BATTERY, "battery"),
-        (Self::LEVEL, "level"),
-        (Self::INSIDE, "inside the fence"),
-        (Self::TIMING, "timing"),
-        (Self::CONTROLLER, "controller"),
-        (Self::OUTPUTS, "outputs"),
-        (Self::IDLE, "idle command"),
-    ];
-
-    /// Names of the checks that are not good.
-    pub fn missing(self) -> impl Iterator<Item = &'static str> {
-        Self::NAMES.into_iter().filter(move |(bit, _)| self.0 & bit == 0).map(|(_, name)| name)
-    }
-
-    /// The set with these bits.
-    pub const fn from_bits(bits: u16) -> Self {
-        Self(bits & Self::ALL.0)
-    }
-
-    /// One bit a check that is good.
-    pub const fn bits(self) -> u16 {
-        self.0
-    }
-
-    /// May the craft be armed?
-    pub const fn ready(self) -> bool {
-        self.0 == Self::ALL.0
-    }
-
-    /// Notes how a check came out.
-    pub(crate) fn note(&mut self, check: u16, good: bool) {
-        if good {
-            self.0 |= check;
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    //! The machine against rules written a second time, in other words and the other way round: by state, from what must be
-    //! true of a safe craft, not from the table.
+    //! The machine against rules written a second time, in other words and the other way round: by
+    //! state, from what must be true of a safe craft, not from the table.
 
     use super::*;
     use Condition as C;
@@ -346,8 +281,9 @@ mod tests {
         }
     }
 
-    /// Every state with every set of conditions: 6 times 2^26 is 403 million rows. Those that no state listens to (frozen
-    /// and jumped poses, which count as missing ones) are left at their four combinations on a thinner grid, so 2^24 remain.
+    /// Every state with every set of conditions: 6 times 2^26 is 403 million rows. Those that no
+    /// state listens to (frozen and jumped poses, which count as missing ones) are left at their
+    /// four combinations on a thinner grid, so 2^24 remain.
     #[test]
     fn every_state_with_every_set_of_conditions() {
         let silent = C::PoseFrozen.bit() | C::PoseJumped.bit();
@@ -409,12 +345,5 @@ mod tests {
                 assert!(next == State::Disarmed || next == State::Cut);
             }
         }
-    }
-
-    /// All 1024 rows of the arming matrix: it arms on the last one only.
-    #[test]
-    fn the_arming_matrix() {
-        let ready: Vec<u16> = (0..1024).filter(|bits| Preflight::from_bits(*bits).ready()).collect();
-        assert_eq!(ready, [1023]);
     }
 }

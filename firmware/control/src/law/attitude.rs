@@ -1,15 +1,17 @@
-//! Roll, pitch and yaw loops, thesis 5.3: prefilter, PID with body-rate feedback, lag canceller (roll and pitch).
+//! Roll, pitch and yaw loops, thesis 5.3: prefilter, PID with body-rate feedback, lag canceller
+//! (roll and pitch).
 //!
-//! `tau = Lag(kp e + ki integral(e)) - kd rate`, error = prefiltered command - measured angle, rate = p, q or r. Output in
-//! rad/s^2 (command units in the hand-tuned law). Positive output turns towards positive angle. Yaw's error and reference
-//! go the short way round; roll and pitch are taken as they come, for a craft that has rolled over is not flown by this law.
+//! `tau = Lag(kp e + ki integral(e)) - kd rate`, error = prefiltered command - measured angle, rate
+//! = p, q or r. Output in rad/s^2 (command units in the hand-tuned law). Positive output turns
+//! towards positive angle. Yaw's error and reference go the short way round; roll and pitch are
+//! taken as they come, for a craft that has rolled over is not flown by this law.
 
-use crate::canceller::{Canceller, CancellerState};
-use crate::gains::InnerLoop;
-use crate::mixer::Directions;
-use crate::pid::{Pid, PidState, PidTerms};
-use crate::prefilter::{Prefilter, PrefilterState};
-use crate::trig::wrap_angle;
+use crate::allocation::mixer::Directions;
+use crate::config::gains::InnerLoop;
+use crate::dsp::canceller::{Canceller, CancellerState};
+use crate::dsp::prefilter::{Prefilter, PrefilterState};
+use crate::dsp::trig::wrap_angle;
+use crate::law::pid::{Pid, PidState, PidTerms};
 
 /// The law of one angle, for one period.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,7 +46,9 @@ impl AngleLoop {
         Self {
             prefilter: Prefilter::new(gains.prefilter_rad_s, period_s),
             pid: Pid::of_inner_loop(gains, period_s, anti_windup),
-            canceller: Canceller::new(gains.canceller.as_ref(), period_s),
+            canceller: gains.canceller.map_or(Canceller::NONE, |canceller| {
+                Canceller::new(canceller.zero_rad_s, canceller.pole_rad_s, period_s)
+            }),
         }
     }
 
@@ -100,7 +104,7 @@ impl AngleLoop {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gains::{Config, Law};
+    use crate::config::gains::{Config, Law};
     use core::f32::consts::PI;
 
     const FREE: Directions = Directions { high: false, low: false };
@@ -110,14 +114,16 @@ mod tests {
         (law.loops.roll, law.loops.yaw)
     }
 
-    /// The first output to an error of 1 is the canceller's direct gain times kp + ki Ts, minus the rate's share.
+    /// The first output to an error of 1 is the canceller's direct gain times kp + ki Ts, minus the
+    /// rate's share.
     #[test]
     fn canceller_acts_on_the_sum_but_not_on_the_rate() {
         let roll = AngleLoop::new(&gains().0, 0.01, true);
         let mut state = roll.start(1.0);
         let out = roll.step_tilt(&mut state, 1.0, 0.0, 2.0, FREE);
         let want = 0.35885651173821 * (100.0 + 100.0 * 0.01) - 10.0 * 2.0;
-        // The prefilter's constant gain is 1 to 6e-7 (rounded coefficients), and 36 times that is 2.2e-5.
+        // The prefilter's constant gain is 1 to 6e-7 (rounded coefficients), and 36 times that is
+        // 2.2e-5.
         assert!((f64::from(out.terms.output) - want).abs() < 4e-5, "{out:?} {want}");
         assert!((out.error - 1.0).abs() < 1e-6);
     }

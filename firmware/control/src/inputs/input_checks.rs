@@ -1,59 +1,35 @@
-//! The door that every input of the [`Controller`](crate::Controller) passes: limits of commands, bad numbers, counted faults.
+//! Input checks: what happens to a bad value before it reaches the law.
 //!
-//! A value that is not finite or is beyond any reason (see [`ANGLE_LIMIT_RAD`] and its neighbours) never reaches a law: the
-//! last good value of that field is held, and a fault of its kind is raised and counted. A bad injection counts as none.
-//! Position and altitude commands are moved into the configured box (thesis 3: 4 m x 2 m x 2 m on the floor).
-//! Nothing flies before there has been one sample whose position, attitude and voltage were all good.
+//! - A value that is not finite or beyond any reason (see [`ANGLE_LIMIT_RAD`] and its neighbours)
+//!   never reaches the law. The last good value of that field is held, and a fault of its kind is
+//!   raised and counted. A bad injection counts as none.
+//! - Position and altitude commands are moved into the configured box (thesis 3: 4 m x 2 m x 2 m on
+//!   the floor).
+//! - Nothing flies before there has been one sample whose position, attitude and voltage were all
+//!   good.
 //!
-//! Motor cut-off and injection are carried out by the controller. What a fault leads to is the
-//! [`supervisor`](crate::supervisor)'s business.
+//! Motor cut-off and injection are carried out by the [`controller`](crate::law::controller). What
+//! a fault leads to is decided by the [`state_machine`](crate::safety::state_machine).
 
-use crate::controller::Measurement;
-use crate::gains::PositionLimits;
-use crate::trig::wrap_angle;
+use crate::config::gains::PositionLimits;
+use crate::dsp::trig::wrap_angle;
+use crate::inputs::readings::{Command, Measurement};
 
-/// Angles beyond this many rad are no angles.
+/// No angle is greater, in rad: far beyond any real one.
 pub const ANGLE_LIMIT_RAD: f32 = 1000.0;
-/// Positions beyond this many m are no positions.
+/// No position is farther out, in m.
 pub const POSITION_LIMIT_M: f32 = 1e5;
-/// Body rates beyond this many rad/s are no rates.
+/// No body rate is greater, in rad/s.
 pub const RATE_LIMIT_RAD_S: f32 = 1e4;
-/// Voltages outside 0 to this many V are no voltages.
+/// No voltage is greater, in V; none is less than 0.
 pub const VOLTAGE_LIMIT_V: f32 = 1000.0;
 
-/// Which loops are closed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Mode {
-    /// Inner loops only: roll, pitch, yaw and altitude are commanded.
-    #[default]
-    Attitude,
-    /// Outer loop too: position, yaw and altitude are commanded.
-    Position,
-}
-
-/// What the pilot or the ground station asks for.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Command {
-    /// Which loops are closed.
-    pub mode: Mode,
-    /// Roll and pitch in rad; used in [`Mode::Attitude`].
-    pub attitude_rad: [f32; 2],
-    /// Yaw in rad; any branch, the short way round is flown.
-    pub yaw_rad: f32,
-    /// Inertial z in m, down positive: height is `-z_m`.
-    pub z_m: f32,
-    /// Inertial x and y in m; used in [`Mode::Position`].
-    pub position_m: [f32; 2],
-    /// Motors to idle, integrators to zero.
-    pub cut_off: bool,
-    /// Added to each motor command for system identification, in command units.
-    pub injection: [f32; 4],
-}
-
-/// How often something was wrong, by kind, since the controller was made or reset; and whether it was in this tick.
+/// How often something was wrong, by kind, since the controller was made or reset; and whether it
+/// was in this tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Faults {
-    /// Position, attitude or gyro not finite or beyond reason, or a gyro that the configuration wants is missing.
+    /// Position, attitude or gyro not finite or beyond reason, or a gyro that the configuration
+    /// wants is missing.
     pub measurement: Fault,
     /// A command or an injection not finite or beyond reason.
     pub command: Fault,
@@ -83,9 +59,17 @@ impl Fault {
     }
 }
 
-/// The last good inputs; what the laws are given.
+/// Is every number of the command finite? (A sum is not if one of its parts is not.)
+#[inline]
+pub(crate) fn is_finite(command: &Command) -> bool {
+    let Command { attitude_rad: [a, b], yaw_rad, z_m, position_m: [x, y], injection: [i, j, k, l], .. } =
+        *command;
+    ((a + b) + (x + y) + (yaw_rad + z_m) + (i + j) + (k + l)).is_finite()
+}
+
+/// The last good inputs: what the law sees.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct Inputs {
+pub(crate) struct HeldInputs {
     pub(crate) position_m: [f32; 3],
     pub(crate) attitude_rad: [f32; 3],
     pub(crate) gyro_rad_s: [f32; 3],
@@ -97,14 +81,14 @@ pub(crate) struct Inputs {
     pub(crate) injection: [f32; 4],
 }
 
-/// The magnitude of a value as its bits: they order as the magnitudes do, with infinity and NaN above all numbers, and
-/// comparing integers is cheaper than comparing floats one by one.
+/// The magnitude of a value as its bits: they order as the magnitudes do, with infinity and NaN
+/// above all numbers, and comparing integers is cheaper than comparing floats one by one.
 #[inline]
 pub(crate) fn magnitude(value: f32) -> u32 {
     value.to_bits() & 0x7fff_ffff
 }
 
-/// Takes a value over if its magnitude is within the limit (NaN is not); tells whether it did.
+/// Accepts a value if its magnitude is within the limit (NaN is not); returns whether it did.
 #[inline]
 fn take(held: &mut f32, value: f32, limit: f32) -> bool {
     let good = magnitude(value) <= limit.to_bits();
@@ -135,9 +119,9 @@ fn take_the_good(held: &mut [f32], values: &[f32], limit: f32) {
     }
 }
 
-impl Inputs {
-    /// Takes the good fields of a measurement over. Returns whether all of it was good (the voltage included); the gyro
-    /// counts only if it is wanted.
+impl HeldInputs {
+    /// Accepts the good fields of a measurement. Returns whether all of it was good (the voltage
+    /// included); the gyro counts only if it is wanted.
     #[inline]
     pub(crate) fn measure(&mut self, m: &Measurement, wants_gyro: bool, faults: &mut Faults) -> bool {
         let position = take_all(&mut self.position_m, m.position_m, POSITION_LIMIT_M);
@@ -152,9 +136,9 @@ impl Inputs {
         position && attitude && battery
     }
 
-    /// As [`Inputs::measure`], for a position and an attitude that the monitors have let pass.
+    /// [`HeldInputs::measure`] for a position and an attitude that the detectors have accepted.
     #[inline]
-    pub(crate) fn measure_judged(&mut self, m: &Measurement, wants_gyro: bool, faults: &mut Faults) -> bool {
+    pub(crate) fn measure_checked(&mut self, m: &Measurement, wants_gyro: bool, faults: &mut Faults) -> bool {
         let [roll, pitch, yaw] = m.attitude_rad;
         (self.position_m, self.attitude_rad) = (m.position_m, [roll, pitch, wrap_angle(yaw)]);
         let gyro = !wants_gyro
@@ -174,7 +158,7 @@ impl Inputs {
         self.position_command_m = [x, y];
     }
 
-    /// Takes the good fields of a command over, positions moved into the box.
+    /// Accepts the good fields of a command, with positions moved into the box.
     #[inline]
     pub(crate) fn command(&mut self, c: &Command, bounds: &Bounds, faults: &mut Faults) {
         let mut good = take_all(&mut self.attitude_command_rad, c.attitude_rad, ANGLE_LIMIT_RAD);
@@ -233,7 +217,7 @@ impl Bounds {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gains::Config;
+    use crate::config::gains::Config;
     use proptest::prelude::*;
 
     fn bounds() -> Bounds {
@@ -242,7 +226,7 @@ mod tests {
 
     #[test]
     fn commands_are_moved_into_the_box() {
-        let mut inputs = Inputs::default();
+        let mut inputs = HeldInputs::default();
         let mut faults = Faults::default();
         let mut commanded = |x, y, z| {
             let command = Command { position_m: [x, y], z_m: z, ..Command::default() };
@@ -259,7 +243,7 @@ mod tests {
 
     #[test]
     fn each_field_is_held_by_itself() {
-        let mut inputs = Inputs::default();
+        let mut inputs = HeldInputs::default();
         let mut faults = Faults::default();
         let good = Measurement {
             position_m: [1.0, 2.0, -1.0],
@@ -287,7 +271,7 @@ mod tests {
 
     #[test]
     fn a_bad_injection_is_none() {
-        let mut inputs = Inputs::default();
+        let mut inputs = HeldInputs::default();
         let command = Command { injection: [5.0, f32::NAN, f32::INFINITY, -5.0], ..Command::default() };
         inputs.command(&command, &bounds(), &mut Faults::default());
         assert_eq!(inputs.injection, [5.0, 0.0, 0.0, -5.0]);
@@ -305,7 +289,7 @@ mod tests {
         fn nothing_bad_gets_through(m in any::<[u32; 10]>(), c in any::<[u32; 10]>()) {
             let f = |k: usize| f32::from_bits(m[k]);
             let g = |k: usize| f32::from_bits(c[k]);
-            let mut inputs = Inputs::default();
+            let mut inputs = HeldInputs::default();
             let mut faults = Faults::default();
             let measurement = Measurement {
                 position_m: [f(0), f(1), f(2)],
@@ -323,7 +307,7 @@ mod tests {
                 ..Command::default()
             };
             inputs.command(&command, &bounds(), &mut faults);
-            let Inputs { position_m, attitude_rad, gyro_rad_s, battery_v, .. } = inputs;
+            let HeldInputs { position_m, attitude_rad, gyro_rad_s, battery_v, .. } = inputs;
             prop_assert!(position_m.iter().all(|x| x.abs() <= POSITION_LIMIT_M));
             prop_assert!(attitude_rad.iter().all(|x| x.abs() <= ANGLE_LIMIT_RAD));
             prop_assert!(gyro_rad_s.iter().all(|x| x.abs() <= RATE_LIMIT_RAD_S));

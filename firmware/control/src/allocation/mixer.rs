@@ -1,20 +1,22 @@
-//! From thrust and angular accelerations to squared rotor speeds, and what the motors refuse of them.
+//! From thrust and angular accelerations to squared rotor speeds, and what the motors refuse of
+//! them.
 //!
-//! Thesis (5.11): `[T, tau_phi, tau_theta, tau_psi] = K [w1^2 .. w4^2]`. The rows of K are made of geometry and identified
-//! coefficients: `b C_T`; `sqrt(2) l b C_i^p/Ixx` with the sign of the rotor's side (left rolls right, +p);
-//! `sqrt(2) l b C_i^q/Iyy` (front pitches up, +q); `b R C_i^r/Izz` (sign in the coefficient); `b = rho pi R^2 R^2`.
-//! `sqrt(2) l` is twice the geometric arm of an x frame; the identified coefficients absorb the 2 (K^-1 reproduces only so).
+//! Thesis (5.11): `[T, tau_phi, tau_theta, tau_psi] = K [w1^2 .. w4^2]`. The rows of K are made of
+//! geometry and identified coefficients: `b C_T`; `sqrt(2) l b C_i^p/Ixx` with the sign of the
+//! rotor's side (left rolls right, +p); `sqrt(2) l b C_i^q/Iyy` (front pitches up, +q); `b R
+//! C_i^r/Izz` (sign in the coefficient); `b = rho pi R^2 R^2`. `sqrt(2) l` is twice the geometric
+//! arm of an x frame; the identified coefficients absorb the 2 (K^-1 reproduces only so).
 //!
-//! A negative squared speed cannot be had and becomes 0; a command outside its range is clamped. Each is reported per axis
-//! and direction ([`Refused`]), and the next tick's integrators read it: saturation flows backwards as data. In the thesis
-//! nothing is rescaled; [`Mixer::share`] is what a configuration can ask for instead: roll and pitch before thrust, thrust
-//! before yaw. A craft that clips its motors one by one tips over when one of them is at its end; this one sinks.
+//! A negative squared speed is impossible and becomes 0; a command outside its range is clamped.
+//! Each is reported per axis and direction ([`Refused`]), and the next tick's integrators read it:
+//! saturation flows backwards as data. In the thesis nothing is rescaled; a configuration can ask
+//! for [`desaturation`](crate::allocation::desaturation) instead.
 
 use nalgebra::Matrix4;
 
-use crate::error::ConfigError;
-use crate::gains::{Mixing, RotorCoefficients};
-use crate::trig::sqrt;
+use crate::config::error::ConfigError;
+use crate::config::gains::{Mixing, RotorCoefficients};
+use crate::dsp::trig::sqrt;
 
 /// Directions in which an axis could not be followed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -26,7 +28,7 @@ pub struct Directions {
 }
 
 impl Directions {
-    /// The same refusal seen by a loop whose output enters with a minus.
+    /// This refusal, seen by a loop whose output enters with a minus.
     pub fn swapped(self) -> Self {
         Self { high: self.low, low: self.high }
     }
@@ -61,7 +63,8 @@ const PITCH_SIGN: [f64; 4] = [1.0, 1.0, -1.0, -1.0];
 pub const SIGN_MATRIX: [[f64; 4]; 4] =
     [[1.0, 1.0, 1.0, 1.0], [1.0, -1.0, 1.0, -1.0], [1.0, -1.0, -1.0, 1.0], [1.0, 1.0, -1.0, -1.0]];
 
-/// The matrix K of thesis (5.11): rows thrust, roll, pitch, yaw; columns rotors; N and rad/s^2 per (rad/s)^2.
+/// The matrix K of thesis (5.11): rows thrust, roll, pitch, yaw; columns rotors; N and rad/s^2 per
+/// (rad/s)^2.
 pub fn effectiveness(c: &RotorCoefficients) -> [[f64; 4]; 4] {
     let radius = c.rotor_radius_m;
     let beta = c.air_density_kg_m3 * core::f64::consts::PI * radius * radius * radius * radius;
@@ -84,7 +87,8 @@ pub fn effectiveness(c: &RotorCoefficients) -> [[f64; 4]; 4] {
 /// [`ConfigError::SingularMixing`] if it has none, or none with finite entries.
 pub fn inverse(matrix: &[[f64; 4]; 4]) -> Result<[[f64; 4]; 4], ConfigError> {
     let rows = Matrix4::from_fn(|i, j| matrix.get(i).and_then(|row| row.get(j)).copied().unwrap_or(f64::NAN));
-    // Rows have different units and sizes of 1e-6: scaled to length 1 the determinant says how far from singular they are.
+    // Rows have different units and sizes of 1e-6: scaled to length 1 the determinant says how far
+    // from singular they are.
     let mut scaled = rows;
     let mut lengths = [0.0; 4];
     for (mut row, length) in scaled.row_iter_mut().zip(&mut lengths) {
@@ -105,8 +109,9 @@ pub fn inverse(matrix: &[[f64; 4]; 4]) -> Result<[[f64; 4]; 4], ConfigError> {
     if result.iter().flatten().all(|x| x.is_finite()) { Ok(result) } else { Err(ConfigError::SingularMixing) }
 }
 
-/// By complementary minors of the upper and the lower two rows. (The library's goes by a decomposition with pivots, which no compiler
-/// can show not to panic, and gains are heard in flight code.)
+/// The determinant by complementary minors of the upper and the lower two rows. (The library's goes
+/// by a decomposition with pivots, which no compiler can show not to panic, and gains are received
+/// in flight code.)
 fn determinant(matrix: &Matrix4<f64>) -> f64 {
     let [[a0, b0, c0, d0], [a1, b1, c1, d1], [a2, b2, c2, d2], [a3, b3, c3, d3]] = matrix.data.0;
     (a0 * b1 - a1 * b0) * (c2 * d3 - c3 * d2) - (a0 * b2 - a2 * b0) * (c1 * d3 - c3 * d1)
@@ -116,13 +121,14 @@ fn determinant(matrix: &Matrix4<f64>) -> f64 {
         + (a2 * b3 - a3 * b2) * (c0 * d1 - c1 * d0)
 }
 
-/// One rotor's row: how it answers the four axes, and which of their directions it refuses when it is at an end.
+/// One rotor's row: how it answers the four axes, and which of their directions it refuses when it
+/// is at an end.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Row {
-    thrust: f32,
-    roll: f32,
-    pitch: f32,
-    yaw: f32,
+pub(crate) struct Row {
+    pub(crate) thrust: f32,
+    pub(crate) roll: f32,
+    pub(crate) pitch: f32,
+    pub(crate) yaw: f32,
     /// Bit of each axis and direction that asks this rotor for more.
     wants_more: u8,
     /// Bit of each axis and direction that asks this rotor for less.
@@ -162,7 +168,7 @@ pub struct AtEnd {
 /// A mixing matrix: rows rotors, columns thrust, roll, pitch, yaw.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mixer {
-    rows: [Row; 4],
+    pub(crate) rows: [Row; 4],
 }
 
 impl Mixer {
@@ -189,7 +195,8 @@ impl Mixer {
         Self { rows: [Row::new(a), Row::new(b), Row::new(c), Row::new(d)] }
     }
 
-    /// The product with `[thrust, roll, pitch, yaw]`: a squared rotor speed (or a command) for each rotor.
+    /// The product with `[thrust, roll, pitch, yaw]`: a squared rotor speed (or a command) for each
+    /// rotor.
     #[inline]
     pub fn mix(&self, thrust: f32, [roll, pitch, yaw]: [f32; 3]) -> [f32; 4] {
         self.rows.map(|row| row.thrust * thrust + row.roll * roll + row.pitch * pitch + row.yaw * yaw)
@@ -213,107 +220,6 @@ impl Mixer {
     }
 }
 
-/// What [`Mixer::share`] makes of wishes that cannot all be had.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Share {
-    /// A squared rotor speed (or a command) for each rotor, within its range.
-    pub mixed: [f32; 4],
-    /// What could not be had.
-    pub refused: Refused,
-    /// Whether roll and pitch take nearly all there is, so that little is left to hold the craft with.
-    pub strained: bool,
-}
-
-/// Part of what roll and pitch could have at any thrust beyond which the craft counts as strained.
-const STRAINED: f32 = 0.8;
-
-/// What each rotor can give, in the mixer's units, and what it is asked for, all divided by its share of the thrust.
-#[derive(Clone, Copy)]
-struct Room {
-    low: f32,
-    high: f32,
-    lean: f32,
-    turn: f32,
-}
-
-impl Room {
-    /// What is left at either end beside a part of the lean.
-    fn beside(&self, part: f32) -> (f32, f32) {
-        (self.low - part * self.lean, self.high - part * self.lean)
-    }
-}
-
-/// The part of 1, at least 0, of `wanted` that fits into `room`.
-fn fitting(part: f32, wanted: f32, room: f32) -> f32 {
-    if part * wanted <= room {
-        part
-    } else if room > 0.0 {
-        room / wanted
-    } else {
-        0.0
-    }
-}
-
-/// Whether more or less was wanted of an axis whose wish was not granted.
-fn towards(wanted: f32, granted: bool) -> Directions {
-    Directions { high: !granted && wanted > 0.0, low: !granted && wanted < 0.0 }
-}
-
-impl Mixer {
-    /// The least of what the rotors answer to 1 of thrust: positive if every one lifts, without which [`Mixer::share`] has
-    /// nothing to give and take.
-    pub(crate) fn least_thrust(&self) -> f64 {
-        self.rows.iter().map(|row| f64::from(row.thrust)).fold(f64::INFINITY, f64::min)
-    }
-
-    /// As [`Mixer::mix`] with every result from `low` to `high`, and what that refuses: roll and pitch together are had as far as
-    /// any thrust allows, then the thrust nearest to the one asked for, then yaw as far as the rest allows. Each part is the
-    /// largest there is, so nothing is lost to a rotor that has room. For rotors that all lift.
-    #[cold]
-    pub fn share(&self, thrust: f32, [roll, pitch, yaw]: [f32; 3], low: [f32; 4], high: [f32; 4]) -> Share {
-        let mut rooms = [Room { low: 0.0, high: 0.0, lean: 0.0, turn: 0.0 }; 4];
-        for (((room, row), low), high) in rooms.iter_mut().zip(&self.rows).zip(low).zip(high) {
-            let share = 1.0 / row.thrust;
-            *room = Room {
-                low: share * low,
-                high: share * high,
-                lean: share * (row.roll * roll + row.pitch * pitch),
-                turn: share * row.yaw * yaw,
-            };
-        }
-        // Two rotors that lean apart need as much room between the end of one and the end of the other.
-        let mut room = 1.0 / STRAINED;
-        for up in &rooms {
-            for down in &rooms {
-                room = fitting(room, up.lean - down.lean, up.high - down.low);
-            }
-        }
-        let leaning = if room < 1.0 { room } else { 1.0 };
-        let (mut least, mut most) = (f32::NEG_INFINITY, f32::INFINITY);
-        for room in &rooms {
-            let (low, high) = room.beside(leaning);
-            least = if low > least { low } else { least };
-            most = if high < most { high } else { most };
-        }
-        let below = if thrust > most { most } else { thrust };
-        let given = if below < least { least } else { below };
-        let mut turning = 1.0;
-        for room in &rooms {
-            let (low, high) = room.beside(leaning);
-            turning = fitting(turning, room.turn, high - given);
-            turning = fitting(turning, -room.turn, given - low);
-        }
-        let refused = Refused {
-            thrust: Directions { high: given < thrust, low: given > thrust },
-            roll: towards(roll, leaning >= 1.0),
-            pitch: towards(pitch, leaning >= 1.0),
-            yaw: towards(yaw, turning >= 1.0),
-        };
-        let mixed = self.mix(given, [leaning * roll, leaning * pitch, turning * yaw]);
-        Share { mixed, refused, strained: room < 1.0 / STRAINED }
-    }
-}
-
 /// Speeds in rad/s from squared speeds; negative ones (and what is not a number) become 0.
 #[inline]
 pub fn rotor_speeds(squared: [f32; 4]) -> [f32; 4] {
@@ -323,7 +229,7 @@ pub fn rotor_speeds(squared: [f32; 4]) -> [f32; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gains::{THESIS_INVERSE_MIXING, THESIS_ROTORS};
+    use crate::config::thesis::{THESIS_INVERSE_MIXING, THESIS_ROTORS};
     use proptest::prelude::*;
 
     fn largest_relative_difference(
@@ -340,8 +246,8 @@ mod tests {
         worst
     }
 
-    /// The tables print four digits: 2e-4 on the torque columns, 2e-3 on thrust with C_T = 0.0180, 2e-4 with the unrounded
-    /// C_T = 0.0180325 that the printed matrix was made with.
+    /// The tables print four digits: 2e-4 on the torque columns, 2e-3 on thrust with C_T = 0.0180,
+    /// 2e-4 with the unrounded C_T = 0.0180325 that the printed matrix was made with.
     #[test]
     fn inverse_is_the_printed_one() {
         let from_tables = inverse(&effectiveness(&THESIS_ROTORS)).unwrap();
@@ -354,7 +260,8 @@ mod tests {
     }
 
     proptest! {
-        /// As by nalgebra's decomposition: products of four numbers of up to 1, so some roundings of 1e-16.
+        /// As by nalgebra's decomposition: products of four numbers of up to 1, so some roundings
+        /// of 1e-16.
         #[test]
         fn the_determinant_is_the_librarys(entries in prop::array::uniform16(-1.0..1.0_f64)) {
             let matrix = Matrix4::from_row_slice(&entries);
@@ -389,7 +296,8 @@ mod tests {
         }
     }
 
-    /// Hover speeds of the printed matrix at 11.9093 N, as published with the reference numbers (4 decimals).
+    /// Hover speeds of the printed matrix at 11.9093 N, as published with the reference numbers (4
+    /// decimals).
     #[test]
     fn hover_speeds() {
         let mixer = Mixer::new(&Mixing::Inverse(THESIS_INVERSE_MIXING)).unwrap();
@@ -448,90 +356,7 @@ mod tests {
         assert_eq!(inverse(&[[f64::NAN; 4]; 4]), Err(ConfigError::SingularMixing));
     }
 
-    /// Unit ranges and the sign matrix, worked out by hand.
-    #[test]
-    fn attitude_comes_before_thrust_and_thrust_before_yaw() {
-        let mixer = Mixer::signs();
-        let share = |thrust, torque| {
-            let Share { mixed, refused, strained } = mixer.share(thrust, torque, [0.0; 4], [1.0; 4]);
-            // With unit ranges two rotors can lean apart by 1: roll, or roll and pitch together, by 0.5.
-            let [roll, pitch, _]: [f32; 3] = torque;
-            assert_eq!(strained, 2.0 * (roll.abs() + pitch.abs()) > 0.8);
-            (mixed, refused)
-        };
-        let (high, low) = (Directions { high: true, low: false }, Directions { high: false, low: true });
-        // All fits.
-        assert_eq!(share(0.5, [0.25, 0.125, 0.0]), (mixer.mix(0.5, [0.25, 0.125, 0.0]), Refused::default()));
-        // Roll wants 0.25 above the thrust: the thrust gives way.
-        let (mixed, refused) = share(0.9, [0.25, 0.0, 0.0]);
-        assert_eq!((mixed, refused), ([1.0, 0.5, 0.5, 1.0], Refused { thrust: high, ..Refused::default() }));
-        // And so from below.
-        let (mixed, refused) = share(0.125, [0.0, -0.25, 0.0]);
-        assert_eq!((mixed, refused), ([0.0, 0.0, 0.5, 0.5], Refused { thrust: low, ..Refused::default() }));
-        // Yaw gets what is left beside the thrust, in its own direction.
-        let (mixed, refused) = share(0.75, [0.125, 0.0, -0.5]);
-        assert_eq!(mixed, [0.75, 0.75, 0.5, 1.0]);
-        assert_eq!(refused, Refused { yaw: low, ..Refused::default() });
-        // More roll and pitch than the rotors have at any thrust: halved together, thrust in the middle, no yaw.
-        let (mixed, refused) = share(0.75, [0.5, 0.5, 0.125]);
-        assert_eq!(mixed, [1.0, 0.5, 0.0, 0.5]);
-        assert_eq!(refused, Refused { thrust: high, roll: high, pitch: high, yaw: high });
-    }
-
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(5_000))]
-
-        /// On the thesis' matrix, whatever is asked for: all rotors inside their range; what is refused is refused for a rotor
-        /// at its end; roll and pitch keep their direction and are whole wherever some thrust allows it; yaw is not reversed.
-        #[test]
-        fn what_can_be_had_is_had(
-            thrust in -10.0_f32..40.0, roll in -200.0_f32..200.0, pitch in -200.0_f32..200.0, yaw in -60.0_f32..60.0
-        ) {
-            let mixer = Mixer::new(&Mixing::Inverse(THESIS_INVERSE_MIXING)).unwrap();
-            let forward = inverse(&THESIS_INVERSE_MIXING).unwrap();
-            let (low, high) = ([9e4_f32; 4], [7.4e5_f32; 4]);
-            let Share { mixed, refused, .. } = mixer.share(thrust, [roll, pitch, yaw], low, high);
-            // f32 holds 7.4e5 to 0.03; sums of four such, and quotients.
-            let slack = 1.0;
-            prop_assert!(mixed.iter().all(|w2| *w2 > 9e4 - slack && *w2 < 7.4e5 + slack), "{mixed:?}");
-            let had = forward.map(|row| row.iter().zip(mixed).map(|(k, w2)| k * f64::from(w2)).sum::<f64>());
-            let [got_thrust, got_roll, got_pitch, got_yaw] = had;
-            let part = |got: f64, wanted: f32| got / f64::from(wanted);
-            // The forward matrix turns 1 of w^2 into 1e-4 rad/s^2 and 1e-5 N.
-            let near = |a: f64, b: f64, tolerance: f64| (a - b).abs() < tolerance;
-            if !refused.roll.high && !refused.roll.low {
-                prop_assert!(near(got_roll, f64::from(roll), 1e-3) && near(got_pitch, f64::from(pitch), 1e-3));
-            } else {
-                let share = part(got_roll, roll);
-                prop_assert!(share > -1e-3 && share < 1.0, "{share}");
-                prop_assert!(near(got_pitch, share * f64::from(pitch), 1e-2 * (1.0 + f64::from(pitch.abs()))));
-                // Before yaw moves them, one is at one end and one at the other: no thrust would give more.
-                let Share { mixed: alone, .. } = mixer.share(thrust, [roll, pitch, 0.0], low, high);
-                let least = alone.into_iter().fold(f32::MAX, f32::min);
-                let most = alone.into_iter().fold(0.0, f32::max);
-                prop_assert!(least < 9e4 + slack && most > 7.4e5 - slack, "{alone:?}");
-            }
-            prop_assert_eq!(refused.thrust.high, got_thrust < f64::from(thrust) - 1e-4, "{}", got_thrust);
-            prop_assert_eq!(refused.thrust.low, got_thrust > f64::from(thrust) + 1e-4);
-            if !refused.yaw.high && !refused.yaw.low {
-                prop_assert!(near(got_yaw, f64::from(yaw), 1e-3));
-            } else {
-                let share = part(got_yaw, yaw);
-                prop_assert!(share > -1e-3 && share < 1.0, "{share}");
-            }
-        }
-
-        /// Any bits: nothing panics, and a result that is a number is inside the range or next to it.
-        #[test]
-        fn any_bits_can_be_shared(bits in any::<[u32; 4]>()) {
-            let [thrust, roll, pitch, yaw] = bits.map(f32::from_bits);
-            let mixer = Mixer::new(&Mixing::Inverse(THESIS_INVERSE_MIXING)).unwrap();
-            let Share { mixed, .. } = mixer.share(thrust, [roll, pitch, yaw], [0.0; 4], [7.4e5; 4]);
-            if [thrust, roll, pitch, yaw].iter().all(|x| x.abs() < 1e6) {
-                prop_assert!(mixed.iter().all(|w2| *w2 > -1e2 && *w2 < 7.5e5), "{mixed:?}");
-            }
-        }
-
         #[test]
         fn speeds_are_never_nan_or_negative(bits in any::<[u32; 4]>()) {
             let speeds = rotor_speeds(bits.map(f32::from_bits));

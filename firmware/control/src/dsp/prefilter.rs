@@ -1,9 +1,11 @@
-//! What is done to a command before an error is made of it: first-order low-pass and rate limit (thesis 5.1, "Prefilters").
+//! What is done to a command before an error is made of it: first-order low-pass and rate limit
+//! (thesis 5.1, "Prefilters").
 //!
-//! Both start where they are told to, not at zero, and both are bounded: a bounded command gives a bounded reference.
+//! Both start where they are told to, not at zero, and both are bounded: a bounded command gives a
+//! bounded reference.
 
-use crate::filter::{FirstOrder, FirstOrderState};
-use crate::trig::wrap_angle;
+use crate::dsp::filter::{FirstOrder, FirstOrderState};
+use crate::dsp::trig::wrap_angle;
 
 /// First-order low-pass on a command, or none.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,7 +38,8 @@ impl Prefilter {
         self.filter.step(&mut state.filter, command)
     }
 
-    /// The next reference of an angle in rad. The reference turns the short way round, and stays near (-pi, pi].
+    /// The next reference of an angle in rad. The reference turns the short way round, and stays
+    /// near (-pi, pi].
     #[inline]
     pub fn step_angle(&self, state: &mut PrefilterState, command_rad: f32) -> f32 {
         if self.filter.b0 != 0.0 {
@@ -46,7 +49,8 @@ impl Prefilter {
         let to_go = command_rad - reference;
         let short = wrap_angle(to_go);
         if short != to_go {
-            // The same past seen from the command's branch: moved by whole turns, so that less than half a turn is left.
+            // The same past seen from the command's branch: moved by whole turns, so that less than
+            // half a turn is left.
             state.filter.add(self.filter.steady(to_go - short));
         }
         self.step(state, command_rad)
@@ -65,7 +69,8 @@ impl RateLimiter {
         Self { step: (rate_per_s * period_s) as f32 }
     }
 
-    /// Moves the reference towards the command. A command that is not a number leaves it where it is.
+    /// Moves the reference towards the command. A command that is not a number leaves it where it
+    /// is.
     #[inline]
     pub fn step(&self, reference: &mut f32, command: f32) -> f32 {
         let to_go = command - *reference;
@@ -89,7 +94,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(10_000))]
 
-        /// Any bits: the reference moves by no more than the limit (and one rounding of its own), and stays a number.
+        /// Any bits: the reference moves by no more than the limit (and one rounding of its own),
+        /// and stays a number.
         #[test]
         fn rate_limit_holds_for_any_command(start in -10.0_f32..10.0, bits in proptest::collection::vec(any::<u32>(), 1..50)) {
             let limiter = RateLimiter::new(0.5, 0.01);

@@ -1,11 +1,12 @@
-//! The lag zero-canceller of the roll and pitch loops, `(s/z1 + 1) / (s/p1 + 1)`, thesis (5.9) and Table 5.1.
+//! The lag zero-canceller of the roll and pitch loops, `(s/z1 + 1) / (s/p1 + 1)`, thesis (5.9) and
+//! Table 5.1.
 //!
-//! Roll and pitch of the identified craft have a slow zero (0.21 rad/s), which would leave a large steady error. The
-//! canceller's pole stands on it and its own zero takes over at 0.6 rad/s. It acts on proportional plus integral part, not
-//! on the velocity feedback (thesis (5.24) to (5.28)), and starts at rest like the integrator it follows.
+//! Roll and pitch of the identified craft have a slow zero (0.21 rad/s), which would leave a large
+//! steady error. The canceller's pole stands on it and its own zero takes over at 0.6 rad/s. It
+//! acts on proportional plus integral part, not on the velocity feedback (thesis (5.24) to (5.28)),
+//! and starts at rest like the integrator it follows.
 
-use crate::filter::{FirstOrder, FirstOrderState};
-use crate::gains::CancellerParams;
+use crate::dsp::filter::{FirstOrder, FirstOrderState};
 
 /// Lag canceller, or none.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,11 +21,12 @@ pub struct CancellerState {
 }
 
 impl Canceller {
-    /// Builds the filter for a period in s; without parameters it changes nothing.
-    pub fn new(params: Option<&CancellerParams>, period_s: f64) -> Self {
-        let filter = params
-            .map_or(FirstOrder::PASS, |p| FirstOrder::lag(p.zero_rad_s, p.pole_rad_s, period_s).rounded());
-        Self { filter }
+    /// Changes nothing.
+    pub const NONE: Self = Self { filter: FirstOrder::PASS };
+
+    /// Zero and pole in rad/s, period in s.
+    pub fn new(zero_rad_s: f64, pole_rad_s: f64, period_s: f64) -> Self {
+        Self { filter: FirstOrder::lag(zero_rad_s, pole_rad_s, period_s).rounded() }
     }
 
     /// One sample.
@@ -38,13 +40,11 @@ impl Canceller {
 mod tests {
     use super::*;
 
-    const ROLL: CancellerParams = CancellerParams { zero_rad_s: 0.6, pole_rad_s: 0.2149 };
-
-    /// Behind a plant zero at -0.2149 (here its exact sampled image) only the new zero at -0.6 is left: the chain is
-    /// `k (z - exp(-0.6 Ts))`, whose impulse response ends after two samples.
+    /// Behind a plant zero at -0.2149 (here its exact sampled image) only the new zero at -0.6 is
+    /// left: the chain is `k (z - exp(-0.6 Ts))`, whose impulse response ends after two samples.
     #[test]
     fn cancels_the_zero_and_leaves_the_new_one() {
-        let canceller = Canceller::new(Some(&ROLL), 0.01);
+        let canceller = Canceller::new(0.6, 0.2149, 0.01);
         let mut state = CancellerState::default();
         let (old_zero, new_zero) = (libm::exp(-0.002149), libm::exp(-0.006));
         let mut previous = 0.0;
@@ -66,7 +66,7 @@ mod tests {
     #[test]
     fn absent_changes_nothing() {
         let mut state = CancellerState::default();
-        assert_eq!(Canceller::new(None, 0.01).step(&mut state, 1.25), 1.25);
-        assert_eq!(Canceller::new(None, 0.01).step(&mut state, -3.5), -3.5);
+        assert_eq!(Canceller::NONE.step(&mut state, 1.25), 1.25);
+        assert_eq!(Canceller::NONE.step(&mut state, -3.5), -3.5);
     }
 }

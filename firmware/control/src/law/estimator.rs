@@ -1,21 +1,24 @@
 //! What is not measured but computed from measurements.
 //!
-//! - Attitude: motion capture sends X-Y-Z angles; [`aerospace_from_xyz`] turns them into Z-Y-X ones, thesis (3.1).
-//! - Euler rates and vertical velocity: second-order estimators on phi, theta, psi and z, thesis (5.5).
-//! - Body rates: the inverse of thesis (2.3) on those Euler rates; with a gyro, the complementary filter (4.6).
+//! - Attitude: motion capture sends X-Y-Z angles; [`aerospace_from_xyz`] turns them into Z-Y-X
+//!   ones, thesis (3.1).
+//! - Euler rates and vertical velocity: second-order estimators on phi, theta, psi and z, thesis
+//!   (5.5).
+//! - Body rates: the inverse of thesis (2.3) on those Euler rates; with a gyro, the complementary
+//!   filter (4.6).
 //! - Voltage: first-order smoothing, thesis 4.2.5.
 //!
-//! Yaw may jump by whole turns: the estimator sees the short way. Every filter starts in the steady state of its first
-//! input, so nothing kicks when the craft starts at z = -1 m.
+//! Yaw may jump by whole turns: the estimator sees the short way. Every filter starts in the steady
+//! state of its first input, so nothing kicks when the craft starts at z = -1 m.
 
-use crate::filter::{FirstOrder, FirstOrderState, SecondOrder, SecondOrderState};
-use crate::gains::{Complement, Estimation, GyroFusion};
-use crate::trig::{sin_cos, wrap_angle};
+use crate::config::gains::{Complement, Estimation, GyroFusion};
+use crate::dsp::filter::{FirstOrder, FirstOrderState, SecondOrder, SecondOrderState};
+use crate::dsp::trig::{sin_cos, wrap_angle};
 
 /// Z-Y-X angles (phi, theta, psi) from X-Y-Z ones, all in rad, thesis (3.1).
 ///
-/// Only the signs and the ratio of the arguments of `atan2` matter, so (3.1)'s division by `cos(theta) >= 0` is left out and
-/// nothing is divided by zero with the nose straight up.
+/// Only the signs and the ratio of the arguments of `atan2` matter, so (3.1)'s division by
+/// `cos(theta) >= 0` is left out and nothing is divided by zero with the nose straight up.
 pub fn aerospace_from_xyz([phi, theta, psi]: [f32; 3]) -> [f32; 3] {
     let ((sf, cf), (st, ct), (sp, cp)) = (sin_cos(phi), sin_cos(theta), sin_cos(psi));
     let r11 = ct * cp;
@@ -26,7 +29,8 @@ pub fn aerospace_from_xyz([phi, theta, psi]: [f32; 3]) -> [f32; 3] {
     [libm::atan2f(r23, r33), -libm::asinf(r13.clamp(-1.0, 1.0)), libm::atan2f(r12, r11)]
 }
 
-/// Body rates p, q, r in rad/s from Euler rates in rad/s at roll and pitch in rad: the inverse of thesis (2.3).
+/// Body rates p, q, r in rad/s from Euler rates in rad/s at roll and pitch in rad: the inverse of
+/// thesis (2.3).
 #[inline]
 pub fn body_rates(euler_rates_rad_s: [f32; 3], roll_rad: f32, pitch_rad: f32) -> [f32; 3] {
     body_rates_and_upright(euler_rates_rad_s, roll_rad, pitch_rad).0
@@ -127,8 +131,8 @@ impl Estimator {
         self.fusion.is_some()
     }
 
-    /// The memory of a craft that has always been at this attitude (rad), z (m) and voltage (V), turning at the gyro's
-    /// rates (rad/s) by the gyro and not at all by the attitude.
+    /// The memory of a craft that has always been at this attitude (rad), z (m) and voltage (V),
+    /// turning at the gyro's rates (rad/s) by the gyro and not at all by the attitude.
     pub fn start(
         &self,
         [phi, theta, psi]: [f32; 3],
@@ -186,7 +190,8 @@ impl Estimator {
     }
 }
 
-/// Low frequencies from the attitude, high ones from the gyro; without a gyro the attitude stands in for it.
+/// Low frequencies from the attitude, high ones from the gyro; without a gyro the attitude stands
+/// in for it.
 fn fuse(
     fusion: &Fusion,
     states: &mut [FusionState; 3],
@@ -204,7 +209,7 @@ fn fuse(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gains::{BatteryFilter, Config};
+    use crate::config::gains::{BatteryFilter, Config};
     use core::f32::consts::PI;
     use nalgebra::{Rotation3, Vector3};
     use proptest::prelude::*;
@@ -216,9 +221,10 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(20_000))]
 
-        /// Against nalgebra: the rotation put together from X-Y-Z turns equals the one put together from Z-Y-X turns by the
-        /// converted angles. 1e-6 is a few roundings of f32; near the pole theta = pi/2 `asin` magnifies one rounding of r13
-        /// to its square root, so the pole itself is left to the test below.
+        /// Against nalgebra: the rotation put together from X-Y-Z turns equals the one put together
+        /// from Z-Y-X turns by the converted angles. 1e-6 is a few roundings of f32; near the pole
+        /// theta = pi/2 `asin` magnifies one rounding of r13 to its square root, so the pole itself
+        /// is left to the test below.
         #[test]
         fn both_orders_describe_one_rotation(phi in -3.1_f32..3.1, theta in -1.5_f32..1.5, psi in -3.1_f32..3.1) {
             let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
@@ -230,8 +236,9 @@ mod tests {
             prop_assert!(difference < 2e-5, "{difference}");
         }
 
-        /// Kinematics by finite differences of the rotation itself (nalgebra): body rates are the axial vector of
-        /// R^T dR/dt. The step 1e-6 s leaves about 1e-6 of difference error; f32 adds 1e-6.
+        /// Kinematics by finite differences of the rotation itself (nalgebra): body rates are the
+        /// axial vector of R^T dR/dt. The step 1e-6 s leaves about 1e-6 of difference error; f32
+        /// adds 1e-6.
         #[test]
         fn body_rates_are_those_of_the_turning_frame(
             phi in -1.0_f32..1.0, theta in -1.0_f32..1.0, psi in -3.0_f32..3.0, rates in any::<[i8; 3]>()
@@ -283,7 +290,8 @@ mod tests {
             let psi = 3.0 + k as f32 * 0.01;
             let got = e.step(&mut state, [0.0, 0.0, wrap_angle(psi)], -1.0, 11.1, None).body_rates_rad_s[2];
             let want = e.step(&mut plain, [0.0, 0.0, psi], -1.0, 11.1, None).body_rates_rad_s[2];
-            // One rounding of psi (2.4e-7 at 4 rad) times the estimator's gain of 30, a few times over.
+            // One rounding of psi (2.4e-7 at 4 rad) times the estimator's gain of 30, a few times
+            // over.
             assert!((got - want).abs() < 1e-4, "{k}: {got} {want}");
         }
     }
@@ -326,7 +334,7 @@ mod tests {
     fn fusion_of_equal_signals_is_that_signal() {
         let estimation = Estimation {
             gyro: Some(GyroFusion { corner_rad_s: 5.0, complement: Complement::Exact }),
-            gain_rule: crate::filter::GainRule::Slope,
+            gain_rule: crate::dsp::filter::GainRule::Slope,
             ..Config::thesis().estimation
         };
         let e = estimator(&estimation);

@@ -1,15 +1,16 @@
 //! PID with velocity feedback, thesis (5.7): `kp e + ki integral(e) - kd rate`.
 //!
-//! The rate is that of the measurement, not of the error, so a jump of the command does not kick the output. The integral
-//! is `I += e Ts`, then used (backward Euler; "a simple and resettable digital integrator", thesis 5.3.1); it holds error
-//! times time, without its gain.
+//! The rate is that of the measurement, not of the error, so a jump of the command does not kick
+//! the output. The integral is `I += e Ts`, then used (backward Euler; "a simple and resettable
+//! digital integrator", thesis 5.3.1); it holds error times time, without its gain.
 //!
-//! Anti-windup is conditional integration. The loop's own limit and whatever comes after it (the motors) say in which
-//! direction they refused the last output; the integral does not go further in that direction, but it may always come
-//! back. The sum's sign follows the error's because gains are not negative. With nothing refused the law is exactly linear.
+//! Anti-windup is conditional integration. The loop's own limit and whatever comes after it (the
+//! motors) say in which direction they refused the last output; the integral does not go further in
+//! that direction, but it may always come back. The sum's sign follows the error's because gains
+//! are not negative. With nothing refused the law is exactly linear.
 
-use crate::gains::InnerLoop;
-use crate::mixer::Directions;
+use crate::allocation::mixer::Directions;
+use crate::config::gains::InnerLoop;
 
 /// The parts of one loop's output, in the loop's output unit.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -46,7 +47,8 @@ pub struct PidState {
 }
 
 impl Pid {
-    /// Gains are output units per rad (or m), rad s and rad/s; `limit` is in output units; period in s.
+    /// Gains are output units per rad (or m), rad s and rad/s; `limit` is in output units; period
+    /// in s.
     pub fn new(kp: f64, ki: f64, kd: f64, limit: Option<f64>, period_s: f64, anti_windup: bool) -> Self {
         Self {
             kp: kp as f32,
@@ -63,7 +65,8 @@ impl Pid {
         Self::new(gains.kp, gains.ki, gains.kd, gains.output_limit, period_s, anti_windup)
     }
 
-    /// One step with nothing between the sum and the output. `refused` is what lay behind the loop's last output.
+    /// One step with nothing between the sum and the output. `refused` is what lay behind the
+    /// loop's last output.
     #[inline]
     pub fn step(&self, state: &mut PidState, error: f32, rate: f32, refused: Directions) -> PidTerms {
         self.step_through(state, error, rate, refused, |proportional_plus_integral| {
@@ -94,7 +97,8 @@ impl Pid {
             state.refused = Directions::default();
             return PidTerms { p, i, d, output: wanted };
         }
-        // Not `clamp`, which panics if a limit is not a number. A NaN stays one, for the end of the tick to see.
+        // Not `clamp`, which panics if a limit is not a number. A NaN stays one, for the end of the
+        // tick to see.
         state.refused = Directions { high: wanted > 0.0, low: wanted < 0.0 };
         let output = if wanted > 0.0 {
             self.limit
@@ -162,12 +166,14 @@ mod tests {
         }
         // Only the first step, before the limit had spoken, integrated.
         assert!((state.integral - 0.01).abs() < 1e-8);
-        // After a hundred seconds of saturation the output leaves the limit with the error's sign, at once.
+        // After a hundred seconds of saturation the output leaves the limit with the error's sign,
+        // at once.
         assert!(pid.step(&mut state, -0.1, 0.0, FREE).output < 0.0);
     }
 
     proptest! {
-        /// Superposition: with nothing refused the law is linear, whatever the anti-windup flag says.
+        /// Superposition: with nothing refused the law is linear, whatever the anti-windup flag
+        /// says.
         #[test]
         fn without_limits_it_is_linear(errors in proptest::collection::vec((-1.0_f32..1.0, -5.0_f32..5.0), 1..100)) {
             let with = Pid::new(100.0, 100.0, 10.0, None, 0.01, true);

@@ -1,11 +1,11 @@
 //! Rotor speed and motor command at a battery voltage, thesis (4.11) and (5.12):
 //! `omega = command * cmd + voltage * V + offset` (steady state) and its inverse.
 //!
-//! The printed inverse is rounded (a round trip adds about 0.04 rad/s); a configuration may give it as it is, otherwise
-//! the exact inverse is used. The rotor's lag is not compensated.
+//! The printed inverse is rounded (a round trip adds about 0.04 rad/s); a configuration may give it
+//! as it is, otherwise the exact inverse is used. The rotor's lag is not compensated.
 
-use crate::gains::MotorMapParams;
-use crate::mixer::AtEnd;
+use crate::allocation::mixer::AtEnd;
+use crate::config::gains::MotorMapParams;
 
 /// The map for flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,7 +32,8 @@ impl MotorMap {
         speeds_rad_s.map(|w| self.speed * w + at_rest)
     }
 
-    /// Squared rotor speed, in rad^2/s^2, of a motor command at a battery voltage in V; 0 where the rotor would stand still.
+    /// Squared rotor speed, in rad^2/s^2, of a motor command at a battery voltage in V; 0 where the
+    /// rotor would stand still.
     #[inline]
     pub fn squared_speed(&self, command: f32, battery_v: f32) -> f32 {
         let speed_rad_s = (command - (self.voltage * battery_v + self.offset)) / self.speed;
@@ -84,10 +85,11 @@ impl CommandRange {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gains::THESIS_MOTOR_MAP;
+    use crate::config::thesis::THESIS_MOTOR_MAP;
     use proptest::prelude::*;
 
-    /// Hover commands of the printed matrix and map (reference numbers, 2 decimals; f32 holds 1800 to 1.2e-4).
+    /// Hover commands of the printed matrix and map (reference numbers, 2 decimals; f32 holds 1800
+    /// to 1.2e-4).
     #[test]
     fn hover_commands_at_several_voltages() {
         let map = MotorMap::new(&THESIS_MOTOR_MAP);
@@ -103,7 +105,8 @@ mod tests {
         }
     }
 
-    /// 860.52 rad/s at 2000 us and 11.1 V (reference numbers, 2 decimals), and a rotor that stands still.
+    /// 860.52 rad/s at 2000 us and 11.1 V (reference numbers, 2 decimals), and a rotor that stands
+    /// still.
     #[test]
     fn squared_speeds_of_the_range() {
         let map = MotorMap::new(&MotorMapParams { inverse: None, ..THESIS_MOTOR_MAP });
@@ -114,7 +117,8 @@ mod tests {
     }
 
     proptest! {
-        /// The exact inverse returns to the command within f32 rounding; the printed one adds about 0.04 rad/s.
+        /// The exact inverse returns to the command within f32 rounding; the printed one adds about
+        /// 0.04 rad/s.
         #[test]
         fn round_trip(command in 1000.0_f64..2000.0, volts in 9.9_f64..12.6) {
             let exact = MotorMapParams { inverse: None, ..THESIS_MOTOR_MAP };

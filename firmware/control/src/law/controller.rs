@@ -1,124 +1,47 @@
 //! One control period, from measurement and command to motor commands.
 //!
-//! Order of a tick (thesis chapter 5; every item is tested against recorded closed-loop runs, see `tests/thesis_law.rs`):
-//! 1. inputs pass the door ([`door`](crate::door)); measurements are used as they come, their delay is the world's;
+//! Order of a tick (thesis chapter 5; every item is tested against recorded closed-loop runs, see
+//! `tests/thesis_law.rs`):
+//! 1. inputs are checked ([`input_checks`](crate::inputs::input_checks)); measurements are used as
+//!    they come, their delay is the world's;
 //! 2. Euler rates, body rates and vertical velocity are estimated;
 //! 3. in position mode the outer loop makes roll and pitch commands of the position command;
 //! 4. prefilters make references of commands, and errors follow (yaw the short way round);
 //! 5. roll, pitch and yaw loops give angular accelerations;
 //! 6. the altitude loop gives the thrust: `T = hover - PID(z)`;
-//! 7. the inverse mixing matrix gives squared rotor speeds (negative ones become 0), the motor map commands at the measured
-//!    voltage; injection is added; the range clamps. What was refused is for the next tick's integrators to know.
+//! 7. the inverse mixing matrix gives squared rotor speeds (negative ones become 0), the motor map
+//!    commands at the measured voltage; injection is added; the range clamps. What was refused is
+//!    for the next tick's integrators to know.
 //!
-//! Filters start in the steady state of their first input, integrators and cancellers at rest. During cut-off the motors
-//! idle, the estimators run on, and the loops start anew at its end.
+//! Filters start in the steady state of their first input, integrators and cancellers at rest.
+//! During cut-off the motors idle, the estimators run on, and the loops start anew at its end.
 //!
-//! The hand-tuned law (thesis 4.2.2) has the same order; in step 7 the sign matrix (4.5) gives commands directly.
+//! The hand-tuned law (thesis 4.2.2) has the same order; in step 7 the sign matrix (4.5) gives
+//! commands directly.
 //!
-//! Two things that the thesis has not, and that a configuration can ask for: the thrust divided by `cos(phi) cos(theta)` in
-//! step 6 (up to twice), and in step 7, where a motor is asked for more than it has, roll and pitch before thrust before yaw.
-//! With the second goes a retreat: while roll and pitch take nearly all that the motors have (held against the moment of fast
-//! sideways flight, say), the tilt that is flown becomes a smaller part of the one that is commanded, and grows back after.
+//! A configuration can ask for two things that the thesis does not have: the thrust divided by
+//! `cos(phi) cos(theta)` in step 6 (up to twice), and in step 7, where a motor is asked for more
+//! than it has, roll and pitch before thrust before yaw. With the second goes a tilt reduction:
+//! while roll and pitch take nearly all that the motors have (held against the moment of fast
+//! sideways flight, say), a falling fraction of the commanded tilt is flown; afterwards it grows
+//! back.
 //!
-//! Not here: arming, failsafes, clock checks (the [`Autopilot`](crate::Autopilot) has them), and a limit of the thrust.
+//! Not here: arming, failsafes, clock checks (the [`Autopilot`](crate::Autopilot) has them), and a
+//! limit of the thrust.
 
-use crate::altitude::{AltitudeLoop, AltitudeLoopState};
-use crate::attitude::{AngleLoop, AngleLoopState, LoopOutput};
-use crate::door::{Bounds, Command, Faults, Inputs, Mode};
-use crate::error::ConfigError;
-use crate::estimator::{Estimates, Estimator, EstimatorState};
-use crate::gains::{Check, Config, Law, Saturation};
-use crate::mixer::{Mixer, Refused, Share, rotor_speeds};
-use crate::motor_map::{CommandRange, MotorMap};
-use crate::pid::PidTerms;
-use crate::position::{PositionLaw, PositionState};
-
-/// What the sensors say.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Measurement {
-    /// Position of the tracked point, inertial NED, in m.
-    pub position_m: [f32; 3],
-    /// Roll phi, pitch theta, yaw psi (Z-Y-X) in rad; yaw on any branch.
-    pub attitude_rad: [f32; 3],
-    /// Gyro p, q, r, body FRD, in rad/s; used when the configuration has gyro fusion.
-    pub gyro_rad_s: Option<[f32; 3]>,
-    /// Battery voltage in V.
-    pub battery_v: f32,
-}
-
-/// Terms of the outer loop.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct OuterTerms {
-    /// Rate-limited reference x, y in m.
-    pub reference_m: [f32; 2],
-    /// Reference minus measurement, x and y in m.
-    pub error_m: [f32; 2],
-    /// Estimated velocity along x and y in m/s.
-    pub velocity_m_s: [f32; 2],
-    /// Loop along x, in rad.
-    pub x: PidTerms,
-    /// Loop along y, in rad.
-    pub y: PidTerms,
-}
-
-/// Everything a tick computed on the way.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Terms {
-    /// Measured position as used (held if the measurement was bad), m.
-    pub position_m: [f32; 3],
-    /// Measured attitude as used, yaw in (-pi, pi], rad.
-    pub attitude_rad: [f32; 3],
-    /// Voltage as used, V.
-    pub battery_v: f32,
-    /// Estimated Euler rates, rad/s.
-    pub euler_rates_rad_s: [f32; 3],
-    /// Body rates p, q, r as used by the loops, rad/s.
-    pub body_rates_rad_s: [f32; 3],
-    /// Estimated rate of inertial z (down positive), m/s.
-    pub z_rate_m_s: f32,
-    /// The outer loop; `None` in attitude mode.
-    pub outer: Option<OuterTerms>,
-    /// Commands before the prefilters and before any retreat from them: roll, pitch, yaw in rad (from the outer loop in position
-    /// mode).
-    pub attitude_command_rad: [f32; 3],
-    /// Altitude command before the prefilter, inside the position limits: inertial z in m.
-    pub z_command_m: f32,
-    /// Commands after the prefilters: roll, pitch, yaw in rad.
-    pub attitude_reference_rad: [f32; 3],
-    /// Altitude command after the prefilter: inertial z in m.
-    pub z_reference_m: f32,
-    /// Roll, pitch, yaw errors in rad, yaw the short way round.
-    pub attitude_error_rad: [f32; 3],
-    /// Altitude error in m of inertial z.
-    pub z_error_m: f32,
-    /// Roll loop.
-    pub roll: PidTerms,
-    /// Pitch loop.
-    pub pitch: PidTerms,
-    /// Yaw loop.
-    pub yaw: PidTerms,
-    /// Altitude loop; its output is taken off the hover thrust.
-    pub altitude: PidTerms,
-    /// Commanded thrust, N (command units in the hand-tuned law).
-    pub thrust: f32,
-    /// Commanded roll, pitch, yaw acceleration, rad/s^2 (command units in the hand-tuned law).
-    pub torque: [f32; 3],
-    /// Commanded rotor speeds in rad/s; `None` in the hand-tuned law, which knows no rotor speeds.
-    pub rotor_speed_rad_s: Option<[f32; 4]>,
-}
-
-/// The outcome of one tick.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Tick {
-    /// Motor commands in command units (us for the thesis' craft): always finite, always inside the command range.
-    pub pwm: [f32; 4],
-    /// How they came about.
-    pub terms: Terms,
-    /// What the motors could not follow.
-    pub refused: Refused,
-    /// What was wrong with the inputs.
-    pub faults: Faults,
-}
+use crate::allocation::desaturation::Desaturated;
+use crate::allocation::mixer::{Mixer, Refused, rotor_speeds};
+use crate::allocation::motor_map::{CommandRange, MotorMap};
+use crate::config::error::ConfigError;
+use crate::config::gains::{Config, Law, Saturation};
+use crate::config::range_check::RangeCheck;
+use crate::inputs::input_checks::{Bounds, Faults, HeldInputs};
+use crate::inputs::readings::{Command, Measurement, Mode};
+use crate::law::altitude::{AltitudeLoop, AltitudeLoopState};
+use crate::law::attitude::{AngleLoop, AngleLoopState, LoopOutput};
+use crate::law::estimator::{Estimates, Estimator, EstimatorState};
+use crate::law::position::{PositionLaw, PositionState};
+use crate::law::terms::{OuterTerms, Terms, Tick};
 
 /// The immutable part: what [`Config`] was built into.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -137,9 +60,10 @@ struct Laws {
     /// Roll and pitch before thrust before yaw, where a motor is at its end.
     attitude_first: bool,
     tilt_compensation: bool,
-    /// By how much the part of the tilt that is flown falls in a strained period, and grows in another.
-    retreat: f32,
-    advance: f32,
+    /// By how much the fraction of the commanded tilt that is flown falls in a nearly saturated
+    /// period, and grows in another.
+    tilt_reduction: f32,
+    tilt_recovery: f32,
 }
 
 /// Memory of the inner loops, from the first tick after the start or a cut-off.
@@ -150,16 +74,16 @@ struct InnerState {
     yaw: AngleLoopState,
     altitude: AltitudeLoopState,
     refused: Refused,
-    /// Part of the commanded tilt that is flown.
-    tilt_share: f32,
+    /// Fraction of the commanded tilt that is flown.
+    tilt_fraction: f32,
 }
 
 /// All that survives a tick. What is `None` starts with its next input.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Memory {
-    /// Has there been a good measurement?
+    /// Whether there has been a good measurement.
     started: bool,
-    inputs: Inputs,
+    inputs: HeldInputs,
     estimator: Option<EstimatorState>,
     position: Option<PositionState>,
     inner: Option<InnerState>,
@@ -171,7 +95,7 @@ impl Memory {
     fn new(idle: f32) -> Self {
         Self {
             started: false,
-            inputs: Inputs::default(),
+            inputs: HeldInputs::default(),
             estimator: None,
             position: None,
             inner: None,
@@ -205,7 +129,7 @@ impl Controller {
         let rule = config.estimation.gain_rule;
         let attitude_first = config.saturation == Saturation::AttitudeFirst;
         if attitude_first {
-            Check { group: "mixing" }.within("thrust of a rotor", mixer.least_thrust(), 1e-9, 1e12)?;
+            RangeCheck { group: "mixing" }.within("thrust of a rotor", mixer.least_thrust(), 1e-9, 1e12)?;
         }
         let laws = Laws {
             bounds: Bounds::new(&config.position_limits),
@@ -220,24 +144,26 @@ impl Controller {
             range: CommandRange::new(config.command_range),
             attitude_first,
             tilt_compensation: config.tilt_compensation,
-            retreat: (RETREAT_PER_S * period_s) as f32,
-            advance: (ADVANCE_PER_S * period_s) as f32,
+            tilt_reduction: (TILT_REDUCTION_PER_S * period_s) as f32,
+            tilt_recovery: (TILT_RECOVERY_PER_S * period_s) as f32,
         };
         Ok(Self { memory: Memory::new(laws.range.idle()), laws })
     }
 
-    /// Forgets everything: integrators at zero, filters start at their next input, fault counts at zero.
+    /// Forgets everything: integrators at zero, filters start at their next input, fault counts at
+    /// zero.
     pub fn reset(&mut self) {
         self.memory = Memory::new(self.laws.range.idle());
     }
 
-    /// The same law, with the faults that another one has counted.
+    /// This law, with the faults that another one has counted.
     pub(crate) fn with_faults_of(mut self, other: &Self) -> Self {
         self.memory.faults = other.memory.faults;
         self
     }
 
-    /// The altitude loop's reference is this height from now on, inertial z in m, with no way to go; its integrator stays.
+    /// The altitude loop's reference is this height from now on, inertial z in m, with no way to
+    /// go; its integrator stays.
     pub(crate) fn settle_height(&mut self, z_m: f32) {
         if let Some(inner) = &mut self.memory.inner {
             self.laws.altitude.settle(&mut inner.altitude, z_m);
@@ -250,22 +176,24 @@ impl Controller {
         self.memory.estimator = None;
     }
 
-    /// One control period. Total: any bits in any input give finite motor commands inside the range.
+    /// One control period. Total: any bits in any input give finite motor commands inside the
+    /// range.
     pub fn tick(&mut self, measurement: &Measurement, command: &Command) -> Tick {
         let mut outcome = Tick::default();
         self.tick_into(measurement, false, command.mode, command.cut_off, Some(command), &mut outcome);
         outcome
     }
 
-    /// As [`Controller::tick`], into a place that is there already: copying an outcome is a fifth of the cost of a tick.
+    /// [`Controller::tick`] into a place that is there already: copying an outcome is a fifth of
+    /// the cost of a tick.
     ///
-    /// `judged`: position and attitude have passed a door already. Without a command
-    /// the values of the last one are kept.
+    /// `checked`: the detectors have checked position and attitude already. Without a command the
+    /// values of the last one are kept.
     #[inline]
     pub(crate) fn tick_into(
         &mut self,
         measurement: &Measurement,
-        judged: bool,
+        checked: bool,
         mode: Mode,
         cut_off: bool,
         command: Option<&Command>,
@@ -274,8 +202,8 @@ impl Controller {
         let Self { laws, memory } = self;
         memory.faults.internal.note(false);
         let wants_gyro = laws.estimator.uses_gyro();
-        let all_good = if judged {
-            memory.inputs.measure_judged(measurement, wants_gyro, &mut memory.faults)
+        let all_good = if checked {
+            memory.inputs.measure_checked(measurement, wants_gyro, &mut memory.faults)
         } else {
             memory.inputs.measure(measurement, wants_gyro, &mut memory.faults)
         };
@@ -344,7 +272,7 @@ fn idle(laws: &Laws, memory: &mut Memory, estimates: Option<&Estimates>, outcome
 /// Step 2: rates and voltage.
 #[inline]
 fn estimate(laws: &Laws, memory: &mut Memory, gyro_came: bool) -> Estimates {
-    let Inputs { position_m: [_, _, z_m], attitude_rad, gyro_rad_s, battery_v, .. } = memory.inputs;
+    let HeldInputs { position_m: [_, _, z_m], attitude_rad, gyro_rad_s, battery_v, .. } = memory.inputs;
     let state = memory
         .estimator
         .get_or_insert_with(|| laws.estimator.start(attitude_rad, z_m, battery_v, gyro_rad_s));
@@ -389,7 +317,8 @@ impl InnerOutput {
 /// Steps 4 to 6: thrust and angular accelerations.
 #[inline]
 fn inner_loops(laws: &Laws, memory: &mut Memory, estimates: &Estimates, commands: [f32; 3]) -> InnerOutput {
-    let Inputs { position_m: [_, _, z], attitude_rad: [phi, theta, psi], z_command_m, .. } = memory.inputs;
+    let HeldInputs { position_m: [_, _, z], attitude_rad: [phi, theta, psi], z_command_m, .. } =
+        memory.inputs;
     let ([roll_command, pitch_command, yaw_command], [p, q, r]) = (commands, estimates.body_rates_rad_s);
     let state = memory.inner.get_or_insert_with(|| InnerState {
         roll: laws.roll.start(roll_command),
@@ -397,10 +326,11 @@ fn inner_loops(laws: &Laws, memory: &mut Memory, estimates: &Estimates, commands
         yaw: laws.yaw.start(yaw_command),
         altitude: laws.altitude.start(z_command_m),
         refused: Refused::default(),
-        tilt_share: 1.0,
+        tilt_fraction: 1.0,
     });
     let refused = state.refused;
-    let (roll_command, pitch_command) = (state.tilt_share * roll_command, state.tilt_share * pitch_command);
+    let (roll_command, pitch_command) =
+        (state.tilt_fraction * roll_command, state.tilt_fraction * pitch_command);
     let roll = laws.roll.step_tilt(&mut state.roll, roll_command, phi, p, refused.roll);
     let pitch = laws.pitch.step_tilt(&mut state.pitch, pitch_command, theta, q, refused.pitch);
     let yaw = laws.yaw.step_yaw(&mut state.yaw, yaw_command, psi, r, refused.yaw);
@@ -413,16 +343,17 @@ fn inner_loops(laws: &Laws, memory: &mut Memory, estimates: &Estimates, commands
     InnerOutput { roll, pitch, yaw, altitude, thrust }
 }
 
-/// How fast the tilt is given up while motors are strained, parts of the command per s: slowly, because a craft that is held
-/// against a moment with all it has cannot be turned back fast. A hard manoeuvre of a second costs 5 %.
-const RETREAT_PER_S: f64 = 0.05;
-/// How fast it comes back.
-const ADVANCE_PER_S: f64 = 0.02;
+/// How fast the tilt is reduced while the motors are nearly saturated, fractions of the command per
+/// s: slowly, because a craft that needs all it has to hold against a moment cannot be turned back
+/// fast. A hard manoeuvre of a second costs 5 %.
+const TILT_REDUCTION_PER_S: f64 = 0.05;
+/// How fast the full tilt comes back, fractions of the command per s.
+const TILT_RECOVERY_PER_S: f64 = 0.02;
 
-/// Beyond 60 degrees of tilt the thrust is not raised further: twice is what a craft may have.
+/// Beyond 60 degrees of tilt the thrust is not raised further: it is at most doubled.
 const LEAST_UPRIGHT: f32 = 0.5;
 
-/// What became of the inner loops' wishes; the motor commands themselves are in memory.
+/// What became of the inner loops' demands; the motor commands themselves are in memory.
 struct Motors {
     rotor_speed_rad_s: Option<[f32; 4]>,
     refused: Refused,
@@ -433,7 +364,8 @@ struct Motors {
 fn allocate(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f32) -> Motors {
     let mixed = laws.mixer.mix(loops.thrust, loops.torque());
     let [m1, m2, m3, m4] = mixed;
-    // Not finite if any of the four is not. (Checked before the square roots, which make 0 of a NaN.)
+    // Not finite if any of the four is not. (Checked before the square roots, which make 0 of a
+    // NaN.)
     if !((m1 + m2) + (m3 + m4)).is_finite() {
         return internal_fault(memory);
     }
@@ -441,25 +373,26 @@ fn allocate(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f3
     memory.pwm = wanted.map(|command| laws.range.clamp(command));
     let no_rotor_backwards =
         rotor_speed_rad_s.is_none() || mixed.iter().fold(true, |all, w2| all & (*w2 >= 0.0));
-    let (motors, strained) = if no_rotor_backwards && memory.pwm == wanted {
+    let (motors, nearly_saturated) = if no_rotor_backwards && memory.pwm == wanted {
         (Motors { rotor_speed_rad_s, refused: Refused::default() }, false)
     } else if laws.attitude_first {
-        share(laws, memory, loops, battery_v)
+        desaturate(laws, memory, loops, battery_v)
     } else {
         (Motors { rotor_speed_rad_s, refused: refusal(laws, mixed, wanted) }, false)
     };
     if let Some(inner) = &mut memory.inner {
         inner.refused = motors.refused;
-        if strained {
-            inner.tilt_share = (inner.tilt_share - laws.retreat).max(0.0);
-        } else if inner.tilt_share < 1.0 {
-            inner.tilt_share = (inner.tilt_share + laws.advance).min(1.0);
+        if nearly_saturated {
+            inner.tilt_fraction = (inner.tilt_fraction - laws.tilt_reduction).max(0.0);
+        } else if inner.tilt_fraction < 1.0 {
+            inner.tilt_fraction = (inner.tilt_fraction + laws.tilt_recovery).min(1.0);
         }
     }
     motors
 }
 
-/// Rotor speeds in rad/s where the law knows any, and motor commands, injection included, on either side of their range.
+/// Rotor speeds in rad/s where the law knows any, and motor commands, injection included, on either
+/// side of their range.
 #[inline]
 fn commands(laws: &Laws, memory: &Memory, mixed: [f32; 4], battery_v: f32) -> (Option<[f32; 4]>, [f32; 4]) {
     let (rotor_speed_rad_s, mut wanted) = match &laws.motor_map {
@@ -475,10 +408,10 @@ fn commands(laws: &Laws, memory: &Memory, mixed: [f32; 4], battery_v: f32) -> (O
     (rotor_speed_rad_s, wanted)
 }
 
-/// Step 7 where some motor is at an end, and roll and pitch come first. The injection keeps its place. Also whether they take
-/// nearly all there is.
+/// Step 7 where some motor is at an end, and roll and pitch come first. The injection is never
+/// reduced. Also whether roll and pitch take nearly all there is.
 #[cold]
-fn share(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f32) -> (Motors, bool) {
+fn desaturate(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f32) -> (Motors, bool) {
     let ends = laws.range.ends().map(|end| {
         memory.inputs.injection.map(|injection| match &laws.motor_map {
             Some(map) => map.squared_speed(end - injection, battery_v),
@@ -486,11 +419,12 @@ fn share(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f32) 
         })
     });
     let [low, high] = ends;
-    let Share { mixed, refused, strained } = laws.mixer.share(loops.thrust, loops.torque(), low, high);
+    let Desaturated { mixed, refused, nearly_saturated } =
+        laws.mixer.desaturate(loops.thrust, loops.torque(), low, high);
     let (rotor_speed_rad_s, wanted) = commands(laws, memory, mixed, battery_v);
     // What rounding leaves outside.
     memory.pwm = wanted.map(|command| laws.range.clamp(command));
-    (Motors { rotor_speed_rad_s, refused }, strained)
+    (Motors { rotor_speed_rad_s, refused }, nearly_saturated)
 }
 
 /// What is refused when some motor is at an end.
@@ -505,7 +439,8 @@ fn refusal(laws: &Laws, mixed: [f32; 4], wanted: [f32; 4]) -> Refused {
     laws.mixer.refused(ends)
 }
 
-/// Something in memory or gains overflowed: start anew with the next tick, and repeat the last commands in this one.
+/// After an overflow in memory or gains: starts anew with the next tick, and repeats the last
+/// commands in this one.
 #[cold]
 fn internal_fault(memory: &mut Memory) -> Motors {
     memory.faults.internal.note(true);
@@ -516,7 +451,7 @@ fn internal_fault(memory: &mut Memory) -> Motors {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gains::GyroFusion;
+    use crate::config::gains::GyroFusion;
 
     const HOVER: Measurement = Measurement {
         position_m: [0.0, 0.0, -1.0],
@@ -538,7 +473,8 @@ mod tests {
         Controller::new(&Config::thesis()).unwrap()
     }
 
-    /// Hover commands of the printed matrix and map at 11.1 V (reference numbers, 2 decimals; f32 holds 1700 to 1.2e-4).
+    /// Hover commands of the printed matrix and map at 11.1 V (reference numbers, 2 decimals; f32
+    /// holds 1700 to 1.2e-4).
     #[test]
     fn hover_is_hover() {
         let mut controller = thesis();
@@ -551,7 +487,8 @@ mod tests {
         }
     }
 
-    /// The craft's answer to each command and disturbance, by the signs of the conventions, in both laws.
+    /// The craft's answer to each command and disturbance, by the signs of the conventions, in both
+    /// laws.
     #[test]
     fn directions() {
         for config in [Config::thesis(), Config::thesis_hand_tuned()] {
@@ -632,12 +569,14 @@ mod tests {
         assert!((tick.pwm[0] - plain[0] - 10.0).abs() < 1e-3);
         assert!((tick.pwm[1] - plain[1] + 20.0).abs() < 1e-3);
         assert_eq!(tick.pwm[3], 2000.0);
-        // Motor 4 (rear left) at its upper end: it has no more for thrust, roll right and pitch down.
+        // Motor 4 (rear left) at its upper end: it has no more for thrust, roll right and pitch
+        // down.
         assert!(tick.refused.thrust.high && tick.refused.roll.high && tick.refused.pitch.low);
         assert!(!tick.refused.thrust.low && !tick.refused.roll.low && !tick.refused.pitch.high);
     }
 
-    /// Saturation flows backwards: with the rotors at their end the integral stands, without anti-windup it runs.
+    /// Saturation flows backwards: with the rotors at their end the integral stands, without
+    /// anti-windup it runs.
     #[test]
     fn refused_thrust_stops_the_altitude_integral() {
         let deep = Measurement { position_m: [0.0, 0.0, 0.0], ..HOVER };
@@ -704,7 +643,7 @@ mod tests {
     fn a_gyro_that_is_wanted_and_missing_is_a_fault() {
         let mut config = Config::thesis();
         config.estimation.gyro =
-            Some(GyroFusion { corner_rad_s: 5.0, complement: crate::gains::Complement::Exact });
+            Some(GyroFusion { corner_rad_s: 5.0, complement: crate::config::gains::Complement::Exact });
         let mut controller = Controller::new(&config).unwrap();
         assert!(controller.tick(&HOVER, &STAY).faults.measurement.now);
         let turning = Measurement { gyro_rad_s: Some([0.2, 0.0, 0.0]), ..HOVER };
@@ -714,7 +653,8 @@ mod tests {
         assert!((tick.terms.body_rates_rad_s[0] - 0.2).abs() < 1e-3, "{:?}", tick.terms.body_rates_rad_s);
     }
 
-    /// Ten seconds of flight of the same step at several rates: the laws are built for their period, the results agree.
+    /// Ten seconds of flight of the same step at several rates: the laws are built for their
+    /// period, the results agree.
     #[test]
     fn the_sample_time_is_a_parameter() {
         let integral_after_a_second = |rate_hz: u16| {
@@ -744,14 +684,15 @@ mod tests {
         let pi = core::f32::consts::PI;
         let command = Command { yaw_rad: pi, ..STAY };
         let south = |noise: f32| Measurement {
-            attitude_rad: [0.0, 0.0, crate::trig::wrap_angle(pi + noise)],
+            attitude_rad: [0.0, 0.0, crate::dsp::trig::wrap_angle(pi + noise)],
             ..HOVER
         };
         let hover = controller.tick(&south(0.0), &command).pwm;
         for k in 0..100 {
             let tick = controller.tick(&south(if k % 2 == 0 { 1e-4 } else { -1e-4 }), &command);
             for (got, want) in tick.pwm.into_iter().zip(hover) {
-                // 2e-4 rad in 0.01 s is 0.02 rad/s; times 0.6 of the estimator at half the rate and 5 rad/s^2 per rad/s.
+                // 2e-4 rad in 0.01 s is 0.02 rad/s; times 0.6 of the estimator at half the rate and
+                // 5 rad/s^2 per rad/s.
                 assert!((got - want).abs() < 3.0, "{k}: {got} {want}");
             }
         }

@@ -1,19 +1,20 @@
 //! The outer loop, thesis 5.4: from a position command to roll and pitch commands.
 //!
-//! Per axis a rate-limited reference (0.5 m/s), `a = kp e + ki integral(e) - kd v` with v from `10 s/(s+10)` of the measured
-//! position; a is an angle in rad. Then, with the measured yaw psi,
-//! `phi_c = -sin(psi) a_x + cos(psi) a_y` and `theta_c = -(cos(psi) a_x + sin(psi) a_y)`:
-//! a positive roll pushes along +y, a positive pitch along -x (thesis (5.17), (5.18)).
+//! Per axis a rate-limited reference (0.5 m/s), `a = kp e + ki integral(e) - kd v` with v from `10
+//! s/(s+10)` of the measured position; a is an angle in rad. Then, with the measured yaw psi,
+//! `phi_c = -sin(psi) a_x + cos(psi) a_y` and `theta_c = -(cos(psi) a_x + sin(psi) a_y)`: a
+//! positive roll pushes along +y, a positive pitch along -x (thesis (5.17), (5.18)).
 //!
-//! The reference starts at the measured position when the loop is closed, and integrators and velocity start at zero.
+//! The reference starts at the measured position when the loop is closed, and integrators and
+//! velocity start at zero.
 
-use crate::controller::OuterTerms;
-use crate::filter::{FirstOrder, FirstOrderState, GainRule};
-use crate::gains::PositionLoop as Gains;
-use crate::mixer::Directions;
-use crate::pid::{Pid, PidState, PidTerms};
-use crate::prefilter::RateLimiter;
-use crate::trig;
+use crate::allocation::mixer::Directions;
+use crate::config::gains::PositionLoop as Gains;
+use crate::dsp::filter::{FirstOrder, FirstOrderState, GainRule};
+use crate::dsp::prefilter::RateLimiter;
+use crate::dsp::trig;
+use crate::law::pid::{Pid, PidState, PidTerms};
+use crate::law::terms::OuterTerms;
 
 /// The law of one horizontal axis, for one period.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,7 +62,8 @@ impl Axis {
         let reference_m = self.limiter.step(&mut state.reference_m, command_m);
         let velocity_m_s = self.velocity.step(&mut state.velocity, position_m);
         let error_m = reference_m - position_m;
-        // What lies behind this loop is the attitude loop, not a limit: only the own limit stops the integral.
+        // What lies behind this loop is the attitude loop, not a limit: only the own limit stops
+        // the integral.
         let terms = self.pid.step(&mut state.pid, error_m, velocity_m_s, Directions::default());
         AxisOutput { reference_m, error_m, velocity_m_s, terms }
     }
@@ -92,7 +94,8 @@ impl PositionLaw {
         PositionState { x: self.x.start(x_m), y: self.y.start(y_m) }
     }
 
-    /// One period: command and position in m, yaw in rad. Gives roll and pitch commands in rad, and the terms.
+    /// One period: command and position in m, yaw in rad. Gives roll and pitch commands in rad, and
+    /// the terms.
     #[inline]
     pub fn step(
         &self,
@@ -121,7 +124,7 @@ impl PositionLaw {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gains::{Config, Law};
+    use crate::config::gains::{Config, Law};
     use core::f32::consts::FRAC_PI_2;
 
     fn law() -> PositionLaw {
@@ -129,8 +132,8 @@ mod tests {
         PositionLaw::new(&law.loops.x, &law.loops.y, GainRule::Matlab, 0.01, true)
     }
 
-    /// Forward (+x) needs the nose down (theta < 0), right (+y) needs a roll to the right; at yaw 90 degrees the nose points
-    /// along +y, so +x is to the left.
+    /// Forward (+x) needs the nose down (theta < 0), right (+y) needs a roll to the right; at yaw
+    /// 90 degrees the nose points along +y, so +x is to the left.
     #[test]
     fn directions() {
         let after_half_a_second = |command, yaw| {
@@ -142,7 +145,8 @@ mod tests {
             }
             out
         };
-        // 0.25 m of reference: a = 0.3 * 0.25 + 0.02 * 0.25 * 0.51 / 2 = 0.076275; rounding of 50 f32 steps.
+        // 0.25 m of reference: a = 0.3 * 0.25 + 0.02 * 0.25 * 0.51 / 2 = 0.076275; rounding of 50
+        // f32 steps.
         let a = 0.076_275;
         let near = |got: [f32; 2], want: [f32; 2]| {
             assert!((got[0] - want[0]).abs() < 1e-6 && (got[1] - want[1]).abs() < 1e-6, "{got:?} {want:?}");

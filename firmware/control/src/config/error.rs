@@ -22,14 +22,14 @@ impl fmt::Display for Parameter {
 pub enum ConfigError {
     /// A number is NaN or infinite.
     NotFinite {
-        /// Which.
+        /// The parameter.
         parameter: Parameter,
         /// Its value.
         value: f64,
     },
     /// A number lies outside what makes sense.
     OutOfRange {
-        /// Which.
+        /// The parameter.
         parameter: Parameter,
         /// Its value.
         value: f64,
@@ -40,7 +40,7 @@ pub enum ConfigError {
     },
     /// The first end of a range is not below the second.
     EmptyRange {
-        /// Which.
+        /// The parameter.
         parameter: Parameter,
         /// First end.
         low: f64,
@@ -49,7 +49,7 @@ pub enum ConfigError {
     },
     /// A parameter stands where there is no use for it.
     NotApplicable {
-        /// Which.
+        /// The parameter.
         parameter: Parameter,
     },
     /// The mixing matrix has no inverse: some axis cannot be commanded.
@@ -75,3 +75,31 @@ impl fmt::Display for ConfigError {
 }
 
 impl core::error::Error for ConfigError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One line each: which parameter, what is wrong, what to do.
+    #[test]
+    fn messages_name_the_parameter_and_the_remedy() {
+        let parameter = Parameter { group: "roll", name: "kp" };
+        let cases = [
+            (ConfigError::NotFinite { parameter, value: f64::NAN }, "roll.kp is NaN: give a finite number"),
+            (
+                ConfigError::OutOfRange { parameter, value: -1.0, minimum: 0.0, maximum: 1e6 },
+                "roll.kp is -1: give a number from 0 to 1000000",
+            ),
+            (
+                ConfigError::EmptyRange { parameter, low: 2.0, high: 1.0 },
+                "roll.kp is [2, 1]: the first number must be less than the second",
+            ),
+            (ConfigError::NotApplicable { parameter }, "roll.kp has no effect here: leave it out"),
+        ];
+        for (error, message) in cases {
+            assert_eq!(error.to_string(), message);
+        }
+        assert_eq!(Parameter { group: "", name: "sample_time_s" }.to_string(), "sample_time_s");
+        assert!(ConfigError::SingularMixing.to_string().starts_with("mixing: "));
+    }
+}

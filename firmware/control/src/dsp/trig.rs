@@ -1,16 +1,21 @@
-//! Sine and cosine together, the square root, and angles wrapped to one turn, in f32 arithmetic alone.
+//! Sine and cosine together, the square root, and angles wrapped to one turn, in f32 arithmetic
+//! alone.
 //!
-//! Why not `libm::sinf`: it computes in f64 inside, and a Cortex-M4F has no f64 unit. There one sine and one cosine of libm
-//! take 2,100 instructions, more than a whole tick is allowed; the pair here takes 57 (counted in QEMU). This is the classic scheme of the Cephes library: reduce to the nearest multiple of pi/2 with a constant
-//! split in three (Cody and Waite), then a short polynomial for each function. Plain multiplications and additions only, so
-//! every target gives the same bits. The error against exact values is below 1.2e-7 for `|x| <= 1000` rad (see the tests).
+//! Why not `libm::sinf`: it computes in f64 inside, and a Cortex-M4F has no f64 unit. There one
+//! sine and one cosine of libm take 2,100 instructions, more than a whole tick is allowed; the pair
+//! here takes 57 (counted in QEMU). This is the classic scheme of the Cephes library: reduce to the
+//! nearest multiple of pi/2 with a constant split in three (Cody and Waite), then a short
+//! polynomial for each function. Plain multiplications and additions only, so every target gives
+//! the same bits. The error against exact values is below 1.2e-7 for `|x| <= 1000` rad (see the
+//! tests).
 
 use core::f32::consts::{FRAC_2_PI, PI};
 
 /// One turn in rad.
 const TURN: f32 = 2.0 * PI;
 
-/// pi/2 in three parts; the first two are short enough that their product with a small integer is exact.
+/// pi/2 in three parts; the first two are short enough that their product with a small integer is
+/// exact.
 const HALF_PI: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];
 
 /// 1.5 * 2^23: adding and subtracting it rounds a small f32 to the nearest integer.
@@ -32,7 +37,8 @@ pub fn sin_cos(x: f32) -> (f32, f32) {
     }
 }
 
-/// The same angle in (-pi, pi], in rad. Values already inside come back bit for bit.
+/// The angle moved by whole turns into (-pi, pi], in rad. Values already inside come back bit for
+/// bit.
 pub fn wrap_angle(angle_rad: f32) -> f32 {
     if angle_rad > -PI && angle_rad <= PI {
         return angle_rad;
@@ -42,12 +48,13 @@ pub fn wrap_angle(angle_rad: f32) -> f32 {
     if wrapped <= -PI || wrapped > PI { PI } else { wrapped }
 }
 
-/// The square root, rounded as IEEE 754 wants it: the bits of `libm::sqrtf`, in two thirds of its instructions on a Cortex-M4F
-/// (whose own instruction stable Rust without `std` cannot reach).
+/// The square root, rounded as IEEE 754 wants it: the bits of `libm::sqrtf`, in two thirds of its
+/// instructions on a Cortex-M4F (whose own instruction stable Rust without `std` cannot reach).
 ///
-/// Newton's iteration for `1/sqrt(x)` from the well-known guess by the exponent, and one correction by the exact remainder
-/// `x - s^2`, with s cut in two so that every product is exact. All steps scale exactly with powers of 4, so that the test over
-/// all numbers from 1 to 4 covers every number here; what is far from 1, zero, negative or no number is left to libm.
+/// Newton's iteration for `1/sqrt(x)` from the well-known guess by the exponent, and one correction
+/// by the exact remainder `x - s^2`, with s cut in two so that every product is exact. All steps
+/// scale exactly with powers of 4, so that the test over all numbers from 1 to 4 covers every
+/// number here; what is far from 1, zero, negative or no number is left to libm.
 #[inline]
 pub fn sqrt(x: f32) -> f32 {
     let bits = x.to_bits();
@@ -77,8 +84,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Cephes states 2e-7 for the pair on its range; a half unit of rounding of the result is 6e-8. The allowance here is
-    /// two units in the last place of numbers just under 1.
+    /// Cephes states 2e-7 for the pair on its range; a half unit of rounding of the result is 6e-8.
+    /// The allowance here is two units in the last place of numbers just under 1.
     const TOLERANCE: f64 = 1.2e-7;
 
     #[test]
@@ -106,7 +113,8 @@ mod tests {
         }
     }
 
-    /// Every f32 from 1 to 4, and by its scaling every one there is between 2^-60 and 2^60; then samples of all others.
+    /// Every f32 from 1 to 4, and by its scaling every one there is between 2^-60 and 2^60; then
+    /// samples of all others.
     #[test]
     fn the_square_root_is_the_exact_one() {
         for bits in 0x3f80_0000..=0x4080_0000_u32 {

@@ -1,180 +1,24 @@
-//! Detectors with timers: from what comes in each tick to a set of [`Conditions`].
+//! Detectors: from what comes in with each tick to a set of [`Conditions`].
 //!
-//! - Timers are ages in microseconds that grow by the time since the tick before and stay at the greatest number. Only that
-//!   difference comes from the clock, taken modulo 2^32, so a clock that wraps (every 71.6 minutes) disturbs none.
+//! - Time passes by the difference between two ticks only, taken modulo 2^32; the
+//!   [`timers`](crate::safety::timers) add it up.
 //! - Comparisons are written so that NaN falls on the bad side.
-//! - A pose that is frozen, jumped or not a number counts as one that did not come; the silence that follows does the rest.
+//! - A pose that is frozen, jumped or not a number counts as one that did not come; the silence
+//!   that follows does the rest.
 //!
-//! What is done about a condition is the table in [`supervisor`](crate::supervisor); from when on it is one, the table
-//! [`Supervision`] of the gains file.
+//! From when on something counts is the table [`Supervision`] of the gains file. What is done about
+//! a condition is the table in [`state_machine`](crate::safety::state_machine).
+//!
+//! [`Supervision`]: crate::config::supervision_limits::Supervision
 
-use crate::autopilot::Pose;
-use crate::condition::{Condition, Conditions};
-use crate::door::{ANGLE_LIMIT_RAD, POSITION_LIMIT_M, magnitude};
-use crate::gains::Config;
-use crate::supervision::Supervision;
-use crate::trig::{sin_cos, wrap_angle};
+use crate::inputs::input_checks::magnitude;
+use crate::inputs::readings::Pose;
+use crate::safety::conditions::{Condition, Conditions};
+use crate::safety::limits::Limits;
+use crate::safety::plausibility::{differ, is_inside, is_pose, is_reachable, is_tilted_beyond, tilt_bound};
+use crate::safety::timers::{Held, Silence};
 
-/// Seconds as microseconds; what does not fit is the greatest number.
-fn micros(seconds: f64) -> u32 {
-    (seconds * 1e6) as u32
-}
-
-/// `|roll| + |pitch|` in rad, never less than the tilt as long as that is under a right angle.
-#[inline]
-pub(crate) fn tilt_bound([roll, pitch, _]: [f32; 3]) -> f32 {
-    roll.abs() + pitch.abs()
-}
-
-/// [`Supervision`] in the units of flight.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Limits {
-    pub(crate) period_us: u32,
-    pub(crate) jump_us: u32,
-    pub(crate) overrun_us: u32,
-    pub(crate) link: SilenceLimits,
-    pub(crate) pose: SilenceLimits,
-    pose_cut_us: u32,
-    pose_repeats: u32,
-    jump_m: f32,
-    speed_m_per_us: f32,
-    jump_rad: f32,
-    imu_missing_ticks: u32,
-    imu_repeats: u32,
-    imu_cut_us: u32,
-    /// As a [`magnitude`].
-    rate_limit: u32,
-    disagreement_rad_s: f32,
-    disagreement_gain: f32,
-    battery_v: [f32; 3],
-    battery_us: u32,
-    tilt_rad: f32,
-    tilt_cosine: f32,
-    tilt_us: u32,
-    pub(crate) arming_tilt_rad: f32,
-    fence_centre_m: [f32; 3],
-    fence_half_m: [f32; 3],
-    fence_us: u32,
-    thrust_us: u32,
-    sink_m_s: f32,
-    level_rad: f32,
-    uses_gyro: bool,
-}
-
-/// When a silence matters.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct SilenceLimits {
-    late_us: u32,
-    lost_us: u32,
-    good_us: u32,
-}
-
-impl Limits {
-    pub(crate) fn new(config: &Config) -> Self {
-        let Supervision { link, pose, imu, battery, tilt, fence, thrust, timing, .. } = &config.supervision;
-        let sides = [fence.x_m, fence.y_m, fence.z_m];
-        Self {
-            period_us: micros(config.sample_time_s),
-            jump_us: micros(timing.jump_s),
-            overrun_us: micros(timing.overrun_s),
-            link: SilenceLimits {
-                late_us: micros(link.hold_after_s),
-                lost_us: micros(link.land_after_s),
-                good_us: micros(link.good_for_s),
-            },
-            pose: SilenceLimits {
-                late_us: micros(pose.coast_s),
-                lost_us: micros(pose.land_after_s),
-                good_us: micros(pose.good_for_s),
-            },
-            pose_cut_us: micros(pose.cut_after_s),
-            pose_repeats: pose.repeats,
-            jump_m: pose.jump_m as f32,
-            speed_m_per_us: (pose.speed_m_s * 1e-6) as f32,
-            jump_rad: pose.jump_rad as f32,
-            imu_missing_ticks: imu.missing_ticks,
-            imu_repeats: imu.repeats,
-            imu_cut_us: micros(imu.cut_after_s),
-            rate_limit: magnitude(imu.rate_limit_rad_s as f32),
-            disagreement_rad_s: imu.disagreement_rad_s as f32,
-            disagreement_gain: (1.0 - libm::exp(-config.sample_time_s / imu.disagreement_filter_s)) as f32,
-            battery_v: [battery.warn_v as f32, battery.land_v as f32, battery.empty_v as f32],
-            battery_us: micros(battery.for_s),
-            tilt_rad: tilt.limit_rad as f32,
-            tilt_cosine: libm::cos(tilt.limit_rad) as f32,
-            tilt_us: micros(tilt.for_s),
-            arming_tilt_rad: tilt.arming_rad as f32,
-            fence_centre_m: sides.map(|[low, high]| (0.5 * (low + high)) as f32),
-            fence_half_m: sides.map(|[low, high]| (0.5 * (high - low)) as f32),
-            fence_us: micros(fence.for_s),
-            thrust_us: micros(thrust.for_s),
-            sink_m_s: thrust.sink_m_s as f32,
-            level_rad: thrust.level_rad as f32,
-            uses_gyro: config.estimation.gyro.is_some(),
-        }
-    }
-}
-
-/// How long a condition has held, in us.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-struct Held(u32);
-
-impl Held {
-    /// Has it held for so long?
-    #[inline]
-    fn step(&mut self, now: bool, elapsed_us: u32, for_us: u32) -> bool {
-        if !now {
-            self.0 = 0;
-            return false;
-        }
-        self.0 = self.0.saturating_add(elapsed_us);
-        self.0 >= for_us
-    }
-}
-
-/// A stream that may fall silent.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Silence {
-    /// Since the last good item, us.
-    pub(crate) age_us: u32,
-    /// For how long good items have come again, us.
-    good_us: u32,
-    pub(crate) late: bool,
-}
-
-impl Silence {
-    /// A stream that has never been heard.
-    const NEVER: Self = Self { age_us: u32::MAX, good_us: 0, late: true };
-    /// A stream that is in good order.
-    const GOOD: Self = Self { age_us: 0, good_us: 0, late: false };
-
-    #[inline]
-    fn step(&mut self, came: bool, elapsed_us: u32, limits: &SilenceLimits) {
-        if came && !self.late {
-            self.age_us = 0;
-        } else {
-            self.silent(came, elapsed_us, limits);
-        }
-    }
-
-    /// Nothing came, or not for long enough yet.
-    #[cold]
-    fn silent(&mut self, came: bool, elapsed_us: u32, limits: &SilenceLimits) {
-        self.age_us = if came { 0 } else { self.age_us.saturating_add(elapsed_us) };
-        // Gaps of half the time that is late are no good stream: a single item brings nothing back.
-        if self.age_us > limits.late_us / 2 {
-            self.good_us = 0;
-        }
-        if self.age_us >= limits.late_us {
-            self.late = true;
-        } else if self.late && self.age_us <= limits.late_us / 2 {
-            self.good_us = self.good_us.saturating_add(elapsed_us);
-            self.late = self.good_us < limits.good_us;
-        }
-    }
-}
-
-/// How often something was refused, since the start. They stay at the greatest number.
+/// How often something was refused since the start; counts stay at the greatest number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counters {
     /// Poses refused: frozen, jumped or not a number.
@@ -194,8 +38,8 @@ pub(crate) fn count(counter: &mut u32) {
     *counter = counter.saturating_add(1);
 }
 
-/// What is known before a pose comes.
-pub(crate) struct Known<'a> {
+/// What is known of the craft before a pose comes.
+pub(crate) struct LastKnown<'a> {
     /// The last pose that could be flown with.
     pub(crate) last: &'a Pose,
     /// Where the craft has turned since then by the gyro, rad.
@@ -206,7 +50,7 @@ pub(crate) struct Known<'a> {
 
 /// All detectors.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Monitors {
+pub(crate) struct Detectors {
     last_us: Option<u32>,
     /// Time lost to late ticks and not yet made up for, us.
     debt_us: u32,
@@ -217,7 +61,7 @@ pub(crate) struct Monitors {
     unheard_us: u32,
     /// A simulation begins with a line of equal poses: none of them is frozen.
     pose_settling: bool,
-    /// Can the sample of this tick be compared with motion capture?
+    /// Whether the sample of this tick can be compared with motion capture.
     imu_comparable: bool,
     imu_last: [f32; 3],
     imu_equal: u32,
@@ -237,8 +81,8 @@ pub(crate) struct Monitors {
     pub(crate) counters: Counters,
 }
 
-impl Monitors {
-    /// Nothing has been heard yet.
+impl Detectors {
+    /// Nothing has been received yet.
     pub(crate) fn at_rest() -> Self {
         Self {
             last_us: None,
@@ -267,7 +111,7 @@ impl Monitors {
         }
     }
 
-    /// Everything has been in good order until now.
+    /// Everything has been in order until now.
     pub(crate) fn in_flight() -> Self {
         Self {
             link: Silence::GOOD,
@@ -280,7 +124,7 @@ impl Monitors {
         }
     }
 
-    /// Time since the tick before in us, as far as it can be believed.
+    /// Time since the tick before in us; one period if the clock cannot be right.
     #[inline]
     pub(crate) fn clock(&mut self, time_us: u32, limits: &Limits, conditions: &mut Conditions) -> u32 {
         let period_us = limits.period_us;
@@ -293,11 +137,12 @@ impl Monitors {
         self.off_time(elapsed_us, limits, conditions)
     }
 
-    /// A tick out of time, or one of those after it.
+    /// Handles a tick out of time, or one of those after it.
     #[cold]
     fn off_time(&mut self, elapsed_us: u32, limits: &Limits, conditions: &mut Conditions) -> u32 {
         let Limits { period_us, jump_us, overrun_us, .. } = *limits;
-        // Backwards is a leap too: modulo 2^32 it is a long way forward. No two ticks are within one microsecond.
+        // Backwards is a leap too: modulo 2^32 it is a long way forward. No two ticks are within
+        // one microsecond.
         if elapsed_us == 0 || elapsed_us > jump_us {
             count(&mut self.counters.clock_jumps);
             conditions.note(Condition::ClockJumped, true);
@@ -313,7 +158,7 @@ impl Monitors {
         elapsed_us
     }
 
-    /// Whether a command came.
+    /// Detects a silent link: `came` is whether a command came.
     #[inline]
     pub(crate) fn link(&mut self, came: bool, elapsed_us: u32, limits: &Limits, conditions: &mut Conditions) {
         self.link.step(came, elapsed_us, &limits.link);
@@ -323,23 +168,24 @@ impl Monitors {
         }
     }
 
-    /// Whether a pose came that can be flown with.
+    /// Detects bad and missing poses; returns whether a pose came that can be flown with.
     #[inline]
     pub(crate) fn pose(
         &mut self,
         pose: Option<&Pose>,
-        known: &Known<'_>,
+        known: &LastKnown<'_>,
         elapsed_us: u32,
         limits: &Limits,
         conditions: &mut Conditions,
     ) -> bool {
-        let Known { last, attitude_rad, anchored } = *known;
+        let LastKnown { last, attitude_rad, anchored } = *known;
         let good = pose.is_some_and(|pose| {
-            self.outside = !inside(pose.position_m, limits);
+            self.outside = !is_inside(pose.position_m, limits);
             let plausible = if anchored {
-                // Refused poses add nothing: a tracker that has jumped is not believed for staying there.
+                // Refused poses do not extend the reach: a tracker that has jumped is not believed
+                // for staying there.
                 let reach_m = if self.unheard_us == 0 { limits.jump_m } else { self.reach_m(limits) };
-                near(pose, last.position_m, attitude_rad, reach_m, limits)
+                is_reachable(pose, last.position_m, attitude_rad, reach_m, limits)
             } else {
                 is_pose(pose)
             };
@@ -368,7 +214,7 @@ impl Monitors {
         limits.jump_m + limits.speed_m_per_us * self.unheard_us as f32
     }
 
-    /// The same pose again, or one that cannot be.
+    /// A pose that came again unchanged, or one that cannot be true.
     #[cold]
     fn doubtful(&mut self, new: bool, plausible: bool, limits: &Limits, conditions: &mut Conditions) -> bool {
         self.pose_repeats = if new { 0 } else { self.pose_repeats.saturating_add(1) };
@@ -383,7 +229,7 @@ impl Monitors {
         good
     }
 
-    /// The gyro's sample, if it can be used.
+    /// Detects bad and missing gyro samples; returns the sample if it can be used.
     #[inline]
     pub(crate) fn imu(
         &mut self,
@@ -404,7 +250,7 @@ impl Monitors {
         self.imu_in_doubt(gyro_rad_s, elapsed_us, limits, conditions)
     }
 
-    /// No sample, no plausible one, or the same again.
+    /// Handles no sample, an implausible one, or a repeated one.
     #[cold]
     fn imu_in_doubt(
         &mut self,
@@ -439,7 +285,7 @@ impl Monitors {
         usable
     }
 
-    /// The voltage.
+    /// Detects a low voltage.
     #[inline]
     pub(crate) fn battery(
         &mut self,
@@ -471,7 +317,7 @@ impl Monitors {
         }
     }
 
-    /// The attitude in rad as it is flown with.
+    /// Detects excessive tilt of the attitude (rad) that is flown with.
     #[inline]
     pub(crate) fn tilt(
         &mut self,
@@ -480,11 +326,11 @@ impl Monitors {
         limits: &Limits,
         conditions: &mut Conditions,
     ) {
-        let tilted = !(tilt_bound(attitude_rad) <= limits.tilt_rad) && beyond(attitude_rad, limits);
+        let tilted = !(tilt_bound(attitude_rad) <= limits.tilt_rad) && is_tilted_beyond(attitude_rad, limits);
         conditions.note(Condition::Tilted, self.tilt.step(tilted, elapsed_us, limits.tilt_us));
     }
 
-    /// What the tick before has left.
+    /// Reports what the end of the tick before has shown.
     #[inline]
     pub(crate) fn aftermath(&mut self, conditions: &mut Conditions) {
         if self.thrust_lost || self.not_a_number {
@@ -493,7 +339,7 @@ impl Monitors {
         }
     }
 
-    /// Body rates by gyro and by motion capture, rad/s.
+    /// Compares the body rates by gyro and by motion capture, in rad/s.
     #[inline]
     pub(crate) fn compare_rates(&mut self, gyro_rad_s: [f32; 3], tracked_rad_s: [f32; 3], limits: &Limits) {
         if !self.imu_comparable {
@@ -504,7 +350,7 @@ impl Monitors {
         let [dp, dq, dr] = difference;
         let bound_rad_s = 2.0 * limits.disagreement_rad_s;
         if !(dp.abs() + dq.abs() + dr.abs() <= bound_rad_s) {
-            // One wild sample counts for no more than a wrong one.
+            // One wild sample counts no more than one at the bound.
             difference = bounded(difference, bound_rad_s);
         }
         let mut sum = 0.0;
@@ -515,7 +361,8 @@ impl Monitors {
         self.imu_disagrees = sum > limits.disagreement_rad_s;
     }
 
-    /// How the tick went: thrust refused upwards, rate of inertial z in m/s, roll and pitch, a result that is no number.
+    /// Looks at the result of a tick: thrust refused upwards, rate of inertial z in m/s, attitude
+    /// in rad, a result that is not a number.
     #[inline]
     pub(crate) fn after(
         &mut self,
@@ -531,21 +378,21 @@ impl Monitors {
         self.not_a_number = not_a_number;
     }
 
-    /// Do clock and loop keep time?
+    /// Whether clock and loop keep time.
     pub(crate) fn on_time(&self, limits: &Limits) -> bool {
         self.debt_us <= limits.overrun_us / 2
     }
 
-    /// Is the craft inside the box, by the last pose?
+    /// Whether the last pose was inside the box.
     pub(crate) fn is_inside(&self) -> bool {
         !self.outside
     }
 }
 
-/// Each value, but not beyond the limit to either side; 0 for what is no number.
+/// Each value clamped to the limit on either side; 0 for NaN.
 #[cold]
 fn bounded(values: [f32; 3], limit: f32) -> [f32; 3] {
-    // Not `clamp`, which panics where the limit is no number.
+    // Not `clamp`, which panics where the limit is NaN.
     values.map(|value| {
         if value > limit {
             limit
@@ -559,56 +406,194 @@ fn bounded(values: [f32; 3], limit: f32) -> [f32; 3] {
     })
 }
 
-/// Inside the box? NaN is not.
-#[inline]
-fn inside([x, y, z]: [f32; 3], limits: &Limits) -> bool {
-    let ([cx, cy, cz], [hx, hy, hz]) = (limits.fence_centre_m, limits.fence_half_m);
-    (x - cx).abs() <= hx && (y - cy).abs() <= hy && (z - cz).abs() <= hz
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::gains::Config;
+    use crate::config::supervision_limits::BatteryLevels;
+    use Condition as C;
 
-/// Do two vectors differ? (Written out: a comparison of arrays is a loop.)
-#[inline]
-fn differ([a, b, c]: &[f32; 3], [x, y, z]: &[f32; 3]) -> bool {
-    a != x || b != y || c != z
-}
+    const PERIOD_US: u32 = 10_000;
+    const POSE: Pose = Pose { position_m: [0.0, 0.0, -1.0], attitude_rad: [0.0; 3] };
 
-/// Numbers within reason?
-#[cold]
-fn is_pose(pose: &Pose) -> bool {
-    pose.position_m.iter().all(|x| magnitude(*x) <= POSITION_LIMIT_M.to_bits())
-        && pose.attitude_rad.iter().all(|x| magnitude(*x) <= ANGLE_LIMIT_RAD.to_bits())
-}
+    fn limits() -> Limits {
+        Limits::new(&Config::thesis())
+    }
 
-/// Can the craft have got there? NaN cannot.
-#[inline]
-fn near(
-    pose: &Pose,
-    [x0, y0, z0]: [f32; 3],
-    [roll0, pitch0, yaw0]: [f32; 3],
-    reach_m: f32,
-    limits: &Limits,
-) -> bool {
-    let ([x, y, z], [roll, pitch, yaw]) = (pose.position_m, pose.attitude_rad);
-    let (dx, dy, dz) = (x - x0, y - y0, z - z0);
-    let jump_rad = limits.jump_rad;
-    let (turned_roll, turned_pitch, turned_yaw) = (roll - roll0, pitch - pitch0, yaw - yaw0);
-    dx * dx + dy * dy + dz * dz <= reach_m * reach_m
-        && turned_pitch.abs() <= jump_rad
-        && ((turned_roll.abs() <= jump_rad && turned_yaw.abs() <= jump_rad)
-            || short_way(turned_roll, turned_yaw, jump_rad))
-}
+    /// What one call of a detector found.
+    fn found<T>(detect: impl FnOnce(&mut Conditions) -> T) -> (T, Vec<Condition>) {
+        let mut conditions = Conditions::NONE;
+        let result = detect(&mut conditions);
+        (result, conditions.iter().collect())
+    }
 
-/// Roll and yaw may have gone through half a turn.
-#[cold]
-fn short_way(roll_rad: f32, yaw_rad: f32, jump_rad: f32) -> bool {
-    // Beyond reason an angle has no short way.
-    let turned = |angle: f32| angle.abs() <= 2.0 * ANGLE_LIMIT_RAD && wrap_angle(angle).abs() <= jump_rad;
-    turned(roll_rad) && turned(yaw_rad)
-}
+    #[test]
+    fn the_clock_may_wrap_but_neither_leap_nor_stand_still() {
+        let limits = limits();
+        let mut detectors = Detectors::in_flight();
+        let mut tick = |time_us| found(|conditions| detectors.clock(time_us, &limits, conditions));
+        assert_eq!(tick(u32::MAX - 4999), (PERIOD_US, vec![]), "the first tick");
+        assert_eq!(tick(5000), (PERIOD_US, vec![]), "across the wrap");
+        for time_us in [5000, 4000, 3_000_000] {
+            assert_eq!(tick(time_us), (PERIOD_US, vec![C::ClockJumped]), "{time_us}");
+        }
+        assert_eq!(detectors.counters.clock_jumps, 3);
+    }
 
-/// Is the tilt beyond its limit? `cos(tilt) = cos(roll) cos(pitch)`; NaN is beyond.
-#[cold]
-fn beyond([roll, pitch, _]: [f32; 3], limits: &Limits) -> bool {
-    let ((_, cos_roll), (_, cos_pitch)) = (sin_cos(roll), sin_cos(pitch));
-    !(cos_roll * cos_pitch >= limits.tilt_cosine)
+    /// The table allows 0.1 s of delay: three ticks 40 ms late, and less after ticks in time.
+    #[test]
+    fn late_ticks_add_up_and_ticks_in_time_make_up_for_them() {
+        let limits = limits();
+        let mut detectors = Detectors::in_flight();
+        let mut time_us = 0;
+        let mut tick = |elapsed_us| {
+            time_us += elapsed_us;
+            let (_, conditions) = found(|conditions| detectors.clock(time_us, &limits, conditions));
+            (conditions, detectors.on_time(&limits), detectors.counters.overruns)
+        };
+        tick(0);
+        assert_eq!(tick(50_000), (vec![], true, 1));
+        assert_eq!(tick(50_000), (vec![], false, 2), "80 ms: no arming");
+        assert_eq!(tick(50_000), (vec![C::LoopOverrun], false, 3), "120 ms");
+        // A tenth of a period each.
+        (0..20).for_each(|_| assert_eq!(tick(PERIOD_US).2, 3));
+        assert_eq!(tick(PERIOD_US).0, vec![]);
+        (0..60).for_each(|_| drop(tick(PERIOD_US)));
+        assert!(tick(PERIOD_US).1);
+    }
+
+    #[test]
+    fn a_silent_link_is_late_and_then_lost() {
+        let limits = limits();
+        let mut detectors = Detectors::in_flight();
+        for k in 1..=200 {
+            let ((), conditions) = found(|c| detectors.link(false, PERIOD_US, &limits, c));
+            let want: &[Condition] = match k {
+                ..50 => &[],
+                50..190 => &[C::LinkLate],
+                _ => &[C::LinkLate, C::LinkLost],
+            };
+            assert_eq!(conditions, want, "{k}");
+        }
+    }
+
+    /// Ticks of a pose each, as a craft in flight sees them: whether it is used, and what is found.
+    fn pose_ticks(poses: impl IntoIterator<Item = Option<Pose>>) -> (Vec<(bool, Vec<Condition>)>, u32) {
+        let limits = limits();
+        let mut detectors = Detectors { pose_settling: false, ..Detectors::in_flight() };
+        let mut last = POSE;
+        let ticks = poses.into_iter().map(|pose| {
+            let known = LastKnown { last: &last, attitude_rad: last.attitude_rad, anchored: true };
+            let tick = found(|c| detectors.pose(pose.as_ref(), &known, PERIOD_US, &limits, c));
+            if let (true, Some(pose)) = (tick.0, pose) {
+                last = pose;
+            }
+            tick
+        });
+        (ticks.collect(), detectors.counters.poses_refused)
+    }
+
+    #[test]
+    fn a_pose_that_never_changes_is_frozen() {
+        let (ticks, refused) = pose_ticks([Some(POSE); 5]);
+        let used: Vec<bool> = ticks.iter().map(|tick| tick.0).collect();
+        // The table allows two repetitions.
+        assert_eq!(used, [true, true, false, false, false]);
+        assert_eq!(ticks[2].1, [C::PoseFrozen]);
+        assert_eq!(refused, 3);
+    }
+
+    #[test]
+    fn a_pose_out_of_reach_is_refused_until_a_silence_makes_room() {
+        let away = Pose { position_m: [0.6, 0.0, -1.0], ..POSE };
+        let (ticks, _) = pose_ticks([Some(away), Some(away)]);
+        assert_eq!(ticks, [(false, vec![C::PoseJumped]), (false, vec![C::PoseJumped])]);
+        // 0.5 m at once, and 3 m/s: four silent ticks and half a metre reach 0.62 m.
+        let (ticks, _) = pose_ticks([None, None, None, None, Some(away)]);
+        assert!(ticks[4].0, "{ticks:?}");
+    }
+
+    #[test]
+    fn no_pose_is_late_lost_and_gone_in_turn() {
+        let (ticks, _) = pose_ticks([None; 190]);
+        let conditions = |k: usize| ticks[k - 1].1.as_slice();
+        assert_eq!(conditions(4), []);
+        assert_eq!(conditions(5), [C::PoseLate]);
+        assert_eq!(conditions(40), [C::PoseLate, C::PoseLost]);
+        assert_eq!(conditions(190), [C::PoseLate, C::PoseLost, C::PoseGone]);
+    }
+
+    #[test]
+    fn leaving_the_box_counts_after_its_time() {
+        let outside = |k: u8| Pose { position_m: [0.0, 2.15 + 0.1 * f32::from(k), -1.0], ..POSE };
+        let (ticks, _) = pose_ticks((0..30).map(|k| Some(outside(k.min(3) * 2 + k % 2))));
+        let first = ticks.iter().position(|tick| tick.1.contains(&C::OutsideFence));
+        // Outside from tick 1 on, for 0.2 s.
+        assert_eq!(first, Some(20), "{ticks:?}");
+    }
+
+    #[test]
+    fn a_gyro_that_repeats_itself_is_stuck_and_a_wild_one_is_missing() {
+        let limits = limits();
+        let mut detectors = Detectors::in_flight();
+        let mut sample = |rates| found(|c| detectors.imu(rates, PERIOD_US, &limits, c));
+        let same = Some([0.1, 0.0, 0.0]);
+        for _ in 0..9 {
+            assert_eq!(sample(same), (same, vec![]));
+        }
+        assert_eq!(sample(same), (None, vec![C::ImuStuck]));
+        let other = Some([0.2, 0.0, 0.0]);
+        assert_eq!(sample(other), (other, vec![]));
+        for (k, bad) in [Some([36.0, 0.0, 0.0]), Some([f32::NAN, 0.0, 0.0]), None].into_iter().enumerate() {
+            let want = if k == 2 { vec![C::ImuLate] } else { vec![] };
+            assert_eq!(sample(bad), (None, want));
+        }
+    }
+
+    #[test]
+    fn a_gyro_that_contradicts_the_poses_is_noticed_and_one_wild_sample_is_not() {
+        let limits = limits();
+        let mut detectors = Detectors { imu_comparable: true, ..Detectors::in_flight() };
+        detectors.compare_rates([1e6, 0.0, 0.0], [0.0; 3], &limits);
+        assert!(!detectors.imu_disagrees);
+        let mut ticks = 0;
+        while !detectors.imu_disagrees {
+            detectors.compare_rates([2.0, 0.0, 0.0], [0.0; 3], &limits);
+            ticks += 1;
+        }
+        // 2 rad/s smoothed over 20 ticks passes 1.2 rad/s after 20 ln(2.0 / 0.8) = 18, the wild
+        // sample's 0.117 rad/s sooner.
+        assert!((16..=18).contains(&ticks), "{ticks}");
+    }
+
+    #[test]
+    fn a_sag_is_no_empty_battery_and_a_voltage_that_is_no_number_is() {
+        let mut config = Config::thesis();
+        config.supervision.battery = BatteryLevels { for_s: 0.05, ..BatteryLevels::THREE_CELLS };
+        let limits = Limits::new(&config);
+        let mut detectors = Detectors::in_flight();
+        let mut voltage = |volts| found(|c| detectors.battery(volts, PERIOD_US, &limits, c)).1;
+        (0..4).for_each(|_| assert_eq!(voltage(9.0), []));
+        assert_eq!(voltage(11.0), []);
+        (0..4).for_each(|_| assert_eq!(voltage(10.5), []));
+        assert_eq!(voltage(10.5), [C::BatteryLow]);
+        (0..4).for_each(|_| assert_eq!(voltage(f32::NAN), [C::BatteryLow]));
+        assert_eq!(voltage(f32::NAN), [C::BatteryLow, C::BatteryCritical, C::BatteryEmpty]);
+        assert_eq!(voltage(12.0), []);
+    }
+
+    #[test]
+    fn thrust_is_lost_by_a_level_craft_that_sinks_and_nobody_else() {
+        let limits = limits();
+        let lost = |refused, sink_m_s, roll_rad| {
+            let mut detectors = Detectors::in_flight();
+            for _ in 0..40 {
+                detectors.after(refused, sink_m_s, [roll_rad, 0.0, 0.0], false, PERIOD_US, &limits);
+            }
+            !found(|c| detectors.aftermath(c)).1.is_empty()
+        };
+        assert!(lost(true, 0.3, 0.1));
+        assert!(!lost(false, 0.3, 0.1) && !lost(true, 0.1, 0.1) && !lost(true, 0.3, 0.5));
+        assert!(!lost(true, f32::NAN, 0.1));
+    }
 }

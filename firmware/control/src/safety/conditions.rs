@@ -1,6 +1,7 @@
-//! What the monitors can find, as one bit each, and sets of them.
+//! Conditions: what the detectors can find, as one bit each, and sets of them.
 
-/// Something that may change the state of the craft. Which does what is the table in [`supervisor`](crate::supervisor).
+/// Something that may change the state of the craft. What each one does is the table in
+/// [`state_machine`](crate::safety::state_machine).
 ///
 /// The number is the bit in [`Conditions`], in telemetry and in logs: it never changes its meaning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,19 +15,19 @@ pub enum Condition {
     DisarmRequested = 2,
     /// The pilot asks to land.
     LandRequested = 3,
-    /// The pilot asks to stop the motors for good.
+    /// The pilot asks to stop the motors until disarmed.
     CutRequested = 4,
-    /// The landing is down.
+    /// The craft has landed.
     Landed = 5,
-    /// No good command frame for a while, or good ones again but not for long enough.
+    /// No good command frame for a while, or good ones again, but not for long enough.
     LinkLate = 6,
     /// No good command frame for long.
     LinkLost = 7,
-    /// No good pose for longer than may be coasted.
+    /// No good pose for longer than the craft may coast.
     PoseLate = 8,
     /// No good pose for so long that the craft has to go down.
     PoseLost = 9,
-    /// No good pose for so long that it must not fly any more.
+    /// No good pose for so long that the craft must not fly any more.
     PoseGone = 10,
     /// Poses come, always the same one. They count as missing.
     PoseFrozen = 11,
@@ -34,7 +35,7 @@ pub enum Condition {
     PoseJumped = 12,
     /// No plausible sample of the gyro for some ticks.
     ImuLate = 13,
-    /// The gyro says the same again and again.
+    /// The gyro repeats one sample again and again.
     ImuStuck = 14,
     /// The gyro and the motion capture contradict each other about the body rates.
     ImuDisagrees = 15,
@@ -91,7 +92,7 @@ impl Condition {
         Self::NotANumber,
     ];
 
-    /// What people read.
+    /// The name that people read.
     pub const fn name(self) -> &'static str {
         match self {
             Self::ArmRequested => "arm requested",
@@ -123,7 +124,7 @@ impl Condition {
         }
     }
 
-    /// Did somebody ask for it, or is it the end of what was asked for? The others are faults.
+    /// Is it a request, or the end of one? The others are faults.
     pub const fn is_asked_for(self) -> bool {
         (self as u8) <= Self::Landed as u8
     }
@@ -163,7 +164,7 @@ impl Conditions {
         self.0 |= u32::from(raised) << condition as u8;
     }
 
-    /// Those in the set, in the order of their bits.
+    /// The conditions in the set, in the order of their bits.
     pub fn iter(self) -> impl Iterator<Item = Condition> {
         Condition::ALL.into_iter().filter(move |condition| self.has(*condition))
     }
@@ -185,14 +186,10 @@ mod tests {
     }
 
     #[test]
-    fn each_condition_and_check_has_a_name_of_its_own() {
-        use crate::supervisor::Preflight;
+    fn each_condition_has_a_name_of_its_own() {
         let mut names: Vec<_> = Condition::ALL.iter().map(|condition| condition.name()).collect();
         names.sort_unstable();
         names.dedup();
         assert_eq!(names.len(), Condition::ALL.len());
-        let bits = Preflight::NAMES.iter().fold(0, |bits, (bit, _)| bits | bit);
-        assert_eq!((bits, Preflight::ALL.missing().count()), (Preflight::ALL.bits(), 0));
-        assert_eq!(Preflight::from_bits(!Preflight::IMU).missing().collect::<Vec<_>>(), ["IMU"]);
     }
 }

@@ -1,13 +1,15 @@
-//! Altitude loop, thesis 5.3.2: `T = hover - (kp e + ki integral(e) - kd z')`, error = prefiltered command - z.
+//! Altitude loop, thesis 5.3.2: `T = hover - (kp e + ki integral(e) - kd z')`, error = prefiltered
+//! command - z.
 //!
-//! z is inertial and points down, so a positive error (the craft is too high) takes thrust away: the plant (5.19) is
-//! `-1/m`, printed with its sign lost. No tilt compensation and no limit of the thrust, as in the thesis.
+//! z is inertial and points down, so a positive error (the craft is too high) takes thrust away:
+//! the plant (5.19) is `-1/m`, printed with its sign lost. No tilt compensation and no limit of the
+//! thrust, as in the thesis.
 
-use crate::attitude::LoopOutput;
-use crate::gains::InnerLoop;
-use crate::mixer::Directions;
-use crate::pid::{Pid, PidState};
-use crate::prefilter::{Prefilter, PrefilterState};
+use crate::allocation::mixer::Directions;
+use crate::config::gains::InnerLoop;
+use crate::dsp::prefilter::{Prefilter, PrefilterState};
+use crate::law::attitude::LoopOutput;
+use crate::law::pid::{Pid, PidState};
 
 /// The altitude law for one period.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,7 +27,8 @@ pub struct AltitudeLoopState {
 }
 
 impl AltitudeLoop {
-    /// Builds the law; `hover` is the thrust in N (or the command) that carries the craft, period in s.
+    /// Builds the law; `hover` is the thrust in N (or the command) that carries the craft, period
+    /// in s.
     pub fn new(gains: &InnerLoop, hover: f64, period_s: f64, anti_windup: bool) -> Self {
         Self {
             prefilter: Prefilter::new(gains.prefilter_rad_s, period_s),
@@ -44,7 +47,8 @@ impl AltitudeLoop {
         state.prefilter = self.prefilter.steady(command_m);
     }
 
-    /// One period: command and z in m, its rate in m/s, what the motors refused of the thrust. Gives the loop and the thrust.
+    /// One period: command and z in m, its rate in m/s, what the motors refused of the thrust.
+    /// Gives the loop and the thrust.
     #[inline]
     pub fn step(
         &self,
@@ -64,7 +68,7 @@ impl AltitudeLoop {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gains::{Config, Law};
+    use crate::config::gains::{Config, Law};
 
     fn altitude() -> AltitudeLoop {
         let Law::ModelBased(law) = Config::thesis().law else { unreachable!() };
