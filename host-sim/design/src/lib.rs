@@ -20,20 +20,34 @@
 //! Deliberately absent: flights (crate `sysid`), the nonlinear closed loop (crate `sil`), and drawing (crate `report`).
 #![forbid(unsafe_code)]
 
+#[path = "check/report.rs"]
 pub mod check;
+#[path = "analysis/frequency.rs"]
 pub mod curves;
+#[path = "analysis/steady_tilt.rs"]
 pub mod envelope;
 mod error;
+#[path = "gains_match.rs"]
 pub mod fit;
+#[path = "plant/linear.rs"]
 pub mod linear;
+#[path = "loops/closed_loop.rs"]
 pub mod loops;
+#[path = "analysis/margins.rs"]
 pub mod margins;
+#[path = "thesis_values.rs"]
 pub mod printed;
+#[path = "synthesis/procedure.rs"]
 pub mod procedure;
+#[path = "analysis/response.rs"]
 pub mod response;
+#[path = "synthesis/search.rs"]
 mod search;
+#[path = "synthesis/specs.rs"]
 pub mod specs;
+#[path = "plant/state_space.rs"]
 pub mod state_space;
+#[path = "plant/trim.rs"]
 pub mod trim;
 
 pub use error::{DesignError, Result};
