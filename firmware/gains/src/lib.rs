@@ -4,7 +4,7 @@
 //! One reader serves all who fly or judge gains: the craft's computer, the simulation, the design. [`Gains::read`] checks
 //! every number; [`Gains::belongs_to`] refuses another vehicle, by name and, where the file has one, by the SHA-256 of what
 //! the operator measured of it (`model::Vehicle::sha256`, which `quadlab design` writes). The craft's computer knows no
-//! model, so it is told both; whoever has a model can compare what the law does on its rotors too (`design::fit`).
+//! model, so it is told both; whoever has a model can compare what the law does on its rotors too (`design::gains_match`).
 //! [`CraftFiles`] are the gains with the vehicle file that they fly: what every craft's program is built or started with, and the
 //! hash by which it tells who it is.
 //!

@@ -8,9 +8,8 @@ use gains_file::{Gains, GainsError, VehicleId};
 use model::Model;
 
 use crate::error::Result;
-use crate::linear::Linear;
 use crate::loops::law_effect;
-use crate::trim::TrimTarget;
+use crate::plant::{Linear, TrimTarget};
 
 /// Reads a gains file and refuses it unless it belongs to the model's vehicle: what flies or judges gains on a model calls
 /// this.
@@ -21,7 +20,7 @@ pub fn read_for(path: &Path, model: &Model) -> Result<Gains> {
     let gains = Gains::read(path)?;
     // What the file itself says comes first: it needs no equilibrium.
     belongs(&gains, model, path)?;
-    fit(&gains, model, &Linear::new(model, &TrimTarget::default())?, path)?;
+    gains_match(&gains, model, &Linear::new(model, &TrimTarget::default())?, path)?;
     Ok(gains)
 }
 
@@ -34,7 +33,7 @@ fn belongs(gains: &Gains, model: &Model, path: &Path) -> Result<()> {
 ///
 /// # Errors
 /// [`GainsError::OtherVehicle`].
-pub fn fit(gains: &Gains, model: &Model, linear: &Linear, path: &Path) -> Result<()> {
+pub fn gains_match(gains: &Gains, model: &Model, linear: &Linear, path: &Path) -> Result<()> {
     belongs(gains, model, path)?;
     let refuse = |reason: String| Err(GainsError::OtherVehicle { path: path.to_owned(), reason }.into());
     let range = model.vehicle.motors.command_range;
@@ -85,7 +84,7 @@ mod tests {
             let (mut model, mut gains) = (Model::thesis(), gains.clone());
             edit(&mut model, &mut gains);
             let linear = Linear::new(&model, &TrimTarget::default()).unwrap();
-            fit(&gains, &model, &linear, Path::new("g.toml"))
+            gains_match(&gains, &model, &linear, Path::new("g.toml"))
         };
         assert!(check(&|_, _| {}).is_ok());
         let reason = |edit: &dyn Fn(&mut Model, &mut Gains)| check(edit).unwrap_err().to_string();
@@ -110,7 +109,7 @@ mod tests {
         provenance.vehicle_sha256 = Some(model.vehicle.sha256());
         let check = |model: &Model| {
             let linear = Linear::new(model, &TrimTarget::default()).unwrap();
-            fit(&gains, model, &linear, Path::new("g.toml"))
+            gains_match(&gains, model, &linear, Path::new("g.toml"))
         };
         assert!(check(&model).is_ok());
         model.vehicle.mass *= 1.01;

@@ -6,12 +6,11 @@
 use model::Model;
 use serde::Serialize;
 
-use crate::check::{CheckReport, Study};
-use crate::curves::closed_bode;
+use crate::analysis::{Study, closed_bode};
+use crate::check::CheckReport;
 use crate::error::Result;
-use crate::linear::{CANCEL_TOLERANCE, CHANNELS, Linear};
 use crate::loops::LoopName;
-use crate::trim::TrimTarget;
+use crate::plant::{CANCEL_TOLERANCE, CHANNELS, Linear, TrimTarget, with_perturbation};
 
 /// A printed number and the one found.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -129,7 +128,7 @@ fn hover(linear: &Linear) -> Compared {
 /// The 9.808 of (5.16) is the sine of two degrees over its angle.
 fn steep_gravity(model: &Model) -> Result<Compared> {
     let step = 2_f64.to_radians();
-    let linear = crate::linear::with_perturbation(model, &TrimTarget::default(), step)?;
+    let linear = with_perturbation(model, &TrimTarget::default(), step)?;
     Ok(Compared {
         place: "(5.16)",
         what: "gravity in A, by a difference over 2 degrees".into(),

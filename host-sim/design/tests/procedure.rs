@@ -4,11 +4,9 @@ use std::path::Path;
 
 use control::Config;
 use design::DesignError;
-use design::check::Study;
-use design::curves::{Gain, gain_of};
-use design::loops::{LOOPS, LoopName, View};
-use design::margins::Band;
-use design::procedure::{Specs, design};
+use design::analysis::{Band, Study};
+use design::loops::{Gain, LOOPS, LoopName, View, gain_of};
+use design::synthesis::{Criterion, Specs, design};
 use model::{Effect, Model};
 
 /// Tables 5.1 to 5.3 were read from root loci by eye. The rules that stand in for the eye come within a quarter of them,
@@ -101,7 +99,7 @@ fn what_cannot_be_met_is_said_with_both_numbers() {
     specs.yaw.rise_s = 0.1;
     let designed = design(&Model::thesis(), &specs).unwrap();
     let [shortfall] = designed.shortfalls.as_slice() else { panic!("{:?}", designed.shortfalls) };
-    assert_eq!((shortfall.name, shortfall.what, shortfall.wanted), (LoopName::Yaw.name(), "rise, s", 0.1));
+    assert_eq!((shortfall.name, shortfall.what, shortfall.wanted), (LoopName::Yaw.name(), Criterion::Rise, 0.1));
     assert!(shortfall.reached > 0.5 && shortfall.reached < 0.8, "{shortfall:?}");
 }
 
@@ -121,7 +119,7 @@ fn what_no_gain_meets_is_said_with_the_best_there_is() {
     // The thesis' own loop has 47.65 degrees with its integral part.
     assert!(roll.reached > 45.0 && roll.reached < 93.0, "{roll:?}");
     let x = unmet(|specs| specs.position.phase_margin_deg = 89.0);
-    assert_eq!((x.name, x.what, x.wanted), ("x", "phase margin, deg", 89.0));
+    assert_eq!((x.name, x.what, x.wanted), ("x", Criterion::PhaseMargin, 89.0));
     assert!(x.reached > 45.0 && x.reached < 89.0, "{x:?}");
 }
 
@@ -135,7 +133,7 @@ fn a_leaning_craft_gets_gains() {
     model.terms.retain(|term| term.effect != Effect::FlappingMoment);
     model.set(Effect::SteadyWind, &[-1.1, -0.6]);
     model.set(Effect::GroundEffect, &[1.6, 0.05]);
-    let study = |designed: &design::procedure::Designed, view| {
+    let study = |designed: &design::synthesis::Designed, view| {
         let study = Study::new(&model, &designed.config, view).unwrap();
         assert!(study.loops.iter().any(|(plant, _)| !plant.notes.is_empty()), "the coupling is said");
         (study.margins().unwrap(), study.together(&model, &designed.config, view).unwrap())

@@ -7,8 +7,8 @@ use std::process::Command;
 
 use control::Config;
 use design::Complex;
+use design::analysis::LoopMargins;
 use design::loops::{ClosedLoop, LoopName, LoopPlant, View};
-use design::margins::LoopMargins;
 
 const ROLL: [f64; 4] = [1.0, -0.9888, 0.2274, 37.03];
 

@@ -7,11 +7,11 @@
 use control::Config;
 use control::filter::GainRule;
 use control::gains::VelocityEstimator;
-use design::linear::{CANCEL_TOLERANCE, CHANNELS, Channel, Linear, with_perturbation};
+use design::analysis::{Band, LoopMargins, Margins};
+use design::analysis::{bare_step, commanded_step, step_metrics, value_at};
 use design::loops::{ClosedLoop, LoopName, LoopPlant, View, law_effect, loops_of, with_moved_zero};
-use design::margins::{Band, LoopMargins, Margins};
-use design::response::{bare_step, commanded_step, step_metrics, value_at};
-use design::trim::TrimTarget;
+use design::plant::TrimTarget;
+use design::plant::{CANCEL_TOLERANCE, CHANNELS, Channel, Linear, with_perturbation};
 use model::Model;
 use nalgebra::Complex;
 
@@ -348,7 +348,7 @@ fn sampled_attitude_loops() {
         let what = format!("{name} {estimator:?} {rule:?} delay {delay_samples}");
         assert_eq!(margins.stable, gain_margin > 1.0, "{what}");
         near(margins.at_error.gain_margin.unwrap(), gain_margin, 6e-4, &what);
-        let mode = design::response::least_damped(&closed.closed.poles().unwrap(), 0.01).unwrap();
+        let mode = design::analysis::least_damped(&closed.closed.poles().unwrap(), 0.01).unwrap();
         near(mode.frequency_rad_s, frequency, 6e-3, &what);
         near(mode.damping, damping, 6e-4, &what);
     }
@@ -403,7 +403,7 @@ fn integral_action_removes_a_constant_disturbance() {
         let mut config = Config::thesis();
         design::loops::loops_of_mut(&mut config).altitude.ki = ki;
         let closed = printed_loop(LoopName::Z, &config, View::Continuous);
-        let step = design::response::disturbance_step(&closed, 200.0).unwrap();
+        let step = design::analysis::disturbance_step(&closed, 200.0).unwrap();
         *step.values.last().unwrap()
     };
     near(final_value(0.0), 1.0 / loops_of(&Config::thesis()).altitude.kp, 1e-9, "(B.3)");
@@ -416,9 +416,9 @@ fn integral_action_removes_a_constant_disturbance() {
 fn a_speed_without_equilibrium_is_an_error_and_no_endless_search() {
     for speed in [60.0, 100.0, 300.0] {
         let target = TrimTarget { velocity_ned_m_s: [speed, 0.0, 0.0], ..TrimTarget::default() };
-        let Err(error) = design::trim::equilibrium(&Model::thesis(), &target) else { continue };
+        let Err(error) = design::plant::equilibrium(&Model::thesis(), &target) else { continue };
         assert!(error.to_string().contains("equilibrium"), "{error}");
     }
     let target = TrimTarget { velocity_ned_m_s: [1000.0, 0.0, 0.0], ..TrimTarget::default() };
-    assert!(design::trim::equilibrium(&Model::thesis(), &target).is_err());
+    assert!(design::plant::equilibrium(&Model::thesis(), &target).is_err());
 }

@@ -350,7 +350,7 @@ fn from_a_stranger_s_flights_to_gains_that_fly_and_the_next_flight() {
     }
     // Flown, with a battery that sags and at the voltage of the flights.
     let read = Model::read(&folder.join("better.toml")).unwrap();
-    let config = design::fit::read_for(&folder.join("gains.toml"), &read).unwrap().config;
+    let config = design::gains_match::read_for(&folder.join("gains.toml"), &read).unwrap().config;
     let settings = sil::Settings { model: Some(read), config: Some(config), ..sil::Settings::default() };
     for scenario in [sil::Scenario::Hover, sil::Scenario::Roll10, sil::Scenario::Excitation] {
         let plan = scenario.plan(&settings);

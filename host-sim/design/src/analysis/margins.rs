@@ -72,7 +72,8 @@ impl Band {
         Self { low_rad_s: 0.02, high_rad_s, points: 600 }
     }
 
-    /// The same with a grid that is enough to search on, but could miss two crossings that lie close together.
+    /// A coarser grid over the band of [`Band::of`]: enough to search on, but it could miss two crossings that lie close
+    /// together.
     pub fn coarse(period_s: Option<f64>) -> Self {
         Self { points: 300, ..Self::of(period_s) }
     }
@@ -204,7 +205,7 @@ pub struct LoopMargins {
 }
 
 impl LoopMargins {
-    /// Of a loop.
+    /// All margins of one loop.
     pub fn of(closed: &ClosedLoop) -> Result<Self> {
         let band = Band::of(closed.closed.period_s);
         let stable = closed.closed.is_stable()?;

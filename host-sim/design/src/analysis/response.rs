@@ -1,13 +1,16 @@
 //! Responses over time, and what a step response is judged by; the definitions are those of the reference the thesis was
 //! recomputed with.
 
+use control::Config;
 use nalgebra::Complex;
 use serde::Serialize;
 
 use crate::error::Result;
-use crate::loops::ClosedLoop;
-use crate::state_space::StateSpace;
+use crate::loops::{ClosedLoop, loops_of, outer_gains};
+use crate::plant::StateSpace;
 
+/// How long responses are followed, s: three time constants of the thesis' slowest closed-loop pole (0.057 rad/s).
+pub const LONG_S: f64 = 60.0;
 /// Time step of continuous responses, s.
 const FINE_S: f64 = 1e-3;
 
@@ -59,6 +62,13 @@ pub fn commanded_step(closed: &ClosedLoop, rate_limit_m_s: Option<f64>, duration
     }
 }
 
+/// The response to a commanded step as the law of `config` takes it, over [`LONG_S`]: through the prefilter, or 1 m through
+/// the rate limit.
+pub fn commanded(config: &Config, closed: &ClosedLoop) -> Result<Response> {
+    let limit = outer_gains(loops_of(config), closed.name).map(|outer| outer.rate_limit_m_s);
+    commanded_step(closed, limit, LONG_S)
+}
+
 /// The response to a unit step of the reference itself, without prefilter and rate limit.
 pub fn bare_step(closed: &ClosedLoop, duration_s: f64) -> Result<Response> {
     Response::of(&path(&closed.closed, 0, 0), duration_s, |_| 1.0)
@@ -92,8 +102,8 @@ pub fn least_damped(poles: &[Complex<f64>], period_s: f64) -> Option<Mode> {
     modes.min_by(|a, b| a.damping.total_cmp(&b.damping))
 }
 
-/// The same of what a step of the reference shows: modes whose part of the response is less than a fiftieth of the step do
-/// not count. Such are slow ones that a zero of the closed loop nearly cancels, whatever their damping.
+/// The least damped mode that a step of the reference shows: modes whose part of the response is less than a fiftieth of the
+/// step do not count. Such are slow ones that a zero of the closed loop nearly cancels, whatever their damping.
 ///
 /// The part of a mode at the pole p is twice its residue of T(s)/s, here `T(p + e) e / p` with a small e.
 pub(crate) fn least_damped_seen(closed: &StateSpace) -> Result<Option<Mode>> {
@@ -116,7 +126,7 @@ pub struct StepMetrics {
     pub rise_s: Option<f64>,
     /// Time from which on the response stays within 5 % of 1, s; `None` if it is outside at the end.
     pub settling_5_s: Option<f64>,
-    /// The same for 2 %.
+    /// Time from which on it stays within 2 % of 1, s; `None` if it is outside at the end.
     pub settling_2_s: Option<f64>,
     /// Mean of 1 minus the response over the last second.
     pub steady_state_error: f64,

@@ -26,7 +26,7 @@ pub const INPUTS: [&str; 4] = ["T_Z", "tau_phi", "tau_theta", "tau_psi"];
 /// Units of the inputs.
 pub const INPUT_UNITS: [&str; 4] = ["N", "rad/s^2", "rad/s^2", "rad/s^2"];
 
-/// What the craft is to do at the equilibrium; the default is hover at 1 m, (5.14).
+/// What the craft does at the equilibrium; the default is hover at 1 m, (5.14).
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrimTarget {
@@ -158,7 +158,7 @@ struct Search<'a> {
     evaluations: Cell<u32>,
 }
 
-/// Where there is no equilibrium a line search may go to and fro for ever. Thousands of evaluations find one where there is.
+/// Where there is no equilibrium, a line search may not end. Where there is one, thousands of evaluations find it.
 const MOST_EVALUATIONS: u32 = 50_000;
 
 impl<'a> Search<'a> {
@@ -253,27 +253,7 @@ pub fn equilibrium(model: &Model, target: &TrimTarget) -> Result<Equilibrium> {
     }
     let hover_rad2_s2 = dynamics.mass_kg * dynamics.gravity_m_s2 / per_square;
     let search = Search::new(dynamics, *target, hover_rad2_s2);
-    let (mut best, mut cost, mut iterations) = (vec![0.0, 0.0, 1.0, 1.0, 1.0, 1.0], f64::INFINITY, 0);
-    // A line search ends where rounding hides the slope; starting again from there gains the last digits.
-    for _ in 0..6 {
-        let solver = LBFGS::new(MoreThuenteLineSearch::new(), 6)
-            .with_tolerance_grad(0.0)
-            .and_then(|solver| solver.with_tolerance_cost(0.0))
-            .map_err(|e| DesignError::Optimiser(e.to_string()))?;
-        let run = Executor::new(Search::new(dynamics, *target, hover_rad2_s2), solver)
-            .configure(|state| state.param(best.clone()).max_iters(200).target_cost(ENOUGH))
-            .run();
-        let Ok(result) = run else { break };
-        iterations += result.state().get_iter();
-        let reached = result.state().get_best_cost();
-        let Some(x) = result.state().get_best_param() else { break };
-        if reached < cost {
-            (best, cost) = (x.clone(), reached);
-        }
-        if cost <= ENOUGH {
-            break;
-        }
-    }
+    let (best, mut cost, iterations) = least_cost(&search)?;
     if !cost.is_finite() {
         cost = search.cost(&best).unwrap_or(f64::INFINITY);
     }
@@ -295,6 +275,32 @@ pub fn equilibrium(model: &Model, target: &TrimTarget) -> Result<Equilibrium> {
         cost,
         iterations,
     })
+}
+
+/// Where the cost is least, the cost there, and the iterations that it took.
+fn least_cost(search: &Search) -> Result<(Vec<f64>, f64, u64)> {
+    let (mut best, mut cost, mut iterations) = (vec![0.0, 0.0, 1.0, 1.0, 1.0, 1.0], f64::INFINITY, 0);
+    // A line search ends where rounding hides the slope; starting again from there gains the last digits.
+    for _ in 0..6 {
+        let solver = LBFGS::new(MoreThuenteLineSearch::new(), 6)
+            .with_tolerance_grad(0.0)
+            .and_then(|solver| solver.with_tolerance_cost(0.0))
+            .map_err(|e| DesignError::Optimiser(e.to_string()))?;
+        let run = Executor::new(Search::new(search.dynamics, search.target, search.hover_rad2_s2), solver)
+            .configure(|state| state.param(best.clone()).max_iters(200).target_cost(ENOUGH))
+            .run();
+        let Ok(result) = run else { break };
+        iterations += result.state().get_iter();
+        let reached = result.state().get_best_cost();
+        let Some(x) = result.state().get_best_param() else { break };
+        if reached < cost {
+            (best, cost) = (x.clone(), reached);
+        }
+        if cost <= ENOUGH {
+            break;
+        }
+    }
+    Ok((best, cost, iterations))
 }
 
 /// Equilibria of a craft that slides faster and faster, each found from the one before: six accelerations are to vanish by

@@ -5,8 +5,7 @@ use std::path::PathBuf;
 
 use clap::Subcommand;
 use design::check::{CheckOptions, CheckReport, check};
-use design::loops::View;
-use design::procedure::{Designed, Method, Shortfall, Specs, Step, design};
+use design::synthesis::{Designed, Method, Shortfall, Specs, Step, design};
 use design::{DesignError, Gains, Provenance};
 use model::Model;
 use report::significant;
@@ -85,11 +84,7 @@ fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outc
         Err(DesignError::Unmet(shortfall)) => return unmet(options, specs.method, &shortfall),
         designed => designed?,
     };
-    let view = match specs.method {
-        Method::Thesis => View::Continuous,
-        Method::Delay => View::Sampled { delay_samples: specs.delay_samples },
-    };
-    let report = check(&model, &designed.config, &CheckOptions { view, samples: 0, seed: 0 })?;
+    let report = check(&model, &designed.config, &CheckOptions { view: specs.view(), samples: 0, seed: 0 })?;
     let holds = designed.shortfalls.is_empty();
     if holds {
         let provenance = Provenance {
@@ -136,8 +131,13 @@ fn not_met(shortfalls: &[Shortfall]) -> String {
         let both = |digits| (significant(s.wanted, digits), significant(s.reached, digits));
         let (wanted, reached) =
             (3..9).map(both).find(|(wanted, reached)| wanted != reached).unwrap_or_else(|| both(9));
-        let key = s.key().map_or_else(String::new, |key| format!(" ({key})"));
-        let _ = writeln!(text, "NOT MET: {}: {}: wanted {wanted}, reached {reached}{key}", s.name, s.what);
+        let key = s.key.map_or_else(String::new, |key| format!(" ({key})"));
+        let _ = writeln!(
+            text,
+            "NOT MET: {}: {}: wanted {wanted}, reached {reached}{key}",
+            s.name,
+            s.what.label()
+        );
     }
     text.push_str("no gains written: relax what is not met in a file for --specs, or the delay\n");
     text

@@ -69,7 +69,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     refuse("samples", options.samples, 100_000)?;
     check_outputs(&options.html, &[&options.model, &options.gains])?;
     let model = Model::read(&options.model)?;
-    let gains = design::fit::read_for(&options.gains, &model)?;
+    let gains = design::gains_match::read_for(&options.gains, &model)?;
     let view = match options.continuous {
         true => View::Continuous,
         false => View::Sampled { delay_samples: options.delay },

@@ -6,11 +6,11 @@ use std::path::PathBuf;
 
 use anyhow::Context as _;
 use control::Config;
-use design::check::{CheckOptions, CheckReport, LoopReport, Study, check};
-use design::curves::{GAINS, Gain, closed_bode, gain_of, loop_bode};
-use design::linear::CANCEL_TOLERANCE;
-use design::loops::{ClosedLoop, LoopName, LoopPlant, View};
-use design::printed::{Compared, compare};
+use design::analysis::{Study, closed_bode, loop_bode};
+use design::check::{CheckOptions, CheckReport, LoopReport, check};
+use design::loops::{ClosedLoop, GAINS, Gain, LoopName, LoopPlant, View, gain_of};
+use design::plant::CANCEL_TOLERANCE;
+use design::thesis_values::{Compared, compare};
 use model::Model;
 use report::{Axis, Cell, Column, Figure, Mark, Page, Section, Series, Style, Table, Verdict, significant};
 use serde::Serialize;
@@ -85,7 +85,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     check_outputs([out], &inputs)?;
     let model = options.model.as_deref().map_or_else(|| Ok(Model::thesis()), Model::read)?;
     let config = match &options.gains {
-        Some(path) => design::fit::read_for(path, &model)?.config,
+        Some(path) => design::gains_match::read_for(path, &model)?.config,
         None => Config::thesis(),
     };
     let work = Work::new(model, config, options)?;
@@ -347,10 +347,10 @@ fn flown(work: &Work) -> anyhow::Result<Section> {
         if let Some((_, smooth)) = work.of(name)
             && smooth.closed.is_stable()?
         {
-            let designed = design_pages::drawn(design::check::commanded(&work.config, smooth)?.points());
+            let designed = design_pages::drawn(design::analysis::commanded(&work.config, smooth)?.points());
             figure = figure.with(Series::line("as designed", Style::PredictedBefore, designed));
         }
-        let points = design_pages::drawn(design::check::commanded(&work.config, late)?.points());
+        let points = design_pages::drawn(design::analysis::commanded(&work.config, late)?.points());
         figure =
             figure.with(Series::line("as flown", Style::PredictedAfter, points)).mark(Mark::limit("", 1.0));
         section = section
@@ -395,11 +395,11 @@ fn disturbances(work: &Work) -> anyhow::Result<Section> {
             continue;
         }
         let mut without = work.config;
-        *design::curves::gain_mut(&mut without, closed.name, Gain::Integral) = 0.0;
+        *design::loops::gain_mut(&mut without, closed.name, Gain::Integral) = 0.0;
         let without = ClosedLoop::new(&without, plant, closed.name, View::Continuous)?;
         let mut figure = design_pages::disturbance(closed)?;
         if without.closed.is_stable()? {
-            let points = design::response::disturbance_step(&without, design::check::LONG_S)?.points();
+            let points = design::analysis::disturbance_step(&without, design::analysis::LONG_S)?.points();
             figure = figure.with(Series::line("without integral", Style::PredictedBefore, points));
         }
         let numbers = work.continuous.disturbances.iter().find(|d| d.name == closed.name.name());
@@ -410,7 +410,7 @@ fn disturbances(work: &Work) -> anyhow::Result<Section> {
                 significant(d.peak, 3),
                 d.unit,
                 significant(d.peak_s, 3),
-                design::check::LONG_S,
+                design::analysis::LONG_S,
                 significant(d.last, 2),
                 significant(d.last_without_integral, 3)
             )

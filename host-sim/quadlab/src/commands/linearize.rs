@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use design::Complex;
-use design::linear::{CANCEL_TOLERANCE, Channel, Linear};
-use design::trim::{INPUT_UNITS, INPUTS, STATE_UNITS, STATES, TrimTarget};
+use design::plant::{CANCEL_TOLERANCE, Channel, Linear};
+use design::plant::{INPUT_UNITS, INPUTS, STATE_UNITS, STATES, TrimTarget};
 use model::Model;
 use report::significant;
 use serde::Serialize;

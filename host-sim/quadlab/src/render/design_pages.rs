@@ -2,10 +2,13 @@
 
 use control::Config;
 use design::Complex;
-use design::check::{CheckReport, LONG_S, Spread, Study, Uncertainty, commanded};
-use design::curves::{self, FrequencyPoint, GAINS, Gain};
-use design::loops::{ClosedLoop, LoopName, LoopPlant, View, axis_channel, with_moved_zero};
-use design::response::{bare_step, disturbance_step};
+use design::analysis::{
+    FrequencyPoint, LONG_S, Study, bare_step, closed_bode, commanded, disturbance_step, loop_bode, root_locus,
+};
+use design::check::{CheckReport, Spread, Uncertainty};
+use design::loops::{
+    ClosedLoop, GAINS, Gain, LoopName, LoopPlant, View, axis_channel, gain_of, with_moved_zero,
+};
 use model::Model;
 use report::{Axis, Cell, Column, Figure, Mark, Page, Panels, Section, Series, Style, Table, Verdict};
 
@@ -117,7 +120,7 @@ pub(crate) fn moved_zeros(
             plant.input_delay_s = study.linear.input_delay_s;
             let closed = ClosedLoop::new(config, &plant, LoopName::Roll, view)?;
             let name = format!("{zero_rad_s} rad/s");
-            let bode = curves::loop_bode(&closed);
+            let bode = loop_bode(&closed);
             magnitude = magnitude.with(line(&bode, &name, Style::Category(k), |p| p.magnitude_db));
             phase = phase.with(line(&bode, "", Style::Category(k), |p| p.phase_deg));
             if closed.closed.is_stable()? {
@@ -202,7 +205,7 @@ pub(crate) fn margins(report: &CheckReport) -> Table {
 }
 
 fn section(config: &Config, view: View, plant: &LoopPlant, closed: &ClosedLoop) -> anyhow::Result<Section> {
-    let bode = curves::loop_bode(closed);
+    let bode = loop_bode(closed);
     let mut section = Section::new(closed.name.name())
         .figure(
             bode_panels(&bode, "loop gain"),
@@ -219,7 +222,7 @@ fn section(config: &Config, view: View, plant: &LoopPlant, closed: &ClosedLoop) 
         );
     }
     if closed.closed.is_stable()? {
-        let [bare, filtered] = curves::closed_bode(closed)?;
+        let [bare, filtered] = closed_bode(closed)?;
         section = section
             .figure(
                 two_bodes(&bare, &filtered),
@@ -286,11 +289,11 @@ pub(crate) fn locus(
     closed: &ClosedLoop,
     gain: Gain,
 ) -> anyhow::Result<Figure> {
-    let own = curves::gain_of(config, closed.name, gain);
+    let own = gain_of(config, closed.name, gain);
     let end = if own > 0.0 { LOCUS_END * own } else { 1.0 };
     let values: Vec<f64> = (0..=LOCUS_POINTS).map(|k| end * k as f64 / LOCUS_POINTS as f64).collect();
-    let all = curves::root_locus(config, plant, closed.name, view, gain, &values)?;
-    let here = curves::root_locus(config, plant, closed.name, view, gain, &[own])?;
+    let all = root_locus(config, plant, closed.name, view, gain, &values)?;
+    let here = root_locus(config, plant, closed.name, view, gain, &[own])?;
     // The fast poles of filters and rotors would shrink the picture to a dot.
     let sampled = closed.closed.period_s.is_some();
     let near = |p: &&Complex<f64>| if sampled { p.re > 0.5 } else { p.norm() < 25.0 };
