@@ -99,7 +99,10 @@ fn what_cannot_be_met_is_said_with_both_numbers() {
     specs.yaw.rise_s = 0.1;
     let designed = design(&Model::thesis(), &specs).unwrap();
     let [shortfall] = designed.shortfalls.as_slice() else { panic!("{:?}", designed.shortfalls) };
-    assert_eq!((shortfall.name, shortfall.what, shortfall.wanted), (LoopName::Yaw.name(), Criterion::Rise, 0.1));
+    assert_eq!(
+        (shortfall.name, shortfall.what, shortfall.wanted),
+        (LoopName::Yaw.name(), Criterion::Rise, 0.1)
+    );
     assert!(shortfall.reached > 0.5 && shortfall.reached < 0.8, "{shortfall:?}");
 }
 

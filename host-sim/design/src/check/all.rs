@@ -34,9 +34,11 @@ pub fn check(model: &Model, config: &Config, options: &CheckOptions) -> Result<C
         .map(|((_, closed), (_, margins))| loop_report(closed, margins))
         .collect::<Result<Vec<_>>>()?;
     let together = study.together(model, config, options.view)?;
+    let uncertainty = uncertainty(model, config, options);
     let holds = together.stable
         && loops.iter().all(|l| l.stable)
-        && battery.iter().all(|b| b.loops.iter().all(|l| l.stable));
+        && battery.iter().all(|b| b.loops.iter().all(|l| l.stable))
+        && uncertainty.as_ref().is_none_or(|u| u.unstable + u.failed == 0);
     Ok(CheckReport {
         vehicle: model.vehicle.name.clone(),
         view: match options.view {
@@ -53,7 +55,7 @@ pub fn check(model: &Model, config: &Config, options: &CheckOptions) -> Result<C
         steps,
         disturbances,
         moved_zero: moved_zeros(config, &study, options.view)?,
-        uncertainty: uncertainty(model, config, options),
+        uncertainty,
         battery,
         steady_tilts: steady_tilts(model)?,
         notes,
@@ -96,4 +98,27 @@ fn notes(model: &Model, config: &Config, study: &Study, view: View) -> Vec<Strin
         notes.push("hand-tuned law: the loops' outputs are motor commands, (4.5)".into());
     }
     notes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a check cannot know it says: no lag, no standard errors, a hand-tuned law.
+    #[test]
+    fn what_is_missing_is_noted() {
+        let mut model = Model::thesis();
+        model.vehicle.motors.lag = None;
+        let options = CheckOptions { view: View::Continuous, samples: 5, seed: 0 };
+        let report = check(&model, &Config::thesis(), &options).unwrap();
+        let said = |what: &str| report.notes.iter().any(|note| note.contains(what));
+        assert!(
+            said("no motor lag") && said("no standard errors") && !said("hand-tuned"),
+            "{:?}",
+            report.notes
+        );
+        assert_eq!((report.uncertainty, report.view, report.delay_samples), (None, "continuous", None));
+        let tuned = check(&Model::thesis(), &Config::thesis_hand_tuned(), &options).unwrap();
+        assert!(tuned.notes.iter().any(|note| note.contains("hand-tuned")));
+    }
 }

@@ -41,3 +41,28 @@ pub(super) fn battery_reports(model: &Model, config: &Config, view: View) -> Res
     };
     VOLTAGES.iter().map(at).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The thesis' motor map takes the voltage out, so margins are those of 11.1 V at any; thrust over weight is not. Speed
+    /// is affine in the voltage, (3.1), and thrust its square.
+    #[test]
+    fn a_compensated_battery_changes_the_thrust_and_no_margin() {
+        let (model, view) = (Model::thesis(), View::Sampled { delay_samples: 0 });
+        let rows = battery_reports(&model, &Config::thesis(), view).unwrap();
+        assert_eq!(rows.len(), VOLTAGES.len());
+        let speed = |row: &BatteryReport| Plant::new(&model).commanded_rad_s(&[2000.0; 4], row.battery_v)[0];
+        for row in &rows {
+            let (margin, nominal) =
+                (row.loops[0].gain_margin.unwrap(), rows[2].loops[0].gain_margin.unwrap());
+            assert!((margin / nominal - 1.0).abs() < 1e-3, "{row:?}");
+            let ratio = row.thrust_to_weight / rows[2].thrust_to_weight;
+            assert!((ratio / (speed(row) / speed(&rows[2])).powi(2) - 1.0).abs() < 1e-6, "{row:?}");
+        }
+        let mut silent = Model::thesis();
+        silent.reference.battery_v = 0.0;
+        assert!(battery_reports(&silent, &Config::thesis(), view).unwrap().is_empty());
+    }
+}

@@ -43,7 +43,9 @@ pub(super) fn loop_report(closed: &ClosedLoop, margins: &LoopMargins) -> Result<
             gain_margin: actuator.gain_margin,
             gain_reduction_margin: actuator.gain_reduction_margin,
             crossover_rad_s: actuator.crossover_rad_s,
+            phase_crossover_rad_s: actuator.phase_crossover_rad_s,
             sensitivity_peak: actuator.sensitivity_peak,
+            sensitivity_peak_rad_s: actuator.sensitivity_peak_rad_s,
         },
         least_damped: least_damped(&poles, closed.closed.period_s.unwrap_or(0.0)),
         poles: pairs(&poles),
@@ -118,4 +120,29 @@ pub(super) fn moved_zeros(config: &Config, study: &Study, view: View) -> Result<
         }
     }
     Ok(rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use model::Model;
+
+    use super::*;
+
+    /// The thesis' gains without delay: Table A.1's first row under the canceller, and a disturbance that the integral part
+    /// takes away and 1/Kp is left of without it, (B.3).
+    #[test]
+    fn loops_are_reported_as_the_thesis_has_them() {
+        let (model, config, view) = (Model::thesis(), Config::thesis(), View::Continuous);
+        let study = Study::new(&model, &config, view).unwrap();
+        let rows = moved_zeros(&config, &study, view).unwrap();
+        assert_eq!(rows.iter().filter(|row| row.name == "roll").count(), 16);
+        // The row without a zero, which holds whatever the model's own zero is.
+        let bare = rows.iter().find(|row| row.name == "roll" && row.zero_rad_s == 0.0).unwrap();
+        assert!((bare.phase_margin_deg.unwrap() - 47.6618).abs() < 0.02, "{bare:?}");
+        let (plant, closed) = &study.loops[LoopName::Z as usize];
+        let report = disturbance_report(&config, plant, closed, view).unwrap();
+        let kp = loops_of(&config).altitude.kp;
+        assert!((report.last_without_integral - 1.0 / kp).abs() < 1e-9 && report.unit == "m/N", "{report:?}");
+        assert!(report.last.abs() < 0.1 * report.last_without_integral);
+    }
 }

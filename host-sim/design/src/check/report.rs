@@ -50,19 +50,23 @@ pub struct LoopReport {
     pub poles: Vec<Pair>,
 }
 
-/// Margins at the actuator.
+/// Margins with the loop cut at the actuator, where everything that the law feeds back goes through.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ActuatorMargins {
-    /// Degrees.
+    /// Least phase margin, degrees.
     pub phase_margin_deg: Option<f64>,
-    /// Factor upwards.
+    /// Factor by which the gain may grow.
     pub gain_margin: Option<f64>,
-    /// Factor downwards.
+    /// Factor to which it may fall.
     pub gain_reduction_margin: Option<f64>,
-    /// rad/s.
+    /// Gain crossover frequency of the phase margin, rad/s.
     pub crossover_rad_s: Option<f64>,
-    /// Greatest sensitivity.
+    /// Phase crossover frequency of the gain margin, rad/s.
+    pub phase_crossover_rad_s: Option<f64>,
+    /// Greatest sensitivity 1/|1+L|.
     pub sensitivity_peak: f64,
+    /// Frequency of that peak, rad/s.
+    pub sensitivity_peak_rad_s: f64,
 }
 
 /// A step response: through prefilter or rate limit (1 m), and of the bare loop.
@@ -90,9 +94,9 @@ pub struct DisturbanceReport {
     pub peak: f64,
     /// When, s.
     pub peak_s: f64,
-    /// After [`crate::analysis::LONG_S`].
+    /// Value after [`crate::analysis::LONG_S`].
     pub last: f64,
-    /// After the same time without integral part.
+    /// Value after that time without the integral part.
     pub last_without_integral: f64,
 }
 
@@ -146,9 +150,11 @@ pub struct Uncertainty {
     pub seed: u64,
     /// Coefficients with a standard error.
     pub coefficients: usize,
-    /// Whether the model says how their errors hang together; otherwise they are drawn as independent.
+    /// Whether the model holds the correlations of their errors; otherwise they are drawn as independent.
     pub correlated: bool,
-    /// Draws that could not hover or whose loops could not be built.
+    /// Draws with at least one unstable loop.
+    pub unstable: usize,
+    /// Draws that cannot hover or whose loops cannot be built.
     pub failed: usize,
     /// Loops.
     pub loops: Vec<LoopSpread>,
@@ -189,7 +195,7 @@ pub struct CheckReport {
     pub view: &'static str,
     /// Age of the pose, samples; absent in the continuous view.
     pub delay_samples: Option<usize>,
-    /// Whether every loop is stable, at every voltage too, and all of them together.
+    /// Whether every loop is stable, also at every voltage and in every draw of the model, and all of them together.
     pub holds: bool,
     /// All loops closed at once.
     pub together: Together,
@@ -205,7 +211,7 @@ pub struct CheckReport {
     pub uncertainty: Option<Uncertainty>,
     /// Over the battery's voltage; empty if the model does not say at which voltage it was made.
     pub battery: Vec<BatteryReport>,
-    /// How far the craft can lean for ever.
+    /// The greatest tilts that the craft can hold.
     pub steady_tilts: Vec<SteadyTilt>,
     /// What was approximated or left out.
     pub notes: Vec<String>,

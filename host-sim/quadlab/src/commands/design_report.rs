@@ -6,8 +6,8 @@ use std::path::PathBuf;
 
 use anyhow::Context as _;
 use control::Config;
-use design::analysis::{Study, closed_bode, loop_bode};
-use design::check::{CheckOptions, CheckReport, LoopReport, check};
+use design::analysis::{LoopMargins, Study, closed_bode, loop_bode};
+use design::check::{CheckOptions, CheckReport, check};
 use design::loops::{ClosedLoop, GAINS, Gain, LoopName, LoopPlant, View, gain_of};
 use design::plant::CANCEL_TOLERANCE;
 use design::thesis_values::{Compared, compare};
@@ -16,12 +16,12 @@ use report::{Axis, Cell, Column, Figure, Mark, Page, Section, Series, Style, Tab
 use serde::Serialize;
 
 use crate::cli::output::{Outcome, check_outputs, provenance};
-use crate::commands::design_check::short;
 use crate::commands::linearize;
 use crate::render::design_pages;
+use crate::render::design_tables::{failures, short};
 
 /// Chapter 5 of the thesis on one page: every figure that is computed here, with the numbers and the thesis' beside them.
-/// Exit status 1 if a loop is unstable, or if a number of the thesis' own vehicle does not come back.
+/// Exit status 1 if a loop is unstable as it flies, or if a number of the thesis' own vehicle does not come back.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  quadlab design report --out report.html                                      # the thesis' vehicle and gains\n  quadlab design report --model model.toml --gains gains.toml --out report.html"
@@ -39,7 +39,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "SAMPLES", default_value_t = 2, value_parser = clap::value_parser!(u16).range(0..=100))]
     delay: u16,
 
-    /// Draws of the model's coefficients from their standard errors
+    /// Random draws of the model's coefficients from their standard errors
     #[arg(long, value_name = "COUNT", default_value_t = 100, value_parser = clap::value_parser!(u32).range(0..=100_000))]
     samples: u32,
 
@@ -112,12 +112,12 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
                 number.place, number.what, number.printed
             );
         }
-        if !work.sampled.together.stable {
-            let _ =
-                writeln!(text, "UNSTABLE: all loops together with {} samples of delay", work.delay_samples);
-        }
-        for l in work.sampled.loops.iter().filter(|l| !l.stable) {
-            let _ = writeln!(text, "UNSTABLE: {} with {} samples of delay", l.name, work.delay_samples);
+        for failure in failures(&work.sampled) {
+            let _ = writeln!(
+                text,
+                "NOT SAFE TO FLY with a pose that is {} samples old: {failure}",
+                work.delay_samples
+            );
         }
         let _ = writeln!(text, "page: {page}");
         Outcome::done(text)
@@ -238,20 +238,6 @@ fn linear(work: &Work) -> anyhow::Result<Section> {
         .preformatted(linearize::text(&work.study.linear, &channels)))
 }
 
-/// What a loop's margins are, for a caption.
-fn margins(report: &CheckReport, name: LoopName) -> String {
-    let Some(l) = report.loops.iter().find(|l| l.name == name.name()) else { return String::new() };
-    let LoopReport { phase_margin_deg, crossover_rad_s, gain_margin, phase_crossover_rad_s, .. } = l;
-    let number = |value: &Option<f64>, digits| value.map_or_else(|| "-".into(), |x| significant(x, digits));
-    format!(
-        "phase margin {} deg at {} rad/s, gain margin {} at {} rad/s",
-        number(phase_margin_deg, 4),
-        number(crossover_rad_s, 4),
-        number(gain_margin, 3),
-        number(phase_crossover_rad_s, 3)
-    )
-}
-
 /// Two loops that the thesis designs side by side: root loci in the order of the design, Bode and Nichols, closed loop, steps.
 fn group(work: &Work, heading: &str, names: [LoopName; 2], figures: [&str; 6]) -> anyhow::Result<Section> {
     let thesis = Config::thesis();
@@ -293,11 +279,11 @@ fn group(work: &Work, heading: &str, names: [LoopName; 2], figures: [&str; 6]) -
     for name in names {
         let Some((_, around)) = work.of(name) else { continue };
         let curve = loop_bode(around);
-        let found = margins(&work.continuous, name);
+        let found = LoopMargins::of(around)?.at_error;
         section = section
             .figure(
-                design_pages::bode_panels(&curve, "loop gain"),
-                format!("{bode}loop gain of {name}: {found}."),
+                design_pages::bode_panels(&curve, &found),
+                format!("{bode}loop gain of {name}: {}.", design_pages::margin_words(&found)),
             )
             .figure(design_pages::nichols(&curve), format!("Nichols plot of the loop gain of {name}."));
         if around.closed.is_stable()? {
@@ -353,13 +339,13 @@ fn flown(work: &Work) -> anyhow::Result<Section> {
         let points = design_pages::drawn(design::analysis::commanded(&work.config, late)?.points());
         figure =
             figure.with(Series::line("as flown", Style::PredictedAfter, points)).mark(Mark::limit("", 1.0));
-        section = section
-            .figure(figure, format!("{name}: commanded step; as flown {}.", margins(&work.sampled, name)));
+        let found = design_pages::margin_words(&LoopMargins::of(late)?.at_error);
+        section = section.figure(figure, format!("{name}: commanded step; as flown {found}."));
     }
     Ok(section)
 }
 
-/// What speed costs: the margins that are left as the pose gets older.
+/// What a late pose costs: the margins that are left as it gets older.
 fn ages(work: &Work) -> anyhow::Result<Section> {
     let names = work.sampled.loops.iter().map(|l| Column::text(l.name));
     let columns: Vec<Column> =
