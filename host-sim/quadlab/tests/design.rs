@@ -140,7 +140,8 @@ fn margins_at_the_actuator_stand_beside_the_loops_own() {
     // Both cuts of each loop carry their margins in the figure.
     let marked = |what: &str| page.matches(what).count();
     assert!(
-        page.contains("Cut at the actuator") && page.contains("cut at the actuator with everything else")
+        page.contains("Cut at the actuator")
+            && page.contains("cut at the actuator, with all of the feedback")
     );
     assert!(marked("phase margin 51.8 deg at 6.20 rad/s") >= 2, "legend and caption");
     assert!(marked(" dB) at ") >= 12, "a gain margin in each of twelve Bode plots");

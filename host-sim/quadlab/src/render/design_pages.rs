@@ -270,7 +270,7 @@ fn section(config: &Config, view: View, plant: &LoopPlant, closed: &ClosedLoop) 
         .figure(
             bode_panels(&actuator_bode(closed), &margins.at_actuator),
             format!(
-                "Loop gain, cut at the actuator with everything else closed: {}.",
+                "Loop gain, cut at the actuator, with all of the feedback in it: {}.",
                 margin_words(&margins.at_actuator)
             ),
         )
@@ -317,14 +317,21 @@ fn line(
     Series::line(name, style, data)
 }
 
+/// Least magnitude that is drawn, dB: far below it nothing is judged, and margins would be too small to see.
+const LEAST_DB: f64 = -40.0;
+
 /// Magnitude and phase of a loop gain, with its margins as bars at their crossover frequencies.
 pub(crate) fn bode_panels(points: &[FrequencyPoint], margins: &Margins) -> Panels {
+    let seen: Vec<_> = points.iter().copied().filter(|p| p.magnitude_db > LEAST_DB).collect();
     let mut magnitude = Figure::new("", frequency(), Axis::new("magnitude", "dB"))
-        .with(line(points, "loop gain", Style::PredictedAfter, |p| p.magnitude_db))
+        .with(line(&seen, "loop gain", Style::PredictedAfter, |p| p.magnitude_db))
         .mark(Mark::limit("gain 1", 0.0));
-    let mut phase = Figure::new("", frequency(), Axis::new("phase", "deg"))
-        .with(line(points, "", Style::PredictedAfter, |p| p.phase_deg))
-        .mark(Mark::limit("-180 deg", -180.0));
+    let mut phase = Figure::new("", frequency(), Axis::new("phase", "deg")).with(line(
+        &seen,
+        "",
+        Style::PredictedAfter,
+        |p| p.phase_deg,
+    ));
     if let (Some(margin), Some(at)) = (margins.gain_margin, margins.phase_crossover_rad_s) {
         let margin_db = 20.0 * margin.log10();
         let name = format!(
@@ -337,16 +344,17 @@ pub(crate) fn bode_panels(points: &[FrequencyPoint], margins: &Margins) -> Panel
         (magnitude, phase) = (magnitude.mark(Mark::event("", at)), phase.mark(Mark::event("", at)));
     }
     let crossing = margins.gain_crossings.iter().find(|c| Some(c.frequency_rad_s) == margins.crossover_rad_s);
+    // The odd multiple of 180 degrees that the margin is measured from.
+    let mut from_deg = -180.0;
     if let (Some(crossing), Some(margin)) = (crossing, margins.phase_margin_deg) {
         let at = crossing.frequency_rad_s;
         let name = format!("phase margin {} deg at {} rad/s", significant(margin, 3), significant(at, 3));
-        // From the curve to the odd multiple of 180 degrees that the margin is measured from.
         let top = phase_at(points, at);
-        let bar = [(at, top), (at, top - crossing.phase_margin_deg)];
-        phase = phase.with(Series::line(name, MARGIN, bar));
+        from_deg = (top - crossing.phase_margin_deg).round();
+        phase = phase.with(Series::line(name, MARGIN, [(at, top), (at, from_deg)]));
         (magnitude, phase) = (magnitude.mark(Mark::event("", at)), phase.mark(Mark::event("", at)));
     }
-    Panels::new([magnitude, phase])
+    Panels::new([magnitude, phase.mark(Mark::limit(format!("{from_deg} deg"), from_deg))])
 }
 
 /// Bars of margins: wide and solid.
@@ -406,12 +414,11 @@ pub(crate) fn locus(
         .with(Series::points("gain 0", Style::Category(0), flat(&all[..1])))
         .with(Series::points("the gain chosen", Style::Category(5), flat(&here)));
     Ok(if sampled {
-        let circle: Vec<_> = (0..=60)
-            .map(|k| {
-                let angle = (f64::from(k) - 30.0) / 30.0 * std::f64::consts::FRAC_PI_3;
-                (angle.cos(), angle.sin())
-            })
-            .collect();
+        // As much of it as the poles reach.
+        let reach = all.iter().flatten().filter(near).map(|p| p.im.abs()).fold(0.02, f64::max);
+        let end = (1.2 * reach).min(0.87).asin();
+        let circle: Vec<_> =
+            (-30..=30).map(|k| f64::from(k) / 30.0 * end).map(|angle| (angle.cos(), angle.sin())).collect();
         figure.with(Series::line("unit circle", Style::Limit, circle))
     } else {
         figure.mark(Mark::event("stability", 0.0))
