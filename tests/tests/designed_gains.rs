@@ -157,7 +157,7 @@ fn thirty_degrees_of_roll_are_held() {
     assert!(!held(&Config::thesis(), thirty, 2, false, 11.1));
 }
 
-/// What `design check` says can be held for ever is held, for two minutes: at nine tenths of it the craft slides at a steady
+/// The greatest tilt that `design check` gives is held for two minutes: at nine tenths of it the craft slides at a steady
 /// speed, level in height and with motors inside their range. A quarter beyond it the motors end, and height or angle goes.
 #[test]
 fn the_steady_tilt_is_where_holding_ends() {

@@ -98,7 +98,8 @@ pub struct Shortfall {
     pub wanted: f64,
     /// What was reached.
     pub reached: f64,
-    /// The entry of a specifications file that asks for it; absent where none can be relaxed (an unstable loop).
+    /// The entry of a specifications file that asks for it; absent where none can be relaxed (an
+    /// unstable loop).
     #[serde(skip)]
     pub key: Option<SpecKey>,
 }

@@ -1,7 +1,9 @@
-//! What the thesis prints of its linear model and loops, beside what is found here for a model and its gains.
+//! What the thesis prints of its linear model and loops, beside what is found here for a model and
+//! its gains.
 //!
-//! Only numbers in its text and tables: its figures are not part of it any more. For the thesis' vehicle and gains each number
-//! has to come back within [`Compared::tolerance`]; for another craft the printed ones are there to compare with.
+//! Only numbers in its text and tables: its figures are not part of it any more. For the thesis'
+//! vehicle and gains each number has to come back within [`Compared::tolerance`]; for another craft
+//! the printed ones are there to compare with.
 
 use model::Model;
 use serde::Serialize;
@@ -58,7 +60,8 @@ pub const TABLE_A1: [[f64; 3]; 16] = [
     [1.0, 47.4733, 5.9198],
 ];
 
-/// Numerators and denominators of (5.17) to (5.22) in descending powers of s, signs as the errata have them.
+/// Numerators and denominators of (5.17) to (5.22) in descending powers of s, signs as the errata
+/// have them.
 type Printed = (&'static str, LoopName, &'static [f64], &'static [f64]);
 const TRANSFER: [Printed; 6] = [
     ("(5.17)", LoopName::Y, &[0.134, 9.808], &[1.0, -0.9888, 0.2274, 37.03, 0.0]),
@@ -79,7 +82,8 @@ fn resonance_rad_s(study: &Study, name: LoopName) -> Result<Option<f64>> {
     Ok(peak.filter(|p| p.magnitude_db > 0.0).map(|p| p.frequency_rad_s))
 }
 
-/// Every printed number of the linear model and the continuous loops. `report` and `study` are of the continuous view.
+/// Every printed number of the linear model and the continuous loops. `report` and `study` are of
+/// the continuous view.
 pub fn compare(model: &Model, study: &Study, report: &CheckReport) -> Result<Vec<Compared>> {
     let linear = &study.linear;
     let mut list = transfer_functions(linear)?;

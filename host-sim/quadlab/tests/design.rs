@@ -1,5 +1,6 @@
-//! `linearize` and `design check` as a user runs them: the contract's JSON, the thesis' numbers, exit statuses, one line a
-//! mistake. The numbers' own tests, with what each tolerance means, are those of crate `design`.
+//! `linearize` and `design check` as a user runs them: the contract's JSON, the thesis' numbers,
+//! exit statuses, one line a mistake. The numbers' own tests, with what each tolerance means, are
+//! those of crate `design`.
 
 mod common;
 
@@ -94,8 +95,8 @@ fn three_samples_of_delay_are_one_too_many() {
     assert_eq!(named(&three["loops"], "roll")["delay_margin_s"], 0.0);
 }
 
-/// With standard errors the margins spread, and the same seed gives the same spread; a voltage that the motor map takes
-/// out changes nothing, one that it does not changes the gain.
+/// With standard errors the margins spread, and the same seed gives the same spread; a voltage that
+/// the motor map takes out changes nothing, one that it does not changes the gain.
 #[test]
 fn what_is_uncertain_spreads_the_margins() {
     let folder = thesis();
@@ -118,8 +119,9 @@ fn what_is_uncertain_spreads_the_margins() {
     assert!(thrust(&battery[4]) > thrust(&battery[0]));
 }
 
-/// Each loop has its margin at the actuator beside its own, in JSON with both crossover frequencies, in text and on the page.
-/// Pitch with two samples of delay has 1.085 of gain margin at its error, and less where all of its feedback is cut.
+/// Each loop has its margin at the actuator beside its own, in JSON with both crossover
+/// frequencies, in text and on the page. Pitch with two samples of delay has 1.085 of gain margin
+/// at its error, and less where all of its feedback is cut.
 #[test]
 fn margins_at_the_actuator_stand_beside_the_loops_own() {
     let folder = thesis();
@@ -147,8 +149,8 @@ fn margins_at_the_actuator_stand_beside_the_loops_own() {
     assert!(marked(" dB) at ") >= 12, "a gain margin in each of twelve Bode plots");
 }
 
-/// Gains that hold the model but not what its standard errors leave open do not pass: status 1, and one sentence that says in
-/// how many draws and of which loops.
+/// Gains that hold the model but not what its standard errors leave open do not pass: status 1, and
+/// one sentence that says in how many draws and of which loops.
 #[test]
 fn a_check_with_unstable_draws_fails_and_says_so() {
     let folder = thesis();
@@ -263,7 +265,8 @@ fn mistakes_are_one_line_each() {
     refused(folder, &CHECK, &["no equilibrium"]);
 }
 
-/// The thesis' procedure writes a gains file with its provenance, which the check takes; another vehicle refuses it.
+/// The thesis' procedure writes a gains file with its provenance, which the check takes; another
+/// vehicle refuses it.
 #[test]
 fn designed_gains_are_written_checked_and_belong_to_their_vehicle() {
     let folder = thesis();
@@ -286,11 +289,12 @@ fn designed_gains_are_written_checked_and_belong_to_their_vehicle() {
     let mut heavier = Model::thesis();
     heavier.vehicle.mass *= 1.01;
     write_model(folder, &heavier);
-    refused(folder, &CHECK, &["measured otherwise", "vehicle_sha256"]);
+    refused(folder, &CHECK, &["with other measurements", "vehicle_sha256"]);
 }
 
-/// The report of the thesis' own vehicle needs no files, says of each printed number that it comes back, and has a figure for
-/// each of chapter 5's that are computed. Of other gains it says what does not come back in no word: they are not the thesis'.
+/// The report of the thesis' own vehicle needs no files, says of each printed number that it comes
+/// back, and has a figure for each of chapter 5's that are computed. Of other gains it says what
+/// does not come back in no word: they are not the thesis'.
 #[test]
 fn the_report_has_every_figure_and_number_of_chapter_5() {
     let folder = thesis();
@@ -320,7 +324,8 @@ fn the_report_has_every_figure_and_number_of_chapter_5() {
     let report = ["design", "report", "--model", "model.toml", "--gains", "gains.toml", "--samples", "0"];
     let text = done_in(folder, &[&report[..], &["--out", "slow.html"]].concat());
     assert_eq!(text, "page: slow.html\n");
-    // With three samples of delay roll and pitch are unstable: the page is there, and the status says it.
+    // With three samples of delay roll and pitch are unstable: the page is there, and the status
+    // says it.
     let late = run_in(folder, &[&report[..], &["--out", "late.html", "--delay", "3"]].concat());
     assert_eq!(late.status.code(), Some(1));
     let text = String::from_utf8(late.stdout).unwrap();
@@ -386,8 +391,9 @@ fn specifications_that_cannot_be_met_write_nothing() {
     refused(folder, &["design", "--model", "model.toml"], &["--out"]);
 }
 
-/// What a stranger does with a craft of their own, from the model that their flights gave to the next flight: every command
-/// takes what the one before left. The demonstration's craft has no flapping moments and hovers in the floor's cushion.
+/// What a stranger does with a craft of their own, from the model that their flights gave to the
+/// next flight: every command takes what the one before left. The demonstration's craft has no
+/// flapping moments and hovers in the floor's cushion.
 #[test]
 fn from_a_stranger_s_flights_to_gains_that_fly_and_the_next_flight() {
     let folder = tempfile::tempdir().unwrap();
@@ -419,7 +425,8 @@ fn from_a_stranger_s_flights_to_gains_that_fly_and_the_next_flight() {
     let report = ["design", "report", "--samples", "2", "--out", "report.html"];
     assert_eq!(done_in(folder, &of(&report, &with_gains)), "page: report.html\n");
 
-    // And what goes wrong, one line each: another craft's gains, and specifications that nothing meets.
+    // And what goes wrong, one line each: another craft's gains, and specifications that nothing
+    // meets.
     std::fs::write(folder.join("thesis.toml"), GAINS).unwrap();
     let other = of(&["design", "check", "--model", "better.toml", "--gains"], &["thesis.toml"]);
     refused(folder, &other, &["thesis.toml: ", "another vehicle"]);

@@ -1,4 +1,5 @@
-//! What loops are judged by: margins, step responses, frequency responses, root loci, and the tilt that a craft can hold.
+//! What loops are judged by: margins, step responses, frequency responses, root loci, and the tilt
+//! that a craft can hold.
 
 mod frequency;
 mod margins;

@@ -76,8 +76,9 @@ impl Study {
 mod tests {
     use super::*;
 
-    /// The thesis' gains hold the thesis' craft, and the slowest mode of all loops together is that of the altitude's
-    /// integral, -0.0570 1/s (reference 2.3); with three samples of delay roll and pitch are lost, and so is the whole.
+    /// The thesis' gains hold the thesis' craft, and the slowest mode of all loops together is that
+    /// of the altitude's integral, -0.0570 1/s (reference 2.3); with three samples of delay roll
+    /// and pitch are lost, and so is the whole.
     #[test]
     fn the_whole_is_as_stable_as_its_loops() {
         let (model, config) = (Model::thesis(), Config::thesis());

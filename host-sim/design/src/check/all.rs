@@ -66,7 +66,7 @@ fn notes(model: &Model, config: &Config, study: &Study, view: View) -> Vec<Strin
     let mut notes = Vec::new();
     if study.linear.motor_lag_rad_s.is_none() {
         notes.push(
-            "the model has no motor lag: loops are computed without one, so margins come out too large"
+            "the model has no motor lag: the loops are computed without one, so their margins are too large"
                 .into(),
         );
     }

@@ -46,8 +46,8 @@ pub(super) fn battery_reports(model: &Model, config: &Config, view: View) -> Res
 mod tests {
     use super::*;
 
-    /// The thesis' motor map takes the voltage out, so margins are those of 11.1 V at any; thrust over weight is not. Speed
-    /// is affine in the voltage, (3.1), and thrust its square.
+    /// The thesis' motor map takes the voltage out, so margins are those of 11.1 V at any; thrust
+    /// over weight is not. Speed is affine in the voltage, (3.1), and thrust its square.
     #[test]
     fn a_compensated_battery_changes_the_thrust_and_no_margin() {
         let (model, view) = (Model::thesis(), View::Sampled { delay_samples: 0 });

@@ -128,8 +128,8 @@ mod tests {
 
     use super::*;
 
-    /// The thesis' gains without delay: Table A.1's first row under the canceller, and a disturbance that the integral part
-    /// takes away and 1/Kp is left of without it, (B.3).
+    /// The thesis' gains without delay: Table A.1's first row under the canceller, and a
+    /// disturbance that the integral part takes away and 1/Kp is left of without it, (B.3).
     #[test]
     fn loops_are_reported_as_the_thesis_has_them() {
         let (model, config, view) = (Model::thesis(), Config::thesis(), View::Continuous);

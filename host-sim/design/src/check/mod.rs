@@ -1,6 +1,7 @@
 //! Everything about a model and its gains in one report: `quadlab design check`.
 //!
-//! Margins also over what is not known for sure: the coefficients of the model and the battery voltage.
+//! Margins also over what is not known for sure: the coefficients of the model and the battery
+//! voltage.
 
 mod all;
 mod battery;

@@ -50,7 +50,8 @@ pub struct LoopReport {
     pub poles: Vec<Pair>,
 }
 
-/// Margins with the loop cut at the actuator, where everything that the law feeds back goes through.
+/// Margins with the loop cut at the actuator, where everything that the law feeds back goes
+/// through.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ActuatorMargins {
     /// Least phase margin, degrees.
@@ -150,7 +151,8 @@ pub struct Uncertainty {
     pub seed: u64,
     /// Coefficients with a standard error.
     pub coefficients: usize,
-    /// Whether the model holds the correlations of their errors; otherwise they are drawn as independent.
+    /// Whether the model holds the correlations of their errors; otherwise they are drawn as
+    /// independent.
     pub correlated: bool,
     /// Draws with at least one unstable loop.
     pub unstable: usize,
@@ -195,7 +197,8 @@ pub struct CheckReport {
     pub view: &'static str,
     /// Age of the pose, samples; absent in the continuous view.
     pub delay_samples: Option<usize>,
-    /// Whether every loop is stable, also at every voltage and in every draw of the model, and all of them together.
+    /// Whether every loop is stable, also at every voltage and in every draw of the model, and all
+    /// of them together.
     pub holds: bool,
     /// All loops closed at once.
     pub together: Together,

@@ -1,5 +1,6 @@
-//! Margins over what the identification leaves uncertain: the model's coefficients, drawn as normal variables with the
-//! covariance in the model file, or with their standard errors alone where it holds no correlations.
+//! Margins over what the identification leaves uncertain: the model's coefficients, drawn as normal
+//! variables with the covariance in the model file, or with their standard errors alone where it
+//! holds no correlations.
 
 use control::Config;
 use model::Model;
@@ -34,7 +35,8 @@ fn error_factor(model: &Model) -> DMatrix<f64> {
     if model.correlation.is_none() {
         return DMatrix::from_diagonal(&errors);
     }
-    // A root of the matrix by its eigenvectors: it is there even where two coefficients are known only together.
+    // A root of the matrix by its eigenvectors: it is there even where two coefficients are known
+    // only together.
     let parts = correlation.symmetric_eigen();
     let roots = DMatrix::from_diagonal(&parts.eigenvalues.map(|value| value.max(0.0).sqrt()));
     DMatrix::from_diagonal(&errors) * parts.eigenvectors * roots
@@ -104,8 +106,9 @@ mod tests {
     use super::*;
     use crate::loops::View;
 
-    /// 20,000 draws of three coefficients, two of them known only together: their means and covariances come back. The
-    /// deviation of a mean is the coefficient's over 141, that of a covariance about its square over 100; four of each.
+    /// 20,000 draws of three coefficients, two of them known only together: their means and
+    /// covariances come back. The deviation of a mean is the coefficient's over 141, that of a
+    /// covariance about its square over 100; four of each.
     #[test]
     fn draws_have_the_covariance_of_the_model() {
         let mut model = Model::thesis();
@@ -135,9 +138,9 @@ mod tests {
         }
     }
 
-    /// With 10 % of standard error on each coefficient the thesis' gains, whose gain margin in pitch is 1.085 with two samples
-    /// of delay, do not hold for every draw: that is counted by draw and by loop, and the check does not pass. Without delay
-    /// the margin is 2, and it does.
+    /// With 10 % of standard error on each coefficient the thesis' gains, whose gain margin in
+    /// pitch is 1.085 with two samples of delay, do not hold for every draw: that is counted by
+    /// draw and by loop, and the check does not pass. Without delay the margin is 2, and it does.
     #[test]
     fn unstable_draws_fail_the_check() {
         let (mut model, config) = (Model::thesis(), Config::thesis());

@@ -1,4 +1,5 @@
-//! What the law's outputs do to a craft: its mixing and motor map on one side, the model's rotors on the other.
+//! What the law's outputs do to a craft: its mixing and motor map on one side, the model's rotors
+//! on the other.
 
 use control::gains::{Config, Law, Mixing};
 use control::mixer;
@@ -8,8 +9,9 @@ use nalgebra::Matrix4;
 use crate::error::{DesignError, Result};
 use crate::plant::{Linear, sign_matrix};
 
-/// What thrust and angular accelerations come of the law's four outputs (thrust, roll, pitch, yaw) about hover at a battery
-/// voltage: the law's own mixing and motor map on one side, the model's on the other. The identity where both agree.
+/// What thrust and angular accelerations come of the law's four outputs (thrust, roll, pitch, yaw)
+/// about hover at a battery voltage: the law's own mixing and motor map on one side, the model's on
+/// the other. The identity where both agree.
 pub fn law_effect(model: &Model, linear: &Linear, config: &Config, battery_v: f64) -> Result<Matrix4<f64>> {
     let plant = model::Plant::new(model);
     let rotor = linear.equilibrium.rotor_rad_s;
@@ -67,8 +69,9 @@ mod tests {
     use super::*;
     use crate::plant::TrimTarget;
 
-    /// The thesis' law is made from the thesis' model: 1 of each output is 1 of thrust or angular acceleration, and nothing
-    /// of another axis. Its K is printed with 4 to 5 digits. A battery that the motor map takes out changes nothing.
+    /// The thesis' law is made from the thesis' model: 1 of each output is 1 of thrust or angular
+    /// acceleration, and nothing of another axis. Its K is printed with 4 to 5 digits. A battery
+    /// that the motor map takes out changes nothing.
     #[test]
     fn the_thesis_law_does_what_it_asks_for() {
         let (model, config) = (Model::thesis(), Config::thesis());
@@ -80,8 +83,8 @@ mod tests {
         }
     }
 
-    /// A law that commands 1.25 times the speed it means, w' = 1.25 w: it gets its thrust at w / 1.25, where each unit asked
-    /// for is 1.25 squared.
+    /// A law that commands 1.25 times the speed it means, w' = 1.25 w: it gets its thrust at w /
+    /// 1.25, where each unit asked for is 1.25 squared.
     #[test]
     fn a_motor_map_that_is_too_steep_is_gain() {
         let (model, mut config) = (Model::thesis(), Config::thesis());

@@ -183,8 +183,8 @@ mod tests {
         }
     }
 
-    /// What both views stand for is the same law: at 1 rad/s, where a period is a hundredth of a radian, each sampled block
-    /// answers as the continuous one does. The filters are within 1 %, in gain and (a zero-order hold's half period) phase.
+    /// Both views are of one law: at 1 rad/s, where a period is a hundredth of a radian, each
+    /// sampled block responds as the continuous one does, to within 1 %.
     #[test]
     fn slow_signals_pass_both_views_alike() {
         let config = Config::thesis();

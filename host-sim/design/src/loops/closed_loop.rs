@@ -14,18 +14,21 @@ use crate::plant::{Network, StateSpace};
 /// A loop as systems: closed, and cut open at two places.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClosedLoop {
-    /// Which.
+    /// Which loop it is.
     pub name: LoopName,
-    /// Inputs: reference, disturbance added to the law's output at the actuator. Outputs: controlled variable, law's
-    /// output (the angle command of an outer loop).
+    /// Inputs: reference, disturbance added to the law's output at the actuator. Outputs:
+    /// controlled variable, law's output (the angle command of an outer loop).
     pub closed: StateSpace,
-    /// What stands before the reference; one for an outer loop, whose rate limit is not linear.
+    /// The filter before the reference; a gain of 1 for an outer loop, whose rate limit is not
+    /// linear.
     pub prefilter: StateSpace,
-    /// Cut at the error of this loop, velocity feedback and inner loops closed: the loop gain that the thesis judges.
+    /// Cut at the error of this loop, velocity feedback and inner loops closed: the loop gain that
+    /// the thesis judges.
     pub at_error: StateSpace,
     /// Cut at the actuator, everything open: loop gain through the pose, and through the gyro.
     pub at_actuator: StateSpace,
-    /// The velocity loop alone, (5.24): closed, without proportional and integral part. Of the inner loop.
+    /// The velocity loop alone, (5.24): closed, without proportional and integral part. Of the
+    /// inner loop.
     pub velocity_loop: StateSpace,
 }
 
@@ -57,7 +60,8 @@ impl ClosedLoop {
         self.at_error.response(frequency_rad_s, 0, 0)
     }
 
-    /// The loop gain at the actuator, at a frequency in rad/s: through the pose, and through the gyro.
+    /// The loop gain at the actuator, at a frequency in rad/s: through the pose, and through the
+    /// gyro.
     pub fn gain_at_actuator(&self, frequency_rad_s: f64) -> [Complex<f64>; 2] {
         [0, 1].map(|output| self.at_actuator.response(frequency_rad_s, output, 0))
     }
@@ -89,8 +93,9 @@ fn assemble(plant: &StateSpace, blocks: &Blocks, cut: Cut) -> Result<StateSpace>
 mod tests {
     use super::*;
 
-    /// T = L / (1 + L): what the closed loop does to its reference is what the cut one says, at any frequency and in both
-    /// views. The cut one ends at the measurement, which is two samples later than the variable.
+    /// T = L / (1 + L): what the closed loop does to its reference is what the cut one says, at any
+    /// frequency and in both views. The cut one ends at the measurement, which is two samples later
+    /// than the variable.
     #[test]
     fn the_closed_loop_is_the_cut_one_closed() {
         let plant = LoopPlant::of_transfer(&[0.2, 1.0], &[1.0, 0.5, 0.0], None, Some(21.5)).unwrap();
@@ -112,7 +117,8 @@ mod tests {
         }
     }
 
-    /// Poles are where one plus the loop gain at the actuator is zero: with everything cut there, none is left out.
+    /// Poles are where one plus the loop gain at the actuator is zero: with everything cut there,
+    /// none is left out.
     #[test]
     fn poles_close_the_loop_at_the_actuator() {
         let plant = LoopPlant::of_transfer(&[1.0], &[1.0, 0.5, 0.0], None, Some(21.5)).unwrap();

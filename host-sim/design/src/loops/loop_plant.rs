@@ -11,8 +11,8 @@ use crate::plant::{
 /// A plant's place between the law's output and what the law measures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LoopPlant {
-    /// Continuous; one input (the law's output); outputs: controlled variable of the inner loop, its rate, and for an
-    /// outer loop position and velocity.
+    /// Continuous; one input (the law's output); outputs: controlled variable of the inner loop,
+    /// its rate, and for an outer loop position and velocity.
     pub system: StateSpace,
     /// Dead time between command and rotor, s.
     pub input_delay_s: f64,
@@ -32,7 +32,8 @@ impl LoopPlant {
             notes.extend(more);
             match one_integrator_more(&angle, &position) {
                 true => Self::of_channels(&angle, Some(&position), name)?,
-                // Something holds the craft to a place (a tether), or the position's channel is not that of the angle.
+                // Something holds the craft to a place (a tether), or the position's channel is not
+                // that of the angle.
                 false => alone(linear, &column, name),
             }
         } else {
@@ -45,8 +46,9 @@ impl LoopPlant {
         Ok(Self { system, input_delay_s: linear.input_delay_s, notes })
     }
 
-    /// A plant given by its transfer function from the law's output (before the rotors' lag, rad/s) to the controlled
-    /// variable, with a numerator and denominator in descending powers, and that to the velocity, for tests and appendix A.
+    /// A plant given by its transfer function from the law's output (before the rotors' lag, rad/s)
+    /// to the controlled variable, with a numerator and denominator in descending powers, and that
+    /// to the velocity, for tests and appendix A.
     pub fn of_transfer(
         numerator: &[f64],
         denominator: &[f64],
@@ -130,9 +132,10 @@ pub fn axis_channel(linear: &Linear, name: LoopName) -> Result<Channel> {
     Ok(uncrossed(linear, &column, id, CANCEL_TOLERANCE)?.0)
 }
 
-/// A channel, and what was approximated. Where other axes leave it poles that no zero takes away (a craft that hovers
-/// leaning against wind is coupled in all axes), it is taken by itself: its own loop cannot move those poles, and that
-/// the loops hold them together is for [`super::together`] to say.
+/// A channel, and what was approximated. Where other axes leave it poles that no zero takes away (a
+/// craft that hovers leaning against wind is coupled in all axes), it is taken by itself: its own
+/// loop cannot move those poles, and that the loops hold them together is for [`super::together`]
+/// to say.
 fn uncrossed(
     linear: &Linear,
     column: &SVector<f64, 12>,
@@ -146,7 +149,7 @@ fn uncrossed(
         return Ok((whole, notes));
     }
     let note = format!(
-        "{}: taken by itself; at this equilibrium other axes add {} poles to its transfer function, which the loops hold together",
+        "{}: analysed without the other axes; at this equilibrium they add {} poles to its transfer function, which only all loops together control",
         id.name,
         whole.poles.len() - own.poles.len()
     );
@@ -172,13 +175,14 @@ fn cancellation_notes(channel: &Channel) -> Vec<String> {
         return Vec::new();
     }
     vec![format!(
-        "{}: unstable poles that belong to another axis cancel to within {:.2} %; the loop of that axis has to hold them",
+        "{}: unstable poles of another axis cancel to within {:.2} %; the loop of that axis has to stabilise them",
         channel.id.name,
         100.0 * channel.cancelled.iter().map(Cancelled::distance).fold(0.0, f64::max)
     )]
 }
 
-/// The plant of an angle loop with its real zero moved to `zero_rad_s` (appendix A): numerator `gain (s + zero)`, denominator as it is.
+/// The plant of an angle loop with its real zero moved to `zero_rad_s` (appendix A): numerator
+/// `gain (s + zero)`, denominator as it is.
 pub fn with_moved_zero(
     channel: &Channel,
     zero_rad_s: f64,

@@ -1,7 +1,8 @@
 //! Which loop, and how it is looked at.
 //!
-//! Every loop is written so that a positive output moves its variable up. Altitude takes thrust away for z (down), and a
-//! positive pitch pushes along -x; both are turned round here, as they are in the law.
+//! Every loop is written so that a positive output moves its variable up. Altitude takes thrust
+//! away for z (down), and a positive pitch pushes along -x; both are turned round here, as they are
+//! in the law.
 
 use crate::plant::{CHANNELS, ChannelId};
 
@@ -91,7 +92,8 @@ mod tests {
     use super::*;
     use crate::plant::{INPUTS, STATES};
 
-    /// The order of [`LOOPS`] is that of the channels: each loop finds its own input and output, (5.17) to (5.22).
+    /// The order of [`LOOPS`] is that of the channels: each loop finds its own input and output,
+    /// (5.17) to (5.22).
     #[test]
     fn each_loop_has_its_own_channel() {
         let of = |name: LoopName| (name.name(), INPUTS[name.channel().input], STATES[name.channel().output]);

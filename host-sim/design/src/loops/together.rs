@@ -10,9 +10,10 @@ use super::wiring::{Cut, Place, wire};
 use crate::error::Result;
 use crate::plant::{Linear, Network, StateSpace};
 
-/// All loops closed at once around all twelve states: the references of yaw, z, x and y, and what they move. What the loops
-/// one by one leave out, how one axis moves another, is in it. (Left out even so: that the law turns rates from Euler's
-/// angles to the body's at the angle of the equilibrium, which is some degrees.)
+/// All loops closed at once around all twelve states: the references of yaw, z, x and y, and what
+/// they move. What the loops one by one leave out, how one axis moves another, is in it. (Left out
+/// even so: that the law turns rates from Euler's angles to the body's at the angle of the
+/// equilibrium, which is some degrees.)
 pub fn together(config: &Config, linear: &Linear, effect: &Matrix4<f64>, view: View) -> Result<StateSpace> {
     let plant =
         LoopPlant { system: motion(linear, effect)?, input_delay_s: linear.input_delay_s, notes: Vec::new() };
@@ -38,7 +39,8 @@ pub fn together(config: &Config, linear: &Linear, effect: &Matrix4<f64>, view: V
     net.close(&references, &controlled)
 }
 
-/// Rotors and motion in continuous time. Outputs are the twelve states and what they change by, z and x turned round.
+/// Rotors and motion in continuous time. Outputs are the twelve states and what they change by, z
+/// and x turned round.
 fn motion(linear: &Linear, effect: &Matrix4<f64>) -> Result<StateSpace> {
     let mut motion = Network::new(None);
     let b = linear.proper_b() * effect;
@@ -80,7 +82,8 @@ mod tests {
     use crate::loops::{ClosedLoop, law_effect};
     use crate::plant::{CANCEL_TOLERANCE, TrimTarget};
 
-    /// Yaw and altitude of the thesis' craft stand apart at hover: the poles of their own loops are among those of the whole.
+    /// Yaw and altitude of the thesis' craft stand apart at hover: the poles of their own loops are
+    /// among those of the whole.
     #[test]
     fn loops_that_nothing_couples_keep_their_poles() {
         let (model, config) = (Model::thesis(), Config::thesis());

@@ -1,14 +1,16 @@
 //! The channels of the linear model, (5.17) to (5.22).
 //!
-//! A channel is one input to one output as poles, zeros and gain. It is made minimal in two steps that are told apart:
-//! states that the input does not reach or that do not reach the output are left out, which is exact; then a pole and a
-//! zero closer than a tolerance cancel, which is an approximation and is listed.
+//! A channel is one input to one output as poles, zeros and gain. It is made minimal in two steps:
+//! states that the input does not reach or that do not reach the output are left out, which is
+//! exact; then a pole and a zero closer than a tolerance cancel, which is an approximation and is
+//! listed.
 //!
-//! How the printed transfer functions came about: roll and pitch are coupled through the rotors' momentum (A10,11 and
-//! A11,10), so the transfer function of each has all six poles of the coupled block and five zeros, and those of the other
-//! axis nearly cancel. What is left are three poles *of the coupled block*, not those of the decoupled axis. The zero of
-//! (5.20), printed as 0.2149, is really 0.2211 = C_dv/m: the twelve-state transfer function has both as zeros and 0.2149
-//! as a pole (heave), and a loose tolerance took the wrong one of the two away.
+//! Where the printed transfer functions come from: roll and pitch are coupled through the rotors'
+//! momentum (A10,11 and A11,10), so the transfer function of each has all six poles of the coupled
+//! block and five zeros, and those of the other axis nearly cancel. What is left are three poles
+//! *of the coupled block*, not those of the decoupled axis. The zero of (5.20), printed as 0.2149,
+//! is really 0.2211 = C_dv/m: the twelve-state transfer function has both as zeros and 0.2149 as a
+//! pole (heave), and a loose tolerance took the wrong one of the two away.
 
 use nalgebra::{Complex, DMatrix, SMatrix};
 
@@ -40,8 +42,9 @@ pub const CHANNELS: [ChannelId; 6] = [
     ChannelId { name: "y", input: 1, output: 1 },
 ];
 
-/// Relative distance below which a pole and a zero cancel: above the tenths of a per cent by which the other axis' poles
-/// and zeros differ (reference section 1), below the 2.9 % between two different drags of the thesis' craft.
+/// Relative distance below which a pole and a zero cancel: above the tenths of a per cent by which
+/// the other axis' poles and zeros differ (reference section 1), below the 2.9 % between two
+/// different drags of the thesis' craft.
 pub const CANCEL_TOLERANCE: f64 = 0.01;
 
 /// A pole and a zero that were taken for one.
@@ -63,7 +66,7 @@ impl Cancelled {
 /// One input to one output: `gain prod(s - zero) / prod(s - pole)`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Channel {
-    /// Which.
+    /// Its place in the linear model.
     pub id: ChannelId,
     /// Poles, rad/s.
     pub poles: Vec<Complex<f64>>,
@@ -126,7 +129,8 @@ impl Channel {
     }
 }
 
-/// Coefficients of the monic polynomial with these roots (complex ones in pairs), descending powers.
+/// Coefficients of the monic polynomial with these roots (complex ones in pairs), descending
+/// powers.
 pub(crate) fn polynomial(roots: &[Complex<f64>]) -> Vec<f64> {
     let mut coefficients = vec![Complex::new(1.0, 0.0)];
     for root in roots {
@@ -139,7 +143,8 @@ pub(crate) fn polynomial(roots: &[Complex<f64>]) -> Vec<f64> {
     coefficients.iter().map(|c| c.re).collect()
 }
 
-/// States of the axis that a channel belongs to: what its output is made of where no other axis takes part.
+/// States of the axis that a channel belongs to: what its output is made of where no other axis
+/// takes part.
 fn own_states(id: ChannelId) -> &'static [usize] {
     match id.name {
         "roll" | "y" => &[1, 4, 6, 9],
@@ -167,9 +172,10 @@ fn connected(a: &MatrixA, b: &SMatrix<f64, 12, 1>, id: ChannelId) -> Vec<usize> 
 
 /// Zeros and leading gain of a strictly proper single-input single-output system.
 ///
-/// With r the relative degree and m = c A^(r-1) b the first Markov parameter that is not zero, the feedback that holds the
-/// output at zero makes the null space of c, cA, ... cA^(r-1) invariant under A - b c A^r / m; the zeros are the
-/// eigenvalues there. No pencil, no polynomial, and no false zeros near infinity.
+/// With r the relative degree and m = c A^(r-1) b the first Markov parameter that is not zero, the
+/// feedback that holds the output at zero makes the null space of c, cA, ... cA^(r-1) invariant
+/// under A - b c A^r / m; the zeros are the eigenvalues there. No pencil, no polynomial, and no
+/// false zeros near infinity.
 fn zeros_and_gain(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,
@@ -207,7 +213,8 @@ fn cancel(mut poles: Roots, mut zeros: Roots, tolerance: f64) -> (Roots, Roots, 
         let mut nearest: Option<(f64, usize, usize)> = None;
         for (i, pole) in poles.iter().enumerate() {
             for (j, zero) in zeros.iter().enumerate() {
-                // A real pole does not cancel one of a pair: the other would be left without its conjugate.
+                // A real pole does not cancel one of a pair: the other would be left without its
+                // conjugate.
                 let alike = (pole.im == 0.0) == (zero.im == 0.0);
                 let apart = distance(*pole, *zero);
                 if alike && apart <= tolerance && nearest.is_none_or(|(best, ..)| apart < best) {
@@ -257,7 +264,8 @@ mod tests {
         assert_eq!(coefficients, [1.0, 3.0, 7.0, 5.0]);
     }
 
-    /// 3 (s + 2) / (s^3 + 4 s^2 + 5 s + 6) in canonical form: gain 3, zero -2, and no false zeros near infinity.
+    /// 3 (s + 2) / (s^3 + 4 s^2 + 5 s + 6) in canonical form: gain 3, zero -2, and no false zeros
+    /// near infinity.
     #[test]
     fn zeros_and_gain_are_those_of_the_fraction() {
         let a = DMatrix::from_row_slice(3, 3, &[0.0, 1.0, 0.0, 0.0, 0.0, 1.0, -6.0, -5.0, -4.0]);
@@ -270,7 +278,8 @@ mod tests {
         assert!(zeros_and_gain(&a, &DMatrix::zeros(3, 1), &c).is_none());
     }
 
-    /// A pair goes with its conjugate; a real zero beside a complex pole stays; nothing cancels beyond the tolerance.
+    /// A pair goes with its conjugate; a real zero beside a complex pole stays; nothing cancels
+    /// beyond the tolerance.
     #[test]
     fn what_cancels_is_near_and_alike() {
         let pole = -1.0 + 3.0 * J;

@@ -1,8 +1,9 @@
 //! The linear model about an equilibrium, thesis (5.15) and (5.16).
 //!
-//! `Z' = A Z + B u`, `y = C Z + D u` with C the identity and D zero, states and inputs in the order of (5.13). Inputs are
-//! thrust (N, up) and angular accelerations (rad/s^2), as (5.11) makes them of squared rotor speeds; the rotors' lag is
-//! kept apart, (5.23). Derivatives are central differences of fourth order on the model's own equations.
+//! `Z' = A Z + B u`, `y = C Z + D u` with C the identity and D zero, states and inputs in the order
+//! of (5.13). Inputs are thrust (N, up) and angular accelerations (rad/s^2), as (5.11) makes them
+//! of squared rotor speeds; the rotors' lag is kept apart, (5.23). Derivatives are central
+//! differences of fourth order on the model's own equations.
 
 use control::mixer::SIGN_MATRIX;
 use model::Model;
@@ -15,7 +16,8 @@ use crate::error::{DesignError, Result};
 /// B of (5.16).
 pub type MatrixB = SMatrix<f64, 12, 4>;
 
-/// Step of the differences in the states' own units (m, m/s, rad, rad/s): small against where drag begins to bend.
+/// Step of the differences in the states' own units (m, m/s, rad, rad/s): small against where drag
+/// begins to bend.
 const STEP: f64 = 1e-4;
 /// Entries below this are rounding: differences of numbers near 10 over the step.
 const ROUNDING: f64 = 1e-9;
@@ -23,7 +25,7 @@ const ROUNDING: f64 = 1e-9;
 /// A model made linear.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Linear {
-    /// Where.
+    /// The equilibrium that it is linear about.
     pub equilibrium: Equilibrium,
     /// A of (5.15).
     pub a: MatrixA,
@@ -95,13 +97,15 @@ impl Linear {
         })
     }
 
-    /// The channel's input matrix for `Z' = A Z + B u + N u'`: with `x = Z - N u` the state of a proper system, its input
-    /// matrix is `B + A N`. (N moves rates only, which are no outputs of a channel, so nothing is fed through.)
+    /// The channel's input matrix for `Z' = A Z + B u + N u'`: with `x = Z - N u` the state of a
+    /// proper system, its input matrix is `B + A N`. (N moves rates only, which are no outputs of a
+    /// channel, so nothing is fed through.)
     pub(crate) fn proper_b(&self) -> MatrixB {
         self.b + self.a * self.b_derivative
     }
 
-    /// A channel made minimal: poles and zeros closer than `tolerance` (relative to the pole) cancel.
+    /// A channel made minimal: poles and zeros closer than `tolerance` (relative to the pole)
+    /// cancel.
     pub fn channel(&self, id: ChannelId, tolerance: f64) -> Result<Channel> {
         Channel::new(&self.a, &self.proper_b().column(id.input).into_owned(), id, tolerance)
     }
@@ -121,8 +125,9 @@ enum Differences {
     Plain(f64),
 }
 
-/// Linearises about hover (or `target`) by plain central differences with a step as large as given, in the states' own
-/// units: a perturbation of 2 degrees turns the 9.81 of A into the 9.808 that the thesis prints.
+/// Linearises about hover (or `target`) by plain central differences with a step as large as given,
+/// in the states' own units: a perturbation of 2 degrees turns the 9.81 of A into the 9.808 that
+/// the thesis prints.
 pub fn with_perturbation(model: &Model, target: &TrimTarget, step: f64) -> Result<Linear> {
     Linear::about(model, target, equilibrium(model, target)?, Differences::Plain(step))
 }
@@ -195,8 +200,8 @@ mod tests {
 
     use super::*;
 
-    /// A fourth-order difference is exact for polynomials up to the fourth degree, a plain one up to the second: the third
-    /// derivative, 6, adds a sixth of itself times the step squared.
+    /// A fourth-order difference is exact for polynomials up to the fourth degree, a plain one up
+    /// to the second: the third derivative, 6, adds a sixth of itself times the step squared.
     #[test]
     fn differences_are_exact_as_far_as_their_order() {
         let quartic = |x: &[f64; 1]| [x[0].powi(4) + x[0].powi(3) + 2.0 * x[0]];
@@ -204,7 +209,8 @@ mod tests {
         assert!((plain_differences(0.1, quartic)[(0, 0)] - 2.01).abs() < 1e-14);
     }
 
-    /// Rotors that all turn the craft the same way cannot yaw it apart from lifting it: the axis is named.
+    /// A row of zeros, or two equal rows, leave an axis without a rotor effect of its own: the
+    /// error names it.
     #[test]
     fn the_axis_that_rotors_do_not_move_is_named() {
         let mut effort = sign_matrix().transpose();
@@ -220,8 +226,8 @@ mod tests {
         assert!(well_conditioned_inverse(&twice).unwrap_err().to_string().contains("independently"));
     }
 
-    /// Rotor inertia acts on the derivative of the inputs: 1 / s more of yaw for each rad/s^2 of the rotors, and nothing else
-    /// about the linear model changes.
+    /// Rotor inertia acts on the derivative of the inputs: 1 / s more of yaw for each rad/s^2 of
+    /// the rotors, and nothing else about the linear model changes.
     #[test]
     fn rotor_inertia_is_kept_apart_from_b() {
         let plain = Linear::new(&Model::thesis(), &TrimTarget::default()).unwrap();

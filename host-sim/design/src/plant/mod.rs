@@ -1,5 +1,6 @@
-//! What gains are designed for: the equilibrium of a model, thesis (5.13) and (5.14), the linear model about it, (5.15) and
-//! (5.16), its channels, (5.17) to (5.22), and linear systems in general.
+//! What gains are designed for: the equilibrium of a model, thesis (5.13) and (5.14), the linear
+//! model about it, (5.15) and (5.16), its channels, (5.17) to (5.22), and linear systems in
+//! general.
 
 mod channel;
 mod linear;

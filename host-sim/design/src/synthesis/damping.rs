@@ -1,4 +1,5 @@
-//! Why no proportional gain serves: the loop is never stable, never damped enough, or never slow enough.
+//! Why no proportional gain serves: the loop is never stable, never damped enough, or never slow
+//! enough.
 
 use super::draft::Draft;
 use super::judging::{at_error, seen_overshoot, unstable};
@@ -7,8 +8,9 @@ use super::shortfall::unmet;
 use crate::error::{Criterion, DesignError, Result};
 use crate::loops::{ClosedLoop, Gain, LoopName, LoopPlant, View};
 
-/// The error of a loop that no proportional gain makes stable, damped and slow enough, with what is reached at best. `unit`
-/// is the unit of the gain, and `wanted` the greatest overshoot by damping, per cent.
+/// The error of a loop that no proportional gain makes stable, damped and slow enough, with what is
+/// reached at best. `unit` is the unit of the gain, and `wanted` the greatest overshoot by damping,
+/// per cent.
 ///
 /// # Errors
 /// A loop that cannot be analysed.
@@ -41,4 +43,37 @@ pub(super) fn undamped(
     let decay = |kp: f64| Ok(close(kp)?.closed.poles()?.first().map(|p| -p.re));
     let at_best = greatest(low, high, decay)?.map(|(_, decay)| -decay);
     Ok(unstable(name, Criterion::ProportionalLoopGrowth, at_best))
+}
+
+#[cfg(test)]
+mod tests {
+    use control::Config;
+    use model::Model;
+
+    use super::*;
+    use crate::plant::{Linear, TrimTarget};
+    use crate::synthesis::specs::Specs;
+
+    /// Without velocity feedback the thesis' roll grows whatever Kp is, (5.20); with it, an overshoot
+    /// below nothing cannot be had.
+    #[test]
+    fn the_first_thing_that_fails_is_named() {
+        let model = Model::thesis();
+        let linear = Linear::new(&model, &TrimTarget::default()).unwrap();
+        let (specs, config) = (Specs::thesis(), Config::thesis());
+        let mut draft = Draft { model: &model, linear, specs, config, steps: Vec::new() };
+        draft.config = draft.with(LoopName::Roll, Gain::Integral, 0.0);
+        let plant = draft.plant(LoopName::Roll).unwrap();
+        let failed = |draft: &Draft, wanted: f64| match undamped(draft, LoopName::Roll, &plant, wanted, 1.0)
+            .unwrap()
+        {
+            DesignError::Unmet(shortfall) => (shortfall.what, shortfall.reached),
+            other => panic!("{other}"),
+        };
+        let (what, reached) = failed(&draft, -1.0);
+        assert!(what == Criterion::OvershootByDamping && reached >= 0.0, "{what:?} {reached}");
+        draft.config = draft.with(LoopName::Roll, Gain::Velocity, 0.0);
+        let (what, growth) = failed(&draft, 35.0);
+        assert!(what == Criterion::ProportionalLoopGrowth && growth > 0.0, "{what:?} {growth}");
+    }
 }

@@ -66,7 +66,8 @@ impl Draft<'_> {
         config
     }
 
-    /// Puts the canceller's pole on the plant's slow zero, where there is one, and its zero at `zero_rad_s`, (5.26).
+    /// Puts the canceller's pole on the plant's slow zero, where there is one, and its zero at
+    /// `zero_rad_s`, (5.26).
     pub(super) fn canceller(&mut self, name: LoopName, zero_rad_s: f64) -> Result<()> {
         let channel = axis_channel(&self.linear, name)?;
         let slow = channel.zeros.iter().find(|z| z.im == 0.0 && z.re < 0.0 && -z.re < zero_rad_s);

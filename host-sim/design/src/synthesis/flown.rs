@@ -1,5 +1,5 @@
-//! The search on the loops as they fly: roll and pitch with one estimator for both, yaw and altitude where the thesis' steps
-//! fall short.
+//! The search on the loops as they fly: roll and pitch with one estimator for both, yaw and
+//! altitude where the thesis' steps fall short.
 
 use control::Config;
 use control::gains::VelocityEstimator;
@@ -22,8 +22,8 @@ const ESTIMATORS: [VelocityEstimator; 3] = [
     VelocityEstimator::PRINTED_75,
 ];
 
-/// Roll and pitch on the loops as they fly. They share the estimator: each of a few is tried, and the one with the lower cost
-/// of both axes together flies.
+/// Roll and pitch on the loops as they fly. They share the estimator: each of a few is tried, and
+/// the one with the lower cost of both axes together flies.
 pub(super) fn search_attitude(draft: &mut Draft) -> Result<()> {
     let both = [LoopName::Roll, LoopName::Pitch];
     let start = draft.config;
@@ -86,7 +86,8 @@ fn searched(specs: &Specs) -> String {
     )
 }
 
-/// Yaw or altitude as it flies, where the thesis' steps leave something short of the specifications.
+/// Yaw or altitude as it flies, where the thesis' steps leave something short of the
+/// specifications.
 pub(super) fn search_slow(draft: &mut Draft, name: LoopName) -> Result<()> {
     let mut config = draft.config;
     if !lacks(draft, &config, name)? {
@@ -109,8 +110,8 @@ fn lacks(draft: &Draft, config: &Config, name: LoopName) -> Result<bool> {
     Ok(search.worth(config, 0.0)?.shortfall > 0.0)
 }
 
-/// Searches one axis from gains made for its delays, slower and faster ones, if it falls short; returns what the cost falls
-/// by, not above zero.
+/// Searches one axis from gains made for its delays, slower and faster ones, if it falls short;
+/// returns what the cost falls by, not above zero.
 fn search_anew(draft: &Draft, config: &mut Config, name: LoopName) -> Result<f64> {
     if !lacks(draft, config, name)? {
         return Ok(0.0);
@@ -141,8 +142,9 @@ fn search_axis(draft: &Draft, config: &mut Config, name: LoopName) -> Result<f64
     Ok(cost)
 }
 
-/// Gains to start a search from with their costs, the best first: slower and faster ones, soft and stiff. (A craft that the
-/// air tips over as it gains speed is held by stiffness alone, and one that it rights by none.)
+/// Gains to start a search from with their costs, the best first: slower and faster ones, soft and
+/// stiff. (A craft that the air tips over as it gains speed is held by stiffness alone, and one
+/// that it rights by none.)
 pub(super) fn starts(
     draft: &Draft,
     config: &Config,
@@ -163,8 +165,9 @@ pub(super) fn starts(
     Ok(starts)
 }
 
-/// Gains for a double integrator behind the delays of the loop. The velocity loop crosses where those delays take 20 degrees,
-/// the proportional one at a third of that; `pace` is how much faster.
+/// Gains for a double integrator behind the delays of the loop. The velocity loop crosses where
+/// those delays take 20 degrees, the proportional one at a third of that; `pace` is how much
+/// faster.
 fn started(config: &Config, linear: &Linear, name: LoopName, specs: &Specs, pace: f64) -> Config {
     let mut config = *config;
     let delay_s = delay_s(&config, linear, specs.delay_samples);
@@ -188,7 +191,8 @@ mod tests {
     use super::*;
     use crate::plant::TrimTarget;
 
-    /// By hand, for yaw of the thesis' craft with two samples: 98.2 ms of delay, 0.35 of a radian, gain 1.
+    /// By hand, for yaw of the thesis' craft with two samples: 98.2 ms of delay, 0.35 of a radian,
+    /// gain 1.
     #[test]
     fn a_start_is_made_for_the_delays() {
         let linear = Linear::new(&Model::thesis(), &TrimTarget::default()).unwrap();

@@ -1,4 +1,5 @@
-//! What the steps of the design read off a loop: margins, the overshoot that its damping stands for, its slowest pole.
+//! What the steps of the design read off a loop: margins, the overshoot that its damping stands
+//! for, its slowest pole.
 
 use super::shortfall::unmet;
 use crate::analysis::{Band, Margins, least_damped_seen};
@@ -32,8 +33,9 @@ fn damping_overshoot(damping: f64) -> f64 {
     100.0 * (-std::f64::consts::PI * damping / (1.0 - damping * damping).sqrt()).exp()
 }
 
-/// Real part of the slowest pole that a velocity gain moves. The channel's own integrator stays at the origin, or close to
-/// it where something weak holds the variable (ground effect, a tilted hover): that pole is the proportional gain's to move.
+/// Real part of the slowest pole that a velocity gain moves. The channel's own integrator stays at
+/// the origin, or close to it where something weak holds the variable (ground effect, a tilted
+/// hover): that pole is the proportional gain's to move.
 pub(super) fn slowest_moved(velocity_loop: &StateSpace) -> Result<f64> {
     const AT_ORIGIN_RAD_S: f64 = 0.1;
     let mut poles = velocity_loop.poles()?;
@@ -57,7 +59,8 @@ pub(super) fn unstable(name: LoopName, what: Criterion, growth: Option<f64>) -> 
 mod tests {
     use super::*;
 
-    /// Closed form of a second-order step: a damping of 0.5 overshoots by 16.3 %, one of 0.3 by 37.2 %.
+    /// Closed form of a second-order step: a damping of 0.5 overshoots by 16.3 %, one of 0.3 by
+    /// 37.2 %.
     #[test]
     fn overshoot_follows_the_damping() {
         assert!((damping_overshoot(0.5) - 16.303).abs() < 1e-3);
@@ -65,7 +68,8 @@ mod tests {
         assert_eq!((damping_overshoot(1.0), damping_overshoot(-0.1)), (0.0, 100.0));
     }
 
-    /// The integrator of the channel is not what a velocity gain moves; a pole of its own at -0.2 is.
+    /// The integrator of the channel is not what a velocity gain moves; a pole of its own at -0.2
+    /// is.
     #[test]
     fn the_pole_at_the_origin_is_left_to_the_proportional_gain() {
         let system = StateSpace::transfer(&[1.0], &[1.0, 3.2, 0.6, 0.0], None);

@@ -1,4 +1,5 @@
-//! Position along x and y, thesis 5.4: velocity and proportional gain for a phase margin at a crossover frequency.
+//! Position along x and y, thesis 5.4: velocity and proportional gain for a phase margin at a
+//! crossover frequency.
 
 use control::Config;
 
@@ -92,9 +93,9 @@ impl Trial {
             && (self.method == Method::Thesis || margins.gain_margin.is_none_or(|g| g >= specs.gain_margin))
     }
 
-    /// Kp and Kd. Velocity gains from none to twice the proportional one; for each the largest proportional gain within the
-    /// crossover; of those the fastest with just the margin asked for. As it flies, first of all one that does not come close
-    /// to its overshoot.
+    /// Kp and Kd. Velocity gains from none to twice the proportional one; for each the largest
+    /// proportional gain within the crossover; of those the fastest with just the margin asked for.
+    /// As it flies, first of all one that does not come close to its overshoot.
     fn widest(&self) -> Result<Option<(f64, f64)>> {
         let mut chosen: Option<(f64, f64, f64)> = None;
         for k in 0..=20 {
@@ -127,8 +128,8 @@ impl Trial {
         }))
     }
 
-    /// Kp and Kd of a position loop that meets nothing: those that lack least, so that all shortfalls are reported together.
-    /// The thesis' way reports the first one as an error.
+    /// Kp and Kd of a position loop that meets nothing: those that lack least, so that all
+    /// shortfalls are reported together. The thesis' way reports the first one as an error.
     fn nearest(&self) -> Result<(f64, f64)> {
         let specs = &self.specs;
         let searched = self.method == Method::Delay;
@@ -155,5 +156,49 @@ impl Trial {
             Some((.., r)) => unmet(self.name, Criterion::Crossover, specs.crossover_rad_s, r.crossover_rad_s),
         };
         Err(DesignError::Unmet(shortfall))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use model::Model;
+
+    use super::*;
+    use crate::plant::{Linear, TrimTarget};
+    use crate::synthesis::specs::Specs;
+
+    fn draft<'a>(model: &'a Model, specs: Specs) -> Draft<'a> {
+        let linear = Linear::new(model, &TrimTarget::default()).unwrap();
+        Draft { model, linear, specs, config: Config::thesis(), steps: Vec::new() }
+    }
+
+    /// Around the thesis' own attitude loops, with what the thesis asks for: 45 degrees at most at
+    /// 1.2 rad/s, and the integral at a fifteenth of Kp.
+    #[test]
+    fn a_position_loop_crosses_where_it_may() {
+        let model = Model::thesis();
+        let mut draft = draft(&model, Specs::thesis());
+        position(&mut draft, LoopName::X).unwrap();
+        let plant = draft.plant(LoopName::X).unwrap();
+        let closed = ClosedLoop::new(&draft.config, &plant, LoopName::X, View::Continuous).unwrap();
+        let margins = crate::analysis::LoopMargins::of(&closed).unwrap();
+        let crossover = margins.at_error.crossover_rad_s.unwrap();
+        assert!(margins.stable && margins.at_error.phase_margin_deg.unwrap() >= 45.0);
+        assert!(crossover <= 1.2 && crossover > 1.0, "{crossover}");
+        let [kp, ki] = [Gain::Proportional, Gain::Integral]
+            .map(|gain| crate::loops::gain_of(&draft.config, LoopName::X, gain));
+        assert!((15.0 * ki - kp).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_phase_margin_out_of_reach_is_said_with_the_best_there_is() {
+        let model = Model::thesis();
+        let mut specs = Specs::thesis();
+        specs.position.phase_margin_deg = 89.9;
+        let Err(DesignError::Unmet(shortfall)) = position(&mut draft(&model, specs), LoopName::X) else {
+            panic!("met")
+        };
+        assert_eq!((shortfall.what, shortfall.wanted), (Criterion::PhaseMargin, 89.9));
+        assert!(shortfall.reached > 45.0 && shortfall.reached < 89.9, "{shortfall:?}");
     }
 }

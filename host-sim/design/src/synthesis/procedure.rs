@@ -102,8 +102,9 @@ fn blank(model: &Model, linear: &Linear, specs: &Specs) -> Result<Config> {
     Ok(config)
 }
 
-/// Voltages at which the craft warns and lands, for the battery that the model was made with. The thesis' levels are those of
-/// three cells; a craft of another voltage would land at once or never. Without a voltage they stay.
+/// Voltages at which the craft warns and lands, for the battery that the model was made with. The
+/// thesis' levels are those of three cells; a craft of another voltage would land at once or never.
+/// Without a voltage they stay.
 fn battery_levels(draft: &mut Draft) {
     let made_at_v = draft.model.reference.battery_v;
     if !(made_at_v > 0.0) {
@@ -121,7 +122,8 @@ fn battery_levels(draft: &mut Draft) {
     draft.note("all", "battery cells", cells, rule);
 }
 
-/// An inner loop by the thesis' steps. Where they lead nowhere, a search begins at a start of its own.
+/// An inner loop by the thesis' steps. Where they lead nowhere, a search begins at a start of its
+/// own.
 fn inner(draft: &mut Draft, name: LoopName) -> Result<()> {
     let (config, steps) = (draft.config, draft.steps.len());
     let is_tilt = matches!(name, LoopName::Roll | LoopName::Pitch);
@@ -175,7 +177,8 @@ mod tests {
         assert_eq!((draft.config, draft.steps.len()), (thesis, 0));
     }
 
-    /// Before any gain is found nothing is fed back, but hover thrust and mixing are the model's own.
+    /// Before any gain is found nothing is fed back, but hover thrust and mixing are the model's
+    /// own.
     #[test]
     fn a_blank_configuration_hovers_and_feeds_nothing_back() {
         let model = Model::thesis();

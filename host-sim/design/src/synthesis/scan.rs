@@ -1,4 +1,5 @@
-//! Searches of one gain along a grid that is even in its logarithm: what the thesis reads off a root locus by eye.
+//! Searches of one gain along a grid that is even in its logarithm: what the thesis reads off a
+//! root locus by eye.
 
 use crate::error::Result;
 
@@ -7,7 +8,8 @@ fn grid(low: f64, high: f64, k: usize, count: usize) -> f64 {
     low * (high / low).powf(k as f64 / count as f64)
 }
 
-/// The largest value in `(low, high)` up to which a condition holds from the first that meets it, to a thousandth.
+/// The largest value in `(low, high)` up to which a condition holds from the first that meets it,
+/// to a thousandth.
 pub(super) fn largest(low: f64, high: f64, holds: impl Fn(f64) -> Result<bool>) -> Result<Option<f64>> {
     const COUNT: usize = 60;
     let at = |k: usize| grid(low, high, k, COUNT);
@@ -24,7 +26,8 @@ pub(super) fn largest(low: f64, high: f64, holds: impl Fn(f64) -> Result<bool>) 
     Ok(last)
 }
 
-/// Where on a grid from `low` to `high` a value is greatest, and that value; absent where it has none anywhere.
+/// Where on a grid from `low` to `high` a value is greatest, and that value; absent where it has
+/// none anywhere.
 pub(super) fn greatest(
     low: f64,
     high: f64,
@@ -55,8 +58,8 @@ pub(super) fn first(low: f64, high: f64, holds: impl Fn(f64) -> Result<bool>) ->
     Ok(None)
 }
 
-/// The least gain at which a function is as small as it gets, to a per cent, on a fine grid: beyond the point where two
-/// real poles meet, more gain only makes them ring.
+/// The least gain at which a function is as small as it gets, to a per cent, on a fine grid: beyond
+/// the point where two real poles meet, more gain only makes them ring.
 pub(super) fn best(low: f64, high: f64, value: impl Fn(f64) -> Result<f64>) -> Result<f64> {
     const COUNT: usize = 400;
     let at = |k: usize| grid(low, high, k, COUNT);
@@ -66,7 +69,8 @@ pub(super) fn best(low: f64, high: f64, value: impl Fn(f64) -> Result<f64>) -> R
     Ok(at(near))
 }
 
-/// The edge between a value that meets a condition and one that does not, to a thousandth, on the good side.
+/// The edge between a value that meets a condition and one that does not, to a thousandth, on the
+/// good side.
 fn refine(mut good: f64, mut bad: f64, holds: impl Fn(f64) -> Result<bool>) -> Result<f64> {
     while (bad - good).abs() > 1e-3 * good.abs() {
         let middle = 0.5 * (good + bad);

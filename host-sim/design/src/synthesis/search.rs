@@ -1,8 +1,9 @@
-//! The search of one loop's gains on the loop as it flies: the simplex of Nelder and Mead (crate argmin) on the logarithms of
-//! the gains. Deterministic, and without derivatives, which margins do not have where another crossing becomes the nearest.
+//! The search of one loop's gains on the loop as it flies: the simplex of Nelder and Mead (crate
+//! argmin) on the logarithms of the gains. Deterministic, and without derivatives, which margins do
+//! not have where another crossing becomes the nearest.
 //!
-//! What is made small: first what the specifications lack, each relative to itself; beyond them the sensitivity peak at the
-//! actuator, and of roll and pitch the rise time and the dip.
+//! What is made small: first what the specifications lack, each relative to itself; beyond them the
+//! sensitivity peak at the actuator, and of roll and pitch the rise time and the dip.
 
 use argmin::core::{CostFunction, Executor, State as _};
 use argmin::solver::neldermead::NelderMead;
@@ -16,8 +17,9 @@ use crate::loops::{
     ClosedLoop, LoopName, LoopPlant, View, inner_gains, inner_gains_mut, loops_of, loops_of_mut,
 };
 
-/// What the simplex searches: logarithms of Kd, Kp, Ki; of roll and pitch also those of the prefilter's corner and, where there
-/// is a canceller, of its zero. (The prefilters of yaw and altitude keep a large step from the ends of the motors.)
+/// What the simplex searches: logarithms of Kd, Kp, Ki; of roll and pitch also those of the
+/// prefilter's corner and, where there is a canceller, of its zero. (The prefilters of yaw and
+/// altitude keep a large step from the ends of the motors.)
 #[derive(Clone)]
 pub(super) struct Search<'a> {
     pub(super) plant: &'a LoopPlant,
@@ -86,7 +88,8 @@ impl Search<'_> {
     pub(super) fn run(&self) -> Result<(f64, Config)> {
         let start = self.parameters();
         let mut best = (f64::INFINITY, start.clone());
-        // From the thesis' gains, and again from the best: a simplex can collapse on the edge of what is allowed.
+        // From the thesis' gains, and again from the best: a simplex can collapse on the edge of
+        // what is allowed.
         for size in [0.4, 0.2, 0.1] {
             let from = best.1.clone();
             let mut simplex = vec![from.clone()];
@@ -145,7 +148,8 @@ impl Search<'_> {
             + lack(lowest, wanted.least_after_peak)
             + excess(rise_s, wanted.rise_s)
             + excess(metrics.overshoot_percent, wanted.overshoot_percent.max(1.0));
-        // Beyond the specifications: distance from -1 at the actuator, where the rotors' own errors enter, and little dip.
+        // Beyond the specifications: distance from -1 at the actuator, where the rotors' own errors
+        // enter, and little dip.
         let quick = if self.is_tilt() { (1.0 - lowest).max(0.0) + rise_s } else { 0.0 };
         Ok(Worth { shortfall, rest: at_actuator.sensitivity_peak + quick })
     }
@@ -179,7 +183,8 @@ impl Worth {
 pub(super) const RESERVE: f64 = 0.04;
 /// How much of a step response the search looks at, s: past the dip.
 const SEARCHED_S: f64 = 5.0;
-/// Spectral radius below which a loop with the latest pose counts as stable: a mode that halves in about a second.
+/// Spectral radius below which a loop with the latest pose counts as stable: a mode that halves in
+/// about a second.
 const LATE_RADIUS: f64 = 0.994;
 
 impl CostFunction for Search<'_> {
@@ -207,7 +212,8 @@ mod tests {
         LoopPlant::of_transfer(&[1.0], &[1.0, 0.4833, 0.0], None, Some(21.5)).unwrap()
     }
 
-    /// The parameters are the gains: what is taken out of a configuration and put back changes nothing beyond rounding.
+    /// The parameters are the gains: what is taken out of a configuration and put back changes
+    /// nothing beyond rounding.
     #[test]
     fn parameters_are_the_logarithms_of_the_gains() {
         let (plant, config) = (yaw_plant(), Config::thesis());
@@ -224,7 +230,8 @@ mod tests {
         assert_eq!((count(LoopName::Yaw), count(LoopName::Roll)), (3, 5));
     }
 
-    /// From a proportional gain four times too large the simplex finds its way back, and its cost is that of what it found.
+    /// From a proportional gain four times too large the simplex finds its way back, and its cost
+    /// is that of what it found.
     #[test]
     fn a_search_ends_better_than_it_began() {
         let plant = yaw_plant();

@@ -13,7 +13,8 @@ pub(super) fn unmet(name: LoopName, what: Criterion, wanted: f64, reached: f64) 
     Shortfall { name: name.name(), what, wanted, reached, key: spec_key(name, what) }
 }
 
-/// The entry of a specifications file that asks for a number of a loop; absent where there is none to relax.
+/// The entry of a specifications file that asks for a number of a loop; absent where there is none
+/// to relax.
 fn spec_key(name: LoopName, what: Criterion) -> Option<SpecKey> {
     let table = match name {
         LoopName::Roll | LoopName::Pitch => SpecTable::Attitude,
@@ -139,8 +140,8 @@ mod tests {
     use crate::loops::LOOPS;
     use crate::synthesis::specs::AttitudeSpecs;
 
-    /// Asked for no overshoot at all, the thesis' gains in pitch, which overshoot by 2 % with two samples of delay, fall short
-    /// of 0 by a positive number: not of -0, and not by -2.
+    /// Asked for no overshoot at all, the thesis' gains in pitch, which overshoot by 2 % with two
+    /// samples of delay, fall short of 0 by a positive number: not of -0, and not by -2.
     #[test]
     fn an_overshoot_above_zero_is_positive() {
         let mut specs = Specs { stable_delay_samples: 2, ..Specs::default() };
@@ -152,8 +153,8 @@ mod tests {
         assert_eq!(over.key.unwrap().to_string(), "attitude.overshoot_percent");
     }
 
-    /// What the thesis' gains promise they keep, without delay; with three samples roll and pitch are unstable, which no
-    /// specification can be relaxed for.
+    /// What the thesis' gains promise they keep, without delay; with three samples roll and pitch
+    /// are unstable, which no specification can be relaxed for.
     #[test]
     fn unstable_loops_have_no_specification_to_relax() {
         let (model, config) = (Model::thesis(), Config::thesis());

@@ -17,7 +17,8 @@ pub enum Method {
     Delay,
 }
 
-/// What is asked of the gains; the defaults are the thesis' specifications and, for the late pose, twice its gain.
+/// What is asked of the gains; the defaults are the thesis' specifications and, for the late pose,
+/// twice its gain.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Specs {
@@ -53,18 +54,21 @@ pub struct AttitudeSpecs {
     pub damping_overshoot_percent: f64,
     /// Velocity gain over the least one that stabilises (the thesis' 10 is 1.18 times).
     pub velocity_gain_ratio: f64,
-    /// Least Ki over Kp of a search: how fast a constant disturbance is taken away, rad/s (the thesis' gains: 1.0; its other
-    /// loops 1/15). It costs overshoot, all the more the faster it is.
+    /// Least Ki over Kp of a search: how fast a constant disturbance is taken away, rad/s (the
+    /// thesis' gains: 1.0; its other loops 1/15). It costs overshoot, all the more the faster it
+    /// is.
     pub integral_rad_s: f64,
     /// Where the canceller moves the slow zero, rad/s (thesis: 0.6).
     pub zero_rad_s: f64,
     /// Corner of the prefilter, rad/s (thesis: 5); the search starts from it.
     pub prefilter_rad_s: f64,
-    /// Least value of a commanded step's response after its first peak (the thesis' gains: 0.62). Less dip costs margin: the
-    /// plant's slow zero has to be moved further, or the integral raised.
+    /// Least value of a commanded step's response after its first peak (the thesis' gains: 0.62).
+    /// Less dip costs margin: the plant's slow zero has to be moved further, or the integral
+    /// raised.
     pub least_after_peak: f64,
-    /// Greatest rise time of a commanded step, s (the thesis' gains: 0.38 roll, 0.33 pitch; 0.30 and 0.27 as they fly). Absent:
-    /// 0.3 s, or on a craft with slower rotors or more delay than the thesis' three times all the loop's delays.
+    /// Greatest rise time of a commanded step, s (the thesis' gains: 0.38 roll, 0.33 pitch; 0.30
+    /// and 0.27 as they fly). Absent: 0.3 s, or on a craft with slower rotors or more delay than
+    /// the thesis' three times all the loop's delays.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rise_s: Option<f64>,
     /// Greatest overshoot of a commanded step, per cent.
@@ -74,7 +78,8 @@ pub struct AttitudeSpecs {
 /// Specifications of yaw or altitude, thesis 5.3.2.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct SlowSpecs {
-    /// Least phase margin, degrees, for the late pose (the thesis' gains have more than 60 without one).
+    /// Least phase margin, degrees, for the late pose (the thesis' gains have more than 60 without
+    /// one).
     pub phase_margin_deg: f64,
     /// Least gain margin, for the late pose.
     pub gain_margin: f64,
@@ -84,7 +89,8 @@ pub struct SlowSpecs {
     pub rise_s: f64,
     /// Corner of the prefilter, rad/s (thesis: 4 yaw, 2 altitude).
     pub prefilter_rad_s: f64,
-    /// Ki over Kp: how fast a constant disturbance is taken away, rad/s (thesis: 1/15 yaw, 1/18 altitude).
+    /// Ki over Kp: how fast a constant disturbance is taken away, rad/s (thesis: 1/15 yaw, 1/18
+    /// altitude).
     pub integral_rad_s: f64,
 }
 
@@ -292,7 +298,8 @@ impl Specs {
     }
 }
 
-/// All that delays a loop at low frequencies, s: rotors, dead time, pose, half a period of the hold, estimator.
+/// All that delays a loop at low frequencies, s: rotors, dead time, pose, half a period of the
+/// hold, estimator.
 pub(super) fn delay_s(config: &Config, linear: &Linear, delay_samples: usize) -> f64 {
     let VelocityEstimator { natural_frequency_rad_s, damping_ratio } = config.estimation.velocity;
     linear.motor_lag_rad_s.map_or(0.0, |lag| 1.0 / lag)
@@ -307,7 +314,8 @@ mod tests {
 
     use super::*;
 
-    /// Each key is written as a file has it: out of its range it is refused by that name, and inside it is taken.
+    /// Each key is written as a file has it: out of its range it is refused by that name, and
+    /// inside it is taken.
     #[test]
     fn every_key_is_that_of_the_file() {
         let ranges = Specs::default().ranges();
@@ -326,7 +334,8 @@ mod tests {
         }
     }
 
-    /// The thesis' craft: 1/21.5 s of rotors, half a period and two samples at 100 Hz, 2/75 s of estimator.
+    /// The thesis' craft: 1/21.5 s of rotors, half a period and two samples at 100 Hz, 2/75 s of
+    /// estimator.
     #[test]
     fn the_delays_of_a_loop_add_up() {
         let linear = Linear::new(&model::Model::thesis(), &crate::plant::TrimTarget::default()).unwrap();

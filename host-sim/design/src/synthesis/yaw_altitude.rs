@@ -38,3 +38,32 @@ pub(super) fn yaw_altitude(draft: &mut Draft, name: LoopName) -> Result<()> {
     draft.found(name, Gain::Integral, specs.integral_rad_s * kp, rule);
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use control::Config;
+    use model::Model;
+
+    use super::*;
+    use crate::loops::gain_of;
+    use crate::plant::{Linear, TrimTarget};
+    use crate::synthesis::specs::Specs;
+
+    /// By hand, (5.29): the velocity loop of yaw is s^2 + (0.4833 + 21.5) s + 21.5 (0.4833 + Kd),
+    /// whose poles meet, as far left as the slower one goes, at Kd = 5.135. The grid's step is 2.3 %.
+    #[test]
+    fn yaw_has_the_velocity_gain_at_which_its_poles_meet() {
+        let model = Model::thesis();
+        let linear = Linear::new(&model, &TrimTarget::default()).unwrap();
+        let (specs, config) = (Specs::thesis(), Config::thesis());
+        let mut draft = Draft { model: &model, linear, specs, config, steps: Vec::new() };
+        draft.config = draft.with(LoopName::Yaw, Gain::Integral, 0.0);
+        yaw_altitude(&mut draft, LoopName::Yaw).unwrap();
+        let of = |gain| gain_of(&draft.config, LoopName::Yaw, gain);
+        let kd = (21.9833_f64.powi(2) / 4.0 / 21.5) - 0.4833;
+        assert!((of(Gain::Velocity) / kd - 1.0).abs() < 0.03, "{} {kd}", of(Gain::Velocity));
+        // Table 5.2 has 15 and 1.
+        assert!((of(Gain::Proportional) / 15.0 - 1.0).abs() < 0.1);
+        assert!((of(Gain::Integral) * 15.0 - of(Gain::Proportional)).abs() < 1e-9);
+    }
+}

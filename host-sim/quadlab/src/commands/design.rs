@@ -15,7 +15,8 @@ use crate::cli::output::{Outcome, check_outputs};
 use crate::commands::{design_check, design_report};
 use diagnosis::workflow::sha256;
 
-/// Design gains for a model, step by step; or check gains. Exit status 1 if a specification cannot be met.
+/// Design gains for a model, step by step; or check gains. Exit status 1 if a specification cannot
+/// be met.
 #[derive(clap::Args)]
 #[command(
     args_conflicts_with_subcommands = true,
@@ -113,7 +114,7 @@ fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outc
     Ok(Outcome { holds, ..outcome })
 }
 
-/// A design that ended at a specification that no gain meets.
+/// The outcome of a design that stopped at a specification that no gain meets.
 fn unmet(options: &Options, method: Method, shortfall: &Shortfall) -> anyhow::Result<Outcome> {
     let shortfalls = std::slice::from_ref(shortfall);
     let outcome = match options.json {
@@ -123,7 +124,7 @@ fn unmet(options: &Options, method: Method, shortfall: &Shortfall) -> anyhow::Re
     Ok(Outcome { holds: false, ..outcome })
 }
 
-/// One line for each specification that is not met, and what comes of it.
+/// One line for each specification that is not met, and what to do.
 fn not_met(shortfalls: &[Shortfall]) -> String {
     let mut text = String::new();
     for s in shortfalls {
@@ -139,7 +140,9 @@ fn not_met(shortfalls: &[Shortfall]) -> String {
             s.what.label()
         );
     }
-    text.push_str("no gains written: relax what is not met in a file for --specs, or the delay\n");
+    text.push_str(
+        "no gains written: relax these specifications in a file for --specs, or reduce the delay\n",
+    );
     text
 }
 

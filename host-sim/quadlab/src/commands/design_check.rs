@@ -13,8 +13,8 @@ use crate::render::design_tables::text;
 /// Oldest pose that makes sense: a second at 100 Hz.
 const MOST_DELAY: usize = 100;
 
-/// Check gains on a model: margins, poles, responses, worst cases. Exit status 1 if a loop is unstable, also at another battery
-/// voltage or in one of the random draws of the model.
+/// Check gains on a model: margins, poles, responses, worst cases. Exit status 1 if a loop is
+/// unstable, also at another battery voltage or in one of the random draws of the model.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  quadlab design check --model model.toml --gains gains.toml --delay 2\n  quadlab design check --model model.toml --gains gains.toml --continuous --html check.html"

@@ -1,5 +1,5 @@
-//! `quadlab design report`: thesis chapter 5 and its appendices A and B for a model and its gains, on one page, in the thesis'
-//! order and with its numbers beside the ones found.
+//! `quadlab design report`: thesis chapter 5 and its appendices A and B for a model and its gains,
+//! on one page, in the thesis' order and with its numbers beside the ones found.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -20,8 +20,9 @@ use crate::commands::linearize;
 use crate::render::design_pages;
 use crate::render::design_tables::{failures, short};
 
-/// Chapter 5 of the thesis on one page: every figure that is computed here, with the numbers and the thesis' beside them.
-/// Exit status 1 if a loop is unstable as it flies, or if a number of the thesis' own vehicle does not come back.
+/// Chapter 5 of the thesis on one page: every figure that is computed here, with the numbers and
+/// the thesis' beside them. Exit status 1 if a loop is unstable as it flies, or if a number of the
+/// thesis' own vehicle does not come back.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  quadlab design report --out report.html                                      # the thesis' vehicle and gains\n  quadlab design report --model model.toml --gains gains.toml --out report.html"
@@ -65,7 +66,7 @@ struct Document<'a> {
     page: String,
 }
 
-/// All that the page is drawn from.
+/// Everything that the page shows.
 struct Work {
     model: Model,
     config: Config,
@@ -238,7 +239,8 @@ fn linear(work: &Work) -> anyhow::Result<Section> {
         .preformatted(linearize::text(&work.study.linear, &channels)))
 }
 
-/// Two loops that the thesis designs side by side: root loci in the order of the design, Bode and Nichols, closed loop, steps.
+/// Two loops that the thesis designs side by side: root loci in the order of the design, Bode and
+/// Nichols, closed loop, steps.
 fn group(work: &Work, heading: &str, names: [LoopName; 2], figures: [&str; 6]) -> anyhow::Result<Section> {
     let thesis = Config::thesis();
     let [bode, closed, step] = match names[0] {
@@ -319,7 +321,7 @@ fn flown(work: &Work) -> anyhow::Result<Section> {
     let heading = format!("As it flies: 100 Hz, pose {} samples late (5.5)", work.delay_samples);
     let mut section = Section::new(heading)
         .paragraph(
-            "What the thesis' design leaves out: sampling, the filters as they are computed, and the age of the pose. Figures 5.25 to 5.30 are flights of the nonlinear simulation; `cargo xtask sil` draws them.",
+            "The design in the thesis leaves out sampling, the filters as they are computed, and the age of the pose. Figures 5.25 to 5.30 are flights of the nonlinear simulation; `cargo xtask sil` draws them.",
         )
         .table(design_pages::margins(&work.sampled))
         .list(work.sampled.notes.clone());
@@ -368,13 +370,13 @@ fn ages(work: &Work) -> anyhow::Result<Section> {
         .table(table))
 }
 
-/// Oldest pose of the table, samples.
+/// Age of the oldest pose in the table, samples.
 const OLDEST_POSE: usize = 6;
 
 /// Appendix B: what the integral part is for.
 fn disturbances(work: &Work) -> anyhow::Result<Section> {
     let mut section = Section::new("Constant disturbances (appendix B)").paragraph(
-        "A step of 1 N or 1 rad/s^2 at the actuator: the integral part takes it away, proportional and velocity feedback alone do not.",
+        "A step of 1 N or 1 rad/s^2 at the actuator: the integral part removes its effect; proportional and velocity feedback alone do not.",
     );
     for (plant, closed) in &work.study.loops {
         if !closed.closed.is_stable()? {

@@ -1,4 +1,5 @@
-//! The page of `quadlab design check`: the figures of thesis chapter 5 and its appendices, for these gains on this model.
+//! The page of `quadlab design check`: the figures of thesis chapter 5 and its appendices, for
+//! these gains on this model.
 
 use control::Config;
 use design::Complex;
@@ -63,7 +64,7 @@ pub(crate) fn check(
 pub(crate) fn steady_tilts(report: &CheckReport) -> Section {
     let section = Section::new("Greatest tilt that can be held");
     let Some(first) = report.steady_tilts.first() else {
-        return section.paragraph("The vehicle has no map from commands to rotor speeds.");
+        return section.paragraph("The vehicle file has no map from motor commands to rotor speeds.");
     };
     let columns = [
         Column::text("towards"),
@@ -317,7 +318,8 @@ fn line(
     Series::line(name, style, data)
 }
 
-/// Least magnitude that is drawn, dB: far below it nothing is judged, and margins would be too small to see.
+/// Least magnitude that is drawn, dB: far below it nothing is judged, and margins would be too
+/// small to see.
 const LEAST_DB: f64 = -40.0;
 
 /// Magnitude and phase of a loop gain, with its margins as bars at their crossover frequencies.
@@ -450,7 +452,7 @@ pub(crate) fn disturbance(closed: &ClosedLoop) -> anyhow::Result<Figure> {
 pub(crate) fn battery(report: &CheckReport) -> Section {
     let section = Section::new("Over battery voltage");
     if report.battery.is_empty() {
-        return section.paragraph("The model does not say at which voltage it was made.");
+        return section.paragraph("The model does not hold the battery voltage that it was made at.");
     }
     let mut columns = vec![Column::number("battery", "V"), Column::number("thrust over weight", "")];
     columns.extend(report.loops.iter().map(|l| Column::number(format!("{}: phase margin", l.name), "deg")));
