@@ -6,7 +6,7 @@ use std::path::Path;
 use control::Config;
 use control::gains::Saturation;
 use control::supervision_limits::Fence;
-use design::check::{Study, commanded};
+use design::analysis::{Study, commanded};
 use design::loops::{LOOPS, LoopName, View};
 use model::{Battery, Model};
 use sil::{FlightPlan, NoiseModel, Outcome, Scenario, Settings, StepAxis, fly};
@@ -61,7 +61,7 @@ fn designed_gains_fly_with_a_late_pose() {
     for axis in [StepAxis::Roll, StepAxis::Pitch] {
         for delay in [2, 4] {
             let response = flown(&designed, axis, ten, delay);
-            let metrics = design::response::step_metrics(&response, 0.01);
+            let metrics = design::analysis::step_metrics(&response, 0.01);
             println!("{axis:?}, {delay} samples: {metrics:?}");
             let tail = &response[response.len() - 200..];
             let ripple = tail.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
@@ -157,11 +157,11 @@ fn thirty_degrees_of_roll_are_held() {
     assert!(!held(&Config::thesis(), thirty, 2, false, 11.1));
 }
 
-/// What `design check` says can be held for ever is held, for two minutes: at nine tenths of it the craft slides at a steady
+/// The greatest tilt that `design check` gives is held for two minutes: at nine tenths of it the craft slides at a steady
 /// speed, level in height and with motors inside their range. A quarter beyond it the motors end, and height or angle goes.
 #[test]
 fn the_steady_tilt_is_where_holding_ends() {
-    let right = design::envelope::steady_tilts(&Model::thesis()).unwrap()[0];
+    let right = design::analysis::steady_tilts(&Model::thesis()).unwrap()[0];
     let flown = |share: f64| {
         let mut plan = FlightPlan {
             config: designed(),

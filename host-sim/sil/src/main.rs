@@ -148,7 +148,8 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     };
     let model =
         arguments.model.as_deref().map(|path| flyable(path, arguments.gains.is_some())).transpose()?;
-    let craft = |path: &PathBuf| design::fit::read_for(path, model.as_ref().unwrap_or(&Model::thesis()));
+    let craft =
+        |path: &PathBuf| design::gains_match::read_for(path, model.as_ref().unwrap_or(&Model::thesis()));
     let gains = arguments.gains.as_ref().map(craft).transpose()?;
     let settings = Settings {
         config: gains.map(|gains| gains.config),

@@ -6,9 +6,9 @@
 //! met, each with what was asked and what was reached. The seed of a craft is printed.
 
 use design::DesignError;
-use design::check::Study;
+use design::analysis::Study;
 use design::loops::View;
-use design::procedure::{Shortfall, Specs, design};
+use design::synthesis::{Shortfall, Specs, design};
 use model::{Effect, Model};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -98,7 +98,7 @@ fn craft(seed: u64) -> Model {
 fn told(shortfalls: &[Shortfall], seed: u64) {
     assert!(!shortfalls.is_empty());
     for s in shortfalls {
-        println!("  {}: {}: wanted {:.4}, reached {:.4}", s.name, s.what, s.wanted, s.reached);
+        println!("  {}: {}: wanted {:.4}, reached {:.4}", s.name, s.what.label(), s.wanted, s.reached);
         assert!(s.wanted.is_finite() && s.reached.is_finite() && s.wanted != s.reached, "seed {seed}: {s:?}");
     }
 }

@@ -116,7 +116,7 @@ fn gains_files_fly_and_those_of_another_vehicle_do_not() {
     write("heavy-model.toml", &heavy.to_toml());
     for (gains, model, expected) in [
         ("name.toml", None, "they are for \"F450\""),
-        ("hash.toml", None, "measured otherwise"),
+        ("hash.toml", None, "with other measurements"),
         ("hover.toml", None, "hover_thrust_n"),
         ("broken.toml", None, "anti_windupp"),
         ("missing.toml", None, "cannot read"),

@@ -6,9 +6,8 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use control::Config;
 use design::Gains;
-use design::linear::Linear;
-use design::procedure::{Method, Specs, design};
-use design::trim::TrimTarget;
+use design::plant::{Linear, TrimTarget};
+use design::synthesis::{Method, Specs, design};
 use diagnosis::planning::information::{Expected, Parameter};
 use model::Model;
 use pattern::{Pattern, relative_peak_factor};
@@ -203,13 +202,13 @@ pub(crate) fn predictor(
     }
     let under = |config: Config| anyhow::Ok(Predictor::new(model.clone(), config, seed)?);
     if let Some(gains) = gains {
-        return under(design::fit::read_for(gains, model)?.config);
+        return under(design::gains_match::read_for(gains, model)?.config);
     }
     let designed = |method: Method| under(design(model, &Specs { method, ..Specs::default() })?.config);
     let of_thesis = |cancellers: bool| {
         let mut config = Config::thesis();
         let linear = Linear::new(model, &TrimTarget::default())?;
-        design::fit::fit(&Gains { config, provenance: None }, model, &linear, path)?;
+        design::gains_match::gains_match(&Gains { config, provenance: None }, model, &linear, path)?;
         if !cancellers {
             demo_effect::without_cancellers(&mut config);
         }

@@ -263,7 +263,7 @@ fn plan(options: &Options) -> anyhow::Result<FlightPlan> {
         None => Model::thesis(),
     };
     let config = match (&options.gains, &options.model) {
-        (Some(gains), _) => Some(design::fit::read_for(gains, &model)?.config),
+        (Some(gains), _) => Some(design::gains_match::read_for(gains, &model)?.config),
         (None, Some(path)) => Some(*predictor(&model, path, None, options.seed)?.config()),
         (None, None) => None,
     };

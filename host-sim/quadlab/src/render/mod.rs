@@ -1,6 +1,7 @@
 //! Results as people read them: tables, figures and pages.
 
 pub(crate) mod design_pages;
+pub(crate) mod design_tables;
 pub(crate) mod evidence;
 pub(crate) mod figures;
 pub(crate) mod pages;

@@ -1,8 +1,8 @@
 //! Linear systems in state space, and networks of them.
 //!
-//! Loops are put together from state-space blocks rather than from polynomials: at 100 Hz the poles of all slow filters
-//! crowd near z = 1, where the roots of a polynomial of degree 12 lose half their digits and eigenvalues do not.
-//! One type serves both time domains; `period_s` says which.
+//! Loops are put together from state-space blocks rather than from polynomials: at 100 Hz the poles
+//! of all slow filters crowd near z = 1, where the roots of a polynomial of degree 12 lose half
+//! their digits and eigenvalues do not. One type serves both time domains; `period_s` says which.
 //!
 //! Not here: anything about quadcopters.
 
@@ -37,8 +37,8 @@ impl StateSpace {
         }
     }
 
-    /// A proper transfer function with coefficients in descending powers of s (or z), in controllable canonical form.
-    /// The numerator may be shorter than the denominator.
+    /// A proper transfer function with coefficients in descending powers of s (or z), in
+    /// controllable canonical form. The numerator may be shorter than the denominator.
     pub fn transfer(numerator: &[f64], denominator: &[f64], period_s: Option<f64>) -> Self {
         let order = denominator.len() - 1;
         let lead = denominator[0];
@@ -96,7 +96,8 @@ impl StateSpace {
         self.at(point(self.period_s, frequency_rad_s), output, input)
     }
 
-    /// The transfer function from one input to one output at a point of the plane of s (or z); not finite on a pole.
+    /// The transfer function from one input to one output at a point of the plane of s (or z); not
+    /// finite on a pole.
     pub fn at(&self, point: Complex<f64>, output: usize, input: usize) -> Complex<f64> {
         let direct = Complex::new(self.d[(output, input)], 0.0);
         if self.order() == 0 {
@@ -118,8 +119,9 @@ impl StateSpace {
 
     /// This path made ready for many frequencies: a response then costs the order, not its cube.
     ///
-    /// With c (zI - A)^-1 b = det(zI - A + b c) / det(zI - A) - 1, all that is needed are the eigenvalues of A and of A - b c.
-    /// Eigenvalues of a delay are poor one by one, but their products are those of a matrix as near to A as rounding.
+    /// With c (zI - A)^-1 b = det(zI - A + b c) / det(zI - A) - 1, all that is needed are the
+    /// eigenvalues of A and of A - b c. Eigenvalues of a delay are poor one by one, but their
+    /// products are those of a matrix as near to A as rounding.
     pub fn sweep(&self, output: usize, input: usize) -> Result<Sweep> {
         let b = self.b.column(input).into_owned();
         let c = self.c.row(output).into_owned();
@@ -134,9 +136,11 @@ impl StateSpace {
         })
     }
 
-    /// Samples of the output at multiples of `step_s` for inputs held over each step; the first is at rest.
+    /// Samples of the output at multiples of `step_s` for inputs held over each step; the first is
+    /// at rest.
     ///
-    /// A sampled system is stepped as it is and `step_s` must be its period; a continuous one is discretised exactly.
+    /// A sampled system is stepped as it is and `step_s` must be its period; a continuous one is
+    /// discretised exactly.
     pub fn simulate(&self, step_s: f64, input: impl Fn(usize) -> f64, count: usize) -> Result<Vec<f64>> {
         let system = if self.period_s.is_some() { self.clone() } else { self.sampled(step_s, 0.0)? };
         let mut state = DVector::zeros(system.order());
@@ -149,8 +153,8 @@ impl StateSpace {
         Ok(outputs)
     }
 
-    /// What a sampler sees of a continuous system whose inputs are held over each period (zero-order hold) and come
-    /// `input_delay_s` late. Exact, by the matrix exponential.
+    /// What a sampler sees of a continuous system whose inputs are held over each period
+    /// (zero-order hold) and come `input_delay_s` late. Exact, by the matrix exponential.
     pub fn sampled(&self, period_s: f64, input_delay_s: f64) -> Result<Self> {
         let order = self.order();
         let inputs = self.b.ncols();
@@ -173,7 +177,8 @@ impl StateSpace {
             if self.d.iter().any(|d| *d != 0.0) {
                 return Err(DesignError::Numerics("the dead time of a system with direct feedthrough"));
             }
-            // The old command acts for `late_s`, then the new one: a state more for each input remembers the old one.
+            // The old command acts for `late_s`, then the new one: a state more for each input
+            // remembers the old one.
             let (rest, new) = hold(period_s - late_s);
             let (_, old) = hold(late_s);
             let old = rest * old;
@@ -327,7 +332,8 @@ impl Network {
         self.links.push((from, to, gain));
     }
 
-    /// The whole as one system: each input of it is a sum of block inputs, each output a sum of block outputs.
+    /// The whole as one system: each input of it is a sum of block inputs, each output a sum of
+    /// block outputs.
     pub fn close(&self, inputs: &[Vec<(Input, f64)>], outputs: &[Vec<(Output, f64)>]) -> Result<StateSpace> {
         let order: usize = self.blocks.iter().map(StateSpace::order).sum();
         let (mut a, mut b) = (DMatrix::zeros(order, order), DMatrix::zeros(order, self.inputs));
@@ -389,8 +395,8 @@ mod tests {
         assert!((biproper.response(0.0, 0, 0).re - 0.25).abs() < 1e-15);
     }
 
-    /// A sweep is another way to the same number: against the plain solve, on a delay (which no eigenvectors span), a filter
-    /// and a resonance in a row.
+    /// A sweep is another way to the same number: against the plain solve, on a delay (which no
+    /// eigenvectors span), a filter and a resonance in a row.
     #[test]
     fn a_sweep_gives_the_response() {
         let period = Some(0.01);
@@ -420,8 +426,8 @@ mod tests {
         assert!((step[10] - (1.0 - (-4.0_f64).exp())).abs() < 1e-14);
     }
 
-    /// A double integrator behind a hold and a dead time of 1.3 periods, against its closed form: after the command has
-    /// stood for t - 0.013 s the output is half the square of that.
+    /// A double integrator behind a hold and a dead time of 1.3 periods, against its closed form:
+    /// after the command has stood for t - 0.013 s the output is half the square of that.
     #[test]
     fn dead_time_between_samples_is_exact() {
         let plant = StateSpace::transfer(&[1.0], &[1.0, 0.0, 0.0], None);

@@ -1,35 +1,31 @@
-//! The search of one loop's gains on the loop as it flies: the simplex of Nelder and Mead (crate argmin) on the logarithms of
-//! the gains. Deterministic, and without derivatives, which margins do not have where another crossing becomes the nearest.
+//! The search of one loop's gains on the loop as it flies: the simplex of Nelder and Mead (crate
+//! argmin) on the logarithms of the gains. Deterministic, and without derivatives, which margins do
+//! not have where another crossing becomes the nearest.
 //!
-//! What is made small: first what the specifications lack, each relative to itself; beyond them the sensitivity peak at the
-//! actuator, and of roll and pitch the rise time and the dip.
+//! What is made small: first what the specifications lack, each relative to itself; beyond them the
+//! sensitivity peak at the actuator, and of roll and pitch the rise time and the dip.
 
 use argmin::core::{CostFunction, Executor, State as _};
 use argmin::solver::neldermead::NelderMead;
 use control::Config;
 
+use super::judging::at_error;
+use super::specs::Specs;
+use crate::analysis::{Band, Margins, commanded_step, step_metrics};
 use crate::error::{DesignError, Result};
 use crate::loops::{
     ClosedLoop, LoopName, LoopPlant, View, inner_gains, inner_gains_mut, loops_of, loops_of_mut,
 };
-use crate::margins::{Band, Margins};
-use crate::response::{commanded_step, step_metrics};
-use crate::specs::Specs;
 
-/// Margins of a stable loop, fast.
-pub(crate) fn at_error(closed: &ClosedLoop) -> Result<Margins> {
-    let sweep = closed.at_error.sweep(0, 0)?;
-    Ok(Margins::of(|w| sweep.response(w), Band::coarse(closed.closed.period_s), true))
-}
-
-/// What the simplex searches: logarithms of Kd, Kp, Ki; of roll and pitch also those of the prefilter's corner and, where there
-/// is a canceller, of its zero. (The prefilters of yaw and altitude keep a large step from the ends of the motors.)
+/// What the simplex searches: logarithms of Kd, Kp, Ki; of roll and pitch also those of the
+/// prefilter's corner and, where there is a canceller, of its zero. (The prefilters of yaw and
+/// altitude keep a large step from the ends of the motors.)
 #[derive(Clone)]
-pub(crate) struct Search<'a> {
-    pub(crate) plant: &'a LoopPlant,
-    pub(crate) config: Config,
-    pub(crate) name: LoopName,
-    pub(crate) specs: Specs,
+pub(super) struct Search<'a> {
+    pub(super) plant: &'a LoopPlant,
+    pub(super) config: Config,
+    pub(super) name: LoopName,
+    pub(super) specs: Specs,
 }
 
 impl Search<'_> {
@@ -89,10 +85,11 @@ impl Search<'_> {
     }
 
     /// Searches from the configuration's gains; the cost reached, and the configuration there.
-    pub(crate) fn run(&self) -> Result<(f64, Config)> {
+    pub(super) fn run(&self) -> Result<(f64, Config)> {
         let start = self.parameters();
         let mut best = (f64::INFINITY, start.clone());
-        // From the thesis' gains, and again from the best: a simplex can collapse on the edge of what is allowed.
+        // From the thesis' gains, and again from the best: a simplex can collapse on the edge of
+        // what is allowed.
         for size in [0.4, 0.2, 0.1] {
             let from = best.1.clone();
             let mut simplex = vec![from.clone()];
@@ -118,7 +115,7 @@ impl Search<'_> {
     }
 
     /// How good gains are, where `reserve` is what each specification is to be kept by.
-    pub(crate) fn worth(&self, config: &Config, reserve: f64) -> Result<Worth> {
+    pub(super) fn worth(&self, config: &Config, reserve: f64) -> Result<Worth> {
         let wanted = self.wanted();
         let view = |delay_samples| View::Sampled { delay_samples };
         let closed = ClosedLoop::new(config, self.plant, self.name, view(self.specs.delay_samples))?;
@@ -151,7 +148,8 @@ impl Search<'_> {
             + lack(lowest, wanted.least_after_peak)
             + excess(rise_s, wanted.rise_s)
             + excess(metrics.overshoot_percent, wanted.overshoot_percent.max(1.0));
-        // Beyond the specifications: distance from -1 at the actuator, where the rotors' own errors enter, and little dip.
+        // Beyond the specifications: distance from -1 at the actuator, where the rotors' own errors
+        // enter, and little dip.
         let quick = if self.is_tilt() { (1.0 - lowest).max(0.0) + rise_s } else { 0.0 };
         Ok(Worth { shortfall, rest: at_actuator.sensitivity_peak + quick })
     }
@@ -168,24 +166,25 @@ struct Wanted {
 }
 
 /// What gains are worth.
-pub(crate) struct Worth {
+pub(super) struct Worth {
     /// Sum of what the specifications lack, each relative to itself.
-    pub(crate) shortfall: f64,
+    pub(super) shortfall: f64,
     /// What is made small beyond them.
     rest: f64,
 }
 
 impl Worth {
-    pub(crate) fn cost(&self) -> f64 {
+    pub(super) fn cost(&self) -> f64 {
         100.0 * self.shortfall + self.rest
     }
 }
 
 /// What a search keeps each specification by, so that rounding does not undo it.
-pub(crate) const RESERVE: f64 = 0.04;
+pub(super) const RESERVE: f64 = 0.04;
 /// How much of a step response the search looks at, s: past the dip.
 const SEARCHED_S: f64 = 5.0;
-/// Spectral radius below which a loop with the latest pose counts as stable: a mode that halves in about a second.
+/// Spectral radius below which a loop with the latest pose counts as stable: a mode that halves in
+/// about a second.
 const LATE_RADIUS: f64 = 0.994;
 
 impl CostFunction for Search<'_> {
@@ -204,3 +203,45 @@ impl CostFunction for Search<'_> {
 const FASTEST_PREFILTER_RAD_S: f64 = 20.0;
 /// Steps of one run of the simplex.
 const SEARCH_STEPS: u64 = 150;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn yaw_plant() -> LoopPlant {
+        LoopPlant::of_transfer(&[1.0], &[1.0, 0.4833, 0.0], None, Some(21.5)).unwrap()
+    }
+
+    /// The parameters are the gains: what is taken out of a configuration and put back changes
+    /// nothing beyond rounding.
+    #[test]
+    fn parameters_are_the_logarithms_of_the_gains() {
+        let (plant, config) = (yaw_plant(), Config::thesis());
+        for name in [LoopName::Roll, LoopName::Yaw] {
+            let search = Search { plant: &plant, config, name, specs: Specs::default() };
+            let again = search.with(&search.parameters());
+            let (before, after) = (inner_gains(loops_of(&config), name), inner_gains(loops_of(&again), name));
+            for (x, y) in [(before.kd, after.kd), (before.kp, after.kp), (before.ki, after.ki)] {
+                assert!((x / y - 1.0).abs() < 1e-14, "{before:?} {after:?}");
+            }
+        }
+        // Kd, Kp and Ki; of roll the prefilter and the canceller too.
+        let count = |name| Search { plant: &plant, config, name, specs: Specs::default() }.parameters().len();
+        assert_eq!((count(LoopName::Yaw), count(LoopName::Roll)), (3, 5));
+    }
+
+    /// From a proportional gain four times too large the simplex finds its way back, and its cost
+    /// is that of what it found.
+    #[test]
+    fn a_search_ends_better_than_it_began() {
+        let plant = yaw_plant();
+        let mut config = Config::thesis();
+        inner_gains_mut(loops_of_mut(&mut config), LoopName::Yaw).kp *= 4.0;
+        let search = Search { plant: &plant, config, name: LoopName::Yaw, specs: Specs::default() };
+        let before = search.worth(&config, RESERVE).unwrap();
+        let (cost, found) = search.run().unwrap();
+        let after = search.worth(&found, RESERVE).unwrap();
+        assert!((after.cost() - cost).abs() < 1e-9 * cost);
+        assert!(after.shortfall < 0.2 * before.shortfall, "{} {}", before.shortfall, after.shortfall);
+    }
+}

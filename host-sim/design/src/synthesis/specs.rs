@@ -1,11 +1,11 @@
 //! What is asked of gains: the specifications of `quadlab design`, from a file or the thesis'.
 
-use control::Config;
+use control::gains::{Config, VelocityEstimator};
 use serde::{Deserialize, Serialize};
 
-use crate::error::{DesignError, Result};
-use crate::linear::Linear;
-use crate::procedure::delay_s;
+use crate::error::{DesignError, Result, SpecField, SpecKey, SpecTable};
+use crate::loops::View;
+use crate::plant::Linear;
 
 /// How gains are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -17,7 +17,8 @@ pub enum Method {
     Delay,
 }
 
-/// What is asked of the gains; the defaults are the thesis' specifications and, for the late pose, twice its gain.
+/// What is asked of the gains; the defaults are the thesis' specifications and, for the late pose,
+/// twice its gain.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Specs {
@@ -53,18 +54,21 @@ pub struct AttitudeSpecs {
     pub damping_overshoot_percent: f64,
     /// Velocity gain over the least one that stabilises (the thesis' 10 is 1.18 times).
     pub velocity_gain_ratio: f64,
-    /// Least Ki over Kp of a search: how fast a constant disturbance is taken away, rad/s (the thesis' gains: 1.0; its other
-    /// loops 1/15). It costs overshoot, all the more the faster it is.
+    /// Least Ki over Kp of a search: how fast a constant disturbance is taken away, rad/s (the
+    /// thesis' gains: 1.0; its other loops 1/15). It costs overshoot, all the more the faster it
+    /// is.
     pub integral_rad_s: f64,
     /// Where the canceller moves the slow zero, rad/s (thesis: 0.6).
     pub zero_rad_s: f64,
     /// Corner of the prefilter, rad/s (thesis: 5); the search starts from it.
     pub prefilter_rad_s: f64,
-    /// Least value of a commanded step's response after its first peak (the thesis' gains: 0.62). Less dip costs margin: the
-    /// plant's slow zero has to be moved further, or the integral raised.
+    /// Least value of a commanded step's response after its first peak (the thesis' gains: 0.62).
+    /// Less dip costs margin: the plant's slow zero has to be moved further, or the integral
+    /// raised.
     pub least_after_peak: f64,
-    /// Greatest rise time of a commanded step, s (the thesis' gains: 0.38 roll, 0.33 pitch; 0.30 and 0.27 as they fly). Absent:
-    /// 0.3 s, or on a craft with slower rotors or more delay than the thesis' three times all the loop's delays.
+    /// Greatest rise time of a commanded step, s (the thesis' gains: 0.38 roll, 0.33 pitch; 0.30
+    /// and 0.27 as they fly). Absent: 0.3 s, or on a craft with slower rotors or more delay than
+    /// the thesis' three times all the loop's delays.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rise_s: Option<f64>,
     /// Greatest overshoot of a commanded step, per cent.
@@ -74,7 +78,8 @@ pub struct AttitudeSpecs {
 /// Specifications of yaw or altitude, thesis 5.3.2.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct SlowSpecs {
-    /// Least phase margin, degrees, for the late pose (the thesis' gains have more than 60 without one).
+    /// Least phase margin, degrees, for the late pose (the thesis' gains have more than 60 without
+    /// one).
     pub phase_margin_deg: f64,
     /// Least gain margin, for the late pose.
     pub gain_margin: f64,
@@ -84,7 +89,8 @@ pub struct SlowSpecs {
     pub rise_s: f64,
     /// Corner of the prefilter, rad/s (thesis: 4 yaw, 2 altitude).
     pub prefilter_rad_s: f64,
-    /// Ki over Kp: how fast a constant disturbance is taken away, rad/s (thesis: 1/15 yaw, 1/18 altitude).
+    /// Ki over Kp: how fast a constant disturbance is taken away, rad/s (thesis: 1/15 yaw, 1/18
+    /// altitude).
     pub integral_rad_s: f64,
 }
 
@@ -208,6 +214,14 @@ impl Specs {
         Self { method: Method::Thesis, ..Self::default() }
     }
 
+    /// The view in which the method judges its loops.
+    pub fn view(&self) -> View {
+        match self.method {
+            Method::Thesis => View::Continuous,
+            Method::Delay => View::Sampled { delay_samples: self.delay_samples },
+        }
+    }
+
     /// With what is left open filled in for a craft.
     pub(crate) fn for_craft(&self, linear: &Linear) -> Self {
         let mut specs = *self;
@@ -221,47 +235,111 @@ impl Specs {
     pub fn parse(text: &str, path: &std::path::Path) -> Result<Self> {
         let refuse = |message: String| DesignError::Parse { path: path.to_owned(), message };
         let specs: Self = toml::from_str(text).map_err(|e| refuse(gains_file::toml_message(text, &e)))?;
-        let (a, p) = (&specs.attitude, &specs.position);
-        let ranges = [
-            ("attitude.phase_margin_deg", a.phase_margin_deg, 0.0, 90.0),
-            ("attitude.gain_margin", a.gain_margin, 1.0, 100.0),
-            ("attitude.crossover_rad_s", a.crossover_rad_s, 0.01, 1000.0),
-            ("attitude.damping_overshoot_percent", a.damping_overshoot_percent, 0.1, 99.0),
-            ("attitude.velocity_gain_ratio", a.velocity_gain_ratio, 1.0, 100.0),
-            ("attitude.integral_rad_s", a.integral_rad_s, 0.0, 100.0),
-            ("attitude.zero_rad_s", a.zero_rad_s, 1e-3, 100.0),
-            ("attitude.prefilter_rad_s", a.prefilter_rad_s, 1e-2, 300.0),
-            ("attitude.least_after_peak", a.least_after_peak, 0.0, 1.0),
-            ("attitude.rise_s", a.rise_s.unwrap_or(1.0), 1e-3, 100.0),
-            ("attitude.overshoot_percent", a.overshoot_percent, 0.0, 100.0),
-            ("yaw.phase_margin_deg", specs.yaw.phase_margin_deg, 0.0, 90.0),
-            ("yaw.gain_margin", specs.yaw.gain_margin, 1.0, 100.0),
-            ("yaw.overshoot_percent", specs.yaw.overshoot_percent, 0.1, 99.0),
-            ("yaw.rise_s", specs.yaw.rise_s, 1e-3, 100.0),
-            ("yaw.prefilter_rad_s", specs.yaw.prefilter_rad_s, 1e-2, 300.0),
-            ("yaw.integral_rad_s", specs.yaw.integral_rad_s, 0.0, 100.0),
-            ("altitude.phase_margin_deg", specs.altitude.phase_margin_deg, 0.0, 90.0),
-            ("altitude.gain_margin", specs.altitude.gain_margin, 1.0, 100.0),
-            ("altitude.overshoot_percent", specs.altitude.overshoot_percent, 0.1, 99.0),
-            ("altitude.rise_s", specs.altitude.rise_s, 1e-3, 100.0),
-            ("altitude.prefilter_rad_s", specs.altitude.prefilter_rad_s, 1e-2, 300.0),
-            ("altitude.integral_rad_s", specs.altitude.integral_rad_s, 0.0, 100.0),
-            ("position.phase_margin_deg", p.phase_margin_deg, 0.0, 90.0),
-            ("position.gain_margin", p.gain_margin, 1.0, 100.0),
-            ("position.crossover_rad_s", p.crossover_rad_s, 0.01, 100.0),
-            ("position.integral_rad_s", p.integral_rad_s, 0.0, 100.0),
-            ("position.rate_limit_m_s", p.rate_limit_m_s, 1e-3, 100.0),
-            ("position.velocity_filter_rad_s", p.velocity_filter_rad_s, 1e-2, 300.0),
-            ("position.overshoot_percent", p.overshoot_percent, 0.0, 100.0),
-        ];
-        for (name, value, least, most) in ranges {
+        for (key, value, [least, most]) in specs.ranges() {
             if !(value >= least && value <= most) {
-                return Err(refuse(format!("{name} is {value}: give a number from {least} to {most}")));
+                return Err(refuse(format!("{key} is {value}: give a number from {least} to {most}")));
             }
         }
-        if specs.delay_samples > 100 || specs.stable_delay_samples > 100 {
-            return Err(refuse("delay_samples, stable_delay_samples: give at most 100".into()));
+        for (key, samples) in [
+            (SpecKey::DelaySamples, specs.delay_samples),
+            (SpecKey::StableDelaySamples, specs.stable_delay_samples),
+        ] {
+            if samples > 100 {
+                return Err(refuse(format!("{key} is {samples}: give at most 100")));
+            }
         }
         Ok(specs)
+    }
+
+    /// Every number that a file can give, with the range that it must be in.
+    fn ranges(&self) -> Vec<(SpecKey, f64, [f64; 2])> {
+        use SpecField as F;
+        let (a, p) = (&self.attitude, &self.position);
+        let attitude = [
+            (F::PhaseMargin, a.phase_margin_deg, [0.0, 90.0]),
+            (F::GainMargin, a.gain_margin, [1.0, 100.0]),
+            (F::Crossover, a.crossover_rad_s, [0.01, 1000.0]),
+            (F::DampingOvershoot, a.damping_overshoot_percent, [0.1, 99.0]),
+            (F::VelocityGainRatio, a.velocity_gain_ratio, [1.0, 100.0]),
+            (F::Integral, a.integral_rad_s, [0.0, 100.0]),
+            (F::Zero, a.zero_rad_s, [1e-3, 100.0]),
+            (F::Prefilter, a.prefilter_rad_s, [1e-2, 300.0]),
+            (F::LeastAfterPeak, a.least_after_peak, [0.0, 1.0]),
+            (F::Rise, a.rise_s.unwrap_or(1.0), [1e-3, 100.0]),
+            (F::Overshoot, a.overshoot_percent, [0.0, 100.0]),
+        ];
+        let slow = |s: &SlowSpecs| {
+            [
+                (F::PhaseMargin, s.phase_margin_deg, [0.0, 90.0]),
+                (F::GainMargin, s.gain_margin, [1.0, 100.0]),
+                (F::Overshoot, s.overshoot_percent, [0.1, 99.0]),
+                (F::Rise, s.rise_s, [1e-3, 100.0]),
+                (F::Prefilter, s.prefilter_rad_s, [1e-2, 300.0]),
+                (F::Integral, s.integral_rad_s, [0.0, 100.0]),
+            ]
+        };
+        let position = [
+            (F::PhaseMargin, p.phase_margin_deg, [0.0, 90.0]),
+            (F::GainMargin, p.gain_margin, [1.0, 100.0]),
+            (F::Crossover, p.crossover_rad_s, [0.01, 100.0]),
+            (F::Integral, p.integral_rad_s, [0.0, 100.0]),
+            (F::RateLimit, p.rate_limit_m_s, [1e-3, 100.0]),
+            (F::VelocityFilter, p.velocity_filter_rad_s, [1e-2, 300.0]),
+            (F::Overshoot, p.overshoot_percent, [0.0, 100.0]),
+        ];
+        let of = |table: SpecTable| {
+            move |(field, value, range): (F, f64, [f64; 2])| (SpecKey::Of(table, field), value, range)
+        };
+        let mut ranges: Vec<_> = attitude.into_iter().map(of(SpecTable::Attitude)).collect();
+        ranges.extend(slow(&self.yaw).into_iter().map(of(SpecTable::Yaw)));
+        ranges.extend(slow(&self.altitude).into_iter().map(of(SpecTable::Altitude)));
+        ranges.extend(position.into_iter().map(of(SpecTable::Position)));
+        ranges
+    }
+}
+
+/// All that delays a loop at low frequencies, s: rotors, dead time, pose, half a period of the
+/// hold, estimator.
+pub(super) fn delay_s(config: &Config, linear: &Linear, delay_samples: usize) -> f64 {
+    let VelocityEstimator { natural_frequency_rad_s, damping_ratio } = config.estimation.velocity;
+    linear.motor_lag_rad_s.map_or(0.0, |lag| 1.0 / lag)
+        + linear.input_delay_s
+        + (delay_samples as f64 + 0.5) * config.sample_time_s
+        + 2.0 * damping_ratio / natural_frequency_rad_s
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    /// Each key is written as a file has it: out of its range it is refused by that name, and
+    /// inside it is taken.
+    #[test]
+    fn every_key_is_that_of_the_file() {
+        let ranges = Specs::default().ranges();
+        assert_eq!(ranges.len(), 30);
+        for (key, _, [_, most]) in ranges {
+            let text = format!("{key} = {most:?}");
+            let read = Specs::parse(&text, Path::new("s.toml")).unwrap();
+            assert!(read.ranges().iter().any(|range| range.0 == key && range.1 == most), "{key}");
+            let error = Specs::parse(&format!("{key} = {:?}", 2.0 * most), Path::new("s.toml")).unwrap_err();
+            let wanted = format!("s.toml: {key} is {}: give a number from", 2.0 * most);
+            assert!(error.to_string().starts_with(&wanted), "{error}");
+        }
+        for key in [SpecKey::DelaySamples, SpecKey::StableDelaySamples] {
+            let error = Specs::parse(&format!("{key} = 101"), Path::new("s.toml")).unwrap_err().to_string();
+            assert_eq!(error, format!("s.toml: {key} is 101: give at most 100"));
+        }
+    }
+
+    /// The thesis' craft: 1/21.5 s of rotors, half a period and two samples at 100 Hz, 2/75 s of
+    /// estimator.
+    #[test]
+    fn the_delays_of_a_loop_add_up() {
+        let linear = Linear::new(&model::Model::thesis(), &crate::plant::TrimTarget::default()).unwrap();
+        let wanted = 1.0 / 21.5 + 0.025 + 2.0 / 75.0;
+        assert!((delay_s(&Config::thesis(), &linear, 2) - wanted).abs() < 1e-12);
     }
 }

@@ -1,22 +1,25 @@
-//! How far a craft can lean for ever: a held tilt slides the craft until the air holds it back, and then every motor has to
-//! be inside its range still.
+//! The greatest tilt that a craft can hold: a held tilt makes it slide until the air holds it back,
+//! and then every motor must still be inside its range.
 //!
-//! Each steady slide is an equilibrium of the model ([`crate::trim`]) at a speed over ground; the greatest speed with all
-//! rotors between the ends of the motor map bounds tilt and speed. On the thesis' craft it is not the thrust that ends
-//! first but a moment: the air rolls a craft that slides sideways, by 3.78 rad/s^2 for each m/s, and four motors can hold
-//! only so much against it.
+//! Each steady slide is an equilibrium of the model ([`crate::plant::equilibrium`]) at a speed over
+//! ground; the greatest speed with all rotors between the ends of the motor map bounds tilt and
+//! speed. On the thesis' craft it is not the thrust that ends first but a moment: the air rolls a
+//! craft that slides sideways, by 3.78 rad/s^2 for each m/s, and four motors can hold only so much
+//! against it.
 //!
-//! Not here: how long a steeper tilt lasts before that speed is reached, which is flown (crate `sil`).
+//! Not here: how long a steeper tilt lasts before that speed is reached, which is flown (crate
+//! `sil`).
 
 use model::{Model, Plant};
 use serde::Serialize;
 
 use crate::error::Result;
-use crate::trim::Slide;
+use crate::plant::Slide;
 
-/// Speeds that are tried, m/s.
+/// First step of the speed, m/s.
 const STEP_M_S: f64 = 1.0;
-/// Beyond this nothing slides in a cage, nor does any drag of a model hold there.
+/// Greatest speed that is tried, m/s: no flight cage is that long, and no model of drag holds
+/// there.
 const FASTEST_M_S: f64 = 60.0;
 /// Battery of a model that does not say at which voltage it was made: the thesis', V.
 const THESIS_BATTERY_V: f64 = 11.1;
@@ -36,10 +39,10 @@ pub enum Direction {
 }
 
 impl Direction {
-    /// All of them.
+    /// All directions.
     pub const ALL: [Self; 4] = [Self::Right, Self::Left, Self::Forward, Self::Back];
 
-    /// Its word.
+    /// The word for it in text and JSON.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Right => "right",
@@ -60,7 +63,7 @@ impl Direction {
     }
 }
 
-/// The fastest slide in a direction that goes on for ever.
+/// The fastest steady slide in a direction.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct SteadyTilt {
     /// Which way.
@@ -69,14 +72,14 @@ pub struct SteadyTilt {
     pub tilt_deg: f64,
     /// Speed over ground, m/s.
     pub speed_m_s: f64,
-    /// The motor that is at an end of its range there, 1 to 4; absent: the speed is the greatest that is looked at, or there
-    /// is no equilibrium beyond.
+    /// The motor that is at an end of its range there, 1 to 4; absent: the speed is the greatest
+    /// that is looked at, or there is no equilibrium beyond.
     pub motor: Option<usize>,
     /// Battery voltage, V.
     pub battery_v: f64,
 }
 
-/// The greatest tilts that can be held for ever; empty for a model whose motors cannot be commanded.
+/// The greatest tilts that can be held; empty for a model whose motors cannot be commanded.
 ///
 /// # Errors
 /// A model that cannot hover.
@@ -94,7 +97,8 @@ pub fn steady_tilts(model: &Model) -> Result<Vec<SteadyTilt>> {
         let (mut good, mut bad) = (0.0, FASTEST_M_S);
         let mut motor = None;
         let mut step_m_s = STEP_M_S;
-        // Faster by a step, each found from the one before; where a motor is at its end, by smaller steps.
+        // Faster by a step, each found from the one before; where a motor is at its end, by smaller
+        // steps.
         while step_m_s > 1e-3 && good < FASTEST_M_S {
             let next = f64::min(good + step_m_s, bad);
             match slide.at(direction.velocity_ned_m_s(next), &lean) {
@@ -121,11 +125,11 @@ mod tests {
     use model::Effect;
 
     use super::*;
-    use crate::trim::{TrimTarget, equilibrium};
+    use crate::plant::{TrimTarget, equilibrium};
 
-    /// Against the force balance by hand: without moments from the air, equal rotors and equal drag D along all axes, the
-    /// thrust T = 4 k w^2 at the greatest rotor speed carries m g and holds D v, so v = sqrt(T^2 - (m g)^2) / D and the tilt is
-    /// atan(D v / (m g)).
+    /// Against the force balance by hand: without moments from the air, equal rotors and equal drag
+    /// D along all axes, the thrust T = 4 k w^2 at the greatest rotor speed carries m g and holds D
+    /// v, so v = sqrt(T^2 - (m g)^2) / D and the tilt is atan(D v / (m g)).
     #[test]
     fn thrust_alone_ends_the_slide_of_a_simple_craft() {
         let mut model = Model::thesis();
@@ -152,8 +156,9 @@ mod tests {
         }
     }
 
-    /// The thesis' craft: reference section 6 says that a held roll slides at v = g sin(phi)/0.2211 and needs 3.78 v of roll,
-    /// which ends the motors; sideways that comes before nose down, where the air's moment is 2.754 u.
+    /// The thesis' craft: reference section 6 says that a held roll slides at v = g sin(phi)/0.2211
+    /// and needs 3.78 v of roll, which ends the motors; sideways that comes before nose down, where
+    /// the air's moment is 2.754 u.
     #[test]
     fn the_air_rolls_the_thesis_craft_before_its_thrust_ends() {
         let tilts = steady_tilts(&Model::thesis()).unwrap();

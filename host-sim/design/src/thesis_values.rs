@@ -1,17 +1,18 @@
-//! What the thesis prints of its linear model and loops, beside what is found here for a model and its gains.
+//! What the thesis prints of its linear model and loops, beside what is found here for a model and
+//! its gains.
 //!
-//! Only numbers in its text and tables: its figures are not part of it any more. For the thesis' vehicle and gains each number
-//! has to come back within [`Compared::tolerance`]; for another craft the printed ones are there to compare with.
+//! Only numbers in its text and tables: its figures are not part of it any more. For the thesis'
+//! vehicle and gains each number has to come back within [`Compared::tolerance`]; for another craft
+//! the printed ones are there to compare with.
 
 use model::Model;
 use serde::Serialize;
 
-use crate::check::{CheckReport, Study};
-use crate::curves::closed_bode;
+use crate::analysis::{Study, closed_bode};
+use crate::check::CheckReport;
 use crate::error::Result;
-use crate::linear::{CANCEL_TOLERANCE, CHANNELS, Linear};
 use crate::loops::LoopName;
-use crate::trim::TrimTarget;
+use crate::plant::{CANCEL_TOLERANCE, CHANNELS, Linear, TrimTarget, with_perturbation};
 
 /// A printed number and the one found.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -59,7 +60,8 @@ pub const TABLE_A1: [[f64; 3]; 16] = [
     [1.0, 47.4733, 5.9198],
 ];
 
-/// Numerators and denominators of (5.17) to (5.22) in descending powers of s, signs as the errata have them.
+/// Numerators and denominators of (5.17) to (5.22) in descending powers of s, signs as the errata
+/// have them.
 type Printed = (&'static str, LoopName, &'static [f64], &'static [f64]);
 const TRANSFER: [Printed; 6] = [
     ("(5.17)", LoopName::Y, &[0.134, 9.808], &[1.0, -0.9888, 0.2274, 37.03, 0.0]),
@@ -80,7 +82,8 @@ fn resonance_rad_s(study: &Study, name: LoopName) -> Result<Option<f64>> {
     Ok(peak.filter(|p| p.magnitude_db > 0.0).map(|p| p.frequency_rad_s))
 }
 
-/// Every printed number of the linear model and the continuous loops. `report` and `study` are of the continuous view.
+/// Every printed number of the linear model and the continuous loops. `report` and `study` are of
+/// the continuous view.
 pub fn compare(model: &Model, study: &Study, report: &CheckReport) -> Result<Vec<Compared>> {
     let linear = &study.linear;
     let mut list = transfer_functions(linear)?;
@@ -129,7 +132,7 @@ fn hover(linear: &Linear) -> Compared {
 /// The 9.808 of (5.16) is the sine of two degrees over its angle.
 fn steep_gravity(model: &Model) -> Result<Compared> {
     let step = 2_f64.to_radians();
-    let linear = crate::linear::with_perturbation(model, &TrimTarget::default(), step)?;
+    let linear = with_perturbation(model, &TrimTarget::default(), step)?;
     Ok(Compared {
         place: "(5.16)",
         what: "gravity in A, by a difference over 2 degrees".into(),

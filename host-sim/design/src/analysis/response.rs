@@ -1,13 +1,17 @@
-//! Responses over time, and what a step response is judged by; the definitions are those of the reference the thesis was
-//! recomputed with.
+//! Responses over time, and what a step response is judged by; the definitions are those of the
+//! reference the thesis was recomputed with.
 
+use control::Config;
 use nalgebra::Complex;
 use serde::Serialize;
 
 use crate::error::Result;
-use crate::loops::ClosedLoop;
-use crate::state_space::StateSpace;
+use crate::loops::{ClosedLoop, loops_of, outer_gains};
+use crate::plant::StateSpace;
 
+/// How long responses are followed, s: three time constants of the thesis' slowest closed-loop pole
+/// (0.057 rad/s).
+pub const LONG_S: f64 = 60.0;
 /// Time step of continuous responses, s.
 const FINE_S: f64 = 1e-3;
 
@@ -45,8 +49,8 @@ pub(crate) fn path(closed: &StateSpace, input: usize, output: usize) -> StateSpa
     }
 }
 
-/// The response to a unit step of the command: through the prefilter, or for an outer loop through its rate limit with a
-/// step of 1 m.
+/// The response to a unit step of the command: through the prefilter, or for an outer loop through
+/// its rate limit with a step of 1 m.
 pub fn commanded_step(closed: &ClosedLoop, rate_limit_m_s: Option<f64>, duration_s: f64) -> Result<Response> {
     let system = closed.prefilter.then(&path(&closed.closed, 0, 0))?;
     match rate_limit_m_s {
@@ -59,13 +63,20 @@ pub fn commanded_step(closed: &ClosedLoop, rate_limit_m_s: Option<f64>, duration
     }
 }
 
+/// The response to a commanded step as the law of `config` takes it, over [`LONG_S`]: through the
+/// prefilter, or 1 m through the rate limit.
+pub fn commanded(config: &Config, closed: &ClosedLoop) -> Result<Response> {
+    let limit = outer_gains(loops_of(config), closed.name).map(|outer| outer.rate_limit_m_s);
+    commanded_step(closed, limit, LONG_S)
+}
+
 /// The response to a unit step of the reference itself, without prefilter and rate limit.
 pub fn bare_step(closed: &ClosedLoop, duration_s: f64) -> Result<Response> {
     Response::of(&path(&closed.closed, 0, 0), duration_s, |_| 1.0)
 }
 
-/// The response to a unit step of a disturbance at the actuator (appendix B), in the controlled variable's unit per N or
-/// per rad/s^2.
+/// The response to a unit step of a disturbance at the actuator (appendix B), in the controlled
+/// variable's unit per N or per rad/s^2.
 pub fn disturbance_step(closed: &ClosedLoop, duration_s: f64) -> Result<Response> {
     Response::of(&path(&closed.closed, 1, 0), duration_s, |_| 1.0)
 }
@@ -79,8 +90,8 @@ pub struct Mode {
     pub damping: f64,
 }
 
-/// The oscillating mode with the least damping, of the poles of a loop sampled every `period_s` (0: continuous). Above
-/// 60 rad/s poles of filters ring too fast to be flown, and are left out.
+/// The oscillating mode with the least damping, of the poles of a loop sampled every `period_s` (0:
+/// continuous). Above 60 rad/s poles of filters ring too fast to be flown, and are left out.
 pub fn least_damped(poles: &[Complex<f64>], period_s: f64) -> Option<Mode> {
     let continuous = |p: &Complex<f64>| if period_s > 0.0 { p.ln() / period_s } else { *p };
     let modes = poles
@@ -92,10 +103,12 @@ pub fn least_damped(poles: &[Complex<f64>], period_s: f64) -> Option<Mode> {
     modes.min_by(|a, b| a.damping.total_cmp(&b.damping))
 }
 
-/// The same of what a step of the reference shows: modes whose part of the response is less than a fiftieth of the step do
-/// not count. Such are slow ones that a zero of the closed loop nearly cancels, whatever their damping.
+/// The least damped mode that a step of the reference shows: modes whose part of the response is
+/// less than a fiftieth of the step do not count. Such are slow ones that a zero of the closed loop
+/// nearly cancels, whatever their damping.
 ///
-/// The part of a mode at the pole p is twice its residue of T(s)/s, here `T(p + e) e / p` with a small e.
+/// The part of a mode at the pole p is twice its residue of T(s)/s, here `T(p + e) e / p` with a
+/// small e.
 pub(crate) fn least_damped_seen(closed: &StateSpace) -> Result<Option<Mode>> {
     const SEEN: f64 = 0.02;
     let mut poles = closed.poles()?;
@@ -114,9 +127,10 @@ pub struct StepMetrics {
     pub overshoot_percent: f64,
     /// From 10 % to 90 %, first crossings, interpolated, s; `None` if either is not reached.
     pub rise_s: Option<f64>,
-    /// Time from which on the response stays within 5 % of 1, s; `None` if it is outside at the end.
+    /// Time from which on the response stays within 5 % of 1, s; `None` if it is outside at the
+    /// end.
     pub settling_5_s: Option<f64>,
-    /// The same for 2 %.
+    /// Time from which on it stays within 2 % of 1, s; `None` if it is outside at the end.
     pub settling_2_s: Option<f64>,
     /// Mean of 1 minus the response over the last second.
     pub steady_state_error: f64,
@@ -199,7 +213,8 @@ mod tests {
     #[test]
     fn first_order_lag() {
         let metrics = step_metrics(&response(10.0, |t| 1.0 - (-t).exp()), PERIOD_S);
-        // Rise ln 9, settling ln 20 and ln 50 time constants; times are known to a sample, the rise by interpolation.
+        // Rise ln 9, settling ln 20 and ln 50 time constants; times are known to a sample, the rise
+        // by interpolation.
         assert!((metrics.rise_s.unwrap() - 9.0_f64.ln()).abs() < 1e-5);
         assert!((metrics.settling_5_s.unwrap() - 20.0_f64.ln()).abs() <= PERIOD_S);
         assert!((metrics.settling_2_s.unwrap() - 50.0_f64.ln()).abs() <= PERIOD_S);

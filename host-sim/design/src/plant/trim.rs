@@ -1,8 +1,9 @@
 //! The equilibrium that a model is linearised about, thesis (5.13) and (5.14).
 //!
-//! `J = Z' . Z'` (the derivative of the state, taken against the demanded motion) is made least over roll, pitch and the
-//! four squared rotor speeds by L-BFGS of the crate argmin; the thesis used MATLAB's `fmincon` on the same cost. The
-//! reached cost is part of the answer: a model that cannot hover has no small one.
+//! `J = Z' . Z'` (the derivative of the state, taken against the demanded motion) is made least
+//! over roll, pitch and the four squared rotor speeds by L-BFGS of the crate argmin; the thesis
+//! used MATLAB's `fmincon` on the same cost. The reached cost is part of the answer: a model that
+//! cannot hover has no small one.
 
 use std::cell::Cell;
 use std::path::Path;
@@ -26,7 +27,7 @@ pub const INPUTS: [&str; 4] = ["T_Z", "tau_phi", "tau_theta", "tau_psi"];
 /// Units of the inputs.
 pub const INPUT_UNITS: [&str; 4] = ["N", "rad/s^2", "rad/s^2", "rad/s^2"];
 
-/// What the craft is to do at the equilibrium; the default is hover at 1 m, (5.14).
+/// What the craft does at the equilibrium; the default is hover at 1 m, (5.14).
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrimTarget {
@@ -141,7 +142,8 @@ impl Dynamics {
         ]
     }
 
-    /// What the rotors do: thrust in N (up) and angular accelerations in rad/s^2, the left side of (5.11).
+    /// What the rotors do: thrust in N (up) and angular accelerations in rad/s^2, the left side of
+    /// (5.11).
     pub(crate) fn rotor_effort(&self, z: &[f64; 12], rotor: &[f64; 4]) -> [f64; 4] {
         let (on, off) =
             (self.accelerations(z, rotor, &[0.0; 4]), self.accelerations(z, &[0.0; 4], &[0.0; 4]));
@@ -158,7 +160,8 @@ struct Search<'a> {
     evaluations: Cell<u32>,
 }
 
-/// Where there is no equilibrium a line search may go to and fro for ever. Thousands of evaluations find one where there is.
+/// Where there is no equilibrium, a line search may not end. Where there is one, thousands of
+/// evaluations find it.
 const MOST_EVALUATIONS: u32 = 50_000;
 
 impl<'a> Search<'a> {
@@ -253,27 +256,7 @@ pub fn equilibrium(model: &Model, target: &TrimTarget) -> Result<Equilibrium> {
     }
     let hover_rad2_s2 = dynamics.mass_kg * dynamics.gravity_m_s2 / per_square;
     let search = Search::new(dynamics, *target, hover_rad2_s2);
-    let (mut best, mut cost, mut iterations) = (vec![0.0, 0.0, 1.0, 1.0, 1.0, 1.0], f64::INFINITY, 0);
-    // A line search ends where rounding hides the slope; starting again from there gains the last digits.
-    for _ in 0..6 {
-        let solver = LBFGS::new(MoreThuenteLineSearch::new(), 6)
-            .with_tolerance_grad(0.0)
-            .and_then(|solver| solver.with_tolerance_cost(0.0))
-            .map_err(|e| DesignError::Optimiser(e.to_string()))?;
-        let run = Executor::new(Search::new(dynamics, *target, hover_rad2_s2), solver)
-            .configure(|state| state.param(best.clone()).max_iters(200).target_cost(ENOUGH))
-            .run();
-        let Ok(result) = run else { break };
-        iterations += result.state().get_iter();
-        let reached = result.state().get_best_cost();
-        let Some(x) = result.state().get_best_param() else { break };
-        if reached < cost {
-            (best, cost) = (x.clone(), reached);
-        }
-        if cost <= ENOUGH {
-            break;
-        }
-    }
+    let (best, mut cost, iterations) = least_cost(&search)?;
     if !cost.is_finite() {
         cost = search.cost(&best).unwrap_or(f64::INFINITY);
     }
@@ -297,8 +280,36 @@ pub fn equilibrium(model: &Model, target: &TrimTarget) -> Result<Equilibrium> {
     })
 }
 
-/// Equilibria of a craft that slides faster and faster, each found from the one before: six accelerations are to vanish by
-/// roll, pitch and four rotors, so Newton's method does, and where it does not there is none nearby.
+/// Where the cost is least, the cost there, and the iterations that it took.
+fn least_cost(search: &Search) -> Result<(Vec<f64>, f64, u64)> {
+    let (mut best, mut cost, mut iterations) = (vec![0.0, 0.0, 1.0, 1.0, 1.0, 1.0], f64::INFINITY, 0);
+    // A line search ends where rounding hides the slope; starting again from there gains the last
+    // digits.
+    for _ in 0..6 {
+        let solver = LBFGS::new(MoreThuenteLineSearch::new(), 6)
+            .with_tolerance_grad(0.0)
+            .and_then(|solver| solver.with_tolerance_cost(0.0))
+            .map_err(|e| DesignError::Optimiser(e.to_string()))?;
+        let run = Executor::new(Search::new(search.dynamics, search.target, search.hover_rad2_s2), solver)
+            .configure(|state| state.param(best.clone()).max_iters(200).target_cost(ENOUGH))
+            .run();
+        let Ok(result) = run else { break };
+        iterations += result.state().get_iter();
+        let reached = result.state().get_best_cost();
+        let Some(x) = result.state().get_best_param() else { break };
+        if reached < cost {
+            (best, cost) = (x.clone(), reached);
+        }
+        if cost <= ENOUGH {
+            break;
+        }
+    }
+    Ok((best, cost, iterations))
+}
+
+/// Equilibria of a craft that slides faster and faster, each found from the one before: six
+/// accelerations are to vanish by roll, pitch and four rotors, so Newton's method does, and where
+/// it does not there is none nearby.
 pub(crate) struct Slide {
     dynamics: Dynamics,
     hover_rad2_s2: f64,
@@ -317,7 +328,8 @@ impl Slide {
         Ok((Self { dynamics: Dynamics::new(model, Some(battery_v)), hover_rad2_s2 }, lean))
     }
 
-    /// The lean and the rotor speeds, rad/s, of a slide at this velocity over ground, m/s, next to another.
+    /// The lean and the rotor speeds, rad/s, of a slide at this velocity over ground, m/s, next to
+    /// another.
     pub(crate) fn at(&self, velocity_ned_m_s: [f64; 3], near: &Lean) -> Option<(Lean, [f64; 4])> {
         const ROUNDS: usize = 30;
         let target = TrimTarget { velocity_ned_m_s, ..TrimTarget::default() };
@@ -354,8 +366,9 @@ impl Slide {
 mod tests {
     use super::*;
 
-    /// (5.14): 1.214 kg at 9.81 m/s^2. Reference section 1, "Hover per motor", tables with C_T = 0.018033: the squares of
-    /// its speeds for C_T = 0.0180 scale the thrust column only, so the speeds of the printed K^-1 are near.
+    /// (5.14): 1.214 kg at 9.81 m/s^2. Reference section 1, "Hover per motor", tables with C_T =
+    /// 0.018033: the squares of its speeds for C_T = 0.0180 scale the thrust column only, so the
+    /// speeds of the printed K^-1 are near.
     #[test]
     fn the_thesis_hover() {
         let e = equilibrium(&Model::thesis(), &TrimTarget::default()).unwrap();
@@ -370,15 +383,17 @@ mod tests {
         }
     }
 
-    /// In wind a hovering craft leans; at rest in still air relative to the wind the sideways force balances the drag:
-    /// tan of the pitch is drag over weight, from the force balance along the inertial axes.
+    /// In wind a hovering craft leans; at rest in still air relative to the wind the sideways force
+    /// balances the drag: tan of the pitch is drag over weight, from the force balance along the
+    /// inertial axes.
     #[test]
     fn wind_is_leant_against() {
         let mut model = Model::thesis();
         model.set(Effect::SteadyWind, &[2.0, 0.0]);
         let e = equilibrium(&model, &TrimTarget::default()).unwrap();
         assert!(e.cost < 1e-20);
-        // Wind from behind (towards north): the craft leans back, nose up, and drag -C_du (u - 2) is balanced.
+        // Wind from behind (towards north): the craft leans back, nose up, and drag -C_du (u - 2)
+        // is balanced.
         let theta = e.state[7];
         let forward = 0.2520 * 2.0 * theta.cos().powi(2) + 0.2609 * 2.0 * theta.sin().powi(2);
         assert!(theta > 0.0 && (e.inputs[0] * theta.sin() - forward).abs() < 1e-6, "{theta} {forward}");

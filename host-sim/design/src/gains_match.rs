@@ -1,5 +1,6 @@
-//! Whether gains belong to a model's vehicle: by the gains file's provenance, and by what the law's mixing and hover thrust
-//! come to on the model's rotors. The second also catches a file that says nothing about its vehicle, or a wrong thing.
+//! Whether gains match a model's vehicle: by the gains file's provenance, and by what the law's
+//! mixing and hover thrust do with the model's rotors. The second also catches a file whose
+//! provenance is missing or wrong.
 
 use std::path::Path;
 
@@ -8,12 +9,11 @@ use gains_file::{Gains, GainsError, VehicleId};
 use model::Model;
 
 use crate::error::Result;
-use crate::linear::Linear;
 use crate::loops::law_effect;
-use crate::trim::TrimTarget;
+use crate::plant::{Linear, TrimTarget};
 
-/// Reads a gains file and refuses it unless it belongs to the model's vehicle: what flies or judges gains on a model calls
-/// this.
+/// Reads a gains file and refuses it unless it belongs to the model's vehicle. Every program that
+/// flies or judges gains on a model calls this.
 ///
 /// # Errors
 /// A file that cannot be read or flown, one of another vehicle, or a model that cannot hover.
@@ -21,7 +21,7 @@ pub fn read_for(path: &Path, model: &Model) -> Result<Gains> {
     let gains = Gains::read(path)?;
     // What the file itself says comes first: it needs no equilibrium.
     belongs(&gains, model, path)?;
-    fit(&gains, model, &Linear::new(model, &TrimTarget::default())?, path)?;
+    gains_match(&gains, model, &Linear::new(model, &TrimTarget::default())?, path)?;
     Ok(gains)
 }
 
@@ -34,7 +34,7 @@ fn belongs(gains: &Gains, model: &Model, path: &Path) -> Result<()> {
 ///
 /// # Errors
 /// [`GainsError::OtherVehicle`].
-pub fn fit(gains: &Gains, model: &Model, linear: &Linear, path: &Path) -> Result<()> {
+pub fn gains_match(gains: &Gains, model: &Model, linear: &Linear, path: &Path) -> Result<()> {
     belongs(gains, model, path)?;
     let refuse = |reason: String| Err(GainsError::OtherVehicle { path: path.to_owned(), reason }.into());
     let range = model.vehicle.motors.command_range;
@@ -57,7 +57,7 @@ pub fn fit(gains: &Gains, model: &Model, linear: &Linear, path: &Path) -> Result
         let share = effect[(axis, axis)];
         if !(share > LEAST_EFFECT && share < MOST_EFFECT) {
             return refuse(format!(
-                "1 of the law's {what} comes out as {share:.3} on this model's rotors; make the mixing and the motor map from this model"
+                "where the law asks for 1 of {what}, this model's rotors give {share:.3}; make the mixing and the motor map from this model"
             ));
         }
     }
@@ -85,7 +85,7 @@ mod tests {
             let (mut model, mut gains) = (Model::thesis(), gains.clone());
             edit(&mut model, &mut gains);
             let linear = Linear::new(&model, &TrimTarget::default()).unwrap();
-            fit(&gains, &model, &linear, Path::new("g.toml"))
+            gains_match(&gains, &model, &linear, Path::new("g.toml"))
         };
         assert!(check(&|_, _| {}).is_ok());
         let reason = |edit: &dyn Fn(&mut Model, &mut Gains)| check(edit).unwrap_err().to_string();
@@ -98,10 +98,10 @@ mod tests {
             let values: Vec<f64> = term.coefficients.iter().map(|c| c.value).collect();
             m.set(model::Effect::RotorMoments, &values);
         };
-        assert!(reason(&yaw_gone).contains("1 of the law's yaw comes out as 0.300"));
+        assert!(reason(&yaw_gone).contains("asks for 1 of yaw, this model's rotors give 0.300"));
     }
 
-    /// The same name, but another scale said something else of its mass.
+    /// A vehicle that keeps its name but was weighed again is another vehicle.
     #[test]
     fn a_vehicle_of_the_same_name_that_was_measured_otherwise_is_refused() {
         let mut gains = Gains::parse(THESIS, Path::new("g.toml")).unwrap();
@@ -110,12 +110,12 @@ mod tests {
         provenance.vehicle_sha256 = Some(model.vehicle.sha256());
         let check = |model: &Model| {
             let linear = Linear::new(model, &TrimTarget::default()).unwrap();
-            fit(&gains, model, &linear, Path::new("g.toml"))
+            gains_match(&gains, model, &linear, Path::new("g.toml"))
         };
         assert!(check(&model).is_ok());
         model.vehicle.mass *= 1.01;
         let error = check(&model).unwrap_err();
         assert!(matches!(error, DesignError::Gains(GainsError::OtherVehicle { .. })));
-        assert!(error.to_string().contains("measured otherwise"), "{error}");
+        assert!(error.to_string().contains("with other measurements"), "{error}");
     }
 }

@@ -1,9 +1,10 @@
 //! Margins of a loop: how much phase, gain and delay it can lose.
 //!
-//! All crossings of a loop gain L are found, on a logarithmic grid of frequencies and then by bisection. Phase margin:
-//! 180 degrees plus the phase where |L| = 1. Gain margin: 1/|L| where the phase is 180 degrees; a loop around an unstable
-//! plant has one upwards and one downwards. Sensitivity peak: the greatest |1 / (1 + L)|, one over the least distance of
-//! the Nyquist curve from -1. Delay margin: the age that the pose may gain before the loop is unstable.
+//! All crossings of a loop gain L are found, on a logarithmic grid of frequencies and then by
+//! bisection. Phase margin: 180 degrees plus the phase where |L| = 1. Gain margin: 1/|L| where the
+//! phase is 180 degrees; a loop around an unstable plant has one upwards and one downwards.
+//! Sensitivity peak: the greatest |1 / (1 + L)|, one over the least distance of the Nyquist curve
+//! from -1. Delay margin: the age that the pose may gain before the loop is unstable.
 
 use nalgebra::Complex;
 use serde::Serialize;
@@ -32,13 +33,14 @@ pub struct PhaseCrossing {
 /// Margins at one cut of a loop.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Margins {
-    /// Least phase margin, degrees; absent if the gain never crosses 1. Of a stable loop it is positive: the phase that it
-    /// can lose, or gain where that is less (loops around unstable plants).
+    /// Least phase margin, degrees; absent if the gain never crosses 1. Of a stable loop it is
+    /// positive: the phase that it can lose, or gain where that is less (loops around unstable
+    /// plants).
     pub phase_margin_deg: Option<f64>,
     /// Gain crossover frequency it belongs to, rad/s.
     pub crossover_rad_s: Option<f64>,
-    /// Least factor above 1 by which the gain may grow (of an unstable loop: the factor nearest to 1 that would make it
-    /// cross -1); absent if it may grow without end.
+    /// Least factor above 1 by which the gain may grow (of an unstable loop: the factor nearest to
+    /// 1 that would make it cross -1); absent if it may grow without end.
     pub gain_margin: Option<f64>,
     /// Frequency it belongs to, rad/s.
     pub phase_crossover_rad_s: Option<f64>,
@@ -66,13 +68,15 @@ pub struct Band {
 }
 
 impl Band {
-    /// From twenty times below the slowest loop's crossover to half the sampling rate (continuous: to ten times the rotors').
+    /// From twenty times below the slowest loop's crossover to half the sampling rate (continuous:
+    /// to ten times the rotors').
     pub fn of(period_s: Option<f64>) -> Self {
         let high_rad_s = period_s.map_or(300.0, |period_s| 0.999 * std::f64::consts::PI / period_s);
         Self { low_rad_s: 0.02, high_rad_s, points: 600 }
     }
 
-    /// The same with a grid that is enough to search on, but could miss two crossings that lie close together.
+    /// A coarser grid over the band of [`Band::of`]: enough to search on, but it could miss two
+    /// crossings that lie close together.
     pub fn coarse(period_s: Option<f64>) -> Self {
         Self { points: 300, ..Self::of(period_s) }
     }
@@ -177,8 +181,9 @@ fn bisect(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
 
 /// By how much the pose may get older before a stable loop is unstable, s; absent: by any amount.
 ///
-/// The loop is cut at the actuator, where all that the pose does goes through: proportional, integral and velocity feedback,
-/// and for an outer loop position and attitude together. What a gyro does stays closed.
+/// The loop is cut at the actuator, where all that the pose does goes through: proportional,
+/// integral and velocity feedback, and for an outer loop position and attitude together. What a
+/// gyro does stays closed.
 pub fn delay_margin_s(closed: &ClosedLoop, band: Band) -> Result<Option<f64>> {
     let (pose, gyro) = (closed.at_actuator.sweep(0, 0)?, closed.at_actuator.sweep(1, 0)?);
     let gain = |w: f64| pose.response(w) / (gyro.response(w) + 1.0);
@@ -204,7 +209,7 @@ pub struct LoopMargins {
 }
 
 impl LoopMargins {
-    /// Of a loop.
+    /// All margins of one loop.
     pub fn of(closed: &ClosedLoop) -> Result<Self> {
         let band = Band::of(closed.closed.period_s);
         let stable = closed.closed.is_stable()?;
