@@ -233,7 +233,7 @@ impl Radio {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::noise::NoiseModel;
+    use crate::craft::NoiseModel;
     use control::State;
     use model::Model;
     use proto::{Command, Request, TimedPose};

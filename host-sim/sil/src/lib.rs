@@ -24,39 +24,21 @@
 #![forbid(unsafe_code)]
 
 mod craft;
-mod delay;
-mod emulated;
+mod experiments;
 pub mod failsafe;
-mod fault;
 mod flight;
+mod flight_computer;
 mod laboratory;
-mod link;
-pub mod manoeuvre;
-pub mod metrics;
-mod noise;
-pub mod page;
-pub mod plan;
-pub mod predict;
-mod process;
-pub mod reference;
 pub mod same_bits;
-mod scenario;
-mod script;
-mod sensors;
-mod suite;
+mod scenarios;
 
-pub use craft::Craft;
-pub use emulated::{Emulated, Emulation, Processor, Udp};
+pub use craft::{Coloured, Craft, Fault, FaultKind, NoiseModel, Sensors};
+pub use experiments::{manoeuvre, next_flight, predict};
 pub use failsafe::{Drill, Expected, Found, drills};
-pub use fault::{Fault, FaultKind};
 pub use flight::{
-    CAGE_M, ClosedLoop, FlightPlan, Recording, Row, SilError, Truth, fly, fly_over, for_identification,
+    CAGE_M, ClosedLoop, FlightPlan, Recording, Row, Script, SilError, Step, StepAxis, Truth, Waypoint, fly,
+    fly_over, for_identification,
 };
+pub use flight_computer::{Emulated, Emulation, Iceoryx2, InProcess, Link, LinkError, Processor, Udp, serve};
 pub use laboratory::{Laboratory, Radio, Room};
-pub use link::{InProcess, Link, LinkError};
-pub use noise::{Coloured, NoiseModel};
-pub use process::{Iceoryx2, serve};
-pub use scenario::{Check, Scenario, Settings};
-pub use script::{Script, Step, StepAxis, Waypoint};
-pub use sensors::Sensors;
-pub use suite::{Outcome, Suite, Transport};
+pub use scenarios::{Check, Outcome, Scenario, Settings, Suite, Transport, page, reference};

@@ -110,7 +110,9 @@ fn main() -> ExitCode {
         Err(error) => return usage(&error),
     };
     let outcome = match &arguments.controller {
-        Some(run) => sil::serve(run).map(|()| ExitCode::SUCCESS).map_err(anyhow::Error::from),
+        Some(run) => {
+            sil::serve(run).map(|()| ExitCode::SUCCESS).map_err(|error| SilError::from(error).into())
+        }
         None => run(&arguments),
     };
     outcome.unwrap_or_else(|error| {

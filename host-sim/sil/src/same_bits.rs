@@ -12,12 +12,10 @@ use craft::{Lockstep, RECORDING_MAGIC, convert, digest};
 use proto::{MAX_FRAME_LEN, Message, Outcome};
 use sha2::{Digest, Sha256};
 
-use crate::emulated::{Emulated, Processor};
-use crate::fault::{Fault, FaultKind};
+use crate::craft::{Fault, FaultKind, NoiseModel};
 use crate::flight::{ClosedLoop, FlightPlan, SilError};
-use crate::link::{Link, LinkError};
-use crate::noise::NoiseModel;
-use crate::scenario::{Scenario, Settings};
+use crate::flight_computer::{Emulated, Link, LinkError, Processor};
+use crate::scenarios::{Scenario, Settings};
 
 /// Length of a flight, s.
 pub const FLIGHT_S: f64 = 60.0;

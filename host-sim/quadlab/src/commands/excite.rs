@@ -14,7 +14,7 @@ use pattern::{Pattern, relative_peak_factor};
 use report::{Axis, Figure, Page, Panels, Section, Series, Style, significant};
 use serde::Serialize;
 use sil::manoeuvre::{Injection, Signal, library};
-use sil::plan::{BAND_HZ, GENTLE, known_error};
+use sil::next_flight::{BAND_HZ, GENTLE, known_error};
 use sil::predict::{Course, Foreseen, Predictor, Prospect};
 use sysid::information::{Expected, Parameter};
 

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use model::{Effect, Model};
 use report::significant;
 use serde::Serialize;
-use sil::plan::{APART, Goal, Proposal, check_effect, coefficient, known_error, plan};
+use sil::next_flight::{APART, Goal, Proposal, check_effect, coefficient, known_error, plan};
 use sil::predict::Predictor;
 
 use crate::cli::output::{Outcome, check_outputs};

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use pattern::{Excitation, Multisine, MultisineError, Pattern, PatternError, Spacing, Sweep, SweepError};
 
-use crate::script::{Script, Waypoint};
+use crate::flight::{Script, Waypoint};
 
 /// A path to fly.
 #[derive(Debug, Clone, PartialEq)]
@@ -231,7 +231,7 @@ impl Injection {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::CAGE_M;
+    use crate::flight::CAGE_M;
 
     const GENTLE: Injection =
         Injection { signal: Signal::Multisine, amplitude: 15.0, band_hz: [0.2, 5.0], seed: 1 };

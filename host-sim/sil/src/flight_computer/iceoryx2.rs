@@ -27,7 +27,7 @@ use iceoryx2::port::server::Server;
 use iceoryx2::prelude::*;
 use proto::{MAX_FRAME_LEN, Message};
 
-use crate::link::{Link, LinkError};
+use super::in_process::{Link, LinkError};
 
 type Ipc = ipc::Service;
 type Asking = Client<Ipc, [u8], (), [u8], ()>;
@@ -269,14 +269,14 @@ impl Iceoryx2 {
 ///
 /// # Errors
 /// A configuration that cannot be read or flown, or what the middleware refuses.
-pub fn serve(run: &str) -> Result<(), crate::SilError> {
+pub fn serve(run: &str) -> Result<(), LinkError> {
     let domain = Domain::new(run);
     let outcome = answer_until_input_ends(run, &domain);
     domain.remove();
     outcome
 }
 
-fn answer_until_input_ends(run: &str, domain: &Domain) -> Result<(), crate::SilError> {
+fn answer_until_input_ends(run: &str, domain: &Domain) -> Result<(), LinkError> {
     let Some(config) = read_config()? else { return Ok(()) };
     let mut lockstep = Lockstep::new(&config)?;
     let plant_done = watch_input();

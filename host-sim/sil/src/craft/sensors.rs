@@ -8,7 +8,7 @@ use control::Measurement;
 use model::{Adjustments, Model, State, frames};
 use nalgebra::{Matrix3, Vector3};
 
-use crate::noise::{NoiseModel, NoiseSample, NoiseSource};
+use super::noise::{NoiseModel, NoiseSample, NoiseSource};
 
 /// The sensors of one craft in one flight.
 #[derive(Debug, Clone)]

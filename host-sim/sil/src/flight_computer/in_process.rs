@@ -6,6 +6,9 @@ use craft::convert;
 /// What can go wrong between controller and plant.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
+    /// The controller's configuration.
+    #[error("controller configuration: {0}")]
+    Config(#[from] control::ConfigError),
     /// The controller's process could not be started.
     #[error("cannot start the controller's process {program}: {reason}")]
     Start {

@@ -7,11 +7,9 @@
 use control::{Condition, Conditions, Request};
 use proto::State;
 
-use crate::fault::{Fault, FaultKind};
-use crate::flight::{FlightPlan, Recording, SilError, fly};
-use crate::noise::NoiseModel;
-use crate::scenario::{Scenario, Settings};
-use crate::script::{Script, Step, StepAxis};
+use crate::craft::{Fault, FaultKind, NoiseModel};
+use crate::flight::{FlightPlan, Recording, Script, SilError, Step, StepAxis, fly};
+use crate::scenarios::{Scenario, Settings};
 
 /// What the drills are flown over, and when the fault begins, s.
 const FLIGHTS: [(&str, f64); 3] = [("hover", 3.0), ("climb", 3.0), ("pattern", 9.0)];

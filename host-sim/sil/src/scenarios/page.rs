@@ -4,11 +4,10 @@ use report::{
     Axis, Cell, Column, Figure, Page, Panels, Provenance, Section, Series, Style, Table, Verdict, significant,
 };
 
-use crate::flight::{Recording, Row};
-use crate::reference::{Variant, response};
-use crate::scenario::{Check, Settings, step_of};
-use crate::script::{Script, StepAxis};
-use crate::suite::{Outcome, Suite};
+use super::reference::{Variant, response};
+use super::scenario::{Check, Settings, step_of};
+use super::suite::{Outcome, Suite};
+use crate::flight::{Recording, Row, Script, StepAxis};
 
 const MOTORS: [&str; 4] = ["1 front-left", "2 front-right", "3 rear-right", "4 rear-left"];
 

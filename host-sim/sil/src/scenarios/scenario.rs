@@ -13,10 +13,12 @@ use control::Config;
 use control::supervision::Fence;
 use model::{Effect, Model};
 
-use crate::flight::{FlightPlan, Recording, battery_of, for_identification, with_still_sensors};
-use crate::metrics::StepMetrics;
-use crate::noise::NoiseModel;
-use crate::script::{Script, Step, StepAxis, Waypoint};
+use crate::craft::NoiseModel;
+use crate::flight::{
+    FlightPlan, Recording, Script, Step, StepAxis, Waypoint, battery_of, for_identification,
+    with_still_sensors,
+};
+use design::response::StepMetrics;
 
 /// A named flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

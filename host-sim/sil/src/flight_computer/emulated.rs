@@ -24,7 +24,7 @@ use proto::{
 };
 use tempfile::TempPath;
 
-use crate::link::{Link, LinkError};
+use super::in_process::{Link, LinkError};
 
 /// How long an answer may take: an emulator on a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(60);

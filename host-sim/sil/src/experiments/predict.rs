@@ -195,8 +195,9 @@ impl Course {
                 .map(|r| f64::from(r.truth.position_m[k]))
                 .fold([f64::INFINITY, f64::NEG_INFINITY], |m, v| [m[0].min(v), m[1].max(v)])
         };
-        let speed =
-            |r: &crate::Row| r.truth.velocity_m_s.iter().map(|v| f64::from(v * v)).sum::<f64>().sqrt();
+        let speed = |r: &crate::flight::Row| {
+            r.truth.velocity_m_s.iter().map(|v| f64::from(v * v)).sum::<f64>().sqrt()
+        };
         let margin_m = recording.cage_margin_m();
         let outside = || {
             (margin_m < 0.0).then(|| format!("it leaves the cage or meets the floor, by {:.2} m", -margin_m))
@@ -228,7 +229,7 @@ fn end_before_time(recording: &Recording) -> Option<String> {
 }
 
 /// What the supervisor does in a flight at the first row that is not flown as commanded, and why.
-fn taking_over(row: &crate::Row) -> String {
+fn taking_over(row: &crate::flight::Row) -> String {
     let does = match row.supervision.state {
         State::Hold => "holds the craft where it is",
         State::Land => "lands the craft",

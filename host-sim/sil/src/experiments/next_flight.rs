@@ -12,8 +12,8 @@ use pattern::{Multisine, Pattern};
 use rayon::prelude::*;
 use sysid::information::Parameter;
 
-use crate::manoeuvre::{Manoeuvre, ManoeuvreError, library};
-use crate::predict::{Course, Foreseen, PredictError, Predictor};
+use super::manoeuvre::{Manoeuvre, ManoeuvreError, library};
+use super::predict::{Course, Foreseen, PredictError, Predictor};
 
 /// Amplitude of the multisine beside every manoeuvre, and of a strong one, part of the command range: the thesis' 15 us are
 /// 0.015.

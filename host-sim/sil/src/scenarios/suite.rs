@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use crate::emulated::Emulation;
+use design::response::{StepMetrics, step_metrics, value_at};
+
+use super::scenario::{Check, Scenario, Settings, step_of};
 use crate::flight::{FlightPlan, Recording, SilError, fly, fly_over};
-use crate::metrics::{StepMetrics, step_metrics, value_at};
-use crate::process::Iceoryx2;
-use crate::scenario::{Check, Scenario, Settings, step_of};
+use crate::flight_computer::{Emulation, Iceoryx2};
 
 /// Overshoot beyond which control counts as lost, per cent (as in the reference).
 const LOST_OVERSHOOT_PERCENT: f64 = 50.0;

@@ -4,7 +4,7 @@ use control::Measurement;
 use model::user_effect::Undefined;
 use model::{Battery, DelayLine, Plant, State, Substeps};
 
-use crate::sensors::Sensors;
+use super::sensors::Sensors;
 
 /// Beyond this any coordinate or rate counts as a craft that is gone (the bound of the reference simulation).
 const GONE: f64 = 1e4;

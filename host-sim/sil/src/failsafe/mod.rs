@@ -1,0 +1,5 @@
+//! Failsafe drills.
+
+mod drill;
+
+pub use drill::{Drill, Expected, Found, drills, table};
