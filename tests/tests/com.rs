@@ -17,15 +17,15 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use common::{Bench, Ground, IDLE, PATIENCE, Program, patient_law, signal};
-use ground::frames::{Axes, Frames, xyz_from_rotation};
 use ground::link::{LinkSettings, PORT};
-use ground::vicon::{Block, Object};
+use ground::mocap::frames::{Axes, Frames, xyz_from_rotation};
+use ground::mocap::vicon_stream::{Block, Object};
 use model::{Battery, Model, Plant};
 use nalgebra::Vector3;
 use pattern::{Excitation, Pattern};
 use proto::{Key, MAX_PACKET_LEN, Message, Mode, Opener, Pose, Request, Role, State, Telemetry, Timer};
 use serde_json::Value;
-use sil::{Craft, FlightPlan, NoiseModel, Room, Script, Sensors, for_identification};
+use sil::{FlightPlan, NoiseModel, Room, Script, Sensors, SimulatedCraft, for_identification};
 
 const PERIOD_S: f64 = 0.01;
 
@@ -48,7 +48,7 @@ fn program(name: &str) -> PathBuf {
 struct World {
     bench: Bench,
     ground: Ground,
-    craft: Craft,
+    craft: SimulatedCraft,
     ticks: u16,
 }
 
@@ -95,7 +95,7 @@ fn the_program_flies_the_plant_through_its_ports() {
     let sensors = Sensors::new(&model, Some(NoiseModel::default()), PERIOD_S, 7);
     // Rotors at rest; a hand's breadth under where it is asked to be.
     let state = model::State::at_rest(Vector3::new(0.0, 0.0, -0.8), [0.0; 4]);
-    let craft = Craft::new(Plant::new(&model), Battery::constant(11.1), sensors, state, PERIOD_S, 4);
+    let craft = SimulatedCraft::new(Plant::new(&model), Battery::constant(11.1), sensors, state, PERIOD_S, 4);
     let mut world = World { bench, ground, craft, ticks: 0 };
 
     let idle = proto::Command { z_m: -0.8, ..IDLE };
@@ -375,7 +375,7 @@ fn the_ground_station_flies_the_program_and_its_recording_is_identified() {
 /// The ground's end of the link with its files, and everything that passed over it.
 struct Pilot {
     folder: tempfile::TempDir,
-    link: ground::link::Link,
+    link: ground::link::CraftLink,
     socket: UdpSocket,
     said: u32,
     up: Vec<Vec<u8>>,
@@ -391,10 +391,10 @@ impl Pilot {
         Self { folder, link, socket, said: 0, up: Vec::new(), down: Vec::new(), telemetry: None }
     }
 
-    fn link(folder: &Path) -> ground::link::Link {
+    fn link(folder: &Path) -> ground::link::CraftLink {
         let key = Some(folder.join("key"));
         let settings = LinkSettings { number: LINK, key, ..LinkSettings::default() };
-        ground::link::Link::open(&settings, "127.0.0.1".parse().unwrap()).unwrap()
+        ground::link::CraftLink::open(&settings, "127.0.0.1".parse().unwrap()).unwrap()
     }
 
     fn socket(craft: SocketAddr) -> UdpSocket {

@@ -9,7 +9,7 @@ use control::supervision::Fence;
 use design::check::{Study, commanded};
 use design::loops::{LOOPS, LoopName, View};
 use model::{Battery, Model};
-use sil::{FlightPlan, NoiseModel, Outcome, Scenario, Settings, StepAxis, fly};
+use sil::{FlightPlan, NoiseModel, Scenario, ScenarioResult, Settings, StepAxis, fly};
 
 /// The default design on the thesis' vehicle, as the file in the tree has it (crate `design` tests that it comes out so).
 fn designed() -> Config {
@@ -98,7 +98,7 @@ fn designed_gains_fly_no_worse_than_the_thesis_gains() {
         (Scenario::Y1, 14.2, 2.0),
     ] {
         let plan = scenario.plan(&settings);
-        let outcome = Outcome::new(scenario, plan.clone(), fly(&plan).unwrap());
+        let outcome = ScenarioResult::new(scenario, plan.clone(), fly(&plan).unwrap());
         let metrics = outcome.metrics.unwrap();
         println!("{scenario}: {metrics:?}");
         assert!(outcome.pass() && outcome.saturated_ticks == 0, "{scenario}");
@@ -110,7 +110,7 @@ fn designed_gains_fly_no_worse_than_the_thesis_gains() {
     }
     for scenario in [Scenario::Hover, Scenario::Pattern, Scenario::Excitation] {
         let plan = scenario.plan(&settings);
-        assert!(Outcome::new(scenario, plan.clone(), fly(&plan).unwrap()).pass(), "{scenario}");
+        assert!(ScenarioResult::new(scenario, plan.clone(), fly(&plan).unwrap()).pass(), "{scenario}");
     }
 }
 

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use common::{Bench, Ground, Held, IDLE, PATIENCE, patient_law};
 use control::Config;
 use proto::{Request, State};
-use sil::{FlightPlan, InProcess, Link, NoiseModel, Recording, StepAxis, Udp};
+use sil::{FlightComputer, FlightPlan, InProcess, NoiseModel, Recording, StepAxis, Udp};
 
 const RUNNER: &str = "qemu-arm -L /usr/arm-linux-gnueabihf";
 /// The program for ARM Linux, which `cargo xtask test` has built.
@@ -167,7 +167,7 @@ fn settle_ports(bench: &Bench) -> u16 {
 }
 
 /// A minute in noise with a step of a metre, with the law wherever `link` leads.
-fn minute(link: impl Link, law: &Config) -> Recording {
+fn minute(link: impl FlightComputer, law: &Config) -> Recording {
     let plan = FlightPlan {
         config: *law,
         noise: Some(NoiseModel::default()),

@@ -6,7 +6,7 @@
 mod common;
 
 use gungraun::{library_benchmark, library_benchmark_group, main};
-use sil::{ClosedLoop, InProcess, LinkError, Row};
+use sil::{ClosedLoop, FlightComputerError, InProcess, Row};
 
 type Loop = ClosedLoop<'static, InProcess>;
 
@@ -22,7 +22,7 @@ fn under_way() -> Box<Loop> {
 
 #[library_benchmark]
 #[bench::of(under_way())]
-fn closed_loop_step(mut flight: Box<Loop>) -> (Result<Row, LinkError>, Box<Loop>) {
+fn closed_loop_step(mut flight: Box<Loop>) -> (Result<Row, FlightComputerError>, Box<Loop>) {
     (flight.step(), flight)
 }
 

@@ -18,13 +18,13 @@ use model::frames;
 use nalgebra::Vector3;
 use proto::{ImuSample, MAX_PACKET_LEN, Message, Opener, Refused, Role, Sealer};
 
-use crate::craft::Craft;
+use crate::craft::SimulatedCraft;
 use crate::flight::{FlightPlan, SilError};
 
 /// The craft's body in a room with a floor, and the sensors that see it.
 #[derive(Debug, Clone)]
 pub struct Room {
-    body: Craft,
+    body: SimulatedCraft,
 }
 
 impl Room {

@@ -14,7 +14,7 @@
 //! What flies is the whole [`control::Autopilot`], supervisor included, from the air on. [`Fault`]s break links, sensors, motors
 //! and clock on the way; [`drills`] is the list of flights that set off each failsafe, and of those that just do not.
 //!
-//! Controller and plant may be one process or two ([`Link`]): the messages are those of crate `proto`, and the
+//! Controller and plant may be one process or two ([`FlightComputer`]): the messages are those of crate `proto`, and the
 //! recordings do not differ in a single bit. The controller may also run on the craft's own processors, emulated ([`Emulation`]);
 //! [`same_bits`] compares everything that it computes there.
 //!
@@ -32,13 +32,17 @@ mod laboratory;
 pub mod same_bits;
 mod scenarios;
 
-pub use craft::{Coloured, Craft, Fault, FaultKind, NoiseModel, Sensors};
+pub use craft::{Coloured, Fault, FaultKind, NoiseModel, Sensors, SimulatedCraft};
 pub use experiments::{manoeuvre, next_flight, predict};
-pub use failsafe::{Drill, Expected, Found, drills};
+pub use failsafe::{Drill, DrillResult, ExpectedResponse, drills};
 pub use flight::{
-    CAGE_M, ClosedLoop, FlightPlan, Recording, Row, Script, SilError, Step, StepAxis, Truth, Waypoint, fly,
-    fly_over, for_identification,
+    CAGE_M, ClosedLoop, FlightPlan, Recording, Row, Script, SilError, StepAxis, StepCommand, Truth, Waypoint,
+    fly, fly_over, for_identification,
 };
-pub use flight_computer::{Emulated, Emulation, Iceoryx2, InProcess, Link, LinkError, Processor, Udp, serve};
+pub use flight_computer::{
+    Emulated, Emulation, FlightComputer, FlightComputerError, Iceoryx2, InProcess, Processor, Udp, serve,
+};
 pub use laboratory::{Laboratory, Radio, Room};
-pub use scenarios::{Check, Outcome, Scenario, Settings, Suite, Transport, page, reference};
+pub use scenarios::{
+    RequirementCheck, Scenario, ScenarioResult, Settings, Suite, Transport, page, reference,
+};

@@ -11,8 +11,8 @@ use control::Config;
 use indicatif::{ProgressBar, ProgressStyle};
 use model::Model;
 use sil::{
-    Emulation, FlightPlan, LinkError, NoiseModel, Processor, Scenario, Settings, SilError, Suite, Transport,
-    page,
+    Emulation, FlightComputerError, FlightPlan, NoiseModel, Processor, Scenario, Settings, SilError, Suite,
+    Transport, page,
 };
 
 /// Fly the controller against the simulated craft at 100 Hz and judge the flights.
@@ -117,7 +117,8 @@ fn main() -> ExitCode {
     };
     outcome.unwrap_or_else(|error| {
         eprintln!("error: {error:#}");
-        let interrupted = matches!(error.downcast_ref(), Some(SilError::Link(LinkError::Interrupted)));
+        let interrupted =
+            matches!(error.downcast_ref(), Some(SilError::FlightComputer(FlightComputerError::Interrupted)));
         ExitCode::from(if interrupted { INTERRUPTED } else { BAD_USAGE })
     })
 }

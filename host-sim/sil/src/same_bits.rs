@@ -14,7 +14,7 @@ use sha2::{Digest, Sha256};
 
 use crate::craft::{Fault, FaultKind, NoiseModel};
 use crate::flight::{ClosedLoop, FlightPlan, SilError};
-use crate::flight_computer::{Emulated, Link, LinkError, Processor};
+use crate::flight_computer::{Emulated, FlightComputer, FlightComputerError, Processor};
 use crate::scenarios::{Scenario, Settings};
 
 /// Length of a flight, s.
@@ -48,8 +48,8 @@ struct Recorder {
     ticks: Vec<(Readings, Outcome, u64)>,
 }
 
-impl Link for Recorder {
-    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<Outcome, LinkError> {
+impl FlightComputer for Recorder {
+    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<Outcome, FlightComputerError> {
         let message = Message::Readings(convert::readings_message(tick, readings));
         let outcome = self.lockstep.answer(&message).ok_or(proto::Error::Malformed)?;
         self.ticks.push((*readings, outcome, digest(self.lockstep.flight())));
@@ -146,7 +146,7 @@ impl Flown {
         processor: Processor,
         program: &Path,
         config: &Config,
-    ) -> Result<Option<Difference>, LinkError> {
+    ) -> Result<Option<Difference>, FlightComputerError> {
         let found = Emulated::replay(processor, program, config, &self.recording()?, self.ticks.len())?;
         let pairs = self.ticks.iter().zip(found).enumerate();
         let mut differences = pairs.filter(|(_, ((_, _, here), there))| here != there);

@@ -12,7 +12,7 @@ use design::procedure::{Shortfall, Specs, design};
 use model::{Effect, Model};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use sil::{Outcome, Scenario, Settings, fly};
+use sil::{Scenario, ScenarioResult, Settings, fly};
 
 /// A craft of any size, by the laws that small and large ones obey alike: inertia grows with mass and the square of the arm,
 /// tips are equally fast, drag slows all in a second or more, lag grows with the rotor.
@@ -129,7 +129,7 @@ fn held(model: &Model, config: control::Config, specs: &Specs, seed: u64) {
         Scenario::Y1,
     ] {
         let plan = scenario.plan(&settings);
-        let outcome = Outcome::new(scenario, plan.clone(), fly(&plan).unwrap());
+        let outcome = ScenarioResult::new(scenario, plan.clone(), fly(&plan).unwrap());
         assert!(!outcome.lost_control, "seed {seed}: {scenario} is lost: {:?}", outcome.metrics);
         // What bends a step of this size, unequal motors and drag that grows with speed, stays below what is promised and as
         // much again. In wind a flight begins with a push, for the craft starts level: it has to be kept, no more.

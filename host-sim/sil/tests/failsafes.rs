@@ -4,7 +4,7 @@
 use control::{Condition, Config};
 use model::Model;
 use proto::State;
-use sil::failsafe::Expected;
+use sil::failsafe::ExpectedResponse;
 use sil::{Fault, FaultKind, FlightPlan, NoiseModel, Scenario, Settings, drills, fly};
 
 #[test]
@@ -37,7 +37,7 @@ fn every_rule_has_both_drills() {
     ];
     for rule in Condition::ALL.into_iter().filter(|rule| !elsewhere.contains(rule)) {
         let of_rule = || list.iter().filter(|drill| drill.rule == rule);
-        let goes = |drill: &&sil::Drill| matches!(drill.expected, Expected::Goes(_));
+        let goes = |drill: &&sil::Drill| matches!(drill.expected, ExpectedResponse::Goes(_));
         assert!(
             of_rule().any(|drill| goes(&drill))
                 || [Condition::BatteryLow, Condition::ArmRequested].contains(&rule),

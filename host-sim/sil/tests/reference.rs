@@ -11,7 +11,7 @@ use control::filter::GainRule;
 use control::gains::VelocityEstimator;
 use control::supervision::Fence;
 use sil::reference::{RESPONSES, Response, Variant};
-use sil::{FlightPlan, Outcome, Scenario, Settings, StepAxis, fly};
+use sil::{FlightPlan, Scenario, ScenarioResult, Settings, StepAxis, fly};
 
 const RESPONSE: f64 = 1e-3;
 const OVERSHOOT_PERCENT: f64 = 0.1;
@@ -30,12 +30,12 @@ fn config(variant: Variant) -> Config {
     config
 }
 
-fn flown(scenario: Scenario, variant: Variant) -> Outcome {
+fn flown(scenario: Scenario, variant: Variant) -> ScenarioResult {
     let delay_samples = if variant == Variant::B { 0 } else { 2 };
     let settings = Settings { delay_samples, ..Settings::default() };
     let plan = FlightPlan { config: config(variant), ..scenario.plan(&settings) };
     let recording = fly(&plan).expect("the thesis' plans can be flown");
-    Outcome::new(scenario, plan, recording)
+    ScenarioResult::new(scenario, plan, recording)
 }
 
 fn near(got: f64, expected: f64, tolerance: f64, what: &str) {
@@ -128,11 +128,11 @@ fn hover_holds() {
     near(1e3 * height_m, 0.0755, 1e-3, "height error in mm");
 }
 
-fn step_outcome(axis: StepAxis, size: f64, delay_samples: usize, config: Config) -> Outcome {
+fn step_outcome(axis: StepAxis, size: f64, delay_samples: usize, config: Config) -> ScenarioResult {
     let plan = FlightPlan { delay_samples, config, ..FlightPlan::thesis_step(axis, size) };
     let recording = fly(&plan).unwrap();
     // The scenario only names requirements, which these flights are not judged by.
-    Outcome::new(Scenario::Roll30, plan, recording)
+    ScenarioResult::new(Scenario::Roll30, plan, recording)
 }
 
 /// The limits of the design, as the reference has them.
@@ -171,7 +171,7 @@ fn more_integration_steps_change_nothing() {
     let fly_with = |substeps| {
         let settings = Settings { substeps, ..Settings::default() };
         let plan = Scenario::Roll10.plan(&settings);
-        Outcome::new(Scenario::Roll10, plan.clone(), fly(&plan).unwrap()).response
+        ScenarioResult::new(Scenario::Roll10, plan.clone(), fly(&plan).unwrap()).response
     };
     // The controller counts in f32: a difference in the last bit of a measurement (6e-8) grows in the loop. 1e-5 of a
     // step is a hundredth of the tolerance above.

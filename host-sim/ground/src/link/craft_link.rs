@@ -26,7 +26,7 @@ pub struct LinkSettings {
 
 /// Why there is no link, or a packet was not taken or not made.
 #[derive(Debug, thiserror::Error)]
-pub enum LinkError {
+pub enum CraftLinkError {
     /// The key or a counter.
     #[error(transparent)]
     File(#[from] FileError),
@@ -40,19 +40,19 @@ pub enum LinkError {
 
 /// The link to one craft.
 #[derive(Debug)]
-pub struct Link {
+pub struct CraftLink {
     sealer: Sealer,
     opener: Opener,
     /// Of the numbers sent and heard; none without a key.
     stores: Option<[CounterFile; 2]>,
 }
 
-impl Link {
+impl CraftLink {
     /// The link to the craft at `peer`.
     ///
     /// # Errors
     /// A stranger without a key; a key or counter file that cannot be used.
-    pub fn open(settings: &LinkSettings, peer: IpAddr) -> Result<Self, LinkError> {
+    pub fn open(settings: &LinkSettings, peer: IpAddr) -> Result<Self, CraftLinkError> {
         let key = settings.key.as_deref().map(read_key).transpose()?;
         proto::admit(peer, key.as_ref(), settings.allow_open)?;
         match (key, &settings.key) {
@@ -65,7 +65,7 @@ impl Link {
         }
     }
 
-    fn with_key(settings: &LinkSettings, key: Key, path: &Path) -> Result<Self, LinkError> {
+    fn with_key(settings: &LinkSettings, key: Key, path: &Path) -> Result<Self, CraftLinkError> {
         let folder = match (&settings.counters, path.parent()) {
             (Some(folder), _) => folder.clone(),
             (None, Some(folder)) => folder.to_owned(),
@@ -84,7 +84,7 @@ impl Link {
     }
 
     /// Stores what has to be stored before more numbers are used.
-    fn keep(&mut self) -> Result<(), LinkError> {
+    fn keep(&mut self) -> Result<(), CraftLinkError> {
         if let Some([sent, heard]) = &mut self.stores {
             self.sealer.counter.keep(sent)?;
             self.opener.guard.keep(heard)?;
@@ -96,7 +96,7 @@ impl Link {
     ///
     /// # Errors
     /// Numbers that cannot be stored.
-    pub fn seal(&mut self, message: &Message) -> Result<(u64, Vec<u8>), LinkError> {
+    pub fn seal(&mut self, message: &Message) -> Result<(u64, Vec<u8>), CraftLinkError> {
         self.keep()?;
         let mut buffer = [0; MAX_PACKET_LEN];
         let (number, packet) = self.sealer.seal(message, &mut buffer)?;
@@ -107,7 +107,7 @@ impl Link {
     ///
     /// # Errors
     /// Why it was not taken; all of these are counted.
-    pub fn unseal(&mut self, packet: &[u8]) -> Result<Message, LinkError> {
+    pub fn unseal(&mut self, packet: &[u8]) -> Result<Message, CraftLinkError> {
         let (_, message) = match self.opener.unseal(packet) {
             Err(Refused::NotReserved) => {
                 self.keep()?;
@@ -158,13 +158,13 @@ mod tests {
     fn strangers_need_a_key() {
         let far: IpAddr = "10.1.2.3".parse().unwrap();
         let settings = LinkSettings::default();
-        assert!(Link::open(&settings, HERE).is_ok());
-        let message = Link::open(&settings, far).unwrap_err().to_string();
+        assert!(CraftLink::open(&settings, HERE).is_ok());
+        let message = CraftLink::open(&settings, far).unwrap_err().to_string();
         assert!(message.contains("10.1.2.3") && message.contains("key"), "{message}");
-        assert!(Link::open(&LinkSettings { allow_open: true, ..settings }, far).is_ok());
+        assert!(CraftLink::open(&LinkSettings { allow_open: true, ..settings }, far).is_ok());
         let folder = tempfile::tempdir().unwrap();
         let key = Some(key_file(folder.path()));
-        assert!(Link::open(&LinkSettings { key, ..LinkSettings::default() }, far).is_ok());
+        assert!(CraftLink::open(&LinkSettings { key, ..LinkSettings::default() }, far).is_ok());
     }
 
     #[test]
@@ -175,7 +175,7 @@ mod tests {
         let (mut sealer, mut opener) = craft(0);
         let mut last = None;
         for _ in 0..3 {
-            let mut link = Link::open(&settings, HERE).unwrap();
+            let mut link = CraftLink::open(&settings, HERE).unwrap();
             for _ in 0..600 {
                 let (number, packet) = link.seal(&Message::Who).unwrap();
                 assert!(last.is_none_or(|last| number > last));
@@ -184,7 +184,7 @@ mod tests {
             }
         }
         // A craft whose store is far ahead refuses, and says from where on it accepts.
-        let mut link = Link::open(&settings, HERE).unwrap();
+        let mut link = CraftLink::open(&settings, HERE).unwrap();
         let (mut ahead_sealer, mut ahead) = craft(1_000_000);
         ahead_sealer.counter.skip_to(10_000);
         let (_, packet) = link.seal(&Message::Who).unwrap();
@@ -204,12 +204,12 @@ mod tests {
         assert!(ahead.unseal(&packet).is_ok());
         // What was heard once is not heard again, by a restarted ground station neither.
         let (_, packet) = sealer.seal(&identity, &mut buffer).unwrap();
-        assert!(Link::open(&settings, HERE).unwrap().unseal(packet).is_err());
+        assert!(CraftLink::open(&settings, HERE).unwrap().unseal(packet).is_err());
     }
 
     #[test]
     fn junk_is_counted_and_harmless() {
-        let mut link = Link::open(&LinkSettings::default(), HERE).unwrap();
+        let mut link = CraftLink::open(&LinkSettings::default(), HERE).unwrap();
         for junk in [&[][..], &[2; 10], &[0xff; 400]] {
             assert!(link.unseal(junk).is_err());
         }

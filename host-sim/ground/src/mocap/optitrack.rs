@@ -13,8 +13,10 @@ use std::time::{Duration, Instant};
 use natnet::net::{CommandClient, DataClient, RawCommandClient};
 use natnet::{Decoder, FrameOfData, Message, ModelDef, ServerInfo, Version, command};
 
-use crate::frames::{Frames, rotation_from_xyzw};
-use crate::mocap::{DATAGRAM, Heard, MocapError, Order, Receiver, Sighting, at_least, received};
+use super::frames::{Frames, rotation_from_xyzw};
+use super::receiver::{
+    DATAGRAM, FrameOrder, MocapError, MocapReceiver, Sighting, TrackerEvent, at_least, received,
+};
 
 /// The port that Motive takes commands on unless told otherwise.
 pub const COMMAND_PORT: u16 = 1510;
@@ -26,7 +28,7 @@ const KEEPALIVE: Duration = Duration::from_millis(250);
 const OLDEST: Duration = Duration::from_secs(1);
 
 /// Where frames come from.
-enum Way {
+enum FrameSource {
     Multicast(DataClient),
     Unicast { socket: RawCommandClient, told: Instant },
 }
@@ -34,13 +36,13 @@ enum Way {
 /// A Motive server.
 pub struct OptiTrack {
     server: SocketAddrV4,
-    way: Way,
+    source: FrameSource,
     decoder: Decoder,
     version: Version,
     ticks_per_s: u64,
     body: i32,
     frames: Frames,
-    order: Order,
+    order: FrameOrder,
     buffer: Vec<u8>,
 }
 
@@ -70,40 +72,44 @@ impl OptiTrack {
         let model =
             ModelDef::parse(&reply, version).map_err(|error| problem(format!("its model: {error}")))?;
         let body = choose(&model, body).map_err(problem)?;
-        let way = open_way(client, interface, &info).map_err(bind)?;
+        let source = open_frame_source(client, interface, &info).map_err(bind)?;
         Ok(Self {
             server,
-            way,
+            source,
             decoder,
             version,
             ticks_per_s: info.high_res_clock_frequency,
             body,
             frames,
-            order: Order::default(),
+            order: FrameOrder::default(),
             buffer: vec![0; DATAGRAM],
         })
     }
 
-    fn judge(&mut self, length: usize) -> Heard {
+    fn judge(&mut self, length: usize) -> TrackerEvent {
         let datagram = self.buffer.get(..length).unwrap_or_default();
         let frame = match self.decoder.parse(datagram).map(natnet::DecodedMessage::into_message) {
             Ok(Message::FrameOfData(frame)) => frame,
-            Ok(_) => return Heard::Nothing,
-            Err(error) => return Heard::Refused(format!("a NatNet datagram: {error}")),
+            Ok(_) => return TrackerEvent::Nothing,
+            Err(error) => return TrackerEvent::Refused(format!("a NatNet datagram: {error}")),
         };
         let number = frame.frame_number.cast_unsigned();
         if !self.order.is_new(number) {
-            return Heard::Refused(format!("frame {number} came late or twice"));
+            return TrackerEvent::Refused(format!("frame {number} came late or twice"));
         }
         let body = frame.rigid_bodies.iter().find(|body| body.id == self.body);
         let Some(body) = body.filter(|body| body.tracking_valid()) else {
-            return Heard::NotSeen { frame: number };
+            return TrackerEvent::NotSeen { frame: number };
         };
         let rotation = rotation_from_xyzw(body.orientation.map(f64::from));
         let pose = rotation.and_then(|rotation| self.frames.pose(body.position.map(f64::from), &rotation));
         match pose {
-            Some(pose) => Heard::Seen(Sighting { frame: number, pose, age: age(&frame, self.ticks_per_s) }),
-            None => Heard::Refused(format!("frame {number} has a pose that is no number or no rotation")),
+            Some(pose) => {
+                TrackerEvent::Seen(Sighting { frame: number, pose, age: age(&frame, self.ticks_per_s) })
+            }
+            None => {
+                TrackerEvent::Refused(format!("frame {number} has a pose that is no number or no rotation"))
+            }
         }
     }
 }
@@ -133,24 +139,28 @@ fn choose(model: &ModelDef, name: Option<&str>) -> Result<i32, String> {
     }
 }
 
-fn open_way(client: CommandClient, interface: Ipv4Addr, info: &ServerInfo) -> std::io::Result<Way> {
+fn open_frame_source(
+    client: CommandClient,
+    interface: Ipv4Addr,
+    info: &ServerInfo,
+) -> std::io::Result<FrameSource> {
     if info.connection.multicast {
         let data = DataClient::bind_multicast(interface, info.multicast_group(), info.connection.data_port)?;
-        return Ok(Way::Multicast(data));
+        return Ok(FrameSource::Multicast(data));
     }
     let socket = client.into_raw();
     socket.send(&command::keepalive_datagram())?;
-    Ok(Way::Unicast { socket, told: Instant::now() })
+    Ok(FrameSource::Unicast { socket, told: Instant::now() })
 }
 
-impl Receiver for OptiTrack {
-    fn next(&mut self, patience: Duration) -> Result<Heard, MocapError> {
-        let got = match &mut self.way {
-            Way::Multicast(data) => {
+impl MocapReceiver for OptiTrack {
+    fn next(&mut self, patience: Duration) -> Result<TrackerEvent, MocapError> {
+        let got = match &mut self.source {
+            FrameSource::Multicast(data) => {
                 data.set_read_timeout(at_least(patience))?;
                 received(data.recv(&mut self.buffer))?
             }
-            Way::Unicast { socket, told } => {
+            FrameSource::Unicast { socket, told } => {
                 if told.elapsed() >= KEEPALIVE {
                     let _ = received(socket.send(&command::keepalive_datagram()))?;
                     *told = Instant::now();
@@ -162,7 +172,7 @@ impl Receiver for OptiTrack {
         // Whoever else is in the multicast group is not the server.
         match got {
             Some((length, from)) if from.ip() == *self.server.ip() => Ok(self.judge(length)),
-            _ => Ok(Heard::Nothing),
+            _ => Ok(TrackerEvent::Nothing),
         }
     }
 
@@ -184,8 +194,8 @@ impl std::fmt::Debug for OptiTrack {
 mod tests {
     //! Against the server that crate `natnet` brings for tests, over real sockets.
 
+    use super::super::frames::Axes;
     use super::*;
-    use crate::frames::Axes;
     use natnet::modeldef::RigidBodyDef;
     use natnet::{
         ConnectionInfo, DataSet, MessageHeader, NAT_CONNECT, NAT_REQUEST_MODELDEF, PlannedBody,
@@ -263,9 +273,11 @@ mod tests {
             while heard.len() < 6 {
                 heard.push(motive.next(Duration::from_secs(5)).unwrap());
             }
-            let seen: Vec<&Sighting> =
-                heard.iter().filter_map(|h| if let Heard::Seen(s) = h { Some(s) } else { None }).collect();
-            let lost = heard.iter().filter(|h| matches!(h, Heard::NotSeen { .. })).count();
+            let seen: Vec<&Sighting> = heard
+                .iter()
+                .filter_map(|h| if let TrackerEvent::Seen(s) = h { Some(s) } else { None })
+                .collect();
+            let lost = heard.iter().filter(|h| matches!(h, TrackerEvent::NotSeen { .. })).count();
             assert_eq!((seen.len(), lost), (4, 2), "{version}: {heard:?}");
             for sighting in seen {
                 assert_eq!(sighting.pose.position_m, [1.0, -0.25, -1.5]);

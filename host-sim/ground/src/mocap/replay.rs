@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use proto::Pose;
 use sysid::{Column, Flight};
 
-use crate::mocap::{Heard, MocapError, Receiver, Sighting};
+use super::receiver::{MocapError, MocapReceiver, Sighting, TrackerEvent};
 
 /// A flight that is shown again.
 #[derive(Debug)]
@@ -63,21 +63,21 @@ impl Replay {
     }
 }
 
-impl Receiver for Replay {
-    fn next(&mut self, patience: Duration) -> Result<Heard, MocapError> {
-        let Some(&(time_s, pose)) = self.rows.get(self.next) else { return Ok(Heard::End) };
+impl MocapReceiver for Replay {
+    fn next(&mut self, patience: Duration) -> Result<TrackerEvent, MocapError> {
+        let Some(&(time_s, pose)) = self.rows.get(self.next) else { return Ok(TrackerEvent::End) };
         let started = *self.started.get_or_insert_with(Instant::now);
         let due = started + Duration::from_secs_f64(time_s.max(0.0) / self.speed);
         let wait = due.saturating_duration_since(Instant::now());
         std::thread::sleep(wait.min(patience));
         if wait > patience {
-            return Ok(Heard::Nothing);
+            return Ok(TrackerEvent::Nothing);
         }
         let frame = self.next as u32;
         self.next += 1;
         Ok(match pose {
-            Some(pose) => Heard::Seen(Sighting { frame, pose, age: Duration::ZERO }),
-            None => Heard::NotSeen { frame },
+            Some(pose) => TrackerEvent::Seen(Sighting { frame, pose, age: Duration::ZERO }),
+            None => TrackerEvent::NotSeen { frame },
         })
     }
 
@@ -106,13 +106,16 @@ mod tests {
         let mut heard = Vec::new();
         loop {
             match replay.next(Duration::from_millis(4)).unwrap() {
-                Heard::Nothing => {}
-                Heard::End => break,
+                TrackerEvent::Nothing => {}
+                TrackerEvent::End => break,
                 other => heard.push((other, started.elapsed())),
             }
         }
-        let [(Heard::Seen(first), at0), (Heard::NotSeen { frame: 1 }, at1), (Heard::Seen(last), at3)] =
-            &heard[..]
+        let [
+            (TrackerEvent::Seen(first), at0),
+            (TrackerEvent::NotSeen { frame: 1 }, at1),
+            (TrackerEvent::Seen(last), at3),
+        ] = &heard[..]
         else {
             panic!("{heard:?}");
         };
@@ -127,9 +130,12 @@ mod tests {
         let mut replay = Replay::of(&flight(), 1e6).unwrap();
         let started = Instant::now();
         for _ in 0..3 {
-            assert!(!matches!(replay.next(Duration::from_secs(1)).unwrap(), Heard::Nothing | Heard::End));
+            assert!(!matches!(
+                replay.next(Duration::from_secs(1)).unwrap(),
+                TrackerEvent::Nothing | TrackerEvent::End
+            ));
         }
-        assert_eq!(replay.next(Duration::ZERO).unwrap(), Heard::End);
+        assert_eq!(replay.next(Duration::ZERO).unwrap(), TrackerEvent::End);
         assert!(started.elapsed() < Duration::from_millis(500));
     }
 

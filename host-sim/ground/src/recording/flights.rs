@@ -11,7 +11,7 @@
 use serde_json::Value;
 use sysid::{Column, Flight};
 
-use crate::ramps::Unwrapped;
+use crate::link::Unwrapped;
 
 /// Higher than this above where it stood, the craft flies, m.
 pub const IN_THE_AIR_M: f64 = 0.1;
@@ -31,7 +31,7 @@ struct Row {
 
 /// Cuts telemetry into flights.
 #[derive(Debug, Clone, Default)]
-pub struct Cutter {
+pub struct FlightCutter {
     clock: Unwrapped,
     /// Where the craft stood last, z in m.
     floor_z_m: Option<f64>,
@@ -48,7 +48,7 @@ fn numbers<const N: usize>(value: &Value) -> Option<[f64; N]> {
     Some(std::array::from_fn(|k| number(&value[k])))
 }
 
-impl Cutter {
+impl FlightCutter {
     /// The next telemetry message, as JSON.
     pub fn push(&mut self, telemetry: &Value) {
         let none = f64::NAN;
@@ -166,7 +166,7 @@ mod tests {
     /// Two flights from a floor at z = 0.05, the clock wrapping in the first; a hop of 20 rows between them is none.
     #[test]
     fn flights_are_what_happens_in_the_air() {
-        let mut cutter = Cutter::default();
+        let mut cutter = FlightCutter::default();
         let mut clock_us = u32::MAX - 600_000;
         let mut fly = |state: &str, z: f64, count: u32| {
             for k in 0..count {
@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     fn a_pose_flown_with_again_is_a_missing_value() {
-        let mut cutter = Cutter::default();
+        let mut cutter = FlightCutter::default();
         for k in 0..60_u32 {
             let z = -1.0 - f64::from(k / 2) * 0.01;
             cutter.push(&row(k * 10_000, "Flying", z, Value::Null));
@@ -217,7 +217,7 @@ mod tests {
 
     #[test]
     fn a_restarted_craft_is_another_flight() {
-        let mut cutter = Cutter::default();
+        let mut cutter = FlightCutter::default();
         for start_us in [5_000_000, 0] {
             for k in 0..60_u32 {
                 cutter.push(&row(start_us + k * 10_000, "Flying", -1.0 - f64::from(k) * 1e-3, imu()));
@@ -229,7 +229,7 @@ mod tests {
     proptest! {
         #[test]
         fn no_json_panics(words in prop::collection::vec(("[a-z_]{1,12}", any::<i64>()), 0..6), craft_us: u32) {
-            let mut cutter = Cutter::default();
+            let mut cutter = FlightCutter::default();
             let mut value: Value = words.into_iter().map(|(k, v)| (k, json!(v))).collect::<serde_json::Map<_, _>>().into();
             cutter.push(&value);
             value["craft_us"] = craft_us.into();

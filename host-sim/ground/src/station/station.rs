@@ -8,19 +8,20 @@
 //! - requests and gains, each [`AGAIN_S`] until the craft has done or refused them: UDP may lose them, and each is harmless twice;
 //! - `Who` each second until there is an identity, and when telemetry stays out.
 //!
-//! What happens is told as [`Told`] lines, once each: changes of state, faults by their names, refusals, the clock's pace.
-
-use std::collections::VecDeque;
-
+//! What happens is told as [`Notice`] lines, once each: changes of state, faults by their names, refusals, the clock's pace.
 use control::condition::{Condition, Conditions};
 use control::supervisor::Preflight;
-use proto::{Gains, Identity, Message, Pose, Request, State, Statistics, Telemetry, TimedPose, Timer};
+use proto::{Gains, Identity, Message, Request, State, Telemetry, TimedPose, Timer};
 
-use crate::link::{Link, LinkError};
-use crate::mission::{Ask, Known, Mission, Progress, Step};
-use crate::mocap::Heard;
-use crate::ramps::{ClockEvent, Pace, Ramps, ramp_interval_s};
-use crate::recorder::{Entry, Level, LinkRecord, Recorder};
+use super::notices::{Notice, Notices};
+use super::pilot::PilotRequest;
+use super::settings::{Settings, SettingsError};
+use super::snapshot::{Snapshot, Tracker};
+use super::stream_rate::StreamRate;
+use crate::link::{ClockEvent, ClockMonitor, CraftLink, CraftLinkError, Pace, ramp_interval_s};
+use crate::mission::{Ask, CraftStatus, Mission, MissionStep, Progress};
+use crate::mocap::TrackerEvent;
+use crate::recording::{Entry, Level, LinkRecord, Recorder};
 
 /// Between two sendings of a request that is not answered, s.
 pub const AGAIN_S: f64 = 0.1;
@@ -28,145 +29,8 @@ pub const AGAIN_S: f64 = 0.1;
 pub const SILENCE_S: f64 = 1.0;
 /// Poses that stay out for so long are told, s.
 const BLIND_S: f64 = 0.5;
-/// Least rate at which commands may be sent: the craft holds after half a second without one.
-pub const LEAST_COMMAND_HZ: f64 = 4.0;
 /// Between two records of the link, us.
 const LINK_EVERY_US: u64 = 250_000;
-/// Rates and losses are averaged over this, us.
-const AVERAGE_US: u64 = 2_000_000;
-/// The same refusal is told again after this, us.
-const TOLD_AGAIN_US: u64 = 10_000_000;
-
-/// What people can wish for in flight.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[expect(missing_docs, reason = "the words say it")]
-pub enum Wish {
-    Arm,
-    TakeOff,
-    Pattern,
-    Land,
-    Disarm,
-    Cut,
-}
-
-/// A line for people.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Told {
-    /// When, us of the ground's clock.
-    pub at_us: u64,
-    /// How bad it is.
-    pub level: Level,
-    /// The line.
-    pub text: String,
-}
-
-/// What a station needs to know.
-#[derive(Debug, Clone)]
-pub struct Settings {
-    /// Commands in a second.
-    pub command_hz: f64,
-    /// What to do.
-    pub steps: Vec<Step>,
-    /// What [`Wish::Pattern`] does.
-    pub pattern: Vec<Step>,
-    /// Height of [`Wish::TakeOff`], m.
-    pub take_off_m: f64,
-    /// Command units for one microsecond of the thesis' excitation.
-    pub excitation_gain: f64,
-    /// Land and fail when the craft's clock is off.
-    pub land_on_clock_fault: bool,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            command_hz: 50.0,
-            steps: Vec::new(),
-            pattern: Vec::new(),
-            take_off_m: 1.0,
-            excitation_gain: 1.0,
-            land_on_clock_fault: false,
-        }
-    }
-}
-
-/// Why settings cannot be used.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum SettingsError {
-    /// Commands too rare or too often.
-    #[error(
-        "{0} commands a second: from {LEAST_COMMAND_HZ} (the craft holds after 0.5 s without one) to 500"
-    )]
-    CommandRate(f64),
-    /// A height that is none.
-    #[error("a take-off to {0} m: from 0.1 m to 100 m")]
-    Height(f64),
-}
-
-/// Rate and loss of a stream over the last seconds, from counts that only grow.
-#[derive(Debug, Clone, Default)]
-struct Average {
-    /// Times, counts that came and counts that did not.
-    marks: VecDeque<(u64, u64, u64)>,
-}
-
-impl Average {
-    fn mark(&mut self, now_us: u64, came: u64, lost: u64) {
-        self.marks.push_back((now_us, came, lost));
-        while self.marks.front().is_some_and(|(at, ..)| at + AVERAGE_US < now_us) {
-            self.marks.pop_front();
-        }
-    }
-
-    /// In a second, and the part that was lost.
-    fn rate_and_loss(&self) -> (f64, f64) {
-        let (Some(first), Some(last)) = (self.marks.front(), self.marks.back()) else { return (0.0, 0.0) };
-        let (came, lost) = (last.1.saturating_sub(first.1) as f64, last.2.saturating_sub(first.2) as f64);
-        let elapsed_s = last.0.saturating_sub(first.0) as f64 * 1e-6;
-        let rate = if elapsed_s > 0.0 { came / elapsed_s } else { 0.0 };
-        (rate, if lost > 0.0 { lost / (came + lost) } else { 0.0 })
-    }
-}
-
-/// What has come of the tracker.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Tracker {
-    /// The last pose, and when it came.
-    pub last: Option<(Pose, u64)>,
-    /// Frames with the craft in them.
-    pub seen: u64,
-    /// Frames in which the cameras had lost it.
-    pub not_seen: u64,
-    /// Datagrams that could not be used.
-    pub refused: u64,
-    /// Age of the last frame when it came, s, as far as the tracker says.
-    pub age_s: f64,
-}
-
-/// Everything about now, for a view.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Snapshot {
-    /// The ground's clock, us.
-    pub now_us: u64,
-    /// The last telemetry, and when it came.
-    pub telemetry: Option<(Telemetry, u64)>,
-    /// Who the craft is.
-    pub identity: Option<Identity>,
-    /// Delay, pace and losses.
-    pub link: Option<LinkRecord>,
-    /// What is made of the pace.
-    pub pace: Pace,
-    /// The tracker.
-    pub tracker: Tracker,
-    /// What has come from the craft.
-    pub statistics: Statistics,
-    /// What is being done.
-    pub doing: String,
-    /// The last lines that were told, oldest first.
-    pub told: Vec<Told>,
-    /// The file that is being recorded.
-    pub recording: Option<String>,
-}
 
 /// Something that is asked for again and again.
 #[derive(Debug, Clone, Copy)]
@@ -177,85 +41,92 @@ struct Pending {
     next_us: u64,
 }
 
-/// The station.
-#[derive(Debug)]
-pub struct Station {
-    settings: Settings,
-    link: Link,
-    mission: Mission,
-    ramps: Ramps,
-    recorder: Option<Recorder>,
+/// When each kind of message is due, us of the ground's clock.
+#[derive(Debug, Clone, Copy, Default)]
+struct Schedule {
+    started_us: Option<u64>,
+    command_us: u64,
+    ramp_us: u64,
+    ramps_sent: u64,
+    who_us: u64,
+    link_us: u64,
+}
+
+/// What the craft has said of itself.
+#[derive(Debug, Default)]
+struct Craft {
+    /// The last telemetry, and when it came.
     telemetry: Option<(Telemetry, u64)>,
     /// Conditions in the tick in which the craft went into its state.
     found: u32,
     identity: Option<Identity>,
-    tracker: Tracker,
-    pending: Option<Pending>,
-    next_command_us: u64,
-    next_ramp_us: u64,
-    ramps_sent: u64,
-    next_who_us: u64,
-    next_link_us: u64,
-    packets_sent: u64,
-    down: Average,
-    up: Average,
-    poses: Average,
-    told: VecDeque<Told>,
-    untold: VecDeque<Told>,
-    refusals: Vec<(String, u64)>,
-    out: Vec<Vec<u8>>,
+    /// Its telemetry has stopped.
     silent: bool,
-    blind: bool,
-    /// Something went wrong that a script has to answer for.
-    faulty: bool,
-    started_us: Option<u64>,
 }
 
-/// Lines that a view can show.
-const REMEMBERED: usize = 200;
+/// Packets both ways.
+#[derive(Debug, Default)]
+struct Traffic {
+    /// Packets to send.
+    out: Vec<Vec<u8>>,
+    sent: u64,
+    down: StreamRate,
+    up: StreamRate,
+}
+
+/// What the tracker has said.
+#[derive(Debug, Default)]
+struct Tracking {
+    tracker: Tracker,
+    poses: StreamRate,
+    /// It has not seen the craft of late.
+    blind: bool,
+}
+
+/// The station.
+#[derive(Debug)]
+pub struct Station {
+    settings: Settings,
+    link: CraftLink,
+    mission: Mission,
+    clock: ClockMonitor,
+    recorder: Option<Recorder>,
+    craft: Craft,
+    tracking: Tracking,
+    traffic: Traffic,
+    schedule: Schedule,
+    notices: Notices,
+    pending: Option<Pending>,
+    /// Something went wrong that a script has to answer for.
+    faulty: bool,
+}
 
 impl Station {
     /// A station that has heard nothing yet.
     ///
     /// # Errors
     /// Settings that cannot be used.
-    pub fn new(settings: Settings, link: Link, recorder: Option<Recorder>) -> Result<Self, SettingsError> {
-        if !(settings.command_hz >= LEAST_COMMAND_HZ && settings.command_hz <= 500.0) {
-            return Err(SettingsError::CommandRate(settings.command_hz));
-        }
-        if !(settings.take_off_m >= 0.1 && settings.take_off_m <= 100.0) {
-            return Err(SettingsError::Height(settings.take_off_m));
-        }
+    pub fn new(
+        settings: Settings,
+        link: CraftLink,
+        recorder: Option<Recorder>,
+    ) -> Result<Self, SettingsError> {
+        settings.check()?;
         let mission =
             Mission::new(settings.steps.clone(), 1.0 / settings.command_hz, settings.excitation_gain);
         Ok(Self {
             settings,
             link,
             mission,
-            ramps: Ramps::default(),
+            clock: ClockMonitor::default(),
             recorder,
-            telemetry: None,
-            found: 0,
-            identity: None,
-            tracker: Tracker::default(),
+            craft: Craft::default(),
+            tracking: Tracking::default(),
+            traffic: Traffic::default(),
+            schedule: Schedule::default(),
+            notices: Notices::default(),
             pending: None,
-            next_command_us: 0,
-            next_ramp_us: 0,
-            ramps_sent: 0,
-            next_who_us: 0,
-            next_link_us: 0,
-            packets_sent: 0,
-            down: Average::default(),
-            up: Average::default(),
-            poses: Average::default(),
-            told: VecDeque::new(),
-            untold: VecDeque::new(),
-            refusals: Vec::new(),
-            out: Vec::new(),
-            silent: false,
-            blind: false,
             faulty: false,
-            started_us: None,
         })
     }
 
@@ -276,20 +147,20 @@ impl Station {
     fn on_telemetry(&mut self, now_us: u64, telemetry: Telemetry) {
         self.record(now_us, &Entry::Telemetry(&telemetry));
         let Telemetry { craft_us, ground_us, tick, supervision, counters, .. } = telemetry;
-        if let Some(event) = self.ramps.heard(craft_us, ground_us, tick, now_us) {
+        if let Some(event) = self.clock.heard(craft_us, ground_us, tick, now_us) {
             self.on_clock(now_us, event);
         }
-        let before = self.telemetry.map(|(before, _)| before.supervision);
-        self.telemetry = Some((telemetry, now_us));
+        let before = self.craft.telemetry.map(|(before, _)| before.supervision);
+        self.craft.telemetry = Some((telemetry, now_us));
         if before.is_some_and(|before| before.state != supervision.state) {
-            self.found = supervision.conditions;
+            self.craft.found = supervision.conditions;
         }
         let statistics = self.link.statistics();
-        self.down.mark(now_us, u64::from(statistics.accepted), u64::from(statistics.lost));
+        self.traffic.down.mark(now_us, u64::from(statistics.accepted), u64::from(statistics.lost));
         let lost_up = u64::from(counters.packets_lost);
-        self.up.mark(now_us, self.packets_sent.saturating_sub(lost_up), lost_up);
-        if self.silent {
-            self.silent = false;
+        self.traffic.up.mark(now_us, self.traffic.sent.saturating_sub(lost_up), lost_up);
+        if self.craft.silent {
+            self.craft.silent = false;
             self.tell(now_us, Level::Info, "telemetry again".into());
         }
         let Some(before) = before else {
@@ -298,7 +169,7 @@ impl Station {
                 Level::Info,
                 format!("the craft is heard, its state is {:?}", supervision.state),
             );
-            if let Some(known) = self.known() {
+            if let Some(known) = self.craft_status() {
                 self.mission.adopt(&known);
             }
             return;
@@ -329,8 +200,8 @@ impl Station {
 
     fn on_clock(&mut self, now_us: u64, event: ClockEvent) {
         let level = match event {
-            ClockEvent::Well => Level::Info,
-            ClockEvent::Leapt { .. } => Level::Warning,
+            ClockEvent::Recovered => Level::Info,
+            ClockEvent::Jumped { .. } => Level::Warning,
             ClockEvent::Off { .. } => {
                 self.faulty = true;
                 Level::Error
@@ -341,13 +212,13 @@ impl Station {
             && self.settings.land_on_clock_fault
             && self.mission.is_flying()
         {
-            self.mission.instead([Step::Land {}]);
+            self.mission.instead([MissionStep::Land {}]);
         }
     }
 
     fn on_identity(&mut self, now_us: u64, identity: Identity) {
         self.record(now_us, &Entry::Identity(&identity));
-        if self.identity != Some(Identity { accepts_from: 0, state: State::Disarmed, ..identity }) {
+        if self.craft.identity != Some(Identity { accepts_from: 0, state: State::Disarmed, ..identity }) {
             let [major, minor, patch] = identity.program;
             let hash: String = identity.vehicle_sha256.iter().take(4).map(|b| format!("{b:02x}")).collect();
             self.tell(
@@ -357,7 +228,7 @@ impl Station {
             );
         }
         // What changes all the time is no other craft.
-        self.identity = Some(Identity { accepts_from: 0, state: State::Disarmed, ..identity });
+        self.craft.identity = Some(Identity { accepts_from: 0, state: State::Disarmed, ..identity });
     }
 
     fn on_answer(&mut self, now_us: u64, answer: proto::Answer) {
@@ -388,9 +259,9 @@ impl Station {
     }
 
     /// The tracker has been heard.
-    pub fn on_tracker(&mut self, now_us: u64, heard: Heard) {
+    pub fn on_tracker(&mut self, now_us: u64, heard: TrackerEvent) {
         match heard {
-            Heard::Seen(sighting) => {
+            TrackerEvent::Seen(sighting) => {
                 let age_us = u64::try_from(sighting.age.as_micros()).unwrap_or(u64::MAX);
                 let pose = TimedPose {
                     frame: sighting.frame,
@@ -399,100 +270,110 @@ impl Station {
                 };
                 self.send(now_us, &Message::Pose(pose));
                 self.record(now_us, &Entry::Pose(&pose));
-                if self.tracker.last.is_none() {
+                if self.tracking.tracker.last.is_none() {
                     self.tell(now_us, Level::Info, "the tracker sees the craft".into());
                 }
-                let tracker = &mut self.tracker;
+                let tracker = &mut self.tracking.tracker;
                 tracker.seen += 1;
                 (tracker.last, tracker.age_s) = (Some((sighting.pose, now_us)), sighting.age.as_secs_f64());
-                self.poses.mark(now_us, self.tracker.seen, self.tracker.not_seen);
+                self.tracking.poses.mark(now_us, self.tracking.tracker.seen, self.tracking.tracker.not_seen);
             }
-            Heard::NotSeen { .. } => self.tracker.not_seen += 1,
-            Heard::Refused(why) => {
-                self.tracker.refused += 1;
+            TrackerEvent::NotSeen { .. } => self.tracking.tracker.not_seen += 1,
+            TrackerEvent::Refused(why) => {
+                self.tracking.tracker.refused += 1;
                 self.refused(now_us, why);
             }
-            Heard::End => self.tell(now_us, Level::Info, "nothing more comes from the tracker".into()),
-            Heard::Nothing => {}
+            TrackerEvent::End => self.tell(now_us, Level::Info, "nothing more comes from the tracker".into()),
+            TrackerEvent::Nothing => {}
         }
     }
 
-    /// Somebody wishes for something.
-    pub fn on_wish(&mut self, now_us: u64, wish: Wish) {
-        let steps = match wish {
-            Wish::Arm => vec![Step::Arm {}],
-            Wish::TakeOff => vec![Step::TakeOff { height_m: self.settings.take_off_m }],
-            Wish::Pattern if self.settings.pattern.is_empty() => {
+    /// The pilot asks for something.
+    pub fn on_pilot_request(&mut self, now_us: u64, request: PilotRequest) {
+        let steps = match request {
+            PilotRequest::Arm => vec![MissionStep::Arm {}],
+            PilotRequest::TakeOff => vec![MissionStep::TakeOff { height_m: self.settings.take_off_m }],
+            PilotRequest::Pattern if self.settings.pattern.is_empty() => {
                 return self.tell(
                     now_us,
                     Level::Warning,
                     "there is no pattern: give one with --pattern".into(),
                 );
             }
-            Wish::Pattern => self.settings.pattern.clone(),
-            Wish::Land => vec![Step::Land {}],
-            Wish::Disarm => vec![Step::Disarm {}],
-            Wish::Cut => vec![Step::Cut {}],
+            PilotRequest::Pattern => self.settings.pattern.clone(),
+            PilotRequest::Land => vec![MissionStep::Land {}],
+            PilotRequest::Disarm => vec![MissionStep::Disarm {}],
+            PilotRequest::Cut => vec![MissionStep::Cut {}],
         };
-        self.tell(now_us, Level::Info, format!("asked for: {wish:?}"));
+        self.tell(now_us, Level::Info, format!("asked for: {request:?}"));
         self.pending = None;
         self.mission.instead(steps);
     }
 
     /// Sends what is due.
     pub fn poll(&mut self, now_us: u64) {
-        let started_us = *self.started_us.get_or_insert(now_us);
-        if now_us >= self.next_ramp_us {
+        let started_us = *self.schedule.started_us.get_or_insert(now_us);
+        if now_us >= self.schedule.ramp_us {
             self.send(now_us, &Message::Timer(Timer { ground_us: now_us as u32 }));
-            self.next_ramp_us = now_us + (ramp_interval_s(self.ramps_sent) * 1e6) as u64;
-            self.ramps_sent += 1;
+            self.schedule.ramp_us = now_us + (ramp_interval_s(self.schedule.ramps_sent) * 1e6) as u64;
+            self.schedule.ramps_sent += 1;
         }
-        let heard_us = self.telemetry.map_or(started_us, |(_, at)| at);
-        let out_s = now_us.saturating_sub(heard_us) as f64 * 1e-6;
-        if (self.identity.is_none() || out_s > SILENCE_S) && now_us >= self.next_who_us {
-            self.send(now_us, &Message::Who);
-            self.next_who_us = now_us + 1_000_000;
-        }
-        if out_s > SILENCE_S && !self.silent {
-            self.silent = true;
-            let told = match self.telemetry {
-                Some(_) => "no telemetry any more: is the craft in reach, and its program running?",
-                None => "no telemetry yet: is this the craft's address, and do both sides have the same key?",
-            };
-            self.tell(now_us, Level::Error, told.into());
-        }
+        self.watch_craft(now_us, started_us);
         self.watch_tracker(now_us);
-        if let (Some(known), true) = (self.known(), now_us >= self.next_command_us) {
-            let period_us = (1e6 / self.settings.command_hz) as u64;
-            // In step with the first one; after a stall from now on.
-            self.next_command_us = match self.next_command_us + period_us {
-                next if next > now_us => next,
-                _ => now_us + period_us,
-            };
-            let before = self.mission.progress().clone();
-            let command = self.mission.command(now_us as f64 * 1e-6, &known);
-            self.send(now_us, &Message::Command(command));
-            self.record(now_us, &Entry::Command(&command));
-            if *self.mission.progress() != before
-                && let Progress::Failed(why) = self.mission.progress().clone()
-            {
-                self.tell(now_us, Level::Error, why);
-            }
-            self.ask(now_us, &known);
+        if let (Some(status), true) = (self.craft_status(), now_us >= self.schedule.command_us) {
+            self.command(now_us, &status);
         }
-        if now_us >= self.next_link_us {
-            self.next_link_us = now_us + LINK_EVERY_US;
+        if now_us >= self.schedule.link_us {
+            self.schedule.link_us = now_us + LINK_EVERY_US;
             if let Some(link) = self.link_record() {
                 self.record(now_us, &Entry::Link(&link));
             }
         }
     }
 
+    /// Sends the command of now, and what the mission asks for.
+    fn command(&mut self, now_us: u64, status: &CraftStatus) {
+        let period_us = (1e6 / self.settings.command_hz) as u64;
+        // In step with the first one; after a stall from now on.
+        self.schedule.command_us = match self.schedule.command_us + period_us {
+            next if next > now_us => next,
+            _ => now_us + period_us,
+        };
+        let before = self.mission.progress().clone();
+        let command = self.mission.command(now_us as f64 * 1e-6, status);
+        self.send(now_us, &Message::Command(command));
+        self.record(now_us, &Entry::Command(&command));
+        if *self.mission.progress() != before
+            && let Progress::Failed(why) = self.mission.progress().clone()
+        {
+            self.tell(now_us, Level::Error, why);
+        }
+        self.ask(now_us, status);
+    }
+
+    /// Asks who the craft is while that is not known, and tells when its telemetry stops.
+    fn watch_craft(&mut self, now_us: u64, started_us: u64) {
+        let heard_us = self.craft.telemetry.map_or(started_us, |(_, at)| at);
+        let silent_s = now_us.saturating_sub(heard_us) as f64 * 1e-6;
+        if (self.craft.identity.is_none() || silent_s > SILENCE_S) && now_us >= self.schedule.who_us {
+            self.send(now_us, &Message::Who);
+            self.schedule.who_us = now_us + 1_000_000;
+        }
+        if silent_s > SILENCE_S && !self.craft.silent {
+            self.craft.silent = true;
+            let text = match self.craft.telemetry {
+                Some(_) => "telemetry has stopped: is the craft in reach, and its program running?",
+                None => "no telemetry yet: is this the craft's address, and do both sides have the same key?",
+            };
+            self.tell(now_us, Level::Error, text.into());
+        }
+    }
+
     fn watch_tracker(&mut self, now_us: u64) {
-        let Some((_, at_us)) = self.tracker.last else { return };
+        let Some((_, at_us)) = self.tracking.tracker.last else { return };
         let blind = now_us.saturating_sub(at_us) as f64 * 1e-6 > BLIND_S;
-        if blind != self.blind {
-            self.blind = blind;
+        if blind != self.tracking.blind {
+            self.tracking.blind = blind;
             let (level, told) = match blind {
                 true => (Level::Warning, "the tracker does not see the craft any more"),
                 false => (Level::Info, "the tracker sees the craft again"),
@@ -502,7 +383,7 @@ impl Station {
     }
 
     /// Asks for what the mission needs, again and again until its state is there.
-    fn ask(&mut self, now_us: u64, known: &Known) {
+    fn ask(&mut self, now_us: u64, known: &CraftStatus) {
         let wanted = self.mission.ask().filter(|ask| !is_there(ask, known.state));
         let Some(ask) = wanted else {
             self.pending = None;
@@ -531,12 +412,12 @@ impl Station {
     fn send(&mut self, now_us: u64, message: &Message) -> Option<u64> {
         match self.link.seal(message) {
             Ok((number, packet)) => {
-                self.packets_sent += 1;
-                self.out.push(packet);
+                self.traffic.sent += 1;
+                self.traffic.out.push(packet);
                 Some(number)
             }
             Err(error) => {
-                self.faulty |= matches!(error, LinkError::File(_));
+                self.faulty |= matches!(error, CraftLinkError::File(_));
                 self.refused(now_us, format!("nothing can be sent: {error}"));
                 None
             }
@@ -554,56 +435,48 @@ impl Station {
 
     /// Tells a refusal once in a while, however often it comes.
     fn refused(&mut self, now_us: u64, why: String) {
-        self.refusals.retain(|(_, at_us)| at_us + TOLD_AGAIN_US > now_us);
-        // Whoever sends junk cannot fill memory with it.
-        if self.refusals.len() >= 50 || self.refusals.iter().any(|(told, _)| *told == why) {
-            return;
+        if self.notices.is_news(now_us, &why) {
+            self.tell(now_us, Level::Warning, why);
         }
-        self.refusals.push((why.clone(), now_us));
-        self.tell(now_us, Level::Warning, why);
     }
 
     /// Tells people a line.
     pub fn tell(&mut self, at_us: u64, level: Level, text: String) {
         self.record(at_us, &Entry::Log(level, &text));
-        let told = Told { at_us, level, text };
-        self.told.push_back(told.clone());
-        self.untold.push_back(told);
-        for lines in [&mut self.told, &mut self.untold] {
-            while lines.len() > REMEMBERED {
-                lines.pop_front();
-            }
-        }
+        self.notices.push(Notice { at_us, level, text });
     }
 
     /// Lines that have not been taken yet.
-    pub fn take_told(&mut self) -> impl Iterator<Item = Told> + use<'_> {
-        self.untold.drain(..)
+    pub fn take_notices(&mut self) -> impl Iterator<Item = Notice> + use<'_> {
+        self.notices.take()
     }
 
     /// Packets to send, in order.
     pub fn take_packets(&mut self) -> impl Iterator<Item = Vec<u8>> + use<'_> {
-        self.out.drain(..)
+        self.traffic.out.drain(..)
     }
 
     /// When [`poll`](Self::poll) has something to do next, us.
     pub fn next_due_us(&self) -> u64 {
-        let command_us = if self.telemetry.is_some() { self.next_command_us } else { u64::MAX };
-        self.next_ramp_us.min(command_us).min(self.next_link_us)
+        let command_us = if self.craft.telemetry.is_some() { self.schedule.command_us } else { u64::MAX };
+        self.schedule.ramp_us.min(command_us).min(self.schedule.link_us)
     }
 
-    fn known(&self) -> Option<Known> {
-        let (telemetry, _) = self.telemetry.as_ref()?;
+    fn craft_status(&self) -> Option<CraftStatus> {
+        let (telemetry, _) = self.craft.telemetry.as_ref()?;
         // The tracker's pose is fresher than the one that went to the craft and back.
-        let pose = self.tracker.last.map_or(telemetry.tracked, |(pose, _)| pose);
+        let pose = self.tracking.tracker.last.map_or(telemetry.tracked, |(pose, _)| pose);
         let (state, preflight) = (telemetry.supervision.state, telemetry.supervision.preflight);
-        Some(Known { state, pose, preflight, found: self.found })
+        Some(CraftStatus { state, pose, preflight, found: self.craft.found })
     }
 
     fn link_record(&self) -> Option<LinkRecord> {
-        let timing = self.ramps.timing()?;
-        let ((_, lost_down), (_, lost_up), (pose_hz, _)) =
-            (self.down.rate_and_loss(), self.up.rate_and_loss(), self.poses.rate_and_loss());
+        let timing = self.clock.timing()?;
+        let ((_, lost_down), (_, lost_up), (pose_hz, _)) = (
+            self.traffic.down.rate_and_loss(),
+            self.traffic.up.rate_and_loss(),
+            self.tracking.poses.rate_and_loss(),
+        );
         Some(LinkRecord {
             one_way_s: timing.one_way_s,
             least_one_way_s: timing.least_one_way_s,
@@ -623,7 +496,7 @@ impl Station {
 
     /// Is the craft off the floor, by what it says and what was asked of it?
     pub fn is_flying(&self) -> bool {
-        let state = self.telemetry.map(|(telemetry, _)| telemetry.supervision.state);
+        let state = self.craft.telemetry.map(|(telemetry, _)| telemetry.supervision.state);
         self.mission.is_flying() || matches!(state, Some(State::Flying | State::Hold | State::Land))
     }
 
@@ -634,26 +507,26 @@ impl Station {
 
     /// How long telemetry has been out, s; none before the first.
     pub fn silence_s(&self, now_us: u64) -> Option<f64> {
-        self.telemetry.map(|(_, at_us)| now_us.saturating_sub(at_us) as f64 * 1e-6)
+        self.craft.telemetry.map(|(_, at_us)| now_us.saturating_sub(at_us) as f64 * 1e-6)
     }
 
     /// Everything about now.
     pub fn snapshot(&self, now_us: u64) -> Snapshot {
         Snapshot {
             now_us,
-            telemetry: self.telemetry,
-            identity: self.identity,
+            telemetry: self.craft.telemetry,
+            identity: self.craft.identity,
             link: self.link_record(),
-            pace: self.ramps.timing().map_or(Pace::Unknown, |timing| timing.pace),
-            tracker: self.tracker,
+            pace: self.clock.timing().map_or(Pace::Unknown, |timing| timing.pace),
+            tracker: self.tracking.tracker,
             statistics: self.link.statistics(),
             doing: self.mission.describe(),
-            told: self.told.iter().cloned().collect(),
+            notices: self.notices.last(),
             recording: self.recorder.as_ref().map(|recorder| recorder.path().display().to_string()),
         }
     }
 
-    /// Ends the recording, for [`finish`](crate::recorder::finish).
+    /// Ends the recording, for [`finish`](crate::recording::finish).
     pub fn end_recording(&mut self) {
         self.recorder = None;
     }
@@ -678,7 +551,7 @@ mod tests {
     use crate::link::LinkSettings;
     use crate::mocap::Sighting;
     use proptest::prelude::*;
-    use proto::{Answer, Counters, MAX_PACKET_LEN, Mode, Opener, Refusal, Role, Sealer, Supervision};
+    use proto::{Answer, Counters, MAX_PACKET_LEN, Mode, Opener, Pose, Refusal, Role, Sealer, Supervision};
     use std::net::{IpAddr, Ipv4Addr};
     use std::time::Duration;
 
@@ -717,7 +590,7 @@ mod tests {
 
     impl Bench {
         fn new(settings: Settings) -> Self {
-            let link = Link::open(&LinkSettings::default(), IpAddr::V4(Ipv4Addr::LOCALHOST)).unwrap();
+            let link = CraftLink::open(&LinkSettings::default(), IpAddr::V4(Ipv4Addr::LOCALHOST)).unwrap();
             let station = Station::new(settings, link, None).unwrap();
             let (sealer, opener) = (Sealer::open(Role::Craft, 0), Opener::open(Role::Ground, 0));
             Self { station, sealer, opener, tick: 0 }
@@ -748,7 +621,7 @@ mod tests {
         }
 
         fn told(&mut self) -> String {
-            self.station.take_told().map(|told| told.text + "\n").collect()
+            self.station.take_notices().map(|notice| notice.text + "\n").collect()
         }
     }
 
@@ -773,7 +646,7 @@ mod tests {
             assert!(sent.iter().all(|(_, _, m)| !matches!(m, Message::Command(c) if !c.cut_off)));
         }
         for command_hz in [3.9, f64::NAN, 1e6] {
-            let link = Link::open(&LinkSettings::default(), IpAddr::V4(Ipv4Addr::LOCALHOST)).unwrap();
+            let link = CraftLink::open(&LinkSettings::default(), IpAddr::V4(Ipv4Addr::LOCALHOST)).unwrap();
             assert!(Station::new(Settings { command_hz, ..Settings::default() }, link, None).is_err());
         }
     }
@@ -783,7 +656,7 @@ mod tests {
         let mut bench = Bench::new(Settings::default());
         let pose = Pose { position_m: [1.0, 2.0, -3.0], attitude_rad: [0.1; 3] };
         let age = Duration::from_millis(7);
-        bench.station.on_tracker(5_000_000_000, Heard::Seen(Sighting { frame: 9, pose, age }));
+        bench.station.on_tracker(5_000_000_000, TrackerEvent::Seen(Sighting { frame: 9, pose, age }));
         let packet = bench.station.take_packets().next().unwrap();
         let (_, message) = bench.opener.unseal(&packet).unwrap();
         // Modulo 2^32.
@@ -797,7 +670,7 @@ mod tests {
     fn a_request_is_repeated_until_its_state_is_there_and_says_why_not() {
         let mut bench = Bench::new(Settings::default());
         bench.run(0, 100, Some(State::Disarmed));
-        bench.station.on_wish(100_000, Wish::Arm);
+        bench.station.on_pilot_request(100_000, PilotRequest::Arm);
         let sent = bench.run(100, 1000, Some(State::Disarmed));
         let asked: Vec<_> = sent.iter().filter(|(_, _, m)| *m == Message::Request(Request::Arm)).collect();
         assert!((9..=11).contains(&asked.len()), "{} in a second", asked.len());
@@ -832,25 +705,11 @@ mod tests {
         assert_eq!(told.lines().count(), 2, "{told}");
         bench.run(600, 3000, None);
         let told = bench.told();
-        assert!(told.contains("no telemetry any more") && told.lines().count() == 1, "{told}");
+        assert!(told.contains("telemetry has stopped") && told.lines().count() == 1, "{told}");
         bench.tick = 100;
         bench.run(3600, 10, Some(State::Flying));
         let told = bench.told();
         assert!(told.contains("telemetry again") && told.contains("over: pose late, battery low"), "{told}");
-    }
-
-    #[test]
-    fn losses_and_rates_are_those_of_the_last_seconds() {
-        let mut average = Average::default();
-        let mut lost = 0;
-        for k in 0..1000_u64 {
-            // A fifth is lost in the second half.
-            lost += u64::from(k >= 500 && k % 4 == 0);
-            average.mark(k * 10_000, k, lost);
-        }
-        let (rate, loss) = average.rate_and_loss();
-        assert!((rate - 100.0).abs() < 1.0 && (loss - 0.2).abs() < 0.01, "{rate} {loss}");
-        assert_eq!(Average::default().rate_and_loss(), (0.0, 0.0));
     }
 
     proptest! {
@@ -861,9 +720,9 @@ mod tests {
             bench.run(0, 50, Some(State::Disarmed));
             for (k, bytes) in junk.iter().enumerate() {
                 bench.station.on_packet(50_000 + k as u64, bytes);
-                bench.station.on_tracker(50_000, Heard::Refused(format!("{bytes:?}")));
+                bench.station.on_tracker(50_000, TrackerEvent::Refused(format!("{bytes:?}")));
             }
-            prop_assert!(bench.station.take_told().count() <= 60);
+            prop_assert!(bench.station.take_notices().count() <= 60);
             let sent = bench.run(1000, 100, Some(State::Disarmed));
             prop_assert!(count(&sent, |m| matches!(m, Message::Command(_))) >= 4);
         }

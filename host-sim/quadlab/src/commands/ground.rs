@@ -6,14 +6,14 @@ use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, ToSocketAddrs};
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
-use ::ground::frames::{Axes, Frames};
-use ::ground::link::{Link, LinkSettings, PORT};
-use ::ground::mission::{Step, read_script};
-use ::ground::mocap::{Receiver, Vicon};
-use ::ground::optitrack::{COMMAND_PORT, OptiTrack};
-use ::ground::recorder::{Finished, Recorder, finish, part_of};
-use ::ground::replay::Replay;
-use ::ground::run::{Ended, Stay, View, catch_interrupts, connect, run as fly};
+use ::ground::link::{CraftLink, LinkSettings, PORT};
+use ::ground::mission::{MissionStep, read_script};
+use ::ground::mocap::Replay;
+use ::ground::mocap::frames::{Axes, Frames};
+use ::ground::mocap::optitrack::{COMMAND_PORT, OptiTrack};
+use ::ground::mocap::{MocapReceiver, Vicon};
+use ::ground::recording::{Finished, Recorder, finish, part_of};
+use ::ground::run::{RunResult, RunUntil, View, catch_interrupts, connect, run as fly};
 use ::ground::station::{Settings, Station};
 use ::ground::view::{Live, Plain};
 use model::Model;
@@ -214,11 +214,12 @@ struct Document<'a> {
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     if let Some(name) = &options.recover {
-        let well = Ended { well: true, why: None };
+        let well = RunResult { well: true, why: None };
         return outcome(options, &well, Some(&finish(name)?));
     }
     let (steps, pattern) = steps(options)?;
-    let stay = if options.script.is_some() || options.arm { Stay::UntilDone } else { Stay::UntilTold };
+    let until =
+        if options.script.is_some() || options.arm { RunUntil::MissionOver } else { RunUntil::Interrupted };
     let plan = options.simulated.then(|| plan(options)).transpose()?;
     let lab = plan.map(|plan| Simulated::start(&plan, options.clock_skew)).transpose()?;
     let craft = match (&lab, &options.craft) {
@@ -232,7 +233,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         counters: None,
         allow_open: options.allow_open,
     };
-    let link = Link::open(&link, craft.ip())?;
+    let link = CraftLink::open(&link, craft.ip())?;
     let tracker = tracker(options, lab.as_ref())?;
     let name = (!options.no_record).then(|| name(options)).transpose()?;
     let start = Instant::now();
@@ -249,7 +250,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     // Two users of one signal would be a mistake of this program; without it Ctrl-C ends at once, as ever.
     let _ = catch_interrupts();
     let ended = with_view(options, |view, inputs| {
-        fly(&mut station, connect(craft)?, tracker, inputs, view, stay, start)
+        fly(&mut station, connect(craft)?, tracker, inputs, view, until, start)
     })?;
     station.end_recording();
     let finished = name.as_deref().map(finish).transpose()?;
@@ -277,8 +278,8 @@ fn with_view(
     fly: impl FnOnce(
         &mut dyn View,
         Option<std::sync::mpsc::Receiver<::ground::run::Input>>,
-    ) -> std::io::Result<Ended>,
-) -> std::io::Result<Ended> {
+    ) -> std::io::Result<RunResult>,
+) -> std::io::Result<RunResult> {
     if options.plain || !std::io::stdout().is_terminal() {
         return fly(&mut Plain::new(std::io::stderr()), None);
     }
@@ -287,24 +288,24 @@ fn with_view(
     fly(&mut live, Some(inputs))
 }
 
-fn steps(options: &Options) -> anyhow::Result<(Vec<Step>, Vec<Step>)> {
+fn steps(options: &Options) -> anyhow::Result<(Vec<MissionStep>, Vec<MissionStep>)> {
     if let Some(script) = &options.script {
         return Ok((read_script(script)?, Vec::new()));
     }
     let pattern = match &options.pattern {
         Some(path) => {
             let pattern = Box::new(Pattern::read(path)?);
-            vec![Step::Fly { pattern, times: options.times, excite: options.excite }]
+            vec![MissionStep::Fly { pattern, times: options.times, excite: options.excite }]
         }
         None => Vec::new(),
     };
     if !options.arm {
         return Ok((Vec::new(), pattern));
     }
-    let mut steps = vec![Step::Arm {}, Step::TakeOff { height_m: options.take_off }];
+    let mut steps = vec![MissionStep::Arm {}, MissionStep::TakeOff { height_m: options.take_off }];
     steps.extend(pattern);
     if options.land_after {
-        steps.push(Step::Land {});
+        steps.push(MissionStep::Land {});
     }
     Ok((steps, Vec::new()))
 }
@@ -320,7 +321,7 @@ fn address(option: &'static str, text: &str, port: u16) -> Result<SocketAddr, Gr
     found.next().ok_or_else(|| refuse("the name has no address".into()))
 }
 
-fn tracker(options: &Options, lab: Option<&Simulated>) -> anyhow::Result<Option<Box<dyn Receiver>>> {
+fn tracker(options: &Options, lab: Option<&Simulated>) -> anyhow::Result<Option<Box<dyn MocapReceiver>>> {
     let usual = if options.natnet.is_some() { Axes::Y_UP } else { Axes::Z_UP };
     let room = options.room.unwrap_or(usual);
     let frames = Frames {
@@ -379,19 +380,19 @@ fn name(options: &Options) -> Result<PathBuf, GroundError> {
     }
 }
 
-fn begin(name: &Path, craft: SocketAddr, tracker: Option<&dyn Receiver>) -> anyhow::Result<Recorder> {
+fn begin(name: &Path, craft: SocketAddr, tracker: Option<&dyn MocapReceiver>) -> anyhow::Result<Recorder> {
     // Before 1970 and after 2554 the log begins at zero.
     let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let epoch_ns = u64::try_from(since_1970.as_nanos()).unwrap_or_default();
     let about = BTreeMap::from([
         ("craft".to_owned(), craft.to_string()),
-        ("tracker".to_owned(), tracker.map_or("none".into(), Receiver::describe)),
+        ("tracker".to_owned(), tracker.map_or("none".into(), MocapReceiver::describe)),
         ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
     ]);
     Ok(Recorder::begin(name, epoch_ns, &about)?)
 }
 
-fn outcome(options: &Options, ended: &Ended, finished: Option<&Finished>) -> anyhow::Result<Outcome> {
+fn outcome(options: &Options, ended: &RunResult, finished: Option<&Finished>) -> anyhow::Result<Outcome> {
     let document = Document {
         well: ended.well,
         why: &ended.why,

@@ -9,9 +9,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use ::ground::frames::{Axes, Frames, xyz_from_rotation};
+use ::ground::mocap::frames::{Axes, Frames, xyz_from_rotation};
+use ::ground::mocap::vicon_stream::{Block, Object};
 use ::ground::mocap::{MocapError, Vicon};
-use ::ground::vicon::{Block, Object};
 use sil::{FlightPlan, Laboratory, Radio};
 
 const FRAMES: Frames = Frames::with_axes(Axes::Z_UP);

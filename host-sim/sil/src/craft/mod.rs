@@ -11,4 +11,4 @@ pub(crate) use fault::Faults;
 pub use fault::{Fault, FaultKind};
 pub use noise::{Coloured, NoiseModel};
 pub use sensors::Sensors;
-pub use simulated_craft::Craft;
+pub use simulated_craft::SimulatedCraft;

@@ -11,7 +11,7 @@ const GONE: f64 = 1e4;
 
 /// A craft in flight.
 #[derive(Debug, Clone)]
-pub struct Craft {
+pub struct SimulatedCraft {
     plant: Plant,
     substeps: Substeps,
     /// Present if the model has a dead time between command and rotor.
@@ -30,7 +30,7 @@ pub struct Craft {
     pub state: State,
 }
 
-impl Craft {
+impl SimulatedCraft {
     /// A craft in `state`, advanced in ticks of `period_s` that are cut into `substeps` integration steps.
     pub fn new(
         plant: Plant,
@@ -124,7 +124,7 @@ mod tests {
         let start = plant.commanded_rad_s(&[1500.0; 4], 11.1);
         let state = State::at_rest(Vector3::new(0.0, 0.0, -1.0), start);
         let sensors = Sensors::new(&model, None, 0.01, 0);
-        let mut craft = Craft::new(plant, Battery::constant(11.1), sensors, state, 0.01, 4);
+        let mut craft = SimulatedCraft::new(plant, Battery::constant(11.1), sensors, state, 0.01, 4);
         for _ in 0..ticks {
             let voltage_v = craft.voltage_v();
             craft.advance(&[1600.0; 4], voltage_v);
@@ -149,7 +149,8 @@ mod tests {
             let mut state = State::at_rest(Vector3::zeros(), [600.0; 4]);
             edit(&mut state);
             let sensors = Sensors::new(&model, None, 0.01, 0);
-            Craft::new(Plant::new(&model), Battery::constant(11.1), sensors, state, 0.01, 4).is_there()
+            SimulatedCraft::new(Plant::new(&model), Battery::constant(11.1), sensors, state, 0.01, 4)
+                .is_there()
         };
         assert!(craft(|_| {}));
         assert!(!craft(|s| s.position_ned_m.y = f64::NAN));

@@ -7,15 +7,15 @@ use super::error::SilError;
 use super::plan::FlightPlan;
 use super::recording::{Recording, Row, Truth};
 use super::script::Start;
-use crate::craft::{Craft, Delay, Faults};
-use crate::flight_computer::{InProcess, Link, LinkError};
+use crate::craft::{Delay, Faults, SimulatedCraft};
+use crate::flight_computer::{FlightComputer, FlightComputerError, InProcess};
 
 /// Controller and craft in lockstep, to be stepped one tick at a time.
 #[derive(Debug, Clone)]
 pub struct ClosedLoop<'a, L> {
     plan: &'a FlightPlan,
     link: L,
-    craft: Craft,
+    craft: SimulatedCraft,
     start: Start,
     delay: Delay<([f32; 3], [f32; 3])>,
     excitation: Option<Excitation>,
@@ -35,7 +35,7 @@ impl<'a> ClosedLoop<'a, InProcess> {
     }
 }
 
-impl<'a, L: Link> ClosedLoop<'a, L> {
+impl<'a, L: FlightComputer> ClosedLoop<'a, L> {
     /// The start of `plan` with the controller behind `link`, which must be fresh and built from the plan's configuration.
     ///
     /// # Errors
@@ -63,7 +63,7 @@ impl<'a, L: Link> ClosedLoop<'a, L> {
     /// # Errors
     /// What goes wrong on the link; never in process.
     #[inline]
-    pub fn step(&mut self) -> Result<Row, LinkError> {
+    pub fn step(&mut self) -> Result<Row, FlightComputerError> {
         let battery_v = self.craft.voltage_v();
         let sensed = self.craft.sense(battery_v);
         let (position_m, attitude_rad) = self.delay.push((sensed.position_m, sensed.attitude_rad));
@@ -111,11 +111,11 @@ pub fn fly(plan: &FlightPlan) -> Result<Recording, SilError> {
 ///
 /// # Errors
 /// A plan or configuration that cannot be flown, or what goes wrong on the link.
-pub fn fly_over(plan: &FlightPlan, link: impl Link) -> Result<Recording, SilError> {
+pub fn fly_over(plan: &FlightPlan, link: impl FlightComputer) -> Result<Recording, SilError> {
     record(ClosedLoop::new(plan, link)?)
 }
 
-fn record<L: Link>(mut flight: ClosedLoop<'_, L>) -> Result<Recording, SilError> {
+fn record<L: FlightComputer>(mut flight: ClosedLoop<'_, L>) -> Result<Recording, SilError> {
     let plan = flight.plan;
     let count = plan.ticks() as usize + 1;
     let mut rows = Vec::with_capacity(count);

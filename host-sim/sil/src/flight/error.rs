@@ -1,6 +1,6 @@
 //! Why a flight cannot be flown.
 
-use crate::flight_computer::LinkError;
+use crate::flight_computer::FlightComputerError;
 
 /// Why a flight cannot be flown.
 #[derive(Debug, thiserror::Error)]
@@ -21,9 +21,9 @@ pub enum SilError {
         /// What it may be.
         expected: &'static str,
     },
-    /// The link between plant and controller.
+    /// Where the autopilot runs.
     #[error(transparent)]
-    Link(#[from] LinkError),
+    FlightComputer(#[from] FlightComputerError),
     /// A user's formula without a value where the craft flew to: the flight ends there.
     #[error("the simulated flight ends after {time_s:.2} s: {undefined}")]
     Undefined {

@@ -15,4 +15,4 @@ pub use configuration::{CAGE_M, for_identification};
 pub use error::SilError;
 pub use plan::FlightPlan;
 pub use recording::{Recording, Row, Truth};
-pub use script::{Script, Step, StepAxis, Waypoint};
+pub use script::{Script, StepAxis, StepCommand, Waypoint};

@@ -9,8 +9,8 @@ use pattern::Pattern;
 use super::battery::{FLIGHT_BATTERY, THESIS_BATTERY_V, battery_of};
 use super::configuration::for_identification;
 use super::error::SilError;
-use super::script::{Script, Start, Step, StepAxis};
-use crate::craft::{Craft, Fault, NoiseModel, Sensors};
+use super::script::{Script, Start, StepAxis, StepCommand};
+use crate::craft::{Fault, NoiseModel, Sensors, SimulatedCraft};
 
 /// Everything about a flight before it is flown. Equal plans give equal bits.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,7 +74,7 @@ impl FlightPlan {
             StepAxis::Z => 20.0,
             StepAxis::X | StepAxis::Y => 40.0,
         };
-        let step = Step { axis, size, at_s: 1.0 };
+        let step = StepCommand { axis, size, at_s: 1.0 };
         let mut plan = Self { script: Script::Step(step), duration_s: step.at_s + after_s, ..Self::thesis() };
         if matches!(axis, StepAxis::Roll | StepAxis::Pitch) {
             // A held angle flies tens of metres in 10 s; the reference has no walls.
@@ -148,12 +148,12 @@ impl FlightPlan {
     }
 
     /// The craft at its start, with rotors at the speeds that the controller's first tick asks for.
-    pub(super) fn craft(&self) -> Result<Craft, SilError> {
+    pub(super) fn craft(&self) -> Result<SimulatedCraft, SilError> {
         self.craft_with_period(self.config.sample_time_s)
     }
 
     /// The same, to be advanced in ticks of another length.
-    pub(crate) fn craft_with_period(&self, period_s: f64) -> Result<Craft, SilError> {
+    pub(crate) fn craft_with_period(&self, period_s: f64) -> Result<SimulatedCraft, SilError> {
         self.check()?;
         let plant = Plant::new(&self.model);
         let mut state = State::at_rest(Vector3::from(self.start_m), [0.0; 4]);
@@ -168,6 +168,6 @@ impl FlightPlan {
             state.rotor_rad_s = plant.commanded_rad_s(&pwm.map(f64::from), voltage_v);
         }
         let sensors = Sensors::new(&self.model, self.noise, period_s, self.seed);
-        Ok(Craft::new(plant, self.battery, sensors, state, period_s, self.substeps))
+        Ok(SimulatedCraft::new(plant, self.battery, sensors, state, period_s, self.substeps))
     }
 }

@@ -27,7 +27,7 @@ pub enum StepAxis {
 
 /// A step of one commanded quantity from where the craft starts.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Step {
+pub struct StepCommand {
     /// What steps.
     pub axis: StepAxis,
     /// By how much, rad or m.
@@ -53,7 +53,7 @@ pub enum Script {
     /// Level, at the height and heading of the start.
     Hold,
     /// One step; position is held where the axis is X or Y, attitude level otherwise.
-    Step(Step),
+    Step(StepCommand),
     /// Way-points in position mode, in order of time; with `repeat_s` the list starts over after that time.
     Waypoints {
         /// The list.
@@ -196,7 +196,7 @@ fn level(start: &Start) -> Command {
     Command { yaw_rad: start.yaw_rad as f32, z_m: z, position_m: [x, y], ..Command::default() }
 }
 
-fn stepped(start: &Start, step: &Step, now: bool) -> Command {
+fn stepped(start: &Start, step: &StepCommand, now: bool) -> Command {
     let mut command = level(start);
     let add = |start: f64| if now { (start + step.size) as f32 } else { start as f32 };
     let [x, y, z] = start.position_m;
@@ -220,7 +220,7 @@ mod tests {
     #[test]
     fn a_step_comes_exactly_at_its_tick() {
         for axis in [StepAxis::Roll, StepAxis::Pitch, StepAxis::Yaw, StepAxis::Z, StepAxis::X, StepAxis::Y] {
-            let script = Script::Step(Step { axis, size: 0.25, at_s: 1.0 });
+            let script = Script::Step(StepCommand { axis, size: 0.25, at_s: 1.0 });
             let command = |tick: u32| script.command(&START, f64::from(tick) * 0.01);
             assert_eq!(command(0), command(99), "{axis:?}");
             assert_ne!(command(99), command(100), "{axis:?}");
@@ -228,7 +228,7 @@ mod tests {
             let position_mode = matches!(axis, StepAxis::X | StepAxis::Y);
             assert_eq!(command(0).mode == Mode::Position, position_mode, "{axis:?}");
         }
-        let x = Script::Step(Step { axis: StepAxis::X, size: 1.0, at_s: 1.0 });
+        let x = Script::Step(StepCommand { axis: StepAxis::X, size: 1.0, at_s: 1.0 });
         assert_eq!(x.command(&START, 2.0).position_m, [1.5, -0.5]);
     }
 

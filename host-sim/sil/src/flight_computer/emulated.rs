@@ -24,7 +24,7 @@ use proto::{
 };
 use tempfile::TempPath;
 
-use super::in_process::{Link, LinkError};
+use super::in_process::{FlightComputer, FlightComputerError};
 
 /// How long an answer may take: an emulator on a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -112,22 +112,22 @@ impl Drop for Peer {
 }
 
 impl Peer {
-    fn spawn(command: &mut Command) -> Result<Self, LinkError> {
+    fn spawn(command: &mut Command) -> Result<Self, FlightComputerError> {
         let name = command.get_program().to_string_lossy().into_owned();
         let child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
-        child.map(Self).map_err(|reason| LinkError::Start { program: name, reason })
+        child.map(Self).map_err(|reason| FlightComputerError::Start { program: name, reason })
     }
 
     /// Why it is silent.
-    fn explain(&mut self) -> LinkError {
+    fn explain(&mut self) -> FlightComputerError {
         // The end of its output comes a moment before its own.
         for _ in 0..100 {
             if let Ok(Some(status)) = self.0.try_wait() {
-                return LinkError::PeerGone { status: status.to_string() };
+                return FlightComputerError::PeerGone { status: status.to_string() };
             }
             std::thread::sleep(Duration::from_millis(10));
         }
-        LinkError::Silent { seconds: PATIENCE.as_secs() }
+        FlightComputerError::Silent { seconds: PATIENCE.as_secs() }
     }
 }
 
@@ -136,7 +136,7 @@ impl Emulated {
     ///
     /// # Errors
     /// An emulator that is not there, or a configuration that cannot be handed over.
-    pub fn start(processor: Processor, program: &Path, config: &Config) -> Result<Self, LinkError> {
+    pub fn start(processor: Processor, program: &Path, config: &Config) -> Result<Self, FlightComputerError> {
         let image = file_with(&image_of(config)?)?;
         Self::run(&mut processor.lockstep(program, &image, None), vec![image])
     }
@@ -151,7 +151,7 @@ impl Emulated {
         config: &Config,
         recording: &[u8],
         count: usize,
-    ) -> Result<Vec<u64>, LinkError> {
+    ) -> Result<Vec<u64>, FlightComputerError> {
         let (image, recording) = (file_with(&image_of(config)?)?, file_with(recording)?);
         let mut command = processor.lockstep(program, &image, Some(&recording));
         let mut program = Self::run(&mut command, vec![image, recording])?;
@@ -162,9 +162,9 @@ impl Emulated {
         (0..count).map(|_| program.next().and_then(digest)).collect()
     }
 
-    fn run(command: &mut Command, files: Vec<TempPath>) -> Result<Self, LinkError> {
+    fn run(command: &mut Command, files: Vec<TempPath>) -> Result<Self, FlightComputerError> {
         let mut peer = Peer::spawn(command)?;
-        let failed = || LinkError::Configure { reason: ErrorKind::BrokenPipe.into() };
+        let failed = || FlightComputerError::Configure { reason: ErrorKind::BrokenPipe.into() };
         let input = peer.0.stdin.take().ok_or_else(failed)?;
         let output = peer.0.stdout.take().ok_or_else(failed)?;
         let (sender, answers) = channel();
@@ -182,13 +182,13 @@ impl Emulated {
     }
 
     /// What it says next.
-    fn next(&mut self) -> Result<Vec<u8>, LinkError> {
+    fn next(&mut self) -> Result<Vec<u8>, FlightComputerError> {
         self.answers.recv_timeout(PATIENCE).map_err(|_| self.peer.explain())
     }
 }
 
-impl Link for Emulated {
-    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<Outcome, LinkError> {
+impl FlightComputer for Emulated {
+    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<Outcome, FlightComputerError> {
         let (mut frame, mut stream) = ([0; MAX_FRAME_LEN], [0; MAX_STREAM_LEN]);
         let frame = proto::encode(&Message::Readings(convert::readings_message(tick, readings)), &mut frame)?;
         let bytes = enframe(frame, &mut stream).ok_or(proto::Error::BufferTooShort)?;
@@ -196,20 +196,20 @@ impl Link for Emulated {
         written.map_err(|_| self.peer.explain())?;
         match proto::decode(&self.next()?)? {
             Message::Outcome(outcome) if outcome.output.tick == tick => Ok(outcome),
-            other => Err(LinkError::WrongAnswer { expected: tick, found: format!("{other:?}") }),
+            other => Err(FlightComputerError::WrongAnswer { expected: tick, found: format!("{other:?}") }),
         }
     }
 }
 
 /// The image of a configuration that is not from a file, so there is no hash to tell.
-fn image_of(config: &Config) -> Result<Vec<u8>, LinkError> {
+fn image_of(config: &Config) -> Result<Vec<u8>, FlightComputerError> {
     let image = encode(config, &[0; 32], &mut [0; MAX_IMAGE_LEN]).map(<[u8]>::to_vec);
-    image.ok_or_else(|| LinkError::Configure { reason: ErrorKind::InvalidData.into() })
+    image.ok_or_else(|| FlightComputerError::Configure { reason: ErrorKind::InvalidData.into() })
 }
 
 /// A file that goes with the value.
-fn file_with(bytes: &[u8]) -> Result<TempPath, LinkError> {
-    let failed = |reason| LinkError::Configure { reason };
+fn file_with(bytes: &[u8]) -> Result<TempPath, FlightComputerError> {
+    let failed = |reason| FlightComputerError::Configure { reason };
     let mut file = tempfile::NamedTempFile::new().map_err(failed)?;
     file.write_all(bytes).map_err(failed)?;
     Ok(file.into_temp_path())
@@ -232,12 +232,12 @@ impl Udp {
     ///
     /// # Errors
     /// A program that does not start, or that does not say where it listens.
-    pub fn start(program: &Path, config: &Config) -> Result<Self, LinkError> {
+    pub fn start(program: &Path, config: &Config) -> Result<Self, FlightComputerError> {
         Self::run(linux(program).arg("lockstep"), config)
     }
 
-    fn run(command: &mut Command, config: &Config) -> Result<Self, LinkError> {
-        let failed = |reason| LinkError::Configure { reason };
+    fn run(command: &mut Command, config: &Config) -> Result<Self, FlightComputerError> {
+        let failed = |reason| FlightComputerError::Configure { reason };
         let mut peer = Peer::spawn(command)?;
         let mut line = serde_json::to_string(config).map_err(|error| failed(error.into()))?;
         line.push('\n');
@@ -251,7 +251,7 @@ impl Udp {
         let address: SocketAddr = match said.trim().parse() {
             Ok(address) => address,
             Err(_) if said.is_empty() => return Err(peer.explain()),
-            Err(_) => return Err(LinkError::WrongAnswer { expected: 0, found: said }),
+            Err(_) => return Err(FlightComputerError::WrongAnswer { expected: 0, found: said }),
         };
         let socket = UdpSocket::bind("127.0.0.1:0").map_err(failed)?;
         socket.connect(address).map_err(failed)?;
@@ -261,8 +261,8 @@ impl Udp {
     }
 }
 
-impl Link for Udp {
-    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<Outcome, LinkError> {
+impl FlightComputer for Udp {
+    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<Outcome, FlightComputerError> {
         let question = Message::Readings(convert::readings_message(tick, readings));
         let (mut packet, started) = ([0; MAX_PACKET_LEN], Instant::now());
         while started.elapsed() < PATIENCE {
@@ -277,7 +277,10 @@ impl Link for Udp {
                     // The second answer to a question that was asked twice.
                     Ok((_, Message::Outcome(outcome))) if outcome.output.tick.wrapping_add(1) == tick => {}
                     other => {
-                        return Err(LinkError::WrongAnswer { expected: tick, found: format!("{other:?}") });
+                        return Err(FlightComputerError::WrongAnswer {
+                            expected: tick,
+                            found: format!("{other:?}"),
+                        });
                     }
                 }
             }
@@ -300,7 +303,7 @@ impl Emulation {
     ///
     /// # Errors
     /// As [`Emulated::start`], [`Udp::start`].
-    pub fn link(&self, config: &Config) -> Result<Box<dyn Link>, LinkError> {
+    pub fn link(&self, config: &Config) -> Result<Box<dyn FlightComputer>, FlightComputerError> {
         Ok(match self.processor {
             Processor::Armv7 => Box::new(Udp::start(&self.program, config)?),
             Processor::CortexM4 => Box::new(Emulated::start(self.processor, &self.program, config)?),
@@ -337,11 +340,14 @@ mod tests {
     fn a_program_that_does_not_answer_is_explained() {
         let mut gone = Emulated::run(&mut Command::new("false"), Vec::new()).unwrap();
         let error = gone.tick(0, &readings()).unwrap_err();
-        assert!(matches!(error, LinkError::PeerGone { .. }), "{error}");
+        assert!(matches!(error, FlightComputerError::PeerGone { .. }), "{error}");
         let none = Emulated::run(&mut Command::new("no-such-emulator"), Vec::new()).unwrap_err().to_string();
         assert!(none.contains("no-such-emulator"), "{none}");
         let silent = Udp::run(&mut Command::new("false"), &Config::thesis()).unwrap_err();
-        assert!(matches!(silent, LinkError::PeerGone { .. } | LinkError::Configure { .. }), "{silent}");
+        assert!(
+            matches!(silent, FlightComputerError::PeerGone { .. } | FlightComputerError::Configure { .. }),
+            "{silent}"
+        );
     }
 
     /// A craft over UDP that hears every second question only, and answers some twice.

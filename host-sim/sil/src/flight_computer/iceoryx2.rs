@@ -27,7 +27,7 @@ use iceoryx2::port::server::Server;
 use iceoryx2::prelude::*;
 use proto::{MAX_FRAME_LEN, Message};
 
-use super::in_process::{Link, LinkError};
+use super::in_process::{FlightComputer, FlightComputerError};
 
 type Ipc = ipc::Service;
 type Asking = Client<Ipc, [u8], (), [u8], ()>;
@@ -40,8 +40,8 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// Ticks between two looks for Ctrl-C; a tick takes some 50 us.
 const TICKS_BETWEEN_LOOKS: u32 = 100;
 
-fn refused<E: std::fmt::Debug>(what: &'static str) -> impl Fn(E) -> LinkError {
-    move |error| LinkError::Middleware { what, reason: format!("{error:?}") }
+fn refused<E: std::fmt::Debug>(what: &'static str) -> impl Fn(E) -> FlightComputerError {
+    move |error| FlightComputerError::Middleware { what, reason: format!("{error:?}") }
 }
 
 /// The middleware's files of one run: those in `root`, and shared memory whose names start with `prefix`.
@@ -56,7 +56,7 @@ impl Domain {
         Self { root: std::env::temp_dir().join(&prefix), prefix }
     }
 
-    fn node(&self) -> Result<Node<Ipc>, LinkError> {
+    fn node(&self) -> Result<Node<Ipc>, FlightComputerError> {
         set_log_level(LogLevel::Fatal);
         // From the defaults, not from a file of the user's that could differ between the two processes.
         let mut config = iceoryx2::config::Config::default();
@@ -65,7 +65,7 @@ impl Domain {
         config.global.set_root_path(&root.map_err(refused("name its folder"))?);
         let node = NodeBuilder::new().config(&config).create::<Ipc>().map_err(refused("create a node"))?;
         // The first wait installs the handler that turns Ctrl-C into an error of later waits.
-        node.wait(Duration::ZERO).map_err(|_| LinkError::Interrupted)?;
+        node.wait(Duration::ZERO).map_err(|_| FlightComputerError::Interrupted)?;
         Ok(node)
     }
 
@@ -88,12 +88,12 @@ struct Services {
 }
 
 impl Services {
-    fn name(run: &str, part: &str) -> Result<ServiceName, LinkError> {
+    fn name(run: &str, part: &str) -> Result<ServiceName, FlightComputerError> {
         ServiceName::new(&format!("quadlab/sil/{run}/{part}")).map_err(refused("name a service"))
     }
 
-    fn open_or_create(node: &Node<Ipc>, run: &str) -> Result<Self, LinkError> {
-        let event = |part| -> Result<_, LinkError> {
+    fn open_or_create(node: &Node<Ipc>, run: &str) -> Result<Self, FlightComputerError> {
+        let event = |part| -> Result<_, FlightComputerError> {
             node.service_builder(&Self::name(run, part)?)
                 .event()
                 .open_or_create()
@@ -145,7 +145,7 @@ impl Iceoryx2 {
     ///
     /// # Errors
     /// The program cannot be started, ends at once, or the middleware refuses something.
-    pub fn start(program: &Path, config: &Config) -> Result<Self, LinkError> {
+    pub fn start(program: &Path, config: &Config) -> Result<Self, FlightComputerError> {
         let run = unused_name();
         let domain = Domain::new(&run);
         // Before anything of the domain exists: from here on there is somebody to clear it away.
@@ -177,38 +177,38 @@ impl Iceoryx2 {
     }
 
     /// Hands the configuration over. The input stays open: its end is the sign to leave.
-    fn configure(&mut self, config: &Config) -> Result<(), LinkError> {
-        let failed = |reason| LinkError::Configure { reason };
+    fn configure(&mut self, config: &Config) -> Result<(), FlightComputerError> {
+        let failed = |reason| FlightComputerError::Configure { reason };
         let mut line = serde_json::to_vec(config).map_err(|error| failed(error.into()))?;
         line.push(b'\n');
         self.controller.child.stdin.as_mut().map_or(Ok(()), |stdin| stdin.write_all(&line)).map_err(failed)
     }
 
     /// The cause behind an error: an interrupt or the end of the controller's process brings others in its train.
-    fn explain(&mut self, error: LinkError) -> LinkError {
+    fn explain(&mut self, error: FlightComputerError) -> FlightComputerError {
         // A killed process takes a moment to be gone.
         if self.node.wait(LOOK).is_err() {
-            return LinkError::Interrupted;
+            return FlightComputerError::Interrupted;
         }
         match self.controller.child.try_wait() {
-            Ok(Some(status)) => LinkError::PeerGone { status: status.to_string() },
+            Ok(Some(status)) => FlightComputerError::PeerGone { status: status.to_string() },
             _ => error,
         }
     }
 
     /// Whether it makes sense to go on waiting since `started`.
-    fn look(&mut self, started: Instant) -> Result<(), LinkError> {
-        self.node.wait(Duration::ZERO).map_err(|_| LinkError::Interrupted)?;
+    fn look(&mut self, started: Instant) -> Result<(), FlightComputerError> {
+        self.node.wait(Duration::ZERO).map_err(|_| FlightComputerError::Interrupted)?;
         if let Ok(Some(status)) = self.controller.child.try_wait() {
-            return Err(LinkError::PeerGone { status: status.to_string() });
+            return Err(FlightComputerError::PeerGone { status: status.to_string() });
         }
         if started.elapsed() > PATIENCE {
-            return Err(LinkError::Silent { seconds: PATIENCE.as_secs() });
+            return Err(FlightComputerError::Silent { seconds: PATIENCE.as_secs() });
         }
         Ok(())
     }
 
-    fn send(&mut self, message: &Message) -> Result<Pending, LinkError> {
+    fn send(&mut self, message: &Message) -> Result<Pending, FlightComputerError> {
         let frame = proto::encode(message, &mut self.buffer)?;
         let request = self.client.loan_slice_uninit(frame.len()).map_err(refused("lend memory"))?;
         let pending = request.write_from_slice(frame).send().map_err(refused("send a request"))?;
@@ -227,23 +227,25 @@ fn unused_name() -> String {
     format!("{:x}-{nanoseconds:x}-{count:x}", std::process::id())
 }
 
-fn spawn(program: &Path, run: &str) -> Result<Child, LinkError> {
+fn spawn(program: &Path, run: &str) -> Result<Child, FlightComputerError> {
     let mut command = std::process::Command::new(program);
     command.args(["--controller", run]).stdin(Stdio::piped()).stdout(Stdio::null());
     // In a group of its own Ctrl-C does not reach it: the plant is interrupted and ends it in good order.
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
-    command.spawn().map_err(|reason| LinkError::Start { program: program.display().to_string(), reason })
+    command
+        .spawn()
+        .map_err(|reason| FlightComputerError::Start { program: program.display().to_string(), reason })
 }
 
-impl Link for Iceoryx2 {
-    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, LinkError> {
+impl FlightComputer for Iceoryx2 {
+    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, FlightComputerError> {
         self.ask(tick, readings).map_err(|error| self.explain(error))
     }
 }
 
 impl Iceoryx2 {
-    fn ask(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, LinkError> {
+    fn ask(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, FlightComputerError> {
         let started = Instant::now();
         if tick.is_multiple_of(TICKS_BETWEEN_LOOKS) {
             self.look(started)?;
@@ -253,7 +255,9 @@ impl Iceoryx2 {
             if let Some(response) = pending.receive().map_err(refused("receive a response"))? {
                 return match proto::decode(response.payload())? {
                     Message::Outcome(outcome) if outcome.output.tick == tick => Ok(outcome),
-                    other => Err(LinkError::WrongAnswer { expected: tick, found: format!("{other:?}") }),
+                    other => {
+                        Err(FlightComputerError::WrongAnswer { expected: tick, found: format!("{other:?}") })
+                    }
                 };
             }
             // An interrupted or empty wait is no reason to give up; what is, `look` knows.
@@ -269,14 +273,14 @@ impl Iceoryx2 {
 ///
 /// # Errors
 /// A configuration that cannot be read or flown, or what the middleware refuses.
-pub fn serve(run: &str) -> Result<(), LinkError> {
+pub fn serve(run: &str) -> Result<(), FlightComputerError> {
     let domain = Domain::new(run);
     let outcome = answer_until_input_ends(run, &domain);
     domain.remove();
     outcome
 }
 
-fn answer_until_input_ends(run: &str, domain: &Domain) -> Result<(), LinkError> {
+fn answer_until_input_ends(run: &str, domain: &Domain) -> Result<(), FlightComputerError> {
     let Some(config) = read_config()? else { return Ok(()) };
     let mut lockstep = Lockstep::new(&config)?;
     let plant_done = watch_input();
@@ -303,7 +307,7 @@ fn answer_all(
     server: &Answering,
     answered: &Notifier<Ipc>,
     lockstep: &mut Lockstep,
-) -> Result<(), LinkError> {
+) -> Result<(), FlightComputerError> {
     let mut buffer = [0; MAX_FRAME_LEN];
     while let Some(request) = server.receive().map_err(refused("receive a request"))? {
         // An output is not for this side; the plant will miss an answer and say so.
@@ -317,9 +321,9 @@ fn answer_all(
 }
 
 /// `None` if the plant went before it sent one.
-fn read_config() -> Result<Option<Config>, LinkError> {
+fn read_config() -> Result<Option<Config>, FlightComputerError> {
     let mut line = String::new();
-    let failed = |reason| LinkError::Configure { reason };
+    let failed = |reason| FlightComputerError::Configure { reason };
     if std::io::stdin().lock().read_line(&mut line).map_err(failed)? == 0 {
         return Ok(None);
     }

@@ -5,7 +5,7 @@ use craft::convert;
 
 /// What can go wrong between controller and plant.
 #[derive(Debug, thiserror::Error)]
-pub enum LinkError {
+pub enum FlightComputerError {
     /// The controller's configuration.
     #[error("controller configuration: {0}")]
     Config(#[from] control::ConfigError),
@@ -62,22 +62,22 @@ pub enum LinkError {
 }
 
 /// Something that answers ticks.
-pub trait Link {
+pub trait FlightComputer {
     /// One tick of the autopilot.
     ///
     /// # Errors
     /// What goes wrong on the way; never in process.
-    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, LinkError>;
+    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, FlightComputerError>;
 }
 
-impl<L: Link + ?Sized> Link for &mut L {
-    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, LinkError> {
+impl<L: FlightComputer + ?Sized> FlightComputer for &mut L {
+    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, FlightComputerError> {
         (**self).tick(tick, readings)
     }
 }
 
-impl<L: Link + ?Sized> Link for Box<L> {
-    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, LinkError> {
+impl<L: FlightComputer + ?Sized> FlightComputer for Box<L> {
+    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, FlightComputerError> {
         (**self).tick(tick, readings)
     }
 }
@@ -98,9 +98,9 @@ impl InProcess {
     }
 }
 
-impl Link for InProcess {
+impl FlightComputer for InProcess {
     #[inline]
-    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, LinkError> {
+    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, FlightComputerError> {
         Ok(convert::outcome(tick, self.autopilot.tick(readings)))
     }
 }

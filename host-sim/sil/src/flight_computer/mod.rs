@@ -6,4 +6,4 @@ mod in_process;
 
 pub use emulated::{Emulated, Emulation, Processor, Udp};
 pub use iceoryx2::{Iceoryx2, serve};
-pub use in_process::{InProcess, Link, LinkError};
+pub use in_process::{FlightComputer, FlightComputerError, InProcess};

@@ -5,5 +5,5 @@ pub mod reference;
 mod scenario;
 mod suite;
 
-pub use scenario::{Check, Scenario, Settings};
-pub use suite::{Outcome, Suite, Transport};
+pub use scenario::{RequirementCheck, Scenario, Settings};
+pub use suite::{ScenarioResult, Suite, Transport};

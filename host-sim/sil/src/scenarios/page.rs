@@ -5,8 +5,8 @@ use report::{
 };
 
 use super::reference::{Variant, response};
-use super::scenario::{Check, Settings, step_of};
-use super::suite::{Outcome, Suite};
+use super::scenario::{RequirementCheck, Settings, step_of};
+use super::suite::{ScenarioResult, Suite};
 use crate::flight::{Recording, Row, Script, StepAxis};
 
 const MOTORS: [&str; 4] = ["1 front-left", "2 front-right", "3 rear-right", "4 rear-left"];
@@ -62,12 +62,12 @@ fn outcome_table(suite: &Suite) -> Table {
 }
 
 /// All requirements of a flight with what was found, on one line.
-pub fn requirements(outcome: &Outcome) -> String {
+pub fn requirements(outcome: &ScenarioResult) -> String {
     let mut parts: Vec<String> = outcome
         .checks
         .iter()
         .map(|check| {
-            let Check { requirement, found, .. } = check;
+            let RequirementCheck { requirement, found, .. } = check;
             format!("{requirement} ({found})")
         })
         .collect();
@@ -77,7 +77,7 @@ pub fn requirements(outcome: &Outcome) -> String {
     parts.join("; ")
 }
 
-fn section(outcome: &Outcome, settings: &Settings) -> Section {
+fn section(outcome: &ScenarioResult, settings: &Settings) -> Section {
     let scenario = outcome.scenario;
     let heading = match scenario.thesis_figure() {
         Some(figure) => format!("{scenario} (thesis figure {figure})"),
@@ -160,7 +160,11 @@ fn loop_figure(recording: &Recording, axis: StepAxis) -> Figure {
 }
 
 /// The reference response in the units of the plot, where the flight was one of the reference's.
-fn reference_points(outcome: &Outcome, settings: &Settings, axis: StepAxis) -> Option<Vec<(f64, f64)>> {
+fn reference_points(
+    outcome: &ScenarioResult,
+    settings: &Settings,
+    axis: StepAxis,
+) -> Option<Vec<(f64, f64)>> {
     let another = settings.config.is_some() || settings.model.is_some();
     if another || settings.noise.is_some() || settings.delay_samples != 2 {
         return None;
@@ -172,7 +176,7 @@ fn reference_points(outcome: &Outcome, settings: &Settings, axis: StepAxis) -> O
     Some(reference.samples.iter().map(point).collect())
 }
 
-fn response_panels(outcome: &Outcome, axis: StepAxis, points: Option<Vec<(f64, f64)>>) -> Panels {
+fn response_panels(outcome: &ScenarioResult, axis: StepAxis, points: Option<Vec<(f64, f64)>>) -> Panels {
     let recording = &outcome.recording;
     let mut first = loop_figure(recording, axis);
     if let Some(points) = points {
@@ -187,7 +191,7 @@ fn response_panels(outcome: &Outcome, axis: StepAxis, points: Option<Vec<(f64, f
     Panels::new(figures)
 }
 
-fn motor_panels(outcome: &Outcome) -> Panels {
+fn motor_panels(outcome: &ScenarioResult) -> Panels {
     let recording = &outcome.recording;
     let unit = outcome.plan.model.vehicle.motors.command_unit.as_str();
     let mut motors = Figure::new("", time(), Axis::new("motor command", unit));
@@ -224,7 +228,7 @@ fn track(recording: &Recording) -> Figure {
         .equal_scale()
 }
 
-fn motion_panels(outcome: &Outcome) -> Panels {
+fn motion_panels(outcome: &ScenarioResult) -> Panels {
     let recording = &outcome.recording;
     let height = Figure::new("", time(), Axis::new("height", "m"))
         .with(Series::line(

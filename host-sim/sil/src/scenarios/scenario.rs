@@ -15,7 +15,7 @@ use model::{Effect, Model};
 
 use crate::craft::NoiseModel;
 use crate::flight::{
-    FlightPlan, Recording, Script, Step, StepAxis, Waypoint, battery_of, for_identification,
+    FlightPlan, Recording, Script, StepAxis, StepCommand, Waypoint, battery_of, for_identification,
     with_still_sensors,
 };
 use design::response::StepMetrics;
@@ -71,7 +71,7 @@ impl Default for Settings {
 
 /// One requirement and how it came out.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Check {
+pub struct RequirementCheck {
     /// What is required, with the unit.
     pub requirement: String,
     /// What was found.
@@ -193,7 +193,7 @@ impl Scenario {
         plan: &FlightPlan,
         flight: &Recording,
         metrics: Option<&StepMetrics>,
-    ) -> Vec<Check> {
+    ) -> Vec<RequirementCheck> {
         match (self, metrics) {
             (Self::Roll10 | Self::Pitch10 | Self::Roll30, Some(m)) => vec![overshoot(m, 35.0)],
             (Self::Yaw30, Some(m)) => vec![overshoot(m, 5.0), rise(m, 1.0)],
@@ -210,30 +210,30 @@ impl Scenario {
     }
 }
 
-fn at_most(what: &str, value: f64, limit: f64, unit: &str) -> Check {
-    Check {
+fn at_most(what: &str, value: f64, limit: f64, unit: &str) -> RequirementCheck {
+    RequirementCheck {
         requirement: format!("{what} <= {limit} {unit}"),
         found: report::significant(value, 3),
         holds: value <= limit,
     }
 }
 
-fn at_least(what: &str, value: f64, limit: f64, unit: &str) -> Check {
-    Check {
+fn at_least(what: &str, value: f64, limit: f64, unit: &str) -> RequirementCheck {
+    RequirementCheck {
         requirement: format!("{what} >= {limit} {unit}"),
         found: report::significant(value, 3),
         holds: value >= limit,
     }
 }
 
-fn overshoot(metrics: &StepMetrics, limit_percent: f64) -> Check {
+fn overshoot(metrics: &StepMetrics, limit_percent: f64) -> RequirementCheck {
     at_most("overshoot", metrics.overshoot_percent, limit_percent, "%")
 }
 
-fn rise(metrics: &StepMetrics, limit_s: f64) -> Check {
+fn rise(metrics: &StepMetrics, limit_s: f64) -> RequirementCheck {
     match metrics.rise_s {
         Some(rise_s) => at_most("rise", rise_s, limit_s, "s"),
-        None => Check {
+        None => RequirementCheck {
             requirement: format!("rise <= {limit_s} s"),
             found: "does not reach 90 %".into(),
             holds: false,
@@ -242,7 +242,7 @@ fn rise(metrics: &StepMetrics, limit_s: f64) -> Check {
 }
 
 /// Reference: 0.0044 degrees and 0.075 mm with ideal sensors. Noise of 1 mrad shakes the weakly damped pitch loop.
-fn hover_checks(plan: &FlightPlan, flight: &Recording) -> Vec<Check> {
+fn hover_checks(plan: &FlightPlan, flight: &Recording) -> Vec<RequirementCheck> {
     let (tilt_limit_deg, height_limit_mm) = if plan.noise.is_some() { (1.0, 5.0) } else { (0.02, 0.5) };
     let greatest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0_f64, |a, b| a.max(b.abs()));
     let tilt_rad = greatest(&mut flight.euler_rad().iter().flatten().copied());
@@ -255,7 +255,7 @@ fn hover_checks(plan: &FlightPlan, flight: &Recording) -> Vec<Check> {
 }
 
 /// The way-point is reached by the end of its leg, and the craft keeps to the cage.
-fn pattern_checks(plan: &FlightPlan, flight: &Recording) -> Vec<Check> {
+fn pattern_checks(plan: &FlightPlan, flight: &Recording) -> Vec<RequirementCheck> {
     let Script::Waypoints { list, .. } = &plan.script else { return Vec::new() };
     let leg_rows = (PATTERN_LEG_S / flight.period_s).round() as usize;
     let misses = (1..).map(|leg| leg * leg_rows - 1).zip(list.iter().cycle());
@@ -287,7 +287,7 @@ fn pattern() -> FlightPlan {
 }
 
 /// The step of a plan, if it is one, and the value it starts from.
-pub(crate) fn step_of(plan: &FlightPlan) -> Option<(Step, f64)> {
+pub(crate) fn step_of(plan: &FlightPlan) -> Option<(StepCommand, f64)> {
     let Script::Step(step) = plan.script else { return None };
     let [x, y, z] = plan.start_m;
     let base = match step.axis {

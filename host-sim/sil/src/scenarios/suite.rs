@@ -7,7 +7,7 @@ use sha2::{Digest, Sha256};
 
 use design::response::{StepMetrics, step_metrics, value_at};
 
-use super::scenario::{Check, Scenario, Settings, step_of};
+use super::scenario::{RequirementCheck, Scenario, Settings, step_of};
 use crate::flight::{FlightPlan, Recording, SilError, fly, fly_over};
 use crate::flight_computer::{Emulation, Iceoryx2};
 
@@ -33,7 +33,7 @@ pub enum Transport {
 
 /// A flown and judged scenario.
 #[derive(Debug, Clone)]
-pub struct Outcome {
+pub struct ScenarioResult {
     /// Which.
     pub scenario: Scenario,
     /// What was flown.
@@ -49,19 +49,19 @@ pub struct Outcome {
     /// Ticks with a motor command at an end of its range.
     pub saturated_ticks: usize,
     /// Requirements.
-    pub checks: Vec<Check>,
+    pub checks: Vec<RequirementCheck>,
 }
 
 /// All outcomes of a run.
 #[derive(Debug, Clone)]
 pub struct Suite {
     /// In the order flown.
-    pub outcomes: Vec<Outcome>,
+    pub outcomes: Vec<ScenarioResult>,
     /// SHA-256 of all motor commands.
     pub pwm_sha256: String,
 }
 
-impl Outcome {
+impl ScenarioResult {
     /// Judges a flight.
     pub fn new(scenario: Scenario, plan: FlightPlan, recording: Recording) -> Self {
         let response = response(&plan, &recording);
@@ -163,7 +163,7 @@ impl Suite {
             progress(scenario);
             let plan = scenario.plan(settings);
             let recording = fly_by(transport, &plan)?;
-            outcomes.push(Outcome::new(scenario, plan, recording));
+            outcomes.push(ScenarioResult::new(scenario, plan, recording));
         }
         let pwm_sha256 = pwm_sha256(outcomes.iter().map(|outcome| &outcome.recording));
         Ok(Self { outcomes, pwm_sha256 })
@@ -171,7 +171,7 @@ impl Suite {
 
     /// Whether every scenario passes.
     pub fn pass(&self) -> bool {
-        self.outcomes.iter().all(Outcome::pass)
+        self.outcomes.iter().all(ScenarioResult::pass)
     }
 
     /// The JSON document of `--json`, one line.
@@ -195,9 +195,13 @@ impl Suite {
 }
 
 impl<'a> OutcomeJson<'a> {
-    fn new(outcome: &'a Outcome) -> Self {
+    fn new(outcome: &'a ScenarioResult) -> Self {
         let metrics = outcome.metrics.as_ref();
-        let check = |c: &'a Check| CheckJson { requirement: &c.requirement, found: &c.found, holds: c.holds };
+        let check = |c: &'a RequirementCheck| CheckJson {
+            requirement: &c.requirement,
+            found: &c.found,
+            holds: c.holds,
+        };
         Self {
             name: outcome.scenario.name(),
             pass: outcome.pass(),

@@ -19,20 +19,20 @@
 //! A COM whose clock runs fast is the unsolved fault of the thesis (chapter 6): it throws off law, sample rate and integrators, and
 //! came and went by itself. It counts as wrong when the skew is beyond [`SKEW_LIMIT`] by four standard errors in two bins running, and as well again when the estimate is inside by one;
 //! with jitter of a tick that takes under 2 s for 1 %. Bounds of two bins
-//! that are more than [`LEAP_S`] apart are a leap, and named too.
+//! that are more than [`JUMP_S`] apart are a leap, and named too.
 //!
 //! Both ramps are microseconds modulo 2^32 (71.6 minutes); only differences are used. Deliberately absent: setting anybody's clock.
 
 use std::collections::VecDeque;
 
 /// Length of a bin, s of the ground's clock.
-pub const BIN_S: f64 = 0.25;
+const BIN_S: f64 = 0.25;
 /// Bins that the skew is taken from.
-pub const BINS: usize = 6;
+const BINS: usize = 6;
 /// A pace that differs by more than this part is a fault. Crystals differ by 1e-4 at most.
-pub const SKEW_LIMIT: f64 = 3e-3;
+const SKEW_LIMIT: f64 = 3e-3;
 /// Bounds of two bins that are farther apart are a leap, s.
-pub const LEAP_S: f64 = 0.05;
+const JUMP_S: f64 = 0.05;
 /// Standard errors that a skew has to be beyond the limit.
 const SURE: f64 = 4.0;
 /// Echoes older than this say nothing about the link as it is, us.
@@ -69,9 +69,9 @@ pub enum ClockEvent {
         std_error: f64,
     },
     /// It runs as it should again.
-    Well,
+    Recovered,
     /// It leapt, or the craft started anew.
-    Leapt {
+    Jumped {
         /// By how much, s.
         by_s: f64,
     },
@@ -87,8 +87,8 @@ impl std::fmt::Display for ClockEvent {
                 if *skew > 0.0 { "fast" } else { "slow" },
                 std_error * 100.0
             ),
-            Self::Well => f.write_str("the craft's clock runs as it should again"),
-            Self::Leapt { by_s } => {
+            Self::Recovered => f.write_str("the craft's clock runs as it should again"),
+            Self::Jumped { by_s } => {
                 write!(f, "the craft's clock leapt by {by_s:.3} s, or the craft was restarted")
             }
         }
@@ -150,7 +150,7 @@ struct Bin {
 impl Bin {
     /// How far the offset has certainly moved, us: the bounds of both bins do not meet. A machine that stood still moves one bound
     /// only.
-    fn leap_from_us(&self, before: &Self) -> f64 {
+    fn jump_from_us(&self, before: &Self) -> f64 {
         let (forward, back) = (self.above.1 - before.below.1, self.below.1 - before.above.1);
         if forward > 0.0 { forward } else { back.min(0.0) }
     }
@@ -158,7 +158,7 @@ impl Bin {
 
 /// The estimator.
 #[derive(Debug, Clone)]
-pub struct Ramps {
+pub struct ClockMonitor {
     craft: Unwrapped,
     last_echo: Option<u32>,
     /// An echo has changed: one that never did may be what the craft began with.
@@ -171,7 +171,7 @@ pub struct Ramps {
     pace: Pace,
 }
 
-impl Default for Ramps {
+impl Default for ClockMonitor {
     fn default() -> Self {
         Self {
             craft: Unwrapped::default(),
@@ -186,7 +186,7 @@ impl Default for Ramps {
     }
 }
 
-impl Ramps {
+impl ClockMonitor {
     /// A telemetry frame: the craft's ramp, the ground's that it brings back, its tick, and the ground's clock at its arrival.
     /// Gives what it shows to have happened.
     pub fn heard(&mut self, craft_us: u32, echo_us: u32, tick: u32, arrived_us: u64) -> Option<ClockEvent> {
@@ -239,11 +239,11 @@ impl Ramps {
     fn close_bin(&mut self) -> Option<ClockEvent> {
         let newest = *self.bins.back()?;
         let before = self.bins.len().checked_sub(2).and_then(|k| self.bins.get(k));
-        let leap_us = before.map_or(0.0, |before| newest.leap_from_us(before));
-        if leap_us.abs() > LEAP_S * 1e6 {
+        let jump_us = before.map_or(0.0, |before| newest.jump_from_us(before));
+        if jump_us.abs() > JUMP_S * 1e6 {
             self.bins.clear();
             (self.beyond, self.inside, self.pace) = (0, 0, Pace::Unknown);
-            return Some(ClockEvent::Leapt { by_s: leap_us * 1e-6 });
+            return Some(ClockEvent::Jumped { by_s: jump_us * 1e-6 });
         }
         let (skew, std_error) = self.skew(self.bins.len())?;
         let off = |sign: f64| sign * skew - SURE * std_error > SKEW_LIMIT;
@@ -264,7 +264,7 @@ impl Ramps {
         match (before, self.pace) {
             (before, after) if before == after => None,
             (_, Pace::Fast | Pace::Slow) => Some(ClockEvent::Off { skew, std_error }),
-            (Pace::Fast | Pace::Slow, _) => Some(ClockEvent::Well),
+            (Pace::Fast | Pace::Slow, _) => Some(ClockEvent::Recovered),
             _ => None,
         }
     }
@@ -346,9 +346,9 @@ mod tests {
         Simulated { way_s: 0.003, queue_s: 0.0, loss: 0.0, start_us: 0, skews: Vec::new(), seed: 1 };
 
     /// What came of `duration_s` of such a link: the estimator and the events with their times.
-    fn run(link: &Simulated, duration_s: f64) -> (Ramps, Vec<(f64, ClockEvent)>) {
+    fn run(link: &Simulated, duration_s: f64) -> (ClockMonitor, Vec<(f64, ClockEvent)>) {
         let mut generator = Pcg64::seed_from_u64(link.seed);
-        let mut ramps = Ramps::default();
+        let mut monitor = ClockMonitor::default();
         let start_us = 10_000_000 + u64::from(link.start_us);
         let mut way_s = || {
             let queue: f64 = Exp1.sample(&mut generator);
@@ -377,7 +377,7 @@ mod tests {
                 // A link keeps the order of its packets.
                 last_arrival_s = f64::max(last_arrival_s, now_s + way);
                 let craft_us = link.start_us.wrapping_add(777).wrapping_add((craft_s * 1e6) as u64 as u32);
-                let event = ramps.heard(craft_us, echo, tick, us(last_arrival_s));
+                let event = monitor.heard(craft_us, echo, tick, us(last_arrival_s));
                 events.extend(event.map(|event| (last_arrival_s, event)));
             }
             let skew =
@@ -385,13 +385,13 @@ mod tests {
             // A tick of the craft is 10 ms of its own clock.
             (craft_s, now_s, tick) = (craft_s + 0.01, now_s + 0.01 / (1.0 + skew), tick + 1);
         }
-        (ramps, events)
+        (monitor, events)
     }
 
     #[test]
     fn a_quiet_link_is_measured_to_the_wait_for_the_tick() {
-        let (ramps, events) = run(&LINK, 5.0);
-        let timing = ramps.timing().unwrap();
+        let (monitor, events) = run(&LINK, 5.0);
+        let timing = monitor.timing().unwrap();
         assert_eq!(events, []);
         // Two ways of 3 ms, and a wait of 0 to 10 ms for the tick, 5 ms in the mean.
         assert!((timing.one_way_s - 0.0055).abs() < 0.0004, "{timing:?}");
@@ -404,8 +404,8 @@ mod tests {
     /// 13 ms for one way, wait included.
     #[test]
     fn the_thesis_two_samples_of_delay_are_found() {
-        let (ramps, _) = run(&Simulated { way_s: 0.0105, ..LINK }, 5.0);
-        let total_s = ramps.timing().unwrap().one_way_s + 0.007;
+        let (monitor, _) = run(&Simulated { way_s: 0.0105, ..LINK }, 5.0);
+        let total_s = monitor.timing().unwrap().one_way_s + 0.007;
         assert!((total_s / 0.01 - 2.0).abs() < 0.05, "{total_s}");
     }
 
@@ -420,7 +420,8 @@ mod tests {
         ] {
             let skews = vec![(5.0, skew), (12.0, 0.0)];
             let (_, events) = run(&Simulated { queue_s, loss, skews, seed, ..LINK }, 20.0);
-            let [(found_s, ClockEvent::Off { skew: found, .. }), (over_s, ClockEvent::Well)] = events[..]
+            let [(found_s, ClockEvent::Off { skew: found, .. }), (over_s, ClockEvent::Recovered)] =
+                events[..]
             else {
                 panic!("seed {seed}: {events:?}");
             };
@@ -435,8 +436,8 @@ mod tests {
     fn a_steady_skew_is_measured() {
         for (seed, skew) in [(1, 0.02), (2, 0.0002), (3, -0.004), (4, 0.0)] {
             let skews = vec![(0.0, skew)];
-            let (ramps, _) = run(&Simulated { queue_s: 0.004, loss: 0.1, skews, seed, ..LINK }, 10.0);
-            let timing = ramps.timing().unwrap();
+            let (monitor, _) = run(&Simulated { queue_s: 0.004, loss: 0.1, skews, seed, ..LINK }, 10.0);
+            let timing = monitor.timing().unwrap();
             // The least of 25 waits and queues in a bin is some 0.5 ms; over 1.5 s that leaves 5e-4, thrice that is allowed.
             assert!((timing.skew - skew).abs() < 1.5e-3, "seed {seed}: {timing:?}");
             assert!(timing.skew_std_error < 1.5e-3, "seed {seed}: {timing:?}");
@@ -448,14 +449,14 @@ mod tests {
     fn a_bad_link_is_no_bad_clock() {
         for seed in 0..6 {
             let queue_s = [0.002, 0.01, 0.03][seed as usize % 3];
-            let (ramps, events) = run(&Simulated { queue_s, loss: 0.3, seed, ..LINK }, 600.0);
+            let (monitor, events) = run(&Simulated { queue_s, loss: 0.3, seed, ..LINK }, 600.0);
             let wrong: Vec<_> = events.iter().filter(|(_, e)| matches!(e, ClockEvent::Off { .. })).collect();
             assert!(wrong.is_empty(), "seed {seed}, queue {queue_s}: {wrong:?}");
             assert!(
-                !events.iter().any(|(_, e)| matches!(e, ClockEvent::Leapt { .. })),
+                !events.iter().any(|(_, e)| matches!(e, ClockEvent::Jumped { .. })),
                 "seed {seed}: {events:?}"
             );
-            assert_ne!(ramps.timing().unwrap().pace, Pace::Fast);
+            assert_ne!(monitor.timing().unwrap().pace, Pace::Fast);
         }
     }
 
@@ -464,46 +465,46 @@ mod tests {
         // Both clocks wrap 2.5 s into the run, as after 71 minutes.
         let near_the_end = u32::MAX - 12_500_000;
         let link = |start_us| Simulated { start_us, queue_s: 0.002, skews: vec![(3.0, 0.02)], ..LINK };
-        let (ramps, events) = run(&link(near_the_end), 8.0);
+        let (monitor, events) = run(&link(near_the_end), 8.0);
         let (same, as_events) = run(&link(0), 8.0);
         assert_eq!(events.len(), 1, "{events:?}");
         assert!((events[0].0 - as_events[0].0).abs() < 0.3, "{events:?} {as_events:?}");
-        assert!((ramps.timing().unwrap().skew - same.timing().unwrap().skew).abs() < 1e-3);
+        assert!((monitor.timing().unwrap().skew - same.timing().unwrap().skew).abs() < 1e-3);
     }
 
     #[test]
     fn a_leap_is_named() {
-        let mut ramps = Ramps::default();
+        let mut monitor = ClockMonitor::default();
         let mut events = Vec::new();
         for tick in 0..400_u32 {
             let now_us = 1_000_000 + u64::from(tick) * 10_000;
             let leapt = if tick >= 200 { 500_000 } else { 0 };
             let echo_us = (now_us - 6_000) as u32 - tick % 3;
-            events.extend(ramps.heard(tick * 10_000 + leapt, echo_us, tick, now_us));
+            events.extend(monitor.heard(tick * 10_000 + leapt, echo_us, tick, now_us));
         }
-        let [ClockEvent::Leapt { by_s }] = events[..] else { panic!("{events:?}") };
+        let [ClockEvent::Jumped { by_s }] = events[..] else { panic!("{events:?}") };
         assert!((by_s - 0.5).abs() < 0.01);
-        assert_eq!(ramps.timing().unwrap().pace, Pace::Good);
+        assert_eq!(monitor.timing().unwrap().pace, Pace::Good);
     }
 
     #[test]
     fn before_the_ramp_has_come_back_nothing_is_known() {
-        let mut ramps = Ramps::default();
+        let mut monitor = ClockMonitor::default();
         for tick in 0..100_u32 {
             // Whatever the ground's clock says: an echo that never changes is none.
-            assert_eq!(ramps.heard(tick * 10_000, 0, tick, 1_000 + u64::from(tick) * 10_000), None);
+            assert_eq!(monitor.heard(tick * 10_000, 0, tick, 1_000 + u64::from(tick) * 10_000), None);
         }
-        assert_eq!(ramps.timing(), None);
+        assert_eq!(monitor.timing(), None);
     }
 
     proptest! {
         #[test]
         fn no_numbers_panic(frames in prop::collection::vec((any::<u32>(), any::<u32>(), any::<u32>(), any::<u64>()), 0..200)) {
-            let mut ramps = Ramps::default();
+            let mut monitor = ClockMonitor::default();
             for (craft_us, echo_us, tick, arrived_us) in frames {
-                let _ = ramps.heard(craft_us, echo_us, tick, arrived_us >> 8);
+                let _ = monitor.heard(craft_us, echo_us, tick, arrived_us >> 8);
             }
-            let _ = ramps.timing();
+            let _ = monitor.timing();
         }
     }
 }

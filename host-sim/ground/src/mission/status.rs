@@ -1,0 +1,47 @@
+//! What a mission knows of the craft, what it asks for, and how it goes.
+
+use control::condition::Conditions;
+use proto::{Gains, Pose, Request, State};
+
+/// What is known of the craft.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CraftStatus {
+    /// What it is doing.
+    pub state: State,
+    /// Where it is.
+    pub pose: Pose,
+    /// Which preflight checks are good, one bit each.
+    pub preflight: u16,
+    /// What was found in the tick in which it went into this state, one bit each.
+    pub found: u32,
+}
+
+impl CraftStatus {
+    /// The faults that brought the craft into its state, for people; nothing if there were none.
+    pub(super) fn because(&self) -> String {
+        let faults = Conditions::from_bits(self.found);
+        let names: Vec<_> =
+            faults.iter().filter(|fault| !fault.is_asked_for()).map(|fault| fault.name()).collect();
+        if names.is_empty() { String::new() } else { format!(", because of {}", names.join(", ")) }
+    }
+}
+
+/// What is to be sent beside the command.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Ask {
+    /// A request; it is sent again until its state is there.
+    Request(Request),
+    /// Gains; sent again until they are answered.
+    Gains(Gains),
+}
+
+/// How the mission goes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Progress {
+    /// Steps are left.
+    Going,
+    /// All is done.
+    Done,
+    /// It came to nothing, for this reason.
+    Failed(String),
+}
