@@ -134,7 +134,7 @@ mod tests {
     use super::super::script::{Script, Waypoint};
     use super::*;
     use model::Model;
-    use sysid::{Column, Flight};
+    use flights::{Column, Flight};
 
     #[test]
     fn equal_plans_give_equal_bits_and_seeds_differ() {

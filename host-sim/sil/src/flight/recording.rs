@@ -3,7 +3,7 @@
 use control::Measurement;
 use model::{State, frames};
 use nalgebra::Vector3;
-use sysid::{Column, Flight};
+use flights::{Column, Flight};
 
 use super::configuration::CAGE_M;
 use super::script::StepAxis;
