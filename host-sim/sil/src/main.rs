@@ -165,7 +165,25 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         anyhow::ensure!(processor.is_none(), "--pattern with --on: a pattern flies on this machine");
         return fly_pattern(arguments, path, settings);
     }
-    let transport = match (arguments.transport, processor) {
+    let transport = transport(arguments, processor)?;
+    let suite = fly_suite(&scenarios, &settings, &transport)?;
+    let provenance = report::Provenance {
+        command_line: std::env::args().collect::<Vec<_>>().join(" "),
+        version: format!("sil {}", env!("CARGO_PKG_VERSION")),
+        ..report::Provenance::default()
+    };
+    std::fs::create_dir_all(&arguments.out)
+        .with_context(|| format!("cannot create the folder {}", arguments.out.display()))?;
+    suite.write_flights(&arguments.out)?;
+    let index = arguments.out.join("index.html");
+    page::page(&suite, &settings, provenance).write(&index)?;
+    report::print(&text(arguments, &suite, &index))?;
+    Ok(ExitCode::from(u8::from(!suite.pass())))
+}
+
+/// How plant and controller are joined.
+fn transport(arguments: &Arguments, processor: Option<Processor>) -> anyhow::Result<Transport> {
+    Ok(match (arguments.transport, processor) {
         (Way::Inproc, None) => Transport::InProcess,
         (Way::Iceoryx2, None) => Transport::Iceoryx2 { program: std::env::current_exe()? },
         (Way::Inproc, Some(processor)) => {
@@ -180,29 +198,21 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         (Way::Iceoryx2, Some(_)) => {
             anyhow::bail!("--transport iceoryx2 with --on {}: leave --transport out", arguments.on)
         }
-    };
+    })
+}
+
+/// Flies all scenarios behind a progress bar.
+fn fly_suite(scenarios: &[Scenario], settings: &Settings, transport: &Transport) -> anyhow::Result<Suite> {
     let bar = ProgressBar::new(scenarios.len() as u64)
         .with_style(ProgressStyle::with_template("{bar:20} {pos}/{len} {msg}")?);
     let mut flown = 0;
-    let suite = Suite::fly(&scenarios, &settings, &transport, |scenario| {
+    let suite = Suite::fly(scenarios, settings, transport, |scenario| {
         bar.set_position(flown);
         bar.set_message(scenario.name());
         flown += 1;
     });
     bar.finish_and_clear();
-    let suite = suite?;
-    let provenance = report::Provenance {
-        command_line: std::env::args().collect::<Vec<_>>().join(" "),
-        version: format!("sil {}", env!("CARGO_PKG_VERSION")),
-        ..report::Provenance::default()
-    };
-    std::fs::create_dir_all(&arguments.out)
-        .with_context(|| format!("cannot create the folder {}", arguments.out.display()))?;
-    suite.write_flights(&arguments.out)?;
-    let index = arguments.out.join("index.html");
-    page::page(&suite, &settings, provenance).write(&index)?;
-    report::print(&text(arguments, &suite, &index))?;
-    Ok(ExitCode::from(u8::from(!suite.pass())))
+    Ok(suite?)
 }
 
 /// The emulated processor of this name; none for this machine's.

@@ -324,7 +324,7 @@ mod tests {
             );
         }
         let Progress::Failed(why) = mission.progress() else { panic!("goes on") };
-        assert!(why.ends_with("not all good: timing (25 % of the time)"), "{why}");
+        assert!(why.ends_with("these checks fail: timing (25 % of the time)"), "{why}");
         let mut cut = Mission::new([MissionStep::Arm {}], PERIOD_S, 1.0);
         for k in 0..300 {
             cut.command(

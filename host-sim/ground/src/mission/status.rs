@@ -35,6 +35,19 @@ pub enum Ask {
     Gains(Gains),
 }
 
+impl Ask {
+    /// Is a craft in this state where the request would bring it?
+    pub(crate) fn is_fulfilled(&self, state: State) -> bool {
+        match self {
+            Self::Gains(_) => false,
+            Self::Request(Request::Arm) => !matches!(state, State::Disarmed | State::Cut),
+            Self::Request(Request::Land) => matches!(state, State::Land | State::Disarmed | State::Cut),
+            Self::Request(Request::Disarm) => state == State::Disarmed,
+            Self::Request(Request::Cut) => state == State::Cut,
+        }
+    }
+}
+
 /// How the mission goes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Progress {

@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::entry::TOPICS;
 use super::error::{RecordError, mcap_error};
-use super::flights::FlightCutter;
+use super::flight_cutter::FlightCutter;
 use super::log::{begin_mcap, for_each_message};
 use super::recorder::{part_of, with_ending};
 

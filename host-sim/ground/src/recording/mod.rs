@@ -3,7 +3,7 @@
 mod entry;
 mod error;
 mod finish;
-mod flights;
+mod flight_cutter;
 mod log;
 mod recorder;
 mod schema;
@@ -11,6 +11,6 @@ mod schema;
 pub use entry::{Entry, Level, LinkRecord};
 pub use error::RecordError;
 pub use finish::{Finished, finish};
-pub use flights::{FlightCutter, IN_THE_AIR_M};
+pub use flight_cutter::{FlightCutter, IN_THE_AIR_M};
 pub use log::{Logged, read_log};
 pub use recorder::{Recorder, part_of};

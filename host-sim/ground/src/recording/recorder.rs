@@ -3,7 +3,7 @@
 //! **While it runs** the log is `NAME.mcap.part`: MCAP without chunks, each message written to the system before the next one is
 //! looked at, so a killed program or a full disk loses nothing that came before. **When it ends** [`finish`] reads that log
 //! and writes `NAME.mcap` (with chunks and indices, as Foxglove and PlotJuggler like it) and `NAME-1.csv`, `NAME-2.csv` ... (one
-//! flight each, see [`flights`](crate::flights)), each under a temporary name first; then the part goes. A part that a crash left
+//! flight each, see [`FlightCutter`](super::flight_cutter::FlightCutter)), each under a temporary name first; then the part goes. A part that a crash left
 //! behind is finished in the same way.
 //!
 //! Messages are JSON with a JSON schema each, in SI units, the fields those of crate `proto`:

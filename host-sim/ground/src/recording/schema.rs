@@ -8,10 +8,9 @@ use serde_json::{Value, json};
 
 use super::entry::{Entry, Level, LinkRecord};
 
-/// A message of each topic with every field in it, to draw the schemas from.
-pub(super) fn samples() -> [Value; 9] {
-    let pose = Pose { position_m: [0.5; 3], attitude_rad: [0.5; 3] };
-    let telemetry = Telemetry {
+/// Telemetry with every field in it.
+fn sample_telemetry(pose: Pose) -> Telemetry {
+    Telemetry {
         tick: 0,
         craft_us: 0,
         ground_us: 0,
@@ -33,7 +32,13 @@ pub(super) fn samples() -> [Value; 9] {
         battery_v: 0.5,
         current_a: Some(0.5),
         counters: Counters::default(),
-    };
+    }
+}
+
+/// A message of each topic with every field in it, to draw the schemas from.
+pub(super) fn samples() -> [Value; 9] {
+    let pose = Pose { position_m: [0.5; 3], attitude_rad: [0.5; 3] };
+    let telemetry = sample_telemetry(pose);
     let command = Command {
         mode: Mode::Position,
         attitude_rad: [0.5; 2],

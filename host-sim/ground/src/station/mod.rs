@@ -1,6 +1,7 @@
 //! The ground station as one value, without sockets, clocks and terminals.
 
 mod notices;
+mod parts;
 mod pilot;
 mod settings;
 mod snapshot;

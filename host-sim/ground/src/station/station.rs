@@ -11,13 +11,13 @@
 //! What happens is told as [`Notice`] lines, once each: changes of state, faults by their names, refusals, the clock's pace.
 use control::condition::{Condition, Conditions};
 use control::supervisor::Preflight;
-use proto::{Gains, Identity, Message, Request, State, Telemetry, TimedPose, Timer};
+use proto::{Identity, Message, Request, State, Telemetry, TimedPose, Timer};
 
 use super::notices::{Notice, Notices};
+use super::parts::{Craft, Pending, Schedule, Tracking, Traffic};
 use super::pilot::PilotRequest;
 use super::settings::{Settings, SettingsError};
-use super::snapshot::{Snapshot, Tracker};
-use super::stream_rate::StreamRate;
+use super::snapshot::Snapshot;
 use crate::link::{ClockEvent, ClockMonitor, CraftLink, CraftLinkError, Pace, ramp_interval_s};
 use crate::mission::{Ask, CraftStatus, Mission, MissionStep, Progress};
 use crate::mocap::TrackerEvent;
@@ -31,57 +31,6 @@ pub const SILENCE_S: f64 = 1.0;
 const BLIND_S: f64 = 0.5;
 /// Between two records of the link, us.
 const LINK_EVERY_US: u64 = 250_000;
-
-/// Something that is asked for again and again.
-#[derive(Debug, Clone, Copy)]
-struct Pending {
-    ask: Ask,
-    /// Numbers of the packets in which it was asked, oldest and newest.
-    numbers: [u64; 2],
-    next_us: u64,
-}
-
-/// When each kind of message is due, us of the ground's clock.
-#[derive(Debug, Clone, Copy, Default)]
-struct Schedule {
-    started_us: Option<u64>,
-    command_us: u64,
-    ramp_us: u64,
-    ramps_sent: u64,
-    who_us: u64,
-    link_us: u64,
-}
-
-/// What the craft has said of itself.
-#[derive(Debug, Default)]
-struct Craft {
-    /// The last telemetry, and when it came.
-    telemetry: Option<(Telemetry, u64)>,
-    /// Conditions in the tick in which the craft went into its state.
-    found: u32,
-    identity: Option<Identity>,
-    /// Its telemetry has stopped.
-    silent: bool,
-}
-
-/// Packets both ways.
-#[derive(Debug, Default)]
-struct Traffic {
-    /// Packets to send.
-    out: Vec<Vec<u8>>,
-    sent: u64,
-    down: StreamRate,
-    up: StreamRate,
-}
-
-/// What the tracker has said.
-#[derive(Debug, Default)]
-struct Tracking {
-    tracker: Tracker,
-    poses: StreamRate,
-    /// It has not seen the craft of late.
-    blind: bool,
-}
 
 /// The station.
 #[derive(Debug)]
@@ -384,7 +333,7 @@ impl Station {
 
     /// Asks for what the mission needs, again and again until its state is there.
     fn ask(&mut self, now_us: u64, known: &CraftStatus) {
-        let wanted = self.mission.ask().filter(|ask| !is_there(ask, known.state));
+        let wanted = self.mission.ask().filter(|ask| !ask.is_fulfilled(known.state));
         let Some(ask) = wanted else {
             self.pending = None;
             return;
@@ -529,17 +478,6 @@ impl Station {
     /// Ends the recording, for [`finish`](crate::recording::finish).
     pub fn end_recording(&mut self) {
         self.recorder = None;
-    }
-}
-
-/// Is the craft where the request would bring it?
-fn is_there(ask: &Ask, state: State) -> bool {
-    match ask {
-        Ask::Gains(Gains { .. }) => false,
-        Ask::Request(Request::Arm) => !matches!(state, State::Disarmed | State::Cut),
-        Ask::Request(Request::Land) => matches!(state, State::Land | State::Disarmed | State::Cut),
-        Ask::Request(Request::Disarm) => state == State::Disarmed,
-        Ask::Request(Request::Cut) => state == State::Cut,
     }
 }
 

@@ -337,6 +337,30 @@ fn effect(prospect: &Prospect) -> EffectEntry {
 /// `wanted`: whether a pattern file was asked for.
 fn described(document: &Document, wanted: bool) -> String {
     let mut text = String::new();
+    describe_flight(&mut text, document);
+    describe_injection(&mut text, document);
+    let noise: Vec<String> = document.noise.iter().map(|n| significant(*n, 2)).collect();
+    let _ = writeln!(
+        text,
+        "Residual reckoned with: u v w {} m/s^2, p q r {} rad/s^2",
+        noise[..3].join(" "),
+        noise[3..].join(" ")
+    );
+    if !document.cannot_be_told_apart.is_empty() {
+        let _ = writeln!(text, "\nCannot be told apart: {}", document.cannot_be_told_apart.join(", "));
+    }
+    describe_coefficients(&mut text, document);
+    describe_effects(&mut text, document);
+    text.push('\n');
+    if let Some(path) = &document.pattern {
+        let _ = writeln!(text, "\npattern file: {path}");
+    } else if wanted {
+        text.push_str("\nno pattern file written\n");
+    }
+    text
+}
+
+fn describe_flight(text: &mut String, document: &Document) {
     let f = &document.flight;
     if let Some(trouble) = &f.trouble {
         let _ = writeln!(
@@ -360,6 +384,9 @@ fn described(document: &Document, wanted: bool) -> String {
         -z[0],
         f.saturated_ticks
     );
+}
+
+fn describe_injection(text: &mut String, document: &Document) {
     let i = &document.injection;
     let factors: Vec<String> =
         i.relative_peak_factor.iter().map(|v| v.map_or_else(|| "-".into(), |v| format!("{v:.2}"))).collect();
@@ -371,16 +398,9 @@ fn described(document: &Document, wanted: bool) -> String {
         i.largest_correlation,
         largest(&f.command_correlation)
     );
-    let noise: Vec<String> = document.noise.iter().map(|n| significant(*n, 2)).collect();
-    let _ = writeln!(
-        text,
-        "Residual reckoned with: u v w {} m/s^2, p q r {} rad/s^2",
-        noise[..3].join(" "),
-        noise[3..].join(" ")
-    );
-    if !document.cannot_be_told_apart.is_empty() {
-        let _ = writeln!(text, "\nCannot be told apart: {}", document.cannot_be_told_apart.join(", "));
-    }
+}
+
+fn describe_coefficients(text: &mut String, document: &Document) {
     let _ = writeln!(
         text,
         "\n{:<19}{:<16}{:>11}{:>12}{:>9}{:>12}  unit",
@@ -401,6 +421,10 @@ fn described(document: &Document, wanted: bool) -> String {
             c.unit
         );
     }
+}
+
+/// Effects that the flight would show, and those that it would not.
+fn describe_effects(text: &mut String, document: &Document) {
     let (seen, unseen): (Vec<&EffectEntry>, Vec<&EffectEntry>) =
         document.effects.iter().partition(|e| e.excited);
     let seen: Vec<String> =
@@ -422,13 +446,6 @@ fn described(document: &Document, wanted: bool) -> String {
         };
         let _ = write!(text, "\n  {:<22}{how}; to see it: {}", e.effect, e.to_see_it);
     }
-    text.push('\n');
-    if let Some(path) = &document.pattern {
-        let _ = writeln!(text, "\npattern file: {path}");
-    } else if wanted {
-        text.push_str("\nno pattern file written\n");
-    }
-    text
 }
 
 fn largest(correlation: &[[f64; 4]; 4]) -> f64 {

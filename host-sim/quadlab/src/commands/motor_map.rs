@@ -142,8 +142,42 @@ fn plus_minus(e: Estimated, unit: &str) -> String {
 }
 
 fn described(result: &StandResult, vehicle: &Vehicle, out: Option<&Path>) -> String {
+    let mut text = described_map(result, vehicle);
+    let clock = &result.clock;
+    let _ = writeln!(
+        text,
+        "\nClocks: the craft's is {:.4} +- {:.4} s ahead of the tachometer's and runs {:.1} +- {:.1} ms a minute fast",
+        clock.offset_s.value,
+        clock.offset_s.std_error,
+        6e4 * clock.skew.value,
+        6e4 * clock.skew.std_error
+    );
+    let _ = writeln!(
+        text,
+        "Left out: {} missed pulses, {} samples in gaps, missing, or of a rotor that stood or began",
+        result.missed_pulses, result.left_out
+    );
+    describe_support(&mut text, result);
+    for motor in &result.motors {
+        let _ = writeln!(
+            text,
+            "motor {}: {} than the common map says; by itself command {}, lag {}",
+            motor.motor,
+            difference(motor.faster_rad_s),
+            plus_minus(motor.map.command, ""),
+            plus_minus(motor.map.lag, "rad/s"),
+        );
+    }
+    if let Some(out) = out {
+        let _ = writeln!(text, "\nvehicle file: {}", out.display());
+    }
+    text
+}
+
+/// The map and lag beside those of the vehicle file, and what they leave.
+fn described_map(result: &StandResult, vehicle: &Vehicle) -> String {
     let mut text = String::new();
-    let (map, clock) = (&result.map, &result.clock);
+    let map = &result.map;
     let unit = &vehicle.motors.command_unit;
     let before = &vehicle.motors;
     let mut line = |name: &str, estimate: Estimated, unit: &str, was: Option<f64>| {
@@ -169,19 +203,11 @@ fn described(result: &StandResult, vehicle: &Vehicle, out: Option<&Path>) -> Str
         result.battery_v[0],
         result.battery_v[1]
     );
-    let _ = writeln!(
-        text,
-        "\nClocks: the craft's is {:.4} +- {:.4} s ahead of the tachometer's and runs {:.1} +- {:.1} ms a minute fast",
-        clock.offset_s.value,
-        clock.offset_s.std_error,
-        6e4 * clock.skew.value,
-        6e4 * clock.skew.std_error
-    );
-    let _ = writeln!(
-        text,
-        "Left out: {} missed pulses, {} samples in gaps, missing, or of a rotor that stood or began",
-        result.missed_pulses, result.left_out
-    );
+    text
+}
+
+/// Which map the data support.
+fn describe_support(text: &mut String, result: &StandResult) {
     let _ = writeln!(text, "\n{:<36}{:>10}{:>10}   support", "map", "fitted", "held out");
     for judged in &result.maps {
         let _ = writeln!(
@@ -197,20 +223,6 @@ fn described(result: &StandResult, vehicle: &Vehicle, out: Option<&Path>) -> Str
     if !holds(result) {
         text.push_str("The vehicle file's map has no such term: it holds the best map without it.\n");
     }
-    for motor in &result.motors {
-        let _ = writeln!(
-            text,
-            "motor {}: {} than the common map says; by itself command {}, lag {}",
-            motor.motor,
-            difference(motor.faster_rad_s),
-            plus_minus(motor.map.command, ""),
-            plus_minus(motor.map.lag, "rad/s"),
-        );
-    }
-    if let Some(out) = out {
-        let _ = writeln!(text, "\nvehicle file: {}", out.display());
-    }
-    text
 }
 
 fn difference(faster: Estimated) -> String {

@@ -70,82 +70,120 @@ const REST_S: f64 = 1.0;
 /// Every manoeuvre, `duration_s` long; `seed` draws the tour.
 pub fn library(duration_s: f64, seed: u64) -> Vec<Manoeuvre> {
     let end_s = duration_s - REST_S;
-    let make = |name, words, list: Vec<Waypoint>| Manoeuvre { name, words, script: path(list, end_s) };
-    // A place for each step of `leg_s`, going round a list.
-    let round = |leg_s: f64, places: &[([f64; 3], f64)]| -> Vec<Waypoint> {
-        steps(leg_s, end_s).map(|(k, from_s)| at(from_s, places[k % places.len()])).collect()
+    let tour = Manoeuvre {
+        name: "tour",
+        words: "tour the cage: dashes, turns, climbs, and slow passes low over the floor",
+        script: Script::tour(seed, end_s),
     };
-    let north = |position_m: [f64; 3]| (position_m, 0.0);
-    let turn = |rounds: f64| -> Vec<Waypoint> {
-        let yaw = |from_s: f64| rounds * TAU * (from_s - REST_S) / (end_s - REST_S);
-        steps(0.1, end_s).map(|(_, from_s)| at(from_s, (START_M, yaw(from_s)))).collect()
-    };
-    let heights = |all: &[f64]| all.iter().map(|h| north([0.0, 0.0, -h])).collect::<Vec<_>>();
-    let headings = |k: usize| 0.5 * PI * k as f64;
-    let yawed: Vec<([f64; 3], f64)> =
-        (0..8).map(|k| ([if k % 2 == 0 { 1.3 } else { -1.3 }, 0.0, -1.0], headings(k / 2))).collect();
-    let circle: Vec<Waypoint> = steps(0.1, end_s)
-        .map(|(_, from_s)| {
-            let angle = 1.2 * (from_s - REST_S);
-            at(from_s, north([1.0 - angle.cos(), angle.sin(), -1.0]))
-        })
-        .collect();
-    let shuttle: Vec<Waypoint> = steps(0.1, end_s)
-        .map(|(_, from_s)| {
-            // Half a metre a second, to and fro.
-            let way = (0.5 * (from_s - REST_S)) % 6.0;
-            let x = if way < 1.5 {
-                way
-            } else if way < 4.5 {
-                3.0 - way
-            } else {
-                way - 6.0
-            };
-            at(from_s, north([x, 0.0, -1.0]))
-        })
+    let mut all = on_the_spot(end_s);
+    all.extend(heights(end_s));
+    all.extend(dashes(end_s));
+    all.extend(even_speeds(end_s));
+    all.push(tour);
+    all
+}
+
+fn on_the_spot(end_s: f64) -> Vec<Manoeuvre> {
+    let twice_round: Vec<Waypoint> = steps(0.1, end_s)
+        .map(|(_, from_s)| at(from_s, (START_M, 2.0 * TAU * (from_s - REST_S) / (end_s - REST_S))))
         .collect();
     vec![
-        make("hover", "hover at 1 m, heading north", Vec::new()),
-        make("yaw-round", "hover at 1 m and turn round twice, slowly and evenly", turn(2.0)),
+        make("hover", "hover at 1 m, heading north", Vec::new(), end_s),
+        make("yaw-round", "hover at 1 m and turn round twice, slowly and evenly", twice_round, end_s),
         make(
             "yaw-swings",
             "hover at 1 m and swing the heading quickly by 60 degrees to either side, every 2 s",
-            round(2.0, &[(START_M, PI / 3.0), (START_M, -PI / 3.0)]),
+            in_turn(2.0, &[(START_M, PI / 3.0), (START_M, -PI / 3.0)], end_s),
+            end_s,
         ),
+    ]
+}
+
+fn heights(end_s: f64) -> Vec<Manoeuvre> {
+    let heights = |leg_s: f64, all: &[f64]| {
+        in_turn(leg_s, &all.iter().map(|h| north([0.0, 0.0, -h])).collect::<Vec<_>>(), end_s)
+    };
+    vec![
         make(
             "height-steps",
             "hover at 1.6, 1.0, 0.5, 0.25 and 0.15 m over the floor, some seconds each",
-            round((end_s - REST_S) / 5.0, &heights(&[1.6, 1.0, 0.5, 0.25, 0.15])),
+            heights((end_s - REST_S) / 5.0, &[1.6, 1.0, 0.5, 0.25, 0.15]),
+            end_s,
         ),
         make(
             "low-flight",
             "sink to 0.15 m over the floor, stay for 3 s, climb to 1 m for 2 s, and again",
-            round(2.5, &heights(&[0.15, 0.15, 1.0])),
+            heights(2.5, &[0.15, 0.15, 1.0]),
+            end_s,
         ),
-        make("climbs", "climb and sink between 0.5 and 1.8 m every 2 s", round(2.0, &heights(&[1.8, 0.5]))),
+        make("climbs", "climb and sink between 0.5 and 1.8 m every 2 s", heights(2.0, &[1.8, 0.5]), end_s),
+    ]
+}
+
+fn dashes(end_s: f64) -> Vec<Manoeuvre> {
+    let headings = |k: usize| 0.5 * PI * k as f64;
+    let yawed: Vec<([f64; 3], f64)> =
+        (0..8).map(|k| ([if k % 2 == 0 { 1.3 } else { -1.3 }, 0.0, -1.0], headings(k / 2))).collect();
+    vec![
         make(
             "dashes-forward",
             "dash forward and back over 3 m as fast as it flies, heading north",
-            round(2.0, &[north([1.5, 0.0, -1.0]), north([-1.5, 0.0, -1.0])]),
+            in_turn(2.0, &[north([1.5, 0.0, -1.0]), north([-1.5, 0.0, -1.0])], end_s),
+            end_s,
         ),
         make(
             "dashes-sideways",
             "dash to the right and left over 2 m as fast as it flies, heading north",
-            round(1.8, &[north([0.0, 1.0, -1.0]), north([0.0, -1.0, -1.0])]),
+            in_turn(1.8, &[north([0.0, 1.0, -1.0]), north([0.0, -1.0, -1.0])], end_s),
+            end_s,
         ),
         make(
             "dashes-yawed",
             "dash over 2.6 m to and fro with the nose north, then east, south and west",
-            round(2.0, &yawed),
+            in_turn(2.0, &yawed, end_s),
+            end_s,
         ),
-        make("shuttle", "fly 3 m to and fro at an even 0.5 m/s, heading north", shuttle),
-        make("circle", "circle at 1 m radius and 1.2 m/s, heading north", circle),
-        Manoeuvre {
-            name: "tour",
-            words: "tour the cage: dashes, turns, climbs, and slow passes low over the floor",
-            script: Script::tour(seed, end_s),
-        },
     ]
+}
+
+fn even_speeds(end_s: f64) -> Vec<Manoeuvre> {
+    let over_time = |place: fn(f64) -> [f64; 3]| -> Vec<Waypoint> {
+        steps(0.1, end_s).map(|(_, from_s)| at(from_s, north(place(from_s - REST_S)))).collect()
+    };
+    let shuttle = over_time(|since_s| {
+        // Half a metre a second, to and fro.
+        let way = (0.5 * since_s) % 6.0;
+        let x = if way < 1.5 {
+            way
+        } else if way < 4.5 {
+            3.0 - way
+        } else {
+            way - 6.0
+        };
+        [x, 0.0, -1.0]
+    });
+    let circle = over_time(|since_s| {
+        let angle = 1.2 * since_s;
+        [1.0 - angle.cos(), angle.sin(), -1.0]
+    });
+    vec![
+        make("shuttle", "fly 3 m to and fro at an even 0.5 m/s, heading north", shuttle, end_s),
+        make("circle", "circle at 1 m radius and 1.2 m/s, heading north", circle, end_s),
+    ]
+}
+
+fn make(name: &'static str, words: &'static str, list: Vec<Waypoint>, end_s: f64) -> Manoeuvre {
+    Manoeuvre { name, words, script: path(list, end_s) }
+}
+
+/// The places and headings of a list in turn, each for `leg_s`, round and round.
+fn in_turn(leg_s: f64, places: &[([f64; 3], f64)], end_s: f64) -> Vec<Waypoint> {
+    steps(leg_s, end_s).map(|(k, from_s)| at(from_s, places[k % places.len()])).collect()
+}
+
+/// A place, heading north.
+fn north(position_m: [f64; 3]) -> ([f64; 3], f64) {
+    (position_m, 0.0)
 }
 
 /// The steps from rest to the end.

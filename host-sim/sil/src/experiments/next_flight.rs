@@ -170,7 +170,13 @@ pub fn plan(
             Ok(Proposal { name, words, amplitude: *amplitude, pattern, course, worth })
         })
         .collect::<Result<_, PlanError>>()?;
-    let rank = |p: &Proposal| {
+    rank(&mut proposals, goal);
+    Ok(proposals)
+}
+
+/// Sorts proposals by what they tell, those that cannot be flown so at the end, and puts the one to fly first.
+fn rank(proposals: &mut [Proposal], goal: Goal) {
+    let key = |p: &Proposal| {
         let worth = match (goal, p.worth) {
             (Goal::Separate(..), worth) => -worth.unwrap_or(0.0),
             (Goal::Shrink(_), worth) => worth.unwrap_or(f64::INFINITY),
@@ -178,7 +184,7 @@ pub fn plan(
         (p.course.trouble.is_some(), worth)
     };
     proposals.sort_by(|a, b| {
-        let ((a_bad, a), (b_bad, b)) = (rank(a), rank(b));
+        let ((a_bad, a), (b_bad, b)) = (key(a), key(b));
         a_bad.cmp(&b_bad).then(a.total_cmp(&b))
     });
     if let Some(best) = proposals.first().and_then(|p| p.worth) {
@@ -199,7 +205,6 @@ pub fn plan(
             proposals[..=index].rotate_right(1);
         }
     }
-    Ok(proposals)
 }
 
 fn worth(predictor: &Predictor, foreseen: &Foreseen, goal: Goal) -> Option<f64> {

@@ -133,8 +133,8 @@ fn record<L: FlightComputer>(mut flight: ClosedLoop<'_, L>) -> Result<Recording,
 mod tests {
     use super::super::script::{Script, Waypoint};
     use super::*;
-    use model::Model;
     use flights::{Column, Flight};
+    use model::Model;
 
     #[test]
     fn equal_plans_give_equal_bits_and_seeds_differ() {

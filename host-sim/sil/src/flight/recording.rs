@@ -1,9 +1,9 @@
 //! What was recorded of a flight, and its flight file.
 
 use control::Measurement;
+use flights::{Column, Flight};
 use model::{State, frames};
 use nalgebra::Vector3;
-use flights::{Column, Flight};
 
 use super::configuration::CAGE_M;
 use super::script::StepAxis;
