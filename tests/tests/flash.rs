@@ -1,7 +1,9 @@
-//! `cargo xtask flash` against a real sshd on this machine, whose craft is an ARM program under qemu-arm.
+//! `cargo xtask flash` against a real sshd on this machine, whose craft is an ARM program under
+//! qemu-arm.
 //!
-//! Everything is real but the processor: Debian's sshd with keys of its own on a port of the loopback, the program built for
-//! armv7, its link, its guardian, a pseudo terminal for its IMU, files for its PWM. Without one of the means it is skipped.
+//! Everything is real but the processor: Debian's sshd with keys of its own on a port of the
+//! loopback, the program built for armv7, its link, its guardian, a pseudo terminal for its IMU,
+//! files for its PWM. Without one of the means it is skipped.
 #![forbid(unsafe_code)]
 
 #[path = "../../firmware/com/tests/whole/common/mod.rs"]

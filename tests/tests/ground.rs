@@ -1,8 +1,10 @@
-//! The ground station flies a pattern through the simulated laboratory, and what it recorded identifies the craft.
+//! The ground station flies a pattern through the simulated laboratory, and what it recorded
+//! identifies the craft.
 //!
-//! Everything passes through real sockets: the tracker's datagrams in Vicon's format, the ground's packets up, the craft's packets
-//! down. Time is simulated, so that a busy machine changes nothing and a minute of flight takes a second: the clock of the ground
-//! is the laboratory's, and each tick waits for the packets that it knows to be under way.
+//! Everything passes through real sockets: the tracker's datagrams in Vicon's format, the ground's
+//! packets up, the craft's packets down. Time is simulated, so that a busy machine changes nothing
+//! and a minute of flight takes a second: the clock of the ground is the laboratory's, and each
+//! tick waits for the packets that it knows to be under way.
 
 use std::collections::BTreeMap;
 use std::net::{SocketAddr, UdpSocket};
@@ -80,7 +82,8 @@ impl Day {
         }
     }
 
-    /// One tick of the craft: telemetry reaches the ground 2 ms later, the pose 3 ms later, and is in the craft with the next tick.
+    /// One tick of the craft: telemetry reaches the ground 2 ms later, the pose 3 ms later, and is
+    /// in the craft with the next tick.
     fn tick(&mut self) {
         let pose = self.lab.tick();
         let under_way = self.radio.send(&mut self.lab);
@@ -194,7 +197,8 @@ fn recorded_flights_identify_the_craft_that_flew() {
             worst = worst.max(off.abs());
         }
     }
-    // Some 24 coefficients: 4.5 standard errors is what is asked of identification on flights of others, too.
+    // Some 24 coefficients: 4.5 standard errors is what is asked of identification on flights of
+    // others, too.
     assert!(worst < 4.5, "{worst:.2} standard errors");
 }
 
@@ -215,7 +219,8 @@ fn a_fast_clock_is_named_within_two_seconds_of_the_first_telemetry() {
     }
 }
 
-/// By hand: arm, take off, cut in the air. The craft falls, stays cut, and only a disarm lets it arm again.
+/// By hand: arm, take off, cut in the air. The craft falls, stays cut, and only a disarm lets it
+/// arm again.
 #[test]
 fn a_person_flies_by_wishes() {
     let plan = FlightPlan::identification(Model::thesis(), 3, 1.0);
@@ -249,7 +254,8 @@ fn a_person_flies_by_wishes() {
     day.until(1.0, |day| day.state() == Some(State::Armed));
 }
 
-/// A ground station that is started anew while the craft flies takes it over where it is, and lands it.
+/// A ground station that is started anew while the craft flies takes it over where it is, and lands
+/// it.
 #[test]
 fn a_restarted_ground_station_takes_a_flying_craft_over() {
     let plan = FlightPlan::identification(Model::thesis(), 4, 1.0);

@@ -1,11 +1,12 @@
 //! The station at work: sockets, threads and the clock around [`Station`].
 //!
-//! One thread waits for the craft, one for the tracker, one for the keyboard; all of them hand what they heard to the loop, which
-//! owns the station, wakes up at once when something comes, and otherwise when something is due. So a pose goes on its way
-//! within some 50 us of its arrival, and nothing polls.
+//! One thread waits for the craft, one for the tracker, one for the keyboard; all of them hand what
+//! they heard to the loop, which owns the station, wakes up at once when something comes, and
+//! otherwise when something is due. So a pose goes on its way within some 50 us of its arrival, and
+//! nothing polls.
 //!
-//! Ctrl-C (or a request to end) lands a flying craft and ends when it is down; a second one ends at once, and the craft's own
-//! supervisor holds and lands it. The recording is whole either way.
+//! Ctrl-C (or a request to end) lands a flying craft and ends when it is down; a second one ends at
+//! once, and the craft's own supervisor holds and lands it. The recording is whole either way.
 
 use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
@@ -23,12 +24,12 @@ use crate::station::{Notice, PilotRequest, Snapshot, Station};
 const LOOK: Duration = Duration::from_millis(50);
 /// Between two pictures of a view.
 const FRAME: Duration = Duration::from_millis(100);
-/// A craft that was asked to land is given up after this, s.
+/// A craft that was asked to land is waited for this long, s.
 const LANDING_S: f64 = 60.0;
-/// A craft that is not heard any more cannot be waited for longer than this, s.
+/// A craft that has fallen silent is not waited for longer than this, s.
 const LOST_S: f64 = 10.0;
 
-/// What a person does.
+/// What the pilot does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Input {
     /// A request of the pilot.
@@ -65,7 +66,7 @@ pub enum RunUntil {
 /// How it ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RunResult {
-    /// All that was asked for came about, and nothing was wrong.
+    /// Everything asked for was done, and nothing was wrong.
     pub well: bool,
     /// Why not.
     pub why: Option<String>,
@@ -84,8 +85,8 @@ pub fn catch_interrupts() -> Result<(), ctrlc::Error> {
     })
 }
 
-/// Runs a station over `socket`, which is connected to the craft, with this tracker. `inputs` is where the keyboard's thread puts
-/// what people do. Time zero of the ground's clock is `start`.
+/// Runs a station over `socket`, which is connected to the craft, with this tracker. `inputs` is
+/// where the keyboard's thread puts what people do. Time zero of the ground's clock is `start`.
 ///
 /// # Errors
 /// A socket that cannot be set up.
@@ -131,7 +132,7 @@ fn hear_craft(socket: &UdpSocket, to_loop: &Sender<Event>, over: &AtomicBool) {
                 }
             }
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
-            // The craft's port is closed (ICMP): its program does not run yet, or any more.
+            // The craft's port is closed (ICMP): its program is not running.
             Err(_) => std::thread::sleep(Duration::from_millis(1)),
         }
     }
@@ -202,7 +203,8 @@ impl Loop<'_> {
             match self.events.recv_timeout(due.min(picture)) {
                 Ok(event) => self.take(event),
                 Err(RecvTimeoutError::Timeout) => {}
-                // The threads live as long as this does; without any of them time goes on all the same.
+                // The threads live as long as this does; without any of them time goes on all the
+                // same.
                 Err(RecvTimeoutError::Disconnected) => std::thread::sleep(due.min(picture)),
             }
         }
@@ -223,7 +225,7 @@ impl Loop<'_> {
         self.flush();
     }
 
-    /// Packets on their way. A craft whose port is closed is told of by its silence.
+    /// Sends packets. A craft whose port is closed is reported by its silence.
     fn flush(&mut self) {
         for packet in self.station.take_packets() {
             let _ = self.socket.send(&packet);
@@ -263,7 +265,7 @@ impl Loop<'_> {
                 Progress::Failed(why) => self.leave(now_us, Some(why)),
                 Progress::Done => self.leave(now_us, None),
                 Progress::Going if self.silent(now_us, LOST_S) => {
-                    self.leave(now_us, Some("the craft is not heard any more".into()));
+                    self.leave(now_us, Some("the craft has fallen silent".into()));
                 }
                 Progress::Going => {}
             }
@@ -276,7 +278,7 @@ impl Loop<'_> {
         let why = match (why, self.station.is_flying(), self.station.is_faulty()) {
             (Some(why), ..) => Some(why),
             (None, true, _) => Some("the craft was still flying at the end".into()),
-            (None, false, true) => Some("something was wrong on the way, see above".into()),
+            (None, false, true) => Some("something went wrong during the flight, see above".into()),
             (None, false, false) => None,
         };
         Some(RunResult { well: why.is_none(), why })

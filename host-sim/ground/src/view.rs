@@ -1,6 +1,8 @@
-//! What people see: lines for a log ([`Plain`]), or a picture of now in the terminal ([`Live`]) with keys to fly by.
+//! What people see: lines for a log ([`Plain`]), or a picture of now in the terminal ([`Live`])
+//! with keys to fly by.
 //!
-//! The picture is a pure function of a [`Snapshot`] ([`draw`]); names of faults and checks are the flight law's own.
+//! The picture is a pure function of a [`Snapshot`] ([`draw`]); names of faults and checks are the
+//! flight law's own.
 
 use std::io::Write;
 use std::sync::mpsc::Sender;
@@ -81,7 +83,7 @@ impl<W: Write> View for Plain<W> {
 
 /// Craft and link in one line.
 fn status(now: &Snapshot) -> String {
-    let Some((telemetry, _)) = &now.telemetry else { return "the craft is not heard yet".into() };
+    let Some((telemetry, _)) = &now.telemetry else { return "the craft is not connected yet".into() };
     let [x, y, z] = telemetry.tracked.position_m;
     let craft = format!(
         "{:?} at x {x:.2} y {y:.2} height {:.2} m, {:.2} V",
@@ -110,7 +112,7 @@ impl Live {
     /// Takes the terminal over; keys go to `inputs` from a thread of their own.
     ///
     /// # Errors
-    /// Something that is no terminal.
+    /// Output that is not a terminal.
     pub fn start(inputs: Sender<Input>) -> std::io::Result<Self> {
         let terminal = ratatui::try_init()?;
         std::thread::spawn(move || read_keys(&inputs));
@@ -128,12 +130,12 @@ impl View for Live {
     fn notice(&mut self, _: &Notice) {}
 
     fn show(&mut self, snapshot: &Snapshot) {
-        // A terminal that is gone is no reason to stop flying.
+        // A terminal that has gone is no reason to stop flying.
         let _ = self.terminal.draw(|frame| draw(frame, snapshot));
     }
 }
 
-/// Until nobody listens any more. In raw mode Ctrl-C is a key.
+/// Reads keys until nobody listens. In raw mode Ctrl-C is a key.
 fn read_keys(inputs: &Sender<Input>) {
     loop {
         if !event::poll(Duration::from_millis(200)).unwrap_or(false) {
@@ -211,13 +213,13 @@ fn headline(now: &Snapshot) -> Line<'static> {
                 State::Hold | State::Land => Color::Yellow,
                 State::Cut => Color::Red,
             };
-            let word = if silent { "NOT HEARD, last" } else { "" };
+            let word = if silent { "LOST, last state" } else { "" };
             Span::styled(
                 format!(" {word} {state:?} "),
                 Style::new().fg(Color::Black).bg(colour).add_modifier(Modifier::BOLD),
             )
         }
-        None => Span::styled(" no craft heard yet ", Style::new().fg(Color::Black).bg(Color::Gray)),
+        None => Span::styled(" no craft yet ", Style::new().fg(Color::Black).bg(Color::Gray)),
     };
     let recording = now.recording.as_ref().map_or("not recording".into(), |file| format!("recording {file}"));
     Line::from(vec![state, Span::raw(format!("  {}   {recording}", now.doing))])
@@ -277,7 +279,7 @@ fn link_lines(now: &Snapshot) -> Vec<Line<'static>> {
         tracker.seen, tracker.not_seen, tracker.refused
     )));
     lines.push(Line::from(format!(
-        "packets   {} heard, {} refused",
+        "packets   {} received, {} refused",
         now.statistics.accepted, now.statistics.refused
     )));
     lines
@@ -420,10 +422,10 @@ mod tests {
         let text = picture(&now, 110, 30);
         assert!(text.contains("no faults") && text.contains("not ready: pose"), "{text}");
         now.now_us += 5_000_000;
-        assert!(picture(&now, 110, 30).contains("NOT HEARD, last Disarmed"));
+        assert!(picture(&now, 110, 30).contains("LOST, last state Disarmed"));
         now.telemetry = None;
         now.link = None;
-        assert!(picture(&now, 110, 30).contains("no craft heard yet"));
+        assert!(picture(&now, 110, 30).contains("no craft yet"));
     }
 
     #[test]

@@ -1,6 +1,8 @@
-//! Instructions of one closed-loop step in process: ideal sensors, no delay, one Runge-Kutta step a tick.
+//! Instructions of one closed-loop step in process: ideal sensors, no delay, one Runge-Kutta step a
+//! tick.
 //!
-//! The time is the aim (see `closed_loop`); the count shows a change of a percent, which times do not.
+//! The time is the aim (see `closed_loop`); the count shows a change of a percent, which times do
+//! not.
 #![expect(missing_docs, reason = "the macros make public items without docs")]
 
 mod common;

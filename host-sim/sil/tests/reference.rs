@@ -1,10 +1,12 @@
-//! The loop against the reference simulation of the thesis' craft and law: an independent program (Python, Euler angles,
-//! f64) integrates the same equations. Samples are normalised by the step.
+//! The loop against the reference simulation of the thesis' craft and law: an independent program
+//! (Python, Euler angles, f64) integrates the same equations. Samples are normalised by the step.
 //!
-//! Tolerances: the reference is given to five digits, its motor map is rounded (0.04 rad/s a round trip), our controller
-//! counts in f32 and our craft starts at the speeds of the controller's own map. Together that is some 1e-4 of a step; the
-//! reference asks for 1e-3. Overshoot is in per cent, so its tolerance is 0.1; rise is interpolated, 5 ms; settling is the
-//! time at which a slow tail crosses a line: d(response) / d(time) there is about 0.01 a second, so 1e-3 of response is 0.1 s.
+//! Tolerances: the reference is given to five digits, its motor map is rounded (0.04 rad/s a round
+//! trip), our controller counts in f32 and our craft starts at the speeds of the controller's own
+//! map. Together that is some 1e-4 of a step; the reference asks for 1e-3. Overshoot is in per
+//! cent, so its tolerance is 0.1; rise is interpolated, 5 ms; settling is the time at which a slow
+//! tail crosses a line: d(response) / d(time) there is about 0.01 a second, so 1e-3 of response is
+//! 0.1 s.
 
 use control::Config;
 use control::filter::GainRule;
@@ -49,7 +51,8 @@ fn near_time(got: Option<f64>, expected: Option<f64>, tolerance: f64, what: &str
     }
 }
 
-/// Variant B's roll rises in 6 s because its first peak stops at 0.893 < 0.9 and a slow tail (0.02 a second) crosses 0.9.
+/// Variant B's roll rises in 6 s because its first peak stops at 0.893 < 0.9 and a slow tail (0.02
+/// a second) crosses 0.9.
 fn rise_tolerance_s(reference: &Response) -> f64 {
     if reference.rise_s.is_some_and(|rise_s| rise_s > 2.0) { SETTLING_S } else { RISE_S }
 }
@@ -173,8 +176,8 @@ fn more_integration_steps_change_nothing() {
         let plan = Scenario::Roll10.plan(&settings);
         ScenarioResult::new(Scenario::Roll10, plan.clone(), fly(&plan).unwrap()).response
     };
-    // The controller counts in f32: a difference in the last bit of a measurement (6e-8) grows in the loop. 1e-5 of a
-    // step is a hundredth of the tolerance above.
+    // The controller counts in f32: a difference in the last bit of a measurement (6e-8) grows in
+    // the loop. 1e-5 of a step is a hundredth of the tolerance above.
     let worst = fly_with(4).iter().zip(fly_with(16)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(worst < 1e-5, "{worst}");
     let one = fly_with(4).iter().zip(fly_with(1)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);

@@ -1,7 +1,7 @@
 //! Delay of the link and pace of the craft's clock, from two ramps of time (thesis 5.5).
 //!
-//! The ground sends its clock g; each telemetry frame brings back the newest g that had come, and the craft's clock c at that
-//! tick; it arrives at the ground's time a. Then
+//! The ground sends its clock g; each telemetry frame brings back the newest g that had come, and
+//! the craft's clock c at that tick; it arrives at the ground's time a. Then
 //!
 //! ```text
 //! round trip   a - g             half of it is the one-way delay (thesis 5.5)
@@ -9,19 +9,23 @@
 //! skew         slope of the offset; 0.01: the craft's clock runs 1 % fast
 //! ```
 //!
-//! The round trip holds the wait of g for the craft's next tick, up to a tick: the mean says how old a command is when it is
-//! flown, the least what the network alone takes. Queues and waits only ever add, so the greatest c - a and the least c - g in
-//! each [`BIN_S`] are the narrowest bounds; straight lines through the last [`BINS`] of both give two slopes with their standard
-//! errors. The skew is their mean, weighted; what they contradict each other is added to its error, because a network that grows
-//! slower moves the bounds apart and a clock moves both alike. The ground's ramp has to be sent at irregular times
-//! ([`ramp_interval_s`]): sent once a tick it would wait longer and longer for a craft that is fast.
+//! The round trip holds the wait of g for the craft's next tick, up to a tick: the mean says how
+//! old a command is when it is flown, the least what the network alone takes. Queues and waits only
+//! ever add, so the greatest c - a and the least c - g in each [`BIN_S`] are the narrowest bounds;
+//! straight lines through the last [`BINS`] of both give two slopes with their standard errors. The
+//! skew is their mean, weighted; what they contradict each other is added to its error, because a
+//! network that grows slower moves the bounds apart and a clock moves both alike. The ground's ramp
+//! has to be sent at irregular times ([`ramp_interval_s`]): sent once a tick it would wait longer
+//! and longer for a craft that is fast.
 //!
-//! A COM whose clock runs fast is the unsolved fault of the thesis (chapter 6): it throws off law, sample rate and integrators, and
-//! came and went by itself. It counts as wrong when the skew is beyond [`SKEW_LIMIT`] by four standard errors in two bins running, and as well again when the estimate is inside by one;
-//! with jitter of a tick that takes under 2 s for 1 %. Bounds of two bins
-//! that are more than [`JUMP_S`] apart are a leap, and named too.
+//! A COM whose clock runs fast is the unsolved fault of the thesis (chapter 6): it throws off law,
+//! sample rate and integrators, and came and went by itself. It counts as wrong when the skew is
+//! beyond [`SKEW_LIMIT`] by four standard errors in two bins running, and as well again when the
+//! estimate is inside by one; with jitter of a tick that takes under 2 s for 1 %. Bounds of two
+//! bins that are more than [`JUMP_S`] apart are a leap, and named too.
 //!
-//! Both ramps are microseconds modulo 2^32 (71.6 minutes); only differences are used. Deliberately absent: setting anybody's clock.
+//! Both ramps are microseconds modulo 2^32 (71.6 minutes); only differences are used. Deliberately
+//! absent: setting anybody's clock.
 
 use std::collections::VecDeque;
 
@@ -35,10 +39,11 @@ const SKEW_LIMIT: f64 = 3e-3;
 const JUMP_S: f64 = 0.05;
 /// Standard errors that a skew has to be beyond the limit.
 const SURE: f64 = 4.0;
-/// Echoes older than this say nothing about the link as it is, us.
+/// Echoes older than this say nothing about the link now, us.
 const OLDEST_US: u64 = 5_000_000;
 
-/// Pause before the ramp is sent for the `count`th time, s: between 5 and 15 ms, never in step with a tick.
+/// Pause before the ramp is sent for the `count`th time, s: between 5 and 15 ms, never in step with
+/// a tick.
 pub fn ramp_interval_s(count: u64) -> f64 {
     // Multiples of the golden ratio leave the most even remainders.
     let phase = (count as f64 * 0.618_033_988_749_894_9).fract();
@@ -65,7 +70,7 @@ pub enum ClockEvent {
     Off {
         /// 0.01: 1 % fast.
         skew: f64,
-        /// Of `skew`.
+        /// Standard error of `skew`.
         std_error: f64,
     },
     /// It runs as it should again.
@@ -89,7 +94,7 @@ impl std::fmt::Display for ClockEvent {
             ),
             Self::Recovered => f.write_str("the craft's clock runs as it should again"),
             Self::Jumped { by_s } => {
-                write!(f, "the craft's clock leapt by {by_s:.3} s, or the craft was restarted")
+                write!(f, "the craft's clock jumped by {by_s:.3} s, or the craft was restarted")
             }
         }
     }
@@ -102,9 +107,9 @@ pub struct Timing {
     pub one_way_s: f64,
     /// Half of the least round trip over the last bins, s: the network alone.
     pub least_one_way_s: f64,
-    /// By which part the craft's clock runs fast.
+    /// How fast the craft's clock runs: 0.01 is 1 % fast.
     pub skew: f64,
-    /// Of `skew`; infinite while there are too few bins.
+    /// Standard error of `skew`; infinite while there are too few bins.
     pub skew_std_error: f64,
     /// Ticks of the craft in a second of the ground.
     pub tick_hz: f64,
@@ -148,8 +153,8 @@ struct Bin {
 }
 
 impl Bin {
-    /// How far the offset has certainly moved, us: the bounds of both bins do not meet. A machine that stood still moves one bound
-    /// only.
+    /// How far the offset has certainly moved, us: the bounds of both bins do not meet. A machine
+    /// that stood still moves one bound only.
     fn jump_from_us(&self, before: &Self) -> f64 {
         let (forward, back) = (self.above.1 - before.below.1, self.below.1 - before.above.1);
         if forward > 0.0 { forward } else { back.min(0.0) }
@@ -165,7 +170,8 @@ pub struct ClockMonitor {
     echoed: bool,
     bins: VecDeque<Bin>,
     last_tick: (u32, u64),
-    /// Bins running in which the skew was surely beyond the limit, with its sign, and in which it was inside.
+    /// Bins running in which the skew was surely beyond the limit, with its sign, and in which it
+    /// was inside.
     beyond: i32,
     inside: u32,
     pace: Pace,
@@ -187,8 +193,8 @@ impl Default for ClockMonitor {
 }
 
 impl ClockMonitor {
-    /// A telemetry frame: the craft's ramp, the ground's that it brings back, its tick, and the ground's clock at its arrival.
-    /// Gives what it shows to have happened.
+    /// A telemetry frame: the craft's ramp, the ground's that it brings back, its tick, and the
+    /// ground's clock at its arrival. Gives what it shows to have happened.
     pub fn heard(&mut self, craft_us: u32, echo_us: u32, tick: u32, arrived_us: u64) -> Option<ClockEvent> {
         let craft_us = self.craft.push(craft_us);
         self.last_tick = (tick, arrived_us);
@@ -322,7 +328,8 @@ fn line(points: &[(f64, f64)]) -> (f64, f64) {
 
 #[cfg(test)]
 mod tests {
-    //! Against synthetic links whose truth is known: constant ways, exponential queues, loss, clocks that are off.
+    //! Against synthetic links whose truth is known: constant ways, exponential queues, loss,
+    //! clocks that are off.
 
     use super::*;
     use proptest::prelude::*;
@@ -400,8 +407,8 @@ mod tests {
         assert!((timing.tick_hz - 100.0).abs() < 0.5, "{timing:?}");
     }
 
-    /// Thesis 5.5: transmission and the tracker's latency add up to about 2 samples, 20 ms. With a tracker of 7 ms that leaves
-    /// 13 ms for one way, wait included.
+    /// Thesis 5.5: transmission and the tracker's latency add up to about 2 samples, 20 ms. With a
+    /// tracker of 7 ms that leaves 13 ms for one way, wait included.
     #[test]
     fn the_thesis_two_samples_of_delay_are_found() {
         let (monitor, _) = run(&Simulated { way_s: 0.0105, ..LINK }, 5.0);
@@ -438,13 +445,15 @@ mod tests {
             let skews = vec![(0.0, skew)];
             let (monitor, _) = run(&Simulated { queue_s: 0.004, loss: 0.1, skews, seed, ..LINK }, 10.0);
             let timing = monitor.timing().unwrap();
-            // The least of 25 waits and queues in a bin is some 0.5 ms; over 1.5 s that leaves 5e-4, thrice that is allowed.
+            // The least of 25 waits and queues in a bin is some 0.5 ms; over 1.5 s that leaves
+            // 5e-4, thrice that is allowed.
             assert!((timing.skew - skew).abs() < 1.5e-3, "seed {seed}: {timing:?}");
             assert!(timing.skew_std_error < 1.5e-3, "seed {seed}: {timing:?}");
         }
     }
 
-    /// Ten minutes each of a bad radio: queues of a tick and more in the mean, a third of the packets lost.
+    /// Ten minutes each of a bad radio: queues of a tick and more in the mean, a third of the
+    /// packets lost.
     #[test]
     fn a_bad_link_is_no_bad_clock() {
         for seed in 0..6 {

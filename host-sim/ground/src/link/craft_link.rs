@@ -1,4 +1,5 @@
-//! The ground's end of the link: packets out and in, with key, counters and who may be talked to. No sockets.
+//! The ground's end of the link: packets out and in, with key, counters and who may be talked to.
+//! No sockets.
 
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
@@ -24,7 +25,7 @@ pub struct LinkSettings {
     pub allow_open: bool,
 }
 
-/// Why there is no link, or a packet was not taken or not made.
+/// Why there is no link, or why a packet was refused or could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum CraftLinkError {
     /// The key or a counter.
@@ -43,7 +44,7 @@ pub enum CraftLinkError {
 pub struct CraftLink {
     sealer: Sealer,
     opener: Opener,
-    /// Of the numbers sent and heard; none without a key.
+    /// Counter files of the packets sent and received; none without a key.
     stores: Option<[CounterFile; 2]>,
 }
 
@@ -103,7 +104,8 @@ impl CraftLink {
         Ok((number, packet.to_vec()))
     }
 
-    /// The message in a packet. An identity makes this side skip to the numbers that the craft accepts.
+    /// The message in a packet. An identity makes this side skip to the numbers that the craft
+    /// accepts.
     ///
     /// # Errors
     /// Why it was not taken; all of these are counted.

@@ -1,4 +1,5 @@
-//! The link to the craft: packets with key and counters, its delay, and the pace of the craft's clock.
+//! The link to the craft: packets with key and counters, its delay, and the pace of the craft's
+//! clock.
 
 mod clock_monitor;
 mod craft_link;

@@ -40,7 +40,8 @@ pub(super) struct ActiveStep {
 }
 
 impl ActiveStep {
-    /// Begins `step` with this command and the craft at this pose. `excitation` is what a step that asks for it adds to the motors.
+    /// Begins `step` with this command and the craft at this pose. `excitation` is what a step that
+    /// asks for it adds to the motors.
     pub(super) fn new(
         step: MissionStep,
         now_s: f64,
@@ -164,7 +165,8 @@ impl ActiveStep {
         self.until(false, now_s, PATIENT_S + height_m / CLIMB_M_S, "it does not rise")
     }
 
-    /// The way to a pattern's start; gives the time at which the pattern begins, once the craft is there.
+    /// The way to a pattern's start; gives the time at which the pattern begins, once the craft is
+    /// there.
     fn go_to_start(
         &self,
         pattern: &Pattern,

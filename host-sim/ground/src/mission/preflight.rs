@@ -40,3 +40,24 @@ impl PreflightHistory {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn checks_are_named_with_their_share_of_the_time_worst_first() {
+        let all = Preflight::ALL.bits();
+        let [(first, first_name), (second, second_name), ..] = Preflight::NAMES;
+        let mut history = PreflightHistory::default();
+        for k in 0..8 {
+            history.look(if k == 0 { all & !first & !second } else { all & !second });
+        }
+        let why = history.why(State::Disarmed);
+        assert!(why.ends_with(&format!("{second_name}, {first_name} (12 % of the time)")), "{why}");
+        assert!(history.why(State::Cut).contains("disarm it first"));
+        let mut good = PreflightHistory::default();
+        good.look(all);
+        assert!(good.why(State::Disarmed).contains("packets"));
+    }
+}

@@ -4,7 +4,7 @@
 //!
 //! ```toml
 //! [[step]]
-//! do = "gains"              # of one loop, in the gains file's units; heard while disarmed
+//! do = "gains"              # of one loop, in the gains file's units; accepted while disarmed
 //! of = "Roll"
 //! kp = 27.0
 //! ki = 4.0
@@ -38,8 +38,9 @@
 //! do = "land"
 //! ```
 //!
-//! `disarm` and `cut` are steps too. Paths are relative to the script. A step that does not come about in time, or a craft that
-//! goes another way (its supervisor lands it), ends the mission by name; a flying craft is then landed.
+//! `disarm` and `cut` are steps too. Paths are relative to the script. A step that is not done in
+//! time, or a craft whose supervisor takes over, ends the mission with the step's name; a flying
+//! craft is then landed.
 
 use std::path::{Path, PathBuf};
 
@@ -172,7 +173,7 @@ pub fn read_script(path: &Path) -> Result<Vec<MissionStep>, ScriptError> {
     parse_script(&text, path)
 }
 
-/// The same from the file's text.
+/// Checks a script given as text; `path` is where it comes from.
 ///
 /// # Errors
 /// As [`read_script`].
@@ -196,7 +197,8 @@ pub fn parse_script(text: &str, path: &Path) -> Result<Vec<MissionStep>, ScriptE
     Ok(steps)
 }
 
-/// Numbers that make no sense for any craft. What this craft may do, its own supervisor knows.
+/// Refuses numbers that make no sense for any craft. The craft's own supervisor knows what it may
+/// do.
 fn check(step: &MissionStep) -> Result<(), String> {
     let within = |name: &str, value: f64, low: f64, high: f64| match value >= low && value <= high {
         true => Ok(()),
@@ -222,5 +224,45 @@ fn check(step: &MissionStep) -> Result<(), String> {
             .try_for_each(|(n, v)| within(n, f64::from(*v), -1e9, 1e9)),
         MissionStep::Pattern { times, .. } => within("times", f64::from(times), 1.0, 1000.0),
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn parse(text: &str) -> Result<Vec<MissionStep>, ScriptError> {
+        parse_script(text, Path::new("s.toml"))
+    }
+
+    #[test]
+    fn what_cannot_be_flown_is_refused_by_file_and_step() {
+        for (text, wanted) in [
+            ("", "step"),
+            ("[[step]]\ndo = \"jump\"", "jump"),
+            ("[[step]]\ndo = \"arm\"\nnow = 1", "now"),
+            ("[[step]]\ndo = \"arm\"\n[[step]]\ndo = \"take-off\"\nheight_m = -1", "step 2: height_m is -1"),
+            ("[[step]]\ndo = \"step\"\naxis = \"roll\"\nsize = 30\nfor_s = 1", "size is 30"),
+            ("[[step]]\ndo = \"go-to\"\nz = 1.0\nfor_s = 1", "z is 1"),
+            ("[[step]]\ndo = \"hold\"\nfor_s = nan", "for_s is NaN"),
+            ("[[step]]\ndo = \"pattern\"\nfile = \"none.csv\"", "none.csv"),
+            ("[[step]]\ndo = \"fly\"", "fly"),
+        ] {
+            let message = parse(text).unwrap_err().to_string();
+            assert!(
+                message.contains(wanted) && message.contains(".toml") | message.contains(".csv"),
+                "{message}"
+            );
+            assert_eq!(message.lines().count(), 1, "{message}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_panics(text in "\\PC{0,200}", line in "(\\[\\[step\\]\\]\ndo = \"(hold|go-to|step|gains)\"\n(for_s|x|size|of) = [-0-9.e]{1,8}\n){0,4}") {
+            let _ = parse(&text);
+            let _ = parse(&line);
+        }
     }
 }

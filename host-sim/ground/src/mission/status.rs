@@ -10,7 +10,7 @@ pub struct CraftStatus {
     pub state: State,
     /// Where it is.
     pub pose: Pose,
-    /// Which preflight checks are good, one bit each.
+    /// Which preflight checks pass, one bit each.
     pub preflight: u16,
     /// What was found in the tick in which it went into this state, one bit each.
     pub found: u32,
@@ -26,12 +26,12 @@ impl CraftStatus {
     }
 }
 
-/// What is to be sent beside the command.
+/// What has to be sent beside the command until the craft has done it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Ask {
-    /// A request; it is sent again until its state is there.
+    /// A request, repeated until the craft is in its state.
     Request(Request),
-    /// Gains; sent again until they are answered.
+    /// Gains, repeated until they are answered.
     Gains(Gains),
 }
 
@@ -55,6 +55,6 @@ pub enum Progress {
     Going,
     /// All is done.
     Done,
-    /// It came to nothing, for this reason.
+    /// It failed, for this reason.
     Failed(String),
 }

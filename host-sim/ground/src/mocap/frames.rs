@@ -1,17 +1,21 @@
-//! From a tracker's axes to ours: inertial north-east-down, body front-right-down, Euler angles Z-Y-X.
+//! From a tracker's axes to ours: inertial north-east-down, body front-right-down, Euler angles
+//! Z-Y-X.
 //!
-//! Two right-handed frames whose axes lie along each other are told by three signed letters: `x,-y,-z` says that our first
-//! axis is the tracker's x, the second its -y, the third its -z. That is what a tracker with z up needs, in the room (north,
-//! east, down) and on the tracked object (front, right, down), if x points north and to the craft's front.
+//! Two right-handed frames whose axes lie along each other are told by three signed letters:
+//! `x,-y,-z` says that our first axis is the tracker's x, the second its -y, the third its -z. That
+//! is what a tracker with z up needs, in the room (north, east, down) and on the tracked object
+//! (front, right, down), if x points north and to the craft's front.
 //!
-//! With C for the room (`ned = C t`), B for the object (`body = B o`), R the tracker's rotation (object to room) and D the
-//! small turn of the body against the object as it was drawn in the tracker's program:
+//! With C for the room (`ned = C t`), B for the object (`body = B o`), R the tracker's rotation
+//! (object to room) and D the small turn of the body against the object as it was drawn in the
+//! tracker's program:
 //!
 //! ```text
 //! dcm (north-east-down to body) = D B R^T C^T          position = C t - origin
 //! ```
 //!
-//! Not here: from the tracked point to the centre of mass. That is `tracked_point` in the vehicle file, and identification's.
+//! Not here: from the tracked point to the centre of mass. That is `tracked_point` in the vehicle
+//! file, and identification's.
 
 use std::fmt;
 use std::str::FromStr;
@@ -31,11 +35,11 @@ struct Axis {
     negative: bool,
 }
 
-/// Letters that are no axes.
+/// Why letters are not axes.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum AxesError {
     /// Not three signed letters.
-    #[error("{0:?} are no axes: give three of x, y, z with their signs, such as x,-y,-z")]
+    #[error("{0:?} are not axes: give three of x, y, z with their signs, such as x,-y,-z")]
     Letters(String),
     /// An axis twice.
     #[error("{0:?} names an axis twice: each of x, y and z has to be there once")]
@@ -46,11 +50,13 @@ pub enum AxesError {
 }
 
 impl Axes {
-    /// The same axes.
+    /// Axes that lie along ours.
     pub const SAME: Self = Self::of([(0, false), (1, false), (2, false)]);
-    /// A frame with z up and x along ours: Vicon Tracker, and Motive if it is told to stream with z up.
+    /// A frame with z up and x along ours: Vicon Tracker, and Motive if it is told to stream with z
+    /// up.
     pub const Z_UP: Self = Self::of([(0, false), (1, true), (2, true)]);
-    /// A frame with y up and x along ours: Motive's default (`x, z, -y` in PX4's guide to motion capture as well).
+    /// A frame with y up and x along ours: Motive's default (`x, z, -y` in PX4's guide to motion
+    /// capture as well).
     pub const Y_UP: Self = Self::of([(0, false), (2, false), (1, true)]);
 
     const fn of([(a, s), (b, t), (c, u)]: [(usize, bool); 3]) -> Self {
@@ -109,7 +115,8 @@ pub struct Frames {
     pub object: Axes,
     /// Our origin, inertial north-east-down from the tracker's, m.
     pub origin_m: [f64; 3],
-    /// From the object's axes (after `object`) to the body's: roll, pitch, yaw, rad. Small: how crooked the object was drawn.
+    /// From the object's axes (after `object`) to the body's: roll, pitch, yaw, rad. Small: how
+    /// crooked the object was drawn.
     pub turn_rad: [f64; 3],
 }
 
@@ -119,8 +126,8 @@ impl Frames {
         Self { room: axes, object: axes, origin_m: [0.0; 3], turn_rad: [0.0; 3] }
     }
 
-    /// Our pose of a tracker's: `position_m` along its axes in m, `rotation` from the object to the room. None if it is not all
-    /// finite.
+    /// Our pose of a tracker's: `position_m` along its axes in m, `rotation` from the object to the
+    /// room. None if it is not all finite.
     pub fn pose(&self, position_m: [f64; 3], rotation: &Matrix3<f64>) -> Option<Pose> {
         let room = self.room.matrix();
         let position = room * Vector3::from(position_m) - Vector3::from(self.origin_m);
@@ -144,7 +151,8 @@ impl Frames {
     }
 }
 
-/// Rotation (object to room) of angles about x, then the new y, then the newest z: a Vicon tracker's, thesis (3.1).
+/// Rotation (object to room) of angles about x, then the new y, then the newest z: a Vicon
+/// tracker's, thesis (3.1).
 pub fn rotation_from_xyz([x, y, z]: [f64; 3]) -> Matrix3<f64> {
     let ((sx, cx), (sy, cy), (sz, cz)) = (x.sin_cos(), y.sin_cos(), z.sin_cos());
     Matrix3::new(
@@ -239,8 +247,9 @@ mod tests {
         }
     }
 
-    /// By hand, with the right-hand rule in a room with z up: about x (front) the left side rises, which is a roll to the
-    /// right; about y (left) the nose goes down; about z (up) the nose goes left.
+    /// By hand, with the right-hand rule in a room with z up: about x (front) the left side rises,
+    /// which is a roll to the right; about y (left) the nose goes down; about z (up) the nose goes
+    /// left.
     #[test]
     fn a_tracker_with_z_up_by_hand() {
         let frames = Frames::with_axes(Axes::Z_UP);
@@ -268,7 +277,8 @@ mod tests {
     fn an_object_drawn_backwards_is_turned_round() {
         let object: Axes = "-x,y,-z".parse().unwrap();
         let frames = Frames { object, ..Frames::with_axes(Axes::Z_UP) };
-        // The object's x points to the craft's tail: standing along north in the tracker, the craft heads south.
+        // The object's x points to the craft's tail: standing along north in the tracker, the craft
+        // heads south.
         let pose = frames.pose([0.0; 3], &Matrix3::identity()).unwrap();
         near(pose.attitude_rad, [0.0, 0.0, PI], 1e-6);
         let crooked = Frames { turn_rad: [0.02, 0.0, 0.0], ..Frames::with_axes(Axes::Z_UP) };

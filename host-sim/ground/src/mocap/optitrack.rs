@@ -1,11 +1,13 @@
 //! OptiTrack's NatNet: Motive 2 and 3 (protocol 3.0 to 4.1), decoded by crate `natnet`.
 //!
-//! The server is asked for its version and for the ids of its rigid bodies; then frames come by multicast, or to the socket that
-//! asked (unicast, which wants to be told four times a second that somebody still listens). A frame tells when the cameras
-//! exposed it and when it was sent, in ticks of a clock whose pace the server says, so the tracker's latency is known (thesis
-//! 5.5 adds it to the link's delay); the way through the network is not in it.
+//! The server is asked for its version and for the ids of its rigid bodies; then frames come by
+//! multicast, or to the socket that asked (unicast, which wants to be told four times a second that
+//! somebody still listens). A frame tells when the cameras exposed it and when it was sent, in
+//! ticks of a clock whose pace the server says, so the tracker's latency is known (thesis 5.5 adds
+//! it to the link's delay); the way through the network is not in it.
 //!
-//! Limits: IPv4, as NatNet; one server; rigid bodies only. A body that Motive does not see comes with its tracking bit cleared.
+//! Limits: IPv4, as NatNet; one server; rigid bodies only. A body that Motive does not see comes
+//! with its tracking bit cleared.
 
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
 use std::time::{Duration, Instant};
@@ -20,9 +22,9 @@ use super::receiver::{
 
 /// The port that Motive takes commands on unless told otherwise.
 pub const COMMAND_PORT: u16 = 1510;
-/// How long a server may take for an answer.
+/// How long a server may take to answer.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// A unicast server stops when it does not hear of its client.
+/// A unicast server stops sending when its client is silent.
 const KEEPALIVE: Duration = Duration::from_millis(250);
 /// A latency beyond this is a clock that means something else.
 const OLDEST: Duration = Duration::from_secs(1);
@@ -47,8 +49,8 @@ pub struct OptiTrack {
 }
 
 impl OptiTrack {
-    /// Asks `server` (Motive's command port is [`COMMAND_PORT`]) over the local `interface` for the rigid body of that name, or for
-    /// the only one.
+    /// Asks `server` (Motive's command port is [`COMMAND_PORT`]) over the local `interface` for the
+    /// rigid body of that name, or for the only one.
     ///
     /// # Errors
     /// A server that does not answer, speaks an unknown version, or does not know the body.
@@ -207,7 +209,8 @@ mod tests {
     const VERSIONS: [Version; 4] =
         [Version::new(3, 0, 0, 0), Version::new(3, 1, 0, 0), Version::new(4, 0, 0, 0), Version::V4_1];
 
-    /// Answers the questions of one client, then streams bodies 4 and 7 to it; 4 is not tracked in each third frame.
+    /// Answers the questions of one client, then streams bodies 4 and 7 to it; 4 is not tracked in
+    /// each third frame.
     fn serve(version: Version, names: &'static [(&'static str, i32)]) -> SocketAddrV4 {
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         let SocketAddr::V4(address) = socket.local_addr().unwrap() else { panic!("IPv4") };

@@ -1,11 +1,13 @@
 //! Motion capture: where a tracker sees the craft, whatever the tracker.
 //!
-//! A [`MocapReceiver`] waits for frames and gives poses in our frames. Three are here: [`Vicon`] (UDP object stream, crate's module
-//! [`vicon`](crate::vicon)), [`OptiTrack`](crate::optitrack::OptiTrack) (NatNet) and [`Replay`](crate::replay::Replay) (a
+//! A [`MocapReceiver`] waits for frames and gives poses in our frames. Three are here: [`Vicon`]
+//! (UDP object stream, crate's module [`vicon`](crate::vicon)),
+//! [`OptiTrack`](crate::optitrack::OptiTrack) (NatNet) and [`Replay`](crate::replay::Replay) (a
 //! flight file). A simulated laboratory speaks Vicon's format.
 //!
-//! Nothing that comes in over the network ends a receiver: what cannot be used is refused by name and counted. Trackers do not
-//! show who they are, so whoever can reach the port can move the craft: bind to the tracker's own network.
+//! Nothing that comes in over the network ends a receiver: what cannot be used is refused by name
+//! and counted. Trackers do not show who they are, so whoever can reach the port can move the
+//! craft: bind to the tracker's own network.
 
 use std::io::{self, ErrorKind};
 use std::net::SocketAddr;
@@ -27,7 +29,7 @@ pub struct Sighting {
     pub age: Duration,
 }
 
-/// What a receiver has heard.
+/// What a tracker has sent.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TrackerEvent {
     /// The craft.
@@ -77,9 +79,9 @@ pub enum MocapError {
     },
 }
 
-/// Something that sees the craft.
+/// A tracker that sees the craft.
 pub trait MocapReceiver: Send {
-    /// The next thing heard, waiting for it up to `patience`.
+    /// The next event, waiting for it up to `patience`.
     ///
     /// # Errors
     /// A socket that has failed for good.
@@ -89,7 +91,8 @@ pub trait MocapReceiver: Send {
     fn describe(&self) -> String;
 }
 
-/// Which frames are new. UDP may deliver late or twice; a tracker that starts anew counts from a low number again.
+/// Which frames are new. UDP may deliver late or twice; a tracker that starts anew counts from a
+/// low number again.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct FrameOrder {
     last: Option<u32>,

@@ -1,7 +1,8 @@
-//! A flight file as a tracker: its poses at the times they were taken, as fast as they were or faster.
+//! A flight file as a tracker: its poses at the times they were taken, as fast as they were or
+//! faster.
 //!
-//! For trying a ground station, a craft on the bench with its propellers off, or a recorded failure again. Rows without a pose
-//! are frames in which the craft was not seen.
+//! For trying a ground station, a craft on the bench with its propellers off, or a recorded failure
+//! again. Rows without a pose are frames in which the craft was not seen.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -11,7 +12,7 @@ use proto::Pose;
 
 use super::receiver::{MocapError, MocapReceiver, Sighting, TrackerEvent};
 
-/// A flight that is shown again.
+/// A flight that is replayed.
 #[derive(Debug)]
 pub struct Replay {
     name: String,
@@ -26,7 +27,7 @@ impl Replay {
     /// Reads a flight file; `speed` 1 is as it was flown, 10 ten times as fast.
     ///
     /// # Errors
-    /// A file that is no flight, or a speed that is none.
+    /// A file that is not a flight, or a speed that is not above zero.
     pub fn open(path: &Path, speed: f64) -> Result<Self, MocapError> {
         let refuse = |problem: String| MocapError::Replay { file: path.display().to_string(), problem };
         if !(speed > 0.0 && speed <= 1e6) {
@@ -82,7 +83,7 @@ impl MocapReceiver for Replay {
     }
 
     fn describe(&self) -> String {
-        format!("{} again, {} times as fast", self.name, self.speed)
+        format!("replay of {} at {} times its speed", self.name, self.speed)
     }
 }
 

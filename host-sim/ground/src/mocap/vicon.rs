@@ -22,7 +22,8 @@ pub struct Vicon {
 }
 
 impl Vicon {
-    /// Listens on `address` ([`PORT`](super::vicon_stream::PORT) is Tracker's) for the object of that name, or for the only one.
+    /// Listens on `address` ([`PORT`](super::vicon_stream::PORT) is Tracker's) for the object of
+    /// that name, or for the only one.
     ///
     /// # Errors
     /// [`MocapError::Bind`].

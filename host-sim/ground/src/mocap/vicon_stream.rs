@@ -7,9 +7,10 @@
 //! item:   id u8 (0: object) | size u16 (72) | name, 24 bytes, zero-filled | x y z f64, mm | angles about x, y, z f64, rad
 //! ```
 //!
-//! The angles are about x, the new y and the newest z (thesis (3.1)). Tracker sends blocks of 256, 512 or 1024 bytes (3, 6 or 13
-//! objects) and fills them up with zeros, so what follows the last item means nothing. An object that the cameras do not see
-//! comes with all six numbers zero. Items with another id are left out by their size.
+//! The angles are about x, the new y and the newest z (thesis (3.1)). Tracker sends blocks of 256,
+//! 512 or 1024 bytes (3, 6 or 13 objects) and fills them up with zeros, so what follows the last
+//! item means nothing. An object that the cameras do not see comes with all six numbers zero. Items
+//! with another id are left out by their size.
 //!
 //! Deliberately absent: the DataStream SDK (markers, segments, quality, latency).
 
@@ -49,7 +50,7 @@ pub struct Block {
     pub objects: Vec<Object>,
 }
 
-/// Why a datagram is no block.
+/// Why a datagram is not a block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum ViconError {
     /// It ends in the middle.
@@ -156,8 +157,9 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A datagram spelt out, with the offsets that receivers in use read at: the name from 8, x y z from 32, 40, 48, angles from
-    /// 56, 64, 72 (the public vicon_ros bridge does so), filled up to a block of 256 bytes.
+    /// A datagram spelt out, with the offsets that receivers in use read at: the name from 8, x y z
+    /// from 32, 40, 48, angles from 56, 64, 72 (the public vicon_ros bridge does so), filled up to
+    /// a block of 256 bytes.
     #[test]
     fn the_bytes_of_a_block() {
         let mut bytes = vec![0_u8; 256];
@@ -227,7 +229,8 @@ mod tests {
             prop_assert_eq!(Block::parse(&bytes).unwrap(), block);
         }
 
-        /// Any bytes, and a good block with some bytes changed: no panic, and what is read can be written and read again.
+        /// Any bytes, and a good block with some bytes changed: no panic, and what is read can be
+        /// written and read again.
         #[test]
         fn no_bytes_panic(noise in prop::collection::vec(any::<u8>(), 0..600)) {
             if let Ok(block) = Block::parse(&noise) {

@@ -11,21 +11,21 @@ pub struct LinkRecord {
     pub one_way_s: f64,
     /// Half of the least round trip, s.
     pub least_one_way_s: f64,
-    /// By which part the craft's clock runs fast.
+    /// How fast the craft's clock runs: 0.01 is 1 % fast.
     pub skew: f64,
-    /// Of `skew`.
+    /// Standard error of `skew`.
     pub skew_std_error: f64,
     /// Ticks of the craft in a second of the ground.
     pub tick_hz: f64,
-    /// Part of the craft's packets that was lost, of late.
+    /// Share of the craft's packets lost in the last seconds.
     pub lost_down: f64,
-    /// Part of the ground's packets that was lost, of late.
+    /// Share of the ground's packets lost in the last seconds.
     pub lost_up: f64,
     /// Frames of the tracker in a second.
     pub pose_hz: f64,
 }
 
-/// How bad something is that people are told.
+/// How serious a line for people is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Level {
     /// Good to know.
@@ -90,7 +90,8 @@ impl Entry<'_> {
         }
     }
 
-    /// Its JSON, numbers with the fewest digits that give them back. Serialising plain data does not fail.
+    /// Its JSON, numbers with the fewest digits that give them back. Serialising plain data does
+    /// not fail.
     pub(super) fn json(&self, log_ns: u64) -> String {
         fn of(value: &impl Serialize) -> String {
             serde_json::to_string(value).unwrap_or_else(|_| "{}".into())

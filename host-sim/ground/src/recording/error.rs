@@ -25,8 +25,8 @@ pub enum RecordError {
         /// What was wrong.
         source: Box<mcap::McapError>,
     },
-    /// A recording of that name is there.
-    #[error("{}: is there already; give another name, or move it away", .0.display())]
+    /// A recording of that name exists.
+    #[error("{}: exists already; give another name, or move it away", .0.display())]
     Exists(PathBuf),
     /// An output file.
     #[error(transparent)]

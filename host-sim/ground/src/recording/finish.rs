@@ -13,7 +13,7 @@ use super::flight_cutter::FlightCutter;
 use super::log::{begin_mcap, for_each_message};
 use super::recorder::{part_of, with_ending};
 
-/// What a recording has become.
+/// The files of a finished recording.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Finished {
     /// The log.
@@ -127,7 +127,8 @@ mod tests {
         assert!(matches!(Recorder::begin(&name, 0, &BTreeMap::new()), Err(RecordError::Exists(_))));
     }
 
-    /// With the crate's own summary reader: topics, encodings and schemas are those of a file that viewers open by its index.
+    /// With the crate's own summary reader: topics, encodings and schemas are those of a file that
+    /// viewers open by its index.
     #[test]
     fn the_log_is_indexed_and_each_message_fits_its_schema() {
         let folder = tempfile::tempdir().unwrap();

@@ -1,12 +1,14 @@
 //! From recorded telemetry to flight files: what identification reads.
 //!
-//! A flight is a stretch in which the craft flies (flying, hold or land), from the first to the last row in which it is more
-//! than [`IN_THE_AIR_M`] above where it stood: on the floor other forces act. Rows are the craft's ticks, `t` its own clock from
-//! the first row on, columns as the craft told them (thesis 4.2.3: everything goes through the COM, so that it is in step with the
-//! law): poses as they were flown with, the gyro's rates, motor commands, voltage, and the accelerometer if there is one.
+//! A flight is a stretch in which the craft flies (flying, hold or land), from the first to the
+//! last row in which it is more than [`IN_THE_AIR_M`] above where it stood: on the floor other
+//! forces act. Rows are the craft's ticks, `t` its own clock from the first row on, columns as the
+//! craft told them (thesis 4.2.3: everything goes through the COM, so that it is in step with the
+//! law): poses as they were flown with, the gyro's rates, motor commands, voltage, and the
+//! accelerometer if there is one.
 //!
-//! A pose that the craft flew with once more because no new one had come is a missing value, not a measurement. A craft
-//! without a gyro has the rates from motion capture instead.
+//! A pose that the craft flew with once more because no new one had come is a missing value, not a
+//! measurement. A craft without a gyro has the rates from motion capture instead.
 
 use flights::{Column, Flight};
 use serde_json::Value;
@@ -15,7 +17,7 @@ use crate::link::Unwrapped;
 
 /// Higher than this above where it stood, the craft flies, m.
 pub const IN_THE_AIR_M: f64 = 0.1;
-/// Less is no flight, rows.
+/// Fewer rows than this are not a flight.
 const SHORTEST: usize = 50;
 
 #[derive(Debug, Clone, Copy)]
@@ -163,7 +165,8 @@ mod tests {
         json!({ "gyro_rad_s": [0.01, 0.02, 0.03], "attitude_rad": null, "acceleration_m_s2": [0.0, 0.0, -9.8] })
     }
 
-    /// Two flights from a floor at z = 0.05, the clock wrapping in the first; a hop of 20 rows between them is none.
+    /// Two flights from a floor at z = 0.05, the clock wrapping in the first; a hop of 20 rows
+    /// between them is none.
     #[test]
     fn flights_are_what_happens_in_the_air() {
         let mut cutter = FlightCutter::default();

@@ -42,7 +42,7 @@ pub struct Logged {
 /// Reads a log, finished or not, up to where it was cut off; each message goes to `each`.
 ///
 /// # Errors
-/// A file that cannot be read, or whose first bytes are no MCAP.
+/// A file that cannot be read, or that does not begin as MCAP does.
 pub fn read_log(
     path: &Path,
     mut each: impl FnMut(Logged) -> Result<(), RecordError>,

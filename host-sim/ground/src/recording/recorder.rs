@@ -1,10 +1,11 @@
 //! Recordings: everything that is sent and heard, as MCAP, and each flight in it as a flight file.
 //!
-//! **While it runs** the log is `NAME.mcap.part`: MCAP without chunks, each message written to the system before the next one is
-//! looked at, so a killed program or a full disk loses nothing that came before. **When it ends** [`finish`] reads that log
-//! and writes `NAME.mcap` (with chunks and indices, as Foxglove and PlotJuggler like it) and `NAME-1.csv`, `NAME-2.csv` ... (one
-//! flight each, see [`FlightCutter`](super::flight_cutter::FlightCutter)), each under a temporary name first; then the part goes. A part that a crash left
-//! behind is finished in the same way.
+//! **While it runs** the log is `NAME.mcap.part`: MCAP without chunks, each message written to the
+//! system before the next one is looked at, so a killed program or a full disk loses nothing that
+//! came before. **When it ends** [`finish`] reads that log and writes `NAME.mcap` (with chunks and
+//! indices, as Foxglove and PlotJuggler like it) and `NAME-1.csv`, `NAME-2.csv` ... (one flight
+//! each, see [`FlightCutter`](super::flight_cutter::FlightCutter)), each under a temporary name
+//! first; then the part goes. A part that a crash left behind is finished in the same way.
 //!
 //! Messages are JSON with a JSON schema each, in SI units, the fields those of crate `proto`:
 //!
@@ -16,8 +17,9 @@
 //! | `/link` | delay, skew and losses, four times a second |
 //! | `/log` | what people were told (`foxglove.Log`) |
 //!
-//! Times are nanoseconds of the machine's wall clock at the start plus the ground's clock since. A number that is none (a pose
-//! before the first) is `null`. Deliberately absent: compression (`mcap compress` does it).
+//! Times are nanoseconds of the machine's wall clock at the start plus the ground's clock since. A
+//! missing number (a pose before the first) is `null`. Deliberately absent: compression
+//! (`mcap compress` does it).
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -31,7 +33,7 @@ use super::entry::{Entry, Level, TOPICS};
 use super::error::{RecordError, mcap_error};
 use super::log::begin_mcap;
 
-/// A recording that runs.
+/// A recording in progress.
 pub struct Recorder {
     path: PathBuf,
     writer: Writer<BufWriter<File>>,
@@ -62,7 +64,7 @@ impl Recorder {
     /// Begins `NAME.mcap.part`; its first line of `/log` says what it is `about`.
     ///
     /// # Errors
-    /// A recording of that name that is there, finished or not; a folder that cannot be written.
+    /// A recording of that name that exists, finished or not; a folder that cannot be written.
     pub fn begin(name: &Path, epoch_ns: u64, about: &BTreeMap<String, String>) -> Result<Self, RecordError> {
         let path = part_of(name);
         if let Some(there) = [with_ending(name, ".mcap"), path.clone()].into_iter().find(|p| p.exists()) {
@@ -93,7 +95,8 @@ impl Recorder {
         Ok(recorder)
     }
 
-    /// Records something at this time of the ground's clock. It is with the system when this returns.
+    /// Records something at this time of the ground's clock. It is with the system when this
+    /// returns.
     ///
     /// # Errors
     /// A disk that is full or gone.

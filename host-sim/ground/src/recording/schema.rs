@@ -79,7 +79,7 @@ pub(super) fn samples() -> [Value; 9] {
     .map(|entry| serde_json::from_str(&entry.json(0)).unwrap_or_default())
 }
 
-/// The JSON schema of values like this one. Every number may be `null`, since JSON has no other word for one that is none.
+/// The JSON schema of values like this one. Every number may be `null`: JSON has no NaN.
 pub(super) fn schema(title: &str, sample: &Value) -> Value {
     fn kind(value: &Value) -> Value {
         match value {
@@ -104,4 +104,43 @@ pub(super) fn schema(title: &str, sample: &Value) -> Value {
         fields.insert("$schema".into(), "https://json-schema.org/draft/2020-12/schema".into());
     }
     schema
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_schema_gives_each_field_its_kind() {
+        let schema = schema(
+            "title",
+            &json!({
+                "tick": 1, "thrust": 0.5, "on": true, "state": "Flying", "nothing": null,
+                "imu": { "gyro": [0.5, 0.5] }, "empty": [],
+            }),
+        );
+        assert_eq!(schema["title"], "title");
+        let kind = |field: &str| schema["properties"][field]["type"].clone();
+        assert_eq!(
+            [kind("tick"), kind("thrust"), kind("on"), kind("state")],
+            ["integer", "number", "boolean", "string"]
+        );
+        assert_eq!(schema["properties"]["imu"]["properties"]["gyro"]["items"]["type"], "number");
+        assert_eq!((kind("nothing"), kind("empty")), (Value::Null, json!("array")));
+    }
+
+    #[test]
+    fn samples_have_a_value_in_every_field() {
+        fn none_missing(value: &Value) -> bool {
+            match value {
+                Value::Null => false,
+                Value::Object(fields) => !fields.is_empty() && fields.values().all(none_missing),
+                Value::Array(items) => !items.is_empty() && items.iter().all(none_missing),
+                _ => true,
+            }
+        }
+        for sample in samples() {
+            assert!(none_missing(&sample), "{sample}");
+        }
+    }
 }

@@ -1,4 +1,4 @@
-//! What people are told: each line once, a refusal that goes on once in a while.
+//! Lines for people: each once, and a refusal that persists once in a while.
 
 use std::collections::VecDeque;
 
@@ -6,7 +6,7 @@ use crate::recording::Level;
 
 /// Lines that a view can show.
 const REMEMBERED: usize = 200;
-/// A refusal that goes on is told again after this, us.
+/// A refusal that persists is repeated after this, us.
 const TOLD_AGAIN_US: u64 = 10_000_000;
 /// Different refusals that are remembered: whoever sends junk cannot fill memory with it.
 const REFUSALS: usize = 50;
@@ -16,13 +16,13 @@ const REFUSALS: usize = 50;
 pub struct Notice {
     /// When, us of the ground's clock.
     pub at_us: u64,
-    /// How bad it is.
+    /// How serious it is.
     pub level: Level,
     /// The line.
     pub text: String,
 }
 
-/// The last lines, those that nobody has taken yet, and refusals of late.
+/// The last lines, those that nobody has taken yet, and recent refusals.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Notices {
     last: VecDeque<Notice>,
@@ -42,7 +42,7 @@ impl Notices {
         }
     }
 
-    /// Is it time to tell of this refusal? Only once in a while, however often it comes.
+    /// Is it time for a line about this refusal? Only once in a while, however often it comes.
     pub(super) fn is_news(&mut self, now_us: u64, refusal: &str) -> bool {
         self.refusals.retain(|(_, at_us)| at_us + TOLD_AGAIN_US > now_us);
         if self.refusals.len() >= REFUSALS || self.refusals.iter().any(|(told, _)| told == refusal) {

@@ -6,7 +6,7 @@ use super::snapshot::Tracker;
 use super::stream_rate::StreamRate;
 use crate::mission::Ask;
 
-/// Something that is asked for again and again.
+/// A request that is repeated until it is answered.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pending {
     pub(super) ask: Ask,
@@ -26,9 +26,9 @@ pub(super) struct Schedule {
     pub(super) link_us: u64,
 }
 
-/// What the craft has said of itself.
+/// What the craft has reported.
 #[derive(Debug, Default)]
-pub(super) struct Craft {
+pub(super) struct CraftReports {
     /// The last telemetry, and when it came.
     pub(super) telemetry: Option<(Telemetry, u64)>,
     /// Conditions in the tick in which the craft went into its state.
@@ -48,11 +48,11 @@ pub(super) struct Traffic {
     pub(super) up: StreamRate,
 }
 
-/// What the tracker has said.
+/// What the tracker has reported.
 #[derive(Debug, Default)]
 pub(super) struct Tracking {
     pub(super) tracker: Tracker,
     pub(super) poses: StreamRate,
-    /// It has not seen the craft of late.
+    /// It has lost sight of the craft.
     pub(super) blind: bool,
 }

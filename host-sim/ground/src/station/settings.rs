@@ -40,11 +40,11 @@ impl Default for Settings {
 pub enum SettingsError {
     /// Commands too rare or too often.
     #[error(
-        "{0} commands a second: from {LEAST_COMMAND_HZ} (the craft holds after 0.5 s without one) to 500"
+        "{0} commands a second: give {LEAST_COMMAND_HZ} (the craft holds after 0.5 s without one) to 500"
     )]
     CommandRate(f64),
-    /// A height that is none.
-    #[error("a take-off to {0} m: from 0.1 m to 100 m")]
+    /// A height out of range.
+    #[error("a take-off to {0} m: give 0.1 m to 100 m")]
     Height(f64),
 }
 

@@ -1,20 +1,25 @@
-//! The ground station without sockets, clocks and terminals: what comes in goes to the right place, what is due goes out.
+//! The ground station without sockets, clocks and terminals: what comes in goes to the right place,
+//! what is due goes out.
 //!
-//! The caller hands in packets, sightings, wishes and the time (us of one steady clock), and takes packets out. What is sent:
+//! The caller hands in packets, sightings, the pilot's requests and the time (us of one steady
+//! clock), and takes packets out. What is sent:
 //!
 //! - poses, each as soon as it is seen;
-//! - commands, [`Settings::command_hz`] times a second, from the first telemetry on: a craft that flies already is not cut;
+//! - commands, [`Settings::command_hz`] times a second, from the first telemetry on: a craft that
+//!   flies already is not cut;
 //! - the ramp of time at irregular intervals ([`ramp_interval_s`]);
-//! - requests and gains, each [`AGAIN_S`] until the craft has done or refused them: UDP may lose them, and each is harmless twice;
+//! - requests and gains, each [`AGAIN_S`] until the craft has done or refused them: UDP may lose
+//!   them, and each is harmless twice;
 //! - `Who` each second until there is an identity, and when telemetry stays out.
 //!
-//! What happens is told as [`Notice`] lines, once each: changes of state, faults by their names, refusals, the clock's pace.
+//! What happens is reported as [`Notice`]s, once each: changes of state, faults by their names,
+//! refusals, the clock's pace.
 use control::condition::{Condition, Conditions};
 use control::supervisor::Preflight;
 use proto::{Identity, Message, Request, State, Telemetry, TimedPose, Timer};
 
 use super::notices::{Notice, Notices};
-use super::parts::{Craft, Pending, Schedule, Tracking, Traffic};
+use super::parts::{CraftReports, Pending, Schedule, Tracking, Traffic};
 use super::pilot::PilotRequest;
 use super::settings::{Settings, SettingsError};
 use super::snapshot::Snapshot;
@@ -40,7 +45,7 @@ pub struct Station {
     mission: Mission,
     clock: ClockMonitor,
     recorder: Option<Recorder>,
-    craft: Craft,
+    craft: CraftReports,
     tracking: Tracking,
     traffic: Traffic,
     schedule: Schedule,
@@ -51,7 +56,7 @@ pub struct Station {
 }
 
 impl Station {
-    /// A station that has heard nothing yet.
+    /// A station that has not received anything yet.
     ///
     /// # Errors
     /// Settings that cannot be used.
@@ -69,7 +74,7 @@ impl Station {
             mission,
             clock: ClockMonitor::default(),
             recorder,
-            craft: Craft::default(),
+            craft: CraftReports::default(),
             tracking: Tracking::default(),
             traffic: Traffic::default(),
             schedule: Schedule::default(),
@@ -116,7 +121,7 @@ impl Station {
             self.tell(
                 now_us,
                 Level::Info,
-                format!("the craft is heard, its state is {:?}", supervision.state),
+                format!("the craft is connected, its state is {:?}", supervision.state),
             );
             if let Some(known) = self.craft_status() {
                 self.mission.adopt(&known);
@@ -131,7 +136,8 @@ impl Station {
         self.tell_conditions(now_us, before.conditions, supervision.conditions, supervision.state);
     }
 
-    /// New faults and those that are over, by name. On the floor a missing link or pose is no news.
+    /// Reports new faults and those that are over, by name. On the floor a missing link or pose is
+    /// normal.
     fn tell_conditions(&mut self, now_us: u64, before: u32, after: u32, state: State) {
         let faults = |bits: u32| Conditions::from_bits(bits).iter().filter(|c| !c.is_asked_for());
         let names = |faults: Vec<Condition>| faults.iter().map(|c| c.name()).collect::<Vec<_>>().join(", ");
@@ -176,7 +182,7 @@ impl Station {
                 format!("craft's program {major}.{minor}.{patch}, gains and vehicle {hash}"),
             );
         }
-        // What changes all the time is no other craft.
+        // Leave out what changes all the time: it does not make another craft.
         self.craft.identity = Some(Identity { accepts_from: 0, state: State::Disarmed, ..identity });
     }
 
@@ -190,16 +196,16 @@ impl Station {
             (Ask::Gains(gains), done) => {
                 self.mission.answered(done);
                 self.pending = None;
-                let told = if done { "the craft flies with" } else { "the craft refuses" };
+                let told = if done { "the craft has taken" } else { "the craft refuses" };
                 let level = if done { Level::Info } else { Level::Warning };
-                self.tell(now_us, level, format!("{told} other gains of {:?}", gains.of));
+                self.tell(now_us, level, format!("{told} new gains of {:?}", gains.of));
             }
             // The state in telemetry ends it.
             (Ask::Request(_), true) => {}
             (Ask::Request(request), false) => {
                 let missing: Vec<_> = Preflight::from_bits(answer.preflight).missing().collect();
                 let why = match (request, missing.is_empty()) {
-                    (Request::Arm, false) => format!("not good yet: {}", missing.join(", ")),
+                    (Request::Arm, false) => format!("these checks fail: {}", missing.join(", ")),
                     _ => "not done".into(),
                 };
                 self.refused(now_us, format!("{request:?}: {why}"));
@@ -207,7 +213,7 @@ impl Station {
         }
     }
 
-    /// The tracker has been heard.
+    /// The tracker has sent something.
     pub fn on_tracker(&mut self, now_us: u64, heard: TrackerEvent) {
         match heard {
             TrackerEvent::Seen(sighting) => {
@@ -232,7 +238,7 @@ impl Station {
                 self.tracking.tracker.refused += 1;
                 self.refused(now_us, why);
             }
-            TrackerEvent::End => self.tell(now_us, Level::Info, "nothing more comes from the tracker".into()),
+            TrackerEvent::End => self.tell(now_us, Level::Info, "the tracker has ended".into()),
             TrackerEvent::Nothing => {}
         }
     }
@@ -324,7 +330,7 @@ impl Station {
         if blind != self.tracking.blind {
             self.tracking.blind = blind;
             let (level, told) = match blind {
-                true => (Level::Warning, "the tracker does not see the craft any more"),
+                true => (Level::Warning, "the tracker has lost the craft"),
                 false => (Level::Info, "the tracker sees the craft again"),
             };
             self.tell(now_us, level, told.into());
@@ -449,7 +455,8 @@ impl Station {
         self.mission.is_flying() || matches!(state, Some(State::Flying | State::Hold | State::Land))
     }
 
-    /// Has something gone wrong that a script has to answer for: the craft's clock, the recording, the packet counters?
+    /// Has something gone wrong that a script has to answer for: the craft's clock, the recording,
+    /// the packet counters?
     pub fn is_faulty(&self) -> bool {
         self.faulty
     }
@@ -540,7 +547,8 @@ mod tests {
             self.station.on_packet(now_us, packet);
         }
 
-        /// So many milliseconds, telemetry every ten; what was sent, with its packet's number and its time.
+        /// So many milliseconds, telemetry every ten; what was sent, with its packet's number and
+        /// its time.
         fn run(&mut self, from_ms: u64, ms: u64, state: Option<State>) -> Vec<(u64, u64, Message)> {
             let mut sent = Vec::new();
             for now_ms in from_ms..from_ms + ms {
@@ -573,7 +581,8 @@ mod tests {
             let mut bench = Bench::new(Settings { command_hz, ..Settings::default() });
             let silent = bench.run(0, 2000, None);
             assert_eq!(count(&silent, |m| matches!(m, Message::Command(_))), 0);
-            // Identities and ramps are asked for and sent all the same: telemetry goes to whoever sends the clock.
+            // Identities and ramps are asked for and sent all the same: telemetry goes to whoever
+            // sends the clock.
             assert_eq!(count(&silent, |m| matches!(m, Message::Who)), 2);
             let ramps = count(&silent, |m| matches!(m, Message::Timer(_)));
             assert!((190..=210).contains(&ramps), "{ramps} in 2 s, 10 ms apart in the mean");
@@ -619,7 +628,7 @@ mod tests {
             bench.hear(1_100_000, &Message::Answer(Answer { to: *number, done: false, preflight }));
         }
         let told = bench.told();
-        assert!(told.contains("Arm: not good yet: IMU") && told.lines().count() == 1, "{told}");
+        assert!(told.contains("Arm: these checks fail: IMU") && told.lines().count() == 1, "{told}");
         let sent = bench.run(1100, 1000, Some(State::Armed));
         assert_eq!(count(&sent, |m| matches!(m, Message::Request(_))), 0);
         assert_eq!(*bench.station.progress(), Progress::Done);
@@ -629,7 +638,7 @@ mod tests {
     fn silence_and_faults_are_told_once_by_name() {
         let mut bench = Bench::new(Settings::default());
         bench.run(0, 500, Some(State::Flying));
-        assert!(bench.told().contains("the craft is heard, its state is Flying"));
+        assert!(bench.told().contains("the craft is connected, its state is Flying"));
         let conditions =
             Condition::BatteryLow.bit() | Condition::PoseLate.bit() | Condition::LandRequested.bit();
         for tick in 50..60 {

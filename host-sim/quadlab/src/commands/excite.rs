@@ -1,4 +1,5 @@
-//! `quadlab excite`: a pattern file that makes a flight tell, and what it will tell, before it is flown.
+//! `quadlab excite`: a pattern file for an informative flight, and what it will tell, before it is
+//! flown.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -21,11 +22,11 @@ use sil::predict::{Course, Foreseen, Predictor, Prospect};
 use crate::cli::output::{Outcome, check_outputs, provenance};
 use crate::commands::demo_effect;
 
-/// Write a flight that makes the model's coefficients known, and say how well, before it is flown.
+/// Write a flight that determines the model's coefficients, and say how well, before it is flown.
 ///
-/// The pattern is flown in simulation by the current model; its Fisher information, for residuals coloured like those of
-/// real fits, gives the standard error of each coefficient and which effects of the catalogue would stay unseen. Exit
-/// status 1 if the craft cannot fly it.
+/// The pattern is flown in simulation by the current model; its Fisher information, for residuals
+/// coloured like those of real fits, gives the standard error of each coefficient and which effects
+/// of the catalogue would stay unseen. Exit status 1 if the craft cannot fly it.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  quadlab excite --model model.toml --out pattern.csv\n  quadlab excite --model model.toml --path hover --signal thesis --amplitude 20 --seed 3 --out pattern.csv\n  quadlab excite --model model.toml --pattern pattern.csv      # only say what it would tell"
@@ -35,12 +36,12 @@ pub(crate) struct Options {
     #[arg(long, value_name = "TOML")]
     model: PathBuf,
 
-    /// Gains file of the law that will fly it; designed for the model if not given
+    /// Gains file of the law that will fly it [default: gains designed for the model]
     #[arg(long, value_name = "TOML")]
     gains: Option<PathBuf>,
 
-    /// Where to fly: hover, yaw-round, yaw-swings, height-steps, low-flight, climbs, dashes-forward, dashes-sideways,
-    /// dashes-yawed, shuttle, circle, tour
+    /// Where to fly: hover, yaw-round, yaw-swings, height-steps, low-flight, climbs,
+    /// dashes-forward, dashes-sideways, dashes-yawed, shuttle, circle, tour
     #[arg(long, value_name = "NAME", default_value = "tour")]
     path: String,
 
@@ -48,7 +49,7 @@ pub(crate) struct Options {
     #[arg(long, value_enum, default_value_t = Word::Multisine)]
     signal: Word,
 
-    /// Amplitude of a sine of the same power, command units; 1.5 % of the command range if not given
+    /// Amplitude of a sine of equal power, command units [default: 1.5 % of the command range]
     #[arg(long, value_name = "COMMAND", allow_negative_numbers = true)]
     amplitude: Option<f64>,
 
@@ -60,11 +61,11 @@ pub(crate) struct Options {
     #[arg(long, value_name = "S", default_value_t = 20.0)]
     duration: f64,
 
-    /// Of random sines, phases and the tour
+    /// Seed of random sines, phases and the tour
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 
-    /// A pattern file to look at instead of making one
+    /// Judge this pattern file instead of making one
     #[arg(long, value_name = "CSV", conflicts_with_all = ["path", "signal", "amplitude", "band", "duration", "out"])]
     pattern: Option<PathBuf>,
 
@@ -187,8 +188,9 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     Ok(Outcome { holds, ..outcome })
 }
 
-/// The model under the gains of a file, or else under the first that fly it: designed the thesis' way, which takes a second;
-/// by the search for a late pose; the thesis' own, if they suit; and these without the cancellers that only flapping asks for.
+/// The model under the gains of a file, or else under the first that fly it: designed the thesis'
+/// way, which takes a second; by the search for a late pose; the thesis' own, if they suit; and
+/// these without the cancellers that only flapping asks for.
 pub(crate) fn predictor(
     model: &Model,
     path: &Path,
@@ -342,7 +344,7 @@ fn described(document: &Document, wanted: bool) -> String {
     let noise: Vec<String> = document.noise.iter().map(|n| significant(*n, 2)).collect();
     let _ = writeln!(
         text,
-        "Residual reckoned with: u v w {} m/s^2, p q r {} rad/s^2",
+        "Assumed residual: u v w {} m/s^2, p q r {} rad/s^2",
         noise[..3].join(" "),
         noise[3..].join(" ")
     );
@@ -365,7 +367,7 @@ fn describe_flight(text: &mut String, document: &Document) {
     if let Some(trouble) = &f.trouble {
         let _ = writeln!(
             text,
-            "NOT TO BE FLOWN: {trouble}. Take a smaller --amplitude, another --path, or gains for this model (--gains).\n"
+            "DO NOT FLY THIS: {trouble}. Try a smaller --amplitude, another --path, or gains for this model (--gains).\n"
         );
     }
     let [x, y, z] = f.position_m;
@@ -432,7 +434,7 @@ fn describe_effects(text: &mut String, document: &Document) {
     let none = |list: String| if list.is_empty() { "none".into() } else { list };
     let _ = writeln!(
         text,
-        "\nOf ordinary size these would be found (standard errors by which they stand out): {}",
+        "\nAt their typical size these would be found (standard errors by which they stand out): {}",
         none(seen.join(", "))
     );
     text.push_str("Not excited:");
@@ -442,7 +444,7 @@ fn describe_effects(text: &mut String, document: &Document) {
     for e in unseen {
         let how = match (e.deviations, e.share_percent) {
             (Some(d), Some(s)) => format!("{d:.1} standard errors, {s:.2} % of the squared error"),
-            _ => "does not act in this flight, or exactly like something else".into(),
+            _ => "does not act in this flight, or acts exactly like something else".into(),
         };
         let _ = write!(text, "\n  {:<22}{how}; to see it: {}", e.effect, e.to_see_it);
     }
@@ -485,7 +487,7 @@ fn page(document: &Document, pattern: &Pattern, predictor: &Predictor) -> anyhow
     );
     let text = described(document, false);
     Ok(Page::new(
-        "A flight that tells",
+        "An informative flight",
         "What a pattern will tell, from a simulated flight of the current model.",
     )
     .section(

@@ -1,4 +1,5 @@
-//! `quadlab ground`: the ground station, with a simulated laboratory for those who have none at hand.
+//! `quadlab ground`: the ground station, with a simulated laboratory for those who have none at
+//! hand.
 
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
@@ -25,11 +26,11 @@ use crate::cli::output::Outcome;
 use crate::commands::excite::predictor;
 use crate::commands::simulated_laboratory::Simulated;
 
-/// Fly a craft: send poses and commands, show and record what it says.
+/// Fly a craft: send poses and commands, show and record its telemetry.
 ///
-/// Keys in the live view: a arm, t take off, p pattern, l land, D disarm, space CUT, q quit (landing first). Ctrl-C lands a
-/// flying craft and ends; a second one ends at once. Exit status 1 if what was asked for did not come about or something
-/// was wrong on the way (the craft's clock, the recording).
+/// Keys in the live view: a arm, t take off, p pattern, l land, D disarm, space CUT, q quit
+/// (landing first). Ctrl-C lands a flying craft and ends; a second one ends at once. Exit status 1
+/// if something asked for was not done or something went wrong (the craft's clock, the recording).
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     quadlab ground --simulated\n  \
@@ -51,11 +52,12 @@ pub(crate) struct Options {
     #[arg(long, value_name = "TOML", requires = "simulated")]
     model: Option<PathBuf>,
 
-    /// Gains that the simulated craft flies with [default: some that suit the model, with the gyro and faster ways]
+    /// Gains that the simulated craft flies with [default: gains that suit the model, for
+    /// identification flights]
     #[arg(long, value_name = "TOML", requires = "simulated")]
     gains: Option<PathBuf>,
 
-    /// By which part the simulated craft's clock runs fast, for example: --clock-skew 0.01
+    /// How fast the simulated craft's clock runs, for example 1 % fast: --clock-skew 0.01
     #[arg(
         long,
         value_name = "PART",
@@ -93,15 +95,15 @@ pub(crate) struct Options {
     #[arg(long, value_name = "ADDRESS", default_value = "0.0.0.0")]
     interface: Ipv4Addr,
 
-    /// Poses of a flight file instead of a tracker's
+    /// Send the poses of a flight file instead of a tracker's
     #[arg(long, value_name = "CSV", conflicts_with = "no_tracker")]
     replay: Option<PathBuf>,
 
-    /// How many times as fast as it was flown
+    /// Speed of the replay: 2 is twice as fast as it was flown
     #[arg(long, value_name = "TIMES", default_value_t = 1.0, requires = "replay")]
     speed: f64,
 
-    /// No poses from here
+    /// Send no poses
     #[arg(long)]
     no_tracker: bool,
 
@@ -137,7 +139,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "CSV")]
     pattern: Option<PathBuf>,
 
-    /// How often the pattern is flown
+    /// How many times the pattern is flown
     #[arg(long, value_name = "N", default_value_t = 1, requires = "pattern", value_parser = clap::value_parser!(u32).range(1..=1000))]
     times: u32,
 
@@ -169,7 +171,7 @@ pub(crate) struct Options {
     #[arg(long, conflicts_with = "record")]
     no_record: bool,
 
-    /// Lines on standard error instead of the live view; so it is where there is no terminal, too
+    /// Lines on standard error instead of the live view; the default where there is no terminal
     #[arg(long)]
     plain: bool,
 
@@ -199,7 +201,7 @@ fn three(text: &str) -> Result<Three, String> {
 enum GroundError {
     #[error("{option} {text}: {why}; give an address such as 192.168.7.2:{port}")]
     Address { option: &'static str, text: String, why: String, port: u16 },
-    #[error("{}: cannot look for a free name: {source}; give one with --record", folder.display())]
+    #[error("{}: cannot search for a free name: {source}; give one with --record", folder.display())]
     Names { folder: PathBuf, source: std::io::Error },
 }
 
@@ -247,7 +249,8 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         land_on_clock_fault: options.land_on_clock_fault,
     };
     let mut station = Station::new(settings, link, recorder)?;
-    // Two users of one signal would be a mistake of this program; without it Ctrl-C ends at once, as ever.
+    // Two users of one signal would be a mistake of this program; without it Ctrl-C ends at once,
+    // as ever.
     let _ = catch_interrupts();
     let ended = with_view(options, |view, inputs| {
         fly(&mut station, connect(craft)?, tracker, inputs, view, until, start)
@@ -257,7 +260,8 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     outcome(options, &ended, finished.as_ref())
 }
 
-/// The simulated craft, with noisy sensors and a battery that falls, and what it flies with: gains that are given fly as they are.
+/// The simulated craft, with noisy sensors and a battery that falls, and what it flies with: gains
+/// that are given fly as they are.
 fn plan(options: &Options) -> anyhow::Result<FlightPlan> {
     let model = match &options.model {
         Some(path) => Model::read(path)?,
@@ -358,7 +362,7 @@ fn tracker(options: &Options, lab: Option<&Simulated>) -> anyhow::Result<Option<
     Ok(Some(Box::new(Vicon::listen(options.vicon, options.object.clone(), frames)?)))
 }
 
-/// Where to record: as told, or the first name that is free.
+/// Where to record: the name given, or the first that is free.
 fn name(options: &Options) -> Result<PathBuf, GroundError> {
     if let Some(name) = &options.record {
         return Ok(name.clone());

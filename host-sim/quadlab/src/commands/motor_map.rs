@@ -14,8 +14,9 @@ use crate::cli::output::{Outcome, check_outputs, provenance};
 
 /// Find the motor map (command and voltage to rotor speed) and the motors' lag on a test stand.
 ///
-/// The craft logs commands and voltage, another computer the rotor's speed by a clock of its own: both clocks, the map
-/// and the lag come out of one fit, with standard errors, and longer and shorter maps are compared on held-out parts.
+/// The craft logs commands and voltage, another computer the rotor's speed by a clock of its own:
+/// both clocks, the map and the lag come out of one fit, with standard errors, and longer and
+/// shorter maps are compared on held-out parts.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example:\n  quadlab motor-map --vehicle vehicle.toml --craft craft.csv --rotor tachometer.csv --out vehicle.toml\n\nThe craft's log has the columns t (s), cmd or cmd1..cmd4, vbat (V); the tachometer's t (s) and omega,\nor omega1..omega4 (rad/s). Each has a header and its own clock. --out takes over everything else from the\nvehicle file, comments too; it may be the same file."
@@ -37,7 +38,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "1..4", value_parser = clap::value_parser!(u8).range(1..=4))]
     motor: Option<u8>,
 
-    /// Fit command and offset only, for a supply that does not move
+    /// Fit command and offset only, for a supply of constant voltage
     #[arg(long)]
     without_voltage: bool,
 
@@ -97,7 +98,8 @@ fn holds(result: &StandResult) -> bool {
         || longest.terms == result.supported
 }
 
-/// The vehicle file with the map and, where it is known, the lag. Everything else stays, comments too.
+/// The vehicle file with the map and, where it is known, the lag. Everything else stays, comments
+/// too.
 fn completed(text: &str, map: &Map, path: &Path) -> anyhow::Result<String> {
     let mut document: DocumentMut = text.parse()?;
     let Some(motors) = document.get_mut("motors").and_then(Item::as_table_like_mut) else {
@@ -154,7 +156,7 @@ fn described(result: &StandResult, vehicle: &Vehicle, out: Option<&Path>) -> Str
     );
     let _ = writeln!(
         text,
-        "Left out: {} missed pulses, {} samples in gaps, missing, or of a rotor that stood or began",
+        "Left out: {} missed pulses, {} samples in gaps, missing, or of a rotor at rest or starting",
         result.missed_pulses, result.left_out
     );
     describe_support(&mut text, result);
@@ -293,11 +295,11 @@ fn page(result: &StandResult, vehicle: &Vehicle) -> Page {
             Section::new("What is left")
                 .figure(
                     against("Against the command", Axis::new("command", unit), &samples.command),
-                    "A curve would ask for a longer map.",
+                    "A curve would mean that the map needs more terms.",
                 )
                 .figure(
                     against("Against the voltage", Axis::new("voltage", "V"), &samples.battery_v),
-                    "A slope would say that the voltage acts in another way.",
+                    "A slope would mean that the voltage acts in another way.",
                 ),
         )
 }

@@ -2,7 +2,8 @@
 
 use std::collections::VecDeque;
 
-/// Hands every value back a fixed number of samples later; before the line has filled, the first value.
+/// Hands every value back a fixed number of samples later; before the line has filled, the first
+/// value.
 #[derive(Debug, Clone)]
 pub(crate) struct Delay<T> {
     samples: usize,

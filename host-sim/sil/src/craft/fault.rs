@@ -1,5 +1,5 @@
-//! What can go wrong on a flight: each fault begins at a time, lasts a while, and changes what comes to the autopilot or what
-//! goes to the motors. The craft itself, and the sensors' noise, go on as they are.
+//! What can go wrong in a flight: each fault begins at a time, lasts a while, and changes what
+//! reaches the autopilot or the motors. The craft itself and the sensors' noise do not change.
 
 use control::{Command, Pose, Readings, Request};
 
@@ -40,7 +40,7 @@ pub enum FaultKind {
     VoltageNotANumber,
     /// A motor stands still (0 to 3).
     MotorDead(usize),
-    /// Every motor gets so much less than it is told, command units.
+    /// Every motor gets so much less than its command, command units.
     MotorsWeak(f32),
     /// The clock is off by so much from here on, us; modulo 2^32.
     ClockOff(u32),
@@ -78,7 +78,7 @@ pub(crate) struct Faults {
 }
 
 impl Faults {
-    /// Changes what comes to the autopilot; tells whether its loop stalls.
+    /// Changes what reaches the autopilot; returns whether its loop stalls.
     pub(crate) fn distort(&mut self, faults: &[Fault], time_s: f64, readings: &mut Readings) -> bool {
         let (last_pose, last_gyro) = (self.last_pose, self.last_gyro);
         let mut stalled = false;
@@ -86,7 +86,7 @@ impl Faults {
             stalled |= fault.kind == FaultKind::LoopStalled;
             self.distort_by(fault.kind, readings, last_pose, last_gyro);
         }
-        // What is frozen is what came last, so it stays what it was.
+        // A frozen value is the last one, so it stays the same.
         (self.last_pose, self.last_gyro) = (readings.pose.or(last_pose), readings.gyro_rad_s.or(last_gyro));
         stalled
     }
@@ -155,5 +155,67 @@ impl Faults {
             }
         }
         pwm
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn readings(x_m: f32) -> Readings {
+        Readings {
+            time_us: 0,
+            pose: Some(Pose { position_m: [x_m, 0.0, -1.0], attitude_rad: [0.0; 3] }),
+            gyro_rad_s: Some([0.1; 3]),
+            battery_v: 11.1,
+            command: Some(Command::default()),
+            request: None,
+            outputs_ready: true,
+        }
+    }
+
+    /// What comes to the autopilot in tick `k` of 10 ms; x grows by 1 m a tick.
+    fn distorted(list: &[Fault], faults: &mut Faults, k: u32) -> (Readings, bool) {
+        let mut readings = readings(k as f32);
+        let stalled = faults.distort(list, f64::from(k) * 0.01, &mut readings);
+        (readings, stalled)
+    }
+
+    #[test]
+    fn a_frozen_pose_is_the_last_one_and_ends_with_the_fault() {
+        let list = [Fault { kind: FaultKind::PoseFrozen, from_s: 0.03, for_s: 0.02 }];
+        let mut faults = Faults::default();
+        let x: Vec<f32> = (0..7)
+            .map(|k| distorted(&list, &mut faults, k).0.pose.map_or(f32::NAN, |pose| pose.position_m[0]))
+            .collect();
+        // From the tick at 0.03 s on, up to but not with the one at 0.05 s.
+        assert_eq!(x, [0.0, 1.0, 2.0, 2.0, 2.0, 5.0, 6.0]);
+    }
+
+    #[test]
+    fn a_request_comes_once_however_long_its_fault_lasts() {
+        let list = [Fault { kind: FaultKind::Asks(Request::Land), from_s: 0.0, for_s: 1.0 }];
+        let mut faults = Faults::default();
+        let requests: Vec<_> = (0..5).map(|k| distorted(&list, &mut faults, k).0.request).collect();
+        assert_eq!(requests, [Some(Request::Land), None, None, None, None]);
+    }
+
+    #[test]
+    fn faults_at_once_all_act_and_a_stall_is_reported() {
+        let on = |kind| Fault { kind, from_s: 0.0, for_s: 1.0 };
+        let list = [on(FaultKind::PoseSilent), on(FaultKind::VoltageLower(1.0)), on(FaultKind::LoopStalled)];
+        let (seen, stalled) = distorted(&list, &mut Faults::default(), 0);
+        assert!(stalled && seen.pose.is_none() && (seen.battery_v - 10.1).abs() < 1e-6, "{seen:?}");
+    }
+
+    #[test]
+    fn a_dead_motor_idles_and_weak_ones_never_fall_below_idle() {
+        let on = |kind| Fault { kind, from_s: 0.0, for_s: 1.0 };
+        let faults = Faults::default();
+        let motors =
+            |kind| faults.motors(&[on(kind)], 0.0, [1500.0, 1200.0, 1500.0, 1500.0], [1000.0, 2000.0]);
+        assert_eq!(motors(FaultKind::MotorDead(0)), [1000.0, 1200.0, 1500.0, 1500.0]);
+        assert_eq!(motors(FaultKind::MotorDead(7)), [1500.0, 1200.0, 1500.0, 1500.0]);
+        assert_eq!(motors(FaultKind::MotorsWeak(300.0)), [1200.0, 1000.0, 1200.0, 1200.0]);
     }
 }

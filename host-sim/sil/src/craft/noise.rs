@@ -1,9 +1,9 @@
 //! Sensor noise: the thesis' recipe (5.5) as a model.
 //!
-//! The thesis took flights, subtracted the smoothed track from the raw one and replayed the rest, because it "did not
-//! appear to match additive white Gaussian noise". Here that rest is a first-order Gauss-Markov process for position
-//! and attitude, `n' = a n + s sqrt(1 - a^2) w` with `a = exp(-Ts/tau)`, white noise with a constant bias for the
-//! gyro, white noise for the voltage.
+//! The thesis took flights, subtracted the smoothed track from the raw one and replayed the rest,
+//! because it "did not appear to match additive white Gaussian noise". Here that rest is a
+//! first-order Gauss-Markov process for position and attitude, `n' = a n + s sqrt(1 - a^2) w` with
+//! `a = exp(-Ts/tau)`, white noise with a constant bias for the gyro, white noise for the voltage.
 
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -39,14 +39,17 @@ pub struct NoiseModel {
 
 impl Default for NoiseModel {
     /// Origin of the numbers:
-    /// - correlation times: recorded Vicon tracks of the NanoBench data set (BSD-3, 11 flights at 100 Hz) minus their
-    ///   31-point quartic smoothing, as in thesis 5.5: correlation over one sample 0.37, over two -0.04 (position).
-    ///   White noise would leave -0.12, so one sample's own correlation is near 0.45: tau = 12 ms.
-    /// - position 0.3 mm: NanoBench leaves 0.06 to 0.09 mm in a cage of 2 m; a system for a cage of 7.6 m x 5.2 m
-    ///   (thesis chapter 3) is taken to be four times coarser. Assumed, not measured.
-    /// - attitude 1 mrad: 0.3 mm over markers some 0.3 m apart. (NanoBench's 1.5 to 3.5 mrad are mostly motion.)
-    /// - gyro: MPU-6000 of the APM, 0.005 deg/s per root Hz over 50 Hz is 0.6 mrad/s at rest; 10 mrad/s allows for
-    ///   vibration in flight. Bias: its data sheet's 20 deg/s after the calibration at start-up; 10 mrad/s. Assumed.
+    /// - correlation times: recorded Vicon tracks of the NanoBench data set (BSD-3, 11 flights at
+    ///   100 Hz) minus their 31-point quartic smoothing, as in thesis 5.5: correlation over one
+    ///   sample 0.37, over two -0.04 (position). White noise would leave -0.12, so one sample's own
+    ///   correlation is near 0.45: tau = 12 ms.
+    /// - position 0.3 mm: NanoBench leaves 0.06 to 0.09 mm in a cage of 2 m; a system for a cage of
+    ///   7.6 m x 5.2 m (thesis chapter 3) is taken to be four times coarser. Assumed, not measured.
+    /// - attitude 1 mrad: 0.3 mm over markers some 0.3 m apart. (NanoBench's 1.5 to 3.5 mrad are
+    ///   mostly motion.)
+    /// - gyro: MPU-6000 of the APM, 0.005 deg/s per root Hz over 50 Hz is 0.6 mrad/s at rest; 10
+    ///   mrad/s allows for vibration in flight. Bias: its data sheet's 20 deg/s after the
+    ///   calibration at start-up; 10 mrad/s. Assumed.
     /// - voltage 15 mV: about half a step of the 10-bit converter over its 3:1 divider. Assumed.
     fn default() -> Self {
         Self {
@@ -133,8 +136,8 @@ impl NoiseSource {
 
 #[cfg(test)]
 mod tests {
-    //! The samples have the statistics they claim. With 40,000 samples correlated over about 2.5, a deviation is known
-    //! to 0.6 % and a correlation to 0.01; five times that is allowed.
+    //! The samples have the statistics they claim. With 40,000 samples correlated over about 2.5, a
+    //! deviation is known to 0.6 % and a correlation to 0.01; five times that is allowed.
 
     use super::*;
 

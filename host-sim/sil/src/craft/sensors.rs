@@ -1,8 +1,9 @@
 //! What the sensors see of the craft: motion capture, gyro, voltmeter.
 //!
-//! Motion capture gives the tracked point (vehicle file and `tracking-offset`) and the tracked attitude (tilted by
-//! `attitude-offset`); both come from the model's [`Adjustments`], the same that identification uses. The delay is not
-//! here: a flight file holds poses at the time they were taken.
+//! Motion capture gives the tracked point (vehicle file and `tracking-offset`) and the tracked
+//! attitude (tilted by `attitude-offset`); both come from the model's [`Adjustments`], which
+//! identification uses too. The delay is not here: a flight file holds poses at the time they were
+//! taken.
 
 use control::Measurement;
 use model::{Adjustments, Model, State, frames};
@@ -32,7 +33,7 @@ impl Sensors {
         }
     }
 
-    /// What the sensors say of a state, now.
+    /// What the sensors measure of a state, now.
     #[inline]
     pub fn sense(&mut self, state: &State, battery_v: f64) -> Measurement {
         let body = frames::dcm_from_quaternion(&state.attitude);
@@ -61,8 +62,8 @@ fn single(v: &Vector3<f64>) -> [f32; 3] {
     [v.x as f32, v.y as f32, v.z as f32]
 }
 
-/// Phi, theta, psi of a tracked attitude (inertial to body), in the single precision that is measured in. From `libm`:
-/// the same bits on every host.
+/// Phi, theta, psi of a tracked attitude (inertial to body), in the single precision that is
+/// measured in. From `libm`: the same bits on every host.
 #[inline]
 fn euler_rad(dcm: &Matrix3<f64>) -> [f32; 3] {
     let at = |row, column| dcm[(row, column)] as f32;

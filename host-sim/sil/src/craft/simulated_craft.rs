@@ -6,7 +6,7 @@ use model::{Battery, DelayLine, Plant, State, Substeps};
 
 use super::sensors::Sensors;
 
-/// Beyond this any coordinate or rate counts as a craft that is gone (the bound of the reference simulation).
+/// A craft with any coordinate or rate beyond this counts as lost.
 const GONE: f64 = 1e4;
 
 /// A craft in flight.
@@ -31,7 +31,8 @@ pub struct SimulatedCraft {
 }
 
 impl SimulatedCraft {
-    /// A craft in `state`, advanced in ticks of `period_s` that are cut into `substeps` integration steps.
+    /// A craft in `state`, advanced in ticks of `period_s` that are cut into `substeps` integration
+    /// steps.
     pub fn new(
         plant: Plant,
         battery: Battery,
@@ -68,7 +69,7 @@ impl SimulatedCraft {
         self.battery.voltage_v(f64::from(self.tick) * self.period_s, &self.state.rotor_rad_s)
     }
 
-    /// What the sensors say now. Once a tick: noise goes on with every call.
+    /// What the sensors measure now. To be called once a tick: each call draws new noise.
     #[inline]
     pub fn sense(&mut self, voltage_v: f64) -> Measurement {
         self.sensors.sense(&self.state, voltage_v)
@@ -78,8 +79,8 @@ impl SimulatedCraft {
     #[inline]
     pub fn advance(&mut self, pwm: &[f32; 4], voltage_v: f64) {
         let command = pwm.map(f64::from);
-        // The battery acts on the motors all the while: over the tick, the voltage in its middle. Held as it was at the
-        // start, a sag would come half a tick late.
+        // The battery acts on the motors all the time: over the tick, the voltage in its middle.
+        // Held as it was at the start, a sag would come half a tick late.
         let middle_v = voltage_v + 0.5 * (voltage_v - self.last_v);
         self.last_v = voltage_v;
         let before = self.has_formulas.then_some(self.state);

@@ -1,7 +1,8 @@
-//! Manoeuvres that tell something, and what is added to the motors while they are flown, as pattern files.
+//! Manoeuvres that excite the physical effects, and what is added to the motors, as pattern files.
 //!
-//! The library holds what the effects ask for (`quadlab effects`): turns on the spot, heights, dashes, climbs. Each stays in
-//! the cage of the thesis and begins and ends in hover; way-points move no faster than the position loop's reference.
+//! The library holds what the effects ask for (`quadlab effects`): turns on the spot, heights,
+//! dashes, climbs. Each stays in the cage of the thesis and begins and ends in hover; way-points
+//! move no faster than the position loop's reference.
 
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
@@ -31,7 +32,7 @@ pub enum Signal {
     Multisine,
     /// A sweep of each motor in turn, in equal steps of hertz.
     LinearSweep,
-    /// The same in equal steps of octaves.
+    /// A sweep of each motor in turn, in equal steps of octaves.
     LogSweep,
 }
 
@@ -40,24 +41,25 @@ pub enum Signal {
 pub struct Injection {
     /// Which.
     pub signal: Signal,
-    /// Amplitude of a sine of the same power, command units. The thesis' sines have 15 us in a range of 1000.
+    /// Amplitude of a sine of the same power, command units. The thesis' sines have 15 us in a
+    /// range of 1000.
     pub amplitude: f64,
     /// Lowest and highest frequency, Hz; the thesis' sines have their own.
     pub band_hz: [f64; 2],
-    /// Of random sines and of the search for phases.
+    /// Seed of random sines and of the search for phases.
     pub seed: u64,
 }
 
-/// A pattern that cannot be made.
+/// Why a pattern cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ManoeuvreError {
-    /// Of its multisine.
+    /// Its multisine.
     #[error(transparent)]
     Multisine(#[from] MultisineError),
-    /// Of its sweep.
+    /// Its sweep.
     #[error(transparent)]
     Sweep(#[from] SweepError),
-    /// Of its rows.
+    /// Its rows.
     #[error(transparent)]
     Pattern(#[from] PatternError),
 }
@@ -207,7 +209,7 @@ impl Manoeuvre {
     /// The pattern of the manoeuvre with an injection; `path` is for messages.
     ///
     /// # Errors
-    /// An injection that cannot be.
+    /// An injection that cannot be made.
     pub fn pattern(
         &self,
         injection: &Injection,
@@ -222,7 +224,7 @@ impl Manoeuvre {
     /// The pattern of the manoeuvre with what `added` gives at each tick, command units.
     ///
     /// # Errors
-    /// Values that no pattern has.
+    /// Values that a pattern may not have.
     pub fn pattern_with(
         &self,
         added: impl FnMut(f64) -> [f64; 4],
@@ -298,7 +300,8 @@ mod tests {
         for signal in [Signal::Thesis, Signal::Multisine, Signal::LinearSweep, Signal::LogSweep] {
             let pattern = hover.pattern(&Injection { signal, ..GENTLE }, 0.01, 20.0, Path::new("p")).unwrap();
             let power: f64 = pattern.rows().iter().flat_map(|r| r.injection).map(|v| v * v).sum();
-            // A sine of 15 has a mean square of 112.5; a sweep is on a quarter of the time and rises and falls.
+            // A sine of 15 has a mean square of 112.5; a sweep is on a quarter of the time and
+            // rises and falls.
             let sine = power / (4.0 * 2000.0) / 112.5;
             let expected = match signal {
                 Signal::Multisine => 0.999..1.001,

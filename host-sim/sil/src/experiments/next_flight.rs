@@ -1,9 +1,11 @@
-//! What to fly next: manoeuvres of the library, each flown in simulation, ranked by what they would tell.
+//! What to fly next: manoeuvres of the library, each flown in simulation, ranked by what they would
+//! tell us.
 //!
-//! Two questions. Which flight tells two effects apart: with either of them of ordinary size in the craft and both in the fit,
-//! by how many standard errors does it stand out? (The noncentrality of the test that it is the other one alone; the smaller
-//! of both ways counts.) And which flight makes the standard error of a coefficient smallest, with what the model's file
-//! says of all of them as a start?
+//! Two questions. Which flight tells two effects apart: with either of them of ordinary size in the
+//! craft and both in the fit, by how many standard errors does it stand out? (The noncentrality of
+//! the test that it is the other one alone; the smaller of both ways counts.) And which flight
+//! makes the standard error of a coefficient smallest, with what the model's file says of all of
+//! them as a start?
 
 use std::path::Path;
 
@@ -15,8 +17,8 @@ use rayon::prelude::*;
 use super::manoeuvre::{Manoeuvre, ManoeuvreError, library};
 use super::predict::{Course, Foreseen, PredictError, Predictor};
 
-/// Amplitude of the multisine beside every manoeuvre, and of a strong one, part of the command range: the thesis' 15 us are
-/// 0.015.
+/// Amplitude of the multisine beside every manoeuvre, and of a strong one, part of the command
+/// range: the thesis' 15 us are 0.015.
 pub const GENTLE: f64 = 0.015;
 /// See [`GENTLE`].
 pub const STRONG: f64 = 0.035;
@@ -27,7 +29,8 @@ const WITH_STRONG: [&str; 2] = ["hover", "tour"];
 /// Standard errors from which on two effects are told apart.
 pub const APART: f64 = 4.0;
 
-/// Flights within this factor of the best tell about as much: 1.7 times the flight time makes up for it.
+/// Flights within this factor of the best tell us about as much: 1.7 times the flight time makes up
+/// for it.
 const ABOUT_AS_MUCH: f64 = 1.3;
 
 /// What is wanted of the next flight.
@@ -52,29 +55,29 @@ pub struct Proposal {
     pub pattern: Pattern,
     /// How it goes.
     pub course: Course,
-    /// What it would tell: standard errors between the effects (to be large), or the coefficient's error (to be small); none
-    /// where it tells nothing.
+    /// What it would tell: standard errors between the effects (to be large), or the coefficient's
+    /// error (to be small); none where it tells nothing.
     pub worth: Option<f64>,
 }
 
 /// Why there is no plan.
 #[derive(Debug, thiserror::Error)]
 pub enum PlanError {
-    /// A flight that cannot be foreseen.
+    /// A flight that cannot be predicted.
     #[error(transparent)]
     Predict(#[from] PredictError),
     /// A pattern that cannot be made.
     #[error(transparent)]
     Manoeuvre(#[from] ManoeuvreError),
-    /// A name that is none.
-    #[error("\"{name}\" is no coefficient of the model or of an effect it lacks; known are {known}")]
+    /// A name that no coefficient has.
+    #[error("\"{name}\" is not a coefficient of the model or of an effect it lacks; known are {known}")]
     NoCoefficient {
         /// As given.
         name: String,
         /// Those there are.
         known: String,
     },
-    /// A name of several.
+    /// A name that several coefficients have.
     #[error("\"{name}\" is a coefficient of several effects: say which, {known}")]
     SeveralCoefficients {
         /// As given.
@@ -82,7 +85,7 @@ pub enum PlanError {
         /// Which.
         known: String,
     },
-    /// An effect that flights cannot be asked about.
+    /// An effect that cannot be planned for.
     #[error("{effect}: {why}")]
     Effect {
         /// Which.
@@ -116,7 +119,7 @@ pub fn coefficient(predictor: &Predictor, name: &str) -> Result<Parameter, PlanE
     }
 }
 
-/// Whether flights can be asked about an effect.
+/// Whether flights can be planned for an effect.
 ///
 /// # Errors
 /// Why not.
@@ -127,14 +130,15 @@ pub fn check_effect(predictor: &Predictor, effect: Effect) -> Result<(), PlanErr
     }
     if !predictor.model().has(effect) && !predictor.candidates().contains(&effect) {
         return refuse(
-            "cannot be foreseen: a fit of everything absorbs it, or it starts from a shape of its own",
+            "cannot be predicted: a fit of all effects absorbs it, or it starts from a shape of its own",
         );
     }
     Ok(())
 }
 
-/// Every manoeuvre, the one to fly first, the others by what they tell, and those that cannot be flown so at the end. To fly
-/// is the gentlest (by its largest roll or pitch) of those that tell about as much as the best.
+/// Every manoeuvre, the one to fly first, the others by what they tell, and those that cannot be
+/// flown so at the end. To fly is the gentlest (by its largest roll or pitch) of those that tell
+/// about as much as the best.
 ///
 /// # Errors
 /// A model that cannot be flown at all.
@@ -174,7 +178,8 @@ pub fn plan(
     Ok(proposals)
 }
 
-/// Sorts proposals by what they tell, those that cannot be flown so at the end, and puts the one to fly first.
+/// Sorts proposals by what they tell, those that cannot be flown so at the end, and puts the one to
+/// fly first.
 fn rank(proposals: &mut [Proposal], goal: Goal) {
     let key = |p: &Proposal| {
         let worth = match (goal, p.worth) {

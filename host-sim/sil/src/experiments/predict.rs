@@ -1,8 +1,9 @@
-//! What a flight will tell, before it is flown: the pattern is flown in simulation by the current model under the gains that
-//! will fly it, and the flight's Fisher information is taken ([`diagnosis::planning::information`]).
+//! What a flight will tell us, before it is flown: the pattern is flown in simulation by the
+//! current model under the gains that will fly it, and the flight's Fisher information is taken
+//! ([`diagnosis::planning::information`]).
 //!
-//! The noise is that of the simulated sensors, or as large as the residual that the model's own fit recorded, where that is
-//! larger: on a real craft it nearly always is.
+//! The noise is that of the simulated sensors, or as large as the residual that the model's own fit
+//! recorded, where that is larger: on a real craft it nearly always is.
 
 use control::supervisor::{Action, action};
 use control::{Condition, Conditions, Config};
@@ -14,15 +15,16 @@ use sysid::Prepared;
 
 use crate::flight::{FlightPlan, Recording, SilError, fly, for_identification, with_still_sensors};
 
-/// Standard errors by which an effect of ordinary size has to stand out to be found.
+/// Standard errors by which an effect of typical size has to stand out to be found.
 const SEEN_DEVIATIONS: f64 = 4.0;
-/// Part of the squared error that it has to make, percent: less is no finding even when it is significant.
+/// Share of the squared error that it has to cause, percent: less is not a finding even when it is
+/// significant.
 const SEEN_PERCENT: f64 = 1.5;
-/// Flights that the noise is learnt from, and their length, s.
+/// Number of flights that the noise is estimated from, and their length, s.
 const NOISE_FLIGHTS: u64 = 3;
 const NOISE_FLIGHT_S: f64 = 20.0;
 
-/// Why a flight cannot be foreseen.
+/// Why a flight cannot be predicted.
 #[derive(Debug, thiserror::Error)]
 pub enum PredictError {
     /// The simulation.
@@ -33,7 +35,7 @@ pub enum PredictError {
     Prepare(#[from] sysid::PrepareError),
     /// The model cannot be flown at all.
     #[error(
-        "the simulated craft does not fly an ordinary tour to its end: {0}; give gains that suit the model (--gains, as from quadlab design)"
+        "the simulated craft cannot fly an ordinary tour to its end: {0}; give gains that suit the model (--gains, as from quadlab design)"
     )]
     Lost(String),
 }
@@ -64,12 +66,13 @@ pub struct Course {
     pub trouble: Option<String>,
 }
 
-/// A flight that was foreseen.
+/// A predicted flight.
 #[derive(Debug, Clone)]
 pub struct Foreseen {
     /// How it goes.
     pub course: Course,
-    /// What it tells, about the model's own effects and about those of the catalogue that it does not have.
+    /// What it tells, about the model's own effects and about those of the catalogue that it does
+    /// not have.
     pub information: Information,
 }
 
@@ -83,14 +86,15 @@ pub struct Prospect {
 }
 
 impl Prospect {
-    /// Whether the effect would be found at ordinary size.
+    /// Whether the effect would be found at its typical size.
     pub fn is_excited(&self) -> bool {
         self.sight.is_some_and(|s| s.deviations >= SEEN_DEVIATIONS && s.share_percent >= SEEN_PERCENT)
     }
 }
 
 impl Predictor {
-    /// Of `model` under `config`, with what identification flights need beside the gains.
+    /// A predictor for `model` under `config`, with what identification flights need beside the
+    /// gains.
     ///
     /// # Errors
     /// A configuration that cannot be flown, or that loses the craft.
@@ -114,7 +118,8 @@ impl Predictor {
         if let Some(fit) = &model.fit {
             colour = colour.at_least(&fit.train);
         }
-        // What starts from a shape of its own (a pendulum's length) has no column before it is there.
+        // What starts from a shape of its own (a pendulum's length) has no column before it is
+        // there.
         let candidates = Effect::candidates().filter(|e| !model.has(*e) && e.starts().is_empty()).collect();
         Ok(Self { model, config, colour, candidates })
     }
@@ -129,7 +134,7 @@ impl Predictor {
         &self.config
     }
 
-    /// Standard deviation of the residual of each axis that is reckoned with.
+    /// Standard deviation of the residual on each axis that predictions assume.
     pub fn noise(&self) -> [f64; 6] {
         self.colour.deviation()
     }
@@ -148,7 +153,8 @@ impl Predictor {
     /// Flies a pattern and says what it would tell.
     ///
     /// # Errors
-    /// A pattern that cannot be flown at all. One that only loses the craft says so in [`Course::trouble`].
+    /// A pattern that cannot be flown at all. One that only loses the craft says so in
+    /// [`Course::trouble`].
     pub fn foresee(&self, pattern: &Pattern) -> Result<Foreseen, PredictError> {
         let plan = self.plan(pattern);
         let recording = fly(&plan)?;
@@ -169,12 +175,13 @@ impl Predictor {
         self.candidates.iter().map(look).collect()
     }
 
-    /// How well `effect` would be seen with `other` fitted beside it: the chance to tell the two apart.
+    /// How well `effect` would be seen with `other` fitted beside it: the chance to tell the two
+    /// apart.
     pub fn apart(&self, information: &Information, effect: Effect, other: Effect) -> Option<Sight> {
         information.sight(effect, &self.model.effects(), &[other], |p| self.size(p))
     }
 
-    /// What a coefficient has in the model, or ordinarily.
+    /// A coefficient's value in the model, or a typical one.
     fn size(&self, parameter: Parameter) -> f64 {
         let known = self.model.term(parameter.effect).map(|t| t.coefficients[parameter.index].value);
         known.filter(|v| *v != 0.0).unwrap_or(parameter.info().typical)
@@ -200,7 +207,7 @@ impl Course {
         };
         let margin_m = recording.cage_margin_m();
         let outside = || {
-            (margin_m < 0.0).then(|| format!("it leaves the cage or meets the floor, by {:.2} m", -margin_m))
+            (margin_m < 0.0).then(|| format!("it leaves the cage or hits the floor, by {:.2} m", -margin_m))
         };
         let trouble = end_before_time(recording).or_else(outside);
         let motors: [Vec<f64>; 4] =
@@ -262,4 +269,21 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
     let sum =
         |f: &dyn Fn(f64, f64) -> f64| a.iter().zip(b).map(|(x, y)| f(x - mean_a, y - mean_b)).sum::<f64>();
     sum(&|x, y| x * y) / (sum(&|x, _| x * x) * sum(&|_, y| y * y)).sqrt().max(f64::MIN_POSITIVE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn correlation_is_that_of_sines() {
+        let sine = |phase: f64| -> Vec<f64> {
+            (0..1000).map(|k| 3.0 + (f64::from(k) * std::f64::consts::TAU / 100.0 + phase).sin()).collect()
+        };
+        // Whole periods: the correlation of two sines is the cosine of their phase difference.
+        for phase in [0.0, 0.3, 1.2, std::f64::consts::PI] {
+            assert!((correlation(&sine(0.0), &sine(phase)) - phase.cos()).abs() < 1e-12, "{phase}");
+        }
+        assert_eq!(correlation(&[1.0; 5], &[1.0, 2.0, 3.0, 4.0, 5.0]), 0.0, "a constant");
+    }
 }

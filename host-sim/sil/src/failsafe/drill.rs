@@ -1,8 +1,10 @@
-//! Failsafe drills: for each rule of the supervisor a flight that sets it off, and one that just does not.
+//! Failsafe drills: for each rule of the supervisor a flight that sets it off, and one that just
+//! does not.
 //!
-//! Each is flown in hover, in a climb and in a pattern, with noise. The fault begins when the craft hovers, climbs fastest and
-//! is on its way between two way-points. Times are those after the beginning of the fault; the limits are the project's
-//! (what other autopilots promise), plus one tick where a limit falls on one.
+//! Each is flown in hover, in a climb and in a pattern, with noise. The fault begins when the craft
+//! hovers, climbs fastest and is on its way between two way-points. Times are those after the
+//! beginning of the fault; the limits are the project's (what other autopilots promise), plus one
+//! tick where a limit falls on one.
 
 use control::{Condition, Conditions};
 use proto::State;
@@ -11,7 +13,7 @@ use crate::craft::{Fault, FaultKind, NoiseModel};
 use crate::flight::{FlightPlan, Recording, Row, Script, SilError, StepAxis, StepCommand, fly};
 use crate::scenarios::{Scenario, Settings};
 
-/// What the drills are flown over, and when the fault begins, s.
+/// The flights in which each drill is flown, and when its fault begins, s.
 const FLIGHTS: [(&str, f64); 3] = [("hover", 3.0), ("climb", 3.0), ("pattern", 9.0)];
 /// How long a drill goes on after its fault, s: landing from 1.5 m at 0.3 m/s takes 5 s.
 const AFTER_S: f64 = 8.0;
@@ -19,24 +21,25 @@ const AFTER_S: f64 = 8.0;
 /// How the craft has to respond to a fault.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ExpectedResponse {
-    /// Nothing: the pilot's command is flown to the end.
+    /// Not at all: the pilot's command is flown to the end.
     Flies,
-    /// The rule is set off, and these states are gone to in this order, each within so many s of the beginning of the fault.
+    /// The rule is set off, and these states are gone to in this order, each within so many s of
+    /// the beginning of the fault.
     Goes(&'static [(State, f64)]),
     /// These states, likewise, but the rule is not set off: milder ones are.
     Short(&'static [(State, f64)]),
 }
 
-/// A fault, and what has to come of it.
+/// A fault, and how the craft has to respond.
 #[derive(Debug, Clone, Copy)]
 pub struct Drill {
     /// What happens, in words.
     pub name: &'static str,
     /// The rule that it is about.
     pub rule: Condition,
-    /// What has to come of it.
+    /// How the craft has to respond.
     pub expected: ExpectedResponse,
-    /// How it comes about.
+    /// What happens at the drill's moment.
     pub(super) causes: &'static [Cause],
 }
 
@@ -53,7 +56,8 @@ pub struct DrillResult {
     pub states: Vec<(State, f64)>,
     /// What was found in those ticks.
     pub reasons: Vec<Conditions>,
-    /// How far from where it was when the fault began the craft was at most while its motors ran, horizontally, m.
+    /// How far from where it was when the fault began the craft was at most while its motors ran,
+    /// horizontally, m.
     pub drift_m: f64,
     /// Whether that is what was expected.
     pub holds: bool,
@@ -64,7 +68,7 @@ pub struct DrillResult {
 pub(super) enum Cause {
     /// A fault that lasts so many s from the drill's moment on.
     Fault(FaultKind, f64),
-    /// The same, so many s later.
+    /// A fault that begins so many s after the drill's moment, and lasts so many s.
     Later(f64, FaultKind, f64),
     /// A fault that comes again and again: first `first_s` after the drill's moment.
     Repeated { kind: FaultKind, first_s: f64, every_s: f64, times: u32, for_s: f64 },
@@ -187,11 +191,39 @@ impl Drill {
     }
 }
 
-/// Are the expected states gone to in their order, none before the fault and each in time?
+/// Does the craft go through the expected states in their order, none before the fault, each in
+/// time?
 fn in_order(states: &[(State, f64)], expected: &[(State, f64)]) -> bool {
     let mut rest = states.iter();
     states.iter().all(|(_, at_s)| *at_s >= 0.0)
         && expected
             .iter()
             .all(|(wanted, by_s)| rest.any(|(state, at_s)| state == wanted && *at_s <= by_s + 1e-6))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use State::{Flying, Hold, Land};
+
+    #[test]
+    fn states_count_in_order_in_time_and_after_the_fault() {
+        let expected = [(Hold, 0.5), (Land, 2.0)];
+        assert!(in_order(&[(Hold, 0.5), (Land, 1.9)], &expected));
+        assert!(in_order(&[(Hold, 0.1), (Flying, 0.3), (Land, 1.9)], &expected), "more than expected");
+        assert!(!in_order(&[(Land, 0.1), (Hold, 0.2)], &expected), "the other way round");
+        assert!(!in_order(&[(Hold, 0.6), (Land, 1.9)], &expected), "too late");
+        assert!(!in_order(&[(Hold, -0.1), (Land, 1.9)], &expected), "before the fault");
+        assert!(!in_order(&[(Hold, 0.1)], &expected), "not all");
+    }
+
+    #[test]
+    fn repeated_faults_come_at_their_interval() {
+        let mut plan = FlightPlan::thesis();
+        let kind = FaultKind::LinkSilent;
+        Cause::Repeated { kind, first_s: 1.0, every_s: 0.5, times: 3, for_s: 0.2 }.apply(&mut plan, 2.0);
+        let times: Vec<f64> = plan.faults.iter().map(|fault| fault.from_s).collect();
+        assert_eq!(times, [3.0, 3.5, 4.0]);
+        assert!(plan.faults.iter().all(|fault| fault.for_s == 0.2));
+    }
 }

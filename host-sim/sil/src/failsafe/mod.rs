@@ -1,4 +1,5 @@
-//! Failsafe drills: for each rule of the supervisor a flight that sets it off, and one that just does not.
+//! Failsafe drills: for each rule of the supervisor a flight that sets it off, and one that just
+//! does not.
 
 mod drill;
 mod list;

@@ -6,8 +6,8 @@ use super::drill::DrillResult;
 use super::list::drills;
 use crate::flight::SilError;
 
-/// The drills of one seed as a table: what happens, the rule, the craft's response in each flight; and whether all are as
-/// expected.
+/// The drills of one seed as a table: what happens, the rule, the craft's response in each flight;
+/// and whether all are as expected.
 ///
 /// # Errors
 /// A plan that cannot be flown.

@@ -36,7 +36,8 @@ impl<'a> ClosedLoop<'a, InProcess> {
 }
 
 impl<'a, L: FlightComputer> ClosedLoop<'a, L> {
-    /// The start of `plan` with the controller behind `link`, which must be fresh and built from the plan's configuration.
+    /// The start of `plan` with the controller behind `link`, which must be fresh and built from
+    /// the plan's configuration.
     ///
     /// # Errors
     /// A plan or configuration that cannot be flown.

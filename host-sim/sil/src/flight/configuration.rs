@@ -2,20 +2,22 @@
 
 use control::Config;
 
-/// The cage of the thesis' laboratory (chapter 3): 7.6 m x 5.2 m, 2.8 m high, centred on the origin. Greatest |x|, |y|
-/// and height, m.
+/// The cage of the thesis' laboratory (chapter 3): 7.6 m x 5.2 m, 2.8 m high, centred on the
+/// origin. Greatest |x|, |y| and height, m.
 pub const CAGE_M: [f64; 3] = [3.8, 2.6, 2.8];
 
-/// For flights with ideal sensors: a craft at rest without noise gives the same pose to the last bit for seconds, which on a
-/// real one only a frozen tracker does, so that it is not judged how often a reading repeats.
+/// For flights with ideal sensors: a craft at rest without noise gives the same pose to the last
+/// bit for seconds, which on a real one only a frozen tracker does, so that it is not judged how
+/// often a reading repeats.
 pub(crate) fn with_still_sensors(mut config: Config) -> Config {
     const ANY: u32 = 1_000_000;
     (config.supervision.pose.repeats, config.supervision.imu.repeats) = (ANY, ANY);
     config
 }
 
-/// Gains with what an identification flight needs beside them ([`FlightPlan::identification`] says why): references that move at
-/// 2.5 m/s, angles up to 20 degrees, the whole cage, and rates from the gyro.
+/// Gains with what an identification flight needs beside them ([`FlightPlan::identification`] says
+/// why): references that move at 2.5 m/s, angles up to 20 degrees, the whole cage, and rates from
+/// the gyro.
 pub fn for_identification(mut config: Config) -> Config {
     use control::gains::{Complement, GyroFusion, Law, PositionLimits};
     config.position_limits = PositionLimits { x_m: [-2.0, 2.0], y_m: [-1.2, 1.2], z_m: [-2.0, -0.1] };

@@ -35,18 +35,19 @@ pub struct FlightPlan {
     pub noise: Option<NoiseModel>,
     /// The battery.
     pub battery: Battery,
-    /// Of noise and excitation.
+    /// Seed of the noise and of the excitation.
     pub seed: u64,
-    /// Runge-Kutta steps in a tick (reference: 4).
+    /// Runge-Kutta steps in a tick.
     pub substeps: u32,
-    /// What goes wrong on the way.
+    /// What goes wrong during the flight.
     pub faults: Vec<Fault>,
     /// The craft's clock at the start, us.
     pub clock_us: u32,
 }
 
 impl FlightPlan {
-    /// Hover of the thesis' craft under the thesis' law: 1 m high, 2 samples of delay, 11.1 V, ideal sensors, 10 s.
+    /// Hover of the thesis' craft under the thesis' law: 1 m high, 2 samples of delay, 11.1 V,
+    /// ideal sensors, 10 s.
     pub fn thesis() -> Self {
         Self {
             model: Model::thesis(),
@@ -83,13 +84,14 @@ impl FlightPlan {
         plan
     }
 
-    /// A flight to identify `model` from (thesis 4.2.1): a tour of the cage that differs from seed to seed, excited
-    /// motors, noisy sensors, a battery that falls and sags.
+    /// A flight to identify `model` from (thesis 4.2.1): a tour of the cage that differs from seed
+    /// to seed, excited motors, noisy sensors, a battery that falls and sags.
     ///
-    /// It is flown with the model-based law and three changes, each needed to fly 2 to 3 m/s on any craft near the
-    /// thesis': the reference may move at 2.5 m/s instead of 0.5; angles are limited to 20 degrees (held roll of 30
-    /// degrees loses control, reference section 6); rates come from the gyro above 5 rad/s, thesis (4.6), because from
-    /// the delayed pose alone the pitch loop keeps 8.5 % of gain margin (reference 2.5).
+    /// It is flown with the model-based law and three changes, each needed to fly 2 to 3 m/s on any
+    /// craft near the thesis': the reference may move at 2.5 m/s instead of 0.5; angles are limited
+    /// to 20 degrees (held roll of 30 degrees loses control, see `roll-30` in crate `sil`'s tests);
+    /// rates come from the gyro above 5 rad/s, thesis (4.6), because from the delayed pose alone
+    /// the pitch loop keeps 8.5 % of gain margin.
     pub fn identification(model: Model, seed: u64, duration_s: f64) -> Self {
         let battery = battery_of(&model, FLIGHT_BATTERY).unwrap_or(FLIGHT_BATTERY);
         Self {
@@ -105,8 +107,8 @@ impl FlightPlan {
         }
     }
 
-    /// A pattern flown by `model` under `config` with the sensors, battery and pose delay of an identification flight,
-    /// from rest where the pattern begins.
+    /// A pattern flown by `model` under `config` with the sensors, battery and pose delay of an
+    /// identification flight, from rest where the pattern begins.
     pub fn pattern(model: Model, config: Config, pattern: Pattern, seed: u64) -> Self {
         let first = pattern.at(0.0);
         Self {
@@ -152,7 +154,7 @@ impl FlightPlan {
         self.craft_with_period(self.config.sample_time_s)
     }
 
-    /// The same, to be advanced in ticks of another length.
+    /// The craft at its start, to be advanced in ticks of another length.
     pub(crate) fn craft_with_period(&self, period_s: f64) -> Result<SimulatedCraft, SilError> {
         self.check()?;
         let plant = Plant::new(&self.model);
@@ -160,7 +162,8 @@ impl FlightPlan {
         state.attitude = frames::quaternion_from_euler(Vector3::new(0.0, 0.0, self.start_yaw_rad));
         let mut ideal = Sensors::new(&self.model, None, period_s, 0);
         let command = Script::Hold.command(&self.start(), 0.0);
-        // The voltage sags with the speeds and the speeds follow the voltage: three rounds settle both.
+        // The voltage sags with the speeds and the speeds follow the voltage: three rounds settle
+        // both.
         for _ in 0..3 {
             let voltage_v = self.battery.voltage_v(0.0, &state.rotor_rad_s);
             let mut controller = Controller::new(&self.config)?;

@@ -25,8 +25,8 @@ pub struct Truth {
     pub battery_v: f32,
 }
 
-/// One tick of a flight. Single precision is what sensors and controller have, and fresh memory for rows is a third of
-/// the cost of a fast flight.
+/// One tick of a flight. Single precision is what sensors and controller have, and fresh memory for
+/// rows is a third of the cost of a fast flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
     /// The craft as it is.
@@ -74,7 +74,8 @@ pub struct Recording {
     pub rows: Vec<Row>,
     /// Time between rows, s.
     pub period_s: f64,
-    /// Whether the craft's state stayed finite to the end; otherwise the recording ends where it did not.
+    /// Whether the craft's state stayed finite to the end; otherwise the recording ends where it
+    /// did not.
     pub complete: bool,
 }
 
@@ -120,7 +121,8 @@ impl Recording {
         self.rows.iter().filter(|row| row.output.pwm.iter().any(|&pwm| pwm <= low || pwm >= high)).count()
     }
 
-    /// How far the craft stayed inside the cage at its closest, m; negative if it left it or hit the floor.
+    /// How far the craft stayed inside the cage at its closest, m; negative if it left it or hit
+    /// the floor.
     pub fn cage_margin_m(&self) -> f64 {
         let margin = |row: &Row| {
             let [x, y, z] = row.truth.position_m.map(f64::from);
@@ -130,8 +132,9 @@ impl Recording {
         self.rows.iter().map(margin).fold(f64::INFINITY, f64::min)
     }
 
-    /// The flight file of contract columns: poses as the sensors took them, gyro with its bias, measured voltage; with
-    /// `rotor_speeds` the rotor speeds too, which a craft without tachometers does not log.
+    /// The flight file of contract columns: poses as the sensors took them, gyro with its bias,
+    /// measured voltage; with `rotor_speeds` the rotor speeds too, which a craft without
+    /// tachometers does not log.
     pub fn to_flight(&self, name: impl Into<String>, rotor_speeds: bool) -> Flight {
         let column = |value: &dyn Fn(&Row) -> f64| -> Vec<f64> {
             self.rows.iter().map(|row| rounded(value(row))).collect()
@@ -170,4 +173,61 @@ impl Recording {
 /// To nine decimals: finer than any sensor, and free of the digits that widening an f32 brings.
 fn rounded(value: f64) -> f64 {
     (value * 1e9).round() / 1e9
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(position_m: [f32; 3], pwm: [f32; 4]) -> Row {
+        let truth = Truth { position_m, ..Truth::new(&State::at_rest(Vector3::zeros(), [600.0; 4]), 11.1) };
+        let sensed = Measurement { position_m, attitude_rad: [0.0; 3], gyro_rad_s: None, battery_v: 11.1 };
+        let output = proto::Output {
+            tick: 0,
+            pwm,
+            attitude_command_rad: [0.0; 3],
+            z_command_m: 0.0,
+            position_reference_m: None,
+            thrust: 0.0,
+            torque: [0.0; 3],
+            refused: proto::Refusal::default(),
+            faults: 0,
+        };
+        let supervision = proto::Supervision { state: proto::State::Flying, conditions: 0, preflight: 0 };
+        Row { truth, sensed, position_command_m: [0.0; 2], output, supervision }
+    }
+
+    #[test]
+    fn the_margin_is_to_the_nearest_of_walls_ceiling_and_floor() {
+        let margin_m = |places: &[[f32; 3]]| {
+            let rows = places.iter().map(|place| row(*place, [1500.0; 4])).collect();
+            Recording { rows, period_s: 0.01, complete: true }.cage_margin_m()
+        };
+        assert_eq!(margin_m(&[[0.0, 0.0, -1.0]]), 1.0);
+        assert_eq!(margin_m(&[[3.5, 0.0, -1.0], [0.0, 0.0, -1.0]]), 3.8 - 3.5);
+        assert!((margin_m(&[[0.0, -2.5, -1.0]]) - 0.1).abs() < 1e-12);
+        assert!((margin_m(&[[0.0, 0.0, -3.0]]) + 0.2).abs() < 1e-12, "above the ceiling");
+        assert_eq!(margin_m(&[[0.0, 0.0, 0.5]]), -0.5, "below the floor");
+    }
+
+    #[test]
+    fn a_tick_is_saturated_at_either_end_of_the_range() {
+        let pwm = [[1500.0; 4], [1000.0, 1500.0, 1500.0, 1500.0], [1500.0, 1500.0, 2000.0, 1500.0]];
+        let rows = pwm.iter().map(|pwm| row([0.0, 0.0, -1.0], *pwm)).collect();
+        let recording = Recording { rows, period_s: 0.01, complete: true };
+        assert_eq!(recording.saturated_ticks([1000.0, 2000.0]), 2);
+        assert_eq!(recording.time_s(29), 0.29);
+    }
+
+    #[test]
+    fn upright_is_the_cosine_of_the_tilt() {
+        let tilted = |roll_rad: f64| {
+            let mut state = State::at_rest(Vector3::zeros(), [600.0; 4]);
+            state.attitude = frames::quaternion_from_euler(Vector3::new(roll_rad, 0.0, 0.4));
+            Truth::new(&state, 11.1).upright()
+        };
+        for roll_rad in [0.0, 0.5, 2.0, std::f64::consts::PI] {
+            assert!((tilted(roll_rad) - roll_rad.cos()).abs() < 1e-6, "{roll_rad}");
+        }
+    }
 }

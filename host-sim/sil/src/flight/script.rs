@@ -54,7 +54,8 @@ pub enum Script {
     Hold,
     /// One step; position is held where the axis is X or Y, attitude level otherwise.
     Step(StepCommand),
-    /// Way-points in position mode, in order of time; with `repeat_s` the list starts over after that time.
+    /// Way-points in position mode, in order of time; with `repeat_s` the list starts over after
+    /// that time.
     Waypoints {
         /// The list.
         list: Vec<Waypoint>,
@@ -72,7 +73,8 @@ pub(crate) struct Start {
     pub(crate) yaw_rad: f64,
 }
 
-/// Times are compared with this margin, so that a time computed as `k Ts` meets one written as a decimal, s.
+/// Times are compared with this margin, so that a time computed as `k Ts` meets one written as a
+/// decimal, s.
 const SAME_TIME_S: f64 = 1e-9;
 
 impl Script {
@@ -96,8 +98,8 @@ impl Script {
         }
     }
 
-    /// The script as rows of a pattern every `period_s`, with `injection` added to the motors. The start is where a flight
-    /// begins: `start_m`, inertial NED, m, and heading, rad.
+    /// The script as rows of a pattern every `period_s`, with `injection` added to the motors. The
+    /// start is where a flight begins: `start_m`, inertial NED, m, and heading, rad.
     pub fn rows(
         &self,
         (start_m, start_yaw_rad): ([f64; 3], f64),
@@ -115,8 +117,9 @@ impl Script {
         (0..=ticks).map(row).collect()
     }
 
-    /// A different tour of the cage for every seed, for identification flights: long dashes along x and y at up to 2
-    /// to 3 m/s, turns, climbs and descents between 0.6 m and 1.7 m, and slow passes low over the floor.
+    /// A different tour of the cage for every seed, for identification flights: long dashes along x
+    /// and y at up to 2 to 3 m/s, turns, climbs and descents between 0.6 m and 1.7 m, and slow
+    /// passes low over the floor.
     pub fn tour(seed: u64, duration_s: f64) -> Self {
         let mut generator = stream(seed, Purpose::Waypoints);
         let mut list = Vec::new();
@@ -125,7 +128,8 @@ impl Script {
         while time_s < duration_s {
             let mut between = |low: f64, high: f64| generator.random_range(low..high);
             let (x, y, z, turn, leg_s) = match round % 4 {
-                // A dash along x, one along y, a turn while the craft crosses, a pass low over the floor.
+                // A dash along x, one along y, a turn while the craft crosses, a pass low over the
+                // floor.
                 0 => {
                     (side * between(1.0, 1.6), between(-0.4, 0.4), between(0.6, 1.7), 0.0, between(1.6, 2.4))
                 }

@@ -1,13 +1,16 @@
-//! The law on the processors of the craft, emulated by QEMU: the same `Readings` go in, and the same bits have to come out.
+//! The law on the processors of the craft, emulated by QEMU: equal `Readings` have to give equal
+//! bits.
 //!
-//! - [`Emulated`] speaks to a lockstep program over its standard input and output, which for the bare Cortex-M4F are its emulated
-//!   serial port: stuffed frames of readings one way, of outcomes the other. The configuration is laid into the chip's memory, or
-//!   handed to the ARM Linux program as a file: an image of [`craft::image`]. A recording of readings goes the same way; then the
-//!   digests of its ticks come back.
-//! - [`Udp`] speaks to the craft computer's own program (`com lockstep`) as a ground station would: packets in datagrams.
+//! - [`Emulated`] speaks to a lockstep program over its standard input and output, which for the
+//!   bare Cortex-M4F are its emulated serial port: stuffed frames of readings one way, of outcomes
+//!   the other. The configuration is laid into the chip's memory, or handed to the ARM Linux
+//!   program as a file: an image of [`craft::image`]. A recording of readings goes the same way;
+//!   then the digests of its ticks come back.
+//! - [`Udp`] speaks to the craft computer's own program (`com lockstep`) as a ground station would:
+//!   packets in datagrams.
 //!
-//! Deliberately absent: building the programs (`cargo xtask sil --on` does), and time: the emulated processor is slower and
-//! nobody notices, because it is waited for.
+//! Deliberately absent: building the programs (`cargo xtask sil --on` does), and time: the emulated
+//! processor is slower, and the loop waits for it.
 
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{SocketAddr, UdpSocket};
@@ -28,7 +31,8 @@ use super::in_process::{FlightComputer, FlightComputerError};
 
 /// How long an answer may take: an emulator on a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// Where the emulated board's program looks for an image and a recording: `firmware/mcu/src/mps2.rs`.
+/// Where the emulated board's program looks for an image and a recording:
+/// `firmware/mcu/src/mps2.rs`.
 const IMAGE_ADDRESS: u32 = 0x2100_0000;
 const RECORDING_ADDRESS: u32 = 0x2100_1000;
 /// Libraries of ARM Linux programs, where Debian and Ubuntu put them.
@@ -118,7 +122,7 @@ impl Peer {
         child.map(Self).map_err(|reason| FlightComputerError::Start { program: name, reason })
     }
 
-    /// Why it is silent.
+    /// Why it does not answer.
     fn explain(&mut self) -> FlightComputerError {
         // The end of its output comes a moment before its own.
         for _ in 0..100 {
@@ -132,7 +136,8 @@ impl Peer {
 }
 
 impl Emulated {
-    /// Starts the lockstep program at `program` on `processor`, with a fresh autopilot of a craft in the air.
+    /// Starts the lockstep program at `program` on `processor`, with a fresh autopilot of a craft
+    /// in the air.
     ///
     /// # Errors
     /// An emulator that is not there, or a configuration that cannot be handed over.
@@ -181,7 +186,7 @@ impl Emulated {
         Ok(Self { peer, input, answers, _files: files })
     }
 
-    /// What it says next.
+    /// Its next answer.
     fn next(&mut self) -> Result<Vec<u8>, FlightComputerError> {
         self.answers.recv_timeout(PATIENCE).map_err(|_| self.peer.explain())
     }
@@ -201,7 +206,7 @@ impl FlightComputer for Emulated {
     }
 }
 
-/// The image of a configuration that is not from a file, so there is no hash to tell.
+/// The image of a configuration that is not from a file and has no hash.
 fn image_of(config: &Config) -> Result<Vec<u8>, FlightComputerError> {
     let image = encode(config, &[0; 32], &mut [0; MAX_IMAGE_LEN]).map(<[u8]>::to_vec);
     image.ok_or_else(|| FlightComputerError::Configure { reason: ErrorKind::InvalidData.into() })
@@ -228,7 +233,8 @@ pub struct Udp {
 const ASK_AGAIN: Duration = Duration::from_millis(500);
 
 impl Udp {
-    /// Starts `program` (the craft computer's, for ARM Linux) in `qemu-arm` and waits until it listens.
+    /// Starts `program` (the craft computer's, for ARM Linux) in `qemu-arm` and waits until it
+    /// listens.
     ///
     /// # Errors
     /// A program that does not start, or that does not say where it listens.
@@ -294,7 +300,8 @@ impl FlightComputer for Udp {
 pub struct Emulation {
     /// Which.
     pub processor: Processor,
-    /// Its program: the craft computer's for [`Processor::Armv7`], the lockstep program for [`Processor::CortexM4`].
+    /// Its program: the craft computer's for [`Processor::Armv7`], the lockstep program for
+    /// [`Processor::CortexM4`].
     pub program: PathBuf,
 }
 
@@ -335,7 +342,8 @@ mod tests {
         assert_eq!(Processor::named("host"), None);
     }
 
-    /// A program that ends at once is named by its end, one that is not there by its name; nothing waits a minute.
+    /// A program that ends at once is named by its end, one that is not there by its name; nothing
+    /// waits a minute.
     #[test]
     fn a_program_that_does_not_answer_is_explained() {
         let mut gone = Emulated::run(&mut Command::new("false"), Vec::new()).unwrap();

@@ -1,15 +1,17 @@
 //! Controller and plant in two processes, over shared memory (iceoryx2).
 //!
-//! The plant's process asks, the controller's answers: one request and one response a tick, each a frame of crate
-//! `proto`, and an event each way that wakes the sleeper. Every run is an iceoryx2 domain of its own: its files carry the
-//! run's name, so that runs side by side do not meet, and nothing stays behind when the run is over.
+//! The plant's process asks, the controller's answers: one request and one response a tick, each a
+//! frame of crate `proto`, and an event each way that wakes the sleeper. Every run is an iceoryx2
+//! domain of its own: its files carry the run's name, so that runs side by side do not meet, and
+//! nothing stays behind when the run is over.
 //!
-//! The configuration goes to the controller's process as one line of JSON on its standard input, which stays open: its end
-//! tells the controller that the plant is done, however that came about. In the other direction the plant looks whether the
-//! controller's process still lives whenever it has waited in vain. The plant gives up its own share of the domain before
-//! it closes that input, so the controller leaves last and clears the domain away; the plant does so too if it had to
-//! bury the controller. (If both are killed outright, a few kilobytes named `quadlab_*` stay in /dev/shm and in the
-//! temporary folder.)
+//! The configuration goes to the controller's process as one line of JSON on its standard input,
+//! which stays open: its end tells the controller that the plant is done, however that happened. In
+//! the other direction the plant looks whether the controller's process still lives whenever it has
+//! waited in vain. The plant gives up its own share of the domain before it closes that input, so
+//! the controller leaves last and clears the domain away; the plant does so too if it had to kill
+//! the controller. (If both are killed outright, a few kilobytes named `quadlab_*` stay in /dev/shm
+//! and in the temporary folder.)
 
 use std::io::{BufRead, Read, Write};
 use std::path::{Path, PathBuf};
@@ -33,18 +35,19 @@ type Ipc = ipc::Service;
 type Asking = Client<Ipc, [u8], (), [u8], ()>;
 type Answering = Server<Ipc, [u8], (), [u8], ()>;
 
-/// How long one wait lasts before the other side's life is looked at.
+/// How long one wait lasts before it is checked that the other side still runs.
 const LOOK: Duration = Duration::from_millis(50);
 /// How long the other side may take for anything.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// Ticks between two looks for Ctrl-C; a tick takes some 50 us.
+/// Ticks between two checks for Ctrl-C; a tick takes some 50 us.
 const TICKS_BETWEEN_LOOKS: u32 = 100;
 
 fn refused<E: std::fmt::Debug>(what: &'static str) -> impl Fn(E) -> FlightComputerError {
     move |error| FlightComputerError::Middleware { what, reason: format!("{error:?}") }
 }
 
-/// The middleware's files of one run: those in `root`, and shared memory whose names start with `prefix`.
+/// The middleware's files of one run: those in `root`, and shared memory whose names start with
+/// `prefix`.
 struct Domain {
     prefix: String,
     root: PathBuf,
@@ -58,7 +61,8 @@ impl Domain {
 
     fn node(&self) -> Result<Node<Ipc>, FlightComputerError> {
         set_log_level(LogLevel::Fatal);
-        // From the defaults, not from a file of the user's that could differ between the two processes.
+        // From the defaults, not from a file of the user's that could differ between the two
+        // processes.
         let mut config = iceoryx2::config::Config::default();
         config.global.prefix = FileName::new(self.prefix.as_bytes()).map_err(refused("name its files"))?;
         let root = iceoryx2::prelude::Path::new(self.root.as_os_str().as_encoded_bytes());
@@ -69,8 +73,8 @@ impl Domain {
         Ok(node)
     }
 
-    /// Removes what is left when both sides are done. Linux keeps POSIX shared memory in /dev/shm; where that is not so,
-    /// only the folder goes.
+    /// Removes what is left when both sides are done. Linux keeps POSIX shared memory in /dev/shm;
+    /// where that is not so, only the folder goes.
     fn remove(&self) {
         let shared = std::fs::read_dir("/dev/shm").into_iter().flatten().flatten();
         for entry in shared.filter(|e| e.file_name().to_string_lossy().starts_with(&self.prefix)) {
@@ -141,7 +145,8 @@ impl Drop for Peer {
 }
 
 impl Iceoryx2 {
-    /// Starts `program --controller RUN` (which has to call [`serve`]) with a configuration and waits until it listens.
+    /// Starts `program --controller RUN` (which has to call [`serve`]) with a configuration and
+    /// waits until it listens.
     ///
     /// # Errors
     /// The program cannot be started, ends at once, or the middleware refuses something.
@@ -184,7 +189,8 @@ impl Iceoryx2 {
         self.controller.child.stdin.as_mut().map_or(Ok(()), |stdin| stdin.write_all(&line)).map_err(failed)
     }
 
-    /// The cause behind an error: an interrupt or the end of the controller's process brings others in its train.
+    /// The cause behind an error: an interrupt or the end of the controller's process causes
+    /// others.
     fn explain(&mut self, error: FlightComputerError) -> FlightComputerError {
         // A killed process takes a moment to be gone.
         if self.node.wait(LOOK).is_err() {
@@ -230,7 +236,8 @@ fn unused_name() -> String {
 fn spawn(program: &Path, run: &str) -> Result<Child, FlightComputerError> {
     let mut command = std::process::Command::new(program);
     command.args(["--controller", run]).stdin(Stdio::piped()).stdout(Stdio::null());
-    // In a group of its own Ctrl-C does not reach it: the plant is interrupted and ends it in good order.
+    // In a group of its own Ctrl-C does not reach it: the plant is interrupted and ends it
+    // properly.
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
     command
@@ -260,7 +267,7 @@ impl Iceoryx2 {
                     }
                 };
             }
-            // An interrupted or empty wait is no reason to give up; what is, `look` knows.
+            // An interrupted or empty wait is no reason to give up; `look` knows the reasons.
             if !matches!(self.answered.timed_wait(|_| {}, LOOK), Ok(1..)) {
                 self.look(started)?;
             }
@@ -268,8 +275,8 @@ impl Iceoryx2 {
     }
 }
 
-/// The controller's side: reads its configuration from standard input, answers ticks of run `run`, and returns when the
-/// input ends.
+/// The controller's side: reads its configuration from standard input, answers ticks of run `run`,
+/// and returns when the input ends.
 ///
 /// # Errors
 /// A configuration that cannot be read or flown, or what the middleware refuses.

@@ -1,9 +1,9 @@
-//! The way from the sensors to the controller and back.
+//! What runs the autopilot and answers ticks, and the one in this process.
 
 use control::{Autopilot, Config, Readings};
 use craft::convert;
 
-/// What can go wrong between controller and plant.
+/// What can go wrong between the flight computer and the plant.
 #[derive(Debug, thiserror::Error)]
 pub enum FlightComputerError {
     /// The controller's configuration.
@@ -61,12 +61,12 @@ pub enum FlightComputerError {
     Interrupted,
 }
 
-/// Something that answers ticks.
+/// Whatever runs the autopilot and answers ticks.
 pub trait FlightComputer {
     /// One tick of the autopilot.
     ///
     /// # Errors
-    /// What goes wrong on the way; never in process.
+    /// What goes wrong between the processes; nothing in this one.
     fn tick(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, FlightComputerError>;
 }
 

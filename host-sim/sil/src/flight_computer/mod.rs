@@ -1,4 +1,5 @@
-//! Where the autopilot runs: in this process, in another one, or on an emulated processor of the craft.
+//! Where the autopilot runs: in this process, in another one, or on an emulated processor of the
+//! craft.
 
 mod emulated;
 mod iceoryx2;

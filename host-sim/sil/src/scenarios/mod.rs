@@ -1,4 +1,5 @@
-//! The named flights of the thesis' chapter 5: what each has to fulfil, the reference responses, and the page of a run.
+//! The named flights of the thesis' chapter 5: what each has to fulfil, the reference responses,
+//! and the page of a run.
 
 pub mod page;
 pub mod reference;

@@ -1,14 +1,17 @@
-//! The reference responses: the thesis' nonlinear closed loop, recomputed by an independent program.
+//! The reference responses: the thesis' nonlinear closed loop, recomputed by an independent
+//! program.
 //!
-//! That program (Python, numpy) integrates the equations in Euler angles and f64, with the resolutions of the thesis'
-//! misprints that this project uses too; its numbers are for ideal sensors, 11.1 V, 100 Hz, 4 integration steps a tick.
-//! Responses are divided by the step; times count from the step. It records 10 s after a step of roll or pitch, 15 s of
-//! yaw, 20 s of z, 40 s of x and y.
+//! That program (Python, numpy) integrates the equations in Euler angles and f64, with the
+//! resolutions of the thesis' misprints that this project uses too; its numbers are for ideal
+//! sensors, 11.1 V, 100 Hz, 4 integration steps a tick. Responses are divided by the step; times
+//! count from the step. It records 10 s after a step of roll or pitch, 15 s of yaw, 20 s of z, 40 s
+//! of x and y.
 
 /// A choice where the thesis leaves one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Variant {
-    /// Estimator `5625 s / (s^2 + 150 s + 5625)`, MATLAB's gain rule, 2 samples of delay: what this project flies.
+    /// Estimator `5625 s / (s^2 + 150 s + 5625)`, MATLAB's gain rule, 2 samples of delay: what this
+    /// project flies.
     A,
     /// A without delay.
     B,

@@ -1,10 +1,11 @@
 //! The named flights, and what each has to fulfil.
 //!
-//! Steps come at t = 1 s and are recorded as long as the reference does (10 s after roll and pitch, 15 s after yaw, 20 s
-//! after z, 40 s after x and y). Requirements: overshoot at most 5 % and rise at most 1.5 s (altitude) or 1 s (yaw) are the
-//! thesis' (5.3.2, 5.3.3), as is "less than 35 % overshoot" for roll and pitch (5.3.1). For x and y the thesis reports 15
-//! and 17 % with its linear design; 20 % is allowed. The others are bounds well above what the reference simulation shows,
-//! so that they fail when something is wrong and not when a seed is unlucky.
+//! Steps come at t = 1 s and are recorded as long as the reference does (10 s after roll and pitch,
+//! 15 s after yaw, 20 s after z, 40 s after x and y). Requirements: overshoot at most 5 % and rise
+//! at most 1.5 s (altitude) or 1 s (yaw) are the thesis' (5.3.2, 5.3.3), as is "less than 35 %
+//! overshoot" for roll and pitch (5.3.1). For x and y the thesis reports 15 and 17 % with its
+//! linear design; 20 % is allowed. The others are bounds well above what the reference simulation
+//! shows, so that they fail when something is wrong and not when a seed is unlucky.
 
 use std::fmt;
 use std::str::FromStr;
@@ -45,19 +46,20 @@ pub enum Scenario {
     Excitation,
 }
 
-/// What the user of the program can choose.
+/// What the user of the program can choose for all scenarios.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     /// The craft; absent: the thesis'.
     pub model: Option<Model>,
-    /// What flies it; absent: the thesis' gains. With it a craft's battery is at the voltage that its model was made at: constant in
-    /// the steps, which are the reference's flights, and falling and sagging with the load in `excitation`.
+    /// What flies it; absent: the thesis' gains. With it a craft's battery is at the voltage that
+    /// its model was made at: constant in the steps, which are the reference's flights, and falling
+    /// and sagging with the load in `excitation`.
     pub config: Option<Config>,
     /// Age of the pose that the controller gets, samples.
     pub delay_samples: usize,
     /// Noise of the sensors.
     pub noise: Option<NoiseModel>,
-    /// Of noise, excitation and the tour of `excitation`.
+    /// Seed of the noise, of the excitation, and of the tour of `excitation`.
     pub seed: u64,
     /// Integration steps in a tick.
     pub substeps: u32,
@@ -175,8 +177,8 @@ impl Scenario {
         plan
     }
 
-    /// A plan with other gains, but with the room that its flight needs: a held angle goes tens of metres, an identification
-    /// flight goes up to the walls.
+    /// A plan with other gains, but with the room that its flight needs: a held angle goes tens of
+    /// metres, an identification flight goes up to the walls.
     fn flown_by(self, config: Config, model: Option<&Model>, plan: FlightPlan) -> FlightPlan {
         let no_walls = plan.config.supervision.fence == Fence::NONE;
         let mut config = if self == Self::Excitation { for_identification(config) } else { config };
@@ -241,7 +243,8 @@ fn rise(metrics: &StepMetrics, limit_s: f64) -> RequirementCheck {
     }
 }
 
-/// Reference: 0.0044 degrees and 0.075 mm with ideal sensors. Noise of 1 mrad shakes the weakly damped pitch loop.
+/// Reference: 0.0044 degrees and 0.075 mm with ideal sensors. Noise of 1 mrad shakes the weakly
+/// damped pitch loop.
 fn hover_checks(plan: &FlightPlan, flight: &Recording) -> Vec<RequirementCheck> {
     let (tilt_limit_deg, height_limit_mm) = if plan.noise.is_some() { (1.0, 5.0) } else { (0.02, 0.5) };
     let greatest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0_f64, |a, b| a.max(b.abs()));
@@ -313,5 +316,34 @@ impl FromStr for Scenario {
         Self::ALL.into_iter().find(|scenario| scenario.name() == name).ok_or_else(|| {
             format!("there is no such scenario; known are {}", Self::ALL.map(Self::name).join(", "))
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_read_back_and_others_are_answered_with_the_list() {
+        for scenario in Scenario::ALL {
+            assert_eq!(scenario.name().parse(), Ok(scenario));
+        }
+        let error = "roll-20".parse::<Scenario>().unwrap_err();
+        assert!(Scenario::ALL.iter().all(|scenario| error.contains(scenario.name())), "{error}");
+        assert!(Scenario::standard().all(|scenario| scenario != Scenario::Roll30));
+    }
+
+    #[test]
+    fn a_limit_belongs_to_what_holds() {
+        assert!(at_most("a", 5.0, 5.0, "%").holds && at_least("a", 5.0, 5.0, "m").holds);
+        assert!(!at_most("a", 5.1, 5.0, "%").holds && !at_least("a", 4.9, 5.0, "m").holds);
+        assert!(!at_most("a", f64::NAN, 5.0, "%").holds && !at_least("a", f64::NAN, 5.0, "m").holds);
+    }
+
+    #[test]
+    fn a_step_starts_from_where_the_craft_stands() {
+        let base = |scenario: Scenario| step_of(&scenario.plan(&Settings::default())).map(|(_, base)| base);
+        assert_eq!((base(Scenario::Climb), base(Scenario::Yaw30)), (Some(-1.0), Some(0.0)));
+        assert_eq!(base(Scenario::Hover), None);
     }
 }

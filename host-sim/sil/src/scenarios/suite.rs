@@ -52,7 +52,7 @@ pub struct ScenarioResult {
     pub checks: Vec<RequirementCheck>,
 }
 
-/// All outcomes of a run.
+/// All results of a run.
 #[derive(Debug, Clone)]
 pub struct Suite {
     /// In the order flown.
@@ -62,7 +62,7 @@ pub struct Suite {
 }
 
 impl ScenarioResult {
-    /// Judges a flight.
+    /// Checks a flight against its requirements.
     pub fn new(scenario: Scenario, plan: FlightPlan, recording: Recording) -> Self {
         let response = response(&plan, &recording);
         let metrics = (!response.is_empty()).then(|| step_metrics(&response, recording.period_s));
@@ -92,7 +92,8 @@ impl ScenarioResult {
     }
 }
 
-/// The stepped quantity from the step on, divided by the step; empty without a step or when the flight ended before.
+/// The stepped quantity from the step on, divided by the step; empty without a step or when the
+/// flight ended before.
 fn response(plan: &FlightPlan, recording: &Recording) -> Vec<f64> {
     let Some((step, base)) = step_of(plan) else { return Vec::new() };
     let first = (step.at_s / recording.period_s).round() as usize;
@@ -108,7 +109,8 @@ fn fly_by(transport: &Transport, plan: &FlightPlan) -> Result<Recording, SilErro
     }
 }
 
-/// SHA-256, hexadecimal, of the motor commands as f32 little endian, in order of flight, time and motor.
+/// SHA-256, hexadecimal, of the motor commands as f32 little endian, in order of flight, time and
+/// motor.
 fn pwm_sha256<'a>(recordings: impl Iterator<Item = &'a Recording>) -> String {
     let mut hash = Sha256::new();
     for row in recordings.flat_map(|recording| &recording.rows) {
@@ -148,7 +150,7 @@ struct CheckJson<'a> {
 }
 
 impl Suite {
-    /// Flies `scenarios` one after the other; `progress` hears of each before it starts.
+    /// Flies `scenarios` one after the other; `progress` is called with each before it starts.
     ///
     /// # Errors
     /// What keeps a flight from being flown. A flight that ends badly is an outcome, not an error.

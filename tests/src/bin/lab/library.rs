@@ -1,7 +1,8 @@
 //! What regressions choose from, written for other people's programs (`tests/peers/compare.py`).
 //!
-//! A folder a trial: `library.json` says what was hidden, what was found and which columns there are; `library.f64` holds, for
-//! each flight and axis, the target and the columns, little-endian numbers of eight bytes.
+//! A folder a trial: `library.json` says what was hidden, what was found and which columns there
+//! are; `library.f64` holds, for each flight and axis, the target and the columns, little-endian
+//! numbers of eight bytes.
 
 use std::path::Path;
 
@@ -101,7 +102,8 @@ fn contents(outcome: &Outcome) -> Result<(About, Vec<f64>), String> {
     Ok((about, values))
 }
 
-/// Targets and columns of each flight and axis, one after the other; a column that does not act is zero.
+/// Targets and columns of each flight and axis, one after the other; a column that does not act is
+/// zero.
 fn values(libraries: &[Library], columns: &[Vec<usize>]) -> Vec<f64> {
     let mut values = Vec::new();
     for library in libraries {

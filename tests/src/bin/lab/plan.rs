@@ -100,8 +100,8 @@ pub(crate) fn catalogue() -> Vec<(&'static str, bool)> {
     Effect::candidates().map(|effect| (effect.id(), can(effect.id()))).collect()
 }
 
-/// What can happen to a craft of the worlds and is in the product's list of changes. A map that leaves out the voltage
-/// was wrong from the start: nothing changes there.
+/// What can happen to a craft of the worlds and is in the product's list of changes. A map that
+/// leaves out the voltage was wrong from the start: nothing changes there.
 fn changeable() -> impl Iterator<Item = &'static str> {
     let ids = Effect::changes().map(Effect::id);
     ids.filter(|id| *id != "battery-voltage" && PLANTED.iter().any(|planted| planted.id == *id))
@@ -182,7 +182,8 @@ impl Plan {
     /// Trials in which the craft changes between flights.
     fn changes(&mut self, sizes: &mut Sizes) {
         for id in changeable() {
-            // What only a change can be is told apart at every strength; the rest at the middle one, if there is time.
+            // What only a change can be is told apart at every strength; the rest at the middle
+            // one, if there is time.
             let own = changes().any(|own| own == id);
             if sizes.quick && !own {
                 continue;
@@ -206,8 +207,8 @@ impl Plan {
     }
 
     fn push(&mut self, hidden: Hidden, strength: f64, noise: f64, size: Size, k: u64, rounds: usize) {
-        // Styles and logs take turns: of any three repetitions each style has one, of any two one log is rough, of any four
-        // two have outliers.
+        // Styles and logs take turns: of any three repetitions each style has one, of any two one
+        // log is rough, of any four two have outliers.
         let turn = (self.first_seed - 1 + k) as usize;
         let mut trial = Trial {
             hidden,
@@ -256,7 +257,8 @@ fn together(known: &[&'static str], several: usize, first_seed: u64, k: u64) -> 
     chosen.into_iter().map(|id| (*id, strength())).collect()
 }
 
-/// A seed of its own for every trial, the same whatever else is in the catalogue: FNV-1a over what the trial is.
+/// A seed of its own for every trial, the same whatever else is in the catalogue: FNV-1a over what
+/// the trial is.
 fn seed(trial: &Trial, k: u64) -> u64 {
     let text = format!("{} {} {} {} {k}", trial.label(), trial.strength, trial.noise, trial.size.name());
     let hash = text
