@@ -204,7 +204,7 @@ fn finish(
 ) -> anyhow::Result<String> {
     let page = options.out.join("report.html");
     report::write_atomic(options.out.join("basic.toml"), explanation.basic.to_toml())?;
-    report::write_atomic(options.out.join("better.toml"), &explanation.model.to_toml())?;
+    report::write_atomic(options.out.join("better.toml"), explanation.model.to_toml())?;
     pages::explanation(lead, sets, explanation)
         .provenance(provenance(&[vehicle], sets.all()))
         .write(&page)?;

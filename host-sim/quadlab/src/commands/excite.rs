@@ -398,7 +398,7 @@ fn describe_injection(text: &mut String, document: &Document) {
         i.peak.map(|p| significant(p, 3)).join(" "),
         factors.join(" "),
         i.largest_correlation,
-        largest(&f.command_correlation)
+        largest(&document.flight.command_correlation)
     );
 }
 
