@@ -7,7 +7,7 @@
 //! [`fly`] turns it into a [`Recording`]; equal plans give equal bits. [`Scenario`] names the
 //! flights of the thesis' chapter 5, each with its requirements.
 //!
-//! Order of a tick, as in the program that recomputed the thesis' responses ([`reference`]):
+//! Order of a tick, as in the program that recomputed the thesis' responses ([`mod@reference`]):
 //! 1. the sensors look at the craft; the pose enters a first-in-first-out line of
 //!    [`FlightPlan::delay_samples`],
 //! 2. the controller gets the oldest pose of the line, the gyro and the voltage as they are now,

@@ -11,8 +11,8 @@
 //!
 //! The round trip holds the wait of g for the craft's next tick, up to a tick: the mean says how
 //! old a command is when it is flown, the least what the network alone takes. Queues and waits only
-//! ever add, so the greatest c - a and the least c - g in each [`BIN_S`] are the narrowest bounds;
-//! straight lines through the last [`BINS`] of both give two slopes with their standard errors. The
+//! ever add, so the greatest c - a and the least c - g in each `BIN_S` are the narrowest bounds;
+//! straight lines through the last `BINS` of both give two slopes with their standard errors. The
 //! skew is their mean, weighted; what they contradict each other is added to its error, because a
 //! network that grows slower moves the bounds apart and a clock moves both alike. The ground's ramp
 //! has to be sent at irregular times ([`ramp_interval_s`]): sent once a tick it would wait longer
@@ -20,9 +20,9 @@
 //!
 //! A COM whose clock runs fast is the unsolved fault of the thesis (chapter 6): it throws off law,
 //! sample rate and integrators, and came and went by itself. It counts as wrong when the skew is
-//! beyond [`SKEW_LIMIT`] by four standard errors in two bins running, and as well again when the
+//! beyond `SKEW_LIMIT` by four standard errors in two bins running, and as well again when the
 //! estimate is inside by one; with jitter of a tick that takes under 2 s for 1 %. Bounds of two
-//! bins that are more than [`JUMP_S`] apart are a leap, and named too.
+//! bins that are more than `JUMP_S` apart are a jump, and reported too.
 //!
 //! Both ramps are microseconds modulo 2^32 (71.6 minutes); only differences are used. Deliberately
 //! absent: setting anybody's clock.

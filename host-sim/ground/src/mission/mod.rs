@@ -4,7 +4,7 @@ mod active_step;
 #[expect(clippy::module_inception, reason = "the mission of this folder")]
 mod mission;
 mod preflight;
-mod script;
+pub mod script;
 mod status;
 
 pub use mission::Mission;

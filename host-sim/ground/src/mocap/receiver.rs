@@ -1,13 +1,4 @@
-//! Motion capture: where a tracker sees the craft, whatever the tracker.
-//!
-//! A [`MocapReceiver`] waits for frames and gives poses in our frames. Three are here: [`Vicon`]
-//! (UDP object stream, crate's module [`vicon`](crate::vicon)),
-//! [`OptiTrack`](crate::optitrack::OptiTrack) (NatNet) and [`Replay`](crate::replay::Replay) (a
-//! flight file). A simulated laboratory speaks Vicon's format.
-//!
-//! Nothing that comes in over the network ends a receiver: what cannot be used is refused by name
-//! and counted. Trackers do not show who they are, so whoever can reach the port can move the
-//! craft: bind to the tracker's own network.
+//! What every tracker has in common: sightings, errors, the order of frames.
 
 use std::io::{self, ErrorKind};
 use std::net::SocketAddr;

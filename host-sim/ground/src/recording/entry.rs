@@ -49,7 +49,7 @@ impl Level {
 
 /// Something to record.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[expect(missing_docs, reason = "the table in the module's head says what each is")]
+#[expect(missing_docs, reason = "the table in the head of the folder says what each is")]
 pub enum Entry<'a> {
     Telemetry(&'a Telemetry),
     Pose(&'a TimedPose),

@@ -12,9 +12,9 @@ pub struct Settings {
     pub command_hz: f64,
     /// What to do.
     pub steps: Vec<MissionStep>,
-    /// What [`PilotRequest::Pattern`] does.
+    /// What [`PilotRequest::Pattern`](super::PilotRequest::Pattern) does.
     pub pattern: Vec<MissionStep>,
-    /// Height of [`PilotRequest::TakeOff`], m.
+    /// Height of [`PilotRequest::TakeOff`](super::PilotRequest::TakeOff), m.
     pub take_off_m: f64,
     /// Command units for one microsecond of the thesis' excitation.
     pub excitation_gain: f64,

@@ -15,9 +15,9 @@ pub(crate) fn with_still_sensors(mut config: Config) -> Config {
     config
 }
 
-/// Gains with what an identification flight needs beside them ([`FlightPlan::identification`] says
-/// why): references that move at 2.5 m/s, angles up to 20 degrees, the whole cage, and rates from
-/// the gyro.
+/// Gains with what an identification flight needs beside them
+/// ([`FlightPlan::identification`](crate::FlightPlan::identification) says why): references that
+/// move at 2.5 m/s, angles up to 20 degrees, the whole cage, and rates from the gyro.
 pub fn for_identification(mut config: Config) -> Config {
     use control::gains::{Complement, GyroFusion, Law, PositionLimits};
     config.position_limits = PositionLimits { x_m: [-2.0, 2.0], y_m: [-1.2, 1.2], z_m: [-2.0, -0.1] };
