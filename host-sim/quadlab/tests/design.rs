@@ -417,7 +417,7 @@ fn from_a_stranger_s_flights_to_gains_that_fly_and_the_next_flight() {
     let settings = sil::Settings { model: Some(read), config: Some(config), ..sil::Settings::default() };
     for scenario in [sil::Scenario::Hover, sil::Scenario::Roll10, sil::Scenario::Excitation] {
         let plan = scenario.plan(&settings);
-        let outcome = sil::Outcome::new(scenario, plan.clone(), sil::fly(&plan).unwrap());
+        let outcome = sil::ScenarioResult::new(scenario, plan.clone(), sil::fly(&plan).unwrap());
         assert!(outcome.pass(), "{scenario}: {:?} {:?}", outcome.metrics, outcome.checks);
     }
     let excite = ["excite", "--path", "hover", "--duration", "10", "--out", "pattern.csv"];

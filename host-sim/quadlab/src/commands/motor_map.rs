@@ -14,8 +14,9 @@ use crate::cli::output::{Outcome, OverwriteOptions, provenance};
 
 /// Find the motor map (command and voltage to rotor speed) and the motors' lag on a test stand.
 ///
-/// The craft logs commands and voltage, another computer the rotor's speed by a clock of its own: both clocks, the map
-/// and the lag come out of one fit, with standard errors, and longer and shorter maps are compared on held-out parts.
+/// The craft logs commands and voltage, another computer the rotor's speed by a clock of its own:
+/// both clocks, the map and the lag come out of one fit, with standard errors, and longer and
+/// shorter maps are compared on held-out parts.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example:\n  quadlab motor-map --vehicle vehicle.toml --craft craft.csv --rotor tachometer.csv --out vehicle.toml\n\nThe craft's log has the columns t (s), cmd or cmd1..cmd4, vbat (V); the tachometer's t (s) and omega,\nor omega1..omega4 (rad/s). Each has a header and its own clock. --out takes over everything else from the\nvehicle file, comments too; it may be the same file."
@@ -37,7 +38,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "1..4", value_parser = clap::value_parser!(u8).range(1..=4))]
     motor: Option<u8>,
 
-    /// Fit command and offset only, for a supply that does not move
+    /// Fit command and offset only, for a supply of constant voltage
     #[arg(long)]
     without_voltage: bool,
 
@@ -100,7 +101,8 @@ fn holds(result: &StandResult) -> bool {
         || longest.terms == result.supported
 }
 
-/// The vehicle file with the map and, where it is known, the lag. Everything else stays, comments too.
+/// The vehicle file with the map and, where it is known, the lag. Everything else stays, comments
+/// too.
 fn completed(text: &str, map: &Map, path: &Path) -> anyhow::Result<String> {
     let mut document: DocumentMut = text.parse()?;
     let Some(motors) = document.get_mut("motors").and_then(Item::as_table_like_mut) else {
@@ -145,8 +147,42 @@ fn plus_minus(e: Estimated, unit: &str) -> String {
 }
 
 fn described(result: &StandResult, vehicle: &Vehicle, out: Option<&Path>) -> String {
+    let mut text = described_map(result, vehicle);
+    let clock = &result.clock;
+    let _ = writeln!(
+        text,
+        "\nClocks: the craft's is {:.4} +- {:.4} s ahead of the tachometer's and runs {:.1} +- {:.1} ms a minute fast",
+        clock.offset_s.value,
+        clock.offset_s.std_error,
+        6e4 * clock.skew.value,
+        6e4 * clock.skew.std_error
+    );
+    let _ = writeln!(
+        text,
+        "Left out: {} missed pulses, {} samples in gaps, missing, or of a rotor at rest or starting",
+        result.missed_pulses, result.left_out
+    );
+    describe_support(&mut text, result);
+    for motor in &result.motors {
+        let _ = writeln!(
+            text,
+            "motor {}: {} than the common map says; by itself command {}, lag {}",
+            motor.motor,
+            difference(motor.faster_rad_s),
+            plus_minus(motor.map.command, ""),
+            plus_minus(motor.map.lag, "rad/s"),
+        );
+    }
+    if let Some(out) = out {
+        let _ = writeln!(text, "\nvehicle file: {}", out.display());
+    }
+    text
+}
+
+/// The map and lag beside those of the vehicle file, and what they leave.
+fn described_map(result: &StandResult, vehicle: &Vehicle) -> String {
     let mut text = String::new();
-    let (map, clock) = (&result.map, &result.clock);
+    let map = &result.map;
     let unit = &vehicle.motors.command_unit;
     let before = &vehicle.motors;
     let mut line = |name: &str, estimate: Estimated, unit: &str, was: Option<f64>| {
@@ -172,19 +208,11 @@ fn described(result: &StandResult, vehicle: &Vehicle, out: Option<&Path>) -> Str
         result.battery_v[0],
         result.battery_v[1]
     );
-    let _ = writeln!(
-        text,
-        "\nClocks: the craft's is {:.4} +- {:.4} s ahead of the tachometer's and runs {:.1} +- {:.1} ms a minute fast",
-        clock.offset_s.value,
-        clock.offset_s.std_error,
-        6e4 * clock.skew.value,
-        6e4 * clock.skew.std_error
-    );
-    let _ = writeln!(
-        text,
-        "Left out: {} missed pulses, {} samples in gaps, missing, or of a rotor that stood or began",
-        result.missed_pulses, result.left_out
-    );
+    text
+}
+
+/// Which map the data support.
+fn describe_support(text: &mut String, result: &StandResult) {
     let _ = writeln!(text, "\n{:<36}{:>10}{:>10}   support", "map", "fitted", "held out");
     for judged in &result.maps {
         let _ = writeln!(
@@ -200,20 +228,6 @@ fn described(result: &StandResult, vehicle: &Vehicle, out: Option<&Path>) -> Str
     if !holds(result) {
         text.push_str("The vehicle file's map has no such term: it holds the best map without it.\n");
     }
-    for motor in &result.motors {
-        let _ = writeln!(
-            text,
-            "motor {}: {} than the common map says; by itself command {}, lag {}",
-            motor.motor,
-            difference(motor.faster_rad_s),
-            plus_minus(motor.map.command, ""),
-            plus_minus(motor.map.lag, "rad/s"),
-        );
-    }
-    if let Some(out) = out {
-        let _ = writeln!(text, "\nvehicle file: {}", out.display());
-    }
-    text
 }
 
 fn difference(faster: Estimated) -> String {
@@ -284,11 +298,11 @@ fn page(result: &StandResult, vehicle: &Vehicle) -> Page {
             Section::new("What is left")
                 .figure(
                     against("Against the command", Axis::new("command", unit), &samples.command),
-                    "A curve would ask for a longer map.",
+                    "A curve would mean that the map needs more terms.",
                 )
                 .figure(
                     against("Against the voltage", Axis::new("voltage", "V"), &samples.battery_v),
-                    "A slope would say that the voltage acts in another way.",
+                    "A slope would mean that the voltage acts in another way.",
                 ),
         )
 }
