@@ -18,6 +18,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
+use crate::cli::colour;
 use crate::cli::output::Outcome;
 use crate::commands::{
     add, compare, demo, design, diagnose, effects, excite, explain, ground, identify, linearize, motor_map,
@@ -77,14 +78,14 @@ fn main() -> ExitCode {
     match outcome.and_then(finish) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("error: {}", one_line(&with_causes(&error)));
+            colour::error(&one_line(&with_causes(&error)));
             ExitCode::from(BAD_INPUT)
         }
     }
 }
 
 fn finish(outcome: Outcome) -> anyhow::Result<ExitCode> {
-    report::print(&outcome.text)?;
+    report::print(&colour::for_stdout(&outcome.text))?;
     Ok(if outcome.holds { ExitCode::SUCCESS } else { ExitCode::from(DOES_NOT_HOLD) })
 }
 
@@ -104,7 +105,8 @@ fn usage(error: &clap::Error) -> ExitCode {
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => "error: no command given".into(),
         _ => said.join(" "),
     };
-    eprintln!("{} (see quadlab --help)", one_line(&said));
+    let said = one_line(&said);
+    colour::error(&format!("{} (see quadlab --help)", said.strip_prefix("error: ").unwrap_or(&said)));
     ExitCode::from(BAD_INPUT)
 }
 

@@ -10,7 +10,7 @@ use sysid::fit::output_error::Rows;
 use sysid::{MotorsOfFlights, Prepared, Reference, RefinementOutcome};
 
 use crate::cli::flights::{Loaded, Sets};
-use crate::cli::progress;
+use crate::cli::{colour, progress};
 
 /// Whether to refine, and what.
 #[derive(clap::Args)]
@@ -169,19 +169,19 @@ pub(crate) fn motors(model: &Model, sets: &Sets) -> Vec<MotorsOfFlights> {
 pub(crate) fn warn(model: &Model, sets: &Sets, motors: &[MotorsOfFlights]) {
     let record = model.fit.as_ref();
     if let Some(reasons) = record.map(|fit| &fit.rotation_refused).filter(|reasons| !reasons.is_empty()) {
-        eprintln!("warning: {}", rotation_refused(reasons));
+        colour::warn(&rotation_refused(reasons));
     }
     for doubt in sysid::impossible_signs(model) {
-        eprintln!("warning: {doubt}");
+        colour::warn(&doubt);
     }
     for flight in sets.all() {
         let wandering = flight.prepared.alignment.as_ref().filter(|a| !a.wandering.is_empty());
         if let Some(note) = wandering.and_then(sysid::Alignment::note) {
-            eprintln!("warning: {}: {note}", flight.path.display());
+            colour::warn(&format!("{}: {note}", flight.path.display()));
         }
     }
     for warning in motors.iter().filter_map(|m| m.warning.as_ref()) {
-        eprintln!("warning: {warning}");
+        colour::warn(warning);
     }
 }
 

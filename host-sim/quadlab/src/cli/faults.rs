@@ -9,6 +9,7 @@ use sysid::checks::overlap;
 use sysid::checks::vehicle::{self, Likeness};
 use sysid::{Fault, FaultKind, Severity};
 
+use crate::cli::colour;
 use crate::cli::flights::{FlightsError, Loaded, Sets};
 use crate::cli::output::Outcome;
 
@@ -49,7 +50,7 @@ impl Faults {
     /// Warns on standard error. For the end of a command: one that is refused says why in one line and nothing else.
     pub(crate) fn warn(&self) {
         for (whose, fault) in self.0.borrow().iter().filter(|(_, f)| f.severity != Severity::Note) {
-            eprintln!("warning: {whose}: {}", fault.sentence);
+            colour::warn(&format!("{whose}: {}", fault.sentence));
         }
     }
 

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use model::{Effect, Model, UserEffectError};
 
+use crate::cli::colour;
 use crate::cli::flights::{FlightsError, Loaded, Sets};
 
 /// Files of effects as given on the command line.
@@ -43,7 +44,7 @@ pub(crate) fn leave_out_undefined(
             .leave_out_undefined(model, &all)
             .map_err(|why| FlightsError::Unusable { path: flight.path.clone(), why })?;
         for note in &flight.prepared.notes[before..] {
-            eprintln!("warning: {}: {note}", flight.path.display());
+            colour::warn(&format!("{}: {note}", flight.path.display()));
         }
     }
     Ok(())

@@ -7,6 +7,7 @@ use model::{Effect, FitRecord, HistoryEntry, Model, PerAxis};
 use serde::Serialize;
 use sysid::checks::vehicle::Likeness;
 
+use crate::cli::colour;
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::{SetOptions, Sets};
 use crate::cli::output::{Outcome, check_outputs};
@@ -138,7 +139,10 @@ fn text(
     let sentence = Effect::from_id(finding.effect).map_or("", |e| e.info().sentence);
     Outcome::done(format!(
         "{}\n{}\n{}{refined}\nmodel written to {}\n",
-        tables::paragraph(&format!("{} {verdict}: {}. {sentence}", finding.effect, finding.reason)),
+        colour::lead(&tables::paragraph(&format!(
+            "{} {verdict}: {}. {sentence}",
+            finding.effect, finding.reason
+        ))),
         tables::before_after(
             "Squared error on the held-out flights, everything fitted again without and with the effect",
             &addition.before,

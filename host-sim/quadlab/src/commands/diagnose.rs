@@ -3,14 +3,15 @@
 use std::path::PathBuf;
 
 use diagnosis::Diagnosis;
+use diagnosis::changes::Change;
 use model::{Effect, Model};
 use sysid::checks::vehicle::Likeness;
 
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::{self, SetOptions, Sets};
 use crate::cli::output::{Outcome, check_outputs, provenance};
-use crate::cli::progress;
 use crate::cli::user_effects::{self, EffectOptions};
+use crate::cli::{colour, progress};
 use crate::real_logs;
 use crate::render::{evidence, pages, tables};
 
@@ -40,7 +41,7 @@ pub(crate) struct Options {
     effects: EffectOptions,
 
     /// New flights: what has changed since the model was made? For example: --changed today-1.csv today-2.csv
-    #[arg(long, value_name = "CSV", num_args = 1.., conflicts_with_all = ["train", "validate", "html"])]
+    #[arg(long, value_name = "CSV", num_args = 1.., conflicts_with_all = ["train", "validate"])]
     changed: Vec<PathBuf>,
 
     /// Show all the evidence for and against one effect, missing or in the model, for example: --why ground-effect
@@ -128,6 +129,9 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
 }
 
 fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
+    let inputs: Vec<&PathBuf> =
+        options.changed.iter().chain([&options.model]).chain(options.effects.paths()).collect();
+    check_outputs(&options.html, &inputs)?;
     let effects = options.effects.read()?;
     let model = Model::read(&options.model)?;
     let reading = options.faults.reading(options.json);
@@ -136,19 +140,25 @@ fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
     faults.of_fitted(&model, &loaded);
     faults.of_likeness(&model, &loaded, Likeness::CHANGED);
     if model.fit.as_ref().is_none_or(|fit| fit.scatter.is_empty()) {
-        eprintln!(
-            "warning: {}: does not say how much the craft differed from flight to flight; changes are judged against noise alone",
+        colour::warn(&format!(
+            "{}: does not say how much the craft differed from flight to flight; changes are judged against noise alone",
             options.model.display()
-        );
+        ));
     }
     real_logs::align_flights(&mut loaded, &model, sysid::Reference::Flights);
-    let spinner = progress::spinner(options.json);
+    let bar = progress::bar(Change::all(&model).len(), options.json);
     let diagnosis = diagnosis::changes::changed(&model, &flights::prepared(&loaded), |step| {
-        spinner.set_message(format!("trying {step}"));
+        bar.set_message(format!("trying {step}"));
+        bar.inc(1);
     });
-    spinner.finish_and_clear();
+    bar.finish_and_clear();
     let diagnosis =
         diagnosis.map_err(|refused| anyhow::Error::new(refused).context(flights::names(&loaded)))?;
+    if let Some(path) = &options.html {
+        pages::with_checks(pages::changed(&model, &loaded, &diagnosis), &loaded, &faults)
+            .provenance(provenance(&[&options.model], &loaded))
+            .write(path)?;
+    }
     if options.json {
         faults::json(&diagnosis, &loaded, &faults)
     } else {
@@ -191,7 +201,7 @@ pub(crate) fn diagnose(
 }
 
 fn text(options: &Options, diagnosis: &Diagnosis) -> String {
-    let mut text = tables::paragraph(&diagnosis.summary);
+    let mut text = colour::lead(&tables::paragraph(&diagnosis.summary));
     for grid in [tables::evidence(diagnosis), tables::candidates(diagnosis, true)] {
         if grid.has_rows() {
             text.push_str(&format!("\n{}", grid.to_text()));

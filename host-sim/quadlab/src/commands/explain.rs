@@ -7,6 +7,7 @@ use diagnosis::diagnose::Unexplained;
 use model::{Model, PerAxis, Vehicle};
 use serde::Serialize;
 
+use crate::cli::colour;
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::{SetOptions, Sets};
 use crate::cli::output::{Outcome, check_outputs, provenance};
@@ -84,8 +85,11 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
 }
 
 fn text(options: &Options, story: &Story, model: &Model, refinement: Option<&RefinementEntry>) -> String {
-    let mut text =
-        format!("{}\n{}", tables::paragraph(&story.conclusion()), tables::falling_error(story).to_text());
+    let mut text = format!(
+        "{}\n{}",
+        colour::lead(&tables::paragraph(&story.conclusion())),
+        tables::falling_error(story).to_text()
+    );
     text.push_str(&format!("\n{}", tables::coefficients(model).to_text()));
     let left = tables::unexplained(&story.last_diagnosis.unexplained);
     if left.has_rows() {
