@@ -58,16 +58,15 @@ fn a_weak_motor_is_named_with_its_loss() {
     assert!(error < 0.02, "{error}");
 
     let flights = flights(&case, &["A", "B", "C", "D", "E"]);
-    let mut arguments: Vec<String> = ["diagnose", "--model", "model.toml", "--html", "page.html", "--changed"]
-        .map(str::to_owned)
-        .to_vec();
+    let mut arguments: Vec<String> =
+        ["diagnose", "--model", "model.toml", "--html", "page.html", "--changed"].map(str::to_owned).to_vec();
     arguments.extend(paths(&flights));
     done_in(folder.path(), &arguments.iter().map(String::as_str).collect::<Vec<_>>());
     let page = std::fs::read_to_string(folder.path().join("page.html")).unwrap();
     for said in [
         "<h1>What has changed?</h1>",
         "The change: motor-efficiency 2",
-        "it was there from the first, A, on",
+        "it was there from A.csv on",
         "What else it could be",
         // The weak motor was hidden in all five flights, and each has its error without and with it.
         "Root mean square error of each flight",

@@ -63,6 +63,22 @@ impl Progress {
         self.line();
     }
 
+    /// There are more or fewer steps than was thought.
+    pub(crate) fn set_length(&self, steps: u64) {
+        self.bar.set_length(steps);
+    }
+
+    /// So many steps are done.
+    pub(crate) fn set_position(&self, steps: u64) {
+        self.bar.set_position(steps);
+        self.line();
+    }
+
+    /// Prints in place of the bar, which comes back afterwards.
+    pub(crate) fn suspend(&self, print: impl FnOnce()) {
+        self.bar.suspend(print);
+    }
+
     /// The work is done.
     pub(crate) fn finish_and_clear(&self) {
         self.bar.finish_and_clear();

@@ -38,7 +38,7 @@ pub(crate) fn measured_against_predicted(before: &View, after: Option<&View>, ax
         // Both predictions are drawn as measured minus residual, against one and the same measured line.
         let predicted = |view: &View| view.line(|row| measured[row] - view.residual(*axis)[row]);
         let (name, style) = match after {
-            Some(_) => ("predicted before", Style::PredictedBefore),
+            Some(_) => ("predicted without it", Style::PredictedBefore),
             None => ("predicted", Style::PredictedAfter),
         };
         let figure = Figure::new(axis_name(*axis), time(), report::Axis::new(axis.name(), axis.unit()))
@@ -46,7 +46,7 @@ pub(crate) fn measured_against_predicted(before: &View, after: Option<&View>, ax
             .with(Series::line(name, style, predicted(before)));
         match after {
             Some(after) => {
-                figure.with(Series::line("predicted after", Style::PredictedAfter, predicted(after)))
+                figure.with(Series::line("predicted with it", Style::PredictedAfter, predicted(after)))
             }
             None => figure,
         }
@@ -58,8 +58,8 @@ pub(crate) fn measured_against_predicted(before: &View, after: Option<&View>, ax
     Captioned { panels: Panels::new(axes.iter().map(panel).collect::<Vec<_>>()), caption }
 }
 
-/// How large the residual of each of `axes` is in the course of a flight, before and after a change of the model.
-pub(crate) fn error_over_time(before: &View, after: &View, axes: &[Axis]) -> Captioned {
+/// How large the residual of each of `axes` is in the course of a flight, by a model without an effect and one with it.
+pub(crate) fn error_over_time(without: &View, with: &View, axes: &[Axis]) -> Captioned {
     let panel = |axis: &Axis| {
         let line = |view: &View| {
             let level = level(view.residual(*axis), view.rows_in(LEVEL_S));
@@ -70,12 +70,12 @@ pub(crate) fn error_over_time(before: &View, after: &View, axes: &[Axis]) -> Cap
             time(),
             report::Axis::new(format!("rms of {}", axis.name()), axis.unit()),
         )
-        .with(Series::line("before", Style::PredictedBefore, line(before)))
-        .with(Series::line("after", Style::PredictedAfter, line(after)))
+        .with(Series::line("without it", Style::PredictedBefore, line(without)))
+        .with(Series::line("with it", Style::PredictedAfter, line(with)))
     };
     let caption = format!(
-        "The whole flight {}: root mean square of measured minus predicted over {LEVEL_S} s around each instant.",
-        before.name
+        "The whole flight {}: root mean square of measured minus predicted over {LEVEL_S}\u{a0}s around each instant.",
+        without.name
     );
     Captioned { panels: Panels::new(axes.iter().map(panel).collect::<Vec<_>>()), caption }
 }
@@ -188,10 +188,10 @@ fn share(points: &[(f64, f64)]) -> f64 {
 pub(crate) fn prediction_error(first: &[HorizonError], after: Option<&[HorizonError]>) -> Captioned {
     type Quantity = (&'static str, &'static str, fn(&HorizonError) -> f64);
     let quantities: [Quantity; 4] = [
-        ("position", "m", |e| e.position_m),
-        ("velocity", "m/s", |e| e.velocity_m_s),
-        ("attitude", "rad", |e| e.attitude_rad),
-        ("rate", "rad/s", |e| e.rate_rad_s),
+        ("position", "mm", |e| 1e3 * e.position_m),
+        ("velocity", "mm/s", |e| 1e3 * e.velocity_m_s),
+        ("attitude", "mrad", |e| 1e3 * e.attitude_rad),
+        ("rate", "mrad/s", |e| 1e3 * e.rate_rad_s),
     ];
     let figures: Vec<Figure> = quantities
         .iter()
@@ -208,11 +208,36 @@ pub(crate) fn prediction_error(first: &[HorizonError], after: Option<&[HorizonEr
                 None => figure.with(Series::line("", Style::PredictedAfter, line(first))),
                 Some(after) => figure
                     .with(Series::line("before", Style::PredictedBefore, line(first)))
-                    .with(Series::line("after", Style::PredictedAfter, line(after))),
+                    .with(Series::line("with it", Style::PredictedAfter, line(with))),
             }
         })
         .collect();
     let caption = "Mean error of predictions started from every sample of the flights and told nothing of the future but \
                    the motor commands and the battery voltage.";
     Captioned { panels: Panels::new(figures), caption: caption.into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_level_of_an_error_is_its_root_mean_square_nearby() {
+        let mut values = vec![3.0; 100];
+        values[50..].fill(-1.0);
+        let level = level(&values, 10);
+        assert!((level[20] - 3.0).abs() < 1e-12 && (level[99] - 1.0).abs() < 1e-12);
+        // Around row 50 there are five values of 3 and six of -1.
+        assert!((level[50] - ((5.0 * 9.0 + 6.0) / 11.0_f64).sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn means_account_for_all_of_a_dependence_and_for_nothing_of_noise() {
+        let depends: Vec<(f64, f64)> =
+            (0..1600).map(|k| (f64::from(k / 100), f64::from(k / 100) - 8.0)).collect();
+        assert!((share(&depends) - 1.0).abs() < 1e-12);
+        let alternates: Vec<(f64, f64)> =
+            (0..1600).map(|k| (f64::from(k / 100), if k % 2 == 0 { 1.0 } else { -1.0 })).collect();
+        assert!(share(&alternates) < 1e-12);
+    }
 }

@@ -165,10 +165,10 @@ pub(crate) fn changed(model: &Model, flights: &[Loaded], diagnosis: &Diagnosis) 
         let (before, after) = (View::all(&flights, model), View::all(&flights, &with));
         let section = Section::new(format!("The change: {}", tables::named(finding)))
             .paragraph(effect.info().sentence)
-            .grid(&tables::candidates(diagnosis, true))
+            .grid(&tables::change(diagnosis))
             .paragraph(
-                "The coefficients are what has come on top of the model, whose own parameters stay. Without means the model \
-                 as it was made, with means the same with the change.",
+                "The model's own parameters stay. In the figures, \"without it\" is the model as it was made and \"with it\" the \
+                 same model with the change.",
             );
         page = page
             .section(shown(section, effect, &flights, model, &with))
@@ -217,7 +217,7 @@ fn since(effect: Effect, before: &[View], after: &[View]) -> Section {
     let sentence = match shows.iter().position(|shows| *shows) {
         Some(0) if shows.iter().all(|shows| *shows) => {
             format!(
-                "With it the error falls in each of these flights: it was there from the first, {}, on.",
+                "With it the error falls in each of these flights: it was there from {} on, the first of them.",
                 before[0].name
             )
         }

@@ -334,8 +334,17 @@ fn reason(finding: &EffectFinding) -> String {
 
 /// Coefficients of candidates, each fitted together with the whole model: of all, or only of those supported.
 pub(crate) fn candidates(diagnosis: &Diagnosis, supported_only: bool) -> Grid {
+    findings("Coefficients, each effect fitted together with the whole model", diagnosis, supported_only)
+}
+
+/// Coefficients of the change that is supported.
+pub(crate) fn change(diagnosis: &Diagnosis) -> Grid {
+    findings("What has come on top of the model", diagnosis, true)
+}
+
+fn findings(caption: &str, diagnosis: &Diagnosis, supported_only: bool) -> Grid {
     let mut grid = Grid::new(
-        "Coefficients, each effect fitted together with the whole model",
+        caption,
         [text("effect"), text("name"), number("value", ""), number("std. error", ""), text("unit")],
     );
     for finding in diagnosis.effects.iter().filter(|f| f.supported || !supported_only) {

@@ -108,3 +108,42 @@ pub(crate) fn acts_through(effect: Effect, axis: Axis) -> Option<&'static str> {
         _ => return None,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn view(residual: Vec<f64>) -> View {
+        let rows = residual.len();
+        let mut residuals = Residuals::default();
+        residuals.residual[Axis::W.index()] = residual;
+        let time_s = (0..rows).map(|k| 100.0 + k as f64 * 0.01 + if k < 5 { 0.0 } else { 1.0 }).collect();
+        View { name: "A".into(), period_s: 0.01, residuals, quantities: Vec::new(), time_s }
+    }
+
+    #[test]
+    fn a_line_covers_the_whole_flight_and_breaks_at_gaps() {
+        let view = view(vec![1.0; 10]);
+        let line = view.line(|row| view.residual(Axis::W)[row]);
+        assert_eq!(line[0], (0.0, 1.0));
+        let last = line[line.len() - 1];
+        assert!((last.0 - 1.09).abs() < 1e-9, "{last:?}");
+        let gaps: Vec<usize> = (0..line.len()).filter(|&k| line[k].1.is_nan()).collect();
+        assert_eq!(gaps, [5], "one more point than rows, before the row after the gap");
+    }
+
+    #[test]
+    fn the_row_is_drawn_in_which_most_is_taken_away() {
+        let with = |w: f64, u: f64| {
+            let mut view = view(vec![w; 10]);
+            view.residuals.residual[Axis::U.index()] = vec![u; 10];
+            view.residuals.residual[Axis::V.index()] = vec![1.0; 10];
+            vec![view]
+        };
+        assert_eq!(
+            clearest_axis(Effect::QuadraticDrag, &with(1.0, 2.0), &with(0.9, 0.5)),
+            Some(Axis::U),
+            "three quarters of u against a tenth of w"
+        );
+    }
+}
