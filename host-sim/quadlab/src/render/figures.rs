@@ -208,7 +208,7 @@ pub(crate) fn prediction_error(first: &[HorizonError], after: Option<&[HorizonEr
                 None => figure.with(Series::line("", Style::PredictedAfter, line(first))),
                 Some(after) => figure
                     .with(Series::line("before", Style::PredictedBefore, line(first)))
-                    .with(Series::line("with it", Style::PredictedAfter, line(with))),
+                    .with(Series::line("after", Style::PredictedAfter, line(after))),
             }
         })
         .collect();
