@@ -12,6 +12,7 @@ use design::synthesis::{Method, Specs, design};
 use diagnosis::planning::information::{Expected, Parameter};
 use model::Model;
 use pattern::{Pattern, relative_peak_factor};
+use report::number::{fixed, unit, value_and_error};
 use report::{Axis, Figure, Page, Panels, Section, Series, Style, significant};
 use serde::Serialize;
 use sil::manoeuvre::{Injection, Signal, library};
@@ -412,17 +413,18 @@ fn describe_coefficients(text: &mut String, document: &Document) {
     );
     for c in &document.coefficients {
         let number = |v: Option<f64>| v.map_or_else(|| "-".into(), |v| significant(v, 2));
+        let [value, error] = value_and_error(c.value, c.std_error);
         let percent = c.std_error.map(|e| 100.0 * e / c.value.abs()).filter(|p| p.is_finite());
         let _ = writeln!(
             text,
             "{:<19}{:<16}{:>11}{:>12}{:>9}{:>12}  {}",
             c.effect,
             c.name,
-            significant(c.value, 4),
-            number(c.std_error),
+            value,
+            error,
             number(percent),
             number(c.std_error_known),
-            c.unit
+            unit(c.unit)
         );
     }
 }
@@ -445,7 +447,9 @@ fn describe_effects(text: &mut String, document: &Document) {
     }
     for e in unseen {
         let how = match (e.deviations, e.share_percent) {
-            (Some(d), Some(s)) => format!("{d:.1} standard errors, {s:.2} % of the squared error"),
+            (Some(d), Some(s)) => {
+                format!("{} standard errors, {} % of the squared error", fixed(d, 1), fixed(s, 2))
+            }
             _ => "does not act in this flight, or acts exactly like something else".into(),
         };
         let _ = write!(text, "\n  {:<22}{how}; to see it: {}", e.effect, e.to_see_it);

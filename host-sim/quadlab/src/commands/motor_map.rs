@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use model::{Vehicle, VehicleError};
 use motor_stand::motor_map::{Estimated, Judged, Map, StandResult, motor_map};
 use motor_stand::stand::Stand;
+use report::number::{fixed, percent, with_error};
 use report::{Axis, Figure, Page, Panels, Section, Series, Style, significant};
 use serde::Serialize;
 use toml_edit::{DocumentMut, Item, TableLike, value};
@@ -143,7 +144,7 @@ fn rounded(estimate: Estimated) -> f64 {
 }
 
 fn plus_minus(e: Estimated, unit: &str) -> String {
-    format!("{} +- {} {unit}", significant(e.value, 5), significant(e.std_error, 2))
+    with_error(e.value, e.std_error, unit)
 }
 
 fn described(result: &StandResult, vehicle: &Vehicle, out: Option<&Path>) -> String {
@@ -151,11 +152,9 @@ fn described(result: &StandResult, vehicle: &Vehicle, out: Option<&Path>) -> Str
     let clock = &result.clock;
     let _ = writeln!(
         text,
-        "\nClocks: the craft's is {:.4} +- {:.4} s ahead of the tachometer's and runs {:.1} +- {:.1} ms a minute fast",
-        clock.offset_s.value,
-        clock.offset_s.std_error,
-        6e4 * clock.skew.value,
-        6e4 * clock.skew.std_error
+        "\nClocks: the craft's is {} s ahead of the tachometer's and runs {} ms a minute fast",
+        plus_minus(clock.offset_s, ""),
+        with_error(6e4 * clock.skew.value, 6e4 * clock.skew.std_error, "")
     );
     let _ = writeln!(
         text,
@@ -202,11 +201,11 @@ fn described_map(result: &StandResult, vehicle: &Vehicle) -> String {
     text.insert_str(0, &head);
     let _ = writeln!(
         text,
-        "  left     {} rad/s root mean square of {} samples, {:.2} to {:.2} V",
+        "  left     {} rad/s root mean square of {} samples, {} to {} V",
         significant(map.rms_rad_s, 3),
         result.samples,
-        result.battery_v[0],
-        result.battery_v[1]
+        fixed(result.battery_v[0], 2),
+        fixed(result.battery_v[1], 2)
     );
     text
 }
@@ -232,17 +231,17 @@ fn describe_support(text: &mut String, result: &StandResult) {
 
 fn difference(faster: Estimated) -> String {
     let order = if faster.value < 0.0 { "slower" } else { "faster" };
-    format!("{:.1} +- {:.1} rad/s {order}", faster.value.abs(), faster.std_error)
+    format!("{} {order}", with_error(faster.value.abs(), faster.std_error, "rad/s"))
 }
 
 fn support(judged: &Judged) -> String {
     match (judged.against, judged.drop_percent, judged.deviations) {
         (Some(against), Some(drop), Some(deviations)) => format!(
-            "{}: squared error {:.1} % {} than with {against}, {:.1} deviations",
+            "{}: squared error {} % {} than with {against}, {} deviations",
             if judged.supported { "yes" } else { "no" },
-            drop.abs(),
+            percent(drop.abs()),
             if drop < 0.0 { "more" } else { "less" },
-            deviations.abs()
+            fixed(deviations.abs(), 1)
         ),
         _ => "the simplest".into(),
     }
