@@ -416,7 +416,7 @@ mod tests {
         assert!(full.iter().any(|line| line.starts_with("open = false")));
         case.write("com.toml", &full.join("\n"));
         let message = case.read().unwrap_err().to_string();
-        assert!(message.contains("measured otherwise"), "{message}");
+        assert!(message.contains("with other measurements"), "{message}");
         case.write("com.toml", &full.join("\n").replace("vehicle_sha256", "# vehicle_sha256"));
         let message = case.read().unwrap_err().to_string();
         assert!(message.contains("/etc/quadlab/key"), "{message}");
@@ -449,7 +449,7 @@ mod tests {
             ("com.toml", "[pwm]", "[timing]\npriority = 99\n[pwm]", "[timing] priority is 99"),
             ("com.toml", "[pwm]", "[guardian]\nsilence_s = 0.01\n[pwm]", "[guardian] silence_s"),
             ("com.toml", "'vehicle.toml'", "'other.toml'", "other.toml: cannot read the vehicle file"),
-            ("com.toml", "gains = ", "vehicle_sha256 = 'bb'\ngains = ", "measured otherwise"),
+            ("com.toml", "gains = ", "vehicle_sha256 = 'bb'\ngains = ", "with other measurements"),
             ("vehicle.toml", "'us'", "'fraction'", "[pwm] pulse_ns is missing"),
             ("vehicle.toml", "a craft", "another", "they are for \"a craft\", this is \"another\""),
             ("vehicle.toml", "2000.0", "1900.0", "command_range is [1000.0, 2000.0]"),

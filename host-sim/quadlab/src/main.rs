@@ -16,6 +16,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 
+use crate::cli::colour;
 use crate::cli::output::Outcome;
 use crate::commands::{
     add, compare, demo, design, diagnose, effects, excite, explain, ground, identify, linearize, motor_map,
@@ -75,14 +76,14 @@ fn main() -> ExitCode {
     match outcome.and_then(finish) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("error: {}", one_line(&with_causes(&error)));
+            colour::error(&one_line(&with_causes(&error)));
             ExitCode::from(BAD_INPUT)
         }
     }
 }
 
 fn finish(outcome: Outcome) -> anyhow::Result<ExitCode> {
-    report::print(&outcome.text)?;
+    report::print(&colour::for_stdout(&outcome.text))?;
     Ok(if outcome.holds { ExitCode::SUCCESS } else { ExitCode::from(DOES_NOT_HOLD) })
 }
 
@@ -102,7 +103,8 @@ fn usage(error: &clap::Error) -> ExitCode {
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => "error: no command given".into(),
         _ => said.join(" "),
     };
-    eprintln!("{} (see {} --help)", one_line(&said), invoked());
+    let said = one_line(&said);
+    colour::error(&format!("{} (see {} --help)", said.strip_prefix("error: ").unwrap_or(&said), invoked()));
     ExitCode::from(BAD_INPUT)
 }
 

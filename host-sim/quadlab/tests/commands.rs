@@ -271,3 +271,17 @@ fn every_command_has_help_with_an_example() {
         assert!(help.contains("Example") && help.contains(&format!("  quadlab {command}")), "{help}");
     }
 }
+
+#[test]
+fn colours_are_for_terminals_that_want_them() {
+    // CLICOLOR_FORCE (bixense.com/clicolors) stands for a terminal: a pipe has no colours without it.
+    let said = |environment: &[(&str, &str)]| {
+        let mut command = assert_cmd::Command::cargo_bin("quadlab").unwrap();
+        command.args(["compare", "--model", "none.toml", "--flights", "A.csv"]);
+        command.env_remove("NO_COLOR").env_remove("CLICOLOR_FORCE").envs(environment.iter().copied());
+        String::from_utf8(command.output().unwrap().stderr).unwrap()
+    };
+    assert!(said(&[]).starts_with("error: "), "{:?}", said(&[]));
+    assert!(said(&[("NO_COLOR", "1")]).starts_with("error: "));
+    assert!(said(&[("CLICOLOR_FORCE", "1")]).starts_with("\u{1b}[1m\u{1b}[31merror:\u{1b}[0m "));
+}

@@ -1,5 +1,6 @@
 //! What subcommands share: options, flights as they are named on the command line, faults, progress, output.
 
+pub(crate) mod colour;
 pub(crate) mod faults;
 pub(crate) mod flights;
 pub(crate) mod model_files;

@@ -6,6 +6,7 @@ use diagnosis::workflow::{self, Added};
 use model::{Effect, PerAxis};
 use serde::Serialize;
 
+use crate::cli::colour;
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::SetOptions;
 use crate::cli::model_files::read_model;
@@ -108,7 +109,10 @@ fn text(options: &Options, added: &Added) -> Outcome {
     let sentence = Effect::from_id(finding.effect).map_or("", |e| e.info().sentence);
     Outcome::done(format!(
         "{}\n{}\n{}{refined}\nmodel written to {}\n",
-        tables::paragraph(&format!("{} {verdict}: {}. {sentence}", finding.effect, finding.reason)),
+        colour::lead(&tables::paragraph(&format!(
+            "{} {verdict}: {}. {sentence}",
+            finding.effect, finding.reason
+        ))),
         tables::before_after(
             "Squared error on the held-out flights, everything fitted again without and with the effect",
             &addition.before,

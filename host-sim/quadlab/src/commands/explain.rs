@@ -8,6 +8,7 @@ use diagnosis::workflow::{self, Explanation};
 use model::PerAxis;
 use serde::Serialize;
 
+use crate::cli::colour;
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::SetOptions;
 use crate::cli::model_files::read_vehicle;
@@ -93,7 +94,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
 fn text(options: &Options, explanation: &Explanation) -> String {
     let mut text = format!(
         "{}\n{}",
-        tables::paragraph(&explanation.conclusion()),
+        colour::lead(&tables::paragraph(&explanation.conclusion())),
         tables::falling_error(explanation).to_text()
     );
     text.push_str(&format!("\n{}", tables::coefficients(&explanation.model).to_text()));
