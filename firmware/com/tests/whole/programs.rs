@@ -111,7 +111,7 @@ fn a_configuration_is_checked_and_named() {
     let config = bench.path("com.toml");
     let config = config.to_str().unwrap();
     let said = String::from_utf8(com(&["check", config]).stdout).unwrap();
-    assert!(said.contains("good, for \"F330 (thesis)\""), "{said}");
+    assert!(said.contains("valid, for \"F330 (thesis)\""), "{said}");
     assert_eq!(bench.pulses_ns(), [0; 4], "no device was touched");
     let identity = json(&com(&["identity", config]));
     assert_eq!(identity["program"], env!("CARGO_PKG_VERSION"));
@@ -189,7 +189,7 @@ fn a_key_keeps_strangers_and_echoes_out() {
     let mut again = Ground::with(program.address(), twin, ends(0).1);
     again.send_raw(&echo);
     again.say(&Message::Who);
-    program.wait_for("a packet that has been there");
+    program.wait_for("a packet that was received before");
     assert!(again.hear(Duration::from_millis(200)).is_none(), "numbers of the run before are refused");
 }
 
