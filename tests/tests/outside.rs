@@ -1,7 +1,7 @@
 //! Effects that no catalogue has are said to be unknown, and what is told of them leads to their cause.
 #![forbid(unsafe_code)]
 
-use diagnosis::{Diagnosis, Verdict, diagnose};
+use diagnosis::{Dependence, Diagnosis, Verdict, diagnose};
 use model::Effect;
 use stories::world::{OUTSIDE, Pattern, Sensors, Size, World};
 use sysid::{Prepared, fit};
@@ -20,8 +20,8 @@ fn diagnosed(id: &str, strength: f64, size: Size, seed: u64) -> Diagnosis {
     diagnose(&model, &train, &validate, |_| ()).unwrap()
 }
 
-fn depends_on(diagnosis: &Diagnosis) -> Vec<&str> {
-    diagnosis.unexplained.iter().map(|left| left.depends_on.as_ref()).collect()
+fn depends_on(diagnosis: &Diagnosis) -> Vec<Dependence> {
+    diagnosis.unexplained.iter().map(|left| left.depends_on).collect()
 }
 
 /// A wake that follows the rotors late makes them look quicker than they are. What is left tells: the right lag leaves nothing that
@@ -32,11 +32,11 @@ fn a_late_wake_is_no_quick_rotor() {
         println!("{size:?}, seed {seed}");
         let wake = diagnosed("inflow", 1.0, size, seed);
         assert_eq!(wake.verdict, Verdict::Unexplained, "{}", wake.summary);
-        assert!(depends_on(&wake).contains(&"accelerations of the last half second"), "{}", wake.summary);
+        assert!(depends_on(&wake).contains(&Dependence::Past), "{}", wake.summary);
 
         let lag = diagnosed("motor-lag", 0.75, size, seed);
         assert_eq!(lag.best(), Some(Effect::MotorLag), "{}", lag.summary);
-        assert_eq!(depends_on(&lag), Vec::<&str>::new(), "{}", lag.summary);
+        assert_eq!(depends_on(&lag), [], "{}", lag.summary);
     }
 }
 

@@ -11,12 +11,14 @@ use model::{AXES, Effect, Kind, Model, Question};
 use nalgebra::DMatrix;
 use serde::Serialize;
 
-use crate::diagnose::{
-    AxisDrop, CoefficientFigures, EffectFinding, HELD_OUT_SIGNIFICANCE, MATTERS_PERCENT, Options,
-    SIGNIFICANCE, evidence, matters_percent,
-};
+use crate::criteria::{HELD_OUT_SIGNIFICANCE, SIGNIFICANCE, matters_percent};
+use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding};
+use crate::held_out::{Validated, examine, fit_and_validate};
+use crate::options::Options;
+use crate::ranking::separating_manoeuvre;
+use crate::reason::joined;
 use crate::screen::Screen;
-use crate::search::{Judged, PENALTY, SET, Search, judge};
+use crate::search::{PENALTY, SET, Search};
 use sysid::prepare::Prepared;
 use sysid::{FitError, errors};
 
@@ -93,7 +95,7 @@ pub struct CoefficientEvidence {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Likeness {
     /// The effect.
-    pub effect: &'static str,
+    pub effect: Effect,
     /// By how much the variance of a coefficient grows when both are fitted.
     pub variance_inflation: f64,
     /// What to fly to separate them, where it is known.
@@ -105,7 +107,7 @@ pub struct Likeness {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ScoredSet {
     /// Its members.
-    pub effects: Vec<&'static str>,
+    pub effects: Vec<Effect>,
     /// Logarithm of its held-out likelihood ratio to the empty set, less one for each coefficient.
     pub score: f64,
 }
@@ -113,8 +115,8 @@ pub struct ScoredSet {
 /// The evidence for and against one effect.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Why {
-    /// Its identifier.
-    pub effect: &'static str,
+    /// The effect.
+    pub effect: Effect,
     /// Whether the model has it; it was then taken out.
     pub in_model: bool,
     /// Whether every criterion is met by itself.
@@ -132,7 +134,7 @@ pub struct Why {
     /// Effects that look like it, the most alike first.
     pub alike: Vec<Likeness>,
     /// What a diagnosis finds in the model without it.
-    pub found: Vec<&'static str>,
+    pub found: Vec<Effect>,
     /// What it adds once the others that were found are in the model, percent of the held-out error.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub drop_percent_beside_found: Option<f64>,
@@ -169,8 +171,8 @@ pub fn why(
     let start = if model.has(effect) { model } else { &search.base.fit.model };
     let mut effects = without.effects();
     effects.push(effect);
-    let with = judge(start, &effects, train, validate)?;
-    let finding = evidence(&search.base, &with, effect, (train, validate), search.count());
+    let with = fit_and_validate(start, &effects, train, validate)?;
+    let finding = examine(&search.base, &with, effect, (train, validate), search.count());
     let found = search.choose(&mut |_| ())?.findings;
     let beside = beside_found(&search, &without, effect, &found, (train, validate))?;
     Ok(assemble(model.has(effect), effect, &search, &with, &finding, (&found, beside), validate))
@@ -184,25 +186,26 @@ fn beside_found(
     found: &[EffectFinding],
     (train, validate): (&[&Prepared], &[&Prepared]),
 ) -> Result<Option<f64>, FitError> {
-    let others: Vec<Effect> =
-        found.iter().filter_map(|f| Effect::from_id(f.effect)).filter(|e| *e != effect).collect();
+    let others: Vec<Effect> = found.iter().map(|f| f.effect).filter(|e| *e != effect).collect();
     if others.is_empty() {
         return Ok(None);
     }
     let mut effects = without.effects();
     effects.extend(&others);
-    let reference = judge(&search.base.fit.model, &effects, train, validate)?;
+    let reference = fit_and_validate(&search.base.fit.model, &effects, train, validate)?;
     effects.push(effect);
-    let Ok(with) = judge(&reference.fit.model, &effects, train, validate) else { return Ok(Some(0.0)) };
+    let Ok(with) = fit_and_validate(&reference.fit.model, &effects, train, validate) else {
+        return Ok(Some(0.0));
+    };
     let count = search.count();
-    Ok(Some(evidence(&reference, &with, effect, (train, validate), count).drop_percent))
+    Ok(Some(examine(&reference, &with, effect, (train, validate), count).drop_percent))
 }
 
 fn assemble(
     in_model: bool,
     effect: Effect,
     search: &Search<'_>,
-    with: &Judged,
+    with: &Validated,
     finding: &EffectFinding,
     (found, beside): (&[EffectFinding], Option<f64>),
     validate: &[&Prepared],
@@ -218,14 +221,14 @@ fn assemble(
     let scored = |holds: &dyn Fn(&[usize]) -> bool| -> Vec<ScoredSet> {
         let shown = sets.iter().filter(|set| holds(&set.members)).take(SETS);
         let named = |set: &crate::subsets::Subset| ScoredSet {
-            effects: set.members.iter().map(|&m| screen.candidates[m].id()).collect(),
+            effects: set.members.iter().map(|&m| screen.candidates[m]).collect(),
             score: set.score,
         };
         shown.map(named).collect()
     };
-    let found: Vec<&'static str> = found.iter().map(|f| f.effect).collect();
+    let found: Vec<Effect> = found.iter().map(|f| f.effect).collect();
     Why {
-        effect: effect.id(),
+        effect,
         in_model,
         supported: finding.supported,
         summary: summary(in_model, finding, &found, beside),
@@ -251,7 +254,7 @@ fn assemble(
     }
 }
 
-fn summary(in_model: bool, finding: &EffectFinding, found: &[&str], beside: Option<f64>) -> String {
+fn summary(in_model: bool, finding: &EffectFinding, found: &[Effect], beside: Option<f64>) -> String {
     let EffectFinding { effect, reason, supported, .. } = finding;
     let what = match (in_model, supported) {
         (true, true) => format!("{effect} earns its place in the model: {reason}."),
@@ -259,11 +262,11 @@ fn summary(in_model: bool, finding: &EffectFinding, found: &[&str], beside: Opti
         (false, true) => format!("{effect} is supported by itself: {reason}."),
         (false, false) => format!("{effect} is not supported: {reason}."),
     };
-    let others: Vec<&str> = found.iter().copied().filter(|id| id != effect).collect();
+    let others: Vec<Effect> = found.iter().copied().filter(|other| other != effect).collect();
     match beside {
         Some(percent) => format!(
             "{what} With {} in the model, which the diagnosis finds, it takes {percent:.1} % of the error.",
-            others.join(" and ")
+            joined(&others, " and ")
         ),
         None if found.contains(effect) => format!("{what} The diagnosis finds it as well."),
         None => what,
@@ -275,7 +278,7 @@ fn criteria(finding: &EffectFinding) -> Vec<Criterion> {
     let [improved, flights] = finding.flights_improved;
     let part = 100.0 * improved as f64 / flights.max(1) as f64;
     let outside = finding.coefficients.iter().filter_map(|c| {
-        let info = Effect::from_id(finding.effect)?.info();
+        let info = finding.effect.info();
         let (low, high) = info.coefficients.iter().find(|known| known.name == c.name)?.possible;
         Some((low - c.value).max(c.value - high).max(0.0) / c.std_error.max(f64::MIN_POSITIVE))
     });
@@ -290,7 +293,7 @@ fn criteria(finding: &EffectFinding) -> Vec<Criterion> {
             "matters: largest fall of the held-out squared error of an axis",
             largest,
             "%",
-            Effect::from_id(finding.effect).map_or(MATTERS_PERCENT, matters_percent),
+            matters_percent(finding.effect),
         ),
         Criterion::at_most(
             "holds on new flights: chance of such a fall without the effect",
@@ -309,7 +312,7 @@ fn criteria(finding: &EffectFinding) -> Vec<Criterion> {
     ]
 }
 
-fn flights(without: &Judged, with: &Judged, validate: &[&Prepared]) -> Vec<FlightDrop> {
+fn flights(without: &Validated, with: &Validated, validate: &[&Prepared]) -> Vec<FlightDrop> {
     let each = validate.iter().zip(without.held_out.iter().zip(&with.held_out));
     each.map(|(flight, (a, b))| {
         let (before, after) = (errors([a]), errors([b]));
@@ -331,14 +334,11 @@ fn alike(screen: &Screen, index: usize) -> Vec<Likeness> {
         .filter(|&other| other != index)
         .filter_map(|other| {
             let inflation = variance_inflation(&screen.problem.train, &own, &live(other))?;
-            let id = screen.candidates[other].id();
-            let known =
-                |a: Effect, b: &str| a.info().confused_with.iter().find(|(o, _)| *o == b).map(|c| c.1);
-            let separate = known(effect, id).or_else(|| known(screen.candidates[other], effect.id()));
-            (inflation > CONFUSED_VIF).then_some(Likeness {
-                effect: id,
+            let other = screen.candidates[other];
+            (inflation > CONFUSED_VIF).then(|| Likeness {
+                effect: other,
                 variance_inflation: inflation,
-                separate,
+                separate: separating_manoeuvre(effect, other),
             })
         })
         .collect();

@@ -13,6 +13,7 @@
 
 use std::f64::consts::TAU;
 
+use crate::reason::Dependence;
 use sysid::Residuals;
 use sysid::prepare::{ForceTarget, Prepared, Stretch};
 
@@ -125,7 +126,7 @@ fn self_convolution(taps: &[f64]) -> Vec<f64> {
 
 /// Ratio of the residual's variance to what the sensors' noise explains, for each axis over several flights; nothing
 /// where the noise is not white.
-pub fn excess(flights: &[&Prepared], residuals: &[Residuals]) -> [Option<f64>; 6] {
+pub(crate) fn excess(flights: &[&Prepared], residuals: &[Residuals]) -> [Option<f64>; 6] {
     let (force, turning) = (is_white(flights, force_channels), is_white(flights, gyro_channels));
     let (mut found, mut expected) = ([0.0; 6], [0.0; 6]);
     for (flight, residual) in flights.iter().zip(residuals) {
@@ -146,9 +147,9 @@ pub fn excess(flights: &[&Prepared], residuals: &[Residuals]) -> [Option<f64>; 6
     })
 }
 
-/// Where in frequency a residual stands out most from white noise through the filters: "an oscillation at 0.70 Hz", or
-/// "slow changes" when it is spread out.
-pub(crate) fn frequency(flights: &[&Prepared], residuals: &[Residuals], axis: usize) -> String {
+/// Where in frequency a residual stands out most from white noise through the filters: an oscillation, or slow
+/// changes when it is spread out.
+pub(crate) fn strongest_frequency(flights: &[&Prepared], residuals: &[Residuals], axis: usize) -> Dependence {
     let (low, high, count) = FREQUENCIES_HZ;
     let grid: Vec<f64> = (0..count).map(|k| low + (high - low) * k as f64 / (count - 1) as f64).collect();
     let mut power = vec![0.0; count];
@@ -171,8 +172,8 @@ pub(crate) fn frequency(flights: &[&Prepared], residuals: &[Residuals], axis: us
     let near = |k: usize| (grid[k] / grid[peak] - 1.0).abs() < 1.0 / 6.0 || k.abs_diff(peak) <= 1;
     let around: f64 = (0..count).filter(|k| near(*k)).map(|k| power[k]).sum();
     if around > CONCENTRATED * total && grid[peak] > 0.25 {
-        format!("an oscillation at {:.2} Hz", grid[peak])
+        Dependence::Oscillation { frequency_hz: grid[peak] }
     } else {
-        "slow changes in time".into()
+        Dependence::SlowChanges
     }
 }

@@ -135,7 +135,7 @@ fn text(
     let refined = refinement.map_or_else(String::new, |r| format!("\n{}", tables::paragraph(&r.text())));
     let finding = &addition.finding;
     let verdict = if finding.supported { "is supported" } else { "is NOT supported by these flights" };
-    let sentence = Effect::from_id(finding.effect).map_or("", |e| e.info().sentence);
+    let sentence = finding.effect.info().sentence;
     Outcome::done(format!(
         "{}\n{}\n{}{refined}\nmodel written to {}\n",
         tables::paragraph(&format!("{} {verdict}: {}. {sentence}", finding.effect, finding.reason)),
@@ -152,12 +152,12 @@ fn text(
 
 #[derive(Serialize)]
 struct Document<'a> {
-    effect: &'static str,
+    effect: Effect,
     sse_before: PerAxis<f64>,
     sse_after: PerAxis<f64>,
     drop_percent: PerAxis<f64>,
     supported: bool,
-    finding: &'a diagnosis::diagnose::EffectFinding,
+    finding: &'a diagnosis::EffectFinding,
     #[serde(skip_serializing_if = "Option::is_none")]
     refinement: Option<RefinementEntry>,
 }

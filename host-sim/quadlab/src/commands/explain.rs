@@ -2,9 +2,8 @@
 
 use std::path::PathBuf;
 
-use diagnosis::Verdict;
-use diagnosis::diagnose::Unexplained;
-use model::{Model, PerAxis, Vehicle};
+use diagnosis::{Unexplained, Verdict};
+use model::{Effect, Model, PerAxis, Vehicle};
 use serde::Serialize;
 
 use crate::cli::faults::{self, FaultOptions};
@@ -119,7 +118,7 @@ struct Document<'a> {
 
 #[derive(Serialize)]
 struct Added {
-    effect: &'static str,
+    effect: Effect,
     drop_percent: f64,
     /// Held-out errors with it and those before it.
     sse: PerAxis<f64>,

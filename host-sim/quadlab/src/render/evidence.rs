@@ -1,6 +1,7 @@
 //! `quadlab diagnose --why`: the evidence for and against one effect, as text.
 
 use diagnosis::Why;
+use model::Effect;
 
 use crate::render::tables::{self, Grid};
 
@@ -81,14 +82,18 @@ fn sets(why: &Why) -> Grid {
         &["set", "score"],
     );
     let all = why.best_sets.iter().chain(&why.best_sets_with_it);
-    let mut shown: Vec<&[&str]> = Vec::new();
+    let mut shown: Vec<&[Effect]> = Vec::new();
     for set in all {
         if !shown.contains(&set.effects.as_slice()) {
             shown.push(&set.effects);
-            grid.push([set.effects.join(" + "), format!("{:.1}", set.score)]);
+            grid.push([ids(&set.effects).join(" + "), format!("{:.1}", set.score)]);
         }
     }
     grid
+}
+
+fn ids(effects: &[Effect]) -> Vec<&'static str> {
+    effects.iter().map(|effect| effect.id()).collect()
 }
 
 fn alike(why: &Why) -> Grid {
@@ -98,7 +103,7 @@ fn alike(why: &Why) -> Grid {
     );
     for other in &why.alike {
         grid.push([
-            other.effect.into(),
+            other.effect.to_string(),
             format!("{:.0}", other.variance_inflation),
             other.separate.unwrap_or("fly so that they move separately").into(),
         ]);

@@ -147,12 +147,12 @@ fn left(views: &[View], diagnosis: &Diagnosis) -> Section {
         .unexplained
         .iter()
         .take(MOST_RESIDUALS)
-        .filter_map(|u| figures::residual_against(views, u.axis, &u.depends_on));
+        .filter_map(|u| figures::residual_against(views, u.axis, u.depends_on.quantity()?));
     figures.fold(section, |section, figure| section.figure(figure, "Residual of the model as given."))
 }
 
 fn all_effects(diagnosis: &Diagnosis) -> Vec<Effect> {
-    diagnosis.effects.iter().filter_map(|f| Effect::from_id(f.effect)).collect()
+    diagnosis.effects.iter().map(|f| f.effect).collect()
 }
 
 fn meanings(effects: &[Effect]) -> Section {

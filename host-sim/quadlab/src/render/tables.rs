@@ -2,8 +2,7 @@
 
 use std::fmt::Write as _;
 
-use diagnosis::Diagnosis;
-use diagnosis::diagnose::{EffectFinding, Unexplained};
+use diagnosis::{Diagnosis, EffectFinding, Unexplained};
 use model::{AXES, AxisError, Effect, HistoryEntry, Model, PerAxis};
 use report::significant;
 use sysid::checks::clocks::Clock;
@@ -502,15 +501,15 @@ pub(crate) fn evidence(diagnosis: &Diagnosis) -> Grid {
 
 /// "motor-efficiency 2" for a change of motor 2.
 fn named(finding: &EffectFinding) -> String {
-    finding.motor.map_or_else(|| finding.effect.into(), |motor| format!("{} {motor}", finding.effect))
+    finding.motor.map_or_else(|| finding.effect.to_string(), |motor| format!("{} {motor}", finding.effect))
 }
 
 fn reason(finding: &EffectFinding) -> String {
-    let confounded = &finding.confounded_with;
-    if confounded.is_empty() || finding.reason.contains("cannot tell") {
-        return finding.reason.clone();
+    if finding.confounded_with.is_empty() || finding.reason.names_rivals() {
+        return finding.reason.to_string();
     }
-    format!("{}; confounded with {}", finding.reason, confounded.join(", "))
+    let others: Vec<&str> = finding.confounded_with.iter().map(|effect| effect.id()).collect();
+    format!("{}; confounded with {}", finding.reason, others.join(", "))
 }
 
 /// Coefficients of candidates, each fitted together with the whole model: of all, or only of those supported.
@@ -537,7 +536,7 @@ pub(crate) fn unexplained(all: &[Unexplained]) -> Grid {
     for u in all {
         grid.push([
             u.axis.name().into(),
-            u.depends_on.clone(),
+            u.depends_on.to_string(),
             percent(u.share_percent),
             probability(u.p_value),
         ]);
