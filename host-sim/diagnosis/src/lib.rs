@@ -21,6 +21,7 @@ mod search;
 mod significance;
 mod stand_ins;
 pub mod subsets;
+pub mod workflow;
 
 pub use addition::{Addition, add};
 pub use change::Change;
