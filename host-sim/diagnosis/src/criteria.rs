@@ -20,10 +20,10 @@ const LARGE_SIGNIFICANCE: f64 = 0.05;
 /// Part of the error, percent, from which on a change takes away most of it.
 const LARGE_PERCENT: f64 = 50.0;
 /// Largest p-value of the held-out gain. It confirms what is significant already, on other flights.
-pub(crate) const HELD_OUT_SIGNIFICANCE: f64 = 0.05;
+const HELD_OUT_SIGNIFICANCE: f64 = 0.05;
 /// Smallest held-out drop, percent of an axis' squared error, that matters: its root is under a hundredth of the error.
-pub(crate) const MATTERS_PERCENT: f64 = 1.5;
-/// Least part of the held-out flights that must improve, percent: more than half.
+const MATTERS_PERCENT: f64 = 1.5;
+/// Least part of the held-out flights that must improve, percent: more than half. A single flight must improve.
 const FLIGHTS_PERCENT: f64 = 50.1;
 /// A coefficient is impossible that lies this many standard errors outside its range: what 95 % intervals allow.
 const IMPOSSIBLE_ERRORS: f64 = 2.0;
@@ -109,7 +109,6 @@ impl<'a> Evidence<'a> {
 }
 
 /// One rule of support.
-#[expect(dead_code, reason = "questions and units are for people")]
 #[derive(Debug)]
 pub(crate) struct Rule {
     /// For people: what is asked.
@@ -168,7 +167,7 @@ pub(crate) const RULES: &[Rule] = &[
         at_most: false,
         figures: |e| {
             let [improved, flights] = e.finding.flights_improved;
-            (flights > 1).then(|| (100.0 * improved as f64 / flights as f64, FLIGHTS_PERCENT))
+            Some((100.0 * improved as f64 / flights.max(1) as f64, FLIGHTS_PERCENT))
         },
         objection: |e, _, _| not_borne_out(e, None),
     },
@@ -246,7 +245,7 @@ fn significance(evidence: &Evidence<'_>) -> f64 {
 
 /// Smallest held-out drop of an effect that matters, percent: what the free beginnings of a load's swing take away by chance
 /// is none of its doing.
-pub(crate) fn matters_percent(effect: Effect) -> f64 {
+fn matters_percent(effect: Effect) -> f64 {
     MATTERS_PERCENT + if effect == Effect::SlungLoad { slung_load::BY_CHANCE_PERCENT } else { 0.0 }
 }
 

@@ -11,7 +11,7 @@ use model::{AXES, Effect, Kind, Model, Question};
 use nalgebra::DMatrix;
 use serde::Serialize;
 
-use crate::criteria::{HELD_OUT_SIGNIFICANCE, SIGNIFICANCE, matters_percent};
+use crate::criteria::{Applied, Evidence, applied};
 use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding};
 use crate::held_out::{Validated, examine, fit_and_validate};
 use crate::options::Options;
@@ -58,16 +58,6 @@ pub struct Criterion {
     pub at_most: bool,
     /// Whether it is met.
     pub met: bool,
-}
-
-impl Criterion {
-    fn at_most(question: &'static str, value: f64, unit: &'static str, threshold: f64) -> Self {
-        Self { question, value, unit, threshold, at_most: true, met: value <= threshold }
-    }
-
-    fn at_least(question: &'static str, value: f64, unit: &'static str, threshold: f64) -> Self {
-        Self { question, value, unit, threshold, at_most: false, met: value >= threshold }
-    }
 }
 
 /// Errors of one held-out flight without and with the effect.
@@ -232,7 +222,7 @@ fn assemble(
         in_model,
         supported: finding.supported,
         summary: summary(in_model, finding, &found, beside),
-        criteria: criteria(finding),
+        criteria: criteria(&Evidence::missing(finding, &with.fit.model)),
         flights: flights(&search.base, with, validate),
         coefficients: finding
             .coefficients
@@ -273,43 +263,17 @@ fn summary(in_model: bool, finding: &EffectFinding, found: &[Effect], beside: Op
     }
 }
 
-fn criteria(finding: &EffectFinding) -> Vec<Criterion> {
-    let largest = finding.axes.values().map(|a| a.drop_percent).fold(f64::NEG_INFINITY, f64::max);
-    let [improved, flights] = finding.flights_improved;
-    let part = 100.0 * improved as f64 / flights.max(1) as f64;
-    let outside = finding.coefficients.iter().filter_map(|c| {
-        let info = finding.effect.info();
-        let (low, high) = info.coefficients.iter().find(|known| known.name == c.name)?.possible;
-        Some((low - c.value).max(c.value - high).max(0.0) / c.std_error.max(f64::MIN_POSITIVE))
-    });
-    vec![
-        Criterion::at_most(
-            "differs from zero: chance of such coefficients without it, all candidates counted",
-            finding.p_value,
-            "",
-            SIGNIFICANCE,
-        ),
-        Criterion::at_least(
-            "matters: largest fall of the held-out squared error of an axis",
-            largest,
-            "%",
-            matters_percent(finding.effect),
-        ),
-        Criterion::at_most(
-            "holds on new flights: chance of such a fall without the effect",
-            finding.held_out_p_value.unwrap_or(1.0),
-            "",
-            HELD_OUT_SIGNIFICANCE,
-        ),
-        // More than half; a single flight must improve.
-        Criterion::at_least("holds on most flights: held-out flights that improve", part, "%", 50.1),
-        Criterion::at_most(
-            "is possible: distance of the worst coefficient beyond its range",
-            outside.fold(0.0, f64::max),
-            "std. errors",
-            2.0,
-        ),
-    ]
+/// Every rule that applies to the effect.
+fn criteria(evidence: &Evidence<'_>) -> Vec<Criterion> {
+    let shown = |Applied { rule, value, threshold, met }| Criterion {
+        question: rule.question,
+        value,
+        unit: rule.unit,
+        threshold,
+        at_most: rule.at_most,
+        met,
+    };
+    applied(evidence).into_iter().map(shown).collect()
 }
 
 fn flights(without: &Validated, with: &Validated, validate: &[&Prepared]) -> Vec<FlightDrop> {
@@ -362,4 +326,98 @@ fn variance_inflation(cross: &DMatrix<f64>, a: &[usize], b: &[usize]) -> Option<
     let both = lb.solve_lower_triangular(&left.transpose())?;
     let largest = both.singular_values().max().min(1.0 - 1e-12);
     Some(1.0 / (1.0 - largest * largest))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::criteria::weigh;
+    use crate::reason::Reason;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    /// A finding with figures on both sides of every threshold, more often on the good one.
+    fn random_finding(effect: Effect, rng: &mut Pcg64Mcg) -> EffectFinding {
+        let flights = 1 + rng.random_range(0..4_usize);
+        let mut finding = EffectFinding::unsupported(effect, flights, Reason::LikeChance);
+        let mut pick = |good: f64, bad: f64| {
+            let around = 0.5 + rng.random::<f64>();
+            around * if rng.random::<f64>() < 0.9 { good } else { bad }
+        };
+        finding.p_value = pick(0.005, 0.02);
+        finding.held_out_p_value = Some(pick(0.02, 0.2));
+        for axis in effect.info().axes {
+            finding.axes.insert(axis.name(), AxisDrop::new(100.0, 100.0 - pick(6.0, 0.5)));
+        }
+        finding.coefficients = effect
+            .info()
+            .coefficients
+            .iter()
+            .map(|c| {
+                let value = pick(c.typical, 20.0 * (c.possible.1 - c.possible.0));
+                let value = if pick(1.0, -1.0) > 0.0 { value } else { -value };
+                let std_error = pick(0.1, 1.0) * c.typical;
+                CoefficientFigures { name: c.name, value, std_error, unit: c.unit }
+            })
+            .collect();
+        finding.flights_improved[0] = rng.random_range(0..flights + 1);
+        finding
+    }
+
+    /// `--why` shows a "no" exactly when an effect is not supported: random findings of every candidate, with and without a
+    /// motor map. Each rule is broken by itself at least once.
+    #[test]
+    fn a_no_is_shown_exactly_when_an_effect_is_not_supported() {
+        let mut rng = Pcg64Mcg::seed_from_u64(12);
+        let (mut supported, mut refused) = (0, 0);
+        let mut broken_alone = std::collections::BTreeSet::new();
+        for round in 0..2000 {
+            for effect in Effect::candidates() {
+                let finding = random_finding(effect, &mut rng);
+                let mut evidence = Evidence::missing(&finding, &Model::thesis());
+                evidence.has_rotor_map = round % 2 == 0;
+                let shown = criteria(&evidence);
+                let (is_supported, reason) = weigh(&evidence);
+                let no: Vec<&str> = shown.iter().filter(|c| !c.met).map(|c| c.question).collect();
+                assert_eq!(is_supported, no.is_empty(), "seed 12, {effect}: {reason}, but {shown:#?}");
+                supported += usize::from(is_supported);
+                refused += usize::from(!is_supported);
+                if let [alone] = no[..] {
+                    broken_alone.insert(alone);
+                }
+            }
+        }
+        assert!(supported > 1000 && refused > 1000, "{supported} supported, {refused} not");
+        assert_eq!(broken_alone.len(), crate::criteria::RULES.len(), "{broken_alone:#?}");
+    }
+
+    /// Columns at an angle have its cosine as their only canonical correlation: 1 / sin^2.
+    #[test]
+    fn the_variance_inflation_of_columns_at_an_angle() {
+        for angle in [1.5_f64, 0.8, 0.1] {
+            let cross = DMatrix::from_row_slice(2, 2, &[4.0, 6.0 * angle.cos(), 6.0 * angle.cos(), 9.0]);
+            let found = variance_inflation(&cross, &[0], &[1]).unwrap();
+            assert!((found * angle.sin().powi(2) - 1.0).abs() < 1e-9, "{angle}: {found}");
+        }
+        assert_eq!(variance_inflation(&DMatrix::identity(2, 2), &[], &[1]), None);
+    }
+
+    /// Two planes that share no direction but whose second canonical correlation is 0.6: the largest counts, whatever the base of
+    /// each plane.
+    #[test]
+    fn the_largest_canonical_correlation_counts() {
+        let mut joint = DMatrix::identity(4, 4);
+        for (i, correlation) in [(0, 0.6), (1, 0.3)] {
+            joint[(i, i + 2)] = correlation;
+            joint[(i + 2, i)] = correlation;
+        }
+        let base = DMatrix::from_row_slice(
+            4,
+            4,
+            &[2.0, 1.0, 0.0, 0.0, -1.0, 3.0, 0.0, 0.0, 0.0, 0.0, 1.0, 5.0, 0.0, 0.0, 0.5, 1.0],
+        );
+        let cross = base.transpose() * joint * base;
+        let found = variance_inflation(&cross, &[0, 1], &[2, 3]).unwrap();
+        assert!((found - 1.0 / (1.0 - 0.36)).abs() < 1e-9, "{found}");
+    }
 }
