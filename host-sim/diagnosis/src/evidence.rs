@@ -355,7 +355,7 @@ mod tests {
             .iter()
             .map(|c| {
                 let value = pick(c.typical, 20.0 * (c.possible.1 - c.possible.0));
-                let value = if pick(1.0, -1.0) > 0.0 { value } else { -value };
+                let value = value * pick(1.0, 0.02) * pick(1.0, -1.0).signum();
                 let std_error = pick(0.1, 1.0) * c.typical;
                 CoefficientFigures { name: c.name, value, std_error, unit: c.unit }
             })
@@ -371,7 +371,7 @@ mod tests {
         let mut rng = Pcg64Mcg::seed_from_u64(12);
         let (mut supported, mut refused) = (0, 0);
         let mut broken_alone = std::collections::BTreeSet::new();
-        for round in 0..2000 {
+        for round in 0..300 {
             for effect in Effect::candidates() {
                 let finding = random_finding(effect, &mut rng);
                 let mut evidence = Evidence::missing(&finding, &Model::thesis());
@@ -387,7 +387,7 @@ mod tests {
                 }
             }
         }
-        assert!(supported > 1000 && refused > 1000, "{supported} supported, {refused} not");
+        assert!(supported > 500 && refused > 500, "{supported} supported, {refused} not");
         assert_eq!(broken_alone.len(), crate::criteria::RULES.len(), "{broken_alone:#?}");
     }
 
