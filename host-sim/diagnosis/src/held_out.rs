@@ -70,7 +70,7 @@ pub(crate) fn take_gain(
     sigma: &[f64; 6],
     flights: &[&Prepared],
     (before, after): (&[Residuals], &[Residuals]),
-) -> Blocks {
+) {
     let axes = finding.effect.info().axes;
     let mut blocks = Blocks::default();
     let (mut fall, mut total) = (0.0, 0.0);
@@ -99,7 +99,6 @@ pub(crate) fn take_gain(
     finding.drop_percent = if total > 0.0 { 100.0 * fall / total } else { 0.0 };
     finding.held_out_p_value = Some(blocks.p_value());
     finding.gain = log_likelihood_ratio(&before, &after);
-    blocks
 }
 
 /// Logarithm of the likelihood ratio of two models of the same flights, Gaussian residuals: sum over the axes of
