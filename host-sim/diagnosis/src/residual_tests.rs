@@ -16,7 +16,7 @@ use crate::reason::Dependence;
 use crate::significance::block_sums;
 use sysid::prepare::Prepared;
 use sysid::prepare::conditions::Condition;
-use sysid::statistics::{Blocks, one_sided_p_value};
+use sysid::statistics::Blocks;
 use sysid::{Residuals, residuals};
 
 /// Axes on which the rotors' thrust acts.
@@ -134,22 +134,22 @@ impl<'a> Held<'a> {
         before: f64,
         tests: f64,
     ) -> Option<Unexplained> {
-        let (mut blocks, mut gain) = (Vec::new(), 0.0);
+        let (mut blocks, mut total) = (Blocks::default(), 0.0);
         for (f, (flight, r)) in self.flights.iter().zip(self.residuals).enumerate() {
-            let difference: Vec<f64> = r.residual[self.axis.index()]
-                .iter()
-                .enumerate()
-                .map(|(k, e)| (e - before).powi(2) - (e - explain(f, k)).powi(2))
-                .collect();
-            gain += difference.iter().sum::<f64>();
-            blocks.extend(block_sums(flight, &difference));
+            let residual = || r.residual[self.axis.index()].iter().enumerate();
+            let gain: Vec<f64> =
+                residual().map(|(k, e)| (e - before).powi(2) - (e - explain(f, k)).powi(2)).collect();
+            let by_noise = |(k, e): (usize, &f64)| 2.0 * (e - explain(f, k)) * (explain(f, k) - before);
+            let noise: Vec<f64> = residual().map(by_noise).collect();
+            total += gain.iter().sum::<f64>();
+            blocks.gain.extend(block_sums(flight, &gain));
+            blocks.chance.extend(block_sums(flight, &noise));
         }
-        let p_value = tests * one_sided_p_value(&blocks);
-        self.depends_on(depends_on, self.share_percent(gain), STRUCTURE_PERCENT, p_value)
+        let p_value = tests * blocks.p_value();
+        self.depends_on(depends_on, self.share_percent(total), STRUCTURE_PERCENT, p_value)
     }
 
-    /// What the past explains beyond the constant `before`. It shows wherever motors work, so that its gain is held against noise alone, as
-    /// that of an effect is. The gain in all, too.
+    /// What the past explains beyond the constant `before`: its gain by blocks, and in all.
     fn gained_by(&self, past: &Past, before: f64) -> (Blocks, f64) {
         let (mut blocks, mut total) = (Blocks::default(), 0.0);
         for (flight, r) in self.flights.iter().zip(self.residuals) {
@@ -255,5 +255,22 @@ impl Cubic {
         let s = ((x - self.mean) / self.scale).clamp(self.range.0, self.range.1);
         let c = &self.coefficients;
         c[0] + s * (c[1] + s * (c[2] + s * c[3]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cubic is found exactly; beyond what was seen, it stays at its last value.
+    #[test]
+    fn a_cubic_is_fitted_exactly_and_held_beyond_its_range() {
+        let of = |x: f64| 2.0 - x + 0.5 * x * x - 0.1 * x * x * x;
+        let points: Vec<(f64, f64)> = (0..50).map(|k| f64::from(k) / 10.0).map(|x| (x, of(x))).collect();
+        let cubic = Cubic::fit(points.iter().copied()).unwrap();
+        for (x, expected) in [(0.0, of(0.0)), (2.34, of(2.34)), (9.0, of(4.9)), (-3.0, of(0.0))] {
+            assert!((cubic.at(x) - expected).abs() < 1e-9, "{x}: {}", cubic.at(x));
+        }
+        assert!(Cubic::fit([(1.0, 2.0), (1.0, 3.0)].into_iter()).is_none(), "nothing moved");
     }
 }

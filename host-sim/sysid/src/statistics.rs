@@ -95,21 +95,6 @@ impl Blocks {
     }
 }
 
-/// p-value of "the mean is not above zero", by Student's t over the blocks.
-pub fn one_sided_p_value(blocks: &[f64]) -> f64 {
-    let n = blocks.len() as f64;
-    if blocks.len() < FEWEST_BLOCKS {
-        return 1.0;
-    }
-    let mean = blocks.iter().sum::<f64>() / n;
-    let variance = blocks.iter().map(|b| (b - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    if variance <= 0.0 {
-        return if mean > 0.0 { 0.0 } else { 1.0 };
-    }
-    let t = mean / (variance / n).sqrt();
-    StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.0, |d| d.sf(t))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
