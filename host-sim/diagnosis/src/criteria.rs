@@ -176,9 +176,9 @@ pub(crate) const RULES: &[Rule] = &[
         unit: "std. errors",
         at_most: true,
         figures: |e| {
-            let is_judged = e.asked == Asked::Changed || e.has_rotor_map || !is_in_rotor_speed(e.effect());
+            let has_range = e.has_rotor_map || !is_in_rotor_speed(e.effect());
             let distances = e.coefficients().map(|(c, info, error)| beyond(c.value, info, error));
-            is_judged.then(|| (distances.fold(0.0, f64::max), IMPOSSIBLE_ERRORS))
+            has_range.then(|| (distances.fold(0.0, f64::max), IMPOSSIBLE_ERRORS))
         },
         objection: |e, _, most| impossible(e, most),
     },
@@ -189,8 +189,7 @@ pub(crate) const RULES: &[Rule] = &[
         // A cable without stiffness is a push that is the same everywhere: what a trim that differs between flights looks like.
         figures: |e| {
             let stiffness = e.finding.coefficients.first().filter(|_| e.effect() == Effect::Tether)?;
-            let is_judged = e.asked == Asked::Missing;
-            is_judged.then(|| (stiffness.value / stiffness.std_error.max(f64::MIN_POSITIVE), SLACK_ERRORS))
+            Some((stiffness.value / stiffness.std_error.max(f64::MIN_POSITIVE), SLACK_ERRORS))
         },
         objection: |e, _, _| {
             let CoefficientFigures { value, std_error, unit, .. } = e.finding.coefficients[0];
@@ -203,10 +202,7 @@ pub(crate) const RULES: &[Rule] = &[
         at_most: false,
         // A log does not tell when its commands took effect as exactly as that (times jitter, commands are held), and no loop
         // at 100 Hz feels it.
-        figures: |e| {
-            let timing = e.timing().filter(|_| e.asked == Asked::Missing)?;
-            Some((1e3 * timing.value.abs(), 1e3 * TIMING_S))
-        },
+        figures: |e| e.timing().map(|timing| (1e3 * timing.value.abs(), 1e3 * TIMING_S)),
         objection: |e, _, _| {
             let size_s = e.timing().map_or(0.0, |timing| timing.value);
             Reason::BelowTheClocks { size_s, resolved_s: TIMING_S }
