@@ -21,19 +21,21 @@ pub struct Addition {
     pub after: PerAxis<f64>,
 }
 
-/// Adds an effect to a model, refits everything on the training flights and validates it on the held-out ones.
+/// Adds an effect to a model, refits everything on the training flights and validates it on the held-out ones. It counts as one
+/// of the candidates that `options` leave.
 pub fn add(
     model: &Model,
     effect: Effect,
     train: &[&Prepared],
     validate: &[&Prepared],
+    options: &Options,
 ) -> Result<Addition, FitError> {
     let base = fit_and_validate(model, &model.effects(), train, validate)?;
     let mut effects = model.effects();
     effects.push(effect);
     let with = fit_and_validate(&base.fit.model, &effects, train, validate)?;
-    let candidates = Options::default().candidates(model).len();
-    let finding = examine(&base, &with, effect, (train, validate), candidates);
+    let candidates = options.candidates_with(effect, model);
+    let finding = examine(&base, &with, effect, (train, validate), candidates.len());
     let (before, after) = (errors(&base.held_out), errors(&with.held_out));
     Ok(Addition {
         fit: with.fit,

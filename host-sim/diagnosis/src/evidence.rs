@@ -153,10 +153,7 @@ pub fn why(
     }
     let mut without = model.clone();
     without.terms.retain(|term| term.effect != effect);
-    let mut candidates = options.candidates(&without);
-    if !candidates.contains(&effect) {
-        candidates.push(effect);
-    }
+    let candidates = options.candidates_with(effect, &without);
     let search = Search::new(&without, candidates, train, validate)?;
     let start = if model.has(effect) { model } else { &search.base.fit.model };
     let mut effects = without.effects();

@@ -17,6 +17,15 @@ impl Options {
         let all: Vec<Effect> = Effect::candidates().filter(missing).collect();
         if has_rotation(model) { all } else { without_rotation(&all) }
     }
+
+    /// What could be missing from a model, and `effect`, which is asked about.
+    pub(crate) fn candidates_with(&self, effect: Effect, model: &Model) -> Vec<Effect> {
+        let mut candidates = self.candidates(model);
+        if !candidates.contains(&effect) {
+            candidates.push(effect);
+        }
+        candidates
+    }
 }
 
 #[cfg(test)]
@@ -34,6 +43,8 @@ mod tests {
         let fewer = options.candidates(&model);
         assert_eq!(fewer.len() + 1, all.len());
         assert!(!fewer.contains(&Effect::SteadyWind));
+        assert_eq!(options.candidates_with(Effect::SteadyWind, &model).len(), all.len());
+        assert_eq!(options.candidates_with(Effect::RotorInertia, &model), fewer);
         model.terms.retain(|term| term.effect != Effect::RotorMoments);
         let of_forces = Options::default().candidates(&model);
         assert!(of_forces.contains(&Effect::SteadyWind) && !of_forces.contains(&Effect::RotorInertia));

@@ -107,7 +107,8 @@ pub(crate) fn diagnose(model: &Model, sets: &FlightSets, diagnosis: &Diagnosis) 
     let before = View::all(&sets.validate(), model);
     let mut page = Page::new("What does the model lack?", diagnosis.summary.clone());
     if let Some(effect) = diagnosis.best()
-        && let Ok(addition) = diagnosis::add(model, effect, &sets.train(), &sets.validate())
+        && let Ok(addition) =
+            diagnosis::add(model, effect, &sets.train(), &sets.validate(), &diagnosis::Options::default())
     {
         let after = View::all(&sets.validate(), &addition.fit.model);
         page = page.section(difference(effect, &before, &after));
