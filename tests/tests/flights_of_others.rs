@@ -228,7 +228,7 @@ fn nanodrone_has_right_signs_drag_rotor_inertia_and_flapping_moment() {
     let diagnosis = folder.diagnose(&base);
     assert_eq!(diagnosis.best(), Some(Effect::RotorInertia), "{}", diagnosis.summary);
     assert!(
-        diagnosis.effects.iter().any(|e| e.effect == "flapping-moment" && e.supported),
+        diagnosis.effects.iter().any(|e| e.effect == Effect::FlappingMoment && e.supported),
         "{}",
         diagnosis.summary
     );

@@ -1,87 +1,33 @@
 //! The model was good once: what has changed since?
 //!
 //! The model's parameters stay; the residual of new flights is explained by one change at a time: a heavier craft, a weak
-//! motor, a wind, a shifted battery. The same standard of evidence as in [`diagnose`](mod@crate::diagnose): each change is
-//! estimated on all new flights but one and judged on that one (blocks of time where there is a single flight).
+//! motor, a wind, a shifted battery. The same standard of evidence as in [`diagnose`](crate::diagnose): each change is
+//! estimated on all new flights but one and validated on that one (blocks of time where there is a single flight).
 //!
 //! A real craft differs a little from flight to flight (trim, battery seat, tracker calibration). How much, is known
 //! from the flights the model was made from: the model file holds how far each change's estimate scatters between them.
 //! A change must stand out from that scatter, not only from the noise.
 
-use model::{ChangeScatter, Effect, Model};
+use model::{ChangeScatter, Model};
 use nalgebra::{DMatrix, DVector};
-use serde::Serialize;
 
-use crate::diagnose::{
-    AxisDrop, CoefficientFigures, Diagnosis, EffectFinding, MATTERS_PERCENT, SIGNIFICANCE, Verdict,
-    block_sums, independent_stretches, log_likelihood_ratio, one_sided_p_value, zero_p_value,
-};
+use crate::change::Change;
+use crate::criteria::{AS_GOOD, Asked, Evidence, RIVAL, SIGNIFICANCE, weigh};
+use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding, Verdict};
+use crate::held_out::take_gain;
+use crate::reason::{Reason, joined};
+use crate::significance::{independent_stretches, zero_p_value};
 use sysid::fit::least_squares::{self, FlightRows, Prior};
 use sysid::fit::linearise::About;
 use sysid::fit::slung_load::Known;
 use sysid::fit::step_end;
 use sysid::prepare::Prepared;
-use sysid::{FitError, Residuals, errors, residuals};
+use sysid::{FitError, Residuals, residuals};
 
-/// Largest corrected p-value of a change that takes away most of the error. A scatter known from a handful of flights makes even a
-/// large change uncertain; a small one must be certain.
-const LARGE_SIGNIFICANCE: f64 = 0.05;
-/// Part of the error, percent, from which on a change takes away most of it.
-const LARGE_PERCENT: f64 = 50.0;
 /// Most Gauss-Newton steps.
 const MAX_STEPS: usize = 8;
-/// A rival with this part of the best change's gain is examined for confusion with it.
-const RIVAL: f64 = 0.7;
-/// One with this part of it is confounded with it whatever more they explain together: a weight under a motor is both a
-/// shifted centre of mass and, nearly, a motor that lifts less.
-const AS_GOOD: f64 = 0.9;
-
-/// One change to explain new flights by: an effect, and which of its coefficients.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub struct Change {
-    /// The effect.
-    #[serde(serialize_with = "effect_id")]
-    pub effect: Effect,
-    /// Motor number 1 to 4, for a change of one motor.
-    pub motor: Option<u8>,
-}
-
-fn effect_id<S: serde::Serializer>(effect: &Effect, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(effect.id())
-}
-
-impl Change {
-    /// Every change that can have come about to a craft of `model`.
-    pub fn all(model: &Model) -> Vec<Self> {
-        Effect::changes()
-            .filter(|effect| !model.has(*effect))
-            // A lag that was never known has not changed: what shows was missing all along.
-            .filter(|effect| *effect != Effect::MotorLag || model.vehicle.motors.lag.is_some())
-            .flat_map(|effect| match effect {
-                Effect::MotorEfficiency => {
-                    (1..=4).map(|motor| Self { effect, motor: Some(motor) }).collect::<Vec<_>>()
-                }
-                _ => vec![Self { effect, motor: None }],
-            })
-            .collect()
-    }
-
-    /// Indices of the coefficients it frees.
-    fn coefficients(self) -> Vec<usize> {
-        match self.motor {
-            Some(motor) => vec![usize::from(motor) - 1],
-            None => (0..self.effect.info().coefficients.len()).collect(),
-        }
-    }
-
-    /// For people: "motor-efficiency of motor 2".
-    pub fn name(self) -> String {
-        match self.motor {
-            Some(motor) => format!("{} of motor {motor}", self.effect),
-            None => self.effect.id().into(),
-        }
-    }
-}
+/// Part of its gain that a change loses in rank for each coefficient: of two that explain as much, the simpler comes first.
+const FOR_A_COEFFICIENT: f64 = 0.02;
 
 /// A change fitted to flights with the model's parameters fixed.
 struct Fitted {
@@ -189,37 +135,40 @@ pub fn changed(
             (change, examine(model, change, flights, changes.len()))
         })
         .collect();
-    let score = |f: &EffectFinding| f.gain * (1.0 - 0.02 * f.coefficients.len() as f64);
+    let score = |f: &EffectFinding| f.gain * (1.0 - FOR_A_COEFFICIENT * f.coefficients.len() as f64);
     findings.sort_by(|a, b| b.1.supported.cmp(&a.1.supported).then(score(&b.1).total_cmp(&score(&a.1))));
     mark_rivals(model, &mut findings, flights, changes.len());
-    let supported = findings.iter().any(|(_, f)| f.supported);
-    let summary = match findings.iter().find(|(_, f)| f.supported) {
-        Some((change, f)) => {
-            let size: Vec<String> = f
-                .coefficients
-                .iter()
-                .map(|c| format!("{} = {:.4} +- {:.4} {}", c.name, c.value, c.std_error, c.unit))
-                .collect();
-            let rivals = f.reason.split_once("; these flights cannot tell it from ");
-            let rivals = rivals.map_or_else(String::new, |(_, names)| {
-                format!(" These flights cannot tell it from {names}.")
-            });
-            format!(
-                "Since the model was made, {} has come about ({}): it takes away {:.1} % of the error on flights it was \
-                 not estimated from.{rivals}",
-                change.name(),
-                size.join(", "),
-                f.drop_percent
-            )
-        }
-        None => "No change stands out from the scatter between the flights the model was made from.".into(),
-    };
+    let best = findings.iter().find(|(_, f)| f.supported);
     Ok(Diagnosis {
-        verdict: if supported { Verdict::MissingEffect } else { Verdict::Adequate },
-        summary,
+        verdict: if best.is_some() { Verdict::MissingEffect } else { Verdict::Adequate },
+        summary: summary(best),
         effects: findings.into_iter().map(|(_, finding)| finding).collect(),
         unexplained: Vec::new(),
     })
+}
+
+/// The conclusion in sentences.
+fn summary(best: Option<&(Change, EffectFinding)>) -> String {
+    let Some((change, finding)) = best else {
+        return "No change stands out from the scatter between the flights the model was made from.".into();
+    };
+    let size: Vec<String> = finding
+        .coefficients
+        .iter()
+        .map(|c| format!("{} = {:.4} +- {:.4} {}", c.name, c.value, c.std_error, c.unit))
+        .collect();
+    let rivals = match &finding.reason {
+        Reason::Changed { rivals, .. } if !rivals.is_empty() => {
+            format!(" These flights cannot tell it from {}.", joined(rivals, ", "))
+        }
+        _ => String::new(),
+    };
+    format!(
+        "Since the model was made, {change} has come about ({}): it takes away {:.1} % of the error on flights it was \
+         not estimated from.{rivals}",
+        size.join(", "),
+        finding.drop_percent
+    )
 }
 
 /// Changes that explain nearly as much as the best, and add nothing to it nor it to them, cannot be told from it.
@@ -242,28 +191,25 @@ fn mark_rivals(
         if adds && !as_good {
             continue;
         }
-        finding.supported = false;
-        finding.reason = format!("adds nothing once {} is accounted for", best.name());
         let rival = as_good
             || finding.gain > RIVAL * best_gain
                 && fit_change(model, *change, flights).is_ok_and(|with| {
                     change.effect == best.effect || !examine(&with.model, best, flights, candidates).supported
                 });
         if rival {
-            finding.reason = format!("these flights cannot tell it from {}", best.name());
-            finding.confounded_with.push(best.effect.id());
+            finding.refuse(Reason::RivalOf { best });
+            finding.confounded_with.push(best.effect);
             rivals.push(*change);
+        } else {
+            finding.refuse(Reason::ExplainedBy { other: best });
         }
     }
     rivals.extend(as_good_together(findings, best, best_gain));
-    let names = rivals.iter().map(|rival| rival.name()).collect::<Vec<_>>().join(", ");
-    let best = &mut findings[0].1;
-    best.confounded_with = rivals.iter().map(|rival| rival.effect.id()).collect();
-    best.confounded_with.sort_unstable();
-    best.confounded_with.dedup();
-    if !names.is_empty() {
-        best.reason.push_str(&format!("; these flights cannot tell it from {names}"));
-    }
+    let finding = &mut findings[0].1;
+    finding.confounded_with = rivals.iter().map(|rival| rival.effect).collect();
+    finding.confounded_with.sort_unstable_by_key(|effect| effect.id());
+    finding.confounded_with.dedup();
+    finding.reason = Reason::Changed { percent: finding.drop_percent, rivals };
 }
 
 /// Two other changes that act on different axes and together take away as much as the best one: a weight under a motor, which
@@ -283,17 +229,14 @@ fn as_good_together(findings: &[(Change, EffectFinding)], best: Change, best_gai
     pair.map_or_else(Vec::new, |(_, both)| both.to_vec())
 }
 
+/// The evidence for a change.
 fn examine(model: &Model, change: Change, flights: &[&Prepared], candidates: usize) -> EffectFinding {
     let info = change.effect.info();
-    let mut finding = EffectFinding::unsupported(change.effect, flights.len());
+    let fitted = fit_change(model, change, flights);
+    let not_weighed = fitted.as_ref().err().map_or(Reason::LikeChance, |e| Reason::Refused(e.clone()));
+    let mut finding = EffectFinding::unsupported(change.effect, flights.len(), not_weighed);
     finding.motor = change.motor;
-    let fitted = match fit_change(model, change, flights) {
-        Ok(fitted) => fitted,
-        Err(refused) => {
-            finding.reason = refused.to_string();
-            return finding;
-        }
-    };
+    let Ok(fitted) = fitted else { return finding };
     let free = change.coefficients();
     let (total, independent) = with_scatter(model, change, &fitted, flights);
     finding.coefficients = free
@@ -310,7 +253,13 @@ fn examine(model: &Model, change: Change, flights: &[&Prepared], candidates: usi
     let p_value = zero_p_value(fitted.values.as_slice(), &total, coefficients, independent);
     finding.p_value = (p_value * candidates as f64).min(1.0);
     cross_validate(model, change, flights, &fitted, &mut finding);
-    (finding.supported, finding.reason) = weigh(&finding, change, &fitted);
+    let evidence = Evidence {
+        asked: Asked::Changed,
+        finding: &finding,
+        std_errors: (0..free.len()).map(|i| fitted.covariance[(i, i)].max(0.0).sqrt()).collect(),
+        has_rotor_map: model.vehicle.has_rotor_map(),
+    };
+    (finding.supported, finding.reason) = weigh(&evidence);
     finding
 }
 
@@ -350,75 +299,15 @@ fn cross_validate(
     fitted: &Fitted,
     finding: &mut EffectFinding,
 ) {
-    let axes = change.effect.info().axes;
     let before: Vec<Residuals> = flights.iter().map(|flight| residuals(flight, model)).collect();
     let after: Vec<Residuals> = (0..flights.len())
         .map(|left_out| {
             let rest: Vec<&Prepared> =
                 flights.iter().enumerate().filter(|(i, _)| *i != left_out).map(|(_, f)| *f).collect();
-            // A single flight can only be judged on itself; the scatter then guards against chance.
+            // A single flight can only be validated on itself; the scatter then guards against chance.
             let other = if rest.is_empty() { None } else { fit_change(model, change, &rest).ok() };
             residuals(flights[left_out], other.as_ref().map_or(&fitted.model, |o| &o.model))
         })
         .collect();
-    let mut blocks = Vec::new();
-    let (mut gain, mut total) = (0.0, 0.0);
-    for ((flight, a), b) in flights.iter().zip(&before).zip(&after) {
-        let mut difference = vec![0.0; flight.rows()];
-        for axis in axes.iter().map(|a| a.index()) {
-            let weight = 1.0 / (fitted.sigma[axis] * fitted.sigma[axis]);
-            for ((d, x), y) in difference.iter_mut().zip(&a.residual[axis]).zip(&b.residual[axis]) {
-                *d += weight * (x * x - y * y);
-                total += weight * x * x;
-            }
-        }
-        let sum: f64 = difference.iter().sum();
-        finding.flights_improved[0] += usize::from(sum > 0.0);
-        gain += sum;
-        blocks.extend(block_sums(flight, &difference));
-    }
-    let (e0, e1) = (errors(&before), errors(&after));
-    for &axis in axes {
-        finding.axes.insert(axis.name(), AxisDrop::new(e0[axis].sse, e1[axis].sse));
-    }
-    finding.gain = log_likelihood_ratio(&e0, &e1);
-    finding.drop_percent = if total > 0.0 { 100.0 * gain / total } else { 0.0 };
-    finding.held_out_p_value = Some(one_sided_p_value(&blocks));
-}
-
-fn weigh(finding: &EffectFinding, change: Change, fitted: &Fitted) -> (bool, String) {
-    let largest = finding.axes.values().map(|a| a.drop_percent).fold(f64::NEG_INFINITY, f64::max);
-    let [improved, flights] = finding.flights_improved;
-    let is_large = finding.drop_percent > LARGE_PERCENT;
-    if finding.p_value > if is_large { LARGE_SIGNIFICANCE } else { SIGNIFICANCE } {
-        let p = finding.p_value;
-        return (
-            false,
-            format!("does not stand out from noise and the scatter between flights (p = {p:.2})"),
-        );
-    }
-    if largest < MATTERS_PERCENT {
-        return (false, format!("too small to matter: {largest:.1} % of the error at best"));
-    }
-    if finding.held_out_p_value.is_some_and(|p| p > 0.05) || 2 * improved <= flights && flights > 1 {
-        return (
-            false,
-            format!("does not carry over from flight to flight ({improved} of {flights} improve)"),
-        );
-    }
-    for (i, k) in change.coefficients().into_iter().enumerate() {
-        let coefficient = &change.effect.info().coefficients[k];
-        let (low, high) = coefficient.possible;
-        let slack = 2.0 * fitted.covariance[(i, i)].max(0.0).sqrt();
-        if fitted.values[i] < low - slack || fitted.values[i] > high + slack {
-            return (
-                false,
-                format!(
-                    "needs {} = {:.3} {}, which is impossible",
-                    coefficient.name, fitted.values[i], coefficient.unit
-                ),
-            );
-        }
-    }
-    (true, format!("error on flights it was not estimated from falls by {:.1} %", finding.drop_percent))
+    take_gain(finding, &fitted.sigma, flights, (&before, &after));
 }

@@ -11,12 +11,14 @@ use model::{AXES, Effect, Kind, Model, Question};
 use nalgebra::DMatrix;
 use serde::Serialize;
 
-use crate::diagnose::{
-    AxisDrop, CoefficientFigures, EffectFinding, HELD_OUT_SIGNIFICANCE, MATTERS_PERCENT, Options,
-    SIGNIFICANCE, evidence, matters_percent,
-};
+use crate::criteria::{Applied, Evidence, applied};
+use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding};
+use crate::held_out::{Validated, examine, fit_and_validate};
+use crate::options::Options;
+use crate::ranking::separating_manoeuvre;
+use crate::reason::joined;
 use crate::screen::Screen;
-use crate::search::{Judged, PENALTY, SET, Search, judge};
+use crate::search::{PENALTY, SET, Search};
 use sysid::prepare::Prepared;
 use sysid::{FitError, errors};
 
@@ -58,16 +60,6 @@ pub struct Criterion {
     pub met: bool,
 }
 
-impl Criterion {
-    fn at_most(question: &'static str, value: f64, unit: &'static str, threshold: f64) -> Self {
-        Self { question, value, unit, threshold, at_most: true, met: value <= threshold }
-    }
-
-    fn at_least(question: &'static str, value: f64, unit: &'static str, threshold: f64) -> Self {
-        Self { question, value, unit, threshold, at_most: false, met: value >= threshold }
-    }
-}
-
 /// Errors of one held-out flight without and with the effect.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FlightDrop {
@@ -93,7 +85,7 @@ pub struct CoefficientEvidence {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Likeness {
     /// The effect.
-    pub effect: &'static str,
+    pub effect: Effect,
     /// By how much the variance of a coefficient grows when both are fitted.
     pub variance_inflation: f64,
     /// What to fly to separate them, where it is known.
@@ -105,7 +97,7 @@ pub struct Likeness {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ScoredSet {
     /// Its members.
-    pub effects: Vec<&'static str>,
+    pub effects: Vec<Effect>,
     /// Logarithm of its held-out likelihood ratio to the empty set, less one for each coefficient.
     pub score: f64,
 }
@@ -113,8 +105,8 @@ pub struct ScoredSet {
 /// The evidence for and against one effect.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Why {
-    /// Its identifier.
-    pub effect: &'static str,
+    /// The effect.
+    pub effect: Effect,
     /// Whether the model has it; it was then taken out.
     pub in_model: bool,
     /// Whether every criterion is met by itself.
@@ -132,7 +124,7 @@ pub struct Why {
     /// Effects that look like it, the most alike first.
     pub alike: Vec<Likeness>,
     /// What a diagnosis finds in the model without it.
-    pub found: Vec<&'static str>,
+    pub found: Vec<Effect>,
     /// What it adds once the others that were found are in the model, percent of the held-out error.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub drop_percent_beside_found: Option<f64>,
@@ -161,16 +153,13 @@ pub fn why(
     }
     let mut without = model.clone();
     without.terms.retain(|term| term.effect != effect);
-    let mut candidates = options.candidates(&without);
-    if !candidates.contains(&effect) {
-        candidates.push(effect);
-    }
+    let candidates = options.candidates_with(effect, &without);
     let search = Search::new(&without, candidates, train, validate)?;
     let start = if model.has(effect) { model } else { &search.base.fit.model };
     let mut effects = without.effects();
     effects.push(effect);
-    let with = judge(start, &effects, train, validate)?;
-    let finding = evidence(&search.base, &with, effect, (train, validate), search.count());
+    let with = fit_and_validate(start, &effects, train, validate)?;
+    let finding = examine(&search.base, &with, effect, (train, validate), search.count());
     let found = search.choose(&mut |_| ())?.findings;
     let beside = beside_found(&search, &without, effect, &found, (train, validate))?;
     Ok(assemble(model.has(effect), effect, &search, &with, &finding, (&found, beside), validate))
@@ -184,25 +173,26 @@ fn beside_found(
     found: &[EffectFinding],
     (train, validate): (&[&Prepared], &[&Prepared]),
 ) -> Result<Option<f64>, FitError> {
-    let others: Vec<Effect> =
-        found.iter().filter_map(|f| Effect::from_id(f.effect)).filter(|e| *e != effect).collect();
+    let others: Vec<Effect> = found.iter().map(|f| f.effect).filter(|e| *e != effect).collect();
     if others.is_empty() {
         return Ok(None);
     }
     let mut effects = without.effects();
     effects.extend(&others);
-    let reference = judge(&search.base.fit.model, &effects, train, validate)?;
+    let reference = fit_and_validate(&search.base.fit.model, &effects, train, validate)?;
     effects.push(effect);
-    let Ok(with) = judge(&reference.fit.model, &effects, train, validate) else { return Ok(Some(0.0)) };
+    let Ok(with) = fit_and_validate(&reference.fit.model, &effects, train, validate) else {
+        return Ok(Some(0.0));
+    };
     let count = search.count();
-    Ok(Some(evidence(&reference, &with, effect, (train, validate), count).drop_percent))
+    Ok(Some(examine(&reference, &with, effect, (train, validate), count).drop_percent))
 }
 
 fn assemble(
     in_model: bool,
     effect: Effect,
     search: &Search<'_>,
-    with: &Judged,
+    with: &Validated,
     finding: &EffectFinding,
     (found, beside): (&[EffectFinding], Option<f64>),
     validate: &[&Prepared],
@@ -218,18 +208,18 @@ fn assemble(
     let scored = |holds: &dyn Fn(&[usize]) -> bool| -> Vec<ScoredSet> {
         let shown = sets.iter().filter(|set| holds(&set.members)).take(SETS);
         let named = |set: &crate::subsets::Subset| ScoredSet {
-            effects: set.members.iter().map(|&m| screen.candidates[m].id()).collect(),
+            effects: set.members.iter().map(|&m| screen.candidates[m]).collect(),
             score: set.score,
         };
         shown.map(named).collect()
     };
-    let found: Vec<&'static str> = found.iter().map(|f| f.effect).collect();
+    let found: Vec<Effect> = found.iter().map(|f| f.effect).collect();
     Why {
-        effect: effect.id(),
+        effect,
         in_model,
         supported: finding.supported,
         summary: summary(in_model, finding, &found, beside),
-        criteria: criteria(finding),
+        criteria: criteria(&Evidence::missing(finding, &with.fit.model)),
         flights: flights(&search.base, with, validate),
         coefficients: finding
             .coefficients
@@ -251,7 +241,7 @@ fn assemble(
     }
 }
 
-fn summary(in_model: bool, finding: &EffectFinding, found: &[&str], beside: Option<f64>) -> String {
+fn summary(in_model: bool, finding: &EffectFinding, found: &[Effect], beside: Option<f64>) -> String {
     let EffectFinding { effect, reason, supported, .. } = finding;
     let what = match (in_model, supported) {
         (true, true) => format!("{effect} earns its place in the model: {reason}."),
@@ -259,57 +249,31 @@ fn summary(in_model: bool, finding: &EffectFinding, found: &[&str], beside: Opti
         (false, true) => format!("{effect} is supported by itself: {reason}."),
         (false, false) => format!("{effect} is not supported: {reason}."),
     };
-    let others: Vec<&str> = found.iter().copied().filter(|id| id != effect).collect();
+    let others: Vec<Effect> = found.iter().copied().filter(|other| other != effect).collect();
     match beside {
         Some(percent) => format!(
             "{what} With {} in the model, which the diagnosis finds, it takes {percent:.1} % of the error.",
-            others.join(" and ")
+            joined(&others, " and ")
         ),
         None if found.contains(effect) => format!("{what} The diagnosis finds it as well."),
         None => what,
     }
 }
 
-fn criteria(finding: &EffectFinding) -> Vec<Criterion> {
-    let largest = finding.axes.values().map(|a| a.drop_percent).fold(f64::NEG_INFINITY, f64::max);
-    let [improved, flights] = finding.flights_improved;
-    let part = 100.0 * improved as f64 / flights.max(1) as f64;
-    let outside = finding.coefficients.iter().filter_map(|c| {
-        let info = Effect::from_id(finding.effect)?.info();
-        let (low, high) = info.coefficients.iter().find(|known| known.name == c.name)?.possible;
-        Some((low - c.value).max(c.value - high).max(0.0) / c.std_error.max(f64::MIN_POSITIVE))
-    });
-    vec![
-        Criterion::at_most(
-            "differs from zero: chance of such coefficients without it, all candidates counted",
-            finding.p_value,
-            "",
-            SIGNIFICANCE,
-        ),
-        Criterion::at_least(
-            "matters: largest fall of the held-out squared error of an axis",
-            largest,
-            "%",
-            Effect::from_id(finding.effect).map_or(MATTERS_PERCENT, matters_percent),
-        ),
-        Criterion::at_most(
-            "holds on new flights: chance of such a fall without the effect",
-            finding.held_out_p_value.unwrap_or(1.0),
-            "",
-            HELD_OUT_SIGNIFICANCE,
-        ),
-        // More than half; a single flight must improve.
-        Criterion::at_least("holds on most flights: held-out flights that improve", part, "%", 50.1),
-        Criterion::at_most(
-            "is possible: distance of the worst coefficient beyond its range",
-            outside.fold(0.0, f64::max),
-            "std. errors",
-            2.0,
-        ),
-    ]
+/// Every rule that applies to the effect.
+fn criteria(evidence: &Evidence<'_>) -> Vec<Criterion> {
+    let shown = |Applied { rule, value, threshold, met }| Criterion {
+        question: rule.question,
+        value,
+        unit: rule.unit,
+        threshold,
+        at_most: rule.at_most,
+        met,
+    };
+    applied(evidence).into_iter().map(shown).collect()
 }
 
-fn flights(without: &Judged, with: &Judged, validate: &[&Prepared]) -> Vec<FlightDrop> {
+fn flights(without: &Validated, with: &Validated, validate: &[&Prepared]) -> Vec<FlightDrop> {
     let each = validate.iter().zip(without.held_out.iter().zip(&with.held_out));
     each.map(|(flight, (a, b))| {
         let (before, after) = (errors([a]), errors([b]));
@@ -331,14 +295,11 @@ fn alike(screen: &Screen, index: usize) -> Vec<Likeness> {
         .filter(|&other| other != index)
         .filter_map(|other| {
             let inflation = variance_inflation(&screen.problem.train, &own, &live(other))?;
-            let id = screen.candidates[other].id();
-            let known =
-                |a: Effect, b: &str| a.info().confused_with.iter().find(|(o, _)| *o == b).map(|c| c.1);
-            let separate = known(effect, id).or_else(|| known(screen.candidates[other], effect.id()));
-            (inflation > CONFUSED_VIF).then_some(Likeness {
-                effect: id,
+            let other = screen.candidates[other];
+            (inflation > CONFUSED_VIF).then(|| Likeness {
+                effect: other,
                 variance_inflation: inflation,
-                separate,
+                separate: separating_manoeuvre(effect, other),
             })
         })
         .collect();
@@ -362,4 +323,98 @@ fn variance_inflation(cross: &DMatrix<f64>, a: &[usize], b: &[usize]) -> Option<
     let both = lb.solve_lower_triangular(&left.transpose())?;
     let largest = both.singular_values().max().min(1.0 - 1e-12);
     Some(1.0 / (1.0 - largest * largest))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::criteria::weigh;
+    use crate::reason::Reason;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    /// A finding with figures on both sides of every threshold, more often on the good one.
+    fn random_finding(effect: Effect, rng: &mut Pcg64Mcg) -> EffectFinding {
+        let flights = 1 + rng.random_range(0..4_usize);
+        let mut finding = EffectFinding::unsupported(effect, flights, Reason::LikeChance);
+        let mut pick = |good: f64, bad: f64| {
+            let around = 0.5 + rng.random::<f64>();
+            around * if rng.random::<f64>() < 0.9 { good } else { bad }
+        };
+        finding.p_value = pick(0.005, 0.02);
+        finding.held_out_p_value = Some(pick(0.02, 0.2));
+        for axis in effect.info().axes {
+            finding.axes.insert(axis.name(), AxisDrop::new(100.0, 100.0 - pick(6.0, 0.5)));
+        }
+        finding.coefficients = effect
+            .info()
+            .coefficients
+            .iter()
+            .map(|c| {
+                let value = pick(c.typical, 20.0 * (c.possible.1 - c.possible.0));
+                let value = value * pick(1.0, 0.02) * pick(1.0, -1.0).signum();
+                let std_error = pick(0.1, 1.0) * c.typical;
+                CoefficientFigures { name: c.name, value, std_error, unit: c.unit }
+            })
+            .collect();
+        finding.flights_improved[0] = rng.random_range(0..flights + 1);
+        finding
+    }
+
+    /// `--why` shows a "no" exactly when an effect is not supported: random findings of every candidate, with and without a
+    /// motor map. Each rule is broken by itself at least once.
+    #[test]
+    fn a_no_is_shown_exactly_when_an_effect_is_not_supported() {
+        let mut rng = Pcg64Mcg::seed_from_u64(12);
+        let (mut supported, mut refused) = (0, 0);
+        let mut broken_alone = std::collections::BTreeSet::new();
+        for round in 0..300 {
+            for effect in Effect::candidates() {
+                let finding = random_finding(effect, &mut rng);
+                let mut evidence = Evidence::missing(&finding, &Model::thesis());
+                evidence.has_rotor_map = round % 2 == 0;
+                let shown = criteria(&evidence);
+                let (is_supported, reason) = weigh(&evidence);
+                let no: Vec<&str> = shown.iter().filter(|c| !c.met).map(|c| c.question).collect();
+                assert_eq!(is_supported, no.is_empty(), "seed 12, {effect}: {reason}, but {shown:#?}");
+                supported += usize::from(is_supported);
+                refused += usize::from(!is_supported);
+                if let [alone] = no[..] {
+                    broken_alone.insert(alone);
+                }
+            }
+        }
+        assert!(supported > 500 && refused > 500, "{supported} supported, {refused} not");
+        assert_eq!(broken_alone.len(), crate::criteria::RULES.len(), "{broken_alone:#?}");
+    }
+
+    /// Columns at an angle have its cosine as their only canonical correlation: 1 / sin^2.
+    #[test]
+    fn the_variance_inflation_of_columns_at_an_angle() {
+        for angle in [1.5_f64, 0.8, 0.1] {
+            let cross = DMatrix::from_row_slice(2, 2, &[4.0, 6.0 * angle.cos(), 6.0 * angle.cos(), 9.0]);
+            let found = variance_inflation(&cross, &[0], &[1]).unwrap();
+            assert!((found * angle.sin().powi(2) - 1.0).abs() < 1e-9, "{angle}: {found}");
+        }
+        assert_eq!(variance_inflation(&DMatrix::identity(2, 2), &[], &[1]), None);
+    }
+
+    /// Two planes that share no direction but whose second canonical correlation is 0.6: the largest counts, whatever the base of
+    /// each plane.
+    #[test]
+    fn the_largest_canonical_correlation_counts() {
+        let mut joint = DMatrix::identity(4, 4);
+        for (i, correlation) in [(0, 0.6), (1, 0.3)] {
+            joint[(i, i + 2)] = correlation;
+            joint[(i + 2, i)] = correlation;
+        }
+        let base = DMatrix::from_row_slice(
+            4,
+            4,
+            &[2.0, 1.0, 0.0, 0.0, -1.0, 3.0, 0.0, 0.0, 0.0, 0.0, 1.0, 5.0, 0.0, 0.0, 0.5, 1.0],
+        );
+        let cross = base.transpose() * joint * base;
+        let found = variance_inflation(&cross, &[0, 1], &[2, 3]).unwrap();
+        assert!((found - 1.0 / (1.0 - 0.36)).abs() < 1e-9, "{found}");
+    }
 }

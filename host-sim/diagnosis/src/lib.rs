@@ -1,16 +1,32 @@
 //! Which physical effect does a model lack, or what has changed since it was good? With the evidence, and what to fly next.
 #![forbid(unsafe_code)]
 
+mod addition;
+mod change;
 pub mod changes;
-pub mod diagnose;
+mod columns;
+mod criteria;
+mod diagnose;
 pub mod evidence;
-pub mod noise;
+mod finding;
+mod held_out;
+mod noise;
+mod options;
 pub mod planning;
+mod ranking;
+mod reason;
 mod residual_tests;
 mod screen;
 mod search;
+mod significance;
+mod stand_ins;
 pub mod subsets;
 pub mod workflow;
 
-pub use diagnose::{Addition, Diagnosis, Options, Verdict, add, diagnose, diagnose_with};
+pub use addition::{Addition, add};
+pub use change::Change;
+pub use diagnose::{diagnose, diagnose_with};
 pub use evidence::{Why, WhyError, why};
+pub use finding::{AxisDrop, CoefficientFigures, Diagnosis, EffectFinding, Unexplained, Verdict};
+pub use options::Options;
+pub use reason::{Dependence, Reason};

@@ -1,4 +1,4 @@
-//! What does the residual depend on? Each axis is judged by what a function of one measured quantity, fitted to training residuals, takes away
+//! What does the residual depend on? Each axis is tested by what a function of one measured quantity, fitted to training residuals, takes away
 //! of the held-out ones: a constant, a cubic in each quantity, and the past of the axis itself.
 //!
 //! **The past.** A model of states and rotors says what acts now. A part that swings, sloshes or bends answers later, and so does air: the
@@ -9,22 +9,16 @@
 use model::{Axis, Model};
 use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 
-use crate::diagnose::{Blocks, Unexplained, block_sums, one_sided_p_value};
-use crate::search::Judged;
+use crate::criteria::{LATE_PERCENT, PAST_PERCENT, STRUCTURE_PERCENT, STRUCTURE_SIGNIFICANCE};
+use crate::finding::Unexplained;
+use crate::held_out::Validated;
+use crate::reason::Dependence;
+use crate::significance::block_sums;
 use sysid::prepare::Prepared;
 use sysid::prepare::conditions::Condition;
+use sysid::statistics::Blocks;
 use sysid::{Residuals, residuals};
 
-/// Smallest share of an axis' held-out squared error that counts as structure, percent.
-const STRUCTURE_PERCENT: f64 = 3.0;
-/// Largest corrected p-value of structure.
-const STRUCTURE_SIGNIFICANCE: f64 = 0.01;
-
-/// The same for the past. Eight free coefficients follow what a model of the rotors' first-order lag leaves, too: complete models of
-/// flights of another simulator show up to 4 % in yaw.
-const PAST_PERCENT: f64 = 10.0;
-/// Share of those of thrust, in the mean, that refutes an effect of the rotors. Right ones in logs with jittering times leave up to 5 %.
-const LATE_PERCENT: f64 = 6.0;
 /// Axes on which the rotors' thrust acts.
 const OF_THRUST: [Axis; 3] = [Axis::W, Axis::P, Axis::Q];
 
@@ -34,8 +28,6 @@ const PAST_STEP_S: f64 = 0.05;
 const PAST_STEPS: usize = 8;
 /// Neighbouring values of the past are alike: this part of their variance is added before the normal equations are solved.
 const RIDGE: f64 = 1e-4;
-/// What people read of it.
-const PAST: &str = "accelerations of the last half second";
 
 /// What the residual depends on.
 pub(crate) struct Structure {
@@ -47,7 +39,7 @@ pub(crate) struct Structure {
 
 /// What the residual of each axis depends on: fitted to training residuals, it must lower the held-out squared error by more than chance
 /// and by enough to matter.
-pub(crate) fn structure(rest: &Judged, train: &[&Prepared], validate: &[&Prepared]) -> Structure {
+pub(crate) fn structure(rest: &Validated, train: &[&Prepared], validate: &[&Prepared]) -> Structure {
     let model = &rest.fit.model;
     let fitted: Vec<Residuals> = train.iter().map(|f| residuals(f, model)).collect();
     let (known, held_out) = (conditions(model, train), conditions(model, validate));
@@ -59,21 +51,27 @@ pub(crate) fn structure(rest: &Judged, train: &[&Prepared], validate: &[&Prepare
         let held = Held::new(axis, validate, &rest.held_out);
         let training = || fitted.iter().flat_map(|r| r.residual[axis.index()].iter().copied());
         let constant = training().sum::<f64>() / training().count().max(1) as f64;
-        // A constant is a dependence on nothing measured; the quantities are judged by what they add to it.
-        found.extend(held.judge("constant offset", &|_, _| constant, 0.0, tests));
+        // A constant is a dependence on nothing measured; the quantities are tested by what they add to it.
+        found.extend(held.tested(Dependence::Constant, &|_, _| constant, 0.0, tests));
         for index in 0..quantities {
             let points = known.iter().zip(&fitted).flat_map(|(c, r)| {
                 c[index].values.iter().copied().zip(r.residual[axis.index()].iter().copied())
             });
             if let Some(cubic) = Cubic::fit(points) {
                 let explain = |f: usize, k: usize| cubic.at(held_out[f][index].values[k]);
-                found.extend(held.judge(known[0][index].name, &explain, constant, tests));
+                found.extend(held.tested(
+                    Dependence::Quantity(known[0][index].name),
+                    &explain,
+                    constant,
+                    tests,
+                ));
             }
         }
         if let Some(past) = Past::fit(axis, train, &fitted, constant) {
             let (blocks, gain) = held.gained_by(&past, constant);
             let share_percent = held.share_percent(gain);
-            let alone = held.depends_on(PAST, share_percent, PAST_PERCENT, 6.0 * blocks.p_value());
+            let alone =
+                held.depends_on(Dependence::Past, share_percent, PAST_PERCENT, 6.0 * blocks.p_value());
             is_late |= alone.is_some();
             found.extend(alone);
             if OF_THRUST.contains(&axis) {
@@ -114,7 +112,7 @@ impl<'a> Held<'a> {
     /// What takes away more than a least share, and more than chance does.
     fn depends_on(
         &self,
-        depends_on: &str,
+        depends_on: Dependence,
         share_percent: f64,
         least_percent: f64,
         p_value: f64,
@@ -122,36 +120,36 @@ impl<'a> Held<'a> {
         let p_value = p_value.min(1.0);
         (share_percent > least_percent && p_value < STRUCTURE_SIGNIFICANCE).then(|| Unexplained {
             axis: self.axis,
-            depends_on: depends_on.into(),
+            depends_on,
             share_percent,
             p_value,
         })
     }
 
     /// By what `explain`, of a flight and a row, is better than the constant `before`, one of so many `tests`.
-    fn judge(
+    fn tested(
         &self,
-        depends_on: &'static str,
+        depends_on: Dependence,
         explain: &dyn Fn(usize, usize) -> f64,
         before: f64,
         tests: f64,
     ) -> Option<Unexplained> {
-        let (mut blocks, mut gain) = (Vec::new(), 0.0);
+        let (mut blocks, mut total) = (Blocks::default(), 0.0);
         for (f, (flight, r)) in self.flights.iter().zip(self.residuals).enumerate() {
-            let difference: Vec<f64> = r.residual[self.axis.index()]
-                .iter()
-                .enumerate()
-                .map(|(k, e)| (e - before).powi(2) - (e - explain(f, k)).powi(2))
-                .collect();
-            gain += difference.iter().sum::<f64>();
-            blocks.extend(block_sums(flight, &difference));
+            let residual = || r.residual[self.axis.index()].iter().enumerate();
+            let gain: Vec<f64> =
+                residual().map(|(k, e)| (e - before).powi(2) - (e - explain(f, k)).powi(2)).collect();
+            let by_noise = |(k, e): (usize, &f64)| 2.0 * (e - explain(f, k)) * (explain(f, k) - before);
+            let noise: Vec<f64> = residual().map(by_noise).collect();
+            total += gain.iter().sum::<f64>();
+            blocks.gain.extend(block_sums(flight, &gain));
+            blocks.chance.extend(block_sums(flight, &noise));
         }
-        let p_value = tests * one_sided_p_value(&blocks);
-        self.depends_on(depends_on, self.share_percent(gain), STRUCTURE_PERCENT, p_value)
+        let p_value = tests * blocks.p_value();
+        self.depends_on(depends_on, self.share_percent(total), STRUCTURE_PERCENT, p_value)
     }
 
-    /// What the past explains beyond the constant `before`. It shows wherever motors work, so that its gain is held against noise alone, as
-    /// that of an effect is. The gain in all, too.
+    /// What the past explains beyond the constant `before`: its gain by blocks, and in all.
     fn gained_by(&self, past: &Past, before: f64) -> (Blocks, f64) {
         let (mut blocks, mut total) = (Blocks::default(), 0.0);
         for (flight, r) in self.flights.iter().zip(self.residuals) {
@@ -257,5 +255,22 @@ impl Cubic {
         let s = ((x - self.mean) / self.scale).clamp(self.range.0, self.range.1);
         let c = &self.coefficients;
         c[0] + s * (c[1] + s * (c[2] + s * c[3]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cubic is found exactly; beyond what was seen, it stays at its last value.
+    #[test]
+    fn a_cubic_is_fitted_exactly_and_held_beyond_its_range() {
+        let of = |x: f64| 2.0 - x + 0.5 * x * x - 0.1 * x * x * x;
+        let points: Vec<(f64, f64)> = (0..50).map(|k| f64::from(k) / 10.0).map(|x| (x, of(x))).collect();
+        let cubic = Cubic::fit(points.iter().copied()).unwrap();
+        for (x, expected) in [(0.0, of(0.0)), (2.34, of(2.34)), (9.0, of(4.9)), (-3.0, of(0.0))] {
+            assert!((cubic.at(x) - expected).abs() < 1e-9, "{x}: {}", cubic.at(x));
+        }
+        assert!(Cubic::fit([(1.0, 2.0), (1.0, 3.0)].into_iter()).is_none(), "nothing moved");
     }
 }

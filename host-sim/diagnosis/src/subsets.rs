@@ -1,7 +1,7 @@
 //! Exhaustive best-subset search: which few effects together account for the error on flights held out?
 //!
 //! Going by one effect at a time misses two that hide each other, and names the effect that does a little of the work of
-//! both. Here every set of up to a few candidates is solved and judged. A set costs a Cholesky factor of its own
+//! both. Here every set of up to a few candidates is solved and scored. A set costs a Cholesky factor of its own
 //! columns' cross products and six quadratic forms, because everything that touches rows was done once: the candidates'
 //! columns, with the model's own columns projected out of them, are reduced to their cross products on the training
 //! flights and, for each axis, on the flights held out.
@@ -88,7 +88,7 @@ impl Problem {
     }
 
     /// Solves and scores one set; nothing where it is collinear or needs an inadmissible coefficient.
-    pub fn judge(&self, members: &[usize], penalty: f64) -> Option<Subset> {
+    pub fn score(&self, members: &[usize], penalty: f64) -> Option<Subset> {
         let columns = self.columns(members);
         let values = self.solve(&columns)?;
         let possible = columns.iter().zip(values.iter()).all(|(&c, v)| {
@@ -114,7 +114,7 @@ impl Problem {
         for size in 1..=most.min(self.groups.len()) {
             let smaller = kept.len();
             for_each_set(self.groups.len(), size, |members| {
-                let Some(subset) = self.judge(members, penalty) else { return };
+                let Some(subset) = self.score(members, penalty) else { return };
                 let part = |known: &Subset| known.members.iter().all(|m| members.contains(m));
                 let better = |known: &Subset| known.score >= subset.score && part(known);
                 if subset.score > 0.0 && !kept[..smaller].iter().any(better) {
@@ -247,7 +247,7 @@ mod tests {
             let rows = rows(seed, 10, &[(2, 0.3), (7, -0.2)]);
             let problem = rows.problem(2);
             for members in [vec![0], vec![1, 3], vec![0, 2, 4]] {
-                let subset = problem.judge(&members, 0.0).unwrap();
+                let subset = problem.score(&members, 0.0).unwrap();
                 let (values, sse) = rows.refitted(&problem.columns(&members));
                 // Sums of 2400 products.
                 assert!((DVector::from_vec(subset.values) - values).norm() < 1e-11, "seed {seed}");
@@ -272,7 +272,7 @@ mod tests {
             let problem = rows.problem(1);
             let found = problem.search(3, 3.0);
             assert_eq!(found[0].members, [1, 5], "seed {seed}: {:?}", &found[..1]);
-            let alone = |k: usize| problem.judge(&[k], 3.0).unwrap().score;
+            let alone = |k: usize| problem.score(&[k], 3.0).unwrap().score;
             assert!(alone(1).max(alone(5)) < 0.3 * found[0].score, "seed {seed}");
         }
     }
@@ -306,9 +306,9 @@ mod tests {
             rows.columns[axis].column_mut(5).copy_from(&twin);
         }
         let mut problem = rows.problem(1);
-        assert!(problem.judge(&[0], 0.0).is_none());
-        assert!(problem.judge(&[1, 5], 0.0).is_none());
-        assert!(problem.judge(&[1, 2], 0.0).is_some());
+        assert!(problem.score(&[0], 0.0).is_none());
+        assert!(problem.score(&[1, 5], 0.0).is_none());
+        assert!(problem.score(&[1, 2], 0.0).is_some());
         assert!(problem.search(3, 1.0)[0].members.contains(&2));
         problem.admissible[2] = (-1.0, 0.0);
         assert!(problem.search(3, 1.0).iter().all(|set| !set.members.contains(&2)));

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{ORDINARY, fly, prepared, truth};
-use diagnosis::{Verdict, add, diagnose};
+use diagnosis::{Options, Verdict, add, diagnose};
 use model::{Effect, Model, user_effect};
 use sysid::{Prepared, compare, fit};
 
@@ -51,7 +51,7 @@ fn linear_and_nonlinear_ones_are_found_and_measured_right() {
         let diagnosis = diagnose(&base.model, &all[..3], &all[3..], |_| ()).unwrap();
         assert_eq!(diagnosis.verdict, Verdict::MissingEffect, "{own}: {}", diagnosis.summary);
         assert_eq!(diagnosis.best(), Some(own), "{own}: {}", diagnosis.summary);
-        let added = add(&base.model, own, &all[..3], &all[3..]).unwrap();
+        let added = add(&base.model, own, &all[..3], &all[3..], &Options::default()).unwrap();
         assert!(added.finding.supported, "{own}: {}", added.finding.reason);
         for (found, expected) in added.fit.model.term(own).unwrap().coefficients.iter().zip(values) {
             let error = found.std_error.unwrap();
@@ -83,7 +83,8 @@ fn samples_without_a_value_are_left_out_before_and_after_alike() {
     let before = rows(&flights);
     // Unasked, the flights refuse it in a sentence instead of giving NaN.
     let all: Vec<&Prepared> = flights.iter().collect();
-    let refused = add(&base(&flights), own, &all[..3], &all[3..]).unwrap_err().to_string();
+    let refused =
+        add(&base(&flights), own, &all[..3], &all[3..], &Options::default()).unwrap_err().to_string();
     assert!(refused.contains("no finite prediction") && refused.contains("root"), "{refused}");
 
     let plain = Model::new(world.vehicle.clone());
@@ -95,7 +96,7 @@ fn samples_without_a_value_are_left_out_before_and_after_alike() {
         flights.iter().filter(|f| f.notes.iter().any(|n| n.contains("\"k * sqrt(height - low)\""))).count();
     assert!(noted > 0, "{:?}", flights[0].notes);
     let all: Vec<&Prepared> = flights.iter().collect();
-    let added = add(&base(&flights), own, &all[..3], &all[3..]).unwrap();
+    let added = add(&base(&flights), own, &all[..3], &all[3..], &Options::default()).unwrap();
     let k = added.fit.model.term(own).unwrap().coefficients[0];
     assert!(k.value.abs() < 4.0 * k.std_error.unwrap(), "{k:?}");
     let comparison = compare(&added.fit.model, &all);

@@ -6,6 +6,7 @@ pub mod compare;
 pub mod filter;
 pub mod fit;
 pub mod prepare;
+pub mod statistics;
 
 pub use checks::{Examined, Fault, FaultKind, Severity, examine};
 pub use compare::{Comparison, compare};

@@ -44,7 +44,7 @@ pub(crate) fn join(
     model: &Model,
     effect: Effect,
     sets: &mut FlightSets,
-    _options: &Options,
+    options: &Options,
     observer: &dyn Observer,
 ) -> Result<(Model, Addition), WorkflowError> {
     observer.progress(Progress { activity: &format!("adding {effect}"), steps: None });
@@ -52,7 +52,7 @@ pub(crate) fn join(
     with.set(effect, &vec![0.0; effect.info().coefficients.len()]);
     sets.trim(&with);
     let addition =
-        crate::add(model, effect, &sets.train(), &sets.validate()).map_err(|why| sets.blame(why))?;
+        crate::add(model, effect, &sets.train(), &sets.validate(), options).map_err(|why| sets.blame(why))?;
     let mut better = addition.fit.model.clone();
     let rotation_refused = model.fit.as_ref().map_or_else(Vec::new, |fit| fit.rotation_refused.clone());
     better.fit = Some(FitRecord { rotation_refused, ..sets.record(&better) });

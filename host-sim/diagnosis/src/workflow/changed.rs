@@ -24,7 +24,7 @@ pub fn changed(
     let all: Vec<&LoadedFlight> = flights.flights.iter().collect();
     flights.faults.add_of_likeness(model, &all, Likeness::CHANGED);
     align_to(&mut flights.flights, model, Reference::Flights);
-    let (all, mut tried) = (changes::Change::all(model).len(), 0);
+    let (all, mut tried) = (crate::change::Change::all(model).len(), 0);
     changes::changed(model, &flights.prepared(), |step| {
         observer.progress(Progress { activity: &format!("trying {step}"), steps: Some((tried, all)) });
         tried += 1;

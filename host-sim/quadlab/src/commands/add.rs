@@ -106,7 +106,7 @@ fn text(options: &Options, added: &Added) -> Outcome {
     let addition = &added.addition;
     let finding = &addition.finding;
     let verdict = if finding.supported { "is supported" } else { "is NOT supported by these flights" };
-    let sentence = Effect::from_id(finding.effect).map_or("", |e| e.info().sentence);
+    let sentence = finding.effect.info().sentence;
     Outcome::done(format!(
         "{}\n{}\n{}{refined}\nmodel written to {}\n",
         colour::lead(&tables::paragraph(&format!(
@@ -126,12 +126,12 @@ fn text(options: &Options, added: &Added) -> Outcome {
 
 #[derive(Serialize)]
 struct Document<'a> {
-    effect: &'static str,
+    effect: Effect,
     sse_before: PerAxis<f64>,
     sse_after: PerAxis<f64>,
     drop_percent: PerAxis<f64>,
     supported: bool,
-    finding: &'a diagnosis::diagnose::EffectFinding,
+    finding: &'a diagnosis::EffectFinding,
     #[serde(skip_serializing_if = "Option::is_none")]
     refinement: Option<RefinementEntry>,
 }

@@ -2,10 +2,9 @@
 
 use std::path::PathBuf;
 
-use diagnosis::Verdict;
-use diagnosis::diagnose::Unexplained;
 use diagnosis::workflow::{self, Explanation};
-use model::PerAxis;
+use diagnosis::{Unexplained, Verdict};
+use model::{Effect, PerAxis};
 use serde::Serialize;
 
 use crate::cli::colour;
@@ -130,7 +129,7 @@ struct Document<'a> {
 
 #[derive(Serialize)]
 struct Added {
-    effect: &'static str,
+    effect: Effect,
     drop_percent: f64,
     /// Held-out errors with it and those before it.
     sse: PerAxis<f64>,

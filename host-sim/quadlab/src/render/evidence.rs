@@ -1,6 +1,7 @@
 //! `quadlab diagnose --why`: the evidence for and against one effect, as text.
 
 use diagnosis::Why;
+use model::Effect;
 
 use report::number::{fixed, p_value, percent, unit, value_and_error};
 
@@ -87,14 +88,18 @@ fn sets(why: &Why) -> Grid {
         &["set", "score"],
     );
     let all = why.best_sets.iter().chain(&why.best_sets_with_it);
-    let mut shown: Vec<&[&str]> = Vec::new();
+    let mut shown: Vec<&[Effect]> = Vec::new();
     for set in all {
         if !shown.contains(&set.effects.as_slice()) {
             shown.push(&set.effects);
-            grid.push([set.effects.join(" + "), fixed(set.score, 1)]);
+            grid.push([ids(&set.effects).join(" + "), fixed(set.score, 1)]);
         }
     }
     grid
+}
+
+fn ids(effects: &[Effect]) -> Vec<&'static str> {
+    effects.iter().map(|effect| effect.id()).collect()
 }
 
 fn alike(why: &Why) -> Grid {
@@ -104,7 +109,7 @@ fn alike(why: &Why) -> Grid {
     );
     for other in &why.alike {
         grid.push([
-            other.effect.into(),
+            other.effect.to_string(),
             fixed(other.variance_inflation, 0),
             other.separate.unwrap_or("fly so that they move separately").into(),
         ]);

@@ -1,8 +1,7 @@
 //! Pages: what a command found, with the figures that show it.
 
-use diagnosis::Diagnosis;
-use diagnosis::diagnose::EffectFinding;
 use diagnosis::workflow::{Explanation, Faults, FlightSets, FlightsOfOneKind, LoadedFlight};
+use diagnosis::{Diagnosis, EffectFinding};
 use model::{AXES, Axis, Effect, Model};
 use report::{Page, Section};
 use sysid::{Comparison, Prepared};
@@ -138,7 +137,8 @@ pub(crate) fn diagnose(model: &Model, sets: &FlightSets, diagnosis: &Diagnosis) 
     let before = View::all(&sets.validate(), model);
     let mut page = Page::new("What does the model lack?", diagnosis.summary.clone());
     if let Some(effect) = diagnosis.best()
-        && let Ok(addition) = diagnosis::add(model, effect, &sets.train(), &sets.validate())
+        && let Ok(addition) =
+            diagnosis::add(model, effect, &sets.train(), &sets.validate(), &diagnosis::Options::default())
     {
         page = page.section(difference(effect, &addition.fit.model, sets));
     }
@@ -209,7 +209,7 @@ pub(crate) fn changed(model: &Model, flights: &[LoadedFlight], diagnosis: &Diagn
 /// The change that the flights support.
 fn change(diagnosis: &Diagnosis) -> Option<(&EffectFinding, Effect)> {
     let finding = diagnosis.effects.iter().find(|finding| finding.supported)?;
-    Some((finding, Effect::from_id(finding.effect)?))
+    Some((finding, finding.effect))
 }
 
 /// The model with a change that was found, on top of what it had.
@@ -268,9 +268,12 @@ fn rivals(effect: Effect, finding: &EffectFinding) -> Section {
     if finding.confounded_with.is_empty() {
         return section.paragraph("These flights tell it from every other change that was tried.");
     }
-    let separated = |rival: &&'static str| {
-        let known = effect.info().confused_with.iter().find(|(other, _)| other == rival);
-        known.map_or_else(|| (*rival).to_owned(), |(other, how)| format!("{other}. To separate them, {how}."))
+    let separated = |rival: &Effect| {
+        let known = effect.info().confused_with.iter().find(|(other, _)| *other == rival.id());
+        known.map_or_else(
+            || rival.id().to_owned(),
+            |(other, how)| format!("{other}. To separate them, {how}."),
+        )
     };
     section
         .paragraph("These flights cannot tell it from:")
@@ -288,12 +291,12 @@ fn left(views: &[View], diagnosis: &Diagnosis) -> Section {
         .unexplained
         .iter()
         .take(MOST_RESIDUALS)
-        .filter_map(|u| figures::residual_against(views, u.axis, &u.depends_on));
+        .filter_map(|u| figures::residual_against(views, u.axis, u.depends_on.quantity()?));
     figures.fold(section, |section, figure| section.figure(figure, "Residual of the model as given."))
 }
 
 fn all_effects(diagnosis: &Diagnosis) -> Vec<Effect> {
-    diagnosis.effects.iter().filter_map(|f| Effect::from_id(f.effect)).collect()
+    diagnosis.effects.iter().map(|f| f.effect).collect()
 }
 
 fn meanings(effects: &[Effect]) -> Section {

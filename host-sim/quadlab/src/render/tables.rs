@@ -1,8 +1,7 @@
 //! Every table that is printed or shown on a page.
 
-use diagnosis::Diagnosis;
-use diagnosis::diagnose::{EffectFinding, Unexplained};
 use diagnosis::workflow::{Explanation, FlightSets, LoadedFlight};
+use diagnosis::{Diagnosis, EffectFinding, Unexplained};
 use model::{AXES, Axis, AxisError, Effect, HistoryEntry, Model, PerAxis};
 use report::number::{fixed, p_value, percent, unit, value_and_error, with_error};
 use report::significant;
@@ -347,15 +346,15 @@ pub(crate) fn evidence(diagnosis: &Diagnosis) -> Grid {
 
 /// "motor-efficiency 2" for a change of motor 2.
 pub(crate) fn named(finding: &EffectFinding) -> String {
-    finding.motor.map_or_else(|| finding.effect.into(), |motor| format!("{} {motor}", finding.effect))
+    finding.motor.map_or_else(|| finding.effect.to_string(), |motor| format!("{} {motor}", finding.effect))
 }
 
 fn reason(finding: &EffectFinding) -> String {
-    let confounded = &finding.confounded_with;
-    if confounded.is_empty() || finding.reason.contains("cannot tell") {
-        return finding.reason.clone();
+    if finding.confounded_with.is_empty() || finding.reason.names_rivals() {
+        return finding.reason.to_string();
     }
-    format!("{}; confounded with {}", finding.reason, confounded.join(", "))
+    let others: Vec<&str> = finding.confounded_with.iter().map(|effect| effect.id()).collect();
+    format!("{}; confounded with {}", finding.reason, others.join(", "))
 }
 
 /// Coefficients of candidates, each fitted together with the whole model: of all, or only of those supported.
@@ -427,7 +426,12 @@ pub(crate) fn unexplained(all: &[Unexplained]) -> Grid {
         [text("axis"), text("depends on"), number("share of its error", "%"), number("p", "")],
     );
     for u in all {
-        grid.push([u.axis.name().into(), u.depends_on.clone(), share(u.share_percent), p_value(u.p_value)]);
+        grid.push([
+            u.axis.name().into(),
+            u.depends_on.to_string(),
+            share(u.share_percent),
+            p_value(u.p_value),
+        ]);
     }
     grid
 }

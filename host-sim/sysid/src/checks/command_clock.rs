@@ -18,8 +18,8 @@ use model::{Adjustments, Vehicle};
 use serde::Serialize;
 
 use crate::filter::sum_of_products;
-use crate::fit::alignment::median;
 use crate::prepare::Prepared;
+use crate::statistics::median;
 
 /// Length of a piece, s.
 pub const PIECE_S: f64 = 4.0;

@@ -29,6 +29,7 @@ use crate::fit::rows::{RowColumn, coefficient_count};
 use crate::fit::slung_load::Known;
 use crate::fit::{has_rotation, store};
 use crate::prepare::Prepared;
+use crate::statistics::median;
 
 /// Standard errors beyond which an offset is one.
 pub const SIGNIFICANT: f64 = 4.0;
@@ -235,13 +236,6 @@ pub fn common_delay_s(model: &Model, flights: &[&Prepared]) -> Option<f64> {
 struct Offset {
     late_s: f64,
     variance_s2: f64,
-}
-
-/// The middle of some values, of an even number the mean of the two.
-pub(crate) fn median(values: &mut [f64]) -> Option<f64> {
-    values.sort_unstable_by(f64::total_cmp);
-    let n = values.len();
-    (n > 0).then(|| 0.5 * (values[(n - 1) / 2] + values[n / 2]))
 }
 
 /// Writes into each flight what is to be corrected.

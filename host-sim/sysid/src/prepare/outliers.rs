@@ -15,7 +15,7 @@
 
 use std::borrow::Cow;
 
-use crate::fit::alignment::median;
+use crate::statistics::median;
 
 /// Neighbours on each side, where there are as many.
 const REACH: usize = 3;

@@ -211,7 +211,10 @@ fn outcome(
         motor_is_right: true,
         found,
         planted: trial.planted().into_iter().filter_map(|(id, _)| of_planted(diagnosis, id)).collect(),
-        confounded_with: diagnosis.effects.first().map_or_else(Vec::new, |f| f.confounded_with.clone()),
+        confounded_with: diagnosis
+            .effects
+            .first()
+            .map_or_else(Vec::new, |f| f.confounded_with.iter().map(|e| e.id()).collect()),
         unexplained: diagnosis
             .unexplained
             .iter()
@@ -230,14 +233,14 @@ fn answer(diagnosis: &Diagnosis) -> String {
 }
 
 fn of_planted(diagnosis: &Diagnosis, id: &str) -> Option<OfPlanted> {
-    let place = diagnosis.effects.iter().position(|finding| finding.effect == id)?;
+    let place = diagnosis.effects.iter().position(|finding| finding.effect.id() == id)?;
     let finding = &diagnosis.effects[place];
     Some(OfPlanted {
-        effect: finding.effect,
+        effect: finding.effect.id(),
         rank: place + 1,
         supported: finding.supported,
         drop_percent: finding.drop_percent,
-        reason: finding.reason.clone(),
+        reason: finding.reason.to_string(),
     })
 }
 

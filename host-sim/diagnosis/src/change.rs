@@ -1,0 +1,73 @@
+//! A change that can have come about since a model was good: an effect, of one motor or of the whole craft.
+
+use std::fmt;
+
+use model::{Effect, Model};
+
+/// One change to explain new flights by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Change {
+    /// The effect.
+    pub effect: Effect,
+    /// Motor number 1 to 4, for a change of one motor.
+    pub motor: Option<u8>,
+}
+
+impl Change {
+    /// Every change that can have come about to a craft of `model`.
+    pub fn all(model: &Model) -> Vec<Self> {
+        Effect::changes()
+            .filter(|effect| !model.has(*effect))
+            // A lag that was never known has not changed: what shows was missing all along.
+            .filter(|effect| *effect != Effect::MotorLag || model.vehicle.motors.lag.is_some())
+            .flat_map(|effect| match effect {
+                Effect::MotorEfficiency => {
+                    (1..=4).map(|motor| Self { effect, motor: Some(motor) }).collect::<Vec<_>>()
+                }
+                _ => vec![Self { effect, motor: None }],
+            })
+            .collect()
+    }
+
+    /// Indices of the coefficients it frees.
+    pub(crate) fn coefficients(self) -> Vec<usize> {
+        match self.motor {
+            Some(motor) => vec![usize::from(motor) - 1],
+            None => (0..self.effect.info().coefficients.len()).collect(),
+        }
+    }
+}
+
+/// For people: "motor-efficiency of motor 2".
+impl fmt::Display for Change {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.motor {
+            Some(motor) => write!(f, "{} of motor {motor}", self.effect),
+            None => self.effect.fmt(f),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_weak_motor_is_one_of_four_and_frees_its_own_coefficient() {
+        let all = Change::all(&Model::thesis());
+        let weak: Vec<Change> = all.iter().copied().filter(|c| c.effect == Effect::MotorEfficiency).collect();
+        assert_eq!(weak.iter().map(|c| c.coefficients()).collect::<Vec<_>>(), [[0], [1], [2], [3]]);
+        assert_eq!(weak[1].to_string(), "motor-efficiency of motor 2");
+    }
+
+    #[test]
+    fn only_what_the_model_lacks_and_a_lag_that_was_known_can_have_changed() {
+        let mut model = Model::thesis();
+        model.set(Effect::MassChange, &[0.1]);
+        model.vehicle.motors.lag = None;
+        let all = Change::all(&model);
+        assert!(all.iter().all(|c| c.effect != Effect::MassChange && c.effect != Effect::MotorLag));
+        model.vehicle.motors.lag = Some(20.0);
+        assert!(Change::all(&model).iter().any(|c| c.effect == Effect::MotorLag));
+    }
+}

@@ -1,0 +1,329 @@
+//! What makes a finding: every rule with its threshold, in one place. A diagnosis, `--why` and a search for changes read it.
+//!
+//! An effect is **supported** when all of [`RULES`] hold that apply to it. With everything in place that is supported, what is
+//! left must be what the right effects would leave ([`stand_in`]).
+
+use model::{Effect, Model};
+use sysid::fit::linearise::step_scale;
+use sysid::fit::slung_load;
+
+use crate::change::Change;
+use crate::finding::{CoefficientFigures, EffectFinding, Unexplained};
+use crate::reason::Reason;
+
+/// Largest corrected p-value of a finding's coefficients. With some twenty candidates corrected for, one model in a hundred is
+/// given an effect that it does not have by this rule alone.
+pub(crate) const SIGNIFICANCE: f64 = 0.01;
+/// Largest corrected p-value of a change that takes away most of the error. A scatter known from a handful of flights makes
+/// even a large change uncertain; a small one must be certain.
+const LARGE_SIGNIFICANCE: f64 = 0.05;
+/// Part of the error, percent, from which on a change takes away most of it.
+const LARGE_PERCENT: f64 = 50.0;
+/// Largest p-value of the held-out gain. It confirms what is significant already, on other flights.
+const HELD_OUT_SIGNIFICANCE: f64 = 0.05;
+/// Smallest held-out drop, percent of an axis' squared error, that matters: its root is under a hundredth of the error.
+const MATTERS_PERCENT: f64 = 1.5;
+/// Least part of the held-out flights that must improve, percent: more than half. A single flight must improve.
+const FLIGHTS_PERCENT: f64 = 50.1;
+/// A coefficient is impossible that lies this many standard errors outside its range: what 95 % intervals allow.
+const IMPOSSIBLE_ERRORS: f64 = 2.0;
+/// A cable's stiffness stands out from zero by this many standard errors.
+const SLACK_ERRORS: f64 = 3.0;
+/// Smallest lag or dead time that is one, s: a tenth of a sample.
+const TIMING_S: f64 = 0.001;
+
+/// Residual variance over that of the sensors' noise from which on something is missing. Complete models scatter from
+/// 0.8 to 1.25 on two flights of 24 s.
+pub(crate) const ABOVE_NOISE: f64 = 1.6;
+/// Part of the excess over the noise that the right effects may leave. In simulated flights they leave none; a formula that
+/// is only nearly right leaves a hundredth, a stand-in for something else a twentieth or more.
+pub(crate) const LEFT_BY_THE_RIGHT: f64 = 0.03;
+
+/// Smallest share of an axis' held-out squared error that counts as structure, percent.
+pub(crate) const STRUCTURE_PERCENT: f64 = 3.0;
+/// Largest corrected p-value of structure.
+pub(crate) const STRUCTURE_SIGNIFICANCE: f64 = 0.01;
+/// Smallest share that the past explains. Its eight free coefficients follow what a model of the rotors' first-order lag
+/// leaves, too: complete models of flights of another simulator show up to 4 % in yaw.
+pub(crate) const PAST_PERCENT: f64 = 10.0;
+/// Share of those of thrust, in the mean, that refutes an effect of the rotors. Right ones in logs with jittering times leave
+/// up to 5 %.
+pub(crate) const LATE_PERCENT: f64 = 6.0;
+
+/// Logarithm of the likelihood ratio under which two sets do equally well: odds of 20 to 1.
+pub(crate) const TIE: f64 = 3.0;
+/// A rival with this part of the best change's gain is examined for confusion with it.
+pub(crate) const RIVAL: f64 = 0.7;
+/// One with this part of it is confounded with it whatever more they explain together: a weight under a motor is both a
+/// shifted centre of mass and, nearly, a motor that lifts less.
+pub(crate) const AS_GOOD: f64 = 0.9;
+
+/// What the flights are asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Asked {
+    /// What does the model lack?
+    Missing,
+    /// What has changed since the model was good?
+    Changed,
+}
+
+/// What the rules look at.
+#[derive(Debug, Clone)]
+pub(crate) struct Evidence<'a> {
+    pub(crate) asked: Asked,
+    pub(crate) finding: &'a EffectFinding,
+    /// Standard errors of its coefficients, without what flights differ by anyway.
+    pub(crate) std_errors: Vec<f64>,
+    /// Without a motor map, rotor "speeds" are commands and ranges in rad/s mean nothing.
+    pub(crate) has_rotor_map: bool,
+}
+
+impl<'a> Evidence<'a> {
+    /// For an effect that `model` may lack.
+    pub(crate) fn missing(finding: &'a EffectFinding, model: &Model) -> Self {
+        Self {
+            asked: Asked::Missing,
+            finding,
+            std_errors: finding.coefficients.iter().map(|c| c.std_error).collect(),
+            has_rotor_map: model.vehicle.has_rotor_map(),
+        }
+    }
+
+    fn effect(&self) -> Effect {
+        self.finding.effect
+    }
+
+    /// Each coefficient with its definition and its standard error.
+    fn coefficients(&self) -> impl Iterator<Item = (&CoefficientFigures, &'static model::Coefficient, f64)> {
+        let free = Change { effect: self.effect(), motor: self.finding.motor }.coefficients();
+        let info = self.effect().info();
+        let all = self.finding.coefficients.iter().zip(&self.std_errors).zip(free);
+        all.map(|((figures, error), k)| (figures, &info.coefficients[k], *error))
+    }
+
+    /// The coefficient that says how long a lag or a dead time is.
+    fn timing(&self) -> Option<&CoefficientFigures> {
+        let is_timing = matches!(self.effect(), Effect::MotorLag | Effect::InputDelay);
+        self.finding.coefficients.first().filter(|_| is_timing)
+    }
+}
+
+/// One rule of support.
+#[derive(Debug)]
+pub(crate) struct Rule {
+    /// For people: what is asked.
+    pub(crate) question: &'static str,
+    /// Unit of value and threshold, empty for a probability.
+    pub(crate) unit: &'static str,
+    /// Whether the value must be at most (rather than at least) the threshold.
+    pub(crate) at_most: bool,
+    /// Value and threshold; nothing where the rule does not apply.
+    figures: fn(&Evidence<'_>) -> Option<(f64, f64)>,
+    /// Why an effect is not supported that breaks the rule: from the evidence, the value and the threshold.
+    objection: fn(&Evidence<'_>, f64, f64) -> Reason,
+}
+
+/// A rule applied to evidence.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Applied {
+    pub(crate) rule: &'static Rule,
+    pub(crate) value: f64,
+    pub(crate) threshold: f64,
+    pub(crate) met: bool,
+}
+
+/// Every rule, in the order in which reasons are given.
+pub(crate) const RULES: &[Rule] = &[
+    Rule {
+        question: "differs from zero: chance of such coefficients without it, all candidates counted",
+        unit: "",
+        at_most: true,
+        figures: |e| Some((e.finding.p_value, significance(e))),
+        objection: |e, p_value, _| match e.asked {
+            Asked::Missing => not_excited(e).unwrap_or(Reason::LikeChance),
+            Asked::Changed => Reason::WithinScatter { p_value },
+        },
+    },
+    Rule {
+        question: "matters: largest fall of the held-out squared error of an axis",
+        unit: "%",
+        at_most: false,
+        figures: |e| Some((e.finding.largest_drop_percent(), matters_percent(e.effect()))),
+        objection: |e, largest_percent, matters_percent| match e.asked {
+            Asked::Missing => Reason::TooSmall { largest_percent, matters_percent },
+            Asked::Changed => Reason::TooSmallChange { largest_percent },
+        },
+    },
+    Rule {
+        question: "holds on new flights: chance of such a fall without the effect",
+        unit: "",
+        at_most: true,
+        figures: |e| e.finding.held_out_p_value.map(|p| (p, HELD_OUT_SIGNIFICANCE)),
+        objection: |e, p_value, _| not_borne_out(e, Some(p_value)),
+    },
+    Rule {
+        question: "holds on most flights: held-out flights that improve",
+        unit: "%",
+        at_most: false,
+        figures: |e| {
+            let [improved, flights] = e.finding.flights_improved;
+            Some((100.0 * improved as f64 / flights.max(1) as f64, FLIGHTS_PERCENT))
+        },
+        objection: |e, _, _| not_borne_out(e, None),
+    },
+    Rule {
+        question: "is possible: distance of the worst coefficient beyond its range",
+        unit: "std. errors",
+        at_most: true,
+        figures: |e| {
+            let has_range = e.has_rotor_map || !is_in_rotor_speed(e.effect());
+            let distances = e.coefficients().map(|(c, info, error)| beyond(c.value, info, error));
+            has_range.then(|| (distances.fold(0.0, f64::max), IMPOSSIBLE_ERRORS))
+        },
+        objection: |e, _, most| impossible(e, most),
+    },
+    Rule {
+        question: "pulls back: stiffness of the cable",
+        unit: "std. errors",
+        at_most: false,
+        // A cable without stiffness is a push that is the same everywhere: what a trim that differs between flights looks like.
+        figures: |e| {
+            let stiffness = e.finding.coefficients.first().filter(|_| e.effect() == Effect::Tether)?;
+            Some((stiffness.value / stiffness.std_error.max(f64::MIN_POSITIVE), SLACK_ERRORS))
+        },
+        objection: |e, _, _| {
+            let CoefficientFigures { value, std_error, unit, .. } = e.finding.coefficients[0];
+            Reason::SlackCable { value, std_error, unit }
+        },
+    },
+    Rule {
+        question: "can be timed: size of the lag or dead time",
+        unit: "ms",
+        at_most: false,
+        // A log does not tell when its commands took effect as exactly as that (times jitter, commands are held), and no loop
+        // at 100 Hz feels it.
+        figures: |e| e.timing().map(|timing| (1e3 * timing.value.abs(), 1e3 * TIMING_S)),
+        objection: |e, _, _| {
+            let size_s = e.timing().map_or(0.0, |timing| timing.value);
+            Reason::BelowTheClocks { size_s, resolved_s: TIMING_S }
+        },
+    },
+];
+
+/// Every rule that applies, with what was found and what is needed.
+pub(crate) fn applied(evidence: &Evidence<'_>) -> Vec<Applied> {
+    let apply = |rule: &'static Rule| {
+        let (value, threshold) = (rule.figures)(evidence)?;
+        let met = if rule.at_most { value <= threshold } else { value >= threshold };
+        Some(Applied { rule, value, threshold, met })
+    };
+    RULES.iter().filter_map(apply).collect()
+}
+
+/// Whether the evidence suffices, and why or why not.
+pub(crate) fn weigh(evidence: &Evidence<'_>) -> (bool, Reason) {
+    if let Some(broken) = applied(evidence).into_iter().find(|applied| !applied.met) {
+        return (false, (broken.rule.objection)(evidence, broken.value, broken.threshold));
+    }
+    let percent = evidence.finding.drop_percent;
+    let [improved, flights] = evidence.finding.flights_improved;
+    let reason = match evidence.asked {
+        Asked::Missing => Reason::ErrorFalls { percent, improved, flights },
+        Asked::Changed => Reason::Changed { percent, rivals: Vec::new() },
+    };
+    (true, reason)
+}
+
+fn significance(evidence: &Evidence<'_>) -> f64 {
+    let is_large = evidence.finding.drop_percent > LARGE_PERCENT;
+    if evidence.asked == Asked::Changed && is_large { LARGE_SIGNIFICANCE } else { SIGNIFICANCE }
+}
+
+/// Smallest held-out drop of an effect that matters, percent: what the free beginnings of a load's swing take away by chance
+/// is none of its doing.
+fn matters_percent(effect: Effect) -> f64 {
+    MATTERS_PERCENT + if effect == Effect::SlungLoad { slung_load::BY_CHANCE_PERCENT } else { 0.0 }
+}
+
+/// "Not seen" is not "not there": when an effect of ordinary size would hide in the error of its estimate, say so and
+/// what to fly.
+fn not_excited(evidence: &Evidence<'_>) -> Option<Reason> {
+    let hidden = |(k, (c, info, _)): (usize, (&CoefficientFigures, &model::Coefficient, f64))| {
+        let ordinary = step_scale(evidence.has_rotor_map, evidence.effect(), k);
+        info.prior.is_none() && 2.0 * c.std_error > ordinary
+    };
+    let excitation = evidence.effect().info().excitation;
+    evidence.coefficients().enumerate().any(hidden).then_some(Reason::HiddenByItsError { excitation })
+}
+
+fn not_borne_out(evidence: &Evidence<'_>, p_value: Option<f64>) -> Reason {
+    let [improved, flights] = evidence.finding.flights_improved;
+    match evidence.asked {
+        Asked::Missing => Reason::NotBorneOut { improved, flights, p_value },
+        Asked::Changed => Reason::NotCarriedOver { improved, flights },
+    }
+}
+
+/// Whether the ranges of an effect's coefficients are counted in rotor speeds.
+pub(crate) fn is_in_rotor_speed(effect: Effect) -> bool {
+    matches!(effect, Effect::BatteryVoltage | Effect::ThrustLinear)
+}
+
+/// Distance of a coefficient beyond its range, in standard errors.
+fn beyond(value: f64, info: &model::Coefficient, std_error: f64) -> f64 {
+    let (low, high) = info.possible;
+    (low - value).max(value - high).max(0.0) / std_error.max(f64::MIN_POSITIVE)
+}
+
+/// The first coefficient that is impossible.
+fn impossible(evidence: &Evidence<'_>, most: f64) -> Reason {
+    let mut all = evidence.coefficients();
+    let Some((c, info, _)) = all.find(|(c, info, error)| beyond(c.value, info, *error) > most) else {
+        return Reason::LikeChance;
+    };
+    let CoefficientFigures { value, unit, .. } = *c;
+    match evidence.asked {
+        Asked::Missing => Reason::Impossible { coefficient: info.name, value, unit, possible: info.possible },
+        Asked::Changed => Reason::ImpossibleChange { coefficient: info.name, value, unit },
+    }
+}
+
+/// What a model with all supported effects leaves.
+#[derive(Debug)]
+pub(crate) struct Left<'a> {
+    /// Structure in its residual.
+    pub(crate) unexplained: &'a [Unexplained],
+    /// Axes on which more of the residual's excess over the noise is left than right effects would leave.
+    pub(crate) incomplete: [bool; 6],
+    /// Whether an axis, or those of thrust together, answer to the last half second.
+    pub(crate) answers_late: bool,
+}
+
+/// Why a supported effect is a stand-in for something else: naming it would be confidently wrong. One that
+/// - says how rotors answer to commands, where what is left answers later still: air and parts that follow look like a slow or
+///   an early rotor;
+/// - acts most on an axis where all that was found together leaves a good part of the residual above the sensors' noise: the
+///   right effects leave the noise and nothing else;
+/// - leaves more structure on its axes than it takes away.
+pub(crate) fn stand_in(finding: &EffectFinding, left: &Left<'_>) -> Option<Reason> {
+    if left.answers_late && is_of_actuators(finding.effect) {
+        return Some(Reason::AnswersLate);
+    }
+    if let Some(axis) = finding.main_axis().filter(|axis| left.incomplete[axis.index()]) {
+        return Some(Reason::AboveNoise { axis });
+    }
+    let takes_percent = finding.axes.values().map(|a| a.drop_percent).fold(0.0, f64::max);
+    let on_its_axes = left.unexplained.iter().filter(|u| finding.axes.contains_key(u.axis.name()));
+    let most = on_its_axes.max_by(|a, b| a.share_percent.total_cmp(&b.share_percent))?;
+    (most.share_percent > takes_percent).then(|| Reason::LeavesMore {
+        takes_percent,
+        left_percent: most.share_percent,
+        axis: most.axis,
+        depends_on: most.depends_on,
+    })
+}
+
+/// Whether an effect says how rotors answer to commands, and nothing else.
+fn is_of_actuators(effect: Effect) -> bool {
+    matches!(effect, Effect::MotorLag | Effect::InputDelay | Effect::ThrustLinear)
+}

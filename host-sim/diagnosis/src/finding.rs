@@ -1,0 +1,208 @@
+//! What a diagnosis says: the conclusion, the evidence for each effect, and what is left.
+
+use std::collections::BTreeMap;
+
+use model::{Axis, Effect};
+use serde::Serialize;
+
+use crate::reason::{Dependence, Reason};
+
+/// The conclusion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// A known effect is missing.
+    MissingEffect,
+    /// No effect is supported and the residual shows no structure.
+    Adequate,
+    /// The residual shows structure that no known effect accounts for.
+    Unexplained,
+}
+
+/// Errors of one axis without and with an effect, on the held-out flights.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct AxisDrop {
+    /// Sum of squares without.
+    pub sse_before: f64,
+    /// Sum of squares with.
+    pub sse_after: f64,
+    /// Percent by which it falls.
+    pub drop_percent: f64,
+}
+
+impl AxisDrop {
+    /// From two sums of squares.
+    pub(crate) fn new(sse_before: f64, sse_after: f64) -> Self {
+        let drop_percent = if sse_before > 0.0 { 100.0 * (1.0 - sse_after / sse_before) } else { 0.0 };
+        Self { sse_before, sse_after, drop_percent }
+    }
+}
+
+/// A coefficient of a candidate.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CoefficientFigures {
+    /// Name.
+    pub name: &'static str,
+    /// Value.
+    pub value: f64,
+    /// Standard error, coloured residuals accounted for.
+    pub std_error: f64,
+    /// Unit.
+    pub unit: &'static str,
+}
+
+/// A candidate's evidence.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct EffectFinding {
+    /// The effect.
+    pub effect: Effect,
+    /// Whether the flights support it.
+    pub supported: bool,
+    /// Held-out drop of the squared error over the axes it acts on, each weighed by its noise, percent.
+    pub drop_percent: f64,
+    /// The axes it acts on.
+    pub axes: BTreeMap<&'static str, AxisDrop>,
+    /// Of the Wald test on the training flights, corrected for the number of candidates.
+    pub p_value: f64,
+    /// Of the gain on the held-out flights; nothing for an effect that was not fitted exactly, because it did not come
+    /// into question.
+    pub held_out_p_value: Option<f64>,
+    /// Held-out flights on which the error falls, and how many there are.
+    pub flights_improved: [usize; 2],
+    /// Coefficients.
+    pub coefficients: Vec<CoefficientFigures>,
+    /// Effects that the flights cannot tell it from.
+    pub confounded_with: Vec<Effect>,
+    /// Why it is or is not supported.
+    pub reason: Reason,
+    /// Logarithm of the held-out likelihood ratio over all six axes: the rank.
+    #[serde(skip)]
+    pub(crate) gain: f64,
+    /// The motor, for a change of one motor.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motor: Option<u8>,
+}
+
+impl EffectFinding {
+    /// An effect of which nothing is known yet but why not.
+    pub(crate) fn unsupported(effect: Effect, flights: usize, reason: Reason) -> Self {
+        Self {
+            effect,
+            supported: false,
+            drop_percent: 0.0,
+            axes: BTreeMap::new(),
+            p_value: 1.0,
+            held_out_p_value: None,
+            flights_improved: [0, flights],
+            coefficients: Vec::new(),
+            confounded_with: Vec::new(),
+            reason,
+            gain: f64::NEG_INFINITY,
+            motor: None,
+        }
+    }
+
+    /// Takes back the support.
+    pub(crate) fn refuse(&mut self, reason: Reason) {
+        self.supported = false;
+        self.reason = reason;
+    }
+
+    /// Largest drop of an axis, percent.
+    pub(crate) fn largest_drop_percent(&self) -> f64 {
+        self.axes.values().map(|a| a.drop_percent).fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// The axis with the largest drop.
+    pub(crate) fn main_axis(&self) -> Option<Axis> {
+        let (main, _) = self.axes.iter().max_by(|a, b| a.1.drop_percent.total_cmp(&b.1.drop_percent))?;
+        model::AXES.into_iter().find(|axis| axis.name() == *main)
+    }
+}
+
+/// Structure in the residual that no known effect accounts for.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Unexplained {
+    /// Axis.
+    pub axis: Axis,
+    /// What it depends on.
+    pub depends_on: Dependence,
+    /// Share of the axis' held-out squared error, percent.
+    pub share_percent: f64,
+    /// Corrected p-value.
+    pub p_value: f64,
+}
+
+/// A diagnosis.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Diagnosis {
+    /// The conclusion.
+    pub verdict: Verdict,
+    /// The conclusion and its reason in plain English.
+    pub summary: String,
+    /// Candidates, best first.
+    pub effects: Vec<EffectFinding>,
+    /// What is left.
+    pub unexplained: Vec<Unexplained>,
+}
+
+impl Diagnosis {
+    /// The best supported effect.
+    pub fn best(&self) -> Option<Effect> {
+        self.effects.iter().find(|e| e.supported).map(|e| e.effect)
+    }
+}
+
+/// The effects that are supported, in their order.
+pub(crate) fn supported(findings: &[EffectFinding]) -> Vec<Effect> {
+    findings.iter().filter(|f| f.supported).map(|f| f.effect).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn finding(effect: Effect) -> EffectFinding {
+        EffectFinding::unsupported(effect, 2, Reason::LikeChance)
+    }
+
+    #[test]
+    fn the_best_effect_is_the_first_that_is_supported() {
+        let mut all = vec![finding(Effect::Tether), finding(Effect::MotorLag), finding(Effect::SteadyWind)];
+        let diagnosis = |effects: &[EffectFinding]| Diagnosis {
+            verdict: Verdict::Adequate,
+            summary: String::new(),
+            effects: effects.to_vec(),
+            unexplained: Vec::new(),
+        };
+        assert_eq!(diagnosis(&all).best(), None);
+        all[1].supported = true;
+        all[2].supported = true;
+        assert_eq!(diagnosis(&all).best(), Some(Effect::MotorLag));
+        assert_eq!(supported(&all), [Effect::MotorLag, Effect::SteadyWind]);
+    }
+
+    #[test]
+    fn the_main_axis_is_that_of_the_largest_drop() {
+        let mut finding = finding(Effect::Tether);
+        assert_eq!(finding.main_axis(), None);
+        for (axis, after) in [("u", 9.0), ("v", 4.0), ("w", 11.0)] {
+            finding.axes.insert(axis, AxisDrop::new(10.0, after));
+        }
+        assert_eq!(finding.main_axis(), Some(Axis::V));
+        assert_eq!(finding.largest_drop_percent(), 60.0);
+        assert_eq!(AxisDrop::new(0.0, 1.0).drop_percent, 0.0);
+    }
+
+    /// Files and scripts know effects, reasons and dependences by their words.
+    #[test]
+    fn effects_and_reasons_are_words_in_json() {
+        let mut finding = finding(Effect::Tether);
+        finding.confounded_with.push(Effect::SteadyWind);
+        let json = serde_json::to_value(&finding).unwrap();
+        assert_eq!(json["effect"], "tether");
+        assert_eq!(json["confounded_with"][0], "steady-wind");
+        assert_eq!(json["reason"], finding.reason.to_string());
+        assert!(json.get("motor").is_none() && json.get("gain").is_none());
+    }
+}

@@ -1,0 +1,128 @@
+//! Fits, what they predict of flights held out, and what an effect gains there.
+
+use model::{AxisError, Effect, Model, PerAxis};
+use sysid::fit::check_residuals;
+use sysid::prepare::Prepared;
+use sysid::statistics::Blocks;
+use sysid::{Fit, FitError, Residuals, errors, residuals};
+
+use crate::criteria::{Evidence, weigh};
+use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding};
+use crate::reason::Reason;
+use crate::significance::{block_sums, effect_p_value};
+
+/// A model refitted on the training flights and its residuals on the held-out ones.
+#[derive(Clone)]
+pub(crate) struct Validated {
+    pub(crate) fit: Fit,
+    pub(crate) held_out: Vec<Residuals>,
+}
+
+/// Fits `effects`, from the values of `model` on, and predicts the held-out flights.
+pub(crate) fn fit_and_validate(
+    model: &Model,
+    effects: &[Effect],
+    train: &[&Prepared],
+    validate: &[&Prepared],
+) -> Result<Validated, FitError> {
+    validated(sysid::fit(train, &model.vehicle, effects, Some(model))?, validate)
+}
+
+/// What a fit predicts of the held-out flights.
+pub(crate) fn validated(fit: Fit, validate: &[&Prepared]) -> Result<Validated, FitError> {
+    let held_out: Vec<Residuals> = validate.iter().map(|flight| residuals(flight, &fit.model)).collect();
+    check_residuals(validate, &held_out, &fit.model)?;
+    Ok(Validated { fit, held_out })
+}
+
+/// The evidence for `effect`: a fit with it against the one without.
+pub(crate) fn examine(
+    without: &Validated,
+    with: &Validated,
+    effect: Effect,
+    (train, validate): (&[&Prepared], &[&Prepared]),
+    candidates: usize,
+) -> EffectFinding {
+    let mut finding = EffectFinding::unsupported(effect, validate.len(), Reason::LikeChance);
+    let estimates = with.fit.model.term(effect).map_or(&[][..], |term| &term.coefficients);
+    let info = effect.info();
+    finding.coefficients = info
+        .coefficients
+        .iter()
+        .zip(estimates)
+        .map(|(c, e)| CoefficientFigures {
+            name: c.name,
+            value: e.value,
+            std_error: e.std_error.unwrap_or(0.0),
+            unit: c.unit,
+        })
+        .collect();
+    finding.p_value = (effect_p_value(&with.fit, effect, train) * candidates as f64).min(1.0);
+    take_gain(&mut finding, &with.fit.sigma, validate, (&without.held_out, &with.held_out));
+    (finding.supported, finding.reason) = weigh(&Evidence::missing(&finding, &with.fit.model));
+    finding
+}
+
+/// Writes into a finding by how much the squared error of `flights` falls from the residuals `before` to those `after`,
+/// over the axes that the effect acts on, each in units of the noise variance `sigma` squared.
+pub(crate) fn take_gain(
+    finding: &mut EffectFinding,
+    sigma: &[f64; 6],
+    flights: &[&Prepared],
+    (before, after): (&[Residuals], &[Residuals]),
+) {
+    let axes = finding.effect.info().axes;
+    let mut blocks = Blocks::default();
+    let (mut fall, mut total) = (0.0, 0.0);
+    for ((flight, a), b) in flights.iter().zip(before).zip(after) {
+        let mut difference = vec![0.0; flight.rows()];
+        let mut chance = difference.clone();
+        for axis in axes.iter().map(|a| a.index()) {
+            let weight = 1.0 / (sigma[axis] * sigma[axis]);
+            let sums = difference.iter_mut().zip(&mut chance);
+            for (((d, c), x), y) in sums.zip(&a.residual[axis]).zip(&b.residual[axis]) {
+                *d += weight * (x * x - y * y);
+                *c += weight * 2.0 * y * (x - y);
+                total += weight * x * x;
+            }
+        }
+        let sum: f64 = difference.iter().sum();
+        finding.flights_improved[0] += usize::from(sum > 0.0);
+        fall += sum;
+        blocks.gain.extend(block_sums(flight, &difference));
+        blocks.chance.extend(block_sums(flight, &chance));
+    }
+    let (before, after) = (errors(before), errors(after));
+    for &axis in axes {
+        finding.axes.insert(axis.name(), AxisDrop::new(before[axis].sse, after[axis].sse));
+    }
+    finding.drop_percent = if total > 0.0 { 100.0 * fall / total } else { 0.0 };
+    finding.held_out_p_value = Some(blocks.p_value());
+    finding.gain = log_likelihood_ratio(&before, &after);
+}
+
+/// Logarithm of the likelihood ratio of two models of the same flights, Gaussian residuals: sum over the axes of
+/// n/2 ln(sse before / sse after). Effects that act on different axes are compared by it, whatever the axes' noise.
+fn log_likelihood_ratio(before: &PerAxis<AxisError>, after: &PerAxis<AxisError>) -> f64 {
+    let ratio = |a: model::Axis| 0.5 * before[a].samples as f64 * (before[a].sse / after[a].sse).ln();
+    model::AXES.into_iter().map(ratio).filter(|r| r.is_finite()).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Halving the error's deviation on n samples of one axis: n ln 2. An axis without errors says nothing.
+    #[test]
+    fn the_likelihood_ratio_of_halved_errors() {
+        let all = |sse: f64| {
+            PerAxis::from_fn(|a| AxisError {
+                samples: 100,
+                sse: if a.is_force() { sse } else { 0.0 },
+                ..AxisError::default()
+            })
+        };
+        let found = log_likelihood_ratio(&all(4.0), &all(1.0));
+        assert!((found - 3.0 * 100.0 * 2_f64.ln()).abs() < 1e-9, "{found}");
+    }
+}

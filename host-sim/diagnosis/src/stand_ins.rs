@@ -1,0 +1,109 @@
+//! What the supported effects leave, and which of them are therefore stand-ins for something that nobody looked for.
+
+use sysid::prepare::Prepared;
+
+use crate::criteria::{ABOVE_NOISE, LEFT_BY_THE_RIGHT, Left, stand_in};
+use crate::finding::{EffectFinding, Unexplained};
+use crate::held_out::Validated;
+use crate::noise;
+
+/// Takes back the support of every stand-in. Returns whether there was any.
+pub(crate) fn refuse_stand_ins(findings: &mut [EffectFinding], left: &Left<'_>) -> bool {
+    let mut any = false;
+    for finding in findings.iter_mut().filter(|f| f.supported) {
+        if let Some(reason) = stand_in(finding, left) {
+            finding.refuse(reason);
+            any = true;
+        }
+    }
+    any
+}
+
+/// Axes whose residual is well above the sensors' noise without depending on a measured quantity: with what frequency.
+pub(crate) fn above_noise(
+    ratios: &[Option<f64>; 6],
+    rest: &Validated,
+    validate: &[&Prepared],
+) -> Vec<Unexplained> {
+    model::AXES
+        .into_iter()
+        .filter_map(|axis| {
+            let ratio = ratios[axis.index()].filter(|ratio| *ratio > ABOVE_NOISE)?;
+            let depends_on = noise::strongest_frequency(validate, &rest.held_out, axis.index());
+            Some(Unexplained { axis, depends_on, share_percent: 100.0 * (1.0 - 1.0 / ratio), p_value: 0.0 })
+        })
+        .collect()
+}
+
+/// Axes on which the effects found leave more of the residual's excess over the noise than right ones would.
+pub(crate) fn incomplete(before: &[Option<f64>; 6], after: &[Option<f64>; 6]) -> [bool; 6] {
+    std::array::from_fn(|axis| match (before[axis], after[axis]) {
+        (Some(before), Some(after)) => {
+            after > ABOVE_NOISE && (after - 1.0) > LEFT_BY_THE_RIGHT * (before - 1.0)
+        }
+        _ => false,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::finding::AxisDrop;
+    use crate::reason::{Dependence, Reason};
+    use model::{Axis, Effect};
+
+    fn taking(effect: Effect, drops: &[(&'static str, f64)]) -> EffectFinding {
+        let mut finding = EffectFinding::unsupported(effect, 2, Reason::LikeChance);
+        finding.supported = true;
+        for (axis, percent) in drops {
+            finding.axes.insert(axis, AxisDrop::new(100.0, 100.0 - percent));
+        }
+        finding
+    }
+
+    fn height_in_w(share_percent: f64) -> Vec<Unexplained> {
+        let depends_on = Dependence::Quantity("height");
+        vec![Unexplained { axis: Axis::W, depends_on, share_percent, p_value: 0.0 }]
+    }
+
+    #[test]
+    fn an_effect_that_leaves_more_than_it_takes_is_refused_and_the_others_are_not() {
+        let mut findings =
+            [taking(Effect::SteadyWind, &[("u", 9.0)]), taking(Effect::TranslationalLift, &[("w", 9.0)])];
+        let unexplained = height_in_w(9.5);
+        let left = Left { unexplained: &unexplained, incomplete: [false; 6], answers_late: false };
+        assert!(refuse_stand_ins(&mut findings, &left));
+        assert!(findings[0].supported && !findings[1].supported);
+        assert!(matches!(findings[1].reason, Reason::LeavesMore { axis: Axis::W, .. }));
+        let fewer = height_in_w(8.5);
+        let left = Left { unexplained: &fewer, incomplete: [false; 6], answers_late: false };
+        assert!(!refuse_stand_ins(&mut findings[..1], &left));
+    }
+
+    #[test]
+    fn an_axis_that_stays_above_the_noise_refuses_what_acts_most_on_it() {
+        let excess = |w: f64| [None, Some(1.0), Some(w), None, None, None];
+        // Of an excess of 100, right effects may leave 3.
+        assert!(incomplete(&excess(101.0), &excess(4.1))[Axis::W.index()]);
+        assert!(!incomplete(&excess(101.0), &excess(3.9))[Axis::W.index()]);
+        assert!(!incomplete(&excess(1.7), &excess(1.55))[Axis::W.index()], "within the noise");
+        let incomplete = incomplete(&excess(5.0), &excess(4.0));
+        let left = Left { unexplained: &[], incomplete, answers_late: false };
+        let mut findings = [
+            taking(Effect::SteadyWind, &[("u", 50.0), ("w", 20.0)]),
+            taking(Effect::GroundEffect, &[("w", 50.0)]),
+        ];
+        assert!(refuse_stand_ins(&mut findings, &left));
+        assert!(findings[0].supported);
+        assert_eq!(findings[1].reason, Reason::AboveNoise { axis: Axis::W });
+    }
+
+    #[test]
+    fn a_late_answer_refuses_effects_of_the_actuators_alone() {
+        let mut findings = [taking(Effect::MotorLag, &[("w", 50.0)]), taking(Effect::Tether, &[("u", 50.0)])];
+        let left = Left { unexplained: &[], incomplete: [false; 6], answers_late: true };
+        assert!(refuse_stand_ins(&mut findings, &left));
+        assert_eq!(findings[0].reason, Reason::AnswersLate);
+        assert!(findings[1].supported);
+    }
+}
