@@ -7,8 +7,10 @@ use sysid::checks::vehicle::Likeness;
 use crate::Diagnosis;
 use crate::changes;
 use crate::workflow::corrections::align_to;
+use crate::workflow::error::WorkflowError;
+use crate::workflow::loaded::{LoadedFlight, names};
 use crate::workflow::observer::{Observer, Progress};
-use crate::workflow::sets::{FlightsOfOneKind, LoadedFlight, WorkflowError, names};
+use crate::workflow::sets::FlightsOfOneKind;
 
 /// Explains new flights by one change of a model whose coefficients stay.
 pub fn changed(

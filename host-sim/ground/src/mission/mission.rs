@@ -145,8 +145,8 @@ impl Mission {
 mod tests {
     use std::path::Path;
 
-    use control::condition::Condition;
-    use control::supervisor::Preflight;
+    use control::Condition;
+    use control::Preflight;
     use pattern::Pattern;
     use proptest::prelude::*;
     use proto::Pose;

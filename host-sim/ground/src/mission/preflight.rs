@@ -1,6 +1,6 @@
 //! Why a craft that is asked to arm does not.
 
-use control::supervisor::Preflight;
+use control::Preflight;
 use proto::State;
 
 /// Preflight checks while the craft is asked to arm: one that comes and goes counts as failed too.

@@ -1,6 +1,6 @@
 //! What a mission knows of the craft, what it asks for, and how it goes.
 
-use control::condition::Conditions;
+use control::Conditions;
 use proto::{Gains, Pose, Request, State};
 
 /// What is known of the craft.

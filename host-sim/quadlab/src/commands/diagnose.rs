@@ -130,18 +130,13 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
 }
 
 fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
-    let inputs: Vec<&PathBuf> =
-        options.changed.iter().chain([&options.model]).chain(options.effects.paths()).collect();
-    check_outputs(&options.html, &inputs)?;
+    let files = flights::files(&options.changed)?;
+    let inputs: Vec<&PathBuf> = files.iter().chain([&options.model]).chain(options.effects.paths()).collect();
+    options.overwrite.check(&options.html, &inputs)?;
     let effects = options.effects.read()?;
     let model = read_model(&options.model)?;
     let terminal = Terminal::new(options.json);
-    let mut changed = flights::read(
-        &flights::files(&options.changed)?,
-        &model.vehicle,
-        options.faults.reading(),
-        &terminal,
-    )?;
+    let mut changed = flights::read(&files, &model.vehicle, options.faults.reading(), &terminal)?;
     if model.fit.as_ref().is_none_or(|fit| fit.scatter.is_empty()) {
         colour::warn(&format!(
             "{}: does not say how much the craft differed from flight to flight; changes are judged against noise alone",

@@ -26,7 +26,7 @@ pub(crate) fn battery_of(model: &Model, thesis: Battery) -> Option<Battery> {
     if share == 1.0 {
         return Some(thesis);
     }
-    let hover_speed_rad_s = match design::trim::equilibrium(model, &design::trim::TrimTarget::default()) {
+    let hover_speed_rad_s = match design::plant::equilibrium(model, &design::plant::TrimTarget::default()) {
         Ok(hover) => hover.rotor_rad_s.iter().sum::<f64>() / 4.0,
         Err(_) => thesis.hover_speed_rad_s,
     };

@@ -1,6 +1,6 @@
 //! Everything about a flight before it is flown.
 
-use control::supervision::Fence;
+use control::supervision_limits::Fence;
 use control::{Config, Controller};
 use model::{Battery, Model, Plant, State, frames};
 use nalgebra::Vector3;

@@ -19,7 +19,7 @@ use crate::flight::{
     FlightPlan, Recording, Script, StepAxis, StepCommand, Waypoint, battery_of, for_identification,
     with_still_sensors,
 };
-use design::response::StepMetrics;
+use design::analysis::StepMetrics;
 
 /// A named flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use design::response::{StepMetrics, step_metrics, value_at};
+use design::analysis::{StepMetrics, step_metrics, value_at};
 
 use super::scenario::{RequirementCheck, Scenario, Settings, step_of};
 use crate::flight::{FlightPlan, Recording, SilError, fly, fly_over};
