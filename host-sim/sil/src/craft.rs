@@ -1,7 +1,7 @@
 //! The simulated craft: plant, battery and sensors behind the four motor commands.
 
 use control::Measurement;
-use model::user_effect::Undefined;
+use model::user_effects::Undefined;
 use model::{Battery, DelayLine, Plant, State, Substeps};
 
 use crate::sensors::Sensors;

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use control::supervision::Fence;
-use model::{Model, user_effect};
+use model::{Model, effects};
 use serde_json::Value;
 use sil::{FlightPlan, SilError, fly};
 
@@ -17,7 +17,7 @@ fn with_effect(folder: &Path, id: &str, formula: &str, unit: &str, value: f64) -
          constant = [{{ name = \"low\", unit = \"m\", value = 0.8 }}]\n"
     );
     std::fs::write(&path, text).unwrap();
-    let effect = user_effect::read(&path).unwrap()[0];
+    let effect = effects::read(&path).unwrap()[0];
     let mut model = Model::thesis();
     model.set(effect, &[value]);
     model
