@@ -1,12 +1,13 @@
 //! Diagnoses with the whole catalogue on five 60 s flights at 100 Hz, after reading; one core. The aim is a second each, and 0.3 s for
 //! the exhaustive search over all sets of up to three of twenty candidates.
 
+use diagnosis::diagnose;
+use diagnosis::subsets::Problem;
 use divan::{Bencher, black_box};
 use model::{Effect, Model};
 use nalgebra::DMatrix;
 use stories::world::{Pattern, Sensors, Size, World};
-use sysid::subsets::Problem;
-use sysid::{Prepared, diagnose, fit};
+use sysid::{Prepared, fit};
 
 fn main() {
     divan::main();

@@ -1,12 +1,13 @@
 //! Clocks of simulated flights that were put wrong on purpose are recovered, and right ones are left alone.
 
+use flights::Column::*;
+use flights::{Column, Flight};
 use model::{Effect, Vehicle};
 use rand::{RngExt, SeedableRng};
 use stories::shared;
 use stories::world::{Pattern, Sensors, Size, World};
-use sysid::Column::*;
-use sysid::clocks::{self, Clocks};
-use sysid::{Column, FaultKind, Flight, Prepared, examine};
+use sysid::checks::clocks::{self, Clocks};
+use sysid::{FaultKind, Prepared, examine};
 
 /// The flight with its tracker's columns stamped late by `offset_s` at the middle of the flight, more by `skew` for
 /// every second after it. Straight lines between neighbours: the motion is slow against a sample.

@@ -2,14 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
+use flights::{Column, Flight};
 use model::{Effect, Model, Vehicle, frames};
 use nalgebra::{Matrix3, Vector3, Vector4};
 use rand::{RngExt, SeedableRng};
 use rayon::prelude::*;
 use stories::shared;
 use stories::world::{OUTSIDE, PLANTED, Pattern, Sensors, Size, World};
-use sysid::plausible::{self, Likeness};
-use sysid::{Column, Fault, FaultKind, Flight, Prepared, Severity, examine};
+use sysid::checks::vehicle::{self, Likeness};
+use sysid::{Fault, FaultKind, Prepared, Severity, examine};
 
 use Column::*;
 
@@ -435,7 +436,7 @@ fn pieces_and_copies_of_a_flight_are_recognised() {
         let prepared: Vec<_> = flights.iter().map(|f| examine(f, &vehicle).unwrap().prepared).collect();
         for (k, flight) in flights.iter().enumerate() {
             for (j, other) in prepared.iter().enumerate().filter(|(j, _)| *j != k) {
-                assert!(!sysid::overlap::share_samples(&prepared[k], other), "seed {seed} {k} {j}");
+                assert!(!sysid::checks::overlap::share_samples(&prepared[k], other), "seed {seed} {k} {j}");
             }
             let piece = with_columns(flight, |_, v| v[431..1400].to_vec());
             let rounded = with_columns(flight, |c, v| {
@@ -444,7 +445,7 @@ fn pieces_and_copies_of_a_flight_are_recognised() {
             });
             for again in [piece, rounded] {
                 let again = examine(&again, &vehicle).unwrap().prepared;
-                assert!(sysid::overlap::share_samples(&prepared[k], &again), "seed {seed} {k}");
+                assert!(sysid::checks::overlap::share_samples(&prepared[k], &again), "seed {seed} {k}");
             }
         }
     }
@@ -467,7 +468,7 @@ fn wrong_vehicle_files_and_other_craft_are_suspected() {
         };
         let suspicions = |vehicle: &Vehicle| {
             let (model, _) = model_of(vehicle);
-            plausible::of_vehicle(vehicle).into_iter().chain(plausible::of_fit(&model, false)).count()
+            vehicle::of_vehicle(vehicle).into_iter().chain(vehicle::of_fit(&model, false)).count()
         };
         assert_eq!(suspicions(&vehicle), 0, "seed {seed}");
         let edits: [(&str, Change); 5] = [
@@ -489,7 +490,7 @@ fn wrong_vehicle_files_and_other_craft_are_suspected() {
         // Flights of a craft half as large again as the model's.
         let (mut model, prepared) = model_of(&vehicle);
         let all: Vec<_> = prepared.iter().collect();
-        assert_eq!(plausible::differences(&model, &all, Likeness::SAME), Vec::<String>::new(), "seed {seed}");
+        assert_eq!(vehicle::differences(&model, &all, Likeness::SAME), Vec::<String>::new(), "seed {seed}");
         let scaled = |model: &mut Model, effect: Effect, factor: f64| {
             let term = model.terms.iter_mut().find(|t| t.effect == effect).unwrap();
             term.coefficients.iter_mut().for_each(|c| c.value *= factor);
@@ -497,15 +498,15 @@ fn wrong_vehicle_files_and_other_craft_are_suspected() {
         // A third heavier is a finding of --changed, not another craft.
         scaled(&mut model, Effect::Thrust, 1.35);
         assert_eq!(
-            plausible::differences(&model, &all, Likeness::CHANGED),
+            vehicle::differences(&model, &all, Likeness::CHANGED),
             Vec::<String>::new(),
             "seed {seed}"
         );
-        assert_eq!(plausible::differences(&model, &all, Likeness::SAME).len(), 1, "seed {seed}");
+        assert_eq!(vehicle::differences(&model, &all, Likeness::SAME).len(), 1, "seed {seed}");
         scaled(&mut model, Effect::Thrust, 1.5);
-        assert_eq!(plausible::differences(&model, &all, Likeness::CHANGED).len(), 1, "seed {seed}");
+        assert_eq!(vehicle::differences(&model, &all, Likeness::CHANGED).len(), 1, "seed {seed}");
         scaled(&mut model, Effect::RotorMoments, -1.0);
-        assert_eq!(plausible::differences(&model, &all, Likeness::CHANGED).len(), 3, "seed {seed}");
+        assert_eq!(vehicle::differences(&model, &all, Likeness::CHANGED).len(), 3, "seed {seed}");
     }
 }
 
@@ -528,9 +529,9 @@ fn everything_wrong(vehicle: &Vehicle, flights: &[Flight]) -> Vec<Fault> {
     let (train, validate) = prepared.split_at(prepared.len().saturating_sub(2));
     let basic: Vec<Effect> = Effect::basic().collect();
     if let Ok(fit) = sysid::fit(train, vehicle, &basic, None) {
-        faults.extend(plausible::of_vehicle(vehicle));
-        faults.extend(plausible::of_fit(&fit.model, prepared[0].has_rotor_speeds()));
-        for sentence in plausible::differences(&fit.model, validate, Likeness::SAME) {
+        faults.extend(vehicle::of_vehicle(vehicle));
+        faults.extend(vehicle::of_fit(&fit.model, prepared[0].has_rotor_speeds()));
+        for sentence in vehicle::differences(&fit.model, validate, Likeness::SAME) {
             faults.push(Fault::of_all(FaultKind::OtherVehicle, Severity::Warning, sentence));
         }
     }

@@ -2,10 +2,12 @@
 
 use std::path::Path;
 
+use diagnosis::{Verdict, diagnose};
+use flights::Flight;
 use model::{AXES, Effect, Model, Vehicle};
 use serde_json::Value;
 use stories::shared;
-use sysid::{Fit, Flight, Prepared, Verdict, compare, diagnose, fit};
+use sysid::{Fit, Prepared, compare, fit};
 
 struct Folder {
     vehicle: Vehicle,
@@ -40,7 +42,7 @@ impl Folder {
         fit(&self.train.iter().collect::<Vec<_>>(), &self.vehicle, &effects, None).unwrap()
     }
 
-    fn diagnose(&self, model: &Model) -> sysid::Diagnosis {
+    fn diagnose(&self, model: &Model) -> diagnosis::Diagnosis {
         let (train, validate): (Vec<_>, Vec<_>) =
             (self.train.iter().collect(), self.validate.iter().collect());
         diagnose(model, &train, &validate, |_| ()).unwrap()

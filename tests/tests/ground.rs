@@ -165,7 +165,7 @@ fn recorded_flights_identify_the_craft_that_flew() {
     let prepared: Vec<_> = flights
         .iter()
         .map(|path| {
-            let flight = sysid::Flight::read(path).unwrap();
+            let flight = flights::Flight::read(path).unwrap();
             flight.check_against(&truth.vehicle, path).unwrap();
             let examined = sysid::examine(&flight, &truth.vehicle).unwrap();
             println!("{}: {} rows, clocks {:?}", path.display(), flight.len(), examined.clocks);

@@ -66,7 +66,7 @@ fn kept_failures_can_be_flown_again_from_their_files() {
     let vehicle = model::Vehicle::read(&kept[0].join("vehicle.toml")).unwrap();
     for name in ["A", "B", "C", "D", "E"] {
         let path = kept[0].join(format!("{name}.csv"));
-        sysid::Flight::read(&path).unwrap().check_against(&vehicle, &path).unwrap();
+        flights::Flight::read(&path).unwrap().check_against(&vehicle, &path).unwrap();
     }
 }
 

@@ -1,9 +1,10 @@
 //! Effects that no catalogue has are said to be unknown, and what is told of them leads to their cause.
 #![forbid(unsafe_code)]
 
+use diagnosis::{Diagnosis, Verdict, diagnose};
 use model::Effect;
 use stories::world::{OUTSIDE, Pattern, Sensors, Size, World};
-use sysid::{Diagnosis, Prepared, Verdict, diagnose, fit};
+use sysid::{Prepared, fit};
 
 fn diagnosed(id: &str, strength: f64, size: Size, seed: u64) -> Diagnosis {
     let world = World::new(size, seed).with(id, strength).unwrap();

@@ -1,13 +1,13 @@
 //! The simulated worlds themselves: mechanics against closed forms, sensors against their data sheet, and the same motion
 //! from the product's plant, which was written from other equations.
 
+use flights::{Column, Flight};
 use model::{Effect, Model, Plant, State};
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use stories::world::{Body, Craft, OUTSIDE, PLANTED, Pattern, STEP_S, Sensors, Size, World, changes};
-use sysid::{Column, Flight};
 
 fn rng(seed: u64) -> Pcg64 {
     Pcg64::seed_from_u64(seed)

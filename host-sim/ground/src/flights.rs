@@ -8,8 +8,8 @@
 //! A pose that the craft flew with once more because no new one had come is a missing value, not a measurement. A craft
 //! without a gyro has the rates from motion capture instead.
 
+use flights::{Column, Flight};
 use serde_json::Value;
-use sysid::{Column, Flight};
 
 use crate::ramps::Unwrapped;
 

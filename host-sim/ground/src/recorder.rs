@@ -519,10 +519,10 @@ mod tests {
         assert_eq!(finished.messages, 121);
         assert!(!part_of(&name).exists());
         let [flight] = &finished.flights[..] else { panic!("{finished:?}") };
-        let flight = sysid::Flight::read(flight).unwrap();
+        let flight = flights::Flight::read(flight).unwrap();
         // Flying from tick 10 on, in the air from 20 to 109.
         assert_eq!(flight.len(), 90);
-        assert_eq!(flight.column(sysid::Column::T).unwrap()[89], 0.89);
+        assert_eq!(flight.column(flights::Column::T).unwrap()[89], 0.89);
         assert!(matches!(Recorder::begin(&name, 0, &BTreeMap::new()), Err(RecordError::Exists(_))));
     }
 

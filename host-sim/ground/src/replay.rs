@@ -6,8 +6,8 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use flights::{Column, Flight};
 use proto::Pose;
-use sysid::{Column, Flight};
 
 use crate::mocap::{Heard, MocapError, Receiver, Sighting};
 

@@ -159,7 +159,7 @@ impl Model {
             coefficients: known.iter().map(|&k| names[k].clone()).collect(),
             rows: (0..known.len()).map(|i| (0..i).map(|j| one(known[i], known[j])).collect()).collect(),
         });
-}
+    }
 }
 
 /// Names of all coefficients in the model's order, as `effect.coefficient`.

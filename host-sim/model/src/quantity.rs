@@ -86,15 +86,24 @@ pub const COMBINATIONS: &[Quantity] = &[
     quantity("rotor_acceleration", "rad/s^2", "mean acceleration of the rotors", |s| {
         mean(&s.input.rotor_acceleration_rad_s2)
     }),
-    quantity("roll_rotor_acceleration", "rad/s^2", "acceleration of the left rotors less that of the right ones", |s| {
-        signed(&s.input.rotor_acceleration_rad_s2, &[1.0, -1.0, -1.0, 1.0])
-    }),
-    quantity("pitch_rotor_acceleration", "rad/s^2", "acceleration of the front rotors less that of the rear ones", |s| {
-        signed(&s.input.rotor_acceleration_rad_s2, &[1.0, 1.0, -1.0, -1.0])
-    }),
-    quantity("yaw_rotor_acceleration", "rad/s^2", "acceleration of the rotors that yaw right less that of the others", |s| {
-        signed(&s.input.rotor_acceleration_rad_s2, &s.constants.spin)
-    }),
+    quantity(
+        "roll_rotor_acceleration",
+        "rad/s^2",
+        "acceleration of the left rotors less that of the right ones",
+        |s| signed(&s.input.rotor_acceleration_rad_s2, &[1.0, -1.0, -1.0, 1.0]),
+    ),
+    quantity(
+        "pitch_rotor_acceleration",
+        "rad/s^2",
+        "acceleration of the front rotors less that of the rear ones",
+        |s| signed(&s.input.rotor_acceleration_rad_s2, &[1.0, 1.0, -1.0, -1.0]),
+    ),
+    quantity(
+        "yaw_rotor_acceleration",
+        "rad/s^2",
+        "acceleration of the rotors that yaw right less that of the others",
+        |s| signed(&s.input.rotor_acceleration_rad_s2, &s.constants.spin),
+    ),
     quantity("roll_moment", "Nm", "roll moment of the rotors divided by their coefficients", |s| {
         signed(&s.rotor_thrust_rad2_s2, &s.constants.roll_arm_kg_m2)
     }),
@@ -106,9 +115,13 @@ pub const COMBINATIONS: &[Quantity] = &[
         radius * signed(&s.rotor_speed_squared_rad2_s2, &s.constants.spin)
     }),
     quantity("roll_acceleration", "rad/s^2", "roll acceleration", |s| s.input.angular_acceleration_rad_s2.x),
-    quantity("pitch_acceleration", "rad/s^2", "pitch acceleration", |s| s.input.angular_acceleration_rad_s2.y),
+    quantity("pitch_acceleration", "rad/s^2", "pitch acceleration", |s| {
+        s.input.angular_acceleration_rad_s2.y
+    }),
     quantity("yaw_acceleration", "rad/s^2", "yaw acceleration", |s| s.input.angular_acceleration_rad_s2.z),
-    quantity("pq", "rad^2/s^2", "roll rate times pitch rate", |s| s.input.rate_rad_s.x * s.input.rate_rad_s.y),
+    quantity("pq", "rad^2/s^2", "roll rate times pitch rate", |s| {
+        s.input.rate_rad_s.x * s.input.rate_rad_s.y
+    }),
     quantity("pr", "rad^2/s^2", "roll rate times yaw rate", |s| s.input.rate_rad_s.x * s.input.rate_rad_s.z),
     quantity("qr", "rad^2/s^2", "pitch rate times yaw rate", |s| s.input.rate_rad_s.y * s.input.rate_rad_s.z),
 ];

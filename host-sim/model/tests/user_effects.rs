@@ -135,8 +135,7 @@ fn linear_is_what_is_linear() {
              coefficient = [{{ name = \"a\", unit = \"1/s\", possible = [0.0, 1.0], typical = 1.0 }},\n\
              {{ name = \"b\", unit = \"1/s\", possible = [0.0, 1.0], typical = 1.0 }}]"
         );
-        let parsed =
-            effects::parse(&text, Path::new("x")).unwrap_or_else(|why| panic!("{formula}: {why}"));
+        let parsed = effects::parse(&text, Path::new("x")).unwrap_or_else(|why| panic!("{formula}: {why}"));
         parsed[0].is_linear()
     };
     for formula in

@@ -6,7 +6,7 @@ use model::{
 };
 use serde::Serialize;
 use sysid::compare::HorizonError;
-use sysid::refine::Rows;
+use sysid::fit::output_error::Rows;
 use sysid::{MotorsOfFlights, Prepared, Reference, RefinementOutcome};
 
 use crate::cli::flights::{Loaded, Sets};
@@ -63,17 +63,17 @@ pub(crate) fn align(sets: &mut Sets, model: &Model) {
 pub(crate) fn align_training(sets: &mut Sets, model: &Model) {
     let mut train = prepared(&mut sets.train);
     sysid::align(&mut train, model);
-    sysid::trim::estimate(&mut train, model);
+    sysid::fit::trim::estimate(&mut train, model);
 }
 
 /// Finds the training flights' trim anew, with what has joined the model.
 pub(crate) fn trim(sets: &mut Sets, model: &Model) {
-    sysid::trim::estimate(&mut prepared(&mut sets.train), model);
+    sysid::fit::trim::estimate(&mut prepared(&mut sets.train), model);
 }
 
 /// Aligns the held-out flights to a model of the training flights.
 pub(crate) fn align_held_out(sets: &mut Sets, model: &Model) {
-    let delay = sysid::alignment::common_delay_s(model, &sets.train());
+    let delay = sysid::fit::alignment::common_delay_s(model, &sets.train());
     align_flights(&mut sets.validate, model, Reference::Model(delay));
 }
 

@@ -1,7 +1,8 @@
 //! The whole loop: identify, diagnose, add what is found, until nothing that the flights support is left.
 
+use diagnosis::{Addition, Diagnosis, Verdict};
 use model::{Effect, Model, Vehicle};
-use sysid::{Addition, Comparison, Diagnosis, Verdict};
+use sysid::Comparison;
 
 use crate::cli::flights::Sets;
 use crate::commands::{add, diagnose, identify};
@@ -70,7 +71,7 @@ impl Story {
 pub(crate) fn tell(
     vehicle: &Vehicle,
     sets: &mut Sets,
-    options: &sysid::Options,
+    options: &diagnosis::Options,
     json: bool,
 ) -> anyhow::Result<Story> {
     let basic = identify::identify(vehicle, sets, json)?.model;

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{done_in, run_in};
-use sysid::Flight;
+use flights::Flight;
 
 const SCRIPT: &str = r#"
     [[step]]
@@ -31,7 +31,7 @@ fn a_script_is_flown_and_recorded() {
     assert_eq!(document["flights"], serde_json::json!(["a/b-1.csv"]));
     let flight = Flight::read(&folder.path().join("a/b-1.csv")).unwrap();
     let column = |column| flight.column(column).unwrap().to_vec();
-    let (x, z) = (column(sysid::Column::X), column(sysid::Column::Z));
+    let (x, z) = (column(flights::Column::X), column(flights::Column::Z));
     let least = |values: &[f64]| values.iter().copied().fold(f64::INFINITY, f64::min);
     let most = |values: &[f64]| values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     // A step of 0.4 m at up to 2.5 m/s overshoots, and the landing stops a craft that may still move.

@@ -41,7 +41,7 @@ impl Craft {
         substeps: u32,
     ) -> Self {
         let last_v = battery.voltage_v(0.0, &state.rotor_rad_s);
-        let dead_time = (plant.adjustments().input_delay_s > 0.0).then(|| {
+        let dead_time = (plant.adjustments().dead_time_s() > 0.0).then(|| {
             DelayLine::new(&plant, period_s, substeps, plant.command_for(&state.rotor_rad_s, last_v))
         });
         let substeps = plant.substeps(period_s, substeps);

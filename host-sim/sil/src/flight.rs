@@ -2,9 +2,9 @@
 
 use control::supervision::Fence;
 use control::{Config, Controller, Measurement, Pose, Readings};
+use flights::{Column, Flight};
 use model::{Battery, Model, Plant, State, frames};
 use nalgebra::Vector3;
-use sysid::{Column, Flight};
 
 use crate::craft::Craft;
 use crate::delay::Delay;

@@ -7,10 +7,10 @@
 
 use std::path::Path;
 
+use diagnosis::planning::information::Parameter;
 use model::{Effect, Model};
 use pattern::{Multisine, Pattern};
 use rayon::prelude::*;
-use sysid::information::Parameter;
 
 use crate::manoeuvre::{Manoeuvre, ManoeuvreError, library};
 use crate::predict::{Course, Foreseen, PredictError, Predictor};

@@ -1,16 +1,16 @@
 //! What a flight will tell, before it is flown: the pattern is flown in simulation by the current model under the gains that
-//! will fly it, and the flight's Fisher information is taken ([`sysid::information`]).
+//! will fly it, and the flight's Fisher information is taken ([`diagnosis::planning::information`]).
 //!
 //! The noise is that of the simulated sensors, or as large as the residual that the model's own fit recorded, where that is
 //! larger: on a real craft it nearly always is.
 
 use control::supervisor::{Action, action};
 use control::{Condition, Conditions, Config};
+use diagnosis::planning::information::{Colour, Information, Parameter, Sight};
 use model::{Effect, Model};
 use pattern::Pattern;
 use proto::State;
 use sysid::Prepared;
-use sysid::information::{Colour, Information, Parameter, Sight};
 
 use crate::flight::{FlightPlan, Recording, SilError, fly, for_identification, with_still_sensors};
 

@@ -98,9 +98,9 @@ fn errors_fall_with_amplitude_and_time() {
             hover.pattern(&Injection { amplitude, ..GENTLE }, 0.01, 20.0, Path::new("hover")).unwrap();
         predictor.foresee(&pattern).unwrap().information
     };
-    let error = |information: &sysid::information::Information| {
+    let error = |information: &diagnosis::planning::information::Information| {
         let expected = information.expected(&own).unwrap();
-        let of = |p: &&sysid::information::Parameter| p.effect == Effect::RotorMoments;
+        let of = |p: &&diagnosis::planning::information::Parameter| p.effect == Effect::RotorMoments;
         let all: Vec<f64> =
             expected.parameters.iter().filter(of).map(|p| expected.std_error(*p).unwrap()).collect();
         all.iter().map(|e| e.ln()).sum::<f64>() / all.len() as f64

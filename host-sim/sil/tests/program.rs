@@ -49,7 +49,7 @@ fn a_run_writes_a_page_and_flight_files() {
         std::fs::read_dir(&folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
     assert_eq!(names, ["index.html", "roll-10.csv", "x-1.csv"], "and no temporary file");
-    let flight = sysid::Flight::read(&folder.join("x-1.csv")).unwrap();
+    let flight = flights::Flight::read(&folder.join("x-1.csv")).unwrap();
     assert_eq!(flight.len(), 4101);
     let page = std::fs::read_to_string(folder.join("index.html")).unwrap();
     assert!(page.contains("5.28") && page.contains("reference") && page.contains("</html>"));
@@ -71,10 +71,10 @@ fn a_pattern_file_is_flown() {
     let output = sil(&["--pattern", file.to_str().unwrap(), "--json"], out.path());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     assert_eq!(json(&output)["pass"], true);
-    let flight = sysid::Flight::read(&out.path().join("circle-flight.csv")).unwrap();
+    let flight = flights::Flight::read(&out.path().join("circle-flight.csv")).unwrap();
     assert_eq!(flight.len(), 1201);
     // Round the circle: 2 m across.
-    let x = flight.column(sysid::Column::X).unwrap();
+    let x = flight.column(flights::Column::X).unwrap();
     assert!(x.iter().any(|x| *x > 1.5) && x[0] == 0.0);
     let missing = sil(&["--pattern", "no-such.csv"], out.path());
     assert_eq!((missing.status.code(), text(&missing.stderr).lines().count()), (Some(2), 1));

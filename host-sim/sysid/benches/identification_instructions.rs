@@ -5,8 +5,9 @@
 
 mod common;
 
+use flights::Flight;
 use gungraun::{library_benchmark, library_benchmark_group, main};
-use sysid::{Fit, Flight, Prepared};
+use sysid::{Fit, Prepared};
 
 fn text() -> String {
     common::text(&common::flight(0))

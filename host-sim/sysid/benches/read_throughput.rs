@@ -12,7 +12,7 @@ use std::io::{BufWriter, Write as _};
 use std::path::Path;
 
 use cpu_time::ProcessTime;
-use sysid::Flight;
+use flights::Flight;
 
 const BYTES: usize = 100_000_000;
 

@@ -137,7 +137,7 @@ const LANES: usize = 8;
 
 /// `sum over k of taps[k] * signal[k]`, a filter at one place; `signal` may go on.
 #[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
-pub(crate) fn sum_of_products(signal: &[f64], taps: &[f64]) -> f64 {
+pub fn sum_of_products(signal: &[f64], taps: &[f64]) -> f64 {
     let signal = &signal[..taps.len()];
     let mut sums = [0.0; LANES];
     let (signals, signal_rest) = signal.as_chunks::<LANES>();
@@ -154,7 +154,7 @@ pub(crate) fn sum_of_products(signal: &[f64], taps: &[f64]) -> f64 {
 
 /// Signals side by side through one symmetric filter: samples come in one at a time, results are formed where they are
 /// wanted. Only a few windows of samples are kept, in the nearest caches.
-pub(crate) struct SideBySide {
+pub struct SideBySide {
     /// From the ends of the window inwards; half of the centre's, which is met from both sides.
     folded_taps: Vec<f64>,
     /// Samples in a window.
@@ -168,7 +168,8 @@ pub(crate) struct SideBySide {
 }
 
 impl SideBySide {
-    pub(crate) fn new(taps: &[f64], signals: usize) -> Self {
+    /// Room for so many `signals` that all pass the filter of these `taps`.
+    pub fn new(taps: &[f64], signals: usize) -> Self {
         let mut folded_taps = taps[..taps.len().div_ceil(2)].to_vec();
         if let (1, Some(centre)) = (taps.len() % 2, folded_taps.last_mut()) {
             *centre *= 0.5;
@@ -179,13 +180,13 @@ impl SideBySide {
     }
 
     /// Samples from the centre of the window to its end, the centre's included where it falls on one.
-    pub(crate) fn reach(&self) -> usize {
+    pub fn reach(&self) -> usize {
         self.folded_taps.len()
     }
 
     /// Room for the next sample of all signals.
     #[inline]
-    pub(crate) fn push(&mut self) -> &mut [f64] {
+    pub fn push(&mut self) -> &mut [f64] {
         if self.filled == self.samples.len() {
             let kept = (self.window - 1) * self.groups;
             self.samples.copy_within(self.filled - kept.., 0);
@@ -197,12 +198,12 @@ impl SideBySide {
     }
 
     /// The latest sample.
-    pub(crate) fn latest(&self) -> &[f64] {
+    pub fn latest(&self) -> &[f64] {
         &self.samples[self.filled - self.groups..self.filled].as_flattened()[..self.signals]
     }
 
     /// The first of the signals, as many as `out` takes, filtered; the window ends at the latest sample.
-    pub(crate) fn filtered(&self, out: &mut [f64]) {
+    pub fn filtered(&self, out: &mut [f64]) {
         let window = &self.samples[self.filled - self.window * self.groups..self.filled];
         for (group, out) in out.chunks_mut(LANES).enumerate() {
             let sums = folded_sums(window, self.groups, group, &self.folded_taps);

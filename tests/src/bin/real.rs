@@ -11,9 +11,10 @@ use std::process::{Command, ExitCode};
 
 use anyhow::{Context, Result, bail};
 use clap::Parser;
+use flights::Flight;
 use model::{Effect, Model, Vehicle};
 use serde_json::Value;
-use sysid::{Flight, Prepared, compare, fit};
+use sysid::{Prepared, compare, fit};
 
 /// Measure what the product finds in real flights; prints a table and writes real.md.
 #[derive(Parser)]

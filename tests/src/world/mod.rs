@@ -22,10 +22,10 @@ mod truth;
 
 use std::path::Path;
 
+use flights::Flight;
 use model::Vehicle;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
-use sysid::Flight;
 
 pub use body::{Body, STEP_S};
 pub use craft::{Craft, Size};

@@ -1,10 +1,10 @@
 //! What the laboratory's instruments see of a flight: motion capture, gyro, battery, and the commands as sent.
 
+use flights::{Column, Flight};
 use nalgebra::{Rotation3, Vector3};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
-use sysid::{Column, Flight};
 
 use super::body::{Body, STEP_S};
 use super::craft::Craft;

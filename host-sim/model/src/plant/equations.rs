@@ -269,7 +269,8 @@ impl Plant {
         state.rotor_rad_s = *rotor_end;
         if !PLAIN {
             let pendulum = start.pendulum.moved(&k1.pendulum, sixth).moved(&k2.pendulum, 2.0 * sixth);
-            state.pendulum = pendulum.moved(&k3.pendulum, 2.0 * sixth).moved(&k4.pendulum, sixth).normalized();
+            state.pendulum =
+                pendulum.moved(&k3.pendulum, 2.0 * sixth).moved(&k4.pendulum, sixth).normalized();
         }
     }
 

@@ -40,5 +40,5 @@ pub use definition::{
     UserEffectError,
 };
 pub use effect::UserEffect;
-pub(crate) use user::{all, define, parse, read};
 pub use user::{Undefined, User};
+pub(crate) use user::{all, define, parse, read};

@@ -168,11 +168,7 @@ pub(crate) fn read(path: &Path, catalogue: &[&str]) -> Result<Vec<User>, UserEff
 }
 
 /// Parses and checks the text of a file of effects without keeping them.
-pub(crate) fn parse(
-    text: &str,
-    path: &Path,
-    catalogue: &[&str],
-) -> Result<Vec<UserEffect>, UserEffectError> {
+pub(crate) fn parse(text: &str, path: &Path, catalogue: &[&str]) -> Result<Vec<UserEffect>, UserEffectError> {
     if text.len() as u64 > MAX_FILE_BYTES {
         return Err(UserEffectError::TooLarge { path: path.to_owned() });
     }
@@ -229,4 +225,3 @@ fn keep(effect: UserEffect, path: &Path) -> Result<User, UserEffectError> {
     known.push(user);
     Ok(user)
 }
-

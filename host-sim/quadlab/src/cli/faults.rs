@@ -4,9 +4,10 @@ use std::cell::RefCell;
 
 use model::{FlightRole, Model, Vehicle};
 use serde::Serialize;
-use sysid::clocks::Clocks;
-use sysid::plausible::{self, Likeness};
-use sysid::{Fault, FaultKind, Severity, overlap};
+use sysid::checks::clocks::Clocks;
+use sysid::checks::overlap;
+use sysid::checks::vehicle::{self, Likeness};
+use sysid::{Fault, FaultKind, Severity};
 
 use crate::cli::flights::{FlightsError, Loaded, Sets};
 use crate::cli::output::Outcome;
@@ -72,7 +73,7 @@ impl Faults {
                 self.tell(&flight.path.display().to_string(), fault.clone());
             }
         }
-        if let Some(fault) = plausible::of_vehicle(vehicle) {
+        if let Some(fault) = vehicle::of_vehicle(vehicle) {
             self.tell(&vehicle.name, fault);
         }
         Ok(())
@@ -98,7 +99,7 @@ impl Faults {
             let (kind, severity) = (FaultKind::SharedSamples, Severity::Refused);
             self.tell(&again.path.display().to_string(), Fault { kind, severity, flight, sentence });
         }
-        for fault in plausible::of_set(&sets.train(), &sets.validate()) {
+        for fault in vehicle::of_set(&sets.train(), &sets.validate()) {
             self.tell("flights", fault);
         }
         Ok(())
@@ -132,7 +133,7 @@ impl Faults {
     ) {
         let flights: Vec<&Loaded> = flights.into_iter().collect();
         let prepared: Vec<_> = flights.iter().map(|f| &f.prepared).collect();
-        let differences = plausible::differences(model, &prepared, likeness);
+        let differences = vehicle::differences(model, &prepared, likeness);
         if differences.is_empty() {
             return;
         }
@@ -147,11 +148,11 @@ impl Faults {
     /// What a fitted model says of its vehicle file and of the flights it was fitted on and judged by.
     pub(crate) fn of_fit(&self, model: &Model, sets: &Sets) {
         let logged = sets.train.iter().all(|f| f.prepared.has_rotor_speeds());
-        for fault in plausible::of_fit(model, logged) {
+        for fault in vehicle::of_fit(model, logged) {
             self.tell(&listed(&sets.train), fault);
         }
         let judged: Vec<_> = sets.validate();
-        let differences = plausible::differences(model, &judged, Likeness::SAME);
+        let differences = vehicle::differences(model, &judged, Likeness::SAME);
         if !differences.is_empty() {
             let sentence = format!(
                 "these flights look like those of another vehicle than {}: against the fit, {}; judge a model by flights of the same \

@@ -2,11 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use flights::{Flight, FlightError};
 use model::{AxisError, FitRecord, FlightRecord, FlightRole, Model, PerAxis, Vehicle};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
-use sysid::clocks::Clocks;
-use sysid::{Fault, Flight, FlightError, PrepareError, Prepared};
+use sysid::checks::clocks::Clocks;
+use sysid::{Fault, PrepareError, Prepared};
 
 use crate::cli::faults::{Faults, Reading};
 use crate::cli::progress;
@@ -128,8 +129,8 @@ impl Sets {
             flights,
             train: errors(model, &self.train()),
             held_out: errors(model, &self.validate()),
-            scatter: sysid::changes::scatter(model, &all),
-            rotor_delay_s: sysid::alignment::common_delay_s(model, &self.train()),
+            scatter: diagnosis::changes::scatter(model, &all),
+            rotor_delay_s: sysid::fit::alignment::common_delay_s(model, &self.train()),
             ..FitRecord::default()
         }
     }

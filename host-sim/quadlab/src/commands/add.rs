@@ -2,18 +2,17 @@
 
 use std::path::PathBuf;
 
+use diagnosis::Addition;
 use model::{Effect, FitRecord, HistoryEntry, Model, PerAxis};
 use serde::Serialize;
-use sysid::Addition;
-use sysid::plausible::Likeness;
+use sysid::checks::vehicle::Likeness;
 
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::{SetOptions, Sets};
 use crate::cli::output::{Outcome, check_outputs};
 use crate::cli::progress;
 use crate::cli::user_effects::EffectOptions;
-use crate::real_logs;
-use crate::real_logs::{RefineOptions, RefinementEntry};
+use crate::real_logs::{self, RefineOptions, RefinementEntry};
 use crate::render::tables;
 
 /// Add a physical effect to a model and fit all of it again.
@@ -111,8 +110,8 @@ pub(crate) fn add(
     let mut with = model.clone();
     with.set(effect, &vec![0.0; effect.info().coefficients.len()]);
     real_logs::trim(sets, &with);
-    let addition =
-        sysid::add(model, effect, &sets.train(), &sets.validate()).map_err(|refused| sets.blame(refused))?;
+    let addition = diagnosis::add(model, effect, &sets.train(), &sets.validate())
+        .map_err(|refused| sets.blame(refused))?;
     let mut better = addition.fit.model.clone();
     let rotation_refused = model.fit.as_ref().map_or_else(Vec::new, |fit| fit.rotation_refused.clone());
     better.fit = Some(FitRecord { rotation_refused, ..sets.record(&better) });
@@ -158,7 +157,7 @@ struct Document<'a> {
     sse_after: PerAxis<f64>,
     drop_percent: PerAxis<f64>,
     supported: bool,
-    finding: &'a sysid::diagnose::EffectFinding,
+    finding: &'a diagnosis::diagnose::EffectFinding,
     #[serde(skip_serializing_if = "Option::is_none")]
     refinement: Option<RefinementEntry>,
 }

@@ -4,12 +4,11 @@ use std::path::PathBuf;
 
 use model::Model;
 use sysid::Comparison;
-use sysid::plausible::Likeness;
+use sysid::checks::vehicle::Likeness;
 
 use crate::cli::faults::{self, FaultOptions};
-use crate::cli::flights;
 use crate::cli::output::{Outcome, check_outputs, provenance};
-use crate::cli::{progress, user_effects};
+use crate::cli::{flights, progress, user_effects};
 use crate::real_logs;
 use crate::render::{pages, tables};
 

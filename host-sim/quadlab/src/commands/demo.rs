@@ -78,7 +78,7 @@ fn on_flights(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
     let vehicle = Vehicle::read(&vehicle_path)?;
     let mut sets = Sets::read(&files, &vehicle, Reading::default())?;
     create(&options.out)?;
-    let story = story::tell(&vehicle, &mut sets, &sysid::Options::default(), false)?;
+    let story = story::tell(&vehicle, &mut sets, &diagnosis::Options::default(), false)?;
     let lead = format!("{how} {}", story.conclusion());
     let text = finish(options, &lead, &vehicle_path, &sets, &story)?;
     sets.faults.warn();
@@ -128,7 +128,7 @@ fn on_hidden_effect(options: &Options) -> anyhow::Result<Outcome> {
     // From here on only the files speak.
     let vehicle = Vehicle::read(&vehicle_path)?;
     let mut sets = Sets::read(&files, &vehicle, Reading::default())?;
-    let story = story::tell(&vehicle, &mut sets, &sysid::Options::default(), false)?;
+    let story = story::tell(&vehicle, &mut sets, &diagnosis::Options::default(), false)?;
     let found = story.found().first() == Some(&effect);
     let lead = format!("{} {}", story.conclusion(), verdict(effect, seed, &story));
     let mut text = finish(options, &lead, &vehicle_path, &sets, &story)?;

@@ -2,15 +2,15 @@
 
 use std::path::PathBuf;
 
+use diagnosis::Diagnosis;
 use model::{Effect, Model};
-use sysid::Diagnosis;
-use sysid::plausible::Likeness;
+use sysid::checks::vehicle::Likeness;
 
 use crate::cli::faults::{self, FaultOptions};
-use crate::cli::flights::{SetOptions, Sets};
+use crate::cli::flights::{self, SetOptions, Sets};
 use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::cli::progress;
 use crate::cli::user_effects::{self, EffectOptions};
-use crate::cli::{flights, progress};
 use crate::real_logs;
 use crate::render::{evidence, pages, tables};
 
@@ -72,10 +72,10 @@ pub(crate) struct WithoutOptions {
 
 impl WithoutOptions {
     /// What to diagnose with.
-    pub(crate) fn options(&self) -> Result<sysid::Options, crate::commands::add::AddError> {
+    pub(crate) fn options(&self) -> Result<diagnosis::Options, crate::commands::add::AddError> {
         let without =
             self.without.iter().map(|id| crate::commands::add::known_effect(id)).collect::<Result<_, _>>()?;
-        Ok(sysid::Options { without })
+        Ok(diagnosis::Options { without })
     }
 }
 
@@ -143,7 +143,7 @@ fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
     }
     real_logs::align_flights(&mut loaded, &model, sysid::Reference::Flights);
     let spinner = progress::spinner(options.json);
-    let diagnosis = sysid::changes::changed(&model, &flights::prepared(&loaded), |step| {
+    let diagnosis = diagnosis::changes::changed(&model, &flights::prepared(&loaded), |step| {
         spinner.set_message(format!("trying {step}"));
     });
     spinner.finish_and_clear();
@@ -162,14 +162,14 @@ fn why(
     model: &Model,
     effect: Effect,
     sets: &Sets,
-    diagnose_options: &sysid::Options,
+    diagnose_options: &diagnosis::Options,
 ) -> anyhow::Result<Outcome> {
     let spinner = progress::spinner(options.json);
     spinner.set_message(format!("examining {effect}"));
-    let why = sysid::why(model, effect, &sets.train(), &sets.validate(), diagnose_options);
+    let why = diagnosis::why(model, effect, &sets.train(), &sets.validate(), diagnose_options);
     spinner.finish_and_clear();
     let why = match why {
-        Err(sysid::WhyError::Fit(refused)) => return Err(sets.blame(refused)),
+        Err(diagnosis::WhyError::Fit(refused)) => return Err(sets.blame(refused)),
         other => other?,
     };
     if options.json { Outcome::json(&why) } else { Ok(Outcome::done(evidence::text(&why))) }
@@ -179,11 +179,11 @@ fn why(
 pub(crate) fn diagnose(
     model: &Model,
     sets: &Sets,
-    options: &sysid::Options,
+    options: &diagnosis::Options,
     json: bool,
 ) -> anyhow::Result<Diagnosis> {
     let spinner = progress::spinner(json);
-    let diagnosis = sysid::diagnose_with(model, &sets.train(), &sets.validate(), options, |step| {
+    let diagnosis = diagnosis::diagnose_with(model, &sets.train(), &sets.validate(), options, |step| {
         spinner.set_message(format!("trying {step}"));
     });
     spinner.finish_and_clear();

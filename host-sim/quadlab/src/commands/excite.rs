@@ -9,6 +9,7 @@ use design::Gains;
 use design::linear::Linear;
 use design::procedure::{Method, Specs, design};
 use design::trim::TrimTarget;
+use diagnosis::planning::information::{Expected, Parameter};
 use model::Model;
 use pattern::{Pattern, relative_peak_factor};
 use report::{Axis, Figure, Page, Panels, Section, Series, Style, significant};
@@ -16,7 +17,6 @@ use serde::Serialize;
 use sil::manoeuvre::{Injection, Signal, library};
 use sil::plan::{BAND_HZ, GENTLE, known_error};
 use sil::predict::{Course, Foreseen, Predictor, Prospect};
-use sysid::information::{Expected, Parameter};
 
 use crate::cli::output::{Outcome, check_outputs, provenance};
 use crate::commands::demo_effect;

@@ -2,18 +2,17 @@
 
 use std::path::PathBuf;
 
+use diagnosis::Verdict;
+use diagnosis::diagnose::Unexplained;
 use model::{Model, PerAxis, Vehicle};
 use serde::Serialize;
-use sysid::Verdict;
-use sysid::diagnose::Unexplained;
 
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::{SetOptions, Sets};
 use crate::cli::output::{Outcome, check_outputs, provenance};
 use crate::cli::user_effects::EffectOptions;
 use crate::commands::diagnose::WithoutOptions;
-use crate::real_logs;
-use crate::real_logs::{RefineOptions, RefinementEntry};
+use crate::real_logs::{self, RefineOptions, RefinementEntry};
 use crate::render::{pages, tables};
 use crate::story::{self, Story};
 

@@ -11,8 +11,7 @@ use crate::cli::flights::{SetOptions, Sets};
 use crate::cli::output::{Outcome, check_outputs};
 use crate::cli::progress;
 use crate::cli::user_effects::EffectOptions;
-use crate::real_logs;
-use crate::real_logs::{RefineOptions, RefinementEntry};
+use crate::real_logs::{self, RefineOptions, RefinementEntry};
 use crate::render::tables;
 
 /// Identify the basic model from flights.
@@ -159,7 +158,7 @@ struct FlightEntry<'a> {
     /// Clock of the rotor samples against that of the state.
     alignment: Option<&'a sysid::Alignment>,
     /// Constants of the rows beyond the mean of the training flights.
-    trim: Option<sysid::trim::Trim>,
+    trim: Option<sysid::fit::trim::Trim>,
     force_target: &'static str,
     notes: &'a [String],
 }

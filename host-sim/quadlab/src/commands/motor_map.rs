@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use model::{Vehicle, VehicleError};
+use motor_stand::motor_map::{Estimated, Judged, Map, StandResult, motor_map};
+use motor_stand::stand::Stand;
 use report::{Axis, Figure, Page, Panels, Section, Series, Style, significant};
 use serde::Serialize;
-use sysid::motor_map::{Estimated, Judged, Map, StandResult, motor_map};
-use sysid::stand::Stand;
 use toml_edit::{DocumentMut, Item, TableLike, value};
 
 use crate::cli::output::{Outcome, check_outputs, provenance};

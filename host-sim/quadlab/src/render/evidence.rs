@@ -1,6 +1,6 @@
 //! `quadlab diagnose --why`: the evidence for and against one effect, as text.
 
-use sysid::Why;
+use diagnosis::Why;
 
 use crate::render::tables::{self, Grid};
 

@@ -3,7 +3,7 @@
 use model::{Axis, Model};
 use report::{Figure, Mark, Panels, Series, Style, bin_statistics, binned_scatter};
 use sysid::compare::HorizonError;
-use sysid::conditions::Condition;
+use sysid::prepare::conditions::Condition;
 use sysid::{Prepared, Residuals, residuals};
 
 /// Length of the stretch shown of a flight, s: long enough for a few manoeuvres, short enough to see each.

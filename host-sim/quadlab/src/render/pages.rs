@@ -1,8 +1,9 @@
 //! Pages: what a command found, with the figures that show it.
 
+use diagnosis::Diagnosis;
 use model::{AXES, Axis, Effect, Model};
 use report::{Page, Section};
-use sysid::{Comparison, Diagnosis};
+use sysid::Comparison;
 
 use crate::cli::faults::Faults;
 use crate::cli::flights::{Loaded, Sets, prepared};
@@ -108,7 +109,7 @@ pub(crate) fn diagnose(model: &Model, sets: &Sets, diagnosis: &Diagnosis) -> Pag
     let before = View::all(&sets.validate(), model);
     let mut page = Page::new("What does the model lack?", diagnosis.summary.clone());
     if let Some(effect) = diagnosis.best()
-        && let Ok(addition) = sysid::add(model, effect, &sets.train(), &sets.validate())
+        && let Ok(addition) = diagnosis::add(model, effect, &sets.train(), &sets.validate())
     {
         let after = View::all(&sets.validate(), &addition.fit.model);
         page = page.section(difference(effect, &before, &after));

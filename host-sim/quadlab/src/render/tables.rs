@@ -2,12 +2,13 @@
 
 use std::fmt::Write as _;
 
+use diagnosis::Diagnosis;
+use diagnosis::diagnose::{EffectFinding, Unexplained};
 use model::{AXES, AxisError, Effect, HistoryEntry, Model, PerAxis};
 use report::significant;
-use sysid::clocks::Clock;
+use sysid::checks::clocks::Clock;
 use sysid::compare::HorizonError;
-use sysid::diagnose::{EffectFinding, Unexplained};
-use sysid::{Comparison, Diagnosis, Fault, MotorsOfFlights};
+use sysid::{Comparison, Fault, MotorsOfFlights};
 
 use crate::cli::flights::Loaded;
 use crate::story::Story;

@@ -1,8 +1,9 @@
 //! The flights that the benches of the identification share: 60 s at 100 Hz made of sines. What is measured does not
 //! depend on whether they obey physics.
 
+use flights::{Column, Flight};
 use model::{Effect, Vehicle};
-use sysid::{Column, Fit, Flight, Prepared};
+use sysid::{Fit, Prepared};
 
 const ROWS: usize = 6000;
 

@@ -6,11 +6,11 @@
 use std::path::Path;
 
 use anyhow::Context;
+use diagnosis::planning::library::library;
 use model::Effect;
 use rayon::prelude::*;
 use serde::Serialize;
 use stories::world::Pattern;
-use sysid::library::library;
 use sysid::{Prepared, fit};
 
 use crate::plan::Hidden;

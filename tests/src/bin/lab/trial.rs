@@ -1,9 +1,11 @@
 //! One trial: a world is flown, and the product is asked what it hides.
 
+use diagnosis::{Diagnosis, Verdict, diagnose};
+use flights::Flight;
 use model::{Effect, FitRecord, FlightRecord, FlightRole, Model};
 use serde::Serialize;
 use stories::world::{Pattern, Sensors, True, World};
-use sysid::{Diagnosis, Fit, Flight, Prepared, Verdict, diagnose, fit};
+use sysid::{Fit, Prepared, fit};
 
 use crate::plan::{Hidden, Trial};
 
@@ -168,7 +170,7 @@ fn ask_what_changed(trial: &Trial) -> Result<Outcome, String> {
     let effects: Vec<Effect> = Effect::basic().collect();
     let train = &before[..Pattern::TRAIN.len()];
     let mut model = fit(train, &base.vehicle, &effects, None).map_err(|error| error.to_string())?.model;
-    let scatter = sysid::changes::scatter(&model, before);
+    let scatter = diagnosis::changes::scatter(&model, before);
     let flights = before.iter().map(|flight| FlightRecord {
         name: flight.name.clone(),
         sha256: String::new(),
@@ -176,7 +178,7 @@ fn ask_what_changed(trial: &Trial) -> Result<Outcome, String> {
         samples: flight.rows() as u64,
     });
     model.fit = Some(FitRecord { scatter, flights: flights.collect(), ..FitRecord::default() });
-    let diagnosis = sysid::changes::changed(&model, after, |_| ()).map_err(|error| error.to_string())?;
+    let diagnosis = diagnosis::changes::changed(&model, after, |_| ()).map_err(|error| error.to_string())?;
     let blamed = diagnosis.effects.iter().find(|finding| finding.supported).and_then(|finding| finding.motor);
     let weak = world.craft.efficiency.iter().position(|part| *part != 1.0);
     Ok(Outcome {

@@ -1,0 +1,425 @@
+//! The model was good once: what has changed since?
+//!
+//! The model's parameters stay; the residual of new flights is explained by one change at a time: a heavier craft, a weak
+//! motor, a wind, a shifted battery. The same standard of evidence as in [`diagnose`](mod@crate::diagnose): each change is
+//! estimated on all new flights but one and judged on that one (blocks of time where there is a single flight).
+//!
+//! A real craft differs a little from flight to flight (trim, battery seat, tracker calibration). How much, is known
+//! from the flights the model was made from: the model file holds how far each change's estimate scatters between them.
+//! A change must stand out from that scatter, not only from the noise.
+
+use model::{ChangeScatter, Effect, Model};
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+
+use crate::diagnose::{
+    AxisDrop, CoefficientFigures, Diagnosis, EffectFinding, MATTERS_PERCENT, SIGNIFICANCE, Verdict,
+    block_sums, independent_stretches, log_likelihood_ratio, one_sided_p_value, zero_p_value,
+};
+use sysid::fit::least_squares::{self, FlightRows, Prior};
+use sysid::fit::linearise::About;
+use sysid::fit::slung_load::Known;
+use sysid::fit::step_end;
+use sysid::prepare::Prepared;
+use sysid::{FitError, Residuals, errors, residuals};
+
+/// Largest corrected p-value of a change that takes away most of the error. A scatter known from a handful of flights makes even a
+/// large change uncertain; a small one must be certain.
+const LARGE_SIGNIFICANCE: f64 = 0.05;
+/// Part of the error, percent, from which on a change takes away most of it.
+const LARGE_PERCENT: f64 = 50.0;
+/// Most Gauss-Newton steps.
+const MAX_STEPS: usize = 8;
+/// A rival with this part of the best change's gain is examined for confusion with it.
+const RIVAL: f64 = 0.7;
+/// One with this part of it is confounded with it whatever more they explain together: a weight under a motor is both a
+/// shifted centre of mass and, nearly, a motor that lifts less.
+const AS_GOOD: f64 = 0.9;
+
+/// One change to explain new flights by: an effect, and which of its coefficients.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Change {
+    /// The effect.
+    #[serde(serialize_with = "effect_id")]
+    pub effect: Effect,
+    /// Motor number 1 to 4, for a change of one motor.
+    pub motor: Option<u8>,
+}
+
+fn effect_id<S: serde::Serializer>(effect: &Effect, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(effect.id())
+}
+
+impl Change {
+    /// Every change that can have come about to a craft of `model`.
+    pub fn all(model: &Model) -> Vec<Self> {
+        Effect::changes()
+            .filter(|effect| !model.has(*effect))
+            .filter(|effect| (effect.info().special.can_come_about)(&model.vehicle))
+            .flat_map(|effect| {
+                let motors = if effect.info().special.one_per_rotor {
+                    [1, 2, 3, 4].map(Some).to_vec()
+                } else {
+                    vec![None]
+                };
+                motors.into_iter().map(move |motor| Self { effect, motor })
+            })
+            .collect()
+    }
+
+    /// Indices of the coefficients it frees.
+    fn coefficients(self) -> Vec<usize> {
+        match self.motor {
+            Some(motor) => vec![usize::from(motor) - 1],
+            None => (0..self.effect.info().coefficients.len()).collect(),
+        }
+    }
+
+    /// For people: "motor-efficiency of motor 2".
+    pub fn name(self) -> String {
+        match self.motor {
+            Some(motor) => format!("{} of motor {motor}", self.effect),
+            None => self.effect.id().into(),
+        }
+    }
+}
+
+/// A change fitted to flights with the model's parameters fixed.
+struct Fitted {
+    model: Model,
+    values: DVector<f64>,
+    covariance: DMatrix<f64>,
+    sigma: [f64; 6],
+}
+
+/// Fits a change to flights, starting from none, on top of `model`.
+fn fit_change(model: &Model, change: Change, flights: &[&Prepared]) -> Result<Fitted, FitError> {
+    let info = change.effect.info();
+    let free = change.coefficients();
+    let mut changed = model.clone();
+    let mut all: Vec<f64> = model.term(change.effect).map_or_else(
+        || vec![0.0; info.coefficients.len()],
+        |t| t.coefficients.iter().map(|c| c.value).collect(),
+    );
+    for _ in 0..MAX_STEPS {
+        changed.set(change.effect, &all);
+        let rows: Vec<FlightRows> =
+            flights.iter().map(|flight| rows(flight, &changed, change, &free)).collect();
+        let priors: Vec<Option<Prior>> = free
+            .iter()
+            .map(|&k| info.coefficients[k].prior.map(|deviation| Prior { expected: -all[k], deviation }))
+            .collect();
+        let solution = least_squares::solve(&rows, &priors).map_err(|_| FitError::NotExcited {
+            effect: info.id,
+            coefficient: info.coefficients[free[0]].name,
+            excitation: info.excitation,
+        })?;
+        let mut settled = true;
+        for (i, &k) in free.iter().enumerate() {
+            let step = solution.value[i];
+            settled &=
+                step.abs() < 0.01 * solution.covariance[(i, i)].sqrt() + 1e-9 * info.coefficients[k].typical;
+            all[k] = step_end(all[k], step, &info.coefficients[k]);
+        }
+        if settled {
+            changed.set(change.effect, &all);
+            let values = DVector::from_iterator(free.len(), free.iter().map(|&k| all[k]));
+            return Ok(Fitted {
+                model: changed,
+                values,
+                covariance: solution.covariance,
+                sigma: solution.sigma,
+            });
+        }
+    }
+    Err(FitError::NotConverged { effect: info.id, excitation: info.excitation })
+}
+
+fn rows(flight: &Prepared, changed: &Model, change: Change, free: &[usize]) -> FlightRows {
+    let stride = flight.fit_stride();
+    let About { residuals, columns: mut derivatives, .. } =
+        About::new(flight, changed, (&[], &[change.effect]), stride, &Known::default());
+    FlightRows {
+        columns: free.iter().map(|&k| std::mem::take(&mut derivatives[k])).collect(),
+        targets: residuals.residual,
+        starts: flight.starts_of_rows(stride),
+        period_s: flight.period_s * stride as f64,
+    }
+}
+
+/// How far each change's estimate scatters between the flights a model was made from: for the model file.
+pub fn scatter(model: &Model, flights: &[&Prepared]) -> Vec<ChangeScatter> {
+    let mut result = Vec::new();
+    for change in Change::all(model) {
+        let names = change.coefficients().into_iter().map(|k| change.effect.info().coefficients[k].name);
+        let estimates: Vec<Fitted> =
+            flights.iter().filter_map(|flight| fit_change(model, change, &[flight]).ok()).collect();
+        if estimates.len() < 2 {
+            continue;
+        }
+        // Each flight had its part in the model that it is held against; a new one has none.
+        let count = estimates.len() as f64;
+        let of_a_new_one = count / (count - 1.0);
+        for (i, name) in names.enumerate() {
+            // About zero, not about the mean: the model is the reference.
+            let mean_square = estimates.iter().map(|e| e.values[i] * e.values[i]).sum::<f64>() / count;
+            result.push(ChangeScatter {
+                effect: change.effect.id().into(),
+                coefficient: name.into(),
+                deviation: of_a_new_one * mean_square.sqrt(),
+            });
+        }
+    }
+    result
+}
+
+/// Names the one change that explains new flights, with the model's parameters as they are.
+pub fn changed(
+    model: &Model,
+    flights: &[&Prepared],
+    mut progress: impl FnMut(&str),
+) -> Result<Diagnosis, FitError> {
+    if flights.is_empty() {
+        return Err(FitError::NoFlights);
+    }
+    let changes = Change::all(model);
+    let mut findings: Vec<(Change, EffectFinding)> = changes
+        .iter()
+        .map(|&change| {
+            progress(change.effect.id());
+            (change, examine(model, change, flights, changes.len()))
+        })
+        .collect();
+    let score = |f: &EffectFinding| f.gain * (1.0 - 0.02 * f.coefficients.len() as f64);
+    findings.sort_by(|a, b| b.1.supported.cmp(&a.1.supported).then(score(&b.1).total_cmp(&score(&a.1))));
+    mark_rivals(model, &mut findings, flights, changes.len());
+    let supported = findings.iter().any(|(_, f)| f.supported);
+    let summary = match findings.iter().find(|(_, f)| f.supported) {
+        Some((change, f)) => {
+            let size: Vec<String> = f
+                .coefficients
+                .iter()
+                .map(|c| format!("{} = {:.4} +- {:.4} {}", c.name, c.value, c.std_error, c.unit))
+                .collect();
+            let rivals = f.reason.split_once("; these flights cannot tell it from ");
+            let rivals = rivals.map_or_else(String::new, |(_, names)| {
+                format!(" These flights cannot tell it from {names}.")
+            });
+            format!(
+                "Since the model was made, {} has come about ({}): it takes away {:.1} % of the error on flights it was \
+                 not estimated from.{rivals}",
+                change.name(),
+                size.join(", "),
+                f.drop_percent
+            )
+        }
+        None => "No change stands out from the scatter between the flights the model was made from.".into(),
+    };
+    Ok(Diagnosis {
+        verdict: if supported { Verdict::MissingEffect } else { Verdict::Adequate },
+        summary,
+        effects: findings.into_iter().map(|(_, finding)| finding).collect(),
+        unexplained: Vec::new(),
+    })
+}
+
+/// Changes that explain nearly as much as the best, and add nothing to it nor it to them, cannot be told from it.
+fn mark_rivals(
+    model: &Model,
+    findings: &mut [(Change, EffectFinding)],
+    flights: &[&Prepared],
+    candidates: usize,
+) {
+    let Some((best, best_gain)) = findings.first().filter(|(_, f)| f.supported).map(|(c, f)| (*c, f.gain))
+    else {
+        return;
+    };
+    let Ok(with_best) = fit_change(model, best, flights) else { return };
+    let mut rivals = Vec::new();
+    for (change, finding) in findings.iter_mut().skip(1).filter(|(_, f)| f.supported) {
+        let as_good = finding.gain > AS_GOOD * best_gain;
+        let adds =
+            change.effect != best.effect && examine(&with_best.model, *change, flights, candidates).supported;
+        if adds && !as_good {
+            continue;
+        }
+        finding.supported = false;
+        finding.reason = format!("adds nothing once {} is accounted for", best.name());
+        let rival = as_good
+            || finding.gain > RIVAL * best_gain
+                && fit_change(model, *change, flights).is_ok_and(|with| {
+                    change.effect == best.effect || !examine(&with.model, best, flights, candidates).supported
+                });
+        if rival {
+            finding.reason = format!("these flights cannot tell it from {}", best.name());
+            finding.confounded_with.push(best.effect.id());
+            rivals.push(*change);
+        }
+    }
+    rivals.extend(as_good_together(findings, best, best_gain));
+    let names = rivals.iter().map(|rival| rival.name()).collect::<Vec<_>>().join(", ");
+    let best = &mut findings[0].1;
+    best.confounded_with = rivals.iter().map(|rival| rival.effect.id()).collect();
+    best.confounded_with.sort_unstable();
+    best.confounded_with.dedup();
+    if !names.is_empty() {
+        best.reason.push_str(&format!("; these flights cannot tell it from {names}"));
+    }
+}
+
+/// Two other changes that act on different axes and together take away as much as the best one: a weight under a motor, which
+/// shifts the centre of mass and adds to the mass, looks like a motor that lifts less.
+fn as_good_together(findings: &[(Change, EffectFinding)], best: Change, best_gain: f64) -> Vec<Change> {
+    let others = || findings.iter().skip(1).filter(|(c, f)| c.effect != best.effect && f.gain > 0.0);
+    let apart = |a: Change, b: Change| a.effect.info().axes.iter().all(|x| !b.effect.info().axes.contains(x));
+    let mut pair: Option<(f64, [Change; 2])> = None;
+    for (a, first) in others().filter(|(_, f)| f.p_value < SIGNIFICANCE) {
+        for (b, second) in others().filter(|(b, _)| apart(*a, *b)) {
+            let sum = first.gain + second.gain;
+            if sum > AS_GOOD * best_gain && pair.is_none_or(|(most, _)| sum > most) {
+                pair = Some((sum, [*a, *b]));
+            }
+        }
+    }
+    pair.map_or_else(Vec::new, |(_, both)| both.to_vec())
+}
+
+fn examine(model: &Model, change: Change, flights: &[&Prepared], candidates: usize) -> EffectFinding {
+    let info = change.effect.info();
+    let mut finding = EffectFinding::unsupported(change.effect, flights.len());
+    finding.motor = change.motor;
+    let fitted = match fit_change(model, change, flights) {
+        Ok(fitted) => fitted,
+        Err(refused) => {
+            finding.reason = refused.to_string();
+            return finding;
+        }
+    };
+    let free = change.coefficients();
+    let (total, independent) = with_scatter(model, change, &fitted, flights);
+    finding.coefficients = free
+        .iter()
+        .enumerate()
+        .map(|(i, &k)| CoefficientFigures {
+            name: info.coefficients[k].name,
+            value: fitted.values[i],
+            std_error: total[(i, i)].max(0.0).sqrt(),
+            unit: info.coefficients[k].unit,
+        })
+        .collect();
+    let coefficients = free.iter().map(|&k| &info.coefficients[k]);
+    let p_value = zero_p_value(fitted.values.as_slice(), &total, coefficients, independent);
+    finding.p_value = (p_value * candidates as f64).min(1.0);
+    cross_validate(model, change, flights, &fitted, &mut finding);
+    (finding.supported, finding.reason) = weigh(&finding, change, &fitted);
+    finding
+}
+
+/// The covariance of an estimate with what the base flights scatter by, and what it is known from: a scatter seen in a few flights
+/// is itself uncertain (Welch 1947 and Satterthwaite 1946 for the sum). New flights of one day share the trim of that day, so several
+/// of them scatter no less than one.
+fn with_scatter(
+    model: &Model,
+    change: Change,
+    fitted: &Fitted,
+    flights: &[&Prepared],
+) -> (DMatrix<f64>, f64) {
+    let mut total = fitted.covariance.clone();
+    let stretches = independent_stretches(flights);
+    let Some(fit) = &model.fit else { return (total, stretches) };
+    let base_flights = fit.flights.len().max(2) as f64;
+    let mut independent = stretches;
+    for (i, k) in change.coefficients().into_iter().enumerate() {
+        let name = change.effect.info().coefficients[k].name;
+        let known = fit.scatter.iter().find(|s| s.effect == change.effect.id() && s.coefficient == name);
+        let Some(known) = known else { continue };
+        let (noise, scatter) = (total[(i, i)], known.deviation * known.deviation);
+        total[(i, i)] = noise + scatter;
+        let spread = noise * noise / stretches + scatter * scatter / base_flights;
+        if spread > 0.0 {
+            independent = independent.min(total[(i, i)].powi(2) / spread);
+        }
+    }
+    (total, independent)
+}
+
+/// Errors on flights the change was not estimated from.
+fn cross_validate(
+    model: &Model,
+    change: Change,
+    flights: &[&Prepared],
+    fitted: &Fitted,
+    finding: &mut EffectFinding,
+) {
+    let axes = change.effect.info().axes;
+    let before: Vec<Residuals> = flights.iter().map(|flight| residuals(flight, model)).collect();
+    let after: Vec<Residuals> = (0..flights.len())
+        .map(|left_out| {
+            let rest: Vec<&Prepared> =
+                flights.iter().enumerate().filter(|(i, _)| *i != left_out).map(|(_, f)| *f).collect();
+            // A single flight can only be judged on itself; the scatter then guards against chance.
+            let other = if rest.is_empty() { None } else { fit_change(model, change, &rest).ok() };
+            residuals(flights[left_out], other.as_ref().map_or(&fitted.model, |o| &o.model))
+        })
+        .collect();
+    let mut blocks = Vec::new();
+    let (mut gain, mut total) = (0.0, 0.0);
+    for ((flight, a), b) in flights.iter().zip(&before).zip(&after) {
+        let mut difference = vec![0.0; flight.rows()];
+        for axis in axes.iter().map(|a| a.index()) {
+            let weight = 1.0 / (fitted.sigma[axis] * fitted.sigma[axis]);
+            for ((d, x), y) in difference.iter_mut().zip(&a.residual[axis]).zip(&b.residual[axis]) {
+                *d += weight * (x * x - y * y);
+                total += weight * x * x;
+            }
+        }
+        let sum: f64 = difference.iter().sum();
+        finding.flights_improved[0] += usize::from(sum > 0.0);
+        gain += sum;
+        blocks.extend(block_sums(flight, &difference));
+    }
+    let (e0, e1) = (errors(&before), errors(&after));
+    for &axis in axes {
+        finding.axes.insert(axis.name(), AxisDrop::new(e0[axis].sse, e1[axis].sse));
+    }
+    finding.gain = log_likelihood_ratio(&e0, &e1);
+    finding.drop_percent = if total > 0.0 { 100.0 * gain / total } else { 0.0 };
+    finding.held_out_p_value = Some(one_sided_p_value(&blocks));
+}
+
+fn weigh(finding: &EffectFinding, change: Change, fitted: &Fitted) -> (bool, String) {
+    let largest = finding.axes.values().map(|a| a.drop_percent).fold(f64::NEG_INFINITY, f64::max);
+    let [improved, flights] = finding.flights_improved;
+    let is_large = finding.drop_percent > LARGE_PERCENT;
+    if finding.p_value > if is_large { LARGE_SIGNIFICANCE } else { SIGNIFICANCE } {
+        let p = finding.p_value;
+        return (
+            false,
+            format!("does not stand out from noise and the scatter between flights (p = {p:.2})"),
+        );
+    }
+    if largest < MATTERS_PERCENT {
+        return (false, format!("too small to matter: {largest:.1} % of the error at best"));
+    }
+    if finding.held_out_p_value.is_some_and(|p| p > 0.05) || 2 * improved <= flights && flights > 1 {
+        return (
+            false,
+            format!("does not carry over from flight to flight ({improved} of {flights} improve)"),
+        );
+    }
+    for (i, k) in change.coefficients().into_iter().enumerate() {
+        let coefficient = &change.effect.info().coefficients[k];
+        let (low, high) = coefficient.possible;
+        let slack = 2.0 * fitted.covariance[(i, i)].max(0.0).sqrt();
+        if fitted.values[i] < low - slack || fitted.values[i] > high + slack {
+            return (
+                false,
+                format!(
+                    "needs {} = {:.3} {}, which is impossible",
+                    coefficient.name, fitted.values[i], coefficient.unit
+                ),
+            );
+        }
+    }
+    (true, format!("error on flights it was not estimated from falls by {:.1} %", finding.drop_percent))
+}

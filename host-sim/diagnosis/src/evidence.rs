@@ -1,0 +1,365 @@
+//! Why is an effect supported, or why not? The evidence for and against one effect, each criterion with its number and its
+//! threshold.
+//!
+//! An effect that the model has is taken out and put back: what would be lost without it? One that it has not is put in. Either
+//! way two models are fitted, with and without, and what a diagnosis finds besides is taken into account as well: an effect
+//! can be worth much by itself and nothing once the right one is in place.
+
+use std::collections::BTreeMap;
+
+use model::{AXES, Effect, Kind, Model, Question};
+use nalgebra::DMatrix;
+use serde::Serialize;
+
+use crate::diagnose::{
+    AxisDrop, CoefficientFigures, EffectFinding, HELD_OUT_SIGNIFICANCE, MATTERS_PERCENT, Options,
+    SIGNIFICANCE, evidence, matters_percent,
+};
+use crate::screen::Screen;
+use crate::search::{Judged, PENALTY, SET, Search, judge};
+use sysid::prepare::Prepared;
+use sysid::{FitError, errors};
+
+/// Variance inflation from which on two effects cannot be told apart in practice.
+const CONFUSED_VIF: f64 = 10.0;
+/// Sets shown.
+const SETS: usize = 5;
+
+/// Why an effect cannot be asked about.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum WhyError {
+    /// Part of every model.
+    #[error("{0} is part of every model: it cannot be missing or taken out")]
+    Basic(Effect),
+    /// Absorbed by a fit of everything.
+    #[error(
+        "{0} can only be seen as a change: a fit of everything absorbs it; ask for it with --changed and flights from after it came about"
+    )]
+    Change(Effect),
+    /// The fit without it.
+    #[error(transparent)]
+    Fit(#[from] FitError),
+}
+
+/// One criterion of support.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Criterion {
+    /// What is asked.
+    pub question: &'static str,
+    /// What was found.
+    pub value: f64,
+    /// Unit of value and threshold, empty for a probability.
+    pub unit: &'static str,
+    /// What it is held against.
+    pub threshold: f64,
+    /// Whether the value must be at most (rather than at least) the threshold.
+    pub at_most: bool,
+    /// Whether it is met.
+    pub met: bool,
+}
+
+impl Criterion {
+    fn at_most(question: &'static str, value: f64, unit: &'static str, threshold: f64) -> Self {
+        Self { question, value, unit, threshold, at_most: true, met: value <= threshold }
+    }
+
+    fn at_least(question: &'static str, value: f64, unit: &'static str, threshold: f64) -> Self {
+        Self { question, value, unit, threshold, at_most: false, met: value >= threshold }
+    }
+}
+
+/// Errors of one held-out flight without and with the effect.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FlightDrop {
+    /// Name of the flight.
+    pub flight: String,
+    /// Every axis.
+    pub axes: BTreeMap<&'static str, AxisDrop>,
+}
+
+/// A coefficient with what is possible.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CoefficientEvidence {
+    /// Value and error.
+    #[serde(flatten)]
+    pub figures: CoefficientFigures,
+    /// Half width of its 95 % interval.
+    pub half_width_95: f64,
+    /// Smallest and largest physically possible value.
+    pub possible: (f64, f64),
+}
+
+/// Another effect whose columns look like this one's to the model.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Likeness {
+    /// The effect.
+    pub effect: &'static str,
+    /// By how much the variance of a coefficient grows when both are fitted.
+    pub variance_inflation: f64,
+    /// What to fly to separate them, where it is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub separate: Option<&'static str>,
+}
+
+/// A set of effects of the exhaustive search.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ScoredSet {
+    /// Its members.
+    pub effects: Vec<&'static str>,
+    /// Logarithm of its held-out likelihood ratio to the empty set, less one for each coefficient.
+    pub score: f64,
+}
+
+/// The evidence for and against one effect.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Why {
+    /// Its identifier.
+    pub effect: &'static str,
+    /// Whether the model has it; it was then taken out.
+    pub in_model: bool,
+    /// Whether every criterion is met by itself.
+    pub supported: bool,
+    /// In a sentence.
+    pub summary: String,
+    /// Each criterion.
+    pub criteria: Vec<Criterion>,
+    /// Each held-out flight.
+    pub flights: Vec<FlightDrop>,
+    /// Coefficients.
+    pub coefficients: Vec<CoefficientEvidence>,
+    /// By how much the variance of its worst coefficient is inflated because the model's own terms look like it.
+    pub variance_inflation: f64,
+    /// Effects that look like it, the most alike first.
+    pub alike: Vec<Likeness>,
+    /// What a diagnosis finds in the model without it.
+    pub found: Vec<&'static str>,
+    /// What it adds once the others that were found are in the model, percent of the held-out error.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub drop_percent_beside_found: Option<f64>,
+    /// The best sets of effects of the exhaustive search.
+    pub best_sets: Vec<ScoredSet>,
+    /// The best sets that hold it.
+    pub best_sets_with_it: Vec<ScoredSet>,
+    /// What to fly to see it.
+    pub to_see_it: &'static str,
+}
+
+/// Examines one effect.
+pub fn why(
+    model: &Model,
+    effect: Effect,
+    train: &[&Prepared],
+    validate: &[&Prepared],
+    options: &Options,
+) -> Result<Why, WhyError> {
+    let info = effect.info();
+    if info.kind == Kind::Basic {
+        return Err(WhyError::Basic(effect));
+    }
+    if info.question == Question::Change {
+        return Err(WhyError::Change(effect));
+    }
+    let mut without = model.clone();
+    without.terms.retain(|term| term.effect != effect);
+    let mut candidates = options.candidates(&without);
+    if !candidates.contains(&effect) {
+        candidates.push(effect);
+    }
+    let search = Search::new(&without, candidates, train, validate)?;
+    let start = if model.has(effect) { model } else { &search.base.fit.model };
+    let mut effects = without.effects();
+    effects.push(effect);
+    let with = judge(start, &effects, train, validate)?;
+    let finding = evidence(&search.base, &with, effect, (train, validate), search.count());
+    let found = search.choose(&mut |_| ())?.findings;
+    let beside = beside_found(&search, &without, effect, &found, (train, validate))?;
+    Ok(assemble(model.has(effect), effect, &search, &with, &finding, (&found, beside), validate))
+}
+
+/// What the effect adds, percent of the held-out error over its axes, with the others that were found in place.
+fn beside_found(
+    search: &Search<'_>,
+    without: &Model,
+    effect: Effect,
+    found: &[EffectFinding],
+    (train, validate): (&[&Prepared], &[&Prepared]),
+) -> Result<Option<f64>, FitError> {
+    let others: Vec<Effect> =
+        found.iter().filter_map(|f| Effect::from_id(f.effect)).filter(|e| *e != effect).collect();
+    if others.is_empty() {
+        return Ok(None);
+    }
+    let mut effects = without.effects();
+    effects.extend(&others);
+    let reference = judge(&search.base.fit.model, &effects, train, validate)?;
+    effects.push(effect);
+    let Ok(with) = judge(&reference.fit.model, &effects, train, validate) else { return Ok(Some(0.0)) };
+    let count = search.count();
+    Ok(Some(evidence(&reference, &with, effect, (train, validate), count).drop_percent))
+}
+
+fn assemble(
+    in_model: bool,
+    effect: Effect,
+    search: &Search<'_>,
+    with: &Judged,
+    finding: &EffectFinding,
+    (found, beside): (&[EffectFinding], Option<f64>),
+    validate: &[&Prepared],
+) -> Why {
+    let info = effect.info();
+    let screen = &search.screen;
+    let index = screen.index(effect);
+    let left = index.map_or(1.0, |i| {
+        let live = screen.problem.groups[i].clone().filter(|&k| screen.problem.train[(k, k)] > 0.0);
+        live.map(|k| screen.left[k]).fold(1.0, f64::min)
+    });
+    let sets = screen.problem.search(SET, PENALTY);
+    let scored = |holds: &dyn Fn(&[usize]) -> bool| -> Vec<ScoredSet> {
+        let shown = sets.iter().filter(|set| holds(&set.members)).take(SETS);
+        let named = |set: &crate::subsets::Subset| ScoredSet {
+            effects: set.members.iter().map(|&m| screen.candidates[m].id()).collect(),
+            score: set.score,
+        };
+        shown.map(named).collect()
+    };
+    let found: Vec<&'static str> = found.iter().map(|f| f.effect).collect();
+    Why {
+        effect: effect.id(),
+        in_model,
+        supported: finding.supported,
+        summary: summary(in_model, finding, &found, beside),
+        criteria: criteria(finding),
+        flights: flights(&search.base, with, validate),
+        coefficients: finding
+            .coefficients
+            .iter()
+            .zip(info.coefficients)
+            .map(|(figures, c)| CoefficientEvidence {
+                half_width_95: 1.96 * figures.std_error,
+                figures: figures.clone(),
+                possible: c.possible,
+            })
+            .collect(),
+        variance_inflation: 1.0 / left.max(f64::MIN_POSITIVE),
+        alike: index.map_or_else(Vec::new, |i| alike(screen, i)),
+        found,
+        drop_percent_beside_found: beside,
+        best_sets: scored(&|_| true),
+        best_sets_with_it: scored(&|members| index.is_some_and(|i| members.contains(&i))),
+        to_see_it: info.excitation,
+    }
+}
+
+fn summary(in_model: bool, finding: &EffectFinding, found: &[&str], beside: Option<f64>) -> String {
+    let EffectFinding { effect, reason, supported, .. } = finding;
+    let what = match (in_model, supported) {
+        (true, true) => format!("{effect} earns its place in the model: {reason}."),
+        (true, false) => format!("{effect} is in the model, and these flights do not support it: {reason}."),
+        (false, true) => format!("{effect} is supported by itself: {reason}."),
+        (false, false) => format!("{effect} is not supported: {reason}."),
+    };
+    let others: Vec<&str> = found.iter().copied().filter(|id| id != effect).collect();
+    match beside {
+        Some(percent) => format!(
+            "{what} With {} in the model, which the diagnosis finds, it takes {percent:.1} % of the error.",
+            others.join(" and ")
+        ),
+        None if found.contains(effect) => format!("{what} The diagnosis finds it as well."),
+        None => what,
+    }
+}
+
+fn criteria(finding: &EffectFinding) -> Vec<Criterion> {
+    let largest = finding.axes.values().map(|a| a.drop_percent).fold(f64::NEG_INFINITY, f64::max);
+    let [improved, flights] = finding.flights_improved;
+    let part = 100.0 * improved as f64 / flights.max(1) as f64;
+    let outside = finding.coefficients.iter().filter_map(|c| {
+        let info = Effect::from_id(finding.effect)?.info();
+        let (low, high) = info.coefficients.iter().find(|known| known.name == c.name)?.possible;
+        Some((low - c.value).max(c.value - high).max(0.0) / c.std_error.max(f64::MIN_POSITIVE))
+    });
+    vec![
+        Criterion::at_most(
+            "differs from zero: chance of such coefficients without it, all candidates counted",
+            finding.p_value,
+            "",
+            SIGNIFICANCE,
+        ),
+        Criterion::at_least(
+            "matters: largest fall of the held-out squared error of an axis",
+            largest,
+            "%",
+            Effect::from_id(finding.effect).map_or(MATTERS_PERCENT, matters_percent),
+        ),
+        Criterion::at_most(
+            "holds on new flights: chance of such a fall without the effect",
+            finding.held_out_p_value.unwrap_or(1.0),
+            "",
+            HELD_OUT_SIGNIFICANCE,
+        ),
+        // More than half; a single flight must improve.
+        Criterion::at_least("holds on most flights: held-out flights that improve", part, "%", 50.1),
+        Criterion::at_most(
+            "is possible: distance of the worst coefficient beyond its range",
+            outside.fold(0.0, f64::max),
+            "std. errors",
+            2.0,
+        ),
+    ]
+}
+
+fn flights(without: &Judged, with: &Judged, validate: &[&Prepared]) -> Vec<FlightDrop> {
+    let each = validate.iter().zip(without.held_out.iter().zip(&with.held_out));
+    each.map(|(flight, (a, b))| {
+        let (before, after) = (errors([a]), errors([b]));
+        let drop = |axis: model::Axis| (axis.name(), AxisDrop::new(before[axis].sse, after[axis].sse));
+        FlightDrop { flight: flight.name.clone(), axes: AXES.into_iter().map(drop).collect() }
+    })
+    .collect()
+}
+
+/// Other candidates by how much a coefficient's variance grows when both are fitted: 1 / (1 - the largest canonical correlation
+/// squared) of their columns, the model's own projected out.
+fn alike(screen: &Screen, index: usize) -> Vec<Likeness> {
+    let effect = screen.candidates[index];
+    let live = |i: usize| -> Vec<usize> {
+        screen.problem.groups[i].clone().filter(|&k| screen.problem.train[(k, k)] > 0.0).collect()
+    };
+    let own = live(index);
+    let mut all: Vec<Likeness> = (0..screen.candidates.len())
+        .filter(|&other| other != index)
+        .filter_map(|other| {
+            let inflation = variance_inflation(&screen.problem.train, &own, &live(other))?;
+            let id = screen.candidates[other].id();
+            let known =
+                |a: Effect, b: &str| a.info().confused_with.iter().find(|(o, _)| *o == b).map(|c| c.1);
+            let separate = known(effect, id).or_else(|| known(screen.candidates[other], effect.id()));
+            (inflation > CONFUSED_VIF).then_some(Likeness {
+                effect: id,
+                variance_inflation: inflation,
+                separate,
+            })
+        })
+        .collect();
+    all.sort_by(|a, b| b.variance_inflation.total_cmp(&a.variance_inflation));
+    all
+}
+
+fn variance_inflation(cross: &DMatrix<f64>, a: &[usize], b: &[usize]) -> Option<f64> {
+    if a.is_empty() || b.is_empty() {
+        return None;
+    }
+    let part = |rows: &[usize], columns: &[usize]| {
+        DMatrix::from_fn(rows.len(), columns.len(), |r, c| {
+            let (i, j) = (rows[r], columns[c]);
+            cross[(i, j)] / (cross[(i, i)] * cross[(j, j)]).sqrt()
+        })
+    };
+    // Canonical correlations are the singular values of La^-1 Cab Lb^-T.
+    let (la, lb) = (part(a, a).cholesky()?.l(), part(b, b).cholesky()?.l());
+    let left = la.solve_lower_triangular(&part(a, b))?;
+    let both = lb.solve_lower_triangular(&left.transpose())?;
+    let largest = both.singular_values().max().min(1.0 - 1e-12);
+    Some(1.0 / (1.0 - largest * largest))
+}

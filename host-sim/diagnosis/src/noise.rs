@@ -1,0 +1,178 @@
+//! What the residual would be if nothing were missing: the sensors' own noise, through the filters.
+//!
+//! The noise of a channel is read off its fourth differences, in which motion hardly shows and white noise does, and the
+//! filters' taps say what becomes of it in a row. On flights of complete models the residual's variance is that, within
+//! the scatter of a variance. A residual well above has a cause, whether or not it depends on anything measured: a
+//! gust, a swinging load, an engine that ages. Its spectrum says at which frequency.
+//!
+//! Samples that were filled in (`prepare.rs`) have no noise of their own, and those at lost rows another: neither counts.
+//!
+//! Logs of an estimator instead of sensors have no white noise to go by; their channels fail the test for whiteness
+//! (the autocorrelation of fourth differences is known, and so is what they do over every other sample), and nothing is
+//! said.
+
+use std::f64::consts::TAU;
+
+use sysid::Residuals;
+use sysid::prepare::{ForceTarget, Prepared, Stretch};
+
+/// Variance of the fourth difference of unit white noise: 1 + 16 + 36 + 16 + 1.
+const FOURTH_DIFFERENCE: f64 = 70.0;
+/// Its autocorrelation at one and two samples: -56/70 and 28/70.
+const WHITE: [f64; 2] = [-0.8, 0.4];
+/// How far the autocorrelation may be off.
+const WHITE_TOLERANCE: f64 = 0.08;
+/// How far the variance by every other sample may be off that by every sample. White noise has the same; the sluggish noise
+/// of a tracker, which the filters pass more of than its highest frequencies tell, has more.
+const SAME_VARIANCE: f64 = 0.15;
+/// Frequencies looked at, Hz: from what a flight is long enough for to where the filters end.
+const FREQUENCIES_HZ: (f64, f64, usize) = (0.1, 5.0, 99);
+/// An oscillation has this part of the excess within a sixth of its frequency.
+const CONCENTRATED: f64 = 0.5;
+
+/// Three channels of a stretch.
+type Channels = fn(&Stretch) -> &[Vec<f64>; 3];
+
+/// The channels that force rows come from, and what the filters make of the variance of their noise.
+fn force_channels(flight: &Prepared) -> (Channels, f64) {
+    let filter = &flight.filter;
+    match flight.force_target {
+        ForceTarget::Imu => (|s| s.imu_m_s2.as_ref().unwrap_or(&s.rate_rad_s), energy(&filter.smooth)),
+        ForceTarget::Velocity => (|s| &s.velocity_ned_m_s, energy(&filter.derivative)),
+        ForceTarget::Position => (|s| &s.position_ned_m, energy(&self_convolution(&filter.derivative))),
+    }
+}
+
+fn gyro_channels(flight: &Prepared) -> (Channels, f64) {
+    (|s| &s.rate_rad_s, energy(&flight.filter.derivative))
+}
+
+fn energy(taps: &[f64]) -> f64 {
+    taps.iter().map(|t| t * t).sum()
+}
+
+/// Variance that sensor noise alone leaves in a row of each of three axes of a flight, (unit of the axis)^2.
+fn floor(flight: &Prepared, (channels, gain): (Channels, f64)) -> [f64; 3] {
+    std::array::from_fn(|i| {
+        let differences: Vec<Vec<f64>> =
+            flight.stretches.iter().map(|s| fourth_differences(&channels(s)[i], &s.measured, 1)).collect();
+        gain * variance(&differences)
+    })
+}
+
+/// Whether the noise of three channels is white, over all flights: the autocorrelation of fourth differences, and their
+/// variance over every other sample.
+fn is_white(flights: &[&Prepared], channels: impl Fn(&Prepared) -> (Channels, f64)) -> bool {
+    let all = |step: usize| -> Vec<Vec<f64>> {
+        let each = flights.iter().flat_map(|f| {
+            f.stretches.iter().flat_map(|s| (channels(f).0)(s).iter().map(|signal| (signal, &s.measured)))
+        });
+        // Channels of unequal noise weigh the same.
+        each.map(|(signal, measured)| {
+            let differences = fourth_differences(signal, measured, step);
+            let scale = variance(std::slice::from_ref(&fourth_differences(signal, measured, 1))).sqrt();
+            differences.into_iter().map(|d| d / scale).collect()
+        })
+        .collect()
+    };
+    let (fine, coarse) = (all(1), all(2));
+    let lagged = |lag: usize| -> f64 {
+        let pairs = fine.iter().flat_map(|d| d.iter().zip(d.iter().skip(lag)));
+        let (sum, count) = pairs
+            .map(|(a, b)| a * b)
+            .filter(|product| product.is_finite())
+            .fold((0.0, 0.0), |(sum, count), product| (sum + product, count + 1.0));
+        sum / count
+    };
+    let correlated =
+        WHITE.iter().zip(1..).all(|(w, lag)| (lagged(lag) / lagged(0) - w).abs() < WHITE_TOLERANCE);
+    correlated && (variance(&coarse) / variance(&fine) - 1.0).abs() < SAME_VARIANCE
+}
+
+/// Fourth differences over every `step`-th sample; NaN where one of the five was filled in.
+fn fourth_differences(signal: &[f64], measured: &[bool], step: usize) -> Vec<f64> {
+    let window = |(w, measured): (&[f64], &[bool])| {
+        if (0..5).any(|k| !measured[k * step]) {
+            return f64::NAN;
+        }
+        w[0] - 4.0 * w[step] + 6.0 * w[2 * step] - 4.0 * w[3 * step] + w[4 * step]
+    };
+    let length = 4 * step + 1;
+    signal.windows(length).zip(measured.windows(length)).map(window).collect()
+}
+
+/// Variance behind fourth differences, by the median of their squares: a glitch does not count. NaN without any.
+fn variance(differences: &[Vec<f64>]) -> f64 {
+    let mut squares: Vec<f64> =
+        differences.iter().flatten().map(|d| d * d).filter(|square| square.is_finite()).collect();
+    let middle = squares.len() / 2;
+    if squares.is_empty() {
+        return f64::NAN;
+    }
+    // The median of a squared normal deviate is 0.4549 of its variance.
+    *squares.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.4549 / FOURTH_DIFFERENCE
+}
+
+fn self_convolution(taps: &[f64]) -> Vec<f64> {
+    let mut result = vec![0.0; 2 * taps.len() - 1];
+    for (i, a) in taps.iter().enumerate() {
+        for (j, b) in taps.iter().enumerate() {
+            result[i + j] += a * b;
+        }
+    }
+    result
+}
+
+/// Ratio of the residual's variance to what the sensors' noise explains, for each axis over several flights; nothing
+/// where the noise is not white.
+pub fn excess(flights: &[&Prepared], residuals: &[Residuals]) -> [Option<f64>; 6] {
+    let (force, turning) = (is_white(flights, force_channels), is_white(flights, gyro_channels));
+    let (mut found, mut expected) = ([0.0; 6], [0.0; 6]);
+    for (flight, residual) in flights.iter().zip(residuals) {
+        let mut noise = floor(flight, force_channels(flight));
+        if flight.force_target != ForceTarget::Imu {
+            // Inertial axes and body axes share the mean: a tracker is about as good in each direction.
+            noise = [noise.iter().sum::<f64>() / 3.0; 3];
+        }
+        let noise = noise.into_iter().chain(floor(flight, gyro_channels(flight)));
+        for (axis, noise) in noise.enumerate() {
+            found[axis] += residual.residual[axis].iter().map(|e| e * e).sum::<f64>();
+            expected[axis] += noise * flight.rows() as f64;
+        }
+    }
+    std::array::from_fn(|axis| {
+        let known = if axis < 3 { force } else { turning };
+        (known && expected[axis] > 0.0).then(|| found[axis] / expected[axis])
+    })
+}
+
+/// Where in frequency a residual stands out most from white noise through the filters: "an oscillation at 0.70 Hz", or
+/// "slow changes" when it is spread out.
+pub(crate) fn frequency(flights: &[&Prepared], residuals: &[Residuals], axis: usize) -> String {
+    let (low, high, count) = FREQUENCIES_HZ;
+    let grid: Vec<f64> = (0..count).map(|k| low + (high - low) * k as f64 / (count - 1) as f64).collect();
+    let mut power = vec![0.0; count];
+    for (flight, residual) in flights.iter().zip(residuals) {
+        let signal = &residual.residual[axis];
+        let n = signal.len() as f64;
+        for (sum, frequency) in power.iter_mut().zip(&grid) {
+            let (mut real, mut imaginary) = (0.0, 0.0);
+            for (k, e) in signal.iter().enumerate() {
+                let hann = 0.5 - 0.5 * (TAU * k as f64 / n).cos();
+                let angle = TAU * frequency * flight.period_s * k as f64;
+                real += hann * e * angle.cos();
+                imaginary += hann * e * angle.sin();
+            }
+            *sum += (real * real + imaginary * imaginary) / n;
+        }
+    }
+    let total: f64 = power.iter().sum();
+    let peak = (0..count).max_by(|a, b| power[*a].total_cmp(&power[*b])).unwrap_or(0);
+    let near = |k: usize| (grid[k] / grid[peak] - 1.0).abs() < 1.0 / 6.0 || k.abs_diff(peak) <= 1;
+    let around: f64 = (0..count).filter(|k| near(*k)).map(|k| power[k]).sum();
+    if around > CONCENTRATED * total && grid[peak] > 0.25 {
+        format!("an oscillation at {:.2} Hz", grid[peak])
+    } else {
+        "slow changes in time".into()
+    }
+}

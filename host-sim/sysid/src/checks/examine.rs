@@ -1,0 +1,213 @@
+//! What is checked of a flight before anything is fitted: faults of the log are found and named, not fitted away.
+//!
+//! [`examine`] looks at one flight: channels that lie ([`crate::checks::channels`]), axes and signs
+//! ([`crate::checks::frames`], [`crate::checks::imu`]), motor order ([`crate::checks::motors`]), clocks ([`crate::checks::clocks`], [`crate::checks::command_clock`]). It hands back the flight
+//! with what can be mended mended, and a list of [`Fault`]s. Faults of a vehicle file, of a fit and of a set of flights are
+//! in [`crate::checks::vehicle`] and [`crate::checks::overlap`].
+
+use model::Vehicle;
+use serde::Serialize;
+
+use crate::checks::clocks::{self, Clock, Clocks};
+use crate::checks::frames::{self, FrameFault};
+use crate::checks::{channels, command_clock, imu, motors};
+use crate::prepare::{PrepareError, Prepared};
+use flights::Flight;
+
+/// What kind of fault; the word in JSON.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum FaultKind {
+    /// Tracker and board stamp the same moment differently.
+    ClockOffset,
+    /// Their clocks run at different paces.
+    ClockSkew,
+    /// The time between commands and motion changes within the flight.
+    WanderingClock,
+    /// Wrong axes, signs, orders or units of attitude, rates, position or acceleration, known which.
+    WrongFrame,
+    /// They contradict each other, not known why.
+    InconsistentFrames,
+    /// Motors numbered or spinning otherwise.
+    WrongMotors,
+    /// Commands at the ends of their range.
+    SaturatedCommands,
+    /// A stream that repeats its values, a motor that never moves.
+    FrozenChannel,
+    /// A tracker that jumps.
+    TrackerJump,
+    /// Gaps, missing values, uneven steps.
+    Gaps,
+    /// Mass, geometry or units of the vehicle file against what the fit says.
+    ImplausibleVehicle,
+    /// Flights that are not those of the model's vehicle, or of two vehicles.
+    OtherVehicle,
+    /// Too few or too short flights.
+    TooFewFlights,
+    /// Coefficients that the flights do not determine.
+    NotExcited,
+    /// Two flights that share samples.
+    SharedSamples,
+    /// A flight that the model was fitted on.
+    FittedOn,
+}
+
+impl FaultKind {
+    /// The word for it in JSON and on pages.
+    pub const fn id(self) -> &'static str {
+        match self {
+            Self::ClockOffset => "clock-offset",
+            Self::ClockSkew => "clock-skew",
+            Self::WanderingClock => "wandering-clock",
+            Self::WrongFrame => "wrong-frame",
+            Self::InconsistentFrames => "inconsistent-frames",
+            Self::WrongMotors => "wrong-motors",
+            Self::SaturatedCommands => "saturated-commands",
+            Self::FrozenChannel => "frozen-channel",
+            Self::TrackerJump => "tracker-jump",
+            Self::Gaps => "gaps",
+            Self::ImplausibleVehicle => "implausible-vehicle",
+            Self::OtherVehicle => "other-vehicle",
+            Self::TooFewFlights => "too-few-flights",
+            Self::NotExcited => "not-excited",
+            Self::SharedSamples => "shared-samples",
+            Self::FittedOn => "fitted-on",
+        }
+    }
+}
+
+impl Serialize for FaultKind {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.id())
+    }
+}
+
+/// What is done about a fault.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Severity {
+    /// Taken care of; for the record.
+    Note,
+    /// Conclusions hold with the reservation that it says.
+    Warning,
+    /// Conclusions would be wrong.
+    Refused,
+}
+
+/// A fault, for people and programs.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Fault {
+    /// What kind.
+    pub kind: FaultKind,
+    /// What is done about it.
+    pub severity: Severity,
+    /// The flight it is in, if in one.
+    pub flight: Option<String>,
+    /// What is wrong and how to mend it.
+    pub sentence: String,
+}
+
+impl Fault {
+    /// A fault that does not belong to one flight.
+    pub fn of_all(kind: FaultKind, severity: Severity, sentence: impl Into<String>) -> Self {
+        Self { kind, severity, flight: None, sentence: sentence.into() }
+    }
+}
+
+/// A flight that was looked at.
+#[derive(Debug, Clone)]
+pub struct Examined {
+    /// Ready for regression: lies taken out, on one clock.
+    pub prepared: Prepared,
+    /// What was found, gravest first.
+    pub faults: Vec<Fault>,
+    /// Its clocks.
+    pub clocks: Clocks,
+}
+
+/// Examines a flight, mends what can be mended and prepares it.
+pub fn examine(flight: &Flight, vehicle: &Vehicle) -> Result<Examined, PrepareError> {
+    let mut faults = Vec::new();
+    let mut add = |kind, severity, sentence: String| {
+        faults.push(Fault { kind, severity, flight: Some(flight.name.clone()), sentence });
+    };
+    let channels = channels::check(flight, vehicle);
+    for (kind, found) in [
+        (FaultKind::FrozenChannel, channels.frozen),
+        (FaultKind::TrackerJump, channels.jumps),
+        (FaultKind::SaturatedCommands, channels.saturated),
+    ] {
+        let kept = kind == FaultKind::TrackerJump && channels.jumps_kept;
+        let severity = if kept { Severity::Note } else { Severity::Warning };
+        found.into_iter().for_each(|sentence| add(kind, severity, sentence));
+    }
+    let mut flight = std::borrow::Cow::Borrowed(flight);
+    if let Some(masked) = channels.masked {
+        flight = std::borrow::Cow::Owned(masked);
+    }
+    let mut prepared = Prepared::new(&flight, vehicle)?;
+    let mut clocks = Clocks::default();
+    let mut frame = frames::check(&prepared, vehicle);
+    if frame.is_none() {
+        let mut flight = flight.into_owned();
+        clocks = Clocks::of(&prepared, vehicle.gravity);
+        put_on_one_clock(&mut flight, &mut prepared, &mut clocks, vehicle)?;
+        frame = imu::check(&prepared, vehicle);
+        // An IMU in other axes would be taken for one with another clock.
+        if frame.is_none() {
+            clocks.position = clocks::of_position(&prepared);
+            let mut rest = Clocks { attitude: None, ..clocks };
+            put_on_one_clock(&mut flight, &mut prepared, &mut rest, vehicle)?;
+            clocks.aligned |= rest.aligned;
+        }
+        tell_clocks(&clocks, &mut add);
+        if let Some(sentence) = motors::check(&prepared, vehicle) {
+            add(FaultKind::WrongMotors, Severity::Refused, sentence);
+        } else if let Some(pieces) = command_clock::check(&prepared, vehicle) {
+            add(FaultKind::WanderingClock, Severity::Warning, command_clock::sentence(&pieces));
+        }
+    }
+    if let Some(fault) = frame {
+        add_frame(fault, &mut add);
+    }
+    prepared.notes.iter().for_each(|note| add(FaultKind::Gaps, Severity::Note, note.clone()));
+    faults.sort_by_key(|f| std::cmp::Reverse(f.severity));
+    Ok(Examined { prepared, faults, clocks })
+}
+
+fn add_frame(fault: FrameFault, add: &mut impl FnMut(FaultKind, Severity, String)) {
+    if fault.named {
+        add(FaultKind::WrongFrame, Severity::Refused, fault.sentence);
+    } else {
+        add(FaultKind::InconsistentFrames, Severity::Warning, fault.sentence);
+    }
+}
+
+/// Puts the tracker on one clock with the board, where they differ.
+fn put_on_one_clock(
+    flight: &mut Flight,
+    prepared: &mut Prepared,
+    clocks: &mut Clocks,
+    vehicle: &Vehicle,
+) -> Result<(), PrepareError> {
+    if let Some(correction) = clocks.correction() {
+        *flight = clocks::align(flight, &correction);
+        *prepared = Prepared::new(flight, vehicle)?;
+        clocks.aligned = true;
+    }
+    Ok(())
+}
+
+fn tell_clocks(found: &Clocks, add: &mut impl FnMut(FaultKind, Severity, String)) {
+    let mut tell = |clock: Option<Clock>, tracked: &str, onboard: &str| {
+        let Some(clock) = clock.filter(|c| c.matters) else { return };
+        let kind = if clock.is_skewed() { FaultKind::ClockSkew } else { FaultKind::ClockOffset };
+        let said = clock.sentence(tracked, onboard, found.board_keeps_time);
+        add(
+            kind,
+            Severity::Warning,
+            format!("{said}: the flight is put on one clock before anything is fitted; mend the log's clock"),
+        );
+    };
+    tell(found.attitude, "phi, theta, psi", "the gyro");
+    tell(found.position, "x, y, z", "the IMU");
+}

@@ -1,0 +1,14 @@
+//! What is checked of flights, of a vehicle file and of a fit: faults are found and named, not fitted away.
+
+pub mod channels;
+pub mod clocks;
+pub mod command_clock;
+mod examine;
+pub mod frames;
+pub mod imu;
+pub mod motors;
+pub mod overlap;
+mod tracks;
+pub mod vehicle;
+
+pub use examine::{Examined, Fault, FaultKind, Severity, examine};

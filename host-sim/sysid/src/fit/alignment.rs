@@ -1,0 +1,428 @@
+//! Real logs are not synchronous: the rotor samples of a flight come early or late against its state.
+//!
+//! Loggers gather channels from several processors, and each flight starts them anew: rotor speeds (or motor commands)
+//! and the state they cause are apart by a time of their own in every flight, 0.2 to 3 samples in flights of small
+//! craft. A regression that pairs the wrong samples shrinks motor coefficients and finds lags that no motor has.
+//!
+//! **Estimate.** One offset a flight, by Gauss and Newton's method: the residual's derivative with respect to a shift of
+//! the rotor samples is one more column, which only this flight has. Training flights are solved together with all
+//! linear coefficients, which they share, and with a constant of each flight in the rotor rows; a held-out flight by itself
+//! with the coefficients as they are. Yaw is sharpest where rotor speeds were measured: the torque of the
+//! rotors' own acceleration turns by a quarter period what the reaction torque does, so `rotor-inertia` (and
+//! `flapping-moment`, which would otherwise lean on the motors) is fitted along for the alignment alone.
+//!
+//! **Clock or physics?** A measured rotor speed acts at once: any offset is a fault of the log's clock. A command acts
+//! late for physical reasons, the same in every flight of the craft (`input-delay`, `motor-lag`): only what a flight
+//! differs by from the others' median is its clock's. An offset is corrected when it is beyond
+//! [`SIGNIFICANT`] standard errors and [`MATTERS_SAMPLES`]; else the flight stays as it is.
+//!
+//! **Wandering.** A clock may also run off within a flight. Offsets of pieces of [`PIECE_S`] that differ by more than
+//! their errors say are named, not corrected: there is no constant to take out.
+
+use model::{Effect, Kind, Model};
+use serde::Serialize;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use crate::fit::least_squares::{self, FlightRows, Unidentifiable};
+use crate::fit::linearise::{About, residuals_at_rows};
+use crate::fit::rows::{RowColumn, coefficient_count};
+use crate::fit::slung_load::Known;
+use crate::fit::{has_rotation, store};
+use crate::prepare::Prepared;
+
+/// Standard errors beyond which an offset is one.
+pub const SIGNIFICANT: f64 = 4.0;
+/// Offsets under this many samples are left alone.
+pub const MATTERS_SAMPLES: f64 = 0.2;
+/// Length of the pieces of a flight whose offsets are compared, s.
+pub const PIECE_S: f64 = 8.0;
+/// Fewest pieces that say something about wandering.
+const FEWEST_PIECES: usize = 3;
+/// Largest p-value of "the clock does not wander".
+const WANDERING_SIGNIFICANCE: f64 = 1e-4;
+/// Pieces must scatter by this many samples (root mean square) for a wandering clock to matter.
+const WANDERING_SAMPLES: f64 = 0.5;
+/// Most steps; from no offset to three samples takes four.
+const MAX_STEPS: usize = 12;
+/// A step this small is the last, samples.
+const CONVERGED_SAMPLES: f64 = 0.01;
+/// Longest step, samples: the derivative says little about what is further away.
+const LONGEST_STEP_SAMPLES: f64 = 1.5;
+/// Offsets that are looked for, samples.
+const FARTHEST_SAMPLES: f64 = 8.0;
+/// Rows that feel the rotors: w, p, q, r.
+const ROTOR_ROWS: std::ops::Range<usize> = 2..6;
+
+/// The clock of a flight's rotor samples against that of its state.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Alignment {
+    /// How late rotor samples (measured speeds or commands) come, s; early if negative. Of commands: later than in the
+    /// other flights.
+    pub late_s: f64,
+    /// Standard error of it, coloured residuals accounted for, s.
+    pub std_error_s: f64,
+    /// Whether the flight is corrected for it.
+    pub corrected: bool,
+    /// Offsets of pieces of the flight, where they differ by more than their errors: the clock wanders.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub wandering: Vec<PieceOffset>,
+}
+
+/// The offset of a piece of a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct PieceOffset {
+    /// Middle of the piece, s.
+    pub time_s: f64,
+    /// How late rotor samples come there, s.
+    pub late_s: f64,
+    /// Standard error, s.
+    pub std_error_s: f64,
+}
+
+impl Alignment {
+    /// What is taken out, s.
+    pub fn corrected_s(&self) -> f64 {
+        if self.corrected { self.late_s } else { 0.0 }
+    }
+
+    /// What was found, for people; nothing where there is nothing to say.
+    pub fn note(&self) -> Option<String> {
+        let milliseconds = |s: f64| format!("{:.1} ms", 1e3 * s);
+        if !self.wandering.is_empty() {
+            let late = |f: fn(f64, f64) -> f64, start| self.wandering.iter().map(|p| p.late_s).fold(start, f);
+            return Some(format!(
+                "rotor clock wanders from {} to {} late within the flight",
+                milliseconds(late(f64::min, f64::INFINITY)),
+                milliseconds(late(f64::max, f64::NEG_INFINITY)),
+            ));
+        }
+        self.corrected.then(|| {
+            let way = if self.late_s < 0.0 { "early" } else { "late" };
+            format!(
+                "rotor samples {} {way} (+- {:.1}), corrected",
+                milliseconds(self.late_s.abs()),
+                1e3 * self.std_error_s
+            )
+        })
+    }
+}
+
+/// What an offset is counted from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Reference {
+    /// The dead time that flights of commands showed when the model was fitted, s ([`model::FitRecord::rotor_delay_s`]);
+    /// without one, or with one that matters and is not yet in the model, commands are left alone.
+    Model(Option<f64>),
+    /// The median of the flights themselves: what has come about in all of them is physics.
+    Flights,
+}
+
+/// Aligns flights to fit on, together: the linear effects of `model` and everything its linear coefficients are fitted
+/// with, its adjusting effects as they are. Flights that do not determine the model are left alone: the fit says why.
+pub fn align(flights: &mut [&mut Prepared], model: &Model) {
+    if !has_rotation(model) {
+        return leave_alone(flights);
+    }
+    let linear: Vec<Effect> =
+        model.effects().into_iter().filter(|e| e.info().kind != Kind::Adjusting).collect();
+    let measured = flights.iter().all(|f| f.has_rotor_speeds());
+    let mut along = linear.clone();
+    if measured {
+        along.extend(fitted_beside().filter(|e| !linear.contains(e)));
+    }
+    let found =
+        offsets_together(flights, model, &along).or_else(|_| offsets_together(flights, model, &linear));
+    match found {
+        Ok((offsets, fitted)) => {
+            decide(flights, &offsets, Reference::Flights);
+            flights.iter_mut().for_each(|flight| name_wandering(flight, &fitted));
+        }
+        Err(_) => leave_alone(flights),
+    }
+}
+
+/// Without rotation there is nothing sharp to see an offset by.
+fn leave_alone(flights: &mut [&mut Prepared]) {
+    flights.iter_mut().for_each(|flight| flight.alignment = None);
+}
+
+/// Aligns flights to a model whose coefficients stay as they are.
+pub fn align_to(model: &Model, flights: &mut [&mut Prepared], reference: Reference) {
+    if !has_rotation(model) {
+        return leave_alone(flights);
+    }
+    let offsets: Vec<Option<Offset>> =
+        flights.iter_mut().map(|flight| offset_alone(flight, model).ok()).collect();
+    let found: Vec<Offset> =
+        offsets.iter().map(|o| o.unwrap_or(Offset { late_s: 0.0, variance_s2: f64::INFINITY })).collect();
+    decide(flights, &found, reference);
+    flights.iter_mut().for_each(|flight| name_wandering(flight, model));
+}
+
+/// Compares the offsets of the pieces of a flight under a model's coefficients and notes them if the clock wanders.
+fn name_wandering(flight: &mut Prepared, model: &Model) {
+    let pieces = piece_offsets(flight, model).unwrap_or_default();
+    let period_s = flight.period_s;
+    let Some(alignment) = &mut flight.alignment else { return };
+    let weight: f64 = pieces.iter().map(|p| p.std_error_s.powi(-2)).sum();
+    let mean = pieces.iter().map(|p| p.late_s * p.std_error_s.powi(-2)).sum::<f64>() / weight;
+    let squares = |scale: fn(&PieceOffset) -> f64| -> f64 {
+        pieces.iter().map(|p| (p.late_s - mean).powi(2) / scale(p)).sum()
+    };
+    let count = pieces.len() as f64;
+    let Ok(distribution) = ChiSquared::new(count - 1.0) else { return };
+    let beyond_errors = distribution.sf(squares(|p| p.std_error_s.powi(2))) < WANDERING_SIGNIFICANCE;
+    let scatter = (squares(|_| 1.0) / count).sqrt();
+    if pieces.len() >= FEWEST_PIECES && beyond_errors && scatter > WANDERING_SAMPLES * period_s {
+        alignment.wandering = pieces;
+    }
+}
+
+/// Offset of each piece of a flight; pieces in which nothing shows it are left out.
+fn piece_offsets(flight: &Prepared, model: &Model) -> Result<Vec<PieceOffset>, Unidentifiable> {
+    let stride = flight.fit_stride();
+    let [shift, constants] = own_columns(flight, model);
+    let rows = shift.iter().flatten().flatten().map(Vec::len).next().unwrap_or(0);
+    let length = (PIECE_S / (flight.period_s * stride as f64)).round().max(1.0) as usize;
+    let count = rows / length;
+    if count < FEWEST_PIECES {
+        return Ok(Vec::new());
+    }
+    let piece = |index: usize| -> RowColumn {
+        let own = |column: &Vec<f64>| -> Vec<f64> {
+            let inside = |row: usize| (row / length).min(count - 1) == index;
+            column.iter().enumerate().map(|(row, c)| if inside(row) { *c } else { 0.0 }).collect()
+        };
+        std::array::from_fn(|axis| shift[0][axis].as_ref().map(own))
+    };
+    let rows = FlightRows {
+        targets: residuals_at_rows(flight, model, stride).residual,
+        columns: (0..count).map(piece).chain(constants).collect(),
+        starts: flight.starts_of_rows(stride),
+        period_s: flight.period_s * stride as f64,
+    };
+    let width = rows.columns.len();
+    let solution = least_squares::solve(&[rows], &vec![None; width])?;
+    let corrected_s = flight.rotor_late_s();
+    let known = (0..count).map(|k| PieceOffset {
+        time_s: (k as f64 + 0.5) * PIECE_S,
+        late_s: corrected_s - solution.value[k],
+        std_error_s: solution.covariance[(k, k)].sqrt(),
+    });
+    Ok(known.filter(|p| p.std_error_s < FARTHEST_SAMPLES * flight.period_s).collect())
+}
+
+/// Median dead time of flights of commands under a model's coefficients, beyond its effects', s: what [`Reference::Model`]
+/// takes. Nothing where rotor speeds were measured.
+pub fn common_delay_s(model: &Model, flights: &[&Prepared]) -> Option<f64> {
+    if !has_rotation(model) {
+        return None;
+    }
+    let commanded = flights.iter().filter(|f| !f.has_rotor_speeds());
+    let mut found: Vec<f64> = commanded
+        .filter_map(|flight| {
+            let mut own = (*flight).clone();
+            let corrected = own.rotor_late_s();
+            offset_alone(&mut own, model).ok().map(|o| o.late_s - corrected)
+        })
+        .collect();
+    median(&mut found)
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Offset {
+    late_s: f64,
+    variance_s2: f64,
+}
+
+/// The middle of some values, of an even number the mean of the two.
+pub(crate) fn median(values: &mut [f64]) -> Option<f64> {
+    values.sort_unstable_by(f64::total_cmp);
+    let n = values.len();
+    (n > 0).then(|| 0.5 * (values[(n - 1) / 2] + values[n / 2]))
+}
+
+/// Writes into each flight what is to be corrected.
+fn decide(flights: &mut [&mut Prepared], offsets: &[Offset], reference: Reference) {
+    let commanded =
+        || flights.iter().zip(offsets).filter(|(f, o)| !f.has_rotor_speeds() && o.variance_s2.is_finite());
+    let common_s = match reference {
+        Reference::Model(delay) => delay,
+        Reference::Flights => median(&mut commanded().map(|(_, o)| o.late_s).collect::<Vec<_>>()),
+    };
+    // The median of n normal deviates varies by pi / 2n of their variance.
+    let count = commanded().count().max(1) as f64;
+    let common_variance =
+        commanded().map(|(_, o)| o.variance_s2).sum::<f64>() / count * std::f64::consts::FRAC_PI_2 / count;
+    for (flight, offset) in flights.iter_mut().zip(offsets) {
+        let measured = flight.has_rotor_speeds();
+        let (from_s, from_variance) = match (measured, common_s) {
+            (true, _) => (0.0, 0.0),
+            (false, Some(common)) => (common, common_variance),
+            (false, None) => (offset.late_s, 0.0),
+        };
+        let late_s = offset.late_s - from_s;
+        let std_error_s = (offset.variance_s2 + from_variance).sqrt();
+        // Coefficients that were fitted with a dead time unsettled judge no clock.
+        let settled = measured
+            || reference == Reference::Flights
+            || common_s.is_some_and(|common| common.abs() < MATTERS_SAMPLES * flight.period_s);
+        let matters = settled && late_s.abs() > MATTERS_SAMPLES * flight.period_s;
+        let corrected = matters && late_s.abs() > SIGNIFICANT * std_error_s;
+        flight.alignment = std_error_s.is_finite().then(|| Alignment {
+            late_s,
+            std_error_s,
+            corrected,
+            wandering: Vec::new(),
+        });
+    }
+}
+
+/// Sets the offset under which the next residual is formed.
+fn try_offset(flight: &mut Prepared, late_s: f64) {
+    flight.alignment = Some(Alignment { late_s, std_error_s: 0.0, corrected: true, wandering: Vec::new() });
+}
+
+/// Offsets of flights that share the linear coefficients of `effects`.
+fn offsets_together(
+    flights: &mut [&mut Prepared],
+    model: &Model,
+    effects: &[Effect],
+) -> Result<(Vec<Offset>, Model), Unidentifiable> {
+    let mut model = model.clone();
+    let linear: usize = effects.iter().map(|e| coefficient_count(*e)).sum();
+    for flight in flights.iter_mut() {
+        flight.alignment = None;
+    }
+    // Coefficients to begin with: without them nothing follows from a shift.
+    let plain: Vec<FlightRows> = flights.iter().map(|f| rows(f, &model, effects, Vec::new())).collect();
+    let start = least_squares::solve(&plain, &vec![None; linear])?;
+    store(&mut model, effects, start.value.as_slice());
+    let count = flights.len();
+    let mut late: Vec<f64> = vec![0.0; count];
+    let mut offsets = Vec::new();
+    for _ in 0..MAX_STEPS {
+        let shifted: Vec<FlightRows> = flights
+            .iter()
+            .enumerate()
+            .map(|(i, flight)| {
+                let [shift, constants] = own_columns(flight, &model);
+                let place = |own: Vec<RowColumn>| -> Vec<RowColumn> {
+                    let width = own.len();
+                    let mut all = vec![RowColumn::default(); width * count];
+                    all.splice(i * width..(i + 1) * width, own);
+                    all
+                };
+                rows(flight, &model, effects, [place(shift), place(constants)].concat())
+            })
+            .collect();
+        let parameters = linear + count * (1 + ROTOR_ROWS.len());
+        let solution = least_squares::solve(&shifted, &vec![None; parameters])?;
+        store(&mut model, effects, &solution.value.as_slice()[..linear]);
+        let mut settled = true;
+        offsets.clear();
+        for (i, flight) in flights.iter_mut().enumerate() {
+            // A later rotor is a log whose samples come earlier.
+            let step = limited(-solution.value[linear + i], late[i], flight.period_s);
+            late[i] += step;
+            settled &= step.abs() < CONVERGED_SAMPLES * flight.period_s;
+            try_offset(flight, late[i]);
+            let variance_s2 = solution.covariance[(linear + i, linear + i)];
+            offsets.push(Offset { late_s: late[i], variance_s2 });
+        }
+        if settled {
+            break;
+        }
+    }
+    Ok((offsets, model))
+}
+
+/// Effects that pass for an offset of the clocks where they are left out.
+fn fitted_beside() -> impl Iterator<Item = Effect> {
+    let all: Vec<Effect> = Effect::all().filter(|effect| effect.info().special.aligned_with).collect();
+    // The last of the catalogue first: the order of columns decides how sums are rounded.
+    all.into_iter().rev()
+}
+
+fn limited(step_s: f64, late_s: f64, period_s: f64) -> f64 {
+    let longest = LONGEST_STEP_SAMPLES * period_s;
+    let farthest = FARTHEST_SAMPLES * period_s;
+    (late_s + step_s.clamp(-longest, longest)).clamp(-farthest, farthest) - late_s
+}
+
+/// The offset of a flight under a model whose coefficients stay, constants of the flight aside.
+fn offset_alone(flight: &mut Prepared, model: &Model) -> Result<Offset, Unidentifiable> {
+    let along = if flight.has_rotor_speeds() {
+        fitted_beside().filter(|e| !model.has(*e)).collect()
+    } else {
+        Vec::new()
+    };
+    settle_alone(flight, model, &along).or_else(|_| settle_alone(flight, model, &[]))
+}
+
+fn settle_alone(flight: &mut Prepared, model: &Model, along: &[Effect]) -> Result<Offset, Unidentifiable> {
+    let mut late_s = 0.0;
+    let mut variance_s2 = f64::INFINITY;
+    let free: usize = along.iter().map(|e| coefficient_count(*e)).sum();
+    let mut model = model.clone();
+    for effect in along {
+        model.set(*effect, &vec![0.0; coefficient_count(*effect)]);
+    }
+    for _ in 0..MAX_STEPS {
+        try_offset(flight, late_s);
+        let stride = flight.fit_stride();
+        let [mut columns, constants] = own_columns(flight, &model);
+        columns.extend(constants);
+        columns.extend(flight.columns(along, &model, stride, None));
+        let rows = FlightRows {
+            targets: residuals_at_rows(flight, &model, stride).residual,
+            columns,
+            starts: flight.starts_of_rows(stride),
+            period_s: flight.period_s * stride as f64,
+        };
+        let width = rows.columns.len();
+        let solution = least_squares::solve(&[rows], &vec![None; width])?;
+        let own: Vec<f64> = along
+            .iter()
+            .flat_map(|e| model.term(*e).into_iter().flat_map(|t| t.coefficients.iter().map(|c| c.value)))
+            .zip(solution.value.iter().skip(width - free))
+            .map(|(now, step)| now + step)
+            .collect();
+        store(&mut model, along, &own);
+        let step = limited(-solution.value[0], late_s, flight.period_s);
+        late_s += step;
+        variance_s2 = solution.covariance[(0, 0)];
+        if step.abs() < CONVERGED_SAMPLES * flight.period_s {
+            break;
+        }
+    }
+    Ok(Offset { late_s, variance_s2 })
+}
+
+/// Columns of a flight alone: what a later rotor does, and a constant in each row that feels the rotors.
+fn own_columns(flight: &Prepared, model: &Model) -> [Vec<RowColumn>; 2] {
+    let stride = flight.fit_stride();
+    let shift = About::new(flight, model, (&[], &[Effect::InputDelay]), stride, &Known::default()).columns;
+    let count = shift.iter().flatten().flatten().map(Vec::len).next().unwrap_or(0);
+    let constants = ROTOR_ROWS
+        .map(|axis| {
+            let mut column = RowColumn::default();
+            column[axis] = Some(vec![1.0; count]);
+            column
+        })
+        .collect();
+    [shift, constants]
+}
+
+/// Rows of a flight with the columns of `effects` and more.
+fn rows(flight: &Prepared, model: &Model, effects: &[Effect], more: Vec<RowColumn>) -> FlightRows {
+    let stride = flight.fit_stride();
+    let mut columns = flight.columns(effects, model, stride, None);
+    columns.extend(more);
+    FlightRows {
+        targets: flight.targets(&model.vehicle, &model.adjustments(), stride),
+        columns,
+        starts: flight.starts_of_rows(stride),
+        period_s: flight.period_s * stride as f64,
+    }
+}

@@ -1,0 +1,211 @@
+//! A flight about a model: what the model leaves of it, and the columns by which coefficients change that.
+//!
+//! The columns of linear effects come from the states alone. Those of adjusting effects are derivatives of the residual: forward
+//! differences, for which the model is evaluated once more for each coefficient. Models that see the same states (another wind,
+//! another ground effect) are evaluated side by side in one pass over them.
+
+use model::{Effect, Model};
+
+use crate::fit::rows::{Hung, RowColumn};
+use crate::fit::slung_load::{self, Beginning, Carried, Followed, Known, Unloaded};
+use crate::fit::{Residuals, has_rotation};
+use crate::prepare::Prepared;
+
+/// Step of a derivative, part of an ordinary magnitude. Effects act smoothly: a forward difference over it is off by about
+/// this part of the derivative; rounding, 1e-15 of the residual, matters less still.
+const DERIVATIVE_STEP: f64 = 1e-5;
+
+/// A flight about a model.
+pub struct About {
+    /// What was measured, and what the model leaves of it.
+    pub residuals: Residuals,
+    /// How a load begins each piece, where there is one.
+    pub begun: Vec<Beginning>,
+    /// Those of the linear effects, then minus the residual's derivatives with respect to the coefficients of the adjusting ones.
+    pub columns: Vec<RowColumn>,
+}
+
+impl About {
+    /// Over the rows at every `stride`th sample. A linear effect need not be in the model; an adjusting one that is not is
+    /// linearised where it is not there. `known` is of a load that was followed before.
+    pub fn new(
+        flight: &Prepared,
+        model: &Model,
+        (linear, adjusting): (&[Effect], &[Effect]),
+        stride: usize,
+        known: &Known,
+    ) -> Self {
+        let steps: Vec<Step> = adjusting.iter().flat_map(|effect| Step::all(model, *effect)).collect();
+        match slung_load::of_model(model) {
+            Some(carried) => Self::with_load(flight, (model, carried), linear, &steps, stride, known),
+            None => Self::without_load(flight, model, linear, &steps, stride),
+        }
+    }
+
+    fn without_load(
+        flight: &Prepared,
+        model: &Model,
+        linear: &[Effect],
+        steps: &[Step],
+        stride: usize,
+    ) -> Self {
+        let measured = measured(flight, model, stride);
+        let ahead = steps.iter().map(|step| &step.ahead);
+        let models: Vec<&Model> = std::iter::once(model).chain(ahead).collect();
+        let (mut columns, predicted) = flight.columns_and_predicted_by(linear, &models, stride, None);
+        let mut predicted = predicted.into_iter();
+        let base = predicted.next().unwrap_or_default();
+        let adjust = model.adjustments();
+        columns.extend(steps.iter().zip(predicted).map(|(step, predicted)| {
+            let ahead = step.ahead.adjustments();
+            if ahead.load().is_some() {
+                // Nothing hangs there yet: the derivative is that of a load without mass.
+                let mut hanging = model.clone();
+                hanging.set(step.effect, &step.base);
+                let alone = Self::new(flight, &hanging, (&[], &[step.effect]), stride, &Known::default());
+                return alone.columns.into_iter().nth(step.coefficient).unwrap_or_default();
+            }
+            // Most effects change what is predicted, not what was measured.
+            if ahead.track_alike(&adjust) {
+                return slope(&predicted, &base, step.size);
+            }
+            let moved = self::measured(flight, &step.ahead, stride);
+            let left = |measured: &[Vec<f64>; 6], predicted: &RowColumn| less(measured, predicted).map(Some);
+            slope(&left(&measured, &base), &left(&moved, &predicted), step.size)
+        }));
+        let residual = less(&measured, &base);
+        Self { residuals: Residuals { measured, residual }, begun: Vec::new(), columns }
+    }
+
+    fn with_load(
+        flight: &Prepared,
+        (model, carried): (&Model, Carried),
+        linear: &[Effect],
+        steps: &[Step],
+        stride: usize,
+        known: &Known,
+    ) -> Self {
+        let followed = Followed::new(Unloaded::new(flight, model, stride), carried, known);
+        let parts = if linear.is_empty() && steps.is_empty() { Vec::new() } else { followed.parts(flight) };
+        let hung = Hung { parts: &parts, part: carried.part() };
+        let adjust = model.adjustments();
+        // What leaves the load where it is moves it with the craft, as the forces of linear effects do.
+        let leaves_load = |step: &&Step| {
+            let ahead = step.ahead.adjustments();
+            !step.effect.info().special.hangs_load
+                && ahead.track_alike(&adjust)
+                && ahead.extra_mass_kg() == adjust.extra_mass_kg()
+        };
+        let models: Vec<&Model> =
+            std::iter::once(model).chain(steps.iter().filter(leaves_load).map(|step| &step.ahead)).collect();
+        let (mut columns, predicted) = match models.len() {
+            1 if linear.is_empty() => Default::default(),
+            1 => (flight.columns(linear, model, stride, Some(&hung)), Vec::new()),
+            _ => flight.columns_and_predicted_by(linear, &models, stride, Some(&hung)),
+        };
+        let mut predicted = predicted.into_iter();
+        let base = predicted.next().unwrap_or_default();
+        columns.iter_mut().for_each(|column| followed.take_out(column));
+        for step in steps {
+            columns.push(if leaves_load(&step) {
+                let mut column = slope(&predicted.next().unwrap_or_default(), &base, step.size);
+                followed.take_out(&mut column);
+                column
+            } else if step.effect.info().special.hangs_load {
+                followed.slope_of_load(&slung_load::of_model(&step.ahead).unwrap_or(carried), step.size)
+            } else {
+                followed.slope(flight, &step.ahead, step.size)
+            });
+        }
+        Self { residuals: followed.residuals(), begun: followed.begun, columns }
+    }
+}
+
+/// A model with one coefficient of an adjusting effect a little further.
+struct Step {
+    effect: Effect,
+    coefficient: usize,
+    /// The effect's coefficients without the step.
+    base: Vec<f64>,
+    size: f64,
+    ahead: Model,
+}
+
+impl Step {
+    fn all(model: &Model, effect: Effect) -> Vec<Self> {
+        let zeros = vec![0.0; effect.info().coefficients.len()];
+        let known = model.term(effect).map(|term| term.coefficients.iter().map(|c| c.value).collect());
+        let base: Vec<f64> = known.unwrap_or(zeros);
+        let step = |coefficient: usize| {
+            let has_map = model.vehicle.has_rotor_map();
+            let scale = || local_scale(has_map, effect, coefficient, base[coefficient]);
+            let own = effect.info().coefficients[coefficient].derivative_step;
+            let size = own.unwrap_or_else(|| DERIVATIVE_STEP * scale());
+            let mut values = base.clone();
+            values[coefficient] += size;
+            let mut ahead = model.clone();
+            ahead.set(effect, &values);
+            Self { effect, coefficient, base: base.clone(), size, ahead }
+        };
+        (0..base.len()).map(step).collect()
+    }
+}
+
+/// Magnitude of a coefficient for differences about a value: a length or another scale goes by itself.
+fn local_scale(has_rotor_map: bool, effect: Effect, coefficient: usize, value: f64) -> f64 {
+    let is_scale = effect.info().coefficients[coefficient].possible.0 > 0.0 && value > 0.0;
+    if is_scale { value } else { step_scale(has_rotor_map, effect, coefficient) }
+}
+
+/// Ordinary magnitude of a coefficient; rotor "speeds" are commands near 1 where the map is unknown.
+pub fn step_scale(has_rotor_map: bool, effect: Effect, coefficient: usize) -> f64 {
+    effect.info().coefficients[coefficient].ordinary(has_rotor_map)
+}
+
+/// From one to another over a step; rows that do not feel it stay out of the problem.
+fn slope(ahead: &RowColumn, here: &RowColumn, step: f64) -> RowColumn {
+    std::array::from_fn(|axis| {
+        let (ahead, here) = (ahead[axis].as_ref()?, here[axis].as_ref()?);
+        let slope: Vec<f64> = ahead.iter().zip(here).map(|(a, h)| (a - h) / step).collect();
+        slope.iter().any(|d| *d != 0.0).then_some(slope)
+    })
+}
+
+/// The targets of what a model speaks of over the rows at every `stride`th sample: what it does not is no error of it, so that nothing is
+/// measured there and nothing predicted.
+fn measured(flight: &Prepared, model: &Model, stride: usize) -> [Vec<f64>; 6] {
+    let mut measured = flight.targets(&model.vehicle, &model.adjustments(), stride);
+    if !has_rotation(model) {
+        measured[3..].iter_mut().for_each(|axis| axis.fill(0.0));
+    }
+    measured
+}
+
+fn less(measured: &[Vec<f64>; 6], predicted: &RowColumn) -> [Vec<f64>; 6] {
+    std::array::from_fn(|axis| match &predicted[axis] {
+        Some(predicted) => measured[axis].iter().zip(predicted).map(|(m, p)| m - p).collect(),
+        None => measured[axis].clone(),
+    })
+}
+
+/// Measured, and measured less predicted but for the pull of a load, over the rows at every `stride`th sample.
+pub fn measured_less_predicted(
+    flight: &Prepared,
+    model: &Model,
+    stride: usize,
+) -> ([Vec<f64>; 6], [Vec<f64>; 6]) {
+    let measured = measured(flight, model, stride);
+    let predicted = flight.predicted_by(&[model], stride, None).pop().unwrap_or_default();
+    let residual = less(&measured, &predicted);
+    (measured, residual)
+}
+
+/// Measured and measured-minus-predicted of all six axes over the rows of a flight.
+pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
+    residuals_at_rows(flight, model, 1)
+}
+
+/// The same over the rows at every `stride`th sample.
+pub fn residuals_at_rows(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
+    About::new(flight, model, (&[], &[]), stride, &Known::default()).residuals
+}

@@ -1,0 +1,672 @@
+//! Rows of the regression from a prepared flight: states, targets, and what effects contribute.
+//!
+//! 1. Targets. Force rows: specific force in body axes, from the IMU if logged, else from the derivative of the logged
+//!    velocity, else from the twice differentiated position. Moment rows: derivative of the body rates.
+//! 2. Regressors are formed from the mean state between two samples, which for rotors is that of their exponential:
+//!    what a velocity gains from sample to sample is the mean acceleration between them, not that at either end.
+//! 3. Every regressor goes through the same filter as its target ([`crate::filter`] says why). Accelerations that come
+//!    from the tracker are formed in the inertial frame, so regressors of the force rows are turned there with the
+//!    attitude of each sample, filtered, and turned back with the attitude of the row.
+//!
+//! **Fewer rows than samples.** Filtered signals all but end at 50 rad/s, the first zero of the smoother. Rows every
+//! 30 ms hold what there is up to 105 rad/s; more of them repeat each other and cost time, so a fit takes these, and
+//! filters are evaluated at these only. On simulated flights at 100 Hz standard errors grow by 2 % (7 % at most) and no
+//! estimate moves by more than 0.35 of them; 40 ms would be too far apart (26 %, 1.4). Residuals are wanted at every
+//! sample.
+//!
+//! A tracked point is brought to the centre of mass (4.7) before it is differentiated.
+
+use std::iter::StepBy;
+use std::ops::Range;
+
+use model::{Adjustments, Axis, Effect, Model, Pendulum, Plant, Sample, SampleInput, Sink, Vehicle};
+use nalgebra::{Matrix3, Vector3};
+
+use crate::filter::{SideBySide, compose, sum_of_products};
+use crate::fit::slung_load;
+use crate::prepare::{ForceTarget, Prepared, RotorTrack, Stretch, subtract, vector};
+
+/// Longest time between the rows of a fit, s.
+const FIT_ROW_PERIOD_S: f64 = 0.03;
+
+/// The values of one parameter over the rows, for each axis that it acts on.
+pub type RowColumn = [Option<Vec<f64>>; 6];
+
+/// Samples of a stretch that are filtered together, and how a load swings at each of them: hanging still, where there is nothing.
+pub struct Part {
+    /// Samples of the stretch.
+    pub samples: Range<usize>,
+    /// How the load hangs at each of them.
+    pub swings: Vec<Pendulum>,
+}
+
+/// A load on a cable as it was followed.
+pub struct Hung<'a> {
+    /// Of each stretch.
+    pub parts: &'a [Vec<Part>],
+    /// The part of a force along the cable that moves the load.
+    pub part: f64,
+}
+
+impl Part {
+    /// A whole stretch without a load.
+    pub fn whole(stretch: &Stretch) -> Self {
+        Self { samples: 0..stretch.time_s.len(), swings: Vec::new() }
+    }
+}
+
+/// The states of a stretch.
+pub struct States<'a> {
+    stretch: &'a Stretch,
+    /// From the tracked attitude to the body's, where they differ.
+    untilt: Option<Matrix3<f64>>,
+    lever_m: Vector3<f64>,
+    rotor: [RotorTrack; 4],
+    period_s: f64,
+}
+
+impl States<'_> {
+    /// How many samples there are.
+    #[allow(clippy::len_without_is_empty, reason = "a flight has samples")]
+    pub fn len(&self) -> usize {
+        self.stretch.time_s.len()
+    }
+
+    /// Inertial to body at a sample.
+    #[inline]
+    pub fn dcm(&self, k: usize) -> Matrix3<f64> {
+        let tracked = &self.stretch.dcm[k];
+        self.untilt.map_or(*tracked, |untilt| untilt * tracked)
+    }
+
+    /// At a sample, but for the accelerations.
+    #[inline]
+    fn without_acceleration(&self, k: usize) -> SampleInput {
+        let stretch = self.stretch;
+        let dcm = self.dcm(k);
+        let rate = vector(&stretch.rate_rad_s, k);
+        let mut velocity = dcm * vector(&stretch.velocity_ned_m_s, k);
+        let mut position = vector(&stretch.position_ned_m, k);
+        if self.lever_m != Vector3::zeros() {
+            velocity -= rate.cross(&self.lever_m);
+            position -= dcm.tr_mul(&self.lever_m);
+        }
+        SampleInput {
+            position_ned_m: position,
+            dcm,
+            velocity_m_s: velocity,
+            rate_rad_s: rate,
+            angular_acceleration_rad_s2: Vector3::zeros(),
+            rotor_rad_s: self.rotor.each_ref().map(|r| r.speed_rad_s[k]),
+            rotor_acceleration_rad_s2: [0.0; 4],
+            battery_v: stretch.battery_v[k],
+            pendulum: Pendulum::default(),
+        }
+    }
+
+    /// At a sample.
+    pub fn at(&self, k: usize) -> SampleInput {
+        let (before, after) = (k.saturating_sub(1), (k + 1).min(self.len() - 1));
+        let rate = &self.stretch.rate_rad_s;
+        let turned = vector(rate, after) - vector(rate, before);
+        SampleInput {
+            angular_acceleration_rad_s2: turned / ((after - before).max(1) as f64 * self.period_s),
+            ..self.without_acceleration(k)
+        }
+    }
+
+    /// Hands over the mean states between neighbouring samples of a part, one fewer.
+    pub fn for_each_between(&self, part: &Part, mut take: impl FnMut(SampleInput)) {
+        let per_period = 1.0 / self.period_s;
+        let first = part.samples.start;
+        let mut a = self.without_acceleration(first);
+        for k in first + 1..part.samples.end {
+            let b = self.without_acceleration(k);
+            take(SampleInput {
+                position_ned_m: 0.5 * (a.position_ned_m + b.position_ned_m),
+                // The mean of two attitudes a hundredth of a radian apart is a rotation to a part in 10^5.
+                dcm: 0.5 * (a.dcm + b.dcm),
+                velocity_m_s: 0.5 * (a.velocity_m_s + b.velocity_m_s),
+                rate_rad_s: 0.5 * (a.rate_rad_s + b.rate_rad_s),
+                angular_acceleration_rad_s2: per_period * (b.rate_rad_s - a.rate_rad_s),
+                rotor_rad_s: self.rotor.each_ref().map(|r| r.mean_rad_s[k - 1]),
+                rotor_acceleration_rad_s2: std::array::from_fn(|i| {
+                    per_period * (b.rotor_rad_s[i] - a.rotor_rad_s[i])
+                }),
+                battery_v: 0.5 * (a.battery_v + b.battery_v),
+                pendulum: match part.swings.get(k - 1 - first..=k - first) {
+                    Some([before, after]) => before.middle(after),
+                    _ => Pendulum::default(),
+                },
+            });
+            a = b;
+        }
+    }
+}
+
+impl Prepared {
+    /// Samples from one row of a fit to the next.
+    pub fn fit_stride(&self) -> usize {
+        // A quotient that is whole but for rounding is whole.
+        (FIT_ROW_PERIOD_S / self.period_s + 1e-6).max(1.0) as usize
+    }
+
+    /// The samples of a stretch at which there are rows.
+    fn row_samples(&self, stretch: &Stretch, stride: usize) -> StepBy<Range<usize>> {
+        (self.margin..stretch.time_s.len() - self.margin).step_by(stride)
+    }
+
+    /// Of the rows at every sample, those at which a fit has rows.
+    pub fn row_samples_of_conditions(&self) -> Vec<usize> {
+        let stride = self.fit_stride();
+        let mut first = 0;
+        let mut all = Vec::new();
+        for stretch in &self.stretches {
+            let rows = stretch.time_s.len() - 2 * self.margin;
+            all.extend((first..first + rows).step_by(stride));
+            first += rows;
+        }
+        all
+    }
+
+    /// Rows at which stretches begin: neighbours across these are not neighbours in time.
+    pub fn starts_of_rows(&self, stride: usize) -> Vec<usize> {
+        let mut next = 0;
+        let start = |stretch| {
+            let start = next;
+            next += self.row_samples(stretch, stride).len();
+            start
+        };
+        self.stretches.iter().map(start).collect()
+    }
+
+    /// The states of a stretch under `adjust`; a load hangs still.
+    pub fn states<'a>(&self, stretch: &'a Stretch, vehicle: &Vehicle, adjust: &Adjustments) -> States<'a> {
+        States {
+            stretch,
+            untilt: Some(adjust.true_dcm(&Matrix3::identity())).filter(|m| *m != Matrix3::identity()),
+            lever_m: Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m(),
+            rotor: stretch.rotors(vehicle, adjust, self.period_s, self.rotor_late_s()),
+            period_s: self.period_s,
+        }
+    }
+
+    /// Targets of the six axes over the rows at every `stride`th sample.
+    pub fn targets(&self, vehicle: &Vehicle, adjust: &Adjustments, stride: usize) -> [Vec<f64>; 6] {
+        let half = self.filter.half();
+        let mut targets: [Vec<f64>; 6] = Default::default();
+        for stretch in &self.stretches {
+            self.append_force_targets(stretch, vehicle, adjust, stride, &mut targets);
+            for (target, rate) in targets[3..].iter_mut().zip(&stretch.rate_rad_s) {
+                let rows = self.row_samples(stretch, stride);
+                target.extend(rows.map(|k| sum_of_products(&rate[k - half..], &self.filter.derivative)));
+            }
+        }
+        if let Some(trim) = &self.trim {
+            for (target, trim) in targets.iter_mut().zip(trim.value) {
+                target.iter_mut().for_each(|t| *t -= trim);
+            }
+        }
+        targets
+    }
+
+    /// Specific force in body axes.
+    fn append_force_targets(
+        &self,
+        stretch: &Stretch,
+        vehicle: &Vehicle,
+        adjust: &Adjustments,
+        stride: usize,
+        targets: &mut [Vec<f64>; 6],
+    ) {
+        let rows = self.row_samples(stretch, stride);
+        if let (ForceTarget::Imu, Some(imu)) = (self.force_target, &stretch.imu_m_s2) {
+            for (target, signal) in targets.iter_mut().zip(imu) {
+                let half = self.filter.half();
+                target
+                    .extend(rows.clone().map(|k| sum_of_products(&signal[k - half..], &self.filter.smooth)));
+            }
+            return;
+        }
+        let lever = Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m();
+        let slope = &self.filter.derivative;
+        let (tracked, taps) = match self.force_target {
+            ForceTarget::Position => (&stretch.position_ned_m, compose(slope, slope)),
+            _ => (&stretch.velocity_ned_m_s, slope.clone()),
+        };
+        let corrected = (lever != Vector3::zeros()).then(|| {
+            let mut signal = tracked.clone();
+            for k in 0..stretch.time_s.len() {
+                let arm = match self.force_target {
+                    ForceTarget::Position => lever,
+                    _ => vector(&stretch.rate_rad_s, k).cross(&lever),
+                };
+                subtract(&mut signal, k, adjust.true_dcm(&stretch.dcm[k]).tr_mul(&arm));
+            }
+            signal
+        });
+        let signal = corrected.as_ref().unwrap_or(tracked);
+        let half = taps.len() / 2;
+        for k in rows {
+            let acceleration =
+                Vector3::from(signal.each_ref().map(|s| sum_of_products(&s[k - half..], &taps)));
+            let force = acceleration - Vector3::new(0.0, 0.0, vehicle.gravity);
+            let body = adjust.true_dcm(&stretch.dcm[k]) * force;
+            targets.iter_mut().zip(body.iter()).for_each(|(target, b)| target.push(*b));
+        }
+    }
+
+    /// The regression columns of linear effects, one for each coefficient in order.
+    pub fn columns(
+        &self,
+        effects: &[Effect],
+        model: &Model,
+        stride: usize,
+        hung: Option<&Hung>,
+    ) -> Vec<RowColumn> {
+        let (plant, effects) = (Plant::new(model), LinearEffects::new(effects));
+        self.filtered(&plant, &model.vehicle, &effects, stride, hung)
+    }
+
+    /// What models of one vehicle predict of the targets, but for the pull of a load that comes of its swing.
+    pub fn predicted_by(&self, models: &[&Model], stride: usize, hung: Option<&Hung>) -> Vec<RowColumn> {
+        self.columns_and_predicted_by(&[], models, stride, hung).1
+    }
+
+    /// The columns of linear effects about the first of some models of one vehicle, and what they predict of the targets, but for the pull
+    /// of a load that comes of its swing. Models that see the same states are evaluated side by side.
+    pub fn columns_and_predicted_by(
+        &self,
+        linear: &[Effect],
+        models: &[&Model],
+        stride: usize,
+        hung: Option<&Hung>,
+    ) -> (Vec<RowColumn>, Vec<RowColumn>) {
+        let mut columns = Vec::new();
+        let plants: Vec<Plant> =
+            models.iter().map(|model| Plant::new(&slung_load::without_load(model))).collect();
+        let mut predicted = vec![RowColumn::default(); models.len()];
+        let mut left: Vec<usize> = (0..plants.len()).collect();
+        while let Some(&first) = left.first() {
+            let own = plants[first].adjustments();
+            let sees_alike = |k: &usize| plants[*k].adjustments().same_states(own);
+            let (group, rest): (Vec<usize>, Vec<usize>) = left.into_iter().partition(sees_alike);
+            let terms = Both {
+                linear: LinearEffects::new(if first == 0 { linear } else { &[] }),
+                predictions: Predictions(group.iter().map(|&k| &plants[k]).collect()),
+            };
+            let mut of_group = self.filtered(&plants[first], &models[first].vehicle, &terms, stride, hung);
+            let predicted_by_group = of_group.split_off(terms.linear.count);
+            group.into_iter().zip(predicted_by_group).for_each(|(k, column)| predicted[k] = column);
+            columns.append(&mut of_group);
+            left = rest;
+        }
+        (columns, predicted)
+    }
+
+    /// Specific forces that a model predicts of each stretch but for the pull of a load, inertial, where regressors are formed:
+    /// between samples, or at them for an IMU; m/s^2.
+    pub fn predicted_forces_ned_m_s2(&self, model: &Model) -> Vec<Vec<Vector3<f64>>> {
+        let plant = Plant::new(&slung_load::without_load(model));
+        let force = |input: SampleInput| {
+            let [u, v, w, ..] = plant.accelerations(&plant.sample_of(&input));
+            input.dcm.tr_mul(&Vector3::new(u, v, w))
+        };
+        let of_stretch = |stretch| {
+            let states = self.states(stretch, &model.vehicle, plant.adjustments());
+            if self.force_target == ForceTarget::Imu {
+                return (0..states.len()).map(|k| force(states.at(k))).collect();
+            }
+            let mut forces = Vec::with_capacity(states.len());
+            states.for_each_between(&Part::whole(stretch), |input| forces.push(force(input)));
+            forces
+        };
+        self.stretches.iter().map(of_stretch).collect()
+    }
+
+    /// The filter that makes the force rows of what is formed at the places of regressors.
+    pub fn force_taps(&self) -> Vec<f64> {
+        match self.force_target {
+            ForceTarget::Imu => self.filter.smooth.clone(),
+            ForceTarget::Velocity => self.filter.between.clone(),
+            ForceTarget::Position => compose(&self.filter.between, &self.filter.matched),
+        }
+    }
+
+    /// The terms through the filters of the targets, at the rows.
+    fn filtered(
+        &self,
+        plant: &Plant,
+        vehicle: &Vehicle,
+        terms: &impl Terms,
+        stride: usize,
+        hung: Option<&Hung>,
+    ) -> Vec<RowColumn> {
+        let cable = hung.map(|hung| hung.part);
+        let mut result = vec![RowColumn::default(); terms.count()];
+        let force_taps = self.force_taps();
+        let imu = self.force_target == ForceTarget::Imu;
+        for (index, stretch) in self.stretches.iter().enumerate() {
+            let states = self.states(stretch, vehicle, plant.adjustments());
+            let whole = [Part::whole(stretch)];
+            for part in hung.and_then(|hung| hung.parts.get(index)).map_or(&whole[..], Vec::as_slice) {
+                let first = part.samples.start;
+                let rows = || (self.margin..part.samples.len() - self.margin).step_by(stride);
+                let layout = Layout::new(terms, &plant.sample_of(&states.at(first)), |axis| axis >= 3);
+                let mut moments =
+                    FilteredRows::new(&self.filter.between, layout.places.len(), layout.wanted, rows());
+                let turned = if imu { Vec::new() } else { layout.forces_by_parameter() };
+                let mut forces = FilteredRows::new(&force_taps, 3 * turned.len(), 3 * turned.len(), rows());
+                states.for_each_between(part, |input| {
+                    let (dcm, direction) = (input.dcm, input.pendulum.direction);
+                    let sample = plant.sample_of(&input);
+                    if moments.push(|row| layout.write(terms, &sample, row)).is_some() {
+                        append(&layout.places, &moments.row, &mut result);
+                    }
+                    if turned.is_empty() {
+                        return;
+                    }
+                    let body = moments.filter.latest();
+                    let at_row = forces.push(|row| {
+                        layout.turn_forces(&turned, &dcm, body, row);
+                        carry(row, cable, &direction);
+                    });
+                    if let Some(k) = at_row {
+                        append_turned_back(&turned, &states.dcm(first + k), &forces.row, &mut result);
+                    }
+                });
+                if imu {
+                    self.append_imu_forces(terms, plant, (&states, part), (stride, cable), &mut result);
+                }
+            }
+        }
+        result
+    }
+
+    /// The force rows of an IMU: in body axes throughout.
+    fn append_imu_forces(
+        &self,
+        terms: &impl Terms,
+        plant: &Plant,
+        (states, part): (&States, &Part),
+        (stride, cable): (usize, Option<f64>),
+        result: &mut [RowColumn],
+    ) {
+        let first = part.samples.start;
+        let rows = (self.margin..part.samples.len() - self.margin).step_by(stride);
+        let taps = self.force_taps();
+        let layout = Layout::new(terms, &plant.sample_of(&states.at(first)), |axis| axis < 3);
+        if cable.is_none() {
+            let mut forces = FilteredRows::new(&taps, layout.places.len(), layout.wanted, rows);
+            for k in part.samples.clone() {
+                let input = states.at(k);
+                let sample = plant.sample_of(&input);
+                if forces.push(|row| layout.write(terms, &sample, row)).is_some() {
+                    append(&layout.places, &forces.row, result);
+                }
+            }
+            return;
+        }
+        // Along a cable, a force on one axis acts on all three.
+        let turned = layout.forces_by_parameter();
+        let body_axes = Matrix3::identity();
+        let mut sparse = vec![0.0; layout.places.len()];
+        let mut forces = FilteredRows::new(&taps, 3 * turned.len(), 3 * turned.len(), rows);
+        for k in part.samples.clone() {
+            let input = states.at(k);
+            let direction = input.dcm * part.swings.get(k - first).copied().unwrap_or_default().direction;
+            layout.write(terms, &plant.sample_of(&input), &mut sparse);
+            let at_row = forces.push(|row| {
+                layout.turn_forces(&turned, &body_axes, &sparse, row);
+                carry(row, cable, &direction);
+            });
+            if at_row.is_some() {
+                append_turned_back(&turned, &body_axes, &forces.row, result);
+            }
+        }
+    }
+}
+
+/// Takes out of forces the part along a cable that moves the load, in the axes of `direction`.
+#[inline]
+fn carry(forces: &mut [f64], cable: Option<f64>, direction: &Vector3<f64>) {
+    let Some(part) = cable else { return };
+    for force in forces.as_chunks_mut::<3>().0 {
+        let along = part * (force[0] * direction.x + force[1] * direction.y + force[2] * direction.z);
+        force.iter_mut().zip(direction.iter()).for_each(|(f, n)| *f -= along * n);
+    }
+}
+
+/// Linear coefficients of an effect: none for an adjusting one.
+pub fn coefficient_count(effect: Effect) -> usize {
+    if effect.info().kind == model::Kind::Adjusting { 0 } else { effect.info().coefficients.len() }
+}
+
+/// Terms of the equations of motion: parameters times what they multiply. Which parameter acts on which axis, and the
+/// order of the terms, do not depend on the state.
+trait Terms {
+    /// Parameters.
+    fn count(&self) -> usize;
+    /// Adds what each parameter multiplies, by `sink.add(axis, parameter, value)`, once for each axis.
+    fn evaluate(&self, sample: &Sample, sink: &mut impl Sink);
+}
+
+/// Linear effects and how many coefficients each has: a parameter is a coefficient.
+struct LinearEffects {
+    effects: Vec<(Effect, usize)>,
+    count: usize,
+}
+
+impl LinearEffects {
+    fn new(effects: &[Effect]) -> Self {
+        let effects: Vec<(Effect, usize)> = effects.iter().map(|e| (*e, coefficient_count(*e))).collect();
+        let count = effects.iter().map(|(_, count)| count).sum();
+        Self { effects, count }
+    }
+}
+
+impl Terms for LinearEffects {
+    fn count(&self) -> usize {
+        self.count
+    }
+
+    #[inline]
+    fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
+        let mut first = 0;
+        for (effect, count) in &self.effects {
+            effect.columns(sample, &mut From { first, sink });
+            first += count;
+        }
+    }
+}
+
+/// A sink whose first parameter is `first` of another.
+struct From<'a, S> {
+    first: usize,
+    sink: &'a mut S,
+}
+
+impl<S: Sink> Sink for From<'_, S> {
+    #[inline(always)]
+    fn add(&mut self, axis: Axis, coefficient: usize, value: f64) {
+        self.sink.add(axis, self.first + coefficient, value);
+    }
+}
+
+/// The six rows of the equations of motion of models that see the same states: each is a "parameter" that acts on all axes.
+struct Predictions<'a>(Vec<&'a Plant>);
+
+impl Terms for Predictions<'_> {
+    fn count(&self) -> usize {
+        self.0.len()
+    }
+
+    #[inline]
+    fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
+        for (index, plant) in self.0.iter().enumerate() {
+            // The sample is the first one's.
+            let accelerations = match index {
+                0 => plant.accelerations(sample),
+                _ => plant.accelerations(&plant.sample_of(sample.input)),
+            };
+            for (axis, value) in model::AXES.into_iter().zip(accelerations) {
+                sink.add(axis, index, value);
+            }
+        }
+    }
+}
+
+/// Linear effects about a model, then the predictions of this and of others.
+struct Both<'a> {
+    linear: LinearEffects,
+    predictions: Predictions<'a>,
+}
+
+impl Terms for Both<'_> {
+    fn count(&self) -> usize {
+        self.linear.count() + self.predictions.count()
+    }
+
+    #[inline]
+    fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
+        self.linear.evaluate(sample, sink);
+        self.predictions.evaluate(sample, &mut From { first: self.linear.count, sink });
+    }
+}
+
+/// What a value is part of.
+#[derive(Clone, Copy)]
+struct Place {
+    parameter: usize,
+    axis: usize,
+}
+
+/// The order of the values of terms at one state.
+struct Layout {
+    /// Slot of each value, in the order in which the terms add them.
+    slots: Vec<usize>,
+    /// What is in each slot: what is wanted, then the rest, each sorted by parameter.
+    places: Vec<Place>,
+    /// Values that are wanted.
+    wanted: usize,
+}
+
+/// A parameter that acts on forces, and its slots.
+struct Turned {
+    parameter: usize,
+    slots: Range<usize>,
+}
+
+/// Notes which parameter acts where.
+struct Touched(Vec<Place>);
+
+impl Sink for Touched {
+    fn add(&mut self, axis: Axis, parameter: usize, _: f64) {
+        self.0.push(Place { parameter, axis: axis.index() });
+    }
+}
+
+/// Writes values to their slots.
+struct Slots<'a> {
+    slots: std::slice::Iter<'a, usize>,
+    row: &'a mut [f64],
+}
+
+impl Sink for Slots<'_> {
+    #[inline(always)]
+    fn add(&mut self, _: Axis, _: usize, value: f64) {
+        if let Some(&slot) = self.slots.next() {
+            self.row[slot] = value;
+        }
+    }
+}
+
+impl Layout {
+    fn new(terms: &impl Terms, sample: &Sample, wanted: impl Fn(usize) -> bool) -> Self {
+        let mut touched = Touched(Vec::new());
+        terms.evaluate(sample, &mut touched);
+        let added = touched.0;
+        let mut order: Vec<usize> = (0..added.len()).collect();
+        order.sort_by_key(|&k| (!wanted(added[k].axis), added[k].parameter));
+        let mut slots = vec![0; added.len()];
+        order.iter().enumerate().for_each(|(slot, &k)| slots[k] = slot);
+        let wanted = added.iter().filter(|place| wanted(place.axis)).count();
+        Self { slots, places: order.iter().map(|&k| added[k]).collect(), wanted }
+    }
+
+    #[inline]
+    fn write(&self, terms: &impl Terms, sample: &Sample, row: &mut [f64]) {
+        terms.evaluate(sample, &mut Slots { slots: self.slots.iter(), row });
+    }
+
+    fn forces_by_parameter(&self) -> Vec<Turned> {
+        let mut turned: Vec<Turned> = Vec::new();
+        for (slot, place) in self.places.iter().enumerate().filter(|(_, place)| place.axis < 3) {
+            match turned.last_mut().filter(|last| last.parameter == place.parameter) {
+                Some(last) => last.slots.end = slot + 1,
+                None => turned.push(Turned { parameter: place.parameter, slots: slot..slot + 1 }),
+            }
+        }
+        turned
+    }
+
+    /// Forces from body to inertial axes.
+    #[inline]
+    fn turn_forces(&self, turned: &[Turned], dcm: &Matrix3<f64>, body: &[f64], ned: &mut [f64]) {
+        let axes: [[f64; 3]; 3] = dcm.transpose().into();
+        for (ned, Turned { slots, .. }) in ned.as_chunks_mut::<3>().0.iter_mut().zip(turned) {
+            let mut sum = [0.0; 3];
+            for (place, value) in self.places[slots.clone()].iter().zip(&body[slots.clone()]) {
+                sum.iter_mut().zip(axes[place.axis]).for_each(|(s, a)| *s += a * value);
+            }
+            *ned = sum;
+        }
+    }
+}
+
+/// Appends filtered signals to the columns that they belong to.
+fn append(places: &[Place], row: &[f64], result: &mut [RowColumn]) {
+    for (place, value) in places.iter().zip(row) {
+        result[place.parameter][place.axis].get_or_insert_default().push(*value);
+    }
+}
+
+/// Appends filtered forces, back in body axes.
+fn append_turned_back(turned: &[Turned], dcm: &Matrix3<f64>, row: &[f64], result: &mut [RowColumn]) {
+    for (Turned { parameter, .. }, force) in turned.iter().zip(row.chunks_exact(3)) {
+        let body = dcm * Vector3::new(force[0], force[1], force[2]);
+        for (column, value) in result[*parameter].iter_mut().zip(body.iter()) {
+            column.get_or_insert_default().push(*value);
+        }
+    }
+}
+
+/// Signals side by side through a filter, at rows only.
+struct FilteredRows {
+    filter: SideBySide,
+    rows: StepBy<Range<usize>>,
+    next: Option<usize>,
+    /// Samples taken in.
+    taken: usize,
+    /// The filtered signals at the latest row.
+    row: Vec<f64>,
+}
+
+impl FilteredRows {
+    /// For samples of `signals` values, of which the first `filtered` are filtered.
+    fn new(taps: &[f64], signals: usize, filtered: usize, mut rows: StepBy<Range<usize>>) -> Self {
+        let next = rows.next();
+        Self { filter: SideBySide::new(taps, signals), rows, next, taken: 0, row: vec![0.0; filtered] }
+    }
+
+    /// Takes in the next sample, which `fill` writes. The sample of the row whose window this completes, if it does.
+    #[inline]
+    fn push(&mut self, fill: impl FnOnce(&mut [f64])) -> Option<usize> {
+        fill(self.filter.push());
+        self.taken += 1;
+        let row = self.next.filter(|row| row + self.filter.reach() == self.taken)?;
+        self.next = self.rows.next();
+        self.filter.filtered(&mut self.row);
+        Some(row)
+    }
+}

@@ -1,0 +1,314 @@
+//! Where Gauss and Newton's steps start.
+//!
+//! From zero, mostly. Two kinds of effects need more:
+//! - Where a coefficient qualifies another one (a height offset, a voltage shift), the way from zero can end in a side
+//!   valley: an ordinary value is a second start.
+//! - Where the residual is not convex in a coefficient (the length of a pendulum), or at zero there is no way to
+//!   go (a decay length), the effect names starts of its shape ([`model::Effect::starts`]). At each of them the remaining
+//!   coefficients follow from one least squares on the axes that the effect acts on. If the best of them explains
+//!   anything, its shape is improved by trying ever nearer neighbours: Gauss and Newton's steps go on from where they
+//!   converge.
+
+use model::{Effect, Model};
+
+use crate::FitError;
+use crate::fit::least_squares::{self, FlightRows};
+use crate::fit::linearise::{measured_less_predicted, step_scale};
+use crate::fit::rows::RowColumn;
+use crate::fit::slung_load::LoadShapes;
+use crate::fit::{self, Layout, less_added};
+use crate::prepare::Prepared;
+
+/// The starts of a fit. `model` has the linear coefficients of a fit without the adjusting effects that are unknown.
+pub fn of(
+    flights: &[&Prepared],
+    mut model: Model,
+    layout: &Layout,
+    is_unknown: impl Fn(Effect) -> bool,
+    demand: Demand,
+) -> Result<Vec<Model>, FitError> {
+    let unknown: Vec<Effect> = layout.adjusting.iter().copied().filter(|e| is_unknown(*e)).collect();
+    let (searched, ordinary): (Vec<Effect>, Vec<Effect>) =
+        unknown.into_iter().partition(|effect| !effect.starts().is_empty());
+    for effect in searched {
+        search(flights, &mut model, layout, effect, demand)?;
+    }
+    let second = second(&model, &ordinary);
+    Ok(std::iter::once(model).chain(second).collect())
+}
+
+/// The model with ordinary values for effects that have a qualifying coefficient.
+fn second(model: &Model, unknown: &[Effect]) -> Option<Model> {
+    let mut second = model.clone();
+    let mut any = false;
+    let qualified = |effect: &&Effect| effect.info().coefficients.iter().any(|c| c.prior.is_some());
+    for effect in unknown.iter().filter(qualified) {
+        let values: Vec<f64> = (0..effect.info().coefficients.len())
+            .map(|k| {
+                // A height that is too large leaves the formula smooth, one that is too small ends where it ends.
+                let qualifies = effect.info().coefficients[k].prior;
+                qualifies.unwrap_or_else(|| step_scale(model.vehicle.has_rotor_map(), *effect, k))
+            })
+            .collect();
+        second.set(*effect, &values);
+        any = true;
+    }
+    any.then_some(second)
+}
+
+/// Parts of themselves (for a scale) or of an ordinary value by which the coefficients of a shape are changed in turn.
+const CHANGES: [f64; 4] = [0.1, 0.05, 0.025, 0.0125];
+/// Starts whose shape is improved: the valley of the best one need not be the deepest.
+const IMPROVED: usize = 3;
+/// One that leaves more than the best so far by this (of the logarithm of the spread) is not worth it.
+const HOPELESS: f64 = 0.3;
+/// Rounds with one change.
+const ROUNDS: usize = 3;
+/// A start explains something when it lowers the logarithm of the residual's spread by this: 0.2 % of it.
+const EXPLAINS: f64 = 0.002;
+
+/// What a search over shapes must find for a fit to go on from it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Demand {
+    /// Whatever is best.
+    Best,
+    /// Something possible that explains anything.
+    Promising,
+}
+
+/// Sets an effect to the best of its starts: of those where its coefficients are possible, if there are any.
+fn search(
+    flights: &[&Prepared],
+    model: &mut Model,
+    layout: &Layout,
+    effect: Effect,
+    demand: Demand,
+) -> Result<(), FitError> {
+    let starts = effect.starts();
+    let is_shape: Vec<bool> =
+        starts.iter().flatten().take(effect.info().coefficients.len()).map(Option::is_some).collect();
+    let solver: Box<dyn Shapes> = if effect.info().special.hangs_load {
+        Box::new(LoadShapes::new(flights, model, &layout.linear, effect))
+    } else {
+        Box::new(AnyShapes::new(flights, model, layout, effect, is_shape.clone()))
+    };
+    let has_map = model.vehicle.has_rotor_map();
+    let mut problem = Problem { effect, is_shape, has_map, solver };
+    let shapes =
+        starts.iter().map(|start| start.iter().map(|value| value.unwrap_or(0.0)).collect::<Vec<_>>());
+    let mut ends: Vec<End> = shapes.filter_map(|shape| problem.solver.solve(&shape)).collect();
+    ends.sort_by(|a, b| a.score.total_cmp(&b.score));
+    if ends.iter().any(|end| is_possible(effect, end)) {
+        ends.retain(|end| is_possible(effect, end));
+    }
+    let explains = |end: &End| is_possible(effect, end) && end.score < end.without - EXPLAINS;
+    let mut best: Option<End> = None;
+    for (place, end) in ends.into_iter().take(IMPROVED).enumerate() {
+        if place > 0
+            && (!explains(&end) || best.as_ref().is_some_and(|best| end.score > best.score + HOPELESS))
+        {
+            break;
+        }
+        let end = if explains(&end) { problem.improve(end) } else { end };
+        better(&mut best, Some(end));
+    }
+    let info = effect.info();
+    let Some(best) = best else {
+        return Err(FitError::NotExcited {
+            effect: info.id,
+            coefficient: info.coefficients[0].name,
+            excitation: info.excitation,
+        });
+    };
+    if demand == Demand::Promising && !explains(&best) {
+        return Err(FitError::ExplainsNothing { effect: info.id, excitation: info.excitation });
+    }
+    model.set(effect, &best.values);
+    // No step would lead away from there.
+    fit::check_scales(model, &[effect])
+}
+
+/// Where a least squares ended: all coefficients, and how much is left with them and with the free ones at zero.
+pub struct End {
+    /// The error of the training flights from these values on.
+    pub score: f64,
+    /// Their error without the effect.
+    pub without: f64,
+    /// Coefficients of the effect.
+    pub values: Vec<f64>,
+}
+
+/// Whether all coefficients are physically possible.
+fn is_possible(effect: Effect, end: &End) -> bool {
+    let within = |(value, c): (&f64, &model::Coefficient)| (c.possible.0..=c.possible.1).contains(value);
+    end.values.iter().zip(effect.info().coefficients).all(within)
+}
+
+/// Keeps the better of two; whether that is the new one.
+fn better(best: &mut Option<End>, new: Option<End>) -> bool {
+    match (&best, new) {
+        (Some(known), Some(new)) if new.score >= known.score => false,
+        (_, None) => false,
+        (_, new) => {
+            *best = new;
+            true
+        }
+    }
+}
+
+/// An effect at given shapes.
+pub trait Shapes {
+    /// The coefficients that the shape leaves free together with the linear ones, on the axes that the effect acts on. Nothing
+    /// where they are not determined or not finite.
+    fn solve(&mut self, shape: &[f64]) -> Option<End>;
+}
+
+/// A search over the shapes of an effect.
+struct Problem<'a> {
+    effect: Effect,
+    is_shape: Vec<bool>,
+    has_map: bool,
+    solver: Box<dyn Shapes + 'a>,
+}
+
+impl Problem<'_> {
+    /// The best of ever nearer neighbours.
+    fn improve(&mut self, start: End) -> End {
+        let info = self.effect.info();
+        let shape: Vec<usize> = (0..self.is_shape.len()).filter(|k| self.is_shape[*k]).collect();
+        let mut best = Some(start);
+        for change in CHANGES {
+            for _ in 0..ROUNDS {
+                let mut moved = false;
+                for (&k, sign) in shape.iter().flat_map(|k| [(k, 1.0), (k, -1.0)]) {
+                    let Some(End { values, .. }) = &best else { continue };
+                    let mut values = values.clone();
+                    let (low, high) = info.coefficients[k].possible;
+                    let scale =
+                        if low > 0.0 { values[k] } else { 4.0 * step_scale(self.has_map, self.effect, k) };
+                    values[k] = (values[k] + sign * change * scale).clamp(low, high);
+                    let end = self.solver.solve(&values).filter(|end| is_possible(self.effect, end));
+                    moved |= better(&mut best, end);
+                }
+                if !moved {
+                    break;
+                }
+            }
+        }
+        best.unwrap_or(End { score: f64::INFINITY, without: f64::INFINITY, values: Vec::new() })
+    }
+}
+
+/// Of a flight: columns of the linear effects, and which of them act where an effect does.
+struct LinearColumns {
+    acts: Vec<bool>,
+    all: Vec<RowColumn>,
+}
+
+fn linear_columns(
+    flights: &[&Prepared],
+    model: &Model,
+    layout: &Layout,
+    effect: Effect,
+) -> Vec<LinearColumns> {
+    let acts = |column: &RowColumn| effect.info().axes.iter().any(|axis| column[axis.index()].is_some());
+    let of = |flight: &&Prepared| {
+        let all = flight.columns(&layout.linear, model, flight.fit_stride(), None);
+        LinearColumns { acts: all.iter().map(acts).collect(), all }
+    };
+    flights.iter().map(of).collect()
+}
+
+/// Any effect's shapes: the residual is formed anew for each.
+struct AnyShapes<'a> {
+    flights: &'a [&'a Prepared],
+    model: Model,
+    layout: &'a Layout,
+    effect: Effect,
+    is_shape: Vec<bool>,
+    linear: Vec<LinearColumns>,
+}
+
+impl<'a> AnyShapes<'a> {
+    fn new(
+        flights: &'a [&'a Prepared],
+        model: &Model,
+        layout: &'a Layout,
+        effect: Effect,
+        is_shape: Vec<bool>,
+    ) -> Self {
+        let linear = linear_columns(flights, model, layout, effect);
+        Self { flights, model: model.clone(), layout, effect, is_shape, linear }
+    }
+}
+
+impl Shapes for AnyShapes<'_> {
+    fn solve(&mut self, shape: &[f64]) -> Option<End> {
+        let Self { flights, model, layout, effect, is_shape, linear } = self;
+        let given = shape.iter().zip(&*is_shape);
+        let mut values: Vec<f64> =
+            given.map(|(value, is_shape)| if *is_shape { *value } else { 0.0 }).collect();
+        let free: Vec<usize> = (0..values.len()).filter(|k| !is_shape[*k]).collect();
+        model.set(*effect, &values);
+        let axes = effect.info().axes;
+        let mut squares = [(0.0, 0); 6];
+        let rows: Vec<FlightRows> = flights
+            .iter()
+            .zip(linear)
+            .map(|(flight, linear)| {
+                let stride = flight.fit_stride();
+                let here = measured_less_predicted(flight, model, stride).1;
+                let mut columns = linear.all.clone();
+                columns.extend(slopes(flight, model, *effect, &free, &here));
+                for (sum, residual) in squares.iter_mut().zip(&here) {
+                    *sum = (sum.0 + residual.iter().map(|e| e * e).sum::<f64>(), sum.1 + residual.len());
+                }
+                let mut targets = less_added(here, model, &layout.linear, &columns);
+                let mut acts = linear.acts.iter();
+                columns.retain(|_| acts.next().copied().unwrap_or(true));
+                for axis in model::AXES.into_iter().filter(|axis| !axes.contains(axis)) {
+                    targets[axis.index()].fill(0.0);
+                    columns.iter_mut().for_each(|column| column[axis.index()] = None);
+                }
+                let period_s = flight.period_s * stride as f64;
+                FlightRows { targets, columns, starts: flight.starts_of_rows(stride), period_s }
+            })
+            .collect();
+        let count = rows.first()?.columns.len();
+        let solution = least_squares::solve(&rows, &vec![None; count]).ok()?;
+        let on_axes = |sigma: [f64; 6]| axes.iter().map(|axis| sigma[axis.index()].ln()).sum::<f64>();
+        let score = on_axes(solution.sigma);
+        let without = on_axes(squares.map(|(sum, count)| (sum / f64::from(count.max(1) as u32)).sqrt()));
+        for (k, step) in free.iter().zip(solution.value.iter().skip(count - free.len())) {
+            values[*k] = fit::step_end(values[*k], *step, &effect.info().coefficients[*k]);
+        }
+        (score.is_finite() && values.iter().all(|v| v.is_finite())).then_some(End { score, without, values })
+    }
+}
+
+/// Minus the derivative of the residual with respect to coefficients that enter linearly.
+fn slopes(
+    flight: &Prepared,
+    model: &Model,
+    effect: Effect,
+    free: &[usize],
+    here: &[Vec<f64>; 6],
+) -> Vec<RowColumn> {
+    let base: Vec<f64> =
+        model.term(effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect();
+    let mut moved = model.clone();
+    free.iter()
+        .map(|&k| {
+            let step = 0.01 * step_scale(model.vehicle.has_rotor_map(), effect, k);
+            let mut values = base.clone();
+            values[k] += step;
+            moved.set(effect, &values);
+            let ahead = measured_less_predicted(flight, &moved, flight.fit_stride()).1;
+            std::array::from_fn(|axis| {
+                let slope: Vec<f64> =
+                    here[axis].iter().zip(&ahead[axis]).map(|(h, a)| (h - a) / step).collect();
+                slope.iter().any(|d| *d != 0.0).then_some(slope)
+            })
+        })
+        .collect()
+}
