@@ -1,5 +1,4 @@
 //! A load on a cable: the plant against the laws of mechanics, the pendulum driven by a log against the plant.
-#![expect(missing_docs, reason = "tests speak in their names")]
 
 use model::{Effect, Model, Pendulum, Plant, SlungLoad, State, Vehicle};
 use nalgebra::Vector3;

@@ -129,8 +129,10 @@ impl Adjustments {
         air_velocity_m_s: Vector3<f64>,
         constants: &Constants,
     ) -> [f64; 4] {
-        std::array::from_fn(|rotor| {
-            self.thrust_rad2_s2(&AtRotor { rotor, input, air_velocity_m_s, constants })
-        })
+        let mut thrust_rad2_s2 = [0.0; 4];
+        for (rotor, thrust) in thrust_rad2_s2.iter_mut().enumerate() {
+            *thrust = self.thrust_rad2_s2(&AtRotor { rotor, input, air_velocity_m_s, constants });
+        }
+        thrust_rad2_s2
     }
 }

@@ -45,7 +45,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     special: Special { of_thesis: true, must_be_determined: true, ..Special::NOTHING },
 };
 
-#[inline]
+#[inline(always)]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
     let (roll, pitch) = (&s.constants.roll_arm_kg_m2, &s.constants.pitch_arm_kg_m2);
     let radius = s.constants.beta_kg_m * s.constants.rotor_radius_m;

@@ -320,7 +320,6 @@ mod tests {
     use crate::effects::Effect;
     use crate::plant::DelayLine;
     use crate::vehicle::Vehicle;
-    use nalgebra::Vector4;
 
     /// Principal moments of inertia of the test body, kg m^2. They differ, so that the Euler terms matter.
     const INERTIA: [f64; 3] = [0.012, 0.016, 0.025];
