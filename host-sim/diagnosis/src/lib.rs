@@ -10,6 +10,7 @@ mod residual_tests;
 mod screen;
 mod search;
 pub mod subsets;
+pub mod workflow;
 
 pub use diagnose::{Addition, Diagnosis, Options, Verdict, add, diagnose, diagnose_with};
 pub use evidence::{Why, WhyError, why};

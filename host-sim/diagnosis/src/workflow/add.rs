@@ -1,0 +1,66 @@
+//! An effect joins a model, and everything is fitted again.
+
+use model::{Effect, FitRecord, HistoryEntry, Model};
+use sysid::RefinementOutcome;
+use sysid::checks::vehicle::Likeness;
+use sysid::fit::output_error::Rows;
+
+use crate::{Addition, Options};
+use crate::workflow::observer::{Observer, Progress};
+use crate::workflow::refinement::refine;
+use crate::workflow::sets::{FlightSets, WorkflowError};
+
+/// A model with one more effect.
+pub struct Added {
+    /// The model, its fit record and history brought up to date.
+    pub model: Model,
+    /// The evidence, and the errors without and with the effect.
+    pub addition: Addition,
+    /// What a refinement did, where one was asked for.
+    pub refinement: Option<RefinementOutcome>,
+}
+
+/// Adds `effect` to `model`, whether the flights support it or not.
+pub fn add(
+    model: &Model,
+    effect: Effect,
+    sets: &mut FlightSets,
+    rows: Option<Rows>,
+    observer: &dyn Observer,
+) -> Result<Added, WorkflowError> {
+    sets.leave_out_undefined(model, &[effect], observer)?;
+    sets.faults.add_of_fitted(model, sets.held_out.loaded());
+    let all: Vec<_> = sets.training.loaded().iter().chain(sets.held_out.loaded()).collect();
+    sets.faults.add_of_likeness(model, &all, Likeness::SAME);
+    sets.align(model);
+    let (better, addition) = join(model, effect, sets, &Options::default(), observer)?;
+    let (model, refinement) = refine(better, sets, rows, observer)?;
+    Ok(Added { model, addition, refinement })
+}
+
+/// The model with `effect`, on flights whose clocks and trim are set.
+pub(crate) fn join(
+    model: &Model,
+    effect: Effect,
+    sets: &mut FlightSets,
+    _options: &Options,
+    observer: &dyn Observer,
+) -> Result<(Model, Addition), WorkflowError> {
+    observer.progress(Progress { activity: &format!("adding {effect}"), steps: None });
+    let mut with = model.clone();
+    with.set(effect, &vec![0.0; effect.info().coefficients.len()]);
+    sets.trim(&with);
+    let addition =
+        crate::add(model, effect, &sets.train(), &sets.validate()).map_err(|why| sets.blame(why))?;
+    let mut better = addition.fit.model.clone();
+    let rotation_refused = model.fit.as_ref().map_or_else(Vec::new, |fit| fit.rotation_refused.clone());
+    better.fit = Some(FitRecord { rotation_refused, ..sets.record(&better) });
+    better.history.clone_from(&model.history);
+    better.history.push(HistoryEntry {
+        effect: effect.id().into(),
+        supported: addition.finding.supported,
+        sse_before: addition.before,
+        sse_after: addition.after,
+    });
+    Ok((better, addition))
+}

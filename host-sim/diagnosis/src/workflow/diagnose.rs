@@ -1,0 +1,68 @@
+//! Which physical effect is missing from a model? And why, or why not, one of them?
+
+use model::{Effect, Model};
+use sysid::checks::vehicle::Likeness;
+
+use crate::workflow::observer::{Observer, Progress};
+use crate::workflow::sets::{FlightSets, WorkflowError};
+use crate::{Diagnosis, Options, Why, WhyError, diagnose_with};
+
+/// Diagnoses a model on flights; `effects` are users' own that may join it.
+pub fn diagnose(
+    model: &Model,
+    effects: &[Effect],
+    sets: &mut FlightSets,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Diagnosis, WorkflowError> {
+    hold_against(model, effects, sets, observer)?;
+    search(model, sets, options, observer)
+}
+
+/// The evidence for and against one effect, missing from the model or in it.
+pub fn why(
+    model: &Model,
+    effect: Effect,
+    effects: &[Effect],
+    sets: &mut FlightSets,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Why, WorkflowError> {
+    hold_against(model, effects, sets, observer)?;
+    observer.progress(Progress { activity: &format!("examining {effect}"), steps: None });
+    crate::why(model, effect, &sets.train(), &sets.validate(), options).map_err(|refused| match refused {
+        WhyError::Fit(why) => sets.blame(why),
+        other => WorkflowError::Why(other),
+    })
+}
+
+/// Checks flights against a model that is there already, and sets their clocks and trim.
+fn hold_against(
+    model: &Model,
+    effects: &[Effect],
+    sets: &mut FlightSets,
+    observer: &dyn Observer,
+) -> Result<(), WorkflowError> {
+    sets.leave_out_undefined(model, effects, observer)?;
+    sets.faults.add_of_fitted(model, sets.held_out.loaded());
+    let all: Vec<_> = sets.training.loaded().iter().chain(sets.held_out.loaded()).collect();
+    sets.faults.add_of_likeness(model, &all, Likeness::SAME);
+    sets.align(model);
+    Ok(())
+}
+
+/// Diagnoses on flights whose clocks and trim are set.
+pub(crate) fn search(
+    model: &Model,
+    sets: &FlightSets,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Diagnosis, WorkflowError> {
+    if observer.is_cancelled() {
+        return Err(WorkflowError::Cancelled);
+    }
+    diagnose_with(model, &sets.train(), &sets.validate(), options, |step| {
+        observer.progress(Progress { activity: &format!("trying {step}"), steps: None });
+    })
+    .map_err(|why| sets.blame(why))
+}

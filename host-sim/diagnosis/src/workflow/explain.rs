@@ -1,0 +1,103 @@
+//! The whole loop: identify, diagnose, add what is found, until nothing that the flights support is left.
+
+use model::{Effect, Model, Vehicle};
+use sysid::fit::output_error::Rows;
+use sysid::{Comparison, RefinementOutcome};
+
+use crate::workflow::add::join;
+use crate::workflow::diagnose::search;
+use crate::workflow::identify::fit_basic;
+use crate::workflow::observer::Observer;
+use crate::workflow::refinement::refine;
+use crate::workflow::sets::{FlightSets, WorkflowError};
+use crate::{Addition, Diagnosis, Options, Verdict};
+
+/// One round: a diagnosis and the effect that was added after it.
+pub struct Step {
+    /// What was found before the effect joined.
+    pub diagnosis: Diagnosis,
+    /// The effect.
+    pub effect: Effect,
+    /// Its evidence and the errors without and with it.
+    pub addition: Addition,
+    /// The model with it.
+    pub model: Model,
+    /// The model with it against the held-out flights.
+    pub comparison: Comparison,
+}
+
+/// From the basic model to one in which nothing supported is missing.
+pub struct Explanation {
+    /// The basic model.
+    pub basic: Model,
+    /// The basic model against the held-out flights.
+    pub basic_comparison: Comparison,
+    /// Effects in the order they were added.
+    pub steps: Vec<Step>,
+    /// What is found in the last model.
+    pub last_diagnosis: Diagnosis,
+    /// The model at the end, refined where that was asked for.
+    pub model: Model,
+    /// What a refinement did, where one was asked for.
+    pub refinement: Option<RefinementOutcome>,
+}
+
+impl Explanation {
+    /// The model at the end against the held-out flights, before any refinement.
+    pub fn last_comparison(&self) -> &Comparison {
+        self.steps.last().map_or(&self.basic_comparison, |step| &step.comparison)
+    }
+
+    /// What is found in the basic model.
+    pub fn first_diagnosis(&self) -> &Diagnosis {
+        self.steps.first().map_or(&self.last_diagnosis, |step| &step.diagnosis)
+    }
+
+    /// What was found, in a sentence, and what was not.
+    pub fn conclusion(&self) -> String {
+        let found: Vec<&str> = self.found().iter().map(|e| e.id()).collect();
+        match found.as_slice() {
+            [] => format!("Found: nothing. {}", self.last_diagnosis.summary),
+            names => format!("Found: {}.", names.join(", then ")),
+        }
+    }
+
+    /// The conclusion of the whole loop: was anything missing, and is anything left?
+    pub fn verdict(&self) -> Verdict {
+        match (self.steps.is_empty(), self.last_diagnosis.verdict) {
+            (false, Verdict::Adequate) => Verdict::MissingEffect,
+            (_, last) => last,
+        }
+    }
+
+    /// Effects in the order they were added.
+    pub fn found(&self) -> Vec<Effect> {
+        self.steps.iter().map(|step| step.effect).collect()
+    }
+}
+
+/// Goes through the loop. It ends: every round adds an effect that the model does not have.
+pub fn explain(
+    vehicle: &Vehicle,
+    effects: &[Effect],
+    sets: &mut FlightSets,
+    options: &Options,
+    rows: Option<Rows>,
+    observer: &dyn Observer,
+) -> Result<Explanation, WorkflowError> {
+    sets.leave_out_undefined(&Model::new(vehicle.clone()), effects, observer)?;
+    let basic = fit_basic(vehicle, sets, observer)?.model;
+    let basic_comparison = sysid::compare(&basic, &sets.validate());
+    let mut steps: Vec<Step> = Vec::new();
+    let last_diagnosis = loop {
+        let model = steps.last().map_or(&basic, |step| &step.model);
+        let diagnosis = search(model, sets, options, observer)?;
+        let Some(effect) = diagnosis.best() else { break diagnosis };
+        let (better, addition) = join(model, effect, sets, options, observer)?;
+        let comparison = sysid::compare(&better, &sets.validate());
+        steps.push(Step { diagnosis, effect, addition, model: better, comparison });
+    };
+    let last = steps.last().map_or(&basic, |step| &step.model).clone();
+    let (model, refinement) = refine(last, sets, rows, observer)?;
+    Ok(Explanation { basic, basic_comparison, steps, last_diagnosis, model, refinement })
+}

@@ -1,0 +1,81 @@
+//! The basic model fitted to flights and judged on others.
+
+use model::{Effect, FitRecord, Model, Vehicle};
+use sysid::fit::output_error::Rows;
+use sysid::{MotorsOfFlights, RefinementOutcome};
+
+use crate::workflow::corrections::basic_model;
+use crate::workflow::observer::{Observer, Progress};
+use crate::workflow::record::rotation_refused;
+use crate::workflow::refinement::refine;
+use crate::workflow::sets::{FlightSets, WorkflowError};
+
+/// A basic model and how well determined it is.
+pub struct Identified {
+    /// The model, with its fit record.
+    pub model: Model,
+    /// Condition number of the column-scaled problem.
+    pub condition: f64,
+    /// Motor coefficients flight by flight.
+    pub motors: Vec<MotorsOfFlights>,
+    /// What a refinement did, where one was asked for.
+    pub refinement: Option<RefinementOutcome>,
+}
+
+/// Fits the basic model; `effects` are users' own, whose formulas must have a value at every sample that is used.
+pub fn identify(
+    vehicle: &Vehicle,
+    effects: &[Effect],
+    sets: &mut FlightSets,
+    rows: Option<Rows>,
+    observer: &dyn Observer,
+) -> Result<Identified, WorkflowError> {
+    sets.leave_out_undefined(&Model::new(vehicle.clone()), effects, observer)?;
+    let identified = fit_basic(vehicle, sets, observer)?;
+    let (model, refinement) = refine(identified.model, sets, rows, observer)?;
+    Ok(Identified { model, refinement, ..identified })
+}
+
+pub(crate) fn fit_basic(
+    vehicle: &Vehicle,
+    sets: &mut FlightSets,
+    observer: &dyn Observer,
+) -> Result<Identified, WorkflowError> {
+    observer.progress(Progress { activity: "fitting the basic model", steps: None });
+    let basic: Vec<Effect> = Effect::basic().collect();
+    sets.align_training(&basic_model(vehicle));
+    let mut fit = sysid::fit(&sets.train(), vehicle, &basic, None).map_err(|why| sets.blame(why))?;
+    let rotation_refused = sysid::rotation_doubts(&fit.model, &sets.train());
+    if !rotation_refused.is_empty() {
+        let forces = sysid::without_rotation(&basic);
+        fit = sysid::fit(&sets.train(), vehicle, &forces, None).map_err(|why| sets.blame(why))?;
+        sets.align_training(&fit.model);
+    }
+    let mut model = fit.model;
+    sets.align_held_out(&model);
+    model.fit = Some(FitRecord { rotation_refused, ..sets.record(&model) });
+    let motors = sysid::motors_of_flights(&model, &sets.train());
+    warn(&model, sets, &motors, observer);
+    sets.add_faults_of_fit(&model);
+    Ok(Identified { model, condition: fit.condition, motors, refinement: None })
+}
+
+/// Doubts about a model, one sentence each.
+fn warn(model: &Model, sets: &FlightSets, motors: &[MotorsOfFlights], observer: &dyn Observer) {
+    let record = model.fit.as_ref();
+    if let Some(reasons) = record.map(|fit| &fit.rotation_refused).filter(|reasons| !reasons.is_empty()) {
+        observer.warning(&rotation_refused(reasons));
+    }
+    for doubt in sysid::impossible_signs(model) {
+        observer.warning(&doubt);
+    }
+    for flight in sets.all() {
+        let wandering = flight.prepared.alignment.as_ref().filter(|a| !a.wandering.is_empty());
+        if let Some(note) = wandering.and_then(sysid::Alignment::note) {
+            observer.warning(&format!("{}: {note}", flight.path.display()));
+        }
+    }
+    for warning in motors.iter().filter_map(|m| m.warning.as_ref()) {
+        observer.warning(warning);
+    }
+}

@@ -1,0 +1,35 @@
+//! What the user's commands do: flights in, models and findings out.
+//!
+//! Every program, page and test that states a verdict goes through these functions, so that a published figure is the
+//! product's own: reading and checking flights ([`FlightSets`]), setting their clocks and trim, fitting, judging on
+//! flights held out, refinement, and the records in the model file.
+//!
+//! A caller passes an [`Observer`], which hears of progress and warnings and may cancel. Nothing here prints.
+
+mod add;
+mod changed;
+mod compare;
+mod corrections;
+mod diagnose;
+mod explain;
+mod faults;
+mod identify;
+mod observer;
+mod record;
+mod refinement;
+mod sets;
+
+pub use add::{Added, add};
+pub use changed::changed;
+pub use compare::compare;
+pub use diagnose::{diagnose, why};
+pub use explain::{Explanation, Step, explain};
+pub use faults::{Faults, Listed};
+pub use identify::{Identified, identify};
+pub use observer::{Observer, Progress, Silent};
+pub use record::{rotation_refused, shown_record};
+pub use refinement::Refined;
+pub use sets::{
+    FlightSets, FlightsOfOneKind, HeldOutFlights, LoadedFlight, Reading, TrainingFlights, WorkflowError, names,
+    sha256,
+};
