@@ -1,34 +1,29 @@
 //! Flights that nobody here made: simulated by another program with a known hidden effect, and real ones.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use diagnosis::{Verdict, diagnose};
-use flights::Flight;
+use diagnosis::workflow::{self, Explanation, FlightSets, Reading, Silent};
+use diagnosis::{Diagnosis, Options, Verdict};
 use model::{AXES, Effect, Model, Vehicle};
 use serde_json::Value;
 use stories::shared;
-use sysid::{Fit, Prepared, compare, fit};
+use sysid::{Comparison, compare};
 
+/// Flights of a folder as a user of the program gives them.
 struct Folder {
     vehicle: Vehicle,
-    train: Vec<Prepared>,
-    validate: Vec<Prepared>,
+    sets: FlightSets,
 }
 
 impl Folder {
     fn read(folder: &Path, train: &[String], validate: &[String]) -> Self {
         let vehicle = Vehicle::read(&folder.join("vehicle.toml")).unwrap();
-        let prepare = |names: &[String]| {
-            let one = |name: &String| {
-                let path = folder.join(format!("{name}.csv"));
-                let flight = Flight::read(&path).unwrap();
-                flight.check_against(&vehicle, &path).unwrap();
-                Prepared::new(&flight, &vehicle).unwrap()
-            };
-            names.iter().map(one).collect()
+        let paths = |names: &[String]| -> Vec<PathBuf> {
+            names.iter().map(|name| folder.join(format!("{name}.csv"))).collect()
         };
-        let (train, validate) = (prepare(train), prepare(validate));
-        Self { vehicle, train, validate }
+        let reading = Reading::default();
+        let sets = FlightSets::read(&paths(train), &paths(validate), &vehicle, reading, &Silent).unwrap();
+        Self { vehicle, sets }
     }
 
     fn hidden(case: &str) -> Option<Self> {
@@ -37,15 +32,25 @@ impl Folder {
         Some(Self::read(&folder, &names(&["A", "B", "C"]), &names(&["D", "E"])))
     }
 
-    fn fit(&self, more: &[Effect]) -> Fit {
-        let effects: Vec<Effect> = Effect::basic().chain(more.iter().copied()).collect();
-        fit(&self.train.iter().collect::<Vec<_>>(), &self.vehicle, &effects, None).unwrap()
+    fn explain(&mut self) -> Explanation {
+        workflow::explain(&self.vehicle, &[], &mut self.sets, &Options::default(), None, &Silent).unwrap()
     }
 
-    fn diagnose(&self, model: &Model) -> diagnosis::Diagnosis {
-        let (train, validate): (Vec<_>, Vec<_>) =
-            (self.train.iter().collect(), self.validate.iter().collect());
-        diagnose(model, &train, &validate, |_| ()).unwrap()
+    fn identify(&mut self) -> Model {
+        workflow::identify(&self.vehicle, &[], &mut self.sets, None, &Silent).unwrap().model
+    }
+
+    fn diagnose(&mut self, model: &Model) -> Diagnosis {
+        workflow::diagnose(model, &[], &mut self.sets, &Options::default(), &Silent).unwrap()
+    }
+
+    fn with(&mut self, model: &Model, effect: Effect) -> Model {
+        workflow::add(model, effect, &mut self.sets, None, &Silent).unwrap().model
+    }
+
+    /// The model against the flights held out.
+    fn compare(&self, model: &Model) -> Comparison {
+        compare(model, &self.sets.validate())
     }
 }
 
@@ -105,22 +110,15 @@ type OwnTruth = dyn Fn(&Value) -> Vec<(Effect, usize, f64)>;
 
 /// A case, what is hidden in it, and the true values of its coefficients where they have the same meaning there.
 fn check_case(case: &str, hidden: &[Effect], own: &OwnTruth) {
-    let (Some(folder), Some(world)) = (Folder::hidden(case), world(case)) else { return };
-    let mut known: Vec<Effect> = Vec::new();
-    for &effect in hidden {
-        let base = folder.fit(&known);
-        let diagnosis = folder.diagnose(&base.model);
-        assert_eq!(diagnosis.verdict, Verdict::MissingEffect, "{case}: {}", diagnosis.summary);
-        assert_eq!(diagnosis.best(), Some(effect), "{case}: {}", diagnosis.summary);
-        known.push(effect);
-    }
-    let fitted = folder.fit(&known);
-    let left = folder.diagnose(&fitted.model);
+    let (Some(mut folder), Some(world)) = (Folder::hidden(case), world(case)) else { return };
+    let explanation = folder.explain();
+    assert_eq!(explanation.found(), hidden, "{case}: {}", explanation.conclusion());
+    let left = &explanation.last_diagnosis;
     assert_eq!(left.verdict, Verdict::Adequate, "{case}: {}", left.summary);
     // 24 to 27 coefficients a case and seven cases: beyond 4.5 standard errors once in a thousand such suites if
     // nothing were approximate (rotors turn exponentially between samples, the filters see straight lines).
-    assert_near_truth(case, &fitted.model, &truth(&world, &folder.vehicle), 4.5);
-    assert_near_truth(case, &fitted.model, &own(&world), 4.5);
+    assert_near_truth(case, &explanation.model, &truth(&world, &folder.vehicle), 4.5);
+    assert_near_truth(case, &explanation.model, &own(&world), 4.5);
 }
 
 #[test]
@@ -211,9 +209,9 @@ fn csv_names(folder: &Path, pick: impl Fn(&str) -> bool) -> Vec<String> {
 fn nanodrone_has_right_signs_drag_rotor_inertia_and_flapping_moment() {
     let Some(path) = shared("data/nanodrone") else { return };
     let train = csv_names(&path, |n| !n.ends_with("run4"));
-    let folder = Folder::read(&path, &train, &csv_names(&path, |n| n.ends_with("run4")));
-    let base = folder.fit(&[]);
-    let value = |effect, k: usize| base.model.term(effect).unwrap().coefficients[k].value;
+    let mut folder = Folder::read(&path, &train, &csv_names(&path, |n| n.ends_with("run4")));
+    let base = folder.identify();
+    let value = |effect, k: usize| base.term(effect).unwrap().coefficients[k].value;
     for rotor in 0..4 {
         assert!(value(Effect::RotorMoments, rotor) > 0.0 && value(Effect::RotorMoments, 4 + rotor) > 0.0);
         let spin = folder.vehicle.motors.spin[rotor].yaw_sign();
@@ -223,17 +221,17 @@ fn nanodrone_has_right_signs_drag_rotor_inertia_and_flapping_moment() {
         let drag_per_s = -value(Effect::LinearDrag, axis) / folder.vehicle.mass;
         assert!((0.40..0.46).contains(&drag_per_s), "{drag_per_s}");
     }
-    let diagnosis = folder.diagnose(&base.model);
+    let diagnosis = folder.diagnose(&base);
     assert_eq!(diagnosis.best(), Some(Effect::RotorInertia), "{}", diagnosis.summary);
     assert!(
         diagnosis.effects.iter().any(|e| e.effect == "flapping-moment" && e.supported),
         "{}",
         diagnosis.summary
     );
-    let with = folder.fit(&[Effect::RotorInertia, Effect::FlappingMoment]);
-    let validate: Vec<&Prepared> = folder.validate.iter().collect();
-    let (before, after) = (compare(&base.model, &validate), compare(&with.model, &validate));
-    let attitude = |c: &sysid::Comparison| c.horizons.sum_1_50.attitude_rad;
+    let with_inertia = folder.with(&base, Effect::RotorInertia);
+    let with_both = folder.with(&with_inertia, Effect::FlappingMoment);
+    let (before, after) = (folder.compare(&base), folder.compare(&with_both));
+    let attitude = |c: &Comparison| c.horizons.sum_1_50.attitude_rad;
     assert!(attitude(&after) < 0.8 * attitude(&before), "{} {}", attitude(&before), attitude(&after));
 }
 
@@ -243,12 +241,12 @@ fn nanobench_thrust_follows_the_voltage() {
     let Some(path) = shared("data/nanobench") else { return };
     let held_out = |n: &str| n.starts_with("B3") || n.starts_with("B5");
     let train = csv_names(&path, |n| !held_out(n));
-    let folder = Folder::read(&path, &train, &csv_names(&path, held_out));
-    let base = folder.fit(&[]);
-    let diagnosis = folder.diagnose(&base.model);
+    let mut folder = Folder::read(&path, &train, &csv_names(&path, held_out));
+    let base = folder.identify();
+    let diagnosis = folder.diagnose(&base);
     assert_eq!(diagnosis.best(), Some(Effect::BatteryVoltage), "{}", diagnosis.summary);
-    let validate: Vec<&Prepared> = folder.validate.iter().collect();
-    let after = compare(&folder.fit(&[Effect::BatteryVoltage]).model, &validate);
-    assert!(after.total.w.rms < 0.5 * compare(&base.model, &validate).total.w.rms);
+    let with = folder.with(&base, Effect::BatteryVoltage);
+    let after = folder.compare(&with);
+    assert!(after.total.w.rms < 0.5 * folder.compare(&base).total.w.rms);
     assert!(AXES.iter().all(|a| after.total[*a].rms.is_finite()));
 }

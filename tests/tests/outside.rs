@@ -1,23 +1,19 @@
 //! Effects that no catalogue has are said to be unknown, and what is told of them leads to their cause.
 #![forbid(unsafe_code)]
 
-use diagnosis::{Diagnosis, Verdict, diagnose};
+use diagnosis::workflow::{self, FlightSets, Reading, Silent};
+use diagnosis::{Diagnosis, Options, Verdict};
 use model::Effect;
 use stories::world::{OUTSIDE, Pattern, Sensors, Size, World};
-use sysid::{Prepared, fit};
 
 fn diagnosed(id: &str, strength: f64, size: Size, seed: u64) -> Diagnosis {
     let world = World::new(size, seed).with(id, strength).unwrap();
-    let fly = |pattern: Pattern| {
-        let flight = world.fly(pattern, 24.0, &Sensors::default(), 0).expect("the pilot copes");
-        Prepared::new(&flight, &world.vehicle).unwrap()
-    };
+    let fly = |pattern: Pattern| world.fly(pattern, 24.0, &Sensors::default(), 0).expect("the pilot copes");
     let (train, validate) = (Pattern::TRAIN.map(fly), Pattern::VALIDATE.map(fly));
-    let (train, validate): (Vec<&Prepared>, Vec<&Prepared>) =
-        (train.iter().collect(), validate.iter().collect());
-    let basic: Vec<Effect> = Effect::basic().collect();
-    let model = fit(&train, &world.vehicle, &basic, None).unwrap().model;
-    diagnose(&model, &train, &validate, |_| ()).unwrap()
+    let vehicle = &world.vehicle;
+    let mut sets = FlightSets::from_flights(&train, &validate, vehicle, Reading::default(), &Silent).unwrap();
+    let basic = workflow::identify(vehicle, &[], &mut sets, None, &Silent).unwrap().model;
+    workflow::diagnose(&basic, &[], &mut sets, &Options::default(), &Silent).unwrap()
 }
 
 fn depends_on(diagnosis: &Diagnosis) -> Vec<&str> {

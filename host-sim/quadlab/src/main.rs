@@ -9,9 +9,7 @@
 
 mod cli;
 mod commands;
-mod real_logs;
 mod render;
-mod story;
 
 use std::process::ExitCode;
 

@@ -48,6 +48,11 @@ impl Explanation {
         self.steps.last().map_or(&self.basic_comparison, |step| &step.comparison)
     }
 
+    /// The model at the end, before any refinement.
+    pub fn last_model(&self) -> &Model {
+        self.steps.last().map_or(&self.basic, |step| &step.model)
+    }
+
     /// What is found in the basic model.
     pub fn first_diagnosis(&self) -> &Diagnosis {
         self.steps.first().map_or(&self.last_diagnosis, |step| &step.diagnosis)

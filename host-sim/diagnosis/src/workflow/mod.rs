@@ -30,6 +30,6 @@ pub use observer::{Observer, Progress, Silent};
 pub use record::{rotation_refused, shown_record};
 pub use refinement::Refined;
 pub use sets::{
-    FlightSets, FlightsOfOneKind, HeldOutFlights, LoadedFlight, Reading, TrainingFlights, WorkflowError, names,
-    sha256,
+    FlightSets, FlightsOfOneKind, HeldOutFlights, LoadedFlight, Reading, TrainingFlights, WorkflowError,
+    names, sha256,
 };

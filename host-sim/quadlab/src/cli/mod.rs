@@ -4,4 +4,6 @@ pub(crate) mod faults;
 pub(crate) mod flights;
 pub(crate) mod output;
 pub(crate) mod progress;
+pub(crate) mod refine;
+pub(crate) mod terminal;
 pub(crate) mod user_effects;

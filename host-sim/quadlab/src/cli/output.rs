@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use report::Provenance;
 use serde::Serialize;
 
-use crate::cli::flights::{Loaded, sha256};
+use diagnosis::workflow::{LoadedFlight, sha256};
 
 /// What a command that ran hands back.
 pub(crate) struct Outcome {
@@ -48,7 +48,10 @@ pub(crate) fn check_outputs<'a>(
 }
 
 /// The footer of a page: command, version and the files behind it.
-pub(crate) fn provenance<'a>(files: &[&Path], flights: impl IntoIterator<Item = &'a Loaded>) -> Provenance {
+pub(crate) fn provenance<'a>(
+    files: &[&Path],
+    flights: impl IntoIterator<Item = &'a LoadedFlight>,
+) -> Provenance {
     let hashed = |path: &Path, hash: &str| report::InputFile {
         path: path.display().to_string(),
         hash: format!("sha256:{hash}"),

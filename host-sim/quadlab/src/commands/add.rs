@@ -2,17 +2,16 @@
 
 use std::path::PathBuf;
 
-use diagnosis::Addition;
-use model::{Effect, FitRecord, HistoryEntry, Model, PerAxis};
+use diagnosis::workflow::{self, Added};
+use model::{Effect, Model, PerAxis};
 use serde::Serialize;
-use sysid::checks::vehicle::Likeness;
 
 use crate::cli::faults::{self, FaultOptions};
-use crate::cli::flights::{SetOptions, Sets};
+use crate::cli::flights::SetOptions;
 use crate::cli::output::{Outcome, check_outputs};
-use crate::cli::progress;
+use crate::cli::refine::{self, RefineOptions, RefinementEntry};
+use crate::cli::terminal::Terminal;
 use crate::cli::user_effects::EffectOptions;
-use crate::real_logs::{self, RefineOptions, RefinementEntry};
 use crate::render::tables;
 
 /// Add a physical effect to a model and fit all of it again.
@@ -71,19 +70,16 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         let there = listed(&model.effects());
         return Err(AddError::AlreadyThere { model: options.model.clone(), effect, there }.into());
     }
-    let mut sets = Sets::read(&options.sets, &model.vehicle, options.faults.reading(options.json))?;
-    sets.leave_out_undefined(&model, &[effect])?;
-    sets.faults.of_fitted(&model, &sets.validate);
-    sets.faults.of_likeness(&model, sets.all(), Likeness::SAME);
-    real_logs::align(&mut sets, &model);
-    let (mut better, addition) = add(&model, effect, &mut sets, options.json)?;
-    let refinement = real_logs::refine(&mut better, &sets, &options.refine, options.json)?;
-    report::write_atomic(&options.out, better.to_toml())?;
+    let terminal = Terminal::new(options.json);
+    let mut sets = options.sets.read(&model.vehicle, options.faults.reading(), &terminal)?;
+    let added = workflow::add(&model, effect, &mut sets, options.refine.rows(), &terminal)?;
+    terminal.clear();
+    report::write_atomic(&options.out, added.model.to_toml())?;
     if options.json {
-        faults::json(&document(&addition, refinement), sets.all(), &sets.faults)
+        faults::json(&document(&added), sets.all(), &sets.faults)
     } else {
-        sets.faults.warn();
-        Ok(text(options, &better, &addition, refinement.as_ref()))
+        faults::warn(&sets.faults);
+        Ok(text(options, &added))
     }
 }
 
@@ -98,41 +94,10 @@ fn listed(effects: &[Effect]) -> String {
     effects.iter().map(|e| e.id()).collect::<Vec<_>>().join(", ")
 }
 
-/// The model with `effect`, its fit record and history brought up to date.
-pub(crate) fn add(
-    model: &Model,
-    effect: Effect,
-    sets: &mut Sets,
-    json: bool,
-) -> anyhow::Result<(Model, Addition)> {
-    let spinner = progress::spinner(json);
-    spinner.set_message(format!("adding {effect}"));
-    let mut with = model.clone();
-    with.set(effect, &vec![0.0; effect.info().coefficients.len()]);
-    real_logs::trim(sets, &with);
-    let addition = diagnosis::add(model, effect, &sets.train(), &sets.validate())
-        .map_err(|refused| sets.blame(refused))?;
-    let mut better = addition.fit.model.clone();
-    let rotation_refused = model.fit.as_ref().map_or_else(Vec::new, |fit| fit.rotation_refused.clone());
-    better.fit = Some(FitRecord { rotation_refused, ..sets.record(&better) });
-    better.history.clone_from(&model.history);
-    better.history.push(HistoryEntry {
-        effect: effect.id().into(),
-        supported: addition.finding.supported,
-        sse_before: addition.before,
-        sse_after: addition.after,
-    });
-    spinner.finish_and_clear();
-    Ok((better, addition))
-}
-
-fn text(
-    options: &Options,
-    better: &Model,
-    addition: &Addition,
-    refinement: Option<&RefinementEntry>,
-) -> Outcome {
-    let refined = refinement.map_or_else(String::new, |r| format!("\n{}", tables::paragraph(&r.text())));
+fn text(options: &Options, added: &Added) -> Outcome {
+    let refined = added.refinement.as_ref().map(refine::sentence);
+    let refined = refined.map_or_else(String::new, |sentence| format!("\n{}", tables::paragraph(&sentence)));
+    let addition = &added.addition;
     let finding = &addition.finding;
     let verdict = if finding.supported { "is supported" } else { "is NOT supported by these flights" };
     let sentence = Effect::from_id(finding.effect).map_or("", |e| e.info().sentence);
@@ -145,7 +110,7 @@ fn text(
             &addition.after,
         )
         .to_text(),
-        tables::coefficients(better).to_text(),
+        tables::coefficients(&added.model).to_text(),
         options.out.display(),
     ))
 }
@@ -162,7 +127,8 @@ struct Document<'a> {
     refinement: Option<RefinementEntry>,
 }
 
-fn document(addition: &Addition, refinement: Option<RefinementEntry>) -> Document<'_> {
+fn document(added: &Added) -> Document<'_> {
+    let addition = &added.addition;
     Document {
         effect: addition.finding.effect,
         sse_before: addition.before,
@@ -170,6 +136,6 @@ fn document(addition: &Addition, refinement: Option<RefinementEntry>) -> Documen
         drop_percent: addition.before.drop_percent(&addition.after),
         supported: addition.finding.supported,
         finding: &addition.finding,
-        refinement,
+        refinement: added.refinement.as_ref().map(RefinementEntry::from),
     }
 }

@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
+use diagnosis::workflow::{self, FlightsOfOneKind, LoadedFlight};
 use model::Model;
 use sysid::Comparison;
-use sysid::checks::vehicle::Likeness;
 
 use crate::cli::faults::{self, FaultOptions};
+use crate::cli::flights;
 use crate::cli::output::{Outcome, check_outputs, provenance};
-use crate::cli::{flights, progress, user_effects};
-use crate::real_logs;
+use crate::cli::terminal::Terminal;
 use crate::render::{pages, tables};
 
 /// Compare a model with flights: errors of each axis, open-loop prediction, and where it fails most.
@@ -42,16 +42,11 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let inputs: Vec<&PathBuf> = options.flights.iter().chain([&options.model]).collect();
     check_outputs(&options.html, &inputs)?;
     let model = Model::read(&options.model)?;
-    let reading = options.faults.reading(options.json);
-    let (mut flights, faults) = flights::read(&options.flights, &model.vehicle, reading)?;
-    user_effects::leave_out_undefined(&mut flights, &model, &[])?;
-    faults.of_fitted(&model, &flights);
-    faults.of_likeness(&model, &flights, Likeness::SAME);
-    real_logs::align_flights(&mut flights, &model, real_logs::reference_of(&model));
-    let spinner = progress::spinner(options.json);
-    spinner.set_message("predicting");
-    let comparison = sysid::compare(&model, &flights::prepared(&flights));
-    spinner.finish_and_clear();
+    let terminal = Terminal::new(options.json);
+    let mut flights = flights::read(&options.flights, &model.vehicle, options.faults.reading(), &terminal)?;
+    let comparison = workflow::compare(&model, &mut flights, &terminal)?;
+    terminal.clear();
+    let FlightsOfOneKind { flights, faults } = flights;
     if let Some(path) = &options.html {
         pages::with_checks(pages::compare(&model, &flights, &comparison), &flights, &faults)
             .provenance(provenance(&[&options.model], &flights))
@@ -60,12 +55,12 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     if options.json {
         faults::json(&comparison, &flights, &faults)
     } else {
-        faults.warn();
+        faults::warn(&faults);
         Ok(Outcome::done(text(options, &flights, &comparison)))
     }
 }
 
-fn text(options: &Options, flights: &[flights::Loaded], comparison: &Comparison) -> String {
+fn text(options: &Options, flights: &[LoadedFlight], comparison: &Comparison) -> String {
     let mut text = format!(
         "{}\n{}\n{}",
         tables::comparison(comparison).to_text(),

@@ -1,4 +1,4 @@
-//! `quadlab demo`: the whole story, from flights to a better model, and a page that tells it.
+//! `quadlab demo`: the whole explanation, from flights to a better model, and a page that tells it.
 //!
 //! Without flights of your own, a craft is flown in simulation with one physical effect that nobody is told of. The
 //! flights go to files, and everything after that sees the files only: the name found at the end is found from them.
@@ -6,16 +6,17 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use diagnosis::workflow::{self, Explanation, FlightSets, Reading};
 use model::{Effect, Model, Vehicle};
 use rayon::prelude::*;
 
-use crate::cli::faults::Reading;
-use crate::cli::flights::{SetOptions, Sets};
+use crate::cli::faults;
+use crate::cli::flights::SetOptions;
 use crate::cli::output::{Outcome, provenance};
 use crate::cli::progress;
+use crate::cli::terminal::Terminal;
 use crate::commands::demo_effect;
 use crate::render::{pages, tables};
-use crate::story::{self, Story};
 
 /// The contract's names of flights to fit on and to judge by.
 const TRAIN: [&str; 3] = ["A", "B", "C"];
@@ -25,9 +26,9 @@ const FLIGHT_S: f64 = 40.0;
 /// Part of the flights that is fitted on where the names do not say.
 const TRAIN_SHARE: f64 = 0.6;
 
-/// Run the whole story: identify, compare, diagnose, add, and a page with figures.
+/// Run the whole explanation: identify, compare, diagnose, add, and a page with figures.
 ///
-/// Without --flights, a simulated craft has one hidden effect, and the story is whether the flights give it away. Exit
+/// Without --flights, a simulated craft has one hidden effect, and the explanation is whether the flights give it away. Exit
 /// status 1 if they do not.
 #[derive(clap::Args)]
 #[command(
@@ -76,12 +77,15 @@ fn on_flights(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
     let (files, how) = chosen_flights(folder)?;
     let vehicle_path = folder.join("vehicle.toml");
     let vehicle = Vehicle::read(&vehicle_path)?;
-    let mut sets = Sets::read(&files, &vehicle, Reading::default())?;
+    let terminal = Terminal::new(false);
+    let mut sets = files.read(&vehicle, Reading::default(), &terminal)?;
     create(&options.out)?;
-    let story = story::tell(&vehicle, &mut sets, &diagnosis::Options::default(), false)?;
-    let lead = format!("{how} {}", story.conclusion());
-    let text = finish(options, &lead, &vehicle_path, &sets, &story)?;
-    sets.faults.warn();
+    let explanation =
+        workflow::explain(&vehicle, &[], &mut sets, &diagnosis::Options::default(), None, &terminal)?;
+    terminal.clear();
+    let lead = format!("{how} {}", explanation.conclusion());
+    let text = finish(options, &lead, &vehicle_path, &sets, &explanation)?;
+    faults::warn(&sets.faults);
     Ok(Outcome::done(text))
 }
 
@@ -127,20 +131,23 @@ fn on_hidden_effect(options: &Options) -> anyhow::Result<Outcome> {
 
     // From here on only the files speak.
     let vehicle = Vehicle::read(&vehicle_path)?;
-    let mut sets = Sets::read(&files, &vehicle, Reading::default())?;
-    let story = story::tell(&vehicle, &mut sets, &diagnosis::Options::default(), false)?;
-    let found = story.found().first() == Some(&effect);
-    let lead = format!("{} {}", story.conclusion(), verdict(effect, seed, &story));
-    let mut text = finish(options, &lead, &vehicle_path, &sets, &story)?;
-    let _ = write!(text, "\n{}", tables::hidden(&craft, effect, story.last_model()).to_text());
+    let terminal = Terminal::new(false);
+    let mut sets = files.read(&vehicle, Reading::default(), &terminal)?;
+    let explanation =
+        workflow::explain(&vehicle, &[], &mut sets, &diagnosis::Options::default(), None, &terminal)?;
+    let found = explanation.found().first() == Some(&effect);
+    terminal.clear();
+    let lead = format!("{} {}", explanation.conclusion(), verdict(effect, seed, &explanation));
+    let mut text = finish(options, &lead, &vehicle_path, &sets, &explanation)?;
+    let _ = write!(text, "\n{}", tables::hidden(&craft, effect, &explanation.model).to_text());
     let again = format!("quadlab demo --seed {seed}");
     let _ = writeln!(text, "\nto see this run again: {again}");
     Ok(Outcome { text, holds: found })
 }
 
 /// What was hidden, and whether the flights gave away that and nothing else.
-fn verdict(hidden: Effect, seed: u64, story: &Story) -> String {
-    let found = story.found();
+fn verdict(hidden: Effect, seed: u64, explanation: &Explanation) -> String {
+    let found = explanation.found();
     let gave = if found.first() == Some(&hidden) { "gave it away" } else { "did not give it away" };
     let not_there: Vec<&str> = found.iter().filter(|e| **e != hidden).map(|e| e.id()).collect();
     let wrong = if not_there.is_empty() {
@@ -188,21 +195,23 @@ fn finish(
     options: &Options,
     lead: &str,
     vehicle: &Path,
-    sets: &Sets,
-    story: &Story,
+    sets: &FlightSets,
+    explanation: &Explanation,
 ) -> anyhow::Result<String> {
     let page = options.out.join("report.html");
-    report::write_atomic(options.out.join("basic.toml"), story.basic.to_toml())?;
-    report::write_atomic(options.out.join("better.toml"), story.last_model().to_toml())?;
-    pages::story(lead, sets, story).provenance(provenance(&[vehicle], sets.all())).write(&page)?;
+    report::write_atomic(options.out.join("basic.toml"), explanation.basic.to_toml())?;
+    report::write_atomic(options.out.join("better.toml"), &explanation.model.to_toml())?;
+    pages::explanation(lead, sets, explanation)
+        .provenance(provenance(&[vehicle], sets.all()))
+        .write(&page)?;
     let mut text = tables::paragraph(lead);
-    let _ = write!(text, "\n{}", tables::falling_error(story).to_text());
-    for step in &story.steps {
+    let _ = write!(text, "\n{}", tables::falling_error(explanation).to_text());
+    for step in &explanation.steps {
         let finding = &step.addition.finding;
         let line = format!("{}: {}. {}", step.effect, finding.reason, sentence(step.effect));
         let _ = write!(text, "\n{}", tables::paragraph(&line));
     }
-    let left = format!("What is left: {}", story.last_diagnosis.summary);
+    let left = format!("What is left: {}", explanation.last_diagnosis.summary);
     let _ = write!(text, "\n{}", tables::paragraph(&left));
     let _ = writeln!(text, "\npage: {}", page.display());
     Ok(text)

@@ -12,9 +12,9 @@ use model::Model;
 use report::significant;
 use serde::Serialize;
 
-use crate::cli::flights::sha256;
 use crate::cli::output::{Outcome, check_outputs};
 use crate::commands::{design_check, design_report};
+use diagnosis::workflow::sha256;
 
 /// Design gains for a model, step by step; or check gains. Exit status 1 if a specification cannot be met.
 #[derive(clap::Args)]

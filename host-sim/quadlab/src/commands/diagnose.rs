@@ -2,16 +2,14 @@
 
 use std::path::PathBuf;
 
-use diagnosis::Diagnosis;
-use model::{Effect, Model};
-use sysid::checks::vehicle::Likeness;
+use diagnosis::{Diagnosis, workflow};
+use model::Model;
 
 use crate::cli::faults::{self, FaultOptions};
-use crate::cli::flights::{self, SetOptions, Sets};
+use crate::cli::flights::{self, SetOptions};
 use crate::cli::output::{Outcome, check_outputs, provenance};
-use crate::cli::progress;
-use crate::cli::user_effects::{self, EffectOptions};
-use crate::real_logs;
+use crate::cli::terminal::Terminal;
+use crate::cli::user_effects::EffectOptions;
 use crate::render::{evidence, pages, tables};
 
 /// Say which physical effect a model lacks, with the evidence for each.
@@ -103,17 +101,16 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
     check_outputs(&options.html, &inputs)?;
     let effects = options.effects.read()?;
     let model = Model::read(&options.model)?;
-    let diagnose_options = options.without.options()?;
+    let search = options.without.options()?;
     let asked = options.why.as_deref().map(crate::commands::add::known_effect).transpose()?;
-    let mut sets = Sets::read(sets, &model.vehicle, options.faults.reading(options.json))?;
-    sets.leave_out_undefined(&model, &effects)?;
-    sets.faults.of_fitted(&model, &sets.validate);
-    sets.faults.of_likeness(&model, sets.all(), Likeness::SAME);
-    real_logs::align(&mut sets, &model);
+    let terminal = Terminal::new(options.json);
+    let mut sets = sets.read(&model.vehicle, options.faults.reading(), &terminal)?;
     if let Some(effect) = asked {
-        return why(options, &model, effect, &sets, &diagnose_options);
+        let why = workflow::why(&model, effect, &effects, &mut sets, &search, &terminal)?;
+        return if options.json { Outcome::json(&why) } else { Ok(Outcome::done(evidence::text(&why))) };
     }
-    let diagnosis = diagnose(&model, &sets, &diagnose_options, options.json)?;
+    let diagnosis = workflow::diagnose(&model, &effects, &mut sets, &search, &terminal)?;
+    terminal.clear();
     if let Some(path) = &options.html {
         pages::with_checks(pages::diagnose(&model, &sets, &diagnosis), sets.all(), &sets.faults)
             .provenance(provenance(&[&options.model], sets.all()))
@@ -122,7 +119,7 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
     if options.json {
         faults::json(&diagnosis, sets.all(), &sets.faults)
     } else {
-        sets.faults.warn();
+        faults::warn(&sets.faults);
         Ok(Outcome::done(text(options, &diagnosis)))
     }
 }
@@ -130,64 +127,22 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
 fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
     let effects = options.effects.read()?;
     let model = Model::read(&options.model)?;
-    let reading = options.faults.reading(options.json);
-    let (mut loaded, faults) = flights::read(&options.changed, &model.vehicle, reading)?;
-    user_effects::leave_out_undefined(&mut loaded, &model, &effects)?;
-    faults.of_fitted(&model, &loaded);
-    faults.of_likeness(&model, &loaded, Likeness::CHANGED);
+    let terminal = Terminal::new(options.json);
+    let mut changed = flights::read(&options.changed, &model.vehicle, options.faults.reading(), &terminal)?;
     if model.fit.as_ref().is_none_or(|fit| fit.scatter.is_empty()) {
         eprintln!(
             "warning: {}: does not say how much the craft differed from flight to flight; changes are judged against noise alone",
             options.model.display()
         );
     }
-    real_logs::align_flights(&mut loaded, &model, sysid::Reference::Flights);
-    let spinner = progress::spinner(options.json);
-    let diagnosis = diagnosis::changes::changed(&model, &flights::prepared(&loaded), |step| {
-        spinner.set_message(format!("trying {step}"));
-    });
-    spinner.finish_and_clear();
-    let diagnosis =
-        diagnosis.map_err(|refused| anyhow::Error::new(refused).context(flights::names(&loaded)))?;
+    let diagnosis = workflow::changed(&model, &effects, &mut changed, &terminal)?;
+    terminal.clear();
     if options.json {
-        faults::json(&diagnosis, &loaded, &faults)
+        faults::json(&diagnosis, &changed.flights, &changed.faults)
     } else {
-        faults.warn();
+        faults::warn(&changed.faults);
         Ok(Outcome::done(text(options, &diagnosis)))
     }
-}
-
-fn why(
-    options: &Options,
-    model: &Model,
-    effect: Effect,
-    sets: &Sets,
-    diagnose_options: &diagnosis::Options,
-) -> anyhow::Result<Outcome> {
-    let spinner = progress::spinner(options.json);
-    spinner.set_message(format!("examining {effect}"));
-    let why = diagnosis::why(model, effect, &sets.train(), &sets.validate(), diagnose_options);
-    spinner.finish_and_clear();
-    let why = match why {
-        Err(diagnosis::WhyError::Fit(refused)) => return Err(sets.blame(refused)),
-        other => other?,
-    };
-    if options.json { Outcome::json(&why) } else { Ok(Outcome::done(evidence::text(&why))) }
-}
-
-/// Diagnoses with progress on standard error.
-pub(crate) fn diagnose(
-    model: &Model,
-    sets: &Sets,
-    options: &diagnosis::Options,
-    json: bool,
-) -> anyhow::Result<Diagnosis> {
-    let spinner = progress::spinner(json);
-    let diagnosis = diagnosis::diagnose_with(model, &sets.train(), &sets.validate(), options, |step| {
-        spinner.set_message(format!("trying {step}"));
-    });
-    spinner.finish_and_clear();
-    diagnosis.map_err(|refused| sets.blame(refused))
 }
 
 fn text(options: &Options, diagnosis: &Diagnosis) -> String {

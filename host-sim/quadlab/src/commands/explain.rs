@@ -4,17 +4,18 @@ use std::path::PathBuf;
 
 use diagnosis::Verdict;
 use diagnosis::diagnose::Unexplained;
-use model::{Model, PerAxis, Vehicle};
+use diagnosis::workflow::{self, Explanation};
+use model::{PerAxis, Vehicle};
 use serde::Serialize;
 
 use crate::cli::faults::{self, FaultOptions};
-use crate::cli::flights::{SetOptions, Sets};
+use crate::cli::flights::SetOptions;
 use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::cli::refine::{self, RefineOptions, RefinementEntry};
+use crate::cli::terminal::Terminal;
 use crate::cli::user_effects::EffectOptions;
 use crate::commands::diagnose::WithoutOptions;
-use crate::real_logs::{self, RefineOptions, RefinementEntry};
 use crate::render::{pages, tables};
-use crate::story::{self, Story};
 
 /// Identify the basic model, then diagnose and add until nothing that the flights support is left.
 ///
@@ -63,36 +64,40 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     check_outputs([&options.out].into_iter().chain(&options.html), &inputs)?;
     let vehicle = Vehicle::read(&options.vehicle)?;
     let effects = options.effects.read()?;
-    let diagnose_options = options.without.options()?;
-    let mut sets = Sets::read(&options.sets, &vehicle, options.faults.reading(options.json))?;
-    sets.leave_out_undefined(&Model::new(vehicle.clone()), &effects)?;
-    let story = story::tell(&vehicle, &mut sets, &diagnose_options, options.json)?;
-    let mut model = story.last_model().clone();
-    let refinement = real_logs::refine(&mut model, &sets, &options.refine, options.json)?;
-    report::write_atomic(&options.out, model.to_toml())?;
+    let search = options.without.options()?;
+    let terminal = Terminal::new(options.json);
+    let mut sets = options.sets.read(&vehicle, options.faults.reading(), &terminal)?;
+    let explanation =
+        workflow::explain(&vehicle, &effects, &mut sets, &search, options.refine.rows(), &terminal)?;
+    terminal.clear();
+    report::write_atomic(&options.out, explanation.model.to_toml())?;
     if let Some(path) = &options.html {
-        pages::with_checks(pages::story(&story.conclusion(), &sets, &story), sets.all(), &sets.faults)
+        let page = pages::explanation(&explanation.conclusion(), &sets, &explanation);
+        pages::with_checks(page, sets.all(), &sets.faults)
             .provenance(provenance(&[&options.vehicle], sets.all()))
             .write(path)?;
     }
     if options.json {
-        faults::json(&document(&story, refinement), sets.all(), &sets.faults)
+        faults::json(&document(&explanation), sets.all(), &sets.faults)
     } else {
-        sets.faults.warn();
-        Ok(Outcome::done(text(options, &story, &model, refinement.as_ref())))
+        faults::warn(&sets.faults);
+        Ok(Outcome::done(text(options, &explanation)))
     }
 }
 
-fn text(options: &Options, story: &Story, model: &Model, refinement: Option<&RefinementEntry>) -> String {
-    let mut text =
-        format!("{}\n{}", tables::paragraph(&story.conclusion()), tables::falling_error(story).to_text());
-    text.push_str(&format!("\n{}", tables::coefficients(model).to_text()));
-    let left = tables::unexplained(&story.last_diagnosis.unexplained);
+fn text(options: &Options, explanation: &Explanation) -> String {
+    let mut text = format!(
+        "{}\n{}",
+        tables::paragraph(&explanation.conclusion()),
+        tables::falling_error(explanation).to_text()
+    );
+    text.push_str(&format!("\n{}", tables::coefficients(&explanation.model).to_text()));
+    let left = tables::unexplained(&explanation.last_diagnosis.unexplained);
     if left.has_rows() {
         text.push_str(&format!("\n{}", left.to_text()));
     }
-    if let Some(refinement) = refinement {
-        text.push_str(&format!("\n{}", tables::paragraph(&refinement.text())));
+    if let Some(outcome) = &explanation.refinement {
+        text.push_str(&format!("\n{}", tables::paragraph(&refine::sentence(outcome))));
     }
     text.push_str(&format!("\nmodel written to {}\n", options.out.display()));
     if let Some(path) = &options.html {
@@ -125,13 +130,13 @@ struct Added {
     sse: PerAxis<f64>,
 }
 
-fn document(story: &Story, refinement: Option<RefinementEntry>) -> Document<'_> {
+fn document(explanation: &Explanation) -> Document<'_> {
     let sse = |c: &sysid::Comparison| PerAxis::from_fn(|a| c.total[a].sse);
     Document {
-        verdict: story.verdict(),
-        verdict_first: story.steps.first().map_or(story.last_diagnosis.verdict, |s| s.diagnosis.verdict),
-        summary: story.conclusion(),
-        added: story
+        verdict: explanation.verdict(),
+        verdict_first: explanation.first_diagnosis().verdict,
+        summary: explanation.conclusion(),
+        added: explanation
             .steps
             .iter()
             .map(|step| Added {
@@ -140,9 +145,9 @@ fn document(story: &Story, refinement: Option<RefinementEntry>) -> Document<'_> 
                 sse: step.addition.after,
             })
             .collect(),
-        sse_first: sse(&story.basic_comparison),
-        sse_last: sse(story.last_comparison()),
-        unexplained: &story.last_diagnosis.unexplained,
-        refinement,
+        sse_first: sse(&explanation.basic_comparison),
+        sse_last: sse(explanation.last_comparison()),
+        unexplained: &explanation.last_diagnosis.unexplained,
+        refinement: explanation.refinement.as_ref().map(RefinementEntry::from),
     }
 }

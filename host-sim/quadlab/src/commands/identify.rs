@@ -2,16 +2,17 @@
 
 use std::path::PathBuf;
 
-use model::{AxisError, Effect, FitRecord, FlightRole, Model, PerAxis, Vehicle};
+use diagnosis::workflow::{self, FlightSets, Identified, rotation_refused, shown_record};
+use model::{AxisError, FlightRole, PerAxis, Vehicle};
 use serde::Serialize;
 use sysid::MotorsOfFlights;
 
 use crate::cli::faults::{self, FaultOptions};
-use crate::cli::flights::{SetOptions, Sets};
+use crate::cli::flights::SetOptions;
 use crate::cli::output::{Outcome, check_outputs};
-use crate::cli::progress;
+use crate::cli::refine::{self, RefineOptions, RefinementEntry};
+use crate::cli::terminal::Terminal;
 use crate::cli::user_effects::EffectOptions;
-use crate::real_logs::{self, RefineOptions, RefinementEntry};
 use crate::render::tables;
 
 /// Identify the basic model from flights.
@@ -54,75 +55,36 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     check_outputs([&options.out], &inputs)?;
     let vehicle = Vehicle::read(&options.vehicle)?;
     let effects = options.effects.read()?;
-    let mut sets = Sets::read(&options.sets, &vehicle, options.faults.reading(options.json))?;
-    sets.leave_out_undefined(&Model::new(vehicle.clone()), &effects)?;
-    let mut identified = identify(&vehicle, &mut sets, options.json)?;
-    let refinement = real_logs::refine(&mut identified.model, &sets, &options.refine, options.json)?;
+    let terminal = Terminal::new(options.json);
+    let mut sets = options.sets.read(&vehicle, options.faults.reading(), &terminal)?;
+    let identified = workflow::identify(&vehicle, &effects, &mut sets, options.refine.rows(), &terminal)?;
+    terminal.clear();
     report::write_atomic(&options.out, identified.model.to_toml())?;
     if options.json {
-        faults::json(&document(&identified, &sets, refinement), sets.all(), &sets.faults)
+        faults::json(&document(&identified, &sets), sets.all(), &sets.faults)
     } else {
-        sets.faults.warn();
-        Ok(text(options, &identified, &sets, refinement.as_ref()))
+        faults::warn(&sets.faults);
+        Ok(text(options, &identified, &sets))
     }
 }
 
-/// A basic model and how well determined it is.
-pub(crate) struct Identified {
-    /// With its fit record.
-    pub(crate) model: Model,
-    /// Condition number of the column-scaled problem.
-    pub(crate) condition: f64,
-    /// Motor coefficients flight by flight.
-    pub(crate) motors: Vec<MotorsOfFlights>,
-}
-
-/// Fits the basic model.
-pub(crate) fn identify(vehicle: &Vehicle, sets: &mut Sets, json: bool) -> anyhow::Result<Identified> {
-    let spinner = progress::spinner(json);
-    spinner.set_message("fitting the basic model");
-    let basic: Vec<Effect> = Effect::basic().collect();
-    real_logs::align_training(sets, &real_logs::basic_model(vehicle));
-    let mut fit = sysid::fit(&sets.train(), vehicle, &basic, None).map_err(|refused| sets.blame(refused))?;
-    let rotation_refused = sysid::rotation_doubts(&fit.model, &sets.train());
-    if !rotation_refused.is_empty() {
-        let forces = sysid::without_rotation(&basic);
-        fit = sysid::fit(&sets.train(), vehicle, &forces, None).map_err(|refused| sets.blame(refused))?;
-        real_logs::align_training(sets, &fit.model);
-    }
-    let mut model = fit.model;
-    real_logs::align_held_out(sets, &model);
-    model.fit = Some(FitRecord { rotation_refused, ..sets.record(&model) });
-    let motors = real_logs::motors(&model, sets);
-    spinner.finish_and_clear();
-    real_logs::warn(&model, sets, &motors);
-    sets.faults.of_fit(&model, sets);
-    Ok(Identified { model, condition: fit.condition, motors })
-}
-
-fn text(
-    options: &Options,
-    identified: &Identified,
-    sets: &Sets,
-    refinement: Option<&RefinementEntry>,
-) -> Outcome {
+fn text(options: &Options, identified: &Identified, sets: &FlightSets) -> Outcome {
     let model = &identified.model;
-    let record = real_logs::record_of(model);
-    let roles = sets.train.iter().map(|f| (f, "train")).chain(sets.validate.iter().map(|f| (f, "validate")));
+    let record = shown_record(model);
     let mut more = String::new();
-    for grid in [tables::trim(&sets.train), tables::motors(&identified.motors)] {
+    for grid in [tables::trim(sets.training.loaded()), tables::motors(&identified.motors)] {
         if grid.has_rows() {
             more.push_str(&format!("{}\n", grid.to_text()));
         }
     }
     let refused = (!record.rotation_refused.is_empty())
-        .then(|| format!("Note: {}.", real_logs::rotation_refused(&record.rotation_refused)));
-    for sentence in refused.into_iter().chain(refinement.map(RefinementEntry::text)) {
+        .then(|| format!("Note: {}.", rotation_refused(&record.rotation_refused)));
+    for sentence in refused.into_iter().chain(identified.refinement.as_ref().map(refine::sentence)) {
         more.push_str(&format!("{}\n", tables::paragraph(&sentence)));
     }
     Outcome::done(format!(
         "{}\n{}\n{}\n{}\n{more}condition number of the fit: {}\nmodel written to {}\n",
-        tables::flights(roles).to_text(),
+        tables::flights(sets).to_text(),
         tables::clocks(sets.all()).to_text(),
         tables::coefficients(model).to_text(),
         tables::fit_errors(&record.train, &record.held_out).to_text(),
@@ -172,13 +134,9 @@ struct CoefficientEntry {
     unit: &'static str,
 }
 
-fn document<'a>(
-    identified: &'a Identified,
-    sets: &'a Sets,
-    refinement: Option<RefinementEntry>,
-) -> Document<'a> {
+fn document<'a>(identified: &'a Identified, sets: &'a FlightSets) -> Document<'a> {
     let model = &identified.model;
-    let record = real_logs::record_of(model);
+    let record = shown_record(model);
     let flights = sets
         .all()
         .zip(&record.flights)
@@ -214,6 +172,6 @@ fn document<'a>(
         condition: identified.condition,
         rotation_refused: record.rotation_refused,
         motors: &identified.motors,
-        refinement,
+        refinement: identified.refinement.as_ref().map(RefinementEntry::from),
     }
 }

@@ -1,16 +1,13 @@
 //! Pages: what a command found, with the figures that show it.
 
 use diagnosis::Diagnosis;
+use diagnosis::workflow::{Explanation, Faults, FlightSets, LoadedFlight};
 use model::{AXES, Axis, Effect, Model};
 use report::{Page, Section};
 use sysid::Comparison;
 
-use crate::cli::faults::Faults;
-use crate::cli::flights::{Loaded, Sets, prepared};
-use crate::real_logs;
 use crate::render::figures::{self, Captioned, View};
 use crate::render::tables::{self, Grid};
-use crate::story::Story;
 
 /// Most residual plots on a page.
 const MOST_RESIDUALS: usize = 4;
@@ -34,7 +31,7 @@ impl Add for Section {
 /// The page with what was found in the flights before anything was fitted.
 pub(crate) fn with_checks<'a>(
     page: Page,
-    flights: impl IntoIterator<Item = &'a Loaded>,
+    flights: impl IntoIterator<Item = &'a LoadedFlight>,
     faults: &Faults,
 ) -> Page {
     let mut section = Section::new("What was checked");
@@ -47,8 +44,9 @@ pub(crate) fn with_checks<'a>(
 }
 
 /// A model against flights.
-pub(crate) fn compare(model: &Model, flights: &[Loaded], comparison: &Comparison) -> Page {
-    let views = View::all(&prepared(flights), model);
+pub(crate) fn compare(model: &Model, flights: &[LoadedFlight], comparison: &Comparison) -> Page {
+    let prepared: Vec<_> = flights.iter().map(|flight| &flight.prepared).collect();
+    let views = View::all(&prepared, model);
     let effects: Vec<&str> = model.effects().iter().map(|e| e.id()).collect();
     let lead = format!(
         "How well the model of “{}” predicts {} flight{}.",
@@ -105,7 +103,7 @@ fn prediction(first: &Comparison, after: Option<&Comparison>) -> Section {
 }
 
 /// A diagnosis, with the residual of the best effect before and after.
-pub(crate) fn diagnose(model: &Model, sets: &Sets, diagnosis: &Diagnosis) -> Page {
+pub(crate) fn diagnose(model: &Model, sets: &FlightSets, diagnosis: &Diagnosis) -> Page {
     let before = View::all(&sets.validate(), model);
     let mut page = Page::new("What does the model lack?", diagnosis.summary.clone());
     if let Some(effect) = diagnosis.best()
@@ -164,50 +162,50 @@ fn meanings(effects: &[Effect]) -> Section {
 }
 
 /// The whole loop. `lead` says what was found and, where it is known, what was hidden.
-pub(crate) fn story(lead: &str, sets: &Sets, story: &Story) -> Page {
+pub(crate) fn explanation(lead: &str, sets: &FlightSets, explanation: &Explanation) -> Page {
     let validate = sets.validate();
-    let before = View::all(&validate, &story.basic);
-    let after = View::all(&validate, story.last_model());
+    let before = View::all(&validate, &explanation.basic);
+    let after = View::all(&validate, explanation.last_model());
     let mut page = Page::new("From flights to a better model", lead).section(
         Section::new("The error falls")
             .paragraph(format!(
                 "The model was fitted to {} and judged on {}, which no fit has seen.",
-                listed(&sets.train),
-                listed(&sets.validate)
+                listed(sets.training.loaded()),
+                listed(sets.held_out.loaded())
             ))
-            .grid(&tables::falling_error(story))
-            .grid(&tables::history(&story.last_model().history)),
+            .grid(&tables::falling_error(explanation))
+            .grid(&tables::history(&explanation.last_model().history)),
     );
-    for step in &story.steps {
+    for step in &explanation.steps {
         page = page.section(
             Section::new(format!("Found: {}", step.effect))
                 .paragraph(step.diagnosis.summary.clone())
                 .grid(&tables::evidence(&step.diagnosis)),
         );
     }
-    for effect in story.found() {
+    for effect in explanation.found() {
         page = page.section(difference(effect, &before, &after));
     }
-    page.section(prediction(&story.basic_comparison, Some(story.last_comparison())))
+    page.section(prediction(&explanation.basic_comparison, Some(explanation.last_comparison())))
         .section(
-            left(&after, &story.last_diagnosis)
-                .paragraph(story.last_diagnosis.summary.clone())
-                .grid(&tables::evidence(&story.last_diagnosis)),
+            left(&after, &explanation.last_diagnosis)
+                .paragraph(explanation.last_diagnosis.summary.clone())
+                .grid(&tables::evidence(&explanation.last_diagnosis)),
         )
-        .section(Section::new("The model").grid(&tables::coefficients(story.last_model())))
-        .section(flights(sets, story.last_model()))
+        .section(Section::new("The model").grid(&tables::coefficients(explanation.last_model())))
+        .section(flights(sets, explanation.last_model()))
         .section(meanings(&Effect::candidates().collect::<Vec<_>>()))
 }
 
 /// What single flights have of their own: clocks, biases, trim, and motors that follow how they were flown.
-fn flights(sets: &Sets, model: &Model) -> Section {
-    let roles = sets.train.iter().map(|f| (f, "train")).chain(sets.validate.iter().map(|f| (f, "validate")));
-    let motors = real_logs::motors(model, sets);
-    let section = Section::new("The flights").grid(&tables::flights(roles)).grid(&tables::trim(&sets.train));
+fn flights(sets: &FlightSets, model: &Model) -> Section {
+    let motors = sysid::motors_of_flights(model, &sets.train());
+    let section =
+        Section::new("The flights").grid(&tables::flights(sets)).grid(&tables::trim(sets.training.loaded()));
     let warned = motors.iter().filter_map(|m| m.warning.clone()).fold(section, Section::paragraph);
     warned.grid(&tables::motors(&motors))
 }
 
-fn listed(flights: &[Loaded]) -> String {
+fn listed(flights: &[LoadedFlight]) -> String {
     flights.iter().map(|f| f.prepared.name.as_str()).collect::<Vec<_>>().join(", ")
 }

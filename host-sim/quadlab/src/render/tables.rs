@@ -10,8 +10,7 @@ use sysid::checks::clocks::Clock;
 use sysid::compare::HorizonError;
 use sysid::{Comparison, Fault, MotorsOfFlights};
 
-use crate::cli::flights::Loaded;
-use crate::story::Story;
+use diagnosis::workflow::{Explanation, FlightSets, LoadedFlight};
 
 /// Printed lines are at most this long where a word allows it.
 const LINE_LENGTH: usize = 100;
@@ -256,7 +255,7 @@ pub(crate) fn fit_errors(train: &PerAxis<AxisError>, held_out: &PerAxis<AxisErro
 }
 
 /// What was found out about each flight while it was prepared.
-pub(crate) fn flights<'a>(all: impl IntoIterator<Item = (&'a Loaded, &'static str)>) -> Grid {
+pub(crate) fn flights(sets: &FlightSets) -> Grid {
     let mut grid = Grid::new(
         "Flights",
         [
@@ -269,7 +268,9 @@ pub(crate) fn flights<'a>(all: impl IntoIterator<Item = (&'a Loaded, &'static st
             text("notes"),
         ],
     );
-    for (flight, role) in all {
+    let train = sets.training.loaded().iter().map(|flight| (flight, "train"));
+    let validate = sets.held_out.loaded().iter().map(|flight| (flight, "validate"));
+    for (flight, role) in train.chain(validate) {
         let p = &flight.prepared;
         let bias: Vec<String> = p.gyro_bias_rad_s.iter().map(|b| format!("{b:.4}")).collect();
         grid.push([
@@ -302,7 +303,7 @@ pub(crate) fn faults(faults: &[Fault]) -> Grid {
 }
 
 /// The tracker's clock against the sensors on board, where flights tell.
-pub(crate) fn clocks<'a>(flights: impl IntoIterator<Item = &'a Loaded>) -> Grid {
+pub(crate) fn clocks<'a>(flights: impl IntoIterator<Item = &'a LoadedFlight>) -> Grid {
     let mut grid = Grid::new(
         "Clocks: how late the tracker is against the sensors on board (a skew: the tracker runs ahead)",
         [
@@ -337,7 +338,7 @@ fn notes(flight: &sysid::Prepared) -> String {
 }
 
 /// Constants that training flights have of their own, where they stand out.
-pub(crate) fn trim(flights: &[Loaded]) -> Grid {
+pub(crate) fn trim(flights: &[LoadedFlight]) -> Grid {
     let mut grid = Grid::new(
         "Trim of single flights beyond the mean of all (u v w in m/s^2, p q r in rad/s^2); held-out flights have none",
         std::iter::once(text("flight")).chain(AXES.map(|axis| number(axis.name(), ""))).collect::<Vec<_>>(),
@@ -451,7 +452,7 @@ pub(crate) fn horizons_before_after(before: &Comparison, after: &Comparison) -> 
 }
 
 /// Held-out errors of the basic model and after each effect that joined it.
-pub(crate) fn falling_error(story: &Story) -> Grid {
+pub(crate) fn falling_error(explanation: &Explanation) -> Grid {
     let mut grid = Grid::new(
         "Held-out root mean square error (u v w in m/s^2, p q r in rad/s^2) and of the position predicted 0.5 s ahead",
         std::iter::once(text("model"))
@@ -459,8 +460,10 @@ pub(crate) fn falling_error(story: &Story) -> Grid {
             .chain([number("position", "mm")])
             .collect::<Vec<_>>(),
     );
-    let added = story.steps.iter().map(|step| (format!("+ {}", step.effect), &step.comparison));
-    for (name, comparison) in std::iter::once(("basic".to_owned(), &story.basic_comparison)).chain(added) {
+    let added = explanation.steps.iter().map(|step| (format!("+ {}", step.effect), &step.comparison));
+    for (name, comparison) in
+        std::iter::once(("basic".to_owned(), &explanation.basic_comparison)).chain(added)
+    {
         let rms = AXES.map(|axis| short(comparison.total[axis].rms));
         let position = short(1000.0 * comparison.horizons.fifty.position_m);
         grid.push(std::iter::once(name).chain(rms).chain([position]));

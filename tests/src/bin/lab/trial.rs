@@ -1,11 +1,11 @@
 //! One trial: a world is flown, and the product is asked what it hides.
 
-use diagnosis::{Diagnosis, Verdict, diagnose};
+use diagnosis::workflow::{self, FlightSets, FlightsOfOneKind, Reading, Silent, WorkflowError};
+use diagnosis::{Diagnosis, Verdict};
 use flights::Flight;
-use model::{Effect, FitRecord, FlightRecord, FlightRole, Model};
+use model::{Effect, Model, Vehicle};
 use serde::Serialize;
 use stories::world::{Pattern, Sensors, True, World};
-use sysid::{Fit, Prepared, fit};
 
 use crate::plan::{Hidden, Trial};
 
@@ -154,31 +154,25 @@ pub(crate) fn run(trial: &Trial) -> Outcome {
     last
 }
 
-fn prepare(flights: &[Flight], world: &World) -> Result<Vec<Prepared>, String> {
-    flights
-        .iter()
-        .map(|flight| Prepared::new(flight, &world.vehicle).map_err(|error| error.to_string()))
-        .collect()
+/// What a user of the program would be told of these flights, training flights first.
+fn sets(flights: &[Flight], vehicle: &Vehicle) -> Result<FlightSets, String> {
+    let (train, validate) = flights.split_at(Pattern::TRAIN.len());
+    FlightSets::from_flights(train, validate, vehicle, Reading::default(), &Silent).map_err(told)
+}
+
+fn told(error: WorkflowError) -> String {
+    error.to_string()
 }
 
 fn ask_what_changed(trial: &Trial) -> Result<Outcome, String> {
     let (world, flights) = fly(trial)?;
     let base = calm(trial);
-    let prepared = prepare(&flights, &base)?;
-    let all: Vec<&Prepared> = prepared.iter().collect();
-    let (before, after) = all.split_at(Pattern::TRAIN.len() + Pattern::VALIDATE.len());
-    let effects: Vec<Effect> = Effect::basic().collect();
-    let train = &before[..Pattern::TRAIN.len()];
-    let mut model = fit(train, &base.vehicle, &effects, None).map_err(|error| error.to_string())?.model;
-    let scatter = diagnosis::changes::scatter(&model, before);
-    let flights = before.iter().map(|flight| FlightRecord {
-        name: flight.name.clone(),
-        sha256: String::new(),
-        role: FlightRole::Train,
-        samples: flight.rows() as u64,
-    });
-    model.fit = Some(FitRecord { scatter, flights: flights.collect(), ..FitRecord::default() });
-    let diagnosis = diagnosis::changes::changed(&model, after, |_| ()).map_err(|error| error.to_string())?;
+    let (before, after) = flights.split_at(Pattern::TRAIN.len() + Pattern::VALIDATE.len());
+    let mut before = sets(before, &base.vehicle)?;
+    let model = workflow::identify(&base.vehicle, &[], &mut before, None, &Silent).map_err(told)?.model;
+    let mut after =
+        FlightsOfOneKind::from_flights(after, &base.vehicle, Reading::default(), &Silent).map_err(told)?;
+    let diagnosis = workflow::changed(&model, &[], &mut after, &Silent).map_err(told)?;
     let blamed = diagnosis.effects.iter().find(|finding| finding.supported).and_then(|finding| finding.motor);
     let weak = world.craft.efficiency.iter().position(|part| *part != 1.0);
     Ok(Outcome {
@@ -189,30 +183,20 @@ fn ask_what_changed(trial: &Trial) -> Result<Outcome, String> {
 
 fn ask_what_is_missing(trial: &Trial) -> Result<Outcome, String> {
     let (world, flights) = fly(trial)?;
-    let prepared = prepare(&flights, &world)?;
-    let all: Vec<&Prepared> = prepared.iter().collect();
-    let (train, validate) = all.split_at(Pattern::TRAIN.len());
-    let fitted = |effects: &[Effect], start: Option<&Model>| -> Result<Fit, String> {
-        fit(train, &world.vehicle, effects, start).map_err(|error| error.to_string())
-    };
-    let mut effects: Vec<Effect> = Effect::basic().collect();
-    let mut first: Option<Diagnosis> = None;
-    let mut found = Vec::new();
-    let mut model = fitted(&effects, None)?.model;
-    for _ in 0..=trial.rounds {
-        let diagnosis = diagnose(&model, train, validate, |_| ()).map_err(|error| error.to_string())?;
-        let best = diagnosis.best();
-        first.get_or_insert(diagnosis);
-        let Some(effect) = best else { break };
-        found.push(effect.id());
-        if found.len() >= trial.rounds {
-            break;
+    let mut sets = sets(&flights, &world.vehicle)?;
+    let options = diagnosis::Options::default();
+    let basic = workflow::identify(&world.vehicle, &[], &mut sets, None, &Silent).map_err(told)?.model;
+    let diagnosis = workflow::diagnose(&basic, &[], &mut sets, &options, &Silent).map_err(told)?;
+    let found = match (trial.rounds, diagnosis.best()) {
+        (0 | 1, best) => best.map(Effect::id).into_iter().collect(),
+        _ => {
+            let mut sets = self::sets(&flights, &world.vehicle)?;
+            let explanation =
+                workflow::explain(&world.vehicle, &[], &mut sets, &options, None, &Silent).map_err(told)?;
+            explanation.found().into_iter().map(Effect::id).collect()
         }
-        effects.push(effect);
-        model = fitted(&effects, Some(&model))?.model;
-    }
-    let diagnosis = first.ok_or("no diagnosis")?;
-    Ok(outcome(trial, &diagnosis, found, distances(trial, &world, fitted)))
+    };
+    Ok(outcome(trial, &diagnosis, found, distances(trial, &world, basic, &mut sets)))
 }
 
 fn outcome(
@@ -258,20 +242,16 @@ fn of_planted(diagnosis: &Diagnosis, id: &str) -> Option<OfPlanted> {
 }
 
 /// Coefficients of the model with the right structure against the truth; none where the catalogue lacks it.
-fn distances(
-    trial: &Trial,
-    world: &World,
-    fitted: impl Fn(&[Effect], Option<&Model>) -> Result<Fit, String>,
-) -> Vec<Distance> {
-    let mut effects: Vec<Effect> = Effect::basic().collect();
-    for (id, _) in trial.planted() {
-        match Effect::from_id(id) {
-            Some(effect) => effects.push(effect),
-            None => return Vec::new(),
-        }
-    }
-    let Ok(fit) = fitted(&effects, None) else { return Vec::new() };
-    world.truth().into_iter().filter_map(|truth| distance(&fit.model, &truth)).collect()
+fn distances(trial: &Trial, world: &World, basic: Model, sets: &mut FlightSets) -> Vec<Distance> {
+    let planted: Option<Vec<Effect>> =
+        trial.planted().into_iter().map(|(id, _)| Effect::from_id(id)).collect();
+    let with = planted.and_then(|planted| {
+        planted.into_iter().try_fold(basic, |model, effect| {
+            workflow::add(&model, effect, sets, None, &Silent).ok().map(|added| added.model)
+        })
+    });
+    let Some(model) = with else { return Vec::new() };
+    world.truth().into_iter().filter_map(|truth| distance(&model, &truth)).collect()
 }
 
 fn distance(model: &Model, truth: &True) -> Option<Distance> {

@@ -1,0 +1,55 @@
+//! Refinement on the command line.
+
+use serde::Serialize;
+use sysid::RefinementOutcome;
+use sysid::compare::HorizonError;
+use sysid::fit::output_error::Rows;
+
+/// Whether to refine, and what.
+#[derive(clap::Args)]
+pub(crate) struct RefineOptions {
+    /// Refine the coefficients on predictions of half a second instead of accelerations: those of the moments, or all.
+    /// Kept only where flights held out are predicted better. For example: --refine, or --refine all
+    #[arg(long, value_name = "ROWS", num_args = 0..=1, default_missing_value = "moments")]
+    refine: Option<Refined>,
+}
+
+/// Which coefficients are refined.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Refined {
+    /// Those that act on p, q and r alone; forces stay as the accelerometer has them
+    Moments,
+    /// Every linear coefficient
+    All,
+}
+
+impl RefineOptions {
+    /// What to refine.
+    pub(crate) fn rows(&self) -> Option<Rows> {
+        self.refine.map(|refined| match refined {
+            Refined::Moments => Rows::Moments,
+            Refined::All => Rows::All,
+        })
+    }
+}
+
+/// What a refinement did, for JSON.
+#[derive(Serialize)]
+pub(crate) struct RefinementEntry {
+    rows: Rows,
+    kept: bool,
+    reason: String,
+    before: HorizonError,
+    after: HorizonError,
+}
+
+impl From<&RefinementOutcome> for RefinementEntry {
+    fn from(o: &RefinementOutcome) -> Self {
+        Self { rows: o.rows, kept: o.kept, reason: o.reason.clone(), before: o.before, after: o.after }
+    }
+}
+
+/// What a refinement did, in one sentence.
+pub(crate) fn sentence(outcome: &RefinementOutcome) -> String {
+    format!("Refinement {}: {}.", if outcome.kept { "kept" } else { "not kept" }, outcome.reason)
+}

@@ -1,0 +1,70 @@
+//! The terminal as the observer of long work: progress and warnings on standard error.
+
+use std::sync::Mutex;
+
+use diagnosis::workflow::{Observer, Progress};
+use indicatif::ProgressBar;
+
+use crate::cli::progress;
+
+/// Shows progress where a person watches, and prints warnings.
+pub(crate) struct Terminal {
+    json: bool,
+    shown: Mutex<Option<Shown>>,
+}
+
+struct Shown {
+    bar: ProgressBar,
+    counts: bool,
+}
+
+impl Terminal {
+    /// Without progress for `--json`.
+    pub(crate) fn new(json: bool) -> Self {
+        Self { json, shown: Mutex::new(None) }
+    }
+
+    /// Takes the progress away, for what a command prints at its end.
+    pub(crate) fn clear(&self) {
+        if let Some(shown) = self.locked().take() {
+            shown.bar.finish_and_clear();
+        }
+    }
+
+    fn locked(&self) -> std::sync::MutexGuard<'_, Option<Shown>> {
+        self.shown.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+}
+
+impl Observer for Terminal {
+    fn progress(&self, progress: Progress<'_>) {
+        let mut shown = self.locked();
+        if shown.as_ref().is_some_and(|shown| shown.counts != progress.steps.is_some())
+            && let Some(old) = shown.take()
+        {
+            old.bar.finish_and_clear();
+        }
+        let now = shown.get_or_insert_with(|| match progress.steps {
+            Some((_, all)) => Shown { bar: progress::bar(all, self.json), counts: true },
+            None => Shown { bar: progress::spinner(self.json), counts: false },
+        });
+        now.bar.set_message(progress.activity.to_owned());
+        if let Some((done, all)) = progress.steps {
+            now.bar.set_length(all as u64);
+            now.bar.set_position(done as u64);
+        }
+    }
+
+    fn warning(&self, sentence: &str) {
+        match self.locked().as_ref() {
+            Some(shown) => shown.bar.suspend(|| eprintln!("warning: {sentence}")),
+            None => eprintln!("warning: {sentence}"),
+        }
+    }
+}
+
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        self.clear();
+    }
+}
