@@ -1,4 +1,4 @@
-//! A load on a cable as a pendulum: where it hangs and how it moves. What moves it is in `effects/slung_load.rs`.
+//! A load on a cable as a pendulum: where it hangs and how it moves. What moves it is in `effects/slung_load/cable.rs`.
 
 use nalgebra::Vector3;
 

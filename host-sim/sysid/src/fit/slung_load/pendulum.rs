@@ -1,6 +1,6 @@
 //! A slung load that no sensor sees: where it must be, from where the craft went.
 //!
-//! The load's equation is driven by the craft's place alone (`host-sim/model/src/load.rs`), so its swing follows from the
+//! The load's equation is driven by the craft's place alone (`host-sim/model/src/effects/slung_load/cable.rs`), so its swing follows from the
 //! log, but for how it swung when the log began, and the tracker's noise and every gust on the load drive it too: a wide swing
 //! that is followed for half a minute ends anywhere. It is therefore followed in pieces of some seconds, and how it
 //! swung when a piece began is a nuisance: four numbers, offset and velocity north and east. While they are small they enter
