@@ -136,3 +136,69 @@ impl Adjustments {
         thrust_rad2_s2
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::Kind;
+    use crate::effects::CATALOGUE;
+    use crate::pendulum::Pendulum;
+
+    fn in_flight() -> SampleInput {
+        SampleInput {
+            position_ned_m: Vector3::new(0.3, -0.2, -0.2),
+            dcm: Matrix3::identity(),
+            velocity_m_s: Vector3::new(1.0, 0.5, 0.2),
+            rate_rad_s: Vector3::zeros(),
+            angular_acceleration_rad_s2: Vector3::zeros(),
+            rotor_rad_s: [600.0, 610.0, 620.0, 630.0],
+            rotor_acceleration_rad_s2: [0.0; 4],
+            battery_v: 11.0,
+            pendulum: Pendulum::default(),
+        }
+    }
+
+    /// A model's plant asks for the air and the thrust only where an effect says that it changes them.
+    #[test]
+    fn an_effect_says_that_it_changes_the_air_or_the_thrust() {
+        let (input, vehicle) = (in_flight(), Vehicle::thesis());
+        let neutral = Adjustments::default();
+        let constants = neutral.constants(&vehicle);
+        assert!(neutral.leaves_samples_plain());
+        let squares = input.rotor_rad_s.map(|w| w * w);
+        let mut changing = 0;
+        for effect in CATALOGUE.iter().filter(|effect| effect.info().kind == Kind::Adjusting) {
+            let ordinary: Vec<f64> = effect.info().coefficients.iter().map(|c| c.typical).collect();
+            let mut adjust = Adjustments::default();
+            adjust.take_up(*effect, &ordinary, 11.5);
+            assert_ne!(adjust, neutral, "{effect}");
+            let air = adjust.air_velocity_m_s(&input);
+            assert_eq!(adjust.moves_air(), air != input.velocity_m_s, "{effect}");
+            let thrust = adjust.changed_thrust(&input, air, &constants);
+            assert_eq!(adjust.changes_thrust(), thrust != squares, "{effect}");
+            changing += usize::from(adjust.moves_air() || adjust.changes_thrust());
+        }
+        assert!(changing >= 5, "wind, ground, lift, linear thrust, worn rotors: {changing}");
+    }
+
+    /// Cheeseman and Bennett's formula at a height of one radius, and three factors at once.
+    #[test]
+    fn factors_of_the_thrust_multiply() {
+        let vehicle = Vehicle::thesis();
+        let mut input = in_flight();
+        input.position_ned_m.z = -vehicle.rotor_radius;
+        let mut adjust = Adjustments::default();
+        let effect = |id: &str| crate::effects::Effect::from_id(id).unwrap();
+        adjust.take_up(effect("ground-effect"), &[1.0, 0.0], 0.0);
+        adjust.take_up(effect("motor-efficiency"), &[0.1, 0.0, 0.0, 0.0], 0.0);
+        adjust.take_up(effect("translational-lift"), &[0.02], 0.0);
+        let constants = adjust.constants(&vehicle);
+        let thrust = adjust.sample(&input, &constants).rotor_thrust_rad2_s2;
+        let common = 1.25 * 0.02 + 1.0;
+        let ground = 1.0 / (1.0 - 1.0 / 16.0);
+        for (rotor, loss) in [0.1, 0.0, 0.0, 0.0].into_iter().enumerate() {
+            let expected = input.rotor_rad_s[rotor].powi(2) * (1.0 - loss) * common * ground;
+            assert!((thrust[rotor] / expected - 1.0).abs() < 1e-12, "{rotor}");
+        }
+    }
+}
