@@ -54,7 +54,7 @@ fn a_formula_without_a_value_ends_the_flight_with_its_name() {
     let mut plan = FlightPlan::thesis_step(sil::StepAxis::Z, 0.5);
     plan.model = model.clone();
     let SilError::Undefined { undefined, time_s } = fly(&plan).unwrap_err() else { panic!("another error") };
-    assert_eq!((undefined.row.as_str(), undefined.effect.id()), ("north", "own"));
+    assert_eq!((undefined.row.as_str(), undefined.effect.info().id), ("north", "own"));
     // 0.2 m of the 0.5 m that it sinks after 1 s.
     assert!((1.1..3.0).contains(&time_s), "{time_s}");
     // Higher up there is nothing to object to.
