@@ -43,6 +43,7 @@ catalogue! {
         MotorLag => motor_lag,
         InputDelay => input_delay,
         SteadyWind => steady_wind,
+        WindShear => wind_shear,
         BatteryVoltage => battery_voltage,
         TrackingOffset => tracking_offset,
         AttitudeOffset => attitude_offset,
