@@ -18,13 +18,11 @@ impl Change {
     pub fn all(model: &Model) -> Vec<Self> {
         Effect::changes()
             .filter(|effect| !model.has(*effect))
-            // A lag that was never known has not changed: what shows was missing all along.
-            .filter(|effect| *effect != Effect::MotorLag || model.vehicle.motors.lag.is_some())
-            .flat_map(|effect| match effect {
-                Effect::MotorEfficiency => {
-                    (1..=4).map(|motor| Self { effect, motor: Some(motor) }).collect::<Vec<_>>()
-                }
-                _ => vec![Self { effect, motor: None }],
+            .filter(|effect| (effect.info().special.can_come_about)(&model.vehicle))
+            .flat_map(|effect| {
+                let one_each = effect.info().special.one_per_rotor;
+                let motors = if one_each { [1, 2, 3, 4].map(Some).to_vec() } else { vec![None] };
+                motors.into_iter().map(move |motor| Self { effect, motor })
             })
             .collect()
     }

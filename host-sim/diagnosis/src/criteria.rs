@@ -3,7 +3,7 @@
 //! An effect is **supported** when all of [`RULES`] hold that apply to it. With everything in place that is supported, what is
 //! left must be what the right effects would leave ([`stand_in`]).
 
-use model::{Effect, Model};
+use model::{Effect, Estimate, Model, Requirement};
 use sysid::fit::linearise::step_scale;
 use sysid::fit::slung_load;
 
@@ -27,10 +27,6 @@ const MATTERS_PERCENT: f64 = 1.5;
 const FLIGHTS_PERCENT: f64 = 50.1;
 /// A coefficient is impossible that lies this many standard errors outside its range: what 95 % intervals allow.
 const IMPOSSIBLE_ERRORS: f64 = 2.0;
-/// A cable's stiffness stands out from zero by this many standard errors.
-const SLACK_ERRORS: f64 = 3.0;
-/// Smallest lag or dead time that is one, s: a tenth of a sample.
-const TIMING_S: f64 = 0.001;
 
 /// Residual variance over that of the sensors' noise from which on something is missing. Complete models scatter from
 /// 0.8 to 1.25 on two flights of 24 s.
@@ -101,10 +97,10 @@ impl<'a> Evidence<'a> {
         all.map(|((figures, error), k)| (figures, &info.coefficients[k], *error))
     }
 
-    /// The coefficient that says how long a lag or a dead time is.
-    fn timing(&self) -> Option<&CoefficientFigures> {
-        let is_timing = matches!(self.effect(), Effect::MotorLag | Effect::InputDelay);
-        self.finding.coefficients.first().filter(|_| is_timing)
+    /// What the effect's own rule looks at.
+    fn estimates(&self) -> Vec<Estimate> {
+        let estimate = |c: &CoefficientFigures| Estimate { value: c.value, std_error: Some(c.std_error) };
+        self.finding.coefficients.iter().map(estimate).collect()
     }
 }
 
@@ -126,7 +122,14 @@ pub(crate) struct Rule {
 /// A rule applied to evidence.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Applied {
-    pub(crate) rule: &'static Rule,
+    /// For people: what is asked.
+    pub(crate) question: &'static str,
+    /// Unit of value and threshold, empty for a probability.
+    pub(crate) unit: &'static str,
+    /// Whether the value must be at most (rather than at least) the threshold.
+    pub(crate) at_most: bool,
+    /// The rule; none for the effect's own.
+    rule: Option<&'static Rule>,
     pub(crate) value: f64,
     pub(crate) threshold: f64,
     pub(crate) met: bool,
@@ -176,37 +179,11 @@ pub(crate) const RULES: &[Rule] = &[
         unit: "std. errors",
         at_most: true,
         figures: |e| {
-            let has_range = e.has_rotor_map || !is_in_rotor_speed(e.effect());
+            let has_range = e.has_rotor_map || !e.effect().info().is_in_rotor_speed();
             let distances = e.coefficients().map(|(c, info, error)| beyond(c.value, info, error));
             has_range.then(|| (distances.fold(0.0, f64::max), IMPOSSIBLE_ERRORS))
         },
         objection: |e, _, most| impossible(e, most),
-    },
-    Rule {
-        question: "pulls back: stiffness of the cable",
-        unit: "std. errors",
-        at_most: false,
-        // A cable without stiffness is a push that is the same everywhere: what a trim that differs between flights looks like.
-        figures: |e| {
-            let stiffness = e.finding.coefficients.first().filter(|_| e.effect() == Effect::Tether)?;
-            Some((stiffness.value / stiffness.std_error.max(f64::MIN_POSITIVE), SLACK_ERRORS))
-        },
-        objection: |e, _, _| {
-            let CoefficientFigures { value, std_error, unit, .. } = e.finding.coefficients[0];
-            Reason::SlackCable { value, std_error, unit }
-        },
-    },
-    Rule {
-        question: "can be timed: size of the lag or dead time",
-        unit: "ms",
-        at_most: false,
-        // A log does not tell when its commands took effect as exactly as that (times jitter, commands are held), and no loop
-        // at 100 Hz feels it.
-        figures: |e| e.timing().map(|timing| (1e3 * timing.value.abs(), 1e3 * TIMING_S)),
-        objection: |e, _, _| {
-            let size_s = e.timing().map_or(0.0, |timing| timing.value);
-            Reason::BelowTheClocks { size_s, resolved_s: TIMING_S }
-        },
     },
 ];
 
@@ -215,15 +192,30 @@ pub(crate) fn applied(evidence: &Evidence<'_>) -> Vec<Applied> {
     let apply = |rule: &'static Rule| {
         let (value, threshold) = (rule.figures)(evidence)?;
         let met = if rule.at_most { value <= threshold } else { value >= threshold };
-        Some(Applied { rule, value, threshold, met })
+        let Rule { question, unit, at_most, .. } = *rule;
+        Some(Applied { question, unit, at_most, rule: Some(rule), value, threshold, met })
     };
-    RULES.iter().filter_map(apply).collect()
+    RULES.iter().filter_map(apply).chain(own_rule(evidence)).collect()
+}
+
+/// What the effect's own file asks of its estimates.
+fn own_rule(evidence: &Evidence<'_>) -> Option<Applied> {
+    let Requirement { question, unit, figures, .. } = evidence.effect().info().special.requirement?;
+    if evidence.finding.coefficients.is_empty() {
+        return None;
+    }
+    let (value, threshold) = figures(&evidence.estimates());
+    Some(Applied { question, unit, at_most: false, rule: None, value, threshold, met: value >= threshold })
 }
 
 /// Whether the evidence suffices, and why or why not.
 pub(crate) fn weigh(evidence: &Evidence<'_>) -> (bool, Reason) {
     if let Some(broken) = applied(evidence).into_iter().find(|applied| !applied.met) {
-        return (false, (broken.rule.objection)(evidence, broken.value, broken.threshold));
+        let reason = match broken.rule {
+            Some(rule) => (rule.objection)(evidence, broken.value, broken.threshold),
+            None => Reason::OwnRule { effect: evidence.effect(), estimates: evidence.estimates() },
+        };
+        return (false, reason);
     }
     let percent = evidence.finding.drop_percent;
     let [improved, flights] = evidence.finding.flights_improved;
@@ -242,7 +234,7 @@ fn significance(evidence: &Evidence<'_>) -> f64 {
 /// Smallest held-out drop of an effect that matters, percent: what the free beginnings of a load's swing take away by chance
 /// is none of its doing.
 fn matters_percent(effect: Effect) -> f64 {
-    MATTERS_PERCENT + if effect == Effect::SlungLoad { slung_load::BY_CHANCE_PERCENT } else { 0.0 }
+    MATTERS_PERCENT + if effect.info().special.hangs_load { slung_load::BY_CHANCE_PERCENT } else { 0.0 }
 }
 
 /// "Not seen" is not "not there": when an effect of ordinary size would hide in the error of its estimate, say so and
@@ -262,11 +254,6 @@ fn not_borne_out(evidence: &Evidence<'_>, p_value: Option<f64>) -> Reason {
         Asked::Missing => Reason::NotBorneOut { improved, flights, p_value },
         Asked::Changed => Reason::NotCarriedOver { improved, flights },
     }
-}
-
-/// Whether the ranges of an effect's coefficients are counted in rotor speeds.
-pub(crate) fn is_in_rotor_speed(effect: Effect) -> bool {
-    matches!(effect, Effect::BatteryVoltage | Effect::ThrustLinear)
 }
 
 /// Distance of a coefficient beyond its range, in standard errors.
@@ -306,7 +293,7 @@ pub(crate) struct Left<'a> {
 ///   right effects leave the noise and nothing else;
 /// - leaves more structure on its axes than it takes away.
 pub(crate) fn stand_in(finding: &EffectFinding, left: &Left<'_>) -> Option<Reason> {
-    if left.answers_late && is_of_actuators(finding.effect) {
+    if left.answers_late && finding.effect.info().special.of_actuators {
         return Some(Reason::AnswersLate);
     }
     if let Some(axis) = finding.main_axis().filter(|axis| left.incomplete[axis.index()]) {
@@ -321,9 +308,4 @@ pub(crate) fn stand_in(finding: &EffectFinding, left: &Left<'_>) -> Option<Reaso
         axis: most.axis,
         depends_on: most.depends_on,
     })
-}
-
-/// Whether an effect says how rotors answer to commands, and nothing else.
-fn is_of_actuators(effect: Effect) -> bool {
-    matches!(effect, Effect::MotorLag | Effect::InputDelay | Effect::ThrustLinear)
 }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use model::{Axis, Effect};
+use model::{Axis, Effect, Estimate};
 use serde::{Serialize, Serializer};
 use sysid::FitError;
 
@@ -99,21 +99,12 @@ pub enum Reason {
         /// Smallest and largest possible value.
         possible: (f64, f64),
     },
-    /// A cable without stiffness.
-    SlackCable {
-        /// Its stiffness.
-        value: f64,
-        /// Standard error of the stiffness.
-        std_error: f64,
-        /// Unit of both.
-        unit: &'static str,
-    },
-    /// A lag or dead time too short for the times of a log.
-    BelowTheClocks {
-        /// Its size, s.
-        size_s: f64,
-        /// Shortest that a log resolves, s.
-        resolved_s: f64,
+    /// Its estimates miss what its own file asks of them.
+    OwnRule {
+        /// The effect.
+        effect: Effect,
+        /// Its coefficients.
+        estimates: Vec<Estimate>,
     },
     /// With an effect of the actuators in place, the residual still follows what the rotors did before.
     AnswersLate,
@@ -236,16 +227,10 @@ impl fmt::Display for Reason {
             Self::Impossible { coefficient, value, unit, possible: (low, high) } => {
                 write!(f, "needs {coefficient} = {value:.3} {unit}, outside the possible {low} to {high}")
             }
-            Self::SlackCable { value, std_error, unit } => write!(
-                f,
-                "a push that is the same everywhere and no cable: its stiffness is {value:.4} +- {std_error:.4} {unit}"
-            ),
-            Self::BelowTheClocks { size_s, resolved_s } => write!(
-                f,
-                "too small to matter: {:.2} ms, under the {:.0} ms that a log's times resolve",
-                1e3 * size_s,
-                1e3 * resolved_s
-            ),
+            Self::OwnRule { effect, estimates } => {
+                let objection = effect.info().special.requirement.map(|rule| (rule.objection)(estimates));
+                f.write_str(&objection.unwrap_or_default())
+            }
             Self::AnswersLate => f.write_str(
                 "a stand-in at best: with it, what is left still follows what the rotors did in the last half second, which \
                  the right effect would have taken away",

@@ -13,7 +13,6 @@ use model::{Effect, Kind, Model};
 use nalgebra::{DMatrix, DVector};
 
 use crate::columns::rows_about;
-use crate::criteria::is_in_rotor_speed;
 use crate::subsets::{Problem, Subset};
 use sysid::fit::least_squares::{AxisTriangle, FlightRows, WINDOW_S, axis_triangle, scores_covariance};
 use sysid::fit::priors_of;
@@ -162,7 +161,7 @@ impl Screen {
     fn limit(&mut self, model: &Model) {
         let has_map = model.vehicle.has_rotor_map();
         for (group, effect) in self.problem.groups.clone().into_iter().zip(&self.candidates) {
-            if is_in_rotor_speed(*effect) && !has_map {
+            if effect.info().is_in_rotor_speed() && !has_map {
                 continue;
             }
             let columns: Vec<usize> = group.collect();

@@ -80,12 +80,13 @@ fn the_thesis_way_of_filtering_is_biased_and_ours_is_not() {
 }
 
 /// Each candidate with a strength that matters in flight.
-const PLANTED: [(Effect, &[f64]); 8] = [
+const PLANTED: [(Effect, &[f64]); 9] = [
     (Effect::QuadraticDrag, &[-0.15, -0.15]),
     (Effect::FlappingMoment, &[-1.0, 0.8]),
     (Effect::RateCoupling, &[-0.15, 0.15]),
     (Effect::GroundEffect, &[1.5, 0.01]),
     (Effect::SteadyWind, &[0.8, -0.5]),
+    (Effect::WindShear, &[0.8, -0.5]),
     (Effect::BatteryVoltage, &[20.0, 0.3]),
     (Effect::TrackingOffset, &[0.01, 0.0, 0.04]),
     (Effect::AttitudeOffset, &[0.02, -0.015]),

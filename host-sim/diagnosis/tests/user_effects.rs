@@ -4,13 +4,13 @@ mod common;
 
 use common::{ORDINARY, fly, prepared, truth};
 use diagnosis::{Options, Verdict, add, diagnose};
-use model::{Effect, Model, user_effect};
+use model::{Effect, Model, effects};
 use sysid::{Prepared, compare, fit};
 
 fn effect(name: &str, text: &str) -> Effect {
     let path = std::env::temp_dir().join(format!("sysid-user-{}-{name}.toml", std::process::id()));
     std::fs::write(&path, text).unwrap();
-    user_effect::read(&path).unwrap()[0]
+    effects::read(&path).unwrap()[0]
 }
 
 /// Linear, over the inertial frame.

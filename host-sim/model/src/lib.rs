@@ -16,30 +16,33 @@
 
 mod axis;
 mod battery;
-mod dimension;
 mod effect;
 pub mod effects;
-mod formula;
+mod fit_record;
 pub mod frames;
-mod load;
+mod model;
 mod model_file;
+mod pendulum;
 mod plant;
 mod quantity;
 mod sample;
-pub mod user_effect;
+pub mod user_effects;
 mod vehicle;
 
 pub use axis::{AXES, Axis, PerAxis};
 pub use battery::Battery;
-pub use effect::{Coefficient, EffectInfo, Kind, Question, Sink};
-pub use effects::Effect;
-pub use load::{Load, Swing};
-pub use model_file::{
-    AxisError, ChangeScatter, Correlation, Estimate, FitRecord, FlightRecord, FlightRole, HistoryEntry,
-    Model, ModelError, OpenLoopSums, ReferenceValues, RefinementRecord, Term,
+pub use effect::{Coefficient, EffectInfo, Estimate, Kind, Question, Requirement, Sign, Sink, Special};
+pub use effects::slung_load::cable::SlungLoad;
+pub use effects::{Adjustments, Effect};
+pub use fit_record::{
+    AxisError, ChangeScatter, FitRecord, FlightRecord, FlightRole, HistoryEntry, OpenLoopSums,
+    ReferenceValues, RefinementRecord,
 };
+pub use model::{Correlation, Model, Term};
+pub use model_file::ModelError;
+pub use pendulum::Pendulum;
 pub use plant::{DelayLine, Plant, State, Substeps};
-pub use quantity::{QUANTITIES, Quantity};
-pub use sample::{Adjustments, Sample, SampleInput};
-pub use user_effect::UserEffectError;
+pub use quantity::{COMBINATIONS, QUANTITIES, Quantity};
+pub use sample::{Sample, SampleInput};
+pub use user_effects::UserEffectError;
 pub use vehicle::{MotorMapKind, Motors, RotorMap, Spin, Vehicle, VehicleError};

@@ -1,195 +1,25 @@
-//! The model and its file: vehicle, effects, coefficients with units and errors, what was fitted on what, and how the
-//! model came to be.
+//! The model file: vehicle, effects, coefficients with units and errors, what was fitted on what, and how the model came
+//! to be.
 //!
 //! Format `quadlab-model`, TOML. Version 2 has the correlations of the coefficients; a model without them is written as
 //! version 1. Numbers are written with the shortest digits that read back to the same bits, so a model round-trips exactly.
 
 use std::path::{Path, PathBuf};
 
-use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
-use crate::user_effect::{self, Definition};
-use crate::vehicle::toml_message;
-use crate::{Adjustments, Axis, Effect, PerAxis, Vehicle};
+use crate::effect::Estimate;
+use crate::effects::{self, Effect};
+use crate::fit_record::{FitRecord, HistoryEntry, ReferenceValues};
+use crate::model::{Correlation, Model, Term};
+use crate::user_effects::{Definition, UserEffectError};
+use crate::vehicle::{Vehicle, VehicleError, toml_message};
 
 const FORMAT: &str = "quadlab-model";
 /// The newest version; older ones lack fields that are optional.
 const VERSION: u32 = 2;
 /// What a model without correlations is written as.
 const WITHOUT_CORRELATION: u32 = 1;
-
-/// A coefficient's value with its standard error.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Estimate {
-    /// Value, in the unit of the effect's coefficient.
-    pub value: f64,
-    /// Standard error in the same unit; absent where the value was not fitted (printed, assumed).
-    pub std_error: Option<f64>,
-}
-
-/// An effect in a model with the values of its coefficients.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Term {
-    /// The effect.
-    pub effect: Effect,
-    /// One estimate for each of its coefficients, in order.
-    pub coefficients: Vec<Estimate>,
-}
-
-/// Constants that belong to a fit and are not coefficients.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ReferenceValues {
-    /// Mean battery voltage of the training flights, V: where `battery-voltage` is zero.
-    pub battery_v: f64,
-}
-
-/// Errors of one axis.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct AxisError {
-    /// Sum of squared errors, (unit of the axis)^2.
-    pub sse: f64,
-    /// Root mean square error, unit of the axis.
-    pub rms: f64,
-    /// 1 - sse / (sum of squares about the mean).
-    pub r2: f64,
-    /// Samples behind it.
-    pub samples: u64,
-}
-
-/// What a flight was used for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum FlightRole {
-    /// Fitted on.
-    Train,
-    /// Held out.
-    Validate,
-}
-
-/// A flight that the fit saw.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FlightRecord {
-    /// File name.
-    pub name: String,
-    /// SHA-256 of the file, hexadecimal.
-    pub sha256: String,
-    /// What it was used for.
-    pub role: FlightRole,
-    /// Samples used.
-    pub samples: u64,
-}
-
-/// The fit that gave the coefficients.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FitRecord {
-    /// Flights.
-    pub flights: Vec<FlightRecord>,
-    /// Errors on the training flights.
-    pub train: PerAxis<AxisError>,
-    /// Errors on the held-out flights.
-    pub held_out: PerAxis<AxisError>,
-    /// How much the craft differs from flight to flight: what a later change must stand out from.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub scatter: Vec<ChangeScatter>,
-    /// Dead time in s that flights of commands show beyond the model's own: their clocks are counted from it. Absent where
-    /// rotor speeds were measured.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rotor_delay_s: Option<f64>,
-    /// Why the model has no rotation, where the flights did not determine it: force rows are all there is.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub rotation_refused: Vec<String>,
-    /// What a refinement on open-loop predictions came to, where one was tried.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub refinement: Option<RefinementRecord>,
-}
-
-/// A refinement on open-loop predictions.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RefinementRecord {
-    /// Which coefficients were moved: "moments" or "all".
-    pub rows: String,
-    /// Whether they were kept.
-    pub kept: bool,
-    /// Why.
-    pub reason: String,
-    /// Open-loop error of the held-out flights before, summed over horizons of 1 to 50 samples.
-    pub before: OpenLoopSums,
-    /// And with the moved coefficients.
-    pub after: OpenLoopSums,
-}
-
-/// Mean norms of open-loop errors, summed over horizons of 1 to 50 samples.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct OpenLoopSums {
-    /// m.
-    pub position_m: f64,
-    /// m/s.
-    pub velocity_m_s: f64,
-    /// rad.
-    pub attitude_rad: f64,
-    /// rad/s.
-    pub rate_rad_s: f64,
-}
-
-/// How far the estimate of a change scatters about zero between the flights a model was made from.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ChangeScatter {
-    /// Identifier of the effect.
-    pub effect: String,
-    /// Name of the coefficient.
-    pub coefficient: String,
-    /// Root mean square of the estimates, in the coefficient's unit.
-    pub deviation: f64,
-}
-
-/// An effect that was added, with the held-out error before and after.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct HistoryEntry {
-    /// The effect's identifier.
-    pub effect: String,
-    /// Whether the held-out flights supported it.
-    pub supported: bool,
-    /// Sum of squared errors on the held-out flights before.
-    pub sse_before: PerAxis<f64>,
-    /// And after.
-    pub sse_after: PerAxis<f64>,
-}
-
-/// A model.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Model {
-    /// What the operator measured.
-    pub vehicle: Vehicle,
-    /// Effects and their coefficients.
-    pub terms: Vec<Term>,
-    /// Constants of the fit.
-    pub reference: ReferenceValues,
-    /// The fit, where there was one.
-    pub fit: Option<FitRecord>,
-    /// Effects added to the basic model, in order.
-    pub history: Vec<HistoryEntry>,
-    /// How the errors of the coefficients hang together; absent: not known, and taken for independent.
-    pub correlation: Option<Correlation>,
-}
-
-/// Correlations of the coefficients' errors. With the standard errors they make the covariance ([`Model::covariance`]).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Correlation {
-    /// Which coefficients, as `effect.coefficient`.
-    pub coefficients: Vec<String>,
-    /// For each coefficient its correlation with each one before it: a triangle, the first row empty.
-    pub rows: Vec<Vec<f64>>,
-}
 
 /// Why a model file was refused.
 #[derive(Debug, thiserror::Error)]
@@ -244,10 +74,10 @@ pub enum ModelError {
     },
     /// The vehicle in the model is impossible.
     #[error(transparent)]
-    Vehicle(#[from] crate::VehicleError),
+    Vehicle(#[from] VehicleError),
     /// The definition of a user's effect in the model cannot be right.
     #[error(transparent)]
-    UserEffect(#[from] crate::UserEffectError),
+    UserEffect(#[from] UserEffectError),
 }
 
 #[derive(Serialize, Deserialize)]
@@ -295,122 +125,11 @@ struct CoefficientEntry {
 }
 
 impl Model {
-    /// A model without effects.
-    pub fn new(vehicle: Vehicle) -> Self {
-        Self {
-            vehicle,
-            terms: Vec::new(),
-            reference: ReferenceValues::default(),
-            fit: None,
-            history: Vec::new(),
-            correlation: None,
-        }
-    }
-
     /// The thesis' identified model (tables 4.2 to 4.12), with C_T unrounded as reference section 1 finds it behind
     /// the printed K^-1.
     pub fn thesis() -> Self {
         let text = include_str!("../vehicles/f330-model.toml");
         Self::parse(text, Path::new("f330-model.toml")).expect("the model file in the source tree is tested")
-    }
-
-    /// The term of an effect.
-    pub fn term(&self, effect: Effect) -> Option<&Term> {
-        self.terms.iter().find(|term| term.effect == effect)
-    }
-
-    /// Whether the effect is in the model.
-    pub fn has(&self, effect: Effect) -> bool {
-        self.term(effect).is_some()
-    }
-
-    /// The effects in order.
-    pub fn effects(&self) -> Vec<Effect> {
-        self.terms.iter().map(|term| term.effect).collect()
-    }
-
-    /// Sets an effect's coefficients to known values without error, adding the effect if it is not there.
-    ///
-    /// # Panics
-    /// When the number of values is not the effect's: a mistake in the program, not in its input.
-    pub fn set(&mut self, effect: Effect, values: &[f64]) {
-        assert_eq!(values.len(), effect.info().coefficients.len(), "{effect}");
-        let coefficients = values.iter().map(|&value| Estimate { value, std_error: None }).collect();
-        match self.terms.iter_mut().find(|term| term.effect == effect) {
-            Some(term) => term.coefficients = coefficients,
-            None => self.terms.push(Term { effect, coefficients }),
-        }
-    }
-
-    /// What the adjusting effects change.
-    pub fn adjustments(&self) -> Adjustments {
-        let mut adjust =
-            Adjustments { reference_voltage_v: self.reference.battery_v, ..Adjustments::default() };
-        for term in &self.terms {
-            let values: Vec<f64> = term.coefficients.iter().map(|c| c.value).collect();
-            term.effect.adjust(&values, &mut adjust);
-        }
-        adjust
-    }
-
-    /// Covariance of all coefficients in the model's order, units of the coefficients. A coefficient without a standard
-    /// error counts as exact; without correlations the errors count as independent.
-    pub fn covariance(&self) -> DMatrix<f64> {
-        let errors: Vec<f64> =
-            self.terms.iter().flat_map(|t| &t.coefficients).map(|c| c.std_error.unwrap_or(0.0)).collect();
-        let names = coefficient_names(&self.terms);
-        let mut covariance = DMatrix::from_diagonal(&nalgebra::DVector::from_vec(errors.clone()));
-        covariance.component_mul_assign(&covariance.clone());
-        let Some(correlation) = &self.correlation else { return covariance };
-        let place = |name: &String| names.iter().position(|n| n == name);
-        let places: Vec<Option<usize>> = correlation.coefficients.iter().map(place).collect();
-        for (i, row) in places.iter().zip(&correlation.rows) {
-            for (j, r) in places.iter().zip(row) {
-                // A coefficient whose effect has been taken out of the model is no longer there.
-                if let (Some(i), Some(j)) = (*i, *j) {
-                    let shared = r * errors[i] * errors[j];
-                    (covariance[(i, j)], covariance[(j, i)]) = (shared, shared);
-                }
-            }
-        }
-        covariance
-    }
-
-    /// Sets standard errors and correlations of some coefficients, given by their places in the model's order, from their
-    /// covariance. With the other coefficients they are taken to be uncorrelated.
-    ///
-    /// # Panics
-    /// When the matrix is not as large as the list, or a place is beyond the last: mistakes in the program.
-    pub fn set_covariance(&mut self, places: &[usize], covariance: &DMatrix<f64>) {
-        assert_eq!(
-            covariance.shape(),
-            (places.len(), places.len()),
-            "a row and a column for each coefficient"
-        );
-        let mut all = self.covariance();
-        for (i, &place) in places.iter().enumerate() {
-            all.row_mut(place).fill(0.0);
-            all.column_mut(place).fill(0.0);
-            for (j, &other) in places.iter().enumerate().take(i + 1) {
-                (all[(place, other)], all[(other, place)]) = (covariance[(i, j)], covariance[(i, j)]);
-            }
-        }
-        let errors: Vec<f64> = all.diagonal().iter().map(|v| v.max(0.0).sqrt()).collect();
-        let mut estimates: Vec<&mut Estimate> =
-            self.terms.iter_mut().flat_map(|t| &mut t.coefficients).collect();
-        for &place in places {
-            estimates[place].std_error = Some(errors[place]);
-        }
-        let known: Vec<usize> = (0..estimates.len()).filter(|&k| estimates[k].std_error.is_some()).collect();
-        let names = coefficient_names(&self.terms);
-        let one = |i: usize, j: usize| {
-            let scale = errors[i] * errors[j];
-            if scale > 0.0 { (all[(i, j)] / scale).clamp(-1.0, 1.0) } else { 0.0 }
-        };
-        self.correlation = Some(Correlation {
-            coefficients: known.iter().map(|&k| names[k].clone()).collect(),
-            rows: (0..known.len()).map(|i| (0..i).map(|j| one(known[i], known[j])).collect()).collect(),
-        });
     }
 
     /// Reads and checks a model file.
@@ -438,7 +157,7 @@ impl Model {
         let file: ModelFile = toml::from_str(text).map_err(parse_error)?;
         file.vehicle.check(path)?;
         for definition in file.definitions {
-            user_effect::define(definition, path)?;
+            effects::define(definition, path)?;
         }
         let terms: Vec<Term> =
             file.effects.into_iter().map(|entry| read_effect(entry, path)).collect::<Result<_, _>>()?;
@@ -472,39 +191,6 @@ impl Model {
             correlation: self.correlation.clone(),
         };
         toml::to_string(&file).expect("numbers, strings and tables are always TOML")
-    }
-}
-
-/// Names of all coefficients in the model's order, as `effect.coefficient`.
-fn coefficient_names(terms: &[Term]) -> Vec<String> {
-    let of = |term: &Term| {
-        let info = term.effect.info();
-        info.coefficients.iter().map(move |c| format!("{}.{}", info.id, c.name)).collect::<Vec<_>>()
-    };
-    terms.iter().flat_map(of).collect()
-}
-
-impl Correlation {
-    /// What is wrong with the table of a file, on one line.
-    fn mistake(&self, terms: &[Term]) -> Option<String> {
-        let names = coefficient_names(terms);
-        if let Some(stranger) = self.coefficients.iter().find(|name| !names.contains(name)) {
-            return Some(format!("there is no coefficient \"{stranger}\""));
-        }
-        if let Some(twice) =
-            (1..self.coefficients.len()).find(|&k| self.coefficients[..k].contains(&self.coefficients[k]))
-        {
-            return Some(format!("\"{}\" is there twice", self.coefficients[twice]));
-        }
-        let count = self.coefficients.len();
-        if self.rows.len() != count || (0..count).any(|k| self.rows[k].len() != k) {
-            return Some(format!(
-                "rows: {count} coefficients need rows of 0 to {} numbers",
-                count.max(1) - 1
-            ));
-        }
-        let bad = self.rows.iter().flatten().find(|r| !(-1.0..=1.0).contains(*r));
-        bad.map(|r| format!("rows: {r} is no correlation, which is from -1 to 1"))
     }
 }
 
@@ -551,20 +237,15 @@ fn write_effect(term: &Term) -> EffectEntry {
     EffectEntry { id: info.id.into(), coefficients: coefficients.collect() }
 }
 
-impl PerAxis<f64> {
-    /// Percent by which `after` is below `self`, for each axis; 0 where there was no error.
-    pub fn drop_percent(&self, after: &Self) -> Self {
-        Self::from_fn(
-            |axis: Axis| {
-                if self[axis] > 0.0 { 100.0 * (self[axis] - after[axis]) / self[axis] } else { 0.0 }
-            },
-        )
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::axis::PerAxis;
+    use crate::fit_record::{
+        AxisError, ChangeScatter, FlightRecord, FlightRole, OpenLoopSums, RefinementRecord,
+    };
+    use crate::model::coefficient_names;
+    use nalgebra::DMatrix;
 
     #[test]
     fn a_model_round_trips_exactly() {

@@ -1,8 +1,8 @@
-//! What formulas of users can look at: names, units and meanings of the quantities at one instant.
+//! Measured quantities at one instant: what formulas of users can name, and what effects act through.
 
-use crate::Sample;
+use crate::sample::Sample;
 
-/// A quantity that formulas can name.
+/// A measured quantity.
 #[derive(Debug)]
 pub struct Quantity {
     /// Name in formulas.
@@ -11,7 +11,19 @@ pub struct Quantity {
     pub unit: &'static str,
     /// What it is, for people.
     pub meaning: &'static str,
-    pub(crate) value: fn(&Sample) -> f64,
+    value: fn(&Sample) -> f64,
+}
+
+impl Quantity {
+    /// The quantity of this name, of [`QUANTITIES`] or [`COMBINATIONS`].
+    pub fn named(name: &str) -> Option<&'static Self> {
+        QUANTITIES.iter().chain(COMBINATIONS).find(|quantity| quantity.name == name)
+    }
+
+    /// Its value at a sample.
+    pub fn at(&self, sample: &Sample) -> f64 {
+        (self.value)(sample)
+    }
 }
 
 const fn quantity(
@@ -23,7 +35,7 @@ const fn quantity(
     Quantity { name, unit, meaning, value }
 }
 
-/// All of them.
+/// Those that formulas can name.
 ///
 /// Velocities u, v, w are those through the air, as every aerodynamic effect sees them: over ground where the model has no
 /// wind. Rotor speeds are commands where a vehicle's motor map is to be identified.
@@ -64,6 +76,63 @@ pub const QUANTITIES: &[Quantity] = &[
     quantity("air_density", "kg/m^3", "density of the air", |s| s.constants.air_density_kg_m3),
     quantity("pi", "1", "half a turn", |_| std::f64::consts::PI),
 ];
+
+/// Combinations of them that effects act through and figures are drawn over. Formulas spell them out.
+pub const COMBINATIONS: &[Quantity] = &[
+    quantity("horizontal_speed", "m/s", "forward and rightward speed through the air", |s| {
+        s.air_velocity_m_s.x.hypot(s.air_velocity_m_s.y)
+    }),
+    quantity("rotor_speed", "rad/s", "mean speed of the rotors", |s| mean(&s.input.rotor_rad_s)),
+    quantity("rotor_acceleration", "rad/s^2", "mean acceleration of the rotors", |s| {
+        mean(&s.input.rotor_acceleration_rad_s2)
+    }),
+    quantity(
+        "roll_rotor_acceleration",
+        "rad/s^2",
+        "acceleration of the left rotors less that of the right ones",
+        |s| signed(&s.input.rotor_acceleration_rad_s2, &[1.0, -1.0, -1.0, 1.0]),
+    ),
+    quantity(
+        "pitch_rotor_acceleration",
+        "rad/s^2",
+        "acceleration of the front rotors less that of the rear ones",
+        |s| signed(&s.input.rotor_acceleration_rad_s2, &[1.0, 1.0, -1.0, -1.0]),
+    ),
+    quantity(
+        "yaw_rotor_acceleration",
+        "rad/s^2",
+        "acceleration of the rotors that yaw right less that of the others",
+        |s| signed(&s.input.rotor_acceleration_rad_s2, &s.constants.spin),
+    ),
+    quantity("roll_moment", "Nm", "roll moment of the rotors divided by their coefficients", |s| {
+        signed(&s.rotor_thrust_rad2_s2, &s.constants.roll_arm_kg_m2)
+    }),
+    quantity("pitch_moment", "Nm", "pitch moment of the rotors divided by their coefficients", |s| {
+        signed(&s.rotor_thrust_rad2_s2, &s.constants.pitch_arm_kg_m2)
+    }),
+    quantity("yaw_moment", "Nm", "yaw moment of the rotors divided by their coefficients", |s| {
+        let radius = s.constants.beta_kg_m * s.constants.rotor_radius_m;
+        radius * signed(&s.rotor_speed_squared_rad2_s2, &s.constants.spin)
+    }),
+    quantity("roll_acceleration", "rad/s^2", "roll acceleration", |s| s.input.angular_acceleration_rad_s2.x),
+    quantity("pitch_acceleration", "rad/s^2", "pitch acceleration", |s| {
+        s.input.angular_acceleration_rad_s2.y
+    }),
+    quantity("yaw_acceleration", "rad/s^2", "yaw acceleration", |s| s.input.angular_acceleration_rad_s2.z),
+    quantity("pq", "rad^2/s^2", "roll rate times pitch rate", |s| {
+        s.input.rate_rad_s.x * s.input.rate_rad_s.y
+    }),
+    quantity("pr", "rad^2/s^2", "roll rate times yaw rate", |s| s.input.rate_rad_s.x * s.input.rate_rad_s.z),
+    quantity("qr", "rad^2/s^2", "pitch rate times yaw rate", |s| s.input.rate_rad_s.y * s.input.rate_rad_s.z),
+];
+
+fn mean(of_rotors: &[f64; 4]) -> f64 {
+    0.25 * of_rotors.iter().sum::<f64>()
+}
+
+fn signed(of_rotors: &[f64; 4], weights: &[f64; 4]) -> f64 {
+    of_rotors.iter().zip(weights).map(|(value, weight)| value * weight).sum()
+}
 
 fn over_ground(sample: &Sample, axis: usize) -> f64 {
     sample.input.dcm.column(axis).dot(&sample.input.velocity_m_s)

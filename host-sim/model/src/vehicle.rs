@@ -63,6 +63,66 @@ pub struct Motors {
     pub lag: Option<f64>,
 }
 
+/// Refuses a field's value; the last word is what it should be.
+type Refuse<'a> = &'a dyn Fn(&'static str, String, &'static str) -> Result<(), VehicleError>;
+
+impl Motors {
+    fn check(&self, refuse: Refuse<'_>) -> Result<(), VehicleError> {
+        let [low, high] = self.command_range;
+        if !(low.is_finite() && high.is_finite() && low < high) {
+            return refuse(
+                "motors.command_range",
+                format!("{:?}", self.command_range),
+                "[smallest, largest]",
+            );
+        }
+        let turning: f64 = self.spin.iter().map(|s| s.yaw_sign()).sum();
+        if turning != 0.0 {
+            return refuse(
+                "motors.spin",
+                format!("{:?}", self.spin),
+                "two rotors each way, or yaw cannot be balanced",
+            );
+        }
+        if let Some(lag) = self.lag
+            && !(lag > 0.0 && lag < 1000.0)
+        {
+            return refuse(
+                "motors.lag",
+                lag.to_string(),
+                "rad/s, above 0 and below 1000 (leave out if unknown)",
+            );
+        }
+        match (self.map, self.command) {
+            (Some(MotorMapKind::Identify), None) if self.voltage.is_none() && self.offset.is_none() => Ok(()),
+            (Some(MotorMapKind::Identify), _) => refuse(
+                "motors.map",
+                "\"identify\"".into(),
+                "leave out motors.command, voltage and offset when the map is to be identified",
+            ),
+            (None, Some(gain)) if gain.is_finite() && gain > 0.0 => {
+                let finite =
+                    self.voltage.unwrap_or(0.0).is_finite() && self.offset.unwrap_or(0.0).is_finite();
+                if finite {
+                    Ok(())
+                } else {
+                    refuse("motors.voltage/offset", "not finite".into(), "finite numbers")
+                }
+            }
+            (None, Some(gain)) => {
+                refuse("motors.command", gain.to_string(), "rad/s per command unit, above 0")
+            }
+            // No map at all: flights must log their rotor speeds (omega1..4).
+            (None, None) if self.voltage.is_none() && self.offset.is_none() => Ok(()),
+            (None, None) => refuse(
+                "motors.command",
+                "missing".into(),
+                "a map needs motors.command besides voltage and offset; leave out all three if rotor speeds are logged",
+            ),
+        }
+    }
+}
+
 /// Commanded rotor speed from command and voltage, (4.10): `command * cmd + voltage * vbat + offset`, rad/s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RotorMap {
@@ -211,54 +271,7 @@ impl Vehicle {
         if self.tracked_point.iter().any(|x| x.is_nan() || x.abs() > 10.0) {
             return refuse("tracked_point", format!("{:?}", self.tracked_point), "metres, each within 10");
         }
-        let m = &self.motors;
-        let [low, high] = m.command_range;
-        if !(low.is_finite() && high.is_finite() && low < high) {
-            return refuse("motors.command_range", format!("{:?}", m.command_range), "[smallest, largest]");
-        }
-        let turning: f64 = m.spin.iter().map(|s| s.yaw_sign()).sum();
-        if turning != 0.0 {
-            return refuse(
-                "motors.spin",
-                format!("{:?}", m.spin),
-                "two rotors each way, or yaw cannot be balanced",
-            );
-        }
-        if let Some(lag) = m.lag
-            && !(lag > 0.0 && lag < 1000.0)
-        {
-            return refuse(
-                "motors.lag",
-                lag.to_string(),
-                "rad/s, above 0 and below 1000 (leave out if unknown)",
-            );
-        }
-        match (m.map, m.command) {
-            (Some(MotorMapKind::Identify), None) if m.voltage.is_none() && m.offset.is_none() => Ok(()),
-            (Some(MotorMapKind::Identify), _) => refuse(
-                "motors.map",
-                "\"identify\"".into(),
-                "leave out motors.command, voltage and offset when the map is to be identified",
-            ),
-            (None, Some(gain)) if gain.is_finite() && gain > 0.0 => {
-                let finite = m.voltage.unwrap_or(0.0).is_finite() && m.offset.unwrap_or(0.0).is_finite();
-                if finite {
-                    Ok(())
-                } else {
-                    refuse("motors.voltage/offset", "not finite".into(), "finite numbers")
-                }
-            }
-            (None, Some(gain)) => {
-                refuse("motors.command", gain.to_string(), "rad/s per command unit, above 0")
-            }
-            // No map at all: flights must log their rotor speeds (omega1..4).
-            (None, None) if m.voltage.is_none() && m.offset.is_none() => Ok(()),
-            (None, None) => refuse(
-                "motors.command",
-                "missing".into(),
-                "a map needs motors.command besides voltage and offset; leave out all three if rotor speeds are logged",
-            ),
-        }
+        self.motors.check(&refuse)
     }
 
     /// The rotor map. Without a test stand the command stands in for the speed: gain 1, so that "speeds" are in

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use model::{Effect, Kind, Model, Plant, State, user_effect};
+use model::{Effect, Kind, Model, Plant, State, effects};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 
@@ -22,7 +22,7 @@ constant = [{ name = "time", unit = "s", value = 2.0 }]
 "#;
 
 fn refused(text: &str) -> String {
-    let why = user_effect::parse(text, Path::new("my.toml")).expect_err(text).to_string();
+    let why = effects::parse(text, Path::new("my.toml")).expect_err(text).to_string();
     assert!(why.starts_with("my.toml: ") && why.lines().count() == 1, "{why}");
     why
 }
@@ -32,7 +32,7 @@ fn effect(text: &str) -> Effect {
     std::fs::create_dir_all(&folder).unwrap();
     let path = folder.join(format!("{:x}.toml", text.len()));
     std::fs::write(&path, text).unwrap();
-    user_effect::read(&path).unwrap()[0]
+    effects::read(&path).unwrap()[0]
 }
 
 #[test]
@@ -135,8 +135,7 @@ fn linear_is_what_is_linear() {
              coefficient = [{{ name = \"a\", unit = \"1/s\", possible = [0.0, 1.0], typical = 1.0 }},\n\
              {{ name = \"b\", unit = \"1/s\", possible = [0.0, 1.0], typical = 1.0 }}]"
         );
-        let parsed =
-            user_effect::parse(&text, Path::new("x")).unwrap_or_else(|why| panic!("{formula}: {why}"));
+        let parsed = effects::parse(&text, Path::new("x")).unwrap_or_else(|why| panic!("{formula}: {why}"));
         parsed[0].is_linear()
     };
     for formula in
@@ -257,14 +256,14 @@ proptest! {
                 text.replace_range(from..to, scraps[scrap]);
             }
         }
-        if let Err(why) = user_effect::parse(&text, Path::new("my.toml")) {
+        if let Err(why) = effects::parse(&text, Path::new("my.toml")) {
             prop_assert_eq!(why.to_string().lines().count(), 1, "{}", why);
         }
     }
 
     #[test]
     fn random_text_is_refused(text in "\\PC{0,200}") {
-        if let Err(why) = user_effect::parse(&text, Path::new("my.toml")) {
+        if let Err(why) = effects::parse(&text, Path::new("my.toml")) {
             prop_assert_eq!(why.to_string().lines().count(), 1);
         }
     }

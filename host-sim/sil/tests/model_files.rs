@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use control::supervision_limits::Fence;
-use model::{Model, user_effect};
+use model::{Model, effects};
 use serde_json::Value;
 use sil::{FlightPlan, SilError, fly};
 
@@ -17,7 +17,7 @@ fn with_effect(folder: &Path, id: &str, formula: &str, unit: &str, value: f64) -
          constant = [{{ name = \"low\", unit = \"m\", value = 0.8 }}]\n"
     );
     std::fs::write(&path, text).unwrap();
-    let effect = user_effect::read(&path).unwrap()[0];
+    let effect = effects::read(&path).unwrap()[0];
     let mut model = Model::thesis();
     model.set(effect, &[value]);
     model
@@ -54,7 +54,7 @@ fn a_formula_without_a_value_ends_the_flight_with_its_name() {
     let mut plan = FlightPlan::thesis_step(sil::StepAxis::Z, 0.5);
     plan.model = model.clone();
     let SilError::Undefined { undefined, time_s } = fly(&plan).unwrap_err() else { panic!("another error") };
-    assert_eq!((undefined.row.as_str(), undefined.effect.id()), ("north", "own"));
+    assert_eq!((undefined.row.as_str(), undefined.effect.info().id), ("north", "own"));
     // 0.2 m of the 0.5 m that it sinks after 1 s.
     assert!((1.1..3.0).contains(&time_s), "{time_s}");
     // Higher up there is nothing to object to.

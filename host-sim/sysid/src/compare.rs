@@ -312,7 +312,7 @@ pub(crate) fn barely_smoothed_states(model: &Model, flight: &Prepared, stretch: 
 
 fn states_of(model: &Model, flight: &Prepared, stretch: &Stretch, taps: &[f64]) -> Vec<State> {
     let adjust = model.adjustments();
-    let lever = Vector3::from(model.vehicle.tracked_point) + adjust.tracked_point_m;
+    let lever = Vector3::from(model.vehicle.tracked_point) + adjust.tracked_point_m();
     let rotor = stretch.rotors(&model.vehicle, &adjust, flight.period_s, flight.rotor_late_s());
     let at = |parts: &[Vec<f64>; 3], k: usize| Vector3::new(parts[0][k], parts[1][k], parts[2][k]);
     let swings = slung_load::followed(flight, stretch, model);
@@ -332,7 +332,7 @@ fn states_of(model: &Model, flight: &Prepared, stretch: &Stretch, taps: &[f64]) 
                 velocity_m_s: dcm * at(&stretch.velocity_ned_m_s, k) - rate.cross(&lever),
                 rate_rad_s: rate,
                 rotor_rad_s: std::array::from_fn(|i| rotor[i].speed_rad_s[k]),
-                swing: swings.get(k).copied().unwrap_or_default(),
+                pendulum: swings.get(k).copied().unwrap_or_default(),
             }
         })
         .collect()

@@ -93,7 +93,7 @@ impl Linear {
             b_derivative: cleaned(by_acceleration * inverse),
             effectiveness,
             motor_lag_rad_s: adjust.lag_rad_s(model.vehicle.motors.lag),
-            input_delay_s: adjust.input_delay_s.max(0.0),
+            input_delay_s: adjust.dead_time_s().max(0.0),
         })
     }
 

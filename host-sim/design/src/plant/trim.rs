@@ -11,7 +11,7 @@ use std::path::Path;
 use argmin::core::{CostFunction, Executor, Gradient, State as _};
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;
-use model::{Effect, Model, Plant, SampleInput, Swing, frames};
+use model::{Effect, Model, Pendulum, Plant, SampleInput, frames};
 use nalgebra::Vector3;
 use serde::Deserialize;
 
@@ -98,7 +98,7 @@ pub(crate) struct Dynamics {
 impl Dynamics {
     pub(crate) fn new(model: &Model, battery_v: Option<f64>) -> Self {
         Self {
-            mass_kg: model.vehicle.mass + model.adjustments().extra_mass_kg,
+            mass_kg: model.vehicle.mass + model.adjustments().extra_mass_kg(),
             gravity_m_s2: model.vehicle.gravity,
             battery_v: battery_v.unwrap_or(model.reference.battery_v),
             plant: Plant::new(model),
@@ -117,7 +117,7 @@ impl Dynamics {
             rotor_rad_s: *rotor,
             rotor_acceleration_rad_s2: *rotor_acceleration,
             battery_v: self.battery_v,
-            swing: Swing::default(),
+            pendulum: Pendulum::default(),
         }))
     }
 
@@ -243,8 +243,8 @@ pub fn equilibrium(model: &Model, target: &TrimTarget) -> Result<Equilibrium> {
             return Err(DesignError::MissingEffect { effect: effect.id(), channel });
         }
     }
-    if model.has(Effect::SlungLoad) {
-        return Err(DesignError::Swinging { effect: Effect::SlungLoad.id() });
+    if let Some(load) = model.effects().into_iter().find(|effect| effect.info().special.hangs_load) {
+        return Err(DesignError::Swinging { effect: load.id() });
     }
     let dynamics = &Dynamics::new(model, target.battery_v);
     let no_thrust = DesignError::Uncontrollable { channel: "z", input: "T_Z", output: "w" };

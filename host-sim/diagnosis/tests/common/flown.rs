@@ -82,7 +82,7 @@ pub(crate) fn fly(model: &Model, seed: u64, seconds: f64, noise: &Noise) -> Flig
             let excitation = excite[i][0] * (excite[i][1] * t + excite[i][2]).sin();
             (map.command_for(speeds[i], battery) + excitation).clamp(1050.0, 1990.0)
         });
-        let lever = adjust.tracked_point_m;
+        let lever = adjust.tracked_point_m();
         let tracked = state.position_ned_m + dcm.tr_mul(&lever);
         let attitude = model::frames::euler_from_dcm(&adjust.measured_dcm(&dcm));
         let mut row = [0.0; 15];

@@ -2,21 +2,27 @@
 //! and the craft is pitched by forward and rolled by sideward speed: p' = ... + C_dv^p v, q' = ... + C_du^q u
 //! (tables 4.8, 4.10: v enters p', u enters q'; not divided by the inertia).
 
-use crate::{Axis, Coefficient, EffectInfo, Kind, Question, Sample, Sink};
+use crate::axis::Axis;
+use crate::effect::{Coefficient, EffectInfo, Kind, Question, Sink, Special};
+use crate::sample::Sample;
 
 const fn coefficient(name: &'static str) -> Coefficient {
-    Coefficient { name, unit: "rad/(s m)", possible: (-500.0, 500.0), typical: 3.0, prior: None }
+    Coefficient::new(name, "rad/(s m)", (-500.0, 500.0), 3.0)
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "flapping-moment",
     sentence: "Moving through the air tilts the rotor disks: forward speed pitches the craft, sideward speed rolls it.",
+    equation: r"\dot p = \dots + C_{dv}^p v, \quad \dot q = \dots + C_{du}^q u",
+    source: Some("A. Szabo, thesis, Wright State University 2017, tables 4.8 and 4.10"),
     kind: Kind::Linear,
     question: Question::Structure,
     axes: &[Axis::P, Axis::Q],
+    through: &["v", "u"],
     coefficients: &[coefficient("C_dv_p"), coefficient("C_du_q")],
     excitation: "fly forward and sideways at several speeds, then stop",
     confused_with: &[("com-offset", "hover: a shifted centre of mass stays, a flapping moment vanishes with the speed")],
+    special: Special { of_thesis: true, aligned_with: true, ..Special::NOTHING },
 };
 
 #[inline]

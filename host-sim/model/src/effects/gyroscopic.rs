@@ -3,21 +3,27 @@
 //! Physics gives the pitch row a minus (2.7); the thesis identifies it with a plus and a negative coefficient
 //! (reference section 5). The plus is kept here, so a physical coefficient is positive in p and negative in q.
 
-use crate::{Axis, Coefficient, EffectInfo, Kind, Question, Sample, Sink};
+use crate::axis::Axis;
+use crate::effect::{Coefficient, EffectInfo, Kind, Question, Sink, Special};
+use crate::sample::Sample;
 
 const fn ratio(name: &'static str) -> Coefficient {
-    Coefficient { name, unit: "1", possible: (-0.5, 0.5), typical: 0.003, prior: None }
+    Coefficient::new(name, "1", (-0.5, 0.5), 0.003)
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "gyroscopic",
     sentence: "The spinning rotors resist being tilted and turn the tilt sideways.",
+    equation: r"\dot p = \dots + \frac{I_r}{I_{xx}} q S, \quad \dot q = \dots + \frac{I_r}{I_{yy}} p S, \quad S = \omega_1 - \omega_2 + \omega_3 - \omega_4",
+    source: Some("A. Szabo, thesis, Wright State University 2017, (2.7)"),
     kind: Kind::Basic,
     question: Question::Structure,
     axes: &[Axis::P, Axis::Q],
+    through: &["q", "p"],
     coefficients: &[ratio("Ir/Ixx"), ratio("Ir/Iyy")],
     excitation: "roll and pitch while yawing hard, so that the rotor speeds differ",
     confused_with: &[],
+    special: Special { of_thesis: true, seen_by_the_sample: true, ..Special::NOTHING },
 };
 
 #[inline]

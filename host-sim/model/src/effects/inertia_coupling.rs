@@ -1,20 +1,26 @@
 //! The Euler terms of a rigid body: p' = ... + (Iyy - Izz)/Ixx q r and so on, (2.8).
 
-use crate::{Axis, Coefficient, EffectInfo, Kind, Question, Sample, Sink};
+use crate::axis::Axis;
+use crate::effect::{Coefficient, EffectInfo, Kind, Question, Sink, Special};
+use crate::sample::Sample;
 
 const fn ratio(name: &'static str) -> Coefficient {
-    Coefficient { name, unit: "1", possible: (-1.0, 1.0), typical: 0.5, prior: None }
+    Coefficient::new(name, "1", (-1.0, 1.0), 0.5)
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "inertia-coupling",
     sentence: "Turning about two axes at once turns the third, because the moments of inertia differ.",
+    equation: r"\dot p = \dots + \frac{I_{yy} - I_{zz}}{I_{xx}} q r, \quad \dot q = \dots + \frac{I_{zz} - I_{xx}}{I_{yy}} p r, \quad \dot r = \dots + \frac{I_{xx} - I_{yy}}{I_{zz}} p q",
+    source: Some("A. Szabo, thesis, Wright State University 2017, (2.8)"),
     kind: Kind::Basic,
     question: Question::Structure,
     axes: &[Axis::P, Axis::Q, Axis::R],
+    through: &["qr", "pr", "pq"],
     coefficients: &[ratio("(Iyy-Izz)/Ixx"), ratio("(Izz-Ixx)/Iyy"), ratio("(Ixx-Iyy)/Izz")],
     excitation: "turn about two axes at once",
     confused_with: &[],
+    special: Special { of_thesis: true, seen_by_the_sample: true, ..Special::NOTHING },
 };
 
 #[inline]

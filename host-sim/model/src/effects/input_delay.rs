@@ -1,21 +1,41 @@
 //! Dead time between command and rotor: transmission, computing, the speed controller's own cycle.
 
-use crate::{Adjustments, Axis, Coefficient, EffectInfo, Kind, Question};
+use crate::axis::Axis;
+use crate::effect::{Coefficient, EffectInfo, Kind, Question, Special};
+use crate::effects::adjusting::Adjusting;
+use crate::effects::timing::CAN_BE_TIMED;
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "input-delay",
     sentence: "Commands reach the rotors late.",
+    equation: r"\omega_i^{cmd}(t) \to \omega_i^{cmd}(t - t_0)",
+    source: None,
     kind: Kind::Adjusting,
     question: Question::Both,
     axes: &[Axis::W, Axis::P, Axis::Q, Axis::R],
-    coefficients: &[Coefficient { name: "dead_time", unit: "s", possible: (0.0, 0.5), typical: 0.01, prior: None }],
+    through: &["rotor_acceleration", "roll_rotor_acceleration", "pitch_rotor_acceleration", "yaw_rotor_acceleration"],
+    coefficients: &[Coefficient::new("dead_time", "s", (0.0, 0.5), 0.01)],
     excitation: "excite every motor by itself at several hertz",
     confused_with: &[(
         "motor-lag",
         "excite the motors at frequencies far apart: a lag weakens the fast ones, a dead time only shifts them",
     )],
+    special: Special { of_actuators: true, requirement: Some(CAN_BE_TIMED), ..Special::NOTHING },
 };
 
-pub(super) fn adjust(c: &[f64], adjust: &mut Adjustments) {
-    adjust.input_delay_s = c[0];
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Adjustment {
+    dead_time_s: f64,
+}
+
+impl Adjustment {
+    pub(super) fn new(c: &[f64], _: f64) -> Self {
+        Self { dead_time_s: c[0] }
+    }
+}
+
+impl Adjusting for Adjustment {
+    fn dead_time_s(&self) -> f64 {
+        self.dead_time_s
+    }
 }

@@ -1,21 +1,27 @@
 //! Drag of the frame, growing with the square of the airspeed: force = C |V| V with the air-relative velocity V,
 //! one coefficient in the rotor plane and one across it. Negative.
 
-use crate::{Axis, Coefficient, EffectInfo, Kind, Question, Sample, Sink};
+use crate::axis::Axis;
+use crate::effect::{Coefficient, EffectInfo, Kind, Question, Sink, Special};
+use crate::sample::Sample;
 
 const fn coefficient(name: &'static str) -> Coefficient {
-    Coefficient { name, unit: "N s^2/m^2", possible: (-20.0, 0.0), typical: 0.2, prior: None }
+    Coefficient::new(name, "N s^2/m^2", (-20.0, 0.0), 0.2)
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "quadratic-drag",
     sentence: "Beyond the linear drag, the air brakes the craft with the square of its speed.",
+    equation: r"\dot u = \dots + \frac{C_{qd}^{xy}}{m} |V| u, \quad \dot v = \dots + \frac{C_{qd}^{xy}}{m} |V| v, \quad \dot w = \dots + \frac{C_{qd}^{z}}{m} |V| w",
+    source: None,
     kind: Kind::Linear,
     question: Question::Both,
     axes: &[Axis::U, Axis::V, Axis::W],
+    through: &["u", "v", "w"],
     coefficients: &[coefficient("C_qd_xy"), coefficient("C_qd_z")],
     excitation: "fly straight at three or more speeds, the fastest above 3 m/s",
     confused_with: &[("linear-drag", "fly at well-separated speeds: the ratio of drag to speed tells them apart")],
+    special: Special { brakes: true, ..Special::NOTHING },
 };
 
 #[inline]

@@ -1,20 +1,26 @@
 //! Yaw torque of the rotors' own acceleration: spinning a rotor up turns the craft the other way. With the sign of the
 //! spin as for the reaction torque: r' = ... + (J_r / Izz) sum spin_i w_i'.
 
-use crate::{Axis, Coefficient, EffectInfo, Kind, Question, Sample, Sink};
+use crate::axis::Axis;
+use crate::effect::{Coefficient, EffectInfo, Kind, Question, Sink, Special};
+use crate::sample::Sample;
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "rotor-inertia",
     sentence: "Spinning the rotors up and down turns the craft in yaw by their inertia.",
+    equation: r"\dot r = \dots + \frac{J_r}{I_{zz}} \sum_i s_i \dot\omega_i",
+    source: None,
     kind: Kind::Linear,
     question: Question::Structure,
     axes: &[Axis::R],
-    coefficients: &[Coefficient { name: "Jr/Izz", unit: "1", possible: (0.0, 0.2), typical: 0.002, prior: None }],
+    through: &["yaw_rotor_acceleration"],
+    coefficients: &[Coefficient::new("Jr/Izz", "1", (0.0, 0.2), 0.002)],
     excitation: "excite every motor by itself at several hertz",
     confused_with: &[(
         "motor-lag",
         "excite the motors at several hertz: rotor inertia acts in yaw alone, a lag in roll and pitch too",
     )],
+    special: Special { aligned_with: true, seen_by_the_sample: true, ..Special::NOTHING },
 };
 
 #[inline]

@@ -5,22 +5,27 @@
 //! The arm sqrt(2) l is the thesis' (geometry gives l / sqrt(2)); the factor 2 is in the coefficients, so they are
 //! not physical numbers (reference section 5).
 
-use crate::{Axis, Coefficient, EffectInfo, Kind, Question, Sample, Sink};
+use crate::axis::Axis;
+use crate::effect::{Coefficient, EffectInfo, Kind, Question, Sign, Sink, Special};
+use crate::sample::Sample;
 
 const fn thrust_moment(name: &'static str) -> Coefficient {
-    Coefficient { name, unit: "1/(kg m^2)", possible: (0.0, 1e6), typical: 0.6, prior: None }
+    Coefficient::new(name, "1/(kg m^2)", (0.0, 1e6), 0.6).signed(Sign::Positive)
 }
 
-const fn reaction(name: &'static str) -> Coefficient {
-    Coefficient { name, unit: "1/(kg m^2)", possible: (-1e6, 1e6), typical: 0.3, prior: None }
+const fn reaction(name: &'static str, rotor: usize) -> Coefficient {
+    Coefficient::new(name, "1/(kg m^2)", (-1e6, 1e6), 0.3).signed(Sign::OfSpin(rotor))
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "rotor-moments",
     sentence: "Rotors off the centre roll and pitch the craft by their thrust and yaw it by their reaction torque.",
+    equation: r"\dot p = \dots + \sqrt2\, l \beta \sum_i \pm \frac{C_i^p}{I_{xx}} \omega_i^2, \quad \dot q = \dots + \sqrt2\, l \beta \sum_i \pm \frac{C_i^q}{I_{yy}} \omega_i^2, \quad \dot r = \dots + \beta R_R \sum_i \frac{C_i^r}{I_{zz}} \omega_i^2",
+    source: Some("A. Szabo, thesis, Wright State University 2017, (2.7)"),
     kind: Kind::Basic,
     question: Question::Structure,
     axes: &[Axis::P, Axis::Q, Axis::R],
+    through: &["roll_moment", "pitch_moment", "yaw_moment"],
     coefficients: &[
         thrust_moment("C1_p/Ixx"),
         thrust_moment("C2_p/Ixx"),
@@ -30,16 +35,17 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         thrust_moment("C2_q/Iyy"),
         thrust_moment("C3_q/Iyy"),
         thrust_moment("C4_q/Iyy"),
-        reaction("C1_r/Izz"),
-        reaction("C2_r/Izz"),
-        reaction("C3_r/Izz"),
-        reaction("C4_r/Izz"),
+        reaction("C1_r/Izz", 0),
+        reaction("C2_r/Izz", 1),
+        reaction("C3_r/Izz", 2),
+        reaction("C4_r/Izz", 3),
     ],
     excitation: "excite every motor by itself (quadlab's excitation flight)",
     confused_with: &[],
+    special: Special { of_thesis: true, must_be_determined: true, ..Special::NOTHING },
 };
 
-#[inline]
+#[inline(always)]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
     let (roll, pitch) = (&s.constants.roll_arm_kg_m2, &s.constants.pitch_arm_kg_m2);
     let radius = s.constants.beta_kg_m * s.constants.rotor_radius_m;

@@ -1,26 +1,53 @@
 //! A constant wind, inertial frame, horizontal: every aerodynamic term sees the velocity relative to the moving air.
 
-use crate::{Adjustments, Axis, Coefficient, EffectInfo, Kind, Question};
+use nalgebra::Vector3;
+
+use crate::axis::Axis;
+use crate::effect::{Coefficient, EffectInfo, Kind, Question, Special};
+use crate::effects::adjusting::Adjusting;
+use crate::sample::SampleInput;
 
 const fn coefficient(name: &'static str) -> Coefficient {
-    Coefficient { name, unit: "m/s", possible: (-30.0, 30.0), typical: 1.0, prior: None }
+    Coefficient::new(name, "m/s", (-30.0, 30.0), 1.0)
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "steady-wind",
     sentence: "A steady wind blows: drag follows the speed through the air, not over the ground.",
+    equation: r"\mathbf v \to \mathbf v - R\, \mathbf v_{wind}",
+    source: None,
     kind: Kind::Adjusting,
     question: Question::Both,
     axes: &[Axis::U, Axis::V],
+    through: &["psi"],
     coefficients: &[coefficient("wind_north"), coefficient("wind_east")],
     excitation: "hover and turn once around in yaw",
     confused_with: &[(
         "attitude-offset",
         "yaw round in hover: wind keeps its direction over the ground, a tilted tracker turns with the craft",
     )],
+    special: Special::NOTHING,
 };
 
-pub(super) fn adjust(c: &[f64], adjust: &mut Adjustments) {
-    adjust.wind_ned_m_s.x = c[0];
-    adjust.wind_ned_m_s.y = c[1];
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Adjustment {
+    wind_ned_m_s: Vector3<f64>,
+}
+
+impl Adjustment {
+    pub(super) fn new(c: &[f64], _: f64) -> Self {
+        Self { wind_ned_m_s: Vector3::new(c[0], c[1], 0.0) }
+    }
+}
+
+impl Adjusting for Adjustment {
+    #[inline(always)]
+    fn changes_air(&self) -> bool {
+        self.wind_ned_m_s != Vector3::zeros()
+    }
+
+    #[inline(always)]
+    fn air_velocity_m_s(&self, velocity_m_s: Vector3<f64>, input: &SampleInput) -> Vector3<f64> {
+        if self.changes_air() { velocity_m_s - input.dcm * self.wind_ned_m_s } else { velocity_m_s }
+    }
 }

@@ -3,27 +3,57 @@
 
 use nalgebra::Vector3;
 
-use crate::{Axis, Coefficient, EffectInfo, Kind, Question, Sample, Sink};
+use crate::axis::Axis;
+use crate::effect::{Coefficient, EffectInfo, Estimate, Kind, Question, Requirement, Sink, Special};
+use crate::sample::Sample;
 
 const fn pull(name: &'static str) -> Coefficient {
-    Coefficient { name, unit: "N", possible: (-1000.0, 1000.0), typical: 1.0, prior: None }
+    Coefficient::new(name, "N", (-1000.0, 1000.0), 1.0)
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "tether",
     sentence: "A cable pulls the craft towards a fixed point.",
+    equation: r"\mathbf F = k (\mathbf x_0 - \mathbf x)",
+    source: None,
     kind: Kind::Linear,
     question: Question::Both,
     axes: &[Axis::U, Axis::V, Axis::W],
+    through: &["north", "east", "down"],
     coefficients: &[
-        Coefficient { name: "stiffness", unit: "N/m", possible: (0.0, 1000.0), typical: 1.0, prior: None },
+        Coefficient::new("stiffness", "N/m", (0.0, 1000.0), 1.0),
         pull("stiffness*north"),
         pull("stiffness*east"),
         pull("stiffness*down"),
     ],
     excitation: "hover at the corners of the flying space, low and high",
     confused_with: &[("steady-wind", "hover in opposite corners: a wind pushes the same way everywhere, a cable does not")],
+    special: Special { requirement: Some(PULLS_BACK), ..Special::NOTHING },
 };
+
+/// A stiffness under this many standard errors is none.
+const SLACK_ERRORS: f64 = 3.0;
+
+/// A cable without stiffness is a push that is the same everywhere: what a trim that differs between flights looks like.
+const PULLS_BACK: Requirement = Requirement {
+    question: "pulls back: stiffness of the cable",
+    unit: "std. errors",
+    figures: |estimates| {
+        let (value, std_error) = stiffness(estimates);
+        (value / std_error.max(f64::MIN_POSITIVE), SLACK_ERRORS)
+    },
+    objection: |estimates| {
+        let (value, std_error) = stiffness(estimates);
+        format!(
+            "a push that is the same everywhere and no cable: its stiffness is {value:.4} +- {std_error:.4} {}",
+            INFO.coefficients[0].unit
+        )
+    },
+};
+
+fn stiffness(estimates: &[Estimate]) -> (f64, f64) {
+    estimates.first().map_or((0.0, 0.0), |first| (first.value, first.std_error.unwrap_or(0.0)))
+}
 
 #[inline]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {

@@ -2,17 +2,23 @@
 //!
 //! One C_T for all four rotors: the thesis found four to over-parameterise the model (section 4.1.1).
 
-use crate::{Axis, Coefficient, EffectInfo, Kind, Question, Sample, Sink};
+use crate::axis::Axis;
+use crate::effect::{Coefficient, EffectInfo, Kind, Question, Sign, Sink, Special};
+use crate::sample::Sample;
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "thrust",
     sentence: "Each rotor pulls upward with the square of its speed.",
+    equation: r"\dot w = \dots - \frac{C_T \beta}{m} \sum_i \omega_i^2",
+    source: Some("A. Szabo, thesis, Wright State University 2017, (2.6) and (4.3)"),
     kind: Kind::Basic,
     question: Question::Structure,
     axes: &[Axis::W],
-    coefficients: &[Coefficient { name: "C_T", unit: "1", possible: (1e-4, 1.0), typical: 0.02, prior: None }],
+    through: &["thrust"],
+    coefficients: &[Coefficient::new("C_T", "1", (1e-4, 1.0), 0.02).signed(Sign::Positive)],
     excitation: "climb and descend",
     confused_with: &[],
+    special: Special { of_thesis: true, ..Special::NOTHING },
 };
 
 #[inline]

@@ -16,7 +16,7 @@ impl EffectOptions {
     /// Reads the files; their effects are then known everywhere.
     pub(crate) fn read(&self) -> Result<Vec<Effect>, UserEffectError> {
         let all: Result<Vec<Vec<Effect>>, _> =
-            self.files.iter().map(|path| model::user_effect::read(path)).collect();
+            self.files.iter().map(|path| model::effects::read(path)).collect();
         Ok(all?.concat())
     }
 

@@ -25,10 +25,10 @@ impl Sensors {
     /// The sensors of `model`, ideal without `noise`.
     pub fn new(model: &Model, noise: Option<NoiseModel>, period_s: f64, seed: u64) -> Self {
         let adjust = model.adjustments();
-        let point = Vector3::from(model.vehicle.tracked_point) + adjust.tracked_point_m;
+        let point = Vector3::from(model.vehicle.tracked_point) + adjust.tracked_point_m();
         Self {
             tracked_point_m: (point != Vector3::zeros()).then_some(point),
-            tilt: (adjust.attitude_tilt_rad != [0.0; 2]).then_some(adjust),
+            tilt: adjust.tilt().is_some().then_some(adjust),
             noise: noise.map(|model| NoiseSource::new(model, period_s, seed)),
         }
     }

@@ -1,7 +1,7 @@
 //! The simulated craft: plant, battery and sensors behind the four motor commands.
 
 use control::Measurement;
-use model::user_effect::Undefined;
+use model::user_effects::Undefined;
 use model::{Battery, DelayLine, Plant, State, Substeps};
 
 use super::sensors::Sensors;
@@ -42,7 +42,7 @@ impl SimulatedCraft {
         substeps: u32,
     ) -> Self {
         let last_v = battery.voltage_v(0.0, &state.rotor_rad_s);
-        let dead_time = (plant.adjustments().input_delay_s > 0.0).then(|| {
+        let dead_time = (plant.adjustments().dead_time_s() > 0.0).then(|| {
             DelayLine::new(&plant, period_s, substeps, plant.command_for(&state.rotor_rad_s, last_v))
         });
         let substeps = plant.substeps(period_s, substeps);

@@ -28,7 +28,7 @@ pub enum SilError {
     #[error("the simulated flight ends after {time_s:.2} s: {undefined}")]
     Undefined {
         /// Which.
-        undefined: model::user_effect::Undefined,
+        undefined: model::user_effects::Undefined,
         /// When, s.
         time_s: f64,
     },

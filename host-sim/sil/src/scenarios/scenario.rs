@@ -12,7 +12,7 @@ use std::str::FromStr;
 
 use control::Config;
 use control::supervision_limits::Fence;
-use model::{Effect, Model};
+use model::Model;
 
 use crate::craft::NoiseModel;
 use crate::flight::{
@@ -168,7 +168,7 @@ impl Scenario {
         let mut plan = FlightPlan { model, delay_samples, noise, seed, substeps, ..plan };
         // Level is not at rest where there is wind: the craft goes with it, at most by its speed.
         let held = matches!(self, Self::Hover | Self::Yaw30 | Self::Climb);
-        if held && plan.model.has(Effect::SteadyWind) {
+        if held && plan.model.adjustments().moves_air() {
             plan.config.supervision.fence = Fence::NONE;
         }
         if plan.noise.is_none() && settings.config.is_some() {

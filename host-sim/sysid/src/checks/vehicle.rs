@@ -103,7 +103,7 @@ fn warning(kind: FaultKind, sentence: String) -> Fault {
 fn undetermined(model: &Model) -> Option<Fault> {
     let mut names: Vec<String> = Vec::new();
     let mut fly: Vec<&str> = Vec::new();
-    for term in model.terms.iter().filter(|t| matches!(t.effect, Effect::LinearDrag | Effect::RotorMoments)) {
+    for term in model.terms.iter().filter(|t| t.effect.info().special.must_be_determined) {
         let info = term.effect.info();
         let ordinary = term.coefficients.iter().map(|e| e.value.abs()).fold(0.0, f64::max);
         for (estimate, c) in term.coefficients.iter().zip(info.coefficients) {

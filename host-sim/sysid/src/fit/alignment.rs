@@ -129,9 +129,7 @@ pub fn align(flights: &mut [&mut Prepared], model: &Model) {
     let measured = flights.iter().all(|f| f.has_rotor_speeds());
     let mut along = linear.clone();
     if measured {
-        along.extend(
-            [Effect::RotorInertia, Effect::FlappingMoment].into_iter().filter(|e| !linear.contains(e)),
-        );
+        along.extend(fitted_beside().filter(|e| !linear.contains(e)));
     }
     let found =
         offsets_together(flights, model, &along).or_else(|_| offsets_together(flights, model, &linear));
@@ -333,6 +331,13 @@ fn offsets_together(
     Ok((offsets, model))
 }
 
+/// Effects that pass for an offset of the clocks where they are left out.
+fn fitted_beside() -> impl Iterator<Item = Effect> {
+    let all: Vec<Effect> = Effect::all().filter(|effect| effect.info().special.aligned_with).collect();
+    // The last of the catalogue first: the order of columns decides how sums are rounded.
+    all.into_iter().rev()
+}
+
 fn limited(step_s: f64, late_s: f64, period_s: f64) -> f64 {
     let longest = LONGEST_STEP_SAMPLES * period_s;
     let farthest = FARTHEST_SAMPLES * period_s;
@@ -342,7 +347,7 @@ fn limited(step_s: f64, late_s: f64, period_s: f64) -> f64 {
 /// The offset of a flight under a model whose coefficients stay, constants of the flight aside.
 fn offset_alone(flight: &mut Prepared, model: &Model) -> Result<Offset, Unidentifiable> {
     let along = if flight.has_rotor_speeds() {
-        [Effect::RotorInertia, Effect::FlappingMoment].into_iter().filter(|e| !model.has(*e)).collect()
+        fitted_beside().filter(|e| !model.has(*e)).collect()
     } else {
         Vec::new()
     };

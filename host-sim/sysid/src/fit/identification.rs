@@ -179,7 +179,7 @@ pub fn fit_if(
         return Ok(finish(model, &linear, solution));
     }
     let is_unknown = |effect: Effect| start.is_none_or(|m| !m.has(effect));
-    let is_searched = adjusting.contains(&Effect::SlungLoad) && is_unknown(Effect::SlungLoad);
+    let is_searched = adjusting.iter().any(|effect| effect.info().special.hangs_load && is_unknown(*effect));
     let layout = Layout { linear, adjusting, order, is_searched };
     let starts = starts::of(flights, model, &layout, is_unknown, demand)?;
     let only = (starts.len() == 1).then(|| starts[0].clone());
@@ -247,7 +247,7 @@ pub struct Layout {
 impl Layout {
     /// Whether any effect adds accelerations that no column shows.
     fn adds(&self) -> bool {
-        self.adjusting.iter().any(|effect| effect.adds_accelerations())
+        self.adjusting.iter().any(|effect| effect.info().special.adds_accelerations)
     }
 }
 
@@ -521,7 +521,7 @@ fn assemble(
     adjusting: &[Effect],
     begun: &mut [Known],
 ) -> (Vec<FlightRows>, f64) {
-    let adds = adjusting.iter().any(|effect| effect.adds_accelerations());
+    let adds = adjusting.iter().any(|effect| effect.info().special.adds_accelerations);
     let mut sums = Squares::default();
     let rows = flights
         .iter()
@@ -672,14 +672,8 @@ fn doubts(model: &Model) -> Vec<(Effect, String)> {
     let spin = model.vehicle.motors.spin.map(|s| s.yaw_sign());
     let mut found = Vec::new();
     for term in model.terms.iter().filter(|t| t.effect.info().kind == Kind::Basic) {
-        for (k, (estimate, info)) in term.coefficients.iter().zip(term.effect.info().coefficients).enumerate()
-        {
-            let expected = match (term.effect, k) {
-                (Effect::Thrust, _) | (Effect::RotorMoments, 0..8) => 1.0,
-                (Effect::RotorMoments, _) => spin[k - 8],
-                (Effect::LinearDrag, _) => -1.0,
-                _ => continue,
-            };
+        for (estimate, info) in term.coefficients.iter().zip(term.effect.info().coefficients) {
+            let Some(expected) = info.expected_sign(&spin) else { continue };
             let slack = 2.0 * estimate.std_error.unwrap_or(0.0);
             if estimate.value * expected < -slack {
                 let should = if expected > 0.0 { "positive" } else { "negative" };

@@ -4,7 +4,7 @@
 //! differences, for which the model is evaluated once more for each coefficient. Models that see the same states (another wind,
 //! another ground effect) are evaluated side by side in one pass over them.
 
-use model::{Adjustments, Effect, Model};
+use model::{Effect, Model};
 
 use crate::fit::rows::{Hung, RowColumn};
 use crate::fit::slung_load::{self, Beginning, Carried, Followed, Known, Unloaded};
@@ -58,7 +58,7 @@ impl About {
         let adjust = model.adjustments();
         columns.extend(steps.iter().zip(predicted).map(|(step, predicted)| {
             let ahead = step.ahead.adjustments();
-            if ahead.load.is_some() {
+            if ahead.load().is_some() {
                 // Nothing hangs there yet: the derivative is that of a load without mass.
                 let mut hanging = model.clone();
                 hanging.set(step.effect, &step.base);
@@ -66,7 +66,7 @@ impl About {
                 return alone.columns.into_iter().nth(step.coefficient).unwrap_or_default();
             }
             // Most effects change what is predicted, not what was measured.
-            if sees_alike(&ahead, &adjust) {
+            if ahead.track_alike(&adjust) {
                 return slope(&predicted, &base, step.size);
             }
             let moved = self::measured(flight, &step.ahead, stride);
@@ -92,9 +92,9 @@ impl About {
         // What leaves the load where it is moves it with the craft, as the forces of linear effects do.
         let leaves_load = |step: &&Step| {
             let ahead = step.ahead.adjustments();
-            step.effect != Effect::SlungLoad
-                && sees_alike(&ahead, &adjust)
-                && ahead.extra_mass_kg == adjust.extra_mass_kg
+            !step.effect.info().special.hangs_load
+                && ahead.track_alike(&adjust)
+                && ahead.extra_mass_kg() == adjust.extra_mass_kg()
         };
         let models: Vec<&Model> =
             std::iter::once(model).chain(steps.iter().filter(leaves_load).map(|step| &step.ahead)).collect();
@@ -111,7 +111,7 @@ impl About {
                 let mut column = slope(&predicted.next().unwrap_or_default(), &base, step.size);
                 followed.take_out(&mut column);
                 column
-            } else if step.effect == Effect::SlungLoad {
+            } else if step.effect.info().special.hangs_load {
                 followed.slope_of_load(&slung_load::of_model(&step.ahead).unwrap_or(carried), step.size)
             } else {
                 followed.slope(flight, &step.ahead, step.size)
@@ -138,11 +138,9 @@ impl Step {
         let base: Vec<f64> = known.unwrap_or(zeros);
         let step = |coefficient: usize| {
             let has_map = model.vehicle.has_rotor_map();
-            let size = match effect {
-                // Time constants under a tenth of a millisecond count as none.
-                Effect::MotorLag => 2e-4,
-                _ => DERIVATIVE_STEP * local_scale(has_map, effect, coefficient, base[coefficient]),
-            };
+            let scale = || local_scale(has_map, effect, coefficient, base[coefficient]);
+            let own = effect.info().coefficients[coefficient].derivative_step;
+            let size = own.unwrap_or_else(|| DERIVATIVE_STEP * scale());
             let mut values = base.clone();
             values[coefficient] += size;
             let mut ahead = model.clone();
@@ -161,15 +159,7 @@ fn local_scale(has_rotor_map: bool, effect: Effect, coefficient: usize, value: f
 
 /// Ordinary magnitude of a coefficient; rotor "speeds" are commands near 1 where the map is unknown.
 pub fn step_scale(has_rotor_map: bool, effect: Effect, coefficient: usize) -> f64 {
-    let typical = effect.info().coefficients[coefficient].typical;
-    let in_rotor_speed =
-        matches!((effect, coefficient), (Effect::BatteryVoltage, 0) | (Effect::ThrustLinear, _));
-    if in_rotor_speed && !has_rotor_map { 0.05 } else { typical }
-}
-
-/// Whether a tracker reports the same of a motion under both.
-fn sees_alike(a: &Adjustments, b: &Adjustments) -> bool {
-    a.tracked_point_m == b.tracked_point_m && a.attitude_tilt_rad == b.attitude_tilt_rad
+    effect.info().coefficients[coefficient].ordinary(has_rotor_map)
 }
 
 /// From one to another over a step; rows that do not feel it stay out of the problem.

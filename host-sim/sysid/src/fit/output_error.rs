@@ -201,13 +201,7 @@ fn judge(model: &Model, refined: &Model, before: &HorizonError, after: &HorizonE
 
 /// Damping or drag that brakes before and pushes after, as a sentence.
 fn feeds_energy(model: &Model, refined: &Model) -> Option<String> {
-    let braking = |effect: &Effect| {
-        matches!(
-            effect,
-            Effect::LinearDrag | Effect::AngularDamping | Effect::QuadraticDrag | Effect::QuadraticYawDamping
-        )
-    };
-    refined.terms.iter().filter(|t| braking(&t.effect)).find_map(|term| {
+    refined.terms.iter().filter(|t| t.effect.info().special.brakes).find_map(|term| {
         let was = &model.term(term.effect)?.coefficients;
         let pairs = term.coefficients.iter().zip(was).zip(term.effect.info().coefficients);
         pairs.into_iter().find_map(|((now, was), info)| {
@@ -216,14 +210,6 @@ fn feeds_energy(model: &Model, refined: &Model) -> Option<String> {
                 .then(|| format!("{} = {:.4} {} would accelerate the craft", info.name, now.value, info.unit))
         })
     })
-}
-
-/// Effects that rollouts say less of than accelerations do.
-fn seen_better_by_the_sample(effect: Effect) -> bool {
-    matches!(
-        effect,
-        Effect::InertiaCoupling | Effect::Gyroscopic | Effect::RotorInertia | Effect::ProductOfInertia
-    )
 }
 
 /// A coefficient that is moved.
@@ -295,7 +281,7 @@ impl<'a> Problem<'a> {
             .iter()
             .filter(|t| t.effect.info().kind != Kind::Adjusting)
             .filter(|t| rows == Rows::All || moment(t.effect.info().axes))
-            .filter(|t| !seen_better_by_the_sample(t.effect))
+            .filter(|t| !t.effect.info().special.seen_by_the_sample)
             .flat_map(|t| (0..t.coefficients.len()).map(|index| Free { effect: t.effect, index }))
             .collect();
         if free.is_empty() {

@@ -19,7 +19,7 @@
 use std::iter::StepBy;
 use std::ops::Range;
 
-use model::{Adjustments, Axis, Effect, Model, Plant, Sample, SampleInput, Sink, Swing, Vehicle};
+use model::{Adjustments, Axis, Effect, Model, Pendulum, Plant, Sample, SampleInput, Sink, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::filter::{SideBySide, compose, sum_of_products};
@@ -37,7 +37,7 @@ pub struct Part {
     /// Samples of the stretch.
     pub samples: Range<usize>,
     /// How the load hangs at each of them.
-    pub swings: Vec<Swing>,
+    pub swings: Vec<Pendulum>,
 }
 
 /// A load on a cable as it was followed.
@@ -100,7 +100,7 @@ impl States<'_> {
             rotor_rad_s: self.rotor.each_ref().map(|r| r.speed_rad_s[k]),
             rotor_acceleration_rad_s2: [0.0; 4],
             battery_v: stretch.battery_v[k],
-            swing: Swing::default(),
+            pendulum: Pendulum::default(),
         }
     }
 
@@ -134,9 +134,9 @@ impl States<'_> {
                     per_period * (b.rotor_rad_s[i] - a.rotor_rad_s[i])
                 }),
                 battery_v: 0.5 * (a.battery_v + b.battery_v),
-                swing: match part.swings.get(k - 1 - first..=k - first) {
+                pendulum: match part.swings.get(k - 1 - first..=k - first) {
                     Some([before, after]) => before.middle(after),
-                    _ => Swing::default(),
+                    _ => Pendulum::default(),
                 },
             });
             a = b;
@@ -185,7 +185,7 @@ impl Prepared {
         States {
             stretch,
             untilt: Some(adjust.true_dcm(&Matrix3::identity())).filter(|m| *m != Matrix3::identity()),
-            lever_m: Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m,
+            lever_m: Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m(),
             rotor: stretch.rotors(vehicle, adjust, self.period_s, self.rotor_late_s()),
             period_s: self.period_s,
         }
@@ -228,7 +228,7 @@ impl Prepared {
             }
             return;
         }
-        let lever = Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m;
+        let lever = Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m();
         let slope = &self.filter.derivative;
         let (tracked, taps) = match self.force_target {
             ForceTarget::Position => (&stretch.position_ned_m, compose(slope, slope)),
@@ -289,7 +289,7 @@ impl Prepared {
         let mut left: Vec<usize> = (0..plants.len()).collect();
         while let Some(&first) = left.first() {
             let own = plants[first].adjustments();
-            let sees_alike = |k: &usize| same_states(plants[*k].adjustments(), own);
+            let sees_alike = |k: &usize| plants[*k].adjustments().same_states(own);
             let (group, rest): (Vec<usize>, Vec<usize>) = left.into_iter().partition(sees_alike);
             let terms = Both {
                 linear: LinearEffects::new(if first == 0 { linear } else { &[] }),
@@ -358,7 +358,7 @@ impl Prepared {
                 let turned = if imu { Vec::new() } else { layout.forces_by_parameter() };
                 let mut forces = FilteredRows::new(&force_taps, 3 * turned.len(), 3 * turned.len(), rows());
                 states.for_each_between(part, |input| {
-                    let (dcm, direction) = (input.dcm, input.swing.direction);
+                    let (dcm, direction) = (input.dcm, input.pendulum.direction);
                     let sample = plant.sample_of(&input);
                     if moments.push(|row| layout.write(terms, &sample, row)).is_some() {
                         append(&layout.places, &moments.row, &mut result);
@@ -532,20 +532,6 @@ impl Terms for Both<'_> {
         self.linear.evaluate(sample, sink);
         self.predictions.evaluate(sample, &mut From { first: self.linear.count, sink });
     }
-}
-
-/// Whether states are the same under both: a matter of the rotors and of the tracker.
-fn same_states(a: &Adjustments, b: &Adjustments) -> bool {
-    let of_states = |adjust: &Adjustments| {
-        let rotors = [
-            adjust.rotor_speed_per_volt,
-            adjust.reference_voltage_v,
-            adjust.motor_time_constant_s,
-            adjust.input_delay_s,
-        ];
-        (rotors, adjust.tracked_point_m, adjust.attitude_tilt_rad)
-    };
-    of_states(a) == of_states(b)
 }
 
 /// What a value is part of.

@@ -87,9 +87,10 @@ fn search(
     let starts = effect.starts();
     let is_shape: Vec<bool> =
         starts.iter().flatten().take(effect.info().coefficients.len()).map(Option::is_some).collect();
-    let solver: Box<dyn Shapes> = match effect {
-        Effect::SlungLoad => Box::new(LoadShapes::new(flights, model, &layout.linear)),
-        _ => Box::new(AnyShapes::new(flights, model, layout, effect, is_shape.clone())),
+    let solver: Box<dyn Shapes> = if effect.info().special.hangs_load {
+        Box::new(LoadShapes::new(flights, model, &layout.linear, effect))
+    } else {
+        Box::new(AnyShapes::new(flights, model, layout, effect, is_shape.clone()))
     };
     let has_map = model.vehicle.has_rotor_map();
     let mut problem = Problem { effect, is_shape, has_map, solver };

@@ -51,7 +51,7 @@ impl Prepared {
 
 /// A user's effect and the coefficients to ask it with.
 struct Asked {
-    user: model::user_effect::User,
+    user: model::user_effects::User,
     coefficients: Vec<Vec<f64>>,
 }
 

@@ -13,7 +13,7 @@
 
 use std::borrow::Cow;
 
-use model::{Adjustments, RotorMap, Vehicle, frames};
+use model::{Adjustments, Vehicle, frames};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::filter::{RegressionFilter, compose, convolve, sum_of_products};
@@ -348,7 +348,7 @@ impl Stretch {
         period_s: f64,
         late_s: f64,
     ) -> [RotorTrack; 4] {
-        let delay = (adjust.input_delay_s - late_s) / period_s;
+        let delay = (adjust.dead_time_s() - late_s) / period_s;
         if let Some(logged) = &self.logged_rotor_rad_s {
             return logged.each_ref().map(|speed| {
                 let corrected: Vec<f64> = speed
@@ -361,21 +361,19 @@ impl Stretch {
                 RotorTrack { speed_rad_s, mean_rad_s }
             });
         }
-        let map: RotorMap = vehicle.rotor_map();
+        let map = adjust.corrected_map(vehicle.rotor_map());
         let lag = adjust.lag_rad_s(vehicle.motors.lag);
         // The battery acts at the motor, without dead time and all the while: over a sample, the mean of its ends. Held as
         // it was at the sample's start, a sag would come half a sample late and show as drag.
-        let per_volt = map.voltage + adjust.rotor_speed_per_volt;
-        let fixed = map.offset - adjust.rotor_speed_per_volt * adjust.reference_voltage_v;
         let by_voltage: Vec<f64> = (0..self.battery_v.len())
             .map(|k| {
                 let next = self.battery_v.get(k + 1).unwrap_or(&self.battery_v[k]);
-                per_volt * 0.5 * (self.battery_v[k] + next)
+                map.voltage * 0.5 * (self.battery_v[k] + next)
             })
             .collect();
         let by_voltage = lagged(&by_voltage, lag, -late_s / period_s, period_s);
         self.command.each_ref().map(|command| {
-            let commanded: Vec<f64> = command.iter().map(|c| map.command * c + fixed).collect();
+            let commanded: Vec<f64> = command.iter().map(|c| map.command * c + map.offset).collect();
             lagged(&commanded, lag, delay, period_s).plus(&by_voltage)
         })
     }

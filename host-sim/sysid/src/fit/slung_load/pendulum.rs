@@ -1,6 +1,6 @@
 //! A slung load that no sensor sees: where it must be, from where the craft went.
 //!
-//! The load's equation is driven by the craft's place alone (`host-sim/model/src/load.rs`), so its swing follows from the
+//! The load's equation is driven by the craft's place alone (`host-sim/model/src/effects/slung_load/cable.rs`), so its swing follows from the
 //! log, but for how it swung when the log began, and the tracker's noise and every gust on the load drive it too: a wide swing
 //! that is followed for half a minute ends anywhere. It is therefore followed in pieces of some seconds, and how it
 //! swung when a piece began is a nuisance: four numbers, offset and velocity north and east. While they are small they enter
@@ -14,7 +14,7 @@
 
 use std::ops::Range;
 
-use model::{Effect, Load, Model, Swing};
+use model::{Model, Pendulum, SlungLoad};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3, Vector4};
 
 use crate::filter::{RegressionFilter, convolve, sum_of_products};
@@ -50,7 +50,7 @@ const PIECE_S: f64 = 4.0;
 #[derive(Debug, Clone, Copy)]
 pub struct Carried {
     /// The load.
-    pub load: Load,
+    pub load: SlungLoad,
     /// Its mass over the craft's.
     pub share: f64,
     craft_kg: f64,
@@ -89,8 +89,8 @@ impl Carried {
 /// The load of a model, if it has one.
 pub fn of_model(model: &Model) -> Option<Carried> {
     let adjust = model.adjustments();
-    adjust.load.map(|load| {
-        let craft_kg = model.vehicle.mass + adjust.extra_mass_kg;
+    adjust.load().map(|load| {
+        let craft_kg = model.vehicle.mass + adjust.extra_mass_kg();
         Carried { load, share: load.mass_kg / craft_kg, craft_kg, gravity_m_s2: model.vehicle.gravity }
     })
 }
@@ -98,7 +98,7 @@ pub fn of_model(model: &Model) -> Option<Carried> {
 /// A model with nothing on the cable.
 pub fn without_load(model: &Model) -> Model {
     let mut model = model.clone();
-    model.terms.retain(|term| term.effect != Effect::SlungLoad);
+    model.terms.retain(|term| !term.effect.info().special.hangs_load);
     model
 }
 
@@ -213,7 +213,7 @@ impl Unloaded {
             row.step_by(stride).map(|k| dcm[k])
         };
         let dcm = pieces.iter().flat_map(rows).collect();
-        let lever_m = Vector3::from(model.vehicle.tracked_point) + adjust.tracked_point_m;
+        let lever_m = Vector3::from(model.vehicle.tracked_point) + adjust.tracked_point_m();
         let places = |(stretch, dcm): (&Stretch, &Vec<Matrix3<f64>>)| places(flight, stretch, dcm, &lever_m);
         Self {
             period_s: flight.period_s,
@@ -241,16 +241,16 @@ impl Unloaded {
     }
 
     /// The load over a piece.
-    fn driven(&self, piece: &Piece, carried: &Carried, beginning: &Vector4<f64>) -> Vec<Swing> {
+    fn driven(&self, piece: &Piece, carried: &Carried, beginning: &Vector4<f64>) -> Vec<Pendulum> {
         let places = &self.places_m[piece.stretch][piece.samples.clone()];
         carried.load.driven(places, (*beginning).into(), self.period_s, carried.gravity_m_s2)
     }
 
     /// What a load pulls the craft with at the rows of a piece, for each part of a force along the cable that moves it, body m/s^2.
-    fn pull(&self, piece: &Piece, carried: &Carried, swings: &[Swing]) -> [Vec<f64>; 3] {
+    fn pull(&self, piece: &Piece, carried: &Carried, swings: &[Pendulum]) -> [Vec<f64>; 3] {
         let length_m = carried.load.cable_length_m;
         let forces = &self.force_ned_m_s2[piece.stretch][piece.samples.start..];
-        let along = |swing: &Swing, force: &Vector3<f64>| {
+        let along = |swing: &Pendulum, force: &Vector3<f64>| {
             let n = swing.direction;
             n * (length_m * swing.turning_rad_s.norm_squared() - n.dot(force))
         };
@@ -293,7 +293,7 @@ impl Unloaded {
     }
 
     /// How a load swings where the next piece begins: offset m and velocity m/s, north and east.
-    fn end(&self, piece: &Piece, carried: &Carried, swings: &[Swing]) -> Matrix2<f64> {
+    fn end(&self, piece: &Piece, carried: &Carried, swings: &[Pendulum]) -> Matrix2<f64> {
         swings.get(piece.samples.len() - 2 * self.margin).map_or_else(Matrix2::zeros, |swing| {
             let offset_m = carried.load.cable_length_m * swing.direction;
             let velocity_m_s = carried.load.cable_length_m * swing.turning_rad_s.cross(&swing.direction);
@@ -411,7 +411,7 @@ impl Beginnings {
 /// A piece followed from a beginning.
 struct Tried {
     begun: Beginning,
-    swings: Vec<Swing>,
+    swings: Vec<Pendulum>,
     pull: [Vec<f64>; 3],
     inverse: Matrix2<f64>,
     /// By what the beginning should change; offset and velocity, north and east.
@@ -429,7 +429,7 @@ pub struct Followed {
     pub begun: Vec<Beginning>,
     is_rough: bool,
     /// Of each piece.
-    swings: Vec<Vec<Swing>>,
+    swings: Vec<Vec<Pendulum>>,
     /// For each part of a force along the cable that moves the load, body m/s^2.
     pull: [Vec<f64>; 3],
     /// Measured less predicted, but for the beginnings.
@@ -626,7 +626,7 @@ impl Followed {
 }
 
 /// The load over a whole stretch, as its pieces follow it.
-pub fn followed(flight: &Prepared, stretch: &Stretch, model: &Model) -> Vec<Swing> {
+pub fn followed(flight: &Prepared, stretch: &Stretch, model: &Model) -> Vec<Pendulum> {
     let Some(carried) = of_model(model) else { return Vec::new() };
     let alone = Prepared { stretches: vec![stretch.clone()], ..flight.without_stretches() };
     let followed =

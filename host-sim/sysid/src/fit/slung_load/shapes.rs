@@ -30,6 +30,8 @@ const COLLINEAR: f64 = 1e-12;
 
 /// Flights on which loads are tried.
 pub(crate) struct LoadShapes {
+    /// The effect that hangs them: mass, length of the cable, damping.
+    effect: Effect,
     model: Model,
     flights: Vec<Flight>,
     /// Columns, the load's mass last.
@@ -60,7 +62,7 @@ struct Flight {
 
 impl LoadShapes {
     /// For a model with the linear coefficients of a fit without the load.
-    pub(crate) fn new(flights: &[&Prepared], model: &Model, linear: &[Effect]) -> Self {
+    pub(crate) fn new(flights: &[&Prepared], model: &Model, linear: &[Effect], effect: Effect) -> Self {
         let stride = |flight: &&Prepared| flight.fit_stride();
         let columns: Vec<_> =
             flights.iter().map(|flight| flight.columns(linear, model, stride(flight), None)).collect();
@@ -77,7 +79,12 @@ impl LoadShapes {
             let all: Vec<_> = of_columns.chain(residual).collect();
             Flight::new(unloaded, all, count)
         };
-        Self { model: model.clone(), flights: flights.iter().zip(columns).map(prepare).collect(), count }
+        Self {
+            effect,
+            model: model.clone(),
+            flights: flights.iter().zip(columns).map(prepare).collect(),
+            count,
+        }
     }
 
     /// Products of the columns and the residual on each axis, the beginnings of pieces taken out.
@@ -94,7 +101,7 @@ impl LoadShapes {
 impl Shapes for LoadShapes {
     fn solve(&mut self, shape: &[f64]) -> Option<End> {
         let mut values = vec![0.0, shape[1], shape[2]];
-        self.model.set(Effect::SlungLoad, &values);
+        self.model.set(self.effect, &values);
         let mut carried = of_model(&self.model)?;
         carried.share = ORDINARY_SHARE;
         let products = self.products(&carried);
@@ -103,7 +110,7 @@ impl Shapes for LoadShapes {
         let score = sigma.iter().map(|s| s.ln()).sum::<f64>();
         let square = |axis: &DMatrix<f64>| axis[(self.count, self.count)] / rows as f64;
         let without = products.iter().map(|axis| 0.5 * square(axis).ln()).sum();
-        values[0] = fit::step_end(0.0, solution[self.count - 1], &Effect::SlungLoad.info().coefficients[0]);
+        values[0] = fit::step_end(0.0, solution[self.count - 1], &self.effect.info().coefficients[0]);
         (score.is_finite() && values.iter().all(|v| v.is_finite())).then_some(End { score, without, values })
     }
 }

@@ -1,60 +1,22 @@
 //! The plant: the equations of motion (2.1), (2.8) with a model's effects as their terms, and a fixed-step integrator.
 //!
-//! State: position (NED), attitude quaternion, body velocity, body rates, rotor speeds, and the swing of a slung load. A quaternion instead of the
+//! State: position (NED), attitude quaternion, body velocity, body rates, rotor speeds, and the pendulum of a slung load. A quaternion instead of the
 //! thesis' Euler angles: the same motion, no singularity when a simulated craft tumbles, no sines in the stages.
 //! Rotors are first-order lags of the commanded speed, integrated exactly over a held command; the rest is classical
 //! fourth-order Runge-Kutta. No adaptive step: equal inputs give equal bits.
 
-use nalgebra::{Vector3, Vector4};
+use nalgebra::Vector3;
 
-use crate::effects::Weights;
-use crate::sample::Constants;
-use crate::user_effect::Undefined;
-use crate::{Adjustments, Model, RotorMap, Sample, SampleInput, Swing, frames};
-
-/// State of the craft.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct State {
-    /// Centre of mass, inertial NED, m.
-    pub position_ned_m: Vector3<f64>,
-    /// Unit quaternion (w, x, y, z), body to inertial.
-    pub attitude: Vector4<f64>,
-    /// Velocity over ground, body components, m/s.
-    pub velocity_m_s: Vector3<f64>,
-    /// Body rates p, q, r, rad/s.
-    pub rate_rad_s: Vector3<f64>,
-    /// Rotor speeds, rad/s.
-    pub rotor_rad_s: [f64; 4],
-    /// A slung load's swing; still where there is none.
-    pub swing: Swing,
-}
-
-impl State {
-    /// At rest, level, heading north.
-    pub fn at_rest(position_ned_m: Vector3<f64>, rotor_rad_s: [f64; 4]) -> Self {
-        Self {
-            position_ned_m,
-            attitude: Vector4::new(1.0, 0.0, 0.0, 0.0),
-            velocity_m_s: Vector3::zeros(),
-            rate_rad_s: Vector3::zeros(),
-            rotor_rad_s,
-            swing: Swing::default(),
-        }
-    }
-
-    /// Phi, theta, psi, rad.
-    pub fn euler_rad(&self) -> Vector3<f64> {
-        frames::euler_from_quaternion(&self.attitude)
-    }
-
-    /// Whether every number is finite.
-    pub fn is_finite(&self) -> bool {
-        let all =
-            self.position_ned_m.sum() + self.attitude.sum() + self.velocity_m_s.sum() + self.rate_rad_s.sum();
-        let swing = self.swing.direction.sum() + self.swing.turning_rad_s.sum();
-        (all + self.rotor_rad_s.iter().sum::<f64>() + swing).is_finite()
-    }
-}
+use crate::effects::Adjustments;
+use crate::effects::slung_load::cable::SlungLoad;
+use crate::effects::weights::Weights;
+use crate::frames;
+use crate::model::Model;
+use crate::pendulum::Pendulum;
+use crate::plant::state::{Derivative, State, moved};
+use crate::sample::{Constants, Sample, SampleInput};
+use crate::user_effects::Undefined;
+use crate::vehicle::RotorMap;
 
 /// A control period cut into integration steps, with the rotor lag's decay over a half and a whole step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,15 +27,6 @@ pub struct Substeps {
     decay: f64,
 }
 
-#[derive(Clone, Copy)]
-struct Derivative {
-    position: Vector3<f64>,
-    attitude: Vector4<f64>,
-    velocity: Vector3<f64>,
-    rate: Vector3<f64>,
-    swing: Swing,
-}
-
 /// A model made ready to integrate.
 #[derive(Debug, Clone)]
 pub struct Plant {
@@ -82,6 +35,7 @@ pub struct Plant {
     adjust: Adjustments,
     map: RotorMap,
     lag_rad_s: Option<f64>,
+    load: Option<SlungLoad>,
     weights: Weights,
     /// Whether the model is the thesis' in its structure: its stages are then integrated without a branch.
     plain: bool,
@@ -91,14 +45,15 @@ impl Plant {
     /// The plant of a model.
     pub fn new(model: &Model) -> Self {
         let adjust = model.adjustments();
-        let weights = Weights::new(&model.terms);
+        let weights = Weights::new(model.terms.iter().map(|term| (term.effect, term.values())));
         Self {
             plain: weights.of_thesis() && adjust.leaves_samples_plain(),
-            constants: Constants::new(&model.vehicle, &adjust),
+            constants: adjust.constants(&model.vehicle),
             gravity_m_s2: model.vehicle.gravity,
-            adjust,
             map: model.vehicle.rotor_map(),
             lag_rad_s: adjust.lag_rad_s(model.vehicle.motors.lag),
+            load: adjust.load(),
+            adjust,
             weights,
         }
     }
@@ -116,7 +71,7 @@ impl Plant {
     /// The sample of a state, measured or integrated.
     #[inline]
     pub fn sample_of<'a>(&'a self, input: &'a SampleInput) -> Sample<'a> {
-        Sample::with_constants(input, &self.constants, &self.adjust)
+        self.adjust.sample(input, &self.constants)
     }
 
     #[inline(always)]
@@ -124,7 +79,7 @@ impl Plant {
         self.input_with(state, rotor, self.lagged_acceleration_rad_s2(rotor, commanded), battery_v)
     }
 
-    /// Of rotors on their way to what is commanded.
+    /// Acceleration of rotors on their way to what is commanded.
     #[inline(always)]
     fn lagged_acceleration_rad_s2(&self, rotor: &[f64; 4], commanded: &[f64; 4]) -> [f64; 4] {
         let lag = self.lag_rad_s.unwrap_or(0.0);
@@ -148,7 +103,7 @@ impl Plant {
             rotor_rad_s: *rotor,
             rotor_acceleration_rad_s2,
             battery_v,
-            swing: state.swing,
+            pendulum: state.pendulum,
         }
     }
 
@@ -156,14 +111,14 @@ impl Plant {
     /// rad/s^2.
     #[inline]
     pub fn accelerations(&self, sample: &Sample) -> [f64; 6] {
-        self.carrying(self.weights.accelerations(sample), sample.input)
+        self.with_load(self.weights.accelerations(sample), sample.input)
     }
 
     /// Accelerations of everything else with the pull of a slung load, where there is one.
-    fn carrying(&self, mut a: [f64; 6], input: &SampleInput) -> [f64; 6] {
-        if let Some(load) = &self.adjust.load {
+    fn with_load(&self, mut a: [f64; 6], input: &SampleInput) -> [f64; 6] {
+        if let Some(load) = &self.load {
             let force = Vector3::new(a[0], a[1], a[2]);
-            let force = load.act(force, &input.dcm, &input.swing, self.constants.per_mass);
+            let force = load.act(force, &input.dcm, &input.pendulum, self.constants.per_mass);
             a[..3].copy_from_slice(force.as_slice());
         }
         a
@@ -176,7 +131,7 @@ impl Plant {
 
     /// The commands that ask for rotor speeds at a battery voltage.
     pub fn command_for(&self, rotor_rad_s: &[f64; 4], battery_v: f64) -> [f64; 4] {
-        let beyond = self.adjust.rotor_speed_per_volt * (battery_v - self.adjust.reference_voltage_v);
+        let beyond = self.adjust.speed_change_rad_s(battery_v);
         rotor_rad_s.map(|speed| self.map.command_for(speed - beyond, battery_v))
     }
 
@@ -208,7 +163,7 @@ impl Plant {
         self.step_through(state, [start, &mean, end], battery_v, step_s);
     }
 
-    /// The same with the mean of the rotor speeds over the step, which on the way of a lag is not that of its ends.
+    /// As [`Plant::step_between`], with the mean of the rotor speeds over the step, which on the way of a lag is not that of its ends.
     pub fn step_through(
         &self,
         state: &mut State,
@@ -313,8 +268,9 @@ impl Plant {
         state.attitude = attitude * (1.0 / attitude.norm());
         state.rotor_rad_s = *rotor_end;
         if !PLAIN {
-            let swing = start.swing.moved(&k1.swing, sixth).moved(&k2.swing, 2.0 * sixth);
-            state.swing = swing.moved(&k3.swing, 2.0 * sixth).moved(&k4.swing, sixth).normalized();
+            let pendulum = start.pendulum.moved(&k1.pendulum, sixth).moved(&k2.pendulum, 2.0 * sixth);
+            state.pendulum =
+                pendulum.moved(&k3.pendulum, 2.0 * sixth).moved(&k4.pendulum, sixth).normalized();
         }
     }
 
@@ -336,12 +292,12 @@ impl Plant {
         };
         let dcm = &input.dcm;
         let gravity = dcm.column(2) * self.gravity_m_s2;
-        let still = Swing { direction: Vector3::zeros(), turning_rad_s: Vector3::zeros() };
-        let (a, swing) = match &self.adjust.load {
+        let still = Pendulum { direction: Vector3::zeros(), turning_rad_s: Vector3::zeros() };
+        let (a, pendulum) = match &self.load {
             Some(load) if !PLAIN => {
                 let force_ned_m_s2 = dcm.tr_mul(&Vector3::new(a[0], a[1], a[2]));
-                let swing = load.derivative(&state.swing, force_ned_m_s2, self.gravity_m_s2);
-                (self.carrying(a, &input), swing)
+                let pendulum = load.derivative(&state.pendulum, force_ned_m_s2, self.gravity_m_s2);
+                (self.with_load(a, &input), pendulum)
             }
             _ => (a, still),
         };
@@ -351,60 +307,8 @@ impl Plant {
             attitude: frames::quaternion_derivative(&state.attitude, &state.rate_rad_s),
             velocity: force + gravity - state.rate_rad_s.cross(&state.velocity_m_s),
             rate: Vector3::new(a[3], a[4], a[5]),
-            swing,
+            pendulum,
         }
-    }
-}
-
-/// Dead time between command and rotor (`input-delay`): past commands, and where in the period they take over. The battery
-/// acts at the motor and has no dead time.
-///
-/// Without dead time it is a plain [`Plant::step`].
-#[derive(Debug, Clone)]
-pub struct DelayLine {
-    /// Commands not yet in force, oldest first; the first one is in force at the start of the period.
-    waiting: std::collections::VecDeque<[f64; 4]>,
-    /// The period before and after the takeover.
-    before: Option<Substeps>,
-    after: Option<Substeps>,
-}
-
-impl DelayLine {
-    /// For a plant, a control period and its integration steps, after a long time of `initial` commands.
-    pub fn new(plant: &Plant, period_s: f64, count: u32, initial: [f64; 4]) -> Self {
-        let delay_s = plant.adjust.input_delay_s.max(0.0);
-        let whole = (delay_s / period_s).floor();
-        let part = delay_s / period_s - whole;
-        let cut = |part: f64| {
-            let steps = (part * f64::from(count)).ceil().max(1.0) as u32;
-            (part > 1e-9).then(|| plant.substeps(part * period_s, steps))
-        };
-        let waiting = std::iter::repeat_n(initial, whole as usize + 1).collect();
-        Self { waiting, before: cut(part), after: cut(1.0 - part) }
-    }
-
-    /// Advances `state` over one period in which `command` is given.
-    pub fn step(&mut self, plant: &Plant, state: &mut State, command: &[f64; 4], battery_v: f64) {
-        self.waiting.push_back(*command);
-        if let (Some(before), Some(old)) = (&self.before, self.waiting.front()) {
-            plant.step(state, &plant.commanded_rad_s(old, battery_v), battery_v, before);
-        }
-        self.waiting.pop_front();
-        if let (Some(after), Some(new)) = (&self.after, self.waiting.front()) {
-            plant.step(state, &plant.commanded_rad_s(new, battery_v), battery_v, after);
-        }
-    }
-}
-
-#[inline]
-fn moved(state: &State, rate: &Derivative, time_s: f64) -> State {
-    State {
-        position_ned_m: state.position_ned_m + time_s * rate.position,
-        attitude: state.attitude + time_s * rate.attitude,
-        velocity_m_s: state.velocity_m_s + time_s * rate.velocity,
-        rate_rad_s: state.rate_rad_s + time_s * rate.rate,
-        rotor_rad_s: state.rotor_rad_s,
-        swing: state.swing.moved(&rate.swing, time_s),
     }
 }
 
@@ -413,7 +317,9 @@ mod tests {
     //! A free body keeps its energy and its angular momentum; each check has a twin with a term off that must fail.
 
     use super::*;
-    use crate::{Effect, Model, Vehicle};
+    use crate::effects::Effect;
+    use crate::plant::DelayLine;
+    use crate::vehicle::Vehicle;
 
     /// Principal moments of inertia of the test body, kg m^2. They differ, so that the Euler terms matter.
     const INERTIA: [f64; 3] = [0.012, 0.016, 0.025];

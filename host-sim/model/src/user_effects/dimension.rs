@@ -10,7 +10,7 @@ const BASE: [&str; 5] = ["kg", "m", "V", "K", "s"];
 
 /// Powers of the base units.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Dimension([f64; 5]);
+pub(super) struct Dimension([f64; 5]);
 
 /// Units by name with the powers of kg, m, V, K, s.
 const UNITS: [(&str, [f64; 5]); 14] = [
@@ -33,32 +33,32 @@ const UNITS: [(&str, [f64; 5]); 14] = [
 
 impl Dimension {
     /// Of a pure number or an angle.
-    pub(crate) const NONE: Self = Self([0.0; 5]);
+    pub(super) const NONE: Self = Self([0.0; 5]);
 
     /// Of a unit by its name.
-    pub(crate) fn of_unit(name: &str) -> Option<Self> {
+    pub(super) fn of_unit(name: &str) -> Option<Self> {
         UNITS.iter().find(|(known, _)| *known == name).map(|(_, powers)| Self(*powers))
     }
 
     /// The names that [`Self::of_unit`] knows.
-    pub(crate) fn known_units() -> String {
+    pub(super) fn known_units() -> String {
         UNITS.map(|(name, _)| name).join(", ")
     }
 
-    pub(crate) fn times(self, other: Self) -> Self {
+    pub(super) fn times(self, other: Self) -> Self {
         Self(std::array::from_fn(|i| self.0[i] + other.0[i]))
     }
 
-    pub(crate) fn over(self, other: Self) -> Self {
+    pub(super) fn over(self, other: Self) -> Self {
         Self(std::array::from_fn(|i| self.0[i] - other.0[i]))
     }
 
-    pub(crate) fn to_the(self, power: f64) -> Self {
+    pub(super) fn to_the(self, power: f64) -> Self {
         Self(self.0.map(|p| p * power))
     }
 
     /// Powers may be roots: equal but for rounding is equal.
-    pub(crate) fn is(self, other: Self) -> bool {
+    pub(super) fn is(self, other: Self) -> bool {
         self.0.iter().zip(other.0).all(|(a, b)| (a - b).abs() < 1e-9)
     }
 }

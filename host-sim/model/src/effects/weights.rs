@@ -1,0 +1,134 @@
+//! The linear effects of a model with their coefficients, and the accelerations that they add up to.
+
+use nalgebra::Vector3;
+
+use crate::axis::Axis;
+use crate::effect::{Kind, PlacedSink, Sink};
+use crate::effects::{CATALOGUE, Effect, each_linear};
+use crate::sample::Sample;
+use crate::user_effects::User;
+
+/// The linear effects of a model with the values of their coefficients, in the catalogue's order, and the users'.
+#[derive(Debug, Clone)]
+pub(crate) struct Weights {
+    present: [bool; CATALOGUE.len()],
+    coefficients: [[f64; WIDEST]; CATALOGUE.len()],
+    users: Vec<(User, Vec<f64>)>,
+    /// Whether there is nothing but effects of the thesis' model.
+    of_thesis: bool,
+    /// Passes in which the angular accelerations are solved for.
+    passes: usize,
+}
+
+/// Whether an effect is part of the thesis' model.
+const fn of_thesis(effect: Effect) -> bool {
+    effect.info().special.of_thesis
+}
+
+/// Most coefficients of one effect.
+const WIDEST: usize = {
+    let (mut widest, mut index) = (0, 0);
+    while index < CATALOGUE.len() {
+        let count = CATALOGUE[index].info().coefficients.len();
+        widest = if count > widest { count } else { widest };
+        index += 1;
+    }
+    widest
+};
+
+impl Weights {
+    /// From a model's effects and the values of their coefficients.
+    pub(crate) fn new(terms: impl Iterator<Item = (Effect, Vec<f64>)>) -> Self {
+        let mut weights = Self {
+            present: [false; CATALOGUE.len()],
+            coefficients: [[0.0; WIDEST]; CATALOGUE.len()],
+            users: Vec::new(),
+            of_thesis: true,
+            passes: 1,
+        };
+        for (effect, values) in terms {
+            let Some(index) = effect.place() else {
+                if let Effect::User(user) = effect {
+                    weights.users.push((user, values));
+                    weights.of_thesis = false;
+                }
+                continue;
+            };
+            if effect.info().kind == Kind::Adjusting {
+                continue;
+            }
+            weights.present[index] = true;
+            weights.of_thesis &= of_thesis(effect);
+            weights.passes = weights.passes.max(effect.info().special.passes);
+            for (sum, value) in weights.coefficients[index].iter_mut().zip(&values) {
+                *sum += value;
+            }
+        }
+        weights
+    }
+
+    /// Whether [`Self::accelerations_of_thesis`] is all there is.
+    pub(crate) fn of_thesis(&self) -> bool {
+        self.of_thesis
+    }
+
+    /// Adds the columns of the effects that `which` picks, times their coefficients.
+    #[inline(always)]
+    fn weighted_sum(&self, sample: &Sample, which: impl Fn(Effect) -> bool) -> [f64; 6] {
+        let mut sink = WeightedSum { coefficients: &self.coefficients, place: 0, sum: [0.0; 6] };
+        each_linear(sample, which, &mut sink);
+        sink.sum
+    }
+
+    /// The six rows at `sample` of a model without other effects than the thesis'. To be inlined where it is integrated:
+    /// without a branch, a stage stays in registers.
+    #[inline(always)]
+    pub(crate) fn accelerations_of_thesis(&self, sample: &Sample) -> [f64; 6] {
+        self.weighted_sum(sample, of_thesis)
+    }
+
+    /// The six rows at `sample`. Where columns look at the angular accelerations, their values are iterated until they
+    /// agree to rounding.
+    #[inline(never)]
+    pub(crate) fn accelerations(&self, sample: &Sample) -> [f64; 6] {
+        let present = |effect: Effect| effect.place().is_some_and(|place| self.present[place]);
+        let mut sum = self.weighted_sum(sample, present);
+        if self.passes > 1 {
+            let mut input = *sample.input;
+            for _ in 1..self.passes {
+                input.angular_acceleration_rad_s2 = Vector3::new(sum[3], sum[4], sum[5]);
+                sum = self.weighted_sum(&Sample { input: &input, ..*sample }, present);
+            }
+        }
+        for (user, coefficients) in &self.users {
+            user.add_accelerations(sample, coefficients, &mut sum);
+        }
+        sum
+    }
+
+    /// The users' effects with the values of their coefficients.
+    pub(crate) fn users(&self) -> &[(User, Vec<f64>)] {
+        &self.users
+    }
+}
+
+/// Multiplies columns by coefficients and sums them.
+struct WeightedSum<'a> {
+    coefficients: &'a [[f64; WIDEST]; CATALOGUE.len()],
+    place: usize,
+    sum: [f64; 6],
+}
+
+impl Sink for WeightedSum<'_> {
+    #[inline(always)]
+    fn add(&mut self, axis: Axis, coefficient: usize, value: f64) {
+        self.sum[axis.index()] += self.coefficients[self.place][coefficient] * value;
+    }
+}
+
+impl PlacedSink for WeightedSum<'_> {
+    #[inline(always)]
+    fn begin(&mut self, place: usize) {
+        self.place = place;
+    }
+}

@@ -1,0 +1,143 @@
+//! What a model says of the fit that gave its coefficients.
+
+use serde::{Deserialize, Serialize};
+
+use crate::axis::{Axis, PerAxis};
+
+/// Constants that belong to a fit and are not coefficients.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReferenceValues {
+    /// Mean battery voltage of the training flights, V: where `battery-voltage` is zero.
+    pub battery_v: f64,
+}
+
+/// Errors of one axis.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AxisError {
+    /// Sum of squared errors, (unit of the axis)^2.
+    pub sse: f64,
+    /// Root mean square error, unit of the axis.
+    pub rms: f64,
+    /// 1 - sse / (sum of squares about the mean).
+    pub r2: f64,
+    /// Samples behind it.
+    pub samples: u64,
+}
+
+/// What a flight was used for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FlightRole {
+    /// Fitted on.
+    Train,
+    /// Held out.
+    Validate,
+}
+
+/// A flight that the fit saw.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FlightRecord {
+    /// File name.
+    pub name: String,
+    /// SHA-256 of the file, hexadecimal.
+    pub sha256: String,
+    /// What it was used for.
+    pub role: FlightRole,
+    /// Samples used.
+    pub samples: u64,
+}
+
+/// The fit that gave the coefficients.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FitRecord {
+    /// Flights.
+    pub flights: Vec<FlightRecord>,
+    /// Errors on the training flights.
+    pub train: PerAxis<AxisError>,
+    /// Errors on the held-out flights.
+    pub held_out: PerAxis<AxisError>,
+    /// How much the craft differs from flight to flight: what a later change must stand out from.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub scatter: Vec<ChangeScatter>,
+    /// Dead time in s that flights of commands show beyond the model's own: their clocks are counted from it. Absent where
+    /// rotor speeds were measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotor_delay_s: Option<f64>,
+    /// Why the model has no rotation, where the flights did not determine it: force rows are all there is.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rotation_refused: Vec<String>,
+    /// What a refinement on open-loop predictions came to, where one was tried.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refinement: Option<RefinementRecord>,
+}
+
+/// A refinement on open-loop predictions.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RefinementRecord {
+    /// Which coefficients were moved: "moments" or "all".
+    pub rows: String,
+    /// Whether they were kept.
+    pub kept: bool,
+    /// Why.
+    pub reason: String,
+    /// Open-loop error of the held-out flights before, summed over horizons of 1 to 50 samples.
+    pub before: OpenLoopSums,
+    /// And with the moved coefficients.
+    pub after: OpenLoopSums,
+}
+
+/// Mean norms of open-loop errors, summed over horizons of 1 to 50 samples.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OpenLoopSums {
+    /// m.
+    pub position_m: f64,
+    /// m/s.
+    pub velocity_m_s: f64,
+    /// rad.
+    pub attitude_rad: f64,
+    /// rad/s.
+    pub rate_rad_s: f64,
+}
+
+/// How far the estimate of a change scatters about zero between the flights a model was made from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ChangeScatter {
+    /// Identifier of the effect.
+    pub effect: String,
+    /// Name of the coefficient.
+    pub coefficient: String,
+    /// Root mean square of the estimates, in the coefficient's unit.
+    pub deviation: f64,
+}
+
+/// An effect that was added, with the held-out error before and after.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HistoryEntry {
+    /// The effect's identifier.
+    pub effect: String,
+    /// Whether the held-out flights supported it.
+    pub supported: bool,
+    /// Sum of squared errors on the held-out flights before.
+    pub sse_before: PerAxis<f64>,
+    /// And after.
+    pub sse_after: PerAxis<f64>,
+}
+
+impl PerAxis<f64> {
+    /// Percent by which `after` is below `self`, for each axis; 0 where there was no error.
+    pub fn drop_percent(&self, after: &Self) -> Self {
+        Self::from_fn(
+            |axis: Axis| {
+                if self[axis] > 0.0 { 100.0 * (self[axis] - after[axis]) / self[axis] } else { 0.0 }
+            },
+        )
+    }
+}

@@ -1,0 +1,73 @@
+//! The state of a craft.
+
+use nalgebra::{Vector3, Vector4};
+
+use crate::frames;
+use crate::pendulum::Pendulum;
+
+/// State of the craft.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct State {
+    /// Centre of mass, inertial NED, m.
+    pub position_ned_m: Vector3<f64>,
+    /// Unit quaternion (w, x, y, z), body to inertial.
+    pub attitude: Vector4<f64>,
+    /// Velocity over ground, body components, m/s.
+    pub velocity_m_s: Vector3<f64>,
+    /// Body rates p, q, r, rad/s.
+    pub rate_rad_s: Vector3<f64>,
+    /// Rotor speeds, rad/s.
+    pub rotor_rad_s: [f64; 4],
+    /// Where a slung load hangs; still where there is none.
+    pub pendulum: Pendulum,
+}
+
+impl State {
+    /// At rest, level, heading north.
+    pub fn at_rest(position_ned_m: Vector3<f64>, rotor_rad_s: [f64; 4]) -> Self {
+        Self {
+            position_ned_m,
+            attitude: Vector4::new(1.0, 0.0, 0.0, 0.0),
+            velocity_m_s: Vector3::zeros(),
+            rate_rad_s: Vector3::zeros(),
+            rotor_rad_s,
+            pendulum: Pendulum::default(),
+        }
+    }
+
+    /// Phi, theta, psi, rad.
+    pub fn euler_rad(&self) -> Vector3<f64> {
+        frames::euler_from_quaternion(&self.attitude)
+    }
+
+    /// Whether every number is finite.
+    pub fn is_finite(&self) -> bool {
+        let all =
+            self.position_ned_m.sum() + self.attitude.sum() + self.velocity_m_s.sum() + self.rate_rad_s.sum();
+        let pendulum = self.pendulum.direction.sum() + self.pendulum.turning_rad_s.sum();
+        (all + self.rotor_rad_s.iter().sum::<f64>() + pendulum).is_finite()
+    }
+}
+
+/// What a state changes by in a second, rotors aside.
+#[derive(Clone, Copy)]
+pub(super) struct Derivative {
+    pub(super) position: Vector3<f64>,
+    pub(super) attitude: Vector4<f64>,
+    pub(super) velocity: Vector3<f64>,
+    pub(super) rate: Vector3<f64>,
+    pub(super) pendulum: Pendulum,
+}
+
+/// The state after `time_s` at a rate.
+#[inline]
+pub(super) fn moved(state: &State, rate: &Derivative, time_s: f64) -> State {
+    State {
+        position_ned_m: state.position_ned_m + time_s * rate.position,
+        attitude: state.attitude + time_s * rate.attitude,
+        velocity_m_s: state.velocity_m_s + time_s * rate.velocity,
+        rate_rad_s: state.rate_rad_s + time_s * rate.rate,
+        rotor_rad_s: state.rotor_rad_s,
+        pendulum: state.pendulum.moved(&rate.pendulum, time_s),
+    }
+}

@@ -1,0 +1,152 @@
+//! A checked definition: its formulas, and what they add to the equations.
+
+use std::path::Path;
+
+use crate::axis::{AXES, Axis};
+use crate::effect::{Coefficient, EffectInfo, Kind, Question, Special};
+use crate::sample::Sample;
+use crate::user_effects::check::{Known, Problem, check_coefficients, check_constants, check_words};
+use crate::user_effects::definition::{Definition, MAX_NAME, UserEffectError};
+use crate::user_effects::names::Names;
+use crate::user_effects::row::{Input, Row, RowFormula, rows_known};
+
+/// A checked definition.
+#[derive(Debug)]
+pub struct UserEffect {
+    pub(super) definition: Definition,
+    pub(super) formulas: Vec<RowFormula>,
+    /// Whether every formula is linear in the coefficients and vanishes with them.
+    is_linear: bool,
+    /// Coefficients that have to be given so that the rest enters linearly.
+    pub(super) is_shape: Vec<bool>,
+}
+
+impl UserEffect {
+    pub(super) fn add(
+        &self,
+        sample: &Sample,
+        coefficients: &[f64],
+        which: impl Fn(&RowFormula) -> bool,
+        sum: &mut [f64; 6],
+    ) {
+        let mut inertial = nalgebra::Vector3::zeros();
+        let mut any_inertial = false;
+        for formula in self.formulas.iter().filter(|f| which(f)) {
+            let value = formula.value(sample, coefficients);
+            match formula.row {
+                Row::Body(axis) => sum[axis.index()] += value,
+                Row::Inertial(k) => {
+                    inertial[k] += value;
+                    any_inertial = true;
+                }
+            }
+        }
+        if any_inertial {
+            let body = sample.input.dcm * inertial;
+            sum.iter_mut().zip(body.iter()).for_each(|(s, b)| *s += b);
+        }
+    }
+
+    /// Its identifier.
+    pub fn id(&self) -> &str {
+        &self.definition.id
+    }
+
+    /// Whether every formula is linear in the coefficients.
+    pub fn is_linear(&self) -> bool {
+        self.is_linear
+    }
+
+    pub(super) fn check(definition: Definition, path: &Path, known: &Known) -> Result<Self, UserEffectError> {
+        let id: String = definition.id.chars().take(MAX_NAME).collect();
+        Self::checked(definition, known).map_err(|(field, problem)| UserEffectError::Field {
+            path: path.to_owned(),
+            effect: id,
+            field,
+            problem,
+        })
+    }
+
+    fn checked(definition: Definition, known: &Known) -> Result<Self, Problem> {
+        check_words(&definition, known)?;
+        let coefficients = check_coefficients(&definition)?;
+        let constants = check_constants(&definition)?;
+        if definition.acceleration.is_empty() {
+            return Err(("acceleration".into(), format!("has no row; rows are {}", rows_known())));
+        }
+        let names = Names { definition: &definition, coefficients: &coefficients, constants: &constants };
+        let mut formulas = Vec::new();
+        for (row, text) in &definition.acceleration {
+            let field = format!("acceleration.{row}");
+            formulas.push(names.formula(row, text).map_err(|problem| (field, problem))?);
+        }
+        for (k, coefficient) in definition.coefficient.iter().enumerate() {
+            if !formulas.iter().any(|f| f.names(k)) {
+                return Err((format!("coefficient {}", coefficient.name), "is in no formula".into()));
+            }
+        }
+        let (is_linear, is_shape) = names.shapes(&formulas);
+        Ok(Self { formulas, is_linear, is_shape, definition })
+    }
+
+    /// What it says of itself, for the rest of the program.
+    pub(super) fn info(&self) -> EffectInfo {
+        let definition = &self.definition;
+        let acts = |axis: &Axis| self.formulas.iter().any(|f| f.row.acts_on(*axis));
+        let coefficients: Vec<Coefficient> = definition
+            .coefficient
+            .iter()
+            .zip(&self.is_shape)
+            .map(|(c, is_shape)| {
+                let [low, high] = c.possible;
+                let own = Coefficient::new(forever(&c.name), forever(&c.unit), (low, high), c.typical);
+                // A shape only means something together with the rest: zero is no hypothesis about it. What is known of it is
+                // hardly more than what is possible.
+                if *is_shape { own.known_to(3.0 * low.abs().max(high.abs())) } else { own }
+            })
+            .collect();
+        let sentence = definition.sentence.clone().unwrap_or_else(|| "Defined by the user.".into());
+        let excitation = definition.excitation.clone().unwrap_or_else(|| self.excitation());
+        let confused: Vec<(&str, &str)> =
+            definition.confused_with.iter().map(|(id, how)| (forever(id), forever(how))).collect();
+        EffectInfo {
+            id: forever(&definition.id),
+            sentence: forever(&sentence),
+            kind: if self.is_linear() { Kind::Linear } else { Kind::Adjusting },
+            question: if self.is_linear() { Question::Both } else { Question::Structure },
+            axes: Vec::leak(AXES.into_iter().filter(acts).collect()),
+            coefficients: Vec::leak(coefficients),
+            excitation: forever(&excitation),
+            confused_with: Vec::leak(confused),
+            equation: forever(&self.equation()),
+            source: None,
+            through: Vec::leak(self.quantities().into_iter().take(1).collect()),
+            special: Special { adds_accelerations: !self.is_linear(), ..Special::NOTHING },
+        }
+    }
+
+    /// Names of the measured quantities in its formulas.
+    fn quantities(&self) -> Vec<&'static str> {
+        let mut names: Vec<&str> = Vec::new();
+        for input in self.formulas.iter().flat_map(|f| &f.inputs) {
+            match input {
+                Input::Quantity(quantity) if !names.contains(&quantity.name) => names.push(quantity.name),
+                _ => {}
+            }
+        }
+        names
+    }
+
+    fn excitation(&self) -> String {
+        format!("fly so that {} vary", self.quantities().join(", "))
+    }
+
+    fn equation(&self) -> String {
+        let rows = self.definition.acceleration.iter().map(|(row, formula)| format!("{row}: {formula}"));
+        rows.collect::<Vec<_>>().join("; ")
+    }
+}
+
+fn forever(text: &str) -> &'static str {
+    Box::leak(text.to_owned().into_boxed_str())
+}

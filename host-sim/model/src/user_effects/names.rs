@@ -1,0 +1,94 @@
+//! What the names in the formulas of one effect mean, and how its coefficients enter them.
+
+use crate::quantity::QUANTITIES;
+use crate::user_effects::definition::{Definition, MAX_NAME};
+use crate::user_effects::dimension::Dimension;
+use crate::user_effects::formula::{Formula, dimension_of};
+use crate::user_effects::row::{Input, MAX_NAMES, Row, RowFormula, rows_known};
+use crate::user_effects::trace::{Entry, Trace};
+
+/// What formulas of one effect can name.
+pub(super) struct Names<'a> {
+    pub(super) definition: &'a Definition,
+    pub(super) coefficients: &'a [Dimension],
+    pub(super) constants: &'a [Dimension],
+}
+
+impl Names<'_> {
+    pub(super) fn formula(&self, row: &str, text: &str) -> Result<RowFormula, String> {
+        let row = Row::parse(row).ok_or_else(|| format!("unknown row; rows are {}", rows_known()))?;
+        let formula = Formula::parse(text)?;
+        if formula.names().len() > MAX_NAMES {
+            return Err(format!(
+                "has {} different names, at most {MAX_NAMES} are possible",
+                formula.names().len()
+            ));
+        }
+        let inputs = formula.names().iter().map(|name| self.input(name)).collect::<Result<Vec<_>, _>>()?;
+        if !inputs.iter().any(|input| matches!(input, Input::Coefficient(_))) {
+            return Err("names none of the effect's coefficients: there is nothing to identify".into());
+        }
+        let trace = formula.trace(|name| self.trace(name, &|_| Entry::Free))?;
+        let expected = dimension_of(row.unit())?;
+        if !trace.dimension.is(expected) {
+            return Err(format!("has the unit {}, the row needs {}", trace.dimension, row.unit()));
+        }
+        Ok(RowFormula { row, formula, inputs })
+    }
+
+    fn input(&self, name: &str) -> Result<Input, String> {
+        let Definition { coefficient, constant, .. } = self.definition;
+        if let Some(k) = coefficient.iter().position(|c| c.name == name) {
+            return Ok(Input::Coefficient(k));
+        }
+        if let Some(constant) = constant.iter().find(|c| c.name == name) {
+            return Ok(Input::Constant(constant.value));
+        }
+        if let Some(quantity) = QUANTITIES.iter().find(|q| q.name == name) {
+            return Ok(Input::Quantity(quantity));
+        }
+        let own = coefficient.iter().map(|c| c.name.as_str()).chain(constant.iter().map(|c| c.name.as_str()));
+        let known: Vec<&str> = own.chain(QUANTITIES.iter().map(|q| q.name)).collect();
+        let short: String = name.chars().take(MAX_NAME).collect();
+        Err(format!("unknown name \"{short}\"; known are {}", known.join(", ")))
+    }
+
+    fn trace(&self, name: &str, entry: &dyn Fn(usize) -> Entry) -> Trace {
+        let Definition { coefficient, constant, .. } = self.definition;
+        if let Some(k) = coefficient.iter().position(|c| c.name == name) {
+            return Trace { dimension: self.coefficients[k], entry: entry(k), value: None };
+        }
+        if let Some(k) = constant.iter().position(|c| c.name == name) {
+            return Trace {
+                dimension: self.constants[k],
+                entry: Entry::Free,
+                value: Some(constant[k].value),
+            };
+        }
+        let unit = QUANTITIES.iter().find(|q| q.name == name).map_or("1", |q| q.unit);
+        let dimension = dimension_of(unit).unwrap_or(Dimension::NONE);
+        Trace { dimension, entry: Entry::Free, value: None }
+    }
+
+    /// Whether all coefficients enter linearly, and which have to be given so that the rest does: those that do not by
+    /// themselves, then, where coefficients multiply each other, one after the other until they no longer do.
+    pub(super) fn shapes(&self, formulas: &[RowFormula]) -> (bool, Vec<bool>) {
+        let enter = |given: &[bool], ways: &[Entry]| {
+            formulas.iter().all(|f| {
+                let entry = |k: usize| if given[k] { Entry::Free } else { Entry::Linear };
+                f.formula.trace(|name| self.trace(name, &entry)).is_ok_and(|t| ways.contains(&t.entry))
+            })
+        };
+        let at_most_linearly = [Entry::Free, Entry::Linear, Entry::Affine];
+        let count = self.coefficients.len();
+        let alone = |k: usize| (0..count).map(|other| other != k).collect::<Vec<bool>>();
+        let mut given: Vec<bool> = (0..count).map(|k| !enter(&alone(k), &at_most_linearly)).collect();
+        for k in (0..count).rev() {
+            if enter(&given, &at_most_linearly) {
+                break;
+            }
+            given[k] = true;
+        }
+        (enter(&vec![false; count], &[Entry::Linear]), given)
+    }
+}

@@ -1,0 +1,227 @@
+//! Users' effects that have been read: kept to the end of the program.
+
+use std::cmp::Ordering;
+use std::fmt;
+use std::hash::{Hash, Hasher};
+use std::path::Path;
+use std::sync::{PoisonError, RwLock};
+
+use crate::axis::AXES;
+use crate::effect::{EffectInfo, Kind, Sink};
+use crate::sample::Sample;
+use crate::user_effects::check::Known;
+use crate::user_effects::definition::{
+    Definition, File, MAX_COEFFICIENTS, MAX_EFFECTS, MAX_FILE_BYTES, MAX_STARTS, UserEffectError,
+};
+use crate::user_effects::effect::UserEffect;
+use crate::user_effects::row::{INERTIAL, Row};
+use crate::vehicle::toml_message;
+
+/// A user's effect that has been read; copied and compared like those of the catalogue.
+#[derive(Clone, Copy)]
+pub struct User(&'static Interned);
+
+#[derive(Debug)]
+struct Interned {
+    info: EffectInfo,
+    effect: UserEffect,
+}
+
+impl PartialEq for User {
+    fn eq(&self, other: &Self) -> bool {
+        self.0.info.id == other.0.info.id
+    }
+}
+
+impl Eq for User {}
+
+impl Hash for User {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.0.info.id.hash(state);
+    }
+}
+
+impl PartialOrd for User {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for User {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.0.info.id.cmp(other.0.info.id)
+    }
+}
+
+impl fmt::Debug for User {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.0.info.id)
+    }
+}
+
+/// A formula without a finite value.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Undefined {
+    /// The effect.
+    pub effect: User,
+    /// The row of its formula.
+    pub row: String,
+    /// The formula.
+    pub formula: String,
+}
+
+impl fmt::Display for Undefined {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { effect, row, formula } = self;
+        write!(f, "effect \"{effect:?}\": acceleration.{row} = \"{formula}\" is not a finite number")
+    }
+}
+
+impl User {
+    /// What it says of itself.
+    pub const fn info(self) -> &'static EffectInfo {
+        &self.0.info
+    }
+
+    /// As it was defined.
+    pub fn definition(self) -> &'static Definition {
+        &self.0.effect.definition
+    }
+
+    /// Its columns, where it is linear.
+    pub(crate) fn columns(self, sample: &Sample, sink: &mut impl Sink) {
+        let info = self.info();
+        if info.kind == Kind::Adjusting {
+            return;
+        }
+        for k in 0..info.coefficients.len() {
+            let mut unit = [0.0; MAX_COEFFICIENTS];
+            unit[k] = 1.0;
+            let mut sum = [0.0; 6];
+            self.0.effect.add(sample, &unit, |f| f.names(k), &mut sum);
+            for axis in AXES {
+                if self.0.effect.formulas.iter().any(|f| f.names(k) && f.row.acts_on(axis)) {
+                    sink.add(axis, k, sum[axis.index()]);
+                }
+            }
+        }
+    }
+
+    /// Adds its accelerations to the six rows.
+    pub(crate) fn add_accelerations(self, sample: &Sample, coefficients: &[f64], sum: &mut [f64; 6]) {
+        self.0.effect.add(sample, coefficients, |_| true, sum);
+    }
+
+    /// The first of its formulas that has no finite value at a sample.
+    pub fn undefined(self, sample: &Sample, coefficients: &[f64]) -> Option<Undefined> {
+        let wrong = self.0.effect.formulas.iter().find(|f| !f.value(sample, coefficients).is_finite())?;
+        let row = match wrong.row {
+            Row::Body(axis) => axis.name(),
+            Row::Inertial(k) => INERTIAL[k],
+        };
+        let formula = self.definition().acceleration.get(row).cloned().unwrap_or_default();
+        Some(Undefined { effect: self, row: row.into(), formula })
+    }
+
+    /// Starts of a fit: values of the coefficients that make its shape, none for those that least squares give. Nothing
+    /// for an effect that is linear.
+    pub(crate) fn starts(self) -> Vec<Vec<Option<f64>>> {
+        let UserEffect { definition, is_shape, .. } = &self.0.effect;
+        if self.info().kind != Kind::Adjusting {
+            return Vec::new();
+        }
+        let shapes = is_shape.iter().filter(|shape| **shape).count();
+        let mut starts = vec![Vec::new()];
+        for (coefficient, is_shape) in definition.coefficient.iter().zip(is_shape) {
+            let [low, high] = coefficient.possible;
+            let mut values = vec![coefficient.typical];
+            // Several of each, unless that makes too many together.
+            if 3_usize.pow(shapes as u32) <= MAX_STARTS {
+                let sizes = if low < 0.0 { [-1.0, 0.1] } else { [0.3, 3.0] };
+                values.extend(sizes.map(|size| size * coefficient.typical));
+            }
+            values.retain(|value| *value >= low && *value <= high);
+            if values.is_empty() {
+                values.push(0.5 * (low + high));
+            }
+            let values = if *is_shape { values.into_iter().map(Some).collect() } else { vec![None] };
+            starts = starts
+                .into_iter()
+                .flat_map(|start: Vec<Option<f64>>| {
+                    values.iter().map(move |value| start.iter().copied().chain([*value]).collect())
+                })
+                .collect();
+        }
+        starts
+    }
+}
+
+/// Reads a file of effects and keeps them; `catalogue` has the identifiers that they cannot have.
+pub(crate) fn read(path: &Path, catalogue: &[&str]) -> Result<Vec<User>, UserEffectError> {
+    let refuse = |source| UserEffectError::Read { path: path.to_owned(), source };
+    let size = std::fs::metadata(path).map_err(refuse)?.len();
+    if size > MAX_FILE_BYTES {
+        return Err(UserEffectError::TooLarge { path: path.to_owned() });
+    }
+    let text = std::fs::read_to_string(path).map_err(refuse)?;
+    parse(&text, path, catalogue)?.into_iter().map(|effect| keep(effect, path)).collect()
+}
+
+/// Parses and checks the text of a file of effects without keeping them.
+pub(crate) fn parse(text: &str, path: &Path, catalogue: &[&str]) -> Result<Vec<UserEffect>, UserEffectError> {
+    if text.len() as u64 > MAX_FILE_BYTES {
+        return Err(UserEffectError::TooLarge { path: path.to_owned() });
+    }
+    let file: File = toml::from_str(text).map_err(|error| UserEffectError::Parse {
+        path: path.to_owned(),
+        message: toml_message(text, &error),
+    })?;
+    if file.effect.len() > MAX_EFFECTS {
+        return Err(UserEffectError::TooMany { path: path.to_owned() });
+    }
+    let known = known_beside(catalogue);
+    file.effect.into_iter().map(|definition| UserEffect::check(definition, path, &known)).collect()
+}
+
+/// Checks a definition and keeps it.
+pub(crate) fn define(
+    definition: Definition,
+    path: &Path,
+    catalogue: &[&str],
+) -> Result<User, UserEffectError> {
+    keep(UserEffect::check(definition, path, &known_beside(catalogue))?, path)
+}
+
+fn known_beside<'a>(catalogue: &'a [&'a str]) -> Known<'a> {
+    Known { catalogue, users: all().iter().map(|user| user.info().id).collect() }
+}
+
+static KNOWN: RwLock<Vec<User>> = RwLock::new(Vec::new());
+
+/// The users' effects that have been read.
+pub(crate) fn all() -> Vec<User> {
+    KNOWN.read().unwrap_or_else(PoisonError::into_inner).clone()
+}
+
+fn keep(effect: UserEffect, path: &Path) -> Result<User, UserEffectError> {
+    let mut known = KNOWN.write().unwrap_or_else(PoisonError::into_inner);
+    let id = effect.definition.id.as_str();
+    if let Some(same) = known.iter().find(|user| user.info().id == id) {
+        if *same.definition() == effect.definition {
+            return Ok(*same);
+        }
+        return Err(UserEffectError::Field {
+            path: path.to_owned(),
+            effect: id.to_owned(),
+            field: "id".into(),
+            problem: "is already defined in another way; give one of the two another id".into(),
+        });
+    }
+    if known.len() >= MAX_EFFECTS {
+        return Err(UserEffectError::TooMany { path: path.to_owned() });
+    }
+    let info = effect.info();
+    let user = User(Box::leak(Box::new(Interned { info, effect })));
+    known.push(user);
+    Ok(user)
+}
