@@ -8,6 +8,7 @@ mod columns;
 mod criteria;
 mod diagnose;
 pub mod evidence;
+mod figures;
 mod finding;
 mod held_out;
 mod noise;
