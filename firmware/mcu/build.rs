@@ -1,7 +1,7 @@
 //! What a chip without files has to have built in: the gains, and where its memory is.
 //!
-//! `QUADLAB_GAINS` names the gains file and `QUADLAB_VEHICLE` the vehicle file, from the top folder of the repository or absolute;
-//! the thesis' if neither is set.
+//! `QUADLAB_GAINS` names the gains file and `QUADLAB_VEHICLE` the vehicle file, from the top folder
+//! of the repository or absolute; the thesis' if neither is set.
 #![forbid(unsafe_code)]
 
 use std::error::Error;

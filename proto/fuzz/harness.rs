@@ -22,7 +22,8 @@ fn frame(bytes: &[u8]) {
     assert_eq!(encode(&again, &mut second).expect("every message fits"), written);
 }
 
-/// As it comes, and with a CRC that fits: chance would not find one. Without the key nothing is genuine.
+/// As it comes, and with a CRC that fits: chance would not find one. Without the key nothing is
+/// genuine.
 fn packet(bytes: &[u8]) {
     let mut fitting = bytes.to_vec();
     fitting.extend(crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(bytes).to_le_bytes());

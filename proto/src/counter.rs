@@ -1,31 +1,38 @@
-//! Packet numbers that never come twice, not even after a restart, and that go on at once after one.
+//! Packet numbers that never come twice, not even after a restart, and that go on at once after
+//! one.
 //!
-//! A sender takes numbers only from a stretch that its store holds as used already, so after a crash it goes on behind it.
-//! A receiver accepts only growing numbers, and only under a limit that its store holds already, so after a restart it
-//! refuses everything it may have accepted before. Both ask for the next stretch when half of one is left: the store may be
-//! slow, and is never waited for in a control loop.
+//! A sender takes numbers only from a stretch that its store holds as used already, so after a
+//! crash it goes on behind it. A receiver accepts only growing numbers, and only under a limit that
+//! its store holds already, so after a restart it refuses everything it may have accepted before.
+//! Both ask for the next stretch when half of one is left: the store may be slow, and is never
+//! waited for in a control loop.
 //!
-//! After a restart a receiver's limit is above the other side's numbers, but by no more than [`RESERVE`]: it asks for a stretch
-//! only once a genuine packet has come, and from that packet's number on. Nobody need wait until they have grown so far:
+//! After a restart a receiver's limit is above the other side's numbers, but by no more than
+//! [`RESERVE`]: it asks for a stretch only once a genuine packet has come, and from that packet's
+//! number on. Nobody has to wait for the numbers to catch up:
 //!
-//! - a sender that starts anew begins [`LEAP`] ahead of what its store holds, above any limit of the other side;
-//! - who sees numbers leap by [`LEAP`] or more knows that the other side has started anew, and goes on with its own numbers
-//!   [`RESERVE`] ahead, above the other's limit ([`Sealer::follow`](crate::Sealer::follow)). That is less than a leap, so it is not
-//!   answered with another one;
-//! - a sender that is behind a restarted receiver hears [`accepts_from`](crate::Identity::accepts_from) and skips ahead, where the
-//!   receiver does not speak before it has heard somebody.
+//! - a sender that starts anew begins [`LEAP`] ahead of what its store holds, above any limit of
+//!   the other side;
+//! - who sees numbers leap by [`LEAP`] or more knows that the other side has started anew, and goes
+//!   on with its own numbers [`RESERVE`] ahead, above the other's limit
+//!   ([`Sealer::follow`](crate::Sealer::follow)). That is less than a leap, so it is not answered
+//!   with another one;
+//! - a sender that is behind a restarted receiver hears
+//!   [`accepts_from`](crate::Identity::accepts_from) and skips ahead, where the receiver does not
+//!   speak before it has heard somebody.
 //!
-//! So it makes no difference whether a program ended or was killed: nothing has to be stored at the end. A restart takes some
-//! thousand numbers of 2^64.
+//! So a killed program is as good as one that ended: nothing has to be stored at the end. A restart
+//! costs a few thousand of 2^64 numbers.
 
 /// Length of a stretch of numbers.
 pub const RESERVE: u64 = 1024;
 
-/// So far ahead begins a sender that starts anew: a stretch for the other side's limit, and one more, so that nobody takes its
-/// following ([`SendCounter::follow`]) for a new start.
+/// How far ahead a sender begins that starts anew: a stretch for the other side's limit, and one
+/// more, so that nobody takes its following ([`SendCounter::follow`]) for a new start.
 pub const LEAP: u64 = 2 * RESERVE;
 
-/// Keeps one number through a restart. Storing has to be done (on the disk, in the flash) when it returns.
+/// Keeps one number through a restart. Storing has to be done (on the disk, in the flash) when it
+/// returns.
 pub trait CounterStore {
     /// What can go wrong.
     type Error;
@@ -122,14 +129,14 @@ impl Reserved {
     }
 }
 
-/// What a receiver thinks of a number.
+/// What a receiver makes of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Verdict {
-    /// Accepted; so many numbers before it never came.
+    /// Accepted; `lost` numbers before it never came.
     Fresh { lost: u64 },
-    /// Has been there, or could have been.
+    /// Received before, or could have been.
     Replayed { accepts_from: u64 },
-    /// Beyond what is reserved: accepted once more is.
+    /// Beyond what is reserved: will be accepted once more is reserved.
     NotYet,
 }
 
@@ -181,7 +188,8 @@ impl ReplayGuard {
 
     /// What has to be stored next, if it is time; then call [`ReplayGuard::reserved`].
     pub fn to_reserve(&self) -> Option<u64> {
-        // Otherwise each start without a word from the other side would move the limit farther away from it.
+        // Otherwise each start without a word from the other side would move the limit farther away
+        // from it.
         self.reserved.due(self.base()).filter(|_| !self.silent)
     }
 
@@ -335,7 +343,8 @@ mod tests {
         assert!(!open.take_leap(), "who needs no key cannot use numbers up");
     }
 
-    /// However often a receiver starts without a word from the sender, its limit stays where the sender can reach it.
+    /// However often a receiver starts without a word from the sender, its limit stays where the
+    /// sender can reach it.
     #[test]
     fn a_limit_does_not_run_away() {
         let mut store = Store::default();

@@ -1,7 +1,8 @@
-//! What the IMU board says over its serial line, 115200 baud, 8 data bits, no parity, 1 stop bit.
+//! What the IMU board sends over its serial line, 115200 baud, 8 data bits, no parity, 1 stop bit.
 //!
-//! The thesis' board (3DR APM 2.6) sends rates, attitude, acceleration, battery voltage and current over RS-232; the thesis
-//! prints no format, so this one is ours. All integers are little endian, as they lie in an AVR's or ARM's memory:
+//! The thesis' board (3DR APM 2.6) sends rates, attitude, acceleration, battery voltage and current
+//! over RS-232; the thesis prints no format, so this one is ours. All integers are little endian,
+//! as they lie in an AVR's or ARM's memory:
 //!
 //! ```text
 //! offset  0   version, 1
@@ -16,14 +17,17 @@
 //!        30   CRC-16 of all before it (CRC-16/MCRF4XX: MAVLink's, and `_crc_ccitt_update` of avr-libc from 0xFFFF)
 //! ```
 //!
-//! These 32 bytes are stuffed like every packet here ([`enframe`]: COBS and a zero), 34 bytes, 3.0 ms on the line. An
-//! i16 of -32768 is no number (a sensor that failed); what is beyond the range stays at its end. Body frame FRD.
+//! These 32 bytes are stuffed like every packet here ([`enframe`]: COBS and a zero), 34 bytes, 3.0
+//! ms on the line. An i16 of -32768 is NaN (a sensor that failed); what is beyond the range is
+//! clamped. Body frame FRD.
 //!
-//! Absent: anything that the board could be told. It sends, at the loop's rate or faster, and the newest frame counts.
+//! Absent: messages to the board. It sends, at the loop's rate or faster, and the newest frame
+//! counts.
 
 use crc::{CRC_16_MCRF4XX, Crc};
 
-use crate::{Deframer, ImuSample, enframe};
+use crate::message::ImuSample;
+use crate::stream::{Deframer, enframe};
 
 const VERSION: u8 = 1;
 const BODY_LEN: usize = 30;
@@ -60,7 +64,7 @@ pub struct ImuFrame {
     pub current_a: Option<f32>,
 }
 
-/// To a whole number; the ends of the range stand for what is beyond, the least i16 for what is no number.
+/// A value as an integer; clamped to the range, the least i16 for NaN.
 fn to_i16(value: f32, per_unit: f32) -> [u8; 2] {
     let scaled = libm::roundf(value * per_unit);
     // The cast saturates; -32768 is taken.
@@ -95,7 +99,8 @@ impl Fields<'_> {
     }
 }
 
-/// Writes a frame in its stuffed form with its zero, as it goes over the line; [`MAX_STUFFED_LEN`] bytes suffice.
+/// Writes a frame in its stuffed form with its zero, as it goes over the line; [`MAX_STUFFED_LEN`]
+/// bytes suffice.
 pub fn encode<'a>(frame: &ImuFrame, buffer: &'a mut [u8]) -> Option<&'a [u8]> {
     let ImuFrame { sequence, board_us, sample, battery_v, current_a } = frame;
     let flag = |bit: u8, there: bool| if there { bit } else { 0 };
@@ -272,7 +277,8 @@ mod tests {
     }
 
     proptest! {
-        /// A frame comes out as it went in, to half a step of its scale, behind whatever garbage came before.
+        /// A frame comes out as it went in, to half a step of its scale, behind whatever garbage
+        /// came before.
         #[test]
         fn frames_survive_the_line(sent in any_frame(), garbage in prop::collection::vec(any::<u8>(), 0..600)) {
             let mut parser = Parser::default();
@@ -291,8 +297,8 @@ mod tests {
             prop_assert!(all_near(one(got.current_a), one(sent.current_a), CURRENT_PER_A));
         }
 
-        /// Noise is not taken for frames: 32 bytes with a right CRC, version and flags among random ones have a chance of
-        /// 2^-28 each; and nothing panics.
+        /// Noise is not taken for frames: 32 bytes with a right CRC, version and flags among random
+        /// ones have a chance of 2^-28 each; and nothing panics.
         #[test]
         fn noise_is_no_frame(noise in prop::collection::vec(any::<u8>(), 0..4000)) {
             prop_assert_eq!(frames(&noise, &mut Parser::default()), vec![]);

@@ -1,25 +1,29 @@
-//! Messages between the controller and whatever stands for its craft, defined once.
+//! Messages between the controller, the ground and whatever simulates the craft, defined once.
 //!
-//! A frame is one byte, the protocol [`VERSION`], and then the [`Message`] in postcard encoding: integers as variable
-//! length, f32 as four bytes little endian, options and variants with a leading tag. Equal values give equal bytes on
-//! every machine, and floating-point numbers arrive bit for bit.
+//! A frame is one byte, the protocol [`VERSION`], and then the [`Message`] in postcard encoding:
+//! integers as variable length, f32 as four bytes little endian, options and variants with a
+//! leading tag. Equal values give equal bytes on every machine, and floating-point numbers arrive
+//! bit for bit.
 //!
-//! Units and frames are those of the project: SI, inertial frame north-east-down, body frame front-right-down, Euler
-//! angles Z-Y-X in radians, motor commands in the vehicle's own unit.
+//! Units and frames are those of the project: SI, inertial frame north-east-down, body frame
+//! front-right-down, Euler angles Z-Y-X in radians, motor commands in the vehicle's own unit.
 //!
-//! Inside a process and over shared memory a frame is all there is. Over a network or a wire it travels as a packet
-//! ([`Sealer`], [`Opener`]): header with version, direction, link and a number that never comes twice; the message; with a
-//! [`Key`] an HMAC-SHA-256 tag; a CRC. On a byte stream the packet is stuffed ([`enframe`], [`Deframer`]: COBS). What an IMU board
-//! says over a serial line is stuffed alike, and has a format of its own ([`imu_frame`]).
+//! Inside a process and over shared memory a frame is all there is. Over a network or a wire it
+//! travels as a packet ([`Sealer`], [`Opener`]): header with version, direction, link and a number
+//! that never comes twice; the message; with a [`Key`] an HMAC-SHA-256 tag; a CRC. On a byte stream
+//! the packet is stuffed ([`enframe`], [`Deframer`]: COBS). An IMU board's serial line is stuffed
+//! the same way, with a format of its own ([`imu_frame`]).
 //!
-//! Versions: [`MIN_VERSION`] to [`VERSION`] are read, [`VERSION`] is written. Version 1 had `Input` and `Output` only, and no
-//! packets. The bytes of each version are pinned in `tests/wire_v1.rs` and `tests/wire_v2.rs`.
+//! Versions: [`MIN_VERSION`] to [`VERSION`] are read, [`VERSION`] is written. Version 1 had `Input`
+//! and `Output` only, and no packets. The bytes of each version are pinned in `tests/wire_v1.rs`
+//! and `tests/wire_v2.rs`.
 //!
 //! Deliberately absent: encryption (a pose is no secret), sockets, files and clocks.
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 
 mod counter;
+mod frame;
 pub mod imu_frame;
 mod message;
 mod packet;
@@ -27,6 +31,7 @@ mod peer;
 mod stream;
 
 pub use counter::{CounterStore, LEAP, RESERVE, ReplayGuard, SendCounter};
+pub use frame::{Error, MAX_FRAME_LEN, MIN_VERSION, VERSION, decode, encode};
 pub use message::{
     Answer, Command, Counters, Gains, Identity, ImuSample, Input, Loop, Measurement, Message, Mode, Outcome,
     Output, Pose, Readings, Refusal, Request, State, Supervision, Telemetry, TimedPose, Timer,
@@ -34,89 +39,3 @@ pub use message::{
 pub use packet::{Key, MAX_PACKET_LEN, Opener, Refused, Role, Sealer, Statistics, TAG_LEN};
 pub use peer::{NotAdmitted, admit};
 pub use stream::{Deframer, MAX_STREAM_LEN, enframe};
-
-use core::fmt;
-
-/// Version of the messages that are written. Anything that changes the bytes of a message raises it.
-pub const VERSION: u8 = 2;
-
-/// Oldest version that is still read.
-pub const MIN_VERSION: u8 = 1;
-
-/// No frame is longer, in bytes.
-pub const MAX_FRAME_LEN: usize = 320;
-
-/// Why bytes are not a message, or a message did not become bytes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Error {
-    /// There are no bytes at all.
-    Empty,
-    /// The other side speaks another version.
-    Version {
-        /// The version found.
-        found: u8,
-    },
-    /// The bytes end too early, or a tag has no meaning.
-    Malformed,
-    /// A complete message is followed by this many more bytes.
-    TrailingBytes(usize),
-    /// The buffer for the frame is too short; [`MAX_FRAME_LEN`] always suffices.
-    BufferTooShort,
-}
-
-impl fmt::Display for Error {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Empty => f.write_str("an empty frame"),
-            Self::Version { found } => {
-                write!(
-                    f,
-                    "the other side speaks protocol version {found}, this one versions {MIN_VERSION} to {VERSION}: build both from the same source"
-                )
-            }
-            Self::Malformed => f.write_str("not a message: cut short or damaged"),
-            Self::TrailingBytes(count) => write!(f, "{count} bytes too many after a message"),
-            Self::BufferTooShort => {
-                write!(f, "the buffer is too short for a frame; {MAX_FRAME_LEN} bytes suffice")
-            }
-        }
-    }
-}
-
-impl core::error::Error for Error {}
-
-/// Writes `message` into `buffer` and returns the frame, its first bytes.
-///
-/// # Errors
-/// [`Error::BufferTooShort`].
-pub fn encode<'a>(message: &Message, buffer: &'a mut [u8]) -> Result<&'a [u8], Error> {
-    let (version, rest) = buffer.split_first_mut().ok_or(Error::BufferTooShort)?;
-    *version = VERSION;
-    let body = postcard::to_slice(message, rest).map_err(|_| Error::BufferTooShort)?.len();
-    Ok(&buffer[..=body])
-}
-
-/// Reads the message in `frame`.
-///
-/// # Errors
-/// Whatever is wrong with the bytes; nothing panics.
-pub fn decode(frame: &[u8]) -> Result<Message, Error> {
-    let (&version, body) = frame.split_first().ok_or(Error::Empty)?;
-    decode_body(version, body)
-}
-
-/// Reads the message of a version without its first byte.
-fn decode_body(version: u8, body: &[u8]) -> Result<Message, Error> {
-    if !(MIN_VERSION..=VERSION).contains(&version) {
-        return Err(Error::Version { found: version });
-    }
-    match postcard::take_from_bytes(body) {
-        // Version 1 ended with the second message.
-        Ok((message, _)) if version == 1 && !matches!(message, Message::Input(_) | Message::Output(_)) => {
-            Err(Error::Malformed)
-        }
-        Ok((message, [])) => Ok(message),
-        Ok((_, rest)) => Err(Error::TrailingBytes(rest.len())),
-        Err(_) => Err(Error::Malformed),
-    }
-}

@@ -9,7 +9,8 @@ pub enum Message {
     Input(Input),
     /// From the controller: the outcome of that tick.
     Output(Output),
-    // From here on since version 2. Order and fields of what stands here are its bytes: append only.
+    // From here on since version 2. Order and fields of what stands here are its bytes: append
+    // only.
     /// To the autopilot in lockstep: what has come since the tick before.
     Readings(Readings),
     /// From the autopilot in lockstep: the outcome of that tick.
@@ -106,7 +107,8 @@ pub struct Output {
     pub tick: u32,
     /// Motor commands, command units.
     pub pwm: [f32; 4],
-    /// Commanded roll, pitch, yaw before the prefilters (from the outer loop in position mode), rad.
+    /// Commanded roll, pitch, yaw before the prefilters (from the outer loop in position mode),
+    /// rad.
     pub attitude_command_rad: [f32; 3],
     /// Commanded inertial z before the prefilter, m.
     pub z_command_m: f32,
@@ -118,7 +120,8 @@ pub struct Output {
     pub torque: [f32; 3],
     /// Directions in which the motors could not follow.
     pub refused: Refusal,
-    /// Ticks so far with a fault in measurement, command, battery voltage or in the controller itself.
+    /// Ticks so far with a fault in measurement, command, battery voltage or in the controller
+    /// itself.
     pub faults: u32,
 }
 
@@ -254,7 +257,7 @@ pub enum Loop {
 /// Gains of one loop, in the units of the gains file.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Gains {
-    /// Which.
+    /// The loop.
     pub of: Loop,
     /// Proportional.
     pub kp: f32,

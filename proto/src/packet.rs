@@ -4,13 +4,15 @@
 //! version u8 | flags u8 | link u16 | number u64 | message (postcard) | tag, 16 bytes, with a key | CRC-32
 //! ```
 //!
-//! All integers are little endian. Flags: bit 0 a tag is there, bit 1 the craft sent it; the others are 0. `link` tells crafts
-//! with one key apart. The tag is HMAC-SHA-256 (RFC 2104) of everything before it, cut to its first 16 bytes: RFC 2104 asks
-//! for half the hash at least, and guessing one right takes 2^128 tries over the radio. The CRC (CRC-32/ISO-HDLC, of
-//! everything before it) tells damage from forgery and finds every single and double bit error by itself, on links without
-//! a key too.
+//! All integers are little endian. Flags: bit 0 a tag is there, bit 1 the craft sent it; the others
+//! are 0. `link` tells crafts with one key apart. The tag is HMAC-SHA-256 (RFC 2104) of everything
+//! before it, cut to its first 16 bytes: RFC 2104 asks for half the hash at least, and guessing one
+//! right takes 2^128 tries over the radio. The CRC (CRC-32/ISO-HDLC, of everything before it) tells
+//! damage from forgery and finds every single and double bit error by itself, on links without a
+//! key too.
 //!
-//! Direction, link and number are under the tag: a packet cannot be sent back, to another craft, or again.
+//! Direction, link and number are under the tag: a packet cannot be sent back, to another craft, or
+//! again.
 
 use core::fmt;
 
@@ -19,8 +21,8 @@ use hmac::{Hmac, KeyInit, Mac};
 use sha2::Sha256;
 
 use crate::counter::{ReplayGuard, SendCounter, Verdict};
+use crate::frame::{Error, MAX_FRAME_LEN, VERSION, decode_body};
 use crate::message::Message;
-use crate::{Error, MAX_FRAME_LEN, VERSION, decode_body};
 
 const HEADER_LEN: usize = 12;
 const CRC_LEN: usize = 4;
@@ -51,7 +53,7 @@ impl Key {
         Some(mac)
     }
 
-    /// In a time that does not depend on where the first difference is.
+    /// Compares in constant time.
     fn verifies(&self, bytes: &[u8], tag: &[u8]) -> bool {
         tag.len() == TAG_LEN && self.mac(bytes).is_some_and(|mac| mac.verify_truncated_left(tag).is_ok())
     }
@@ -110,12 +112,12 @@ pub enum Refused {
     NoKey,
     /// The tag is wrong: another key, or forged.
     Forged,
-    /// The number has been there, or could have been.
+    /// The number was received before, or could have been.
     Replayed {
         /// Least number that is accepted.
         accepts_from: u64,
     },
-    /// Genuine, but its number is not reserved yet; store what the guard asks for.
+    /// Genuine, but its number is not reserved yet: store what the guard asks for.
     NotReserved,
     /// The message in it cannot be read.
     Message(Error),
@@ -126,14 +128,14 @@ pub enum Refused {
 impl fmt::Display for Refused {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
-            Self::Length(length) => write!(f, "{length} bytes are no packet"),
+            Self::Length(length) => write!(f, "{length} bytes are not a packet"),
             Self::Damaged => f.write_str("a packet was damaged on the way (CRC)"),
             Self::Version { found } => write!(
                 f,
-                "the other side speaks packet version {found}, this one version {VERSION}: build both from the same source"
+                "the other side speaks packet version {found}, this one speaks {VERSION}: build both from the same source"
             ),
-            Self::Flags(flags) => write!(f, "packet flags {flags:#04x} have no meaning"),
-            Self::Direction => f.write_str("a packet came back from where it was sent to"),
+            Self::Flags(flags) => write!(f, "unknown packet flags {flags:#04x}"),
+            Self::Direction => f.write_str("one of our own packets came back"),
             Self::Link { found, expected } => {
                 write!(f, "a packet for link {found}; this is link {expected}")
             }
@@ -145,7 +147,7 @@ impl fmt::Display for Refused {
             ),
             Self::Forged => f.write_str("a packet with a wrong tag: the keys differ, or it was forged"),
             Self::Replayed { accepts_from } => {
-                write!(f, "a packet that has been there; numbers from {accepts_from} on are accepted")
+                write!(f, "a packet that was received before; numbers from {accepts_from} on are accepted")
             }
             Self::NotReserved => f.write_str("a packet number that is not reserved yet"),
             Self::Message(error) => write!(f, "in a packet: {error}"),
@@ -177,7 +179,8 @@ impl Sealer {
         Self { role, link, key: None, counter: SendCounter::volatile() }
     }
 
-    /// To be called when a packet has been opened: if the other side has started anew, goes on where it accepts.
+    /// To be called when a packet has been opened: if the other side has started anew, goes on
+    /// where it accepts.
     pub fn follow(&mut self, opener: &mut Opener) {
         if opener.guard.take_leap() {
             self.counter.follow();
@@ -187,7 +190,8 @@ impl Sealer {
     /// Writes a message as a packet into `buffer`; gives its number and its bytes.
     ///
     /// # Errors
-    /// [`Refused::OutOfNumbers`], or a buffer shorter than [`MAX_PACKET_LEN`] that does not suffice.
+    /// [`Refused::OutOfNumbers`], or a buffer shorter than [`MAX_PACKET_LEN`] that does not
+    /// suffice.
     pub fn seal<'a>(&mut self, message: &Message, buffer: &'a mut [u8]) -> Result<(u64, &'a [u8]), Refused> {
         const SHORT: Refused = Refused::Message(Error::BufferTooShort);
         let (header, rest) = buffer.split_at_mut_checked(HEADER_LEN).ok_or(SHORT)?;
@@ -228,7 +232,8 @@ pub struct Statistics {
     pub accepted: u32,
     /// Packets refused, for whatever reason but a number that is not reserved yet.
     pub refused: u32,
-    /// Packets that never came, or came before their numbers were reserved: by the gaps in the numbers.
+    /// Packets that never came, or came before their numbers were reserved: by the gaps in the
+    /// numbers.
     pub lost: u32,
 }
 
@@ -240,7 +245,7 @@ pub struct Opener {
     key: Option<Key>,
     /// The numbers.
     pub guard: ReplayGuard,
-    /// What has come.
+    /// Counts of what has come.
     pub statistics: Statistics,
 }
 
@@ -257,10 +262,10 @@ impl Opener {
         Self { from, link, key: None, guard, statistics: Statistics::default() }
     }
 
-    /// The number of a packet and its message, if it is one, is genuine, and has not been there.
+    /// The number and message of a packet that is intact, genuine and new.
     ///
     /// # Errors
-    /// Why not.
+    /// Why the packet was refused.
     pub fn unseal(&mut self, packet: &[u8]) -> Result<(u64, Message), Refused> {
         let outcome = self.judge(packet);
         let statistics = &mut self.statistics;

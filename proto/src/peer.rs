@@ -24,8 +24,8 @@ impl fmt::Display for NotAdmitted {
 
 impl core::error::Error for NotAdmitted {}
 
-/// May `peer` be talked to? With a key, anybody (the packets show who they are); without one, this machine only, unless
-/// `allow_open`.
+/// May `peer` be talked to? With a key, anybody (the packets show who they are); without one, this
+/// machine only, unless `allow_open`.
 ///
 /// # Errors
 /// [`NotAdmitted`].

@@ -1,4 +1,5 @@
-//! The fuzz target's harness on the stable compiler: the committed corpus, every cut of it, and mutations, bounded.
+//! The fuzz target's harness on the stable compiler: the committed corpus, every cut of it, and
+//! mutations, bounded.
 
 mod common;
 
@@ -17,8 +18,8 @@ fn corpus() -> Vec<Vec<u8>> {
     paths.iter().map(|path| std::fs::read(path).unwrap()).collect()
 }
 
-/// What the corpus has to hold: each message as frame, packet without and with a key, and on a stream. (With
-/// `WRITE_CORPUS=1` it is written.)
+/// What the corpus has to hold: each message as frame, packet without and with a key, and on a
+/// stream. (With `WRITE_CORPUS=1` it is written.)
 #[test]
 fn the_corpus_holds_every_message() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus/decode");

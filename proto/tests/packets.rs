@@ -1,4 +1,5 @@
-//! What a link does to packets: damage, loss, order, replay, forgery; on datagrams and on a byte stream.
+//! What a link does to packets: damage, loss, order, replay, forgery; on datagrams and on a byte
+//! stream.
 
 mod common;
 
@@ -217,8 +218,8 @@ fn a_stream_is_in_step_again_after_any_lost_or_wrong_byte() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(20_000))]
 
-    /// The fuzz target's property, bounded: a packet or stream made of a real one by cutting, repeating and overwriting
-    /// never panics, and what is accepted is a message that was sent.
+    /// The fuzz target's property, bounded: a packet or stream made of a real one by cutting,
+    /// repeating and overwriting never panics, and what is accepted is a message that was sent.
     #[test]
     fn mutated_packets_are_refused_or_real(
         which in 0_usize..11,
@@ -243,7 +244,8 @@ proptest! {
         prop_assert!(got.iter().all(|m| *m == message), "{got:?}");
     }
 
-    /// Loss, order and repetition: what is accepted is in the order it was sent, each once, and the count of losses fits.
+    /// Loss, order and repetition: what is accepted is in the order it was sent, each once, and the
+    /// count of losses fits.
     #[test]
     fn order_is_kept(order in prop::collection::vec(0_usize..60, 0..200)) {
         let (mut sealer, mut opener) = pair(true);

@@ -1,9 +1,9 @@
-//! Both ends of a link with a key, killed and started anew in the middle of whatever they do, on a network that loses packets and
-//! an attacker who sends again what he has recorded.
+//! Both ends of a link with a key, killed and started anew in the middle of whatever they do, on a
+//! network that loses packets and an attacker who sends again what he has recorded.
 //!
-//! Whatever happens: no number is sent twice, no packet is accepted twice, and when the network is good again both sides hear each
-//! other at once. How a store behaves is as on a craft (beside the loop, so numbers are there only some packets later) or as on the
-//! ground (waited for).
+//! Whatever happens: no number is sent twice, no packet is accepted twice, and when the network is
+//! good again both sides hear each other at once. How a store behaves is as on a craft (beside the
+//! loop, so numbers are there only some packets later) or as on the ground (waited for).
 
 use std::collections::HashSet;
 
@@ -159,7 +159,8 @@ impl World {
         }
     }
 
-    /// A packet each way, as far as they come through; which was accepted: the one up, the one down.
+    /// A packet each way, as far as they come through; which was accepted: the one up, the one
+    /// down.
     fn exchange(&mut self, through: [bool; 2]) -> [bool; 2] {
         [0, 1].map(|way| {
             let (from, to) = match way {
@@ -198,8 +199,9 @@ impl World {
     }
 }
 
-/// Storing twice (the limit of what is heard, then the numbers ahead), two ways, and one packet to hear of it: less than twenty
-/// packets each way are lost. At a hundred a second that is a fifth of a second.
+/// Storing twice (the limit of what is heard, then the numbers ahead), two ways, and one packet to
+/// hear of it: less than twenty packets each way are lost. At a hundred a second that is a fifth of
+/// a second.
 const SOON: usize = 20;
 
 #[derive(Debug, Clone)]

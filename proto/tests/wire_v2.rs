@@ -1,4 +1,5 @@
-//! Version 2 byte by byte: a change of any of these bytes needs a new version and a new file beside this one.
+//! Version 2 byte by byte: a change of any of these bytes needs a new version and a new file beside
+//! this one.
 
 mod common;
 
@@ -28,7 +29,8 @@ fn bytes(text: &str) -> Vec<u8> {
         .collect()
 }
 
-/// The frame of each message of [`messages`], in its order; integers seven bits a byte, options with a leading byte.
+/// The frame of each message of [`messages`], in its order; integers seven bits a byte, options
+/// with a leading byte.
 fn pinned() -> Vec<Vec<u8>> {
     let pose = "1 -2 .5  0 -0 -1";
     let supervision = "03 40 FF07";

@@ -1,5 +1,5 @@
-//! What stories across crates share: where they find data that is not part of the project, and flights of worlds that
-//! were not made with the product's plant ([`world`]).
+//! What stories across crates share: where they find data that is not part of the project, and
+//! flights of worlds that were not made with the product's plant ([`world`]).
 //!
 //! Reference numbers and flights of others lie in a folder `shared` beside the repository (or where
 //! `QUADLAB_SHARED` points). Without it the tests that need it pass and print `SKIPPED`.

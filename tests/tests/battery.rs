@@ -1,4 +1,5 @@
-//! The battery between commands and thrust: what a voltage that sags and a noisy voltmeter must not do to a fit.
+//! The battery between commands and thrust: what a voltage that sags and a noisy voltmeter must not
+//! do to a fit.
 #![forbid(unsafe_code)]
 
 use model::{Effect, Model};
@@ -16,8 +17,9 @@ fn truth(world: &World, effect: Effect, index: usize) -> f64 {
     world.truth().iter().find(|t| t.effect == effect.id() && t.index == index).unwrap().value
 }
 
-/// The voltage acts on the motors all the while. Taken as it was at the start of each sample, the sag (a tenth of the loop
-/// from rotor speed to rotor speed) is half a sample late, and the vertical drag 0.7 % off.
+/// The voltage acts on the motors all the while. Taken as it was at the start of each sample, the
+/// sag (a tenth of the loop from rotor speed to rotor speed) is half a sample late, and the
+/// vertical drag 0.7 % off.
 #[test]
 fn a_sagging_battery_does_not_show_as_drag() {
     for seed in [11, 22, 33] {
@@ -31,8 +33,8 @@ fn a_sagging_battery_does_not_show_as_drag() {
     }
 }
 
-/// A voltmeter with 36 mV of noise pulls the coefficient of the voltage to zero by what noise is left in: by 0.65 % with a
-/// smoother short enough for the sag.
+/// A voltmeter with 36 mV of noise pulls the coefficient of the voltage to zero by what noise is
+/// left in: by 0.65 % with a smoother short enough for the sag.
 #[test]
 fn a_noisy_voltmeter_does_not_shrink_the_coefficient_of_the_voltage() {
     let mut ratios = Vec::new();

@@ -1,5 +1,6 @@
-//! Every effect of the catalogue goes round: put into a craft, flown in software in the loop, identified from the flight
-//! files, and there again. And what the catalogue says of each is complete.
+//! Every effect of the catalogue goes round: put into a craft, flown in software in the loop,
+//! identified from the flight files, and there again. And what the catalogue says of each is
+//! complete.
 
 use model::effects::CATALOGUE;
 use model::{Effect, Kind, Model, Question};
@@ -7,11 +8,12 @@ use rayon::prelude::*;
 use sil::{FlightPlan, fly};
 use sysid::{Prepared, fit};
 
-/// An effect and ordinary values of its coefficients: typical ones on the side that is possible, qualifying ones within
-/// what is known of them.
+/// An effect and ordinary values of its coefficients: typical ones on the side that is possible,
+/// qualifying ones within what is known of them.
 fn ordinary(effect: Effect) -> Vec<f64> {
     if effect == Effect::SlungLoad {
-        // Clear of the thesis' loops: a cable of 0.4 m swings where they are weakest, and they shake it up.
+        // Clear of the thesis' loops: a cable of 0.4 m swings where they are weakest, and they
+        // shake it up.
         return vec![0.04, 0.25, 0.05];
     }
     let size = |c: &model::Coefficient| match c.prior {
@@ -31,7 +33,8 @@ fn craft(effect: Effect, values: &[f64]) -> Model {
     model
 }
 
-/// Three flights of a craft, of the first seeds with which the thesis' gains keep it; nothing when they keep losing it.
+/// Three flights of a craft, of the first seeds with which the thesis' gains keep it; nothing when
+/// they keep losing it.
 fn flights(model: &Model, first_seed: u64) -> Option<Vec<Prepared>> {
     let fly_one = |seed: u64| {
         let plan = FlightPlan::identification(model.clone(), seed, 30.0);
@@ -52,7 +55,8 @@ fn flights(model: &Model, first_seed: u64) -> Option<Vec<Prepared>> {
     (kept.len() == 3).then_some(kept)
 }
 
-/// Values of an effect with which the craft can be kept, ordinary ones or a part of them, and flights with them.
+/// Values of an effect with which the craft can be kept, ordinary ones or a part of them, and
+/// flights with them.
 fn flown(effect: Effect, ordinary: &[f64], first_seed: u64) -> (Vec<f64>, Vec<Prepared>) {
     [1.0, 0.5, 0.25]
         .into_iter()
@@ -64,7 +68,8 @@ fn flown(effect: Effect, ordinary: &[f64], first_seed: u64) -> (Vec<f64>, Vec<Pr
         .unwrap_or_else(|| panic!("{effect}: the craft cannot be kept"))
 }
 
-/// Coefficients of an effect that are off by more than 4 of their standard errors; those with a prior only qualify others.
+/// Coefficients of an effect that are off by more than 4 of their standard errors; those with a
+/// prior only qualify others.
 fn astray(found: &Model, effect: Effect, expected: &[f64]) -> Vec<String> {
     let term = found.term(effect).expect("it was fitted");
     let compared = term.coefficients.iter().zip(expected).zip(effect.info().coefficients);
@@ -72,8 +77,8 @@ fn astray(found: &Model, effect: Effect, expected: &[f64]) -> Vec<String> {
         .filter(|((found, expected), info)| {
             let error = found.std_error.expect("it was fitted");
             let counts = info.prior.is_none() || effect == Effect::SlungLoad;
-            // A swing is followed in pieces behind a smoother: a cable comes out short by half a percent (measured), which only a log
-            // without noise shows.
+            // A swing is followed in pieces behind a smoother: a cable comes out short by half a
+            // percent (measured), which only a log without noise shows.
             let followed = if effect == Effect::SlungLoad { 0.01 * expected.abs() } else { 0.0 };
             counts && (found.value - *expected).abs() > 4.0 * error + followed
         })

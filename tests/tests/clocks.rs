@@ -1,4 +1,5 @@
-//! Clocks of simulated flights that were put wrong on purpose are recovered, and right ones are left alone.
+//! Clocks of simulated flights that were put wrong on purpose are recovered, and right ones are
+//! left alone.
 
 use flights::Column::*;
 use flights::{Column, Flight};
@@ -9,8 +10,9 @@ use stories::world::{Pattern, Sensors, Size, World};
 use sysid::checks::clocks::{self, Clocks};
 use sysid::{FaultKind, Prepared, examine};
 
-/// The flight with its tracker's columns stamped late by `offset_s` at the middle of the flight, more by `skew` for
-/// every second after it. Straight lines between neighbours: the motion is slow against a sample.
+/// The flight with its tracker's columns stamped late by `offset_s` at the middle of the flight,
+/// more by `skew` for every second after it. Straight lines between neighbours: the motion is slow
+/// against a sample.
 fn late(flight: &Flight, offset_s: f64, skew: f64) -> Flight {
     let all = [T, X, Y, Z, Phi, Theta, Psi, P, Q, R, Cmd1, Cmd2, Cmd3, Cmd4, Vbat];
     let t = flight.column(T).unwrap();
@@ -61,7 +63,8 @@ fn offsets_and_skews_are_recovered() {
             let (t, whole) = (shifted.column(Column::T).unwrap(), flight.column(Column::T).unwrap());
             let planted_middle = 0.5 * (whole[0] + whole[whole.len() - 1]);
             let middle = 0.5 * (t[0] + t[t.len() - 1]);
-            // The tracker's row t' shows the moment t = t' - offset - skew (t' - middle) of the board.
+            // The tracker's row t' shows the moment t = t' - offset - skew (t' - middle) of the
+            // board.
             let row = (middle + offset_s - skew * planted_middle) / (1.0 - skew);
             let error_s = found.shift_s(middle) - (row - middle);
             let skew_error = found.skew - skew / (1.0 - skew);
@@ -146,14 +149,16 @@ fn a_flight_put_on_one_clock_fits_as_if_it_had_always_been() {
 
 #[test]
 fn a_board_that_runs_slow_is_known_from_gravity() {
-    // The Crazyflie's timer ran 1.18 % slow for years: its stamps lag behind, and the tracker keeps time.
+    // The Crazyflie's timer ran 1.18 % slow for years: its stamps lag behind, and the tracker keeps
+    // time.
     for seed in 0..4 {
         let (vehicle, flights) = flights(seed, &Sensors::default());
         for flight in flights {
             let tracker_fast = late(&flight, 0.0, 0.0118);
             let found = Clocks::of(&Prepared::new(&tracker_fast, &vehicle).unwrap(), vehicle.gravity);
             assert!(found.board_keeps_time, "seed {seed} {}", flight.name);
-            // The same log with all times in the tracker's unit: now the board's clock is the wrong one.
+            // The same log with all times in the tracker's unit: now the board's clock is the wrong
+            // one.
             let all = [T, X, Y, Z, Phi, Theta, Psi, P, Q, R, Cmd1, Cmd2, Cmd3, Cmd4, Vbat];
             let columns = all.map(|column| {
                 let values = tracker_fast.column(column).unwrap();

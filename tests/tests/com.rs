@@ -1,8 +1,10 @@
-//! The craft's program against the simulated craft, in real time: UDP, a serial line, and the files of the kernel's PWM
-//! interface between them, as in the air; and with `quadlab ground` at the other end, all that there is.
+//! The craft's program against the simulated craft, in real time: UDP, a serial line, and the files
+//! of the kernel's PWM interface between them, as in the air; and with `quadlab ground` at the
+//! other end, all that there is.
 //!
-//! The plant goes by the craft's clock: each telemetry packet on its way to the ground moves it on to that tick, with the pulses
-//! that are in the files. So a busy machine that leaves out ticks flies worse and not in another time.
+//! The plant goes by the craft's clock: each telemetry packet on its way to the ground moves it on
+//! to that tick, with the pulses that are in the files. So a busy machine that leaves out ticks
+//! flies worse and not in another time.
 #![forbid(unsafe_code)]
 
 #[path = "../../firmware/com/tests/whole/common/mod.rs"]
@@ -17,15 +19,15 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use common::{Bench, Ground, IDLE, PATIENCE, Program, patient_law, signal};
-use ground::frames::{Axes, Frames, xyz_from_rotation};
 use ground::link::{LinkSettings, PORT};
-use ground::vicon::{Block, Object};
+use ground::mocap::frames::{Axes, Frames, xyz_from_rotation};
+use ground::mocap::vicon_stream::{Block, Object};
 use model::{Battery, Model, Plant};
 use nalgebra::Vector3;
 use pattern::{Excitation, Pattern};
 use proto::{Key, MAX_PACKET_LEN, Message, Mode, Opener, Pose, Request, Role, State, Telemetry, Timer};
 use serde_json::Value;
-use sil::{Craft, FlightPlan, NoiseModel, Room, Script, Sensors, for_identification};
+use sil::{FlightPlan, NoiseModel, Room, Script, Sensors, SimulatedCraft, for_identification};
 
 const PERIOD_S: f64 = 0.01;
 
@@ -48,12 +50,13 @@ fn program(name: &str) -> PathBuf {
 struct World {
     bench: Bench,
     ground: Ground,
-    craft: Craft,
+    craft: SimulatedCraft,
     ticks: u16,
 }
 
 impl World {
-    /// One tick of the craft's program: the pulses that it gives move the plant, the plant's sensors answer.
+    /// One tick of the craft's program: the pulses that it gives move the plant, the plant's
+    /// sensors answer.
     fn tick(&mut self, command: proto::Command) {
         let voltage_v = self.craft.voltage_v();
         if self.ground.state() == State::Flying || self.is_up() {
@@ -84,8 +87,8 @@ impl World {
     }
 }
 
-/// Arm, climb, fly half a metre to the side, cut: what the program makes of it through all its ports moves the identified
-/// plant where it should go.
+/// Arm, climb, fly half a metre to the side, cut: what the program makes of it through all its
+/// ports moves the identified plant where it should go.
 #[test]
 fn the_program_flies_the_plant_through_its_ports() {
     let model = Model::thesis();
@@ -95,7 +98,7 @@ fn the_program_flies_the_plant_through_its_ports() {
     let sensors = Sensors::new(&model, Some(NoiseModel::default()), PERIOD_S, 7);
     // Rotors at rest; a hand's breadth under where it is asked to be.
     let state = model::State::at_rest(Vector3::new(0.0, 0.0, -0.8), [0.0; 4]);
-    let craft = Craft::new(Plant::new(&model), Battery::constant(11.1), sensors, state, PERIOD_S, 4);
+    let craft = SimulatedCraft::new(Plant::new(&model), Battery::constant(11.1), sensors, state, PERIOD_S, 4);
     let mut world = World { bench, ground, craft, ticks: 0 };
 
     let idle = proto::Command { z_m: -0.8, ..IDLE };
@@ -120,7 +123,8 @@ fn the_program_flies_the_plant_through_its_ports() {
         world.tick(aside);
     }
     let [x, y, z] = world.position_m();
-    // 1 s of rate-limited way and 4 s to settle: the thesis' loop is within 15 % of a step then (5.5, reference).
+    // 1 s of rate-limited way and 4 s to settle: the thesis' loop is within 15 % of a step then
+    // (5.5, reference).
     assert!(
         (x - 0.5).abs() < 0.1 && y.abs() < 0.1 && (z + 1.0).abs() < 0.1,
         "{x} {y} {z} after a step of 0.5 m"
@@ -160,7 +164,8 @@ fn keyed_bench(law: &control::Config) -> Bench {
     bench
 }
 
-/// What passes between ground and craft, as at an access point: packets go through unchanged, and those of the craft are read.
+/// What passes between ground and craft, as at an access point: packets go through unchanged, and
+/// those of the craft are read.
 struct AccessPoint {
     front: UdpSocket,
     back: UdpSocket,
@@ -210,7 +215,8 @@ impl AccessPoint {
     }
 }
 
-/// A laboratory around the craft's program: what it does to the pulses moves the plant, which the IMU board and a tracker see.
+/// A laboratory around the craft's program: what it does to the pulses moves the plant, which the
+/// IMU board and a tracker see.
 struct Hall {
     bench: Bench,
     air: AccessPoint,
@@ -305,14 +311,14 @@ fn quadlab(folder: &Path, arguments: &[&str]) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-/// Everything there is, as a user has it: the craft's program, its serial line and outputs, a tracker, an access point, a key, and
-/// `quadlab ground` with a script that flies twice. What it recorded is compared with the craft that flew, and identified.
+/// Everything there is, as a user has it: the craft's program, its serial line and outputs, a
+/// tracker, an access point, a key, and `quadlab ground` with a script that flies twice. What it
+/// recorded is compared with the craft that flew, and identified.
 #[test]
 fn the_ground_station_flies_the_program_and_its_recording_is_identified() {
     let mut law = for_identification(control::Config::thesis());
     // A test machine that stands still is forgiven; coming down takes less of the test's time.
-    law.supervision =
-        control::supervision::Supervision { fence: law.supervision.fence, ..patient_law().supervision };
+    law.supervision = control::Supervision { fence: law.supervision.fence, ..patient_law().supervision };
     law.supervision.landing.descent_m_s = 0.6;
     let plan = FlightPlan { config: law, ..FlightPlan::identification(Model::thesis(), 11, 1.0) };
     let bench = keyed_bench(&law);
@@ -358,8 +364,9 @@ fn the_ground_station_flies_the_program_and_its_recording_is_identified() {
         ["f330-model.toml", "f330.toml"].map(|name| vehicles.join(name).display().to_string());
     let compared = quadlab(folder.path(), &["compare", "--model", &model, "--flights", "a-1.csv", "a-2.csv"]);
     let explained = |axis: &str| compared["total"][axis]["r2"].as_f64().unwrap();
-    // The craft that flew, to what a busy machine's late poses and left-out ticks spoil: 0.996 and more on a quiet one, 0.90 along w
-    // with four busy threads and no real-time priority. Along u and v this short flight is too gentle to say anything.
+    // The craft that flew, to what a busy machine's late poses and left-out ticks spoil: 0.996 and
+    // more on a quiet one, 0.90 along w with four busy threads and no real-time priority. Along u
+    // and v this short flight is too gentle to say anything.
     for axis in ["w", "p", "q", "r"] {
         println!("{axis}: {} explained", explained(axis));
         assert!(explained(axis) > 0.7, "{axis}: {}", compared["total"]);
@@ -375,7 +382,7 @@ fn the_ground_station_flies_the_program_and_its_recording_is_identified() {
 /// The ground's end of the link with its files, and everything that passed over it.
 struct Pilot {
     folder: tempfile::TempDir,
-    link: ground::link::Link,
+    link: ground::link::CraftLink,
     socket: UdpSocket,
     said: u32,
     up: Vec<Vec<u8>>,
@@ -391,10 +398,10 @@ impl Pilot {
         Self { folder, link, socket, said: 0, up: Vec::new(), down: Vec::new(), telemetry: None }
     }
 
-    fn link(folder: &Path) -> ground::link::Link {
+    fn link(folder: &Path) -> ground::link::CraftLink {
         let key = Some(folder.join("key"));
         let settings = LinkSettings { number: LINK, key, ..LinkSettings::default() };
-        ground::link::Link::open(&settings, "127.0.0.1".parse().unwrap()).unwrap()
+        ground::link::CraftLink::open(&settings, "127.0.0.1".parse().unwrap()).unwrap()
     }
 
     fn socket(craft: SocketAddr) -> UdpSocket {
@@ -404,7 +411,8 @@ impl Pilot {
         socket
     }
 
-    /// As after kill -9: nothing is left but the files. (Nothing is stored at the end of a link, so a clean end is no other.)
+    /// As after kill -9: nothing is left but the files. (Nothing is stored at the end of a link, so
+    /// a clean end is no other.)
     fn killed(&mut self) {
         self.link = Self::link(self.folder.path());
     }
@@ -442,7 +450,8 @@ impl Pilot {
         self.telemetry.map_or(0, |telemetry| telemetry.counters.packets_refused)
     }
 
-    /// Plays everything again that was ever said, in both directions: the craft counts it, and nobody takes it.
+    /// Plays everything again that was ever said, in both directions: the craft counts it, and
+    /// nobody takes it.
     fn replay(&mut self) {
         let (before, count) = (self.refused(), self.up.len() as u32);
         for (k, packet) in self.up.iter().enumerate() {
@@ -463,11 +472,13 @@ impl Pilot {
     }
 }
 
-/// Packets until both are heard after a restart: a ground station that waits for the numbers to grow to the limit in its file needs
-/// a thousand. Storing takes some ticks, more on a busy machine.
+/// Packets until both are heard after a restart: a ground station that waits for the numbers to
+/// grow to the limit in its file needs a thousand. Storing takes some ticks, more on a busy
+/// machine.
 const SOON: u32 = 100;
 
-/// Either side ends or is killed, or both are: they go on at once, and what was said before stays said.
+/// Either side ends or is killed, or both are: they go on at once, and what was said before stays
+/// said.
 #[test]
 fn a_restart_of_either_side_loses_no_time_and_lets_no_echo_in() {
     let bench = keyed_bench(&patient_law());
@@ -509,7 +520,8 @@ fn the_examples_port_is_the_ground_stations() {
     assert!(example.lines().any(|line| line == listens), "{listens}");
 }
 
-/// The craft's computer, the microcontroller's image and anybody with coreutils agree on what a craft is.
+/// The craft's computer, the microcontroller's image and anybody with coreutils agree on what a
+/// craft is.
 #[test]
 fn both_programs_tell_one_hash() {
     let bench = Bench::new(&control::Config::thesis(), "");

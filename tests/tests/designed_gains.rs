@@ -1,17 +1,19 @@
-//! Gains from the linear loops, flown in the nonlinear simulation: what the design promises is what flies.
+//! Gains from the linear loops, flown in the nonlinear simulation: what the design promises is what
+//! flies.
 #![forbid(unsafe_code)]
 
 use std::path::Path;
 
 use control::Config;
 use control::gains::Saturation;
-use control::supervision::Fence;
-use design::check::{Study, commanded};
+use control::supervision_limits::Fence;
+use design::analysis::{Study, commanded};
 use design::loops::{LOOPS, LoopName, View};
 use model::{Battery, Model};
-use sil::{FlightPlan, NoiseModel, Outcome, Scenario, Settings, StepAxis, fly};
+use sil::{FlightPlan, NoiseModel, Scenario, ScenarioResult, Settings, StepAxis, fly};
 
-/// The default design on the thesis' vehicle, as the file in the tree has it (crate `design` tests that it comes out so).
+/// The default design on the thesis' vehicle, as the file in the tree has it (crate `design` tests
+/// that it comes out so).
 fn designed() -> Config {
     let text = include_str!("../../host-sim/model/vehicles/f330-designed-gains.toml");
     design::Gains::parse(text, Path::new("f330-designed-gains.toml")).unwrap().config
@@ -30,9 +32,10 @@ fn flown(config: &Config, axis: StepAxis, size: f64, delay: usize) -> Vec<f64> {
     series[100..].iter().map(|value| (value - before) / size).collect()
 }
 
-/// The sampled linear loop and the nonlinear flight of a small step are the same curve. What differs is second order in the
-/// step, and the other axis through the rotors' momentum, whose poles and zeros the channels take for one (0.1 %): with a
-/// damping of 0.02 that shows in pitch as 1 % of the step, in roll as a third of it, and not at all elsewhere.
+/// The sampled linear loop and the nonlinear flight of a small step are the same curve. What
+/// differs is second order in the step, and the other axis through the rotors' momentum, whose
+/// poles and zeros the channels take for one (0.1 %): with a damping of 0.02 that shows in pitch as
+/// 1 % of the step, in roll as a third of it, and not at all elsewhere.
 #[test]
 fn small_steps_fly_as_the_linear_loops_say() {
     let (model, config) = (Model::thesis(), Config::thesis());
@@ -52,8 +55,9 @@ fn small_steps_fly_as_the_linear_loops_say() {
     }
 }
 
-/// The default design on the thesis' craft: 10 degrees of roll and pitch with 2 samples of delay and with 4, where the
-/// thesis' gains lose control with 3. The dip is that of the specifications, with what 10 degrees bend.
+/// The default design on the thesis' craft: 10 degrees of roll and pitch with 2 samples of delay
+/// and with 4, where the thesis' gains lose control with 3. The dip is that of the specifications,
+/// with what 10 degrees bend.
 #[test]
 fn designed_gains_fly_with_a_late_pose() {
     let designed = designed();
@@ -61,7 +65,7 @@ fn designed_gains_fly_with_a_late_pose() {
     for axis in [StepAxis::Roll, StepAxis::Pitch] {
         for delay in [2, 4] {
             let response = flown(&designed, axis, ten, delay);
-            let metrics = design::response::step_metrics(&response, 0.01);
+            let metrics = design::analysis::step_metrics(&response, 0.01);
             println!("{axis:?}, {delay} samples: {metrics:?}");
             let tail = &response[response.len() - 200..];
             let ripple = tail.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
@@ -82,9 +86,10 @@ fn designed_gains_fly_with_a_late_pose() {
     assert!(!lost.complete || ripple > 5e-3, "{ripple}");
 }
 
-/// Every standard flight with the default design against the thesis' gains in the same simulation and against what the thesis
-/// prints: overshoot of yaw 3.54 %, altitude 2.15 %, x 15 % and y 17 %, rise of yaw 0.665 s and altitude 1.24 s. Roll and pitch
-/// have no printed step; the reference's linear loops rise in 0.378 and 0.332 s, and fall back to 62 % after their peak.
+/// Every standard flight with the default design against the thesis' gains in the same simulation
+/// and against what the thesis prints: overshoot of yaw 3.54 %, altitude 2.15 %, x 15 % and y 17 %,
+/// rise of yaw 0.665 s and altitude 1.24 s. Roll and pitch have no printed step; the reference's
+/// linear loops rise in 0.378 and 0.332 s, and fall back to 62 % after their peak.
 #[test]
 fn designed_gains_fly_no_worse_than_the_thesis_gains() {
     let config = designed();
@@ -98,7 +103,7 @@ fn designed_gains_fly_no_worse_than_the_thesis_gains() {
         (Scenario::Y1, 14.2, 2.0),
     ] {
         let plan = scenario.plan(&settings);
-        let outcome = Outcome::new(scenario, plan.clone(), fly(&plan).unwrap());
+        let outcome = ScenarioResult::new(scenario, plan.clone(), fly(&plan).unwrap());
         let metrics = outcome.metrics.unwrap();
         println!("{scenario}: {metrics:?}");
         assert!(outcome.pass() && outcome.saturated_ticks == 0, "{scenario}");
@@ -110,14 +115,15 @@ fn designed_gains_fly_no_worse_than_the_thesis_gains() {
     }
     for scenario in [Scenario::Hover, Scenario::Pattern, Scenario::Excitation] {
         let plan = scenario.plan(&settings);
-        assert!(Outcome::new(scenario, plan.clone(), fly(&plan).unwrap()).pass(), "{scenario}");
+        assert!(ScenarioResult::new(scenario, plan.clone(), fly(&plan).unwrap()).pass(), "{scenario}");
     }
 }
 
-/// 30 degrees of roll held for 10 s, where the thesis' gains tumble: to both sides, with noise, with 3 and 4 samples of delay,
-/// and with a battery of 10.5 V. After 7 s the motors are at their end, for a craft that slides at 17 m/s has to hold 64
-/// rad/s^2 of the 73 there are against the air (the reference says 3.78 per m/s): then it gives up height, not the attitude,
-/// and a little of the angle. Motors clipped one by one lose the craft with the same gains.
+/// 30 degrees of roll held for 10 s, where the thesis' gains tumble: to both sides, with noise,
+/// with 3 and 4 samples of delay, and with a battery of 10.5 V. After 7 s the motors are at their
+/// end, for a craft that slides at 17 m/s has to hold 64 rad/s^2 of the 73 there are against the
+/// air (the reference says 3.78 per m/s): then it gives up height, not the attitude, and a little
+/// of the angle. Motors clipped one by one lose the craft with the same gains.
 #[test]
 fn thirty_degrees_of_roll_are_held() {
     let config = designed();
@@ -157,11 +163,11 @@ fn thirty_degrees_of_roll_are_held() {
     assert!(!held(&Config::thesis(), thirty, 2, false, 11.1));
 }
 
-/// What `design check` says can be held for ever is held, for two minutes: at nine tenths of it the craft slides at a steady
+/// The greatest tilt that `design check` gives is held for two minutes: at nine tenths of it the craft slides at a steady
 /// speed, level in height and with motors inside their range. A quarter beyond it the motors end, and height or angle goes.
 #[test]
 fn the_steady_tilt_is_where_holding_ends() {
-    let right = design::envelope::steady_tilts(&Model::thesis()).unwrap()[0];
+    let right = design::analysis::steady_tilts(&Model::thesis()).unwrap()[0];
     let flown = |share: f64| {
         let mut plan = FlightPlan {
             config: designed(),
@@ -184,7 +190,8 @@ fn the_steady_tilt_is_where_holding_ends() {
         )
     };
     let (complete, tilt, speed, z_m, saturated) = flown(0.9);
-    // Half a degree of what the integral part still takes away after two minutes; the speed follows the tilt.
+    // Half a degree of what the integral part still takes away after two minutes; the speed follows
+    // the tilt.
     assert!(complete && (tilt - 0.9).abs() < 0.02 && speed > 0.8 && speed < 1.0, "{tilt} {speed}");
     assert!((z_m + 1.0).abs() < 0.2 && saturated == 0, "{z_m} m, {saturated} ticks");
     let (complete, tilt, _, z_m, saturated) = flown(1.25);

@@ -100,7 +100,8 @@ fn quaternion(q: Vector4<f64>) -> Vector3<f64> {
 
 type Edit = Box<dyn Fn(&mut Row)>;
 
-/// Every single fault that is to be found: what it is, a word that its sentence has, and how to plant it.
+/// Every single fault that is to be found: what it is, a word that its sentence has, and how to
+/// plant it.
 fn planted() -> Vec<(String, &'static str, Edit)> {
     let mut all: Vec<(String, &'static str, Edit)> = Vec::new();
     for (k, m) in rotations().into_iter().enumerate().skip(1) {
@@ -219,7 +220,8 @@ fn sound_flights_have_no_faults() {
     }
 }
 
-/// The flight with an IMU: what a noise-free twin of it feels, in body axes, with noise of a filtered accelerometer.
+/// The flight with an IMU: what a noise-free twin of it feels, in body axes, with noise of a
+/// filtered accelerometer.
 fn with_imu(world: &World, pattern: Pattern) -> Option<Flight> {
     let (exact, noisy) = (
         world.fly(pattern, 20.0, &Sensors::noisy(0.0), 0).ok()?,
@@ -306,7 +308,8 @@ fn a_position_that_is_late_against_the_imu_is_put_right() {
                 1e3 * clock.offset_s,
                 1e3 * clock.offset_std_error_s
             );
-            // An acceleration from a position is noisy: three standard errors, half a sample at least.
+            // An acceleration from a position is noisy: three standard errors, half a sample at
+            // least.
             let slack = 0.005_f64.max(3.0 * clock.offset_std_error_s);
             assert!((clock.offset_s - 0.04).abs() < slack, "seed {seed} {}: {clock:?}", flight.name);
             assert!(examined.clocks.aligned, "seed {seed} {}", flight.name);
@@ -615,7 +618,8 @@ fn flights_of_others_are_not_refused() {
             let examined = examine(&flight, &vehicle).unwrap();
             assert!(refused(&examined.faults).is_none(), "{}: {:?}", path.display(), examined.faults);
             if k < hidden {
-                // A few of the noise's own largest values may be taken for outliers, which is a note.
+                // A few of the noise's own largest values may be taken for outliers, which is a
+                // note.
                 let is_sound = examined.faults.iter().all(|f| f.severity == Severity::Note);
                 assert!(is_sound, "{}: {:?}", path.display(), examined.faults);
             }
@@ -623,8 +627,8 @@ fn flights_of_others_are_not_refused() {
     }
 }
 
-/// Hovering says what the rotors lift and little else: no model is made of it, and the refusal names a coefficient and what to
-/// fly for it.
+/// Hovering says what the rotors lift and little else: no model is made of it, and the refusal
+/// names a coefficient and what to fly for it.
 #[test]
 fn flights_that_only_hover_say_what_to_fly() {
     for seed in 0..4 {

@@ -1,7 +1,9 @@
-//! `cargo xtask flash` against a real sshd on this machine, whose craft is an ARM program under qemu-arm.
+//! `cargo xtask flash` against a real sshd on this machine, whose craft is an ARM program under
+//! qemu-arm.
 //!
-//! Everything is real but the processor: Debian's sshd with keys of its own on a port of the loopback, the program built for
-//! armv7, its link, its guardian, a pseudo terminal for its IMU, files for its PWM. Without one of the means it is skipped.
+//! Everything is real but the processor: Debian's sshd with keys of its own on a port of the
+//! loopback, the program built for armv7, its link, its guardian, a pseudo terminal for its IMU,
+//! files for its PWM. Without one of the means it is skipped.
 #![forbid(unsafe_code)]
 
 #[path = "../../firmware/com/tests/whole/common/mod.rs"]
@@ -16,7 +18,7 @@ use std::time::{Duration, Instant};
 use common::{Bench, Ground, Held, IDLE, PATIENCE, patient_law};
 use control::Config;
 use proto::{Request, State};
-use sil::{FlightPlan, InProcess, Link, NoiseModel, Recording, StepAxis, Udp};
+use sil::{FlightComputer, FlightPlan, InProcess, NoiseModel, Recording, StepAxis, Udp};
 
 const RUNNER: &str = "qemu-arm -L /usr/arm-linux-gnueabihf";
 /// The program for ARM Linux, which `cargo xtask test` has built.
@@ -167,7 +169,7 @@ fn settle_ports(bench: &Bench) -> u16 {
 }
 
 /// A minute in noise with a step of a metre, with the law wherever `link` leads.
-fn minute(link: impl Link, law: &Config) -> Recording {
+fn minute(link: impl FlightComputer, law: &Config) -> Recording {
     let plan = FlightPlan {
         config: *law,
         noise: Some(NoiseModel::default()),

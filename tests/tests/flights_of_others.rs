@@ -1,4 +1,5 @@
-//! Flights that nobody here made: simulated by another program with a known hidden effect, and real ones.
+//! Flights that nobody here made: simulated by another program with a known hidden effect, and real
+//! ones.
 
 use std::path::{Path, PathBuf};
 
@@ -63,7 +64,8 @@ fn number(world: &Value, name: &str) -> f64 {
     world[name].as_f64().unwrap_or_else(|| panic!("truth.json has no {name}"))
 }
 
-/// The simulator's parameters in the model's terms (README beside the data): name of effect, coefficient, value.
+/// The simulator's parameters in the model's terms (README beside the data): name of effect,
+/// coefficient, value.
 fn truth(world: &Value, vehicle: &Vehicle) -> Vec<(Effect, usize, f64)> {
     let get = |name| number(world, name);
     let beta = vehicle.beta_kg_m();
@@ -108,15 +110,17 @@ fn assert_near_truth(case: &str, model: &Model, expected: &[(Effect, usize, f64)
 /// Reads coefficients of a hidden effect off the simulator's parameters: effect, index, value.
 type OwnTruth = dyn Fn(&Value) -> Vec<(Effect, usize, f64)>;
 
-/// A case, what is hidden in it, and the true values of its coefficients where they have the same meaning there.
+/// A case, what is hidden in it, and the true values of its coefficients where they have the same
+/// meaning there.
 fn check_case(case: &str, hidden: &[Effect], own: &OwnTruth) {
     let (Some(mut folder), Some(world)) = (Folder::hidden(case), world(case)) else { return };
     let explanation = folder.explain();
     assert_eq!(explanation.found(), hidden, "{case}: {}", explanation.conclusion());
     let left = &explanation.last_diagnosis;
     assert_eq!(left.verdict, Verdict::Adequate, "{case}: {}", left.summary);
-    // 24 to 27 coefficients a case and seven cases: beyond 4.5 standard errors once in a thousand such suites if
-    // nothing were approximate (rotors turn exponentially between samples, the filters see straight lines).
+    // 24 to 27 coefficients a case and seven cases: beyond 4.5 standard errors once in a thousand
+    // such suites if nothing were approximate (rotors turn exponentially between samples, the
+    // filters see straight lines).
     assert_near_truth(case, &explanation.model, &truth(&world, &folder.vehicle), 4.5);
     assert_near_truth(case, &explanation.model, &own(&world), 4.5);
 }
@@ -203,8 +207,8 @@ fn csv_names(folder: &Path, pick: impl Fn(&str) -> bool) -> Vec<String> {
     names
 }
 
-/// Real, with measured rotor speed and IMU: motors with the right signs, drag where others found it, the rotors'
-/// inertia in yaw and the moment of the airflow that its authors could not model.
+/// Real, with measured rotor speed and IMU: motors with the right signs, drag where others found
+/// it, the rotors' inertia in yaw and the moment of the airflow that its authors could not model.
 #[test]
 fn nanodrone_has_right_signs_drag_rotor_inertia_and_flapping_moment() {
     let Some(path) = shared("data/nanodrone") else { return };

@@ -1,22 +1,24 @@
-//! The ground station flies a pattern through the simulated laboratory, and what it recorded identifies the craft.
+//! The ground station flies a pattern through the simulated laboratory, and what it recorded
+//! identifies the craft.
 //!
-//! Everything passes through real sockets: the tracker's datagrams in Vicon's format, the ground's packets up, the craft's packets
-//! down. Time is simulated, so that a busy machine changes nothing and a minute of flight takes a second: the clock of the ground
-//! is the laboratory's, and each tick waits for the packets that it knows to be under way.
+//! Everything passes through real sockets: the tracker's datagrams in Vicon's format, the ground's
+//! packets up, the craft's packets down. Time is simulated, so that a busy machine changes nothing
+//! and a minute of flight takes a second: the clock of the ground is the laboratory's, and each
+//! tick waits for the packets that it knows to be under way.
 
 use std::collections::BTreeMap;
 use std::net::{SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use ground::frames::{Axes, Frames, xyz_from_rotation};
-use ground::link::{Link, LinkSettings};
-use ground::mission::{Progress, Step};
-use ground::mocap::{Heard, Receiver, Vicon};
-use ground::recorder::{Level, Recorder, finish};
+use ground::link::{CraftLink, LinkSettings};
+use ground::mission::{MissionStep, Progress};
+use ground::mocap::frames::{Axes, Frames, xyz_from_rotation};
+use ground::mocap::vicon_stream::{Block, Object};
+use ground::mocap::{MocapReceiver, TrackerEvent, Vicon};
+use ground::recording::{Level, Recorder, finish};
 use ground::run::connect;
-use ground::station::{Settings, Station, Wish};
-use ground::vicon::{Block, Object};
+use ground::station::{PilotRequest, Settings, Station};
 use model::{Effect, Model};
 use pattern::{Excitation, Pattern};
 use proto::State;
@@ -40,14 +42,14 @@ struct Day {
 }
 
 impl Day {
-    fn new(plan: &FlightPlan, clock_skew: f64, steps: Vec<Step>, record: Option<&Path>) -> Self {
+    fn new(plan: &FlightPlan, clock_skew: f64, steps: Vec<MissionStep>, record: Option<&Path>) -> Self {
         let radio = Radio::open().unwrap();
         let socket = connect(radio.address().unwrap()).unwrap();
         socket.set_read_timeout(Some(SOON)).unwrap();
         let vicon = Vicon::listen(HERE.parse().unwrap(), Some("quad".into()), FRAMES).unwrap();
         let tracker = UdpSocket::bind(HERE).unwrap();
         tracker.connect(vicon.address().unwrap()).unwrap();
-        let link = Link::open(&LinkSettings::default(), radio.address().unwrap().ip()).unwrap();
+        let link = CraftLink::open(&LinkSettings::default(), radio.address().unwrap().ip()).unwrap();
         let recorder = record.map(|name| Recorder::begin(name, 0, &BTreeMap::new()).unwrap());
         let settings = Settings { command_hz: 100.0, steps, ..Settings::default() };
         Self {
@@ -80,7 +82,8 @@ impl Day {
         }
     }
 
-    /// One tick of the craft: telemetry reaches the ground 2 ms later, the pose 3 ms later, and is in the craft with the next tick.
+    /// One tick of the craft: telemetry reaches the ground 2 ms later, the pose 3 ms later, and is
+    /// in the craft with the next tick.
     fn tick(&mut self) {
         let pose = self.lab.tick();
         let under_way = self.radio.send(&mut self.lab);
@@ -99,7 +102,7 @@ impl Day {
         let wand = Object { name: "wand".into(), translation_mm: [1.0; 3], rotation_rad: [0.0; 3] };
         self.tracker.send(&Block { frame: self.frame, objects: vec![wand, quad] }.to_bytes()).unwrap();
         let heard = self.vicon.next(SOON).unwrap();
-        assert!(matches!(heard, Heard::Seen(_)), "{heard:?}");
+        assert!(matches!(heard, TrackerEvent::Seen(_)), "{heard:?}");
         self.station.on_tracker(self.now_us(0.003), heard);
         // The ramp goes out whenever it is due; what comes between two ticks waits for the second.
         let period_s = self.lab.period_s();
@@ -108,7 +111,7 @@ impl Day {
         }
         self.frame += 1;
         self.now_s += period_s;
-        let told: Vec<_> = self.station.take_told().collect();
+        let told: Vec<_> = self.station.take_notices().collect();
         self.told.extend(told.into_iter().map(|told| (told.at_us as f64 * 1e-6, told.level, told.text)));
     }
 
@@ -140,10 +143,10 @@ fn flown(folder: &Path, seed: u64) -> PathBuf {
     let plan = FlightPlan::identification(Model::thesis(), seed, 1.0);
     let name = folder.join(format!("flight{seed}"));
     let steps = vec![
-        Step::Arm {},
-        Step::TakeOff { height_m: 1.0 },
-        Step::Fly { pattern: tour(seed, 25.0), times: 1, excite: None },
-        Step::Land {},
+        MissionStep::Arm {},
+        MissionStep::TakeOff { height_m: 1.0 },
+        MissionStep::Fly { pattern: tour(seed, 25.0), times: 1, excite: None },
+        MissionStep::Land {},
     ];
     let mut day = Day::new(&plan, 0.0, steps, Some(&name));
     day.until(90.0, |day| *day.station.progress() != Progress::Going);
@@ -194,7 +197,8 @@ fn recorded_flights_identify_the_craft_that_flew() {
             worst = worst.max(off.abs());
         }
     }
-    // Some 24 coefficients: 4.5 standard errors is what is asked of identification on flights of others, too.
+    // Some 24 coefficients: 4.5 standard errors is what is asked of identification on flights of
+    // others, too.
     assert!(worst < 4.5, "{worst:.2} standard errors");
 }
 
@@ -215,7 +219,8 @@ fn a_fast_clock_is_named_within_two_seconds_of_the_first_telemetry() {
     }
 }
 
-/// By hand: arm, take off, cut in the air. The craft falls, stays cut, and only a disarm lets it arm again.
+/// By hand: arm, take off, cut in the air. The craft falls, stays cut, and only a disarm lets it
+/// arm again.
 #[test]
 fn a_person_flies_by_wishes() {
     let plan = FlightPlan::identification(Model::thesis(), 3, 1.0);
@@ -226,37 +231,39 @@ fn a_person_flies_by_wishes() {
     }
     let wish = |day: &mut Day, wish| {
         let now_us = day.now_us(0.0);
-        day.station.on_wish(now_us, wish);
+        day.station.on_pilot_request(now_us, wish);
     };
-    wish(&mut day, Wish::Arm);
+    wish(&mut day, PilotRequest::Arm);
     day.until(1.0, |day| day.state() == Some(State::Armed));
-    wish(&mut day, Wish::TakeOff);
+    wish(&mut day, PilotRequest::TakeOff);
     day.until(6.0, |day| day.lab.position_m()[2] < -0.9);
-    wish(&mut day, Wish::Cut);
+    wish(&mut day, PilotRequest::Cut);
     let cut_s = day.now_s;
     day.until(1.0, |day| day.lab.state() == control::State::Cut);
     // Sent at once, heard with the next tick.
     assert!(day.now_s - cut_s < 0.035, "{} s", day.now_s - cut_s);
     day.until(2.0, |day| day.lab.is_down());
-    wish(&mut day, Wish::Arm);
+    wish(&mut day, PilotRequest::Arm);
     for _ in 0..700 {
         day.tick();
     }
     assert_eq!(day.lab.state(), control::State::Cut, "a cut craft does not arm");
-    wish(&mut day, Wish::Disarm);
+    wish(&mut day, PilotRequest::Disarm);
     day.until(1.0, |day| day.state() == Some(State::Disarmed));
-    wish(&mut day, Wish::Arm);
+    wish(&mut day, PilotRequest::Arm);
     day.until(1.0, |day| day.state() == Some(State::Armed));
 }
 
-/// A ground station that is started anew while the craft flies takes it over where it is, and lands it.
+/// A ground station that is started anew while the craft flies takes it over where it is, and lands
+/// it.
 #[test]
 fn a_restarted_ground_station_takes_a_flying_craft_over() {
     let plan = FlightPlan::identification(Model::thesis(), 4, 1.0);
-    let mut day = Day::new(&plan, 0.0, vec![Step::Arm {}, Step::TakeOff { height_m: 1.0 }], None);
+    let mut day =
+        Day::new(&plan, 0.0, vec![MissionStep::Arm {}, MissionStep::TakeOff { height_m: 1.0 }], None);
     day.until(20.0, |day| *day.station.progress() == Progress::Done && day.lab.position_m()[2] < -0.9);
     let peer: SocketAddr = day.radio.address().unwrap();
-    let link = Link::open(&LinkSettings::default(), peer.ip()).unwrap();
+    let link = CraftLink::open(&LinkSettings::default(), peer.ip()).unwrap();
     let settings = Settings { command_hz: 100.0, ..Settings::default() };
     day.station = Station::new(settings, link, None).unwrap();
     for _ in 0..300 {
@@ -266,6 +273,6 @@ fn a_restarted_ground_station_takes_a_flying_craft_over() {
     let [x, y, z] = day.lab.position_m();
     assert!(x.abs() < 0.15 && y.abs() < 0.15 && (z + 1.0).abs() < 0.2, "{x} {y} {z}");
     let now_us = day.now_us(0.0);
-    day.station.on_wish(now_us, Wish::Land);
+    day.station.on_pilot_request(now_us, PilotRequest::Land);
     day.until(20.0, |day| day.lab.is_down() && day.state() == Some(State::Disarmed));
 }

@@ -1,4 +1,5 @@
-//! The laboratory's benchmark: the same seed gives the same answer on any number of threads, and its files hold together.
+//! The laboratory's benchmark: the same seed gives the same answer on any number of threads, and
+//! its files hold together.
 
 use std::path::Path;
 use std::process::{Command, Output};

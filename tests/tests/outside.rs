@@ -1,4 +1,5 @@
-//! Effects that no catalogue has are said to be unknown, and what is told of them leads to their cause.
+//! Effects that no catalogue has are said to be unknown, and what is told of them leads to their
+//! cause.
 #![forbid(unsafe_code)]
 
 use diagnosis::workflow::{self, FlightSets, Reading, Silent};
@@ -20,8 +21,9 @@ fn depends_on(diagnosis: &Diagnosis) -> Vec<Dependence> {
     diagnosis.unexplained.iter().map(|left| left.depends_on).collect()
 }
 
-/// A wake that follows the rotors late makes them look quicker than they are. What is left tells: the right lag leaves nothing that
-/// follows what was before, and it is found where a lag is what was hidden.
+/// A wake that follows the rotors late makes them look quicker than they are. What is left tells:
+/// the right lag leaves nothing that follows what was before, and it is found where a lag is what
+/// was hidden.
 #[test]
 fn a_late_wake_is_no_quick_rotor() {
     for (size, seed) in [(Size::F330, 4), (Size::Small, 5)] {
@@ -36,7 +38,8 @@ fn a_late_wake_is_no_quick_rotor() {
     }
 }
 
-/// None of them gets a name, but for one that flights of half a minute cannot tell from thrust that is not quite quadratic.
+/// None of them gets a name, but for one that flights of half a minute cannot tell from thrust that
+/// is not quite quadratic.
 #[test]
 fn what_no_catalogue_has_gets_no_name() {
     let mut named = Vec::new();

@@ -1,5 +1,5 @@
-//! The simulated worlds themselves: mechanics against closed forms, sensors against their data sheet, and the same motion
-//! from the product's plant, which was written from other equations.
+//! The simulated worlds themselves: mechanics against closed forms, sensors against their data
+//! sheet, and the same motion from the product's plant, which was written from other equations.
 
 use flights::{Column, Flight};
 use model::{Effect, Model, Plant, State};
@@ -52,7 +52,8 @@ fn a_tumbling_body_keeps_its_energy_and_momentum_for_10_s() {
         (energy.abs(), (body.momentum - before.1).norm() / before.1.norm())
     };
     let (energy, momentum) = tumble(&craft);
-    // The midpoint rule lets the energy swing by (step times rate)^2 / 12, here 1e-7, and does not let it drift.
+    // The midpoint rule lets the energy swing by (step times rate)^2 / 12, here 1e-7, and does not
+    // let it drift.
     assert!(energy < 1e-6, "{energy}");
     assert!(momentum < 1e-12, "{momentum}");
     // The twin: a little damping must be seen.
@@ -69,7 +70,8 @@ fn a_body_of_revolution_precesses_as_euler_says() {
     let (mut body, command) = with_rotors(&craft, 500.0);
     body.set_rate_rad_s(&craft, Vector3::new(0.8, 0.0, 3.0));
     steps(&mut body, &craft, &command, 2.0);
-    // Free precession in the body: the transverse rate turns with (Izz - Ixx) / Ixx times the axial one.
+    // Free precession in the body: the transverse rate turns with (Izz - Ixx) / Ixx times the axial
+    // one.
     let turned = (0.024 - 0.014) / 0.014 * 3.0 * 2.0_f64;
     let expected = Vector3::new(0.8 * turned.cos(), 0.8 * turned.sin(), 3.0);
     let error = (body.rate_rad_s(&craft) - expected).norm();
@@ -131,12 +133,14 @@ fn a_pendulum_keeps_the_momentum_of_both_masses_and_swings_with_its_period() {
     let mut end = body.clone();
     let idle = command.map(|_| craft.map.command_for(-1.0, craft.battery.full_v));
     steps(&mut end, &craft, &idle, 1.0);
-    // Midpoint forces against end-of-step velocities: (step * swing rate)^2 of the load's 0.1 kg m/s.
+    // Midpoint forces against end-of-step velocities: (step * swing rate)^2 of the load's 0.1 kg
+    // m/s.
     assert!(drift(&body, &end, load.mass_kg) < 1e-5, "{}", drift(&body, &end, load.mass_kg));
     assert!(drift(&body, &end, 1.2 * load.mass_kg) > 1e-3, "a wrong load must show");
     assert!((end.link[0].norm() - 1.0).abs() < 1e-9, "the link keeps its length");
 
-    // Hung from a craft as heavy as a house that hovers: a mathematical pendulum, period 2 pi sqrt(l / g).
+    // Hung from a craft as heavy as a house that hovers: a mathematical pendulum, period 2 pi
+    // sqrt(l / g).
     let mut house = craft.clone();
     house.mass_kg = 1e6;
     house.thrust_n_s2 = house.mass_kg * house.gravity_m_s2 / (4.0 * 600.0 * 600.0);
@@ -169,7 +173,8 @@ fn at_hover_speed_nothing_moves() {
     }
 }
 
-/// The product's model with the world's true coefficients, or nothing where a planted effect has none there.
+/// The product's model with the world's true coefficients, or nothing where a planted effect has
+/// none there.
 fn true_model(world: &World) -> Option<Model> {
     let mut model = Model::new(world.vehicle.clone());
     let truth = world.truth();
@@ -225,8 +230,8 @@ fn disagreement(world: &World, model: &Model) -> f64 {
     worst
 }
 
-/// Over 0.6 s of hard flying. The world is second order in its step of 0.5 ms, against rotor lags of up to 44 rad/s:
-/// (0.022)^2 / 12 of a rate of a few rad/s, grown over the manoeuvre.
+/// Over 0.6 s of hard flying. The world is second order in its step of 0.5 ms, against rotor lags
+/// of up to 44 rad/s: (0.022)^2 / 12 of a rate of a few rad/s, grown over the manoeuvre.
 const AGREEMENT: f64 = 2e-5;
 
 #[test]
@@ -355,7 +360,8 @@ fn coloured_noise_has_its_colour() {
     };
     let expected = (-0.01 / 0.03_f64).exp();
     let (found, coloured) = neighbours(0.03);
-    // 6000 samples give an autocorrelation to 0.013; the effective number of samples is a quarter for the spread.
+    // 6000 samples give an autocorrelation to 0.013; the effective number of samples is a quarter
+    // for the spread.
     assert!((found - expected).abs() < 0.04, "{found}, not {expected}");
     assert!((coloured / Sensors::POSITION_M - 1.0).abs() < 0.08, "{coloured}");
     assert!(neighbours(0.0).0.abs() < 0.05);

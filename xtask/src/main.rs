@@ -9,30 +9,24 @@
 #![forbid(unsafe_code)]
 
 mod arm;
-mod arrows;
+mod base;
 mod bench;
-mod dependencies;
-mod figures;
+mod book;
+mod checks;
 mod flash;
-mod flash_chip;
-mod flash_com;
-mod licences;
-mod peers;
-mod process;
+mod known;
+mod levels;
 mod setup;
-mod tally;
+mod source;
 mod test;
-mod tidy;
-mod tools;
-mod workspace;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::process::Program;
-use crate::workspace::Workspace;
+use crate::base::process::{Program, run_program};
+use crate::base::workspace::Workspace;
 
 /// The developer's front door of quadlab.
 #[derive(Parser)]
@@ -54,6 +48,12 @@ enum Command {
     Flash(flash::Options),
     /// Check everything: format, lints, tests, docs, arrows between crates, licences, house rules
     Test(test::Options),
+    /// Show on which files each file of a crate stands, and what goes in circles
+    Levels(levels::Options),
+    /// Delete what has been mended from the list of known violations
+    Known(known::Options),
+    /// Build the book, man pages, shell completions and JSON Schemas
+    Docs(book::Options),
     /// Run the benchmarks: times, and instruction counts where valgrind is installed
     Bench(bench::Options),
     /// Build the programs of the craft's processors; sizes, stack and instructions of a period
@@ -102,11 +102,14 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
         Command::Sil(mut passed) => {
             let more = arm::arguments_of_sil(&Workspace::load()?, &passed.arguments)?;
             passed.arguments.extend(more);
-            process::run_program(&Program::SIL, &passed.arguments)
+            run_program(&Program::SIL, &passed.arguments)
         }
-        Command::Demo(passed) => process::run_program(&Program::DEMO, &passed.arguments),
+        Command::Demo(passed) => run_program(&Program::DEMO, &passed.arguments),
         Command::Flash(options) => flash::run(options),
         Command::Test(options) => test::run(&Workspace::load()?, &options),
+        Command::Levels(options) => levels::run(&Workspace::load()?, &options),
+        Command::Known(options) => known::run(&Workspace::load()?, &options),
+        Command::Docs(options) => book::run(&options),
         Command::Bench(options) => bench::run(&Workspace::load()?, &options),
         Command::Arm(options) => arm::run(&Workspace::load()?, &options),
         Command::Setup(options) => setup::run(&Workspace::load()?, &options),

@@ -8,9 +8,11 @@ use std::process::{Command, ExitCode};
 use anyhow::Result;
 
 use crate::arm;
-use crate::process::{output_of, shown};
-use crate::tools::{self, CLIPPY, GIT, GUNGRAUN_RUNNER, NEXTEST, RUSTFMT, SSHD, Tool, VALGRIND};
-use crate::workspace::Workspace;
+use crate::base::process::{output_of, shown};
+use crate::base::tools::{
+    self, CLIPPY, GIT, GUNGRAUN_RUNNER, MDBOOK, NEXTEST, RUSTFMT, SSHD, Tool, VALGRIND,
+};
+use crate::base::workspace::Workspace;
 
 /// Options of the command.
 #[derive(clap::Args)]
@@ -51,6 +53,7 @@ fn states(workspace: &Workspace) -> Vec<State> {
         State::of(&CLIPPY, "`cargo xtask test` checks the lints", false),
         State::of(&GIT, "`cargo xtask test` asks it which files are the project's", false),
         State::of(&NEXTEST, "`cargo xtask test` runs the tests faster", true),
+        State::of(&MDBOOK, "`cargo xtask docs` builds the book, and `cargo xtask test` checks it", false),
         State::of(&VALGRIND, "`cargo xtask bench` counts instructions", false),
     ];
     states.extend(workspace.locked_version("gungraun").map(|version| runner(&version)));

@@ -8,11 +8,13 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 
-use crate::process::{cargo, filtered, output_of, shown, succeeds};
-use crate::tally::{self, LibtestReader, SKIP_MARK, Tally};
-use crate::tools::{CLIPPY, GIT, NEXTEST, RUSTFMT, Tool};
-use crate::workspace::{self, Workspace};
-use crate::{arm, arrows, dependencies, licences, tidy};
+use crate::base::process::{cargo, filtered, in_continuous_integration, output_of, shown, succeeds};
+use crate::base::tally::{self, LibtestReader, SKIP_MARK, Tally};
+use crate::base::tools::{CLIPPY, GIT, MDBOOK, NEXTEST, RUSTFMT, Tool};
+use crate::base::workspace::{self, Workspace};
+use crate::checks::known::Kind;
+use crate::checks::{arrows, dependencies, licences, structure, tidy};
+use crate::{arm, book};
 
 /// Options of the command.
 #[derive(clap::Args)]
@@ -20,6 +22,9 @@ pub(crate) struct Options {
     /// Go on after a failed step, to see all of them
     #[arg(long)]
     keep_going: bool,
+    /// Only these steps; absent: all of them
+    #[arg(value_name = "STEP", value_parser = STEPS.iter().map(|step| step.name).collect::<Vec<_>>())]
+    steps: Vec<String>,
 }
 
 /// What came of a step.
@@ -48,7 +53,11 @@ const STEPS: &[Step] = &[
     Step { name: "tests", about: "unit tests, integration tests and stories", run: tests },
     Step { name: "doc tests", about: "examples in the docs run", run: doc_tests },
     Step { name: "docs", about: "rustdoc builds without warnings", run: docs },
+    Step { name: "book", about: "the book builds; its links and commands exist", run: check_book },
     Step { name: "arrows", about: "crates use only what the architecture allows", run: check_arrows },
+    Step { name: "circles", about: "no files use each other in a loop", run: check_circles },
+    Step { name: "folders", about: "folders of a crate use only those below them", run: check_folders },
+    Step { name: "lengths", about: "files and functions are short enough to read", run: check_lengths },
     Step { name: "licences", about: "every dependency may be linked", run: check_licences },
     Step { name: "tidy", about: "house rules: heads, links, sizes, leftovers", run: check_tidy },
 ];
@@ -58,12 +67,15 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     let start = Instant::now();
     let mut total = Tally::default();
     let mut summary = Vec::new();
-    for (at, step) in STEPS.iter().enumerate() {
+    let wanted =
+        |step: &&Step| options.steps.is_empty() || options.steps.iter().any(|name| name == step.name);
+    let steps: Vec<&Step> = STEPS.iter().filter(wanted).collect();
+    for (at, step) in steps.iter().enumerate() {
         if total.failed > 0 && !options.keep_going {
             summary.push(format!("  not run  {}", step.name));
             continue;
         }
-        println!("\n== {}/{} {}: {}", at + 1, STEPS.len(), step.name, step.about);
+        println!("\n== {}/{} {}: {}", at + 1, steps.len(), step.name, step.about);
         let began = Instant::now();
         let tally = counted(step, (step.run)(workspace));
         let word = verdict(&tally);
@@ -107,11 +119,6 @@ fn verdict(tally: &Tally) -> &'static str {
         Tally { passed: 0, skipped: 1.., .. } => "skipped",
         _ => "passed",
     }
-}
-
-/// Is this the continuous integration, that is, `CI=true`?
-pub(crate) fn in_continuous_integration() -> bool {
-    std::env::var_os("CI").is_some_and(|value| value == "true")
 }
 
 /// The count of a check that is one thing: it holds or not.
@@ -223,11 +230,41 @@ fn docs(_: &Workspace) -> Result<Outcome> {
     command_holds(command)
 }
 
+fn check_book(_: &Workspace) -> Result<Outcome> {
+    if MDBOOK.found().is_none() {
+        return Ok(missing(&MDBOOK));
+    }
+    let checked = book::check()?;
+    let outcome = listed("pages, links and commands", &checked.problems);
+    let Outcome::Ran(mut tally) = outcome else { return Ok(outcome) };
+    if let Some(why) = checked.left_out {
+        let line = format!("{SKIP_MARK} book, {why}");
+        println!("   {line}");
+        tally.add(&skipped_step(line, false));
+    }
+    Ok(Outcome::Ran(tally))
+}
+
 fn check_arrows(workspace: &Workspace) -> Result<Outcome> {
     let mut problems = arrows::check(workspace);
     problems.extend(dependencies::check(workspace)?);
     let about = format!("{} crates, {} arrows", workspace.members().len(), arrows::edges(workspace).len());
     Ok(listed(&about, &problems))
+}
+
+fn check_circles(workspace: &Workspace) -> Result<Outcome> {
+    let problems = structure::check(workspace, &[Kind::Circle])?;
+    Ok(listed("every library and program; `cargo xtask levels` shows who uses whom", &problems))
+}
+
+fn check_folders(workspace: &Workspace) -> Result<Outcome> {
+    let problems = structure::check(workspace, &[Kind::FolderArrow, Kind::Folder])?;
+    Ok(listed("every crate that has folders", &problems))
+}
+
+fn check_lengths(workspace: &Workspace) -> Result<Outcome> {
+    let problems = structure::check(workspace, &[Kind::LongFile, Kind::LongFunction])?;
+    Ok(listed("every library and program, without what is for tests", &problems))
 }
 
 fn check_licences(workspace: &Workspace) -> Result<Outcome> {

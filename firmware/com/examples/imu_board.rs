@@ -1,8 +1,9 @@
 //! Plays the IMU board on a pseudo terminal: `cargo run -p com --example imu_board [FLIGHT.csv]`.
 //!
-//! It prints the terminal's path, which goes into `[imu] port`, and sends a frame every 10 ms: the gyro, acceleration, attitude
-//! and voltage of a flight file's rows, one after the other, or a board at rest with a little noise. A flight file is the
-//! project's: columns by name, `p,q,r` and `vbat`, and `ax,ay,az` and `phi,theta,psi` where there are any.
+//! It prints the terminal's path, which goes into `[imu] port`, and sends a frame every 10 ms: the
+//! gyro, acceleration, attitude and voltage of a flight file's rows, one after the other, or a
+//! board at rest with a little noise. A flight file is the project's: columns by name, `p,q,r` and
+//! `vbat`, and `ax,ay,az` and `phi,theta,psi` where there are any.
 #![forbid(unsafe_code)]
 
 use std::error::Error;

@@ -1,4 +1,5 @@
-//! The ground's side of one question: who is there, and what is it doing? For programs that install others, and for people.
+//! The ground's side of one question: who is there, and what is it doing? For programs that install
+//! others, and for people.
 
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 use std::path::PathBuf;
@@ -27,8 +28,8 @@ pub struct Question {
 }
 
 impl Question {
-    /// To the craft of this configuration, from its own machine.
-    pub fn of(link: &config::Link, patience: Duration) -> Self {
+    /// A question to the craft of this configuration, from its own machine.
+    pub fn of(link: &config::LinkSettings, patience: Duration) -> Self {
         let mut craft = link.listen;
         if craft.ip().is_unspecified() {
             // What listens everywhere listens here.
@@ -42,7 +43,7 @@ impl Question {
     }
 }
 
-/// Asks until a craft answers, or until patience is at its end.
+/// Asks until a craft answers or the time is up.
 ///
 /// # Errors
 /// No craft there, or one that takes other packets: what it looks like.
@@ -64,9 +65,10 @@ pub fn who(question: &Question) -> Result<Option<Identity>> {
         while asked.elapsed() < AGAIN_AFTER {
             let Ok(length) = socket.recv(&mut buffer) else { break };
             match opener.unseal(&buffer[..length]) {
-                // Of an earlier question, of nobody knows when.
+                // The answer to an earlier question; its age is unknown.
                 Ok((_, Message::Identity(identity))) if identity.accepts_from <= number => {}
-                // Whether it heard this question or only saw that its number is behind: it says who it is.
+                // It answers the question, or only saw that its number is behind; either way it
+                // says who it is.
                 Ok((_, Message::Identity(identity))) => {
                     if let Some([_, mut heard]) = counters {
                         heard.store(opener.guard.accepts_from())?;
@@ -82,15 +84,16 @@ pub fn who(question: &Question) -> Result<Option<Identity>> {
         }
     }
     match refused {
-        Some(why) => Err(Error::Other(format!("{} answers, but: {why}", question.craft))),
+        Some(why) => Err(Error::Other(format!("{} answers, but {why}", question.craft))),
         None => Ok(None),
     }
 }
 
 type Ends = (Sealer, Opener, Option<[CounterFile; 2]>);
 
-/// The numbers that this side has used and heard are kept in files of their own: asking is not flying. What was heard is kept
-/// exactly and not by stretches, or a second question within seconds would take the craft's answer for an echo.
+/// The numbers that this side has used and heard are kept in files of their own: asking is not
+/// flying. What was heard is kept exactly and not by stretches, or a second question within seconds
+/// would take the craft's answer for an echo.
 fn ends(question: &Question) -> Result<Ends> {
     let number = question.number;
     let Some((key, folder)) = &question.key else {
@@ -103,4 +106,30 @@ fn ends(question: &Question) -> Result<Ends> {
     let mut opener = Opener::authenticated(Role::Craft, number, key.clone(), heard.load()?);
     opener.guard.reserved(u64::MAX);
     Ok((sealer, opener, Some(counters)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_craft_that_listens_everywhere_is_asked_here() {
+        for (listen, craft) in [
+            ("0.0.0.0:14650", "127.0.0.1:14650"),
+            ("[::]:14650", "[::1]:14650"),
+            ("192.168.1.2:1", "192.168.1.2:1"),
+        ] {
+            let link = config::LinkSettings {
+                listen: listen.parse().unwrap(),
+                number: 3,
+                key: None,
+                counters: None,
+                open: true,
+                telemetry_every: 1,
+            };
+            let question = Question::of(&link, Duration::ZERO);
+            assert_eq!((question.craft, question.number), (craft.parse().unwrap(), 3));
+            assert!(question.key.is_none());
+        }
+    }
 }

@@ -1,8 +1,9 @@
-//! Battery voltage: from the IMU board's frames, as in the thesis, or from a converter of the board that Linux knows
-//! (industrial I/O, `/sys/bus/iio/devices/iio:deviceN/in_voltageM_raw`; or hwmon, `inK_input`).
+//! Battery voltage: from the IMU board's frames, as in the thesis, or from a converter of the board
+//! that Linux knows (industrial I/O, `/sys/bus/iio/devices/iio:deviceN/in_voltageM_raw`; or hwmon,
+//! `inK_input`).
 //!
-//! A converter is a file, and files are read by a thread of their own. A value that is older than [`STALE`] is no number any
-//! more, whichever way it came: the supervisor then neither arms nor trusts it.
+//! A converter is a file, and files are read by a thread of their own. A value that is older than
+//! [`STALE`] becomes NaN, whichever way it came: the supervisor then neither arms nor trusts it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,7 +15,7 @@ use std::time::Duration;
 use crate::clock::monotonic_ns;
 use crate::error::{Error, Result, access, system};
 
-/// A voltage counts for so long.
+/// How long a voltage is valid.
 pub const STALE: Duration = Duration::from_millis(500);
 /// Between two readings of a converter.
 const READ_EVERY: Duration = Duration::from_millis(20);
@@ -47,12 +48,12 @@ impl Battery {
         Ok(battery)
     }
 
-    /// Keeps a voltage that came now.
+    /// Stores a voltage that arrived now.
     pub fn store(&self, voltage_v: f32) {
         self.newest.store(now_ms() << 32 | u64::from(voltage_v.to_bits()), Ordering::Relaxed);
     }
 
-    /// The voltage in V; NaN if there is none that counts.
+    /// The voltage in V; NaN if none is valid.
     pub fn voltage_v(&self) -> f32 {
         let packed = self.newest.load(Ordering::Relaxed);
         let age_ms = (now_ms() as u32).wrapping_sub((packed >> 32) as u32);
@@ -74,7 +75,7 @@ fn read(path: &Path, volt_per_count: f64) -> Result<f32> {
     let counts: f64 = text.trim().parse().map_err(|_| Error::Content {
         path: path.to_owned(),
         message: format!(
-            "{:?} is no number; [battery] converter has to name a converter's raw value",
+            "{:?} is not a number; [battery] converter must name a file with a converter's raw value",
             text.trim()
         ),
     })?;

@@ -1,8 +1,9 @@
 //! The beat of the loop: an absolute timer on the monotonic clock, and how late each beat comes.
 //!
-//! Beats lie on a fixed grid (`clock_nanosleep`, TIMER_ABSTIME, CLOCK_MONOTONIC), so lateness does not add up, and nobody who
-//! sets the wall clock moves one. A beat that is later than a whole period leaves out those that have passed: the law is made
-//! for one tick at a time, and two in a row would be as wrong as one too few.
+//! Beats lie on a fixed grid (`clock_nanosleep`, TIMER_ABSTIME, CLOCK_MONOTONIC), so lateness does
+//! not add up, and nobody who sets the wall clock moves one. A beat that is later than a whole
+//! period leaves out those that have passed: the law is made for one tick at a time, and two in a
+//! row would be as wrong as one too few.
 
 use rustix::thread::clock_nanosleep_absolute;
 use rustix::time::{ClockId, Timespec, clock_gettime};
@@ -84,7 +85,8 @@ mod tests {
         assert_eq!(ticker.beat((1 << 32) * 1000 + 5000).time_us, 5);
     }
 
-    /// However busy the machine is, no beat comes early, and beats and gaps add up to the time that has passed.
+    /// However busy the machine is, no beat comes early, and beats and gaps add up to the time that
+    /// has passed.
     #[test]
     fn no_beat_is_early() {
         let period_ns = 2_000_000;

@@ -1,9 +1,10 @@
-//! The configuration file: ports, paths, and which craft this is. Everything is checked before anything is opened.
+//! The configuration file: ports, paths, and which craft this is. Everything is checked before any
+//! device is opened.
 //!
-//! Paths in it are relative to its own folder. What flies is the gains file (`[files] gains`, the one `quadlab design`
-//! writes); which craft it flies says the vehicle file. Gains made for another vehicle are refused: by what their
-//! `[provenance]` says (the name, and the hash of its measurements where `[files] vehicle_sha256` gives it) and by the range
-//! of commands.
+//! Paths in it are relative to its own folder. The law flies with the gains file (`[files] gains`,
+//! written by `quadlab design`); the vehicle file describes the craft. Gains made for another
+//! vehicle are refused: by what their `[provenance]` says (the name, and the hash of its
+//! measurements where `[files] vehicle_sha256` gives it) and by the range of commands.
 
 use std::fs;
 use std::net::SocketAddr;
@@ -122,18 +123,19 @@ impl Default for GuardianTable {
 
 /// The link to the ground.
 #[derive(Debug, Clone)]
-pub struct Link {
+pub struct LinkSettings {
     /// Where the ground's packets come in.
     pub listen: SocketAddr,
-    /// Tells crafts with one key apart.
+    /// Tells apart crafts that share a key.
     pub number: u16,
-    /// What both sides share; without one only peers on this machine are heard, unless the link is open.
+    /// What both sides share; without one only peers on this machine are heard, unless the link is
+    /// open.
     pub key: Option<Key>,
     /// Folder of the packet counters; there is one where there is a key.
     pub counters: Option<PathBuf>,
     /// Peers on other machines are heard without a key.
     pub open: bool,
-    /// Telemetry comes every so many ticks.
+    /// Ticks from one telemetry message to the next.
     pub telemetry_every: u16,
 }
 
@@ -158,10 +160,10 @@ pub struct Setup {
     pub vehicle: String,
     /// The flight law's configuration.
     pub law: Law,
-    /// Of gains and vehicle file ([`gains_file::craft_sha256`]).
+    /// SHA-256 of gains and vehicle file ([`gains_file::craft_sha256`]).
     pub vehicle_sha256: [u8; 32],
     /// The link.
-    pub link: Link,
+    pub link: LinkSettings,
     /// The IMU's serial port and its baud rate.
     pub imu: (PathBuf, u32),
     /// The folder of the PWM chips.
@@ -174,7 +176,7 @@ pub struct Setup {
     pub battery: BatterySource,
     /// Real-time priority of the loop; the guardian's is one more.
     pub priority: u8,
-    /// So long without a sign of life of the loop, and the guardian ends it.
+    /// After this long without a sign of life, the guardian ends the loop.
     pub silence: Duration,
     /// Where the cause of the last end is kept.
     pub last_end: Option<PathBuf>,
@@ -204,14 +206,14 @@ impl Setup {
         let battery = battery(&file.battery, folder).map_err(refuse)?;
         if !(1..=98).contains(&file.timing.priority) {
             return Err(refuse(format!(
-                "[timing] priority is {}: real-time priorities go from 1 to 98 here (99 is the kernel's own)",
+                "[timing] priority is {}: give a number from 1 to 98 (99 is the kernel's own)",
                 file.timing.priority
             )));
         }
         let silence_s = file.guardian.silence_s;
         if !(silence_s >= 3.0 * law.sample_time_s && silence_s <= 5.0) {
             return Err(refuse(format!(
-                "[guardian] silence_s is {silence_s}: from three periods of the loop ({} s) to 5 s",
+                "[guardian] silence_s is {silence_s}: give a time from three periods of the loop ({} s) to 5 s",
                 3.0 * law.sample_time_s
             )));
         }
@@ -245,7 +247,7 @@ impl Setup {
     }
 }
 
-/// One line with the place of the mistake.
+/// Parses a file; an error is one line with its place.
 fn parse<T: for<'a> Deserialize<'a>>(text: &str, path: &Path) -> Result<T> {
     toml::from_str(text).map_err(|error| Error::Content {
         path: path.to_owned(),
@@ -261,7 +263,7 @@ pub fn read_gains(path: &Path) -> Result<Law> {
     Ok(Gains::read(path)?.config)
 }
 
-fn link(table: &LinkTable, folder: &Path) -> std::result::Result<Link, String> {
+fn link(table: &LinkTable, folder: &Path) -> std::result::Result<LinkSettings, String> {
     let listen: SocketAddr = table.listen.parse().map_err(|_| {
         format!("[link] listen is {:?}: write address and port, such as 0.0.0.0:14650", table.listen)
     })?;
@@ -269,17 +271,17 @@ fn link(table: &LinkTable, folder: &Path) -> std::result::Result<Link, String> {
     let key = key.transpose().map_err(|error| format!("[link] key: {error}"))?;
     let counters = table.counters.as_ref().map(|counters| folder.join(counters));
     if key.is_some() && counters.is_none() {
-        return Err("[link] has a key and no counters: name a folder on a disk, where packet numbers are kept through a restart".into());
+        return Err("[link] has a key but no counters: name a folder on a disk, where packet numbers survive a restart".into());
     }
     if let Some(missing) = counters.as_ref().filter(|counters| !counters.is_dir()) {
-        return Err(format!("[link] counters: {} is no folder; make it", missing.display()));
+        return Err(format!("[link] counters: {} is not a folder; create it", missing.display()));
     }
     if key.is_none() && !table.open && !listen.ip().to_canonical().is_loopback() {
         return Err(format!(
             "[link] listen is {listen}, and there is no key: whoever can reach the port could fly the craft; name a key file, or say open = true"
         ));
     }
-    Ok(Link {
+    Ok(LinkSettings {
         listen,
         number: table.number,
         key,
@@ -291,11 +293,13 @@ fn link(table: &LinkTable, folder: &Path) -> std::result::Result<Link, String> {
 
 fn outputs(outputs: Vec<String>) -> std::result::Result<[String; 4], String> {
     if let Some(wrong) = outputs.iter().find(|output| pwm::split(output).is_none()) {
-        return Err(format!("[pwm] outputs: {wrong:?} is no output; write pwmchipN/M, chip N and channel M"));
+        return Err(format!(
+            "[pwm] outputs: {wrong:?} is not an output; write pwmchipN/M, chip N and channel M"
+        ));
     }
     for (at, output) in outputs.iter().enumerate() {
         if outputs[..at].contains(output) {
-            return Err(format!("[pwm] outputs: {output} is there twice; each rotor has its own"));
+            return Err(format!("[pwm] outputs: {output} is named twice; each rotor needs its own"));
         }
     }
     let count = outputs.len();
@@ -322,7 +326,7 @@ fn pulses(
     let [idle_ns, full_ns] = pulse_ns;
     if !(0 < idle_ns && idle_ns < full_ns && full_ns <= period_ns) {
         return Err(format!(
-            "[pwm] pulses from {idle_ns} ns to {full_ns} ns every {period_ns} ns: idle has to be shorter than full, and full no longer than the period"
+            "[pwm] pulses from {idle_ns} ns to {full_ns} ns every {period_ns} ns: idle must be shorter than full, and full no longer than the period"
         ));
     }
     Ok(Pulses { command_range: *command_range, pulse_ns, period_ns })
@@ -334,7 +338,7 @@ fn battery(table: &BatteryTable, folder: &Path) -> std::result::Result<BatterySo
         (Some(path), Some(volt_per_count)) if volt_per_count.is_finite() && volt_per_count > 0.0 => {
             Ok(BatterySource::Converter { path: folder.join(path), volt_per_count })
         }
-        _ => Err("[battery] takes converter (a file with a raw value) and volt_per_count (more than 0) together, or nothing: then the voltage comes with the IMU's frames".into()),
+        _ => Err("[battery] needs both converter (a file with a raw value) and volt_per_count (more than 0), or neither: then the voltage comes with the IMU's frames".into()),
     }
 }
 
@@ -400,7 +404,8 @@ mod tests {
         let case = Case::new();
         case.write("com.toml", EXAMPLE);
         case.read().unwrap();
-        // A line that is switched off is a key or a table; with all of them on only paths are missing.
+        // A line that is switched off is a key or a table; with all of them on only paths are
+        // missing.
         let key = |line: &str| {
             line.strip_prefix("# ")
                 .filter(|line| line.starts_with('[') || line.contains(" = "))
@@ -411,7 +416,7 @@ mod tests {
         assert!(full.iter().any(|line| line.starts_with("open = false")));
         case.write("com.toml", &full.join("\n"));
         let message = case.read().unwrap_err().to_string();
-        assert!(message.contains("measured otherwise"), "{message}");
+        assert!(message.contains("with other measurements"), "{message}");
         case.write("com.toml", &full.join("\n").replace("vehicle_sha256", "# vehicle_sha256"));
         let message = case.read().unwrap_err().to_string();
         assert!(message.contains("/etc/quadlab/key"), "{message}");
@@ -428,9 +433,14 @@ mod tests {
             ("com.toml", "'127.0.0.1:0'", "'127.0.0.1:0'\nkey = 'none'", "[link] key: "),
             ("com.toml", "'127.0.0.1:0'", "'127.0.0.1:0'\nkey = 'loose'", "chmod 600"),
             ("com.toml", "'127.0.0.1:0'", "'127.0.0.1:0'\nkey = 'key'", "no counters"),
-            ("com.toml", "'127.0.0.1:0'", "'127.0.0.1:0'\nkey = 'key'\ncounters = 'nowhere'", "is no folder"),
+            (
+                "com.toml",
+                "'127.0.0.1:0'",
+                "'127.0.0.1:0'\nkey = 'key'\ncounters = 'nowhere'",
+                "is not a folder",
+            ),
             ("com.toml", "[pwm]", "baud = 9600\n[pwm]", "[imu] baud is 9600"),
-            ("com.toml", "'pwmchip0/3'", "'pwm3'", "\"pwm3\" is no output"),
+            ("com.toml", "'pwmchip0/3'", "'pwm3'", "\"pwm3\" is not an output"),
             ("com.toml", "'pwmchip0/3'", "'pwmchip0/0'", "twice"),
             ("com.toml", ", 'pwmchip0/3'", "", "3 are named"),
             ("com.toml", "2500000", "1500000", "no longer than the period"),
@@ -439,7 +449,7 @@ mod tests {
             ("com.toml", "[pwm]", "[timing]\npriority = 99\n[pwm]", "[timing] priority is 99"),
             ("com.toml", "[pwm]", "[guardian]\nsilence_s = 0.01\n[pwm]", "[guardian] silence_s"),
             ("com.toml", "'vehicle.toml'", "'other.toml'", "other.toml: cannot read the vehicle file"),
-            ("com.toml", "gains = ", "vehicle_sha256 = 'bb'\ngains = ", "measured otherwise"),
+            ("com.toml", "gains = ", "vehicle_sha256 = 'bb'\ngains = ", "with other measurements"),
             ("vehicle.toml", "'us'", "'fraction'", "[pwm] pulse_ns is missing"),
             ("vehicle.toml", "a craft", "another", "they are for \"a craft\", this is \"another\""),
             ("vehicle.toml", "2000.0", "1900.0", "command_range is [1000.0, 2000.0]"),

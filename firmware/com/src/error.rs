@@ -9,9 +9,9 @@ pub enum Error {
     /// A file or device that cannot be opened, read or written.
     #[error("{}: cannot {what}: {source}", path.display())]
     Access {
-        /// Which.
+        /// Its path.
         path: PathBuf,
-        /// What was tried, and what to look at.
+        /// What was tried, and what to check.
         what: &'static str,
         /// What the system said.
         source: io::Error,
@@ -19,9 +19,9 @@ pub enum Error {
     /// A file with wrong content.
     #[error("{}: {message}", path.display())]
     Content {
-        /// Which.
+        /// Its path.
         path: PathBuf,
-        /// Which field, what is wrong, how to mend it.
+        /// The field, what is wrong, how to correct it.
         message: String,
     },
     /// The system refused something without a file.
@@ -32,7 +32,7 @@ pub enum Error {
         /// What it said.
         source: io::Error,
     },
-    /// Somebody may not be talked to.
+    /// A peer that is not admitted.
     #[error(transparent)]
     NotAdmitted(#[from] proto::NotAdmitted),
     /// A key or counter file.
@@ -65,9 +65,10 @@ pub(crate) fn system<E: Into<io::Error>>(what: &'static str) -> impl FnOnce(E) -
     move |source| Error::System { what, source: source.into() }
 }
 
-/// Writes a line to standard error. A log that nobody can take any more is no reason to fall out of the air.
+/// Writes a line to standard error. A log that cannot be written any more is no reason to crash.
 pub fn log(line: &str) {
     use io::Write;
-    // In one write: the guardian and the loop share the stream, and their lines must not run into each other.
+    // In one write: the guardian and the loop share the stream, and their lines must not run into
+    // each other.
     let _ = io::stderr().write_all(format!("com: {line}\n").as_bytes());
 }

@@ -1,8 +1,8 @@
-//! The loop: what came, a tick of the [`Craft`], what goes out.
+//! The loop: messages and sensors in, a tick of the [`Craft`], motor commands and messages out.
 //!
-//! On its thread nothing waits, nothing is allocated and no file is read or written but the four pulse lengths, which are
-//! the outputs themselves (a test counts allocations). Beside it are the threads of the IMU's line, of the battery's
-//! converter, of the packet numbers, and of the log.
+//! On its thread nothing waits, nothing is allocated and no file is read or written but the four
+//! pulse lengths, which are the outputs themselves (a test counts allocations). Beside it are the
+//! threads of the IMU's line, of the battery's converter, of the packet numbers, and of the log.
 
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::{self, sleep};
@@ -22,11 +22,11 @@ use crate::link::{Link, Notice};
 use crate::pwm::Motors;
 use crate::realtime;
 
-/// What may wait to be logged; what does not fit is not logged.
+/// How many events may wait to be logged; the rest are not logged.
 const WAITING: usize = 64;
-/// Between two looks of the log's thread.
+/// The log's thread looks for events this often.
 const LOG_EVERY: Duration = Duration::from_millis(20);
-/// A refused packet is worth a line this often; all are counted.
+/// A refused packet is logged at most this often; all are counted.
 const REFUSAL_EVERY: Duration = Duration::from_secs(1);
 
 /// Something that happened in the loop.
@@ -42,7 +42,7 @@ pub enum Event {
 
 /// All that the loop's thread touches.
 #[derive(Debug)]
-pub struct Flight<C> {
+pub struct FlightLoop<C> {
     craft: Craft,
     link: Link,
     imu: Imu,
@@ -55,13 +55,14 @@ pub struct Flight<C> {
     events: SyncSender<Event>,
 }
 
-impl<C: SetDutyCycle> Flight<C> {
+impl<C: SetDutyCycle> FlightLoop<C> {
     /// Opens what the setup names; the outputs are open already.
     ///
     /// # Errors
-    /// The first thing that cannot be had.
+    /// The first thing that cannot be opened.
     pub fn open(setup: &Setup, motors: Motors<C>) -> Result<(Self, Receiver<Event>)> {
-        let craft = Craft::new(&setup.law, about(setup)).map_err(|error| Error::Other(error.to_string()))?;
+        let craft =
+            Craft::new(&setup.law, craft_setup(setup)).map_err(|error| Error::Other(error.to_string()))?;
         let link = Link::open(&setup.link)?;
         let (port, baud) = setup.imu.clone();
         let imu = Imu::open(port, baud, setup.priority)?;
@@ -86,7 +87,7 @@ impl<C: SetDutyCycle> Flight<C> {
         Ok((flight, log))
     }
 
-    /// The link, to look at.
+    /// The link.
     pub fn link(&self) -> &Link {
         &self.link
     }
@@ -99,7 +100,7 @@ impl<C: SetDutyCycle> Flight<C> {
     /// One tick.
     pub fn tick(&mut self, beat: Beat) {
         let Self { craft, link, imu, battery, motors, events, .. } = self;
-        link.receive(craft, |notice| tell(events, Event::Notice(notice)));
+        link.receive(craft, |notice| report(events, Event::Notice(notice)));
         let frame = imu.newest();
         if let Some(voltage_v) = frame.and_then(|frame| frame.battery_v).filter(|_| self.battery_by_imu) {
             battery.store(voltage_v);
@@ -116,11 +117,11 @@ impl<C: SetDutyCycle> Flight<C> {
         let written = motors.set(&pwm).is_ok();
         if written != self.outputs_ready {
             self.outputs_ready = written;
-            tell(events, Event::Outputs(written));
+            report(events, Event::Outputs(written));
         }
         if state != self.state {
             self.state = state;
-            tell(events, Event::State(state));
+            report(events, Event::State(state));
         }
         link.send(craft);
     }
@@ -131,8 +132,8 @@ impl<C: SetDutyCycle> Flight<C> {
     }
 }
 
-/// What the ground is told of this program and its craft.
-fn about(setup: &Setup) -> craft::Setup {
+/// What the ground learns about this program and its craft.
+fn craft_setup(setup: &Setup) -> craft::Setup {
     craft::Setup {
         vehicle_sha256: setup.vehicle_sha256,
         program: program_version(),
@@ -146,8 +147,8 @@ pub fn program_version() -> [u16; 3] {
     std::array::from_fn(|_| numbers.next().unwrap_or(0))
 }
 
-/// A log that is behind is not waited for.
-fn tell(events: &SyncSender<Event>, event: Event) {
+/// Hands an event to the log; never waits for it.
+fn report(events: &SyncSender<Event>, event: Event) {
     let _ = events.try_send(event);
 }
 
@@ -156,7 +157,7 @@ fn tell(events: &SyncSender<Event>, event: Event) {
 /// # Errors
 /// What cannot be opened, or [`Error::Orphaned`].
 pub fn fly<C: SetDutyCycle>(setup: &Setup, motors: Motors<C>, mut heart: Heart) -> Result<()> {
-    let (mut flight, events) = Flight::open(setup, motors)?;
+    let (mut flight, events) = FlightLoop::open(setup, motors)?;
     let log_events = move || print(&events);
     thread::Builder::new()
         .name("log".into())
@@ -180,8 +181,8 @@ pub fn fly<C: SetDutyCycle>(setup: &Setup, motors: Motors<C>, mut heart: Heart) 
     }
 }
 
-/// Prints events until the loop is gone. (It looks now and then instead of waiting: a thread that waits takes a lock that the
-/// loop would have to wait for in its turn.)
+/// Prints events for ever. (It polls instead of waiting: a thread that waits takes a lock that the
+/// loop might have to wait for.)
 fn print(events: &Receiver<Event>) {
     let mut refused: Option<Instant> = None;
     loop {
@@ -193,7 +194,7 @@ fn print(events: &Receiver<Event>) {
                 Event::Notice(notice) => {
                     if refused.is_none_or(|at| at.elapsed() >= REFUSAL_EVERY) {
                         refused = Some(Instant::now());
-                        log(&said(notice));
+                        log(&sentence(notice));
                     }
                 }
             }
@@ -202,7 +203,7 @@ fn print(events: &Receiver<Event>) {
     }
 }
 
-fn said(notice: Notice) -> String {
+fn sentence(notice: Notice) -> String {
     match notice {
         Notice::Refused(from, refused) => format!("from {from}: {refused}"),
         Notice::Stranger(from) => proto::NotAdmitted { peer: from.ip() }.to_string(),

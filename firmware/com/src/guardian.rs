@@ -7,19 +7,21 @@
 //!                             --- its end, or "s" ---->  sees that the guardian is gone, or wants it to stop
 //! ```
 //!
-//! - The loop dies, however (return, panic, SIGKILL): the kernel closes its end of the pipe; the guardian idles the outputs
-//!   at once.
-//! - The loop hangs (SIGSTOP, an endless loop, a dead lock): no byte for [`Terms::silence`]; the guardian idles the outputs,
-//!   kills the loop, and idles them again, since the loop may have written in between.
-//! - The guardian dies: its end of the pipe closes, and the loop idles the outputs in its next tick. The board's watchdog,
-//!   which only the guardian feeds, then resets the board.
-//! - Both are killed in the same moment: the board's watchdog is what is left.
-//! - SIGTERM or SIGINT: the guardian asks the loop to stop, which idles the outputs itself. SIGHUP is not heard: a terminal
-//!   that is closed is no reason to fall.
+//! - The loop dies in whatever way (return, panic, SIGKILL): the kernel closes its end of the pipe;
+//!   the guardian idles the outputs at once.
+//! - The loop hangs (SIGSTOP, an endless loop, a dead lock): no byte for [`Terms::silence`]; the
+//!   guardian idles the outputs, kills the loop, and idles them again, since the loop may have
+//!   written in between.
+//! - The guardian dies: its end of the pipe closes, and the loop idles the outputs in its next
+//!   tick. The board's watchdog, which only the guardian feeds, then resets the board.
+//! - Both are killed at the same moment: only the board's watchdog is left.
+//! - SIGTERM or SIGINT: the guardian asks the loop to stop, which idles the outputs itself. SIGHUP
+//!   is ignored: a closed terminal is no reason to fall.
 //!
-//! The loop is started by `fork`, before there is any thread, and so shares what has been opened and checked; no file has to
-//! be found again, not even when the program was replaced meanwhile. Nothing starts the loop again here: a craft whose
-//! program died is for a human, or for systemd, to start, and starts disarmed.
+//! The loop is started by `fork`, before there is any thread, and so shares what has been opened
+//! and checked; no file has to be found again, even if the program has been replaced meanwhile. The
+//! guardian never restarts the loop: a human or systemd starts a craft whose program died, and it
+//! starts disarmed.
 
 use std::fmt;
 use std::os::fd::{AsFd, OwnedFd};
@@ -40,19 +42,20 @@ use crate::last_end::LastEnd;
 use crate::realtime;
 use crate::watchdog::Watchdogs;
 
-/// The loop's first sign of life may take so long: it opens ports and stores packet numbers before.
+/// How long the loop's first sign of life may take: it opens ports and stores packet numbers first.
 const START_PATIENCE: Duration = Duration::from_secs(10);
-/// A loop that was asked to stop may take so long.
+/// How long a loop that was asked to stop may take.
 const STOP_PATIENCE: Duration = Duration::from_secs(1);
 /// The guardian looks for signals this often even if the loop says nothing.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
-/// What the guardian goes by.
+/// The rules of the guardian.
 #[derive(Debug)]
 pub struct Terms {
     /// So long without a sign of life is death.
     pub silence: Duration,
-    /// The loop's real-time priority; the guardian's is one more, or a loop that never sleeps would keep it from looking.
+    /// The loop's real-time priority; the guardian's is one more, or a loop that never sleeps would
+    /// keep it from looking.
     pub priority: u8,
     /// Where the end is written down.
     pub last_end: LastEnd,
@@ -67,9 +70,9 @@ pub enum End {
     Returned(i32),
     /// A signal ended it.
     Killed(i32),
-    /// It gave no sign of life for so many ms.
+    /// It gave no sign of life for this many ms.
     Silent(u128),
-    /// It never gave one.
+    /// It never gave a sign of life.
     NeverBegan,
 }
 
@@ -80,12 +83,12 @@ impl fmt::Display for End {
             Self::Returned(status) => write!(f, "the loop ended with status {status}"),
             Self::Killed(signal) => write!(f, "the loop was killed by signal {signal}"),
             Self::Silent(ms) => write!(f, "the loop gave no sign of life for {ms} ms and was killed"),
-            Self::NeverBegan => f.write_str("the loop did not begin and was killed"),
+            Self::NeverBegan => f.write_str("the loop did not start and was killed"),
         }
     }
 }
 
-/// What the loop is told when it gives a sign of life.
+/// What the loop has to do after a sign of life.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sign {
     /// Go on.
@@ -104,9 +107,10 @@ pub struct Heart {
 }
 
 impl Heart {
-    /// Gives a sign of life, and looks what to do. Never waits.
+    /// Gives a sign of life and returns what to do. Never waits.
     pub fn beat(&mut self) -> Sign {
-        // A full pipe is a guardian that has not looked for minutes; that it lives says the other pipe.
+        // A full pipe means that the guardian has not looked for minutes; the other pipe says
+        // whether it is alive.
         let _ = rustix::io::write(&self.beats, b".");
         let mut order = [0];
         match rustix::io::read(&self.orders, &mut order) {
@@ -117,7 +121,7 @@ impl Heart {
     }
 }
 
-/// Runs `fly` in a child and watches over it; `idle` idles the outputs. Comes back in the guardian alone.
+/// Runs `fly` in a child and watches it; `idle` idles the outputs. Returns in the guardian only.
 ///
 /// # Errors
 /// What keeps the child from being started.
@@ -131,7 +135,7 @@ pub fn watch(
     for signal in [SIGTERM, SIGINT] {
         signal_hook::flag::register(signal, Arc::clone(&stop)).map_err(system("listen for signals"))?;
     }
-    // Registered, and looked at by nobody.
+    // Registered so that it does not kill, and ignored.
     signal_hook::flag::register(SIGHUP, Arc::default()).map_err(system("listen for signals"))?;
     let pipe = || pipe_with(PipeFlags::CLOEXEC | PipeFlags::NONBLOCK).map_err(system("make a pipe"));
     let ((beats_out, beats_in), (orders_out, orders_in)) = (pipe()?, pipe()?);
@@ -157,7 +161,7 @@ pub fn watch(
                 log(&format!("{end}; the outputs are idle"));
                 watchdogs.close();
             } else {
-                log(&format!("{end}; NOT ALL OUTPUTS COULD BE IDLED: take the battery off"));
+                log(&format!("{end}; NOT ALL OUTPUTS COULD BE IDLED: disconnect the battery"));
             }
             Ok(end)
         }
@@ -234,11 +238,11 @@ impl Guard {
         }
     }
 
-    /// Waits for signs of life, at most so long.
+    /// Waits for signs of life, for a limited time.
     fn listen(&self, at_most: Duration) -> Heard {
         let timeout = Timespec { tv_sec: 0, tv_nsec: at_most.subsec_nanos() as _ };
         let mut pipes = [PollFd::from_borrowed_fd(self.beats.as_fd(), PollFlags::IN)];
-        // Interrupted or refused: the read below tells, and the next round waits.
+        // Interrupted or refused: the read below shows it, and the next round waits.
         let _ = poll(&mut pipes, Some(&timeout));
         let mut bytes = [0; 64];
         match rustix::io::read(&self.beats, &mut bytes) {
@@ -259,5 +263,35 @@ impl Guard {
             },
             _ => End::Returned(-1),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The loop's ends of two pipes, and the guardian's.
+    fn heart() -> (Heart, OwnedFd, OwnedFd) {
+        let pipe = || pipe_with(PipeFlags::CLOEXEC | PipeFlags::NONBLOCK).unwrap();
+        let ((beats_out, beats), (orders, orders_in)) = (pipe(), pipe());
+        (Heart { beats, orders }, beats_out, orders_in)
+    }
+
+    #[test]
+    fn a_beat_is_a_byte_and_brings_the_order_back() {
+        let (mut heart, beats, orders) = heart();
+        assert_eq!([heart.beat(), heart.beat()], [Sign::Go, Sign::Go]);
+        let mut bytes = [0; 8];
+        assert_eq!(rustix::io::read(&beats, &mut bytes), Ok(2), "one byte a tick");
+        rustix::io::write(&orders, b"s").unwrap();
+        assert_eq!([heart.beat(), heart.beat()], [Sign::Stop, Sign::Go]);
+        drop(orders);
+        assert_eq!(heart.beat(), Sign::Orphaned);
+    }
+
+    #[test]
+    fn each_end_is_a_sentence() {
+        assert_eq!(End::Killed(9).to_string(), "the loop was killed by signal 9");
+        assert_eq!(End::Silent(81).to_string(), "the loop gave no sign of life for 81 ms and was killed");
     }
 }

@@ -1,4 +1,5 @@
-//! The IMU board's serial line: a thread that reads it, and hands frames on without ever waiting for the loop.
+//! The IMU board's serial line: a thread reads it and hands frames on, without ever waiting for the
+//! loop.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -21,12 +22,12 @@ use crate::realtime;
 
 /// Frames that may wait for the loop: several ticks' worth.
 const WAITING: usize = 32;
-/// How long a wait for bytes may take before it begins anew.
+/// The longest single wait for bytes.
 const READ_PATIENCE: Duration = Duration::from_millis(100);
-/// Between two tries to open a line that went away.
+/// How often to try to reopen a line that went away.
 const REOPEN_EVERY: Duration = Duration::from_millis(500);
 
-/// What the loop sees of the board.
+/// The loop's end of the line.
 #[derive(Debug)]
 pub struct Imu {
     frames: Receiver<ImuFrame>,
@@ -46,7 +47,7 @@ impl Imu {
         thread::Builder::new()
             .name("imu".into())
             .spawn(move || {
-                // Said once, for the loop.
+                // The loop has already logged whether this works.
                 let _ = realtime::schedule(priority.saturating_sub(1).max(1));
                 read(opened, &port, baud, &sender, &counter);
             })
@@ -79,8 +80,8 @@ pub fn rate(baud: u32) -> Option<BaudRate> {
     })
 }
 
-/// 8 data bits, no parity, 1 stop bit, no flow control, no translation of bytes. (By the C library's calls: those of the
-/// kernel for any baud rate are unknown to emulators.)
+/// 8 data bits, no parity, 1 stop bit, no flow control, no translation of bytes. (By the C
+/// library's calls: those of the kernel for any baud rate are unknown to emulators.)
 fn open(path: &Path, baud: u32) -> Result<File> {
     let set = |port: &File| -> io::Result<()> {
         let mut settings = termios::tcgetattr(port)?;
@@ -100,7 +101,7 @@ fn open(path: &Path, baud: u32) -> Result<File> {
     let port =
         rustix::fs::open(path, flags, Mode::empty()).map_err(access(path, "open the IMU's serial port"))?;
     let port = File::from(port);
-    set(&port).map_err(access(path, "set the IMU's serial port; is it one?"))?;
+    set(&port).map_err(access(path, "configure the IMU's serial port; is it a serial port?"))?;
     Ok(port)
 }
 
@@ -122,7 +123,7 @@ fn read(mut port: File, path: &Path, baud: u32, frames: &SyncSender<ImuFrame>, r
         match wait_and_read(&mut port, &mut bytes) {
             Ok(length @ 1..) => {
                 for frame in bytes.iter().take(length).filter_map(|byte| parser.push(*byte)) {
-                    // If the loop is behind it takes the next one; an old rate is worth nothing.
+                    // A loop that is behind takes the next one; an old rate is useless.
                     let _ = frames.try_send(frame);
                 }
                 refused.store(parser.refused, Ordering::Relaxed);
@@ -162,7 +163,8 @@ mod tests {
         ImuFrame { sequence, board_us: 0, sample, battery_v: Some(11.1), current_a: None }
     }
 
-    /// Over a pseudo terminal of the kernel, in pieces, with noise between: byte for byte what a UART would give.
+    /// Over a pseudo terminal of the kernel, in pieces, with noise between: byte for byte what a
+    /// UART would give.
     #[test]
     fn frames_come_through_a_real_terminal() {
         let (board, line) = SerialPort::pair().unwrap();

@@ -1,4 +1,4 @@
-//! How late the loop's beats come on this machine: the number to look at before anything flies.
+//! How late the loop's beats come on this machine: the number to check before anything flies.
 
 use std::fmt;
 use std::sync::Arc;
@@ -16,14 +16,14 @@ pub struct Lateness {
 }
 
 impl Lateness {
-    /// Of these beats.
+    /// Collects the lateness of these beats.
     pub fn of(beats: &[Beat]) -> Self {
         let mut sorted_us: Vec<u32> = beats.iter().map(|beat| beat.late_us).collect();
         sorted_us.sort_unstable();
         Self { sorted_us, missed: beats.iter().map(|beat| u64::from(beat.missed)).sum() }
     }
 
-    /// So many of 1000 beats are no later than this, us.
+    /// The lateness in us that `permille` of 1000 beats do not exceed.
     pub fn permille_us(&self, permille: usize) -> u32 {
         let last = self.sorted_us.len().saturating_sub(1);
         // Nearest rank, rounded up.
@@ -37,15 +37,15 @@ impl fmt::Display for Lateness {
         let [half, most, nearly_all, all] = [500, 990, 999, 1000].map(|permille| self.permille_us(permille));
         write!(
             f,
-            "{} beats: late by {half} us (median), {most} us (99 %), {nearly_all} us (99.9 %), {all} us (greatest); {} left out",
+            "{} beats: late by {half} us (median), {most} us (99 %), {nearly_all} us (99.9 %), {all} us (greatest); {} missed",
             self.sorted_us.len(),
             self.missed
         )
     }
 }
 
-/// Beats of `period_ns` for so many, with the loop's rights, while `busy` threads without any compute. Says on standard error
-/// what rights there are.
+/// Measures `beats` beats of `period_ns` with the loop's rights, while `busy` threads without them
+/// compute. Logs which rights were granted.
 pub fn measure(period_ns: u64, beats: usize, priority: u8, busy: usize) -> Lateness {
     let done = Arc::new(AtomicBool::new(false));
     let load: Vec<_> = (0..busy)

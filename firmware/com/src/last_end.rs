@@ -1,7 +1,8 @@
 //! How the program ended last, kept in a file for the next start.
 //!
-//! While it runs the file says so, with the machine's boot. If it still says so at the next start nobody could write how it
-//! ended: in the same boot the guardian itself was killed, in another the power went or the board was reset.
+//! While the program runs the file says so, with the machine's boot. If it still says so at the
+//! next start, nothing could record the end: in the same boot the guardian itself was killed; in
+//! another one the power failed or the board was reset.
 
 use std::fs;
 use std::path::PathBuf;
@@ -17,7 +18,7 @@ const RUNNING: &str = "running";
 struct Record {
     /// [`RUNNING`], or how it ended.
     state: String,
-    /// Of the machine, from the kernel.
+    /// The kernel's number of the boot.
     boot: String,
     process: u32,
 }
@@ -29,30 +30,30 @@ pub struct LastEnd {
 }
 
 impl LastEnd {
-    /// In this file; without one nothing is kept.
+    /// Kept in this file; without one nothing is kept.
     pub fn new(path: Option<PathBuf>) -> Self {
         Self { path }
     }
 
-    /// How the program ended last, in a sentence, and from now on it runs.
+    /// Says in a sentence how the program ended last, and records that it runs from now on.
     ///
     /// # Errors
-    /// A file that cannot be written: the next start would be told something wrong.
+    /// A file that cannot be written: the next start would report something wrong.
     pub fn begin(&self) -> Result<String> {
-        let Some(path) = &self.path else { return Ok("nothing is kept of the last end".into()) };
+        let Some(path) = &self.path else { return Ok("no file records how the last run ended".into()) };
         let boot = boot();
         let sentence = match fs::read_to_string(path) {
             Err(_) => "this is the first start here".to_owned(),
             Ok(text) => match toml::from_str::<Record>(&text) {
-                Err(_) => format!("{}: not readable, so nobody knows how the last run ended", path.display()),
-                Ok(last) => told(&last, &boot),
+                Err(_) => format!("{}: not readable; how the last run ended is unknown", path.display()),
+                Ok(last) => sentence(&last, &boot),
             },
         };
         self.write(RUNNING, boot)?;
         Ok(sentence)
     }
 
-    /// It ends, and how.
+    /// Records how the program ends.
     ///
     /// # Errors
     /// A file that cannot be written.
@@ -70,15 +71,15 @@ impl LastEnd {
     }
 }
 
-fn told(last: &Record, boot: &str) -> String {
+fn sentence(last: &Record, boot: &str) -> String {
     match last.state.as_str() {
         RUNNING if last.boot == boot => {
             format!(
-                "the last run's guardian (process {}) was killed; the loop, if it lived, idled the outputs",
+                "the last run's guardian (process {}) was killed; the loop, if it was alive, idled the outputs",
                 last.process
             )
         }
-        RUNNING => "the last run ended with the machine: power lost, or reset".into(),
+        RUNNING => "the machine stopped during the last run: power lost, or reset".into(),
         how => format!("the last run ended: {how}"),
     }
 }
@@ -94,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_end_is_told_at_the_next_start() {
+    fn each_end_is_reported_at_the_next_start() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("last-end.toml");
         let kept = LastEnd::new(Some(path.clone()));

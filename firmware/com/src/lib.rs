@@ -1,4 +1,5 @@
-//! The program of the computer on module (COM): Linux on ARM, as in the thesis (chapter 3), or any other Linux.
+//! The program of the computer on module (COM): Linux on ARM, as in the thesis (chapter 3), or any
+//! other Linux.
 //!
 //! ```text
 //! ground --UDP--> link --+                                     +--> motors (PWM through sysfs)
@@ -6,10 +7,12 @@
 //! battery --> battery  --+         (flight)                    +--> guardian: a sign of life
 //! ```
 //!
-//! What flies is crate `control`, how messages become ticks is crate `craft`; here is what only Linux has: a timer, ports,
-//! files, processes. The craft starts disarmed, and its motors idle whichever way the program ends ([`guardian`]).
+//! What flies is crate `control`, how messages become ticks is crate `craft`; here is what only
+//! Linux has: a timer, ports, files, processes. The craft starts disarmed, and its motors idle
+//! whichever way the program ends ([`guardian`]).
 //!
-//! Deliberately absent: the ground station, motion capture, any other bus than the thesis' (serial, UDP, PWM).
+//! Deliberately absent: the ground station, motion capture, any other bus than the thesis' (serial,
+//! UDP, PWM).
 #![forbid(unsafe_code)]
 
 pub mod ask;

@@ -1,11 +1,13 @@
 //! The link to the ground: UDP datagrams that are packets of crate `proto`.
 //!
-//! The loop's thread sends and receives itself, without ever waiting; of a flood it opens [`BUDGET`] packets a tick, the rest
-//! is the kernel's to drop. Packet numbers that have to be on the disk before they are used are stored by a thread of their
-//! own ([`Keeper`]); the loop asks for them in time and looks whether they are there.
+//! The loop's thread sends and receives itself, without ever waiting; in a flood it opens
+//! [`BUDGET`] packets a tick and the kernel drops the rest. Packet numbers that have to be on the
+//! disk before they are used are stored by a thread of their own ([`Keeper`]); the loop asks for
+//! them in time and checks whether they are stored.
 //!
-//! Telemetry goes to whoever sent the last pose, command or clock; answers and the identity to whoever asked. So a second
-//! program may ask a craft who it is without taking the telemetry away from its pilot.
+//! Telemetry goes to whoever sent the last pose, command or clock; answers and the identity to
+//! whoever asked. So a second program may ask a craft who it is without taking the telemetry away
+//! from its pilot.
 
 use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
@@ -30,9 +32,9 @@ const LOOK_EVERY: Duration = Duration::from_millis(10);
 /// Something that a human should read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Notice {
-    /// A packet that was not taken.
+    /// A packet that was refused.
     Refused(SocketAddr, Refused),
-    /// A peer that is not on this machine, and there is no key.
+    /// A peer on another machine, although there is no key.
     Stranger(SocketAddr),
 }
 
@@ -43,7 +45,7 @@ pub struct Link {
     sealer: Sealer,
     opener: Opener,
     keeper: Option<Keeper>,
-    settings: config::Link,
+    settings: config::LinkSettings,
     /// Who gets telemetry.
     ground: Option<SocketAddr>,
     /// Who asked last.
@@ -56,9 +58,9 @@ impl Link {
     ///
     /// # Errors
     /// A port that is taken, or counters that cannot be read or stored.
-    pub fn open(settings: &config::Link) -> Result<Self> {
+    pub fn open(settings: &config::LinkSettings) -> Result<Self> {
         let socket = UdpSocket::bind(settings.listen)
-            .map_err(system("listen on the link's port; does another program?"))?;
+            .map_err(system("listen on the link's port; is another program using it?"))?;
         socket.set_nonblocking(true).map_err(system("set up the link's socket"))?;
         let number = settings.number;
         let (sealer, opener, keeper) = match (&settings.key, &settings.counters) {
@@ -66,8 +68,8 @@ impl Link {
                 let [mut sent, mut heard] = ["sent", "heard"].map(|name| CounterFile::new(folder.join(name)));
                 let mut sealer = Sealer::authenticated(Role::Craft, number, key.clone(), sent.load()?);
                 let opener = Opener::authenticated(Role::Ground, number, key.clone(), heard.load()?);
-                // The first stretch before the loop begins; later ones beside it. What is heard first is lost while the first
-                // stretch of heard numbers is stored.
+                // The first stretch before the loop begins; later ones beside it. What is heard
+                // first is lost while the first stretch of heard numbers is stored.
                 sealer.counter.keep(&mut sent)?;
                 (sealer, opener, Some(Keeper::start([sent, heard])?))
             }
@@ -80,12 +82,13 @@ impl Link {
     /// Where it listens.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn address(&self) -> Result<SocketAddr> {
-        self.socket.local_addr().map_err(system("look at the link's port"))
+        self.socket.local_addr().map_err(system("read the address of the link's port"))
     }
 
-    /// Lets the craft hear what has come; `note` gets what was refused. Never waits, never allocates.
+    /// Passes what has arrived on to the craft; `note` gets what was refused. Never waits, never
+    /// allocates.
     pub fn receive(&mut self, craft: &mut Craft, mut note: impl FnMut(Notice)) {
         let mut buffer = [0; MAX_PACKET_LEN + 1];
         for _ in 0..BUDGET {
@@ -102,7 +105,7 @@ impl Link {
     }
 
     fn take(&mut self, packet: &[u8], from: SocketAddr, craft: &mut Craft, note: &mut impl FnMut(Notice)) {
-        let config::Link { key, open, .. } = &self.settings;
+        let config::LinkSettings { key, open, .. } = &self.settings;
         if proto::admit(from.ip(), key.as_ref(), *open).is_err() {
             self.strangers = self.strangers.saturating_add(1);
             return note(Notice::Stranger(from));
@@ -116,7 +119,7 @@ impl Link {
                 }
                 craft.hear(number, &message);
             }
-            // Genuine, and too early by the time of storing a number.
+            // Genuine, but its number is still being stored.
             Err(Refused::NotReserved) => {}
             Err(refused) => {
                 // Genuine, but behind: its sender is told where to go on.
@@ -129,7 +132,8 @@ impl Link {
         }
     }
 
-    /// Sends what the craft has to say. Never waits, never allocates; what does not go out is lost, as on the air.
+    /// Sends the craft's messages. Never waits, never allocates; what cannot be sent is lost, as on
+    /// the air.
     pub fn send(&mut self, craft: &mut Craft) {
         let counts = self.counts();
         let mut buffer = [0; MAX_PACKET_LEN];
@@ -146,13 +150,13 @@ impl Link {
         self.reserve();
     }
 
-    fn counts(&self) -> craft::Link {
-        let mut counts = craft::Link::from(&self.opener);
+    fn counts(&self) -> craft::LinkStatus {
+        let mut counts = craft::LinkStatus::from(&self.opener);
         counts.refused = counts.refused.saturating_add(self.strangers);
         counts
     }
 
-    /// Asks for the next stretches of numbers, and takes those that are there.
+    /// Asks for the next stretches of numbers, and takes those that are stored.
     fn reserve(&mut self) {
         let Some(keeper) = &self.keeper else { return };
         let [sent, heard] = &*keeper.stretches;
@@ -211,5 +215,32 @@ impl Keeper {
             .spawn(keep)
             .map_err(system("start the thread of the counters"))?;
         Ok(Self { stretches })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The loop asks, the keeper stores, and only then the loop may use the numbers.
+    #[test]
+    fn numbers_are_used_only_once_they_are_stored() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut file = CounterFile::new(folder.path().join("sent"));
+        let stretch = Stretch::default();
+        let settle = |wanted| {
+            let mut reserved = None;
+            stretch.settle(wanted, |number| reserved = Some(number));
+            reserved
+        };
+        assert_eq!(settle(None), None, "nothing is asked for");
+        assert_eq!(settle(Some(1024)), Some(0), "not stored yet");
+        stretch.keep(&mut file).unwrap();
+        assert_eq!(settle(Some(1024)), Some(1024));
+        assert_eq!(file.load().unwrap(), 1024);
+        let mut missing = CounterFile::new(folder.path().join("none/sent"));
+        settle(Some(2048));
+        assert!(stretch.keep(&mut missing).is_err());
+        assert_eq!(settle(Some(2048)), Some(1024), "what cannot be stored is not used");
     }
 }

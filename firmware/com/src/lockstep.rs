@@ -1,8 +1,10 @@
-//! Software in the loop on this processor: a simulator asks tick by tick over UDP, and the law answers.
+//! Software in the loop on this processor: a simulator asks tick by tick over UDP, and the law
+//! answers.
 //!
-//! Each datagram is a packet ([`proto::Sealer`] without a key, link 0) with [`proto::Readings`]; the answer is one with
-//! [`proto::Outcome`]. UDP may lose either: who asks the same tick again gets the same answer again, and the law is ticked
-//! once. No motor turns, no clock is read: the simulator's time is all there is, so it runs as fast as both can.
+//! Each datagram is a packet ([`proto::Sealer`] without a key, link 0) with [`proto::Readings`];
+//! the answer is one with [`proto::Outcome`]. UDP may lose either: asking for a tick again gives
+//! its answer again, and the law is ticked only once. No motor turns, no clock is read: the
+//! simulator's time is all there is, so it runs as fast as both can.
 
 use std::net::{SocketAddr, UdpSocket};
 
@@ -24,10 +26,10 @@ pub struct Server {
 }
 
 impl Server {
-    /// Listens for a simulator on this machine (or, if told so, on any).
+    /// Listens for a simulator on this machine (or on any, if `open`).
     ///
     /// # Errors
-    /// A configuration that cannot be flown, or a port that cannot be had.
+    /// A configuration that cannot be flown, or a port that cannot be opened.
     pub fn open(config: &Config, listen: SocketAddr, open: bool) -> Result<Self> {
         proto::admit(listen.ip(), None, open)?;
         let law = Lockstep::new(config).map_err(|error| Error::Other(error.to_string()))?;
@@ -44,12 +46,12 @@ impl Server {
     /// Where it listens.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn address(&self) -> Result<SocketAddr> {
         self.socket.local_addr().map_err(system("look at the simulator's port"))
     }
 
-    /// Answers for ever.
+    /// Answers until the socket fails.
     ///
     /// # Errors
     /// A socket that fails.
@@ -83,5 +85,52 @@ impl Server {
         // An answer that does not go out is asked for again.
         let _ = self.socket.send_to(packet, to);
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::Ipv4Addr;
+
+    fn readings(tick: u32) -> Message {
+        Message::Readings(proto::Readings {
+            tick,
+            time_us: tick * 10_000,
+            pose: Some(proto::Pose {
+                position_m: [0.0, 0.0, -1.0 - 0.01 * tick as f32],
+                attitude_rad: [0.0; 3],
+            }),
+            gyro_rad_s: None,
+            battery_v: 11.1,
+            command: None,
+            request: None,
+            outputs_ready: true,
+        })
+    }
+
+    /// A datagram that is lost is asked for again; a law that ticked twice for it would be ahead of
+    /// the simulation.
+    #[test]
+    fn a_tick_that_is_asked_for_twice_is_ticked_once() {
+        let here = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+        let mut server = Server::open(&Config::thesis(), here, false).unwrap();
+        let simulator = UdpSocket::bind(here).unwrap();
+        let (mut law, mut opener) = (Lockstep::new(&Config::thesis()).unwrap(), Opener::open(Role::Craft, 0));
+        for (tick, fresh) in [(0, true), (1, true), (1, false), (2, true)] {
+            server.answer(&readings(tick), simulator.local_addr().unwrap()).unwrap();
+            let mut buffer = [0; MAX_PACKET_LEN];
+            let (length, _) = simulator.recv_from(&mut buffer).unwrap();
+            let (_, got) = opener.unseal(&buffer[..length]).unwrap();
+            let want = if fresh { law.answer(&readings(tick)) } else { server.last };
+            assert_eq!(got, Message::Outcome(want.unwrap()), "tick {tick}");
+        }
+    }
+
+    #[test]
+    fn a_stranger_is_let_in_on_request_only() {
+        let anywhere = SocketAddr::from((Ipv4Addr::UNSPECIFIED, 0));
+        assert!(matches!(Server::open(&Config::thesis(), anywhere, false), Err(Error::NotAdmitted(_))));
+        assert!(Server::open(&Config::thesis(), anywhere, true).is_ok());
     }
 }

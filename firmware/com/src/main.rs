@@ -1,7 +1,7 @@
 //! `com`: flies a craft, and a few small things around that. `com --help` lists them.
 //!
-//! Exit status: 0 done, 1 the craft's program ended in another way than by being asked to, or nobody answers, 2 bad usage or
-//! bad input.
+//! Exit status: 0 done, 1 the craft's program ended without being asked to, or nobody answers, 2
+//! bad usage or bad input.
 #![forbid(unsafe_code)]
 
 use std::io::{BufRead, Read};
@@ -36,12 +36,12 @@ enum Command {
         /// Configuration file
         config: PathBuf,
     },
-    /// Check a configuration file and all it names, without opening a device
+    /// Check a configuration file and the files it names, without opening any device
     Check {
         /// Configuration file
         config: PathBuf,
     },
-    /// Say which program and which craft a configuration stands for
+    /// Print which program and which craft a configuration describes
     Identity {
         /// Configuration file
         config: PathBuf,
@@ -50,21 +50,22 @@ enum Command {
     Who(Asking),
     /// Answer a simulator tick by tick; no motor turns
     Lockstep {
-        /// Gains file; without one the configuration comes as a line of JSON on standard input, and its end ends the program
+        /// Gains file; without it the configuration is one line of JSON on standard input, and the
+        /// program ends when that closes
         #[arg(long)]
         gains: Option<PathBuf>,
-        /// Where to listen; the address is printed when it is open
+        /// Address to listen on; printed once the port is open
         #[arg(long, default_value = "127.0.0.1:0")]
         listen: SocketAddr,
-        /// Let a simulator on another machine in
+        /// Accept a simulator on another machine
         #[arg(long)]
         open: bool,
     },
-    /// Measure how late the loop's beats come on this machine
+    /// Measure how late the loop's ticks come on this machine
     MeasureJitter {
-        /// For so many seconds
+        /// How long to measure, in seconds
         seconds: f64,
-        /// While so many threads compute
+        /// How many threads keep the processors busy meanwhile
         #[arg(long, default_value_t = 0)]
         busy: usize,
         /// Real-time priority
@@ -90,7 +91,7 @@ struct Asking {
     /// Number of the link
     #[arg(long, default_value_t = 0)]
     number: u16,
-    /// Wait so many seconds for an answer
+    /// How long to wait for an answer, in seconds
     #[arg(long, default_value_t = 3.0)]
     wait: f64,
 }
@@ -136,7 +137,7 @@ fn run(config: &Path) -> Result<ExitCode> {
 
 fn check(config: &Path) -> Result<ExitCode> {
     let setup = Setup::read(config)?;
-    println!("{}: good, for {:?}", config.display(), setup.vehicle);
+    println!("{}: valid, for {:?}", config.display(), setup.vehicle);
     Ok(ExitCode::SUCCESS)
 }
 
@@ -160,7 +161,7 @@ fn identity(config: &Path) -> Result<ExitCode> {
 fn ask(asking: &Asking) -> Result<ExitCode> {
     let wait = asking.wait;
     if !(0.0..=3600.0).contains(&wait) {
-        return Err(Error::Other(format!("--wait {wait}: from 0 to 3600 s")));
+        return Err(Error::Other(format!("--wait is {wait}: give a number of seconds from 0 to 3600")));
     }
     let patience = Duration::from_secs_f64(wait);
     let question = match &asking.config {
@@ -170,11 +171,11 @@ fn ask(asking: &Asking) -> Result<ExitCode> {
     let craft = question.craft;
     match who(&question)? {
         None => {
-            log(&format!("nobody answers at {craft}"));
+            log(&format!("no answer from {craft}"));
             Ok(ExitCode::FAILURE)
         }
         Some(identity) => {
-            println!("{}", told(&identity));
+            println!("{}", shown(&identity));
             Ok(ExitCode::SUCCESS)
         }
     }
@@ -185,15 +186,13 @@ fn asked(asking: &Asking, patience: Duration) -> Result<Question> {
     let craft = craft.as_deref().unwrap_or_default();
     let address = craft.to_socket_addrs().ok().and_then(|mut addresses| addresses.next());
     let address = address.ok_or_else(|| {
-        Error::Other(format!(
-            "{craft:?} is no address that is known here; write HOST:PORT, such as 192.168.1.10:14650"
-        ))
+        Error::Other(format!("{craft:?} is not a known address; write HOST:PORT, such as 192.168.1.10:14650"))
     })?;
     let key = key.as_deref().map(proto_files::read_key).transpose()?;
     Ok(Question { craft: address, number: *number, key: key.zip(counters.clone()), patience })
 }
 
-fn told(identity: &Identity) -> serde_json::Value {
+fn shown(identity: &Identity) -> serde_json::Value {
     let [major, minor, patch] = identity.program;
     serde_json::json!({
         "program": format!("{major}.{minor}.{patch}"),
@@ -227,7 +226,7 @@ fn serve(gains: Option<&Path>, listen: SocketAddr, open: bool) -> Result<ExitCod
     println!("{}", server.address()?);
     if gains.is_none() {
         std::thread::spawn(|| {
-            // Nothing more is written; only the end is waited for.
+            // Nothing more is read; only the end matters.
             let _ = std::io::stdin().lock().read_to_end(&mut Vec::new());
             std::process::exit(0)
         });
@@ -238,7 +237,7 @@ fn serve(gains: Option<&Path>, listen: SocketAddr, open: bool) -> Result<ExitCod
 fn measure(seconds: f64, busy: usize, priority: u8) -> Result<ExitCode> {
     const PERIOD_NS: u64 = 10_000_000;
     if !(0.1..=86_400.0).contains(&seconds) {
-        return Err(Error::Other(format!("{seconds} seconds: from 0.1 to a day")));
+        return Err(Error::Other(format!("{seconds} seconds: give a number from 0.1 to 86400 (a day)")));
     }
     println!("{}", jitter::measure(PERIOD_NS, (seconds * 100.0) as usize, priority, busy));
     Ok(ExitCode::SUCCESS)

@@ -1,14 +1,16 @@
-//! Motor commands as pulses: the kernel's PWM interface (`/sys/class/pwm`) behind embedded-hal's [`SetDutyCycle`].
+//! Motor commands as pulses: the kernel's PWM interface (`/sys/class/pwm`) behind embedded-hal's
+//! [`SetDutyCycle`].
 //!
-//! A channel is a folder `pwmchipN/pwmM` with the files `period`, `duty_cycle` (both in ns), `polarity` and `enable`; it
-//! comes to be when M is written into `pwmchipN/export` (Linux, Documentation/driver-api/pwm.rst). A speed controller reads
-//! the length of the pulse alone: 1 ms is idle and 2 ms full, at whatever period it can follow (the thesis' board: 400 Hz).
+//! A channel is a folder `pwmchipN/pwmM` with the files `period`, `duty_cycle` (both in ns),
+//! `polarity` and `enable`; it appears when M is written into `pwmchipN/export` (Linux,
+//! Documentation/driver-api/pwm.rst). A speed controller reads the length of the pulse alone: 1 ms
+//! is idle and 2 ms full, at whatever period it can follow (the thesis' board: 400 Hz).
 //!
-//! embedded-hal counts a duty in 65535ths of the period: 38 ns of 2.5 ms, far below the microsecond that the thesis'
-//! commands are counted in.
+//! embedded-hal counts a duty in 65535ths of the period: 38 ns of 2.5 ms, far below the microsecond
+//! that the thesis' commands are counted in.
 //!
-//! Absent: switching a channel off. A speed controller that hears no pulses at all may beep or forget its idle; idle pulses
-//! go on even after the program has ended.
+//! Absent: switching a channel off. A speed controller without pulses may beep or forget its idle;
+//! idle pulses go on even after the program has ended.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
@@ -21,7 +23,7 @@ use embedded_hal::pwm::{ErrorKind, ErrorType, SetDutyCycle};
 
 use crate::error::{Error, Result, access};
 
-/// How long a channel may take to come to be, with the rights that udev gives it.
+/// How long a channel may take to appear with the rights that udev gives it.
 const EXPORT_PATIENCE: Duration = Duration::from_secs(1);
 
 /// A channel of the kernel's PWM interface.
@@ -42,7 +44,7 @@ impl embedded_hal::pwm::Error for PwmError {
 }
 
 impl SysfsPwm {
-    /// Opens `pwmchipN/M` under `root` and lets it give pulses of `pulse_ns` every `period_ns`.
+    /// Opens `pwmchipN/M` under `root` and starts pulses of `pulse_ns` every `period_ns`.
     ///
     /// # Errors
     /// A channel that is not there, or that refuses the numbers.
@@ -52,7 +54,8 @@ impl SysfsPwm {
             let path = folder.join(name);
             fs::write(&path, value).map_err(access(&path, what))
         };
-        // The kernel refuses a period shorter than the pulse that is there, so the pulse goes first.
+        // The kernel refuses a period shorter than the pulse that is there, so the pulse goes
+        // first.
         if number(&folder.join("period")) != Some(period_ns) {
             put("duty_cycle", "0\n", "shorten the pulse")?;
             put("period", &format!("{period_ns}\n"), "set the period; does this PWM reach it?")?;
@@ -72,8 +75,8 @@ impl SysfsPwm {
         Ok(channel)
     }
 
-    /// Writes a pulse length in ns. No allocation. (A sysfs file takes each write as a whole; an ordinary file keeps what is
-    /// behind the line, so a reader of one reads the first line.)
+    /// Writes a pulse length in ns. No allocation. (A sysfs file takes each write as a whole; an
+    /// ordinary file keeps what is behind the line, so a reader of one reads the first line.)
     fn write(&mut self, pulse_ns: u32) -> io::Result<()> {
         let mut line = io::Cursor::new([0; 12]);
         writeln!(line, "{pulse_ns}")?;
@@ -82,11 +85,11 @@ impl SysfsPwm {
     }
 }
 
-/// The folder of a channel, which is made if it is not there.
+/// The folder of a channel, exported if necessary.
 fn export(root: &Path, output: &str) -> Result<PathBuf> {
     let (chip, channel) = split(output).ok_or_else(|| {
         Error::Other(format!(
-            "[pwm] outputs: {output:?} is no output; write pwmchipN/M, chip N and channel M"
+            "[pwm] outputs: {output:?} is not an output; write pwmchipN/M, chip N and channel M"
         ))
     })?;
     let chip = root.join(chip);
@@ -95,7 +98,7 @@ fn export(root: &Path, output: &str) -> Result<PathBuf> {
         return Ok(folder);
     }
     let export = chip.join("export");
-    fs::write(&export, channel).map_err(access(&export, "open the channel; `ls` its chip's folder"))?;
+    fs::write(&export, channel).map_err(access(&export, "open the channel; check the chip's folder"))?;
     let started = Instant::now();
     while OpenOptions::new().write(true).open(folder.join("duty_cycle")).is_err() {
         if started.elapsed() > EXPORT_PATIENCE {
@@ -133,7 +136,7 @@ impl SetDutyCycle for SysfsPwm {
     fn set_duty_cycle(&mut self, duty: u16) -> std::result::Result<(), PwmError> {
         let full = u64::from(u16::MAX);
         let pulse_ns = (u64::from(duty) * u64::from(self.period_ns) + full / 2) / full;
-        // A share of the period is never longer than the period.
+        // A pulse is never longer than the period.
         self.write(u32::try_from(pulse_ns).unwrap_or(self.period_ns)).map_err(PwmError)
     }
 }
@@ -150,8 +153,8 @@ pub struct Pulses {
 }
 
 impl Pulses {
-    /// Share of the period, from 0 to 1, of a command. What is no number is idle.
-    fn share(&self, command: f32) -> f64 {
+    /// Duty cycle of a command, from 0 to 1. NaN is idle.
+    fn duty_cycle(&self, command: f32) -> f64 {
         let [low, high] = self.command_range;
         let [idle_ns, full_ns] = self.pulse_ns.map(f64::from);
         let part = (f64::from(command) - low) / (high - low);
@@ -174,14 +177,14 @@ impl<C: SetDutyCycle> Motors<C> {
         Self { channels, pulses }
     }
 
-    /// Gives motor commands out, in command units. Every channel is written, also behind one that fails.
+    /// Writes motor commands, in command units. Every channel is written even if another fails.
     ///
     /// # Errors
-    /// The first channel's that failed.
+    /// The error of the first channel that failed.
     pub fn set(&mut self, commands: &[f32; 4]) -> std::result::Result<(), C::Error> {
         let mut outcome = Ok(());
         for (channel, command) in self.channels.iter_mut().zip(commands) {
-            let duty = self.pulses.share(*command) * f64::from(channel.max_duty_cycle());
+            let duty = self.pulses.duty_cycle(*command) * f64::from(channel.max_duty_cycle());
             let written = channel.set_duty_cycle(duty.round() as u16);
             outcome = outcome.and(written);
         }
@@ -191,7 +194,7 @@ impl<C: SetDutyCycle> Motors<C> {
     /// All motors to idle.
     ///
     /// # Errors
-    /// The first channel's that failed.
+    /// The error of the first channel that failed.
     pub fn idle(&mut self) -> std::result::Result<(), C::Error> {
         self.set(&[f32::NEG_INFINITY; 4])
     }
@@ -306,11 +309,12 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever a command is, the pulse is between idle and full, and greater commands give no shorter pulses.
+        /// Whatever a command is, the pulse is between idle and full, and greater commands give no
+        /// shorter pulses.
         #[test]
         fn pulses_stay_in_range_and_in_order(a in any::<f32>(), b in any::<f32>()) {
             let (low, high) = (0.4, 0.8); // 1 ms and 2 ms of 2.5 ms
-            let [of_a, of_b] = [a, b].map(|command| MICROSECONDS.share(command));
+            let [of_a, of_b] = [a, b].map(|command| MICROSECONDS.duty_cycle(command));
             prop_assert!((low..=high).contains(&of_a) && (low..=high).contains(&of_b));
             prop_assert!(a.is_nan() || b.is_nan() || (a <= b) == (of_a <= of_b) || of_a == of_b);
         }

@@ -1,7 +1,9 @@
-//! What Linux can do for a thread that must not be late: first-in-first-out scheduling and memory that stays in place.
+//! What Linux can do for a thread that must not be late: first-in-first-out scheduling and memory
+//! that stays in place.
 //!
-//! Both need rights (root, or `LimitRTPRIO=` and `LimitMEMLOCK=` of the systemd unit). Where they are not given the loop runs
-//! all the same and says so: on a busy machine its ticks are late then, which telemetry shows.
+//! Both need rights (root, or `LimitRTPRIO=` and `LimitMEMLOCK=` of the systemd unit). Without them
+//! the loop runs anyway and says so: on a busy machine its ticks are then late, which telemetry
+//! shows.
 
 use rustix::mm::{MlockAllFlags, mlockall};
 use thread_priority::{
@@ -9,7 +11,7 @@ use thread_priority::{
     set_thread_priority_and_policy, thread_native_id,
 };
 
-/// Asks for both, for the calling thread; a line for each that says what came of it.
+/// Asks for both, for the calling thread; returns one line on the result of each.
 pub fn ask_for(priority: u8) -> [String; 2] {
     [scheduling(priority), memory()]
 }
@@ -36,7 +38,7 @@ fn scheduling(priority: u8) -> String {
 
 fn memory() -> String {
     match mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE) {
-        Ok(()) => "its memory stays in place (mlockall)".to_owned(),
+        Ok(()) => "its memory is locked (mlockall)".to_owned(),
         Err(why) => format!(
             "its memory may be swapped out ({why}): ticks may be late; run as root or give LimitMEMLOCK"
         ),

@@ -1,8 +1,10 @@
-//! The two watchdogs behind the guardian: the board's, which resets it, and systemd's, which starts the program anew.
+//! The two watchdogs behind the guardian: the board's, which resets it, and systemd's, which starts
+//! the program anew.
 //!
-//! `/dev/watchdog` begins to count when it is opened; any byte feeds it, and only a `V` before it is closed stops it ("magic
-//! close": Linux, Documentation/watchdog/watchdog-api.rst). So if the guardian is killed the board is reset, and comes up
-//! disarmed. Its time is the driver's (`/sys/class/watchdog/watchdog0/timeout`).
+//! `/dev/watchdog` begins to count when it is opened; any byte feeds it, and only a `V` before it
+//! is closed stops it ("magic close": Linux, Documentation/watchdog/watchdog-api.rst). So if the
+//! guardian is killed the board is reset, and comes up disarmed. Its time is the driver's
+//! (`/sys/class/watchdog/watchdog0/timeout`).
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;
@@ -27,7 +29,8 @@ pub struct Watchdogs {
 }
 
 impl Watchdogs {
-    /// Opens the board's watchdog, if one is named, and looks whether systemd waits for signs of life.
+    /// Opens the board's watchdog, if one is named, and checks whether systemd expects signs of
+    /// life.
     ///
     /// # Errors
     /// A watchdog that is named and cannot be opened.
@@ -42,7 +45,7 @@ impl Watchdogs {
         Ok(Self { board, fed: None, systemd_every, told: None, ready: false })
     }
 
-    /// The loop lives.
+    /// The loop is alive: feeds both watchdogs if it is time.
     pub fn feed(&mut self, now: Instant) {
         let due = |last: Option<Instant>, every| last.is_none_or(|last| now.duration_since(last) >= every);
         if let Some(board) = self.board.as_mut().filter(|_| due(self.fed, FEED_EVERY)) {
@@ -51,27 +54,27 @@ impl Watchdogs {
         }
         if !self.ready {
             self.ready = true;
-            tell(&[NotifyState::Ready, NotifyState::Status("100 Hz loop running")]);
+            notify(&[NotifyState::Ready, NotifyState::Status("100 Hz loop running")]);
         }
         if self.systemd_every.is_some_and(|every| due(self.told, every)) {
-            tell(&[NotifyState::Watchdog]);
+            notify(&[NotifyState::Watchdog]);
             self.told = Some(now);
         }
     }
 
-    /// The outputs are idle and stay so: nobody need be reset.
+    /// The outputs are idle and stay so: stops the watchdog, no reset is needed.
     pub fn close(mut self) {
         if let Some(board) = &mut self.board
             && let Err(error) = board.write_all(b"V")
         {
             log(&format!("the watchdog cannot be stopped ({error}) and will reset the board"));
         }
-        tell(&[NotifyState::Stopping]);
+        notify(&[NotifyState::Stopping]);
     }
 }
 
 /// Without systemd this does nothing.
-fn tell(state: &[NotifyState]) {
+fn notify(state: &[NotifyState]) {
     let _ = sd_notify::notify(state);
 }
 

@@ -1,5 +1,5 @@
-//! Speed of one control tick on the host, supervisor and input checks included. The simulation waits for it once a
-//! step: four million closed-loop steps a second leave it less than 250 ns.
+//! Speed of one control tick on the host, supervisor and input checks included. The simulation
+//! waits for it once a step: four million closed-loop steps a second leave it less than 250 ns.
 
 mod common;
 

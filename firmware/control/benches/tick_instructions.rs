@@ -1,5 +1,6 @@
-//! Instructions of one control tick, supervisor and input checks included, after a second of flight. They are the
-//! host's; on the Cortex-M4F, where the aim is under 1,500, the same tick takes other ones.
+//! Instructions of one control tick, supervisor and input checks included, after a second of
+//! flight. They are the host's; on the Cortex-M4F, where the aim is under 1,500, the same tick
+//! takes other ones.
 #![expect(missing_docs, reason = "the macros make public items without docs")]
 
 mod common;
@@ -8,7 +9,8 @@ use common::Flight;
 use control::Mode;
 use gungraun::{library_benchmark, library_benchmark_group, main};
 
-/// A flight whose filters have forgotten the start. In a box, so that handing it back costs nothing.
+/// A flight whose filters have forgotten the start. In a box, so that handing it back costs
+/// nothing.
 fn under_way(mode: Mode) -> Box<Flight> {
     let mut flight = Box::new(Flight::new(mode));
     for _ in 0..100 {

@@ -1,73 +1,43 @@
-//! The whole of what flies: monitors, supervisor, guidance and the [`Controller`], ticked together.
+//! The whole of what flies: detectors, supervisor, guidance and the [`Controller`], ticked
+//! together.
 //!
-//! Firmware and simulation call this and nothing below it. Order of a tick:
-//! 1. the [`monitors`](crate::monitors) judge what came: clock, commands, pose, gyro, voltage, tilt;
-//! 2. the [`supervisor`](crate::supervisor) goes to the next state;
-//! 3. in flight the pilot's command goes to the controller as it came; in hold and land the guidance here makes one;
+//! Firmware and simulation call nothing below this. Order of a tick:
+//! 1. the detectors (`safety/detectors.rs`) check what came: clock, commands, pose, gyro,
+//!    voltage, tilt;
+//! 2. the [`state_machine`](crate::safety::state_machine) goes to the next state;
+//! 3. in flight the pilot's command goes to the controller as it came; in hold and land the
+//!    guidance here makes one;
 //! 4. the controller ticks, with motors at idle when disarmed, armed or cut;
-//! 5. what only the outcome shows (loss of thrust, gyro against motion capture, a result that is no number) is for the next
-//!    tick.
+//! 5. what only the outcome shows (loss of thrust, gyro against motion capture, a result that is
+//!    not a number) counts in the next tick.
 //!
-//! Without poses (thesis chapter 3 has no other position): the position is held and the attitude carried on from the last
-//! pose by the gyro, with Euler rates from body rates (thesis (2.3)). Up to [`PoseLimits::coast_s`] the command stays; then
-//! level at the held height; then down: the altitude loop is shown a craft too high by [`Landing::blind_offset_m`], which
-//! takes `kp` times that off the hover thrust, with the integrator's trim kept. At [`PoseLimits::cut_after_s`] the motors stop.
+//! Without poses (thesis chapter 3 has no other position): the position is held and the attitude
+//! carried on from the last pose by the gyro, with Euler rates from body rates (thesis (2.3)). Up
+//! to [`PoseLimits::coast_s`] the command stays; then level at the held height; then down: the
+//! altitude loop sees a craft too high by [`Landing::blind_offset_m`], which takes `kp` times that
+//! off the hover thrust, with the integrator's trim kept. At [`PoseLimits::cut_after_s`] the motors
+//! stop.
 //!
-//! Not here: sensors, links and clocks of a board, and the take-off, which is a command like another.
+//! Not here: sensors, links and clocks of a board, and the take-off, which is a command like
+//! another.
 //!
-//! [`PoseLimits::coast_s`]: crate::supervision::PoseLimits::coast_s
-//! [`PoseLimits::cut_after_s`]: crate::supervision::PoseLimits::cut_after_s
-//! [`Landing::blind_offset_m`]: crate::supervision::Landing::blind_offset_m
+//! [`PoseLimits::coast_s`]: crate::config::supervision_limits::PoseLimits::coast_s
+//! [`PoseLimits::cut_after_s`]: crate::config::supervision_limits::PoseLimits::cut_after_s
+//! [`Landing::blind_offset_m`]: crate::config::supervision_limits::Landing::blind_offset_m
 
-use crate::condition::{Condition, Conditions};
-use crate::controller::{Controller, Measurement, Tick};
-use crate::door::{Command, Mode};
-use crate::error::ConfigError;
-use crate::gains::Config;
-use crate::monitors::{Counters, Known, Limits, Monitors, count, tilt_bound};
-use crate::supervisor::{Preflight, State, next};
-use crate::trig::{sin_cos, wrap_angle};
-
-/// Where motion capture sees the craft.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pose {
-    /// Position of the tracked point, inertial NED, in m.
-    pub position_m: [f32; 3],
-    /// Roll phi, pitch theta, yaw psi (Z-Y-X) in rad; yaw on any branch.
-    pub attitude_rad: [f32; 3],
-}
-
-/// What somebody asks for, beside the command. Each is heard in the tick it comes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Request {
-    /// Arm, if every preflight check is good.
-    Arm,
-    /// Motors to idle, from any state; the only way out of cut.
-    Disarm,
-    /// Land here.
-    Land,
-    /// Motors to idle for good.
-    Cut,
-}
-
-/// Whatever has come since the tick before. What did not come is `None`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Readings {
-    /// The craft's monotonic clock in us, modulo 2^32.
-    pub time_us: u32,
-    /// The newest pose.
-    pub pose: Option<Pose>,
-    /// The newest gyro sample p, q, r, body FRD, in rad/s.
-    pub gyro_rad_s: Option<[f32; 3]>,
-    /// Battery voltage in V; NaN if it could not be measured.
-    pub battery_v: f32,
-    /// The newest command. One that is not all numbers counts as none.
-    pub command: Option<Command>,
-    /// The newest request.
-    pub request: Option<Request>,
-    /// Do the program's outputs work, and did its own checks pass?
-    pub outputs_ready: bool,
-}
+use crate::config::error::ConfigError;
+use crate::config::gains::Config;
+use crate::dsp::trig::{sin_cos, wrap_angle};
+use crate::inputs::input_checks::is_finite;
+use crate::inputs::readings::{Command, Measurement, Mode, Pose, Readings, Request};
+use crate::law::controller::Controller;
+use crate::law::terms::Tick;
+use crate::safety::conditions::{Condition, Conditions};
+use crate::safety::detectors::{Counters, Detectors, LastKnown, count};
+use crate::safety::limits::Limits;
+use crate::safety::plausibility::tilt_bound;
+use crate::safety::preflight::Preflight;
+use crate::safety::state_machine::{State, next};
 
 /// The outcome of a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -76,7 +46,7 @@ pub struct Flight {
     pub tick: Tick,
     /// What the craft is doing.
     pub state: State,
-    /// What the monitors found.
+    /// What the detectors found.
     pub conditions: Conditions,
     /// Which preflight checks are good; looked at while disarmed only.
     pub preflight: Preflight,
@@ -88,11 +58,11 @@ struct Anchor {
     position_m: [f32; 2],
     yaw_rad: f32,
     z_m: f32,
-    /// Made without poses, or overtaken by a time without: to be made anew with the next one.
+    /// Made without poses, or outdated by a time without them: to be made anew with the next one.
     blind: bool,
 }
 
-/// Numbers of the landing, in flight's units.
+/// Numbers of the landing, in the units of flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Descent {
     slow_m_per_us: f32,
@@ -108,12 +78,12 @@ pub struct Autopilot {
     controller: Controller,
     limits: Limits,
     descent: Descent,
-    monitors: Monitors,
+    detectors: Detectors,
     state: State,
-    /// Of the pilot's last command.
+    /// Mode of the pilot's last command.
     mode: Mode,
     idle_wanted: bool,
-    /// The last good one.
+    /// The last good pose.
     pose: Pose,
     /// Attitude by the gyro since then, rad; none while poses come.
     carried_rad: Option<[f32; 3]>,
@@ -121,10 +91,10 @@ pub struct Autopilot {
     flight: Flight,
 }
 
-/// Before the first pose nothing is known.
+/// The pose before the first one: unknown.
 const NOWHERE: Pose = Pose { position_m: [f32::NAN; 3], attitude_rad: [f32::NAN; 3] };
 
-/// Nothing is asked for, motors idle.
+/// A command with motors at idle.
 const IDLE: Command = Command {
     mode: Mode::Attitude,
     attitude_rad: [0.0; 2],
@@ -136,7 +106,7 @@ const IDLE: Command = Command {
 };
 
 impl Autopilot {
-    /// A disarmed craft that has heard nothing yet.
+    /// A disarmed craft that has received nothing yet.
     ///
     /// # Errors
     /// The first parameter that is not finite or out of range, by name.
@@ -153,7 +123,7 @@ impl Autopilot {
                 blind_offset_m: landing.blind_offset_m as f32,
                 down_m: (lowest_m - landing.touchdown_m) as f32,
             },
-            monitors: Monitors::at_rest(),
+            detectors: Detectors::at_rest(),
             state: State::Disarmed,
             mode: IDLE.mode,
             idle_wanted: true,
@@ -164,13 +134,13 @@ impl Autopilot {
         })
     }
 
-    /// A craft that is flying already, with every stream in good order: for simulations that begin in the air. A board boots
-    /// with [`Autopilot::new`].
+    /// A craft that is already flying, with every stream in order: for simulations that begin in
+    /// the air. A board boots with [`Autopilot::new`].
     ///
     /// # Errors
-    /// As [`Autopilot::new`].
+    /// Those of [`Autopilot::new`].
     pub fn in_flight(config: &Config) -> Result<Self, ConfigError> {
-        Ok(Self { monitors: Monitors::in_flight(), state: State::Flying, ..Self::new(config)? })
+        Ok(Self { detectors: Detectors::in_flight(), state: State::Flying, ..Self::new(config)? })
     }
 
     /// What the craft is doing.
@@ -178,9 +148,9 @@ impl Autopilot {
         self.state
     }
 
-    /// What has been refused so far.
+    /// Counts of what has been refused so far.
     pub fn counters(&self) -> Counters {
-        self.monitors.counters
+        self.detectors.counters
     }
 
     /// The outcome of the last tick; the default before the first.
@@ -188,11 +158,11 @@ impl Autopilot {
         &self.flight
     }
 
-    /// Flies by the law of another configuration from now on, with its loops and estimators at rest: while disarmed only, and
-    /// answers whether it was. Supervision, landing and what has been counted stay as they are.
+    /// Switches to the law of another configuration, with its loops and estimators at rest: only
+    /// while disarmed; returns whether it did. Supervision, landing and counts stay as they are.
     ///
     /// # Errors
-    /// As [`Autopilot::new`].
+    /// Those of [`Autopilot::new`].
     pub fn retune(&mut self, config: &Config) -> Result<bool, ConfigError> {
         if self.state != State::Disarmed {
             return Ok(false);
@@ -207,39 +177,21 @@ impl Autopilot {
         &self.controller
     }
 
-    /// One control period. Total: whatever comes in, motor commands are finite and inside the range.
+    /// One control period. Total: whatever comes in, motor commands are finite and inside the
+    /// range.
     #[inline]
     pub fn tick(&mut self, readings: &Readings) -> &Flight {
-        let Self { limits, monitors, .. } = self;
         let mut conditions = Conditions::NONE;
         let found = &mut conditions;
-        let elapsed_us = monitors.clock(readings.time_us, limits, found);
-        let pilot = readings.command.as_ref().filter(|command| is_number(command));
-        match pilot {
-            Some(command) => (self.mode, self.idle_wanted) = (command.mode, command.cut_off),
-            None if readings.command.is_some() => count(&mut monitors.counters.commands_refused),
-            None => {}
-        }
+        let elapsed_us = self.detectors.clock(readings.time_us, &self.limits, found);
+        let pilot = self.hear_pilot(readings);
         let commanded = pilot.is_some();
-        monitors.link(commanded, elapsed_us, limits, found);
-        let before_rad = self.carried_rad.unwrap_or(self.pose.attitude_rad);
-        let anchored = self.state != State::Disarmed && self.pose.position_m[0].is_finite();
-        let known = Known { last: &self.pose, attitude_rad: before_rad, anchored };
-        let seen = monitors.pose(readings.pose.as_ref(), &known, elapsed_us, limits, found);
-        let gyro_rad_s = monitors.imu(readings.gyro_rad_s, elapsed_us, limits, found);
-        if let (true, Some(pose)) = (seen, &readings.pose) {
-            if self.carried_rad.is_some() && monitors.pose.late {
-                // What the estimators make of the way between is no velocity.
-                self.controller.restart_estimators();
-            }
-            (self.pose, self.carried_rad) = (*pose, None);
-        } else {
-            self.carried_rad = Some(carry(before_rad, gyro_rad_s, elapsed_us));
-        }
-        let attitude_rad = self.carried_rad.unwrap_or(self.pose.attitude_rad);
-        monitors.battery(readings.battery_v, elapsed_us, limits, found);
-        monitors.tilt(attitude_rad, elapsed_us, limits, found);
-        monitors.aftermath(found);
+        self.detectors.link(commanded, elapsed_us, &self.limits, found);
+        let (measurement, seen) = self.measure(readings, elapsed_us, found);
+        let attitude_rad = measurement.attitude_rad;
+        self.detectors.battery(readings.battery_v, elapsed_us, &self.limits, found);
+        self.detectors.tilt(attitude_rad, elapsed_us, &self.limits, found);
+        self.detectors.aftermath(found);
         let mut preflight = Preflight::default();
         if self.state != State::Flying || readings.request.is_some() || self.idle_wanted {
             preflight = self.attend(readings, commanded, attitude_rad, &mut conditions);
@@ -252,19 +204,66 @@ impl Autopilot {
             guided = self.guide(state, pilot, attitude_rad, elapsed_us, conditions);
             (guided.mode, guided.cut_off, Some(&guided))
         };
+        self.controller.tick_into(&measurement, seen, mode, cut_off, command, &mut self.flight.tick);
+        self.look_back(readings, seen, attitude_rad, elapsed_us);
+        (self.flight.state, self.flight.conditions, self.flight.preflight) = (state, conditions, preflight);
+        &self.flight
+    }
+
+    /// The pilot's command, if a good one came; its mode and cut-off stay until the next.
+    #[inline]
+    fn hear_pilot<'a>(&mut self, readings: &'a Readings) -> Option<&'a Command> {
+        let pilot = readings.command.as_ref().filter(|command| is_finite(command));
+        match pilot {
+            Some(command) => (self.mode, self.idle_wanted) = (command.mode, command.cut_off),
+            None if readings.command.is_some() => count(&mut self.detectors.counters.commands_refused),
+            None => {}
+        }
+        pilot
+    }
+
+    /// Where the craft is and how it turns: by the pose if a good one came (then `true`), else
+    /// carried on by the gyro.
+    #[inline]
+    fn measure(
+        &mut self,
+        readings: &Readings,
+        elapsed_us: u32,
+        conditions: &mut Conditions,
+    ) -> (Measurement, bool) {
+        let Self { limits, detectors, .. } = self;
+        let before_rad = self.carried_rad.unwrap_or(self.pose.attitude_rad);
+        let anchored = self.state != State::Disarmed && self.pose.position_m[0].is_finite();
+        let known = LastKnown { last: &self.pose, attitude_rad: before_rad, anchored };
+        let seen = detectors.pose(readings.pose.as_ref(), &known, elapsed_us, limits, conditions);
+        let gyro_rad_s = detectors.imu(readings.gyro_rad_s, elapsed_us, limits, conditions);
+        if let (true, Some(pose)) = (seen, &readings.pose) {
+            if self.carried_rad.is_some() && detectors.pose.late {
+                // What the estimators make of the way between is no velocity.
+                self.controller.restart_estimators();
+            }
+            (self.pose, self.carried_rad) = (*pose, None);
+        } else {
+            self.carried_rad = Some(carry(before_rad, gyro_rad_s, elapsed_us));
+        }
         let measurement = Measurement {
             position_m: self.pose.position_m,
-            attitude_rad,
+            attitude_rad: self.carried_rad.unwrap_or(self.pose.attitude_rad),
             gyro_rad_s,
             battery_v: readings.battery_v,
         };
-        self.controller.tick_into(&measurement, seen, mode, cut_off, command, &mut self.flight.tick);
+        (measurement, seen)
+    }
+
+    /// What only the outcome shows, for the next tick.
+    #[inline]
+    fn look_back(&mut self, readings: &Readings, seen: bool, attitude_rad: [f32; 3], elapsed_us: u32) {
         let tick = &self.flight.tick;
         let terms = &tick.terms;
         if let (true, Some(rates)) = (seen, readings.gyro_rad_s) {
-            self.monitors.compare_rates(rates, terms.body_rates_rad_s, &self.limits);
+            self.detectors.compare_rates(rates, terms.body_rates_rad_s, &self.limits);
         }
-        self.monitors.after(
+        self.detectors.after(
             tick.refused.thrust.high,
             terms.z_rate_m_s,
             attitude_rad,
@@ -272,11 +271,9 @@ impl Autopilot {
             elapsed_us,
             &self.limits,
         );
-        (self.flight.state, self.flight.conditions, self.flight.preflight) = (state, conditions, preflight);
-        &self.flight
     }
 
-    /// What matters only on the ground, while landing, or when somebody asks for something.
+    /// What matters only on the ground, while landing, or on a request.
     #[cold]
     fn attend(
         &mut self,
@@ -319,17 +316,17 @@ impl Autopilot {
         let sags = [Condition::BatteryLow, Condition::BatteryCritical, Condition::BatteryEmpty];
         checks.note(Preflight::BATTERY, none(&sags) && readings.battery_v.is_finite());
         checks.note(Preflight::LEVEL, tilt_bound(attitude_rad) <= self.limits.arming_tilt_rad);
-        checks.note(Preflight::INSIDE, self.monitors.is_inside());
+        checks.note(Preflight::INSIDE, self.detectors.is_inside());
         let timing = [Condition::ClockJumped, Condition::LoopOverrun];
-        checks.note(Preflight::TIMING, none(&timing) && self.monitors.on_time(&self.limits));
+        checks.note(Preflight::TIMING, none(&timing) && self.detectors.on_time(&self.limits));
         checks.note(Preflight::CONTROLLER, none(&[Condition::NotANumber]));
         checks.note(Preflight::OUTPUTS, readings.outputs_ready);
         checks.note(Preflight::IDLE, self.idle_wanted);
         checks
     }
 
-    /// The command in every state but flying, and in the tick in which a state changes. (Back in flight between two commands the
-    /// place is held until the next.)
+    /// The command in every state but flying, and in the tick in which a state changes. (Back in
+    /// flight, the place is held until the next command.)
     #[cold]
     fn guide(
         &mut self,
@@ -360,13 +357,15 @@ impl Autopilot {
         if state == State::Land {
             let empty = conditions.has(Condition::BatteryEmpty);
             let rate = if empty { self.descent.fast_m_per_us } else { self.descent.slow_m_per_us };
-            // Past the floor it goes on only in numbers; the door keeps the command inside the box.
+            // Past the floor only the number goes on; the input checks keep the command inside the
+            // box.
             anchor.z_m = (anchor.z_m + rate * elapsed_us as f32).min(self.descent.down_m + 1.0);
         }
         Command { mode: Mode::Position, position_m: anchor.position_m, z_m: anchor.z_m, ..level }
     }
 
-    /// Stay where the craft is. Poses that come back find the old place, at the height of now.
+    /// Makes the craft stay where it is. When poses come back, the old place is kept, at the
+    /// present height.
     fn cast_anchor(&mut self, attitude_rad: [f32; 3], blind: bool, entered: bool) {
         let [x, y, z] = self.pose.position_m;
         let [_, _, yaw] = attitude_rad;
@@ -375,27 +374,20 @@ impl Autopilot {
         }
         (self.anchor.z_m, self.anchor.blind) = (z, blind);
         if blind {
-            // Whatever was left to climb: nobody will see it arrive.
+            // Without poses no one can see a climb end.
             self.controller.settle_height(z);
         }
     }
 }
 
-/// Is every field a number? (A sum is not if one of its parts is not.)
-#[inline]
-fn is_number(command: &Command) -> bool {
-    let Command { attitude_rad: [a, b], yaw_rad, z_m, position_m: [x, y], injection: [i, j, k, l], .. } =
-        *command;
-    ((a + b) + (x + y) + (yaw_rad + z_m) + (i + j) + (k + l)).is_finite()
-}
-
-/// The attitude in rad after turning at the gyro's rates: Euler rates from body rates, thesis (2.3).
+/// The attitude in rad after turning at the gyro's rates: Euler rates from body rates, thesis
+/// (2.3).
 #[cold]
 fn carry([roll, pitch, yaw]: [f32; 3], gyro_rad_s: Option<[f32; 3]>, elapsed_us: u32) -> [f32; 3] {
     let Some([p, q, r]) = gyro_rad_s else { return [roll, pitch, yaw] };
     let dt = elapsed_us as f32 * 1e-6;
     let ((sin_roll, cos_roll), (sin_pitch, cos_pitch)) = (sin_cos(roll), sin_cos(pitch));
-    // With the nose straight up yaw and roll are one; by then the tilt has long been judged.
+    // With the nose straight up yaw and roll are one; by then the tilt has long been detected.
     let cos_pitch = if cos_pitch.abs() < 0.1 { 0.1 } else { cos_pitch };
     let turning = q * sin_roll + r * cos_roll;
     [
@@ -409,7 +401,8 @@ fn carry([roll, pitch, yaw]: [f32; 3], gyro_rad_s: Option<[f32; 3]>, elapsed_us:
 mod tests {
     use super::*;
 
-    /// A result that is no number cannot be brought about from outside (see `tests/totality.rs`); here it is said to be so.
+    /// A result that is no number cannot be brought about from outside (see `tests/totality.rs`);
+    /// here it is said to be so.
     #[test]
     fn a_result_that_is_no_number_lands_and_then_cuts() {
         let mut autopilot = Autopilot::in_flight(&Config::thesis()).unwrap();
@@ -426,7 +419,7 @@ mod tests {
             readings.time_us += 10_000;
             readings.pose.as_mut().unwrap().position_m[0] += 1e-4;
             readings.gyro_rad_s.as_mut().unwrap()[0] += 1e-4;
-            autopilot.monitors.after(false, 0.0, [0.0; 3], no_number, 10_000, &autopilot.limits);
+            autopilot.detectors.after(false, 0.0, [0.0; 3], no_number, 10_000, &autopilot.limits);
             autopilot.tick(&readings).state
         };
         assert_eq!([state(false), state(false)], [State::Flying; 2]);
@@ -450,7 +443,8 @@ mod tests {
         let exact = Rotation3::from_euler_angles(r0, p0, y0) * turned;
         let (roll, pitch, yaw) = exact.euler_angles();
         for (got, want) in attitude.iter().zip([roll, pitch, yaw]) {
-            // First-order steps of 1 ms over 1 s at 1.2 rad/s: half of 1.2^2 * 1 ms, below 1e-3 rad.
+            // First-order steps of 1 ms over 1 s at 1.2 rad/s: half of 1.2^2 * 1 ms, below 1e-3
+            // rad.
             assert!((f64::from(*got) - want).abs() < 1e-3, "{attitude:?} {roll} {pitch} {yaw}");
         }
         assert_eq!(carry(start, None, 10_000), start);

@@ -1,6 +1,6 @@
 //! The autopilot as a board sees it: readings in, states and motor commands out.
 
-use control::supervisor::Preflight;
+use control::Preflight;
 use control::{Autopilot, Command, Condition, Config, Pose, Readings, Request, State};
 use proptest::prelude::*;
 
@@ -106,7 +106,8 @@ fn from_the_stand_to_the_air_and_back() {
 
 type Break = fn(&mut Rig);
 
-/// One way to break each preflight check that inputs can break; the controller's own fault is forced in a unit test.
+/// One way to break each preflight check that inputs can break; the controller's own fault is
+/// forced in a unit test.
 const BREAKS: [(u16, Break); 9] = [
     (Preflight::LINK, |rig| rig.readings.command = None),
     (Preflight::POSE, |rig| rig.readings.pose = None),
@@ -142,7 +143,8 @@ fn it_arms_on_the_good_row_only() {
         }
         let flight = rig.tick(Some(Request::Arm));
         assert_eq!(flight.state, if row == 0 { State::Armed } else { State::Disarmed }, "row {row:09b}");
-        // A craft without poses stands where it was last seen; without commands it has the last one.
+        // A craft without poses stands where it was last seen; without commands it has the last
+        // one.
         let hidden = if broken & Preflight::POSE != 0 { Preflight::LEVEL | Preflight::INSIDE } else { 0 }
             | if broken & Preflight::LINK != 0 { Preflight::IDLE } else { 0 };
         assert_eq!(flight.preflight.bits() | hidden, Preflight::ALL.bits() & !broken | hidden, "{before:?}");
@@ -176,7 +178,8 @@ fn an_armed_craft_that_loses_anything_is_disarmed() {
     }
 }
 
-/// The same second of trouble from several starts of the clock: across the wrap and the half way it is the same.
+/// The same second of trouble from several starts of the clock: across the wrap and the half way it
+/// is the same.
 #[test]
 fn timers_do_not_care_when_the_clock_wraps() {
     let story = |start: u32| -> Vec<(State, u32)> {
@@ -274,8 +277,9 @@ fn any_readings() -> impl Strategy<Value = Readings> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(30_000))]
 
-    /// Whatever comes, in whatever order, from the stand, armed or flying: motor commands are inside the range, idle where they
-    /// have to be, nothing arms without a request, and cut is left by disarm alone.
+    /// Whatever comes, in whatever order, from the stand, armed or flying: motor commands are
+    /// inside the range, idle where they have to be, nothing arms without a request, and cut is
+    /// left by disarm alone.
     #[test]
     fn any_readings_are_survived(from in 0_usize..4, inputs in prop::collection::vec(any_readings(), 1..40)) {
         let mut rig = match from {

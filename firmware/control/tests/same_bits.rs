@@ -1,8 +1,10 @@
-//! Same source, same bits: 2,000 ticks of pseudo-random inputs under both laws, and a hash of everything they computed.
+//! Same source, same bits: 2,000 ticks of pseudo-random inputs under both laws, and a hash of
+//! everything they computed.
 //!
-//! The number below came out of x86-64 and of a Cortex-M4F (thumbv7em-none-eabihf, in QEMU) alike. On one machine this test
-//! only notices that results changed; run on the other target it notices that they differ. A change of the law that is
-//! meant changes the number: take the new one only when both targets give it.
+//! The number below came out of x86-64 and of a Cortex-M4F (thumbv7em-none-eabihf, in QEMU) alike.
+//! On one machine this test only notices that results changed; run on the other target it notices
+//! that they differ. A change of the law that is meant changes the number: take the new one only
+//! when both targets give it.
 
 use control::{Command, Config, Controller, Measurement, Mode, Tick};
 

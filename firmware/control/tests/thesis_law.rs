@@ -1,11 +1,13 @@
-//! The controller against closed-loop runs of the thesis' law that another program recorded (`golden/README.md`).
+//! The controller against closed-loop runs of the thesis' law that another program recorded
+//! (`golden/README.md`).
 //!
-//! Open loop on purpose: the recorded measurements go in, the recorded commands must come out. An error of the law cannot
-//! hide behind the feedback, and none of our plant is involved.
+//! Open loop on purpose: the recorded measurements go in, the recorded commands must come out. An
+//! error of the law cannot hide behind the feedback, and none of our plant is involved.
 //!
-//! Tolerance: 1e-4 of each signal's range in the run. The controller computes in f32 (6e-8) on inputs rounded to f32; the
-//! rate estimators multiply those roundings by 30, the lag canceller's slow pole (0.9979) adds up about 500 of them, and
-//! together that is a few 1e-5 of the range. A wrong gain, sign, order of operations or one tick of delay is 1e-2 or more
+//! Tolerance: 1e-4 of each signal's range in the run. The controller computes in f32 (6e-8) on
+//! inputs rounded to f32; the rate estimators multiply those roundings by 30, the lag canceller's
+//! slow pole (0.9979) adds up about 500 of them, and together that is a few 1e-5 of the range. A
+//! wrong gain, sign, order of operations or one tick of delay is 1e-2 or more
 //! (`the_tolerance_is_tight_enough` checks the smallest of those).
 
 use control::filter::GainRule;
@@ -70,7 +72,8 @@ impl Run {
             .collect()
     }
 
-    /// The largest difference of a signal, as a share of its range in the run (or of `floor`, if it hardly moves).
+    /// The largest difference of a signal, as a share of its range in the run (or of `floor`, if it
+    /// hardly moves).
     fn worst(&self, ticks: &[Tick], name: &str, floor: f64, signal: impl Fn(&Tick) -> f32) -> f64 {
         let scale = self.range(name).max(floor);
         self.column(name)
@@ -79,9 +82,10 @@ impl Run {
             .fold(0.0, f64::max)
     }
 
-    /// Every recorded signal's name and largest difference. The floors are about a tenth of what the signal does in the
-    /// pattern, so that an axis that stands still is not compared with its own rounding: z near -1 m is held to 6e-8 m in
-    /// f32, which is a few 1e-6 m/s behind the estimator's gain of 30 whatever is done with it.
+    /// Every recorded signal's name and largest difference. The floors are about a tenth of what
+    /// the signal does in the pattern, so that an axis that stands still is not compared with its
+    /// own rounding: z near -1 m is held to 6e-8 m in f32, which is a few 1e-6 m/s behind the
+    /// estimator's gain of 30 whatever is done with it.
     fn differences(&self, ticks: &[Tick]) -> Vec<(&'static str, f64)> {
         let mut all = Vec::new();
         let mut add = |name, floor, signal: &dyn Fn(&Tick) -> f32| {
@@ -158,8 +162,8 @@ fn the_estimator_as_printed() {
     check(include_str!("golden/pattern_printed75.csv"), &config, Mode::Position);
 }
 
-/// The law of the identification flights, with this crate's gains for it. Its outputs are in microseconds, so its floors
-/// (1 us of thrust and torque) are stricter still.
+/// The law of the identification flights, with this crate's gains for it. Its outputs are in
+/// microseconds, so its floors (1 us of thrust and torque) are stricter still.
 #[test]
 fn the_hand_tuned_law() {
     check(include_str!("golden/hand_tuned.csv"), &Config::thesis_hand_tuned(), Mode::Position);

@@ -1,6 +1,7 @@
-//! The tick is total: whatever bits come in, finite motor commands inside the range come out, and the controller flies on
-//! when the bits are good again. 120,000 runs with every kind of f32 (NaNs, infinities, subnormals, huge, ordinary),
-//! each over many ticks, under every law and option; proptest prints the seed of a failure.
+//! The tick is total: whatever bits come in, finite motor commands inside the range come out, and
+//! the controller flies on when the bits are good again. 120,000 runs with every kind of f32 (NaNs,
+//! infinities, subnormals, huge, ordinary), each over many ticks, under every law and option;
+//! proptest prints the seed of a failure.
 
 use control::gains::{BatteryFilter, Complement, GyroFusion, Law, Mixing, Saturation};
 use control::{Command, Config, Controller, Measurement, Mode, Tick};
@@ -80,7 +81,7 @@ proptest! {
 
     #[test]
     fn any_bits_give_commands_inside_the_range(
-        which in 0_usize..4,
+        which in 0_usize..5,
         start_good in any::<bool>(),
         inputs in prop::collection::vec((measurement(), command()), 1..12),
     ) {
@@ -93,7 +94,7 @@ proptest! {
             for _ in 0..3 {
                 let tick = controller.tick(measurement, command);
                 assert_inside(&tick)?;
-                prop_assert_eq!(tick.faults.internal.count, 0, "the door keeps overflow out");
+                prop_assert_eq!(tick.faults.internal.count, 0, "the input checks keep overflow out");
                 prop_assert!(tick.terms.thrust.is_finite() && tick.terms.torque.iter().all(|x| x.is_finite()));
             }
         }
@@ -107,8 +108,9 @@ proptest! {
     }
 }
 
-/// The greatest gains and matrix entries that the checks let pass, and the greatest inputs that the door lets pass, for a
-/// thousand seconds of integration: no overflow. (What happens if there is one all the same is a unit test.)
+/// The greatest gains and matrix entries that the checks let pass, and the greatest inputs that the
+/// input checks let pass, for a thousand seconds of integration: no overflow. (What happens if
+/// there is one all the same is a unit test.)
 #[test]
 fn nothing_that_is_allowed_overflows() {
     let mut config = Config::thesis();

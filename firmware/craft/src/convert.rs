@@ -1,6 +1,7 @@
-//! The flight law's values as messages, and back: the same fields under the same names.
+//! Conversion of the flight law's values to messages and back: fields keep their names.
 //!
-//! `control` and `proto` do not know each other; here they meet. Floating-point numbers pass bit for bit.
+//! `control` and `proto` do not know each other; here they meet. Floating-point numbers pass bit
+//! for bit.
 
 use control::mixer::Directions;
 use control::{Command, Flight, Mode, Pose, Readings, Request, State};

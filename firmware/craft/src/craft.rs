@@ -1,4 +1,4 @@
-//! A craft: its autopilot, what it has heard, and what it has to say.
+//! A craft: its autopilot, the messages it has received, and those it has to send.
 
 use control::gains::{InnerLoop, Law, PositionLoop};
 use control::{Autopilot, Command, Config, ConfigError, Flight, Mode, Pose, Readings, Request, State};
@@ -7,17 +7,19 @@ use proto::{Answer, Counters, Gains, Identity, ImuSample, Loop, MIN_VERSION, Mes
 
 use crate::convert;
 
-/// Answers that wait for the end of the tick. More requests than that between two ticks lose their answers, not their effect.
+/// How many answers may wait for the end of the tick. Further requests between two ticks take
+/// effect without an answer.
 const OUTBOX: usize = 8;
 
 /// What is fixed when a craft boots, beside its configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Setup {
-    /// SHA-256 of the gains and vehicle file that the configuration was read from: `gains_file::craft_sha256`.
+    /// SHA-256 of the gains and vehicle file that the configuration was read from:
+    /// `gains_file::craft_sha256`.
     pub vehicle_sha256: [u8; 32],
     /// Version of the program: major, minor, patch.
     pub program: [u16; 3],
-    /// Telemetry comes every so many ticks; 0 counts as 1.
+    /// Ticks from one telemetry message to the next; 0 counts as 1.
     pub telemetry_every: u16,
 }
 
@@ -38,9 +40,9 @@ pub struct Inputs {
     pub lateness_us: u32,
 }
 
-/// What the link counts and knows, for telemetry and identity.
+/// What the link has counted and accepts, for telemetry and identity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Link {
+pub struct LinkStatus {
     /// Packets that never came, by the gaps in their numbers.
     pub lost: u32,
     /// Packets refused: damaged, forged, replayed, or bytes that were no packet.
@@ -49,7 +51,7 @@ pub struct Link {
     pub accepts_from: u64,
 }
 
-impl From<&proto::Opener> for Link {
+impl From<&proto::Opener> for LinkStatus {
     fn from(opener: &proto::Opener) -> Self {
         let proto::Statistics { lost, refused, .. } = opener.statistics;
         Self { lost, refused, accepts_from: opener.guard.accepts_from() }
@@ -71,7 +73,7 @@ struct Inbox {
     asked: Option<Asked>,
 }
 
-/// A craft, disarmed when it is made.
+/// A craft, disarmed at first.
 #[derive(Debug, Clone)]
 pub struct Craft {
     setup: Setup,
@@ -79,7 +81,7 @@ pub struct Craft {
     autopilot: Autopilot,
     inbox: Inbox,
     outbox: Deque<Answer, OUTBOX>,
-    /// Of the ticks done, modulo 2^32.
+    /// Number of ticks so far, modulo 2^32.
     tick: u32,
     time_us: u32,
     ground_us: u32,
@@ -98,7 +100,7 @@ pub struct Craft {
 }
 
 impl Craft {
-    /// A disarmed craft that has heard nothing yet.
+    /// A disarmed craft that has received nothing yet.
     ///
     /// # Errors
     /// The first parameter that cannot be flown with, by name.
@@ -124,8 +126,8 @@ impl Craft {
         })
     }
 
-    /// Hears a message of the ground, in the packet with this number. It takes effect with the next tick; gains do at once, while
-    /// disarmed.
+    /// Receives a message of the ground, in the packet with this number. It takes effect in the
+    /// next tick; gains do at once, while disarmed.
     pub fn hear(&mut self, number: u64, message: &Message) {
         match message {
             Message::Pose(timed) => self.inbox.pose = Some(convert::pose(&timed.pose)),
@@ -147,13 +149,14 @@ impl Craft {
         }
     }
 
-    /// The identity goes out with the next messages: after booting, and when a genuine packet had too low a number, so that its
-    /// sender can skip ahead.
+    /// The identity goes out with the next messages: after booting, and when a genuine packet had
+    /// too low a number, so that its sender can skip ahead.
     pub fn introduce(&mut self) {
         self.introduce = true;
     }
 
-    /// One control period. Total: whatever came, the motor commands `tick.pwm` are finite and inside the range.
+    /// One control period. Total: whatever came, the motor commands `tick.pwm` are finite and
+    /// inside the range.
     #[inline]
     pub fn tick(&mut self, inputs: &Inputs) -> &Flight {
         let Inbox { pose, command, asked } = core::mem::take(&mut self.inbox);
@@ -185,9 +188,9 @@ impl Craft {
         self.autopilot.flight()
     }
 
-    /// The next message to the ground: answers, identity, telemetry, in this order. To be called after a tick until there are no
-    /// more.
-    pub fn next_message(&mut self, link: &Link) -> Option<Message> {
+    /// The next message to the ground: answers, identity, telemetry, in this order. To be called
+    /// after a tick until there are no more.
+    pub fn next_message(&mut self, link: &LinkStatus) -> Option<Message> {
         if let Some(answer) = self.outbox.pop_front() {
             return Some(Message::Answer(answer));
         }
@@ -201,8 +204,8 @@ impl Craft {
         })
     }
 
-    /// Who this is.
-    pub fn identity(&self, link: &Link) -> Identity {
+    /// The craft's identity.
+    pub fn identity(&self, link: &LinkStatus) -> Identity {
         Identity {
             versions: [MIN_VERSION, VERSION],
             program: self.setup.program,
@@ -213,7 +216,7 @@ impl Craft {
     }
 
     /// Everything about the last tick.
-    pub fn telemetry(&self, link: &Link) -> Telemetry {
+    pub fn telemetry(&self, link: &LinkStatus) -> Telemetry {
         let flight = self.autopilot.flight();
         let terms = &flight.tick.terms;
         Telemetry {
@@ -248,7 +251,7 @@ impl Craft {
         self.autopilot.flight()
     }
 
-    fn counters(&self, link: &Link) -> Counters {
+    fn counters(&self, link: &LinkStatus) -> Counters {
         let found = self.autopilot.counters();
         Counters {
             jitter_us: self.jitter_us,
@@ -269,7 +272,7 @@ impl Craft {
             Some(kept) if severity(kept.request) > severity(new.request) => Some(new),
             kept => {
                 self.inbox.asked = Some(new);
-                // The same request again is one request; the newest packet gets the answer.
+                // A repeated request is one request; the newest packet gets the answer.
                 kept.filter(|kept| kept.request != new.request)
             }
         };
@@ -284,7 +287,8 @@ impl Craft {
         let _ = self.outbox.push_back(answer);
     }
 
-    /// Flies with other gains of one loop from now on, if they can be flown with and nothing flies yet.
+    /// Flies with other gains of one loop from now on, if they can be flown with and nothing flies
+    /// yet.
     fn retune(&mut self, gains: &Gains) -> Result<(), NotRetuned> {
         let mut config = self.config;
         let loops = match &mut config.law {
@@ -309,7 +313,8 @@ impl Craft {
     }
 }
 
-/// The ground hears only that it was not done: the gains were out of range, or the craft was not disarmed.
+/// The ground learns only that it was not done: the gains were out of range, or the craft was not
+/// disarmed.
 struct NotRetuned;
 
 fn gains_of(gains: &Gains) -> (f64, f64, f64) {
@@ -326,12 +331,67 @@ fn severity(request: Request) -> u8 {
     }
 }
 
-/// Does the craft do what was asked for?
+/// Does the craft do what was requested?
 fn is_done(request: Request, state: State) -> bool {
     match request {
         Request::Arm => state == State::Armed,
         Request::Disarm => state == State::Disarmed,
         Request::Land => matches!(state, State::Land | State::Disarmed),
         Request::Cut => state == State::Cut,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SETUP: Setup = Setup { vehicle_sha256: [1; 32], program: [0, 1, 2], telemetry_every: 3 };
+    const LINK: LinkStatus = LinkStatus { lost: 0, refused: 0, accepts_from: 7 };
+    const INPUTS: Inputs = Inputs {
+        time_us: 0,
+        imu: None,
+        battery_v: 11.1,
+        current_a: None,
+        outputs_ready: true,
+        lateness_us: 0,
+    };
+
+    fn messages(craft: &mut Craft) -> Vec<Message> {
+        core::iter::from_fn(|| craft.next_message(&LINK)).collect()
+    }
+
+    /// The order of the state machine: whatever disarms or cuts is never undone by what comes
+    /// behind it.
+    #[test]
+    fn the_most_severe_request_counts_and_each_is_answered() {
+        let mut craft = Craft::new(&Config::thesis(), SETUP).unwrap();
+        for (number, request) in [
+            (1, proto::Request::Arm),
+            (2, proto::Request::Cut),
+            (3, proto::Request::Arm),
+            (4, proto::Request::Land),
+        ] {
+            craft.hear(number, &Message::Request(request));
+        }
+        craft.tick(&INPUTS);
+        assert_eq!(craft.state(), State::Cut);
+        let answers: Vec<(u64, bool)> = messages(&mut craft)
+            .iter()
+            .filter_map(|message| if let Message::Answer(a) = message { Some((a.to, a.done)) } else { None })
+            .collect();
+        assert_eq!(answers, [(1, false), (3, false), (4, false), (2, true)]);
+    }
+
+    #[test]
+    fn telemetry_comes_every_third_tick_and_the_identity_when_asked() {
+        let mut craft = Craft::new(&Config::thesis(), SETUP).unwrap();
+        let telemetry = [(); 7].map(|()| {
+            craft.tick(&INPUTS);
+            matches!(messages(&mut craft)[..], [Message::Telemetry(_)])
+        });
+        assert_eq!(telemetry, [true, false, false, true, false, false, true]);
+        craft.hear(9, &Message::Who);
+        let [Message::Identity(identity)] = messages(&mut craft)[..] else { panic!("the identity") };
+        assert_eq!((identity.accepts_from, identity.program), (7, [0, 1, 2]));
     }
 }

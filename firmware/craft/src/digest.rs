@@ -1,11 +1,12 @@
-//! Every bit of a tick as one number, so that two targets can be compared through a narrow link.
+//! A tick's digest: every bit of it in one number, so that two targets can be compared over a slow
+//! link.
 
 use control::mixer::Directions;
 use control::{Fault, Faults, Flight, OuterTerms, PidTerms, Refused, Terms, Tick};
 
-/// FNV-1a, 64 bits, over everything in `flight`: motor commands, each internal term, refusals, faults, state, conditions and
-/// preflight checks. Equal bits give equal numbers on every target; numbers that differ in a sign of zero or in the payload of a
-/// NaN give others.
+/// FNV-1a, 64 bits, over everything in `flight`: motor commands, each internal term, refusals,
+/// faults, state, conditions and preflight checks. Equal bits give equal numbers on every target;
+/// numbers that differ in a sign of zero or in the payload of a NaN give others.
 pub fn digest(flight: &Flight) -> u64 {
     let mut fnv = Fnv(0xcbf2_9ce4_8422_2325);
     // Taken apart without `..`: a field that is added later cannot be forgotten.
@@ -28,7 +29,7 @@ pub fn digest(flight: &Flight) -> u64 {
     fnv.0
 }
 
-/// Fowler-Noll-Vo, 1a: <http://www.isthe.com/chongo/tech/comp/fnv/>.
+/// Fowler-Noll-Vo, variant 1a, 64 bits.
 struct Fnv(u64);
 
 impl Fnv {

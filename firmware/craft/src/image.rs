@@ -1,11 +1,12 @@
-//! A configuration as bytes that a program carries or is handed: what a gains file becomes for a chip without files.
+//! A configuration as bytes that a program carries: what a gains file becomes for a chip without
+//! files.
 //!
 //! ```text
 //! "quadlab", version 1 | length of the rest u16 | SHA-256 of gains and vehicle file | Config (postcard) | CRC-32
 //! ```
 //!
-//! Integers are little endian; the CRC (CRC-32/ISO-HDLC) is of everything before it. Whatever follows an image is ignored, so
-//! that it can be read from a stretch of memory.
+//! Integers are little endian; the CRC (CRC-32/ISO-HDLC) is of everything before it. Whatever
+//! follows an image is ignored, so that it can be read from a stretch of memory.
 
 use control::Config;
 use core::fmt;
@@ -20,10 +21,10 @@ const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// No image is longer, in bytes.
 pub const MAX_IMAGE_LEN: usize = 2048;
 
-/// Why bytes are no image.
+/// Why bytes are not an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ImageError {
-    /// They do not begin like one of this version.
+    /// They do not begin like an image of this version.
     NotAnImage,
     /// They end too early.
     CutShort,
@@ -36,7 +37,7 @@ pub enum ImageError {
 impl fmt::Display for ImageError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::NotAnImage => "not a gains image: the first bytes are others",
+            Self::NotAnImage => "not a gains image: it starts with other bytes",
             Self::CutShort => "a gains image that is cut short",
             Self::Damaged => "a damaged gains image (CRC)",
             Self::OtherConfig => {
@@ -48,8 +49,8 @@ impl fmt::Display for ImageError {
 
 impl core::error::Error for ImageError {}
 
-/// Writes the image of `config`, read from files with this SHA-256, into `buffer`; `None` if that is too short
-/// ([`MAX_IMAGE_LEN`] suffices).
+/// Writes the image of `config`, read from files with this SHA-256, into `buffer`; `None` if that
+/// is too short ([`MAX_IMAGE_LEN`] suffices).
 pub fn encode<'a>(config: &Config, vehicle_sha256: &[u8; 32], buffer: &'a mut [u8]) -> Option<&'a [u8]> {
     let (head, rest) = buffer.split_at_mut_checked(HEAD_LEN)?;
     let (hash, rest) = rest.split_at_mut_checked(HASH_LEN)?;
@@ -64,10 +65,11 @@ pub fn encode<'a>(config: &Config, vehicle_sha256: &[u8; 32], buffer: &'a mut [u
     buffer.get(..end + CRC_LEN)
 }
 
-/// The configuration of the image that `bytes` begin with, and the SHA-256 of its files. Whether it can be flown is not looked at.
+/// The configuration of the image that `bytes` begin with, and the SHA-256 of its files. Whether it
+/// can be flown is not checked.
 ///
 /// # Errors
-/// Why it is none.
+/// Why the bytes are not an image.
 pub fn decode(bytes: &[u8]) -> Result<(Config, [u8; 32]), ImageError> {
     let rest = bytes.strip_prefix(&MAGIC).ok_or(ImageError::NotAnImage)?;
     let (length, rest) = rest.split_first_chunk().ok_or(ImageError::CutShort)?;
@@ -95,7 +97,7 @@ mod tests {
         let mut full = Config::thesis();
         full.estimation.gyro = Some(GyroFusion { corner_rad_s: 5.0, complement: Complement::MatchedPair });
         full.estimation.battery = Some(BatteryFilter { gain: 0.02 });
-        full.supervision.fence = control::supervision::Fence::NONE;
+        full.supervision.fence = control::supervision_limits::Fence::NONE;
         [Config::thesis(), Config::thesis_hand_tuned(), full]
     }
 

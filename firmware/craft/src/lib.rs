@@ -1,6 +1,7 @@
-//! What every program of a craft has in common, defined once: messages in, one tick of the autopilot, messages out.
+//! What all programs of a craft share: messages in, one tick of the autopilot, messages out.
 //!
-//! A program (the COM on Linux, the microcontroller's firmware) owns a clock, a link, sensors and motors. All else is here:
+//! A program (the COM on Linux, the microcontroller's firmware) owns a clock, a link, sensors and
+//! motors. All else is here:
 //!
 //! ```text
 //! per packet:  opener.unseal(packet) -> craft.hear(number, &message)
@@ -8,16 +9,18 @@
 //!              while let Some(message) = craft.next_message(&link) { sealer.seal(&message); send }
 //! ```
 //!
-//! Between two ticks the newest pose and the newest command count. Of several requests the most severe counts, in the
-//! supervisor's order (disarm, cut, land, arm): a cut is not undone by the arming behind it. Everything that asks for
-//! something is answered, with the number of the packet that asked.
+//! Between two ticks the newest pose and the newest command count. Of several requests the most
+//! severe counts, in the supervisor's order (disarm, cut, land, arm): a cut is not undone by the
+//! arming behind it. Every request is answered, with the number of its packet.
 //!
-//! [`Lockstep`] is the other way to be ticked, by a simulator that waits for each answer: [`proto::Readings`] in,
-//! [`proto::Outcome`] out. It is a type of its own, so that no message can put a flying craft into it. [`digest`] folds every
-//! bit of a tick into a number, to compare targets with.
+//! [`Lockstep`] is the other way to be ticked, by a simulator that waits for each answer:
+//! [`proto::Readings`] in, [`proto::Outcome`] out. It is a type of its own, so that no message can
+//! put a flying craft into it. [`digest`] folds every bit of a tick into a number, to compare
+//! targets with.
 //!
-//! Pure and total: no clock, no input or output, no allocation, no panic. Deliberately absent: keys, packet numbers and what
-//! keeps them (they belong to the link: [`proto::Opener`], [`proto::Sealer`]), and who may talk at all ([`proto::admit`]).
+//! Pure and total: no clock, no input or output, no allocation, no panic. Deliberately absent:
+//! keys, packet numbers and what keeps them (they belong to the link: [`proto::Opener`],
+//! [`proto::Sealer`]), and who may talk at all ([`proto::admit`]).
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 #![cfg_attr(
@@ -31,6 +34,6 @@ mod digest;
 pub mod image;
 mod lockstep;
 
-pub use craft::{Craft, Inputs, Link, Setup};
+pub use craft::{Craft, Inputs, LinkStatus, Setup};
 pub use digest::digest;
 pub use lockstep::{Lockstep, RECORDING_MAGIC};

@@ -23,14 +23,15 @@ impl Lockstep {
         Ok(Self { autopilot: Autopilot::in_flight(config)? })
     }
 
-    /// One tick: the answer to readings. Anything else has none.
+    /// One tick: the answer to readings. Any other message has none.
     #[inline]
     pub fn answer(&mut self, message: &Message) -> Option<proto::Outcome> {
         let Message::Readings(asked) = message else { return None };
         Some(convert::outcome(asked.tick, self.autopilot.tick(&convert::readings(asked))))
     }
 
-    /// One tick over a link: a frame with readings in; out, in `buffer`, the frame of the outcome. Other bytes have no answer.
+    /// One tick over a link: a frame with readings in; out, in `buffer`, the frame of the outcome.
+    /// Other bytes get no answer.
     pub fn answer_frame<'a>(
         &mut self,
         frame: &[u8],
@@ -40,8 +41,9 @@ impl Lockstep {
         proto::encode(&Message::Outcome(outcome), buffer).ok()
     }
 
-    /// Ticks through a recording ([`RECORDING_MAGIC`], then frames of readings, each behind its length as u16, little endian) until a
-    /// length of 0, the end, or something else than readings. `each` hears the [`digest`](crate::digest()) of every whole tick.
+    /// Ticks through a recording ([`RECORDING_MAGIC`], then frames of readings, each behind its
+    /// length as u16, little endian) until a length of 0, the end, or a frame that holds no
+    /// readings. `each` hears the [`digest`](crate::digest()) of every whole tick.
     pub fn replay(&mut self, recording: &[u8], mut each: impl FnMut(u64)) {
         let Some(mut rest) = recording.strip_prefix(&RECORDING_MAGIC) else { return };
         while let Some((length, behind)) = rest.split_first_chunk() {

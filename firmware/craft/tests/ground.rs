@@ -1,8 +1,8 @@
 //! A craft as the ground sees it: messages in, messages out, with the flight law behind.
 
-use control::supervisor::Preflight;
+use control::Preflight;
 use control::{Config, State};
-use craft::{Craft, Inputs, Link, Setup, digest};
+use craft::{Craft, Inputs, LinkStatus, Setup, digest};
 use proptest::prelude::*;
 use proto::{Answer, Command, Gains, ImuSample, Loop, Message, Mode, Pose, Request, TimedPose, Timer};
 
@@ -15,13 +15,13 @@ struct Bench {
     craft: Craft,
     ticks: u32,
     number: u64,
-    link: Link,
+    link: LinkStatus,
 }
 
 impl Bench {
     fn new(setup: Setup) -> Self {
         let craft = Craft::new(&Config::thesis(), setup).unwrap();
-        Self { craft, ticks: 0, number: 0, link: Link::default() }
+        Self { craft, ticks: 0, number: 0, link: LinkStatus::default() }
     }
 
     fn say(&mut self, message: Message) -> u64 {
@@ -30,7 +30,8 @@ impl Bench {
         self.number
     }
 
-    /// One tick with a pose, this command and a gyro that moves a little; what the craft says to it.
+    /// One tick with a pose, this command and a gyro that moves a little; what the craft says to
+    /// it.
     fn tick(&mut self, command: Command) -> Vec<Message> {
         // Sensors that stand still are taken for stuck ones.
         let dither = 1e-4 * (self.ticks % 7) as f32;
@@ -150,7 +151,7 @@ fn the_newest_pose_and_command_count() {
 #[test]
 fn telemetry_tells_what_went_in() {
     let mut bench = Bench::ready(SETUP);
-    bench.link = Link { lost: 3, refused: 4, accepts_from: 99 };
+    bench.link = LinkStatus { lost: 3, refused: 4, accepts_from: 99 };
     bench.say(Message::Timer(Timer { ground_us: 77 }));
     bench.say(Message::Answer(Answer { to: 0, done: true, preflight: 0 }));
     let said = bench.run(Some([0.1, 0.2, 0.3]), 250);
@@ -291,8 +292,8 @@ fn any_message() -> impl Strategy<Value = Message> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 200, ..ProptestConfig::default() })]
 
-    /// Whatever the ground says and the sensors measure: motors get finite commands inside their range, idle unless somebody
-    /// armed; every message out can be sent.
+    /// Whatever the ground says and the sensors measure: motors get finite commands inside their
+    /// range, idle unless somebody armed; every message out can be sent.
     #[test]
     fn nothing_the_ground_says_breaks_a_craft(
         ticks in prop::collection::vec(

@@ -1,8 +1,9 @@
 //! What a craft is: its gains file and its vehicle file, and one hash of both.
 //!
-//! The hash is SHA-256 of the gains file with the vehicle file behind it, byte for byte: `cat gains.toml vehicle.toml | sha256sum`.
-//! The craft's computer takes it of the files that it is started with, the microcontroller carries it in the image that was built
-//! from them, and both tell it when they are asked who they are. Two crafts that tell the same fly alike.
+//! The hash is SHA-256 of the gains file with the vehicle file behind it, byte for byte: `cat
+//! gains.toml vehicle.toml | sha256sum`. The craft's computer takes it of the files that it is
+//! started with, the microcontroller carries it in the image that was built from them, and both
+//! send it when they are asked for their identity. Two craft with equal hashes fly alike.
 
 use std::path::Path;
 
@@ -12,7 +13,7 @@ use sha2::{Digest, Sha256};
 
 use crate::{Gains, GainsError, VehicleId, read, toml_message};
 
-/// What a craft's program needs of a vehicle file; the rest is for models.
+/// The part of a vehicle file that a craft's program needs; the rest is for models.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct Vehicle {
     /// Its name.
@@ -21,7 +22,7 @@ pub struct Vehicle {
     pub motors: Motors,
 }
 
-/// What is commanded to the motors.
+/// The motors' commands.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct Motors {
     /// Unit of a command.
@@ -42,11 +43,12 @@ pub struct CraftFiles {
 }
 
 impl CraftFiles {
-    /// Reads both. `measured_sha256` is that of the vehicle's measurements, if the gains are to be compared with it too.
+    /// Reads both. `measured_sha256` is that of the vehicle's measurements, if the gains are to be
+    /// compared with it too.
     ///
     /// # Errors
-    /// The first thing that is wrong: which file, what, and how to mend it. Gains that do not say which vehicle they are for, that
-    /// are for another one, or for another range of commands.
+    /// The first thing that is wrong: which file, what, and how to mend it. Gains that do not say
+    /// which vehicle they are for, that are for another one, or for another range of commands.
     pub fn read(gains: &Path, vehicle: &Path, measured_sha256: Option<&str>) -> Result<Self, GainsError> {
         let (vehicle_text, gains_text) = (read(vehicle, "vehicle")?, read(gains, "gains")?);
         let sha256 = craft_sha256(gains_text.as_bytes(), vehicle_text.as_bytes());
@@ -74,7 +76,7 @@ fn flies(
     let refuse = |message: String| Err(GainsError::Parse { path: path.to_owned(), message });
     if gains.provenance.is_none() {
         return refuse(format!(
-            "it has no [provenance], so nobody knows which vehicle it is for; `quadlab design` writes one, or add `vehicle = {:?}` yourself",
+            "it has no [provenance] that says which vehicle it is for; `quadlab design` writes one, or add `vehicle = {:?}` yourself",
             vehicle.name
         ));
     }

@@ -1,12 +1,14 @@
-//! The gains file: a [`control::Config`] in TOML, with a `[provenance]` table that says which vehicle it is for and how it
-//! came to be. What flies is the configuration; the provenance is for people and for refusing it on another vehicle.
+//! The gains file: a [`control::Config`] in TOML, with a `[provenance]` table that says which
+//! vehicle it is for and how it was made. The configuration is what flies; the provenance is for
+//! people, and to refuse the file on another vehicle.
 //!
-//! One reader serves all who fly or judge gains: the craft's computer, the simulation, the design. [`Gains::read`] checks
-//! every number; [`Gains::belongs_to`] refuses another vehicle, by name and, where the file has one, by the SHA-256 of what
-//! the operator measured of it (`model::Vehicle::sha256`, which `quadlab design` writes). The craft's computer knows no
-//! model, so it is told both; whoever has a model can compare what the law does on its rotors too (`design::fit`).
-//! [`CraftFiles`] are the gains with the vehicle file that they fly: what every craft's program is built or started with, and the
-//! hash by which it tells who it is.
+//! One reader serves all who fly or judge gains: the craft's computer, the simulation, the design.
+//! [`Gains::read`] checks every number; [`Gains::belongs_to`] refuses another vehicle, by name and,
+//! where the file has one, by the SHA-256 of what the operator measured of it
+//! (`model::Vehicle::sha256`, which `quadlab design` writes). The craft's computer has no model, so
+//! it is given both; a program with a model also compares what the law does with its rotors
+//! (`design::gains_match`). [`CraftFiles`] are the gains with the vehicle file that they fly: what
+//! every craft's program is built or started with, and the hash that identifies it.
 //!
 //! Deliberately absent: writing to disk, and what the numbers mean (`control::gains`).
 #![forbid(unsafe_code)]
@@ -28,7 +30,7 @@ pub struct Provenance {
     /// SHA-256 of what is known of the vehicle, hexadecimal; absent: the name has to do.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vehicle_sha256: Option<String>,
-    /// How they came to be, in words.
+    /// How they were made, in words.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub source: String,
     /// SHA-256 of the model file they were designed on.
@@ -139,8 +141,9 @@ impl Gains {
         text
     }
 
-    /// Refuses gains whose provenance names another vehicle, or the same name with other measurements. A file without
-    /// provenance says nothing about its vehicle and passes. `path` is for messages.
+    /// Refuses gains whose provenance names another vehicle, or the same name with other
+    /// measurements. A file without provenance says nothing about its vehicle and passes. `path` is
+    /// for messages.
     ///
     /// # Errors
     /// [`GainsError::OtherVehicle`].
@@ -153,7 +156,7 @@ impl Gains {
         }
         match (&provenance.vehicle_sha256, vehicle.sha256) {
             (Some(theirs), Some(ours)) if theirs != ours => refuse(format!(
-                "they are for a \"{name}\" that was measured otherwise (vehicle_sha256 {}..., this one {}...); design them again for this vehicle",
+                "they are for a \"{name}\" with other measurements (vehicle_sha256 {}..., this one {}...); design them again for this vehicle",
                 start(theirs),
                 start(ours)
             )),

@@ -12,7 +12,8 @@ pub struct Divider {
 }
 
 impl Divider {
-    /// Voltage at the battery, V. At the greatest count the input is beyond its range and the voltage is not known: NaN.
+    /// Voltage at the battery, V. At the greatest count the input is beyond its range and the
+    /// voltage is not known: NaN.
     pub fn volts(&self, count: u16) -> f32 {
         if count >= self.full {
             return f32::NAN;

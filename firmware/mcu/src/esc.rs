@@ -27,7 +27,7 @@ impl<P: SetDutyCycle> Escs<P> {
         escs
     }
 
-    /// Motor commands in command units; what is no number idles. Did every output take it?
+    /// Writes motor commands in command units; NaN idles. Did every output accept it?
     pub fn drive(&mut self, commands: &[f32; 4]) -> bool {
         let mut all = true;
         for (output, command) in self.outputs.iter_mut().zip(commands) {

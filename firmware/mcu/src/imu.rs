@@ -1,7 +1,8 @@
 //! The InvenSense MPU-6000 on SPI: gyro and accelerometer, read once a tick.
 //!
-//! Register map: InvenSense RM-MPU-6000A-00, revision 4.2. Gyro +-1000 deg/s at 32.8 counts for each, accelerometer +-8 g at 4096
-//! counts for each, both low-passed at 44 and 42 Hz (setting 3), below half the 100 Hz of the control loop.
+//! Register map: InvenSense RM-MPU-6000A-00, revision 4.2. Gyro +-1000 deg/s at 32.8 counts for
+//! each, accelerometer +-8 g at 4096 counts for each, both low-passed at 44 and 42 Hz (setting 3),
+//! below half the 100 Hz of the control loop.
 //!
 //! The chip lies with x forward, y left and z up; samples are turned into forward, right, down.
 
@@ -97,7 +98,8 @@ mod tests {
     use super::*;
     use std::convert::Infallible;
 
-    /// The chip's registers behind its protocol: the first byte is the register, with the top bit to read.
+    /// The chip's registers behind its protocol: the first byte is the register, with the top bit
+    /// to read.
     struct Chip([u8; 128]);
 
     impl embedded_hal::spi::ErrorType for Chip {

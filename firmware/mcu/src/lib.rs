@@ -1,19 +1,24 @@
-//! The craft on a bare Cortex-M4F: the same flight law as on every other target, a wire to the ground, four motors.
+//! The craft on a bare Cortex-M4F: the same flight law as on every other target, a wire to the
+//! ground, four motors.
 //!
-//! - [`Program`] is all that is not hardware: packets in, a tick when it is due, motors, packets out. It runs, and is tested, on
-//!   any machine.
-//! - [`Board`] is all that is: link, clock, sensors, motors, watchdog. There are two, each for its own build: QEMU's `mps2`
-//!   (without motors or sensors: for tests and simulation) and, with the feature of that name, `stm32f405`.
+//! - [`Program`] is all that is not hardware: packets in, a tick when it is due, motors, packets
+//!   out. It runs, and is tested, on any machine.
+//! - [`Board`] is all that is: link, clock, sensors, motors, watchdog. There are two, each for its
+//!   own build: QEMU's `mps2` (without motors or sensors: for tests and simulation) and, with the
+//!   feature of that name, `stm32f405`.
 //! - [`esc`], [`battery`], [`imu`], [`ring`]: drivers over embedded-hal and embedded-io traits.
 //!
-//! A chip has no files: gains and vehicle are built in ([`GAINS_IMAGE`], see `build.rs`), and the identity tells their SHA-256.
-//! It boots disarmed with motors at idle. Should it ever panic, motors go to idle and the watchdog starts it anew, disarmed.
+//! A chip has no files: gains and vehicle are built in ([`GAINS_IMAGE`], see `build.rs`), and the
+//! identity contains their SHA-256. It boots disarmed with motors at idle. If it ever panics, the
+//! motors go to idle and the watchdog restarts it, disarmed.
 //!
-//! The link is a wire, so packets have numbers and a CRC but no key: whoever holds the wire holds the craft. Telemetry that does
-//! not fit into the buffer of the link is left out, never waited for.
+//! The link is a wire, so packets have numbers and a CRC but no key: whoever holds the wire
+//! controls the craft. Telemetry that does not fit into the buffer of the link is dropped, never
+//! waited for.
 //!
-//! Programs: `mcu` flies; `mcu-lockstep` is ticked by a simulator; `mcu-measure` says what a period costs; `mcu-no-panic` links only if no
-//! panic can be reached from what is heard, ticked and said in a period.
+//! Programs: `mcu` flies; `mcu-lockstep` is ticked by a simulator; `mcu-measure` counts the
+//! instructions of a period; `mcu-no-panic` links only if no panic can be reached from receiving,
+//! ticking and sending in a period.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(not(target_os = "none"), forbid(unsafe_code))]
 #![cfg_attr(
@@ -22,6 +27,7 @@
 )]
 
 pub mod battery;
+mod board;
 pub mod esc;
 pub mod imu;
 #[cfg(all(target_os = "none", not(feature = "stm32f405")))]
@@ -33,46 +39,8 @@ pub mod stm32f405;
 #[cfg(target_os = "none")]
 pub mod systick;
 
-pub use program::{BootError, Program};
-
-use proto::ImuSample;
+pub use board::Board;
+pub use program::{BootError, Program, VERSION};
 
 /// Gains and vehicle as they were built in: an image of `craft::image`.
 pub static GAINS_IMAGE: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/gains.image"));
-
-/// Version of the program: major, minor, patch.
-pub const VERSION: [u16; 3] = [
-    number(env!("CARGO_PKG_VERSION_MAJOR")),
-    number(env!("CARGO_PKG_VERSION_MINOR")),
-    number(env!("CARGO_PKG_VERSION_PATCH")),
-];
-
-const fn number(digits: &str) -> u16 {
-    match u16::from_str_radix(digits, 10) {
-        Ok(number) => number,
-        Err(_) => u16::MAX,
-    }
-}
-
-/// The hardware of a craft.
-pub trait Board {
-    /// The wire to the ground. Writing takes all bytes or none, and does not wait.
-    type Link: embedded_io::Read + embedded_io::ReadReady + embedded_io::Write;
-
-    /// The wire to the ground.
-    fn link(&mut self) -> &mut Self::Link;
-    /// Monotonic time in us, modulo 2^32.
-    fn now_us(&mut self) -> u32;
-    /// Sleeps until something happens: a byte, or the next period.
-    fn wait(&mut self);
-    /// The newest IMU sample, if there is one.
-    fn imu(&mut self) -> Option<ImuSample>;
-    /// Battery voltage, V; NaN if it cannot be measured.
-    fn battery_v(&mut self) -> f32;
-    /// Battery current, A, if it is measured.
-    fn current_a(&mut self) -> Option<f32>;
-    /// Motor commands to the outputs, in command units: did all of them work?
-    fn drive(&mut self, commands: &[f32; 4]) -> bool;
-    /// Tells the watchdog that the loop runs.
-    fn feed_watchdog(&mut self);
-}

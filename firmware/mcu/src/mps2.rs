@@ -1,8 +1,8 @@
-//! QEMU's mps2-an386, a Cortex-M4F with serial port and tick, and nothing that flies: no sensors, and motors that are four numbers
-//! in memory.
+//! QEMU's mps2-an386, a Cortex-M4F with serial port and tick, without sensors; its motors are four
+//! numbers in memory.
 //!
-//! Addresses and interrupts: Arm DAI 0386 (application note AN386) and the Cortex-M System Design Kit's UART (Arm DDI 0479).
-//! UART0 is QEMU's first serial port.
+//! Addresses and interrupts: Arm DAI 0386 (application note AN386) and the Cortex-M System Design
+//! Kit's UART (Arm DDI 0479). UART0 is QEMU's first serial port.
 #![allow(unsafe_code, reason = "registers are addresses, and handlers are the chip's to call")]
 
 use core::sync::atomic::{AtomicU16, Ordering};
@@ -16,7 +16,7 @@ use cortex_m_rt::exception;
 use embedded_hal::pwm::SetDutyCycle;
 use proto::ImuSample;
 
-use crate::Board;
+use crate::board::Board;
 use crate::esc::{Escs, IDLE_US, duty};
 use crate::ring::{Ring, Serial};
 use crate::systick::Systick;
@@ -37,18 +37,19 @@ const TX_ENABLE: u32 = 1;
 const RX_ENABLE: u32 = 2;
 const RX_INTERRUPT: u32 = 8;
 
-/// Where QEMU may lay a gains image (`-device loader`): the board's 16 MB of slow memory, which no program here uses.
+/// Where QEMU may lay a gains image (`-device loader`): the board's 16 MB of slow memory, which no
+/// program here uses.
 pub const IMAGE: usize = 0x2100_0000;
 /// Where QEMU may lay a recording of readings.
 pub const RECORDING: usize = 0x2100_1000;
 const SLOW_MEMORY_END: usize = 0x2200_0000;
 
-/// Counts of a frame on the motors that are not there; as the STM32's timer.
+/// Counts of a frame of the simulated motors; as the STM32's timer.
 const FRAME_COUNTS: u16 = 52_500;
 
 static RECEIVED: Ring<2048> = Ring::new();
 static TO_SEND: Ring<2048> = Ring::new();
-/// What the motors would get, in counts of a frame.
+/// The motors' pulses, in counts of a frame.
 static MOTORS: [AtomicU16; 4] = [const { AtomicU16::new(0) }; 4];
 
 /// An interrupt of the board by its number.
@@ -65,7 +66,8 @@ unsafe impl InterruptNumber for Line {
 }
 
 fn read(address: usize) -> u32 {
-    // SAFETY: called with registers of this board's UART only, which reading does no harm to beyond taking a byte.
+    // SAFETY: called with registers of this board's UART only, which reading does no harm to beyond
+    // taking a byte.
     unsafe { core::ptr::read_volatile(address as *const u32) }
 }
 
@@ -144,7 +146,8 @@ impl Board for Mps2 {
     }
 
     fn wait(&mut self) {
-        // With interrupts held back nothing slips in between the look and the sleep; a pending one ends the sleep all the same.
+        // With interrupts held back nothing slips in between the look and the sleep; a pending one
+        // ends the sleep all the same.
         cortex_m::interrupt::free(|_| {
             if RECEIVED.is_empty() {
                 cortex_m::asm::wfi();
@@ -183,7 +186,8 @@ pub fn recording() -> &'static [u8] {
     unsafe { core::slice::from_raw_parts(RECORDING as *const u8, SLOW_MEMORY_END - RECORDING) }
 }
 
-/// After a panic: motors idle, then a reset. (Without a watchdog to wait for, it is asked for at once.)
+/// After a panic: motors idle, then a reset. (Without a watchdog to wait for, it is asked for at
+/// once.)
 pub fn emergency() -> ! {
     for motor in &MOTORS {
         motor.store(duty(IDLE_US, FRAME_COUNTS), Ordering::Relaxed);

@@ -2,21 +2,35 @@
 
 use control::{Config, ConfigError};
 use craft::image::{self, ImageError};
-use craft::{Craft, Inputs, Link, Setup};
+use craft::{Craft, Inputs, LinkStatus, Setup};
 use embedded_io::{Read, ReadReady, Write};
 use proto::{Deframer, MAX_PACKET_LEN, MAX_STREAM_LEN, Opener, Refused, Role, Sealer};
 
-use crate::{Board, VERSION};
+use crate::board::Board;
 
-/// A wire has two ends: the number of its link.
+/// Version of the program: major, minor, patch.
+pub const VERSION: [u16; 3] = [
+    number(env!("CARGO_PKG_VERSION_MAJOR")),
+    number(env!("CARGO_PKG_VERSION_MINOR")),
+    number(env!("CARGO_PKG_VERSION_PATCH")),
+];
+
+const fn number(digits: &str) -> u16 {
+    match u16::from_str_radix(digits, 10) {
+        Ok(number) => number,
+        Err(_) => u16::MAX,
+    }
+}
+
+/// The link's number; a wire joins only two ends, so any will do.
 const LINK: u16 = 0;
 
 /// Why a program cannot start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum BootError {
-    /// What was built in is no image.
+    /// The built-in bytes are not an image.
     Image(ImageError),
-    /// It cannot be flown with.
+    /// Its configuration cannot be flown.
     Config(ConfigError),
 }
 
@@ -39,7 +53,7 @@ impl Program {
     /// A disarmed craft with the gains of an image.
     ///
     /// # Errors
-    /// Why not.
+    /// Why the image cannot be flown.
     pub fn new(image: &[u8]) -> Result<Self, BootError> {
         let (config, vehicle_sha256) = image::decode(image).map_err(BootError::Image)?;
         let setup = Setup { vehicle_sha256, program: VERSION, telemetry_every: 1 };
@@ -62,7 +76,7 @@ impl Program {
         &self.config
     }
 
-    /// Hears what has come, ticks if it is time, or waits. The whole main loop is this for ever.
+    /// Receives, ticks if it is time, or waits. The main loop calls this for ever.
     pub fn step<B: Board>(&mut self, board: &mut B) {
         self.hear(board.link());
         let now_us = board.now_us();
@@ -72,7 +86,8 @@ impl Program {
             board.wait();
             return;
         }
-        // After a period without a tick it goes on from now: what was missed is missed, and the supervisor sees the gap.
+        // After a period without a tick it continues from now: missed ticks are not made up, and
+        // the supervisor sees the gap.
         let base_us = if lateness_us >= self.period_us { now_us } else { due_us };
         self.due_us = Some(base_us.wrapping_add(self.period_us));
         self.tick(board, now_us, lateness_us);
@@ -93,7 +108,7 @@ impl Program {
         self.speak(board.link());
     }
 
-    /// All packets that have come.
+    /// Receives all packets that have come.
     fn hear(&mut self, link: &mut (impl Read + ReadReady)) {
         let mut bytes = [0; 64];
         while let (Ok(true), Ok(count)) = (link.read_ready(), link.read(&mut bytes)) {
@@ -108,9 +123,9 @@ impl Program {
         }
     }
 
-    /// All messages of a tick; what the link has no room for is left out.
+    /// Sends all messages of a tick; what the link has no room for is dropped.
     fn speak(&mut self, link: &mut impl Write) {
-        let mut state = Link::from(&self.opener);
+        let mut state = LinkStatus::from(&self.opener);
         state.refused = state.refused.saturating_add(self.deframer.dropped);
         let (mut packet, mut stream) = ([0; MAX_PACKET_LEN], [0; MAX_STREAM_LEN]);
         while let Some(message) = self.craft.next_message(&state) {
@@ -130,7 +145,8 @@ mod tests {
     use crate::ring::{Ring, Serial};
     use proto::{Command, ImuSample, Message, Mode, Pose, Request, State, TimedPose, enframe};
 
-    /// A craft on a bench: the ground's ends of two rings, sensors that are set by hand, a clock that goes on by waiting.
+    /// A craft on a bench: the ground's ends of two rings, sensors that are set by hand, a clock
+    /// that goes on by waiting.
     struct Bench<'a> {
         link: Serial<'a, 4096, 4096>,
         now_us: u32,

@@ -1,6 +1,7 @@
 //! Bytes between an interrupt and the main loop, one way.
 //!
-//! One side pushes, the other pops; each counts on its own, so no lock is needed. What does not fit is refused whole.
+//! One side pushes, the other pops; each counts on its own, so no lock is needed. What does not fit
+//! is refused whole.
 
 use core::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 
@@ -45,7 +46,7 @@ impl<const N: usize> Ring<N> {
         self.len() == 0
     }
 
-    /// Takes all of `bytes` or none: did it?
+    /// Takes all of `bytes` or none, and says whether it did.
     pub fn push(&self, bytes: &[u8]) -> bool {
         if bytes.len() > N - self.len().min(N) {
             return false;

@@ -8,7 +8,8 @@
 //! | IMU | MPU-6000 on SPI1: PA5 clock, PA6 in, PA7 out, PA4 select |
 //! | watchdog | the independent one, 50 ms: five periods |
 //!
-//! Not tried on a board by us: built, linked and sized only. What is above the [`Board`] runs in the emulator, bit for bit.
+//! Not tested on hardware: only built, linked and sized. What is above the
+//! [`Board`](crate::board::Board) runs in the emulator, bit for bit.
 #![allow(unsafe_code, reason = "interrupts and the panic handler reach registers that the main loop owns")]
 
 use control::Config;
@@ -27,8 +28,8 @@ use stm32f4xx_hal::spi::{self, Spi};
 use stm32f4xx_hal::timer::ErasedChannel;
 use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
-use crate::Board;
 use crate::battery::Divider;
+use crate::board::Board;
 use crate::esc::{Escs, FRAME_US, IDLE_US, duty};
 use crate::imu::Mpu6000;
 use crate::ring::{Ring, Serial};
@@ -123,10 +124,12 @@ fn send() {
 
 #[interrupt]
 fn USART1() {
-    // SAFETY: reading status and data, writing data, and one bit of control that `send` changes only with interrupts held back.
+    // SAFETY: reading status and data, writing data, and one bit of control that `send` changes
+    // only with interrupts held back.
     let port = unsafe { &*USART1::ptr() };
     let status = port.sr().read();
-    // An overrun is cleared by the same reading of the data; its byte is damage that the packet's CRC finds.
+    // An overrun is cleared by the same reading of the data; its byte is damage that the packet's
+    // CRC finds.
     if status.rxne().bit_is_set() || status.ore().bit_is_set() {
         let byte = port.dr().read().dr().bits() as u8;
         if status.rxne().bit_is_set() {

@@ -1,6 +1,7 @@
 //! The control period and the time, both from the core's own timer.
 //!
-//! The timer counts down one period and interrupts at its end; the interrupt ends the main loop's sleep.
+//! The timer counts down one period and interrupts at its end; the interrupt ends the main loop's
+//! sleep.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -19,7 +20,8 @@ pub struct Systick {
 }
 
 impl Systick {
-    /// Starts periods of `period_s`, of a clock with so many counts a microsecond. 24 bits of counts: at 25 MHz, 0.67 s.
+    /// Starts periods of `period_s`, of a clock with so many counts a microsecond. 24 bits of
+    /// counts: at 25 MHz, 0.67 s.
     pub fn start(timer: &mut SYST, source: SystClkSource, counts_per_us: u32, period_s: f64) -> Self {
         let period_us = (period_s * 1e6 + 0.5) as u32;
         timer.set_clock_source(source);

@@ -4,17 +4,16 @@ use std::path::Path;
 
 use control::Config;
 use design::DesignError;
-use design::check::Study;
-use design::curves::{Gain, gain_of};
-use design::loops::{LOOPS, LoopName, View};
-use design::margins::Band;
-use design::procedure::{Specs, design};
+use design::analysis::{Band, Study};
+use design::loops::{Gain, LOOPS, LoopName, View, gain_of};
+use design::synthesis::{Criterion, Specs, design};
 use model::{Effect, Model};
 
-/// Tables 5.1 to 5.3 were read from root loci by eye. The rules that stand in for the eye come within a quarter of them,
-/// except the velocity gain of the altitude (6.4 for the thesis' 8): the rule stops where the velocity loop's two poles meet,
-/// the thesis went beyond. The position loops cross at the 1.2 rad/s that the thesis found, and come out a third larger
-/// because the rule takes what the phase margin leaves.
+/// Tables 5.1 to 5.3 were read from root loci by eye. The rules that stand in for the eye come
+/// within a quarter of them, except the velocity gain of the altitude (6.4 for the thesis' 8): the
+/// rule stops where the velocity loop's two poles meet, the thesis went beyond. The position loops
+/// cross at the 1.2 rad/s that the thesis found, and come out a third larger because the rule takes
+/// what the phase margin leaves.
 #[test]
 fn the_thesis_procedure_comes_near_the_thesis_tables() {
     let designed = design(&Model::thesis(), &Specs::thesis()).unwrap();
@@ -35,8 +34,9 @@ fn the_thesis_procedure_comes_near_the_thesis_tables() {
     assert!(LOOPS.iter().all(|name| steps(name.name()) >= 3), "each gain says where it comes from");
 }
 
-/// The default design on the thesis' vehicle: phase margin 45 degrees and gain margin 2 with 2 samples of delay, stable with
-/// 4, where the thesis' own gains have 1.085 and are unstable with 3. Searched on coarse grids, judged here on the fine one.
+/// The default design on the thesis' vehicle: phase margin 45 degrees and gain margin 2 with 2
+/// samples of delay, stable with 4, where the thesis' own gains have 1.085 and are unstable with 3.
+/// Searched on coarse grids, judged here on the fine one.
 #[test]
 fn the_default_design_survives_a_late_pose() {
     let model = Model::thesis();
@@ -53,7 +53,8 @@ fn the_default_design_survives_a_late_pose() {
     }
     assert!(margins(4).iter().all(|(_, margins)| margins.stable));
     assert!(Band::of(None).points > Band::coarse(None).points);
-    // The file in the tree is this design; a fiftieth is what another machine's logarithms may lead the search astray.
+    // The file in the tree is this design; a fiftieth is what another machine's logarithms may lead
+    // the search astray.
     let text = include_str!("../../model/vehicles/f330-designed-gains.toml");
     let kept = design::Gains::parse(text, Path::new("f330-designed-gains.toml")).unwrap();
     assert_eq!(kept.provenance.unwrap().vehicle_sha256, Some(model.vehicle.sha256()));
@@ -65,8 +66,8 @@ fn the_default_design_survives_a_late_pose() {
     }
 }
 
-/// A craft as most are: damped, no moment from sideways flight, so no unstable poles, no slow zero, and angles that
-/// integrate.
+/// A craft as most are: damped, no moment from sideways flight, so no unstable poles, no slow zero,
+/// and angles that integrate.
 #[test]
 fn a_damped_craft_gets_gains_without_a_canceller() {
     let mut model = Model::thesis();
@@ -81,8 +82,8 @@ fn a_damped_craft_gets_gains_without_a_canceller() {
     }
 }
 
-/// The thesis' craft warns below 10.6 V, which a craft of two cells never has. Each pack gets its own levels: per cell they
-/// are the thesis', 3.43 V to land.
+/// The thesis' craft warns below 10.6 V, which a craft of two cells never has. Each pack gets its
+/// own levels: per cell they are the thesis', 3.43 V to land.
 #[test]
 fn a_craft_lands_by_the_levels_of_its_own_pack() {
     for (made_at_v, cells) in [(3.7, 1.0), (7.4, 2.0), (11.4, 3.0), (12.1, 3.0), (15.5, 4.0), (22.8, 6.0)] {
@@ -101,7 +102,10 @@ fn what_cannot_be_met_is_said_with_both_numbers() {
     specs.yaw.rise_s = 0.1;
     let designed = design(&Model::thesis(), &specs).unwrap();
     let [shortfall] = designed.shortfalls.as_slice() else { panic!("{:?}", designed.shortfalls) };
-    assert_eq!((shortfall.name, shortfall.what, shortfall.wanted), (LoopName::Yaw.name(), "rise, s", 0.1));
+    assert_eq!(
+        (shortfall.name, shortfall.what, shortfall.wanted),
+        (LoopName::Yaw.name(), Criterion::Rise, 0.1)
+    );
     assert!(shortfall.reached > 0.5 && shortfall.reached < 0.8, "{shortfall:?}");
 }
 
@@ -121,13 +125,14 @@ fn what_no_gain_meets_is_said_with_the_best_there_is() {
     // The thesis' own loop has 47.65 degrees with its integral part.
     assert!(roll.reached > 45.0 && roll.reached < 93.0, "{roll:?}");
     let x = unmet(|specs| specs.position.phase_margin_deg = 89.0);
-    assert_eq!((x.name, x.what, x.wanted), ("x", "phase margin, deg", 89.0));
+    assert_eq!((x.name, x.what, x.wanted), ("x", Criterion::PhaseMargin, 89.0));
     assert!(x.reached > 45.0 && x.reached < 89.0, "{x:?}");
 }
 
-/// A craft that hovers leaning against wind close to the floor: every axis moves every other a little, and the transfer
-/// function of each has poles of the others that no zero takes away exactly. It has no flapping moments either, and neither
-/// the thesis' steps nor the default fail on it.
+/// A craft that hovers leaning against wind close to the floor: every axis moves every other a
+/// little, and the transfer function of each has poles of the others that no zero takes away
+/// exactly. It has no flapping moments either, and neither the thesis' steps nor the default fail
+/// on it.
 #[test]
 fn a_leaning_craft_gets_gains() {
     let mut model = Model::thesis();
@@ -135,7 +140,7 @@ fn a_leaning_craft_gets_gains() {
     model.terms.retain(|term| term.effect != Effect::FlappingMoment);
     model.set(Effect::SteadyWind, &[-1.1, -0.6]);
     model.set(Effect::GroundEffect, &[1.6, 0.05]);
-    let study = |designed: &design::procedure::Designed, view| {
+    let study = |designed: &design::synthesis::Designed, view| {
         let study = Study::new(&model, &designed.config, view).unwrap();
         assert!(study.loops.iter().any(|(plant, _)| !plant.notes.is_empty()), "the coupling is said");
         (study.margins().unwrap(), study.together(&model, &designed.config, view).unwrap())
@@ -151,12 +156,14 @@ fn a_leaning_craft_gets_gains() {
         assert!(margins.at_error.phase_margin_deg.unwrap() >= 45.0, "{name}");
         assert!(margins.at_error.gain_margin.unwrap() >= 2.0, "{name}");
     }
-    // The slowest mode is that of an integral part: each takes a constant disturbance away within a minute.
+    // The slowest mode is that of an integral part: each takes a constant disturbance away within a
+    // minute.
     assert!(together.stable && together.slowest_1_s > 0.03, "{together:?}");
 }
 
-/// One by one each loop of these gains is stable; a channel that the other axes reach is not what flies. Closed together, a
-/// model whose roll drives its pitch and back is lost, and only the whole says so.
+/// One by one each loop of these gains is stable; a channel that the other axes reach is not what
+/// flies. Closed together, a model whose roll drives its pitch and back is lost, and only the whole
+/// says so.
 #[test]
 fn loops_that_are_stable_one_by_one_can_be_unstable_together() {
     let mut model = Model::thesis();
@@ -165,7 +172,8 @@ fn loops_that_are_stable_one_by_one_can_be_unstable_together() {
     let together =
         |model: &Model| Study::new(model, &config, view).unwrap().together(model, &config, view).unwrap();
     assert!(together(&model).stable);
-    // The rotors' momentum, which turns roll into pitch, and of the same sign back: no craft's, and fast enough.
+    // The rotors' momentum, which turns roll into pitch, and of the same sign back: no craft's, and
+    // fast enough.
     model.set(Effect::Gyroscopic, &[0.12, 0.12]);
     let lost = together(&model);
     assert!(!lost.stable && lost.slowest_1_s < 0.0, "{lost:?}");

@@ -1,18 +1,20 @@
-//! Another program's opinion on the same loops: python-control (or GNU Octave's control package, where only that is
-//! installed) builds them from polynomials and gives poles and margins. Set `QUADLAB_PYTHON` to the interpreter that has
-//! python-control; without either program the test says so and passes.
+//! Another program's opinion on the same loops: python-control (or GNU Octave's control package,
+//! where only that is installed) builds them from polynomials and gives poles and margins. Set
+//! `QUADLAB_PYTHON` to the interpreter that has python-control; without either program the test
+//! says so and passes.
 
 use std::path::PathBuf;
 use std::process::Command;
 
 use control::Config;
 use design::Complex;
+use design::analysis::LoopMargins;
 use design::loops::{ClosedLoop, LoopName, LoopPlant, View};
-use design::margins::LoopMargins;
 
 const ROLL: [f64; 4] = [1.0, -0.9888, 0.2274, 37.03];
 
-/// Prints `pm_deg wc gm wp` of the continuous and of the sampled roll loop (2 samples late), then the poles of the first.
+/// Prints `pm_deg wc gm wp` of the continuous and of the sampled roll loop (2 samples late), then
+/// the poles of the first.
 const PYTHON: &str = r#"
 import control as c, numpy as np, warnings
 warnings.simplefilter("ignore")
@@ -103,8 +105,8 @@ fn another_program_finds_the_same_margins_and_poles() {
             margins.phase_crossover_rad_s.unwrap(),
         ];
         for (got, want) in ours.iter().zip(line) {
-            // Theirs comes from the roots of a polynomial of degree 16 and more: six digits are left of it, and the
-            // sampled filters were given to 14.
+            // Theirs comes from the roots of a polynomial of degree 16 and more: six digits are
+            // left of it, and the sampled filters were given to 14.
             assert!((got / want - 1.0).abs() < 2e-5, "{name} {view:?}: {ours:?} against {line:?}");
         }
     }

@@ -1,17 +1,19 @@
-//! The numbers of the thesis and of an independent recomputation of it (numpy and scipy, polynomials instead of state
-//! space): linear model, transfer functions, margins, Table A.1, responses, sampled loops.
+//! The numbers of the thesis and of an independent recomputation of it (numpy and scipy,
+//! polynomials instead of state space): linear model, transfer functions, margins, Table A.1,
+//! responses, sampled loops.
 //!
-//! "Printed" is the thesis', "recomputed" the reference's. Loops are built around the *printed* transfer functions where
-//! the reference did so, and around the model's own where the product does.
+//! "Printed" is the thesis', "recomputed" the reference's. Loops are built around the *printed*
+//! transfer functions where the reference did so, and around the model's own where the product
+//! does.
 
 use control::Config;
 use control::filter::GainRule;
 use control::gains::VelocityEstimator;
-use design::linear::{CANCEL_TOLERANCE, CHANNELS, Channel, Linear, with_perturbation};
+use design::analysis::{Band, LoopMargins, Margins};
+use design::analysis::{bare_step, commanded_step, step_metrics, value_at};
 use design::loops::{ClosedLoop, LoopName, LoopPlant, View, law_effect, loops_of, with_moved_zero};
-use design::margins::{Band, LoopMargins, Margins};
-use design::response::{bare_step, commanded_step, step_metrics, value_at};
-use design::trim::TrimTarget;
+use design::plant::TrimTarget;
+use design::plant::{CANCEL_TOLERANCE, CHANNELS, Channel, Linear, with_perturbation};
 use model::Model;
 use nalgebra::Complex;
 
@@ -52,7 +54,8 @@ fn has_pole(poles: &[Complex<f64>], re: f64, im: f64, tolerance: f64) {
     assert!(nearest <= tolerance, "no pole at {re} + {im}j within {tolerance}: {poles:?}");
 }
 
-/// (5.16) with the tolerances of the reference: 3e-4 relative, A10,11 1.1e-2 (its coefficient has one digit).
+/// (5.16) with the tolerances of the reference: 3e-4 relative, A10,11 1.1e-2 (its coefficient has
+/// one digit).
 #[test]
 fn a_and_b_are_those_of_5_16() {
     let linear = Linear::new(&Model::thesis(), &TrimTarget::default()).unwrap();
@@ -74,7 +77,8 @@ fn a_and_b_are_those_of_5_16() {
         (9, 9, 1.2151, 3e-4),
         (9, 10, 0.0327, 1.1e-2),
         (10, 3, 2.754, 3e-4),
-        // The signed rotor sum is -47.149 rad/s with the C_T behind the printed K^-1, -47.187 with the rounded one.
+        // The signed rotor sum is -47.149 rad/s with the C_T behind the printed K^-1, -47.187 with
+        // the rounded one.
         (10, 9, 0.2170, 7e-4),
         (10, 10, 1.9710, 3e-4),
         (11, 11, -0.4833, 3e-4),
@@ -122,8 +126,9 @@ fn channel(name: &str) -> Channel {
     linear.channel(id, CANCEL_TOLERANCE).unwrap()
 }
 
-/// (5.17) to (5.22): denominators 3e-4, except the small difference -0.01226 (1 %; recomputed from unrounded tables
-/// -0.012144). The zero of (5.20) is the true 0.2211 = 0.2684/1.214, not the printed one.
+/// (5.17) to (5.22): denominators 3e-4, except the small difference -0.01226 (1 %; recomputed from
+/// unrounded tables -0.012144). The zero of (5.20) is the true 0.2211 = 0.2684/1.214, not the
+/// printed one.
 #[test]
 fn transfer_functions_are_those_of_5_17_to_5_22() {
     let check = |name: &str, numerator: &[f64], denominator: &[f64]| {
@@ -143,8 +148,9 @@ fn transfer_functions_are_those_of_5_17_to_5_22() {
     check("x", &[-0.1414, -9.808], &[1.0, -1.769, -0.01226, 27.05, 0.0]);
 }
 
-/// The three cancelled pairs of roll are pitch's poles, a few tenths of a per cent from zeros, and the heave, yaw and
-/// position states were left out without any tolerance. With a tolerance of nothing the coupled block stays whole.
+/// The three cancelled pairs of roll are pitch's poles, a few tenths of a per cent from zeros, and
+/// the heave, yaw and position states were left out without any tolerance. With a tolerance of
+/// nothing the coupled block stays whole.
 #[test]
 fn what_was_cancelled_is_said() {
     let roll = channel("roll");
@@ -156,8 +162,8 @@ fn what_was_cancelled_is_said() {
     assert_eq!((whole.poles.len(), whole.zeros.len()), (6, 4));
 }
 
-/// How (5.20) came to its zero: with all twelve states and a tolerance of 3 %, the drag along y (0.2211) goes against the
-/// pole of the heave (0.2149) and the heave's own zero is left.
+/// How (5.20) came to its zero: with all twelve states and a tolerance of 3 %, the drag along y
+/// (0.2211) goes against the pole of the heave (0.2149) and the heave's own zero is left.
 #[test]
 fn the_printed_zero_of_roll_is_a_wrong_cancellation() {
     let roll = channel("roll");
@@ -168,7 +174,8 @@ fn the_printed_zero_of_roll_is_a_wrong_cancellation() {
     assert!((zero - heave).abs() > CANCEL_TOLERANCE * heave.abs(), "not within ours");
 }
 
-/// Reference 2.1, recomputed values: margins 1e-3 deg and 1e-4 (their last printed digits), poles half their last digit.
+/// Reference 2.1, recomputed values: margins 1e-3 deg and 1e-4 (their last printed digits), poles
+/// half their last digit.
 #[test]
 fn attitude_loops_as_the_reference_has_them() {
     let cases = [
@@ -201,7 +208,8 @@ fn attitude_loops_as_the_reference_has_them() {
     }
 }
 
-/// Reference 2.1: unfiltered overshoot (2 digits) and rise (4), prefiltered samples (5 digits), first peak and dip.
+/// Reference 2.1: unfiltered overshoot (2 digits) and rise (4), prefiltered samples (5 digits),
+/// first peak and dip.
 #[test]
 fn attitude_steps_as_the_reference_has_them() {
     let times = [0.2, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0];
@@ -256,8 +264,9 @@ const TABLE_A_1: [(f64, f64, f64); 16] = [
     (1.0000, 47.4733, 5.9198),
 ];
 
-/// All rows of Table A.1 around the model's own denominator. 0.02 deg and 0.003 rad/s: the printed crossovers of the rows
-/// 0.7 and 0.8 are inexact by that much; the other rows agree to a fifth of it.
+/// All rows of Table A.1 around the model's own denominator. 0.02 deg and 0.003 rad/s: the printed
+/// crossovers of the rows 0.7 and 0.8 are inexact by that much; the other rows agree to a fifth of
+/// it.
 #[test]
 fn table_a_1() {
     let roll = channel("roll");
@@ -275,8 +284,8 @@ fn table_a_1() {
     }
 }
 
-/// Reference 2.3: overshoot 0.02 percentage points and rise 0.005 s against the printed values, and five digits against
-/// the recomputed ones; margins and poles to their printed digits.
+/// Reference 2.3: overshoot 0.02 percentage points and rise 0.005 s against the printed values, and
+/// five digits against the recomputed ones; margins and poles to their printed digits.
 #[test]
 fn yaw_and_altitude() {
     let cases = [
@@ -300,7 +309,8 @@ fn yaw_and_altitude() {
     }
 }
 
-/// Reference 2.4: crossovers 0.005 rad/s against the printed ones, 1e-4 against the recomputed, the rate-limited 1 m.
+/// Reference 2.4: crossovers 0.005 rad/s against the printed ones, 1e-4 against the recomputed, the
+/// rate-limited 1 m.
 #[test]
 fn outer_loops() {
     let cases = [
@@ -348,14 +358,14 @@ fn sampled_attitude_loops() {
         let what = format!("{name} {estimator:?} {rule:?} delay {delay_samples}");
         assert_eq!(margins.stable, gain_margin > 1.0, "{what}");
         near(margins.at_error.gain_margin.unwrap(), gain_margin, 6e-4, &what);
-        let mode = design::response::least_damped(&closed.closed.poles().unwrap(), 0.01).unwrap();
+        let mode = design::analysis::least_damped(&closed.closed.poles().unwrap(), 0.01).unwrap();
         near(mode.frequency_rad_s, frequency, 6e-3, &what);
         near(mode.damping, damping, 6e-4, &what);
     }
 }
 
-/// The delay margin is what it says: a tenth of a sample less is stable, a tenth more is not. The extra age is given to
-/// the rotor command, which the same loop goes through.
+/// The delay margin is what it says: a tenth of a sample less is stable, a tenth more is not. The
+/// extra age is given to the rotor command, which the same loop goes through.
 #[test]
 fn the_delay_margin_is_where_the_loop_goes_unstable() {
     for name in [LoopName::Roll, LoopName::Pitch, LoopName::Yaw, LoopName::Z, LoopName::X, LoopName::Y] {
@@ -371,8 +381,8 @@ fn the_delay_margin_is_where_the_loop_goes_unstable() {
     }
 }
 
-/// The whole chain, from the model file to the margins, against the printed values. The zero of roll is the true 0.2211
-/// (+0.0041 rad/s), everything else as above.
+/// The whole chain, from the model file to the margins, against the printed values. The zero of
+/// roll is the true 0.2211 (+0.0041 rad/s), everything else as above.
 #[test]
 fn the_product_finds_the_printed_margins_from_the_model() {
     let at = |name| LoopMargins::of(&model_loop(name, View::Continuous)).unwrap().at_error;
@@ -396,14 +406,15 @@ fn the_product_finds_the_printed_margins_from_the_model() {
     near(sampled(LoopName::Pitch).gain_margin.unwrap(), 1.085, 2e-3, "pitch, 2 samples");
 }
 
-/// Appendix B: with the integrator a constant disturbance leaves nothing, without it 1/Kp, (B.3) and (B.4).
+/// Appendix B: with the integrator a constant disturbance leaves nothing, without it 1/Kp, (B.3)
+/// and (B.4).
 #[test]
 fn integral_action_removes_a_constant_disturbance() {
     let final_value = |ki: f64| {
         let mut config = Config::thesis();
         design::loops::loops_of_mut(&mut config).altitude.ki = ki;
         let closed = printed_loop(LoopName::Z, &config, View::Continuous);
-        let step = design::response::disturbance_step(&closed, 200.0).unwrap();
+        let step = design::analysis::disturbance_step(&closed, 200.0).unwrap();
         *step.values.last().unwrap()
     };
     near(final_value(0.0), 1.0 / loops_of(&Config::thesis()).altitude.kp, 1e-9, "(B.3)");
@@ -416,9 +427,9 @@ fn integral_action_removes_a_constant_disturbance() {
 fn a_speed_without_equilibrium_is_an_error_and_no_endless_search() {
     for speed in [60.0, 100.0, 300.0] {
         let target = TrimTarget { velocity_ned_m_s: [speed, 0.0, 0.0], ..TrimTarget::default() };
-        let Err(error) = design::trim::equilibrium(&Model::thesis(), &target) else { continue };
+        let Err(error) = design::plant::equilibrium(&Model::thesis(), &target) else { continue };
         assert!(error.to_string().contains("equilibrium"), "{error}");
     }
     let target = TrimTarget { velocity_ned_m_s: [1000.0, 0.0, 0.0], ..TrimTarget::default() };
-    assert!(design::trim::equilibrium(&Model::thesis(), &target).is_err());
+    assert!(design::plant::equilibrium(&Model::thesis(), &target).is_err());
 }

@@ -30,4 +30,5 @@ pub use diagnose::{diagnose, diagnose_with};
 pub use evidence::{Why, WhyError, why};
 pub use finding::{AxisDrop, CoefficientFigures, Diagnosis, EffectFinding, Unexplained, Verdict};
 pub use options::Options;
+pub use ranking::separating_manoeuvre;
 pub use reason::{Dependence, Reason};

@@ -1,11 +1,12 @@
 //! The station at work: sockets, threads and the clock around [`Station`].
 //!
-//! One thread waits for the craft, one for the tracker, one for the keyboard; all of them hand what they heard to the loop, which
-//! owns the station, wakes up at once when something comes, and otherwise when something is due. So a pose goes on its way
-//! within some 50 us of its arrival, and nothing polls.
+//! One thread waits for the craft, one for the tracker, one for the keyboard; all of them hand what
+//! they heard to the loop, which owns the station, wakes up at once when something comes, and
+//! otherwise when something is due. So a pose goes on its way within some 50 us of its arrival, and
+//! nothing polls.
 //!
-//! Ctrl-C (or a request to end) lands a flying craft and ends when it is down; a second one ends at once, and the craft's own
-//! supervisor holds and lands it. The recording is whole either way.
+//! Ctrl-C (or a request to end) lands a flying craft and ends when it is down; a second one ends at
+//! once, and the craft's own supervisor holds and lands it. The recording is whole either way.
 
 use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
@@ -15,32 +16,32 @@ use std::sync::mpsc::{Receiver as Inbox, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use crate::mission::Progress;
-use crate::mocap::{Heard, Receiver};
-use crate::recorder::Level;
-use crate::station::{Snapshot, Station, Told, Wish};
+use crate::mocap::{MocapReceiver, TrackerEvent};
+use crate::recording::Level;
+use crate::station::{Notice, PilotRequest, Snapshot, Station};
 
 /// How long a thread waits before it looks whether all is over.
 const LOOK: Duration = Duration::from_millis(50);
 /// Between two pictures of a view.
 const FRAME: Duration = Duration::from_millis(100);
-/// A craft that was asked to land is given up after this, s.
+/// A craft that was asked to land is waited for this long, s.
 const LANDING_S: f64 = 60.0;
-/// A craft that is not heard any more cannot be waited for longer than this, s.
+/// A craft that has fallen silent is not waited for longer than this, s.
 const LOST_S: f64 = 10.0;
 
-/// What a person does.
+/// What the pilot does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Input {
-    /// Something is wished for.
-    Wish(Wish),
+    /// A request of the pilot.
+    Request(PilotRequest),
     /// The end: landing first if the craft flies.
     Quit,
 }
 
 /// Shows people what happens.
 pub trait View {
-    /// A line was told.
-    fn told(&mut self, told: &Told);
+    /// There is a new line.
+    fn notice(&mut self, notice: &Notice);
     /// How things are now, ten times a second.
     fn show(&mut self, snapshot: &Snapshot);
 }
@@ -48,24 +49,24 @@ pub trait View {
 /// Something that happened outside.
 enum Event {
     Packet(Vec<u8>),
-    Tracker(Heard),
+    Tracker(TrackerEvent),
     TrackerFailed(String),
     Input(Input),
 }
 
-/// How long to stay.
+/// What ends it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stay {
-    /// Until somebody ends it.
-    UntilTold,
-    /// Until the mission is over.
-    UntilDone,
+pub enum RunUntil {
+    /// The pilot or Ctrl-C.
+    Interrupted,
+    /// The end of the mission, too.
+    MissionOver,
 }
 
 /// How it ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Ended {
-    /// All that was asked for came about, and nothing was wrong.
+pub struct RunResult {
+    /// Everything asked for was done, and nothing was wrong.
     pub well: bool,
     /// Why not.
     pub why: Option<String>,
@@ -84,20 +85,20 @@ pub fn catch_interrupts() -> Result<(), ctrlc::Error> {
     })
 }
 
-/// Runs a station over `socket`, which is connected to the craft, with this tracker. `inputs` is where the keyboard's thread puts
-/// what people do. Time zero of the ground's clock is `start`.
+/// Runs a station over `socket`, which is connected to the craft, with this tracker. `inputs` is
+/// where the keyboard's thread puts what people do. Time zero of the ground's clock is `start`.
 ///
 /// # Errors
 /// A socket that cannot be set up.
 pub fn run(
     station: &mut Station,
     socket: UdpSocket,
-    tracker: Option<Box<dyn Receiver>>,
+    tracker: Option<Box<dyn MocapReceiver>>,
     inputs: Option<Inbox<Input>>,
     view: &mut dyn View,
-    stay: Stay,
+    until: RunUntil,
     start: Instant,
-) -> std::io::Result<Ended> {
+) -> std::io::Result<RunResult> {
     let (sender, events) = channel();
     let over = Arc::new(AtomicBool::new(false));
     socket.set_read_timeout(Some(LOOK))?;
@@ -114,7 +115,7 @@ pub fn run(
             scope.spawn(move || hear_people(&inputs, &to_loop, &stop));
         }
         let ended =
-            Loop { station, socket: &socket, events, view, stay, start, leaving: None, noted: 0 }.run();
+            Loop { station, socket: &socket, events, view, until, start, leaving: None, noted: 0 }.run();
         over.store(true, Ordering::SeqCst);
         ended
     });
@@ -131,17 +132,17 @@ fn hear_craft(socket: &UdpSocket, to_loop: &Sender<Event>, over: &AtomicBool) {
                 }
             }
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
-            // The craft's port is closed (ICMP): its program does not run yet, or any more.
+            // The craft's port is closed (ICMP): its program is not running.
             Err(_) => std::thread::sleep(Duration::from_millis(1)),
         }
     }
 }
 
-fn hear_tracker(mut tracker: Box<dyn Receiver>, to_loop: &Sender<Event>, over: &AtomicBool) {
+fn hear_tracker(mut tracker: Box<dyn MocapReceiver>, to_loop: &Sender<Event>, over: &AtomicBool) {
     while !over.load(Ordering::SeqCst) {
         let (event, last) = match tracker.next(LOOK) {
-            Ok(Heard::Nothing) => continue,
-            Ok(Heard::End) => (Event::Tracker(Heard::End), true),
+            Ok(TrackerEvent::Nothing) => continue,
+            Ok(TrackerEvent::End) => (Event::Tracker(TrackerEvent::End), true),
             Ok(heard) => (Event::Tracker(heard), false),
             Err(error) => (Event::TrackerFailed(error.to_string()), true),
         };
@@ -170,7 +171,7 @@ struct Loop<'a> {
     socket: &'a UdpSocket,
     events: Inbox<Event>,
     view: &'a mut dyn View,
-    stay: Stay,
+    until: RunUntil,
     start: Instant,
     /// Since when the craft is being landed to leave, us, and why.
     leaving: Option<(u64, Option<String>)>,
@@ -183,7 +184,7 @@ impl Loop<'_> {
         u64::try_from(self.start.elapsed().as_micros()).unwrap_or(u64::MAX)
     }
 
-    fn run(mut self) -> Ended {
+    fn run(mut self) -> RunResult {
         let mut next_picture = Instant::now();
         loop {
             let now_us = self.now_us();
@@ -202,7 +203,8 @@ impl Loop<'_> {
             match self.events.recv_timeout(due.min(picture)) {
                 Ok(event) => self.take(event),
                 Err(RecvTimeoutError::Timeout) => {}
-                // The threads live as long as this does; without any of them time goes on all the same.
+                // The threads live as long as this does; without any of them time goes on all the
+                // same.
                 Err(RecvTimeoutError::Disconnected) => std::thread::sleep(due.min(picture)),
             }
         }
@@ -214,16 +216,16 @@ impl Loop<'_> {
             Event::Packet(packet) => self.station.on_packet(now_us, &packet),
             Event::Tracker(heard) => self.station.on_tracker(now_us, heard),
             Event::TrackerFailed(why) => self.station.tell(now_us, Level::Error, why),
-            Event::Input(Input::Wish(wish)) => {
+            Event::Input(Input::Request(request)) => {
                 self.leaving = None;
-                self.station.on_wish(now_us, wish);
+                self.station.on_pilot_request(now_us, request);
             }
             Event::Input(Input::Quit) => self.leave(now_us, None),
         }
         self.flush();
     }
 
-    /// Packets on their way. A craft whose port is closed is told of by its silence.
+    /// Sends packets. A craft whose port is closed is reported by its silence.
     fn flush(&mut self) {
         for packet in self.station.take_packets() {
             let _ = self.socket.send(&packet);
@@ -231,8 +233,8 @@ impl Loop<'_> {
     }
 
     fn show(&mut self) {
-        for told in self.station.take_told() {
-            self.view.told(&told);
+        for notice in self.station.take_notices() {
+            self.view.notice(&notice);
         }
         self.view.show(&self.station.snapshot(self.now_us()));
     }
@@ -243,27 +245,27 @@ impl Loop<'_> {
             self.leaving = Some((now_us, why));
             if self.station.is_flying() {
                 self.station.tell(now_us, Level::Info, "landing before the end".into());
-                self.station.on_wish(now_us, Wish::Land);
+                self.station.on_pilot_request(now_us, PilotRequest::Land);
             }
         }
     }
 
-    fn is_over(&mut self, now_us: u64) -> Option<Ended> {
+    fn is_over(&mut self, now_us: u64) -> Option<RunResult> {
         let interrupts = INTERRUPTS.load(Ordering::SeqCst);
         if interrupts > self.noted {
             self.noted = interrupts;
             if self.leaving.is_some() || interrupts > 1 {
                 let why = Some("ended by Ctrl-C while the craft was still flying".to_owned());
-                return Some(Ended { well: false, why: why.filter(|_| self.station.is_flying()) });
+                return Some(RunResult { well: false, why: why.filter(|_| self.station.is_flying()) });
             }
             self.leave(now_us, Some("ended by Ctrl-C".into()));
         }
-        if self.stay == Stay::UntilDone && self.leaving.is_none() {
+        if self.until == RunUntil::MissionOver && self.leaving.is_none() {
             match self.station.progress().clone() {
                 Progress::Failed(why) => self.leave(now_us, Some(why)),
                 Progress::Done => self.leave(now_us, None),
                 Progress::Going if self.silent(now_us, LOST_S) => {
-                    self.leave(now_us, Some("the craft is not heard any more".into()));
+                    self.leave(now_us, Some("the craft has fallen silent".into()));
                 }
                 Progress::Going => {}
             }
@@ -276,10 +278,10 @@ impl Loop<'_> {
         let why = match (why, self.station.is_flying(), self.station.is_faulty()) {
             (Some(why), ..) => Some(why),
             (None, true, _) => Some("the craft was still flying at the end".into()),
-            (None, false, true) => Some("something was wrong on the way, see above".into()),
+            (None, false, true) => Some("something went wrong during the flight, see above".into()),
             (None, false, false) => None,
         };
-        Some(Ended { well: why.is_none(), why })
+        Some(RunResult { well: why.is_none(), why })
     }
 
     /// Has nothing come from the craft for so long?

@@ -1,13 +1,15 @@
-//! What people see: lines for a log ([`Plain`]), or a picture of now in the terminal ([`Live`]) with keys to fly by.
+//! What people see: lines for a log ([`Plain`]), or a picture of now in the terminal ([`Live`])
+//! with keys to fly by.
 //!
-//! The picture is a pure function of a [`Snapshot`] ([`draw`]); names of faults and checks are the flight law's own.
+//! The picture is a pure function of a [`Snapshot`] ([`draw`]); names of faults and checks are the
+//! flight law's own.
 
 use std::io::Write;
 use std::sync::mpsc::Sender;
 use std::time::Duration;
 
-use control::condition::Conditions;
-use control::supervisor::Preflight;
+use control::Conditions;
+use control::Preflight;
 use proto::{Mode, State, Telemetry};
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -16,19 +18,19 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Paragraph};
 use ratatui::{DefaultTerminal, Frame};
 
-use crate::ramps::Pace;
-use crate::recorder::Level;
+use crate::link::Pace;
+use crate::recording::Level;
 use crate::run::{Input, View};
-use crate::station::{SILENCE_S, Snapshot, Told, Wish};
+use crate::station::{Notice, PilotRequest, SILENCE_S, Snapshot};
 
 /// Keys and what they do, in the order they are shown.
 const KEYS: [(char, &str, Input); 7] = [
-    ('a', "arm", Input::Wish(Wish::Arm)),
-    ('t', "take off", Input::Wish(Wish::TakeOff)),
-    ('p', "pattern", Input::Wish(Wish::Pattern)),
-    ('l', "land", Input::Wish(Wish::Land)),
-    ('D', "disarm", Input::Wish(Wish::Disarm)),
-    (' ', "CUT", Input::Wish(Wish::Cut)),
+    ('a', "arm", Input::Request(PilotRequest::Arm)),
+    ('t', "take off", Input::Request(PilotRequest::TakeOff)),
+    ('p', "pattern", Input::Request(PilotRequest::Pattern)),
+    ('l', "land", Input::Request(PilotRequest::Land)),
+    ('D', "disarm", Input::Request(PilotRequest::Disarm)),
+    (' ', "CUT", Input::Request(PilotRequest::Cut)),
     ('q', "quit", Input::Quit),
 ];
 
@@ -38,13 +40,13 @@ pub fn key(pressed: char) -> Option<Input> {
 }
 
 /// `[  12.3 s] warning: words`
-fn line(told: &Told) -> String {
-    let word = match told.level {
+fn line(notice: &Notice) -> String {
+    let word = match notice.level {
         Level::Info => "",
         Level::Warning => "warning: ",
         Level::Error => "ERROR: ",
     };
-    format!("[{:7.1} s] {word}{}", told.at_us as f64 * 1e-6, told.text)
+    format!("[{:7.1} s] {word}{}", notice.at_us as f64 * 1e-6, notice.text)
 }
 
 /// A line for each thing that happens, and one about the link every five seconds.
@@ -65,23 +67,23 @@ impl<W: Write> Plain<W> {
 }
 
 impl<W: Write> View for Plain<W> {
-    fn told(&mut self, told: &Told) {
+    fn notice(&mut self, notice: &Notice) {
         // A reader that has left has seen enough; the flight goes on.
-        let _ = writeln!(self.out, "{}", line(told));
+        let _ = writeln!(self.out, "{}", line(notice));
     }
 
     fn show(&mut self, now: &Snapshot) {
         if now.now_us >= self.next_status_us {
             self.next_status_us = now.now_us + STATUS_US;
-            let told = Told { at_us: now.now_us, level: Level::Info, text: status(now) };
-            let _ = writeln!(self.out, "{}", line(&told));
+            let notice = Notice { at_us: now.now_us, level: Level::Info, text: status(now) };
+            let _ = writeln!(self.out, "{}", line(&notice));
         }
     }
 }
 
 /// Craft and link in one line.
 fn status(now: &Snapshot) -> String {
-    let Some((telemetry, _)) = &now.telemetry else { return "the craft is not heard yet".into() };
+    let Some((telemetry, _)) = &now.telemetry else { return "the craft is not connected yet".into() };
     let [x, y, z] = telemetry.tracked.position_m;
     let craft = format!(
         "{:?} at x {x:.2} y {y:.2} height {:.2} m, {:.2} V",
@@ -110,7 +112,7 @@ impl Live {
     /// Takes the terminal over; keys go to `inputs` from a thread of their own.
     ///
     /// # Errors
-    /// Something that is no terminal.
+    /// Output that is not a terminal.
     pub fn start(inputs: Sender<Input>) -> std::io::Result<Self> {
         let terminal = ratatui::try_init()?;
         std::thread::spawn(move || read_keys(&inputs));
@@ -125,15 +127,15 @@ impl Drop for Live {
 }
 
 impl View for Live {
-    fn told(&mut self, _: &Told) {}
+    fn notice(&mut self, _: &Notice) {}
 
     fn show(&mut self, snapshot: &Snapshot) {
-        // A terminal that is gone is no reason to stop flying.
+        // A terminal that has gone is no reason to stop flying.
         let _ = self.terminal.draw(|frame| draw(frame, snapshot));
     }
 }
 
-/// Until nobody listens any more. In raw mode Ctrl-C is a key.
+/// Reads keys until nobody listens. In raw mode Ctrl-C is a key.
 fn read_keys(inputs: &Sender<Input>) {
     loop {
         if !event::poll(Duration::from_millis(200)).unwrap_or(false) {
@@ -187,7 +189,7 @@ pub fn draw(frame: &mut Frame<'_>, now: &Snapshot) {
         Paragraph::new(fault_lines(now)).block(Block::bordered().title(" faults and checks ")),
         faults,
     );
-    told(frame, now, lines);
+    log(frame, now, lines);
     let help: Vec<String> = KEYS
         .iter()
         .map(|(letter, what, _)| match letter {
@@ -211,13 +213,13 @@ fn headline(now: &Snapshot) -> Line<'static> {
                 State::Hold | State::Land => Color::Yellow,
                 State::Cut => Color::Red,
             };
-            let word = if silent { "NOT HEARD, last" } else { "" };
+            let word = if silent { "LOST, last state" } else { "" };
             Span::styled(
                 format!(" {word} {state:?} "),
                 Style::new().fg(Color::Black).bg(colour).add_modifier(Modifier::BOLD),
             )
         }
-        None => Span::styled(" no craft heard yet ", Style::new().fg(Color::Black).bg(Color::Gray)),
+        None => Span::styled(" no craft yet ", Style::new().fg(Color::Black).bg(Color::Gray)),
     };
     let recording = now.recording.as_ref().map_or("not recording".into(), |file| format!("recording {file}"));
     Line::from(vec![state, Span::raw(format!("  {}   {recording}", now.doing))])
@@ -277,7 +279,7 @@ fn link_lines(now: &Snapshot) -> Vec<Line<'static>> {
         tracker.seen, tracker.not_seen, tracker.refused
     )));
     lines.push(Line::from(format!(
-        "packets   {} heard, {} refused",
+        "packets   {} received, {} refused",
         now.statistics.accepted, now.statistics.refused
     )));
     lines
@@ -315,20 +317,20 @@ fn fault_lines(now: &Snapshot) -> Vec<Line<'static>> {
     vec![faults, checks]
 }
 
-fn told(frame: &mut Frame<'_>, now: &Snapshot, area: Rect) {
+fn log(frame: &mut Frame<'_>, now: &Snapshot, area: Rect) {
     let room = usize::from(area.height.saturating_sub(2));
-    let last = now.told.iter().skip(now.told.len().saturating_sub(room));
+    let last = now.notices.iter().skip(now.notices.len().saturating_sub(room));
     let lines: Vec<Line<'_>> =
-        last.map(|told| Line::styled(line(told), Style::new().fg(colour(told.level)))).collect();
+        last.map(|notice| Line::styled(line(notice), Style::new().fg(colour(notice.level)))).collect();
     frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(" log ")), area);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recorder::LinkRecord;
+    use crate::recording::LinkRecord;
     use crate::station::Tracker;
-    use control::condition::Condition;
+    use control::Condition;
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
 
@@ -369,7 +371,7 @@ mod tests {
             tracker: Tracker { seen: 1200, not_seen: 4, ..Tracker::default() },
             statistics: proto::Statistics { accepted: 1234, refused: 5, lost: 6 },
             doing: "pattern".into(),
-            told: vec![Told { at_us: 12_000_000, level: Level::Warning, text: "battery low".into() }],
+            notices: vec![Notice { at_us: 12_000_000, level: Level::Warning, text: "battery low".into() }],
             recording: Some("flight.mcap.part".into()),
         }
     }
@@ -420,10 +422,10 @@ mod tests {
         let text = picture(&now, 110, 30);
         assert!(text.contains("no faults") && text.contains("not ready: pose"), "{text}");
         now.now_us += 5_000_000;
-        assert!(picture(&now, 110, 30).contains("NOT HEARD, last Disarmed"));
+        assert!(picture(&now, 110, 30).contains("LOST, last state Disarmed"));
         now.telemetry = None;
         now.link = None;
-        assert!(picture(&now, 110, 30).contains("no craft heard yet"));
+        assert!(picture(&now, 110, 30).contains("no craft yet"));
     }
 
     #[test]
@@ -435,9 +437,9 @@ mod tests {
 
     #[test]
     fn keys_do_what_they_say() {
-        assert_eq!(key(' '), Some(Input::Wish(Wish::Cut)));
-        assert_eq!(key('l'), Some(Input::Wish(Wish::Land)));
-        assert_eq!((key('d'), key('D')), (None, Some(Input::Wish(Wish::Disarm))));
+        assert_eq!(key(' '), Some(Input::Request(PilotRequest::Cut)));
+        assert_eq!(key('l'), Some(Input::Request(PilotRequest::Land)));
+        assert_eq!((key('d'), key('D')), (None, Some(Input::Request(PilotRequest::Disarm))));
         assert_eq!(key('x'), None);
     }
 
@@ -445,7 +447,7 @@ mod tests {
     fn lines_are_for_people_and_for_grep() {
         let mut out = Vec::new();
         let mut plain = Plain::new(&mut out);
-        plain.told(&snapshot().told[0]);
+        plain.notice(&snapshot().notices[0]);
         plain.show(&snapshot());
         plain.show(&snapshot());
         let text = String::from_utf8(out).unwrap();

@@ -12,7 +12,8 @@
 //!
 //! Fields that a row's mode does not use, and injections, may be empty; they are 0 then.
 //!
-//! A row holds until the next one begins. The last row is the end: it is held on without an injection.
+//! A row holds until the next one begins. The last row is the end: it is held on without an
+//! injection.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -23,13 +24,14 @@ pub const COLUMNS: [&str; 12] =
 
 /// The first of [`COLUMNS`] that a file must have.
 const REQUIRED: usize = 8;
-/// Steeper is no command for these loops, rad.
+/// Steeper angles are refused as commands, rad.
 const STEEPEST_RAD: f64 = 1.05;
-/// More turns than this are degrees, rad.
+/// Larger headings are taken for degrees and refused, rad.
 const MOST_YAW_RAD: f64 = 60.0;
-/// Farther than this is no laboratory, m.
+/// Positions farther away are refused, m.
 const FARTHEST_M: f64 = 1000.0;
-/// Times are compared with this margin, so that one computed as `k Ts` meets one written as a decimal, s.
+/// Times are compared with this margin, so that one computed as `k Ts` meets one written as a
+/// decimal, s.
 const SAME_TIME_S: f64 = 1e-9;
 
 /// Which loops are closed.

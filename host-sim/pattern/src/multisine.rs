@@ -4,15 +4,17 @@
 //! u_j(t) = sqrt(1 / n) * sum over n harmonics k in K_j of cos(2 pi k t / T + phase_k)
 //! ```
 //!
-//! All frequencies are multiples of 1/T, and each belongs to one input: the first to motor 1, the next to motor 2, and so on
-//! round. Over a whole period T sums of products of different inputs are then exactly zero, whatever the phases and in
-//! whatever order inputs are mixed, and all inputs can be excited at once, at all frequencies of the band.
+//! All frequencies are multiples of 1/T, and each belongs to one input: the first to motor 1, the
+//! next to motor 2, and so on round. Over a whole period T sums of products of different inputs are
+//! then exactly zero, whatever the phases and in whatever order inputs are mixed, and all inputs
+//! can be excited at once, at all frequencies of the band.
 //!
-//! Phases are free, and chosen for small peaks: a craft that may be moved by so much takes more power. They start at
-//! Schroeder's (1970) or at random ones and minimise the 2p-norm of the signal with p = 2, 4, ... 32 by L-BFGS (crate
-//! argmin); the limit of p is the peak. The measure is the relative peak factor, [`relative_peak_factor`], 1 for a single
-//! sine. At last each input is shifted in time so that it begins at zero: a shift moves all phases of one input and
-//! changes neither peak nor power.
+//! Phases are free, and chosen for small peaks: a craft that may be moved by so much takes more
+//! power. They start at Schroeder's (1970) or at random ones and minimise the 2p-norm of the signal
+//! with p = 2, 4, ... 32 by L-BFGS (crate argmin); the limit of p is the peak. The measure is the
+//! relative peak factor, [`relative_peak_factor`], 1 for a single sine. At last each input is
+//! shifted in time so that it begins at zero: a shift moves all phases of one input and changes
+//! neither peak nor power.
 
 use std::f64::consts::{PI, SQRT_2, TAU};
 
@@ -22,7 +24,8 @@ use argmin::solver::quasinewton::LBFGS;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// Samples in a cycle of the highest frequency at which peaks are looked for: between them the highest sine alone rises by 8 % at most, all of them by far less.
+/// Samples in a cycle of the highest frequency at which peaks are looked for: between them the
+/// highest sine alone rises by 8 % at most, all of them by far less.
 const SAMPLES_A_CYCLE: usize = 8;
 /// Exponents of the norms that are minimised one after the other, halved.
 const HALF_NORMS: [i32; 5] = [2, 4, 8, 16, 32];
@@ -48,7 +51,7 @@ pub struct Multisine {
     inputs: [Vec<Sine>; 4],
 }
 
-/// A multisine that cannot be.
+/// Why a multisine cannot be made.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error(
     "a multisine from {low_hz} to {high_hz} Hz with a period of {period_s} s has {found} frequencies: 8 to {MOST_FREQUENCIES} are needed, two for each motor at least; widen the band or lengthen the period"
@@ -69,8 +72,8 @@ pub fn relative_peak_factor(signal: &[f64]) -> f64 {
 }
 
 impl Multisine {
-    /// All multiples of `1 / period_s` within the band, dealt to the four inputs in turn, with phases for small peaks.
-    /// Equal seeds give equal phases.
+    /// All multiples of `1 / period_s` within the band, dealt to the four inputs in turn, with
+    /// phases for small peaks. Equal seeds give equal phases.
     ///
     /// # Errors
     /// A band with fewer than two frequencies for an input, or with too many.
@@ -103,7 +106,8 @@ impl Multisine {
     }
 }
 
-/// Sum of the sines of one input at an angle of the period, with the root mean square of a sine of amplitude 1.
+/// Sum of the sines of one input at an angle of the period, with the root mean square of a sine of
+/// amplitude 1.
 fn value(sines: &[Sine], turn: f64) -> f64 {
     let scale = (1.0 / sines.len() as f64).sqrt();
     scale * sines.iter().map(|s| (f64::from(s.harmonic) * turn + s.phase_rad).cos()).sum::<f64>()
@@ -140,7 +144,7 @@ fn schroeder(count: usize) -> Vec<f64> {
     (0..count).map(|n| -PI * (n * n) as f64 / count as f64).collect()
 }
 
-/// The same signal from where it rises through zero.
+/// The signal shifted in time to where it rises through zero.
 fn from_zero(sines: Vec<Sine>) -> Vec<Sine> {
     let signal = sampled(&sines);
     let count = signal.len();
@@ -261,7 +265,8 @@ mod tests {
         (0..count).map(|i| multisine.at(multisine.period_s * i as f64 / count as f64)).collect()
     }
 
-    /// Morelli (2003): sums of products over a whole period vanish; here to rounding, at 100 Hz as it is flown.
+    /// Morelli (2003): sums of products over a whole period vanish; here to rounding, at 100 Hz as
+    /// it is flown.
     #[test]
     fn inputs_are_orthogonal_over_a_period_and_of_equal_power() {
         let multisine = Multisine::new(20.0, [0.2, 5.0], 1).unwrap();
@@ -292,8 +297,8 @@ mod tests {
         assert_eq!(all, (4..=100).collect::<Vec<_>>());
     }
 
-    /// Random phases give relative peak factors near 2, Schroeder's 1.2 to 1.5 for spectra with gaps; Morelli and Klein
-    /// (2016, 9.3) call about 1.0 to 1.2 what optimised phases reach.
+    /// Random phases give relative peak factors near 2, Schroeder's 1.2 to 1.5 for spectra with
+    /// gaps; Morelli and Klein (2016, 9.3) call about 1.0 to 1.2 what optimised phases reach.
     #[test]
     fn peaks_are_as_small_as_published() {
         for (period_s, band_hz, seed) in
@@ -317,8 +322,9 @@ mod tests {
         }
     }
 
-    /// Guillaume, Schoukens, Pintelon and Kollar (1991): flat multisines of consecutive harmonics reach crest factors of
-    /// about 1.4, which a sine has (1.414); Schroeder's phases have about 1.7.
+    /// Guillaume, Schoukens, Pintelon and Kollar (1991): flat multisines of consecutive harmonics
+    /// reach crest factors of about 1.4, which a sine has (1.414); Schroeder's phases have about
+    /// 1.7.
     #[test]
     fn consecutive_harmonics_reach_the_crest_factor_of_a_sine() {
         let harmonics: Vec<u32> = (1..=31).collect();
@@ -342,7 +348,8 @@ mod tests {
                 moved[k] += step;
                 norm.cost(&moved).unwrap()
             };
-            // A central difference over 1e-5 is off by 1e-10 of the third derivative and 1e-11 of rounding.
+            // A central difference over 1e-5 is off by 1e-10 of the third derivative and 1e-11 of
+            // rounding.
             assert!(((at(1e-5) - at(-1e-5)) / 2e-5 - slope).abs() < 1e-8, "{k}");
         }
     }

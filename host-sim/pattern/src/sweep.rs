@@ -1,8 +1,10 @@
-//! Frequency sweeps, one motor after the other: what moves one motor at a time cannot be correlated.
+//! Frequency sweeps, one motor after the other: what moves one motor at a time cannot be
+//! correlated.
 //!
-//! `u(t) = A sin(phase(t))` with `phase' = 2 pi f(t)`, f from the low end of the band to the high end over a quarter of the
-//! time, in equal steps of hertz (linear) or of octaves (logarithmic, which stays longer where a craft moves slowly).
-//! A short rise at the beginning and fall at the end keep steps out of the commands.
+//! `u(t) = A sin(phase(t))` with `phase' = 2 pi f(t)`, f from the low end of the band to the high
+//! end over a quarter of the time, in equal steps of hertz (linear) or of octaves (logarithmic,
+//! which stays longer where a craft moves slowly). A short rise at the beginning and fall at the
+//! end keep steps out of the commands.
 
 use std::f64::consts::TAU;
 
@@ -23,7 +25,7 @@ pub struct Sweep {
     leg_s: f64,
 }
 
-/// A sweep that cannot be.
+/// Why a sweep cannot be made.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error(
     "a sweep from {low_hz} to {high_hz} Hz in {leg_s} s a motor: the band rises from above 0, and its lowest frequency has a cycle in that time"
@@ -85,7 +87,8 @@ impl Sweep {
 mod tests {
     use super::*;
 
-    /// scipy.signal.chirp(t, f0=0.5, t1=5, f1=8, method, phi=-90), scipy 1.17, at t = 0.3, 1.7, 3.1, 4.4 s.
+    /// scipy.signal.chirp(t, f0=0.5, t1=5, f1=8, method, phi=-90), scipy 1.17, at t = 0.3, 1.7,
+    /// 3.1, 4.4 s.
     #[test]
     fn sweeps_are_those_of_scipy() {
         let expected = [

@@ -1,15 +1,18 @@
-//! Excitation of identification flights, thesis 4.2.1: a sine on each motor command whose frequency and amplitude are
-//! drawn anew at another interval for each motor.
+//! Excitation of identification flights, thesis 4.2.1: a sine on each motor command whose frequency
+//! and amplitude are drawn anew at another interval for each motor.
 //!
-//! The thesis draws both with Simulink's Band-Limited White Noise block: noise power 0.1 for the frequency, times 8 Hz
-//! and the absolute value taken; noise power 0.25 for the amplitude, times 15 us plus 15 us and the absolute value
-//! taken. That block holds a normal random number of variance (noise power) / (its sample time). Our reading: its
-//! sample time is the interval at which that motor's values change (2, 2.1, 1.8, 2.31 s), because the values are "kept
-//! constant for several seconds and then changed". So frequencies are |N(0, 8 Hz sqrt(0.1 / 2 s))|, 1.4 Hz in the mean,
-//! and amplitudes |15 us + N(0, 15 us sqrt(0.25 / 2 s))|, mostly 10 to 20 us. (With the loop's 0.01 s as sample time
-//! frequencies would be 20 Hz, which motors with a lag of 21.5 rad/s do not follow.)
+//! The thesis draws both with Simulink's Band-Limited White Noise block: noise power 0.1 for the
+//! frequency, times 8 Hz and the absolute value taken; noise power 0.25 for the amplitude, times 15
+//! us plus 15 us and the absolute value taken. That block holds a normal random number of variance
+//! (noise power) / (its sample time). Our reading: its sample time is the interval at which that
+//! motor's values change (2, 2.1, 1.8, 2.31 s), because the values are "kept constant for several
+//! seconds and then changed". So frequencies are |N(0, 8 Hz sqrt(0.1 / 2 s))|, 1.4 Hz in the mean,
+//! and amplitudes |15 us + N(0, 15 us sqrt(0.25 / 2 s))|, mostly 10 to 20 us. (With the loop's 0.01
+//! s as sample time frequencies would be 20 Hz, which motors with a lag of 21.5 rad/s do not
+//! follow.)
 //!
-//! The phase runs on through a change: the thesis does not say, and a jump would add nothing that is wanted.
+//! The phase runs on through a change: the thesis does not say, and a jump would add nothing that
+//! is wanted.
 
 use std::f64::consts::TAU;
 
@@ -45,7 +48,8 @@ struct Sine {
 }
 
 impl Excitation {
-    /// The excitation of flight `seed`. `gain` is command units for one microsecond (1 for the thesis' craft).
+    /// The excitation of flight `seed`. `gain` is command units for one microsecond (1 for the
+    /// thesis' craft).
     pub fn new(seed: u64, period_s: f64, gain: f64) -> Self {
         Self {
             motors: [Sine::default(); 4],
@@ -136,7 +140,8 @@ mod tests {
         let dot = |a: usize, b: usize| one.iter().map(|s| f64::from(s[a] * s[b])).sum::<f64>();
         for (a, b) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
             let correlation = dot(a, b) / (dot(a, a) * dot(b, b)).sqrt();
-            // 60 s hold about 30 draws a motor; sines that meet by chance in one of them add up to a few per cent.
+            // 60 s hold about 30 draws a motor; sines that meet by chance in one of them add up to
+            // a few per cent.
             assert!(correlation.abs() < 0.3, "{a} {b} {correlation}");
         }
     }

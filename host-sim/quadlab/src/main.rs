@@ -14,8 +14,9 @@ mod render;
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
+use crate::cli::colour;
 use crate::cli::output::Outcome;
 use crate::commands::{
     add, compare, demo, design, diagnose, effects, excite, explain, ground, identify, linearize, motor_map,
@@ -75,14 +76,14 @@ fn main() -> ExitCode {
     match outcome.and_then(finish) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("error: {}", one_line(&with_causes(&error)));
+            colour::error(&one_line(&with_causes(&error)));
             ExitCode::from(BAD_INPUT)
         }
     }
 }
 
 fn finish(outcome: Outcome) -> anyhow::Result<ExitCode> {
-    report::print(&outcome.text)?;
+    report::print(&colour::for_stdout(&outcome.text))?;
     Ok(if outcome.holds { ExitCode::SUCCESS } else { ExitCode::from(DOES_NOT_HOLD) })
 }
 
@@ -102,8 +103,22 @@ fn usage(error: &clap::Error) -> ExitCode {
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => "error: no command given".into(),
         _ => said.join(" "),
     };
-    eprintln!("{} (see quadlab --help)", one_line(&said));
+    let said = one_line(&said);
+    colour::error(&format!("{} (see {} --help)", said.strip_prefix("error: ").unwrap_or(&said), invoked()));
     ExitCode::from(BAD_INPUT)
+}
+
+/// The command that was meant, with its subcommands: "quadlab design check".
+fn invoked() -> String {
+    let arguments = Arguments::command();
+    let mut command = &arguments;
+    let mut words = vec![command.get_name()];
+    for argument in std::env::args().skip(1) {
+        let Some(subcommand) = command.find_subcommand(&argument) else { break };
+        words.push(subcommand.get_name());
+        command = subcommand;
+    }
+    words.join(" ")
 }
 
 /// The error and its causes, each told once: many errors of the libraries quote their cause themselves.

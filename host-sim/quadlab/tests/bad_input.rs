@@ -190,7 +190,7 @@ fn files_that_are_no_flights_are_refused() {
     std::fs::remove_file(&path).unwrap();
     refused(folder.path(), &with_sets(&IDENTIFY), &["B.csv: ", "cannot read"]);
     std::fs::create_dir(&path).unwrap();
-    refused(folder.path(), &with_sets(&IDENTIFY), &["B.csv: ", "is a folder"]);
+    refused(folder.path(), &with_sets(&IDENTIFY), &["B.csv: ", "no flight file"]);
 }
 
 #[test]
@@ -290,8 +290,10 @@ fn outputs_without_a_place_are_refused_before_the_work() {
 fn an_old_output_survives_bad_input() {
     let folder = copies();
     std::fs::write(folder.path().join("out.toml"), "precious").unwrap();
+    refused(folder.path(), &with_sets(&IDENTIFY), &["out.toml: ", "is there already", "--force"]);
     std::fs::write(folder.path().join("B.csv"), "").unwrap();
-    refused(folder.path(), &with_sets(&IDENTIFY), &["B.csv: "]);
+    let forced = [&IDENTIFY[..], &["--force"]].concat();
+    refused(folder.path(), &with_sets(&forced), &["B.csv: "]);
     assert_eq!(std::fs::read_to_string(folder.path().join("out.toml")).unwrap(), "precious");
 }
 
@@ -310,6 +312,41 @@ fn bad_usage_is_one_line() {
     ] {
         refused(folder.path(), &arguments, &[expected]);
     }
+    for (arguments, help) in [
+        (vec!["identify"], "(see quadlab identify --help)"),
+        (vec!["design", "check", "--modle", "m.toml"], "(see quadlab design check --help)"),
+        (vec!["identfy"], "(see quadlab --help)"),
+    ] {
+        refused(folder.path(), &arguments, &[help]);
+    }
+}
+
+#[test]
+fn a_vehicle_file_given_for_a_model_is_recognised_and_the_other_way_round() {
+    let folder = copies();
+    identify(folder.path());
+    let compare = ["compare", "--model", "vehicle.toml", "--flights", "D.csv"];
+    refused(folder.path(), &compare, &["vehicle.toml: is a vehicle file", "quadlab identify"]);
+    let explain = ["explain", "--vehicle", "model.toml", "--out", "out.toml"];
+    refused(folder.path(), &with_sets(&explain), &["model.toml: is a model file"]);
+}
+
+#[test]
+fn folders_and_patterns_stand_for_their_flights() {
+    let folder = copies();
+    identify(folder.path());
+    let named =
+        ["compare", "--model", "model.toml", "--flights", "A.csv", "B.csv", "C.csv", "D.csv", "E.csv"];
+    let one_by_one = common::done_in(folder.path(), &named);
+    for flights in ["*.csv", "."] {
+        let compare = ["compare", "--model", "model.toml", "--flights", flights];
+        assert_eq!(common::done_in(folder.path(), &compare).replace("./", ""), one_by_one);
+    }
+    refused(
+        folder.path(),
+        &["compare", "--model", "model.toml", "--flights", "Z*.csv"],
+        &["Z*.csv: matches no file"],
+    );
 }
 
 #[test]

@@ -56,6 +56,23 @@ fn a_weak_motor_is_named_with_its_loss() {
     // truth.json: eff2 = 0.86.
     assert!((value - 0.14).abs() < 1.96 * error, "{value} +- {error}");
     assert!(error < 0.02, "{error}");
+
+    let flights = flights(&case, &["A", "B", "C", "D", "E"]);
+    let mut arguments: Vec<String> =
+        ["diagnose", "--model", "model.toml", "--html", "page.html", "--changed"].map(str::to_owned).to_vec();
+    arguments.extend(paths(&flights));
+    done_in(folder.path(), &arguments.iter().map(String::as_str).collect::<Vec<_>>());
+    let page = std::fs::read_to_string(folder.path().join("page.html")).unwrap();
+    for said in [
+        "<h1>What has changed?</h1>",
+        "The change: motor-efficiency 2",
+        "it was there from A.csv on",
+        "What else it could be",
+        // The weak motor was hidden in all five flights, and each has its error without and with it.
+        "Root mean square error of each flight",
+    ] {
+        assert!(page.contains(said), "{said}");
+    }
 }
 
 /// Real flights of one craft, those of `log` apart: a model of the others, and what has changed in flights named by `part`.

@@ -142,6 +142,25 @@ fn compare_warns_of_flights_that_the_model_was_fitted_to() {
 }
 
 #[test]
+fn models_are_compared_side_by_side() {
+    let folder = copies();
+    identify(folder.path());
+    let add = ["add", "ground-effect", "--model", "model.toml", "--out", "better.toml"];
+    done_in(folder.path(), &with_sets(&add));
+    let compare = ["compare", "--model", "model.toml", "better.toml", "--flights", "D.csv", "E.csv"];
+    let text = done_in(folder.path(), &compare);
+    assert!(text.contains("model.toml") && text.contains("better.toml") && text.contains("fall of the rms"));
+    let page = done_in(folder.path(), &[&compare[..], &["--html", "page.html"]].concat());
+    assert!(page.contains("page: page.html"));
+    self_contained(&std::fs::read_to_string(folder.path().join("page.html")).unwrap());
+    let json = json_in(folder.path(), &compare);
+    let alone = json_in(folder.path(), &["compare", "--model", "better.toml", "--flights", "D.csv", "E.csv"]);
+    assert_eq!(json["models"][1]["total"], alone["total"]);
+    let w = |model: usize| json["models"][model]["total"]["w"]["rms"].as_f64().unwrap();
+    assert!(w(1) < w(0), "ground effect is hidden in these flights: {} {}", w(1), w(0));
+}
+
+#[test]
 fn diagnose_names_the_hidden_effect_and_add_takes_it_away() {
     let folder = copies();
     identify(folder.path());
@@ -251,4 +270,18 @@ fn every_command_has_help_with_an_example() {
         let help = done_in(folder.path(), &[command, "--help"]);
         assert!(help.contains("Example") && help.contains(&format!("  quadlab {command}")), "{help}");
     }
+}
+
+#[test]
+fn colours_are_for_terminals_that_want_them() {
+    // CLICOLOR_FORCE (bixense.com/clicolors) stands for a terminal: a pipe has no colours without it.
+    let said = |environment: &[(&str, &str)]| {
+        let mut command = assert_cmd::Command::cargo_bin("quadlab").unwrap();
+        command.args(["compare", "--model", "none.toml", "--flights", "A.csv"]);
+        command.env_remove("NO_COLOR").env_remove("CLICOLOR_FORCE").envs(environment.iter().copied());
+        String::from_utf8(command.output().unwrap().stderr).unwrap()
+    };
+    assert!(said(&[]).starts_with("error: "), "{:?}", said(&[]));
+    assert!(said(&[("NO_COLOR", "1")]).starts_with("error: "));
+    assert!(said(&[("CLICOLOR_FORCE", "1")]).starts_with("\u{1b}[1m\u{1b}[31merror:\u{1b}[0m "));
 }

@@ -78,7 +78,7 @@ fn flights_of_ones_own_go_through_the_same_loop() {
     let folder = tempfile::tempdir().unwrap();
     let own = flights().to_str().unwrap();
     let text = done_in(folder.path(), &["demo", "--flights", own, "--out", "mine"]);
-    assert!(text.contains("Flights A, B and C were fitted on, D and E judged by."), "{text}");
+    assert!(text.contains("Flights A, B and C were used for the fit, D and E for validation."), "{text}");
     assert!(text.contains("Found: ground-effect."), "{text}");
     assert!(folder.path().join("mine/report.html").is_file());
     assert!(!folder.path().join("mine/flights").exists(), "nothing is flown");
@@ -93,7 +93,10 @@ fn other_names_are_split_sixty_to_forty() {
     }
     let text = done_in(folder.path(), &["demo", "--flights", ".", "--out", "mine"]);
     let text = text.replace('\n', " ");
-    assert!(text.contains("The first 3 of 5 flights by name were fitted on, the rest judged by."), "{text}");
+    assert!(
+        text.contains("The first 3 of 5 flights by name were used for the fit, the rest for validation."),
+        "{text}"
+    );
 }
 
 fn refused(folder: &Path, arguments: &[&str], expected: &str) {

@@ -1,5 +1,6 @@
-//! `linearize` and `design check` as a user runs them: the contract's JSON, the thesis' numbers, exit statuses, one line a
-//! mistake. The numbers' own tests, with what each tolerance means, are those of crate `design`.
+//! `linearize` and `design check` as a user runs them: the contract's JSON, the thesis' numbers,
+//! exit statuses, one line a mistake. The numbers' own tests, with what each tolerance means, are
+//! those of crate `design`.
 
 mod common;
 
@@ -94,8 +95,8 @@ fn three_samples_of_delay_are_one_too_many() {
     assert_eq!(named(&three["loops"], "roll")["delay_margin_s"], 0.0);
 }
 
-/// With standard errors the margins spread, and the same seed gives the same spread; a voltage that the motor map takes
-/// out changes nothing, one that it does not changes the gain.
+/// With standard errors the margins spread, and the same seed gives the same spread; a voltage that
+/// the motor map takes out changes nothing, one that it does not changes the gain.
 #[test]
 fn what_is_uncertain_spreads_the_margins() {
     let folder = thesis();
@@ -116,6 +117,64 @@ fn what_is_uncertain_spreads_the_margins() {
     assert!(margin(&battery[0]) > 1.005 * margin(&battery[4]), "a full battery leaves less gain margin");
     let thrust = |row: &Value| row["thrust_to_weight"].as_f64().unwrap();
     assert!(thrust(&battery[4]) > thrust(&battery[0]));
+}
+
+/// Each loop has its margin at the actuator beside its own, in JSON with both crossover
+/// frequencies, in text and on the page. Pitch with two samples of delay has 1.085 of gain margin
+/// at its error, and less where all of its feedback is cut.
+#[test]
+fn margins_at_the_actuator_stand_beside_the_loops_own() {
+    let folder = thesis();
+    let report = json_in(folder.path(), &with(&["--delay", "2"]));
+    for entry in report["loops"].as_array().unwrap() {
+        let actuator = &entry["at_actuator"];
+        for key in ["phase_margin_deg", "gain_margin", "crossover_rad_s", "phase_crossover_rad_s"] {
+            assert!(actuator[key].as_f64().unwrap() > 0.0, "{key}: {entry}");
+        }
+        // The actuator's cut holds the velocity feedback too, so its crossover is the faster one.
+        assert!(actuator["crossover_rad_s"].as_f64() > entry["crossover_rad_s"].as_f64(), "{entry}");
+    }
+    let pitch = named(&report["loops"], "pitch");
+    assert!(pitch["at_actuator"]["gain_margin"].as_f64() < pitch["gain_margin"].as_f64(), "{pitch}");
+    let text = done_in(folder.path(), &with(&["--html", "check.html"]));
+    assert!(text.contains("actuator: phase deg") && text.contains("Stable in everything"), "{text}");
+    let page = std::fs::read_to_string(folder.path().join("check.html")).unwrap();
+    // Both cuts of each loop carry their margins in the figure.
+    let marked = |what: &str| page.matches(what).count();
+    assert!(
+        page.contains("Cut at the actuator")
+            && page.contains("cut at the actuator, with all of the feedback")
+    );
+    assert!(marked("phase margin 51.8 deg at 6.20 rad/s") >= 2, "legend and caption");
+    assert!(marked(" dB) at ") >= 12, "a gain margin in each of twelve Bode plots");
+}
+
+/// Gains that hold the model but not what its standard errors leave open do not pass: status 1, and
+/// one sentence that says in how many draws and of which loops.
+#[test]
+fn a_check_with_unstable_draws_fails_and_says_so() {
+    let folder = thesis();
+    let mut model = Model::thesis();
+    for coefficient in model.terms.iter_mut().flat_map(|term| &mut term.coefficients) {
+        coefficient.std_error = Some(0.1 * coefficient.value.abs());
+    }
+    write_model(folder.path(), &model);
+    let output = run_in(folder.path(), &with(&["--delay", "2", "--samples", "30"]));
+    assert_eq!(output.status.code(), Some(1));
+    let text = String::from_utf8(output.stdout).unwrap();
+    let said: Vec<&str> = text.lines().filter(|line| line.starts_with("NOT SAFE TO FLY")).collect();
+    assert_eq!(said.len(), 1, "{text}");
+    assert!(
+        said[0].contains(" of 30 random draws of the model: ") && said[0].contains("pitch in "),
+        "{text}"
+    );
+    assert!(!text.contains("UNSTABLE") && !text.contains("Stable in everything"), "{text}");
+    let json = run_in(folder.path(), &with(&["--delay", "2", "--samples", "30", "--json"]));
+    assert_eq!(json.status.code(), Some(1));
+    let json: Value = serde_json::from_slice(&json.stdout).unwrap();
+    assert!(json["uncertainty"]["unstable"].as_u64().unwrap() > 0 && json["holds"] == false);
+    // Without draws nothing is known against them.
+    assert_eq!(run_in(folder.path(), &with(&["--samples", "0"])).status.code(), Some(0));
 }
 
 #[test]
@@ -206,7 +265,8 @@ fn mistakes_are_one_line_each() {
     refused(folder, &CHECK, &["no equilibrium"]);
 }
 
-/// The thesis' procedure writes a gains file with its provenance, which the check takes; another vehicle refuses it.
+/// The thesis' procedure writes a gains file with its provenance, which the check takes; another
+/// vehicle refuses it.
 #[test]
 fn designed_gains_are_written_checked_and_belong_to_their_vehicle() {
     let folder = thesis();
@@ -229,11 +289,12 @@ fn designed_gains_are_written_checked_and_belong_to_their_vehicle() {
     let mut heavier = Model::thesis();
     heavier.vehicle.mass *= 1.01;
     write_model(folder, &heavier);
-    refused(folder, &CHECK, &["measured otherwise", "vehicle_sha256"]);
+    refused(folder, &CHECK, &["with other measurements", "vehicle_sha256"]);
 }
 
-/// The report of the thesis' own vehicle needs no files, says of each printed number that it comes back, and has a figure for
-/// each of chapter 5's that are computed. Of other gains it says what does not come back in no word: they are not the thesis'.
+/// The report of the thesis' own vehicle needs no files, says of each printed number that it comes
+/// back, and has a figure for each of chapter 5's that are computed. Of other gains it says what
+/// does not come back in no word: they are not the thesis'.
 #[test]
 fn the_report_has_every_figure_and_number_of_chapter_5() {
     let folder = thesis();
@@ -263,11 +324,12 @@ fn the_report_has_every_figure_and_number_of_chapter_5() {
     let report = ["design", "report", "--model", "model.toml", "--gains", "gains.toml", "--samples", "0"];
     let text = done_in(folder, &[&report[..], &["--out", "slow.html"]].concat());
     assert_eq!(text, "page: slow.html\n");
-    // With three samples of delay roll and pitch are unstable: the page is there, and the status says it.
+    // With three samples of delay roll and pitch are unstable: the page is there, and the status
+    // says it.
     let late = run_in(folder, &[&report[..], &["--out", "late.html", "--delay", "3"]].concat());
     assert_eq!(late.status.code(), Some(1));
     let text = String::from_utf8(late.stdout).unwrap();
-    assert!(text.contains("UNSTABLE: roll") && text.contains("UNSTABLE: pitch"), "{text}");
+    assert!(text.contains("3 samples old: unstable: roll, pitch"), "{text}");
     assert!(folder.join("late.html").exists());
     refused(folder, &["design", "report", "--model", "model.toml", "--out", "r.html"], &["--gains"]);
     refused(folder, &["design", "report"], &["--out"]);
@@ -329,8 +391,9 @@ fn specifications_that_cannot_be_met_write_nothing() {
     refused(folder, &["design", "--model", "model.toml"], &["--out"]);
 }
 
-/// What a stranger does with a craft of their own, from the model that their flights gave to the next flight: every command
-/// takes what the one before left. The demonstration's craft has no flapping moments and hovers in the floor's cushion.
+/// What a stranger does with a craft of their own, from the model that their flights gave to the
+/// next flight: every command takes what the one before left. The demonstration's craft has no
+/// flapping moments and hovers in the floor's cushion.
 #[test]
 fn from_a_stranger_s_flights_to_gains_that_fly_and_the_next_flight() {
     let folder = tempfile::tempdir().unwrap();
@@ -350,11 +413,11 @@ fn from_a_stranger_s_flights_to_gains_that_fly_and_the_next_flight() {
     }
     // Flown, with a battery that sags and at the voltage of the flights.
     let read = Model::read(&folder.join("better.toml")).unwrap();
-    let config = design::fit::read_for(&folder.join("gains.toml"), &read).unwrap().config;
+    let config = design::gains_match::read_for(&folder.join("gains.toml"), &read).unwrap().config;
     let settings = sil::Settings { model: Some(read), config: Some(config), ..sil::Settings::default() };
     for scenario in [sil::Scenario::Hover, sil::Scenario::Roll10, sil::Scenario::Excitation] {
         let plan = scenario.plan(&settings);
-        let outcome = sil::Outcome::new(scenario, plan.clone(), sil::fly(&plan).unwrap());
+        let outcome = sil::ScenarioResult::new(scenario, plan.clone(), sil::fly(&plan).unwrap());
         assert!(outcome.pass(), "{scenario}: {:?} {:?}", outcome.metrics, outcome.checks);
     }
     let excite = ["excite", "--path", "hover", "--duration", "10", "--out", "pattern.csv"];
@@ -362,7 +425,8 @@ fn from_a_stranger_s_flights_to_gains_that_fly_and_the_next_flight() {
     let report = ["design", "report", "--samples", "2", "--out", "report.html"];
     assert_eq!(done_in(folder, &of(&report, &with_gains)), "page: report.html\n");
 
-    // And what goes wrong, one line each: another craft's gains, and specifications that nothing meets.
+    // And what goes wrong, one line each: another craft's gains, and specifications that nothing
+    // meets.
     std::fs::write(folder.join("thesis.toml"), GAINS).unwrap();
     let other = of(&["design", "check", "--model", "better.toml", "--gains"], &["thesis.toml"]);
     refused(folder, &other, &["thesis.toml: ", "another vehicle"]);

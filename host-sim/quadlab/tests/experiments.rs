@@ -184,7 +184,7 @@ fn a_pattern_that_loses_the_craft_is_not_written() {
     let output = run_in(folder.path(), &with(&EXCITE, &["--amplitude", "450", "--out", "wild.csv"]));
     assert_eq!(output.status.code(), Some(1));
     let said = String::from_utf8(output.stdout).unwrap();
-    assert!(said.starts_with("NOT TO BE FLOWN: the supervisor "), "{said}");
+    assert!(said.starts_with("DO NOT FLY THIS: the supervisor "), "{said}");
     assert!(said.contains("(tilted to roll ") || said.contains("(outside the cage at x "), "{said}");
     assert!(!folder.path().join("wild.csv").exists());
 }
@@ -230,7 +230,7 @@ fn questions_that_are_none_are_one_line() {
         ),
         (with(&PLAN, &["--separate", "steady-wind", "steady-wind"]), "give two different effects"),
         (with(&PLAN, &["--separate", "thrust", "steady-wind"]), "part of every model"),
-        (with(&PLAN, &["--separate", "mass-change", "steady-wind"]), "cannot be foreseen"),
+        (with(&PLAN, &["--separate", "mass-change", "steady-wind"]), "cannot be predicted"),
         (with(&PLAN, &["--shrink", "C_x"]), "known are thrust.C_T"),
         (with(&PLAN, &[]), "--separate"),
         (with(&PLAN, &["--shrink", "C_du", "--duration", "1"]), "8 to 600 seconds"),

@@ -7,8 +7,10 @@ use std::ops::Range;
 
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 
-use crate::number::{significant, superscript};
+use crate::number::{fixed, significant, superscript, unit};
 
+/// Fewer labelled ticks do not say how an axis runs.
+const FEWEST_TICKS: usize = 3;
 /// Larger magnitudes are not drawn, so that no difference or square of drawn values can overflow.
 const LARGEST: f64 = 1e100;
 
@@ -108,15 +110,24 @@ impl Scale {
     }
 
     fn place_linear_ticks(&mut self, target: usize) {
-        let step = round_step((self.high - self.low) / target.max(1) as f64);
-        // A hair outside still counts as on the edge: 0.3 / 0.1 is not 3 in floating point.
-        let first = (self.low / step - 1e-9).ceil();
-        let count = ((self.high / step + 1e-9).floor() - first).clamp(0.0, 2.0 * target as f64) as usize;
-        self.ticks = (0..=count).map(|i| (first + i as f64) * step).collect();
+        let mut step = round_step((self.high - self.low) / target.max(FEWEST_TICKS) as f64);
+        self.ticks = self.multiples(step);
+        // How many fall inside depends on where the range begins.
+        while self.ticks.len() < FEWEST_TICKS {
+            step = round_step(0.4 * step);
+            self.ticks = self.multiples(step);
+        }
         let largest = self.low.abs().max(self.high.abs());
         let exponent = largest.log10().floor();
         self.power = if (-2.0..5.0).contains(&exponent) { 0 } else { (exponent / 3.0).floor() as i32 * 3 };
         self.decimals = (f64::from(self.power) - (step.log10() + 1e-9).floor()).clamp(0.0, 12.0) as usize;
+    }
+
+    /// Multiples of `step` within the range. A hair outside still counts as on the edge: 0.3 / 0.1 is not 3 in floating point.
+    fn multiples(&self, step: f64) -> Vec<f64> {
+        let first = (self.low / step - 1e-9).ceil();
+        let count = ((self.high / step + 1e-9).floor() - first).max(-1.0) as i64;
+        (0..=count).map(|i| (first + i as f64) * step).collect()
     }
 
     fn place_logarithmic_ticks(&mut self, target: usize) {
@@ -132,8 +143,8 @@ impl Scale {
         if decades <= 2 {
             self.ticks = within_decades(&[1.0, 2.0, 5.0]);
         } else {
-            self.ticks =
-                (first..=last).step_by(decades.div_ceil(target.max(1))).map(|n| 10_f64.powi(n)).collect();
+            let step = decades.div_ceil(target.max(1)).min((decades - 1) / (FEWEST_TICKS - 1));
+            self.ticks = (first..=last).step_by(step).map(|n| 10_f64.powi(n)).collect();
         }
         if decades <= 6 {
             self.minor = within_decades(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]);
@@ -183,16 +194,12 @@ impl Scale {
                 format!("{value:.0e}")
             };
         }
-        let text = format!("{:.*}", self.decimals, value / 10_f64.powi(self.power));
-        match text.strip_prefix('-') {
-            Some(rest) if rest.chars().all(|c| matches!(c, '0' | '.')) => rest.to_owned(),
-            _ => text,
-        }
+        fixed(value / 10_f64.powi(self.power), self.decimals)
     }
 
     /// Label, unit and power of ten in one line: `drag [10⁻⁶ N s²]`.
     pub(crate) fn title(&self) -> String {
-        let Axis { label, unit, .. } = &self.axis;
+        let (label, unit) = (&self.axis.label, unit(&self.axis.unit));
         let power = if self.power == 0 { String::new() } else { format!("10{}", superscript(self.power)) };
         match (power.is_empty(), unit.is_empty()) {
             (true, true) => label.clone(),
@@ -305,6 +312,30 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn every_axis_has_three_labels(
+            value in -1e3_f64..1e3,
+            length in prop_oneof![Just(0.0), -12_f64..0.0, 0.0..3.0_f64],
+            size in -80_i32..80,
+            target in 1_usize..13,
+            log: bool,
+            margin in 0.0..0.1_f64,
+        ) {
+            // Constant data, ranges from a part in 10^12 to a thousand times the value, tiny and huge values.
+            let low = value * 10_f64.powi(size);
+            let high = if length == 0.0 { low } else { low + low.abs() * 10_f64.powf(length) };
+            let axis = Axis { logarithmic: log, ..Axis::new("drag", "N") };
+            let mut extent = Extent::default();
+            [low, high].into_iter().filter(|v| axis.can_draw(*v)).for_each(|v| extent.add(v));
+            let scale = Scale::new(&axis, extent, (margin, margin), target);
+            let stretched = scale.stretched(1.7, target);
+            for scale in [&scale, &stretched] {
+                let distinct: std::collections::HashSet<_> = scale.tick_labels().collect();
+                prop_assert!(distinct.len() >= FEWEST_TICKS, "{distinct:?} on {:?}", scale.ends());
+                prop_assert_eq!(distinct.len(), scale.ticks.len(), "{:?}", distinct);
+            }
+        }
+
         #[test]
         fn ticks_are_few_distinct_and_inside(values in prop::collection::vec(prop::num::f64::ANY, 0..4), log: bool) {
             let scale = scale(&values, log);

@@ -1,6 +1,7 @@
 //! What a figure shows, before any pixel.
 
-use crate::{Axis, Style, draw};
+use crate::axis::Axis;
+use crate::style::Style;
 
 /// How the points of a series are joined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,6 +53,24 @@ impl Series {
     /// Bars from zero, centred on x.
     pub fn bars(name: impl Into<String>, style: Style, data: impl Into<Vec<(f64, f64)>>) -> Self {
         Self::new(Kind::Bars, name, style, data)
+    }
+
+    /// The points a line goes through: those of the series, for a step also the end of each tread.
+    pub(crate) fn corners(&self, x_can_draw: impl Fn(f64) -> bool) -> impl Iterator<Item = (f64, f64)> {
+        let next = self.data.iter().skip(1).map(Some).chain([None]);
+        self.data.iter().zip(next).flat_map(move |(&(x, y), next)| {
+            let tread = next.filter(|_| self.kind == Kind::Step && x_can_draw(x)).map(|next| (next.0, y));
+            [Some((x, y)), tread].into_iter().flatten()
+        })
+    }
+
+    /// Half the smallest distance between neighbours in x; half a unit for a single bar.
+    pub(crate) fn half_bar_width(&self) -> f64 {
+        let linear = Axis::new("", "");
+        let mut xs: Vec<_> = self.data.iter().map(|p| p.0).filter(|x| linear.can_draw(*x)).collect();
+        xs.sort_by(f64::total_cmp);
+        let smallest = xs.windows(2).map(|w| w[1] - w[0]).filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
+        if smallest.is_finite() { 0.5 * smallest } else { 0.5 }
     }
 }
 
@@ -159,12 +178,6 @@ impl Figure {
         self.equal_scale = true;
         self
     }
-
-    /// Draws the figure, `width` by `height` CSS pixels (kept between 240 and 8000, and more where the texts need it).
-    #[must_use]
-    pub fn to_svg(&self, width: u32, height: u32) -> String {
-        draw::svg(std::slice::from_ref(self), width, height)
-    }
 }
 
 /// Figures stacked over one x axis, the first on top.
@@ -181,16 +194,31 @@ impl Panels {
     pub fn new(figures: impl Into<Vec<Figure>>) -> Self {
         Self { figures: figures.into() }
     }
-
-    /// Draws the stack, `width` by `height` CSS pixels in all (kept between 240 and 8000, and more where the texts need it).
-    #[must_use]
-    pub fn to_svg(&self, width: u32, height: u32) -> String {
-        draw::svg(&self.figures, width, height)
-    }
 }
 
 impl From<Figure> for Panels {
     fn from(figure: Figure) -> Self {
         Self { figures: vec![figure] }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_goes_through_the_end_of_each_tread() {
+        let points = [(0.0, 1.0), (2.0, 3.0)];
+        let corners = |series: Series| series.corners(|_| true).collect::<Vec<_>>();
+        assert_eq!(corners(Series::line("", Style::Measured, points)), points);
+        assert_eq!(corners(Series::step("", Style::Measured, points)), [(0.0, 1.0), (2.0, 1.0), (2.0, 3.0)]);
+    }
+
+    #[test]
+    fn bars_are_as_wide_as_their_nearest_neighbours_are_apart() {
+        let width = |data: &[(f64, f64)]| Series::bars("", Style::Measured, data).half_bar_width();
+        assert_eq!(width(&[(0.0, 1.0), (4.0, 1.0), (5.0, 1.0), (f64::NAN, 1.0)]), 0.5);
+        assert_eq!(width(&[(7.0, 1.0)]), 0.5);
+        assert_eq!(width(&[(0.0, 1.0), (4.0, 1.0)]), 2.0);
     }
 }

@@ -20,6 +20,7 @@
 //!
 //! Conventions:
 //!
+//! - Numbers for people are written by [`number`] and nowhere else.
 //! - Every axis and every table column has a unit next to its name; values are SI unless the unit says otherwise.
 //! - A [`Style`] is a role (measured, predicted before, predicted after, reference, limit), not a colour. Each role has one colour of
 //!   the Okabe-Ito palette *and* one dash or width, so that print and colour-blind eyes can tell them apart.
@@ -34,7 +35,7 @@ mod decimate;
 mod draw;
 mod figure;
 mod file;
-mod number;
+pub mod number;
 mod page;
 mod statistics;
 mod style;

@@ -1,4 +1,17 @@
-//! Numbers as people read them.
+//! Numbers as people read them: the one place where text for people is made of them.
+//!
+//! A value goes as far as its standard error tells it, the error to two digits. Very large and very small numbers have a power of ten
+//! that is a multiple of three. A unit of 1 is not written. A p-value below a millionth is only bounded: what lies below says more of
+//! the tails of a distribution than of the flights.
+
+/// Smaller p-values are written as their bound.
+const LEAST_P: f64 = 1e-6;
+/// From here on percentages have a power of ten.
+const LARGE_PERCENT: f64 = 1e4;
+/// More digits behind the point than a value of this program can mean.
+const MOST_DECIMALS: u32 = 12;
+/// What stands for a number that is not known.
+const UNKNOWN: &str = "-";
 
 /// Writes `value` with `digits` significant digits (at least 1, at most 15).
 ///
@@ -40,6 +53,98 @@ fn place_point(figures: &str, exponent: i32) -> String {
         format!("{figures}{}", "0".repeat(whole - figures.len()))
     } else {
         format!("{}.{}", &figures[..whole], &figures[whole..])
+    }
+}
+
+/// Unit for people: none for a pure number, whose unit is `1`.
+#[must_use]
+pub fn unit(unit: &str) -> &str {
+    if unit == "1" { "" } else { unit }
+}
+
+/// A value and its standard error to the same decimal and with the same power of ten; the error has two significant digits.
+///
+/// Without an error the value has four significant digits, and the error reads `-`.
+#[must_use]
+pub fn value_and_error(value: f64, std_error: Option<f64>) -> [String; 2] {
+    let Some(error) = std_error.filter(|e| e.is_finite()) else {
+        return [significant(value, 4), UNKNOWN.to_owned()];
+    };
+    if !value.is_finite() || error <= 0.0 {
+        return [significant(value, 4), significant(error, 2)];
+    }
+    let largest = exponent(value.abs().max(error));
+    let power = if (-3..6).contains(&largest) { 0 } else { largest.div_euclid(3) * 3 };
+    // Two digits of the error as it is after rounding: 0.0996 is 0.10.
+    let last = exponent(error) - 1 - power;
+    let suffix = if power == 0 { String::new() } else { format!("e{power}") };
+    [value, error].map(|v| format!("{}{suffix}", rounded_to(v / 10_f64.powi(power), last)))
+}
+
+/// Power of ten of the first of two significant digits.
+fn exponent(value: f64) -> i32 {
+    let scientific = format!("{value:.1e}");
+    scientific.split_once('e').and_then(|(_, exponent)| exponent.parse().ok()).unwrap_or(0)
+}
+
+/// `value` rounded to a multiple of 10^`last`.
+fn rounded_to(value: f64, last: i32) -> String {
+    if last <= 0 {
+        return fixed(value, last.unsigned_abs().min(MOST_DECIMALS) as usize);
+    }
+    let multiple = 10_f64.powi(last);
+    fixed((value / multiple).round() * multiple, 0)
+}
+
+/// `0.1400 ± 0.0021 m`: a value, its standard error and the unit of both.
+#[must_use]
+pub fn with_error(value: f64, std_error: f64, unit_of_both: &str) -> String {
+    let [value, error] = value_and_error(value, Some(std_error));
+    let unit = unit(unit_of_both);
+    let space = if unit.is_empty() { "" } else { " " };
+    format!("{value} ± {error}{space}{unit}")
+}
+
+/// Writes `value` with `decimals` digits behind the point; what rounds to zero has no sign. NaN reads `-`.
+#[must_use]
+pub fn fixed(value: f64, decimals: usize) -> String {
+    if value.is_nan() {
+        return UNKNOWN.to_owned();
+    }
+    without_sign_of_zero(format!("{value:.decimals$}"))
+}
+
+fn without_sign_of_zero(text: String) -> String {
+    match text.strip_prefix('-') {
+        Some(rest) if rest.chars().all(|c| matches!(c, '0' | '.')) => rest.to_owned(),
+        _ => text,
+    }
+}
+
+/// A percentage with one digit behind the point, without the sign `%`; those from 10000 on have a power of ten.
+#[must_use]
+pub fn percent(value: f64) -> String {
+    if value.abs() < LARGE_PERCENT || !value.is_finite() { fixed(value, 1) } else { significant(value, 3) }
+}
+
+/// A p-value for a table: `0.012`, `4e-5`, and `<1e-6` for all that are smaller.
+#[must_use]
+pub fn p_value(p: f64) -> String {
+    if p < LEAST_P {
+        format!("<{LEAST_P:.0e}")
+    } else if p < 0.001 {
+        format!("{p:.0e}")
+    } else {
+        fixed(p, 3)
+    }
+}
+
+/// A p-value for a sentence: `p = 0.012`, `p < 1e-6`.
+#[must_use]
+pub fn p_equation(p: f64) -> String {
+    match p_value(p).strip_prefix('<') {
+        Some(bound) => format!("p < {bound}"),
+        None => format!("p = {}", p_value(p)),
     }
 }
 
@@ -93,7 +198,75 @@ mod tests {
         assert_eq!(superscript(-1_234_567_890), "⁻¹²³⁴⁵⁶⁷⁸⁹⁰");
     }
 
+    #[test]
+    fn a_value_goes_as_far_as_its_error() {
+        for (value, error, text) in [
+            (1.234567, Some(0.0123), "1.235 0.012"),
+            (0.14, Some(0.0000034), "0.1400000 0.0000034"),
+            (0.01803252, Some(0.0000021), "0.0180325 0.0000021"),
+            (0.1, Some(3.0), "0.1 3.0"),
+            (1234.5, Some(123.0), "1230 120"),
+            (-0.001, Some(0.5), "0.00 0.50"),
+            (9.81, Some(0.0996), "9.81 0.10"),
+            (12.3456e-6, Some(2.1e-6), "12.3e-6 2.1e-6"),
+            (-80_562_395.451_4, Some(120_000.0), "-80.56e6 0.12e6"),
+            (5.0, Some(2.0e7), "0e6 20e6"),
+            (0.25, None, "0.2500 -"),
+            (0.25, Some(f64::NAN), "0.2500 -"),
+            (0.0, Some(0.0), "0 0"),
+        ] {
+            assert_eq!(value_and_error(value, error).join(" "), text, "{value:e} {error:?}");
+        }
+        assert_eq!(with_error(0.14, 0.002, "1"), "0.1400 ± 0.0020");
+        assert_eq!(with_error(0.14, 0.002, "m"), "0.1400 ± 0.0020 m");
+    }
+
+    #[test]
+    fn p_values_are_bounded_by_one_rule() {
+        for (p, text) in [(1.0, "1.000"), (0.0125, "0.013"), (3.6e-5, "4e-5"), (1e-6, "1e-6")] {
+            assert_eq!(p_value(p), text);
+            assert_eq!(p_equation(p), format!("p = {text}"));
+        }
+        for p in [9.9e-7, 5.9e-104, 0.0] {
+            assert_eq!(p_value(p), "<1e-6");
+            assert_eq!(p_equation(p), "p < 1e-6");
+        }
+    }
+
+    #[test]
+    fn percentages_have_one_digit_and_no_sign_of_zero() {
+        for (value, text) in [
+            (64.66, "64.7"),
+            (-0.04, "0.0"),
+            (-0.06, "-0.1"),
+            (-80_562_395.451_4, "-80.6e6"),
+            (f64::NAN, "-"),
+        ] {
+            assert_eq!(percent(value), text);
+        }
+    }
+
     proptest! {
+        #[test]
+        fn value_and_error_agree_in_decimals_and_power(
+            value in -1e12_f64..1e12,
+            log_error in -12_f64..12.0,
+        ) {
+            let error = 10_f64.powf(log_error);
+            let [v, e] = value_and_error(value, Some(error));
+            let split = |text: &str| {
+                let (number, power) = text.split_once('e').unwrap_or((text, ""));
+                (number.split_once('.').map_or(0, |(_, decimals)| decimals.len()), power.to_owned())
+            };
+            prop_assert_eq!(split(&v), split(&e), "{} {}", v, e);
+            let (back, back_error): (f64, f64) = (v.parse().unwrap(), e.parse().unwrap());
+            // Half a unit of the second digit is at most 5 % of the error; at most twelve decimals are written.
+            let power = e.split_once('e').map_or(0, |(_, p)| p.parse().unwrap());
+            let written = 0.5 * 10_f64.powi(power - 12);
+            prop_assert!((back_error - error).abs() <= 0.0501 * error + written, "{e} for {error:e}");
+            prop_assert!((back - value).abs() <= 0.0501 * error + written + 1e-15 * value.abs(), "{v} for {value:e}");
+        }
+
         #[test]
         fn parses_back_within_half_a_digit(value in proptest::num::f64::NORMAL, digits in 0_usize..20) {
             let text = significant(value, digits);

@@ -8,7 +8,9 @@ use std::path::Path;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::draw::printable;
-use crate::{Error, Panels, significant, write_atomic};
+use crate::figure::Panels;
+use crate::file::{Error, write_atomic};
+use crate::number::{significant, unit};
 
 /// Width of a figure on the page, CSS pixels.
 const FIGURE_WIDTH_PX: u32 = 820;
@@ -322,7 +324,7 @@ impl Column {
         html! {
             th scope="col" class=[self.class()] {
                 (self.heading)
-                @if !self.unit.is_empty() { " " span.unit { "[" (self.unit) "]" } }
+                @if !unit(&self.unit).is_empty() { " " span.unit { "[" (self.unit) "]" } }
             }
         }
     }

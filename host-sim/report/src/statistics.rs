@@ -1,6 +1,8 @@
 //! Figures that summarise many samples: histograms, and a residual against the condition it depends on.
 
-use crate::{Axis, Figure, Mark, Series, Style};
+use crate::axis::Axis;
+use crate::figure::{Figure, Mark, Series};
+use crate::style::Style;
 
 /// One named set of values for [`histogram`].
 #[derive(Clone, Copy, Debug)]

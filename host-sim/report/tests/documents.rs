@@ -326,6 +326,18 @@ fn coordinates(svg: &str) -> (f64, f64, Vec<(f64, f64)>) {
     (size[2], size[3], all)
 }
 
+/// Labels of the ticks along the axis of x and of y, told by how they are anchored.
+fn tick_labels(svg: &str) -> [Vec<String>; 2] {
+    let document = parse(svg);
+    let anchored = |anchor: &str| {
+        let texts =
+            elements(&document, "text").into_iter().filter(|n| n.attribute("text-anchor") == Some(anchor));
+        texts.filter_map(|n| n.text().map(|t| t.trim().to_owned())).collect::<Vec<_>>()
+    };
+    // The name of the axis is in the middle, too, and the only text of two letters.
+    [anchored("middle").into_iter().filter(|t| t != "xx" && t != "yy").collect(), anchored("end")]
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(300) })]
 
@@ -336,6 +348,26 @@ proptest! {
             // Markers and bars on the edge reach over it by less than their size, 5 px.
             prop_assert!((-50.0..=right + 50.0).contains(&x) && (-50.0..=bottom + 50.0).contains(&y), "({x}, {y})");
         }
+    }
+
+    #[test]
+    fn every_axis_shows_three_labels(
+        points in prop::collection::vec((number(), number()), 1..20),
+        x_log: bool,
+        y_log: bool,
+        equal_scale: bool,
+        width in 0_u32..1200,
+        height in 0_u32..700,
+    ) {
+        let can_draw = |v: f64, log: bool| v.abs() <= 1e100 && (!log || v >= 1e-100);
+        prop_assume!(points.iter().any(|(x, y)| can_draw(*x, x_log) && can_draw(*y, y_log)));
+        let axis = |name: &str, logarithmic| Axis { logarithmic, ..Axis::new(name, "") };
+        let figure = Figure {
+            equal_scale,
+            ..Figure::new("", axis("xx", x_log), axis("yy", y_log)).with(Series::points("", Style::Measured, points))
+        };
+        let [x, y] = tick_labels(&figure.to_svg(width, height)).map(|labels| labels.into_iter().collect::<HashSet<_>>());
+        prop_assert!(x.len() >= 3 && y.len() >= 3, "{x:?} {y:?}");
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Speed of the loop in process: ideal sensors, no delay, one Runge-Kutta step a tick.
 //!
-//! The aim is four million steps a second on one core: 250 ns a step, 15 ms for the flight of 60,000.
+//! The aim is four million steps a second on one core: 250 ns a step, 15 ms for the flight of
+//! 60,000.
 
 mod common;
 

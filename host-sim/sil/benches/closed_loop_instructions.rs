@@ -1,12 +1,14 @@
-//! Instructions of one closed-loop step in process: ideal sensors, no delay, one Runge-Kutta step a tick.
+//! Instructions of one closed-loop step in process: ideal sensors, no delay, one Runge-Kutta step a
+//! tick.
 //!
-//! The time is the aim (see `closed_loop`); the count shows a change of a percent, which times do not.
+//! The time is the aim (see `closed_loop`); the count shows a change of a percent, which times do
+//! not.
 #![expect(missing_docs, reason = "the macros make public items without docs")]
 
 mod common;
 
 use gungraun::{library_benchmark, library_benchmark_group, main};
-use sil::{ClosedLoop, InProcess, LinkError, Row};
+use sil::{ClosedLoop, FlightComputerError, InProcess, Row};
 
 type Loop = ClosedLoop<'static, InProcess>;
 
@@ -22,7 +24,7 @@ fn under_way() -> Box<Loop> {
 
 #[library_benchmark]
 #[bench::of(under_way())]
-fn closed_loop_step(mut flight: Box<Loop>) -> (Result<Row, LinkError>, Box<Loop>) {
+fn closed_loop_step(mut flight: Box<Loop>) -> (Result<Row, FlightComputerError>, Box<Loop>) {
     (flight.step(), flight)
 }
 

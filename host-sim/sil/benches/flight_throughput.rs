@@ -1,7 +1,8 @@
-//! Closed-loop steps in a second of processor time: one recorded flight of 60,000 ticks, in a fresh process.
+//! Closed-loop steps in a second of processor time: one recorded flight of 60,000 ticks, in a fresh
+//! process.
 //!
-//! The aim is four million. `cargo xtask bench` runs it several times and takes the median; with `--against` it does so
-//! in turn with a reference written in C.
+//! The aim is four million. `cargo xtask bench` runs it several times and takes the median; with
+//! `--against` it does so in turn with a reference written in C.
 
 mod common;
 

@@ -1,13 +1,16 @@
-//! A laboratory without hardware: the craft's program, the plant that it moves, a floor, and a tracker that sees it.
+//! A laboratory without hardware: the craft's program, the plant that it moves, a floor, and a
+//! tracker that sees it.
 //!
-//! Where [`fly`](crate::fly) commands from inside, here messages of crate `proto` come from a ground station, as over the radio:
-//! the craft boots disarmed on the floor, and arms, takes off and lands as it is told. One tick: the sensors are read, the
-//! craft ([`::craft::Craft`]) hears what has come and ticks, its motor commands move the plant for a period, and the tracker
-//! gives the pose that it saw at the tick's beginning. When it reaches the craft is the ground station's affair.
+//! Where [`fly`](crate::fly) commands from inside, here messages of crate `proto` come from a
+//! ground station, as over the radio: the craft boots disarmed on the floor, and arms, takes off
+//! and lands on command. One tick: the sensors are read, the craft ([`::craft::Craft`]) takes what
+//! has arrived and ticks, its motor commands move the plant for a period, and the tracker gives the
+//! pose that it saw at the tick's beginning. The ground station sends it to the craft.
 //!
-//! The floor at z = 0 stops whatever comes down: no bounce, no sliding, legs that stand level. [`Room`] is the plant with that floor
-//! and sensors, for whoever brings the craft's program along; [`Radio`] is the craft's end of the link. Deliberately absent: clocks
-//! (whoever ticks this decides how fast time goes), and the tracker's format.
+//! The floor at z = 0 stops whatever comes down: no bounce, no sliding, legs that stand level.
+//! [`Room`] is the plant with that floor and sensors, for whoever brings the craft's program along;
+//! [`Radio`] is the craft's end of the link. Deliberately absent: clocks (whoever ticks this
+//! decides how fast time goes), and the tracker's format.
 
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
@@ -18,13 +21,13 @@ use model::frames;
 use nalgebra::Vector3;
 use proto::{ImuSample, MAX_PACKET_LEN, Message, Opener, Refused, Role, Sealer};
 
-use crate::craft::Craft;
+use crate::craft::SimulatedCraft;
 use crate::flight::{FlightPlan, SilError};
 
 /// The craft's body in a room with a floor, and the sensors that see it.
 #[derive(Debug, Clone)]
 pub struct Room {
-    body: Craft,
+    body: SimulatedCraft,
 }
 
 impl Room {
@@ -39,7 +42,7 @@ impl Room {
         Ok(Self { body })
     }
 
-    /// What the sensors say now. Once a tick: noise goes on with every call.
+    /// What the sensors measure now. To be called once a tick: each call draws new noise.
     pub fn sense(&mut self) -> Measurement {
         let voltage_v = self.body.voltage_v();
         self.body.sense(voltage_v)
@@ -95,8 +98,9 @@ pub struct Laboratory {
 }
 
 impl Laboratory {
-    /// The craft of `plan` on the floor under its start, its program booted. `clock_skew` is by which part the craft's clock runs
-    /// fast (the fault of thesis chapter 6): its ticks come the sooner.
+    /// The craft of `plan` on the floor under its start, its program booted. `clock_skew` is by
+    /// which part the craft's clock runs fast (the fault of thesis chapter 6): its ticks come the
+    /// sooner.
     ///
     /// # Errors
     /// A plan or configuration that cannot be flown.
@@ -119,13 +123,13 @@ impl Laboratory {
         self.period_s
     }
 
-    /// The craft's program hears a message, in the packet with this number.
+    /// Hands the craft's program a message from the packet with this number.
     pub fn hear(&mut self, number: u64, message: &Message) {
         self.program.hear(number, message);
     }
 
-    /// What the craft has to say; to be asked after a tick until there is no more.
-    fn next_message(&mut self, link: &::craft::Link) -> Option<Message> {
+    /// The craft's next message, to be taken after a tick until there is none.
+    fn next_message(&mut self, link: &::craft::LinkStatus) -> Option<Message> {
         self.program.next_message(link)
     }
 
@@ -197,7 +201,7 @@ impl Radio {
         self.socket.local_addr()
     }
 
-    /// The craft hears what has come; gives how many packets that were.
+    /// Hands the craft the packets that have arrived; returns their number.
     pub fn receive(&mut self, lab: &mut Laboratory) -> usize {
         let mut buffer = [0; MAX_PACKET_LEN + 1];
         let mut count = 0;
@@ -215,9 +219,9 @@ impl Radio {
         count
     }
 
-    /// Sends what the craft has to say; gives how many packets that were.
+    /// Sends the craft's messages; returns the number of packets.
     pub fn send(&mut self, lab: &mut Laboratory) -> usize {
-        let link = ::craft::Link::from(&self.opener);
+        let link = ::craft::LinkStatus::from(&self.opener);
         let mut count = 0;
         while let Some(message) = lab.next_message(&link) {
             let mut buffer = [0; MAX_PACKET_LEN];
@@ -233,7 +237,7 @@ impl Radio {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::noise::NoiseModel;
+    use crate::craft::NoiseModel;
     use control::State;
     use model::Model;
     use proto::{Command, Request, TimedPose};
@@ -251,7 +255,7 @@ mod tests {
             if let Some(request) = request.take() {
                 lab.hear(0, &Message::Request(request));
             }
-            let link = ::craft::Link::default();
+            let link = ::craft::LinkStatus::default();
             while lab.next_message(&link).is_some() {}
         }
     }

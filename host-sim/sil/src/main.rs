@@ -1,4 +1,4 @@
-//! `sil`: flies the controller against the simulated craft and judges the flights.
+//! `sil`: flies the controller against the simulated craft and checks the flights.
 #![forbid(unsafe_code)]
 
 use std::fmt::Write as _;
@@ -11,27 +11,29 @@ use control::Config;
 use indicatif::{ProgressBar, ProgressStyle};
 use model::Model;
 use sil::{
-    Emulation, FlightPlan, LinkError, NoiseModel, Processor, Scenario, Settings, SilError, Suite, Transport,
-    page,
+    Emulation, FlightComputerError, FlightPlan, NoiseModel, Processor, Scenario, Settings, SilError, Suite,
+    Transport, page,
 };
 
-/// Fly the controller against the simulated craft at 100 Hz and judge the flights.
+/// Fly the controller against the simulated craft at 100 Hz and check the flights.
 ///
-/// Exit status: 0 every flight does what it has to, 1 one does not, 2 bad usage or input, 130 interrupted.
+/// Exit status: 0 every flight meets its requirements, 1 one does not, 2 bad usage or input, 130
+/// interrupted.
 #[derive(Parser)]
 #[command(name = "sil", version)]
 struct Arguments {
-    /// Flights: hover, roll-10, pitch-10, yaw-30 (degrees), z-0.5, x-1, y-1 (metres), roll-30, pattern, excitation;
-    /// none named: all but roll-30, which is beyond the design's limit
+    /// Flights: hover, roll-10, pitch-10, yaw-30 (degrees), z-0.5, x-1, y-1 (metres), roll-30,
+    /// pattern, excitation; by default all but roll-30, which is beyond the design's limit
     #[arg(long = "scenario", value_name = "NAME", num_args = 1..)]
     scenarios: Vec<Scenario>,
 
-    /// Model file of the craft to fly; without --gains one that the thesis' gains suit (as from quadlab add); the thesis'
-    /// craft if not given
+    /// Model file of the craft to fly; without --gains, one that the thesis' gains suit (as from
+    /// quadlab add) [default: the thesis' craft]
     #[arg(long, value_name = "TOML")]
     model: Option<PathBuf>,
 
-    /// Gains file to fly with, as from quadlab design for this craft's model; the thesis' gains if not given
+    /// Gains file to fly with, as from quadlab design for this craft's model [default: the thesis'
+    /// gains]
     #[arg(long, value_name = "TOML")]
     gains: Option<PathBuf>,
 
@@ -39,7 +41,7 @@ struct Arguments {
     #[arg(long, value_name = "SAMPLES", default_value_t = 2, allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(0..=1000))]
     delay: u16,
 
-    /// Noise of the sensors; off gives the numbers of the reference
+    /// Noise of the sensors; off reproduces the reference responses
     #[arg(long, value_enum, default_value_t = Switch::Off)]
     noise: Switch,
 
@@ -47,12 +49,14 @@ struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     seed: u64,
 
-    /// Controller and plant in one process, or in two over shared memory; the results are the same to the last bit
+    /// Controller and plant in one process, or in two over shared memory; the results are the same
+    /// to the last bit
     #[arg(long, value_enum, default_value_t = Way::Inproc)]
     transport: Way,
 
-    /// Where the controller runs: host, or emulated armv7 (the craft computer's program) or cortex-m4 (the microcontroller); the
-    /// results are the same to the last bit. `cargo xtask sil` builds what is needed
+    /// Where the controller runs: host, or emulated armv7 (the craft computer's program) or
+    /// cortex-m4 (the microcontroller); the results are the same to the last bit. `cargo xtask sil`
+    /// builds what is needed
     #[arg(long, value_name = "PLACE", default_value = "host")]
     on: String,
 
@@ -60,7 +64,8 @@ struct Arguments {
     #[arg(long, value_name = "PROGRAM", hide = true)]
     firmware: Option<PathBuf>,
 
-    /// Compare a minute each of three flights, bit by bit and term by term, with the lockstep program of --on (cargo xtask arm)
+    /// Compare a minute each of three flights, bit by bit and term by term, with the lockstep
+    /// program of --on (cargo xtask arm)
     #[arg(long, hide = true, requires = "firmware")]
     same_bits: bool,
 
@@ -68,15 +73,17 @@ struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 4, allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1000))]
     substeps: u16,
 
-    /// Fly the failsafe drills instead and print the list: each rule with a flight that sets it off and one that just does not
+    /// Fly the failsafe drills instead and print the list: each rule with a flight that sets it off
+    /// and one that just does not
     #[arg(long)]
     failsafes: bool,
 
-    /// Fly a pattern file instead (as from quadlab excite or plan), with the speed and angles of an identification flight
+    /// Fly a pattern file instead (as from quadlab excite or plan), at the speed and angles of an
+    /// identification flight
     #[arg(long, value_name = "CSV", conflicts_with_all = ["scenarios", "failsafes", "transport"])]
     pattern: Option<PathBuf>,
 
-    /// Folder for index.html and one flight file a flight
+    /// Folder for index.html and one flight file per flight
     #[arg(long, value_name = "DIR", default_value = "out/sil")]
     out: PathBuf,
 
@@ -110,17 +117,20 @@ fn main() -> ExitCode {
         Err(error) => return usage(&error),
     };
     let outcome = match &arguments.controller {
-        Some(run) => sil::serve(run).map(|()| ExitCode::SUCCESS).map_err(anyhow::Error::from),
+        Some(run) => {
+            sil::serve(run).map(|()| ExitCode::SUCCESS).map_err(|error| SilError::from(error).into())
+        }
         None => run(&arguments),
     };
     outcome.unwrap_or_else(|error| {
         eprintln!("error: {error:#}");
-        let interrupted = matches!(error.downcast_ref(), Some(SilError::Link(LinkError::Interrupted)));
+        let interrupted =
+            matches!(error.downcast_ref(), Some(SilError::FlightComputer(FlightComputerError::Interrupted)));
         ExitCode::from(if interrupted { INTERRUPTED } else { BAD_USAGE })
     })
 }
 
-/// Help as it is; a mistake as one line.
+/// Prints help as it is, and a mistake as one line.
 fn usage(error: &clap::Error) -> ExitCode {
     if !error.use_stderr() {
         let _ = error.print();
@@ -148,7 +158,8 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     };
     let model =
         arguments.model.as_deref().map(|path| flyable(path, arguments.gains.is_some())).transpose()?;
-    let craft = |path: &PathBuf| design::fit::read_for(path, model.as_ref().unwrap_or(&Model::thesis()));
+    let craft =
+        |path: &PathBuf| design::gains_match::read_for(path, model.as_ref().unwrap_or(&Model::thesis()));
     let gains = arguments.gains.as_ref().map(craft).transpose()?;
     let settings = Settings {
         config: gains.map(|gains| gains.config),
@@ -162,32 +173,8 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         anyhow::ensure!(processor.is_none(), "--pattern with --on: a pattern flies on this machine");
         return fly_pattern(arguments, path, settings);
     }
-    let transport = match (arguments.transport, processor) {
-        (Way::Inproc, None) => Transport::InProcess,
-        (Way::Iceoryx2, None) => Transport::Iceoryx2 { program: std::env::current_exe()? },
-        (Way::Inproc, Some(processor)) => {
-            let program = arguments.firmware.clone().with_context(|| {
-                format!(
-                    "--on {0}: which program? `cargo xtask sil --on {0}` builds and names it",
-                    arguments.on
-                )
-            })?;
-            Transport::Emulated(Emulation { processor, program })
-        }
-        (Way::Iceoryx2, Some(_)) => {
-            anyhow::bail!("--transport iceoryx2 with --on {}: leave --transport out", arguments.on)
-        }
-    };
-    let bar = ProgressBar::new(scenarios.len() as u64)
-        .with_style(ProgressStyle::with_template("{bar:20} {pos}/{len} {msg}")?);
-    let mut flown = 0;
-    let suite = Suite::fly(&scenarios, &settings, &transport, |scenario| {
-        bar.set_position(flown);
-        bar.set_message(scenario.name());
-        flown += 1;
-    });
-    bar.finish_and_clear();
-    let suite = suite?;
+    let transport = transport(arguments, processor)?;
+    let suite = fly_suite(&scenarios, &settings, &transport)?;
     let provenance = report::Provenance {
         command_line: std::env::args().collect::<Vec<_>>().join(" "),
         version: format!("sil {}", env!("CARGO_PKG_VERSION")),
@@ -202,6 +189,40 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::from(u8::from(!suite.pass())))
 }
 
+/// How plant and controller are joined.
+fn transport(arguments: &Arguments, processor: Option<Processor>) -> anyhow::Result<Transport> {
+    Ok(match (arguments.transport, processor) {
+        (Way::Inproc, None) => Transport::InProcess,
+        (Way::Iceoryx2, None) => Transport::Iceoryx2 { program: std::env::current_exe()? },
+        (Way::Inproc, Some(processor)) => {
+            let program = arguments.firmware.clone().with_context(|| {
+                format!(
+                    "--on {0}: which program? `cargo xtask sil --on {0}` builds and names it",
+                    arguments.on
+                )
+            })?;
+            Transport::Emulated(Emulation { processor, program })
+        }
+        (Way::Iceoryx2, Some(_)) => {
+            anyhow::bail!("--transport iceoryx2 with --on {}: leave --transport out", arguments.on)
+        }
+    })
+}
+
+/// Flies all scenarios behind a progress bar.
+fn fly_suite(scenarios: &[Scenario], settings: &Settings, transport: &Transport) -> anyhow::Result<Suite> {
+    let bar = ProgressBar::new(scenarios.len() as u64)
+        .with_style(ProgressStyle::with_template("{bar:20} {pos}/{len} {msg}")?);
+    let mut flown = 0;
+    let suite = Suite::fly(scenarios, settings, transport, |scenario| {
+        bar.set_position(flown);
+        bar.set_message(scenario.name());
+        flown += 1;
+    });
+    bar.finish_and_clear();
+    Ok(suite?)
+}
+
 /// The emulated processor of this name; none for this machine's.
 fn processor(name: &str) -> anyhow::Result<Option<Processor>> {
     match Processor::named(name) {
@@ -212,7 +233,7 @@ fn processor(name: &str) -> anyhow::Result<Option<Processor>> {
     }
 }
 
-/// Status 1 when a bit differs.
+/// Compares bit by bit with an emulated processor; status 1 when a bit differs.
 fn same_bits(
     arguments: &Arguments,
     processor: Processor,
@@ -249,7 +270,8 @@ fn same_bits(
     Ok(ExitCode::from(u8::from(!same)))
 }
 
-/// Flies a pattern file and leaves its flight file. Exit status 1 where the craft is lost or leaves the cage.
+/// Flies a pattern file and leaves its flight file. Exit status 1 where the craft is lost or leaves
+/// the cage.
 fn fly_pattern(
     arguments: &Arguments,
     path: &std::path::Path,

@@ -1,9 +1,11 @@
-//! Same source, same bits: flights flown here, and everything that was computed in them computed again on another processor.
+//! Same source, same bits: flights flown here, and everything that was computed in them computed
+//! again on another processor.
 //!
-//! Each flight is closed-loop, with noise and delay, and a minute long (that of designed gains, which turn on what the thesis' law
-//! has not, shorter). Every tick's readings are kept with the
-//! [`digest`](craft::digest()) of all that came of them: motor commands, each internal term of the law, faults, state and
-//! conditions. The other processor gets the same readings and has to come to the same number, tick by tick.
+//! Each flight is closed-loop, with noise and delay, and a minute long (the one under designed
+//! gains, which use what the thesis' law does not have, is shorter). Every tick's readings are kept
+//! with the [`digest`](craft::digest()) of everything computed from them: motor commands, each
+//! internal term of the law, faults, state and conditions. The other processor gets the same
+//! readings and has to come to the same number, tick by tick.
 
 use std::path::Path;
 
@@ -12,12 +14,10 @@ use craft::{Lockstep, RECORDING_MAGIC, convert, digest};
 use proto::{MAX_FRAME_LEN, Message, Outcome};
 use sha2::{Digest, Sha256};
 
-use crate::emulated::{Emulated, Processor};
-use crate::fault::{Fault, FaultKind};
+use crate::craft::{Fault, FaultKind, NoiseModel};
 use crate::flight::{ClosedLoop, FlightPlan, SilError};
-use crate::link::{Link, LinkError};
-use crate::noise::NoiseModel;
-use crate::scenario::{Scenario, Settings};
+use crate::flight_computer::{Emulated, FlightComputer, FlightComputerError, Processor};
+use crate::scenarios::{Scenario, Settings};
 
 /// Length of a flight, s.
 pub const FLIGHT_S: f64 = 60.0;
@@ -25,7 +25,7 @@ pub const FLIGHT_S: f64 = 60.0;
 /// A flight as the law saw it.
 #[derive(Debug, Clone)]
 pub struct Flown {
-    /// What is special about it.
+    /// What distinguishes it.
     pub name: &'static str,
     /// What flew it.
     pub config: Config,
@@ -33,7 +33,7 @@ pub struct Flown {
     pub ticks: Vec<(Readings, Outcome, u64)>,
 }
 
-/// Where two processors part.
+/// Where the results of two processors differ.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Difference {
     /// Number of the first tick.
@@ -50,8 +50,8 @@ struct Recorder {
     ticks: Vec<(Readings, Outcome, u64)>,
 }
 
-impl Link for Recorder {
-    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<Outcome, LinkError> {
+impl FlightComputer for Recorder {
+    fn tick(&mut self, tick: u32, readings: &Readings) -> Result<Outcome, FlightComputerError> {
         let message = Message::Readings(convert::readings_message(tick, readings));
         let outcome = self.lockstep.answer(&message).ok_or(proto::Error::Malformed)?;
         self.ticks.push((*readings, outcome, digest(self.lockstep.flight())));
@@ -59,17 +59,19 @@ impl Link for Recorder {
     }
 }
 
-/// Gains of the default design on the thesis' craft: motors at their ends serve attitude first, and tilt raises the thrust.
+/// Gains of the default design on the thesis' craft: motors at their ends serve attitude first, and
+/// tilt raises the thrust.
 const DESIGNED: &str = include_str!("../../model/vehicles/f330-designed-gains.toml");
 
-/// The plans of the flights: between them both laws, both modes, excitation, gyro fusion, saturation both ways, thrust raised with
-/// the tilt, and a failsafe to its end.
+/// The plans of the flights: between them both laws, both modes, excitation, gyro fusion,
+/// saturation both ways, thrust raised with the tilt, and a failsafe to its end.
 fn plans(seed: u64) -> Result<[(&'static str, FlightPlan); 4], SilError> {
     let excited = FlightPlan::identification(model::Model::thesis(), seed, FLIGHT_S);
     let noise = Some(NoiseModel::default());
     let pattern = Scenario::Pattern.plan(&Settings { noise, seed: seed + 1, ..Settings::default() });
     let mut failing = FlightPlan { duration_s: FLIGHT_S, ..pattern };
-    // Poses are late for a moment, and much later the motors become too weak to carry the craft: it lands, at full throttle.
+    // Poses are late for a moment, and much later the motors become too weak to carry the craft: it
+    // lands, at full throttle.
     failing.faults = vec![
         Fault { kind: FaultKind::PoseSilent, from_s: 20.0, for_s: 0.1 },
         Fault { kind: FaultKind::MotorsWeak(310.0), from_s: 45.0, for_s: 1e6 },
@@ -139,7 +141,8 @@ impl Flown {
         Ok(bytes)
     }
 
-    /// Computes it again on `processor`, by its lockstep program, with `config`; where does it differ first?
+    /// Computes it again on `processor`, by its lockstep program, with `config`; where does it
+    /// differ first?
     ///
     /// # Errors
     /// What goes wrong on the way.
@@ -148,7 +151,7 @@ impl Flown {
         processor: Processor,
         program: &Path,
         config: &Config,
-    ) -> Result<Option<Difference>, LinkError> {
+    ) -> Result<Option<Difference>, FlightComputerError> {
         let found = Emulated::replay(processor, program, config, &self.recording()?, self.ticks.len())?;
         let pairs = self.ticks.iter().zip(found).enumerate();
         let mut differences = pairs.filter(|(_, ((_, _, here), there))| here != there);

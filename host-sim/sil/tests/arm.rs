@@ -1,6 +1,7 @@
 //! The law on the craft's processors, in QEMU: the same bits as here.
 //!
-//! `cargo xtask test` builds the programs and names them in variables; without them, these tests say what they leave out.
+//! `cargo xtask test` builds the programs and names them in variables; without them, these tests
+//! say what they leave out.
 
 use std::path::{Path, PathBuf};
 
@@ -35,7 +36,8 @@ fn same_bits(processor: Processor, program: &Path) {
     }
 }
 
-/// The comparison would see a difference: the least change of one gain, one unit in the last place of f32.
+/// The comparison would see a difference: the least change of one gain, one unit in the last place
+/// of f32.
 fn a_gain_that_differs_in_its_last_place_is_seen(processor: Processor, program: &Path) {
     let flown: Flown = fly_all(1).unwrap().swap_remove(1);
     let mut config: Config = flown.config;

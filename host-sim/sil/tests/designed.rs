@@ -1,21 +1,24 @@
-//! Gains for craft that nobody has seen: `design` on random plausible models, and what it promises flown.
+//! Gains for craft that nobody has seen: `design` on random plausible models, and what it promises
+//! flown.
 //!
-//! From 30 g to 3 kg, with and without flapping moments, rotor lag, dead time, wind, a floor nearby, damping, equal rotors,
-//! and a battery that the motor map does not follow. Two outcomes are allowed: gains that meet their specifications in the
-//! check's own loops (built from the model anew, on its finer grid) and in the nonlinear simulation; or a list of what is not
-//! met, each with what was asked and what was reached. The seed of a craft is printed.
+//! From 30 g to 3 kg, with and without flapping moments, rotor lag, dead time, wind, a floor
+//! nearby, damping, equal rotors, and a battery that the motor map does not follow. Two outcomes
+//! are allowed: gains that meet their specifications in the check's own loops (built from the model
+//! anew, on its finer grid) and in the nonlinear simulation; or a list of what is not met, each
+//! with what was asked and what was reached. The seed of a craft is printed.
 
 use design::DesignError;
-use design::check::Study;
+use design::analysis::Study;
 use design::loops::View;
-use design::procedure::{Shortfall, Specs, design};
+use design::synthesis::{Shortfall, Specs, design};
 use model::{Effect, Model};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use sil::{Outcome, Scenario, Settings, fly};
+use sil::{Scenario, ScenarioResult, Settings, fly};
 
-/// A craft of any size, by the laws that small and large ones obey alike: inertia grows with mass and the square of the arm,
-/// tips are equally fast, drag slows all in a second or more, lag grows with the rotor.
+/// A craft of any size, by the laws that small and large ones obey alike: inertia grows with mass
+/// and the square of the arm, tips are equally fast, drag slows all in a second or more, lag grows
+/// with the rotor.
 fn craft(seed: u64) -> Model {
     let mut random = Pcg64::seed_from_u64(seed);
     let mut any = |low: f64, high: f64| random.random_range(low..high);
@@ -98,12 +101,13 @@ fn craft(seed: u64) -> Model {
 fn told(shortfalls: &[Shortfall], seed: u64) {
     assert!(!shortfalls.is_empty());
     for s in shortfalls {
-        println!("  {}: {}: wanted {:.4}, reached {:.4}", s.name, s.what, s.wanted, s.reached);
+        println!("  {}: {}: wanted {:.4}, reached {:.4}", s.name, s.what.label(), s.wanted, s.reached);
         assert!(s.wanted.is_finite() && s.reached.is_finite() && s.wanted != s.reached, "seed {seed}: {s:?}");
     }
 }
 
-/// Gains that were given out, judged apart from the search: margins of loops built anew from the model, and flights.
+/// Gains that were given out, judged apart from the search: margins of loops built anew from the
+/// model, and flights.
 fn held(model: &Model, config: control::Config, specs: &Specs, seed: u64) {
     let study = |delay_samples| {
         let view = View::Sampled { delay_samples };
@@ -129,10 +133,11 @@ fn held(model: &Model, config: control::Config, specs: &Specs, seed: u64) {
         Scenario::Y1,
     ] {
         let plan = scenario.plan(&settings);
-        let outcome = Outcome::new(scenario, plan.clone(), fly(&plan).unwrap());
+        let outcome = ScenarioResult::new(scenario, plan.clone(), fly(&plan).unwrap());
         assert!(!outcome.lost_control, "seed {seed}: {scenario} is lost: {:?}", outcome.metrics);
-        // What bends a step of this size, unequal motors and drag that grows with speed, stays below what is promised and as
-        // much again. In wind a flight begins with a push, for the craft starts level: it has to be kept, no more.
+        // What bends a step of this size, unequal motors and drag that grows with speed, stays
+        // below what is promised and as much again. In wind a flight begins with a push, for the
+        // craft starts level: it has to be kept, no more.
         if let (Some(m), false) = (outcome.metrics, model.has(Effect::SteadyWind)) {
             let worst = if matches!(scenario, Scenario::X1 | Scenario::Y1) { 35.0 } else { 15.0 };
             assert!(m.overshoot_percent < worst, "seed {seed}: {scenario}: {m:?}");
@@ -140,7 +145,8 @@ fn held(model: &Model, config: control::Config, specs: &Specs, seed: u64) {
     }
 }
 
-/// Craft of a seed and on: as many as a test of a few seconds holds; `QUADLAB_CRAFT=100:200` flies others.
+/// Craft of a seed and on: as many as a test of a few seconds holds; `QUADLAB_CRAFT=100:200` flies
+/// others.
 fn seeds() -> std::ops::Range<u64> {
     let given = std::env::var("QUADLAB_CRAFT").ok();
     let parts = given.as_deref().and_then(|text| text.split_once(':'));

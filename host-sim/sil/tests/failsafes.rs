@@ -1,10 +1,11 @@
-//! Every rule of the supervisor with a flight that sets it off and one that just does not, over hover, climb and pattern with
-//! noise; and flights in which nothing is wrong, which no rule may disturb.
+//! Every rule of the supervisor with a flight that sets it off and one that just does not, over
+//! hover, climb and pattern with noise; and flights in which nothing is wrong, which no rule may
+//! disturb.
 
 use control::{Condition, Config};
 use model::Model;
 use proto::State;
-use sil::failsafe::Expected;
+use sil::failsafe::ExpectedResponse;
 use sil::{Fault, FaultKind, FlightPlan, NoiseModel, Scenario, Settings, drills, fly};
 
 #[test]
@@ -22,11 +23,13 @@ fn every_drill_ends_as_expected() {
     }
 }
 
-/// Nothing is left out: each condition that does something has a drill that sets it off and one that does not.
+/// Nothing is left out: each condition that does something has a drill that sets it off and one
+/// that does not.
 #[test]
 fn every_rule_has_both_drills() {
     let list = drills();
-    // Not from a sensor of a craft in the air: seen in the drills that land, and forced in the autopilot's own tests.
+    // Not from a sensor of a craft in the air: seen in the drills that land, and forced in the
+    // autopilot's own tests.
     let elsewhere = [Condition::FlightRequested, Condition::Landed, Condition::NotANumber];
     // Requests need no near miss: a request is or is not.
     let requests = [
@@ -37,7 +40,7 @@ fn every_rule_has_both_drills() {
     ];
     for rule in Condition::ALL.into_iter().filter(|rule| !elsewhere.contains(rule)) {
         let of_rule = || list.iter().filter(|drill| drill.rule == rule);
-        let goes = |drill: &&sil::Drill| matches!(drill.expected, Expected::Goes(_));
+        let goes = |drill: &&sil::Drill| matches!(drill.expected, ExpectedResponse::Goes(_));
         assert!(
             of_rule().any(|drill| goes(&drill))
                 || [Condition::BatteryLow, Condition::ArmRequested].contains(&rule),
@@ -66,7 +69,8 @@ fn without_a_fault_every_drill_flies_on() {
     }
 }
 
-/// The named flights and 40 identification flights raise no condition at all (a pilot's command for flight aside).
+/// The named flights and 40 identification flights raise no condition at all (a pilot's command for
+/// flight aside).
 #[test]
 fn normal_flights_raise_nothing() {
     let mut plans: Vec<(String, FlightPlan)> = Vec::new();
@@ -109,7 +113,8 @@ fn the_wrap_of_the_clock_is_no_event() {
     assert!((50..80).contains(&held), "0.6 s of silence hold from 0.5 s until 0.5 s after: {held} ticks");
 }
 
-/// A configuration without the table of the supervisor flies the same flight: thesis and defaults differ in the battery only.
+/// A configuration without the table of the supervisor flies the same flight: thesis and defaults
+/// differ in the battery only.
 #[test]
 fn defaults_fly_as_the_thesis_does() {
     let mut plan = FlightPlan::thesis();

@@ -1,4 +1,5 @@
-//! Identification flights: they stay in the cage, keep control, and excite what is to be identified.
+//! Identification flights: they stay in the cage, keep control, and excite what is to be
+//! identified.
 
 use model::Model;
 use sil::{FlightPlan, Recording, fly};
@@ -55,7 +56,8 @@ fn the_battery_falls_and_sags() {
     };
     let n = flight.rows.len();
     let fall = volts(&flight.rows[..n / 4]) - volts(&flight.rows[3 * n / 4..]);
-    // 8 mV/s over the 30 s between the middles of the quarters, and as much again for the difference in load.
+    // 8 mV/s over the 30 s between the middles of the quarters, and as much again for the
+    // difference in load.
     assert!((0.1..0.5).contains(&fall), "{fall} V");
 }
 

@@ -1,10 +1,10 @@
-//! Any model file can be flown: one with a user's effect too, and a formula without a value ends the flight with a line that
-//! names it.
+//! Any model file can be flown: one with a user's effect too, and a formula without a value ends
+//! the flight with a line that names it.
 
 use std::path::Path;
 use std::process::{Command, Output};
 
-use control::supervision::Fence;
+use control::supervision_limits::Fence;
 use model::{Model, user_effect};
 use serde_json::Value;
 use sil::{FlightPlan, SilError, fly};
@@ -89,8 +89,9 @@ fn models_that_cannot_be_flown_are_refused() {
     }
 }
 
-/// The thesis' gains from their file are the thesis' gains: not a bit of a flight differs. Those of another vehicle, by name,
-/// by what was measured of it or by what they do on the model, are refused with one line and status 2.
+/// The thesis' gains from their file are the thesis' gains: not a bit of a flight differs. Those of
+/// another vehicle, by name, by what was measured of it or by what they do on the model, are
+/// refused with one line and status 2.
 #[test]
 fn gains_files_fly_and_those_of_another_vehicle_do_not() {
     let folder = tempfile::tempdir().unwrap();
@@ -116,7 +117,7 @@ fn gains_files_fly_and_those_of_another_vehicle_do_not() {
     write("heavy-model.toml", &heavy.to_toml());
     for (gains, model, expected) in [
         ("name.toml", None, "they are for \"F450\""),
-        ("hash.toml", None, "measured otherwise"),
+        ("hash.toml", None, "with other measurements"),
         ("hover.toml", None, "hover_thrust_n"),
         ("broken.toml", None, "anti_windupp"),
         ("missing.toml", None, "cannot read"),

@@ -1,4 +1,5 @@
-//! What a flight was said to tell, against what flights told: the spread of estimates over repeated simulated flights.
+//! What a flight was said to tell, against what flights told: the spread of estimates over repeated
+//! simulated flights.
 
 use std::path::Path;
 
@@ -19,9 +20,10 @@ fn pattern(name: &str) -> Pattern {
     manoeuvre.pattern(&GENTLE, 0.01, 20.0, Path::new(name)).unwrap()
 }
 
-/// The same pattern flown 60 times with other noise, each flight identified by itself: the spread of each coefficient, known
-/// to 9 % from 60, is what was predicted. Between 0.7 and 1.4 leaves three such deviations, and a tenth for what a
-/// prediction leaves out: noise in the regressors, and a controller that answers it.
+/// A pattern flown 60 times with other noise, each flight identified by itself: the spread of each
+/// coefficient, known to 9 % from 60, is what was predicted. Between 0.7 and 1.4 leaves three such
+/// deviations, and a tenth for what a prediction leaves out: noise in the regressors, and a
+/// controller that answers it.
 #[test]
 fn predicted_errors_are_the_spread_of_repeated_identifications() {
     let model = Model::thesis();
@@ -87,7 +89,8 @@ fn manoeuvres_separate_what_they_should() {
     assert!(turned > 10.0 * still && turned > 4.0, "{turned} {still}");
 }
 
-/// Twice the amplitude halves the errors of the motors' coefficients; twice the time takes the root of two off.
+/// Twice the amplitude halves the errors of the motors' coefficients; twice the time takes the root
+/// of two off.
 #[test]
 fn errors_fall_with_amplitude_and_time() {
     let predictor = Predictor::new(Model::thesis(), Config::thesis(), 1).unwrap();

@@ -164,7 +164,8 @@ fn is_running(id: u32) -> bool {
     std::fs::read(format!("/proc/{id}/cmdline")).is_ok_and(|line| !line.is_empty())
 }
 
-/// Starts a flight that takes seconds (many integration steps a tick) and waits until it is well under way.
+/// Starts a flight that takes seconds (many integration steps a tick) and waits until it is well
+/// under way.
 fn long_run(out: &Path) -> (std::process::Child, u32) {
     let child = Command::new(SIL)
         .args(["--scenario", "pattern", "--substeps", "1000", "--transport", "iceoryx2", "--json", "--out"])
@@ -183,7 +184,8 @@ fn long_run(out: &Path) -> (std::process::Child, u32) {
 /// Processor time of a process in hundredths of a second (Linux).
 fn ticks_of_the_processor(id: u32) -> u64 {
     let text = std::fs::read_to_string(format!("/proc/{id}/stat")).unwrap_or_default();
-    // Fields count from the closing bracket of the name: user time is the 12th, system time the 13th.
+    // Fields count from the closing bracket of the name: user time is the 12th, system time the
+    // 13th.
     let fields: Vec<&str> = text.rsplit(')').next().unwrap_or("").split_whitespace().collect();
     [11, 12].iter().filter_map(|&k| fields.get(k)?.parse::<u64>().ok()).sum()
 }
@@ -213,7 +215,8 @@ fn an_interrupt_ends_both_processes() {
     let out = tempfile::tempdir().unwrap();
     let (child, controller) = long_run(out.path());
     let id = child.id();
-    // As a terminal does with Ctrl-C: the whole process group gets it, which the controller is not in.
+    // As a terminal does with Ctrl-C: the whole process group gets it, which the controller is not
+    // in.
     signal(id, "INT");
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));

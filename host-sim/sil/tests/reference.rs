@@ -1,17 +1,19 @@
-//! The loop against the reference simulation of the thesis' craft and law: an independent program (Python, Euler angles,
-//! f64) integrates the same equations. Samples are normalised by the step.
+//! The loop against the reference simulation of the thesis' craft and law: an independent program
+//! (Python, Euler angles, f64) integrates the same equations. Samples are normalised by the step.
 //!
-//! Tolerances: the reference is given to five digits, its motor map is rounded (0.04 rad/s a round trip), our controller
-//! counts in f32 and our craft starts at the speeds of the controller's own map. Together that is some 1e-4 of a step; the
-//! reference asks for 1e-3. Overshoot is in per cent, so its tolerance is 0.1; rise is interpolated, 5 ms; settling is the
-//! time at which a slow tail crosses a line: d(response) / d(time) there is about 0.01 a second, so 1e-3 of response is 0.1 s.
+//! Tolerances: the reference is given to five digits, its motor map is rounded (0.04 rad/s a round
+//! trip), our controller counts in f32 and our craft starts at the speeds of the controller's own
+//! map. Together that is some 1e-4 of a step; the reference asks for 1e-3. Overshoot is in per
+//! cent, so its tolerance is 0.1; rise is interpolated, 5 ms; settling is the time at which a slow
+//! tail crosses a line: d(response) / d(time) there is about 0.01 a second, so 1e-3 of response is
+//! 0.1 s.
 
 use control::Config;
 use control::filter::GainRule;
 use control::gains::VelocityEstimator;
-use control::supervision::Fence;
+use control::supervision_limits::Fence;
 use sil::reference::{RESPONSES, Response, Variant};
-use sil::{FlightPlan, Outcome, Scenario, Settings, StepAxis, fly};
+use sil::{FlightPlan, Scenario, ScenarioResult, Settings, StepAxis, fly};
 
 const RESPONSE: f64 = 1e-3;
 const OVERSHOOT_PERCENT: f64 = 0.1;
@@ -30,12 +32,12 @@ fn config(variant: Variant) -> Config {
     config
 }
 
-fn flown(scenario: Scenario, variant: Variant) -> Outcome {
+fn flown(scenario: Scenario, variant: Variant) -> ScenarioResult {
     let delay_samples = if variant == Variant::B { 0 } else { 2 };
     let settings = Settings { delay_samples, ..Settings::default() };
     let plan = FlightPlan { config: config(variant), ..scenario.plan(&settings) };
     let recording = fly(&plan).expect("the thesis' plans can be flown");
-    Outcome::new(scenario, plan, recording)
+    ScenarioResult::new(scenario, plan, recording)
 }
 
 fn near(got: f64, expected: f64, tolerance: f64, what: &str) {
@@ -49,7 +51,8 @@ fn near_time(got: Option<f64>, expected: Option<f64>, tolerance: f64, what: &str
     }
 }
 
-/// Variant B's roll rises in 6 s because its first peak stops at 0.893 < 0.9 and a slow tail (0.02 a second) crosses 0.9.
+/// Variant B's roll rises in 6 s because its first peak stops at 0.893 < 0.9 and a slow tail (0.02
+/// a second) crosses 0.9.
 fn rise_tolerance_s(reference: &Response) -> f64 {
     if reference.rise_s.is_some_and(|rise_s| rise_s > 2.0) { SETTLING_S } else { RISE_S }
 }
@@ -128,11 +131,11 @@ fn hover_holds() {
     near(1e3 * height_m, 0.0755, 1e-3, "height error in mm");
 }
 
-fn step_outcome(axis: StepAxis, size: f64, delay_samples: usize, config: Config) -> Outcome {
+fn step_outcome(axis: StepAxis, size: f64, delay_samples: usize, config: Config) -> ScenarioResult {
     let plan = FlightPlan { delay_samples, config, ..FlightPlan::thesis_step(axis, size) };
     let recording = fly(&plan).unwrap();
     // The scenario only names requirements, which these flights are not judged by.
-    Outcome::new(Scenario::Roll30, plan, recording)
+    ScenarioResult::new(Scenario::Roll30, plan, recording)
 }
 
 /// The limits of the design, as the reference has them.
@@ -171,10 +174,10 @@ fn more_integration_steps_change_nothing() {
     let fly_with = |substeps| {
         let settings = Settings { substeps, ..Settings::default() };
         let plan = Scenario::Roll10.plan(&settings);
-        Outcome::new(Scenario::Roll10, plan.clone(), fly(&plan).unwrap()).response
+        ScenarioResult::new(Scenario::Roll10, plan.clone(), fly(&plan).unwrap()).response
     };
-    // The controller counts in f32: a difference in the last bit of a measurement (6e-8) grows in the loop. 1e-5 of a
-    // step is a hundredth of the tolerance above.
+    // The controller counts in f32: a difference in the last bit of a measurement (6e-8) grows in
+    // the loop. 1e-5 of a step is a hundredth of the tolerance above.
     let worst = fly_with(4).iter().zip(fly_with(16)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(worst < 1e-5, "{worst}");
     let one = fly_with(4).iter().zip(fly_with(1)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);

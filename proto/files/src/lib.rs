@@ -1,9 +1,10 @@
 //! Files beside a link, for both of its ends: the key and the packet counters.
 //!
-//! - A key file is 64 hexadecimal digits (32 bytes) and a line end; `head -c 32 /dev/urandom | xxd -p -c 64` makes one. It has
-//!   to be readable by its owner alone (mode 0600), or it is no secret and is refused.
-//! - A counter file is one number. It is replaced by renaming a file that has reached the disk, so a loss of power leaves
-//!   the old number or the new one.
+//! - A key file is 64 hexadecimal digits (32 bytes) and a line end; `head -c 32 /dev/urandom | xxd
+//!   -p -c 64` makes one. It must be readable by its owner alone (mode 0600); otherwise it is
+//!   refused.
+//! - A counter file is one number. It is replaced by renaming a file that has reached the disk, so
+//!   a loss of power leaves the old number or the new one.
 //!
 //! Deliberately absent: making keys, and the protocol itself (crate `proto`).
 #![forbid(unsafe_code)]
@@ -54,16 +55,18 @@ fn access<'a>(path: &'a Path, what: &'static str) -> impl FnOnce(io::Error) -> F
 /// Reads a key.
 ///
 /// # Errors
-/// A file that cannot be read, that others can read, or that holds something else than 64 hexadecimal digits.
+/// A file that cannot be read, that others can read, or that holds something else than 64
+/// hexadecimal digits.
 pub fn read_key(path: &Path) -> Result<Key, FileError> {
     let mut file = File::open(path).map_err(access(path, "open the key file"))?;
     check_mode(&file, path)?;
     let mut text = String::new();
-    // The file that was checked is the one that is read. A key has 65 bytes; what is longer is none.
+    // The file that was checked is the one that is read. A key has 65 bytes; what is longer is
+    // none.
     (&mut file).take(1024).read_to_string(&mut text).map_err(access(path, "read the key file"))?;
     parse_key(text.trim()).ok_or_else(|| FileError::Content {
         path: path.to_owned(),
-        found: format!("{} characters that are no key", text.trim().chars().count()),
+        found: format!("{} characters that are not a key", text.trim().chars().count()),
         expected: "a key is 64 hexadecimal digits: head -c 32 /dev/urandom | xxd -p -c 64",
     })
 }
@@ -117,8 +120,8 @@ impl CounterStore for CounterFile {
         };
         text.trim().parse().map_err(|_| FileError::Content {
             path: self.path.clone(),
-            found: format!("{:?} is no packet counter", text.chars().take(40).collect::<String>()),
-            expected: "it has to hold a number greater than any used with this key; with a new key it may be deleted",
+            found: format!("{:?} is not a packet counter", text.chars().take(40).collect::<String>()),
+            expected: "it must hold a number greater than any used with this key; with a new key it may be deleted",
         })
     }
 
@@ -131,7 +134,7 @@ impl CounterStore for CounterFile {
         });
         written.map_err(access(&temporary, "write the packet counter"))?;
         fs::rename(&temporary, path).map_err(access(path, "replace the packet counter"))?;
-        // The new name has to reach the disk too.
+        // The new name must reach the disk too.
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         #[cfg(unix)]
         File::open(folder).and_then(|f| f.sync_all()).map_err(access(folder, "write the folder"))?;

@@ -1,4 +1,5 @@
-//! Any bytes to every decoder there is. The same harness runs for a bounded time in `tests/fuzz.rs`.
+//! Any bytes to every decoder there is. The same harness runs for a bounded time in
+//! `tests/fuzz.rs`.
 #![no_main]
 
 #[path = "../harness.rs"]

@@ -1,9 +1,10 @@
 //! The body in motion: Newton and Euler over the ground, rotor by rotor.
 //!
-//! The state holds what is conserved: linear momentum as the velocity over ground, and the angular momentum of body and
-//! rotors together in inertial components. One step is the implicit midpoint rule on R^3 x SO(3) (attitude advanced by
-//! the exponential of the midpoint's rate), so a free body keeps its angular momentum to rounding and its energy
-//! without drift. Euler's gyroscopic terms are never written down: they follow from turning the momentum into the body.
+//! The state holds what is conserved: linear momentum as the velocity over ground, and the angular
+//! momentum of body and rotors together in inertial components. One step is the implicit midpoint
+//! rule on R^3 x SO(3) (attitude advanced by the exponential of the midpoint's rate), so a free
+//! body keeps its angular momentum to rounding and its energy without drift. Euler's gyroscopic
+//! terms are never written down: they follow from turning the momentum into the body.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rand::{Rng, RngExt};
@@ -14,7 +15,8 @@ use super::craft::Craft;
 /// Integration step, s: 2 kHz.
 pub const STEP_S: f64 = 0.0005;
 
-/// Fixed-point rounds of the midpoint. Each gains a factor of the step times the fastest rate, here under 0.01.
+/// Fixed-point rounds of the midpoint. Each gains a factor of the step times the fastest rate, here
+/// under 0.01.
 const ROUNDS: usize = 3;
 
 /// The landing gear keeps the hubs this many rotor radii off the floor.
@@ -35,7 +37,7 @@ pub struct Body {
     pub velocity_ned_m_s: Vector3<f64>,
     /// Body to inertial.
     pub attitude: Rotation3<f64>,
-    /// Of body and rotors about the centre of mass, inertial components, kg m^2/s.
+    /// Angular momentum of body and rotors about the centre of mass, inertial components, kg m^2/s.
     pub momentum: Vector3<f64>,
     /// Rotor speeds, rad/s.
     pub rotor_rad_s: [f64; 4],
@@ -279,7 +281,8 @@ impl Body {
 
     /// The cable's pull on the craft, m/s^2, and the turning acceleration of the link.
     ///
-    /// The load swings freely: l n'' is its acceleration less the craft's, and n.n'' = -|n'|^2 gives the tension.
+    /// The load swings freely: l n'' is its acceleration less the craft's, and n.n'' = -|n'|^2
+    /// gives the tension.
     fn cable(
         &self,
         craft: &Craft,
@@ -325,13 +328,15 @@ fn rotors(craft: &Craft, now: &Instant<'_>, air: &Vector3<f64>) -> ([f64; 4], f6
     (thrusts, torque)
 }
 
-/// Pull of the spring of what bounces under the craft beyond its weight, for each kilogram of it, m/s^2: 2.5 Hz, a tenth of critical damping.
+/// Pull of the spring of what bounces under the craft beyond its weight, for each kilogram of it,
+/// m/s^2: 2.5 Hz, a tenth of critical damping.
 fn bungee_m_s2(below_m: f64, falling_m_s: f64) -> f64 {
     const NATURAL_RAD_S: f64 = std::f64::consts::TAU * 2.5;
     NATURAL_RAD_S * NATURAL_RAD_S * below_m + 0.2 * NATURAL_RAD_S * falling_m_s
 }
 
-/// Angular momentum of the rotors along z of the body (down): a counter-clockwise one, seen from above, points up.
+/// Angular momentum of the rotors along z of the body (down): a counter-clockwise one, seen from
+/// above, points up.
 fn rotor_momentum(craft: &Craft, rotor_rad_s: &[f64; 4]) -> f64 {
     let signed: f64 = craft.spin.iter().zip(rotor_rad_s).map(|(s, w)| s * w).sum();
     -craft.rotor_inertia_kg_m2 * signed

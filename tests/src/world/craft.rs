@@ -120,13 +120,14 @@ pub struct Strange {
     pub sluggish: f64,
     /// Part of the thrust beyond that of hovering that is lost.
     pub stall: f64,
-    /// Of a wind that turns round once in 16 s, m/s.
+    /// Speed of a wind that turns round once in 16 s, m/s.
     pub turning_wind_m_s: f64,
     /// North wind for each metre of height, 1/s.
     pub shear_per_s: f64,
     /// Share of the mass of a thing that bounces on a spring under the craft at 2.5 Hz.
     pub bungee: f64,
-    /// Thrust times 1 + this for each part by which a rotor is faster than its wake, which follows in 0.15 s.
+    /// Thrust times 1 + this for each part by which a rotor is faster than its wake, which follows
+    /// in 0.15 s.
     pub inflow: f64,
     /// Forward force of the first rotor for each newton beyond its share of the weight.
     pub loose_arm: f64,
@@ -159,9 +160,10 @@ pub struct Craft {
     pub efficiency: [f64; 4],
     /// Part of its reaction torque that each rotor gives.
     pub torque_efficiency: [f64; 4],
-    /// Of one rotor, kg m^2.
+    /// Moment of inertia of one rotor, kg m^2.
     pub rotor_inertia_kg_m2: f64,
-    /// Share of the torque of a changing rotor speed that the body feels: 1 in nature, 0 in the basic model.
+    /// Share of the torque of a changing rotor speed that the body feels: 1 in nature, 0 in the
+    /// basic model.
     pub spin_up_share: f64,
     /// +1 for rotors that turn counter-clockwise seen from above.
     pub spin: [f64; 4],
@@ -252,8 +254,8 @@ impl Craft {
         }
     }
 
-    /// The F330 grown: thrust coefficients with the fourth power of the rotors' size, moments of inertia with mass and length squared,
-    /// drag with area, damping with area and length squared.
+    /// The F330 grown: thrust coefficients with the fourth power of the rotors' size, moments of
+    /// inertia with mass and length squared, drag with area, damping with area and length squared.
     fn large(rng: &mut impl Rng) -> Self {
         let mut about = |value: f64, spread: f64| value * (1.0 + spread * rng.random_range(-1.0..1.0));
         let (mass_kg, arm_m, rotor_radius_m) = (about(3.2, 0.2), about(0.29, 0.1), about(0.178, 0.07));
@@ -286,7 +288,8 @@ impl Craft {
         }
     }
 
-    /// Mass over two octaves; lengths as its cube root, speeds so that the thrust coefficient stays near the F330's.
+    /// Mass over two octaves; lengths as its cube root, speeds so that the thrust coefficient stays
+    /// near the F330's.
     fn small(rng: &mut impl Rng) -> Self {
         let mass_kg = 0.06 * (0.25_f64 / 0.06).powf(rng.random_range(0.0..1.0));
         let mut about = |value: f64, spread: f64| value * (1.0 + spread * rng.random_range(-1.0..1.0));

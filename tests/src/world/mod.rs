@@ -1,17 +1,19 @@
 //! Flights of a simulator that shares no equation with the product's plant.
 //!
-//! A method that is tested on data made by its own model can only pass ("inverse crime"). The worlds here are written
-//! from mechanics, not from the model's regressors: rotor-by-rotor forces at the hubs, the full inertia tensor, the
-//! angular momentum of body and rotors together, a Lie-group midpoint integrator, a pilot and sensors of their own.
-//! From `model` they take the vehicle file's format and nothing else; [`World::truth`] says the same physics in the
-//! model's terms, where it can be said there.
+//! A method that is tested on data made by its own model can only pass ("inverse crime"). The
+//! worlds here are written from mechanics, not from the model's regressors: rotor-by-rotor forces
+//! at the hubs, the full inertia tensor, the angular momentum of body and rotors together, a
+//! Lie-group midpoint integrator, a pilot and sensors of their own. From `model` they take the
+//! vehicle file's format and nothing else; [`World::truth`] says the same physics in the model's
+//! terms, where it can be said there.
 //!
-//! - [`World::new`] draws a craft from a seed, [`World::with`] plants an effect into it by its identifier, scaled by
-//!   a strength (1 is what a pilot would notice on the F330).
+//! - [`World::new`] draws a craft from a seed, [`World::with`] plants an effect into it by its
+//!   identifier, scaled by a strength (1 is what a pilot would notice on the F330).
 //! - [`World::fly`] flies one of five patterns and returns the flight as its sensors saw it.
 //!
-//! Conventions as everywhere: SI, NED, FRD, rotors 1 front-left, 2 front-right, 3 rear-right, 4 rear-left. Equal seeds
-//! give equal bits. Deliberately absent: contact with the floor, motor currents, structure.
+//! Conventions as everywhere: SI, NED, FRD, rotors 1 front-left, 2 front-right, 3 rear-right, 4
+//! rear-left. Equal seeds give equal bits. Deliberately absent: contact with the floor, motor
+//! currents, structure.
 
 mod body;
 mod craft;
@@ -78,7 +80,7 @@ impl World {
         Self { designed: craft.clone(), craft, vehicle, planted: Vec::new(), style: Style::Usual, seed }
     }
 
-    /// The same world flown in another style.
+    /// This world flown in another style.
     pub fn flown(self, style: Style) -> Self {
         Self { style, ..self }
     }
@@ -134,7 +136,8 @@ impl World {
         Ok(recorder.flight(pattern.name()))
     }
 
-    /// Writes `vehicle.toml` and the flights as `NAME.csv` into a folder, in the contract's formats.
+    /// Writes `vehicle.toml` and the flights as `NAME.csv` into a folder, in the contract's
+    /// formats.
     pub fn write(&self, folder: &Path, flights: &[&Flight]) -> std::io::Result<()> {
         std::fs::create_dir_all(folder)?;
         let vehicle = toml::to_string(&self.vehicle).map_err(std::io::Error::other)?;
@@ -147,7 +150,8 @@ impl World {
     }
 }
 
-/// What random numbers are for: each purpose has its own stream, so that more noise does not change the craft.
+/// What random numbers are for: each purpose has its own stream, so that more noise does not change
+/// the craft.
 #[derive(Debug, Clone, Copy)]
 enum Purpose {
     Craft,

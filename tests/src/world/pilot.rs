@@ -1,7 +1,8 @@
 //! The pilot: five patterns, and a cascade from position over attitude and rates to motor commands.
 //!
-//! It sees the true state one tick late, knows the craft as it was designed (nothing of what was planted), and shakes
-//! every motor a little, each with tones of its own. It is not the project's flight controller.
+//! It sees the true state one tick late, knows the craft as it was designed (nothing of what was
+//! planted), and shakes every motor a little, each with tones of its own. It is not the project's
+//! flight controller.
 
 use std::f64::consts::TAU;
 
@@ -31,7 +32,8 @@ pub enum Pattern {
     D,
     /// Quick passes along a line, turning.
     E,
-    /// Nowhere: hovering on the spot with motors that are not shaken, of which little can be learned.
+    /// Nowhere: hovering on the spot with motors that are not shaken, of which little can be
+    /// learned.
     Hover,
 }
 
@@ -185,7 +187,8 @@ pub(super) struct Pilot {
 }
 
 impl Pilot {
-    /// A pilot who knows the craft as `designed` and has trimmed `real` for hover; its load must not touch the floor.
+    /// A pilot who knows the craft as `designed` and has trimmed `real` for hover; its load must
+    /// not touch the floor.
     pub(super) fn new(
         designed: &Craft,
         real: &Craft,
@@ -246,8 +249,8 @@ impl Pilot {
         self.path.at(0.0).0
     }
 
-    /// Whether the craft is where a craft under control would be and off the floor, and a load below it: one that swings
-    /// higher would be among the rotors, or its cable slack.
+    /// Whether the craft is where a craft under control would be and off the floor, and a load
+    /// below it: one that swings higher would be among the rotors, or its cable slack.
     pub(super) fn is_content(&self, body: &Body, craft: &Craft) -> bool {
         let level = body.attitude.matrix()[(2, 2)] > 0.3;
         let place = body.position_ned_m;

@@ -1,7 +1,8 @@
 //! Effects that can be planted into a world, by identifier and strength.
 //!
-//! Strength 1 is what a person would notice: about what the flights of the outside simulator beside this project hide.
-//! For the small craft, sizes are scaled so that the accelerations stay alike; lengths go with the craft.
+//! Strength 1 is what a person would notice: about what the flights of the outside simulator beside
+//! this project hide. For the small craft, sizes are scaled so that the accelerations stay alike;
+//! lengths go with the craft.
 
 use model::Vehicle;
 use nalgebra::Vector3;

@@ -1,4 +1,5 @@
-//! What the laboratory's instruments see of a flight: motion capture, gyro, battery, and the commands as sent.
+//! What the laboratory's instruments see of a flight: motion capture, gyro, battery, and the
+//! commands as sent.
 
 use flights::{Column, Flight};
 use nalgebra::{Rotation3, Vector3};
@@ -25,7 +26,8 @@ pub struct Sensors {
     pub gyro_age_s: f64,
     /// Length of a gap somewhere in the flight, s.
     pub gap_s: f64,
-    /// Part of the rows with a gross outlier in the motion capture, and as many with one in the gyro.
+    /// Part of the rows with a gross outlier in the motion capture, and as many with one in the
+    /// gyro.
     pub outliers: f64,
 }
 
@@ -57,13 +59,14 @@ impl Sensors {
     /// Battery, V.
     pub const BATTERY_V: f64 = 0.015;
 
-    /// A log as it is on a bad day: a clock that wobbles by half a millisecond, a row in fifty lost in bursts, two
-    /// seconds missing somewhere.
+    /// A log as it is on a bad day: a clock that wobbles by half a millisecond, a row in fifty lost
+    /// in bursts, two seconds missing somewhere.
     pub fn rough(factor: f64) -> Self {
         Self { jitter_s: 0.0005, dropout: 0.02, gap_s: 2.0, ..Self::noisy(factor) }
     }
 
-    /// The same with one row in twenty whose motion capture is somewhere else, and as many with a gyro's garbled word.
+    /// These sensors with one row in twenty whose motion capture is somewhere else, and as many
+    /// with a gyro's garbled word.
     pub fn with_outliers(self) -> Self {
         Self { outliers: 0.05, ..self }
     }

@@ -1,7 +1,8 @@
-//! The same physics in the model's terms: which coefficient ought to come out with which value.
+//! The world's physics in the model's terms: which coefficient ought to come out with which value.
 //!
-//! The model divides forces by the vehicle file's mass, and torques by moments of inertia that it never sees; a thrust
-//! arm there is sqrt(2) l, a reaction torque's arm the rotor's radius. What has no such coefficient is left out.
+//! The model divides forces by the vehicle file's mass, and torques by moments of inertia that it
+//! never sees; a thrust arm there is sqrt(2) l, a reaction torque's arm the rotor's radius. What
+//! has no such coefficient is left out.
 
 use super::World;
 
@@ -35,7 +36,8 @@ fn basic(world: &World) -> Vec<True> {
     let (craft, vehicle) = (&world.craft, &world.vehicle);
     let beta = vehicle.beta_kg_m();
     let per_mass = vehicle.mass / craft.mass_kg;
-    // A product of inertia is a term of its own there: torques are divided by the tensor's diagonal.
+    // A product of inertia is a term of its own there: torques are divided by the tensor's
+    // diagonal.
     let inertia = craft.inertia_kg_m2.diagonal();
     let mut all = Vec::new();
     all.extend(list("thrust", [craft.thrust_n_s2 / beta * per_mass]));

@@ -1,11 +1,12 @@
-//! The loop's thread allocates nothing: not with packets, not with junk, not when the state changes or an output fails.
+//! The loop's thread allocates nothing: not with packets, not with junk, not when the state changes
+//! or an output fails.
 
 use std::time::Duration;
 
 use crate::common::{Bench, Ground, Held};
 use com::clock::Beat;
 use com::config::Setup;
-use com::flight::Flight;
+use com::flight::FlightLoop;
 use com::pwm::Motors;
 use control::State;
 use proto::{Gains, Loop, Message, Request, Timer};
@@ -15,7 +16,7 @@ fn a_tick_allocates_nothing() {
     let bench = Bench::new(&crate::common::patient_law(), "");
     let setup = Setup::read(&bench.path("com.toml")).unwrap();
     let motors = Motors::open(&setup.pwm_root, &setup.outputs, setup.pulses).unwrap();
-    let (mut flight, events) = Flight::open(&setup, motors).unwrap();
+    let (mut flight, events) = FlightLoop::open(&setup, motors).unwrap();
     let mut held = Held::new(Ground::new(flight.link().address().unwrap()));
     let mut states = Vec::new();
     for number in 0..600_u32 {

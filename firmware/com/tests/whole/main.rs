@@ -1,4 +1,5 @@
-//! The whole program: real processes, a pseudo terminal, UDP, and files as the kernel's PWM interface has them.
+//! The whole program: real processes, a pseudo terminal, UDP, and files as the kernel's PWM
+//! interface has them.
 
 mod allocations;
 mod common;

@@ -1,7 +1,9 @@
-//! The real program, real processes and real signals: whichever way it ends, the pulses are idle, and the next start says why.
+//! The real program, real processes and real signals: whichever way it ends, the pulses are idle,
+//! and the next start says why.
 //!
-//! How soon: at once when the loop dies (the kernel tells the guardian), after the guardian's patience when it hangs, in the next
-//! tick when the guardian dies. [`SLACK`] is what a busy test machine may add.
+//! How soon: at once when the loop dies (the kernel tells the guardian), after the guardian's
+//! patience when it hangs, in the next tick when the guardian dies. [`SLACK`] is what a busy test
+//! machine may add.
 
 use std::fs;
 use std::os::unix::net::UnixDatagram;
@@ -133,7 +135,8 @@ fn the_pilot_cuts_and_the_motors_idle() {
     });
 }
 
-/// Forged, damaged and foreign datagrams, ten times as many as genuine ones: the craft flies on and counts them.
+/// Forged, damaged and foreign datagrams, ten times as many as genuine ones: the craft flies on and
+/// counts them.
 #[test]
 fn junk_is_counted_and_does_no_harm() {
     let bench = bench();

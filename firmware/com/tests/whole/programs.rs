@@ -48,7 +48,8 @@ impl Simulator {
     }
 }
 
-/// The law in another process gives the bits that it gives here; a tick asked for twice is ticked once.
+/// The law in another process gives the bits that it gives here; a tick asked for twice is ticked
+/// once.
 #[test]
 fn lockstep_over_udp_is_the_law_bit_for_bit() {
     let law = Config::thesis();
@@ -83,7 +84,8 @@ fn lockstep_over_udp_is_the_law_bit_for_bit() {
         };
         let expected = here.answer(&Message::Readings(readings)).unwrap();
         let got = simulator.ask(readings);
-        // Equal as text means equal in every bit but the sign of a NaN: f32 prints with all its digits.
+        // Equal as text means equal in every bit but the sign of a NaN: f32 prints with all its
+        // digits.
         assert_eq!(format!("{got:?}"), format!("{expected:?}"), "tick {tick}, seed {seed}");
         if tick % 100 == 7 {
             assert_eq!(simulator.ask(readings), expected, "asked again at {tick}");
@@ -109,7 +111,7 @@ fn a_configuration_is_checked_and_named() {
     let config = bench.path("com.toml");
     let config = config.to_str().unwrap();
     let said = String::from_utf8(com(&["check", config]).stdout).unwrap();
-    assert!(said.contains("good, for \"F330 (thesis)\""), "{said}");
+    assert!(said.contains("valid, for \"F330 (thesis)\""), "{said}");
     assert_eq!(bench.pulses_ns(), [0; 4], "no device was touched");
     let identity = json(&com(&["identity", config]));
     assert_eq!(identity["program"], env!("CARGO_PKG_VERSION"));
@@ -124,7 +126,8 @@ fn who(address: &str, more: &[&str]) -> Output {
     com(&[&["who", address, "--wait", "1"], more].concat())
 }
 
-/// A link with a key: only who has it is heard, and nothing is heard twice, not even by the program's next run.
+/// A link with a key: only who has it is heard, and nothing is heard twice, not even by the
+/// program's next run.
 #[test]
 fn a_key_keeps_strangers_and_echoes_out() {
     let bench = Bench::new(&patient_law(), "");
@@ -186,7 +189,7 @@ fn a_key_keeps_strangers_and_echoes_out() {
     let mut again = Ground::with(program.address(), twin, ends(0).1);
     again.send_raw(&echo);
     again.say(&Message::Who);
-    program.wait_for("a packet that has been there");
+    program.wait_for("a packet that was received before");
     assert!(again.hear(Duration::from_millis(200)).is_none(), "numbers of the run before are refused");
 }
 

@@ -1,5 +1,5 @@
-//! The flight that the tick's benches share: a craft wobbling slightly about hover, whose inputs differ from tick to
-//! tick, with no motor at an end of its range.
+//! The flight that the tick's benches share: a craft wobbling slightly about hover, whose inputs
+//! differ from tick to tick, with no motor at an end of its range.
 
 use std::hint::black_box;
 

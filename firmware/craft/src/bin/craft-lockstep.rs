@@ -1,6 +1,7 @@
-//! An autopilot on any processor with an operating system that a simulator ticks over standard input and output, in stuffed frames:
-//! readings in, outcomes out. Its first argument is a gains image. A second is a recording: then the digests of its ticks come
-//! out instead. It is there to compare processors with.
+//! An autopilot on any processor with an operating system that a simulator ticks over standard
+//! input and output, in stuffed frames: readings in, outcomes out. Its first argument is a gains
+//! image. A second is a recording: then the digests of its ticks come out instead. It is there to
+//! compare processors with.
 #![forbid(unsafe_code)]
 
 use std::ffi::OsStr;

@@ -1,8 +1,8 @@
-//! An autopilot in the emulated chip that a simulator ticks over the serial port, in stuffed frames: readings in, outcomes out. It
-//! never drives a motor.
+//! An autopilot in the emulated chip that a simulator ticks over the serial port, in stuffed
+//! frames: readings in, outcomes out. It never drives a motor.
 //!
-//! Its gains are those at `mps2::IMAGE` if there is an image, else those built in. If there is a recording at `mps2::RECORDING`, the
-//! digests of its ticks come out first.
+//! Its gains are those at `mps2::IMAGE` if there is an image, else those built in. If there is a
+//! recording at `mps2::RECORDING`, the digests of its ticks come out first.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(all(target_os = "none", not(feature = "stm32f405")))]

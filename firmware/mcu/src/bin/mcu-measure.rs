@@ -1,15 +1,19 @@
-//! What a period costs on the chip: instructions and stack, printed as one line of JSON through semihosting.
+//! What a period costs on the chip: instructions and stack, printed as one line of JSON through
+//! semihosting.
 //!
-//! The whole [`Program`](mcu::Program) runs here, over a link in memory, through everything that makes it work: booting, the ground
-//! asking who it is and changing gains, arming, flying in both modes, poses that stop and come back, a landing. Noise is made
-//! beside it, so the ground is part of the stack's figure but not of the instructions'.
+//! The whole [`Program`](mcu::Program) runs here, over a link in memory, through everything that
+//! makes it work: booting, the ground asking who it is and changing gains, arming, flying in both
+//! modes, poses that stop and come back, a landing. Noise is made beside it, so the ground is part
+//! of the stack's figure but not of the instructions'.
 //!
-//! - Instructions: QEMU counts 2^6 ns for each (`-icount shift=6`), and the core's timer counts 25 MHz, so one instruction is 1.6
-//!   counts. A real chip takes about as many cycles, more where its flash waits.
-//! - The tick alone, supervisor and input checks included, is measured beside it, a craft wobbling about hover as in the benches of
-//!   `control`: the mean in each mode.
-//! - Stack: all of it is painted before `main` (`paint-stack` of cortex-m-rt); what was used lost its colour. That is the greatest
-//!   depth of this run with its interrupts, not a bound over all runs.
+//! - Instructions: QEMU counts 2^6 ns for each (`-icount shift=6`), and the core's timer counts 25
+//!   MHz, so one instruction is 1.6 counts. A real chip takes about as many cycles, more where its
+//!   flash waits.
+//! - The tick alone, supervisor and input checks included, is measured beside it, a craft wobbling
+//!   about hover as in the benches of `control`: the mean in each mode.
+//! - Stack: all of it is painted before `main` (`paint-stack` of cortex-m-rt); what was used lost
+//!   its colour. That is the greatest depth of this run with its interrupts, not a bound over all
+//!   runs.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(all(target_os = "none", not(feature = "stm32f405")))]
@@ -216,7 +220,8 @@ mod target {
         }
         let (end, start) = (&raw const _stack_end, &raw const _stack_start);
         let mut place = end;
-        // SAFETY: from the end of the static variables to the top of the stack there is memory, and words are read one by one.
+        // SAFETY: from the end of the static variables to the top of the stack there is memory, and
+        // words are read one by one.
         while place < start && unsafe { place.read_volatile() } == 0xcccc_cccc {
             place = place.wrapping_add(1);
         }

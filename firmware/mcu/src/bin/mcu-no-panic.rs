@@ -1,12 +1,12 @@
-//! Linked, never run: it links only if no panic can be reached from what a craft hears, from its tick, or from what it says
-//! afterwards.
+//! Linked, never run: it links only if no panic can be reached from what a craft hears, from its
+//! tick, or from what it says afterwards.
 //!
-//! What it hears is any bytes there may be: of the wire, through stuffing, CRC, number and message to the craft, as the
-//! microcontroller's whole period does it; the same with a key, as the craft's computer does it; of an IMU board's line; and an
-//! image of gains.
+//! What it hears is any bytes there may be: of the wire, through stuffing, CRC, number and message
+//! to the craft, as the microcontroller's whole period does it; the same with a key, as the craft's
+//! computer does it; of an IMU board's line; and an image of gains.
 //!
-//! The panic handler calls a function that nobody defines. As long as anything that may panic is left after optimisation, the
-//! linker asks for it by name.
+//! The panic handler calls a function that nobody defines. As long as anything that may panic is
+//! left after optimisation, the linker asks for it by name.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
@@ -16,7 +16,7 @@ mod target {
     use core::mem::MaybeUninit;
     use core::ptr::{addr_of, addr_of_mut, read_volatile, write_volatile};
 
-    use craft::{Craft, Inputs, Link, image};
+    use craft::{Craft, Inputs, LinkStatus, image};
     use embedded_io::{ErrorType, Read, ReadReady, Write};
     use mcu::{Board, Program};
     use proto::{ImuSample, Key, MAX_PACKET_LEN, Opener, Refused, Role, Sealer, imu_frame};
@@ -120,7 +120,7 @@ mod target {
         }
         sealer.follow(opener);
         let mut buffer = [0; MAX_PACKET_LEN];
-        while let Some(message) = craft.next_message(&Link::from(&*opener)) {
+        while let Some(message) = craft.next_message(&LinkStatus::from(&*opener)) {
             if let Ok((_, packet)) = sealer.seal(&message, &mut buffer) {
                 packet.iter().for_each(|byte| say(*byte));
             }
@@ -130,7 +130,8 @@ mod target {
     #[cortex_m_rt::entry]
     fn main() -> ! {
         loop {
-            // SAFETY: none is needed: this is compiled for what the linker makes of it, and never runs.
+            // SAFETY: none is needed: this is compiled for what the linker makes of it, and never
+            // runs.
             let (program, craft, (opener, sealer), parser, [stored, sent, heard, _]) = unsafe {
                 (
                     &mut *addr_of_mut!(PROGRAM).cast::<Program>(),

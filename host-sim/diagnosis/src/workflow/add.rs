@@ -5,9 +5,10 @@ use sysid::RefinementOutcome;
 use sysid::checks::vehicle::Likeness;
 use sysid::fit::output_error::Rows;
 
+use crate::workflow::error::WorkflowError;
 use crate::workflow::observer::{Observer, Progress};
 use crate::workflow::refinement::refine;
-use crate::workflow::sets::{FlightSets, WorkflowError};
+use crate::workflow::sets::FlightSets;
 use crate::{Addition, Options};
 
 /// A model with one more effect.

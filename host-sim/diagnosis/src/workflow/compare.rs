@@ -5,8 +5,10 @@ use sysid::checks::vehicle::Likeness;
 use sysid::{Comparison, Reference};
 
 use crate::workflow::corrections::align_to;
+use crate::workflow::error::WorkflowError;
+use crate::workflow::loaded::LoadedFlight;
 use crate::workflow::observer::{Observer, Progress};
-use crate::workflow::sets::{FlightsOfOneKind, LoadedFlight, WorkflowError};
+use crate::workflow::sets::FlightsOfOneKind;
 
 /// Holds a model against flights.
 pub fn compare(

@@ -3,7 +3,8 @@
 use model::{Effect, Model, Vehicle};
 use sysid::{Prepared, Reference};
 
-use crate::workflow::sets::{FlightSets, LoadedFlight};
+use crate::workflow::loaded::LoadedFlight;
+use crate::workflow::sets::FlightSets;
 
 impl FlightSets {
     /// Aligns the training flights with each other and the held-out ones to `model`, and finds the training flights' trim.

@@ -3,8 +3,9 @@
 use model::{Effect, Model};
 use sysid::checks::vehicle::Likeness;
 
+use crate::workflow::error::WorkflowError;
 use crate::workflow::observer::{Observer, Progress};
-use crate::workflow::sets::{FlightSets, WorkflowError};
+use crate::workflow::sets::FlightSets;
 use crate::{Diagnosis, Options, Why, WhyError, diagnose_with};
 
 /// Diagnoses a model on flights; `effects` are users' own that may join it.

@@ -6,10 +6,11 @@ use sysid::{Comparison, RefinementOutcome};
 
 use crate::workflow::add::join;
 use crate::workflow::diagnose::search;
+use crate::workflow::error::WorkflowError;
 use crate::workflow::identify::fit_basic;
 use crate::workflow::observer::Observer;
 use crate::workflow::refinement::refine;
-use crate::workflow::sets::{FlightSets, WorkflowError};
+use crate::workflow::sets::FlightSets;
 use crate::{Addition, Diagnosis, Options, Verdict};
 
 /// One round: a diagnosis and the effect that was added after it.

@@ -5,7 +5,8 @@ use sysid::checks::overlap;
 use sysid::checks::vehicle::{self, Likeness};
 use sysid::{Fault, FaultKind, Prepared, Severity};
 
-use crate::workflow::sets::{FlightSets, LoadedFlight, Reading, WorkflowError};
+use crate::workflow::error::WorkflowError;
+use crate::workflow::loaded::{LoadedFlight, Reading, prepared};
 
 /// A fault and whose it is: a file, several files, or a vehicle.
 #[derive(Debug, Clone)]
@@ -34,7 +35,7 @@ impl Faults {
         self.0.iter().map(|listed| listed.fault.clone()).collect()
     }
 
-    fn add(&mut self, whose: impl Into<String>, fault: Fault) {
+    pub(crate) fn add(&mut self, whose: impl Into<String>, fault: Fault) {
         self.0.push(Listed { whose: whose.into(), fault });
     }
 
@@ -124,33 +125,8 @@ impl Faults {
     }
 }
 
-impl FlightSets {
-    /// What a fitted model says of its vehicle file and of the flights it was fitted on and judged by.
-    pub(crate) fn add_faults_of_fit(&mut self, model: &Model) {
-        let logged = self.training.0.iter().all(|f| f.prepared.has_rotor_speeds());
-        let train = listed(&self.training.0);
-        for fault in vehicle::of_fit(model, logged) {
-            self.faults.add(&train, fault);
-        }
-        let differences = vehicle::differences(model, &prepared(&self.held_out.0), Likeness::SAME);
-        if !differences.is_empty() {
-            let sentence = format!(
-                "these flights look like those of another vehicle than {train}: against the fit, {}; judge a model by flights of the \
-                 same craft",
-                differences.join(", ")
-            );
-            let fault = Fault::of_all(FaultKind::OtherVehicle, Severity::Warning, sentence);
-            self.faults.add(listed(&self.held_out.0), fault);
-        }
-    }
-}
-
-fn prepared(flights: &[LoadedFlight]) -> Vec<&Prepared> {
-    flights.iter().map(|f| &f.prepared).collect()
-}
-
 /// "A.csv, B.csv", with the folders the user gave.
-fn listed<'a>(flights: impl IntoIterator<Item = &'a LoadedFlight>) -> String {
+pub(crate) fn listed<'a>(flights: impl IntoIterator<Item = &'a LoadedFlight>) -> String {
     let mut names: Vec<String> = flights.into_iter().map(|f| f.path.display().to_string()).collect();
     let more = names.len().saturating_sub(NAMED);
     names.truncate(NAMED);

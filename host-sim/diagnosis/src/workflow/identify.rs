@@ -5,10 +5,11 @@ use sysid::fit::output_error::Rows;
 use sysid::{MotorsOfFlights, RefinementOutcome};
 
 use crate::workflow::corrections::basic_model;
+use crate::workflow::error::WorkflowError;
 use crate::workflow::observer::{Observer, Progress};
 use crate::workflow::record::rotation_refused;
 use crate::workflow::refinement::refine;
-use crate::workflow::sets::{FlightSets, WorkflowError};
+use crate::workflow::sets::FlightSets;
 
 /// A basic model and how well determined it is.
 pub struct Identified {

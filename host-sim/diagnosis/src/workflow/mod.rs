@@ -11,9 +11,11 @@ mod changed;
 mod compare;
 mod corrections;
 mod diagnose;
+mod error;
 mod explain;
 mod faults;
 mod identify;
+mod loaded;
 mod observer;
 mod record;
 mod refinement;
@@ -23,13 +25,12 @@ pub use add::{Added, add};
 pub use changed::changed;
 pub use compare::compare;
 pub use diagnose::{diagnose, why};
+pub use error::WorkflowError;
 pub use explain::{Explanation, Step, explain};
 pub use faults::{Faults, Listed};
 pub use identify::{Identified, identify};
+pub use loaded::{LoadedFlight, Reading, names, sha256};
 pub use observer::{Observer, Progress, Silent};
 pub use record::{rotation_refused, shown_record};
 pub use refinement::Refined;
-pub use sets::{
-    FlightSets, FlightsOfOneKind, HeldOutFlights, LoadedFlight, Reading, TrainingFlights, WorkflowError,
-    names, sha256,
-};
+pub use sets::{FlightSets, FlightsOfOneKind, HeldOutFlights, TrainingFlights};

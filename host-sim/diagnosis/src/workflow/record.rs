@@ -4,7 +4,8 @@ use model::{Axis, AxisError, FitRecord, FlightRecord, FlightRole, Model, PerAxis
 use sysid::Prepared;
 
 use crate::changes;
-use crate::workflow::sets::{FlightSets, LoadedFlight};
+use crate::workflow::loaded::LoadedFlight;
+use crate::workflow::sets::FlightSets;
 
 impl FlightSets {
     /// The flights behind a model and its errors on both sets.

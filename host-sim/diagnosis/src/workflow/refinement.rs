@@ -5,8 +5,9 @@ use sysid::RefinementOutcome;
 use sysid::compare::HorizonError;
 use sysid::fit::output_error::Rows;
 
+use crate::workflow::error::WorkflowError;
 use crate::workflow::observer::{Observer, Progress};
-use crate::workflow::sets::{FlightSets, WorkflowError};
+use crate::workflow::sets::FlightSets;
 
 /// A model after refinement, and what the refinement did.
 pub struct Refined {

@@ -5,6 +5,7 @@ use serde::Serialize;
 use sysid::checks::clocks::Clocks;
 use sysid::{Fault, Severity};
 
+use crate::cli::colour;
 use crate::cli::output::Outcome;
 
 /// What is done about faults.
@@ -25,7 +26,7 @@ impl FaultOptions {
 /// Warns on standard error. For the end of a command: one that is refused says why in one line and nothing else.
 pub(crate) fn warn(faults: &Faults) {
     for listed in faults.listed().iter().filter(|listed| listed.fault.severity != Severity::Note) {
-        eprintln!("warning: {}: {}", listed.whose, listed.fault.sentence);
+        colour::warn(&format!("{}: {}", listed.whose, listed.fault.sentence));
     }
 }
 

@@ -1,23 +1,52 @@
-//! Flights as they are named on the command line.
+//! Flights as they are named on the command line: files, folders of files, and patterns such as `flights/*.csv`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use diagnosis::workflow::{FlightSets, FlightsOfOneKind, Observer, Reading, WorkflowError};
 use model::Vehicle;
 
+/// Ending of a flight file.
+const ENDING: &str = "csv";
+
 /// Flights of both kinds as given on the command line.
 #[derive(clap::Args)]
 pub(crate) struct SetOptions {
-    /// Flights to fit on, for example: --train A.csv B.csv C.csv
+    /// Flights to fit on: files, folders or patterns, for example: --train A.csv B.csv C.csv
     #[arg(long, value_name = "CSV", num_args = 1.., required = true)]
-    pub(crate) train: Vec<PathBuf>,
+    train: Vec<PathBuf>,
 
     /// Flights to judge by, none of which is fitted on, for example: --validate D.csv E.csv
     #[arg(long, value_name = "CSV", num_args = 1.., required = true)]
+    validate: Vec<PathBuf>,
+}
+
+/// Flight files of both kinds.
+pub(crate) struct SetFiles {
+    pub(crate) train: Vec<PathBuf>,
     pub(crate) validate: Vec<PathBuf>,
 }
 
+/// Why no flight files are named.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum NamedFlightsError {
+    #[error("{}: no flight file (*.{ENDING}) in this folder", .0.display())]
+    EmptyFolder(PathBuf),
+    #[error("{}: cannot read the folder: {source}", path.display())]
+    Folder { path: PathBuf, source: std::io::Error },
+    #[error("{}: matches no file", .0.display())]
+    NoMatch(PathBuf),
+    #[error("{}: is no pattern: {why}", path.display())]
+    Pattern { path: PathBuf, why: &'static str },
+}
+
 impl SetOptions {
+    /// The files that are meant.
+    pub(crate) fn files(&self) -> Result<SetFiles, NamedFlightsError> {
+        Ok(SetFiles { train: files(&self.train)?, validate: files(&self.validate)? })
+    }
+}
+
+impl SetFiles {
     /// All files.
     pub(crate) fn paths(&self) -> Vec<&PathBuf> {
         self.train.iter().chain(&self.validate).collect()
@@ -42,4 +71,83 @@ pub(crate) fn read(
     observer: &dyn Observer,
 ) -> Result<FlightsOfOneKind, WorkflowError> {
     FlightsOfOneKind::read(paths, vehicle, reading, observer)
+}
+
+/// The files that are meant: those of a folder and those that match a pattern in the order of their names.
+pub(crate) fn files(named: &[PathBuf]) -> Result<Vec<PathBuf>, NamedFlightsError> {
+    let all: Result<Vec<Vec<PathBuf>>, _> = named.iter().map(|path| files_of(path)).collect();
+    Ok(all?.concat())
+}
+
+fn files_of(named: &Path) -> Result<Vec<PathBuf>, NamedFlightsError> {
+    if named.is_dir() {
+        return files_in(named);
+    }
+    // A shell has done this already where there is one that does; a name with such a letter in it is that file.
+    match named.to_str().filter(|name| name.contains(['*', '?', '[']) && !named.exists()) {
+        Some(pattern) => matching(named, pattern),
+        None => Ok(vec![named.to_owned()]),
+    }
+}
+
+fn files_in(folder: &Path) -> Result<Vec<PathBuf>, NamedFlightsError> {
+    let refused = |source| NamedFlightsError::Folder { path: folder.into(), source };
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(refused)? {
+        let path = entry.map_err(refused)?.path();
+        let is_flight = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(ENDING));
+        if is_flight && path.is_file() {
+            files.push(path);
+        }
+    }
+    files.sort();
+    if files.is_empty() { Err(NamedFlightsError::EmptyFolder(folder.into())) } else { Ok(files) }
+}
+
+fn matching(named: &Path, pattern: &str) -> Result<Vec<PathBuf>, NamedFlightsError> {
+    let found = glob::glob(pattern)
+        .map_err(|error| NamedFlightsError::Pattern { path: named.into(), why: error.msg })?;
+    // `glob` sorts by name; what cannot be looked into holds no flight that could be read.
+    let files: Vec<PathBuf> = found.filter_map(Result::ok).filter(|path| path.is_file()).collect();
+    if files.is_empty() { Err(NamedFlightsError::NoMatch(named.into())) } else { Ok(files) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn folder_with(names: &[&str]) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        for name in names {
+            std::fs::write(folder.path().join(name), "").unwrap();
+        }
+        folder
+    }
+
+    fn names(found: &[PathBuf]) -> Vec<&str> {
+        found.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect()
+    }
+
+    #[test]
+    fn a_folder_stands_for_its_flight_files_by_name() {
+        let folder = folder_with(&["b.csv", "a.CSV", "vehicle.toml"]);
+        assert_eq!(names(&files(&[folder.path().into()]).unwrap()), ["a.CSV", "b.csv"]);
+    }
+
+    #[test]
+    fn a_pattern_stands_for_what_matches_it() {
+        let folder = folder_with(&["run2.csv", "run1.csv", "other.csv"]);
+        assert_eq!(names(&files(&[folder.path().join("run*.csv")]).unwrap()), ["run1.csv", "run2.csv"]);
+        let strange = folder_with(&["run[1].csv"]);
+        assert_eq!(names(&files(&[strange.path().join("run[1].csv")]).unwrap()), ["run[1].csv"]);
+    }
+
+    #[test]
+    fn what_stands_for_no_flight_is_refused_by_name() {
+        let folder = folder_with(&["vehicle.toml"]);
+        let said = |path: PathBuf| files(&[path]).unwrap_err().to_string();
+        assert!(said(folder.path().into()).contains("no flight file"));
+        assert!(said(folder.path().join("*.csv")).contains("matches no file"));
+        assert!(said(folder.path().join("a[.csv")).contains("is no pattern"));
+    }
 }

@@ -1,7 +1,9 @@
 //! What subcommands share: options, flights as they are named on the command line, faults, progress, output.
 
+pub(crate) mod colour;
 pub(crate) mod faults;
 pub(crate) mod flights;
+pub(crate) mod model_files;
 pub(crate) mod output;
 pub(crate) mod progress;
 pub(crate) mod refine;

@@ -32,19 +32,39 @@ impl Outcome {
 #[error("{}: is read by this command and would be overwritten; give another name for the output", .0.display())]
 pub(crate) struct OverwritesInput(PathBuf);
 
-/// Checks, before any work, that outputs have a place and take the place of no flight.
-pub(crate) fn check_outputs<'a>(
-    outputs: impl IntoIterator<Item = &'a PathBuf>,
-    inputs: &[&PathBuf],
-) -> anyhow::Result<()> {
-    for output in outputs {
-        report::check_writable(output)?;
-        let Ok(there) = output.canonicalize() else { continue };
-        if inputs.iter().any(|input| input.canonicalize().is_ok_and(|input| input == there)) {
-            return Err(OverwritesInput(output.clone()).into());
+/// An output file that is there already.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: is there already; give --force to overwrite it, or another name", .0.display())]
+pub(crate) struct AlreadyThere(PathBuf);
+
+/// What is done about output files that are there already.
+#[derive(clap::Args, Clone, Copy)]
+pub(crate) struct OverwriteOptions {
+    /// Overwrite output files that are there already
+    #[arg(long)]
+    force: bool,
+}
+
+impl OverwriteOptions {
+    /// Checks, before any work, that outputs have a place and take the place of no input, and of no other file unless forced.
+    pub(crate) fn check<'a>(
+        self,
+        outputs: impl IntoIterator<Item = &'a PathBuf>,
+        inputs: &[&PathBuf],
+    ) -> anyhow::Result<()> {
+        for output in outputs {
+            report::check_writable(output)?;
+            let Ok(there) = output.canonicalize() else { continue };
+            if inputs.iter().any(|input| input.canonicalize().is_ok_and(|input| input == there)) {
+                return Err(OverwritesInput(output.clone()).into());
+            }
+            // A device or a pipe holds nothing that could be lost.
+            if there.is_file() && !self.force {
+                return Err(AlreadyThere(output.clone()).into());
+            }
         }
+        Ok(())
     }
-    Ok(())
 }
 
 /// The footer of a page: command, version and the files behind it.

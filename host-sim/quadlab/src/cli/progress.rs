@@ -1,25 +1,142 @@
-//! Progress on standard error: a bar where a person watches, nothing with `--json` or in a pipe.
+//! Progress on standard error: a bar where a person watches, a plain line now and then where no terminal is (a log, a pipe),
+//! nothing with `--json`.
+
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// A bar of `steps` steps with a message; hidden where standard error is no terminal.
-pub(crate) fn bar(steps: usize, json: bool) -> ProgressBar {
-    if json {
-        return ProgressBar::hidden();
-    }
-    let style = ProgressStyle::with_template("{bar:20} {pos}/{len} {msg}")
-        .expect("the template in the source is well-formed");
-    ProgressBar::new(steps as u64).with_style(style)
+/// Shorter work needs no line.
+const FIRST_LINE: Duration = Duration::from_secs(10);
+/// Between one line and the next.
+const NEXT_LINE: Duration = Duration::from_secs(30);
+
+/// How far a piece of work is.
+pub(crate) struct Progress {
+    bar: ProgressBar,
+    /// Where there is no bar to see.
+    lines: Option<Mutex<Lines>>,
 }
 
-/// A spinner for work whose number of steps is not known.
-pub(crate) fn spinner(json: bool) -> ProgressBar {
-    if json {
-        return ProgressBar::hidden();
+/// When the work began, and when the next line is due.
+struct Lines {
+    began: Instant,
+    due: Instant,
+}
+
+/// Work of so many steps, of which [`Progress::inc`] counts off one after another.
+pub(crate) fn bar(steps: usize, json: bool) -> Progress {
+    Progress::new(ProgressBar::new(steps as u64), "{bar:20} {pos} of {len}, about {eta} left  {msg}", json)
+}
+
+/// Work whose number of steps is not known.
+pub(crate) fn spinner(json: bool) -> Progress {
+    let progress = Progress::new(ProgressBar::new_spinner(), "{spinner} {elapsed} {msg}", json);
+    if progress.lines.is_none() {
+        progress.bar.enable_steady_tick(Duration::from_millis(100));
     }
-    let style = ProgressStyle::with_template("{spinner} {elapsed} {msg}")
-        .expect("the template in the source is well-formed");
-    let spinner = ProgressBar::new_spinner().with_style(style);
-    spinner.enable_steady_tick(std::time::Duration::from_millis(100));
-    spinner
+    progress
+}
+
+impl Progress {
+    fn new(bar: ProgressBar, template: &str, json: bool) -> Self {
+        if json {
+            return Self { bar: ProgressBar::hidden(), lines: None };
+        }
+        let style =
+            ProgressStyle::with_template(template).expect("the template in the source is well-formed");
+        let bar = bar.with_style(style);
+        let now = Instant::now();
+        let lines = bar.is_hidden().then(|| Mutex::new(Lines { began: now, due: now + FIRST_LINE }));
+        Self { bar, lines }
+    }
+
+    /// Says what is being done.
+    pub(crate) fn set_message(&self, message: impl Into<String>) {
+        self.bar.set_message(message.into());
+        self.line();
+    }
+
+    /// Counts steps that are done.
+    pub(crate) fn inc(&self, steps: u64) {
+        self.bar.inc(steps);
+        self.line();
+    }
+
+    /// There are more or fewer steps than was thought.
+    pub(crate) fn set_length(&self, steps: u64) {
+        self.bar.set_length(steps);
+    }
+
+    /// So many steps are done.
+    pub(crate) fn set_position(&self, steps: u64) {
+        self.bar.set_position(steps);
+        self.line();
+    }
+
+    /// Prints in place of the bar, which comes back afterwards.
+    pub(crate) fn suspend(&self, print: impl FnOnce()) {
+        self.bar.suspend(print);
+    }
+
+    /// The work is done.
+    pub(crate) fn finish_and_clear(&self) {
+        self.bar.finish_and_clear();
+    }
+
+    /// A plain line, if one is due.
+    fn line(&self) {
+        let Some(lines) = &self.lines else { return };
+        let mut lines = lines.lock().unwrap_or_else(PoisonError::into_inner);
+        let now = Instant::now();
+        if now >= lines.due {
+            lines.due = now + NEXT_LINE;
+            let elapsed = now - lines.began;
+            eprintln!("{}", told(&self.bar.message(), self.bar.position(), self.bar.length(), elapsed));
+        }
+    }
+}
+
+/// "flying: 3 of 12, about 40 s left", or "fitting: 40 s so far" where nobody knows how many steps there are.
+fn told(message: &str, done: u64, steps: Option<u64>, elapsed: Duration) -> String {
+    let seconds = elapsed.as_secs_f64();
+    match steps {
+        Some(steps) if done > 0 => {
+            let left = seconds * steps.saturating_sub(done) as f64 / done as f64;
+            format!("{message}: {done} of {steps}, about {left:.0} s left")
+        }
+        Some(steps) => format!("{message}: {done} of {steps}"),
+        None => format!("{message}: {seconds:.0} s so far"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_say_how_far_it_is_and_how_long_it_takes() {
+        let after = |seconds| Duration::from_secs(seconds);
+        assert_eq!(told("flying", 3, Some(12), after(12)), "flying: 3 of 12, about 36 s left");
+        assert_eq!(told("flying", 0, Some(12), after(12)), "flying: 0 of 12");
+        assert_eq!(told("trying tether", 7, None, after(41)), "trying tether: 41 s so far");
+    }
+
+    #[test]
+    fn a_line_is_due_after_a_while_and_then_seldom() {
+        // Tests have no terminal on standard error, or else a bar.
+        let progress = bar(3, false);
+        let Some(lines) = &progress.lines else { return };
+        progress.inc(1);
+        assert!(lines.lock().unwrap().due <= Instant::now() + FIRST_LINE);
+        lines.lock().unwrap().due = Instant::now();
+        progress.inc(1);
+        assert!(lines.lock().unwrap().due > Instant::now() + FIRST_LINE);
+    }
+
+    #[test]
+    fn with_json_there_is_nothing() {
+        let progress = spinner(true);
+        assert!(progress.lines.is_none() && progress.bar.is_hidden());
+    }
 }

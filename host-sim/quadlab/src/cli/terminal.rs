@@ -3,9 +3,8 @@
 use std::sync::Mutex;
 
 use diagnosis::workflow::{Observer, Progress};
-use indicatif::ProgressBar;
 
-use crate::cli::progress;
+use crate::cli::{colour, progress};
 
 /// Shows progress where a person watches, and prints warnings.
 pub(crate) struct Terminal {
@@ -14,7 +13,7 @@ pub(crate) struct Terminal {
 }
 
 struct Shown {
-    bar: ProgressBar,
+    bar: progress::Progress,
     counts: bool,
 }
 
@@ -57,8 +56,8 @@ impl Observer for Terminal {
 
     fn warning(&self, sentence: &str) {
         match self.locked().as_ref() {
-            Some(shown) => shown.bar.suspend(|| eprintln!("warning: {sentence}")),
-            None => eprintln!("warning: {sentence}"),
+            Some(shown) => shown.bar.suspend(|| colour::warn(sentence)),
+            None => colour::warn(sentence),
         }
     }
 }

@@ -3,12 +3,14 @@
 use std::path::PathBuf;
 
 use diagnosis::workflow::{self, Added};
-use model::{Effect, Model, PerAxis};
+use model::{Effect, PerAxis};
 use serde::Serialize;
 
+use crate::cli::colour;
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::SetOptions;
-use crate::cli::output::{Outcome, check_outputs};
+use crate::cli::model_files::read_model;
+use crate::cli::output::{Outcome, OverwriteOptions};
 use crate::cli::refine::{self, RefineOptions, RefinementEntry};
 use crate::cli::terminal::Terminal;
 use crate::cli::user_effects::EffectOptions;
@@ -45,6 +47,9 @@ pub(crate) struct Options {
     #[command(flatten)]
     faults: FaultOptions,
 
+    #[command(flatten)]
+    overwrite: OverwriteOptions,
+
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
     json: bool,
@@ -60,18 +65,19 @@ pub(crate) enum AddError {
 }
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
-    let mut inputs = options.sets.paths();
+    let files = options.sets.files()?;
+    let mut inputs = files.paths();
     inputs.extend(options.effects.paths());
-    check_outputs([&options.out], &inputs)?;
+    options.overwrite.check([&options.out], &inputs)?;
     options.effects.read()?;
-    let model = Model::read(&options.model)?;
+    let model = read_model(&options.model)?;
     let effect = known_effect(&options.effect)?;
     if model.has(effect) {
         let there = listed(&model.effects());
         return Err(AddError::AlreadyThere { model: options.model.clone(), effect, there }.into());
     }
     let terminal = Terminal::new(options.json);
-    let mut sets = options.sets.read(&model.vehicle, options.faults.reading(), &terminal)?;
+    let mut sets = files.read(&model.vehicle, options.faults.reading(), &terminal)?;
     let added = workflow::add(&model, effect, &mut sets, options.refine.rows(), &terminal)?;
     terminal.clear();
     report::write_atomic(&options.out, added.model.to_toml())?;
@@ -103,7 +109,10 @@ fn text(options: &Options, added: &Added) -> Outcome {
     let sentence = finding.effect.info().sentence;
     Outcome::done(format!(
         "{}\n{}\n{}{refined}\nmodel written to {}\n",
-        tables::paragraph(&format!("{} {verdict}: {}. {sentence}", finding.effect, finding.reason)),
+        colour::lead(&tables::paragraph(&format!(
+            "{} {verdict}: {}. {sentence}",
+            finding.effect, finding.reason
+        ))),
         tables::before_after(
             "Squared error on the held-out flights, everything fitted again without and with the effect",
             &addition.before,

@@ -1,7 +1,8 @@
-//! `quadlab demo`: the whole explanation, from flights to a better model, and a page that tells it.
+//! `quadlab demo`: everything from flights to a better model, and a page that shows it.
 //!
-//! Without flights of your own, a craft is flown in simulation with one physical effect that nobody is told of. The
-//! flights go to files, and everything after that sees the files only: the name found at the end is found from them.
+//! Without flights of your own, a craft is flown in simulation with one hidden physical effect. The
+//! flights go to files, and everything after that sees the files only: the name found at the end is
+//! found from them.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -11,36 +12,37 @@ use model::{Effect, Model, Vehicle};
 use rayon::prelude::*;
 
 use crate::cli::faults;
-use crate::cli::flights::SetOptions;
+use crate::cli::flights::SetFiles;
 use crate::cli::output::{Outcome, provenance};
 use crate::cli::progress;
 use crate::cli::terminal::Terminal;
 use crate::commands::demo_effect;
 use crate::render::{pages, tables};
 
-/// The contract's names of flights to fit on and to judge by.
+/// Names of flights for the fit and for validation.
 const TRAIN: [&str; 3] = ["A", "B", "C"];
 const VALIDATE: [&str; 2] = ["D", "E"];
 /// Length of a simulated flight, s.
 const FLIGHT_S: f64 = 40.0;
-/// Part of the flights that is fitted on where the names do not say.
+/// Share of the flights that the fit uses where their names do not say.
 const TRAIN_SHARE: f64 = 0.6;
 
-/// Run the whole explanation: identify, compare, diagnose, add, and a page with figures.
+/// Run everything: identify, compare, diagnose, add, and a page with figures.
 ///
-/// Without --flights, a simulated craft has one hidden effect, and the explanation is whether the flights give it away. Exit
-/// status 1 if they do not.
+/// Without --flights, a simulated craft has one hidden effect, to be found from its flights. Exit
+/// status 1 if it is not found.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  quadlab demo --seed 7\n  quadlab demo --flights my-flights --out my-report"
 )]
 pub(crate) struct Options {
-    /// Folder with flight files and their vehicle.toml; A, B, C are fitted on and D, E judged by, other names 60 to 40
-    /// in order, for example: --flights my-flights
+    /// Folder with flight files and their vehicle.toml; A, B and C are for the fit, D and E for
+    /// validation; of other names the first 60 % are for the fit, for example: --flights my-flights
     #[arg(long, value_name = "DIR", conflicts_with = "seed")]
     flights: Option<PathBuf>,
 
-    /// Seed of the hidden effect and of the flights; from the clock if not given, for example: --seed 7
+    /// Seed of the hidden effect and of the flights, for example: --seed 7 [default: from the
+    /// clock]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
 
@@ -89,8 +91,8 @@ fn on_flights(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
     Ok(Outcome::done(text))
 }
 
-/// Which files of a folder are fitted on and which are judged by, and why.
-fn chosen_flights(folder: &Path) -> Result<(SetOptions, String), DemoError> {
+/// Which files of a folder are for the fit and which for validation, and why.
+fn chosen_flights(folder: &Path) -> Result<(SetFiles, String), DemoError> {
     let refused = |source| DemoError::Folder { folder: folder.into(), source };
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(refused)? {
@@ -107,8 +109,8 @@ fn chosen_flights(folder: &Path) -> Result<(SetOptions, String), DemoError> {
     };
     let (train, validate) = (named(&TRAIN), named(&VALIDATE));
     if train.len() == TRAIN.len() && validate.len() == VALIDATE.len() {
-        let how = "Flights A, B and C were fitted on, D and E judged by.".to_owned();
-        return Ok((SetOptions { train, validate }, how));
+        let how = "Flights A, B and C were used for the fit, D and E for validation.".to_owned();
+        return Ok((SetFiles { train, validate }, how));
     }
     let count = files.len();
     if count < 2 {
@@ -116,8 +118,10 @@ fn chosen_flights(folder: &Path) -> Result<(SetOptions, String), DemoError> {
     }
     let first = ((count as f64 * TRAIN_SHARE).round() as usize).clamp(1, count - 1);
     let validate = files.split_off(first);
-    let how = format!("The first {first} of {count} flights by name were fitted on, the rest judged by.");
-    Ok((SetOptions { train: files, validate }, how))
+    let how = format!(
+        "The first {first} of {count} flights by name were used for the fit, the rest for validation."
+    );
+    Ok((SetFiles { train: files, validate }, how))
 }
 
 fn on_hidden_effect(options: &Options) -> anyhow::Result<Outcome> {
@@ -153,7 +157,7 @@ fn verdict(hidden: Effect, seed: u64, explanation: &Explanation) -> String {
     let wrong = if not_there.is_empty() {
         String::new()
     } else {
-        format!(" Not in the craft, though found: {}.", not_there.join(", "))
+        format!(" Found, but not in the craft: {}.", not_there.join(", "))
     };
     format!("Hidden in the simulated craft (seed {seed}): {hidden}. The flights {gave}.{wrong}")
 }
@@ -165,7 +169,7 @@ fn seed_from_clock() -> u64 {
 }
 
 /// Flies the five flights side by side and writes their files.
-fn fly(craft: &Model, seed: u64, folder: &Path) -> anyhow::Result<SetOptions> {
+fn fly(craft: &Model, seed: u64, folder: &Path) -> anyhow::Result<SetFiles> {
     let names = [TRAIN[0], TRAIN[1], TRAIN[2], VALIDATE[0], VALIDATE[1]];
     let bar = progress::bar(names.len(), false);
     bar.set_message("flying");
@@ -187,7 +191,7 @@ fn fly(craft: &Model, seed: u64, folder: &Path) -> anyhow::Result<SetOptions> {
         .collect::<anyhow::Result<_>>()?;
     bar.finish_and_clear();
     let (train, validate) = files.split_at(TRAIN.len());
-    Ok(SetOptions { train: train.to_vec(), validate: validate.to_vec() })
+    Ok(SetFiles { train: train.to_vec(), validate: validate.to_vec() })
 }
 
 /// Writes models and page, and says what was found.
@@ -200,7 +204,7 @@ fn finish(
 ) -> anyhow::Result<String> {
     let page = options.out.join("report.html");
     report::write_atomic(options.out.join("basic.toml"), explanation.basic.to_toml())?;
-    report::write_atomic(options.out.join("better.toml"), &explanation.model.to_toml())?;
+    report::write_atomic(options.out.join("better.toml"), explanation.model.to_toml())?;
     pages::explanation(lead, sets, explanation)
         .provenance(provenance(&[vehicle], sets.all()))
         .write(&page)?;

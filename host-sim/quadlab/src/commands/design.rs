@@ -5,18 +5,18 @@ use std::path::PathBuf;
 
 use clap::Subcommand;
 use design::check::{CheckOptions, CheckReport, check};
-use design::loops::View;
-use design::procedure::{Designed, Method, Shortfall, Specs, Step, design};
+use design::synthesis::{Designed, Method, Shortfall, Specs, Step, design};
 use design::{DesignError, Gains, Provenance};
 use model::Model;
 use report::significant;
 use serde::Serialize;
 
-use crate::cli::output::{Outcome, check_outputs};
+use crate::cli::output::{Outcome, OverwriteOptions};
 use crate::commands::{design_check, design_report};
 use diagnosis::workflow::sha256;
 
-/// Design gains for a model, step by step; or check gains. Exit status 1 if a specification cannot be met.
+/// Design gains for a model, step by step; or check gains. Exit status 1 if a specification cannot
+/// be met.
 #[derive(clap::Args)]
 #[command(
     args_conflicts_with_subcommands = true,
@@ -38,6 +38,9 @@ pub(crate) struct Options {
     /// Gains file to write, for example: --out gains.toml
     #[arg(long, value_name = "TOML", required = true)]
     out: Option<PathBuf>,
+
+    #[command(flatten)]
+    overwrite: OverwriteOptions,
 
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
@@ -71,7 +74,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
 
 fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outcome> {
     let inputs: Vec<&PathBuf> = std::iter::once(path).chain(&options.specs).collect();
-    check_outputs([out], &inputs)?;
+    options.overwrite.check([out], &inputs)?;
     let model = Model::read(path)?;
     let specs = match &options.specs {
         Some(path) => {
@@ -85,11 +88,7 @@ fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outc
         Err(DesignError::Unmet(shortfall)) => return unmet(options, specs.method, &shortfall),
         designed => designed?,
     };
-    let view = match specs.method {
-        Method::Thesis => View::Continuous,
-        Method::Delay => View::Sampled { delay_samples: specs.delay_samples },
-    };
-    let report = check(&model, &designed.config, &CheckOptions { view, samples: 0, seed: 0 })?;
+    let report = check(&model, &designed.config, &CheckOptions { view: specs.view(), samples: 0, seed: 0 })?;
     let holds = designed.shortfalls.is_empty();
     if holds {
         let provenance = Provenance {
@@ -118,7 +117,7 @@ fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outc
     Ok(Outcome { holds, ..outcome })
 }
 
-/// A design that ended at a specification that no gain meets.
+/// The outcome of a design that stopped at a specification that no gain meets.
 fn unmet(options: &Options, method: Method, shortfall: &Shortfall) -> anyhow::Result<Outcome> {
     let shortfalls = std::slice::from_ref(shortfall);
     let outcome = match options.json {
@@ -128,7 +127,7 @@ fn unmet(options: &Options, method: Method, shortfall: &Shortfall) -> anyhow::Re
     Ok(Outcome { holds: false, ..outcome })
 }
 
-/// One line for each specification that is not met, and what comes of it.
+/// One line for each specification that is not met, and what to do.
 fn not_met(shortfalls: &[Shortfall]) -> String {
     let mut text = String::new();
     for s in shortfalls {
@@ -136,10 +135,17 @@ fn not_met(shortfalls: &[Shortfall]) -> String {
         let both = |digits| (significant(s.wanted, digits), significant(s.reached, digits));
         let (wanted, reached) =
             (3..9).map(both).find(|(wanted, reached)| wanted != reached).unwrap_or_else(|| both(9));
-        let key = s.key().map_or_else(String::new, |key| format!(" ({key})"));
-        let _ = writeln!(text, "NOT MET: {}: {}: wanted {wanted}, reached {reached}{key}", s.name, s.what);
+        let key = s.key.map_or_else(String::new, |key| format!(" ({key})"));
+        let _ = writeln!(
+            text,
+            "NOT MET: {}: {}: wanted {wanted}, reached {reached}{key}",
+            s.name,
+            s.what.label()
+        );
     }
-    text.push_str("no gains written: relax what is not met in a file for --specs, or the delay\n");
+    text.push_str(
+        "no gains written: relax these specifications in a file for --specs, or reduce the delay\n",
+    );
     text
 }
 

@@ -1,27 +1,28 @@
-//! `quadlab design report`: thesis chapter 5 and its appendices A and B for a model and its gains, on one page, in the thesis'
-//! order and with its numbers beside the ones found.
+//! `quadlab design report`: thesis chapter 5 and its appendices A and B for a model and its gains,
+//! on one page, in the thesis' order and with its numbers beside the ones found.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use anyhow::Context as _;
 use control::Config;
-use design::check::{CheckOptions, CheckReport, LoopReport, Study, check};
-use design::curves::{GAINS, Gain, closed_bode, gain_of, loop_bode};
-use design::linear::CANCEL_TOLERANCE;
-use design::loops::{ClosedLoop, LoopName, LoopPlant, View};
-use design::printed::{Compared, compare};
+use design::analysis::{LoopMargins, Study, closed_bode, loop_bode};
+use design::check::{CheckOptions, CheckReport, check};
+use design::loops::{ClosedLoop, GAINS, Gain, LoopName, LoopPlant, View, gain_of};
+use design::plant::CANCEL_TOLERANCE;
+use design::thesis_values::{Compared, compare};
 use model::Model;
 use report::{Axis, Cell, Column, Figure, Mark, Page, Section, Series, Style, Table, Verdict, significant};
 use serde::Serialize;
 
-use crate::cli::output::{Outcome, check_outputs, provenance};
-use crate::commands::design_check::short;
+use crate::cli::output::{Outcome, OverwriteOptions, provenance};
 use crate::commands::linearize;
 use crate::render::design_pages;
+use crate::render::design_tables::{failures, short};
 
-/// Chapter 5 of the thesis on one page: every figure that is computed here, with the numbers and the thesis' beside them.
-/// Exit status 1 if a loop is unstable, or if a number of the thesis' own vehicle does not come back.
+/// Chapter 5 of the thesis on one page: every figure that is computed here, with the numbers and
+/// the thesis' beside them. Exit status 1 if a loop is unstable as it flies, or if a number of the
+/// thesis' own vehicle does not come back.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  quadlab design report --out report.html                                      # the thesis' vehicle and gains\n  quadlab design report --model model.toml --gains gains.toml --out report.html"
@@ -39,7 +40,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "SAMPLES", default_value_t = 2, value_parser = clap::value_parser!(u16).range(0..=100))]
     delay: u16,
 
-    /// Draws of the model's coefficients from their standard errors
+    /// Random draws of the model's coefficients from their standard errors
     #[arg(long, value_name = "COUNT", default_value_t = 100, value_parser = clap::value_parser!(u32).range(0..=100_000))]
     samples: u32,
 
@@ -50,6 +51,9 @@ pub(crate) struct Options {
     /// Page to write, for example: --out report.html
     #[arg(long, value_name = "HTML", required = true)]
     out: Option<PathBuf>,
+
+    #[command(flatten)]
+    overwrite: OverwriteOptions,
 
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
@@ -65,7 +69,7 @@ struct Document<'a> {
     page: String,
 }
 
-/// All that the page is drawn from.
+/// Everything that the page shows.
 struct Work {
     model: Model,
     config: Config,
@@ -82,10 +86,10 @@ struct Work {
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let out = options.out.as_ref().context("--out: give the page to write")?;
     let inputs: Vec<&PathBuf> = options.model.iter().chain(&options.gains).collect();
-    check_outputs([out], &inputs)?;
+    options.overwrite.check([out], &inputs)?;
     let model = options.model.as_deref().map_or_else(|| Ok(Model::thesis()), Model::read)?;
     let config = match &options.gains {
-        Some(path) => design::fit::read_for(path, &model)?.config,
+        Some(path) => design::gains_match::read_for(path, &model)?.config,
         None => Config::thesis(),
     };
     let work = Work::new(model, config, options)?;
@@ -112,12 +116,12 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
                 number.place, number.what, number.printed
             );
         }
-        if !work.sampled.together.stable {
-            let _ =
-                writeln!(text, "UNSTABLE: all loops together with {} samples of delay", work.delay_samples);
-        }
-        for l in work.sampled.loops.iter().filter(|l| !l.stable) {
-            let _ = writeln!(text, "UNSTABLE: {} with {} samples of delay", l.name, work.delay_samples);
+        for failure in failures(&work.sampled) {
+            let _ = writeln!(
+                text,
+                "NOT SAFE TO FLY with a pose that is {} samples old: {failure}",
+                work.delay_samples
+            );
         }
         let _ = writeln!(text, "page: {page}");
         Outcome::done(text)
@@ -238,21 +242,8 @@ fn linear(work: &Work) -> anyhow::Result<Section> {
         .preformatted(linearize::text(&work.study.linear, &channels)))
 }
 
-/// What a loop's margins are, for a caption.
-fn margins(report: &CheckReport, name: LoopName) -> String {
-    let Some(l) = report.loops.iter().find(|l| l.name == name.name()) else { return String::new() };
-    let LoopReport { phase_margin_deg, crossover_rad_s, gain_margin, phase_crossover_rad_s, .. } = l;
-    let number = |value: &Option<f64>, digits| value.map_or_else(|| "-".into(), |x| significant(x, digits));
-    format!(
-        "phase margin {} deg at {} rad/s, gain margin {} at {} rad/s",
-        number(phase_margin_deg, 4),
-        number(crossover_rad_s, 4),
-        number(gain_margin, 3),
-        number(phase_crossover_rad_s, 3)
-    )
-}
-
-/// Two loops that the thesis designs side by side: root loci in the order of the design, Bode and Nichols, closed loop, steps.
+/// Two loops that the thesis designs side by side: root loci in the order of the design, Bode and
+/// Nichols, closed loop, steps.
 fn group(work: &Work, heading: &str, names: [LoopName; 2], figures: [&str; 6]) -> anyhow::Result<Section> {
     let thesis = Config::thesis();
     let [bode, closed, step] = match names[0] {
@@ -293,11 +284,11 @@ fn group(work: &Work, heading: &str, names: [LoopName; 2], figures: [&str; 6]) -
     for name in names {
         let Some((_, around)) = work.of(name) else { continue };
         let curve = loop_bode(around);
-        let found = margins(&work.continuous, name);
+        let found = LoopMargins::of(around)?.at_error;
         section = section
             .figure(
-                design_pages::bode_panels(&curve, "loop gain"),
-                format!("{bode}loop gain of {name}: {found}."),
+                design_pages::bode_panels(&curve, &found),
+                format!("{bode}loop gain of {name}: {}.", design_pages::margin_words(&found)),
             )
             .figure(design_pages::nichols(&curve), format!("Nichols plot of the loop gain of {name}."));
         if around.closed.is_stable()? {
@@ -333,7 +324,7 @@ fn flown(work: &Work) -> anyhow::Result<Section> {
     let heading = format!("As it flies: 100 Hz, pose {} samples late (5.5)", work.delay_samples);
     let mut section = Section::new(heading)
         .paragraph(
-            "What the thesis' design leaves out: sampling, the filters as they are computed, and the age of the pose. Figures 5.25 to 5.30 are flights of the nonlinear simulation; `cargo xtask sil` draws them.",
+            "The design in the thesis leaves out sampling, the filters as they are computed, and the age of the pose. Figures 5.25 to 5.30 are flights of the nonlinear simulation; `cargo xtask sil` draws them.",
         )
         .table(design_pages::margins(&work.sampled))
         .list(work.sampled.notes.clone());
@@ -347,19 +338,19 @@ fn flown(work: &Work) -> anyhow::Result<Section> {
         if let Some((_, smooth)) = work.of(name)
             && smooth.closed.is_stable()?
         {
-            let designed = design_pages::drawn(design::check::commanded(&work.config, smooth)?.points());
+            let designed = design_pages::drawn(design::analysis::commanded(&work.config, smooth)?.points());
             figure = figure.with(Series::line("as designed", Style::PredictedBefore, designed));
         }
-        let points = design_pages::drawn(design::check::commanded(&work.config, late)?.points());
+        let points = design_pages::drawn(design::analysis::commanded(&work.config, late)?.points());
         figure =
             figure.with(Series::line("as flown", Style::PredictedAfter, points)).mark(Mark::limit("", 1.0));
-        section = section
-            .figure(figure, format!("{name}: commanded step; as flown {}.", margins(&work.sampled, name)));
+        let found = design_pages::margin_words(&LoopMargins::of(late)?.at_error);
+        section = section.figure(figure, format!("{name}: commanded step; as flown {found}."));
     }
     Ok(section)
 }
 
-/// What speed costs: the margins that are left as the pose gets older.
+/// What a late pose costs: the margins that are left as it gets older.
 fn ages(work: &Work) -> anyhow::Result<Section> {
     let names = work.sampled.loops.iter().map(|l| Column::text(l.name));
     let columns: Vec<Column> =
@@ -382,24 +373,24 @@ fn ages(work: &Work) -> anyhow::Result<Section> {
         .table(table))
 }
 
-/// Oldest pose of the table, samples.
+/// Age of the oldest pose in the table, samples.
 const OLDEST_POSE: usize = 6;
 
 /// Appendix B: what the integral part is for.
 fn disturbances(work: &Work) -> anyhow::Result<Section> {
     let mut section = Section::new("Constant disturbances (appendix B)").paragraph(
-        "A step of 1 N or 1 rad/s^2 at the actuator: the integral part takes it away, proportional and velocity feedback alone do not.",
+        "A step of 1 N or 1 rad/s^2 at the actuator: the integral part removes its effect; proportional and velocity feedback alone do not.",
     );
     for (plant, closed) in &work.study.loops {
         if !closed.closed.is_stable()? {
             continue;
         }
         let mut without = work.config;
-        *design::curves::gain_mut(&mut without, closed.name, Gain::Integral) = 0.0;
+        *design::loops::gain_mut(&mut without, closed.name, Gain::Integral) = 0.0;
         let without = ClosedLoop::new(&without, plant, closed.name, View::Continuous)?;
         let mut figure = design_pages::disturbance(closed)?;
         if without.closed.is_stable()? {
-            let points = design::response::disturbance_step(&without, design::check::LONG_S)?.points();
+            let points = design::analysis::disturbance_step(&without, design::analysis::LONG_S)?.points();
             figure = figure.with(Series::line("without integral", Style::PredictedBefore, points));
         }
         let numbers = work.continuous.disturbances.iter().find(|d| d.name == closed.name.name());
@@ -410,7 +401,7 @@ fn disturbances(work: &Work) -> anyhow::Result<Section> {
                 significant(d.peak, 3),
                 d.unit,
                 significant(d.peak_s, 3),
-                design::check::LONG_S,
+                design::analysis::LONG_S,
                 significant(d.last, 2),
                 significant(d.last_without_integral, 3)
             )

@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use diagnosis::{Diagnosis, workflow};
-use model::Model;
 
+use crate::cli::colour;
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::{self, SetOptions};
-use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::cli::model_files::read_model;
+use crate::cli::output::{Outcome, OverwriteOptions, provenance};
 use crate::cli::terminal::Terminal;
 use crate::cli::user_effects::EffectOptions;
 use crate::render::{evidence, pages, tables};
@@ -38,7 +39,7 @@ pub(crate) struct Options {
     effects: EffectOptions,
 
     /// New flights: what has changed since the model was made? For example: --changed today-1.csv today-2.csv
-    #[arg(long, value_name = "CSV", num_args = 1.., conflicts_with_all = ["train", "validate", "html"])]
+    #[arg(long, value_name = "CSV", num_args = 1.., conflicts_with_all = ["train", "validate"])]
     changed: Vec<PathBuf>,
 
     /// Show all the evidence for and against one effect, missing or in the model, for example: --why ground-effect
@@ -54,6 +55,9 @@ pub(crate) struct Options {
 
     #[command(flatten)]
     faults: FaultOptions,
+
+    #[command(flatten)]
+    overwrite: OverwriteOptions,
 
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
@@ -95,16 +99,17 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
 }
 
 fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> {
-    let mut inputs = sets.paths();
+    let files = sets.files()?;
+    let mut inputs = files.paths();
     inputs.push(&options.model);
     inputs.extend(options.effects.paths());
-    check_outputs(&options.html, &inputs)?;
+    options.overwrite.check(&options.html, &inputs)?;
     let effects = options.effects.read()?;
-    let model = Model::read(&options.model)?;
+    let model = read_model(&options.model)?;
     let search = options.without.options()?;
     let asked = options.why.as_deref().map(crate::commands::add::known_effect).transpose()?;
     let terminal = Terminal::new(options.json);
-    let mut sets = sets.read(&model.vehicle, options.faults.reading(), &terminal)?;
+    let mut sets = files.read(&model.vehicle, options.faults.reading(), &terminal)?;
     if let Some(effect) = asked {
         let why = workflow::why(&model, effect, &effects, &mut sets, &search, &terminal)?;
         return if options.json { Outcome::json(&why) } else { Ok(Outcome::done(evidence::text(&why))) };
@@ -125,18 +130,30 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
 }
 
 fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
+    let files = flights::files(&options.changed)?;
+    let inputs: Vec<&PathBuf> = files.iter().chain([&options.model]).chain(options.effects.paths()).collect();
+    options.overwrite.check(&options.html, &inputs)?;
     let effects = options.effects.read()?;
-    let model = Model::read(&options.model)?;
+    let model = read_model(&options.model)?;
     let terminal = Terminal::new(options.json);
-    let mut changed = flights::read(&options.changed, &model.vehicle, options.faults.reading(), &terminal)?;
+    let mut changed = flights::read(&files, &model.vehicle, options.faults.reading(), &terminal)?;
     if model.fit.as_ref().is_none_or(|fit| fit.scatter.is_empty()) {
-        eprintln!(
-            "warning: {}: does not say how much the craft differed from flight to flight; changes are judged against noise alone",
+        colour::warn(&format!(
+            "{}: does not say how much the craft differed from flight to flight; changes are judged against noise alone",
             options.model.display()
-        );
+        ));
     }
     let diagnosis = workflow::changed(&model, &effects, &mut changed, &terminal)?;
     terminal.clear();
+    if let Some(path) = &options.html {
+        pages::with_checks(
+            pages::changed(&model, &changed.flights, &diagnosis),
+            &changed.flights,
+            &changed.faults,
+        )
+        .provenance(provenance(&[&options.model], &changed.flights))
+        .write(path)?;
+    }
     if options.json {
         faults::json(&diagnosis, &changed.flights, &changed.faults)
     } else {
@@ -146,7 +163,7 @@ fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
 }
 
 fn text(options: &Options, diagnosis: &Diagnosis) -> String {
-    let mut text = tables::paragraph(&diagnosis.summary);
+    let mut text = colour::lead(&tables::paragraph(&diagnosis.summary));
     for grid in [tables::evidence(diagnosis), tables::candidates(diagnosis, true)] {
         if grid.has_rows() {
             text.push_str(&format!("\n{}", grid.to_text()));

@@ -1,4 +1,5 @@
-//! `quadlab excite`: a pattern file that makes a flight tell, and what it will tell, before it is flown.
+//! `quadlab excite`: a pattern file for an informative flight, and what it will tell, before it is
+//! flown.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -6,26 +7,26 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use control::Config;
 use design::Gains;
-use design::linear::Linear;
-use design::procedure::{Method, Specs, design};
-use design::trim::TrimTarget;
+use design::plant::{Linear, TrimTarget};
+use design::synthesis::{Method, Specs, design};
 use diagnosis::planning::information::{Expected, Parameter};
 use model::Model;
 use pattern::{Pattern, relative_peak_factor};
+use report::number::{fixed, unit, value_and_error};
 use report::{Axis, Figure, Page, Panels, Section, Series, Style, significant};
 use serde::Serialize;
 use sil::manoeuvre::{Injection, Signal, library};
-use sil::plan::{BAND_HZ, GENTLE, known_error};
+use sil::next_flight::{BAND_HZ, GENTLE, known_error};
 use sil::predict::{Course, Foreseen, Predictor, Prospect};
 
-use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::cli::output::{Outcome, OverwriteOptions, provenance};
 use crate::commands::demo_effect;
 
-/// Write a flight that makes the model's coefficients known, and say how well, before it is flown.
+/// Write a flight that determines the model's coefficients, and say how well, before it is flown.
 ///
-/// The pattern is flown in simulation by the current model; its Fisher information, for residuals coloured like those of
-/// real fits, gives the standard error of each coefficient and which effects of the catalogue would stay unseen. Exit
-/// status 1 if the craft cannot fly it.
+/// The pattern is flown in simulation by the current model; its Fisher information, for residuals
+/// coloured like those of real fits, gives the standard error of each coefficient and which effects
+/// of the catalogue would stay unseen. Exit status 1 if the craft cannot fly it.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  quadlab excite --model model.toml --out pattern.csv\n  quadlab excite --model model.toml --path hover --signal thesis --amplitude 20 --seed 3 --out pattern.csv\n  quadlab excite --model model.toml --pattern pattern.csv      # only say what it would tell"
@@ -35,12 +36,12 @@ pub(crate) struct Options {
     #[arg(long, value_name = "TOML")]
     model: PathBuf,
 
-    /// Gains file of the law that will fly it; designed for the model if not given
+    /// Gains file of the law that will fly it [default: gains designed for the model]
     #[arg(long, value_name = "TOML")]
     gains: Option<PathBuf>,
 
-    /// Where to fly: hover, yaw-round, yaw-swings, height-steps, low-flight, climbs, dashes-forward, dashes-sideways,
-    /// dashes-yawed, shuttle, circle, tour
+    /// Where to fly: hover, yaw-round, yaw-swings, height-steps, low-flight, climbs,
+    /// dashes-forward, dashes-sideways, dashes-yawed, shuttle, circle, tour
     #[arg(long, value_name = "NAME", default_value = "tour")]
     path: String,
 
@@ -48,7 +49,7 @@ pub(crate) struct Options {
     #[arg(long, value_enum, default_value_t = Word::Multisine)]
     signal: Word,
 
-    /// Amplitude of a sine of the same power, command units; 1.5 % of the command range if not given
+    /// Amplitude of a sine of equal power, command units [default: 1.5 % of the command range]
     #[arg(long, value_name = "COMMAND", allow_negative_numbers = true)]
     amplitude: Option<f64>,
 
@@ -60,11 +61,11 @@ pub(crate) struct Options {
     #[arg(long, value_name = "S", default_value_t = 20.0)]
     duration: f64,
 
-    /// Of random sines, phases and the tour
+    /// Seed of random sines, phases and the tour
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 
-    /// A pattern file to look at instead of making one
+    /// Judge this pattern file instead of making one
     #[arg(long, value_name = "CSV", conflicts_with_all = ["path", "signal", "amplitude", "band", "duration", "out"])]
     pattern: Option<PathBuf>,
 
@@ -75,6 +76,9 @@ pub(crate) struct Options {
     /// Write a page with figures, for example: --html pattern.html
     #[arg(long, value_name = "HTML")]
     html: Option<PathBuf>,
+
+    #[command(flatten)]
+    overwrite: OverwriteOptions,
 
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
@@ -161,7 +165,7 @@ struct EffectEntry {
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let inputs: Vec<&PathBuf> =
         std::iter::once(&options.model).chain(&options.gains).chain(&options.pattern).collect();
-    check_outputs(options.out.iter().chain(&options.html), &inputs)?;
+    options.overwrite.check(options.out.iter().chain(&options.html), &inputs)?;
     let model = Model::read(&options.model)?;
     let given = options.pattern.as_ref().map(|path| Pattern::read(path)).transpose()?;
     let predictor = predictor(&model, &options.model, options.gains.as_deref(), options.seed)?;
@@ -187,8 +191,9 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     Ok(Outcome { holds, ..outcome })
 }
 
-/// The model under the gains of a file, or else under the first that fly it: designed the thesis' way, which takes a second;
-/// by the search for a late pose; the thesis' own, if they suit; and these without the cancellers that only flapping asks for.
+/// The model under the gains of a file, or else under the first that fly it: designed the thesis'
+/// way, which takes a second; by the search for a late pose; the thesis' own, if they suit; and
+/// these without the cancellers that only flapping asks for.
 pub(crate) fn predictor(
     model: &Model,
     path: &Path,
@@ -200,13 +205,13 @@ pub(crate) fn predictor(
     }
     let under = |config: Config| anyhow::Ok(Predictor::new(model.clone(), config, seed)?);
     if let Some(gains) = gains {
-        return under(design::fit::read_for(gains, model)?.config);
+        return under(design::gains_match::read_for(gains, model)?.config);
     }
     let designed = |method: Method| under(design(model, &Specs { method, ..Specs::default() })?.config);
     let of_thesis = |cancellers: bool| {
         let mut config = Config::thesis();
         let linear = Linear::new(model, &TrimTarget::default())?;
-        design::fit::fit(&Gains { config, provenance: None }, model, &linear, path)?;
+        design::gains_match::gains_match(&Gains { config, provenance: None }, model, &linear, path)?;
         if !cancellers {
             demo_effect::without_cancellers(&mut config);
         }
@@ -337,11 +342,35 @@ fn effect(prospect: &Prospect) -> EffectEntry {
 /// `wanted`: whether a pattern file was asked for.
 fn described(document: &Document, wanted: bool) -> String {
     let mut text = String::new();
+    describe_flight(&mut text, document);
+    describe_injection(&mut text, document);
+    let noise: Vec<String> = document.noise.iter().map(|n| significant(*n, 2)).collect();
+    let _ = writeln!(
+        text,
+        "Assumed residual: u v w {} m/s^2, p q r {} rad/s^2",
+        noise[..3].join(" "),
+        noise[3..].join(" ")
+    );
+    if !document.cannot_be_told_apart.is_empty() {
+        let _ = writeln!(text, "\nCannot be told apart: {}", document.cannot_be_told_apart.join(", "));
+    }
+    describe_coefficients(&mut text, document);
+    describe_effects(&mut text, document);
+    text.push('\n');
+    if let Some(path) = &document.pattern {
+        let _ = writeln!(text, "\npattern file: {path}");
+    } else if wanted {
+        text.push_str("\nno pattern file written\n");
+    }
+    text
+}
+
+fn describe_flight(text: &mut String, document: &Document) {
     let f = &document.flight;
     if let Some(trouble) = &f.trouble {
         let _ = writeln!(
             text,
-            "NOT TO BE FLOWN: {trouble}. Take a smaller --amplitude, another --path, or gains for this model (--gains).\n"
+            "DO NOT FLY THIS: {trouble}. Try a smaller --amplitude, another --path, or gains for this model (--gains).\n"
         );
     }
     let [x, y, z] = f.position_m;
@@ -360,6 +389,9 @@ fn described(document: &Document, wanted: bool) -> String {
         -z[0],
         f.saturated_ticks
     );
+}
+
+fn describe_injection(text: &mut String, document: &Document) {
     let i = &document.injection;
     let factors: Vec<String> =
         i.relative_peak_factor.iter().map(|v| v.map_or_else(|| "-".into(), |v| format!("{v:.2}"))).collect();
@@ -369,18 +401,11 @@ fn described(document: &Document, wanted: bool) -> String {
         i.peak.map(|p| significant(p, 3)).join(" "),
         factors.join(" "),
         i.largest_correlation,
-        largest(&f.command_correlation)
+        largest(&document.flight.command_correlation)
     );
-    let noise: Vec<String> = document.noise.iter().map(|n| significant(*n, 2)).collect();
-    let _ = writeln!(
-        text,
-        "Residual reckoned with: u v w {} m/s^2, p q r {} rad/s^2",
-        noise[..3].join(" "),
-        noise[3..].join(" ")
-    );
-    if !document.cannot_be_told_apart.is_empty() {
-        let _ = writeln!(text, "\nCannot be told apart: {}", document.cannot_be_told_apart.join(", "));
-    }
+}
+
+fn describe_coefficients(text: &mut String, document: &Document) {
     let _ = writeln!(
         text,
         "\n{:<19}{:<16}{:>11}{:>12}{:>9}{:>12}  unit",
@@ -388,19 +413,24 @@ fn described(document: &Document, wanted: bool) -> String {
     );
     for c in &document.coefficients {
         let number = |v: Option<f64>| v.map_or_else(|| "-".into(), |v| significant(v, 2));
+        let [value, error] = value_and_error(c.value, c.std_error);
         let percent = c.std_error.map(|e| 100.0 * e / c.value.abs()).filter(|p| p.is_finite());
         let _ = writeln!(
             text,
             "{:<19}{:<16}{:>11}{:>12}{:>9}{:>12}  {}",
             c.effect,
             c.name,
-            significant(c.value, 4),
-            number(c.std_error),
+            value,
+            error,
             number(percent),
             number(c.std_error_known),
-            c.unit
+            unit(c.unit)
         );
     }
+}
+
+/// Effects that the flight would show, and those that it would not.
+fn describe_effects(text: &mut String, document: &Document) {
     let (seen, unseen): (Vec<&EffectEntry>, Vec<&EffectEntry>) =
         document.effects.iter().partition(|e| e.excited);
     let seen: Vec<String> =
@@ -408,7 +438,7 @@ fn described(document: &Document, wanted: bool) -> String {
     let none = |list: String| if list.is_empty() { "none".into() } else { list };
     let _ = writeln!(
         text,
-        "\nOf ordinary size these would be found (standard errors by which they stand out): {}",
+        "\nAt their typical size these would be found (standard errors by which they stand out): {}",
         none(seen.join(", "))
     );
     text.push_str("Not excited:");
@@ -417,18 +447,13 @@ fn described(document: &Document, wanted: bool) -> String {
     }
     for e in unseen {
         let how = match (e.deviations, e.share_percent) {
-            (Some(d), Some(s)) => format!("{d:.1} standard errors, {s:.2} % of the squared error"),
-            _ => "does not act in this flight, or exactly like something else".into(),
+            (Some(d), Some(s)) => {
+                format!("{} standard errors, {} % of the squared error", fixed(d, 1), fixed(s, 2))
+            }
+            _ => "does not act in this flight, or acts exactly like something else".into(),
         };
         let _ = write!(text, "\n  {:<22}{how}; to see it: {}", e.effect, e.to_see_it);
     }
-    text.push('\n');
-    if let Some(path) = &document.pattern {
-        let _ = writeln!(text, "\npattern file: {path}");
-    } else if wanted {
-        text.push_str("\nno pattern file written\n");
-    }
-    text
 }
 
 fn largest(correlation: &[[f64; 4]; 4]) -> f64 {
@@ -468,7 +493,7 @@ fn page(document: &Document, pattern: &Pattern, predictor: &Predictor) -> anyhow
     );
     let text = described(document, false);
     Ok(Page::new(
-        "A flight that tells",
+        "An informative flight",
         "What a pattern will tell, from a simulated flight of the current model.",
     )
     .section(

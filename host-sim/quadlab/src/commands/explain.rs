@@ -4,12 +4,14 @@ use std::path::PathBuf;
 
 use diagnosis::workflow::{self, Explanation};
 use diagnosis::{Unexplained, Verdict};
-use model::{Effect, PerAxis, Vehicle};
+use model::{Effect, PerAxis};
 use serde::Serialize;
 
+use crate::cli::colour;
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::SetOptions;
-use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::cli::model_files::read_vehicle;
+use crate::cli::output::{Outcome, OverwriteOptions, provenance};
 use crate::cli::refine::{self, RefineOptions, RefinementEntry};
 use crate::cli::terminal::Terminal;
 use crate::cli::user_effects::EffectOptions;
@@ -51,21 +53,25 @@ pub(crate) struct Options {
     #[command(flatten)]
     faults: FaultOptions,
 
+    #[command(flatten)]
+    overwrite: OverwriteOptions,
+
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
     json: bool,
 }
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
-    let mut inputs = options.sets.paths();
+    let files = options.sets.files()?;
+    let mut inputs = files.paths();
     inputs.push(&options.vehicle);
     inputs.extend(options.effects.paths());
-    check_outputs([&options.out].into_iter().chain(&options.html), &inputs)?;
-    let vehicle = Vehicle::read(&options.vehicle)?;
+    options.overwrite.check([&options.out].into_iter().chain(&options.html), &inputs)?;
+    let vehicle = read_vehicle(&options.vehicle)?;
     let effects = options.effects.read()?;
     let search = options.without.options()?;
     let terminal = Terminal::new(options.json);
-    let mut sets = options.sets.read(&vehicle, options.faults.reading(), &terminal)?;
+    let mut sets = files.read(&vehicle, options.faults.reading(), &terminal)?;
     let explanation =
         workflow::explain(&vehicle, &effects, &mut sets, &search, options.refine.rows(), &terminal)?;
     terminal.clear();
@@ -87,7 +93,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
 fn text(options: &Options, explanation: &Explanation) -> String {
     let mut text = format!(
         "{}\n{}",
-        tables::paragraph(&explanation.conclusion()),
+        colour::lead(&tables::paragraph(&explanation.conclusion())),
         tables::falling_error(explanation).to_text()
     );
     text.push_str(&format!("\n{}", tables::coefficients(&explanation.model).to_text()));

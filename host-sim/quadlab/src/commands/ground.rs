@@ -1,4 +1,5 @@
-//! `quadlab ground`: the ground station, with a simulated laboratory for those who have none at hand.
+//! `quadlab ground`: the ground station, with a simulated laboratory for those who have none at
+//! hand.
 
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
@@ -6,14 +7,14 @@ use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, ToSocketAddrs};
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
-use ::ground::frames::{Axes, Frames};
-use ::ground::link::{Link, LinkSettings, PORT};
-use ::ground::mission::{Step, read_script};
-use ::ground::mocap::{Receiver, Vicon};
-use ::ground::optitrack::{COMMAND_PORT, OptiTrack};
-use ::ground::recorder::{Finished, Recorder, finish, part_of};
-use ::ground::replay::Replay;
-use ::ground::run::{Ended, Stay, View, catch_interrupts, connect, run as fly};
+use ::ground::link::{CraftLink, LinkSettings, PORT};
+use ::ground::mission::{MissionStep, read_script};
+use ::ground::mocap::Replay;
+use ::ground::mocap::frames::{Axes, Frames};
+use ::ground::mocap::optitrack::{COMMAND_PORT, OptiTrack};
+use ::ground::mocap::{MocapReceiver, Vicon};
+use ::ground::recording::{Finished, Recorder, finish, part_of};
+use ::ground::run::{RunResult, RunUntil, View, catch_interrupts, connect, run as fly};
 use ::ground::station::{Settings, Station};
 use ::ground::view::{Live, Plain};
 use model::Model;
@@ -25,11 +26,11 @@ use crate::cli::output::Outcome;
 use crate::commands::excite::predictor;
 use crate::commands::simulated_laboratory::Simulated;
 
-/// Fly a craft: send poses and commands, show and record what it says.
+/// Fly a craft: send poses and commands, show and record its telemetry.
 ///
-/// Keys in the live view: a arm, t take off, p pattern, l land, D disarm, space CUT, q quit (landing first). Ctrl-C lands a
-/// flying craft and ends; a second one ends at once. Exit status 1 if what was asked for did not come about or something
-/// was wrong on the way (the craft's clock, the recording).
+/// Keys in the live view: a arm, t take off, p pattern, l land, D disarm, space CUT, q quit
+/// (landing first). Ctrl-C lands a flying craft and ends; a second one ends at once. Exit status 1
+/// if something asked for was not done or something went wrong (the craft's clock, the recording).
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     quadlab ground --simulated\n  \
@@ -51,11 +52,12 @@ pub(crate) struct Options {
     #[arg(long, value_name = "TOML", requires = "simulated")]
     model: Option<PathBuf>,
 
-    /// Gains that the simulated craft flies with [default: some that suit the model, with the gyro and faster ways]
+    /// Gains that the simulated craft flies with [default: gains that suit the model, for
+    /// identification flights]
     #[arg(long, value_name = "TOML", requires = "simulated")]
     gains: Option<PathBuf>,
 
-    /// By which part the simulated craft's clock runs fast, for example: --clock-skew 0.01
+    /// How fast the simulated craft's clock runs, for example 1 % fast: --clock-skew 0.01
     #[arg(
         long,
         value_name = "PART",
@@ -93,15 +95,15 @@ pub(crate) struct Options {
     #[arg(long, value_name = "ADDRESS", default_value = "0.0.0.0")]
     interface: Ipv4Addr,
 
-    /// Poses of a flight file instead of a tracker's
+    /// Send the poses of a flight file instead of a tracker's
     #[arg(long, value_name = "CSV", conflicts_with = "no_tracker")]
     replay: Option<PathBuf>,
 
-    /// How many times as fast as it was flown
+    /// Speed of the replay: 2 is twice as fast as it was flown
     #[arg(long, value_name = "TIMES", default_value_t = 1.0, requires = "replay")]
     speed: f64,
 
-    /// No poses from here
+    /// Send no poses
     #[arg(long)]
     no_tracker: bool,
 
@@ -137,7 +139,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "CSV")]
     pattern: Option<PathBuf>,
 
-    /// How often the pattern is flown
+    /// How many times the pattern is flown
     #[arg(long, value_name = "N", default_value_t = 1, requires = "pattern", value_parser = clap::value_parser!(u32).range(1..=1000))]
     times: u32,
 
@@ -169,7 +171,7 @@ pub(crate) struct Options {
     #[arg(long, conflicts_with = "record")]
     no_record: bool,
 
-    /// Lines on standard error instead of the live view; so it is where there is no terminal, too
+    /// Lines on standard error instead of the live view; the default where there is no terminal
     #[arg(long)]
     plain: bool,
 
@@ -199,7 +201,7 @@ fn three(text: &str) -> Result<Three, String> {
 enum GroundError {
     #[error("{option} {text}: {why}; give an address such as 192.168.7.2:{port}")]
     Address { option: &'static str, text: String, why: String, port: u16 },
-    #[error("{}: cannot look for a free name: {source}; give one with --record", folder.display())]
+    #[error("{}: cannot search for a free name: {source}; give one with --record", folder.display())]
     Names { folder: PathBuf, source: std::io::Error },
 }
 
@@ -214,11 +216,12 @@ struct Document<'a> {
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     if let Some(name) = &options.recover {
-        let well = Ended { well: true, why: None };
+        let well = RunResult { well: true, why: None };
         return outcome(options, &well, Some(&finish(name)?));
     }
     let (steps, pattern) = steps(options)?;
-    let stay = if options.script.is_some() || options.arm { Stay::UntilDone } else { Stay::UntilTold };
+    let until =
+        if options.script.is_some() || options.arm { RunUntil::MissionOver } else { RunUntil::Interrupted };
     let plan = options.simulated.then(|| plan(options)).transpose()?;
     let lab = plan.map(|plan| Simulated::start(&plan, options.clock_skew)).transpose()?;
     let craft = match (&lab, &options.craft) {
@@ -232,7 +235,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         counters: None,
         allow_open: options.allow_open,
     };
-    let link = Link::open(&link, craft.ip())?;
+    let link = CraftLink::open(&link, craft.ip())?;
     let tracker = tracker(options, lab.as_ref())?;
     let name = (!options.no_record).then(|| name(options)).transpose()?;
     let start = Instant::now();
@@ -246,24 +249,26 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         land_on_clock_fault: options.land_on_clock_fault,
     };
     let mut station = Station::new(settings, link, recorder)?;
-    // Two users of one signal would be a mistake of this program; without it Ctrl-C ends at once, as ever.
+    // Two users of one signal would be a mistake of this program; without it Ctrl-C ends at once,
+    // as ever.
     let _ = catch_interrupts();
     let ended = with_view(options, |view, inputs| {
-        fly(&mut station, connect(craft)?, tracker, inputs, view, stay, start)
+        fly(&mut station, connect(craft)?, tracker, inputs, view, until, start)
     })?;
     station.end_recording();
     let finished = name.as_deref().map(finish).transpose()?;
     outcome(options, &ended, finished.as_ref())
 }
 
-/// The simulated craft, with noisy sensors and a battery that falls, and what it flies with: gains that are given fly as they are.
+/// The simulated craft, with noisy sensors and a battery that falls, and what it flies with: gains
+/// that are given fly as they are.
 fn plan(options: &Options) -> anyhow::Result<FlightPlan> {
     let model = match &options.model {
         Some(path) => Model::read(path)?,
         None => Model::thesis(),
     };
     let config = match (&options.gains, &options.model) {
-        (Some(gains), _) => Some(design::fit::read_for(gains, &model)?.config),
+        (Some(gains), _) => Some(design::gains_match::read_for(gains, &model)?.config),
         (None, Some(path)) => Some(*predictor(&model, path, None, options.seed)?.config()),
         (None, None) => None,
     };
@@ -277,8 +282,8 @@ fn with_view(
     fly: impl FnOnce(
         &mut dyn View,
         Option<std::sync::mpsc::Receiver<::ground::run::Input>>,
-    ) -> std::io::Result<Ended>,
-) -> std::io::Result<Ended> {
+    ) -> std::io::Result<RunResult>,
+) -> std::io::Result<RunResult> {
     if options.plain || !std::io::stdout().is_terminal() {
         return fly(&mut Plain::new(std::io::stderr()), None);
     }
@@ -287,24 +292,24 @@ fn with_view(
     fly(&mut live, Some(inputs))
 }
 
-fn steps(options: &Options) -> anyhow::Result<(Vec<Step>, Vec<Step>)> {
+fn steps(options: &Options) -> anyhow::Result<(Vec<MissionStep>, Vec<MissionStep>)> {
     if let Some(script) = &options.script {
         return Ok((read_script(script)?, Vec::new()));
     }
     let pattern = match &options.pattern {
         Some(path) => {
             let pattern = Box::new(Pattern::read(path)?);
-            vec![Step::Fly { pattern, times: options.times, excite: options.excite }]
+            vec![MissionStep::Fly { pattern, times: options.times, excite: options.excite }]
         }
         None => Vec::new(),
     };
     if !options.arm {
         return Ok((Vec::new(), pattern));
     }
-    let mut steps = vec![Step::Arm {}, Step::TakeOff { height_m: options.take_off }];
+    let mut steps = vec![MissionStep::Arm {}, MissionStep::TakeOff { height_m: options.take_off }];
     steps.extend(pattern);
     if options.land_after {
-        steps.push(Step::Land {});
+        steps.push(MissionStep::Land {});
     }
     Ok((steps, Vec::new()))
 }
@@ -320,7 +325,7 @@ fn address(option: &'static str, text: &str, port: u16) -> Result<SocketAddr, Gr
     found.next().ok_or_else(|| refuse("the name has no address".into()))
 }
 
-fn tracker(options: &Options, lab: Option<&Simulated>) -> anyhow::Result<Option<Box<dyn Receiver>>> {
+fn tracker(options: &Options, lab: Option<&Simulated>) -> anyhow::Result<Option<Box<dyn MocapReceiver>>> {
     let usual = if options.natnet.is_some() { Axes::Y_UP } else { Axes::Z_UP };
     let room = options.room.unwrap_or(usual);
     let frames = Frames {
@@ -357,7 +362,7 @@ fn tracker(options: &Options, lab: Option<&Simulated>) -> anyhow::Result<Option<
     Ok(Some(Box::new(Vicon::listen(options.vicon, options.object.clone(), frames)?)))
 }
 
-/// Where to record: as told, or the first name that is free.
+/// Where to record: the name given, or the first that is free.
 fn name(options: &Options) -> Result<PathBuf, GroundError> {
     if let Some(name) = &options.record {
         return Ok(name.clone());
@@ -379,19 +384,19 @@ fn name(options: &Options) -> Result<PathBuf, GroundError> {
     }
 }
 
-fn begin(name: &Path, craft: SocketAddr, tracker: Option<&dyn Receiver>) -> anyhow::Result<Recorder> {
+fn begin(name: &Path, craft: SocketAddr, tracker: Option<&dyn MocapReceiver>) -> anyhow::Result<Recorder> {
     // Before 1970 and after 2554 the log begins at zero.
     let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let epoch_ns = u64::try_from(since_1970.as_nanos()).unwrap_or_default();
     let about = BTreeMap::from([
         ("craft".to_owned(), craft.to_string()),
-        ("tracker".to_owned(), tracker.map_or("none".into(), Receiver::describe)),
+        ("tracker".to_owned(), tracker.map_or("none".into(), MocapReceiver::describe)),
         ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
     ]);
     Ok(Recorder::begin(name, epoch_ns, &about)?)
 }
 
-fn outcome(options: &Options, ended: &Ended, finished: Option<&Finished>) -> anyhow::Result<Outcome> {
+fn outcome(options: &Options, ended: &RunResult, finished: Option<&Finished>) -> anyhow::Result<Outcome> {
     let document = Document {
         well: ended.well,
         why: &ended.why,

@@ -3,13 +3,14 @@
 use std::path::PathBuf;
 
 use diagnosis::workflow::{self, FlightSets, Identified, rotation_refused, shown_record};
-use model::{AxisError, FlightRole, PerAxis, Vehicle};
+use model::{AxisError, FlightRole, PerAxis};
 use serde::Serialize;
 use sysid::MotorsOfFlights;
 
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::SetOptions;
-use crate::cli::output::{Outcome, check_outputs};
+use crate::cli::model_files::read_vehicle;
+use crate::cli::output::{Outcome, OverwriteOptions};
 use crate::cli::refine::{self, RefineOptions, RefinementEntry};
 use crate::cli::terminal::Terminal;
 use crate::cli::user_effects::EffectOptions;
@@ -43,20 +44,24 @@ pub(crate) struct Options {
     #[command(flatten)]
     faults: FaultOptions,
 
+    #[command(flatten)]
+    overwrite: OverwriteOptions,
+
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
     json: bool,
 }
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
-    let mut inputs = options.sets.paths();
+    let files = options.sets.files()?;
+    let mut inputs = files.paths();
     inputs.push(&options.vehicle);
     inputs.extend(options.effects.paths());
-    check_outputs([&options.out], &inputs)?;
-    let vehicle = Vehicle::read(&options.vehicle)?;
+    options.overwrite.check([&options.out], &inputs)?;
+    let vehicle = read_vehicle(&options.vehicle)?;
     let effects = options.effects.read()?;
     let terminal = Terminal::new(options.json);
-    let mut sets = options.sets.read(&vehicle, options.faults.reading(), &terminal)?;
+    let mut sets = files.read(&vehicle, options.faults.reading(), &terminal)?;
     let identified = workflow::identify(&vehicle, &effects, &mut sets, options.refine.rows(), &terminal)?;
     terminal.clear();
     report::write_atomic(&options.out, identified.model.to_toml())?;

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use design::Complex;
-use design::linear::{CANCEL_TOLERANCE, Channel, Linear};
-use design::trim::{INPUT_UNITS, INPUTS, STATE_UNITS, STATES, TrimTarget};
+use design::plant::{CANCEL_TOLERANCE, Channel, Linear};
+use design::plant::{INPUT_UNITS, INPUTS, STATE_UNITS, STATES, TrimTarget};
 use model::Model;
 use report::significant;
 use serde::Serialize;
@@ -22,7 +22,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "TOML")]
     model: PathBuf,
 
-    /// Where: "hover", or a trim file with the motion to hold
+    /// Equilibrium to linearise about: "hover", or a trim file with the motion to hold
     #[arg(long, value_name = "hover|TOML", default_value = "hover")]
     at: PathBuf,
 
@@ -90,7 +90,7 @@ struct CancelledEntry {
     distance_percent: f64,
 }
 
-/// The share that `--cancel` takes.
+/// A value of `--cancel` out of its range.
 #[derive(Debug, thiserror::Error)]
 #[error("--cancel {0}: give a share from 0 to 0.5")]
 struct NoTolerance(f64);
@@ -167,9 +167,9 @@ fn entry(channel: &Channel) -> ChannelEntry {
     }
 }
 
-/// A number for a table: zero is short.
+/// A number for a table, with zero as "0".
 fn number(x: f64) -> String {
-    // Rounding leftovers of an equilibrium are nothing to look at.
+    // What rounding leaves of an equilibrium says nothing.
     if x.abs() < 1e-9 { "0".into() } else { significant(x, 5) }
 }
 
@@ -257,7 +257,7 @@ fn polynomial(coefficients: &[f64]) -> String {
     if text.is_empty() { "0".into() } else { text }
 }
 
-/// Roots as they are read: a pair once, real parts alone.
+/// Roots in words: each conjugate pair once.
 fn roots(roots: &[Complex<f64>]) -> String {
     let shown: Vec<String> = roots
         .iter()

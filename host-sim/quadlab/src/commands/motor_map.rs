@@ -6,16 +6,18 @@ use std::path::{Path, PathBuf};
 use model::{Vehicle, VehicleError};
 use motor_stand::motor_map::{Estimated, Judged, Map, StandResult, motor_map};
 use motor_stand::stand::Stand;
+use report::number::{fixed, percent, with_error};
 use report::{Axis, Figure, Page, Panels, Section, Series, Style, significant};
 use serde::Serialize;
 use toml_edit::{DocumentMut, Item, TableLike, value};
 
-use crate::cli::output::{Outcome, check_outputs, provenance};
+use crate::cli::output::{Outcome, OverwriteOptions, provenance};
 
 /// Find the motor map (command and voltage to rotor speed) and the motors' lag on a test stand.
 ///
-/// The craft logs commands and voltage, another computer the rotor's speed by a clock of its own: both clocks, the map
-/// and the lag come out of one fit, with standard errors, and longer and shorter maps are compared on held-out parts.
+/// The craft logs commands and voltage, another computer the rotor's speed by a clock of its own:
+/// both clocks, the map and the lag come out of one fit, with standard errors, and longer and
+/// shorter maps are compared on held-out parts.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example:\n  quadlab motor-map --vehicle vehicle.toml --craft craft.csv --rotor tachometer.csv --out vehicle.toml\n\nThe craft's log has the columns t (s), cmd or cmd1..cmd4, vbat (V); the tachometer's t (s) and omega,\nor omega1..omega4 (rad/s). Each has a header and its own clock. --out takes over everything else from the\nvehicle file, comments too; it may be the same file."
@@ -37,7 +39,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "1..4", value_parser = clap::value_parser!(u8).range(1..=4))]
     motor: Option<u8>,
 
-    /// Fit command and offset only, for a supply that does not move
+    /// Fit command and offset only, for a supply of constant voltage
     #[arg(long)]
     without_voltage: bool,
 
@@ -48,6 +50,9 @@ pub(crate) struct Options {
     /// Write a page with figures, for example: --html stand.html
     #[arg(long, value_name = "HTML")]
     html: Option<PathBuf>,
+
+    #[command(flatten)]
+    overwrite: OverwriteOptions,
 
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
@@ -64,7 +69,7 @@ struct Document<'a> {
 }
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
-    check_outputs(options.out.iter().chain(&options.html), &[&options.craft, &options.rotor])?;
+    options.overwrite.check(options.out.iter().chain(&options.html), &[&options.craft, &options.rotor])?;
     let text = std::fs::read_to_string(&options.vehicle)
         .map_err(|source| VehicleError::Read { path: options.vehicle.clone(), source })?;
     let vehicle = Vehicle::parse(&text, &options.vehicle)?;
@@ -97,7 +102,8 @@ fn holds(result: &StandResult) -> bool {
         || longest.terms == result.supported
 }
 
-/// The vehicle file with the map and, where it is known, the lag. Everything else stays, comments too.
+/// The vehicle file with the map and, where it is known, the lag. Everything else stays, comments
+/// too.
 fn completed(text: &str, map: &Map, path: &Path) -> anyhow::Result<String> {
     let mut document: DocumentMut = text.parse()?;
     let Some(motors) = document.get_mut("motors").and_then(Item::as_table_like_mut) else {
@@ -138,12 +144,44 @@ fn rounded(estimate: Estimated) -> f64 {
 }
 
 fn plus_minus(e: Estimated, unit: &str) -> String {
-    format!("{} +- {} {unit}", significant(e.value, 5), significant(e.std_error, 2))
+    with_error(e.value, e.std_error, unit)
 }
 
 fn described(result: &StandResult, vehicle: &Vehicle, out: Option<&Path>) -> String {
+    let mut text = described_map(result, vehicle);
+    let clock = &result.clock;
+    let _ = writeln!(
+        text,
+        "\nClocks: the craft's is {} s ahead of the tachometer's and runs {} ms a minute fast",
+        plus_minus(clock.offset_s, ""),
+        with_error(6e4 * clock.skew.value, 6e4 * clock.skew.std_error, "")
+    );
+    let _ = writeln!(
+        text,
+        "Left out: {} missed pulses, {} samples in gaps, missing, or of a rotor at rest or starting",
+        result.missed_pulses, result.left_out
+    );
+    describe_support(&mut text, result);
+    for motor in &result.motors {
+        let _ = writeln!(
+            text,
+            "motor {}: {} than the common map says; by itself command {}, lag {}",
+            motor.motor,
+            difference(motor.faster_rad_s),
+            plus_minus(motor.map.command, ""),
+            plus_minus(motor.map.lag, "rad/s"),
+        );
+    }
+    if let Some(out) = out {
+        let _ = writeln!(text, "\nvehicle file: {}", out.display());
+    }
+    text
+}
+
+/// The map and lag beside those of the vehicle file, and what they leave.
+fn described_map(result: &StandResult, vehicle: &Vehicle) -> String {
     let mut text = String::new();
-    let (map, clock) = (&result.map, &result.clock);
+    let map = &result.map;
     let unit = &vehicle.motors.command_unit;
     let before = &vehicle.motors;
     let mut line = |name: &str, estimate: Estimated, unit: &str, was: Option<f64>| {
@@ -163,25 +201,17 @@ fn described(result: &StandResult, vehicle: &Vehicle, out: Option<&Path>) -> Str
     text.insert_str(0, &head);
     let _ = writeln!(
         text,
-        "  left     {} rad/s root mean square of {} samples, {:.2} to {:.2} V",
+        "  left     {} rad/s root mean square of {} samples, {} to {} V",
         significant(map.rms_rad_s, 3),
         result.samples,
-        result.battery_v[0],
-        result.battery_v[1]
+        fixed(result.battery_v[0], 2),
+        fixed(result.battery_v[1], 2)
     );
-    let _ = writeln!(
-        text,
-        "\nClocks: the craft's is {:.4} +- {:.4} s ahead of the tachometer's and runs {:.1} +- {:.1} ms a minute fast",
-        clock.offset_s.value,
-        clock.offset_s.std_error,
-        6e4 * clock.skew.value,
-        6e4 * clock.skew.std_error
-    );
-    let _ = writeln!(
-        text,
-        "Left out: {} missed pulses, {} samples in gaps, missing, or of a rotor that stood or began",
-        result.missed_pulses, result.left_out
-    );
+    text
+}
+
+/// Which map the data support.
+fn describe_support(text: &mut String, result: &StandResult) {
     let _ = writeln!(text, "\n{:<36}{:>10}{:>10}   support", "map", "fitted", "held out");
     for judged in &result.maps {
         let _ = writeln!(
@@ -197,35 +227,21 @@ fn described(result: &StandResult, vehicle: &Vehicle, out: Option<&Path>) -> Str
     if !holds(result) {
         text.push_str("The vehicle file's map has no such term: it holds the best map without it.\n");
     }
-    for motor in &result.motors {
-        let _ = writeln!(
-            text,
-            "motor {}: {} than the common map says; by itself command {}, lag {}",
-            motor.motor,
-            difference(motor.faster_rad_s),
-            plus_minus(motor.map.command, ""),
-            plus_minus(motor.map.lag, "rad/s"),
-        );
-    }
-    if let Some(out) = out {
-        let _ = writeln!(text, "\nvehicle file: {}", out.display());
-    }
-    text
 }
 
 fn difference(faster: Estimated) -> String {
     let order = if faster.value < 0.0 { "slower" } else { "faster" };
-    format!("{:.1} +- {:.1} rad/s {order}", faster.value.abs(), faster.std_error)
+    format!("{} {order}", with_error(faster.value.abs(), faster.std_error, "rad/s"))
 }
 
 fn support(judged: &Judged) -> String {
     match (judged.against, judged.drop_percent, judged.deviations) {
         (Some(against), Some(drop), Some(deviations)) => format!(
-            "{}: squared error {:.1} % {} than with {against}, {:.1} deviations",
+            "{}: squared error {} % {} than with {against}, {} deviations",
             if judged.supported { "yes" } else { "no" },
-            drop.abs(),
+            percent(drop.abs()),
             if drop < 0.0 { "more" } else { "less" },
-            deviations.abs()
+            fixed(deviations.abs(), 1)
         ),
         _ => "the simplest".into(),
     }
@@ -281,11 +297,11 @@ fn page(result: &StandResult, vehicle: &Vehicle) -> Page {
             Section::new("What is left")
                 .figure(
                     against("Against the command", Axis::new("command", unit), &samples.command),
-                    "A curve would ask for a longer map.",
+                    "A curve would mean that the map needs more terms.",
                 )
                 .figure(
                     against("Against the voltage", Axis::new("voltage", "V"), &samples.battery_v),
-                    "A slope would say that the voltage acts in another way.",
+                    "A slope would mean that the voltage acts in another way.",
                 ),
         )
 }

@@ -6,17 +6,17 @@ use std::path::PathBuf;
 use model::{Effect, Model};
 use report::significant;
 use serde::Serialize;
-use sil::plan::{APART, Goal, Proposal, check_effect, coefficient, known_error, plan};
+use sil::next_flight::{APART, Goal, Proposal, check_effect, coefficient, known_error, plan};
 use sil::predict::Predictor;
 
-use crate::cli::output::{Outcome, check_outputs};
+use crate::cli::output::{Outcome, OverwriteOptions};
 use crate::commands::excite::predictor;
 use crate::render::tables;
 
 /// Say what to fly next: the flight that best tells two effects apart, or makes an error small.
 ///
-/// Manoeuvres of a library are flown in simulation by the current model and ranked by what they would tell. Exit status 1
-/// if none does what is asked.
+/// Manoeuvres of a library are flown in simulation by the current model and ranked by what they
+/// would tell. Exit status 1 if none does what is asked.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  quadlab plan --model model.toml --separate steady-wind attitude-offset --out next.csv\n  quadlab plan --model model.toml --shrink C_du --out next.csv\n  quadlab plan --model model.toml --shrink ground-effect.k_ground"
@@ -26,7 +26,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "TOML")]
     model: PathBuf,
 
-    /// Gains file of the law that will fly; designed for the model if not given
+    /// Gains file of the law that will fly [default: gains designed for the model]
     #[arg(long, value_name = "TOML")]
     gains: Option<PathBuf>,
 
@@ -48,13 +48,16 @@ pub(crate) struct Options {
     #[arg(long, value_name = "S", default_value_t = 20.0)]
     duration: f64,
 
-    /// Of phases and the tour
+    /// Seed of phases and the tour
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 
     /// Pattern file to write of the best flight, for example: --out next.csv
     #[arg(long, value_name = "CSV")]
     out: Option<PathBuf>,
+
+    #[command(flatten)]
+    overwrite: OverwriteOptions,
 
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
@@ -94,7 +97,7 @@ struct Entry<'a> {
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let inputs: Vec<&PathBuf> = std::iter::once(&options.model).chain(&options.gains).collect();
-    check_outputs(&options.out, &inputs)?;
+    options.overwrite.check(&options.out, &inputs)?;
     if !(8.0..=600.0).contains(&options.duration) {
         return Err(NoPlan::Duration(options.duration).into());
     }
@@ -164,7 +167,7 @@ fn words(goal: Goal) -> String {
 
 /// Why the best flight is the best, in plain words.
 fn why(proposals: &[Proposal], goal: Goal, known: Option<f64>) -> String {
-    let Some(best) = proposals.first() else { return "There is nothing to fly.".into() };
+    let Some(best) = proposals.first() else { return "No flight was found.".into() };
     let hovers = proposals.iter().filter(|p| p.name == "hover");
     let usual = hovers.min_by(|a, b| a.amplitude.total_cmp(&b.amplitude));
     let number = |p: Option<&Proposal>| p.and_then(|p| p.worth);
@@ -174,9 +177,9 @@ fn why(proposals: &[Proposal], goal: Goal, known: Option<f64>) -> String {
             let reason = |a: Effect, b: Effect| a.info().confused_with.iter().find(|(id, _)| *id == b.id());
             let physics = reason(a, b)
                 .or_else(|| reason(b, a))
-                .map(|(_, words)| format!(" As the catalogue has it: {words}."));
+                .map(|(_, words)| format!(" The catalogue says: {words}."));
             format!(
-                "With {a} or {b} of ordinary size in the craft and both in the fit, what is there stands out by {} standard errors; in plain hover by {}.{}",
+                "If the craft has {a} or {b} of typical size and both are fitted, the one it has stands out by {} standard errors; in plain hover by {}.{}",
                 text(best.worth),
                 text(number(usual)),
                 physics.unwrap_or_default()

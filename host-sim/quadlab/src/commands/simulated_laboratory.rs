@@ -1,7 +1,8 @@
 //! The simulated laboratory of `quadlab ground --simulated`, in real time on a thread of its own.
 //!
-//! It speaks what a real one speaks: the craft's packets over UDP, and the tracker's frames in Vicon's format. On a machine that
-//! is too busy, time in it waits for the ground station and catches up later, so that the craft does not fall for it.
+//! It speaks as a real one does: the craft's packets over UDP, and the tracker's frames in Vicon's
+//! format. On a machine that is too busy, time in it waits for the ground station and catches up
+//! later, so that the craft does not fall for it.
 
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;
@@ -9,15 +10,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use ::ground::frames::{Axes, Frames, xyz_from_rotation};
+use ::ground::mocap::frames::{Axes, Frames, xyz_from_rotation};
+use ::ground::mocap::vicon_stream::{Block, Object};
 use ::ground::mocap::{MocapError, Vicon};
-use ::ground::vicon::{Block, Object};
 use sil::{FlightPlan, Laboratory, Radio};
 
 const FRAMES: Frames = Frames::with_axes(Axes::Z_UP);
-/// A machine that stood still for longer than this has lost time; up to that it is caught up with.
+/// The laboratory catches up with a machine that stood still for up to this long.
 const STALL: Duration = Duration::from_millis(100);
-/// So long time waits for a ground station that has been heard before, and no longer: one that has gone is gone.
+/// How long simulated time waits for a ground station that has connected before.
 const WAIT: Duration = Duration::from_millis(250);
 
 /// The laboratory while it runs.

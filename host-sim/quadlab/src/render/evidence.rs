@@ -3,11 +3,15 @@
 use diagnosis::Why;
 use model::Effect;
 
+use report::number::{fixed, p_value, percent, unit, value_and_error};
+
+use crate::cli::colour;
+use crate::render::grid;
 use crate::render::tables::{self, Grid};
 
 /// Everything that was found out about it.
 pub(crate) fn text(why: &Why) -> String {
-    let mut text = tables::paragraph(&why.summary);
+    let mut text = colour::lead(&tables::paragraph(&why.summary));
     for grid in [criteria(why), flights(why), coefficients(why), sets(why), alike(why)] {
         if grid.has_rows() {
             text.push_str(&format!("\n{}", grid.to_text()));
@@ -15,7 +19,8 @@ pub(crate) fn text(why: &Why) -> String {
     }
     let own = match why.variance_inflation {
         inflation if inflation > 10.0 => format!(
-            "The model's own terms look like it: they inflate the variance of its coefficients {inflation:.0} times. "
+            "The model's own terms look like it: they inflate the variance of its coefficients {} times. ",
+            fixed(inflation, 0)
         ),
         _ => String::new(),
     };
@@ -25,15 +30,15 @@ pub(crate) fn text(why: &Why) -> String {
 }
 
 fn criteria(why: &Why) -> Grid {
-    let mut grid = tables::evidence_grid(
+    let mut grid = Grid::new(
         "What an effect must do to be supported",
-        &["criterion", "found", "needed", "met"],
+        [grid::text("criterion"), grid::text("found"), grid::text("needed"), grid::verdict("met")],
     );
     for c in &why.criteria {
         let shown = |value: f64| match c.unit {
-            "%" => format!("{value:.1} %"),
-            "" => tables::probability(value),
-            unit => format!("{value:.1} {unit}"),
+            "%" => format!("{} %", percent(value)),
+            "" => p_value(value),
+            unit => format!("{} {unit}", fixed(value, 1)),
         };
         let sign = if c.at_most { "at most" } else { "at least" };
         grid.push([
@@ -52,7 +57,7 @@ fn flights(why: &Why) -> Grid {
         &["held-out flight", "u", "v", "w", "p", "q", "r"],
     );
     for flight in &why.flights {
-        let drops = model::AXES.iter().map(|axis| format!("{:.1}", flight.axes[axis.name()].drop_percent));
+        let drops = model::AXES.iter().map(|axis| percent(flight.axes[axis.name()].drop_percent));
         grid.push([flight.flight.clone()].into_iter().chain(drops));
     }
     grid
@@ -61,15 +66,16 @@ fn flights(why: &Why) -> Grid {
 fn coefficients(why: &Why) -> Grid {
     let mut grid = tables::evidence_grid(
         "Its coefficients, everything fitted again",
-        &["name", "value", "+- (95 %)", "unit", "possible"],
+        &["name", "value", "± (95 %)", "unit", "possible"],
     );
     for c in &why.coefficients {
         let (low, high) = c.possible;
+        let [value, half_width] = value_and_error(c.figures.value, Some(c.half_width_95));
         grid.push([
             c.figures.name.into(),
-            report::significant(c.figures.value, 4),
-            report::significant(c.half_width_95, 2),
-            c.figures.unit.into(),
+            value,
+            half_width,
+            unit(c.figures.unit).into(),
             format!("{low} to {high}"),
         ]);
     }
@@ -86,7 +92,7 @@ fn sets(why: &Why) -> Grid {
     for set in all {
         if !shown.contains(&set.effects.as_slice()) {
             shown.push(&set.effects);
-            grid.push([ids(&set.effects).join(" + "), format!("{:.1}", set.score)]);
+            grid.push([ids(&set.effects).join(" + "), fixed(set.score, 1)]);
         }
     }
     grid
@@ -104,7 +110,7 @@ fn alike(why: &Why) -> Grid {
     for other in &why.alike {
         grid.push([
             other.effect.to_string(),
-            format!("{:.0}", other.variance_inflation),
+            fixed(other.variance_inflation, 0),
             other.separate.unwrap_or("fly so that they move separately").into(),
         ]);
     }

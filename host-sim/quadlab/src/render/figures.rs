@@ -1,13 +1,15 @@
 //! Figures of flights and models: measured against predicted, residual against what it depends on, error of prediction.
 
-use model::{Axis, Model};
+use model::{Axis, Effect};
+use report::number::percent;
 use report::{Figure, Mark, Panels, Series, Style, bin_statistics, binned_scatter};
 use sysid::compare::HorizonError;
-use sysid::prepare::conditions::Condition;
-use sysid::{Prepared, Residuals, residuals};
 
-/// Length of the stretch shown of a flight, s: long enough for a few manoeuvres, short enough to see each.
-const SHOWN_S: f64 = 12.0;
+use crate::render::view::{View, acts_through};
+
+/// Length over which the size of an error is taken in the course of a flight, s.
+const LEVEL_S: f64 = 0.5;
+
 /// Ranges of equal count that a condition is cut into.
 const BINS: usize = 16;
 
@@ -23,121 +25,156 @@ pub(crate) const fn axis_name(axis: Axis) -> &'static str {
     }
 }
 
-/// A flight seen by a model: residuals and what they can be judged by.
-pub(crate) struct View {
-    name: String,
-    period_s: f64,
-    residuals: Residuals,
-    conditions: Vec<Condition>,
-    time_s: Vec<f64>,
-}
-
-impl View {
-    pub(crate) fn new(flight: &Prepared, model: &Model) -> Self {
-        let conditions = flight.conditions(&model.vehicle, &model.adjustments());
-        Self {
-            name: flight.name.clone(),
-            period_s: flight.period_s,
-            residuals: residuals(flight, model),
-            time_s: conditions.time_s.clone(),
-            conditions: conditions.all(),
-        }
-    }
-
-    pub(crate) fn all(flights: &[&Prepared], model: &Model) -> Vec<Self> {
-        flights.iter().map(|flight| Self::new(flight, model)).collect()
-    }
-
-    /// Points of a series over a range of rows; a gap in time breaks the line.
-    fn line(&self, rows: std::ops::Range<usize>, value: impl Fn(usize) -> f64) -> Vec<(f64, f64)> {
-        let mut points = Vec::with_capacity(rows.len());
-        for row in rows.clone() {
-            if row > rows.start && self.time_s[row] - self.time_s[row - 1] > 3.0 * self.period_s {
-                points.push((self.time_s[row], f64::NAN));
-            }
-            points.push((self.time_s[row], value(row)));
-        }
-        points
-    }
-}
-
-/// The stretch in which the model fails most: rows, over the axes, each weighed by its own error over the flight.
-fn worst_stretch(view: &View, axes: &[Axis]) -> std::ops::Range<usize> {
-    let rows = view.time_s.len();
-    let length = ((SHOWN_S / view.period_s) as usize).min(rows);
-    let mut cost = vec![0.0; rows];
-    for axis in axes {
-        let errors = &view.residuals.residual[axis.index()];
-        let total: f64 = errors.iter().map(|e| e * e).sum();
-        if total > 0.0 {
-            cost.iter_mut().zip(errors).for_each(|(c, e)| *c += e * e / total);
-        }
-    }
-    let mut sum: f64 = cost[..length].iter().sum();
-    let (mut best, mut most) = (0, sum);
-    for start in 1..=rows - length {
-        sum += cost[start + length - 1] - cost[start - 1];
-        if sum > most {
-            (best, most) = (start, sum);
-        }
-    }
-    best..best + length
-}
-
 /// A stack of figures and the sentence below it.
 pub(crate) struct Captioned {
     pub(crate) panels: Panels,
     pub(crate) caption: String,
 }
 
-/// Measured against predicted for each of `axes`, over the stretch of the flight where the model fails most. With
-/// `after`, the predictions of two models.
+/// Measured against predicted for each of `axes`, over a whole flight. With `after`, the predictions of two models.
 pub(crate) fn measured_against_predicted(before: &View, after: Option<&View>, axes: &[Axis]) -> Captioned {
-    let rows = worst_stretch(before, axes);
-    let figures: Vec<Figure> = axes
-        .iter()
-        .map(|axis| {
-            let k = axis.index();
-            let measured = &before.residuals.measured[k];
-            // Both predictions are drawn as measured minus residual, against one and the same measured line.
-            let predicted =
-                |view: &View| view.line(rows.clone(), |row| measured[row] - view.residuals.residual[k][row]);
-            let (name, style) = match after {
-                Some(_) => ("predicted before", Style::PredictedBefore),
-                None => ("predicted", Style::PredictedAfter),
-            };
-            let mut figure = Figure::new(
-                axis_name(*axis),
-                report::Axis::new("time", "s"),
-                report::Axis::new(axis.name(), axis.unit()),
-            )
-            .with(Series::line("measured", Style::Measured, before.line(rows.clone(), |row| measured[row])))
+    let panel = |axis: &Axis| {
+        let measured = &before.residuals.measured[axis.index()];
+        // Both predictions are drawn as measured minus residual, against one and the same measured line.
+        let predicted = |view: &View| view.line(|row| measured[row] - view.residual(*axis)[row]);
+        let (name, style) = match after {
+            Some(_) => ("predicted without it", Style::PredictedBefore),
+            None => ("predicted", Style::PredictedAfter),
+        };
+        let figure = Figure::new(axis_name(*axis), time(), report::Axis::new(axis.name(), axis.unit()))
+            .with(Series::line("measured", Style::Measured, before.line(|row| measured[row])))
             .with(Series::line(name, style, predicted(before)));
-            if let Some(after) = after {
-                figure =
-                    figure.with(Series::line("predicted after", Style::PredictedAfter, predicted(after)));
+        match after {
+            Some(after) => {
+                figure.with(Series::line("predicted with it", Style::PredictedAfter, predicted(after)))
             }
-            figure
-        })
-        .collect();
+            None => figure,
+        }
+    };
     let caption = format!(
-        "{}, the {:.0} s in which the {}model fails most. Accelerations are felt ones, without gravity.",
-        before.name,
-        rows.len() as f64 * before.period_s,
-        if after.is_some() { "first " } else { "" },
+        "The whole flight {}. Forces are shown as an accelerometer feels them, without gravity.",
+        before.name
     );
-    Captioned { panels: Panels::new(figures), caption }
+    Captioned { panels: Panels::new(axes.iter().map(panel).collect::<Vec<_>>()), caption }
 }
 
-/// (condition, residual) of all flights.
-fn points(views: &[View], axis: Axis, condition: usize) -> Vec<(f64, f64)> {
-    views
+/// How large the residual of each of `axes` is in the course of a flight, by a model without an effect and one with it.
+pub(crate) fn error_over_time(without: &View, with: &View, axes: &[Axis]) -> Captioned {
+    let panel = |axis: &Axis| {
+        let line = |view: &View| {
+            let level = level(view.residual(*axis), view.rows_in(LEVEL_S));
+            view.line(|row| level[row])
+        };
+        Figure::new(
+            axis_name(*axis),
+            time(),
+            report::Axis::new(format!("rms of {}", axis.name()), axis.unit()),
+        )
+        .with(Series::line("without it", Style::PredictedBefore, line(without)))
+        .with(Series::line("with it", Style::PredictedAfter, line(with)))
+    };
+    let caption = format!(
+        "The whole flight {}: root mean square of measured minus predicted over {LEVEL_S}\u{a0}s around each instant.",
+        without.name
+    );
+    Captioned { panels: Panels::new(axes.iter().map(panel).collect::<Vec<_>>()), caption }
+}
+
+/// Root mean square over `rows` rows around each.
+fn level(values: &[f64], rows: usize) -> Vec<f64> {
+    let sums: Vec<f64> = std::iter::once(0.0)
+        .chain(values.iter().scan(0.0, |sum, e| {
+            *sum += e * e;
+            Some(*sum)
+        }))
+        .collect();
+    let around = |row: usize| {
+        let (from, to) = (row.saturating_sub(rows / 2), (row + rows / 2 + 1).min(values.len()));
+        ((sums[to] - sums[from]).max(0.0) / (to - from) as f64).sqrt()
+    };
+    (0..values.len()).map(around).collect()
+}
+
+fn time() -> report::Axis {
+    report::Axis::new("time", "s")
+}
+
+/// The residual of one axis over a quantity that it may depend on.
+pub(crate) fn residual_against(views: &[View], axis: Axis, quantity: &str) -> Option<Figure> {
+    let unit = views.first()?.quantity(quantity)?.unit;
+    let points: Vec<(f64, f64)> = views
         .iter()
-        .flat_map(|view| {
-            let values = view.conditions[condition].values.iter().copied();
-            values.zip(view.residuals.residual[axis.index()].iter().copied())
-        })
-        .collect()
+        .filter_map(|view| Some((view.quantity(quantity)?, view.residual(axis))))
+        .flat_map(|(quantity, residual)| quantity.values.iter().copied().zip(residual.iter().copied()))
+        .collect();
+    let title = format!("Residual of the {} over {quantity}", axis_name(axis));
+    Some(binned_scatter(&title, report::Axis::new(quantity, unit), residual_axis(axis), &points, BINS))
+}
+
+fn residual_axis(axis: Axis) -> report::Axis {
+    report::Axis::new(format!("measured − predicted {}", axis.name()), axis.unit())
+}
+
+/// What an effect acts through in a row, over all rows of all flights, and the axis that it is drawn on.
+struct Through {
+    axis: report::Axis,
+    name: String,
+    values: Vec<f64>,
+}
+
+impl Through {
+    /// Where no log holds what the effect acts through, what it adds to the prediction stands for it.
+    fn new(effect: Effect, axis: Axis, before: &[View], after: &[View]) -> Self {
+        let measured = acts_through(effect, axis).and_then(|name| {
+            let all: Option<Vec<_>> = before.iter().map(|view| view.quantity(name)).collect();
+            all.filter(|all| !all.is_empty())
+        });
+        if let Some(all) = measured {
+            let (name, unit) = (all[0].name, all[0].unit);
+            let values = all.iter().flat_map(|quantity| quantity.values.iter().copied()).collect();
+            return Self { axis: report::Axis::new(name, unit), name: format!("the {name}"), values };
+        }
+        let name = format!("what {effect} adds to the prediction");
+        let values = std::iter::zip(before, after)
+            .flat_map(|(b, a)| std::iter::zip(b.residual(axis), a.residual(axis)).map(|(b, a)| b - a))
+            .collect();
+        Self { axis: report::Axis::new(name.clone(), axis.unit()), name, values }
+    }
+}
+
+/// The residual in which an effect shows most, over what the effect acts through, by two models that differ in it alone: the
+/// means, over the cloud of the model without it.
+pub(crate) fn residual_with_and_without(
+    effect: Effect,
+    axis: Axis,
+    without: &[View],
+    with: &[View],
+) -> Captioned {
+    let through = Through::new(effect, axis, without, with);
+    let points = |views: &[View]| -> Vec<(f64, f64)> {
+        let residual = views.iter().flat_map(|view| view.residual(axis).iter().copied());
+        through.values.iter().copied().zip(residual).collect()
+    };
+    let means = |points: &[(f64, f64)]| -> Vec<(f64, f64)> {
+        bin_statistics(points, BINS).iter().map(|bin| (bin.x, bin.mean)).collect()
+    };
+    let (cloud, after) = (points(without), points(with));
+    let shares = [&cloud, &after].map(|points| percent(100.0 * share(points)));
+    let (means_without, means_with) = (means(&cloud), means(&after));
+    let title = format!("Residual of the {} over {}", axis_name(axis), through.name);
+    let figure = Figure::new(title, through.axis, residual_axis(axis))
+        .mark(Mark::Horizontal { name: String::new(), y: 0.0, style: Style::Reference })
+        .with(Series::points("samples without it", Style::Muted, cloud))
+        .with(Series::line("mean without it", Style::PredictedBefore, means_without.clone()))
+        .with(Series::points("", Style::PredictedBefore, means_without))
+        .with(Series::line("mean with it", Style::PredictedAfter, means_with.clone()))
+        .with(Series::points("", Style::PredictedAfter, means_with));
+    let caption = format!(
+        "A model that knows the effect leaves means on the zero line. The means account for {} % of the squared residual \
+         without the effect, and for {} % with it.",
+        shares[0], shares[1]
+    );
+    Captioned { panels: figure.into(), caption }
 }
 
 /// Share of the squared residual that its mean in each range of the condition accounts for.
@@ -147,67 +184,14 @@ fn share(points: &[(f64, f64)]) -> f64 {
     if total > 0.0 { means / total } else { 0.0 }
 }
 
-/// The axis and measured quantity on which the residual depends most.
-pub(crate) fn strongest_dependence(views: &[View], axes: &[Axis]) -> Option<(Axis, usize)> {
-    let conditions = views.first().map_or(0, |view| view.conditions.len());
-    let pairs = axes.iter().flat_map(|axis| (0..conditions).map(|condition| (*axis, condition)));
-    let judged = pairs.map(|(axis, condition)| (share(&points(views, axis, condition)), axis, condition));
-    judged.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, axis, condition)| (axis, condition))
-}
-
-fn residual_axes(views: &[View], axis: Axis, condition: usize) -> (report::Axis, report::Axis) {
-    let info = &views[0].conditions[condition];
-    let y = report::Axis::new(format!("measured − predicted {}", axis.name()), axis.unit());
-    (report::Axis::new(info.name, info.unit), y)
-}
-
-/// The residual of one axis over a quantity that it may depend on.
-pub(crate) fn residual_against(views: &[View], axis: Axis, quantity: &str) -> Option<Figure> {
-    let condition = views.first()?.conditions.iter().position(|c| c.name == quantity)?;
-    let (x, y) = residual_axes(views, axis, condition);
-    let title = format!("Residual of the {} over {quantity}", axis_name(axis));
-    Some(binned_scatter(&title, x, y, &points(views, axis, condition), BINS))
-}
-
-/// The same residual before and after a change of the model: the means, over the cloud of before.
-pub(crate) fn residual_before_after(
-    before: &[View],
-    after: &[View],
-    axis: Axis,
-    condition: usize,
-) -> Captioned {
-    let (x, y) = residual_axes(before, axis, condition);
-    let quantity = x.label.clone();
-    let cloud = points(before, axis, condition);
-    let means = |points: &[(f64, f64)]| -> Vec<(f64, f64)> {
-        bin_statistics(points, BINS).iter().map(|bin| (bin.x, bin.mean)).collect()
-    };
-    let after = points(after, axis, condition);
-    let (share_before, share_after) = (100.0 * share(&cloud), 100.0 * share(&after));
-    let (means_before, means_after) = (means(&cloud), means(&after));
-    let title = format!("Residual of the {} over {quantity}", axis_name(axis));
-    let figure = Figure::new(title, x, y)
-        .mark(Mark::Horizontal { name: String::new(), y: 0.0, style: Style::Reference })
-        .with(Series::points("samples before", Style::Muted, cloud))
-        .with(Series::line("mean before", Style::PredictedBefore, means_before.clone()))
-        .with(Series::points("", Style::PredictedBefore, means_before))
-        .with(Series::line("mean after", Style::PredictedAfter, means_after.clone()))
-        .with(Series::points("", Style::PredictedAfter, means_after));
-    let caption = format!(
-        "All held-out flights. A model that knows the effect leaves means on the zero line: of the squared residual, the \
-         means account for {share_before:.1} % before and {share_after:.1} % after."
-    );
-    Captioned { panels: figure.into(), caption }
-}
-
 /// Mean error of open-loop prediction over the number of samples predicted, for one or two models.
 pub(crate) fn prediction_error(first: &[HorizonError], after: Option<&[HorizonError]>) -> Captioned {
     type Quantity = (&'static str, &'static str, fn(&HorizonError) -> f64);
     let quantities: [Quantity; 4] = [
-        ("position", "m", |e| e.position_m),
-        ("velocity", "m/s", |e| e.velocity_m_s),
-        ("attitude", "rad", |e| e.attitude_rad),
-        ("rate", "rad/s", |e| e.rate_rad_s),
+        ("position", "mm", |e| 1e3 * e.position_m),
+        ("velocity", "mm/s", |e| 1e3 * e.velocity_m_s),
+        ("attitude", "mrad", |e| 1e3 * e.attitude_rad),
+        ("rate", "mrad/s", |e| 1e3 * e.rate_rad_s),
     ];
     let figures: Vec<Figure> = quantities
         .iter()
@@ -231,4 +215,29 @@ pub(crate) fn prediction_error(first: &[HorizonError], after: Option<&[HorizonEr
     let caption = "Mean error of predictions started from every sample of the flights and told nothing of the future but \
                    the motor commands and the battery voltage.";
     Captioned { panels: Panels::new(figures), caption: caption.into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_level_of_an_error_is_its_root_mean_square_nearby() {
+        let mut values = vec![3.0; 100];
+        values[50..].fill(-1.0);
+        let level = level(&values, 10);
+        assert!((level[20] - 3.0).abs() < 1e-12 && (level[99] - 1.0).abs() < 1e-12);
+        // Around row 50 there are five values of 3 and six of -1.
+        assert!((level[50] - ((5.0 * 9.0 + 6.0) / 11.0_f64).sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn means_account_for_all_of_a_dependence_and_for_nothing_of_noise() {
+        let depends: Vec<(f64, f64)> =
+            (0..1600).map(|k| (f64::from(k / 100), f64::from(k / 100) - 8.0)).collect();
+        assert!((share(&depends) - 1.0).abs() < 1e-12);
+        let alternates: Vec<(f64, f64)> =
+            (0..1600).map(|k| (f64::from(k / 100), if k % 2 == 0 { 1.0 } else { -1.0 })).collect();
+        assert!(share(&alternates) < 1e-12);
+    }
 }

@@ -1,7 +1,10 @@
 //! Results as people read them: tables, figures and pages.
 
 pub(crate) mod design_pages;
+pub(crate) mod design_tables;
 pub(crate) mod evidence;
 pub(crate) mod figures;
+pub(crate) mod grid;
 pub(crate) mod pages;
 pub(crate) mod tables;
+pub(crate) mod view;

@@ -1,13 +1,14 @@
 //! Pages: what a command found, with the figures that show it.
 
-use diagnosis::Diagnosis;
-use diagnosis::workflow::{Explanation, Faults, FlightSets, LoadedFlight};
+use diagnosis::workflow::{Explanation, Faults, FlightSets, FlightsOfOneKind, LoadedFlight};
+use diagnosis::{Diagnosis, EffectFinding};
 use model::{AXES, Axis, Effect, Model};
 use report::{Page, Section};
-use sysid::Comparison;
+use sysid::{Comparison, Prepared};
 
-use crate::render::figures::{self, Captioned, View};
+use crate::render::figures::{self, Captioned};
 use crate::render::tables::{self, Grid};
+use crate::render::view::{self, View};
 
 /// Most residual plots on a page.
 const MOST_RESIDUALS: usize = 4;
@@ -69,6 +70,32 @@ pub(crate) fn compare(model: &Model, flights: &[LoadedFlight], comparison: &Comp
     page
 }
 
+/// Several models against the same flights.
+pub(crate) fn compare_models(
+    models: &[(&Model, &FlightsOfOneKind)],
+    comparisons: &[(String, &Comparison)],
+) -> Page {
+    let names: Vec<&str> = comparisons.iter().map(|(name, _)| name.as_str()).collect();
+    let lead = format!("How well {} predict the same flights.", names.join(", "));
+    let mut page = Page::new("Models side by side", lead)
+        .section(Section::new("Error of each axis").grid(&tables::side_by_side(comparisons)))
+        .section(
+            Section::new("Prediction from a state alone").grid(&tables::horizons_side_by_side(comparisons)),
+        );
+    let views: Vec<Option<View>> = models
+        .iter()
+        .map(|(model, flights)| View::all(&flights.prepared(), model).into_iter().next())
+        .collect();
+    if let Some(Some(first)) = views.first() {
+        for ((name, _), view) in comparisons.iter().zip(&views).skip(1) {
+            let section = Section::new(format!("{} (before) and {name} (after)", names[0]));
+            let figure = figures::measured_against_predicted(first, view.as_ref(), &AXES);
+            page = page.section(section.captioned(figure));
+        }
+    }
+    page
+}
+
 /// The conditions with more than their share of the error, each axis and quantity drawn once.
 fn where_it_fails(views: &[View], comparison: &Comparison) -> Section {
     let worst = tables::worst(comparison);
@@ -95,10 +122,13 @@ fn where_it_fails(views: &[View], comparison: &Comparison) -> Section {
 
 fn prediction(first: &Comparison, after: Option<&Comparison>) -> Section {
     let figure = figures::prediction_error(&first.by_horizon, after.map(|c| c.by_horizon.as_slice()));
-    let section = Section::new("Prediction without looking").captioned(figure);
+    let section = Section::new("Prediction").captioned(figure);
     match after {
         None => section.grid(&tables::horizons(first)),
-        Some(after) => section.grid(&tables::horizons_before_after(first, after)),
+        Some(after) => {
+            let models = [("before".to_owned(), first), ("after".to_owned(), after)];
+            section.grid(&tables::horizons_side_by_side(&models))
+        }
     }
 }
 
@@ -110,8 +140,7 @@ pub(crate) fn diagnose(model: &Model, sets: &FlightSets, diagnosis: &Diagnosis) 
         && let Ok(addition) =
             diagnosis::add(model, effect, &sets.train(), &sets.validate(), &diagnosis::Options::default())
     {
-        let after = View::all(&sets.validate(), &addition.fit.model);
-        page = page.section(difference(effect, &before, &after));
+        page = page.section(difference(effect, &addition.fit.model, sets));
     }
     page = page.section(
         Section::new("Evidence")
@@ -122,17 +151,130 @@ pub(crate) fn diagnose(model: &Model, sets: &FlightSets, diagnosis: &Diagnosis) 
     page.section(meanings(&all_effects(diagnosis)))
 }
 
-/// What an effect does to the residual it was found in.
-fn difference(effect: Effect, before: &[View], after: &[View]) -> Section {
-    let axes = effect.info().axes;
-    let mut section = Section::new(format!("With and without {effect}")).paragraph(effect.info().sentence);
-    if let Some((axis, condition)) = figures::strongest_dependence(before, axes) {
-        section = section.captioned(figures::residual_before_after(before, after, axis, condition));
+/// What an effect of a model does to the residual: the model against one with everything but it, fitted to the same flights.
+fn difference(effect: Effect, with: &Model, sets: &FlightSets) -> Section {
+    let section = Section::new(format!("With and without {effect}")).paragraph(effect.info().sentence);
+    let others: Vec<Effect> = with.effects().into_iter().filter(|other| *other != effect).collect();
+    match sysid::fit(&sets.train(), &with.vehicle, &others, Some(with)) {
+        Ok(without) => {
+            let section = section.paragraph(
+                "Both models are fitted to the same flights with everything else, and differ by this effect alone; the \
+                 figures show flights that neither has seen.",
+            );
+            shown(section, effect, &sets.validate(), &without.model, with)
+        }
+        Err(refused) => section.paragraph(format!("The model cannot be fitted without it: {refused}.")),
     }
+}
+
+/// Figures of what an effect does, by a model without and one with it.
+fn shown(section: Section, effect: Effect, flights: &[&Prepared], without: &Model, with: &Model) -> Section {
+    let (before, after) = (View::all(flights, without), View::all(flights, with));
+    let mut section = section;
+    if let Some(axis) = view::clearest_axis(effect, &before, &after) {
+        section = section.captioned(figures::residual_with_and_without(effect, axis, &before, &after));
+    }
+    let axes = effect.info().axes;
     match (before.first(), after.first()) {
-        (Some(b), Some(a)) => section.captioned(figures::measured_against_predicted(b, Some(a), axes)),
+        (Some(b), Some(a)) => section
+            .captioned(figures::error_over_time(b, a, axes))
+            .captioned(figures::measured_against_predicted(b, Some(a), axes)),
         _ => section,
     }
+}
+
+/// What has changed since a model was good.
+pub(crate) fn changed(model: &Model, flights: &[LoadedFlight], diagnosis: &Diagnosis) -> Page {
+    let flights: Vec<&Prepared> = flights.iter().map(|flight| &flight.prepared).collect();
+    let mut page = Page::new("What has changed?", diagnosis.summary.clone());
+    if let Some((finding, effect)) = change(diagnosis) {
+        let with = with_change(model, effect, finding);
+        let (before, after) = (View::all(&flights, model), View::all(&flights, &with));
+        let section = Section::new(format!("The change: {}", tables::named(finding)))
+            .paragraph(effect.info().sentence)
+            .grid(&tables::change(diagnosis))
+            .paragraph(
+                "The model's own parameters stay. In the figures, \"without it\" is the model as it was made and \"with it\" the \
+                 same model with the change.",
+            );
+        page = page
+            .section(shown(section, effect, &flights, model, &with))
+            .section(since(effect, &before, &after));
+        page = page.section(rivals(effect, finding));
+    }
+    page.section(Section::new("Evidence").grid(&tables::evidence(diagnosis)))
+        .section(meanings(&all_effects(diagnosis)))
+}
+
+/// The change that the flights support.
+fn change(diagnosis: &Diagnosis) -> Option<(&EffectFinding, Effect)> {
+    let finding = diagnosis.effects.iter().find(|finding| finding.supported)?;
+    Some((finding, finding.effect))
+}
+
+/// The model with a change that was found, on top of what it had.
+fn with_change(model: &Model, effect: Effect, finding: &EffectFinding) -> Model {
+    let info = effect.info();
+    let own = model.term(effect);
+    let values: Vec<f64> = (info.coefficients.iter().enumerate())
+        .map(|(k, c)| {
+            let found = finding.coefficients.iter().find(|found| found.name == c.name);
+            let before = own.and_then(|term| term.coefficients.get(k)).map_or(0.0, |estimate| estimate.value);
+            found.map_or(before, |found| found.value)
+        })
+        .collect();
+    let mut changed = model.clone();
+    changed.set(effect, &values);
+    changed
+}
+
+/// In which of the flights the change shows.
+fn since(effect: Effect, before: &[View], after: &[View]) -> Section {
+    let grid = tables::flight_by_flight(effect.info().axes, before, after);
+    let better = |(b, a): (&View, &View)| {
+        let error = |view: &View| {
+            let of = |axis: &Axis| {
+                view::squared_error(std::slice::from_ref(view), *axis) / view::squared_error(before, *axis)
+            };
+            effect.info().axes.iter().map(of).sum::<f64>()
+        };
+        error(a) < error(b)
+    };
+    let shows: Vec<bool> = before.iter().zip(after).map(better).collect();
+    let sentence = match shows.iter().position(|shows| *shows) {
+        Some(0) if shows.iter().all(|shows| *shows) => {
+            format!(
+                "With it the error falls in each of these flights: it was there from {} on, the first of them.",
+                before[0].name
+            )
+        }
+        Some(first) => {
+            let names =
+                before.iter().zip(&shows).filter(|(_, shows)| !**shows).map(|(view, _)| view.name.as_str());
+            format!(
+                "It shows first in {}. With it the error does not fall in {}.",
+                before[first].name,
+                names.collect::<Vec<_>>().join(", ")
+            )
+        }
+        None => "It lowers the error in none of the flights by itself.".into(),
+    };
+    Section::new("Since when").paragraph(sentence).grid(&grid)
+}
+
+/// What these flights cannot tell a change from.
+fn rivals(effect: Effect, finding: &EffectFinding) -> Section {
+    let section = Section::new("What else it could be");
+    if finding.confounded_with.is_empty() {
+        return section.paragraph("These flights tell it from every other change that was tried.");
+    }
+    let separated = |rival: &Effect| match diagnosis::separating_manoeuvre(effect, *rival) {
+        Some(how) => format!("{rival}. To separate them, {how}."),
+        None => rival.to_string(),
+    };
+    section
+        .paragraph("These flights cannot tell it from:")
+        .list(finding.confounded_with.iter().map(separated))
 }
 
 /// Structure that no effect accounts for, in a table and drawn.
@@ -164,9 +306,7 @@ fn meanings(effects: &[Effect]) -> Section {
 
 /// The whole loop. `lead` says what was found and, where it is known, what was hidden.
 pub(crate) fn explanation(lead: &str, sets: &FlightSets, explanation: &Explanation) -> Page {
-    let validate = sets.validate();
-    let before = View::all(&validate, &explanation.basic);
-    let after = View::all(&validate, explanation.last_model());
+    let after = View::all(&sets.validate(), explanation.last_model());
     let mut page = Page::new("From flights to a better model", lead).section(
         Section::new("The error falls")
             .paragraph(format!(
@@ -185,7 +325,7 @@ pub(crate) fn explanation(lead: &str, sets: &FlightSets, explanation: &Explanati
         );
     }
     for effect in explanation.found() {
-        page = page.section(difference(effect, &before, &after));
+        page = page.section(difference(effect, explanation.last_model(), sets));
     }
     page.section(prediction(&explanation.basic_comparison, Some(explanation.last_comparison())))
         .section(

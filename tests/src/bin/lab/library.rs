@@ -1,12 +1,13 @@
 //! What regressions choose from, written for other people's programs (`tests/peers/compare.py`).
 //!
-//! A folder a trial: `library.json` says what was hidden, what was found and which columns there are; `library.f64` holds, for
-//! each flight and axis, the target and the columns, little-endian numbers of eight bytes.
+//! A folder a trial: `library.json` says what was hidden, what was found and which columns there
+//! are; `library.f64` holds, for each flight and axis, the target and the columns, little-endian
+//! numbers of eight bytes.
 
 use std::path::Path;
 
 use anyhow::Context;
-use diagnosis::planning::library::library;
+use diagnosis::planning::library::{Library, library};
 use model::Effect;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -75,18 +76,7 @@ fn contents(outcome: &Outcome) -> Result<(About, Vec<f64>), String> {
             (0..first.columns.len()).filter(acts).collect()
         })
         .collect();
-    let mut values = Vec::new();
-    for library in &libraries {
-        for (axis, columns) in columns.iter().enumerate() {
-            values.extend(&library.targets[axis]);
-            for &k in columns {
-                match &library.columns[k][axis] {
-                    Some(column) => values.extend(column),
-                    None => values.extend(std::iter::repeat_n(0.0, library.targets[axis].len())),
-                }
-            }
-        }
-    }
+    let values = values(&libraries, &columns);
     let rows = libraries.iter().enumerate().map(|(index, library)| Rows {
         role: if index < Pattern::TRAIN.len() { "train" } else { "validate" },
         rows: library.targets[0].len(),
@@ -102,14 +92,7 @@ fn contents(outcome: &Outcome) -> Result<(About, Vec<f64>), String> {
         }
     });
     let about = About {
-        group: match &outcome.trial.hidden {
-            Hidden::Nothing => "nothing",
-            Hidden::One(_) => "single",
-            Hidden::Together(effects) if effects.len() == 2 => "pair",
-            Hidden::Together(_) => "several",
-            Hidden::Outside(_) => "outside",
-            Hidden::Change(_) => "change",
-        },
+        group: group(&outcome.trial.hidden),
         hidden: outcome.trial.planted().into_iter().map(|(id, _)| id).collect(),
         found: outcome.found.iter().map(|id| (*id).to_owned()).collect(),
         coefficients: names.collect(),
@@ -117,4 +100,33 @@ fn contents(outcome: &Outcome) -> Result<(About, Vec<f64>), String> {
         flights: rows.collect(),
     };
     Ok((about, values))
+}
+
+/// Targets and columns of each flight and axis, one after the other; a column that does not act is
+/// zero.
+fn values(libraries: &[Library], columns: &[Vec<usize>]) -> Vec<f64> {
+    let mut values = Vec::new();
+    for library in libraries {
+        for (axis, columns) in columns.iter().enumerate() {
+            values.extend(&library.targets[axis]);
+            for &k in columns {
+                match &library.columns[k][axis] {
+                    Some(column) => values.extend(column),
+                    None => values.extend(std::iter::repeat_n(0.0, library.targets[axis].len())),
+                }
+            }
+        }
+    }
+    values
+}
+
+fn group(hidden: &Hidden) -> &'static str {
+    match hidden {
+        Hidden::Nothing => "nothing",
+        Hidden::One(_) => "single",
+        Hidden::Together(effects) if effects.len() == 2 => "pair",
+        Hidden::Together(_) => "several",
+        Hidden::Outside(_) => "outside",
+        Hidden::Change(_) => "change",
+    }
 }

@@ -1,8 +1,9 @@
 //! `lab`: how often does the laboratory name the right effect?
 //!
-//! Worlds that share no equation with the product's plant ([`stories::world`]) hide an effect, two, one that no catalogue
-//! has, or nothing. The product identifies and diagnoses from the flights alone; here its answers are counted.
-//! Results depend on the seed and on nothing else: not on the clock, not on the number of threads.
+//! Worlds that share no equation with the product's plant ([`stories::world`]) hide an effect, two,
+//! one that no catalogue has, or nothing. The product identifies and diagnoses from the flights
+//! alone; here its answers are counted. Results depend on the seed and on nothing else: not on the
+//! clock, not on the number of threads.
 #![forbid(unsafe_code)]
 
 mod library;
@@ -26,7 +27,8 @@ use crate::plan::{Plan, Trial};
 use crate::score::Scores;
 use crate::trial::Outcome;
 
-/// Measure how often diagnoses are right, on flights of simulated worlds that were not made with the product's plant.
+/// Measure how often diagnoses are right, on flights of simulated worlds that were not made with
+/// the product's plant.
 ///
 /// Prints tables, and writes lab.json and index.html.
 #[derive(Parser)]
@@ -72,7 +74,8 @@ struct Arguments {
     #[arg(long)]
     keep_failures: bool,
 
-    /// Write what regressions choose from in each trial into folders under this one, for tests/peers/compare.py
+    /// Write what regressions choose from in each trial into folders under this one, for
+    /// tests/peers/compare.py
     #[arg(long, value_name = "DIR")]
     libraries: Option<PathBuf>,
 }

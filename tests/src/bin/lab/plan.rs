@@ -100,11 +100,24 @@ pub(crate) fn catalogue() -> Vec<(&'static str, bool)> {
     Effect::candidates().map(|effect| (effect.id(), can(effect.id()))).collect()
 }
 
-/// What can happen to a craft of the worlds and is in the product's list of changes. A map that leaves out the voltage
-/// was wrong from the start: nothing changes there.
+/// What can happen to a craft of the worlds and is in the product's list of changes. A map that
+/// leaves out the voltage was wrong from the start: nothing changes there.
 fn changeable() -> impl Iterator<Item = &'static str> {
     let ids = Effect::changes().map(Effect::id);
     ids.filter(|id| *id != "battery-voltage" && PLANTED.iter().any(|planted| planted.id == *id))
+}
+
+/// The sizes of craft that an effect is tried on: all, or in a quick run one in turn.
+struct Sizes {
+    quick: bool,
+    turn: usize,
+}
+
+impl Sizes {
+    fn next(&mut self) -> Vec<Size> {
+        self.turn += 1;
+        if self.quick { vec![Size::MAIN[self.turn % 2]] } else { Size::MAIN.to_vec() }
+    }
 }
 
 impl Plan {
@@ -128,52 +141,57 @@ impl Plan {
             .map(|p| p.id)
             .filter(|id| !known.contains(id) && !changes().any(|change| change == *id));
         let outside: Vec<&str> = unnamed.chain(OUTSIDE.iter().map(|p| p.id)).collect();
-        // In a quick run, sizes take turns.
-        let mut turn = 0;
-        let mut sizes = || {
-            turn += 1;
-            if arguments.quick { vec![Size::MAIN[turn % 2]] } else { Size::MAIN.to_vec() }
-        };
+        let mut sizes = Sizes { quick: arguments.quick, turn: 0 };
         let rounds = if arguments.quick { 1 } else { 3 };
         for id in &known {
-            let sizes = sizes();
-            plan.grid(&Hidden::One(id), &plan.strengths.clone(), &sizes, rounds);
+            plan.grid(&Hidden::One(id), &plan.strengths.clone(), &sizes.next(), rounds);
         }
         for id in outside {
-            let sizes = sizes();
             let strongest = plan.strengths[plan.strengths.len() - 1];
-            plan.grid(&Hidden::Outside(id), &[strongest], &sizes, 1);
+            plan.grid(&Hidden::Outside(id), &[strongest], &sizes.next(), 1);
         }
         let per_seed = |all: u64| if arguments.quick { all / 3 } else { all };
-        for k in 0..plan.seeds * per_seed(NOTHING_PER_SEED) {
-            let noise = plan.noises[k as usize % plan.noises.len()];
-            plan.push(Hidden::Nothing, 0.0, noise, Size::ALL[(k / 3) as usize % 3], k, 1);
-        }
+        plan.without_effect(&Hidden::Nothing, per_seed(NOTHING_PER_SEED));
         for (several, trials) in [(2, PAIRS_PER_SEED), (3, TRIPLES_PER_SEED)] {
-            for k in 0..plan.seeds * per_seed(trials) {
-                let effects = together(&known, several, plan.first_seed, k);
-                let noise = plan.noises[k as usize % plan.noises.len()];
-                let (strength, size) = (effects[0].1, Size::ALL[(k / 3) as usize % 3]);
-                plan.push(Hidden::Together(effects), strength, noise, size, k, several + 1);
-            }
+            plan.several_effects(&known, several, per_seed(trials));
         }
-        for id in changeable() {
-            // What only a change can be is told apart at every strength; the rest at the middle one, if there is time.
-            let own = changes().any(|own| own == id);
-            if arguments.quick && !own {
-                continue;
-            }
-            let sizes = sizes();
-            let middle = [plan.strengths[plan.strengths.len() / 2]];
-            let strengths = if own { plan.strengths.clone() } else { middle.to_vec() };
-            plan.grid(&Hidden::Change(Some(id)), &strengths, &sizes, 1);
-        }
-        for k in 0..plan.seeds * per_seed(NOTHING_PER_SEED) {
-            let noise = plan.noises[k as usize % plan.noises.len()];
-            plan.push(Hidden::Change(None), 0.0, noise, Size::ALL[(k / 3) as usize % 3], k, 1);
-        }
+        plan.changes(&mut sizes);
+        plan.without_effect(&Hidden::Change(None), per_seed(NOTHING_PER_SEED));
         plan.keep_only(&arguments.only)?;
         Ok(plan)
+    }
+
+    /// Trials in which there is nothing to find.
+    fn without_effect(&mut self, hidden: &Hidden, per_seed: u64) {
+        for k in 0..self.seeds * per_seed {
+            let noise = self.noises[k as usize % self.noises.len()];
+            self.push(hidden.clone(), 0.0, noise, Size::ALL[(k / 3) as usize % 3], k, 1);
+        }
+    }
+
+    /// Trials with so many effects at once.
+    fn several_effects(&mut self, known: &[&'static str], several: usize, per_seed: u64) {
+        for k in 0..self.seeds * per_seed {
+            let effects = together(known, several, self.first_seed, k);
+            let noise = self.noises[k as usize % self.noises.len()];
+            let (strength, size) = (effects[0].1, Size::ALL[(k / 3) as usize % 3]);
+            self.push(Hidden::Together(effects), strength, noise, size, k, several + 1);
+        }
+    }
+
+    /// Trials in which the craft changes between flights.
+    fn changes(&mut self, sizes: &mut Sizes) {
+        for id in changeable() {
+            // What only a change can be is told apart at every strength; the rest at the middle
+            // one, if there is time.
+            let own = changes().any(|own| own == id);
+            if sizes.quick && !own {
+                continue;
+            }
+            let middle = [self.strengths[self.strengths.len() / 2]];
+            let strengths = if own { self.strengths.clone() } else { middle.to_vec() };
+            self.grid(&Hidden::Change(Some(id)), &strengths, &sizes.next(), 1);
+        }
     }
 
     fn grid(&mut self, hidden: &Hidden, strengths: &[f64], sizes: &[Size], rounds: usize) {
@@ -189,8 +207,8 @@ impl Plan {
     }
 
     fn push(&mut self, hidden: Hidden, strength: f64, noise: f64, size: Size, k: u64, rounds: usize) {
-        // Styles and logs take turns: of any three repetitions each style has one, of any two one log is rough, of any four
-        // two have outliers.
+        // Styles and logs take turns: of any three repetitions each style has one, of any two one
+        // log is rough, of any four two have outliers.
         let turn = (self.first_seed - 1 + k) as usize;
         let mut trial = Trial {
             hidden,
@@ -239,7 +257,8 @@ fn together(known: &[&'static str], several: usize, first_seed: u64, k: u64) -> 
     chosen.into_iter().map(|id| (*id, strength())).collect()
 }
 
-/// A seed of its own for every trial, the same whatever else is in the catalogue: FNV-1a over what the trial is.
+/// A seed of its own for every trial, the same whatever else is in the catalogue: FNV-1a over what
+/// the trial is.
 fn seed(trial: &Trial, k: u64) -> u64 {
     let text = format!("{} {} {} {} {k}", trial.label(), trial.strength, trial.noise, trial.size.name());
     let hash = text

@@ -81,7 +81,8 @@ pub(crate) struct Far {
     pub(crate) distance: Distance,
 }
 
-/// Beyond this many standard errors a coefficient is far from the truth: one in 1.7 million if errors were honest.
+/// Beyond this many standard errors a coefficient is far from the truth: one in 1.7 million if
+/// errors were honest.
 const FAR: f64 = 5.0;
 
 /// Everything counted.

@@ -1,5 +1,6 @@
-//! A craft on a bench: the real program with a folder in place of `/sys/class/pwm`, a pseudo terminal in place of the IMU's
-//! line, and a ground station that speaks `proto` over UDP. (A story flies it against the plant, with this file.)
+//! A craft on a bench: the real program with a folder in place of `/sys/class/pwm`, a pseudo
+//! terminal in place of the IMU's line, and a ground station that speaks `proto` over UDP. (A story
+//! flies it against the plant, with this file.)
 #![allow(dead_code, reason = "each program of tests uses what it needs")]
 
 use std::fs;

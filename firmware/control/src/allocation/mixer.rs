@@ -1,0 +1,366 @@
+//! From thrust and angular accelerations to squared rotor speeds, and what the motors refuse of
+//! them.
+//!
+//! Thesis (5.11): `[T, tau_phi, tau_theta, tau_psi] = K [w1^2 .. w4^2]`. The rows of K are made of
+//! geometry and identified coefficients: `b C_T`; `sqrt(2) l b C_i^p/Ixx` with the sign of the
+//! rotor's side (left rolls right, +p); `sqrt(2) l b C_i^q/Iyy` (front pitches up, +q); `b R
+//! C_i^r/Izz` (sign in the coefficient); `b = rho pi R^2 R^2`. `sqrt(2) l` is twice the geometric
+//! arm of an x frame; the identified coefficients absorb the 2 (K^-1 reproduces only so).
+//!
+//! A negative squared speed is impossible and becomes 0; a command outside its range is clamped.
+//! Each is reported per axis and direction ([`Refused`]), and the next tick's integrators read it:
+//! saturation flows backwards as data. In the thesis nothing is rescaled; a configuration can ask
+//! for [`desaturation`](crate::allocation::desaturation) instead.
+
+use nalgebra::Matrix4;
+
+use crate::config::error::ConfigError;
+use crate::config::gains::{Mixing, RotorCoefficients};
+use crate::dsp::trig::sqrt;
+
+/// Directions in which an axis could not be followed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Directions {
+    /// More was asked for than there is.
+    pub high: bool,
+    /// Less was asked for than there is.
+    pub low: bool,
+}
+
+impl Directions {
+    /// This refusal, seen by a loop whose output enters with a minus.
+    pub fn swapped(self) -> Self {
+        Self { high: self.low, low: self.high }
+    }
+}
+
+/// What the motors refused, per axis and direction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Refused {
+    /// Thrust (upwards positive).
+    pub thrust: Directions,
+    /// Roll torque.
+    pub roll: Directions,
+    /// Pitch torque.
+    pub pitch: Directions,
+    /// Yaw torque.
+    pub yaw: Directions,
+}
+
+impl Refused {
+    /// Was anything refused?
+    pub fn any(&self) -> bool {
+        *self != Self::default()
+    }
+}
+
+/// Side of each rotor: left rolls right.
+const ROLL_SIGN: [f64; 4] = [1.0, -1.0, -1.0, 1.0];
+/// Side of each rotor: front pitches up.
+const PITCH_SIGN: [f64; 4] = [1.0, 1.0, -1.0, -1.0];
+
+/// The sign matrix of thesis (4.5): rows rotors, columns thrust, roll, pitch, yaw.
+pub const SIGN_MATRIX: [[f64; 4]; 4] =
+    [[1.0, 1.0, 1.0, 1.0], [1.0, -1.0, 1.0, -1.0], [1.0, -1.0, -1.0, 1.0], [1.0, 1.0, -1.0, -1.0]];
+
+/// The matrix K of thesis (5.11): rows thrust, roll, pitch, yaw; columns rotors; N and rad/s^2 per
+/// (rad/s)^2.
+pub fn effectiveness(c: &RotorCoefficients) -> [[f64; 4]; 4] {
+    let radius = c.rotor_radius_m;
+    let beta = c.air_density_kg_m3 * core::f64::consts::PI * radius * radius * radius * radius;
+    let arm = core::f64::consts::SQRT_2 * c.arm_length_m;
+    let [p1, p2, p3, p4] = c.roll;
+    let [q1, q2, q3, q4] = c.pitch;
+    let [sp1, sp2, sp3, sp4] = ROLL_SIGN;
+    let [sq1, sq2, sq3, sq4] = PITCH_SIGN;
+    [
+        [beta * c.thrust; 4],
+        [sp1 * p1, sp2 * p2, sp3 * p3, sp4 * p4].map(|x| arm * beta * x),
+        [sq1 * q1, sq2 * q2, sq3 * q3, sq4 * q4].map(|x| arm * beta * x),
+        c.yaw.map(|x| beta * radius * x),
+    ]
+}
+
+/// The inverse of a mixing matrix given by rows.
+///
+/// # Errors
+/// [`ConfigError::SingularMixing`] if it has none, or none with finite entries.
+pub fn inverse(matrix: &[[f64; 4]; 4]) -> Result<[[f64; 4]; 4], ConfigError> {
+    let rows = Matrix4::from_fn(|i, j| matrix.get(i).and_then(|row| row.get(j)).copied().unwrap_or(f64::NAN));
+    // Rows have different units and sizes of 1e-6: scaled to length 1 the determinant says how far
+    // from singular they are.
+    let mut scaled = rows;
+    let mut lengths = [0.0; 4];
+    for (mut row, length) in scaled.row_iter_mut().zip(&mut lengths) {
+        *length = row.norm();
+        row /= *length;
+    }
+    let determinant = determinant(&scaled);
+    if determinant.is_nan() || determinant.abs() < 1e-9 {
+        return Err(ConfigError::SingularMixing);
+    }
+    let inverse = scaled.try_inverse().ok_or(ConfigError::SingularMixing)?;
+    let mut result = [[0.0; 4]; 4];
+    for (row, from) in result.iter_mut().zip(inverse.row_iter()) {
+        for ((entry, value), length) in row.iter_mut().zip(from.iter()).zip(&lengths) {
+            *entry = value / length;
+        }
+    }
+    if result.iter().flatten().all(|x| x.is_finite()) { Ok(result) } else { Err(ConfigError::SingularMixing) }
+}
+
+/// The determinant by complementary minors of the upper and the lower two rows. (The library's goes
+/// by a decomposition with pivots, which no compiler can show not to panic, and gains are received
+/// in flight code.)
+fn determinant(matrix: &Matrix4<f64>) -> f64 {
+    let [[a0, b0, c0, d0], [a1, b1, c1, d1], [a2, b2, c2, d2], [a3, b3, c3, d3]] = matrix.data.0;
+    (a0 * b1 - a1 * b0) * (c2 * d3 - c3 * d2) - (a0 * b2 - a2 * b0) * (c1 * d3 - c3 * d1)
+        + (a0 * b3 - a3 * b0) * (c1 * d2 - c2 * d1)
+        + (a1 * b2 - a2 * b1) * (c0 * d3 - c3 * d0)
+        - (a1 * b3 - a3 * b1) * (c0 * d2 - c2 * d0)
+        + (a2 * b3 - a3 * b2) * (c0 * d1 - c1 * d0)
+}
+
+/// One rotor's row: how it answers the four axes, and which of their directions it refuses when it
+/// is at an end.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Row {
+    pub(crate) thrust: f32,
+    pub(crate) roll: f32,
+    pub(crate) pitch: f32,
+    pub(crate) yaw: f32,
+    /// Bit of each axis and direction that asks this rotor for more.
+    wants_more: u8,
+    /// Bit of each axis and direction that asks this rotor for less.
+    wants_less: u8,
+}
+
+/// Bits: 0 to 3 thrust, roll, pitch, yaw upwards; 4 to 7 the same downwards.
+const UP: [u8; 4] = [1, 2, 4, 8];
+
+impl Row {
+    fn new(row: &[f64; 4]) -> Self {
+        let [thrust, roll, pitch, yaw] = row.map(|x| x as f32);
+        let (mut wants_more, mut wants_less) = (0, 0);
+        for (x, up) in row.iter().zip(UP) {
+            let down = up << 4;
+            if *x > 0.0 {
+                wants_more |= up;
+                wants_less |= down;
+            } else if *x < 0.0 {
+                wants_more |= down;
+                wants_less |= up;
+            }
+        }
+        Self { thrust, roll, pitch, yaw, wants_more, wants_less }
+    }
+}
+
+/// Which rotors are at which end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct AtEnd {
+    /// The rotor was asked for more than its greatest command.
+    pub high: bool,
+    /// The rotor was asked for less than its least command, or for a negative squared speed.
+    pub low: bool,
+}
+
+/// A mixing matrix: rows rotors, columns thrust, roll, pitch, yaw.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mixer {
+    pub(crate) rows: [Row; 4],
+}
+
+impl Mixer {
+    /// The inverse mixing matrix that a configuration describes.
+    ///
+    /// # Errors
+    /// [`ConfigError::SingularMixing`] if a matrix to be inverted has no inverse.
+    pub fn new(mixing: &Mixing) -> Result<Self, ConfigError> {
+        let rows = match mixing {
+            Mixing::Inverse(rows) => *rows,
+            Mixing::Matrix(matrix) => inverse(matrix)?,
+            Mixing::Coefficients(coefficients) => inverse(&effectiveness(coefficients))?,
+        };
+        Ok(Self::from_rows(&rows))
+    }
+
+    /// The sign matrix of thesis (4.5), for the hand-tuned law.
+    pub fn signs() -> Self {
+        Self::from_rows(&SIGN_MATRIX)
+    }
+
+    fn from_rows(rows: &[[f64; 4]; 4]) -> Self {
+        let [a, b, c, d] = rows;
+        Self { rows: [Row::new(a), Row::new(b), Row::new(c), Row::new(d)] }
+    }
+
+    /// The product with `[thrust, roll, pitch, yaw]`: a squared rotor speed (or a command) for each
+    /// rotor.
+    #[inline]
+    pub fn mix(&self, thrust: f32, [roll, pitch, yaw]: [f32; 3]) -> [f32; 4] {
+        self.rows.map(|row| row.thrust * thrust + row.roll * roll + row.pitch * pitch + row.yaw * yaw)
+    }
+
+    /// What the rotors at their ends refuse of each axis.
+    #[inline]
+    pub fn refused(&self, at_end: [AtEnd; 4]) -> Refused {
+        let mut bits = 0;
+        for (row, end) in self.rows.iter().zip(at_end) {
+            if end.high {
+                bits |= row.wants_more;
+            }
+            if end.low {
+                bits |= row.wants_less;
+            }
+        }
+        let axis = |up: u8| Directions { high: bits & up != 0, low: bits & (up << 4) != 0 };
+        let [thrust, roll, pitch, yaw] = UP;
+        Refused { thrust: axis(thrust), roll: axis(roll), pitch: axis(pitch), yaw: axis(yaw) }
+    }
+}
+
+/// Speeds in rad/s from squared speeds; negative ones (and what is not a number) become 0.
+#[inline]
+pub fn rotor_speeds(squared: [f32; 4]) -> [f32; 4] {
+    squared.map(|w2| if w2 > 0.0 { sqrt(w2) } else { 0.0 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::thesis::{THESIS_INVERSE_MIXING, THESIS_ROTORS};
+    use proptest::prelude::*;
+
+    fn largest_relative_difference(
+        a: &[[f64; 4]; 4],
+        b: &[[f64; 4]; 4],
+        columns: core::ops::Range<usize>,
+    ) -> f64 {
+        let mut worst = 0.0_f64;
+        for i in 0..4 {
+            for j in columns.clone() {
+                worst = worst.max((a[i][j] / b[i][j] - 1.0).abs());
+            }
+        }
+        worst
+    }
+
+    /// The tables print four digits: 2e-4 on the torque columns, 2e-3 on thrust with C_T = 0.0180,
+    /// 2e-4 with the unrounded C_T = 0.0180325 that the printed matrix was made with.
+    #[test]
+    fn inverse_is_the_printed_one() {
+        let from_tables = inverse(&effectiveness(&THESIS_ROTORS)).unwrap();
+        assert!(largest_relative_difference(&from_tables, &THESIS_INVERSE_MIXING, 1..4) < 2e-4);
+        assert!(largest_relative_difference(&from_tables, &THESIS_INVERSE_MIXING, 0..1) < 2e-3);
+        assert!(largest_relative_difference(&from_tables, &THESIS_INVERSE_MIXING, 0..1) > 1e-3);
+        let unrounded =
+            inverse(&effectiveness(&RotorCoefficients { thrust: 0.0180325, ..THESIS_ROTORS })).unwrap();
+        assert!(largest_relative_difference(&unrounded, &THESIS_INVERSE_MIXING, 0..4) < 2e-4);
+    }
+
+    proptest! {
+        /// As by nalgebra's decomposition: products of four numbers of up to 1, so some roundings
+        /// of 1e-16.
+        #[test]
+        fn the_determinant_is_the_librarys(entries in prop::array::uniform16(-1.0..1.0_f64)) {
+            let matrix = Matrix4::from_row_slice(&entries);
+            prop_assert!((determinant(&matrix) - matrix.determinant()).abs() < 1e-14);
+        }
+    }
+
+    /// Entries computed independently (numpy) from the same tables, seven digits.
+    #[test]
+    fn inverse_agrees_with_numpy() {
+        let numpy = [
+            [31447.19, 4242.991, 4067.073, 18753.633],
+            [33850.29, -3788.160, 4022.299, -17392.912],
+            [33774.66, -5053.566, -4064.528, 19529.566],
+            [36405.21, 4598.735, -4024.844, -20890.287],
+        ];
+        let ours = inverse(&effectiveness(&THESIS_ROTORS)).unwrap();
+        assert!(largest_relative_difference(&ours, &numpy, 0..4) < 2e-7);
+    }
+
+    #[test]
+    fn inverse_times_matrix_is_one() {
+        let k = effectiveness(&THESIS_ROTORS);
+        let inv = inverse(&k).unwrap();
+        for (i, row) in k.iter().enumerate() {
+            for j in 0..4 {
+                let product: f64 = row.iter().zip(&inv).map(|(a, b)| a * b[j]).sum();
+                let want = if i == j { 1.0 } else { 0.0 };
+                // Rows of K differ by 1e2 in size: double rounding times that.
+                assert!((product - want).abs() < 1e-12, "({i},{j}): {product}");
+            }
+        }
+    }
+
+    /// Hover speeds of the printed matrix at 11.9093 N, as published with the reference numbers (4
+    /// decimals).
+    #[test]
+    fn hover_speeds() {
+        let mixer = Mixer::new(&Mixing::Inverse(THESIS_INVERSE_MIXING)).unwrap();
+        let speeds = rotor_speeds(mixer.mix(11.9093, [0.0; 3]));
+        for (got, want) in speeds.into_iter().zip([611.409, 634.3527, 633.6577, 657.8632]) {
+            assert!((got - want).abs() < 2e-4, "{got} {want}: f32 holds 600 to 6e-5"); // twice that
+        }
+    }
+
+    /// More left thrust rolls right, more front thrust pitches up, faster 1 and 3 yaw right.
+    #[test]
+    fn each_axis_speeds_up_its_rotors() {
+        for mixer in [Mixer::new(&Mixing::Coefficients(THESIS_ROTORS)).unwrap(), Mixer::signs()] {
+            let faster = |thrust, torque| mixer.mix(thrust, torque).map(|x| x > 0.0);
+            assert_eq!(faster(1.0, [0.0; 3]), [true; 4]);
+            assert_eq!(faster(0.0, [1.0, 0.0, 0.0]), [true, false, false, true]);
+            assert_eq!(faster(0.0, [0.0, 1.0, 0.0]), [true, true, false, false]);
+            assert_eq!(faster(0.0, [0.0, 0.0, 1.0]), [true, false, true, false]);
+        }
+    }
+
+    #[test]
+    fn negative_squares_are_zero_and_refused() {
+        let mixer = Mixer::signs();
+        let squares = mixer.mix(1.0, [3.0, 0.0, 0.0]);
+        assert_eq!(squares, [4.0, -2.0, -2.0, 4.0]);
+        assert_eq!(rotor_speeds(squares), [2.0, 0.0, 0.0, 2.0]);
+        let ends = squares.map(|w2| AtEnd { high: false, low: w2 < 0.0 });
+        let refused = mixer.refused(ends);
+        assert!(refused.roll.high && !refused.roll.low, "more roll to the right is refused");
+        assert!(refused.thrust.low && !refused.thrust.high, "less thrust is refused, more is not");
+        assert!(!mixer.refused([AtEnd::default(); 4]).any());
+    }
+
+    #[test]
+    fn a_rotor_at_its_upper_end_refuses_what_asks_it_for_more() {
+        let mixer = Mixer::signs();
+        let mut ends = [AtEnd::default(); 4];
+        ends[1].high = true; // front right
+        let only = |high, low| Directions { high, low };
+        let want = Refused {
+            thrust: only(true, false),
+            roll: only(false, true),
+            pitch: only(true, false),
+            yaw: only(false, true),
+        };
+        assert_eq!(mixer.refused(ends), want);
+    }
+
+    #[test]
+    fn singular_matrices_are_refused() {
+        let mut k = effectiveness(&THESIS_ROTORS);
+        k[3] = k[0].map(|x| 2.0 * x); // every rotor yaws the same way
+        assert_eq!(inverse(&k), Err(ConfigError::SingularMixing));
+        assert_eq!(inverse(&[[0.0; 4]; 4]), Err(ConfigError::SingularMixing));
+        assert_eq!(inverse(&[[f64::NAN; 4]; 4]), Err(ConfigError::SingularMixing));
+    }
+
+    proptest! {
+        #[test]
+        fn speeds_are_never_nan_or_negative(bits in any::<[u32; 4]>()) {
+            let speeds = rotor_speeds(bits.map(f32::from_bits));
+            prop_assert!(speeds.iter().all(|w| *w >= 0.0));
+        }
+    }
+}

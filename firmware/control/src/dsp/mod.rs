@@ -1,0 +1,6 @@
+//! Arithmetic on signals: filters and their design, trigonometry in f32.
+
+pub mod canceller;
+pub mod filter;
+pub mod prefilter;
+pub mod trig;

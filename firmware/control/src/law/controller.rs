@@ -1,0 +1,700 @@
+//! One control period, from measurement and command to motor commands.
+//!
+//! Order of a tick (thesis chapter 5; every item is tested against recorded closed-loop runs, see
+//! `tests/thesis_law.rs`):
+//! 1. inputs are checked ([`input_checks`](crate::inputs::input_checks)); measurements are used as
+//!    they come, their delay is the world's;
+//! 2. Euler rates, body rates and vertical velocity are estimated;
+//! 3. in position mode the outer loop makes roll and pitch commands of the position command;
+//! 4. prefilters make references of commands, and errors follow (yaw the short way round);
+//! 5. roll, pitch and yaw loops give angular accelerations;
+//! 6. the altitude loop gives the thrust: `T = hover - PID(z)`;
+//! 7. the inverse mixing matrix gives squared rotor speeds (negative ones become 0), the motor map
+//!    commands at the measured voltage; injection is added; the range clamps. What was refused is
+//!    for the next tick's integrators to know.
+//!
+//! Filters start in the steady state of their first input, integrators and cancellers at rest.
+//! During cut-off the motors idle, the estimators run on, and the loops start anew at its end.
+//!
+//! The hand-tuned law (thesis 4.2.2) has the same order; in step 7 the sign matrix (4.5) gives
+//! commands directly.
+//!
+//! A configuration can ask for two things that the thesis does not have: the thrust divided by
+//! `cos(phi) cos(theta)` in step 6 (up to twice), and in step 7, where a motor is asked for more
+//! than it has, roll and pitch before thrust before yaw. With the second goes a tilt reduction:
+//! while roll and pitch take nearly all that the motors have (held against the moment of fast
+//! sideways flight, say), a falling fraction of the commanded tilt is flown; afterwards it grows
+//! back.
+//!
+//! Not here: arming, failsafes, clock checks (the [`Autopilot`](crate::Autopilot) has them), and a
+//! limit of the thrust.
+
+use crate::allocation::desaturation::Desaturated;
+use crate::allocation::mixer::{Mixer, Refused, rotor_speeds};
+use crate::allocation::motor_map::{CommandRange, MotorMap};
+use crate::config::error::ConfigError;
+use crate::config::gains::{Config, Law, Saturation};
+use crate::config::range_check::RangeCheck;
+use crate::inputs::input_checks::{Bounds, Faults, HeldInputs};
+use crate::inputs::readings::{Command, Measurement, Mode};
+use crate::law::altitude::{AltitudeLoop, AltitudeLoopState};
+use crate::law::attitude::{AngleLoop, AngleLoopState, LoopOutput};
+use crate::law::estimator::{Estimates, Estimator, EstimatorState};
+use crate::law::position::{PositionLaw, PositionState};
+use crate::law::terms::{OuterTerms, Terms, Tick};
+
+/// The immutable part: what [`Config`] was built into.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Laws {
+    bounds: Bounds,
+    estimator: Estimator,
+    position: PositionLaw,
+    roll: AngleLoop,
+    pitch: AngleLoop,
+    yaw: AngleLoop,
+    altitude: AltitudeLoop,
+    mixer: Mixer,
+    /// Absent in the hand-tuned law: the mixer gives commands directly.
+    motor_map: Option<MotorMap>,
+    range: CommandRange,
+    /// Roll and pitch before thrust before yaw, where a motor is at its end.
+    attitude_first: bool,
+    tilt_compensation: bool,
+    /// By how much the fraction of the commanded tilt that is flown falls in a nearly saturated
+    /// period, and grows in another.
+    tilt_reduction: f32,
+    tilt_recovery: f32,
+}
+
+/// Memory of the inner loops, from the first tick after the start or a cut-off.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct InnerState {
+    roll: AngleLoopState,
+    pitch: AngleLoopState,
+    yaw: AngleLoopState,
+    altitude: AltitudeLoopState,
+    refused: Refused,
+    /// Fraction of the commanded tilt that is flown.
+    tilt_fraction: f32,
+}
+
+/// All that survives a tick. What is `None` starts with its next input.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Memory {
+    /// Whether there has been a good measurement.
+    started: bool,
+    inputs: HeldInputs,
+    estimator: Option<EstimatorState>,
+    position: Option<PositionState>,
+    inner: Option<InnerState>,
+    pwm: [f32; 4],
+    faults: Faults,
+}
+
+impl Memory {
+    fn new(idle: f32) -> Self {
+        Self {
+            started: false,
+            inputs: HeldInputs::default(),
+            estimator: None,
+            position: None,
+            inner: None,
+            pwm: [idle; 4],
+            faults: Faults::default(),
+        }
+    }
+}
+
+/// The controller: an immutable law and a small memory. Copying it is taking a snapshot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Controller {
+    laws: Laws,
+    memory: Memory,
+}
+
+impl Controller {
+    /// Checks the configuration and builds the law for its sample time.
+    ///
+    /// # Errors
+    /// The first parameter that is not finite or out of range, by name.
+    pub fn new(config: &Config) -> Result<Self, ConfigError> {
+        config.check()?;
+        let (period_s, anti_windup) = (config.sample_time_s, config.anti_windup);
+        let (loops, hover, mixer, motor_map) = match &config.law {
+            Law::ModelBased(law) => {
+                (law.loops, law.hover_thrust_n, Mixer::new(&law.mixing)?, Some(MotorMap::new(&law.motor_map)))
+            }
+            Law::HandTuned(law) => (law.loops, law.hover_command, Mixer::signs(), None),
+        };
+        let rule = config.estimation.gain_rule;
+        let attitude_first = config.saturation == Saturation::AttitudeFirst;
+        if attitude_first {
+            RangeCheck { group: "mixing" }.within("thrust of a rotor", mixer.least_thrust(), 1e-9, 1e12)?;
+        }
+        let laws = Laws {
+            bounds: Bounds::new(&config.position_limits),
+            estimator: Estimator::new(&config.estimation, period_s),
+            position: PositionLaw::new(&loops.x, &loops.y, rule, period_s, anti_windup),
+            roll: AngleLoop::new(&loops.roll, period_s, anti_windup),
+            pitch: AngleLoop::new(&loops.pitch, period_s, anti_windup),
+            yaw: AngleLoop::new(&loops.yaw, period_s, anti_windup),
+            altitude: AltitudeLoop::new(&loops.altitude, hover, period_s, anti_windup),
+            mixer,
+            motor_map,
+            range: CommandRange::new(config.command_range),
+            attitude_first,
+            tilt_compensation: config.tilt_compensation,
+            tilt_reduction: (TILT_REDUCTION_PER_S * period_s) as f32,
+            tilt_recovery: (TILT_RECOVERY_PER_S * period_s) as f32,
+        };
+        Ok(Self { memory: Memory::new(laws.range.idle()), laws })
+    }
+
+    /// Forgets everything: integrators at zero, filters start at their next input, fault counts at
+    /// zero.
+    pub fn reset(&mut self) {
+        self.memory = Memory::new(self.laws.range.idle());
+    }
+
+    /// This law, with the faults that another one has counted.
+    pub(crate) fn with_faults_of(mut self, other: &Self) -> Self {
+        self.memory.faults = other.memory.faults;
+        self
+    }
+
+    /// The altitude loop's reference is this height from now on, inertial z in m, with no way to
+    /// go; its integrator stays.
+    pub(crate) fn settle_height(&mut self, z_m: f32) {
+        if let Some(inner) = &mut self.memory.inner {
+            self.laws.altitude.settle(&mut inner.altitude, z_m);
+        }
+    }
+
+    /// The estimators start in the steady state of their next inputs.
+    #[cold]
+    pub(crate) fn restart_estimators(&mut self) {
+        self.memory.estimator = None;
+    }
+
+    /// One control period. Total: any bits in any input give finite motor commands inside the
+    /// range.
+    pub fn tick(&mut self, measurement: &Measurement, command: &Command) -> Tick {
+        let mut outcome = Tick::default();
+        self.tick_into(measurement, false, command.mode, command.cut_off, Some(command), &mut outcome);
+        outcome
+    }
+
+    /// [`Controller::tick`] into a place that is there already: copying an outcome is a fifth of
+    /// the cost of a tick.
+    ///
+    /// `checked`: the detectors have checked position and attitude already. Without a command the
+    /// values of the last one are kept.
+    #[inline]
+    pub(crate) fn tick_into(
+        &mut self,
+        measurement: &Measurement,
+        checked: bool,
+        mode: Mode,
+        cut_off: bool,
+        command: Option<&Command>,
+        outcome: &mut Tick,
+    ) {
+        let Self { laws, memory } = self;
+        memory.faults.internal.note(false);
+        let wants_gyro = laws.estimator.uses_gyro();
+        let all_good = if checked {
+            memory.inputs.measure_checked(measurement, wants_gyro, &mut memory.faults)
+        } else {
+            memory.inputs.measure(measurement, wants_gyro, &mut memory.faults)
+        };
+        if !memory.started {
+            if !all_good {
+                return idle(laws, memory, None, outcome);
+            }
+            memory.inputs.hold_here();
+            memory.started = true;
+        }
+        match command {
+            Some(command) => memory.inputs.command(command, &laws.bounds, &mut memory.faults),
+            None => memory.faults.command.note(false),
+        }
+        let estimates = estimate(laws, memory, measurement.gyro_rad_s.is_some());
+        if cut_off {
+            return idle(laws, memory, Some(&estimates), outcome);
+        }
+        let (attitude_command_rad, outer) = outer_loop(laws, memory, mode);
+        let loops = inner_loops(laws, memory, &estimates, attitude_command_rad);
+        let motors = allocate(laws, memory, &loops, estimates.battery_v);
+        let inputs = &memory.inputs;
+        outcome.terms = Terms {
+            position_m: inputs.position_m,
+            attitude_rad: inputs.attitude_rad,
+            battery_v: estimates.battery_v,
+            euler_rates_rad_s: estimates.euler_rates_rad_s,
+            body_rates_rad_s: estimates.body_rates_rad_s,
+            z_rate_m_s: estimates.z_rate_m_s,
+            outer,
+            attitude_command_rad,
+            z_command_m: inputs.z_command_m,
+            attitude_reference_rad: [loops.roll.reference, loops.pitch.reference, loops.yaw.reference],
+            z_reference_m: loops.altitude.reference,
+            attitude_error_rad: [loops.roll.error, loops.pitch.error, loops.yaw.error],
+            z_error_m: loops.altitude.error,
+            roll: loops.roll.terms,
+            pitch: loops.pitch.terms,
+            yaw: loops.yaw.terms,
+            altitude: loops.altitude.terms,
+            thrust: loops.thrust,
+            torque: loops.torque(),
+            rotor_speed_rad_s: motors.rotor_speed_rad_s,
+        };
+        (outcome.pwm, outcome.refused, outcome.faults) = (memory.pwm, motors.refused, memory.faults);
+    }
+}
+
+/// Motors at idle; the loops start anew after it.
+#[cold]
+fn idle(laws: &Laws, memory: &mut Memory, estimates: Option<&Estimates>, outcome: &mut Tick) {
+    (memory.position, memory.inner) = (None, None);
+    memory.pwm = [laws.range.idle(); 4];
+    let mut terms = Terms::default();
+    if let Some(estimates) = estimates {
+        terms.position_m = memory.inputs.position_m;
+        terms.attitude_rad = memory.inputs.attitude_rad;
+        terms.battery_v = estimates.battery_v;
+        terms.euler_rates_rad_s = estimates.euler_rates_rad_s;
+        terms.body_rates_rad_s = estimates.body_rates_rad_s;
+        terms.z_rate_m_s = estimates.z_rate_m_s;
+    }
+    *outcome = Tick { pwm: memory.pwm, terms, refused: Refused::default(), faults: memory.faults };
+}
+
+/// Step 2: rates and voltage.
+#[inline]
+fn estimate(laws: &Laws, memory: &mut Memory, gyro_came: bool) -> Estimates {
+    let HeldInputs { position_m: [_, _, z_m], attitude_rad, gyro_rad_s, battery_v, .. } = memory.inputs;
+    let state = memory
+        .estimator
+        .get_or_insert_with(|| laws.estimator.start(attitude_rad, z_m, battery_v, gyro_rad_s));
+    laws.estimator.step(state, attitude_rad, z_m, battery_v, gyro_came.then_some(gyro_rad_s))
+}
+
+/// Step 3: roll, pitch and yaw commands in rad.
+#[inline]
+fn outer_loop(laws: &Laws, memory: &mut Memory, mode: Mode) -> ([f32; 3], Option<OuterTerms>) {
+    let inputs = &memory.inputs;
+    match mode {
+        Mode::Attitude => {
+            memory.position = None;
+            let [roll, pitch] = inputs.attitude_command_rad;
+            ([roll, pitch, inputs.yaw_command_rad], None)
+        }
+        Mode::Position => {
+            let ([x, y, _], [_, _, yaw]) = (inputs.position_m, inputs.attitude_rad);
+            let state = memory.position.get_or_insert_with(|| laws.position.start([x, y]));
+            let ([roll, pitch], outer) = laws.position.step(state, inputs.position_command_m, [x, y], yaw);
+            ([roll, pitch, inputs.yaw_command_rad], Some(outer))
+        }
+    }
+}
+
+/// What the inner loops ask for.
+struct InnerOutput {
+    roll: LoopOutput,
+    pitch: LoopOutput,
+    yaw: LoopOutput,
+    altitude: LoopOutput,
+    thrust: f32,
+}
+
+impl InnerOutput {
+    #[inline]
+    fn torque(&self) -> [f32; 3] {
+        [self.roll.terms.output, self.pitch.terms.output, self.yaw.terms.output]
+    }
+}
+
+/// Steps 4 to 6: thrust and angular accelerations.
+#[inline]
+fn inner_loops(laws: &Laws, memory: &mut Memory, estimates: &Estimates, commands: [f32; 3]) -> InnerOutput {
+    let HeldInputs { position_m: [_, _, z], attitude_rad: [phi, theta, psi], z_command_m, .. } =
+        memory.inputs;
+    let ([roll_command, pitch_command, yaw_command], [p, q, r]) = (commands, estimates.body_rates_rad_s);
+    let state = memory.inner.get_or_insert_with(|| InnerState {
+        roll: laws.roll.start(roll_command),
+        pitch: laws.pitch.start(pitch_command),
+        yaw: laws.yaw.start(yaw_command),
+        altitude: laws.altitude.start(z_command_m),
+        refused: Refused::default(),
+        tilt_fraction: 1.0,
+    });
+    let refused = state.refused;
+    let (roll_command, pitch_command) =
+        (state.tilt_fraction * roll_command, state.tilt_fraction * pitch_command);
+    let roll = laws.roll.step_tilt(&mut state.roll, roll_command, phi, p, refused.roll);
+    let pitch = laws.pitch.step_tilt(&mut state.pitch, pitch_command, theta, q, refused.pitch);
+    let yaw = laws.yaw.step_yaw(&mut state.yaw, yaw_command, psi, r, refused.yaw);
+    let (altitude, mut thrust) =
+        laws.altitude.step(&mut state.altitude, z_command_m, z, estimates.z_rate_m_s, refused.thrust);
+    if laws.tilt_compensation {
+        // What is not a number stays one, for the end of the tick to see.
+        thrust /= if estimates.upright > LEAST_UPRIGHT { estimates.upright } else { LEAST_UPRIGHT };
+    }
+    InnerOutput { roll, pitch, yaw, altitude, thrust }
+}
+
+/// How fast the tilt is reduced while the motors are nearly saturated, fractions of the command per
+/// s: slowly, because a craft that needs all it has to hold against a moment cannot be turned back
+/// fast. A hard manoeuvre of a second costs 5 %.
+const TILT_REDUCTION_PER_S: f64 = 0.05;
+/// How fast the full tilt comes back, fractions of the command per s.
+const TILT_RECOVERY_PER_S: f64 = 0.02;
+
+/// Beyond 60 degrees of tilt the thrust is not raised further: it is at most doubled.
+const LEAST_UPRIGHT: f32 = 0.5;
+
+/// What became of the inner loops' demands; the motor commands themselves are in memory.
+struct Motors {
+    rotor_speed_rad_s: Option<[f32; 4]>,
+    refused: Refused,
+}
+
+/// Step 7: motor commands, and what they refuse.
+#[inline]
+fn allocate(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f32) -> Motors {
+    let mixed = laws.mixer.mix(loops.thrust, loops.torque());
+    let [m1, m2, m3, m4] = mixed;
+    // Not finite if any of the four is not. (Checked before the square roots, which make 0 of a
+    // NaN.)
+    if !((m1 + m2) + (m3 + m4)).is_finite() {
+        return internal_fault(memory);
+    }
+    let (rotor_speed_rad_s, wanted) = commands(laws, memory, mixed, battery_v);
+    memory.pwm = wanted.map(|command| laws.range.clamp(command));
+    let no_rotor_backwards =
+        rotor_speed_rad_s.is_none() || mixed.iter().fold(true, |all, w2| all & (*w2 >= 0.0));
+    let (motors, nearly_saturated) = if no_rotor_backwards && memory.pwm == wanted {
+        (Motors { rotor_speed_rad_s, refused: Refused::default() }, false)
+    } else if laws.attitude_first {
+        desaturate(laws, memory, loops, battery_v)
+    } else {
+        (Motors { rotor_speed_rad_s, refused: refusal(laws, mixed, wanted) }, false)
+    };
+    if let Some(inner) = &mut memory.inner {
+        inner.refused = motors.refused;
+        if nearly_saturated {
+            inner.tilt_fraction = (inner.tilt_fraction - laws.tilt_reduction).max(0.0);
+        } else if inner.tilt_fraction < 1.0 {
+            inner.tilt_fraction = (inner.tilt_fraction + laws.tilt_recovery).min(1.0);
+        }
+    }
+    motors
+}
+
+/// Rotor speeds in rad/s where the law knows any, and motor commands, injection included, on either
+/// side of their range.
+#[inline]
+fn commands(laws: &Laws, memory: &Memory, mixed: [f32; 4], battery_v: f32) -> (Option<[f32; 4]>, [f32; 4]) {
+    let (rotor_speed_rad_s, mut wanted) = match &laws.motor_map {
+        Some(map) => {
+            let speeds = rotor_speeds(mixed);
+            (Some(speeds), map.commands(speeds, battery_v))
+        }
+        None => (None, mixed),
+    };
+    for (command, injection) in wanted.iter_mut().zip(memory.inputs.injection) {
+        *command += injection;
+    }
+    (rotor_speed_rad_s, wanted)
+}
+
+/// Step 7 where some motor is at an end, and roll and pitch come first. The injection is never
+/// reduced. Also whether roll and pitch take nearly all there is.
+#[cold]
+fn desaturate(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f32) -> (Motors, bool) {
+    let ends = laws.range.ends().map(|end| {
+        memory.inputs.injection.map(|injection| match &laws.motor_map {
+            Some(map) => map.squared_speed(end - injection, battery_v),
+            None => end - injection,
+        })
+    });
+    let [low, high] = ends;
+    let Desaturated { mixed, refused, nearly_saturated } =
+        laws.mixer.desaturate(loops.thrust, loops.torque(), low, high);
+    let (rotor_speed_rad_s, wanted) = commands(laws, memory, mixed, battery_v);
+    // What rounding leaves outside.
+    memory.pwm = wanted.map(|command| laws.range.clamp(command));
+    (Motors { rotor_speed_rad_s, refused }, nearly_saturated)
+}
+
+/// What is refused when some motor is at an end.
+#[cold]
+fn refusal(laws: &Laws, mixed: [f32; 4], wanted: [f32; 4]) -> Refused {
+    let mut ends = wanted.map(|command| laws.range.at_end(command));
+    if laws.motor_map.is_some() {
+        for (end, squared_speed) in ends.iter_mut().zip(mixed) {
+            end.low |= squared_speed < 0.0;
+        }
+    }
+    laws.mixer.refused(ends)
+}
+
+/// After an overflow in memory or gains: starts anew with the next tick, and repeats the last
+/// commands in this one.
+#[cold]
+fn internal_fault(memory: &mut Memory) -> Motors {
+    memory.faults.internal.note(true);
+    (memory.estimator, memory.position, memory.inner) = (None, None, None);
+    Motors { rotor_speed_rad_s: None, refused: Refused::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::gains::GyroFusion;
+
+    const HOVER: Measurement = Measurement {
+        position_m: [0.0, 0.0, -1.0],
+        attitude_rad: [0.0; 3],
+        gyro_rad_s: None,
+        battery_v: 11.1,
+    };
+    const STAY: Command = Command {
+        mode: Mode::Attitude,
+        attitude_rad: [0.0; 2],
+        yaw_rad: 0.0,
+        z_m: -1.0,
+        position_m: [0.0; 2],
+        cut_off: false,
+        injection: [0.0; 4],
+    };
+
+    fn thesis() -> Controller {
+        Controller::new(&Config::thesis()).unwrap()
+    }
+
+    /// Hover commands of the printed matrix and map at 11.1 V (reference numbers, 2 decimals; f32
+    /// holds 1700 to 1.2e-4).
+    #[test]
+    fn hover_is_hover() {
+        let mut controller = thesis();
+        for _ in 0..1000 {
+            let tick = controller.tick(&HOVER, &STAY);
+            for (got, want) in tick.pwm.into_iter().zip([1682.71, 1711.94, 1711.05, 1741.89]) {
+                assert!((got - want).abs() < 0.006, "{got} {want}");
+            }
+            assert_eq!((tick.refused, tick.faults), (Refused::default(), Faults::default()));
+        }
+    }
+
+    /// The craft's answer to each command and disturbance, by the signs of the conventions, in both
+    /// laws.
+    #[test]
+    fn directions() {
+        for config in [Config::thesis(), Config::thesis_hand_tuned()] {
+            let more = |measurement: &Measurement, command: &Command| {
+                let mut controller = Controller::new(&config).unwrap();
+                let hover = controller.tick(&HOVER, &STAY).pwm;
+                let mut now = hover;
+                for _ in 0..5 {
+                    now = controller.tick(measurement, command).pwm;
+                }
+                let change: [f32; 4] = core::array::from_fn(|i| now[i] - hover[i]);
+                change.map(|x| x > 0.0)
+            };
+            let left = [true, false, false, true];
+            let front = [true, true, false, false];
+            let ccw = [true, false, true, false];
+            assert_eq!(more(&HOVER, &Command { attitude_rad: [0.1, 0.0], ..STAY }), left, "roll right");
+            assert_eq!(more(&HOVER, &Command { attitude_rad: [0.0, 0.1], ..STAY }), front, "pitch up");
+            assert_eq!(more(&HOVER, &Command { yaw_rad: 0.1, ..STAY }), ccw, "yaw right");
+            assert_eq!(more(&HOVER, &Command { z_m: -1.2, ..STAY }), [true; 4], "climb");
+            assert_eq!(
+                more(&Measurement { attitude_rad: [-0.1, 0.0, 0.0], ..HOVER }, &STAY),
+                left,
+                "rolled left"
+            );
+        }
+    }
+
+    #[test]
+    fn nothing_flies_before_the_first_good_measurement() {
+        let mut controller = thesis();
+        let blind = Measurement { position_m: [f32::NAN; 3], ..HOVER };
+        for k in 1..=5 {
+            let tick = controller.tick(&blind, &STAY);
+            assert_eq!(tick.pwm, [1000.0; 4]);
+            assert_eq!(tick.faults.measurement.count, k);
+        }
+        assert!(controller.tick(&HOVER, &STAY).pwm[0] > 1600.0);
+    }
+
+    #[test]
+    fn a_bad_sample_is_held_and_counted() {
+        let mut controller = thesis();
+        controller.tick(&HOVER, &STAY);
+        let before = controller.tick(&HOVER, &STAY).pwm;
+        let bad = Measurement { attitude_rad: [f32::NAN, 0.0, f32::INFINITY], battery_v: f32::NAN, ..HOVER };
+        let tick = controller.tick(&bad, &STAY);
+        assert_eq!(tick.pwm, before);
+        assert!(tick.faults.measurement.now && tick.faults.battery.now && !tick.faults.command.now);
+        let bad = Command { z_m: f32::NAN, ..STAY };
+        let tick = controller.tick(&HOVER, &bad);
+        assert_eq!(tick.terms.z_command_m, -1.0);
+        assert!(tick.faults.command.now && !tick.faults.measurement.now);
+        assert_eq!((tick.faults.measurement.count, tick.faults.battery.count), (1, 1));
+    }
+
+    #[test]
+    fn cut_off_idles_and_forgets_the_integrals() {
+        let mut controller = thesis();
+        let low = Measurement { position_m: [0.0, 0.0, -0.8], ..HOVER };
+        let mut wound_up = 0.0;
+        for _ in 0..200 {
+            wound_up = controller.tick(&low, &STAY).terms.altitude.i;
+        }
+        assert!(wound_up < -0.3, "0.2 m for 2 s: {wound_up}");
+        let tick = controller.tick(&low, &Command { cut_off: true, injection: [50.0; 4], ..STAY });
+        assert_eq!(tick.pwm, [1000.0; 4], "idle, injection or not");
+        let after = controller.tick(&low, &STAY).terms.altitude.i;
+        assert!((after + 0.002).abs() < 1e-5, "one tick of 0.2 m: {after}");
+    }
+
+    #[test]
+    fn injection_is_added_behind_the_map_and_clamped() {
+        let mut controller = thesis();
+        let plain = controller.tick(&HOVER, &STAY).pwm;
+        let tick = controller.tick(&HOVER, &Command { injection: [10.0, -20.0, 0.0, 1e9], ..STAY });
+        // Hover repeats to the rounding of 1700 us.
+        assert!((tick.pwm[0] - plain[0] - 10.0).abs() < 1e-3);
+        assert!((tick.pwm[1] - plain[1] + 20.0).abs() < 1e-3);
+        assert_eq!(tick.pwm[3], 2000.0);
+        // Motor 4 (rear left) at its upper end: it has no more for thrust, roll right and pitch
+        // down.
+        assert!(tick.refused.thrust.high && tick.refused.roll.high && tick.refused.pitch.low);
+        assert!(!tick.refused.thrust.low && !tick.refused.roll.low && !tick.refused.pitch.high);
+    }
+
+    /// Saturation flows backwards: with the rotors at their end the integral stands, without
+    /// anti-windup it runs.
+    #[test]
+    fn refused_thrust_stops_the_altitude_integral() {
+        let deep = Measurement { position_m: [0.0, 0.0, 0.0], ..HOVER };
+        for (anti_windup, stands) in [(true, true), (false, false)] {
+            let mut controller = Controller::new(&Config { anti_windup, ..Config::thesis() }).unwrap();
+            let command = Command { z_m: -2.0, ..STAY };
+            let early = (0..10).map(|_| controller.tick(&deep, &command)).last().unwrap();
+            assert!(early.refused.thrust.high, "18 N/m * 2 m is more than there is");
+            let late = (0..100).map(|_| controller.tick(&deep, &command)).last().unwrap();
+            assert_eq!(late.terms.altitude.i == early.terms.altitude.i, stands);
+            let high = Measurement { position_m: [0.0, 0.0, -3.0], ..HOVER };
+            let back = (0..50).map(|_| controller.tick(&high, &command)).last().unwrap();
+            assert!(back.terms.altitude.i > late.terms.altitude.i, "unwinds");
+        }
+    }
+
+    #[test]
+    fn switching_to_position_mode_starts_where_the_craft_is() {
+        let mut controller = thesis();
+        let there = Measurement { position_m: [1.0, -0.5, -1.0], ..HOVER };
+        let tick = controller.tick(&there, &STAY);
+        assert_eq!(tick.terms.outer, None);
+        let command = Command { mode: Mode::Position, position_m: [0.0, 0.0], ..STAY };
+        let outer = controller.tick(&there, &command).terms.outer.unwrap();
+        // One tick at 0.5 m/s towards the command.
+        assert!((outer.reference_m[0] - 0.995).abs() < 1e-6 && (outer.reference_m[1] + 0.495).abs() < 1e-6);
+        for _ in 0..100 {
+            controller.tick(&there, &command);
+        }
+        controller.tick(&there, &STAY);
+        let again = controller.tick(&there, &command).terms.outer.unwrap();
+        assert_eq!(again, outer, "the outer loop starts anew");
+    }
+
+    #[test]
+    fn a_snapshot_flies_on_alike() {
+        let mut one = thesis();
+        for k in 0..50 {
+            one.tick(&Measurement { attitude_rad: [0.001 * k as f32, 0.0, 0.0], ..HOVER }, &STAY);
+        }
+        let mut other = one;
+        for k in 0..50 {
+            let measurement = Measurement { attitude_rad: [0.0, 0.001 * k as f32, 0.02], ..HOVER };
+            assert_eq!(one.tick(&measurement, &STAY), other.tick(&measurement, &STAY));
+        }
+    }
+
+    #[test]
+    fn corrupted_memory_is_thrown_away() {
+        let mut controller = thesis();
+        let before = controller.tick(&HOVER, &STAY).pwm;
+        controller.memory.estimator =
+            Some(controller.laws.estimator.start([f32::NAN; 3], -1.0, 11.1, [0.0; 3]));
+        let tick = controller.tick(&HOVER, &STAY);
+        assert_eq!((tick.pwm, tick.faults.internal.count), (before, 1), "the last commands once more");
+        let tick = controller.tick(&HOVER, &STAY);
+        assert_eq!((tick.faults.internal.now, tick.faults.internal.count), (false, 1));
+        for (got, want) in tick.pwm.into_iter().zip(before) {
+            assert!((got - want).abs() < 1e-3, "flies on");
+        }
+    }
+
+    #[test]
+    fn a_gyro_that_is_wanted_and_missing_is_a_fault() {
+        let mut config = Config::thesis();
+        config.estimation.gyro =
+            Some(GyroFusion { corner_rad_s: 5.0, complement: crate::config::gains::Complement::Exact });
+        let mut controller = Controller::new(&config).unwrap();
+        assert!(controller.tick(&HOVER, &STAY).faults.measurement.now);
+        let turning = Measurement { gyro_rad_s: Some([0.2, 0.0, 0.0]), ..HOVER };
+        let tick = controller.tick(&turning, &STAY);
+        assert!(!tick.faults.measurement.now);
+        // The high-pass lets the jump through: nearly all of it.
+        assert!((tick.terms.body_rates_rad_s[0] - 0.2).abs() < 1e-3, "{:?}", tick.terms.body_rates_rad_s);
+    }
+
+    /// Ten seconds of flight of the same step at several rates: the laws are built for their
+    /// period, the results agree.
+    #[test]
+    fn the_sample_time_is_a_parameter() {
+        let integral_after_a_second = |rate_hz: u16| {
+            let config = Config { sample_time_s: 1.0 / f64::from(rate_hz), ..Config::thesis() };
+            let mut controller = Controller::new(&config).unwrap();
+            controller.tick(&HOVER, &STAY);
+            let command = Command { yaw_rad: 0.1, ..STAY };
+            (0..rate_hz).map(|_| controller.tick(&HOVER, &command).terms.yaw).last().unwrap()
+        };
+        // Prefilter 4/(s+4): e(1 s) = 0.1 (1 - exp(-4)), integral 0.1 (1 - (1 - exp(-4)) / 4).
+        let (p, i) = (15.0 * 0.098_168, 0.1 * (1.0 - 0.981_684 / 4.0));
+        for rate_hz in [100, 250, 1000] {
+            let terms = integral_after_a_second(rate_hz);
+            // Backward Euler and the prefilter's sample of delay: within one period of the slope.
+            let tolerance = 0.12 / f32::from(rate_hz);
+            assert!(
+                (terms.p - p).abs() < tolerance && (terms.i - i).abs() < tolerance,
+                "{rate_hz} Hz: {terms:?}"
+            );
+        }
+    }
+
+    /// Yaw held at the branch cut of the angle: noise to either side moves no motor by much.
+    #[test]
+    fn heading_south_is_no_special_place() {
+        let mut controller = thesis();
+        let pi = core::f32::consts::PI;
+        let command = Command { yaw_rad: pi, ..STAY };
+        let south = |noise: f32| Measurement {
+            attitude_rad: [0.0, 0.0, crate::dsp::trig::wrap_angle(pi + noise)],
+            ..HOVER
+        };
+        let hover = controller.tick(&south(0.0), &command).pwm;
+        for k in 0..100 {
+            let tick = controller.tick(&south(if k % 2 == 0 { 1e-4 } else { -1e-4 }), &command);
+            for (got, want) in tick.pwm.into_iter().zip(hover) {
+                // 2e-4 rad in 0.01 s is 0.02 rad/s; times 0.6 of the estimator at half the rate and
+                // 5 rad/s^2 per rad/s.
+                assert!((got - want).abs() < 3.0, "{k}: {got} {want}");
+            }
+        }
+    }
+}

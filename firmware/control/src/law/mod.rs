@@ -1,0 +1,10 @@
+//! The control law: estimators, loops, and the [`Controller`](controller::Controller) that ticks
+//! them.
+
+pub mod altitude;
+pub mod attitude;
+pub mod controller;
+pub mod estimator;
+pub mod pid;
+pub mod position;
+pub mod terms;

@@ -1,0 +1,599 @@
+//! Detectors: from what comes in with each tick to a set of [`Conditions`].
+//!
+//! - Time passes by the difference between two ticks only, taken modulo 2^32; the
+//!   [`timers`](crate::safety::timers) add it up.
+//! - Comparisons are written so that NaN falls on the bad side.
+//! - A pose that is frozen, jumped or not a number counts as one that did not come; the silence
+//!   that follows does the rest.
+//!
+//! From when on something counts is the table [`Supervision`] of the gains file. What is done about
+//! a condition is the table in [`state_machine`](crate::safety::state_machine).
+//!
+//! [`Supervision`]: crate::config::supervision_limits::Supervision
+
+use crate::inputs::input_checks::magnitude;
+use crate::inputs::readings::Pose;
+use crate::safety::conditions::{Condition, Conditions};
+use crate::safety::limits::Limits;
+use crate::safety::plausibility::{differ, is_inside, is_pose, is_reachable, is_tilted_beyond, tilt_bound};
+use crate::safety::timers::{Held, Silence};
+
+/// How often something was refused since the start; counts stay at the greatest number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counters {
+    /// Poses refused: frozen, jumped or not a number.
+    pub poses_refused: u32,
+    /// Ticks without a usable gyro sample.
+    pub imu_refused: u32,
+    /// Commands refused: not a number.
+    pub commands_refused: u32,
+    /// Late ticks.
+    pub overruns: u32,
+    /// Leaps of the clock.
+    pub clock_jumps: u32,
+}
+
+#[cold]
+pub(crate) fn count(counter: &mut u32) {
+    *counter = counter.saturating_add(1);
+}
+
+/// What is known of the craft before a pose comes.
+pub(crate) struct LastKnown<'a> {
+    /// The last pose that could be flown with.
+    pub(crate) last: &'a Pose,
+    /// Where the craft has turned since then by the gyro, rad.
+    pub(crate) attitude_rad: [f32; 3],
+    /// Without it a pose may be anywhere.
+    pub(crate) anchored: bool,
+}
+
+/// All detectors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Detectors {
+    last_us: Option<u32>,
+    /// Time lost to late ticks and not yet made up for, us.
+    debt_us: u32,
+    pub(crate) link: Silence,
+    pub(crate) pose: Silence,
+    pose_repeats: u32,
+    /// For how long no pose at all has come, us.
+    unheard_us: u32,
+    /// A simulation begins with a line of equal poses: none of them is frozen.
+    pose_settling: bool,
+    /// Whether the sample of this tick can be compared with motion capture.
+    imu_comparable: bool,
+    imu_last: [f32; 3],
+    imu_equal: u32,
+    imu_missing: u32,
+    imu_age_us: u32,
+    /// Smoothed difference of gyro and motion capture, rad/s.
+    difference_rad_s: [f32; 3],
+    imu_disagrees: bool,
+    battery: [Held; 3],
+    battery_low: bool,
+    tilt: Held,
+    fence: Held,
+    outside: bool,
+    thrust: Held,
+    thrust_lost: bool,
+    not_a_number: bool,
+    pub(crate) counters: Counters,
+}
+
+impl Detectors {
+    /// Nothing has been received yet.
+    pub(crate) fn at_rest() -> Self {
+        Self {
+            last_us: None,
+            debt_us: 0,
+            link: Silence::NEVER,
+            pose: Silence::NEVER,
+            pose_repeats: 0,
+            unheard_us: 0,
+            pose_settling: false,
+            imu_comparable: false,
+            imu_last: [f32::NAN; 3],
+            imu_equal: 0,
+            imu_missing: u32::MAX,
+            imu_age_us: u32::MAX,
+            difference_rad_s: [0.0; 3],
+            imu_disagrees: false,
+            battery: [Held::default(); 3],
+            battery_low: false,
+            tilt: Held::default(),
+            fence: Held::default(),
+            outside: true,
+            thrust: Held::default(),
+            thrust_lost: false,
+            not_a_number: false,
+            counters: Counters::default(),
+        }
+    }
+
+    /// Everything has been in order until now.
+    pub(crate) fn in_flight() -> Self {
+        Self {
+            link: Silence::GOOD,
+            pose: Silence::GOOD,
+            pose_settling: true,
+            imu_missing: 0,
+            imu_age_us: 0,
+            outside: false,
+            ..Self::at_rest()
+        }
+    }
+
+    /// Time since the tick before in us; one period if the clock cannot be right.
+    #[inline]
+    pub(crate) fn clock(&mut self, time_us: u32, limits: &Limits, conditions: &mut Conditions) -> u32 {
+        let period_us = limits.period_us;
+        let elapsed_us = self.last_us.map_or(period_us, |last_us| time_us.wrapping_sub(last_us));
+        self.last_us = Some(time_us);
+        // Half a period to one and a half.
+        if self.debt_us == 0 && elapsed_us.wrapping_sub(period_us / 2) <= period_us {
+            return elapsed_us;
+        }
+        self.off_time(elapsed_us, limits, conditions)
+    }
+
+    /// Handles a tick out of time, or one of those after it.
+    #[cold]
+    fn off_time(&mut self, elapsed_us: u32, limits: &Limits, conditions: &mut Conditions) -> u32 {
+        let Limits { period_us, jump_us, overrun_us, .. } = *limits;
+        // Backwards is a leap too: modulo 2^32 it is a long way forward. No two ticks are within
+        // one microsecond.
+        if elapsed_us == 0 || elapsed_us > jump_us {
+            count(&mut self.counters.clock_jumps);
+            conditions.note(Condition::ClockJumped, true);
+            return period_us;
+        }
+        if elapsed_us > period_us + period_us / 2 {
+            count(&mut self.counters.overruns);
+            self.debt_us = self.debt_us.saturating_add(elapsed_us - period_us);
+        } else {
+            self.debt_us = self.debt_us.saturating_sub(period_us / 10);
+        }
+        conditions.note(Condition::LoopOverrun, self.debt_us >= overrun_us);
+        elapsed_us
+    }
+
+    /// Detects a silent link: `came` is whether a command came.
+    #[inline]
+    pub(crate) fn link(&mut self, came: bool, elapsed_us: u32, limits: &Limits, conditions: &mut Conditions) {
+        self.link.step(came, elapsed_us, &limits.link);
+        if self.link.late {
+            conditions.note(Condition::LinkLate, true);
+            conditions.note(Condition::LinkLost, self.link.age_us >= limits.link.lost_us);
+        }
+    }
+
+    /// Detects bad and missing poses; returns whether a pose came that can be flown with.
+    #[inline]
+    pub(crate) fn pose(
+        &mut self,
+        pose: Option<&Pose>,
+        known: &LastKnown<'_>,
+        elapsed_us: u32,
+        limits: &Limits,
+        conditions: &mut Conditions,
+    ) -> bool {
+        let LastKnown { last, attitude_rad, anchored } = *known;
+        let good = pose.is_some_and(|pose| {
+            self.outside = !is_inside(pose.position_m, limits);
+            let plausible = if anchored {
+                // Refused poses do not extend the reach: a tracker that has jumped is not believed
+                // for staying there.
+                let reach_m = if self.unheard_us == 0 { limits.jump_m } else { self.reach_m(limits) };
+                is_reachable(pose, last.position_m, attitude_rad, reach_m, limits)
+            } else {
+                is_pose(pose)
+            };
+            if plausible && differ(&pose.position_m, &last.position_m) {
+                self.pose_repeats = 0;
+                self.pose_settling &= !anchored;
+                return true;
+            }
+            self.doubtful(pose != last, plausible, limits, conditions)
+        });
+        self.unheard_us = if pose.is_some() { 0 } else { self.unheard_us.saturating_add(elapsed_us) };
+        self.pose.step(good, elapsed_us, &limits.pose);
+        if self.pose.late {
+            conditions.note(Condition::PoseLate, true);
+            conditions.note(Condition::PoseLost, self.pose.age_us >= limits.pose.lost_us);
+            conditions.note(Condition::PoseGone, self.pose.age_us >= limits.pose_cut_us);
+        }
+        let outside = self.fence.step(self.outside, elapsed_us, limits.fence_us);
+        conditions.note(Condition::OutsideFence, outside);
+        good
+    }
+
+    /// How far from the last good pose the craft may be, m.
+    #[cold]
+    fn reach_m(&self, limits: &Limits) -> f32 {
+        limits.jump_m + limits.speed_m_per_us * self.unheard_us as f32
+    }
+
+    /// A pose that came again unchanged, or one that cannot be true.
+    #[cold]
+    fn doubtful(&mut self, new: bool, plausible: bool, limits: &Limits, conditions: &mut Conditions) -> bool {
+        self.pose_repeats = if new { 0 } else { self.pose_repeats.saturating_add(1) };
+        let frozen = self.pose_repeats >= limits.pose_repeats && !self.pose_settling;
+
+        conditions.note(Condition::PoseFrozen, frozen);
+        conditions.note(Condition::PoseJumped, !plausible);
+        let good = plausible && !frozen;
+        if !good {
+            count(&mut self.counters.poses_refused);
+        }
+        good
+    }
+
+    /// Detects bad and missing gyro samples; returns the sample if it can be used.
+    #[inline]
+    pub(crate) fn imu(
+        &mut self,
+        gyro_rad_s: Option<[f32; 3]>,
+        elapsed_us: u32,
+        limits: &Limits,
+        conditions: &mut Conditions,
+    ) -> Option<[f32; 3]> {
+        if let Some(rates) = gyro_rad_s {
+            let greatest = rates.iter().fold(0, |greatest, rate| magnitude(*rate).max(greatest));
+            if greatest <= limits.rate_limit && differ(&rates, &self.imu_last) && !self.imu_disagrees {
+                self.imu_last = rates;
+                (self.imu_equal, self.imu_missing, self.imu_age_us) = (1, 0, 0);
+                self.imu_comparable = true;
+                return gyro_rad_s;
+            }
+        }
+        self.imu_in_doubt(gyro_rad_s, elapsed_us, limits, conditions)
+    }
+
+    /// Handles no sample, an implausible one, or a repeated one.
+    #[cold]
+    fn imu_in_doubt(
+        &mut self,
+        gyro_rad_s: Option<[f32; 3]>,
+        elapsed_us: u32,
+        limits: &Limits,
+        conditions: &mut Conditions,
+    ) -> Option<[f32; 3]> {
+        let plausible =
+            gyro_rad_s.filter(|rates| rates.iter().all(|rate| magnitude(*rate) <= limits.rate_limit));
+        self.imu_comparable = plausible.is_some();
+        match plausible {
+            Some(rates) => {
+                self.imu_missing = 0;
+                self.imu_equal = if rates == self.imu_last { self.imu_equal.saturating_add(1) } else { 1 };
+                self.imu_last = rates;
+            }
+            None => self.imu_missing = self.imu_missing.saturating_add(1),
+        }
+        self.imu_age_us = self.imu_age_us.saturating_add(elapsed_us);
+        let stuck = self.imu_equal >= limits.imu_repeats;
+        conditions.note(Condition::ImuLate, self.imu_missing >= limits.imu_missing_ticks);
+        conditions.note(Condition::ImuStuck, stuck);
+        conditions.note(Condition::ImuDisagrees, self.imu_disagrees);
+        // Without poses the gyro is all that keeps the craft level.
+        let needed = limits.uses_gyro || self.pose.late;
+        conditions.note(Condition::ImuGone, needed && self.imu_age_us >= limits.imu_cut_us);
+        let usable = plausible.filter(|_| !stuck && !self.imu_disagrees);
+        if usable.is_none() {
+            count(&mut self.counters.imu_refused);
+        }
+        usable
+    }
+
+    /// Detects a low voltage.
+    #[inline]
+    pub(crate) fn battery(
+        &mut self,
+        voltage_v: f32,
+        elapsed_us: u32,
+        limits: &Limits,
+        conditions: &mut Conditions,
+    ) {
+        let [warn_v, _, _] = limits.battery_v;
+        if self.battery_low || !(voltage_v >= warn_v) {
+            self.battery_sags(voltage_v, elapsed_us, limits, conditions);
+        }
+    }
+
+    #[cold]
+    fn battery_sags(
+        &mut self,
+        voltage_v: f32,
+        elapsed_us: u32,
+        limits: &Limits,
+        conditions: &mut Conditions,
+    ) {
+        let levels = [Condition::BatteryLow, Condition::BatteryCritical, Condition::BatteryEmpty];
+        self.battery_low = false;
+        for ((held, level_v), condition) in self.battery.iter_mut().zip(limits.battery_v).zip(levels) {
+            let low = !(voltage_v >= level_v);
+            self.battery_low |= low;
+            conditions.note(condition, held.step(low, elapsed_us, limits.battery_us));
+        }
+    }
+
+    /// Detects excessive tilt of the attitude (rad) that is flown with.
+    #[inline]
+    pub(crate) fn tilt(
+        &mut self,
+        attitude_rad: [f32; 3],
+        elapsed_us: u32,
+        limits: &Limits,
+        conditions: &mut Conditions,
+    ) {
+        let tilted = !(tilt_bound(attitude_rad) <= limits.tilt_rad) && is_tilted_beyond(attitude_rad, limits);
+        conditions.note(Condition::Tilted, self.tilt.step(tilted, elapsed_us, limits.tilt_us));
+    }
+
+    /// Reports what the end of the tick before has shown.
+    #[inline]
+    pub(crate) fn aftermath(&mut self, conditions: &mut Conditions) {
+        if self.thrust_lost || self.not_a_number {
+            conditions.note(Condition::ThrustLost, self.thrust_lost);
+            conditions.note(Condition::NotANumber, self.not_a_number);
+        }
+    }
+
+    /// Compares the body rates by gyro and by motion capture, in rad/s.
+    #[inline]
+    pub(crate) fn compare_rates(&mut self, gyro_rad_s: [f32; 3], tracked_rad_s: [f32; 3], limits: &Limits) {
+        if !self.imu_comparable {
+            return;
+        }
+        let ([p, q, r], [tp, tq, tr]) = (gyro_rad_s, tracked_rad_s);
+        let mut difference = [p - tp, q - tq, r - tr];
+        let [dp, dq, dr] = difference;
+        let bound_rad_s = 2.0 * limits.disagreement_rad_s;
+        if !(dp.abs() + dq.abs() + dr.abs() <= bound_rad_s) {
+            // One wild sample counts no more than one at the bound.
+            difference = bounded(difference, bound_rad_s);
+        }
+        let mut sum = 0.0;
+        for (smooth, difference) in self.difference_rad_s.iter_mut().zip(difference) {
+            *smooth += limits.disagreement_gain * (difference - *smooth);
+            sum += smooth.abs();
+        }
+        self.imu_disagrees = sum > limits.disagreement_rad_s;
+    }
+
+    /// Looks at the result of a tick: thrust refused upwards, rate of inertial z in m/s, attitude
+    /// in rad, a result that is not a number.
+    #[inline]
+    pub(crate) fn after(
+        &mut self,
+        refused: bool,
+        z_rate_m_s: f32,
+        attitude_rad: [f32; 3],
+        not_a_number: bool,
+        elapsed_us: u32,
+        limits: &Limits,
+    ) {
+        let sinks = refused && z_rate_m_s > limits.sink_m_s && tilt_bound(attitude_rad) < limits.level_rad;
+        self.thrust_lost = self.thrust.step(sinks, elapsed_us, limits.thrust_us);
+        self.not_a_number = not_a_number;
+    }
+
+    /// Whether clock and loop keep time.
+    pub(crate) fn on_time(&self, limits: &Limits) -> bool {
+        self.debt_us <= limits.overrun_us / 2
+    }
+
+    /// Whether the last pose was inside the box.
+    pub(crate) fn is_inside(&self) -> bool {
+        !self.outside
+    }
+}
+
+/// Each value clamped to the limit on either side; 0 for NaN.
+#[cold]
+fn bounded(values: [f32; 3], limit: f32) -> [f32; 3] {
+    // Not `clamp`, which panics where the limit is NaN.
+    values.map(|value| {
+        if value > limit {
+            limit
+        } else if value < -limit {
+            -limit
+        } else if value.is_nan() {
+            0.0
+        } else {
+            value
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::gains::Config;
+    use crate::config::supervision_limits::BatteryLevels;
+    use Condition as C;
+
+    const PERIOD_US: u32 = 10_000;
+    const POSE: Pose = Pose { position_m: [0.0, 0.0, -1.0], attitude_rad: [0.0; 3] };
+
+    fn limits() -> Limits {
+        Limits::new(&Config::thesis())
+    }
+
+    /// What one call of a detector found.
+    fn found<T>(detect: impl FnOnce(&mut Conditions) -> T) -> (T, Vec<Condition>) {
+        let mut conditions = Conditions::NONE;
+        let result = detect(&mut conditions);
+        (result, conditions.iter().collect())
+    }
+
+    #[test]
+    fn the_clock_may_wrap_but_neither_leap_nor_stand_still() {
+        let limits = limits();
+        let mut detectors = Detectors::in_flight();
+        let mut tick = |time_us| found(|conditions| detectors.clock(time_us, &limits, conditions));
+        assert_eq!(tick(u32::MAX - 4999), (PERIOD_US, vec![]), "the first tick");
+        assert_eq!(tick(5000), (PERIOD_US, vec![]), "across the wrap");
+        for time_us in [5000, 4000, 3_000_000] {
+            assert_eq!(tick(time_us), (PERIOD_US, vec![C::ClockJumped]), "{time_us}");
+        }
+        assert_eq!(detectors.counters.clock_jumps, 3);
+    }
+
+    /// The table allows 0.1 s of delay: three ticks 40 ms late, and less after ticks in time.
+    #[test]
+    fn late_ticks_add_up_and_ticks_in_time_make_up_for_them() {
+        let limits = limits();
+        let mut detectors = Detectors::in_flight();
+        let mut time_us = 0;
+        let mut tick = |elapsed_us| {
+            time_us += elapsed_us;
+            let (_, conditions) = found(|conditions| detectors.clock(time_us, &limits, conditions));
+            (conditions, detectors.on_time(&limits), detectors.counters.overruns)
+        };
+        tick(0);
+        assert_eq!(tick(50_000), (vec![], true, 1));
+        assert_eq!(tick(50_000), (vec![], false, 2), "80 ms: no arming");
+        assert_eq!(tick(50_000), (vec![C::LoopOverrun], false, 3), "120 ms");
+        // A tenth of a period each.
+        (0..20).for_each(|_| assert_eq!(tick(PERIOD_US).2, 3));
+        assert_eq!(tick(PERIOD_US).0, vec![]);
+        (0..60).for_each(|_| drop(tick(PERIOD_US)));
+        assert!(tick(PERIOD_US).1);
+    }
+
+    #[test]
+    fn a_silent_link_is_late_and_then_lost() {
+        let limits = limits();
+        let mut detectors = Detectors::in_flight();
+        for k in 1..=200 {
+            let ((), conditions) = found(|c| detectors.link(false, PERIOD_US, &limits, c));
+            let want: &[Condition] = match k {
+                ..50 => &[],
+                50..190 => &[C::LinkLate],
+                _ => &[C::LinkLate, C::LinkLost],
+            };
+            assert_eq!(conditions, want, "{k}");
+        }
+    }
+
+    /// Ticks of a pose each, as a craft in flight sees them: whether it is used, and what is found.
+    fn pose_ticks(poses: impl IntoIterator<Item = Option<Pose>>) -> (Vec<(bool, Vec<Condition>)>, u32) {
+        let limits = limits();
+        let mut detectors = Detectors { pose_settling: false, ..Detectors::in_flight() };
+        let mut last = POSE;
+        let ticks = poses.into_iter().map(|pose| {
+            let known = LastKnown { last: &last, attitude_rad: last.attitude_rad, anchored: true };
+            let tick = found(|c| detectors.pose(pose.as_ref(), &known, PERIOD_US, &limits, c));
+            if let (true, Some(pose)) = (tick.0, pose) {
+                last = pose;
+            }
+            tick
+        });
+        (ticks.collect(), detectors.counters.poses_refused)
+    }
+
+    #[test]
+    fn a_pose_that_never_changes_is_frozen() {
+        let (ticks, refused) = pose_ticks([Some(POSE); 5]);
+        let used: Vec<bool> = ticks.iter().map(|tick| tick.0).collect();
+        // The table allows two repetitions.
+        assert_eq!(used, [true, true, false, false, false]);
+        assert_eq!(ticks[2].1, [C::PoseFrozen]);
+        assert_eq!(refused, 3);
+    }
+
+    #[test]
+    fn a_pose_out_of_reach_is_refused_until_a_silence_makes_room() {
+        let away = Pose { position_m: [0.6, 0.0, -1.0], ..POSE };
+        let (ticks, _) = pose_ticks([Some(away), Some(away)]);
+        assert_eq!(ticks, [(false, vec![C::PoseJumped]), (false, vec![C::PoseJumped])]);
+        // 0.5 m at once, and 3 m/s: four silent ticks and half a metre reach 0.62 m.
+        let (ticks, _) = pose_ticks([None, None, None, None, Some(away)]);
+        assert!(ticks[4].0, "{ticks:?}");
+    }
+
+    #[test]
+    fn no_pose_is_late_lost_and_gone_in_turn() {
+        let (ticks, _) = pose_ticks([None; 190]);
+        let conditions = |k: usize| ticks[k - 1].1.as_slice();
+        assert_eq!(conditions(4), []);
+        assert_eq!(conditions(5), [C::PoseLate]);
+        assert_eq!(conditions(40), [C::PoseLate, C::PoseLost]);
+        assert_eq!(conditions(190), [C::PoseLate, C::PoseLost, C::PoseGone]);
+    }
+
+    #[test]
+    fn leaving_the_box_counts_after_its_time() {
+        let outside = |k: u8| Pose { position_m: [0.0, 2.15 + 0.1 * f32::from(k), -1.0], ..POSE };
+        let (ticks, _) = pose_ticks((0..30).map(|k| Some(outside(k.min(3) * 2 + k % 2))));
+        let first = ticks.iter().position(|tick| tick.1.contains(&C::OutsideFence));
+        // Outside from tick 1 on, for 0.2 s.
+        assert_eq!(first, Some(20), "{ticks:?}");
+    }
+
+    #[test]
+    fn a_gyro_that_repeats_itself_is_stuck_and_a_wild_one_is_missing() {
+        let limits = limits();
+        let mut detectors = Detectors::in_flight();
+        let mut sample = |rates| found(|c| detectors.imu(rates, PERIOD_US, &limits, c));
+        let same = Some([0.1, 0.0, 0.0]);
+        for _ in 0..9 {
+            assert_eq!(sample(same), (same, vec![]));
+        }
+        assert_eq!(sample(same), (None, vec![C::ImuStuck]));
+        let other = Some([0.2, 0.0, 0.0]);
+        assert_eq!(sample(other), (other, vec![]));
+        for (k, bad) in [Some([36.0, 0.0, 0.0]), Some([f32::NAN, 0.0, 0.0]), None].into_iter().enumerate() {
+            let want = if k == 2 { vec![C::ImuLate] } else { vec![] };
+            assert_eq!(sample(bad), (None, want));
+        }
+    }
+
+    #[test]
+    fn a_gyro_that_contradicts_the_poses_is_noticed_and_one_wild_sample_is_not() {
+        let limits = limits();
+        let mut detectors = Detectors { imu_comparable: true, ..Detectors::in_flight() };
+        detectors.compare_rates([1e6, 0.0, 0.0], [0.0; 3], &limits);
+        assert!(!detectors.imu_disagrees);
+        let mut ticks = 0;
+        while !detectors.imu_disagrees {
+            detectors.compare_rates([2.0, 0.0, 0.0], [0.0; 3], &limits);
+            ticks += 1;
+        }
+        // 2 rad/s smoothed over 20 ticks passes 1.2 rad/s after 20 ln(2.0 / 0.8) = 18, the wild
+        // sample's 0.117 rad/s sooner.
+        assert!((16..=18).contains(&ticks), "{ticks}");
+    }
+
+    #[test]
+    fn a_sag_is_no_empty_battery_and_a_voltage_that_is_no_number_is() {
+        let mut config = Config::thesis();
+        config.supervision.battery = BatteryLevels { for_s: 0.05, ..BatteryLevels::THREE_CELLS };
+        let limits = Limits::new(&config);
+        let mut detectors = Detectors::in_flight();
+        let mut voltage = |volts| found(|c| detectors.battery(volts, PERIOD_US, &limits, c)).1;
+        (0..4).for_each(|_| assert_eq!(voltage(9.0), []));
+        assert_eq!(voltage(11.0), []);
+        (0..4).for_each(|_| assert_eq!(voltage(10.5), []));
+        assert_eq!(voltage(10.5), [C::BatteryLow]);
+        (0..4).for_each(|_| assert_eq!(voltage(f32::NAN), [C::BatteryLow]));
+        assert_eq!(voltage(f32::NAN), [C::BatteryLow, C::BatteryCritical, C::BatteryEmpty]);
+        assert_eq!(voltage(12.0), []);
+    }
+
+    #[test]
+    fn thrust_is_lost_by_a_level_craft_that_sinks_and_nobody_else() {
+        let limits = limits();
+        let lost = |refused, sink_m_s, roll_rad| {
+            let mut detectors = Detectors::in_flight();
+            for _ in 0..40 {
+                detectors.after(refused, sink_m_s, [roll_rad, 0.0, 0.0], false, PERIOD_US, &limits);
+            }
+            !found(|c| detectors.aftermath(c)).1.is_empty()
+        };
+        assert!(lost(true, 0.3, 0.1));
+        assert!(!lost(false, 0.3, 0.1) && !lost(true, 0.1, 0.1) && !lost(true, 0.3, 0.5));
+        assert!(!lost(true, f32::NAN, 0.1));
+    }
+}

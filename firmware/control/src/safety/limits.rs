@@ -1,0 +1,128 @@
+//! The `[supervision]` table of the gains file in the units of flight: microseconds, f32, and what
+//! a tick need not compute anew.
+
+use crate::config::gains::Config;
+use crate::config::supervision_limits::Supervision;
+use crate::inputs::input_checks::magnitude;
+
+/// Seconds as microseconds; what does not fit is the greatest number.
+fn micros(seconds: f64) -> u32 {
+    (seconds * 1e6) as u32
+}
+
+/// [`Supervision`] in the units of flight.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Limits {
+    pub(crate) period_us: u32,
+    pub(crate) jump_us: u32,
+    pub(crate) overrun_us: u32,
+    pub(crate) link: SilenceLimits,
+    pub(crate) pose: SilenceLimits,
+    pub(crate) pose_cut_us: u32,
+    pub(crate) pose_repeats: u32,
+    pub(crate) jump_m: f32,
+    pub(crate) speed_m_per_us: f32,
+    pub(crate) jump_rad: f32,
+    pub(crate) imu_missing_ticks: u32,
+    pub(crate) imu_repeats: u32,
+    pub(crate) imu_cut_us: u32,
+    /// As a [`magnitude`].
+    pub(crate) rate_limit: u32,
+    pub(crate) disagreement_rad_s: f32,
+    pub(crate) disagreement_gain: f32,
+    pub(crate) battery_v: [f32; 3],
+    pub(crate) battery_us: u32,
+    pub(crate) tilt_rad: f32,
+    pub(crate) tilt_cosine: f32,
+    pub(crate) tilt_us: u32,
+    pub(crate) arming_tilt_rad: f32,
+    pub(crate) fence_centre_m: [f32; 3],
+    pub(crate) fence_half_m: [f32; 3],
+    pub(crate) fence_us: u32,
+    pub(crate) thrust_us: u32,
+    pub(crate) sink_m_s: f32,
+    pub(crate) level_rad: f32,
+    pub(crate) uses_gyro: bool,
+}
+
+/// When a silence matters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct SilenceLimits {
+    pub(crate) late_us: u32,
+    pub(crate) lost_us: u32,
+    pub(crate) good_us: u32,
+}
+
+impl Limits {
+    pub(crate) fn new(config: &Config) -> Self {
+        let Supervision { link, pose, imu, battery, tilt, fence, thrust, timing, .. } = &config.supervision;
+        let sides = [fence.x_m, fence.y_m, fence.z_m];
+        Self {
+            period_us: micros(config.sample_time_s),
+            jump_us: micros(timing.jump_s),
+            overrun_us: micros(timing.overrun_s),
+            link: SilenceLimits {
+                late_us: micros(link.hold_after_s),
+                lost_us: micros(link.land_after_s),
+                good_us: micros(link.good_for_s),
+            },
+            pose: SilenceLimits {
+                late_us: micros(pose.coast_s),
+                lost_us: micros(pose.land_after_s),
+                good_us: micros(pose.good_for_s),
+            },
+            pose_cut_us: micros(pose.cut_after_s),
+            pose_repeats: pose.repeats,
+            jump_m: pose.jump_m as f32,
+            speed_m_per_us: (pose.speed_m_s * 1e-6) as f32,
+            jump_rad: pose.jump_rad as f32,
+            imu_missing_ticks: imu.missing_ticks,
+            imu_repeats: imu.repeats,
+            imu_cut_us: micros(imu.cut_after_s),
+            rate_limit: magnitude(imu.rate_limit_rad_s as f32),
+            disagreement_rad_s: imu.disagreement_rad_s as f32,
+            disagreement_gain: (1.0 - libm::exp(-config.sample_time_s / imu.disagreement_filter_s)) as f32,
+            battery_v: [battery.warn_v as f32, battery.land_v as f32, battery.empty_v as f32],
+            battery_us: micros(battery.for_s),
+            tilt_rad: tilt.limit_rad as f32,
+            tilt_cosine: libm::cos(tilt.limit_rad) as f32,
+            tilt_us: micros(tilt.for_s),
+            arming_tilt_rad: tilt.arming_rad as f32,
+            fence_centre_m: sides.map(|[low, high]| (0.5 * (low + high)) as f32),
+            fence_half_m: sides.map(|[low, high]| (0.5 * (high - low)) as f32),
+            fence_us: micros(fence.for_s),
+            thrust_us: micros(thrust.for_s),
+            sink_m_s: thrust.sink_m_s as f32,
+            level_rad: thrust.level_rad as f32,
+            uses_gyro: config.estimation.gyro.is_some(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::supervision_limits::Fence;
+
+    #[test]
+    fn seconds_become_microseconds() {
+        assert_eq!([0.0, 1e-6, 0.01, 60.0, 1e9].map(micros), [0, 1, 10_000, 60_000_000, u32::MAX]);
+    }
+
+    /// The thesis' table, worked out by hand.
+    #[test]
+    fn the_table_in_the_units_of_flight() {
+        let mut config = Config::thesis();
+        config.supervision.fence = Fence { x_m: [-1.0, 3.0], y_m: [2.0, 4.0], z_m: [-2.5, 0.5], for_s: 0.2 };
+        let limits = Limits::new(&config);
+        assert_eq!((limits.period_us, limits.jump_us, limits.overrun_us), (10_000, 1_000_000, 100_000));
+        assert_eq!(limits.link, SilenceLimits { late_us: 500_000, lost_us: 1_900_000, good_us: 500_000 });
+        assert_eq!(limits.pose, SilenceLimits { late_us: 50_000, lost_us: 400_000, good_us: 100_000 });
+        assert_eq!((limits.fence_centre_m, limits.fence_half_m), ([1.0, 3.0, -1.0], [2.0, 1.0, 1.5]));
+        // cos(60 degrees), rounded once.
+        assert!((limits.tilt_cosine - 0.5).abs() < 1e-7);
+        // A first-order smoothing of 0.2 s at 0.01 s: 1 - exp(-0.05).
+        assert!((limits.disagreement_gain - 0.048_770_6).abs() < 1e-7);
+        assert_eq!((limits.rate_limit, limits.uses_gyro), (35.0_f32.to_bits(), false));
+    }
+}

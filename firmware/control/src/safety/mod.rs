@@ -1,0 +1,19 @@
+//! The supervisor: what keeps a flight safe.
+//!
+//! | file | question |
+//! |---|---|
+//! | [`detectors`] | what is wrong in this tick? ([`limits`], [`timers`] and [`plausibility`] help) |
+//! | [`conditions`] | what can be wrong at all? One bit each, for telemetry and logs |
+//! | [`state_machine`] | what does the craft do about it? |
+//! | [`preflight`] | may it be armed? |
+//!
+//! From when on something counts as wrong is
+//! [`supervision_limits`](crate::config::supervision_limits), in the gains file.
+
+pub mod conditions;
+pub(crate) mod detectors;
+pub(crate) mod limits;
+pub(crate) mod plausibility;
+pub mod preflight;
+pub mod state_machine;
+pub(crate) mod timers;

@@ -1,0 +1,8 @@
+//! The link to the craft: packets with key and counters, its delay, and the pace of the craft's
+//! clock.
+
+mod clock_monitor;
+mod craft_link;
+
+pub use clock_monitor::{ClockEvent, ClockMonitor, Pace, Timing, Unwrapped, ramp_interval_s};
+pub use craft_link::{CraftLink, CraftLinkError, LinkSettings, PORT};

@@ -1,0 +1,140 @@
+//! What every tracker has in common: sightings, errors, the order of frames.
+
+use std::io::{self, ErrorKind};
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use proto::Pose;
+
+/// Larger than any datagram.
+pub(crate) const DATAGRAM: usize = 65_536;
+
+/// A frame in which the craft was seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sighting {
+    /// Number of the tracker's frame.
+    pub frame: u32,
+    /// Where the craft is.
+    pub pose: Pose,
+    /// How old the frame was when it came, as far as the tracker says.
+    pub age: Duration,
+}
+
+/// What a tracker has sent.
+#[derive(Debug, Clone, PartialEq)]
+pub enum TrackerEvent {
+    /// The craft.
+    Seen(Sighting),
+    /// A frame in which the cameras lost it.
+    NotSeen {
+        /// Number of the frame.
+        frame: u32,
+    },
+    /// Something that cannot be used, and why.
+    Refused(String),
+    /// Nothing in that time.
+    Nothing,
+    /// Nothing more will come.
+    End,
+}
+
+/// Why a tracker cannot be listened to.
+#[derive(Debug, thiserror::Error)]
+pub enum MocapError {
+    /// The port.
+    #[error("cannot listen for the tracker on {address}: {source}; is another program listening there?")]
+    Bind {
+        /// Where.
+        address: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The socket failed later.
+    #[error("the tracker's socket failed: {0}")]
+    Socket(#[from] io::Error),
+    /// A NatNet server does not do what it should.
+    #[error("NatNet server {server}: {problem}")]
+    Server {
+        /// Its address.
+        server: SocketAddr,
+        /// What is wrong and how to mend it.
+        problem: String,
+    },
+    /// A flight to replay that cannot be.
+    #[error("cannot replay {file}: {problem}")]
+    Replay {
+        /// The file.
+        file: String,
+        /// What is wrong.
+        problem: String,
+    },
+}
+
+/// A tracker that sees the craft.
+pub trait MocapReceiver: Send {
+    /// The next event, waiting for it up to `patience`.
+    ///
+    /// # Errors
+    /// A socket that has failed for good.
+    fn next(&mut self, patience: Duration) -> Result<TrackerEvent, MocapError>;
+
+    /// What it is, for people.
+    fn describe(&self) -> String;
+}
+
+/// Which frames are new. UDP may deliver late or twice; a tracker that starts anew counts from a
+/// low number again.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct FrameOrder {
+    last: Option<u32>,
+}
+
+/// Frames this far back are those of a tracker that was restarted: 10 s at 100 Hz.
+const RESTARTED: i32 = -1000;
+
+impl FrameOrder {
+    /// Is this frame newer than all before?
+    pub(crate) fn is_new(&mut self, frame: u32) -> bool {
+        let ahead = self.last.map_or(1, |last| frame.wrapping_sub(last).cast_signed());
+        if ahead <= 0 && ahead > RESTARTED {
+            return false;
+        }
+        self.last = Some(frame);
+        true
+    }
+}
+
+/// Turns a wait that ran out into nothing; gives the length of what came.
+pub(crate) fn received<T>(outcome: io::Result<T>) -> Result<Option<T>, MocapError> {
+    match outcome {
+        Ok(got) => Ok(Some(got)),
+        Err(error) => match error.kind() {
+            // A closed port on the other side (ICMP) is none of ours.
+            ErrorKind::WouldBlock
+            | ErrorKind::TimedOut
+            | ErrorKind::Interrupted
+            | ErrorKind::ConnectionRefused
+            | ErrorKind::ConnectionReset => Ok(None),
+            _ => Err(error.into()),
+        },
+    }
+}
+
+/// Sockets refuse a wait of zero.
+pub(crate) fn at_least(patience: Duration) -> Option<Duration> {
+    Some(patience.max(Duration::from_micros(100)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frame_numbers_wrap_and_trackers_restart() {
+        let mut order = FrameOrder::default();
+        let new: Vec<bool> = [u32::MAX - 1, u32::MAX, 0, u32::MAX, 1, 90_000, 89_999, 3, 4]
+            .map(|frame| order.is_new(frame))
+            .into();
+        assert_eq!(new, [true, true, true, false, true, true, false, true, true]);
+    }
+}

@@ -1,0 +1,37 @@
+//! Recordings: everything that is sent and heard, as MCAP, and each flight in it as a flight file.
+//!
+//! **While it runs** the log is `NAME.mcap.part`: MCAP without chunks, each message written to the
+//! system before the next one is looked at, so a killed program or a full disk loses nothing that
+//! came before. **When it ends** [`finish`] reads that log and writes `NAME.mcap` (with chunks and
+//! indices, as Foxglove and PlotJuggler like it) and `NAME-1.csv`, `NAME-2.csv` ... (one flight
+//! each, see [`FlightCutter`]), each under a temporary name
+//! first; then the part goes. A part that a crash left behind is finished in the same way.
+//!
+//! Messages are JSON with a JSON schema each, in SI units, the fields those of crate `proto`:
+//!
+//! | topic | what |
+//! |---|---|
+//! | `/telemetry` | from the craft, each tick |
+//! | `/pose`, `/command`, `/request`, `/gains` | to the craft |
+//! | `/identity`, `/answer` | from the craft |
+//! | `/link` | delay, skew and losses, four times a second |
+//! | `/log` | what people were told (`foxglove.Log`) |
+//!
+//! Times are nanoseconds of the machine's wall clock at the start plus the ground's clock since. A
+//! missing number (a pose before the first) is `null`. Deliberately absent: compression
+//! (`mcap compress` does it).
+
+mod entry;
+mod error;
+mod finish;
+mod flight_cutter;
+mod log;
+mod recorder;
+mod schema;
+
+pub use entry::{Entry, Level, LinkRecord};
+pub use error::RecordError;
+pub use finish::{Finished, finish};
+pub use flight_cutter::{FlightCutter, IN_THE_AIR_M};
+pub use log::{Logged, read_log};
+pub use recorder::{Recorder, part_of};

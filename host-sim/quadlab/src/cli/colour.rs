@@ -1,0 +1,66 @@
+//! Colours of words on a terminal.
+//!
+//! Text is built with colours; what prints it takes them out where they are not wanted: in pipes and files, and with NO_COLOR set
+//! (no-color.org). A colour only repeats what a word says.
+
+use anstyle::{AnsiColor, Style};
+
+const GOOD: Style = AnsiColor::Green.on_default();
+const BAD: Style = AnsiColor::Red.on_default().bold();
+const DOUBT: Style = AnsiColor::Yellow.on_default().bold();
+const SOFT: Style = Style::new().dimmed();
+const LEAD: Style = Style::new().bold();
+
+fn styled(style: Style, text: &str) -> String {
+    format!("{style}{text}{style:#}")
+}
+
+/// "yes" and "no" of a table, with the spaces around them.
+pub(crate) fn verdict(text: &str) -> String {
+    styled(if text.trim() == "yes" { GOOD } else { SOFT }, text)
+}
+
+/// What a command concludes.
+pub(crate) fn lead(text: &str) -> String {
+    // A style ends with its line, so that a pager does not carry it on.
+    text.lines().map(|line| styled(LEAD, line) + "\n").collect()
+}
+
+/// Prints `warning: ...` on standard error.
+pub(crate) fn warn(text: &str) {
+    anstream::eprintln!("{} {text}", styled(DOUBT, "warning:"));
+}
+
+/// Prints `error: ...` on standard error.
+pub(crate) fn error(text: &str) {
+    anstream::eprintln!("{} {text}", styled(BAD, "error:"));
+}
+
+/// `text` as standard output takes it: without colours, but on a terminal that has them.
+pub(crate) fn for_stdout(text: &str) -> String {
+    match anstream::AutoStream::choice(&std::io::stdout()) {
+        anstream::ColorChoice::Never => plain(text),
+        _ => text.to_owned(),
+    }
+}
+
+fn plain(text: &str) -> String {
+    anstream::adapter::strip_str(text).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn without_colours_the_words_remain() {
+        let text = lead("The model lacks\nground-effect.") + &verdict("yes  ") + &verdict("no   ");
+        assert!(text.contains("\u{1b}[32myes  \u{1b}[0m"), "{text:?}");
+        assert_eq!(plain(&text), "The model lacks\nground-effect.\nyes  no   ");
+    }
+
+    #[test]
+    fn no_style_runs_over_the_end_of_a_line() {
+        assert!(lead("one\ntwo\n").lines().all(|line| line.ends_with("\u{1b}[0m")));
+    }
+}

@@ -1,0 +1,10 @@
+//! From figure to SVG, with `plotters` for everything inside the axes.
+
+mod canvas;
+mod document;
+mod layout;
+mod legend;
+mod plot;
+mod text;
+
+pub(crate) use text::printable;

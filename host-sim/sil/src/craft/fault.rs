@@ -1,0 +1,221 @@
+//! What can go wrong in a flight: each fault begins at a time, lasts a while, and changes what
+//! reaches the autopilot or the motors. The craft itself and the sensors' noise do not change.
+
+use control::{Command, Pose, Readings, Request};
+
+/// What goes wrong.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum FaultKind {
+    /// No command comes.
+    LinkSilent,
+    /// Commands are not numbers.
+    LinkGarbage,
+    /// The ground asks for something, once.
+    Asks(Request),
+    /// The pilot's command is cut-off.
+    CutOff,
+    /// No pose comes.
+    PoseSilent,
+    /// The last pose comes again and again.
+    PoseFrozen,
+    /// Poses are off by so much, m.
+    PoseShifted([f32; 3]),
+    /// Heading is off by so much, rad.
+    PoseTurned(f32),
+    /// Positions are not numbers.
+    PoseNotANumber,
+    /// No gyro sample comes.
+    ImuMissing,
+    /// The last gyro sample comes again and again.
+    ImuStuck,
+    /// The gyro is off by so much on each axis, rad/s.
+    ImuBiased(f32),
+    /// The gyro's scale is wrong by this factor.
+    ImuScaled(f32),
+    /// The gyro says nonsense.
+    ImuGarbage,
+    /// The voltage is measured lower by so much, V.
+    VoltageLower(f32),
+    /// The voltage cannot be measured.
+    VoltageNotANumber,
+    /// A motor stands still (0 to 3).
+    MotorDead(usize),
+    /// Every motor gets so much less than its command, command units.
+    MotorsWeak(f32),
+    /// The clock is off by so much from here on, us; modulo 2^32.
+    ClockOff(u32),
+    /// The control loop does not run; the motors go on.
+    LoopStalled,
+}
+
+/// A fault and its time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fault {
+    /// What goes wrong.
+    pub kind: FaultKind,
+    /// From when on, s.
+    pub from_s: f64,
+    /// For how long, s.
+    pub for_s: f64,
+}
+
+/// A margin so that a time computed as `k Ts` meets one written as a decimal, s.
+const SAME_TIME_S: f64 = 1e-9;
+
+impl Fault {
+    fn is_on(&self, time_s: f64) -> bool {
+        let since_s = time_s + SAME_TIME_S - self.from_s;
+        since_s >= 0.0 && since_s < self.for_s
+    }
+}
+
+/// What faults remember.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Faults {
+    last_pose: Option<Pose>,
+    last_gyro: Option<[f32; 3]>,
+    asked: bool,
+}
+
+impl Faults {
+    /// Changes what reaches the autopilot; returns whether its loop stalls.
+    pub(crate) fn distort(&mut self, faults: &[Fault], time_s: f64, readings: &mut Readings) -> bool {
+        let (last_pose, last_gyro) = (self.last_pose, self.last_gyro);
+        let mut stalled = false;
+        for fault in faults.iter().filter(|fault| fault.is_on(time_s)) {
+            stalled |= fault.kind == FaultKind::LoopStalled;
+            self.distort_by(fault.kind, readings, last_pose, last_gyro);
+        }
+        // A frozen value is the last one, so it stays the same.
+        (self.last_pose, self.last_gyro) = (readings.pose.or(last_pose), readings.gyro_rad_s.or(last_gyro));
+        stalled
+    }
+
+    fn distort_by(
+        &mut self,
+        kind: FaultKind,
+        readings: &mut Readings,
+        last_pose: Option<Pose>,
+        last_gyro: Option<[f32; 3]>,
+    ) {
+        let pose = |change: &dyn Fn(&mut Pose), readings: &mut Readings| {
+            if let Some(pose) = &mut readings.pose {
+                change(pose);
+            }
+        };
+        match kind {
+            FaultKind::LinkSilent => readings.command = None,
+            FaultKind::LinkGarbage => {
+                readings.command = readings.command.map(|c| Command { z_m: f32::NAN, ..c });
+            }
+            FaultKind::Asks(request) => {
+                readings.request = (!self.asked).then_some(request);
+                self.asked = true;
+            }
+            FaultKind::CutOff => {
+                readings.command = readings.command.map(|c| Command { cut_off: true, ..c });
+            }
+            FaultKind::PoseSilent => readings.pose = None,
+            FaultKind::PoseFrozen => readings.pose = last_pose,
+            FaultKind::PoseShifted(by_m) => {
+                pose(&|pose| pose.position_m.iter_mut().zip(by_m).for_each(|(x, by)| *x += by), readings)
+            }
+            FaultKind::PoseTurned(by_rad) => pose(&|pose| pose.attitude_rad[2] += by_rad, readings),
+            FaultKind::PoseNotANumber => pose(&|pose| pose.position_m = [f32::NAN; 3], readings),
+            FaultKind::ImuMissing => readings.gyro_rad_s = None,
+            FaultKind::ImuStuck => readings.gyro_rad_s = last_gyro,
+            FaultKind::ImuBiased(by) => readings.gyro_rad_s = readings.gyro_rad_s.map(|g| g.map(|x| x + by)),
+            FaultKind::ImuScaled(by) => readings.gyro_rad_s = readings.gyro_rad_s.map(|g| g.map(|x| x * by)),
+            FaultKind::ImuGarbage => readings.gyro_rad_s = Some([f32::NAN, 1e9, f32::INFINITY]),
+            FaultKind::VoltageLower(by_v) => readings.battery_v -= by_v,
+            FaultKind::VoltageNotANumber => readings.battery_v = f32::NAN,
+            FaultKind::ClockOff(by_us) => readings.time_us = readings.time_us.wrapping_add(by_us),
+            FaultKind::MotorDead(_) | FaultKind::MotorsWeak(_) | FaultKind::LoopStalled => {}
+        }
+    }
+
+    /// What the motors get of their commands.
+    pub(crate) fn motors(
+        &self,
+        faults: &[Fault],
+        time_s: f64,
+        mut pwm: [f32; 4],
+        command_range: [f64; 2],
+    ) -> [f32; 4] {
+        let idle = command_range[0] as f32;
+        for fault in faults.iter().filter(|fault| fault.is_on(time_s)) {
+            match fault.kind {
+                FaultKind::MotorDead(motor) => {
+                    if let Some(command) = pwm.get_mut(motor) {
+                        *command = idle;
+                    }
+                }
+                FaultKind::MotorsWeak(by) => pwm = pwm.map(|command| (command - by).max(idle)),
+                _ => {}
+            }
+        }
+        pwm
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn readings(x_m: f32) -> Readings {
+        Readings {
+            time_us: 0,
+            pose: Some(Pose { position_m: [x_m, 0.0, -1.0], attitude_rad: [0.0; 3] }),
+            gyro_rad_s: Some([0.1; 3]),
+            battery_v: 11.1,
+            command: Some(Command::default()),
+            request: None,
+            outputs_ready: true,
+        }
+    }
+
+    /// What comes to the autopilot in tick `k` of 10 ms; x grows by 1 m a tick.
+    fn distorted(list: &[Fault], faults: &mut Faults, k: u32) -> (Readings, bool) {
+        let mut readings = readings(k as f32);
+        let stalled = faults.distort(list, f64::from(k) * 0.01, &mut readings);
+        (readings, stalled)
+    }
+
+    #[test]
+    fn a_frozen_pose_is_the_last_one_and_ends_with_the_fault() {
+        let list = [Fault { kind: FaultKind::PoseFrozen, from_s: 0.03, for_s: 0.02 }];
+        let mut faults = Faults::default();
+        let x: Vec<f32> = (0..7)
+            .map(|k| distorted(&list, &mut faults, k).0.pose.map_or(f32::NAN, |pose| pose.position_m[0]))
+            .collect();
+        // From the tick at 0.03 s on, up to but not with the one at 0.05 s.
+        assert_eq!(x, [0.0, 1.0, 2.0, 2.0, 2.0, 5.0, 6.0]);
+    }
+
+    #[test]
+    fn a_request_comes_once_however_long_its_fault_lasts() {
+        let list = [Fault { kind: FaultKind::Asks(Request::Land), from_s: 0.0, for_s: 1.0 }];
+        let mut faults = Faults::default();
+        let requests: Vec<_> = (0..5).map(|k| distorted(&list, &mut faults, k).0.request).collect();
+        assert_eq!(requests, [Some(Request::Land), None, None, None, None]);
+    }
+
+    #[test]
+    fn faults_at_once_all_act_and_a_stall_is_reported() {
+        let on = |kind| Fault { kind, from_s: 0.0, for_s: 1.0 };
+        let list = [on(FaultKind::PoseSilent), on(FaultKind::VoltageLower(1.0)), on(FaultKind::LoopStalled)];
+        let (seen, stalled) = distorted(&list, &mut Faults::default(), 0);
+        assert!(stalled && seen.pose.is_none() && (seen.battery_v - 10.1).abs() < 1e-6, "{seen:?}");
+    }
+
+    #[test]
+    fn a_dead_motor_idles_and_weak_ones_never_fall_below_idle() {
+        let on = |kind| Fault { kind, from_s: 0.0, for_s: 1.0 };
+        let faults = Faults::default();
+        let motors =
+            |kind| faults.motors(&[on(kind)], 0.0, [1500.0, 1200.0, 1500.0, 1500.0], [1000.0, 2000.0]);
+        assert_eq!(motors(FaultKind::MotorDead(0)), [1000.0, 1200.0, 1500.0, 1500.0]);
+        assert_eq!(motors(FaultKind::MotorDead(7)), [1500.0, 1200.0, 1500.0, 1500.0]);
+        assert_eq!(motors(FaultKind::MotorsWeak(300.0)), [1200.0, 1000.0, 1200.0, 1200.0]);
+    }
+}

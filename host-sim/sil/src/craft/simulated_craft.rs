@@ -1,0 +1,162 @@
+//! The simulated craft: plant, battery and sensors behind the four motor commands.
+
+use control::Measurement;
+use model::user_effect::Undefined;
+use model::{Battery, DelayLine, Plant, State, Substeps};
+
+use super::sensors::Sensors;
+
+/// A craft with any coordinate or rate beyond this counts as lost.
+const GONE: f64 = 1e4;
+
+/// A craft in flight.
+#[derive(Debug, Clone)]
+pub struct SimulatedCraft {
+    plant: Plant,
+    substeps: Substeps,
+    /// Present if the model has a dead time between command and rotor.
+    dead_time: Option<DelayLine>,
+    battery: Battery,
+    sensors: Sensors,
+    period_s: f64,
+    tick: u32,
+    /// Voltage of the tick before, V.
+    last_v: f64,
+    /// Whether the model has effects of users, whose formulas may have no value.
+    has_formulas: bool,
+    /// The formula that had none.
+    pub fault: Option<Undefined>,
+    /// Where it is and how it moves.
+    pub state: State,
+}
+
+impl SimulatedCraft {
+    /// A craft in `state`, advanced in ticks of `period_s` that are cut into `substeps` integration
+    /// steps.
+    pub fn new(
+        plant: Plant,
+        battery: Battery,
+        sensors: Sensors,
+        state: State,
+        period_s: f64,
+        substeps: u32,
+    ) -> Self {
+        let last_v = battery.voltage_v(0.0, &state.rotor_rad_s);
+        let dead_time = (plant.adjustments().input_delay_s > 0.0).then(|| {
+            DelayLine::new(&plant, period_s, substeps, plant.command_for(&state.rotor_rad_s, last_v))
+        });
+        let substeps = plant.substeps(period_s, substeps);
+        let has_formulas = plant.has_user_effects();
+        let (tick, fault) = (0, None);
+        Self {
+            plant,
+            substeps,
+            dead_time,
+            battery,
+            sensors,
+            period_s,
+            tick,
+            last_v,
+            has_formulas,
+            fault,
+            state,
+        }
+    }
+
+    /// Voltage at the battery's terminals now, V.
+    #[inline]
+    pub fn voltage_v(&self) -> f64 {
+        self.battery.voltage_v(f64::from(self.tick) * self.period_s, &self.state.rotor_rad_s)
+    }
+
+    /// What the sensors measure now. To be called once a tick: each call draws new noise.
+    #[inline]
+    pub fn sense(&mut self, voltage_v: f64) -> Measurement {
+        self.sensors.sense(&self.state, voltage_v)
+    }
+
+    /// One tick with motor commands held, in command units.
+    #[inline]
+    pub fn advance(&mut self, pwm: &[f32; 4], voltage_v: f64) {
+        let command = pwm.map(f64::from);
+        // The battery acts on the motors all the time: over the tick, the voltage in its middle.
+        // Held as it was at the start, a sag would come half a tick late.
+        let middle_v = voltage_v + 0.5 * (voltage_v - self.last_v);
+        self.last_v = voltage_v;
+        let before = self.has_formulas.then_some(self.state);
+        match &mut self.dead_time {
+            None => {
+                let commanded = self.plant.commanded_rad_s(&command, middle_v);
+                self.plant.step(&mut self.state, &commanded, middle_v, &self.substeps);
+            }
+            Some(line) => line.step(&self.plant, &mut self.state, &command, middle_v),
+        }
+        self.tick += 1;
+        if let Some(before) = before.filter(|_| !self.state.is_finite()) {
+            let commanded = self.plant.commanded_rad_s(&command, middle_v);
+            self.fault = self.plant.undefined_in_step(&before, &commanded, middle_v, &self.substeps);
+        }
+    }
+
+    /// Whether the simulation can go on.
+    #[inline]
+    pub fn is_there(&self) -> bool {
+        let s = &self.state;
+        // A sum of squares is finite and small only if every part is.
+        let all =
+            s.position_ned_m.norm_squared() + s.velocity_m_s.norm_squared() + s.rate_rad_s.norm_squared();
+        all < GONE * GONE && s.attitude.norm_squared().is_finite()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use model::{Effect, Model};
+    use nalgebra::Vector3;
+
+    /// Commands are microseconds; rotors start where 1500 us hold them.
+    fn rotor_after(delay_s: f64, ticks: u32) -> f64 {
+        let mut model = Model::thesis();
+        if delay_s > 0.0 {
+            model.set(Effect::InputDelay, &[delay_s]);
+        }
+        let plant = Plant::new(&model);
+        let start = plant.commanded_rad_s(&[1500.0; 4], 11.1);
+        let state = State::at_rest(Vector3::new(0.0, 0.0, -1.0), start);
+        let sensors = Sensors::new(&model, None, 0.01, 0);
+        let mut craft = SimulatedCraft::new(plant, Battery::constant(11.1), sensors, state, 0.01, 4);
+        for _ in 0..ticks {
+            let voltage_v = craft.voltage_v();
+            craft.advance(&[1600.0; 4], voltage_v);
+        }
+        craft.state.rotor_rad_s[0] - start[0]
+    }
+
+    #[test]
+    fn a_dead_time_shifts_the_rotors_by_itself() {
+        assert_eq!(rotor_after(0.02, 2), 0.0, "nothing yet after two ticks");
+        assert!(rotor_after(0.0, 2) > 10.0, "without dead time the rotor moves at once");
+        // 0.7850 rad/s a microsecond (4.11), first-order lag of 21.5 rad/s.
+        let closed_form = |time_s: f64| 78.50 * (1.0 - (-21.5 * time_s).exp());
+        assert!((rotor_after(0.02, 5) - closed_form(0.03)).abs() < 1e-9);
+        assert!((rotor_after(0.025, 5) - closed_form(0.025)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_craft_that_is_not_finite_is_gone() {
+        let model = Model::thesis();
+        let craft = |edit: fn(&mut State)| {
+            let mut state = State::at_rest(Vector3::zeros(), [600.0; 4]);
+            edit(&mut state);
+            let sensors = Sensors::new(&model, None, 0.01, 0);
+            SimulatedCraft::new(Plant::new(&model), Battery::constant(11.1), sensors, state, 0.01, 4)
+                .is_there()
+        };
+        assert!(craft(|_| {}));
+        assert!(!craft(|s| s.position_ned_m.y = f64::NAN));
+        assert!(!craft(|s| s.velocity_m_s.x = f64::INFINITY));
+        assert!(!craft(|s| s.rate_rad_s.z = 2e4));
+        assert!(!craft(|s| s.attitude[2] = f64::NAN));
+    }
+}

@@ -1,0 +1,229 @@
+//! Failsafe drills: for each rule of the supervisor a flight that sets it off, and one that just
+//! does not.
+//!
+//! Each is flown in hover, in a climb and in a pattern, with noise. The fault begins when the craft
+//! hovers, climbs fastest and is on its way between two way-points. Times are those after the
+//! beginning of the fault; the limits are the project's (what other autopilots promise), plus one
+//! tick where a limit falls on one.
+
+use control::{Condition, Conditions};
+use proto::State;
+
+use crate::craft::{Fault, FaultKind, NoiseModel};
+use crate::flight::{FlightPlan, Recording, Row, Script, SilError, StepAxis, StepCommand, fly};
+use crate::scenarios::{Scenario, Settings};
+
+/// The flights in which each drill is flown, and when its fault begins, s.
+const FLIGHTS: [(&str, f64); 3] = [("hover", 3.0), ("climb", 3.0), ("pattern", 9.0)];
+/// How long a drill goes on after its fault, s: landing from 1.5 m at 0.3 m/s takes 5 s.
+const AFTER_S: f64 = 8.0;
+
+/// How the craft has to respond to a fault.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ExpectedResponse {
+    /// Not at all: the pilot's command is flown to the end.
+    Flies,
+    /// The rule is set off, and these states are gone to in this order, each within so many s of
+    /// the beginning of the fault.
+    Goes(&'static [(State, f64)]),
+    /// These states, likewise, but the rule is not set off: milder ones are.
+    Short(&'static [(State, f64)]),
+}
+
+/// A fault, and how the craft has to respond.
+#[derive(Debug, Clone, Copy)]
+pub struct Drill {
+    /// What happens, in words.
+    pub name: &'static str,
+    /// The rule that it is about.
+    pub rule: Condition,
+    /// How the craft has to respond.
+    pub expected: ExpectedResponse,
+    /// What happens at the drill's moment.
+    pub(super) causes: &'static [Cause],
+}
+
+/// How the craft responded in one flight of a drill.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DrillResult {
+    /// Over which flight.
+    pub flight: &'static str,
+    /// Seed of its noise.
+    pub seed: u64,
+    /// When the condition of the rule was there first, s after the beginning of the fault.
+    pub flagged_s: Option<f64>,
+    /// Each state that was gone to, and when, s after the beginning of the fault.
+    pub states: Vec<(State, f64)>,
+    /// What was found in those ticks.
+    pub reasons: Vec<Conditions>,
+    /// How far from where it was when the fault began the craft was at most while its motors ran,
+    /// horizontally, m.
+    pub drift_m: f64,
+    /// Whether that is what was expected.
+    pub holds: bool,
+}
+
+/// What happens in a drill.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Cause {
+    /// A fault that lasts so many s from the drill's moment on.
+    Fault(FaultKind, f64),
+    /// A fault that begins so many s after the drill's moment, and lasts so many s.
+    Later(f64, FaultKind, f64),
+    /// A fault that comes again and again: first `first_s` after the drill's moment.
+    Repeated { kind: FaultKind, first_s: f64, every_s: f64, times: u32, for_s: f64 },
+    /// A box around the start, so wide to each side in m, from the beginning of the flight on.
+    Fence(f64),
+    /// Everything 1 m higher, in a cage that allows it: time to tumble before the floor.
+    Higher,
+    /// A law that cannot fly without a gyro.
+    NeedsGyro,
+    /// The craft's clock wraps at the drill's moment.
+    ClockWraps,
+}
+
+impl Cause {
+    /// Puts it into a plan whose moment is `at_s`.
+    fn apply(self, plan: &mut FlightPlan, at_s: f64) {
+        let mut add = |kind, from_s, for_s| plan.faults.push(Fault { kind, from_s, for_s });
+        match self {
+            Self::Fault(kind, for_s) => add(kind, at_s, for_s),
+            Self::Later(later_s, kind, for_s) => add(kind, at_s + later_s, for_s),
+            Self::Repeated { kind, first_s, every_s, times, for_s } => {
+                (0..times).for_each(|k| add(kind, at_s + first_s + every_s * f64::from(k), for_s));
+            }
+            Self::Fence(half_m) => fence_around_start(plan, half_m),
+            Self::Higher => higher(plan),
+            Self::NeedsGyro => {
+                use control::gains::{Complement, GyroFusion};
+                let fusion = GyroFusion { corner_rad_s: 5.0, complement: Complement::Exact };
+                plan.config.estimation.gyro = Some(fusion);
+            }
+            Self::ClockWraps => plan.clock_us = 0_u32.wrapping_sub((at_s * 1e6) as u32),
+        }
+    }
+}
+
+/// The box around the start, so wide to each side, from the beginning of the flight on.
+fn fence_around_start(plan: &mut FlightPlan, half_m: f64) {
+    let fence = &mut plan.config.supervision.fence;
+    let [x, _, _] = plan.start_m;
+    fence.x_m = if half_m > 0.0 { [x - half_m, x + half_m] } else { [x - half_m, x + 3.0] };
+}
+
+/// Everything 1 m higher, in a cage that allows it: time to tumble before the floor.
+fn higher(plan: &mut FlightPlan) {
+    plan.config.position_limits.z_m[0] -= 1.0;
+    plan.config.supervision.fence.z_m[0] -= 1.0;
+    plan.start_m[2] -= 1.0;
+    if let Script::Waypoints { list, .. } = &mut plan.script {
+        list.iter_mut().for_each(|waypoint| waypoint.position_m[2] -= 1.0);
+    }
+}
+
+impl Drill {
+    /// The plan of one flight of it, and when its fault begins, s.
+    pub fn plan(&self, flight: usize, seed: u64) -> (FlightPlan, f64) {
+        let (name, at_s) = FLIGHTS[flight % FLIGHTS.len()];
+        let noise = Some(NoiseModel::default());
+        let mut plan = match name {
+            "pattern" => Scenario::Pattern.plan(&Settings { noise, seed, ..Settings::default() }),
+            "climb" => {
+                let step = StepCommand { axis: StepAxis::Z, size: -0.5, at_s: at_s - 0.5 };
+                FlightPlan { script: Script::Step(step), noise, seed, ..FlightPlan::thesis() }
+            }
+            _ => FlightPlan { noise, seed, ..FlightPlan::thesis() },
+        };
+        plan.duration_s = at_s + AFTER_S;
+        self.causes.iter().for_each(|cause| cause.apply(&mut plan, at_s));
+        (plan, at_s)
+    }
+
+    /// Flies it over hover, climb and pattern with one seed.
+    ///
+    /// # Errors
+    /// A plan that cannot be flown.
+    pub fn fly(&self, seed: u64) -> Result<Vec<DrillResult>, SilError> {
+        (0..FLIGHTS.len())
+            .map(|k| {
+                let (plan, at_s) = self.plan(k, seed);
+                Ok(self.judge(FLIGHTS[k].0, seed, &fly(&plan)?, at_s))
+            })
+            .collect()
+    }
+
+    fn judge(&self, flight: &'static str, seed: u64, recording: &Recording, at_s: f64) -> DrillResult {
+        let begin = (at_s / recording.period_s).round() as usize;
+        // A box that is too small is so from the start.
+        let from_start = self.rule == Condition::OutsideFence && self.plan(0, seed).0.faults.is_empty();
+        let begin = if from_start { 0 } else { begin };
+        let after_s = |row: usize| (row as f64 - begin as f64) * recording.period_s;
+        let rows = recording.rows.iter().enumerate();
+        let flagged = |bits| Conditions::from_bits(bits).has(self.rule);
+        let flagged_s =
+            rows.clone().find(|(_, row)| flagged(row.supervision.conditions)).map(|(k, _)| after_s(k));
+        let (mut states, mut reasons) = (Vec::new(), Vec::new());
+        let mut last = State::Flying;
+        for (k, row) in rows {
+            if row.supervision.state != last {
+                last = row.supervision.state;
+                states.push((last, after_s(k)));
+                reasons.push(Conditions::from_bits(row.supervision.conditions));
+            }
+        }
+        let place = |k: usize| {
+            recording.rows.get(k).map_or([0.0; 2], |row| [row.truth.position_m[0], row.truth.position_m[1]])
+        };
+        let [x0, y0] = place(begin);
+        let runs = |row: &&Row| !matches!(row.supervision.state, State::Cut | State::Disarmed);
+        let drift_m = recording.rows.iter().skip(begin).take_while(runs).fold(0.0_f64, |most, row| {
+            let [x, y, _] = row.truth.position_m;
+            most.max(f64::from(x - x0).hypot(f64::from(y - y0)))
+        });
+        let holds = match self.expected {
+            ExpectedResponse::Flies => states.is_empty() && recording.complete,
+            ExpectedResponse::Goes(expected) => {
+                flagged_s.is_some_and(|s| s >= 0.0) && in_order(&states, expected)
+            }
+            ExpectedResponse::Short(expected) => flagged_s.is_none() && in_order(&states, expected),
+        };
+        DrillResult { flight, seed, flagged_s, states, reasons, drift_m, holds }
+    }
+}
+
+/// Does the craft go through the expected states in their order, none before the fault, each in
+/// time?
+fn in_order(states: &[(State, f64)], expected: &[(State, f64)]) -> bool {
+    let mut rest = states.iter();
+    states.iter().all(|(_, at_s)| *at_s >= 0.0)
+        && expected
+            .iter()
+            .all(|(wanted, by_s)| rest.any(|(state, at_s)| state == wanted && *at_s <= by_s + 1e-6))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use State::{Flying, Hold, Land};
+
+    #[test]
+    fn states_count_in_order_in_time_and_after_the_fault() {
+        let expected = [(Hold, 0.5), (Land, 2.0)];
+        assert!(in_order(&[(Hold, 0.5), (Land, 1.9)], &expected));
+        assert!(in_order(&[(Hold, 0.1), (Flying, 0.3), (Land, 1.9)], &expected), "more than expected");
+        assert!(!in_order(&[(Land, 0.1), (Hold, 0.2)], &expected), "the other way round");
+        assert!(!in_order(&[(Hold, 0.6), (Land, 1.9)], &expected), "too late");
+        assert!(!in_order(&[(Hold, -0.1), (Land, 1.9)], &expected), "before the fault");
+        assert!(!in_order(&[(Hold, 0.1)], &expected), "not all");
+    }
+
+    #[test]
+    fn repeated_faults_come_at_their_interval() {
+        let mut plan = FlightPlan::thesis();
+        let kind = FaultKind::LinkSilent;
+        Cause::Repeated { kind, first_s: 1.0, every_s: 0.5, times: 3, for_s: 0.2 }.apply(&mut plan, 2.0);
+        let times: Vec<f64> = plan.faults.iter().map(|fault| fault.from_s).collect();
+        assert_eq!(times, [3.0, 3.5, 4.0]);
+        assert!(plan.faults.iter().all(|fault| fault.for_s == 0.2));
+    }
+}

@@ -1,0 +1,252 @@
+//! All drills, as a table.
+
+use control::{Condition as C, Request};
+use proto::State::{Cut, Disarmed, Flying, Hold, Land};
+
+use super::drill::Cause::{ClockWraps, Fault, Fence, Higher, Later, NeedsGyro, Repeated};
+use super::drill::ExpectedResponse::{Flies, Goes, Short};
+use super::drill::{Cause, Drill, ExpectedResponse};
+use crate::craft::FaultKind as K;
+
+/// To the end of the flight.
+const ALWAYS_S: f64 = 1e6;
+
+const fn drill(rule: C, name: &'static str, expected: ExpectedResponse, causes: &'static [Cause]) -> Drill {
+    Drill { name, rule, expected, causes }
+}
+
+/// All drills: what sets a rule off stands before what just does not.
+const DRILLS: &[Drill] = &[
+    drill(
+        C::LinkLate,
+        "commands silent for 0.6 s, then back",
+        Goes(&[(Hold, 0.51), (Flying, 1.15)]),
+        &[Fault(K::LinkSilent, 0.6)],
+    ),
+    drill(C::LinkLate, "commands silent for 0.49 s", Flies, &[Fault(K::LinkSilent, 0.49)]),
+    drill(
+        C::LinkLate,
+        "commands that are no numbers",
+        Goes(&[(Hold, 0.51), (Land, 2.0)]),
+        &[Fault(K::LinkGarbage, ALWAYS_S)],
+    ),
+    drill(
+        C::LinkLost,
+        "commands silent for good",
+        Goes(&[(Hold, 0.51), (Land, 2.0), (Disarmed, 8.0)]),
+        &[Fault(K::LinkSilent, ALWAYS_S)],
+    ),
+    drill(
+        C::LinkLost,
+        "commands silent for 1.88 s",
+        Short(&[(Hold, 0.51), (Flying, 2.42)]),
+        &[Fault(K::LinkSilent, 1.88)],
+    ),
+    drill(
+        C::LinkLate,
+        "one command frame every 0.4 s after a silence",
+        Goes(&[(Hold, 0.51), (Land, 20.0)]),
+        &[
+            Fault(K::LinkSilent, 0.8),
+            Repeated { kind: K::LinkSilent, first_s: 0.81, every_s: 0.4, times: 30, for_s: 0.39 },
+            Later(4.0, K::LinkSilent, ALWAYS_S),
+        ],
+    ),
+    drill(
+        C::PoseLate,
+        "poses silent for 0.06 s",
+        Goes(&[(Hold, 0.1), (Flying, 0.3)]),
+        &[Fault(K::PoseSilent, 0.06)],
+    ),
+    drill(C::PoseLate, "poses silent for 0.04 s", Flies, &[Fault(K::PoseSilent, 0.04)]),
+    drill(
+        C::PoseLost,
+        "poses silent for 0.45 s",
+        Goes(&[(Hold, 0.1), (Land, 0.5), (Disarmed, 8.0)]),
+        &[Fault(K::PoseSilent, 0.45)],
+    ),
+    drill(
+        C::PoseLost,
+        "poses silent for 0.38 s",
+        Short(&[(Hold, 0.1), (Flying, 0.6)]),
+        &[Fault(K::PoseSilent, 0.38)],
+    ),
+    drill(
+        C::PoseGone,
+        "poses silent for good",
+        Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]),
+        &[Fault(K::PoseSilent, ALWAYS_S)],
+    ),
+    drill(
+        C::PoseGone,
+        "poses silent for 1.85 s",
+        Short(&[(Hold, 0.1), (Land, 0.5), (Disarmed, 8.0)]),
+        &[Fault(K::PoseSilent, 1.85)],
+    ),
+    drill(
+        C::PoseFrozen,
+        "the same pose for good",
+        Goes(&[(Hold, 0.13), (Land, 0.5), (Cut, 2.0)]),
+        &[Fault(K::PoseFrozen, ALWAYS_S)],
+    ),
+    drill(C::PoseFrozen, "the same pose twice more", Flies, &[Fault(K::PoseFrozen, 0.02)]),
+    drill(
+        C::PoseJumped,
+        "poses 0.6 m away for good",
+        Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]),
+        &[Fault(K::PoseShifted([0.6, 0.0, 0.0]), ALWAYS_S)],
+    ),
+    drill(C::PoseJumped, "one pose 0.6 m away", Flies, &[Fault(K::PoseShifted([0.6, 0.0, 0.0]), 0.01)]),
+    drill(
+        C::PoseJumped,
+        "poses 5 cm away for good",
+        Flies,
+        &[Fault(K::PoseShifted([0.05, 0.0, 0.0]), ALWAYS_S)],
+    ),
+    drill(
+        C::PoseJumped,
+        "heading turned by 180 degrees",
+        Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]),
+        &[Fault(K::PoseTurned(std::f32::consts::PI), ALWAYS_S)],
+    ),
+    drill(C::PoseJumped, "heading turned by 5 degrees", Flies, &[Fault(K::PoseTurned(0.087), ALWAYS_S)]),
+    drill(
+        C::OutsideFence,
+        "positions that are no numbers",
+        Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]),
+        &[Fault(K::PoseNotANumber, ALWAYS_S)],
+    ),
+    drill(
+        C::OutsideFence,
+        "positions that are no numbers for 0.04 s",
+        Flies,
+        &[Fault(K::PoseNotANumber, 0.04)],
+    ),
+    drill(
+        C::OutsideFence,
+        "a box that ends 0.1 m off for good",
+        Goes(&[(Land, 0.5), (Disarmed, 8.0)]),
+        &[Fence(-0.1)],
+    ),
+    drill(C::OutsideFence, "a box with the whole flight inside", Flies, &[Fence(3.0)]),
+    drill(
+        C::ImuLate,
+        "gyro missing for good",
+        Goes(&[(Land, 0.1), (Disarmed, 8.0)]),
+        &[Fault(K::ImuMissing, ALWAYS_S)],
+    ),
+    drill(C::ImuLate, "gyro missing for two ticks", Flies, &[Fault(K::ImuMissing, 0.02)]),
+    drill(C::ImuLate, "gyro says nonsense", Goes(&[(Land, 0.1)]), &[Fault(K::ImuGarbage, ALWAYS_S)]),
+    drill(
+        C::ImuStuck,
+        "the same gyro sample for good",
+        Goes(&[(Land, 0.11)]),
+        &[Fault(K::ImuStuck, ALWAYS_S)],
+    ),
+    drill(C::ImuStuck, "the same gyro sample eight times more", Flies, &[Fault(K::ImuStuck, 0.08)]),
+    drill(
+        C::ImuDisagrees,
+        "gyro off by 1.5 rad/s",
+        Goes(&[(Land, 0.1)]),
+        &[Fault(K::ImuBiased(1.5), ALWAYS_S)],
+    ),
+    drill(C::ImuDisagrees, "gyro off by 0.15 rad/s", Flies, &[Fault(K::ImuBiased(0.15), ALWAYS_S)]),
+    drill(
+        C::ImuGone,
+        "gyro missing for good, under a law that needs it",
+        Goes(&[(Land, 0.1), (Cut, 0.2)]),
+        &[NeedsGyro, Fault(K::ImuMissing, ALWAYS_S)],
+    ),
+    drill(
+        C::ImuGone,
+        "gyro missing for 0.15 s, under a law that needs it",
+        Short(&[(Land, 0.1), (Disarmed, 8.0)]),
+        &[NeedsGyro, Fault(K::ImuMissing, 0.15)],
+    ),
+    drill(
+        C::ImuGone,
+        "poses and gyro silent",
+        Goes(&[(Land, 0.1), (Cut, 0.2)]),
+        &[Fault(K::PoseSilent, ALWAYS_S), Fault(K::ImuMissing, ALWAYS_S)],
+    ),
+    drill(
+        C::BatteryLow,
+        "10.5 V for good: warned, flown on",
+        Flies,
+        &[Fault(K::VoltageLower(0.6), ALWAYS_S)],
+    ),
+    drill(
+        C::BatteryCritical,
+        "10.2 V for good",
+        Goes(&[(Land, 1.1), (Disarmed, 8.0)]),
+        &[Fault(K::VoltageLower(0.9), ALWAYS_S)],
+    ),
+    drill(C::BatteryCritical, "10.2 V for 0.5 s", Flies, &[Fault(K::VoltageLower(0.9), 0.5)]),
+    drill(
+        C::BatteryEmpty,
+        "9.8 V for good",
+        Goes(&[(Land, 1.1), (Disarmed, 5.5)]),
+        &[Fault(K::VoltageLower(1.3), ALWAYS_S)],
+    ),
+    drill(C::BatteryEmpty, "9.8 V for 0.9 s", Flies, &[Fault(K::VoltageLower(1.3), 0.9)]),
+    drill(
+        C::BatteryCritical,
+        "a voltage that is no number",
+        Goes(&[(Land, 1.1)]),
+        &[Fault(K::VoltageNotANumber, ALWAYS_S)],
+    ),
+    drill(
+        C::Tilted,
+        "motor 1 dead, from 1 m higher",
+        Goes(&[(Cut, 1.0)]),
+        &[Higher, Fault(K::MotorDead(0), ALWAYS_S)],
+    ),
+    drill(C::Tilted, "motor 1 dead for 0.02 s", Flies, &[Fault(K::MotorDead(0), 0.02)]),
+    drill(
+        C::ThrustLost,
+        "motors 310 us weak",
+        Goes(&[(Land, 3.0)]),
+        &[Fault(K::MotorsWeak(310.0), ALWAYS_S)],
+    ),
+    drill(C::ThrustLost, "motors 150 us weak", Flies, &[Fault(K::MotorsWeak(150.0), ALWAYS_S)]),
+    drill(
+        C::ClockJumped,
+        "clock 5 s ahead",
+        Goes(&[(Land, 0.02), (Disarmed, 8.0)]),
+        &[Fault(K::ClockOff(5_000_000), ALWAYS_S)],
+    ),
+    drill(
+        C::ClockJumped,
+        "clock 1 h back",
+        Goes(&[(Land, 0.02)]),
+        &[Fault(K::ClockOff(0_u32.wrapping_sub(3_600_000_000)), ALWAYS_S)],
+    ),
+    drill(C::ClockJumped, "clock wraps in the middle", Flies, &[ClockWraps]),
+    drill(C::LoopOverrun, "loop stalls for 12 ticks", Goes(&[(Land, 0.2)]), &[Fault(K::LoopStalled, 0.12)]),
+    drill(C::LoopOverrun, "loop stalls for 2 ticks", Flies, &[Fault(K::LoopStalled, 0.02)]),
+    drill(
+        C::LandRequested,
+        "the ground asks to land",
+        Goes(&[(Land, 0.02), (Disarmed, 8.0)]),
+        &[Fault(K::Asks(Request::Land), 0.01)],
+    ),
+    drill(C::ArmRequested, "the ground asks to arm in flight", Flies, &[Fault(K::Asks(Request::Arm), 0.01)]),
+    drill(
+        C::CutRequested,
+        "the ground cuts the motors",
+        Goes(&[(Cut, 0.02)]),
+        &[Fault(K::Asks(Request::Cut), 0.01)],
+    ),
+    drill(C::CutRequested, "the command is cut-off, once", Goes(&[(Cut, 0.02)]), &[Fault(K::CutOff, 0.01)]),
+    drill(
+        C::DisarmRequested,
+        "the ground disarms",
+        Goes(&[(Disarmed, 0.02)]),
+        &[Fault(K::Asks(Request::Disarm), 0.01)],
+    ),
+];
+
+/// All drills: what sets a rule off stands before what just does not.
+pub fn drills() -> &'static [Drill] {
+    DRILLS
+}

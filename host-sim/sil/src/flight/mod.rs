@@ -1,0 +1,18 @@
+//! One flight: its plan, the loop that flies it, and its recording.
+
+mod battery;
+mod closed_loop;
+mod configuration;
+mod error;
+mod plan;
+mod recording;
+mod script;
+
+pub(crate) use battery::battery_of;
+pub use closed_loop::{ClosedLoop, fly, fly_over};
+pub(crate) use configuration::with_still_sensors;
+pub use configuration::{CAGE_M, for_identification};
+pub use error::SilError;
+pub use plan::FlightPlan;
+pub use recording::{Recording, Row, Truth};
+pub use script::{Script, StepAxis, StepCommand, Waypoint};

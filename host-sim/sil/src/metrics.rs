@@ -1,3 +1,0 @@
-//! What a step response is judged by: flights and linear loops by the same definitions, those of crate `design`.
-
-pub use design::response::{StepMetrics, step_metrics, value_at};

@@ -1,0 +1,114 @@
+//! The programs that developer commands use besides cargo: how to find each and how to install it.
+
+use std::process::Command;
+
+use crate::base::process::{cargo, output_of};
+
+/// An outside program.
+pub(crate) struct Tool {
+    pub(crate) name: &'static str,
+    /// The command that prints its version.
+    version: &'static [&'static str],
+    /// The line that installs it on Debian, Ubuntu or any machine with rustup.
+    pub(crate) install: &'static str,
+}
+
+/// Formats sources.
+pub(crate) const RUSTFMT: Tool = Tool {
+    name: "rustfmt",
+    version: &["cargo", "fmt", "--version"],
+    install: "rustup component add rustfmt",
+};
+/// Finds suspicious code.
+pub(crate) const CLIPPY: Tool = Tool {
+    name: "clippy",
+    version: &["cargo", "clippy", "--version"],
+    install: "rustup component add clippy",
+};
+/// Runs tests in parallel, each in its own process.
+pub(crate) const NEXTEST: Tool = Tool {
+    name: "cargo-nextest",
+    version: &["cargo", "nextest", "--version"],
+    install: "cargo install --locked cargo-nextest",
+};
+/// Knows which files belong to the project.
+pub(crate) const GIT: Tool =
+    Tool { name: "git", version: &["git", "--version"], install: "apt-get install --yes git" };
+/// Makes web pages of the book. Without its server and its watcher it builds in half the time.
+pub(crate) const MDBOOK: Tool = Tool {
+    name: "mdbook",
+    version: &["mdbook", "--version"],
+    install: "cargo install --locked mdbook --no-default-features --features search",
+};
+/// Counts instructions.
+pub(crate) const VALGRIND: Tool =
+    Tool { name: "valgrind", version: &["valgrind", "--version"], install: "apt-get install --yes valgrind" };
+/// Lets others in over ssh. It has no option for its version and lies outside most users' path.
+pub(crate) const SSHD: Tool = Tool {
+    name: "sshd",
+    version: &["sh", "-c", "test -x /usr/sbin/sshd && echo /usr/sbin/sshd"],
+    install: "apt-get install --yes openssh-server",
+};
+/// Name of the program that starts instruction-count benches under valgrind. Its version has to be that
+/// of the library `gungraun`, so its installation line depends on the lock file.
+pub(crate) const GUNGRAUN_RUNNER: &str = "gungraun-runner";
+
+impl Tool {
+    /// A tool by name, the command that prints its version, and the line that installs it.
+    pub(crate) const fn of(
+        name: &'static str,
+        version: &'static [&'static str],
+        install: &'static str,
+    ) -> Self {
+        Self { name, version, install }
+    }
+
+    /// First line of what the tool says of its version; nothing when it is not installed.
+    pub(crate) fn found(&self) -> Option<String> {
+        let (program, arguments) = self.version.split_first()?;
+        let mut command =
+            if *program == "cargo" { cargo(arguments) } else { command_with(program, arguments) };
+        first_line(&mut command)
+    }
+}
+
+/// Version of the installed `gungraun-runner`.
+pub(crate) fn gungraun_runner_version() -> Option<String> {
+    let line = first_line(&mut command_with(GUNGRAUN_RUNNER, &["--version"]))?;
+    line.split_whitespace().last().map(|version| version.trim_start_matches('v').to_owned())
+}
+
+/// The line that installs the runner that belongs to a version of `gungraun`.
+pub(crate) fn gungraun_runner_install(version: &str) -> String {
+    format!("cargo install {GUNGRAUN_RUNNER} --version ={version}")
+}
+
+fn command_with(program: &str, arguments: &[&str]) -> Command {
+    let mut command = Command::new(program);
+    command.args(arguments);
+    command
+}
+
+fn first_line(command: &mut Command) -> Option<String> {
+    let text = output_of(command)?;
+    text.lines().map(str::trim).find(|line| !line.is_empty()).map(ToOwned::to_owned)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_that_does_not_exist_is_not_found() {
+        let missing = Tool { name: "none", version: &["no-such-program-here", "--version"], install: "" };
+        assert_eq!(missing.found(), None);
+        let refuses = Tool { name: "none", version: &["cargo", "no-such-subcommand"], install: "" };
+        assert_eq!(refuses.found(), None);
+    }
+
+    #[test]
+    fn cargo_is_found_by_its_version() {
+        let cargo = Tool { name: "cargo", version: &["cargo", "--version"], install: "" };
+        assert!(cargo.found().is_some_and(|line| line.starts_with("cargo 1.")));
+    }
+}

@@ -1,0 +1,68 @@
+//! `cargo xtask flash`: a new program onto a craft, and back to the one before.
+//!
+//! Three ways: onto a computer on module over ssh ([`crate::flash::com`]), onto a chip through a debug or into an
+//! emulator ([`crate::flash::chip`]). `--dry-run` prints the steps and does none.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Result, bail};
+
+mod chip;
+mod com;
+mod destination;
+mod release;
+
+/// Options of the command.
+#[derive(clap::Args)]
+#[command(group = clap::ArgGroup::new("to").required(true))]
+pub(crate) struct Options {
+    /// Onto a computer with Linux and ssh
+    #[arg(long, group = "to", value_name = "USER@HOST[:PORT]")]
+    com: Option<destination::Destination>,
+    /// Onto this chip, through a debug probe (probe-rs); propellers off
+    #[arg(long, group = "to", value_name = "CHIP")]
+    probe: Option<String>,
+    /// Into an emulator
+    #[arg(long, group = "to", value_name = "TARGET")]
+    qemu: Option<chip::Emulated>,
+    /// Print what would be done, and do nothing
+    #[arg(long)]
+    dry_run: bool,
+    /// Back to the program and files before the last flash
+    #[arg(long, requires = "com")]
+    rollback: bool,
+    /// The craft's configuration (com.toml); its vehicle and gains files lie beside it and go along. Absent: the craft keeps
+    /// the files that it has
+    #[arg(long, requires = "com", value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Folder on the craft
+    #[arg(long, requires = "com", default_value = "/opt/quadlab", value_name = "DIR")]
+    folder: String,
+    /// Configuration of ssh itself, beside the user's own
+    #[arg(long, requires = "com", value_name = "FILE")]
+    ssh_config: Option<PathBuf>,
+    /// What runs the program on the craft, when its own processor cannot: `qemu-arm -L /usr/arm-linux-gnueabihf`
+    #[arg(long, requires = "com", default_value = "", value_name = "COMMAND")]
+    runner: String,
+    /// This program instead of the one of this tree
+    #[arg(long, requires = "com", value_name = "FILE")]
+    program: Option<PathBuf>,
+}
+
+/// Does it.
+pub(crate) fn run(options: Options) -> Result<ExitCode> {
+    let Options { com, probe, qemu, dry_run, rollback, config, folder, ssh_config, runner, program } =
+        options;
+    if let Some(destination) = com {
+        let flash = com::Flash { destination, config, folder, ssh_config, runner, program, rollback };
+        return if dry_run { flash.print_steps() } else { flash.run() };
+    }
+    if let Some(chip) = probe {
+        return chip::onto(&chip, dry_run);
+    }
+    match qemu {
+        Some(target) => chip::emulate(target, dry_run),
+        None => bail!("say where to: --com, --probe or --qemu"),
+    }
+}
