@@ -38,7 +38,7 @@ pub(crate) fn measured_against_predicted(before: &View, after: Option<&View>, ax
         // Both predictions are drawn as measured minus residual, against one and the same measured line.
         let predicted = |view: &View| view.line(|row| measured[row] - view.residual(*axis)[row]);
         let (name, style) = match after {
-            Some(_) => ("predicted without it", Style::PredictedBefore),
+            Some(_) => ("predicted before", Style::PredictedBefore),
             None => ("predicted", Style::PredictedAfter),
         };
         let figure = Figure::new(axis_name(*axis), time(), report::Axis::new(axis.name(), axis.unit()))
@@ -46,7 +46,7 @@ pub(crate) fn measured_against_predicted(before: &View, after: Option<&View>, ax
             .with(Series::line(name, style, predicted(before)));
         match after {
             Some(after) => {
-                figure.with(Series::line("predicted with it", Style::PredictedAfter, predicted(after)))
+                figure.with(Series::line("predicted after", Style::PredictedAfter, predicted(after)))
             }
             None => figure,
         }
