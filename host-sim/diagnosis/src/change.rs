@@ -1,4 +1,4 @@
-//! A change that can have come about since a model was good: an effect, of one motor or of the whole craft.
+//! A change that can have appeared since a model was good: an effect, of one motor or of the whole craft.
 
 use std::fmt;
 
@@ -14,7 +14,7 @@ pub struct Change {
 }
 
 impl Change {
-    /// Every change that can have come about to a craft of `model`.
+    /// Every change that can have happened to a craft of `model`.
     pub fn all(model: &Model) -> Vec<Self> {
         Effect::changes()
             .filter(|effect| !model.has(*effect))

@@ -13,6 +13,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::change::Change;
 use crate::criteria::{AS_GOOD, Asked, Evidence, RIVAL, SIGNIFICANCE, weigh};
+use crate::figures::with_error;
 use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding, Verdict};
 use crate::held_out::take_gain;
 use crate::reason::{Reason, joined};
@@ -150,12 +151,13 @@ pub fn changed(
 /// The conclusion in sentences.
 fn summary(best: Option<&(Change, EffectFinding)>) -> String {
     let Some((change, finding)) = best else {
-        return "No change stands out from the scatter between the flights the model was made from.".into();
+        return "No change stands out from the scatter between the flights that the model was made from."
+            .into();
     };
     let size: Vec<String> = finding
         .coefficients
         .iter()
-        .map(|c| format!("{} = {:.4} +- {:.4} {}", c.name, c.value, c.std_error, c.unit))
+        .map(|c| format!("{} = {}", c.name, with_error(c.value, c.std_error, c.unit)))
         .collect();
     let rivals = match &finding.reason {
         Reason::Changed { rivals, .. } if !rivals.is_empty() => {
@@ -164,8 +166,8 @@ fn summary(best: Option<&(Change, EffectFinding)>) -> String {
         _ => String::new(),
     };
     format!(
-        "Since the model was made, {change} has come about ({}): it takes away {:.1} % of the error on flights it was \
-         not estimated from.{rivals}",
+        "Since the model was made, {change} has appeared ({}): it explains {:.1} % of the error on flights it was not \
+         estimated from.{rivals}",
         size.join(", "),
         finding.drop_percent
     )
@@ -213,7 +215,7 @@ fn mark_rivals(
 }
 
 /// Two other changes that act on different axes and together take away as much as the best one: a weight under a motor, which
-/// shifts the centre of mass and adds to the mass, looks like a motor that lifts less.
+/// shifts the centre of mass and adds to the mass, looks like a motor that gives less thrust.
 fn as_good_together(findings: &[(Change, EffectFinding)], best: Change, best_gain: f64) -> Vec<Change> {
     let others = || findings.iter().skip(1).filter(|(c, f)| c.effect != best.effect && f.gain > 0.0);
     let apart = |a: Change, b: Change| a.effect.info().axes.iter().all(|x| !b.effect.info().axes.contains(x));

@@ -51,7 +51,7 @@ pub(crate) const TIE: f64 = 3.0;
 /// A rival with this part of the best change's gain is examined for confusion with it.
 pub(crate) const RIVAL: f64 = 0.7;
 /// One with this part of it is confounded with it whatever more they explain together: a weight under a motor is both a
-/// shifted centre of mass and, nearly, a motor that lifts less.
+/// shifted centre of mass and, nearly, a motor that gives less thrust.
 pub(crate) const AS_GOOD: f64 = 0.9;
 
 /// What the flights are asked.
@@ -152,9 +152,9 @@ pub(crate) const RULES: &[Rule] = &[
         unit: "%",
         at_most: false,
         figures: |e| Some((e.finding.largest_drop_percent(), matters_percent(e.effect()))),
-        objection: |e, largest_percent, matters_percent| match e.asked {
-            Asked::Missing => Reason::TooSmall { largest_percent, matters_percent },
-            Asked::Changed => Reason::TooSmallChange { largest_percent },
+        objection: |_, largest_percent, matters_percent| Reason::TooSmall {
+            largest_percent,
+            matters_percent,
         },
     },
     Rule {
@@ -213,7 +213,7 @@ pub(crate) fn weigh(evidence: &Evidence<'_>) -> (bool, Reason) {
     if let Some(broken) = applied(evidence).into_iter().find(|applied| !applied.met) {
         let reason = match broken.rule {
             Some(rule) => (rule.objection)(evidence, broken.value, broken.threshold),
-            None => Reason::OwnRule { effect: evidence.effect(), estimates: evidence.estimates() },
+            None => Reason::OwnRule { effect: evidence.effect(), first: evidence.estimates()[0] },
         };
         return (false, reason);
     }
@@ -250,10 +250,7 @@ fn not_excited(evidence: &Evidence<'_>) -> Option<Reason> {
 
 fn not_borne_out(evidence: &Evidence<'_>, p_value: Option<f64>) -> Reason {
     let [improved, flights] = evidence.finding.flights_improved;
-    match evidence.asked {
-        Asked::Missing => Reason::NotBorneOut { improved, flights, p_value },
-        Asked::Changed => Reason::NotCarriedOver { improved, flights },
-    }
+    Reason::NotBorneOut { improved, flights, p_value }
 }
 
 /// Distance of a coefficient beyond its range, in standard errors.
@@ -269,10 +266,7 @@ fn impossible(evidence: &Evidence<'_>, most: f64) -> Reason {
         return Reason::LikeChance;
     };
     let CoefficientFigures { value, unit, .. } = *c;
-    match evidence.asked {
-        Asked::Missing => Reason::Impossible { coefficient: info.name, value, unit, possible: info.possible },
-        Asked::Changed => Reason::ImpossibleChange { coefficient: info.name, value, unit },
-    }
+    Reason::Impossible { coefficient: info.name, value, unit, possible: info.possible }
 }
 
 /// What a model with all supported effects leaves.

@@ -18,11 +18,12 @@ use sysid::FitError;
 use sysid::prepare::Prepared;
 
 use crate::criteria::Left;
+use crate::figures::probability;
 use crate::finding::{Diagnosis, EffectFinding, Unexplained, Verdict, supported};
 use crate::noise;
 use crate::options::Options;
 use crate::ranking::{confounded, ranked};
-use crate::reason::{Dependence, joined};
+use crate::reason::joined;
 use crate::residual_tests::{Structure, structure};
 use crate::search::Search;
 use crate::stand_ins::{above_noise, incomplete, refuse_stand_ins};
@@ -80,8 +81,8 @@ fn summary(findings: &[EffectFinding], unexplained: &[Unexplained]) -> String {
     match (findings.iter().find(|f| f.supported), unexplained.first()) {
         (Some(best), _) => lacking(best, findings),
         (None, None) => {
-            "No known effect lowers the error on held-out flights by an amount that matters, and what \
-                         is left depends on none of the measured quantities."
+            "No known effect lowers the error on held-out flights by an amount that matters, and the \
+                         residual depends on none of the measured quantities."
                 .into()
         }
         (None, Some(worst)) => unaccounted(worst),
@@ -94,24 +95,20 @@ fn lacking(best: &EffectFinding, findings: &[EffectFinding]) -> String {
         if also.is_empty() { String::new() } else { format!(" Also supported: {}.", joined(also, ", ")) };
     let [improved, flights] = best.flights_improved;
     format!(
-        "The model lacks {}. {} With it the error on flights that were not used for the fit falls by {:.1} % \
-         ({improved} of {flights} flights, p = {:.1e}).{also}",
+        "The model lacks {}. {} With it, the error on held-out flights falls by {:.1} % ({improved} of {flights} flights, {}).\
+         {also}",
         best.effect,
         best.effect.info().sentence,
         best.drop_percent,
-        best.p_value
+        probability(best.p_value)
     )
 }
 
 fn unaccounted(worst: &Unexplained) -> String {
-    let depends_on = worst.depends_on;
-    let what = match depends_on {
-        Dependence::Constant => format!("has a {depends_on}"),
-        Dependence::Oscillation { .. } | Dependence::SlowChanges => format!("shows {depends_on}"),
-        Dependence::Quantity(_) | Dependence::Past => format!("depends on the {depends_on}"),
-    };
     format!(
-        "The residual of {} {what} ({:.1} % of its held-out error), and no known effect accounts for it.",
-        worst.axis, worst.share_percent
+        "The residual of {} {} ({:.1} % of its held-out error), and no known effect accounts for it.",
+        worst.axis,
+        worst.depends_on.predicate(),
+        worst.share_percent
     )
 }

@@ -35,7 +35,7 @@ pub enum WhyError {
     Basic(Effect),
     /// Absorbed by a fit of everything.
     #[error(
-        "{0} can only be seen as a change: a fit of everything absorbs it; ask for it with --changed and flights from after it came about"
+        "{0} can only be seen as a change: a fit of everything absorbs it; ask for it with --changed and flights made after it appeared"
     )]
     Change(Effect),
     /// The fit without it.
@@ -252,7 +252,7 @@ fn summary(in_model: bool, finding: &EffectFinding, found: &[Effect], beside: Op
     let others: Vec<Effect> = found.iter().copied().filter(|other| other != effect).collect();
     match beside {
         Some(percent) => format!(
-            "{what} With {} in the model, which the diagnosis finds, it takes {percent:.1} % of the error.",
+            "{what} With {} in the model, which the diagnosis finds, it explains {percent:.1} % of the error.",
             joined(&others, " and ")
         ),
         None if found.contains(effect) => format!("{what} The diagnosis finds it as well."),

@@ -171,7 +171,7 @@ fn by_itself(search: &Search<'_>, index: usize) -> EffectFinding {
 }
 
 /// The manoeuvre that separates two effects, where one is known.
-pub(crate) fn separating_manoeuvre(a: Effect, b: Effect) -> Option<&'static str> {
+pub fn separating_manoeuvre(a: Effect, b: Effect) -> Option<&'static str> {
     let known = |x: Effect, y: Effect| {
         x.info().confused_with.iter().find(|(id, _)| *id == y.id()).map(|(_, how)| *how)
     };

@@ -2,11 +2,12 @@
 
 use std::fmt;
 
-use model::{Axis, Effect, Estimate};
+use model::{Axis, Coefficient, Effect, Estimate};
 use serde::{Serialize, Serializer};
 use sysid::FitError;
 
 use crate::change::Change;
+use crate::figures::{probability, significant, with_error, with_unit};
 
 /// What the residual of an axis depends on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,6 +28,15 @@ pub enum Dependence {
 }
 
 impl Dependence {
+    /// What it says of a residual: "depends on the height".
+    pub(crate) fn predicate(self) -> String {
+        match self {
+            Self::Constant => format!("has a {self}"),
+            Self::Oscillation { .. } | Self::SlowChanges => format!("shows {self}"),
+            Self::Quantity(_) | Self::Past => format!("depends on the {self}"),
+        }
+    }
+
     /// The name of the measured quantity, where it is one.
     pub fn quantity(self) -> Option<&'static str> {
         match self {
@@ -103,8 +113,8 @@ pub enum Reason {
     OwnRule {
         /// The effect.
         effect: Effect,
-        /// Its coefficients.
-        estimates: Vec<Estimate>,
+        /// Its first coefficient.
+        first: Estimate,
     },
     /// With an effect of the actuators in place, the residual still follows what the rotors did before.
     AnswersLate,
@@ -147,27 +157,6 @@ pub enum Reason {
         /// Chance of such a change.
         p_value: f64,
     },
-    /// As a change, its fall of the error does not matter.
-    TooSmallChange {
-        /// Largest fall of an axis, percent.
-        largest_percent: f64,
-    },
-    /// As a change, it does not lower the error of the flights it was not estimated from.
-    NotCarriedOver {
-        /// Flights on which the error falls.
-        improved: usize,
-        /// Flights.
-        flights: usize,
-    },
-    /// As a change, it needs a coefficient outside the possible.
-    ImpossibleChange {
-        /// The coefficient.
-        coefficient: &'static str,
-        /// Its value.
-        value: f64,
-        /// Its unit.
-        unit: &'static str,
-    },
     /// As a change, it is worth nothing once another has been accounted for.
     ExplainedBy {
         /// The other.
@@ -202,80 +191,80 @@ impl fmt::Display for Reason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::ErrorFalls { percent, improved, flights } => {
-                write!(f, "held-out error falls by {percent:.1} % in {improved} of {flights} flights")
+                write!(f, "the held-out error falls by {percent:.1} %, in {improved} of {flights} flights")
             }
             Self::NotExcited { excitation } => {
-                write!(f, "not excited by these flights; to see it: {excitation}")
+                write!(f, "these flights do not excite it; to see it: {excitation}")
             }
             Self::HiddenByItsError { excitation } => write!(
                 f,
-                "not excited: one of ordinary size would not show in these flights; to see it: {excitation}"
+                "these flights do not excite it enough: an effect of ordinary size would not show; to see it: {excitation}"
             ),
             Self::LikeChance => f.write_str("its coefficients do not differ from zero by more than chance"),
             Self::TooSmall { largest_percent, matters_percent } => write!(
                 f,
-                "too small to matter: {largest_percent:.1} % of the held-out error at best, under the \
-                 {matters_percent:.1} % that matters"
+                "too small to matter: at best, the held-out error of an axis falls by {largest_percent:.1} %, and \
+                 {matters_percent:.1} % is needed"
             ),
             Self::NotBorneOut { improved, flights, p_value } => {
-                write!(f, "held-out flights do not bear it out ({improved} of {flights} improve")?;
-                match p_value {
-                    Some(p) => write!(f, ", p = {p:.2})"),
-                    None => f.write_str(")"),
-                }
+                write!(f, "not confirmed on held-out flights ({improved} of {flights} improve")?;
+                p_value.map_or(Ok(()), |p| write!(f, ", {}", probability(p)))?;
+                f.write_str(")")
             }
-            Self::Impossible { coefficient, value, unit, possible: (low, high) } => {
-                write!(f, "needs {coefficient} = {value:.3} {unit}, outside the possible {low} to {high}")
-            }
-            Self::OwnRule { effect, estimates } => {
-                let objection = effect.info().special.requirement.map(|rule| (rule.objection)(estimates));
-                f.write_str(&objection.unwrap_or_default())
-            }
-            Self::AnswersLate => f.write_str(
-                "a stand-in at best: with it, what is left still follows what the rotors did in the last half second, which \
-                 the right effect would have taken away",
-            ),
-            Self::AboveNoise { axis } => write!(
+            Self::Impossible { coefficient, value, unit, possible: (low, high) } => write!(
                 f,
-                "a stand-in at best: with it, what is left in {axis} is still well above the sensors' noise, which the \
-                 right effect would leave"
+                "needs {coefficient} = {}, outside the possible range {low} to {high}",
+                with_unit(&significant(*value, 3), unit)
             ),
+            Self::OwnRule { effect, first } => {
+                let info = effect.info();
+                let objection = info.special.requirement.map_or("", |rule| rule.objection);
+                let Coefficient { name, unit, .. } = info.coefficients[0];
+                let found = with_error(first.value, first.std_error.unwrap_or(0.0), unit);
+                write!(f, "{objection}: {name} = {found}")
+            }
+            Self::AnswersLate => write!(
+                f,
+                "{STAND_IN}: with it, the residual still follows what the rotors did in the last half second"
+            ),
+            Self::AboveNoise { axis } => {
+                write!(
+                    f,
+                    "{STAND_IN}: with it, the residual of {axis} is still well above the sensors' noise"
+                )
+            }
             Self::LeavesMore { takes_percent, left_percent, axis, depends_on } => write!(
                 f,
-                "a stand-in at best: it takes {takes_percent:.1} %, and {left_percent:.1} % of what is left in {axis} \
-                 depends on the {depends_on}"
+                "{STAND_IN}: it explains {takes_percent:.1} % of the error, and the rest of {axis} {} \
+                 ({left_percent:.1} % of it)",
+                depends_on.predicate()
             ),
             Self::OnlyLinearised => {
-                f.write_str("promising by itself in a linearised fit, and not supported by an exact one")
+                f.write_str("promising by itself in a linearised fit, but an exact fit does not support it")
             }
             Self::OnlyByItself => {
-                f.write_str("supported by itself, and not with what else these flights show")
+                f.write_str("supported by itself, but not together with what else these flights show")
             }
             Self::AddsNothing { beside } => {
-                write!(f, "adds nothing once {} is in the model", joined(beside, " and "))
+                let verb = if beside.len() == 1 { "is" } else { "are" };
+                write!(f, "adds nothing once {} {verb} in the model", joined(beside, " and "))
             }
             Self::Confounded { with, separate } => {
                 write!(f, "these flights cannot tell it from {with}")?;
                 separate.map_or(Ok(()), |how| write!(f, "; to separate them: {how}"))
             }
             Self::Refused(refused) => refused.fmt(f),
-            Self::WithinScatter { p_value } => write!(
-                f,
-                "does not stand out from noise and the scatter between flights (p = {p_value:.2})"
-            ),
-            Self::TooSmallChange { largest_percent } => {
-                write!(f, "too small to matter: {largest_percent:.1} % of the error at best")
-            }
-            Self::NotCarriedOver { improved, flights } => {
-                write!(f, "does not carry over from flight to flight ({improved} of {flights} improve)")
-            }
-            Self::ImpossibleChange { coefficient, value, unit } => {
-                write!(f, "needs {coefficient} = {value:.3} {unit}, which is impossible")
+            Self::WithinScatter { p_value } => {
+                write!(
+                    f,
+                    "within the noise and the usual scatter between flights ({})",
+                    probability(*p_value)
+                )
             }
             Self::ExplainedBy { other } => write!(f, "adds nothing once {other} is accounted for"),
             Self::RivalOf { best } => write!(f, "these flights cannot tell it from {best}"),
             Self::Changed { percent, rivals } => {
-                write!(f, "error on flights it was not estimated from falls by {percent:.1} %")?;
+                write!(f, "the error on flights it was not estimated from falls by {percent:.1} %")?;
                 match rivals.is_empty() {
                     true => Ok(()),
                     false => write!(f, "; these flights cannot tell it from {}", joined(rivals, ", ")),
@@ -284,6 +273,9 @@ impl fmt::Display for Reason {
         }
     }
 }
+
+/// How every reason begins that takes an effect for a stand-in.
+const STAND_IN: &str = "probably a stand-in for another effect";
 
 /// Names in a row.
 pub(crate) fn joined<T: fmt::Display>(all: &[T], between: &str) -> String {
@@ -299,5 +291,38 @@ impl Serialize for Dependence {
 impl Serialize for Reason {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reasons_are_sentences_with_their_figures() {
+        let left = Reason::LeavesMore {
+            takes_percent: 9.0,
+            left_percent: 12.0,
+            axis: Axis::W,
+            depends_on: Dependence::Oscillation { frequency_hz: 0.7 },
+        };
+        let expected = "probably a stand-in for another effect: it explains 9.0 % of the error, and the rest of w shows an \
+                        oscillation at 0.70 Hz (12.0 % of it)";
+        assert_eq!(left.to_string(), expected);
+        let beside = Reason::AddsNothing { beside: vec![Effect::Tether, Effect::SteadyWind] };
+        assert_eq!(beside.to_string(), "adds nothing once tether and steady-wind are in the model");
+        let p_value = Some(0.3);
+        let refuted = Reason::NotBorneOut { improved: 1, flights: 2, p_value };
+        assert_eq!(refuted.to_string(), "not confirmed on held-out flights (1 of 2 improve, p = 0.30)");
+    }
+
+    #[test]
+    fn rivals_are_named_once() {
+        let best = Change { effect: Effect::MotorEfficiency, motor: Some(2) };
+        assert!(Reason::RivalOf { best }.names_rivals());
+        let changed = |rivals: Vec<Change>| Reason::Changed { percent: 50.0, rivals };
+        assert!(!changed(Vec::new()).names_rivals());
+        assert!(changed(vec![best]).names_rivals());
+        assert!(changed(vec![best]).to_string().ends_with("cannot tell it from motor-efficiency of motor 2"));
     }
 }

@@ -136,11 +136,12 @@ impl<'a> Held<'a> {
     ) -> Option<Unexplained> {
         let (mut blocks, mut total) = (Blocks::default(), 0.0);
         for (f, (flight, r)) in self.flights.iter().zip(self.residuals).enumerate() {
-            let residual = || r.residual[self.axis.index()].iter().enumerate();
-            let gain: Vec<f64> =
-                residual().map(|(k, e)| (e - before).powi(2) - (e - explain(f, k)).powi(2)).collect();
-            let by_noise = |(k, e): (usize, &f64)| 2.0 * (e - explain(f, k)) * (explain(f, k) - before);
-            let noise: Vec<f64> = residual().map(by_noise).collect();
+            let residual = &r.residual[self.axis.index()];
+            let explained: Vec<f64> = (0..residual.len()).map(|k| explain(f, k)).collect();
+            let fall = |(e, x): (&f64, &f64)| (e - before).powi(2) - (e - x).powi(2);
+            let by_noise = |(e, x): (&f64, &f64)| 2.0 * (e - x) * (x - before);
+            let gain: Vec<f64> = residual.iter().zip(&explained).map(fall).collect();
+            let noise: Vec<f64> = residual.iter().zip(&explained).map(by_noise).collect();
             total += gain.iter().sum::<f64>();
             blocks.gain.extend(block_sums(flight, &gain));
             blocks.chance.extend(block_sums(flight, &noise));

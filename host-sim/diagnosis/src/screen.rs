@@ -6,7 +6,7 @@
 //! together are worth most ([`crate::subsets`]), which cannot be told apart. Only what looks promising here is fitted
 //! exactly.
 //!
-//! The residual that errors are judged by is the model's, without any candidate: while much is missing, errors come out too large
+//! The residual that errors are estimated from is the model's, without any candidate: while much is missing, errors come out too large
 //! rather than too small.
 
 use model::{Effect, Kind, Model};

@@ -161,8 +161,8 @@ pub struct Requirement {
     pub unit: &'static str,
     /// What was found, and the least that is needed.
     pub figures: fn(&[Estimate]) -> (f64, f64),
-    /// Why estimates that miss it are not this effect, a sentence.
-    pub objection: fn(&[Estimate]) -> String,
+    /// Why estimates that miss it are not this effect, for people.
+    pub objection: &'static str,
 }
 
 impl Special {

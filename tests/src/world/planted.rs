@@ -61,6 +61,7 @@ pub const PLANTED: &[Seedling] = &[
         let towards = rng.random_range(0.0..std::f64::consts::TAU);
         c.wind_ned_m_s = Vector3::new(towards.cos(), towards.sin(), 0.0) * (1.3 * s);
     }),
+    seedling("wind-shear", "a wind that grows with height", |c, _, s, _| c.strange.shear_per_s = 1.2 * s),
     seedling("battery-voltage", "a motor map that leaves out part of the voltage", |c, vehicle, s, _| {
         c.battery.decay_v_s *= 2.25;
         c.battery.sag_v *= 1.6;
@@ -148,7 +149,6 @@ pub const OUTSIDE: &[Seedling] = &[
     seedling("turning-wind", "a wind that turns round in 16 s", |c, _, s, _| {
         c.strange.turning_wind_m_s = 1.3 * s;
     }),
-    seedling("wind-shear", "a wind that grows with height", |c, _, s, _| c.strange.shear_per_s = 1.2 * s),
     seedling("bungee", "a thing that bounces under the craft", |c, _, s, _| c.strange.bungee = 0.05 * s),
     seedling("loose-arm", "a rotor that leans forward with its thrust", |c, _, s, _| {
         c.strange.loose_arm = 0.3 * s

@@ -1,4 +1,4 @@
-//! What a flight tells about a model's coefficients, before it is flown: Fisher information for coloured residuals.
+//! What a flight reveals about a model's coefficients, before it is flown: Fisher information for coloured residuals.
 //!
 //! A simulated flight without noise gives the columns X of the regression, those of the model's own coefficients and
 //! those of effects it does not have. What the noise does to a row of each axis, and how long it remembers it, is read off

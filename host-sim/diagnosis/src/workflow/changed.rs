@@ -4,13 +4,13 @@ use model::{Effect, Model};
 use sysid::Reference;
 use sysid::checks::vehicle::Likeness;
 
-use crate::Diagnosis;
 use crate::changes;
 use crate::workflow::corrections::align_to;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::loaded::{LoadedFlight, names};
 use crate::workflow::observer::{Observer, Progress};
 use crate::workflow::sets::FlightsOfOneKind;
+use crate::{Change, Diagnosis};
 
 /// Explains new flights by one change of a model whose coefficients stay.
 pub fn changed(
@@ -24,7 +24,7 @@ pub fn changed(
     let all: Vec<&LoadedFlight> = flights.flights.iter().collect();
     flights.faults.add_of_likeness(model, &all, Likeness::CHANGED);
     align_to(&mut flights.flights, model, Reference::Flights);
-    let (all, mut tried) = (crate::change::Change::all(model).len(), 0);
+    let (all, mut tried) = (Change::all(model).len(), 0);
     changes::changed(model, &flights.prepared(), |step| {
         observer.progress(Progress { activity: &format!("trying {step}"), steps: Some((tried, all)) });
         tried += 1;

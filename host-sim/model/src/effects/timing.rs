@@ -1,6 +1,6 @@
 //! What logs say of times, for the effects that delay the rotors.
 
-use crate::effect::{Estimate, Requirement};
+use crate::effect::Requirement;
 
 /// Shortest lag or dead time that a log shows, ms: a tenth of a sample.
 const RESOLVED_MS: f64 = 1.0;
@@ -10,15 +10,6 @@ const RESOLVED_MS: f64 = 1.0;
 pub(super) const CAN_BE_TIMED: Requirement = Requirement {
     question: "can be timed: size of the lag or dead time",
     unit: "ms",
-    figures: |estimates| (size_ms(estimates).abs(), RESOLVED_MS),
-    objection: |estimates| {
-        format!(
-            "too small to matter: {:.2} ms, under the {RESOLVED_MS:.0} ms that a log's times resolve",
-            size_ms(estimates)
-        )
-    },
+    figures: |estimates| (estimates.first().map_or(0.0, |time| 1e3 * time.value.abs()), RESOLVED_MS),
+    objection: "too small to matter, for a log's times resolve 1 ms",
 };
-
-fn size_ms(estimates: &[Estimate]) -> f64 {
-    estimates.first().map_or(0.0, |first| 1e3 * first.value)
-}

@@ -268,12 +268,9 @@ fn rivals(effect: Effect, finding: &EffectFinding) -> Section {
     if finding.confounded_with.is_empty() {
         return section.paragraph("These flights tell it from every other change that was tried.");
     }
-    let separated = |rival: &Effect| {
-        let known = effect.info().confused_with.iter().find(|(other, _)| *other == rival.id());
-        known.map_or_else(
-            || rival.id().to_owned(),
-            |(other, how)| format!("{other}. To separate them, {how}."),
-        )
+    let separated = |rival: &Effect| match diagnosis::separating_manoeuvre(effect, *rival) {
+        Some(how) => format!("{rival}. To separate them, {how}."),
+        None => rival.to_string(),
     };
     section
         .paragraph("These flights cannot tell it from:")

@@ -426,12 +426,8 @@ pub(crate) fn unexplained(all: &[Unexplained]) -> Grid {
         [text("axis"), text("depends on"), number("share of its error", "%"), number("p", "")],
     );
     for u in all {
-        grid.push([
-            u.axis.name().into(),
-            u.depends_on.to_string(),
-            share(u.share_percent),
-            p_value(u.p_value),
-        ]);
+        let depends_on = u.depends_on.to_string();
+        grid.push([u.axis.name().into(), depends_on, share(u.share_percent), p_value(u.p_value)]);
     }
     grid
 }
