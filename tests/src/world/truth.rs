@@ -93,6 +93,7 @@ fn own(world: &World, id: &'static str) -> Vec<True> {
         "com-offset" => craft.centre_m.to_vec(),
         "motor-efficiency" => craft.efficiency.map(|part| 1.0 - part).to_vec(),
         "steady-wind" => vec![craft.wind_ned_m_s.x, craft.wind_ned_m_s.y],
+        "wind-shear" => vec![craft.strange.shear_per_s, 0.0],
         "battery-voltage" => vec![craft.map.voltage - vehicle.motors.voltage.unwrap_or(0.0)],
         "attitude-offset" => craft.tilt_rad.to_vec(),
         "tracking-offset" => craft.lever_m.iter().copied().collect(),

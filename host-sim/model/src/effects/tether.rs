@@ -4,7 +4,7 @@
 use nalgebra::Vector3;
 
 use crate::axis::Axis;
-use crate::effect::{Coefficient, EffectInfo, Estimate, Kind, Question, Requirement, Sink, Special};
+use crate::effect::{Coefficient, EffectInfo, Kind, Question, Requirement, Sink, Special};
 use crate::sample::Sample;
 
 const fn pull(name: &'static str) -> Coefficient {
