@@ -1,11 +1,12 @@
 //! Figures of flights and models: measured against predicted, residual against what it depends on, error of prediction.
 
-use model::{Axis, Effect};
+use model::{Axis, Effect, Model, Quantity};
 use report::number::percent;
 use report::{Figure, Mark, Panels, Series, Style, bin_statistics, binned_scatter};
+use sysid::Prepared;
 use sysid::compare::HorizonError;
 
-use crate::render::view::{View, acts_through};
+use crate::render::view::{View, clearest_axis};
 
 /// Length over which the size of an error is taken in the course of a flight, s.
 const LEVEL_S: f64 = 0.5;
@@ -101,10 +102,10 @@ fn time() -> report::Axis {
 
 /// The residual of one axis over a quantity that it may depend on.
 pub(crate) fn residual_against(views: &[View], axis: Axis, quantity: &str) -> Option<Figure> {
-    let unit = views.first()?.quantity(quantity)?.unit;
+    let unit = views.first()?.condition(quantity)?.unit;
     let points: Vec<(f64, f64)> = views
         .iter()
-        .filter_map(|view| Some((view.quantity(quantity)?, view.residual(axis))))
+        .filter_map(|view| Some((view.condition(quantity)?, view.residual(axis))))
         .flat_map(|(quantity, residual)| quantity.values.iter().copied().zip(residual.iter().copied()))
         .collect();
     let title = format!("Residual of the {} over {quantity}", axis_name(axis));
@@ -118,39 +119,34 @@ fn residual_axis(axis: Axis) -> report::Axis {
 /// What an effect acts through in a row, over all rows of all flights, and the axis that it is drawn on.
 struct Through {
     axis: report::Axis,
-    name: String,
     values: Vec<f64>,
 }
 
 impl Through {
-    /// Where no log holds what the effect acts through, what it adds to the prediction stands for it.
-    fn new(effect: Effect, axis: Axis, before: &[View], after: &[View]) -> Self {
-        let measured = acts_through(effect, axis).and_then(|name| {
-            let all: Option<Vec<_>> = before.iter().map(|view| view.quantity(name)).collect();
-            all.filter(|all| !all.is_empty())
-        });
-        if let Some(all) = measured {
-            let (name, unit) = (all[0].name, all[0].unit);
-            let values = all.iter().flat_map(|quantity| quantity.values.iter().copied()).collect();
-            return Self { axis: report::Axis::new(name, unit), name: format!("the {name}"), values };
+    /// Where an effect declares nothing, as a user's does, what it adds to the prediction stands for it.
+    fn new(effect: Effect, axis: Axis, flights: &[&Prepared], model: &Model, seen: [&[View]; 2]) -> Self {
+        if let Some(quantity) = effect.info().acts_through(axis).and_then(Quantity::named) {
+            let values = flights.iter().flat_map(|flight| flight.quantity(model, quantity)).collect();
+            return Self { axis: report::Axis::new(quantity.meaning, quantity.unit), values };
         }
-        let name = format!("what {effect} adds to the prediction");
-        let values = std::iter::zip(before, after)
+        let [without, with] = seen;
+        let values = std::iter::zip(without, with)
             .flat_map(|(b, a)| std::iter::zip(b.residual(axis), a.residual(axis)).map(|(b, a)| b - a))
             .collect();
-        Self { axis: report::Axis::new(name.clone(), axis.unit()), name, values }
+        Self { axis: report::Axis::new(format!("what {effect} adds to the prediction"), axis.unit()), values }
     }
 }
 
-/// The residual in which an effect shows most, over what the effect acts through, by two models that differ in it alone: the
+/// The residual in which an effect shows most, over what the effect acts through, by two models that differ in it alone, of which `model` has it: the
 /// means, over the cloud of the model without it.
 pub(crate) fn residual_with_and_without(
     effect: Effect,
-    axis: Axis,
-    without: &[View],
-    with: &[View],
-) -> Captioned {
-    let through = Through::new(effect, axis, without, with);
+    flights: &[&Prepared],
+    model: &Model,
+    [without, with]: [&[View]; 2],
+) -> Option<Captioned> {
+    let axis = clearest_axis(effect, without, with)?;
+    let through = Through::new(effect, axis, flights, model, [without, with]);
     let points = |views: &[View]| -> Vec<(f64, f64)> {
         let residual = views.iter().flat_map(|view| view.residual(axis).iter().copied());
         through.values.iter().copied().zip(residual).collect()
@@ -161,7 +157,7 @@ pub(crate) fn residual_with_and_without(
     let (cloud, after) = (points(without), points(with));
     let shares = [&cloud, &after].map(|points| percent(100.0 * share(points)));
     let (means_without, means_with) = (means(&cloud), means(&after));
-    let title = format!("Residual of the {} over {}", axis_name(axis), through.name);
+    let title = format!("Residual of the {}", axis_name(axis));
     let figure = Figure::new(title, through.axis, residual_axis(axis))
         .mark(Mark::Horizontal { name: String::new(), y: 0.0, style: Style::Reference })
         .with(Series::points("samples without it", Style::Muted, cloud))
@@ -174,7 +170,7 @@ pub(crate) fn residual_with_and_without(
          without the effect, and for {} % with it.",
         shares[0], shares[1]
     );
-    Captioned { panels: figure.into(), caption }
+    Some(Captioned { panels: figure.into(), caption })
 }
 
 /// Share of the squared residual that its mean in each range of the condition accounts for.

@@ -171,8 +171,8 @@ fn difference(effect: Effect, with: &Model, sets: &FlightSets) -> Section {
 fn shown(section: Section, effect: Effect, flights: &[&Prepared], without: &Model, with: &Model) -> Section {
     let (before, after) = (View::all(flights, without), View::all(flights, with));
     let mut section = section;
-    if let Some(axis) = view::clearest_axis(effect, &before, &after) {
-        section = section.captioned(figures::residual_with_and_without(effect, axis, &before, &after));
+    if let Some(figure) = figures::residual_with_and_without(effect, flights, with, [&before, &after]) {
+        section = section.captioned(figure);
     }
     let axes = effect.info().axes;
     match (before.first(), after.first()) {

@@ -1,4 +1,4 @@
-//! A flight seen by a model: what is left of it, and the quantities that an effect acts through.
+//! A flight seen by a model: what is left of it, and what that is judged by.
 
 use model::{Axis, Effect, Model};
 use sysid::prepare::conditions::Condition;
@@ -9,24 +9,20 @@ pub(crate) struct View {
     pub(crate) name: String,
     period_s: f64,
     pub(crate) residuals: Residuals,
-    /// Over the rows of the flight.
-    quantities: Vec<Condition>,
+    conditions: Vec<Condition>,
     pub(crate) time_s: Vec<f64>,
 }
 
 impl View {
     pub(crate) fn new(flight: &Prepared, model: &Model) -> Self {
         let conditions = flight.conditions(&model.vehicle, &model.adjustments());
-        let residuals = residuals(flight, model);
-        let time_s = conditions.time_s.clone();
-        let mut quantities = conditions.all();
-        for (axis, name) in
-            [(Axis::P, "roll acceleration"), (Axis::Q, "pitch acceleration"), (Axis::R, "yaw acceleration")]
-        {
-            let values = residuals.measured[axis.index()].clone();
-            quantities.push(Condition { name, unit: axis.unit(), values });
+        Self {
+            name: flight.name.clone(),
+            period_s: flight.period_s,
+            residuals: residuals(flight, model),
+            time_s: conditions.time_s.clone(),
+            conditions: conditions.all(),
         }
-        Self { name: flight.name.clone(), period_s: flight.period_s, residuals, quantities, time_s }
     }
 
     pub(crate) fn all(flights: &[&Prepared], model: &Model) -> Vec<Self> {
@@ -56,9 +52,9 @@ impl View {
         &self.residuals.residual[axis.index()]
     }
 
-    /// A measured quantity over the rows.
-    pub(crate) fn quantity(&self, name: &str) -> Option<&Condition> {
-        self.quantities.iter().find(|quantity| quantity.name == name)
+    /// A quantity that residuals are judged by, over the rows.
+    pub(crate) fn condition(&self, name: &str) -> Option<&Condition> {
+        self.conditions.iter().find(|condition| condition.name == name)
     }
 }
 
@@ -73,42 +69,6 @@ pub(crate) fn clearest_axis(effect: Effect, before: &[View], after: &[View]) -> 
     effect.info().axes.iter().copied().min_by(|a, b| left(*a).total_cmp(&left(*b)))
 }
 
-/// The measured quantity that an effect acts through in a row; none where no log holds it, as with the swing of a load.
-pub(crate) fn acts_through(effect: Effect, axis: Axis) -> Option<&'static str> {
-    let by_axis = |[u, v, w]: [&'static str; 3], [p, q, r]: [&'static str; 3]| match axis {
-        Axis::U => u,
-        Axis::V => v,
-        Axis::W => w,
-        Axis::P => p,
-        Axis::Q => q,
-        Axis::R => r,
-    };
-    let speeds = ["forward speed", "sideward speed", "sink rate"];
-    let rates = ["roll rate", "pitch rate", "yaw rate"];
-    Some(match effect {
-        Effect::LinearDrag | Effect::QuadraticDrag => by_axis(speeds, rates),
-        Effect::AngularDamping | Effect::QuadraticYawDamping => by_axis(speeds, rates),
-        Effect::Gyroscopic => by_axis(speeds, ["pitch rate", "roll rate", "yaw rate"]),
-        Effect::FlappingMoment => by_axis(speeds, ["sideward speed", "forward speed", "speed"]),
-        Effect::RateCoupling => by_axis(["pitch rate", "roll rate", "yaw rate"], rates),
-        Effect::GroundEffect => "height",
-        Effect::TranslationalLift => "speed",
-        Effect::SteadyWind => "yaw",
-        Effect::BatteryVoltage => "battery voltage",
-        Effect::TrackingOffset => {
-            by_axis(["pitch acceleration", "roll acceleration", "pitch acceleration"], rates)
-        }
-        Effect::ProductOfInertia => by_axis(speeds, ["yaw acceleration", "yaw rate", "roll acceleration"]),
-        Effect::Tether => by_axis(["north position", "east position", "height"], rates),
-        Effect::Thrust
-        | Effect::ThrustLinear
-        | Effect::MassChange
-        | Effect::ComOffset
-        | Effect::AttitudeOffset => "rotor speed",
-        _ => return None,
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -118,7 +78,7 @@ mod tests {
         let mut residuals = Residuals::default();
         residuals.residual[Axis::W.index()] = residual;
         let time_s = (0..rows).map(|k| 100.0 + k as f64 * 0.01 + if k < 5 { 0.0 } else { 1.0 }).collect();
-        View { name: "A".into(), period_s: 0.01, residuals, quantities: Vec::new(), time_s }
+        View { name: "A".into(), period_s: 0.01, residuals, conditions: Vec::new(), time_s }
     }
 
     #[test]

@@ -268,6 +268,13 @@ impl Prepared {
         self.filtered(&plant, &model.vehicle, &effects, stride, hung)
     }
 
+    /// A measured quantity at the rows, through the filter of the moments.
+    pub fn quantity(&self, model: &Model, quantity: &Quantity) -> Vec<f64> {
+        let plant = Plant::new(&slung_load::without_load(model));
+        let mut columns = self.filtered(&plant, &model.vehicle, &Seen(quantity), 1, None);
+        columns.pop().and_then(|mut column| column[Axis::P.index()].take()).unwrap_or_default()
+    }
+
     /// What models of one vehicle predict of the targets, but for the pull of a load that comes of its swing.
     pub fn predicted_by(&self, models: &[&Model], stride: usize, hung: Option<&Hung>) -> Vec<RowColumn> {
         self.columns_and_predicted_by(&[], models, stride, hung).1
@@ -477,6 +484,19 @@ impl Terms for LinearEffects {
             effect.columns(sample, &mut From { first, sink });
             first += count;
         }
+    }
+}
+
+/// A measured quantity, taken for what a parameter of the roll moment multiplies.
+struct Seen<'a>(&'a Quantity);
+
+impl Terms for Seen<'_> {
+    fn count(&self) -> usize {
+        1
+    }
+
+    fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
+        sink.add(Axis::P, 0, self.0.at(sample));
     }
 }
 
