@@ -19,7 +19,9 @@
 use std::iter::StepBy;
 use std::ops::Range;
 
-use model::{Adjustments, Axis, Effect, Model, Pendulum, Plant, Sample, SampleInput, Sink, Vehicle};
+use model::{
+    Adjustments, Axis, Effect, Model, Pendulum, Plant, Quantity, Sample, SampleInput, Sink, Vehicle,
+};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::filter::{SideBySide, compose, sum_of_products};
