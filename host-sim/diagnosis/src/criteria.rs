@@ -296,7 +296,7 @@ pub(crate) fn stand_in(finding: &EffectFinding, left: &Left<'_>) -> Option<Reaso
     let takes_percent = finding.axes.values().map(|a| a.drop_percent).fold(0.0, f64::max);
     let on_its_axes = left.unexplained.iter().filter(|u| finding.axes.contains_key(u.axis.name()));
     let most = on_its_axes.max_by(|a, b| a.share_percent.total_cmp(&b.share_percent))?;
-    (most.share_percent > takes_percent).then(|| Reason::LeavesMore {
+    (most.share_percent > takes_percent).then_some(Reason::LeavesMore {
         takes_percent,
         left_percent: most.share_percent,
         axis: most.axis,

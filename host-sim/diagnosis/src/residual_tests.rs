@@ -118,7 +118,7 @@ impl<'a> Held<'a> {
         p_value: f64,
     ) -> Option<Unexplained> {
         let p_value = p_value.min(1.0);
-        (share_percent > least_percent && p_value < STRUCTURE_SIGNIFICANCE).then(|| Unexplained {
+        (share_percent > least_percent && p_value < STRUCTURE_SIGNIFICANCE).then_some(Unexplained {
             axis: self.axis,
             depends_on,
             share_percent,

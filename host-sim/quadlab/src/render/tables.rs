@@ -253,15 +253,10 @@ pub(crate) fn horizons_side_by_side(models: &[(String, &Comparison)]) -> Grid {
             number("rate", "mrad/s"),
         ],
     );
-    let horizons: [(&str, fn(&Comparison) -> HorizonError); 4] = [
-        ("1", |c| c.horizons.one),
-        ("10", |c| c.horizons.ten),
-        ("50", |c| c.horizons.fifty),
-        ("sum of 1 to 50", |c| c.horizons.sum_1_50),
-    ];
-    for (name, horizon) in horizons {
+    for (index, name) in ["1", "10", "50", "sum of 1 to 50"].into_iter().enumerate() {
         for (model, comparison) in models {
-            let values = thousandths(&horizon(comparison));
+            let h = &comparison.horizons;
+            let values = thousandths(&[h.one, h.ten, h.fifty, h.sum_1_50][index]);
             grid.push([name.to_owned(), model.clone()].into_iter().chain(values));
         }
     }
