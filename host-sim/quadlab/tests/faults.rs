@@ -7,7 +7,7 @@ use std::path::Path;
 use common::{copies, done_in, identify, run_in, with_sets};
 use serde_json::Value;
 
-const IDENTIFY: [&str; 5] = ["identify", "--vehicle", "vehicle.toml", "--out", "out.toml"];
+const IDENTIFY: [&str; 6] = ["identify", "--vehicle", "vehicle.toml", "--out", "out.toml", "--force"];
 
 /// Columns of the simulated flights.
 const X: usize = 1;

@@ -12,7 +12,9 @@ fn foreign(folder: &Path) -> Vec<PathBuf> {
     let mut all: Vec<PathBuf> = Vec::new();
     for inside in ["data/logs", "data/broken"] {
         let Some(from) = shared(inside) else { continue };
-        all.extend(std::fs::read_dir(from).unwrap().map(|entry| entry.unwrap().path()));
+        let entries = std::fs::read_dir(from).unwrap().map(|entry| entry.unwrap().path());
+        // A folder stands for the flights in it.
+        all.extend(entries.filter(|path| path.is_file()));
     }
     for (name, content) in [
         ("made.bin", &b"\xa3\x95\x80\x80\x59FMT\x00\x00"[..]),

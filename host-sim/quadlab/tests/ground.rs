@@ -113,7 +113,7 @@ fn bad_usage_is_one_line_and_status_2() {
         (&["--craft", "127.0.0.1:1", "--pattern", "none.csv"], "none.csv"),
         (&["--craft", "127.0.0.1:1", "--replay", "none.csv"], "none.csv"),
         (&["--craft", "127.0.0.1:1", "--room", "x,y,-z"], "mirror image"),
-        (&["--simulated", "--command-hz", "2", "--no-record"], "from 4"),
+        (&["--simulated", "--command-hz", "2", "--no-record"], "give 4"),
         (&["--recover", "nothing"], "nothing.mcap"),
     ];
     for (arguments, wanted) in cases {
