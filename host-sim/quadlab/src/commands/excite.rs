@@ -14,6 +14,7 @@ use model::Model;
 use pattern::{Pattern, relative_peak_factor};
 use report::number::{fixed, unit, value_and_error};
 use report::{Axis, Figure, Page, Panels, Section, Series, Style, significant};
+use schemars::JsonSchema;
 use serde::Serialize;
 use sil::manoeuvre::{Injection, Signal, library};
 use sil::next_flight::{BAND_HZ, GENTLE, known_error};
@@ -113,8 +114,8 @@ enum ExciteError {
     NoMap(PathBuf),
 }
 
-#[derive(Serialize)]
-struct Document {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Document {
     pattern: Option<String>,
     duration_s: f64,
     injection: InjectionEntry,
@@ -125,14 +126,14 @@ struct Document {
     effects: Vec<EffectEntry>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct InjectionEntry {
     relative_peak_factor: [Option<f64>; 4],
     peak: [f64; 4],
     largest_correlation: f64,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct FlightEntry {
     roll_deg: f64,
     pitch_deg: f64,
@@ -143,7 +144,7 @@ struct FlightEntry {
     trouble: Option<String>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct CoefficientEntry {
     effect: &'static str,
     name: &'static str,
@@ -153,7 +154,7 @@ struct CoefficientEntry {
     std_error_known: Option<f64>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct EffectEntry {
     effect: &'static str,
     excited: bool,
