@@ -15,6 +15,8 @@ use crate::render::view::View;
 const FLIGHT_S: f64 = 40.0;
 /// Seed of its tour and of its noise.
 const SEED: u64 = 1;
+/// Shares of an effect's typical size to try one after the other until the craft stays in the air.
+const SIZES: [f64; 3] = [1.0, 0.5, 0.25];
 /// Size of a picture, px.
 const PICTURE_PX: (u32, u32) = (900, 420);
 
@@ -40,8 +42,11 @@ fn write_page(effect: Effect, folder: &Path) -> anyhow::Result<String> {
 
 /// `ground-effect` is "Ground effect".
 fn title(id: &str) -> String {
-    let words = id.replace('-', " ");
-    let mut letters = words.chars();
+    capitalised(&id.replace('-', " "))
+}
+
+fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
@@ -53,7 +58,7 @@ fn page(info: &EffectInfo, shown: Option<&Picture>) -> String {
     }
     text += &acts_on(info);
     text += &coefficients(info.coefficients);
-    let _ = writeln!(text, "## What to fly to see it\n\n{}\n", sentence(info.excitation));
+    let _ = writeln!(text, "## What to fly to see it\n\n{}\n", capitalised(&sentence(info.excitation)));
     text += &look_alikes(info);
     text += "## What it leaves in a model without it\n\n";
     match shown {
@@ -137,24 +142,28 @@ struct Picture {
 /// The residual of a simulated flight by the craft's own model without the effect and with it; none when the craft does
 /// not fly with it.
 fn picture(effect: Effect) -> anyhow::Result<Option<Picture>> {
-    let (mut with, mut without) = (demo_effect::craft(), demo_effect::craft());
-    if without.has(effect) {
-        without.terms.retain(|term| term.effect != effect);
-    } else {
-        with.set(effect, &demo_effect::typical(effect));
+    let (craft, mut without) = (demo_effect::craft(), demo_effect::craft());
+    without.terms.retain(|term| term.effect != effect);
+    for size in SIZES {
+        let mut with = craft.clone();
+        if !craft.has(effect) {
+            let values: Vec<f64> = demo_effect::typical(effect).iter().map(|value| size * value).collect();
+            with.set(effect, &values);
+        }
+        let recording = sil::fly(&demo_effect::flight_plan(&with, SEED, FLIGHT_S))?;
+        if !recording.complete || recording.cage_margin_m() < 0.0 {
+            continue;
+        }
+        let flight =
+            LoadedFlight::from_flight(&recording.to_flight(effect.id(), false), &with.vehicle)?.prepared;
+        let [before, after] = [&without, &with].map(|model| View::all(&[&flight], model));
+        let figure = figures::residual_with_and_without(effect, &[&flight], &with, [&before, &after]);
+        return Ok(figure.map(|figure| Picture {
+            svg: figure.panels.to_svg(PICTURE_PX.0, PICTURE_PX.1),
+            caption: format!("{} {}", flown(effect, &with), figure.caption),
+        }));
     }
-    let recording = sil::fly(&demo_effect::flight_plan(&with, SEED, FLIGHT_S))?;
-    if !recording.complete || recording.cage_margin_m() < 0.0 {
-        return Ok(None);
-    }
-    let flight = LoadedFlight::from_flight(&recording.to_flight(effect.id(), false), &with.vehicle)?.prepared;
-    let views = [&without, &with].map(|model| View::all(&[&flight], model));
-    let [before, after] = &views;
-    let figure = figures::residual_with_and_without(effect, &[&flight], &with, [before, after]);
-    Ok(figure.map(|figure| Picture {
-        svg: figure.panels.to_svg(PICTURE_PX.0, PICTURE_PX.1),
-        caption: format!("{} {}", flown(effect, &with), figure.caption),
-    }))
+    Ok(None)
 }
 
 /// What flew, in a sentence.
