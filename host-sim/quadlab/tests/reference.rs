@@ -1,41 +1,13 @@
 //! `quadlab reference`: a man page for each command, a page for each effect, and schemas that real documents meet.
 
 mod common;
+#[path = "common/schemas.rs"]
+mod schemas;
 
 use std::path::Path;
-use std::sync::OnceLock;
-
-use serde_json::Value;
 
 use common::{copies, done_in, identify, json_in, run_in, with_sets};
-
-/// What `quadlab reference` wrote.
-fn reference() -> &'static Path {
-    static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
-    let folder = FOLDER.get_or_init(|| {
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        done_in(folder.path(), &["reference", "--out", "."]);
-        folder
-    });
-    folder.path()
-}
-
-/// A document against the schema of this name.
-fn assert_valid(schema: &str, document: &Value) {
-    let path = reference().join("schema").join(format!("{schema}.json"));
-    let text = std::fs::read_to_string(&path).unwrap_or_else(|why| panic!("{}: {why}", path.display()));
-    let validator = jsonschema::validator_for(&serde_json::from_str(&text).unwrap()).unwrap();
-    let problems: Vec<String> =
-        validator.iter_errors(document).map(|e| format!("{}: {e}", e.instance_path())).collect();
-    assert!(problems.is_empty(), "{schema}: {problems:#?}");
-    // A schema that allows everything would show nothing.
-    assert!(!validator.is_valid(&Value::Bool(true)), "{schema} allows anything");
-    if let Value::Object(fields) = document {
-        let mut fewer = fields.clone();
-        fewer.remove(fields.keys().next().expect("a document has fields"));
-        assert!(!validator.is_valid(&Value::Object(fewer)), "{schema} misses no field");
-    }
-}
+use schemas::{assert_valid, reference};
 
 /// The names under `Commands:` of a program's help.
 fn subcommands(folder: &Path, words: &[&str]) -> Vec<String> {
@@ -101,7 +73,7 @@ fn documents_of_flights_meet_their_schemas() {
     let at = folder.path();
     let first = ["identify", "--vehicle", "vehicle.toml", "--out", "model.toml"];
     assert_valid("identify", &json_in(at, &with_sets(&first)));
-    let add = with_sets(&["add", "--model", "model.toml", "--effect", "ground-effect", "--out", "more.toml"]);
+    let add = with_sets(&["add", "ground-effect", "--model", "model.toml", "--out", "more.toml"]);
     assert_valid("add", &json_in(at, &add));
     let one = ["compare", "--model", "model.toml", "--flights", "D.csv"];
     assert_valid("compare", &json_in(at, &one));
@@ -131,7 +103,7 @@ fn documents_of_models_meet_their_schemas() {
     // Status 1 is an answer, too.
     let output = run_in(at, &check);
     assert_valid("design-check", &serde_json::from_slice(&output.stdout).unwrap());
-    let excite = ["excite", "--model", "model.toml", "--gains", "gains.toml"];
+    let excite = ["excite", "--model", "model.toml", "--gains", "gains.toml", "--out", "p.csv"];
     assert_valid("excite", &json_in(at, &excite));
     let plan = ["plan", "--model", "model.toml", "--gains", "gains.toml", "--shrink", "C_du"];
     assert_valid("plan", &json_in(at, &plan));

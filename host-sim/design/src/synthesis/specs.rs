@@ -9,7 +9,7 @@ use crate::loops::View;
 use crate::plant::Linear;
 
 /// How gains are found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
     /// The thesis' procedure on continuous loops.
@@ -20,7 +20,7 @@ pub enum Method {
 
 /// What is asked of the gains; the defaults are the thesis' specifications and, for the late pose,
 /// twice its gain.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Specs {
     /// How gains are found.
@@ -42,7 +42,7 @@ pub struct Specs {
 }
 
 /// Specifications of roll and pitch, thesis 5.3.1.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AttitudeSpecs {
     /// Least phase margin, degrees (thesis: 45).
@@ -144,7 +144,7 @@ fn altitude_given<'de, D: serde::Deserializer<'de>>(from: D) -> std::result::Res
 }
 
 /// Specifications of the position loops, thesis 5.4.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PositionSpecs {
     /// Least phase margin, degrees (thesis: 45).
