@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
 
 /// Why an analysis or a design cannot be made: one clear line each.
@@ -87,7 +88,7 @@ pub enum DesignError {
 pub type Result<T> = std::result::Result<T, DesignError>;
 
 /// A specification that is not met.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Shortfall {
     /// The loop.
     #[serde(rename = "loop")]
@@ -165,6 +166,16 @@ impl Criterion {
 impl Serialize for Criterion {
     fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
         serializer.serialize_str(self.label())
+    }
+}
+
+impl JsonSchema for Criterion {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "Criterion".into()
+    }
+
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({ "type": "string", "description": "A criterion of a loop, in words." })
     }
 }
 

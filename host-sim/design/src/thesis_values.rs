@@ -6,6 +6,7 @@
 //! the printed ones are there to compare with.
 
 use model::Model;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::analysis::{Study, closed_bode};
@@ -15,7 +16,7 @@ use crate::loops::LoopName;
 use crate::plant::{CANCEL_TOLERANCE, CHANNELS, Linear, TrimTarget, with_perturbation};
 
 /// A printed number and the one found.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Compared {
     /// Where it is printed: equation, figure or table.
     pub place: &'static str,

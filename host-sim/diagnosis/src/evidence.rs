@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 
 use model::{AXES, Effect, Kind, Model, Question};
 use nalgebra::DMatrix;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::criteria::{Applied, Evidence, applied};
@@ -44,7 +45,7 @@ pub enum WhyError {
 }
 
 /// One criterion of support.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Criterion {
     /// What is asked.
     pub question: &'static str,
@@ -61,7 +62,7 @@ pub struct Criterion {
 }
 
 /// Errors of one held-out flight without and with the effect.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct FlightDrop {
     /// Name of the flight.
     pub flight: String,
@@ -70,7 +71,7 @@ pub struct FlightDrop {
 }
 
 /// A coefficient with what is possible.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct CoefficientEvidence {
     /// Value and error.
     #[serde(flatten)]
@@ -82,7 +83,7 @@ pub struct CoefficientEvidence {
 }
 
 /// Another effect whose columns look like this one's to the model.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Likeness {
     /// The effect.
     pub effect: Effect,
@@ -94,7 +95,7 @@ pub struct Likeness {
 }
 
 /// A set of effects of the exhaustive search.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct ScoredSet {
     /// Its members.
     pub effects: Vec<Effect>,
@@ -103,7 +104,7 @@ pub struct ScoredSet {
 }
 
 /// The evidence for and against one effect.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Why {
     /// The effect.
     pub effect: Effect,

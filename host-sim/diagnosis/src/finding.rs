@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 
 use model::{Axis, Effect};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::reason::{Dependence, Reason};
 
 /// The conclusion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
     /// A known effect is missing.
@@ -20,7 +21,7 @@ pub enum Verdict {
 }
 
 /// Errors of one axis without and with an effect, on the held-out flights.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct AxisDrop {
     /// Sum of squares without.
     pub sse_before: f64,
@@ -39,7 +40,7 @@ impl AxisDrop {
 }
 
 /// A coefficient of a candidate.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct CoefficientFigures {
     /// Name.
     pub name: &'static str,
@@ -52,7 +53,7 @@ pub struct CoefficientFigures {
 }
 
 /// A candidate's evidence.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct EffectFinding {
     /// The effect.
     pub effect: Effect,
@@ -121,7 +122,7 @@ impl EffectFinding {
 }
 
 /// Structure in the residual that no known effect accounts for.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Unexplained {
     /// Axis.
     pub axis: Axis,
@@ -134,7 +135,7 @@ pub struct Unexplained {
 }
 
 /// A diagnosis.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Diagnosis {
     /// The conclusion.
     pub verdict: Verdict,

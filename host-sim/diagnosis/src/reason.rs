@@ -1,8 +1,10 @@
 //! Why an effect is supported or not, and what a residual depends on: figures, turned into words where they are shown.
 
+use std::borrow::Cow;
 use std::fmt;
 
 use model::{Axis, Coefficient, Effect, Estimate};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Serialize, Serializer};
 use sysid::FitError;
 
@@ -309,9 +311,29 @@ impl Serialize for Dependence {
     }
 }
 
+impl JsonSchema for Dependence {
+    fn schema_name() -> Cow<'static, str> {
+        "Dependence".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": "string", "description": "What a residual depends on, in words." })
+    }
+}
+
 impl Serialize for Reason {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
+    }
+}
+
+impl JsonSchema for Reason {
+    fn schema_name() -> Cow<'static, str> {
+        "Reason".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": "string", "description": "Why an effect is supported or not, in words." })
     }
 }
 

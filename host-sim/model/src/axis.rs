@@ -1,10 +1,11 @@
 //! The six rows of the equations of motion that hold unknown coefficients.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A row of (4.3): u, v, w are body-axis accelerations in m/s^2 (what an accelerometer at the centre of mass
 /// would feel, that is without gravity), p, q, r are body angular accelerations in rad/s^2.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Axis {
     /// Forward acceleration, m/s^2.
@@ -53,7 +54,7 @@ impl std::fmt::Display for Axis {
 }
 
 /// One value for each axis; a table with the keys u v w p q r in files and JSON.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[expect(missing_docs, reason = "the six axes are documented at `Axis`")]
 pub struct PerAxis<T> {

@@ -1,5 +1,6 @@
 //! What a model says of the fit that gave its coefficients.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::axis::{Axis, PerAxis};
@@ -13,7 +14,7 @@ pub struct ReferenceValues {
 }
 
 /// Errors of one axis.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AxisError {
     /// Sum of squared errors, (unit of the axis)^2.
@@ -27,7 +28,7 @@ pub struct AxisError {
 }
 
 /// What a flight was used for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum FlightRole {
     /// Fitted on.

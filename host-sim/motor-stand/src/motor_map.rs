@@ -17,6 +17,7 @@
 //! **What cannot be told apart.** A dead time of the speed controller, and half the interval over which a pulse counter
 //! averages, are in the clock's offset. An average over a long interval also looks like a slower rotor.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::stand::Stand;
@@ -67,7 +68,7 @@ const SUPPORT_DEVIATIONS: f64 = 3.0;
 const SUPPORT_PERCENT: f64 = 3.0;
 
 /// A number with its standard error.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Estimated {
     /// Value.
     pub value: f64,
@@ -76,7 +77,7 @@ pub struct Estimated {
 }
 
 /// The tachometer's clock against the craft's: craft = tachometer + offset + skew (tachometer - middle).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct StandClock {
     /// At the middle, s.
     pub offset_s: Estimated,
@@ -87,7 +88,7 @@ pub struct StandClock {
 }
 
 /// Map (4.10) and lag.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Map {
     /// rad/s per command unit.
     pub command: Estimated,
@@ -105,7 +106,7 @@ pub struct Map {
 }
 
 /// One of the maps that were compared.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Judged {
     /// Its terms besides the constant.
     pub terms: &'static str,
@@ -129,7 +130,7 @@ pub struct Judged {
 }
 
 /// A motor by itself.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct MotorMap {
     /// 1 to 4; 0 where the logs do not say.
     pub motor: usize,
@@ -157,7 +158,7 @@ pub struct Samples {
 }
 
 /// What a run says.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct StandResult {
     /// Clocks.
     pub clock: StandClock,

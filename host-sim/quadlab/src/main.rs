@@ -20,7 +20,7 @@ use crate::cli::colour;
 use crate::cli::output::Outcome;
 use crate::commands::{
     add, compare, demo, design, diagnose, effects, excite, explain, ground, identify, linearize, motor_map,
-    plan,
+    plan, reference,
 };
 
 /// Identify a quadcopter's model from flights, find out where it fails and which physical effect it lacks.
@@ -48,6 +48,8 @@ enum Command {
     MotorMap(motor_map::Options),
     Excite(excite::Options),
     Plan(plan::Options),
+    #[command(hide = true)]
+    Reference(reference::Options),
 }
 
 const DOES_NOT_HOLD: u8 = 1;
@@ -72,6 +74,7 @@ fn main() -> ExitCode {
         Command::MotorMap(options) => motor_map::run(&options),
         Command::Excite(options) => excite::run(&options),
         Command::Plan(options) => plan::run(&options),
+        Command::Reference(options) => reference::run(&options, Arguments::command()),
     };
     match outcome.and_then(finish) {
         Ok(code) => code,

@@ -3,6 +3,8 @@
 //! those of crate `design`.
 
 mod common;
+#[path = "common/schemas.rs"]
+mod schemas;
 
 use std::path::Path;
 
@@ -302,6 +304,7 @@ fn the_report_has_every_figure_and_number_of_chapter_5() {
     let folder = folder.path();
     let document =
         json_in(folder, &["design", "report", "--samples", "2", "--out", "report.html", "--force"]);
+    schemas::assert_valid("design-report", &document);
     assert_eq!((&document["thesis"], &document["holds"]), (&Value::Bool(true), &Value::Bool(true)));
     let numbers = document["numbers"].as_array().unwrap();
     assert_eq!(numbers.len(), 65);

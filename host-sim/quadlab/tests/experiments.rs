@@ -2,6 +2,8 @@
 //! (`plan`). The numbers' own tests are those of crates `sysid` and `sil`.
 
 mod common;
+#[path = "common/schemas.rs"]
+mod schemas;
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -67,6 +69,7 @@ fn a_test_stand_completes_the_vehicle_file() {
         folder.path(),
         &with(&MOTOR_MAP, &["--out", "vehicle.toml", "--force", "--html", "stand.html"]),
     );
+    schemas::assert_valid("motor-map", &found);
     for (name, truth) in [("command", 0.785), ("voltage", 44.6505), ("offset", -1205.1), ("lag", 21.5)] {
         let (value, error) = (&found["map"][name]["value"], &found["map"][name]["std_error"]);
         let (value, error) = (value.as_f64().unwrap(), error.as_f64().unwrap());

@@ -6,6 +6,7 @@
 
 use model::{AXES, Axis, AxisError, Effect, Model, PerAxis, Plant, State, frames};
 use nalgebra::Vector3;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::filter::RegressionFilter;
@@ -27,7 +28,7 @@ const WORST: usize = 12;
 const BARELY_S: f64 = 0.1;
 
 /// Error of one axis.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct AxisFigures {
     /// Root mean square of measured minus predicted, m/s^2 or rad/s^2.
     pub rms: f64,
@@ -44,7 +45,7 @@ impl From<AxisError> for AxisFigures {
 }
 
 /// One flight.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct FlightComparison {
     /// File name.
     pub name: String,
@@ -60,7 +61,7 @@ pub struct FlightComparison {
 
 /// Mean norm of the open-loop error over all starting samples (attitude: geodesic angle). Of a model without rotation
 /// position and velocity are predicted with the logged attitude and rates, and these are not numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, JsonSchema)]
 pub struct HorizonError {
     /// m.
     pub position_m: f64,
@@ -73,7 +74,7 @@ pub struct HorizonError {
 }
 
 /// Open-loop errors over the horizons that are reported.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, JsonSchema)]
 pub struct Horizons {
     /// One sample ahead.
     #[serde(rename = "1")]
@@ -89,7 +90,7 @@ pub struct Horizons {
 }
 
 /// A condition under which an axis fails.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Worst {
     /// Axis.
     pub axis: Axis,
@@ -104,7 +105,7 @@ pub struct Worst {
 }
 
 /// All of a comparison.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Comparison {
     /// Each flight.
     pub flights: Vec<FlightComparison>,

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! `effects/SUMMARY.md` has a line `- [Name](effects/id.md)` for each page. The pages go into a copy of the book's
-//! sources, below the page `effects/index.md`.
+//! sources, below the page `effects/index.md`; the schemas go into its folder `schema`.
 
 mod commands;
 mod pages;
@@ -41,41 +41,28 @@ const BOOK: &str = "host-sim/book";
 /// The page that the pages of single effects stand below.
 const EFFECTS: &str = "effects/index.md";
 
-/// Builds everything; status 1 when the program cannot write its part yet, or a check fails.
+/// Builds everything; status 1 when a check fails.
 pub(crate) fn run(options: &Options) -> Result<ExitCode> {
     ensure!(MDBOOK.found().is_some(), "mdbook is not installed: {}", MDBOOK.install);
     let out = std::path::absolute(&options.out).context("the folder of --out has no absolute path")?;
-    let left_out = build(&out)?;
+    build(&out)?;
     for folder in ["book", "man", "completions", "schema"].map(|name| out.join(name)) {
         if folder.is_dir() {
             println!("{}", folder.display());
         }
     }
-    if let Some(why) = &left_out {
-        println!("left out: {why}");
-    }
     let problems = if options.check { problems(&out)? } else { Vec::new() };
     for problem in &problems {
         println!("{problem}");
     }
-    Ok(ExitCode::from(u8::from(left_out.is_some() || !problems.is_empty())))
+    Ok(ExitCode::from(u8::from(!problems.is_empty())))
 }
 
-/// What came of checking the book.
-pub(crate) struct Checked {
-    pub(crate) problems: Vec<String>,
-    /// What was not there to be checked.
-    pub(crate) left_out: Option<String>,
-}
-
-/// Builds the book and checks its links and commands.
-pub(crate) fn check() -> Result<Checked> {
-    if !workspace::root().join(BOOK).join("book.toml").is_file() {
-        return Ok(Checked { problems: Vec::new(), left_out: Some(format!("there is no {BOOK}/book.toml")) });
-    }
+/// Builds the book; links and commands in it that lead nowhere.
+pub(crate) fn check() -> Result<Vec<String>> {
     let out = workspace::root().join("target/docs");
-    let left_out = build(&out)?;
-    Ok(Checked { problems: problems(&out)?, left_out })
+    build(&out)?;
+    problems(&out)
 }
 
 /// Links and commands of a built book that lead nowhere.
@@ -98,8 +85,8 @@ fn staging(out: &Path) -> PathBuf {
     out.join("sources").join(BOOK)
 }
 
-/// Builds all of it below `out`; answers what had to be left out.
-fn build(out: &Path) -> Result<Option<String>> {
+/// Builds all of it below `out`.
+fn build(out: &Path) -> Result<()> {
     let sources = staging(out);
     let reference = out.join("reference");
     for folder in [&out.join("sources"), &reference, &out.join("book")] {
@@ -107,16 +94,15 @@ fn build(out: &Path) -> Result<Option<String>> {
     }
     copy(&workspace::root().join(BOOK), &sources)?;
     copy_included(&workspace::root(), &out.join("sources"))?;
-    let left_out = reference_of_program(&reference)?;
-    if left_out.is_none() {
-        for name in ["man", "completions", "schema"] {
-            removed(&out.join(name))?;
-            copy(&reference.join(name), &out.join(name))?;
-        }
-        with_effects(&sources.join("src"), &reference.join("effects"))?;
+    reference_of_program(&reference)?;
+    for name in ["man", "completions", "schema"] {
+        removed(&out.join(name))?;
+        copy(&reference.join(name), &out.join(name))?;
     }
-    make_book(&sources, &out.join("book"))?;
-    Ok(left_out)
+    // Pages of the book link to the schemas.
+    copy(&reference.join("schema"), &sources.join("src/schema"))?;
+    with_effects(&sources.join("src"), &reference.join("effects"))?;
+    make_book(&sources, &out.join("book"))
 }
 
 /// Runs mdBook. It goes on where it cannot include a file, and only says so.
@@ -155,20 +141,15 @@ fn included(text: &str) -> Vec<&str> {
     inside.filter_map(|path| path.trim().split(':').next()).collect()
 }
 
-/// Lets the program write its part, or says that it cannot.
-fn reference_of_program(out: &Path) -> Result<Option<String>> {
-    let help = Programs.help(&["quadlab".to_owned(), "reference".to_owned()]);
-    if !help.is_some_and(|help| help.contains("quadlab reference")) {
-        let parts = "man pages, shell completions, JSON Schemas and pages of single effects";
-        return Ok(Some(format!("{parts}: this quadlab has no command `reference` that writes them")));
-    }
+/// Lets the program write its part.
+fn reference_of_program(out: &Path) -> Result<()> {
     let mut command = quadlab();
     command.args(["reference", "--out"]).arg(out);
     ensure!(succeeds(&mut command)?, "`{}` failed", shown(&command));
     for name in ["man", "completions", "schema", "effects"].map(|name| out.join(name)) {
         ensure!(name.is_dir(), "`{}` wrote no {}", shown(&command), name.display());
     }
-    Ok(None)
+    Ok(())
 }
 
 /// Puts the pages of single effects into the book's sources.

@@ -7,13 +7,14 @@
 //! from -1. Delay margin: the age that the pose may gain before the loop is unstable.
 
 use nalgebra::Complex;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::error::Result;
 use crate::loops::ClosedLoop;
 
 /// A place where the loop gain has magnitude 1.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct GainCrossing {
     /// Frequency, rad/s.
     pub frequency_rad_s: f64,
@@ -22,7 +23,7 @@ pub struct GainCrossing {
 }
 
 /// A place where the loop gain is real and negative.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct PhaseCrossing {
     /// Frequency, rad/s.
     pub frequency_rad_s: f64,
@@ -31,7 +32,7 @@ pub struct PhaseCrossing {
 }
 
 /// Margins at one cut of a loop.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Margins {
     /// Least phase margin, degrees; absent if the gain never crosses 1. Of a stable loop it is
     /// positive: the phase that it can lose, or gain where that is less (loops around unstable

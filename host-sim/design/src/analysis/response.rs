@@ -3,6 +3,7 @@
 
 use control::Config;
 use nalgebra::Complex;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::error::Result;
@@ -82,7 +83,7 @@ pub fn disturbance_step(closed: &ClosedLoop, duration_s: f64) -> Result<Response
 }
 
 /// A mode of a closed loop.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Mode {
     /// Natural frequency, rad/s.
     pub frequency_rad_s: f64,
@@ -121,7 +122,7 @@ pub(crate) fn least_damped_seen(closed: &StateSpace) -> Result<Option<Mode>> {
 }
 
 /// Numbers of one step response, which is divided by the size of the step.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct StepMetrics {
     /// How far the greatest value lies above 1, per cent, at least 0.
     pub overshoot_percent: f64,

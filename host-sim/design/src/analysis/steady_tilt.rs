@@ -11,6 +11,7 @@
 //! `sil`).
 
 use model::{Model, Plant};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::error::Result;
@@ -25,7 +26,7 @@ const FASTEST_M_S: f64 = 60.0;
 const THESIS_BATTERY_V: f64 = 11.1;
 
 /// A direction to slide in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Direction {
     /// Roll to the right.
@@ -64,7 +65,7 @@ impl Direction {
 }
 
 /// The fastest steady slide in a direction.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct SteadyTilt {
     /// Which way.
     pub direction: Direction,

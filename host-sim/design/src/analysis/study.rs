@@ -2,6 +2,7 @@
 
 use control::Config;
 use model::Model;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::margins::LoopMargins;
@@ -11,7 +12,7 @@ use crate::loops::{ClosedLoop, LOOPS, LoopName, LoopPlant, View, law_effect, tog
 use crate::plant::{CANCEL_TOLERANCE, Linear, TrimTarget};
 
 /// All loops closed at once, with what one axis does to another.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Together {
     /// Whether they are stable.
     pub stable: bool,

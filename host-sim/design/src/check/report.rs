@@ -1,5 +1,6 @@
 //! What a check says: numbers for text, JSON and pages.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::analysis::{Mode, SteadyTilt, StepMetrics, Together};
@@ -20,7 +21,7 @@ pub struct CheckOptions {
 pub type Pair = [f64; 2];
 
 /// One loop.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct LoopReport {
     /// `roll`, `pitch`, `yaw`, `z`, `x` or `y`.
     pub name: &'static str,
@@ -52,7 +53,7 @@ pub struct LoopReport {
 
 /// Margins with the loop cut at the actuator, where everything that the law feeds back goes
 /// through.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct ActuatorMargins {
     /// Least phase margin, degrees.
     pub phase_margin_deg: Option<f64>,
@@ -71,7 +72,7 @@ pub struct ActuatorMargins {
 }
 
 /// A step response: through prefilter or rate limit (1 m), and of the bare loop.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct StepReport {
     /// The loop.
     pub name: &'static str,
@@ -85,7 +86,7 @@ pub struct StepReport {
 }
 
 /// A step disturbance at the actuator (appendix B).
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct DisturbanceReport {
     /// The loop.
     pub name: &'static str,
@@ -102,7 +103,7 @@ pub struct DisturbanceReport {
 }
 
 /// Margins with a zero of the plant moved under an unchanged canceller (appendix A).
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct MovedZero {
     /// The loop.
     pub name: &'static str,
@@ -115,7 +116,7 @@ pub struct MovedZero {
 }
 
 /// Spread of a number.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Spread {
     /// Worst.
     pub min: f64,
@@ -128,7 +129,7 @@ pub struct Spread {
 }
 
 /// Margins of a loop over draws of the model.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct LoopSpread {
     /// The loop.
     pub name: &'static str,
@@ -143,7 +144,7 @@ pub struct LoopSpread {
 }
 
 /// Margins over draws of the model's coefficients.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Uncertainty {
     /// Draws.
     pub samples: usize,
@@ -163,7 +164,7 @@ pub struct Uncertainty {
 }
 
 /// Margins at one battery voltage.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct BatteryReport {
     /// V.
     pub battery_v: f64,
@@ -174,7 +175,7 @@ pub struct BatteryReport {
 }
 
 /// A loop at one battery voltage.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct BatteryLoop {
     /// The loop.
     pub name: &'static str,
@@ -189,7 +190,7 @@ pub struct BatteryLoop {
 }
 
 /// The whole report.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct CheckReport {
     /// The vehicle's name.
     pub vehicle: String,

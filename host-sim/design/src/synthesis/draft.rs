@@ -3,6 +3,7 @@
 use control::Config;
 use control::gains::CancellerParams;
 use model::Model;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::specs::Specs;
@@ -13,7 +14,7 @@ use crate::loops::{
 use crate::plant::{CANCEL_TOLERANCE, Linear};
 
 /// A gain that a step of the design found, and why.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Step {
     /// The loop.
     #[serde(rename = "loop")]

@@ -1,6 +1,7 @@
 //! What is asked of gains: the specifications of `quadlab design`, from a file or the thesis'.
 
 use control::gains::{Config, VelocityEstimator};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{DesignError, Result, SpecField, SpecKey, SpecTable};
@@ -8,7 +9,7 @@ use crate::loops::View;
 use crate::plant::Linear;
 
 /// How gains are found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
     /// The thesis' procedure on continuous loops.
@@ -19,7 +20,7 @@ pub enum Method {
 
 /// What is asked of the gains; the defaults are the thesis' specifications and, for the late pose,
 /// twice its gain.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Specs {
     /// How gains are found.
@@ -41,7 +42,7 @@ pub struct Specs {
 }
 
 /// Specifications of roll and pitch, thesis 5.3.1.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AttitudeSpecs {
     /// Least phase margin, degrees (thesis: 45).
@@ -76,7 +77,7 @@ pub struct AttitudeSpecs {
 }
 
 /// Specifications of yaw or altitude, thesis 5.3.2.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct SlowSpecs {
     /// Least phase margin, degrees, for the late pose (the thesis' gains have more than 60 without
     /// one).
@@ -143,7 +144,7 @@ fn altitude_given<'de, D: serde::Deserializer<'de>>(from: D) -> std::result::Res
 }
 
 /// Specifications of the position loops, thesis 5.4.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PositionSpecs {
     /// Least phase margin, degrees (thesis: 45).

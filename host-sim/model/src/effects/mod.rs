@@ -9,6 +9,7 @@ mod catalogue;
 mod timing;
 pub(crate) mod weights;
 
+use std::borrow::Cow;
 use std::fmt;
 use std::path::Path;
 
@@ -141,6 +142,20 @@ impl fmt::Display for Effect {
 impl serde::Serialize for Effect {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_str(self.id())
+    }
+}
+
+/// A string: users' effects have identifiers of their own.
+impl schemars::JsonSchema for Effect {
+    fn schema_name() -> Cow<'static, str> {
+        "Effect".into()
+    }
+
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({
+            "type": "string",
+            "description": "Identifier of an effect: of the catalogue, or of a file of users' effects.",
+        })
     }
 }
 

@@ -1,6 +1,7 @@
 //! Faults of flights, vehicle files and fits: told on standard error and in JSON, or refused.
 
 use diagnosis::workflow::{Faults, LoadedFlight, Reading};
+use schemars::JsonSchema;
 use serde::Serialize;
 use sysid::checks::clocks::Clocks;
 use sysid::{Fault, Severity};
@@ -31,15 +32,15 @@ pub(crate) fn warn(faults: &Faults) {
 }
 
 /// A document with the faults and the clocks of the flights it is about.
-#[derive(Serialize)]
-struct WithFaults<'a, T> {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct WithFaults<'a, T> {
     #[serde(flatten)]
     document: &'a T,
     faults: Vec<Fault>,
     clocks: Vec<ClockEntry<'a>>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct ClockEntry<'a> {
     flight: &'a str,
     #[serde(flatten)]

@@ -1,5 +1,6 @@
 //! Refinement on the command line.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 use sysid::RefinementOutcome;
 use sysid::compare::HorizonError;
@@ -34,7 +35,7 @@ impl RefineOptions {
 }
 
 /// What a refinement did, for JSON.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 pub(crate) struct RefinementEntry {
     rows: Rows,
     kept: bool,

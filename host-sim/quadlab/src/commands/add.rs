@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use diagnosis::workflow::{self, Added};
 use model::{Effect, PerAxis};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::cli::colour;
@@ -124,8 +125,8 @@ fn text(options: &Options, added: &Added) -> Outcome {
     ))
 }
 
-#[derive(Serialize)]
-struct Document<'a> {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Document<'a> {
     effect: Effect,
     sse_before: PerAxis<f64>,
     sse_after: PerAxis<f64>,

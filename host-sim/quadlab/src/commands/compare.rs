@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use diagnosis::workflow::{self, FlightsOfOneKind, LoadedFlight};
 use model::Model;
+use schemars::JsonSchema;
 use serde::Serialize;
 use sysid::Comparison;
 
@@ -96,14 +97,14 @@ fn report_one(options: &Options, compared: &Compared) -> anyhow::Result<Outcome>
 }
 
 /// Models beside each other; what is said of single flights is that of the first model.
-#[derive(Serialize)]
-struct SideBySide<'a> {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct SideBySide<'a> {
     #[serde(flatten)]
     first: &'a Comparison,
     models: Vec<OfModel<'a>>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct OfModel<'a> {
     model: String,
     #[serde(flatten)]

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use control::Config;
 use control::gains::Law;
-use model::{Effect, Model};
+use model::{Coefficient, Effect, Model};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use sil::FlightPlan;
@@ -75,6 +75,21 @@ pub(crate) fn draw(seed: u64) -> (Model, Effect) {
     let mut model = craft();
     model.set(*effect, &values);
     (model, *effect)
+}
+
+/// Values of an effect's coefficients that a craft of this size can have: the middle of what can be hidden, or the
+/// ordinary magnitudes with a possible sign; for an effect with one coefficient a rotor, one rotor's.
+pub(crate) fn typical(effect: Effect) -> Vec<f64> {
+    if let Some((_, strengths)) = HIDDEN.iter().find(|(hidden, _)| *hidden == effect) {
+        return strengths.iter().map(|s| 0.5 * (s.range.0 + s.range.1)).collect();
+    }
+    let info = effect.info();
+    let value = |(index, c): (usize, &Coefficient)| match c.possible {
+        _ if info.special.one_per_rotor && index > 0 => 0.0,
+        (_, high) if high <= 0.0 => -c.typical,
+        _ => c.typical,
+    };
+    info.coefficients.iter().enumerate().map(value).collect()
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use design::synthesis::{Designed, Method, Shortfall, Specs, Step, design};
 use design::{DesignError, Gains, Provenance};
 use model::Model;
 use report::significant;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::cli::output::{Outcome, OverwriteOptions};
@@ -53,8 +54,8 @@ enum Command {
     Report(design_report::Options),
 }
 
-#[derive(Serialize)]
-struct Document<'a> {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Document<'a> {
     method: Method,
     steps: &'a [Step],
     shortfalls: &'a [Shortfall],

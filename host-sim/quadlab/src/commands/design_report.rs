@@ -13,6 +13,7 @@ use design::plant::CANCEL_TOLERANCE;
 use design::thesis_values::{Compared, compare};
 use model::Model;
 use report::{Axis, Cell, Column, Figure, Mark, Page, Section, Series, Style, Table, Verdict, significant};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::cli::output::{Outcome, OverwriteOptions, provenance};
@@ -60,8 +61,8 @@ pub(crate) struct Options {
     json: bool,
 }
 
-#[derive(Serialize)]
-struct Document<'a> {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Document<'a> {
     vehicle: &'a str,
     thesis: bool,
     holds: bool,

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use model::{Axis, Effect, Kind};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::cli::output::Outcome;
@@ -21,8 +22,8 @@ pub(crate) struct Options {
     json: bool,
 }
 
-#[derive(Serialize)]
-struct Entry {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Entry {
     effect: &'static str,
     basic: bool,
     sentence: &'static str,
@@ -32,14 +33,14 @@ struct Entry {
     confused_with: Vec<ConfusionEntry>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct CoefficientEntry {
     name: &'static str,
     unit: &'static str,
     possible: (f64, f64),
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct ConfusionEntry {
     effect: &'static str,
     separated_by: &'static str,

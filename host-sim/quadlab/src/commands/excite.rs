@@ -14,6 +14,7 @@ use model::Model;
 use pattern::{Pattern, relative_peak_factor};
 use report::number::{fixed, unit, value_and_error};
 use report::significant;
+use schemars::JsonSchema;
 use serde::Serialize;
 use sil::manoeuvre::{Injection, Signal, library};
 use sil::next_flight::{BAND_HZ, GENTLE, known_error};
@@ -114,8 +115,8 @@ enum ExciteError {
     NoMap(PathBuf),
 }
 
-#[derive(Serialize)]
-struct Document {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Document {
     pattern: Option<String>,
     duration_s: f64,
     injection: InjectionEntry,
@@ -126,14 +127,14 @@ struct Document {
     effects: Vec<EffectEntry>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct InjectionEntry {
     relative_peak_factor: [Option<f64>; 4],
     peak: [f64; 4],
     largest_correlation: f64,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct FlightEntry {
     roll_deg: f64,
     pitch_deg: f64,
@@ -144,7 +145,7 @@ struct FlightEntry {
     trouble: Option<String>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct CoefficientEntry {
     effect: &'static str,
     name: &'static str,
@@ -154,7 +155,7 @@ struct CoefficientEntry {
     std_error_known: Option<f64>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct EffectEntry {
     effect: &'static str,
     excited: bool,

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use diagnosis::workflow::{self, Explanation};
 use diagnosis::{Unexplained, Verdict};
 use model::{Effect, PerAxis};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::cli::colour;
@@ -111,8 +112,8 @@ fn text(options: &Options, explanation: &Explanation) -> String {
     text
 }
 
-#[derive(Serialize)]
-struct Document<'a> {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Document<'a> {
     /// Of the whole loop: `adequate` when nothing was missing, `missing-effect` when what was missing has been added and nothing
     /// is left, `unexplained` when something is left at the end.
     verdict: Verdict,
@@ -127,7 +128,7 @@ struct Document<'a> {
     refinement: Option<RefinementEntry>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct Added {
     effect: Effect,
     drop_percent: f64,

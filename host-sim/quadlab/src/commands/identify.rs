@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use diagnosis::workflow::{self, FlightSets, Identified, rotation_refused, shown_record};
 use model::{AxisError, FlightRole, PerAxis};
+use schemars::JsonSchema;
 use serde::Serialize;
 use sysid::MotorsOfFlights;
 
@@ -98,8 +99,8 @@ fn text(options: &Options, identified: &Identified, sets: &FlightSets) -> Outcom
     ))
 }
 
-#[derive(Serialize)]
-struct Document<'a> {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Document<'a> {
     vehicle: &'a str,
     flights: Vec<FlightEntry<'a>>,
     coefficients: Vec<CoefficientEntry>,
@@ -114,7 +115,7 @@ struct Document<'a> {
     refinement: Option<RefinementEntry>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct FlightEntry<'a> {
     name: &'a str,
     sha256: &'a str,
@@ -130,7 +131,7 @@ struct FlightEntry<'a> {
     notes: &'a [String],
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct CoefficientEntry {
     effect: &'static str,
     name: &'static str,

@@ -8,6 +8,7 @@ use design::plant::{CANCEL_TOLERANCE, Channel, Linear};
 use design::plant::{INPUT_UNITS, INPUTS, STATE_UNITS, STATES, TrimTarget};
 use model::Model;
 use report::significant;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::cli::output::Outcome;
@@ -35,8 +36,8 @@ pub(crate) struct Options {
     json: bool,
 }
 
-#[derive(Serialize)]
-struct Document {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Document {
     vehicle: String,
     equilibrium: EquilibriumEntry,
     states: Vec<Named>,
@@ -53,7 +54,7 @@ struct Document {
     channels: Vec<ChannelEntry>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct EquilibriumEntry {
     cost: f64,
     iterations: u64,
@@ -63,13 +64,13 @@ struct EquilibriumEntry {
     battery_v: f64,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct Named {
     name: &'static str,
     unit: &'static str,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct ChannelEntry {
     name: &'static str,
     input: &'static str,
@@ -83,7 +84,7 @@ struct ChannelEntry {
     cancelled: Vec<CancelledEntry>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct CancelledEntry {
     pole: [f64; 2],
     zero: [f64; 2],

@@ -16,4 +16,7 @@ pub(crate) mod identify;
 pub(crate) mod linearize;
 pub(crate) mod motor_map;
 pub(crate) mod plan;
+pub(crate) mod reference;
+pub(crate) mod reference_effects;
+pub(crate) mod reference_schemas;
 pub(crate) mod simulated_laboratory;

@@ -8,6 +8,7 @@ use motor_stand::motor_map::{Estimated, Judged, Map, StandResult, motor_map};
 use motor_stand::stand::Stand;
 use report::number::{fixed, percent, with_error};
 use report::{Axis, Figure, Page, Panels, Section, Series, Style, significant};
+use schemars::JsonSchema;
 use serde::Serialize;
 use toml_edit::{DocumentMut, Item, TableLike, value};
 
@@ -59,8 +60,8 @@ pub(crate) struct Options {
     json: bool,
 }
 
-#[derive(Serialize)]
-struct Document<'a> {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Document<'a> {
     #[serde(flatten)]
     result: &'a StandResult,
     /// Whether (4.10), or it without voltage, is what the data support.

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use model::{Effect, Model};
 use report::significant;
+use schemars::JsonSchema;
 use serde::Serialize;
 use sil::next_flight::{APART, Goal, Proposal, check_effect, coefficient, known_error, plan};
 use sil::predict::Predictor;
@@ -74,8 +75,8 @@ enum NoPlan {
     Duration(f64),
 }
 
-#[derive(Serialize)]
-struct Document<'a> {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Document<'a> {
     goal: String,
     /// What `worth` is.
     measure: &'static str,
@@ -86,7 +87,7 @@ struct Document<'a> {
     flights: Vec<Entry<'a>>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct Entry<'a> {
     name: &'static str,
     words: &'static str,

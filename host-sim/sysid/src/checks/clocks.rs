@@ -27,6 +27,7 @@
 //! Deliberately absent: a tracker's clock that wanders within a flight. One offset and one skew are estimated; more would
 //! fit noise. Commands that wander against the motion are named in [`crate::checks::command_clock`].
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::checks::tracks::{self, Axes, Lags, Pair};
@@ -50,7 +51,7 @@ const ALIKE: f64 = 0.6;
 const MOST_STEPS: usize = 8;
 
 /// What is known of one clock against another.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Clock {
     /// How late the tracker's rows are against the board's at the middle of the flight, s.
     pub offset_s: f64,
@@ -109,7 +110,7 @@ impl Clock {
 }
 
 /// The clocks of a flight; nothing where the flight does not tell.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, JsonSchema)]
 pub struct Clocks {
     /// Tracked attitude against gyro.
     pub attitude: Option<Clock>,

@@ -15,6 +15,7 @@
 //! [`MATTERS_S`] is called wandering. Where rotor speeds were measured, [`crate::fit::alignment`] looks more closely.
 
 use model::{Adjustments, Vehicle};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::filter::sum_of_products;
@@ -37,7 +38,7 @@ pub const MATTERS_S: f64 = 0.010;
 const SIGNS: [[f64; 4]; 2] = [[1.0, -1.0, -1.0, 1.0], [1.0, 1.0, -1.0, -1.0]];
 
 /// How late the motion follows the motors in a piece of a flight.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct PieceLag {
     /// Middle of the piece, s.
     pub time_s: f64,

@@ -6,6 +6,7 @@
 //! in [`crate::checks::vehicle`] and [`crate::checks::overlap`].
 
 use model::Vehicle;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::checks::clocks::{self, Clock, Clocks};
@@ -81,8 +82,18 @@ impl Serialize for FaultKind {
     }
 }
 
+impl JsonSchema for FaultKind {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "FaultKind".into()
+    }
+
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({ "type": "string", "description": "Kind of a fault." })
+    }
+}
+
 /// What is done about a fault.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Severity {
     /// Taken care of; for the record.
@@ -94,7 +105,7 @@ pub enum Severity {
 }
 
 /// A fault, for people and programs.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Fault {
     /// What kind.
     pub kind: FaultKind,

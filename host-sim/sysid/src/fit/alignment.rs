@@ -20,6 +20,7 @@
 //! their errors say are named, not corrected: there is no constant to take out.
 
 use model::{Effect, Kind, Model};
+use schemars::JsonSchema;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -55,7 +56,7 @@ const FARTHEST_SAMPLES: f64 = 8.0;
 const ROTOR_ROWS: std::ops::Range<usize> = 2..6;
 
 /// The clock of a flight's rotor samples against that of its state.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Alignment {
     /// How late rotor samples (measured speeds or commands) come, s; early if negative. Of commands: later than in the
     /// other flights.
@@ -70,7 +71,7 @@ pub struct Alignment {
 }
 
 /// The offset of a piece of a flight.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct PieceOffset {
     /// Middle of the piece, s.
     pub time_s: f64,

@@ -11,6 +11,7 @@
 
 use model::{Axis, Effect, Model};
 use nalgebra::DVector;
+use schemars::JsonSchema;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -26,7 +27,7 @@ pub const STRONG_CORRELATION: f64 = 0.8;
 const SIGNIFICANCE: f64 = 0.001;
 
 /// Motor coefficients of one axis, flight by flight.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct MotorsOfFlights {
     /// p, q or r.
     pub axis: Axis,
@@ -46,7 +47,7 @@ pub struct MotorsOfFlights {
 }
 
 /// Coefficients of motors 1 to 4 on one axis in one flight, 1/(kg m^2).
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct MotorsOfFlight {
     /// File name.
     pub name: String,

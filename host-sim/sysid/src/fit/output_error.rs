@@ -34,6 +34,7 @@
 use model::{Axis, Effect, Kind, Model, Plant, State};
 use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion, Vector3, Vector4};
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::compare::{
@@ -63,7 +64,7 @@ const FEWEST_TO_DECIDE: usize = 6;
 const TOLERATED_PERCENT: f64 = 1.0;
 
 /// Which rows' coefficients are moved.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 pub enum Rows {
     /// Those that act on p, q and r alone.
     Moments,
@@ -81,7 +82,7 @@ pub struct Refinement {
 }
 
 /// Whether it helped, and by how much on held-out flights.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct RefinementOutcome {
     /// Which coefficients were moved.
     pub rows: Rows,

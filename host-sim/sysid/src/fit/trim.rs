@@ -16,6 +16,7 @@
 
 use model::{Effect, Kind, Model};
 use nalgebra::DVector;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::fit::least_squares::{self, FlightRows, Solution};
@@ -28,7 +29,7 @@ pub const SIGNIFICANT: f64 = 4.0;
 pub const MATTERS: f64 = 0.1;
 
 /// Constants of a flight beyond the mean of all flights; zero where they do not stand out.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Trim {
     /// u v w in m/s^2, p q r in rad/s^2.
     pub value: [f64; 6],
