@@ -20,8 +20,8 @@ use crate::reason::{Reason, joined};
 use crate::significance::{independent_stretches, zero_p_value};
 use sysid::fit::least_squares::{self, FlightRows, Prior};
 use sysid::fit::linearise::About;
-use sysid::fit::slung_load::Known;
 use sysid::fit::step_end;
+use sysid::fit::swing::Known;
 use sysid::prepare::Prepared;
 use sysid::{FitError, Residuals, residuals};
 

@@ -4,7 +4,7 @@ use model::{Effect, Kind, Model};
 use sysid::fit::least_squares::FlightRows;
 use sysid::fit::linearise::About;
 use sysid::fit::rows::{RowColumn, coefficient_count};
-use sysid::fit::slung_load::Known;
+use sysid::fit::swing::Known;
 use sysid::prepare::Prepared;
 
 /// Columns of effects about a model, over the residual as target, at the rows of a fit: those of linear effects, and for

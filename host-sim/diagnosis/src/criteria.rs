@@ -5,7 +5,7 @@
 
 use model::{Effect, Estimate, Model, Requirement};
 use sysid::fit::linearise::step_scale;
-use sysid::fit::slung_load;
+use sysid::fit::pieces;
 
 use crate::change::Change;
 use crate::finding::{CoefficientFigures, EffectFinding, Unexplained};
@@ -234,7 +234,7 @@ fn significance(evidence: &Evidence<'_>) -> f64 {
 /// Smallest held-out drop of an effect that matters, percent: what the free beginnings of a load's swing take away by chance
 /// is none of its doing.
 fn matters_percent(effect: Effect) -> f64 {
-    MATTERS_PERCENT + if effect.info().special.hangs_load { slung_load::BY_CHANCE_PERCENT } else { 0.0 }
+    MATTERS_PERCENT + if effect.info().special.hangs_load { pieces::BY_CHANCE_PERCENT } else { 0.0 }
 }
 
 /// "Not seen" is not "not there": when an effect of ordinary size would hide in the error of its estimate, say so and

@@ -19,7 +19,7 @@ use crate::screen::Screen;
 use crate::significance::effect_p_value;
 use crate::subsets::Subset;
 use sysid::fit::starts::Demand;
-use sysid::fit::{fit_if, lifts};
+use sysid::fit::{fit_if, produces_thrust};
 use sysid::prepare::Prepared;
 use sysid::{Fit, FitError};
 
@@ -158,7 +158,7 @@ impl<'a> Search<'a> {
             let members: Vec<Effect> = start.iter().map(|(effect, _)| *effect).collect();
             progress(&joined(&members, " and "));
             let Ok(validated) = self.fitted(&from.fit.model, &start) else { continue };
-            if !lifts(&validated.fit.model) {
+            if !produces_thrust(&validated.fit.model) {
                 continue;
             }
             let score = screen.gain(&from.held_out, &validated.held_out) - PENALTY * set.values.len() as f64;

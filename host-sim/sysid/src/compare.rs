@@ -10,9 +10,8 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::filter::RegressionFilter;
-use crate::fit::alignment::Alignment;
-use crate::fit::{has_rotation, slung_load};
-use crate::prepare::{Prepared, Stretch, smoothed};
+use crate::fit::{has_rotation, swing};
+use crate::prepare::{Alignment, Prepared, Stretch, smoothed};
 use crate::{Residuals, errors, residuals};
 
 /// Longest horizon of the open-loop prediction, samples.
@@ -316,7 +315,7 @@ fn states_of(model: &Model, flight: &Prepared, stretch: &Stretch, taps: &[f64]) 
     let lever = Vector3::from(model.vehicle.tracked_point) + adjust.tracked_point_m();
     let rotor = stretch.rotors(&model.vehicle, &adjust, flight.period_s, flight.rotor_late_s());
     let at = |parts: &[Vec<f64>; 3], k: usize| Vector3::new(parts[0][k], parts[1][k], parts[2][k]);
-    let swings = slung_load::followed(flight, stretch, model);
+    let swings = swing::followed(flight, stretch, model);
     let smooth = (!flight.has_logged_velocity).then(|| {
         [&stretch.euler_rad, &stretch.rate_rad_s].map(|s| s.each_ref().map(|one| smoothed(one, taps)))
     });

@@ -10,11 +10,11 @@ pub mod statistics;
 
 pub use checks::{Examined, Fault, FaultKind, Severity, examine};
 pub use compare::{Comparison, compare};
-pub use fit::alignment::{Alignment, Reference, align, align_to};
+pub use fit::alignment::{Reference, align, align_to};
 pub use fit::closed_loop::{MotorsOfFlights, motors_of_flights};
 pub use fit::linearise::residuals;
 pub use fit::output_error::{RefineError, Refinement, RefinementOutcome, refine};
 pub use fit::{
     Fit, FitError, Residuals, errors, fit, has_rotation, impossible_signs, rotation_doubts, without_rotation,
 };
-pub use prepare::{Conditions, ForceTarget, PrepareError, Prepared};
+pub use prepare::{Alignment, Conditions, ForceTarget, PrepareError, Prepared};

@@ -7,7 +7,7 @@
 use model::{Effect, Kind, Model};
 
 use sysid::fit::linearise::About;
-use sysid::fit::slung_load::Known;
+use sysid::fit::swing::Known;
 use sysid::prepare::Prepared;
 
 /// A column of a library: a coefficient of an effect.

@@ -126,7 +126,7 @@ struct FlightEntry<'a> {
     /// Clock of the rotor samples against that of the state.
     alignment: Option<&'a sysid::Alignment>,
     /// Constants of the rows beyond the mean of the training flights.
-    trim: Option<sysid::fit::trim::Trim>,
+    trim: Option<sysid::prepare::Trim>,
     force_target: &'static str,
     notes: &'a [String],
 }

@@ -20,16 +20,15 @@
 //! their errors say are named, not corrected: there is no constant to take out.
 
 use model::{Effect, Kind, Model};
-use schemars::JsonSchema;
-use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::fit::least_squares::{self, FlightRows, Unidentifiable};
 use crate::fit::linearise::{About, residuals_at_rows};
+use crate::fit::parameters::store;
+use crate::fit::rotation::has_rotation;
 use crate::fit::rows::{RowColumn, coefficient_count};
-use crate::fit::slung_load::Known;
-use crate::fit::{has_rotation, store};
-use crate::prepare::Prepared;
+use crate::fit::swing::Known;
+use crate::prepare::{Alignment, PieceOffset, Prepared};
 use crate::statistics::median;
 
 /// Standard errors beyond which an offset is one.
@@ -54,60 +53,6 @@ const LONGEST_STEP_SAMPLES: f64 = 1.5;
 const FARTHEST_SAMPLES: f64 = 8.0;
 /// Rows that feel the rotors: w, p, q, r.
 const ROTOR_ROWS: std::ops::Range<usize> = 2..6;
-
-/// The clock of a flight's rotor samples against that of its state.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Alignment {
-    /// How late rotor samples (measured speeds or commands) come, s; early if negative. Of commands: later than in the
-    /// other flights.
-    pub late_s: f64,
-    /// Standard error of it, coloured residuals accounted for, s.
-    pub std_error_s: f64,
-    /// Whether the flight is corrected for it.
-    pub corrected: bool,
-    /// Offsets of pieces of the flight, where they differ by more than their errors: the clock wanders.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub wandering: Vec<PieceOffset>,
-}
-
-/// The offset of a piece of a flight.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
-pub struct PieceOffset {
-    /// Middle of the piece, s.
-    pub time_s: f64,
-    /// How late rotor samples come there, s.
-    pub late_s: f64,
-    /// Standard error, s.
-    pub std_error_s: f64,
-}
-
-impl Alignment {
-    /// What is taken out, s.
-    pub fn corrected_s(&self) -> f64 {
-        if self.corrected { self.late_s } else { 0.0 }
-    }
-
-    /// What was found, for people; nothing where there is nothing to say.
-    pub fn note(&self) -> Option<String> {
-        let milliseconds = |s: f64| format!("{:.1} ms", 1e3 * s);
-        if !self.wandering.is_empty() {
-            let late = |f: fn(f64, f64) -> f64, start| self.wandering.iter().map(|p| p.late_s).fold(start, f);
-            return Some(format!(
-                "rotor clock wanders from {} to {} late within the flight",
-                milliseconds(late(f64::min, f64::INFINITY)),
-                milliseconds(late(f64::max, f64::NEG_INFINITY)),
-            ));
-        }
-        self.corrected.then(|| {
-            let way = if self.late_s < 0.0 { "early" } else { "late" };
-            format!(
-                "rotor samples {} {way} (+- {:.1}), corrected",
-                milliseconds(self.late_s.abs()),
-                1e3 * self.std_error_s
-            )
-        })
-    }
-}
 
 /// What an offset is counted from.
 #[derive(Debug, Clone, Copy, PartialEq)]

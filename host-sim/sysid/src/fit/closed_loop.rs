@@ -15,9 +15,9 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::fit::has_rotation;
 use crate::fit::least_squares::{self, FlightRows};
 use crate::fit::linearise::residuals_at_rows;
+use crate::fit::rotation::has_rotation;
 use crate::fit::rows::RowColumn;
 use crate::prepare::Prepared;
 

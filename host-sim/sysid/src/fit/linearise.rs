@@ -6,9 +6,12 @@
 
 use model::{Effect, Model};
 
+use crate::fit::predicted::{self, less, measured};
+use crate::fit::residuals::Residuals;
 use crate::fit::rows::{Hung, RowColumn};
-use crate::fit::slung_load::{self, Beginning, Carried, Followed, Known, Unloaded};
-use crate::fit::{Residuals, has_rotation};
+use crate::fit::slung_load::{self, Carried};
+use crate::fit::swing::{Followed, Known};
+use crate::fit::unloaded::{Beginning, Unloaded};
 use crate::prepare::Prepared;
 
 /// Step of a derivative, part of an ordinary magnitude. Effects act smoothly: a forward difference over it is off by about
@@ -69,7 +72,7 @@ impl About {
             if ahead.track_alike(&adjust) {
                 return slope(&predicted, &base, step.size);
             }
-            let moved = self::measured(flight, &step.ahead, stride);
+            let moved = predicted::measured(flight, &step.ahead, stride);
             let left = |measured: &[Vec<f64>; 6], predicted: &RowColumn| less(measured, predicted).map(Some);
             slope(&left(&measured, &base), &left(&moved, &predicted), step.size)
         }));
@@ -169,35 +172,6 @@ fn slope(ahead: &RowColumn, here: &RowColumn, step: f64) -> RowColumn {
         let slope: Vec<f64> = ahead.iter().zip(here).map(|(a, h)| (a - h) / step).collect();
         slope.iter().any(|d| *d != 0.0).then_some(slope)
     })
-}
-
-/// The targets of what a model speaks of over the rows at every `stride`th sample: what it does not is no error of it, so that nothing is
-/// measured there and nothing predicted.
-fn measured(flight: &Prepared, model: &Model, stride: usize) -> [Vec<f64>; 6] {
-    let mut measured = flight.targets(&model.vehicle, &model.adjustments(), stride);
-    if !has_rotation(model) {
-        measured[3..].iter_mut().for_each(|axis| axis.fill(0.0));
-    }
-    measured
-}
-
-fn less(measured: &[Vec<f64>; 6], predicted: &RowColumn) -> [Vec<f64>; 6] {
-    std::array::from_fn(|axis| match &predicted[axis] {
-        Some(predicted) => measured[axis].iter().zip(predicted).map(|(m, p)| m - p).collect(),
-        None => measured[axis].clone(),
-    })
-}
-
-/// Measured, and measured less predicted but for the pull of a load, over the rows at every `stride`th sample.
-pub fn measured_less_predicted(
-    flight: &Prepared,
-    model: &Model,
-    stride: usize,
-) -> ([Vec<f64>; 6], [Vec<f64>; 6]) {
-    let measured = measured(flight, model, stride);
-    let predicted = flight.predicted_by(&[model], stride, None).pop().unwrap_or_default();
-    let residual = less(&measured, &predicted);
-    (measured, residual)
 }
 
 /// Measured and measured-minus-predicted of all six axes over the rows of a flight.

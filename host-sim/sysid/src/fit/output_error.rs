@@ -41,7 +41,8 @@ use crate::compare::{
     HorizonError, LONGEST_HORIZON, barely_smoothed_states, mean_rotor_speeds, open_loop,
     open_loop_without_trim, sum_of_horizons,
 };
-use crate::fit::{has_rotation, impossible_signs};
+use crate::fit::doubts::impossible_signs;
+use crate::fit::rotation::has_rotation;
 use crate::prepare::Prepared;
 
 /// Horizons that enter the loss are multiples of this, samples.

@@ -11,16 +11,19 @@
 
 use model::{Effect, Model};
 
-use crate::FitError;
+use crate::fit::assembly::less_added;
+use crate::fit::error::{FitError, check_scales};
 use crate::fit::least_squares::{self, FlightRows};
-use crate::fit::linearise::{measured_less_predicted, step_scale};
+use crate::fit::linearise::step_scale;
+use crate::fit::load_shapes::LoadShapes;
+use crate::fit::parameters::{Layout, step_end};
+use crate::fit::predicted::measured_less_predicted;
 use crate::fit::rows::RowColumn;
-use crate::fit::slung_load::LoadShapes;
-use crate::fit::{self, Layout, less_added};
+use crate::fit::shapes::{End, Shapes};
 use crate::prepare::Prepared;
 
 /// The starts of a fit. `model` has the linear coefficients of a fit without the adjusting effects that are unknown.
-pub fn of(
+pub(crate) fn of(
     flights: &[&Prepared],
     mut model: Model,
     layout: &Layout,
@@ -125,17 +128,7 @@ fn search(
     }
     model.set(effect, &best.values);
     // No step would lead away from there.
-    fit::check_scales(model, &[effect])
-}
-
-/// Where a least squares ended: all coefficients, and how much is left with them and with the free ones at zero.
-pub struct End {
-    /// The error of the training flights from these values on.
-    pub score: f64,
-    /// Their error without the effect.
-    pub without: f64,
-    /// Coefficients of the effect.
-    pub values: Vec<f64>,
+    check_scales(model, &[effect])
 }
 
 /// Whether all coefficients are physically possible.
@@ -154,13 +147,6 @@ fn better(best: &mut Option<End>, new: Option<End>) -> bool {
             true
         }
     }
-}
-
-/// An effect at given shapes.
-pub trait Shapes {
-    /// The coefficients that the shape leaves free together with the linear ones, on the axes that the effect acts on. Nothing
-    /// where they are not determined or not finite.
-    fn solve(&mut self, shape: &[f64]) -> Option<End>;
 }
 
 /// A search over the shapes of an effect.
@@ -280,7 +266,7 @@ impl Shapes for AnyShapes<'_> {
         let score = on_axes(solution.sigma);
         let without = on_axes(squares.map(|(sum, count)| (sum / f64::from(count.max(1) as u32)).sqrt()));
         for (k, step) in free.iter().zip(solution.value.iter().skip(count - free.len())) {
-            values[*k] = fit::step_end(values[*k], *step, &effect.info().coefficients[*k]);
+            values[*k] = step_end(values[*k], *step, &effect.info().coefficients[*k]);
         }
         (score.is_finite() && values.iter().all(|v| v.is_finite())).then_some(End { score, without, values })
     }

@@ -16,26 +16,15 @@
 
 use model::{Effect, Kind, Model};
 use nalgebra::DVector;
-use schemars::JsonSchema;
-use serde::Serialize;
 
 use crate::fit::least_squares::{self, FlightRows, Solution};
 use crate::fit::rows::{RowColumn, coefficient_count};
-use crate::prepare::{ForceTarget, Prepared};
+use crate::prepare::{ForceTarget, Prepared, Trim};
 
 /// Standard errors beyond which a deviation is one.
 pub const SIGNIFICANT: f64 = 4.0;
 /// Smallest deviation that counts, of the standard deviation of the row's residual.
 pub const MATTERS: f64 = 0.1;
-
-/// Constants of a flight beyond the mean of all flights; zero where they do not stand out.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
-pub struct Trim {
-    /// u v w in m/s^2, p q r in rad/s^2.
-    pub value: [f64; 6],
-    /// Standard errors of the estimates, those that do not stand out too.
-    pub std_error: [f64; 6],
-}
 
 /// Estimates the trim of training flights about the linear effects of `model` and writes it into them.
 pub fn estimate(flights: &mut [&mut Prepared], model: &Model) {

@@ -8,8 +8,7 @@ use std::ops::Range;
 
 use model::{Effect, Kind, Model, Plant, SampleInput};
 
-use crate::fit::rows::Part;
-use crate::prepare::{PrepareError, Prepared, Stretch};
+use crate::prepare::{Part, PrepareError, Prepared, Stretch};
 
 impl Prepared {
     /// Leaves out the samples at which a formula of `effects` (those of users among them) has no finite value, at the

@@ -1,6 +1,52 @@
 //! The quantities residuals are judged by: where does the model fail, and on what does what is left depend?
 
-use crate::prepare::Conditions;
+use model::{Adjustments, Vehicle};
+
+use crate::prepare::prepared::Prepared;
+
+/// What is known at the rows besides the regression, to judge residuals by.
+#[derive(Debug, Clone, Default)]
+pub struct Conditions {
+    /// Time, s.
+    pub time_s: Vec<f64>,
+    /// Position NED, m.
+    pub position_ned_m: [Vec<f64>; 3],
+    /// Body velocity, m/s.
+    pub velocity_m_s: [Vec<f64>; 3],
+    /// Body rates, rad/s.
+    pub rate_rad_s: [Vec<f64>; 3],
+    /// Phi, theta, psi, rad.
+    pub euler_rad: [Vec<f64>; 3],
+    /// Mean rotor speed, rad/s.
+    pub mean_rotor_rad_s: Vec<f64>,
+    /// Battery voltage, V.
+    pub battery_v: Vec<f64>,
+}
+
+impl Prepared {
+    /// What the residuals can be judged by, at the rows.
+    pub fn conditions(&self, vehicle: &Vehicle, adjust: &Adjustments) -> Conditions {
+        let mut c = Conditions::default();
+        for stretch in &self.stretches {
+            let states = self.states(stretch, vehicle, adjust);
+            let euler_rad = self.smooth(&stretch.euler_rad);
+            let rate_rad_s = self.smooth(&stretch.rate_rad_s);
+            for k in self.margin..states.len() - self.margin {
+                let input = states.at(k);
+                c.time_s.push(stretch.time_s[k]);
+                for i in 0..3 {
+                    c.position_ned_m[i].push(input.position_ned_m[i]);
+                    c.velocity_m_s[i].push(input.velocity_m_s[i]);
+                    c.rate_rad_s[i].push(rate_rad_s[i][k]);
+                    c.euler_rad[i].push(euler_rad[i][k]);
+                }
+                c.mean_rotor_rad_s.push(input.rotor_rad_s.iter().sum::<f64>() / 4.0);
+                c.battery_v.push(input.battery_v);
+            }
+        }
+        c
+    }
+}
 
 /// A quantity measured in flight, over the rows of one flight.
 #[derive(Debug, Clone)]

@@ -17,8 +17,7 @@ use model::{Adjustments, Vehicle, frames};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::filter::{RegressionFilter, compose, convolve, sum_of_products};
-use crate::fit::alignment::Alignment;
-use crate::fit::trim::Trim;
+use crate::prepare::corrections::{Alignment, Trim};
 use crate::prepare::{battery, outliers};
 use flights::{Column, Flight, median_step};
 
@@ -98,9 +97,9 @@ pub struct Prepared {
     pub accelerometer_bias_m_s2: [f64; 2],
     /// What was mended or left out, for people.
     pub notes: Vec<String>,
-    /// The clock of the rotor samples against that of the state, where it was looked at ([`crate::fit::alignment`]).
+    /// The clock of the rotor samples against that of the state, where it was looked at.
     pub alignment: Option<Alignment>,
-    /// Constant part of the targets that belongs to this flight and not to the craft ([`crate::fit::trim`]); m/s^2, rad/s^2.
+    /// Constant part of the targets that belongs to this flight and not to the craft; m/s^2, rad/s^2.
     pub trim: Option<Trim>,
     /// Standard deviation of the log's times about an even grid, s.
     pub jitter_s: f64,
@@ -118,25 +117,6 @@ pub struct RotorTrack {
     pub speed_rad_s: Vec<f64>,
     /// Mean speed between neighbouring samples, rad/s, one fewer.
     pub mean_rad_s: Vec<f64>,
-}
-
-/// What is known at the rows besides the regression, to judge residuals by.
-#[derive(Debug, Clone, Default)]
-pub struct Conditions {
-    /// Time, s.
-    pub time_s: Vec<f64>,
-    /// Position NED, m.
-    pub position_ned_m: [Vec<f64>; 3],
-    /// Body velocity, m/s.
-    pub velocity_m_s: [Vec<f64>; 3],
-    /// Body rates, rad/s.
-    pub rate_rad_s: [Vec<f64>; 3],
-    /// Phi, theta, psi, rad.
-    pub euler_rad: [Vec<f64>; 3],
-    /// Mean rotor speed, rad/s.
-    pub mean_rotor_rad_s: Vec<f64>,
-    /// Battery voltage, V.
-    pub battery_v: Vec<f64>,
 }
 
 impl Prepared {
@@ -265,29 +245,6 @@ impl Prepared {
     /// Signals without their high frequencies; as they are at the ends, where the window does not fit.
     pub fn smooth(&self, signals: &[Vec<f64>; 3]) -> [Vec<f64>; 3] {
         signals.each_ref().map(|signal| smoothed(signal, &self.filter.smooth))
-    }
-
-    /// What the residuals can be judged by, at the rows.
-    pub fn conditions(&self, vehicle: &Vehicle, adjust: &Adjustments) -> Conditions {
-        let mut c = Conditions::default();
-        for stretch in &self.stretches {
-            let states = self.states(stretch, vehicle, adjust);
-            let euler_rad = self.smooth(&stretch.euler_rad);
-            let rate_rad_s = self.smooth(&stretch.rate_rad_s);
-            for k in self.margin..states.len() - self.margin {
-                let input = states.at(k);
-                c.time_s.push(stretch.time_s[k]);
-                for i in 0..3 {
-                    c.position_ned_m[i].push(input.position_ned_m[i]);
-                    c.velocity_m_s[i].push(input.velocity_m_s[i]);
-                    c.rate_rad_s[i].push(rate_rad_s[i][k]);
-                    c.euler_rad[i].push(euler_rad[i][k]);
-                }
-                c.mean_rotor_rad_s.push(input.rotor_rad_s.iter().sum::<f64>() / 4.0);
-                c.battery_v.push(input.battery_v);
-            }
-        }
-        c
     }
 }
 

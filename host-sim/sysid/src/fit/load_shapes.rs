@@ -17,9 +17,11 @@ use model::{Effect, Model};
 use nalgebra::{DMatrix, DVector, Matrix4, Matrix4xX};
 
 use crate::filter::sum_of_products;
-use crate::fit;
-use crate::fit::slung_load::{Carried, SWING_RAD, Unloaded, of_model};
-use crate::fit::starts::{End, Shapes};
+use crate::fit::parameters::step_end;
+use crate::fit::rows::RowColumn;
+use crate::fit::shapes::{End, Shapes};
+use crate::fit::slung_load::{Carried, SWING_RAD, of_model};
+use crate::fit::unloaded::Unloaded;
 use crate::prepare::Prepared;
 
 /// Share of a slung load in the craft's mass that is ordinary: with no mass yet, the swing at the beginning is taken out as that of
@@ -69,7 +71,7 @@ impl LoadShapes {
         let acts = |k: &usize| columns.iter().any(|all| all[*k][..3].iter().any(Option::is_some));
         let acting: Vec<usize> = (0..columns.first().map_or(0, Vec::len)).filter(acts).collect();
         let count = acting.len() + 1;
-        let prepare = |(flight, columns): (&&Prepared, Vec<crate::fit::rows::RowColumn>)| {
+        let prepare = |(flight, columns): (&&Prepared, Vec<RowColumn>)| {
             let unloaded = Unloaded::new(flight, model, stride(flight));
             let of_columns = acting.iter().enumerate().flat_map(|(place, &k)| {
                 let on_axes = columns[k][..3].iter().enumerate();
@@ -110,7 +112,7 @@ impl Shapes for LoadShapes {
         let score = sigma.iter().map(|s| s.ln()).sum::<f64>();
         let square = |axis: &DMatrix<f64>| axis[(self.count, self.count)] / rows as f64;
         let without = products.iter().map(|axis| 0.5 * square(axis).ln()).sum();
-        values[0] = fit::step_end(0.0, solution[self.count - 1], &self.effect.info().coefficients[0]);
+        values[0] = step_end(0.0, solution[self.count - 1], &self.effect.info().coefficients[0]);
         (score.is_finite() && values.iter().all(|v| v.is_finite())).then_some(End { score, without, values })
     }
 }

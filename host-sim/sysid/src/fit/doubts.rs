@@ -1,0 +1,64 @@
+//! Why a fitted model cannot be the craft's: signs that contradict its geometry or physics, a rotation that explains nothing.
+
+use model::{Axis, Effect, Kind, Model};
+
+use crate::fit::linearise::residuals_at_rows;
+use crate::fit::residuals::{Residuals, errors};
+use crate::prepare::Prepared;
+
+/// Coefficients of the basic model whose sign contradicts the craft's geometry or physics by more than their error, each as
+/// a sentence. A fit with a motor that pushes the wrong way can predict well and is no model: it holds rates and damps
+/// them.
+pub fn impossible_signs(model: &Model) -> Vec<String> {
+    doubts(model).into_iter().map(|(_, doubt)| doubt).collect()
+}
+
+/// Whether thrust points up. A term that makes it negative is no effect but a polynomial that happens to fit.
+pub fn produces_thrust(model: &Model) -> bool {
+    doubts(model).iter().all(|(effect, _)| *effect != Effect::Thrust)
+}
+
+/// A model whose rotation explains less than this of every moment row knows nothing of it.
+const LEAST_ROTATION_R2: f64 = 0.1;
+
+/// Why the rotation is not identifiable from the flights a model was fitted to: rotors that push the wrong way, or moment
+/// rows of which nothing is explained. Empty where it is.
+pub fn rotation_doubts(model: &Model, flights: &[&Prepared]) -> Vec<String> {
+    let motors = |(effect, doubt): (Effect, String)| (effect == Effect::RotorMoments).then_some(doubt);
+    let mut found: Vec<String> = doubts(model).into_iter().filter_map(motors).collect();
+    let all: Vec<Residuals> = flights.iter().map(|f| residuals_at_rows(f, model, f.fit_stride())).collect();
+    let fitted = errors(&all);
+    let largest =
+        [Axis::P, Axis::Q, Axis::R].map(|axis| fitted[axis].r2).into_iter().fold(f64::MIN, f64::max);
+    if largest < LEAST_ROTATION_R2 {
+        found.push(format!(
+            "motor commands explain {:.0} % of the angular accelerations at best: clocks that wander within flights, or \
+             too little excitation",
+            100.0 * largest.max(0.0)
+        ));
+    }
+    found
+}
+
+fn doubts(model: &Model) -> Vec<(Effect, String)> {
+    let spin = model.vehicle.motors.spin.map(|s| s.yaw_sign());
+    let mut found = Vec::new();
+    for term in model.terms.iter().filter(|t| t.effect.info().kind == Kind::Basic) {
+        for (estimate, info) in term.coefficients.iter().zip(term.effect.info().coefficients) {
+            let Some(expected) = info.expected_sign(&spin) else { continue };
+            let slack = 2.0 * estimate.std_error.unwrap_or(0.0);
+            if estimate.value * expected < -slack {
+                let should = if expected > 0.0 { "positive" } else { "negative" };
+                found.push((term.effect, format!(
+                    "{} = {:.4} +- {:.4} {} must be {should}: rotor order or spin in the vehicle file, a clock offset \
+                     between commands and motion, or too little excitation",
+                    info.name,
+                    estimate.value,
+                    0.5 * slack,
+                    info.unit
+                )));
+            }
+        }
+    }
+    found
+}
