@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use diagnosis::workflow::{self, Explanation, FlightSets, Reading, Silent};
 use diagnosis::{Diagnosis, Options, Verdict};
-use model::{AXES, Effect, Model, Vehicle};
+use model::{AXES, Axis, Effect, Model, Vehicle};
 use serde_json::Value;
 use stories::shared;
 use sysid::{Comparison, compare};
@@ -252,5 +252,8 @@ fn nanobench_thrust_follows_the_voltage() {
     let with = folder.with(&base, Effect::BatteryVoltage);
     let after = folder.compare(&with);
     assert!(after.total.w.rms < 0.5 * folder.compare(&base).total.w.rms);
-    assert!(AXES.iter().all(|a| after.total[*a].rms.is_finite()));
+    // Its clocks wander inside a flight: the rotation is refused, and nothing is said of it.
+    assert!(!base.fit.as_ref().unwrap().rotation_refused.is_empty());
+    let says = |axis: &Axis| after.total[*axis].rms.is_finite();
+    assert_eq!(AXES.into_iter().filter(says).collect::<Vec<_>>(), [Axis::U, Axis::V, Axis::W]);
 }

@@ -48,7 +48,7 @@ mod tests {
         assert_eq!(with_error(0.14036, 0.0123, "N/m"), "0.140 +- 0.012 N/m");
         assert_eq!(with_error(-1234.5, 310.0, "1"), "-1234 +- 310");
         assert_eq!(with_error(-2.5e-5, 3.0e-6, "s"), "-0.0000250 +- 0.0000030 s");
-        assert_eq!(significant(-80_562_395.4514, 4), "-8.056e7");
+        assert_eq!(significant(-80_562_395.451_4, 4), "-8.056e7");
         assert_eq!(significant(-0.0, 3), "0");
         assert_eq!(significant(12.345, 3), "12.3");
     }

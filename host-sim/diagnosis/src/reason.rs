@@ -225,6 +225,34 @@ impl fmt::Display for Reason {
                 let found = with_error(first.value, first.std_error.unwrap_or(0.0), unit);
                 write!(f, "{objection}: {name} = {found}")
             }
+            Self::AnswersLate | Self::AboveNoise { .. } | Self::LeavesMore { .. } => self.write_stand_in(f),
+            Self::OnlyLinearised => {
+                f.write_str("promising by itself in a linearised fit, but an exact fit does not support it")
+            }
+            Self::OnlyByItself => {
+                f.write_str("supported by itself, but not together with what else these flights show")
+            }
+            Self::AddsNothing { beside } => {
+                let verb = if beside.len() == 1 { "is" } else { "are" };
+                write!(f, "adds nothing once {} {verb} in the model", joined(beside, " and "))
+            }
+            Self::Confounded { with, separate } => {
+                write!(f, "these flights cannot tell it from {with}")?;
+                separate.map_or(Ok(()), |how| write!(f, "; to separate them: {how}"))
+            }
+            Self::Refused(refused) => refused.fmt(f),
+            Self::WithinScatter { .. }
+            | Self::ExplainedBy { .. }
+            | Self::RivalOf { .. }
+            | Self::Changed { .. } => self.write_of_change(f),
+        }
+    }
+}
+
+impl Reason {
+    /// Why an effect is taken for a stand-in.
+    fn write_stand_in(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
             Self::AnswersLate => write!(
                 f,
                 "{STAND_IN}: with it, the residual still follows what the rotors did in the last half second"
@@ -241,21 +269,13 @@ impl fmt::Display for Reason {
                  ({left_percent:.1} % of it)",
                 depends_on.predicate()
             ),
-            Self::OnlyLinearised => {
-                f.write_str("promising by itself in a linearised fit, but an exact fit does not support it")
-            }
-            Self::OnlyByItself => {
-                f.write_str("supported by itself, but not together with what else these flights show")
-            }
-            Self::AddsNothing { beside } => {
-                let verb = if beside.len() == 1 { "is" } else { "are" };
-                write!(f, "adds nothing once {} {verb} in the model", joined(beside, " and "))
-            }
-            Self::Confounded { with, separate } => {
-                write!(f, "these flights cannot tell it from {with}")?;
-                separate.map_or(Ok(()), |how| write!(f, "; to separate them: {how}"))
-            }
-            Self::Refused(refused) => refused.fmt(f),
+            _ => Ok(()),
+        }
+    }
+
+    /// What is said of changes alone.
+    fn write_of_change(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
             Self::WithinScatter { p_value } => {
                 write!(
                     f,
@@ -272,6 +292,7 @@ impl fmt::Display for Reason {
                     false => write!(f, "; these flights cannot tell it from {}", joined(rivals, ", ")),
                 }
             }
+            _ => Ok(()),
         }
     }
 }

@@ -229,7 +229,7 @@ fn an_effect_that_the_flights_do_not_support_is_added_and_said_to_be_so() {
     let model = Model::read(&folder.path().join("worse.toml")).unwrap();
     assert!(model.has(Effect::RateCoupling) && !model.history[0].supported);
     // A second effect keeps the history of the first.
-    let add = ["add", "ground-effect", "--model", "worse.toml", "--out", "worse.toml"];
+    let add = ["add", "ground-effect", "--model", "worse.toml", "--out", "worse.toml", "--force"];
     assert_eq!(json_in(folder.path(), &with_sets(&add))["supported"], true);
     let model = Model::read(&folder.path().join("worse.toml")).unwrap();
     let effects: Vec<&str> = model.history.iter().map(|h| h.effect.as_str()).collect();

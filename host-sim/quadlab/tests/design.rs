@@ -274,7 +274,8 @@ fn designed_gains_are_written_checked_and_belong_to_their_vehicle() {
     let folder = thesis();
     let folder = folder.path();
     std::fs::write(folder.join("specs.toml"), "method = \"thesis\"\n").unwrap();
-    let arguments = ["design", "--model", "model.toml", "--specs", "specs.toml", "--out", "gains.toml"];
+    let arguments =
+        ["design", "--model", "model.toml", "--specs", "specs.toml", "--out", "gains.toml", "--force"];
     let document = json_in(folder, &arguments);
     assert!(document["steps"].as_array().unwrap().len() >= 18);
     assert!(document["shortfalls"].as_array().unwrap().is_empty());
@@ -301,7 +302,8 @@ fn designed_gains_are_written_checked_and_belong_to_their_vehicle() {
 fn the_report_has_every_figure_and_number_of_chapter_5() {
     let folder = thesis();
     let folder = folder.path();
-    let document = json_in(folder, &["design", "report", "--samples", "2", "--out", "report.html"]);
+    let document =
+        json_in(folder, &["design", "report", "--samples", "2", "--out", "report.html", "--force"]);
     schemas::assert_valid("design-report", &document);
     assert_eq!((&document["thesis"], &document["holds"]), (&Value::Bool(true), &Value::Bool(true)));
     let numbers = document["numbers"].as_array().unwrap();
@@ -406,7 +408,7 @@ fn from_a_stranger_s_flights_to_gains_that_fly_and_the_next_flight() {
     let with_gains = ["--model", "better.toml", "--gains", "gains.toml"];
     let of = |command: &[&'static str], more: &[&'static str]| [command, more].concat();
     assert!(done_in(folder, &of(&["linearize"], &model)).contains("cost J"));
-    let designed = json_in(folder, &of(&["design", "--out", "gains.toml"], &model));
+    let designed = json_in(folder, &of(&["design", "--out", "gains.toml", "--force"], &model));
     assert_eq!(designed["shortfalls"].as_array().unwrap().len(), 0);
     let check = json_in(folder, &of(&["design", "check", "--samples", "4"], &with_gains));
     assert_eq!((&check["holds"], &check["together"]["stable"]), (&Value::Bool(true), &Value::Bool(true)));
@@ -425,7 +427,7 @@ fn from_a_stranger_s_flights_to_gains_that_fly_and_the_next_flight() {
     }
     let excite = ["excite", "--path", "hover", "--duration", "10", "--out", "pattern.csv"];
     assert!(done_in(folder, &of(&excite, &with_gains)).contains("std. error"));
-    let report = ["design", "report", "--samples", "2", "--out", "report.html"];
+    let report = ["design", "report", "--samples", "2", "--out", "report.html", "--force"];
     assert_eq!(done_in(folder, &of(&report, &with_gains)), "page: report.html\n");
 
     // And what goes wrong, one line each: another craft's gains, and specifications that nothing

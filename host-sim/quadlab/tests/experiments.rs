@@ -65,7 +65,10 @@ fn a_test_stand_completes_the_vehicle_file() {
     let folder = tempfile::tempdir().unwrap();
     stand(folder.path());
     let before = std::fs::read_to_string(folder.path().join("vehicle.toml")).unwrap();
-    let found = json_in(folder.path(), &with(&MOTOR_MAP, &["--out", "vehicle.toml", "--html", "stand.html"]));
+    let found = json_in(
+        folder.path(),
+        &with(&MOTOR_MAP, &["--out", "vehicle.toml", "--force", "--html", "stand.html"]),
+    );
     schemas::assert_valid("motor-map", &found);
     for (name, truth) in [("command", 0.785), ("voltage", 44.6505), ("offset", -1205.1), ("lag", 21.5)] {
         let (value, error) = (&found["map"][name]["value"], &found["map"][name]["std_error"]);
@@ -120,7 +123,7 @@ fn what_a_stand_cannot_mean_is_one_line() {
         let text = std::fs::read_to_string(&path).unwrap();
         std::fs::write(&path, edit(&text)).unwrap();
         let before = std::fs::read_to_string(folder.path().join("vehicle.toml")).unwrap();
-        let output = run_in(folder.path(), &with(&MOTOR_MAP, &["--out", "vehicle.toml"]));
+        let output = run_in(folder.path(), &with(&MOTOR_MAP, &["--out", "vehicle.toml", "--force"]));
         let stderr = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(2), "{expected}: {stderr}");
         assert!(stderr.contains(expected) && stderr.lines().count() == 1, "{expected}: {stderr}");

@@ -132,6 +132,9 @@ impl<H: Help> Checker<H> {
             at += 1;
             help = self.help(&command[..at])?;
         }
+        if passes_on(&help) {
+            return None;
+        }
         let options =
             command[at..].iter().take_while(|word| *word != "--").filter(|word| word.starts_with("--"));
         let unknown =
@@ -146,6 +149,11 @@ fn subcommands(help: &str) -> Vec<String> {
     let entries = section.take_while(|line| !line.is_empty());
     let names = entries.filter_map(|line| line.strip_prefix("  ")).filter(|line| !line.starts_with(' '));
     names.filter_map(|line| line.split_whitespace().next()).map(ToOwned::to_owned).collect()
+}
+
+/// Does a command hand its arguments on to another program, which alone knows what they mean?
+fn passes_on(help: &str) -> bool {
+    help.lines().any(|line| line.starts_with("Usage:") && line.ends_with("[ARGS]..."))
 }
 
 /// Is this option among the words of a help?

@@ -13,7 +13,7 @@ use diagnosis::planning::information::{Expected, Parameter};
 use model::Model;
 use pattern::{Pattern, relative_peak_factor};
 use report::number::{fixed, unit, value_and_error};
-use report::{Axis, Figure, Page, Panels, Section, Series, Style, significant};
+use report::significant;
 use schemars::JsonSchema;
 use serde::Serialize;
 use sil::manoeuvre::{Injection, Signal, library};
@@ -22,6 +22,7 @@ use sil::predict::{Course, Foreseen, Predictor, Prospect};
 
 use crate::cli::output::{Outcome, OverwriteOptions, provenance};
 use crate::commands::demo_effect;
+use crate::render::excite_page;
 
 /// Write a flight that determines the model's coefficients, and say how well, before it is flown.
 ///
@@ -182,7 +183,9 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     }
     if let Some(html) = &options.html {
         let files: Vec<&Path> = inputs.iter().map(|p| p.as_path()).collect();
-        page(&document, &pattern, &predictor)?.provenance(provenance(&files, [])).write(html)?;
+        excite_page::page(described(&document, false), &pattern, &predictor)?
+            .provenance(provenance(&files, []))
+            .write(html)?;
     }
     let outcome = if options.json {
         Outcome::json(&document)?
@@ -463,43 +466,4 @@ fn largest(correlation: &[[f64; 4]; 4]) -> f64 {
         largest = row[..a].iter().fold(largest, |m, v| m.max(v.abs()));
     }
     largest
-}
-
-fn page(document: &Document, pattern: &Pattern, predictor: &Predictor) -> anyhow::Result<Page> {
-    let recording = sil::fly(&predictor.plan(pattern))?;
-    let time = || Axis::new("time", "s");
-    let of = |pick: &dyn Fn(usize) -> f64| -> Vec<(f64, f64)> {
-        (0..recording.rows.len()).map(|k| (recording.time_s(k), pick(k))).collect()
-    };
-    let euler = recording.euler_rad();
-    let unit = predictor.model().vehicle.motors.command_unit.as_str();
-    let injection =
-        (0..4).fold(Figure::new("On the motors", time(), Axis::new("injection", unit)), |figure, motor| {
-            let data: Vec<(f64, f64)> = pattern.rows().iter().map(|r| (r.t_s, r.injection[motor])).collect();
-            figure.with(Series::line(format!("motor {}", motor + 1), Style::Category(motor), data))
-        });
-    let attitude = ["roll", "pitch"].into_iter().enumerate().fold(
-        Figure::new("Attitude", time(), Axis::new("angle", "deg")),
-        |figure, (axis, name)| {
-            figure.with(Series::line(name, Style::Category(axis), of(&|k| euler[k][axis].to_degrees())))
-        },
-    );
-    let position = ["x", "y", "height"].into_iter().enumerate().fold(
-        Figure::new("Position", time(), Axis::new("position", "m")),
-        |figure, (axis, name)| {
-            let sign = if axis == 2 { -1.0 } else { 1.0 };
-            let value = |k: usize| sign * f64::from(recording.rows[k].truth.position_m[axis]);
-            figure.with(Series::line(name, Style::Category(axis), of(&value)))
-        },
-    );
-    let text = described(document, false);
-    Ok(Page::new(
-        "An informative flight",
-        "What a pattern will tell, from a simulated flight of the current model.",
-    )
-    .section(
-        Section::new("The flight")
-            .figure(Panels::new([injection, attitude, position]), "As the model flies it, without noise."),
-    )
-    .section(Section::new("What it will tell").preformatted(text)))
 }

@@ -3,6 +3,7 @@
 pub(crate) mod design_pages;
 pub(crate) mod design_tables;
 pub(crate) mod evidence;
+pub(crate) mod excite_page;
 pub(crate) mod figures;
 pub(crate) mod grid;
 pub(crate) mod pages;
