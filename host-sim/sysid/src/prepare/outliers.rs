@@ -272,7 +272,7 @@ mod tests {
             let mut rng = Pcg64Mcg::seed_from_u64(seed);
             let clean = flown(&mut rng, 0.001);
             // Of 3000 samples none is six deviations off.
-            assert_eq!(taken_out(&clean), Vec::<usize>::new(), "seed {seed}");
+            assert_eq!(taken_out(&clean), [0_usize; 0], "seed {seed}");
             let mut spiky = clean.clone();
             let hit: Vec<usize> = (0..3000).filter(|_| rng.random_bool(0.05)).collect();
             for &k in &hit {
@@ -308,12 +308,12 @@ mod tests {
     #[test]
     fn motion_without_noise_steps_and_held_values_are_no_spikes() {
         let mut rng = Pcg64Mcg::seed_from_u64(1);
-        assert_eq!(taken_out(&flown(&mut rng, 0.0)), Vec::<usize>::new());
+        assert_eq!(taken_out(&flown(&mut rng, 0.0)), [0_usize; 0]);
         let step: Vec<f64> =
             flown(&mut rng, 0.001).iter().enumerate().map(|(k, v)| v + f64::from(k > 900)).collect();
-        assert_eq!(taken_out(&step), Vec::<usize>::new());
+        assert_eq!(taken_out(&step), [0_usize; 0]);
         let held: Vec<f64> = (0..3000).map(|k| (f64::from(k / 7) * 0.37).sin()).collect();
-        assert_eq!(taken_out(&held), Vec::<usize>::new());
-        assert_eq!(taken_out(&[0.0; 500]), Vec::<usize>::new());
+        assert_eq!(taken_out(&held), [0_usize; 0]);
+        assert_eq!(taken_out(&[0.0; 500]), [0_usize; 0]);
     }
 }
