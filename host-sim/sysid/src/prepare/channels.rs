@@ -41,7 +41,7 @@ impl<'a> Channels<'a> {
         Self { columns, rotor, imu, velocity }
     }
 
-    /// Makes gross outliers of the sensors missing values (`spikes.rs`). Commands may be anything. Returns their number.
+    /// Makes gross outliers of the sensors missing values (`outliers.rs`). Commands may be anything. Returns their number.
     pub(crate) fn take_out_spikes(&mut self, t: &[f64], period_s: f64) -> usize {
         let time: Vec<f64> = t.iter().map(|t| t / period_s).collect();
         let is_gap = |k: &usize| time[*k] - time[*k - 1] > GAP_PERIODS;

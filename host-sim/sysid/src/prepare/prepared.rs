@@ -1,7 +1,7 @@
 //! From a flight as logged to even stretches of samples that a regression can use (4.2.3 to 4.2.5).
 //!
 //! What is done, in order:
-//! 1. Gross outliers become missing values (`spikes.rs`). The log is cut into stretches without gaps; jitter is taken out by interpolation to an even grid; single missing
+//! 1. Gross outliers become missing values (`outliers.rs`). The log is cut into stretches without gaps; jitter is taken out by interpolation to an even grid; single missing
 //!    values are bridged. What was done is counted in [`Prepared::notes`].
 //! 2. Angles are unwrapped. The gyro's bias is taken out: its mean difference from the rates of the tracked attitude
 //!    (the low frequencies of (4.6); the gyro keeps the rest). So is an accelerometer's, against an estimator's velocity.
