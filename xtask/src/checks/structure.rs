@@ -136,6 +136,17 @@ mod tests {
     }
 
     #[test]
+    fn a_path_that_goes_on_leads_through_the_module_not_the_function_of_that_name() {
+        let files = [
+            ("lib.rs", "pub mod fit;\npub use fit::fit;"),
+            ("fit/mod.rs", "mod high;\nmod low;\npub use high::fit;"),
+            ("fit/high.rs", "use crate::fit::low::low;\npub fn fit() { low() }"),
+            ("fit/low.rs", "use crate::fit::low::low as same;\npub fn low() { same() }"),
+        ];
+        assert_eq!(loops(&files), [""; 0]);
+    }
+
+    #[test]
     fn paths_in_macros_attributes_and_bodies_count() {
         for back in [
             "pub fn b() { println!(\"{}\", crate::a::a()); }",

@@ -80,8 +80,12 @@ fn walk(tree: &Tree, module: usize, segments: &[String], seen: &mut Seen) -> BTr
 /// Looks up a name in a module and follows the rest of the path from there.
 fn follow(tree: &Tree, module: usize, name: &str, rest: &[String], seen: &mut Seen) -> BTreeSet<Found> {
     let mut ends = BTreeSet::new();
-    for found in look_up(tree, module, name, seen) {
+    let all = look_up(tree, module, name, seen);
+    let has_module = all.iter().any(|found| matches!(found, Found::Module(_)));
+    for found in all {
         match (found, rest.split_first()) {
+            // A path that goes on leads through the module, not through a function of that name.
+            (Found::Item(_), Some(_)) if has_module => {}
             (Found::Module(inside), Some((next, after))) => {
                 ends.extend(follow(tree, inside, next, after, seen));
             }

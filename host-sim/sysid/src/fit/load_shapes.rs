@@ -202,7 +202,7 @@ fn product(a: &[f64], b: &[f64]) -> Vec<f64> {
 }
 
 /// Least squares from the products of columns and residual on three axes, each weighted by what noise is left on it: the coefficients and
-/// the standard deviations of what is left. As `regress.rs` does it from rows.
+/// the standard deviations of what is left. As `least_squares.rs` does it from rows.
 fn weighted(products: &[DMatrix<f64>; 3], rows: usize) -> Option<(DVector<f64>, [f64; 3])> {
     let count = products[0].ncols() - 1;
     let mut sigma = [1.0; 3];

@@ -37,11 +37,12 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::compare::{
+use crate::fit::doubts::impossible_signs;
+use crate::fit::open_loop::{
     HorizonError, LONGEST_HORIZON, barely_smoothed_states, mean_rotor_speeds, open_loop,
     open_loop_without_trim, sum_of_horizons,
 };
-use crate::fit::doubts::impossible_signs;
+use crate::fit::quadratic::{Block, Quadratic, add_at, add_square_at, damped_step, scaled};
 use crate::fit::rotation::has_rotation;
 use crate::prepare::Prepared;
 
@@ -251,25 +252,6 @@ const PER_HORIZON: usize = 12;
 const HORIZONS: usize = LONGEST_HORIZON / HORIZON_STEP;
 const PER_START: usize = PER_HORIZON * HORIZONS;
 
-/// Gradient and curvature of the loss, coefficients first, then each flight's own constants.
-struct Quadratic {
-    loss: f64,
-    gradient: DVector<f64>,
-    /// Of the reweighted least squares: an upper bound, for the steps.
-    curvature: DMatrix<f64>,
-    /// Of the loss itself, which is flatter along an error than across it, for the covariance.
-    flatter: DMatrix<f64>,
-    blocks: Vec<Block>,
-}
-
-/// The part of a block of time in gradient and curvature, over the parameters of its flight.
-struct Block {
-    run: usize,
-    gradient: DVector<f64>,
-    curvature: DMatrix<f64>,
-    flatter: DMatrix<f64>,
-}
-
 impl<'a> Problem<'a> {
     fn new(
         model: &Model,
@@ -299,7 +281,7 @@ impl<'a> Problem<'a> {
                 let states = barely_smoothed_states(model, flight, stretch);
                 runs.push(Run {
                     flight: index,
-                    velocities: states.iter().map(crate::compare::velocity_ned_m_s).collect(),
+                    velocities: states.iter().map(crate::fit::open_loop::velocity_ned_m_s).collect(),
                     states,
                     rotor_mean_rad_s: mean_rotor_speeds(model, flight, stretch),
                     battery_v: &stretch.battery_v,
@@ -579,7 +561,7 @@ impl<'a> Problem<'a> {
 impl Run<'_> {
     /// Predicted less logged states: for each start and horizon position, velocity, attitude, rate.
     fn errors(&self, plant: &Plant, trim: &[f64; 6]) -> Vec<f64> {
-        let track = crate::compare::Track {
+        let track = crate::fit::open_loop::Track {
             states: &self.states,
             rotor_mean_rad_s: &self.rotor_mean_rad_s,
             battery_v: self.battery_v,
@@ -593,7 +575,7 @@ impl Run<'_> {
                     return;
                 }
                 let logged = &self.states[start + h];
-                let velocity = crate::compare::velocity_ned_m_s(state) - self.velocities[start + h];
+                let velocity = crate::fit::open_loop::velocity_ned_m_s(state) - self.velocities[start + h];
                 let parts = [
                     state.position_ned_m - logged.position_ned_m,
                     velocity,
@@ -620,46 +602,4 @@ fn norm(part: &[f64]) -> f64 {
 fn slopes(base: &[f64], mut moved: Vec<f64>, step: f64) -> Vec<f64> {
     moved.iter_mut().zip(base).for_each(|(m, b)| *m = (*m - b) / step);
     moved
-}
-
-/// Levenberg and Marquardt's step: curvature with its diagonal raised.
-fn damped_step(at: &Quadratic, damping: f64) -> Option<DVector<f64>> {
-    let mut raised = at.curvature.clone();
-    for k in 0..raised.nrows() {
-        raised[(k, k)] *= 1.0 + damping;
-    }
-    Some(scaled(&raised)?.solve(&at.gradient))
-}
-
-fn add_at(to: &mut DVector<f64>, part: &DVector<f64>, places: &[usize]) {
-    places.iter().zip(part.iter()).for_each(|(&place, value)| to[place] += value);
-}
-
-fn add_square_at(to: &mut DMatrix<f64>, part: &DMatrix<f64>, places: &[usize], factor: f64) {
-    for (i, &row) in places.iter().enumerate() {
-        for (j, &column) in places.iter().enumerate() {
-            to[(row, column)] += factor * part[(i, j)];
-        }
-    }
-}
-
-/// A Cholesky factor of a matrix whose units differ widely, by its scaled one.
-struct Scaled {
-    scale: DVector<f64>,
-    factor: nalgebra::Cholesky<f64, nalgebra::Dyn>,
-}
-
-fn scaled(matrix: &DMatrix<f64>) -> Option<Scaled> {
-    let scale = matrix.diagonal().map(|d| 1.0 / d.sqrt());
-    if !scale.iter().all(|s| s.is_finite()) {
-        return None;
-    }
-    let unit = DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |r, c| matrix[(r, c)] * scale[r] * scale[c]);
-    Some(Scaled { scale, factor: unit.cholesky()? })
-}
-
-impl Scaled {
-    fn solve(&self, right: &DVector<f64>) -> DVector<f64> {
-        self.factor.solve(&right.component_mul(&self.scale)).component_mul(&self.scale)
-    }
 }

@@ -9,7 +9,7 @@
 use model::{Adjustments, Vehicle};
 
 use crate::filter::{RegressionFilter, sum_of_products};
-use crate::prepare::prepared::{Stretch, smoothed};
+use crate::prepare::stretch::{Stretch, smoothed};
 
 /// Window over which the rest is smoothed, s.
 const SLOW_S: f64 = 1.0;

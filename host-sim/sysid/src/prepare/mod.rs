@@ -1,14 +1,22 @@
 //! From a flight as logged to even stretches of samples that a regression can use.
 
 mod battery;
+mod biases;
+mod channels;
+mod columns;
 pub mod conditions;
 mod corrections;
+mod error;
+mod grid;
 mod outliers;
 mod prepared;
 mod states;
+mod stretch;
 
 pub use conditions::Conditions;
 pub use corrections::{Alignment, PieceOffset, Trim};
-pub use prepared::{ForceTarget, PrepareError, Prepared, RotorTrack, Stretch, smoothed};
-pub(crate) use prepared::{subtract, vector};
+pub use error::PrepareError;
+pub use prepared::{ForceTarget, Prepared};
 pub use states::{Part, States};
+pub use stretch::{RotorTrack, Stretch, smoothed};
+pub(crate) use stretch::{subtract, vector};

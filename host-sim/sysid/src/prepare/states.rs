@@ -6,7 +6,8 @@ use std::ops::Range;
 use model::{Adjustments, Pendulum, SampleInput, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 
-use crate::prepare::prepared::{Prepared, RotorTrack, Stretch, vector};
+use crate::prepare::prepared::Prepared;
+use crate::prepare::stretch::{RotorTrack, Stretch, vector};
 
 /// Longest time between the rows of a fit, s.
 const FIT_ROW_PERIOD_S: f64 = 0.03;
