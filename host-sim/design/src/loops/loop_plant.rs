@@ -21,7 +21,7 @@ pub struct LoopPlant {
 }
 
 impl LoopPlant {
-    /// The plant of a loop in a linear model, driven by the law through `effect` ([`law_effect`]).
+    /// The plant of a loop in a linear model, driven by the law through `effect` ([`law_effect`](super::law_effect)).
     pub fn new(linear: &Linear, effect: &Matrix4<f64>, name: LoopName, tolerance: f64) -> Result<Self> {
         let b: MatrixB = linear.proper_b() * effect;
         let inner = name.inner().channel();
