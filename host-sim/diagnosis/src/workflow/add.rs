@@ -2,7 +2,6 @@
 
 use model::{Effect, FitRecord, HistoryEntry, Model};
 use sysid::RefinementOutcome;
-use sysid::checks::vehicle::Likeness;
 use sysid::fit::output_error::Rows;
 
 use crate::workflow::error::WorkflowError;
@@ -29,11 +28,7 @@ pub fn add(
     rows: Option<Rows>,
     observer: &dyn Observer,
 ) -> Result<Added, WorkflowError> {
-    sets.leave_out_undefined(model, &[effect], observer)?;
-    sets.faults.add_of_fitted(model, sets.held_out.loaded());
-    let all: Vec<_> = sets.training.loaded().iter().chain(sets.held_out.loaded()).collect();
-    sets.faults.add_of_likeness(model, &all, Likeness::SAME);
-    sets.align(model);
+    sets.hold_against(model, &[effect], observer)?;
     let (better, addition) = join(model, effect, sets, &Options::default(), observer)?;
     let (model, refinement) = refine(better, sets, rows, observer)?;
     Ok(Added { model, addition, refinement })

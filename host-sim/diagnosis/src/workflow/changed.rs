@@ -5,9 +5,8 @@ use sysid::Reference;
 use sysid::checks::vehicle::Likeness;
 
 use crate::changes;
-use crate::workflow::corrections::align_to;
 use crate::workflow::error::WorkflowError;
-use crate::workflow::loaded::{LoadedFlight, names};
+use crate::workflow::loaded::names;
 use crate::workflow::observer::{Observer, Progress};
 use crate::workflow::sets::FlightsOfOneKind;
 use crate::{Change, Diagnosis};
@@ -19,11 +18,7 @@ pub fn changed(
     flights: &mut FlightsOfOneKind,
     observer: &dyn Observer,
 ) -> Result<Diagnosis, WorkflowError> {
-    flights.leave_out_undefined(model, effects, observer)?;
-    flights.faults.add_of_fitted(model, &flights.flights);
-    let all: Vec<&LoadedFlight> = flights.flights.iter().collect();
-    flights.faults.add_of_likeness(model, &all, Likeness::CHANGED);
-    align_to(&mut flights.flights, model, Reference::Flights);
+    flights.hold_against(model, effects, (Likeness::CHANGED, Reference::Flights), observer)?;
     let (all, mut tried) = (Change::all(model).len(), 0);
     changes::changed(model, &flights.prepared(), |step| {
         observer.progress(Progress { activity: &format!("trying {step}"), steps: Some((tried, all)) });

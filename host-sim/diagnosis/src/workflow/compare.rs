@@ -4,9 +4,7 @@ use model::Model;
 use sysid::checks::vehicle::Likeness;
 use sysid::{Comparison, Reference};
 
-use crate::workflow::corrections::align_to;
 use crate::workflow::error::WorkflowError;
-use crate::workflow::loaded::LoadedFlight;
 use crate::workflow::observer::{Observer, Progress};
 use crate::workflow::sets::FlightsOfOneKind;
 
@@ -16,13 +14,9 @@ pub fn compare(
     flights: &mut FlightsOfOneKind,
     observer: &dyn Observer,
 ) -> Result<Comparison, WorkflowError> {
-    flights.leave_out_undefined(model, &[], observer)?;
-    flights.faults.add_of_fitted(model, &flights.flights);
-    let all: Vec<&LoadedFlight> = flights.flights.iter().collect();
-    flights.faults.add_of_likeness(model, &all, Likeness::SAME);
     // Offsets of flights of commands are counted from what the training flights had in common.
     let delay_s = model.fit.as_ref().and_then(|fit| fit.rotor_delay_s);
-    align_to(&mut flights.flights, model, Reference::Model(delay_s));
+    flights.hold_against(model, &[], (Likeness::SAME, Reference::Model(delay_s)), observer)?;
     observer.progress(Progress { activity: "predicting", steps: None });
     Ok(sysid::compare(model, &flights.prepared()))
 }

@@ -1,16 +1,30 @@
-//! What belongs to single flights and not to the craft: the offset between their clocks, and their trim.
+//! Flights before a model meets them: what is checked, and what belongs to single flights and not to the craft, the offset
+//! between their clocks and their trim.
 
 use model::{Effect, Model, Vehicle};
+use sysid::checks::vehicle::Likeness;
 use sysid::{Prepared, Reference};
 
-use crate::workflow::loaded::LoadedFlight;
-use crate::workflow::sets::FlightSets;
+use crate::workflow::error::WorkflowError;
+use crate::workflow::loaded::{LoadedFlight, leave_out_undefined};
+use crate::workflow::observer::Observer;
+use crate::workflow::sets::{FlightSets, FlightsOfOneKind};
 
 impl FlightSets {
-    /// Aligns the training flights with each other and the held-out ones to `model`, and finds the training flights' trim.
-    pub(crate) fn align(&mut self, model: &Model) {
+    /// Checks the flights against a model that is there already, and sets their clocks and trim.
+    pub(crate) fn hold_against(
+        &mut self,
+        model: &Model,
+        effects: &[Effect],
+        observer: &dyn Observer,
+    ) -> Result<(), WorkflowError> {
+        self.leave_out_undefined(model, effects, observer)?;
+        self.faults.add_of_fitted(model, self.held_out.loaded());
+        let all: Vec<&LoadedFlight> = self.training.loaded().iter().chain(self.held_out.loaded()).collect();
+        self.faults.add_of_likeness(model, &all, Likeness::SAME);
         self.align_training(model);
         self.align_held_out(model);
+        Ok(())
     }
 
     /// Aligns the training flights with each other and finds their trim.
@@ -32,8 +46,26 @@ impl FlightSets {
     }
 }
 
+impl FlightsOfOneKind {
+    /// Checks the flights against a model whose coefficients stay, and sets their clocks.
+    pub(crate) fn hold_against(
+        &mut self,
+        model: &Model,
+        effects: &[Effect],
+        (likeness, reference): (Likeness, Reference),
+        observer: &dyn Observer,
+    ) -> Result<(), WorkflowError> {
+        leave_out_undefined(&mut self.flights, model, effects, observer)?;
+        self.faults.add_of_fitted(model, &self.flights);
+        let all: Vec<&LoadedFlight> = self.flights.iter().collect();
+        self.faults.add_of_likeness(model, &all, likeness);
+        align_to(&mut self.flights, model, reference);
+        Ok(())
+    }
+}
+
 /// Aligns flights to a model whose coefficients stay.
-pub(crate) fn align_to(flights: &mut [LoadedFlight], model: &Model, reference: Reference) {
+fn align_to(flights: &mut [LoadedFlight], model: &Model, reference: Reference) {
     sysid::align_to(model, &mut prepared(flights), reference);
 }
 

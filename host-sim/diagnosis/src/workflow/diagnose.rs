@@ -1,7 +1,6 @@
 //! Which physical effect is missing from a model? And why, or why not, one of them?
 
 use model::{Effect, Model};
-use sysid::checks::vehicle::Likeness;
 
 use crate::workflow::error::WorkflowError;
 use crate::workflow::observer::{Observer, Progress};
@@ -16,7 +15,7 @@ pub fn diagnose(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Diagnosis, WorkflowError> {
-    hold_against(model, effects, sets, observer)?;
+    sets.hold_against(model, effects, observer)?;
     search(model, sets, options, observer)
 }
 
@@ -29,27 +28,12 @@ pub fn why(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Why, WorkflowError> {
-    hold_against(model, effects, sets, observer)?;
+    sets.hold_against(model, effects, observer)?;
     observer.progress(Progress { activity: &format!("examining {effect}"), steps: None });
     crate::why(model, effect, &sets.train(), &sets.validate(), options).map_err(|refused| match refused {
         WhyError::Fit(why) => sets.blame(why),
         other => WorkflowError::Why(other),
     })
-}
-
-/// Checks flights against a model that is there already, and sets their clocks and trim.
-fn hold_against(
-    model: &Model,
-    effects: &[Effect],
-    sets: &mut FlightSets,
-    observer: &dyn Observer,
-) -> Result<(), WorkflowError> {
-    sets.leave_out_undefined(model, effects, observer)?;
-    sets.faults.add_of_fitted(model, sets.held_out.loaded());
-    let all: Vec<_> = sets.training.loaded().iter().chain(sets.held_out.loaded()).collect();
-    sets.faults.add_of_likeness(model, &all, Likeness::SAME);
-    sets.align(model);
-    Ok(())
 }
 
 /// Diagnoses on flights whose clocks and trim are set.

@@ -32,5 +32,4 @@ pub use identify::{Identified, identify};
 pub use loaded::{LoadedFlight, Reading, names, sha256};
 pub use observer::{Observer, Progress, Silent};
 pub use record::{rotation_refused, shown_record};
-pub use refinement::Refined;
 pub use sets::{FlightSets, FlightsOfOneKind, HeldOutFlights, TrainingFlights};

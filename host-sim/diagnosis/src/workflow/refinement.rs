@@ -9,14 +9,6 @@ use crate::workflow::error::WorkflowError;
 use crate::workflow::observer::{Observer, Progress};
 use crate::workflow::sets::FlightSets;
 
-/// A model after refinement, and what the refinement did.
-pub struct Refined {
-    /// The model, with its fit record and history brought up to date.
-    pub model: Model,
-    /// What was refined, and whether it was kept.
-    pub outcome: RefinementOutcome,
-}
-
 /// Refines `model` if `rows` are asked for, and leaves it as it is otherwise.
 pub(crate) fn refine(
     model: Model,
@@ -26,12 +18,7 @@ pub(crate) fn refine(
 ) -> Result<(Model, Option<RefinementOutcome>), WorkflowError> {
     let Some(rows) = rows else { return Ok((model, None)) };
     observer.progress(Progress { activity: "refining on predictions", steps: None });
-    let Refined { model, outcome } = refined(&model, sets, rows)?;
-    Ok((model, Some(outcome)))
-}
-
-fn refined(model: &Model, sets: &FlightSets, rows: Rows) -> Result<Refined, WorkflowError> {
-    let refinement = sysid::refine(model, &sets.train(), &sets.validate(), rows)?;
+    let refinement = sysid::refine(&model, &sets.train(), &sets.validate(), rows)?;
     let outcome = refinement.outcome;
     let before = held_out_sse(model.fit.as_ref());
     let mut better = Model { fit: None, ..refinement.model };
@@ -51,7 +38,7 @@ fn refined(model: &Model, sets: &FlightSets, rows: Rows) -> Result<Refined, Work
         sse_after: held_out_sse(Some(&record)),
     });
     better.fit = Some(record);
-    Ok(Refined { model: better, outcome })
+    Ok((better, Some(outcome)))
 }
 
 fn held_out_sse(record: Option<&FitRecord>) -> PerAxis<f64> {

@@ -199,15 +199,6 @@ impl FlightsOfOneKind {
     pub fn prepared(&self) -> Vec<&Prepared> {
         prepared(&self.flights)
     }
-
-    pub(crate) fn leave_out_undefined(
-        &mut self,
-        model: &Model,
-        effects: &[Effect],
-        observer: &dyn Observer,
-    ) -> Result<(), WorkflowError> {
-        leave_out_undefined(&mut self.flights, model, effects, observer)
-    }
 }
 
 /// The first pair of flights with the same content.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use diagnosis::workflow::{FlightSets, FlightsOfOneKind, Observer, Reading, WorkflowError};
+use diagnosis::workflow::{FlightSets, Observer, Reading, WorkflowError};
 use model::Vehicle;
 
 /// Ending of a flight file.
@@ -63,16 +63,6 @@ impl SetFiles {
     }
 }
 
-/// Reads and checks flights that a model is held against.
-pub(crate) fn read(
-    paths: &[PathBuf],
-    vehicle: &Vehicle,
-    reading: Reading,
-    observer: &dyn Observer,
-) -> Result<FlightsOfOneKind, WorkflowError> {
-    FlightsOfOneKind::read(paths, vehicle, reading, observer)
-}
-
 /// The files that are meant: those of a folder and those that match a pattern in the order of their names.
 pub(crate) fn files(named: &[PathBuf]) -> Result<Vec<PathBuf>, NamedFlightsError> {
     let all: Result<Vec<Vec<PathBuf>>, _> = named.iter().map(|path| files_of(path)).collect();
@@ -91,17 +81,25 @@ fn files_of(named: &Path) -> Result<Vec<PathBuf>, NamedFlightsError> {
 }
 
 fn files_in(folder: &Path) -> Result<Vec<PathBuf>, NamedFlightsError> {
-    let refused = |source| NamedFlightsError::Folder { path: folder.into(), source };
+    match flight_files(folder) {
+        Ok(files) if files.is_empty() => Err(NamedFlightsError::EmptyFolder(folder.into())),
+        Ok(files) => Ok(files),
+        Err(source) => Err(NamedFlightsError::Folder { path: folder.into(), source }),
+    }
+}
+
+/// The flight files of a folder in the order of their names.
+pub(crate) fn flight_files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(refused)? {
-        let path = entry.map_err(refused)?.path();
+    for entry in std::fs::read_dir(folder)? {
+        let path = entry?.path();
         let is_flight = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(ENDING));
         if is_flight && path.is_file() {
             files.push(path);
         }
     }
     files.sort();
-    if files.is_empty() { Err(NamedFlightsError::EmptyFolder(folder.into())) } else { Ok(files) }
+    Ok(files)
 }
 
 fn matching(named: &Path, pattern: &str) -> Result<Vec<PathBuf>, NamedFlightsError> {

@@ -37,15 +37,19 @@ pub(crate) struct OverwritesInput(PathBuf);
 #[error("{}: is there already; give --force to overwrite it, or another name", .0.display())]
 pub(crate) struct AlreadyThere(PathBuf);
 
-/// What is done about output files that are there already.
+/// How a command that writes files gives its result.
 #[derive(clap::Args, Clone, Copy)]
-pub(crate) struct OverwriteOptions {
+pub(crate) struct OutputOptions {
     /// Overwrite output files that are there already
     #[arg(long)]
     force: bool,
+
+    /// Print one JSON document on standard output and nothing else there
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
-impl OverwriteOptions {
+impl OutputOptions {
     /// Checks, before any work, that outputs have a place and take the place of no input, and of no other file unless forced.
     pub(crate) fn check<'a>(
         self,

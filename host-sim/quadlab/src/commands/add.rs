@@ -11,7 +11,7 @@ use crate::cli::colour;
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::SetOptions;
 use crate::cli::model_files::read_model;
-use crate::cli::output::{Outcome, OverwriteOptions};
+use crate::cli::output::{Outcome, OutputOptions};
 use crate::cli::refine::{self, RefineOptions, RefinementEntry};
 use crate::cli::terminal::Terminal;
 use crate::cli::user_effects::EffectOptions;
@@ -49,11 +49,7 @@ pub(crate) struct Options {
     faults: FaultOptions,
 
     #[command(flatten)]
-    overwrite: OverwriteOptions,
-
-    /// Print one JSON document on standard output and nothing else there
-    #[arg(long)]
-    json: bool,
+    output: OutputOptions,
 }
 
 /// Why an effect cannot be used.
@@ -69,7 +65,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let files = options.sets.files()?;
     let mut inputs = files.paths();
     inputs.extend(options.effects.paths());
-    options.overwrite.check([&options.out], &inputs)?;
+    options.output.check([&options.out], &inputs)?;
     options.effects.read()?;
     let model = read_model(&options.model)?;
     let effect = known_effect(&options.effect)?;
@@ -77,12 +73,12 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         let there = listed(&model.effects());
         return Err(AddError::AlreadyThere { model: options.model.clone(), effect, there }.into());
     }
-    let terminal = Terminal::new(options.json);
+    let terminal = Terminal::new(options.output.json);
     let mut sets = files.read(&model.vehicle, options.faults.reading(), &terminal)?;
     let added = workflow::add(&model, effect, &mut sets, options.refine.rows(), &terminal)?;
     terminal.clear();
     report::write_atomic(&options.out, added.model.to_toml())?;
-    if options.json {
+    if options.output.json {
         faults::json(&document(&added), sets.all(), &sets.faults)
     } else {
         faults::warn(&sets.faults);

@@ -11,7 +11,7 @@ use sysid::Comparison;
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights;
 use crate::cli::model_files::read_model;
-use crate::cli::output::{Outcome, OverwriteOptions, provenance};
+use crate::cli::output::{Outcome, OutputOptions, provenance};
 use crate::cli::terminal::Terminal;
 use crate::render::{pages, tables};
 
@@ -38,11 +38,7 @@ pub(crate) struct Options {
     faults: FaultOptions,
 
     #[command(flatten)]
-    overwrite: OverwriteOptions,
-
-    /// Print one JSON document on standard output and nothing else there
-    #[arg(long)]
-    json: bool,
+    output: OutputOptions,
 }
 
 /// A model against the flights.
@@ -56,8 +52,8 @@ struct Compared {
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let files = flights::files(&options.flights)?;
     let inputs: Vec<&PathBuf> = files.iter().chain(&options.model).collect();
-    options.overwrite.check(&options.html, &inputs)?;
-    let terminal = Terminal::new(options.json);
+    options.output.check(&options.html, &inputs)?;
+    let terminal = Terminal::new(options.output.json);
     let compared: anyhow::Result<Vec<Compared>> =
         options.model.iter().map(|path| compare(options, path, &files, &terminal)).collect();
     terminal.clear();
@@ -75,7 +71,7 @@ fn compare(
     terminal: &Terminal,
 ) -> anyhow::Result<Compared> {
     let model = read_model(path)?;
-    let mut flights = flights::read(files, &model.vehicle, options.faults.reading(), terminal)?;
+    let mut flights = FlightsOfOneKind::read(files, &model.vehicle, options.faults.reading(), terminal)?;
     let comparison = workflow::compare(&model, &mut flights, terminal)?;
     Ok(Compared { path: path.into(), model, flights, comparison })
 }
@@ -88,7 +84,7 @@ fn report_one(options: &Options, compared: &Compared) -> anyhow::Result<Outcome>
             .provenance(provenance(&[model_path], flights))
             .write(path)?;
     }
-    if options.json {
+    if options.output.json {
         faults::json(comparison, flights, faults)
     } else {
         faults::warn(faults);
@@ -124,7 +120,7 @@ fn report_several(options: &Options, compared: &[Compared]) -> anyhow::Result<Ou
             .provenance(provenance(&paths, flights))
             .write(path)?;
     }
-    if options.json {
+    if options.output.json {
         let models = columns.iter().map(|(model, comparison)| OfModel { model: model.clone(), comparison });
         let document = SideBySide { first: &first.comparison, models: models.collect() };
         return faults::json(&document, flights, faults);

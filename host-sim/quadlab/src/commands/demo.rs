@@ -12,7 +12,7 @@ use model::{Effect, Model, Vehicle};
 use rayon::prelude::*;
 
 use crate::cli::faults;
-use crate::cli::flights::SetFiles;
+use crate::cli::flights::{SetFiles, flight_files};
 use crate::cli::output::{Outcome, provenance};
 use crate::cli::progress;
 use crate::cli::terminal::Terminal;
@@ -94,14 +94,7 @@ fn on_flights(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
 /// Which files of a folder are for the fit and which for validation, and why.
 fn chosen_flights(folder: &Path) -> Result<(SetFiles, String), DemoError> {
     let refused = |source| DemoError::Folder { folder: folder.into(), source };
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(refused)? {
-        let path = entry.map_err(refused)?.path();
-        if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
-            files.push(path);
-        }
-    }
-    files.sort();
+    let mut files = flight_files(folder).map_err(refused)?;
     let named = |names: &[&str]| -> Vec<PathBuf> {
         let has_name =
             |path: &&PathBuf| names.iter().any(|name| path.file_stem().is_some_and(|stem| stem == *name));

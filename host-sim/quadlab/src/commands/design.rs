@@ -12,7 +12,7 @@ use report::significant;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::cli::output::{Outcome, OverwriteOptions};
+use crate::cli::output::{Outcome, OutputOptions};
 use crate::commands::{design_check, design_report};
 use diagnosis::workflow::sha256;
 
@@ -41,11 +41,7 @@ pub(crate) struct Options {
     out: Option<PathBuf>,
 
     #[command(flatten)]
-    overwrite: OverwriteOptions,
-
-    /// Print one JSON document on standard output and nothing else there
-    #[arg(long)]
-    json: bool,
+    output: OutputOptions,
 }
 
 #[derive(Subcommand)]
@@ -75,7 +71,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
 
 fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outcome> {
     let inputs: Vec<&PathBuf> = std::iter::once(path).chain(&options.specs).collect();
-    options.overwrite.check([out], &inputs)?;
+    options.output.check([out], &inputs)?;
     let model = Model::read(path)?;
     let specs = match &options.specs {
         Some(path) => {
@@ -104,7 +100,7 @@ fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outc
         report::write_atomic(out, gains.to_toml())?;
     }
     let written = holds.then(|| out.display().to_string());
-    let outcome = if options.json {
+    let outcome = if options.output.json {
         Outcome::json(&Document {
             method: specs.method,
             steps: &designed.steps,
@@ -121,7 +117,7 @@ fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outc
 /// The outcome of a design that stopped at a specification that no gain meets.
 fn unmet(options: &Options, method: Method, shortfall: &Shortfall) -> anyhow::Result<Outcome> {
     let shortfalls = std::slice::from_ref(shortfall);
-    let outcome = match options.json {
+    let outcome = match options.output.json {
         true => Outcome::json(&Document { method, steps: &[], shortfalls, loops: &[], gains: None })?,
         false => Outcome::done(not_met(shortfalls)),
     };

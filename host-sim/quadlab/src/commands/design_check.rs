@@ -6,7 +6,7 @@ use design::check::{CheckOptions, check};
 use design::loops::View;
 use model::Model;
 
-use crate::cli::output::{Outcome, OverwriteOptions, provenance};
+use crate::cli::output::{Outcome, OutputOptions, provenance};
 use crate::render::design_pages;
 use crate::render::design_tables::text;
 
@@ -49,11 +49,7 @@ pub(crate) struct Options {
     html: Option<PathBuf>,
 
     #[command(flatten)]
-    overwrite: OverwriteOptions,
-
-    /// Print one JSON document on standard output and nothing else there
-    #[arg(long)]
-    json: bool,
+    output: OutputOptions,
 }
 
 /// A number beyond what any craft could be flown or checked with.
@@ -70,7 +66,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         |option, value, most| if value > most { Err(TooMany { option, value, most }) } else { Ok(()) };
     refuse("delay", options.delay, MOST_DELAY)?;
     refuse("samples", options.samples, 100_000)?;
-    options.overwrite.check(&options.html, &[&options.model, &options.gains])?;
+    options.output.check(&options.html, &[&options.model, &options.gains])?;
     let model = Model::read(&options.model)?;
     let gains = design::gains_match::read_for(&options.gains, &model)?;
     let view = match options.continuous {
@@ -84,7 +80,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
             .provenance(provenance(&[&options.model, &options.gains], []))
             .write(path)?;
     }
-    let outcome = if options.json {
+    let outcome = if options.output.json {
         Outcome::json(&report)?
     } else {
         let page =

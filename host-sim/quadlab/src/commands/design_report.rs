@@ -16,7 +16,7 @@ use report::{Axis, Cell, Column, Figure, Mark, Page, Section, Series, Style, Tab
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::cli::output::{Outcome, OverwriteOptions, provenance};
+use crate::cli::output::{Outcome, OutputOptions, provenance};
 use crate::commands::linearize;
 use crate::render::design_pages;
 use crate::render::design_tables::{failures, short};
@@ -54,11 +54,7 @@ pub(crate) struct Options {
     out: Option<PathBuf>,
 
     #[command(flatten)]
-    overwrite: OverwriteOptions,
-
-    /// Print one JSON document on standard output and nothing else there
-    #[arg(long)]
-    json: bool,
+    output: OutputOptions,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -87,7 +83,7 @@ struct Work {
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let out = options.out.as_ref().context("--out: give the page to write")?;
     let inputs: Vec<&PathBuf> = options.model.iter().chain(&options.gains).collect();
-    options.overwrite.check([out], &inputs)?;
+    options.output.check([out], &inputs)?;
     let model = options.model.as_deref().map_or_else(|| Ok(Model::thesis()), Model::read)?;
     let config = match &options.gains {
         Some(path) => design::gains_match::read_for(path, &model)?.config,
@@ -99,7 +95,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let missed: Vec<&Compared> = work.numbers.iter().filter(|n| work.thesis && !n.holds()).collect();
     let holds = work.sampled.holds && missed.is_empty();
     let page = out.display().to_string();
-    let outcome = if options.json {
+    let outcome = if options.output.json {
         Outcome::json(&Document {
             vehicle: &work.model.vehicle.name,
             thesis: work.thesis,

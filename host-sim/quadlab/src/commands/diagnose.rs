@@ -2,13 +2,14 @@
 
 use std::path::PathBuf;
 
-use diagnosis::{Diagnosis, workflow};
+use diagnosis::Diagnosis;
+use diagnosis::workflow::{self, FlightsOfOneKind};
 
 use crate::cli::colour;
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::{self, SetOptions};
 use crate::cli::model_files::read_model;
-use crate::cli::output::{Outcome, OverwriteOptions, provenance};
+use crate::cli::output::{Outcome, OutputOptions, provenance};
 use crate::cli::terminal::Terminal;
 use crate::cli::user_effects::EffectOptions;
 use crate::render::{evidence, pages, tables};
@@ -57,11 +58,7 @@ pub(crate) struct Options {
     faults: FaultOptions,
 
     #[command(flatten)]
-    overwrite: OverwriteOptions,
-
-    /// Print one JSON document on standard output and nothing else there
-    #[arg(long)]
-    json: bool,
+    output: OutputOptions,
 }
 
 /// Effects to leave out of the catalogue.
@@ -103,16 +100,20 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
     let mut inputs = files.paths();
     inputs.push(&options.model);
     inputs.extend(options.effects.paths());
-    options.overwrite.check(&options.html, &inputs)?;
+    options.output.check(&options.html, &inputs)?;
     let effects = options.effects.read()?;
     let model = read_model(&options.model)?;
     let search = options.without.options()?;
     let asked = options.why.as_deref().map(crate::commands::add::known_effect).transpose()?;
-    let terminal = Terminal::new(options.json);
+    let terminal = Terminal::new(options.output.json);
     let mut sets = files.read(&model.vehicle, options.faults.reading(), &terminal)?;
     if let Some(effect) = asked {
         let why = workflow::why(&model, effect, &effects, &mut sets, &search, &terminal)?;
-        return if options.json { Outcome::json(&why) } else { Ok(Outcome::done(evidence::text(&why))) };
+        return if options.output.json {
+            Outcome::json(&why)
+        } else {
+            Ok(Outcome::done(evidence::text(&why)))
+        };
     }
     let diagnosis = workflow::diagnose(&model, &effects, &mut sets, &search, &terminal)?;
     terminal.clear();
@@ -121,7 +122,7 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
             .provenance(provenance(&[&options.model], sets.all()))
             .write(path)?;
     }
-    if options.json {
+    if options.output.json {
         faults::json(&diagnosis, sets.all(), &sets.faults)
     } else {
         faults::warn(&sets.faults);
@@ -132,11 +133,11 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
 fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
     let files = flights::files(&options.changed)?;
     let inputs: Vec<&PathBuf> = files.iter().chain([&options.model]).chain(options.effects.paths()).collect();
-    options.overwrite.check(&options.html, &inputs)?;
+    options.output.check(&options.html, &inputs)?;
     let effects = options.effects.read()?;
     let model = read_model(&options.model)?;
-    let terminal = Terminal::new(options.json);
-    let mut changed = flights::read(&files, &model.vehicle, options.faults.reading(), &terminal)?;
+    let terminal = Terminal::new(options.output.json);
+    let mut changed = FlightsOfOneKind::read(&files, &model.vehicle, options.faults.reading(), &terminal)?;
     if model.fit.as_ref().is_none_or(|fit| fit.scatter.is_empty()) {
         colour::warn(&format!(
             "{}: does not say how much the craft differed from flight to flight; changes are judged against noise alone",
@@ -154,7 +155,7 @@ fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
         .provenance(provenance(&[&options.model], &changed.flights))
         .write(path)?;
     }
-    if options.json {
+    if options.output.json {
         faults::json(&diagnosis, &changed.flights, &changed.faults)
     } else {
         faults::warn(&changed.faults);

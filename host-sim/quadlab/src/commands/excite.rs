@@ -20,7 +20,7 @@ use sil::manoeuvre::{Injection, Signal, library};
 use sil::next_flight::{BAND_HZ, GENTLE, known_error};
 use sil::predict::{Course, Foreseen, Predictor, Prospect};
 
-use crate::cli::output::{Outcome, OverwriteOptions, provenance};
+use crate::cli::output::{Outcome, OutputOptions, provenance};
 use crate::commands::demo_effect;
 use crate::render::excite_page;
 
@@ -80,11 +80,7 @@ pub(crate) struct Options {
     html: Option<PathBuf>,
 
     #[command(flatten)]
-    overwrite: OverwriteOptions,
-
-    /// Print one JSON document on standard output and nothing else there
-    #[arg(long)]
-    json: bool,
+    output: OutputOptions,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -167,7 +163,7 @@ struct EffectEntry {
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let inputs: Vec<&PathBuf> =
         std::iter::once(&options.model).chain(&options.gains).chain(&options.pattern).collect();
-    options.overwrite.check(options.out.iter().chain(&options.html), &inputs)?;
+    options.output.check(options.out.iter().chain(&options.html), &inputs)?;
     let model = Model::read(&options.model)?;
     let given = options.pattern.as_ref().map(|path| Pattern::read(path)).transpose()?;
     let predictor = predictor(&model, &options.model, options.gains.as_deref(), options.seed)?;
@@ -187,7 +183,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
             .provenance(provenance(&files, []))
             .write(html)?;
     }
-    let outcome = if options.json {
+    let outcome = if options.output.json {
         Outcome::json(&document)?
     } else {
         Outcome::done(described(&document, options.out.is_some()))

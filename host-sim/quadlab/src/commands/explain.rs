@@ -12,7 +12,7 @@ use crate::cli::colour;
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::SetOptions;
 use crate::cli::model_files::read_vehicle;
-use crate::cli::output::{Outcome, OverwriteOptions, provenance};
+use crate::cli::output::{Outcome, OutputOptions, provenance};
 use crate::cli::refine::{self, RefineOptions, RefinementEntry};
 use crate::cli::terminal::Terminal;
 use crate::cli::user_effects::EffectOptions;
@@ -55,11 +55,7 @@ pub(crate) struct Options {
     faults: FaultOptions,
 
     #[command(flatten)]
-    overwrite: OverwriteOptions,
-
-    /// Print one JSON document on standard output and nothing else there
-    #[arg(long)]
-    json: bool,
+    output: OutputOptions,
 }
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
@@ -67,11 +63,11 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let mut inputs = files.paths();
     inputs.push(&options.vehicle);
     inputs.extend(options.effects.paths());
-    options.overwrite.check([&options.out].into_iter().chain(&options.html), &inputs)?;
+    options.output.check([&options.out].into_iter().chain(&options.html), &inputs)?;
     let vehicle = read_vehicle(&options.vehicle)?;
     let effects = options.effects.read()?;
     let search = options.without.options()?;
-    let terminal = Terminal::new(options.json);
+    let terminal = Terminal::new(options.output.json);
     let mut sets = files.read(&vehicle, options.faults.reading(), &terminal)?;
     let explanation =
         workflow::explain(&vehicle, &effects, &mut sets, &search, options.refine.rows(), &terminal)?;
@@ -83,7 +79,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
             .provenance(provenance(&[&options.vehicle], sets.all()))
             .write(path)?;
     }
-    if options.json {
+    if options.output.json {
         faults::json(&document(&explanation), sets.all(), &sets.faults)
     } else {
         faults::warn(&sets.faults);

@@ -11,7 +11,7 @@ use sysid::MotorsOfFlights;
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::SetOptions;
 use crate::cli::model_files::read_vehicle;
-use crate::cli::output::{Outcome, OverwriteOptions};
+use crate::cli::output::{Outcome, OutputOptions};
 use crate::cli::refine::{self, RefineOptions, RefinementEntry};
 use crate::cli::terminal::Terminal;
 use crate::cli::user_effects::EffectOptions;
@@ -46,11 +46,7 @@ pub(crate) struct Options {
     faults: FaultOptions,
 
     #[command(flatten)]
-    overwrite: OverwriteOptions,
-
-    /// Print one JSON document on standard output and nothing else there
-    #[arg(long)]
-    json: bool,
+    output: OutputOptions,
 }
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
@@ -58,15 +54,15 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let mut inputs = files.paths();
     inputs.push(&options.vehicle);
     inputs.extend(options.effects.paths());
-    options.overwrite.check([&options.out], &inputs)?;
+    options.output.check([&options.out], &inputs)?;
     let vehicle = read_vehicle(&options.vehicle)?;
     let effects = options.effects.read()?;
-    let terminal = Terminal::new(options.json);
+    let terminal = Terminal::new(options.output.json);
     let mut sets = files.read(&vehicle, options.faults.reading(), &terminal)?;
     let identified = workflow::identify(&vehicle, &effects, &mut sets, options.refine.rows(), &terminal)?;
     terminal.clear();
     report::write_atomic(&options.out, identified.model.to_toml())?;
-    if options.json {
+    if options.output.json {
         faults::json(&document(&identified, &sets), sets.all(), &sets.faults)
     } else {
         faults::warn(&sets.faults);

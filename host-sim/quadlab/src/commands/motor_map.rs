@@ -12,7 +12,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use toml_edit::{DocumentMut, Item, TableLike, value};
 
-use crate::cli::output::{Outcome, OverwriteOptions, provenance};
+use crate::cli::output::{Outcome, OutputOptions, provenance};
 
 /// Find the motor map (command and voltage to rotor speed) and the motors' lag on a test stand.
 ///
@@ -53,11 +53,7 @@ pub(crate) struct Options {
     html: Option<PathBuf>,
 
     #[command(flatten)]
-    overwrite: OverwriteOptions,
-
-    /// Print one JSON document on standard output and nothing else there
-    #[arg(long)]
-    json: bool,
+    output: OutputOptions,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -70,7 +66,7 @@ pub(crate) struct Document<'a> {
 }
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
-    options.overwrite.check(options.out.iter().chain(&options.html), &[&options.craft, &options.rotor])?;
+    options.output.check(options.out.iter().chain(&options.html), &[&options.craft, &options.rotor])?;
     let text = std::fs::read_to_string(&options.vehicle)
         .map_err(|source| VehicleError::Read { path: options.vehicle.clone(), source })?;
     let vehicle = Vehicle::parse(&text, &options.vehicle)?;
@@ -84,7 +80,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         let files: [&Path; 3] = [&options.vehicle, &options.craft, &options.rotor];
         page(&result, &vehicle).provenance(provenance(&files, [])).write(html)?;
     }
-    if options.json {
+    if options.output.json {
         let written = options.out.as_ref().map(|path| path.display().to_string());
         let document = Document { file_can_hold_it: holds(&result), result: &result, vehicle: written };
         return Outcome::json(&document);

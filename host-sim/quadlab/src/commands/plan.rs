@@ -10,7 +10,7 @@ use serde::Serialize;
 use sil::next_flight::{APART, Goal, Proposal, check_effect, coefficient, known_error, plan};
 use sil::predict::Predictor;
 
-use crate::cli::output::{Outcome, OverwriteOptions};
+use crate::cli::output::{Outcome, OutputOptions};
 use crate::commands::excite::predictor;
 use crate::render::tables;
 
@@ -58,11 +58,7 @@ pub(crate) struct Options {
     out: Option<PathBuf>,
 
     #[command(flatten)]
-    overwrite: OverwriteOptions,
-
-    /// Print one JSON document on standard output and nothing else there
-    #[arg(long)]
-    json: bool,
+    output: OutputOptions,
 }
 
 #[derive(Debug, thiserror::Error)]
@@ -98,7 +94,7 @@ struct Entry<'a> {
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let inputs: Vec<&PathBuf> = std::iter::once(&options.model).chain(&options.gains).collect();
-    options.overwrite.check(&options.out, &inputs)?;
+    options.output.check(&options.out, &inputs)?;
     if !(8.0..=600.0).contains(&options.duration) {
         return Err(NoPlan::Duration(options.duration).into());
     }
@@ -127,8 +123,11 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         flights: proposals.iter().map(entry).collect(),
     };
     let unit = &predictor.model().vehicle.motors.command_unit;
-    let outcome =
-        if options.json { Outcome::json(&document)? } else { Outcome::done(described(&document, unit)) };
+    let outcome = if options.output.json {
+        Outcome::json(&document)?
+    } else {
+        Outcome::done(described(&document, unit))
+    };
     Ok(Outcome { holds: enough, ..outcome })
 }
 
