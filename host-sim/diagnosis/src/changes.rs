@@ -8,6 +8,8 @@
 //! from the flights the model was made from: the model file holds how far each change's estimate scatters between them.
 //! A change must stand out from that scatter, not only from the noise.
 
+use std::ops::ControlFlow;
+
 use model::{ChangeScatter, Model};
 use nalgebra::{DMatrix, DVector};
 
@@ -18,7 +20,8 @@ use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding, Verdict};
 use crate::held_out::take_gain;
 use crate::reason::{Reason, joined};
 use crate::significance::{independent_stretches, zero_p_value};
-use sysid::fit::least_squares::{self, FlightRows, Prior};
+use sysid::fit::gauss_newton::{self, Linearised, Problem, Rule};
+use sysid::fit::least_squares::{FlightRows, Prior, Solution, Unidentifiable};
 use sysid::fit::linearise::About;
 use sysid::fit::step_end;
 use sysid::fit::swing::Known;
@@ -27,6 +30,8 @@ use sysid::{FitError, Residuals, residuals};
 
 /// Most Gauss-Newton steps.
 const MAX_STEPS: usize = 8;
+/// A step this small against its standard error is the last.
+const CONVERGED: f64 = 0.01;
 /// Part of its gain that a change loses in rank for each coefficient: of two that explain as much, the simpler comes first.
 const FOR_A_COEFFICIENT: f64 = 0.02;
 
@@ -41,55 +46,79 @@ struct Fitted {
 /// Fits a change to flights, starting from none, on top of `model`.
 fn fit_change(model: &Model, change: Change, flights: &[&Prepared]) -> Result<Fitted, FitError> {
     let info = change.effect.info();
-    let free = change.coefficients();
-    let mut changed = model.clone();
-    let mut all: Vec<f64> = model.term(change.effect).map_or_else(
+    let values = model.term(change.effect).map_or_else(
         || vec![0.0; info.coefficients.len()],
         |t| t.coefficients.iter().map(|c| c.value).collect(),
     );
-    for _ in 0..MAX_STEPS {
-        changed.set(change.effect, &all);
-        let rows: Vec<FlightRows> =
-            flights.iter().map(|flight| rows(flight, &changed, change, &free)).collect();
-        let priors: Vec<Option<Prior>> = free
-            .iter()
-            .map(|&k| info.coefficients[k].prior.map(|deviation| Prior { expected: -all[k], deviation }))
-            .collect();
-        let solution = least_squares::solve(&rows, &priors).map_err(|_| FitError::NotExcited {
-            effect: info.id,
-            coefficient: info.coefficients[free[0]].name,
-            excitation: info.excitation,
-        })?;
-        let mut settled = true;
-        for (i, &k) in free.iter().enumerate() {
-            let step = solution.value[i];
-            settled &=
-                step.abs() < 0.01 * solution.covariance[(i, i)].sqrt() + 1e-9 * info.coefficients[k].typical;
-            all[k] = step_end(all[k], step, &info.coefficients[k]);
-        }
-        if settled {
-            changed.set(change.effect, &all);
-            let values = DVector::from_iterator(free.len(), free.iter().map(|&k| all[k]));
-            return Ok(Fitted {
-                model: changed,
-                values,
-                covariance: solution.covariance,
-                sigma: solution.sigma,
-            });
-        }
-    }
-    Err(FitError::NotConverged { effect: info.id, excitation: info.excitation })
+    let mut problem =
+        ChangeFit { change, free: change.coefficients(), flights, changed: model.clone(), values };
+    gauss_newton::solve(&mut problem, Rule::of_steps(MAX_STEPS))?
+        .ok_or(FitError::NotConverged { effect: info.id, excitation: info.excitation })
 }
 
-fn rows(flight: &Prepared, changed: &Model, change: Change, free: &[usize]) -> FlightRows {
-    let stride = flight.fit_stride();
-    let About { residuals, columns: mut derivatives, .. } =
-        About::new(flight, changed, (&[], &[change.effect]), stride, &Known::default());
-    FlightRows {
-        columns: free.iter().map(|&k| std::mem::take(&mut derivatives[k])).collect(),
-        targets: residuals.residual,
-        starts: flight.starts_of_rows(stride),
-        period_s: flight.period_s * stride as f64,
+/// A change that steps lead to what the flights show.
+struct ChangeFit<'a> {
+    change: Change,
+    /// Which coefficients of its effect are unknown.
+    free: Vec<usize>,
+    flights: &'a [&'a Prepared],
+    changed: Model,
+    /// All coefficients of its effect.
+    values: Vec<f64>,
+}
+
+impl ChangeFit<'_> {
+    fn rows(&self, flight: &Prepared) -> FlightRows {
+        let acts = (&[][..], &[self.change.effect][..]);
+        let About { residuals, columns: mut derivatives, .. } =
+            About::new(flight, &self.changed, acts, flight.fit_stride(), &Known::default());
+        let columns = self.free.iter().map(|&k| std::mem::take(&mut derivatives[k])).collect();
+        flight.rows_of_fit(residuals.residual, columns)
+    }
+}
+
+impl Problem for ChangeFit<'_> {
+    type End = Fitted;
+    type Error = FitError;
+
+    fn linearise(&mut self) -> Result<Linearised, FitError> {
+        self.changed.set(self.change.effect, &self.values);
+        let rows = self.flights.iter().map(|flight| self.rows(flight)).collect();
+        let known = |k: usize| {
+            let prior = self.change.effect.info().coefficients[k].prior;
+            prior.map(|deviation| Prior { expected: -self.values[k], deviation })
+        };
+        Ok(Linearised { rows, priors: self.free.iter().map(|&k| known(k)).collect(), left: None })
+    }
+
+    fn unidentifiable(&self, _: Unidentifiable) -> FitError {
+        let info = self.change.effect.info();
+        FitError::NotExcited {
+            effect: info.id,
+            coefficient: info.coefficients[self.free[0]].name,
+            excitation: info.excitation,
+        }
+    }
+
+    fn step(&mut self, _: Linearised, solution: Solution) -> Result<ControlFlow<Fitted>, FitError> {
+        let mut is_settled = true;
+        for (i, &k) in self.free.iter().enumerate() {
+            let info = &self.change.effect.info().coefficients[k];
+            let step = solution.value[i];
+            is_settled &= step.abs() < CONVERGED * solution.covariance[(i, i)].sqrt() + 1e-9 * info.typical;
+            self.values[k] = step_end(self.values[k], step, info);
+        }
+        if !is_settled {
+            return Ok(ControlFlow::Continue(()));
+        }
+        self.changed.set(self.change.effect, &self.values);
+        let free = self.free.iter().map(|&k| self.values[k]);
+        Ok(ControlFlow::Break(Fitted {
+            values: DVector::from_iterator(self.free.len(), free),
+            model: self.changed.clone(),
+            covariance: solution.covariance,
+            sigma: solution.sigma,
+        }))
     }
 }
 

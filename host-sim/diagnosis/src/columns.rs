@@ -3,8 +3,9 @@
 use model::{Effect, Kind, Model};
 use sysid::fit::least_squares::FlightRows;
 use sysid::fit::linearise::About;
-use sysid::fit::rows::{RowColumn, coefficient_count};
+use sysid::fit::rows::RowColumn;
 use sysid::fit::swing::Known;
+use sysid::fit::terms::coefficient_count;
 use sysid::prepare::Prepared;
 
 /// Columns of effects about a model, over the residual as target, at the rows of a fit: those of linear effects, and for
@@ -25,10 +26,5 @@ pub(crate) fn rows_about(flight: &Prepared, model: &Model, effects: &[Effect]) -
             false => formed.by_ref().take(coefficient_count(*effect)).collect(),
         })
         .collect();
-    FlightRows {
-        targets: about.residuals.residual,
-        columns,
-        starts: flight.starts_of_rows(stride),
-        period_s: flight.period_s * stride as f64,
-    }
+    flight.rows_of_fit(about.residuals.residual, columns)
 }

@@ -27,12 +27,15 @@
 //! Deliberately absent: a tracker's clock that wanders within a flight. One offset and one skew are estimated; more would
 //! fit noise. Commands that wander against the motion are named in [`crate::checks::command_clock`].
 
+use std::ops::ControlFlow;
+
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::checks::tracks::{self, Axes, Lags, Pair};
 use crate::filter::{RegressionFilter, compose, sum_of_products};
-use crate::fit::least_squares::{self, FlightRows};
+use crate::fit::gauss_newton::{self, Linearised, Problem, Rule};
+use crate::fit::least_squares::{self, FlightRows, Solution, Unidentifiable};
 use crate::prepare::Prepared;
 use flights::{Column, Flight};
 
@@ -226,29 +229,54 @@ fn estimate(pairs: &[Pair], period_s: f64, least: [f64; 2]) -> Option<Clock> {
     answer.map(Clock::judged)
 }
 
-/// Gauss and Newton's steps on offset and, if asked for, skew, with a bias for each axis.
-fn refined(pairs: &[Pair], period_s: f64, mut clock: Clock, with_skew: bool) -> Option<Clock> {
+/// A clock after steps on its offset and, if asked for, its skew, with a bias for each axis.
+fn refined(pairs: &[Pair], period_s: f64, clock: Clock, with_skew: bool) -> Option<Clock> {
     let stride = ((0.03 / period_s).round() as usize).max(1);
-    let slopes = if with_skew { 2 } else { 1 };
-    for _ in 0..MOST_STEPS {
-        let rows = rows(pairs, period_s, stride, &clock, with_skew);
-        let solution = least_squares::solve(&[rows], &vec![None; slopes + 3]).ok()?;
+    let mut problem = ClockFit { pairs, period_s, stride, clock, with_skew };
+    gauss_newton::solve(&mut problem, Rule::of_steps(MOST_STEPS)).ok()?;
+    Some(problem.clock)
+}
+
+/// A clock that steps lead to what two sensors saw of the same motion.
+struct ClockFit<'a> {
+    pairs: &'a [Pair],
+    period_s: f64,
+    stride: usize,
+    clock: Clock,
+    with_skew: bool,
+}
+
+/// The motion says nothing about the clocks, or the steps lead beyond all clocks.
+struct NoClock;
+
+impl Problem for ClockFit<'_> {
+    type End = ();
+    type Error = NoClock;
+
+    fn linearise(&mut self) -> Result<Linearised, NoClock> {
+        let rows = rows(self.pairs, self.period_s, self.stride, &self.clock, self.with_skew);
+        Ok(Linearised::without_priors(vec![rows]))
+    }
+
+    fn unidentifiable(&self, _: Unidentifiable) -> NoClock {
+        NoClock
+    }
+
+    fn step(&mut self, _: Linearised, solution: Solution) -> Result<ControlFlow<()>, NoClock> {
         let error = |k: usize| solution.covariance[(k, k)].max(0.0).sqrt();
+        let clock = &mut self.clock;
         let step = solution.value[0].clamp(-0.05, 0.05);
         clock.offset_s += step;
         clock.offset_std_error_s = error(0);
-        if with_skew {
+        if self.with_skew {
             clock.skew += solution.value[1].clamp(-0.01, 0.01);
             clock.skew_std_error = error(1);
         }
         if clock.offset_s.abs() > 0.5 || clock.skew.abs() > 0.05 {
-            return None;
+            return Err(NoClock);
         }
-        if step.abs() < 1e-6 {
-            break;
-        }
+        Ok(if step.abs() < 1e-6 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     }
-    Some(clock)
 }
 
 fn rows(pairs: &[Pair], period_s: f64, stride: usize, clock: &Clock, with_skew: bool) -> FlightRows {

@@ -19,15 +19,19 @@
 //! **Wandering.** A clock may also run off within a flight. Offsets of pieces of [`PIECE_S`] that differ by more than
 //! their errors say are named, not corrected: there is no constant to take out.
 
+use std::ops::ControlFlow;
+
 use model::{Effect, Kind, Model};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::fit::least_squares::{self, FlightRows, Unidentifiable};
+use crate::fit::gauss_newton::{self, Linearised, Problem, Rule};
+use crate::fit::least_squares::{self, FlightRows, Solution, Unidentifiable};
 use crate::fit::linearise::{About, residuals_at_rows};
 use crate::fit::parameters::store;
 use crate::fit::rotation::has_rotation;
-use crate::fit::rows::{RowColumn, coefficient_count};
+use crate::fit::rows::RowColumn;
 use crate::fit::swing::Known;
+use crate::fit::terms::coefficient_count;
 use crate::prepare::{Alignment, PieceOffset, Prepared};
 use crate::statistics::median;
 
@@ -100,8 +104,7 @@ pub fn align_to(model: &Model, flights: &mut [&mut Prepared], reference: Referen
     }
     let offsets: Vec<Option<Offset>> =
         flights.iter_mut().map(|flight| offset_alone(flight, model).ok()).collect();
-    let found: Vec<Offset> =
-        offsets.iter().map(|o| o.unwrap_or(Offset { late_s: 0.0, variance_s2: f64::INFINITY })).collect();
+    let found: Vec<Offset> = offsets.iter().map(|o| o.unwrap_or(Offset::UNKNOWN)).collect();
     decide(flights, &found, reference);
     flights.iter_mut().for_each(|flight| name_wandering(flight, model));
 }
@@ -142,12 +145,8 @@ fn piece_offsets(flight: &Prepared, model: &Model) -> Result<Vec<PieceOffset>, U
         };
         std::array::from_fn(|axis| shift[0][axis].as_ref().map(own))
     };
-    let rows = FlightRows {
-        targets: residuals_at_rows(flight, model, stride).residual,
-        columns: (0..count).map(piece).chain(constants).collect(),
-        starts: flight.starts_of_rows(stride),
-        period_s: flight.period_s * stride as f64,
-    };
+    let left = residuals_at_rows(flight, model, stride).residual;
+    let rows = flight.rows_of_fit(left, (0..count).map(piece).chain(constants).collect());
     let width = rows.columns.len();
     let solution = least_squares::solve(&[rows], &vec![None; width])?;
     let corrected_s = flight.rotor_late_s();
@@ -180,6 +179,11 @@ pub fn common_delay_s(model: &Model, flights: &[&Prepared]) -> Option<f64> {
 struct Offset {
     late_s: f64,
     variance_s2: f64,
+}
+
+impl Offset {
+    /// Before anything was found.
+    const UNKNOWN: Self = Self { late_s: 0.0, variance_s2: f64::INFINITY };
 }
 
 /// Writes into each flight what is to be corrected.
@@ -238,43 +242,59 @@ fn offsets_together(
     let plain: Vec<FlightRows> = flights.iter().map(|f| rows(f, &model, effects, Vec::new())).collect();
     let start = least_squares::solve(&plain, &vec![None; linear])?;
     store(&mut model, effects, start.value.as_slice());
-    let count = flights.len();
-    let mut late: Vec<f64> = vec![0.0; count];
-    let mut offsets = Vec::new();
-    for _ in 0..MAX_STEPS {
-        let shifted: Vec<FlightRows> = flights
-            .iter()
-            .enumerate()
-            .map(|(i, flight)| {
-                let [shift, constants] = own_columns(flight, &model);
-                let place = |own: Vec<RowColumn>| -> Vec<RowColumn> {
-                    let width = own.len();
-                    let mut all = vec![RowColumn::default(); width * count];
-                    all.splice(i * width..(i + 1) * width, own);
-                    all
-                };
-                rows(flight, &model, effects, [place(shift), place(constants)].concat())
-            })
-            .collect();
-        let parameters = linear + count * (1 + ROTOR_ROWS.len());
-        let solution = least_squares::solve(&shifted, &vec![None; parameters])?;
-        store(&mut model, effects, &solution.value.as_slice()[..linear]);
-        let mut settled = true;
-        offsets.clear();
-        for (i, flight) in flights.iter_mut().enumerate() {
-            // A later rotor is a log whose samples come earlier.
-            let step = limited(-solution.value[linear + i], late[i], flight.period_s);
-            late[i] += step;
-            settled &= step.abs() < CONVERGED_SAMPLES * flight.period_s;
-            try_offset(flight, late[i]);
-            let variance_s2 = solution.covariance[(linear + i, linear + i)];
-            offsets.push(Offset { late_s: late[i], variance_s2 });
-        }
-        if settled {
-            break;
-        }
+    let offsets = vec![Offset::UNKNOWN; flights.len()];
+    let mut problem = Together { flights, model, effects, linear, offsets };
+    // The best there is where they do not settle: their errors say how good that is.
+    gauss_newton::solve(&mut problem, Rule::of_steps(MAX_STEPS))?;
+    Ok((problem.offsets, problem.model))
+}
+
+/// Flights whose offsets are looked for with coefficients that they share.
+struct Together<'a, 'b> {
+    flights: &'a mut [&'b mut Prepared],
+    model: Model,
+    effects: &'a [Effect],
+    /// How many coefficients they share.
+    linear: usize,
+    offsets: Vec<Offset>,
+}
+
+impl Problem for Together<'_, '_> {
+    type End = ();
+    type Error = Unidentifiable;
+
+    fn linearise(&mut self) -> Result<Linearised, Unidentifiable> {
+        let count = self.flights.len();
+        let shifted = self.flights.iter().enumerate().map(|(i, flight)| {
+            let [shift, constants] = own_columns(flight, &self.model);
+            let place = |own: Vec<RowColumn>| -> Vec<RowColumn> {
+                let width = own.len();
+                let mut all = vec![RowColumn::default(); width * count];
+                all.splice(i * width..(i + 1) * width, own);
+                all
+            };
+            rows(flight, &self.model, self.effects, [place(shift), place(constants)].concat())
+        });
+        Ok(Linearised::without_priors(shifted.collect()))
     }
-    Ok((offsets, model))
+
+    fn unidentifiable(&self, why: Unidentifiable) -> Unidentifiable {
+        why
+    }
+
+    fn step(&mut self, _: Linearised, solution: Solution) -> Result<ControlFlow<()>, Unidentifiable> {
+        store(&mut self.model, self.effects, &solution.value.as_slice()[..self.linear]);
+        let mut is_settled = true;
+        for (i, flight) in self.flights.iter_mut().enumerate() {
+            let (at, offset) = (self.linear + i, &mut self.offsets[i]);
+            // A later rotor is a log whose samples come earlier.
+            let step = limited(-solution.value[at], offset.late_s, flight.period_s);
+            is_settled &= step.abs() < CONVERGED_SAMPLES * flight.period_s;
+            *offset = Offset { late_s: offset.late_s + step, variance_s2: solution.covariance[(at, at)] };
+            try_offset(flight, offset.late_s);
+        }
+        Ok(if is_settled { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+    }
 }
 
 /// Effects that pass for an offset of the clocks where they are left out.
@@ -301,42 +321,55 @@ fn offset_alone(flight: &mut Prepared, model: &Model) -> Result<Offset, Unidenti
 }
 
 fn settle_alone(flight: &mut Prepared, model: &Model, along: &[Effect]) -> Result<Offset, Unidentifiable> {
-    let mut late_s = 0.0;
-    let mut variance_s2 = f64::INFINITY;
-    let free: usize = along.iter().map(|e| coefficient_count(*e)).sum();
     let mut model = model.clone();
     for effect in along {
         model.set(*effect, &vec![0.0; coefficient_count(*effect)]);
     }
-    for _ in 0..MAX_STEPS {
-        try_offset(flight, late_s);
-        let stride = flight.fit_stride();
-        let [mut columns, constants] = own_columns(flight, &model);
+    let mut problem = Alone { flight, model, along, offset: Offset::UNKNOWN };
+    gauss_newton::solve(&mut problem, Rule::of_steps(MAX_STEPS))?;
+    Ok(problem.offset)
+}
+
+/// A flight whose offset is looked for under a model's coefficients, with those of a few effects.
+struct Alone<'a> {
+    flight: &'a mut Prepared,
+    model: Model,
+    along: &'a [Effect],
+    offset: Offset,
+}
+
+impl Problem for Alone<'_> {
+    type End = ();
+    type Error = Unidentifiable;
+
+    fn linearise(&mut self) -> Result<Linearised, Unidentifiable> {
+        try_offset(self.flight, self.offset.late_s);
+        let stride = self.flight.fit_stride();
+        let [mut columns, constants] = own_columns(self.flight, &self.model);
         columns.extend(constants);
-        columns.extend(flight.columns(along, &model, stride, None));
-        let rows = FlightRows {
-            targets: residuals_at_rows(flight, &model, stride).residual,
-            columns,
-            starts: flight.starts_of_rows(stride),
-            period_s: flight.period_s * stride as f64,
-        };
-        let width = rows.columns.len();
-        let solution = least_squares::solve(&[rows], &vec![None; width])?;
-        let own: Vec<f64> = along
-            .iter()
-            .flat_map(|e| model.term(*e).into_iter().flat_map(|t| t.coefficients.iter().map(|c| c.value)))
-            .zip(solution.value.iter().skip(width - free))
+        columns.extend(self.flight.columns(self.along, &self.model, stride, None));
+        let left = residuals_at_rows(self.flight, &self.model, stride).residual;
+        Ok(Linearised::without_priors(vec![self.flight.rows_of_fit(left, columns)]))
+    }
+
+    fn unidentifiable(&self, why: Unidentifiable) -> Unidentifiable {
+        why
+    }
+
+    fn step(&mut self, at: Linearised, solution: Solution) -> Result<ControlFlow<()>, Unidentifiable> {
+        let free: usize = self.along.iter().map(|e| coefficient_count(*e)).sum();
+        let terms = self.along.iter().filter_map(|effect| self.model.term(*effect));
+        let own: Vec<f64> = terms
+            .flat_map(|term| term.coefficients.iter().map(|c| c.value))
+            .zip(solution.value.iter().skip(at.priors.len() - free))
             .map(|(now, step)| now + step)
             .collect();
-        store(&mut model, along, &own);
-        let step = limited(-solution.value[0], late_s, flight.period_s);
-        late_s += step;
-        variance_s2 = solution.covariance[(0, 0)];
-        if step.abs() < CONVERGED_SAMPLES * flight.period_s {
-            break;
-        }
+        store(&mut self.model, self.along, &own);
+        let step = limited(-solution.value[0], self.offset.late_s, self.flight.period_s);
+        self.offset = Offset { late_s: self.offset.late_s + step, variance_s2: solution.covariance[(0, 0)] };
+        let is_settled = step.abs() < CONVERGED_SAMPLES * self.flight.period_s;
+        Ok(if is_settled { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     }
-    Ok(Offset { late_s, variance_s2 })
 }
 
 /// Columns of a flight alone: what a later rotor does, and a constant in each row that feels the rotors.
@@ -359,10 +392,5 @@ fn rows(flight: &Prepared, model: &Model, effects: &[Effect], more: Vec<RowColum
     let stride = flight.fit_stride();
     let mut columns = flight.columns(effects, model, stride, None);
     columns.extend(more);
-    FlightRows {
-        targets: flight.targets(&model.vehicle, &model.adjustments(), stride),
-        columns,
-        starts: flight.starts_of_rows(stride),
-        period_s: flight.period_s * stride as f64,
-    }
+    flight.rows_of_fit(flight.targets(&model.vehicle, &model.adjustments(), stride), columns)
 }

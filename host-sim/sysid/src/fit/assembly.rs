@@ -7,8 +7,9 @@ use crate::fit::linearise::{About, residuals_at_rows};
 use crate::fit::parameters::Layout;
 use crate::fit::residuals::Residuals;
 use crate::fit::rotation::has_rotation;
-use crate::fit::rows::{RowColumn, coefficient_count};
+use crate::fit::rows::RowColumn;
 use crate::fit::swing::Known;
+use crate::fit::terms::coefficient_count;
 use crate::prepare::Prepared;
 
 /// How far the moments at which commands took effect may lie from the middle of a log's jittering times, in standard deviations of
@@ -62,12 +63,7 @@ pub(crate) fn assemble(
                     if adds { less_added(residual, model, linear, &about.columns) } else { all_targets() };
                 (targets, about.columns)
             };
-            FlightRows {
-                targets,
-                columns,
-                starts: flight.starts_of_rows(stride),
-                period_s: flight.period_s * stride as f64,
-            }
+            flight.rows_of_fit(targets, columns)
         })
         .collect();
     (rows, sums.spread())

@@ -15,7 +15,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::fit::least_squares::{self, FlightRows};
+use crate::fit::least_squares;
 use crate::fit::linearise::residuals_at_rows;
 use crate::fit::rotation::has_rotation;
 use crate::fit::rows::RowColumn;
@@ -137,12 +137,7 @@ fn own_step(
         motors.iter().filter_map(|column| column[axis.index()].clone()).map(only).collect();
     // A constant of the flight would lean on unequal motors.
     columns.push(only(vec![1.0; rows]));
-    let rows = FlightRows {
-        targets,
-        columns,
-        starts: flight.starts_of_rows(stride),
-        period_s: flight.period_s * stride as f64,
-    };
+    let rows = flight.rows_of_fit(targets, columns);
     let solution = least_squares::solve(&[rows], &[None; 5]).ok()?;
     let step: DVector<f64> = solution.value.rows(0, 4).into_owned();
     let covariance = solution.covariance.view((0, 0), (4, 4)).into_owned();

@@ -21,12 +21,15 @@ pub const WINDOW_S: f64 = 1.5;
 /// Relative size of the smallest singular value (of column-scaled R) under which a fit is refused as singular.
 const SINGULAR: f64 = 1e-7;
 
+/// The values of one parameter over the rows, for each axis that it acts on.
+pub type RowColumn = [Option<Vec<f64>>; 6];
+
 /// One flight's part of a regression: for each axis the target, and for each parameter its column there.
 pub struct FlightRows {
     /// Target of each axis; all of the same length.
     pub targets: [Vec<f64>; 6],
     /// Column of each parameter on each axis.
-    pub columns: Vec<[Option<Vec<f64>>; 6]>,
+    pub columns: Vec<RowColumn>,
     /// Rows at which stretches begin.
     pub starts: Vec<usize>,
     /// Sampling period, s.

@@ -1,6 +1,6 @@
 //! The parameters of a fit: their order, what is known of them, how far a step goes, and how they are written into a model.
 
-use model::{Effect, Estimate, Model, Term};
+use model::{Effect, Estimate, Kind, Model, Term};
 
 use crate::fit::least_squares::Prior;
 
@@ -16,6 +16,14 @@ pub(crate) struct Layout {
 }
 
 impl Layout {
+    /// Linear effects first, then adjusting ones, each in the order given.
+    pub(crate) fn new(effects: &[Effect]) -> Self {
+        let (adjusting, linear): (Vec<Effect>, Vec<Effect>) =
+            effects.iter().copied().partition(|e| e.info().kind == Kind::Adjusting);
+        let order = linear.iter().chain(&adjusting).copied().collect();
+        Self { linear, adjusting, order, is_searched: false }
+    }
+
     /// Whether any effect adds accelerations that no column shows.
     pub(crate) fn adds(&self) -> bool {
         self.adjusting.iter().any(|effect| effect.info().special.adds_accelerations)

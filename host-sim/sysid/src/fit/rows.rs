@@ -19,15 +19,15 @@
 use std::iter::StepBy;
 use std::ops::Range;
 
-use model::{Adjustments, Axis, Effect, Model, Plant, Quantity, Sample, SampleInput, Sink, Vehicle};
+use model::{Adjustments, Axis, Effect, Model, Plant, Quantity, SampleInput, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::filter::{SideBySide, compose, sum_of_products};
+use crate::fit::least_squares::FlightRows;
+pub use crate::fit::least_squares::RowColumn;
 use crate::fit::slung_load;
+use crate::fit::terms::{Both, LinearEffects, Predictions, Seen, Slots, Terms, append, append_turned_back};
 use crate::prepare::{ForceTarget, Part, Prepared, States, Stretch, subtract, vector};
-
-/// The values of one parameter over the rows, for each axis that it acts on.
-pub type RowColumn = [Option<Vec<f64>>; 6];
 
 /// A load on a cable as it was followed.
 pub struct Hung<'a> {
@@ -55,6 +55,13 @@ impl Prepared {
             }
         }
         targets
+    }
+
+    /// A regression on this flight: targets and columns over the rows of a fit ([`Self::fit_stride`]).
+    pub fn rows_of_fit(&self, targets: [Vec<f64>; 6], columns: Vec<RowColumn>) -> FlightRows {
+        let stride = self.fit_stride();
+        let starts = self.starts_of_rows(stride);
+        FlightRows { targets, columns, starts, period_s: self.period_s * stride as f64 }
     }
 
     /// Specific force in body axes.
@@ -206,7 +213,7 @@ impl Prepared {
             for part in hung.and_then(|hung| hung.parts.get(index)).map_or(&whole[..], Vec::as_slice) {
                 let first = part.samples.start;
                 let rows = || (self.margin..part.samples.len() - self.margin).step_by(stride);
-                let layout = Layout::new(terms, &plant.sample_of(&states.at(first)), |axis| axis >= 3);
+                let layout = Slots::new(terms, &plant.sample_of(&states.at(first)), |axis| axis >= 3);
                 let mut moments =
                     FilteredRows::new(&self.filter.between, layout.places.len(), layout.wanted, rows());
                 let turned = if imu { Vec::new() } else { layout.forces_by_parameter() };
@@ -249,7 +256,7 @@ impl Prepared {
         let first = part.samples.start;
         let rows = (self.margin..part.samples.len() - self.margin).step_by(stride);
         let taps = self.force_taps();
-        let layout = Layout::new(terms, &plant.sample_of(&states.at(first)), |axis| axis < 3);
+        let layout = Slots::new(terms, &plant.sample_of(&states.at(first)), |axis| axis < 3);
         if cable.is_none() {
             let mut forces = FilteredRows::new(&taps, layout.places.len(), layout.wanted, rows);
             for k in part.samples.clone() {
@@ -288,223 +295,6 @@ fn carry(forces: &mut [f64], cable: Option<f64>, direction: &Vector3<f64>) {
     for force in forces.as_chunks_mut::<3>().0 {
         let along = part * (force[0] * direction.x + force[1] * direction.y + force[2] * direction.z);
         force.iter_mut().zip(direction.iter()).for_each(|(f, n)| *f -= along * n);
-    }
-}
-
-/// Linear coefficients of an effect: none for an adjusting one.
-pub fn coefficient_count(effect: Effect) -> usize {
-    if effect.info().kind == model::Kind::Adjusting { 0 } else { effect.info().coefficients.len() }
-}
-
-/// Terms of the equations of motion: parameters times what they multiply. Which parameter acts on which axis, and the
-/// order of the terms, do not depend on the state.
-trait Terms {
-    /// Parameters.
-    fn count(&self) -> usize;
-    /// Adds what each parameter multiplies, by `sink.add(axis, parameter, value)`, once for each axis.
-    fn evaluate(&self, sample: &Sample, sink: &mut impl Sink);
-}
-
-/// Linear effects and how many coefficients each has: a parameter is a coefficient.
-struct LinearEffects {
-    effects: Vec<(Effect, usize)>,
-    count: usize,
-}
-
-impl LinearEffects {
-    fn new(effects: &[Effect]) -> Self {
-        let effects: Vec<(Effect, usize)> = effects.iter().map(|e| (*e, coefficient_count(*e))).collect();
-        let count = effects.iter().map(|(_, count)| count).sum();
-        Self { effects, count }
-    }
-}
-
-impl Terms for LinearEffects {
-    fn count(&self) -> usize {
-        self.count
-    }
-
-    #[inline]
-    fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
-        let mut first = 0;
-        for (effect, count) in &self.effects {
-            effect.columns(sample, &mut From { first, sink });
-            first += count;
-        }
-    }
-}
-
-/// A measured quantity, taken for what a parameter of the roll moment multiplies.
-struct Seen<'a>(&'a Quantity);
-
-impl Terms for Seen<'_> {
-    fn count(&self) -> usize {
-        1
-    }
-
-    fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
-        sink.add(Axis::P, 0, self.0.at(sample));
-    }
-}
-
-/// A sink whose first parameter is `first` of another.
-struct From<'a, S> {
-    first: usize,
-    sink: &'a mut S,
-}
-
-impl<S: Sink> Sink for From<'_, S> {
-    #[inline(always)]
-    fn add(&mut self, axis: Axis, coefficient: usize, value: f64) {
-        self.sink.add(axis, self.first + coefficient, value);
-    }
-}
-
-/// The six rows of the equations of motion of models that see the same states: each is a "parameter" that acts on all axes.
-struct Predictions<'a>(Vec<&'a Plant>);
-
-impl Terms for Predictions<'_> {
-    fn count(&self) -> usize {
-        self.0.len()
-    }
-
-    #[inline]
-    fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
-        for (index, plant) in self.0.iter().enumerate() {
-            // The sample is the first one's.
-            let accelerations = match index {
-                0 => plant.accelerations(sample),
-                _ => plant.accelerations(&plant.sample_of(sample.input)),
-            };
-            for (axis, value) in model::AXES.into_iter().zip(accelerations) {
-                sink.add(axis, index, value);
-            }
-        }
-    }
-}
-
-/// Linear effects about a model, then the predictions of this and of others.
-struct Both<'a> {
-    linear: LinearEffects,
-    predictions: Predictions<'a>,
-}
-
-impl Terms for Both<'_> {
-    fn count(&self) -> usize {
-        self.linear.count() + self.predictions.count()
-    }
-
-    #[inline]
-    fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
-        self.linear.evaluate(sample, sink);
-        self.predictions.evaluate(sample, &mut From { first: self.linear.count, sink });
-    }
-}
-
-/// What a value is part of.
-#[derive(Clone, Copy)]
-struct Place {
-    parameter: usize,
-    axis: usize,
-}
-
-/// The order of the values of terms at one state.
-struct Layout {
-    /// Slot of each value, in the order in which the terms add them.
-    slots: Vec<usize>,
-    /// What is in each slot: what is wanted, then the rest, each sorted by parameter.
-    places: Vec<Place>,
-    /// Values that are wanted.
-    wanted: usize,
-}
-
-/// A parameter that acts on forces, and its slots.
-struct Turned {
-    parameter: usize,
-    slots: Range<usize>,
-}
-
-/// Notes which parameter acts where.
-struct Touched(Vec<Place>);
-
-impl Sink for Touched {
-    fn add(&mut self, axis: Axis, parameter: usize, _: f64) {
-        self.0.push(Place { parameter, axis: axis.index() });
-    }
-}
-
-/// Writes values to their slots.
-struct Slots<'a> {
-    slots: std::slice::Iter<'a, usize>,
-    row: &'a mut [f64],
-}
-
-impl Sink for Slots<'_> {
-    #[inline(always)]
-    fn add(&mut self, _: Axis, _: usize, value: f64) {
-        if let Some(&slot) = self.slots.next() {
-            self.row[slot] = value;
-        }
-    }
-}
-
-impl Layout {
-    fn new(terms: &impl Terms, sample: &Sample, wanted: impl Fn(usize) -> bool) -> Self {
-        let mut touched = Touched(Vec::new());
-        terms.evaluate(sample, &mut touched);
-        let added = touched.0;
-        let mut order: Vec<usize> = (0..added.len()).collect();
-        order.sort_by_key(|&k| (!wanted(added[k].axis), added[k].parameter));
-        let mut slots = vec![0; added.len()];
-        order.iter().enumerate().for_each(|(slot, &k)| slots[k] = slot);
-        let wanted = added.iter().filter(|place| wanted(place.axis)).count();
-        Self { slots, places: order.iter().map(|&k| added[k]).collect(), wanted }
-    }
-
-    #[inline]
-    fn write(&self, terms: &impl Terms, sample: &Sample, row: &mut [f64]) {
-        terms.evaluate(sample, &mut Slots { slots: self.slots.iter(), row });
-    }
-
-    fn forces_by_parameter(&self) -> Vec<Turned> {
-        let mut turned: Vec<Turned> = Vec::new();
-        for (slot, place) in self.places.iter().enumerate().filter(|(_, place)| place.axis < 3) {
-            match turned.last_mut().filter(|last| last.parameter == place.parameter) {
-                Some(last) => last.slots.end = slot + 1,
-                None => turned.push(Turned { parameter: place.parameter, slots: slot..slot + 1 }),
-            }
-        }
-        turned
-    }
-
-    /// Forces from body to inertial axes.
-    #[inline]
-    fn turn_forces(&self, turned: &[Turned], dcm: &Matrix3<f64>, body: &[f64], ned: &mut [f64]) {
-        let axes: [[f64; 3]; 3] = dcm.transpose().into();
-        for (ned, Turned { slots, .. }) in ned.as_chunks_mut::<3>().0.iter_mut().zip(turned) {
-            let mut sum = [0.0; 3];
-            for (place, value) in self.places[slots.clone()].iter().zip(&body[slots.clone()]) {
-                sum.iter_mut().zip(axes[place.axis]).for_each(|(s, a)| *s += a * value);
-            }
-            *ned = sum;
-        }
-    }
-}
-
-/// Appends filtered signals to the columns that they belong to.
-fn append(places: &[Place], row: &[f64], result: &mut [RowColumn]) {
-    for (place, value) in places.iter().zip(row) {
-        result[place.parameter][place.axis].get_or_insert_default().push(*value);
-    }
-}
-
-/// Appends filtered forces, back in body axes.
-fn append_turned_back(turned: &[Turned], dcm: &Matrix3<f64>, row: &[f64], result: &mut [RowColumn]) {
-    for (Turned { parameter, .. }, force) in turned.iter().zip(row.chunks_exact(3)) {
-        let body = dcm * Vector3::new(force[0], force[1], force[2]);
-        for (column, value) in result[*parameter].iter_mut().zip(body.iter()) {
-            column.get_or_insert_default().push(*value);
-        }
     }
 }
 

@@ -256,8 +256,7 @@ impl Shapes for AnyShapes<'_> {
                     targets[axis.index()].fill(0.0);
                     columns.iter_mut().for_each(|column| column[axis.index()] = None);
                 }
-                let period_s = flight.period_s * stride as f64;
-                FlightRows { targets, columns, starts: flight.starts_of_rows(stride), period_s }
+                flight.rows_of_fit(targets, columns)
             })
             .collect();
         let count = rows.first()?.columns.len();

@@ -18,7 +18,8 @@ use model::{Effect, Kind, Model};
 use nalgebra::DVector;
 
 use crate::fit::least_squares::{self, FlightRows, Solution};
-use crate::fit::rows::{RowColumn, coefficient_count};
+use crate::fit::rows::RowColumn;
+use crate::fit::terms::coefficient_count;
 use crate::prepare::{ForceTarget, Prepared, Trim};
 
 /// Standard errors beyond which a deviation is one.
@@ -86,12 +87,7 @@ fn flight_rows(
             columns.push(column);
         }
     }
-    FlightRows {
-        targets,
-        columns,
-        starts: flight.starts_of_rows(stride),
-        period_s: flight.period_s * stride as f64,
-    }
+    flight.rows_of_fit(targets, columns)
 }
 
 /// Value and standard error of flight `index`'s deviation on the axis whose parameters begin at `first`.

@@ -1,0 +1,186 @@
+//! Coefficients of adjusting effects (a wind, a lever, a load), by Gauss and Newton's steps about a
+//! model, next to the coefficients of linear effects.
+
+use std::ops::ControlFlow;
+
+use model::{Coefficient, Effect, Model};
+
+use crate::fit::assembly::{assemble, follow_up, left_by, timing};
+use crate::fit::error::{FitError, check_finite, check_scales, not_converged, unidentifiable};
+use crate::fit::fitted::{Fit, finish};
+use crate::fit::gauss_newton::{self, Errors, Linearised, Problem, Rule};
+use crate::fit::jackknife;
+use crate::fit::least_squares::{self, FlightRows, Solution, Unidentifiable};
+use crate::fit::linearise::step_scale;
+use crate::fit::parameters::{Layout, is_bound, priors_of, step_end, store};
+use crate::fit::pieces;
+use crate::fit::slung_load;
+use crate::fit::swing::Known;
+use crate::fit::terms::coefficient_count;
+use crate::prepare::Prepared;
+
+/// Most Gauss-Newton steps; bilinear problems such as wind and drag take three or four.
+const MAX_STEPS: usize = 12;
+/// Where effects add accelerations, the steps crawl at the end (a swing's beginning is taken out between them): done when
+/// the logarithms of the residuals' spreads together change by less than this.
+const NO_FURTHER: f64 = 0.003;
+/// They may rise by this in a step without it being a wrong one.
+const WORSE: f64 = 0.2;
+/// First steps of a load that was searched for and leaves more than none: a length that is off by a few percent is out of step with a swing
+/// that is carried on from piece to piece, and would be led astray.
+const ROUGH_STEPS: usize = 3;
+/// Most halvings of a wrong step where effects add accelerations; else one, for where it does not help the next start is cheaper.
+const HALVINGS: usize = 4;
+/// A step this small against the standard error of white residuals, which is the smaller one, is the last: each step leaves
+/// a tenth of the one before it or less.
+const CONVERGED: f64 = 0.1;
+
+/// A step of less than this part of every coefficient (or of its ordinary magnitude) leaves the columns nearly as they are: the next one
+/// takes them over, and only what is left is formed anew. The step after that is off by such a part of itself.
+const SMALL: f64 = 0.03;
+
+/// Takes steps from where `model` stands until they are small.
+pub(crate) fn settle(flights: &[&Prepared], model: Model, layout: &Layout) -> Result<Fit, FitError> {
+    let (most_steps, most_halvings) =
+        if layout.adds() { (MAX_STEPS + MAX_STEPS / 2, HALVINGS) } else { (MAX_STEPS, 1) };
+    let rule = Rule { most_steps, most_halvings, worse: WORSE, errors: Errors::White };
+    let is_astray = || left_by(flights, &model) > left_by(flights, &slung_load::without_load(&model));
+    let is_rough = layout.is_searched && is_astray();
+    let mut problem = Nonlinear::new(flights, model, layout, is_rough);
+    if is_rough {
+        gauss_newton::solve(&mut problem, Rule { most_steps: ROUGH_STEPS, ..rule })?;
+        problem = Nonlinear::new(flights, problem.model, layout, false);
+    }
+    gauss_newton::solve(&mut problem, rule)?.ok_or_else(|| not_converged(&layout.adjusting))
+}
+
+/// A model that steps lead to what the flights show.
+struct Nonlinear<'a> {
+    flights: &'a [&'a Prepared],
+    layout: &'a Layout,
+    model: Model,
+    /// Whether these are the first steps of a load that was searched for: none of them is the last.
+    is_rough: bool,
+    /// How the load was found to begin in each flight.
+    begun: Vec<Known>,
+    /// Rows of the step before, where it was small.
+    kept: Option<Vec<FlightRows>>,
+    /// Whether the present rows were all formed anew.
+    is_full: bool,
+    /// Where the last step came from, and what was left there.
+    last: Option<(Model, Option<f64>)>,
+}
+
+impl<'a> Nonlinear<'a> {
+    fn new(flights: &'a [&'a Prepared], model: Model, layout: &'a Layout, is_rough: bool) -> Self {
+        let begun = vec![Known { begun: Vec::new(), is_rough }; flights.len()];
+        Self { flights, layout, model, is_rough, begun, kept: None, is_full: true, last: None }
+    }
+
+    fn values_of(&self, effect: Effect) -> Vec<f64> {
+        self.model.term(effect).into_iter().flat_map(|t| &t.coefficients).map(|c| c.value).collect()
+    }
+
+    /// Where a step leads, and how large it is: linear coefficients come out as values, those of
+    /// adjusting effects as steps from where the columns were formed.
+    fn reach(&self, solution: &Solution) -> Reach {
+        let mut values = solution.value.clone();
+        let (mut is_settled, mut is_small) = (true, true);
+        let mut at: usize = self.layout.linear.iter().map(|e| coefficient_count(*e)).sum();
+        for effect in &self.layout.adjusting {
+            let known = self.values_of(*effect);
+            for (k, (now, info)) in known.iter().zip(effect.info().coefficients).enumerate() {
+                let step = solution.value[at];
+                let ordinary = step_scale(self.model.vehicle.has_rotor_map(), *effect, k);
+                values[at] = step_end(*now, step, info);
+                let std_error = solution.covariance[(at, at)].sqrt();
+                is_settled &=
+                    is_held(*now, values[at], info) || step.abs() < CONVERGED * std_error + 1e-9 * ordinary;
+                is_small &= step.abs() < SMALL * now.abs().max(ordinary);
+                at += 1;
+            }
+        }
+        Reach { values, is_settled, is_small }
+    }
+
+    /// The fit where the last step has ended, with errors for coloured residuals.
+    fn end(&self, at: &Linearised, solution: Solution, reach: Reach) -> Result<Fit, FitError> {
+        let Self { flights, layout, model, .. } = self;
+        check_scales(model, &layout.adjusting)?;
+        let surplus = slung_load::of_model(model).map(|carried| {
+            let blocks = |flight: &&Prepared| pieces::blocks(flight, &carried, flight.fit_stride());
+            let blocks: Vec<_> = flights.iter().map(blocks).collect();
+            jackknife::of_blocks(&at.rows, &blocks, &solution)
+        });
+        let mut solution =
+            least_squares::with_errors_beside(solution, &at.rows, &at.priors, &timing(flights, model));
+        if let Some(surplus) = surplus {
+            solution.covariance += surplus;
+        }
+        Ok(finish(model.clone(), &layout.order, Solution { value: reach.values, ..solution }))
+    }
+}
+
+/// Where a step leads.
+struct Reach {
+    values: nalgebra::DVector<f64>,
+    /// Whether it is small against its own standard error.
+    is_settled: bool,
+    /// Whether it leaves the columns nearly as they are.
+    is_small: bool,
+}
+
+/// At a bound that no step crosses, there is no further.
+fn is_held(now: f64, next: f64, info: &Coefficient) -> bool {
+    next == now && is_bound(info)
+}
+
+impl Problem for Nonlinear<'_> {
+    type End = Fit;
+    type Error = FitError;
+
+    fn linearise(&mut self) -> Result<Linearised, FitError> {
+        let Self { flights, layout, model, begun, .. } = self;
+        self.is_full = self.kept.is_none();
+        let (rows, left) = match self.kept.take() {
+            None => assemble(flights, model, &layout.linear, &layout.adjusting, begun),
+            Some(mut rows) => {
+                let left = follow_up(&mut rows, flights, model, layout, begun);
+                (rows, left)
+            }
+        };
+        check_finite(flights, &rows, model)?;
+        let count: usize = layout.linear.iter().map(|e| coefficient_count(*e)).sum();
+        let mut priors = vec![None; count];
+        priors.extend(layout.adjusting.iter().flat_map(|effect| priors_of(model, *effect)));
+        Ok(Linearised { rows, priors, left: Some(left) })
+    }
+
+    fn unidentifiable(&self, why: Unidentifiable) -> FitError {
+        unidentifiable(why, &self.layout.order)
+    }
+
+    fn step(&mut self, at: Linearised, solution: Solution) -> Result<ControlFlow<Fit>, FitError> {
+        let reach = self.reach(&solution);
+        let before = self.last.as_ref().and_then(|(_, left)| *left);
+        let no_further = before.zip(at.left).is_some_and(|(before, left)| (before - left).abs() < NO_FURTHER);
+        let is_settled = reach.is_settled || self.layout.adds() && no_further;
+        self.last = Some((self.model.clone(), at.left));
+        store(&mut self.model, &self.layout.order, reach.values.as_slice());
+        if is_settled && !self.is_rough {
+            return self.end(&at, solution, reach).map(ControlFlow::Break);
+        }
+        self.kept = (self.is_full && reach.is_small).then_some(at.rows);
+        Ok(ControlFlow::Continue(()))
+    }
+
+    fn halve(&mut self) {
+        let Some((before, _)) = &self.last else { return };
+        for term in &mut self.model.terms {
+            let Some(old) = before.term(term.effect) else { continue };
+            for (new, old) in term.coefficients.iter_mut().zip(&old.coefficients) {
+                new.value = 0.5 * (new.value + old.value);
+            }
+        }
+    }
+}
