@@ -150,6 +150,8 @@ const FOLDERS: &[Folder] = &[
     ),
     row("diagnosis", ".", &["columns.rs", "planning"], "findings come before plans for the next flight"),
     row("diagnosis", "workflow", &[".", "planning"], "what the commands do joins all steps"),
+    row("motor-stand", ".", &[], "logs of the stand are read without knowing what they say together"),
+    row("motor-stand", "motor_map", &["."], "map, lag and clocks are fitted to logs"),
     row("quadlab", "cli", &[], "arguments, progress and files are the same for every command"),
     row("quadlab", "render", &["cli"], "tables, pages and figures are drawn from results"),
     row("quadlab", "commands", &["cli", "render"], "a command parses, calls a library and shows the result"),
