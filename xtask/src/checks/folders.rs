@@ -131,6 +131,12 @@ const FOLDERS: &[Folder] = &[
     row("sysid", "fit", &["statistics.rs", "filter.rs", "prepare"], "a fit is made of prepared samples"),
     row(
         "sysid",
+        "fit/output_error",
+        &["statistics.rs", "filter.rs", "prepare", "fit"],
+        "a refinement starts from a fit",
+    ),
+    row(
+        "sysid",
         "checks",
         &["statistics.rs", "filter.rs", "prepare", "fit"],
         "a check looks at a flight through what a fit leaves of it",
