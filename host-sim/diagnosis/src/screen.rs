@@ -9,6 +9,8 @@
 //! The residual that errors are estimated from is the model's, without any candidate: while much is missing, errors come out too large
 //! rather than too small.
 
+use std::ops::Range;
+
 use model::{Effect, Kind, Model};
 use nalgebra::{DMatrix, DVector};
 
@@ -96,63 +98,27 @@ impl Screen {
         let structure = Structure::of(fit, candidates);
         let own = Structure::width(&structure.own);
         let count = Structure::width(candidates);
-        let width = own + count;
-        let mut parts: Vec<DMatrix<f64>> = own_priors(&structure, width);
-        let mut meat = DMatrix::zeros(width, width);
-        for flight in train {
-            let rows = structure.rows(flight);
-            for axis in 0..6 {
-                let triangle = axis_triangle(std::slice::from_ref(&rows), axis, width);
-                parts.push(embed(&triangle, width) / fit.sigma[axis]);
-            }
-            meat += scores_covariance(std::slice::from_ref(&rows), &DVector::zeros(width), &fit.sigma, width);
-        }
-        let projection = Projection::new(&parts, own, count).ok_or(FitError::NoFlights)?;
-        let meat = projection.of_square(&meat);
-        let mut squares = [(0.0, 0.0); 6];
-        let flights: Vec<[DMatrix<f64>; 6]> = validate
-            .iter()
-            .map(|flight| {
-                let rows = structure.rows(flight);
-                std::array::from_fn(|axis| {
-                    let (rows_of_axis, coloured) = colour(&rows, axis);
-                    squares[axis].0 += rows_of_axis;
-                    squares[axis].1 += coloured;
-                    let triangle = axis_triangle(std::slice::from_ref(&rows), axis, width);
-                    projection.cross(&embed(&triangle, width))
-                })
-            })
-            .collect();
+        let (parts, meat) = training_rows(&structure, fit, train);
+        let mut projection = Projection::new(&parts, own, count).ok_or(FitError::NoFlights)?;
+        let (flights, effective_rows) = held_out_rows(&structure, &projection, validate);
         let mut held_out: [DMatrix<f64>; 6] = std::array::from_fn(|_| DMatrix::zeros(count + 1, count + 1));
         for flight in &flights {
             held_out.iter_mut().zip(flight).for_each(|(sum, cross)| *sum += cross);
         }
-        let mut first = 0;
-        let groups = candidates
-            .iter()
-            .map(|effect| {
-                let group = first..first + effect.info().coefficients.len();
-                first = group.end;
-                group
-            })
-            .collect();
-        let mut train = projection.train;
         for (k, coefficient) in coefficients(candidates).enumerate() {
             // Where the effect is not there yet, its qualifying coefficients are at zero, as expected.
-            train[(k, k)] += coefficient.prior.map_or(0.0, |d| 1.0 / (d * d));
+            projection.train[(k, k)] += coefficient.prior.map_or(0.0, |d| 1.0 / (d * d));
         }
+        let meat = projection.of_square(&meat);
         let problem = Problem {
-            groups,
-            train,
+            groups: groups(candidates),
+            train: projection.train,
             held_out,
-            effective_rows: std::array::from_fn(|axis| {
-                let (rows, coloured) = squares[axis];
-                rows * rows / f64::max(coloured, rows)
-            }),
+            effective_rows,
             admissible: vec![(f64::NEG_INFINITY, f64::INFINITY); count],
         };
-        let left = projection.left;
-        let mut screen = Self { candidates: candidates.to_vec(), problem, flights, meat, left };
+        let mut screen =
+            Self { candidates: candidates.to_vec(), problem, flights, meat, left: projection.left };
         screen.limit(&structure.model);
         Ok(screen)
     }
@@ -267,6 +233,61 @@ impl Screen {
             .map(|&m| (self.candidates[m], values.by_ref().take(self.problem.groups[m].len()).collect()))
             .collect()
     }
+}
+
+/// Triangles of the training flights' weighted rows with the priors of the model's own effects above
+/// them, and the covariance of the scores.
+fn training_rows(structure: &Structure, fit: &Fit, train: &[&Prepared]) -> (Vec<DMatrix<f64>>, DMatrix<f64>) {
+    let width = Structure::width(&structure.own) + Structure::width(&structure.candidates);
+    let mut parts = own_priors(structure, width);
+    let mut covariance = DMatrix::zeros(width, width);
+    for flight in train {
+        let rows = structure.rows(flight);
+        let rows = std::slice::from_ref(&rows);
+        for axis in 0..6 {
+            parts.push(embed(&axis_triangle(rows, axis, width), width) / fit.sigma[axis]);
+        }
+        covariance += scores_covariance(rows, &DVector::zeros(width), &fit.sigma, width);
+    }
+    (parts, covariance)
+}
+
+/// Cross products of each held-out flight and axis, and how many effectively independent rows each
+/// axis has in all.
+fn held_out_rows(
+    structure: &Structure,
+    projection: &Projection,
+    validate: &[&Prepared],
+) -> (Vec<[DMatrix<f64>; 6]>, [f64; 6]) {
+    let width = Structure::width(&structure.own) + Structure::width(&structure.candidates);
+    let mut sums = [(0.0, 0.0); 6];
+    let flights = validate
+        .iter()
+        .map(|flight| {
+            let rows = structure.rows(flight);
+            std::array::from_fn(|axis| {
+                let (count, coloured) = colour(&rows, axis);
+                sums[axis].0 += count;
+                sums[axis].1 += coloured;
+                let triangle = axis_triangle(std::slice::from_ref(&rows), axis, width);
+                projection.cross(&embed(&triangle, width))
+            })
+        })
+        .collect();
+    (flights, sums.map(|(count, coloured)| count * count / f64::max(coloured, count)))
+}
+
+/// Columns of each candidate.
+fn groups(candidates: &[Effect]) -> Vec<Range<usize>> {
+    let mut first = 0;
+    candidates
+        .iter()
+        .map(|effect| {
+            let group = first..first + effect.info().coefficients.len();
+            first = group.end;
+            group
+        })
+        .collect()
 }
 
 fn coefficients(effects: &[Effect]) -> impl Iterator<Item = &'static model::Coefficient> {

@@ -34,7 +34,21 @@ pub enum ForceTarget {
     Position,
 }
 
+const SPECIFIC_FORCE: [Column; 3] = [Column::Ax, Column::Ay, Column::Az];
+const VELOCITY: [Column; 3] = [Column::Vx, Column::Vy, Column::Vz];
+
 impl ForceTarget {
+    /// The one that needs the fewest derivatives of what the flight logged.
+    fn of(flight: &Flight) -> Self {
+        if flight.group(SPECIFIC_FORCE).is_some() {
+            Self::Imu
+        } else if flight.group(VELOCITY).is_some() {
+            Self::Velocity
+        } else {
+            Self::Position
+        }
+    }
+
     /// For people.
     pub const fn name(self) -> &'static str {
         match self {
@@ -83,64 +97,27 @@ impl Prepared {
         let t = flight.required(Column::T);
         let period_s = rounded_period(median_step(t));
         let filter = RegressionFilter::new(period_s);
-        let mut notes = Vec::new();
-        let imu = flight.group([Column::Ax, Column::Ay, Column::Az]);
-        let velocity = flight.group([Column::Vx, Column::Vy, Column::Vz]);
-        let force_target = match (&imu, &velocity) {
-            (Some(_), _) => ForceTarget::Imu,
-            (None, Some(_)) => ForceTarget::Velocity,
-            (None, None) => ForceTarget::Position,
-        };
+        let force_target = ForceTarget::of(flight);
+        let has_logged_velocity = flight.group(VELOCITY).is_some();
         // Differentiating the position twice takes two windows.
         let windows = if force_target == ForceTarget::Position { 2 } else { 1 };
         let margin = windows * filter.half();
-        let shortest = 2 * margin + filter.smooth.len();
-        let mut channels = Channels::new(flight, imu.is_some(), velocity.is_some());
-        let spikes = channels.take_out_spikes(t, period_s);
-        if spikes > 0 {
-            let plural = if spikes == 1 { "" } else { "s" };
-            notes.push(format!("{spikes} outlier{plural} taken out"));
-        }
+        let mut notes = Vec::new();
+        let mut channels = Channels::new(flight, force_target == ForceTarget::Imu, has_logged_velocity);
+        note_spikes(channels.take_out_spikes(t, period_s), &mut notes);
         if channels.rotor.is_none() && !vehicle.can_map_commands() {
             return Err(PrepareError::NoRotorSpeeds);
         }
-        let measured = channels.measured();
-        let bridged = bridge(t, &mut channels.columns, period_s);
-        let columns = &channels.columns;
-        if bridged > 0 {
-            notes.push(format!("{bridged} single missing values bridged"));
-        }
-        let mut stretches = Vec::new();
-        let (mut dropped, mut jitter_s) = (0, 0.0);
-        for range in unbroken(t, columns, period_s) {
-            if range.len() < shortest {
-                dropped += range.len();
-                continue;
-            }
-            let even = even_grid(t, columns, &measured, range, period_s, &mut notes);
-            jitter_s = f64::max(jitter_s, even.jitter_s);
-            stretches.push(channels.stretch(even, period_s, &filter, velocity.is_some()));
-        }
-        if dropped > 0 {
-            notes.push(format!(
-                "{dropped} samples in stretches under {:.1} s left out",
-                shortest as f64 * period_s
-            ));
-        }
-        if stretches.is_empty() {
-            let duration_s = t.last().unwrap_or(&0.0) - t.first().unwrap_or(&0.0);
-            let needed_s = shortest as f64 * period_s;
-            return Err(PrepareError::TooShort { samples: t.len(), duration_s, needed_s });
-        }
+        let (mut stretches, jitter_s) = even_stretches(channels, t, period_s, &filter, margin, &mut notes)?;
         battery::steady(&mut stretches, vehicle, period_s);
         let gyro_bias_rad_s = remove_gyro_bias(&mut stretches, &filter);
-        let has_logged_velocity = velocity.is_some();
         let accelerometer_bias_m_s2 = if has_logged_velocity {
             remove_accelerometer_bias(&mut stretches, &filter, vehicle.gravity)
         } else {
             [0.0; 2]
         };
-        let mut prepared = Self {
+        notes.dedup();
+        Ok(Self {
             name: flight.name.clone(),
             period_s,
             force_target,
@@ -154,9 +131,7 @@ impl Prepared {
             stretches,
             filter,
             margin,
-        };
-        prepared.notes.dedup();
-        Ok(prepared)
+        })
     }
 
     /// All but the samples.
@@ -204,6 +179,52 @@ impl Prepared {
     pub fn smooth(&self, signals: &[Vec<f64>; 3]) -> [Vec<f64>; 3] {
         signals.each_ref().map(|signal| smoothed(signal, &self.filter.smooth))
     }
+}
+
+fn note_spikes(spikes: usize, notes: &mut Vec<String>) {
+    if spikes > 0 {
+        let plural = if spikes == 1 { "" } else { "s" };
+        notes.push(format!("{spikes} outlier{plural} taken out"));
+    }
+}
+
+/// Stretches without gaps that are long enough to give rows, on even grids; and the standard
+/// deviation of the log's times about them, s.
+fn even_stretches(
+    mut channels: Channels,
+    t: &[f64],
+    period_s: f64,
+    filter: &RegressionFilter,
+    margin: usize,
+    notes: &mut Vec<String>,
+) -> Result<(Vec<Stretch>, f64), PrepareError> {
+    let shortest = 2 * margin + filter.smooth.len();
+    let measured = channels.measured();
+    let bridged = bridge(t, &mut channels.columns, period_s);
+    if bridged > 0 {
+        notes.push(format!("{bridged} single missing values bridged"));
+    }
+    let columns = &channels.columns;
+    let (mut stretches, mut dropped, mut jitter_s) = (Vec::new(), 0, 0.0);
+    for range in unbroken(t, columns, period_s) {
+        if range.len() < shortest {
+            dropped += range.len();
+            continue;
+        }
+        let even = even_grid(t, columns, &measured, range, period_s, notes);
+        jitter_s = f64::max(jitter_s, even.jitter_s);
+        stretches.push(channels.stretch(even, period_s, filter));
+    }
+    if dropped > 0 {
+        let shortest_s = shortest as f64 * period_s;
+        notes.push(format!("{dropped} samples in stretches under {shortest_s:.1} s left out"));
+    }
+    if stretches.is_empty() {
+        let duration_s = t.last().unwrap_or(&0.0) - t.first().unwrap_or(&0.0);
+        let needed_s = shortest as f64 * period_s;
+        return Err(PrepareError::TooShort { samples: t.len(), duration_s, needed_s });
+    }
+    Ok((stretches, jitter_s))
 }
 
 /// A period within 0.1 % of a whole number of tenths of a millisecond is that number: clocks tick evenly.
