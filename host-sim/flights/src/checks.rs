@@ -7,6 +7,7 @@ use model::Vehicle;
 use crate::columns::{COLUMNS, Column, REQUIRED};
 use crate::error::FlightError;
 use crate::flight::Flight;
+use crate::sampling::median_step;
 
 impl Flight {
     /// What cannot be right whatever the vehicle.
@@ -98,16 +99,6 @@ impl Flight {
         }
         Ok(())
     }
-}
-
-/// Median sampling period, s.
-pub fn median_step(t: &[f64]) -> f64 {
-    let mut steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
-    let middle = steps.len() / 2;
-    if steps.is_empty() {
-        return f64::NAN;
-    }
-    *steps.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 fn finite_range(values: &[f64]) -> (f64, f64) {

@@ -14,8 +14,9 @@ mod flight;
 mod foreign;
 mod header;
 mod reading;
+mod sampling;
 
-pub use checks::median_step;
 pub use columns::{COLUMNS, Column};
 pub use error::FlightError;
 pub use flight::Flight;
+pub use sampling::{GAP_PERIODS, median_step};

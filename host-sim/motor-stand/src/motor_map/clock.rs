@@ -1,6 +1,8 @@
 //! The offset of the two clocks before anything else is known: both logs on one coarse grid, laid
 //! side by side at every offset at which they overlap by half. The best few are fitted closely.
 
+use model::rotor_lag::RotorLag;
+
 use super::craft_log::{lagged, range};
 use super::error::MotorMapError;
 use super::problem::{Fitted, Free, NEEDED_S, Problem};
@@ -83,7 +85,7 @@ impl<'a> CoarseGrid<'a> {
         let craft = problem.craft;
         let step_s = (craft.duration_s() / COARSE_POINTS).clamp(COARSE_S.0, COARSE_S.1);
         let command = &craft.command[0];
-        let states = lagged(craft, command, FIRST_LAG);
+        let states = lagged(craft, command, RotorLag::new(FIRST_LAG));
         let (low, high) = range(command);
         let middle_v = craft.volts.iter().sum::<f64>() / craft.volts.len() as f64;
         let count = (craft.duration_s() / step_s) as usize;

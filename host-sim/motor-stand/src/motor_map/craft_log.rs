@@ -1,7 +1,8 @@
 //! The craft's log: commands that hold from one sample to the next, and the battery's voltage
 //! without the voltmeter's noise.
 
-use flights::median_step;
+use flights::{GAP_PERIODS, median_step};
+use model::rotor_lag::RotorLag;
 use sysid::filter::RegressionFilter;
 use sysid::prepare::smoothed;
 
@@ -10,8 +11,6 @@ use crate::stand::Stand;
 
 /// Window over which the voltmeter's noise is smoothed away, s.
 const VOLTAGE_WINDOW_S: f64 = 0.25;
-/// Steps longer than this many periods are gaps.
-const GAP_PERIODS: f64 = 3.5;
 
 /// The craft's log without missing values: commands centred and in parts of their range, for
 /// numbers near one.
@@ -78,15 +77,14 @@ impl CraftLog {
 }
 
 /// A feature after the lag: its value at samples, exact for features held between them.
-pub(super) fn lagged(craft: &CraftLog, feature: &[f64], lag: f64) -> Vec<f64> {
+pub(super) fn lagged(craft: &CraftLog, feature: &[f64], lag: RotorLag) -> Vec<f64> {
     let mut now = feature.first().copied().unwrap_or(0.0);
     (0..feature.len())
         .map(|k| {
             if k > 0 && craft.since[k] == k {
                 now = feature[k];
             } else if k > 0 {
-                let decay = (-lag * (craft.t[k] - craft.t[k - 1])).exp();
-                now = feature[k - 1] + (now - feature[k - 1]) * decay;
+                now = lag.response(now, feature[k - 1], craft.t[k] - craft.t[k - 1]);
             }
             now
         })

@@ -1,6 +1,8 @@
 //! Rows of the least squares: the terms of a map after the rotor's lag, at the times at which the
 //! tachometer measured, and how they change with lag and clock.
 
+use model::rotor_lag::RotorLag;
+
 use super::craft_log::{CraftLog, lagged};
 use super::terms::Terms;
 
@@ -64,10 +66,9 @@ pub(super) fn rows(
             (time_s - begun_s > settled_s).then_some((k, time_s - craft.t[k], index))
         })
         .collect();
-    let read = |feature: &[f64], states: &[f64], lag: f64| -> Vec<f64> {
-        at.iter()
-            .map(|&(k, since_s, _)| feature[k] + (states[k] - feature[k]) * (-lag * since_s).exp())
-            .collect()
+    let read = |feature: &[f64], lag: RotorLag| -> Vec<f64> {
+        let states = lagged(craft, feature, lag);
+        at.iter().map(|&(k, since_s, _)| lag.response(states[k], feature[k], since_s)).collect()
     };
     let mut found = Rows {
         points: at.iter().map(|(.., index)| *index).collect(),
@@ -76,8 +77,8 @@ pub(super) fn rows(
         by_time: Vec::new(),
     };
     for feature in &features {
-        let here = read(feature, &lagged(craft, feature, shape.lag), shape.lag);
-        let faster = read(feature, &lagged(craft, feature, shape.lag + step), shape.lag + step);
+        let here = read(feature, RotorLag::new(shape.lag));
+        let faster = read(feature, RotorLag::new(shape.lag + step));
         found.by_lag.push(faster.iter().zip(&here).map(|(b, a)| (b - a) / step).collect());
         found.by_time.push(at.iter().zip(&here).map(|(&(k, ..), a)| shape.lag * (feature[k] - a)).collect());
         found.features.push(here);

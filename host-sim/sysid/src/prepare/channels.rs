@@ -2,12 +2,12 @@
 
 use std::borrow::Cow;
 
-use flights::{Column, Flight};
+use flights::{Column, Flight, GAP_PERIODS};
 use model::frames;
 
 use crate::filter::{RegressionFilter, convolve};
 use crate::prepare::columns::{BATTERY, COMMAND, EULER, OPTIONAL, POSITION, RATE};
-use crate::prepare::grid::{EvenGrid, GAP_PERIODS};
+use crate::prepare::grid::EvenGrid;
 use crate::prepare::outliers;
 use crate::prepare::stretch::{Stretch, vector};
 

@@ -1,13 +1,16 @@
 //! From a flight as logged to even stretches of samples that a regression can use (4.2.3 to 4.2.5).
 //!
 //! What is done, in order:
-//! 1. Gross outliers become missing values (`outliers.rs`). The log is cut into stretches without gaps; jitter is taken out by interpolation to an even grid; single missing
-//!    values are bridged. What was done is counted in [`Prepared::notes`].
-//! 2. Angles are unwrapped. The gyro's bias is taken out: its mean difference from the rates of the tracked attitude
-//!    (the low frequencies of (4.6); the gyro keeps the rest). So is an accelerometer's, against an estimator's velocity.
-//! 3. Rotor speeds: logged ones, or the motor map (4.10) at the smoothed battery voltage, then the first-order lag,
-//!    exactly for commands held over a sample. The voltage is freed from noise in `battery.rs`; the causal filter of 4.2.5
-//!    would be half a second late against the load that makes the voltage sag.
+//! 1. Gross outliers become missing values (`outliers.rs`). The log is cut into stretches without
+//!    gaps; jitter is taken out by interpolation to an even grid; single missing values are
+//!    bridged. What was done is counted in [`Prepared::notes`].
+//! 2. Angles are unwrapped. The gyro's bias is taken out: its mean difference from the rates of the
+//!    tracked attitude (the low frequencies of (4.6); the gyro keeps the rest). So is an
+//!    accelerometer's, against an estimator's velocity.
+//! 3. Rotor speeds: logged ones, or the motor map (4.10) at the smoothed battery voltage, then the
+//!    first-order lag, exactly for commands held over a sample. The voltage is freed from noise in
+//!    `battery.rs`; the causal filter of 4.2.5 would be half a second late against the load that
+//!    makes the voltage sag.
 //!
 //! What the rows are made of is in `rows.rs`.
 
@@ -68,18 +71,20 @@ pub struct Prepared {
     pub period_s: f64,
     /// Where the force rows' targets come from.
     pub force_target: ForceTarget,
-    /// Whether positions, velocities and attitudes are an estimator's output rather than raw tracking.
+    /// Whether positions, velocities and attitudes are an estimator's output rather than raw
+    /// tracking.
     pub has_logged_velocity: bool,
     /// Gyro bias found and taken out, rad/s.
     pub gyro_bias_rad_s: [f64; 3],
-    /// Accelerometer bias along x and y found and taken out, m/s^2; zero without an accelerometer and
-    /// for raw tracking.
+    /// Accelerometer bias along x and y found and taken out, m/s^2; zero without an accelerometer
+    /// and for raw tracking.
     pub accelerometer_bias_m_s2: [f64; 2],
     /// What was mended or left out, for people.
     pub notes: Vec<String>,
     /// The clock of the rotor samples against that of the state, where it was looked at.
     pub alignment: Option<Alignment>,
-    /// Constant part of the targets that belongs to this flight and not to the craft; m/s^2, rad/s^2.
+    /// Constant part of the targets that belongs to this flight and not to the craft; m/s^2,
+    /// rad/s^2.
     pub trim: Option<Trim>,
     /// Standard deviation of the log's times about an even grid, s.
     pub jitter_s: f64,
@@ -156,7 +161,8 @@ impl Prepared {
         self.stretches.iter().any(|s| s.logged_rotor_rad_s.is_some())
     }
 
-    /// By how much the rotor samples (measured speeds or commands) come late against the state, s, where it is corrected.
+    /// By how much the rotor samples (measured speeds or commands) come late against the state, s,
+    /// where it is corrected.
     pub fn rotor_late_s(&self) -> f64 {
         self.alignment.as_ref().map_or(0.0, Alignment::corrected_s)
     }
@@ -175,7 +181,8 @@ impl Prepared {
         self.starts_of_rows(1)
     }
 
-    /// Signals without their high frequencies; as they are at the ends, where the window does not fit.
+    /// Signals without their high frequencies; as they are at the ends, where the window does not
+    /// fit.
     pub fn smooth(&self, signals: &[Vec<f64>; 3]) -> [Vec<f64>; 3] {
         signals.each_ref().map(|signal| smoothed(signal, &self.filter.smooth))
     }
@@ -227,7 +234,8 @@ fn even_stretches(
     Ok((stretches, jitter_s))
 }
 
-/// A period within 0.1 % of a whole number of tenths of a millisecond is that number: clocks tick evenly.
+/// A period within 0.1 % of a whole number of tenths of a millisecond is that number: clocks tick
+/// evenly.
 fn rounded_period(period_s: f64) -> f64 {
     let rounded = (period_s * 1e4).round() / 1e4;
     if (rounded - period_s).abs() < 1e-3 * period_s { rounded } else { period_s }
