@@ -392,3 +392,94 @@ fn before_and_after(cross: &DMatrix<f64>, columns: &[usize], values: &DVector<f6
     }
     (before, after)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers without a pattern between -1 and 1.
+    fn noise(rows: usize, columns: usize) -> DMatrix<f64> {
+        DMatrix::from_fn(rows, columns, |r, c| {
+            let x = (12.9898 * (r + 1) as f64 + 78.233 * (c + 1) as f64).sin() * 43_758.545_3;
+            2.0 * (x - x.floor()) - 1.0
+        })
+    }
+
+    fn rows_of(target: Vec<f64>, period_s: f64) -> FlightRows {
+        let rest = || vec![0.0; target.len()];
+        FlightRows {
+            targets: [target.clone(), rest(), rest(), rest(), rest(), rest()],
+            columns: Vec::new(),
+            starts: vec![0],
+            period_s,
+        }
+    }
+
+    /// Columns 0 and 1 are the model's, 2 to 4 the candidates', 5 is the residual. What the
+    /// projection leaves is what a regression on the model's columns leaves.
+    #[test]
+    fn the_projection_leaves_what_a_regression_on_the_models_columns_leaves() {
+        let all = noise(60, 6);
+        let projection = Projection::new(&[all.rows(0, 25).into(), all.rows(25, 35).into()], 2, 3).unwrap();
+        let own = all.columns(0, 2).into_owned();
+        let others = all.columns(2, 4).into_owned();
+        let absorbed = (own.transpose() * &own).cholesky().unwrap().solve(&(own.transpose() * &others));
+        let rest = &others - &own * absorbed;
+        let expected = rest.transpose() * &rest;
+        // Sums of 60 products of numbers of one.
+        assert!((&projection.train - &expected).norm() < 1e-11);
+        assert!((projection.cross(&all) - &expected).norm() < 1e-11);
+        for k in 0..3 {
+            let part = expected[(k, k)] / others.column(k).norm_squared();
+            assert!((projection.left[k] - part).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_copy_of_the_models_column_leaves_nothing() {
+        let mut all = noise(40, 4);
+        let copy = 3.0 * all.column(0);
+        all.set_column(1, &copy);
+        let projection = Projection::new(&[all], 1, 2).unwrap();
+        assert!(projection.left[0] < 1e-12 && projection.left[1] > 0.5, "{:?}", projection.left);
+    }
+
+    #[test]
+    fn sums_of_squares_are_those_of_the_residuals_themselves() {
+        let all = noise(50, 4);
+        let cross = all.transpose() * &all;
+        let values = DVector::from_vec(vec![0.7, -1.3]);
+        let (before, after) = before_and_after(&cross, &[0, 2], &values);
+        let left = all.column(3) - 0.7 * all.column(0) + 1.3 * all.column(2);
+        assert!((before - all.column(3).norm_squared()).abs() < 1e-12);
+        assert!((after - left.norm_squared()).abs() < 1e-12);
+    }
+
+    /// The autocorrelation of numbers that alternate is (n - lag) / n up to its sign.
+    #[test]
+    fn rows_that_alternate_count_as_bartlett_has_it() {
+        let (n, period_s) = (400, 0.05);
+        let alternating = (0..n).map(|k| if k % 2 == 0 { 1.0 } else { -1.0 }).collect();
+        let lags = (WINDOW_S / period_s).round() as usize;
+        let squares: f64 = (1..=lags).map(|lag| (1.0 - lag as f64 / n as f64).powi(2)).sum();
+        let (rows, coloured) = colour(&rows_of(alternating, period_s), 0);
+        assert_eq!(rows, n as f64);
+        assert!((coloured / (n as f64 * (1.0 + 2.0 * squares)) - 1.0).abs() < 1e-12, "{coloured}");
+    }
+
+    #[test]
+    fn a_residual_that_does_not_move_is_not_coloured() {
+        assert_eq!(colour(&rows_of(vec![0.5; 30], 0.05), 0), (30.0, 30.0));
+    }
+
+    #[test]
+    fn each_candidate_has_its_columns_after_those_before_it() {
+        let candidates = [Effect::GroundEffect, Effect::SteadyWind, Effect::MotorLag];
+        let groups = groups(&candidates);
+        assert_eq!(groups[0].start, 0);
+        for (k, effect) in candidates.iter().enumerate() {
+            assert_eq!(groups[k].len(), effect.info().coefficients.len());
+            assert!(k == 0 || groups[k].start == groups[k - 1].end);
+        }
+    }
+}

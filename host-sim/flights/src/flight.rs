@@ -87,3 +87,53 @@ impl Flight {
         text
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    /// A craft at rest, with these values of x.
+    fn resting(x: Vec<f64>) -> Flight {
+        use Column::*;
+        let others = [Y, Z, Phi, Theta, Psi, P, Q, R, Cmd1, Cmd2, Cmd3, Cmd4, Vbat];
+        let others = others.map(|column| (column, vec![0.25; x.len()]));
+        let t = (0..x.len()).map(|k| 0.01 * k as f64).collect();
+        Flight::from_columns("resting", [(T, t), (X, x)].into_iter().chain(others))
+    }
+
+    /// The shortest digits are enough also where decimal fractions have no end.
+    #[test]
+    fn values_are_written_with_all_their_bits() {
+        let x = vec![0.1 + 0.2, 1.0 / 3.0, -2.5e-300, 1e-17, 0.0, f64::MIN_POSITIVE, 1.0 + f64::EPSILON];
+        let again = Flight::parse(resting(x.clone()).to_csv().as_bytes(), Path::new("resting")).unwrap();
+        let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(again.required(Column::X)), bits(&x));
+    }
+
+    #[test]
+    fn a_missing_value_is_written_as_an_empty_field() {
+        let text = resting(vec![1.0, f64::NAN, 2.0]).to_csv();
+        let row: Vec<&str> = text.lines().nth(2).unwrap().split(',').collect();
+        assert_eq!(row[..3], ["0.01", "", "0.25"]);
+    }
+
+    #[test]
+    fn a_group_needs_values_in_each_of_its_columns() {
+        let mut flight = resting(vec![1.0, 2.0]);
+        assert!(flight.group([Column::X, Column::Vx]).is_none(), "there is no vx");
+        flight.replace(Column::Vx, vec![f64::NAN, f64::NAN]);
+        assert!(flight.group([Column::X, Column::Vx]).is_none(), "vx has no value");
+        flight.replace(Column::Vx, vec![f64::NAN, 0.5]);
+        let [x, vx] = flight.group([Column::X, Column::Vx]).unwrap();
+        assert_eq!((x, vx[1]), (&[1.0, 2.0][..], 0.5));
+    }
+
+    #[test]
+    #[should_panic(expected = "columns differ in length")]
+    fn columns_of_different_lengths_are_a_mistake_of_the_program() {
+        let columns = [(Column::T, vec![0.0, 0.01]), (Column::X, vec![1.0])];
+        let _ = Flight::from_columns("uneven", columns);
+    }
+}

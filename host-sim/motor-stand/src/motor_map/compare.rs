@@ -116,3 +116,22 @@ pub(super) fn held_out(problem: &Problem<'_>, by_motor: &[Rows]) -> Option<(Vec<
     }
     Some((whole, fitted, parts.into_values().collect()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_map_that_predicts_each_part_the_same_does_not_fall() {
+        assert_eq!(fall(&[4.0, 5.0, 6.0], &[4.0, 5.0, 6.0]).0, 0.0);
+    }
+
+    /// Falls of 1, 2 and 3 of 30 in all: 20 %, and their mean of 2 has the standard error
+    /// 1 / sqrt(3).
+    #[test]
+    fn a_fall_stands_out_by_its_students_t() {
+        let (percent, deviations) = fall(&[8.0, 10.0, 12.0], &[7.0, 8.0, 9.0]);
+        assert!((percent - 20.0).abs() < 1e-12, "{percent}");
+        assert!((deviations - 2.0 * 3.0_f64.sqrt()).abs() < 1e-12, "{deviations}");
+    }
+}

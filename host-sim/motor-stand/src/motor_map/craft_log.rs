@@ -94,3 +94,49 @@ pub(super) fn lagged(craft: &CraftLog, feature: &[f64], lag: RotorLag) -> Vec<f6
 pub(super) fn range(values: &[f64]) -> (f64, f64) {
     values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stand::Motor;
+
+    /// 100 Hz, with a second without rows after 2 s. The command steps from 1 to 3 at 0.5 s.
+    fn log() -> CraftLog {
+        let craft_s: Vec<f64> =
+            (0..400).map(|k| 0.01 * f64::from(k) + if k < 200 { 0.0 } else { 1.0 }).collect();
+        let command = craft_s.iter().map(|t| if *t < 0.495 { 1.0 } else { 3.0 }).collect();
+        let motor = Motor { number: 1, command, speed_rad_s: Vec::new() };
+        let battery_v = craft_s.iter().map(|t| 12.0 - 0.1 * t).collect();
+        CraftLog::new(&Stand { craft_s, battery_v, rotor_s: Vec::new(), motors: vec![motor] })
+    }
+
+    #[test]
+    fn a_step_is_answered_by_the_exponential_and_a_gap_forgotten() {
+        let craft = log();
+        let answer = lagged(&craft, &craft.command[0], RotorLag::new(20.0));
+        for (k, speed) in answer.iter().enumerate() {
+            let since_s = craft.t[k] - 0.5;
+            let exact = if since_s <= 0.0 || k >= 200 { 1.0 } else { 3.0 - 2.0 * (-20.0 * since_s).exp() };
+            let exact = if k >= 200 { 3.0 } else { exact };
+            assert!((speed - exact).abs() < 1e-12, "sample {k}: {speed} instead of {exact}");
+        }
+    }
+
+    #[test]
+    fn no_command_holds_within_a_gap() {
+        let craft = log();
+        assert_eq!(craft.holding(0.505), Some(50));
+        assert_eq!(craft.holding(2.3), None);
+        assert_eq!(craft.holding(3.005), Some(200));
+        assert_eq!((craft.holding(-0.1), craft.holding(5.5)), (None, None));
+    }
+
+    /// The smoother is a polynomial fit and keeps a straight line, up to the gap's edges.
+    #[test]
+    fn smoothing_keeps_a_voltage_that_falls_evenly() {
+        let craft = log();
+        for (t, volts) in craft.t.iter().zip(&craft.volts) {
+            assert!((volts - (12.0 - 0.1 * t)).abs() < 1e-9, "{t} s: {volts} V");
+        }
+    }
+}

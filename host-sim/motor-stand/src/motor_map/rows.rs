@@ -94,3 +94,66 @@ pub(super) fn combined(columns: &[Vec<f64>], weights: &[f64]) -> Vec<f64> {
     }
     sum
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stand::{Motor, Stand};
+
+    const LAG: f64 = 20.0;
+
+    /// A command that steps from 1 to 3 at 1 s, at 12 V.
+    fn step() -> CraftLog {
+        let craft_s: Vec<f64> = (0..300).map(|k| 0.01 * f64::from(k)).collect();
+        let command = craft_s.iter().map(|t| if *t < 0.995 { 1.0 } else { 3.0 }).collect();
+        let motor = Motor { number: 1, command, speed_rad_s: Vec::new() };
+        let battery_v = vec![12.0; craft_s.len()];
+        CraftLog::new(&Stand { craft_s, battery_v, rotor_s: Vec::new(), motors: vec![motor] })
+    }
+
+    /// Times between the rows of the craft's log, after the step.
+    fn points() -> Vec<Point> {
+        (0..20).map(|k| Point { time_s: 1.003 + 0.0077 * f64::from(k), speed: 0.0 }).collect()
+    }
+
+    fn rows_at(shape: Shape) -> Rows {
+        rows(&step(), 0, Terms::Command, &points(), shape, 1.1)
+    }
+
+    /// The answer is 3 - 2 exp(-lag t), t since the step.
+    #[test]
+    fn features_and_their_slopes_are_those_of_the_exponential() {
+        let found = rows_at(Shape { lag: LAG, offset_s: 0.0, skew: 0.0 });
+        assert_eq!(found.points, (0..20).collect::<Vec<_>>());
+        for (k, point) in points().iter().enumerate() {
+            let since_s = point.time_s - 1.0;
+            let left = 2.0 * (-LAG * since_s).exp();
+            assert!((found.features[0][k] - (3.0 - left)).abs() < 1e-12);
+            assert!((found.by_time[0][k] - LAG * left).abs() < 1e-10);
+            // A difference over a ten thousandth of the lag: wrong by half of that times lag * t.
+            assert!((found.by_lag[0][k] - since_s * left).abs() < 1e-3 * since_s * left + 1e-9);
+        }
+    }
+
+    #[test]
+    fn an_offset_reads_the_answer_later() {
+        let early = rows_at(Shape { lag: LAG, offset_s: 0.0, skew: 0.0 });
+        let late = rows_at(Shape { lag: LAG, offset_s: 0.05, skew: 0.0 });
+        for (early, late) in early.features[0].iter().zip(&late.features[0]) {
+            // What is left of the step decays by exp(-lag * offset).
+            assert!(((3.0 - late) / (3.0 - early) - (-LAG * 0.05_f64).exp()).abs() < 1e-9);
+        }
+    }
+
+    /// Its time constant is 0.5 s here: before 2.5 s, the rotor's speed at the log's start matters.
+    #[test]
+    fn points_before_a_slow_rotor_has_settled_give_no_rows() {
+        assert!(rows_at(Shape { lag: 2.0, offset_s: 0.0, skew: 0.0 }).points.is_empty());
+    }
+
+    #[test]
+    fn a_rotor_that_stands_is_left_out() {
+        let kept = points_of(&[0.0, 1.0, 2.0, 3.0], &[600.0, 3.0, f64::NAN, 590.0]);
+        assert_eq!(kept.iter().map(|p| p.time_s).collect::<Vec<_>>(), [0.0, 3.0]);
+    }
+}

@@ -170,3 +170,48 @@ pub(super) const CONVENTIONS: [Convention; 5] = [
         gyro: FLIPPED_YZ,
     },
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An attitude that no symmetry maps onto itself.
+    fn tilted() -> Vector3<f64> {
+        Vector3::new(0.31, -0.17, 0.83)
+    }
+
+    #[test]
+    fn every_hypothesis_gives_a_rotation() {
+        let undone = ATTITUDES
+            .iter()
+            .map(|one| (one.looks_like, (one.undo)(tilted())))
+            .chain(CONVENTIONS.iter().map(|one| (one.looks_like, (one.undo)(tilted()))));
+        for (name, dcm) in undone {
+            // A few roundings of numbers of one.
+            assert!((dcm * dcm.transpose() - Matrix3::identity()).norm() < 1e-14, "{name}");
+            assert!((dcm.determinant() - 1.0).abs() < 1e-14, "{name}: a mirror image");
+        }
+    }
+
+    #[test]
+    fn no_two_hypotheses_of_the_attitude_are_one() {
+        let mut all: Vec<(&str, Matrix3<f64>)> = vec![("as logged", as_logged(tilted()))];
+        all.extend(ATTITUDES.iter().map(|one| (one.looks_like, (one.undo)(tilted()))));
+        for (k, (name, dcm)) in all.iter().enumerate() {
+            for (other_name, other) in &all[..k] {
+                assert!((dcm - other).norm() > 1e-3, "\"{name}\" and \"{other_name}\"");
+            }
+        }
+    }
+
+    /// What a program does that reads a quaternion x, y, z, w as w, x, y, z, done to a known one.
+    #[test]
+    fn a_quaternion_read_in_another_order_is_put_right() {
+        let q = frames::quaternion_from_euler(tilted());
+        let misread = nalgebra::Vector4::new(q[1], q[2], q[3], q[0]);
+        let logged = frames::euler_from_quaternion(&misread);
+        let name = "the attitude is from a quaternion x, y, z, w that was read as w, x, y, z";
+        let hypothesis = ATTITUDES.iter().find(|one| one.looks_like == name).unwrap();
+        assert!(((hypothesis.undo)(logged) - as_logged(tilted())).norm() < 1e-12);
+    }
+}

@@ -138,3 +138,83 @@ fn position_sentence(axes: Axes) -> String {
     let up = if axes == (Axes { from: [0, 1, 2], sign: [1.0, 1.0, -1.0] }) { " (z points up)" } else { "" };
     format!("x, y, z look like {is} of the frame of the attitude{up}: write {mend} into x, y, z")
 }
+
+#[cfg(test)]
+mod tests {
+    use flights::{Column, Flight};
+    use model::frames;
+    use nalgebra::Vector3;
+
+    use super::*;
+
+    const PERIOD_S: f64 = 0.01;
+
+    /// Half a minute of flight with thrust along the body's -z axis and nothing else: attitude,
+    /// rates and position that belong together.
+    fn columns() -> Vec<(Column, Vec<f64>)> {
+        use Column::*;
+        let names = [T, X, Y, Z, Phi, Theta, Psi, P, Q, R, Cmd1, Cmd2, Cmd3, Cmd4, Vbat];
+        let mut columns = names.map(|name| (name, Vec::new()));
+        let (mut position, mut velocity) = (Vector3::new(0.0, 0.0, -1.0), Vector3::zeros());
+        for k in 0..3000 {
+            let t = PERIOD_S * f64::from(k);
+            let sine = |size: f64, hz: f64| {
+                let w = std::f64::consts::TAU * hz;
+                (size * (w * t).sin(), size * w * (w * t).cos())
+            };
+            let [phi, theta, psi] = [sine(0.15, 0.53), sine(0.15, 0.71), sine(0.4, 0.31)];
+            let euler = Vector3::new(phi.0, theta.0, psi.0);
+            let rate = frames::body_rates_from_euler(euler, Vector3::new(phi.1, theta.1, psi.1));
+            let down = frames::dcm_from_euler(euler).row(2).transpose();
+            let row = [position.x, position.y, position.z, euler.x, euler.y, euler.z, rate.x, rate.y, rate.z];
+            let row = std::iter::once(t).chain(row).chain([1500.0; 4]).chain([11.5]);
+            columns.iter_mut().zip(row).for_each(|((_, column), value)| column.push(value));
+            // The thrust that keeps the height.
+            let thrust = 9.81 / down.z;
+            let acceleration = Vector3::new(0.0, 0.0, 9.81) - down * thrust;
+            position += PERIOD_S * velocity + 0.5 * PERIOD_S * PERIOD_S * acceleration;
+            velocity += PERIOD_S * acceleration;
+        }
+        columns.into()
+    }
+
+    fn checked(edit: impl Fn(&mut Vec<(Column, Vec<f64>)>)) -> Option<FrameFault> {
+        let mut columns = columns();
+        edit(&mut columns);
+        let vehicle = Vehicle::thesis();
+        let flight = Flight::from_columns("made up", columns);
+        check(&Prepared::new(&flight, &vehicle).unwrap(), &vehicle)
+    }
+
+    fn named(edit: impl Fn(&mut Vec<(Column, Vec<f64>)>)) -> String {
+        let fault = checked(edit).expect("a fault");
+        assert!(fault.named, "{}", fault.sentence);
+        fault.sentence
+    }
+
+    #[test]
+    fn a_log_that_describes_one_motion_has_no_fault() {
+        assert_eq!(checked(|_| {}), None);
+    }
+
+    #[test]
+    fn a_gyro_with_a_wrong_sign_is_named_with_what_to_write() {
+        let sentence = named(|columns| columns[8].1.iter_mut().for_each(|q| *q = -*q));
+        assert!(sentence.contains("write p, -q, r into p, q, r"), "{sentence}");
+    }
+
+    #[test]
+    fn exchanged_positions_are_named_with_what_to_write() {
+        let sentence = named(|columns| {
+            let x = std::mem::take(&mut columns[1].1);
+            columns[1].1 = std::mem::replace(&mut columns[2].1, x);
+        });
+        assert!(sentence.contains("write y, x, z into x, y, z"), "{sentence}");
+    }
+
+    #[test]
+    fn a_theta_of_the_wrong_sign_is_named() {
+        let sentence = named(|columns| columns[5].1.iter_mut().for_each(|theta| *theta = -*theta));
+        assert!(sentence.starts_with("theta has the wrong sign"), "{sentence}");
+    }
+}

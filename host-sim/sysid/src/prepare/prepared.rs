@@ -240,3 +240,77 @@ fn rounded_period(period_s: f64) -> f64 {
     let rounded = (period_s * 1e4).round() / 1e4;
     if (rounded - period_s).abs() < 1e-3 * period_s { rounded } else { period_s }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A craft at rest for `count` samples at 100 Hz, with these columns besides.
+    fn resting(count: usize, more: &[Column]) -> Flight {
+        use Column::*;
+        let required = [X, Y, Z, Phi, Theta, Psi, P, Q, R, Cmd1, Cmd2, Cmd3, Cmd4, Vbat];
+        let value = |column| match column {
+            Cmd1 | Cmd2 | Cmd3 | Cmd4 => 1500.0,
+            Vbat => 11.5,
+            Az => -9.81,
+            _ => 0.0,
+        };
+        let t = (0..count).map(|k| 0.01 * k as f64).collect();
+        let others = required.iter().chain(more).map(|&column| (column, vec![value(column); count]));
+        Flight::from_columns("resting", std::iter::once((T, t)).chain(others))
+    }
+
+    fn prepared(flight: &Flight) -> Prepared {
+        Prepared::new(flight, &Vehicle::thesis()).unwrap()
+    }
+
+    #[test]
+    fn a_clock_that_ticks_evenly_has_a_round_period() {
+        assert_eq!(rounded_period(0.010_000_4), 0.01);
+        // 1/120 s is no whole number of tenths of a millisecond.
+        assert_eq!(rounded_period(1.0 / 120.0), 1.0 / 120.0);
+    }
+
+    #[test]
+    fn forces_come_from_what_needs_the_fewest_derivatives() {
+        let target = |more: &[Column]| prepared(&resting(500, more)).force_target;
+        assert_eq!(target(&[]), ForceTarget::Position);
+        assert_eq!(target(&VELOCITY), ForceTarget::Velocity);
+        assert_eq!(target(&[SPECIFIC_FORCE, VELOCITY].concat()), ForceTarget::Imu);
+    }
+
+    #[test]
+    fn a_position_costs_twice_the_rows_of_a_velocity_at_the_ends() {
+        let (position, velocity) = (prepared(&resting(500, &[])), prepared(&resting(500, &VELOCITY)));
+        assert_eq!(position.margin, 2 * velocity.margin);
+        assert_eq!(position.rows(), 500 - 2 * position.margin);
+        assert_eq!(velocity.rows(), 500 - 2 * velocity.margin);
+    }
+
+    #[test]
+    fn a_gap_in_time_begins_a_new_stretch() {
+        let mut flight = resting(800, &[]);
+        let mut t = flight.required(Column::T).to_vec();
+        t[500..].iter_mut().for_each(|t| *t += 0.5);
+        flight.replace(Column::T, t);
+        let lengths: Vec<usize> = prepared(&flight).stretches.iter().map(|s| s.time_s.len()).collect();
+        assert_eq!(lengths, [500, 300]);
+    }
+
+    #[test]
+    fn a_stretch_that_gives_no_row_is_left_out_and_noted() {
+        let mut flight = resting(520, &[]);
+        let mut t = flight.required(Column::T).to_vec();
+        t[500..].iter_mut().for_each(|t| *t += 0.5);
+        flight.replace(Column::T, t);
+        let prepared = prepared(&flight);
+        assert_eq!(prepared.stretches.len(), 1);
+        assert!(prepared.notes.iter().any(|note| note.starts_with("20 samples in stretches under ")));
+    }
+
+    #[test]
+    fn a_flight_that_is_too_short_says_how_long_it_is() {
+        let error = Prepared::new(&resting(21, &[]), &Vehicle::thesis()).unwrap_err();
+        assert!(error.to_string().starts_with("has 21 samples over 0.20 s; at least "), "{error}");
+    }
+}

@@ -81,3 +81,52 @@ fn feeds_energy(model: &Model, refined: &Model) -> Option<String> {
         })
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use model::{Effect, Vehicle};
+
+    use super::*;
+
+    const BEFORE: HorizonError =
+        HorizonError { position_m: 1.0, velocity_m_s: 2.0, attitude_rad: 0.5, rate_rad_s: 3.0 };
+
+    fn with_drag(x: f64) -> Model {
+        let mut model = Model::new(Vehicle::thesis());
+        model.set(Effect::LinearDrag, &[x, -0.2, -0.2]);
+        model
+    }
+
+    fn judged(after: HorizonError) -> (bool, String) {
+        judge(&with_drag(-0.2), &with_drag(-0.3), &BEFORE, &after)
+    }
+
+    #[test]
+    fn falls_are_said_in_percent_of_what_was() {
+        let after = HorizonError { position_m: 0.9, velocity_m_s: 1.5, attitude_rad: 0.5, rate_rad_s: 2.4 };
+        let (kept, reason) = judged(after);
+        assert!(kept, "{reason}");
+        let expected = "falls by position 10.0 %, velocity 25.0 %, attitude 0.0 %, rate 20.0 %";
+        assert!(reason.ends_with(expected), "{reason}");
+    }
+
+    #[test]
+    fn one_quantity_may_grow_by_a_percent_and_no_more() {
+        let grown =
+            |factor: f64| HorizonError { position_m: 0.5, rate_rad_s: factor * BEFORE.rate_rad_s, ..BEFORE };
+        assert!(judged(grown(1.005)).0);
+        assert!(!judged(grown(1.02)).0);
+    }
+
+    #[test]
+    fn an_error_that_is_no_number_is_no_help() {
+        assert!(!judged(HorizonError { attitude_rad: f64::NAN, ..BEFORE }).0);
+    }
+
+    #[test]
+    fn drag_that_comes_to_push_is_refused_however_well_it_predicts() {
+        let after = HorizonError { position_m: 0.1, velocity_m_s: 0.1, attitude_rad: 0.1, rate_rad_s: 0.1 };
+        let (kept, reason) = judge(&with_drag(-0.2), &with_drag(0.1), &BEFORE, &after);
+        assert!(!kept && reason.starts_with("refused: "), "{reason}");
+    }
+}

@@ -70,3 +70,29 @@ pub(super) fn slopes(base: &[f64], mut moved: Vec<f64>, step: f64) -> Vec<f64> {
     moved.iter_mut().zip(base).for_each(|(m, b)| *m = (*m - b) / step);
     moved
 }
+
+#[cfg(test)]
+mod tests {
+    use model::frames;
+
+    use super::*;
+
+    #[test]
+    fn the_turn_between_attitudes_is_the_angle_about_their_common_axis() {
+        let yaw = |angle: f64| frames::quaternion_from_euler(Vector3::new(0.0, 0.0, angle));
+        let turn = turn_between(&yaw(0.3), &yaw(1.0));
+        assert!((turn - Vector3::new(0.0, 0.0, 0.7)).norm() < 1e-12, "{turn}");
+    }
+
+    /// q and -q are one attitude: no turn, not a whole one.
+    #[test]
+    fn the_sign_of_a_quaternion_is_no_turn() {
+        let q = frames::quaternion_from_euler(Vector3::new(0.2, -0.4, 2.9));
+        assert!(turn_between(&q, &-q).norm() < 1e-7);
+    }
+
+    #[test]
+    fn slopes_of_what_is_linear_are_its_factors() {
+        assert_eq!(slopes(&[1.0, 2.0], vec![1.5, 1.0], 0.25), [2.0, -4.0]);
+    }
+}
