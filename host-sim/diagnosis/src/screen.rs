@@ -9,6 +9,8 @@
 //! The residual that errors are estimated from is the model's, without any candidate: while much is missing, errors come out too large
 //! rather than too small.
 
+use std::ops::Range;
+
 use model::{Effect, Kind, Model};
 use nalgebra::{DMatrix, DVector};
 
@@ -96,63 +98,27 @@ impl Screen {
         let structure = Structure::of(fit, candidates);
         let own = Structure::width(&structure.own);
         let count = Structure::width(candidates);
-        let width = own + count;
-        let mut parts: Vec<DMatrix<f64>> = own_priors(&structure, width);
-        let mut meat = DMatrix::zeros(width, width);
-        for flight in train {
-            let rows = structure.rows(flight);
-            for axis in 0..6 {
-                let triangle = axis_triangle(std::slice::from_ref(&rows), axis, width);
-                parts.push(embed(&triangle, width) / fit.sigma[axis]);
-            }
-            meat += scores_covariance(std::slice::from_ref(&rows), &DVector::zeros(width), &fit.sigma, width);
-        }
-        let projection = Projection::new(&parts, own, count).ok_or(FitError::NoFlights)?;
-        let meat = projection.of_square(&meat);
-        let mut squares = [(0.0, 0.0); 6];
-        let flights: Vec<[DMatrix<f64>; 6]> = validate
-            .iter()
-            .map(|flight| {
-                let rows = structure.rows(flight);
-                std::array::from_fn(|axis| {
-                    let (rows_of_axis, coloured) = colour(&rows, axis);
-                    squares[axis].0 += rows_of_axis;
-                    squares[axis].1 += coloured;
-                    let triangle = axis_triangle(std::slice::from_ref(&rows), axis, width);
-                    projection.cross(&embed(&triangle, width))
-                })
-            })
-            .collect();
+        let (parts, meat) = training_rows(&structure, fit, train);
+        let mut projection = Projection::new(&parts, own, count).ok_or(FitError::NoFlights)?;
+        let (flights, effective_rows) = held_out_rows(&structure, &projection, validate);
         let mut held_out: [DMatrix<f64>; 6] = std::array::from_fn(|_| DMatrix::zeros(count + 1, count + 1));
         for flight in &flights {
             held_out.iter_mut().zip(flight).for_each(|(sum, cross)| *sum += cross);
         }
-        let mut first = 0;
-        let groups = candidates
-            .iter()
-            .map(|effect| {
-                let group = first..first + effect.info().coefficients.len();
-                first = group.end;
-                group
-            })
-            .collect();
-        let mut train = projection.train;
         for (k, coefficient) in coefficients(candidates).enumerate() {
             // Where the effect is not there yet, its qualifying coefficients are at zero, as expected.
-            train[(k, k)] += coefficient.prior.map_or(0.0, |d| 1.0 / (d * d));
+            projection.train[(k, k)] += coefficient.prior.map_or(0.0, |d| 1.0 / (d * d));
         }
+        let meat = projection.of_square(&meat);
         let problem = Problem {
-            groups,
-            train,
+            groups: groups(candidates),
+            train: projection.train,
             held_out,
-            effective_rows: std::array::from_fn(|axis| {
-                let (rows, coloured) = squares[axis];
-                rows * rows / f64::max(coloured, rows)
-            }),
+            effective_rows,
             admissible: vec![(f64::NEG_INFINITY, f64::INFINITY); count],
         };
-        let left = projection.left;
-        let mut screen = Self { candidates: candidates.to_vec(), problem, flights, meat, left };
+        let mut screen =
+            Self { candidates: candidates.to_vec(), problem, flights, meat, left: projection.left };
         screen.limit(&structure.model);
         Ok(screen)
     }
@@ -269,6 +235,61 @@ impl Screen {
     }
 }
 
+/// Triangles of the training flights' weighted rows with the priors of the model's own effects above
+/// them, and the covariance of the scores.
+fn training_rows(structure: &Structure, fit: &Fit, train: &[&Prepared]) -> (Vec<DMatrix<f64>>, DMatrix<f64>) {
+    let width = Structure::width(&structure.own) + Structure::width(&structure.candidates);
+    let mut parts = own_priors(structure, width);
+    let mut covariance = DMatrix::zeros(width, width);
+    for flight in train {
+        let rows = structure.rows(flight);
+        let rows = std::slice::from_ref(&rows);
+        for axis in 0..6 {
+            parts.push(embed(&axis_triangle(rows, axis, width), width) / fit.sigma[axis]);
+        }
+        covariance += scores_covariance(rows, &DVector::zeros(width), &fit.sigma, width);
+    }
+    (parts, covariance)
+}
+
+/// Cross products of each held-out flight and axis, and how many effectively independent rows each
+/// axis has in all.
+fn held_out_rows(
+    structure: &Structure,
+    projection: &Projection,
+    validate: &[&Prepared],
+) -> (Vec<[DMatrix<f64>; 6]>, [f64; 6]) {
+    let width = Structure::width(&structure.own) + Structure::width(&structure.candidates);
+    let mut sums = [(0.0, 0.0); 6];
+    let flights = validate
+        .iter()
+        .map(|flight| {
+            let rows = structure.rows(flight);
+            std::array::from_fn(|axis| {
+                let (count, coloured) = colour(&rows, axis);
+                sums[axis].0 += count;
+                sums[axis].1 += coloured;
+                let triangle = axis_triangle(std::slice::from_ref(&rows), axis, width);
+                projection.cross(&embed(&triangle, width))
+            })
+        })
+        .collect();
+    (flights, sums.map(|(count, coloured)| count * count / f64::max(coloured, count)))
+}
+
+/// Columns of each candidate.
+fn groups(candidates: &[Effect]) -> Vec<Range<usize>> {
+    let mut first = 0;
+    candidates
+        .iter()
+        .map(|effect| {
+            let group = first..first + effect.info().coefficients.len();
+            first = group.end;
+            group
+        })
+        .collect()
+}
+
 fn coefficients(effects: &[Effect]) -> impl Iterator<Item = &'static model::Coefficient> {
     effects.iter().flat_map(|e| e.info().coefficients)
 }
@@ -370,4 +391,95 @@ fn before_and_after(cross: &DMatrix<f64>, columns: &[usize], values: &DVector<f6
         after += a * columns.iter().zip(values.iter()).map(|(&c, b)| cross[(r, c)] * b).sum::<f64>();
     }
     (before, after)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers without a pattern between -1 and 1.
+    fn noise(rows: usize, columns: usize) -> DMatrix<f64> {
+        DMatrix::from_fn(rows, columns, |r, c| {
+            let x = (12.9898 * (r + 1) as f64 + 78.233 * (c + 1) as f64).sin() * 43_758.545_3;
+            2.0 * (x - x.floor()) - 1.0
+        })
+    }
+
+    fn rows_of(target: Vec<f64>, period_s: f64) -> FlightRows {
+        let rest = || vec![0.0; target.len()];
+        FlightRows {
+            targets: [target.clone(), rest(), rest(), rest(), rest(), rest()],
+            columns: Vec::new(),
+            starts: vec![0],
+            period_s,
+        }
+    }
+
+    /// Columns 0 and 1 are the model's, 2 to 4 the candidates', 5 is the residual. What the
+    /// projection leaves is what a regression on the model's columns leaves.
+    #[test]
+    fn the_projection_leaves_what_a_regression_on_the_models_columns_leaves() {
+        let all = noise(60, 6);
+        let projection = Projection::new(&[all.rows(0, 25).into(), all.rows(25, 35).into()], 2, 3).unwrap();
+        let own = all.columns(0, 2).into_owned();
+        let others = all.columns(2, 4).into_owned();
+        let absorbed = (own.transpose() * &own).cholesky().unwrap().solve(&(own.transpose() * &others));
+        let rest = &others - &own * absorbed;
+        let expected = rest.transpose() * &rest;
+        // Sums of 60 products of numbers of one.
+        assert!((&projection.train - &expected).norm() < 1e-11);
+        assert!((projection.cross(&all) - &expected).norm() < 1e-11);
+        for k in 0..3 {
+            let part = expected[(k, k)] / others.column(k).norm_squared();
+            assert!((projection.left[k] - part).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_copy_of_the_models_column_leaves_nothing() {
+        let mut all = noise(40, 4);
+        let copy = 3.0 * all.column(0);
+        all.set_column(1, &copy);
+        let projection = Projection::new(&[all], 1, 2).unwrap();
+        assert!(projection.left[0] < 1e-12 && projection.left[1] > 0.5, "{:?}", projection.left);
+    }
+
+    #[test]
+    fn sums_of_squares_are_those_of_the_residuals_themselves() {
+        let all = noise(50, 4);
+        let cross = all.transpose() * &all;
+        let values = DVector::from_vec(vec![0.7, -1.3]);
+        let (before, after) = before_and_after(&cross, &[0, 2], &values);
+        let left = all.column(3) - 0.7 * all.column(0) + 1.3 * all.column(2);
+        assert!((before - all.column(3).norm_squared()).abs() < 1e-12);
+        assert!((after - left.norm_squared()).abs() < 1e-12);
+    }
+
+    /// The autocorrelation of numbers that alternate is (n - lag) / n up to its sign.
+    #[test]
+    fn rows_that_alternate_count_as_bartlett_has_it() {
+        let (n, period_s) = (400, 0.05);
+        let alternating = (0..n).map(|k| if k % 2 == 0 { 1.0 } else { -1.0 }).collect();
+        let lags = (WINDOW_S / period_s).round() as usize;
+        let squares: f64 = (1..=lags).map(|lag| (1.0 - lag as f64 / n as f64).powi(2)).sum();
+        let (rows, coloured) = colour(&rows_of(alternating, period_s), 0);
+        assert_eq!(rows, n as f64);
+        assert!((coloured / (n as f64 * (1.0 + 2.0 * squares)) - 1.0).abs() < 1e-12, "{coloured}");
+    }
+
+    #[test]
+    fn a_residual_that_does_not_move_is_not_coloured() {
+        assert_eq!(colour(&rows_of(vec![0.5; 30], 0.05), 0), (30.0, 30.0));
+    }
+
+    #[test]
+    fn each_candidate_has_its_columns_after_those_before_it() {
+        let candidates = [Effect::GroundEffect, Effect::SteadyWind, Effect::MotorLag];
+        let groups = groups(&candidates);
+        assert_eq!(groups[0].start, 0);
+        for (k, effect) in candidates.iter().enumerate() {
+            assert_eq!(groups[k].len(), effect.info().coefficients.len());
+            assert!(k == 0 || groups[k].start == groups[k - 1].end);
+        }
+    }
 }

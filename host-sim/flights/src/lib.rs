@@ -1,7 +1,22 @@
 //! Flight files: what a log holds, in which units and frames, read and written.
+//!
+//! A flight is a table of samples at nominally 100 Hz. Columns are found by name, in any order;
+//! unknown ones are left alone; an empty field is a missing value (NaN in memory). What cannot be
+//! right (time going back, degrees for radians, millimetres for metres) is refused with the row, the
+//! column and how to mend it.
 #![forbid(unsafe_code)]
 
+mod checks;
+mod columns;
 mod decimal;
+mod error;
 mod flight;
+mod foreign;
+mod header;
+mod reading;
+mod sampling;
 
-pub use flight::{COLUMNS, Column, Flight, FlightError, median_step};
+pub use columns::{COLUMNS, Column};
+pub use error::FlightError;
+pub use flight::Flight;
+pub use sampling::{GAP_PERIODS, median_step};

@@ -25,6 +25,7 @@ mod model_file;
 mod pendulum;
 mod plant;
 mod quantity;
+pub mod rotor_lag;
 mod sample;
 pub mod user_effects;
 mod vehicle;

@@ -369,3 +369,67 @@ fn check_command(log: &Log, motor: &Motor, vehicle: &Vehicle) -> Result<(), Stan
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn log(path: &str, columns: &[(&str, Vec<f64>)]) -> Log {
+        Log {
+            path: path.into(),
+            names: columns.iter().map(|(name, _)| (*name).to_owned()).collect(),
+            columns: columns.iter().map(|(_, values)| values.clone()).collect(),
+        }
+    }
+
+    fn rising(from: f64, to: f64) -> Vec<f64> {
+        (0..200).map(|k| from + (to - from) * f64::from(k) / 199.0).collect()
+    }
+
+    #[test]
+    fn equal_commands_of_four_motors_belong_to_the_one_rotor() {
+        let same: Vec<_> = ["cmd1", "cmd2", "cmd3", "cmd4"].map(|name| (name, rising(1300.0, 1700.0))).into();
+        let rotor = log("rotor.csv", &[("omega", rising(400.0, 700.0))]);
+        assert_eq!(
+            command_of(&log("craft.csv", &same), &rotor, 0, None).unwrap(),
+            (0, rising(1300.0, 1700.0))
+        );
+        let mut different = same;
+        different[2].1 = rising(1300.0, 1600.0);
+        let craft = log("craft.csv", &different);
+        assert!(matches!(command_of(&craft, &rotor, 0, None), Err(StandError::WhichMotor { .. })));
+        assert_eq!(command_of(&craft, &rotor, 0, Some(3)).unwrap(), (3, rising(1300.0, 1600.0)));
+    }
+
+    /// 635 rad/s, at which the thesis' craft hovers, are 6064 revolutions a minute and 101 a second.
+    #[test]
+    fn speeds_in_other_units_are_refused_and_radians_are_not() {
+        let vehicle = Vehicle::thesis();
+        let rotor = log("rotor.csv", &[]);
+        let check = |factor: f64| {
+            let speed = rising(500.0 * factor, 700.0 * factor);
+            check_speed(&rotor, "omega", &speed, &vehicle).map_err(|error| error.to_string())
+        };
+        assert_eq!(check(1.0), Ok(()));
+        let per_minute = check(60.0 / std::f64::consts::TAU).unwrap_err();
+        assert!(per_minute.contains("revolutions a minute"), "{per_minute}");
+        let per_second = check(1.0 / std::f64::consts::TAU).unwrap_err();
+        assert!(per_second.contains("revolutions a second"), "{per_second}");
+    }
+
+    #[test]
+    fn one_pulse_too_many_is_no_other_unit() {
+        let mut speed = rising(500.0, 700.0);
+        speed[50] = 6000.0;
+        check_speed(&log("rotor.csv", &[]), "omega", &speed, &Vehicle::thesis()).unwrap();
+    }
+
+    #[test]
+    fn a_time_that_falls_is_named_with_its_row() {
+        let mut t = rising(0.0, 2.0);
+        t[10] = t[8];
+        let error = log("craft.csv", &[("t", t)]).check_times().unwrap_err().to_string();
+        // The header is row 1, so that sample 10, counted from 0, is row 12.
+        assert!(error.starts_with("craft.csv: row 12: t is "), "{error}");
+    }
+}

@@ -9,6 +9,23 @@ use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
 /// Fewest blocks that say anything about chance.
 const FEWEST_BLOCKS: usize = 3;
 
+pub(crate) fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// Standard deviation about the mean, of all values there are: divided by their number.
+pub(crate) fn deviation(values: &[f64]) -> f64 {
+    let middle = mean(values);
+    mean(&values.iter().map(|v| (v - middle).powi(2)).collect::<Vec<_>>()).sqrt()
+}
+
+/// Pearson's coefficient; about zero where one of the two is constant.
+pub(crate) fn correlation(a: &[f64], b: &[f64]) -> f64 {
+    let (ma, mb) = (mean(a), mean(b));
+    let product = a.iter().zip(b).map(|(a, b)| (a - ma) * (b - mb)).sum::<f64>() / a.len().max(1) as f64;
+    product / (deviation(a) * deviation(b)).max(1e-12)
+}
+
 /// Median of some values; of an even number, the mean of the middle two.
 pub fn median(values: &mut [f64]) -> Option<f64> {
     values.sort_unstable_by(f64::total_cmp);

@@ -32,7 +32,7 @@ use rand_pcg::Pcg64;
 pub use body::{Body, STEP_S};
 pub use craft::{Craft, Size};
 pub use pilot::{Pattern, Style};
-pub use planted::{OUTSIDE, PLANTED, Planted, changes};
+pub use planted::{OUTSIDE, PLANTED, Planted, UnknownEffect, changes};
 pub use sensors::Sensors;
 pub use truth::True;
 
@@ -67,11 +67,6 @@ pub struct Lost {
     pub time_s: f64,
 }
 
-/// An identifier that no effect of the worlds has.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("no effect of the simulated worlds is called {0}")]
-pub struct UnknownEffect(pub String);
-
 impl World {
     /// A calm world: a craft of `size` drawn from `seed`.
     pub fn new(size: Size, seed: u64) -> Self {
@@ -95,7 +90,7 @@ impl World {
 
     /// The true values of coefficients in the model's terms.
     pub fn truth(&self) -> Vec<True> {
-        truth::of(self)
+        truth::of(&self.craft, &self.vehicle, &self.planted)
     }
 
     /// Flies `pattern` for `duration_s`. `round` tells repeated flights of one pattern apart.

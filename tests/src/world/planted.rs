@@ -9,7 +9,6 @@ use nalgebra::Vector3;
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
-use super::UnknownEffect;
 use super::craft::{Craft, Load, Tether};
 
 /// An effect that is in a world.
@@ -20,6 +19,11 @@ pub struct Planted {
     /// 1 is what a person would notice.
     pub strength: f64,
 }
+
+/// An identifier that no effect of the worlds has.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("no effect of the simulated worlds is called {0}")]
+pub struct UnknownEffect(pub String);
 
 /// Changes a craft, or what its operator believes of it.
 type Plant = fn(&mut Craft, &mut Vehicle, f64, &mut Pcg64);

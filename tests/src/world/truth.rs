@@ -4,7 +4,10 @@
 //! never sees; a thrust arm there is sqrt(2) l, a reaction torque's arm the rotor's radius. What
 //! has no such coefficient is left out.
 
-use super::World;
+use model::Vehicle;
+
+use super::craft::Craft;
+use super::planted::Planted;
 
 /// A coefficient's true value.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,10 +23,10 @@ pub struct True {
 const ROLL: [f64; 4] = [1.0, -1.0, -1.0, 1.0];
 const PITCH: [f64; 4] = [1.0, 1.0, -1.0, -1.0];
 
-pub(super) fn of(world: &World) -> Vec<True> {
-    let mut all = basic(world);
-    for planted in &world.planted {
-        all.extend(own(world, planted.id));
+pub(super) fn of(craft: &Craft, vehicle: &Vehicle, planted: &[Planted]) -> Vec<True> {
+    let mut all = basic(craft, vehicle);
+    for planted in planted {
+        all.extend(own(craft, vehicle, planted.id));
     }
     all
 }
@@ -32,8 +35,7 @@ fn list(effect: &'static str, values: impl IntoIterator<Item = f64>) -> impl Ite
     values.into_iter().enumerate().map(move |(index, value)| True { effect, index, value })
 }
 
-fn basic(world: &World) -> Vec<True> {
-    let (craft, vehicle) = (&world.craft, &world.vehicle);
+fn basic(craft: &Craft, vehicle: &Vehicle) -> Vec<True> {
     let beta = vehicle.beta_kg_m();
     let per_mass = vehicle.mass / craft.mass_kg;
     // A product of inertia is a term of its own there: torques are divided by the tensor's
@@ -60,8 +62,7 @@ fn basic(world: &World) -> Vec<True> {
 }
 
 /// The coefficients of a planted effect, where the model means the same by them.
-fn own(world: &World, id: &'static str) -> Vec<True> {
-    let (craft, vehicle) = (&world.craft, &world.vehicle);
+fn own(craft: &Craft, vehicle: &Vehicle, id: &'static str) -> Vec<True> {
     let inertia = craft.inertia_kg_m2.diagonal();
     let values: Vec<f64> = match id {
         "quadratic-drag" => craft.quadratic_drag.map(|d| -d).to_vec(),

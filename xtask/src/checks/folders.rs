@@ -131,6 +131,12 @@ const FOLDERS: &[Folder] = &[
     row("sysid", "fit", &["statistics.rs", "filter.rs", "prepare"], "a fit is made of prepared samples"),
     row(
         "sysid",
+        "fit/output_error",
+        &["statistics.rs", "filter.rs", "prepare", "fit"],
+        "a refinement starts from a fit",
+    ),
+    row(
+        "sysid",
         "checks",
         &["statistics.rs", "filter.rs", "prepare", "fit"],
         "a check looks at a flight through what a fit leaves of it",
@@ -150,6 +156,8 @@ const FOLDERS: &[Folder] = &[
     ),
     row("diagnosis", ".", &["columns.rs", "planning"], "findings come before plans for the next flight"),
     row("diagnosis", "workflow", &[".", "planning"], "what the commands do joins all steps"),
+    row("motor-stand", ".", &[], "logs of the stand are read without knowing what they say together"),
+    row("motor-stand", "motor_map", &["."], "map, lag and clocks are fitted to logs"),
     row("quadlab", "cli", &[], "arguments, progress and files are the same for every command"),
     row("quadlab", "render", &["cli"], "tables, pages and figures are drawn from results"),
     row("quadlab", "commands", &["cli", "render"], "a command parses, calls a library and shows the result"),

@@ -14,6 +14,7 @@ use crate::frames;
 use crate::model::Model;
 use crate::pendulum::Pendulum;
 use crate::plant::state::{Derivative, State, moved};
+use crate::rotor_lag::{RotorLag, decayed};
 use crate::sample::{Constants, Sample, SampleInput};
 use crate::user_effects::Undefined;
 use crate::vehicle::RotorMap;
@@ -138,7 +139,7 @@ impl Plant {
     /// Cuts `period_s` into `count` integration steps.
     pub fn substeps(&self, period_s: f64, count: u32) -> Substeps {
         let step_s = period_s / f64::from(count);
-        let decay_over = |time_s: f64| self.lag_rad_s.map_or(0.0, |lag| (-lag * time_s).exp());
+        let decay_over = |time_s: f64| self.lag_rad_s.map_or(0.0, |lag| RotorLag::new(lag).decay(time_s));
         Substeps { count, step_s, half_decay: decay_over(0.5 * step_s), decay: decay_over(step_s) }
     }
 
@@ -218,9 +219,8 @@ impl Plant {
 
     fn lagged_step(&self, state: &mut State, commanded: &[f64; 4], battery_v: f64, substeps: &Substeps) {
         let start = state.rotor_rad_s;
-        let towards = |decay: f64| -> [f64; 4] {
-            std::array::from_fn(|i| commanded[i] + (start[i] - commanded[i]) * decay)
-        };
+        let towards =
+            |decay: f64| -> [f64; 4] { std::array::from_fn(|i| decayed(start[i], commanded[i], decay)) };
         let (middle, end) = (towards(substeps.half_decay), towards(substeps.decay));
         let slope = |rotor: &[f64; 4]| self.lagged_acceleration_rad_s2(rotor, commanded);
         self.integrate(state, [&start, &middle, &end], slope, battery_v, substeps.step_s);

@@ -175,7 +175,7 @@ fn jumps(flight: &Flight, period_s: f64) -> Vec<usize> {
     let mut found: Vec<usize> = Vec::new();
     for k in 1..flight.len().saturating_sub(2) {
         let step_s = t[k + 1] - t[k];
-        if step_s > 3.5 * period_s {
+        if step_s > flights::GAP_PERIODS * period_s {
             continue;
         }
         // The step between two samples against those before and after it, for equal times.

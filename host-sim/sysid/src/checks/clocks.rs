@@ -393,7 +393,7 @@ pub fn align(flight: &Flight, correction: &Correction) -> Flight {
 /// A column read at other times, along cubics; missing where a neighbour is missing or far.
 fn read_at(t: &[f64], values: &[f64], moved: impl Fn(f64) -> f64, angles: bool) -> Vec<f64> {
     use std::f64::consts::TAU;
-    let longest = 3.5 * flights::median_step(t);
+    let longest = flights::GAP_PERIODS * flights::median_step(t);
     let mut at = 0;
     t.iter()
         .map(|&row| {

@@ -8,12 +8,12 @@
 use model::Vehicle;
 use nalgebra::{Matrix3, Vector3};
 
-use crate::checks::frames::{
-    BETTER_BY, FrameFault, LEAST_ROWS, MENDED, ROW_PERIOD_S, Relation, Taps, below, correlation, deviation,
-    mean,
-};
+use crate::checks::frame_relations::{LEAST_ROWS, MENDED, ROW_PERIOD_S, Relation, below};
+use crate::checks::frame_taps::Taps;
+use crate::checks::frames::{BETTER_BY, FrameFault};
 use crate::checks::tracks::Axes;
 use crate::prepare::{Prepared, vector};
+use crate::statistics::{correlation, deviation, mean};
 
 /// Correlation under which an IMU is in doubt, and forces under which it tells nothing, m/s^2. To the sides a craft feels its
 /// drag only, so both are lower than for the rest.

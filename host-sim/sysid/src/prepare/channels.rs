@@ -2,12 +2,12 @@
 
 use std::borrow::Cow;
 
-use flights::{Column, Flight};
+use flights::{Column, Flight, GAP_PERIODS};
 use model::frames;
 
 use crate::filter::{RegressionFilter, convolve};
 use crate::prepare::columns::{BATTERY, COMMAND, EULER, OPTIONAL, POSITION, RATE};
-use crate::prepare::grid::{EvenGrid, GAP_PERIODS};
+use crate::prepare::grid::EvenGrid;
 use crate::prepare::outliers;
 use crate::prepare::stretch::{Stretch, vector};
 
@@ -63,17 +63,11 @@ impl<'a> Channels<'a> {
         all
     }
 
-    pub(crate) fn stretch(
-        &self,
-        mut even: EvenGrid,
-        period_s: f64,
-        filter: &RegressionFilter,
-        logged_velocity: bool,
-    ) -> Stretch {
+    pub(crate) fn stretch(&self, mut even: EvenGrid, period_s: f64, filter: &RegressionFilter) -> Stretch {
         let position_ned_m = even.take(POSITION);
         let euler = even.take(EULER);
         let dcm = (0..even.time_s.len()).map(|k| frames::dcm_from_euler(vector(&euler, k))).collect();
-        let velocity_ned_m_s = match self.velocity.filter(|_| logged_velocity) {
+        let velocity_ned_m_s = match self.velocity {
             Some(first) => even.take(first),
             None => {
                 // Plain differences at the ends: rows there are never used, but filters must not spread a NaN.

@@ -3,10 +3,10 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use crate::prepare::columns::{BATTERY, COMMAND};
+use flights::GAP_PERIODS;
 
-/// Steps longer than this many periods are gaps: nothing is interpolated across.
-pub(crate) const GAP_PERIODS: f64 = 3.5;
+use crate::prepare::columns::{BATTERY, COMMAND};
+use crate::prepare::hermite::hermite;
 
 /// Missing values in a row that are bridged.
 const BRIDGED_SAMPLES: usize = 3;
@@ -17,9 +17,10 @@ const BRIDGED_BATTERY_SAMPLES: usize = 200;
 /// Steps that differ from the period by more than this part are jitter to be interpolated away.
 const JITTER: f64 = 0.02;
 
-/// Bridges runs of up to [`BRIDGED_SAMPLES`] missing values: along cubic arcs, as a straight line under a turn would be low by
-/// more than the noise; the battery and commands, which are held, by a straight line. Nothing but the battery is bridged across a gap
-/// in time. Returns the number of values filled in, the battery's aside.
+/// Bridges runs of up to [`BRIDGED_SAMPLES`] missing values: along cubic arcs, as a straight line
+/// under a turn would be low by more than the noise; the battery and commands, which are held, by a
+/// straight line. Nothing but the battery is bridged across a gap in time. Returns the number of
+/// values filled in, the battery's aside.
 pub(crate) fn bridge(t: &[f64], columns: &mut [Cow<[f64]>], period_s: f64) -> usize {
     let has_gap = |rows: &[usize]| (rows[0]..rows[1]).any(|k| t[k + 1] - t[k] > GAP_PERIODS * period_s);
     let mut count = 0;
@@ -44,7 +45,7 @@ pub(crate) fn bridge(t: &[f64], columns: &mut [Cow<[f64]>], period_s: f64) -> us
                     let part = (t[k] - times[at]) / (times[at + 1] - times[at]);
                     values[at] + (values[at + 1] - values[at]) * part
                 } else {
-                    hermite(&times, &values, at, t[k])
+                    interpolated(&times, &values, at, t[k])
                 };
                 count += usize::from(index != BATTERY);
             }
@@ -94,8 +95,8 @@ impl EvenGrid {
     }
 }
 
-/// The samples on an even grid: as they are when the log is even, else interpolated (commands are held, the rest runs
-/// along cubic Hermite arcs).
+/// The samples on an even grid: as they are when the log is even, else interpolated (commands are
+/// held, the rest runs along cubic Hermite arcs).
 pub(crate) fn even_grid(
     t: &[f64],
     columns: &[Cow<[f64]>],
@@ -142,7 +143,7 @@ pub(crate) fn even_grid(
                 // A row that is a little late tells of a command that has already been there.
                 values[at + usize::from(times[at + 1] - time < 0.5 * period_s)]
             } else {
-                hermite(times, values, at, time)
+                interpolated(times, values, at, time)
             }
         };
         grid.iter().zip(&before).map(at_time).collect()
@@ -150,8 +151,9 @@ pub(crate) fn even_grid(
     EvenGrid { time_s: grid.clone(), jitter_s, columns: columns.collect(), measured }
 }
 
-/// Where an even grid starts that lies in the middle of jittering times: one that began at a late row would be late throughout,
-/// and every command on it. With the standard deviation of the times about it.
+/// Where an even grid starts that lies in the middle of jittering times: one that began at a late
+/// row would be late throughout, and every command on it. With the standard deviation of the times
+/// about it.
 fn grid_start(times: &[f64], period_s: f64) -> (f64, f64) {
     let off = |t: &f64| {
         let periods = (t - times[0]) / period_s;
@@ -164,9 +166,10 @@ fn grid_start(times: &[f64], period_s: f64) -> (f64, f64) {
     (if start < times[0] { start + period_s } else { start }, period_s * variance.sqrt())
 }
 
-/// Cubic Hermite interpolation between samples `at` and `at + 1`, with the slopes of the parabolas through each of them and its
-/// neighbours: exact for a parabola however the samples lie, and in the middle of even ones a cubic through four.
-fn hermite(t: &[f64], y: &[f64], at: usize, time: f64) -> f64 {
+/// Cubic Hermite interpolation between samples `at` and `at + 1`, with the slopes of the parabolas
+/// through each of them and its neighbours: exact for a parabola however the samples lie, and in
+/// the middle of even ones a cubic through four.
+fn interpolated(t: &[f64], y: &[f64], at: usize, time: f64) -> f64 {
     let secant = |k: usize| (y[k + 1] - y[k]) / (t[k + 1] - t[k]);
     let slope = |k: usize| {
         if k == 0 {
@@ -179,12 +182,7 @@ fn hermite(t: &[f64], y: &[f64], at: usize, time: f64) -> f64 {
         (secant(k - 1) * after + secant(k) * before) / (before + after)
     };
     let step = t[at + 1] - t[at];
-    let s = (time - t[at]) / step;
-    let (s2, s3) = (s * s, s * s * s);
-    (2.0 * s3 - 3.0 * s2 + 1.0) * y[at]
-        + (s3 - 2.0 * s2 + s) * step * slope(at)
-        + (3.0 * s2 - 2.0 * s3) * y[at + 1]
-        + (s3 - s2) * step * slope(at + 1)
+    hermite((time - t[at]) / step, step, [y[at], y[at + 1]], [slope(at), slope(at + 1)])
 }
 
 #[cfg(test)]
@@ -192,8 +190,8 @@ mod tests {
     use super::*;
     use crate::prepare::columns::{BATTERY, COMMAND, OPTIONAL, POSITION, RATE};
 
-    /// Every value that can be missing comes back: a cubic's in the middle of four even samples, a parabola's anywhere, a straight
-    /// line's of what is held.
+    /// Every value that can be missing comes back: a cubic's in the middle of four even samples, a
+    /// parabola's anywhere, a straight line's of what is held.
     #[test]
     fn missing_values_come_back() {
         let even: Vec<f64> = (0..40).map(|k| 0.01 * f64::from(k)).collect();

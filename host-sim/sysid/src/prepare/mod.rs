@@ -8,6 +8,7 @@ pub mod conditions;
 mod corrections;
 mod error;
 mod grid;
+mod hermite;
 mod outliers;
 mod prepared;
 mod states;

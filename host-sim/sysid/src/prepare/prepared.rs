@@ -1,13 +1,16 @@
 //! From a flight as logged to even stretches of samples that a regression can use (4.2.3 to 4.2.5).
 //!
 //! What is done, in order:
-//! 1. Gross outliers become missing values (`outliers.rs`). The log is cut into stretches without gaps; jitter is taken out by interpolation to an even grid; single missing
-//!    values are bridged. What was done is counted in [`Prepared::notes`].
-//! 2. Angles are unwrapped. The gyro's bias is taken out: its mean difference from the rates of the tracked attitude
-//!    (the low frequencies of (4.6); the gyro keeps the rest). So is an accelerometer's, against an estimator's velocity.
-//! 3. Rotor speeds: logged ones, or the motor map (4.10) at the smoothed battery voltage, then the first-order lag,
-//!    exactly for commands held over a sample. The voltage is freed from noise in `battery.rs`; the causal filter of 4.2.5
-//!    would be half a second late against the load that makes the voltage sag.
+//! 1. Gross outliers become missing values (`outliers.rs`). The log is cut into stretches without
+//!    gaps; jitter is taken out by interpolation to an even grid; single missing values are
+//!    bridged. What was done is counted in [`Prepared::notes`].
+//! 2. Angles are unwrapped. The gyro's bias is taken out: its mean difference from the rates of the
+//!    tracked attitude (the low frequencies of (4.6); the gyro keeps the rest). So is an
+//!    accelerometer's, against an estimator's velocity.
+//! 3. Rotor speeds: logged ones, or the motor map (4.10) at the smoothed battery voltage, then the
+//!    first-order lag, exactly for commands held over a sample. The voltage is freed from noise in
+//!    `battery.rs`; the causal filter of 4.2.5 would be half a second late against the load that
+//!    makes the voltage sag.
 //!
 //! What the rows are made of is in `rows.rs`.
 
@@ -34,7 +37,21 @@ pub enum ForceTarget {
     Position,
 }
 
+const SPECIFIC_FORCE: [Column; 3] = [Column::Ax, Column::Ay, Column::Az];
+const VELOCITY: [Column; 3] = [Column::Vx, Column::Vy, Column::Vz];
+
 impl ForceTarget {
+    /// The one that needs the fewest derivatives of what the flight logged.
+    fn of(flight: &Flight) -> Self {
+        if flight.group(SPECIFIC_FORCE).is_some() {
+            Self::Imu
+        } else if flight.group(VELOCITY).is_some() {
+            Self::Velocity
+        } else {
+            Self::Position
+        }
+    }
+
     /// For people.
     pub const fn name(self) -> &'static str {
         match self {
@@ -54,18 +71,20 @@ pub struct Prepared {
     pub period_s: f64,
     /// Where the force rows' targets come from.
     pub force_target: ForceTarget,
-    /// Whether positions, velocities and attitudes are an estimator's output rather than raw tracking.
+    /// Whether positions, velocities and attitudes are an estimator's output rather than raw
+    /// tracking.
     pub has_logged_velocity: bool,
     /// Gyro bias found and taken out, rad/s.
     pub gyro_bias_rad_s: [f64; 3],
-    /// Accelerometer bias along x and y found and taken out, m/s^2; zero without an accelerometer and
-    /// for raw tracking.
+    /// Accelerometer bias along x and y found and taken out, m/s^2; zero without an accelerometer
+    /// and for raw tracking.
     pub accelerometer_bias_m_s2: [f64; 2],
     /// What was mended or left out, for people.
     pub notes: Vec<String>,
     /// The clock of the rotor samples against that of the state, where it was looked at.
     pub alignment: Option<Alignment>,
-    /// Constant part of the targets that belongs to this flight and not to the craft; m/s^2, rad/s^2.
+    /// Constant part of the targets that belongs to this flight and not to the craft; m/s^2,
+    /// rad/s^2.
     pub trim: Option<Trim>,
     /// Standard deviation of the log's times about an even grid, s.
     pub jitter_s: f64,
@@ -83,64 +102,27 @@ impl Prepared {
         let t = flight.required(Column::T);
         let period_s = rounded_period(median_step(t));
         let filter = RegressionFilter::new(period_s);
-        let mut notes = Vec::new();
-        let imu = flight.group([Column::Ax, Column::Ay, Column::Az]);
-        let velocity = flight.group([Column::Vx, Column::Vy, Column::Vz]);
-        let force_target = match (&imu, &velocity) {
-            (Some(_), _) => ForceTarget::Imu,
-            (None, Some(_)) => ForceTarget::Velocity,
-            (None, None) => ForceTarget::Position,
-        };
+        let force_target = ForceTarget::of(flight);
+        let has_logged_velocity = flight.group(VELOCITY).is_some();
         // Differentiating the position twice takes two windows.
         let windows = if force_target == ForceTarget::Position { 2 } else { 1 };
         let margin = windows * filter.half();
-        let shortest = 2 * margin + filter.smooth.len();
-        let mut channels = Channels::new(flight, imu.is_some(), velocity.is_some());
-        let spikes = channels.take_out_spikes(t, period_s);
-        if spikes > 0 {
-            let plural = if spikes == 1 { "" } else { "s" };
-            notes.push(format!("{spikes} outlier{plural} taken out"));
-        }
+        let mut notes = Vec::new();
+        let mut channels = Channels::new(flight, force_target == ForceTarget::Imu, has_logged_velocity);
+        note_spikes(channels.take_out_spikes(t, period_s), &mut notes);
         if channels.rotor.is_none() && !vehicle.can_map_commands() {
             return Err(PrepareError::NoRotorSpeeds);
         }
-        let measured = channels.measured();
-        let bridged = bridge(t, &mut channels.columns, period_s);
-        let columns = &channels.columns;
-        if bridged > 0 {
-            notes.push(format!("{bridged} single missing values bridged"));
-        }
-        let mut stretches = Vec::new();
-        let (mut dropped, mut jitter_s) = (0, 0.0);
-        for range in unbroken(t, columns, period_s) {
-            if range.len() < shortest {
-                dropped += range.len();
-                continue;
-            }
-            let even = even_grid(t, columns, &measured, range, period_s, &mut notes);
-            jitter_s = f64::max(jitter_s, even.jitter_s);
-            stretches.push(channels.stretch(even, period_s, &filter, velocity.is_some()));
-        }
-        if dropped > 0 {
-            notes.push(format!(
-                "{dropped} samples in stretches under {:.1} s left out",
-                shortest as f64 * period_s
-            ));
-        }
-        if stretches.is_empty() {
-            let duration_s = t.last().unwrap_or(&0.0) - t.first().unwrap_or(&0.0);
-            let needed_s = shortest as f64 * period_s;
-            return Err(PrepareError::TooShort { samples: t.len(), duration_s, needed_s });
-        }
+        let (mut stretches, jitter_s) = even_stretches(channels, t, period_s, &filter, margin, &mut notes)?;
         battery::steady(&mut stretches, vehicle, period_s);
         let gyro_bias_rad_s = remove_gyro_bias(&mut stretches, &filter);
-        let has_logged_velocity = velocity.is_some();
         let accelerometer_bias_m_s2 = if has_logged_velocity {
             remove_accelerometer_bias(&mut stretches, &filter, vehicle.gravity)
         } else {
             [0.0; 2]
         };
-        let mut prepared = Self {
+        notes.dedup();
+        Ok(Self {
             name: flight.name.clone(),
             period_s,
             force_target,
@@ -154,9 +136,7 @@ impl Prepared {
             stretches,
             filter,
             margin,
-        };
-        prepared.notes.dedup();
-        Ok(prepared)
+        })
     }
 
     /// All but the samples.
@@ -181,7 +161,8 @@ impl Prepared {
         self.stretches.iter().any(|s| s.logged_rotor_rad_s.is_some())
     }
 
-    /// By how much the rotor samples (measured speeds or commands) come late against the state, s, where it is corrected.
+    /// By how much the rotor samples (measured speeds or commands) come late against the state, s,
+    /// where it is corrected.
     pub fn rotor_late_s(&self) -> f64 {
         self.alignment.as_ref().map_or(0.0, Alignment::corrected_s)
     }
@@ -200,14 +181,136 @@ impl Prepared {
         self.starts_of_rows(1)
     }
 
-    /// Signals without their high frequencies; as they are at the ends, where the window does not fit.
+    /// Signals without their high frequencies; as they are at the ends, where the window does not
+    /// fit.
     pub fn smooth(&self, signals: &[Vec<f64>; 3]) -> [Vec<f64>; 3] {
         signals.each_ref().map(|signal| smoothed(signal, &self.filter.smooth))
     }
 }
 
-/// A period within 0.1 % of a whole number of tenths of a millisecond is that number: clocks tick evenly.
+fn note_spikes(spikes: usize, notes: &mut Vec<String>) {
+    if spikes > 0 {
+        let plural = if spikes == 1 { "" } else { "s" };
+        notes.push(format!("{spikes} outlier{plural} taken out"));
+    }
+}
+
+/// Stretches without gaps that are long enough to give rows, on even grids; and the standard
+/// deviation of the log's times about them, s.
+fn even_stretches(
+    mut channels: Channels,
+    t: &[f64],
+    period_s: f64,
+    filter: &RegressionFilter,
+    margin: usize,
+    notes: &mut Vec<String>,
+) -> Result<(Vec<Stretch>, f64), PrepareError> {
+    let shortest = 2 * margin + filter.smooth.len();
+    let measured = channels.measured();
+    let bridged = bridge(t, &mut channels.columns, period_s);
+    if bridged > 0 {
+        notes.push(format!("{bridged} single missing values bridged"));
+    }
+    let columns = &channels.columns;
+    let (mut stretches, mut dropped, mut jitter_s) = (Vec::new(), 0, 0.0);
+    for range in unbroken(t, columns, period_s) {
+        if range.len() < shortest {
+            dropped += range.len();
+            continue;
+        }
+        let even = even_grid(t, columns, &measured, range, period_s, notes);
+        jitter_s = f64::max(jitter_s, even.jitter_s);
+        stretches.push(channels.stretch(even, period_s, filter));
+    }
+    if dropped > 0 {
+        let shortest_s = shortest as f64 * period_s;
+        notes.push(format!("{dropped} samples in stretches under {shortest_s:.1} s left out"));
+    }
+    if stretches.is_empty() {
+        let duration_s = t.last().unwrap_or(&0.0) - t.first().unwrap_or(&0.0);
+        let needed_s = shortest as f64 * period_s;
+        return Err(PrepareError::TooShort { samples: t.len(), duration_s, needed_s });
+    }
+    Ok((stretches, jitter_s))
+}
+
+/// A period within 0.1 % of a whole number of tenths of a millisecond is that number: clocks tick
+/// evenly.
 fn rounded_period(period_s: f64) -> f64 {
     let rounded = (period_s * 1e4).round() / 1e4;
     if (rounded - period_s).abs() < 1e-3 * period_s { rounded } else { period_s }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A craft at rest for `count` samples at 100 Hz, with these columns besides.
+    fn resting(count: usize, more: &[Column]) -> Flight {
+        use Column::*;
+        let required = [X, Y, Z, Phi, Theta, Psi, P, Q, R, Cmd1, Cmd2, Cmd3, Cmd4, Vbat];
+        let value = |column| match column {
+            Cmd1 | Cmd2 | Cmd3 | Cmd4 => 1500.0,
+            Vbat => 11.5,
+            Az => -9.81,
+            _ => 0.0,
+        };
+        let t = (0..count).map(|k| 0.01 * k as f64).collect();
+        let others = required.iter().chain(more).map(|&column| (column, vec![value(column); count]));
+        Flight::from_columns("resting", std::iter::once((T, t)).chain(others))
+    }
+
+    fn prepared(flight: &Flight) -> Prepared {
+        Prepared::new(flight, &Vehicle::thesis()).unwrap()
+    }
+
+    #[test]
+    fn a_clock_that_ticks_evenly_has_a_round_period() {
+        assert_eq!(rounded_period(0.010_000_4), 0.01);
+        // 1/120 s is no whole number of tenths of a millisecond.
+        assert_eq!(rounded_period(1.0 / 120.0), 1.0 / 120.0);
+    }
+
+    #[test]
+    fn forces_come_from_what_needs_the_fewest_derivatives() {
+        let target = |more: &[Column]| prepared(&resting(500, more)).force_target;
+        assert_eq!(target(&[]), ForceTarget::Position);
+        assert_eq!(target(&VELOCITY), ForceTarget::Velocity);
+        assert_eq!(target(&[SPECIFIC_FORCE, VELOCITY].concat()), ForceTarget::Imu);
+    }
+
+    #[test]
+    fn a_position_costs_twice_the_rows_of_a_velocity_at_the_ends() {
+        let (position, velocity) = (prepared(&resting(500, &[])), prepared(&resting(500, &VELOCITY)));
+        assert_eq!(position.margin, 2 * velocity.margin);
+        assert_eq!(position.rows(), 500 - 2 * position.margin);
+        assert_eq!(velocity.rows(), 500 - 2 * velocity.margin);
+    }
+
+    #[test]
+    fn a_gap_in_time_begins_a_new_stretch() {
+        let mut flight = resting(800, &[]);
+        let mut t = flight.required(Column::T).to_vec();
+        t[500..].iter_mut().for_each(|t| *t += 0.5);
+        flight.replace(Column::T, t);
+        let lengths: Vec<usize> = prepared(&flight).stretches.iter().map(|s| s.time_s.len()).collect();
+        assert_eq!(lengths, [500, 300]);
+    }
+
+    #[test]
+    fn a_stretch_that_gives_no_row_is_left_out_and_noted() {
+        let mut flight = resting(520, &[]);
+        let mut t = flight.required(Column::T).to_vec();
+        t[500..].iter_mut().for_each(|t| *t += 0.5);
+        flight.replace(Column::T, t);
+        let prepared = prepared(&flight);
+        assert_eq!(prepared.stretches.len(), 1);
+        assert!(prepared.notes.iter().any(|note| note.starts_with("20 samples in stretches under ")));
+    }
+
+    #[test]
+    fn a_flight_that_is_too_short_says_how_long_it_is() {
+        let error = Prepared::new(&resting(21, &[]), &Vehicle::thesis()).unwrap_err();
+        assert!(error.to_string().starts_with("has 21 samples over 0.20 s; at least "), "{error}");
+    }
 }

@@ -1,9 +1,11 @@
 //! A stretch of a flight without gaps, and how fast its rotors turned.
 
+use model::rotor_lag::{RotorLag, decayed};
 use model::{Adjustments, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::filter::convolve;
+use crate::prepare::hermite::hermite;
 
 /// A stretch of a flight without gaps, evenly sampled.
 #[derive(Debug, Clone)]
@@ -28,7 +30,8 @@ pub struct Stretch {
     pub battery_v: Vec<f64>,
     /// Specific force along the body axes, m/s^2.
     pub imu_m_s2: Option<[Vec<f64>; 3]>,
-    /// Whether a sample's sensor values were all logged, not filled in: only those carry the sensors' noise.
+    /// Whether a sample's sensor values were all logged, not filled in: only those carry the
+    /// sensors' noise.
     pub measured: Vec<bool>,
 }
 
@@ -61,7 +64,8 @@ impl Stretch {
         }
     }
 
-    /// Each rotor's speed. `late_s` is what the log's rotor samples come late: they are brought forward by it.
+    /// Each rotor's speed. `late_s` is what the log's rotor samples come late: they are brought
+    /// forward by it.
     pub fn rotors(
         &self,
         vehicle: &Vehicle,
@@ -84,8 +88,9 @@ impl Stretch {
         }
         let map = adjust.corrected_map(vehicle.rotor_map());
         let lag = adjust.lag_rad_s(vehicle.motors.lag);
-        // The battery acts at the motor, without dead time and all the while: over a sample, the mean of its ends. Held as
-        // it was at the sample's start, a sag would come half a sample late and show as drag.
+        // The battery acts at the motor, without dead time and all the while: over a sample, the
+        // mean of its ends. Held as it was at the sample's start, a sag would come half a sample
+        // late and show as drag.
         let by_voltage: Vec<f64> = (0..self.battery_v.len())
             .map(|k| {
                 let next = self.battery_v.get(k + 1).unwrap_or(&self.battery_v[k]);
@@ -112,17 +117,19 @@ impl RotorTrack {
     }
 }
 
-/// Response of a first-order lag (at once, without one) to commands held over a sample, `delay` samples late. Exact: between
-/// samples the response is an exponential.
+/// Response of a first-order lag (at once, without one) to commands held over a sample, `delay`
+/// samples late. Exact: between samples the response is an exponential.
 fn lagged(commanded: &[f64], lag_rad_s: Option<f64>, delay: f64, period_s: f64) -> RotorTrack {
     // At once: an exponential that has died out within any part of a sample.
     let lag = lag_rad_s.unwrap_or(1e6 / period_s);
-    let decay = |time_s: f64| (-lag * time_s).exp();
+    let decay = |time_s: f64| RotorLag::new(lag).decay(time_s);
     let over_sample = decay(period_s);
     let mut at_samples = Vec::with_capacity(commanded.len());
     let mut now = commanded.first().copied().unwrap_or(0.0);
     for &target in commanded {
         at_samples.push(now);
+        // As a weighted mean, not as `decayed` has it: what rounds differently would change
+        // results.
         now = target * (1.0 - over_sample) + now * over_sample;
     }
     if delay == 0.0 {
@@ -145,10 +152,11 @@ fn lagged(commanded: &[f64], lag_rad_s: Option<f64>, delay: f64, period_s: f64) 
     let speed_rad_s = (0..=last)
         .map(|k| {
             let from = clamped(k - back);
-            commanded[from] + (at_samples[from] - commanded[from]) * part_decay
+            decayed(at_samples[from], commanded[from], part_decay)
         })
         .collect();
-    // From the moment to the next sample under one command, then as long under the next one as makes a period.
+    // From the moment to the next sample under one command, then as long under the next one as
+    // makes a period.
     let (first_s, first_weight, second_weight) =
         (period_s - part_s, (part_decay - over_sample) / lag, (1.0 - part_decay) / lag);
     let mean_rad_s = (0..last)
@@ -174,11 +182,7 @@ fn shifted(signal: &[f64], delay: f64) -> Vec<f64> {
             let at = at as isize;
             let [a, b, c, d] = [value(at - 1), value(at), value(at + 1), value(at + 2)];
             let (slope_b, slope_c) = (0.5 * (c - a), 0.5 * (d - b));
-            let (s2, s3) = (s * s, s * s * s);
-            (2.0 * s3 - 3.0 * s2 + 1.0) * b
-                + (s3 - 2.0 * s2 + s) * slope_b
-                + (3.0 * s2 - 2.0 * s3) * c
-                + (s3 - s2) * slope_c
+            hermite(s, 1.0, [b, c], [slope_b, slope_c])
         })
         .collect()
 }

@@ -6,6 +6,7 @@
 //! clock, not on the number of threads.
 #![forbid(unsafe_code)]
 
+mod arguments;
 mod library;
 mod plan;
 mod score;
@@ -13,7 +14,6 @@ mod show;
 mod trial;
 
 use std::io::{IsTerminal, Write};
-use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -23,62 +23,10 @@ use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 
+use crate::arguments::Arguments;
 use crate::plan::{Plan, Trial};
 use crate::score::Scores;
 use crate::trial::Outcome;
-
-/// Measure how often diagnoses are right, on flights of simulated worlds that were not made with
-/// the product's plant.
-///
-/// Prints tables, and writes lab.json and index.html.
-#[derive(Parser)]
-#[command(
-    name = "lab",
-    version,
-    after_help = "Examples:\n  cargo xtask bench lab --quick\n  cargo xtask bench lab --only ground-effect --strength 0.3 --noise 2 --seeds 20 --keep-failures"
-)]
-struct Arguments {
-    /// One seed, one strength and one noise level: under a minute
-    #[arg(long)]
-    quick: bool,
-
-    /// Repetitions of every combination
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
-    seeds: Option<u64>,
-
-    /// First seed
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    seed: u64,
-
-    /// Strengths of the hidden effect; 1 is what a pilot would notice
-    #[arg(long, value_name = "S", num_args = 1.., value_parser = plan::positive)]
-    strength: Vec<f64>,
-
-    /// Noise of the sensors; 1 is a good motion capture
-    #[arg(long, value_name = "S", num_args = 1.., value_parser = plan::positive)]
-    noise: Vec<f64>,
-
-    /// Only trials that hide these (nothing, pairs, triples, changes, or identifiers of effects)
-    #[arg(long, value_name = "WHAT", num_args = 1..)]
-    only: Vec<String>,
-
-    /// Length of a flight, s
-    #[arg(long, value_name = "S", default_value_t = 24.0, value_parser = plan::flight_length)]
-    duration: f64,
-
-    /// Folder for lab.json and index.html
-    #[arg(long, value_name = "DIR", default_value = "out/lab")]
-    out: PathBuf,
-
-    /// Write the flights of wrong answers into folders of their own, for `quadlab explain`
-    #[arg(long)]
-    keep_failures: bool,
-
-    /// Write what regressions choose from in each trial into folders under this one, for
-    /// tests/peers/compare.py
-    #[arg(long, value_name = "DIR")]
-    libraries: Option<PathBuf>,
-}
 
 fn main() -> ExitCode {
     match run(&Arguments::parse()) {

@@ -8,7 +8,7 @@ use rand_pcg::Pcg64;
 use serde::Serialize;
 use stories::world::{OUTSIDE, PLANTED, Size, Style, changes};
 
-use crate::Arguments;
+use crate::arguments::Arguments;
 
 /// Low, middle and high.
 const STRENGTHS: [f64; 3] = [0.3, 0.75, 1.2];
@@ -265,14 +265,4 @@ fn seed(trial: &Trial, k: u64) -> u64 {
         .bytes()
         .fold(0xCBF2_9CE4_8422_2325_u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01B3));
     hash % 1_000_000
-}
-
-pub(crate) fn positive(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    if value > 0.0 && value <= 10.0 { Ok(value) } else { Err("must be above 0 and at most 10".into()) }
-}
-
-pub(crate) fn flight_length(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    if (10.0..=600.0).contains(&value) { Ok(value) } else { Err("must be between 10 and 600 s".into()) }
 }

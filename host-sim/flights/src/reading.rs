@@ -1,0 +1,229 @@
+//! Reading flight files.
+//!
+//! One of the hot paths (gigabytes of logs): plain numeric files take a scanner of our own, exact
+//! to the last bit; files with quotes go through the `csv` crate.
+
+use std::io::Read as _;
+use std::path::Path;
+
+use crate::columns::COLUMNS;
+use crate::decimal;
+use crate::error::FlightError;
+use crate::flight::Flight;
+use crate::foreign::foreign;
+use crate::header::{Header, read_header, shortened};
+
+/// Bytes read at once.
+const BLOCK_BYTES: usize = 256 * 1024;
+
+impl Flight {
+    /// Reads and checks a flight file.
+    ///
+    /// A block at a time, so that the text is parsed while it is in the cache and a long log costs
+    /// the memory of its numbers only.
+    pub fn read(path: &Path) -> Result<Self, FlightError> {
+        if path.is_dir() {
+            return Err(FlightError::Folder { path: path.into() });
+        }
+        let unreadable = |source| FlightError::Read { path: path.into(), source };
+        let mut file = std::fs::File::open(path).map_err(unreadable)?;
+        let size = file.metadata().map_or(0, |m| m.len() as usize);
+        let mut reader: Option<PlainReader> = None;
+        let mut block = vec![0; BLOCK_BYTES];
+        let mut kept = 0;
+        loop {
+            let read = file.read(&mut block[kept..]).map_err(unreadable)?;
+            let filled = kept + read;
+            let text = &block[..filled];
+            let last = read == 0;
+            // Whole rows only, unless nothing follows. Quotes need the whole file at once.
+            let end = if last { Some(filled) } else { memchr::memrchr(b'\n', text).map(|n| n + 1) };
+            let (Some(end), false) = (end, memchr::memchr(b'"', text).is_some()) else {
+                return Self::parse(&std::fs::read(path).map_err(unreadable)?, path);
+            };
+            match &mut reader {
+                Some(reader) => reader.rows(&block[..end], path)?,
+                None => reader = Some(PlainReader::new(&block[..end], size, path)?),
+            }
+            if last {
+                break;
+            }
+            block.copy_within(end..filled, 0);
+            kept = filled - end;
+        }
+        match reader {
+            Some(reader) => reader.finish(path),
+            None => Err(FlightError::Empty { path: path.into() }),
+        }
+    }
+
+    /// Parses the bytes of a flight file; `path` is for messages and gives the name.
+    pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, FlightError> {
+        if memchr::memchr(b'"', bytes).is_none() {
+            return PlainReader::new(bytes, bytes.len(), path)?.finish(path);
+        }
+        let bytes = without_mark(bytes, path)?;
+        let header_end = memchr::memchr(b'\n', bytes).unwrap_or(bytes.len());
+        let header = read_header(&bytes[..header_end], path)?;
+        let table = read_quoted(bytes, &header, path)?;
+        Self::from_table(&header, table, path)
+    }
+
+    fn from_table(header: &Header, table: Vec<Vec<f64>>, path: &Path) -> Result<Self, FlightError> {
+        let mut flight = Self {
+            name: path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into()),
+            ..Self::default()
+        };
+        for (column, values) in header.known.iter().zip(table) {
+            flight.columns[*column] = Some(values);
+        }
+        flight.check(path)?;
+        Ok(flight)
+    }
+}
+
+/// The text without a byte order mark; blank text is refused.
+fn without_mark<'a>(bytes: &'a [u8], path: &Path) -> Result<&'a [u8], FlightError> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    if bytes.iter().all(u8::is_ascii_whitespace) {
+        return Err(FlightError::Empty { path: path.into() });
+    }
+    match foreign(bytes) {
+        Some((what, mend)) => Err(FlightError::Foreign { path: path.into(), what, mend }),
+        None => Ok(bytes),
+    }
+}
+
+/// Reads files without quotes, whole rows at a time.
+struct PlainReader {
+    header: Header,
+    table: Vec<Vec<f64>>,
+    row: usize,
+}
+
+impl PlainReader {
+    /// Starts with the first rows of a file of `size` bytes.
+    fn new(first: &[u8], size: usize, path: &Path) -> Result<Self, FlightError> {
+        let bytes = without_mark(first, path)?;
+        let header_end = memchr::memchr(b'\n', bytes).unwrap_or(bytes.len());
+        let header = read_header(&bytes[..header_end], path)?;
+        let body = &bytes[(header_end + 1).min(bytes.len())..];
+        // A guess of the row count from the first row saves growing the vectors.
+        let row_bytes = memchr::memchr(b'\n', body).unwrap_or(body.len()).max(1);
+        let table = header.known.iter().map(|_| Vec::with_capacity(size / row_bytes + 1)).collect();
+        let mut reader = Self { header, table, row: 1 };
+        reader.rows(body, path)?;
+        Ok(reader)
+    }
+
+    fn rows(&mut self, body: &[u8], path: &Path) -> Result<(), FlightError> {
+        let mut at = 0;
+        while at < body.len() {
+            self.row += 1;
+            let start = at;
+            if let Some(fault) = read_row(body, &mut at, &self.header, &mut self.table) {
+                let line =
+                    &body[start..memchr::memchr(b'\n', &body[start..]).map_or(body.len(), |n| start + n)];
+                if !(line.trim_ascii().is_empty() && fault.column == 0) {
+                    return Err(fault.into_error(line, self.row, &self.header, path));
+                }
+                // A blank line, most often the last: no sample.
+                at = start + line.len() + 1;
+                for values in &mut self.table[..fault.filled] {
+                    values.pop();
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(self, path: &Path) -> Result<Flight, FlightError> {
+        Flight::from_table(&self.header, self.table, path)
+    }
+}
+
+/// Where and how a row went wrong.
+struct RowFault {
+    column: usize,
+    filled: usize,
+}
+
+impl RowFault {
+    fn into_error(self, line: &[u8], row: usize, header: &Header, path: &Path) -> FlightError {
+        let text = String::from_utf8_lossy(line);
+        let fields: Vec<&str> = text.trim_end().split(',').collect();
+        if fields.len() != header.fields.len() {
+            let (found, expected) = (fields.len(), header.fields.len());
+            return FlightError::FieldCount { path: path.into(), row, found, expected };
+        }
+        let column = header.fields[self.column].map_or("?", |k| COLUMNS[header.known[k]]).to_owned();
+        FlightError::Field { path: path.into(), row, column, text: shortened(fields[self.column].trim()) }
+    }
+}
+
+/// Reads one row from `at`, which moves to the next. A fault leaves the row partly pushed.
+#[inline]
+fn read_row(body: &[u8], at: &mut usize, header: &Header, table: &mut [Vec<f64>]) -> Option<RowFault> {
+    let last = header.fields.len() - 1;
+    let mut position = *at;
+    let mut filled = 0;
+    for (column, &slot) in header.fields.iter().enumerate() {
+        match slot {
+            Some(k) => match decimal::read(body, position) {
+                Some((value, next)) => {
+                    table[k].push(value);
+                    filled = k + 1;
+                    position = next;
+                }
+                None => return Some(RowFault { column, filled }),
+            },
+            None => {
+                position += memchr::memchr2(b',', b'\n', &body[position..]).unwrap_or(body.len() - position);
+                if column == last && position > 0 && body[position - 1] == b'\r' {
+                    position -= 1;
+                }
+            }
+        }
+        if column < last {
+            if body.get(position) != Some(&b',') {
+                return Some(RowFault { column, filled });
+            }
+            position += 1;
+        }
+    }
+    if body.get(position) == Some(&b'\r') {
+        position += 1;
+    }
+    match body.get(position) {
+        None => *at = position,
+        Some(b'\n') => *at = position + 1,
+        Some(_) => return Some(RowFault { column: last, filled }),
+    }
+    None
+}
+
+/// The way of files with quotes: slower, by the csv crate.
+fn read_quoted(bytes: &[u8], header: &Header, path: &Path) -> Result<Vec<Vec<f64>>, FlightError> {
+    let mut table: Vec<Vec<f64>> = header.known.iter().map(|_| Vec::new()).collect();
+    let mut reader = csv::ReaderBuilder::new().has_headers(true).flexible(true).from_reader(bytes);
+    for (index, record) in reader.byte_records().enumerate() {
+        let row = index + 2;
+        let record = record.map_err(|error| FlightError::Read { path: path.into(), source: error.into() })?;
+        if record.len() != header.fields.len() {
+            let (found, expected) = (record.len(), header.fields.len());
+            return Err(FlightError::FieldCount { path: path.into(), row, found, expected });
+        }
+        for (field, slot) in record.iter().zip(&header.fields) {
+            let Some(k) = *slot else { continue };
+            match decimal::read(field, 0) {
+                Some((value, end)) if end == field.len() => table[k].push(value),
+                _ => {
+                    let column = COLUMNS[header.known[k]].to_owned();
+                    let text = shortened(&String::from_utf8_lossy(field));
+                    return Err(FlightError::Field { path: path.into(), row, column, text });
+                }
+            }
+        }
+    }
+    Ok(table)
+}
