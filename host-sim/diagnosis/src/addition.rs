@@ -44,3 +44,35 @@ pub fn add(
         after: PerAxis::from_fn(|a| after[a].sse),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{ORDINARY, prepared, truth};
+
+    #[test]
+    fn a_missing_drag_is_supported_and_a_tether_that_is_not_there_is_not() {
+        let mut world = truth();
+        world.set(Effect::QuadraticDrag, &[-0.25; 2]);
+        let flights = prepared(&world, 20..25, 15.0, &ORDINARY);
+        let all: Vec<&Prepared> = flights.iter().collect();
+        let (train, validate) = all.split_at(3);
+        let base = sysid::fit(train, &world.vehicle, &truth().effects(), None).unwrap().model;
+        let added = add(&base, Effect::QuadraticDrag, train, validate, &Options::default()).unwrap();
+        assert!(added.finding.supported, "{}", added.finding.reason);
+        assert!(added.after.u < 0.9 * added.before.u, "{:?} {:?}", added.before, added.after);
+        // It acts on forces alone.
+        assert!((added.after.r / added.before.r - 1.0).abs() < 0.02);
+        let effects = added.fit.model.effects();
+        assert_eq!(effects.last(), Some(&Effect::QuadraticDrag));
+        assert_eq!(effects.len(), base.effects().len() + 1);
+        let none = add(&added.fit.model, Effect::Tether, train, validate, &Options::default());
+        assert!(none.is_ok_and(|added| !added.finding.supported));
+    }
+
+    #[test]
+    fn without_flights_to_fit_on_nothing_is_added() {
+        let refused = add(&truth(), Effect::QuadraticDrag, &[], &[], &Options::default());
+        assert_eq!(refused.err(), Some(FitError::NoFlights));
+    }
+}

@@ -342,3 +342,113 @@ fn cross_validate(
         .collect();
     take_gain(finding, &fitted.sigma, flights, (&before, &after));
 }
+
+#[cfg(test)]
+mod tests {
+    use model::Effect;
+
+    use super::*;
+    use crate::testing::{ORDINARY, prepared, truth};
+
+    const HEAVIER: Change = Change { effect: Effect::MassChange, motor: None };
+
+    fn finding(effect: Effect, motor: Option<u8>, gain: f64) -> (Change, EffectFinding) {
+        let mut finding = EffectFinding::unsupported(effect, 2, Reason::LikeChance);
+        (finding.gain, finding.p_value) = (gain, 0.0);
+        (Change { effect, motor }, finding)
+    }
+
+    #[test]
+    fn a_heavier_craft_is_found_and_weighed() {
+        let mut heavy = truth();
+        heavy.set(Effect::MassChange, &[0.15]);
+        let flights = prepared(&heavy, 30..32, 10.0, &ORDINARY);
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        let fitted = fit_change(&truth(), HEAVIER, &flights).unwrap();
+        assert!((fitted.values[0] - 0.15).abs() < 0.01, "{}", fitted.values);
+        assert!(fitted.covariance[(0, 0)].sqrt() < 0.01);
+        // Every other coefficient stays as it was.
+        let mut back = fitted.model.clone();
+        back.terms.retain(|term| term.effect != Effect::MassChange);
+        assert_eq!(back, truth());
+        let finding = examine(&truth(), HEAVIER, &flights, 20);
+        assert!(finding.supported && finding.drop_percent > 50.0, "{}", finding.reason);
+    }
+
+    #[test]
+    fn flights_of_the_model_show_no_heavier_craft() {
+        let flights = prepared(&truth(), 30..32, 10.0, &ORDINARY);
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        let finding = examine(&truth(), HEAVIER, &flights, 20);
+        assert!(!finding.supported);
+        assert!(finding.coefficients[0].value.abs() < 0.01, "{:?}", finding.coefficients);
+    }
+
+    #[test]
+    fn a_single_flight_scatters_from_nothing_and_no_flight_tells_of_no_change() {
+        let flights = prepared(&truth(), 30..31, 4.0, &ORDINARY);
+        assert!(scatter(&truth(), &[&flights[0]]).is_empty());
+        assert_eq!(changed(&truth(), &[], |_| ()).err(), Some(FitError::NoFlights));
+    }
+
+    /// What base flights scatter by adds to the variance of an estimate, and is known from few of them.
+    #[test]
+    fn the_scatter_of_the_base_flights_adds_to_the_error() {
+        let flights = prepared(&truth(), 30..31, 10.0, &ORDINARY);
+        let flights = [&flights[0]];
+        let fitted = fit_change(&truth(), HEAVIER, &flights).unwrap();
+        let mut model = truth();
+        let (bare, stretches) = with_scatter(&model, HEAVIER, &fitted, &flights);
+        assert_eq!(bare, fitted.covariance);
+        model.fit = Some(model::FitRecord {
+            scatter: vec![ChangeScatter {
+                effect: "mass-change".into(),
+                coefficient: "extra_mass".into(),
+                deviation: 0.3,
+            }],
+            ..Default::default()
+        });
+        let (total, independent) = with_scatter(&model, HEAVIER, &fitted, &flights);
+        assert!((total[(0, 0)] - bare[(0, 0)] - 0.09).abs() < 1e-12);
+        // Two flights at least are behind a scatter, next to which the noise is nothing.
+        assert!((independent - 2.0).abs() < 0.1 && stretches > independent, "{independent} {stretches}");
+    }
+
+    #[test]
+    fn nothing_that_stands_out_is_said_so_and_what_does_with_its_size_and_rivals() {
+        assert_eq!(
+            summary(None),
+            "No change stands out from the scatter between the flights that the model was made from."
+        );
+        let (change, mut found) = finding(Effect::MassChange, None, 5.0);
+        found.drop_percent = 61.27;
+        let (name, unit) = ("extra_mass", "kg");
+        found.coefficients = vec![CoefficientFigures { name, value: 0.1512, std_error: 0.0123, unit }];
+        let rival = Change { effect: Effect::MotorEfficiency, motor: Some(2) };
+        found.reason = Reason::Changed { percent: 61.27, rivals: vec![rival] };
+        assert_eq!(
+            summary(Some(&(change, found))),
+            "Since the model was made, mass-change has appeared (extra_mass = 0.151 +- 0.012 kg): it explains \
+             61.3 % of the error on flights it was not estimated from. These flights cannot tell it from \
+             motor-efficiency of motor 2."
+        );
+    }
+
+    /// Mass acts on forces and the centre of mass on moments: 60 and 35 are more than nine tenths of 100.
+    #[test]
+    fn two_changes_on_different_axes_rival_one_that_they_explain_together() {
+        let best = finding(Effect::MotorEfficiency, Some(1), 100.0);
+        let pair = |mass_gain: f64| {
+            let findings = [
+                best.clone(),
+                finding(Effect::MotorEfficiency, Some(2), 99.0),
+                finding(Effect::MassChange, None, mass_gain),
+                finding(Effect::ComOffset, None, 35.0),
+            ];
+            let pair = as_good_together(&findings, best.0, 100.0);
+            pair.iter().map(|change| change.effect).collect::<Vec<_>>()
+        };
+        assert_eq!(pair(60.0), [Effect::MassChange, Effect::ComOffset]);
+        assert!(pair(54.0).is_empty());
+    }
+}

@@ -28,3 +28,39 @@ pub(crate) fn rows_about(flight: &Prepared, model: &Model, effects: &[Effect]) -
         .collect();
     flight.rows_of_fit(about.residuals.residual, columns)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{NONE, prepared, truth};
+
+    #[test]
+    fn columns_come_in_the_order_of_the_effects_whatever_their_kind() {
+        let model = truth();
+        let flight = prepared(&model, 1..2, 4.0, &NONE).remove(0);
+        let effects = [Effect::MassChange, Effect::QuadraticDrag, Effect::SteadyWind, Effect::Tether];
+        let all = rows_about(&flight, &model, &effects);
+        let mut columns = all.columns.into_iter();
+        for effect in effects {
+            let alone = rows_about(&flight, &model, &[effect]);
+            assert_eq!(alone.columns.len(), effect.info().coefficients.len(), "{effect}");
+            for column in alone.columns {
+                assert!(columns.next().unwrap() == column, "{effect}");
+            }
+            assert_eq!(alone.targets, all.targets);
+        }
+        assert!(columns.next().is_none());
+    }
+
+    #[test]
+    fn the_target_is_what_the_model_leaves_and_the_rows_are_those_of_a_fit() {
+        let model = truth();
+        let flight = prepared(&model, 1..2, 4.0, &NONE).remove(0);
+        let rows = rows_about(&flight, &model, &[]);
+        assert!(rows.columns.is_empty());
+        let left = sysid::fit::linearise::residuals_at_rows(&flight, &model, 3);
+        assert_eq!(rows.targets, left.residual);
+        assert!((rows.period_s - 0.03).abs() < 1e-12);
+        assert_eq!(rows.starts, [0]);
+    }
+}

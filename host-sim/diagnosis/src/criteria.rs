@@ -303,3 +303,142 @@ pub(crate) fn stand_in(finding: &EffectFinding, left: &Left<'_>) -> Option<Reaso
         depends_on: most.depends_on,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use model::Axis;
+
+    use super::*;
+    use crate::finding::AxisDrop;
+    use crate::reason::Dependence;
+
+    /// A heavier craft with every rule just met.
+    fn heavier() -> EffectFinding {
+        let info = &Effect::MassChange.info().coefficients[0];
+        let mut finding = EffectFinding::unsupported(Effect::MassChange, 2, Reason::LikeChance);
+        finding.p_value = SIGNIFICANCE;
+        finding.held_out_p_value = Some(HELD_OUT_SIGNIFICANCE);
+        finding.flights_improved = [2, 2];
+        finding.drop_percent = 10.0;
+        finding.axes.insert("w", AxisDrop { sse_before: 100.0, sse_after: 98.5, drop_percent: 1.5 });
+        finding.coefficients =
+            vec![CoefficientFigures { name: info.name, value: 0.1, std_error: 0.01, unit: info.unit }];
+        finding
+    }
+
+    fn weighed(finding: &EffectFinding, asked: Asked) -> (bool, Reason) {
+        let std_errors = finding.coefficients.iter().map(|c| c.std_error).collect();
+        weigh(&Evidence { asked, finding, std_errors, has_rotor_map: true })
+    }
+
+    /// The reason for which a finding is refused after a change.
+    fn refused(change: impl Fn(&mut EffectFinding)) -> Reason {
+        let mut finding = heavier();
+        change(&mut finding);
+        let (supported, reason) = weighed(&finding, Asked::Missing);
+        assert!(!supported, "{reason}");
+        reason
+    }
+
+    #[test]
+    fn evidence_that_just_meets_every_rule_suffices() {
+        let (supported, reason) = weighed(&heavier(), Asked::Missing);
+        assert!(supported, "{reason}");
+        assert_eq!(reason, Reason::ErrorFalls { percent: 10.0, improved: 2, flights: 2 });
+        let changed = weighed(&heavier(), Asked::Changed);
+        assert_eq!(changed, (true, Reason::Changed { percent: 10.0, rivals: Vec::new() }));
+    }
+
+    #[test]
+    fn each_rule_by_itself_refuses() {
+        assert_eq!(refused(|f| f.p_value = 0.0101), Reason::LikeChance);
+        assert_eq!(
+            refused(|f| f.axes.values_mut().for_each(|a| a.drop_percent = 1.49)),
+            Reason::TooSmall { largest_percent: 1.49, matters_percent: 1.5 }
+        );
+        assert_eq!(
+            refused(|f| f.held_out_p_value = Some(0.051)),
+            Reason::NotBorneOut { improved: 2, flights: 2, p_value: Some(0.051) }
+        );
+        assert_eq!(
+            refused(|f| f.flights_improved = [1, 2]),
+            Reason::NotBorneOut { improved: 1, flights: 2, p_value: None }
+        );
+        assert!(matches!(refused(|f| f.axes.clear()), Reason::TooSmall { .. }));
+        assert!(matches!(refused(|f| f.p_value = f64::NAN), Reason::LikeChance));
+    }
+
+    /// From -50 to 50 kg are possible.
+    #[test]
+    fn a_coefficient_may_lie_two_errors_outside_the_possible() {
+        let at = |value: f64| {
+            let mut finding = heavier();
+            (finding.coefficients[0].value, finding.coefficients[0].std_error) = (value, 0.5);
+            weighed(&finding, Asked::Missing).0
+        };
+        assert!(at(51.0) && at(-51.0) && !at(51.01) && !at(-51.01));
+        let impossible = refused(|f| f.coefficients[0].value = 60.0);
+        assert!(matches!(impossible, Reason::Impossible { value: 60.0, possible: (-50.0, 50.0), .. }));
+    }
+
+    #[test]
+    fn one_of_ordinary_size_that_would_hide_in_its_error_says_what_to_fly() {
+        let hidden = refused(|f| {
+            f.p_value = 0.5;
+            // Ordinary are 0.05 kg.
+            f.coefficients[0].std_error = 0.026;
+        });
+        assert_eq!(hidden, Reason::HiddenByItsError { excitation: "hover, climb and descend" });
+        let seen = refused(|f| {
+            f.p_value = 0.5;
+            f.coefficients[0].std_error = 0.024;
+        });
+        assert_eq!(seen, Reason::LikeChance);
+    }
+
+    #[test]
+    fn a_change_that_takes_away_most_of_the_error_may_be_less_certain() {
+        let mut finding = heavier();
+        finding.p_value = 0.04;
+        assert_eq!(weighed(&finding, Asked::Changed).1, Reason::WithinScatter { p_value: 0.04 });
+        finding.drop_percent = 50.1;
+        assert!(weighed(&finding, Asked::Changed).0);
+        assert!(!weighed(&finding, Asked::Missing).0);
+    }
+
+    /// A twentieth of the error falls by the free beginnings of a swing alone.
+    #[test]
+    fn a_load_must_take_away_more_than_its_beginnings_do_by_chance() {
+        assert!((matters_percent(Effect::SlungLoad) - 6.5).abs() < 1e-9);
+        assert_eq!(matters_percent(Effect::MassChange), 1.5);
+    }
+
+    #[test]
+    fn a_stand_in_is_told_by_what_it_leaves() {
+        let mut finding = heavier();
+        let nothing = Left { unexplained: &[], incomplete: [false; 6], answers_late: false };
+        assert_eq!(stand_in(&finding, &nothing), None);
+        // It acts on w.
+        let incomplete = |axis: Axis| {
+            let mut incomplete = [false; 6];
+            incomplete[axis.index()] = true;
+            Left { unexplained: &[], incomplete, answers_late: true }
+        };
+        assert_eq!(stand_in(&finding, &incomplete(Axis::W)), Some(Reason::AboveNoise { axis: Axis::W }));
+        assert_eq!(stand_in(&finding, &incomplete(Axis::U)), None);
+        let left = |axis, share_percent| {
+            let depends_on = Dependence::Quantity("height");
+            [Unexplained { axis, depends_on, share_percent, p_value: 0.0 }]
+        };
+        let more = left(Axis::W, 1.6);
+        let leaves_more = stand_in(&finding, &Left { unexplained: &more, ..nothing });
+        assert!(matches!(leaves_more, Some(Reason::LeavesMore { axis: Axis::W, .. })), "{leaves_more:?}");
+        for unexplained in [left(Axis::W, 1.5), left(Axis::U, 50.0)] {
+            let left = Left { unexplained: &unexplained, incomplete: [false; 6], answers_late: true };
+            assert_eq!(stand_in(&finding, &left), None);
+        }
+        finding.effect = Effect::MotorLag;
+        let late = Left { unexplained: &[], incomplete: [false; 6], answers_late: true };
+        assert_eq!(stand_in(&finding, &late), Some(Reason::AnswersLate));
+    }
+}

@@ -112,3 +112,64 @@ fn unaccounted(worst: &Unexplained) -> String {
         worst.share_percent
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use model::{Axis, Effect};
+
+    use super::*;
+    use crate::reason::{Dependence, Reason};
+
+    fn finding(effect: Effect, supported: bool) -> EffectFinding {
+        let mut finding = EffectFinding::unsupported(effect, 2, Reason::LikeChance);
+        finding.supported = supported;
+        (finding.drop_percent, finding.p_value, finding.flights_improved) = (12.34, 0.0021, [2, 2]);
+        finding
+    }
+
+    #[test]
+    fn the_best_supported_effect_is_named_with_its_evidence_and_the_others_after_it() {
+        let findings = [
+            finding(Effect::Tether, false),
+            finding(Effect::MassChange, true),
+            finding(Effect::SteadyWind, true),
+        ];
+        assert_eq!(
+            summary(&findings, &[]),
+            format!(
+                "The model lacks mass-change. {} With it, the error on held-out flights falls by 12.3 % (2 of \
+                 2 flights, p = 0.0021). Also supported: steady-wind.",
+                Effect::MassChange.info().sentence
+            )
+        );
+        assert!(!summary(&findings[..2], &[]).contains("Also supported"));
+    }
+
+    #[test]
+    fn what_is_left_is_told_only_where_nothing_is_supported() {
+        let left = Unexplained {
+            axis: Axis::W,
+            depends_on: Dependence::Quantity("height"),
+            share_percent: 7.25,
+            p_value: 1e-4,
+        };
+        let unsupported = [finding(Effect::Tether, false)];
+        assert_eq!(
+            summary(&unsupported, std::slice::from_ref(&left)),
+            "The residual of w depends on the height (7.2 % of its held-out error), and no known effect \
+             accounts for it."
+        );
+        assert!(summary(&[finding(Effect::Tether, true)], &[left]).starts_with("The model lacks tether."));
+        assert_eq!(
+            summary(&unsupported, &[]),
+            "No known effect lowers the error on held-out flights by an amount that matters, and the \
+             residual depends on none of the measured quantities."
+        );
+    }
+
+    #[test]
+    fn without_flights_there_is_no_diagnosis() {
+        let refused = diagnose(&Model::thesis(), &[], &[], |_| ());
+        assert_eq!(refused.err(), Some(FitError::NoFlights));
+    }
+}

@@ -22,6 +22,8 @@ mod search;
 mod significance;
 mod stand_ins;
 pub mod subsets;
+#[cfg(test)]
+mod testing;
 pub mod workflow;
 
 pub use addition::{Addition, add};

@@ -286,3 +286,75 @@ impl<'a> Search<'a> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{ORDINARY, prepared, truth};
+
+    fn with_search(world: &Model, candidates: &[Effect], look: impl FnOnce(&Search<'_>)) {
+        let flights = prepared(world, 40..45, 12.0, &ORDINARY);
+        let all: Vec<&Prepared> = flights.iter().collect();
+        let (train, validate) = all.split_at(3);
+        let mut base = world.clone();
+        base.terms.retain(|term| term.effect.info().kind == Kind::Basic);
+        look(&Search::new(&base, candidates.to_vec(), train, validate).unwrap());
+    }
+
+    #[test]
+    fn a_missing_drag_is_chosen_and_what_is_not_there_is_not() {
+        let mut world = truth();
+        world.set(Effect::QuadraticDrag, &[-0.3; 2]);
+        let candidates = [Effect::SteadyWind, Effect::QuadraticDrag, Effect::QuadraticYawDamping];
+        with_search(&world, &candidates, |search| {
+            let chosen = search.choose(&mut |_| ()).unwrap();
+            assert_eq!(supported(&chosen.findings), [Effect::QuadraticDrag]);
+            let model = chosen.validated.unwrap().fit.model;
+            assert!(model.has(Effect::QuadraticDrag) && !model.has(Effect::SteadyWind));
+        });
+    }
+
+    #[test]
+    fn of_a_complete_model_nothing_is_chosen() {
+        with_search(&truth(), &[Effect::SteadyWind, Effect::QuadraticDrag], |search| {
+            let chosen = search.choose(&mut |_| ()).unwrap();
+            assert!(chosen.findings.is_empty() && chosen.validated.is_none());
+        });
+        with_search(&truth(), &[], |search| {
+            assert_eq!(search.count(), 0);
+            assert!(search.choose(&mut |_| ()).unwrap().validated.is_none());
+        });
+    }
+
+    #[test]
+    fn what_has_no_derivative_at_zero_is_fitted_exactly_and_counts_as_well() {
+        with_search(&truth(), &[Effect::SteadyWind, Effect::SlungLoad], |search| {
+            assert_eq!(search.count(), 2);
+            assert_eq!(search.screen.candidates, [Effect::SteadyWind]);
+            let exact: Vec<Effect> = search.searched().map(|(effect, _)| effect).collect();
+            assert_eq!(exact, [Effect::SlungLoad]);
+        });
+    }
+
+    #[test]
+    fn a_fit_starts_from_what_is_possible() {
+        with_search(&truth(), &[], |search| {
+            let model = &search.base.fit.model;
+            // The linearised value of a step that means nothing.
+            let gale = vec![1e6; Effect::SteadyWind.info().coefficients.len()];
+            let validated = search.fitted(model, &[(Effect::SteadyWind, gale)]).unwrap();
+            let wind = validated.fit.model.term(Effect::SteadyWind).unwrap().values();
+            assert!(wind.iter().all(|w| w.abs() < 1.0), "{wind:?} m/s");
+        });
+    }
+
+    #[test]
+    fn what_is_no_longer_supported_leaves_the_model() {
+        with_search(&truth(), &[Effect::SteadyWind], |search| {
+            let refused = EffectFinding::unsupported(Effect::SteadyWind, 2, crate::Reason::LikeChance);
+            let mut chosen = Chosen { findings: vec![refused], validated: Some(search.base.clone()) };
+            search.refit(&mut chosen).unwrap();
+            assert!(chosen.validated.is_none());
+        });
+    }
+}

@@ -187,3 +187,80 @@ fn worst(model: &Model, flights: &[&Prepared], all: &[Residuals]) -> Vec<Worst> 
     found.truncate(WORST);
     found.into_iter().map(|(_, worst)| worst).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use model::Effect;
+
+    use super::*;
+    use crate::testing::{NONE, fly, prepared, truth};
+
+    fn error(value: f64) -> HorizonError {
+        HorizonError { position_m: value, velocity_m_s: 2.0 * value, attitude_rad: 0.0, rate_rad_s: 0.0 }
+    }
+
+    #[test]
+    fn the_first_tenth_and_fiftieth_horizon_are_reported_with_the_sum_of_all() {
+        let all: Vec<HorizonError> = (1..=50).map(|h| error(f64::from(h))).collect();
+        let summary = summary(&all);
+        assert_eq!((summary.one, summary.ten, summary.fifty), (error(1.0), error(10.0), error(50.0)));
+        assert_eq!(summary.sum_1_50, error(1275.0));
+        assert_eq!(super::summary(&[]), Horizons::default());
+    }
+
+    #[test]
+    fn of_axes_that_a_model_does_not_speak_of_there_are_no_figures() {
+        let figures = AxisError { sse: 2.0, rms: 1.0, r2: 0.5, samples: 2 };
+        let mut forces_only = truth();
+        forces_only.terms.retain(|term| term.effect == Effect::Thrust);
+        assert!(figures_of(&forces_only, Axis::Q, figures).rms.is_nan());
+        assert_eq!(figures_of(&forces_only, Axis::W, figures).rms, 1.0);
+        assert_eq!(figures_of(&truth(), Axis::Q, figures).r2, 0.5);
+    }
+
+    /// The craft climbs by 1 mm a sample; the model is wrong by 1 m/s^2 sideways in the lower half.
+    #[test]
+    fn the_condition_under_which_an_axis_fails_is_named_with_its_range_and_share() {
+        let flight = prepared(560, |t, row| row.position_ned_m[2] = -0.1 * t);
+        let rows = flight.rows();
+        assert_eq!(rows, 500);
+        let mut residuals = Residuals::default();
+        residuals.residual = std::array::from_fn(|_| vec![0.0; rows]);
+        residuals.residual[1][..100].fill(1.0);
+        let worst = worst(&truth(), &[&flight], &[residuals]);
+        assert!(worst.iter().all(|w| w.axis == Axis::V), "{worst:?}");
+        let height = worst.iter().find(|w| w.quantity == "height").unwrap();
+        // Rows start 30 samples into the flight.
+        assert_eq!(height.condition, "height 0.03 to 0.13 m");
+        assert!((height.share_percent - 100.0).abs() < 1e-9 && (height.rms - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn an_even_error_fails_nowhere_in_particular() {
+        let flight = prepared(560, |t, row| row.position_ned_m[2] = -0.1 * t);
+        let residual = std::array::from_fn(|_| vec![0.3; flight.rows()]);
+        let even = Residuals { residual, ..Residuals::default() };
+        assert_eq!(worst(&truth(), &[&flight], &[even]), []);
+        assert_eq!(worst(&truth(), &[], &[]), []);
+    }
+
+    #[test]
+    fn the_true_model_explains_its_flights_and_a_weaker_one_less() {
+        let model = truth();
+        let flights =
+            [1, 2].map(|seed| Prepared::new(&fly(&model, seed, 8.0, &NONE), &model.vehicle).unwrap());
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        let mut weaker = model.clone();
+        weaker.set(Effect::LinearDrag, &[0.0; 3]);
+        let (right, wrong) = (compare(&model, &flights), compare(&weaker, &flights));
+        for axis in AXES {
+            assert!(right.total[axis].r2 > 0.95, "{axis}: {:?}", right.total[axis]);
+        }
+        assert!(wrong.total.u.rms > 3.0 * right.total.u.rms);
+        assert_eq!(wrong.total.p, right.total.p);
+        let squares: f64 = right.flights.iter().map(|f| f.axes.u.sse).sum();
+        assert!((squares / right.total.u.sse - 1.0).abs() < 1e-12);
+        assert_eq!(right.flights[1].name, "flight-2.csv");
+        assert!(right.by_horizon.windows(2).all(|w| w[0].position_m <= w[1].position_m));
+    }
+}

@@ -7,6 +7,8 @@ pub mod filter;
 pub mod fit;
 pub mod prepare;
 pub mod statistics;
+#[cfg(test)]
+mod testing;
 
 pub use checks::{Examined, Fault, FaultKind, Severity, examine};
 pub use compare::{Comparison, compare};

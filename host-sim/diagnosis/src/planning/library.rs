@@ -47,3 +47,47 @@ pub fn library(model: &Model, flight: &Prepared) -> Library {
     let targets = flight.targets(&model.vehicle, &model.adjustments(), stride);
     Library { targets, names, columns }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{NONE, prepared, truth};
+
+    #[test]
+    fn the_library_holds_the_models_linear_effects_and_every_other_candidate_once() {
+        let mut model = truth();
+        model.set(Effect::MassChange, &[0.1]);
+        let flight = prepared(&truth(), 1..2, 4.0, &NONE).remove(0);
+        let library = library(&model, &flight);
+        assert_eq!(library.names.len(), library.columns.len());
+        for (k, name) in library.names.iter().enumerate() {
+            assert!(!library.names[..k].contains(name), "{name:?} twice");
+        }
+        let has = |effect| library.names.iter().any(|name| name.effect == effect);
+        assert!(has(Effect::Thrust) && has(Effect::QuadraticDrag) && has(Effect::SteadyWind));
+        // What adjusts and is in the model already has no column of its own.
+        assert!(!has(Effect::MassChange));
+        let rows = library.targets[0].len();
+        assert!(library.columns.iter().flatten().flatten().all(|column| column.len() == rows));
+    }
+
+    #[test]
+    fn the_true_coefficients_times_their_columns_are_the_targets_of_a_flight_without_noise() {
+        let model = truth();
+        let flight = prepared(&model, 1..2, 6.0, &NONE).remove(0);
+        let library = library(&model, &flight);
+        let mut left = library.targets.clone();
+        for (name, column) in library.names.iter().zip(&library.columns) {
+            let Some(term) = model.term(name.effect) else { continue };
+            let value = term.coefficients[name.coefficient].value;
+            for (left, column) in left.iter_mut().zip(column) {
+                let Some(column) = column else { continue };
+                left.iter_mut().zip(column).for_each(|(l, c)| *l -= value * c);
+            }
+        }
+        for (axis, (left, target)) in left.iter().zip(&library.targets).enumerate() {
+            let square = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>();
+            assert!(square(left) < 1e-3 * square(target), "{axis}");
+        }
+    }
+}

@@ -60,3 +60,30 @@ pub(crate) fn join(
     });
     Ok((better, addition))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{ORDINARY, fly, truth};
+    use crate::workflow::{Reading, Silent};
+
+    #[test]
+    fn an_effect_joins_the_model_and_its_history_whether_it_is_there_or_not() {
+        let mut world = truth();
+        world.set(Effect::MassChange, &[0.2]);
+        let flown = |seed| fly(&world, seed, 8.0, &ORDINARY);
+        let (train, validate) = ([flown(1), flown(2)], [flown(3), flown(4)]);
+        let vehicle = truth().vehicle;
+        let mut sets =
+            FlightSets::from_flights(&train, &validate, &vehicle, Reading::default(), &Silent).unwrap();
+        let mut model = truth();
+        model.fit = Some(FitRecord { rotation_refused: vec!["kept".into()], ..FitRecord::default() });
+        let added = add(&model, Effect::QuadraticYawDamping, &mut sets, None, &Silent).unwrap();
+        assert!(added.model.has(Effect::QuadraticYawDamping) && added.refinement.is_none());
+        let [entry] = &added.model.history[..] else { panic!("one effect has joined") };
+        assert_eq!(entry.effect, "quadratic-yaw-damping");
+        assert_eq!(entry.supported, added.addition.finding.supported);
+        assert_eq!((entry.sse_before, entry.sse_after), (added.addition.before, added.addition.after));
+        assert_eq!(added.model.fit.unwrap().rotation_refused, ["kept"]);
+    }
+}

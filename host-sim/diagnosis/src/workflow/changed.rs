@@ -26,3 +26,38 @@ pub fn changed(
     })
     .map_err(|why| WorkflowError::Fit { flights: names(&flights.flights), why })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+
+    use super::*;
+    use crate::testing::{ORDINARY, fly, truth};
+    use crate::workflow::Reading;
+
+    #[derive(Default)]
+    struct Counting(Mutex<Vec<(usize, usize)>>);
+
+    impl Observer for Counting {
+        fn progress(&self, progress: Progress<'_>) {
+            if progress.activity.starts_with("trying ") {
+                self.0.lock().unwrap().extend(progress.steps);
+            }
+        }
+    }
+
+    #[test]
+    fn a_heavier_craft_is_named_after_every_change_was_tried_once() {
+        let mut heavy = truth();
+        heavy.set(Effect::MassChange, &[0.15]);
+        let flights = [1, 2].map(|seed| fly(&heavy, seed, 8.0, &ORDINARY));
+        let counting = Counting::default();
+        let mut held =
+            FlightsOfOneKind::from_flights(&flights, &heavy.vehicle, Reading::default(), &counting).unwrap();
+        let diagnosis = changed(&truth(), &[], &mut held, &counting).unwrap();
+        assert_eq!(diagnosis.best(), Some(Effect::MassChange), "{}", diagnosis.summary);
+        let count = Change::all(&truth()).len();
+        let tried: Vec<(usize, usize)> = (0..count).map(|k| (k, count)).collect();
+        assert_eq!(counting.0.into_inner().unwrap(), tried);
+    }
+}

@@ -20,3 +20,23 @@ pub fn compare(
     observer.progress(Progress { activity: "predicting", steps: None });
     Ok(sysid::compare(model, &flights.prepared()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{NONE, fly, truth};
+    use crate::workflow::{Reading, Silent};
+
+    #[test]
+    fn the_true_model_explains_flights_without_noise() {
+        let flights = [1, 2].map(|seed| fly(&truth(), seed, 6.0, &NONE));
+        let vehicle = truth().vehicle;
+        let mut held =
+            FlightsOfOneKind::from_flights(&flights, &vehicle, Reading::default(), &Silent).unwrap();
+        let comparison = compare(&truth(), &mut held, &Silent).unwrap();
+        assert_eq!(comparison.flights.len(), 2);
+        for axis in model::AXES {
+            assert!(comparison.total[axis].r2 > 0.95, "{axis}: {:?}", comparison.total[axis]);
+        }
+    }
+}

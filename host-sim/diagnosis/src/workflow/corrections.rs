@@ -79,3 +79,53 @@ pub(crate) fn basic_model(vehicle: &Vehicle) -> Model {
 fn prepared(flights: &mut [LoadedFlight]) -> Vec<&mut Prepared> {
     flights.iter_mut().map(|flight| &mut flight.prepared).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use sysid::FaultKind;
+
+    use super::*;
+    use crate::testing::{ORDINARY, fly, truth};
+    use crate::workflow::{Reading, Silent};
+
+    #[test]
+    fn the_basic_model_has_every_basic_effect_at_zero() {
+        let model = basic_model(&truth().vehicle);
+        assert!(model.effects().into_iter().eq(Effect::basic()));
+        assert!(model.terms.iter().flat_map(|term| &term.coefficients).all(|c| c.value == 0.0));
+        assert!(sysid::has_rotation(&model));
+    }
+
+    #[test]
+    fn flights_held_against_a_model_that_was_fitted_to_one_of_them_are_told_so() {
+        let flights = [1, 2].map(|seed| fly(&truth(), seed, 4.0, &ORDINARY));
+        let vehicle = truth().vehicle;
+        let mut held =
+            FlightsOfOneKind::from_flights(&flights, &vehicle, Reading::default(), &Silent).unwrap();
+        let mut model = truth();
+        let record = model::FlightRecord {
+            name: String::new(),
+            sha256: held.flights[1].sha256.clone(),
+            role: model::FlightRole::Train,
+            samples: 1,
+        };
+        model.fit = Some(model::FitRecord { flights: vec![record], ..Default::default() });
+        held.hold_against(&model, &[], (Likeness::SAME, Reference::Model(None)), &Silent).unwrap();
+        let told: Vec<(&str, FaultKind)> =
+            held.faults.listed().iter().map(|l| (l.whose.as_str(), l.fault.kind)).collect();
+        assert_eq!(told, [("flight-2.csv", FaultKind::FittedOn)]);
+    }
+
+    #[test]
+    fn flights_of_commands_get_no_trim() {
+        let flown = |seed| fly(&truth(), seed, 4.0, &ORDINARY);
+        let (train, validate) = ([flown(1), flown(2)], [flown(3)]);
+        let vehicle = truth().vehicle;
+        let mut sets =
+            FlightSets::from_flights(&train, &validate, &vehicle, Reading::default(), &Silent).unwrap();
+        sets.hold_against(&truth(), &[], &Silent).unwrap();
+        assert!(sets.all().all(|flight| flight.prepared.trim.is_none()));
+        // What the clocks are held against: each flight says how late its commands are.
+        assert!(sets.train().iter().all(|flight| flight.alignment.is_some()));
+    }
+}

@@ -51,3 +51,38 @@ pub(crate) fn search(
     })
     .map_err(|why| sets.blame(why))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{ORDINARY, fly, truth};
+    use crate::workflow::{Reading, Silent};
+
+    struct Stopping;
+
+    impl Observer for Stopping {
+        fn is_cancelled(&self) -> bool {
+            true
+        }
+    }
+
+    fn sets() -> FlightSets {
+        let flown = |seed| fly(&truth(), seed, 4.0, &ORDINARY);
+        let (train, validate) = ([flown(1), flown(2)], [flown(3)]);
+        let vehicle = truth().vehicle;
+        FlightSets::from_flights(&train, &validate, &vehicle, Reading::default(), &Silent).unwrap()
+    }
+
+    #[test]
+    fn a_cancelled_search_has_no_conclusion() {
+        let stopped = diagnose(&truth(), &[], &mut sets(), &Options::default(), &Stopping);
+        assert!(matches!(stopped, Err(WorkflowError::Cancelled)));
+    }
+
+    /// The basic model is what everything is told from.
+    #[test]
+    fn an_effect_that_cannot_be_missing_is_not_asked_about() {
+        let asked = why(&truth(), Effect::Thrust, &[], &mut sets(), &Options::default(), &Silent);
+        assert!(matches!(asked, Err(WorkflowError::Why(WhyError::Basic(Effect::Thrust)))));
+    }
+}

@@ -61,3 +61,36 @@ pub enum WorkflowError {
 fn why_once(in_both_sets: bool) -> &'static str {
     if in_both_sets { ", and a flight that was fitted on cannot judge the fit" } else { "" }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_flight_given_twice_is_told_why_where_it_was_to_judge_its_own_fit() {
+        let twice = |in_both_sets| {
+            let (first, again) = (PathBuf::from("a/1.csv"), PathBuf::from("b/2.csv"));
+            WorkflowError::GivenTwice { first, again, in_both_sets }.to_string()
+        };
+        assert_eq!(twice(false), "b/2.csv: is the same flight as a/1.csv; give each flight once");
+        assert_eq!(
+            twice(true),
+            "b/2.csv: is the same flight as a/1.csv, and a flight that was fitted on cannot judge the fit; \
+             give each flight once"
+        );
+    }
+
+    #[test]
+    fn every_error_names_its_file_and_what_to_do() {
+        let path = PathBuf::from("a/1.csv");
+        let faulty = WorkflowError::Faulty { path: path.clone(), sentence: "z points up".into() };
+        assert_eq!(faulty.to_string(), "a/1.csv: z points up (or --accept-faults to go on regardless)");
+        let why = PrepareError::TooShort { samples: 9, duration_s: 0.08, needed_s: 0.91 };
+        assert_eq!(
+            WorkflowError::Unusable { path, why }.to_string(),
+            "a/1.csv: has 9 samples over 0.08 s; at least 0.91 s without gaps or missing values are needed"
+        );
+        let fit = WorkflowError::Fit { flights: "1.csv, 2.csv".into(), why: FitError::NoFlights };
+        assert_eq!(fit.to_string(), "1.csv, 2.csv: no flights to fit on");
+    }
+}

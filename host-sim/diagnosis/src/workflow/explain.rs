@@ -107,3 +107,56 @@ pub fn explain(
     let (model, refinement) = refine(last, sets, rows, observer)?;
     Ok(Explanation { basic, basic_comparison, steps, last_diagnosis, model, refinement })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{ORDINARY, prepared, truth};
+
+    fn diagnosis(verdict: Verdict, summary: &str) -> Diagnosis {
+        Diagnosis { verdict, summary: summary.into(), effects: Vec::new(), unexplained: Vec::new() }
+    }
+
+    fn explanation(steps: Vec<Step>, last: Verdict) -> Explanation {
+        Explanation {
+            basic: truth(),
+            basic_comparison: sysid::compare(&truth(), &[]),
+            steps,
+            last_diagnosis: diagnosis(last, "Nothing is left."),
+            model: truth(),
+            refinement: None,
+        }
+    }
+
+    fn step(effect: Effect) -> Step {
+        let flights = prepared(&truth(), 1..3, 4.0, &ORDINARY);
+        let [train, validate] = [[&flights[0]], [&flights[1]]];
+        let addition = crate::add(&truth(), effect, &train, &validate, &Options::default()).unwrap();
+        let mut model = truth();
+        model.set(effect, &vec![0.0; effect.info().coefficients.len()]);
+        let comparison = sysid::compare(&model, &[]);
+        Step { diagnosis: diagnosis(Verdict::MissingEffect, "first"), effect, addition, model, comparison }
+    }
+
+    #[test]
+    fn where_nothing_was_found_the_basic_model_and_the_last_diagnosis_stand() {
+        for verdict in [Verdict::Adequate, Verdict::Unexplained] {
+            let explanation = explanation(Vec::new(), verdict);
+            assert_eq!(explanation.verdict(), verdict);
+            assert_eq!(explanation.conclusion(), "Found: nothing. Nothing is left.");
+            assert_eq!(explanation.last_model(), &explanation.basic);
+            assert_eq!(explanation.first_diagnosis(), &explanation.last_diagnosis);
+        }
+    }
+
+    #[test]
+    fn what_was_added_is_named_in_its_order_and_counts_unless_something_is_left() {
+        let steps = || vec![step(Effect::QuadraticDrag), step(Effect::SteadyWind)];
+        let complete = explanation(steps(), Verdict::Adequate);
+        assert_eq!(complete.verdict(), Verdict::MissingEffect);
+        assert_eq!(complete.conclusion(), "Found: quadratic-drag, then steady-wind.");
+        assert!(complete.last_model().has(Effect::SteadyWind));
+        assert_eq!(complete.first_diagnosis().summary, "first");
+        assert_eq!(explanation(steps(), Verdict::Unexplained).verdict(), Verdict::Unexplained);
+    }
+}

@@ -133,3 +133,109 @@ pub(crate) fn listed<'a>(flights: impl IntoIterator<Item = &'a LoadedFlight>) ->
     let rest = if more > 0 { format!(" and {more} more") } else { String::new() };
     names.join(", ") + &rest
 }
+
+#[cfg(test)]
+mod tests {
+    use model::{Effect, FitRecord, FlightRecord};
+
+    use super::*;
+    use crate::testing::{loaded, truth};
+
+    const STRICT: Reading = Reading { accept_faults: false };
+    const LENIENT: Reading = Reading { accept_faults: true };
+
+    #[test]
+    fn five_flights_are_named_and_more_are_counted() {
+        let mut flights = loaded([1]);
+        let name = |k: usize| format!("{k}.csv");
+        while flights.len() < 7 {
+            let first = &flights[0];
+            let (path, sha256) = (name(flights.len()).into(), String::new());
+            let (prepared, clocks) = (first.prepared.clone(), first.clocks.clone());
+            flights.push(LoadedFlight { path, sha256, prepared, faults: Vec::new(), clocks });
+        }
+        assert_eq!(listed(&flights[1..6]), "1.csv, 2.csv, 3.csv, 4.csv, 5.csv");
+        assert_eq!(listed(&flights), "flight-1.csv, 1.csv, 2.csv, 3.csv, 4.csv and 2 more");
+        assert_eq!(listed(&flights[..0]), "");
+    }
+
+    #[test]
+    fn a_fault_that_would_make_conclusions_wrong_stops_unless_it_is_accepted() {
+        let mut flights = loaded([1]);
+        let fault = |severity| Fault::of_all(FaultKind::WrongFrame, severity, "z points up");
+        flights[0].faults = vec![fault(Severity::Warning), fault(Severity::Refused)];
+        let vehicle = truth().vehicle;
+        let refused = Faults::default().add_of_flights(&flights, &vehicle, STRICT).unwrap_err();
+        assert_eq!(refused.to_string(), "flight-1.csv: z points up (or --accept-faults to go on regardless)");
+        let mut faults = Faults::default();
+        faults.add_of_flights(&flights, &vehicle, LENIENT).unwrap();
+        let told: Vec<_> = faults.listed().iter().map(|l| (l.whose.as_str(), l.fault.severity)).collect();
+        assert_eq!(told, [("flight-1.csv", Severity::Warning), ("flight-1.csv", Severity::Refused)]);
+    }
+
+    #[test]
+    fn a_doubtful_vehicle_file_is_named_by_the_vehicle() {
+        let mut vehicle = truth().vehicle;
+        vehicle.rotor_radius *= 2.0;
+        let mut faults = Faults::default();
+        faults.add_of_flights(&[], &vehicle, STRICT).unwrap();
+        assert_eq!(faults.listed()[0].whose, vehicle.name);
+        assert_eq!(faults.all()[0].kind, FaultKind::ImplausibleVehicle);
+    }
+
+    #[test]
+    fn a_flight_to_judge_by_that_was_fitted_on_under_another_name_is_refused() {
+        let (train, mut validate) = (loaded([1, 2]), loaded([2]));
+        validate[0].path = "copy.csv".into();
+        let refused = Faults::default().add_of_sets(&train, &validate, STRICT).unwrap_err();
+        assert!(refused.to_string().starts_with("copy.csv: has samples of flight-2.csv in it"), "{refused}");
+        let mut faults = Faults::default();
+        faults.add_of_sets(&train, &validate, LENIENT).unwrap();
+        assert_eq!(faults.all()[0].kind, FaultKind::SharedSamples);
+        let mut faults = Faults::default();
+        faults.add_of_sets(&train, &loaded([3]), STRICT).unwrap();
+        assert!(faults.all().iter().all(|fault| fault.kind == FaultKind::TooFewFlights));
+    }
+
+    #[test]
+    fn a_flight_is_known_again_by_its_content_where_it_was_fitted_on() {
+        let flights = loaded([1, 2]);
+        let mut model = truth();
+        let mut faults = Faults::default();
+        faults.add_of_fitted(&model, &flights);
+        let record = |flight: &LoadedFlight, role| FlightRecord {
+            name: "other name".into(),
+            sha256: flight.sha256.clone(),
+            role,
+            samples: 1,
+        };
+        model.fit = Some(FitRecord {
+            flights: vec![record(&flights[0], FlightRole::Validate), record(&flights[1], FlightRole::Train)],
+            ..FitRecord::default()
+        });
+        faults.add_of_fitted(&model, &flights);
+        let told: Vec<&str> = faults.listed().iter().map(|l| l.whose.as_str()).collect();
+        assert_eq!(told, ["flight-2.csv"]);
+        assert_eq!(faults.all()[0].kind, FaultKind::FittedOn);
+    }
+
+    #[test]
+    fn flights_of_another_craft_are_told_together() {
+        let flights = loaded([1, 2]);
+        let all: Vec<&LoadedFlight> = flights.iter().collect();
+        let mut faults = Faults::default();
+        faults.add_of_likeness(&truth(), &all, Likeness::SAME);
+        assert!(faults.listed().is_empty());
+        let mut model = truth();
+        let thrust = truth().term(Effect::Thrust).unwrap().coefficients[0].value;
+        model.set(Effect::Thrust, &[0.5 * thrust]);
+        faults.add_of_likeness(&model, &all, Likeness::SAME);
+        assert_eq!(faults.listed()[0].whose, "flight-1.csv, flight-2.csv");
+        let sentence = &faults.all()[0].sentence;
+        let (begins, ends) = (
+            "these flights do not look like F330 (thesis)\u{2019}s: the thrust is 10",
+            " % above the model's; use the model and vehicle file of the craft that flew",
+        );
+        assert!(sentence.starts_with(begins) && sentence.ends_with(ends), "{sentence}");
+    }
+}

@@ -80,3 +80,32 @@ fn warn(model: &Model, sets: &FlightSets, motors: &[MotorsOfFlights], observer: 
         observer.warning(warning);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{ORDINARY, fly, truth};
+    use crate::workflow::{Reading, Silent};
+
+    #[test]
+    fn the_coefficients_of_the_craft_come_back_within_their_errors() {
+        let flown = |seed| fly(&truth(), seed, 12.0, &ORDINARY);
+        let (train, validate) = ([flown(1), flown(2), flown(3)], [flown(4), flown(5)]);
+        let vehicle = truth().vehicle;
+        let mut sets =
+            FlightSets::from_flights(&train, &validate, &vehicle, Reading::default(), &Silent).unwrap();
+        let identified = identify(&vehicle, &[], &mut sets, None, &Silent).unwrap();
+        assert!(identified.refinement.is_none() && identified.condition > 1.0);
+        for (found, real) in identified.model.terms.iter().zip(&truth().terms) {
+            assert_eq!(found.effect, real.effect);
+            for (found, real) in found.coefficients.iter().zip(&real.coefficients) {
+                let error = found.std_error.unwrap();
+                // Errors from twelve seconds of coloured residuals are themselves known to a third.
+                assert!((found.value - real.value).abs() < 6.0 * error, "{found:?}, true {}", real.value);
+            }
+        }
+        let record = identified.model.fit.unwrap();
+        assert_eq!(record.flights.len(), 5);
+        assert!(record.rotation_refused.is_empty() && record.held_out.w.r2 > 0.5);
+    }
+}

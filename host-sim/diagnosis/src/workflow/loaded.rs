@@ -133,3 +133,87 @@ pub(crate) fn leave_out_undefined(
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+
+    use super::*;
+    use crate::testing::{ORDINARY, fly, truth};
+    use crate::workflow::Silent;
+
+    #[derive(Default)]
+    struct Listening {
+        cancel: bool,
+        steps: Mutex<Vec<(usize, usize)>>,
+    }
+
+    impl Observer for Listening {
+        fn progress(&self, progress: Progress<'_>) {
+            self.steps.lock().unwrap().push(progress.steps.unwrap());
+        }
+
+        fn is_cancelled(&self) -> bool {
+            self.cancel
+        }
+    }
+
+    /// Of FIPS 180-2, appendix B.1.
+    #[test]
+    fn the_hash_is_the_standards() {
+        assert_eq!(sha256(b"abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+    }
+
+    #[test]
+    fn a_flight_in_memory_is_the_file_that_it_would_be() {
+        let vehicle = truth().vehicle;
+        let flight = fly(&truth(), 1, 4.0, &ORDINARY);
+        let in_memory = LoadedFlight::from_flight(&flight, &vehicle).unwrap();
+        let path = std::env::temp_dir().join(format!("diagnosis-loaded-{}.csv", std::process::id()));
+        std::fs::write(&path, flight.to_csv()).unwrap();
+        let from_file = LoadedFlight::from_file(&path, &vehicle).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(in_memory.path, PathBuf::from("flight-1.csv"));
+        assert_eq!(in_memory.sha256, from_file.sha256);
+        assert_eq!(in_memory.prepared.rows(), from_file.prepared.rows());
+    }
+
+    #[test]
+    fn of_several_unusable_flights_the_first_is_reported() {
+        let vehicle = truth().vehicle;
+        let flights =
+            [4.0, 0.3, 0.2].map(|seconds| fly(&truth(), (10.0 * seconds) as u64, seconds, &ORDINARY));
+        let sources: Vec<Source<'_>> = flights.iter().map(Source::Memory).collect();
+        let Err(WorkflowError::Unusable { path, .. }) = load_all(&sources, &vehicle, &Silent) else {
+            panic!("a flight of 0.3 s was used")
+        };
+        assert_eq!(path, PathBuf::from("flight-3.csv"));
+    }
+
+    #[test]
+    fn every_flight_is_counted_once_and_none_is_read_after_a_cancel() {
+        let vehicle = truth().vehicle;
+        let flights = [1, 2, 3].map(|seed| fly(&truth(), seed, 2.0, &ORDINARY));
+        let sources: Vec<Source<'_>> = flights.iter().map(Source::Memory).collect();
+        let listening = Listening::default();
+        let loaded = load_all(&sources, &vehicle, &listening).unwrap();
+        assert_eq!(names(&loaded), "flight-1.csv, flight-2.csv, flight-3.csv");
+        let mut steps = listening.steps.into_inner().unwrap();
+        steps.sort_unstable();
+        assert_eq!(steps, [(0, 3), (1, 3), (2, 3), (3, 3)]);
+        let cancelling = Listening { cancel: true, ..Listening::default() };
+        let cancelled = load_all(&sources, &vehicle, &cancelling).map(|_| ());
+        assert!(matches!(cancelled, Err(WorkflowError::Cancelled)));
+    }
+
+    #[test]
+    fn a_folder_and_a_file_that_is_not_there_are_named() {
+        let vehicle = truth().vehicle;
+        let folder = std::env::temp_dir();
+        let missing = folder.join("diagnosis-no-such-flight.csv");
+        for path in [folder, missing] {
+            let Err(refused) = LoadedFlight::from_file(&path, &vehicle) else { panic!("loaded") };
+            assert!(refused.to_string().starts_with(&path.display().to_string()), "{refused}");
+        }
+    }
+}

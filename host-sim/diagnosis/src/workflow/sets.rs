@@ -213,3 +213,70 @@ fn given_twice(flights: &[LoadedFlight], first: usize, again: usize, in_both_set
     let path = |index: usize| flights[index].path.clone();
     WorkflowError::GivenTwice { first: path(first), again: path(again), in_both_sets }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{ORDINARY, fly, truth};
+    use crate::workflow::Silent;
+
+    fn flown(seeds: &[u64]) -> Vec<Flight> {
+        seeds.iter().map(|seed| fly(&truth(), *seed, 4.0, &ORDINARY)).collect()
+    }
+
+    fn sets(train: &[u64], validate: &[u64]) -> Result<FlightSets, WorkflowError> {
+        let (train, validate) = (flown(train), flown(validate));
+        FlightSets::from_flights(&train, &validate, &truth().vehicle, Reading::default(), &Silent)
+    }
+
+    #[test]
+    fn flights_keep_their_set_and_their_order() {
+        let sets = sets(&[3, 1], &[2]).unwrap();
+        let names: Vec<&str> = sets.all().map(|flight| flight.prepared.name.as_str()).collect();
+        assert_eq!(names, ["flight-3.csv", "flight-1.csv", "flight-2.csv"]);
+        assert_eq!((sets.train().len(), sets.validate().len()), (2, 1));
+        assert_eq!(sets.held_out.loaded()[0].path, PathBuf::from("flight-2.csv"));
+    }
+
+    #[test]
+    fn the_same_content_twice_is_refused_in_a_set_and_across_both() {
+        let twice = |train: &[u64], validate: &[u64]| match sets(train, validate) {
+            Err(WorkflowError::GivenTwice { again, in_both_sets, .. }) => (again, in_both_sets),
+            _ => panic!("a flight was used twice"),
+        };
+        assert_eq!(twice(&[1, 2, 1], &[3]), (PathBuf::from("flight-1.csv"), false));
+        assert_eq!(twice(&[1, 2], &[3, 3]), (PathBuf::from("flight-3.csv"), false));
+        assert_eq!(twice(&[1, 2], &[3, 2]), (PathBuf::from("flight-2.csv"), true));
+        let same = flown(&[4, 4]);
+        let one_kind = FlightsOfOneKind::from_flights(&same, &truth().vehicle, Reading::default(), &Silent);
+        assert!(matches!(one_kind, Err(WorkflowError::GivenTwice { in_both_sets: false, .. })));
+    }
+
+    #[test]
+    fn an_error_of_a_fit_names_the_flights_that_were_fitted_on() {
+        let refused = sets(&[1, 2], &[3]).unwrap().blame(FitError::NoFlights);
+        assert_eq!(refused.to_string(), "flight-1.csv, flight-2.csv: no flights to fit on");
+    }
+
+    #[test]
+    fn the_true_model_finds_no_other_vehicle_among_the_flights_to_judge_by() {
+        let mut sets = sets(&[1, 2], &[3, 4]).unwrap();
+        let other_vehicle = |sets: &FlightSets| -> usize {
+            sets.faults.all().iter().filter(|fault| fault.kind == FaultKind::OtherVehicle).count()
+        };
+        sets.add_faults_of_fit(&truth());
+        assert_eq!(other_vehicle(&sets), 0);
+        let mut stronger = truth();
+        let thrust = truth().term(Effect::Thrust).unwrap().coefficients[0].value;
+        stronger.set(Effect::Thrust, &[2.0 * thrust]);
+        sets.add_faults_of_fit(&stronger);
+        assert_eq!(other_vehicle(&sets), 1);
+        let told = sets.faults.listed().iter().find(|l| l.fault.kind == FaultKind::OtherVehicle).unwrap();
+        assert_eq!(told.whose, "flight-3.csv, flight-4.csv");
+        assert_eq!(
+            told.fault.sentence,
+            "these flights look like those of another vehicle than flight-1.csv, flight-2.csv: against the \
+             fit, the thrust is 50 % below the model's; judge a model by flights of the same craft"
+        );
+    }
+}

@@ -240,3 +240,142 @@ fn saturated(flight: &Flight, vehicle: &Vehicle) -> Vec<String> {
     }
     found
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Row, flight};
+
+    fn waving(samples: usize, edit: impl Fn(f64, &mut Row)) -> Flight {
+        flight(samples, |t, row| {
+            row.wave();
+            // Commands of a craft that is flown.
+            row.command = std::array::from_fn(|i| 1600.0 + 30.0 * (3.0 * t + i as f64).sin());
+            edit(t, row);
+        })
+    }
+
+    fn masked(found: &Channels, column: Column) -> Vec<usize> {
+        let values = found.masked.as_ref().unwrap().required(column);
+        (0..values.len()).filter(|&k| values[k].is_nan()).collect()
+    }
+
+    #[test]
+    fn a_flight_that_waves_has_no_fault() {
+        let found = check(&waving(400, |_, _| {}), &Vehicle::thesis());
+        assert_eq!(found, Channels::default());
+    }
+
+    /// The pose of sample 100 is repeated up to sample 130: thirty samples lie.
+    #[test]
+    fn a_frozen_tracker_is_left_out_from_its_first_repeated_sample_on() {
+        let flight = waving(400, |t, row| {
+            if (1.005..1.305).contains(&t) {
+                let mut then = Row::hover(1.0);
+                then.wave();
+                (row.position_ned_m, row.euler_rad) = (then.position_ned_m, then.euler_rad);
+            }
+        });
+        let found = check(&flight, &Vehicle::thesis());
+        assert_eq!(
+            found.frozen,
+            ["the tracker (x, y, z, phi, theta, psi) repeats its values once for 0.30 s in all, first at \
+                 t = 1.01 s: these 30 samples are left out"]
+        );
+        let samples = masked(&found, Column::Theta);
+        assert!((101..131).all(|k| samples.contains(&k)), "{samples:?}");
+        assert!(!samples.contains(&100) && masked(&found, Column::P).is_empty());
+    }
+
+    #[test]
+    fn a_craft_at_rest_and_a_short_repetition_are_not_frozen() {
+        let at_rest = check(&flight(300, |_, _| {}), &Vehicle::thesis());
+        assert_eq!((at_rest.frozen, at_rest.masked), (Vec::new(), None));
+        // Eleven repeated samples of the gyro; from twelve, 0.12 s, it counts as frozen.
+        for (repeated, count) in [(11, 0), (12, 1)] {
+            let flight = waving(300, |t, row| {
+                if (1.005..1.005 + 0.01 * f64::from(repeated)).contains(&t) {
+                    let mut then = Row::hover(1.0);
+                    then.wave();
+                    row.rate_rad_s = then.rate_rad_s;
+                }
+            });
+            assert_eq!(check(&flight, &Vehicle::thesis()).frozen.len(), count, "{repeated}");
+        }
+    }
+
+    #[test]
+    fn a_lost_marker_is_left_out_until_it_is_found_again() {
+        let flight = waving(400, |t, row| {
+            if (1.995..2.295).contains(&t) {
+                row.position_ned_m[1] += 0.5;
+            }
+        });
+        let found = check(&flight, &Vehicle::thesis());
+        assert_eq!(
+            found.jumps,
+            ["the tracker jumps as no craft flies 2 times, first at t = 1.99 s (lost or exchanged \
+                 markers?): samples about the jumps are left out"]
+        );
+        let samples = masked(&found, Column::Y);
+        // One sample before the jump, all of the excursion, and two after it.
+        assert_eq!(samples, (198..232).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn corrections_of_an_estimator_are_told_and_kept() {
+        let mut flight = waving(400, |t, row| {
+            if t > 1.995 {
+                row.position_ned_m[1] += 0.5;
+            }
+        });
+        for column in [Column::Vx, Column::Vy, Column::Vz] {
+            flight.replace(column, vec![0.1; 400]);
+        }
+        let found = check(&flight, &Vehicle::thesis());
+        assert!(found.jumps_kept && found.masked.is_none());
+        assert_eq!(
+            found.jumps,
+            ["the position or attitude estimate jumps as no craft flies once, first at t = 1.99 s \
+                 (corrections of an estimator?): velocities are logged, so these samples are kept"]
+        );
+    }
+
+    #[test]
+    fn a_tracker_that_always_jumps_is_left_to_other_checks() {
+        // In millimetres every step is one.
+        let flight = waving(400, |_, row| row.position_ned_m = row.position_ned_m.map(|x| 1e3 * x));
+        let found = check(&flight, &Vehicle::thesis());
+        assert_eq!((found.jumps, found.masked), (Vec::new(), None));
+    }
+
+    #[test]
+    fn a_command_that_never_moves_is_named_while_others_do() {
+        let found = check(&waving(400, |_, row| row.command[2] = 1500.0), &Vehicle::thesis());
+        assert_eq!(
+            found.frozen,
+            ["cmd3 never changes while other commands do: a stuck motor, or the column of another signal; \
+              mend the log"]
+        );
+        let all_still = check(&waving(400, |_, row| row.command = [1500.0; 4]), &Vehicle::thesis());
+        assert!(all_still.frozen.is_empty());
+    }
+
+    #[test]
+    fn commands_at_an_end_of_their_range_are_told_from_one_in_twenty_on() {
+        let at_top = |count: usize| {
+            let flight = waving(100, |t, row| {
+                if t < 0.01 * count as f64 - 0.005 {
+                    row.command[1] = 2000.0;
+                }
+            });
+            check(&flight, &Vehicle::thesis()).saturated
+        };
+        assert!(at_top(5).is_empty());
+        assert_eq!(
+            at_top(6),
+            ["commands are at the largest value of command_range: cmd2 in 6 % of the samples; motors may \
+              give less than asked there, so cut the log to the flight itself or fly more gently"]
+        );
+    }
+}

@@ -171,3 +171,104 @@ fn lag_samples(
     let part = 0.5 * (a - c) / (a - 2.0 * b + c).min(-f64::MIN_POSITIVE);
     Some((first + best as isize) as f64 + part)
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+
+    use super::*;
+    use crate::testing::prepared;
+
+    fn piece(time_s: f64, roll: Option<f64>, pitch: Option<f64>) -> PieceLag {
+        PieceLag { time_s, late_s: [roll, pitch] }
+    }
+
+    fn noise(seed: u64, count: usize) -> Vec<f64> {
+        let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(seed);
+        (0..count).map(|_| rng.random::<f64>() - 0.5).collect()
+    }
+
+    /// Deviations from the median 0.02 are 0.02, 0.01, 0, 0.01, 0.02, whose median is 0.01.
+    #[test]
+    fn the_scatter_is_that_of_normal_deviates_with_the_same_median() {
+        let pieces: Vec<PieceLag> =
+            (0..5).map(|k| piece(f64::from(k), Some(0.01 * f64::from(k)), None)).collect();
+        assert!((scatter_s(&pieces).unwrap() - 0.014826).abs() < 1e-12);
+    }
+
+    #[test]
+    fn four_lags_tell_nothing_and_one_odd_piece_is_no_wandering_clock() {
+        let four: Vec<PieceLag> = (0..2).map(|k| piece(f64::from(k), Some(0.0), Some(0.1))).collect();
+        assert_eq!(scatter_s(&four), None);
+        assert_eq!(scatter_s(&[]), None);
+        let mut pieces: Vec<PieceLag> = (0..6).map(|k| piece(f64::from(k), Some(0.04), None)).collect();
+        pieces[3].late_s[0] = Some(0.19);
+        assert_eq!(scatter_s(&pieces), Some(0.0));
+    }
+
+    #[test]
+    fn roll_and_pitch_may_differ_for_good() {
+        let pieces: Vec<PieceLag> = (0..4).map(|k| piece(f64::from(k), Some(0.02), Some(0.08))).collect();
+        assert_eq!(scatter_s(&pieces), Some(0.0));
+    }
+
+    #[test]
+    fn the_sentence_lists_the_mean_lag_of_each_piece_in_milliseconds() {
+        let pieces = [piece(2.0, Some(0.02), Some(0.04)), piece(6.0, None, Some(-0.012))];
+        assert_eq!(
+            sentence(&pieces),
+            "the clock of the motor commands wanders against that of the motion, which follows them by \
+             30 ms at 2 s, -12 ms at 6 s: no rotation can be fitted to such a flight; log commands and \
+             motion on one clock"
+        );
+    }
+
+    #[test]
+    fn a_lag_is_found_to_parts_of_a_sample_with_its_sign() {
+        // A band-limited signal, moved by parts of a sample.
+        let waves: Vec<f64> = noise(7, 12);
+        let at = |x: f64| -> f64 {
+            waves.iter().enumerate().map(|(i, a)| a * ((0.05 + 0.03 * i as f64) * x + 9.0 * a).sin()).sum()
+        };
+        let early: Vec<f64> = (0..600).map(|k| at(f64::from(k))).collect();
+        for lag in [0.0, 3.0, -4.0, 6.4, -2.3] {
+            let late: Vec<f64> = (0..600).map(|k| at(f64::from(k) - lag)).collect();
+            let found = lag_samples(&late, &early, 100..500, (-10, 20)).unwrap();
+            assert!((found - lag).abs() < 0.05, "{found} instead of {lag}");
+        }
+        // Beyond what is looked at there is no peak.
+        let late: Vec<f64> = (0..600).map(|k| at(f64::from(k) - 24.0)).collect();
+        assert_eq!(lag_samples(&late, &early, 100..500, (-10, 20)), None);
+    }
+
+    #[test]
+    fn unrelated_signals_have_no_lag() {
+        for seed in 1..6 {
+            let (a, b) = (noise(seed, 600), noise(seed + 100, 600));
+            assert_eq!(lag_samples(&a, &b, 100..500, (-10, 20)), None, "seed {seed}");
+        }
+        assert_eq!(lag_samples(&[0.0; 50], &[0.0; 50], 20..30, (-10, 10)), None);
+    }
+
+    #[test]
+    fn slow_parts_go_and_fast_ones_stay() {
+        let fast = |k: usize| (20.0 * 0.01 * k as f64).sin();
+        let signal: Vec<f64> = (0..1000).map(|k| 5.0 + 0.01 * k as f64 + fast(k)).collect();
+        let left = without_slow_parts(&signal, 0.01);
+        for (k, value) in left.iter().enumerate().skip(100).take(800) {
+            // The mean over 1.21 s of a sine of 20 rad/s is under 2 / (20 * 1.21) of it.
+            assert!((value - fast(k)).abs() < 0.085, "{k}: {value}");
+        }
+        assert!(without_slow_parts(&[], 0.01).is_empty());
+    }
+
+    #[test]
+    fn measured_rotor_speeds_and_flights_without_motion_are_left_alone() {
+        let mut flight = prepared(1500, |_, _| {});
+        assert_eq!(check(&flight, &Vehicle::thesis()), None);
+        for stretch in &mut flight.stretches {
+            stretch.logged_rotor_rad_s = Some(std::array::from_fn(|_| vec![600.0; stretch.time_s.len()]));
+        }
+        assert_eq!(check(&flight, &Vehicle::thesis()), None);
+    }
+}

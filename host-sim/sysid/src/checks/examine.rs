@@ -222,3 +222,103 @@ fn tell_clocks(found: &Clocks, add: &mut impl FnMut(FaultKind, Severity, String)
     tell(found.attitude, "phi, theta, psi", "the gyro");
     tell(found.position, "x, y, z", "the IMU");
 }
+
+#[cfg(test)]
+mod tests {
+    use flights::Column;
+
+    use super::*;
+    use crate::testing::{NONE, flight, fly, truth};
+
+    const KINDS: [FaultKind; 16] = [
+        FaultKind::ClockOffset,
+        FaultKind::ClockSkew,
+        FaultKind::WanderingClock,
+        FaultKind::WrongFrame,
+        FaultKind::InconsistentFrames,
+        FaultKind::WrongMotors,
+        FaultKind::SaturatedCommands,
+        FaultKind::FrozenChannel,
+        FaultKind::TrackerJump,
+        FaultKind::Gaps,
+        FaultKind::ImplausibleVehicle,
+        FaultKind::OtherVehicle,
+        FaultKind::TooFewFlights,
+        FaultKind::NotExcited,
+        FaultKind::SharedSamples,
+        FaultKind::FittedOn,
+    ];
+
+    /// Programs read it: it is the name of the kind in small letters with hyphens.
+    #[test]
+    fn the_word_for_a_kind_is_its_name() {
+        for kind in KINDS {
+            let mut word = String::new();
+            for letter in format!("{kind:?}").chars() {
+                if letter.is_uppercase() && !word.is_empty() {
+                    word.push('-');
+                }
+                word.push(letter.to_ascii_lowercase());
+            }
+            assert_eq!(kind.id(), word);
+        }
+    }
+
+    #[test]
+    fn a_refusal_is_graver_than_a_warning_and_that_than_a_note() {
+        assert!(Severity::Refused > Severity::Warning && Severity::Warning > Severity::Note);
+    }
+
+    #[test]
+    fn a_good_flight_has_no_fault() {
+        let model = truth();
+        let examined = examine(&fly(&model, 1, 20.0, &NONE), &model.vehicle).unwrap();
+        assert_eq!(examined.faults, []);
+        assert!(!examined.clocks.aligned);
+    }
+
+    #[test]
+    fn the_gravest_fault_comes_first_and_every_fault_names_its_flight() {
+        let model = truth();
+        let mut flight = fly(&model, 1, 20.0, &NONE);
+        // The gyro's yaw has the wrong sign; a moment of the tracker is missing.
+        let mut r: Vec<f64> = flight.required(Column::R).iter().map(|r| -r).collect();
+        r[500] = f64::NAN;
+        flight.replace(Column::R, r);
+        let faults = examine(&flight, &model.vehicle).unwrap().faults;
+        let told: Vec<(FaultKind, Severity)> = faults.iter().map(|f| (f.kind, f.severity)).collect();
+        assert_eq!(
+            told,
+            [(FaultKind::WrongFrame, Severity::Refused), (FaultKind::Gaps, Severity::Note)],
+            "{faults:?}"
+        );
+        assert!(faults.iter().all(|f| f.flight.as_deref() == Some("flight-1.csv")));
+        assert_eq!(faults[1].sentence, "1 single missing values bridged");
+    }
+
+    #[test]
+    fn a_tracker_that_is_late_is_put_on_the_boards_clock() {
+        let model = truth();
+        let mut flight = fly(&model, 2, 20.0, &NONE);
+        for column in [Column::X, Column::Y, Column::Z, Column::Phi, Column::Theta, Column::Psi] {
+            let mut values = flight.required(column).to_vec();
+            values.rotate_right(8);
+            let first = values[8];
+            values[..8].fill(first);
+            flight.replace(column, values);
+        }
+        let examined = examine(&flight, &model.vehicle).unwrap();
+        assert!(examined.clocks.aligned);
+        let kinds: Vec<FaultKind> = examined.faults.iter().map(|f| f.kind).collect();
+        assert!(kinds.contains(&FaultKind::ClockOffset), "{:?}", examined.faults);
+    }
+
+    #[test]
+    fn a_flight_shorter_than_the_filters_is_refused_with_what_is_needed() {
+        let Err(error) = examine(&flight(40, |_, _| {}), &Vehicle::thesis()) else { panic!("examined") };
+        assert_eq!(
+            error.to_string(),
+            "has 40 samples over 0.39 s; at least 0.91 s without gaps or missing values are needed"
+        );
+    }
+}

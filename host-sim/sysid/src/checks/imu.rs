@@ -136,3 +136,75 @@ fn relation(flight: &Prepared, vehicle: &Vehicle, undo: &Undo) -> Relation {
     }
     Some(worst)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{prepared, waving_with_imu};
+
+    fn fault(told: impl Fn(Vector3<f64>, Matrix3<f64>) -> Vector3<f64>) -> Option<FrameFault> {
+        let vehicle = Vehicle::thesis();
+        let flight = waving_with_imu(1000, told);
+        check(&Prepared::new(&flight, &vehicle).unwrap(), &vehicle)
+    }
+
+    fn named(told: impl Fn(Vector3<f64>, Matrix3<f64>) -> Vector3<f64>) -> String {
+        let fault = fault(told).expect("a fault");
+        assert!(fault.named, "{}", fault.sentence);
+        fault.sentence
+    }
+
+    #[test]
+    fn an_imu_that_feels_what_the_tracker_sees_has_no_fault() {
+        assert!(fault(|f, _| f).is_none());
+        // Nor has one with a bias: a tenth of gravity is not another frame.
+        assert!(fault(|f, _| f + Vector3::new(0.3, -0.2, 0.5)).is_none());
+    }
+
+    #[test]
+    fn without_an_imu_there_is_nothing_to_say() {
+        let flight = prepared(1000, |_, row| {
+            row.wave();
+        });
+        assert!(check(&flight, &Vehicle::thesis()).is_none());
+    }
+
+    #[test]
+    fn multiples_of_g_are_named() {
+        assert_eq!(named(|f, _| f / 9.81), "ax, ay, az look like multiples of g: multiply by 9.81");
+    }
+
+    #[test]
+    fn each_way_to_write_gravity_wrongly_is_named() {
+        assert_eq!(
+            named(|f, dcm| f + 9.81 * dcm.column(2)),
+            "ax, ay, az look like accelerations without gravity, an IMU's specific force is wanted (0, 0, \
+             -9.81 at rest): subtract gravity in body axes"
+        );
+        assert_eq!(
+            named(|f, dcm| f + 2.0 * 9.81 * dcm.column(2)),
+            "az has gravity with the wrong sign: subtract it twice in body axes"
+        );
+        assert!(named(|f, _| -f).contains("(gravity included with the wrong sign)"));
+        assert_eq!(
+            named(|f, dcm| dcm.tr_mul(&f) + Vector3::new(0.0, 0.0, 9.81)),
+            "ax, ay, az look like accelerations in the inertial frame: subtract gravity and turn them into \
+             the body frame"
+        );
+    }
+
+    /// Forward is logged as minus y and right as x: to mend it, minus ay is written into ax.
+    #[test]
+    fn turned_axes_are_named_with_what_to_write_instead() {
+        assert_eq!(
+            named(|f, _| Vector3::new(f.y, -f.x, f.z)),
+            "ax, ay, az look like ay, -ax, az of this craft: write -ay, ax, az into ax, ay, az"
+        );
+    }
+
+    #[test]
+    fn an_imu_that_contradicts_the_motion_in_no_simple_way_is_refused_without_a_name() {
+        let fault = fault(|f, _| Vector3::new(0.5 * f.x, f.y, f.z) + Vector3::new(40.0, 0.0, 25.0));
+        assert!(fault.is_some_and(|fault| !fault.named));
+    }
+}

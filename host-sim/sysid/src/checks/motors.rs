@@ -132,3 +132,89 @@ fn products(flight: &Prepared, vehicle: &Vehicle, delay_s: f64) -> Products {
     }
     sum
 }
+
+#[cfg(test)]
+mod tests {
+    use flights::Column;
+
+    use super::*;
+    use crate::testing::{NONE, fly, truth};
+
+    const COMMANDS: [Column; 4] = [Column::Cmd1, Column::Cmd2, Column::Cmd3, Column::Cmd4];
+
+    /// A flight whose column cmd k+1 is that of the motor at `place[k]`.
+    fn numbered(place: [usize; 4]) -> Prepared {
+        let model = truth();
+        let mut flight = fly(&model, 3, 20.0, &NONE);
+        let commands = COMMANDS.map(|c| flight.required(c).to_vec());
+        for (column, from) in COMMANDS.into_iter().zip(place) {
+            flight.replace(column, commands[from].clone());
+        }
+        Prepared::new(&flight, &model.vehicle).unwrap()
+    }
+
+    #[test]
+    fn the_24_orders_of_four_motors_are_all_different() {
+        let orders = orders();
+        assert_eq!(orders.len(), 24);
+        for (k, order) in orders.iter().enumerate() {
+            let mut sorted = *order;
+            sorted.sort_unstable();
+            assert_eq!(sorted, [0, 1, 2, 3]);
+            assert!(!orders[..k].contains(order), "{order:?}");
+        }
+    }
+
+    #[test]
+    fn motors_as_the_vehicle_file_says_are_no_fault() {
+        assert_eq!(check(&numbered([0, 1, 2, 3]), &truth().vehicle), None);
+    }
+
+    #[test]
+    fn another_numbering_is_found_and_named() {
+        for place in [[1, 0, 3, 2], [3, 0, 1, 2], [2, 1, 0, 3]] {
+            let sentence = check(&numbered(place), &truth().vehicle);
+            assert_eq!(sentence, Some(order_sentence(place)), "{place:?}");
+        }
+    }
+
+    #[test]
+    fn the_sentence_says_which_motor_every_command_drives() {
+        assert_eq!(
+            order_sentence([3, 0, 1, 2]),
+            "the motors are numbered otherwise: by the roll and pitch they cause, cmd1 of motor 4 \
+             (rear-left), cmd2 of motor 1 (front-left), cmd3 of motor 2 (front-right) and cmd4 of motor 3 \
+             (rear-right); put the columns cmd1..4 (and omega1..4) in the order front-left, front-right, \
+             rear-right, rear-left"
+        );
+    }
+
+    #[test]
+    fn rotors_that_turn_the_other_way_are_told_from_the_yaw() {
+        let mut vehicle = truth().vehicle;
+        let spin = &mut vehicle.motors.spin;
+        spin.rotate_left(1);
+        assert_eq!(
+            check(&numbered([0, 1, 2, 3]), &vehicle).unwrap(),
+            "the motors yaw the craft the other way round than [motors] spin of the vehicle file says: \
+             exchange \"ccw\" and \"cw\" there"
+        );
+    }
+
+    /// Two rows, thrusts (1, 0, 0, 0) and (0, 1, 0, 0), that roll the craft by 3 and -4.
+    #[test]
+    fn the_correlation_of_products_is_that_of_the_rows() {
+        let mut products = Products::default();
+        for (turn, motor) in [(3.0, 0), (-4.0, 1)] {
+            let mut thrust = Vector4::zeros();
+            thrust[motor] = 1.0;
+            products.cross += Vector3::new(turn, 0.0, 0.0) * thrust.transpose();
+            products.motors += thrust * thrust.transpose();
+            products.turns.x += turn * turn;
+        }
+        // (3, -4) with (1, -1) over sqrt(25 * 2), with (1, 1) over the same.
+        assert!((products.correlation(0, ROLL) - 7.0 / 50.0_f64.sqrt()).abs() < 1e-12);
+        assert!((products.correlation(0, PITCH) + 1.0 / 50.0_f64.sqrt()).abs() < 1e-12);
+        assert_eq!(Products::default().correlation(0, ROLL), 0.0);
+    }
+}

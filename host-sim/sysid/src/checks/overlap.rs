@@ -71,3 +71,80 @@ fn about_mean(values: &[f64]) -> Vec<f64> {
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     values.iter().map(|v| v - mean).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+
+    use super::*;
+    use crate::testing::prepared;
+
+    /// Twelve seconds of rates that wave with the noise of a gyro, the same for the same seed.
+    fn noisy(seed: u64) -> Prepared {
+        let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(seed);
+        let mut flight = prepared(1200, |_, row| {
+            row.wave();
+        });
+        let values = flight.stretches[0].rate_rad_s.iter_mut().flatten();
+        values.for_each(|value| *value += 0.05 * (rng.random::<f64>() - 0.5));
+        flight
+    }
+
+    fn cut(flight: &Prepared, range: std::ops::Range<usize>) -> Prepared {
+        let mut piece = flight.clone();
+        piece.stretches[0] = flight.stretches[0].part(range);
+        piece
+    }
+
+    #[test]
+    fn a_piece_shares_the_samples_of_the_flight_it_was_cut_from_whichever_is_named_first() {
+        let whole = noisy(1);
+        let piece = cut(&whole, 333..800);
+        assert!(share_samples(&whole, &piece) && share_samples(&piece, &whole));
+        assert!(share_samples(&whole, &whole));
+    }
+
+    #[test]
+    fn three_digits_and_another_gyro_bias_do_not_hide_a_flight_saved_again() {
+        let whole = noisy(2);
+        let mut again = cut(&whole, 100..900);
+        for (i, rate) in again.stretches[0].rate_rad_s.iter_mut().enumerate() {
+            let saved = |value: f64| (1e3 * (value + 0.02 * i as f64)).round() / 1e3;
+            rate.iter_mut().for_each(|value| *value = saved(*value));
+        }
+        assert!(share_samples(&whole, &again));
+    }
+
+    #[test]
+    fn the_same_manoeuvre_flown_twice_is_another_flight() {
+        for seed in 1..5 {
+            assert!(!share_samples(&noisy(seed), &noisy(seed + 10)), "seed {seed}");
+        }
+    }
+
+    #[test]
+    fn other_commands_or_another_sampling_are_another_flight() {
+        let whole = noisy(3);
+        let mut commanded = whole.clone();
+        commanded.stretches[0].command[2].iter_mut().for_each(|c| *c += 20.0);
+        assert!(!share_samples(&whole, &commanded));
+        let mut slower = whole.clone();
+        slower.period_s = 0.012;
+        assert!(!share_samples(&whole, &slower));
+    }
+
+    #[test]
+    fn a_craft_that_stands_still_tells_no_moment_from_another() {
+        let still = prepared(1200, |_, _| {});
+        assert!(!share_samples(&still, &still));
+    }
+
+    #[test]
+    fn a_flight_shorter_than_two_probes_says_nothing() {
+        let whole = noisy(4);
+        assert!(!share_samples(&whole, &cut(&whole, 0..40)));
+        let mut none = whole.clone();
+        none.stretches.clear();
+        assert!(!share_samples(&whole, &none) && !share_samples(&none, &none));
+    }
+}

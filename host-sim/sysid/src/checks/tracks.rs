@@ -306,3 +306,125 @@ fn moments(pairs: &[Pair], stream: impl Fn(&Pair) -> &[Vec<f64>; 3]) -> ([f64; 3
     let variance = sum(&|i, v| (v - mean[i]) * (v - mean[i]));
     (mean, variance.map(f64::sqrt))
 }
+
+#[cfg(test)]
+mod tests {
+    use model::Vehicle;
+
+    use super::*;
+    use crate::testing::{prepared, waving_with_imu};
+
+    #[test]
+    fn there_are_48_different_axes_of_which_half_are_rotations() {
+        let all = Axes::all();
+        assert_eq!((all.len(), all[0]), (48, Axes::SAME));
+        let matrix = |axes: &Axes| Matrix3::from_fn(|i, j| axes.of(Matrix3::identity().column(j).into())[i]);
+        for (k, axes) in all.iter().enumerate() {
+            assert!(!all[..k].contains(axes), "{axes:?}");
+            let m = matrix(axes);
+            assert_eq!(m * m.transpose(), Matrix3::identity());
+        }
+        let rotations = all.iter().filter(|axes| matrix(axes).determinant() > 0.0).count();
+        assert_eq!(rotations, 24);
+    }
+
+    #[test]
+    fn inverse_axes_lead_back() {
+        let v = Vector3::new(1.0, 2.0, 3.0);
+        for axes in Axes::all() {
+            assert_eq!(axes.inverse().of(axes.of(v)), v, "{axes:?}");
+            assert_eq!(axes.of(axes.inverse().of(v)), v, "{axes:?}");
+        }
+    }
+
+    #[test]
+    fn axes_are_named_as_they_are_written() {
+        let axes = Axes { from: [1, 0, 2], sign: [1.0, -1.0, 1.0] };
+        assert_eq!(axes.named(["p", "q", "r"]), "q, -p, r");
+        assert_eq!(axes.of(Vector3::new(1.0, 2.0, 3.0)), Vector3::new(2.0, -1.0, 3.0));
+    }
+
+    #[test]
+    fn the_gyro_and_the_tracked_attitude_tell_the_same_rates() {
+        let flight = prepared(600, |_, row| {
+            row.wave();
+        });
+        let pairs = rates(&flight, |k, stretch| stretch.dcm[k]);
+        assert_eq!((pairs.len(), pairs[0].len()), (1, 570));
+        assert!((pairs[0].start_s - 0.15).abs() < 1e-12);
+        for (onboard, tracked) in pairs[0].onboard.iter().zip(&pairs[0].tracked) {
+            for (a, b) in onboard.iter().zip(tracked) {
+                // The product of two attitudes is a small turn but for its third power.
+                assert!((a - b).abs() < 1e-3, "{a} {b}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_an_imu_feels_and_what_a_tracker_sees_differ_by_gravity() {
+        let flight = Prepared::new(&waving_with_imu(600, |f, _| f), &Vehicle::thesis()).unwrap();
+        let pairs = forces(&flight);
+        for (i, gravity) in [0.0, 0.0, 9.81].into_iter().enumerate() {
+            for (a, b) in pairs[0].onboard[i].iter().zip(&pairs[0].tracked[i]) {
+                assert!((b - a - gravity).abs() < 1e-2, "axis {i}: {a} {b}");
+            }
+        }
+        let without = prepared(600, |_, _| {});
+        assert!(forces(&without).is_empty());
+    }
+
+    /// A minute of two streams of one motion at 100 Hz; the tracker's clock is late by `offset_s` at the
+    /// middle and grows later by `skew`.
+    fn pair(offset_s: f64, skew: f64, seen: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Vec<Pair> {
+        let motion = |t: f64| {
+            let wave = |w: f64, f: f64| (w * t + f).sin() + (1.7 * w * t - f).cos() * 0.6;
+            Vector3::new(wave(3.1, 0.2), 0.8 * wave(4.3, 1.0), 1.3 * wave(2.3, 2.0))
+        };
+        let (mut onboard, mut tracked): ([Vec<f64>; 3], [Vec<f64>; 3]) = Default::default();
+        for k in 0..6000 {
+            let t = 0.01 * f64::from(k);
+            let (a, b) = (motion(t), seen(motion(t - offset_s - skew * (t - 30.0))));
+            (0..3).for_each(|i| {
+                onboard[i].push(a[i]);
+                tracked[i].push(b[i]);
+            });
+        }
+        vec![Pair { start_s: 0.0, onboard, tracked }]
+    }
+
+    #[test]
+    fn the_offset_and_the_skew_of_a_clock_are_found() {
+        for (offset_s, skew) in [(0.0, 0.0), (0.12, 0.0), (-0.2, 0.0), (0.05, 0.01), (-0.08, -0.005)] {
+            let lags = Lags::new(&pair(offset_s, skew, |v| v), 0.01);
+            let best = lags.best(&[Axes::SAME])[0];
+            // Half a step of the lags, and what that is from the middle to an end.
+            assert!((best.offset_s - offset_s).abs() < 0.0101, "{best:?}");
+            assert!((best.skew - skew).abs() < 0.0015, "{best:?}");
+            assert!(best.similarity > 0.98, "{best:?}");
+        }
+    }
+
+    #[test]
+    fn exchanged_axes_agree_as_what_they_are_and_as_nothing_else() {
+        let axes = Axes { from: [1, 0, 2], sign: [1.0, -1.0, 1.0] };
+        let lags = Lags::new(&pair(0.0, 0.0, |v| axes.inverse().of(v)), 0.01);
+        let all = Axes::all();
+        let matches = lags.best(&all);
+        let best = (0..48).max_by(|a, b| matches[*a].similarity.total_cmp(&matches[*b].similarity)).unwrap();
+        assert_eq!(all[best], axes);
+        assert!(matches[best].correlation.iter().all(|c| *c > 0.999), "{:?}", matches[best]);
+        assert!(matches[0].similarity < 0.7, "{:?}", matches[0]);
+    }
+
+    #[test]
+    fn the_rms_of_a_stream_is_about_its_mean() {
+        let wave: Vec<f64> = (0..6284).map(|k| 7.0 + 2.0 * (0.01 * f64::from(k)).sin()).collect();
+        let streams = || [wave.clone(), vec![5.0; wave.len()], vec![0.0; wave.len()]];
+        let pairs = [Pair { start_s: 1.0, onboard: streams(), tracked: streams() }];
+        let lags = Lags::new(&pairs, 0.01);
+        assert!((lags.rms_onboard[0] - 2.0_f64.sqrt()).abs() < 1e-3, "{:?}", lags.rms_onboard);
+        assert_eq!(lags.rms_tracked[1], 0.0);
+        let (middle_s, length_s) = span(&pairs, 0.01);
+        assert!((middle_s - 32.42).abs() < 1e-9 && (length_s - 62.84).abs() < 1e-9);
+    }
+}

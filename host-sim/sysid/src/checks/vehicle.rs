@@ -224,3 +224,151 @@ impl Sums {
         (product / predicted.max(floor), product / (predicted * measured).sqrt().max(floor))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use model::Estimate;
+
+    use super::*;
+    use crate::testing::{NONE, fly, prepared, truth};
+
+    fn sentences(faults: &[Fault]) -> Vec<&str> {
+        faults.iter().map(|fault| fault.sentence.as_str()).collect()
+    }
+
+    #[test]
+    fn the_thesis_vehicle_and_its_model_are_above_suspicion() {
+        assert_eq!(of_vehicle(&Vehicle::thesis()), None);
+        assert_eq!(of_fit(&Model::thesis(), false), []);
+    }
+
+    #[test]
+    fn a_diameter_for_a_radius_and_a_diagonal_for_an_arm_are_suspected() {
+        let mut vehicle = Vehicle::thesis();
+        vehicle.rotor_radius *= 2.0;
+        assert_eq!(
+            of_vehicle(&vehicle).unwrap().sentence,
+            "vehicle file: rotor_radius is 1.22 of arm_length, craft have 0.4 to 0.65; rotors would \
+             overlap: is rotor_radius a diameter, or arm_length not that from the centre to a motor?"
+        );
+        let mut vehicle = Vehicle::thesis();
+        vehicle.arm_length *= 2.0;
+        assert_eq!(
+            of_vehicle(&vehicle).unwrap().sentence,
+            "vehicle file: rotor_radius is 0.30 of arm_length, craft have 0.4 to 0.65; rotors would be \
+             small: is arm_length the diagonal from motor to motor, or a length in another unit?"
+        );
+    }
+
+    #[test]
+    fn a_thrust_coefficient_of_no_propeller_is_told_with_what_may_be_wrong() {
+        let mut model = truth();
+        model.set(Effect::Thrust, &[0.8]);
+        let faults = of_fit(&model, false);
+        assert!(
+            sentences(&faults)[0].starts_with(
+                "vehicle file: mass, rotor_radius and rotor speeds together give a thrust coefficient of \
+                 8.00e-1, propellers have 0.008 to 0.026; is mass in grams"
+            ),
+            "{faults:?}"
+        );
+        model.set(Effect::Thrust, &[0.001]);
+        assert!(sentences(&of_fit(&model, false))[0].contains("is rotor_radius a diameter"));
+        // Rotor "speeds" that are commands have no such coefficient, unless they were logged.
+        model.vehicle.motors.map = Some(model::MotorMapKind::Identify);
+        assert_eq!(of_fit(&model, false), []);
+        assert!(!of_fit(&model, true).is_empty());
+    }
+
+    /// The moments of the thesis' craft are 0.44 of mass times arm squared.
+    #[test]
+    fn four_times_the_arm_makes_the_inertia_implausible() {
+        let mut model = truth();
+        assert_eq!(of_fit(&model, false), []);
+        model.vehicle.arm_length *= 4.0;
+        let faults = of_fit(&model, false);
+        assert!(
+            sentences(&faults)[0]
+                .starts_with("moments of inertia in roll and pitch come out as 0.03 and 0.03"),
+            "{faults:?}"
+        );
+    }
+
+    #[test]
+    fn a_motor_whose_error_is_as_large_as_itself_asks_for_another_flight() {
+        let mut model = truth();
+        let term = model.terms.iter_mut().find(|t| t.effect == Effect::RotorMoments).unwrap();
+        let info = Effect::RotorMoments.info();
+        let value = term.coefficients[0].value;
+        let coefficient = |error: f64| Estimate { value, std_error: Some(error) };
+        term.coefficients[0] = coefficient(0.9 * value.abs());
+        assert_eq!(of_fit(&model, false), []);
+        let term = model.terms.iter_mut().find(|t| t.effect == Effect::RotorMoments).unwrap();
+        term.coefficients[0] = coefficient(2.0 * value.abs());
+        let faults = of_fit(&model, false);
+        assert_eq!(faults[0].kind, FaultKind::NotExcited);
+        assert_eq!(
+            faults[0].sentence,
+            format!(
+                "the flights do not determine {} = {value:.2} +- {:.2} {}; fly more: {}",
+                info.coefficients[0].name,
+                2.0 * value.abs(),
+                info.coefficients[0].unit,
+                info.excitation
+            )
+        );
+    }
+
+    #[test]
+    fn few_and_short_flights_are_told_apart() {
+        // 300 samples give 240 rows.
+        let flight = prepared(300, |_, _| {});
+        let faults = of_set(&[&flight], &[&flight]);
+        assert_eq!(
+            sentences(&faults),
+            [
+                "only one flight to fit on: whether a finding repeats from flight to flight cannot be \
+                 judged; give three, each another pattern",
+                "only one flight to judge by: a finding may belong to that flight alone; give two or more",
+                "only 2.4 s to fit on: errors are large and drifts unseen; give at least three flights of \
+                 20 s",
+            ]
+        );
+        assert_eq!(of_set(&[&flight; 5], &[&flight; 2]), []);
+        assert_eq!(of_set(&[&flight; 5], &[]), []);
+    }
+
+    #[test]
+    fn a_flight_of_the_model_is_like_it_and_one_of_half_the_thrust_is_not() {
+        let model = truth();
+        let flight = Prepared::new(&fly(&model, 5, 12.0, &NONE), &model.vehicle).unwrap();
+        assert_eq!(differences(&model, &[&flight], Likeness::SAME), [""; 0]);
+        let mut stronger = model.clone();
+        let thrust = model.term(Effect::Thrust).unwrap().coefficients[0].value;
+        stronger.set(Effect::Thrust, &[2.0 * thrust]);
+        assert_eq!(
+            differences(&stronger, &[&flight], Likeness::CHANGED),
+            ["the thrust is 50 % below the model's"]
+        );
+        let mut turned = model.clone();
+        let mut moments = model.term(Effect::RotorMoments).unwrap().values();
+        moments[4..8].iter_mut().for_each(|c| *c = -*c);
+        moments[..4].iter_mut().for_each(|c| *c /= 4.0);
+        turned.set(Effect::RotorMoments, &moments);
+        let found = differences(&turned, &[&flight], Likeness::CHANGED);
+        assert_eq!(found[1], "the motors pitch the craft the other way round", "{found:?}");
+        assert!(
+            found[0].starts_with("the motors roll the craft ") && found[0].ends_with(" times as strongly")
+        );
+    }
+
+    /// Measured 2 p + 7 for p = 0, 1, 2.
+    #[test]
+    fn the_slope_is_about_the_means() {
+        let mut sums = Sums::default();
+        (0..3).for_each(|p| sums.add(2.0 * f64::from(p) + 7.0, f64::from(p)));
+        let (slope, correlation) = sums.about_means();
+        assert!((slope - 2.0).abs() < 1e-12 && (correlation - 1.0).abs() < 1e-12);
+        assert_eq!(Sums::default().about_means(), (0.0, 0.0));
+    }
+}

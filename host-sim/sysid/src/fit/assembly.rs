@@ -151,3 +151,103 @@ fn added(
     }
     targets
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{NONE, fly, truth};
+
+    fn flown(model: &Model) -> Prepared {
+        Prepared::new(&fly(model, 2, 6.0, &NONE), &model.vehicle).unwrap()
+    }
+
+    #[test]
+    fn targets_are_what_is_left_and_what_the_linear_effects_predict() {
+        // Drag of 2, 3, 4 over columns of their own axes.
+        let mut model = truth();
+        model.set(Effect::LinearDrag, &[2.0, 3.0, 4.0]);
+        let columns: Vec<RowColumn> = (0..3)
+            .map(|axis| {
+                let mut column = RowColumn::default();
+                column[axis] = Some(vec![1.0, -1.0]);
+                column
+            })
+            .collect();
+        let residual: [Vec<f64>; 6] = std::array::from_fn(|_| vec![0.5, 0.5]);
+        let targets = less_added(residual, &model, &[Effect::LinearDrag], &columns);
+        assert_eq!(targets[..4], [vec![2.5, -1.5], vec![3.5, -2.5], vec![4.5, -3.5], vec![0.5, 0.5]]);
+    }
+
+    #[test]
+    fn the_spread_is_of_the_axes_that_a_model_speaks_of() {
+        let residual: [Vec<f64>; 6] = std::array::from_fn(|axis| vec![1.0 + axis as f64]);
+        let mut forces = truth();
+        forces.terms.retain(|term| term.effect != Effect::RotorMoments);
+        let spread = |model: &Model| {
+            let mut sums = Squares::default();
+            sums.add(&residual, model);
+            sums.spread()
+        };
+        assert!((spread(&truth()) - 720.0_f64.ln()).abs() < 1e-12);
+        let silent = 3.0 * 0.5 * f64::MIN_POSITIVE.ln();
+        assert!((spread(&forces) - (6.0_f64.ln() + silent)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_worse_model_leaves_more_of_both_flights() {
+        let model = truth();
+        let flight = flown(&model);
+        let mut worse = model.clone();
+        worse.set(Effect::LinearDrag, &[0.0; 3]);
+        assert!(left_by(&[&flight, &flight], &worse) > left_by(&[&flight, &flight], &model) + 0.5);
+        // Twice the flight is twice the squares of six axes.
+        let (once, twice) = (left_by(&[&flight], &model), left_by(&[&flight, &flight], &model));
+        assert!((twice - once - 3.0 * 2.0_f64.ln()).abs() < 1e-9);
+    }
+
+    /// Rows carried over from a neighbour have its derivatives and nothing else of it.
+    #[test]
+    fn rows_that_follow_a_model_are_those_formed_about_it() {
+        let model = truth();
+        let flight = flown(&model);
+        let linear: Vec<Effect> = Effect::basic().collect();
+        let layout = Layout {
+            order: [&linear[..], &[Effect::MassChange]].concat(),
+            linear,
+            adjusting: vec![Effect::MassChange],
+            is_searched: false,
+        };
+        let with_mass = |extra_kg: f64| {
+            let mut model = model.clone();
+            model.set(Effect::MassChange, &[extra_kg]);
+            model
+        };
+        let (near, here) = (with_mass(0.05), with_mass(0.06));
+        let flights = [&flight];
+        let assembled = |model: &Model| {
+            assemble(&flights, model, &layout.linear, &layout.adjusting, &mut [Known::default()])
+        };
+        let (mut followed, _) = assembled(&near);
+        let spread = follow_up(&mut followed, &flights, &here, &layout, &mut [Known::default()]);
+        let (anew, spread_anew) = assembled(&here);
+        assert!((spread - spread_anew).abs() < 1e-9, "{spread} {spread_anew}");
+        assert_eq!(followed[0].targets, anew[0].targets);
+        let count = anew[0].columns.len() - 1;
+        assert_eq!(followed[0].columns[..count], anew[0].columns[..count]);
+        assert_ne!(followed[0].columns[count], anew[0].columns[count]);
+    }
+
+    #[test]
+    fn even_times_leave_nothing_unknown_of_when_commands_took_effect() {
+        let model = truth();
+        let mut flight = flown(&model);
+        assert_eq!(timing(&[&flight], &model), [None]);
+        flight.jitter_s = 0.001;
+        let [Some(off)] = &timing(&[&flight], &model)[..] else { panic!("jitter tells nothing") };
+        flight.jitter_s = 0.002;
+        let [Some(twice)] = &timing(&[&flight], &model)[..] else { panic!("jitter tells nothing") };
+        let (off, twice) = (off[3].as_ref().unwrap(), twice[3].as_ref().unwrap());
+        assert!(off.iter().any(|v| *v != 0.0));
+        assert!(off.iter().zip(twice).all(|(a, b)| (2.0 * a - b).abs() <= 1e-9 * b.abs()));
+    }
+}

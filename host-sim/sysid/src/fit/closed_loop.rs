@@ -215,3 +215,82 @@ fn warning(motors: &MotorsOfFlights) -> Option<String> {
         )
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{NONE, fly, truth};
+
+    fn motors(correlation: f64, p_value: f64) -> MotorsOfFlights {
+        MotorsOfFlights {
+            axis: Axis::Q,
+            flights: Vec::new(),
+            spread: 3.24,
+            p_value,
+            follows: "forward speed",
+            correlation,
+            warning: None,
+        }
+    }
+
+    #[test]
+    fn only_motors_that_follow_and_differ_are_doubted() {
+        assert_eq!(warning(&motors(0.79, 1e-9)), None);
+        assert_eq!(warning(&motors(-0.99, 0.002)), None);
+        assert_eq!(
+            warning(&motors(-0.81, 0.0009)).unwrap(),
+            "pitch: the motors' moment follows the forward speed (correlation -0.81) and motor coefficients \
+             differ between flights by 3.2 of their errors: they depend on how the flights were flown; fly \
+             each motor excited by itself at several hertz"
+        );
+    }
+
+    #[test]
+    fn a_signal_is_taken_about_its_mean() {
+        assert_eq!(about_mean(vec![1.0, 2.0, 6.0]), [-2.0, -1.0, 3.0]);
+        assert!(about_mean(Vec::new()).is_empty());
+    }
+
+    #[test]
+    fn of_a_model_without_rotation_there_are_no_motors() {
+        let mut model = truth();
+        let flight = Prepared::new(&fly(&model, 1, 8.0, &NONE), &model.vehicle).unwrap();
+        model.terms.retain(|term| term.effect == Effect::Thrust);
+        assert!(motors_of_flights(&model, &[&flight]).is_empty());
+    }
+
+    #[test]
+    fn a_single_flight_differs_from_no_other() {
+        let model = truth();
+        let flight = Prepared::new(&fly(&model, 1, 8.0, &NONE), &model.vehicle).unwrap();
+        let all = motors_of_flights(&model, &[&flight]);
+        assert_eq!(all.iter().map(|m| m.axis).collect::<Vec<_>>(), [Axis::P, Axis::Q, Axis::R]);
+        for motors in &all {
+            assert_eq!((motors.spread, motors.p_value, motors.flights.len()), (0.0, 1.0, 1));
+            assert!(motors.correlation.abs() <= 1.0 && motors.warning.is_none());
+        }
+        let none = motors_of_flights(&model, &[]);
+        assert!(none.iter().all(|m| m.flights.is_empty() && m.p_value == 1.0 && m.correlation == 0.0));
+    }
+
+    #[test]
+    fn each_flight_shows_the_coefficients_of_the_craft_that_flew_it() {
+        let model = truth();
+        let mut weak = model.clone();
+        let mut values = model.term(Effect::RotorMoments).unwrap().values();
+        values[1] *= 0.7;
+        weak.set(Effect::RotorMoments, &values);
+        let flights = [(&model, 1), (&weak, 2)]
+            .map(|(flown, seed)| Prepared::new(&fly(flown, seed, 12.0, &NONE), &flown.vehicle).unwrap());
+        let roll = motors_of_flights(&model, &flights.each_ref()).swap_remove(0);
+        let truth = |values: &[f64], motor: usize| values[motor];
+        let common = model.term(Effect::RotorMoments).unwrap().values();
+        for motor in 0..4 {
+            let [same, own] = [0, 1].map(|flight| roll.flights[flight].value[motor]);
+            let size = common[0].abs();
+            assert!((same - truth(&common, motor)).abs() < 0.08 * size, "{motor}: {same}");
+            assert!((own - truth(&values, motor)).abs() < 0.08 * size, "{motor}: {own}");
+        }
+        assert!(roll.p_value < 1e-3 && roll.spread > 2.0, "{roll:?}");
+    }
+}

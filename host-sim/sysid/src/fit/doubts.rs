@@ -62,3 +62,71 @@ fn doubts(model: &Model) -> Vec<(Effect, String)> {
     }
     found
 }
+
+#[cfg(test)]
+mod tests {
+    use model::Estimate;
+
+    use super::*;
+    use crate::testing::{NONE, fly, truth};
+
+    fn with_thrust(value: f64, std_error: Option<f64>) -> Model {
+        let mut model = truth();
+        let term = model.terms.iter_mut().find(|t| t.effect == Effect::Thrust).unwrap();
+        term.coefficients[0] = Estimate { value, std_error };
+        model
+    }
+
+    #[test]
+    fn a_craft_whose_motors_push_as_they_are_placed_is_possible() {
+        assert_eq!(impossible_signs(&truth()), [""; 0]);
+        assert!(produces_thrust(&truth()));
+    }
+
+    #[test]
+    fn a_wrong_sign_counts_beyond_twice_its_error() {
+        let sign = truth().term(Effect::Thrust).unwrap().coefficients[0].value.signum();
+        for (value, std_error, produces) in
+            [(-0.01, None, false), (-0.01, Some(0.004), false), (-0.01, Some(0.006), true), (0.0, None, true)]
+        {
+            let model = with_thrust(sign * value, std_error);
+            assert_eq!(produces_thrust(&model), produces, "{value} {std_error:?}");
+        }
+    }
+
+    #[test]
+    fn the_sentence_gives_value_error_and_what_to_look_at() {
+        let model = with_thrust(-0.01, Some(0.002));
+        let info = &Effect::Thrust.info().coefficients[0];
+        let expected = format!(
+            "{} = -0.0100 +- 0.0020 {} must be positive: rotor order or spin in the vehicle file, a clock \
+             offset between commands and motion, or too little excitation",
+            info.name, info.unit
+        );
+        assert_eq!(impossible_signs(&model), [expected]);
+    }
+
+    #[test]
+    fn rotors_that_spin_the_other_way_make_the_yaw_of_all_four_impossible() {
+        let mut model = truth();
+        model.vehicle.motors.spin.rotate_left(1);
+        let doubts = impossible_signs(&model);
+        assert_eq!(doubts.len(), 4, "{doubts:?}");
+    }
+
+    #[test]
+    fn a_rotation_that_explains_nothing_is_doubted_and_the_true_one_is_not() {
+        let mut model = truth();
+        let flight = Prepared::new(&fly(&model, 1, 8.0, &NONE), &model.vehicle).unwrap();
+        assert_eq!(rotation_doubts(&model, &[&flight]), [""; 0]);
+        let tiny: Vec<f64> =
+            model.term(Effect::RotorMoments).unwrap().values().iter().map(|c| 1e-6 * c).collect();
+        model.terms.retain(|term| term.effect == Effect::Thrust);
+        model.set(Effect::RotorMoments, &tiny);
+        assert_eq!(
+            rotation_doubts(&model, &[&flight]),
+            ["motor commands explain 0 % of the angular accelerations at best: clocks that wander within \
+              flights, or too little excitation"]
+        );
+    }
+}

@@ -147,3 +147,76 @@ pub(crate) fn unidentifiable(why: Unidentifiable, order: &[Effect]) -> FitError 
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{prepared, truth};
+
+    /// Thrust has one coefficient and drag three, so the third parameter is the drag's second.
+    #[test]
+    fn a_parameter_is_named_by_its_effect_and_its_coefficient() {
+        let order = [Effect::Thrust, Effect::LinearDrag];
+        assert_eq!(
+            unidentifiable(Unidentifiable::NotExcited(2), &order).to_string(),
+            "the flights do not excite C_dv of linear-drag: fly forward, sideways, up and down at several \
+             speeds"
+        );
+        let thrust = Effect::Thrust.info().coefficients[0].name;
+        assert_eq!(
+            unidentifiable(Unidentifiable::Collinear(vec![0, 1, 3]), &order).to_string(),
+            format!(
+                "the flights cannot tell apart {thrust} of thrust, C_du of linear-drag, C_dw of \
+                 linear-drag; fly so that they move separately"
+            )
+        );
+    }
+
+    #[test]
+    fn a_length_at_an_end_of_the_possible_was_not_found() {
+        // 0.08 to 10 m are possible.
+        let checked = |length: f64| {
+            let mut model = truth();
+            model.set(Effect::SlungLoad, &[0.1, length, 0.0]);
+            check_scales(&model, &[Effect::MassChange, Effect::SlungLoad])
+        };
+        assert_eq!((checked(0.081), checked(9.9)), (Ok(()), Ok(())));
+        for length in [0.08, 10.0, 12.0] {
+            assert_eq!(checked(length), Err(not_converged(&[Effect::SlungLoad])), "{length} m");
+        }
+        // A damping of zero is a damping, and what is not in the model has no scale.
+        assert_eq!(check_scales(&truth(), &[Effect::SlungLoad]), Ok(()));
+    }
+
+    #[test]
+    fn what_does_not_settle_says_what_to_fly() {
+        assert_eq!(
+            not_converged(&[Effect::SlungLoad, Effect::MassChange]).to_string(),
+            "the fit of slung-load does not settle, these flights do not determine it; to see it: start, \
+             stop and reverse quickly, so that the load swings, then hover and let it swing out"
+        );
+    }
+
+    /// Without a formula of a user there is nobody to blame: the effects of the catalogue are finite everywhere.
+    #[test]
+    fn residuals_that_are_not_finite_are_blamed_on_users_formulas_only() {
+        let flight = prepared(200, |_, _| {});
+        let mut residuals = Residuals::default();
+        residuals.residual[0] = vec![f64::NAN];
+        assert_eq!(check_residuals(&[&flight], &[residuals.clone()], &truth()), Ok(()));
+        let path = tempfile::NamedTempFile::new().unwrap();
+        let text = "[[effect]]\nid = \"root-of-error\"\nacceleration.u = \"k * sqrt(height)\"\n\
+                    coefficient = [{ name = \"k\", unit = \"m^0.5/s^2\", possible = [-1.0, 1.0], typical = 0.1 }]\n";
+        std::fs::write(path.path(), text).unwrap();
+        let user = model::effects::read(path.path()).unwrap()[0];
+        let mut model = truth();
+        model.set(user, &[0.1]);
+        let refused = check_residuals(&[&flight], &[residuals], &model).unwrap_err();
+        assert_eq!(
+            refused.to_string(),
+            "made-up.csv: the model has no finite prediction: a formula of root-of-error takes a root, a \
+             logarithm or a quotient of what they do not exist for"
+        );
+        assert_eq!(check_residuals(&[&flight], &[Residuals::default()], &model), Ok(()));
+    }
+}

@@ -183,3 +183,95 @@ pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
 pub fn residuals_at_rows(flight: &Prepared, model: &Model, stride: usize) -> Residuals {
     About::new(flight, model, (&[], &[]), stride, &Known::default()).residuals
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{NONE, fly, truth};
+
+    fn flown(model: &Model) -> Prepared {
+        Prepared::new(&fly(model, 1, 6.0, &NONE), &model.vehicle).unwrap()
+    }
+
+    /// By central differences of the residual, over steps a thousand times as long.
+    #[test]
+    fn the_columns_of_adjusting_effects_are_minus_the_derivatives_of_the_residual() {
+        let model = truth();
+        let flight = flown(&model);
+        for effect in [Effect::MassChange, Effect::SteadyWind, Effect::TrackingOffset, Effect::InputDelay] {
+            let about = About::new(&flight, &model, (&[], &[effect]), 3, &Known::default());
+            assert_eq!(about.columns.len(), effect.info().coefficients.len());
+            for (k, column) in about.columns.iter().enumerate() {
+                let step = 1e-2 * step_scale(true, effect, k);
+                let moved = |way: f64| {
+                    let mut values = vec![0.0; about.columns.len()];
+                    values[k] = way * step;
+                    let mut moved = model.clone();
+                    moved.set(effect, &values);
+                    residuals_at_rows(&flight, &moved, 3).residual
+                };
+                let (ahead, behind) = (moved(1.0), moved(-1.0));
+                for axis in 0..6 {
+                    let slope: Vec<f64> =
+                        ahead[axis].iter().zip(&behind[axis]).map(|(a, b)| -(a - b) / (2.0 * step)).collect();
+                    let zeros = vec![0.0; slope.len()];
+                    let column = column[axis].as_ref().unwrap_or(&zeros);
+                    let norm = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>().sqrt();
+                    let difference: Vec<f64> = column.iter().zip(&slope).map(|(a, b)| a - b).collect();
+                    assert!(
+                        norm(&difference) <= 0.01 * norm(&slope) + 1e-6,
+                        "{effect} {k}, axis {axis}: {} of {}",
+                        norm(&difference),
+                        norm(&slope)
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_was_measured_is_what_is_predicted_and_what_is_left() {
+        let model = truth();
+        let flight = flown(&model);
+        let Residuals { measured, residual } = residuals_at_rows(&flight, &model, 3);
+        let predicted = flight.predicted_by(&[&model], 3, None).pop().unwrap();
+        for axis in 0..6 {
+            let predicted = predicted[axis].as_ref().unwrap();
+            for ((m, r), p) in measured[axis].iter().zip(&residual[axis]).zip(predicted) {
+                assert!((m - p - r).abs() < 1e-12);
+            }
+        }
+        assert_eq!(residuals(&flight, &model).residual[0].len(), flight.rows());
+    }
+
+    #[test]
+    fn a_slope_is_over_the_step_and_rows_that_feel_nothing_stay_out() {
+        let column = |u: Option<Vec<f64>>, v: Option<Vec<f64>>| {
+            let mut column = RowColumn::default();
+            (column[0], column[1]) = (u, v);
+            column
+        };
+        let here = column(Some(vec![1.0, 2.0]), Some(vec![3.0]));
+        let ahead = column(Some(vec![1.5, 1.0]), Some(vec![3.0]));
+        assert_eq!(slope(&ahead, &here, 0.5), column(Some(vec![1.0, -2.0]), None));
+        assert_eq!(slope(&ahead, &RowColumn::default(), 0.5), RowColumn::default());
+    }
+
+    #[test]
+    fn a_length_is_stepped_by_itself_and_what_is_not_there_by_an_ordinary_size() {
+        let length = Effect::SlungLoad.info().coefficients[1];
+        assert_eq!(local_scale(true, Effect::SlungLoad, 1, 3.0), 3.0);
+        assert_eq!(local_scale(true, Effect::SlungLoad, 1, 0.0), length.typical);
+        assert_eq!(
+            local_scale(true, Effect::MassChange, 0, 3.0),
+            Effect::MassChange.info().coefficients[0].typical
+        );
+    }
+
+    #[test]
+    fn rotor_speeds_that_are_commands_are_counted_near_one() {
+        // A correction of the speed by 40 rad/s per volt is a twentieth of such a command.
+        assert_eq!(step_scale(true, Effect::BatteryVoltage, 0), 40.0);
+        assert_eq!(step_scale(false, Effect::BatteryVoltage, 0), 0.05);
+    }
+}

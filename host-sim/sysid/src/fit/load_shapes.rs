@@ -236,3 +236,70 @@ fn solved(products: &[DMatrix<f64>; 3], sigma: &[f64; 3]) -> Option<DVector<f64>
     let scaled = factor.solve(&right);
     Some(DVector::from_fn(count, |r, _| scaled[r] / scale[r]))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{NONE, fly, truth};
+
+    /// Products of columns a, b and a target on one axis.
+    fn products(a: &[f64], b: &[f64], target: &[f64]) -> DMatrix<f64> {
+        let all = [a, b, target];
+        DMatrix::from_fn(3, 3, |r, c| all[r].iter().zip(all[c]).map(|(x, y)| x * y).sum())
+    }
+
+    #[test]
+    fn the_least_squares_of_the_products_are_those_of_the_rows() {
+        // The target is 2 a - 3 b on every axis, and an offset of 0.1 beside both on the last.
+        let (a, b) = ([1.0, 2.0, 0.0, -1.0], [0.0, 1.0, 1.0, 2.0]);
+        let target: Vec<f64> = a.iter().zip(&b).map(|(a, b)| 2.0 * a - 3.0 * b).collect();
+        let exact = products(&a, &b, &target);
+        let (value, sigma) = weighted(&[exact.clone(), exact.clone(), exact], 4).unwrap();
+        assert!((value[0] - 2.0).abs() < 1e-9 && (value[1] + 3.0).abs() < 1e-9, "{value}");
+        assert!(sigma.iter().all(|s| *s < 1e-6));
+    }
+
+    /// Two axes say that the one coefficient is 1, with noise of 0.1, and one that it is 2, with noise of 1.
+    #[test]
+    fn an_axis_counts_by_the_noise_that_is_left_on_it() {
+        let axis = |value: f64, noise: f64| {
+            let column: Vec<f64> = (0..200).map(|_| 1.0).collect();
+            let target: Vec<f64> =
+                (0..200).map(|k| value + if k % 2 == 0 { noise } else { -noise }).collect();
+            let all = [&column, &target];
+            DMatrix::from_fn(2, 2, |r, c| all[r].iter().zip(all[c]).map(|(x, y)| x * y).sum())
+        };
+        let (value, sigma) = weighted(&[axis(1.0, 0.1), axis(1.0, 0.1), axis(2.0, 1.0)], 200).unwrap();
+        assert!(value[0] > 1.0 && value[0] < 1.05, "{value}");
+        assert!(sigma[2] > 5.0 * sigma[0], "{sigma:?}");
+    }
+
+    #[test]
+    fn columns_that_repeat_each_other_or_are_not_there_have_no_solution() {
+        let a = [1.0, 2.0, 3.0];
+        let repeated = products(&a, &a.map(|v| 2.0 * v), &a);
+        let none = products(&a, &[0.0; 3], &a);
+        for axis in [repeated, none] {
+            assert!(weighted(&[axis.clone(), axis.clone(), axis], 3).is_none());
+        }
+    }
+
+    #[test]
+    fn a_load_is_seen_by_the_cable_it_hangs_on_and_nothing_by_any() {
+        let bare = truth();
+        let mut loaded = bare.clone();
+        loaded.set(Effect::SlungLoad, &[0.12, 0.6, 0.05]);
+        let linear: Vec<Effect> = Effect::basic().collect();
+        let mass_at = |flown: &Model, length: f64| {
+            let flight = Prepared::new(&fly(flown, 4, 12.0, &NONE), &flown.vehicle).unwrap();
+            let end = LoadShapes::new(&[&flight], &bare, &linear, Effect::SlungLoad)
+                .solve(&[0.0, length, 0.05])
+                .unwrap();
+            (end.values[0], end.without - end.score)
+        };
+        let (mass_kg, explained) = mass_at(&loaded, 0.6);
+        assert!((mass_kg - 0.12).abs() < 0.03 && explained > 0.5, "{mass_kg} kg explain {explained}");
+        assert!(mass_at(&loaded, 2.5).1 < explained);
+        assert!(mass_at(&bare, 0.6).0.abs() < 0.01);
+    }
+}

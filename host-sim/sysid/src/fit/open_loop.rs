@@ -210,3 +210,92 @@ fn states_of(model: &Model, flight: &Prepared, stretch: &Stretch, taps: &[f64]) 
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prepare::Trim;
+    use crate::testing::{NONE, fly, truth};
+
+    fn flown(model: &Model) -> Prepared {
+        Prepared::new(&fly(model, 1, 6.0, &NONE), &model.vehicle).unwrap()
+    }
+
+    #[test]
+    fn every_horizon_counts_in_the_sum() {
+        let at =
+            |h: f64| HorizonError { position_m: h, velocity_m_s: 1.0, attitude_rad: -h, rate_rad_s: 0.5 };
+        let sum = sum_of_horizons(&[at(1.0), at(2.0), at(4.0)]);
+        let expected =
+            HorizonError { position_m: 7.0, velocity_m_s: 3.0, attitude_rad: -7.0, rate_rad_s: 1.5 };
+        assert_eq!(sum, expected);
+        assert_eq!(sum_of_horizons(&[]), HorizonError::default());
+    }
+
+    #[test]
+    fn the_true_model_stays_near_a_flight_for_half_a_second_and_a_wrong_one_does_not() {
+        let model = truth();
+        let flight = flown(&model);
+        let right = open_loop(&model, &[&flight]);
+        assert_eq!(right.len(), LONGEST_HORIZON);
+        assert!(right[49].position_m < 0.005, "{:?}", right[49]);
+        assert!(right[49].attitude_rad < 0.01, "{:?}", right[49]);
+        let mut wrong = model.clone();
+        let thrust = 1.1 * model.term(Effect::Thrust).unwrap().coefficients[0].value;
+        wrong.set(Effect::Thrust, &[thrust]);
+        let error = open_loop(&wrong, &[&flight])[49];
+        // A tenth of gravity for half a second: 0.98 / 2 * 0.25 m and 0.49 m/s.
+        assert!((error.position_m - 0.123).abs() < 0.015, "{error:?}");
+        assert!((error.velocity_m_s - 0.49).abs() < 0.05, "{error:?}");
+    }
+
+    #[test]
+    fn a_model_of_forces_alone_takes_the_logged_attitude_and_says_nothing_of_it() {
+        let mut model = truth();
+        let flight = flown(&model);
+        model.terms.retain(|term| matches!(term.effect, Effect::Thrust | Effect::LinearDrag));
+        let error = open_loop(&model, &[&flight])[49];
+        assert!(error.position_m < 0.005, "{error:?}");
+        assert!(error.attitude_rad.is_nan() && error.rate_rad_s.is_nan());
+    }
+
+    #[test]
+    fn without_flights_there_is_no_error_and_no_attitude_of_what_does_not_turn() {
+        assert_eq!(open_loop(&truth(), &[]), vec![HorizonError::default(); LONGEST_HORIZON]);
+    }
+
+    /// The trim of a flight pushes the prediction as the craft was pushed: forwards by 0.4 m/s^2 for a tenth of a second.
+    #[test]
+    fn a_flights_own_constants_push_its_prediction_unless_they_are_left_out() {
+        let model = truth();
+        let mut flight = flown(&model);
+        let without = open_loop(&model, &[&flight]);
+        flight.trim = Some(Trim { value: [0.4, 0.0, 0.0, 0.0, 0.0, 0.0], std_error: [0.1; 6] });
+        let pushed = open_loop(&model, &[&flight])[9];
+        assert!((pushed.velocity_m_s - 0.04).abs() < 0.005, "{pushed:?}");
+        assert_eq!(open_loop_without_trim(&model, &[&flight]), without);
+    }
+
+    #[test]
+    fn a_roll_out_hands_over_each_sample_from_the_state_it_starts_at() {
+        let model = truth();
+        let flight = flown(&model);
+        let stretch = &flight.stretches[0];
+        let states = reference_states(&model, &flight, stretch);
+        let rotor = mean_rotor_speeds(&model, &flight, stretch);
+        assert_eq!(rotor.len() + 1, states.len());
+        let track = Track {
+            states: &states,
+            rotor_mean_rad_s: &rotor,
+            battery_v: &stretch.battery_v,
+            period_s: flight.period_s,
+            turns: true,
+        };
+        let mut seen = Vec::new();
+        track.roll_out(&Plant::new(&model), &[0.0; 6], 100, 3, |h, state| seen.push((h, *state)));
+        assert_eq!(seen.iter().map(|(h, _)| *h).collect::<Vec<_>>(), [1, 2, 3]);
+        for (h, state) in &seen {
+            assert!((velocity_ned_m_s(state) - velocity_ned_m_s(&states[100 + h])).norm() < 2e-3);
+        }
+    }
+}

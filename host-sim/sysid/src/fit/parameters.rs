@@ -70,3 +70,64 @@ pub(crate) fn store(model: &mut Model, effects: &[Effect], values: &[f64]) {
         at += count;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::truth;
+
+    #[test]
+    fn a_scale_is_halved_or_doubled_at_most_and_stays_possible() {
+        // A cable of 0.08 to 10 m.
+        let length = &Effect::SlungLoad.info().coefficients[1];
+        let end = |now, step| step_end(now, step, length);
+        assert_eq!((end(1.0, 0.3), end(1.0, -5.0), end(1.0, 5.0)), (1.3, 0.5, 2.0));
+        assert_eq!((end(0.1, -5.0), end(8.0, 50.0)), (0.08, 10.0));
+        // What is not there yet is no scale: as far again outside the possible.
+        assert_eq!((end(0.0, 0.4), end(0.0, -50.0)), (0.4, 0.08 - 9.92));
+    }
+
+    #[test]
+    fn a_damping_does_not_step_below_zero_and_a_mass_may() {
+        // Possible from 0 to 100 kg and from 0 to 1.
+        let [mass, _, damping] = Effect::SlungLoad.info().coefficients else { panic!("three coefficients") };
+        assert!(is_bound(damping) && !is_bound(mass));
+        assert_eq!((step_end(0.1, -5.0, damping), step_end(0.1, 5.0, damping)), (0.0, 2.0));
+        assert_eq!((step_end(0.0, -5.0, mass), step_end(0.0, -500.0, mass)), (-5.0, -100.0));
+    }
+
+    #[test]
+    fn what_is_known_of_the_next_step_leads_back_to_zero() {
+        let mut model = truth();
+        model.set(Effect::SlungLoad, &[0.1, 0.7, 0.02]);
+        let priors: Vec<Option<Prior>> = priors_of(&model, Effect::SlungLoad).collect();
+        assert!(priors[0].is_none());
+        let [length, damping] = [1, 2].map(|k| priors[k].unwrap());
+        assert_eq!((length.expected, length.deviation), (-0.7, 30.0));
+        assert_eq!((damping.expected, damping.deviation), (-0.02, 0.1));
+        assert_eq!(priors_of(&truth(), Effect::SlungLoad).count(), 0);
+    }
+
+    #[test]
+    fn values_are_stored_effect_by_effect_and_new_ones_last() {
+        let mut model = truth();
+        let before = model.effects();
+        store(&mut model, &[Effect::MassChange, Effect::LinearDrag], &[0.5, 1.0, 2.0, 3.0]);
+        assert_eq!(model.effects(), [&before[..], &[Effect::MassChange]].concat());
+        assert_eq!(model.term(Effect::MassChange).unwrap().values(), [0.5]);
+        assert_eq!(model.term(Effect::LinearDrag).unwrap().values(), [1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn only_some_adjusting_effects_add_accelerations() {
+        let layout = |adjusting: Vec<Effect>| Layout {
+            linear: vec![Effect::Thrust],
+            order: Vec::new(),
+            is_searched: false,
+            adjusting,
+        };
+        assert!(!layout(Vec::new()).adds());
+        assert!(!layout(vec![Effect::MassChange]).adds());
+        assert!(layout(vec![Effect::MassChange, Effect::SlungLoad]).adds());
+    }
+}

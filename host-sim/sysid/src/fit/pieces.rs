@@ -65,3 +65,74 @@ pub(crate) fn blocks(flight: &Prepared, carried: &Carried, stride: usize) -> Vec
     });
     blocks.map(|block| block[0].rows.start..block[block.len() - 1].rows.end).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use model::Effect;
+
+    use super::*;
+    use crate::fit::slung_load::of_model;
+    use crate::testing::{prepared, truth};
+
+    fn of_lengths(lengths: &[usize]) -> Prepared {
+        let longest = lengths.iter().copied().max().unwrap();
+        let mut flight = prepared(longest, |_, _| {});
+        let whole = flight.stretches[0].clone();
+        flight.stretches = lengths.iter().map(|length| whole.part(0..*length)).collect();
+        flight
+    }
+
+    #[test]
+    fn the_rows_of_the_pieces_are_those_of_the_flight_one_after_another() {
+        for lengths in [&[100][..], &[460], &[461, 100, 1999], &[2000, 659, 660, 661]] {
+            let flight = of_lengths(lengths);
+            for stride in [1, flight.fit_stride()] {
+                let pieces = pieces(&flight, stride);
+                let mut next = 0;
+                for piece in &pieces {
+                    assert_eq!(piece.rows.start, next);
+                    next = piece.rows.end;
+                    // Each row has its sample.
+                    let samples = piece.samples.len() - 2 * flight.margin;
+                    assert_eq!(piece.rows.len(), samples.div_ceil(stride));
+                    assert!(piece.samples.end <= lengths[piece.stretch]);
+                }
+                let rows: usize = flight.stretches.iter().map(|s| flight.row_samples(s, stride).len()).sum();
+                assert_eq!(next, rows, "{lengths:?} by {stride}");
+            }
+        }
+    }
+
+    /// Four seconds are 399 samples in strides of three; the margins are 30 on either side.
+    #[test]
+    fn neighbours_overlap_by_what_filters_need_and_the_last_takes_the_rest() {
+        let flight = of_lengths(&[1500]);
+        let all: Vec<_> = pieces(&flight, 3).into_iter().map(|p| (p.goes_on(), p.samples)).collect();
+        assert_eq!(all, [(false, 0..459), (true, 399..858), (true, 798..1257), (true, 1197..1500)]);
+        let short = pieces(&of_lengths(&[100]), 3);
+        assert_eq!((short.len(), short[0].samples.clone()), (1, 0..100));
+    }
+
+    #[test]
+    fn blocks_are_longer_than_a_swing_remembers_and_cover_all_rows() {
+        let flight = of_lengths(&[4000, 900]);
+        let blocks_of = |damping: f64| {
+            let mut model = truth();
+            model.set(Effect::SlungLoad, &[0.1, 1.0, damping]);
+            let blocks = blocks(&flight, &of_model(&model).unwrap(), 3);
+            let rows = pieces(&flight, 3).last().unwrap().rows.end;
+            assert_eq!((blocks[0].start, blocks[blocks.len() - 1].end), (0, rows));
+            assert!(blocks.windows(2).all(|w| w[0].end == w[1].start));
+            blocks.len()
+        };
+        // The first stretch is ten pieces of 4 s, the second two. A swing of sqrt(9.81) rad/s that is damped by 0.08 remembers
+        // 4 s: five blocks of 8 s. One that is not remembers all: the fewest.
+        assert_eq!((blocks_of(0.08), blocks_of(0.0)), (5 + 2, 2 + 2));
+    }
+
+    /// Four numbers of two times forty independent values.
+    #[test]
+    fn by_chance_the_beginnings_explain_a_twentieth() {
+        assert!((BY_CHANCE_PERCENT - 5.0).abs() < 1e-12);
+    }
+}

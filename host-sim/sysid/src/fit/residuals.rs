@@ -42,3 +42,43 @@ pub fn errors<'a>(all: impl IntoIterator<Item = &'a Residuals>) -> PerAxis<AxisE
 pub(crate) fn spread(sigma: &[f64; 6]) -> f64 {
     sigma.iter().map(|s| s.ln()).sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn on_w(measured: &[f64], residual: &[f64]) -> Residuals {
+        let mut all = Residuals::default();
+        (all.measured[2], all.residual[2]) = (measured.to_vec(), residual.to_vec());
+        all
+    }
+
+    /// Measured 1, 2, 3, 6 about their mean of 3 have squares of 14; the residuals' are 7.
+    #[test]
+    fn errors_are_of_all_flights_together_about_the_common_mean() {
+        let flights = [on_w(&[1.0, 2.0], &[1.0, -1.0]), on_w(&[3.0, 6.0], &[2.0, 1.0])];
+        let w = errors(&flights).w;
+        assert_eq!((w.sse, w.samples), (7.0, 4));
+        assert!((w.rms - 1.75_f64.sqrt()).abs() < 1e-15 && (w.r2 - 0.5).abs() < 1e-15);
+    }
+
+    #[test]
+    fn what_never_varies_has_nothing_to_explain_and_no_rows_have_no_error() {
+        let constant = errors([&on_w(&[2.0, 2.0], &[0.5, 0.5])]).w;
+        assert_eq!((constant.r2, constant.rms), (0.0, 0.5));
+        assert_eq!(errors([]).w, AxisError::default());
+    }
+
+    #[test]
+    fn a_model_worse_than_the_mean_has_a_negative_share() {
+        assert!((errors([&on_w(&[-1.0, 1.0], &[-2.0, 2.0])]).w.r2 + 3.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_spread_grows_by_the_logarithm_of_the_unit_of_each_axis() {
+        let sigma = [0.1, 0.2, 0.3, 1.0, 2.0, 3.0];
+        let doubled = sigma.map(|s| 2.0 * s);
+        assert!((spread(&doubled) - spread(&sigma) - 6.0 * 2.0_f64.ln()).abs() < 1e-12);
+        assert_eq!(spread(&[1.0; 6]), 0.0);
+    }
+}

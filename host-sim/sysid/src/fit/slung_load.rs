@@ -65,3 +65,67 @@ pub fn without_load(model: &Model) -> Model {
     model.terms.retain(|term| !term.effect.info().special.hangs_load);
     model
 }
+
+#[cfg(test)]
+mod tests {
+    use model::Effect;
+
+    use super::*;
+    use crate::testing::truth;
+
+    /// 0.2 kg on a metre under 1.214 kg; damped by a tenth.
+    fn loaded() -> Model {
+        let mut model = truth();
+        model.set(Effect::SlungLoad, &[0.2, 1.0, 0.1]);
+        model
+    }
+
+    #[test]
+    fn a_load_is_known_by_its_share_its_swing_and_its_decay() {
+        let carried = of_model(&loaded()).unwrap();
+        assert!((carried.share - 0.2 / 1.214).abs() < 1e-12);
+        // Of the mass that hangs together, 1.414 kg.
+        assert!((carried.part() - 0.2 / 1.414).abs() < 1e-12);
+        assert!((carried.part_per_kg() - 1.0 / 1.214).abs() < 1e-12);
+        let frequency_rad_s = 9.81_f64.sqrt();
+        assert!((carried.decay_per_s() - 0.1 * frequency_rad_s).abs() < 1e-12);
+        let usual = carried.usual(0.3);
+        assert!((usual.x - 0.3).abs() < 1e-12 && (usual.y - 0.3 * frequency_rad_s).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_heavier_craft_has_a_smaller_share_on_its_cable() {
+        let mut model = loaded();
+        model.set(Effect::MassChange, &[0.786]);
+        assert!((of_model(&model).unwrap().share - 0.1).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_part_grows_with_the_first_gram_as_the_slope_says() {
+        let mut model = truth();
+        model.set(Effect::SlungLoad, &[1e-6, 1.0, 0.0]);
+        let carried = of_model(&model).unwrap();
+        assert!((carried.part() / 1e-6 / carried.part_per_kg() - 1.0).abs() < 1e-5);
+    }
+
+    /// On a cable of a metre, 0.02 rad are 2 cm or 6.3 cm/s.
+    #[test]
+    fn a_change_is_large_beyond_two_centimetres_on_a_metre_whichever_way() {
+        let carried = of_model(&loaded()).unwrap();
+        for way in 0..4 {
+            let limit = if way % 2 == 0 { 0.02 } else { 0.02 * 9.81_f64.sqrt() };
+            for (part, large) in [(0.99, false), (1.01, true), (-1.01, true)] {
+                let mut change = Vector4::zeros();
+                change[way] = part * limit;
+                assert_eq!(carried.is_large(&change), large, "{way}, {part}");
+            }
+        }
+    }
+
+    #[test]
+    fn without_its_load_a_model_is_as_before() {
+        assert!(of_model(&truth()).is_none());
+        assert_eq!(without_load(&loaded()), truth());
+        assert_eq!(without_load(&truth()), truth());
+    }
+}

@@ -297,3 +297,84 @@ fn slopes(
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{NONE, fly, truth};
+
+    fn end(score: f64) -> End {
+        End { score, without: 0.0, values: vec![score] }
+    }
+
+    #[test]
+    fn the_better_of_two_is_kept_and_the_first_of_equals() {
+        let mut best = None;
+        assert!(!better(&mut best, None) && best.is_none());
+        assert!(better(&mut best, Some(end(2.0))));
+        assert!(!better(&mut best, Some(End { values: vec![9.0], ..end(2.0) })));
+        assert_eq!(best.as_ref().unwrap().values, [2.0]);
+        assert!(better(&mut best, Some(end(1.0))) && !better(&mut best, Some(end(1.5))));
+        assert!(!better(&mut best, None));
+        assert_eq!(best.unwrap().score, 1.0);
+    }
+
+    #[test]
+    fn a_shape_is_possible_up_to_the_ends_of_its_range() {
+        let possible =
+            |values: &[f64]| is_possible(Effect::SlungLoad, &End { values: values.to_vec(), ..end(0.0) });
+        assert!(possible(&[0.0, 0.08, 0.0]) && possible(&[100.0, 10.0, 1.0]));
+        assert!(!possible(&[-1e-9, 1.0, 0.0]) && !possible(&[0.1, 10.1, 0.0]));
+        assert!(!possible(&[0.1, f64::NAN, 0.0]));
+    }
+
+    #[test]
+    fn only_effects_with_a_qualifying_coefficient_have_a_second_start() {
+        let model = truth();
+        assert!(second(&model, &[Effect::MassChange]).is_none() && second(&model, &[]).is_none());
+        // 40 rad/s per volt, qualified by a shift of 1.5 V.
+        let second = second(&model, &[Effect::MassChange, Effect::BatteryVoltage]).unwrap();
+        assert_eq!(second.term(Effect::BatteryVoltage).unwrap().values(), [40.0, 1.5]);
+        assert!(!second.has(Effect::MassChange));
+    }
+
+    fn layout(adjusting: Vec<Effect>) -> Layout {
+        let linear: Vec<Effect> = Effect::basic().collect();
+        Layout { order: [&linear[..], &adjusting].concat(), linear, adjusting, is_searched: false }
+    }
+
+    #[test]
+    fn what_is_known_already_starts_where_it_is() {
+        let model = truth();
+        let adjusting = layout(vec![Effect::SlungLoad, Effect::BatteryVoltage]);
+        let starts = of(&[], model.clone(), &adjusting, |_| false, Demand::Best).unwrap();
+        assert_eq!(starts, [model]);
+    }
+
+    /// A search finds some shape that takes a little of the rounding away, or none at all.
+    #[test]
+    fn a_flight_without_a_load_has_next_to_none_on_its_cable() {
+        let model = truth();
+        let flight = Prepared::new(&fly(&model, 4, 8.0, &NONE), &model.vehicle).unwrap();
+        let layout = layout(vec![Effect::SlungLoad]);
+        match of(&[&flight], model, &layout, |_| true, Demand::Promising) {
+            Ok(starts) => {
+                let mass_kg = starts[0].term(Effect::SlungLoad).unwrap().coefficients[0].value;
+                assert!(mass_kg < 1e-3, "{mass_kg} kg");
+            }
+            Err(refused) => assert!(matches!(refused, FitError::ExplainsNothing { .. }), "{refused}"),
+        }
+    }
+
+    #[test]
+    fn a_load_that_is_there_starts_near_its_mass_and_its_cable() {
+        let model = truth();
+        let mut loaded = model.clone();
+        loaded.set(Effect::SlungLoad, &[0.12, 0.6, 0.05]);
+        let flight = Prepared::new(&fly(&loaded, 4, 12.0, &NONE), &loaded.vehicle).unwrap();
+        let layout = layout(vec![Effect::SlungLoad]);
+        let starts = of(&[&flight], model, &layout, |_| true, Demand::Promising).unwrap();
+        let values = starts[0].term(Effect::SlungLoad).unwrap().values();
+        assert!((values[0] - 0.12).abs() < 0.02 && (values[1] - 0.6).abs() < 0.1, "{values:?}");
+    }
+}

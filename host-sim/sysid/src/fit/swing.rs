@@ -318,3 +318,96 @@ pub(crate) fn followed(flight: &Prepared, stretch: &Stretch, model: &Model) -> V
     }
     swings
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::linearise::residuals;
+    use crate::testing::{NONE, fly, truth};
+    use model::Effect;
+
+    fn loaded() -> Model {
+        let mut model = truth();
+        model.set(Effect::SlungLoad, &[0.12, 0.6, 0.05]);
+        model
+    }
+
+    fn flown(model: &Model) -> Prepared {
+        Prepared::new(&fly(model, 4, 12.0, &NONE), &model.vehicle).unwrap()
+    }
+
+    #[test]
+    fn a_load_that_is_followed_leaves_less_than_none_and_than_another_cable() {
+        let model = loaded();
+        let flight = flown(&model);
+        let left = |model: &Model| -> f64 {
+            let residual = residuals(&flight, model).residual;
+            residual[..3].iter().flatten().map(|e| e * e).sum()
+        };
+        let mut longer = model.clone();
+        longer.set(Effect::SlungLoad, &[0.12, 1.5, 0.05]);
+        let right = left(&model);
+        assert!(right < 0.05 * left(&truth()), "{right} of {}", left(&truth()));
+        assert!(right < 0.3 * left(&longer), "{right} of {}", left(&longer));
+    }
+
+    #[test]
+    fn the_cable_has_a_direction_at_every_sample_and_none_without_a_load() {
+        let model = loaded();
+        let flight = flown(&model);
+        let swings = followed(&flight, &flight.stretches[0], &model);
+        assert_eq!(swings.len(), flight.stretches[0].time_s.len());
+        for swing in &swings {
+            assert!((swing.direction.norm() - 1.0).abs() < 1e-6 && swing.direction.z > 0.5);
+        }
+        assert!(followed(&flight, &flight.stretches[0], &truth()).is_empty());
+    }
+
+    /// Free swings 1, 2 and 0, 1 at two rows of a level craft; the signal is 3 north at the second row.
+    #[test]
+    fn sums_and_products_of_the_free_swings_are_over_the_rows() {
+        let beginnings = Beginnings { free: [vec![1.0, 2.0], vec![0.0, 1.0]], ..Beginnings::default() };
+        assert_eq!(beginnings.products(2), Matrix2::new(5.0, 2.0, 2.0, 1.0));
+        assert_eq!(beginnings.products(1), Matrix2::new(1.0, 0.0, 0.0, 0.0));
+        let level = [Matrix3::identity(); 2];
+        let signal = [Vector3::zeros(), Vector3::new(3.0, 0.0, 7.0)];
+        let sums = beginnings.sums(&level, signal.into_iter());
+        assert_eq!(sums, Matrix2::new(6.0, 0.0, 3.0, 0.0));
+    }
+
+    #[test]
+    fn a_free_swing_lies_in_the_horizontal_plane_whatever_the_attitude() {
+        let beginnings = Beginnings { free: [vec![1.0, 2.0], vec![0.0, 1.0]], ..Beginnings::default() };
+        let dcm = [model::frames::dcm_from_euler(Vector3::new(0.3, -0.2, 1.0)); 2];
+        // Offset 1 m north and 2 m east, velocity 3 m/s north.
+        let begun = Matrix2::new(1.0, 2.0, 3.0, 0.0);
+        let inertial: Vec<Vector3<f64>> =
+            beginnings.swung(&dcm, begun).zip(&dcm).map(|(body, dcm)| dcm.tr_mul(&body)).collect();
+        assert!((inertial[0] - Vector3::new(1.0, 2.0, 0.0)).norm() < 1e-12);
+        assert!((inertial[1] - Vector3::new(5.0, 4.0, 0.0)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn what_the_beginnings_explain_is_taken_out_of_a_column_once() {
+        let model = loaded();
+        let flight = flown(&model);
+        let carried = of_model(&model).unwrap();
+        let rough = Known { is_rough: true, ..Known::default() };
+        let followed = Followed::new(Unloaded::new(&flight, &model, 3), carried, &rough);
+        let mut column = RowColumn::default();
+        column[3] = Some(vec![1.0; followed.unloaded.dcm.len()]);
+        let before = column.clone();
+        followed.take_out(&mut column);
+        assert_eq!(column, before, "a column of moments has no swing in it");
+        let square = |column: &RowColumn| column[..3].iter().flatten().flatten().map(|v| v * v).sum::<f64>();
+        let mut free: [Vec<f64>; 3] = std::array::from_fn(|_| vec![0.0; followed.unloaded.dcm.len()]);
+        let piece = &followed.unloaded.pieces[0];
+        let dcm = &followed.unloaded.dcm[piece.rows.clone()];
+        followed.beginnings.add(&mut free, piece, dcm, Matrix2::new(0.1, 0.0, 0.0, 0.2));
+        let mut column = RowColumn::default();
+        column.iter_mut().zip(free).for_each(|(column, free)| *column = Some(free));
+        let swung = square(&column);
+        followed.take_out(&mut column);
+        assert!(square(&column) < 0.05 * swung, "{} of {swung}", square(&column));
+    }
+}

@@ -122,3 +122,68 @@ fn unbroken(bad: &[bool]) -> impl Iterator<Item = Range<usize>> {
         range
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{prepared, truth};
+
+    /// A formula that takes the root of the height.
+    fn root(name: &str) -> Effect {
+        let path = tempfile::NamedTempFile::new().unwrap();
+        let text = format!(
+            "[[effect]]\nid = \"{name}\"\nacceleration.u = \"k * sqrt(height)\"\n\
+             coefficient = [{{ name = \"k\", unit = \"m^0.5/s^2\", possible = [-1.0, 1.0], typical = 0.1 }}]\n"
+        );
+        std::fs::write(path.path(), text).unwrap();
+        model::effects::read(path.path()).unwrap()[0]
+    }
+
+    /// Climbs a metre a second from so far below zero.
+    fn climbing(from_m: f64) -> Prepared {
+        prepared(600, |t, row| row.position_ned_m[2] = -(t - from_m))
+    }
+
+    #[test]
+    fn ranges_without_a_bad_sample_leave_out_the_bad_ones_and_no_other() {
+        let ranges = |bad: &[bool]| unbroken(bad).filter(|r| !r.is_empty()).collect::<Vec<_>>();
+        let (x, o) = (true, false);
+        assert_eq!(ranges(&[o, o, x, o, x, x, o]), [0..2, 3..4, 6..7]);
+        assert_eq!(ranges(&[x, o]), [1..2]);
+        assert_eq!(ranges(&[o, o]), [0..2]);
+        assert!(ranges(&[x, x]).is_empty() && ranges(&[]).is_empty());
+    }
+
+    #[test]
+    fn effects_of_the_catalogue_leave_a_flight_as_it_is() {
+        let mut flight = climbing(2.0);
+        let all: Vec<Effect> = Effect::basic().collect();
+        flight.leave_out_undefined(&truth(), &all).unwrap();
+        assert_eq!((flight.stretches.len(), flight.rows(), flight.notes.len()), (1, 540, 0));
+    }
+
+    /// Below zero for the first 200 samples: the root is real from 2.00 s on, where 400 samples and 340 rows are left.
+    #[test]
+    fn samples_below_the_ground_are_left_out_of_what_takes_the_root_of_the_height() {
+        let effect = root("root-half");
+        let mut flight = climbing(1.995);
+        flight.leave_out_undefined(&truth(), &[effect]).unwrap();
+        assert_eq!((flight.stretches.len(), flight.rows()), (1, 600 - 201 - 60));
+        assert!((flight.stretches[0].time_s[0] - 2.01).abs() < 1e-9);
+        assert!(
+            flight.notes[0].starts_with("201 samples left out, in or beside which "),
+            "{:?}",
+            flight.notes
+        );
+    }
+
+    #[test]
+    fn a_flight_below_the_ground_is_refused_and_stays_whole() {
+        let effect = root("root-none");
+        let mut flight = climbing(10.0);
+        let refused = flight.leave_out_undefined(&truth(), &[effect]).unwrap_err();
+        assert!(matches!(refused, PrepareError::Undefined { .. }));
+        assert!(refused.to_string().starts_with("has nothing left to use: "), "{refused}");
+        assert_eq!(flight.rows(), 540);
+    }
+}

@@ -212,3 +212,91 @@ fn places(
     });
     (0..dcm.len()).map(|k| vector(&smoothed, k)).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use model::Effect;
+
+    use super::*;
+    use crate::fit::slung_load::of_model;
+    use crate::testing::{prepared, truth};
+
+    fn hover() -> (Model, Prepared, Carried) {
+        let mut model = truth();
+        model.set(Effect::SlungLoad, &[0.2, 1.0, 0.1]);
+        let flight = prepared(1000, |_, row| row.position_ned_m = [1.0, 2.0, -3.0]);
+        let carried = of_model(&model).unwrap();
+        (model, flight, carried)
+    }
+
+    #[test]
+    fn a_small_swing_under_a_hovering_craft_goes_on_as_the_free_motion_says() {
+        let (model, flight, carried) = hover();
+        let unloaded = Unloaded::new(&flight, &model, 3);
+        let piece = unloaded.pieces[0].clone();
+        // 1 cm and -2 cm/s north, 2 cm/s east.
+        let begun = Matrix2::new(0.01, 0.0, -0.02, 0.02);
+        let swings = unloaded.driven(&piece, &carried, &Vector4::new(0.01, -0.02, 0.0, 0.02));
+        assert_eq!(swings.len(), piece.samples.len());
+        let end = unloaded.end(&piece, &carried, &swings);
+        let expected = unloaded.carries_on(&piece, &carried) * begun;
+        // The velocity at the end is that between the samples before and after.
+        assert!((end - expected).norm() < 0.03 * expected.norm(), "{end} {expected}");
+        assert!(expected.norm() > 2e-3, "a swing that has died out tells nothing");
+    }
+
+    /// Hanging still it pulls straight down with the weight of what is above it.
+    #[test]
+    fn a_load_that_hangs_still_pulls_down_by_what_carries_it() {
+        let (model, flight, carried) = hover();
+        let unloaded = Unloaded::new(&flight, &model, 3);
+        let (pull, ends) = unloaded.pull_from(&carried, &[]);
+        assert!(ends.iter().all(|end| end.norm() < 1e-9));
+        let lift_m_s2 = -unloaded.force_ned_m_s2[0][500].z;
+        assert!(lift_m_s2 > 5.0);
+        for row in 0..unloaded.dcm().len() {
+            assert!(pull[0][row].abs() < 1e-9 && pull[1][row].abs() < 1e-9);
+            assert!((pull[2][row] / lift_m_s2 - 1.0).abs() < 1e-6, "{}", pull[2][row]);
+        }
+    }
+
+    #[test]
+    fn a_free_swing_of_a_metre_pulls_at_first_by_its_share_of_its_stiffness() {
+        let (model, flight, carried) = hover();
+        let unloaded = Unloaded::new(&flight, &model, 3);
+        let [offset, velocity] = unloaded.free_swings(&carried);
+        let longest = unloaded.rows_of_pieces().map(|rows| rows.len()).max().unwrap();
+        assert_eq!((offset.len(), velocity.len()), (longest, longest));
+        // The first row is a margin of 0.3 s after the beginning.
+        let at_row = carried.share * 9.81 * carried.load.free_motion(0.3, 9.81);
+        // The filter of a twice differentiated position takes little of 3 rad/s.
+        assert!((offset[0] / at_row[(0, 0)] - 1.0).abs() < 0.02, "{} {at_row}", offset[0]);
+        assert!((velocity[0] / at_row[(0, 1)] - 1.0).abs() < 0.02, "{} {at_row}", velocity[0]);
+    }
+
+    /// Squares of 8 on two axes over 100 rows are a variance of 0.04; rows 0.03 s apart repeat each other's noise 10/3 times.
+    #[test]
+    fn what_is_known_of_a_beginning_is_the_noise_over_its_variance() {
+        let (model, flight, carried) = hover();
+        let unloaded = Unloaded::new(&flight, &model, 3);
+        let known = unloaded.known(8.0, 100, &carried, 0.1);
+        let noise = 0.04 * 10.0 / 3.0;
+        assert!((known.x - noise / 0.01).abs() < 1e-9, "{known}");
+        assert!((known.y - noise / (0.01 * 9.81)).abs() < 1e-9, "{known}");
+        assert_eq!(unloaded.known(0.0, 0, &carried, 0.1), Vector2::zeros());
+    }
+
+    #[test]
+    fn a_load_is_driven_by_the_centre_and_not_by_the_tracked_point() {
+        let flight = prepared(300, |_, row| {
+            row.position_ned_m = [1.0, 2.0, -3.0];
+            row.euler_rad = [0.0, 0.0, std::f64::consts::FRAC_PI_2];
+        });
+        let stretch = &flight.stretches[0];
+        let all = places(&flight, stretch, &stretch.dcm, &Vector3::new(0.1, 0.0, 0.05));
+        // Ahead is east.
+        assert!((all[150] - Vector3::new(1.0, 1.9, -3.05)).norm() < 1e-9, "{}", all[150]);
+        let all = places(&flight, stretch, &stretch.dcm, &Vector3::zeros());
+        assert!((all[150] - Vector3::new(1.0, 2.0, -3.0)).norm() < 1e-9);
+    }
+}

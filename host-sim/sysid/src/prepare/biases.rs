@@ -71,3 +71,89 @@ pub(crate) fn remove_gyro_bias(stretches: &mut [Stretch], filter: &RegressionFil
     }
     bias.into()
 }
+
+#[cfg(test)]
+mod tests {
+    use flights::Column;
+    use model::Vehicle;
+
+    use super::*;
+    use crate::Prepared;
+    use crate::testing::{Row, flight, prepared};
+
+    const GYRO_BIAS_RAD_S: [f64; 3] = [0.02, -0.03, 0.05];
+
+    /// Turns slowly about all axes; the gyro sees it with a bias.
+    fn turning(t: f64, row: &mut Row) {
+        let euler = Vector3::new(0.2 * t.sin(), 0.1 * (1.3 * t).cos(), 0.4 * t);
+        let slope = Vector3::new(0.2 * t.cos(), -0.13 * (1.3 * t).sin(), 0.4);
+        let rate = frames::body_rates_from_euler(euler, slope) + Vector3::from(GYRO_BIAS_RAD_S);
+        (row.euler_rad, row.rate_rad_s) = (euler.into(), rate.into());
+    }
+
+    #[test]
+    fn the_bias_of_a_turning_gyro_is_found_and_taken_out() {
+        let prepared = prepared(1000, turning);
+        for (found, bias) in prepared.gyro_bias_rad_s.iter().zip(GYRO_BIAS_RAD_S) {
+            // The filter is exact for quartics; these sines are all but that within its window.
+            assert!((found - bias).abs() < 1e-6, "{found} {bias}");
+        }
+        let stretch = &prepared.stretches[0];
+        let mut row = Row::hover(0.0);
+        turning(stretch.time_s[0], &mut row);
+        for (i, rate) in stretch.rate_rad_s.iter().enumerate() {
+            assert!((rate[0] - (row.rate_rad_s[i] - GYRO_BIAS_RAD_S[i])).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_gyro_without_a_value_has_no_bias() {
+        let mut stretches = prepared(300, |_, _| {}).stretches;
+        stretches[0].rate_rad_s[1].fill(f64::NAN);
+        let filter = RegressionFilter::new(0.01);
+        assert_eq!(remove_gyro_bias(&mut stretches, &filter), [0.0; 3]);
+        assert!(stretches[0].rate_rad_s[0].iter().all(|r| *r == 0.0));
+    }
+
+    /// Falls under a drag of 0.5 m/s^2 forwards while the nose points down by 0.1 rad.
+    fn accelerometer_flight(logs_velocity: bool, bias: [f64; 3]) -> Prepared {
+        let dcm = frames::dcm_from_euler(Vector3::new(0.0, -0.1, 0.0));
+        let acceleration = Vector3::new(-0.5, 0.0, 1.0);
+        let force = dcm * (acceleration - Vector3::new(0.0, 0.0, 9.81));
+        let mut flight = flight(500, |t, row| {
+            row.position_ned_m = (0.5 * t * t * acceleration).into();
+            row.euler_rad = [0.0, -0.1, 0.0];
+        });
+        let t: Vec<f64> = flight.required(Column::T).to_vec();
+        for (i, column) in [Column::Ax, Column::Ay, Column::Az].into_iter().enumerate() {
+            flight.replace(column, vec![force[i] + bias[i]; t.len()]);
+        }
+        if logs_velocity {
+            for (i, column) in [Column::Vx, Column::Vy, Column::Vz].into_iter().enumerate() {
+                flight.replace(column, t.iter().map(|t| acceleration[i] * t).collect());
+            }
+        }
+        Prepared::new(&flight, &Vehicle::thesis()).unwrap()
+    }
+
+    #[test]
+    fn an_accelerometers_bias_is_found_to_the_sides_and_left_along_the_thrust() {
+        let with = accelerometer_flight(true, [0.3, -0.2, 0.4]);
+        let without = accelerometer_flight(true, [0.0; 3]);
+        let [x, y] = with.accelerometer_bias_m_s2;
+        assert!((x - 0.3).abs() < 1e-9 && (y + 0.2).abs() < 1e-9, "{x} {y}");
+        // The drag moves craft and accelerometer alike: it is no bias.
+        assert!(without.accelerometer_bias_m_s2.iter().all(|b| b.abs() < 1e-9));
+        let imu = |prepared: &Prepared| -> Vec<f64> {
+            prepared.stretches[0].imu_m_s2.as_ref().unwrap().iter().map(|axis| axis[100]).collect()
+        };
+        let left: Vec<f64> = imu(&with).iter().zip(imu(&without)).map(|(a, b)| a - b).collect();
+        assert!(left[0].abs() < 1e-9 && left[1].abs() < 1e-9 && (left[2] - 0.4).abs() < 1e-9, "{left:?}");
+    }
+
+    #[test]
+    fn raw_tracking_leaves_the_accelerometer_as_it_is() {
+        let prepared = accelerometer_flight(false, [0.3, -0.2, 0.4]);
+        assert_eq!(prepared.accelerometer_bias_m_s2, [0.0; 2]);
+    }
+}

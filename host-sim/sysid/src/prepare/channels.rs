@@ -116,3 +116,116 @@ fn central_difference(signal: &[f64], k: usize, period_s: f64) -> f64 {
     let (before, after) = (k.saturating_sub(1), (k + 1).min(signal.len() - 1));
     (signal[after] - signal[before]) / ((after - before).max(1) as f64 * period_s)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::{PI, TAU};
+
+    use super::*;
+    use crate::testing::{flight, prepared};
+
+    fn wrapped(angle: f64) -> f64 {
+        (angle + PI).rem_euclid(TAU) - PI
+    }
+
+    fn unwrapped(angle: &[f64]) -> Vec<f64> {
+        let mut angle = Cow::from(angle);
+        unwrap_angle(&mut angle);
+        angle.into_owned()
+    }
+
+    #[test]
+    fn an_angle_comes_out_without_jumps_after_many_turns_either_way() {
+        for way in [1.0, -1.0] {
+            let truth: Vec<f64> = (0..200).map(|k| way * 0.3 * f64::from(k) + 0.1).collect();
+            let logged: Vec<f64> = truth.iter().map(|a| wrapped(*a)).collect();
+            for (value, truth) in unwrapped(&logged).iter().zip(&truth) {
+                assert!((value - truth).abs() < 1e-10, "{value} {truth}");
+            }
+        }
+    }
+
+    #[test]
+    fn missing_angles_stay_missing_and_do_not_hide_a_turn() {
+        let truth: Vec<f64> = (0..40).map(|k| 3.0 + 0.05 * f64::from(k)).collect();
+        let mut logged: Vec<f64> = truth.iter().map(|a| wrapped(*a)).collect();
+        // The angle passes pi in the hole; the first value is missing, too.
+        logged[0] = f64::NAN;
+        logged[1..6].fill(f64::NAN);
+        let values = unwrapped(&logged[..]);
+        assert!(values[..6].iter().all(|v| v.is_nan()));
+        // Nothing before the hole says which turn it was.
+        let turns = values[6] - truth[6];
+        assert!(values[6..].iter().zip(&truth[6..]).all(|(v, a)| (v - a - turns).abs() < 1e-12));
+        let mut logged: Vec<f64> = truth.iter().map(|a| wrapped(*a)).collect();
+        logged[2..5].fill(f64::NAN);
+        let values = unwrapped(&logged);
+        assert!(values[5..].iter().zip(&truth[5..]).all(|(v, a)| (v - a).abs() < 1e-12));
+    }
+
+    #[test]
+    fn an_angle_that_never_wraps_is_not_copied() {
+        let angle = [0.0, 3.0, -0.1, 1.0];
+        let mut column = Cow::from(&angle[..]);
+        unwrap_angle(&mut column);
+        assert!(matches!(column, Cow::Borrowed(_)));
+    }
+
+    #[test]
+    fn a_difference_is_central_inside_one_sided_at_the_ends_and_zero_of_one_sample() {
+        let parabola: Vec<f64> = (0..5).map(|k| f64::from(k * k)).collect();
+        // Per sample: (4 - 0) / 2 at 1, and 1 and 16 - 9 at the ends; a sample takes half a second.
+        assert_eq!(central_difference(&parabola, 1, 0.5), 4.0);
+        assert_eq!(central_difference(&parabola, 0, 0.5), 2.0);
+        assert_eq!(central_difference(&parabola, 4, 0.5), 14.0);
+        assert_eq!(central_difference(&[3.0], 0, 0.5), 0.0);
+    }
+
+    #[test]
+    fn spikes_are_taken_from_sensors_and_left_in_commands() {
+        let flight = flight(400, |t, row| {
+            row.position_ned_m[0] = (2.0 * t).sin();
+            if (t - 2.0).abs() < 1e-6 {
+                row.position_ned_m[0] = 500.0;
+                row.command[2] = 1e6;
+            }
+        });
+        let mut channels = Channels::new(&flight, false, false);
+        let t = flight.required(Column::T);
+        assert_eq!(channels.take_out_spikes(t, 0.01), 1);
+        assert!(channels.columns[POSITION][200].is_nan());
+        assert_eq!(channels.columns[COMMAND + 2][200], 1e6);
+        let measured = channels.measured();
+        assert!((0..400).all(|k| measured[k] == (k != 200)));
+    }
+
+    #[test]
+    fn a_missing_battery_voltage_leaves_a_row_measured_and_a_missing_rotor_speed_does_not() {
+        let mut flight = flight(10, |_, _| {});
+        let with_hole = |hole: usize| {
+            let mut values = vec![600.0; 10];
+            values[hole] = f64::NAN;
+            values
+        };
+        flight.replace(Column::Vbat, with_hole(3));
+        for column in [Column::Omega1, Column::Omega2, Column::Omega3, Column::Omega4] {
+            flight.replace(column, with_hole(7));
+        }
+        let measured = Channels::new(&flight, false, false).measured();
+        assert!((0..10).all(|k| measured[k] == (k != 7)), "{measured:?}");
+    }
+
+    /// Rows within one window of an end are not compared: there the velocity is a plain difference.
+    #[test]
+    fn the_velocity_of_raw_tracking_is_the_slope_of_the_position() {
+        let prepared = prepared(300, |t, row| row.position_ned_m = [t * t, -2.0 * t, t * t * t]);
+        let stretch = &prepared.stretches[0];
+        for k in 15..285 {
+            let t = stretch.time_s[k];
+            let v = vector(&stretch.velocity_ned_m_s, k);
+            let truth = nalgebra::Vector3::new(2.0 * t, -2.0, 3.0 * t * t);
+            assert!((v - truth).norm() < 1e-9, "{t} s: {v:?}");
+        }
+        assert!(stretch.velocity_ned_m_s.iter().flatten().all(|v| v.is_finite()));
+    }
+}

@@ -88,3 +88,61 @@ impl Conditions {
         ]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::prepared;
+
+    fn value(all: &[Condition], name: &str) -> Vec<f64> {
+        all.iter().find(|c| c.name == name).unwrap_or_else(|| panic!("no {name}")).values.clone()
+    }
+
+    #[test]
+    fn height_is_up_speed_is_horizontal_and_time_starts_at_the_first_row() {
+        let conditions = Conditions {
+            time_s: vec![5.0, 5.5],
+            position_ned_m: [vec![1.0, 2.0], vec![3.0, 4.0], vec![-0.5, 0.25]],
+            velocity_m_s: [vec![3.0, -3.0], vec![4.0, -4.0], vec![12.0, 0.0]],
+            ..Conditions::default()
+        };
+        let all = conditions.all();
+        assert_eq!(value(&all, "height"), [0.5, -0.25]);
+        assert_eq!(value(&all, "speed"), [5.0, 5.0]);
+        assert_eq!(value(&all, "sink rate"), [12.0, 0.0]);
+        assert_eq!(value(&all, "time"), [0.0, 0.5]);
+        assert_eq!(value(&all, "east position"), [3.0, 4.0]);
+    }
+
+    #[test]
+    fn without_rows_there_is_every_quantity_without_a_value() {
+        let all = Conditions::default().all();
+        assert_eq!(all.len(), 16);
+        assert!(all.iter().all(|c| c.values.is_empty()));
+    }
+
+    #[test]
+    fn a_steady_climb_has_a_value_of_every_quantity_at_every_row() {
+        let vehicle = Vehicle::thesis();
+        let prepared = prepared(400, |t, row| {
+            row.position_ned_m = [0.0, 0.0, -0.8 * t];
+            row.euler_rad = [0.0, 0.0, 0.5];
+        });
+        let all = prepared.conditions(&vehicle, &Adjustments::default()).all();
+        assert!(prepared.rows() > 300);
+        assert!(all.iter().all(|c| c.values.len() == prepared.rows()));
+        let near = |name: &str, expected: f64| {
+            let values = value(&all, name);
+            assert!(values.iter().all(|v| (v - expected).abs() < 1e-9), "{name}: {}", values[0]);
+        };
+        near("sink rate", -0.8);
+        near("speed", 0.0);
+        near("yaw", 0.5);
+        near("battery voltage", 12.0);
+        // The map of the vehicle file, by hand: 0.785 * 1600 + 44.6505 * 12 - 1205.1.
+        near("rotor speed", 586.706);
+        // Rows begin where both windows of the differentiated position fit.
+        let height = value(&all, "height");
+        assert!((height[0] - 0.8 * 0.01 * prepared.margin as f64).abs() < 1e-9);
+    }
+}

@@ -65,3 +65,37 @@ pub struct Trim {
     /// Standard errors of the estimates, those that do not stand out too.
     pub std_error: [f64; 6],
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn alignment(late_s: f64, corrected: bool) -> Alignment {
+        Alignment { late_s, std_error_s: 0.0004, corrected, wandering: Vec::new() }
+    }
+
+    #[test]
+    fn only_a_corrected_offset_is_taken_out_and_told() {
+        let (kept, taken) = (alignment(0.012, false), alignment(0.012, true));
+        assert_eq!((kept.corrected_s(), kept.note()), (0.0, None));
+        assert_eq!(taken.corrected_s(), 0.012);
+        assert_eq!(taken.note().unwrap(), "rotor samples 12.0 ms late (+- 0.4), corrected");
+    }
+
+    #[test]
+    fn samples_before_their_time_are_early() {
+        let early = alignment(-0.0053, true);
+        assert_eq!(early.note().unwrap(), "rotor samples 5.3 ms early (+- 0.4), corrected");
+        assert_eq!(early.corrected_s(), -0.0053);
+    }
+
+    #[test]
+    fn a_wandering_clock_is_told_from_its_smallest_to_its_largest_offset_whether_corrected_or_not() {
+        let piece = |late_s| PieceOffset { time_s: 0.0, late_s, std_error_s: 0.001 };
+        for corrected in [false, true] {
+            let wandering = vec![piece(0.004), piece(-0.0102), piece(0.03)];
+            let note = Alignment { wandering, ..alignment(0.01, corrected) }.note();
+            assert_eq!(note.unwrap(), "rotor clock wanders from -10.2 ms to 30.0 ms late within the flight");
+        }
+    }
+}

@@ -163,3 +163,102 @@ impl Prepared {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use model::{Effect, Model};
+
+    use super::*;
+    use crate::testing::prepared;
+
+    #[test]
+    fn rows_of_a_fit_are_three_hundredths_of_a_second_apart_at_most() {
+        let mut flight = prepared(300, |_, _| {});
+        for (period_s, stride) in [(0.01, 3), (0.005, 6), (0.03, 1), (0.0299, 1), (0.02, 1), (0.1, 1)] {
+            flight.period_s = period_s;
+            assert_eq!(flight.fit_stride(), stride, "{period_s} s");
+        }
+    }
+
+    /// Two stretches of 200 and 161 samples lose 60 each; every third of 140 and 101 rows is 47 and 34.
+    #[test]
+    fn strided_rows_start_anew_in_every_stretch() {
+        let mut flight = prepared(400, |_, _| {});
+        assert_eq!(flight.margin, 30);
+        let whole = flight.stretches[0].clone();
+        flight.stretches = vec![whole.part(0..200), whole.part(210..371)];
+        assert_eq!(flight.rows(), 241);
+        assert_eq!(flight.row_starts(), [0, 140]);
+        assert_eq!(flight.starts_of_rows(3), [0, 47]);
+        let rows = flight.row_samples_of_conditions();
+        assert_eq!(rows.len(), 47 + 34);
+        assert_eq!((rows[1], rows[46], rows[47], rows[48]), (3, 138, 140, 143));
+    }
+
+    /// A craft that yaws on the spot about its centre; the tracked point circles at the end of a lever.
+    #[test]
+    fn the_centre_rests_while_the_tracked_point_circles() {
+        let rate_rad_s = 0.8;
+        let lever = [0.1, 0.0, -0.05];
+        let flight = prepared(400, |t, row| {
+            let (sin, cos) = (rate_rad_s * t).sin_cos();
+            row.position_ned_m = [2.0 + lever[0] * cos, lever[0] * sin, -1.0 + lever[2]];
+            row.euler_rad = [0.0, 0.0, rate_rad_s * t];
+            row.rate_rad_s = [0.0, 0.0, rate_rad_s];
+        });
+        // Half of the lever is in the vehicle file, half in the model.
+        let mut vehicle = Vehicle::thesis();
+        vehicle.tracked_point = lever.map(|l| 0.5 * l);
+        let mut model = Model::new(vehicle);
+        let mut values = vec![0.0; Effect::TrackingOffset.info().coefficients.len()];
+        values.iter_mut().zip(lever).for_each(|(value, l)| *value = 0.5 * l);
+        model.set(Effect::TrackingOffset, &values);
+        let states = flight.states(&flight.stretches[0], &model.vehicle, &model.adjustments());
+        for k in 30..370 {
+            let at = states.at(k);
+            assert!((at.position_ned_m - Vector3::new(2.0, 0.0, -1.0)).norm() < 1e-9, "{k}");
+            assert!(at.velocity_m_s.norm() < 1e-6, "{k}: {:?}", at.velocity_m_s);
+        }
+    }
+
+    #[test]
+    fn a_rate_that_grows_evenly_is_one_angular_acceleration_up_to_the_ends() {
+        let flight = prepared(300, |_, _| {});
+        let mut stretch = flight.stretches[0].clone();
+        stretch.rate_rad_s[1] = stretch.time_s.iter().map(|t| 3.0 * t).collect();
+        let states = flight.states(&stretch, &Vehicle::thesis(), &Adjustments::default());
+        assert_eq!(states.len(), 300);
+        for k in [0, 1, 150, 299] {
+            let acceleration = states.at(k).angular_acceleration_rad_s2;
+            assert!((acceleration - Vector3::new(0.0, 3.0, 0.0)).norm() < 1e-9, "{k}: {acceleration:?}");
+        }
+    }
+
+    #[test]
+    fn between_samples_there_is_one_state_fewer_halfway_between_its_neighbours() {
+        let flight = prepared(300, |_, _| {});
+        let mut stretch = flight.stretches[0].clone();
+        stretch.rate_rad_s[2] = stretch.time_s.iter().map(|t| t * t).collect();
+        stretch.battery_v = stretch.time_s.iter().map(|t| 12.0 - t).collect();
+        stretch.logged_rotor_rad_s = Some(std::array::from_fn(|i| {
+            stretch.time_s.iter().map(|t| 500.0 + (i + 1) as f64 * t).collect()
+        }));
+        let states = flight.states(&stretch, &Vehicle::thesis(), &Adjustments::default());
+        let still = Pendulum::default();
+        let swung = Pendulum { turning_rad_s: Vector3::new(1.0, 0.0, 0.0), ..still };
+        let part = Part { samples: 100..104, swings: vec![still, swung, swung, still] };
+        let mut between = Vec::new();
+        states.for_each_between(&part, |state| between.push(state));
+        assert_eq!(between.len(), 3);
+        for (i, state) in between.iter().enumerate() {
+            let (a, b) = (1.0 + 0.01 * i as f64, 1.01 + 0.01 * i as f64);
+            assert!((state.rate_rad_s.z - 0.5 * (a * a + b * b)).abs() < 1e-12);
+            assert!((state.angular_acceleration_rad_s2.z - (a + b)).abs() < 1e-9);
+            assert!((state.battery_v - (12.0 - 0.5 * (a + b))).abs() < 1e-12);
+            assert!((state.rotor_rad_s[3] - (500.0 + 2.0 * (a + b))).abs() < 1e-9);
+            assert!((state.rotor_acceleration_rad_s2[3] - 4.0).abs() < 1e-6);
+        }
+        let turning: Vec<f64> = between.iter().map(|s| s.pendulum.turning_rad_s.x).collect();
+        assert_eq!(turning, [0.5, 1.0, 0.5]);
+    }
+}

@@ -199,3 +199,133 @@ pub(crate) fn subtract(parts: &mut [Vec<f64>; 3], k: usize, amount: Vector3<f64>
 pub fn smoothed(signal: &[f64], taps: &[f64]) -> Vec<f64> {
     convolve(signal, taps, |k| signal[k])
 }
+
+#[cfg(test)]
+mod tests {
+    use model::{Effect, Model};
+
+    use super::*;
+    use crate::testing::prepared;
+
+    const PERIOD_S: f64 = 0.01;
+
+    /// A command that jumps from 0 to 1 at sample 5 and back at sample 12.
+    fn pulse() -> Vec<f64> {
+        (0..30).map(|k| if (5..12).contains(&k) { 1.0 } else { 0.0 }).collect()
+    }
+
+    /// Answer to the pulse of a first-order lag, at a time.
+    fn answer(lag_rad_s: f64, time_s: f64) -> f64 {
+        let step =
+            |from_s: f64| if time_s > from_s { 1.0 - (-lag_rad_s * (time_s - from_s)).exp() } else { 0.0 };
+        step(5.0 * PERIOD_S) - step(12.0 * PERIOD_S)
+    }
+
+    #[test]
+    fn a_lag_answers_a_pulse_with_exponentials_whatever_the_dead_time() {
+        for lag_rad_s in [5.0, 21.5, 80.0] {
+            for delay in [0.0, 1.0, 0.3, 2.75, -1.0, -0.4] {
+                let track = lagged(&pulse(), Some(lag_rad_s), delay, PERIOD_S);
+                for (k, speed) in track.speed_rad_s.iter().enumerate().take(27) {
+                    let truth = answer(lag_rad_s, (k as f64 - delay) * PERIOD_S);
+                    assert!(
+                        (speed - truth).abs() < 1e-12,
+                        "{lag_rad_s} rad/s, {delay}, {k}: {speed} {truth}"
+                    );
+                }
+            }
+        }
+    }
+
+    /// By the rule of Simpson over a hundred pieces of a sample, whose ends fall on the jumps.
+    #[test]
+    fn the_mean_speed_between_samples_is_the_mean_of_the_exponentials() {
+        let lag_rad_s = 21.5;
+        for delay in [0.0, 2.0, 0.25, 1.5, -0.75] {
+            let track = lagged(&pulse(), Some(lag_rad_s), delay, PERIOD_S);
+            assert_eq!(track.mean_rad_s.len(), 29);
+            for (k, mean) in track.mean_rad_s.iter().enumerate().take(27) {
+                let at = |j: f64| answer(lag_rad_s, (k as f64 + 0.01 * j - delay) * PERIOD_S);
+                let piece = |j: f64| (at(j) + 4.0 * at(j + 0.5) + at(j + 1.0)) / 6.0;
+                let truth = 0.01 * (0..100).map(|j| piece(f64::from(j))).sum::<f64>();
+                assert!((mean - truth).abs() < 1e-9, "{delay}, {k}: {mean} {truth}");
+            }
+        }
+    }
+
+    #[test]
+    fn without_a_lag_the_speed_follows_at_once_and_holds_over_the_sample() {
+        let track = lagged(&pulse(), None, 0.0, PERIOD_S);
+        for (mean, command) in track.mean_rad_s.iter().zip(pulse()) {
+            assert!((mean - command).abs() < 1e-5, "{mean} {command}");
+        }
+    }
+
+    #[test]
+    fn nothing_and_one_command_are_tracks_of_their_length() {
+        for delay in [0.0, 0.5, -2.0] {
+            let none = lagged(&[], Some(20.0), delay, PERIOD_S);
+            assert!(none.speed_rad_s.is_empty() && none.mean_rad_s.is_empty());
+            let one = lagged(&[3.0], Some(20.0), delay, PERIOD_S);
+            assert_eq!((one.speed_rad_s, one.mean_rad_s.len()), (vec![3.0], 0));
+        }
+    }
+
+    #[test]
+    fn a_parabola_is_shifted_exactly_and_held_at_its_ends() {
+        let parabola = |x: f64| 2.0 - 3.0 * x + 0.5 * x * x;
+        let signal: Vec<f64> = (0..20).map(|k| parabola(f64::from(k))).collect();
+        for delay in [0.0, 0.4, 2.0, -1.3] {
+            let moved = shifted(&signal, delay);
+            assert_eq!(moved.len(), 20);
+            for (k, value) in moved.iter().enumerate().take(16).skip(4) {
+                assert!((value - parabola(k as f64 - delay)).abs() < 1e-12, "{delay}, {k}: {value}");
+            }
+        }
+        assert_eq!(shifted(&signal, 5.0)[..3], [2.0; 3]);
+        assert!(shifted(&[], 1.0).is_empty());
+    }
+
+    #[test]
+    fn samples_that_come_late_are_brought_forward_and_a_dead_time_puts_them_back() {
+        let flight = prepared(300, |t, row| row.command[0] = if t < 0.995 { 1500.0 } else { 1700.0 });
+        let (stretch, vehicle) = (&flight.stretches[0], Vehicle::thesis());
+        // Speed of the first sample above the one at rest.
+        let rises = |adjust: &Adjustments, late_s: f64| {
+            let [rotor, ..] = stretch.rotors(&vehicle, adjust, PERIOD_S, late_s);
+            rotor.speed_rad_s.iter().position(|w| *w > rotor.speed_rad_s[0] + 1.0).unwrap()
+        };
+        let none = Adjustments::default();
+        assert_eq!((rises(&none, 0.0), rises(&none, 0.03)), (101, 98));
+        let mut model = Model::new(vehicle.clone());
+        model.set(Effect::InputDelay, &[0.02]);
+        let delay = model.adjustments();
+        assert!((delay.dead_time_s() - 0.02).abs() < 1e-12);
+        assert_eq!((rises(&delay, 0.0), rises(&delay, 0.02)), (103, 101));
+    }
+
+    #[test]
+    fn a_rotor_stands_where_the_map_asks_it_to_turn_backwards() {
+        let flight = prepared(300, |_, row| row.command = [0.0, 1600.0, 1600.0, 1600.0]);
+        let [standing, turning, ..] =
+            flight.stretches[0].rotors(&Vehicle::thesis(), &Adjustments::default(), PERIOD_S, 0.0);
+        assert!(standing.speed_rad_s.iter().chain(&standing.mean_rad_s).all(|w| *w == 0.0));
+        assert!(turning.speed_rad_s.iter().all(|w| (w - 586.706).abs() < 1e-9));
+    }
+
+    #[test]
+    fn a_part_holds_the_same_samples_of_every_channel() {
+        let flight = prepared(300, |t, row| {
+            row.position_ned_m = [t, 2.0 * t, 3.0 * t];
+            row.command = [1500.0 + t; 4];
+        });
+        let whole = &flight.stretches[0];
+        let part = whole.part(40..50);
+        assert_eq!(part.time_s, whole.time_s[40..50]);
+        assert_eq!(part.position_ned_m[2][9], whole.position_ned_m[2][49]);
+        assert_eq!(part.command[3][0], whole.command[3][40]);
+        let lengths = [part.dcm.len(), part.battery_v.len(), part.measured.len(), part.rate_rad_s[1].len()];
+        assert_eq!(lengths, [10; 4]);
+        assert!(whole.part(7..7).time_s.is_empty());
+    }
+}
