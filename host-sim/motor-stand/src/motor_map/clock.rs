@@ -5,9 +5,9 @@ use model::rotor_lag::RotorLag;
 
 use super::craft_log::{lagged, range};
 use super::error::MotorMapError;
-use super::problem::{Fitted, Free, NEEDED_S, Problem};
 use super::quality::LEAST_FIT;
 use super::rows::{Point, Shape};
+use super::run::{Fitted, Free, NEEDED_S, Run};
 use super::terms::Terms;
 
 /// Grid of the search for the clock's offset: finest and coarsest step, s, and points aimed at.
@@ -27,8 +27,8 @@ const AMBIGUOUS: f64 = 1.1;
 const FIRST_LAG: f64 = 20.0;
 
 /// The offset of the clocks, to a few hundredths of a second, and the lag that goes with it.
-pub(super) fn synchronise(problem: &Problem<'_>, terms: Terms) -> Result<Shape, MotorMapError> {
-    let coarse = CoarseGrid::new(problem);
+pub(super) fn synchronise(run: &Run<'_>, terms: Terms) -> Result<Shape, MotorMapError> {
+    let coarse = CoarseGrid::new(run);
     let mut peaks = coarse.peaks(0.0);
     if peaks.first().is_none_or(|p| p.explained < GOOD_FIT) {
         peaks.extend(SKEWS.iter().flat_map(|skew| coarse.peaks(*skew)));
@@ -38,12 +38,12 @@ pub(super) fn synchronise(problem: &Problem<'_>, terms: Terms) -> Result<Shape, 
     if best < LEAST_FIT {
         return Err(MotorMapError::NoOverlap { percent: 100.0 * best });
     }
-    let all: Vec<usize> = (0..problem.points.len()).collect();
+    let all: Vec<usize> = (0..run.points.len()).collect();
     let mut found: Vec<Fitted> = Vec::new();
     let mut refused = None;
     for peak in peaks.iter().filter(|p| p.explained > 0.8 * best).take(PEAKS) {
         let start = Shape { lag: FIRST_LAG, offset_s: peak.offset_s, skew: peak.skew };
-        match problem.fit(&all, terms, start, Free::LagAndClock) {
+        match run.fit(&all, terms, start, Free::LagAndClock) {
             Ok(fitted) => found.push(fitted),
             Err(why) => refused = refused.or(Some(why)),
         }
@@ -74,15 +74,15 @@ pub(super) struct Candidate {
 
 /// Both logs on one even grid, coarse enough that every offset can be tried.
 pub(super) struct CoarseGrid<'a> {
-    problem: &'a Problem<'a>,
+    run: &'a Run<'a>,
     step_s: f64,
     /// First motor's lagged command and voltage from the start of the craft's log on; none in gaps.
     craft: Vec<Option<[f64; 2]>>,
 }
 
 impl<'a> CoarseGrid<'a> {
-    fn new(problem: &'a Problem<'a>) -> Self {
-        let craft = problem.craft;
+    fn new(run: &'a Run<'a>) -> Self {
+        let craft = run.craft;
         let step_s = (craft.duration_s() / COARSE_POINTS).clamp(COARSE_S.0, COARSE_S.1);
         let command = &craft.command[0];
         let states = lagged(craft, command, RotorLag::new(FIRST_LAG));
@@ -93,13 +93,13 @@ impl<'a> CoarseGrid<'a> {
             let k = craft.holding(craft.t[0] + i as f64 * step_s)?;
             Some([(states[k] - low) / (high - low), craft.volts[k] - middle_v])
         });
-        Self { problem, step_s, craft: grid.collect() }
+        Self { run, step_s, craft: grid.collect() }
     }
 
     /// The tachometer's first motor on the grid, from its first point on, its clock made faster by
     /// `skew`.
     fn rotor(&self, skew: f64) -> Vec<Option<f64>> {
-        let points = &self.problem.points[0];
+        let points = &self.run.points[0];
         let Some(first) = points.first() else { return Vec::new() };
         let place = |p: &Point| ((1.0 + skew) * (p.time_s - first.time_s) / self.step_s).round() as usize;
         let count = points.last().map_or(0, |p| place(p) + 1);
@@ -116,14 +116,14 @@ impl<'a> CoarseGrid<'a> {
         let rotor = self.rotor(skew);
         let (n, m) = (self.craft.len() as isize, rotor.len() as isize);
         let shorter = n.min(m);
-        let points = &self.problem.points[0];
+        let points = &self.run.points[0];
         let first_s = points.first().map_or(0.0, |p| p.time_s);
         let mut all: Vec<Candidate> = (-(m - shorter / 2)..=(n - shorter / 2))
             .filter_map(|shift| {
                 let (explained, count) = self.explained(&rotor, shift, shorter / 3)?;
-                let craft_s = self.problem.craft.t[0] + shift as f64 * self.step_s;
+                let craft_s = self.run.craft.t[0] + shift as f64 * self.step_s;
                 // At the first point the clocks differ by this; the middle of the run is later.
-                let offset_s = craft_s - first_s + skew * (self.problem.middle_s - first_s);
+                let offset_s = craft_s - first_s + skew * (self.run.middle_s - first_s);
                 let score = -0.5 * count * (1.0 - explained).max(1e-9).ln();
                 Some(Candidate { offset_s, skew, explained, score })
             })

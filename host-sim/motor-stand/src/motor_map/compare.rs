@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use super::error::MotorMapError;
-use super::problem::Problem;
 use super::result::Judged;
 use super::rows::{Rows, Shape, rows};
+use super::run::Run;
 use super::terms::Terms;
 
 /// Length of a part of the run that is judged as one, s; and number of folds.
@@ -18,18 +18,14 @@ const SUPPORT_PERCENT: f64 = 3.0;
 
 /// Maps of different length, each fitted to four fifths of the run and judged on the rest, all five
 /// ways round.
-pub(super) fn compare(
-    problem: &Problem<'_>,
-    shape: Shape,
-    with_voltage: bool,
-) -> Result<Vec<Judged>, MotorMapError> {
+pub(super) fn compare(run: &Run<'_>, shape: Shape, with_voltage: bool) -> Result<Vec<Judged>, MotorMapError> {
     let kinds: &[Terms] = if with_voltage { &Terms::ALL } else { &Terms::ALL[..1] };
     let mut judged: Vec<(Judged, Vec<f64>)> = Vec::new();
     for &terms in kinds {
-        let by_motor: Vec<Rows> = (0..problem.points.len())
-            .map(|m| rows(problem.craft, m, terms, &problem.points[m], shape, problem.middle_s))
+        let by_motor: Vec<Rows> = (0..run.points.len())
+            .map(|m| rows(run.craft, m, terms, &run.points[m], shape, run.middle_s))
             .collect();
-        let (coefficients, fitted, parts) = held_out(problem, &by_motor)
+        let (coefficients, fitted, parts) = held_out(run, &by_motor)
             .ok_or_else(|| MotorMapError::NotExcited { what: format!("a map of {}", terms.name()) })?;
         let count: f64 = by_motor.iter().map(|r| r.points.len() as f64).sum();
         let (fitted_rad_s, held_out_rad_s) =
@@ -80,12 +76,12 @@ fn fall(simple: &[f64], parts: &[f64]) -> (f64, f64) {
 
 /// Coefficients of a fit to everything, its squared error, and the held-out squared error of each
 /// part of the run.
-pub(super) fn held_out(problem: &Problem<'_>, by_motor: &[Rows]) -> Option<(Vec<f64>, f64, Vec<f64>)> {
+pub(super) fn held_out(run: &Run<'_>, by_motor: &[Rows]) -> Option<(Vec<f64>, f64, Vec<f64>)> {
     let width = by_motor.first()?.features.len();
     let mut all: Vec<(i64, Vec<f64>, f64)> = Vec::new();
     for (motor, rows) in by_motor.iter().enumerate() {
         for (i, &k) in rows.points.iter().enumerate() {
-            let point = problem.points[motor][k];
+            let point = run.points[motor][k];
             let x = rows.features.iter().map(|f| f[i]).collect();
             all.push(((point.time_s / PART_S).floor() as i64, x, point.speed));
         }

@@ -28,10 +28,10 @@ mod error;
 mod figures;
 mod fit;
 mod motors;
-mod problem;
 mod quality;
 mod result;
 mod rows;
+mod run;
 mod terms;
 
 pub use error::MotorMapError;
@@ -42,9 +42,9 @@ use compare::compare;
 use craft_log::{CraftLog, range};
 use figures::figures;
 use motors::{each_motor, map_of};
-use problem::{Free, NEEDED_S, Problem};
 use quality::{check, leave_out_missed};
 use rows::{Point, points_of};
+use run::{Free, NEEDED_S, Run};
 use terms::Terms;
 
 use crate::stand::Stand;
@@ -66,33 +66,33 @@ pub fn motor_map(stand: &Stand, with_voltage: bool) -> Result<StandResult, Motor
         .iter()
         .filter_map(span)
         .fold((f64::INFINITY, f64::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
-    let mut problem = Problem { craft: &craft, points, middle_s: 0.5 * (from + to) };
+    let mut run = Run { craft: &craft, points, middle_s: 0.5 * (from + to) };
     if !(craft.duration_s() >= NEEDED_S && to - from >= NEEDED_S) {
-        return Err(problem.too_short());
+        return Err(run.too_short());
     }
     let terms = if with_voltage { Terms::Voltage } else { Terms::Command };
     let (low_v, high_v) = range(&craft.volts);
     if with_voltage && high_v - low_v < LEAST_VOLTS {
         return Err(MotorMapError::VoltageNotExcited { low_v, high_v, error: f64::INFINITY });
     }
-    let all: Vec<usize> = (0..problem.points.len()).collect();
-    let start = synchronise(&problem, terms)?;
-    let mut fitted = problem.fit(&all, terms, start, Free::LagAndClock)?;
+    let all: Vec<usize> = (0..run.points.len()).collect();
+    let start = synchronise(&run, terms)?;
+    let mut fitted = run.fit(&all, terms, start, Free::LagAndClock)?;
     let mut missed_pulses = 0;
     // Twice: what a missed pulse pulls aside hides others.
     for _ in 0..2 {
-        missed_pulses += leave_out_missed(&mut problem, terms, &fitted);
-        fitted = problem.fit(&all, terms, fitted.shape, Free::LagAndClock)?;
+        missed_pulses += leave_out_missed(&mut run, terms, &fitted);
+        fitted = run.fit(&all, terms, fitted.shape, Free::LagAndClock)?;
     }
-    check(&craft, &problem, &fitted, terms)?;
-    let motors = if all.len() > 1 { each_motor(&problem, terms, &fitted, stand)? } else { Vec::new() };
-    let maps = compare(&problem, fitted.shape, with_voltage)?;
+    check(&craft, &run, &fitted, terms)?;
+    let motors = if all.len() > 1 { each_motor(&run, terms, &fitted, stand)? } else { Vec::new() };
+    let maps = compare(&run, fitted.shape, with_voltage)?;
     let supported = maps.iter().rev().find(|m| m.supported).map_or(Terms::Command.name(), |m| m.terms);
     Ok(StandResult {
         clock: StandClock {
             offset_s: Estimated { value: fitted.shape.offset_s, std_error: fitted.errors[1] },
             skew: Estimated { value: fitted.shape.skew, std_error: fitted.errors[2] },
-            middle_s: problem.middle_s,
+            middle_s: run.middle_s,
         },
         map: map_of(&fitted, terms),
         motors,
@@ -102,6 +102,6 @@ pub fn motor_map(stand: &Stand, with_voltage: bool) -> Result<StandResult, Motor
         missed_pulses,
         left_out: given - fitted.rows - missed_pulses,
         battery_v: [low_v, high_v],
-        figures: figures(&problem, terms, &fitted, stand),
+        figures: figures(&run, terms, &fitted, stand),
     })
 }

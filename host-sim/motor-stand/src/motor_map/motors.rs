@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use super::compare::PART_S;
 use super::error::MotorMapError;
 use super::fit::LAGS;
-use super::problem::{Fitted, Free, Problem};
 use super::result::{Estimated, Map, MotorMap};
+use super::run::{Fitted, Free, Run};
 use super::terms::Terms;
 use crate::stand::Stand;
 
@@ -27,26 +27,26 @@ pub(super) fn map_of(fitted: &Fitted, terms: Terms) -> Map {
 
 /// Each motor with a map and a lag of its own on the common clock.
 pub(super) fn each_motor(
-    problem: &Problem<'_>,
+    run: &Run<'_>,
     terms: Terms,
     common: &Fitted,
     stand: &Stand,
 ) -> Result<Vec<MotorMap>, MotorMapError> {
-    (0..problem.points.len())
+    (0..run.points.len())
         .map(|motor| {
-            let own = problem.fit(&[motor], terms, common.shape, Free::Lag)?;
-            let faster_rad_s = mean_residual(problem, motor, terms, common);
+            let own = run.fit(&[motor], terms, common.shape, Free::Lag)?;
+            let faster_rad_s = mean_residual(run, motor, terms, common);
             Ok(MotorMap { motor: stand.motors[motor].number, map: map_of(&own, terms), faster_rad_s })
         })
         .collect()
 }
 
 /// Mean of what the common map leaves of a motor, with its error from parts of the run.
-pub(super) fn mean_residual(problem: &Problem<'_>, motor: usize, terms: Terms, common: &Fitted) -> Estimated {
-    let residuals = problem.residuals(motor, terms, common);
+pub(super) fn mean_residual(run: &Run<'_>, motor: usize, terms: Terms, common: &Fitted) -> Estimated {
+    let residuals = run.residuals(motor, terms, common);
     let mut parts: BTreeMap<i64, (f64, f64)> = BTreeMap::new();
     for (k, e) in &residuals {
-        let part = parts.entry((problem.points[motor][*k].time_s / PART_S) as i64).or_default();
+        let part = parts.entry((run.points[motor][*k].time_s / PART_S) as i64).or_default();
         *part = (part.0 + e, part.1 + 1.0);
     }
     let means: Vec<f64> = parts.values().map(|(sum, n)| sum / n).collect();

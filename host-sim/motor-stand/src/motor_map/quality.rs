@@ -2,8 +2,8 @@
 
 use super::craft_log::{CraftLog, range};
 use super::error::MotorMapError;
-use super::problem::{Fitted, Problem};
 use super::rows::Point;
+use super::run::{Fitted, Run};
 use super::terms::Terms;
 
 /// Least part of the speed's variance that is explained where two logs belong together.
@@ -15,10 +15,10 @@ const OUTLIER: f64 = 6.0;
 const VOLTAGE_ERROR: f64 = 0.2;
 
 /// Takes points out that are far from everything else; how many.
-pub(super) fn leave_out_missed(problem: &mut Problem<'_>, terms: Terms, fitted: &Fitted) -> usize {
+pub(super) fn leave_out_missed(run: &mut Run<'_>, terms: Terms, fitted: &Fitted) -> usize {
     let mut count = 0;
-    for motor in 0..problem.points.len() {
-        let residuals = problem.residuals(motor, terms, fitted);
+    for motor in 0..run.points.len() {
+        let residuals = run.residuals(motor, terms, fitted);
         let mut sizes: Vec<f64> = residuals.iter().map(|(_, e)| e.abs()).collect();
         if sizes.is_empty() {
             continue;
@@ -31,7 +31,7 @@ pub(super) fn leave_out_missed(problem: &mut Problem<'_>, terms: Terms, fitted: 
         count += missed.len();
         let mut index = 0;
         let mut next = missed.iter().peekable();
-        problem.points[motor].retain(|_| {
+        run.points[motor].retain(|_| {
             let out = next.peek() == Some(&&index);
             if out {
                 next.next();
@@ -45,7 +45,7 @@ pub(super) fn leave_out_missed(problem: &mut Problem<'_>, terms: Terms, fitted: 
 
 pub(super) fn check(
     craft: &CraftLog,
-    problem: &Problem<'_>,
+    run: &Run<'_>,
     fitted: &Fitted,
     terms: Terms,
 ) -> Result<(), MotorMapError> {
@@ -53,14 +53,14 @@ pub(super) fn check(
     if !(command > 0.0) {
         return Err(MotorMapError::Falling { command });
     }
-    let explained = 1.0 - fitted.rms.powi(2) / variance(&problem.points);
+    let explained = 1.0 - fitted.rms.powi(2) / variance(&run.points);
     if explained < LEAST_FIT {
         return Err(MotorMapError::NoOverlap { percent: 100.0 * explained.max(0.0) });
     }
     if terms == Terms::Voltage {
         let error = fitted.coefficients[1].std_error;
         let volts = craft.volts.iter().sum::<f64>() / craft.volts.len() as f64;
-        if !(error < VOLTAGE_ERROR * mean_speed(&problem.points) / volts) {
+        if !(error < VOLTAGE_ERROR * mean_speed(&run.points) / volts) {
             let (low_v, high_v) = range(&craft.volts);
             return Err(MotorMapError::VoltageNotExcited { low_v, high_v, error });
         }

@@ -12,7 +12,7 @@ use super::terms::Terms;
 /// Shortest run, s.
 pub(super) const NEEDED_S: f64 = 5.0;
 
-pub(super) struct Problem<'a> {
+pub(super) struct Run<'a> {
     pub(super) craft: &'a CraftLog,
     /// Points of each motor.
     pub(super) points: Vec<Vec<Point>>,
@@ -37,7 +37,7 @@ pub(super) enum Free {
     Lag,
 }
 
-impl Problem<'_> {
+impl Run<'_> {
     pub(super) fn too_short(&self) -> MotorMapError {
         let rotor_s = self.points.iter().filter_map(|p| Some(p.last()?.time_s - p.first()?.time_s));
         MotorMapError::TooShort {
@@ -54,15 +54,13 @@ impl Problem<'_> {
         shape: Shape,
         coefficients: &[f64],
         free: Free,
-    ) -> (Vec<FlightRows>, usize) {
-        let mut total = 0;
-        let flights = motors
+    ) -> Vec<FlightRows> {
+        motors
             .iter()
             .map(|&motor| {
                 let points = &self.points[motor];
                 let rows = rows(self.craft, motor, terms, points, shape, self.middle_s);
                 let times: Vec<f64> = rows.points.iter().map(|&k| points[k].time_s).collect();
-                total += times.len();
                 let target: Vec<f64> = rows.points.iter().map(|&k| points[k].speed).collect();
                 let mut columns = rows.features;
                 if !coefficients.is_empty() {
@@ -87,8 +85,7 @@ impl Problem<'_> {
                     period_s,
                 }
             })
-            .collect();
-        (flights, total)
+            .collect()
     }
 
     /// Measured less predicted of one motor: index of the point and residual.
