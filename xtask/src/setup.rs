@@ -96,7 +96,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     }
     println!(
         "{}",
-        if complete { "all that is needed is there" } else { "something needed is missing, see above" }
+        if complete { "everything needed is installed" } else { "something needed is missing; see above" }
     );
     Ok(ExitCode::from(u8::from(!complete)))
 }

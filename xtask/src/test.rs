@@ -44,7 +44,7 @@ struct Step {
 
 const STEPS: &[Step] = &[
     Step { name: "format", about: "sources are formatted", run: format },
-    Step { name: "lints", about: "clippy and the compiler have nothing to say on any target", run: lints },
+    Step { name: "lints", about: "no warnings from clippy or the compiler on any target", run: lints },
     Step {
         name: "arm",
         about: "programs of the craft's processors build, fit, and cannot panic in flight",

@@ -53,7 +53,7 @@ fn criteria(why: &Why) -> Grid {
 
 fn flights(why: &Why) -> Grid {
     let mut grid = tables::evidence_grid(
-        "Fall of the squared error with it, percent",
+        "Drop of the squared error with it, percent",
         &["held-out flight", "u", "v", "w", "p", "q", "r"],
     );
     for flight in &why.flights {
@@ -65,7 +65,7 @@ fn flights(why: &Why) -> Grid {
 
 fn coefficients(why: &Why) -> Grid {
     let mut grid = tables::evidence_grid(
-        "Its coefficients, everything fitted again",
+        "Its coefficients, with the whole model refitted",
         &["name", "value", "± (95 %)", "unit", "possible"],
     );
     for c in &why.coefficients {
@@ -104,14 +104,14 @@ fn ids(effects: &[Effect]) -> Vec<&'static str> {
 
 fn alike(why: &Why) -> Grid {
     let mut grid = tables::evidence_grid(
-        "Effects that these flights hardly tell it from",
+        "Effects that these flights can hardly tell from it",
         &["effect", "variance inflation", "to separate them"],
     );
     for other in &why.alike {
         grid.push([
             other.effect.to_string(),
             fixed(other.variance_inflation, 0),
-            other.separate.unwrap_or("fly so that they move separately").into(),
+            other.separate.unwrap_or("fly so that they vary independently").into(),
         ]);
     }
     grid

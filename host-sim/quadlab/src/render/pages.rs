@@ -79,9 +79,7 @@ pub(crate) fn compare_models(
     let lead = format!("How well {} predict the same flights.", names.join(", "));
     let mut page = Page::new("Models side by side", lead)
         .section(Section::new("Error of each axis").grid(&tables::side_by_side(comparisons)))
-        .section(
-            Section::new("Prediction from a state alone").grid(&tables::horizons_side_by_side(comparisons)),
-        );
+        .section(Section::new("Open-loop prediction").grid(&tables::horizons_side_by_side(comparisons)));
     let views: Vec<Option<View>> = models
         .iter()
         .map(|(model, flights)| View::all(&flights.prepared(), model).into_iter().next())
@@ -101,11 +99,11 @@ fn where_it_fails(views: &[View], comparison: &Comparison) -> Section {
     let worst = tables::worst(comparison);
     let mut section = Section::new("Where it fails");
     if !worst.has_rows() {
-        return section.paragraph("No condition holds more than its share of the error.");
+        return section.paragraph("No condition has more than its share of the error.");
     }
     section = section.grid(&worst).paragraph(
-        "In the figures, means that leave the zero line are something the model misses; where only the spread grows, it may \
-         be noise.",
+        "In the figures, a mean that leaves the zero line shows something that the model misses; where only the spread \
+         grows, it may be noise.",
     );
     let mut drawn: Vec<(Axis, &str)> = Vec::new();
     for found in &comparison.worst {
@@ -194,8 +192,8 @@ pub(crate) fn changed(model: &Model, flights: &[LoadedFlight], diagnosis: &Diagn
             .paragraph(effect.info().sentence)
             .grid(&tables::change(diagnosis))
             .paragraph(
-                "The model's own parameters stay. In the figures, \"without it\" is the model as it was made and \"with it\" the \
-                 same model with the change.",
+                "The model's coefficients stay fixed. In the figures, \"without it\" is the model as it was fitted and \
+                 \"with it\" is the same model with the change.",
             );
         page = page
             .section(shown(section, effect, &flights, model, &with))
@@ -244,7 +242,7 @@ fn since(effect: Effect, before: &[View], after: &[View]) -> Section {
     let sentence = match shows.iter().position(|shows| *shows) {
         Some(0) if shows.iter().all(|shows| *shows) => {
             format!(
-                "With it the error falls in each of these flights: it was there from {} on, the first of them.",
+                "With it, the error falls in each of these flights: the change was there from the first of them ({}) on.",
                 before[0].name
             )
         }
@@ -252,7 +250,7 @@ fn since(effect: Effect, before: &[View], after: &[View]) -> Section {
             let names =
                 before.iter().zip(&shows).filter(|(_, shows)| !**shows).map(|(view, _)| view.name.as_str());
             format!(
-                "It shows first in {}. With it the error does not fall in {}.",
+                "It first shows in {}. With it, the error does not fall in {}.",
                 before[first].name,
                 names.collect::<Vec<_>>().join(", ")
             )
@@ -289,7 +287,7 @@ fn left(views: &[View], diagnosis: &Diagnosis) -> Section {
         .iter()
         .take(MOST_RESIDUALS)
         .filter_map(|u| figures::residual_against(views, u.axis, u.depends_on.quantity()?));
-    figures.fold(section, |section, figure| section.figure(figure, "Residual of the model as given."))
+    figures.fold(section, |section, figure| section.figure(figure, "Residual of the given model."))
 }
 
 fn all_effects(diagnosis: &Diagnosis) -> Vec<Effect> {
@@ -310,7 +308,7 @@ pub(crate) fn explanation(lead: &str, sets: &FlightSets, explanation: &Explanati
     let mut page = Page::new("From flights to a better model", lead).section(
         Section::new("The error falls")
             .paragraph(format!(
-                "The model was fitted to {} and judged on {}, which no fit has seen.",
+                "The model was fitted to {} and tested on {}, which no fit has used.",
                 listed(sets.training.loaded()),
                 listed(sets.held_out.loaded())
             ))
