@@ -146,6 +146,6 @@ mod tests {
         let said = |path: PathBuf| files(&[path]).unwrap_err().to_string();
         assert!(said(folder.path().into()).contains("no flight file"));
         assert!(said(folder.path().join("*.csv")).contains("matches no file"));
-        assert!(said(folder.path().join("a[.csv")).contains("is no pattern"));
+        assert!(said(folder.path().join("a[.csv")).contains("is not a valid pattern"));
     }
 }
