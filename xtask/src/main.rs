@@ -44,7 +44,7 @@ enum Command {
     /// Run the whole workflow, from flights to a better model; `demo --help` lists its arguments
     #[command(disable_help_flag = true)]
     Demo(PassedThrough),
-    /// Put a new program onto a craft, or go back to the one before
+    /// Install a new program on a craft, or go back to the previous one
     Flash(flash::Options),
     /// Check everything: format, lints, tests, docs, dependencies between crates, licences, rules of the project
     Test(test::Options),
@@ -56,7 +56,7 @@ enum Command {
     Docs(book::Options),
     /// Run the benchmarks: times, and instruction counts where valgrind is installed
     Bench(bench::Options),
-    /// Build the programs of the craft's processors; sizes, stack and instructions of a period
+    /// Build the programs of the craft's processors, and report sizes, stack and instructions per period
     Arm(arm::Options),
     /// Install the tools that the other commands use, or say what is missing
     Setup(setup::Options),

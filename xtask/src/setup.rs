@@ -17,7 +17,7 @@ use crate::base::workspace::Workspace;
 /// Options of the command.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Only say what is there and what is missing
+    /// Only say what is installed and what is missing
     #[arg(long)]
     check: bool,
 }

@@ -57,7 +57,7 @@ pub(crate) struct Options {
 enum DemoError {
     #[error("{}: cannot read the folder: {source}; name a folder with *.csv files and vehicle.toml", folder.display())]
     Folder { folder: PathBuf, source: std::io::Error },
-    #[error("{}: has {count} *.csv files; at least 2 are needed, one to fit on and one to judge by", folder.display())]
+    #[error("{}: has {count} *.csv files; at least 2 are needed, one to fit the model and one to validate it", folder.display())]
     TooFew { folder: PathBuf, count: usize },
     #[error("{}: cannot create the folder: {source}; give another with --out", folder.display())]
     Create { folder: PathBuf, source: std::io::Error },

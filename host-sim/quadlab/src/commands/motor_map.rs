@@ -298,7 +298,7 @@ fn page(result: &StandResult, vehicle: &Vehicle) -> Page {
                 )
                 .figure(
                     against("Against the voltage", Axis::new("voltage", "V"), &samples.battery_v),
-                    "A slope would mean that the voltage acts in another way.",
+                    "A slope would mean that the voltage acts differently than the map says.",
                 ),
         )
 }

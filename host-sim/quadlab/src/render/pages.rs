@@ -38,8 +38,9 @@ pub(crate) fn with_checks<'a>(
     let mut section = Section::new("What was checked");
     let found = tables::faults(&faults.all());
     if !found.has_rows() {
-        section = section
-            .paragraph("Channels, axes and signs, motor order, clocks and vehicle file: nothing is wrong.");
+        section = section.paragraph(
+            "No fault was found in channels, axes and signs, motor order, clocks and vehicle file.",
+        );
     }
     page.section(section.grid(&found).grid(&tables::clocks(flights)))
 }
@@ -255,23 +256,23 @@ fn since(effect: Effect, before: &[View], after: &[View]) -> Section {
                 names.collect::<Vec<_>>().join(", ")
             )
         }
-        None => "It lowers the error in none of the flights by itself.".into(),
+        None => "It does not lower the error of any single flight.".into(),
     };
-    Section::new("Since when").paragraph(sentence).grid(&grid)
+    Section::new("When it began").paragraph(sentence).grid(&grid)
 }
 
 /// What these flights cannot tell a change from.
 fn rivals(effect: Effect, finding: &EffectFinding) -> Section {
     let section = Section::new("What else it could be");
     if finding.confounded_with.is_empty() {
-        return section.paragraph("These flights tell it from every other change that was tried.");
+        return section.paragraph("These flights distinguish it from every other change that was tried.");
     }
     let separated = |rival: &Effect| match diagnosis::separating_manoeuvre(effect, *rival) {
         Some(how) => format!("{rival}. To separate them, {how}."),
         None => rival.to_string(),
     };
     section
-        .paragraph("These flights cannot tell it from:")
+        .paragraph("These flights cannot distinguish it from:")
         .list(finding.confounded_with.iter().map(separated))
 }
 
