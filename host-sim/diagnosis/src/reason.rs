@@ -286,7 +286,7 @@ impl Reason {
             Self::ExplainedBy { other } => write!(f, "adds nothing once {other} is accounted for"),
             Self::RivalOf { best } => write!(f, "these flights cannot tell it from {best}"),
             Self::Changed { percent, rivals } => {
-                write!(f, "the error on flights not used to estimate it falls by {percent:.1} %")?;
+                write!(f, "the error on flights it was not estimated from falls by {percent:.1} %")?;
                 match rivals.is_empty() {
                     true => Ok(()),
                     false => write!(f, "; these flights cannot tell it from {}", joined(rivals, ", ")),

@@ -111,7 +111,7 @@ fn text(options: &Options, added: &Added) -> Outcome {
             finding.effect, finding.reason
         ))),
         tables::before_after(
-            "Squared error on the held-out flights; the whole model is refitted without and with the effect",
+            "Squared error on the held-out flights, everything fitted again without and with the effect",
             &addition.before,
             &addition.after,
         )

@@ -44,7 +44,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "CSV", num_args = 1.., conflicts_with_all = ["train", "validate"])]
     changed: Vec<PathBuf>,
 
-    /// Show all the evidence for and against one effect, whether or not the model has it, for example: --why ground-effect
+    /// Show all the evidence for and against one effect, missing or in the model, for example: --why ground-effect
     #[arg(long, value_name = "EFFECT", conflicts_with_all = ["changed", "html"])]
     why: Option<String>,
 

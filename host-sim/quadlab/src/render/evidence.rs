@@ -53,7 +53,7 @@ fn criteria(why: &Why) -> Grid {
 
 fn flights(why: &Why) -> Grid {
     let mut grid = tables::evidence_grid(
-        "Drop of the squared error with it, percent",
+        "Fall of the squared error with it, percent",
         &["held-out flight", "u", "v", "w", "p", "q", "r"],
     );
     for flight in &why.flights {
@@ -65,7 +65,7 @@ fn flights(why: &Why) -> Grid {
 
 fn coefficients(why: &Why) -> Grid {
     let mut grid = tables::evidence_grid(
-        "Its coefficients, with the whole model refitted",
+        "Its coefficients, everything fitted again",
         &["name", "value", "± (95 %)", "unit", "possible"],
     );
     for c in &why.coefficients {

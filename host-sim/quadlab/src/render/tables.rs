@@ -324,7 +324,7 @@ pub(crate) fn worst(comparison: &Comparison) -> Grid {
 /// The candidates, ranked.
 pub(crate) fn evidence(diagnosis: &Diagnosis) -> Grid {
     let mut grid = Grid::new(
-        "Evidence for each effect on flights not used to fit it, best first",
+        "Evidence for each effect on flights that it was not fitted on, best first",
         [text("effect"), verdict("supported"), number("drop", "%"), number("p", ""), text("reason")],
     );
     for finding in &diagnosis.effects {

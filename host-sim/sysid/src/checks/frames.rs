@@ -135,8 +135,7 @@ const ATTITUDES: [Attitude; 17] = [
         undo: |e| signed(e, [-1.0, 1.0, -1.0]),
     },
     Attitude {
-        looks_like: "the attitude is the rotation from the inertial to the body frame (a conjugated quaternion, a \
-                     transposed matrix)",
+        looks_like: "the attitude is that from the inertial to the body frame (a conjugated quaternion, a transposed matrix)",
         mend: "conjugate the quaternion (or transpose the matrix) before taking angles from it",
         undo: |e| frames::dcm_from_euler(e).transpose(),
     },
@@ -167,12 +166,12 @@ const ATTITUDES: [Attitude; 17] = [
     },
     Attitude {
         looks_like: "the attitude is that of a body front-left-up (it is upside down)",
-        mend: "rotate it by 180 degrees about x: write phi + pi",
+        mend: "turn it by half a turn about x: write phi + pi",
         undo: |e| FLIP_YZ * frames::dcm_from_euler(e),
     },
     Attitude {
         looks_like: "the attitude is given in a frame north-west-up",
-        mend: "rotate the frame by 180 degrees about x",
+        mend: "turn the frame by half a turn about x",
         undo: |e| frames::dcm_from_euler(e) * FLIP_YZ,
     },
     Attitude {
@@ -230,7 +229,7 @@ const CONVENTIONS: [Convention; 5] = [
     },
     Convention {
         looks_like: "the body's axes are front-left-up in attitude and gyro",
-        mend: "rotate the attitude by 180 degrees about x and write -q, -r (and -ay, -az)",
+        mend: "turn the attitude by half a turn about x and write -q, -r (and -ay, -az)",
         undo: |e| FLIP_YZ * frames::dcm_from_euler(e),
         position: Axes::SAME,
         gyro: FLIPPED_YZ,
