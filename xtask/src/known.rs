@@ -11,7 +11,7 @@ use crate::checks::structure;
 /// Options of the command.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Take in new violations, too; a review should ask why
+    /// Add new violations too; a review should ask why
     #[arg(long)]
     add: bool,
 }

@@ -12,10 +12,10 @@ use crate::source::Graph;
 /// Options of the command.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Only these crates, by the names of their packages; absent: all
+    /// Only these crates, by the names of their packages; by default all
     #[arg(value_name = "CRATE")]
     crates: Vec<String>,
-    /// With each file, the files that it uses
+    /// With each file, print the files that it uses
     #[arg(long)]
     arrows: bool,
 }

@@ -28,7 +28,7 @@ use clap::{Parser, Subcommand};
 use crate::base::process::{Program, run_program};
 use crate::base::workspace::Workspace;
 
-/// The developer's front door of quadlab.
+/// Developer commands of quadlab.
 #[derive(Parser)]
 #[command(name = "cargo xtask", bin_name = "cargo xtask")]
 struct Arguments {
@@ -41,22 +41,22 @@ enum Command {
     /// Fly the controller against the simulated craft; `sil --help` lists its arguments
     #[command(disable_help_flag = true)]
     Sil(PassedThrough),
-    /// Run the whole story, from flights to a better model; `demo --help` lists its arguments
+    /// Run the whole workflow, from flights to a better model; `demo --help` lists its arguments
     #[command(disable_help_flag = true)]
     Demo(PassedThrough),
-    /// Put a new program onto a craft, or go back to the one before
+    /// Install a new program on a craft, or go back to the previous one
     Flash(flash::Options),
-    /// Check everything: format, lints, tests, docs, arrows between crates, licences, house rules
+    /// Check everything: format, lints, tests, docs, dependencies between crates, licences, rules of the project
     Test(test::Options),
-    /// Show on which files each file of a crate stands, and what goes in circles
+    /// Show the levels of dependency among the files of each crate, and any cycles
     Levels(levels::Options),
-    /// Delete what has been mended from the list of known violations
+    /// Delete the entries that have been fixed from the list of known violations
     Known(known::Options),
     /// Build the book, man pages, shell completions and JSON Schemas
     Docs(book::Options),
     /// Run the benchmarks: times, and instruction counts where valgrind is installed
     Bench(bench::Options),
-    /// Build the programs of the craft's processors; sizes, stack and instructions of a period
+    /// Build the programs of the craft's processors, and report sizes, stack and instructions per period
     Arm(arm::Options),
     /// Install the tools that the other commands use, or say what is missing
     Setup(setup::Options),

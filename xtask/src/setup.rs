@@ -17,7 +17,7 @@ use crate::base::workspace::Workspace;
 /// Options of the command.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Only say what is there and what is missing
+    /// Only say what is installed and what is missing
     #[arg(long)]
     check: bool,
 }
@@ -96,7 +96,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     }
     println!(
         "{}",
-        if complete { "all that is needed is there" } else { "something needed is missing, see above" }
+        if complete { "everything needed is installed" } else { "something needed is missing; see above" }
     );
     Ok(ExitCode::from(u8::from(!complete)))
 }

@@ -19,10 +19,10 @@ use crate::{arm, book};
 /// Options of the command.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Go on after a failed step, to see all of them
+    /// Continue after a failed step, to see all failures
     #[arg(long)]
     keep_going: bool,
-    /// Only these steps; absent: all of them
+    /// Only these steps; by default all
     #[arg(value_name = "STEP", value_parser = STEPS.iter().map(|step| step.name).collect::<Vec<_>>())]
     steps: Vec<String>,
 }
@@ -44,7 +44,7 @@ struct Step {
 
 const STEPS: &[Step] = &[
     Step { name: "format", about: "sources are formatted", run: format },
-    Step { name: "lints", about: "clippy and the compiler have nothing to say on any target", run: lints },
+    Step { name: "lints", about: "no warnings from clippy or the compiler on any target", run: lints },
     Step {
         name: "arm",
         about: "programs of the craft's processors build, fit, and cannot panic in flight",

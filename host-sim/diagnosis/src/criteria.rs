@@ -138,7 +138,7 @@ pub(crate) struct Applied {
 /// Every rule, in the order in which reasons are given.
 pub(crate) const RULES: &[Rule] = &[
     Rule {
-        question: "differs from zero: chance of such coefficients without it, all candidates counted",
+        question: "differs from zero: p-value of its coefficients, corrected for the number of candidates",
         unit: "",
         at_most: true,
         figures: |e| Some((e.finding.p_value, significance(e))),
@@ -148,7 +148,7 @@ pub(crate) const RULES: &[Rule] = &[
         },
     },
     Rule {
-        question: "matters: largest fall of the held-out squared error of an axis",
+        question: "matters: largest drop of the held-out squared error of an axis",
         unit: "%",
         at_most: false,
         figures: |e| Some((e.finding.largest_drop_percent(), matters_percent(e.effect()))),
@@ -158,14 +158,14 @@ pub(crate) const RULES: &[Rule] = &[
         },
     },
     Rule {
-        question: "holds on new flights: chance of such a fall without the effect",
+        question: "holds on new flights: p-value of the drop on held-out flights",
         unit: "",
         at_most: true,
         figures: |e| e.finding.held_out_p_value.map(|p| (p, HELD_OUT_SIGNIFICANCE)),
         objection: |e, p_value, _| not_borne_out(e, Some(p_value)),
     },
     Rule {
-        question: "holds on most flights: held-out flights that improve",
+        question: "holds on most flights: share of the held-out flights that improve",
         unit: "%",
         at_most: false,
         figures: |e| {
@@ -175,7 +175,7 @@ pub(crate) const RULES: &[Rule] = &[
         objection: |e, _, _| not_borne_out(e, None),
     },
     Rule {
-        question: "is possible: distance of the worst coefficient beyond its range",
+        question: "is possible: how far the worst coefficient lies outside its range",
         unit: "std. errors",
         at_most: true,
         figures: |e| {

@@ -32,11 +32,12 @@ const SETS: usize = 5;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum WhyError {
     /// Part of every model.
-    #[error("{0} is part of every model: it cannot be missing or taken out")]
+    #[error("{0} is part of every model: it can be neither missing nor removed")]
     Basic(Effect),
     /// Absorbed by a fit of everything.
     #[error(
-        "{0} can only be seen as a change: a fit of everything absorbs it; ask for it with --changed and flights made after it appeared"
+        "{0} can only be seen as a change, because a fit of the whole model absorbs it; use --changed with flights made \
+         after it appeared"
     )]
     Change(Effect),
     /// The fit without it.
@@ -245,8 +246,8 @@ fn assemble(
 fn summary(in_model: bool, finding: &EffectFinding, found: &[Effect], beside: Option<f64>) -> String {
     let EffectFinding { effect, reason, supported, .. } = finding;
     let what = match (in_model, supported) {
-        (true, true) => format!("{effect} earns its place in the model: {reason}."),
-        (true, false) => format!("{effect} is in the model, and these flights do not support it: {reason}."),
+        (true, true) => format!("{effect} is in the model, and these flights support it: {reason}."),
+        (true, false) => format!("{effect} is in the model, but these flights do not support it: {reason}."),
         (false, true) => format!("{effect} is supported by itself: {reason}."),
         (false, false) => format!("{effect} is not supported: {reason}."),
     };

@@ -200,9 +200,9 @@ impl fmt::Display for Reason {
             }
             Self::HiddenByItsError { excitation } => write!(
                 f,
-                "these flights do not excite it enough: an effect of ordinary size would not show; to see it: {excitation}"
+                "these flights do not excite it enough: an effect of typical size would not show; to see it: {excitation}"
             ),
-            Self::LikeChance => f.write_str("its coefficients do not differ from zero by more than chance"),
+            Self::LikeChance => f.write_str("its coefficients do not differ significantly from zero"),
             Self::TooSmall { largest_percent, matters_percent } => write!(
                 f,
                 "too small to matter: at best, the held-out error of an axis falls by {largest_percent:.1} %, and \
@@ -215,7 +215,7 @@ impl fmt::Display for Reason {
             }
             Self::Impossible { coefficient, value, unit, possible: (low, high) } => write!(
                 f,
-                "needs {coefficient} = {}, outside the possible range {low} to {high}",
+                "needs {coefficient} = {}, outside the physically possible range {low} to {high}",
                 with_unit(&significant(*value, 3), unit)
             ),
             Self::OwnRule { effect, first } => {
@@ -229,9 +229,9 @@ impl fmt::Display for Reason {
             Self::OnlyLinearised => {
                 f.write_str("promising by itself in a linearised fit, but an exact fit does not support it")
             }
-            Self::OnlyByItself => {
-                f.write_str("supported by itself, but not together with what else these flights show")
-            }
+            Self::OnlyByItself => f.write_str(
+                "supported by itself, but not together with the other effects that these flights show",
+            ),
             Self::AddsNothing { beside } => {
                 let verb = if beside.len() == 1 { "is" } else { "are" };
                 write!(f, "adds nothing once {} {verb} in the model", joined(beside, " and "))
@@ -255,7 +255,7 @@ impl Reason {
         match self {
             Self::AnswersLate => write!(
                 f,
-                "{STAND_IN}: with it, the residual still follows what the rotors did in the last half second"
+                "{STAND_IN}: with it, the residual still depends on what the rotors did in the last half second"
             ),
             Self::AboveNoise { axis } => {
                 write!(

@@ -23,9 +23,9 @@ use crate::commands::{
     plan, reference,
 };
 
-/// Identify a quadcopter's model from flights, find out where it fails and which physical effect it lacks.
+/// Identify a quadcopter's model from flights, find where it fails, and name the physical effect it lacks.
 ///
-/// Exit status: 0 done, 1 the job ran and what it checks does not hold, 2 bad usage or bad input.
+/// Exit status: 0 success, 1 the command ran but a check or a requirement failed, 2 bad usage or bad input.
 #[derive(Parser)]
 #[command(name = "quadlab", version, max_term_width = 100)]
 struct Arguments {

@@ -290,7 +290,7 @@ fn outputs_without_a_place_are_refused_before_the_work() {
 fn an_old_output_survives_bad_input() {
     let folder = copies();
     std::fs::write(folder.path().join("out.toml"), "precious").unwrap();
-    refused(folder.path(), &with_sets(&IDENTIFY), &["out.toml: ", "is there already", "--force"]);
+    refused(folder.path(), &with_sets(&IDENTIFY), &["out.toml: ", "already exists", "--force"]);
     std::fs::write(folder.path().join("B.csv"), "").unwrap();
     let forced = [&IDENTIFY[..], &["--force"]].concat();
     refused(folder.path(), &with_sets(&forced), &["B.csv: "]);

@@ -149,7 +149,9 @@ fn models_are_compared_side_by_side() {
     done_in(folder.path(), &with_sets(&add));
     let compare = ["compare", "--model", "model.toml", "better.toml", "--flights", "D.csv", "E.csv"];
     let text = done_in(folder.path(), &compare);
-    assert!(text.contains("model.toml") && text.contains("better.toml") && text.contains("fall of the rms"));
+    assert!(
+        text.contains("model.toml") && text.contains("better.toml") && text.contains("reduction of the rms")
+    );
     let page = done_in(folder.path(), &[&compare[..], &["--html", "page.html"]].concat());
     assert!(page.contains("page: page.html"));
     self_contained(&std::fs::read_to_string(folder.path().join("page.html")).unwrap());

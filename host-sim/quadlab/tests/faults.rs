@@ -107,7 +107,7 @@ fn a_late_tracker_is_told_and_mended() {
         rows.drain(..5);
     });
     let page = ["compare", "--model", "out.toml", "--flights", "B.csv", "--html", "page.html"];
-    let said = "warning: B.csv: phi, theta, psi come ";
+    let said = "warning: B.csv: phi, theta, psi are ";
     let document = assert_told(folder.path(), &with_sets(&IDENTIFY), "clock-offset", said);
     let clock = &document["clocks"][1];
     let offset_s = clock["attitude"]["offset_s"].as_f64().unwrap();
@@ -136,7 +136,7 @@ fn too_few_flights_are_told() {
     let few = [&IDENTIFY[..], &["--train", "A.csv", "--validate", "D.csv"]].concat();
     let (document, stderr) = told(folder.path(), &few);
     assert_eq!(kinds(&document), ["too-few-flights", "too-few-flights"], "{}", document["faults"]);
-    assert!(stderr.contains("only one flight to fit on") && stderr.contains("give two or more"), "{stderr}");
+    assert!(stderr.contains("only one training flight") && stderr.contains("give two or more"), "{stderr}");
 }
 
 #[test]

@@ -28,11 +28,11 @@ const RUNS: usize = 5;
 /// Options of the command.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Only the benches of this name; `lab` measures how often diagnoses are right, `real` what is found in real flights; all
-    /// times and counts without it
+    /// Only the benchmarks of this name; `lab` measures how often diagnoses are right, `real` what is found in real flights; by
+    /// default all times and counts
     name: Option<String>,
 
-    /// Run the reference programs in this folder in turn with our throughput benches
+    /// Alternate our throughput benchmarks with the reference programs in this folder
     #[arg(long, value_name = "FOLDER")]
     against: Option<PathBuf>,
 

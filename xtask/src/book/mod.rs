@@ -28,7 +28,7 @@ use crate::base::workspace;
 /// Options of the command.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Folder for all of it; what is in its folders book, man, completions and schema is replaced
+    /// Folder for the output; the content of its folders book, man, completions and schema is replaced
     #[arg(long, value_name = "DIR", default_value = "target/docs")]
     out: PathBuf,
     /// Also check the book's links and commands, as `cargo xtask test` does

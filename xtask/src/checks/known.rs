@@ -128,7 +128,7 @@ pub(crate) fn compare(kinds: &[Kind], found: &[Violation], known: &[Entry]) -> V
     for entry in known.iter().filter(|entry| kinds.contains(&entry.kind)) {
         if !found.iter().any(|violation| entry.is_about(&violation.entry)) {
             problems.push(format!(
-                "{LIST}: `{entry}` is mended: delete the line, or let `cargo xtask known` do it"
+                "{LIST}: `{entry}` is fixed: delete the line, or let `cargo xtask known` do it"
             ));
         }
     }
@@ -179,7 +179,7 @@ mod tests {
         let known = list(&["long-function a.rs f 70"]);
         let problems = compare(&KINDS, &[], &known);
         assert_eq!(problems.len(), 1);
-        assert!(problems[0].contains("`long-function a.rs f 70` is mended"), "{problems:?}");
+        assert!(problems[0].contains("`long-function a.rs f 70` is fixed"), "{problems:?}");
         assert!(compare(&[Kind::Circle], &[], &known).is_empty(), "another step's business");
     }
 

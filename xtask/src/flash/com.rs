@@ -111,7 +111,7 @@ impl Flash {
             print!("{}", self.last_words()?);
             println!("{why:#}");
             self.go_back()?;
-            bail!("the craft is back at the release before, which answers");
+            bail!("the craft is back at the previous release, which answers");
         }
         Ok(ExitCode::SUCCESS)
     }
@@ -270,7 +270,7 @@ impl Flash {
 
     fn previous(&self) -> Result<String> {
         let release = self.remote(&format!("readlink {}/previous", self.folder), None)?;
-        Ok(release.context("there is no release before this one on the craft")?.trim().to_owned())
+        Ok(release.context("there is no earlier release on the craft")?.trim().to_owned())
     }
 
     /// What the program there said last.

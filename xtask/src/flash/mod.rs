@@ -17,35 +17,35 @@ mod release;
 #[derive(clap::Args)]
 #[command(group = clap::ArgGroup::new("to").required(true))]
 pub(crate) struct Options {
-    /// Onto a computer with Linux and ssh
+    /// Install on a computer with Linux and ssh
     #[arg(long, group = "to", value_name = "USER@HOST[:PORT]")]
     com: Option<destination::Destination>,
-    /// Onto this chip, through a debug probe (probe-rs); propellers off
+    /// Install on this chip, through a debug probe (probe-rs); take the propellers off
     #[arg(long, group = "to", value_name = "CHIP")]
     probe: Option<String>,
-    /// Into an emulator
+    /// Run in an emulator
     #[arg(long, group = "to", value_name = "TARGET")]
     qemu: Option<chip::Emulated>,
-    /// Print what would be done, and do nothing
+    /// Print what would be done, without doing it
     #[arg(long)]
     dry_run: bool,
-    /// Back to the program and files before the last flash
+    /// Go back to the program and files before the last flash
     #[arg(long, requires = "com")]
     rollback: bool,
-    /// The craft's configuration (com.toml); its vehicle and gains files lie beside it and go along. Absent: the craft keeps
-    /// the files that it has
+    /// The craft's configuration (com.toml); its vehicle and gains files lie beside it and are copied too. By default
+    /// the craft keeps the files that it has
     #[arg(long, requires = "com", value_name = "FILE")]
     config: Option<PathBuf>,
     /// Folder on the craft
     #[arg(long, requires = "com", default_value = "/opt/quadlab", value_name = "DIR")]
     folder: String,
-    /// Configuration of ssh itself, beside the user's own
+    /// Configuration file of ssh, in addition to the user's own
     #[arg(long, requires = "com", value_name = "FILE")]
     ssh_config: Option<PathBuf>,
-    /// What runs the program on the craft, when its own processor cannot: `qemu-arm -L /usr/arm-linux-gnueabihf`
+    /// Command that runs the program on the craft, if its own processor cannot: `qemu-arm -L /usr/arm-linux-gnueabihf`
     #[arg(long, requires = "com", default_value = "", value_name = "COMMAND")]
     runner: String,
-    /// This program instead of the one of this tree
+    /// Install this program instead of one built from this repository
     #[arg(long, requires = "com", value_name = "FILE")]
     program: Option<PathBuf>,
 }

@@ -11,7 +11,7 @@ const fn coefficient(name: &'static str) -> Coefficient {
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "angular-damping",
-    sentence: "The air brakes the craft's turning in proportion to its rate.",
+    sentence: "The air damps the rotation of the craft in proportion to its rates.",
     equation: r"\dot p = \dots + \frac{C_{dp}}{I_{xx}} p, \quad \dot q = \dots + \frac{C_{dq}}{I_{yy}} q, \quad \dot r = \dots + \frac{C_{dr}}{I_{zz}} r",
     source: Some("A. Szabo, thesis, Wright State University 2017, (4.3)"),
     kind: Kind::Basic,

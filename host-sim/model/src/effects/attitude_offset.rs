@@ -13,7 +13,7 @@ const fn coefficient(name: &'static str) -> Coefficient {
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "attitude-offset",
-    sentence: "The tracked attitude is tilted against the body, so hover looks like leaning.",
+    sentence: "The tracked attitude is tilted relative to the body, so level hover appears tilted.",
     equation: r"R_{tracked} = \exp([\boldsymbol\epsilon]_\times)\, R",
     source: None,
     kind: Kind::Adjusting,
@@ -21,10 +21,10 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     axes: &[Axis::U, Axis::V],
     through: &["psi"],
     coefficients: &[coefficient("tilt_roll"), coefficient("tilt_pitch")],
-    excitation: "hover and turn once around in yaw",
+    excitation: "hover and yaw a full turn",
     confused_with: &[(
         "steady-wind",
-        "yaw round in hover: wind keeps its direction over the ground, a tilted tracker turns with the craft",
+        "yaw a full turn in hover: a wind keeps its direction over the ground, a tilted attitude turns with the craft",
     )],
     special: Special::NOTHING,
 };

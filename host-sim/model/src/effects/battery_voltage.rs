@@ -7,7 +7,7 @@ use crate::effects::adjusting::Adjusting;
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "battery-voltage",
-    sentence: "Thrust follows the battery voltage in a way the motor map leaves out.",
+    sentence: "Thrust depends on the battery voltage in a way that the motor map leaves out.",
     equation: r"\omega_i = \mathrm{map} + k (V - V_{ref} - V_0)",
     source: Some("A. Szabo, thesis, Wright State University 2017, (4.10)"),
     kind: Kind::Adjusting,
@@ -20,7 +20,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         Coefficient::new("voltage_shift", "V", (-50.0, 50.0), 1.0).known_to(1.5),
     ],
     excitation: "fly from a full battery to an empty one",
-    confused_with: &[("mass-change", "fly on: a heavier craft stays heavier, a battery goes on falling")],
+    confused_with: &[("mass-change", "keep flying: a heavier craft stays as heavy, the battery voltage keeps falling")],
     special: Special::NOTHING,
 };
 

@@ -21,7 +21,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     excitation: "hover at several rotor speeds, climb and descend",
     confused_with: &[(
         "motor-efficiency",
-        "climb and descend: a weak rotor also lifts less and pulls in roll and pitch together, a shifted mass does not",
+        "climb and descend: a weak rotor also lifts less, and acts on roll and pitch together; a shifted mass does not",
     )],
     special: Special::NOTHING,
 };

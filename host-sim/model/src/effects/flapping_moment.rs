@@ -12,7 +12,7 @@ const fn coefficient(name: &'static str) -> Coefficient {
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "flapping-moment",
-    sentence: "Moving through the air tilts the rotor disks: forward speed pitches the craft, sideward speed rolls it.",
+    sentence: "Moving through the air tilts the rotor disks: forward speed pitches the craft, sideways speed rolls it.",
     equation: r"\dot p = \dots + C_{dv}^p v, \quad \dot q = \dots + C_{du}^q u",
     source: Some("A. Szabo, thesis, Wright State University 2017, tables 4.8 and 4.10"),
     kind: Kind::Linear,

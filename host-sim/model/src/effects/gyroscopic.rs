@@ -13,7 +13,7 @@ const fn ratio(name: &'static str) -> Coefficient {
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "gyroscopic",
-    sentence: "The spinning rotors resist being tilted and turn the tilt sideways.",
+    sentence: "The spinning rotors resist tilting: a roll rate gives a pitch moment, and a pitch rate a roll moment.",
     equation: r"\dot p = \dots + \frac{I_r}{I_{xx}} q S, \quad \dot q = \dots + \frac{I_r}{I_{yy}} p S, \quad S = \omega_1 - \omega_2 + \omega_3 - \omega_4",
     source: Some("A. Szabo, thesis, Wright State University 2017, (2.7)"),
     kind: Kind::Basic,

@@ -10,7 +10,7 @@ const fn ratio(name: &'static str) -> Coefficient {
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "inertia-coupling",
-    sentence: "Turning about two axes at once turns the third, because the moments of inertia differ.",
+    sentence: "Rotating about two axes at once gives a moment about the third, because the moments of inertia differ.",
     equation: r"\dot p = \dots + \frac{I_{yy} - I_{zz}}{I_{xx}} q r, \quad \dot q = \dots + \frac{I_{zz} - I_{xx}}{I_{yy}} p r, \quad \dot r = \dots + \frac{I_{xx} - I_{yy}}{I_{zz}} p q",
     source: Some("A. Szabo, thesis, Wright State University 2017, (2.8)"),
     kind: Kind::Basic,

@@ -16,7 +16,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     through: &["thrust"],
     coefficients: &[Coefficient::new("extra_mass", "kg", (-50.0, 50.0), 0.05)],
     excitation: "hover, climb and descend",
-    confused_with: &[("battery-voltage", "fly on: a heavier craft stays heavier, a battery goes on falling")],
+    confused_with: &[("battery-voltage", "keep flying: a heavier craft stays as heavy, the battery voltage keeps falling")],
     special: Special::NOTHING,
 };
 

@@ -28,7 +28,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     excitation: "hover, climb and descend, yaw both ways",
     confused_with: &[(
         "com-offset",
-        "climb and descend: a weak rotor also lifts less and pulls in roll and pitch together, a shifted mass does not",
+        "climb and descend: a weak rotor also lifts less, and acts on roll and pitch together; a shifted mass does not",
     )],
     special: Special { one_per_rotor: true, ..Special::NOTHING },
 };

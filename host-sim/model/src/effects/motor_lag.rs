@@ -18,7 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     excitation: "excite every motor by itself at several hertz",
     confused_with: &[(
         "input-delay",
-        "excite the motors at frequencies far apart: a lag weakens the fast ones, a dead time only shifts them",
+        "excite the motors at frequencies far apart: a lag attenuates the high ones, a dead time only delays them",
     )],
     special: Special {
         of_actuators: true,

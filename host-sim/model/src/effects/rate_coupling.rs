@@ -21,8 +21,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     excitation: "pitch and roll quickly about hover",
     confused_with: &[(
         "tracking-offset",
-        "pitch and roll in short bursts: a tracked point off the centre of mass shows with the angular acceleration, \
-         rate coupling with the rate",
+        "pitch and roll in short bursts: a tracked point off the centre of mass follows the angular acceleration, rate \
+         coupling follows the rate",
     )],
     special: Special { of_thesis: true, ..Special::NOTHING },
 };

@@ -7,7 +7,7 @@ use crate::sample::Sample;
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "rotor-inertia",
-    sentence: "Spinning the rotors up and down turns the craft in yaw by their inertia.",
+    sentence: "Speeding up or slowing down the rotors yaws the craft by their inertia.",
     equation: r"\dot r = \dots + \frac{J_r}{I_{zz}} \sum_i s_i \dot\omega_i",
     source: None,
     kind: Kind::Linear,

@@ -40,7 +40,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         reaction("C3_r/Izz", 2),
         reaction("C4_r/Izz", 3),
     ],
-    excitation: "excite every motor by itself (quadlab's excitation flight)",
+    excitation: "excite each motor by itself (quadlab excite writes such a flight)",
     confused_with: &[],
     special: Special { of_thesis: true, must_be_determined: true, ..Special::NOTHING },
 };

@@ -13,7 +13,7 @@ const fn coefficient(name: &'static str) -> Coefficient {
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "steady-wind",
-    sentence: "A steady wind blows: drag follows the speed through the air, not over the ground.",
+    sentence: "A steady wind blows: drag depends on the speed through the air, not over the ground.",
     equation: r"\mathbf v \to \mathbf v - R\, \mathbf v_{wind}",
     source: None,
     kind: Kind::Adjusting,
@@ -21,10 +21,10 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     axes: &[Axis::U, Axis::V],
     through: &["psi"],
     coefficients: &[coefficient("wind_north"), coefficient("wind_east")],
-    excitation: "hover and turn once around in yaw",
+    excitation: "hover and yaw a full turn",
     confused_with: &[(
         "attitude-offset",
-        "yaw round in hover: wind keeps its direction over the ground, a tilted tracker turns with the craft",
+        "yaw a full turn in hover: a wind keeps its direction over the ground, a tilted attitude turns with the craft",
     )],
     special: Special::NOTHING,
 };

@@ -42,7 +42,7 @@ const PULLS_BACK: Requirement = Requirement {
         let (value, std_error) = estimates.first().map_or((0.0, 0.0), |k| (k.value, k.std_error.unwrap_or(0.0)));
         (value / std_error.max(f64::MIN_POSITIVE), SLACK_ERRORS)
     },
-    objection: "a push that is the same everywhere, not a cable",
+    objection: "a force that is the same everywhere, not a cable",
 };
 
 #[inline]

@@ -6,7 +6,7 @@ use crate::effects::adjusting::Adjusting;
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "thrust-linear",
-    sentence: "Thrust has a part in proportion to the rotor speed besides the square.",
+    sentence: "Thrust has a part proportional to the rotor speed besides the part with its square.",
     equation: r"T_i = C_T \beta (\omega_i^2 + \omega_{lin} \omega_i)",
     source: None,
     kind: Kind::Adjusting,

@@ -23,8 +23,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     excitation: "pitch, roll and yaw in short bursts about hover",
     confused_with: &[(
         "rate-coupling",
-        "pitch and roll in short bursts: a tracked point off the centre of mass shows with the angular acceleration, \
-         rate coupling with the rate",
+        "pitch and roll in short bursts: a tracked point off the centre of mass follows the angular acceleration, rate \
+         coupling follows the rate",
     )],
     special: Special::NOTHING,
 };

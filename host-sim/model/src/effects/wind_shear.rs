@@ -14,7 +14,7 @@ const fn coefficient(name: &'static str) -> Coefficient {
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "wind-shear",
-    sentence: "The wind grows with the height: drag follows the speed through air that moves faster further up.",
+    sentence: "The wind grows with height: drag depends on the speed through air that moves faster higher up.",
     equation: r"\mathbf v \to \mathbf v - R\, h\, \frac{d \mathbf v_{wind}}{dh}",
     source: Some("B. Etkin, Dynamics of Atmospheric Flight, Wiley 1972, chapter 13; MIL-F-8785C, 1980, section 3.7"),
     kind: Kind::Adjusting,
@@ -23,7 +23,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     through: &["height"],
     coefficients: &[coefficient("shear_north"), coefficient("shear_east")],
     excitation: "hover at heights far apart",
-    confused_with: &[("steady-wind", "hover at heights far apart: a steady wind is the same at each")],
+    confused_with: &[("steady-wind", "hover at very different heights: a steady wind is the same at each")],
     special: Special::NOTHING,
 };
 

@@ -12,7 +12,7 @@ use crate::cli::output::Outcome;
 /// What is done about faults.
 #[derive(clap::Args, Clone, Copy)]
 pub(crate) struct FaultOptions {
-    /// Go on with flights whose axes, signs or motors are recognised as wrong; the results will be wrong, too
+    /// Continue with flights whose axes, signs or motor order are recognised as wrong; the results will be wrong too
     #[arg(long)]
     pub(crate) accept_faults: bool,
 }

@@ -11,11 +11,11 @@ const ENDING: &str = "csv";
 /// Flights of both kinds as given on the command line.
 #[derive(clap::Args)]
 pub(crate) struct SetOptions {
-    /// Flights to fit on: files, folders or patterns, for example: --train A.csv B.csv C.csv
+    /// Training flights: files, folders or patterns such as 'A*.csv', for example: --train A.csv B.csv C.csv
     #[arg(long, value_name = "CSV", num_args = 1.., required = true)]
     train: Vec<PathBuf>,
 
-    /// Flights to judge by, none of which is fitted on, for example: --validate D.csv E.csv
+    /// Held-out flights, used to test the fit and never for it, for example: --validate D.csv E.csv
     #[arg(long, value_name = "CSV", num_args = 1.., required = true)]
     validate: Vec<PathBuf>,
 }
@@ -35,7 +35,7 @@ pub(crate) enum NamedFlightsError {
     Folder { path: PathBuf, source: std::io::Error },
     #[error("{}: matches no file", .0.display())]
     NoMatch(PathBuf),
-    #[error("{}: is no pattern: {why}", path.display())]
+    #[error("{}: is not a valid pattern: {why}", path.display())]
     Pattern { path: PathBuf, why: &'static str },
 }
 
@@ -146,6 +146,6 @@ mod tests {
         let said = |path: PathBuf| files(&[path]).unwrap_err().to_string();
         assert!(said(folder.path().into()).contains("no flight file"));
         assert!(said(folder.path().join("*.csv")).contains("matches no file"));
-        assert!(said(folder.path().join("a[.csv")).contains("is no pattern"));
+        assert!(said(folder.path().join("a[.csv")).contains("is not a valid pattern"));
     }
 }

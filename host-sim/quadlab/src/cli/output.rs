@@ -34,13 +34,13 @@ pub(crate) struct OverwritesInput(PathBuf);
 
 /// An output file that is there already.
 #[derive(Debug, thiserror::Error)]
-#[error("{}: is there already; give --force to overwrite it, or another name", .0.display())]
+#[error("{}: already exists; give --force to overwrite it, or choose another name", .0.display())]
 pub(crate) struct AlreadyThere(PathBuf);
 
 /// How a command that writes files gives its result.
 #[derive(clap::Args, Clone, Copy)]
 pub(crate) struct OutputOptions {
-    /// Overwrite output files that are there already
+    /// Overwrite existing output files
     #[arg(long)]
     force: bool,
 

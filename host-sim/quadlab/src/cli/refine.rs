@@ -9,8 +9,8 @@ use sysid::fit::output_error::Rows;
 /// Whether to refine, and what.
 #[derive(clap::Args)]
 pub(crate) struct RefineOptions {
-    /// Refine the coefficients on predictions of half a second instead of accelerations: those of the moments, or all.
-    /// Kept only where flights held out are predicted better. For example: --refine, or --refine all
+    /// Refine the coefficients of the moments, or all, so that open-loop predictions over half a second fit best.
+    /// Kept only if the held-out flights are predicted better. For example: --refine, or --refine all
     #[arg(long, value_name = "ROWS", num_args = 0..=1, default_missing_value = "moments")]
     refine: Option<Refined>,
 }
@@ -18,7 +18,7 @@ pub(crate) struct RefineOptions {
 /// Which coefficients are refined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Refined {
-    /// Those that act on p, q and r alone; forces stay as the accelerometer has them
+    /// Coefficients that act on p, q and r only; those of the forces keep the values of the fit
     Moments,
     /// Every linear coefficient
     All,

@@ -7,7 +7,7 @@ use model::{Effect, UserEffectError};
 /// Files of effects as given on the command line.
 #[derive(clap::Args)]
 pub(crate) struct EffectOptions {
-    /// Effects of your own, by name and formula, for example: --effects my-effects.toml
+    /// Files with effects of your own, written as formulas, for example: --effects my-effects.toml
     #[arg(long = "effects", value_name = "TOML", num_args = 1..)]
     files: Vec<PathBuf>,
 }

@@ -17,10 +17,10 @@ use crate::cli::terminal::Terminal;
 use crate::cli::user_effects::EffectOptions;
 use crate::render::tables;
 
-/// Add a physical effect to a model and fit all of it again.
+/// Add a physical effect to a model and fit the whole model again.
 ///
-/// The error of each axis on the flights held out is shown before and after. An effect that the flights do not support
-/// is added all the same, and the answer says so.
+/// Prints the error of each axis on the held-out flights before and after. An effect that the flights do not support is
+/// added all the same, and the output says so.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  quadlab add ground-effect --model model.toml --train A.csv B.csv C.csv \
                         --validate D.csv E.csv --out better.toml\n\n`quadlab effects` lists the effects.")]

@@ -149,7 +149,7 @@ fn text(options: &Options, flights: &[LoadedFlight], comparison: &Comparison) ->
         text.push('\n');
         text.push_str(&worst.to_text());
     } else {
-        text.push_str("\nNo condition holds more than its share of the error.\n");
+        text.push_str("\nNo condition has more than its share of the error.\n");
     }
     for flight in comparison.flights.iter().filter(|f| !f.notes.is_empty()) {
         text.push_str(&format!("\n{}: {}\n", flight.name, flight.notes.join("; ")));

@@ -27,17 +27,18 @@ const FLIGHT_S: f64 = 40.0;
 /// Share of the flights that the fit uses where their names do not say.
 const TRAIN_SHARE: f64 = 0.6;
 
-/// Run everything: identify, compare, diagnose, add, and a page with figures.
+/// Run the whole workflow: identify, compare, diagnose, add, and write a page with figures.
 ///
-/// Without --flights, a simulated craft has one hidden effect, to be found from its flights. Exit
-/// status 1 if it is not found.
+/// Without --flights, a simulated craft is flown that has one hidden effect, to be found from its
+/// flights alone. Exit status 1 if it is not found.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  quadlab demo --seed 7\n  quadlab demo --flights my-flights --out my-report"
 )]
 pub(crate) struct Options {
-    /// Folder with flight files and their vehicle.toml; A, B and C are for the fit, D and E for
-    /// validation; of other names the first 60 % are for the fit, for example: --flights my-flights
+    /// Folder with flight files and their vehicle.toml; A, B and C are used for the fit, D and E for
+    /// validation; with other names, the first 60 % by name are used for the fit, for example:
+    /// --flights my-flights
     #[arg(long, value_name = "DIR", conflicts_with = "seed")]
     flights: Option<PathBuf>,
 
@@ -56,7 +57,7 @@ pub(crate) struct Options {
 enum DemoError {
     #[error("{}: cannot read the folder: {source}; name a folder with *.csv files and vehicle.toml", folder.display())]
     Folder { folder: PathBuf, source: std::io::Error },
-    #[error("{}: has {count} *.csv files; at least 2 are needed, one to fit on and one to judge by", folder.display())]
+    #[error("{}: has {count} *.csv files; at least 2 are needed, one to fit the model and one to validate it", folder.display())]
     TooFew { folder: PathBuf, count: usize },
     #[error("{}: cannot create the folder: {source}; give another with --out", folder.display())]
     Create { folder: PathBuf, source: std::io::Error },
@@ -145,14 +146,14 @@ fn on_hidden_effect(options: &Options) -> anyhow::Result<Outcome> {
 /// What was hidden, and whether the flights gave away that and nothing else.
 fn verdict(hidden: Effect, seed: u64, explanation: &Explanation) -> String {
     let found = explanation.found();
-    let gave = if found.first() == Some(&hidden) { "gave it away" } else { "did not give it away" };
+    let gave = if found.first() == Some(&hidden) { "found from the flights alone" } else { "not found" };
     let not_there: Vec<&str> = found.iter().filter(|e| **e != hidden).map(|e| e.id()).collect();
     let wrong = if not_there.is_empty() {
         String::new()
     } else {
         format!(" Found, but not in the craft: {}.", not_there.join(", "))
     };
-    format!("Hidden in the simulated craft (seed {seed}): {hidden}. The flights {gave}.{wrong}")
+    format!("Hidden in the simulated craft (seed {seed}): {hidden}. It was {gave}.{wrong}")
 }
 
 fn seed_from_clock() -> u64 {

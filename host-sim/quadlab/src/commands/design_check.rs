@@ -36,7 +36,7 @@ pub(crate) struct Options {
     #[arg(long)]
     continuous: bool,
 
-    /// Random draws of the model's coefficients from their standard errors
+    /// Number of random draws of the model's coefficients within their standard errors
     #[arg(long, value_name = "COUNT", default_value_t = 100)]
     samples: usize,
 

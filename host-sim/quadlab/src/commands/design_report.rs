@@ -21,9 +21,9 @@ use crate::commands::linearize;
 use crate::render::design_pages;
 use crate::render::design_tables::{failures, short};
 
-/// Chapter 5 of the thesis on one page: every figure that is computed here, with the numbers and
-/// the thesis' beside them. Exit status 1 if a loop is unstable as it flies, or if a number of the
-/// thesis' own vehicle does not come back.
+/// Chapter 5 of the thesis on one page: every figure as computed here, with its numbers beside those
+/// of the thesis. Exit status 1 if a loop is unstable as it flies, or if a number that the thesis
+/// prints of its own vehicle is not reproduced.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  quadlab design report --out report.html                                      # the thesis' vehicle and gains\n  quadlab design report --model model.toml --gains gains.toml --out report.html"
@@ -41,7 +41,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "SAMPLES", default_value_t = 2, value_parser = clap::value_parser!(u16).range(0..=100))]
     delay: u16,
 
-    /// Random draws of the model's coefficients from their standard errors
+    /// Number of random draws of the model's coefficients within their standard errors
     #[arg(long, value_name = "COUNT", default_value_t = 100, value_parser = clap::value_parser!(u32).range(0..=100_000))]
     samples: u32,
 
@@ -192,7 +192,7 @@ fn page(work: &Work) -> anyhow::Result<Page> {
     let missed = work.numbers.iter().filter(|n| !n.holds()).count();
     let lead = match work.thesis {
         true => format!(
-            "{}: {} of the {} numbers that the thesis prints come back here.",
+            "{}: {} of the {} numbers that the thesis prints are reproduced here.",
             work.model.vehicle.name,
             work.numbers.len() - missed,
             work.numbers.len()

@@ -16,12 +16,13 @@ use crate::render::{evidence, pages, tables};
 
 /// Say which physical effect a model lacks, with the evidence for each.
 ///
-/// Every effect of the catalogue is fitted together with the whole model on the training flights and judged on the
-/// flights held out. An effect is supported when the error falls there by more than chance and by enough to matter,
-/// with coefficients that are physically possible.
+/// Every effect of the catalogue is fitted together with the whole model on the training flights and tested on the
+/// held-out flights. An effect is supported when it lowers the error there by more than chance would and by enough to
+/// matter, with coefficients that are physically possible.
 ///
-/// With --changed the model was good once: its parameters stay, and new flights are explained by one change (a heavier
-/// craft, a weak motor, a wind ...), which must stand out from how much the craft differed from flight to flight then.
+/// With --changed, instead of --train and --validate, the model's coefficients stay fixed, and the residual of new
+/// flights is explained by one change (a heavier craft, a weak motor, wind, ...). The change must stand out from the
+/// scatter between the flights that the model was fitted to.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  quadlab diagnose --model model.toml --train A.csv B.csv C.csv \
                         --validate D.csv E.csv --html diagnosis.html\n  \
@@ -39,7 +40,7 @@ pub(crate) struct Options {
     #[command(flatten)]
     effects: EffectOptions,
 
-    /// New flights: what has changed since the model was made? For example: --changed today-1.csv today-2.csv
+    /// New flights, to find what has changed since the model was fitted, for example: --changed today-1.csv today-2.csv
     #[arg(long, value_name = "CSV", num_args = 1.., conflicts_with_all = ["train", "validate"])]
     changed: Vec<PathBuf>,
 
@@ -64,7 +65,7 @@ pub(crate) struct Options {
 /// Effects to leave out of the catalogue.
 #[derive(clap::Args)]
 pub(crate) struct WithoutOptions {
-    /// Treat these effects as if nobody knew them, for example: --without tether
+    /// Ignore these effects, as if the catalogue did not have them, for example: --without tether
     #[arg(long, value_name = "EFFECT", num_args = 1..)]
     without: Vec<String>,
 }

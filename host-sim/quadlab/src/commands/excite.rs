@@ -24,34 +24,34 @@ use crate::cli::output::{Outcome, OutputOptions, provenance};
 use crate::commands::demo_effect;
 use crate::render::excite_page;
 
-/// Write a flight that determines the model's coefficients, and say how well, before it is flown.
+/// Write an informative flight pattern, and predict how well it determines the model's coefficients.
 ///
-/// The pattern is flown in simulation by the current model; its Fisher information, for residuals
-/// coloured like those of real fits, gives the standard error of each coefficient and which effects
-/// of the catalogue would stay unseen. Exit status 1 if the craft cannot fly it.
+/// The current model flies the pattern in simulation. The Fisher information of that flight, for
+/// residuals coloured like those of real fits, gives the standard error of each coefficient and shows
+/// which effects of the catalogue would stay unseen. Exit status 1 if the craft cannot fly it.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  quadlab excite --model model.toml --out pattern.csv\n  quadlab excite --model model.toml --path hover --signal thesis --amplitude 20 --seed 3 --out pattern.csv\n  quadlab excite --model model.toml --pattern pattern.csv      # only say what it would tell"
+    after_help = "Examples:\n  quadlab excite --model model.toml --out pattern.csv\n  quadlab excite --model model.toml --path hover --signal thesis --amplitude 20 --seed 3 --out pattern.csv\n  quadlab excite --model model.toml --pattern pattern.csv      # only predict what it would show"
 )]
 pub(crate) struct Options {
     /// Model file: what is known so far, for example: --model model.toml
     #[arg(long, value_name = "TOML")]
     model: PathBuf,
 
-    /// Gains file of the law that will fly it [default: gains designed for the model]
+    /// Gains file of the controller that will fly it [default: gains designed for the model]
     #[arg(long, value_name = "TOML")]
     gains: Option<PathBuf>,
 
-    /// Where to fly: hover, yaw-round, yaw-swings, height-steps, low-flight, climbs,
+    /// Path to fly: hover, yaw-round, yaw-swings, height-steps, low-flight, climbs,
     /// dashes-forward, dashes-sideways, dashes-yawed, shuttle, circle, tour
     #[arg(long, value_name = "NAME", default_value = "tour")]
     path: String,
 
-    /// What is added to the motors
+    /// Signal that is added to the motor commands
     #[arg(long, value_enum, default_value_t = Word::Multisine)]
     signal: Word,
 
-    /// Amplitude of a sine of equal power, command units [default: 1.5 % of the command range]
+    /// Amplitude, in command units, of a sine with the same power [default: 1.5 % of the command range]
     #[arg(long, value_name = "COMMAND", allow_negative_numbers = true)]
     amplitude: Option<f64>,
 
@@ -59,7 +59,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "HZ", num_args = 2, default_values_t = BAND_HZ)]
     band: Vec<f64>,
 
-    /// Length, s; the period of a multisine
+    /// Duration, s; also the period of a multisine
     #[arg(long, value_name = "S", default_value_t = 20.0)]
     duration: f64,
 
@@ -67,7 +67,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 
-    /// Judge this pattern file instead of making one
+    /// Assess this pattern file instead of making one
     #[arg(long, value_name = "CSV", conflicts_with_all = ["path", "signal", "amplitude", "band", "duration", "out"])]
     pattern: Option<PathBuf>,
 
@@ -87,11 +87,11 @@ pub(crate) struct Options {
 enum Word {
     /// Random sines of the thesis (4.2.1)
     Thesis,
-    /// Orthogonal multisines with small peaks
+    /// Orthogonal multisines with a low peak factor
     Multisine,
-    /// Sweeps in equal steps of hertz, one motor after the other
+    /// Linear frequency sweeps, one motor after the other
     LinearSweep,
-    /// Sweeps in equal steps of octaves, one motor after the other
+    /// Logarithmic frequency sweeps, one motor after the other
     LogSweep,
     /// Nothing
     None,
@@ -376,7 +376,8 @@ fn describe_flight(text: &mut String, document: &Document) {
     let [x, y, z] = f.position_m;
     let _ = writeln!(
         text,
-        "Flight of {} s: roll up to {:.1}, pitch up to {:.1} deg, {:.1} m/s; x {:.2} to {:.2}, y {:.2} to {:.2}, height {:.2} to {:.2} m; {} saturated ticks",
+        "Flight of {} s: roll up to {:.1}, pitch up to {:.1} deg, {:.1} m/s; x {:.2} to {:.2}, y {:.2} to {:.2}, height \
+         {:.2} to {:.2} m; {} saturated samples",
         document.duration_s,
         f.roll_deg,
         f.pitch_deg,
@@ -397,7 +398,8 @@ fn describe_injection(text: &mut String, document: &Document) {
         i.relative_peak_factor.iter().map(|v| v.map_or_else(|| "-".into(), |v| format!("{v:.2}"))).collect();
     let _ = writeln!(
         text,
-        "On the motors: peaks {}, relative peak factors {} (a sine has 1), correlation at most {:.3}; of the commands as flown at most {:.2}",
+        "Signals on the motors: peaks {}, relative peak factors {} (a sine has 1), correlation between motors at most \
+         {:.3}; between the commands as flown at most {:.2}",
         i.peak.map(|p| significant(p, 3)).join(" "),
         factors.join(" "),
         i.largest_correlation,
@@ -438,7 +440,7 @@ fn describe_effects(text: &mut String, document: &Document) {
     let none = |list: String| if list.is_empty() { "none".into() } else { list };
     let _ = writeln!(
         text,
-        "\nAt their typical size these would be found (standard errors by which they stand out): {}",
+        "\nWould be found at their typical size (in brackets: standard errors from zero): {}",
         none(seen.join(", "))
     );
     text.push_str("Not excited:");

@@ -19,15 +19,15 @@ use crate::cli::user_effects::EffectOptions;
 use crate::commands::diagnose::WithoutOptions;
 use crate::render::{pages, tables};
 
-/// Identify the basic model, then diagnose and add until nothing that the flights support is left.
+/// Identify the basic model, then add effects until the flights support no further one.
 ///
-/// An effect is added only when flights that it was not fitted on support it; the loop ends when none is left. The error
-/// after every step is kept in the model's history.
+/// An effect is added only if the held-out flights support it. The error after every step is kept in the model's
+/// history.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  quadlab explain --vehicle vehicle.toml --train A.csv B.csv C.csv \
-                        --validate D.csv E.csv --out model.toml --html story.html")]
+                        --validate D.csv E.csv --out model.toml --html report.html")]
 pub(crate) struct Options {
-    /// What is known of the craft before any flight, for example: --vehicle vehicle.toml
+    /// Vehicle file, with what was measured before any flight, for example: --vehicle vehicle.toml
     #[arg(long, value_name = "TOML")]
     vehicle: PathBuf,
 
@@ -47,7 +47,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "TOML")]
     out: PathBuf,
 
-    /// Page with figures to write, for example: --html story.html
+    /// Page with figures to write, for example: --html report.html
     #[arg(long, value_name = "HTML")]
     html: Option<PathBuf>,
 

@@ -29,8 +29,8 @@ use crate::commands::simulated_laboratory::Simulated;
 /// Fly a craft: send poses and commands, show and record its telemetry.
 ///
 /// Keys in the live view: a arm, t take off, p pattern, l land, D disarm, space CUT, q quit
-/// (landing first). Ctrl-C lands a flying craft and ends; a second one ends at once. Exit status 1
-/// if something asked for was not done or something went wrong (the craft's clock, the recording).
+/// (landing first). Ctrl-C lands a flying craft and then exits; a second Ctrl-C exits at once. Exit
+/// status 1 if a request was not carried out, or the craft's clock or the recording failed.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     quadlab ground --simulated\n  \
@@ -75,15 +75,15 @@ pub(crate) struct Options {
     #[arg(long, value_name = "FILE")]
     key: Option<PathBuf>,
 
-    /// Number of the link, where several crafts share a key
+    /// Number of the link, where several craft share a key
     #[arg(long, value_name = "N", default_value_t = 0)]
     link: u16,
 
-    /// Talk to a craft on another machine without a key: whoever reaches its port can fly it
+    /// Talk to a craft on another machine without a key: anyone who can reach its port can fly it
     #[arg(long)]
     allow_open: bool,
 
-    /// Where Vicon Tracker's UDP object stream comes in
+    /// Address on which to receive Vicon Tracker's UDP object stream
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "0.0.0.0:51001")]
     vicon: SocketAddr,
 
@@ -119,19 +119,19 @@ pub(crate) struct Options {
     #[arg(long, value_name = "AXES", allow_hyphen_values = true)]
     body: Option<Axes>,
 
-    /// Our origin in the tracker's room, north, east, down, m, for example: --origin 0.5,0,0
+    /// Position of the origin in the tracker's room: north, east, down, m, for example: --origin 0.5,0,0
     #[arg(long, value_name = "N,E,D", value_parser = three, default_value = "0,0,0", allow_hyphen_values = true)]
     origin: Three,
 
-    /// Small turn of the body against the tracked object: roll, pitch, yaw, degrees
+    /// Small rotation of the body relative to the tracked object: roll, pitch, yaw, degrees
     #[arg(long, value_name = "R,P,Y", value_parser = three, default_value = "0,0,0", allow_hyphen_values = true)]
     turn_deg: Three,
 
-    /// Commands in a second, at least 4
+    /// Commands per second, at least 4
     #[arg(long, value_name = "HZ", default_value_t = 50.0)]
     command_hz: f64,
 
-    /// Steps to fly, TOML; ends when they are done
+    /// Script with the steps to fly, TOML; the program ends when they are done
     #[arg(long, value_name = "TOML", conflicts_with_all = ["pattern", "arm", "land_after"])]
     script: Option<PathBuf>,
 
@@ -147,7 +147,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "SEED", requires = "pattern")]
     excite: Option<u64>,
 
-    /// Arm, take off and fly the pattern without being asked; ends when it is done
+    /// Arm, take off and fly the pattern automatically; the program ends when it is done
     #[arg(long)]
     arm: bool,
 
@@ -163,7 +163,7 @@ pub(crate) struct Options {
     #[arg(long)]
     land_on_clock_fault: bool,
 
-    /// Files of the recording, without their endings [default: the first free out/ground/flight-N]
+    /// Name of the recording's files, without extension [default: the first free out/ground/flight-N]
     #[arg(long, value_name = "NAME")]
     record: Option<PathBuf>,
 
@@ -171,11 +171,11 @@ pub(crate) struct Options {
     #[arg(long, conflicts_with = "record")]
     no_record: bool,
 
-    /// Lines on standard error instead of the live view; the default where there is no terminal
+    /// Plain lines on standard error instead of the live view; the default without a terminal
     #[arg(long)]
     plain: bool,
 
-    /// Finish a recording that a crash left behind, and end
+    /// Finish a recording that a crash left incomplete, and exit
     #[arg(long, value_name = "NAME", conflicts_with_all = ["craft", "record"])]
     recover: Option<PathBuf>,
 

@@ -20,12 +20,12 @@ use crate::render::tables;
 /// Identify the basic model from flights.
 ///
 /// Fits thrust, drag, rotor moments, inertia coupling, gyroscopic torque and angular damping to the training flights by
-/// least squares, judges them on the flights held out, and writes the model.
+/// least squares, tests them on the held-out flights, and writes the model.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  quadlab identify --vehicle vehicle.toml --train A.csv B.csv C.csv \
                         --validate D.csv E.csv --out model.toml")]
 pub(crate) struct Options {
-    /// What is known of the craft before any flight, for example: --vehicle vehicle.toml
+    /// Vehicle file, with what was measured before any flight, for example: --vehicle vehicle.toml
     #[arg(long, value_name = "TOML")]
     vehicle: PathBuf,
 

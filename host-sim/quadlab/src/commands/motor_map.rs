@@ -16,27 +16,27 @@ use crate::cli::output::{Outcome, OutputOptions, provenance};
 
 /// Find the motor map (command and voltage to rotor speed) and the motors' lag on a test stand.
 ///
-/// The craft logs commands and voltage, another computer the rotor's speed by a clock of its own:
-/// both clocks, the map and the lag come out of one fit, with standard errors, and longer and
-/// shorter maps are compared on held-out parts.
+/// The craft logs commands and voltage; another computer logs the rotor speed on a clock of its own.
+/// One fit estimates the offset and drift between the clocks, the map and the lag, with standard
+/// errors. Maps with more and with fewer terms are compared on held-out parts of the run.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Example:\n  quadlab motor-map --vehicle vehicle.toml --craft craft.csv --rotor tachometer.csv --out vehicle.toml\n\nThe craft's log has the columns t (s), cmd or cmd1..cmd4, vbat (V); the tachometer's t (s) and omega,\nor omega1..omega4 (rad/s). Each has a header and its own clock. --out takes over everything else from the\nvehicle file, comments too; it may be the same file."
+    after_help = "Example:\n  quadlab motor-map --vehicle vehicle.toml --craft craft.csv --rotor tachometer.csv --out vehicle.toml\n\nThe craft's log has the columns t (s), cmd or cmd1..cmd4, vbat (V); the tachometer's t (s) and omega,\nor omega1..omega4 (rad/s). Each has a header and its own clock. --out keeps everything else in the vehicle\nfile, including comments; it may be the same file."
 )]
 pub(crate) struct Options {
-    /// Vehicle file: radius, mass and command range of what is on the stand
+    /// Vehicle file: rotor radius, mass and command range of the craft on the stand
     #[arg(long, value_name = "TOML")]
     vehicle: PathBuf,
 
-    /// What the craft recorded: commands and voltage
+    /// Log of the craft: commands and voltage
     #[arg(long, value_name = "CSV")]
     craft: PathBuf,
 
-    /// What the tachometer recorded: rotor speeds
+    /// Log of the tachometer: rotor speeds
     #[arg(long, value_name = "CSV")]
     rotor: PathBuf,
 
-    /// Which motor is on the stand, where one rotor was measured and the four commands differ
+    /// Which motor is on the stand; needed if one rotor was measured and the four commands differ
     #[arg(long, value_name = "1..4", value_parser = clap::value_parser!(u8).range(1..=4))]
     motor: Option<u8>,
 
@@ -198,7 +198,7 @@ fn described_map(result: &StandResult, vehicle: &Vehicle) -> String {
     text.insert_str(0, &head);
     let _ = writeln!(
         text,
-        "  left     {} rad/s root mean square of {} samples, {} to {} V",
+        "  residual {} rad/s root mean square of {} samples, {} to {} V",
         significant(map.rms_rad_s, 3),
         result.samples,
         fixed(result.battery_v[0], 2),
@@ -234,7 +234,7 @@ fn difference(faster: Estimated) -> String {
 fn support(judged: &Judged) -> String {
     match (judged.against, judged.drop_percent, judged.deviations) {
         (Some(against), Some(drop), Some(deviations)) => format!(
-            "{}: squared error {} % {} than with {against}, {} deviations",
+            "{}: squared error {} % {} than with {against}, {} standard deviations",
             if judged.supported { "yes" } else { "no" },
             percent(drop.abs()),
             if drop < 0.0 { "more" } else { "less" },
@@ -274,7 +274,7 @@ fn page(result: &StandResult, vehicle: &Vehicle) -> Page {
         pairs(time, &|k| samples.battery_v[k]),
     ));
     let against = |title: &str, x: Axis, values: &[f64]| {
-        Figure::new(title, x, Axis::new("measured less predicted", "rad/s")).with(Series::points(
+        Figure::new(title, x, Axis::new("measured minus predicted", "rad/s")).with(Series::points(
             "",
             Style::Measured,
             pairs(values, &residual),
@@ -298,7 +298,7 @@ fn page(result: &StandResult, vehicle: &Vehicle) -> Page {
                 )
                 .figure(
                     against("Against the voltage", Axis::new("voltage", "V"), &samples.battery_v),
-                    "A slope would mean that the voltage acts in another way.",
+                    "A slope would mean that the voltage acts differently than the map says.",
                 ),
         )
 }

@@ -14,10 +14,10 @@ use crate::cli::output::{Outcome, OutputOptions};
 use crate::commands::excite::predictor;
 use crate::render::tables;
 
-/// Say what to fly next: the flight that best tells two effects apart, or makes an error small.
+/// Say what to fly next: the flight that best tells two effects apart or shrinks a standard error.
 ///
-/// Manoeuvres of a library are flown in simulation by the current model and ranked by what they
-/// would tell. Exit status 1 if none does what is asked.
+/// The current model flies a library of manoeuvres in simulation; they are ranked by the information
+/// that they would give. Exit status 1 if none gives enough.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  quadlab plan --model model.toml --separate steady-wind attitude-offset --out next.csv\n  quadlab plan --model model.toml --shrink C_du --out next.csv\n  quadlab plan --model model.toml --shrink ground-effect.k_ground"
@@ -27,7 +27,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "TOML")]
     model: PathBuf,
 
-    /// Gains file of the law that will fly [default: gains designed for the model]
+    /// Gains file of the controller that will fly it [default: gains designed for the model]
     #[arg(long, value_name = "TOML")]
     gains: Option<PathBuf>,
 
@@ -41,11 +41,11 @@ pub(crate) struct Options {
     )]
     separate: Option<Vec<String>>,
 
-    /// A coefficient to know better, for example: --shrink C_du, or --shrink linear-drag.C_du
+    /// Coefficient whose standard error to reduce, for example: --shrink C_du, or --shrink linear-drag.C_du
     #[arg(long, value_name = "COEFFICIENT")]
     shrink: Option<String>,
 
-    /// Length of the flight, s
+    /// Duration of the flight, s
     #[arg(long, value_name = "S", default_value_t = 20.0)]
     duration: f64,
 
@@ -53,7 +53,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 
-    /// Pattern file to write of the best flight, for example: --out next.csv
+    /// Pattern file to write, with the best flight, for example: --out next.csv
     #[arg(long, value_name = "CSV")]
     out: Option<PathBuf>,
 
@@ -224,7 +224,7 @@ fn described(document: &Document<'_>, unit: &str) -> String {
                 document.why
             ),
             false => format!(
-                "None of these flights is enough to {}. The best is {}. {} Fly longer, or repeat it.",
+                "None of these flights suffices to {}. The best is {}. {} Fly longer, or repeat it.",
                 document.goal, best.name, document.why
             ),
         };
@@ -241,7 +241,7 @@ fn described(document: &Document<'_>, unit: &str) -> String {
             format!("{} {unit}", significant(flight.amplitude, 3))
         );
     }
-    text.push_str("(The first is the gentlest of those that tell about as much as the best.)\n");
+    text.push_str("(Listed first: the gentlest of the flights that are about as good as the best.)\n");
     if let Some(path) = &document.pattern {
         let _ = writeln!(text, "\npattern file: {path}");
     }

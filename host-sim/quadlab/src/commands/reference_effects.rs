@@ -66,7 +66,7 @@ fn page(info: &EffectInfo, shown: Option<&Picture>) -> String {
             let _ =
                 writeln!(text, "![Residual without and with {0}]({0}.svg)\n\n{1}", info.id, shown.caption);
         }
-        None => text += "There is no picture: a simulated craft with the effect does not stay in the air.\n",
+        None => text += "There is no picture: the simulated craft cannot fly with this effect.\n",
     }
     text
 }
@@ -74,13 +74,12 @@ fn page(info: &EffectInfo, shown: Option<&Picture>) -> String {
 /// Where the effect stands among the models, in a paragraph.
 fn place(info: &EffectInfo) -> &'static str {
     match (info.kind, info.question) {
-        (Kind::Basic, _) => "It is part of the basic model and in every model.",
+        (Kind::Basic, _) => "It belongs to the basic model, so every model has it.",
         (_, Question::Structure) => "It can be missing from a model.",
-        (_, Question::Both) => {
-            "It can be missing from a model, or can have come about since a model was good."
-        }
+        (_, Question::Both) => "It can be missing from a model, or have appeared since the model was fitted.",
         (_, Question::Change) => {
-            "It can have come about since a model was good (`quadlab diagnose --changed`). A fit of everything absorbs it."
+            "It can only be seen as a change since the model was fitted (`quadlab diagnose --changed`). A fit of the whole \
+             model absorbs it."
         }
     }
 }
@@ -101,7 +100,7 @@ fn acts_on(info: &EffectInfo) -> String {
 
 fn coefficients(coefficients: &[Coefficient]) -> String {
     let mut text = String::from(
-        "## Coefficients\n\n| name | unit | possible | typical size | known beforehand to |\n|---|---|---|---|---|\n",
+        "## Coefficients\n\n| name | unit | possible | typical size | known beforehand (standard deviation) |\n|---|---|---|---|---|\n",
     );
     for c in coefficients {
         let known = c.prior.map_or_else(String::new, |deviation| format!("± {deviation}"));
@@ -174,8 +173,8 @@ fn flown(effect: Effect, craft: &Model) -> String {
         format!("{} = {}{unit}", c.name, report::significant(value, 3))
     });
     format!(
-        "A simulated flight of {FLIGHT_S} s by the craft of `quadlab demo` with {}. Its own model is shown without the effect and \
-         with it, nothing else is changed and nothing is fitted.",
+        "A simulated flight of {FLIGHT_S} s by the craft of `quadlab demo` with {}. Its own model is shown without and with \
+         the effect; nothing else is changed, and nothing is fitted.",
         named.collect::<Vec<_>>().join(", ")
     )
 }

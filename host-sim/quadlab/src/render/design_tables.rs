@@ -77,7 +77,7 @@ pub(crate) fn text(report: &CheckReport) -> String {
 /// Margins at both cuts, then what is judged beside them.
 fn margins(text: &mut String, report: &CheckReport) {
     text.push_str(
-        "Margins: of the loop itself (cut at its error), and with all of its feedback cut at the actuator\n",
+        "Margins: of the loop opened at its error signal, and of the loop opened at the actuator with all of its feedback\n",
     );
     let mut rows = vec![cells([
         "loop",
@@ -198,7 +198,7 @@ fn disturbances(text: &mut String, report: &CheckReport) {
     if report.disturbances.is_empty() {
         return;
     }
-    text.push_str("\nStep disturbance at the actuator (appendix B)\n");
+    text.push_str("\nStep disturbance at the actuator (thesis appendix B)\n");
     let mut rows = vec![cells(["loop", "peak", "at s", "after 60 s", "without integral", "unit"])];
     for d in &report.disturbances {
         rows.push(vec![
@@ -217,7 +217,7 @@ fn moved_zeros(text: &mut String, report: &CheckReport) {
     if report.moved_zero.is_empty() {
         return;
     }
-    text.push_str("\nThe zero of the plant moved, with the canceller left as it is (appendix A)\n");
+    text.push_str("\nThe zero of the plant moved, with the canceller unchanged (thesis appendix A)\n");
     let mut rows = vec![cells(["loop", "zero rad/s", "phase margin deg", "crossover rad/s"])];
     for row in &report.moved_zero {
         rows.push(vec![
@@ -264,7 +264,7 @@ fn steady_tilts(text: &mut String, report: &CheckReport) {
     let Some(first) = report.steady_tilts.first() else { return };
     let _ = writeln!(
         text,
-        "\nGreatest tilt that can be held: drag balances the slide, and every motor stays inside its range at {} V",
+        "\nGreatest tilt that can be held in steady flight, with every motor inside its range at {} V",
         significant(first.battery_v, 3)
     );
     let mut rows = vec![cells(["towards", "tilt deg", "speed m/s", "limited by"])];

@@ -104,14 +104,14 @@ fn ids(effects: &[Effect]) -> Vec<&'static str> {
 
 fn alike(why: &Why) -> Grid {
     let mut grid = tables::evidence_grid(
-        "Effects that these flights hardly tell it from",
+        "Effects that these flights can hardly tell from it",
         &["effect", "variance inflation", "to separate them"],
     );
     for other in &why.alike {
         grid.push([
             other.effect.to_string(),
             fixed(other.variance_inflation, 0),
-            other.separate.unwrap_or("fly so that they move separately").into(),
+            other.separate.unwrap_or("fly so that they vary independently").into(),
         ]);
     }
     grid

@@ -13,11 +13,13 @@ pub(crate) fn page(text: String, pattern: &Pattern, predictor: &Predictor) -> an
     };
     let euler = recording.euler_rad();
     let unit = predictor.model().vehicle.motors.command_unit.as_str();
-    let injection =
-        (0..4).fold(Figure::new("On the motors", time(), Axis::new("injection", unit)), |figure, motor| {
+    let injection = (0..4).fold(
+        Figure::new("Signals on the motors", time(), Axis::new("injection", unit)),
+        |figure, motor| {
             let data: Vec<(f64, f64)> = pattern.rows().iter().map(|r| (r.t_s, r.injection[motor])).collect();
             figure.with(Series::line(format!("motor {}", motor + 1), Style::Category(motor), data))
-        });
+        },
+    );
     let attitude = ["roll", "pitch"].into_iter().enumerate().fold(
         Figure::new("Attitude", time(), Axis::new("angle", "deg")),
         |figure, (axis, name)| {
@@ -34,11 +36,11 @@ pub(crate) fn page(text: String, pattern: &Pattern, predictor: &Predictor) -> an
     );
     Ok(Page::new(
         "An informative flight",
-        "What a pattern will tell, from a simulated flight of the current model.",
+        "What a pattern will show, predicted from a simulated flight of the current model.",
     )
     .section(
         Section::new("The flight")
             .figure(Panels::new([injection, attitude, position]), "As the model flies it, without noise."),
     )
-    .section(Section::new("What it will tell").preformatted(text)))
+    .section(Section::new("What it will show").preformatted(text)))
 }

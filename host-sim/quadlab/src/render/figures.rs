@@ -208,8 +208,8 @@ pub(crate) fn prediction_error(first: &[HorizonError], after: Option<&[HorizonEr
             }
         })
         .collect();
-    let caption = "Mean error of predictions started from every sample of the flights and told nothing of the future but \
-                   the motor commands and the battery voltage.";
+    let caption = "Mean error of predictions started from every sample of the flights with no knowledge of the future \
+                   except the motor commands and the battery voltage.";
     Captioned { panels: Panels::new(figures), caption: caption.into() }
 }
 

@@ -38,8 +38,9 @@ pub(crate) fn with_checks<'a>(
     let mut section = Section::new("What was checked");
     let found = tables::faults(&faults.all());
     if !found.has_rows() {
-        section = section
-            .paragraph("Channels, axes and signs, motor order, clocks and vehicle file: nothing is wrong.");
+        section = section.paragraph(
+            "No fault was found in channels, axes and signs, motor order, clocks and vehicle file.",
+        );
     }
     page.section(section.grid(&found).grid(&tables::clocks(flights)))
 }
@@ -79,9 +80,7 @@ pub(crate) fn compare_models(
     let lead = format!("How well {} predict the same flights.", names.join(", "));
     let mut page = Page::new("Models side by side", lead)
         .section(Section::new("Error of each axis").grid(&tables::side_by_side(comparisons)))
-        .section(
-            Section::new("Prediction from a state alone").grid(&tables::horizons_side_by_side(comparisons)),
-        );
+        .section(Section::new("Open-loop prediction").grid(&tables::horizons_side_by_side(comparisons)));
     let views: Vec<Option<View>> = models
         .iter()
         .map(|(model, flights)| View::all(&flights.prepared(), model).into_iter().next())
@@ -101,11 +100,11 @@ fn where_it_fails(views: &[View], comparison: &Comparison) -> Section {
     let worst = tables::worst(comparison);
     let mut section = Section::new("Where it fails");
     if !worst.has_rows() {
-        return section.paragraph("No condition holds more than its share of the error.");
+        return section.paragraph("No condition has more than its share of the error.");
     }
     section = section.grid(&worst).paragraph(
-        "In the figures, means that leave the zero line are something the model misses; where only the spread grows, it may \
-         be noise.",
+        "In the figures, a mean that leaves the zero line shows something that the model misses; where only the spread \
+         grows, it may be noise.",
     );
     let mut drawn: Vec<(Axis, &str)> = Vec::new();
     for found in &comparison.worst {
@@ -194,8 +193,8 @@ pub(crate) fn changed(model: &Model, flights: &[LoadedFlight], diagnosis: &Diagn
             .paragraph(effect.info().sentence)
             .grid(&tables::change(diagnosis))
             .paragraph(
-                "The model's own parameters stay. In the figures, \"without it\" is the model as it was made and \"with it\" the \
-                 same model with the change.",
+                "The model's coefficients stay fixed. In the figures, \"without it\" is the model as it was fitted and \
+                 \"with it\" is the same model with the change.",
             );
         page = page
             .section(shown(section, effect, &flights, model, &with))
@@ -244,7 +243,7 @@ fn since(effect: Effect, before: &[View], after: &[View]) -> Section {
     let sentence = match shows.iter().position(|shows| *shows) {
         Some(0) if shows.iter().all(|shows| *shows) => {
             format!(
-                "With it the error falls in each of these flights: it was there from {} on, the first of them.",
+                "With it, the error falls in each of these flights: the change was there from the first of them ({}) on.",
                 before[0].name
             )
         }
@@ -252,28 +251,28 @@ fn since(effect: Effect, before: &[View], after: &[View]) -> Section {
             let names =
                 before.iter().zip(&shows).filter(|(_, shows)| !**shows).map(|(view, _)| view.name.as_str());
             format!(
-                "It shows first in {}. With it the error does not fall in {}.",
+                "It first shows in {}. With it, the error does not fall in {}.",
                 before[first].name,
                 names.collect::<Vec<_>>().join(", ")
             )
         }
-        None => "It lowers the error in none of the flights by itself.".into(),
+        None => "It does not lower the error of any single flight.".into(),
     };
-    Section::new("Since when").paragraph(sentence).grid(&grid)
+    Section::new("When it began").paragraph(sentence).grid(&grid)
 }
 
 /// What these flights cannot tell a change from.
 fn rivals(effect: Effect, finding: &EffectFinding) -> Section {
     let section = Section::new("What else it could be");
     if finding.confounded_with.is_empty() {
-        return section.paragraph("These flights tell it from every other change that was tried.");
+        return section.paragraph("These flights distinguish it from every other change that was tried.");
     }
     let separated = |rival: &Effect| match diagnosis::separating_manoeuvre(effect, *rival) {
         Some(how) => format!("{rival}. To separate them, {how}."),
         None => rival.to_string(),
     };
     section
-        .paragraph("These flights cannot tell it from:")
+        .paragraph("These flights cannot distinguish it from:")
         .list(finding.confounded_with.iter().map(separated))
 }
 
@@ -289,7 +288,7 @@ fn left(views: &[View], diagnosis: &Diagnosis) -> Section {
         .iter()
         .take(MOST_RESIDUALS)
         .filter_map(|u| figures::residual_against(views, u.axis, u.depends_on.quantity()?));
-    figures.fold(section, |section, figure| section.figure(figure, "Residual of the model as given."))
+    figures.fold(section, |section, figure| section.figure(figure, "Residual of the given model."))
 }
 
 fn all_effects(diagnosis: &Diagnosis) -> Vec<Effect> {
@@ -310,7 +309,7 @@ pub(crate) fn explanation(lead: &str, sets: &FlightSets, explanation: &Explanati
     let mut page = Page::new("From flights to a better model", lead).section(
         Section::new("The error falls")
             .paragraph(format!(
-                "The model was fitted to {} and judged on {}, which no fit has seen.",
+                "The model was fitted to {} and tested on {}, which no fit has used.",
                 listed(sets.training.loaded()),
                 listed(sets.held_out.loaded())
             ))

@@ -110,8 +110,8 @@ pub(crate) fn flights(sets: &FlightSets) -> Grid {
 /// What is wrong with flights, vehicle file and fit.
 pub(crate) fn faults(faults: &[Fault]) -> Grid {
     let mut grid = Grid::new(
-        "What was found before anything was fitted, and in the fit",
-        [text("kind"), text("flight"), text("what it is and how to mend it")],
+        "Faults found in the flights, the vehicle file and the fit",
+        [text("kind"), text("flight"), text("what is wrong and how to fix it")],
     );
     for fault in faults {
         grid.push([
@@ -126,7 +126,7 @@ pub(crate) fn faults(faults: &[Fault]) -> Grid {
 /// The tracker's clock against the sensors on board, where flights tell.
 pub(crate) fn clocks<'a>(flights: impl IntoIterator<Item = &'a LoadedFlight>) -> Grid {
     let mut grid = Grid::new(
-        "Clocks: how late the tracker is against the sensors on board (a skew: the tracker runs ahead)",
+        "Clocks: delay of the tracker relative to the sensors on board (positive skew: the delay grows)",
         [
             text("flight"),
             number("attitude against gyro", "ms"),
@@ -161,7 +161,7 @@ fn notes(flight: &sysid::Prepared) -> String {
 /// Constants that training flights have of their own, where they stand out.
 pub(crate) fn trim(flights: &[LoadedFlight]) -> Grid {
     let mut grid = Grid::new(
-        "Trim of single flights beyond the mean of all (u v w in m/s^2, p q r in rad/s^2); held-out flights have none",
+        "Trim of each flight relative to the mean of all (u v w in m/s^2, p q r in rad/s^2); held-out flights have none",
         std::iter::once(text("flight")).chain(AXES.map(|axis| number(axis.name(), ""))).collect::<Vec<_>>(),
     );
     for flight in flights {
@@ -175,7 +175,7 @@ pub(crate) fn trim(flights: &[LoadedFlight]) -> Grid {
 /// Motor coefficients flight by flight, of axes on which they are in doubt.
 pub(crate) fn motors(all: &[MotorsOfFlights]) -> Grid {
     let mut grid = Grid::new(
-        "Motor coefficients of single flights, the rest of the model held [1/(kg m^2)]: they follow how it was flown",
+        "Motor coefficients of each flight, the rest of the model fixed [1/(kg m^2)]: they depend on how it was flown",
         [text("axis"), text("flight"), number("1", ""), number("2", ""), number("3", ""), number("4", "")],
     );
     for motors in all.iter().filter(|m| m.warning.is_some()) {
@@ -224,7 +224,7 @@ fn thousandths(e: &HorizonError) -> [String; 4] {
 pub(crate) fn horizons(comparison: &Comparison) -> Grid {
     let h = &comparison.horizons;
     let mut grid = Grid::new(
-        "Open-loop prediction: mean error after so many samples",
+        "Open-loop prediction: mean error after the given number of samples",
         [
             text("samples"),
             number("position", "mm"),
@@ -243,7 +243,7 @@ pub(crate) fn horizons(comparison: &Comparison) -> Grid {
 /// Open-loop prediction errors of several models at the contract's horizons.
 pub(crate) fn horizons_side_by_side(models: &[(String, &Comparison)]) -> Grid {
     let mut grid = Grid::new(
-        "Open-loop prediction: mean error after so many samples",
+        "Open-loop prediction: mean error after the given number of samples",
         [
             text("samples"),
             text("model"),
@@ -266,7 +266,8 @@ pub(crate) fn horizons_side_by_side(models: &[(String, &Comparison)]) -> Grid {
 /// Errors of several models over all flights, and by how much each is below the first model's.
 pub(crate) fn side_by_side(models: &[(String, &Comparison)]) -> Grid {
     let mut grid = Grid::new(
-        "Error of each axis over all flights (rms; u v w in m/s^2, p q r in rad/s^2), R2, and the fall against the first model",
+        "Error of each axis over all flights (rms; u v w in m/s^2, p q r in rad/s^2), R2, and the reduction relative to the \
+         first model",
         std::iter::once(text("model"))
             .chain([text("")])
             .chain(AXES.map(|axis| number(axis.name(), "")))
@@ -281,7 +282,7 @@ pub(crate) fn side_by_side(models: &[(String, &Comparison)]) -> Grid {
         row("R2", AXES.map(|axis| determination(comparison.total[axis].r2)));
         if let Some(first) = first.filter(|_| index > 0) {
             let fall = |axis| 100.0 * (1.0 - comparison.total[axis].rms / first[axis].rms);
-            row("fall of the rms, %", AXES.map(|axis| short(fall(axis))));
+            row("reduction of the rms, %", AXES.map(|axis| short(fall(axis))));
         }
     }
     grid
@@ -290,7 +291,8 @@ pub(crate) fn side_by_side(models: &[(String, &Comparison)]) -> Grid {
 /// Held-out errors of the basic model and after each effect that joined it.
 pub(crate) fn falling_error(explanation: &Explanation) -> Grid {
     let mut grid = Grid::new(
-        "Held-out root mean square error (u v w in m/s^2, p q r in rad/s^2) and of the position predicted 0.5 s ahead",
+        "Held-out root mean square error of each axis (u v w in m/s^2, p q r in rad/s^2) and of the position predicted 0.5 \
+         s ahead",
         std::iter::once(text("model"))
             .chain(AXES.map(|axis| number(axis.name(), "")))
             .chain([number("position", "mm")])
@@ -310,7 +312,7 @@ pub(crate) fn falling_error(explanation: &Explanation) -> Grid {
 /// Conditions under which an axis fails most.
 pub(crate) fn worst(comparison: &Comparison) -> Grid {
     let mut grid = Grid::new(
-        "Where it fails most: a fifth of the samples each, with their share of the axis' squared error",
+        "Where it fails most: each row is a fifth of the samples, with its share of the axis' squared error",
         [text("axis"), text("condition"), number("rms", ""), number("share", "%")],
     );
     for w in &comparison.worst {
@@ -359,7 +361,7 @@ pub(crate) fn candidates(diagnosis: &Diagnosis, supported_only: bool) -> Grid {
 
 /// Coefficients of the change that is supported.
 pub(crate) fn change(diagnosis: &Diagnosis) -> Grid {
-    findings("What has come on top of the model", diagnosis, true)
+    findings("Coefficients of the change", diagnosis, true)
 }
 
 fn findings(caption: &str, diagnosis: &Diagnosis, supported_only: bool) -> Grid {
@@ -412,7 +414,7 @@ fn share(percent_of_error: f64) -> String {
 pub(crate) fn unexplained(all: &[Unexplained]) -> Grid {
     let more_than_all = all.iter().any(|u| u.share_percent > 100.0);
     let caption = if more_than_all {
-        "Left unexplained (all: the held-out flights have another constant offset as well)"
+        "Left unexplained (all: the held-out flights also differ by a constant offset)"
     } else {
         "Left unexplained"
     };

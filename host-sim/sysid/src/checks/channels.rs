@@ -82,13 +82,13 @@ pub fn check(flight: &Flight, vehicle: &Vehicle) -> Channels {
         let (what, done) = if kept {
             (
                 "position or attitude estimate",
-                "(corrections of an estimator?): velocities are logged, so these samples are kept",
+                "(corrections by an estimator?): velocities are logged, so these samples are kept",
             )
         } else {
-            ("tracker", "(lost or exchanged markers?): samples about the jumps are left out")
+            ("tracker", "(lost or swapped markers?): samples around the jumps are left out")
         };
         let place = format!("{}, first at t = {:.2} s", times(jumps.len()), t[*first]);
-        found.jumps.push(format!("the {what} jumps as no craft flies {place} {done}"));
+        found.jumps.push(format!("the {what} jumps as no craft can fly, {place} {done}"));
         found.jumps_kept = kept;
         if !kept {
             mask_jumps(&mut masked, &jumps);
@@ -153,10 +153,10 @@ fn dead_columns(flight: &Flight) -> Vec<String> {
     for (stream, advice) in [
         (
             &COMMANDS[..],
-            "while other commands do: a stuck motor, or the column of another signal; mend the log",
+            "while other commands do: a stuck motor, or a column with another signal; correct the log",
         ),
-        (&POSE, "though the craft moves: not logged, or a dead sensor; a model cannot do without it"),
-        (&GYRO, "though the craft moves: not logged, or a dead sensor; a model cannot do without it"),
+        (&POSE, "though the craft moves: not logged, or a dead sensor; a model needs it"),
+        (&GYRO, "though the craft moves: not logged, or a dead sensor; a model needs it"),
     ] {
         let most = stream.iter().map(|&c| moves(c)).max().unwrap_or(0);
         let dead = stream.iter().filter(|&&c| moves(c) == 0 && most > flight.len() / 20);
@@ -233,8 +233,8 @@ fn saturated(flight: &Flight, vehicle: &Vehicle) -> Vec<String> {
             .map(|(c, share)| format!("{} in {:.0} % of the samples", COLUMNS[*c as usize], 100.0 * share))
             .collect();
         found.push(format!(
-            "commands are at the {end} value of command_range: {}; motors may give less than asked there, so cut the log to \
-             the flight itself or fly more gently",
+            "commands are at the {end} value of command_range: {}; the motors may deliver less than commanded there; cut \
+             the log to the flight itself or fly more gently",
             list.join(", ")
         ));
     }

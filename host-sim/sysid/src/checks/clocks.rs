@@ -91,11 +91,11 @@ impl Clock {
         self
     }
 
-    /// For people: "x, y, z come 31.2 +- 0.4 ms late against the IMU, and the clock on board runs 1.180 +- 0.002 % slow".
+    /// For people: "x, y, z are 31.2 +- 0.4 ms late relative to the IMU, and the clock on board runs 1.180 +- 0.002 % slow".
     pub fn sentence(&self, tracked: &str, onboard: &str, board_keeps_time: bool) -> String {
         let order = if self.offset_s > 0.0 { "late" } else { "early" };
         let mut text = format!(
-            "{tracked} come {:.1} +- {:.2} ms {order} against {onboard}",
+            "{tracked} are {:.1} +- {:.2} ms {order} relative to {onboard}",
             1e3 * self.offset_s.abs(),
             1e3 * self.offset_std_error_s
         );

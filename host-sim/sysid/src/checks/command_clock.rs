@@ -63,8 +63,8 @@ pub fn sentence(pieces: &[PieceLag]) -> String {
     };
     let listed: Vec<String> = pieces.iter().filter_map(of).collect();
     format!(
-        "the clock of the motor commands wanders against that of the motion, which follows them by {}: no rotation can be fitted \
-         to such a flight; log commands and motion on one clock",
+        "the clock of the motor commands drifts relative to that of the motion, which lags the commands by {}: no rotation \
+         can be fitted to such a flight; log commands and motion on one clock",
         listed.join(", ")
     )
 }

@@ -216,7 +216,7 @@ fn tell_clocks(found: &Clocks, add: &mut impl FnMut(FaultKind, Severity, String)
         add(
             kind,
             Severity::Warning,
-            format!("{said}: the flight is put on one clock before anything is fitted; mend the log's clock"),
+            format!("{said}: the flight is put on one clock before the fit; correct the log's clock"),
         );
     };
     tell(found.attitude, "phi, theta, psi", "the gyro");

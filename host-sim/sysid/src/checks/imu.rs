@@ -47,7 +47,7 @@ fn hypotheses() -> Vec<Hypothesis> {
     }
     all.push(("ax, ay, az look like multiples of g: multiply by 9.81".into(), Box::new(|f, _, g| g * f)));
     all.push((
-        "ax, ay, az look like accelerations without gravity, an IMU's specific force is wanted (0, 0, -9.81 at rest): \
+        "ax, ay, az look like accelerations without gravity, but the specific force of an IMU is needed (0, 0, -9.81 at rest): \
          subtract gravity in body axes"
             .into(),
         Box::new(|f, dcm, g| f - g * dcm.column(2)),
@@ -57,7 +57,7 @@ fn hypotheses() -> Vec<Hypothesis> {
         Box::new(|f, dcm, g| f - 2.0 * g * dcm.column(2)),
     ));
     all.push((
-        "ax, ay, az look like accelerations in the inertial frame: subtract gravity and turn them into the body frame"
+        "ax, ay, az look like accelerations in the inertial frame: subtract gravity and rotate them into the body frame"
             .into(),
         Box::new(|f, dcm, g| dcm * (f - Vector3::new(0.0, 0.0, g))),
     ));

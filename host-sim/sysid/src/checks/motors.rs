@@ -65,7 +65,7 @@ pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<String> {
     let spin = vehicle.motors.spin.map(|s| s.yaw_sign());
     let yaw = at.correlation(2, spin);
     (as_given > CLEAR && yaw < -CLEAR).then(|| {
-        "the motors yaw the craft the other way round than [motors] spin of the vehicle file says: exchange \"ccw\" and \
+        "the motors yaw the craft opposite to [motors] spin in the vehicle file: exchange \"ccw\" and \
          \"cw\" there"
             .into()
     })
@@ -75,8 +75,8 @@ fn order_sentence(place: [usize; 4]) -> String {
     const NAMES: [&str; 4] = ["1 (front-left)", "2 (front-right)", "3 (rear-right)", "4 (rear-left)"];
     let of = |cmd: usize| format!("cmd{} of motor {}", cmd + 1, NAMES[place[cmd]]);
     format!(
-        "the motors are numbered otherwise: by the roll and pitch they cause, {}, {}, {} and {}; put the columns cmd1..4 \
-         (and omega1..4) in the order front-left, front-right, rear-right, rear-left",
+        "the motors are in another order: judging by the roll and pitch they cause, {}, {}, {} and {}; put the columns \
+         cmd1..4 (and omega1..4) in the order front-left, front-right, rear-right, rear-left",
         of(0),
         of(1),
         of(2),

@@ -31,16 +31,16 @@ const UNDETERMINED: f64 = 0.5;
 pub fn of_vehicle(vehicle: &Vehicle) -> Option<Fault> {
     let ratio = vehicle.rotor_radius / vehicle.arm_length;
     let suspicion = if ratio > RADIUS.1 {
-        "rotors would overlap: is rotor_radius a diameter, or arm_length not that from the centre to a motor?"
+        "the rotors would overlap: is rotor_radius a diameter, or arm_length not measured from the centre to a motor?"
     } else if ratio < RADIUS.0 {
-        "rotors would be small: is arm_length the diagonal from motor to motor, or a length in another unit?"
+        "the rotors would be small: is arm_length the diagonal from motor to motor, or a length in another unit?"
     } else {
         return None;
     };
     Some(warning(
         FaultKind::ImplausibleVehicle,
         format!(
-            "vehicle file: rotor_radius is {ratio:.2} of arm_length, craft have 0.4 to 0.65; {suspicion}"
+            "vehicle file: rotor_radius is {ratio:.2} times arm_length, while real craft have 0.4 to 0.65; {suspicion}"
         ),
     ))
 }
@@ -64,8 +64,8 @@ pub fn of_fit(model: &Model, rotor_speeds_logged: bool) -> Vec<Fault> {
         faults.push(warning(
             FaultKind::ImplausibleVehicle,
             format!(
-                "vehicle file: mass, rotor_radius and rotor speeds together give a thrust coefficient of {thrust:.2e}, propellers \
-                 have 0.008 to 0.026; {hint}"
+                "vehicle file: mass, rotor_radius and rotor speeds together give a thrust coefficient of {thrust:.2e}, \
+                 while real propellers have 0.008 to 0.026; {hint}"
             ),
         ));
     }
@@ -87,9 +87,9 @@ fn inertia(model: &Model, thrust: f64, moments: &[f64]) -> Option<Fault> {
         warning(
             FaultKind::ImplausibleVehicle,
             format!(
-                "moments of inertia in roll and pitch come out as {roll:.2} and {pitch:.2} of mass times arm_length squared, craft have \
-                 0.25 to 0.45: mass or arm_length (centre to motor, metres) is wrong, commands come late against the \
-                 motion, or a strong moment is not in the model"
+                "moments of inertia in roll and pitch come out as {roll:.2} and {pitch:.2} times mass times arm_length \
+                 squared, while real craft have 0.25 to 0.45: mass or arm_length (centre to motor, metres) is wrong, commands \
+                 are late relative to the motion, or the model lacks a strong moment"
             ),
         )
     })
@@ -132,17 +132,18 @@ pub fn of_set(train: &[&Prepared], validate: &[&Prepared]) -> Vec<Fault> {
     let mut faults = Vec::new();
     let mut few = |sentence: String| faults.push(warning(FaultKind::TooFewFlights, sentence));
     if train.len() == 1 {
-        few("only one flight to fit on: whether a finding repeats from flight to flight cannot be judged; give three, each \
-             another pattern"
+        few("only one training flight, so nothing shows whether a finding repeats from flight to flight; give three, each \
+             with another pattern"
             .into());
     }
     if validate.len() == 1 {
-        few("only one flight to judge by: a finding may belong to that flight alone; give two or more".into());
+        few("only one validation flight: a finding may hold for that flight alone; give two or more".into());
     }
     let seconds: f64 = train.iter().map(|f| f.rows() as f64 * f.period_s).sum();
     if seconds < LEAST_TRAINING_S {
         few(format!(
-            "only {seconds:.1} s to fit on: errors are large and drifts unseen; give at least three flights of 20 s"
+            "only {seconds:.1} s of training flights: errors are large and drifts go unnoticed; give at least three flights \
+             of 20 s"
         ));
     }
     faults
@@ -185,7 +186,7 @@ pub fn differences(model: &Model, flights: &[&Prepared], likeness: Likeness) -> 
     for (axis, name) in [(Axis::P, "roll"), (Axis::Q, "pitch")] {
         let (slope, correlation) = sums[axis.index()].about_means();
         if correlation < -0.4 {
-            found.push(format!("the motors {name} the craft the other way round"));
+            found.push(format!("the motors {name} the craft in the opposite direction"));
         } else if correlation > 0.6 && !(1.0 / likeness.moment..=likeness.moment).contains(&slope) {
             found.push(format!("the motors {name} the craft {slope:.1} times as strongly"));
         }

@@ -25,8 +25,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     ],
     excitation: "start, stop and reverse quickly, so that the load swings, then hover and let it swing out",
     confused_with: &[
-        ("mass-change", "start and stop quickly: only a load that hangs goes on swinging"),
-        ("tether", "stop quickly in the open: a load swings on, a tether comes to rest"),
+        ("mass-change", "start and stop quickly: only a hanging load keeps swinging"),
+        ("tether", "stop quickly in free space: a load keeps swinging, a tether comes to rest"),
     ],
     special: Special { adds_accelerations: true, hangs_load: true, starts, ..Special::NOTHING },
 };
