@@ -2,8 +2,8 @@
 //!
 //! A flight is a table of samples at nominally 100 Hz. Columns are found by name, in any order;
 //! unknown ones are left alone; an empty field is a missing value (NaN in memory). What cannot be
-//! right (time going back, degrees for radians, millimetres for metres) is refused with the row, the
-//! column and how to mend it.
+//! right (time going back, degrees for radians, millimetres for metres) is refused with the row,
+//! the column and how to mend it.
 #![forbid(unsafe_code)]
 
 mod checks;

@@ -1,5 +1,5 @@
-//! A rotor's way to the speed it is commanded to: the first-order lag `lag / (s + lag)`, exactly for
-//! a command that is held.
+//! A rotor's way to the speed it is commanded to: the first-order lag `lag / (s + lag)`, exactly
+//! for a command that is held.
 
 /// First-order lag of a rotor.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,8 +43,8 @@ mod tests {
         assert!((left - 100.0 / std::f64::consts::E).abs() < 1e-12, "{left}");
     }
 
-    /// What the lag reaches at once it reaches by way of any moment in between: it has no memory but
-    /// its speed.
+    /// What the lag reaches at once it reaches by way of any moment in between: it has no memory
+    /// but its speed.
     #[test]
     fn two_parts_of_a_time_lead_where_the_whole_leads() {
         let lag = RotorLag::new(21.5);

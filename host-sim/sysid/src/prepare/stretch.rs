@@ -128,8 +128,7 @@ fn lagged(commanded: &[f64], lag_rad_s: Option<f64>, delay: f64, period_s: f64) 
     let mut now = commanded.first().copied().unwrap_or(0.0);
     for &target in commanded {
         at_samples.push(now);
-        // As a weighted mean, not as `decayed` has it: what rounds differently would change
-        // results.
+        // `decayed` as a weighted mean: equal, but rounded otherwise, and results keep their bits.
         now = target * (1.0 - over_sample) + now * over_sample;
     }
     if delay == 0.0 {

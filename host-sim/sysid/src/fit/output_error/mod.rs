@@ -35,6 +35,8 @@
 //!
 //! **What is refused.** Coefficients of impossible sign, drag or damping that feeds energy in where
 //! it did not before, and anything that does not lower the open-loop error of held-out flights.
+//!
+//! [`LONGEST_HORIZON`]: crate::fit::open_loop::LONGEST_HORIZON
 
 mod decision;
 mod descent;
