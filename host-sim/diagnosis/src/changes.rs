@@ -391,7 +391,8 @@ mod tests {
         assert_eq!(changed(&truth(), &[], |_| ()).err(), Some(FitError::NoFlights));
     }
 
-    /// What base flights scatter by adds to the variance of an estimate, and is known from few of them.
+    /// What base flights scatter by adds to the variance of an estimate, and is known from few of
+    /// them.
     #[test]
     fn the_scatter_of_the_base_flights_adds_to_the_error() {
         let flights = prepared(&truth(), 30..31, 10.0, &ORDINARY);
@@ -434,7 +435,8 @@ mod tests {
         );
     }
 
-    /// Mass acts on forces and the centre of mass on moments: 60 and 35 are more than nine tenths of 100.
+    /// Mass acts on forces and the centre of mass on moments: 60 and 35 are more than nine tenths
+    /// of 100.
     #[test]
     fn two_changes_on_different_axes_rival_one_that_they_explain_together() {
         let best = finding(Effect::MotorEfficiency, Some(1), 100.0);

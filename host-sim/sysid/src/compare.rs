@@ -224,8 +224,8 @@ mod tests {
         let flight = prepared(560, |t, row| row.position_ned_m[2] = -0.1 * t);
         let rows = flight.rows();
         assert_eq!(rows, 500);
-        let mut residuals = Residuals::default();
-        residuals.residual = std::array::from_fn(|_| vec![0.0; rows]);
+        let residual = std::array::from_fn(|_| vec![0.0; rows]);
+        let mut residuals = Residuals { residual, ..Residuals::default() };
         residuals.residual[1][..100].fill(1.0);
         let worst = worst(&truth(), &[&flight], &[residuals]);
         assert!(worst.iter().all(|w| w.axis == Axis::V), "{worst:?}");

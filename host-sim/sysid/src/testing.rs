@@ -34,8 +34,8 @@ impl Row {
         }
     }
 
-    /// Waves about all axes: place, attitude and the rates that go with it. Hands over the acceleration
-    /// of the place, NED, m/s^2.
+    /// Waves about all axes: place, attitude and the rates that go with it. Hands over the
+    /// acceleration of the place, NED, m/s^2.
     pub(crate) fn wave(&mut self) -> Vector3<f64> {
         let t = self.time_s;
         // Amplitude, frequency rad/s and phase of north, east, down, phi, theta, psi.
@@ -57,8 +57,8 @@ impl Row {
     }
 }
 
-/// A waving flight with what an accelerometer without faults feels, turned into what was logged by `told`
-/// from the specific force along the body axes and the attitude (inertial to body).
+/// A waving flight with what an accelerometer without faults feels, turned into what was logged by
+/// `told` from the specific force along the body axes and the attitude (inertial to body).
 pub(crate) fn waving_with_imu(
     samples: usize,
     told: impl Fn(Vector3<f64>, Matrix3<f64>) -> Vector3<f64>,

@@ -151,7 +151,7 @@ mod tests {
         while flights.len() < 7 {
             let first = &flights[0];
             let (path, sha256) = (name(flights.len()).into(), String::new());
-            let (prepared, clocks) = (first.prepared.clone(), first.clocks.clone());
+            let (prepared, clocks) = (first.prepared.clone(), first.clocks);
             flights.push(LoadedFlight { path, sha256, prepared, faults: Vec::new(), clocks });
         }
         assert_eq!(listed(&flights[1..6]), "1.csv, 2.csv, 3.csv, 4.csv, 5.csv");

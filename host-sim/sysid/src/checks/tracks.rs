@@ -373,8 +373,8 @@ mod tests {
         assert!(forces(&without).is_empty());
     }
 
-    /// A minute of two streams of one motion at 100 Hz; the tracker's clock is late by `offset_s` at the
-    /// middle and grows later by `skew`.
+    /// A minute of two streams of one motion at 100 Hz; the tracker's clock is late by `offset_s`
+    /// at the middle and grows later by `skew`.
     fn pair(offset_s: f64, skew: f64, seen: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Vec<Pair> {
         let motion = |t: f64| {
             let wave = |w: f64, f: f64| (w * t + f).sin() + (1.7 * w * t - f).cos() * 0.6;

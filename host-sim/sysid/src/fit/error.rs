@@ -197,7 +197,8 @@ mod tests {
         );
     }
 
-    /// Without a formula of a user there is nobody to blame: the effects of the catalogue are finite everywhere.
+    /// Without a formula of a user there is nobody to blame: the effects of the catalogue are
+    /// finite everywhere.
     #[test]
     fn residuals_that_are_not_finite_are_blamed_on_users_formulas_only() {
         let flight = prepared(200, |_, _| {});

@@ -259,7 +259,8 @@ mod tests {
         assert!(sigma.iter().all(|s| *s < 1e-6));
     }
 
-    /// Two axes say that the one coefficient is 1, with noise of 0.1, and one that it is 2, with noise of 1.
+    /// Two axes say that the one coefficient is 1, with noise of 0.1, and one that it is 2, with
+    /// noise of 1.
     #[test]
     fn an_axis_counts_by_the_noise_that_is_left_on_it() {
         let axis = |value: f64, noise: f64| {

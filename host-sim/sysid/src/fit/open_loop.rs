@@ -264,7 +264,8 @@ mod tests {
         assert_eq!(open_loop(&truth(), &[]), vec![HorizonError::default(); LONGEST_HORIZON]);
     }
 
-    /// The trim of a flight pushes the prediction as the craft was pushed: forwards by 0.4 m/s^2 for a tenth of a second.
+    /// The trim of a flight pushes the prediction as the craft was pushed: forwards by 0.4 m/s^2
+    /// for a tenth of a second.
     #[test]
     fn a_flights_own_constants_push_its_prediction_unless_they_are_left_out() {
         let model = truth();

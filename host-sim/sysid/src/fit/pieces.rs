@@ -125,8 +125,9 @@ mod tests {
             assert!(blocks.windows(2).all(|w| w[0].end == w[1].start));
             blocks.len()
         };
-        // The first stretch is ten pieces of 4 s, the second two. A swing of sqrt(9.81) rad/s that is damped by 0.08 remembers
-        // 4 s: five blocks of 8 s. One that is not remembers all: the fewest.
+        // The first stretch is ten pieces of 4 s, the second two. A swing of sqrt(9.81) rad/s that
+        // is damped by 0.08 remembers 4 s: five blocks of 8 s. One that is not remembers all: the
+        // fewest.
         assert_eq!((blocks_of(0.08), blocks_of(0.0)), (5 + 2, 2 + 2));
     }
 

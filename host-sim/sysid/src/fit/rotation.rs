@@ -31,7 +31,8 @@ mod tests {
 
     #[test]
     fn an_effect_on_forces_and_moments_stays() {
-        // A wind moves the air that drag and flapping see, an offset of the centre of mass the thrust's lever.
+        // A wind moves the air that drag and flapping see, an offset of the centre of mass the
+        // thrust's lever.
         for effect in Effect::all() {
             let on_forces = effect.info().axes.iter().any(|axis| axis.is_force());
             assert_eq!(without_rotation(&[effect]).len(), usize::from(on_forces), "{effect}");

@@ -363,7 +363,8 @@ mod tests {
         assert!(followed(&flight, &flight.stretches[0], &truth()).is_empty());
     }
 
-    /// Free swings 1, 2 and 0, 1 at two rows of a level craft; the signal is 3 north at the second row.
+    /// Free swings 1, 2 and 0, 1 at two rows of a level craft; the signal is 3 north at the second
+    /// row.
     #[test]
     fn sums_and_products_of_the_free_swings_are_over_the_rows() {
         let beginnings = Beginnings { free: [vec![1.0, 2.0], vec![0.0, 1.0]], ..Beginnings::default() };

@@ -113,7 +113,8 @@ mod tests {
     use super::*;
     use crate::testing::{NONE, fly, truth};
 
-    /// A flight with measured rotor speeds and an accelerometer of little noise that is off forwards by so much, m/s^2.
+    /// A flight with measured rotor speeds and an accelerometer of little noise that is off
+    /// forwards by so much, m/s^2.
     fn logged(seed: u64, off_m_s2: f64) -> Prepared {
         let model = truth();
         let mut flight = fly(&model, seed, 12.0, &NONE);

@@ -146,11 +146,13 @@ mod tests {
 
     #[test]
     fn ranges_without_a_bad_sample_leave_out_the_bad_ones_and_no_other() {
-        let ranges = |bad: &[bool]| unbroken(bad).filter(|r| !r.is_empty()).collect::<Vec<_>>();
+        let ranges = |bad: &[bool]| {
+            unbroken(bad).filter(|r| !r.is_empty()).map(|r| (r.start, r.end)).collect::<Vec<_>>()
+        };
         let (x, o) = (true, false);
-        assert_eq!(ranges(&[o, o, x, o, x, x, o]), [0..2, 3..4, 6..7]);
-        assert_eq!(ranges(&[x, o]), [1..2]);
-        assert_eq!(ranges(&[o, o]), [0..2]);
+        assert_eq!(ranges(&[o, o, x, o, x, x, o]), [(0, 2), (3, 4), (6, 7)]);
+        assert_eq!(ranges(&[x, o]), [(1, 2)]);
+        assert_eq!(ranges(&[o, o]), [(0, 2)]);
         assert!(ranges(&[x, x]).is_empty() && ranges(&[]).is_empty());
     }
 
@@ -162,7 +164,8 @@ mod tests {
         assert_eq!((flight.stretches.len(), flight.rows(), flight.notes.len()), (1, 540, 0));
     }
 
-    /// Below zero for the first 200 samples: the root is real from 2.00 s on, where 400 samples and 340 rows are left.
+    /// Below zero for the first 200 samples: the root is real from 2.00 s on, where 400 samples and
+    /// 340 rows are left.
     #[test]
     fn samples_below_the_ground_are_left_out_of_what_takes_the_root_of_the_height() {
         let effect = root("root-half");

@@ -27,3 +27,37 @@ pub enum PrepareError {
         reason: String,
     },
 }
+
+#[cfg(test)]
+mod tests {
+    use model::Vehicle;
+
+    use super::*;
+    use crate::Prepared;
+    use crate::testing::flight;
+
+    #[test]
+    fn commands_without_a_map_are_refused_with_both_ways_to_give_one() {
+        let mut vehicle = Vehicle::thesis();
+        (vehicle.motors.command, vehicle.motors.voltage, vehicle.motors.offset) = (None, None, None);
+        let refused = Prepared::new(&flight(200, |_, _| {}), &vehicle).unwrap_err();
+        assert_eq!(refused, PrepareError::NoRotorSpeeds);
+        assert_eq!(
+            refused.to_string(),
+            "has no rotor speeds (omega1..4) and the vehicle file has no motor map; give [motors] command, \
+             voltage and offset, or map = \"identify\""
+        );
+    }
+
+    /// A window of 0.3 s is 31 samples; the margins are 30 on either side.
+    #[test]
+    fn a_flight_of_one_sample_more_than_too_short_is_taken() {
+        let prepared = |samples: usize| Prepared::new(&flight(samples, |_, _| {}), &Vehicle::thesis());
+        let PrepareError::TooShort { samples, needed_s, .. } = prepared(90).unwrap_err() else {
+            panic!("another error")
+        };
+        assert_eq!(samples, 90);
+        assert!((needed_s - 0.91).abs() < 1e-9);
+        assert_eq!(prepared(91).unwrap().rows(), 31);
+    }
+}

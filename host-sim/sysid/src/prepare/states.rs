@@ -180,7 +180,8 @@ mod tests {
         }
     }
 
-    /// Two stretches of 200 and 161 samples lose 60 each; every third of 140 and 101 rows is 47 and 34.
+    /// Two stretches of 200 and 161 samples lose 60 each; every third of 140 and 101 rows is 47 and
+    /// 34.
     #[test]
     fn strided_rows_start_anew_in_every_stretch() {
         let mut flight = prepared(400, |_, _| {});
@@ -195,7 +196,8 @@ mod tests {
         assert_eq!((rows[1], rows[46], rows[47], rows[48]), (3, 138, 140, 143));
     }
 
-    /// A craft that yaws on the spot about its centre; the tracked point circles at the end of a lever.
+    /// A craft that yaws on the spot about its centre; the tracked point circles at the end of a
+    /// lever.
     #[test]
     fn the_centre_rests_while_the_tracked_point_circles() {
         let rate_rad_s = 0.8;
