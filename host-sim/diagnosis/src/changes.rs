@@ -119,21 +119,21 @@ pub fn scatter(model: &Model, flights: &[&Prepared]) -> Vec<ChangeScatter> {
     result
 }
 
-/// Names the one change that explains new flights, with the model's parameters as they are.
+/// Names the one of `changes` that explains new flights, with the model's parameters as they are.
 pub fn changed(
     model: &Model,
+    changes: &[Change],
     flights: &[&Prepared],
-    mut progress: impl FnMut(&str),
+    mut progress: impl FnMut(&Change),
 ) -> Result<Diagnosis, FitError> {
     if flights.is_empty() {
         return Err(FitError::NoFlights);
     }
-    let changes = Change::all(model);
     let mut findings: Vec<(Change, EffectFinding)> = changes
         .iter()
         .map(|&change| {
-            progress(change.effect.id());
-            (change, examine(model, change, flights, changes.len()))
+            progress(&change);
+            (change, examine(model, change, flights, changes.len()).finding)
         })
         .collect();
     let score = |f: &EffectFinding| f.gain * (1.0 - FOR_A_COEFFICIENT * f.coefficients.len() as f64);
@@ -189,14 +189,14 @@ fn mark_rivals(
     for (change, finding) in findings.iter_mut().skip(1).filter(|(_, f)| f.supported) {
         let as_good = finding.gain > AS_GOOD * best_gain;
         let adds =
-            change.effect != best.effect && examine(&with_best.model, *change, flights, candidates).supported;
+            change.effect != best.effect && is_supported(&with_best.model, *change, flights, candidates);
         if adds && !as_good {
             continue;
         }
         let rival = as_good
             || finding.gain > RIVAL * best_gain
                 && fit_change(model, *change, flights).is_ok_and(|with| {
-                    change.effect == best.effect || !examine(&with.model, best, flights, candidates).supported
+                    change.effect == best.effect || !is_supported(&with.model, best, flights, candidates)
                 });
         if rival {
             finding.refuse(Reason::RivalOf { best });
@@ -231,14 +231,43 @@ fn as_good_together(findings: &[(Change, EffectFinding)], best: Change, best_gai
     pair.map_or_else(Vec::new, |(_, both)| both.to_vec())
 }
 
-/// The evidence for a change.
-fn examine(model: &Model, change: Change, flights: &[&Prepared], candidates: usize) -> EffectFinding {
+/// The evidence for a change by itself.
+pub(crate) struct Examined {
+    pub(crate) finding: EffectFinding,
+    /// Standard errors of its coefficients, without what flights differ by anyway.
+    std_errors: Vec<f64>,
+    /// Residuals of each flight without the change, and with it as it was estimated from the others.
+    pub(crate) residuals: Option<[Vec<Residuals>; 2]>,
+    has_rotor_map: bool,
+}
+
+impl Examined {
+    /// What the rules look at.
+    pub(crate) fn evidence(&self) -> Evidence<'_> {
+        Evidence {
+            asked: Asked::Changed,
+            finding: &self.finding,
+            std_errors: self.std_errors.clone(),
+            has_rotor_map: self.has_rotor_map,
+        }
+    }
+}
+
+fn is_supported(model: &Model, change: Change, flights: &[&Prepared], candidates: usize) -> bool {
+    examine(model, change, flights, candidates).finding.supported
+}
+
+/// The evidence for a change, one of so many `candidates`.
+pub(crate) fn examine(model: &Model, change: Change, flights: &[&Prepared], candidates: usize) -> Examined {
     let info = change.effect.info();
     let fitted = fit_change(model, change, flights);
     let not_weighed = fitted.as_ref().err().map_or(Reason::LikeChance, |e| Reason::Refused(e.clone()));
     let mut finding = EffectFinding::unsupported(change.effect, flights.len(), not_weighed);
     finding.motor = change.motor;
-    let Ok(fitted) = fitted else { return finding };
+    let has_rotor_map = model.vehicle.has_rotor_map();
+    let Ok(fitted) = fitted else {
+        return Examined { finding, std_errors: Vec::new(), residuals: None, has_rotor_map };
+    };
     let free = change.coefficients();
     let (total, independent) = with_scatter(model, change, &fitted, flights);
     finding.coefficients = free
@@ -254,15 +283,12 @@ fn examine(model: &Model, change: Change, flights: &[&Prepared], candidates: usi
     let coefficients = free.iter().map(|&k| &info.coefficients[k]);
     let p_value = zero_p_value(fitted.values.as_slice(), &total, coefficients, independent);
     finding.p_value = (p_value * candidates as f64).min(1.0);
-    cross_validate(model, change, flights, &fitted, &mut finding);
-    let evidence = Evidence {
-        asked: Asked::Changed,
-        finding: &finding,
-        std_errors: (0..free.len()).map(|i| fitted.covariance[(i, i)].max(0.0).sqrt()).collect(),
-        has_rotor_map: model.vehicle.has_rotor_map(),
-    };
-    (finding.supported, finding.reason) = weigh(&evidence);
-    finding
+    let residuals = cross_validate(model, change, flights, &fitted, &mut finding);
+    let std_errors = (0..free.len()).map(|i| fitted.covariance[(i, i)].max(0.0).sqrt()).collect();
+    let mut examined = Examined { finding, std_errors, residuals: Some(residuals), has_rotor_map };
+    let (supported, reason) = weigh(&examined.evidence());
+    (examined.finding.supported, examined.finding.reason) = (supported, reason);
+    examined
 }
 
 /// The covariance of an estimate with what the base flights scatter by, and what it is known from: a scatter seen in a few flights
@@ -293,14 +319,14 @@ fn with_scatter(
     (total, independent)
 }
 
-/// Errors on flights the change was not estimated from.
+/// Errors on flights the change was not estimated from, and the residuals without and with it.
 fn cross_validate(
     model: &Model,
     change: Change,
     flights: &[&Prepared],
     fitted: &Fitted,
     finding: &mut EffectFinding,
-) {
+) -> [Vec<Residuals>; 2] {
     let before: Vec<Residuals> = flights.iter().map(|flight| residuals(flight, model)).collect();
     let after: Vec<Residuals> = (0..flights.len())
         .map(|left_out| {
@@ -312,4 +338,5 @@ fn cross_validate(
         })
         .collect();
     take_gain(finding, &fitted.sigma, flights, (&before, &after));
+    [before, after]
 }

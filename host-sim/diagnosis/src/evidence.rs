@@ -12,6 +12,7 @@ use nalgebra::DMatrix;
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::change::Change;
 use crate::criteria::{Applied, Evidence, applied};
 use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding};
 use crate::held_out::{Validated, examine, fit_and_validate};
@@ -21,7 +22,7 @@ use crate::reason::joined;
 use crate::screen::Screen;
 use crate::search::{PENALTY, SET, Search};
 use sysid::prepare::Prepared;
-use sysid::{FitError, errors};
+use sysid::{FitError, Residuals, errors};
 
 /// Variance inflation from which on two effects cannot be told apart in practice.
 const CONFUSED_VIF: f64 = 10.0;
@@ -39,6 +40,14 @@ pub enum WhyError {
         "{0} can only be seen as a change: a fit of everything absorbs it; ask for it with --changed and flights made after it appeared"
     )]
     Change(Effect),
+    /// Nothing that can have come about since the model was good.
+    #[error("{effect} is none of the changes that are tried on this model; they are {tried}")]
+    NoChange {
+        /// The effect.
+        effect: Effect,
+        /// The effects of the changes.
+        tried: String,
+    },
     /// The fit without it.
     #[error(transparent)]
     Fit(#[from] FitError),
@@ -198,7 +207,6 @@ fn assemble(
     (found, beside): (&[EffectFinding], Option<f64>),
     validate: &[&Prepared],
 ) -> Why {
-    let info = effect.info();
     let screen = &search.screen;
     let index = screen.index(effect);
     let left = index.map_or(1.0, |i| {
@@ -221,24 +229,15 @@ fn assemble(
         supported: finding.supported,
         summary: summary(in_model, finding, &found, beside),
         criteria: criteria(&Evidence::missing(finding, &with.fit.model)),
-        flights: flights(&search.base, with, validate),
-        coefficients: finding
-            .coefficients
-            .iter()
-            .zip(info.coefficients)
-            .map(|(figures, c)| CoefficientEvidence {
-                half_width_95: 1.96 * figures.std_error,
-                figures: figures.clone(),
-                possible: c.possible,
-            })
-            .collect(),
+        flights: flights((&search.base.held_out, &with.held_out), validate),
+        coefficients: coefficients(finding),
         variance_inflation: 1.0 / left.max(f64::MIN_POSITIVE),
         alike: index.map_or_else(Vec::new, |i| alike(screen, i)),
         found,
         drop_percent_beside_found: beside,
         best_sets: scored(&|_| true),
         best_sets_with_it: scored(&|members| index.is_some_and(|i| members.contains(&i))),
-        to_see_it: info.excitation,
+        to_see_it: effect.info().excitation,
     }
 }
 
@@ -262,7 +261,7 @@ fn summary(in_model: bool, finding: &EffectFinding, found: &[Effect], beside: Op
 }
 
 /// Every rule that applies to the effect.
-fn criteria(evidence: &Evidence<'_>) -> Vec<Criterion> {
+pub(crate) fn criteria(evidence: &Evidence<'_>) -> Vec<Criterion> {
     let shown = |Applied { question, unit, at_most, value, threshold, met, .. }| Criterion {
         question,
         value,
@@ -274,8 +273,24 @@ fn criteria(evidence: &Evidence<'_>) -> Vec<Criterion> {
     applied(evidence).into_iter().map(shown).collect()
 }
 
-fn flights(without: &Validated, with: &Validated, validate: &[&Prepared]) -> Vec<FlightDrop> {
-    let each = validate.iter().zip(without.held_out.iter().zip(&with.held_out));
+/// What was found of the effect's coefficients, or of a motor's.
+pub(crate) fn coefficients(finding: &EffectFinding) -> Vec<CoefficientEvidence> {
+    let free = Change { effect: finding.effect, motor: finding.motor }.coefficients();
+    let info = finding.effect.info();
+    let evidence = |(figures, k): (&CoefficientFigures, usize)| CoefficientEvidence {
+        half_width_95: 1.96 * figures.std_error,
+        figures: figures.clone(),
+        possible: info.coefficients[k].possible,
+    };
+    finding.coefficients.iter().zip(free).map(evidence).collect()
+}
+
+/// Errors of each flight by its residuals without and with the effect.
+pub(crate) fn flights(
+    (without, with): (&[Residuals], &[Residuals]),
+    flights: &[&Prepared],
+) -> Vec<FlightDrop> {
+    let each = flights.iter().zip(without.iter().zip(with));
     each.map(|(flight, (a, b))| {
         let (before, after) = (errors([a]), errors([b]));
         let drop = |axis: model::Axis| (axis.name(), AxisDrop::new(before[axis].sse, after[axis].sse));

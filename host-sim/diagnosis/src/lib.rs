@@ -3,6 +3,7 @@
 
 mod addition;
 mod change;
+mod change_evidence;
 pub mod changes;
 mod columns;
 mod criteria;
@@ -26,6 +27,7 @@ pub mod workflow;
 
 pub use addition::{Addition, add};
 pub use change::Change;
+pub use change_evidence::{ChangeEvidence, WhyChanged, why_changed};
 pub use diagnose::{diagnose, diagnose_with};
 pub use evidence::{Why, WhyError, why};
 pub use finding::{AxisDrop, CoefficientFigures, Diagnosis, EffectFinding, Unexplained, Verdict};

@@ -22,7 +22,7 @@ mod refinement;
 mod sets;
 
 pub use add::{Added, add};
-pub use changed::changed;
+pub use changed::{changed, changed_why};
 pub use compare::compare;
 pub use diagnose::{diagnose, why};
 pub use error::WorkflowError;
