@@ -114,6 +114,7 @@ fn summary(change: Change, alone: &EffectFinding, ranked: Option<&EffectFinding>
 mod tests {
     use super::*;
     use crate::reason::Reason;
+    use model::Axis;
 
     #[test]
     fn what_is_supported_by_itself_and_not_named_says_why() {
@@ -125,12 +126,12 @@ mod tests {
 
         let mut alone = like_chance;
         alone.supported = true;
-        alone.reason = Reason::Changed { percent: 12.0, rivals: Vec::new() };
+        alone.reason = Reason::Changed { axes: &[Axis::W], percent: 12.0, rivals: Vec::new() };
         let mut ranked = alone.clone();
         assert!(summary(weak, &alone, Some(&ranked)).ends_with("The diagnosis finds it as well."));
         ranked.refuse(Reason::ExplainedBy { other: heavy });
         let said = summary(weak, &alone, Some(&ranked));
-        assert!(said.contains("of motor 2 is supported by itself: the error"), "{said}");
+        assert!(said.contains("of motor 2 is supported by itself: the rms error of w"), "{said}");
         assert!(
             said.ends_with("does not name it: adds nothing once mass-change is accounted for."),
             "{said}"

@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::change::Change;
 use crate::criteria::{AS_GOOD, Asked, Evidence, RIVAL, SIGNIFICANCE, weigh};
-use crate::figures::with_error;
+use crate::figures::{rms_of, with_error};
 use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding, Verdict};
 use crate::held_out::take_gain;
 use crate::reason::{Reason, joined};
@@ -166,10 +166,11 @@ fn summary(best: Option<&(Change, EffectFinding)>) -> String {
         _ => String::new(),
     };
     format!(
-        "Since the model was made, {change} has appeared ({}): it explains {:.1} % of the error on flights it was not \
-         estimated from.{rivals}",
+        "Since the model was made, {change} has appeared ({}): with it, the {} on flights it was not estimated from falls by \
+         {:.1} %.{rivals}",
         size.join(", "),
-        finding.drop_percent
+        rms_of(change.effect.info().axes),
+        finding.rms_fall_percent()
     )
 }
 
@@ -211,7 +212,8 @@ fn mark_rivals(
     finding.confounded_with = rivals.iter().map(|rival| rival.effect).collect();
     finding.confounded_with.sort_unstable_by_key(|effect| effect.id());
     finding.confounded_with.dedup();
-    finding.reason = Reason::Changed { percent: finding.drop_percent, rivals };
+    let axes = best.effect.info().axes;
+    finding.reason = Reason::Changed { axes, percent: finding.drop_percent, rivals };
 }
 
 /// Two other changes that act on different axes and together take away as much as the best one: a weight under a motor, which

@@ -18,7 +18,7 @@ use sysid::FitError;
 use sysid::prepare::Prepared;
 
 use crate::criteria::Left;
-use crate::figures::probability;
+use crate::figures::{probability, rms_of};
 use crate::finding::{Diagnosis, EffectFinding, Unexplained, Verdict, supported};
 use crate::noise;
 use crate::options::Options;
@@ -95,18 +95,19 @@ fn lacking(best: &EffectFinding, findings: &[EffectFinding]) -> String {
         if also.is_empty() { String::new() } else { format!(" Also supported: {}.", joined(also, ", ")) };
     let [improved, flights] = best.flights_improved;
     format!(
-        "The model lacks {}. {} With it, the error on held-out flights falls by {:.1} % ({improved} of {flights} flights, {}).\
+        "The model lacks {}. {} With it, the held-out {} falls by {:.1} % ({improved} of {flights} flights, {}).\
          {also}",
         best.effect,
         best.effect.info().sentence,
-        best.drop_percent,
+        rms_of(best.effect.info().axes),
+        best.rms_fall_percent(),
         probability(best.p_value)
     )
 }
 
 fn unaccounted(worst: &Unexplained) -> String {
     format!(
-        "The residual of {} {} ({:.1} % of its held-out error), and no known effect accounts for it.",
+        "The residual of {} {} ({:.1} % of its held-out squared error), and no known effect accounts for it.",
         worst.axis,
         worst.depends_on.predicate(),
         worst.share_percent

@@ -14,6 +14,7 @@ use serde::Serialize;
 
 use crate::change::Change;
 use crate::criteria::{Applied, Evidence, applied};
+use crate::figures::{rms_fall_percent, rms_of};
 use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding};
 use crate::held_out::{Validated, examine, fit_and_validate};
 use crate::options::Options;
@@ -135,7 +136,7 @@ pub struct Why {
     pub alike: Vec<Likeness>,
     /// What a diagnosis finds in the model without it.
     pub found: Vec<Effect>,
-    /// What it adds once the others that were found are in the model, percent of the held-out error.
+    /// What it adds once the others that were found are in the model, percent of the held-out squared error.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub drop_percent_beside_found: Option<f64>,
     /// The best sets of effects of the exhaustive search.
@@ -175,7 +176,7 @@ pub fn why(
     Ok(assemble(model.has(effect), effect, &search, &with, &finding, (&found, beside), validate))
 }
 
-/// What the effect adds, percent of the held-out error over its axes, with the others that were found in place.
+/// What the effect adds, percent of the held-out squared error over its axes, with the others that were found in place.
 fn beside_found(
     search: &Search<'_>,
     without: &Model,
@@ -252,8 +253,10 @@ fn summary(in_model: bool, finding: &EffectFinding, found: &[Effect], beside: Op
     let others: Vec<Effect> = found.iter().copied().filter(|other| other != effect).collect();
     match beside {
         Some(percent) => format!(
-            "{what} With {} in the model, which the diagnosis finds, it explains {percent:.1} % of the error.",
-            joined(&others, " and ")
+            "{what} With {} in the model, which the diagnosis finds, it lowers the held-out {} by {:.1} %.",
+            joined(&others, " and "),
+            rms_of(effect.info().axes),
+            rms_fall_percent(percent)
         ),
         None if found.contains(effect) => format!("{what} The diagnosis finds it as well."),
         None => what,

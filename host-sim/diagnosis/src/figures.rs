@@ -1,5 +1,7 @@
 //! Figures in sentences: as many digits as they deserve.
 
+use model::Axis;
+
 /// Chances below this are not told apart: the tails of no distribution are known so far out.
 const SMALLEST_CHANCE: f64 = 1e-6;
 
@@ -35,6 +37,21 @@ pub(crate) fn significant(value: f64, digits: usize) -> String {
     format!("{value:.places$}")
 }
 
+/// Percent by which a root mean square falls whose square falls by `percent`.
+pub(crate) fn rms_fall_percent(percent: f64) -> f64 {
+    100.0 * (1.0 - (1.0 - percent / 100.0).max(0.0).sqrt())
+}
+
+/// "rms error of u, v and w": of several axes, each counts in units of its noise.
+pub(crate) fn rms_of(axes: &[Axis]) -> String {
+    let names: Vec<&str> = axes.iter().map(|axis| axis.name()).collect();
+    match names.as_slice() {
+        all if all.len() == model::AXES.len() => "rms error of all axes".into(),
+        [first @ .., last] if !first.is_empty() => format!("rms error of {} and {last}", first.join(", ")),
+        few => format!("rms error of {}", few.concat()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -51,5 +68,12 @@ mod tests {
         assert_eq!(significant(-80_562_395.451_4, 4), "-8.056e7");
         assert_eq!(significant(-0.0, 3), "0");
         assert_eq!(significant(12.345, 3), "12.3");
+    }
+
+    #[test]
+    fn a_root_falls_less_than_its_square_and_rises_with_it() {
+        for (squared, root) in [(0.0, 0.0), (75.0, 50.0), (100.0, 100.0), (-300.0, -100.0)] {
+            assert!((rms_fall_percent(squared) - root).abs() < 1e-12, "{squared}");
+        }
     }
 }

@@ -323,7 +323,7 @@ pub(crate) fn worst(comparison: &Comparison) -> Grid {
 pub(crate) fn evidence(diagnosis: &Diagnosis) -> Grid {
     let mut grid = Grid::new(
         "Evidence for each effect on flights that it was not fitted on, best first",
-        [text("effect"), verdict("supported"), number("drop", "%"), number("p", ""), text("reason")],
+        [text("effect"), verdict("supported"), number("rms falls by", "%"), number("p", ""), text("reason")],
     );
     for finding in &diagnosis.effects {
         let known = !finding.coefficients.is_empty();
@@ -331,7 +331,7 @@ pub(crate) fn evidence(diagnosis: &Diagnosis) -> Grid {
         grid.push([
             named(finding),
             yes_no(finding.supported),
-            number(percent(finding.drop_percent)),
+            number(percent(finding.rms_fall_percent())),
             number(p_value(finding.p_value)),
             reason(finding),
         ]);
@@ -418,7 +418,7 @@ pub(crate) fn unexplained(all: &[Unexplained]) -> Grid {
     };
     let mut grid = Grid::new(
         caption,
-        [text("axis"), text("depends on"), number("share of its error", "%"), number("p", "")],
+        [text("axis"), text("depends on"), number("share of its squared error", "%"), number("p", "")],
     );
     for u in all {
         let depends_on = u.depends_on.to_string();
@@ -429,16 +429,13 @@ pub(crate) fn unexplained(all: &[Unexplained]) -> Grid {
 
 /// Held-out error of each axis before and after.
 pub(crate) fn before_after(caption: &str, before: &PerAxis<f64>, after: &PerAxis<f64>) -> Grid {
-    let mut grid =
-        Grid::new(caption, [text("axis"), number("before", ""), number("after", ""), number("drop", "%")]);
+    let mut grid = Grid::new(
+        caption,
+        [text("axis"), number("before", ""), number("after", ""), number("falls by", "%")],
+    );
     let drop = before.drop_percent(after);
     for axis in AXES {
-        grid.push([
-            axis.name().into(),
-            significant(before[axis], 4),
-            significant(after[axis], 4),
-            percent(drop[axis]),
-        ]);
+        grid.push([axis.name().into(), short(before[axis]), short(after[axis]), percent(drop[axis])]);
     }
     grid
 }
