@@ -11,6 +11,7 @@ use crate::evidence::{
     CoefficientEvidence, Criterion, FlightDrop, WhyError, coefficients, criteria, flights,
 };
 use crate::finding::{Diagnosis, EffectFinding};
+use crate::observer::Observer;
 use crate::options::Options;
 use crate::reason::joined;
 use sysid::prepare::Prepared;
@@ -49,13 +50,13 @@ pub struct WhyChanged {
     pub to_see_it: &'static str,
 }
 
-/// Examines the changes that `effect` can be; `progress` is given every change that is tried.
+/// Examines the changes that `effect` can be; `observer` hears of every change that is tried, and may stop it.
 pub fn why_changed(
     model: &Model,
     effect: Effect,
     flown: &[&Prepared],
     options: &Options,
-    progress: impl FnMut(&Change),
+    observer: &dyn Observer,
 ) -> Result<WhyChanged, WhyError> {
     let changes = options.changes_with(effect, model);
     let asked: Vec<Change> = changes.iter().copied().filter(|change| change.effect == effect).collect();
@@ -64,7 +65,7 @@ pub fn why_changed(
         tried.dedup();
         return Err(WhyError::NoChange { effect, tried: joined(&tried, ", ") });
     }
-    let diagnosis = changed(model, &changes, flown, progress)?;
+    let diagnosis = changed(model, &changes, flown, observer)?;
     let evidence = |change: &Change| {
         of_change(*change, &examine(model, *change, flown, changes.len()), &diagnosis, flown)
     };

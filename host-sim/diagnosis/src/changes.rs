@@ -16,7 +16,9 @@ use crate::criteria::{AS_GOOD, Asked, Evidence, RIVAL, SIGNIFICANCE, weigh};
 use crate::figures::{rms_of, with_error};
 use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding, Verdict};
 use crate::held_out::take_gain;
+use crate::observer::Observer;
 use crate::reason::{Reason, joined};
+use crate::search_error::{SearchError, Steps, going_on};
 use crate::significance::{independent_stretches, zero_p_value};
 use sysid::fit::least_squares::{self, FlightRows, Prior};
 use sysid::fit::linearise::About;
@@ -124,21 +126,20 @@ pub fn changed(
     model: &Model,
     changes: &[Change],
     flights: &[&Prepared],
-    mut progress: impl FnMut(&Change),
-) -> Result<Diagnosis, FitError> {
+    observer: &dyn Observer,
+) -> Result<Diagnosis, SearchError> {
     if flights.is_empty() {
-        return Err(FitError::NoFlights);
+        return Err(FitError::NoFlights.into());
     }
-    let mut findings: Vec<(Change, EffectFinding)> = changes
-        .iter()
-        .map(|&change| {
-            progress(&change);
-            (change, examine(model, change, flights, changes.len()).finding)
-        })
-        .collect();
+    let mut findings: Vec<(Change, EffectFinding)> = Vec::new();
+    let mut steps = Steps::new(observer, changes.len());
+    for &change in changes {
+        steps.next(&format!("trying {change}"))?;
+        findings.push((change, examine(model, change, flights, changes.len()).finding));
+    }
     let score = |f: &EffectFinding| f.gain * (1.0 - FOR_A_COEFFICIENT * f.coefficients.len() as f64);
     findings.sort_by(|a, b| b.1.supported.cmp(&a.1.supported).then(score(&b.1).total_cmp(&score(&a.1))));
-    mark_rivals(model, &mut findings, flights, changes.len());
+    mark_rivals(model, &mut findings, flights, (changes.len(), observer))?;
     let best = findings.iter().find(|(_, f)| f.supported);
     Ok(Diagnosis {
         verdict: if best.is_some() { Verdict::MissingEffect } else { Verdict::Adequate },
@@ -179,15 +180,16 @@ fn mark_rivals(
     model: &Model,
     findings: &mut [(Change, EffectFinding)],
     flights: &[&Prepared],
-    candidates: usize,
-) {
+    (candidates, observer): (usize, &dyn Observer),
+) -> Result<(), SearchError> {
     let Some((best, best_gain)) = findings.first().filter(|(_, f)| f.supported).map(|(c, f)| (*c, f.gain))
     else {
-        return;
+        return Ok(());
     };
-    let Ok(with_best) = fit_change(model, best, flights) else { return };
+    let Ok(with_best) = fit_change(model, best, flights) else { return Ok(()) };
     let mut rivals = Vec::new();
     for (change, finding) in findings.iter_mut().skip(1).filter(|(_, f)| f.supported) {
+        going_on(observer)?;
         let as_good = finding.gain > AS_GOOD * best_gain;
         let adds =
             change.effect != best.effect && is_supported(&with_best.model, *change, flights, candidates);
@@ -214,6 +216,7 @@ fn mark_rivals(
     finding.confounded_with.dedup();
     let axes = best.effect.info().axes;
     finding.reason = Reason::Changed { axes, percent: finding.drop_percent, rivals };
+    Ok(())
 }
 
 /// Two other changes that act on different axes and together take away as much as the best one: a weight under a motor, which

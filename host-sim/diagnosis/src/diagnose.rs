@@ -14,30 +14,31 @@
 //! held-out standard (`residual_tests.rs`): that is the difference between "adequate" and "unexplained".
 
 use model::Model;
-use sysid::FitError;
 use sysid::prepare::Prepared;
 
 use crate::criteria::Left;
 use crate::figures::{probability, rms_of};
 use crate::finding::{Diagnosis, EffectFinding, Unexplained, Verdict, supported};
 use crate::noise;
+use crate::observer::{Observer, Progress};
 use crate::options::Options;
 use crate::ranking::{confounded, ranked};
 use crate::reason::joined;
 use crate::residual_tests::{Structure, structure};
 use crate::search::Search;
+use crate::search_error::SearchError;
 use crate::stand_ins::{above_noise, incomplete, refuse_stand_ins};
 
 /// Diagnoses a model with the whole catalogue: which effect is missing from it?
 ///
-/// `progress` is given the names of what is tried.
+/// `observer` hears of what is tried, and may stop it.
 pub fn diagnose(
     model: &Model,
     train: &[&Prepared],
     validate: &[&Prepared],
-    progress: impl FnMut(&str),
-) -> Result<Diagnosis, FitError> {
-    diagnose_with(model, train, validate, &Options::default(), progress)
+    observer: &dyn Observer,
+) -> Result<Diagnosis, SearchError> {
+    diagnose_with(model, train, validate, &Options::default(), observer)
 }
 
 /// Diagnoses a model with the candidates that `options` leave: which effect is missing from it?
@@ -46,13 +47,13 @@ pub fn diagnose_with(
     train: &[&Prepared],
     validate: &[&Prepared],
     options: &Options,
-    mut progress: impl FnMut(&str),
-) -> Result<Diagnosis, FitError> {
+    observer: &dyn Observer,
+) -> Result<Diagnosis, SearchError> {
     let candidates = options.candidates(model);
-    let search = Search::new(model, candidates, train, validate)?;
-    let mut chosen = search.choose(&mut progress)?;
-    let confounded = confounded(&search, &chosen, &mut progress);
-    progress("what is left");
+    let search = Search::new(model, candidates, train, validate, observer)?;
+    let mut chosen = search.choose()?;
+    let confounded = confounded(&search, &chosen)?;
+    observer.progress(Progress { activity: "testing what is left", steps: None });
     let noise_before = noise::excess(validate, &search.base.held_out);
     let unexplained = loop {
         let rest = chosen.validated.as_ref().unwrap_or(&search.base);
@@ -66,7 +67,7 @@ pub fn diagnose_with(
         }
         search.refit(&mut chosen)?;
     };
-    let effects = ranked(&search, chosen.findings, &confounded);
+    let effects = ranked(&search, chosen.findings, &confounded)?;
     let verdict = match (effects.iter().any(|f| f.supported), unexplained.is_empty()) {
         (true, _) => Verdict::MissingEffect,
         (false, true) => Verdict::Adequate,

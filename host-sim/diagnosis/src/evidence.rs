@@ -17,11 +17,13 @@ use crate::criteria::{Applied, Evidence, applied};
 use crate::figures::{rms_fall_percent, rms_of};
 use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding};
 use crate::held_out::{Validated, examine, fit_and_validate};
+use crate::observer::Observer;
 use crate::options::Options;
 use crate::ranking::separating_manoeuvre;
 use crate::reason::joined;
 use crate::screen::Screen;
 use crate::search::{PENALTY, SET, Search};
+use crate::search_error::SearchError;
 use sysid::prepare::Prepared;
 use sysid::{FitError, Residuals, errors};
 
@@ -49,9 +51,15 @@ pub enum WhyError {
         /// The effects of the changes.
         tried: String,
     },
-    /// The fit without it.
+    /// The search without it.
     #[error(transparent)]
-    Fit(#[from] FitError),
+    Search(#[from] SearchError),
+}
+
+impl From<FitError> for WhyError {
+    fn from(why: FitError) -> Self {
+        Self::Search(why.into())
+    }
 }
 
 /// One criterion of support.
@@ -154,6 +162,7 @@ pub fn why(
     train: &[&Prepared],
     validate: &[&Prepared],
     options: &Options,
+    observer: &dyn Observer,
 ) -> Result<Why, WhyError> {
     let info = effect.info();
     if info.kind == Kind::Basic {
@@ -165,13 +174,13 @@ pub fn why(
     let mut without = model.clone();
     without.terms.retain(|term| term.effect != effect);
     let candidates = options.candidates_with(effect, &without);
-    let search = Search::new(&without, candidates, train, validate)?;
+    let search = Search::new(&without, candidates, train, validate, observer)?;
     let start = if model.has(effect) { model } else { &search.base.fit.model };
     let mut effects = without.effects();
     effects.push(effect);
     let with = fit_and_validate(start, &effects, train, validate)?;
     let finding = examine(&search.base, &with, effect, (train, validate), search.count());
-    let found = search.choose(&mut |_| ())?.findings;
+    let found = search.choose()?.findings;
     let beside = beside_found(&search, &without, effect, &found, (train, validate))?;
     Ok(assemble(model.has(effect), effect, &search, &with, &finding, (&found, beside), validate))
 }

@@ -5,9 +5,9 @@ use model::{Effect, Model, Vehicle};
 use sysid::checks::vehicle::Likeness;
 use sysid::{Prepared, Reference};
 
+use crate::observer::Observer;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::loaded::{LoadedFlight, leave_out_undefined};
-use crate::workflow::observer::Observer;
 use crate::workflow::sets::{FlightSets, FlightsOfOneKind};
 
 impl FlightSets {

@@ -4,11 +4,11 @@ use model::{Effect, Model, Vehicle};
 use sysid::fit::output_error::Rows;
 use sysid::{Comparison, RefinementOutcome};
 
+use crate::observer::Observer;
 use crate::workflow::add::join;
 use crate::workflow::diagnose::search;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::identify::fit_basic;
-use crate::workflow::observer::Observer;
 use crate::workflow::refinement::refine;
 use crate::workflow::sets::FlightSets;
 use crate::{Addition, Diagnosis, Options, Verdict};

@@ -4,9 +4,9 @@ use model::{Effect, FitRecord, Model, Vehicle};
 use sysid::fit::output_error::Rows;
 use sysid::{MotorsOfFlights, RefinementOutcome};
 
+use crate::observer::{Observer, Progress};
 use crate::workflow::corrections::basic_model;
 use crate::workflow::error::WorkflowError;
-use crate::workflow::observer::{Observer, Progress};
 use crate::workflow::record::rotation_refused;
 use crate::workflow::refinement::refine;
 use crate::workflow::sets::FlightSets;
@@ -42,6 +42,9 @@ pub(crate) fn fit_basic(
     sets: &mut FlightSets,
     observer: &dyn Observer,
 ) -> Result<Identified, WorkflowError> {
+    if observer.is_cancelled() {
+        return Err(WorkflowError::Cancelled);
+    }
     observer.progress(Progress { activity: "fitting the basic model", steps: None });
     let basic: Vec<Effect> = Effect::basic().collect();
     sets.align_training(&basic_model(vehicle));

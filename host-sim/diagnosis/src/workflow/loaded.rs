@@ -10,8 +10,8 @@ use sha2::{Digest, Sha256};
 use sysid::checks::clocks::Clocks;
 use sysid::{Examined, Fault, Prepared};
 
+use crate::observer::{Observer, Progress};
 use crate::workflow::error::WorkflowError;
-use crate::workflow::observer::{Observer, Progress};
 
 /// A flight, read and prepared.
 pub struct LoadedFlight {
