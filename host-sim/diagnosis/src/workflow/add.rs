@@ -30,6 +30,7 @@ pub fn add(
 ) -> Result<Added, WorkflowError> {
     sets.hold_against(model, &[effect], observer)?;
     let (better, addition) = join(model, effect, sets, &Options::default(), observer)?;
+    sets.judge_clocks(&better, effect);
     let (model, refinement) = refine(better, sets, rows, observer)?;
     Ok(Added { model, addition, refinement })
 }

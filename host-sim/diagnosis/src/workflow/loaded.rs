@@ -48,6 +48,11 @@ impl LoadedFlight {
         Self::examined(flight, vehicle, path, sha256(flight.to_csv().as_bytes()))
     }
 
+    /// Whether its rotor clock wanders.
+    pub(crate) fn wanders(&self) -> bool {
+        self.prepared.alignment.as_ref().is_some_and(|alignment| !alignment.wandering.is_empty())
+    }
+
     fn from_file(path: &Path, vehicle: &Vehicle) -> Result<Self, WorkflowError> {
         if path.is_dir() {
             return Err(FlightError::Folder { path: path.into() }.into());
