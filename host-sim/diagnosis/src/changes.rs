@@ -10,10 +10,11 @@
 
 use model::{ChangeScatter, Model};
 use nalgebra::{DMatrix, DVector};
+use report::number::{percent, with_error};
 
 use crate::change::Change;
 use crate::criteria::{AS_GOOD, Asked, Evidence, RIVAL, SIGNIFICANCE, weigh};
-use crate::figures::{rms_of, with_error};
+use crate::figures::rms_of;
 use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding, Verdict};
 use crate::held_out::take_gain;
 use crate::observer::Observer;
@@ -168,10 +169,10 @@ fn summary(best: Option<&(Change, EffectFinding)>) -> String {
     };
     format!(
         "Since the model was made, {change} has appeared ({}): with it, the {} on flights it was not estimated from falls by \
-         {:.1} %.{rivals}",
+         {} %.{rivals}",
         size.join(", "),
         rms_of(change.effect.info().axes),
-        finding.rms_fall_percent()
+        percent(finding.rms_fall_percent())
     )
 }
 

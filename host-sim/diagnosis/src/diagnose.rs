@@ -14,10 +14,11 @@
 //! held-out standard (`residual_tests.rs`): that is the difference between "adequate" and "unexplained".
 
 use model::Model;
+use report::number::{p_equation, percent};
 use sysid::prepare::Prepared;
 
 use crate::criteria::Left;
-use crate::figures::{probability, rms_of};
+use crate::figures::rms_of;
 use crate::finding::{Diagnosis, EffectFinding, Unexplained, Verdict, supported};
 use crate::noise;
 use crate::observer::{Observer, Progress};
@@ -96,21 +97,21 @@ fn lacking(best: &EffectFinding, findings: &[EffectFinding]) -> String {
         if also.is_empty() { String::new() } else { format!(" Also supported: {}.", joined(also, ", ")) };
     let [improved, flights] = best.flights_improved;
     format!(
-        "The model lacks {}. {} With it, the held-out {} falls by {:.1} % ({improved} of {flights} flights, {}).\
+        "The model lacks {}. {} With it, the held-out {} falls by {} % ({improved} of {flights} flights, {}).\
          {also}",
         best.effect,
         best.effect.info().sentence,
         rms_of(best.effect.info().axes),
-        best.rms_fall_percent(),
-        probability(best.p_value)
+        percent(best.rms_fall_percent()),
+        p_equation(best.p_value)
     )
 }
 
 fn unaccounted(worst: &Unexplained) -> String {
     format!(
-        "The residual of {} {} ({:.1} % of its held-out squared error), and no known effect accounts for it.",
+        "The residual of {} {} ({} % of its held-out squared error), and no known effect accounts for it.",
         worst.axis,
         worst.depends_on.predicate(),
-        worst.share_percent
+        percent(worst.share_percent)
     )
 }

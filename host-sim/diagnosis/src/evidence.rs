@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 
 use model::{AXES, Effect, Kind, Model, Question};
 use nalgebra::DMatrix;
+use report::number;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -262,10 +263,10 @@ fn summary(in_model: bool, finding: &EffectFinding, found: &[Effect], beside: Op
     let others: Vec<Effect> = found.iter().copied().filter(|other| other != effect).collect();
     match beside {
         Some(percent) => format!(
-            "{what} With {} in the model, which the diagnosis finds, it lowers the held-out {} by {:.1} %.",
+            "{what} With {} in the model, which the diagnosis finds, it lowers the held-out {} by {} %.",
             joined(&others, " and "),
             rms_of(effect.info().axes),
-            rms_fall_percent(percent)
+            number::percent(rms_fall_percent(percent))
         ),
         None if found.contains(effect) => format!("{what} The diagnosis finds it as well."),
         None => what,

@@ -314,7 +314,7 @@ pub(crate) fn worst(comparison: &Comparison) -> Grid {
         [text("axis"), text("condition"), number("rms", ""), number("share", "%")],
     );
     for w in &comparison.worst {
-        grid.push([w.axis.name().into(), w.condition.clone(), short(w.rms), share(w.share_percent)]);
+        grid.push([w.axis.name().into(), w.condition.clone(), short(w.rms), percent(w.share_percent)]);
     }
     grid
 }
@@ -402,27 +402,15 @@ pub(crate) fn flight_by_flight(axes: &[Axis], before: &[View], after: &[View]) -
     grid
 }
 
-/// A share of a squared error. A dependence is judged by how much better it is than the constant that the training flights leave; where
-/// that constant is wrong for the flights held out, it can take away more than the whole error.
-fn share(percent_of_error: f64) -> String {
-    if percent_of_error > 100.0 { "all".into() } else { percent(percent_of_error) }
-}
-
 /// Structure that no effect accounts for.
 pub(crate) fn unexplained(all: &[Unexplained]) -> Grid {
-    let more_than_all = all.iter().any(|u| u.share_percent > 100.0);
-    let caption = if more_than_all {
-        "Left unexplained (all: the held-out flights have another constant offset as well)"
-    } else {
-        "Left unexplained"
-    };
     let mut grid = Grid::new(
-        caption,
+        "Left unexplained",
         [text("axis"), text("depends on"), number("share of its squared error", "%"), number("p", "")],
     );
     for u in all {
         let depends_on = u.depends_on.to_string();
-        grid.push([u.axis.name().into(), depends_on, share(u.share_percent), p_value(u.p_value)]);
+        grid.push([u.axis.name().into(), depends_on, percent(u.share_percent), p_value(u.p_value)]);
     }
     grid
 }

@@ -7,6 +7,7 @@
 
 use model::{Vehicle, frames};
 use nalgebra::Vector3;
+use report::number::fixed;
 
 use flights::{COLUMNS, Column, Flight, median_step};
 
@@ -63,10 +64,10 @@ pub fn check(flight: &Flight, vehicle: &Vehicle) -> Channels {
         }
         let samples: usize = runs.iter().map(|r| r.len()).sum();
         found.frozen.push(format!(
-            "{name} repeats its values {} for {:.2} s in all, first at t = {:.2} s: these {samples} samples are left out",
+            "{name} repeats its values {} for {} s in all, first at t = {} s: these {samples} samples are left out",
             times(runs.len()),
-            samples as f64 * period_s,
-            t[runs[0].start]
+            fixed(samples as f64 * period_s, 2),
+            fixed(t[runs[0].start], 2)
         ));
         for run in runs {
             mask(&mut masked, stream, run);
@@ -87,7 +88,7 @@ pub fn check(flight: &Flight, vehicle: &Vehicle) -> Channels {
         } else {
             ("tracker", "(lost or exchanged markers?): samples about the jumps are left out")
         };
-        let place = format!("{}, first at t = {:.2} s", times(jumps.len()), t[*first]);
+        let place = format!("{}, first at t = {} s", times(jumps.len()), fixed(t[*first], 2));
         found.jumps.push(format!("the {what} jumps as no craft flies {place} {done}"));
         found.jumps_kept = kept;
         if !kept {
@@ -230,7 +231,9 @@ fn saturated(flight: &Flight, vehicle: &Vehicle) -> Vec<String> {
         }
         let list: Vec<String> = shares
             .iter()
-            .map(|(c, share)| format!("{} in {:.0} % of the samples", COLUMNS[*c as usize], 100.0 * share))
+            .map(|(c, share)| {
+                format!("{} in {} % of the samples", COLUMNS[*c as usize], fixed(100.0 * share, 0))
+            })
             .collect();
         found.push(format!(
             "commands are at the {end} value of command_range: {}; motors may give less than asked there, so cut the log to \

@@ -15,6 +15,7 @@
 //! [`MATTERS_S`] is called wandering. Where rotor speeds were measured, [`crate::fit::alignment`] looks more closely.
 
 use model::{Adjustments, Vehicle};
+use report::number::fixed;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -59,7 +60,7 @@ pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<Vec<PieceLag>> {
 pub fn sentence(pieces: &[PieceLag]) -> String {
     let of = |piece: &PieceLag| -> Option<String> {
         let late = mean(piece.late_s.iter().flatten().copied())?;
-        Some(format!("{:.0} ms at {:.0} s", 1e3 * late, piece.time_s))
+        Some(format!("{} ms at {} s", fixed(1e3 * late, 0), fixed(piece.time_s, 0)))
     };
     let listed: Vec<String> = pieces.iter().filter_map(of).collect();
     format!(

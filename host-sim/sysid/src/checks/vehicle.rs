@@ -11,6 +11,7 @@
 //! A vehicle whose map is identified has no rotor speed, so neither coefficient is judged.
 
 use model::{Axis, Effect, Model, Vehicle};
+use report::number::{fixed, significant, with_error};
 
 use crate::checks::{Fault, FaultKind, Severity};
 use crate::fit::linearise::residuals;
@@ -40,7 +41,8 @@ pub fn of_vehicle(vehicle: &Vehicle) -> Option<Fault> {
     Some(warning(
         FaultKind::ImplausibleVehicle,
         format!(
-            "vehicle file: rotor_radius is {ratio:.2} of arm_length, craft have 0.4 to 0.65; {suspicion}"
+            "vehicle file: rotor_radius is {} of arm_length, craft have 0.4 to 0.65; {suspicion}",
+            significant(ratio, 2)
         ),
     ))
 }
@@ -64,8 +66,9 @@ pub fn of_fit(model: &Model, rotor_speeds_logged: bool) -> Vec<Fault> {
         faults.push(warning(
             FaultKind::ImplausibleVehicle,
             format!(
-                "vehicle file: mass, rotor_radius and rotor speeds together give a thrust coefficient of {thrust:.2e}, propellers \
-                 have 0.008 to 0.026; {hint}"
+                "vehicle file: mass, rotor_radius and rotor speeds together give a thrust coefficient of {}, propellers have \
+                 0.008 to 0.026; {hint}",
+                significant(thrust, 3)
             ),
         ));
     }
@@ -87,9 +90,11 @@ fn inertia(model: &Model, thrust: f64, moments: &[f64]) -> Option<Fault> {
         warning(
             FaultKind::ImplausibleVehicle,
             format!(
-                "moments of inertia in roll and pitch come out as {roll:.2} and {pitch:.2} of mass times arm_length squared, craft have \
+                "moments of inertia in roll and pitch come out as {} and {} of mass times arm_length squared, craft have \
                  0.25 to 0.45: mass or arm_length (centre to motor, metres) is wrong, commands come late against the \
-                 motion, or a strong moment is not in the model"
+                 motion, or a strong moment is not in the model",
+                significant(roll, 2),
+                significant(pitch, 2)
             ),
         )
     })
@@ -111,7 +116,7 @@ fn undetermined(model: &Model) -> Option<Fault> {
             // A drag next to zero with a small error is determined.
             let small = if model.vehicle.has_rotor_map() { c.typical.min(ordinary) } else { ordinary };
             if error > estimate.value.abs() && error > UNDETERMINED * small {
-                names.push(format!("{} = {:.2} +- {:.2} {}", c.name, estimate.value, error, c.unit));
+                names.push(format!("{} = {}", c.name, with_error(estimate.value, error, c.unit)));
                 if !fly.contains(&info.excitation) {
                     fly.push(info.excitation);
                 }
@@ -142,7 +147,8 @@ pub fn of_set(train: &[&Prepared], validate: &[&Prepared]) -> Vec<Fault> {
     let seconds: f64 = train.iter().map(|f| f.rows() as f64 * f.period_s).sum();
     if seconds < LEAST_TRAINING_S {
         few(format!(
-            "only {seconds:.1} s to fit on: errors are large and drifts unseen; give at least three flights of 20 s"
+            "only {} s to fit on: errors are large and drifts unseen; give at least three flights of 20 s",
+            fixed(seconds, 1)
         ));
     }
     faults
@@ -180,14 +186,14 @@ pub fn differences(model: &Model, flights: &[&Prepared], likeness: Likeness) -> 
     let ratio = thrust.product / thrust.predicted.max(f64::MIN_POSITIVE);
     if !(1.0 / likeness.thrust..=likeness.thrust).contains(&ratio) {
         let way = if ratio > 1.0 { "above" } else { "below" };
-        found.push(format!("the thrust is {:.0} % {way} the model's", 100.0 * (ratio - 1.0).abs()));
+        found.push(format!("the thrust is {} % {way} the model's", fixed(100.0 * (ratio - 1.0).abs(), 0)));
     }
     for (axis, name) in [(Axis::P, "roll"), (Axis::Q, "pitch")] {
         let (slope, correlation) = sums[axis.index()].about_means();
         if correlation < -0.4 {
             found.push(format!("the motors {name} the craft the other way round"));
         } else if correlation > 0.6 && !(1.0 / likeness.moment..=likeness.moment).contains(&slope) {
-            found.push(format!("the motors {name} the craft {slope:.1} times as strongly"));
+            found.push(format!("the motors {name} the craft {} times as strongly", fixed(slope, 1)));
         }
     }
     found
