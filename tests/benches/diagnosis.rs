@@ -1,8 +1,8 @@
 //! Diagnoses with the whole catalogue on five 60 s flights at 100 Hz, after reading; one core. The aim is a second each, and 0.3 s for
 //! the exhaustive search over all sets of up to three of twenty candidates.
 
-use diagnosis::diagnose;
 use diagnosis::subsets::Problem;
+use diagnosis::{Silent, diagnose};
 use divan::{Bencher, black_box};
 use model::{Effect, Model};
 use nalgebra::DMatrix;
@@ -35,7 +35,7 @@ fn diagnose_flights(bencher: Bencher, hidden: &[&str], sensors: &Sensors) {
     let (model, flights) = flown(hidden, sensors);
     let all: Vec<&Prepared> = flights.iter().collect();
     let (train, validate) = all.split_at(3);
-    bencher.bench_local(|| diagnose(black_box(&model), train, validate, |_| ()).expect("a diagnosis"));
+    bencher.bench_local(|| diagnose(black_box(&model), train, validate, &Silent).expect("a diagnosis"));
 }
 
 /// What worlds of the bench hide.

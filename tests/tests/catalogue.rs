@@ -120,7 +120,9 @@ fn changes_come_back_from_the_flights_after_them() {
         };
         let (values, flights) = flown(effect, &whole, 1);
         let all: Vec<&Prepared> = flights.iter().collect();
-        let diagnosis = diagnosis::changes::changed(&before, &all, |_| ()).unwrap();
+        let diagnosis =
+            diagnosis::changes::changed(&before, &diagnosis::Change::all(&before), &all, &diagnosis::Silent)
+                .unwrap();
         let finding = diagnosis.effects.iter().find(|e| e.effect == effect).unwrap();
         for found in &finding.coefficients {
             let k = effect.info().coefficients.iter().position(|c| c.name == found.name).unwrap();

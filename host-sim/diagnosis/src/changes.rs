@@ -12,13 +12,16 @@ use std::ops::ControlFlow;
 
 use model::{ChangeScatter, Model};
 use nalgebra::{DMatrix, DVector};
+use report::number::{percent, with_error};
 
 use crate::change::Change;
 use crate::criteria::{AS_GOOD, Asked, Evidence, RIVAL, SIGNIFICANCE, weigh};
-use crate::figures::with_error;
+use crate::figures::rms_of;
 use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding, Verdict};
 use crate::held_out::take_gain;
+use crate::observer::Observer;
 use crate::reason::{Reason, joined};
+use crate::search_error::{SearchError, Steps, going_on};
 use crate::significance::{independent_stretches, zero_p_value};
 use sysid::fit::gauss_newton::{self, Linearised, Problem, Rule};
 use sysid::fit::least_squares::{FlightRows, Prior, Solution, Unidentifiable};
@@ -148,26 +151,25 @@ pub fn scatter(model: &Model, flights: &[&Prepared]) -> Vec<ChangeScatter> {
     result
 }
 
-/// Names the one change that explains new flights, with the model's parameters as they are.
+/// Names the one of `changes` that explains new flights, with the model's parameters as they are.
 pub fn changed(
     model: &Model,
+    changes: &[Change],
     flights: &[&Prepared],
-    mut progress: impl FnMut(&str),
-) -> Result<Diagnosis, FitError> {
+    observer: &dyn Observer,
+) -> Result<Diagnosis, SearchError> {
     if flights.is_empty() {
-        return Err(FitError::NoFlights);
+        return Err(FitError::NoFlights.into());
     }
-    let changes = Change::all(model);
-    let mut findings: Vec<(Change, EffectFinding)> = changes
-        .iter()
-        .map(|&change| {
-            progress(change.effect.id());
-            (change, examine(model, change, flights, changes.len()))
-        })
-        .collect();
+    let mut findings: Vec<(Change, EffectFinding)> = Vec::new();
+    let mut steps = Steps::new(observer, changes.len());
+    for &change in changes {
+        steps.next(&format!("trying {change}"))?;
+        findings.push((change, examine(model, change, flights, changes.len()).finding));
+    }
     let score = |f: &EffectFinding| f.gain * (1.0 - FOR_A_COEFFICIENT * f.coefficients.len() as f64);
     findings.sort_by(|a, b| b.1.supported.cmp(&a.1.supported).then(score(&b.1).total_cmp(&score(&a.1))));
-    mark_rivals(model, &mut findings, flights, changes.len());
+    mark_rivals(model, &mut findings, flights, (changes.len(), observer))?;
     let best = findings.iter().find(|(_, f)| f.supported);
     Ok(Diagnosis {
         verdict: if best.is_some() { Verdict::MissingEffect } else { Verdict::Adequate },
@@ -180,7 +182,7 @@ pub fn changed(
 /// The conclusion in sentences.
 fn summary(best: Option<&(Change, EffectFinding)>) -> String {
     let Some((change, finding)) = best else {
-        return "No change stands out from the scatter between the flights that the model was made from."
+        return "No change stands out from the scatter between the flights that the model was fitted to."
             .into();
     };
     let size: Vec<String> = finding
@@ -195,10 +197,11 @@ fn summary(best: Option<&(Change, EffectFinding)>) -> String {
         _ => String::new(),
     };
     format!(
-        "Since the model was made, {change} has appeared ({}): it explains {:.1} % of the error on flights it was not \
-         estimated from.{rivals}",
+        "Since the model was fitted, one thing has changed: {change} ({}). With it, the {} falls by {} % on flights that \
+         it was not estimated from.{rivals}",
         size.join(", "),
-        finding.drop_percent
+        rms_of(change.effect.info().axes),
+        percent(finding.rms_fall_percent())
     )
 }
 
@@ -207,25 +210,26 @@ fn mark_rivals(
     model: &Model,
     findings: &mut [(Change, EffectFinding)],
     flights: &[&Prepared],
-    candidates: usize,
-) {
+    (candidates, observer): (usize, &dyn Observer),
+) -> Result<(), SearchError> {
     let Some((best, best_gain)) = findings.first().filter(|(_, f)| f.supported).map(|(c, f)| (*c, f.gain))
     else {
-        return;
+        return Ok(());
     };
-    let Ok(with_best) = fit_change(model, best, flights) else { return };
+    let Ok(with_best) = fit_change(model, best, flights) else { return Ok(()) };
     let mut rivals = Vec::new();
     for (change, finding) in findings.iter_mut().skip(1).filter(|(_, f)| f.supported) {
+        going_on(observer)?;
         let as_good = finding.gain > AS_GOOD * best_gain;
         let adds =
-            change.effect != best.effect && examine(&with_best.model, *change, flights, candidates).supported;
+            change.effect != best.effect && is_supported(&with_best.model, *change, flights, candidates);
         if adds && !as_good {
             continue;
         }
         let rival = as_good
             || finding.gain > RIVAL * best_gain
                 && fit_change(model, *change, flights).is_ok_and(|with| {
-                    change.effect == best.effect || !examine(&with.model, best, flights, candidates).supported
+                    change.effect == best.effect || !is_supported(&with.model, best, flights, candidates)
                 });
         if rival {
             finding.refuse(Reason::RivalOf { best });
@@ -240,7 +244,9 @@ fn mark_rivals(
     finding.confounded_with = rivals.iter().map(|rival| rival.effect).collect();
     finding.confounded_with.sort_unstable_by_key(|effect| effect.id());
     finding.confounded_with.dedup();
-    finding.reason = Reason::Changed { percent: finding.drop_percent, rivals };
+    let axes = best.effect.info().axes;
+    finding.reason = Reason::Changed { axes, percent: finding.drop_percent, rivals };
+    Ok(())
 }
 
 /// Two other changes that act on different axes and together take away as much as the best one: a weight under a motor, which
@@ -260,14 +266,43 @@ fn as_good_together(findings: &[(Change, EffectFinding)], best: Change, best_gai
     pair.map_or_else(Vec::new, |(_, both)| both.to_vec())
 }
 
-/// The evidence for a change.
-fn examine(model: &Model, change: Change, flights: &[&Prepared], candidates: usize) -> EffectFinding {
+/// The evidence for a change by itself.
+pub(crate) struct Examined {
+    pub(crate) finding: EffectFinding,
+    /// Standard errors of its coefficients, without what flights differ by anyway.
+    std_errors: Vec<f64>,
+    /// Residuals of each flight without the change, and with it as it was estimated from the others.
+    pub(crate) residuals: Option<[Vec<Residuals>; 2]>,
+    has_rotor_map: bool,
+}
+
+impl Examined {
+    /// What the rules look at.
+    pub(crate) fn evidence(&self) -> Evidence<'_> {
+        Evidence {
+            asked: Asked::Changed,
+            finding: &self.finding,
+            std_errors: self.std_errors.clone(),
+            has_rotor_map: self.has_rotor_map,
+        }
+    }
+}
+
+fn is_supported(model: &Model, change: Change, flights: &[&Prepared], candidates: usize) -> bool {
+    examine(model, change, flights, candidates).finding.supported
+}
+
+/// The evidence for a change, one of so many `candidates`.
+pub(crate) fn examine(model: &Model, change: Change, flights: &[&Prepared], candidates: usize) -> Examined {
     let info = change.effect.info();
     let fitted = fit_change(model, change, flights);
     let not_weighed = fitted.as_ref().err().map_or(Reason::LikeChance, |e| Reason::Refused(e.clone()));
     let mut finding = EffectFinding::unsupported(change.effect, flights.len(), not_weighed);
     finding.motor = change.motor;
-    let Ok(fitted) = fitted else { return finding };
+    let has_rotor_map = model.vehicle.has_rotor_map();
+    let Ok(fitted) = fitted else {
+        return Examined { finding, std_errors: Vec::new(), residuals: None, has_rotor_map };
+    };
     let free = change.coefficients();
     let (total, independent) = with_scatter(model, change, &fitted, flights);
     finding.coefficients = free
@@ -283,15 +318,12 @@ fn examine(model: &Model, change: Change, flights: &[&Prepared], candidates: usi
     let coefficients = free.iter().map(|&k| &info.coefficients[k]);
     let p_value = zero_p_value(fitted.values.as_slice(), &total, coefficients, independent);
     finding.p_value = (p_value * candidates as f64).min(1.0);
-    cross_validate(model, change, flights, &fitted, &mut finding);
-    let evidence = Evidence {
-        asked: Asked::Changed,
-        finding: &finding,
-        std_errors: (0..free.len()).map(|i| fitted.covariance[(i, i)].max(0.0).sqrt()).collect(),
-        has_rotor_map: model.vehicle.has_rotor_map(),
-    };
-    (finding.supported, finding.reason) = weigh(&evidence);
-    finding
+    let residuals = cross_validate(model, change, flights, &fitted, &mut finding);
+    let std_errors = (0..free.len()).map(|i| fitted.covariance[(i, i)].max(0.0).sqrt()).collect();
+    let mut examined = Examined { finding, std_errors, residuals: Some(residuals), has_rotor_map };
+    let (supported, reason) = weigh(&examined.evidence());
+    (examined.finding.supported, examined.finding.reason) = (supported, reason);
+    examined
 }
 
 /// The covariance of an estimate with what the base flights scatter by, and what it is known from: a scatter seen in a few flights
@@ -322,14 +354,14 @@ fn with_scatter(
     (total, independent)
 }
 
-/// Errors on flights the change was not estimated from.
+/// Errors on flights the change was not estimated from, and the residuals without and with it.
 fn cross_validate(
     model: &Model,
     change: Change,
     flights: &[&Prepared],
     fitted: &Fitted,
     finding: &mut EffectFinding,
-) {
+) -> [Vec<Residuals>; 2] {
     let before: Vec<Residuals> = flights.iter().map(|flight| residuals(flight, model)).collect();
     let after: Vec<Residuals> = (0..flights.len())
         .map(|left_out| {
@@ -341,6 +373,7 @@ fn cross_validate(
         })
         .collect();
     take_gain(finding, &fitted.sigma, flights, (&before, &after));
+    [before, after]
 }
 
 #[cfg(test)]
@@ -348,6 +381,7 @@ mod tests {
     use model::Effect;
 
     use super::*;
+    use crate::observer::Silent;
     use crate::testing::{ORDINARY, prepared, truth};
 
     const HEAVIER: Change = Change { effect: Effect::MassChange, motor: None };
@@ -371,7 +405,7 @@ mod tests {
         let mut back = fitted.model.clone();
         back.terms.retain(|term| term.effect != Effect::MassChange);
         assert_eq!(back, truth());
-        let finding = examine(&truth(), HEAVIER, &flights, 20);
+        let finding = examine(&truth(), HEAVIER, &flights, 20).finding;
         assert!(finding.supported && finding.drop_percent > 50.0, "{}", finding.reason);
     }
 
@@ -379,7 +413,7 @@ mod tests {
     fn flights_of_the_model_show_no_heavier_craft() {
         let flights = prepared(&truth(), 30..32, 10.0, &ORDINARY);
         let flights: Vec<&Prepared> = flights.iter().collect();
-        let finding = examine(&truth(), HEAVIER, &flights, 20);
+        let finding = examine(&truth(), HEAVIER, &flights, 20).finding;
         assert!(!finding.supported);
         assert!(finding.coefficients[0].value.abs() < 0.01, "{:?}", finding.coefficients);
     }
@@ -388,7 +422,7 @@ mod tests {
     fn a_single_flight_scatters_from_nothing_and_no_flight_tells_of_no_change() {
         let flights = prepared(&truth(), 30..31, 4.0, &ORDINARY);
         assert!(scatter(&truth(), &[&flights[0]]).is_empty());
-        assert_eq!(changed(&truth(), &[], |_| ()).err(), Some(FitError::NoFlights));
+        assert_eq!(changed(&truth(), &[], &[], &Silent).err(), Some(FitError::NoFlights.into()));
     }
 
     /// What base flights scatter by adds to the variance of an estimate, and is known from few of
@@ -419,19 +453,20 @@ mod tests {
     fn nothing_that_stands_out_is_said_so_and_what_does_with_its_size_and_rivals() {
         assert_eq!(
             summary(None),
-            "No change stands out from the scatter between the flights that the model was made from."
+            "No change stands out from the scatter between the flights that the model was fitted to."
         );
         let (change, mut found) = finding(Effect::MassChange, None, 5.0);
         found.drop_percent = 61.27;
         let (name, unit) = ("extra_mass", "kg");
         found.coefficients = vec![CoefficientFigures { name, value: 0.1512, std_error: 0.0123, unit }];
         let rival = Change { effect: Effect::MotorEfficiency, motor: Some(2) };
-        found.reason = Reason::Changed { percent: 61.27, rivals: vec![rival] };
+        found.reason =
+            Reason::Changed { axes: Effect::MassChange.info().axes, percent: 61.27, rivals: vec![rival] };
         assert_eq!(
             summary(Some(&(change, found))),
-            "Since the model was made, mass-change has appeared (extra_mass = 0.151 +- 0.012 kg): it explains \
-             61.3 % of the error on flights it was not estimated from. These flights cannot tell it from \
-             motor-efficiency of motor 2."
+            "Since the model was fitted, one thing has changed: mass-change (extra_mass = 0.151 ± 0.012 kg). With it, \
+             the rms error of w falls by 37.8 % on flights that it was not estimated from. These flights \
+             cannot tell it from motor-efficiency of motor 2."
         );
     }
 

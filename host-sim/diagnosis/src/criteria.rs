@@ -219,9 +219,10 @@ pub(crate) fn weigh(evidence: &Evidence<'_>) -> (bool, Reason) {
     }
     let percent = evidence.finding.drop_percent;
     let [improved, flights] = evidence.finding.flights_improved;
+    let axes = evidence.effect().info().axes;
     let reason = match evidence.asked {
-        Asked::Missing => Reason::ErrorFalls { percent, improved, flights },
-        Asked::Changed => Reason::Changed { percent, rivals: Vec::new() },
+        Asked::Missing => Reason::ErrorFalls { axes, percent, improved, flights },
+        Asked::Changed => Reason::Changed { axes, percent, rivals: Vec::new() },
     };
     (true, reason)
 }
@@ -344,9 +345,10 @@ mod tests {
     fn evidence_that_just_meets_every_rule_suffices() {
         let (supported, reason) = weighed(&heavier(), Asked::Missing);
         assert!(supported, "{reason}");
-        assert_eq!(reason, Reason::ErrorFalls { percent: 10.0, improved: 2, flights: 2 });
+        let axes = Effect::MassChange.info().axes;
+        assert_eq!(reason, Reason::ErrorFalls { axes, percent: 10.0, improved: 2, flights: 2 });
         let changed = weighed(&heavier(), Asked::Changed);
-        assert_eq!(changed, (true, Reason::Changed { percent: 10.0, rivals: Vec::new() }));
+        assert_eq!(changed, (true, Reason::Changed { axes, percent: 10.0, rivals: Vec::new() }));
     }
 
     #[test]

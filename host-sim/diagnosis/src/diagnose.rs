@@ -14,30 +14,32 @@
 //! held-out standard (`residual_tests.rs`): that is the difference between "adequate" and "unexplained".
 
 use model::Model;
-use sysid::FitError;
+use report::number::{p_equation, percent};
 use sysid::prepare::Prepared;
 
 use crate::criteria::Left;
-use crate::figures::probability;
+use crate::figures::rms_of;
 use crate::finding::{Diagnosis, EffectFinding, Unexplained, Verdict, supported};
 use crate::noise;
+use crate::observer::{Observer, Progress};
 use crate::options::Options;
 use crate::ranking::{confounded, ranked};
 use crate::reason::joined;
 use crate::residual_tests::{Structure, structure};
 use crate::search::Search;
+use crate::search_error::SearchError;
 use crate::stand_ins::{above_noise, incomplete, refuse_stand_ins};
 
 /// Diagnoses a model with the whole catalogue: which effect is missing from it?
 ///
-/// `progress` is given the names of what is tried.
+/// `observer` hears of what is tried, and may stop it.
 pub fn diagnose(
     model: &Model,
     train: &[&Prepared],
     validate: &[&Prepared],
-    progress: impl FnMut(&str),
-) -> Result<Diagnosis, FitError> {
-    diagnose_with(model, train, validate, &Options::default(), progress)
+    observer: &dyn Observer,
+) -> Result<Diagnosis, SearchError> {
+    diagnose_with(model, train, validate, &Options::default(), observer)
 }
 
 /// Diagnoses a model with the candidates that `options` leave: which effect is missing from it?
@@ -46,13 +48,13 @@ pub fn diagnose_with(
     train: &[&Prepared],
     validate: &[&Prepared],
     options: &Options,
-    mut progress: impl FnMut(&str),
-) -> Result<Diagnosis, FitError> {
+    observer: &dyn Observer,
+) -> Result<Diagnosis, SearchError> {
     let candidates = options.candidates(model);
-    let search = Search::new(model, candidates, train, validate)?;
-    let mut chosen = search.choose(&mut progress)?;
-    let confounded = confounded(&search, &chosen, &mut progress);
-    progress("what is left");
+    let search = Search::new(model, candidates, train, validate, observer)?;
+    let mut chosen = search.choose()?;
+    let confounded = confounded(&search, &chosen)?;
+    observer.progress(Progress { activity: "testing what is left", steps: None });
     let noise_before = noise::excess(validate, &search.base.held_out);
     let unexplained = loop {
         let rest = chosen.validated.as_ref().unwrap_or(&search.base);
@@ -66,7 +68,7 @@ pub fn diagnose_with(
         }
         search.refit(&mut chosen)?;
     };
-    let effects = ranked(&search, chosen.findings, &confounded);
+    let effects = ranked(&search, chosen.findings, &confounded)?;
     let verdict = match (effects.iter().any(|f| f.supported), unexplained.is_empty()) {
         (true, _) => Verdict::MissingEffect,
         (false, true) => Verdict::Adequate,
@@ -95,21 +97,22 @@ fn lacking(best: &EffectFinding, findings: &[EffectFinding]) -> String {
         if also.is_empty() { String::new() } else { format!(" Also supported: {}.", joined(also, ", ")) };
     let [improved, flights] = best.flights_improved;
     format!(
-        "The model lacks {}. {} With it, the error on held-out flights falls by {:.1} % ({improved} of {flights} flights, {}).\
+        "The model lacks {}. {} With it, the held-out {} falls by {} % ({improved} of {flights} flights, {}).\
          {also}",
         best.effect,
         best.effect.info().sentence,
-        best.drop_percent,
-        probability(best.p_value)
+        rms_of(best.effect.info().axes),
+        percent(best.rms_fall_percent()),
+        p_equation(best.p_value)
     )
 }
 
 fn unaccounted(worst: &Unexplained) -> String {
     format!(
-        "The residual of {} {} ({:.1} % of its held-out error), and no known effect accounts for it.",
+        "The residual of {} {} ({} % of its held-out squared error), and no known effect accounts for it.",
         worst.axis,
         worst.depends_on.predicate(),
-        worst.share_percent
+        percent(worst.share_percent)
     )
 }
 
@@ -118,6 +121,7 @@ mod tests {
     use model::{Axis, Effect};
 
     use super::*;
+    use crate::observer::Silent;
     use crate::reason::{Dependence, Reason};
 
     fn finding(effect: Effect, supported: bool) -> EffectFinding {
@@ -169,7 +173,7 @@ mod tests {
 
     #[test]
     fn without_flights_there_is_no_diagnosis() {
-        let refused = diagnose(&Model::thesis(), &[], &[], |_| ());
-        assert_eq!(refused.err(), Some(FitError::NoFlights));
+        let refused = diagnose(&Model::thesis(), &[], &[], &Silent);
+        assert_eq!(refused.err(), Some(sysid::FitError::NoFlights.into()));
     }
 }

@@ -9,19 +9,24 @@ use std::collections::BTreeMap;
 
 use model::{AXES, Effect, Kind, Model, Question};
 use nalgebra::DMatrix;
+use report::number;
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::change::Change;
 use crate::criteria::{Applied, Evidence, applied};
+use crate::figures::{rms_fall_percent, rms_of};
 use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding};
 use crate::held_out::{Validated, examine, fit_and_validate};
+use crate::observer::Observer;
 use crate::options::Options;
 use crate::ranking::separating_manoeuvre;
 use crate::reason::joined;
 use crate::screen::Screen;
 use crate::search::{PENALTY, SET, Search};
+use crate::search_error::SearchError;
 use sysid::prepare::Prepared;
-use sysid::{FitError, errors};
+use sysid::{FitError, Residuals, errors};
 
 /// Variance inflation from which on two effects cannot be told apart in practice.
 const CONFUSED_VIF: f64 = 10.0;
@@ -40,9 +45,23 @@ pub enum WhyError {
          after it appeared"
     )]
     Change(Effect),
-    /// The fit without it.
+    /// Nothing that can have come about since the model was good.
+    #[error("{effect} is none of the changes that are tried on this model; they are {tried}")]
+    NoChange {
+        /// The effect.
+        effect: Effect,
+        /// The effects of the changes.
+        tried: String,
+    },
+    /// The search without it.
     #[error(transparent)]
-    Fit(#[from] FitError),
+    Search(#[from] SearchError),
+}
+
+impl From<FitError> for WhyError {
+    fn from(why: FitError) -> Self {
+        Self::Search(why.into())
+    }
 }
 
 /// One criterion of support.
@@ -127,7 +146,7 @@ pub struct Why {
     pub alike: Vec<Likeness>,
     /// What a diagnosis finds in the model without it.
     pub found: Vec<Effect>,
-    /// What it adds once the others that were found are in the model, percent of the held-out error.
+    /// What it adds once the others that were found are in the model, percent of the held-out squared error.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub drop_percent_beside_found: Option<f64>,
     /// The best sets of effects of the exhaustive search.
@@ -145,6 +164,7 @@ pub fn why(
     train: &[&Prepared],
     validate: &[&Prepared],
     options: &Options,
+    observer: &dyn Observer,
 ) -> Result<Why, WhyError> {
     let info = effect.info();
     if info.kind == Kind::Basic {
@@ -156,18 +176,18 @@ pub fn why(
     let mut without = model.clone();
     without.terms.retain(|term| term.effect != effect);
     let candidates = options.candidates_with(effect, &without);
-    let search = Search::new(&without, candidates, train, validate)?;
+    let search = Search::new(&without, candidates, train, validate, observer)?;
     let start = if model.has(effect) { model } else { &search.base.fit.model };
     let mut effects = without.effects();
     effects.push(effect);
     let with = fit_and_validate(start, &effects, train, validate)?;
     let finding = examine(&search.base, &with, effect, (train, validate), search.count());
-    let found = search.choose(&mut |_| ())?.findings;
+    let found = search.choose()?.findings;
     let beside = beside_found(&search, &without, effect, &found, (train, validate))?;
     Ok(assemble(model.has(effect), effect, &search, &with, &finding, (&found, beside), validate))
 }
 
-/// What the effect adds, percent of the held-out error over its axes, with the others that were found in place.
+/// What the effect adds, percent of the held-out squared error over its axes, with the others that were found in place.
 fn beside_found(
     search: &Search<'_>,
     without: &Model,
@@ -199,7 +219,6 @@ fn assemble(
     (found, beside): (&[EffectFinding], Option<f64>),
     validate: &[&Prepared],
 ) -> Why {
-    let info = effect.info();
     let screen = &search.screen;
     let index = screen.index(effect);
     let left = index.map_or(1.0, |i| {
@@ -222,24 +241,15 @@ fn assemble(
         supported: finding.supported,
         summary: summary(in_model, finding, &found, beside),
         criteria: criteria(&Evidence::missing(finding, &with.fit.model)),
-        flights: flights(&search.base, with, validate),
-        coefficients: finding
-            .coefficients
-            .iter()
-            .zip(info.coefficients)
-            .map(|(figures, c)| CoefficientEvidence {
-                half_width_95: 1.96 * figures.std_error,
-                figures: figures.clone(),
-                possible: c.possible,
-            })
-            .collect(),
+        flights: flights((&search.base.held_out, &with.held_out), validate),
+        coefficients: coefficients(finding),
         variance_inflation: 1.0 / left.max(f64::MIN_POSITIVE),
         alike: index.map_or_else(Vec::new, |i| alike(screen, i)),
         found,
         drop_percent_beside_found: beside,
         best_sets: scored(&|_| true),
         best_sets_with_it: scored(&|members| index.is_some_and(|i| members.contains(&i))),
-        to_see_it: info.excitation,
+        to_see_it: effect.info().excitation,
     }
 }
 
@@ -254,8 +264,10 @@ fn summary(in_model: bool, finding: &EffectFinding, found: &[Effect], beside: Op
     let others: Vec<Effect> = found.iter().copied().filter(|other| other != effect).collect();
     match beside {
         Some(percent) => format!(
-            "{what} With {} in the model, which the diagnosis finds, it explains {percent:.1} % of the error.",
-            joined(&others, " and ")
+            "{what} With {} in the model, which the diagnosis finds, it lowers the held-out {} by {} %.",
+            joined(&others, " and "),
+            rms_of(effect.info().axes),
+            number::percent(rms_fall_percent(percent))
         ),
         None if found.contains(effect) => format!("{what} The diagnosis finds it as well."),
         None => what,
@@ -263,7 +275,7 @@ fn summary(in_model: bool, finding: &EffectFinding, found: &[Effect], beside: Op
 }
 
 /// Every rule that applies to the effect.
-fn criteria(evidence: &Evidence<'_>) -> Vec<Criterion> {
+pub(crate) fn criteria(evidence: &Evidence<'_>) -> Vec<Criterion> {
     let shown = |Applied { question, unit, at_most, value, threshold, met, .. }| Criterion {
         question,
         value,
@@ -275,8 +287,24 @@ fn criteria(evidence: &Evidence<'_>) -> Vec<Criterion> {
     applied(evidence).into_iter().map(shown).collect()
 }
 
-fn flights(without: &Validated, with: &Validated, validate: &[&Prepared]) -> Vec<FlightDrop> {
-    let each = validate.iter().zip(without.held_out.iter().zip(&with.held_out));
+/// What was found of the effect's coefficients, or of a motor's.
+pub(crate) fn coefficients(finding: &EffectFinding) -> Vec<CoefficientEvidence> {
+    let free = Change { effect: finding.effect, motor: finding.motor }.coefficients();
+    let info = finding.effect.info();
+    let evidence = |(figures, k): (&CoefficientFigures, usize)| CoefficientEvidence {
+        half_width_95: 1.96 * figures.std_error,
+        figures: figures.clone(),
+        possible: info.coefficients[k].possible,
+    };
+    finding.coefficients.iter().zip(free).map(evidence).collect()
+}
+
+/// Errors of each flight by its residuals without and with the effect.
+pub(crate) fn flights(
+    (without, with): (&[Residuals], &[Residuals]),
+    flights: &[&Prepared],
+) -> Vec<FlightDrop> {
+    let each = flights.iter().zip(without.iter().zip(with));
     each.map(|(flight, (a, b))| {
         let (before, after) = (errors([a]), errors([b]));
         let drop = |axis: model::Axis| (axis.name(), AxisDrop::new(before[axis].sse, after[axis].sse));

@@ -6,6 +6,7 @@ use model::{Axis, Effect};
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::figures::rms_fall_percent;
 use crate::reason::{Dependence, Reason};
 
 /// The conclusion.
@@ -107,6 +108,11 @@ impl EffectFinding {
     pub(crate) fn refuse(&mut self, reason: Reason) {
         self.supported = false;
         self.reason = reason;
+    }
+
+    /// Held-out fall of the root mean square error over the axes it acts on, each weighed by its noise, percent.
+    pub fn rms_fall_percent(&self) -> f64 {
+        rms_fall_percent(self.drop_percent)
     }
 
     /// Largest drop of an axis, percent.

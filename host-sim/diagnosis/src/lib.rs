@@ -3,6 +3,7 @@
 
 mod addition;
 mod change;
+mod change_evidence;
 pub mod changes;
 mod columns;
 mod criteria;
@@ -12,6 +13,7 @@ mod figures;
 mod finding;
 mod held_out;
 mod noise;
+mod observer;
 mod options;
 pub mod planning;
 mod ranking;
@@ -19,6 +21,7 @@ mod reason;
 mod residual_tests;
 mod screen;
 mod search;
+mod search_error;
 mod significance;
 mod stand_ins;
 pub mod subsets;
@@ -28,9 +31,12 @@ pub mod workflow;
 
 pub use addition::{Addition, add};
 pub use change::Change;
+pub use change_evidence::{ChangeEvidence, WhyChanged, why_changed};
 pub use diagnose::{diagnose, diagnose_with};
 pub use evidence::{Why, WhyError, why};
 pub use finding::{AxisDrop, CoefficientFigures, Diagnosis, EffectFinding, Unexplained, Verdict};
+pub use observer::{Observer, Progress, Silent};
 pub use options::Options;
 pub use ranking::separating_manoeuvre;
 pub use reason::{Dependence, Reason};
+pub use search_error::SearchError;

@@ -3,6 +3,8 @@
 use model::{Effect, Model};
 use sysid::{has_rotation, without_rotation};
 
+use crate::change::Change;
+
 /// What to diagnose with.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Options {
@@ -26,11 +28,34 @@ impl Options {
         }
         candidates
     }
+
+    /// What can have changed since a model was good.
+    pub(crate) fn changes(&self, model: &Model) -> Vec<Change> {
+        Change::all(model).into_iter().filter(|change| !self.without.contains(&change.effect)).collect()
+    }
+
+    /// What can have changed since a model was good, and `effect`, which is asked about.
+    pub(crate) fn changes_with(&self, effect: Effect, model: &Model) -> Vec<Change> {
+        let is_candidate =
+            |change: &Change| change.effect == effect || !self.without.contains(&change.effect);
+        Change::all(model).into_iter().filter(is_candidate).collect()
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn changes_that_are_left_out_are_not_counted() {
+        let model = Model::thesis();
+        let all = Options::default().changes(&model);
+        let options = Options { without: vec![Effect::MotorEfficiency] };
+        let fewer = options.changes(&model);
+        assert_eq!(fewer.len() + 4, all.len(), "one for each motor");
+        assert!(fewer.iter().all(|change| change.effect != Effect::MotorEfficiency));
+        assert_eq!(options.changes_with(Effect::MotorEfficiency, &model), all);
+    }
 
     #[test]
     fn candidates_are_neither_in_the_model_nor_left_out_nor_of_a_rotation_that_it_lacks() {

@@ -9,6 +9,7 @@ use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding, supported};
 use crate::held_out::{Validated, examine};
 use crate::reason::Reason;
 use crate::search::{CONTENDER, Chosen, PENALTY, Search};
+use crate::search_error::{SearchError, Steps};
 use crate::significance::{independent_stretches, zero_p_value};
 use crate::subsets::Subset;
 
@@ -19,33 +20,32 @@ const RIVALS: usize = 3;
 pub(crate) type Confounded = (Effect, Effect);
 
 /// Candidates that do as well in a member's place.
-pub(crate) fn confounded(
-    search: &Search<'_>,
-    chosen: &Chosen,
-    progress: &mut impl FnMut(&str),
-) -> Vec<Confounded> {
+pub(crate) fn confounded(search: &Search<'_>, chosen: &Chosen) -> Result<Vec<Confounded>, SearchError> {
     let mut found = Vec::new();
-    let Some(with_set) = &chosen.validated else { return found };
+    let Some(with_set) = &chosen.validated else { return Ok(found) };
     let set = supported(&chosen.findings);
     let screen = &search.screen;
     let members: Vec<usize> = set.iter().filter_map(|effect| screen.index(*effect)).collect();
     // Nothing is said of sets with a member that cannot be linearised.
     if members.len() < set.len() {
-        return found;
+        return Ok(found);
     }
-    let Some(own) = screen.problem.score(&members, PENALTY) else { return found };
+    let Some(own) = screen.problem.score(&members, PENALTY) else { return Ok(found) };
     for (k, &member) in set.iter().enumerate() {
-        for rival in rivals(search, &members, k, CONTENDER * own.score).iter().take(RIVALS) {
+        let mut rivals = rivals(search, &members, k, CONTENDER * own.score);
+        rivals.truncate(RIVALS);
+        let mut steps = Steps::new(search.observer, rivals.len());
+        for rival in &rivals {
             let start = screen.start(rival);
             let other = start[k].0;
-            progress(other.id());
+            steps.next(&format!("trying {other} in place of {member}"))?;
             let Ok(instead) = search.fitted(&search.base.fit.model, &start) else { continue };
             if screen.gain(&instead.held_out, &with_set.held_out) < TIE {
                 found.push((member, other));
             }
         }
     }
-    found
+    Ok(found)
 }
 
 /// Sets with another candidate, of no more coefficients, in the place of the `k`-th of the `members`, best first.
@@ -70,7 +70,7 @@ pub(crate) fn ranked(
     search: &Search<'_>,
     findings: Vec<EffectFinding>,
     confounded: &[Confounded],
-) -> Vec<EffectFinding> {
+) -> Result<Vec<EffectFinding>, SearchError> {
     let mut all = findings;
     let set = supported(&all);
     for (index, &effect) in search.screen.candidates.iter().enumerate() {
@@ -78,7 +78,7 @@ pub(crate) fn ranked(
             all.push(linearised(search, index, &set, confounded));
         }
     }
-    for (effect, alone) in search.searched() {
+    for (effect, alone) in search.searched()? {
         if !all.iter().any(|f| f.effect == effect) {
             all.push(exact(search, effect, alone, &set));
         }
@@ -89,7 +89,7 @@ pub(crate) fn ranked(
     }
     correct(&mut all);
     all.sort_by(|a, b| b.supported.cmp(&a.supported).then(b.gain.total_cmp(&a.gain)));
-    all
+    Ok(all)
 }
 
 /// The evidence for an effect by itself that was fitted exactly, and what became of it.

@@ -4,12 +4,13 @@ use std::borrow::Cow;
 use std::fmt;
 
 use model::{Axis, Coefficient, Effect, Estimate};
+use report::number::{self, fixed, p_equation, significant, with_error, with_unit};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Serialize, Serializer};
 use sysid::FitError;
 
 use crate::change::Change;
-use crate::figures::{probability, significant, with_error, with_unit};
+use crate::figures::{rms_fall_percent, rms_of};
 
 /// What the residual of an axis depends on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,7 +55,9 @@ impl fmt::Display for Dependence {
             Self::Constant => f.write_str("constant offset"),
             Self::Quantity(name) => f.write_str(name),
             Self::Past => f.write_str("accelerations of the last half second"),
-            Self::Oscillation { frequency_hz } => write!(f, "an oscillation at {frequency_hz:.2} Hz"),
+            Self::Oscillation { frequency_hz } => {
+                write!(f, "an oscillation at {} Hz", fixed(*frequency_hz, 2))
+            }
             Self::SlowChanges => f.write_str("slow changes in time"),
         }
     }
@@ -65,6 +68,8 @@ impl fmt::Display for Dependence {
 pub enum Reason {
     /// Every criterion is met.
     ErrorFalls {
+        /// The axes that it acts on.
+        axes: &'static [Axis],
         /// Fall of the held-out squared error over the axes that it acts on, percent.
         percent: f64,
         /// Held-out flights on which the error falls.
@@ -171,6 +176,8 @@ pub enum Reason {
     },
     /// As a change, every criterion is met.
     Changed {
+        /// The axes that it acts on.
+        axes: &'static [Axis],
         /// Fall of the squared error on flights it was not estimated from, percent.
         percent: f64,
         /// Changes that explain the flights as well.
@@ -192,8 +199,9 @@ impl Reason {
 impl fmt::Display for Reason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::ErrorFalls { percent, improved, flights } => {
-                write!(f, "the held-out error falls by {percent:.1} %, in {improved} of {flights} flights")
+            Self::ErrorFalls { axes, percent, improved, flights } => {
+                let (rms, fall) = (rms_of(axes), number::percent(rms_fall_percent(*percent)));
+                write!(f, "the held-out {rms} falls by {fall} %, in {improved} of {flights} flights")
             }
             Self::NotExcited { excitation } => {
                 write!(f, "these flights do not excite it; to see it: {excitation}")
@@ -205,12 +213,14 @@ impl fmt::Display for Reason {
             Self::LikeChance => f.write_str("its coefficients do not differ significantly from zero"),
             Self::TooSmall { largest_percent, matters_percent } => write!(
                 f,
-                "too small to matter: at best, the held-out error of an axis falls by {largest_percent:.1} %, and \
-                 {matters_percent:.1} % is needed"
+                "too small to matter: at best, the held-out squared error of an axis falls by {} %, and {} % is \
+                 needed",
+                number::percent(*largest_percent),
+                number::percent(*matters_percent)
             ),
             Self::NotBorneOut { improved, flights, p_value } => {
                 write!(f, "not confirmed on held-out flights ({improved} of {flights} improve")?;
-                p_value.map_or(Ok(()), |p| write!(f, ", {}", probability(p)))?;
+                p_value.map_or(Ok(()), |p| write!(f, ", {}", p_equation(p)))?;
                 f.write_str(")")
             }
             Self::Impossible { coefficient, value, unit, possible: (low, high) } => write!(
@@ -265,9 +275,10 @@ impl Reason {
             }
             Self::LeavesMore { takes_percent, left_percent, axis, depends_on } => write!(
                 f,
-                "{STAND_IN}: it explains {takes_percent:.1} % of the error, and the rest of {axis} {} \
-                 ({left_percent:.1} % of it)",
-                depends_on.predicate()
+                "{STAND_IN}: it explains {} % of the squared error, and the rest of {axis} {} ({} % of it)",
+                number::percent(*takes_percent),
+                depends_on.predicate(),
+                number::percent(*left_percent)
             ),
             _ => Ok(()),
         }
@@ -277,16 +288,13 @@ impl Reason {
     fn write_of_change(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::WithinScatter { p_value } => {
-                write!(
-                    f,
-                    "within the noise and the usual scatter between flights ({})",
-                    probability(*p_value)
-                )
+                write!(f, "within the noise and the usual scatter between flights ({})", p_equation(*p_value))
             }
             Self::ExplainedBy { other } => write!(f, "adds nothing once {other} is accounted for"),
             Self::RivalOf { best } => write!(f, "these flights cannot tell it from {best}"),
-            Self::Changed { percent, rivals } => {
-                write!(f, "the error on flights it was not estimated from falls by {percent:.1} %")?;
+            Self::Changed { axes, percent, rivals } => {
+                let (rms, fall) = (rms_of(axes), number::percent(rms_fall_percent(*percent)));
+                write!(f, "the {rms} on flights it was not estimated from falls by {fall} %")?;
                 match rivals.is_empty() {
                     true => Ok(()),
                     false => write!(f, "; these flights cannot tell it from {}", joined(rivals, ", ")),
@@ -349,21 +357,32 @@ mod tests {
             axis: Axis::W,
             depends_on: Dependence::Oscillation { frequency_hz: 0.7 },
         };
-        let expected = "probably a stand-in for another effect: it explains 9.0 % of the error, and the rest of w shows an \
+        let expected = "probably a stand-in for another effect: it explains 9.0 % of the squared error, and the rest of w shows an \
                         oscillation at 0.70 Hz (12.0 % of it)";
         assert_eq!(left.to_string(), expected);
         let beside = Reason::AddsNothing { beside: vec![Effect::Tether, Effect::SteadyWind] };
         assert_eq!(beside.to_string(), "adds nothing once tether and steady-wind are in the model");
         let p_value = Some(0.3);
         let refuted = Reason::NotBorneOut { improved: 1, flights: 2, p_value };
-        assert_eq!(refuted.to_string(), "not confirmed on held-out flights (1 of 2 improve, p = 0.30)");
+        assert_eq!(refuted.to_string(), "not confirmed on held-out flights (1 of 2 improve, p = 0.300)");
+    }
+
+    /// An error that becomes half as large has a quarter of its square.
+    #[test]
+    fn the_fall_that_is_told_is_that_of_the_rms() {
+        let falls = |axes| Reason::ErrorFalls { axes, percent: 75.0, improved: 2, flights: 3 }.to_string();
+        assert_eq!(falls(&[Axis::W]), "the held-out rms error of w falls by 50.0 %, in 2 of 3 flights");
+        assert!(
+            falls(&[Axis::U, Axis::V, Axis::W]).starts_with("the held-out rms error of u, v and w falls")
+        );
+        assert!(falls(&model::AXES).starts_with("the held-out rms error of all axes falls"));
     }
 
     #[test]
     fn rivals_are_named_once() {
         let best = Change { effect: Effect::MotorEfficiency, motor: Some(2) };
         assert!(Reason::RivalOf { best }.names_rivals());
-        let changed = |rivals: Vec<Change>| Reason::Changed { percent: 50.0, rivals };
+        let changed = |rivals: Vec<Change>| Reason::Changed { axes: &[Axis::W], percent: 50.0, rivals };
         assert!(!changed(Vec::new()).names_rivals());
         assert!(changed(vec![best]).names_rivals());
         assert!(changed(vec![best]).to_string().ends_with("cannot tell it from motor-efficiency of motor 2"));

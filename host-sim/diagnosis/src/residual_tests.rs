@@ -69,7 +69,7 @@ pub(crate) fn structure(rest: &Validated, train: &[&Prepared], validate: &[&Prep
         }
         if let Some(past) = Past::fit(axis, train, &fitted, constant) {
             let (blocks, gain) = held.gained_by(&past, constant);
-            let share_percent = held.share_percent(gain);
+            let share_percent = held.share_percent(gain, constant);
             let alone =
                 held.depends_on(Dependence::Past, share_percent, PAST_PERCENT, 6.0 * blocks.p_value());
             is_late |= alone.is_some();
@@ -105,8 +105,12 @@ impl<'a> Held<'a> {
         Self { axis, flights, residuals, total }
     }
 
-    fn share_percent(&self, gain: f64) -> f64 {
-        if self.total > 0.0 { 100.0 * gain / self.total } else { 0.0 }
+    /// Share of a gain over the constant `before`, percent. Where the flights held out have another constant, taking it away can
+    /// gain more than their error: then the share is that of the error with it.
+    fn share_percent(&self, gain: f64, before: f64) -> f64 {
+        let errors = self.residuals.iter().flat_map(|r| &r.residual[self.axis.index()]);
+        let all = errors.map(|e| (e - before).powi(2)).sum::<f64>().max(self.total);
+        if all > 0.0 { 100.0 * gain / all } else { 0.0 }
     }
 
     /// What takes away more than a least share, and more than chance does.
@@ -147,7 +151,7 @@ impl<'a> Held<'a> {
             blocks.chance.extend(block_sums(flight, &noise));
         }
         let p_value = tests * blocks.p_value();
-        self.depends_on(depends_on, self.share_percent(total), STRUCTURE_PERCENT, p_value)
+        self.depends_on(depends_on, self.share_percent(total, before), STRUCTURE_PERCENT, p_value)
     }
 
     /// What the past explains beyond the constant `before`: its gain by blocks, and in all.
@@ -262,6 +266,17 @@ impl Cubic {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Held-out residuals of 3, where training left -1: going by 3 instead of -1 gains 16 of each sample, whose square is 9.
+    #[test]
+    fn no_share_is_more_than_all() {
+        let mut rest = Residuals::default();
+        rest.residual[Axis::W.index()] = vec![3.0; 50];
+        let residuals = [rest];
+        let held = Held::new(Axis::W, &[], &residuals);
+        assert!((held.share_percent(50.0 * 16.0, -1.0) - 100.0).abs() < 1e-9);
+        assert!((held.share_percent(50.0 * 4.5, 0.0) - 50.0).abs() < 1e-9);
+    }
 
     /// A cubic is found exactly; beyond what was seen, it stays at its last value.
     #[test]

@@ -14,8 +14,10 @@ use model::{Effect, Kind, Model};
 
 use crate::finding::{EffectFinding, supported};
 use crate::held_out::{Validated, examine, fit_and_validate, validated};
+use crate::observer::{Observer, Progress};
 use crate::reason::joined;
 use crate::screen::Screen;
+use crate::search_error::{SearchError, Steps, going_on};
 use crate::significance::effect_p_value;
 use crate::subsets::Subset;
 use sysid::fit::starts::Demand;
@@ -62,6 +64,8 @@ pub(crate) struct Search<'a> {
     alone: OnceCell<Vec<Result<Validated, FitError>>>,
     pub(crate) train: &'a [&'a Prepared],
     pub(crate) validate: &'a [&'a Prepared],
+    /// Hears of every candidate, and may stop before each.
+    pub(crate) observer: &'a dyn Observer,
 }
 
 impl<'a> Search<'a> {
@@ -71,27 +75,47 @@ impl<'a> Search<'a> {
         candidates: Vec<Effect>,
         train: &'a [&'a Prepared],
         validate: &'a [&'a Prepared],
-    ) -> Result<Self, FitError> {
+        observer: &'a dyn Observer,
+    ) -> Result<Self, SearchError> {
+        going_on(observer)?;
+        observer.progress(Progress { activity: "fitting the model as it is", steps: None });
         let base = fit_and_validate(model, &model.effects(), train, validate)?;
         // A user's formula may have no value at some sample: that must not spoil the others.
         let is_searched = |effect: &Effect| !effect.starts().is_empty() || matches!(effect, Effect::User(_));
         let (searched, linearised): (Vec<Effect>, Vec<Effect>) =
             candidates.into_iter().partition(is_searched);
+        going_on(observer)?;
+        observer.progress(Progress { activity: "linearising the candidates", steps: None });
         let screen = Screen::new(&base.fit, &linearised, train, validate)?;
-        Ok(Self { base, screen, searched, alone: OnceCell::new(), train, validate })
+        Ok(Self { base, screen, searched, alone: OnceCell::new(), train, validate, observer })
     }
 
     /// Candidates that are fitted exactly, each with the base model.
-    pub(crate) fn searched(&self) -> impl Iterator<Item = (Effect, &Result<Validated, FitError>)> {
-        let with = |effect: &Effect| {
-            let mut effects = self.base.fit.model.effects();
-            effects.push(*effect);
-            let model = &self.base.fit.model;
-            let fit = fit_if(self.train, &model.vehicle, &effects, Some(model), Demand::Promising)?;
-            validated(fit, self.validate)
+    pub(crate) fn searched(
+        &self,
+    ) -> Result<impl Iterator<Item = (Effect, &Result<Validated, FitError>)>, SearchError> {
+        let alone = match self.alone.get() {
+            Some(alone) => alone,
+            None => {
+                let mut steps = Steps::new(self.observer, self.searched.len());
+                let mut alone = Vec::new();
+                for effect in &self.searched {
+                    steps.next(&format!("trying {effect}"))?;
+                    alone.push(self.by_itself(*effect));
+                }
+                self.alone.get_or_init(|| alone)
+            }
         };
-        let alone = self.alone.get_or_init(|| self.searched.iter().map(with).collect());
-        self.searched.iter().copied().zip(alone)
+        Ok(self.searched.iter().copied().zip(alone))
+    }
+
+    /// The base model with one effect more.
+    fn by_itself(&self, effect: Effect) -> Result<Validated, FitError> {
+        let model = &self.base.fit.model;
+        let mut effects = model.effects();
+        effects.push(effect);
+        let fit = fit_if(self.train, &model.vehicle, &effects, Some(model), Demand::Promising)?;
+        validated(fit, self.validate)
     }
 
     /// Candidates.
@@ -100,7 +124,7 @@ impl<'a> Search<'a> {
     }
 
     /// Finds the set.
-    pub(crate) fn choose(&self, progress: &mut impl FnMut(&str)) -> Result<Chosen, FitError> {
+    pub(crate) fn choose(&self) -> Result<Chosen, SearchError> {
         let mut set: Vec<Effect> = Vec::new();
         let mut current: Option<Validated> = None;
         for round in 0..ROUNDS {
@@ -114,10 +138,10 @@ impl<'a> Search<'a> {
                     &again
                 }
             };
-            let sets = screen.problem.search(SET, PENALTY);
+            let sets = self.promising(screen)?;
             let from = current.as_ref().unwrap_or(&self.base);
-            let best = self.best_exact(from, screen, &sets, progress);
-            let Some((members, validated)) = self.with_searched(from, screen, &set, best, progress) else {
+            let best = self.best_exact(from, screen, &sets)?;
+            let Some((members, validated)) = self.with_searched(from, screen, &set, best)? else {
                 break;
             };
             set.extend(members);
@@ -126,8 +150,19 @@ impl<'a> Search<'a> {
                 break;
             }
         }
-        let (findings, validated) = self.prune(set, current, progress)?;
+        let (findings, validated) = self.prune(set, current)?;
         Ok(Chosen { findings, validated })
+    }
+
+    /// Every set of candidates that gains, linearised, best first.
+    fn promising(&self, screen: &Screen) -> Result<Vec<Subset>, SearchError> {
+        let told = |done, all| {
+            going_on(self.observer)?;
+            let activity = "scoring sets of effects";
+            self.observer.progress(Progress { activity, steps: Some((done, all)) });
+            Ok(())
+        };
+        screen.problem.search_told(SET, PENALTY, told)
     }
 
     /// The best of the promising sets, each fitted exactly; nothing where none gains.
@@ -136,27 +171,29 @@ impl<'a> Search<'a> {
         from: &Validated,
         screen: &Screen,
         sets: &[Subset],
-        progress: &mut impl FnMut(&str),
-    ) -> Option<Scored> {
+    ) -> Result<Option<Scored>, SearchError> {
         let near = sets.iter().take_while(|set| set.score >= CONTENDER * sets[0].score).take(CONTENDERS);
-        let best = self.best_of(from, screen, near, progress);
+        let best = self.best_of(from, screen, &near.collect::<Vec<_>>())?;
+        if best.is_some() {
+            return Ok(best);
+        }
         // Sets that end in nonsense hide a member that by itself does not.
         let single = sets.iter().filter(|set| set.members.len() == 1).take(CONTENDERS);
-        best.or_else(|| self.best_of(from, screen, single, progress))
+        self.best_of(from, screen, &single.collect::<Vec<_>>())
     }
 
-    fn best_of<'s>(
+    fn best_of(
         &self,
         from: &Validated,
         screen: &Screen,
-        sets: impl Iterator<Item = &'s Subset>,
-        progress: &mut impl FnMut(&str),
-    ) -> Option<Scored> {
+        sets: &[&Subset],
+    ) -> Result<Option<Scored>, SearchError> {
         let mut best: Option<Scored> = None;
+        let mut steps = Steps::new(self.observer, sets.len());
         for set in sets {
             let start = screen.start(set);
             let members: Vec<Effect> = start.iter().map(|(effect, _)| *effect).collect();
-            progress(&joined(&members, " and "));
+            steps.next(&format!("trying {}", joined(&members, " and ")))?;
             let Ok(validated) = self.fitted(&from.fit.model, &start) else { continue };
             if !produces_thrust(&validated.fit.model) {
                 continue;
@@ -166,7 +203,7 @@ impl<'a> Search<'a> {
                 best = Some((score, members, validated));
             }
         }
-        best
+        Ok(best)
     }
 
     /// The better of the best set and those with a candidate that cannot be linearised, alone and beside that set.
@@ -176,11 +213,12 @@ impl<'a> Search<'a> {
         screen: &Screen,
         set: &[Effect],
         best: Option<Scored>,
-        progress: &mut impl FnMut(&str),
-    ) -> Option<(Vec<Effect>, Validated)> {
+    ) -> Result<Option<(Vec<Effect>, Validated)>, SearchError> {
         let linearised = best.as_ref().map_or_else(Vec::new, |(_, members, _)| members.clone());
         let mut best = best;
-        for (effect, alone) in self.searched().filter(|(effect, _)| !set.contains(effect)) {
+        let mut steps = Steps::new(self.observer, self.searched.len());
+        for (effect, alone) in self.searched()?.filter(|(effect, _)| !set.contains(effect)) {
+            steps.next(&format!("trying {effect} beside the others"))?;
             let penalty = |effects: &[Effect]| -> f64 {
                 let count: usize = effects.iter().map(|e| e.info().coefficients.len()).sum();
                 PENALTY * count as f64
@@ -192,7 +230,6 @@ impl<'a> Search<'a> {
             {
                 continue;
             }
-            progress(effect.id());
             let mut start = from.fit.model.clone();
             if let Some(term) = alone.fit.model.term(effect) {
                 start.set(effect, &term.coefficients.iter().map(|c| c.value).collect::<Vec<_>>());
@@ -202,6 +239,7 @@ impl<'a> Search<'a> {
                 beside.push(linearised.clone());
             }
             for mut members in beside {
+                going_on(self.observer)?;
                 members.push(effect);
                 let mut effects = from.fit.model.effects();
                 effects.extend(&members);
@@ -217,7 +255,7 @@ impl<'a> Search<'a> {
                 }
             }
         }
-        best.map(|(_, members, validated)| (members, validated))
+        Ok(best.map(|(_, members, validated)| (members, validated)))
     }
 
     /// The model with more effects, from their linearised values on, or from none where that way ends nowhere.
@@ -248,13 +286,13 @@ impl<'a> Search<'a> {
         &self,
         mut set: Vec<Effect>,
         mut with: Option<Validated>,
-        progress: &mut impl FnMut(&str),
-    ) -> Result<(Vec<EffectFinding>, Option<Validated>), FitError> {
+    ) -> Result<(Vec<EffectFinding>, Option<Validated>), SearchError> {
         let count = self.count();
         while let Some(all) = with.take().filter(|_| !set.is_empty()) {
             let mut weighed: Vec<(EffectFinding, Option<Validated>)> = Vec::new();
+            let mut steps = Steps::new(self.observer, set.len());
             for (k, &effect) in set.iter().enumerate() {
-                progress(effect.id());
+                steps.next(&format!("weighing {effect}"))?;
                 let mut rest = set.clone();
                 rest.remove(k);
                 // Where the rest cannot be fitted without it, it is weighed against the base model.
@@ -277,7 +315,8 @@ impl<'a> Search<'a> {
     }
 
     /// Fits the members that are still supported again.
-    pub(crate) fn refit(&self, chosen: &mut Chosen) -> Result<(), FitError> {
+    pub(crate) fn refit(&self, chosen: &mut Chosen) -> Result<(), SearchError> {
+        going_on(self.observer)?;
         let set: Vec<Effect> = supported(&chosen.findings);
         chosen.validated = match &chosen.validated {
             Some(validated) if !set.is_empty() => Some(self.with(&validated.fit.model, &set)?),
@@ -290,6 +329,7 @@ impl<'a> Search<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::observer::Silent;
     use crate::testing::{ORDINARY, prepared, truth};
 
     fn with_search(world: &Model, candidates: &[Effect], look: impl FnOnce(&Search<'_>)) {
@@ -298,7 +338,7 @@ mod tests {
         let (train, validate) = all.split_at(3);
         let mut base = world.clone();
         base.terms.retain(|term| term.effect.info().kind == Kind::Basic);
-        look(&Search::new(&base, candidates.to_vec(), train, validate).unwrap());
+        look(&Search::new(&base, candidates.to_vec(), train, validate, &Silent).unwrap());
     }
 
     #[test]
@@ -307,7 +347,7 @@ mod tests {
         world.set(Effect::QuadraticDrag, &[-0.3; 2]);
         let candidates = [Effect::SteadyWind, Effect::QuadraticDrag, Effect::QuadraticYawDamping];
         with_search(&world, &candidates, |search| {
-            let chosen = search.choose(&mut |_| ()).unwrap();
+            let chosen = search.choose().unwrap();
             assert_eq!(supported(&chosen.findings), [Effect::QuadraticDrag]);
             let model = chosen.validated.unwrap().fit.model;
             assert!(model.has(Effect::QuadraticDrag) && !model.has(Effect::SteadyWind));
@@ -317,12 +357,12 @@ mod tests {
     #[test]
     fn of_a_complete_model_nothing_is_chosen() {
         with_search(&truth(), &[Effect::SteadyWind, Effect::QuadraticDrag], |search| {
-            let chosen = search.choose(&mut |_| ()).unwrap();
+            let chosen = search.choose().unwrap();
             assert!(chosen.findings.is_empty() && chosen.validated.is_none());
         });
         with_search(&truth(), &[], |search| {
             assert_eq!(search.count(), 0);
-            assert!(search.choose(&mut |_| ()).unwrap().validated.is_none());
+            assert!(search.choose().unwrap().validated.is_none());
         });
     }
 
@@ -331,7 +371,7 @@ mod tests {
         with_search(&truth(), &[Effect::SteadyWind, Effect::SlungLoad], |search| {
             assert_eq!(search.count(), 2);
             assert_eq!(search.screen.candidates, [Effect::SteadyWind]);
-            let exact: Vec<Effect> = search.searched().map(|(effect, _)| effect).collect();
+            let exact: Vec<Effect> = search.searched().unwrap().map(|(effect, _)| effect).collect();
             assert_eq!(exact, [Effect::SlungLoad]);
         });
     }

@@ -10,12 +10,16 @@
 //! rows, less a penalty for each coefficient. Deliberately absent: stepwise search and shrinkage; with some twenty candidates all
 //! sets of three are 1350.
 
+use std::convert::Infallible;
 use std::ops::Range;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 /// A pivot this small against its column's square means that the set repeats itself: refused.
 const COLLINEAR: f64 = 1e-8;
+
+/// Sets between one report of progress and the next: well under a tenth of a second.
+const TOLD_EVERY: usize = 100;
 
 /// Candidates reduced to their cross products. The last row and column of each matrix belong to the residual.
 #[derive(Debug, Clone)]
@@ -110,21 +114,46 @@ impl Problem {
     /// Every set of one to `most` candidates, solved and scored, best first; ties keep the order of the candidates. Sets that
     /// score no better than one of their own parts, or than nothing, are left out.
     pub fn search(&self, most: usize, penalty: f64) -> Vec<Subset> {
+        let found: Result<_, Infallible> = self.search_told(most, penalty, |_, _| Ok(()));
+        found.unwrap_or_else(|never| match never {})
+    }
+
+    /// [`Self::search`], which hands over now and then how many sets have been scored and how many there are, and stops at
+    /// an error.
+    pub(crate) fn search_told<E>(
+        &self,
+        most: usize,
+        penalty: f64,
+        mut tell: impl FnMut(usize, usize) -> Result<(), E>,
+    ) -> Result<Vec<Subset>, E> {
+        let most = most.min(self.groups.len());
+        let all: usize = (1..=most).map(|size| sets_of(self.groups.len(), size)).sum();
+        let mut done = 0;
         let mut kept: Vec<Subset> = Vec::new();
-        for size in 1..=most.min(self.groups.len()) {
+        for size in 1..=most {
             let smaller = kept.len();
             for_each_set(self.groups.len(), size, |members| {
-                let Some(subset) = self.score(members, penalty) else { return };
+                if done % TOLD_EVERY == 0 {
+                    tell(done, all)?;
+                }
+                done += 1;
+                let Some(subset) = self.score(members, penalty) else { return Ok(()) };
                 let part = |known: &Subset| known.members.iter().all(|m| members.contains(m));
                 let better = |known: &Subset| known.score >= subset.score && part(known);
                 if subset.score > 0.0 && !kept[..smaller].iter().any(better) {
                     kept.push(subset);
                 }
-            });
+                Ok(())
+            })?;
         }
         kept.sort_by(|a, b| b.score.total_cmp(&a.score));
-        kept
+        Ok(kept)
     }
+}
+
+/// How many sets of `size` of `count` there are.
+fn sets_of(count: usize, size: usize) -> usize {
+    (0..size).fold(1, |sets, k| sets * (count - k) / (k + 1))
 }
 
 /// |e - X v|^2 from cross products.
@@ -142,12 +171,18 @@ fn sum_of_squares(cross: &DMatrix<f64>, columns: &[usize], values: &DVector<f64>
 }
 
 /// Hands over every set of `size` of `count` indices in lexicographic order.
-fn for_each_set(count: usize, size: usize, mut take: impl FnMut(&[usize])) {
+fn for_each_set<E>(
+    count: usize,
+    size: usize,
+    mut take: impl FnMut(&[usize]) -> Result<(), E>,
+) -> Result<(), E> {
     let mut set: Vec<usize> = (0..size).collect();
     loop {
-        take(&set);
+        take(&set)?;
         // The last index that can still move on.
-        let Some(place) = (0..size).rev().find(|&k| set[k] + size - k < count) else { return };
+        let Some(place) = (0..size).rev().find(|&k| set[k] + size - k < count) else {
+            return Ok(());
+        };
         set[place] += 1;
         for k in place + 1..size {
             set[k] = set[k - 1] + 1;
@@ -236,9 +271,25 @@ mod tests {
             for_each_set(count, size, |set| {
                 assert!(set.windows(2).all(|w| w[0] < w[1]) && set[size - 1] < count);
                 seen.insert(set.to_vec());
-            });
+                Ok::<(), Infallible>(())
+            })
+            .unwrap();
             assert_eq!(seen.len(), expected);
+            assert_eq!(sets_of(count, size), expected);
         }
+    }
+
+    #[test]
+    fn a_search_says_how_far_it_is_and_ends_when_it_is_told_to() {
+        let problem = rows(1, 12, &[(3, 0.4)]).problem(1);
+        let mut heard = Vec::new();
+        let stopped = problem.search_told(3, 1.0, |done, all| {
+            heard.push((done, all));
+            if done < 2 * TOLD_EVERY { Ok(()) } else { Err("enough") }
+        });
+        assert_eq!(stopped, Err("enough"));
+        // 12 sets of one, 66 of two and 220 of three.
+        assert_eq!(heard, [0, 1, 2].map(|k| (k * TOLD_EVERY, 298)));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{NONE, ORDINARY, fly, prepared, truth};
-use diagnosis::{Verdict, diagnose};
+use diagnosis::{Silent, Verdict, diagnose};
 use model::{Effect, Model};
 use sysid::{Prepared, Residuals, errors, fit, residuals};
 
@@ -100,7 +100,7 @@ fn every_planted_effect_is_found_first_and_measured_right() {
         let flights = prepared(&world, 10..15, 30.0, &ORDINARY);
         let all = all(&flights);
         let base = fit(&all[..3], &world.vehicle, &basic(), None).unwrap();
-        let diagnosis = diagnose(&base.model, &all[..3], &all[3..], |_| ()).unwrap();
+        let diagnosis = diagnose(&base.model, &all[..3], &all[3..], &Silent).unwrap();
         assert_eq!(diagnosis.verdict, Verdict::MissingEffect, "{effect}: {}", diagnosis.summary);
         assert_eq!(diagnosis.best(), Some(effect), "{effect}: {:#?}", diagnosis.effects);
         let supported = diagnosis.effects.iter().filter(|e| e.supported).count();
@@ -160,7 +160,7 @@ fn nothing_planted_nothing_found() {
         let flights = prepared(&world, first..first + 5, 30.0, &ORDINARY);
         let all = all(&flights);
         let base = fit(&all[..3], &world.vehicle, &basic(), None).unwrap();
-        let diagnosis = diagnose(&base.model, &all[..3], &all[3..], |_| ()).unwrap();
+        let diagnosis = diagnose(&base.model, &all[..3], &all[3..], &Silent).unwrap();
         assert_eq!(diagnosis.verdict, Verdict::Adequate, "seeds from {first}: {:#?}", diagnosis);
     }
 }
@@ -271,7 +271,7 @@ fn an_effect_that_was_not_excited_is_not_called_absent() {
     }
     let all = all(&flights);
     let base = fit(&all[..3], &world.vehicle, &basic(), None).unwrap();
-    let diagnosis = diagnose(&base.model, &all[..3], &all[3..], |_| ()).unwrap();
+    let diagnosis = diagnose(&base.model, &all[..3], &all[3..], &Silent).unwrap();
     let ground = diagnosis.effects.iter().find(|e| e.effect == Effect::GroundEffect).unwrap();
     assert!(!ground.supported && ground.reason.to_string().contains("low"), "{}", ground.reason);
     let drag = diagnosis.effects.iter().find(|e| e.effect == Effect::QuadraticDrag).unwrap();

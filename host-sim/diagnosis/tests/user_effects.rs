@@ -3,7 +3,7 @@
 mod common;
 
 use common::{ORDINARY, fly, prepared, truth};
-use diagnosis::{Options, Verdict, add, diagnose};
+use diagnosis::{Options, Silent, Verdict, add, diagnose};
 use model::{Effect, Model, effects};
 use sysid::{Prepared, compare, fit};
 
@@ -48,7 +48,7 @@ fn linear_and_nonlinear_ones_are_found_and_measured_right() {
         let flights = prepared(&world, 10..15, 30.0, &ORDINARY);
         let all: Vec<&Prepared> = flights.iter().collect();
         let base = fit(&all[..3], &world.vehicle, &basic(), None).unwrap();
-        let diagnosis = diagnose(&base.model, &all[..3], &all[3..], |_| ()).unwrap();
+        let diagnosis = diagnose(&base.model, &all[..3], &all[3..], &Silent).unwrap();
         assert_eq!(diagnosis.verdict, Verdict::MissingEffect, "{own}: {}", diagnosis.summary);
         assert_eq!(diagnosis.best(), Some(own), "{own}: {}", diagnosis.summary);
         let added = add(&base.model, own, &all[..3], &all[3..], &Options::default()).unwrap();

@@ -5,7 +5,7 @@ mod common;
 
 use std::path::{Path, PathBuf};
 
-use common::{done_in, json_in, shared};
+use common::{copies, done_in, identify, json_in, run_in, shared};
 use serde_json::Value;
 
 fn paths(files: &[PathBuf]) -> impl Iterator<Item = String> {
@@ -58,6 +58,7 @@ fn a_weak_motor_is_named_with_its_loss() {
     assert!(error < 0.02, "{error}");
 
     let flights = flights(&case, &["A", "B", "C", "D", "E"]);
+    why_and_without(folder.path(), &flights, &diagnosis);
     let mut arguments: Vec<String> =
         ["diagnose", "--model", "model.toml", "--html", "page.html", "--changed"].map(str::to_owned).to_vec();
     arguments.extend(paths(&flights));
@@ -73,6 +74,68 @@ fn a_weak_motor_is_named_with_its_loss() {
     ] {
         assert!(page.contains(said), "{said}");
     }
+}
+
+/// Of the weak motor, the evidence is that of four motors; without it, there are four candidates fewer.
+fn why_and_without(folder: &Path, flights: &[PathBuf], diagnosis: &Value) {
+    let asked = |option: &str| {
+        let first = ["diagnose", "--model", "model.toml", option, "motor-efficiency", "--changed"];
+        let mut arguments: Vec<String> = first.map(str::to_owned).to_vec();
+        arguments.extend(paths(flights));
+        json_in(folder, &arguments.iter().map(String::as_str).collect::<Vec<_>>())
+    };
+    let why = asked("--why");
+    assert_eq!(why["found"], "motor-efficiency");
+    let motors = why["changes"].as_array().unwrap();
+    assert_eq!(motors.iter().map(|c| c["motor"].as_u64().unwrap()).collect::<Vec<_>>(), [1, 2, 3, 4]);
+    let weak = &motors[1];
+    assert_eq!(weak["supported"], true, "{}", weak["summary"]);
+    assert!(weak["criteria"].as_array().unwrap().iter().all(|c| c["met"] == true));
+    assert_eq!(weak["coefficients"][0]["value"], diagnosis["effects"][0]["coefficients"][0]["value"]);
+    assert_eq!(weak["flights"].as_array().unwrap().len(), flights.len());
+
+    let without = asked("--without");
+    let all = |diagnosis: &Value| diagnosis["effects"].as_array().unwrap().clone();
+    let (fewer, before) = (all(&without), all(diagnosis));
+    assert_eq!(fewer.len() + 4, before.len());
+    assert!(fewer.iter().all(|finding| finding["effect"] != "motor-efficiency"));
+    // Each p-value counts the candidates.
+    let p_value = |findings: &[Value], effect: &str| {
+        findings.iter().find(|f| f["effect"] == effect).map(|f| f["p_value"].as_f64().unwrap())
+    };
+    let part = fewer.len() as f64 / before.len() as f64;
+    for finding in &fewer {
+        let effect = finding["effect"].as_str().unwrap();
+        let [now, then] = [&fewer, &before].map(|all| p_value(all, effect).unwrap());
+        assert!(then == 1.0 || (now - part * then).abs() <= 1e-9 * then, "{effect}: {now} {then}");
+    }
+}
+
+#[test]
+fn a_change_that_is_not_there_has_its_evidence_and_what_can_be_no_change_is_refused() {
+    let folder = copies();
+    identify(folder.path());
+    let why = |effect| {
+        run_in(
+            folder.path(),
+            &["diagnose", "--model", "model.toml", "--changed", "D.csv", "E.csv", "--why", effect],
+        )
+    };
+    let heavier = why("mass-change");
+    let said = String::from_utf8(heavier.stdout).unwrap();
+    assert_eq!(heavier.status.code(), Some(0));
+    assert!(said.starts_with("mass-change is not supported: "), "{said}");
+    for part in [
+        "What a change must do to be supported",
+        "differs from zero",
+        "Its coefficients, on top of the model",
+    ] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+    let refused = why("ground-effect");
+    assert_eq!(refused.status.code(), Some(2));
+    let said = String::from_utf8(refused.stderr).unwrap();
+    assert!(said.contains("ground-effect is none of the changes that are tried on this model"), "{said}");
 }
 
 /// Real flights of one craft, those of `log` apart: a model of the others, and what has changed in flights named by `part`.

@@ -85,6 +85,8 @@ fn documents_of_flights_meet_their_schemas() {
     assert_valid("diagnose-why", &json_in(at, &why));
     let changed = ["diagnose", "--model", "more.toml", "--changed", "D.csv", "E.csv"];
     assert_valid("diagnose", &json_in(at, &changed));
+    let changed_why = [changed.as_slice(), &["--why", "motor-efficiency"]].concat();
+    assert_valid("diagnose-changed-why", &json_in(at, &changed_why));
     let explain = with_sets(&["explain", "--vehicle", "vehicle.toml", "--out", "best.toml"]);
     assert_valid("explain", &json_in(at, &explain));
 }

@@ -96,13 +96,23 @@ fn rounded_to(value: f64, last: i32) -> String {
     fixed((value / multiple).round() * multiple, 0)
 }
 
-/// `0.1400 ± 0.0021 m`: a value, its standard error and the unit of both.
+/// `0.1400 ± 0.0021 m`: a value, its standard error and the unit of both; the value alone where no error is known.
 #[must_use]
 pub fn with_error(value: f64, std_error: f64, unit_of_both: &str) -> String {
+    if !(std_error > 0.0 && std_error.is_finite()) {
+        return with_unit(&significant(value, 4), unit_of_both);
+    }
     let [value, error] = value_and_error(value, Some(std_error));
-    let unit = unit(unit_of_both);
-    let space = if unit.is_empty() { "" } else { " " };
-    format!("{value} ± {error}{space}{unit}")
+    with_unit(&format!("{value} ± {error}"), unit_of_both)
+}
+
+/// `9.81 m/s^2`: a number that is written out, and its unit.
+#[must_use]
+pub fn with_unit(number: &str, of: &str) -> String {
+    match unit(of) {
+        "" => number.to_owned(),
+        unit => format!("{number} {unit}"),
+    }
 }
 
 /// Writes `value` with `decimals` digits behind the point; what rounds to zero has no sign. NaN reads `-`.
@@ -219,6 +229,10 @@ mod tests {
         }
         assert_eq!(with_error(0.14, 0.002, "1"), "0.1400 ± 0.0020");
         assert_eq!(with_error(0.14, 0.002, "m"), "0.1400 ± 0.0020 m");
+        for unknown in [0.0, f64::NAN, f64::INFINITY] {
+            assert_eq!(with_error(0.14, unknown, "1"), "0.1400");
+            assert_eq!(with_error(0.14, unknown, "m"), "0.1400 m");
+        }
     }
 
     #[test]

@@ -39,13 +39,13 @@ const ARROWS: &[Allowed] = &[
     },
     Allowed {
         from: "sysid",
-        to: &["model", "flights"],
-        why: "identification fits the effects that the plant simulates",
+        to: &["model", "flights", "report"],
+        why: "identification fits the effects that the plant simulates, and its sentences write numbers as tables do",
     },
     Allowed {
         from: "diagnosis",
-        to: &["model", "flights", "sysid"],
-        why: "what is missing is searched for with the fit and the residuals of identification",
+        to: &["model", "flights", "sysid", "report"],
+        why: "what is missing is searched for with the fit and the residuals of identification, and told with numbers as in tables",
     },
     Allowed {
         from: "motor-stand",

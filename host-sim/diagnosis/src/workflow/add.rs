@@ -4,8 +4,8 @@ use model::{Effect, FitRecord, HistoryEntry, Model};
 use sysid::RefinementOutcome;
 use sysid::fit::output_error::Rows;
 
+use crate::observer::{Observer, Progress};
 use crate::workflow::error::WorkflowError;
-use crate::workflow::observer::{Observer, Progress};
 use crate::workflow::refinement::refine;
 use crate::workflow::sets::FlightSets;
 use crate::{Addition, Options};
@@ -30,6 +30,7 @@ pub fn add(
 ) -> Result<Added, WorkflowError> {
     sets.hold_against(model, &[effect], observer)?;
     let (better, addition) = join(model, effect, sets, &Options::default(), observer)?;
+    sets.judge_clocks(&better, effect);
     let (model, refinement) = refine(better, sets, rows, observer)?;
     Ok(Added { model, addition, refinement })
 }
@@ -42,6 +43,9 @@ pub(crate) fn join(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<(Model, Addition), WorkflowError> {
+    if observer.is_cancelled() {
+        return Err(WorkflowError::Cancelled);
+    }
     observer.progress(Progress { activity: &format!("adding {effect}"), steps: None });
     let mut with = model.clone();
     with.set(effect, &vec![0.0; effect.info().coefficients.len()]);

@@ -1,30 +1,58 @@
-//! The model was good once: what has changed since?
+//! The model was good once: what has changed since? And why, or why not, one change?
 
 use model::{Effect, Model};
 use sysid::Reference;
 use sysid::checks::vehicle::Likeness;
 
-use crate::changes;
+use crate::observer::Observer;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::loaded::names;
-use crate::workflow::observer::{Observer, Progress};
 use crate::workflow::sets::FlightsOfOneKind;
-use crate::{Change, Diagnosis};
+use crate::{Diagnosis, Options, SearchError, WhyChanged, WhyError, changes, why_changed};
 
 /// Explains new flights by one change of a model whose coefficients stay.
 pub fn changed(
     model: &Model,
     effects: &[Effect],
     flights: &mut FlightsOfOneKind,
+    options: &Options,
     observer: &dyn Observer,
 ) -> Result<Diagnosis, WorkflowError> {
-    flights.hold_against(model, effects, (Likeness::CHANGED, Reference::Flights), observer)?;
-    let (all, mut tried) = (Change::all(model).len(), 0);
-    changes::changed(model, &flights.prepared(), |step| {
-        observer.progress(Progress { activity: &format!("trying {step}"), steps: Some((tried, all)) });
-        tried += 1;
+    hold_against(model, effects, flights, observer)?;
+    let tried = options.changes(model);
+    changes::changed(model, &tried, &flights.prepared(), observer).map_err(|why| blamed(flights, why))
+}
+
+/// The evidence for and against the changes that one effect can be.
+pub fn changed_why(
+    model: &Model,
+    effect: Effect,
+    effects: &[Effect],
+    flights: &mut FlightsOfOneKind,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<WhyChanged, WorkflowError> {
+    hold_against(model, effects, flights, observer)?;
+    why_changed(model, effect, &flights.prepared(), options, observer).map_err(|refused| match refused {
+        WhyError::Search(why) => blamed(flights, why),
+        other => WorkflowError::Why(other),
     })
-    .map_err(|why| WorkflowError::Fit { flights: names(&flights.flights), why })
+}
+
+fn hold_against(
+    model: &Model,
+    effects: &[Effect],
+    flights: &mut FlightsOfOneKind,
+    observer: &dyn Observer,
+) -> Result<(), WorkflowError> {
+    flights.hold_against(model, effects, (Likeness::CHANGED, Reference::Flights), observer)
+}
+
+fn blamed(flights: &FlightsOfOneKind, why: SearchError) -> WorkflowError {
+    match why {
+        SearchError::Fit(why) => WorkflowError::Fit { flights: names(&flights.flights), why },
+        SearchError::Cancelled => WorkflowError::Cancelled,
+    }
 }
 
 #[cfg(test)]
@@ -32,6 +60,8 @@ mod tests {
     use std::sync::Mutex;
 
     use super::*;
+    use crate::change::Change;
+    use crate::observer::Progress;
     use crate::testing::{ORDINARY, fly, truth};
     use crate::workflow::Reading;
 
@@ -54,7 +84,7 @@ mod tests {
         let counting = Counting::default();
         let mut held =
             FlightsOfOneKind::from_flights(&flights, &heavy.vehicle, Reading::default(), &counting).unwrap();
-        let diagnosis = changed(&truth(), &[], &mut held, &counting).unwrap();
+        let diagnosis = changed(&truth(), &[], &mut held, &Options::default(), &counting).unwrap();
         assert_eq!(diagnosis.best(), Some(Effect::MassChange), "{}", diagnosis.summary);
         let count = Change::all(&truth()).len();
         let tried: Vec<(usize, usize)> = (0..count).map(|k| (k, count)).collect();

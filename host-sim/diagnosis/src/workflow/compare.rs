@@ -4,8 +4,8 @@ use model::Model;
 use sysid::checks::vehicle::Likeness;
 use sysid::{Comparison, Reference};
 
+use crate::observer::{Observer, Progress};
 use crate::workflow::error::WorkflowError;
-use crate::workflow::observer::{Observer, Progress};
 use crate::workflow::sets::FlightsOfOneKind;
 
 /// Holds a model against flights.

@@ -5,9 +5,9 @@ use model::{Effect, Model, Vehicle};
 use sysid::checks::vehicle::Likeness;
 use sysid::{Prepared, Reference};
 
+use crate::observer::Observer;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::loaded::{LoadedFlight, leave_out_undefined};
-use crate::workflow::observer::Observer;
 use crate::workflow::sets::{FlightSets, FlightsOfOneKind};
 
 impl FlightSets {
@@ -37,6 +37,25 @@ impl FlightSets {
     /// Finds the training flights' trim anew, with what has joined the model.
     pub(crate) fn trim(&mut self, model: &Model) {
         sysid::fit::trim::estimate(&mut prepared(&mut self.training.0), model);
+    }
+
+    /// Judges anew whose rotor clocks wander, now that `effect` has joined the model: what a model lacks can look like that.
+    pub(crate) fn judge_clocks(&mut self, model: &Model, effect: Effect) {
+        if !sysid::has_rotation(model) {
+            return;
+        }
+        let mut settled = Vec::new();
+        for flight in self.training.0.iter_mut().chain(&mut self.held_out.0) {
+            let Some(alignment) = &mut flight.prepared.alignment else { continue };
+            let wandered = !std::mem::take(&mut alignment.wandering).is_empty();
+            sysid::fit::alignment::name_wandering(&mut flight.prepared, model);
+            if wandered && !flight.wanders() {
+                settled.push(flight.path.display().to_string());
+            }
+        }
+        if !settled.is_empty() {
+            self.faults.withdraw_wandering(&settled, effect);
+        }
     }
 
     /// Aligns the held-out flights to a model of the training flights.

@@ -2,10 +2,10 @@
 
 use model::{Effect, Model};
 
+use crate::observer::Observer;
 use crate::workflow::error::WorkflowError;
-use crate::workflow::observer::{Observer, Progress};
 use crate::workflow::sets::FlightSets;
-use crate::{Diagnosis, Options, Why, WhyError, diagnose_with};
+use crate::{Diagnosis, Options, SearchError, Why, WhyError, diagnose_with};
 
 /// Diagnoses a model on flights; `effects` are users' own that may join it.
 pub fn diagnose(
@@ -29,10 +29,11 @@ pub fn why(
     observer: &dyn Observer,
 ) -> Result<Why, WorkflowError> {
     sets.hold_against(model, effects, observer)?;
-    observer.progress(Progress { activity: &format!("examining {effect}"), steps: None });
-    crate::why(model, effect, &sets.train(), &sets.validate(), options).map_err(|refused| match refused {
-        WhyError::Fit(why) => sets.blame(why),
-        other => WorkflowError::Why(other),
+    crate::why(model, effect, &sets.train(), &sets.validate(), options, observer).map_err(|refused| {
+        match refused {
+            WhyError::Search(why) => blamed(sets, why),
+            other => WorkflowError::Why(other),
+        }
     })
 }
 
@@ -43,13 +44,14 @@ pub(crate) fn search(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Diagnosis, WorkflowError> {
-    if observer.is_cancelled() {
-        return Err(WorkflowError::Cancelled);
+    diagnose_with(model, &sets.train(), &sets.validate(), options, observer).map_err(|why| blamed(sets, why))
+}
+
+fn blamed(sets: &FlightSets, why: SearchError) -> WorkflowError {
+    match why {
+        SearchError::Fit(why) => sets.blame(why),
+        SearchError::Cancelled => WorkflowError::Cancelled,
     }
-    diagnose_with(model, &sets.train(), &sets.validate(), options, |step| {
-        observer.progress(Progress { activity: &format!("trying {step}"), steps: None });
-    })
-    .map_err(|why| sets.blame(why))
 }
 
 #[cfg(test)]

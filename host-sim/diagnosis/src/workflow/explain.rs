@@ -4,11 +4,11 @@ use model::{Effect, Model, Vehicle};
 use sysid::fit::output_error::Rows;
 use sysid::{Comparison, RefinementOutcome};
 
+use crate::observer::Observer;
 use crate::workflow::add::join;
 use crate::workflow::diagnose::search;
 use crate::workflow::error::WorkflowError;
-use crate::workflow::identify::fit_basic;
-use crate::workflow::observer::Observer;
+use crate::workflow::identify::{fit_basic, warn_of_clocks};
 use crate::workflow::refinement::refine;
 use crate::workflow::sets::FlightSets;
 use crate::{Addition, Diagnosis, Options, Verdict};
@@ -100,9 +100,11 @@ pub fn explain(
         let diagnosis = search(model, sets, options, observer)?;
         let Some(effect) = diagnosis.best() else { break diagnosis };
         let (better, addition) = join(model, effect, sets, options, observer)?;
+        sets.judge_clocks(&better, effect);
         let comparison = sysid::compare(&better, &sets.validate());
         steps.push(Step { diagnosis, effect, addition, model: better, comparison });
     };
+    warn_of_clocks(sets, observer);
     let last = steps.last().map_or(&basic, |step| &step.model).clone();
     let (model, refinement) = refine(last, sets, rows, observer)?;
     Ok(Explanation { basic, basic_comparison, steps, last_diagnosis, model, refinement })

@@ -1,6 +1,6 @@
 //! Faults of flights, vehicle files and fits, each with the files it is about.
 
-use model::{FlightRole, Model, Vehicle};
+use model::{Effect, FlightRole, Model, Vehicle};
 use sysid::checks::overlap;
 use sysid::checks::vehicle::{self, Likeness};
 use sysid::{Fault, FaultKind, Prepared, Severity};
@@ -19,7 +19,10 @@ pub struct Listed {
 
 /// What was found so far; it grows while a command works.
 #[derive(Debug, Clone, Default)]
-pub struct Faults(Vec<Listed>);
+pub struct Faults {
+    listed: Vec<Listed>,
+    withdrawn: Vec<String>,
+}
 
 /// Flights that are named one by one; of more, the rest is counted.
 const NAMED: usize = 5;
@@ -27,16 +30,33 @@ const NAMED: usize = 5;
 impl Faults {
     /// All of them, in the order in which they were found.
     pub fn listed(&self) -> &[Listed] {
-        &self.0
+        &self.listed
+    }
+
+    /// Warnings that an effect explains which has joined the model, one sentence each.
+    pub fn withdrawn(&self) -> &[String] {
+        &self.withdrawn
     }
 
     /// The faults alone.
     pub fn all(&self) -> Vec<Fault> {
-        self.0.iter().map(|listed| listed.fault.clone()).collect()
+        self.listed.iter().map(|listed| listed.fault.clone()).collect()
     }
 
     pub(crate) fn add(&mut self, whose: impl Into<String>, fault: Fault) {
-        self.0.push(Listed { whose: whose.into(), fault });
+        self.listed.push(Listed { whose: whose.into(), fault });
+    }
+
+    /// Takes back that the clocks of `flights` wander: with `effect` in the model they do not.
+    pub(crate) fn withdraw_wandering(&mut self, flights: &[String], effect: Effect) {
+        let is_settled = |listed: &Listed| {
+            listed.fault.kind == FaultKind::WanderingClock && flights.contains(&listed.whose)
+        };
+        self.listed.retain(|listed| !is_settled(listed));
+        self.withdrawn.push(format!(
+            "{}: without {effect}, the rotor clock seems to wander; {effect} explains it, so this warning is withdrawn",
+            flights.join(", ")
+        ));
     }
 
     /// Faults of the flights one by one and of the vehicle file by itself. One that makes every conclusion wrong is an error.
@@ -237,5 +257,26 @@ mod tests {
             " % above the model's; use the model and vehicle file of the craft that flew",
         );
         assert!(sentence.starts_with(begins) && sentence.ends_with(ends), "{sentence}");
+    }
+
+    #[test]
+    fn only_the_wandering_of_the_flights_that_an_effect_explains_is_withdrawn() {
+        let mut faults = Faults::default();
+        for (file, kind) in [
+            ("A.csv", FaultKind::WanderingClock),
+            ("A.csv", FaultKind::TrackerJump),
+            ("B.csv", FaultKind::WanderingClock),
+        ] {
+            faults.add(file, Fault::of_all(kind, Severity::Warning, "something"));
+        }
+        faults.withdraw_wandering(&["A.csv".into()], Effect::FlappingMoment);
+        let left: Vec<(&str, FaultKind)> =
+            faults.listed().iter().map(|listed| (listed.whose.as_str(), listed.fault.kind)).collect();
+        assert_eq!(left, [("A.csv", FaultKind::TrackerJump), ("B.csv", FaultKind::WanderingClock)]);
+        let [sentence] = faults.withdrawn() else { panic!("one sentence") };
+        assert!(
+            sentence.starts_with("A.csv: ") && sentence.contains("flapping-moment explains it"),
+            "{sentence}"
+        );
     }
 }

@@ -4,9 +4,9 @@ use model::{Effect, FitRecord, Model, Vehicle};
 use sysid::fit::output_error::Rows;
 use sysid::{MotorsOfFlights, RefinementOutcome};
 
+use crate::observer::{Observer, Progress};
 use crate::workflow::corrections::basic_model;
 use crate::workflow::error::WorkflowError;
-use crate::workflow::observer::{Observer, Progress};
 use crate::workflow::record::rotation_refused;
 use crate::workflow::refinement::refine;
 use crate::workflow::sets::FlightSets;
@@ -33,6 +33,7 @@ pub fn identify(
 ) -> Result<Identified, WorkflowError> {
     sets.leave_out_undefined(&Model::new(vehicle.clone()), effects, observer)?;
     let identified = fit_basic(vehicle, sets, observer)?;
+    warn_of_clocks(sets, observer);
     let (model, refinement) = refine(identified.model, sets, rows, observer)?;
     Ok(Identified { model, refinement, ..identified })
 }
@@ -42,6 +43,9 @@ pub(crate) fn fit_basic(
     sets: &mut FlightSets,
     observer: &dyn Observer,
 ) -> Result<Identified, WorkflowError> {
+    if observer.is_cancelled() {
+        return Err(WorkflowError::Cancelled);
+    }
     observer.progress(Progress { activity: "fitting the basic model", steps: None });
     let basic: Vec<Effect> = Effect::basic().collect();
     sets.align_training(&basic_model(vehicle));
@@ -56,25 +60,28 @@ pub(crate) fn fit_basic(
     sets.align_held_out(&model);
     model.fit = Some(FitRecord { rotation_refused, ..sets.record(&model) });
     let motors = sysid::motors_of_flights(&model, &sets.train());
-    warn(&model, sets, &motors, observer);
+    warn(&model, &motors, observer);
     sets.add_faults_of_fit(&model);
     Ok(Identified { model, condition: fit.condition, motors, refinement: None })
 }
 
+/// Warns of rotor clocks that wander. For the end of the work: an effect that joins the model may explain them.
+pub(crate) fn warn_of_clocks(sets: &FlightSets, observer: &dyn Observer) {
+    for flight in sets.all().filter(|flight| flight.wanders()) {
+        if let Some(note) = flight.prepared.alignment.as_ref().and_then(sysid::Alignment::note) {
+            observer.warning(&format!("{}: {note}", flight.path.display()));
+        }
+    }
+}
+
 /// Doubts about a model, one sentence each.
-fn warn(model: &Model, sets: &FlightSets, motors: &[MotorsOfFlights], observer: &dyn Observer) {
+fn warn(model: &Model, motors: &[MotorsOfFlights], observer: &dyn Observer) {
     let record = model.fit.as_ref();
     if let Some(reasons) = record.map(|fit| &fit.rotation_refused).filter(|reasons| !reasons.is_empty()) {
         observer.warning(&rotation_refused(reasons));
     }
     for doubt in sysid::impossible_signs(model) {
         observer.warning(&doubt);
-    }
-    for flight in sets.all() {
-        let wandering = flight.prepared.alignment.as_ref().filter(|a| !a.wandering.is_empty());
-        if let Some(note) = wandering.and_then(sysid::Alignment::note) {
-            observer.warning(&format!("{}: {note}", flight.path.display()));
-        }
     }
     for warning in motors.iter().filter_map(|m| m.warning.as_ref()) {
         observer.warning(warning);

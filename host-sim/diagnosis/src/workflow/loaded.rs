@@ -10,8 +10,8 @@ use sha2::{Digest, Sha256};
 use sysid::checks::clocks::Clocks;
 use sysid::{Examined, Fault, Prepared};
 
+use crate::observer::{Observer, Progress};
 use crate::workflow::error::WorkflowError;
-use crate::workflow::observer::{Observer, Progress};
 
 /// A flight, read and prepared.
 pub struct LoadedFlight {
@@ -46,6 +46,11 @@ impl LoadedFlight {
         let path = PathBuf::from(&flight.name);
         flight.check_against(vehicle, &path)?;
         Self::examined(flight, vehicle, path, sha256(flight.to_csv().as_bytes()))
+    }
+
+    /// Whether its rotor clock wanders.
+    pub(crate) fn wanders(&self) -> bool {
+        self.prepared.alignment.as_ref().is_some_and(|alignment| !alignment.wandering.is_empty())
     }
 
     fn from_file(path: &Path, vehicle: &Vehicle) -> Result<Self, WorkflowError> {

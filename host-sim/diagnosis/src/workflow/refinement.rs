@@ -5,8 +5,8 @@ use sysid::RefinementOutcome;
 use sysid::compare::HorizonError;
 use sysid::fit::output_error::Rows;
 
+use crate::observer::{Observer, Progress};
 use crate::workflow::error::WorkflowError;
-use crate::workflow::observer::{Observer, Progress};
 use crate::workflow::sets::FlightSets;
 
 /// Refines `model` if `rows` are asked for, and leaves it as it is otherwise.

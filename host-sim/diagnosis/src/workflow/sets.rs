@@ -7,12 +7,12 @@ use model::{Effect, Model, Vehicle};
 use sysid::checks::vehicle::{self, Likeness};
 use sysid::{Fault, FaultKind, FitError, Prepared, Severity};
 
+use crate::observer::Observer;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::faults::{Faults, listed};
 use crate::workflow::loaded::{
     LoadedFlight, Reading, Source, leave_out_undefined, load_all, names, prepared,
 };
-use crate::workflow::observer::Observer;
 
 /// Flights to fit on.
 pub struct TrainingFlights(pub(crate) Vec<LoadedFlight>);

@@ -31,6 +31,11 @@ pub(crate) fn warn(text: &str) {
     anstream::eprintln!("{} {text}", styled(DOUBT, "warning:"));
 }
 
+/// Prints `note: ...` on standard error.
+pub(crate) fn note(text: &str) {
+    anstream::eprintln!("{} {text}", styled(SOFT, "note:"));
+}
+
 /// Prints `error: ...` on standard error.
 pub(crate) fn error(text: &str) {
     anstream::eprintln!("{} {text}", styled(BAD, "error:"));

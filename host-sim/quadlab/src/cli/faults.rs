@@ -29,6 +29,9 @@ pub(crate) fn warn(faults: &Faults) {
     for listed in faults.listed().iter().filter(|listed| listed.fault.severity != Severity::Note) {
         colour::warn(&format!("{}: {}", listed.whose, listed.fault.sentence));
     }
+    for sentence in faults.withdrawn() {
+        colour::note(sentence);
+    }
 }
 
 /// A document with the faults and the clocks of the flights it is about.
@@ -37,6 +40,9 @@ pub(crate) struct WithFaults<'a, T> {
     #[serde(flatten)]
     document: &'a T,
     faults: Vec<Fault>,
+    /// Warnings that an effect explains which has joined the model, one sentence each.
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    withdrawn: &'a [String],
     clocks: Vec<ClockEntry<'a>>,
 }
 
@@ -51,11 +57,11 @@ struct ClockEntry<'a> {
 pub(crate) fn json<'a>(
     document: &impl Serialize,
     flights: impl IntoIterator<Item = &'a LoadedFlight>,
-    faults: &Faults,
+    faults: &'a Faults,
 ) -> anyhow::Result<Outcome> {
     warn(faults);
     let entry =
         |flight: &'a LoadedFlight| ClockEntry { flight: &flight.prepared.name, clocks: flight.clocks };
     let clocks = flights.into_iter().map(entry).collect();
-    Outcome::json(&WithFaults { document, faults: faults.all(), clocks })
+    Outcome::json(&WithFaults { document, faults: faults.all(), withdrawn: faults.withdrawn(), clocks })
 }

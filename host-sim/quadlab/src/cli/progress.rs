@@ -18,7 +18,7 @@ pub(crate) struct Progress {
     lines: Option<Mutex<Lines>>,
 }
 
-/// When the work began, and when the next line is due.
+/// When the steps that are counted now began, and when the next line is due.
 struct Lines {
     began: Instant,
     due: Instant,
@@ -63,14 +63,38 @@ impl Progress {
         self.line();
     }
 
-    /// There are more or fewer steps than was thought.
-    pub(crate) fn set_length(&self, steps: u64) {
-        self.bar.set_length(steps);
+    /// When the next plain line is due.
+    pub(crate) fn next_line(&self) -> Option<Instant> {
+        let lines = self.lines.as_ref()?;
+        Some(lines.lock().unwrap_or_else(PoisonError::into_inner).due)
     }
 
-    /// So many steps are done.
-    pub(crate) fn set_position(&self, steps: u64) {
-        self.bar.set_position(steps);
+    /// With the next plain line due when that of the work before was: work in many short parts is long work.
+    pub(crate) fn due(self, due: Option<Instant>) -> Self {
+        if let (Some(lines), Some(due)) = (&self.lines, due) {
+            lines.lock().unwrap_or_else(PoisonError::into_inner).due = due;
+        }
+        self
+    }
+
+    /// Says what is being done, as a step of so many.
+    pub(crate) fn set_activity(&self, activity: &str, done: u64, all: u64) {
+        self.bar.set_message(activity.to_owned());
+        self.set_steps(done, all);
+    }
+
+    /// So many of so many steps are done. Steps of another number, or fewer than were done, are other ones: what is left is
+    /// then told by how long those take.
+    fn set_steps(&self, done: u64, all: u64) {
+        let are_others = self.bar.length() != Some(all) || done < self.bar.position();
+        self.bar.set_length(all);
+        self.bar.set_position(done);
+        if are_others {
+            self.bar.reset_eta();
+            if let Some(lines) = &self.lines {
+                lines.lock().unwrap_or_else(PoisonError::into_inner).began = Instant::now();
+            }
+        }
         self.line();
     }
 
@@ -132,6 +156,22 @@ mod tests {
         lines.lock().unwrap().due = Instant::now();
         progress.inc(1);
         assert!(lines.lock().unwrap().due > Instant::now() + FIRST_LINE);
+    }
+
+    #[test]
+    fn what_is_left_of_other_steps_is_counted_from_their_beginning() {
+        let progress = bar(3, false);
+        let Some(lines) = &progress.lines else { return };
+        let began = || lines.lock().unwrap().began;
+        let first = began();
+        progress.set_steps(1, 3);
+        progress.set_steps(2, 3);
+        assert_eq!(began(), first);
+        progress.set_steps(0, 3);
+        let second = began();
+        assert!(second > first);
+        progress.set_steps(0, 4);
+        assert!(began() > second);
     }
 
     #[test]

@@ -38,19 +38,19 @@ impl Terminal {
 impl Observer for Terminal {
     fn progress(&self, progress: Progress<'_>) {
         let mut shown = self.locked();
+        let due = shown.as_ref().and_then(|shown| shown.bar.next_line());
         if shown.as_ref().is_some_and(|shown| shown.counts != progress.steps.is_some())
             && let Some(old) = shown.take()
         {
             old.bar.finish_and_clear();
         }
         let now = shown.get_or_insert_with(|| match progress.steps {
-            Some((_, all)) => Shown { bar: progress::bar(all, self.json), counts: true },
-            None => Shown { bar: progress::spinner(self.json), counts: false },
+            Some((_, all)) => Shown { bar: progress::bar(all, self.json).due(due), counts: true },
+            None => Shown { bar: progress::spinner(self.json).due(due), counts: false },
         });
-        now.bar.set_message(progress.activity.to_owned());
-        if let Some((done, all)) = progress.steps {
-            now.bar.set_length(all as u64);
-            now.bar.set_position(done as u64);
+        match progress.steps {
+            Some((done, all)) => now.bar.set_activity(progress.activity, done as u64, all as u64),
+            None => now.bar.set_message(progress.activity.to_owned()),
         }
     }
 

@@ -104,6 +104,8 @@ fn text(options: &Options, added: &Added) -> Outcome {
     let finding = &addition.finding;
     let verdict = if finding.supported { "is supported" } else { "is NOT supported by these flights" };
     let sentence = finding.effect.info().sentence;
+    let samples = |axis| added.model.fit.as_ref().map_or(0, |fit| fit.held_out[axis].samples);
+    let rms = |sse: &PerAxis<f64>| PerAxis::from_fn(|axis| (sse[axis] / samples(axis) as f64).sqrt());
     Outcome::done(format!(
         "{}\n{}\n{}{refined}\nmodel written to {}\n",
         colour::lead(&tables::paragraph(&format!(
@@ -111,9 +113,10 @@ fn text(options: &Options, added: &Added) -> Outcome {
             finding.effect, finding.reason
         ))),
         tables::before_after(
-            "Squared error on the held-out flights, everything fitted again without and with the effect",
-            &addition.before,
-            &addition.after,
+            "Root mean square error on the held-out flights (u v w in m/s^2, p q r in rad/s^2), everything fitted again \
+             without and with the effect",
+            &rms(&addition.before),
+            &rms(&addition.after),
         )
         .to_text(),
         tables::coefficients(&added.model).to_text(),

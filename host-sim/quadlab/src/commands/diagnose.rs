@@ -28,7 +28,8 @@ use crate::render::{evidence, pages, tables};
                         --validate D.csv E.csv --html diagnosis.html\n  \
                         quadlab diagnose --model model.toml --train A.csv B.csv C.csv --validate D.csv E.csv \
                         --why ground-effect\n  \
-                        quadlab diagnose --model model.toml --changed today-1.csv today-2.csv")]
+                        quadlab diagnose --model model.toml --changed today-1.csv today-2.csv\n  \
+                        quadlab diagnose --model model.toml --changed today-1.csv today-2.csv --why mass-change")]
 pub(crate) struct Options {
     /// Model file, for example: --model model.toml
     #[arg(long, value_name = "TOML")]
@@ -44,8 +45,9 @@ pub(crate) struct Options {
     #[arg(long, value_name = "CSV", num_args = 1.., conflicts_with_all = ["train", "validate"])]
     changed: Vec<PathBuf>,
 
-    /// Show all the evidence for and against one effect, missing or in the model, for example: --why ground-effect
-    #[arg(long, value_name = "EFFECT", conflicts_with_all = ["changed", "html"])]
+    /// Show all the evidence for and against one effect, missing or in the model; with --changed, for and against the
+    /// changes that it can be. For example: --why ground-effect
+    #[arg(long, value_name = "EFFECT", conflicts_with = "html")]
     why: Option<String>,
 
     #[command(flatten)]
@@ -137,6 +139,8 @@ fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
     options.output.check(&options.html, &inputs)?;
     let effects = options.effects.read()?;
     let model = read_model(&options.model)?;
+    let search = options.without.options()?;
+    let asked = options.why.as_deref().map(crate::commands::add::known_effect).transpose()?;
     let terminal = Terminal::new(options.output.json);
     let mut changed = FlightsOfOneKind::read(&files, &model.vehicle, options.faults.reading(), &terminal)?;
     if model.fit.as_ref().is_none_or(|fit| fit.scatter.is_empty()) {
@@ -145,7 +149,17 @@ fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
             options.model.display()
         ));
     }
-    let diagnosis = workflow::changed(&model, &effects, &mut changed, &terminal)?;
+    if let Some(effect) = asked {
+        let why = workflow::changed_why(&model, effect, &effects, &mut changed, &search, &terminal)?;
+        terminal.clear();
+        return if options.output.json {
+            Outcome::json(&why)
+        } else {
+            faults::warn(&changed.faults);
+            Ok(Outcome::done(evidence::text_of_change(&why)))
+        };
+    }
+    let diagnosis = workflow::changed(&model, &effects, &mut changed, &search, &terminal)?;
     terminal.clear();
     if let Some(path) = &options.html {
         pages::with_checks(

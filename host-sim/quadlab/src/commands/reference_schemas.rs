@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ::design::check::CheckReport;
-use diagnosis::{Diagnosis, Why};
+use diagnosis::{Diagnosis, Why, WhyChanged};
 use schemars::generate::SchemaSettings;
 use schemars::transform::{RecursiveTransform, Transform as _};
 use schemars::{JsonSchema, Schema};
@@ -27,13 +27,14 @@ pub(crate) fn write(folder: &Path) -> anyhow::Result<()> {
 }
 
 /// File name, command and schema of each document.
-fn schemas() -> [(&'static str, &'static str, Schema); 15] {
+fn schemas() -> [(&'static str, &'static str, Schema); 16] {
     [
         ("identify", "identify", of::<WithFaults<identify::Document>>()),
         ("compare", "compare", of::<WithFaults<Comparison>>()),
         ("compare-models", "compare with several models", of::<WithFaults<compare::SideBySide>>()),
         ("diagnose", "diagnose", of::<WithFaults<Diagnosis>>()),
         ("diagnose-why", "diagnose --why", of::<Why>()),
+        ("diagnose-changed-why", "diagnose --changed --why", of::<WhyChanged>()),
         ("add", "add", of::<WithFaults<add::Document>>()),
         ("explain", "explain", of::<WithFaults<explain::Document>>()),
         ("effects", "effects", of::<Vec<effects::Entry>>()),

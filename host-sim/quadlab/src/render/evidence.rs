@@ -1,6 +1,7 @@
-//! `quadlab diagnose --why`: the evidence for and against one effect, as text.
+//! `quadlab diagnose --why`: the evidence for and against one effect or change, as text.
 
-use diagnosis::Why;
+use diagnosis::evidence::{CoefficientEvidence, Criterion, FlightDrop};
+use diagnosis::{Why, WhyChanged};
 use model::Effect;
 
 use report::number::{fixed, p_value, percent, unit, value_and_error};
@@ -12,11 +13,16 @@ use crate::render::tables::{self, Grid};
 /// Everything that was found out about it.
 pub(crate) fn text(why: &Why) -> String {
     let mut text = colour::lead(&tables::paragraph(&why.summary));
-    for grid in [criteria(why), flights(why), coefficients(why), sets(why), alike(why)] {
-        if grid.has_rows() {
-            text.push_str(&format!("\n{}", grid.to_text()));
-        }
-    }
+    push_grids(
+        &mut text,
+        &[
+            criteria("What an effect must do to be supported", &why.criteria),
+            flights("held-out flight", &why.flights),
+            coefficients("Its coefficients, everything fitted again", &why.coefficients),
+            sets(why),
+            alike(why),
+        ],
+    );
     let own = match why.variance_inflation {
         inflation if inflation > 10.0 => format!(
             "The model's own terms look like it: they inflate the variance of its coefficients {} times. ",
@@ -29,12 +35,39 @@ pub(crate) fn text(why: &Why) -> String {
     text
 }
 
-fn criteria(why: &Why) -> Grid {
+/// Everything that was found out about a change, motor by motor where it is a motor's.
+pub(crate) fn text_of_change(why: &WhyChanged) -> String {
+    let mut text = String::new();
+    for change in &why.changes {
+        text.push_str(&colour::lead(&tables::paragraph(&change.summary)));
+        push_grids(
+            &mut text,
+            &[
+                criteria("What a change must do to be supported", &change.criteria),
+                flights("flight", &change.flights),
+                coefficients("Its coefficients, on top of the model as it is", &change.coefficients),
+            ],
+        );
+        text.push('\n');
+    }
+    text.push_str(&tables::paragraph(&why.diagnosis));
+    text.push('\n');
+    text.push_str(&tables::paragraph(&format!("To see it: {}.", why.to_see_it)));
+    text
+}
+
+fn push_grids(text: &mut String, grids: &[Grid]) {
+    for grid in grids.iter().filter(|grid| grid.has_rows()) {
+        text.push_str(&format!("\n{}", grid.to_text()));
+    }
+}
+
+fn criteria(caption: &str, criteria: &[Criterion]) -> Grid {
     let mut grid = Grid::new(
-        "What an effect must do to be supported",
+        caption,
         [grid::text("criterion"), grid::text("found"), grid::text("needed"), grid::verdict("met")],
     );
-    for c in &why.criteria {
+    for c in criteria {
         let shown = |value: f64| match c.unit {
             "%" => format!("{} %", percent(value)),
             "" => p_value(value),
@@ -51,24 +84,21 @@ fn criteria(why: &Why) -> Grid {
     grid
 }
 
-fn flights(why: &Why) -> Grid {
+fn flights(heading: &'static str, flights: &[FlightDrop]) -> Grid {
     let mut grid = tables::evidence_grid(
         "Fall of the squared error with it, percent",
-        &["held-out flight", "u", "v", "w", "p", "q", "r"],
+        &[heading, "u", "v", "w", "p", "q", "r"],
     );
-    for flight in &why.flights {
+    for flight in flights {
         let drops = model::AXES.iter().map(|axis| percent(flight.axes[axis.name()].drop_percent));
         grid.push([flight.flight.clone()].into_iter().chain(drops));
     }
     grid
 }
 
-fn coefficients(why: &Why) -> Grid {
-    let mut grid = tables::evidence_grid(
-        "Its coefficients, everything fitted again",
-        &["name", "value", "± (95 %)", "unit", "possible"],
-    );
-    for c in &why.coefficients {
+fn coefficients(caption: &str, coefficients: &[CoefficientEvidence]) -> Grid {
+    let mut grid = tables::evidence_grid(caption, &["name", "value", "± (95 %)", "unit", "possible"]);
+    for c in coefficients {
         let (low, high) = c.possible;
         let [value, half_width] = value_and_error(c.figures.value, Some(c.half_width_95));
         grid.push([

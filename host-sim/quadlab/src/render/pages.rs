@@ -42,7 +42,11 @@ pub(crate) fn with_checks<'a>(
             "No fault was found in channels, axes and signs, motor order, clocks and vehicle file.",
         );
     }
-    page.section(section.grid(&found).grid(&tables::clocks(flights)))
+    let section = faults
+        .withdrawn()
+        .iter()
+        .fold(section.grid(&found), |section, sentence| section.paragraph(format!("{sentence}.")));
+    page.section(section.grid(&tables::clocks(flights)))
 }
 
 /// A model against flights.

@@ -316,7 +316,7 @@ pub(crate) fn worst(comparison: &Comparison) -> Grid {
         [text("axis"), text("condition"), number("rms", ""), number("share", "%")],
     );
     for w in &comparison.worst {
-        grid.push([w.axis.name().into(), w.condition.clone(), short(w.rms), share(w.share_percent)]);
+        grid.push([w.axis.name().into(), w.condition.clone(), short(w.rms), percent(w.share_percent)]);
     }
     grid
 }
@@ -325,7 +325,7 @@ pub(crate) fn worst(comparison: &Comparison) -> Grid {
 pub(crate) fn evidence(diagnosis: &Diagnosis) -> Grid {
     let mut grid = Grid::new(
         "Evidence for each effect on flights that it was not fitted on, best first",
-        [text("effect"), verdict("supported"), number("drop", "%"), number("p", ""), text("reason")],
+        [text("effect"), verdict("supported"), number("rms falls by", "%"), number("p", ""), text("reason")],
     );
     for finding in &diagnosis.effects {
         let known = !finding.coefficients.is_empty();
@@ -333,7 +333,7 @@ pub(crate) fn evidence(diagnosis: &Diagnosis) -> Grid {
         grid.push([
             named(finding),
             yes_no(finding.supported),
-            number(percent(finding.drop_percent)),
+            number(percent(finding.rms_fall_percent())),
             number(p_value(finding.p_value)),
             reason(finding),
         ]);
@@ -404,43 +404,28 @@ pub(crate) fn flight_by_flight(axes: &[Axis], before: &[View], after: &[View]) -
     grid
 }
 
-/// A share of a squared error. A dependence is judged by how much better it is than the constant that the training flights leave; where
-/// that constant is wrong for the flights held out, it can take away more than the whole error.
-fn share(percent_of_error: f64) -> String {
-    if percent_of_error > 100.0 { "all".into() } else { percent(percent_of_error) }
-}
-
 /// Structure that no effect accounts for.
 pub(crate) fn unexplained(all: &[Unexplained]) -> Grid {
-    let more_than_all = all.iter().any(|u| u.share_percent > 100.0);
-    let caption = if more_than_all {
-        "Left unexplained (all: the held-out flights also differ by a constant offset)"
-    } else {
-        "Left unexplained"
-    };
     let mut grid = Grid::new(
-        caption,
-        [text("axis"), text("depends on"), number("share of its error", "%"), number("p", "")],
+        "Left unexplained",
+        [text("axis"), text("depends on"), number("share of its squared error", "%"), number("p", "")],
     );
     for u in all {
         let depends_on = u.depends_on.to_string();
-        grid.push([u.axis.name().into(), depends_on, share(u.share_percent), p_value(u.p_value)]);
+        grid.push([u.axis.name().into(), depends_on, percent(u.share_percent), p_value(u.p_value)]);
     }
     grid
 }
 
 /// Held-out error of each axis before and after.
 pub(crate) fn before_after(caption: &str, before: &PerAxis<f64>, after: &PerAxis<f64>) -> Grid {
-    let mut grid =
-        Grid::new(caption, [text("axis"), number("before", ""), number("after", ""), number("drop", "%")]);
+    let mut grid = Grid::new(
+        caption,
+        [text("axis"), number("before", ""), number("after", ""), number("falls by", "%")],
+    );
     let drop = before.drop_percent(after);
     for axis in AXES {
-        grid.push([
-            axis.name().into(),
-            significant(before[axis], 4),
-            significant(after[axis], 4),
-            percent(drop[axis]),
-        ]);
+        grid.push([axis.name().into(), short(before[axis]), short(after[axis]), percent(drop[axis])]);
     }
     grid
 }

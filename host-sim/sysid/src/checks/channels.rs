@@ -7,6 +7,7 @@
 
 use model::{Vehicle, frames};
 use nalgebra::Vector3;
+use report::number::fixed;
 
 use flights::{COLUMNS, Column, Flight, median_step};
 
@@ -63,10 +64,10 @@ pub fn check(flight: &Flight, vehicle: &Vehicle) -> Channels {
         }
         let samples: usize = runs.iter().map(|r| r.len()).sum();
         found.frozen.push(format!(
-            "{name} repeats its values {} for {:.2} s in all, first at t = {:.2} s: these {samples} samples are left out",
+            "{name} repeats its values {} for {} s in all, first at t = {} s: these {samples} samples are left out",
             times(runs.len()),
-            samples as f64 * period_s,
-            t[runs[0].start]
+            fixed(samples as f64 * period_s, 2),
+            fixed(t[runs[0].start], 2)
         ));
         for run in runs {
             mask(&mut masked, stream, run);
@@ -87,7 +88,7 @@ pub fn check(flight: &Flight, vehicle: &Vehicle) -> Channels {
         } else {
             ("tracker", "(lost or swapped markers?): samples around the jumps are left out")
         };
-        let place = format!("{}, first at t = {:.2} s", times(jumps.len()), t[*first]);
+        let place = format!("{}, first at t = {} s", times(jumps.len()), fixed(t[*first], 2));
         found.jumps.push(format!("the {what} jumps as no craft can fly, {place} {done}"));
         found.jumps_kept = kept;
         if !kept {
@@ -230,7 +231,9 @@ fn saturated(flight: &Flight, vehicle: &Vehicle) -> Vec<String> {
         }
         let list: Vec<String> = shares
             .iter()
-            .map(|(c, share)| format!("{} in {:.0} % of the samples", COLUMNS[*c as usize], 100.0 * share))
+            .map(|(c, share)| {
+                format!("{} in {} % of the samples", COLUMNS[*c as usize], fixed(100.0 * share, 0))
+            })
             .collect();
         found.push(format!(
             "commands are at the {end} value of command_range: {}; the motors may deliver less than commanded there; cut \
@@ -314,8 +317,9 @@ mod tests {
         let found = check(&flight, &Vehicle::thesis());
         assert_eq!(
             found.jumps,
-            ["the tracker jumps as no craft flies 2 times, first at t = 1.99 s (lost or exchanged \
-                 markers?): samples about the jumps are left out"]
+            [
+                "the tracker jumps as no craft can fly, 2 times, first at t = 1.99 s (lost or swapped markers?): samples around the jumps are left out"
+            ]
         );
         let samples = masked(&found, Column::Y);
         // One sample before the jump, all of the excursion, and two after it.
@@ -336,8 +340,8 @@ mod tests {
         assert!(found.jumps_kept && found.masked.is_none());
         assert_eq!(
             found.jumps,
-            ["the position or attitude estimate jumps as no craft flies once, first at t = 1.99 s \
-                 (corrections of an estimator?): velocities are logged, so these samples are kept"]
+            ["the position or attitude estimate jumps as no craft can fly, once, first at t = 1.99 s \
+                 (corrections by an estimator?): velocities are logged, so these samples are kept"]
         );
     }
 
@@ -354,8 +358,9 @@ mod tests {
         let found = check(&waving(400, |_, row| row.command[2] = 1500.0), &Vehicle::thesis());
         assert_eq!(
             found.frozen,
-            ["cmd3 never changes while other commands do: a stuck motor, or the column of another signal; \
-              mend the log"]
+            [
+                "cmd3 never changes while other commands do: a stuck motor, or a column with another signal; correct the log"
+            ]
         );
         let all_still = check(&waving(400, |_, row| row.command = [1500.0; 4]), &Vehicle::thesis());
         assert!(all_still.frozen.is_empty());
@@ -374,8 +379,9 @@ mod tests {
         assert!(at_top(5).is_empty());
         assert_eq!(
             at_top(6),
-            ["commands are at the largest value of command_range: cmd2 in 6 % of the samples; motors may \
-              give less than asked there, so cut the log to the flight itself or fly more gently"]
+            [
+                "commands are at the largest value of command_range: cmd2 in 6 % of the samples; the motors may deliver less than commanded there; cut the log to the flight itself or fly more gently"
+            ]
         );
     }
 }

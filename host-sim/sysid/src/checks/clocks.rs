@@ -29,6 +29,7 @@
 
 use std::ops::ControlFlow;
 
+use report::number::with_error;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -91,21 +92,19 @@ impl Clock {
         self
     }
 
-    /// For people: "x, y, z are 31.2 +- 0.4 ms late relative to the IMU, and the clock on board runs 1.180 +- 0.002 % slow".
+    /// For people: "x, y, z are 31.20 ± 0.40 ms late relative to the IMU, and the clock on board runs 1.1800 ± 0.0020 % slow".
     pub fn sentence(&self, tracked: &str, onboard: &str, board_keeps_time: bool) -> String {
         let order = if self.offset_s > 0.0 { "late" } else { "early" };
         let mut text = format!(
-            "{tracked} are {:.1} +- {:.2} ms {order} relative to {onboard}",
-            1e3 * self.offset_s.abs(),
-            1e3 * self.offset_std_error_s
+            "{tracked} are {} {order} relative to {onboard}",
+            with_error(1e3 * self.offset_s.abs(), 1e3 * self.offset_std_error_s, "ms")
         );
         if self.is_skewed() {
             let pace = if (self.skew > 0.0) == board_keeps_time { "fast" } else { "slow" };
             let whose = if board_keeps_time { "the tracker's clock" } else { "the clock on board" };
             text += &format!(
-                ", and {whose} runs {:.3} +- {:.3} % {pace}",
-                100.0 * self.skew.abs(),
-                100.0 * self.skew_std_error
+                ", and {whose} runs {} {pace}",
+                with_error(100.0 * self.skew.abs(), 100.0 * self.skew_std_error, "%")
             );
         }
         text

@@ -15,6 +15,7 @@
 //! [`MATTERS_S`] is called wandering. Where rotor speeds were measured, [`crate::fit::alignment`] looks more closely.
 
 use model::{Adjustments, Vehicle};
+use report::number::fixed;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -59,7 +60,7 @@ pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<Vec<PieceLag>> {
 pub fn sentence(pieces: &[PieceLag]) -> String {
     let of = |piece: &PieceLag| -> Option<String> {
         let late = mean(piece.late_s.iter().flatten().copied())?;
-        Some(format!("{:.0} ms at {:.0} s", 1e3 * late, piece.time_s))
+        Some(format!("{} ms at {} s", fixed(1e3 * late, 0), fixed(piece.time_s, 0)))
     };
     let listed: Vec<String> = pieces.iter().filter_map(of).collect();
     format!(
@@ -217,7 +218,7 @@ mod tests {
         let pieces = [piece(2.0, Some(0.02), Some(0.04)), piece(6.0, None, Some(-0.012))];
         assert_eq!(
             sentence(&pieces),
-            "the clock of the motor commands wanders against that of the motion, which follows them by \
+            "the clock of the motor commands drifts relative to that of the motion, which lags the commands by \
              30 ms at 2 s, -12 ms at 6 s: no rotation can be fitted to such a flight; log commands and \
              motion on one clock"
         );

@@ -178,8 +178,7 @@ mod tests {
     fn each_way_to_write_gravity_wrongly_is_named() {
         assert_eq!(
             named(|f, dcm| f + 9.81 * dcm.column(2)),
-            "ax, ay, az look like accelerations without gravity, an IMU's specific force is wanted (0, 0, \
-             -9.81 at rest): subtract gravity in body axes"
+            "ax, ay, az look like accelerations without gravity, but the specific force of an IMU is needed (0, 0, -9.81 at rest): subtract gravity in body axes"
         );
         assert_eq!(
             named(|f, dcm| f + 2.0 * 9.81 * dcm.column(2)),
@@ -188,8 +187,7 @@ mod tests {
         assert!(named(|f, _| -f).contains("(gravity included with the wrong sign)"));
         assert_eq!(
             named(|f, dcm| dcm.tr_mul(&f) + Vector3::new(0.0, 0.0, 9.81)),
-            "ax, ay, az look like accelerations in the inertial frame: subtract gravity and turn them into \
-             the body frame"
+            "ax, ay, az look like accelerations in the inertial frame: subtract gravity and rotate them into the body frame"
         );
     }
 

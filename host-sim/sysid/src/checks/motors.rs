@@ -182,7 +182,7 @@ mod tests {
     fn the_sentence_says_which_motor_every_command_drives() {
         assert_eq!(
             order_sentence([3, 0, 1, 2]),
-            "the motors are numbered otherwise: by the roll and pitch they cause, cmd1 of motor 4 \
+            "the motors are in another order: judging by the roll and pitch they cause, cmd1 of motor 4 \
              (rear-left), cmd2 of motor 1 (front-left), cmd3 of motor 2 (front-right) and cmd4 of motor 3 \
              (rear-right); put the columns cmd1..4 (and omega1..4) in the order front-left, front-right, \
              rear-right, rear-left"
@@ -196,7 +196,7 @@ mod tests {
         spin.rotate_left(1);
         assert_eq!(
             check(&numbered([0, 1, 2, 3]), &vehicle).unwrap(),
-            "the motors yaw the craft the other way round than [motors] spin of the vehicle file says: \
+            "the motors yaw the craft opposite to [motors] spin in the vehicle file: \
              exchange \"ccw\" and \"cw\" there"
         );
     }

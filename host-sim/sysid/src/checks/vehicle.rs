@@ -11,6 +11,7 @@
 //! A vehicle whose map is identified has no rotor speed, so neither coefficient is judged.
 
 use model::{Axis, Effect, Model, Vehicle};
+use report::number::{fixed, significant, with_error};
 
 use crate::checks::{Fault, FaultKind, Severity};
 use crate::fit::linearise::residuals;
@@ -40,7 +41,8 @@ pub fn of_vehicle(vehicle: &Vehicle) -> Option<Fault> {
     Some(warning(
         FaultKind::ImplausibleVehicle,
         format!(
-            "vehicle file: rotor_radius is {ratio:.2} times arm_length, while real craft have 0.4 to 0.65; {suspicion}"
+            "vehicle file: rotor_radius is {} times arm_length, while real craft have 0.4 to 0.65; {suspicion}",
+            significant(ratio, 2)
         ),
     ))
 }
@@ -64,8 +66,9 @@ pub fn of_fit(model: &Model, rotor_speeds_logged: bool) -> Vec<Fault> {
         faults.push(warning(
             FaultKind::ImplausibleVehicle,
             format!(
-                "vehicle file: mass, rotor_radius and rotor speeds together give a thrust coefficient of {thrust:.2e}, \
-                 while real propellers have 0.008 to 0.026; {hint}"
+                "vehicle file: mass, rotor_radius and rotor speeds together give a thrust coefficient of {}, while real \
+                 propellers have 0.008 to 0.026; {hint}",
+                significant(thrust, 3)
             ),
         ));
     }
@@ -87,9 +90,11 @@ fn inertia(model: &Model, thrust: f64, moments: &[f64]) -> Option<Fault> {
         warning(
             FaultKind::ImplausibleVehicle,
             format!(
-                "moments of inertia in roll and pitch come out as {roll:.2} and {pitch:.2} times mass times arm_length \
-                 squared, while real craft have 0.25 to 0.45: mass or arm_length (centre to motor, metres) is wrong, commands \
-                 are late relative to the motion, or the model lacks a strong moment"
+                "moments of inertia in roll and pitch come out as {} and {} times mass times arm_length squared, while real \
+                 craft have 0.25 to 0.45: mass or arm_length (centre to motor, metres) is wrong, commands are late \
+                 relative to the motion, or the model lacks a strong moment",
+                significant(roll, 2),
+                significant(pitch, 2)
             ),
         )
     })
@@ -111,7 +116,7 @@ fn undetermined(model: &Model) -> Option<Fault> {
             // A drag next to zero with a small error is determined.
             let small = if model.vehicle.has_rotor_map() { c.typical.min(ordinary) } else { ordinary };
             if error > estimate.value.abs() && error > UNDETERMINED * small {
-                names.push(format!("{} = {:.2} +- {:.2} {}", c.name, estimate.value, error, c.unit));
+                names.push(format!("{} = {}", c.name, with_error(estimate.value, error, c.unit)));
                 if !fly.contains(&info.excitation) {
                     fly.push(info.excitation);
                 }
@@ -142,8 +147,9 @@ pub fn of_set(train: &[&Prepared], validate: &[&Prepared]) -> Vec<Fault> {
     let seconds: f64 = train.iter().map(|f| f.rows() as f64 * f.period_s).sum();
     if seconds < LEAST_TRAINING_S {
         few(format!(
-            "only {seconds:.1} s of training flights: errors are large and drifts go unnoticed; give at least three flights \
-             of 20 s"
+            "only {} s of training flights: errors are large and drifts go unnoticed; give at least three flights \
+             of 20 s",
+            fixed(seconds, 1)
         ));
     }
     faults
@@ -181,14 +187,14 @@ pub fn differences(model: &Model, flights: &[&Prepared], likeness: Likeness) -> 
     let ratio = thrust.product / thrust.predicted.max(f64::MIN_POSITIVE);
     if !(1.0 / likeness.thrust..=likeness.thrust).contains(&ratio) {
         let way = if ratio > 1.0 { "above" } else { "below" };
-        found.push(format!("the thrust is {:.0} % {way} the model's", 100.0 * (ratio - 1.0).abs()));
+        found.push(format!("the thrust is {} % {way} the model's", fixed(100.0 * (ratio - 1.0).abs(), 0)));
     }
     for (axis, name) in [(Axis::P, "roll"), (Axis::Q, "pitch")] {
         let (slope, correlation) = sums[axis.index()].about_means();
         if correlation < -0.4 {
             found.push(format!("the motors {name} the craft in the opposite direction"));
         } else if correlation > 0.6 && !(1.0 / likeness.moment..=likeness.moment).contains(&slope) {
-            found.push(format!("the motors {name} the craft {slope:.1} times as strongly"));
+            found.push(format!("the motors {name} the craft {} times as strongly", fixed(slope, 1)));
         }
     }
     found
@@ -249,15 +255,13 @@ mod tests {
         vehicle.rotor_radius *= 2.0;
         assert_eq!(
             of_vehicle(&vehicle).unwrap().sentence,
-            "vehicle file: rotor_radius is 1.22 of arm_length, craft have 0.4 to 0.65; rotors would \
-             overlap: is rotor_radius a diameter, or arm_length not that from the centre to a motor?"
+            "vehicle file: rotor_radius is 1.22 times arm_length, while real craft have 0.4 to 0.65; the rotors would overlap: is rotor_radius a diameter, or arm_length not measured from the centre to a motor?"
         );
         let mut vehicle = Vehicle::thesis();
         vehicle.arm_length *= 2.0;
         assert_eq!(
             of_vehicle(&vehicle).unwrap().sentence,
-            "vehicle file: rotor_radius is 0.30 of arm_length, craft have 0.4 to 0.65; rotors would be \
-             small: is arm_length the diagonal from motor to motor, or a length in another unit?"
+            "vehicle file: rotor_radius is 0.30 times arm_length, while real craft have 0.4 to 0.65; the rotors would be small: is arm_length the diagonal from motor to motor, or a length in another unit?"
         );
     }
 
@@ -269,7 +273,7 @@ mod tests {
         assert!(
             sentences(&faults)[0].starts_with(
                 "vehicle file: mass, rotor_radius and rotor speeds together give a thrust coefficient of \
-                 8.00e-1, propellers have 0.008 to 0.026; is mass in grams"
+                 8.00e-1, while real propellers have 0.008 to 0.026; is mass in grams"
             ),
             "{faults:?}"
         );
@@ -328,11 +332,9 @@ mod tests {
         assert_eq!(
             sentences(&faults),
             [
-                "only one flight to fit on: whether a finding repeats from flight to flight cannot be \
-                 judged; give three, each another pattern",
-                "only one flight to judge by: a finding may belong to that flight alone; give two or more",
-                "only 2.4 s to fit on: errors are large and drifts unseen; give at least three flights of \
-                 20 s",
+                "only one training flight, so nothing shows whether a finding repeats from flight to flight; give three, each with another pattern",
+                "only one validation flight: a finding may hold for that flight alone; give two or more",
+                "only 2.4 s of training flights: errors are large and drifts go unnoticed; give at least three flights of 20 s",
             ]
         );
         assert_eq!(of_set(&[&flight; 5], &[&flight; 2]), []);

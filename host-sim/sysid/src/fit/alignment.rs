@@ -110,7 +110,7 @@ pub fn align_to(model: &Model, flights: &mut [&mut Prepared], reference: Referen
 }
 
 /// Compares the offsets of the pieces of a flight under a model's coefficients and notes them if the clock wanders.
-fn name_wandering(flight: &mut Prepared, model: &Model) {
+pub fn name_wandering(flight: &mut Prepared, model: &Model) {
     let pieces = piece_offsets(flight, model).unwrap_or_default();
     let period_s = flight.period_s;
     let Some(alignment) = &mut flight.alignment else { return };

@@ -11,6 +11,7 @@
 
 use model::{Axis, Effect, Model};
 use nalgebra::DVector;
+use report::number::fixed;
 use schemars::JsonSchema;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -208,10 +209,12 @@ fn warning(motors: &MotorsOfFlights) -> Option<String> {
     };
     (motors.correlation.abs() > STRONG_CORRELATION && motors.p_value < SIGNIFICANCE).then(|| {
         format!(
-            "{axis}: the motors' moment follows the {} (correlation {:.2}) and motor coefficients differ between \
-             flights by {:.1} of their errors: they depend on how the flights were flown; fly each motor excited by \
+            "{axis}: the motors' moment follows the {} (correlation {}) and motor coefficients differ between \
+             flights by {} of their errors: they depend on how the flights were flown; fly each motor excited by \
              itself at several hertz",
-            motors.follows, motors.correlation, motors.spread
+            motors.follows,
+            fixed(motors.correlation, 2),
+            fixed(motors.spread, 1)
         )
     })
 }

@@ -1,6 +1,7 @@
 //! Why a fitted model cannot be the craft's: signs that contradict its geometry or physics, a rotation that explains nothing.
 
 use model::{Axis, Effect, Kind, Model};
+use report::number::{fixed, with_error};
 
 use crate::fit::linearise::residuals_at_rows;
 use crate::fit::residuals::{Residuals, errors};
@@ -32,9 +33,9 @@ pub fn rotation_doubts(model: &Model, flights: &[&Prepared]) -> Vec<String> {
         [Axis::P, Axis::Q, Axis::R].map(|axis| fitted[axis].r2).into_iter().fold(f64::MIN, f64::max);
     if largest < LEAST_ROTATION_R2 {
         found.push(format!(
-            "motor commands explain {:.0} % of the angular accelerations at best: clocks that wander within flights, or \
+            "motor commands explain {} % of the angular accelerations at best: clocks that wander within flights, or \
              too little excitation",
-            100.0 * largest.max(0.0)
+            fixed(100.0 * largest.max(0.0), 0)
         ));
     }
     found
@@ -49,14 +50,15 @@ fn doubts(model: &Model) -> Vec<(Effect, String)> {
             let slack = 2.0 * estimate.std_error.unwrap_or(0.0);
             if estimate.value * expected < -slack {
                 let should = if expected > 0.0 { "positive" } else { "negative" };
-                found.push((term.effect, format!(
-                    "{} = {:.4} +- {:.4} {} must be {should}: rotor order or spin in the vehicle file, a clock offset \
+                found.push((
+                    term.effect,
+                    format!(
+                        "{} = {} must be {should}: rotor order or spin in the vehicle file, a clock offset \
                      between commands and motion, or too little excitation",
-                    info.name,
-                    estimate.value,
-                    0.5 * slack,
-                    info.unit
-                )));
+                        info.name,
+                        with_error(estimate.value, 0.5 * slack, info.unit)
+                    ),
+                ));
             }
         }
     }

@@ -1,5 +1,6 @@
 //! What belongs to one flight and not to the craft, and is taken out of it: the clock of its rotor samples, and constants.
 
+use report::number::{fixed, with_error};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -37,7 +38,7 @@ impl Alignment {
 
     /// What was found, for people; nothing where there is nothing to say.
     pub fn note(&self) -> Option<String> {
-        let milliseconds = |s: f64| format!("{:.1} ms", 1e3 * s);
+        let milliseconds = |s: f64| format!("{} ms", fixed(1e3 * s, 1));
         if !self.wandering.is_empty() {
             let late = |f: fn(f64, f64) -> f64, start| self.wandering.iter().map(|p| p.late_s).fold(start, f);
             return Some(format!(
@@ -49,9 +50,8 @@ impl Alignment {
         self.corrected.then(|| {
             let way = if self.late_s < 0.0 { "early" } else { "late" };
             format!(
-                "rotor samples {} {way} (+- {:.1}), corrected",
-                milliseconds(self.late_s.abs()),
-                1e3 * self.std_error_s
+                "rotor samples {} {way}, corrected",
+                with_error(1e3 * self.late_s.abs(), 1e3 * self.std_error_s, "ms")
             )
         })
     }

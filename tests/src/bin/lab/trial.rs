@@ -172,7 +172,8 @@ fn ask_what_changed(trial: &Trial) -> Result<Outcome, String> {
     let model = workflow::identify(&base.vehicle, &[], &mut before, None, &Silent).map_err(told)?.model;
     let mut after =
         FlightsOfOneKind::from_flights(after, &base.vehicle, Reading::default(), &Silent).map_err(told)?;
-    let diagnosis = workflow::changed(&model, &[], &mut after, &Silent).map_err(told)?;
+    let diagnosis =
+        workflow::changed(&model, &[], &mut after, &diagnosis::Options::default(), &Silent).map_err(told)?;
     let blamed = diagnosis.effects.iter().find(|finding| finding.supported).and_then(|finding| finding.motor);
     let weak = world.craft.efficiency.iter().position(|part| *part != 1.0);
     Ok(Outcome {

@@ -2,6 +2,7 @@
 //! coefficients are possible and better.
 
 use model::Model;
+use report::number::{percent, significant, with_unit};
 
 use super::error::RefineError;
 use super::problem::{Constants, Problem, Rows};
@@ -60,7 +61,8 @@ pub(super) fn judge(
         fall("rate", before.rate_rad_s, after.rate_rad_s),
     ];
     let mean = falls.iter().map(|(_, fall)| fall).sum::<f64>() / 4.0;
-    let listed: Vec<String> = falls.iter().map(|(name, fall)| format!("{name} {fall:.1} %")).collect();
+    let listed: Vec<String> =
+        falls.iter().map(|(name, fall)| format!("{name} {} %", percent(*fall))).collect();
     let listed = listed.join(", ");
     let worse = falls.iter().any(|(_, fall)| !(*fall > -TOLERATED_PERCENT));
     if worse || !(mean > 0.0) {
@@ -76,8 +78,10 @@ fn feeds_energy(model: &Model, refined: &Model) -> Option<String> {
         let pairs = term.coefficients.iter().zip(was).zip(term.effect.info().coefficients);
         pairs.into_iter().find_map(|((now, was), info)| {
             let slack = 2.0 * now.std_error.unwrap_or(0.0);
-            (now.value > slack && was.value <= 0.0)
-                .then(|| format!("{} = {:.4} {} would accelerate the craft", info.name, now.value, info.unit))
+            (now.value > slack && was.value <= 0.0).then(|| {
+                let value = with_unit(&significant(now.value, 4), info.unit);
+                format!("{} = {value} would accelerate the craft", info.name)
+            })
         })
     })
 }
