@@ -34,7 +34,6 @@
 use model::{Axis, Effect, Kind, Model, Plant, State};
 use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion, Vector3, Vector4};
 use rayon::prelude::*;
-use report::number::{percent, significant, with_unit};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -194,8 +193,7 @@ fn judge(model: &Model, refined: &Model, before: &HorizonError, after: &HorizonE
         fall("rate", before.rate_rad_s, after.rate_rad_s),
     ];
     let mean = falls.iter().map(|(_, fall)| fall).sum::<f64>() / 4.0;
-    let listed: Vec<String> =
-        falls.iter().map(|(name, fall)| format!("{name} {} %", percent(*fall))).collect();
+    let listed: Vec<String> = falls.iter().map(|(name, fall)| format!("{name} {fall:.1} %")).collect();
     let listed = listed.join(", ");
     let worse = falls.iter().any(|(_, fall)| !(*fall > -TOLERATED_PERCENT));
     if worse || !(mean > 0.0) {
@@ -211,13 +209,8 @@ fn feeds_energy(model: &Model, refined: &Model) -> Option<String> {
         let pairs = term.coefficients.iter().zip(was).zip(term.effect.info().coefficients);
         pairs.into_iter().find_map(|((now, was), info)| {
             let slack = 2.0 * now.std_error.unwrap_or(0.0);
-            (now.value > slack && was.value <= 0.0).then(|| {
-                format!(
-                    "{} = {} would accelerate the craft",
-                    info.name,
-                    with_unit(&significant(now.value, 4), info.unit)
-                )
-            })
+            (now.value > slack && was.value <= 0.0)
+                .then(|| format!("{} = {:.4} {} would accelerate the craft", info.name, now.value, info.unit))
         })
     })
 }
