@@ -418,6 +418,17 @@ mod tests {
         assert!(finding.coefficients[0].value.abs() < 0.01, "{:?}", finding.coefficients);
     }
 
+    /// Two flights that had their part in the model: twice the root of the mean square.
+    #[test]
+    fn the_scatter_is_about_the_model_and_that_of_a_new_flight() {
+        let flights = prepared(&truth(), 30..32, 4.0, &ORDINARY);
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        let scatter = scatter(&truth(), &flights);
+        let mass = scatter.iter().find(|s| s.effect == "mass-change").unwrap();
+        let [a, b] = [0, 1].map(|k| fit_change(&truth(), HEAVIER, &[flights[k]]).unwrap().values[0]);
+        assert!((mass.deviation / (2.0 * (0.5 * (a * a + b * b)).sqrt()) - 1.0).abs() < 1e-9);
+    }
+
     #[test]
     fn a_single_flight_scatters_from_nothing_and_no_flight_tells_of_no_change() {
         let flights = prepared(&truth(), 30..31, 4.0, &ORDINARY);

@@ -377,10 +377,9 @@ mod tests {
     }
 
     #[test]
-    fn a_fit_starts_from_what_is_possible() {
+    fn a_linearised_value_that_means_nothing_does_not_spoil_the_exact_fit() {
         with_search(&truth(), &[], |search| {
             let model = &search.base.fit.model;
-            // The linearised value of a step that means nothing.
             let gale = vec![1e6; Effect::SteadyWind.info().coefficients.len()];
             let validated = search.fitted(model, &[(Effect::SteadyWind, gale)]).unwrap();
             let wind = validated.fit.model.term(Effect::SteadyWind).unwrap().values();

@@ -64,7 +64,8 @@ mod tests {
             assert!(!library.names[..k].contains(name), "{name:?} twice");
         }
         let has = |effect| library.names.iter().any(|name| name.effect == effect);
-        assert!(has(Effect::Thrust) && has(Effect::QuadraticDrag) && has(Effect::SteadyWind));
+        assert!(truth().effects().into_iter().all(has));
+        assert!(Effect::candidates().filter(|effect| *effect != Effect::MassChange).all(has));
         // What adjusts and is in the model already has no column of its own.
         assert!(!has(Effect::MassChange));
         let rows = library.targets[0].len();
