@@ -2,8 +2,8 @@
 
 use model::{Effect, Kind, Model};
 use sysid::fit::least_squares::FlightRows;
+use sysid::fit::least_squares::RowColumn;
 use sysid::fit::linearise::About;
-use sysid::fit::rows::RowColumn;
 use sysid::fit::swing::Known;
 use sysid::fit::terms::coefficient_count;
 use sysid::prepare::Prepared;

@@ -25,11 +25,11 @@ use model::{Effect, Kind, Model};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::fit::gauss_newton::{self, Linearised, Problem, Rule};
+use crate::fit::least_squares::RowColumn;
 use crate::fit::least_squares::{self, FlightRows, Solution, Unidentifiable};
 use crate::fit::linearise::{About, residuals_at_rows};
 use crate::fit::parameters::store;
 use crate::fit::rotation::has_rotation;
-use crate::fit::rows::RowColumn;
 use crate::fit::swing::Known;
 use crate::fit::terms::coefficient_count;
 use crate::prepare::{Alignment, PieceOffset, Prepared};

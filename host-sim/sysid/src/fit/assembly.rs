@@ -3,11 +3,11 @@
 use model::{Effect, Model};
 
 use crate::fit::least_squares::FlightRows;
+use crate::fit::least_squares::RowColumn;
 use crate::fit::linearise::{About, residuals_at_rows};
 use crate::fit::parameters::Layout;
 use crate::fit::residuals::Residuals;
 use crate::fit::rotation::has_rotation;
-use crate::fit::rows::RowColumn;
 use crate::fit::swing::Known;
 use crate::fit::terms::coefficient_count;
 use crate::prepare::Prepared;

@@ -17,9 +17,9 @@ use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::fit::least_squares;
+use crate::fit::least_squares::RowColumn;
 use crate::fit::linearise::residuals_at_rows;
 use crate::fit::rotation::has_rotation;
-use crate::fit::rows::RowColumn;
 use crate::prepare::Prepared;
 
 /// Correlation of the motors' moment with a speed or rate from which on they are taken for an answer to it.

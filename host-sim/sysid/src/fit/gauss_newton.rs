@@ -1,4 +1,5 @@
-//! Gauss and Newton's method: the one loop of every fit that is not linear in its coefficients.
+//! Gauss and Newton's method: the one loop of every regression that is not linear in its coefficients.
+//! (Refinement on rollouts descends by Levenberg and Marquardt's: `output_error/descent.rs`.)
 //!
 //! A [`Problem`] is linearised about its present values, the linear problem is solved, and the
 //! problem takes the step, until it says that this was the last. A step after which more is left

@@ -6,9 +6,10 @@
 
 use model::{Effect, Model};
 
+use crate::fit::least_squares::RowColumn;
 use crate::fit::predicted::{self, less, measured};
 use crate::fit::residuals::Residuals;
-use crate::fit::rows::{Hung, RowColumn};
+use crate::fit::rows::Hung;
 use crate::fit::slung_load::{self, Carried};
 use crate::fit::swing::{Followed, Known};
 use crate::fit::unloaded::{Beginning, Unloaded};

@@ -17,8 +17,8 @@ use model::{Effect, Model};
 use nalgebra::{DMatrix, DVector, Matrix4, Matrix4xX};
 
 use crate::filter::sum_of_products;
+use crate::fit::least_squares::RowColumn;
 use crate::fit::parameters::step_end;
-use crate::fit::rows::RowColumn;
 use crate::fit::shapes::{End, Shapes};
 use crate::fit::slung_load::{Carried, SWING_RAD, of_model};
 use crate::fit::unloaded::Unloaded;

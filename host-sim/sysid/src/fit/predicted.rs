@@ -2,8 +2,8 @@
 
 use model::Model;
 
+use crate::fit::least_squares::RowColumn;
 use crate::fit::rotation::has_rotation;
-use crate::fit::rows::RowColumn;
 use crate::prepare::Prepared;
 
 /// The targets of what a model speaks of over the rows at every `stride`th sample: what it does not is no error of it, so that nothing is

@@ -13,12 +13,12 @@ use model::{Effect, Model};
 
 use crate::fit::assembly::less_added;
 use crate::fit::error::{FitError, check_scales};
+use crate::fit::least_squares::RowColumn;
 use crate::fit::least_squares::{self, FlightRows};
 use crate::fit::linearise::step_scale;
 use crate::fit::load_shapes::LoadShapes;
 use crate::fit::parameters::{Layout, step_end};
 use crate::fit::predicted::measured_less_predicted;
-use crate::fit::rows::RowColumn;
 use crate::fit::shapes::{End, Shapes};
 use crate::prepare::Prepared;
 

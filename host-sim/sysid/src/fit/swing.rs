@@ -12,9 +12,9 @@ use model::{Model, Pendulum};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3, Vector4};
 
 use crate::filter::sum_of_products;
+use crate::fit::least_squares::RowColumn;
 use crate::fit::pieces::Piece;
 use crate::fit::residuals::Residuals;
-use crate::fit::rows::RowColumn;
 use crate::fit::slung_load::{Carried, SWING_RAD, of_model};
 use crate::fit::unloaded::{Beginning, Unloaded};
 use crate::prepare::{Part, Prepared, Stretch};

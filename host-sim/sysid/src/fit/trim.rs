@@ -17,8 +17,8 @@
 use model::{Effect, Kind, Model};
 use nalgebra::DVector;
 
+use crate::fit::least_squares::RowColumn;
 use crate::fit::least_squares::{self, FlightRows, Solution};
-use crate::fit::rows::RowColumn;
 use crate::fit::terms::coefficient_count;
 use crate::prepare::{ForceTarget, Prepared, Trim};
 
