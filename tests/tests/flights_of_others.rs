@@ -239,6 +239,16 @@ fn nanodrone_has_right_signs_drag_rotor_inertia_and_flapping_moment() {
     assert!(attitude(&after) < 0.8 * attitude(&before), "{} {}", attitude(&before), attitude(&after));
 }
 
+/// Real, before a fan wall: an effect whose fit does not come to an end takes no answer away.
+#[test]
+fn a_flight_in_strong_wind_gets_an_answer_though_a_fit_does_not_settle() {
+    let Some(path) = shared("data/neuralfly") else { return };
+    let names = |name: &str| vec![name.to_owned()];
+    let mut folder = Folder::read(&path, &names("L1_70wind"), &names("baseline_70wind"));
+    let explanation = folder.explain();
+    assert_ne!(explanation.verdict(), Verdict::Adequate, "{}", explanation.conclusion());
+}
+
 /// Real, brushed motors without a map: thrust follows the voltage.
 #[test]
 fn nanobench_thrust_follows_the_voltage() {

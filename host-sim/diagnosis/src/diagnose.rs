@@ -19,12 +19,12 @@ use sysid::prepare::Prepared;
 
 use crate::criteria::Left;
 use crate::figures::rms_of;
-use crate::finding::{Diagnosis, EffectFinding, Unexplained, Verdict, supported};
+use crate::finding::{Diagnosis, EffectFinding, Unexplained, Verdict, supported, unfitted};
 use crate::noise;
 use crate::observer::{Observer, Progress};
 use crate::options::Options;
 use crate::ranking::{confounded, ranked};
-use crate::reason::joined;
+use crate::reason::{Reason, joined};
 use crate::residual_tests::{Structure, structure};
 use crate::search::Search;
 use crate::search_error::SearchError;
@@ -69,7 +69,8 @@ pub fn diagnose_with(
         search.refit(&mut chosen)?;
     };
     let effects = ranked(&search, chosen.findings, &confounded)?;
-    let verdict = match (effects.iter().any(|f| f.supported), unexplained.is_empty()) {
+    let is_complete = unexplained.is_empty() && !effects.iter().any(is_unfitted);
+    let verdict = match (effects.iter().any(|f| f.supported), is_complete) {
         (true, _) => Verdict::MissingEffect,
         (false, true) => Verdict::Adequate,
         (false, false) => Verdict::Unexplained,
@@ -80,15 +81,23 @@ pub fn diagnose_with(
 
 /// The conclusion in sentences.
 fn summary(findings: &[EffectFinding], unexplained: &[Unexplained]) -> String {
-    match (findings.iter().find(|f| f.supported), unexplained.first()) {
-        (Some(best), _) => lacking(best, findings),
-        (None, None) => {
-            "No known effect lowers the error on held-out flights by an amount that matters, and the \
-                         residual depends on none of the measured quantities."
-                .into()
-        }
-        (None, Some(worst)) => unaccounted(worst),
+    if let Some(best) = findings.iter().find(|f| f.supported) {
+        return lacking(best, findings);
     }
+    if let Some(worst) = unexplained.first() {
+        return unaccounted(worst);
+    }
+    match findings.iter().find(|finding| is_unfitted(finding)) {
+        Some(finding) => unfitted(finding.effect),
+        None => "No known effect lowers the error on held-out flights by an amount that matters, and the \
+                 residual depends on none of the measured quantities."
+            .into(),
+    }
+}
+
+/// Whether the flights support an effect that the model cannot be fitted with.
+fn is_unfitted(finding: &EffectFinding) -> bool {
+    matches!(finding.reason, Reason::NotFittedTogether(_))
 }
 
 fn lacking(best: &EffectFinding, findings: &[EffectFinding]) -> String {
@@ -122,7 +131,7 @@ mod tests {
 
     use super::*;
     use crate::observer::Silent;
-    use crate::reason::{Dependence, Reason};
+    use crate::reason::Dependence;
 
     fn finding(effect: Effect, supported: bool) -> EffectFinding {
         let mut finding = EffectFinding::unsupported(effect, 2, Reason::LikeChance);
@@ -141,8 +150,8 @@ mod tests {
         assert_eq!(
             summary(&findings, &[]),
             format!(
-                "The model lacks mass-change. {} With it, the error on held-out flights falls by 12.3 % (2 of \
-                 2 flights, p = 0.0021). Also supported: steady-wind.",
+                "The model lacks mass-change. {} With it, the held-out rms error of w falls by 6.4 % (2 of 2 \
+                 flights, p = 0.002). Also supported: steady-wind.",
                 Effect::MassChange.info().sentence
             )
         );
@@ -160,7 +169,7 @@ mod tests {
         let unsupported = [finding(Effect::Tether, false)];
         assert_eq!(
             summary(&unsupported, std::slice::from_ref(&left)),
-            "The residual of w depends on the height (7.2 % of its held-out error), and no known effect \
+            "The residual of w depends on the height (7.2 % of its held-out squared error), and no known effect \
              accounts for it."
         );
         assert!(summary(&[finding(Effect::Tether, true)], &[left]).starts_with("The model lacks tether."));

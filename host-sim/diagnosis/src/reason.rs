@@ -145,6 +145,8 @@ pub enum Reason {
     OnlyLinearised,
     /// Supported by itself, and not together with what else was found.
     OnlyByItself,
+    /// The flights support it, but a fit of the whole model with it does not come to an end.
+    NotFittedTogether(FitError),
     /// Supported by itself, and worth nothing once others are in the model.
     AddsNothing {
         /// The others.
@@ -238,6 +240,9 @@ impl fmt::Display for Reason {
             Self::AnswersLate | Self::AboveNoise { .. } | Self::LeavesMore { .. } => self.write_stand_in(f),
             Self::OnlyLinearised => {
                 f.write_str("promising by itself in a linearised fit, but an exact fit does not support it")
+            }
+            Self::NotFittedTogether(why) => {
+                write!(f, "it lowers the held-out error, but the whole model with it cannot be fitted: {why}")
             }
             Self::OnlyByItself => f.write_str(
                 "supported by itself, but not together with the other effects that these flights show",

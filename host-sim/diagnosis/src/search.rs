@@ -15,7 +15,7 @@ use model::{Effect, Kind, Model};
 use crate::finding::{EffectFinding, supported};
 use crate::held_out::{Validated, examine, fit_and_validate, validated};
 use crate::observer::{Observer, Progress};
-use crate::reason::joined;
+use crate::reason::{Reason, joined};
 use crate::screen::Screen;
 use crate::search_error::{SearchError, Steps, going_on};
 use crate::significance::effect_p_value;
@@ -314,15 +314,37 @@ impl<'a> Search<'a> {
         Ok((Vec::new(), None))
     }
 
-    /// Fits the members that are still supported again.
+    /// Fits the members that are still supported again. One that keeps the fit from coming to an end
+    /// loses its support: the others, and what is left, still have an answer.
     pub(crate) fn refit(&self, chosen: &mut Chosen) -> Result<(), SearchError> {
-        going_on(self.observer)?;
-        let set: Vec<Effect> = supported(&chosen.findings);
-        chosen.validated = match &chosen.validated {
-            Some(validated) if !set.is_empty() => Some(self.with(&validated.fit.model, &set)?),
-            _ => None,
-        };
-        Ok(())
+        loop {
+            going_on(self.observer)?;
+            let set: Vec<Effect> = supported(&chosen.findings);
+            let Some(from) = chosen.validated.take().filter(|_| !set.is_empty()) else { return Ok(()) };
+            match self.with(&from.fit.model, &set) {
+                Ok(again) => {
+                    chosen.validated = Some(again);
+                    return Ok(());
+                }
+                Err(why) => {
+                    refuse_unfitted(&mut chosen.findings, why);
+                    chosen.validated = Some(from);
+                }
+            }
+        }
+    }
+}
+
+/// Takes back the support of the member that an error is about, or of the weakest.
+fn refuse_unfitted(findings: &mut [EffectFinding], why: FitError) {
+    let is_named = |finding: &EffectFinding| why.effect() == Some(finding.effect.id());
+    let named = findings.iter().position(|f| f.supported && is_named(f));
+    let weakest = || {
+        let members = (0..findings.len()).filter(|&k| findings[k].supported);
+        members.min_by(|&a, &b| findings[a].gain.total_cmp(&findings[b].gain))
+    };
+    if let Some(k) = named.or_else(weakest) {
+        findings[k].refuse(Reason::NotFittedTogether(why));
     }
 }
 
@@ -395,5 +417,28 @@ mod tests {
             search.refit(&mut chosen).unwrap();
             assert!(chosen.validated.is_none());
         });
+    }
+
+    #[test]
+    fn the_member_that_keeps_a_fit_from_ending_loses_its_support_or_else_the_weakest() {
+        let finding = |effect, gain| {
+            let mut finding = EffectFinding::unsupported(effect, 2, Reason::LikeChance);
+            (finding.supported, finding.gain) = (true, gain);
+            finding
+        };
+        let mut findings = [
+            finding(Effect::SteadyWind, 30.0),
+            finding(Effect::QuadraticDrag, 10.0),
+            finding(Effect::Tether, 20.0),
+        ];
+        let not_converged = FitError::NotConverged { effect: "steady-wind", excitation: "hover" };
+        refuse_unfitted(&mut findings, not_converged.clone());
+        assert_eq!(supported(&findings), [Effect::QuadraticDrag, Effect::Tether]);
+        assert_eq!(findings[0].reason, Reason::NotFittedTogether(not_converged.clone()));
+        // Named again, but no longer a member.
+        refuse_unfitted(&mut findings, not_converged);
+        assert_eq!(supported(&findings), [Effect::Tether]);
+        refuse_unfitted(&mut findings, FitError::Collinear { coefficients: Vec::new() });
+        assert_eq!(supported(&findings), []);
     }
 }

@@ -95,19 +95,42 @@ pub fn explain(
     let basic = fit_basic(vehicle, sets, observer)?.model;
     let basic_comparison = sysid::compare(&basic, &sets.validate());
     let mut steps: Vec<Step> = Vec::new();
-    let last_diagnosis = loop {
-        let model = steps.last().map_or(&basic, |step| &step.model);
-        let diagnosis = search(model, sets, options, observer)?;
-        let Some(effect) = diagnosis.best() else { break diagnosis };
-        let (better, addition) = join(model, effect, sets, options, observer)?;
-        sets.judge_clocks(&better, effect);
-        let comparison = sysid::compare(&better, &sets.validate());
-        steps.push(Step { diagnosis, effect, addition, model: better, comparison });
-    };
+    let mut diagnosis = search(&basic, sets, options, observer)?;
+    while let Some(effect) = diagnosis.best() {
+        let model = steps.last().map_or(&basic, |step| &step.model).clone();
+        match join_and_search(&model, effect, sets, options, observer) {
+            Ok((better, addition, next)) => {
+                sets.judge_clocks(&better, effect);
+                let comparison = sysid::compare(&better, &sets.validate());
+                let before = std::mem::replace(&mut diagnosis, next);
+                steps.push(Step { diagnosis: before, effect, addition, model: better, comparison });
+            }
+            // What cannot be fitted takes no answer away from the others.
+            Err(WorkflowError::Fit { why, .. }) => {
+                sets.trim(&model);
+                diagnosis.refuse_unfitted(effect, why);
+            }
+            Err(why) => return Err(why),
+        }
+    }
+    let last_diagnosis = diagnosis;
     warn_of_clocks(sets, observer);
     let last = steps.last().map_or(&basic, |step| &step.model).clone();
     let (model, refinement) = refine(last, sets, rows, observer)?;
     Ok(Explanation { basic, basic_comparison, steps, last_diagnosis, model, refinement })
+}
+
+/// Adds an effect to a model and diagnoses the better one.
+fn join_and_search(
+    model: &Model,
+    effect: Effect,
+    sets: &mut FlightSets,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<(Model, Addition, Diagnosis), WorkflowError> {
+    let (better, addition) = join(model, effect, sets, options, observer)?;
+    let next = search(&better, sets, options, observer)?;
+    Ok((better, addition, next))
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ use crate::cli::model_files::read_model;
 use crate::cli::output::{Outcome, OutputOptions, provenance};
 use crate::cli::terminal::Terminal;
 use crate::cli::user_effects::EffectOptions;
+use crate::render::grid::Grid;
 use crate::render::{evidence, pages, tables};
 
 /// Say which physical effect a model lacks, with the evidence for each.
@@ -129,7 +130,7 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
         faults::json(&diagnosis, sets.all(), &sets.faults)
     } else {
         faults::warn(&sets.faults);
-        Ok(Outcome::done(text(options, &diagnosis)))
+        Ok(Outcome::done(text(options, &diagnosis, tables::candidates(&diagnosis, true))))
     }
 }
 
@@ -174,13 +175,13 @@ fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
         faults::json(&diagnosis, &changed.flights, &changed.faults)
     } else {
         faults::warn(&changed.faults);
-        Ok(Outcome::done(text(options, &diagnosis)))
+        Ok(Outcome::done(text(options, &diagnosis, tables::change(&diagnosis))))
     }
 }
 
-fn text(options: &Options, diagnosis: &Diagnosis) -> String {
+fn text(options: &Options, diagnosis: &Diagnosis, coefficients: Grid) -> String {
     let mut text = colour::lead(&tables::paragraph(&diagnosis.summary));
-    for grid in [tables::evidence(diagnosis), tables::candidates(diagnosis, true)] {
+    for grid in [tables::evidence(diagnosis), coefficients] {
         if grid.has_rows() {
             text.push_str(&format!("\n{}", grid.to_text()));
         }

@@ -67,6 +67,20 @@ pub enum FitError {
     },
 }
 
+impl FitError {
+    /// The identifier of the effect that it is about, where it is about one.
+    pub fn effect(&self) -> Option<&str> {
+        match self {
+            Self::NotExcited { effect, .. }
+            | Self::NoRotation { effect }
+            | Self::ExplainsNothing { effect, .. }
+            | Self::NotConverged { effect, .. } => Some(effect),
+            Self::NotFinite { effect, .. } => Some(effect),
+            Self::NoFlights | Self::Collinear { .. } => None,
+        }
+    }
+}
+
 pub(crate) fn not_converged(adjusting: &[Effect]) -> FitError {
     FitError::NotConverged { effect: adjusting[0].id(), excitation: adjusting[0].info().excitation }
 }
