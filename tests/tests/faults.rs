@@ -471,7 +471,7 @@ fn wrong_vehicle_files_and_other_craft_are_suspected() {
         };
         let suspicions = |vehicle: &Vehicle| {
             let (model, _) = model_of(vehicle);
-            vehicle::of_vehicle(vehicle).into_iter().chain(vehicle::of_fit(&model, false)).count()
+            vehicle::of_vehicle(vehicle).into_iter().chain(vehicle::of_fit(&model)).count()
         };
         assert_eq!(suspicions(&vehicle), 0, "seed {seed}");
         let edits: [(&str, Change); 5] = [
@@ -533,7 +533,7 @@ fn everything_wrong(vehicle: &Vehicle, flights: &[Flight]) -> Vec<Fault> {
     let basic: Vec<Effect> = Effect::basic().collect();
     if let Ok(fit) = sysid::fit(train, vehicle, &basic, None) {
         faults.extend(vehicle::of_vehicle(vehicle));
-        faults.extend(vehicle::of_fit(&fit.model, prepared[0].has_rotor_speeds()));
+        faults.extend(vehicle::of_fit(&fit.model));
         for sentence in vehicle::differences(&fit.model, validate, Likeness::SAME) {
             faults.push(Fault::of_all(FaultKind::OtherVehicle, Severity::Warning, sentence));
         }

@@ -312,7 +312,7 @@ pub(crate) fn examine(model: &Model, change: Change, flights: &[&Prepared], cand
             name: info.coefficients[k].name,
             value: fitted.values[i],
             std_error: total[(i, i)].max(0.0).sqrt(),
-            unit: info.coefficients[k].unit,
+            unit: info.coefficients[k].unit_for(model.rotor_quantity()),
         })
         .collect();
     let coefficients = free.iter().map(|&k| &info.coefficients[k]);

@@ -46,6 +46,7 @@ pub(crate) fn examine(
     let mut finding = EffectFinding::unsupported(effect, validate.len(), Reason::LikeChance);
     let estimates = with.fit.model.term(effect).map_or(&[][..], |term| &term.coefficients);
     let info = effect.info();
+    let rotors = with.fit.model.rotor_quantity();
     finding.coefficients = info
         .coefficients
         .iter()
@@ -54,7 +55,7 @@ pub(crate) fn examine(
             name: c.name,
             value: e.value,
             std_error: e.std_error.unwrap_or(0.0),
-            unit: c.unit,
+            unit: c.unit_for(rotors),
         })
         .collect();
     finding.p_value = (effect_p_value(&with.fit, effect, train) * candidates as f64).min(1.0);

@@ -145,6 +145,7 @@ fn by_itself(search: &Search<'_>, index: usize) -> EffectFinding {
     let not_excited = Reason::NotExcited { excitation: info.excitation };
     let mut finding = EffectFinding::unsupported(effect, search.validate.len(), not_excited);
     let Some(single) = search.screen.single(index, &search.base.fit.sigma) else { return finding };
+    let rotors = search.base.fit.model.rotor_quantity();
     finding.coefficients = info
         .coefficients
         .iter()
@@ -153,7 +154,7 @@ fn by_itself(search: &Search<'_>, index: usize) -> EffectFinding {
             name: c.name,
             value: single.values[k],
             std_error: single.covariance[(k, k)].max(0.0).sqrt(),
-            unit: c.unit,
+            unit: c.unit_for(rotors),
         })
         .collect();
     let before = errors(&search.base.held_out);

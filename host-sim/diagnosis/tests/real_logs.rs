@@ -5,7 +5,7 @@ mod common;
 
 use common::{NONE, Noise, ORDINARY, fly, truth};
 use flights::{Column, Flight};
-use model::{Effect, Estimate, Model, Spin, Vehicle};
+use model::{Effect, Estimate, Model, MotorMapKind, RotorQuantity, Spin, Vehicle};
 use sysid::fit::output_error::{RefineError, Rows};
 use sysid::{Prepared, Reference, align, align_to, compare, fit, motors_of_flights, refine, rotation_doubts};
 
@@ -142,6 +142,33 @@ fn measured_rotor_speeds_are_aligned_flight_by_flight() {
     let mut held_out = prepare(&[flight], &truth.vehicle);
     align_to(&model, &mut held_out.iter_mut().collect::<Vec<_>>(), Reference::Model(None));
     assert_recovered(&held_out, &[-1.2]);
+}
+
+/// Without a motor map, commands stand in for rotor speeds, unless every flight logged them.
+#[test]
+fn units_are_those_of_commands_unless_all_flights_log_their_rotors() {
+    let truth = truth();
+    let mut vehicle = truth.vehicle.clone();
+    let motors = &mut vehicle.motors;
+    (motors.map, motors.command, motors.voltage, motors.offset) =
+        (Some(MotorMapKind::Identify), None, None, None);
+    let commands: Vec<Flight> = (71..73).map(|seed| fly(&truth, seed, 15.0, &QUIET_BATTERY)).collect();
+    let speeds: Vec<Flight> = commands.iter().map(|f| with_speeds(f, &truth.vehicle, |_| 0.0)).collect();
+    let mixed = [commands[0].clone(), speeds[1].clone()];
+    let thrust = |flights: &[Flight], vehicle: &Vehicle| {
+        let prepared = prepare(flights, vehicle);
+        let model = fit(&references(&prepared), vehicle, &basic(), None).unwrap().model;
+        let rotors = model.rotor_quantity();
+        let conditions = prepared[0].conditions(vehicle, &model.adjustments()).all();
+        let drawn = conditions.iter().find(|c| c.name == "rotor speed").unwrap().unit;
+        let logged = model.to_toml().contains("rotor_speeds_logged = true");
+        (rotors, Effect::Thrust.info().coefficients[0].unit_for(rotors), drawn, logged)
+    };
+    let in_commands = (RotorQuantity::Command, "1/(s^2 cmd^2)", "cmd", false);
+    assert_eq!(thrust(&commands, &vehicle), in_commands);
+    assert_eq!(thrust(&mixed, &vehicle), in_commands);
+    assert_eq!(thrust(&speeds, &vehicle), (RotorQuantity::Speed, "1", "rad/s", true));
+    assert_eq!(thrust(&speeds, &truth.vehicle), (RotorQuantity::Speed, "1", "rad/s", false));
 }
 
 #[test]

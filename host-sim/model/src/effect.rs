@@ -1,6 +1,7 @@
 //! What an effect says of itself, and how it hands over its columns.
 
 use crate::axis::Axis;
+use crate::rotor_quantity::RotorQuantity;
 use crate::vehicle::Vehicle;
 
 /// A coefficient's value with its standard error.
@@ -28,8 +29,10 @@ pub enum Sign {
 pub struct Coefficient {
     /// Name in files and JSON, after the thesis where it has one.
     pub name: &'static str,
-    /// Unit.
+    /// Unit, where rotor speeds are real rad/s. That of a model's coefficient is [`Self::unit_for`] its rotors.
     pub unit: &'static str,
+    /// Unit where commands stand in for rotor speeds, if another: "cmd" is that of a command.
+    pub unit_in_commands: Option<&'static str>,
     /// Smallest and largest physically possible value. Judged only where rotor speeds are real rad/s.
     pub possible: (f64, f64),
     /// An ordinary magnitude, the scale of search steps for effects of kind [`Kind::Adjusting`].
@@ -51,6 +54,7 @@ impl Coefficient {
         Self {
             name,
             unit,
+            unit_in_commands: None,
             possible,
             typical,
             prior: None,
@@ -78,6 +82,16 @@ impl Coefficient {
     /// With a [`Coefficient::derivative_step`].
     pub const fn stepped_by(self, step: f64) -> Self {
         Self { derivative_step: Some(step), ..self }
+    }
+
+    /// With a [`Coefficient::unit_in_commands`].
+    pub const fn in_commands(self, unit: &'static str) -> Self {
+        Self { unit_in_commands: Some(unit), ..self }
+    }
+
+    /// Its unit in a model with such rotors ([`crate::Model::rotor_quantity`]).
+    pub fn unit_for(&self, rotors: RotorQuantity) -> &'static str {
+        rotors.choose(self.unit, self.unit_in_commands)
     }
 
     /// Ordinary magnitude for a vehicle with or without a motor map.

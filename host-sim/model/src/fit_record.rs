@@ -11,6 +11,10 @@ use crate::axis::{Axis, PerAxis};
 pub struct ReferenceValues {
     /// Mean battery voltage of the training flights, V: where `battery-voltage` is zero.
     pub battery_v: f64,
+    /// Whether all training flights of a vehicle whose motor map is to be identified logged their rotor speeds: then nothing
+    /// stands in for them. Never said of a vehicle with a map.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub rotor_speeds_logged: bool,
 }
 
 /// Errors of one axis.

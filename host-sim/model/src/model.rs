@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::effect::Estimate;
 use crate::effects::{Adjustments, Effect};
 use crate::fit_record::{FitRecord, HistoryEntry, ReferenceValues};
+use crate::rotor_quantity::RotorQuantity;
 use crate::vehicle::Vehicle;
 
 /// An effect in a model with the values of its coefficients.
@@ -90,6 +91,11 @@ impl Model {
             Some(term) => term.coefficients = coefficients,
             None => self.terms.push(Term { effect, coefficients }),
         }
+    }
+
+    /// What stands for the speed of a rotor in its equations: units of its coefficients depend on it.
+    pub fn rotor_quantity(&self) -> RotorQuantity {
+        self.vehicle.rotor_quantity(self.reference.rotor_speeds_logged)
     }
 
     /// What the adjusting effects change.

@@ -12,6 +12,7 @@ use crate::effect::Estimate;
 use crate::effects::{self, Effect};
 use crate::fit_record::{FitRecord, HistoryEntry, ReferenceValues};
 use crate::model::{Correlation, Model, Term};
+use crate::rotor_quantity::RotorQuantity;
 use crate::user_effects::{Definition, UserEffectError};
 use crate::vehicle::{Vehicle, VehicleError, toml_message};
 
@@ -185,7 +186,7 @@ impl Model {
             reference: self.reference,
             vehicle: self.vehicle.clone(),
             definitions: self.terms.iter().filter_map(|term| definition_of(term.effect)).collect(),
-            effects: self.terms.iter().map(write_effect).collect(),
+            effects: self.terms.iter().map(|term| write_effect(term, self.rotor_quantity())).collect(),
             fit: self.fit.clone(),
             history: self.history.clone(),
             correlation: self.correlation.clone(),
@@ -225,14 +226,14 @@ fn definition_of(effect: Effect) -> Option<Definition> {
     }
 }
 
-fn write_effect(term: &Term) -> EffectEntry {
+fn write_effect(term: &Term, rotors: RotorQuantity) -> EffectEntry {
     let info = term.effect.info();
     let coefficients =
         info.coefficients.iter().zip(&term.coefficients).map(|(c, estimate)| CoefficientEntry {
             name: c.name.into(),
             value: estimate.value,
             std_error: estimate.std_error,
-            unit: c.unit.into(),
+            unit: c.unit_for(rotors).into(),
         });
     EffectEntry { id: info.id.into(), coefficients: coefficients.collect() }
 }
@@ -291,6 +292,28 @@ mod tests {
         let text = model.to_toml();
         assert_eq!(Model::parse(&text, Path::new("m.toml")).unwrap(), model);
         assert_eq!(Model::parse(&text, Path::new("m.toml")).unwrap().to_toml(), text);
+    }
+
+    /// Only a model without a map says whether rotor speeds were logged, and only where they were.
+    #[test]
+    fn units_are_those_of_the_rotor_quantity() {
+        let mut model = Model::thesis();
+        model.set(Effect::ThrustLinear, &[40.0]);
+        let with_map = model.to_toml();
+        assert!(
+            with_map.contains("\"rad/s\"") && !with_map.contains("cmd\"") && !with_map.contains("logged")
+        );
+        let motors = &mut model.vehicle.motors;
+        (motors.command, motors.voltage, motors.offset) = (None, None, None);
+        motors.map = Some(crate::vehicle::MotorMapKind::Identify);
+        let in_commands = model.to_toml();
+        assert!(in_commands.contains("unit = \"1/(s^2 cmd^2)\"") && !in_commands.contains("\"rad/s\""));
+        assert!(in_commands.contains("unit = \"cmd\"") && !in_commands.contains("logged"), "{in_commands}");
+        assert_eq!(Model::parse(&in_commands, Path::new("m.toml")).unwrap(), model);
+        model.reference.rotor_speeds_logged = true;
+        let logged = model.to_toml();
+        assert!(logged.contains("\"rad/s\"") && !logged.contains("cmd\""), "{logged}");
+        assert_eq!(Model::parse(&logged, Path::new("m.toml")).unwrap(), model);
     }
 
     /// Three of the thesis' coefficients with a covariance made by hand, two of them moved again later.

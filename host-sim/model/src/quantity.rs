@@ -1,5 +1,6 @@
 //! Measured quantities at one instant: what formulas of users can name, and what effects act through.
 
+use crate::rotor_quantity::RotorQuantity;
 use crate::sample::Sample;
 
 /// A measured quantity.
@@ -7,8 +8,10 @@ use crate::sample::Sample;
 pub struct Quantity {
     /// Name in formulas.
     pub name: &'static str,
-    /// Unit.
+    /// Unit, where rotor speeds are real rad/s. That of a model's quantity is [`Self::unit_for`] its rotors.
     pub unit: &'static str,
+    /// Unit where commands stand in for rotor speeds, if another: "cmd" is that of a command.
+    pub unit_in_commands: Option<&'static str>,
     /// What it is, for people.
     pub meaning: &'static str,
     value: fn(&Sample) -> f64,
@@ -18,6 +21,16 @@ impl Quantity {
     /// The quantity of this name, of [`QUANTITIES`] or [`COMBINATIONS`].
     pub fn named(name: &str) -> Option<&'static Self> {
         QUANTITIES.iter().chain(COMBINATIONS).find(|quantity| quantity.name == name)
+    }
+
+    /// With a [`Quantity::unit_in_commands`].
+    const fn in_commands(self, unit: &'static str) -> Self {
+        Self { unit_in_commands: Some(unit), ..self }
+    }
+
+    /// Its unit in a model with such rotors ([`crate::Model::rotor_quantity`]).
+    pub fn unit_for(&self, rotors: RotorQuantity) -> &'static str {
+        rotors.choose(self.unit, self.unit_in_commands)
     }
 
     /// Its value at a sample.
@@ -32,7 +45,7 @@ const fn quantity(
     meaning: &'static str,
     value: fn(&Sample) -> f64,
 ) -> Quantity {
-    Quantity { name, unit, meaning, value }
+    Quantity { name, unit, unit_in_commands: None, meaning, value }
 }
 
 /// Those that formulas can name.
@@ -59,15 +72,23 @@ pub const QUANTITIES: &[Quantity] = &[
     quantity("psi", "rad", "yaw angle, -pi to pi", |s| s.input.dcm[(0, 1)].atan2(s.input.dcm[(0, 0)])),
     quantity("thrust", "m/s^2", "specific thrust of all rotors divided by C_T", |s| {
         s.constants.beta_kg_m * s.constants.per_mass * s.rotor_thrust_rad2_s2.iter().sum::<f64>()
-    }),
-    quantity("omega1", "rad/s", "speed of rotor 1, front left", |s| s.input.rotor_rad_s[0]),
-    quantity("omega2", "rad/s", "speed of rotor 2, front right", |s| s.input.rotor_rad_s[1]),
-    quantity("omega3", "rad/s", "speed of rotor 3, rear right", |s| s.input.rotor_rad_s[2]),
-    quantity("omega4", "rad/s", "speed of rotor 4, rear left", |s| s.input.rotor_rad_s[3]),
-    quantity("domega1", "rad/s^2", "acceleration of rotor 1", |s| s.input.rotor_acceleration_rad_s2[0]),
-    quantity("domega2", "rad/s^2", "acceleration of rotor 2", |s| s.input.rotor_acceleration_rad_s2[1]),
-    quantity("domega3", "rad/s^2", "acceleration of rotor 3", |s| s.input.rotor_acceleration_rad_s2[2]),
-    quantity("domega4", "rad/s^2", "acceleration of rotor 4", |s| s.input.rotor_acceleration_rad_s2[3]),
+    })
+    .in_commands("m cmd^2"),
+    quantity("omega1", "rad/s", "speed of rotor 1, front left", |s| s.input.rotor_rad_s[0])
+        .in_commands("cmd"),
+    quantity("omega2", "rad/s", "speed of rotor 2, front right", |s| s.input.rotor_rad_s[1])
+        .in_commands("cmd"),
+    quantity("omega3", "rad/s", "speed of rotor 3, rear right", |s| s.input.rotor_rad_s[2])
+        .in_commands("cmd"),
+    quantity("omega4", "rad/s", "speed of rotor 4, rear left", |s| s.input.rotor_rad_s[3]).in_commands("cmd"),
+    quantity("domega1", "rad/s^2", "acceleration of rotor 1", |s| s.input.rotor_acceleration_rad_s2[0])
+        .in_commands("cmd/s"),
+    quantity("domega2", "rad/s^2", "acceleration of rotor 2", |s| s.input.rotor_acceleration_rad_s2[1])
+        .in_commands("cmd/s"),
+    quantity("domega3", "rad/s^2", "acceleration of rotor 3", |s| s.input.rotor_acceleration_rad_s2[2])
+        .in_commands("cmd/s"),
+    quantity("domega4", "rad/s^2", "acceleration of rotor 4", |s| s.input.rotor_acceleration_rad_s2[3])
+        .in_commands("cmd/s"),
     quantity("vbat", "V", "battery voltage", |s| s.input.battery_v),
     quantity("mass", "kg", "mass of the craft", |s| 1.0 / s.constants.per_mass),
     quantity("gravity", "m/s^2", "acceleration of free fall", |s| s.constants.gravity_m_s2),
@@ -82,38 +103,46 @@ pub const COMBINATIONS: &[Quantity] = &[
     quantity("horizontal_speed", "m/s", "forward and rightward speed through the air", |s| {
         s.air_velocity_m_s.x.hypot(s.air_velocity_m_s.y)
     }),
-    quantity("rotor_speed", "rad/s", "mean speed of the rotors", |s| mean(&s.input.rotor_rad_s)),
+    quantity("rotor_speed", "rad/s", "mean speed of the rotors", |s| mean(&s.input.rotor_rad_s))
+        .in_commands("cmd"),
     quantity("rotor_acceleration", "rad/s^2", "mean acceleration of the rotors", |s| {
         mean(&s.input.rotor_acceleration_rad_s2)
-    }),
+    })
+    .in_commands("cmd/s"),
     quantity(
         "roll_rotor_acceleration",
         "rad/s^2",
         "acceleration of the left rotors less that of the right ones",
         |s| signed(&s.input.rotor_acceleration_rad_s2, &[1.0, -1.0, -1.0, 1.0]),
-    ),
+    )
+    .in_commands("cmd/s"),
     quantity(
         "pitch_rotor_acceleration",
         "rad/s^2",
         "acceleration of the front rotors less that of the rear ones",
         |s| signed(&s.input.rotor_acceleration_rad_s2, &[1.0, 1.0, -1.0, -1.0]),
-    ),
+    )
+    .in_commands("cmd/s"),
     quantity(
         "yaw_rotor_acceleration",
         "rad/s^2",
         "acceleration of the rotors that yaw right less that of the others",
         |s| signed(&s.input.rotor_acceleration_rad_s2, &s.constants.spin),
-    ),
+    )
+    .in_commands("cmd/s"),
     quantity("roll_moment", "Nm", "roll moment of the rotors divided by their coefficients", |s| {
         signed(&s.rotor_thrust_rad2_s2, &s.constants.roll_arm_kg_m2)
-    }),
+    })
+    .in_commands("kg m^2 cmd^2"),
     quantity("pitch_moment", "Nm", "pitch moment of the rotors divided by their coefficients", |s| {
         signed(&s.rotor_thrust_rad2_s2, &s.constants.pitch_arm_kg_m2)
-    }),
+    })
+    .in_commands("kg m^2 cmd^2"),
     quantity("yaw_moment", "Nm", "yaw moment of the rotors divided by their coefficients", |s| {
         let radius = s.constants.beta_kg_m * s.constants.rotor_radius_m;
         radius * signed(&s.rotor_speed_squared_rad2_s2, &s.constants.spin)
-    }),
+    })
+    .in_commands("kg m^2 cmd^2"),
     quantity("roll_acceleration", "rad/s^2", "roll acceleration", |s| s.input.angular_acceleration_rad_s2.x),
     quantity("pitch_acceleration", "rad/s^2", "pitch acceleration", |s| {
         s.input.angular_acceleration_rad_s2.y

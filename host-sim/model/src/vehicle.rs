@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use crate::rotor_quantity::RotorQuantity;
+
 /// Direction of rotation of a rotor, seen from above.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -295,6 +297,16 @@ impl Vehicle {
     /// Whether rotor speeds computed by [`Self::rotor_map`] are real rad/s.
     pub fn has_rotor_map(&self) -> bool {
         self.motors.map.is_none()
+    }
+
+    /// What stands for the speed of a rotor in a model of this vehicle: its speed where there is a map, or where it is
+    /// logged, which then takes the map's place.
+    pub fn rotor_quantity(&self, rotor_speeds_logged: bool) -> RotorQuantity {
+        if self.has_rotor_map() || rotor_speeds_logged {
+            RotorQuantity::Speed
+        } else {
+            RotorQuantity::Command
+        }
     }
 
     /// beta = rho A_R R_R^2 with the disk area A_R = pi R_R^2 (reference section 1), kg m: thrust is C_T beta sum w^2.

@@ -4,7 +4,7 @@
 mod common;
 
 use common::{AXES, copies, done_in, identify, json_in, with_sets};
-use model::{Effect, FlightRole, Model};
+use model::{Effect, FlightRole, Model, MotorMapKind, RotorQuantity, Vehicle};
 use serde_json::Value;
 
 fn number(value: &Value) -> f64 {
@@ -47,6 +47,41 @@ fn identify_writes_a_model_with_its_flights_errors_and_hashes() {
         }
     }
     assert!(record.held_out.p.r2 > 0.9 && record.train.p.r2 > 0.9, "{record:?}");
+}
+
+/// Without a motor map, nothing is said to be in rad/s of the rotors, and no thrust coefficient to be without a unit.
+#[test]
+fn units_without_a_motor_map_are_those_of_commands() {
+    let folder = copies();
+    let path = folder.path().join("vehicle.toml");
+    let mut vehicle = Vehicle::read(&path).unwrap();
+    let motors = &mut vehicle.motors;
+    (motors.map, motors.command, motors.voltage, motors.offset) =
+        (Some(MotorMapKind::Identify), None, None, None);
+    std::fs::write(&path, toml::to_string(&vehicle).unwrap()).unwrap();
+    let identify = with_sets(&["identify", "--vehicle", "vehicle.toml", "--out", "model.toml"]);
+    let text = done_in(folder.path(), &identify);
+    let thrust = text.lines().find(|line| line.contains("C_T")).unwrap();
+    assert!(thrust.ends_with("1/(s^2 cmd^2)"), "{thrust}");
+    assert!(!text.contains("1/(kg m^2)\n"), "{text}");
+
+    let forced: Vec<&str> = identify.into_iter().chain(["--force"]).collect();
+    let json = json_in(folder.path(), &forced);
+    let model: toml::Table =
+        std::fs::read_to_string(folder.path().join("model.toml")).unwrap().parse().unwrap();
+    let written = model["effect"].as_array().unwrap().iter().flat_map(|effect| {
+        let all = effect["coefficient"].as_array().unwrap().iter();
+        all.map(|c| (c["name"].as_str().unwrap(), c["unit"].as_str().unwrap()))
+    });
+    let printed = json["coefficients"].as_array().unwrap().iter();
+    let printed = printed.map(|c| (c["name"].as_str().unwrap(), c["unit"].as_str().unwrap()));
+    let expected: Vec<(&str, &str)> = Effect::basic()
+        .flat_map(|effect| effect.info().coefficients)
+        .map(|c| (c.name, c.unit_for(RotorQuantity::Command)))
+        .collect();
+    assert!(expected.contains(&("C_T", "1/(s^2 cmd^2)")) && expected.contains(&("Ir/Ixx", "1/(s cmd)")));
+    assert_eq!(printed.collect::<Vec<_>>(), expected);
+    assert_eq!(written.collect::<Vec<_>>(), expected);
 }
 
 #[test]

@@ -134,9 +134,8 @@ impl FlightSets {
 
     /// What a fitted model says of its vehicle file and of the flights it was fitted on and judged by.
     pub(crate) fn add_faults_of_fit(&mut self, model: &Model) {
-        let logged = self.training.0.iter().all(|f| f.prepared.has_rotor_speeds());
         let train = listed(&self.training.0);
-        for fault in vehicle::of_fit(model, logged) {
+        for fault in vehicle::of_fit(model) {
             self.faults.add(&train, fault);
         }
         let differences = vehicle::differences(model, &prepared(&self.held_out.0), Likeness::SAME);

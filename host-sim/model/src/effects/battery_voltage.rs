@@ -15,7 +15,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     axes: &[Axis::W, Axis::P, Axis::Q, Axis::R],
     through: &["vbat"],
     coefficients: &[
-        Coefficient::new("speed_per_volt", "rad/s/V", (-2000.0, 2000.0), 40.0).in_rotor_speed(),
+        Coefficient::new("speed_per_volt", "rad/s/V", (-2000.0, 2000.0), 40.0).in_rotor_speed().in_commands("cmd/V"),
         // A map is measured somewhere between a full and an empty battery: a volt or two from the mean.
         Coefficient::new("voltage_shift", "V", (-50.0, 50.0), 1.0).known_to(1.5),
     ],

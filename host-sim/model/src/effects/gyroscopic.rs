@@ -8,7 +8,7 @@ use crate::effect::{Coefficient, EffectInfo, Kind, Question, Sink, Special};
 use crate::sample::Sample;
 
 const fn ratio(name: &'static str) -> Coefficient {
-    Coefficient::new(name, "1", (-0.5, 0.5), 0.003)
+    Coefficient::new(name, "1", (-0.5, 0.5), 0.003).in_commands("1/(s cmd)")
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {

@@ -162,7 +162,14 @@ impl schemars::JsonSchema for Effect {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::quantity::Quantity;
+    use crate::axis::Axis;
+    use crate::effect::{Coefficient, Sink};
+    use crate::pendulum::Pendulum;
+    use crate::quantity::{COMBINATIONS, QUANTITIES, Quantity};
+    use crate::rotor_quantity::RotorQuantity;
+    use crate::sample::SampleInput;
+    use crate::vehicle::Vehicle;
+    use nalgebra::{Matrix3, Vector3};
 
     #[test]
     fn identifiers_are_unique_and_found_again() {
@@ -185,5 +192,82 @@ mod tests {
             }
         }
         assert_eq!(Effect::from_id("no-such-effect"), None);
+    }
+
+    /// A flight in which everything moves, with rotor speeds counted in a unit that is `finer` times as fine.
+    fn counted(finer: f64) -> SampleInput {
+        SampleInput {
+            position_ned_m: Vector3::new(0.3, -0.2, -0.2),
+            dcm: Matrix3::identity(),
+            velocity_m_s: Vector3::new(1.0, 0.5, 0.2),
+            rate_rad_s: Vector3::new(0.5, -0.4, 0.3),
+            angular_acceleration_rad_s2: Vector3::new(2.0, 3.0, -1.0),
+            rotor_rad_s: [600.0, 610.0, 620.0, 630.0].map(|w| finer * w),
+            rotor_acceleration_rad_s2: [10.0, 20.0, 40.0, 80.0].map(|a| finer * a),
+            battery_v: 11.0,
+            pendulum: Pendulum::default(),
+        }
+    }
+
+    /// The power of "cmd" in a unit.
+    fn power_of_commands(unit: &str) -> i32 {
+        let power = |part: &str| match part.split_once("cmd") {
+            Some((_, rest)) => rest.strip_prefix('^').map_or(1, |digits| digits[..1].parse().unwrap()),
+            None => 0,
+        };
+        let (above, below) = unit.split_once('/').unwrap_or((unit, ""));
+        power(above) - power(below)
+    }
+
+    /// Products of columns and coefficients.
+    struct Products<'a>(&'a [f64], Vec<f64>);
+
+    impl Sink for Products<'_> {
+        fn add(&mut self, _: Axis, coefficient: usize, value: f64) {
+            self.1.push(self.0[coefficient] * value);
+        }
+    }
+
+    /// What an effect of ordinary size does, in units that the rotors' has no part in, when its coefficients follow the unit
+    /// of rotor speeds as their own units say.
+    fn done_by(effect: Effect, finer: f64) -> Vec<f64> {
+        let size =
+            |c: &Coefficient| c.typical * finer.powi(power_of_commands(c.unit_for(RotorQuantity::Command)));
+        let values: Vec<f64> = effect.info().coefficients.iter().map(size).collect();
+        let (input, mut adjust) = (counted(finer), Adjustments::default());
+        adjust.take_up(effect, &values, 11.5);
+        let constants = adjust.constants(&Vehicle::thesis());
+        let sample = adjust.sample(&input, &constants);
+        let mut products = Products(&values, Vec::new());
+        effect.columns(&sample, &mut products);
+        let thrust = sample.rotor_thrust_rad2_s2.map(|t| t / finer.powi(2));
+        let speed = adjust.corrected_speed_rad_s(input.rotor_rad_s[0], 11.0) / finer;
+        products.1.into_iter().chain(thrust).chain([speed]).collect()
+    }
+
+    fn near(a: f64, b: f64) -> bool {
+        (a - b).abs() <= 1e-12 * a.abs().max(b.abs())
+    }
+
+    /// Commands are rotor speeds in an unknown unit: that must be in the units of whatever contains them, and in no other.
+    #[test]
+    fn units_in_commands_have_the_power_of_rotor_speeds_that_the_equations_have() {
+        for &effect in CATALOGUE {
+            let (ordinary, finer) = (done_by(effect, 1.0), done_by(effect, 3.0));
+            assert_eq!(ordinary.len(), finer.len());
+            let alike = std::iter::zip(&ordinary, &finer).all(|(a, b)| near(*a, *b));
+            assert!(alike, "{effect}: {ordinary:?} {finer:?}");
+            let others = effect.info().coefficients.iter().filter_map(|c| c.unit_in_commands);
+            for unit in others {
+                assert!(unit.contains("cmd") && !unit.contains("rad"), "{effect}: {unit}");
+            }
+        }
+        let constants = Adjustments::default().constants(&Vehicle::thesis());
+        for quantity in QUANTITIES.iter().chain(COMBINATIONS) {
+            let at = |finer| quantity.at(&Adjustments::default().sample(&counted(finer), &constants));
+            let power = power_of_commands(quantity.unit_for(RotorQuantity::Command));
+            assert!(near(at(3.0), at(1.0) * 3.0_f64.powi(power)), "{}", quantity.name);
+            assert_eq!(quantity.unit_for(RotorQuantity::Speed), quantity.unit);
+        }
     }
 }

@@ -14,7 +14,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     question: Question::Structure,
     axes: &[Axis::R],
     through: &["yaw_rotor_acceleration"],
-    coefficients: &[Coefficient::new("Jr/Izz", "1", (0.0, 0.2), 0.002)],
+    coefficients: &[Coefficient::new("Jr/Izz", "1", (0.0, 0.2), 0.002).in_commands("1/(s cmd)")],
     excitation: "excite every motor by itself at several hertz",
     confused_with: &[(
         "motor-lag",

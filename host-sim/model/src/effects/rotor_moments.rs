@@ -9,12 +9,15 @@ use crate::axis::Axis;
 use crate::effect::{Coefficient, EffectInfo, Kind, Question, Sign, Sink, Special};
 use crate::sample::Sample;
 
+/// Unit where commands stand in for rotor speeds.
+const IN_COMMANDS: &str = "1/(kg m^2 s^2 cmd^2)";
+
 const fn thrust_moment(name: &'static str) -> Coefficient {
-    Coefficient::new(name, "1/(kg m^2)", (0.0, 1e6), 0.6).signed(Sign::Positive)
+    Coefficient::new(name, "1/(kg m^2)", (0.0, 1e6), 0.6).in_commands(IN_COMMANDS).signed(Sign::Positive)
 }
 
 const fn reaction(name: &'static str, rotor: usize) -> Coefficient {
-    Coefficient::new(name, "1/(kg m^2)", (-1e6, 1e6), 0.3).signed(Sign::OfSpin(rotor))
+    Coefficient::new(name, "1/(kg m^2)", (-1e6, 1e6), 0.3).in_commands(IN_COMMANDS).signed(Sign::OfSpin(rotor))
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {

@@ -15,7 +15,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     question: Question::Structure,
     axes: &[Axis::W],
     through: &["thrust"],
-    coefficients: &[Coefficient::new("C_T", "1", (1e-4, 1.0), 0.02).signed(Sign::Positive)],
+    coefficients: &[Coefficient::new("C_T", "1", (1e-4, 1.0), 0.02).in_commands("1/(s^2 cmd^2)").signed(Sign::Positive)],
     excitation: "climb and descend",
     confused_with: &[],
     special: Special { of_thesis: true, ..Special::NOTHING },

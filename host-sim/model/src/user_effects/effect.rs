@@ -97,9 +97,13 @@ impl UserEffect {
             .coefficient
             .iter()
             .zip(&self.is_shape)
-            .map(|(c, is_shape)| {
+            .enumerate()
+            .map(|(k, (c, is_shape))| {
                 let [low, high] = c.possible;
-                let own = Coefficient::new(forever(&c.name), forever(&c.unit), (low, high), c.typical);
+                let mut own = Coefficient::new(forever(&c.name), forever(&c.unit), (low, high), c.typical);
+                if self.formulas.iter().any(|f| f.names(k) && f.has_rotors()) {
+                    own = own.in_commands(forever(&format!("{}, with cmd for rad/s", c.unit)));
+                }
                 // A shape only means something together with the rest: zero is no hypothesis about it. What is known of it is
                 // hardly more than what is possible.
                 if *is_shape { own.known_to(3.0 * low.abs().max(high.abs())) } else { own }

@@ -202,6 +202,28 @@ mod tests {
         }
     }
 
+    /// A unit in commands is the ordinary one where a command is a rad/s, and thrust is an acceleration whatever it is.
+    #[test]
+    fn units_in_commands_have_the_dimension_of_the_ordinary_ones() {
+        let coefficients = crate::effects::CATALOGUE.iter().flat_map(|effect| effect.info().coefficients);
+        let quantities = crate::QUANTITIES.iter().chain(crate::COMBINATIONS);
+        let both = coefficients
+            .map(|c| (c.unit, c.unit_in_commands))
+            .chain(quantities.map(|q| (q.unit, q.unit_in_commands)));
+        let with = |unit: &str, command: &str| dimension_of(&unit.replace("cmd", command)).unwrap();
+        let mut others = 0;
+        for (ordinary, in_commands) in both {
+            let Some(in_commands) = in_commands else { continue };
+            assert!(with(in_commands, "Hz").is(dimension_of(ordinary).unwrap()), "{in_commands}");
+            others += 1;
+        }
+        assert!(others > 30, "{others}");
+        // C_T beta sum cmd^2 / m, with kelvin, which nothing else has, for commands.
+        let thrust = crate::Effect::Thrust.info().coefficients[0].unit_in_commands.unwrap();
+        let acceleration = with(thrust, "K").times(with("kg m cmd^2/kg", "K"));
+        assert_eq!(acceleration.to_string(), "m/s^2");
+    }
+
     /// A formula as a tree, its text with as few brackets as the rules ask for, and its value.
     #[derive(Debug, Clone)]
     enum Tree {

@@ -52,6 +52,11 @@ pub(super) struct RowFormula {
 }
 
 impl RowFormula {
+    /// Whether it looks at the rotors, whose unit depends on the vehicle.
+    pub(super) fn has_rotors(&self) -> bool {
+        self.inputs.iter().any(|input| matches!(input, Input::Quantity(q) if q.unit_in_commands.is_some()))
+    }
+
     pub(super) fn value(&self, sample: &Sample, coefficients: &[f64]) -> f64 {
         let mut values = [0.0; MAX_NAMES];
         for (value, input) in values.iter_mut().zip(&self.inputs) {

@@ -236,7 +236,7 @@ fn linear(work: &Work) -> anyhow::Result<Section> {
     Ok(Section::new("Equilibrium and linear model (5.2)")
         .paragraph("Thrust in N, angular accelerations in rad/s^2; states in the order of (5.13).")
         .table(work.numbers(&["(5."]))
-        .preformatted(linearize::text(&work.study.linear, &channels)))
+        .preformatted(linearize::text(&work.model, &work.study.linear, &channels)))
 }
 
 /// Two loops that the thesis designs side by side: root loci in the order of the design, Bode and

@@ -315,7 +315,7 @@ fn coefficients(model: &Model, expected: Option<&Expected>) -> Vec<CoefficientEn
         CoefficientEntry {
             effect: effect.id(),
             name: info.name,
-            unit: info.unit,
+            unit: info.unit_for(model.rotor_quantity()),
             value,
             std_error: expected.and_then(|e| e.std_error(parameter)),
             std_error_known: known_error(model, parameter),

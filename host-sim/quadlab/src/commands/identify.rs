@@ -74,7 +74,7 @@ fn text(options: &Options, identified: &Identified, sets: &FlightSets) -> Outcom
     let model = &identified.model;
     let record = shown_record(model);
     let mut more = String::new();
-    for grid in [tables::trim(sets.training.loaded()), tables::motors(&identified.motors)] {
+    for grid in [tables::trim(sets.training.loaded()), tables::motors(model, &identified.motors)] {
         if grid.has_rows() {
             more.push_str(&format!("{}\n", grid.to_text()));
         }
@@ -162,7 +162,7 @@ fn document<'a>(identified: &'a Identified, sets: &'a FlightSets) -> Document<'a
             name: c.name,
             value: estimate.value,
             std_error: estimate.std_error,
-            unit: c.unit,
+            unit: c.unit_for(model.rotor_quantity()),
         })
     });
     Document {

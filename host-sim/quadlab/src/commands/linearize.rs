@@ -110,7 +110,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     if options.json {
         return Outcome::json(&document(options, &model, &linear, &channels));
     }
-    Ok(Outcome::done(text(&linear, &channels)))
+    Ok(Outcome::done(text(&model, &linear, &channels)))
 }
 
 fn named(names: &'static [&'static str], units: &'static [&'static str]) -> Vec<Named> {
@@ -174,7 +174,7 @@ fn number(x: f64) -> String {
     if x.abs() < 1e-9 { "0".into() } else { significant(x, 5) }
 }
 
-pub(crate) fn text(linear: &Linear, channels: &[Channel]) -> String {
+pub(crate) fn text(model: &Model, linear: &Linear, channels: &[Channel]) -> String {
     let mut text = String::new();
     let e = &linear.equilibrium;
     let _ = writeln!(text, "Equilibrium (5.13), cost J = {:.2e} after {} iterations", e.cost, e.iterations);
@@ -188,8 +188,9 @@ pub(crate) fn text(linear: &Linear, channels: &[Channel]) -> String {
     let speeds: Vec<String> = e.rotor_rad_s.iter().map(|w| significant(*w, 6)).collect();
     let _ = writeln!(
         text,
-        "  rotors {} rad/s at {} V; all other states 0",
+        "  rotors {} {} at {} V; all other states 0",
         speeds.join(" "),
+        model.rotor_quantity().unit(),
         number(e.battery_v)
     );
     matrix(&mut text, "A", &STATES, |i, j| linear.a[(i, j)]);

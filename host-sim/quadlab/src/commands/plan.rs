@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use model::{Effect, Model};
+use model::{Effect, Model, RotorQuantity};
 use report::significant;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -118,7 +118,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         },
         known_std_error: known,
         enough,
-        why: why(&proposals, goal, known),
+        why: why(&proposals, goal, known, predictor.model().rotor_quantity()),
         pattern: options.out.as_ref().filter(|_| enough).map(|p| p.display().to_string()),
         flights: proposals.iter().map(entry).collect(),
     };
@@ -166,7 +166,7 @@ fn words(goal: Goal) -> String {
 }
 
 /// Why the best flight is the best, in plain words.
-fn why(proposals: &[Proposal], goal: Goal, known: Option<f64>) -> String {
+fn why(proposals: &[Proposal], goal: Goal, known: Option<f64>, rotors: RotorQuantity) -> String {
     let Some(best) = proposals.first() else { return "No flight was found.".into() };
     let hovers = proposals.iter().filter(|p| p.name == "hover");
     let usual = hovers.min_by(|a, b| a.amplitude.total_cmp(&b.amplitude));
@@ -188,7 +188,10 @@ fn why(proposals: &[Proposal], goal: Goal, known: Option<f64>) -> String {
         Goal::Shrink(p) => {
             let error =
                 |v: Option<f64>| v.map_or_else(|| "not known at all".to_owned(), |v| significant(v, 2));
-            let unit = if p.info().unit == "1" { String::new() } else { format!(" {}", p.info().unit) };
+            let unit = match p.info().unit_for(rotors) {
+                "1" => String::new(),
+                unit => format!(" {unit}"),
+            };
             format!(
                 "After it the standard error of {} is {}{unit} (now: {}; after plain hover: {}). To see {}: {}.",
                 p.info().name,

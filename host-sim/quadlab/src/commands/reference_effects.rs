@@ -105,10 +105,16 @@ fn coefficients(coefficients: &[Coefficient]) -> String {
     for c in coefficients {
         let known = c.prior.map_or_else(String::new, |deviation| format!("± {deviation}"));
         let (low, high) = c.possible;
-        let _ = writeln!(text, "| `{}` | {} | {low} to {high} | {} | {known} |", c.name, c.unit, c.typical);
+        let unit = c
+            .unit_in_commands
+            .map_or_else(|| c.unit.into(), |other| format!("{}; in commands {other}", c.unit));
+        let _ = writeln!(text, "| `{}` | {unit} | {low} to {high} | {} | {known} |", c.name, c.typical);
     }
     if coefficients.iter().any(|c| c.in_rotor_speed) {
         text += "\nRanges and sizes are for vehicles with a motor map; without one, rotor speeds are commands near 1.\n";
+    }
+    if coefficients.iter().any(|c| c.unit_in_commands.is_some()) {
+        text += "\nIn commands: for vehicles without a motor map, where a command (cmd) stands in for a rotor speed.\n";
     }
     text + "\n"
 }

@@ -127,7 +127,10 @@ impl Through {
     fn new(effect: Effect, axis: Axis, flights: &[&Prepared], model: &Model, seen: [&[View]; 2]) -> Self {
         if let Some(quantity) = effect.info().acts_through(axis).and_then(Quantity::named) {
             let values = flights.iter().flat_map(|flight| flight.quantity(model, quantity)).collect();
-            return Self { axis: report::Axis::new(quantity.meaning, quantity.unit), values };
+            return Self {
+                axis: report::Axis::new(quantity.meaning, quantity.unit_for(model.rotor_quantity())),
+                values,
+            };
         }
         let [without, with] = seen;
         let values = std::iter::zip(without, with)

@@ -347,7 +347,7 @@ fn flights(sets: &FlightSets, model: &Model) -> Section {
     let section =
         Section::new("The flights").grid(&tables::flights(sets)).grid(&tables::trim(sets.training.loaded()));
     let warned = motors.iter().filter_map(|m| m.warning.clone()).fold(section, Section::paragraph);
-    warned.grid(&tables::motors(&motors))
+    warned.grid(&tables::motors(model, &motors))
 }
 
 fn listed(flights: &[LoadedFlight]) -> String {

@@ -38,11 +38,12 @@ pub(crate) fn coefficients(model: &Model) -> Grid {
         "Coefficients",
         [text("effect"), text("name"), number("value", ""), number("std. error", ""), text("unit")],
     );
+    let rotors = model.rotor_quantity();
     for term in &model.terms {
         let info = term.effect.info();
         for (c, estimate) in info.coefficients.iter().zip(&term.coefficients) {
             let [value, error] = value_and_error(estimate.value, estimate.std_error);
-            grid.push([info.id.into(), c.name.into(), value, error, unit(c.unit).into()]);
+            grid.push([info.id.into(), c.name.into(), value, error, unit(c.unit_for(rotors)).into()]);
         }
     }
     grid
@@ -173,9 +174,12 @@ pub(crate) fn trim(flights: &[LoadedFlight]) -> Grid {
 }
 
 /// Motor coefficients flight by flight, of axes on which they are in doubt.
-pub(crate) fn motors(all: &[MotorsOfFlights]) -> Grid {
+pub(crate) fn motors(model: &Model, all: &[MotorsOfFlights]) -> Grid {
+    let unit = Effect::RotorMoments.info().coefficients[0].unit_for(model.rotor_quantity());
     let mut grid = Grid::new(
-        "Motor coefficients of each flight, the rest of the model fixed [1/(kg m^2)]: they depend on how it was flown",
+        format!(
+            "Motor coefficients of each flight, the rest of the model fixed [{unit}]: they depend on how it was flown"
+        ),
         [text("axis"), text("flight"), number("1", ""), number("2", ""), number("3", ""), number("4", "")],
     );
     for motors in all.iter().filter(|m| m.warning.is_some()) {
@@ -458,7 +462,13 @@ pub(crate) fn hidden(truth: &Model, effect: Effect, found: &Model) -> Grid {
         let estimate = found.term(effect).and_then(|term| term.coefficients.get(index));
         let [value, error] =
             estimate.map_or_else(|| ["-".into(), "-".into()], |e| value_and_error(e.value, e.std_error));
-        grid.push([c.name.into(), significant(hidden.value, 4), value, error, unit(c.unit).into()]);
+        grid.push([
+            c.name.into(),
+            significant(hidden.value, 4),
+            value,
+            error,
+            unit(c.unit_for(found.rotor_quantity())).into(),
+        ]);
     }
     grid
 }

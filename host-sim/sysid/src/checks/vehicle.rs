@@ -10,7 +10,7 @@
 //!
 //! A vehicle whose map is identified has no rotor speed, so neither coefficient is judged.
 
-use model::{Axis, Effect, Model, Vehicle};
+use model::{Axis, Effect, Model, RotorQuantity, Vehicle};
 use report::number::{fixed, significant, with_error};
 
 use crate::checks::{Fault, FaultKind, Severity};
@@ -48,9 +48,9 @@ pub fn of_vehicle(vehicle: &Vehicle) -> Option<Fault> {
 }
 
 /// Suspicions from a fitted model: mass, lengths and map against thrust and moments.
-pub fn of_fit(model: &Model, rotor_speeds_logged: bool) -> Vec<Fault> {
+pub fn of_fit(model: &Model) -> Vec<Fault> {
     let mut faults: Vec<Fault> = undetermined(model).into_iter().collect();
-    if !(model.vehicle.has_rotor_map() || rotor_speeds_logged) {
+    if model.rotor_quantity() == RotorQuantity::Command {
         return faults;
     }
     let values = |effect| -> Vec<f64> {
@@ -116,7 +116,11 @@ fn undetermined(model: &Model) -> Option<Fault> {
             // A drag next to zero with a small error is determined.
             let small = if model.vehicle.has_rotor_map() { c.typical.min(ordinary) } else { ordinary };
             if error > estimate.value.abs() && error > UNDETERMINED * small {
-                names.push(format!("{} = {}", c.name, with_error(estimate.value, error, c.unit)));
+                names.push(format!(
+                    "{} = {}",
+                    c.name,
+                    with_error(estimate.value, error, c.unit_for(model.rotor_quantity()))
+                ));
                 if !fly.contains(&info.excitation) {
                     fly.push(info.excitation);
                 }
@@ -246,7 +250,7 @@ mod tests {
     #[test]
     fn the_thesis_vehicle_and_its_model_are_above_suspicion() {
         assert_eq!(of_vehicle(&Vehicle::thesis()), None);
-        assert_eq!(of_fit(&Model::thesis(), false), []);
+        assert_eq!(of_fit(&Model::thesis()), []);
     }
 
     #[test]
@@ -269,7 +273,7 @@ mod tests {
     fn a_thrust_coefficient_of_no_propeller_is_told_with_what_may_be_wrong() {
         let mut model = truth();
         model.set(Effect::Thrust, &[0.8]);
-        let faults = of_fit(&model, false);
+        let faults = of_fit(&model);
         assert!(
             sentences(&faults)[0].starts_with(
                 "vehicle file: mass, rotor_radius and rotor speeds together give a thrust coefficient of \
@@ -278,20 +282,21 @@ mod tests {
             "{faults:?}"
         );
         model.set(Effect::Thrust, &[0.001]);
-        assert!(sentences(&of_fit(&model, false))[0].contains("is rotor_radius a diameter"));
+        assert!(sentences(&of_fit(&model))[0].contains("is rotor_radius a diameter"));
         // Rotor "speeds" that are commands have no such coefficient, unless they were logged.
         model.vehicle.motors.map = Some(model::MotorMapKind::Identify);
-        assert_eq!(of_fit(&model, false), []);
-        assert!(!of_fit(&model, true).is_empty());
+        assert_eq!(of_fit(&model), []);
+        model.reference.rotor_speeds_logged = true;
+        assert!(!of_fit(&model).is_empty());
     }
 
     /// The moments of the thesis' craft are 0.44 of mass times arm squared.
     #[test]
     fn four_times_the_arm_makes_the_inertia_implausible() {
         let mut model = truth();
-        assert_eq!(of_fit(&model, false), []);
+        assert_eq!(of_fit(&model), []);
         model.vehicle.arm_length *= 4.0;
-        let faults = of_fit(&model, false);
+        let faults = of_fit(&model);
         assert!(
             sentences(&faults)[0]
                 .starts_with("moments of inertia in roll and pitch come out as 0.03 and 0.03"),
@@ -307,10 +312,10 @@ mod tests {
         let value = term.coefficients[0].value;
         let coefficient = |error: f64| Estimate { value, std_error: Some(error) };
         term.coefficients[0] = coefficient(0.9 * value.abs());
-        assert_eq!(of_fit(&model, false), []);
+        assert_eq!(of_fit(&model), []);
         let term = model.terms.iter_mut().find(|t| t.effect == Effect::RotorMoments).unwrap();
         term.coefficients[0] = coefficient(2.0 * value.abs());
-        let faults = of_fit(&model, false);
+        let faults = of_fit(&model);
         assert_eq!(faults[0].kind, FaultKind::NotExcited);
         assert_eq!(
             faults[0].sentence,

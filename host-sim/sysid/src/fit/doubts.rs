@@ -43,6 +43,7 @@ pub fn rotation_doubts(model: &Model, flights: &[&Prepared]) -> Vec<String> {
 
 fn doubts(model: &Model) -> Vec<(Effect, String)> {
     let spin = model.vehicle.motors.spin.map(|s| s.yaw_sign());
+    let rotors = model.rotor_quantity();
     let mut found = Vec::new();
     for term in model.terms.iter().filter(|t| t.effect.info().kind == Kind::Basic) {
         for (estimate, info) in term.coefficients.iter().zip(term.effect.info().coefficients) {
@@ -56,7 +57,7 @@ fn doubts(model: &Model) -> Vec<(Effect, String)> {
                         "{} = {} must be {should}: rotor order or spin in the vehicle file, a clock offset \
                      between commands and motion, or too little excitation",
                         info.name,
-                        with_error(estimate.value, 0.5 * slack, info.unit)
+                        with_error(estimate.value, 0.5 * slack, info.unit_for(rotors))
                     ),
                 ));
             }

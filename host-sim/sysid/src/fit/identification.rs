@@ -80,6 +80,8 @@ fn beginning(flights: &[&Prepared], vehicle: &Vehicle, effects: &[Effect], start
             flights.iter().map(|f| f.mean_battery_v() * f.rows() as f64).sum::<f64>() / rows
         }
     };
+    model.reference.rotor_speeds_logged =
+        !vehicle.has_rotor_map() && flights.iter().all(|f| f.has_rotor_speeds());
     for &effect in effects {
         let zeros = vec![0.0; effect.info().coefficients.len()];
         model.set(effect, &zeros);

@@ -1,6 +1,6 @@
 //! The quantities residuals are judged by: where does the model fail, and on what does what is left depend?
 
-use model::{Adjustments, Vehicle};
+use model::{Adjustments, RotorQuantity, Vehicle};
 
 use crate::prepare::prepared::Prepared;
 
@@ -17,8 +17,10 @@ pub struct Conditions {
     pub rate_rad_s: [Vec<f64>; 3],
     /// Phi, theta, psi, rad.
     pub euler_rad: [Vec<f64>; 3],
-    /// Mean rotor speed, rad/s.
+    /// Mean rotor speed, rad/s, or mean command where commands stand in for rotor speeds.
     pub mean_rotor_rad_s: Vec<f64>,
+    /// Which of the two.
+    pub rotors: RotorQuantity,
     /// Battery voltage, V.
     pub battery_v: Vec<f64>,
 }
@@ -26,7 +28,8 @@ pub struct Conditions {
 impl Prepared {
     /// What the residuals can be judged by, at the rows.
     pub fn conditions(&self, vehicle: &Vehicle, adjust: &Adjustments) -> Conditions {
-        let mut c = Conditions::default();
+        let rotors = vehicle.rotor_quantity(self.has_rotor_speeds());
+        let mut c = Conditions { rotors, ..Conditions::default() };
         for stretch in &self.stretches {
             let states = self.states(stretch, vehicle, adjust);
             let euler_rad = self.smooth(&stretch.euler_rad);
@@ -82,7 +85,7 @@ impl Conditions {
             condition("yaw", "rad", psi.clone()),
             condition("north position", "m", x.clone()),
             condition("east position", "m", y.clone()),
-            condition("rotor speed", "rad/s", self.mean_rotor_rad_s.clone()),
+            condition("rotor speed", self.rotors.unit(), self.mean_rotor_rad_s.clone()),
             condition("battery voltage", "V", self.battery_v.clone()),
             condition("time", "s", self.time_s.iter().map(|t| t - start).collect()),
         ]

@@ -79,7 +79,7 @@ fn feeds_energy(model: &Model, refined: &Model) -> Option<String> {
         pairs.into_iter().find_map(|((now, was), info)| {
             let slack = 2.0 * now.std_error.unwrap_or(0.0);
             (now.value > slack && was.value <= 0.0).then(|| {
-                let value = with_unit(&significant(now.value, 4), info.unit);
+                let value = with_unit(&significant(now.value, 4), info.unit_for(refined.rotor_quantity()));
                 format!("{} = {value} would accelerate the craft", info.name)
             })
         })
