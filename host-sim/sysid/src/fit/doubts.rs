@@ -102,9 +102,9 @@ mod tests {
         let model = with_thrust(-0.01, Some(0.002));
         let info = &Effect::Thrust.info().coefficients[0];
         let expected = format!(
-            "{} = -0.0100 +- 0.0020 {} must be positive: rotor order or spin in the vehicle file, a clock \
+            "{} = -0.0100 ± 0.0020 must be positive: rotor order or spin in the vehicle file, a clock \
              offset between commands and motion, or too little excitation",
-            info.name, info.unit
+            info.name
         );
         assert_eq!(impossible_signs(&model), [expected]);
     }

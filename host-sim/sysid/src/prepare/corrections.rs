@@ -79,13 +79,13 @@ mod tests {
         let (kept, taken) = (alignment(0.012, false), alignment(0.012, true));
         assert_eq!((kept.corrected_s(), kept.note()), (0.0, None));
         assert_eq!(taken.corrected_s(), 0.012);
-        assert_eq!(taken.note().unwrap(), "rotor samples 12.0 ms late (+- 0.4), corrected");
+        assert_eq!(taken.note().unwrap(), "rotor samples 12.00 ± 0.40 ms late, corrected");
     }
 
     #[test]
     fn samples_before_their_time_are_early() {
         let early = alignment(-0.0053, true);
-        assert_eq!(early.note().unwrap(), "rotor samples 5.3 ms early (+- 0.4), corrected");
+        assert_eq!(early.note().unwrap(), "rotor samples 5.30 ± 0.40 ms early, corrected");
         assert_eq!(early.corrected_s(), -0.0053);
     }
 
