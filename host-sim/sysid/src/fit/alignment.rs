@@ -376,7 +376,8 @@ impl Problem for Alone<'_> {
 fn own_columns(flight: &Prepared, model: &Model) -> [Vec<RowColumn>; 2] {
     let stride = flight.fit_stride();
     let shift = About::new(flight, model, (&[], &[Effect::InputDelay]), stride, &Known::default()).columns;
-    let count = shift.iter().flatten().flatten().map(Vec::len).next().unwrap_or(0);
+    // Rotors that never change speed leave the shift without a column.
+    let count = flight.row_samples_of_conditions().len();
     let constants = ROTOR_ROWS
         .map(|axis| {
             let mut column = RowColumn::default();
@@ -393,4 +394,85 @@ fn rows(flight: &Prepared, model: &Model, effects: &[Effect], more: Vec<RowColum
     let mut columns = flight.columns(effects, model, stride, None);
     columns.extend(more);
     flight.rows_of_fit(flight.targets(&model.vehicle, &model.adjustments(), stride), columns)
+}
+
+#[cfg(test)]
+mod tests {
+    use flights::{Column, Flight};
+
+    use super::*;
+    use crate::testing::{NONE, fly, truth};
+
+    const OMEGAS: [Column; 4] = [Column::Omega1, Column::Omega2, Column::Omega3, Column::Omega4];
+
+    /// A flight of the true model that logs the rotor speeds which its commands lead to, through the
+    /// map and the lag, `late` samples after they were.
+    fn with_rotor_speeds(seed: u64, late: usize) -> Prepared {
+        let model = truth();
+        let mut flight = fly(&model, seed, 12.0, &NONE);
+        let map = model.vehicle.rotor_map();
+        let decay = (-model.vehicle.motors.lag.unwrap() * 0.01).exp();
+        let battery = flight.required(Column::Vbat).to_vec();
+        for (command, omega) in
+            [Column::Cmd1, Column::Cmd2, Column::Cmd3, Column::Cmd4].into_iter().zip(OMEGAS)
+        {
+            let mut now = f64::NAN;
+            let mut speeds: Vec<f64> = Vec::new();
+            for (command, volts) in flight.required(command).iter().zip(&battery) {
+                let target = map.command * command + map.voltage * volts + map.offset;
+                now = if now.is_nan() { target } else { now };
+                speeds.push(now);
+                now = target + (now - target) * decay;
+            }
+            speeds.rotate_right(late);
+            (0..late).for_each(|k| speeds[k] = speeds[late]);
+            flight.replace(omega, speeds);
+        }
+        prepared(&flight)
+    }
+
+    fn prepared(flight: &Flight) -> Prepared {
+        Prepared::new(flight, &truth().vehicle).unwrap()
+    }
+
+    #[test]
+    fn samples_that_come_two_rows_late_are_found_and_those_in_time_stay() {
+        for (late, expected_s) in [(0, 0.0), (2, 0.02)] {
+            let mut flight = with_rotor_speeds(7, late);
+            align_to(&truth(), &mut [&mut flight], Reference::Model(None));
+            let found = flight.alignment.as_ref().expect("an alignment");
+            assert!((found.late_s - expected_s).abs() < 0.002, "{late} rows: {} s", found.late_s);
+            assert_eq!(found.corrected, late > 0);
+            assert!(found.wandering.is_empty());
+        }
+    }
+
+    #[test]
+    fn rotors_that_never_change_speed_leave_the_clock_alone() {
+        let mut flight = fly(&truth(), 7, 8.0, &NONE);
+        let rows = flight.required(Column::T).len();
+        OMEGAS.into_iter().for_each(|omega| flight.replace(omega, vec![700.0; rows]));
+        let mut flight = prepared(&flight);
+        align_to(&truth(), &mut [&mut flight], Reference::Model(None));
+        assert_eq!(flight.alignment, None);
+        align(&mut [&mut flight], &truth());
+        assert_eq!(flight.alignment, None);
+    }
+
+    #[test]
+    fn a_model_without_rotation_aligns_nothing() {
+        let mut flight = with_rotor_speeds(7, 2);
+        let mut model = truth();
+        model.terms.retain(|term| term.effect != Effect::RotorMoments);
+        align_to(&model, &mut [&mut flight], Reference::Model(None));
+        assert_eq!(flight.alignment, None);
+    }
+
+    #[test]
+    fn steps_stay_short_and_near() {
+        let period_s = 0.01;
+        assert_eq!(limited(0.004, 0.0, period_s), 0.004);
+        assert_eq!(limited(1.0, 0.0, period_s), 0.015);
+        assert!((limited(0.015, 0.075, period_s) - 0.005).abs() < 1e-12);
+    }
 }
