@@ -238,23 +238,11 @@ impl fmt::Display for Reason {
                 write!(f, "{objection}: {name} = {found}")
             }
             Self::AnswersLate | Self::AboveNoise { .. } | Self::LeavesMore { .. } => self.write_stand_in(f),
-            Self::OnlyLinearised => {
-                f.write_str("promising by itself in a linearised fit, but an exact fit does not support it")
-            }
-            Self::NotFittedTogether(why) => {
-                write!(f, "it lowers the held-out error, but the whole model with it cannot be fitted: {why}")
-            }
-            Self::OnlyByItself => f.write_str(
-                "supported by itself, but not together with the other effects that these flights show",
-            ),
-            Self::AddsNothing { beside } => {
-                let verb = if beside.len() == 1 { "is" } else { "are" };
-                write!(f, "adds nothing once {} {verb} in the model", joined(beside, " and "))
-            }
-            Self::Confounded { with, separate } => {
-                write!(f, "these flights cannot tell it from {with}")?;
-                separate.map_or(Ok(()), |how| write!(f, "; to separate them: {how}"))
-            }
+            Self::OnlyLinearised
+            | Self::NotFittedTogether(_)
+            | Self::OnlyByItself
+            | Self::AddsNothing { .. }
+            | Self::Confounded { .. } => self.write_beside_others(f),
             Self::Refused(refused) => refused.fmt(f),
             Self::WithinScatter { .. }
             | Self::ExplainedBy { .. }
@@ -285,6 +273,30 @@ impl Reason {
                 depends_on.predicate(),
                 number::percent(*left_percent)
             ),
+            _ => Ok(()),
+        }
+    }
+
+    /// What became of an effect that does well by itself.
+    fn write_beside_others(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::OnlyLinearised => {
+                f.write_str("promising by itself in a linearised fit, but an exact fit does not support it")
+            }
+            Self::NotFittedTogether(why) => {
+                write!(f, "it lowers the held-out error, but the whole model with it cannot be fitted: {why}")
+            }
+            Self::OnlyByItself => f.write_str(
+                "supported by itself, but not together with the other effects that these flights show",
+            ),
+            Self::AddsNothing { beside } => {
+                let verb = if beside.len() == 1 { "is" } else { "are" };
+                write!(f, "adds nothing once {} {verb} in the model", joined(beside, " and "))
+            }
+            Self::Confounded { with, separate } => {
+                write!(f, "these flights cannot tell it from {with}")?;
+                separate.map_or(Ok(()), |how| write!(f, "; to separate them: {how}"))
+            }
             _ => Ok(()),
         }
     }

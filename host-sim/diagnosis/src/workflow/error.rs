@@ -59,7 +59,7 @@ pub enum WorkflowError {
 }
 
 fn why_once(in_both_sets: bool) -> &'static str {
-    if in_both_sets { ", and a flight that was fitted on cannot judge the fit" } else { "" }
+    if in_both_sets { ", and a training flight cannot test its own fit" } else { "" }
 }
 
 #[cfg(test)]
@@ -75,7 +75,7 @@ mod tests {
         assert_eq!(twice(false), "b/2.csv: is the same flight as a/1.csv; give each flight once");
         assert_eq!(
             twice(true),
-            "b/2.csv: is the same flight as a/1.csv, and a flight that was fitted on cannot judge the fit; \
+            "b/2.csv: is the same flight as a/1.csv, and a training flight cannot test its own fit; \
              give each flight once"
         );
     }

@@ -55,7 +55,7 @@ pub fn shown_record(model: &Model) -> FitRecord {
 /// The sentence about a rotation that the flights do not determine.
 pub fn rotation_refused(reasons: &[String]) -> String {
     format!(
-        "the rotation is not identifiable from these flights ({}); the model holds the force rows only, and predictions \
+        "the rotation is not identifiable from these flights ({}); the model has forces only, and predictions \
          take the logged attitude",
         reasons.join("; ")
     )
@@ -110,7 +110,7 @@ mod tests {
         assert_eq!(
             rotation_refused(&["motor 1 pulls".into(), "nothing moves".into()]),
             "the rotation is not identifiable from these flights (motor 1 pulls; nothing moves); the model \
-             holds the force rows only, and predictions take the logged attitude"
+             has forces only, and predictions take the logged attitude"
         );
     }
 }

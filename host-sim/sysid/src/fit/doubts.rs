@@ -33,7 +33,7 @@ pub fn rotation_doubts(model: &Model, flights: &[&Prepared]) -> Vec<String> {
         [Axis::P, Axis::Q, Axis::R].map(|axis| fitted[axis].r2).into_iter().fold(f64::MIN, f64::max);
     if largest < LEAST_ROTATION_R2 {
         found.push(format!(
-            "motor commands explain {} % of the angular accelerations at best: clocks that wander within flights, or \
+            "motor commands explain {} % of the angular accelerations at best: clocks that drift within flights, or \
              too little excitation",
             fixed(100.0 * largest.max(0.0), 0)
         ));
@@ -128,7 +128,7 @@ mod tests {
         model.set(Effect::RotorMoments, &tiny);
         assert_eq!(
             rotation_doubts(&model, &[&flight]),
-            ["motor commands explain 0 % of the angular accelerations at best: clocks that wander within \
+            ["motor commands explain 0 % of the angular accelerations at best: clocks that drift within \
               flights, or too little excitation"]
         );
     }

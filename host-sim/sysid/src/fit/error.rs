@@ -23,7 +23,7 @@ pub enum FitError {
         excitation: &'static str,
     },
     /// Coefficients that the flights cannot tell apart.
-    #[error("the flights cannot tell apart {}; fly so that they move separately", coefficients.join(", "))]
+    #[error("the flights cannot tell apart {}; fly so that each is excited by itself", coefficients.join(", "))]
     Collinear {
         /// "effect coefficient" of each.
         coefficients: Vec<String>,
@@ -57,7 +57,7 @@ pub enum FitError {
     },
     /// The iteration for an adjusting effect ran away.
     #[error(
-        "the fit of {effect} does not settle, these flights do not determine it; to see it: {excitation}"
+        "the fit of {effect} does not converge: these flights do not determine it; to see it: {excitation}"
     )]
     NotConverged {
         /// The effect.
@@ -181,7 +181,7 @@ mod tests {
             unidentifiable(Unidentifiable::Collinear(vec![0, 1, 3]), &order).to_string(),
             format!(
                 "the flights cannot tell apart {thrust} of thrust, C_du of linear-drag, C_dw of \
-                 linear-drag; fly so that they move separately"
+                 linear-drag; fly so that each is excited by itself"
             )
         );
     }
@@ -206,7 +206,7 @@ mod tests {
     fn what_does_not_settle_says_what_to_fly() {
         assert_eq!(
             not_converged(&[Effect::SlungLoad, Effect::MassChange]).to_string(),
-            "the fit of slung-load does not settle, these flights do not determine it; to see it: start, \
+            "the fit of slung-load does not converge: these flights do not determine it; to see it: start, \
              stop and reverse quickly, so that the load swings, then hover and let it swing out"
         );
     }

@@ -191,7 +191,7 @@ impl Prepared {
 fn note_spikes(spikes: usize, notes: &mut Vec<String>) {
     if spikes > 0 {
         let plural = if spikes == 1 { "" } else { "s" };
-        notes.push(format!("{spikes} outlier{plural} taken out"));
+        notes.push(format!("{spikes} outlier{plural} removed"));
     }
 }
 
