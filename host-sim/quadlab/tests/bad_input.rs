@@ -228,7 +228,7 @@ fn a_flight_is_given_once() {
     refused(
         folder.path(),
         &sets(&["A.csv", "B.csv"], &["A.csv"]),
-        &["A.csv: ", "the same flight", "cannot judge"],
+        &["A.csv: ", "the same flight", "cannot test its own fit"],
     );
     std::fs::copy(folder.path().join("A.csv"), folder.path().join("X.csv")).unwrap();
     refused(folder.path(), &sets(&["A.csv", "B.csv"], &["X.csv"]), &["X.csv: ", "the same flight as A.csv"]);
