@@ -303,16 +303,14 @@ pub(crate) fn examine(model: &Model, change: Change, flights: &[&Prepared], cand
     let Ok(fitted) = fitted else {
         return Examined { finding, std_errors: Vec::new(), residuals: None, has_rotor_map };
     };
-    let free = change.coefficients();
+    let (free, rotors) = (change.coefficients(), model.rotor_quantity());
     let (total, independent) = with_scatter(model, change, &fitted, flights);
     finding.coefficients = free
         .iter()
         .enumerate()
-        .map(|(i, &k)| CoefficientFigures {
-            name: info.coefficients[k].name,
-            value: fitted.values[i],
-            std_error: total[(i, i)].max(0.0).sqrt(),
-            unit: info.coefficients[k].unit_for(model.rotor_quantity()),
+        .map(|(i, &k)| {
+            let std_error = total[(i, i)].max(0.0).sqrt();
+            CoefficientFigures::new(&info.coefficients[k], fitted.values[i], std_error, rotors)
         })
         .collect();
     let coefficients = free.iter().map(|&k| &info.coefficients[k]);

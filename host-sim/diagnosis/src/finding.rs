@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use model::{Axis, Effect};
+use model::{Axis, Coefficient, Effect, RotorQuantity};
 use schemars::JsonSchema;
 use serde::Serialize;
 use sysid::FitError;
@@ -52,6 +52,13 @@ pub struct CoefficientFigures {
     pub std_error: f64,
     /// Unit.
     pub unit: &'static str,
+}
+
+impl CoefficientFigures {
+    /// What was found of a coefficient of a model whose rotors are counted in `rotors`.
+    pub(crate) fn new(coefficient: &Coefficient, value: f64, std_error: f64, rotors: RotorQuantity) -> Self {
+        Self { name: coefficient.name, value, std_error, unit: coefficient.unit_for(rotors) }
+    }
 }
 
 /// A candidate's evidence.

@@ -51,12 +51,7 @@ pub(crate) fn examine(
         .coefficients
         .iter()
         .zip(estimates)
-        .map(|(c, e)| CoefficientFigures {
-            name: c.name,
-            value: e.value,
-            std_error: e.std_error.unwrap_or(0.0),
-            unit: c.unit_for(rotors),
-        })
+        .map(|(c, e)| CoefficientFigures::new(c, e.value, e.std_error.unwrap_or(0.0), rotors))
         .collect();
     finding.p_value = (effect_p_value(&with.fit, effect, train) * candidates as f64).min(1.0);
     take_gain(&mut finding, &with.fit.sigma, validate, (&without.held_out, &with.held_out));

@@ -150,11 +150,9 @@ fn by_itself(search: &Search<'_>, index: usize) -> EffectFinding {
         .coefficients
         .iter()
         .enumerate()
-        .map(|(k, c)| CoefficientFigures {
-            name: c.name,
-            value: single.values[k],
-            std_error: single.covariance[(k, k)].max(0.0).sqrt(),
-            unit: c.unit_for(rotors),
+        .map(|(k, c)| {
+            let std_error = single.covariance[(k, k)].max(0.0).sqrt();
+            CoefficientFigures::new(c, single.values[k], std_error, rotors)
         })
         .collect();
     let before = errors(&search.base.held_out);

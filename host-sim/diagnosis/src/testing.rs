@@ -1,24 +1,11 @@
 //! Flights for tests: those of the tests of whole diagnoses, shorter.
 
-#[path = "../tests/common/flown.rs"]
-mod flown;
-
-use model::Model;
-use sysid::Prepared;
+#[path = "../tests/common/mod.rs"]
+mod common;
 
 use crate::workflow::LoadedFlight;
 
-pub(crate) use flown::{NONE, Noise, ORDINARY, fly, truth};
-
-/// Flights of the seeds, prepared.
-pub(crate) fn prepared(
-    model: &Model,
-    seeds: std::ops::Range<u64>,
-    seconds: f64,
-    noise: &Noise,
-) -> Vec<Prepared> {
-    seeds.map(|seed| Prepared::new(&fly(model, seed, seconds, noise), &model.vehicle).unwrap()).collect()
-}
+pub(crate) use common::{NONE, ORDINARY, fly, prepared, truth};
 
 /// Short flights of the true model as the workflow takes them: `flight-1.csv` for seed 1.
 pub(crate) fn loaded(seeds: impl IntoIterator<Item = u64>) -> Vec<LoadedFlight> {

@@ -8,7 +8,7 @@ use crate::observer::Observer;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::loaded::names;
 use crate::workflow::sets::FlightsOfOneKind;
-use crate::{Diagnosis, Options, SearchError, WhyChanged, WhyError, changes, why_changed};
+use crate::{Diagnosis, Options, WhyChanged, changes, why_changed};
 
 /// Explains new flights by one change of a model whose coefficients stay.
 pub fn changed(
@@ -20,7 +20,8 @@ pub fn changed(
 ) -> Result<Diagnosis, WorkflowError> {
     hold_against(model, effects, flights, observer)?;
     let tried = options.changes(model);
-    changes::changed(model, &tried, &flights.prepared(), observer).map_err(|why| blamed(flights, why))
+    changes::changed(model, &tried, &flights.prepared(), observer)
+        .map_err(|why| WorkflowError::of_search(why, names(&flights.flights)))
 }
 
 /// The evidence for and against the changes that one effect can be.
@@ -33,10 +34,8 @@ pub fn changed_why(
     observer: &dyn Observer,
 ) -> Result<WhyChanged, WorkflowError> {
     hold_against(model, effects, flights, observer)?;
-    why_changed(model, effect, &flights.prepared(), options, observer).map_err(|refused| match refused {
-        WhyError::Search(why) => blamed(flights, why),
-        other => WorkflowError::Why(other),
-    })
+    why_changed(model, effect, &flights.prepared(), options, observer)
+        .map_err(|why| WorkflowError::of_why(why, names(&flights.flights)))
 }
 
 fn hold_against(
@@ -46,13 +45,6 @@ fn hold_against(
     observer: &dyn Observer,
 ) -> Result<(), WorkflowError> {
     flights.hold_against(model, effects, (Likeness::CHANGED, Reference::Flights), observer)
-}
-
-fn blamed(flights: &FlightsOfOneKind, why: SearchError) -> WorkflowError {
-    match why {
-        SearchError::Fit(why) => WorkflowError::Fit { flights: names(&flights.flights), why },
-        SearchError::Cancelled => WorkflowError::Cancelled,
-    }
 }
 
 #[cfg(test)]

@@ -4,8 +4,9 @@ use model::{Effect, Model};
 
 use crate::observer::Observer;
 use crate::workflow::error::WorkflowError;
+use crate::workflow::loaded::names;
 use crate::workflow::sets::FlightSets;
-use crate::{Diagnosis, Options, SearchError, Why, WhyError, diagnose_with};
+use crate::{Diagnosis, Options, Why, diagnose_with};
 
 /// Diagnoses a model on flights; `effects` are users' own that may join it.
 pub fn diagnose(
@@ -29,12 +30,8 @@ pub fn why(
     observer: &dyn Observer,
 ) -> Result<Why, WorkflowError> {
     sets.hold_against(model, effects, observer)?;
-    crate::why(model, effect, &sets.train(), &sets.validate(), options, observer).map_err(|refused| {
-        match refused {
-            WhyError::Search(why) => blamed(sets, why),
-            other => WorkflowError::Why(other),
-        }
-    })
+    crate::why(model, effect, &sets.train(), &sets.validate(), options, observer)
+        .map_err(|why| WorkflowError::of_why(why, names(sets.training.loaded())))
 }
 
 /// Diagnoses on flights whose clocks and trim are set.
@@ -44,14 +41,8 @@ pub(crate) fn search(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Diagnosis, WorkflowError> {
-    diagnose_with(model, &sets.train(), &sets.validate(), options, observer).map_err(|why| blamed(sets, why))
-}
-
-fn blamed(sets: &FlightSets, why: SearchError) -> WorkflowError {
-    match why {
-        SearchError::Fit(why) => sets.blame(why),
-        SearchError::Cancelled => WorkflowError::Cancelled,
-    }
+    diagnose_with(model, &sets.train(), &sets.validate(), options, observer)
+        .map_err(|why| WorkflowError::of_search(why, names(sets.training.loaded())))
 }
 
 #[cfg(test)]
@@ -85,6 +76,6 @@ mod tests {
     #[test]
     fn an_effect_that_cannot_be_missing_is_not_asked_about() {
         let asked = why(&truth(), Effect::Thrust, &[], &mut sets(), &Options::default(), &Silent);
-        assert!(matches!(asked, Err(WorkflowError::Why(WhyError::Basic(Effect::Thrust)))));
+        assert!(matches!(asked, Err(WorkflowError::Why(crate::WhyError::Basic(Effect::Thrust)))));
     }
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use flights::FlightError;
 use sysid::{FitError, PrepareError, RefineError};
 
-use crate::WhyError;
+use crate::{SearchError, WhyError};
 
 /// Why the workflow ends without an answer.
 #[derive(Debug, thiserror::Error)]
@@ -56,6 +56,24 @@ pub enum WorkflowError {
     /// The observer asked to stop.
     #[error("cancelled")]
     Cancelled,
+}
+
+impl WorkflowError {
+    /// An error of a search, with the flights that it was about.
+    pub(crate) fn of_search(why: SearchError, flights: String) -> Self {
+        match why {
+            SearchError::Fit(why) => Self::Fit { flights, why },
+            SearchError::Cancelled => Self::Cancelled,
+        }
+    }
+
+    /// An error of a question about one effect, with the flights that it was about.
+    pub(crate) fn of_why(why: WhyError, flights: String) -> Self {
+        match why {
+            WhyError::Search(why) => Self::of_search(why, flights),
+            other => Self::Why(other),
+        }
+    }
 }
 
 fn why_once(in_both_sets: bool) -> &'static str {

@@ -23,8 +23,7 @@ use model::{Adjustments, Axis, Effect, Model, Plant, Quantity, SampleInput, Vehi
 use nalgebra::{Matrix3, Vector3};
 
 use crate::filter::{SideBySide, compose, sum_of_products};
-use crate::fit::least_squares::FlightRows;
-use crate::fit::least_squares::RowColumn;
+use crate::fit::least_squares::{FlightRows, RowColumn};
 use crate::fit::slung_load;
 use crate::fit::terms::{Both, LinearEffects, Predictions, Seen, Slots, Terms, append, append_turned_back};
 use crate::prepare::{ForceTarget, Part, Prepared, States, Stretch, subtract, vector};
