@@ -12,15 +12,15 @@ use std::ops::ControlFlow;
 
 use model::{ChangeScatter, Model};
 use nalgebra::{DMatrix, DVector};
-use report::number::{percent, with_error};
 
+use crate::balance::Balance;
 use crate::change::Change;
+use crate::change_conclusion::conclude;
 use crate::criteria::{AS_GOOD, Asked, Evidence, RIVAL, SIGNIFICANCE, weigh};
-use crate::figures::rms_of;
-use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding, Verdict};
+use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding};
 use crate::held_out::take_gain;
 use crate::observer::Observer;
-use crate::reason::{Reason, joined};
+use crate::reason::Reason;
 use crate::search_error::{SearchError, Steps, going_on};
 use crate::significance::{independent_stretches, zero_p_value};
 use sysid::fit::gauss_newton::{self, Linearised, Problem, Rule};
@@ -170,39 +170,8 @@ pub fn changed(
     let score = |f: &EffectFinding| f.gain * (1.0 - FOR_A_COEFFICIENT * f.coefficients.len() as f64);
     findings.sort_by(|a, b| b.1.supported.cmp(&a.1.supported).then(score(&b.1).total_cmp(&score(&a.1))));
     mark_rivals(model, &mut findings, flights, (changes.len(), observer))?;
-    let best = findings.iter().find(|(_, f)| f.supported);
-    Ok(Diagnosis {
-        verdict: if best.is_some() { Verdict::MissingEffect } else { Verdict::Adequate },
-        summary: summary(best),
-        effects: findings.into_iter().map(|(_, finding)| finding).collect(),
-        unexplained: Vec::new(),
-    })
-}
-
-/// The conclusion in sentences.
-fn summary(best: Option<&(Change, EffectFinding)>) -> String {
-    let Some((change, finding)) = best else {
-        return "No change stands out from the scatter between the flights that the model was fitted to."
-            .into();
-    };
-    let size: Vec<String> = finding
-        .coefficients
-        .iter()
-        .map(|c| format!("{} = {}", c.name, with_error(c.value, c.std_error, c.unit)))
-        .collect();
-    let rivals = match &finding.reason {
-        Reason::Changed { rivals, .. } if !rivals.is_empty() => {
-            format!(" These flights cannot tell it from {}.", joined(rivals, ", "))
-        }
-        _ => String::new(),
-    };
-    format!(
-        "Since the model was fitted, one thing has changed: {change} ({}). With it, the {} falls by {} % on flights that \
-         it was not estimated from.{rivals}",
-        size.join(", "),
-        rms_of(change.effect.info().axes),
-        percent(finding.rms_fall_percent())
-    )
+    let balance = Balance::new(model, flights).map(|balance| balance.examine(changes));
+    Ok(conclude(model, findings, balance))
 }
 
 /// Changes that explain nearly as much as the best, and add nothing to it nor it to them, cannot be told from it.
@@ -456,27 +425,6 @@ mod tests {
         assert!((total[(0, 0)] - bare[(0, 0)] - 0.09).abs() < 1e-12);
         // Two flights at least are behind a scatter, next to which the noise is nothing.
         assert!((independent - 2.0).abs() < 0.1 && stretches > independent, "{independent} {stretches}");
-    }
-
-    #[test]
-    fn nothing_that_stands_out_is_said_so_and_what_does_with_its_size_and_rivals() {
-        assert_eq!(
-            summary(None),
-            "No change stands out from the scatter between the flights that the model was fitted to."
-        );
-        let (change, mut found) = finding(Effect::MassChange, None, 5.0);
-        found.drop_percent = 61.27;
-        let (name, unit) = ("extra_mass", "kg");
-        found.coefficients = vec![CoefficientFigures { name, value: 0.1512, std_error: 0.0123, unit }];
-        let rival = Change { effect: Effect::MotorEfficiency, motor: Some(2) };
-        found.reason =
-            Reason::Changed { axes: Effect::MassChange.info().axes, percent: 61.27, rivals: vec![rival] };
-        assert_eq!(
-            summary(Some(&(change, found))),
-            "Since the model was fitted, one thing has changed: mass-change (extra_mass = 0.151 ± 0.012 kg). With it, \
-             the rms error of w falls by 37.8 % on flights that it was not estimated from. These flights \
-             cannot tell it from motor-efficiency of motor 2."
-        );
     }
 
     /// Mass acts on forces and the centre of mass on moments: 60 and 35 are more than nine tenths

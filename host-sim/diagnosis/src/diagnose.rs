@@ -76,7 +76,7 @@ pub fn diagnose_with(
         (false, false) => Verdict::Unexplained,
     };
     let summary = summary(&effects, &unexplained);
-    Ok(Diagnosis { verdict, summary, effects, unexplained })
+    Ok(Diagnosis { verdict, summary, effects, unexplained, since: None })
 }
 
 /// The conclusion in sentences.

@@ -7,6 +7,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use sysid::FitError;
 
+use crate::beginning::Since;
 use crate::figures::rms_fall_percent;
 use crate::reason::{Dependence, Reason};
 
@@ -159,6 +160,9 @@ pub struct Diagnosis {
     pub effects: Vec<EffectFinding>,
     /// What is left.
     pub unexplained: Vec<Unexplained>,
+    /// When the change began, where it has a beginning.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub since: Option<Since>,
 }
 
 impl Diagnosis {
@@ -208,6 +212,7 @@ mod tests {
             summary: String::new(),
             effects: effects.to_vec(),
             unexplained: Vec::new(),
+            since: None,
         };
         assert_eq!(diagnosis(&all).best(), None);
         all[1].supported = true;
@@ -238,6 +243,7 @@ mod tests {
             summary: "The model lacks tether.".into(),
             effects: all,
             unexplained: Vec::new(),
+            since: None,
         };
         diagnosis.refuse_unfitted(Effect::Tether, why());
         assert_eq!(diagnosis.best(), Some(Effect::MotorLag));

@@ -2,7 +2,10 @@
 #![forbid(unsafe_code)]
 
 mod addition;
+mod balance;
+mod beginning;
 mod change;
+mod change_conclusion;
 mod change_evidence;
 pub mod changes;
 mod columns;
@@ -30,6 +33,7 @@ mod testing;
 pub mod workflow;
 
 pub use addition::{Addition, add};
+pub use beginning::Since;
 pub use change::Change;
 pub use change_evidence::{ChangeEvidence, WhyChanged, why_changed};
 pub use diagnose::{diagnose, diagnose_with};

@@ -185,6 +185,15 @@ pub enum Reason {
         /// Changes that explain the flights as well.
         rivals: Vec<Change>,
     },
+    /// As a change, it explains how the rotors share the work in steady flight.
+    BalanceShifted {
+        /// Fall of the squared shift on flights it was not estimated from, percent.
+        percent: f64,
+        /// Changes that explain the shift as well.
+        rivals: Vec<Change>,
+    },
+    /// The flights do not determine the rows that it acts on.
+    NotJudged,
 }
 
 impl Reason {
@@ -192,7 +201,7 @@ impl Reason {
     pub fn names_rivals(&self) -> bool {
         match self {
             Self::Confounded { .. } | Self::RivalOf { .. } => true,
-            Self::Changed { rivals, .. } => !rivals.is_empty(),
+            Self::Changed { rivals, .. } | Self::BalanceShifted { rivals, .. } => !rivals.is_empty(),
             _ => false,
         }
     }
@@ -247,7 +256,9 @@ impl fmt::Display for Reason {
             Self::WithinScatter { .. }
             | Self::ExplainedBy { .. }
             | Self::RivalOf { .. }
-            | Self::Changed { .. } => self.write_of_change(f),
+            | Self::Changed { .. }
+            | Self::BalanceShifted { .. }
+            | Self::NotJudged => self.write_of_change(f),
         }
     }
 }
@@ -316,6 +327,17 @@ impl Reason {
                     true => Ok(()),
                     false => write!(f, "; these flights cannot tell it from {}", joined(rivals, ", ")),
                 }
+            }
+            Self::BalanceShifted { percent, rivals } => {
+                let fall = number::percent(*percent);
+                write!(f, "it takes away {fall} % of the shift in the rotors' steady balance (squared)")?;
+                match rivals.is_empty() {
+                    true => Ok(()),
+                    false => write!(f, "; these flights cannot tell it from {}", joined(rivals, ", ")),
+                }
+            }
+            Self::NotJudged => {
+                f.write_str("the model's rotation is not identified, so this cannot be judged")
             }
             _ => Ok(()),
         }

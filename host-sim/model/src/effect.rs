@@ -235,6 +235,11 @@ impl EffectInfo {
         self.through.get(place).or(self.through.first()).copied()
     }
 
+    /// Whether it is a change of the craft that shows in how its rotors share the work in steady flight.
+    pub fn acts_on_balance(&self) -> bool {
+        self.question == Question::Change && self.through.contains(&"thrust")
+    }
+
     /// Whether a coefficient is counted in rotor speeds: without a motor map, its possible range means nothing.
     pub fn is_in_rotor_speed(&self) -> bool {
         self.coefficients.iter().any(|c| c.in_rotor_speed)

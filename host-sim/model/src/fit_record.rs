@@ -68,6 +68,10 @@ pub struct FitRecord {
     /// How much the craft differs from flight to flight: what a later change must stand out from.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub scatter: Vec<ChangeScatter>,
+    /// How the rotors share the work in steady flight: what a later change of the balance must stand out from. Absent where
+    /// there are fewer than two flights.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub balance: Option<BalanceRecord>,
     /// Dead time in s that flights of commands show beyond the model's own: their clocks are counted from it. Absent where
     /// rotor speeds were measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -120,6 +124,47 @@ pub struct ChangeScatter {
     pub coefficient: String,
     /// Root mean square of the estimates, in the coefficient's unit.
     pub deviation: f64,
+}
+
+/// The steady balance of a craft's rotors over its flights, in shares of the thrust: no scale of the motor map is in it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BalanceRecord {
+    /// Flights behind it.
+    pub flights: u64,
+    /// Mean battery voltage of the flights, V.
+    pub battery_v: f64,
+    /// What the model leaves of the specific force along z, in units of gravity; its slope is by the battery voltage, 1/V.
+    pub lift: BalanceRow,
+    /// Thrust of the left rotors less that of the right ones, part of the whole; its slope is by the velocity to the right, s/m.
+    pub roll: BalanceRow,
+    /// Thrust of the front rotors less that of the rear ones, part of the whole; its slope is by the velocity forwards, s/m.
+    pub pitch: BalanceRow,
+    /// Squared speed of the rotors that yaw the craft right less that of the others, part of the whole.
+    pub yaw: BalanceRow,
+}
+
+impl BalanceRecord {
+    /// Lift, roll, pitch and yaw.
+    pub fn rows(&self) -> [&BalanceRow; 4] {
+        [&self.lift, &self.roll, &self.pitch, &self.yaw]
+    }
+}
+
+/// One equation of the balance: a mean over flights with random effects, value = mean + slope * condition + flight's own + noise.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BalanceRow {
+    /// Mean over flights, where the condition is zero.
+    pub mean: f64,
+    /// Slope by the row's condition; zero where it did not vary.
+    pub slope: f64,
+    /// Variance of the mean, covariance of both, variance of the slope.
+    pub covariance: [f64; 3],
+    /// Standard deviation between flights.
+    pub between: f64,
+    /// Standard deviation of a window about its flight.
+    pub within: f64,
 }
 
 /// An effect that was added, with the held-out error before and after.

@@ -37,8 +37,8 @@ pub use effect::{Coefficient, EffectInfo, Estimate, Kind, Question, Requirement,
 pub use effects::slung_load::cable::SlungLoad;
 pub use effects::{Adjustments, Effect};
 pub use fit_record::{
-    AxisError, ChangeScatter, FitRecord, FlightRecord, FlightRole, HistoryEntry, OpenLoopSums,
-    ReferenceValues, RefinementRecord,
+    AxisError, BalanceRecord, BalanceRow, ChangeScatter, FitRecord, FlightRecord, FlightRole, HistoryEntry,
+    OpenLoopSums, ReferenceValues, RefinementRecord,
 };
 pub use model::{Correlation, Model, Term};
 pub use model_file::ModelError;

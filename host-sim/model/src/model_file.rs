@@ -243,7 +243,8 @@ mod tests {
     use super::*;
     use crate::axis::PerAxis;
     use crate::fit_record::{
-        AxisError, ChangeScatter, FlightRecord, FlightRole, OpenLoopSums, RefinementRecord,
+        AxisError, BalanceRecord, BalanceRow, ChangeScatter, FlightRecord, FlightRole, OpenLoopSums,
+        RefinementRecord,
     };
     use crate::model::coefficient_names;
     use nalgebra::DMatrix;
@@ -273,6 +274,18 @@ mod tests {
                 coefficient: "extra_mass".into(),
                 deviation: 0.01,
             }],
+            balance: Some(BalanceRecord {
+                flights: 4,
+                battery_v: 11.0 / 3.0,
+                lift: BalanceRow {
+                    mean: 0.1 / 7.0,
+                    covariance: [1e-9, -1e-12, 0.0],
+                    ..BalanceRow::default()
+                },
+                roll: BalanceRow { slope: -1.0 / 3.0, ..BalanceRow::default() },
+                pitch: BalanceRow { between: 0.2 / 3.0, ..BalanceRow::default() },
+                yaw: BalanceRow { within: 1e-300, ..BalanceRow::default() },
+            }),
             rotor_delay_s: Some(0.1 / 3.0),
             rotation_refused: vec!["C2_q = -3".into()],
             refinement: Some(RefinementRecord {
@@ -378,7 +391,7 @@ mod tests {
         let mut model = Model::thesis();
         model.fit = Some(FitRecord::default());
         let text = model.to_toml();
-        for newer in ["rotor_delay_s", "rotation_refused", "refinement", "scatter"] {
+        for newer in ["balance", "rotor_delay_s", "rotation_refused", "refinement", "scatter"] {
             assert!(!text.contains(newer), "{text}");
         }
         assert_eq!(Model::parse(&text, Path::new("m.toml")).unwrap(), model);

@@ -45,6 +45,17 @@ pub fn wald_p_value(values: &DVector<f64>, covariance: DMatrix<f64>, independent
     FisherSnedecor::new(k, freedom).map_or(1.0, |f| f.sf(wald))
 }
 
+/// Chance of `count` squares, each in units of its variance, that sum to as much; the variances have `freedom` degrees of freedom.
+pub fn squares_p_value(squares: f64, count: usize, freedom: f64) -> f64 {
+    let count = count as f64;
+    FisherSnedecor::new(count, freedom.max(1.0)).map_or(1.0, |f| f.sf(squares / count))
+}
+
+/// Deviations beyond which, on either side, an estimate lies with chance `p_value` (Student).
+pub fn deviations_of(p_value: f64, freedom: f64) -> f64 {
+    StudentsT::new(0.0, 1.0, freedom.max(1.0)).map_or(f64::INFINITY, |t| t.inverse_cdf(1.0 - 0.5 * p_value))
+}
+
 /// Turns p-values that Bonferroni's inequality has corrected (each times the number of tests, at most 1) into Holm's
 /// (1979): the k-th smallest counts as one of those that are left, and none is smaller than one before it.
 pub fn holm(p_values: &mut [f64]) {
@@ -115,6 +126,13 @@ impl Blocks {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Of tables: F(4, 10) at 5 % is 3.478, t(10) at 5 % on either side together 2.228.
+    #[test]
+    fn chances_are_those_of_tables() {
+        assert!((squares_p_value(4.0 * 3.478, 4, 10.0) - 0.05).abs() < 1e-4);
+        assert!((deviations_of(0.05, 10.0) - 2.228).abs() < 1e-3);
+    }
 
     #[test]
     fn medians_of_odd_even_and_no_values() {

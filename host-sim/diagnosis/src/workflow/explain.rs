@@ -139,7 +139,13 @@ mod tests {
     use crate::testing::{ORDINARY, prepared, truth};
 
     fn diagnosis(verdict: Verdict, summary: &str) -> Diagnosis {
-        Diagnosis { verdict, summary: summary.into(), effects: Vec::new(), unexplained: Vec::new() }
+        Diagnosis {
+            verdict,
+            summary: summary.into(),
+            effects: Vec::new(),
+            unexplained: Vec::new(),
+            since: None,
+        }
     }
 
     fn explanation(steps: Vec<Step>, last: Verdict) -> Explanation {

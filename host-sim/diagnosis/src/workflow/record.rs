@@ -18,6 +18,7 @@ impl FlightSets {
             train: errors(model, &self.train()),
             held_out: errors(model, &self.validate()),
             scatter: changes::scatter(model, &all),
+            balance: sysid::fit::balance::record(model, &all),
             rotor_delay_s: sysid::fit::alignment::common_delay_s(model, &self.train()),
             ..FitRecord::default()
         }

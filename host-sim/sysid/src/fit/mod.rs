@@ -2,6 +2,7 @@
 
 pub mod alignment;
 mod assembly;
+pub mod balance;
 pub mod closed_loop;
 mod doubts;
 mod error;
@@ -19,6 +20,7 @@ mod parameters;
 pub mod pieces;
 mod predicted;
 mod quadratic;
+mod random_effects;
 mod residuals;
 mod rotation;
 pub mod rows;

@@ -1,0 +1,187 @@
+//! From when on has something changed?
+//!
+//! A motor that fails half way, a string that tears, a load that is picked up: before it the flights show nothing of the
+//! change, after it all of it. Windows of the flights are held against a step at each place between them, and against no step:
+//! a change that was there from the first second. Flights differ by constants of their own, which a step must stand out from.
+
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::criteria::TIE;
+
+/// A window of a flight.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Share {
+    /// Middle of the window, in the flight's own time, s.
+    pub(crate) time_s: f64,
+    /// How much of the change the window shows: 0 of nothing, 1 of a change of the size that was found.
+    pub(crate) share: f64,
+}
+
+/// When a change began.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Since {
+    /// The flight.
+    pub flight: String,
+    /// Most likely moment, in the flight's own time, s.
+    pub t_s: f64,
+    /// Earliest likely moment (95 %), in the time of this flight; its first window's, where that is in an earlier flight.
+    pub t_low_s: f64,
+    /// Latest likely moment (95 %), in the time of this flight; its last window's, where that is in a later flight.
+    pub t_high_s: f64,
+}
+
+/// Windows before and after a beginning, without which it is a single outlier; and the least that tell anything.
+const SHORTEST: usize = 2;
+/// 95 % point of chi squared with one degree of freedom: how much worse a moment may be and still be a likely one.
+const LIKELY: f64 = 3.841;
+
+/// When the change began that flights in order show; nothing where it may have been there from the first second.
+/// `between` is how much the share differs between flights of an unchanged craft.
+pub(crate) fn since(flights: &[(String, Vec<Share>)], between: f64) -> Option<Since> {
+    let places: Vec<(usize, f64)> = flights
+        .iter()
+        .enumerate()
+        .flat_map(|(flight, (_, windows))| windows.iter().map(move |window| (flight, window.time_s)))
+        .collect();
+    let count = places.len();
+    if count < 2 * SHORTEST {
+        return None;
+    }
+    let within = noise(flights)?;
+    let whitened = Whitened::new(flights, between / within);
+    let worse = |from: usize| whitened.left(from) / (within * within);
+    let throughout = worse(0);
+    let moments: Vec<(usize, f64)> = (SHORTEST..=count - SHORTEST).map(|from| (from, worse(from))).collect();
+    let (from, best) = moments.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1))?;
+    // Each of the places had its chance.
+    if throughout - best < 2.0 * (TIE + (count as f64).ln()) {
+        return None;
+    }
+    let likely: Vec<usize> =
+        moments.iter().filter(|(_, left)| left - best < LIKELY).map(|(k, _)| *k).collect();
+    let flight = places[from].0;
+    let moment = |k: usize| moment(&places, k);
+    let own: Vec<f64> = flights[flight].1.iter().map(|window| window.time_s).collect();
+    let (first, last) = (likely[0], likely[likely.len() - 1]);
+    Some(Since {
+        flight: flights[flight].0.clone(),
+        t_s: moment(from),
+        t_low_s: if places[first].0 == flight { moment(first - 1).min(moment(from)) } else { own[0] },
+        t_high_s: if places[last].0 == flight {
+            moment(last + 1).max(moment(from))
+        } else {
+            own[own.len() - 1]
+        },
+    })
+}
+
+/// Half way between a window and the one before it, where that is of the same flight.
+fn moment(places: &[(usize, f64)], k: usize) -> f64 {
+    let k = k.min(places.len() - 1);
+    let (flight, time_s) = places[k];
+    match k.checked_sub(1).map(|before| places[before]) {
+        Some((same, before_s)) if same == flight => 0.5 * (before_s + time_s),
+        _ => time_s,
+    }
+}
+
+/// Standard deviation of a window, from the differences of neighbours: a step between two of them is one of many.
+fn noise(flights: &[(String, Vec<Share>)]) -> Option<f64> {
+    let mut differences: Vec<f64> = flights
+        .iter()
+        .flat_map(|(_, windows)| windows.windows(2).map(|pair| (pair[1].share - pair[0].share).abs()))
+        .collect();
+    // The median of |x| is 0.6745 of a normal deviation, and a difference has two noises.
+    let median = sysid::statistics::median(&mut differences)?;
+    let usual = median / (0.6745 * 2_f64.sqrt());
+    (usual > 0.0).then_some(usual)
+}
+
+/// Windows without what is common to a flight, as far as that is chance.
+struct Whitened<'a> {
+    flights: &'a [(String, Vec<Share>)],
+    ratio: f64,
+}
+
+impl<'a> Whitened<'a> {
+    fn new(flights: &'a [(String, Vec<Share>)], ratio: f64) -> Self {
+        Self { flights, ratio }
+    }
+
+    /// Squares that a change from the `from`th window on leaves, of a size that fits best.
+    fn left(&self, from: usize) -> f64 {
+        let (mut yy, mut xy, mut xx, mut first) = (0.0, 0.0, 0.0, 0);
+        for (_, windows) in self.flights {
+            let n = windows.len() as f64;
+            let part = self.ratio * self.ratio / (1.0 + n * self.ratio * self.ratio);
+            let (mut sum_x, mut sum_y) = (0.0, 0.0);
+            for (k, window) in windows.iter().enumerate() {
+                let x = f64::from(u8::from(first + k >= from));
+                let y = window.share;
+                (yy, xy, xx) = (yy + y * y, xy + x * y, xx + x);
+                (sum_x, sum_y) = (sum_x + x, sum_y + y);
+            }
+            yy -= part * sum_y * sum_y;
+            xy -= part * sum_x * sum_y;
+            xx -= part * sum_x * sum_x;
+            first += windows.len();
+        }
+        if xx > 0.0 { yy - xy * xy / xx } else { yy }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+
+    use super::*;
+
+    /// Flights of `lengths` windows with noise of 0.2 and constants of their own; `shown` says how much of the change there is.
+    fn flights(
+        lengths: &[usize],
+        own: f64,
+        shown: impl Fn(usize, usize) -> f64,
+    ) -> Vec<(String, Vec<Share>)> {
+        let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(5);
+        let mut noise = |size: f64| size * 12_f64.sqrt() * (rng.random::<f64>() - 0.5);
+        let flight = |(index, length): (usize, &usize)| {
+            let constant = noise(own);
+            let window = |k: usize| {
+                let share = shown(index, k) + constant + noise(0.2);
+                Share { time_s: 0.5 + k as f64, share }
+            };
+            (format!("{index}.csv"), (0..*length).map(window).collect())
+        };
+        lengths.iter().enumerate().map(flight).collect()
+    }
+
+    #[test]
+    fn a_change_in_the_middle_of_a_flight_is_found_to_a_window_or_two() {
+        let all = flights(&[20, 20, 20], 0.1, |flight, k| {
+            f64::from(u8::from(flight == 2 || flight == 1 && k >= 12))
+        });
+        let since = since(&all, 0.1).unwrap();
+        assert_eq!(since.flight, "1.csv");
+        assert!((since.t_s - 12.0).abs() <= 1.0, "{since:?}");
+        assert!(
+            since.t_low_s <= 12.0 && since.t_high_s >= 12.0 && since.t_high_s - since.t_low_s < 6.0,
+            "{since:?}"
+        );
+    }
+
+    #[test]
+    fn a_change_between_two_flights_begins_with_the_second() {
+        let all = flights(&[20, 20, 20], 0.05, |flight, _| f64::from(u8::from(flight >= 1)));
+        let since = since(&all, 0.05).unwrap();
+        assert_eq!((since.flight.as_str(), since.t_s), ("1.csv", 0.5));
+    }
+
+    #[test]
+    fn what_was_there_all_the_while_and_what_flights_differ_by_anyway_has_no_beginning() {
+        assert_eq!(since(&flights(&[20, 20, 20], 0.1, |_, _| 1.0), 0.1), None);
+        assert_eq!(since(&flights(&[6; 8], 1.0, |_, _| 0.5), 1.0), None);
+        assert_eq!(since(&[], 0.1), None);
+        assert_eq!(since(&flights(&[3], 0.1, |_, k| k as f64), 0.1), None);
+    }
+}

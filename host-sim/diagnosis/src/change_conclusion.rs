@@ -1,0 +1,223 @@
+//! What has changed, concluded from the equations of motion and from the steady balance of the rotors.
+//!
+//! Whichever determines the answer speaks. Where the rotation is identified, the rows of every sample see more than means do.
+//! Where it is not, what they say of moments is worth nothing, and the balance says what can be said; and what they do not
+//! notice, the balance may.
+
+use model::{Axis, Model};
+use report::number::{fixed, p_equation, percent, with_error};
+
+use crate::balance::Answer;
+use crate::beginning::Since;
+use crate::change::Change;
+use crate::criteria::STRUCTURE_SIGNIFICANCE;
+use crate::figures::rms_of;
+use crate::finding::{Diagnosis, EffectFinding, Unexplained, Verdict};
+use crate::reason::{Dependence, Reason, joined};
+
+/// A change with its evidence.
+pub(crate) type Found = (Change, EffectFinding);
+
+/// The answer of both.
+pub(crate) fn conclude(model: &Model, mut findings: Vec<Found>, balance: Option<Answer>) -> Diagnosis {
+    let judged = rotation_is_judged(model);
+    if !judged {
+        let needs_rotation =
+            |(change, _): &&mut Found| !change.effect.info().axes.iter().all(|a| a.is_force());
+        findings.iter_mut().filter(needs_rotation).for_each(|(_, finding)| finding.refuse(Reason::NotJudged));
+    }
+    let mut shifted = None;
+    let (mut visible_loss, mut since) = (None, None);
+    if let Some(answer) = balance {
+        visible_loss = Some(answer.visible_loss);
+        let is_named = answer.findings.iter().any(|(_, finding)| finding.supported);
+        if !judged || is_named && !findings.iter().any(|(_, finding)| finding.supported) {
+            if !is_named && answer.p_value < STRUCTURE_SIGNIFICANCE {
+                shifted = Some((answer.most, answer.p_value));
+            }
+            replace(&mut findings, answer.findings);
+            since = answer.since;
+        }
+    }
+    findings.sort_by_key(|(_, finding)| !finding.supported);
+    let best = findings.iter().find(|(_, finding)| finding.supported);
+    let unexplained: Vec<Unexplained> = shifted.filter(|_| best.is_none()).into_iter().map(unknown).collect();
+    Diagnosis {
+        verdict: match (best.is_some(), unexplained.is_empty()) {
+            (true, _) => Verdict::MissingEffect,
+            (false, true) => Verdict::Adequate,
+            (false, false) => Verdict::Unexplained,
+        },
+        summary: summary(best, unexplained.first(), visible_loss)
+            + &since.as_ref().map_or_else(String::new, beginning),
+        effects: findings.into_iter().map(|(_, finding)| finding).collect(),
+        unexplained,
+        since,
+    }
+}
+
+/// " It began in flight B.csv at 12.0 s (10.9 to 13.2 s)."
+fn beginning(since: &Since) -> String {
+    let [t, low, high] = [since.t_s, since.t_low_s, since.t_high_s].map(|time_s| fixed(time_s, 1));
+    format!(" It began in flight {} at {t} s ({low} to {high} s).", since.flight)
+}
+
+/// Whether the moments of a model say anything: it has some, and they explain held-out flights better than their mean does.
+fn rotation_is_judged(model: &Model) -> bool {
+    let explains =
+        |fit: &model::FitRecord| [Axis::P, Axis::Q].iter().all(|axis| fit.held_out[*axis].r2 > 0.0);
+    sysid::has_rotation(model)
+        && sysid::impossible_signs(model).is_empty()
+        && model.fit.as_ref().is_none_or(|fit| fit.held_out[Axis::P].samples == 0 || explains(fit))
+}
+
+/// The balance's evidence in the place of the other, best first.
+fn replace(findings: &mut Vec<Found>, by: Vec<Found>) {
+    findings.retain(|(change, _)| by.iter().all(|(other, _)| other != change));
+    findings.splice(0..0, by);
+}
+
+fn unknown(((axis, share_percent), p_value): ((Axis, f64), f64)) -> Unexplained {
+    Unexplained { axis, depends_on: Dependence::Constant, share_percent, p_value }
+}
+
+/// The conclusion in sentences.
+fn summary(best: Option<&Found>, unexplained: Option<&Unexplained>, visible_loss: Option<f64>) -> String {
+    let Some((change, finding)) = best else {
+        return nothing_named(unexplained, visible_loss);
+    };
+    let size: Vec<String> = finding
+        .coefficients
+        .iter()
+        .map(|c| format!("{} = {}", c.name, with_error(c.value, c.std_error, c.unit)))
+        .collect();
+    let (fall, rivals) = match &finding.reason {
+        Reason::BalanceShifted { percent: shift, rivals } => {
+            let shift = percent(*shift);
+            (format!("{shift} % of the shift in the rotors' steady balance is explained,"), rivals.as_slice())
+        }
+        Reason::Changed { rivals, .. } => (rms_fall(*change, finding), rivals.as_slice()),
+        _ => (rms_fall(*change, finding), &[][..]),
+    };
+    let rivals = match rivals.is_empty() {
+        true => String::new(),
+        false => format!(" These flights cannot tell it from {}.", joined(rivals, ", ")),
+    };
+    format!(
+        "Since the model was fitted, one thing has changed: {change} ({}). With it, {fall} on flights that it was not \
+         estimated from.{rivals}",
+        size.join(", "),
+    )
+}
+
+fn rms_fall(change: Change, finding: &EffectFinding) -> String {
+    let fall = percent(finding.rms_fall_percent());
+    format!("the {} falls by {fall} %", rms_of(change.effect.info().axes))
+}
+
+/// Nothing is a claim: it says what would have been seen.
+fn nothing_named(unexplained: Option<&Unexplained>, visible_loss: Option<f64>) -> String {
+    if let Some(Unexplained { axis, p_value, .. }) = unexplained {
+        return format!(
+            "The rotors share the work otherwise than in the flights of the model, most of all on {axis} ({}), and no \
+             known change accounts for it.",
+            p_equation(*p_value)
+        );
+    }
+    let nothing = "No change stands out from the scatter between the flights that the model was fitted to.";
+    match visible_loss.filter(|loss| *loss < 1.0) {
+        None => nothing.into(),
+        Some(loss) => {
+            let loss = percent(100.0 * loss);
+            format!("{nothing} A motor that has lost {loss} % of its thrust would have.")
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use model::Effect;
+
+    use super::*;
+    use crate::finding::CoefficientFigures;
+
+    fn found(effect: Effect, motor: Option<u8>, supported: bool) -> Found {
+        let mut finding = EffectFinding::unsupported(effect, 2, Reason::LikeChance);
+        (finding.supported, finding.motor) = (supported, motor);
+        (Change { effect, motor }, finding)
+    }
+
+    fn answer(findings: Vec<Found>, p_value: f64) -> Answer {
+        Answer { findings, p_value, most: (Axis::P, 62.0), visible_loss: 0.0643, since: None }
+    }
+
+    /// The thesis' model, with these errors on held-out flights.
+    fn model(r2_of_p: f64) -> Model {
+        let mut model = Model::thesis();
+        let mut fit = model::FitRecord::default();
+        (fit.held_out[Axis::P].r2, fit.held_out[Axis::Q].r2) = (r2_of_p, 0.7);
+        fit.held_out[Axis::P].samples = 100;
+        model.fit = Some(fit);
+        model
+    }
+
+    #[test]
+    fn nothing_that_stands_out_is_said_so_and_what_does_with_its_size_and_rivals() {
+        let nothing =
+            "No change stands out from the scatter between the flights that the model was fitted to.";
+        assert_eq!(summary(None, None, None), nothing);
+        assert_eq!(
+            summary(None, None, Some(0.0643)),
+            format!("{nothing} A motor that has lost 6.4 % of its thrust would have.")
+        );
+        let mut named = found(Effect::MassChange, None, true);
+        named.1.drop_percent = 61.27;
+        let (name, unit) = ("extra_mass", "kg");
+        named.1.coefficients = vec![CoefficientFigures { name, value: 0.1512, std_error: 0.0123, unit }];
+        let rivals = vec![Change { effect: Effect::MotorEfficiency, motor: Some(2) }];
+        named.1.reason = Reason::Changed { axes: Effect::MassChange.info().axes, percent: 61.27, rivals };
+        assert_eq!(
+            summary(Some(&named), None, None),
+            "Since the model was fitted, one thing has changed: mass-change (extra_mass = 0.151 ± 0.012 kg). With it, \
+             the rms error of w falls by 37.8 % on flights that it was not estimated from. These flights \
+             cannot tell it from motor-efficiency of motor 2."
+        );
+        named.1.reason = Reason::BalanceShifted { percent: 61.27, rivals: Vec::new() };
+        assert!(
+            summary(Some(&named), None, None).ends_with(
+                "61.3 % of the shift in the rotors' steady balance is explained, on flights that it was not estimated from."
+            ),
+            "{}",
+            summary(Some(&named), None, None)
+        );
+    }
+
+    #[test]
+    fn where_the_rotation_is_not_identified_only_the_balance_speaks_of_moments() {
+        let rows = || vec![found(Effect::ComOffset, None, true), found(Effect::SteadyWind, None, false)];
+        let weak = || found(Effect::MotorEfficiency, Some(4), true);
+        let best = |model: &Model, by: Vec<Found>| conclude(model, rows(), Some(answer(by, 0.5))).best();
+        assert_eq!(best(&model(0.6), vec![weak()]), Some(Effect::ComOffset));
+        assert_eq!(best(&model(-0.1), vec![weak()]), Some(Effect::MotorEfficiency));
+        assert_eq!(best(&model(-0.1), Vec::new()), None);
+    }
+
+    #[test]
+    fn what_the_rows_do_not_notice_the_balance_may() {
+        let rows = vec![found(Effect::MotorEfficiency, Some(4), false)];
+        let by = vec![found(Effect::MotorEfficiency, Some(4), true)];
+        let diagnosis = conclude(&model(0.6), rows, Some(answer(by, 1e-6)));
+        assert_eq!(diagnosis.verdict, Verdict::MissingEffect);
+        assert_eq!(diagnosis.effects.len(), 1);
+    }
+
+    #[test]
+    fn a_shift_that_no_change_explains_is_unexplained_and_never_adequate() {
+        let diagnosis = |p_value: f64| conclude(&model(-0.1), Vec::new(), Some(answer(Vec::new(), p_value)));
+        assert_eq!(diagnosis(0.4).verdict, Verdict::Adequate);
+        let unknown = diagnosis(1e-4);
+        assert_eq!(unknown.verdict, Verdict::Unexplained);
+        assert_eq!((unknown.unexplained[0].axis, unknown.unexplained[0].share_percent), (Axis::P, 62.0));
+        assert!(unknown.summary.contains("most of all on p"), "{}", unknown.summary);
+    }
+}
