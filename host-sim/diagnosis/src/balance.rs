@@ -103,6 +103,30 @@ pub(crate) struct Answer {
     pub(crate) since: Option<Since>,
 }
 
+/// What the balance says of flights in their order: of all together, and where these show nothing, of the last ones. Nothing where
+/// the model has no record of its flights' balance, or no new flight is a window long.
+pub(crate) fn answer(model: &Model, flights: &[&Prepared], changes: &[Change]) -> Option<Answer> {
+    let all = Balance::new(model, flights)?;
+    let whole = all.examine(changes, (1, &all));
+    if whole.names_one() {
+        return Some(whole);
+    }
+    let last = (1..flights.len()).filter_map(|first| {
+        let balance = Balance::new(model, &flights[first..])?;
+        Some(balance.examine(changes, (flights.len(), &all)))
+    });
+    let least = |answer: &Answer| answer.findings.first().map_or(1.0, |(_, finding)| finding.p_value);
+    let named = last.filter(Answer::names_one).min_by(|a, b| least(a).total_cmp(&least(b)));
+    Some(named.unwrap_or(whole))
+}
+
+impl Answer {
+    /// Whether a change is supported.
+    pub(crate) fn names_one(&self) -> bool {
+        self.findings.iter().any(|(_, finding)| finding.supported)
+    }
+}
+
 impl Balance {
     /// Nothing where the model has no record of its flights' balance, or no new flight is a window long.
     pub(crate) fn new(model: &Model, flights: &[&Prepared]) -> Option<Self> {
@@ -129,10 +153,10 @@ impl Balance {
         })
     }
 
-    /// Weighs every one of `changes` that acts on the balance.
-    pub(crate) fn examine(&self, changes: &[Change]) -> Answer {
+    /// Weighs every one of `changes` that acts on the balance, in one of so many `tries`; `all` flights say when it began.
+    pub(crate) fn examine(&self, changes: &[Change], (tries, all): (usize, &Self)) -> Answer {
         let single: Vec<Hypothesis> = changes.iter().flat_map(|change| singles(*change)).collect();
-        let candidates = single.len().max(1);
+        let candidates = tries * single.len().max(1);
         let mut best_of: Vec<Fitted> = Vec::new();
         for fitted in single.into_iter().filter_map(|hypothesis| self.fit(hypothesis, &self.shift)) {
             match best_of.iter_mut().find(|other| other.hypothesis.changes == fitted.hypothesis.changes) {
@@ -150,7 +174,7 @@ impl Balance {
         let named = findings.iter().position(|(_, finding)| finding.supported);
         let weighed = self.shift.weighed();
         Answer {
-            since: named.and_then(|best| self.since(&best_of[best])),
+            since: named.and_then(|best| all.since(&best_of[best])),
             findings,
             p_value: squares_p_value(weighed.norm_squared(), 4, self.freedom),
             most: (AXES[weighed.iamax()], 100.0 * weighed.amax().powi(2) / weighed.norm_squared()),
@@ -421,7 +445,8 @@ mod tests {
         let known = known();
         let flights = prepared(true_craft, 70..72, 8.0, &ORDINARY);
         let flights: Vec<&Prepared> = flights.iter().collect();
-        Balance::new(&known, &flights).unwrap().examine(&Change::all(&known))
+        let balance = Balance::new(&known, &flights).unwrap();
+        balance.examine(&Change::all(&known), (1, &balance))
     }
 
     fn changed(effect: Effect, values: &[f64]) -> Model {
@@ -456,6 +481,25 @@ mod tests {
         assert!(answer.findings.iter().all(|(_, finding)| !finding.supported));
         assert!(answer.p_value > 0.01, "{}", answer.p_value);
         assert!(answer.visible_loss > 0.0 && answer.visible_loss < 0.2, "{}", answer.visible_loss);
+    }
+
+    /// Two flights of six are too few to move the mean of all.
+    #[test]
+    fn a_motor_that_weakens_in_the_last_flights_is_named_with_when() {
+        let known = known();
+        let mut flights = prepared(&truth(), 74..78, 8.0, &ORDINARY);
+        flights.extend(prepared(
+            &changed(Effect::MotorEfficiency, &[0.0, 0.15, 0.0, 0.0]),
+            78..80,
+            8.0,
+            &ORDINARY,
+        ));
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        let answer = super::answer(&known, &flights, &Change::all(&known)).unwrap();
+        let (best, finding) = &answer.findings[0];
+        assert!(finding.supported && best.motor == Some(2), "{best}: {}", finding.reason);
+        let since = answer.since.unwrap();
+        assert_eq!(since.flight, flights[4].name, "{since:?}");
     }
 
     #[test]

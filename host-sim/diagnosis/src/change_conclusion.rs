@@ -18,8 +18,13 @@ use crate::reason::{Dependence, Reason, joined};
 /// A change with its evidence.
 pub(crate) type Found = (Change, EffectFinding);
 
-/// The answer of both.
-pub(crate) fn conclude(model: &Model, mut findings: Vec<Found>, balance: Option<Answer>) -> Diagnosis {
+/// The answer of both; the findings
+/// of the rows come with when the change began that they name.
+pub(crate) fn conclude(
+    model: &Model,
+    (mut findings, began): (Vec<Found>, Option<Since>),
+    balance: Option<Answer>,
+) -> Diagnosis {
     let judged = rotation_is_judged(model);
     if !judged {
         let needs_rotation =
@@ -27,7 +32,7 @@ pub(crate) fn conclude(model: &Model, mut findings: Vec<Found>, balance: Option<
         findings.iter_mut().filter(needs_rotation).for_each(|(_, finding)| finding.refuse(Reason::NotJudged));
     }
     let mut shifted = None;
-    let (mut visible_loss, mut since) = (None, None);
+    let (mut visible_loss, mut since) = (None, began);
     if let Some(answer) = balance {
         visible_loss = Some(answer.visible_loss);
         let is_named = answer.findings.iter().any(|(_, finding)| finding.supported);
@@ -196,7 +201,8 @@ mod tests {
     fn where_the_rotation_is_not_identified_only_the_balance_speaks_of_moments() {
         let rows = || vec![found(Effect::ComOffset, None, true), found(Effect::SteadyWind, None, false)];
         let weak = || found(Effect::MotorEfficiency, Some(4), true);
-        let best = |model: &Model, by: Vec<Found>| conclude(model, rows(), Some(answer(by, 0.5))).best();
+        let best =
+            |model: &Model, by: Vec<Found>| conclude(model, (rows(), None), Some(answer(by, 0.5))).best();
         assert_eq!(best(&model(0.6), vec![weak()]), Some(Effect::ComOffset));
         assert_eq!(best(&model(-0.1), vec![weak()]), Some(Effect::MotorEfficiency));
         assert_eq!(best(&model(-0.1), Vec::new()), None);
@@ -206,14 +212,15 @@ mod tests {
     fn what_the_rows_do_not_notice_the_balance_may() {
         let rows = vec![found(Effect::MotorEfficiency, Some(4), false)];
         let by = vec![found(Effect::MotorEfficiency, Some(4), true)];
-        let diagnosis = conclude(&model(0.6), rows, Some(answer(by, 1e-6)));
+        let diagnosis = conclude(&model(0.6), (rows, None), Some(answer(by, 1e-6)));
         assert_eq!(diagnosis.verdict, Verdict::MissingEffect);
         assert_eq!(diagnosis.effects.len(), 1);
     }
 
     #[test]
     fn a_shift_that_no_change_explains_is_unexplained_and_never_adequate() {
-        let diagnosis = |p_value: f64| conclude(&model(-0.1), Vec::new(), Some(answer(Vec::new(), p_value)));
+        let diagnosis =
+            |p_value: f64| conclude(&model(-0.1), (Vec::new(), None), Some(answer(Vec::new(), p_value)));
         assert_eq!(diagnosis(0.4).verdict, Verdict::Adequate);
         let unknown = diagnosis(1e-4);
         assert_eq!(unknown.verdict, Verdict::Unexplained);

@@ -2,9 +2,11 @@
 //! the same criteria as in a search for changes.
 
 use model::{Effect, Model};
+use report::number::{p_equation, with_error};
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::balance;
 use crate::change::Change;
 use crate::changes::{Examined, changed, examine};
 use crate::evidence::{
@@ -30,6 +32,24 @@ pub struct ChangeEvidence {
     pub criteria: Vec<Criterion>,
     /// Each flight, by a change that was estimated from the others.
     pub flights: Vec<FlightDrop>,
+    /// Coefficients.
+    pub coefficients: Vec<CoefficientEvidence>,
+    /// What the steady balance of the rotors says of it, where it acts on that and the model knows the balance of its flights.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub balance: Option<BalanceEvidence>,
+}
+
+/// The evidence of the steady balance for and against a change.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct BalanceEvidence {
+    /// Whether it suffices.
+    pub supported: bool,
+    /// In a sentence.
+    pub summary: String,
+    /// Chance of such a shift in an unchanged craft, corrected for the number of candidates.
+    pub p_value: f64,
+    /// Part of the squared shift that it takes away on flights it was not estimated from, percent.
+    pub drop_percent: f64,
     /// Coefficients.
     pub coefficients: Vec<CoefficientEvidence>,
 }
@@ -66,8 +86,13 @@ pub fn why_changed(
         return Err(WhyError::NoChange { effect, tried: joined(&tried, ", ") });
     }
     let diagnosis = changed(model, &changes, flown, observer)?;
+    let balance = balance::answer(model, flown, &changes);
     let evidence = |change: &Change| {
-        of_change(*change, &examine(model, *change, flown, changes.len()), &diagnosis, flown)
+        let of_balance =
+            balance.iter().flat_map(|answer| &answer.findings).find(|(other, _)| other == change);
+        let examined = examine(model, *change, flown, changes.len());
+        let balance = of_balance.map(|(_, finding)| in_balance(finding));
+        ChangeEvidence { balance, ..of_change(*change, &examined, &diagnosis, flown) }
     };
     Ok(WhyChanged {
         effect,
@@ -95,6 +120,26 @@ fn of_change(
         criteria: if is_estimated { criteria(&examined.evidence()) } else { Vec::new() },
         flights: residuals.map_or_else(Vec::new, |[without, with]| flights((without, with), flown)),
         coefficients: coefficients(finding),
+        balance: None,
+    }
+}
+
+fn in_balance(finding: &EffectFinding) -> BalanceEvidence {
+    let size =
+        |c: &crate::CoefficientFigures| format!("{} = {}", c.name, with_error(c.value, c.std_error, c.unit));
+    let sizes: Vec<String> = finding.coefficients.iter().map(size).collect();
+    let is = if finding.supported { "is supported" } else { "is not supported" };
+    BalanceEvidence {
+        supported: finding.supported,
+        summary: format!(
+            "By the steady balance of the rotors it {is}, with {} ({}): {}.",
+            sizes.join(", "),
+            p_equation(finding.p_value),
+            finding.reason
+        ),
+        p_value: finding.p_value,
+        drop_percent: finding.drop_percent,
+        coefficients: coefficients(finding),
     }
 }
 
@@ -116,6 +161,24 @@ mod tests {
     use super::*;
     use crate::reason::Reason;
     use model::Axis;
+
+    #[test]
+    fn the_balance_says_what_it_found_and_how_likely_it_is_by_chance() {
+        let mut finding =
+            EffectFinding::unsupported(Effect::MotorEfficiency, 2, Reason::WithinScatter { p_value: 0.2 });
+        (finding.p_value, finding.motor) = (0.2, Some(4));
+        let (name, unit) = ("thrust_loss_4", "1");
+        finding.coefficients = vec![crate::CoefficientFigures { name, value: 0.0412, std_error: 0.03, unit }];
+        let found = in_balance(&finding);
+        assert!(!found.supported);
+        assert!(
+            found.summary.starts_with(
+                "By the steady balance of the rotors it is not supported, with thrust_loss_4 = 0.041 ± 0.030 (p = 0.2): "
+            ),
+            "{}",
+            found.summary
+        );
+    }
 
     #[test]
     fn what_is_supported_by_itself_and_not_named_says_why() {

@@ -13,13 +13,14 @@ use std::ops::ControlFlow;
 use model::{ChangeScatter, Model};
 use nalgebra::{DMatrix, DVector};
 
-use crate::balance::Balance;
+use crate::balance;
 use crate::change::Change;
 use crate::change_conclusion::conclude;
 use crate::criteria::{AS_GOOD, Asked, Evidence, RIVAL, SIGNIFICANCE, weigh};
 use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding};
 use crate::held_out::take_gain;
 use crate::observer::Observer;
+use crate::onset::onset;
 use crate::reason::Reason;
 use crate::search_error::{SearchError, Steps, going_on};
 use crate::significance::{independent_stretches, zero_p_value};
@@ -170,8 +171,9 @@ pub fn changed(
     let score = |f: &EffectFinding| f.gain * (1.0 - FOR_A_COEFFICIENT * f.coefficients.len() as f64);
     findings.sort_by(|a, b| b.1.supported.cmp(&a.1.supported).then(score(&b.1).total_cmp(&score(&a.1))));
     mark_rivals(model, &mut findings, flights, (changes.len(), observer))?;
-    let balance = Balance::new(model, flights).map(|balance| balance.examine(changes));
-    Ok(conclude(model, findings, balance))
+    let named = findings.first().filter(|(_, finding)| finding.supported);
+    let began = named.and_then(|(change, finding)| onset(model, (*change, finding), flights));
+    Ok(conclude(model, (findings, began), balance::answer(model, flights, changes)))
 }
 
 /// Changes that explain nearly as much as the best, and add nothing to it nor it to them, cannot be told from it.

@@ -17,6 +17,7 @@ mod finding;
 mod held_out;
 mod noise;
 mod observer;
+mod onset;
 mod options;
 pub mod planning;
 mod ranking;

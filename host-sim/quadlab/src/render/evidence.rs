@@ -49,6 +49,10 @@ pub(crate) fn text_of_change(why: &WhyChanged) -> String {
             ],
         );
         text.push('\n');
+        if let Some(balance) = &change.balance {
+            text.push_str(&tables::paragraph(&balance.summary));
+            text.push('\n');
+        }
     }
     text.push_str(&tables::paragraph(&why.diagnosis));
     text.push('\n');

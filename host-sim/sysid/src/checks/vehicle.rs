@@ -193,7 +193,13 @@ pub fn differences(model: &Model, flights: &[&Prepared], likeness: Likeness) -> 
         let way = if ratio > 1.0 { "above" } else { "below" };
         found.push(format!("the thrust is {} % {way} the model's", fixed(100.0 * (ratio - 1.0).abs(), 0)));
     }
-    for (axis, name) in [(Axis::P, "roll"), (Axis::Q, "pitch")] {
+    // What a model says of an axis that it does not explain on other flights is no likeness to judge by.
+    let explains = |axis: Axis| {
+        model.fit.as_ref().is_none_or(|fit| fit.held_out[axis].samples == 0 || fit.held_out[axis].r2 > 0.0)
+    };
+    for (axis, name) in
+        [(Axis::P, "roll"), (Axis::Q, "pitch")].into_iter().filter(|(axis, _)| explains(*axis))
+    {
         let (slope, correlation) = sums[axis.index()].about_means();
         if correlation < -0.4 {
             found.push(format!("the motors {name} the craft in the opposite direction"));

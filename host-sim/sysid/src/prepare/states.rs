@@ -128,6 +128,15 @@ impl Prepared {
         (self.margin..stretch.time_s.len() - self.margin).step_by(stride)
     }
 
+    /// Times of the rows of a fit, in the flight's own time, s.
+    pub fn fit_row_times_s(&self) -> Vec<f64> {
+        let stride = self.fit_stride();
+        let of_stretch = |stretch: &Stretch| {
+            self.row_samples(stretch, stride).map(|k| stretch.time_s[k]).collect::<Vec<f64>>()
+        };
+        self.stretches.iter().flat_map(of_stretch).collect()
+    }
+
     /// Of the rows at every sample, those at which a fit has rows.
     pub fn row_samples_of_conditions(&self) -> Vec<usize> {
         let stride = self.fit_stride();
@@ -191,6 +200,9 @@ mod tests {
         assert_eq!(flight.rows(), 241);
         assert_eq!(flight.row_starts(), [0, 140]);
         assert_eq!(flight.starts_of_rows(3), [0, 47]);
+        let times = flight.fit_row_times_s();
+        assert_eq!(times.len(), 47 + 34);
+        assert_eq!([times[0], times[1], times[47]].map(|t| (100.0 * t).round()), [30.0, 33.0, 240.0]);
         let rows = flight.row_samples_of_conditions();
         assert_eq!(rows.len(), 47 + 34);
         assert_eq!((rows[1], rows[46], rows[47], rows[48]), (3, 138, 140, 143));
