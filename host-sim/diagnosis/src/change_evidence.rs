@@ -128,13 +128,15 @@ fn in_balance(finding: &EffectFinding) -> BalanceEvidence {
     let size =
         |c: &crate::CoefficientFigures| format!("{} = {}", c.name, with_error(c.value, c.std_error, c.unit));
     let sizes: Vec<String> = finding.coefficients.iter().map(size).collect();
-    let is = if finding.supported { "is supported" } else { "is not supported" };
+    let is = match finding.supported {
+        true => format!("is supported ({})", p_equation(finding.p_value)),
+        false => "is not supported".into(),
+    };
     BalanceEvidence {
         supported: finding.supported,
         summary: format!(
-            "By the steady balance of the rotors it {is}, with {} ({}): {}.",
+            "By the steady balance of the rotors it {is}, with {}: {}.",
             sizes.join(", "),
-            p_equation(finding.p_value),
             finding.reason
         ),
         p_value: finding.p_value,
@@ -173,7 +175,7 @@ mod tests {
         assert!(!found.supported);
         assert!(
             found.summary.starts_with(
-                "By the steady balance of the rotors it is not supported, with thrust_loss_4 = 0.041 ± 0.030 (p = 0.2): "
+                "By the steady balance of the rotors it is not supported, with thrust_loss_4 = 0.041 ± 0.030: "
             ),
             "{}",
             found.summary
