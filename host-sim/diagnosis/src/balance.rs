@@ -321,9 +321,11 @@ impl Balance {
                 finding.refuse(Reason::ExplainedBy { other: best });
             }
         }
-        for pair in pairs(changes).into_iter().filter_map(|pair| self.fit(pair, &self.shift)) {
+        // The best with something beside it is no rival of the best.
+        let others = pairs(changes).into_iter().filter(|pair| !pair.changes.contains(&best));
+        for pair in others.filter_map(|pair| self.fit(pair, &self.shift)) {
             if is_near(&pair) && pair.p_value < SIGNIFICANCE {
-                rivals.extend(pair.hypothesis.changes.into_iter().filter(|change| *change != best));
+                rivals.extend(pair.hypothesis.changes);
             }
         }
         rivals.sort_by_key(|rival| (rival.effect.id(), rival.motor));
