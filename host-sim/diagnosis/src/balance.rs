@@ -11,10 +11,10 @@ use sysid::fit::balance::{Rotors, Window, windows};
 use sysid::prepare::Prepared;
 use sysid::statistics::{deviations_of, squares_p_value, wald_p_value};
 
-use crate::beginning::{Share, Since, since};
+use crate::beginning::{Share, since};
 use crate::change::Change;
 use crate::criteria::{Asked, Evidence, SIGNIFICANCE, TIE, weigh};
-use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding};
+use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding, Since};
 use crate::reason::Reason;
 use crate::search::PENALTY;
 

@@ -4,10 +4,8 @@
 //! change, after it all of it. Windows of the flights are held against a step at each place between them, and against no step:
 //! a change that was there from the first second. Flights differ by constants of their own, which a step must stand out from.
 
-use schemars::JsonSchema;
-use serde::Serialize;
-
 use crate::criteria::TIE;
+use crate::finding::Since;
 
 /// A window of a flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,19 +14,6 @@ pub(crate) struct Share {
     pub(crate) time_s: f64,
     /// How much of the change the window shows: 0 of nothing, 1 of a change of the size that was found.
     pub(crate) share: f64,
-}
-
-/// When a change began.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Since {
-    /// The flight.
-    pub flight: String,
-    /// Most likely moment, in the flight's own time, s.
-    pub t_s: f64,
-    /// Earliest likely moment (95 %), in the time of this flight; its first window's, where that is in an earlier flight.
-    pub t_low_s: f64,
-    /// Latest likely moment (95 %), in the time of this flight; its last window's, where that is in a later flight.
-    pub t_high_s: f64,
 }
 
 /// Windows before and after a beginning, without which it is a single outlier; and the least that tell anything.

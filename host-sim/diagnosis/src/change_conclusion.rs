@@ -8,11 +8,10 @@ use model::{Axis, Model};
 use report::number::{fixed, p_equation, percent, with_error};
 
 use crate::balance::Answer;
-use crate::beginning::Since;
 use crate::change::Change;
 use crate::criteria::STRUCTURE_SIGNIFICANCE;
 use crate::figures::rms_of;
-use crate::finding::{Diagnosis, EffectFinding, Unexplained, Verdict};
+use crate::finding::{Diagnosis, EffectFinding, Since, Unexplained, Verdict};
 use crate::reason::{Dependence, Reason, joined};
 
 /// A change with its evidence.

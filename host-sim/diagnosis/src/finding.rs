@@ -7,7 +7,6 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use sysid::FitError;
 
-use crate::beginning::Since;
 use crate::figures::rms_fall_percent;
 use crate::reason::{Dependence, Reason};
 
@@ -147,6 +146,19 @@ pub struct Unexplained {
     pub share_percent: f64,
     /// Corrected p-value.
     pub p_value: f64,
+}
+
+/// When a change began.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Since {
+    /// The flight.
+    pub flight: String,
+    /// Most likely moment, in the flight's own time, s.
+    pub t_s: f64,
+    /// Earliest likely moment (95 %), in the time of this flight; its first window's, where that is in an earlier flight.
+    pub t_low_s: f64,
+    /// Latest likely moment (95 %), in the time of this flight; its last window's, where that is in a later flight.
+    pub t_high_s: f64,
 }
 
 /// A diagnosis.

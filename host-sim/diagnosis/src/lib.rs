@@ -34,12 +34,11 @@ mod testing;
 pub mod workflow;
 
 pub use addition::{Addition, add};
-pub use beginning::Since;
 pub use change::Change;
 pub use change_evidence::{ChangeEvidence, WhyChanged, why_changed};
 pub use diagnose::{diagnose, diagnose_with};
 pub use evidence::{Why, WhyError, why};
-pub use finding::{AxisDrop, CoefficientFigures, Diagnosis, EffectFinding, Unexplained, Verdict};
+pub use finding::{AxisDrop, CoefficientFigures, Diagnosis, EffectFinding, Since, Unexplained, Verdict};
 pub use observer::{Observer, Progress, Silent};
 pub use options::Options;
 pub use ranking::separating_manoeuvre;

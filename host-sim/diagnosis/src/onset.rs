@@ -6,9 +6,9 @@ use sysid::fit::linearise::About;
 use sysid::fit::swing::Known;
 use sysid::prepare::Prepared;
 
-use crate::beginning::{Share, Since, since};
+use crate::beginning::{Share, since};
 use crate::change::Change;
-use crate::finding::EffectFinding;
+use crate::finding::{EffectFinding, Since};
 
 /// Length of a window, s: longer than what the filters of a row reach over.
 const WINDOW_S: f64 = 1.0;
