@@ -23,6 +23,7 @@ use crate::observer::Observer;
 use crate::reason::{Reason, joined};
 use crate::search_error::{SearchError, Steps, going_on};
 use crate::significance::{independent_stretches, zero_p_value};
+use crate::unidentified::{recorded, verdicts_of_change};
 use sysid::fit::gauss_newton::{self, Linearised, Problem, Rule};
 use sysid::fit::least_squares::{FlightRows, Prior, Solution, Unidentifiable};
 use sysid::fit::linearise::About;
@@ -171,11 +172,14 @@ pub fn changed(
     findings.sort_by(|a, b| b.1.supported.cmp(&a.1.supported).then(score(&b.1).total_cmp(&score(&a.1))));
     mark_rivals(model, &mut findings, flights, (changes.len(), observer))?;
     let best = findings.iter().find(|(_, f)| f.supported);
+    let verdict = if best.is_some() { Verdict::MissingEffect } else { Verdict::Adequate };
     Ok(Diagnosis {
-        verdict: if best.is_some() { Verdict::MissingEffect } else { Verdict::Adequate },
+        verdict,
+        verdicts: verdicts_of_change(model, verdict, best.map(|(change, _)| change.effect)),
         summary: summary(best),
         effects: findings.into_iter().map(|(_, finding)| finding).collect(),
         unexplained: Vec::new(),
+        not_identified: recorded(model),
     })
 }
 

@@ -6,12 +6,14 @@ mod change;
 mod change_evidence;
 pub mod changes;
 mod columns;
+mod conclusion;
 mod criteria;
 mod diagnose;
 pub mod evidence;
 mod figures;
 mod finding;
 mod held_out;
+mod mending;
 mod noise;
 mod observer;
 mod options;
@@ -27,6 +29,7 @@ mod stand_ins;
 pub mod subsets;
 #[cfg(test)]
 mod testing;
+mod unidentified;
 pub mod workflow;
 
 pub use addition::{Addition, add};
@@ -40,3 +43,4 @@ pub use options::Options;
 pub use ranking::separating_manoeuvre;
 pub use reason::{Dependence, Reason};
 pub use search_error::SearchError;
+pub use unidentified::recorded;

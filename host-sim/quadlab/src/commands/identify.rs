@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use diagnosis::workflow::{self, FlightSets, Identified, rotation_refused, shown_record};
-use model::{AxisError, FlightRole, PerAxis};
+use model::{AxisError, FlightRole, NotIdentified, PerAxis};
 use schemars::JsonSchema;
 use serde::Serialize;
 use sysid::MotorsOfFlights;
@@ -74,7 +74,11 @@ fn text(options: &Options, identified: &Identified, sets: &FlightSets) -> Outcom
     let model = &identified.model;
     let record = shown_record(model);
     let mut more = String::new();
-    for grid in [tables::trim(sets.training.loaded()), tables::motors(model, &identified.motors)] {
+    for grid in [
+        tables::trim(sets.training.loaded()),
+        tables::motors(model, &identified.motors),
+        tables::not_identified(&record.not_identified),
+    ] {
         if grid.has_rows() {
             more.push_str(&format!("{}\n", grid.to_text()));
         }
@@ -105,6 +109,8 @@ pub(crate) struct Document<'a> {
     condition: f64,
     /// Why the model has no rotation, where it has none.
     rotation_refused: Vec<String>,
+    /// What of the model the flights do not determine, and why.
+    not_identified: Vec<NotIdentified>,
     /// Motor coefficients flight by flight, and whether they follow how the flights were flown.
     motors: &'a [MotorsOfFlights],
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -173,6 +179,7 @@ fn document<'a>(identified: &'a Identified, sets: &'a FlightSets) -> Document<'a
         held_out: record.held_out,
         condition: identified.condition,
         rotation_refused: record.rotation_refused,
+        not_identified: record.not_identified,
         motors: &identified.motors,
         refinement: identified.refinement.as_ref().map(RefinementEntry::from),
     }

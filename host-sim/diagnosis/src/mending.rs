@@ -1,0 +1,57 @@
+//! Does a missing effect mend a rotation whose motors push the wrong way?
+//!
+//! A fit gives motors impossible signs where clocks disagree or nothing is excited, and then the rotation is refused. But so
+//! does a strong effect that the basic model lacks: with a product of inertia, the yaw that the motors make rolls the craft, and
+//! the motors' own yaw is lost in what rolling makes. There, the effect is the finding.
+
+use model::{AXES, Axis, Effect, Model};
+use sysid::prepare::Prepared;
+use sysid::{errors, rotation_doubts};
+
+use crate::held_out::{Validated, examine, fit_and_validate};
+use crate::observer::{Observer, Progress};
+use crate::options::Options;
+use crate::search_error::{SearchError, Steps};
+
+/// The effect that, joined to a whole model whose rotation is in doubt, leaves no doubt and meets every criterion of support, with
+/// all axes of the rotation predicted better than by a mean on the flights held out. The one that lowers the error there most, of
+/// several.
+pub(crate) fn mending(
+    model: &Model,
+    train: &[&Prepared],
+    validate: &[&Prepared],
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Option<Effect>, SearchError> {
+    observer.progress(Progress { activity: "looking for an effect that mends the rotation", steps: None });
+    let Ok(without) = fit_and_validate(model, &model.effects(), train, validate) else { return Ok(None) };
+    // What is found by a search over shapes (a load on a cable) pulls at the frame and turns nothing.
+    let turns = |effect: &Effect| {
+        effect.info().axes.iter().any(|axis| !axis.is_force()) && effect.starts().is_empty()
+    };
+    let candidates: Vec<Effect> = options.candidates(model).into_iter().filter(turns).collect();
+    let mut steps = Steps::new(observer, candidates.len());
+    let mut best: Option<(f64, Effect)> = None;
+    for effect in candidates.iter().copied() {
+        steps.next(&format!("trying {effect} for the rotation"))?;
+        let mut effects = model.effects();
+        effects.push(effect);
+        // One that cannot be fitted mends nothing.
+        let Ok(with) = fit_and_validate(&without.fit.model, &effects, train, validate) else { continue };
+        if !is_sound(&with, train) {
+            continue;
+        }
+        let finding = examine(&without, &with, effect, (train, validate), candidates.len());
+        if finding.supported && best.is_none_or(|(gain, _)| finding.gain > gain) {
+            best = Some((finding.gain, effect));
+        }
+    }
+    Ok(best.map(|(_, effect)| effect))
+}
+
+/// Whether a rotation is without doubts, and predicted better than by a mean on the flights held out.
+fn is_sound(with: &Validated, train: &[&Prepared]) -> bool {
+    let held_out = errors(&with.held_out);
+    let is_predicted = |axis: Axis| axis.is_force() || held_out[axis].r2 > 0.0;
+    AXES.into_iter().all(is_predicted) && rotation_doubts(&with.fit.model, train).is_empty()
+}

@@ -1,0 +1,354 @@
+//! What flights do not determine of a model, each with the reason and with what to fly.
+//!
+//! - **Nothing is modelled**: a model of forces says nothing of the rotation.
+//! - **Not above a mean**: on the flights held out, an axis is predicted no better than by the mean of what was measured there
+//!   (R2 not above zero). Either the coefficients are not the craft's, or there was nothing to predict: then what was measured
+//!   varies no more than the sensors' noise, and the axis was not excited.
+//! - **Impossible signs**: a motor that pushes the wrong way, a drag that accelerates.
+//! - **Saturated motors**: commands at an end of their range for most of the flight are not what the motors did.
+//!
+//! Judged is the model with everything that is supported in place: what is missing can flip a sign, or make a model worse than
+//! a mean, and is then the finding.
+
+use model::{Axis, Effect, Group, Model, NotIdentified, PerGroup, Verdict};
+use report::number::{fixed, significant};
+use sysid::prepare::Prepared;
+use sysid::{Residuals, errors, has_rotation, sign_doubts};
+
+use crate::criteria::ABOVE_NOISE;
+use crate::noise;
+
+/// Part of the samples with a motor at an end of its range from which on its commands are not what it did: for most of the
+/// time then, a motor may turn at another speed than the row says.
+const SATURATED: f64 = 0.5;
+/// Part of the command range that counts as its end.
+const END: f64 = 1e-3;
+
+/// What of `model`, with its residuals on the flights held out, is not identified. `refused` says why it has no rotation.
+pub(crate) fn unidentified(
+    model: &Model,
+    refused: &[String],
+    train: &[&Prepared],
+    (validate, held_out): (&[&Prepared], &[Residuals]),
+) -> Vec<NotIdentified> {
+    let mut found = Vec::new();
+    if !has_rotation(model) {
+        found.push(no_rotation(refused));
+    }
+    found.extend(of_signs(model));
+    found.extend(worse_than_a_mean(model, validate, held_out));
+    found.extend(saturated(model, &[train, validate].concat()));
+    found
+}
+
+/// What a model file says is not identified. Files from before that was kept say it by their errors on the flights held out and
+/// by the signs of their coefficients.
+pub fn recorded(model: &Model) -> Vec<NotIdentified> {
+    let Some(fit) = &model.fit else { return Vec::new() };
+    if !fit.not_identified.is_empty() {
+        return fit.not_identified.clone();
+    }
+    let mut found = Vec::new();
+    if !has_rotation(model) {
+        found.push(no_rotation(&fit.rotation_refused));
+    }
+    found.extend(of_signs(model));
+    let is_worse = |axis: &Axis| fit.held_out[*axis].samples > 0 && fit.held_out[*axis].r2 <= 0.0;
+    found.extend(spoken_of(model).filter(is_worse).map(|axis| no_better(axis, fit.held_out[axis].r2)));
+    found
+}
+
+/// The verdicts on a change since a model was good: nothing can be said of a part that the model's own flights did not
+/// determine.
+pub(crate) fn verdicts_of_change(
+    model: &Model,
+    verdict: Verdict,
+    effect: Option<Effect>,
+) -> PerGroup<Verdict> {
+    let unknown = recorded(model);
+    let acts_on = |group| effect.is_some_and(|e| e.info().axes.iter().any(|axis| Group::of(*axis) == group));
+    PerGroup::from_fn(|group| {
+        if unknown.iter().any(|reason| reason.group == group) {
+            Verdict::NotIdentified
+        } else if effect.is_none() || acts_on(group) {
+            verdict
+        } else {
+            Verdict::Adequate
+        }
+    })
+}
+
+fn no_rotation(refused: &[String]) -> NotIdentified {
+    let why = match refused {
+        [] => "the model has forces only and says nothing of p, q and r".to_owned(),
+        reasons => format!("the model has forces only, because {}", reasons.join("; ")),
+    };
+    NotIdentified::of_group(Group::Rotation, why, to_excite(Axis::P))
+}
+
+fn of_signs(model: &Model) -> impl Iterator<Item = NotIdentified> {
+    let of = |doubt: sysid::SignDoubt| {
+        NotIdentified::of_axis(doubt.axis, doubt.sentence, doubt.effect.info().excitation)
+    };
+    sign_doubts(model).into_iter().map(of)
+}
+
+/// Axes that a model says anything about.
+fn spoken_of(model: &Model) -> impl Iterator<Item = Axis> {
+    let with_rotation = has_rotation(model);
+    model::AXES.into_iter().filter(move |axis| axis.is_force() || with_rotation)
+}
+
+/// What to fly so that an axis moves by what the basic model has on it.
+fn to_excite(axis: Axis) -> &'static str {
+    let effect = match axis {
+        Axis::U | Axis::V => Effect::LinearDrag,
+        Axis::W => Effect::Thrust,
+        Axis::P | Axis::Q | Axis::R => Effect::RotorMoments,
+    };
+    effect.info().excitation
+}
+
+/// Axes that are predicted no better than by a mean.
+fn worse_than_a_mean(model: &Model, validate: &[&Prepared], held_out: &[Residuals]) -> Vec<NotIdentified> {
+    let errors = errors(held_out);
+    let worse: Vec<Axis> =
+        spoken_of(model).filter(|axis| errors[*axis].samples > 0 && errors[*axis].r2 <= 0.0).collect();
+    if worse.is_empty() {
+        return Vec::new();
+    }
+    let motion = noise::excess(validate, &about_mean(held_out));
+    let reason = |axis: Axis| match motion[axis.index()] {
+        Some(ratio) if ratio < ABOVE_NOISE => not_excited(axis, ratio),
+        _ => no_better(axis, errors[axis].r2),
+    };
+    worse.into_iter().map(reason).collect()
+}
+
+fn not_excited(axis: Axis, ratio: f64) -> NotIdentified {
+    let why = format!(
+        "{axis} is not excited: on the held-out flights, the variance of what was measured is {} times that of the sensors' \
+         noise alone",
+        significant(ratio, 2)
+    );
+    NotIdentified::of_axis(axis, why, to_excite(axis))
+}
+
+fn no_better(axis: Axis, r2: f64) -> NotIdentified {
+    let why = format!(
+        "{axis} is predicted no better than by the mean of what was measured on the held-out flights (R2 = {})",
+        significant(r2, 2)
+    );
+    NotIdentified::of_axis(axis, why, to_excite(axis))
+}
+
+/// What was measured, about its mean over all flights, in the place of residuals: as R2 has it.
+fn about_mean(held_out: &[Residuals]) -> Vec<Residuals> {
+    let mean: [f64; 6] = std::array::from_fn(|axis| {
+        let all = || held_out.iter().flat_map(|r| &r.measured[axis]);
+        all().sum::<f64>() / all().count().max(1) as f64
+    });
+    let of_flight = |r: &Residuals| Residuals {
+        measured: r.measured.clone(),
+        residual: std::array::from_fn(|axis| r.measured[axis].iter().map(|y| y - mean[axis]).collect()),
+    };
+    held_out.iter().map(of_flight).collect()
+}
+
+/// Motors whose commands are at an end of their range for most of the flights. Forces along u and v come from the air.
+fn saturated(model: &Model, flights: &[&Prepared]) -> Vec<NotIdentified> {
+    let share = saturated_share(model, flights);
+    if share < SATURATED {
+        return Vec::new();
+    }
+    let why = format!(
+        "in {} % of the samples, a motor command is at an end of command_range, where the motor need not follow it",
+        fixed(100.0 * share, 0)
+    );
+    let fly = "fly more gently, or with a lighter craft, so that no motor is at its limit";
+    let thrust = NotIdentified::of_axis(Axis::W, why.clone(), fly);
+    let rotation = has_rotation(model).then(|| NotIdentified::of_group(Group::Rotation, why, fly));
+    std::iter::once(thrust).chain(rotation).collect()
+}
+
+/// Part of the samples in which any motor's command is at an end of its range; of flights with measured rotor speeds, none.
+fn saturated_share(model: &Model, flights: &[&Prepared]) -> f64 {
+    let [low, high] = model.vehicle.motors.command_range;
+    let slack = END * (high - low);
+    let at_end = |command: f64| command >= high - slack || command <= low + slack;
+    let (mut all, mut there) = (0, 0);
+    for flight in flights {
+        for stretch in &flight.stretches {
+            let samples = stretch.command[0].len();
+            all += samples;
+            if !flight.has_rotor_speeds() {
+                there += (0..samples).filter(|k| stretch.command.iter().any(|c| at_end(c[*k]))).count();
+            }
+        }
+    }
+    there as f64 / all.max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use flights::{Column, Flight};
+    use model::{AxisError, FitRecord};
+    use sysid::residuals;
+
+    use super::*;
+    use crate::testing::{ORDINARY, prepared, truth};
+
+    fn found(model: &Model, flights: &[Prepared]) -> Vec<NotIdentified> {
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        let held_out: Vec<Residuals> = flights.iter().map(|flight| residuals(flight, model)).collect();
+        unidentified(model, &[], &flights, (&flights, &held_out))
+    }
+
+    fn axes(found: &[NotIdentified]) -> Vec<(Group, Option<Axis>)> {
+        found.iter().map(|reason| (reason.group, reason.axis)).collect()
+    }
+
+    fn forces_only() -> Model {
+        let mut model = truth();
+        model.terms.retain(|term| [Effect::Thrust, Effect::LinearDrag].contains(&term.effect));
+        model
+    }
+
+    /// A craft that hangs in the air with constant commands: every sensor has its noise and nothing else.
+    fn hover(commands: [f64; 4]) -> Prepared {
+        use Column::*;
+        // Numbers without a pattern, of mean 0 and variance 1: three uniform ones have a variance of 1/4.
+        let noise = |k: usize, channel: usize| -> f64 {
+            let uniform = |n: f64| {
+                let x = (12.9898 * (k + 1) as f64 + 78.233 * (channel + 1) as f64 + 37.719 * n).sin()
+                    * 43_758.545_3;
+                x - x.floor() - 0.5
+            };
+            2.0 * (uniform(1.0) + uniform(2.0) + uniform(3.0))
+        };
+        let channel = |index: usize, mean: f64, deviation: f64| -> Vec<f64> {
+            (0..2000).map(|k| mean + deviation * noise(k, index)).collect()
+        };
+        let mut columns: Vec<(Column, Vec<f64>)> = vec![(T, (0..2000).map(|k| 0.01 * k as f64).collect())];
+        for (index, (column, mean, deviation)) in [
+            (X, 0.0, 2.5e-4),
+            (Y, 0.0, 2.5e-4),
+            (Z, -1.0, 2.5e-4),
+            (Phi, 0.0, 7e-4),
+            (Theta, 0.0, 7e-4),
+            (Psi, 0.0, 7e-4),
+            (P, 0.0, 0.012),
+            (Q, 0.0, 0.012),
+            (R, 0.0, 0.012),
+            (Vbat, 11.5, 0.0),
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            columns.push((column, channel(index, mean, deviation)));
+        }
+        for (column, command) in [Cmd1, Cmd2, Cmd3, Cmd4].into_iter().zip(commands) {
+            columns.push((column, vec![command; 2000]));
+        }
+        Prepared::new(&Flight::from_columns("hover.csv", columns), &truth().vehicle).unwrap()
+    }
+
+    #[test]
+    fn flights_that_move_in_every_axis_determine_the_true_model() {
+        assert_eq!(found(&truth(), &prepared(&truth(), 30..32, 10.0, &ORDINARY)), []);
+    }
+
+    #[test]
+    fn an_axis_that_is_predicted_worse_than_by_its_mean_is_named_with_its_figure() {
+        let mut heavy = truth();
+        heavy.set(Effect::MassChange, &[0.6]);
+        let flights = prepared(&truth(), 30..32, 10.0, &ORDINARY);
+        let found = found(&heavy, &flights);
+        assert_eq!(axes(&found), [(Group::Translation, Some(Axis::W))], "{found:?}");
+        let said = &found[0].reason;
+        let first =
+            "w is predicted no better than by the mean of what was measured on the held-out flights (R2 = -";
+        assert!(said.starts_with(first), "{said}");
+        assert_eq!(found[0].fly, "climb and descend");
+    }
+
+    #[test]
+    fn what_varies_no_more_than_the_sensors_noise_is_not_excited() {
+        let map = truth().vehicle.rotor_map();
+        let flight = hover([map.command_for(635.0, 11.5); 4]);
+        let found = found(&truth(), std::slice::from_ref(&flight));
+        assert!(!found.is_empty());
+        for reason in &found {
+            let axis = reason.axis.expect("one axis each");
+            assert!(reason.reason.starts_with(&format!("{axis} is not excited: ")), "{}", reason.reason);
+            assert_eq!(reason.fly, to_excite(axis));
+        }
+    }
+
+    #[test]
+    fn a_model_of_forces_says_nothing_of_the_rotation_and_why() {
+        let flights = prepared(&truth(), 30..31, 6.0, &ORDINARY);
+        let found = found(&forces_only(), &flights);
+        assert_eq!(axes(&found), [(Group::Rotation, None)], "{found:?}");
+        let refused = no_rotation(&["clocks drift".into(), "nothing moves".into()]);
+        assert_eq!(refused.reason, "the model has forces only, because clocks drift; nothing moves");
+    }
+
+    #[test]
+    fn a_drag_that_accelerates_is_impossible_on_its_axis() {
+        let mut model = truth();
+        let mut drag = model.term(Effect::LinearDrag).unwrap().values();
+        drag[1] *= -0.1;
+        model.set(Effect::LinearDrag, &drag);
+        let found: Vec<NotIdentified> = of_signs(&model).collect();
+        assert_eq!(axes(&found), [(Group::Translation, Some(Axis::V))]);
+        assert!(found[0].reason.contains("C_dv") && found[0].fly.contains("several speeds"), "{found:?}");
+    }
+
+    #[test]
+    fn motors_at_their_limit_for_most_of_the_time_determine_neither_thrust_nor_moments() {
+        let [low, high] = truth().vehicle.motors.command_range;
+        let flight = |command| hover([0.5 * (low + high), 0.5 * (low + high), command, 0.5 * (low + high)]);
+        let limited = saturated(&truth(), &[&flight(high)]);
+        assert_eq!(axes(&limited), [(Group::Translation, Some(Axis::W)), (Group::Rotation, None)]);
+        assert!(limited[0].reason.starts_with("in 100 % of the samples"), "{limited:?}");
+        assert_eq!(saturated(&forces_only(), &[&flight(low)]).len(), 1);
+        let free = flight(high - 2.0 * END * (high - low));
+        assert_eq!(saturated(&truth(), &[&free]), []);
+        // One flight of three.
+        assert_eq!(saturated(&truth(), &[&flight(high), &free, &free]), []);
+    }
+
+    #[test]
+    fn a_file_that_does_not_keep_what_is_identified_says_it_by_its_errors() {
+        let mut model = truth();
+        assert_eq!(recorded(&model), [], "without a fit nothing was judged");
+        let error = |r2| AxisError { sse: 1.0, rms: 0.1, r2, samples: 100 };
+        let mut record =
+            FitRecord { held_out: model::PerAxis::from_fn(|_| error(0.5)), ..FitRecord::default() };
+        model.fit = Some(record.clone());
+        assert_eq!(recorded(&model), []);
+        record.held_out.q = error(-0.2);
+        model.fit = Some(record.clone());
+        assert_eq!(axes(&recorded(&model)), [(Group::Rotation, Some(Axis::Q))]);
+        record.not_identified = vec![no_rotation(&[])];
+        model.fit = Some(record.clone());
+        assert_eq!(recorded(&model), record.not_identified);
+    }
+
+    #[test]
+    fn of_what_the_models_flights_did_not_determine_no_change_is_denied() {
+        let verdicts = |model: &Model, verdict, effect| verdicts_of_change(model, verdict, effect);
+        let (adequate, missing) = (Verdict::Adequate, Verdict::MissingEffect);
+        let all = verdicts(&truth(), adequate, None);
+        assert_eq!((all.translation, all.rotation), (adequate, adequate));
+        let mut forces = forces_only();
+        forces.fit = Some(FitRecord::default());
+        let none = verdicts(&forces, adequate, None);
+        assert_eq!((none.translation, none.rotation), (adequate, Verdict::NotIdentified));
+        let heavier = verdicts(&forces, missing, Some(Effect::MassChange));
+        assert_eq!((heavier.translation, heavier.rotation), (missing, Verdict::NotIdentified));
+        let heavier = verdicts(&truth(), missing, Some(Effect::MassChange));
+        assert_eq!((heavier.translation, heavier.rotation), (missing, adequate));
+    }
+}
