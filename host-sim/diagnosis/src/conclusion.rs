@@ -46,9 +46,14 @@ pub(crate) fn first_of(order: &[Verdict; 4], verdicts: PerGroup<Verdict>) -> Ver
 }
 
 /// The diagnosis without the support of an effect with which the model cannot be fitted. Where no other is supported, the
-/// error that it lowers is left without a known cause.
-pub(crate) fn without_unfitted(diagnosis: &Diagnosis, effect: Effect, why: &FitError) -> Diagnosis {
-    let Diagnosis { mut effects, unexplained, not_identified, .. } = diagnosis.clone();
+/// error that it lowers is left without a known cause. What is `not_identified` is that of the model without it.
+pub(crate) fn without_unfitted(
+    diagnosis: &Diagnosis,
+    effect: Effect,
+    why: &FitError,
+    not_identified: Vec<NotIdentified>,
+) -> Diagnosis {
+    let Diagnosis { mut effects, unexplained, .. } = diagnosis.clone();
     for finding in effects.iter_mut().filter(|f| f.effect == effect) {
         finding.refuse(Reason::NotFittedTogether(why.clone()));
     }
@@ -313,11 +318,13 @@ mod tests {
             taking(Effect::MotorLag, true, &[("p", 50.0)]),
         ];
         let diagnosis = conclude(all, Vec::new(), Vec::new());
-        let one = without_unfitted(&diagnosis, Effect::Tether, &why);
+        let one = without_unfitted(&diagnosis, Effect::Tether, &why, Vec::new());
         assert_eq!((one.best(), one.verdict), (Some(Effect::MotorLag), Verdict::MissingEffect));
         assert_eq!(one.verdicts, both(Verdict::Unexplained, Verdict::MissingEffect));
-        let none = without_unfitted(&one, Effect::MotorLag, &why);
+        let none = without_unfitted(&one, Effect::MotorLag, &why, Vec::new());
         assert_eq!((none.best(), none.verdict), (None, Verdict::Unexplained), "never adequate");
         assert!(none.summary.starts_with("With tether, the held-out error falls"), "{}", none.summary);
+        let forces = without_unfitted(&one, Effect::MotorLag, &why, vec![no_rotation()]);
+        assert_eq!(forces.verdicts, both(Verdict::Unexplained, Verdict::NotIdentified));
     }
 }

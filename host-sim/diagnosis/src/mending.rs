@@ -55,3 +55,37 @@ fn is_sound(with: &Validated, train: &[&Prepared]) -> bool {
     let is_predicted = |axis: Axis| axis.is_force() || held_out[axis].r2 > 0.0;
     AXES.into_iter().all(is_predicted) && rotation_doubts(&with.fit.model, train).is_empty()
 }
+
+#[cfg(test)]
+mod tests {
+    use model::Kind;
+
+    use super::*;
+    use crate::observer::Silent;
+    use crate::testing::{ORDINARY, prepared, truth};
+
+    fn mended(world: &Model, options: &Options) -> Option<Effect> {
+        let flights = prepared(world, 70..75, 12.0, &ORDINARY);
+        let all: Vec<&Prepared> = flights.iter().collect();
+        let (train, validate) = all.split_at(3);
+        let mut basic = world.clone();
+        basic.terms.retain(|term| term.effect.info().kind == Kind::Basic);
+        mending(&basic, train, validate, options, &Silent).unwrap()
+    }
+
+    #[test]
+    fn what_the_rotation_lacks_mends_it_and_nothing_mends_what_lacks_nothing() {
+        let mut world = truth();
+        world.set(Effect::ProductOfInertia, &[0.2, 0.19, 0.12]);
+        assert_eq!(mended(&world, &Options::default()), Some(Effect::ProductOfInertia));
+        assert_eq!(mended(&truth(), &Options::default()), None);
+    }
+
+    #[test]
+    fn an_effect_that_is_left_out_mends_nothing() {
+        let mut world = truth();
+        world.set(Effect::ProductOfInertia, &[0.2, 0.19, 0.12]);
+        let options = Options { without: vec![Effect::ProductOfInertia] };
+        assert_ne!(mended(&world, &options), Some(Effect::ProductOfInertia));
+    }
+}

@@ -6,6 +6,7 @@ use sysid::{Comparison, RefinementOutcome};
 
 use crate::conclusion::{counts_in, first_of, what_is_unknown, without_unfitted};
 use crate::observer::Observer;
+use crate::unidentified::recorded;
 use crate::workflow::add::join;
 use crate::workflow::diagnose::search;
 use crate::workflow::error::WorkflowError;
@@ -149,7 +150,7 @@ fn go_through(
             // What cannot be fitted takes no answer away from the others.
             Err(WorkflowError::Fit { why, .. }) => {
                 sets.trim(&model);
-                diagnosis = without_unfitted(&diagnosis, effect, &why);
+                diagnosis = without_unfitted(&diagnosis, effect, &why, recorded(&model));
             }
             Err(why) => return Err(why),
         }
@@ -176,8 +177,7 @@ mod tests {
     use model::{Group, NotIdentified};
 
     use super::*;
-    use crate::testing::{ORDINARY, fly, prepared, truth};
-    use crate::workflow::{Reading, Silent};
+    use crate::testing::{ORDINARY, prepared, truth};
 
     fn diagnosis(verdict: Verdict, summary: &str) -> Diagnosis {
         Diagnosis {
@@ -204,7 +204,12 @@ mod tests {
     fn step(effect: Effect) -> Step {
         let flights = prepared(&truth(), 1..3, 4.0, &ORDINARY);
         let [train, validate] = [[&flights[0]], [&flights[1]]];
-        let addition = crate::add(&truth(), effect, &train, &validate, &Options::default()).unwrap();
+        let mut addition = crate::add(&truth(), effect, &train, &validate, &Options::default()).unwrap();
+        // As if the flights showed it.
+        addition
+            .finding
+            .axes
+            .insert("u", crate::AxisDrop { sse_before: 4.0, sse_after: 1.0, drop_percent: 75.0 });
         let mut model = truth();
         model.set(effect, &vec![0.0; effect.info().coefficients.len()]);
         let comparison = sysid::compare(&model, &[]);
@@ -244,47 +249,12 @@ mod tests {
             explanation
         };
         assert_eq!(with(Vec::new()).verdict(), Verdict::NotIdentified);
-        let mut drag = step(Effect::QuadraticDrag);
-        drag.addition.finding.axes.insert("u", crate::AxisDrop::new(4.0, 1.0));
-        let found = with(vec![drag]);
+        let found = with(vec![step(Effect::QuadraticDrag)]);
         assert_eq!(found.verdict(), Verdict::MissingEffect);
         assert_eq!(found.verdicts().rotation, Verdict::NotIdentified);
         assert_eq!(
             found.conclusion(),
             "Found: quadratic-drag. The rotation is not identified by these flights: clocks drift. To determine it: fly more."
         );
-    }
-
-    /// A product of inertia this large makes motors of the basic model push the wrong way: Ixz/Ixx is 0.34.
-    #[test]
-    fn a_product_of_inertia_that_flips_the_signs_of_motors_is_the_finding() {
-        let mut world = truth();
-        world.set(Effect::ProductOfInertia, &[0.336, 0.336 * 0.014 / 0.015, 0.336 * 0.014 / 0.024]);
-        let flown = |seed| fly(&world, seed, 20.0, &ORDINARY);
-        let (train, validate) = ([1, 2, 3].map(flown), [4, 5].map(flown));
-        let vehicle = truth().vehicle;
-        let mut sets =
-            FlightSets::from_flights(&train, &validate, &vehicle, Reading::default(), &Silent).unwrap();
-        let basic: Vec<Effect> = Effect::basic().collect();
-        let whole = sysid::fit(&sets.train(), &vehicle, &basic, None).unwrap().model;
-        assert_ne!(sysid::rotation_doubts(&whole, &sets.train()), [""; 0]);
-        let explanation = explain(&vehicle, &[], &mut sets, &Options::default(), None, &Silent).unwrap();
-        assert_eq!(explanation.found(), [Effect::ProductOfInertia], "{}", explanation.conclusion());
-        assert_eq!(explanation.verdicts().rotation, Verdict::MissingEffect);
-        assert_eq!(explanation.last_diagnosis.not_identified, []);
-        let ratio = explanation.model.term(Effect::ProductOfInertia).unwrap().coefficients[0];
-        assert!((ratio.value - 0.336).abs() < 5.0 * ratio.std_error.unwrap(), "{ratio:?}");
-        // Without it in the catalogue, the rotation is refused, and said to be.
-        let options = Options { without: vec![Effect::ProductOfInertia] };
-        let unknown = explain(&vehicle, &[], &mut sets, &options, None, &Silent).unwrap();
-        assert!(!sysid::has_rotation(&unknown.model));
-        assert_eq!(unknown.verdicts().rotation, Verdict::NotIdentified);
-        assert_ne!(unknown.verdict(), Verdict::Adequate);
-        let record = unknown.model.fit.unwrap();
-        assert_eq!(
-            record.verdicts,
-            Some(PerGroup { rotation: Verdict::NotIdentified, ..unknown.last_diagnosis.verdicts })
-        );
-        assert!(!record.rotation_refused.is_empty() && !record.not_identified.is_empty());
     }
 }

@@ -16,6 +16,8 @@ pub struct SignDoubt {
     pub axis: Axis,
     /// The coefficient, its value and what to look at.
     pub sentence: String,
+    /// How many of its standard errors the value lies beyond zero; without end for one without error.
+    pub errors: f64,
 }
 
 /// Coefficients of the basic model whose sign contradicts the craft's geometry or physics by more than their error, each as
@@ -73,6 +75,7 @@ pub fn sign_doubts(model: &Model) -> Vec<SignDoubt> {
                     effect: term.effect,
                     // Each axis has as many coefficients as the others, and they are in its order.
                     axis: axes[k * axes.len() / coefficients.len()],
+                    errors: 2.0 * estimate.value.abs() / slack,
                     sentence: format!(
                         "{} = {} must be {should}: rotor order or spin in the vehicle file, a clock offset \
                      between commands and motion, or too little excitation",
@@ -143,7 +146,6 @@ mod tests {
     fn a_doubt_names_the_axis_on_which_its_coefficient_acts() {
         for (effect, k, axis) in [
             (Effect::LinearDrag, 1, Axis::V),
-            (Effect::AngularDamping, 0, Axis::P),
             (Effect::RotorMoments, 3, Axis::P),
             (Effect::RotorMoments, 4, Axis::Q),
             (Effect::Thrust, 0, Axis::W),
