@@ -71,7 +71,7 @@ pub fn diagnose_with(
     let effects = ranked(&search, chosen.findings, &confounded)?;
     let rest = chosen.validated.as_ref().unwrap_or(&search.base);
     let refused = model.fit.as_ref().map_or(&[][..], |fit| &fit.rotation_refused);
-    let unknown = unidentified(&rest.fit.model, refused, train, (validate, &rest.held_out));
+    let unknown = unidentified(&rest.fit.model, refused, &unexplained, train, (validate, &rest.held_out));
     Ok(conclude(effects, unexplained, unknown))
 }
 

@@ -7,8 +7,8 @@
 //! - **Impossible signs**: a motor that pushes the wrong way, a drag that accelerates.
 //! - **Saturated motors**: commands at an end of their range for most of the flight are not what the motors did.
 //!
-//! Judged is the model with everything that is supported in place: what is missing can flip a sign, or make a model worse than
-//! a mean, and is then the finding.
+//! Judged is the model with everything that is supported in place, and with what its residual is found to depend on taken away:
+//! what is missing can flip a sign, or make a model worse than a mean, and is then the finding, with a name or without.
 
 use model::{Axis, Effect, Group, Model, NotIdentified, PerGroup, Verdict};
 use report::number::{fixed, significant};
@@ -16,6 +16,7 @@ use sysid::prepare::Prepared;
 use sysid::{Residuals, errors, has_rotation, sign_doubts};
 
 use crate::criteria::ABOVE_NOISE;
+use crate::finding::Unexplained;
 use crate::noise;
 
 /// Part of the samples with a motor at an end of its range from which on its commands are not what it did: for most of the
@@ -28,10 +29,12 @@ const SMALL_SIGN_ERRORS: f64 = 4.0;
 /// Part of the command range that counts as its end.
 const END: f64 = 1e-3;
 
-/// What of `model`, with its residuals on the flights held out, is not identified. `refused` says why it has no rotation.
+/// What of `model`, with its residuals on the flights held out, is not identified. `refused` says why it has no rotation,
+/// and `left` what the residuals depend on.
 pub(crate) fn unidentified(
     model: &Model,
     refused: &[String],
+    left: &[Unexplained],
     train: &[&Prepared],
     (validate, held_out): (&[&Prepared], &[Residuals]),
 ) -> Vec<NotIdentified> {
@@ -40,7 +43,7 @@ pub(crate) fn unidentified(
         found.push(no_rotation(refused));
     }
     found.extend(of_signs(model));
-    found.extend(worse_than_a_mean(model, validate, held_out));
+    found.extend(worse_than_a_mean(model, left, validate, held_out));
     found.extend(saturated(model, &[train, validate].concat()));
     found
 }
@@ -124,11 +127,28 @@ fn to_excite(axis: Axis) -> &'static str {
     effect.info().excitation
 }
 
+/// Part of an axis' squared error that goes with what its residual is found to depend on. A measured quantity alone is a
+/// dependence on something: a constant that differs between flights, or an answer to the past of a prediction that is
+/// worthless, is a part of not being identified.
+fn explicable(axis: Axis, left: &[Unexplained]) -> f64 {
+    let of_axis = left.iter().filter(|u| u.axis == axis && u.depends_on.quantity().is_some());
+    of_axis.map(|u| 0.01 * u.share_percent).fold(0.0, f64::max)
+}
+
 /// Axes that are predicted no better than by a mean.
-fn worse_than_a_mean(model: &Model, validate: &[&Prepared], held_out: &[Residuals]) -> Vec<NotIdentified> {
+fn worse_than_a_mean(
+    model: &Model,
+    left: &[Unexplained],
+    validate: &[&Prepared],
+    held_out: &[Residuals],
+) -> Vec<NotIdentified> {
     let errors = errors(held_out);
-    let worse: Vec<Axis> =
-        spoken_of(model).filter(|axis| errors[*axis].samples > 0 && errors[*axis].r2 <= 0.0).collect();
+    let is_worse = |axis: &Axis| {
+        let error = &errors[*axis];
+        // Of the squared error over the squares about the mean, what is left once that has been taken away.
+        error.samples > 0 && error.r2 <= 0.0 && (1.0 - error.r2) * (1.0 - explicable(*axis, left)) >= 1.0
+    };
+    let worse: Vec<Axis> = spoken_of(model).filter(is_worse).collect();
     if worse.is_empty() {
         return Vec::new();
     }
@@ -153,7 +173,7 @@ fn no_better(axis: Axis, r2: f64) -> NotIdentified {
     // Two digits, and of one next to zero its sign.
     let digits = if r2 > -0.0095 { 5 } else { 2 };
     let why = format!(
-        "{axis} is predicted no better than by the mean of what was measured on the held-out flights (R2 = {})",
+        "{axis} is predicted no better than by its mean on the held-out flights (R2 = {})",
         fixed(r2, digits)
     );
     of_part(axis, why, to_excite(axis))
@@ -213,12 +233,13 @@ mod tests {
     use sysid::residuals;
 
     use super::*;
+    use crate::reason::Dependence;
     use crate::testing::{ORDINARY, prepared, truth};
 
     fn found(model: &Model, flights: &[Prepared]) -> Vec<NotIdentified> {
         let flights: Vec<&Prepared> = flights.iter().collect();
         let held_out: Vec<Residuals> = flights.iter().map(|flight| residuals(flight, model)).collect();
-        unidentified(model, &[], &flights, (&flights, &held_out))
+        unidentified(model, &[], &[], &flights, (&flights, &held_out))
     }
 
     fn axes(found: &[NotIdentified]) -> Vec<(Group, Option<Axis>)> {
@@ -283,10 +304,32 @@ mod tests {
         let found = found(&heavy, &flights);
         assert_eq!(axes(&found), [(Group::Translation, Some(Axis::W))], "{found:?}");
         let said = &found[0].reason;
-        let first =
-            "w is predicted no better than by the mean of what was measured on the held-out flights (R2 = -";
+        let first = "w is predicted no better than by its mean on the held-out flights (R2 = -";
         assert!(said.starts_with(first), "{said}");
         assert_eq!(found[0].fly, "climb and descend");
+    }
+
+    /// The weight that the model lacks is a constant; had it depended on the height, that would be told instead.
+    #[test]
+    fn an_axis_whose_residual_depends_on_something_is_unexplained_and_not_unidentified() {
+        let mut heavy = truth();
+        heavy.set(Effect::MassChange, &[0.6]);
+        let flights = prepared(&truth(), 30..32, 10.0, &ORDINARY);
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        let held_out: Vec<Residuals> = flights.iter().map(|flight| residuals(flight, &heavy)).collect();
+        let r2 = errors(&held_out).w.r2;
+        assert!(r2 < 0.0, "{r2}");
+        // Taking this part away leaves an R2 of zero.
+        let enough = 100.0 * (1.0 - 1.0 / (1.0 - r2));
+        let found = |share_percent, depends_on| {
+            let left = [Unexplained { axis: Axis::W, depends_on, share_percent, p_value: 0.0 }];
+            axes(&unidentified(&heavy, &[], &left, &flights, (&flights, &held_out)))
+        };
+        let height = Dependence::Quantity("height");
+        assert_eq!(found(enough + 0.01, height), []);
+        assert_eq!(found(enough - 0.01, height), [(Group::Translation, Some(Axis::W))]);
+        assert_eq!(found(enough + 0.01, Dependence::Past).len(), 1);
+        assert_eq!(found(enough + 0.01, Dependence::Constant).len(), 1);
     }
 
     #[test]

@@ -54,7 +54,8 @@ fn flights_that_do_not_determine_the_model_end_with_status_1_after_everything_is
     assert!(page.contains("Not identified: what these flights do not determine"));
     let record = Model::read(&at.join("model.toml")).unwrap().fit.unwrap();
     let verdicts = serde_json::to_value(record.verdicts).unwrap();
-    assert_eq!((verdicts, record.not_identified.len()), (document["verdicts"].clone(), unknown.len()));
+    assert_eq!(verdicts, document["verdicts"]);
+    assert!(record.not_identified.iter().any(|one| one.group == Group::Rotation));
 
     let diagnose = with_sets(&["diagnose", "--model", "model.toml"]);
     let document = unheld(at, &diagnose);

@@ -17,7 +17,7 @@ impl FlightSets {
         let all: Vec<&Prepared> = self.all().map(|flight| &flight.prepared).collect();
         let (train, validate) = (self.train(), self.validate());
         let [fitted, held_out] = [&train, &validate].map(|flights| residuals(model, flights));
-        let mut not_identified = unidentified(model, &rotation_refused, &train, (&validate, &held_out));
+        let mut not_identified = unidentified(model, &rotation_refused, &[], &train, (&validate, &held_out));
         not_identified.extend(self.faults.not_identified());
         FitRecord {
             flights,

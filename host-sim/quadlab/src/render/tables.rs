@@ -425,11 +425,12 @@ pub(crate) fn unexplained(all: &[Unexplained]) -> Grid {
 pub(crate) fn not_identified(all: &[NotIdentified]) -> Grid {
     let mut grid = Grid::new(
         "Not identified: what these flights do not determine",
-        [text("part"), text("axis"), text("why"), text("to determine it")],
+        [text("part"), text("axis"), text("why, and what to fly")],
     );
     for one in all {
         let axis = one.axis.map_or("all", Axis::name);
-        grid.push([one.group.name().into(), axis.into(), one.reason.clone(), one.fly.clone()]);
+        let why = format!("{}; to determine it: {}", one.reason, one.fly);
+        grid.push([one.group.name().into(), axis.into(), why]);
     }
     grid
 }
