@@ -56,8 +56,12 @@ impl Faults {
         found.flatten().collect()
     }
 
+    /// Adds a fault, once: a fit that is made again finds the same.
     pub(crate) fn add(&mut self, whose: impl Into<String>, fault: Fault) {
-        self.listed.push(Listed { whose: whose.into(), fault });
+        let whose = whose.into();
+        if !self.listed.iter().any(|known| known.whose == whose && known.fault == fault) {
+            self.listed.push(Listed { whose, fault });
+        }
     }
 
     /// Takes back that the clocks of `flights` wander: with `effect` in the model they do not.

@@ -1,6 +1,6 @@
 //! The basic model fitted to flights and judged on others.
 
-use model::{Effect, Group, Model, NotIdentified, Vehicle};
+use model::{Effect, Model, Vehicle};
 use sysid::fit::output_error::Rows;
 use sysid::{MotorsOfFlights, RefinementOutcome};
 
@@ -37,7 +37,6 @@ pub fn identify(
     sets.leave_out_undefined(&Model::new(vehicle.clone()), effects, observer)?;
     let identified = fit_basic(vehicle, sets, Rotation::Mended(&Options::default()), observer)?;
     warn_of_clocks(sets, observer);
-    warn_of_unidentified(&identified.model, observer);
     let (model, refinement) = refine(identified.model, sets, rows, observer)?;
     Ok(Identified { model, refinement, ..identified })
 }
@@ -98,21 +97,6 @@ fn doubts(
     let mended = mending(model, &train, &validate, options, observer)
         .map_err(|why| WorkflowError::of_search(why, names(sets.training.loaded())))?;
     Ok(if mended.is_some() { Vec::new() } else { doubts })
-}
-
-/// Warns of what the flights do not determine, but for what [`warn`] has told.
-fn warn_of_unidentified(model: &Model, observer: &dyn Observer) {
-    let signs = sysid::impossible_signs(model);
-    let unknown = model.fit.as_ref().map_or(&[][..], |fit| &fit.not_identified);
-    let is_told = |reason: &NotIdentified| {
-        signs.contains(&reason.reason) || reason.group == Group::Rotation && !sysid::has_rotation(model)
-    };
-    for reason in unknown.iter().filter(|reason| !is_told(reason)) {
-        observer.warning(&format!(
-            "the {} is not identified by these flights: {}; to determine it: {}",
-            reason.group, reason.reason, reason.fly
-        ));
-    }
 }
 
 /// Warns of rotor clocks that wander. For the end of the work: an effect that joins the model may explain them.

@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use diagnosis::workflow::{self, FlightSets, Identified, rotation_refused, shown_record};
-use model::{AxisError, FlightRole, NotIdentified, PerAxis};
+use model::{AxisError, FlightRole, Group, Model, NotIdentified, PerAxis};
 use schemars::JsonSchema;
 use serde::Serialize;
 use sysid::MotorsOfFlights;
 
+use crate::cli::colour;
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::SetOptions;
 use crate::cli::model_files::read_vehicle;
@@ -66,7 +67,24 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         faults::json(&document(&identified, &sets), sets.all(), &sets.faults)
     } else {
         faults::warn(&sets.faults);
+        warn_of_unidentified(&identified.model);
         Ok(text(options, &identified, &sets))
+    }
+}
+
+/// Warns of what the flights do not determine, but for signs and a refused rotation, which have been told. The document of
+/// `--json` has them all.
+fn warn_of_unidentified(model: &Model) {
+    let signs = sysid::impossible_signs(model);
+    let is_told = |unknown: &NotIdentified| {
+        let is_refused = unknown.group == Group::Rotation && !sysid::has_rotation(model);
+        is_refused || signs.contains(&unknown.reason)
+    };
+    let unknown = model.fit.as_ref().map_or(&[][..], |fit| &fit.not_identified);
+    for NotIdentified { group, reason, fly, .. } in unknown.iter().filter(|unknown| !is_told(unknown)) {
+        colour::warn(&format!(
+            "the {group} of this model is not identified: {reason}; an effect may be missing (see quadlab diagnose), or these              flights do not determine it: {fly}"
+        ));
     }
 }
 
