@@ -4,7 +4,7 @@
 //! Where it is not, what they say of moments is worth nothing, and the balance says what can be said; and what they do not
 //! notice, the balance may.
 
-use model::{Axis, Model};
+use model::{Axis, Group, Model};
 use report::number::{fixed, p_equation, percent, with_error};
 
 use crate::balance::Answer;
@@ -13,6 +13,7 @@ use crate::criteria::STRUCTURE_SIGNIFICANCE;
 use crate::figures::rms_of;
 use crate::finding::{Diagnosis, EffectFinding, Since, Unexplained, Verdict};
 use crate::reason::{Dependence, Reason, joined};
+use crate::unidentified::{recorded, verdicts_of_change};
 
 /// A change with its evidence.
 pub(crate) type Found = (Change, EffectFinding);
@@ -24,7 +25,7 @@ pub(crate) fn conclude(
     (mut findings, began): (Vec<Found>, Option<Since>),
     balance: Option<Answer>,
 ) -> Diagnosis {
-    let judged = rotation_is_judged(model);
+    let judged = !recorded(model).iter().any(|reason| reason.group == Group::Rotation);
     if !judged {
         let needs_rotation =
             |(change, _): &&mut Found| !change.effect.info().axes.iter().all(|a| a.is_force());
@@ -46,16 +47,16 @@ pub(crate) fn conclude(
     findings.sort_by_key(|(_, finding)| !finding.supported);
     let best = findings.iter().find(|(_, finding)| finding.supported);
     let unexplained: Vec<Unexplained> = shifted.filter(|_| best.is_none()).into_iter().map(unknown).collect();
+    let named = best.map(|(change, _)| change.effect);
+    let (verdict, verdicts) = verdicts_of_change(model, (named, &unexplained), visible_loss.is_some());
+    let began = since.as_ref().map_or_else(String::new, beginning);
     Diagnosis {
-        verdict: match (best.is_some(), unexplained.is_empty()) {
-            (true, _) => Verdict::MissingEffect,
-            (false, true) => Verdict::Adequate,
-            (false, false) => Verdict::Unexplained,
-        },
-        summary: summary(best, unexplained.first(), visible_loss)
-            + &since.as_ref().map_or_else(String::new, beginning),
+        verdict,
+        verdicts,
+        summary: summary(verdict, best, unexplained.first(), visible_loss) + &began,
         effects: findings.into_iter().map(|(_, finding)| finding).collect(),
         unexplained,
+        not_identified: recorded(model),
         since,
     }
 }
@@ -64,15 +65,6 @@ pub(crate) fn conclude(
 fn beginning(since: &Since) -> String {
     let [t, low, high] = [since.t_s, since.t_low_s, since.t_high_s].map(|time_s| fixed(time_s, 1));
     format!(" It began in flight {} at {t} s ({low} to {high} s).", since.flight)
-}
-
-/// Whether the moments of a model say anything: it has some, and they explain held-out flights better than their mean does.
-fn rotation_is_judged(model: &Model) -> bool {
-    let explains =
-        |fit: &model::FitRecord| [Axis::P, Axis::Q].iter().all(|axis| fit.held_out[*axis].r2 > 0.0);
-    sysid::has_rotation(model)
-        && sysid::impossible_signs(model).is_empty()
-        && model.fit.as_ref().is_none_or(|fit| fit.held_out[Axis::P].samples == 0 || explains(fit))
 }
 
 /// The balance's evidence in the place of the other, best first.
@@ -86,8 +78,17 @@ fn unknown(((axis, share_percent), p_value): ((Axis, f64), f64)) -> Unexplained 
 }
 
 /// The conclusion in sentences.
-fn summary(best: Option<&Found>, unexplained: Option<&Unexplained>, visible_loss: Option<f64>) -> String {
+fn summary(
+    verdict: Verdict,
+    best: Option<&Found>,
+    unexplained: Option<&Unexplained>,
+    visible_loss: Option<f64>,
+) -> String {
     let Some((change, finding)) = best else {
+        if verdict == Verdict::NotIdentified {
+            return "No change can be told: the flights of the model do not determine what it would change."
+                .into();
+        }
         return nothing_named(unexplained, visible_loss);
     };
     let size: Vec<String> = finding
@@ -169,9 +170,9 @@ mod tests {
     fn nothing_that_stands_out_is_said_so_and_what_does_with_its_size_and_rivals() {
         let nothing =
             "No change stands out from the scatter between the flights that the model was fitted to.";
-        assert_eq!(summary(None, None, None), nothing);
+        assert_eq!(summary(Verdict::Adequate, None, None, None), nothing);
         assert_eq!(
-            summary(None, None, Some(0.0643)),
+            summary(Verdict::Adequate, None, None, Some(0.0643)),
             format!("{nothing} A motor that has lost 6.4 % of its thrust would have.")
         );
         let mut named = found(Effect::MassChange, None, true);
@@ -181,18 +182,18 @@ mod tests {
         let rivals = vec![Change { effect: Effect::MotorEfficiency, motor: Some(2) }];
         named.1.reason = Reason::Changed { axes: Effect::MassChange.info().axes, percent: 61.27, rivals };
         assert_eq!(
-            summary(Some(&named), None, None),
+            summary(Verdict::MissingEffect, Some(&named), None, None),
             "Since the model was fitted, one thing has changed: mass-change (extra_mass = 0.151 ± 0.012 kg). With it, \
              the rms error of w falls by 37.8 % on flights that it was not estimated from. These flights \
              cannot tell it from motor-efficiency of motor 2."
         );
         named.1.reason = Reason::BalanceShifted { percent: 61.27, rivals: Vec::new() };
         assert!(
-            summary(Some(&named), None, None).ends_with(
+            summary(Verdict::MissingEffect, Some(&named), None, None).ends_with(
                 "61.3 % of the shift in the rotors' steady balance is explained, on flights that it was not estimated from."
             ),
             "{}",
-            summary(Some(&named), None, None)
+            summary(Verdict::MissingEffect, Some(&named), None, None)
         );
     }
 

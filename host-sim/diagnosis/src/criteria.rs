@@ -22,7 +22,7 @@ const LARGE_PERCENT: f64 = 50.0;
 /// Largest p-value of the held-out gain. It confirms what is significant already, on other flights.
 const HELD_OUT_SIGNIFICANCE: f64 = 0.05;
 /// Smallest held-out drop, percent of an axis' squared error, that matters: its root is under a hundredth of the error.
-const MATTERS_PERCENT: f64 = 1.5;
+pub(crate) const MATTERS_PERCENT: f64 = 1.5;
 /// Least part of the held-out flights that must improve, percent: more than half. A single flight must improve.
 const FLIGHTS_PERCENT: f64 = 50.1;
 /// A coefficient is impossible that lies this many standard errors outside its range: what 95 % intervals allow.

@@ -11,24 +11,24 @@
 //! as confounded (`ranking.rs`).
 //!
 //! What is left after the supported effects is searched for dependence on every measured quantity, by the same
-//! held-out standard (`residual_tests.rs`): that is the difference between "adequate" and "unexplained".
+//! held-out standard (`residual_tests.rs`): that is the difference between "adequate" and "unexplained". What the flights do not
+//! determine at all (`unidentified.rs`) is neither (`conclusion.rs`).
 
 use model::Model;
-use report::number::{p_equation, percent};
 use sysid::prepare::Prepared;
 
+use crate::conclusion::conclude;
 use crate::criteria::Left;
-use crate::figures::rms_of;
-use crate::finding::{Diagnosis, EffectFinding, Unexplained, Verdict, supported, unfitted};
+use crate::finding::Diagnosis;
 use crate::noise;
 use crate::observer::{Observer, Progress};
 use crate::options::Options;
 use crate::ranking::{confounded, ranked};
-use crate::reason::{Reason, joined};
 use crate::residual_tests::{Structure, structure};
 use crate::search::Search;
 use crate::search_error::SearchError;
 use crate::stand_ins::{above_noise, incomplete, refuse_stand_ins};
+use crate::unidentified::unidentified;
 
 /// Diagnoses a model with the whole catalogue: which effect is missing from it?
 ///
@@ -69,116 +69,16 @@ pub fn diagnose_with(
         search.refit(&mut chosen)?;
     };
     let effects = ranked(&search, chosen.findings, &confounded)?;
-    let is_complete = unexplained.is_empty() && !effects.iter().any(is_unfitted);
-    let verdict = match (effects.iter().any(|f| f.supported), is_complete) {
-        (true, _) => Verdict::MissingEffect,
-        (false, true) => Verdict::Adequate,
-        (false, false) => Verdict::Unexplained,
-    };
-    let summary = summary(&effects, &unexplained);
-    Ok(Diagnosis { verdict, summary, effects, unexplained, since: None })
-}
-
-/// The conclusion in sentences.
-fn summary(findings: &[EffectFinding], unexplained: &[Unexplained]) -> String {
-    if let Some(best) = findings.iter().find(|f| f.supported) {
-        return lacking(best, findings);
-    }
-    if let Some(worst) = unexplained.first() {
-        return unaccounted(worst);
-    }
-    match findings.iter().find(|finding| is_unfitted(finding)) {
-        Some(finding) => unfitted(finding.effect),
-        None => "No known effect lowers the error on held-out flights by an amount that matters, and the \
-                 residual depends on none of the measured quantities."
-            .into(),
-    }
-}
-
-/// Whether the flights support an effect that the model cannot be fitted with.
-fn is_unfitted(finding: &EffectFinding) -> bool {
-    matches!(finding.reason, Reason::NotFittedTogether(_))
-}
-
-fn lacking(best: &EffectFinding, findings: &[EffectFinding]) -> String {
-    let also = &supported(findings)[1..];
-    let also =
-        if also.is_empty() { String::new() } else { format!(" Also supported: {}.", joined(also, ", ")) };
-    let [improved, flights] = best.flights_improved;
-    format!(
-        "The model lacks {}. {} With it, the held-out {} falls by {} % ({improved} of {flights} flights, {}).\
-         {also}",
-        best.effect,
-        best.effect.info().sentence,
-        rms_of(best.effect.info().axes),
-        percent(best.rms_fall_percent()),
-        p_equation(best.p_value)
-    )
-}
-
-fn unaccounted(worst: &Unexplained) -> String {
-    format!(
-        "The residual of {} {} ({} % of its held-out squared error), and no known effect accounts for it.",
-        worst.axis,
-        worst.depends_on.predicate(),
-        percent(worst.share_percent)
-    )
+    let rest = chosen.validated.as_ref().unwrap_or(&search.base);
+    let refused = model.fit.as_ref().map_or(&[][..], |fit| &fit.rotation_refused);
+    let unknown = unidentified(&rest.fit.model, refused, &unexplained, train, (validate, &rest.held_out));
+    Ok(conclude(effects, unexplained, unknown))
 }
 
 #[cfg(test)]
 mod tests {
-    use model::{Axis, Effect};
-
     use super::*;
     use crate::observer::Silent;
-    use crate::reason::Dependence;
-
-    fn finding(effect: Effect, supported: bool) -> EffectFinding {
-        let mut finding = EffectFinding::unsupported(effect, 2, Reason::LikeChance);
-        finding.supported = supported;
-        (finding.drop_percent, finding.p_value, finding.flights_improved) = (12.34, 0.0021, [2, 2]);
-        finding
-    }
-
-    #[test]
-    fn the_best_supported_effect_is_named_with_its_evidence_and_the_others_after_it() {
-        let findings = [
-            finding(Effect::Tether, false),
-            finding(Effect::MassChange, true),
-            finding(Effect::SteadyWind, true),
-        ];
-        assert_eq!(
-            summary(&findings, &[]),
-            format!(
-                "The model lacks mass-change. {} With it, the held-out rms error of w falls by 6.4 % (2 of 2 \
-                 flights, p = 0.002). Also supported: steady-wind.",
-                Effect::MassChange.info().sentence
-            )
-        );
-        assert!(!summary(&findings[..2], &[]).contains("Also supported"));
-    }
-
-    #[test]
-    fn what_is_left_is_told_only_where_nothing_is_supported() {
-        let left = Unexplained {
-            axis: Axis::W,
-            depends_on: Dependence::Quantity("height"),
-            share_percent: 7.25,
-            p_value: 1e-4,
-        };
-        let unsupported = [finding(Effect::Tether, false)];
-        assert_eq!(
-            summary(&unsupported, std::slice::from_ref(&left)),
-            "The residual of w depends on the height (7.2 % of its held-out squared error), and no known effect \
-             accounts for it."
-        );
-        assert!(summary(&[finding(Effect::Tether, true)], &[left]).starts_with("The model lacks tether."));
-        assert_eq!(
-            summary(&unsupported, &[]),
-            "No known effect lowers the error on held-out flights by an amount that matters, and the \
-             residual depends on none of the measured quantities."
-        );
-    }
 
     #[test]
     fn without_flights_there_is_no_diagnosis() {

@@ -2,25 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use model::{Axis, Coefficient, Effect, RotorQuantity};
+pub use model::Verdict;
+use model::{Axis, Coefficient, Effect, NotIdentified, PerGroup, RotorQuantity};
 use schemars::JsonSchema;
 use serde::Serialize;
-use sysid::FitError;
 
 use crate::figures::rms_fall_percent;
 use crate::reason::{Dependence, Reason};
-
-/// The conclusion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Verdict {
-    /// A known effect is missing.
-    MissingEffect,
-    /// No effect is supported and the residual shows no structure.
-    Adequate,
-    /// The residual shows structure that no known effect accounts for.
-    Unexplained,
-}
 
 /// Errors of one axis without and with an effect, on the held-out flights.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
@@ -166,6 +154,8 @@ pub struct Since {
 pub struct Diagnosis {
     /// The conclusion.
     pub verdict: Verdict,
+    /// That of the translation and that of the rotation.
+    pub verdicts: PerGroup<Verdict>,
     /// The conclusion and its reason in plain English.
     pub summary: String,
     /// Candidates, best first.
@@ -175,6 +165,8 @@ pub struct Diagnosis {
     /// When the change began, where it has a beginning.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub since: Option<Since>,
+    /// What the flights do not determine, and why.
+    pub not_identified: Vec<NotIdentified>,
 }
 
 impl Diagnosis {
@@ -182,25 +174,6 @@ impl Diagnosis {
     pub fn best(&self) -> Option<Effect> {
         self.effects.iter().find(|e| e.supported).map(|e| e.effect)
     }
-
-    /// Takes back the support of an effect with which the model cannot be fitted. Where no other is
-    /// supported, the error that it lowers is left without a known cause.
-    pub(crate) fn refuse_unfitted(&mut self, effect: Effect, why: FitError) {
-        for finding in self.effects.iter_mut().filter(|f| f.effect == effect) {
-            finding.refuse(Reason::NotFittedTogether(why.clone()));
-        }
-        if self.best().is_none() {
-            self.verdict = Verdict::Unexplained;
-            self.summary = unfitted(effect);
-        }
-    }
-}
-
-/// The conclusion where the only effect that lowers the error cannot join the model.
-pub(crate) fn unfitted(effect: Effect) -> String {
-    format!(
-        "With {effect}, the held-out error falls, but the model with it cannot be fitted: its cause stays unknown."
-    )
 }
 
 /// The effects that are supported, in their order.
@@ -221,10 +194,12 @@ mod tests {
         let mut all = vec![finding(Effect::Tether), finding(Effect::MotorLag), finding(Effect::SteadyWind)];
         let diagnosis = |effects: &[EffectFinding]| Diagnosis {
             verdict: Verdict::Adequate,
+            verdicts: PerGroup::from_fn(|_| Verdict::Adequate),
             summary: String::new(),
             effects: effects.to_vec(),
             unexplained: Vec::new(),
             since: None,
+            not_identified: Vec::new(),
         };
         assert_eq!(diagnosis(&all).best(), None);
         all[1].supported = true;
@@ -243,31 +218,6 @@ mod tests {
         assert_eq!(finding.main_axis(), Some(Axis::V));
         assert_eq!(finding.largest_drop_percent(), 60.0);
         assert_eq!(AxisDrop::new(0.0, 1.0).drop_percent, 0.0);
-    }
-
-    #[test]
-    fn an_effect_that_cannot_be_fitted_leaves_the_next_best_or_an_unknown_cause() {
-        let why = || FitError::NotConverged { effect: "tether", excitation: "fly around" };
-        let mut all = vec![finding(Effect::Tether), finding(Effect::MotorLag)];
-        all.iter_mut().for_each(|f| f.supported = true);
-        let mut diagnosis = Diagnosis {
-            verdict: Verdict::MissingEffect,
-            summary: "The model lacks tether.".into(),
-            effects: all,
-            unexplained: Vec::new(),
-            since: None,
-        };
-        diagnosis.refuse_unfitted(Effect::Tether, why());
-        assert_eq!(diagnosis.best(), Some(Effect::MotorLag));
-        assert_eq!(diagnosis.verdict, Verdict::MissingEffect);
-        diagnosis.refuse_unfitted(Effect::MotorLag, why());
-        assert_eq!(diagnosis.best(), None);
-        assert_eq!(diagnosis.verdict, Verdict::Unexplained, "never adequate");
-        assert!(
-            diagnosis.summary.starts_with("With motor-lag, the held-out error falls"),
-            "{}",
-            diagnosis.summary
-        );
     }
 
     /// Files and scripts know effects, reasons and dependences by their words.

@@ -9,12 +9,14 @@ mod change_conclusion;
 mod change_evidence;
 pub mod changes;
 mod columns;
+mod conclusion;
 mod criteria;
 mod diagnose;
 pub mod evidence;
 mod figures;
 mod finding;
 mod held_out;
+mod mending;
 mod noise;
 mod observer;
 mod onset;
@@ -31,6 +33,7 @@ mod stand_ins;
 pub mod subsets;
 #[cfg(test)]
 mod testing;
+mod unidentified;
 pub mod workflow;
 
 pub use addition::{Addition, add};
@@ -44,3 +47,4 @@ pub use options::Options;
 pub use ranking::separating_manoeuvre;
 pub use reason::{Dependence, Reason};
 pub use search_error::SearchError;
+pub use unidentified::recorded;

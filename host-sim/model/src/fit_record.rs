@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::axis::{Axis, PerAxis};
+use crate::verdict::{NotIdentified, PerGroup, Verdict};
 
 /// Constants that belong to a fit and are not coefficients.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -79,6 +80,12 @@ pub struct FitRecord {
     /// Why the model has no rotation, where the flights did not determine it: force rows are all there is.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rotation_refused: Vec<String>,
+    /// What of the model the flights do not determine; empty where they determine all of it, and in older files.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub not_identified: Vec<NotIdentified>,
+    /// The conclusion of the loop that made the model, where one did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verdicts: Option<PerGroup<Verdict>>,
     /// What a refinement on open-loop predictions came to, where one was tried.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refinement: Option<RefinementRecord>,

@@ -30,6 +30,7 @@ mod rotor_quantity;
 mod sample;
 pub mod user_effects;
 mod vehicle;
+mod verdict;
 
 pub use axis::{AXES, Axis, PerAxis};
 pub use battery::Battery;
@@ -49,3 +50,4 @@ pub use rotor_quantity::RotorQuantity;
 pub use sample::{Sample, SampleInput};
 pub use user_effects::UserEffectError;
 pub use vehicle::{MotorMapKind, Motors, RotorMap, Spin, Vehicle, VehicleError};
+pub use verdict::{GROUPS, Group, NotIdentified, PerGroup, Verdict};

@@ -247,6 +247,7 @@ mod tests {
         RefinementRecord,
     };
     use crate::model::coefficient_names;
+    use crate::verdict::{Group, NotIdentified, PerGroup, Verdict};
     use nalgebra::DMatrix;
 
     #[test]
@@ -288,6 +289,14 @@ mod tests {
             }),
             rotor_delay_s: Some(0.1 / 3.0),
             rotation_refused: vec!["C2_q = -3".into()],
+            not_identified: vec![
+                NotIdentified::of_group(Group::Rotation, "C2_q = -3".into(), "fly \"more\""),
+                NotIdentified::of_axis(crate::axis::Axis::W, "R2 = -0.1".into(), "climb"),
+            ],
+            verdicts: Some(PerGroup {
+                translation: Verdict::MissingEffect,
+                rotation: Verdict::NotIdentified,
+            }),
             refinement: Some(RefinementRecord {
                 rows: "moments".into(),
                 kept: true,
@@ -391,7 +400,16 @@ mod tests {
         let mut model = Model::thesis();
         model.fit = Some(FitRecord::default());
         let text = model.to_toml();
-        for newer in ["balance", "rotor_delay_s", "rotation_refused", "refinement", "scatter"] {
+        let newer = [
+            "rotor_delay_s",
+            "rotation_refused",
+            "refinement",
+            "scatter",
+            "not_identified",
+            "verdicts",
+            "balance",
+        ];
+        for newer in newer {
             assert!(!text.contains(newer), "{text}");
         }
         assert_eq!(Model::parse(&text, Path::new("m.toml")).unwrap(), model);

@@ -17,6 +17,7 @@ pub use fit::closed_loop::{MotorsOfFlights, motors_of_flights};
 pub use fit::linearise::residuals;
 pub use fit::output_error::{RefineError, Refinement, RefinementOutcome, refine};
 pub use fit::{
-    Fit, FitError, Residuals, errors, fit, has_rotation, impossible_signs, rotation_doubts, without_rotation,
+    Fit, FitError, Residuals, SignDoubt, errors, fit, has_rotation, impossible_signs, rotation_doubts,
+    rotor_signs, sign_doubts, without_rotation,
 };
 pub use prepare::{Alignment, Conditions, ForceTarget, PrepareError, Prepared};

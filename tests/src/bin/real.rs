@@ -90,7 +90,8 @@ impl Bench {
             command.arg(option).args(*paths);
         }
         let output = command.output().context("cannot start quadlab")?;
-        if !output.status.success() {
+        // 1: the flights do not determine the model, and the document says so.
+        if !matches!(output.status.code(), Some(0 | 1)) {
             bail!("quadlab {arguments:?}: {}", String::from_utf8_lossy(&output.stderr).trim());
         }
         serde_json::from_slice(&output.stdout)

@@ -1,6 +1,6 @@
 //! An effect joins a model, and everything is fitted again.
 
-use model::{Effect, FitRecord, HistoryEntry, Model};
+use model::{Effect, HistoryEntry, Model};
 use sysid::RefinementOutcome;
 use sysid::fit::output_error::Rows;
 
@@ -54,7 +54,7 @@ pub(crate) fn join(
         crate::add(model, effect, &sets.train(), &sets.validate(), options).map_err(|why| sets.blame(why))?;
     let mut better = addition.fit.model.clone();
     let rotation_refused = model.fit.as_ref().map_or_else(Vec::new, |fit| fit.rotation_refused.clone());
-    better.fit = Some(FitRecord { rotation_refused, ..sets.record(&better) });
+    better.fit = Some(sets.record(&better, rotation_refused));
     better.history.clone_from(&model.history);
     better.history.push(HistoryEntry {
         effect: effect.id().into(),
@@ -67,6 +67,8 @@ pub(crate) fn join(
 
 #[cfg(test)]
 mod tests {
+    use model::FitRecord;
+
     use super::*;
     use crate::testing::{ORDINARY, fly, truth};
     use crate::workflow::{Reading, Silent};

@@ -2,6 +2,7 @@
 
 use model::{Effect, Model};
 
+use crate::conclusion::conclude;
 use crate::observer::Observer;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::loaded::names;
@@ -41,8 +42,11 @@ pub(crate) fn search(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Diagnosis, WorkflowError> {
-    diagnose_with(model, &sets.train(), &sets.validate(), options, observer)
-        .map_err(|why| WorkflowError::of_search(why, names(sets.training.loaded())))
+    let mut diagnosis = diagnose_with(model, &sets.train(), &sets.validate(), options, observer)
+        .map_err(|why| WorkflowError::of_search(why, names(sets.training.loaded())))?;
+    diagnosis.not_identified.extend(sets.faults.not_identified());
+    let Diagnosis { effects, unexplained, not_identified, .. } = diagnosis;
+    Ok(conclude(effects, unexplained, not_identified))
 }
 
 #[cfg(test)]

@@ -1,17 +1,23 @@
 //! The whole loop: identify, diagnose, add what is found, until nothing that the flights support is left.
 
-use model::{Effect, Model, Vehicle};
+use model::{Effect, Model, PerGroup, Vehicle};
 use sysid::fit::output_error::Rows;
 use sysid::{Comparison, RefinementOutcome};
 
+use crate::conclusion::{counts_in, first_of, what_is_unknown, without_unfitted};
 use crate::observer::Observer;
+use crate::unidentified::recorded;
 use crate::workflow::add::join;
 use crate::workflow::diagnose::search;
 use crate::workflow::error::WorkflowError;
-use crate::workflow::identify::{fit_basic, warn_of_clocks};
+use crate::workflow::identify::{Rotation, fit_basic, warn_of_clocks};
 use crate::workflow::refinement::refine;
 use crate::workflow::sets::FlightSets;
 use crate::{Addition, Diagnosis, Options, Verdict};
+
+/// Verdicts in the order in which the first that either part has is that of the loop: something left at the end comes first.
+const ORDER: [Verdict; 4] =
+    [Verdict::Unexplained, Verdict::MissingEffect, Verdict::NotIdentified, Verdict::Adequate];
 
 /// One round: a diagnosis and the effect that was added after it.
 pub struct Step {
@@ -62,18 +68,29 @@ impl Explanation {
     /// What was found, in a sentence, and what was not.
     pub fn conclusion(&self) -> String {
         let found: Vec<&str> = self.found().iter().map(|e| e.id()).collect();
-        match found.as_slice() {
-            [] => format!("Found: nothing. {}", self.last_diagnosis.summary),
-            names => format!("Found: {}.", names.join(", then ")),
+        match (found.as_slice(), what_is_unknown(&self.last_diagnosis.not_identified)) {
+            ([], _) => format!("Found: nothing. {}", self.last_diagnosis.summary),
+            (names, None) => format!("Found: {}.", names.join(", then ")),
+            (names, Some(unknown)) => format!("Found: {}. {unknown}", names.join(", then ")),
         }
     }
 
     /// The conclusion of the whole loop: was anything missing, and is anything left?
     pub fn verdict(&self) -> Verdict {
-        match (self.steps.is_empty(), self.last_diagnosis.verdict) {
-            (false, Verdict::Adequate) => Verdict::MissingEffect,
-            (_, last) => last,
-        }
+        first_of(&ORDER, self.verdicts())
+    }
+
+    /// That of the translation and that of the rotation. What is left at the end comes before what was added, and that before
+    /// what is not identified.
+    pub fn verdicts(&self) -> PerGroup<Verdict> {
+        let last = &self.last_diagnosis;
+        let was_missing = |group| {
+            self.steps.iter().any(|step| counts_in(&step.addition.finding, group, &last.not_identified))
+        };
+        PerGroup::from_fn(|group| match last.verdicts[group] {
+            Verdict::Adequate | Verdict::NotIdentified if was_missing(group) => Verdict::MissingEffect,
+            verdict => verdict,
+        })
     }
 
     /// Effects in the order they were added.
@@ -92,7 +109,32 @@ pub fn explain(
     observer: &dyn Observer,
 ) -> Result<Explanation, WorkflowError> {
     sets.leave_out_undefined(&Model::new(vehicle.clone()), effects, observer)?;
-    let basic = fit_basic(vehicle, sets, observer)?.model;
+    let explanation = go_through(vehicle, sets, options, Rotation::Mended(options), observer)?;
+    let doubted = sysid::has_rotation(explanation.last_model())
+        && !sysid::rotation_doubts(explanation.last_model(), &sets.train()).is_empty();
+    let mut explanation = match doubted {
+        // What was to mend the rotation was not found in the end, or did not.
+        true => go_through(vehicle, sets, options, Rotation::Refused, observer)?,
+        false => explanation,
+    };
+    warn_of_clocks(sets, observer);
+    (explanation.model, explanation.refinement) = refine(explanation.model, sets, rows, observer)?;
+    let verdicts = explanation.verdicts();
+    if let Some(record) = &mut explanation.model.fit {
+        record.verdicts = Some(verdicts);
+    }
+    Ok(explanation)
+}
+
+/// The loop, with what becomes of a rotation that is in doubt. The model is not refined.
+fn go_through(
+    vehicle: &Vehicle,
+    sets: &mut FlightSets,
+    options: &Options,
+    rotation: Rotation<'_>,
+    observer: &dyn Observer,
+) -> Result<Explanation, WorkflowError> {
+    let basic = fit_basic(vehicle, sets, rotation, observer)?.model;
     let basic_comparison = sysid::compare(&basic, &sets.validate());
     let mut steps: Vec<Step> = Vec::new();
     let mut diagnosis = search(&basic, sets, options, observer)?;
@@ -108,16 +150,13 @@ pub fn explain(
             // What cannot be fitted takes no answer away from the others.
             Err(WorkflowError::Fit { why, .. }) => {
                 sets.trim(&model);
-                diagnosis.refuse_unfitted(effect, why);
+                diagnosis = without_unfitted(&diagnosis, effect, &why, recorded(&model));
             }
             Err(why) => return Err(why),
         }
     }
-    let last_diagnosis = diagnosis;
-    warn_of_clocks(sets, observer);
-    let last = steps.last().map_or(&basic, |step| &step.model).clone();
-    let (model, refinement) = refine(last, sets, rows, observer)?;
-    Ok(Explanation { basic, basic_comparison, steps, last_diagnosis, model, refinement })
+    let model = steps.last().map_or(&basic, |step| &step.model).clone();
+    Ok(Explanation { basic, basic_comparison, steps, last_diagnosis: diagnosis, model, refinement: None })
 }
 
 /// Adds an effect to a model and diagnoses the better one.
@@ -135,15 +174,19 @@ fn join_and_search(
 
 #[cfg(test)]
 mod tests {
+    use model::{Group, NotIdentified};
+
     use super::*;
     use crate::testing::{ORDINARY, prepared, truth};
 
     fn diagnosis(verdict: Verdict, summary: &str) -> Diagnosis {
         Diagnosis {
             verdict,
+            verdicts: PerGroup { translation: verdict, rotation: Verdict::Adequate },
             summary: summary.into(),
             effects: Vec::new(),
             unexplained: Vec::new(),
+            not_identified: Vec::new(),
             since: None,
         }
     }
@@ -162,7 +205,12 @@ mod tests {
     fn step(effect: Effect) -> Step {
         let flights = prepared(&truth(), 1..3, 4.0, &ORDINARY);
         let [train, validate] = [[&flights[0]], [&flights[1]]];
-        let addition = crate::add(&truth(), effect, &train, &validate, &Options::default()).unwrap();
+        let mut addition = crate::add(&truth(), effect, &train, &validate, &Options::default()).unwrap();
+        // As if the flights showed it.
+        addition
+            .finding
+            .axes
+            .insert("u", crate::AxisDrop { sse_before: 4.0, sse_after: 1.0, drop_percent: 75.0 });
         let mut model = truth();
         model.set(effect, &vec![0.0; effect.info().coefficients.len()]);
         let comparison = sysid::compare(&model, &[]);
@@ -189,5 +237,25 @@ mod tests {
         assert!(complete.last_model().has(Effect::SteadyWind));
         assert_eq!(complete.first_diagnosis().summary, "first");
         assert_eq!(explanation(steps(), Verdict::Unexplained).verdict(), Verdict::Unexplained);
+    }
+
+    #[test]
+    fn what_is_not_identified_is_told_after_what_was_found_and_stands_behind_it() {
+        let unknown = NotIdentified::of_group(Group::Rotation, "clocks drift".into(), "fly more");
+        let with = |steps: Vec<Step>| {
+            let mut explanation = explanation(steps, Verdict::NotIdentified);
+            let last = &mut explanation.last_diagnosis;
+            last.verdicts = PerGroup { translation: Verdict::Adequate, rotation: Verdict::NotIdentified };
+            last.not_identified = vec![unknown.clone()];
+            explanation
+        };
+        assert_eq!(with(Vec::new()).verdict(), Verdict::NotIdentified);
+        let found = with(vec![step(Effect::QuadraticDrag)]);
+        assert_eq!(found.verdict(), Verdict::MissingEffect);
+        assert_eq!(found.verdicts().rotation, Verdict::NotIdentified);
+        assert_eq!(
+            found.conclusion(),
+            "Found: quadratic-drag. The rotation is not identified by these flights: clocks drift. To determine it: fly more."
+        );
     }
 }

@@ -1,6 +1,6 @@
 //! Faults of flights, vehicle files and fits, each with the files it is about.
 
-use model::{Effect, FlightRole, Model, Vehicle};
+use model::{Effect, FlightRole, GROUPS, Model, NotIdentified, Vehicle};
 use sysid::checks::overlap;
 use sysid::checks::vehicle::{self, Likeness};
 use sysid::{Fault, FaultKind, Prepared, Severity};
@@ -43,8 +43,25 @@ impl Faults {
         self.listed.iter().map(|listed| listed.fault.clone()).collect()
     }
 
+    /// What flights with such faults do not determine.
+    pub(crate) fn not_identified(&self) -> Vec<NotIdentified> {
+        let told = |listed: &Listed| listed.fault.severity != Severity::Note;
+        let found = self.listed.iter().filter(|listed| told(listed)).filter_map(|listed| {
+            let fly = what_to_fly(listed.fault.kind)?;
+            Some(GROUPS.map(|group| {
+                let reason = format!("{}: {}", listed.whose, listed.fault.sentence);
+                NotIdentified::of_group(group, reason, fly)
+            }))
+        });
+        found.flatten().collect()
+    }
+
+    /// Adds a fault, once: a fit that is made again finds the same.
     pub(crate) fn add(&mut self, whose: impl Into<String>, fault: Fault) {
-        self.listed.push(Listed { whose: whose.into(), fault });
+        let whose = whose.into();
+        if !self.listed.iter().any(|known| known.whose == whose && known.fault == fault) {
+            self.listed.push(Listed { whose, fault });
+        }
     }
 
     /// Takes back that the clocks of `flights` wander: with `effect` in the model they do not.
@@ -145,6 +162,15 @@ impl Faults {
     }
 }
 
+/// What to do about flights with a fault because of which they determine nothing; nothing for any other fault. This is the place
+/// for a kind of fault that leaves no answer.
+fn what_to_fly(kind: FaultKind) -> Option<&'static str> {
+    match kind.id() {
+        "under-sampled" => Some("log at least as fast as the commands change"),
+        _ => None,
+    }
+}
+
 /// "A.csv, B.csv", with the folders the user gave.
 pub(crate) fn listed<'a>(flights: impl IntoIterator<Item = &'a LoadedFlight>) -> String {
     let mut names: Vec<String> = flights.into_iter().map(|f| f.path.display().to_string()).collect();
@@ -237,6 +263,16 @@ mod tests {
         let told: Vec<&str> = faults.listed().iter().map(|l| l.whose.as_str()).collect();
         assert_eq!(told, ["flight-2.csv"]);
         assert_eq!(faults.all()[0].kind, FaultKind::FittedOn);
+    }
+
+    #[test]
+    fn only_a_fault_that_leaves_no_answer_leaves_anything_unidentified() {
+        let mut faults = Faults::default();
+        for kind in [FaultKind::TrackerJump, FaultKind::SaturatedCommands, FaultKind::ClockOffset] {
+            faults.add("A.csv", Fault::of_all(kind, Severity::Warning, "something"));
+            assert_eq!(what_to_fly(kind), None);
+        }
+        assert_eq!(faults.not_identified(), []);
     }
 
     #[test]

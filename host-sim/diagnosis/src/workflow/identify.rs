@@ -1,12 +1,15 @@
 //! The basic model fitted to flights and judged on others.
 
-use model::{Effect, FitRecord, Model, Vehicle};
+use model::{Effect, Model, Vehicle};
 use sysid::fit::output_error::Rows;
 use sysid::{MotorsOfFlights, RefinementOutcome};
 
+use crate::Options;
+use crate::mending::mending;
 use crate::observer::{Observer, Progress};
 use crate::workflow::corrections::basic_model;
 use crate::workflow::error::WorkflowError;
+use crate::workflow::loaded::names;
 use crate::workflow::record::rotation_refused;
 use crate::workflow::refinement::refine;
 use crate::workflow::sets::FlightSets;
@@ -32,15 +35,26 @@ pub fn identify(
     observer: &dyn Observer,
 ) -> Result<Identified, WorkflowError> {
     sets.leave_out_undefined(&Model::new(vehicle.clone()), effects, observer)?;
-    let identified = fit_basic(vehicle, sets, observer)?;
+    let identified = fit_basic(vehicle, sets, Rotation::Mended(&Options::default()), observer)?;
     warn_of_clocks(sets, observer);
     let (model, refinement) = refine(identified.model, sets, rows, observer)?;
     Ok(Identified { model, refinement, ..identified })
 }
 
+/// What becomes of a rotation that is in doubt.
+#[derive(Clone, Copy)]
+pub(crate) enum Rotation<'a> {
+    /// It is kept where motors push the wrong way only because an effect of those that the options leave is missing.
+    Mended(&'a Options),
+    /// It is refused.
+    Refused,
+}
+
+/// Fits the basic model, without rotation where that is refused.
 pub(crate) fn fit_basic(
     vehicle: &Vehicle,
     sets: &mut FlightSets,
+    rotation: Rotation<'_>,
     observer: &dyn Observer,
 ) -> Result<Identified, WorkflowError> {
     if observer.is_cancelled() {
@@ -50,7 +64,8 @@ pub(crate) fn fit_basic(
     let basic: Vec<Effect> = Effect::basic().collect();
     sets.align_training(&basic_model(vehicle));
     let mut fit = sysid::fit(&sets.train(), vehicle, &basic, None).map_err(|why| sets.blame(why))?;
-    let rotation_refused = sysid::rotation_doubts(&fit.model, &sets.train());
+    sets.align_held_out(&fit.model);
+    let rotation_refused = doubts(&fit.model, sets, rotation, observer)?;
     if !rotation_refused.is_empty() {
         let forces = sysid::without_rotation(&basic);
         fit = sysid::fit(&sets.train(), vehicle, &forces, None).map_err(|why| sets.blame(why))?;
@@ -58,11 +73,30 @@ pub(crate) fn fit_basic(
     }
     let mut model = fit.model;
     sets.align_held_out(&model);
-    model.fit = Some(FitRecord { rotation_refused, ..sets.record(&model) });
+    model.fit = Some(sets.record(&model, rotation_refused));
     let motors = sysid::motors_of_flights(&model, &sets.train());
     warn(&model, &motors, observer);
     sets.add_faults_of_fit(&model);
     Ok(Identified { model, condition: fit.condition, motors, refinement: None })
+}
+
+/// Why the rotation of a model is to be refused. Where motors push the wrong way, missing effects are tried first: one that mends
+/// it is for the diagnosis to name.
+fn doubts(
+    model: &Model,
+    sets: &FlightSets,
+    rotation: Rotation<'_>,
+    observer: &dyn Observer,
+) -> Result<Vec<String>, WorkflowError> {
+    let (train, validate) = (sets.train(), sets.validate());
+    let doubts = sysid::rotation_doubts(model, &train);
+    let Rotation::Mended(options) = rotation else { return Ok(doubts) };
+    if sysid::rotor_signs(model).is_empty() {
+        return Ok(doubts);
+    }
+    let mended = mending(model, &train, &validate, options, observer)
+        .map_err(|why| WorkflowError::of_search(why, names(sets.training.loaded())))?;
+    Ok(if mended.is_some() { Vec::new() } else { doubts })
 }
 
 /// Warns of rotor clocks that wander. For the end of the work: an effect that joins the model may explain them.

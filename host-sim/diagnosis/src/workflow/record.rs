@@ -1,25 +1,33 @@
 //! What a model file says of its fit.
 
-use model::{Axis, AxisError, FitRecord, FlightRecord, FlightRole, Model, PerAxis};
-use sysid::Prepared;
+use model::{Axis, AxisError, FitRecord, FlightRecord, FlightRole, Model};
+use sysid::{Prepared, Residuals};
 
 use crate::changes;
+use crate::unidentified::unidentified;
 use crate::workflow::loaded::LoadedFlight;
 use crate::workflow::sets::FlightSets;
 
 impl FlightSets {
-    /// The flights behind a model and its errors on both sets.
-    pub(crate) fn record(&self, model: &Model) -> FitRecord {
+    /// The flights behind a model, its errors on both sets, and what of it they do not determine. `rotation_refused` says why it
+    /// has no rotation.
+    pub(crate) fn record(&self, model: &Model, rotation_refused: Vec<String>) -> FitRecord {
         let mut flights = entries(self.training.loaded(), FlightRole::Train);
         flights.extend(entries(self.held_out.loaded(), FlightRole::Validate));
         let all: Vec<&Prepared> = self.all().map(|flight| &flight.prepared).collect();
+        let (train, validate) = (self.train(), self.validate());
+        let [fitted, held_out] = [&train, &validate].map(|flights| residuals(model, flights));
+        let mut not_identified = unidentified(model, &rotation_refused, &[], &train, (&validate, &held_out));
+        not_identified.extend(self.faults.not_identified());
         FitRecord {
             flights,
-            train: errors(model, &self.train()),
-            held_out: errors(model, &self.validate()),
+            train: sysid::errors(&fitted),
+            held_out: sysid::errors(&held_out),
             scatter: changes::scatter(model, &all),
             balance: sysid::fit::balance::record(model, &all),
-            rotor_delay_s: sysid::fit::alignment::common_delay_s(model, &self.train()),
+            rotor_delay_s: sysid::fit::alignment::common_delay_s(model, &train),
+            rotation_refused,
+            not_identified,
             ..FitRecord::default()
         }
     }
@@ -35,9 +43,8 @@ fn entries(flights: &[LoadedFlight], role: FlightRole) -> Vec<FlightRecord> {
     flights.iter().map(entry).collect()
 }
 
-fn errors(model: &Model, flights: &[&Prepared]) -> PerAxis<AxisError> {
-    let all: Vec<_> = flights.iter().map(|flight| sysid::residuals(flight, model)).collect();
-    sysid::errors(&all)
+fn residuals(model: &Model, flights: &[&Prepared]) -> Vec<Residuals> {
+    flights.iter().map(|flight| sysid::residuals(flight, model)).collect()
 }
 
 /// The fit record of a model as it is shown: errors of axes that the model does not speak of are not numbers.
@@ -64,7 +71,7 @@ pub fn rotation_refused(reasons: &[String]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use model::Effect;
+    use model::{Effect, PerAxis};
 
     use super::*;
     use crate::testing::{loaded, truth};
@@ -102,8 +109,19 @@ mod tests {
     }
 
     #[test]
-    fn the_errors_of_no_flights_are_none() {
-        assert_eq!(errors(&truth(), &[]), PerAxis::default());
+    fn what_is_not_identified_is_kept_with_the_errors() {
+        let flown = |seed| crate::testing::fly(&truth(), seed, 4.0, &crate::testing::ORDINARY);
+        let (train, validate, vehicle) = ([flown(1), flown(2)], [flown(3)], truth().vehicle);
+        let reading = crate::workflow::Reading::default();
+        let sets =
+            FlightSets::from_flights(&train, &validate, &vehicle, reading, &crate::workflow::Silent).unwrap();
+        assert_eq!(sets.record(&truth(), Vec::new()).not_identified, []);
+        let mut forces = truth();
+        forces.terms.retain(|term| [Effect::Thrust, Effect::LinearDrag].contains(&term.effect));
+        let record = sets.record(&forces, vec!["clocks drift".into()]);
+        assert_eq!(record.rotation_refused, ["clocks drift"]);
+        let [reason] = &record.not_identified[..] else { panic!("{:?}", record.not_identified) };
+        assert!(reason.group == model::Group::Rotation && reason.reason.ends_with("because clocks drift"));
     }
 
     #[test]

@@ -7,7 +7,7 @@ use clap::Subcommand;
 use design::check::{CheckOptions, CheckReport, check};
 use design::synthesis::{Designed, Method, Shortfall, Specs, Step, design};
 use design::{DesignError, Gains, Provenance};
-use model::Model;
+use model::{Model, NotIdentified};
 use report::significant;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -40,8 +40,23 @@ pub(crate) struct Options {
     #[arg(long, value_name = "TOML", required = true)]
     out: Option<PathBuf>,
 
+    /// Design for a model although its flights do not determine it; the gains are as wrong as the model
+    #[arg(long)]
+    accept_unidentified: bool,
+
     #[command(flatten)]
     output: OutputOptions,
+}
+
+/// A model that no gains should be designed for.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "{}: the {} of this model is not identified: {}; to determine it: {} (or --accept-unidentified to design all the same)",
+    path.display(), unknown.group, unknown.reason, unknown.fly
+)]
+struct Unidentified {
+    path: PathBuf,
+    unknown: NotIdentified,
 }
 
 #[derive(Subcommand)]
@@ -73,6 +88,12 @@ fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outc
     let inputs: Vec<&PathBuf> = std::iter::once(path).chain(&options.specs).collect();
     options.output.check([out], &inputs)?;
     let model = Model::read(path)?;
+    // Loops of attitude and yaw stand on the rotation, those of height and position on the translation: both are needed.
+    if let Some(unknown) =
+        diagnosis::recorded(&model).into_iter().next().filter(|_| !options.accept_unidentified)
+    {
+        return Err(Unidentified { path: path.clone(), unknown }.into());
+    }
     let specs = match &options.specs {
         Some(path) => {
             let text = std::fs::read_to_string(path)

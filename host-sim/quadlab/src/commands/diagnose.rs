@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use diagnosis::Diagnosis;
 use diagnosis::workflow::{self, FlightsOfOneKind};
+use diagnosis::{Diagnosis, Verdict};
 
 use crate::cli::colour;
 use crate::cli::faults::{self, FaultOptions};
@@ -19,7 +19,8 @@ use crate::render::{evidence, pages, tables};
 ///
 /// Every effect of the catalogue is fitted together with the whole model on the training flights and tested on the
 /// held-out flights. An effect is supported when it lowers the error there by more than chance would and by enough to
-/// matter, with coefficients that are physically possible.
+/// matter, with coefficients that are physically possible. Exit status 1 if the flights do not determine the model: what to
+/// fly is said.
 ///
 /// With --changed, instead of --train and --validate, the model's coefficients stay fixed, and the residual of new
 /// flights is explained by one change (a heavier craft, a weak motor, wind, ...). The change must stand out from the
@@ -126,12 +127,13 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
             .provenance(provenance(&[&options.model], sets.all()))
             .write(path)?;
     }
-    if options.output.json {
-        faults::json(&diagnosis, sets.all(), &sets.faults)
+    let outcome = if options.output.json {
+        faults::json(&diagnosis, sets.all(), &sets.faults)?
     } else {
         faults::warn(&sets.faults);
-        Ok(Outcome::done(text(options, &diagnosis, tables::candidates(&diagnosis, true))))
-    }
+        Outcome::done(text(options, &diagnosis, tables::candidates(&diagnosis, true)))
+    };
+    Ok(Outcome { holds: diagnosis.verdict != Verdict::NotIdentified, ..outcome })
 }
 
 fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
@@ -171,12 +173,13 @@ fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
         .provenance(provenance(&[&options.model], &changed.flights))
         .write(path)?;
     }
-    if options.output.json {
-        faults::json(&diagnosis, &changed.flights, &changed.faults)
+    let outcome = if options.output.json {
+        faults::json(&diagnosis, &changed.flights, &changed.faults)?
     } else {
         faults::warn(&changed.faults);
-        Ok(Outcome::done(text(options, &diagnosis, tables::change(&diagnosis))))
-    }
+        Outcome::done(text(options, &diagnosis, tables::change(&diagnosis)))
+    };
+    Ok(Outcome { holds: diagnosis.verdict != Verdict::NotIdentified, ..outcome })
 }
 
 fn text(options: &Options, diagnosis: &Diagnosis, coefficients: Grid) -> String {
@@ -186,9 +189,12 @@ fn text(options: &Options, diagnosis: &Diagnosis, coefficients: Grid) -> String 
             text.push_str(&format!("\n{}", grid.to_text()));
         }
     }
-    let left = tables::unexplained(&diagnosis.unexplained);
-    if left.has_rows() {
-        text.push_str(&format!("\n{}", left.to_text()));
+    for grid in
+        [tables::unexplained(&diagnosis.unexplained), tables::not_identified(&diagnosis.not_identified)]
+    {
+        if grid.has_rows() {
+            text.push_str(&format!("\n{}", grid.to_text()));
+        }
     }
     if let Some(path) = &options.html {
         text.push_str(&format!("\npage: {}\n", path.display()));

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use diagnosis::workflow::{self, Explanation};
 use diagnosis::{Unexplained, Verdict};
-use model::{Effect, PerAxis};
+use model::{Effect, NotIdentified, PerAxis, PerGroup};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -22,7 +22,7 @@ use crate::render::{pages, tables};
 /// Identify the basic model, then add effects until the flights support no further one.
 ///
 /// An effect is added only if the held-out flights support it. The error after every step is kept in the model's
-/// history.
+/// history. Exit status 1 if the flights do not determine the model: what to fly is said.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  quadlab explain --vehicle vehicle.toml --train A.csv B.csv C.csv \
                         --validate D.csv E.csv --out model.toml --html report.html")]
@@ -79,12 +79,13 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
             .provenance(provenance(&[&options.vehicle], sets.all()))
             .write(path)?;
     }
-    if options.output.json {
-        faults::json(&document(&explanation), sets.all(), &sets.faults)
+    let outcome = if options.output.json {
+        faults::json(&document(&explanation), sets.all(), &sets.faults)?
     } else {
         faults::warn(&sets.faults);
-        Ok(Outcome::done(text(options, &explanation)))
-    }
+        Outcome::done(text(options, &explanation))
+    };
+    Ok(Outcome { holds: explanation.verdict() != Verdict::NotIdentified, ..outcome })
 }
 
 fn text(options: &Options, explanation: &Explanation) -> String {
@@ -94,9 +95,11 @@ fn text(options: &Options, explanation: &Explanation) -> String {
         tables::falling_error(explanation).to_text()
     );
     text.push_str(&format!("\n{}", tables::coefficients(&explanation.model).to_text()));
-    let left = tables::unexplained(&explanation.last_diagnosis.unexplained);
-    if left.has_rows() {
-        text.push_str(&format!("\n{}", left.to_text()));
+    let last = &explanation.last_diagnosis;
+    for grid in [tables::unexplained(&last.unexplained), tables::not_identified(&last.not_identified)] {
+        if grid.has_rows() {
+            text.push_str(&format!("\n{}", grid.to_text()));
+        }
     }
     if let Some(outcome) = &explanation.refinement {
         text.push_str(&format!("\n{}", tables::paragraph(&refine::sentence(outcome))));
@@ -111,8 +114,11 @@ fn text(options: &Options, explanation: &Explanation) -> String {
 #[derive(Serialize, JsonSchema)]
 pub(crate) struct Document<'a> {
     /// Of the whole loop: `adequate` when nothing was missing, `missing-effect` when what was missing has been added and nothing
-    /// is left, `unexplained` when something is left at the end.
+    /// is left, `unexplained` when something is left at the end, `not-identified` when the flights do not determine the model at
+    /// the end and nothing was found.
     verdict: Verdict,
+    /// That of the translation and that of the rotation.
+    verdicts: PerGroup<Verdict>,
     /// Of the model before anything was added.
     verdict_first: Verdict,
     summary: String,
@@ -120,6 +126,8 @@ pub(crate) struct Document<'a> {
     sse_first: PerAxis<f64>,
     sse_last: PerAxis<f64>,
     unexplained: &'a [Unexplained],
+    /// What the flights do not determine at the end, and why.
+    not_identified: &'a [NotIdentified],
     #[serde(skip_serializing_if = "Option::is_none")]
     refinement: Option<RefinementEntry>,
 }
@@ -136,6 +144,7 @@ fn document(explanation: &Explanation) -> Document<'_> {
     let sse = |c: &sysid::Comparison| PerAxis::from_fn(|a| c.total[a].sse);
     Document {
         verdict: explanation.verdict(),
+        verdicts: explanation.verdicts(),
         verdict_first: explanation.first_diagnosis().verdict,
         summary: explanation.conclusion(),
         added: explanation
@@ -150,6 +159,7 @@ fn document(explanation: &Explanation) -> Document<'_> {
         sse_first: sse(&explanation.basic_comparison),
         sse_last: sse(explanation.last_comparison()),
         unexplained: &explanation.last_diagnosis.unexplained,
+        not_identified: &explanation.last_diagnosis.not_identified,
         refinement: explanation.refinement.as_ref().map(RefinementEntry::from),
     }
 }

@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use diagnosis::workflow::{self, FlightSets, Identified, rotation_refused, shown_record};
-use model::{AxisError, FlightRole, PerAxis};
+use model::{AxisError, FlightRole, Group, Model, NotIdentified, PerAxis};
 use schemars::JsonSchema;
 use serde::Serialize;
 use sysid::MotorsOfFlights;
 
+use crate::cli::colour;
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::SetOptions;
 use crate::cli::model_files::read_vehicle;
@@ -66,7 +67,24 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         faults::json(&document(&identified, &sets), sets.all(), &sets.faults)
     } else {
         faults::warn(&sets.faults);
+        warn_of_unidentified(&identified.model);
         Ok(text(options, &identified, &sets))
+    }
+}
+
+/// Warns of what the flights do not determine, but for signs and a refused rotation, which have been told. The document of
+/// `--json` has them all.
+fn warn_of_unidentified(model: &Model) {
+    let signs = sysid::impossible_signs(model);
+    let is_told = |unknown: &NotIdentified| {
+        let is_refused = unknown.group == Group::Rotation && !sysid::has_rotation(model);
+        is_refused || signs.contains(&unknown.reason)
+    };
+    let unknown = model.fit.as_ref().map_or(&[][..], |fit| &fit.not_identified);
+    for NotIdentified { group, reason, fly, .. } in unknown.iter().filter(|unknown| !is_told(unknown)) {
+        colour::warn(&format!(
+            "the {group} of this model is not identified: {reason}; an effect may be missing (see quadlab diagnose), or these              flights do not determine it: {fly}"
+        ));
     }
 }
 
@@ -74,7 +92,11 @@ fn text(options: &Options, identified: &Identified, sets: &FlightSets) -> Outcom
     let model = &identified.model;
     let record = shown_record(model);
     let mut more = String::new();
-    for grid in [tables::trim(sets.training.loaded()), tables::motors(model, &identified.motors)] {
+    for grid in [
+        tables::trim(sets.training.loaded()),
+        tables::motors(model, &identified.motors),
+        tables::not_identified(&record.not_identified),
+    ] {
         if grid.has_rows() {
             more.push_str(&format!("{}\n", grid.to_text()));
         }
@@ -105,6 +127,8 @@ pub(crate) struct Document<'a> {
     condition: f64,
     /// Why the model has no rotation, where it has none.
     rotation_refused: Vec<String>,
+    /// What of the model the flights do not determine, and why.
+    not_identified: Vec<NotIdentified>,
     /// Motor coefficients flight by flight, and whether they follow how the flights were flown.
     motors: &'a [MotorsOfFlights],
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -173,6 +197,7 @@ fn document<'a>(identified: &'a Identified, sets: &'a FlightSets) -> Document<'a
         held_out: record.held_out,
         condition: identified.condition,
         rotation_refused: record.rotation_refused,
+        not_identified: record.not_identified,
         motors: &identified.motors,
         refinement: identified.refinement.as_ref().map(RefinementEntry::from),
     }

@@ -205,8 +205,10 @@ pub(crate) fn changed(model: &Model, flights: &[LoadedFlight], diagnosis: &Diagn
             .section(since(effect, &before, &after));
         page = page.section(rivals(effect, finding));
     }
-    page.section(Section::new("Evidence").grid(&tables::evidence(diagnosis)))
-        .section(meanings(&all_effects(diagnosis)))
+    let evidence = Section::new("Evidence")
+        .grid(&tables::evidence(diagnosis))
+        .grid(&tables::not_identified(&diagnosis.not_identified));
+    page.section(evidence).section(meanings(&all_effects(diagnosis)))
 }
 
 /// The change that the flights support.
@@ -280,11 +282,14 @@ fn rivals(effect: Effect, finding: &EffectFinding) -> Section {
         .list(finding.confounded_with.iter().map(separated))
 }
 
-/// Structure that no effect accounts for, in a table and drawn.
+/// Structure that no effect accounts for, in a table and drawn, after what the flights do not determine.
 fn left(views: &[View], diagnosis: &Diagnosis) -> Section {
-    let section = Section::new("What is left");
+    let section = Section::new("What is left").grid(&tables::not_identified(&diagnosis.not_identified));
     if diagnosis.unexplained.is_empty() {
-        return section.paragraph("What is left depends on none of the measured quantities.");
+        return match diagnosis.not_identified.is_empty() {
+            true => section.paragraph("What is left depends on none of the measured quantities."),
+            false => section,
+        };
     }
     let section = section.grid(&tables::unexplained(&diagnosis.unexplained));
     let figures = diagnosis

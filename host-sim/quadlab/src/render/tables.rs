@@ -2,7 +2,7 @@
 
 use diagnosis::workflow::{Explanation, FlightSets, LoadedFlight};
 use diagnosis::{Diagnosis, EffectFinding, Unexplained};
-use model::{AXES, Axis, AxisError, Effect, HistoryEntry, Model, PerAxis};
+use model::{AXES, Axis, AxisError, Effect, HistoryEntry, Model, NotIdentified, PerAxis};
 use report::number::{fixed, p_value, percent, unit, value_and_error, with_error};
 use report::significant;
 use sysid::checks::clocks::Clock;
@@ -417,6 +417,20 @@ pub(crate) fn unexplained(all: &[Unexplained]) -> Grid {
     for u in all {
         let depends_on = u.depends_on.to_string();
         grid.push([u.axis.name().into(), depends_on, percent(u.share_percent), p_value(u.p_value)]);
+    }
+    grid
+}
+
+/// What flights do not determine of a model.
+pub(crate) fn not_identified(all: &[NotIdentified]) -> Grid {
+    let mut grid = Grid::new(
+        "Not identified: what these flights do not determine",
+        [text("part"), text("axis"), text("why, and what to fly")],
+    );
+    for one in all {
+        let axis = one.axis.map_or("all", Axis::name);
+        let why = format!("{}; to determine it: {}", one.reason, one.fly);
+        grid.push([one.group.name().into(), axis.into(), why]);
     }
     grid
 }

@@ -1,22 +1,35 @@
 //! Why a fitted model cannot be the craft's: signs that contradict its geometry or physics, a rotation that explains nothing.
 
-use model::{Axis, Effect, Kind, Model};
+use model::{Axis, Effect, EffectInfo, Kind, Model};
 use report::number::{fixed, with_error};
 
 use crate::fit::linearise::residuals_at_rows;
 use crate::fit::residuals::{Residuals, errors};
 use crate::prepare::Prepared;
 
+/// A coefficient of the basic model whose sign contradicts the craft's geometry or physics by more than its error.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SignDoubt {
+    /// The effect that it belongs to.
+    pub effect: Effect,
+    /// The axis on which it acts.
+    pub axis: Axis,
+    /// The coefficient, its value and what to look at.
+    pub sentence: String,
+    /// How many of its standard errors the value lies beyond zero; without end for one without error.
+    pub errors: f64,
+}
+
 /// Coefficients of the basic model whose sign contradicts the craft's geometry or physics by more than their error, each as
 /// a sentence. A fit with a motor that pushes the wrong way can predict well and is no model: it holds rates and damps
 /// them.
 pub fn impossible_signs(model: &Model) -> Vec<String> {
-    doubts(model).into_iter().map(|(_, doubt)| doubt).collect()
+    sign_doubts(model).into_iter().map(|doubt| doubt.sentence).collect()
 }
 
 /// Whether thrust points up. A term that makes it negative is no effect but a polynomial that happens to fit.
 pub fn produces_thrust(model: &Model) -> bool {
-    doubts(model).iter().all(|(effect, _)| *effect != Effect::Thrust)
+    sign_doubts(model).iter().all(|doubt| doubt.effect != Effect::Thrust)
 }
 
 /// A model whose rotation explains less than this of every moment row knows nothing of it.
@@ -25,8 +38,7 @@ const LEAST_ROTATION_R2: f64 = 0.1;
 /// Why the rotation is not identifiable from the flights a model was fitted to: rotors that push the wrong way, or moment
 /// rows of which nothing is explained. Empty where it is.
 pub fn rotation_doubts(model: &Model, flights: &[&Prepared]) -> Vec<String> {
-    let motors = |(effect, doubt): (Effect, String)| (effect == Effect::RotorMoments).then_some(doubt);
-    let mut found: Vec<String> = doubts(model).into_iter().filter_map(motors).collect();
+    let mut found = rotor_signs(model);
     let all: Vec<Residuals> = flights.iter().map(|f| residuals_at_rows(f, model, f.fit_stride())).collect();
     let fitted = errors(&all);
     let largest =
@@ -41,25 +53,36 @@ pub fn rotation_doubts(model: &Model, flights: &[&Prepared]) -> Vec<String> {
     found
 }
 
-fn doubts(model: &Model) -> Vec<(Effect, String)> {
+/// Rotors that push the wrong way, each as a sentence.
+pub fn rotor_signs(model: &Model) -> Vec<String> {
+    let of_rotors = sign_doubts(model).into_iter().filter(|doubt| doubt.effect == Effect::RotorMoments);
+    of_rotors.map(|doubt| doubt.sentence).collect()
+}
+
+/// Coefficients of the basic model with an impossible sign: see [`impossible_signs`].
+pub fn sign_doubts(model: &Model) -> Vec<SignDoubt> {
     let spin = model.vehicle.motors.spin.map(|s| s.yaw_sign());
     let rotors = model.rotor_quantity();
     let mut found = Vec::new();
     for term in model.terms.iter().filter(|t| t.effect.info().kind == Kind::Basic) {
-        for (estimate, info) in term.coefficients.iter().zip(term.effect.info().coefficients) {
+        let EffectInfo { axes, coefficients, .. } = term.effect.info();
+        for (k, (estimate, info)) in term.coefficients.iter().zip(*coefficients).enumerate() {
             let Some(expected) = info.expected_sign(&spin) else { continue };
             let slack = 2.0 * estimate.std_error.unwrap_or(0.0);
             if estimate.value * expected < -slack {
                 let should = if expected > 0.0 { "positive" } else { "negative" };
-                found.push((
-                    term.effect,
-                    format!(
+                found.push(SignDoubt {
+                    effect: term.effect,
+                    // Each axis has as many coefficients as the others, and they are in its order.
+                    axis: axes[k * axes.len() / coefficients.len()],
+                    errors: 2.0 * estimate.value.abs() / slack,
+                    sentence: format!(
                         "{} = {} must be {should}: rotor order or spin in the vehicle file, a clock offset \
                      between commands and motion, or too little excitation",
                         info.name,
                         with_error(estimate.value, 0.5 * slack, info.unit_for(rotors))
                     ),
-                ));
+                });
             }
         }
     }
@@ -113,8 +136,31 @@ mod tests {
     fn rotors_that_spin_the_other_way_make_the_yaw_of_all_four_impossible() {
         let mut model = truth();
         model.vehicle.motors.spin.rotate_left(1);
-        let doubts = impossible_signs(&model);
+        let doubts = sign_doubts(&model);
         assert_eq!(doubts.len(), 4, "{doubts:?}");
+        assert!(doubts.iter().all(|doubt| doubt.axis == Axis::R), "{doubts:?}");
+        assert_eq!(rotor_signs(&model), impossible_signs(&model));
+    }
+
+    #[test]
+    fn a_doubt_names_the_axis_on_which_its_coefficient_acts() {
+        for (effect, k, axis) in [
+            (Effect::LinearDrag, 1, Axis::V),
+            (Effect::RotorMoments, 3, Axis::P),
+            (Effect::RotorMoments, 4, Axis::Q),
+            (Effect::Thrust, 0, Axis::W),
+        ] {
+            let mut model = truth();
+            let mut values = model.term(effect).unwrap().values();
+            values[k] *= -1.0;
+            model.set(effect, &values);
+            let doubts = sign_doubts(&model);
+            assert_eq!(doubts.iter().map(|d| (d.effect, d.axis)).collect::<Vec<_>>(), [(effect, axis)]);
+        }
+        let mut model = truth();
+        let drag: Vec<f64> = model.term(Effect::LinearDrag).unwrap().values().iter().map(|c| -c).collect();
+        model.set(Effect::LinearDrag, &drag);
+        assert_eq!(rotor_signs(&model), [""; 0]);
     }
 
     #[test]

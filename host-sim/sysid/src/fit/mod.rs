@@ -33,7 +33,7 @@ pub mod trim;
 mod undefined;
 mod unloaded;
 
-pub use doubts::{impossible_signs, produces_thrust, rotation_doubts};
+pub use doubts::{SignDoubt, impossible_signs, produces_thrust, rotation_doubts, rotor_signs, sign_doubts};
 pub use error::{FitError, check_residuals};
 pub use fitted::Fit;
 pub use identification::{fit, fit_if};

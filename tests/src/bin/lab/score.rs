@@ -132,7 +132,7 @@ impl Scores {
         let pairs = || kind(|h| matches!(h, Hidden::Together(effects) if effects.len() == 2));
         let triples = || kind(|h| matches!(h, Hidden::Together(effects) if effects.len() == 3));
         let outside = || kind(|h| matches!(h, Hidden::Outside(_)));
-        let is_verdict = |answer: &str| ["adequate", "unexplained"].contains(&answer);
+        let is_verdict = |answer: &str| ["adequate", "unexplained", "not-identified"].contains(&answer);
         let all = |o: &Outcome| o.trial.planted().iter().all(|(id, _)| o.found.contains(id));
         let distances = || outcomes.iter().flat_map(|o| &o.coefficients);
         Self {

@@ -16,7 +16,7 @@ const HALF_95: f64 = 1.959_964;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Outcome {
     pub(crate) trial: Trial,
-    /// What it answered first: an effect's identifier, "adequate", "unexplained", or why there is no answer.
+    /// What it answered first: an effect's identifier, "adequate", "unexplained", "not-identified", or why there is no answer.
     pub(crate) answer: String,
     /// Whether the motor it blames is the one, where it blames one.
     pub(crate) motor_is_right: bool,
@@ -229,6 +229,7 @@ fn answer(diagnosis: &Diagnosis) -> String {
     match (diagnosis.best(), diagnosis.verdict) {
         (Some(effect), _) => effect.id().into(),
         (None, Verdict::Adequate) => "adequate".into(),
+        (None, Verdict::NotIdentified) => "not-identified".into(),
         (None, _) => "unexplained".into(),
     }
 }
