@@ -1,5 +1,6 @@
 //! What is checked of flights, of a vehicle file and of a fit: faults are found and named, not fitted away.
 
+pub mod airborne;
 pub mod channels;
 pub mod clocks;
 pub mod command_clock;
