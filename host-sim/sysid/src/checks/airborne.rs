@@ -16,6 +16,7 @@ use flights::{Column, Flight, median_step};
 use model::Vehicle;
 use report::number::fixed;
 
+use crate::prepare::StandingGyro;
 use crate::statistics::median;
 
 /// Length of a piece, s, and least samples of one.
@@ -94,15 +95,6 @@ pub struct LeftOut {
     pub why: Ground,
 }
 
-/// What the gyro tells of a craft that stands.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StandingGyro {
-    /// Mean rates, rad/s.
-    pub mean_rad_s: [f64; 3],
-    /// Standard errors of them, rad/s.
-    pub std_error_rad_s: [f64; 3],
-}
-
 /// The flown parts of a log.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Airborne {
@@ -114,19 +106,17 @@ pub struct Airborne {
     pub gyro: Option<StandingGyro>,
 }
 
-impl Airborne {
-    /// What is left out, for people: "0.00 to 3.21 s (standing)".
-    pub fn sentence(&self) -> Option<String> {
-        let part = |p: &LeftOut| format!("{} to {} s ({})", fixed(p.from_s, 2), fixed(p.to_s, 2), p.why.id());
-        let parts: Vec<String> = self.left_out.iter().map(part).collect();
-        (!parts.is_empty()).then(|| {
-            format!(
-                "the craft does not fly throughout; left out: {} (to use other parts, give --from and --to, or a list \
-                 use = [[from, to], ...] in a file FLIGHT.use.toml beside the flight)",
-                parts.join(", ")
-            )
-        })
-    }
+/// What is left out, for people; nothing where nothing is.
+pub fn sentence(left_out: &[LeftOut]) -> Option<String> {
+    let part = |p: &LeftOut| format!("{} to {} s ({})", fixed(p.from_s, 2), fixed(p.to_s, 2), p.why.id());
+    let parts: Vec<String> = left_out.iter().map(part).collect();
+    (!parts.is_empty()).then(|| {
+        format!(
+            "the craft does not fly all the time, and only what it flies is used; left out: {} (to use other parts, give \
+             --from and --to, or a file FLIGHT.use.toml beside the flight)",
+            parts.join(", ")
+        )
+    })
 }
 
 /// Finds what is flown of a log.
@@ -469,7 +459,7 @@ mod tests {
         let found = of(&flown_between(0.0, 0.0, |_, _| {}));
         assert_eq!(found.left_out, []);
         assert!(found.flown.iter().all(|flown| *flown) && found.gyro.is_none());
-        assert_eq!(found.sentence(), None);
+        assert_eq!(sentence(&found.left_out), None);
     }
 
     #[test]
@@ -490,7 +480,8 @@ mod tests {
         assert!((12.6..13.01).contains(&touch_down) && to > 15.4, "{touch_down} {to}");
         let flown = found.flown.iter().filter(|flown| **flown).count();
         assert!((920..1000).contains(&flown), "{flown}");
-        assert!(found.sentence().unwrap().contains("left out: 0.00 to 3.1"), "{:?}", found.sentence());
+        let said = sentence(&found.left_out).unwrap();
+        assert!(said.contains("left out: 0.00 to 3.") && said.contains(" s (standing), 12."), "{said}");
     }
 
     #[test]

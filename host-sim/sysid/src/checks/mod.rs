@@ -15,4 +15,4 @@ pub mod overlap;
 mod tracks;
 pub mod vehicle;
 
-pub use examine::{Examined, Fault, FaultKind, Severity, examine};
+pub use examine::{Examined, Fault, FaultKind, Parts, Severity, Taken, examine, examine_parts};

@@ -14,6 +14,7 @@ mod prepared;
 mod states;
 mod stretch;
 
+pub use biases::StandingGyro;
 pub use conditions::Conditions;
 pub use corrections::{Alignment, PieceOffset, Trim};
 pub use error::PrepareError;

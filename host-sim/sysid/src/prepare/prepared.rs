@@ -20,7 +20,7 @@ use model::Vehicle;
 
 use crate::filter::RegressionFilter;
 use crate::prepare::battery;
-use crate::prepare::biases::{remove_accelerometer_bias, remove_gyro_bias};
+use crate::prepare::biases::{StandingGyro, remove_accelerometer_bias, remove_gyro_bias};
 use crate::prepare::channels::Channels;
 use crate::prepare::corrections::{Alignment, Trim};
 use crate::prepare::error::PrepareError;
@@ -104,6 +104,15 @@ pub struct Prepared {
 impl Prepared {
     /// Prepares a flight of `vehicle`. Errors are a sentence for people; the caller names the file.
     pub fn new(flight: &Flight, vehicle: &Vehicle) -> Result<Self, PrepareError> {
+        Self::with_standing(flight, vehicle, None)
+    }
+
+    /// Prepares a flight of a craft whose gyro was seen standing as well.
+    pub(crate) fn with_standing(
+        flight: &Flight,
+        vehicle: &Vehicle,
+        standing: Option<StandingGyro>,
+    ) -> Result<Self, PrepareError> {
         let t = flight.required(Column::T);
         let period_s = rounded_period(median_step(t));
         let filter = RegressionFilter::new(period_s);
@@ -122,7 +131,7 @@ impl Prepared {
         }
         let (mut stretches, jitter_s) = even_stretches(channels, t, period_s, &filter, margin, &mut notes)?;
         battery::steady(&mut stretches, vehicle, period_s);
-        let gyro_bias_rad_s = remove_gyro_bias(&mut stretches, &filter);
+        let gyro_bias_rad_s = remove_gyro_bias(&mut stretches, &filter, standing, &mut notes);
         let accelerometer_bias_m_s2 = if has_logged_velocity {
             remove_accelerometer_bias(&mut stretches, &filter, vehicle.gravity)
         } else {
