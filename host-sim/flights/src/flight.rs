@@ -130,7 +130,10 @@ mod tests {
     #[test]
     fn rows_that_are_left_out_are_gone_from_every_column() {
         let some = resting(vec![1.0, 2.0, 3.0, 4.0]).with_rows(&[false, true, false, true]);
-        assert_eq!((some.required(Column::X), some.required(Column::T)), (&[2.0, 4.0][..], &[0.01, 0.03][..]));
+        assert_eq!(
+            (some.required(Column::X), some.required(Column::T)),
+            (&[2.0, 4.0][..], &[0.01, 0.03][..])
+        );
         assert_eq!((some.len(), some.column(Column::Vx)), (2, None));
     }
 

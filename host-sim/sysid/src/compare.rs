@@ -9,8 +9,8 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::fit::has_rotation;
-use crate::fit::open_loop::{open_loop_of_cleaned, sum_of_horizons};
 pub use crate::fit::open_loop::{HorizonError, LONGEST_HORIZON, open_loop};
+use crate::fit::open_loop::{open_loop_of_cleaned, sum_of_horizons};
 use crate::prepare::{Alignment, Prepared};
 use crate::{Residuals, errors, residuals};
 

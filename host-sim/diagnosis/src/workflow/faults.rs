@@ -161,8 +161,8 @@ mod tests {
     use super::*;
     use crate::testing::{loaded, truth};
 
-    const STRICT: Reading = Reading { accept_faults: false };
-    const LENIENT: Reading = Reading { accept_faults: true };
+    const STRICT: Reading = Reading { accept_faults: false, window_s: None };
+    const LENIENT: Reading = Reading { accept_faults: true, window_s: None };
 
     #[test]
     fn five_flights_are_named_and_more_are_counted() {
@@ -172,7 +172,8 @@ mod tests {
             let first = &flights[0];
             let (path, sha256) = (name(flights.len()).into(), String::new());
             let (prepared, clocks) = (first.prepared.clone(), first.clocks);
-            flights.push(LoadedFlight { path, sha256, prepared, faults: Vec::new(), clocks });
+            let (faults, taken) = (Vec::new(), sysid::Taken::default());
+            flights.push(LoadedFlight { path, sha256, prepared, faults, clocks, taken });
         }
         assert_eq!(listed(&flights[1..6]), "1.csv, 2.csv, 3.csv, 4.csv, 5.csv");
         assert_eq!(listed(&flights), "flight-1.csv, 1.csv, 2.csv, 3.csv, 4.csv and 2 more");

@@ -206,10 +206,12 @@ impl Pieces {
         let Some(&high) = all.get(all.len() * 9 / 10) else { return };
         let flies = |k: &usize| self.thrust[*k] > FLYING_PART * high;
         let flying: Vec<usize> = (0..self.count()).filter(flies).collect();
-        let moving: Vec<f64> =
-            flying.iter().filter(|&&k| !self.stands(k)).map(|&k| self.thrust[k]).collect();
-        let mut counted =
-            if moving.len() >= ENOUGH_MOVING { moving } else { flying.iter().map(|&k| self.thrust[k]).collect() };
+        let moving: Vec<f64> = flying.iter().filter(|&&k| !self.stands(k)).map(|&k| self.thrust[k]).collect();
+        let mut counted = if moving.len() >= ENOUGH_MOVING {
+            moving
+        } else {
+            flying.iter().map(|&k| self.thrust[k]).collect()
+        };
         let usual = median(&mut counted).filter(|usual| *usual > 0.0).unwrap_or(f64::NAN);
         self.thrust.iter_mut().for_each(|thrust| *thrust /= usual);
     }

@@ -11,9 +11,9 @@ use model::Vehicle;
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::checks::airborne::{self, Airborne, LeftOut};
 use crate::checks::clocks::{self, Clock, Clocks};
 use crate::checks::frames::{self, FrameFault};
-use crate::checks::airborne::{self, Airborne, LeftOut};
 use crate::checks::{channels, command_clock, imu, motors};
 use crate::prepare::{PrepareError, Prepared, StandingGyro};
 use flights::{Column, Flight};

@@ -109,7 +109,8 @@ fn with_standing(
         return flying;
     }
     notes.push("gyro bias from standing still as well".into());
-    let both = |i: usize, _| (flying[i] * of_stood[i] + stood[i] * of_flying[i]) / (of_stood[i] + of_flying[i]);
+    let both =
+        |i: usize, _| (flying[i] * of_stood[i] + stood[i] * of_flying[i]) / (of_stood[i] + of_flying[i]);
     Vector3::from_fn(both)
 }
 
