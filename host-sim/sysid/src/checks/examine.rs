@@ -14,7 +14,7 @@ use serde::Serialize;
 use crate::checks::airborne::{self, Airborne, LeftOut};
 use crate::checks::clocks::{self, Clock, Clocks};
 use crate::checks::frames::{self, FrameFault};
-use crate::checks::{channels, command_clock, imu, motors};
+use crate::checks::{channels, command_clock, imu, interpolated, motors};
 use crate::prepare::{PrepareError, Prepared, StandingGyro};
 use flights::{Column, Flight};
 
@@ -198,6 +198,10 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
     if let Some(masked) = channels.masked {
         flight = Cow::Owned(masked);
     }
+    let interpolated = interpolated::check(&flight);
+    interpolated.iter().for_each(|found| {
+        add(FaultKind::Interpolated, Severity::Warning, found.sentence());
+    });
     let mut prepared = Prepared::with_standing(&flight, vehicle, standing)?;
     let mut clocks = Clocks::default();
     let mut frame = frames::check(&prepared, vehicle);
@@ -224,6 +228,7 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
         add_frame(fault, &mut add);
     }
     prepared.notes.iter().for_each(|note| add(FaultKind::Gaps, Severity::Note, note.clone()));
+    prepared.is_interpolated = !interpolated.is_empty();
     faults.sort_by_key(|f| std::cmp::Reverse(f.severity));
     Ok(Examined { prepared, faults, clocks, taken })
 }

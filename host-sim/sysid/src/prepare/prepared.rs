@@ -86,6 +86,8 @@ pub struct Prepared {
     pub notes: Vec<String>,
     /// Values that were taken for gross outliers and replaced.
     pub outliers: Vec<Outlier>,
+    /// Whether columns of the log were interpolated from a lower rate, which looks like time gained or lost.
+    pub is_interpolated: bool,
     /// The clock of the rotor samples against that of the state, where it was looked at.
     pub alignment: Option<Alignment>,
     /// Constant part of the targets that belongs to this flight and not to the craft; m/s^2,
@@ -147,6 +149,7 @@ impl Prepared {
             accelerometer_bias_m_s2,
             notes,
             outliers,
+            is_interpolated: false,
             alignment: None,
             trim: None,
             jitter_s,
