@@ -8,6 +8,7 @@ use model::{Effect, Model, Vehicle};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use sysid::checks::clocks::Clocks;
+use sysid::checks::under_sampled::Thinning;
 use sysid::{Examined, Fault, Parts, Prepared, Taken};
 
 use crate::observer::{Observer, Progress};
@@ -27,6 +28,8 @@ pub struct LoadedFlight {
     pub clocks: Clocks,
     /// Which parts of the log were taken.
     pub taken: Taken,
+    /// What thinning its commands shows.
+    pub(crate) thinning: Option<Thinning>,
 }
 
 /// How flights are taken.
@@ -91,8 +94,8 @@ impl LoadedFlight {
         sha256: String,
     ) -> Result<Self, WorkflowError> {
         match sysid::examine_parts(flight, vehicle, parts) {
-            Ok(Examined { prepared, faults, clocks, taken }) => {
-                Ok(Self { path, sha256, prepared, faults, clocks, taken })
+            Ok(Examined { prepared, faults, clocks, taken, thinning }) => {
+                Ok(Self { path, sha256, prepared, faults, clocks, taken, thinning })
             }
             Err(why) => Err(WorkflowError::Unusable { path, why }),
         }

@@ -14,7 +14,8 @@ use serde::Serialize;
 use crate::checks::airborne::{self, Airborne, LeftOut};
 use crate::checks::clocks::{self, Clock, Clocks};
 use crate::checks::frames::{self, FrameFault};
-use crate::checks::{channels, command_clock, imu, interpolated, motors};
+use crate::checks::under_sampled::Thinning;
+use crate::checks::{channels, command_clock, imu, interpolated, motors, under_sampled};
 use crate::prepare::{PrepareError, Prepared, StandingGyro};
 use flights::{Column, Flight};
 
@@ -147,6 +148,8 @@ pub struct Examined {
     pub clocks: Clocks,
     /// Which parts of the log were taken.
     pub taken: Taken,
+    /// What thinning its commands shows, for [`crate::checks::under_sampled::of_flights`].
+    pub thinning: Option<Thinning>,
 }
 
 /// Which parts of a log to take.
@@ -230,7 +233,8 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
     prepared.notes.iter().for_each(|note| add(FaultKind::Gaps, Severity::Note, note.clone()));
     prepared.is_interpolated = !interpolated.is_empty();
     faults.sort_by_key(|f| std::cmp::Reverse(f.severity));
-    Ok(Examined { prepared, faults, clocks, taken })
+    let thinning = under_sampled::thinning(&prepared, vehicle);
+    Ok(Examined { prepared, faults, clocks, taken, thinning })
 }
 
 /// The rows that are taken, what the gyro tells where the craft stands, and which parts they are.

@@ -126,7 +126,8 @@ impl Piece {
         sizes.sort_unstable_by(f64::total_cmp);
         let large = sizes[(LARGE * sizes.len() as f64) as usize];
         let zero: Vec<bool> = second_difference.iter().map(|d| d.abs() < ZERO * large).collect();
-        let moving = values.windows(3).zip(&zero).filter(|(w, zero)| **zero && (w[0] != w[1] || w[1] != w[2]));
+        let moving =
+            values.windows(3).zip(&zero).filter(|(w, zero)| **zero && (w[0] != w[1] || w[1] != w[2]));
         let zeros = zero.iter().filter(|zero| **zero).count();
         // Values that stay are held, not drawn.
         (large > 0.0 && 2 * moving.count() >= zeros).then_some(Self { second_difference, zero })
@@ -192,7 +193,9 @@ mod tests {
     fn noisy() -> Flight {
         let mut rng = Pcg64Mcg::seed_from_u64(2);
         let mut flight = fly(&truth(), 1, 12.0, &NONE);
-        for column in [Column::P, Column::Q, Column::R, Column::Cmd1, Column::Cmd2, Column::Cmd3, Column::Cmd4] {
+        for column in
+            [Column::P, Column::Q, Column::R, Column::Cmd1, Column::Cmd2, Column::Cmd3, Column::Cmd4]
+        {
             let size = if (column as usize) < Column::Cmd1 as usize { 0.01 } else { 2.0 };
             let values = flight.required(column).iter().map(|v| v + size * rng.random_range(-1.0..1.0));
             let values = values.collect();
@@ -249,8 +252,7 @@ mod tests {
         let found = check(&flight);
         assert_eq!(found.len(), 1);
         let said = found[0].sentence();
-        let start =
-            "p, q, r, cmd1, cmd2, cmd3, cmd4 look interpolated by straight lines from 50 to 100 Hz: the samples";
+        let start = "p, q, r, cmd1, cmd2, cmd3, cmd4 look interpolated by straight lines from 50 to 100 Hz: the samples";
         assert!(said.starts_with(start), "{said}");
     }
 

@@ -14,6 +14,7 @@ pub mod interpolated;
 pub mod motors;
 pub mod overlap;
 mod tracks;
+pub mod under_sampled;
 pub mod vehicle;
 
 pub use examine::{Examined, Fault, FaultKind, Parts, Severity, Taken, examine, examine_parts};

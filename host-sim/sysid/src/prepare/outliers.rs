@@ -55,7 +55,7 @@ const LOOKED_AT: f64 = 3.0;
 /// The median distance of a normal deviation of one.
 const MIDDLE_OF_NORMAL: f64 = 0.6745;
 /// A quantile that the scale of a whole channel is taken from as well, and the distance there: where a channel is quiet for more
-/// than half of the time (held, or on an even slope) the median says nothing about the rest. One sample in twenty that is a
+/// than half of the time (on an even slope, say) the median says nothing about the rest. One sample in twenty that is a
 /// spike spoils one distance in seven.
 const UPPER: f64 = 0.8;
 const UPPER_OF_NORMAL: f64 = 1.2816;
@@ -182,9 +182,11 @@ fn usual_distances(channel: &[f64]) -> Vec<f64> {
     usual
 }
 
-/// A quantile of what is finite; zero of fewer than ten values.
+/// A quantile of what is finite and not zero; zero of fewer than ten values. A distance of exactly zero is that of a held or
+/// coarsely rounded value and tells nothing of noise.
 fn quantile(values: &[f64], part: f64) -> f64 {
-    let mut values: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    let mut values: Vec<f64> =
+        values.iter().copied().filter(|value| value.is_finite() && *value > 0.0).collect();
     if values.len() < 10 {
         return 0.0;
     }
