@@ -298,7 +298,8 @@ fn explain_names_interpolated_commands_and_looks_for_no_dead_time() {
         for column in [Column::Cmd1, Column::Cmd2, Column::Cmd3, Column::Cmd4] {
             let values = flight.required(column).to_vec();
             let next = |k: usize| values[(k + 1).min(values.len() - 1)];
-            let drawn = |k: usize| if k % 2 == 0 { values[k] } else { 0.5 * (values[k - 1] + next(k)) };
+            let drawn =
+                |k: usize| if k.is_multiple_of(2) { values[k] } else { 0.5 * (values[k - 1] + next(k)) };
             flight.replace(column, (0..values.len()).map(drawn).collect());
         }
         std::fs::write(&path, flight.to_csv()).unwrap();

@@ -386,11 +386,11 @@ mod tests {
         let mut rng = Pcg64Mcg::seed_from_u64(4);
         let mut moved = 0.0;
         let mut curve = flown(&mut rng, 0.0002);
-        for k in 1..3000 {
+        for (k, value) in curve.iter_mut().enumerate() {
             if k % 35 == 17 {
                 moved += rng.random_range(-0.02..0.02);
             }
-            curve[k] += moved;
+            *value += moved;
         }
         let logged: Vec<f64> = (0..3000)
             .map(|k| {

@@ -262,7 +262,7 @@ fn in_stretch(outlier: &Outlier, rows: &Range<usize>, stretch: &Stretch) -> Opti
     let after = stretch.time_s.partition_point(|t| *t < outlier.t_s).min(stretch.time_s.len() - 1);
     let before = after.saturating_sub(1);
     let nearer = (stretch.time_s[after] - outlier.t_s) < (outlier.t_s - stretch.time_s[before]);
-    rows.contains(&outlier.row).then(|| Outlier { row: if nearer { after } else { before }, ..*outlier })
+    rows.contains(&outlier.row).then_some(Outlier { row: if nearer { after } else { before }, ..*outlier })
 }
 
 /// A period within 0.1 % of a whole number of tenths of a millisecond is that number: clocks tick
