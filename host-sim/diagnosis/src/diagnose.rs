@@ -50,7 +50,7 @@ pub fn diagnose_with(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Diagnosis, SearchError> {
-    let candidates = options.candidates(model);
+    let candidates = options.candidates_by(model, &[train, validate].concat());
     let search = Search::new(model, candidates, train, validate, observer)?;
     let mut chosen = search.choose()?;
     let confounded = confounded(&search, &chosen)?;

@@ -1,7 +1,7 @@
 //! What a diagnosis considers.
 
 use model::{Effect, Model};
-use sysid::{has_rotation, without_rotation};
+use sysid::{Prepared, has_rotation, without_rotation};
 
 use crate::change::Change;
 
@@ -18,6 +18,15 @@ impl Options {
         let missing = |e: &Effect| !model.has(*e) && !self.without.contains(e);
         let all: Vec<Effect> = Effect::candidates().filter(missing).collect();
         if has_rotation(model) { all } else { without_rotation(&all) }
+    }
+
+    /// What could be missing from a model, by these flights: a dead time cannot be told from what interpolation does to a log.
+    pub(crate) fn candidates_by(&self, model: &Model, flights: &[&Prepared]) -> Vec<Effect> {
+        let mut candidates = self.candidates(model);
+        if flights.iter().any(|flight| flight.is_interpolated) {
+            candidates.retain(|effect| *effect != Effect::InputDelay);
+        }
+        candidates
     }
 
     /// What could be missing from a model, and `effect`, which is asked about.

@@ -103,6 +103,14 @@ pub enum FlightError {
         /// The column.
         column: &'static str,
     },
+    /// A list of parts to use that says nothing.
+    #[error("{}: {what}; write for example use = [[3.2, 41.0], [55.0, 80.5]], in seconds of the column t", path.display())]
+    Parts {
+        /// The file.
+        path: PathBuf,
+        /// Which field, and what is wrong with it.
+        what: String,
+    },
     /// A column that is not in its unit.
     #[error("{}: column \"{column}\" {observed}: {advice}", path.display())]
     Unit {

@@ -52,6 +52,14 @@ impl Flight {
         self.columns[column as usize] = Some(values);
     }
 
+    /// The flight with some of its rows only.
+    pub fn with_rows(&self, keep: &[bool]) -> Self {
+        let kept = |values: &Vec<f64>| -> Vec<f64> {
+            values.iter().zip(keep).filter(|(_, keep)| **keep).map(|(value, _)| *value).collect()
+        };
+        Self { name: self.name.clone(), columns: self.columns.each_ref().map(|c| c.as_ref().map(kept)) }
+    }
+
     /// A column that every flight has.
     pub fn required(&self, column: Column) -> &[f64] {
         self.column(column).unwrap_or(&[])
@@ -117,6 +125,16 @@ mod tests {
         let text = resting(vec![1.0, f64::NAN, 2.0]).to_csv();
         let row: Vec<&str> = text.lines().nth(2).unwrap().split(',').collect();
         assert_eq!(row[..3], ["0.01", "", "0.25"]);
+    }
+
+    #[test]
+    fn rows_that_are_left_out_are_gone_from_every_column() {
+        let some = resting(vec![1.0, 2.0, 3.0, 4.0]).with_rows(&[false, true, false, true]);
+        assert_eq!(
+            (some.required(Column::X), some.required(Column::T)),
+            (&[2.0, 4.0][..], &[0.01, 0.03][..])
+        );
+        assert_eq!((some.len(), some.column(Column::Vx)), (2, None));
     }
 
     #[test]

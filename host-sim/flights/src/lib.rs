@@ -13,10 +13,12 @@ mod error;
 mod flight;
 mod foreign;
 mod header;
+mod parts;
 mod reading;
 mod sampling;
 
 pub use columns::{COLUMNS, Column};
 pub use error::FlightError;
 pub use flight::Flight;
+pub use parts::{parts_file, parts_to_use};
 pub use sampling::{GAP_PERIODS, median_step};

@@ -9,8 +9,8 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::fit::has_rotation;
-use crate::fit::open_loop::sum_of_horizons;
 pub use crate::fit::open_loop::{HorizonError, LONGEST_HORIZON, open_loop};
+use crate::fit::open_loop::{open_loop_of_cleaned, sum_of_horizons};
 use crate::prepare::{Alignment, Prepared};
 use crate::{Residuals, errors, residuals};
 
@@ -91,8 +91,11 @@ pub struct Comparison {
     pub flights: Vec<FlightComparison>,
     /// All flights together.
     pub total: PerAxis<AxisFigures>,
-    /// Open-loop prediction, all flights together.
+    /// Open-loop prediction, all flights together, against the samples as logged.
     pub horizons: Horizons,
+    /// The same against the samples without the outliers that preparation takes out, where there are any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub horizons_cleaned: Option<Horizons>,
     /// Mean norm of the error at every horizon from 1 to 50 samples, for plots.
     #[serde(skip)]
     pub by_horizon: Vec<HorizonError>,
@@ -120,6 +123,7 @@ pub fn compare(model: &Model, flights: &[&Prepared]) -> Comparison {
             .collect(),
         total,
         horizons: summary(&by_horizon),
+        horizons_cleaned: open_loop_of_cleaned(model, flights).map(|by_horizon| summary(&by_horizon)),
         by_horizon,
         worst: worst(model, flights, &all),
     }

@@ -10,7 +10,7 @@ pub mod statistics;
 #[cfg(test)]
 mod testing;
 
-pub use checks::{Examined, Fault, FaultKind, Severity, examine};
+pub use checks::{Examined, Fault, FaultKind, Parts, Severity, Taken, examine, examine_parts};
 pub use compare::{Comparison, compare};
 pub use fit::alignment::{Reference, align, align_to};
 pub use fit::closed_loop::{MotorsOfFlights, motors_of_flights};

@@ -2,6 +2,7 @@
 
 use model::{Effect, FlightRole, GROUPS, Model, NotIdentified, Vehicle};
 use sysid::checks::overlap;
+use sysid::checks::under_sampled;
 use sysid::checks::vehicle::{self, Likeness};
 use sysid::{Fault, FaultKind, Prepared, Severity};
 
@@ -120,7 +121,10 @@ impl Faults {
             let (kind, severity) = (FaultKind::SharedSamples, Severity::Refused);
             self.add(again.path.display().to_string(), Fault { kind, severity, flight, sentence });
         }
-        for fault in vehicle::of_set(&prepared(train), &prepared(validate)) {
+        let thinnings: Vec<_> = train.iter().chain(validate).map(|flight| flight.thinning).collect();
+        let of_commands = under_sampled::of_flights(&thinnings)
+            .map(|sentence| Fault::of_all(FaultKind::UnderSampled, Severity::Warning, sentence));
+        for fault in vehicle::of_set(&prepared(train), &prepared(validate)).into_iter().chain(of_commands) {
             self.add("flights", fault);
         }
         Ok(())
@@ -187,8 +191,8 @@ mod tests {
     use super::*;
     use crate::testing::{loaded, truth};
 
-    const STRICT: Reading = Reading { accept_faults: false };
-    const LENIENT: Reading = Reading { accept_faults: true };
+    const STRICT: Reading = Reading { accept_faults: false, window_s: None };
+    const LENIENT: Reading = Reading { accept_faults: true, window_s: None };
 
     #[test]
     fn five_flights_are_named_and_more_are_counted() {
@@ -198,7 +202,8 @@ mod tests {
             let first = &flights[0];
             let (path, sha256) = (name(flights.len()).into(), String::new());
             let (prepared, clocks) = (first.prepared.clone(), first.clocks);
-            flights.push(LoadedFlight { path, sha256, prepared, faults: Vec::new(), clocks });
+            let (faults, taken) = (Vec::new(), sysid::Taken::default());
+            flights.push(LoadedFlight { path, sha256, prepared, faults, clocks, taken, thinning: None });
         }
         assert_eq!(listed(&flights[1..6]), "1.csv, 2.csv, 3.csv, 4.csv, 5.csv");
         assert_eq!(listed(&flights), "flight-1.csv, 1.csv, 2.csv, 3.csv, 4.csv and 2 more");

@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use flights::{Flight, FlightError};
+use flights::{Flight, FlightError, parts_to_use};
 use model::{Effect, Model, Vehicle};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use sysid::checks::clocks::Clocks;
-use sysid::{Examined, Fault, Prepared};
+use sysid::checks::under_sampled::Thinning;
+use sysid::{Examined, Fault, Parts, Prepared, Taken};
 
 use crate::observer::{Observer, Progress};
 use crate::workflow::error::WorkflowError;
@@ -25,13 +26,30 @@ pub struct LoadedFlight {
     pub faults: Vec<Fault>,
     /// Its clocks.
     pub clocks: Clocks,
+    /// Which parts of the log were taken.
+    pub taken: Taken,
+    /// What thinning its commands shows.
+    pub(crate) thinning: Option<Thinning>,
 }
 
 /// How flights are taken.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Reading {
     /// Report faults that would be refused, and go on.
     pub accept_faults: bool,
+    /// First and last time of the log to use, s, in the place of what is found to fly.
+    pub window_s: Option<[f64; 2]>,
+}
+
+impl Reading {
+    /// The parts of a flight to take: the window, else what the file beside the flight says, else what flies.
+    fn parts(self, flight: Option<&Path>) -> Result<Parts, FlightError> {
+        if let Some(window) = self.window_s {
+            return Ok(Parts::Given(vec![window]));
+        }
+        let given = flight.map(parts_to_use).transpose()?.flatten();
+        Ok(given.map_or(Parts::Flown, Parts::Given))
+    }
 }
 
 /// Where flights come from.
@@ -43,9 +61,14 @@ pub(crate) enum Source<'a> {
 impl LoadedFlight {
     /// Checks and prepares a flight of `vehicle` that is already in memory.
     pub fn from_flight(flight: &Flight, vehicle: &Vehicle) -> Result<Self, WorkflowError> {
+        Self::from_memory(flight, vehicle, Reading::default())
+    }
+
+    fn from_memory(flight: &Flight, vehicle: &Vehicle, reading: Reading) -> Result<Self, WorkflowError> {
         let path = PathBuf::from(&flight.name);
         flight.check_against(vehicle, &path)?;
-        Self::examined(flight, vehicle, path, sha256(flight.to_csv().as_bytes()))
+        let parts = reading.parts(None)?;
+        Self::examined(flight, vehicle, &parts, path, sha256(flight.to_csv().as_bytes()))
     }
 
     /// Whether its rotor clock wanders.
@@ -53,24 +76,27 @@ impl LoadedFlight {
         self.prepared.alignment.as_ref().is_some_and(|alignment| !alignment.wandering.is_empty())
     }
 
-    fn from_file(path: &Path, vehicle: &Vehicle) -> Result<Self, WorkflowError> {
+    fn from_file(path: &Path, vehicle: &Vehicle, reading: Reading) -> Result<Self, WorkflowError> {
         if path.is_dir() {
             return Err(FlightError::Folder { path: path.into() }.into());
         }
         let bytes = std::fs::read(path).map_err(|source| FlightError::Read { path: path.into(), source })?;
         let flight = Flight::parse(&bytes, path)?;
         flight.check_against(vehicle, path)?;
-        Self::examined(&flight, vehicle, path.into(), sha256(&bytes))
+        Self::examined(&flight, vehicle, &reading.parts(Some(path))?, path.into(), sha256(&bytes))
     }
 
     fn examined(
         flight: &Flight,
         vehicle: &Vehicle,
+        parts: &Parts,
         path: PathBuf,
         sha256: String,
     ) -> Result<Self, WorkflowError> {
-        match sysid::examine(flight, vehicle) {
-            Ok(Examined { prepared, faults, clocks }) => Ok(Self { path, sha256, prepared, faults, clocks }),
+        match sysid::examine_parts(flight, vehicle, parts) {
+            Ok(Examined { prepared, faults, clocks, taken, thinning }) => {
+                Ok(Self { path, sha256, prepared, faults, clocks, taken, thinning })
+            }
             Err(why) => Err(WorkflowError::Unusable { path, why }),
         }
     }
@@ -94,6 +120,7 @@ pub(crate) fn prepared(flights: &[LoadedFlight]) -> Vec<&Prepared> {
 pub(crate) fn load_all(
     sources: &[Source<'_>],
     vehicle: &Vehicle,
+    reading: Reading,
     observer: &dyn Observer,
 ) -> Result<Vec<LoadedFlight>, WorkflowError> {
     let done = AtomicUsize::new(0);
@@ -108,8 +135,8 @@ pub(crate) fn load_all(
                 return Err(WorkflowError::Cancelled);
             }
             let loaded = match source {
-                Source::File(path) => LoadedFlight::from_file(path, vehicle),
-                Source::Memory(flight) => LoadedFlight::from_flight(flight, vehicle),
+                Source::File(path) => LoadedFlight::from_file(path, vehicle, reading),
+                Source::Memory(flight) => LoadedFlight::from_memory(flight, vehicle, reading),
             };
             tell(done.fetch_add(1, Ordering::Relaxed) + 1);
             loaded
@@ -176,11 +203,35 @@ mod tests {
         let in_memory = LoadedFlight::from_flight(&flight, &vehicle).unwrap();
         let path = std::env::temp_dir().join(format!("diagnosis-loaded-{}.csv", std::process::id()));
         std::fs::write(&path, flight.to_csv()).unwrap();
-        let from_file = LoadedFlight::from_file(&path, &vehicle).unwrap();
+        let from_file = LoadedFlight::from_file(&path, &vehicle, Reading::default()).unwrap();
         std::fs::remove_file(&path).unwrap();
         assert_eq!(in_memory.path, PathBuf::from("flight-1.csv"));
         assert_eq!(in_memory.sha256, from_file.sha256);
         assert_eq!(in_memory.prepared.rows(), from_file.prepared.rows());
+    }
+
+    /// The window goes before the file beside the flight, and that before what is found to fly.
+    #[test]
+    fn of_a_flight_the_parts_are_taken_that_are_asked_for() {
+        let vehicle = truth().vehicle;
+        let folder = std::env::temp_dir().join(format!("diagnosis-parts-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let path = folder.join("A.csv");
+        std::fs::write(&path, fly(&truth(), 1, 8.0, &ORDINARY).to_csv()).unwrap();
+        let load = |window_s| {
+            let reading = Reading { window_s, ..Reading::default() };
+            LoadedFlight::from_file(&path, &vehicle, reading).map(|flight| flight.taken.parts)
+        };
+        assert_eq!(load(None).unwrap(), [[0.0, 7.99]]);
+        std::fs::write(folder.join("A.use.toml"), "use = [[0.5, 2.5], [4.0, 6.0]]").unwrap();
+        assert_eq!(load(None).unwrap(), [[0.5, 2.5], [4.0, 6.0]]);
+        assert_eq!(load(Some([1.0, 7.0])).unwrap(), [[1.0, 7.0]]);
+        let outside = load(Some([9.0, 12.0])).unwrap_err().to_string();
+        std::fs::write(folder.join("A.use.toml"), "use = [[3.0, 2.0]]").unwrap();
+        let senseless = load(None).unwrap_err().to_string();
+        std::fs::remove_dir_all(&folder).unwrap();
+        assert!(outside.ends_with("the log goes from 0.00 to 7.99 s"), "{outside}");
+        assert!(senseless.contains("A.use.toml: use: part 1 is [3.0, 2.0]"), "{senseless}");
     }
 
     #[test]
@@ -189,7 +240,9 @@ mod tests {
         let flights =
             [4.0, 0.3, 0.2].map(|seconds| fly(&truth(), (10.0 * seconds) as u64, seconds, &ORDINARY));
         let sources: Vec<Source<'_>> = flights.iter().map(Source::Memory).collect();
-        let Err(WorkflowError::Unusable { path, .. }) = load_all(&sources, &vehicle, &Silent) else {
+        let Err(WorkflowError::Unusable { path, .. }) =
+            load_all(&sources, &vehicle, Reading::default(), &Silent)
+        else {
             panic!("a flight of 0.3 s was used")
         };
         assert_eq!(path, PathBuf::from("flight-3.csv"));
@@ -201,13 +254,13 @@ mod tests {
         let flights = [1, 2, 3].map(|seed| fly(&truth(), seed, 2.0, &ORDINARY));
         let sources: Vec<Source<'_>> = flights.iter().map(Source::Memory).collect();
         let listening = Listening::default();
-        let loaded = load_all(&sources, &vehicle, &listening).unwrap();
+        let loaded = load_all(&sources, &vehicle, Reading::default(), &listening).unwrap();
         assert_eq!(names(&loaded), "flight-1.csv, flight-2.csv, flight-3.csv");
         let mut steps = listening.steps.into_inner().unwrap();
         steps.sort_unstable();
         assert_eq!(steps, [(0, 3), (1, 3), (2, 3), (3, 3)]);
         let cancelling = Listening { cancel: true, ..Listening::default() };
-        let cancelled = load_all(&sources, &vehicle, &cancelling).map(|_| ());
+        let cancelled = load_all(&sources, &vehicle, Reading::default(), &cancelling).map(|_| ());
         assert!(matches!(cancelled, Err(WorkflowError::Cancelled)));
     }
 
@@ -217,7 +270,9 @@ mod tests {
         let folder = std::env::temp_dir();
         let missing = folder.join("diagnosis-no-such-flight.csv");
         for path in [folder, missing] {
-            let Err(refused) = LoadedFlight::from_file(&path, &vehicle) else { panic!("loaded") };
+            let Err(refused) = LoadedFlight::from_file(&path, &vehicle, Reading::default()) else {
+                panic!("loaded")
+            };
             assert!(refused.to_string().starts_with(&path.display().to_string()), "{refused}");
         }
     }

@@ -94,7 +94,7 @@ impl FlightSets {
         reading: Reading,
         observer: &dyn Observer,
     ) -> Result<Self, WorkflowError> {
-        let mut train = load_all(sources, vehicle, observer)?;
+        let mut train = load_all(sources, vehicle, reading, observer)?;
         if let Some((first, again)) = repeated(&train) {
             let in_both_sets = first < training && again >= training;
             return Err(given_twice(&train, first, again, in_both_sets));
@@ -185,7 +185,7 @@ impl FlightsOfOneKind {
         reading: Reading,
         observer: &dyn Observer,
     ) -> Result<Self, WorkflowError> {
-        let flights = load_all(sources, vehicle, observer)?;
+        let flights = load_all(sources, vehicle, reading, observer)?;
         if let Some((first, again)) = repeated(&flights) {
             return Err(given_twice(&flights, first, again, false));
         }

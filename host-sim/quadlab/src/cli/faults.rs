@@ -1,6 +1,7 @@
 //! Faults of flights, vehicle files and fits: told on standard error and in JSON, or refused.
 
 use diagnosis::workflow::{Faults, LoadedFlight, Reading};
+use flights::COLUMNS;
 use schemars::JsonSchema;
 use serde::Serialize;
 use sysid::checks::clocks::Clocks;
@@ -15,12 +16,33 @@ pub(crate) struct FaultOptions {
     /// Continue with flights whose axes, signs or motor order are recognised as wrong; the results will be wrong too
     #[arg(long)]
     pub(crate) accept_faults: bool,
+
+    /// Use the flights from this time on, s in the column t, whether the craft flies there or not, for example: --from 12.5
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    from: Option<f64>,
+
+    /// Use the flights up to this time, s in the column t, whether the craft flies there or not, for example: --to 61
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    to: Option<f64>,
+}
+
+/// Times between which there is nothing.
+#[derive(Debug, thiserror::Error)]
+#[error("--from {from} --to {to}: the first time has to be before the last; both are in s, in the column t")]
+pub(crate) struct NoTimeBetween {
+    from: f64,
+    to: f64,
 }
 
 impl FaultOptions {
     /// How flights are taken with these options.
-    pub(crate) fn reading(self) -> Reading {
-        Reading { accept_faults: self.accept_faults }
+    pub(crate) fn reading(self) -> Result<Reading, NoTimeBetween> {
+        let (from, to) = (self.from.unwrap_or(f64::NEG_INFINITY), self.to.unwrap_or(f64::INFINITY));
+        if !(from < to) {
+            return Err(NoTimeBetween { from, to });
+        }
+        let window_s = (self.from.is_some() || self.to.is_some()).then_some([from, to]);
+        Ok(Reading { accept_faults: self.accept_faults, window_s })
     }
 }
 
@@ -44,6 +66,57 @@ pub(crate) struct WithFaults<'a, T> {
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     withdrawn: &'a [String],
     clocks: Vec<ClockEntry<'a>>,
+    /// What of each flight was used.
+    used: Vec<UsedEntry<'a>>,
+}
+
+/// What of a flight was used.
+#[derive(Serialize, JsonSchema)]
+struct UsedEntry<'a> {
+    flight: &'a str,
+    /// First and last time of each part, s.
+    parts: &'a [[f64; 2]],
+    /// What does not fly, and is left out.
+    left_out: Vec<LeftOutEntry>,
+    /// Values that were taken for outliers and replaced before the fit.
+    outliers: Vec<OutlierEntry>,
+}
+
+#[derive(Serialize, JsonSchema)]
+struct LeftOutEntry {
+    /// First time, s.
+    from_s: f64,
+    /// Last time, s.
+    to_s: f64,
+    /// What the craft does there: `standing`, `carried` or `tumbling`.
+    why: &'static str,
+}
+
+#[derive(Serialize, JsonSchema)]
+struct OutlierEntry {
+    /// Time, s.
+    t_s: f64,
+    /// Column of the flight file.
+    column: &'static str,
+    /// The value as logged, in the unit of the column; an angle unwrapped.
+    value: f64,
+}
+
+impl<'a> UsedEntry<'a> {
+    fn of(flight: &'a LoadedFlight) -> Self {
+        let left_out = flight.taken.left_out.iter();
+        let outliers = flight.prepared.outliers.iter();
+        Self {
+            flight: &flight.prepared.name,
+            parts: &flight.taken.parts,
+            left_out: left_out
+                .map(|p| LeftOutEntry { from_s: p.from_s, to_s: p.to_s, why: p.why.id() })
+                .collect(),
+            outliers: outliers
+                .map(|o| OutlierEntry { t_s: o.t_s, column: COLUMNS[o.column as usize], value: o.value })
+                .collect(),
+        }
+    }
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -62,6 +135,6 @@ pub(crate) fn json<'a>(
     warn(faults);
     let entry =
         |flight: &'a LoadedFlight| ClockEntry { flight: &flight.prepared.name, clocks: flight.clocks };
-    let clocks = flights.into_iter().map(entry).collect();
-    Outcome::json(&WithFaults { document, faults: faults.all(), withdrawn: faults.withdrawn(), clocks })
+    let (clocks, used) = flights.into_iter().map(|flight| (entry(flight), UsedEntry::of(flight))).unzip();
+    Outcome::json(&WithFaults { document, faults: faults.all(), withdrawn: faults.withdrawn(), clocks, used })
 }

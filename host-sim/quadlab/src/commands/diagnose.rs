@@ -111,7 +111,7 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
     let search = options.without.options()?;
     let asked = options.why.as_deref().map(crate::commands::add::known_effect).transpose()?;
     let terminal = Terminal::new(options.output.json);
-    let mut sets = files.read(&model.vehicle, options.faults.reading(), &terminal)?;
+    let mut sets = files.read(&model.vehicle, options.faults.reading()?, &terminal)?;
     if let Some(effect) = asked {
         let why = workflow::why(&model, effect, &effects, &mut sets, &search, &terminal)?;
         return if options.output.json {
@@ -145,7 +145,7 @@ fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
     let search = options.without.options()?;
     let asked = options.why.as_deref().map(crate::commands::add::known_effect).transpose()?;
     let terminal = Terminal::new(options.output.json);
-    let mut changed = FlightsOfOneKind::read(&files, &model.vehicle, options.faults.reading(), &terminal)?;
+    let mut changed = FlightsOfOneKind::read(&files, &model.vehicle, options.faults.reading()?, &terminal)?;
     if model.fit.as_ref().is_none_or(|fit| fit.scatter.is_empty()) {
         colour::warn(&format!(
             "{}: does not say how much the craft differed from flight to flight; changes are judged against noise alone",

@@ -59,7 +59,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let vehicle = read_vehicle(&options.vehicle)?;
     let effects = options.effects.read()?;
     let terminal = Terminal::new(options.output.json);
-    let mut sets = files.read(&vehicle, options.faults.reading(), &terminal)?;
+    let mut sets = files.read(&vehicle, options.faults.reading()?, &terminal)?;
     let identified = workflow::identify(&vehicle, &effects, &mut sets, options.refine.rows(), &terminal)?;
     terminal.clear();
     report::write_atomic(&options.out, identified.model.to_toml())?;

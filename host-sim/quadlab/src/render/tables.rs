@@ -241,6 +241,10 @@ pub(crate) fn horizons(comparison: &Comparison) -> Grid {
         let values = thousandths(&e);
         grid.push(std::iter::once(name.to_owned()).chain(values));
     }
+    if let Some(cleaned) = &comparison.horizons_cleaned {
+        let values = thousandths(&cleaned.sum_1_50);
+        grid.push(std::iter::once("sum without the outliers".to_owned()).chain(values));
+    }
     grid
 }
 

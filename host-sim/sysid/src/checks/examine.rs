@@ -5,15 +5,19 @@
 //! with what can be mended mended, and a list of [`Fault`]s. Faults of a vehicle file, of a fit and of a set of flights are
 //! in [`crate::checks::vehicle`] and [`crate::checks::overlap`].
 
+use std::borrow::Cow;
+
 use model::Vehicle;
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::checks::airborne::{self, Airborne, LeftOut};
 use crate::checks::clocks::{self, Clock, Clocks};
 use crate::checks::frames::{self, FrameFault};
-use crate::checks::{channels, command_clock, imu, motors};
-use crate::prepare::{PrepareError, Prepared};
-use flights::Flight;
+use crate::checks::under_sampled::Thinning;
+use crate::checks::{channels, command_clock, imu, interpolated, motors, under_sampled};
+use crate::prepare::{PrepareError, Prepared, StandingGyro};
+use flights::{Column, Flight};
 
 /// What kind of fault; the word in JSON.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -38,6 +42,12 @@ pub enum FaultKind {
     TrackerJump,
     /// Gaps, missing values, uneven steps.
     Gaps,
+    /// Parts in which the craft stands, is carried or tumbles.
+    NotAirborne,
+    /// Columns that were interpolated from a lower rate.
+    Interpolated,
+    /// Commands that change between two rows of the log.
+    UnderSampled,
     /// Mass, geometry or units of the vehicle file against what the fit says.
     ImplausibleVehicle,
     /// Flights that are not those of the model's vehicle, or of two vehicles.
@@ -66,6 +76,9 @@ impl FaultKind {
             Self::FrozenChannel => "frozen-channel",
             Self::TrackerJump => "tracker-jump",
             Self::Gaps => "gaps",
+            Self::NotAirborne => "not-airborne",
+            Self::Interpolated => "interpolated",
+            Self::UnderSampled => "under-sampled",
             Self::ImplausibleVehicle => "implausible-vehicle",
             Self::OtherVehicle => "other-vehicle",
             Self::TooFewFlights => "too-few-flights",
@@ -133,14 +146,47 @@ pub struct Examined {
     pub faults: Vec<Fault>,
     /// Its clocks.
     pub clocks: Clocks,
+    /// Which parts of the log were taken.
+    pub taken: Taken,
+    /// What thinning its commands shows, for [`crate::checks::under_sampled::of_flights`].
+    pub thinning: Option<Thinning>,
 }
 
-/// Examines a flight, mends what can be mended and prepares it.
+/// Which parts of a log to take.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub enum Parts {
+    /// Those that are flown.
+    #[default]
+    Flown,
+    /// What lies between these times of the log, s, ends included.
+    Given(Vec<[f64; 2]>),
+}
+
+/// Which parts of a log were taken.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Taken {
+    /// First and last time of each part, s.
+    pub parts: Vec<[f64; 2]>,
+    /// What was found not to fly, and left out.
+    pub left_out: Vec<LeftOut>,
+}
+
+/// Examines what is flown of a log, mends what can be mended and prepares it.
 pub fn examine(flight: &Flight, vehicle: &Vehicle) -> Result<Examined, PrepareError> {
+    examine_parts(flight, vehicle, &Parts::Flown)
+}
+
+/// Examines parts of a log, mends what can be mended and prepares them.
+pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Result<Examined, PrepareError> {
     let mut faults = Vec::new();
     let mut add = |kind, severity, sentence: String| {
         faults.push(Fault { kind, severity, flight: Some(flight.name.clone()), sentence });
     };
+    let (cut, standing, taken) = take(flight, vehicle, parts)?;
+    if let Some(sentence) = airborne::sentence(&taken.left_out) {
+        add(FaultKind::NotAirborne, Severity::Warning, sentence);
+    }
+    let flight = cut.as_ref();
     let channels = channels::check(flight, vehicle);
     for (kind, found) in [
         (FaultKind::FrozenChannel, channels.frozen),
@@ -151,23 +197,27 @@ pub fn examine(flight: &Flight, vehicle: &Vehicle) -> Result<Examined, PrepareEr
         let severity = if kept { Severity::Note } else { Severity::Warning };
         found.into_iter().for_each(|sentence| add(kind, severity, sentence));
     }
-    let mut flight = std::borrow::Cow::Borrowed(flight);
+    let mut flight = Cow::Borrowed(flight);
     if let Some(masked) = channels.masked {
-        flight = std::borrow::Cow::Owned(masked);
+        flight = Cow::Owned(masked);
     }
-    let mut prepared = Prepared::new(&flight, vehicle)?;
+    let interpolated = interpolated::check(&flight);
+    interpolated.iter().for_each(|found| {
+        add(FaultKind::Interpolated, Severity::Warning, found.sentence());
+    });
+    let mut prepared = Prepared::with_standing(&flight, vehicle, standing)?;
     let mut clocks = Clocks::default();
     let mut frame = frames::check(&prepared, vehicle);
     if frame.is_none() {
         let mut flight = flight.into_owned();
         clocks = Clocks::of(&prepared, vehicle.gravity);
-        put_on_one_clock(&mut flight, &mut prepared, &mut clocks, vehicle)?;
+        put_on_one_clock(&mut flight, &mut prepared, &mut clocks, (vehicle, standing))?;
         frame = imu::check(&prepared, vehicle);
         // An IMU in other axes would be taken for one with another clock.
         if frame.is_none() {
             clocks.position = clocks::of_position(&prepared);
             let mut rest = Clocks { attitude: None, ..clocks };
-            put_on_one_clock(&mut flight, &mut prepared, &mut rest, vehicle)?;
+            put_on_one_clock(&mut flight, &mut prepared, &mut rest, (vehicle, standing))?;
             clocks.aligned |= rest.aligned;
         }
         tell_clocks(&clocks, &mut add);
@@ -181,8 +231,43 @@ pub fn examine(flight: &Flight, vehicle: &Vehicle) -> Result<Examined, PrepareEr
         add_frame(fault, &mut add);
     }
     prepared.notes.iter().for_each(|note| add(FaultKind::Gaps, Severity::Note, note.clone()));
+    prepared.is_interpolated = !interpolated.is_empty();
     faults.sort_by_key(|f| std::cmp::Reverse(f.severity));
-    Ok(Examined { prepared, faults, clocks })
+    let thinning = under_sampled::thinning(&prepared, vehicle);
+    Ok(Examined { prepared, faults, clocks, taken, thinning })
+}
+
+/// The rows that are taken, what the gyro tells where the craft stands, and which parts they are.
+fn take<'a>(
+    flight: &'a Flight,
+    vehicle: &Vehicle,
+    parts: &Parts,
+) -> Result<(Cow<'a, Flight>, Option<StandingGyro>, Taken), PrepareError> {
+    let t = flight.required(Column::T);
+    let Airborne { flown, left_out, gyro } = match parts {
+        Parts::Flown => airborne::airborne(flight, vehicle),
+        Parts::Given(parts) => {
+            let is_given = |t: &f64| parts.iter().any(|[from, to]| (*from..=*to).contains(t));
+            Airborne { flown: t.iter().map(is_given).collect(), ..Airborne::default() }
+        }
+    };
+    let mut taken = Taken { parts: Vec::new(), left_out };
+    for (row, _) in flown.iter().enumerate().filter(|(_, flown)| **flown) {
+        match taken.parts.last_mut() {
+            Some(part) if flown[row - 1] => part[1] = t[row],
+            _ => taken.parts.push([t[row]; 2]),
+        }
+    }
+    if flown.iter().all(|flown| *flown) {
+        return Ok((Cow::Borrowed(flight), gyro, taken));
+    }
+    if flown.iter().filter(|flown| **flown).count() < 2 {
+        return Err(match airborne::sentence(&taken.left_out) {
+            Some(left_out) => PrepareError::NeverFlies { left_out },
+            None => PrepareError::NothingTaken { from_s: t[0], to_s: t[t.len() - 1] },
+        });
+    }
+    Ok((Cow::Owned(flight.with_rows(&flown)), gyro, taken))
 }
 
 fn add_frame(fault: FrameFault, add: &mut impl FnMut(FaultKind, Severity, String)) {
@@ -198,11 +283,11 @@ fn put_on_one_clock(
     flight: &mut Flight,
     prepared: &mut Prepared,
     clocks: &mut Clocks,
-    vehicle: &Vehicle,
+    (vehicle, standing): (&Vehicle, Option<StandingGyro>),
 ) -> Result<(), PrepareError> {
     if let Some(correction) = clocks.correction() {
         *flight = clocks::align(flight, &correction);
-        *prepared = Prepared::new(flight, vehicle)?;
+        *prepared = Prepared::with_standing(flight, vehicle, standing)?;
         clocks.aligned = true;
     }
     Ok(())
@@ -225,12 +310,10 @@ fn tell_clocks(found: &Clocks, add: &mut impl FnMut(FaultKind, Severity, String)
 
 #[cfg(test)]
 mod tests {
-    use flights::Column;
-
     use super::*;
     use crate::testing::{NONE, flight, fly, truth};
 
-    const KINDS: [FaultKind; 16] = [
+    const KINDS: [FaultKind; 19] = [
         FaultKind::ClockOffset,
         FaultKind::ClockSkew,
         FaultKind::WanderingClock,
@@ -241,6 +324,9 @@ mod tests {
         FaultKind::FrozenChannel,
         FaultKind::TrackerJump,
         FaultKind::Gaps,
+        FaultKind::NotAirborne,
+        FaultKind::Interpolated,
+        FaultKind::UnderSampled,
         FaultKind::ImplausibleVehicle,
         FaultKind::OtherVehicle,
         FaultKind::TooFewFlights,

@@ -1,5 +1,6 @@
 //! What is checked of flights, of a vehicle file and of a fit: faults are found and named, not fitted away.
 
+pub mod airborne;
 pub mod channels;
 pub mod clocks;
 pub mod command_clock;
@@ -9,9 +10,11 @@ mod frame_relations;
 mod frame_taps;
 pub mod frames;
 pub mod imu;
+pub mod interpolated;
 pub mod motors;
 pub mod overlap;
 mod tracks;
+pub mod under_sampled;
 pub mod vehicle;
 
-pub use examine::{Examined, Fault, FaultKind, Severity, examine};
+pub use examine::{Examined, Fault, FaultKind, Parts, Severity, Taken, examine, examine_parts};

@@ -1,7 +1,8 @@
 //! Open-loop prediction: the model flies from every sample of a flight with nothing but the rotor speeds.
 
+use flights::Column;
 use model::{Effect, Model, Plant, State, frames};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -41,23 +42,45 @@ pub(crate) fn sum_of_horizons(by_horizon: &[HorizonError]) -> HorizonError {
     }
 }
 
-/// Mean open-loop errors at each horizon from 1 to [`LONGEST_HORIZON`] samples.
+/// What predictions are judged by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Against {
+    /// The samples as logged, outliers included.
+    Logged,
+    /// The samples as preparation leaves them.
+    Cleaned,
+}
+
+/// Mean open-loop errors at each horizon from 1 to [`LONGEST_HORIZON`] samples, against the samples as logged: what
+/// preparation took for an outlier counts, or a score would depend on what is left out.
 pub fn open_loop(model: &Model, flights: &[&Prepared]) -> Vec<HorizonError> {
-    open_loop_with(model, flights, true)
+    open_loop_with(model, flights, true, Against::Logged)
+}
+
+/// The same against the samples without their outliers; nothing where there are none.
+pub(crate) fn open_loop_of_cleaned(model: &Model, flights: &[&Prepared]) -> Option<Vec<HorizonError>> {
+    let cleaned = flights.iter().flat_map(|flight| &flight.stretches).any(|s| !s.outliers.is_empty());
+    cleaned.then(|| open_loop_with(model, flights, true, Against::Cleaned))
 }
 
 /// The same without the trim that training flights have: as if they had not been flown before.
 pub(crate) fn open_loop_without_trim(model: &Model, flights: &[&Prepared]) -> Vec<HorizonError> {
-    open_loop_with(model, flights, false)
+    open_loop_with(model, flights, false, Against::Logged)
 }
 
-fn open_loop_with(model: &Model, flights: &[&Prepared], with_trim: bool) -> Vec<HorizonError> {
+fn open_loop_with(
+    model: &Model,
+    flights: &[&Prepared],
+    with_trim: bool,
+    against: Against,
+) -> Vec<HorizonError> {
     let plant = Plant::new(model);
     let mut sums = vec![HorizonError::default(); LONGEST_HORIZON];
     let mut starts = 0_u64;
     for flight in flights {
         for stretch in &flight.stretches {
             let trim = flight.trim.as_ref().filter(|_| with_trim).map_or([0.0; 6], |trim| trim.value);
+            let stretch = (stretch, against);
             starts += add_rollouts(&plant, model, flight, stretch, &trim, &mut sums);
         }
     }
@@ -76,12 +99,16 @@ fn add_rollouts(
     plant: &Plant,
     model: &Model,
     flight: &Prepared,
-    stretch: &Stretch,
+    (stretch, against): (&Stretch, Against),
     trim: &[f64; 6],
     sums: &mut [HorizonError],
 ) -> u64 {
     let states = reference_states(model, flight, stretch);
-    let velocities: Vec<Vector3<f64>> = states.iter().map(velocity_ned_m_s).collect();
+    let mut judges = states.clone();
+    if against == Against::Logged {
+        put_outliers_back(&mut judges, model, flight, stretch);
+    }
+    let velocities: Vec<Vector3<f64>> = judges.iter().map(velocity_ned_m_s).collect();
     let rotor_mean_rad_s = mean_rotor_speeds(model, flight, stretch);
     let track = Track {
         states: &states,
@@ -103,7 +130,7 @@ fn add_rollouts(
         }
         track.roll_out(plant, trim, start, sums.len(), |h, state| {
             let (sum, to) = (&mut sums[h - 1], start + h);
-            let measured = &states[to];
+            let measured = &judges[to];
             sum.position_m += (state.position_ned_m - measured.position_ned_m).norm();
             sum.velocity_m_s += (velocity_ned_m_s(state) - velocities[to]).norm();
             sum.attitude_rad += frames::geodesic_angle_rad(&state.attitude, &measured.attitude);
@@ -174,6 +201,43 @@ pub(crate) fn mean_rotor_speeds(model: &Model, flight: &Prepared, stretch: &Stre
 /// tracking smoothed without lag.
 pub(crate) fn reference_states(model: &Model, flight: &Prepared, stretch: &Stretch) -> Vec<State> {
     states_of(model, flight, stretch, &flight.filter.smooth)
+}
+
+/// Puts back into the states what was logged in the place of outliers. The velocity of raw tracking is no logged value.
+fn put_outliers_back(states: &mut [State], model: &Model, flight: &Prepared, stretch: &Stretch) {
+    use Column::*;
+    let adjust = model.adjustments();
+    let lever = Vector3::from(model.vehicle.tracked_point) + adjust.tracked_point_m();
+    let untilt = adjust.true_dcm(&Matrix3::identity());
+    let mut cleaned: Vec<usize> = stretch.outliers.iter().map(|outlier| outlier.row).collect();
+    cleaned.sort_unstable();
+    cleaned.dedup();
+    for k in cleaned {
+        let of = |columns: [Column; 3], there: Vector3<f64>| {
+            let mut values = there;
+            for outlier in stretch.outliers.iter().filter(|outlier| outlier.row == k) {
+                if let Some(i) = columns.iter().position(|column| *column == outlier.column) {
+                    values[i] = outlier.value;
+                }
+            }
+            values
+        };
+        let state = &mut states[k];
+        let dcm = frames::dcm_from_quaternion(&state.attitude);
+        let bias = Vector3::from(flight.gyro_bias_rad_s);
+        let position = state.position_ned_m + dcm.tr_mul(&lever);
+        let velocity = dcm.tr_mul(&(state.velocity_m_s + state.rate_rad_s.cross(&lever)));
+        let tracked = frames::euler_from_dcm(&(untilt.transpose() * dcm));
+        let rate = of([P, Q, R], state.rate_rad_s + bias) - bias;
+        let dcm = adjust.true_dcm(&frames::dcm_from_euler(of([Phi, Theta, Psi], tracked)));
+        *state = State {
+            position_ned_m: of([X, Y, Z], position) - dcm.tr_mul(&lever),
+            attitude: frames::quaternion_from_euler(frames::euler_from_dcm(&dcm)),
+            velocity_m_s: dcm * of([Vx, Vy, Vz], velocity) - rate.cross(&lever),
+            rate_rad_s: rate,
+            ..*state
+        };
+    }
 }
 
 /// The same smoothed over a tenth of a second at most: what is fitted to must not be smoother than the rotors that drive
@@ -275,6 +339,30 @@ mod tests {
         let pushed = open_loop(&model, &[&flight])[9];
         assert!((pushed.velocity_m_s - 0.04).abs() < 0.005, "{pushed:?}");
         assert_eq!(open_loop_without_trim(&model, &[&flight]), without);
+    }
+
+    /// One sample of the rate about z is off by 30 rad/s: it counts at each horizon that ends there, once.
+    #[test]
+    fn an_outlier_counts_as_logged_and_is_gone_from_the_cleaned_samples() {
+        let model = truth();
+        let flown = fly(&model, 1, 6.0, &NONE);
+        let mut spiky = flown.clone();
+        let mut r = spiky.required(Column::R).to_vec();
+        r[300] += 30.0;
+        spiky.replace(Column::R, r);
+        let [clean, spiky] = [flown, spiky].map(|f| Prepared::new(&f, &model.vehicle).unwrap());
+        assert_eq!(spiky.outliers.len(), 1);
+        assert_eq!(open_loop_of_cleaned(&model, &[&clean]), None);
+        let without = open_loop(&model, &[&clean]);
+        let logged = open_loop(&model, &[&spiky]);
+        let cleaned = open_loop_of_cleaned(&model, &[&spiky]).unwrap();
+        let starts = (spiky.rows() - LONGEST_HORIZON) as f64;
+        for (h, ((logged, cleaned), without)) in logged.iter().zip(&cleaned).zip(&without).enumerate() {
+            let extra = (logged.rate_rad_s - cleaned.rate_rad_s) * starts;
+            assert!((extra - 30.0).abs() < 0.3, "{h}: {extra}");
+            assert!((cleaned.rate_rad_s - without.rate_rad_s).abs() < 2e-3, "{h}: {cleaned:?} {without:?}");
+            assert_eq!(logged.position_m, cleaned.position_m);
+        }
     }
 
     #[test]

@@ -42,34 +42,97 @@ pub(crate) fn remove_accelerometer_bias(
     bias
 }
 
-/// Takes out the mean difference between the gyro and the rates of the smoothed attitude over the whole flight.
-pub(crate) fn remove_gyro_bias(stretches: &mut [Stretch], filter: &RegressionFilter) -> [f64; 3] {
-    let half = filter.half();
-    let slope_of_smoothed = compose(&filter.smooth, &filter.derivative);
-    let mut sum = Vector3::zeros();
-    let mut count = 0.0;
-    for stretch in stretches.iter() {
-        let at = |k: usize, taps: &[f64]| {
-            let start = k - taps.len() / 2;
-            Vector3::from(stretch.euler_rad.each_ref().map(|angle| sum_of_products(&angle[start..], taps)))
-        };
-        // A mean needs no more than ten values a second.
-        for k in (2 * half..stretch.time_s.len() - 2 * half).step_by(10) {
-            let rates = frames::body_rates_from_euler(at(k, &filter.smooth), at(k, &slope_of_smoothed));
-            let difference = vector(&stretch.rate_rad_s, k) - rates;
-            if difference.iter().all(|d| d.is_finite()) {
-                sum += difference;
-                count += 1.0;
-            }
-        }
+/// What the gyro tells of a craft that stands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StandingGyro {
+    /// Mean rates, rad/s.
+    pub mean_rad_s: [f64; 3],
+    /// Standard errors of them, rad/s.
+    pub std_error_rad_s: [f64; 3],
+}
+
+/// Differences in a second, which count as one: the noise of an attitude lasts.
+const PER_SECOND: usize = 10;
+/// Biases of a standing and of a flying craft further apart than so many standard errors are two: vibration, or a gyro that
+/// warms up.
+const ONE_BIAS: f64 = 4.0;
+
+/// Takes out the mean difference between the gyro and the rates of the smoothed attitude over the whole flight, and what a
+/// standing craft's gyro tells: the two by their standard errors.
+pub(crate) fn remove_gyro_bias(
+    stretches: &mut [Stretch],
+    filter: &RegressionFilter,
+    standing: Option<StandingGyro>,
+    notes: &mut Vec<String>,
+) -> [f64; 3] {
+    let differences = gyro_differences(stretches, filter);
+    let mut bias = Vector3::zeros();
+    if !differences.is_empty() {
+        bias = differences.iter().sum::<Vector3<f64>>() / differences.len() as f64;
     }
-    let bias = if count > 0.0 { sum / count } else { Vector3::zeros() };
+    if let Some(standing) = standing {
+        bias = with_standing(bias, &differences, &standing, notes);
+    }
     for stretch in stretches {
         for (rate, b) in stretch.rate_rad_s.iter_mut().zip(bias.iter()) {
             rate.iter_mut().for_each(|r| *r -= b);
         }
     }
     bias.into()
+}
+
+/// The bias of a flying craft with that of the standing one: their mean by their standard errors, where they are one.
+fn with_standing(
+    flying: Vector3<f64>,
+    differences: &[Vector3<f64>],
+    standing: &StandingGyro,
+    notes: &mut Vec<String>,
+) -> Vector3<f64> {
+    let seconds: Vec<Vector3<f64>> = differences
+        .chunks_exact(PER_SECOND)
+        .map(|second| second.iter().sum::<Vector3<f64>>() / PER_SECOND as f64)
+        .collect();
+    if seconds.len() < 2 {
+        return flying;
+    }
+    let count = seconds.len() as f64;
+    let mean = seconds.iter().sum::<Vector3<f64>>() / count;
+    let squares: Vector3<f64> = seconds.iter().map(|s| (s - mean).component_mul(&(s - mean))).sum();
+    let of_flying = squares / (count * (count - 1.0));
+    let (stood, of_stood) = (
+        Vector3::from(standing.mean_rad_s),
+        Vector3::from(standing.std_error_rad_s).map(|error| (error * error).max(f64::MIN_POSITIVE)),
+    );
+    let is_one = |i: usize| (flying[i] - stood[i]).powi(2) < ONE_BIAS.powi(2) * (of_flying[i] + of_stood[i]);
+    if !(0..3).all(is_one) {
+        notes.push("gyro bias differs between standing and flying: that of the flight is taken".into());
+        return flying;
+    }
+    notes.push("gyro bias from standing still as well".into());
+    let both =
+        |i: usize, _| (flying[i] * of_stood[i] + stood[i] * of_flying[i]) / (of_stood[i] + of_flying[i]);
+    Vector3::from_fn(both)
+}
+
+/// Differences between the gyro and the rates of the smoothed attitude, ten a second at 100 Hz: a mean needs no more.
+fn gyro_differences(stretches: &[Stretch], filter: &RegressionFilter) -> Vec<Vector3<f64>> {
+    let half = filter.half();
+    let slope_of_smoothed = compose(&filter.smooth, &filter.derivative);
+    let mut differences = Vec::new();
+    for stretch in stretches {
+        let at = |k: usize, taps: &[f64]| {
+            let start = k - taps.len() / 2;
+            Vector3::from(stretch.euler_rad.each_ref().map(|angle| sum_of_products(&angle[start..], taps)))
+        };
+        for k in (2 * half..stretch.time_s.len() - 2 * half).step_by(10) {
+            let rates = frames::body_rates_from_euler(at(k, &filter.smooth), at(k, &slope_of_smoothed));
+            let difference = vector(&stretch.rate_rad_s, k) - rates;
+            if difference.iter().all(|d| d.is_finite()) {
+                differences.push(difference);
+            }
+        }
+    }
+    differences
 }
 
 #[cfg(test)]
@@ -111,8 +174,32 @@ mod tests {
         let mut stretches = prepared(300, |_, _| {}).stretches;
         stretches[0].rate_rad_s[1].fill(f64::NAN);
         let filter = RegressionFilter::new(0.01);
-        assert_eq!(remove_gyro_bias(&mut stretches, &filter), [0.0; 3]);
+        assert_eq!(remove_gyro_bias(&mut stretches, &filter, None, &mut Vec::new()), [0.0; 3]);
         assert!(stretches[0].rate_rad_s[0].iter().all(|r| *r == 0.0));
+    }
+
+    /// Half of the flight's own bias is wrong where a standing craft's is ten times surer.
+    #[test]
+    fn a_standing_crafts_bias_counts_by_its_error_and_not_where_it_is_another() {
+        let seconds = [0.01, 0.03, 0.02, 0.02, 0.015, 0.025];
+        let differences: Vec<Vector3<f64>> =
+            seconds.iter().flat_map(|d| vec![Vector3::new(*d, 0.0, -*d); PER_SECOND]).collect();
+        let flying = Vector3::new(0.02, 0.0, -0.02);
+        // Standard error of the mean of the six seconds.
+        let error = (2.5e-4_f64 / 30.0).sqrt();
+        let standing = |x: f64, error: f64| StandingGyro {
+            mean_rad_s: [x, 0.0, -0.02],
+            std_error_rad_s: [error, error, error],
+        };
+        let mut notes = Vec::new();
+        let equal = with_standing(flying, &differences, &standing(0.022, error), &mut notes);
+        assert!((equal.x - 0.021).abs() < 1e-12 && (equal.z + 0.02).abs() < 1e-12, "{equal:?}");
+        let sure = with_standing(flying, &differences, &standing(0.022, 0.1 * error), &mut notes);
+        assert!((sure.x - (0.022 - 0.002 / 101.0)).abs() < 1e-12, "{sure:?}");
+        let another = with_standing(flying, &differences, &standing(0.08, error), &mut notes);
+        assert_eq!(another, flying);
+        assert_eq!(notes[1], "gyro bias from standing still as well");
+        assert_eq!(notes[2], "gyro bias differs between standing and flying: that of the flight is taken");
     }
 
     /// Falls under a drag of 0.5 m/s^2 forwards while the nose points down by 0.1 rad.

@@ -8,13 +8,17 @@ use model::frames;
 use crate::filter::{RegressionFilter, convolve};
 use crate::prepare::columns::{BATTERY, COMMAND, EULER, OPTIONAL, POSITION, RATE};
 use crate::prepare::grid::EvenGrid;
-use crate::prepare::outliers;
+use crate::prepare::outliers::{self, Outlier};
 use crate::prepare::stretch::{Stretch, vector};
 
 /// The columns that preparation uses, in a fixed order.
 pub(crate) struct Channels<'a> {
     /// As logged, unless something had to be mended.
     pub(crate) columns: Vec<Cow<'a, [f64]>>,
+    /// What each of them is.
+    names: Vec<Column>,
+    /// What was taken out of them.
+    pub(crate) outliers: Vec<Outlier>,
     pub(crate) rotor: Option<usize>,
     pub(crate) imu: Option<usize>,
     pub(crate) velocity: Option<usize>,
@@ -28,30 +32,38 @@ impl<'a> Channels<'a> {
         for angle in &mut columns[EULER..RATE] {
             unwrap_angle(angle);
         }
-        let mut next = OPTIONAL;
-        let mut add = |group: &[&'a [f64]]| {
-            columns.extend(group.iter().map(|&c| Cow::from(c)));
-            let at = next;
-            next += group.len();
+        let mut names = required.to_vec();
+        let mut add = |group: &[Column], values: &[&'a [f64]]| {
+            let at = columns.len();
+            columns.extend(values.iter().map(|&c| Cow::from(c)));
+            names.extend(group);
             at
         };
-        let rotor = flight.group([Omega1, Omega2, Omega3, Omega4]).map(|g| add(&g));
-        let imu = imu.then(|| flight.group([Ax, Ay, Az])).flatten().map(|g| add(&g));
-        let velocity = velocity.then(|| flight.group([Vx, Vy, Vz])).flatten().map(|g| add(&g));
-        Self { columns, rotor, imu, velocity }
+        let (rotors, force, speed) = ([Omega1, Omega2, Omega3, Omega4], [Ax, Ay, Az], [Vx, Vy, Vz]);
+        let rotor = flight.group(rotors).map(|g| add(&rotors, &g));
+        let imu = imu.then(|| flight.group(force)).flatten().map(|g| add(&force, &g));
+        let velocity = velocity.then(|| flight.group(speed)).flatten().map(|g| add(&speed, &g));
+        Self { columns, names, outliers: Vec::new(), rotor, imu, velocity }
     }
 
-    /// Makes gross outliers of the sensors missing values (`outliers.rs`). Commands may be anything. Returns their number.
-    pub(crate) fn take_out_spikes(&mut self, t: &[f64], period_s: f64) -> usize {
+    /// Makes gross outliers of the sensors missing values (`outliers.rs`) and keeps what they were. Commands may be anything.
+    pub(crate) fn take_out_spikes(&mut self, t: &[f64], period_s: f64) {
         let time: Vec<f64> = t.iter().map(|t| t / period_s).collect();
         let is_gap = |k: &usize| time[*k] - time[*k - 1] > GAP_PERIODS;
         let gaps: Vec<usize> = (1..time.len()).filter(is_gap).collect();
         let sensors = (POSITION..COMMAND).chain(BATTERY..self.columns.len());
         let rotors = self.rotor.map(|first| first..first + 4);
         let crowds = |column| !rotors.as_ref().is_some_and(|rotors| rotors.contains(&column));
-        sensors
-            .map(|column| outliers::take_out(&mut self.columns[column], &time, &gaps, crowds(column)))
-            .sum()
+        for column in sensors {
+            let logged = self.columns[column].clone();
+            let found = outliers::take_out(&mut self.columns[column], &time, &gaps, crowds(column));
+            self.outliers.extend(found.into_iter().map(|row| Outlier {
+                row,
+                t_s: t[row],
+                column: self.names[column],
+                value: logged[row],
+            }));
+        }
     }
 
     /// Whether all of the sensors' values of a row are there; the battery's, which are smoothed, aside.
@@ -86,6 +98,7 @@ impl<'a> Channels<'a> {
             logged_rotor_rad_s: self.rotor.map(|first| even.take(first)),
             battery_v: even.columns[BATTERY].clone(),
             imu_m_s2: self.imu.map(|first| even.take(first)),
+            outliers: Vec::new(),
             measured: even.measured,
             time_s: even.time_s,
         }
@@ -192,7 +205,9 @@ mod tests {
         });
         let mut channels = Channels::new(&flight, false, false);
         let t = flight.required(Column::T);
-        assert_eq!(channels.take_out_spikes(t, 0.01), 1);
+        channels.take_out_spikes(t, 0.01);
+        let outlier = Outlier { row: 200, t_s: t[200], column: Column::X, value: 500.0 };
+        assert_eq!(channels.outliers, [outlier]);
         assert!(channels.columns[POSITION][200].is_nan());
         assert_eq!(channels.columns[COMMAND + 2][200], 1e6);
         let measured = channels.measured();

@@ -15,6 +15,20 @@ pub enum PrepareError {
         /// Length without gaps that is needed, s.
         needed_s: f64,
     },
+    /// The craft stands or is carried throughout.
+    #[error("holds no flight that could be used: {left_out}")]
+    NeverFlies {
+        /// What it does instead, and when.
+        left_out: String,
+    },
+    /// No sample in the parts that were asked for.
+    #[error("has no sample in the parts that are asked for; the log goes from {from_s:.2} to {to_s:.2} s")]
+    NothingTaken {
+        /// First time of the log, s.
+        from_s: f64,
+        /// Last time of the log, s.
+        to_s: f64,
+    },
     /// Neither rotor speeds nor a map.
     #[error(
         "has no rotor speeds (omega1..4) and the vehicle file has no motor map; give [motors] command, voltage and offset, or map = \"identify\""

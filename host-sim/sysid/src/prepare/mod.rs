@@ -14,9 +14,11 @@ mod prepared;
 mod states;
 mod stretch;
 
+pub use biases::StandingGyro;
 pub use conditions::Conditions;
 pub use corrections::{Alignment, PieceOffset, Trim};
 pub use error::PrepareError;
+pub use outliers::Outlier;
 pub use prepared::{ForceTarget, Prepared};
 pub use states::{Part, States};
 pub use stretch::{RotorTrack, Stretch, smoothed};

@@ -3,8 +3,13 @@
 //! A tracker swaps two markers for a frame, a bus garbles a word: one sample in a hundred, or in twenty, is off by ten or a
 //! thousand times the noise. Least squares squares that. Such a sample is recognised by its six neighbours: it is far from the
 //! line through them (Theil 1950 and Sen 1968: medians, which one or two further spikes among the six do not move), by the
-//! noise of the channel and by how well the line fits the neighbours themselves. So a quick turn, which no neighbour lies on a
-//! line with, is no spike, and nor is a step, which half of the neighbours share.
+//! noise of the channel there and by how well all of them but one lie on the line. So a quick turn, which no neighbour lies on a
+//! line with, is no spike, and nor is a step, which half of the neighbours share, or the corner that an estimator's correction or
+//! an interpolated log leaves: there two neighbours are off the line as well. (With the neighbours' median instead, one sample in
+//! ten of real brisk flights was taken for a spike, of channels whose noise is rare corners on a smooth curve.)
+//!
+//! The noise is that of the second around the sample or of the whole channel, whichever is more: a craft is restless for a while
+//! and quiet for another, and the quiet part says nothing about what is gross in the restless one.
 //!
 //! Where spikes come in a crowd, four among seven, that line is lost. There a sample is held against the parabola that most of its
 //! neighbourhood agrees on (least median of squares' idea, Rousseeuw 1984; found as RANSAC does, but over all triples): it
@@ -15,20 +20,47 @@
 
 use std::borrow::Cow;
 
+use flights::Column;
+
 use crate::statistics::median;
+
+/// A value that was taken for a gross outlier and is missing from then on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outlier {
+    /// Row of the log, or sample of a stretch; from zero.
+    pub row: usize,
+    /// Its time, s.
+    pub t_s: f64,
+    /// Which value of the row.
+    pub column: Column,
+    /// As logged, in the unit of the column; an angle unwrapped.
+    pub value: f64,
+}
 
 /// Neighbours on each side, where there are as many.
 const REACH: usize = 3;
-/// A spike is off the line through its neighbours by this many times the usual distance from it: one in 10^8 of Gaussian
-/// noise.
-const OF_NOISE: f64 = 6.0;
-/// And by this many times the neighbours' own median distance from it: a parabola through all seven has 1.6 times.
-const OF_NEIGHBOURS: f64 = 8.0;
+/// A spike is off the line through its neighbours by this many times the usual distance from it. Six would be one in 10^8 of
+/// Gaussian noise; the noise of real channels has longer tails, and what is less than ten times the noise is not gross.
+const OF_NOISE: f64 = 10.0;
+/// And by this many times what all its neighbours but one are off it: a parabola through all seven has 0.8 times.
+const OF_NEIGHBOURS: f64 = 6.0;
+/// A next neighbour within so many usual distances of the sample shows a value that was there for two samples: an excursion,
+/// which is not this file's. Two spikes side by side are that much alike once in a hundred times.
+const ALIKE: f64 = 2.0;
 /// Both are this many times as much at the ends, where the neighbours are on one side: a line's end is 3.5 samples from its
 /// middle, and a parabola leaves it by 4 times what it does at the middle.
 const DRAWN_OUT: f64 = 3.0;
 /// A sample that far between its two neighbours, in usual distances, is looked at.
 const LOOKED_AT: f64 = 3.0;
+/// The median distance of a normal deviation of one.
+const MIDDLE_OF_NORMAL: f64 = 0.6745;
+/// A quantile that the scale of a whole channel is taken from as well, and the distance there: where a channel is quiet for more
+/// than half of the time (on an even slope, say) the median says nothing about the rest. One sample in twenty that is a
+/// spike spoils one distance in seven.
+const UPPER: f64 = 0.8;
+const UPPER_OF_NORMAL: f64 = 1.2816;
+/// Samples over which the noise is taken to be one; it is taken from as many on either side as well: 1.5 s at 100 Hz.
+const RESTLESS: usize = 50;
 /// Part of the samples beyond which it is no noise with outliers but a channel of another kind (one that is held, say).
 const MOST: f64 = 0.15;
 
@@ -41,6 +73,8 @@ const AGREE: usize = CROWD_REACH + 1;
 
 /// As many of them at least before the sample, and after it: what a drift and its correction leave is no spike.
 const ON_EACH_SIDE: usize = 3;
+/// A sample within so many usual distances of the parabola is on it.
+const ON_PARABOLA: f64 = 6.0;
 /// A spike in a crowd, like its companions, is off the parabola by this many usual distances. Real sensors have restless moments
 /// in which samples are off by anything up to that, and belong there:
 const GROSS: f64 = 20.0;
@@ -54,10 +88,10 @@ const FREQUENT: f64 = 0.02;
 /// Looks at a channel: two spikes among the neighbours hide a third, until they are gone.
 const PASSES: usize = 5;
 
-/// Makes the spikes of a channel missing; how many there were. `channel` is copied only if there are any. `time` is in periods;
+/// Makes the spikes of a channel missing; which samples they were, in order. `channel` is copied only if there are any. `time` is in periods;
 /// neighbours across one of `gaps`, the first sample after each, are none. `crowds` says whether the channel is smooth enough for a
 /// parabola over a tenth of a second; a rotor, which a command kicks, is not.
-pub(crate) fn take_out(channel: &mut Cow<[f64]>, time: &[f64], gaps: &[usize], crowds: bool) -> usize {
+pub(crate) fn take_out(channel: &mut Cow<[f64]>, time: &[f64], gaps: &[usize], crowds: bool) -> Vec<usize> {
     let most = (MOST * channel.len() as f64) as usize;
     let mut all: Vec<usize> = Vec::new();
     // A good sample among bad ones looks like a bad one, until these are gone. It is given back for good.
@@ -65,21 +99,21 @@ pub(crate) fn take_out(channel: &mut Cow<[f64]>, time: &[f64], gaps: &[usize], c
     let mut cleaned: Cow<[f64]> = Cow::Borrowed(&**channel);
     for _ in 0..2 * PASSES {
         let in_crowds = crowds && all.len() as f64 > FREQUENT * channel.len() as f64;
-        let usual = usual_distance(&cleaned);
+        let usual = usual_distances(&cleaned);
         let starts = std::iter::once(0).chain(gaps.iter().copied());
         let ends = gaps.iter().copied().chain([channel.len()]);
         let found: Vec<usize> = starts
             .zip(ends)
             .flat_map(|(start, end)| {
-                let piece = spikes(&cleaned[start..end], &time[start..end], usual, in_crowds);
+                let piece = spikes(&cleaned[start..end], &time[start..end], &usual[start..end], in_crowds);
                 piece.into_iter().map(move |k| start + k)
             })
             .filter(|k| !given_back.contains(k))
             .collect();
         let belongs = |&k: &usize| {
             let (start, end) = piece_of(k, gaps, channel.len());
-            let expected = expected_in_a_crowd(&cleaned[start..end], &time[start..end], k - start, usual);
-            expected.is_some_and(|(expected, _)| (channel[k] - expected).abs() < OF_NOISE * usual)
+            let expected = expected_in_a_crowd(&cleaned[start..end], &time[start..end], k - start, usual[k]);
+            expected.is_some_and(|(expected, _)| (channel[k] - expected).abs() < ON_PARABOLA * usual[k])
         };
         let wronged: Vec<usize> = all.iter().copied().filter(|k| in_crowds && belongs(k)).collect();
         if found.is_empty() && wronged.is_empty() {
@@ -92,14 +126,13 @@ pub(crate) fn take_out(channel: &mut Cow<[f64]>, time: &[f64], gaps: &[usize], c
         all.retain(|k| !wronged.contains(k));
         given_back.extend(wronged);
     }
-    if all.len() > most {
-        return 0;
+    if all.is_empty() || all.len() > most {
+        return Vec::new();
     }
-    if !all.is_empty() {
-        let values = channel.to_mut();
-        all.iter().for_each(|&k| values[k] = f64::NAN);
-    }
-    all.len()
+    let values = channel.to_mut();
+    all.iter().for_each(|&k| values[k] = f64::NAN);
+    all.sort_unstable();
+    all
 }
 
 /// From which sample on and up to which there is no gap around a sample.
@@ -110,8 +143,8 @@ fn piece_of(k: usize, gaps: &[usize], length: usize) -> (usize, usize) {
 }
 
 /// The samples of a channel that are spikes as far as their neighbours can tell.
-fn spikes(channel: &[f64], time: &[f64], usual: f64, crowds: bool) -> Vec<usize> {
-    if !(usual > 0.0) || channel.is_empty() {
+fn spikes(channel: &[f64], time: &[f64], usual: &[f64], crowds: bool) -> Vec<usize> {
+    if !usual.first().is_some_and(|usual| *usual > 0.0) {
         return Vec::new();
     }
     let last = channel.len() - 1;
@@ -119,28 +152,46 @@ fn spikes(channel: &[f64], time: &[f64], usual: f64, crowds: bool) -> Vec<usize>
         // Next to a missing value, and at the ends, there is no telling this way.
         let near = k > 0
             && k < last
-            && (channel[k] - 0.5 * (channel[k - 1] + channel[k + 1])).abs() < LOOKED_AT * usual;
+            && (channel[k] - 0.5 * (channel[k - 1] + channel[k + 1])).abs() < LOOKED_AT * usual[k];
         !near && channel[k].is_finite()
     };
     (0..channel.len())
         .filter(is_off)
-        .filter(|&k| is_spike(channel, time, k, usual, crowds) == Some(true))
+        .filter(|&k| is_spike(channel, time, k, usual[k], crowds) == Some(true))
         .collect()
 }
 
-/// Standard deviation of a sample about the mean of its neighbours, by the median: spikes do not count.
-fn usual_distance(channel: &[f64]) -> f64 {
-    let mut distances: Vec<f64> = channel
-        .windows(3)
-        .map(|w| (w[1] - 0.5 * (w[0] + w[2])).abs())
-        .filter(|distance| distance.is_finite())
-        .collect();
-    if distances.len() < 10 {
+/// At each sample the standard deviation of a sample about the mean of its neighbours, by quantiles: spikes do not count. The
+/// larger of that around the sample and of the whole channel; zero throughout where nothing moves.
+fn usual_distances(channel: &[f64]) -> Vec<f64> {
+    let mut distances = vec![f64::NAN; channel.len()];
+    for (k, w) in channel.windows(3).enumerate() {
+        distances[k + 1] = (w[1] - 0.5 * (w[0] + w[2])).abs();
+    }
+    // Spikes that happen to crowd in a second may be one in ten there: only the median stands that.
+    let of_all =
+        f64::max(quantile(&distances, 0.5) / MIDDLE_OF_NORMAL, quantile(&distances, UPPER) / UPPER_OF_NORMAL);
+    let mut usual = vec![of_all; channel.len()];
+    if of_all > 0.0 {
+        for (block, values) in usual.chunks_mut(RESTLESS).enumerate() {
+            let from = (block * RESTLESS).saturating_sub(RESTLESS);
+            let to = ((block + 2) * RESTLESS).min(distances.len());
+            values.fill(of_all.max(quantile(&distances[from..to], 0.5) / MIDDLE_OF_NORMAL));
+        }
+    }
+    usual
+}
+
+/// A quantile of what is finite and not zero; zero of fewer than ten values. A distance of exactly zero is that of a held or
+/// coarsely rounded value and tells nothing of noise.
+fn quantile(values: &[f64], part: f64) -> f64 {
+    let mut values: Vec<f64> =
+        values.iter().copied().filter(|value| value.is_finite() && *value > 0.0).collect();
+    if values.len() < 10 {
         return 0.0;
     }
-    let middle = distances.len() / 2;
-    // The median of |x| is 0.6745 of a normal deviation.
-    *distances.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745
+    let at = (part * values.len() as f64) as usize;
+    *values.select_nth_unstable_by(at, f64::total_cmp).1
 }
 
 /// Nothing where there are too few neighbours to tell.
@@ -172,13 +223,25 @@ fn is_spike(channel: &[f64], time: &[f64], k: usize, usual: f64, crowds: bool) -
     let mut levels = [0.0; 2 * REACH];
     levels.iter_mut().zip(neighbours).for_each(|(level, (t, value))| *level = value - slope * t);
     let level = median(&mut levels[..count])?;
-    levels[..count].iter_mut().for_each(|value| *value = (*value - level).abs());
-    let own = (channel[k] - level).abs();
+    let off = channel[k] - level;
+    let own = off.abs();
     // From one side the line is drawn out to where it is not known as well.
     let reach = if k - first == REACH { 1.0 } else { DRAWN_OUT };
-    let of_noise = reach * OF_NOISE * usual;
-    let of_neighbours = reach * OF_NEIGHBOURS * median(&mut levels[..count])?;
-    Some(own > of_noise && (own > of_neighbours || (crowds && is_spike_in_a_crowd(channel, time, k, usual))))
+    if own <= reach * OF_NOISE * usual || stays(channel, k, usual) {
+        return Some(false);
+    }
+    levels[..count].iter_mut().for_each(|value| *value = (*value - level).abs());
+    levels[..count].sort_unstable_by(f64::total_cmp);
+    let alone = own > reach * OF_NEIGHBOURS * levels[count - 2];
+    Some(alone || (crowds && is_spike_in_a_crowd(channel, time, k, usual)))
+}
+
+/// Whether a next neighbour has the same value but for the noise.
+fn stays(channel: &[f64], k: usize, usual: f64) -> bool {
+    let alike = |j: Option<usize>| {
+        j.and_then(|j| channel.get(j)).is_some_and(|value| (value - channel[k]).abs() < ALIKE * usual)
+    };
+    alike(k.checked_sub(1)) || alike(Some(k + 1))
 }
 
 /// Whether enough of the neighbourhood lies on a parabola, and the sample does not.
@@ -211,7 +274,7 @@ fn expected_in_a_crowd(channel: &[f64], time: &[f64], k: usize, usual: f64) -> O
                 let mut sides = (0, 0);
                 for (t, value) in around {
                     let off = (value - curve(*t)).abs();
-                    if off < OF_NOISE * usual {
+                    if off < ON_PARABOLA * usual {
                         agree += 1;
                         *(if *t < 0.0 { &mut sides.0 } else { &mut sides.1 }) += 1;
                     } else if off < GROSS * usual {
@@ -259,9 +322,8 @@ mod tests {
     fn taken_out(channel: &[f64]) -> Vec<usize> {
         let mut cleaned = Cow::Borrowed(channel);
         let time: Vec<f64> = (0..channel.len()).map(|k| k as f64).collect();
-        let count = take_out(&mut cleaned, &time, &[], true);
-        let gone: Vec<usize> = (0..channel.len()).filter(|&k| cleaned[k].is_nan()).collect();
-        assert_eq!(gone.len(), count);
+        let gone = take_out(&mut cleaned, &time, &[], true);
+        assert_eq!(gone, (0..channel.len()).filter(|&k| cleaned[k].is_nan()).collect::<Vec<_>>());
         gone
     }
 
@@ -315,5 +377,44 @@ mod tests {
         let held: Vec<f64> = (0..3000).map(|k| (f64::from(k / 7) * 0.37).sin()).collect();
         assert_eq!(taken_out(&held), [0_usize; 0]);
         assert_eq!(taken_out(&[0.0; 500]), [0_usize; 0]);
+    }
+
+    /// What an estimator logs: a smooth curve that a correction moves every third of a second, and the corner which linear
+    /// interpolation to the log's rate makes of it. Of these channels one sample in twenty was called an outlier.
+    #[test]
+    fn corners_of_an_estimators_corrections_are_no_spikes() {
+        let mut rng = Pcg64Mcg::seed_from_u64(4);
+        let mut moved = 0.0;
+        let mut curve = flown(&mut rng, 0.0002);
+        for (k, value) in curve.iter_mut().enumerate() {
+            if k % 35 == 17 {
+                moved += rng.random_range(-0.02..0.02);
+            }
+            *value += moved;
+        }
+        let logged: Vec<f64> = (0..3000)
+            .map(|k| {
+                let at = 0.93 * k as f64;
+                let (whole, part) = (at as usize, at.fract());
+                curve[whole] + part * (curve[whole + 1] - curve[whole])
+            })
+            .collect();
+        assert_eq!(taken_out(&logged), [0_usize; 0]);
+    }
+
+    /// A hover, then a second of quick turns with fifty times the noise: each part has its own.
+    #[test]
+    fn what_is_gross_in_a_hover_is_noise_in_a_brisk_manoeuvre() {
+        let mut rng = Pcg64Mcg::seed_from_u64(5);
+        let mut channel: Vec<f64> = (0..2000)
+            .map(|k| {
+                let noise: f64 = (0..12).map(|_| rng.random::<f64>() - 0.5).sum();
+                if (900..1100).contains(&k) { 0.5 * noise } else { 0.01 * noise }
+            })
+            .collect();
+        assert_eq!(taken_out(&channel), [0_usize; 0]);
+        channel[400] += 0.5;
+        channel[1000] += 20.0;
+        assert_eq!(taken_out(&channel), [400, 1000]);
     }
 }

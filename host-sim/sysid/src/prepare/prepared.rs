@@ -14,15 +14,18 @@
 //!
 //! What the rows are made of is in `rows.rs`.
 
+use std::ops::Range;
+
 use model::Vehicle;
 
 use crate::filter::RegressionFilter;
 use crate::prepare::battery;
-use crate::prepare::biases::{remove_accelerometer_bias, remove_gyro_bias};
+use crate::prepare::biases::{StandingGyro, remove_accelerometer_bias, remove_gyro_bias};
 use crate::prepare::channels::Channels;
 use crate::prepare::corrections::{Alignment, Trim};
 use crate::prepare::error::PrepareError;
 use crate::prepare::grid::{bridge, even_grid, unbroken};
+use crate::prepare::outliers::Outlier;
 use crate::prepare::stretch::{Stretch, smoothed};
 use flights::{Column, Flight, median_step};
 
@@ -81,6 +84,10 @@ pub struct Prepared {
     pub accelerometer_bias_m_s2: [f64; 2],
     /// What was mended or left out, for people.
     pub notes: Vec<String>,
+    /// Values that were taken for gross outliers and replaced.
+    pub outliers: Vec<Outlier>,
+    /// Whether columns of the log were interpolated from a lower rate, which looks like time gained or lost.
+    pub is_interpolated: bool,
     /// The clock of the rotor samples against that of the state, where it was looked at.
     pub alignment: Option<Alignment>,
     /// Constant part of the targets that belongs to this flight and not to the craft; m/s^2,
@@ -99,6 +106,15 @@ pub struct Prepared {
 impl Prepared {
     /// Prepares a flight of `vehicle`. Errors are a sentence for people; the caller names the file.
     pub fn new(flight: &Flight, vehicle: &Vehicle) -> Result<Self, PrepareError> {
+        Self::with_standing(flight, vehicle, None)
+    }
+
+    /// Prepares a flight of a craft whose gyro was seen standing as well.
+    pub(crate) fn with_standing(
+        flight: &Flight,
+        vehicle: &Vehicle,
+        standing: Option<StandingGyro>,
+    ) -> Result<Self, PrepareError> {
         let t = flight.required(Column::T);
         let period_s = rounded_period(median_step(t));
         let filter = RegressionFilter::new(period_s);
@@ -109,13 +125,15 @@ impl Prepared {
         let margin = windows * filter.half();
         let mut notes = Vec::new();
         let mut channels = Channels::new(flight, force_target == ForceTarget::Imu, has_logged_velocity);
-        note_spikes(channels.take_out_spikes(t, period_s), &mut notes);
+        channels.take_out_spikes(t, period_s);
+        note_spikes(channels.outliers.len(), &mut notes);
+        let outliers = channels.outliers.clone();
         if channels.rotor.is_none() && !vehicle.can_map_commands() {
             return Err(PrepareError::NoRotorSpeeds);
         }
         let (mut stretches, jitter_s) = even_stretches(channels, t, period_s, &filter, margin, &mut notes)?;
         battery::steady(&mut stretches, vehicle, period_s);
-        let gyro_bias_rad_s = remove_gyro_bias(&mut stretches, &filter);
+        let gyro_bias_rad_s = remove_gyro_bias(&mut stretches, &filter, standing, &mut notes);
         let accelerometer_bias_m_s2 = if has_logged_velocity {
             remove_accelerometer_bias(&mut stretches, &filter, vehicle.gravity)
         } else {
@@ -130,6 +148,8 @@ impl Prepared {
             gyro_bias_rad_s,
             accelerometer_bias_m_s2,
             notes,
+            outliers,
+            is_interpolated: false,
             alignment: None,
             trim: None,
             jitter_s,
@@ -144,6 +164,7 @@ impl Prepared {
         Self {
             name: self.name.clone(),
             notes: self.notes.clone(),
+            outliers: self.outliers.clone(),
             alignment: self.alignment.clone(),
             stretches: Vec::new(),
             filter: self.filter.clone(),
@@ -218,9 +239,11 @@ fn even_stretches(
             dropped += range.len();
             continue;
         }
-        let even = even_grid(t, columns, &measured, range, period_s, notes);
+        let even = even_grid(t, columns, &measured, range.clone(), period_s, notes);
         jitter_s = f64::max(jitter_s, even.jitter_s);
-        stretches.push(channels.stretch(even, period_s, filter));
+        let mut stretch = channels.stretch(even, period_s, filter);
+        stretch.outliers = channels.outliers.iter().filter_map(|o| in_stretch(o, &range, &stretch)).collect();
+        stretches.push(stretch);
     }
     if dropped > 0 {
         let shortest_s = shortest as f64 * period_s;
@@ -232,6 +255,14 @@ fn even_stretches(
         return Err(PrepareError::TooShort { samples: t.len(), duration_s, needed_s });
     }
     Ok((stretches, jitter_s))
+}
+
+/// An outlier of the log's rows as that of the sample next to it in time.
+fn in_stretch(outlier: &Outlier, rows: &Range<usize>, stretch: &Stretch) -> Option<Outlier> {
+    let after = stretch.time_s.partition_point(|t| *t < outlier.t_s).min(stretch.time_s.len() - 1);
+    let before = after.saturating_sub(1);
+    let nearer = (stretch.time_s[after] - outlier.t_s) < (outlier.t_s - stretch.time_s[before]);
+    rows.contains(&outlier.row).then_some(Outlier { row: if nearer { after } else { before }, ..*outlier })
 }
 
 /// A period within 0.1 % of a whole number of tenths of a millisecond is that number: clocks tick

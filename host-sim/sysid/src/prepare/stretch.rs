@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::filter::convolve;
 use crate::prepare::hermite::hermite;
+use crate::prepare::outliers::Outlier;
 
 /// A stretch of a flight without gaps, evenly sampled.
 #[derive(Debug, Clone)]
@@ -33,6 +34,8 @@ pub struct Stretch {
     /// Whether a sample's sensor values were all logged, not filled in: only those carry the
     /// sensors' noise.
     pub measured: Vec<bool>,
+    /// Outliers in the place of which there are other values now, by sample of the stretch.
+    pub outliers: Vec<Outlier>,
 }
 
 /// One rotor over a stretch.
@@ -60,7 +63,13 @@ impl Stretch {
             logged_rotor_rad_s: self.logged_rotor_rad_s.as_ref().map(|all| cut(all, &range)),
             battery_v: self.battery_v[range.clone()].to_vec(),
             imu_m_s2: self.imu_m_s2.as_ref().map(|all| cut(all, &range)),
-            measured: self.measured[range].to_vec(),
+            measured: self.measured[range.clone()].to_vec(),
+            outliers: self
+                .outliers
+                .iter()
+                .filter(|outlier| range.contains(&outlier.row))
+                .map(|outlier| Outlier { row: outlier.row - range.start, ..*outlier })
+                .collect(),
         }
     }
 
