@@ -14,7 +14,7 @@ use crate::options::Options;
 use crate::search_error::{SearchError, Steps};
 
 /// Least part of each axis of the rotation, R2 on the flights held out, that a model with the mending effect predicts. An effect
-/// strong enough to turn motors round is seen in brisk motion, and with it most is explained (0.9 and more in simulated
+/// strong enough to turn motors round is seen in brisk motion, and with it most is explained (0.99 and more in simulated
 /// flights); where clocks wander, motors explain a hundredth (nanobench), and any effect may push their signs a little to the
 /// right side of zero.
 const LEAST_R2: f64 = 0.5;

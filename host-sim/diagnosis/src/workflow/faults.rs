@@ -169,8 +169,8 @@ impl Faults {
 /// What to do about flights with a fault because of which they determine nothing; nothing for any other fault. This is the place
 /// for a kind of fault that leaves no answer.
 fn what_to_fly(kind: FaultKind) -> Option<&'static str> {
-    match kind.id() {
-        "under-sampled" => Some("log at least as fast as the commands change"),
+    match kind {
+        FaultKind::UnderSampled => Some("log at least as fast as the commands change"),
         _ => None,
     }
 }
