@@ -180,6 +180,21 @@ impl Diagnosis {
     }
 }
 
+impl Diagnosis {
+    /// Takes back the support of an effect that raises the held-out error once it is in the model by itself.
+    pub(crate) fn refuse_worse(&mut self, effect: Effect, [improved, flights]: [usize; 2]) {
+        for finding in self.effects.iter_mut().filter(|f| f.effect == effect) {
+            finding.refuse(Reason::NotBorneOut { improved, flights, p_value: None });
+        }
+        if self.best().is_none() {
+            self.verdict = Verdict::Unexplained;
+            self.summary = format!(
+                "{effect} looks promising, but the model with it predicts held-out flights worse: what is missing stays unknown."
+            );
+        }
+    }
+}
+
 /// The conclusion where the only effect that lowers the error cannot join the model.
 pub(crate) fn unfitted(effect: Effect) -> String {
     format!(
@@ -250,6 +265,22 @@ mod tests {
             "{}",
             diagnosis.summary
         );
+    }
+
+    #[test]
+    fn an_effect_that_makes_predictions_worse_is_no_finding() {
+        let mut only = finding(Effect::Tether);
+        only.supported = true;
+        let mut diagnosis = Diagnosis {
+            verdict: Verdict::MissingEffect,
+            summary: String::new(),
+            effects: vec![only],
+            unexplained: Vec::new(),
+        };
+        diagnosis.refuse_worse(Effect::Tether, [0, 2]);
+        assert_eq!((diagnosis.best(), diagnosis.verdict), (None, Verdict::Unexplained));
+        assert!(diagnosis.summary.starts_with("tether looks promising"), "{}", diagnosis.summary);
+        assert!(matches!(diagnosis.effects[0].reason, Reason::NotBorneOut { improved: 0, flights: 2, .. }));
     }
 
     /// Files and scripts know effects, reasons and dependences by their words.

@@ -4,6 +4,9 @@
 mod addition;
 mod change;
 mod change_evidence;
+mod change_fit;
+mod change_scatter;
+mod change_structure;
 pub mod changes;
 mod columns;
 mod criteria;

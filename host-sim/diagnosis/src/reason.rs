@@ -28,6 +28,8 @@ pub enum Dependence {
     },
     /// Nothing measured: it changes slowly.
     SlowChanges,
+    /// Nothing measured: it comes in bursts, beyond anything in the flights of the model.
+    Bursts,
 }
 
 impl Dependence {
@@ -35,7 +37,7 @@ impl Dependence {
     pub(crate) fn predicate(self) -> String {
         match self {
             Self::Constant => format!("has a {self}"),
-            Self::Oscillation { .. } | Self::SlowChanges => format!("shows {self}"),
+            Self::Oscillation { .. } | Self::SlowChanges | Self::Bursts => format!("shows {self}"),
             Self::Quantity(_) | Self::Past => format!("depends on the {self}"),
         }
     }
@@ -59,6 +61,7 @@ impl fmt::Display for Dependence {
                 write!(f, "an oscillation at {} Hz", fixed(*frequency_hz, 2))
             }
             Self::SlowChanges => f.write_str("slow changes in time"),
+            Self::Bursts => f.write_str("bursts far above those of the model's own flights"),
         }
     }
 }

@@ -120,6 +120,10 @@ pub struct ChangeScatter {
     pub coefficient: String,
     /// Root mean square of the estimates, in the coefficient's unit.
     pub deviation: f64,
+    /// Their mean, where it is far from zero: the model lacks something that looks like this change in each of its flights, and
+    /// new ones are no different for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mean: Option<f64>,
 }
 
 /// An effect that was added, with the held-out error before and after.

@@ -272,6 +272,7 @@ mod tests {
                 effect: "mass-change".into(),
                 coefficient: "extra_mass".into(),
                 deviation: 0.01,
+                mean: Some(0.1),
             }],
             rotor_delay_s: Some(0.1 / 3.0),
             rotation_refused: vec!["C2_q = -3".into()],

@@ -99,6 +99,11 @@ pub fn explain(
     while let Some(effect) = diagnosis.best() {
         let model = steps.last().map_or(&basic, |step| &step.model).clone();
         match join_and_search(&model, effect, sets, options, observer) {
+            // Nothing joins that makes the model predict worse, whatever it promised beside others.
+            Ok((_, addition, _)) if addition.finding.drop_percent < 0.0 => {
+                sets.trim(&model);
+                diagnosis.refuse_worse(effect, addition.finding.flights_improved);
+            }
             Ok((better, addition, next)) => {
                 sets.judge_clocks(&better, effect);
                 let comparison = sysid::compare(&better, &sets.validate());

@@ -3,7 +3,7 @@
 use model::{Axis, AxisError, FitRecord, FlightRecord, FlightRole, Model, PerAxis};
 use sysid::Prepared;
 
-use crate::changes;
+use crate::change_scatter::scatter;
 use crate::workflow::loaded::LoadedFlight;
 use crate::workflow::sets::FlightSets;
 
@@ -17,7 +17,7 @@ impl FlightSets {
             flights,
             train: errors(model, &self.train()),
             held_out: errors(model, &self.validate()),
-            scatter: changes::scatter(model, &all),
+            scatter: scatter(model, &all),
             rotor_delay_s: sysid::fit::alignment::common_delay_s(model, &self.train()),
             ..FitRecord::default()
         }
