@@ -4,7 +4,7 @@
 //! Where it is not, what they say of moments is worth nothing, and the balance says what can be said; and what they do not
 //! notice, the balance may.
 
-use model::{Axis, Group, Model};
+use model::{Axis, Effect, Group, Model};
 use report::number::{fixed, p_equation, percent, with_error};
 
 use crate::balance::Answer;
@@ -18,14 +18,25 @@ use crate::unidentified::{recorded, verdicts_of_change};
 /// A change with its evidence.
 pub(crate) type Found = (Change, EffectFinding);
 
-/// The answer of both; the findings
-/// of the rows come with when the change began that they name.
-pub(crate) fn conclude(
-    model: &Model,
-    (mut findings, began): (Vec<Found>, Option<Since>),
-    balance: Option<Answer>,
-) -> Diagnosis {
-    let judged = !recorded(model).iter().any(|reason| reason.group == Group::Rotation);
+/// What the rows of every sample say.
+pub(crate) struct OfRows {
+    /// The evidence for each change, best first.
+    pub(crate) findings: Vec<Found>,
+    /// When the change began that they name.
+    pub(crate) began: Option<Since>,
+    /// What was estimated together with it.
+    pub(crate) together: Vec<Effect>,
+    /// Structure that it leaves.
+    pub(crate) left: Vec<Unexplained>,
+}
+
+/// The answer of both.
+pub(crate) fn conclude(model: &Model, rows: OfRows, balance: Option<Answer>) -> Diagnosis {
+    let OfRows { mut findings, began, mut together, mut left } = rows;
+    let unknown = recorded(model);
+    let judged = !unknown.iter().any(|reason| reason.group == Group::Rotation);
+    // What a model leaves on an axis that it does not know is no structure of the new flights.
+    left.retain(|u| !unknown.iter().any(|reason| reason.is_about(u.axis)));
     if !judged {
         let needs_rotation =
             |(change, _): &&mut Found| !change.effect.info().axes.iter().all(|a| a.is_force());
@@ -42,22 +53,37 @@ pub(crate) fn conclude(
             }
             replace(&mut findings, answer.findings);
             since = answer.since;
+            together.clear();
         }
     }
     findings.sort_by_key(|(_, finding)| !finding.supported);
     let best = findings.iter().find(|(_, finding)| finding.supported);
-    let unexplained: Vec<Unexplained> = shifted.filter(|_| best.is_none()).into_iter().map(unknown).collect();
+    let mut unexplained: Vec<Unexplained> =
+        shifted.filter(|_| best.is_none()).into_iter().map(shift_left).collect();
+    unexplained.extend(left);
     let named = best.map(|(change, _)| change.effect);
     let (verdict, verdicts) = verdicts_of_change(model, (named, &unexplained), visible_loss.is_some());
     let began = since.as_ref().map_or_else(String::new, beginning);
     Diagnosis {
         verdict,
         verdicts,
-        summary: summary(verdict, best, unexplained.first(), visible_loss) + &began,
+        summary: summary(verdict, best, unexplained.first(), visible_loss) + &with(&together) + &began,
         effects: findings.into_iter().map(|(_, finding)| finding).collect(),
         unexplained,
-        not_identified: recorded(model),
+        not_identified: unknown,
         since,
+    }
+}
+
+/// " quadratic-drag was estimated together with it, ..."
+fn with(together: &[Effect]) -> String {
+    let were = if together.len() == 1 { "was" } else { "were" };
+    match together {
+        [] => String::new(),
+        effects => format!(
+            " {} {were} estimated together with it, because these flights show more of it than those of the model.",
+            joined(effects, " and ")
+        ),
     }
 }
 
@@ -73,7 +99,7 @@ fn replace(findings: &mut Vec<Found>, by: Vec<Found>) {
     findings.splice(0..0, by);
 }
 
-fn unknown(((axis, share_percent), p_value): ((Axis, f64), f64)) -> Unexplained {
+fn shift_left(((axis, share_percent), p_value): ((Axis, f64), f64)) -> Unexplained {
     Unexplained { axis, depends_on: Dependence::Constant, share_percent, p_value }
 }
 
@@ -122,12 +148,16 @@ fn rms_fall(change: Change, finding: &EffectFinding) -> String {
 
 /// Nothing is a claim: it says what would have been seen.
 fn nothing_named(unexplained: Option<&Unexplained>, visible_loss: Option<f64>) -> String {
-    if let Some(Unexplained { axis, p_value, .. }) = unexplained {
-        return format!(
-            "The rotors share the work otherwise than in the flights of the model, most of all on {axis} ({}), and no \
-             known change accounts for it.",
-            p_equation(*p_value)
-        );
+    match unexplained {
+        Some(Unexplained { axis, depends_on: Dependence::Constant, p_value, .. }) => {
+            return format!(
+                "The rotors share the work otherwise than in the flights of the model, most of all on {axis} ({}), and no \
+                 known change accounts for it.",
+                p_equation(*p_value)
+            );
+        }
+        Some(worst) => return unaccounted(worst),
+        None => {}
     }
     let nothing = "No change stands out from the scatter between the flights that the model was fitted to.";
     match visible_loss.filter(|loss| *loss < 1.0) {
@@ -139,10 +169,19 @@ fn nothing_named(unexplained: Option<&Unexplained>, visible_loss: Option<f64>) -
     }
 }
 
+/// What is left where no change is found.
+fn unaccounted(worst: &Unexplained) -> String {
+    format!(
+        "No change stands out, and yet these flights are not what the model says: the residual of {} {} ({} % of its squared \
+         error), and no known change accounts for it.",
+        worst.axis,
+        worst.depends_on.predicate(),
+        percent(worst.share_percent)
+    )
+}
+
 #[cfg(test)]
 mod tests {
-    use model::Effect;
-
     use super::*;
     use crate::finding::CoefficientFigures;
 
@@ -150,6 +189,10 @@ mod tests {
         let mut finding = EffectFinding::unsupported(effect, 2, Reason::LikeChance);
         (finding.supported, finding.motor) = (supported, motor);
         (Change { effect, motor }, finding)
+    }
+
+    fn of_rows(findings: Vec<Found>) -> OfRows {
+        OfRows { findings, began: None, together: Vec::new(), left: Vec::new() }
     }
 
     fn answer(findings: Vec<Found>, p_value: f64) -> Answer {
@@ -199,10 +242,10 @@ mod tests {
 
     #[test]
     fn where_the_rotation_is_not_identified_only_the_balance_speaks_of_moments() {
-        let rows = || vec![found(Effect::ComOffset, None, true), found(Effect::SteadyWind, None, false)];
+        let rows =
+            || of_rows(vec![found(Effect::ComOffset, None, true), found(Effect::SteadyWind, None, false)]);
         let weak = || found(Effect::MotorEfficiency, Some(4), true);
-        let best =
-            |model: &Model, by: Vec<Found>| conclude(model, (rows(), None), Some(answer(by, 0.5))).best();
+        let best = |model: &Model, by: Vec<Found>| conclude(model, rows(), Some(answer(by, 0.5))).best();
         assert_eq!(best(&model(0.6), vec![weak()]), Some(Effect::ComOffset));
         assert_eq!(best(&model(-0.1), vec![weak()]), Some(Effect::MotorEfficiency));
         assert_eq!(best(&model(-0.1), Vec::new()), None);
@@ -212,7 +255,7 @@ mod tests {
     fn what_the_rows_do_not_notice_the_balance_may() {
         let rows = vec![found(Effect::MotorEfficiency, Some(4), false)];
         let by = vec![found(Effect::MotorEfficiency, Some(4), true)];
-        let diagnosis = conclude(&model(0.6), (rows, None), Some(answer(by, 1e-6)));
+        let diagnosis = conclude(&model(0.6), of_rows(rows), Some(answer(by, 1e-6)));
         assert_eq!(diagnosis.verdict, Verdict::MissingEffect);
         assert_eq!(diagnosis.effects.len(), 1);
     }
@@ -220,7 +263,7 @@ mod tests {
     #[test]
     fn a_shift_that_no_change_explains_is_unexplained_and_never_adequate() {
         let diagnosis =
-            |p_value: f64| conclude(&model(-0.1), (Vec::new(), None), Some(answer(Vec::new(), p_value)));
+            |p_value: f64| conclude(&model(-0.1), of_rows(Vec::new()), Some(answer(Vec::new(), p_value)));
         assert_eq!(diagnosis(0.4).verdict, Verdict::Adequate);
         let unknown = diagnosis(1e-4);
         assert_eq!(unknown.verdict, Verdict::Unexplained);

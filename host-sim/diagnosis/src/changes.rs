@@ -1,21 +1,22 @@
 //! The model was good once: what has changed since?
 //!
 //! The model's parameters stay; the residual of new flights is explained by one change at a time: a heavier craft, a weak
-//! motor, a wind, a shifted battery. The same standard of evidence as in [`diagnose`](crate::diagnose): each change is
+//! motor, a wind, a shifted battery (`change_fit.rs`). The same standard of evidence as in [`diagnose`](crate::diagnose): each change is
 //! estimated on all new flights but one and validated on that one (blocks of time where there is a single flight).
 //!
 //! A real craft differs a little from flight to flight (trim, battery seat, tracker calibration). How much, is known
 //! from the flights the model was made from: the model file holds how far each change's estimate scatters between them.
-//! A change must stand out from that scatter, not only from the noise.
+//! A change must stand out from that scatter, not only from the noise. What no change accounts for is looked for by the errors of
+//! those flights, too (`change_structure.rs`).
 
-use std::ops::ControlFlow;
-
-use model::{ChangeScatter, Model};
-use nalgebra::{DMatrix, DVector};
+use model::Model;
 
 use crate::balance;
 use crate::change::Change;
-use crate::change_conclusion::conclude;
+use crate::change_conclusion::{OfRows, conclude};
+use crate::change_fit::{Fitted, fit_change};
+use crate::change_scatter::Scattered;
+use crate::change_structure::structure_left;
 use crate::criteria::{AS_GOOD, Asked, Evidence, RIVAL, SIGNIFICANCE, weigh};
 use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding};
 use crate::held_out::take_gain;
@@ -23,134 +24,12 @@ use crate::observer::Observer;
 use crate::onset::onset;
 use crate::reason::Reason;
 use crate::search_error::{SearchError, Steps, going_on};
-use crate::significance::{independent_stretches, zero_p_value};
-use sysid::fit::gauss_newton::{self, Linearised, Problem, Rule};
-use sysid::fit::least_squares::{FlightRows, Prior, Solution, Unidentifiable};
-use sysid::fit::linearise::About;
-use sysid::fit::step_end;
-use sysid::fit::swing::Known;
+use crate::significance::zero_p_value;
 use sysid::prepare::Prepared;
 use sysid::{FitError, Residuals, residuals};
 
-/// Most Gauss-Newton steps.
-const MAX_STEPS: usize = 8;
-/// A step this small against its standard error is the last.
-const CONVERGED: f64 = 0.01;
 /// Part of its gain that a change loses in rank for each coefficient: of two that explain as much, the simpler comes first.
 const FOR_A_COEFFICIENT: f64 = 0.02;
-
-/// A change fitted to flights with the model's parameters fixed.
-struct Fitted {
-    model: Model,
-    values: DVector<f64>,
-    covariance: DMatrix<f64>,
-    sigma: [f64; 6],
-}
-
-/// Fits a change to flights, starting from none, on top of `model`.
-fn fit_change(model: &Model, change: Change, flights: &[&Prepared]) -> Result<Fitted, FitError> {
-    let info = change.effect.info();
-    let values = model.term(change.effect).map_or_else(
-        || vec![0.0; info.coefficients.len()],
-        |t| t.coefficients.iter().map(|c| c.value).collect(),
-    );
-    let mut problem =
-        ChangeFit { change, free: change.coefficients(), flights, changed: model.clone(), values };
-    gauss_newton::solve(&mut problem, Rule::of_steps(MAX_STEPS))?
-        .ok_or(FitError::NotConverged { effect: info.id, excitation: info.excitation })
-}
-
-/// A change that steps lead to what the flights show.
-struct ChangeFit<'a> {
-    change: Change,
-    /// Which coefficients of its effect are unknown.
-    free: Vec<usize>,
-    flights: &'a [&'a Prepared],
-    changed: Model,
-    /// All coefficients of its effect.
-    values: Vec<f64>,
-}
-
-impl ChangeFit<'_> {
-    fn rows(&self, flight: &Prepared) -> FlightRows {
-        let acts = (&[][..], &[self.change.effect][..]);
-        let About { residuals, columns: mut derivatives, .. } =
-            About::new(flight, &self.changed, acts, flight.fit_stride(), &Known::default());
-        let columns = self.free.iter().map(|&k| std::mem::take(&mut derivatives[k])).collect();
-        flight.rows_of_fit(residuals.residual, columns)
-    }
-}
-
-impl Problem for ChangeFit<'_> {
-    type End = Fitted;
-    type Error = FitError;
-
-    fn linearise(&mut self) -> Result<Linearised, FitError> {
-        self.changed.set(self.change.effect, &self.values);
-        let rows = self.flights.iter().map(|flight| self.rows(flight)).collect();
-        let known = |k: usize| {
-            let prior = self.change.effect.info().coefficients[k].prior;
-            prior.map(|deviation| Prior { expected: -self.values[k], deviation })
-        };
-        Ok(Linearised { rows, priors: self.free.iter().map(|&k| known(k)).collect(), left: None })
-    }
-
-    fn unidentifiable(&self, _: Unidentifiable) -> FitError {
-        let info = self.change.effect.info();
-        FitError::NotExcited {
-            effect: info.id,
-            coefficient: info.coefficients[self.free[0]].name,
-            excitation: info.excitation,
-        }
-    }
-
-    fn step(&mut self, _: Linearised, solution: Solution) -> Result<ControlFlow<Fitted>, FitError> {
-        let mut is_settled = true;
-        for (i, &k) in self.free.iter().enumerate() {
-            let info = &self.change.effect.info().coefficients[k];
-            let step = solution.value[i];
-            is_settled &= step.abs() < CONVERGED * solution.covariance[(i, i)].sqrt() + 1e-9 * info.typical;
-            self.values[k] = step_end(self.values[k], step, info);
-        }
-        if !is_settled {
-            return Ok(ControlFlow::Continue(()));
-        }
-        self.changed.set(self.change.effect, &self.values);
-        let free = self.free.iter().map(|&k| self.values[k]);
-        Ok(ControlFlow::Break(Fitted {
-            values: DVector::from_iterator(self.free.len(), free),
-            model: self.changed.clone(),
-            covariance: solution.covariance,
-            sigma: solution.sigma,
-        }))
-    }
-}
-
-/// How far each change's estimate scatters between the flights a model was made from: for the model file.
-pub fn scatter(model: &Model, flights: &[&Prepared]) -> Vec<ChangeScatter> {
-    let mut result = Vec::new();
-    for change in Change::all(model) {
-        let names = change.coefficients().into_iter().map(|k| change.effect.info().coefficients[k].name);
-        let estimates: Vec<Fitted> =
-            flights.iter().filter_map(|flight| fit_change(model, change, &[flight]).ok()).collect();
-        if estimates.len() < 2 {
-            continue;
-        }
-        // Each flight had its part in the model that it is held against; a new one has none.
-        let count = estimates.len() as f64;
-        let of_a_new_one = count / (count - 1.0);
-        for (i, name) in names.enumerate() {
-            // About zero, not about the mean: the model is the reference.
-            let mean_square = estimates.iter().map(|e| e.values[i] * e.values[i]).sum::<f64>() / count;
-            result.push(ChangeScatter {
-                effect: change.effect.id().into(),
-                coefficient: name.into(),
-                deviation: of_a_new_one * mean_square.sqrt(),
-            });
-        }
-    }
-    result
-}
 
 /// Names the one of `changes` that explains new flights, with the model's parameters as they are.
 pub fn changed(
@@ -171,9 +50,13 @@ pub fn changed(
     let score = |f: &EffectFinding| f.gain * (1.0 - FOR_A_COEFFICIENT * f.coefficients.len() as f64);
     findings.sort_by(|a, b| b.1.supported.cmp(&a.1.supported).then(score(&b.1).total_cmp(&score(&a.1))));
     mark_rivals(model, &mut findings, flights, (changes.len(), observer))?;
-    let named = findings.first().filter(|(_, finding)| finding.supported);
+    let named = findings.iter().find(|(_, finding)| finding.supported);
     let began = named.and_then(|(change, finding)| onset(model, (*change, finding), flights));
-    Ok(conclude(model, (findings, began), balance::answer(model, flights, changes)))
+    let with_best = named.and_then(|(change, _)| fit_change(model, *change, flights).ok());
+    let left = structure_left(with_best.as_ref().map_or(model, |with| &with.model), flights);
+    let together = with_best.map_or_else(Vec::new, |with| with.together);
+    let rows = OfRows { findings, began, together, left };
+    Ok(conclude(model, rows, balance::answer(model, flights, changes)))
 }
 
 /// Changes that explain nearly as much as the best, and add nothing to it nor it to them, cannot be told from it.
@@ -275,7 +158,7 @@ pub(crate) fn examine(model: &Model, change: Change, flights: &[&Prepared], cand
         return Examined { finding, std_errors: Vec::new(), residuals: None, has_rotor_map };
     };
     let (free, rotors) = (change.coefficients(), model.rotor_quantity());
-    let (total, independent) = with_scatter(model, change, &fitted, flights);
+    let Scattered { total, from_usual, tested, independent } = Scattered::of(model, change, &fitted, flights);
     finding.coefficients = free
         .iter()
         .enumerate()
@@ -285,7 +168,7 @@ pub(crate) fn examine(model: &Model, change: Change, flights: &[&Prepared], cand
         })
         .collect();
     let coefficients = free.iter().map(|&k| &info.coefficients[k]);
-    let p_value = zero_p_value(fitted.values.as_slice(), &total, coefficients, independent);
+    let p_value = zero_p_value(from_usual.as_slice(), &tested, coefficients, independent);
     finding.p_value = (p_value * candidates as f64).min(1.0);
     let residuals = cross_validate(model, change, flights, &fitted, &mut finding);
     let std_errors = (0..free.len()).map(|i| fitted.covariance[(i, i)].max(0.0).sqrt()).collect();
@@ -293,34 +176,6 @@ pub(crate) fn examine(model: &Model, change: Change, flights: &[&Prepared], cand
     let (supported, reason) = weigh(&examined.evidence());
     (examined.finding.supported, examined.finding.reason) = (supported, reason);
     examined
-}
-
-/// The covariance of an estimate with what the base flights scatter by, and what it is known from: a scatter seen in a few flights
-/// is itself uncertain (Welch 1947 and Satterthwaite 1946 for the sum). New flights of one day share the trim of that day, so several
-/// of them scatter no less than one.
-fn with_scatter(
-    model: &Model,
-    change: Change,
-    fitted: &Fitted,
-    flights: &[&Prepared],
-) -> (DMatrix<f64>, f64) {
-    let mut total = fitted.covariance.clone();
-    let stretches = independent_stretches(flights);
-    let Some(fit) = &model.fit else { return (total, stretches) };
-    let base_flights = fit.flights.len().max(2) as f64;
-    let mut independent = stretches;
-    for (i, k) in change.coefficients().into_iter().enumerate() {
-        let name = change.effect.info().coefficients[k].name;
-        let known = fit.scatter.iter().find(|s| s.effect == change.effect.id() && s.coefficient == name);
-        let Some(known) = known else { continue };
-        let (noise, scatter) = (total[(i, i)], known.deviation * known.deviation);
-        total[(i, i)] = noise + scatter;
-        let spread = noise * noise / stretches + scatter * scatter / base_flights;
-        if spread > 0.0 {
-            independent = independent.min(total[(i, i)].powi(2) / spread);
-        }
-    }
-    (total, independent)
 }
 
 /// Errors on flights the change was not estimated from, and the residuals without and with it.
@@ -387,46 +242,9 @@ mod tests {
         assert!(finding.coefficients[0].value.abs() < 0.01, "{:?}", finding.coefficients);
     }
 
-    /// Two flights that had their part in the model: twice the root of the mean square.
     #[test]
-    fn the_scatter_is_about_the_model_and_that_of_a_new_flight() {
-        let flights = prepared(&truth(), 30..32, 4.0, &ORDINARY);
-        let flights: Vec<&Prepared> = flights.iter().collect();
-        let scatter = scatter(&truth(), &flights);
-        let mass = scatter.iter().find(|s| s.effect == "mass-change").unwrap();
-        let [a, b] = [0, 1].map(|k| fit_change(&truth(), HEAVIER, &[flights[k]]).unwrap().values[0]);
-        assert!((mass.deviation / (2.0 * (0.5 * (a * a + b * b)).sqrt()) - 1.0).abs() < 1e-9);
-    }
-
-    #[test]
-    fn a_single_flight_scatters_from_nothing_and_no_flight_tells_of_no_change() {
-        let flights = prepared(&truth(), 30..31, 4.0, &ORDINARY);
-        assert!(scatter(&truth(), &[&flights[0]]).is_empty());
+    fn no_flight_tells_of_no_change() {
         assert_eq!(changed(&truth(), &[], &[], &Silent).err(), Some(FitError::NoFlights.into()));
-    }
-
-    /// What base flights scatter by adds to the variance of an estimate, and is known from few of
-    /// them.
-    #[test]
-    fn the_scatter_of_the_base_flights_adds_to_the_error() {
-        let flights = prepared(&truth(), 30..31, 10.0, &ORDINARY);
-        let flights = [&flights[0]];
-        let fitted = fit_change(&truth(), HEAVIER, &flights).unwrap();
-        let mut model = truth();
-        let (bare, stretches) = with_scatter(&model, HEAVIER, &fitted, &flights);
-        assert_eq!(bare, fitted.covariance);
-        model.fit = Some(model::FitRecord {
-            scatter: vec![ChangeScatter {
-                effect: "mass-change".into(),
-                coefficient: "extra_mass".into(),
-                deviation: 0.3,
-            }],
-            ..Default::default()
-        });
-        let (total, independent) = with_scatter(&model, HEAVIER, &fitted, &flights);
-        assert!((total[(0, 0)] - bare[(0, 0)] - 0.09).abs() < 1e-12);
-        // Two flights at least are behind a scatter, next to which the noise is nothing.
-        assert!((independent - 2.0).abs() < 0.1 && stretches > independent, "{independent} {stretches}");
     }
 
     /// Mass acts on forces and the centre of mass on moments: 60 and 35 are more than nine tenths

@@ -13,7 +13,6 @@
 
 use model::{Axis, Effect, GROUPS, Group, NotIdentified, PerGroup};
 use report::number::{p_equation, percent};
-use sysid::FitError;
 
 use crate::criteria::MATTERS_PERCENT;
 use crate::figures::rms_of;
@@ -45,17 +44,17 @@ pub(crate) fn first_of(order: &[Verdict; 4], verdicts: PerGroup<Verdict>) -> Ver
     order.iter().copied().find(has).unwrap_or(Verdict::Adequate)
 }
 
-/// The diagnosis without the support of an effect with which the model cannot be fitted. Where no other is supported, the
-/// error that it lowers is left without a known cause. What is `not_identified` is that of the model without it.
-pub(crate) fn without_unfitted(
+/// The diagnosis without the support of an effect that cannot join the model, or should not, and why. Where no other is
+/// supported, the error that it lowers is left without a known cause. What is `not_identified` is that of the model without it.
+pub(crate) fn without(
     diagnosis: &Diagnosis,
     effect: Effect,
-    why: &FitError,
+    why: &Reason,
     not_identified: Vec<NotIdentified>,
 ) -> Diagnosis {
     let Diagnosis { mut effects, unexplained, .. } = diagnosis.clone();
     for finding in effects.iter_mut().filter(|f| f.effect == effect) {
-        finding.refuse(Reason::NotFittedTogether(why.clone()));
+        finding.refuse(why.clone());
     }
     conclude(effects, unexplained, not_identified)
 }
@@ -94,7 +93,7 @@ fn verdict_of(
 
 /// Whether the flights support an effect that the model cannot be fitted with.
 fn is_unfitted(finding: &EffectFinding) -> bool {
-    matches!(finding.reason, Reason::NotFittedTogether(_))
+    matches!(finding.reason, Reason::NotFittedTogether(_) | Reason::MakesWorse { .. })
 }
 
 /// The conclusion in sentences.
@@ -109,7 +108,7 @@ fn summary(
         Verdict::MissingEffect => effects.iter().find(|f| f.supported && counts(f)).map(|f| lacking(f, effects)),
         Verdict::Unexplained => {
             let left = unexplained.iter().find(|u| is_identified(u.axis, not_identified)).map(unaccounted);
-            left.or_else(|| effects.iter().find(|f| is_unfitted(f)).map(|f| unfitted(f.effect)))
+            left.or_else(|| effects.iter().find(|f| is_unfitted(f)).map(unfitted))
         }
         Verdict::NotIdentified => effects.iter().find(|f| f.supported).map(no_finding),
         Verdict::Adequate => Some(
@@ -152,11 +151,17 @@ pub(crate) fn what_is_unknown(not_identified: &[NotIdentified]) -> Option<String
     (!all.is_empty()).then(|| all.join(" "))
 }
 
-/// The conclusion where the only effect that lowers the error cannot join the model.
-fn unfitted(effect: Effect) -> String {
-    format!(
-        "With {effect}, the held-out error falls, but the model with it cannot be fitted: its cause stays unknown."
-    )
+/// The conclusion where the only effect that lowers the error cannot join the model, or makes it worse.
+fn unfitted(finding: &EffectFinding) -> String {
+    let effect = finding.effect;
+    match finding.reason {
+        Reason::MakesWorse { .. } => format!(
+            "{effect} looks promising, but the model with it predicts held-out flights worse: what is missing stays unknown."
+        ),
+        _ => format!(
+            "With {effect}, the held-out error falls, but the model with it cannot be fitted: its cause stays unknown."
+        ),
+    }
 }
 
 /// An effect that lowers the error of axes which are not identified even with it.
@@ -312,19 +317,20 @@ mod tests {
 
     #[test]
     fn an_effect_that_cannot_be_fitted_leaves_the_next_best_or_an_unknown_cause() {
-        let why = FitError::NotConverged { effect: "tether", excitation: "fly around" };
+        let settled_not = sysid::FitError::NotConverged { effect: "tether", excitation: "fly around" };
+        let why = Reason::NotFittedTogether(settled_not);
         let all = vec![
             taking(Effect::Tether, true, &[("u", 50.0)]),
             taking(Effect::MotorLag, true, &[("p", 50.0)]),
         ];
         let diagnosis = conclude(all, Vec::new(), Vec::new());
-        let one = without_unfitted(&diagnosis, Effect::Tether, &why, Vec::new());
+        let one = without(&diagnosis, Effect::Tether, &why, Vec::new());
         assert_eq!((one.best(), one.verdict), (Some(Effect::MotorLag), Verdict::MissingEffect));
         assert_eq!(one.verdicts, both(Verdict::Unexplained, Verdict::MissingEffect));
-        let none = without_unfitted(&one, Effect::MotorLag, &why, Vec::new());
+        let none = without(&one, Effect::MotorLag, &why, Vec::new());
         assert_eq!((none.best(), none.verdict), (None, Verdict::Unexplained), "never adequate");
         assert!(none.summary.starts_with("With tether, the held-out error falls"), "{}", none.summary);
-        let forces = without_unfitted(&one, Effect::MotorLag, &why, vec![no_rotation()]);
+        let forces = without(&one, Effect::MotorLag, &why, vec![no_rotation()]);
         assert_eq!(forces.verdicts, both(Verdict::Unexplained, Verdict::NotIdentified));
     }
 }

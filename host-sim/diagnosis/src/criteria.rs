@@ -3,7 +3,7 @@
 //! An effect is **supported** when all of [`RULES`] hold that apply to it. With everything in place that is supported, what is
 //! left must be what the right effects would leave ([`stand_in`]).
 
-use model::{Effect, Estimate, Model, Requirement};
+use model::{Axis, Effect, Estimate, Model, Requirement};
 use sysid::fit::linearise::step_scale;
 use sysid::fit::pieces;
 
@@ -34,6 +34,10 @@ pub(crate) const ABOVE_NOISE: f64 = 1.6;
 /// Part of the excess over the noise that the right effects may leave. In simulated flights they leave none; a formula that
 /// is only nearly right leaves a hundredth, a stand-in for something else a twentieth or more.
 pub(crate) const LEFT_BY_THE_RIGHT: f64 = 0.03;
+
+/// An effect answers for what is left of an axis of which it takes away this part of its largest drop: half, so that one of two
+/// axes that it moves alike does not excuse the other, and one on which it hardly acts does not speak against it.
+const OWN_AXIS: f64 = 0.5;
 
 /// Smallest share of an axis' held-out squared error that counts as structure, percent.
 pub(crate) const STRUCTURE_PERCENT: f64 = 3.0;
@@ -286,7 +290,9 @@ pub(crate) struct Left<'a> {
 ///   an early rotor;
 /// - acts most on an axis where all that was found together leaves a good part of the residual above the sensors' noise: the
 ///   right effects leave the noise and nothing else;
-/// - leaves more structure on its axes than it takes away.
+/// - leaves more structure on its own axes than it takes away there: those on which it takes away at least [`OWN_AXIS`] of
+///   what it takes away most. A battery that sags takes away nearly all of the error in thrust, and is none the less the
+///   battery because the roll drifts.
 pub(crate) fn stand_in(finding: &EffectFinding, left: &Left<'_>) -> Option<Reason> {
     if left.answers_late && finding.effect.info().special.of_actuators {
         return Some(Reason::AnswersLate);
@@ -295,7 +301,10 @@ pub(crate) fn stand_in(finding: &EffectFinding, left: &Left<'_>) -> Option<Reaso
         return Some(Reason::AboveNoise { axis });
     }
     let takes_percent = finding.axes.values().map(|a| a.drop_percent).fold(0.0, f64::max);
-    let on_its_axes = left.unexplained.iter().filter(|u| finding.axes.contains_key(u.axis.name()));
+    let is_own = |axis: Axis| {
+        finding.axes.get(axis.name()).is_some_and(|a| a.drop_percent >= OWN_AXIS * takes_percent)
+    };
+    let on_its_axes = left.unexplained.iter().filter(|u| is_own(u.axis));
     let most = on_its_axes.max_by(|a, b| a.share_percent.total_cmp(&b.share_percent))?;
     (most.share_percent > takes_percent).then_some(Reason::LeavesMore {
         takes_percent,
@@ -307,8 +316,6 @@ pub(crate) fn stand_in(finding: &EffectFinding, left: &Left<'_>) -> Option<Reaso
 
 #[cfg(test)]
 mod tests {
-    use model::Axis;
-
     use super::*;
     use crate::finding::AxisDrop;
     use crate::reason::Dependence;
@@ -438,6 +445,13 @@ mod tests {
         for unexplained in [left(Axis::W, 1.5), left(Axis::U, 50.0)] {
             let left = Left { unexplained: &unexplained, incomplete: [false; 6], answers_late: true };
             assert_eq!(stand_in(&finding, &left), None);
+        }
+        // It takes 1.5 % of w; of p, less than half of that is none of its business, and from there on it is.
+        let more = left(Axis::P, 50.0);
+        for (percent, is_own) in [(0.74, false), (0.76, true)] {
+            finding.axes.insert("p", AxisDrop { sse_before: 100.0, sse_after: 0.0, drop_percent: percent });
+            let refused = stand_in(&finding, &Left { unexplained: &more, ..nothing });
+            assert_eq!(refused.is_some(), is_own, "{percent} %");
         }
         finding.effect = Effect::MotorLag;
         let late = Left { unexplained: &[], incomplete: [false; 6], answers_late: true };

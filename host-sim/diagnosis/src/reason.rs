@@ -28,6 +28,8 @@ pub enum Dependence {
     },
     /// Nothing measured: it changes slowly.
     SlowChanges,
+    /// Nothing measured: it comes in bursts, beyond anything in the flights of the model.
+    Bursts,
 }
 
 impl Dependence {
@@ -35,7 +37,7 @@ impl Dependence {
     pub(crate) fn predicate(self) -> String {
         match self {
             Self::Constant => format!("has a {self}"),
-            Self::Oscillation { .. } | Self::SlowChanges => format!("shows {self}"),
+            Self::Oscillation { .. } | Self::SlowChanges | Self::Bursts => format!("shows {self}"),
             Self::Quantity(_) | Self::Past => format!("depends on the {self}"),
         }
     }
@@ -59,6 +61,7 @@ impl fmt::Display for Dependence {
                 write!(f, "an oscillation at {} Hz", fixed(*frequency_hz, 2))
             }
             Self::SlowChanges => f.write_str("slow changes in time"),
+            Self::Bursts => f.write_str("bursts far above those of the model's own flights"),
         }
     }
 }
@@ -147,6 +150,13 @@ pub enum Reason {
     OnlyByItself,
     /// The flights support it, but a fit of the whole model with it does not come to an end.
     NotFittedTogether(FitError),
+    /// Supported, but the model with it predicts held-out flights worse.
+    MakesWorse {
+        /// Held-out flights on which the error falls.
+        improved: usize,
+        /// Held-out flights.
+        flights: usize,
+    },
     /// Supported by itself, and worth nothing once others are in the model.
     AddsNothing {
         /// The others.
@@ -249,6 +259,7 @@ impl fmt::Display for Reason {
             Self::AnswersLate | Self::AboveNoise { .. } | Self::LeavesMore { .. } => self.write_stand_in(f),
             Self::OnlyLinearised
             | Self::NotFittedTogether(_)
+            | Self::MakesWorse { .. }
             | Self::OnlyByItself
             | Self::AddsNothing { .. }
             | Self::Confounded { .. } => self.write_beside_others(f),
@@ -294,6 +305,10 @@ impl Reason {
             Self::OnlyLinearised => {
                 f.write_str("promising by itself in a linearised fit, but an exact fit does not support it")
             }
+            Self::MakesWorse { improved, flights } => write!(
+                f,
+                "the model with it predicts held-out flights worse (better in {improved} of {flights} flights)"
+            ),
             Self::NotFittedTogether(why) => {
                 write!(f, "it lowers the held-out error, but the whole model with it cannot be fitted: {why}")
             }

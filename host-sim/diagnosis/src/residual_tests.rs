@@ -42,19 +42,28 @@ pub(crate) struct Structure {
 pub(crate) fn structure(rest: &Validated, train: &[&Prepared], validate: &[&Prepared]) -> Structure {
     let model = &rest.fit.model;
     let fitted: Vec<Residuals> = train.iter().map(|f| residuals(f, model)).collect();
+    structure_of(model, (train, &fitted), (validate, &rest.held_out))
+}
+
+/// The same of any residuals of a model: fitted to those of `train`, tested on those of `validate`.
+pub(crate) fn structure_of(
+    model: &Model,
+    (train, fitted): (&[&Prepared], &[Residuals]),
+    (validate, tested): (&[&Prepared], &[Residuals]),
+) -> Structure {
     let (known, held_out) = (conditions(model, train), conditions(model, validate));
     let quantities = known.first().map_or(0, Vec::len);
     let tests = ((quantities + 1) * 6) as f64;
     let mut found = Vec::new();
     let (mut late, mut late_percent, mut is_late) = (Blocks::default(), 0.0, false);
     for axis in model::AXES {
-        let held = Held::new(axis, validate, &rest.held_out);
+        let held = Held::new(axis, validate, tested);
         let training = || fitted.iter().flat_map(|r| r.residual[axis.index()].iter().copied());
         let constant = training().sum::<f64>() / training().count().max(1) as f64;
         // A constant is a dependence on nothing measured; the quantities are tested by what they add to it.
         found.extend(held.tested(Dependence::Constant, &|_, _| constant, 0.0, tests));
         for index in 0..quantities {
-            let points = known.iter().zip(&fitted).flat_map(|(c, r)| {
+            let points = known.iter().zip(fitted).flat_map(|(c, r)| {
                 c[index].values.iter().copied().zip(r.residual[axis.index()].iter().copied())
             });
             if let Some(cubic) = Cubic::fit(points) {
@@ -67,7 +76,7 @@ pub(crate) fn structure(rest: &Validated, train: &[&Prepared], validate: &[&Prep
                 ));
             }
         }
-        if let Some(past) = Past::fit(axis, train, &fitted, constant) {
+        if let Some(past) = Past::fit(axis, train, fitted, constant) {
             let (blocks, gain) = held.gained_by(&past, constant);
             let share_percent = held.share_percent(gain, constant);
             let alone =

@@ -38,6 +38,8 @@ pub(crate) const CONTENDER: f64 = 0.6;
 const BY_CHANCE: f64 = 0.05;
 /// Rounds of the search; most effects found is this times `SET`.
 const ROUNDS: usize = 2;
+/// Searches: another one without what was refused, for a set that ends in nonsense hides what joins it best.
+const SEARCHES: usize = 2;
 
 /// Whether an effect that is not there has such coefficients by itself once in twenty times.
 fn differs_by_chance(fit: &Fit, effect: Effect, train: &[&Prepared]) -> bool {
@@ -50,6 +52,9 @@ pub(crate) struct Chosen {
     /// Nothing where no effect is supported: the model as it was.
     pub(crate) validated: Option<Validated>,
 }
+
+/// Members of a set, and the model with them.
+type Rest = (Vec<Effect>, Validated);
 
 /// A set's held-out score, its members, and the model with them.
 type Scored = (f64, Vec<Effect>, Validated);
@@ -125,33 +130,57 @@ impl<'a> Search<'a> {
 
     /// Finds the set.
     pub(crate) fn choose(&self) -> Result<Chosen, SearchError> {
-        let mut set: Vec<Effect> = Vec::new();
-        let mut current: Option<Validated> = None;
-        for round in 0..ROUNDS {
+        let (mut refused, mut chosen) = (Vec::new(), Chosen { findings: Vec::new(), validated: None });
+        for _ in 0..SEARCHES {
+            let before = supported(&chosen.findings);
+            let (set, with) = self.grown(before.clone(), chosen.validated.clone(), &refused)?;
+            if set.len() == before.len() {
+                break;
+            }
+            let (findings, validated) = self.prune(set.clone(), with)?;
+            chosen = Chosen { findings, validated };
+            let kept = supported(&chosen.findings);
+            let known = refused.len();
+            refused.extend(set.into_iter().filter(|effect| !kept.contains(effect)));
+            if refused.len() == known {
+                break;
+            }
+        }
+        Ok(chosen)
+    }
+
+    /// A set that the model gains by, from `set` on, without what was `refused`; and the model with it.
+    fn grown(
+        &self,
+        mut set: Vec<Effect>,
+        mut current: Option<Validated>,
+        refused: &[Effect],
+    ) -> Result<(Vec<Effect>, Option<Validated>), SearchError> {
+        for _ in 0..ROUNDS {
+            if set.len() >= ROUNDS * SET {
+                break;
+            }
+            let out: Vec<Effect> = set.iter().chain(refused).copied().collect();
             let again;
-            let screen = match &current {
-                None => &self.screen,
-                Some(validated) => {
-                    let rest: Vec<Effect> =
-                        self.screen.candidates.iter().copied().filter(|e| !set.contains(e)).collect();
-                    again = Screen::new(&validated.fit, &rest, self.train, self.validate)?;
-                    &again
-                }
+            let screen = if out.is_empty() {
+                &self.screen
+            } else {
+                let candidates = self.screen.candidates.iter().copied();
+                let rest: Vec<Effect> = candidates.filter(|e| !out.contains(e)).collect();
+                let from = current.as_ref().unwrap_or(&self.base);
+                again = Screen::new(&from.fit, &rest, self.train, self.validate)?;
+                &again
             };
             let sets = self.promising(screen)?;
             let from = current.as_ref().unwrap_or(&self.base);
             let best = self.best_exact(from, screen, &sets)?;
-            let Some((members, validated)) = self.with_searched(from, screen, &set, best)? else {
+            let Some((members, validated)) = self.with_searched(from, screen, &out, best)? else {
                 break;
             };
             set.extend(members);
             current = Some(validated);
-            if round + 1 == ROUNDS {
-                break;
-            }
         }
-        let (findings, validated) = self.prune(set, current)?;
-        Ok(Chosen { findings, validated })
+        Ok((set, current))
     }
 
     /// Every set of candidates that gains, linearised, best first.
@@ -206,18 +235,19 @@ impl<'a> Search<'a> {
         Ok(best)
     }
 
-    /// The better of the best set and those with a candidate that cannot be linearised, alone and beside that set.
+    /// The better of the best set and those with a candidate that cannot be linearised, alone and beside that set. What is `out`
+    /// is in the model or was refused.
     fn with_searched(
         &self,
         from: &Validated,
         screen: &Screen,
-        set: &[Effect],
+        out: &[Effect],
         best: Option<Scored>,
     ) -> Result<Option<(Vec<Effect>, Validated)>, SearchError> {
         let linearised = best.as_ref().map_or_else(Vec::new, |(_, members, _)| members.clone());
         let mut best = best;
         let mut steps = Steps::new(self.observer, self.searched.len());
-        for (effect, alone) in self.searched()?.filter(|(effect, _)| !set.contains(effect)) {
+        for (effect, alone) in self.searched()?.filter(|(effect, _)| !out.contains(effect)) {
             steps.next(&format!("trying {effect} beside the others"))?;
             let penalty = |effects: &[Effect]| -> f64 {
                 let count: usize = effects.iter().map(|e| e.info().coefficients.len()).sum();
@@ -244,10 +274,11 @@ impl<'a> Search<'a> {
                 let mut effects = from.fit.model.effects();
                 effects.extend(&members);
                 // By itself on top of the base model it has been fitted already.
-                let validated = match members.len() + set.len() {
-                    1 => Ok(alone.clone()),
-                    _ => fit_and_validate(&start, &effects, self.train, self.validate),
-                };
+                let validated =
+                    match members.len() + from.fit.model.terms.len() - self.base.fit.model.terms.len() {
+                        1 => Ok(alone.clone()),
+                        _ => fit_and_validate(&start, &effects, self.train, self.validate),
+                    };
                 let Ok(validated) = validated else { continue };
                 let score = screen.gain(&from.held_out, &validated.held_out) - penalty(&members);
                 if score > best.as_ref().map_or(0.0, |b| b.0) {
@@ -289,15 +320,13 @@ impl<'a> Search<'a> {
     ) -> Result<(Vec<EffectFinding>, Option<Validated>), SearchError> {
         let count = self.count();
         while let Some(all) = with.take().filter(|_| !set.is_empty()) {
-            let mut weighed: Vec<(EffectFinding, Option<Validated>)> = Vec::new();
+            let mut weighed: Vec<(EffectFinding, Option<Rest>)> = Vec::new();
             let mut steps = Steps::new(self.observer, set.len());
             for (k, &effect) in set.iter().enumerate() {
                 steps.next(&format!("weighing {effect}"))?;
-                let mut rest = set.clone();
-                rest.remove(k);
-                // Where the rest cannot be fitted without it, it is weighed against the base model.
-                let without = if rest.is_empty() { None } else { self.with(&all.fit.model, &rest).ok() };
-                let reference = without.as_ref().unwrap_or(&self.base);
+                let without = self.without(&all, &set, k);
+                // Where nothing can be fitted without it, it is weighed against the base model.
+                let reference = without.as_ref().map_or(&self.base, |(_, rest)| rest);
                 let finding = examine(reference, &all, effect, (self.train, self.validate), count);
                 weighed.push((finding, without));
             }
@@ -308,10 +337,30 @@ impl<'a> Search<'a> {
                 let findings = weighed.into_iter().map(|(finding, _)| finding).collect();
                 return Ok((findings, Some(all)));
             };
-            set.remove(k);
-            with = weighed.swap_remove(k).1;
+            let Some((members, rest)) = weighed.swap_remove(k).1 else { break };
+            (set, with) = (members, Some(rest));
         }
         Ok((Vec::new(), None))
+    }
+
+    /// The set without its `k`-th member, and the model with it. Where that cannot be fitted, another member leaves as well: the one
+    /// whose place is missed least. Nothing where none can be fitted or none is left.
+    fn without(&self, all: &Validated, set: &[Effect], k: usize) -> Option<Rest> {
+        let less = |set: &[Effect], k: usize| {
+            let mut rest = set.to_vec();
+            rest.remove(k);
+            rest
+        };
+        let rest = less(set, k);
+        if rest.is_empty() {
+            return None;
+        }
+        let fitted = |rest: Vec<Effect>| Some((rest.clone(), self.with(&all.fit.model, &rest).ok()?));
+        fitted(rest.clone()).or_else(|| {
+            let fewer = (0..rest.len()).map(|other| less(&rest, other)).filter(|fewer| !fewer.is_empty());
+            let gain = |rest: &Rest| self.screen.gain(&self.base.held_out, &rest.1.held_out);
+            fewer.filter_map(fitted).max_by(|a, b| gain(a).total_cmp(&gain(b)))
+        })
     }
 
     /// Fits the members that are still supported again. One that keeps the fit from coming to an end

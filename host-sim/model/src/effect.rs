@@ -160,6 +160,9 @@ pub struct Special {
     pub must_be_determined: bool,
     /// Has one coefficient a rotor, of which a change frees one.
     pub one_per_rotor: bool,
+    /// Effects that act as they were never seen to once it has come about: in a wind, drag at airspeeds that were not flown before.
+    /// As a change, it is fitted together with them.
+    pub reveals: &'static [&'static str],
     /// Whether it can have come about since a model of this vehicle was good.
     pub can_come_about: fn(&Vehicle) -> bool,
     /// What its estimates must meet besides being significant and possible.
@@ -193,6 +196,7 @@ impl Special {
         seen_by_the_sample: false,
         must_be_determined: false,
         one_per_rotor: false,
+        reveals: &[],
         can_come_about: |_| true,
         requirement: None,
     };

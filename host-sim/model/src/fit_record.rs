@@ -131,6 +131,10 @@ pub struct ChangeScatter {
     pub coefficient: String,
     /// Root mean square of the estimates, in the coefficient's unit.
     pub deviation: f64,
+    /// Their mean, where it is far from zero: the model lacks something that looks like this change in each of its flights, and
+    /// new ones are no different for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mean: Option<f64>,
 }
 
 /// The steady balance of a craft's rotors over its flights, in shares of the thrust: no scale of the motor map is in it.

@@ -274,6 +274,7 @@ mod tests {
                 effect: "mass-change".into(),
                 coefficient: "extra_mass".into(),
                 deviation: 0.01,
+                mean: Some(0.1),
             }],
             balance: Some(BalanceRecord {
                 flights: 4,

@@ -4,8 +4,9 @@ use model::{Effect, Model, PerGroup, Vehicle};
 use sysid::fit::output_error::Rows;
 use sysid::{Comparison, RefinementOutcome};
 
-use crate::conclusion::{counts_in, first_of, what_is_unknown, without_unfitted};
+use crate::conclusion::{counts_in, first_of, what_is_unknown, without};
 use crate::observer::Observer;
+use crate::reason::Reason;
 use crate::unidentified::recorded;
 use crate::workflow::add::join;
 use crate::workflow::diagnose::search;
@@ -141,6 +142,13 @@ fn go_through(
     while let Some(effect) = diagnosis.best() {
         let model = steps.last().map_or(&basic, |step| &step.model).clone();
         match join_and_search(&model, effect, sets, options, observer) {
+            // Nothing joins that makes the model predict worse, whatever it promised beside others.
+            Ok((_, addition, _)) if addition.finding.drop_percent < 0.0 => {
+                sets.trim(&model);
+                let [improved, flights] = addition.finding.flights_improved;
+                let why = Reason::MakesWorse { improved, flights };
+                diagnosis = without(&diagnosis, effect, &why, recorded(&model));
+            }
             Ok((better, addition, next)) => {
                 sets.judge_clocks(&better, effect);
                 let comparison = sysid::compare(&better, &sets.validate());
@@ -150,7 +158,7 @@ fn go_through(
             // What cannot be fitted takes no answer away from the others.
             Err(WorkflowError::Fit { why, .. }) => {
                 sets.trim(&model);
-                diagnosis = without_unfitted(&diagnosis, effect, &why, recorded(&model));
+                diagnosis = without(&diagnosis, effect, &Reason::NotFittedTogether(why), recorded(&model));
             }
             Err(why) => return Err(why),
         }

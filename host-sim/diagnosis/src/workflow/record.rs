@@ -3,7 +3,7 @@
 use model::{Axis, AxisError, FitRecord, FlightRecord, FlightRole, Model};
 use sysid::{Prepared, Residuals};
 
-use crate::changes;
+use crate::change_scatter::scatter;
 use crate::unidentified::unidentified;
 use crate::workflow::loaded::LoadedFlight;
 use crate::workflow::sets::FlightSets;
@@ -23,7 +23,7 @@ impl FlightSets {
             flights,
             train: sysid::errors(&fitted),
             held_out: sysid::errors(&held_out),
-            scatter: changes::scatter(model, &all),
+            scatter: scatter(model, &all),
             balance: sysid::fit::balance::record(model, &all),
             rotor_delay_s: sysid::fit::alignment::common_delay_s(model, &train),
             rotation_refused,

@@ -14,7 +14,7 @@ use crate::fit::error::{FitError, check_finite, not_converged, unidentifiable};
 use crate::fit::fitted::{Fit, finish};
 use crate::fit::least_squares;
 use crate::fit::linearise::step_scale;
-use crate::fit::nonlinear::settle;
+use crate::fit::nonlinear::{settle, settle_carefully};
 use crate::fit::parameters::{Layout, store};
 use crate::fit::residuals::spread;
 use crate::fit::rotation::acts_on_rotation_alone;
@@ -114,7 +114,10 @@ fn best_of(
         let other = ordinary(&only, &layout.adjusting, start, side);
         if other == only { Err(not_converged(&layout.adjusting)) } else { settle(flights, other, layout) }
     };
-    best.or_else(|why| from(1.0).or_else(|_| from(-1.0)).map_err(|_| why))
+    let carefully = || {
+        if layout.adds() { Err(FitError::NoFlights) } else { settle_carefully(flights, only.clone(), layout) }
+    };
+    best.or_else(|why| from(1.0).or_else(|_| from(-1.0)).or_else(|_| carefully()).map_err(|_| why))
 }
 
 /// The model with half the ordinary values, of one sign, for adjusting effects without a known value.

@@ -31,6 +31,9 @@ const WORSE: f64 = 0.2;
 const ROUGH_STEPS: usize = 3;
 /// Most halvings of a wrong step where effects add accelerations; else one, for where it does not help the next start is cheaper.
 const HALVINGS: usize = 4;
+/// Most steps and halvings of one step where whole steps found no end.
+const CAREFUL_STEPS: usize = 40;
+const CAREFUL_HALVINGS: usize = 6;
 /// A step this small against the standard error of white residuals, which is the smaller one, is the last: each step leaves
 /// a tenth of the one before it or less.
 const CONVERGED: f64 = 0.1;
@@ -51,6 +54,23 @@ pub(crate) fn settle(flights: &[&Prepared], model: Model, layout: &Layout) -> Re
         gauss_newton::solve(&mut problem, Rule { most_steps: ROUGH_STEPS, ..rule })?;
         problem = Nonlinear::new(flights, problem.model, layout, false);
     }
+    gauss_newton::solve(&mut problem, rule)?.ok_or_else(|| not_converged(&layout.adjusting))
+}
+
+/// The same by steps that are halved wherever more is left after them: slower, and further where whole steps run astray. A lag or
+/// a dead time steps past where its columns end, and a motor map without a test stand bends with the voltage.
+pub(crate) fn settle_carefully(
+    flights: &[&Prepared],
+    model: Model,
+    layout: &Layout,
+) -> Result<Fit, FitError> {
+    let mut problem = Nonlinear::new(flights, model, layout, false);
+    let rule = Rule {
+        most_steps: CAREFUL_STEPS,
+        most_halvings: CAREFUL_HALVINGS,
+        worse: 0.0,
+        errors: Errors::White,
+    };
     gauss_newton::solve(&mut problem, rule)?.ok_or_else(|| not_converged(&layout.adjusting))
 }
 

@@ -1,0 +1,313 @@
+//! One change fitted to new flights, on top of a model whose coefficients stay.
+//!
+//! But for those that the change brings to light ([`model::Special::reveals`]): a wind takes the craft to airspeeds that it was
+//! never flown at, and drag there is what the model extrapolates from slow flight. With the drag held as it is, the wind
+//! comes out too strong by what the drag grows: in a wind tunnel by 1.6 to 1.9 times. So both are fitted together, where
+//! the flights show that the model's drag does not hold.
+
+use std::ops::ControlFlow;
+
+use model::{Coefficient, Effect, Model};
+use nalgebra::{DMatrix, DVector};
+
+use crate::change::Change;
+use crate::significance::independent_stretches;
+use sysid::fit::gauss_newton::{self, Linearised, Problem, Rule};
+use sysid::fit::least_squares::{FlightRows, Prior, RowColumn, Solution, Unidentifiable};
+use sysid::fit::linearise::About;
+use sysid::fit::step_end;
+use sysid::fit::swing::Known;
+use sysid::prepare::Prepared;
+use sysid::{FitError, statistics};
+
+/// Most Gauss-Newton steps.
+const MAX_STEPS: usize = 8;
+/// The same where a wind and the drag in it are fitted together: their product bends more.
+const MAX_STEPS_TOGETHER: usize = 24;
+/// Where the steps set out, part of the change by itself, and the most halvings of one that leads astray: a wind by itself is too
+/// strong by what the drag grows, up to twice.
+const ATTEMPTS: [(f64, usize); 3] = [(1.0, 0), (0.6, 0), (0.6, 4)];
+/// Rise of the logarithm of what is left from which on a step leads astray.
+const WORSE: f64 = 0.01;
+/// A step this small against its standard error is the last.
+const CONVERGED: f64 = 0.01;
+/// How far a coefficient that is held moves, part of an ordinary one.
+const HELD: f64 = 1e-6;
+/// Largest p-value, of "they are what the model says", of coefficients that are fitted together with a change: as of a
+/// finding.
+const REVEALED: f64 = 0.01;
+
+/// A change fitted to flights.
+#[derive(Debug, Clone)]
+pub(crate) struct Fitted {
+    /// The model with the change, and with what it brought to light.
+    pub(crate) model: Model,
+    /// The change's coefficients.
+    pub(crate) values: DVector<f64>,
+    /// Of the change's coefficients, whatever else was fitted.
+    pub(crate) covariance: DMatrix<f64>,
+    /// Standard deviation of the residual of each axis.
+    pub(crate) sigma: [f64; 6],
+    /// Effects that were fitted together with it.
+    pub(crate) together: Vec<Effect>,
+}
+
+/// Fits a change to flights, starting from none, on top of `model`: with what it brings to light, where the flights show that.
+pub(crate) fn fit_change(model: &Model, change: Change, flights: &[&Prepared]) -> Result<Fitted, FitError> {
+    let alone = fit_alone(model, change, flights)?;
+    let revealed: Vec<Effect> = change.reveals().collect();
+    if revealed.is_empty() {
+        return Ok(alone);
+    }
+    // Where both together have no end, the change by itself still has one.
+    Ok(fit_together(model, &alone, change, &revealed, flights).unwrap_or(alone))
+}
+
+/// Fits a change to flights with every coefficient of `model` as it is.
+pub(crate) fn fit_alone(model: &Model, change: Change, flights: &[&Prepared]) -> Result<Fitted, FitError> {
+    let mut start = model.clone();
+    if !start.has(change.effect) {
+        start.set(change.effect, &vec![0.0; change.effect.info().coefficients.len()]);
+    }
+    let mut problem = ChangeFit { change, revealed: Vec::new(), flights, changed: start, before: None };
+    let solved = gauss_newton::solve(&mut problem, Rule::of_steps(MAX_STEPS))?;
+    solved.map(|end| end.fitted).ok_or_else(|| not_converged(change))
+}
+
+fn not_converged(change: Change) -> FitError {
+    let info = change.effect.info();
+    FitError::NotConverged { effect: info.id, excitation: info.excitation }
+}
+
+/// A change with what it brings to light, from where it ends `alone` on. Nothing where the flights agree with what the model
+/// says of that.
+fn fit_together(
+    model: &Model,
+    alone: &Fitted,
+    change: Change,
+    effects: &[Effect],
+    flights: &[&Prepared],
+) -> Option<Fitted> {
+    let mut start = alone.model.clone();
+    let mut revealed = Vec::new();
+    for &effect in effects {
+        if !start.has(effect) {
+            start.set(effect, &vec![0.0; effect.info().coefficients.len()]);
+        }
+        revealed.extend(Revealed::all(model, effect));
+    }
+    let (problem, end) = ATTEMPTS.iter().find_map(|&(part, most_halvings)| {
+        let mut changed = start.clone();
+        let values = alone.model.term(change.effect)?.values();
+        changed.set(change.effect, &values.iter().map(|v| part * v).collect::<Vec<_>>());
+        let mut problem = ChangeFit { change, revealed: revealed.clone(), flights, changed, before: None };
+        let worse = if most_halvings > 0 { WORSE } else { f64::INFINITY };
+        let rule = Rule { most_halvings, worse, ..Rule::of_steps(MAX_STEPS_TOGETHER) };
+        let end = gauss_newton::solve(&mut problem, rule).ok()??;
+        Some((problem, end))
+    })?;
+    let free: Vec<usize> = (0..problem.revealed.len()).filter(|&k| !problem.revealed[k].is_held).collect();
+    let difference =
+        |k: &usize| problem.revealed[*k].value(&end.fitted.model) - problem.revealed[*k].expected;
+    let differences = DVector::from_iterator(free.len(), free.iter().map(difference));
+    let covariance = DMatrix::from_fn(free.len(), free.len(), |i, j| {
+        // The model's own value is not exact either.
+        let own = if i == j { problem.revealed[free[i]].std_error.powi(2) } else { 0.0 };
+        end.covariance[(free[i], free[j])] + own
+    });
+    let p_value = statistics::wald_p_value(&differences, covariance, independent_stretches(flights));
+    (p_value < REVEALED).then_some(end.fitted)
+}
+
+/// A coefficient that is fitted together with a change.
+#[derive(Debug, Clone, Copy)]
+struct Revealed {
+    effect: Effect,
+    coefficient: usize,
+    /// What the model says of it; zero where it lacks the effect.
+    expected: f64,
+    /// Standard error of that.
+    std_error: f64,
+    /// How far it may be off. The flights of a model tell nothing of what they did not show: as much as is ordinary, beside
+    /// the standard error. Nothing is known of what the model lacks.
+    allowance: Option<f64>,
+    /// Held at what the model says: the flights would make it a drag that drives, so they do not determine it. Without drag to
+    /// the side, any small push to the side would be a gale.
+    is_held: bool,
+}
+
+impl Revealed {
+    fn all(model: &Model, effect: Effect) -> impl Iterator<Item = Self> {
+        let known = model.term(effect).cloned();
+        effect.info().coefficients.iter().enumerate().map(move |(coefficient, info)| {
+            let estimate = known.as_ref().map(|term| term.coefficients[coefficient]);
+            let std_error = estimate.and_then(|e| e.std_error).unwrap_or(0.0);
+            Self {
+                effect,
+                coefficient,
+                expected: estimate.map_or(0.0, |e| e.value),
+                std_error,
+                allowance: estimate.map(|_| std_error.hypot(info.typical)),
+                is_held: false,
+            }
+        })
+    }
+
+    fn info(&self) -> &'static Coefficient {
+        &self.effect.info().coefficients[self.coefficient]
+    }
+
+    /// Whether a value is beyond what drag can be.
+    fn drives(&self, value: f64) -> bool {
+        self.effect.info().special.brakes && value > 0.0
+    }
+
+    fn value(&self, model: &Model) -> f64 {
+        model.term(self.effect).map_or(0.0, |term| term.coefficients[self.coefficient].value)
+    }
+
+    /// What is known of the step from where `model` stands.
+    fn prior(&self, model: &Model) -> Option<Prior> {
+        let now = self.value(model);
+        if self.is_held {
+            return Some(Prior { expected: self.expected - now, deviation: HELD * self.info().typical });
+        }
+        self.allowance.map(|deviation| Prior { expected: self.expected - now, deviation })
+    }
+}
+
+/// A change that steps lead to what the flights show. Its parameters: what is fitted together with it, then its own.
+struct ChangeFit<'a> {
+    change: Change,
+    revealed: Vec<Revealed>,
+    flights: &'a [&'a Prepared],
+    changed: Model,
+    /// Where the last step of several effects together came from.
+    before: Option<Model>,
+}
+
+/// Where the steps end.
+struct End {
+    fitted: Fitted,
+    /// Of all parameters.
+    covariance: DMatrix<f64>,
+}
+
+impl ChangeFit<'_> {
+    fn rows(&self, flight: &Prepared, effects: &[Effect]) -> FlightRows {
+        let acts = (effects, &[self.change.effect][..]);
+        let About { residuals, columns: mut derivatives, .. } =
+            About::new(flight, &self.changed, acts, flight.fit_stride(), &Known::default());
+        let own = effects.iter().map(|e| e.info().coefficients.len()).sum::<usize>();
+        let places = (0..own).chain(self.change.coefficients().into_iter().map(|k| own + k));
+        let mut columns: Vec<RowColumn> = places.map(|k| std::mem::take(&mut derivatives[k])).collect();
+        if !self.revealed.is_empty() {
+            columns.iter_mut().skip(own).for_each(|column| self.leave_own_axes(column));
+        }
+        flight.rows_of_fit(residuals.residual, columns)
+    }
+
+    /// What the model extrapolates beside the change's own axes tells nothing of it: the thrust of rotors in a wind is not that of
+    /// the same rotors in calm air.
+    fn leave_own_axes(&self, column: &mut RowColumn) {
+        let own = self.change.effect.info().axes;
+        for axis in model::AXES.iter().filter(|axis| !own.contains(axis)) {
+            column[axis.index()] = None;
+        }
+    }
+
+    /// Effects that are fitted together with the change, in the order of the parameters.
+    fn effects(&self) -> Vec<Effect> {
+        let mut effects: Vec<Effect> = self.revealed.iter().map(|r| r.effect).collect();
+        effects.dedup();
+        effects
+    }
+
+    fn values(&self, effect: Effect) -> Vec<f64> {
+        self.changed.term(effect).map_or_else(Vec::new, |t| t.coefficients.iter().map(|c| c.value).collect())
+    }
+
+    /// Logarithm of the error on the change's own axes.
+    fn left(&self, rows: &[FlightRows]) -> f64 {
+        let square = |axis: usize| rows.iter().flat_map(|r| &r.targets[axis]).map(|e| e * e).sum::<f64>();
+        let axes = self.change.effect.info().axes.iter();
+        axes.map(|axis| 0.5 * square(axis.index()).max(f64::MIN_POSITIVE).ln()).sum()
+    }
+
+    fn fitted(&self, solution: &Solution) -> Fitted {
+        let (own, free) = (self.revealed.len(), self.change.coefficients());
+        let values = self.values(self.change.effect);
+        Fitted {
+            values: DVector::from_iterator(free.len(), free.iter().map(|&k| values[k])),
+            model: self.changed.clone(),
+            covariance: solution.covariance.view((own, own), (free.len(), free.len())).into_owned(),
+            sigma: solution.sigma,
+            together: self.effects(),
+        }
+    }
+}
+
+impl Problem for ChangeFit<'_> {
+    type End = End;
+    type Error = FitError;
+
+    fn linearise(&mut self) -> Result<Linearised, FitError> {
+        let effects = self.effects();
+        let rows: Vec<FlightRows> = self.flights.iter().map(|flight| self.rows(flight, &effects)).collect();
+        let values = self.values(self.change.effect);
+        let known = |k: usize| {
+            let prior = self.change.effect.info().coefficients[k].prior;
+            prior.map(|deviation| Prior { expected: -values[k], deviation })
+        };
+        let together = self.revealed.iter().map(|revealed| revealed.prior(&self.changed));
+        let priors = together.chain(self.change.coefficients().into_iter().map(known)).collect();
+        // A single change takes its few steps as they are.
+        let left = (!self.revealed.is_empty()).then(|| self.left(&rows));
+        Ok(Linearised { rows, priors, left })
+    }
+
+    fn unidentifiable(&self, _: Unidentifiable) -> FitError {
+        let info = self.change.effect.info();
+        FitError::NotExcited {
+            effect: info.id,
+            coefficient: info.coefficients[self.change.coefficients()[0]].name,
+            excitation: info.excitation,
+        }
+    }
+
+    fn step(&mut self, _: Linearised, solution: Solution) -> Result<ControlFlow<End>, FitError> {
+        let together = self.revealed.iter().map(|r| (r.effect, r.coefficient));
+        let own = self.change.coefficients().into_iter().map(|k| (self.change.effect, k));
+        let parameters: Vec<(Effect, usize)> = together.chain(own).collect();
+        let mut is_settled = true;
+        self.before = Some(self.changed.clone());
+        for (i, (effect, k)) in parameters.into_iter().enumerate() {
+            let info = &effect.info().coefficients[k];
+            let step = solution.value[i];
+            let is_held = self.revealed.get(i).is_some_and(|r| r.is_held);
+            is_settled &=
+                is_held || step.abs() < CONVERGED * solution.covariance[(i, i)].sqrt() + 1e-9 * info.typical;
+            let mut values = self.values(effect);
+            values[k] = step_end(values[k], step, info);
+            if let Some(revealed) = self.revealed.get_mut(i).filter(|r| !r.is_held && r.drives(values[k])) {
+                (revealed.is_held, is_settled, values[k]) = (true, false, revealed.expected);
+            }
+            self.changed.set(effect, &values);
+        }
+        if !is_settled {
+            return Ok(ControlFlow::Continue(()));
+        }
+        let fitted = self.fitted(&solution);
+        Ok(ControlFlow::Break(End { fitted, covariance: solution.covariance }))
+    }
+
+    fn halve(&mut self) {
+        let Some(before) = &self.before else { return };
+        for term in &mut self.changed.terms {
+            let Some(old) = before.term(term.effect) else { continue };
+            for (new, old) in term.coefficients.iter_mut().zip(&old.coefficients) {
+                new.value = 0.5 * (new.value + old.value);
+            }
+        }
+    }
+}
