@@ -388,7 +388,8 @@ fn freedom(record: &BalanceRecord) -> f64 {
 fn between(record: &BalanceRecord, equation: usize) -> f64 {
     let seen = record.rows()[equation].between;
     if equation == 0 {
-        return seen;
+        // Lift scatters by 0.003 to 0.044, most where the battery's voltage stands in for rotor speeds.
+        return seen.max(USUAL_SCATTER);
     }
     let own = own_freedom(record);
     let squares = own * seen.powi(2) + USUAL_FREEDOM * USUAL_SCATTER.powi(2);

@@ -164,7 +164,7 @@ fn nothing_named(unexplained: Option<&Unexplained>, visible_loss: Option<f64>) -
         None => nothing.into(),
         Some(loss) => {
             let loss = percent(100.0 * loss);
-            format!("{nothing} A motor that has lost {loss} % of its thrust would have.")
+            format!("{nothing} A motor that had lost {loss} % of its thrust would have stood out.")
         }
     }
 }
@@ -216,7 +216,7 @@ mod tests {
         assert_eq!(summary(Verdict::Adequate, None, None, None), nothing);
         assert_eq!(
             summary(Verdict::Adequate, None, None, Some(0.0643)),
-            format!("{nothing} A motor that has lost 6.4 % of its thrust would have.")
+            format!("{nothing} A motor that had lost 6.4 % of its thrust would have stood out.")
         );
         let mut named = found(Effect::MassChange, None, true);
         named.1.drop_percent = 61.27;
