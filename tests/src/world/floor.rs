@@ -1,0 +1,141 @@
+//! Flights from the floor to the floor: idle rotors, a ramp of thrust, a climb to where the pattern
+//! begins; at the end the pattern slows down, the craft sinks, touches and stands again.
+//!
+//! The floor holds what stands on it: no sliding, no tipping, no bouncing.
+
+use nalgebra::{Rotation3, Vector3};
+
+use super::body::{Body, LANDING_GEAR};
+use super::craft::Craft;
+
+/// Thrust grows from idling to hovering in this time, and falls in half of it, s.
+const RAMP_S: f64 = 1.0;
+/// Duration of the climb and of the descent, s.
+const CLIMB_S: f64 = 2.5;
+/// The pattern comes to rest within this time, s.
+const STOP_S: f64 = 2.0;
+/// Time between the planned touch and the real one, at most, s.
+const TOUCH_S: f64 = 1.5;
+/// The pilot aims so far below the floor, m: a craft that only reaches it would hang above.
+const PRESS_M: f64 = 0.1;
+/// Idling rotors, part of hover speed.
+const IDLE: f64 = 0.3;
+
+/// Where to be: position NED in m and yaw in rad.
+pub(super) type Place = (Vector3<f64>, f64);
+
+/// From 0 to 1 with two continuous derivatives.
+pub(super) fn smooth(x: f64) -> f64 {
+    let x = x.clamp(0.0, 1.0);
+    x * x * x * (10.0 - 15.0 * x + 6.0 * x * x)
+}
+
+/// How a pattern is reached from the floor and left again. Its times count from the pattern's start.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Ends {
+    /// Down coordinate of the centre of mass of a craft that stands, m.
+    standing_z_m: f64,
+    pattern_s: f64,
+}
+
+impl Ends {
+    pub(super) fn new(craft: &Craft, pattern_s: f64) -> Self {
+        Self { standing_z_m: craft.ground_offset_m - LANDING_GEAR * craft.rotor_radius_m, pattern_s }
+    }
+
+    /// The place of the whole flight from that of the pattern alone.
+    pub(super) fn place(&self, time_s: f64, pattern: impl Fn(f64) -> Place) -> Place {
+        let over = (time_s - self.pattern_s).clamp(0.0, STOP_S);
+        let slowed_s = time_s.min(self.pattern_s) + over - over * over / (2.0 * STOP_S);
+        let (mut place, yaw) = pattern(slowed_s);
+        let landed = smooth((time_s - self.pattern_s - STOP_S) / CLIMB_S);
+        let up = smooth(1.0 + time_s / CLIMB_S) * (1.0 - landed);
+        place.z = self.standing_z_m + (place.z - self.standing_z_m) * up + PRESS_M * landed;
+        (place, yaw)
+    }
+
+    /// Whether the floor is near, by plan.
+    fn is_low(&self, time_s: f64) -> bool {
+        time_s < 0.0 || time_s > self.pattern_s + STOP_S
+    }
+}
+
+/// A craft between floor and floor.
+#[derive(Debug, Clone)]
+pub(super) struct Standing {
+    ends: Ends,
+    standing_s: f64,
+    /// When it touched after the flight, and the commands of that moment.
+    landed: Option<(f64, [f64; 4])>,
+    touches: bool,
+}
+
+impl Standing {
+    /// Stands for `standing_s` before and after.
+    pub(super) fn new(ends: Ends, standing_s: f64) -> Self {
+        Self { ends, standing_s, landed: None, touches: true }
+    }
+
+    /// Length of the log, s.
+    pub(super) fn total_s(&self) -> f64 {
+        self.pattern_time_s(0.0).abs() + self.ends.pattern_s + STOP_S + CLIMB_S + TOUCH_S + self.standing_s
+    }
+
+    /// Time of the pattern at a time of the log, s.
+    fn pattern_time_s(&self, time_s: f64) -> f64 {
+        time_s - self.standing_s - RAMP_S - CLIMB_S
+    }
+
+    /// A craft that idles on the floor below `start`.
+    pub(super) fn body(&self, craft: &Craft, start: Vector3<f64>) -> Body {
+        let place = Vector3::new(start.x, start.y, self.ends.standing_z_m);
+        let mut body = Body::hovering(craft, place);
+        body.rotor_rad_s = [IDLE * craft.hover_rad_s(); 4];
+        body.battery_v = craft.battery.voltage_v(0.0, &body.rotor_rad_s);
+        body.set_rate_rad_s(craft, Vector3::zeros());
+        body
+    }
+
+    /// Whether the pilot need not be asked if all is well.
+    pub(super) fn is_low(&self, time_s: f64) -> bool {
+        self.ends.is_low(self.pattern_time_s(time_s))
+    }
+
+    /// Commands at a tick; `fly` gives those of the pilot at a time of the pattern.
+    pub(super) fn command(
+        &mut self,
+        time_s: f64,
+        craft: &Craft,
+        fly: impl FnOnce(f64) -> [f64; 4],
+    ) -> [f64; 4] {
+        let [low, high] = craft.command_range();
+        let idle = craft.map.command_for(IDLE * craft.hover_rad_s(), craft.hover_v()).clamp(low, high);
+        let between = |flying: [f64; 4], part: f64| flying.map(|c| idle + (c - idle) * part.clamp(0.0, 1.0));
+        if let Some((since_s, last)) = self.landed {
+            return between(last, 1.0 - (time_s - since_s) / (0.5 * RAMP_S));
+        }
+        if time_s < self.standing_s {
+            return [idle; 4];
+        }
+        // On the ramp the pilot wants the craft where it is.
+        let flying = fly(self.pattern_time_s(time_s).max(-CLIMB_S));
+        if self.touches && self.pattern_time_s(time_s) > self.ends.pattern_s {
+            self.landed = Some((time_s, flying));
+        }
+        between(flying, (time_s - self.standing_s) / RAMP_S)
+    }
+
+    /// Holds a body that has sunk onto the floor.
+    pub(super) fn hold(&mut self, craft: &Craft, body: &mut Body) {
+        let floor_m = self.ends.standing_z_m;
+        self.touches = body.position_ned_m.z >= floor_m && body.velocity_ned_m_s.z >= 0.0;
+        if self.touches {
+            let (_, _, yaw) = body.attitude.euler_angles();
+            body.position_ned_m -= body.velocity_ned_m_s * super::body::STEP_S;
+            body.position_ned_m.z = floor_m;
+            body.velocity_ned_m_s = Vector3::zeros();
+            body.attitude = Rotation3::from_euler_angles(0.0, 0.0, yaw);
+            body.set_rate_rad_s(craft, Vector3::zeros());
+        }
+    }
+}
