@@ -139,3 +139,45 @@ impl Standing {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use flights::{Column, Flight};
+
+    use crate::world::{Pattern, Sensors, Size, World};
+
+    fn flown(size: Size) -> (World, Flight) {
+        let world = World::new(size, 30).standing(3.0);
+        let flight = world.fly(Pattern::A, 12.0, &Sensors::noisy(0.0), 0).expect("a calm craft is kept");
+        (world, flight)
+    }
+
+    #[test]
+    fn a_craft_stands_idle_at_both_ends_and_flies_between() {
+        for size in Size::ALL {
+            let (world, flight) = flown(size);
+            let [z, cmd] = [Column::Z, Column::Cmd1].map(|column| flight.required(column));
+            let floor_m = -super::LANDING_GEAR * world.craft.rotor_radius_m;
+            for rows in [0..300, flight.len() - 250..flight.len()] {
+                assert!(z[rows.clone()].iter().all(|z| (z - floor_m).abs() < 1e-9), "{size:?}");
+                let [first, .., last] = cmd[rows] else { panic!("some rows") };
+                assert_eq!(first, last, "{size:?}: the motors idle");
+            }
+            let highest = z.iter().copied().fold(f64::INFINITY, f64::min);
+            assert!(highest < floor_m - 0.5, "{size:?}: {highest}");
+            let hover = world.craft.map.command_for(world.craft.hover_rad_s(), world.craft.hover_v());
+            assert!(cmd[0] < hover && cmd[700] > cmd[0], "{size:?}: {} {hover}", cmd[0]);
+        }
+    }
+
+    #[test]
+    fn nothing_jumps_where_the_craft_leaves_the_floor_and_touches_it() {
+        let (_, flight) = flown(Size::F330);
+        for column in [Column::X, Column::Y, Column::Z, Column::Phi, Column::Theta] {
+            let values = flight.required(column);
+            let step = values.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
+            // 3 m/s or 4 rad/s at 100 Hz.
+            assert!(step < 0.04, "{column:?}: {step}");
+        }
+    }
+}

@@ -106,3 +106,70 @@ fn smoothed(values: &[f64]) -> Vec<f64> {
     let window = |k: usize| &values[k.saturating_sub(SMOOTHED)..(k + SMOOTHED + 1).min(values.len())];
     (0..values.len()).map(window).map(|window| window.iter().sum::<f64>() / window.len() as f64).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::world::{Pattern, Sensors, Size, World};
+
+    fn flown(sensors: &Sensors) -> Flight {
+        World::new(Size::F330, 30).fly(Pattern::C, 12.0, sensors, 0).expect("a calm craft is kept")
+    }
+
+    #[test]
+    fn interpolated_states_are_straight_between_rows_that_were_logged() {
+        let flight = flown(&Sensors::default());
+        let slow = interpolated(&flight, 4);
+        assert_eq!(slow.len(), 1197);
+        for column in STATES {
+            let (before, after) = (flight.required(column), slow.required(column));
+            assert_eq!(before[400], after[400], "{column:?}");
+            assert_ne!(before[402], after[402], "{column:?}");
+            let bend = after[401] - 2.0 * after[402] + after[403];
+            assert!(bend.abs() < 1e-12, "{column:?}: {bend}");
+        }
+        assert_eq!(flight.required(Column::Cmd3)[..1197], *slow.required(Column::Cmd3));
+    }
+
+    #[test]
+    fn angles_are_interpolated_the_short_way_round() {
+        let mut flight = flown(&Sensors::noisy(0.0));
+        let psi = flight.required(Column::Psi).iter().map(|psi| turn(psi + PI)).collect();
+        flight.replace(Column::Psi, psi);
+        let steps = interpolated(&flight, 4).required(Column::Psi).to_vec();
+        // 3 rad/s of yaw at most.
+        assert!(steps.windows(2).all(|w| turn(w[1] - w[0]).abs() < 0.03));
+    }
+
+    #[test]
+    fn three_to_six_gaps_of_a_tenth_to_half_a_second_are_cut() {
+        let flight = flown(&Sensors::default());
+        for seed in 0..20 {
+            let cut = with_gaps(&flight, seed);
+            let gaps: Vec<f64> =
+                cut.required(Column::T).windows(2).map(|w| w[1] - w[0]).filter(|step| *step > 0.05).collect();
+            // Gaps may run into each other.
+            assert!((1..=6).contains(&gaps.len()), "{gaps:?}");
+            assert!(gaps.iter().all(|gap| (0.1..1.5).contains(gap)), "{gaps:?}");
+            assert_eq!(cut, with_gaps(&flight, seed));
+            assert_ne!(cut, with_gaps(&flight, seed + 1));
+        }
+    }
+
+    #[test]
+    fn derived_rates_are_those_of_the_body_but_for_the_smoothing() {
+        let flight = flown(&Sensors::noisy(0.0));
+        let derived = with_derived_rates(&flight);
+        for column in [Column::P, Column::Q, Column::R] {
+            let (gyro, made) = (flight.required(column), derived.required(column));
+            let rms = |values: &mut dyn Iterator<Item = f64>| {
+                values.map(|v| v * v).sum::<f64>().sqrt() / (gyro.len() as f64).sqrt()
+            };
+            let off = rms(&mut gyro.iter().zip(made).skip(10).take(1100).map(|(a, b)| a - b));
+            // A mean over 50 ms flattens a motion of 10 rad/s by (0.5)^2 / 24, one part in a hundred;
+            // the shaken motors move faster by some more.
+            assert!(off < 0.1 * rms(&mut gyro.iter().copied()), "{column:?}: {off}");
+            assert!(off > 0.0);
+        }
+    }
+}

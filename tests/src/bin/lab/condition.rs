@@ -104,14 +104,16 @@ impl Condition {
         }
     }
 
-    /// The effect that this condition is, where the catalogue has or may come to have one.
-    pub(crate) fn own_effect(self) -> Option<&'static str> {
+    /// The effects that this condition is, where the catalogue has or may come to have them. Commands
+    /// that stand in for rotor speeds leave out what voltage and offset do to the speed.
+    pub(crate) const fn own_effects(self) -> &'static [&'static str] {
         match self {
-            Self::WindBetweenFlights => Some("steady-wind"),
-            Self::WanderingWind => Some("gusts"),
-            Self::ProductOfInertia => Some("product-of-inertia"),
-            Self::TwoBatteries => Some("battery-voltage"),
-            _ => None,
+            Self::WindBetweenFlights => &["steady-wind"],
+            Self::WanderingWind => &["gusts"],
+            Self::ProductOfInertia => &["product-of-inertia"],
+            Self::TwoBatteries => &["battery-voltage"],
+            Self::MapUnknown => &["battery-voltage", "thrust-linear"],
+            _ => &[],
         }
     }
 
@@ -234,7 +236,7 @@ mod tests {
             assert!(hideable.len() >= 5, "{condition:?}");
             assert!(hideable.iter().all(|id| catalogue().contains(&(id, true))), "{hideable:?}");
             assert!(!hideable.iter().any(|id| changes().any(|change| change == *id)));
-            assert!(condition.own_effect().is_none_or(|own| !hideable.contains(&own)), "{condition:?}");
+            assert!(condition.own_effects().iter().all(|own| !hideable.contains(own)), "{condition:?}");
         }
     }
 

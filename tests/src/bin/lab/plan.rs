@@ -258,7 +258,7 @@ impl Plan {
                     seed: 0,
                     duration_s: condition.duration_s(self.duration_s),
                     rounds: 1,
-                    style: Style::ALL[turn / 4 % 3],
+                    style: Style::ALL[turn / 2 % 3],
                     rough: false,
                     outliers: false,
                     condition: Some(condition),
@@ -269,7 +269,7 @@ impl Plan {
                     let hideable = condition.hideable();
                     trial.hidden = hideable.choose(&mut rng).map_or(Hidden::Nothing, |id| Hidden::One(id));
                     // Where the condition may be named first, the effect has to follow.
-                    trial.rounds = if condition.own_effect().is_some() { 3 } else { 1 };
+                    trial.rounds = if condition.own_effects().is_empty() { 1 } else { 3 };
                 }
                 self.trials.push(trial);
             }

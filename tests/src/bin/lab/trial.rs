@@ -83,7 +83,7 @@ impl Outcome {
 
     /// Under a condition that is an effect itself, that may be named first if what is hidden follows.
     fn is_right_under(&self, condition: Condition) -> bool {
-        let is_own = condition.own_effect().is_some_and(|own| self.answer == own);
+        let is_own = condition.own_effects().contains(&self.answer.as_str());
         match &self.trial.hidden {
             Hidden::One(id) => self.answer == *id || is_own && self.found.contains(id),
             _ => is_own || self.answer == ADEQUATE && !condition.is_missing_itself(),
