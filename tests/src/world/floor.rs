@@ -5,7 +5,7 @@
 
 use nalgebra::{Rotation3, Vector3};
 
-use super::body::{Body, LANDING_GEAR};
+use super::body::{Body, LANDING_GEAR, STEP_S};
 use super::craft::Craft;
 
 /// Thrust grows from idling to hovering in this time, and falls in half of it, s.
@@ -16,6 +16,8 @@ const CLIMB_S: f64 = 2.5;
 const STOP_S: f64 = 2.0;
 /// Time between the planned touch and the real one, at most, s.
 const TOUCH_S: f64 = 1.5;
+/// A craft that touches with one leg comes level within this time, s.
+const LEVEL_S: f64 = 0.05;
 /// The pilot aims so far below the floor, m: a craft that only reaches it would hang above.
 const PRESS_M: f64 = 0.1;
 /// Idling rotors, part of hover speed.
@@ -125,17 +127,19 @@ impl Standing {
         between(flying, (time_s - self.standing_s) / RAMP_S)
     }
 
-    /// Holds a body that has sunk onto the floor.
+    /// Holds a body that has sunk onto the floor; after the flight it does not take off again.
     pub(super) fn hold(&mut self, craft: &Craft, body: &mut Body) {
         let floor_m = self.ends.standing_z_m;
-        self.touches = body.position_ned_m.z >= floor_m && body.velocity_ned_m_s.z >= 0.0;
+        let sinks = body.position_ned_m.z >= floor_m && body.velocity_ned_m_s.z >= 0.0;
+        self.touches = sinks || self.landed.is_some();
         if self.touches {
-            let (_, _, yaw) = body.attitude.euler_angles();
-            body.position_ned_m -= body.velocity_ned_m_s * super::body::STEP_S;
+            let (roll, pitch, yaw) = body.attitude.euler_angles();
+            let keep = (-STEP_S / LEVEL_S).exp();
+            body.position_ned_m -= body.velocity_ned_m_s * STEP_S;
             body.position_ned_m.z = floor_m;
             body.velocity_ned_m_s = Vector3::zeros();
-            body.attitude = Rotation3::from_euler_angles(0.0, 0.0, yaw);
-            body.set_rate_rad_s(craft, Vector3::zeros());
+            body.attitude = Rotation3::from_euler_angles(keep * roll, keep * pitch, yaw);
+            body.set_rate_rad_s(craft, Vector3::new(roll, pitch, 0.0) * (-1.0 / LEVEL_S));
         }
     }
 }
