@@ -17,7 +17,7 @@ pub(crate) enum Class {
     Honest,
     /// Something is missing, not known what.
     Unexplained,
-    /// Nothing missing, where something is.
+    /// Nothing missing where something is, or only what the condition itself is.
     Missed,
     /// An effect that is not there.
     WrongName,
@@ -46,6 +46,7 @@ impl Class {
             NOT_IDENTIFIED => Self::Honest,
             UNEXPLAINED => Self::Unexplained,
             ADEQUATE => Self::Missed,
+            _ if outcome.names_the_condition() => Self::Missed,
             answer if Effect::from_id(answer).is_some() => Self::WrongName,
             refusal if outcome.trial.condition.is_some_and(|c| c.is_named_in(refusal)) => Self::Honest,
             _ => Self::NoAnswer,
@@ -138,7 +139,7 @@ mod tests {
         let wind = Condition::WindBetweenFlights;
         assert_eq!(class(wind, Hidden::Nothing, "steady-wind"), Class::Right);
         let mut told = outcome(wind, Hidden::One("ground-effect"), "steady-wind");
-        assert_eq!(Class::of(&told), Class::WrongName);
+        assert_eq!(Class::of(&told), Class::Missed);
         told.found = vec!["steady-wind", "ground-effect"];
         assert_eq!(Class::of(&told), Class::Right);
         let inertia = Condition::ProductOfInertia;

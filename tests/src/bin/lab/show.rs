@@ -243,7 +243,8 @@ pub(crate) fn page(plan: &Plan, scores: &Scores) -> Page {
                     "Half of the trials of a condition hide nothing, half an effect that can still be seen. Right: that \
                      effect is named first, or the model is called adequate with nothing hidden; where the condition is an \
                      effect itself, that may come first if what is hidden follows. Honest: not identified, or a refusal \
-                     that names the difficulty. Missed: adequate, with something hidden.",
+                     that names the difficulty. Missed: something is hidden and \
+                     nothing is named, or only the condition itself.",
                 )
                 .table(conditions_table(scores)),
         )

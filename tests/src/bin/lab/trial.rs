@@ -81,9 +81,14 @@ impl Outcome {
         }
     }
 
+    /// Whether the first answer is what the condition itself is.
+    pub(crate) fn names_the_condition(&self) -> bool {
+        self.trial.condition.is_some_and(|condition| condition.own_effects().contains(&self.answer.as_str()))
+    }
+
     /// Under a condition that is an effect itself, that may be named first if what is hidden follows.
     fn is_right_under(&self, condition: Condition) -> bool {
-        let is_own = condition.own_effects().contains(&self.answer.as_str());
+        let is_own = self.names_the_condition();
         match &self.trial.hidden {
             Hidden::One(id) => self.answer == *id || is_own && self.found.contains(id),
             _ => is_own || self.answer == ADEQUATE && !condition.is_missing_itself(),
