@@ -387,6 +387,49 @@ fn rows_jitter_drop_out_and_age_as_asked() {
 }
 
 #[test]
+fn logs_are_as_fast_as_asked_and_commands_stay_for_a_tick() {
+    for (rate_hz, rows) in [(25.0, 1500), (50.0, 3000), (200.0, 12_000), (400.0, 24_000), (1000.0, 60_000)] {
+        let flight = flown(&Sensors { rate_hz, ..Sensors::noisy(0.0) });
+        assert_eq!(flight.len(), rows);
+        let t = column(&flight, Column::T);
+        assert!(t.windows(2).all(|w| (w[1] - w[0] - 1.0 / rate_hz).abs() < 1e-9), "{rate_hz} Hz");
+        let commands = column(&flight, Column::Cmd1);
+        let changes = commands.windows(2).filter(|w| w[0] != w[1]).count();
+        assert!(changes < 6000 && changes > rows.min(6000) * 9 / 10, "{rate_hz} Hz: {changes}");
+    }
+    let usual = flown(&Sensors::noisy(0.0));
+    let slow = flown(&Sensors { rate_hz: 25.0, ..Sensors::noisy(0.0) });
+    let taken: Vec<f64> = column(&usual, Column::Cmd2).iter().step_by(4).copied().collect();
+    assert_eq!(column(&slow, Column::Cmd2), taken, "a slower log takes some of the rows");
+}
+
+#[test]
+fn a_voltmeter_that_is_off_does_not_move_the_craft() {
+    let right = flown(&Sensors::noisy(0.0));
+    let off = flown(&Sensors { voltmeter_v: 0.2, ..Sensors::noisy(0.0) });
+    assert!(noise(&off, &right, Column::X).iter().all(|d| *d == 0.0));
+    let added = column(&off, Column::Vbat)[7] - column(&right, Column::Vbat)[7];
+    assert!((added - 0.2).abs() < 1e-12, "{added}");
+}
+
+#[test]
+fn a_wandering_wind_has_its_spread_and_its_time() {
+    let calm = World::new(Size::F330, 30);
+    let mut windy = calm.clone();
+    windy.craft.strange.wandering_m_s = 1.0;
+    let fly = |world: &World| world.fly(Pattern::Hover, 60.0, &Sensors::noisy(0.0), 0).unwrap();
+    let (still, blown) = (fly(&calm), fly(&windy));
+    // Drag of the wind is carried by a tilt: 0.27 N s/m over 1.2 kg over g, 0.02 rad for 1 m/s.
+    let tilt = spread(column(&blown, Column::Theta));
+    assert!(spread(column(&still, Column::Theta)) < 1e-3);
+    assert!((0.008..0.05).contains(&tilt), "{tilt}");
+    let theta = column(&blown, Column::Theta);
+    let product = |lag: usize| theta.iter().zip(&theta[lag..]).map(|(a, b)| a * b).sum::<f64>();
+    // Half of exp(-1/4) after a second: what the pilot does takes part of it.
+    assert!(product(100) > 0.4 * product(0), "{}", product(100) / product(0));
+}
+
+#[test]
 fn files_read_back_as_written() {
     let folder = tempfile::tempdir().unwrap();
     let world = World::new(Size::Small, 31).with("battery-voltage", 1.0).unwrap();

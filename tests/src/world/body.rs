@@ -28,6 +28,9 @@ const WAKE_S: f64 = 0.15;
 /// Correlation time of gusts, s.
 const GUST_S: f64 = 0.5;
 
+/// Correlation time of a wind that wanders, s.
+const WANDERING_S: f64 = 4.0;
+
 /// Where and how the craft moves.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Body {
@@ -47,6 +50,7 @@ pub struct Body {
     pub battery_v: f64,
     inverse_inertia: Matrix3<f64>,
     gust_m_s: [f64; 2],
+    wandering_m_s: [f64; 2],
     held_rad_s: f64,
     /// How far what bounces is below its rest, m, and how fast it falls, m/s.
     bounce: [f64; 2],
@@ -88,6 +92,7 @@ impl Body {
             battery_v: craft.battery.voltage_v(0.0, &rotor_rad_s),
             inverse_inertia,
             gust_m_s: [0.0; 2],
+            wandering_m_s: [0.0; 2],
             bounce: [0.0; 2],
             wake_rad_s: rotor_rad_s,
             held_rad_s: rotor_rad_s[0],
@@ -187,13 +192,16 @@ impl Body {
 
     /// A gust is a first-order process with a fixed spread.
     fn blow(&mut self, craft: &Craft, air: &mut impl Rng) {
-        let spread = craft.strange.gust_m_s;
-        if spread > 0.0 {
-            let keep = (-STEP_S / GUST_S).exp();
+        let winds = [
+            (&mut self.gust_m_s, craft.strange.gust_m_s, GUST_S),
+            (&mut self.wandering_m_s, craft.strange.wandering_m_s, WANDERING_S),
+        ];
+        for (wind, spread, time_s) in winds.into_iter().filter(|(_, spread, _)| *spread > 0.0) {
+            let keep = (-STEP_S / time_s).exp();
             let push = spread * (1.0 - keep * keep).sqrt();
-            for gust in &mut self.gust_m_s {
+            for axis in wind {
                 let kick: f64 = air.sample(StandardNormal);
-                *gust = keep * *gust + push * kick;
+                *axis = keep * *axis + push * kick;
             }
         }
     }
@@ -263,8 +271,8 @@ impl Body {
 
     fn wind(&self, craft: &Craft, now: &Instant<'_>) -> Vector3<f64> {
         let mut wind = craft.wind_ned_m_s;
-        wind.x += self.gust_m_s[0];
-        wind.y += self.gust_m_s[1];
+        wind.x += self.gust_m_s[0] + self.wandering_m_s[0];
+        wind.y += self.gust_m_s[1] + self.wandering_m_s[1];
         wind.x += craft.strange.shear_per_s * -now.position.z;
         if craft.strange.turning_wind_m_s != 0.0 {
             let (sine, cosine) = (std::f64::consts::TAU * now.time_s / 16.0).sin_cos();

@@ -96,6 +96,8 @@ pub struct Load {
 pub struct Strange {
     /// Standard deviation of a gusty wind on each horizontal axis, m/s.
     pub gust_m_s: f64,
+    /// Standard deviation of a wind that wanders within 4 s on each horizontal axis, m/s.
+    pub wandering_m_s: f64,
     /// Speed of a draught out of an opening beside the flying space, m/s.
     pub draught_m_s: f64,
     /// Drag times 1 + this * cos(2 yaw).

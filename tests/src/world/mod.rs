@@ -12,11 +12,13 @@
 //! - [`World::fly`] flies one of five patterns and returns the flight as its sensors saw it.
 //!
 //! Conventions as everywhere: SI, NED, FRD, rotors 1 front-left, 2 front-right, 3 rear-right, 4
-//! rear-left. Equal seeds give equal bits. Deliberately absent: contact with the floor, motor
-//! currents, structure.
+//! rear-left. Equal seeds give equal bits. Deliberately absent: motor currents, structure,
+//! a floor that craft slide or bounce on.
 
 mod body;
 mod craft;
+mod floor;
+pub mod log;
 mod pilot;
 mod planted;
 mod sensors;
@@ -36,6 +38,7 @@ pub use planted::{OUTSIDE, PLANTED, Planted, UnknownEffect, changes};
 pub use sensors::Sensors;
 pub use truth::True;
 
+use floor::{Ends, Standing};
 use pilot::{PILOT_PERIOD_S, Pilot};
 use sensors::Recorder;
 
@@ -50,6 +53,8 @@ pub struct World {
     pub planted: Vec<Planted>,
     /// How it is flown.
     pub style: Style,
+    /// How long it stands on the floor before and after a flight, s; 0: flights begin and end in the air.
+    pub standing_s: f64,
     /// The craft before anything was planted: what its pilot was tuned on.
     designed: Craft,
     seed: u64,
@@ -72,12 +77,25 @@ impl World {
     pub fn new(size: Size, seed: u64) -> Self {
         let craft = Craft::draw(size, &mut stream(seed, Purpose::Craft));
         let vehicle = craft.vehicle();
-        Self { designed: craft.clone(), craft, vehicle, planted: Vec::new(), style: Style::Usual, seed }
+        Self {
+            designed: craft.clone(),
+            craft,
+            vehicle,
+            planted: Vec::new(),
+            style: Style::Usual,
+            standing_s: 0.0,
+            seed,
+        }
     }
 
     /// This world flown in another style.
     pub fn flown(self, style: Style) -> Self {
         Self { style, ..self }
+    }
+
+    /// This world with flights from the floor to the floor, which stand on it for `standing_s` at either end.
+    pub fn standing(self, standing_s: f64) -> Self {
+        Self { standing_s, ..self }
     }
 
     /// Plants an effect of [`PLANTED`] or [`OUTSIDE`].
@@ -93,7 +111,7 @@ impl World {
         truth::of(&self.craft, &self.vehicle, &self.planted)
     }
 
-    /// Flies `pattern` for `duration_s`. `round` tells repeated flights of one pattern apart.
+    /// Flies `pattern` for `duration_s`, not counting what a flight from floor to floor has before and after. `round` tells repeated flights of one pattern apart.
     pub fn fly(
         &self,
         pattern: Pattern,
@@ -108,7 +126,17 @@ impl World {
             (pattern, self.style),
             &mut stream(self.seed, purpose(0)),
         );
-        let mut body = Body::hovering(&self.craft, pilot.start());
+        let mut standing = None;
+        if self.standing_s > 0.0 {
+            let ends = Ends::new(&self.craft, duration_s);
+            pilot = pilot.between(ends);
+            standing = Some(Standing::new(ends, self.standing_s));
+        }
+        let start = pilot.start();
+        let (mut body, duration_s) = match &standing {
+            Some(standing) => (standing.body(&self.craft, start), standing.total_s()),
+            None => (Body::hovering(&self.craft, start), duration_s),
+        };
         let mut recorder = Recorder::new(&self.craft, sensors, duration_s, stream(self.seed, purpose(1)));
         let mut air = stream(self.seed, purpose(2));
         let steps_per_tick = (PILOT_PERIOD_S / STEP_S).round() as usize;
@@ -116,8 +144,13 @@ impl World {
         let mut commands: Vec<[f64; 4]> = Vec::with_capacity(ticks);
         for tick in 0..ticks {
             let time_s = tick as f64 * PILOT_PERIOD_S;
-            commands.push(pilot.command(time_s, &body, &self.craft.battery));
-            if !pilot.is_content(&body, &self.craft) {
+            let mut fly = |pattern_s| pilot.command(pattern_s, &body, &self.craft.battery);
+            commands.push(match &mut standing {
+                Some(standing) => standing.command(time_s, &self.craft, fly),
+                None => fly(time_s),
+            });
+            let is_low = standing.as_ref().is_some_and(|standing| standing.is_low(time_s));
+            if !is_low && !pilot.is_content(&body, &self.craft) {
                 return Err(Lost { pattern, seed: self.seed, time_s });
             }
             for step in 0..steps_per_tick {
@@ -126,6 +159,9 @@ impl World {
                 // Half a step keeps the comparison of times clear of rounding.
                 let age = ((now_s + 0.5 * STEP_S - self.craft.delay_s) / PILOT_PERIOD_S).floor();
                 body.step(&self.craft, &commands[(age.max(0.0) as usize).min(tick)], now_s, &mut air);
+                if let Some(standing) = &mut standing {
+                    standing.hold(&self.craft, &mut body);
+                }
             }
         }
         Ok(recorder.flight(pattern.name()))

@@ -11,8 +11,9 @@ use rand::{Rng, RngExt};
 
 use super::body::Body;
 use super::craft::{Cell, Craft, Size};
+use super::floor::{Ends, Place, smooth};
 
-/// Period of the commands and of the log, s.
+/// Period of the commands, s.
 pub(super) const PILOT_PERIOD_S: f64 = 0.01;
 
 /// Each motor's shaking, part of hover speed.
@@ -89,9 +90,6 @@ impl Style {
     }
 }
 
-/// Where to be: position NED in m and yaw in rad.
-type Place = (Vector3<f64>, f64);
-
 /// A pattern with its sizes drawn.
 #[derive(Debug, Clone)]
 struct Path {
@@ -105,10 +103,19 @@ struct Path {
     phase: [f64; 4],
     /// Corners of the step patterns.
     corners: Vec<[f64; 3]>,
+    /// How it is reached from the floor and left again; none for one that starts in the air.
+    ends: Option<Ends>,
 }
 
 impl Path {
     fn at(&self, time_s: f64) -> Place {
+        match &self.ends {
+            Some(ends) => ends.place(time_s, |time_s| self.figure(time_s)),
+            None => self.figure(time_s),
+        }
+    }
+
+    fn figure(&self, time_s: f64) -> Place {
         let start = smooth(time_s / 2.5);
         let wave = |k: usize, period_s: f64| (TAU * time_s / (period_s * self.pace[k]) + self.phase[k]).sin();
         let dip = |k: usize, period_s: f64| 0.5 - 0.5 * wave(k, period_s);
@@ -153,12 +160,6 @@ impl Path {
         let (from, to) = (of(number), of(number + 1.0));
         std::array::from_fn(|i| from[i] + (to[i] - from[i]) * part)
     }
-}
-
-/// From 0 to 1 with two continuous derivatives.
-fn smooth(x: f64) -> f64 {
-    let x = x.clamp(0.0, 1.0);
-    x * x * x * (10.0 - 15.0 * x + 6.0 * x * x)
 }
 
 /// Gains of the cascade.
@@ -210,6 +211,7 @@ impl Pilot {
             pace: std::array::from_fn(|_| slow * rng.random_range(0.88..1.14)),
             phase: std::array::from_fn(|_| rng.random_range(0.0..TAU)),
             corners,
+            ends: None,
         };
         // Slow rotors allow slow loops only: the rate loop crosses at half the lag.
         let rate_s = match craft.size {
@@ -242,6 +244,12 @@ impl Pilot {
             battery_v: craft.hover_v(),
             seen: None,
         }
+    }
+
+    /// The same pilot from the floor to the floor.
+    pub(super) fn between(mut self, ends: Ends) -> Self {
+        self.path.ends = Some(ends);
+        self
     }
 
     /// Where the flight starts, NED, m.

@@ -29,6 +29,10 @@ pub struct Sensors {
     /// Part of the rows with a gross outlier in the motion capture, and as many with one in the
     /// gyro.
     pub outliers: f64,
+    /// Rows a second. The commands of a slower log are those of the moment; in a faster one they stay.
+    pub rate_hz: f64,
+    /// What the voltmeter adds to the battery's voltage, V.
+    pub voltmeter_v: f64,
 }
 
 impl Default for Sensors {
@@ -41,6 +45,8 @@ impl Default for Sensors {
             gyro_age_s: 0.0,
             gap_s: 0.0,
             outliers: 0.0,
+            rate_hz: 1.0 / PILOT_PERIOD_S,
+            voltmeter_v: 0.0,
         }
     }
 }
@@ -58,6 +64,11 @@ impl Sensors {
     const OUTLIERS: [f64; 3] = [0.3, 0.4, 6.0];
     /// Battery, V.
     pub const BATTERY_V: f64 = 0.015;
+
+    /// Time between rows, s.
+    fn period_s(&self) -> f64 {
+        1.0 / self.rate_hz
+    }
 
     /// A log as it is on a bad day: a clock that wobbles by half a millisecond, a row in fifty lost
     /// in bursts, two seconds missing somewhere.
@@ -79,7 +90,25 @@ impl Sensors {
 
 /// Mean length of a burst of lost rows.
 const BURST_ROWS: f64 = 12.0;
-const CHANNELS: usize = 15;
+
+/// What the instruments log, in the order of the file.
+pub(super) const LOGGED: [Column; 15] = [
+    Column::T,
+    Column::X,
+    Column::Y,
+    Column::Z,
+    Column::Phi,
+    Column::Theta,
+    Column::Psi,
+    Column::P,
+    Column::Q,
+    Column::R,
+    Column::Cmd1,
+    Column::Cmd2,
+    Column::Cmd3,
+    Column::Cmd4,
+    Column::Vbat,
+];
 
 /// Takes samples of a flight.
 pub(super) struct Recorder {
@@ -89,7 +118,7 @@ pub(super) struct Recorder {
     rng: Pcg64,
     /// Step at which each row is taken.
     due: Vec<usize>,
-    rows: [Vec<f64>; CHANNELS],
+    rows: [Vec<f64>; LOGGED.len()],
     /// Rates of the last steps, the newest last.
     rates: Vec<Vector3<f64>>,
     /// Present noise of the motion capture: position, then attitude, standard deviation 1.
@@ -99,8 +128,8 @@ pub(super) struct Recorder {
 
 impl Recorder {
     pub(super) fn new(craft: &Craft, sensors: &Sensors, duration_s: f64, mut rng: Pcg64) -> Self {
-        let per_row = (PILOT_PERIOD_S / STEP_S).round();
-        let count = (duration_s / PILOT_PERIOD_S).round() as usize;
+        let per_row = (sensors.period_s() / STEP_S).round();
+        let count = (duration_s / sensors.period_s()).round() as usize;
         let due = (0..count)
             .map(|k| {
                 let wobble: f64 = rng.sample(StandardNormal);
@@ -156,7 +185,7 @@ impl Recorder {
         let (phi, theta, psi) = seen.euler_angles();
         let place = body.position_ned_m + body.attitude * craft.lever_m;
         let gyro = rate + self.bias_rad_s + self.white3() * (noise * Sensors::RATE_RAD_S);
-        let volts = body.battery_v + self.white() * noise * Sensors::BATTERY_V;
+        let volts = body.battery_v + self.white() * noise * Sensors::BATTERY_V + self.sensors.voltmeter_v;
         let position = noise * Sensors::POSITION_M;
         let values = [
             time_s,
@@ -208,7 +237,7 @@ impl Recorder {
     /// Standard normal each; successive rows correlated where the noise has a colour.
     fn mocap_noise(&mut self) -> [f64; 6] {
         let colour_s = self.sensors.colour_s;
-        let keep = if colour_s > 0.0 { (-PILOT_PERIOD_S / colour_s).exp() } else { 0.0 };
+        let keep = if colour_s > 0.0 { (-self.sensors.period_s() / colour_s).exp() } else { 0.0 };
         let fresh = (1.0 - keep * keep).sqrt();
         for k in 0..self.mocap.len() {
             let kick = self.white();
@@ -221,32 +250,15 @@ impl Recorder {
     pub(super) fn flight(mut self, name: &str) -> Flight {
         let gap = self.gap();
         let kept: Vec<bool> = (0..self.row()).map(|k| self.is_kept() && !gap.contains(&k)).collect();
-        let columns = [
-            Column::T,
-            Column::X,
-            Column::Y,
-            Column::Z,
-            Column::Phi,
-            Column::Theta,
-            Column::Psi,
-            Column::P,
-            Column::Q,
-            Column::R,
-            Column::Cmd1,
-            Column::Cmd2,
-            Column::Cmd3,
-            Column::Cmd4,
-            Column::Vbat,
-        ];
         let rows = std::mem::take(&mut self.rows).map(|row| {
             row.into_iter().zip(&kept).filter(|(_, kept)| **kept).map(|(value, _)| value).collect()
         });
-        Flight::from_columns(name, columns.into_iter().zip(rows))
+        Flight::from_columns(name, LOGGED.into_iter().zip(rows))
     }
 
     /// Rows of the gap: anywhere in the middle half of the flight.
     fn gap(&mut self) -> std::ops::Range<usize> {
-        let length = (self.sensors.gap_s / PILOT_PERIOD_S).round() as usize;
+        let length = (self.sensors.gap_s / self.sensors.period_s()).round() as usize;
         if length == 0 {
             return 0..0;
         }

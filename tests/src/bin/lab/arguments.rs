@@ -12,7 +12,7 @@ use clap::Parser;
 #[command(
     name = "lab",
     version,
-    after_help = "Examples:\n  cargo xtask bench lab --quick\n  cargo xtask bench lab --only ground-effect --strength 0.3 --noise 2 --seeds 20 --keep-failures"
+    after_help = "Examples:\n  cargo xtask bench lab --quick\n  cargo xtask bench lab --only ground-effect --strength 0.3 --noise 2 --seeds 20 --keep-failures\n  cargo xtask bench lab --only conditions --each 10"
 )]
 pub(crate) struct Arguments {
     /// One seed, one strength and one noise level: under a minute
@@ -35,7 +35,12 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "S", num_args = 1.., value_parser = positive)]
     pub(crate) noise: Vec<f64>,
 
-    /// Only trials that hide these (nothing, pairs, triples, changes, or identifiers of effects)
+    /// Trials of each condition of flights and logs (50; in a quick run 2)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub(crate) each: Option<u64>,
+
+    /// Only trials that hide these (nothing, pairs, triples, changes, or identifiers of effects), or
+    /// of these conditions (conditions for all, floor, gaps, log-25-hz, ...)
     #[arg(long, value_name = "WHAT", num_args = 1..)]
     pub(crate) only: Vec<String>,
 

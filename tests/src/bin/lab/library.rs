@@ -42,9 +42,10 @@ struct Rows {
     rows: usize,
 }
 
-/// Writes the libraries of all trials but those of changes, which ask another question.
+/// Writes the libraries of all trials but those of changes and conditions, which ask other questions.
 pub(crate) fn write(folder: &Path, outcomes: &[Outcome]) -> anyhow::Result<()> {
-    outcomes.par_iter().filter(|o| !matches!(o.trial.hidden, Hidden::Change(_))).try_for_each(|outcome| {
+    let asks = |o: &&Outcome| o.trial.condition.is_none() && !matches!(o.trial.hidden, Hidden::Change(_));
+    outcomes.par_iter().filter(asks).try_for_each(|outcome| {
         let folder = folder.join(outcome.trial.folder_name());
         std::fs::create_dir_all(&folder)
             .with_context(|| format!("{}: cannot create the folder", folder.display()))?;

@@ -7,6 +7,8 @@
 #![forbid(unsafe_code)]
 
 mod arguments;
+mod condition;
+mod judge;
 mod library;
 mod plan;
 mod score;

@@ -9,6 +9,7 @@ use serde::Serialize;
 use stories::world::{OUTSIDE, PLANTED, Size, Style, changes};
 
 use crate::arguments::Arguments;
+use crate::condition::Condition;
 
 /// Low, middle and high.
 const STRENGTHS: [f64; 3] = [0.3, 0.75, 1.2];
@@ -21,6 +22,10 @@ pub(crate) const CHANGED: &str = "since then: ";
 const NOTHING_PER_SEED: u64 = 12;
 const PAIRS_PER_SEED: u64 = 12;
 const TRIPLES_PER_SEED: u64 = 6;
+/// Trials of each condition, and in a quick run.
+const EACH: [u64; 2] = [50, 2];
+/// Names all conditions in `--only`.
+const CONDITIONS: &str = "conditions";
 
 /// What a world hides.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -54,6 +59,9 @@ pub(crate) struct Trial {
     pub(crate) rough: bool,
     /// A log with gross outliers.
     pub(crate) outliers: bool,
+    /// What makes the flights or logs difficult.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) condition: Option<Condition>,
 }
 
 impl Trial {
@@ -69,6 +77,13 @@ impl Trial {
 
     /// Row of the confusion matrix.
     pub(crate) fn label(&self) -> String {
+        match self.condition {
+            Some(condition) => format!("{}: {}", condition.name(), self.hides()),
+            None => self.hides(),
+        }
+    }
+
+    fn hides(&self) -> String {
         match &self.hidden {
             Hidden::Nothing => "nothing".into(),
             Hidden::One(id) | Hidden::Outside(id) => (*id).into(),
@@ -79,7 +94,7 @@ impl Trial {
     }
 
     pub(crate) fn folder_name(&self) -> String {
-        let label = self.label().replace(" + ", "-and-").replace(' ', "-");
+        let label = self.label().replace(" + ", "-and-").replace(':', "").replace(' ', "-");
         format!("{label}-s{}-n{}-{}-{}", self.strength, self.noise, self.size.name(), self.seed)
     }
 }
@@ -157,6 +172,7 @@ impl Plan {
         }
         plan.changes(&mut sizes);
         plan.without_effect(&Hidden::Change(None), per_seed(NOTHING_PER_SEED));
+        plan.conditions(arguments.each.unwrap_or(EACH[usize::from(arguments.quick)]));
         plan.keep_only(&arguments.only)?;
         Ok(plan)
     }
@@ -221,9 +237,43 @@ impl Plan {
             style: Style::ALL[(turn + 1) % 3],
             rough: turn % 2 == 1,
             outliers: turn / 2 % 2 == 1,
+            condition: None,
         };
         trial.seed = seed(&trial, self.first_seed + k);
         self.trials.push(trial);
+    }
+
+    /// Trials of difficult flights and logs: so many of each condition, every other one with nothing
+    /// hidden. The log has no further faults, so that what goes wrong is the condition's.
+    fn conditions(&mut self, each: u64) {
+        for condition in Condition::ALL {
+            for k in 0..each {
+                let turn = (self.first_seed - 1 + k) as usize;
+                let nothing = turn.is_multiple_of(2);
+                let mut trial = Trial {
+                    hidden: Hidden::Nothing,
+                    strength: if nothing { 0.0 } else { self.strengths[self.strengths.len() / 2] },
+                    noise: self.noises[turn % self.noises.len()],
+                    size: Size::MAIN[turn / 2 % 2],
+                    seed: 0,
+                    duration_s: condition.duration_s(self.duration_s),
+                    rounds: 1,
+                    style: Style::ALL[turn / 2 % 3],
+                    rough: false,
+                    outliers: false,
+                    condition: Some(condition),
+                };
+                trial.seed = seed(&trial, self.first_seed + k);
+                if !nothing {
+                    let mut rng = Pcg64::seed_from_u64(trial.seed);
+                    let hideable = condition.hideable();
+                    trial.hidden = hideable.choose(&mut rng).map_or(Hidden::Nothing, |id| Hidden::One(id));
+                    // Where the condition may be named first, the effect has to follow.
+                    trial.rounds = if condition.own_effects().is_empty() { 1 } else { 3 };
+                }
+                self.trials.push(trial);
+            }
+        }
     }
 
     fn keep_only(&mut self, only: &[String]) -> anyhow::Result<()> {
@@ -231,16 +281,21 @@ impl Plan {
             return Ok(());
         }
         let is_named = |trial: &Trial, name: &String| match &trial.hidden {
+            _ if trial.condition.is_some() => {
+                name == CONDITIONS || trial.condition.is_some_and(|condition| condition.name() == *name)
+            }
             Hidden::Together(effects) => name == if effects.len() == 2 { "pairs" } else { "triples" },
             Hidden::Change(_) => name == "changes",
             _ => trial.label() == *name,
         };
         if let Some(unknown) = only.iter().find(|name| !self.trials.iter().any(|t| is_named(t, name))) {
-            let mut names: Vec<String> = self.trials.iter().map(Trial::label).collect();
+            let plain = self.trials.iter().filter(|trial| trial.condition.is_none());
+            let mut names: Vec<String> = plain.map(Trial::label).collect();
             names.retain(|name| !name.contains(" + ") && !name.starts_with(CHANGED));
             names.dedup();
+            names.extend(Condition::ALL.map(Condition::name));
             bail!(
-                "--only {unknown}: no trial hides that; there are: pairs, triples, changes, {}",
+                "--only {unknown}: no trial hides that; there are: pairs, triples, changes, {CONDITIONS}, {}",
                 names.join(", ")
             );
         }

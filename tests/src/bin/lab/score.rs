@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use crate::judge::{ConditionScore, conditions};
 use crate::plan::{Hidden, Plan, Trial, catalogue};
-use crate::trial::{Distance, OfPlanted, Outcome};
+use crate::trial::{ADEQUATE, Distance, NOT_IDENTIFIED, OfPlanted, Outcome, UNEXPLAINED};
 
 /// So many of so many.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
@@ -117,6 +118,9 @@ pub(crate) struct Scores {
     pub(crate) coverage: Vec<Coverage>,
     /// Rows: what was hidden; columns: the first answer.
     pub(crate) confusion: BTreeMap<String, BTreeMap<String, usize>>,
+    /// Difficult flights and logs.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(crate) conditions: Vec<ConditionScore>,
     pub(crate) without_world: Vec<&'static str>,
     pub(crate) failures: Vec<Failure>,
     /// The farthest first.
@@ -125,14 +129,15 @@ pub(crate) struct Scores {
 
 impl Scores {
     pub(crate) fn of(plan: &Plan, outcomes: &[Outcome]) -> Self {
-        let kind = |wanted: fn(&Hidden) -> bool| outcomes.iter().filter(move |o| wanted(&o.trial.hidden));
+        let plain = || outcomes.iter().filter(|o| o.trial.condition.is_none());
+        let kind = |wanted: fn(&Hidden) -> bool| plain().filter(move |o| wanted(&o.trial.hidden));
         let one = || kind(|h| matches!(h, Hidden::One(_)));
         let changes = || kind(|h| matches!(h, Hidden::Change(Some(_))));
         let nothing = || kind(|h| matches!(h, Hidden::Nothing));
         let pairs = || kind(|h| matches!(h, Hidden::Together(effects) if effects.len() == 2));
         let triples = || kind(|h| matches!(h, Hidden::Together(effects) if effects.len() == 3));
         let outside = || kind(|h| matches!(h, Hidden::Outside(_)));
-        let is_verdict = |answer: &str| ["adequate", "unexplained", "not-identified"].contains(&answer);
+        let is_verdict = |answer: &str| [ADEQUATE, UNEXPLAINED, NOT_IDENTIFIED].contains(&answer);
         let all = |o: &Outcome| o.trial.planted().iter().all(|(id, _)| o.found.contains(id));
         let distances = || outcomes.iter().flat_map(|o| &o.coefficients);
         Self {
@@ -155,7 +160,8 @@ impl Scores {
             outside_misnamed: Share::of(outside(), |o| !is_verdict(&o.answer)),
             covered: Share { hits: distances().filter(|d| d.is_covered()).count(), of: distances().count() },
             coverage: coverage(outcomes),
-            confusion: confusion(outcomes),
+            confusion: confusion(plain()),
+            conditions: conditions(outcomes),
             without_world: catalogue().into_iter().filter(|(_, can)| !can).map(|(id, _)| id).collect(),
             failures: outcomes.iter().filter(|o| !o.is_right()).map(failure).collect(),
             far: far(outcomes),
@@ -258,9 +264,9 @@ fn coverage(outcomes: &[Outcome]) -> Vec<Coverage> {
         .collect()
 }
 
-fn confusion(outcomes: &[Outcome]) -> BTreeMap<String, BTreeMap<String, usize>> {
+fn confusion<'a>(outcomes: impl Iterator<Item = &'a Outcome>) -> BTreeMap<String, BTreeMap<String, usize>> {
     let mut rows: BTreeMap<String, BTreeMap<String, usize>> = BTreeMap::new();
-    for outcome in outcomes.iter().filter(|o| !matches!(o.trial.hidden, Hidden::Together(_))) {
+    for outcome in outcomes.filter(|o| !matches!(o.trial.hidden, Hidden::Together(_))) {
         *rows.entry(outcome.trial.label()).or_default().entry(outcome.answer.clone()).or_default() += 1;
     }
     rows

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use report::{Cell, Column, Page, Provenance, Section, Table, Verdict};
 use stories::world::Size;
 
+use crate::judge::{Class, ConditionScore};
 use crate::plan::{Hidden, Plan, Trial};
 use crate::score::{Coverage, Failure, Far, Scores, Share};
 use crate::trial::Distance;
@@ -19,6 +20,7 @@ pub(crate) fn text(scores: &Scores) -> String {
     let _ = writeln!(text, "{}\n", lead(scores));
     effects(&mut text, scores);
     confusion(&mut text, scores);
+    conditions(&mut text, scores);
     coverage(&mut text, scores);
     far(&mut text, scores);
     failures(&mut text, scores);
@@ -79,6 +81,9 @@ fn effects(text: &mut String, scores: &Scores) {
 }
 
 fn confusion(text: &mut String, scores: &Scores) {
+    if scores.confusion.is_empty() {
+        return;
+    }
     let _ = writeln!(text, "Hidden -> first answer");
     for (hidden, answers) in &scores.confusion {
         let mut sorted: Vec<_> = answers.iter().collect();
@@ -87,6 +92,33 @@ fn confusion(text: &mut String, scores: &Scores) {
         let _ = writeln!(text, "{hidden:<36}{}", answers.join(", "));
     }
     text.push('\n');
+}
+
+fn conditions(text: &mut String, scores: &Scores) {
+    if scores.conditions.is_empty() {
+        return;
+    }
+    let _ = writeln!(text, "Difficult flights and logs: first answers");
+    let _ = write!(text, "{:<28}{:>8}", "condition", "trials");
+    for class in Class::ALL {
+        let _ = write!(text, "{:>14}", class.name());
+    }
+    let _ = writeln!(text, "   which names and refusals");
+    for score in &scores.conditions {
+        let _ = write!(text, "{:<28}{:>8}", score.condition, score.trials);
+        for class in Class::ALL {
+            let _ = write!(text, "{:>14}", score.of(class));
+        }
+        let _ = writeln!(text, "   {}", wrong_answers(score));
+    }
+    text.push('\n');
+}
+
+/// What was answered that is wrong, the most frequent first.
+fn wrong_answers(score: &ConditionScore) -> String {
+    let mut sorted: Vec<_> = score.wrong_answers.iter().collect();
+    sorted.sort_by(|a, b| b.1.cmp(a.1).then(a.0.cmp(b.0)));
+    sorted.into_iter().map(|(answer, n)| format!("{n} {answer}")).collect::<Vec<_>>().join(", ")
 }
 
 fn coverage(text: &mut String, scores: &Scores) {
@@ -206,6 +238,17 @@ pub(crate) fn page(plan: &Plan, scores: &Scores) -> Page {
         )
         .section(Section::new("Confusion").table(confusion_table(scores)))
         .section(
+            Section::new("Difficult flights and logs")
+                .paragraph(
+                    "Half of the trials of a condition hide nothing, half an effect that can still be seen. Right: that \
+                     effect is named first, or the model is called adequate with nothing hidden; where the condition is an \
+                     effect itself, that may come first if what is hidden follows. Honest: not identified, or a refusal \
+                     that names the difficulty. Missed: something is hidden and \
+                     nothing is named, or only the condition itself.",
+                )
+                .table(conditions_table(scores)),
+        )
+        .section(
             Section::new("Coefficients against the truth")
                 .paragraph(
                     "The model with the right structure is fitted to the training flights. An honest 95 % interval \
@@ -265,6 +308,20 @@ fn confusion_table(scores: &Scores) -> Table {
             None => Cell::from(""),
         });
         table.push([Cell::from(hidden.as_str())].into_iter().chain(counts));
+    }
+    table
+}
+
+fn conditions_table(scores: &Scores) -> Table {
+    let columns = [Column::text("condition"), Column::number("trials", "")]
+        .into_iter()
+        .chain(Class::ALL.map(|class| Column::number(class.name(), "")))
+        .chain([Column::text("wrong names and refusals")]);
+    let mut table = Table::new("First answers under each condition", columns.collect::<Vec<_>>());
+    for score in &scores.conditions {
+        let counts = Class::ALL.map(|class| Cell::from(score.of(class).to_string()));
+        let names = [Cell::from(score.condition.as_str()), Cell::from(score.trials.to_string())];
+        table.push(names.into_iter().chain(counts).chain([Cell::from(wrong_answers(score).as_str())]));
     }
     table
 }

@@ -7,16 +7,22 @@ use model::{Effect, Model, Vehicle};
 use serde::Serialize;
 use stories::world::{Pattern, Sensors, True, World};
 
+use crate::condition::Condition;
 use crate::plan::{Hidden, Trial};
 
 /// Half width of a 95 % interval in standard errors.
 const HALF_95: f64 = 1.959_964;
 
+pub(crate) const ADEQUATE: &str = "adequate";
+pub(crate) const UNEXPLAINED: &str = "unexplained";
+pub(crate) const NOT_IDENTIFIED: &str = "not-identified";
+
 /// The product's answer.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Outcome {
     pub(crate) trial: Trial,
-    /// What it answered first: an effect's identifier, "adequate", "unexplained", "not-identified", or why there is no answer.
+    /// What it answered first: an effect's identifier, "adequate", "unexplained",
+    /// "not-identified", or why there is no answer.
     pub(crate) answer: String,
     /// Whether the motor it blames is the one, where it blames one.
     pub(crate) motor_is_right: bool,
@@ -63,12 +69,29 @@ impl Distance {
 impl Outcome {
     /// Whether the first answer is right; for several, whether all of them and nothing else were found.
     pub(crate) fn is_right(&self) -> bool {
+        if let Some(condition) = self.trial.condition {
+            return self.is_right_under(condition);
+        }
         match &self.trial.hidden {
-            Hidden::Nothing | Hidden::Change(None) => self.answer == "adequate",
+            Hidden::Nothing | Hidden::Change(None) => self.answer == ADEQUATE,
             Hidden::Change(Some(id)) => self.answer == *id && self.motor_is_right,
             Hidden::One(id) => self.answer == *id,
-            Hidden::Outside(_) => self.answer == "unexplained",
+            Hidden::Outside(_) => self.answer == UNEXPLAINED,
             Hidden::Together(_) => self.is_clean(),
+        }
+    }
+
+    /// Whether the first answer is what the condition itself is.
+    pub(crate) fn names_the_condition(&self) -> bool {
+        self.trial.condition.is_some_and(|condition| condition.own_effects().contains(&self.answer.as_str()))
+    }
+
+    /// Under a condition that is an effect itself, that may be named first if what is hidden follows.
+    fn is_right_under(&self, condition: Condition) -> bool {
+        let is_own = self.names_the_condition();
+        match &self.trial.hidden {
+            Hidden::One(id) => self.answer == *id || is_own && self.found.contains(id),
+            _ => is_own || self.answer == ADEQUATE && !condition.is_missing_itself(),
         }
     }
 
@@ -78,7 +101,7 @@ impl Outcome {
         self.found.len() == planted.len() && planted.iter().all(|id| self.found.contains(id))
     }
 
-    fn failed(trial: &Trial, answer: String) -> Self {
+    pub(crate) fn failed(trial: &Trial, answer: String) -> Self {
         Self {
             trial: trial.clone(),
             answer,
@@ -94,13 +117,21 @@ impl Outcome {
 
 /// The world of a trial with nothing hidden.
 fn calm(trial: &Trial) -> World {
-    World::new(trial.size, trial.seed).flown(trial.style)
+    let world = World::new(trial.size, trial.seed).flown(trial.style);
+    match trial.condition {
+        Some(condition) => condition.bare(world),
+        None => world,
+    }
 }
 
 /// The world of a trial; for a change, the craft after it.
 fn world(trial: &Trial) -> Result<World, String> {
-    trial.planted().into_iter().try_fold(calm(trial), |world, (id, strength)| {
+    let world = trial.planted().into_iter().try_fold(calm(trial), |world, (id, strength)| {
         world.with(id, strength).map_err(|error| error.to_string())
+    })?;
+    Ok(match trial.condition {
+        Some(condition) => condition.known(world),
+        None => world,
     })
 }
 
@@ -113,7 +144,14 @@ fn fly_round(
     let sensors = if trial.rough { Sensors::rough(trial.noise) } else { Sensors::noisy(trial.noise) };
     let sensors = if trial.outliers { sensors.with_outliers() } else { sensors };
     patterns
-        .map(|pattern| world.fly(pattern, trial.duration_s, &sensors, round).map_err(|lost| lost.to_string()))
+        .map(|pattern| {
+            let fly = |world: &World, sensors: &Sensors| {
+                world.fly(pattern, trial.duration_s, sensors, round).map_err(|lost| lost.to_string())
+            };
+            let Some(condition) = trial.condition else { return fly(world, &sensors) };
+            let (world, sensors) = condition.in_flight(world.clone(), sensors, pattern, trial.seed);
+            Ok(condition.logged(fly(&world, &sensors)?, pattern, trial.seed))
+        })
         .collect()
 }
 
@@ -197,7 +235,12 @@ fn ask_what_is_missing(trial: &Trial) -> Result<Outcome, String> {
             explanation.found().into_iter().map(Effect::id).collect()
         }
     };
-    Ok(outcome(trial, &diagnosis, found, distances(trial, &world, basic, &mut sets)))
+    // Conditions are about names; their worlds differ from flight to flight, and so would the truth.
+    let coefficients = match trial.condition {
+        Some(_) => Vec::new(),
+        None => distances(trial, &world, basic, &mut sets),
+    };
+    Ok(outcome(trial, &diagnosis, found, coefficients))
 }
 
 fn outcome(
@@ -227,10 +270,10 @@ fn outcome(
 
 fn answer(diagnosis: &Diagnosis) -> String {
     match (diagnosis.best(), diagnosis.verdict) {
+        (_, Verdict::NotIdentified) => NOT_IDENTIFIED.into(),
         (Some(effect), _) => effect.id().into(),
-        (None, Verdict::Adequate) => "adequate".into(),
-        (None, Verdict::NotIdentified) => "not-identified".into(),
-        (None, _) => "unexplained".into(),
+        (None, Verdict::Adequate) => ADEQUATE.into(),
+        (None, _) => UNEXPLAINED.into(),
     }
 }
 
