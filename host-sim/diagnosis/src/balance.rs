@@ -186,9 +186,11 @@ impl Balance {
     fn since(&self, fitted: &Fitted) -> Option<Since> {
         let whole: Vector4<f64> = self.columns(&fitted.hypothesis)? * &fitted.value;
         let rows = self.record.rows();
-        let weight = Vector4::from_fn(|k, _| whole[k] / rows[k].within.max(LEAST_NOISE).powi(2));
-        let weight = weight / weight.dot(&whole);
         let between = Vector4::from_fn(|k, _| between(&self.record, k));
+        // Each equation counts by what a window of another flight tells of it.
+        let variance = |k: usize| rows[k].within.max(LEAST_NOISE).powi(2) + between[k].powi(2);
+        let weight = Vector4::from_fn(|k, _| whole[k] / variance(k));
+        let weight = weight / weight.dot(&whole);
         let share = |window: &Window| Share {
             time_s: window.time_s,
             share: weight.dot(&shift(&self.record, std::slice::from_ref(window)).value),

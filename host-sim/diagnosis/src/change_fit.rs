@@ -56,11 +56,18 @@ pub(crate) struct Fitted {
 pub(crate) fn fit_change(model: &Model, change: Change, flights: &[&Prepared]) -> Result<Fitted, FitError> {
     let alone = fit_alone(model, change, flights)?;
     let revealed: Vec<Effect> = change.reveals().collect();
-    if revealed.is_empty() {
+    if revealed.is_empty() || !goes_beyond(model, &alone) {
         return Ok(alone);
     }
     // Where both together have no end, the change by itself still has one.
     Ok(fit_together(model, &alone, change, &revealed, flights).unwrap_or(alone))
+}
+
+/// Whether a change of the air is beyond what the flights of a model have shown: then drag is extrapolated. Within that, the
+/// model's drag was measured, and letting it go would only make it take what else is different.
+fn goes_beyond(model: &Model, alone: &Fitted) -> bool {
+    let shown_m_s = model.fit.as_ref().and_then(|fit| fit.flown_speed_m_s);
+    shown_m_s.is_none_or(|shown| alone.values.norm() > shown)
 }
 
 /// Fits a change to flights with every coefficient of `model` as it is.

@@ -69,6 +69,10 @@ pub struct FitRecord {
     /// How much the craft differs from flight to flight: what a later change must stand out from.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub scatter: Vec<ChangeScatter>,
+    /// Speed over ground that was hardly ever exceeded (2 % of the time) in the training flights, m/s: at higher airspeeds the
+    /// model's drag is extrapolated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flown_speed_m_s: Option<f64>,
     /// How the rotors share the work in steady flight: what a later change of the balance must stand out from. Absent where
     /// there are fewer than two flights.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -276,6 +276,7 @@ mod tests {
                 deviation: 0.01,
                 mean: Some(0.1),
             }],
+            flown_speed_m_s: Some(2.0 / 3.0),
             balance: Some(BalanceRecord {
                 flights: 4,
                 battery_v: 11.0 / 3.0,
@@ -409,6 +410,7 @@ mod tests {
             "not_identified",
             "verdicts",
             "balance",
+            "flown_speed",
         ];
         for newer in newer {
             assert!(!text.contains(newer), "{text}");

@@ -24,6 +24,7 @@ impl FlightSets {
             train: sysid::errors(&fitted),
             held_out: sysid::errors(&held_out),
             scatter: scatter(model, &all),
+            flown_speed_m_s: flown_speed_m_s(&train),
             balance: sysid::fit::balance::record(model, &all),
             rotor_delay_s: sysid::fit::alignment::common_delay_s(model, &train),
             rotation_refused,
@@ -31,6 +32,24 @@ impl FlightSets {
             ..FitRecord::default()
         }
     }
+}
+
+/// Part of the samples that are flown faster than the speed that counts as flown.
+const FASTER: f64 = 0.02;
+
+/// Speed over ground that flights hardly ever exceed, m/s.
+fn flown_speed_m_s(flights: &[&Prepared]) -> Option<f64> {
+    let stretches = flights.iter().flat_map(|flight| &flight.stretches);
+    let mut speeds: Vec<f64> = stretches
+        .flat_map(|stretch| {
+            let [north, east, _] = &stretch.velocity_ned_m_s;
+            north.iter().zip(east).map(|(n, e)| n.hypot(*e))
+        })
+        .filter(|speed| speed.is_finite())
+        .collect();
+    speeds.sort_unstable_by(f64::total_cmp);
+    let at = ((1.0 - FASTER) * speeds.len() as f64) as usize;
+    speeds.get(at.min(speeds.len().saturating_sub(1))).copied()
 }
 
 fn entries(flights: &[LoadedFlight], role: FlightRole) -> Vec<FlightRecord> {
