@@ -81,6 +81,13 @@ const GROSS: f64 = 20.0;
 /// where more than this many neighbours are neither on the parabola nor gross, nothing is said.
 const DOUBTFUL: usize = 1;
 
+/// Part of the samples that are spikes by all of this from which on a channel is known to have them, and these are asked of the
+/// rest: what most neighbours are off the line counts, for one of them in four has a spike beside it; what is beyond Gaussian
+/// noise is one, and so are two in a row that happen to be alike. Of real flights without a spiking sensor, no channel comes to a third of that.
+const SPIKING: f64 = 0.01;
+const OF_NOISE_AMONG_SPIKES: f64 = 6.0;
+const OF_MOST_NEIGHBOURS: f64 = 8.0;
+
 /// Part of the samples that are spikes from which on crowds are looked for: where one in a hundred is, four of seven never
 /// are by chance, and what looks like it is the craft.
 const FREQUENT: f64 = 0.02;
@@ -98,14 +105,16 @@ pub(crate) fn take_out(channel: &mut Cow<[f64]>, time: &[f64], gaps: &[usize], c
     let mut given_back: Vec<usize> = Vec::new();
     let mut cleaned: Cow<[f64]> = Cow::Borrowed(&**channel);
     for _ in 0..2 * PASSES {
-        let in_crowds = crowds && all.len() as f64 > FREQUENT * channel.len() as f64;
+        let part = all.len() as f64 / channel.len().max(1) as f64;
+        let in_crowds = crowds && part > FREQUENT;
+        let among = Among { spikes: part > SPIKING, crowds: in_crowds };
         let usual = usual_distances(&cleaned);
         let starts = std::iter::once(0).chain(gaps.iter().copied());
         let ends = gaps.iter().copied().chain([channel.len()]);
         let found: Vec<usize> = starts
             .zip(ends)
             .flat_map(|(start, end)| {
-                let piece = spikes(&cleaned[start..end], &time[start..end], &usual[start..end], in_crowds);
+                let piece = spikes(&cleaned[start..end], &time[start..end], &usual[start..end], among);
                 piece.into_iter().map(move |k| start + k)
             })
             .filter(|k| !given_back.contains(k))
@@ -135,6 +144,15 @@ pub(crate) fn take_out(channel: &mut Cow<[f64]>, time: &[f64], gaps: &[usize], c
     all
 }
 
+/// What is known of a channel so far.
+#[derive(Debug, Clone, Copy)]
+struct Among {
+    /// It has spikes, more than a few.
+    spikes: bool,
+    /// It has so many that they come in crowds.
+    crowds: bool,
+}
+
 /// From which sample on and up to which there is no gap around a sample.
 fn piece_of(k: usize, gaps: &[usize], length: usize) -> (usize, usize) {
     let next = gaps.partition_point(|&gap| gap <= k);
@@ -143,7 +161,7 @@ fn piece_of(k: usize, gaps: &[usize], length: usize) -> (usize, usize) {
 }
 
 /// The samples of a channel that are spikes as far as their neighbours can tell.
-fn spikes(channel: &[f64], time: &[f64], usual: &[f64], crowds: bool) -> Vec<usize> {
+fn spikes(channel: &[f64], time: &[f64], usual: &[f64], among: Among) -> Vec<usize> {
     if !usual.first().is_some_and(|usual| *usual > 0.0) {
         return Vec::new();
     }
@@ -157,7 +175,7 @@ fn spikes(channel: &[f64], time: &[f64], usual: &[f64], crowds: bool) -> Vec<usi
     };
     (0..channel.len())
         .filter(is_off)
-        .filter(|&k| is_spike(channel, time, k, usual[k], crowds) == Some(true))
+        .filter(|&k| is_spike(channel, time, k, usual[k], among) == Some(true))
         .collect()
 }
 
@@ -195,7 +213,7 @@ fn quantile(values: &[f64], part: f64) -> f64 {
 }
 
 /// Nothing where there are too few neighbours to tell.
-fn is_spike(channel: &[f64], time: &[f64], k: usize, usual: f64, crowds: bool) -> Option<bool> {
+fn is_spike(channel: &[f64], time: &[f64], k: usize, usual: f64, among: Among) -> Option<bool> {
     let mut neighbours = [(0.0, 0.0); 2 * REACH];
     let mut count = 0;
     // At an end, all of them are on one side.
@@ -209,7 +227,7 @@ fn is_spike(channel: &[f64], time: &[f64], k: usize, usual: f64, crowds: bool) -
     let neighbours = &neighbours[..count];
     if count < REACH + 1 {
         // So many of its neighbours were spikes, or are missing.
-        return crowds.then(|| is_spike_in_a_crowd(channel, time, k, usual));
+        return among.crowds.then(|| is_spike_in_a_crowd(channel, time, k, usual));
     }
     let mut slopes = [0.0; REACH * (2 * REACH - 1)];
     let mut pairs = 0;
@@ -227,13 +245,17 @@ fn is_spike(channel: &[f64], time: &[f64], k: usize, usual: f64, crowds: bool) -
     let own = off.abs();
     // From one side the line is drawn out to where it is not known as well.
     let reach = if k - first == REACH { 1.0 } else { DRAWN_OUT };
-    if own <= reach * OF_NOISE * usual || stays(channel, k, usual) {
+    let of_noise = if among.spikes { OF_NOISE_AMONG_SPIKES } else { OF_NOISE };
+    if own <= reach * of_noise * usual || !among.spikes && stays(channel, k, usual) {
         return Some(false);
     }
     levels[..count].iter_mut().for_each(|value| *value = (*value - level).abs());
     levels[..count].sort_unstable_by(f64::total_cmp);
-    let alone = own > reach * OF_NEIGHBOURS * levels[count - 2];
-    Some(alone || (crowds && is_spike_in_a_crowd(channel, time, k, usual)))
+    let alone = match among.spikes {
+        true => own > reach * OF_MOST_NEIGHBOURS * levels[(count - 1) / 2],
+        false => own > reach * OF_NEIGHBOURS * levels[count - 2],
+    };
+    Some(alone || (among.crowds && is_spike_in_a_crowd(channel, time, k, usual)))
 }
 
 /// Whether a next neighbour has the same value but for the noise.
@@ -403,6 +425,22 @@ mod tests {
     }
 
     /// A hover, then a second of quick turns with fifty times the noise: each part has its own.
+    /// In a channel with a spike in every twenty samples, two in a row of the same size are spikes too.
+    #[test]
+    fn two_alike_spikes_are_spikes_where_there_are_many() {
+        let mut rng = Pcg64Mcg::seed_from_u64(6);
+        let mut channel = flown(&mut rng, 0.0002);
+        let mut spikes: Vec<usize> = (10..channel.len() - 10).step_by(20).collect();
+        for (i, &k) in spikes.iter().enumerate() {
+            channel[k] += if i % 2 == 0 { 0.2 } else { -0.15 };
+        }
+        channel[1015] += 0.115;
+        channel[1016] += 0.115;
+        spikes.extend([1015, 1016]);
+        spikes.sort_unstable();
+        assert_eq!(taken_out(&channel), spikes);
+    }
+
     #[test]
     fn what_is_gross_in_a_hover_is_noise_in_a_brisk_manoeuvre() {
         let mut rng = Pcg64Mcg::seed_from_u64(5);
