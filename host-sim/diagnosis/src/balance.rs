@@ -9,6 +9,7 @@ use model::{Axis, BalanceRecord, Effect, Model};
 use nalgebra::{DMatrix, DVector, Matrix4xX, Vector4};
 use sysid::fit::balance::{Rotors, Window, windows};
 use sysid::prepare::Prepared;
+use sysid::residuals;
 use sysid::statistics::{deviations_of, squares_p_value, wald_p_value};
 
 use crate::beginning::{Share, since};
@@ -54,6 +55,8 @@ struct Hypothesis {
 #[derive(Debug, Clone)]
 struct Fitted {
     hypothesis: Hypothesis,
+    /// The shift that it makes of each equation, a column for each coefficient.
+    columns: Matrix4xX<f64>,
     value: DVector<f64>,
     covariance: DMatrix<f64>,
     /// Logarithm of the likelihood ratio to "nothing has changed", less a penalty for each coefficient.
@@ -76,18 +79,21 @@ impl Shift {
 }
 
 /// The balance of new flights beside that of a model's own.
-pub(crate) struct Balance {
-    model: Model,
+pub(crate) struct Balance<'a> {
+    model: &'a Model,
+    record: &'a BalanceRecord,
     shift: Shift,
     /// Of single flights.
     of_flights: Vec<Shift>,
     /// Each flight's name and windows.
-    windows: Vec<(String, Vec<Window>)>,
-    record: BalanceRecord,
+    windows: &'a [Flown],
     rotor_squared: [f64; 4],
     /// Degrees of freedom of the scatter.
     freedom: f64,
 }
+
+/// The name of a flight and its windows.
+type Flown = (String, Vec<Window>);
 
 /// What the balance says.
 pub(crate) struct Answer {
@@ -106,13 +112,15 @@ pub(crate) struct Answer {
 /// What the balance says of flights in their order: of all together, and where these show nothing, of the last ones. Nothing where
 /// the model has no record of its flights' balance, or no new flight is a window long.
 pub(crate) fn answer(model: &Model, flights: &[&Prepared], changes: &[Change]) -> Option<Answer> {
-    let all = Balance::new(model, flights)?;
+    let record = model.fit.as_ref()?.balance.as_ref()?;
+    let windows = flown(model, record, flights);
+    let all = Balance::new(model, record, &windows)?;
     let whole = all.examine(changes, (1, &all));
     if whole.names_one() {
         return Some(whole);
     }
-    let last = (1..flights.len()).filter_map(|first| {
-        let balance = Balance::new(model, &flights[first..])?;
+    let last = (1..windows.len()).filter_map(|first| {
+        let balance = Balance::new(model, record, &windows[first..])?;
         Some(balance.examine(changes, (flights.len(), &all)))
     });
     let least = |answer: &Answer| answer.findings.first().map_or(1.0, |(_, finding)| finding.p_value);
@@ -122,43 +130,48 @@ pub(crate) fn answer(model: &Model, flights: &[&Prepared], changes: &[Change]) -
 
 impl Answer {
     /// Whether a change is supported.
-    pub(crate) fn names_one(&self) -> bool {
+    fn names_one(&self) -> bool {
         self.findings.iter().any(|(_, finding)| finding.supported)
     }
 }
 
-impl Balance {
-    /// Nothing where the model has no record of its flights' balance, or no new flight is a window long.
-    pub(crate) fn new(model: &Model, flights: &[&Prepared]) -> Option<Self> {
-        let record = model.fit.as_ref()?.balance.as_ref()?;
-        let mut all: Vec<(String, Vec<Window>)> =
-            flights.iter().map(|flight| (flight.name.clone(), windows(flight, model))).collect();
-        all.retain(|(_, windows)| !windows.is_empty());
-        let own = all.iter_mut().flat_map(|(_, windows)| windows);
-        own.for_each(|window| window.condition[0] -= record.battery_v);
-        let together: Vec<Window> = all.iter().flat_map(|(_, windows)| windows).copied().collect();
+/// The windows of flights that are at least one long, by their difference in voltage from the record's.
+fn flown(model: &Model, record: &BalanceRecord, flights: &[&Prepared]) -> Vec<Flown> {
+    let of_flight =
+        |flight: &&Prepared| (flight.name.clone(), windows(flight, model, &residuals(flight, model)));
+    let mut all: Vec<Flown> = flights.iter().map(of_flight).collect();
+    all.retain(|(_, windows)| !windows.is_empty());
+    let own = all.iter_mut().flat_map(|(_, windows)| windows);
+    own.for_each(|window| window.condition[0] -= record.battery_v);
+    all
+}
+
+impl<'a> Balance<'a> {
+    /// Nothing without flights.
+    fn new(model: &'a Model, record: &'a BalanceRecord, windows: &'a [Flown]) -> Option<Self> {
+        let together: Vec<Window> = windows.iter().flat_map(|(_, windows)| windows).copied().collect();
         let count = together.len() as f64;
         if together.is_empty() {
             return None;
         }
         let of_rotor = |i: usize| together.iter().map(|window| window.rotor_squared[i]).sum::<f64>() / count;
         Some(Self {
-            model: model.clone(),
+            model,
+            record,
             shift: shift(record, &together),
-            of_flights: all.iter().map(|(_, windows)| shift(record, windows)).collect(),
-            record: *record,
-            windows: all,
+            of_flights: windows.iter().map(|(_, windows)| shift(record, windows)).collect(),
+            windows,
             rotor_squared: std::array::from_fn(of_rotor),
             freedom: freedom(record),
         })
     }
 
     /// Weighs every one of `changes` that acts on the balance, in one of so many `tries`; `all` flights say when it began.
-    pub(crate) fn examine(&self, changes: &[Change], (tries, all): (usize, &Self)) -> Answer {
+    fn examine(&self, changes: &[Change], (tries, all): (usize, &Self)) -> Answer {
         let single: Vec<Hypothesis> = changes.iter().flat_map(|change| singles(*change)).collect();
         let candidates = tries * single.len().max(1);
         let mut best_of: Vec<Fitted> = Vec::new();
-        for fitted in single.into_iter().filter_map(|hypothesis| self.fit(hypothesis, &self.shift)) {
+        for fitted in single.into_iter().filter_map(|hypothesis| self.fit(hypothesis)) {
             match best_of.iter_mut().find(|other| other.hypothesis.changes == fitted.hypothesis.changes) {
                 Some(other) if other.score >= fitted.score => {}
                 Some(other) => *other = fitted,
@@ -184,16 +197,16 @@ impl Balance {
 
     /// When a change began, from how much of it each window shows.
     fn since(&self, fitted: &Fitted) -> Option<Since> {
-        let whole: Vector4<f64> = self.columns(&fitted.hypothesis)? * &fitted.value;
+        let whole: Vector4<f64> = &fitted.columns * &fitted.value;
         let rows = self.record.rows();
-        let between = Vector4::from_fn(|k, _| between(&self.record, k));
+        let between = Vector4::from_fn(|k, _| between(self.record, k));
         // Each equation counts by what a window of another flight tells of it.
         let variance = |k: usize| rows[k].within.max(LEAST_NOISE).powi(2) + between[k].powi(2);
         let weight = Vector4::from_fn(|k, _| whole[k] / variance(k));
         let weight = weight / weight.dot(&whole);
         let share = |window: &Window| Share {
             time_s: window.time_s,
-            share: weight.dot(&shift(&self.record, std::slice::from_ref(window)).value),
+            share: weight.dot(&shift(self.record, std::slice::from_ref(window)).value),
         };
         let shares: Vec<(String, Vec<Share>)> = self
             .windows
@@ -209,7 +222,7 @@ impl Balance {
             let (lift, [roll, pitch, yaw]) = Rotors::new(model).shares(squared);
             Vector4::new(lift, roll, pitch, yaw)
         };
-        let here = shares(&self.model, &self.rotor_squared);
+        let here = shares(self.model, &self.rotor_squared);
         let mut columns: Vec<Vector4<f64>> = Vec::new();
         for change in &hypothesis.changes {
             let info = change.effect.info();
@@ -223,7 +236,7 @@ impl Balance {
                 if let (Torque::FallsAlike, Some(motor)) = (hypothesis.torque, change.motor) {
                     let mut slower = self.rotor_squared;
                     slower[usize::from(motor) - 1] *= 1.0 - step;
-                    slope[3] = (shares(&self.model, &slower)[3] - here[3]) / step;
+                    slope[3] = (shares(self.model, &slower)[3] - here[3]) / step;
                 }
                 slope[0] /= here[0];
                 // What the commands would do to an unchanged craft is what the changed one had to make up for.
@@ -233,8 +246,13 @@ impl Balance {
         (!columns.is_empty()).then(|| Matrix4xX::from_columns(&columns))
     }
 
-    fn fit(&self, hypothesis: Hypothesis, shift: &Shift) -> Option<Fitted> {
+    /// Fits a hypothesis to all flights.
+    fn fit(&self, hypothesis: Hypothesis) -> Option<Fitted> {
         let columns = self.columns(&hypothesis)?;
+        self.fit_to(&self.shift, hypothesis, columns)
+    }
+
+    fn fit_to(&self, shift: &Shift, hypothesis: Hypothesis, columns: Matrix4xX<f64>) -> Option<Fitted> {
         let weighed = Matrix4xX::from_fn(columns.ncols(), |r, c| columns[(r, c)] / shift.deviation[r]);
         let covariance = (weighed.transpose() * &weighed).cholesky()?.inverse();
         let target = shift.weighed();
@@ -246,7 +264,7 @@ impl Balance {
             * ((self.freedom + target.norm_squared()) / (self.freedom + left)).ln();
         let score = likelihood - PENALTY * count - unusual(&hypothesis, &value);
         let p_value = wald_p_value(&value, covariance.clone(), self.freedom + count);
-        Some(Fitted { hypothesis, value, covariance, score, p_value })
+        Some(Fitted { hypothesis, columns, value, covariance, score, p_value })
     }
 
     fn finding(&self, fitted: &Fitted, candidates: usize) -> EffectFinding {
@@ -290,9 +308,9 @@ impl Balance {
                 self.of_flights.iter().enumerate().filter(|(i, _)| *i != index).map(|(_, s)| s).collect();
             let mean = others.iter().map(|s| s.value).sum::<Vector4<f64>>() / others.len().max(1) as f64;
             let rest = Shift { value: if others.is_empty() { shift.value } else { mean }, deviation };
-            let Some(refitted) = self.fit(fitted.hypothesis.clone(), &rest) else { continue };
-            let Some(columns) = self.columns(&fitted.hypothesis) else { continue };
-            let left: Vector4<f64> = shift.value - columns * refitted.value;
+            let (hypothesis, columns) = (fitted.hypothesis.clone(), fitted.columns.clone());
+            let Some(refitted) = self.fit_to(&rest, hypothesis, columns) else { continue };
+            let left: Vector4<f64> = shift.value - refitted.columns * refitted.value;
             let (without, with) = (shift.value.component_div(&deviation), left.component_div(&deviation));
             before += without.component_mul(&without);
             after += with.component_mul(&with);
@@ -325,7 +343,7 @@ impl Balance {
         }
         // The best with something beside it is no rival of the best.
         let others = pairs(changes).into_iter().filter(|pair| !pair.changes.contains(&best));
-        for pair in others.filter_map(|pair| self.fit(pair, &self.shift)) {
+        for pair in others.filter_map(|pair| self.fit(pair)) {
             if is_near(&pair) && pair.p_value < SIGNIFICANCE {
                 rivals.extend(pair.hypothesis.changes);
             }
@@ -344,7 +362,7 @@ impl Balance {
         let error = |motor: u8| {
             let change = Change { effect: Effect::MotorEfficiency, motor: Some(motor) };
             let hypothesis = Hypothesis { changes: vec![change], torque: Torque::FallsAlike };
-            self.fit(hypothesis, &self.shift).map_or(f64::INFINITY, |fitted| fitted.covariance[(0, 0)].sqrt())
+            self.fit(hypothesis).map_or(f64::INFINITY, |fitted| fitted.covariance[(0, 0)].sqrt())
         };
         deviations * (1..=4).map(error).fold(0.0, f64::max)
     }
@@ -431,6 +449,7 @@ fn unusual(hypothesis: &Hypothesis, value: &DVector<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use model::FitRecord;
+    use sysid::Residuals;
 
     use super::*;
     use crate::testing::{ORDINARY, prepared, truth};
@@ -440,7 +459,8 @@ mod tests {
         let flights = prepared(&truth(), 60..66, 8.0, &ORDINARY);
         let flights: Vec<&Prepared> = flights.iter().collect();
         let mut model = truth();
-        let balance = sysid::fit::balance::record(&model, &flights);
+        let left: Vec<Residuals> = flights.iter().map(|flight| residuals(flight, &model)).collect();
+        let balance = sysid::fit::balance::record(&model, flights.iter().copied().zip(&left));
         assert!(balance.is_some());
         model.fit = Some(FitRecord { balance, ..FitRecord::default() });
         model
@@ -450,7 +470,9 @@ mod tests {
         let known = known();
         let flights = prepared(true_craft, 70..72, 8.0, &ORDINARY);
         let flights: Vec<&Prepared> = flights.iter().collect();
-        let balance = Balance::new(&known, &flights).unwrap();
+        let record = known.fit.as_ref().unwrap().balance.as_ref().unwrap();
+        let windows = flown(&known, record, &flights);
+        let balance = Balance::new(&known, record, &windows).unwrap();
         balance.examine(&Change::all(&known), (1, &balance))
     }
 
@@ -510,7 +532,7 @@ mod tests {
     #[test]
     fn without_a_record_there_is_no_balance_to_compare_with() {
         let flights = prepared(&truth(), 70..71, 8.0, &ORDINARY);
-        assert!(Balance::new(&truth(), &[&flights[0]]).is_none());
+        assert!(super::answer(&truth(), &[&flights[0]], &Change::all(&truth())).is_none());
     }
 
     #[test]

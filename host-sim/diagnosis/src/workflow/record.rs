@@ -25,7 +25,10 @@ impl FlightSets {
             held_out: sysid::errors(&held_out),
             scatter: scatter(model, &all),
             flown_speed_m_s: flown_speed_m_s(&train),
-            balance: sysid::fit::balance::record(model, &all),
+            balance: sysid::fit::balance::record(
+                model,
+                all.iter().copied().zip(fitted.iter().chain(&held_out)),
+            ),
             rotor_delay_s: sysid::fit::alignment::common_delay_s(model, &train),
             rotation_refused,
             not_identified,

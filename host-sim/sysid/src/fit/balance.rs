@@ -9,11 +9,11 @@
 //! A craft is never quite the same in two flights: battery, tracker and weather leave each a constant of its own, a random
 //! effect. What a change must stand out from is the scatter of these.
 
-use model::{BalanceRecord, BalanceRow, Effect, Model, Plant, SampleInput};
+use model::{Axis, BalanceRecord, BalanceRow, Effect, Model, Plant, SampleInput};
 use nalgebra::Vector3;
 
-use crate::fit::linearise::residuals;
 use crate::fit::random_effects::{self, Group};
+use crate::fit::residuals::Residuals;
 use crate::prepare::{Prepared, Stretch};
 
 /// Length of a window, s: long against the loops of a craft, which settle within half a second, and short against a flight.
@@ -85,10 +85,9 @@ fn hovering(rotor_rad_s: [f64; 4]) -> SampleInput {
     }
 }
 
-/// The windows of a flight, in order; a remainder of less than one is left out.
-pub fn windows(flight: &Prepared, model: &Model) -> Vec<Window> {
-    let [_, _, lift, ..] = residuals(flight, model).residual;
-    let mut lift = lift.into_iter().map(|w| w / model.vehicle.gravity);
+/// The windows of a flight of which a model leaves so much, in order; a remainder of less than one is left out.
+pub fn windows(flight: &Prepared, model: &Model, left: &Residuals) -> Vec<Window> {
+    let mut lift = left.residual[Axis::W.index()].iter().map(|w| w / model.vehicle.gravity);
     let rotors = Rotors::new(model);
     let length = (WINDOW_S / flight.period_s).round().max(1.0) as usize;
     let mut all = Vec::new();
@@ -135,9 +134,13 @@ impl<'a> Seen<'a> {
     }
 }
 
-/// The balance of a craft over the flights a model was made from; nothing where they are too few.
-pub fn record(model: &Model, flights: &[&Prepared]) -> Option<BalanceRecord> {
-    let mut all: Vec<Vec<Window>> = flights.iter().map(|flight| windows(flight, model)).collect();
+/// The balance of a craft over the flights a model was made from, with what it leaves of them; nothing where they are too few.
+pub fn record<'a>(
+    model: &Model,
+    flights: impl IntoIterator<Item = (&'a Prepared, &'a Residuals)>,
+) -> Option<BalanceRecord> {
+    let mut all: Vec<Vec<Window>> =
+        flights.into_iter().map(|(flight, left)| windows(flight, model, left)).collect();
     all.retain(|windows| !windows.is_empty());
     let volts: Vec<f64> = all.iter().flatten().map(|window| window.condition[0]).collect();
     let battery_v = crate::statistics::mean(&volts);
@@ -174,7 +177,17 @@ fn row(flights: &[Vec<Window>], row: usize) -> Option<BalanceRow> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit::linearise::residuals;
     use crate::testing::{prepared, truth};
+
+    fn windows(flight: &Prepared, model: &Model) -> Vec<Window> {
+        super::windows(flight, model, &residuals(flight, model))
+    }
+
+    fn record(model: &Model, flights: &[&Prepared]) -> Option<BalanceRecord> {
+        let left: Vec<Residuals> = flights.iter().map(|flight| residuals(flight, model)).collect();
+        super::record(model, flights.iter().copied().zip(&left))
+    }
 
     #[test]
     fn a_rotor_by_itself_rolls_pitches_and_yaws_by_its_whole_thrust() {
