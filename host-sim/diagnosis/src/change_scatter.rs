@@ -1,7 +1,7 @@
 //! What the flights of a model differ by anyway: how far the estimate of each change scatters between them, and what that
 //! makes of the same estimate from new flights.
 
-use model::{ChangeScatter, Model};
+use model::{ChangeScatter, Effect, Model};
 use nalgebra::{DMatrix, DVector};
 
 use crate::change::Change;
@@ -44,6 +44,11 @@ pub(crate) fn scatter(model: &Model, flights: &[&Prepared]) -> Vec<ChangeScatter
     result
 }
 
+/// How far the estimate of a coefficient scatters between the flights of a model, where that is known.
+pub(crate) fn scatter_of<'a>(model: &'a Model, effect: Effect, name: &str) -> Option<&'a ChangeScatter> {
+    model.fit.as_ref()?.scatter.iter().find(|s| s.effect == effect.id() && s.coefficient == name)
+}
+
 /// An estimate of a change beside what the flights of the model differ by.
 pub(crate) struct Scattered {
     /// Its covariance with that scatter, about the model. New flights of one day share the trim of that day, so several of them
@@ -72,9 +77,10 @@ impl Scattered {
         // Variance between flights of each coefficient, and what it is known from.
         let mut between = vec![(0.0, count); fitted.values.len()];
         for (i, k) in change.coefficients().into_iter().enumerate() {
-            let name = change.effect.info().coefficients[k].name;
-            let known = fit.scatter.iter().find(|s| s.effect == change.effect.id() && s.coefficient == name);
-            let Some(known) = known else { continue };
+            let Some(known) = scatter_of(model, change.effect, change.effect.info().coefficients[k].name)
+            else {
+                continue;
+            };
             let about_zero = known.deviation * known.deviation;
             all.total[(i, i)] += about_zero;
             between[i] = match known.mean {
@@ -115,8 +121,6 @@ fn known_from(all: &Scattered, noise: &DMatrix<f64>, between: &[(f64, f64)], str
 
 #[cfg(test)]
 mod tests {
-    use model::Effect;
-
     use super::*;
     use crate::testing::{ORDINARY, prepared, truth};
 

@@ -49,28 +49,28 @@ pub fn changed(
     }
     let score = |f: &EffectFinding| f.gain * (1.0 - FOR_A_COEFFICIENT * f.coefficients.len() as f64);
     findings.sort_by(|a, b| b.1.supported.cmp(&a.1.supported).then(score(&b.1).total_cmp(&score(&a.1))));
-    mark_rivals(model, &mut findings, flights, (changes.len(), observer))?;
+    let with_best = mark_rivals(model, &mut findings, flights, (changes.len(), observer))?;
     let named = findings.iter().find(|(_, finding)| finding.supported);
     let began = named.and_then(|(change, finding)| onset(model, (*change, finding), flights));
-    let with_best = named.and_then(|(change, _)| fit_change(model, *change, flights).ok());
     let left = structure_left(with_best.as_ref().map_or(model, |with| &with.model), flights);
     let together = with_best.map_or_else(Vec::new, |with| with.together);
     let rows = OfRows { findings, began, together, left };
     Ok(conclude(model, rows, balance::answer(model, flights, changes)))
 }
 
-/// Changes that explain nearly as much as the best, and add nothing to it nor it to them, cannot be told from it.
+/// Changes that explain nearly as much as the best, and add nothing to it nor it to them, cannot be told from it. The model with the best
+/// one, where one is supported.
 fn mark_rivals(
     model: &Model,
     findings: &mut [(Change, EffectFinding)],
     flights: &[&Prepared],
     (candidates, observer): (usize, &dyn Observer),
-) -> Result<(), SearchError> {
+) -> Result<Option<Fitted>, SearchError> {
     let Some((best, best_gain)) = findings.first().filter(|(_, f)| f.supported).map(|(c, f)| (*c, f.gain))
     else {
-        return Ok(());
+        return Ok(None);
     };
-    let Ok(with_best) = fit_change(model, best, flights) else { return Ok(()) };
+    let Ok(with_best) = fit_change(model, best, flights) else { return Ok(None) };
     let mut rivals = Vec::new();
     for (change, finding) in findings.iter_mut().skip(1).filter(|(_, f)| f.supported) {
         going_on(observer)?;
@@ -100,7 +100,7 @@ fn mark_rivals(
     finding.confounded_with.dedup();
     let axes = best.effect.info().axes;
     finding.reason = Reason::Changed { axes, percent: finding.drop_percent, rivals };
-    Ok(())
+    Ok(Some(with_best))
 }
 
 /// Two other changes that act on different axes and together take away as much as the best one: a weight under a motor, which

@@ -1,6 +1,8 @@
 //! When did a change begin that the rows of every sample show? How much of it each second of the flights shows, from the residual
 //! of the model as it was, along the columns of the change.
 
+use std::ops::Range;
+
 use model::Model;
 use sysid::fit::linearise::About;
 use sysid::fit::swing::Known;
@@ -8,7 +10,8 @@ use sysid::prepare::Prepared;
 
 use crate::beginning::{Share, since};
 use crate::change::Change;
-use crate::finding::{EffectFinding, Since};
+use crate::change_scatter::scatter_of;
+use crate::finding::{CoefficientFigures, EffectFinding, Since};
 
 /// Length of a window, s: longer than what the filters of a row reach over.
 const WINDOW_S: f64 = 1.0;
@@ -24,12 +27,8 @@ pub(crate) fn onset(
     if !(squares > 0.0) {
         return None;
     }
-    let scatter = |coefficient: &str| {
-        let all = model.fit.iter().flat_map(|fit| &fit.scatter);
-        let own = all.filter(|s| s.effect == change.effect.id() && s.coefficient == coefficient);
-        own.map(|s| s.deviation).fold(0.0, f64::max)
-    };
-    let along = |c: &crate::CoefficientFigures| (scatter(c.name) * c.value).powi(2);
+    let scatter = |name: &str| scatter_of(model, change.effect, name).map_or(0.0, |s| s.deviation);
+    let along = |c: &CoefficientFigures| (scatter(c.name) * c.value).powi(2);
     let between = finding.coefficients.iter().map(along).sum::<f64>().sqrt() / squares;
     let of_flight = |flight: &&Prepared| (flight.name.clone(), shares(model, change, &size, flight));
     since(&flights.iter().map(of_flight).collect::<Vec<_>>(), between)
@@ -57,10 +56,13 @@ fn shares(model: &Model, change: Change, size: &[f64], flight: &Prepared) -> Vec
     let (times, starts) = (flight.fit_row_times_s(), flight.starts_of_rows(stride));
     let ends = starts.iter().skip(1).copied().chain([rows]);
     let pieces = starts.iter().zip(ends).flat_map(|(&start, end)| {
-        (start..end).collect::<Vec<usize>>().chunks_exact(length).map(<[usize]>::to_vec).collect::<Vec<_>>()
+        (start..end)
+            .step_by(length)
+            .map(|first| first..first + length)
+            .take_while(move |rows| rows.end <= end)
     });
-    let sum = |of: &[f64], rows: &[usize]| rows.iter().map(|&row| of[row]).sum::<f64>();
-    let window = |rows: Vec<usize>| {
+    let sum = |of: &[f64], rows: &Range<usize>| of[rows.clone()].iter().sum::<f64>();
+    let window = |rows: Range<usize>| {
         let all = sum(&whole, &rows);
         let time_s = sum(&times, &rows) / rows.len() as f64;
         (all > 0.0).then(|| Share { time_s, share: sum(&shown, &rows) / all })
@@ -73,7 +75,6 @@ mod tests {
     use model::Effect;
 
     use super::*;
-    use crate::finding::CoefficientFigures;
     use crate::reason::Reason;
     use crate::testing::{ORDINARY, prepared, truth};
 

@@ -2,23 +2,15 @@
 //! speeds, and one without, whose clocks wander. A few flights of each keep this quick; trajectories that judge
 //! have a shape that no training flight has.
 
-use std::path::{Path, PathBuf};
+mod common;
 
+use std::path::Path;
+
+use common::shared;
 use flights::Flight;
 use model::{Effect, Model, Vehicle};
 use sysid::fit::output_error::Rows;
 use sysid::{Prepared, Reference, align, align_to, compare, fit, impossible_signs, refine, rotation_doubts};
-
-fn shared(inside: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("QUADLAB_SHARED")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"), PathBuf::from);
-    let path = root.join(inside);
-    if path.exists() {
-        return Some(path);
-    }
-    println!("SKIPPED: {} is not there", path.display());
-    None
-}
 
 fn read(folder: &Path, names: &[&str]) -> (Vehicle, Vec<Prepared>) {
     let vehicle = Vehicle::read(&folder.join("vehicle.toml")).unwrap();

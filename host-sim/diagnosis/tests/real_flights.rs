@@ -1,24 +1,14 @@
 //! Changes named on real flights whose truth is known (shared data): a quadcopter before a fan wall. None of it is in the repository;
 //! the test passes without it, and says so.
 
+mod common;
+
 use std::path::{Path, PathBuf};
 
+use common::shared;
 use diagnosis::workflow::{FlightSets, FlightsOfOneKind, Reading, Silent, changed, explain};
 use diagnosis::{Diagnosis, Options, Verdict};
 use model::{Effect, Model, Vehicle};
-
-fn shared(inside: &str) -> Option<PathBuf> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
-    let path = std::env::var_os("QUADLAB_SHARED").map_or_else(beside, PathBuf::from).join(inside);
-    if path.exists() {
-        return Some(path);
-    }
-    println!(
-        "SKIPPED: {} is not there (set QUADLAB_SHARED to the folder that holds {inside})",
-        path.display()
-    );
-    None
-}
 
 fn files(root: &Path, names: &[&str]) -> Vec<PathBuf> {
     names.iter().map(|name| root.join(format!("{name}.csv"))).collect()

@@ -2,12 +2,15 @@
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 mod flown;
+mod shared;
 
 use model::Model;
 use sysid::Prepared;
 
 #[allow(unused_imports, reason = "each test binary uses its own part")]
 pub(crate) use flown::{NONE, Noise, ORDINARY, fly, truth};
+#[allow(unused_imports, reason = "each test binary uses its own part")]
+pub(crate) use shared::shared;
 
 /// Flights of the seeds, prepared.
 pub(crate) fn prepared(
