@@ -87,17 +87,24 @@ impl Weights {
         self.weighted_sum(sample, of_thesis)
     }
 
-    /// The six rows at `sample`. Where columns look at the angular accelerations, their values are iterated until they
-    /// agree to rounding.
+    /// The six rows at `sample`. The columns that look at the angular accelerations are iterated until their values agree to
+    /// rounding; the others are summed once.
     #[inline(never)]
     pub(crate) fn accelerations(&self, sample: &Sample) -> [f64; 6] {
         let present = |effect: Effect| effect.place().is_some_and(|place| self.present[place]);
-        let mut sum = self.weighted_sum(sample, present);
+        let iterated = |effect: Effect| effect.info().special.passes > 1;
+        let mut sum = self.weighted_sum(sample, |effect| !iterated(effect) && present(effect));
         if self.passes > 1 {
+            let once = sum;
             let mut input = *sample.input;
-            for _ in 1..self.passes {
-                input.angular_acceleration_rad_s2 = Vector3::new(sum[3], sum[4], sum[5]);
-                sum = self.weighted_sum(&Sample { input: &input, ..*sample }, present);
+            for pass in 0..self.passes {
+                if pass > 0 {
+                    input.angular_acceleration_rad_s2 = Vector3::new(sum[3], sum[4], sum[5]);
+                }
+                let more = self.weighted_sum(&Sample { input: &input, ..*sample }, |effect| {
+                    iterated(effect) && present(effect)
+                });
+                sum = std::array::from_fn(|axis| once[axis] + more[axis]);
             }
         }
         for (user, coefficients) in &self.users {

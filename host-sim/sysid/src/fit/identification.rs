@@ -93,31 +93,40 @@ fn beginning(flights: &[&Prepared], vehicle: &Vehicle, effects: &[Effect], start
     model
 }
 
-/// The fit that leaves least, of those that settle from `starts`.
+/// The fit that leaves least, of those that settle from `starts`; where none does, of those that smaller steps settle.
 fn best_of(
     starts: Vec<Model>,
     flights: &[&Prepared],
     start: Option<&Model>,
     layout: &Layout,
 ) -> Result<Fit, FitError> {
-    let only = (starts.len() == 1).then(|| starts[0].clone());
-    let ends = starts.into_iter().map(|start| settle(flights, start, layout));
+    let why = match least_left(starts.iter().map(|start| settle(flights, start.clone(), layout))) {
+        Err(why) => why,
+        best => return best,
+    };
+    let carefully = || {
+        if layout.adds() {
+            return Err(FitError::NoFlights);
+        }
+        least_left(starts.iter().map(|start| settle_carefully(flights, start.clone(), layout)))
+    };
+    let [only] = &starts[..] else { return carefully().map_err(|_| why) };
+    // The first step from zero can end where an effect saturates (a lag of nothing): set out from either side as well.
+    let from = |side: f64| {
+        let other = ordinary(only, &layout.adjusting, start, side);
+        if other == *only { Err(not_converged(&layout.adjusting)) } else { settle(flights, other, layout) }
+    };
+    from(1.0).or_else(|_| from(-1.0)).or_else(|_| carefully()).map_err(|_| why)
+}
+
+/// Of several fits, the one that leaves least; the first reason where there is none.
+fn least_left(ends: impl Iterator<Item = Result<Fit, FitError>>) -> Result<Fit, FitError> {
     let best = ends.reduce(|best, end| match (best, end) {
         (Ok(a), Ok(b)) => Ok(if spread(&b.sigma) < spread(&a.sigma) { b } else { a }),
         (Ok(fit), Err(_)) | (Err(_), Ok(fit)) => Ok(fit),
         (Err(why), Err(_)) => Err(why),
     });
-    let best = best.unwrap_or(Err(FitError::NoFlights));
-    let Some(only) = only else { return best };
-    // The first step from zero can end where an effect saturates (a lag of nothing): set out from either side as well.
-    let from = |side: f64| {
-        let other = ordinary(&only, &layout.adjusting, start, side);
-        if other == only { Err(not_converged(&layout.adjusting)) } else { settle(flights, other, layout) }
-    };
-    let carefully = || {
-        if layout.adds() { Err(FitError::NoFlights) } else { settle_carefully(flights, only.clone(), layout) }
-    };
-    best.or_else(|why| from(1.0).or_else(|_| from(-1.0)).or_else(|_| carefully()).map_err(|_| why))
+    best.unwrap_or(Err(FitError::NoFlights))
 }
 
 /// The model with half the ordinary values, of one sign, for adjusting effects without a known value.

@@ -34,6 +34,9 @@ const HALVINGS: usize = 4;
 /// Most steps and halvings of one step where whole steps found no end.
 const CAREFUL_STEPS: usize = 40;
 const CAREFUL_HALVINGS: usize = 6;
+/// Where steps are halved until no more is left after them, what is left changes by less than this in the last: it is formed with other
+/// weights than the step, so that at the end they pull to and fro.
+const LEVEL: f64 = 1e-4;
 /// A step this small against the standard error of white residuals, which is the smaller one, is the last: each step leaves
 /// a tenth of the one before it or less.
 const CONVERGED: f64 = 0.1;
@@ -49,10 +52,11 @@ pub(crate) fn settle(flights: &[&Prepared], model: Model, layout: &Layout) -> Re
     let rule = Rule { most_steps, most_halvings, worse: WORSE, errors: Errors::White };
     let is_astray = || left_by(flights, &model) > left_by(flights, &slung_load::without_load(&model));
     let is_rough = layout.is_searched && is_astray();
-    let mut problem = Nonlinear::new(flights, model, layout, is_rough);
+    let no_further = if layout.adds() { NO_FURTHER } else { 0.0 };
+    let mut problem = Nonlinear::new(flights, model, layout, (is_rough, no_further));
     if is_rough {
         gauss_newton::solve(&mut problem, Rule { most_steps: ROUGH_STEPS, ..rule })?;
-        problem = Nonlinear::new(flights, problem.model, layout, false);
+        problem = Nonlinear::new(flights, problem.model, layout, (false, no_further));
     }
     gauss_newton::solve(&mut problem, rule)?.ok_or_else(|| not_converged(&layout.adjusting))
 }
@@ -64,7 +68,7 @@ pub(crate) fn settle_carefully(
     model: Model,
     layout: &Layout,
 ) -> Result<Fit, FitError> {
-    let mut problem = Nonlinear::new(flights, model, layout, false);
+    let mut problem = Nonlinear::new(flights, model, layout, (false, LEVEL));
     let rule = Rule {
         most_steps: CAREFUL_STEPS,
         most_halvings: CAREFUL_HALVINGS,
@@ -81,6 +85,8 @@ struct Nonlinear<'a> {
     model: Model,
     /// Whether these are the first steps of a load that was searched for: none of them is the last.
     is_rough: bool,
+    /// Change of what is left under which a step is the last, whatever its size.
+    no_further: f64,
     /// How the load was found to begin in each flight.
     begun: Vec<Known>,
     /// Rows of the step before, where it was small.
@@ -92,9 +98,14 @@ struct Nonlinear<'a> {
 }
 
 impl<'a> Nonlinear<'a> {
-    fn new(flights: &'a [&'a Prepared], model: Model, layout: &'a Layout, is_rough: bool) -> Self {
+    fn new(
+        flights: &'a [&'a Prepared],
+        model: Model,
+        layout: &'a Layout,
+        (is_rough, no_further): (bool, f64),
+    ) -> Self {
         let begun = vec![Known { begun: Vec::new(), is_rough }; flights.len()];
-        Self { flights, layout, model, is_rough, begun, kept: None, is_full: true, last: None }
+        Self { flights, layout, model, is_rough, no_further, begun, kept: None, is_full: true, last: None }
     }
 
     fn values_of(&self, effect: Effect) -> Vec<f64> {
@@ -183,8 +194,9 @@ impl Problem for Nonlinear<'_> {
     fn step(&mut self, at: Linearised, solution: Solution) -> Result<ControlFlow<Fit>, FitError> {
         let reach = self.reach(&solution);
         let before = self.last.as_ref().and_then(|(_, left)| *left);
-        let no_further = before.zip(at.left).is_some_and(|(before, left)| (before - left).abs() < NO_FURTHER);
-        let is_settled = reach.is_settled || self.layout.adds() && no_further;
+        let is_level =
+            before.zip(at.left).is_some_and(|(before, left)| (before - left).abs() < self.no_further);
+        let is_settled = reach.is_settled || is_level;
         self.last = Some((self.model.clone(), at.left));
         store(&mut self.model, &self.layout.order, reach.values.as_slice());
         if is_settled && !self.is_rough {
