@@ -35,8 +35,10 @@ pub(crate) fn conclude(model: &Model, rows: OfRows, balance: Option<Answer>) -> 
     let OfRows { mut findings, began, mut together, mut left } = rows;
     let unknown = recorded(model);
     let judged = !unknown.iter().any(|reason| reason.group == Group::Rotation);
-    // What a model leaves on an axis that it does not know is no structure of the new flights.
-    left.retain(|u| !unknown.iter().any(|reason| reason.is_about(u.axis)));
+    // What a model leaves on an axis that it does not know is no structure of the new flights, but for bursts far above that.
+    left.retain(|u| {
+        u.depends_on == Dependence::Bursts || !unknown.iter().any(|reason| reason.is_about(u.axis))
+    });
     if !judged {
         let needs_rotation =
             |(change, _): &&mut Found| !change.effect.info().axes.iter().all(|a| a.is_force());

@@ -7,8 +7,8 @@
 
 use std::ops::ControlFlow;
 
-use model::{Coefficient, Effect, Model};
-use nalgebra::{DMatrix, DVector};
+use model::{Coefficient, Effect, Model, Plant, State};
+use nalgebra::{DMatrix, DVector, Vector3};
 
 use crate::change::Change;
 use crate::significance::independent_stretches;
@@ -36,6 +36,8 @@ const HELD: f64 = 1e-6;
 /// Largest p-value, of "they are what the model says", of coefficients that are fitted together with a change: as of a
 /// finding.
 const REVEALED: f64 = 0.01;
+/// How far the power of the airspeed with which drag grows in a wind may be from the square: from 1.5, of rotors that lean, to 2.5.
+const POWER_ERROR: f64 = 0.5;
 
 /// A change fitted to flights.
 #[derive(Debug, Clone)]
@@ -50,6 +52,8 @@ pub(crate) struct Fitted {
     pub(crate) sigma: [f64; 6],
     /// Effects that were fitted together with it.
     pub(crate) together: Vec<Effect>,
+    /// Part of its size by which the change may be off because the law of what was fitted together with it is not known.
+    pub(crate) law_error: f64,
 }
 
 /// Fits a change to flights, starting from none, on top of `model`: with what it brings to light, where the flights show that.
@@ -123,7 +127,25 @@ fn fit_together(
         end.covariance[(free[i], free[j])] + own
     });
     let p_value = statistics::wald_p_value(&differences, covariance, independent_stretches(flights));
-    (p_value < REVEALED).then_some(end.fitted)
+    (p_value < REVEALED).then(|| Fitted { law_error: law_error(&end.fitted.model, change), ..end.fitted })
+}
+
+/// Part of a wind's size by which it may be off. Force F and slope s are what the flights show of a drag a v + b v^n, and then
+/// v = F / (a + (s - a) / n): of the part f of the force that is not linear, dv / v = f / n dn.
+fn law_error(model: &Model, change: Change) -> f64 {
+    let Some(wind) = model.term(change.effect).map(model::Term::values) else { return 0.0 };
+    let drag = |part: f64| {
+        let mut model = model.clone();
+        model.set(change.effect, &wind.iter().map(|w| part * w).collect::<Vec<_>>());
+        let plant = Plant::new(&model);
+        let input =
+            plant.input(&State::at_rest(Vector3::zeros(), [0.0; 4]), &[0.0; 4], model.reference.battery_v);
+        let [u, v, ..] = plant.accelerations(&plant.sample_of(&input));
+        u.hypot(v)
+    };
+    let (whole, half) = (drag(1.0), drag(0.5));
+    let beyond_linear = if whole > 0.0 { (2.0 * (whole - 2.0 * half) / whole).clamp(0.0, 1.0) } else { 0.0 };
+    0.5 * POWER_ERROR * beyond_linear
 }
 
 /// A coefficient that is fitted together with a change.
@@ -250,6 +272,7 @@ impl ChangeFit<'_> {
             covariance: solution.covariance.view((own, own), (free.len(), free.len())).into_owned(),
             sigma: solution.sigma,
             together: self.effects(),
+            law_error: 0.0,
         }
     }
 }

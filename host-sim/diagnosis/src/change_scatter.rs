@@ -173,6 +173,7 @@ mod tests {
             covariance: DMatrix::from_diagonal(&DVector::from_column_slice(variances)),
             sigma: [1.0; 6],
             together: Vec::new(),
+            law_error: 0.0,
         }
     }
 

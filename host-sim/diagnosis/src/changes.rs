@@ -17,12 +17,12 @@ use crate::change_conclusion::{OfRows, conclude};
 use crate::change_fit::{Fitted, fit_change};
 use crate::change_scatter::Scattered;
 use crate::change_structure::structure_left;
-use crate::criteria::{AS_GOOD, Asked, Evidence, RIVAL, SIGNIFICANCE, weigh};
-use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding};
+use crate::criteria::{AS_GOOD, Asked, Evidence, Left, RIVAL, SIGNIFICANCE, stand_in, weigh};
+use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding, Unexplained};
 use crate::held_out::take_gain;
 use crate::observer::Observer;
 use crate::onset::onset;
-use crate::reason::Reason;
+use crate::reason::{Dependence, Reason};
 use crate::search_error::{SearchError, Steps, going_on};
 use crate::significance::zero_p_value;
 use sysid::prepare::Prepared;
@@ -49,13 +49,36 @@ pub fn changed(
     }
     let score = |f: &EffectFinding| f.gain * (1.0 - FOR_A_COEFFICIENT * f.coefficients.len() as f64);
     findings.sort_by(|a, b| b.1.supported.cmp(&a.1.supported).then(score(&b.1).total_cmp(&score(&a.1))));
-    let with_best = mark_rivals(model, &mut findings, flights, (changes.len(), observer))?;
+    let mut with_best = mark_rivals(model, &mut findings, flights, (changes.len(), observer))?;
+    let mut left = structure_left(with_best.as_ref().map_or(model, |with| &with.model), flights);
+    let named = findings.iter_mut().map(|(_, finding)| finding).find(|finding| finding.supported);
+    let refused = named.and_then(|finding| stands_in(finding, &left).map(|why| (finding, why)));
+    if let Some((finding, why)) = refused {
+        finding.refuse(why);
+        with_best = None;
+        left = structure_left(model, flights);
+    }
     let named = findings.iter().find(|(_, finding)| finding.supported);
     let began = named.and_then(|(change, finding)| onset(model, (*change, finding), flights));
-    let left = structure_left(with_best.as_ref().map_or(model, |with| &with.model), flights);
     let together = with_best.map_or_else(Vec::new, |with| with.together);
     let rows = OfRows { findings, began, together, left };
     Ok(conclude(model, rows, balance::answer(model, flights, changes)))
+}
+
+/// Why the best change is none: it leaves more structure than it takes away, on its own axes, or in bursts on any. Another craft overhead
+/// presses this one down again and again, and drags a little air along all the time.
+fn stands_in(finding: &EffectFinding, left: &[Unexplained]) -> Option<Reason> {
+    let takes_percent = finding.largest_drop_percent();
+    let bursts = left.iter().find(|u| u.depends_on == Dependence::Bursts && u.share_percent > takes_percent);
+    let of_bursts = bursts.map(|u| Reason::LeavesMore {
+        takes_percent,
+        left_percent: u.share_percent,
+        axis: u.axis,
+        depends_on: u.depends_on,
+    });
+    let on_own_axes =
+        || stand_in(finding, &Left { unexplained: left, incomplete: [false; 6], answers_late: false });
+    of_bursts.or_else(on_own_axes)
 }
 
 /// Changes that explain nearly as much as the best, and add nothing to it nor it to them, cannot be told from it. The model with the best
@@ -163,7 +186,8 @@ pub(crate) fn examine(model: &Model, change: Change, flights: &[&Prepared], cand
         .iter()
         .enumerate()
         .map(|(i, &k)| {
-            let std_error = total[(i, i)].max(0.0).sqrt();
+            // What is uncertain in proportion to the size says nothing against there being a change.
+            let std_error = total[(i, i)].max(0.0).sqrt().hypot(fitted.law_error * fitted.values[i]);
             CoefficientFigures::new(&info.coefficients[k], fitted.values[i], std_error, rotors)
         })
         .collect();

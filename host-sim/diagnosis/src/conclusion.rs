@@ -93,7 +93,10 @@ fn verdict_of(
 
 /// Whether the flights support an effect that the model cannot be fitted with.
 fn is_unfitted(finding: &EffectFinding) -> bool {
-    matches!(finding.reason, Reason::NotFittedTogether(_) | Reason::MakesWorse { .. })
+    matches!(
+        finding.reason,
+        Reason::NotFittedTogether(_) | Reason::MakesWorse { .. } | Reason::HarmsAxis { .. }
+    )
 }
 
 /// The conclusion in sentences.
@@ -155,7 +158,7 @@ pub(crate) fn what_is_unknown(not_identified: &[NotIdentified]) -> Option<String
 fn unfitted(finding: &EffectFinding) -> String {
     let effect = finding.effect;
     match finding.reason {
-        Reason::MakesWorse { .. } => format!(
+        Reason::MakesWorse { .. } | Reason::HarmsAxis { .. } => format!(
             "{effect} looks promising, but the model with it predicts held-out flights worse: what is missing stays unknown."
         ),
         _ => format!(

@@ -20,11 +20,16 @@ const LARGE_SIGNIFICANCE: f64 = 0.05;
 /// Part of the error, percent, from which on a change takes away most of it.
 const LARGE_PERCENT: f64 = 50.0;
 /// Largest p-value of the held-out gain. It confirms what is significant already, on other flights.
-const HELD_OUT_SIGNIFICANCE: f64 = 0.05;
+pub(crate) const HELD_OUT_SIGNIFICANCE: f64 = 0.05;
 /// Smallest held-out drop, percent of an axis' squared error, that matters: its root is under a hundredth of the error.
 pub(crate) const MATTERS_PERCENT: f64 = 1.5;
 /// Least part of the held-out flights that must improve, percent: more than half. A single flight must improve.
 const FLIGHTS_PERCENT: f64 = 50.1;
+/// Largest rise of the held-out squared error of an axis, beyond chance: percent, a fortieth of the error, or this part of the largest drop.
+/// A battery that sags takes nearly all of the error in thrust away, whatever becomes of the pitch; a cable that makes half of the error to the
+/// side its own and adds a fifth forward and down is fitted to something else.
+const HARM_PERCENT: f64 = 5.0;
+const HARM: f64 = 0.25;
 /// A coefficient is impossible that lies this many standard errors outside its range: what 95 % intervals allow.
 const IMPOSSIBLE_ERRORS: f64 = 2.0;
 
@@ -179,6 +184,18 @@ pub(crate) const RULES: &[Rule] = &[
         objection: |e, _, _| not_borne_out(e, None),
     },
     Rule {
+        question: "harms no axis: largest rise of the held-out squared error of an axis, beyond chance",
+        unit: "%",
+        at_most: true,
+        figures: |e| match e.asked {
+            Asked::Missing => {
+                Some((e.finding.rise.map_or(0.0, |(_, percent)| percent), most_rise_percent(e.finding)))
+            }
+            Asked::Changed => None,
+        },
+        objection: |e, _, _| harm(e.finding).unwrap_or(Reason::LikeChance),
+    },
+    Rule {
         question: "is possible: how far the worst coefficient lies outside its range",
         unit: "std. errors",
         at_most: true,
@@ -240,6 +257,16 @@ fn significance(evidence: &Evidence<'_>) -> f64 {
 /// is none of its doing.
 fn matters_percent(effect: Effect) -> f64 {
     MATTERS_PERCENT + if effect.info().special.hangs_load { pieces::BY_CHANCE_PERCENT } else { 0.0 }
+}
+
+fn most_rise_percent(finding: &EffectFinding) -> f64 {
+    HARM_PERCENT.max(HARM * finding.largest_drop_percent())
+}
+
+/// Why an effect makes a model worse on an axis; nothing where it does not.
+pub(crate) fn harm(finding: &EffectFinding) -> Option<Reason> {
+    let (axis, percent) = finding.rise.filter(|(_, percent)| *percent > most_rise_percent(finding))?;
+    Some(Reason::HarmsAxis { axis, percent })
 }
 
 /// "Not seen" is not "not there": when an effect of ordinary size would hide in the error of its estimate, say so and

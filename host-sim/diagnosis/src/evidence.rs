@@ -21,7 +21,7 @@ use crate::held_out::{Validated, examine, fit_and_validate};
 use crate::observer::Observer;
 use crate::options::Options;
 use crate::ranking::separating_manoeuvre;
-use crate::reason::joined;
+use crate::reason::{Reason, joined};
 use crate::screen::Screen;
 use crate::search::{PENALTY, SET, Search};
 use crate::search_error::SearchError;
@@ -180,11 +180,14 @@ pub fn why(
     let start = if model.has(effect) { model } else { &search.base.fit.model };
     let mut effects = without.effects();
     effects.push(effect);
-    let with = fit_and_validate(start, &effects, train, validate)?;
-    let finding = examine(&search.base, &with, effect, (train, validate), search.count());
+    let with = fit_and_validate(start, &effects, train, validate);
+    let finding = match &with {
+        Ok(with) => examine(&search.base, with, effect, (train, validate), search.count()),
+        Err(why) => EffectFinding::unsupported(effect, validate.len(), Reason::Refused(why.clone())),
+    };
     let found = search.choose()?.findings;
     let beside = beside_found(&search, &without, effect, &found, (train, validate))?;
-    Ok(assemble(model.has(effect), effect, &search, &with, &finding, (&found, beside), validate))
+    Ok(assemble(model.has(effect), &search, (with.as_ref().ok(), &finding), (&found, beside), validate))
 }
 
 /// What the effect adds, percent of the held-out squared error over its axes, with the others that were found in place.
@@ -201,7 +204,9 @@ fn beside_found(
     }
     let mut effects = without.effects();
     effects.extend(&others);
-    let reference = fit_and_validate(&search.base.fit.model, &effects, train, validate)?;
+    let Ok(reference) = fit_and_validate(&search.base.fit.model, &effects, train, validate) else {
+        return Ok(None);
+    };
     effects.push(effect);
     let Ok(with) = fit_and_validate(&reference.fit.model, &effects, train, validate) else {
         return Ok(Some(0.0));
@@ -212,13 +217,12 @@ fn beside_found(
 
 fn assemble(
     in_model: bool,
-    effect: Effect,
     search: &Search<'_>,
-    with: &Validated,
-    finding: &EffectFinding,
+    (with, finding): (Option<&Validated>, &EffectFinding),
     (found, beside): (&[EffectFinding], Option<f64>),
     validate: &[&Prepared],
 ) -> Why {
+    let effect = finding.effect;
     let screen = &search.screen;
     let index = screen.index(effect);
     let left = index.map_or(1.0, |i| {
@@ -240,8 +244,9 @@ fn assemble(
         in_model,
         supported: finding.supported,
         summary: summary(in_model, finding, &found, beside),
-        criteria: criteria(&Evidence::missing(finding, &with.fit.model)),
-        flights: flights((&search.base.held_out, &with.held_out), validate),
+        criteria: with.map_or_else(Vec::new, |with| criteria(&Evidence::missing(finding, &with.fit.model))),
+        flights: with
+            .map_or_else(Vec::new, |with| flights((&search.base.held_out, &with.held_out), validate)),
         coefficients: coefficients(finding),
         variance_inflation: 1.0 / left.max(f64::MIN_POSITIVE),
         alike: index.map_or_else(Vec::new, |i| alike(screen, i)),

@@ -76,6 +76,9 @@ pub struct EffectFinding {
     /// Logarithm of the held-out likelihood ratio over all six axes: the rank.
     #[serde(skip)]
     pub(crate) gain: f64,
+    /// The axis whose held-out squared error rises most with it, beyond chance, and by how many percent.
+    #[serde(skip)]
+    pub(crate) rise: Option<(Axis, f64)>,
     /// The motor, for a change of one motor.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub motor: Option<u8>,
@@ -96,6 +99,7 @@ impl EffectFinding {
             confounded_with: Vec::new(),
             reason,
             gain: f64::NEG_INFINITY,
+            rise: None,
             motor: None,
         }
     }

@@ -1,12 +1,12 @@
 //! Fits, what they predict of flights held out, and what an effect gains there.
 
-use model::{AxisError, Effect, Model, PerAxis};
+use model::{Axis, AxisError, Effect, Model, PerAxis};
 use sysid::fit::check_residuals;
 use sysid::prepare::Prepared;
 use sysid::statistics::Blocks;
 use sysid::{Fit, FitError, Residuals, errors, residuals};
 
-use crate::criteria::{Evidence, weigh};
+use crate::criteria::{Evidence, HELD_OUT_SIGNIFICANCE, weigh};
 use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding};
 use crate::reason::Reason;
 use crate::significance::{block_sums, effect_p_value};
@@ -88,13 +88,39 @@ pub(crate) fn take_gain(
         blocks.gain.extend(block_sums(flight, &difference));
         blocks.chance.extend(block_sums(flight, &chance));
     }
-    let (before, after) = (errors(before), errors(after));
+    let (errors_before, errors_after) = (errors(before), errors(after));
     for &axis in axes {
-        finding.axes.insert(axis.name(), AxisDrop::new(before[axis].sse, after[axis].sse));
+        let drop = AxisDrop::new(errors_before[axis].sse, errors_after[axis].sse);
+        finding.axes.insert(axis.name(), drop);
     }
+    finding.rise =
+        axes.iter().filter_map(|axis| rise(*axis, finding, flights, (before, after))).max_by(larger);
     finding.drop_percent = if total > 0.0 { 100.0 * fall / total } else { 0.0 };
     finding.held_out_p_value = Some(blocks.p_value());
-    finding.gain = log_likelihood_ratio(&before, &after);
+    finding.gain = log_likelihood_ratio(&errors_before, &errors_after);
+}
+
+/// By how many percent the squared error of an axis rises; nothing where it falls, or where noise would make it rise as much.
+fn rise(
+    axis: Axis,
+    finding: &EffectFinding,
+    flights: &[&Prepared],
+    (before, after): (&[Residuals], &[Residuals]),
+) -> Option<(Axis, f64)> {
+    let percent = -finding.axes.get(axis.name())?.drop_percent;
+    let mut blocks = Blocks::default();
+    for ((flight, a), b) in flights.iter().zip(before).zip(after) {
+        let pairs = || a.residual[axis.index()].iter().zip(&b.residual[axis.index()]);
+        let risen: Vec<f64> = pairs().map(|(x, y)| y * y - x * x).collect();
+        let chance: Vec<f64> = pairs().map(|(x, y)| 2.0 * x * (y - x)).collect();
+        blocks.gain.extend(block_sums(flight, &risen));
+        blocks.chance.extend(block_sums(flight, &chance));
+    }
+    (percent > 0.0 && blocks.p_value() <= HELD_OUT_SIGNIFICANCE).then_some((axis, percent))
+}
+
+fn larger(one: &(Axis, f64), other: &(Axis, f64)) -> std::cmp::Ordering {
+    one.1.total_cmp(&other.1)
 }
 
 /// Logarithm of the likelihood ratio of two models of the same flights, Gaussian residuals: sum over the axes of

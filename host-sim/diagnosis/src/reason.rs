@@ -157,6 +157,13 @@ pub enum Reason {
         /// Held-out flights.
         flights: usize,
     },
+    /// It takes error from some axes and adds as much or more to another.
+    HarmsAxis {
+        /// The axis.
+        axis: Axis,
+        /// Rise of its held-out squared error, percent.
+        percent: f64,
+    },
     /// Supported by itself, and worth nothing once others are in the model.
     AddsNothing {
         /// The others.
@@ -244,6 +251,11 @@ impl fmt::Display for Reason {
                 p_value.map_or(Ok(()), |p| write!(f, ", {}", p_equation(p)))?;
                 f.write_str(")")
             }
+            Self::HarmsAxis { axis, percent } => write!(
+                f,
+                "with it, the held-out rms error of {axis} rises by {} %",
+                number::percent(-rms_fall_percent(-percent))
+            ),
             Self::Impossible { coefficient, value, unit, possible: (low, high) } => write!(
                 f,
                 "needs {coefficient} = {}, outside the physically possible range {low} to {high}",

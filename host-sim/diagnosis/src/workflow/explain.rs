@@ -5,6 +5,8 @@ use sysid::fit::output_error::Rows;
 use sysid::{Comparison, RefinementOutcome};
 
 use crate::conclusion::{counts_in, first_of, what_is_unknown, without};
+use crate::criteria::harm;
+use crate::finding::EffectFinding;
 use crate::observer::Observer;
 use crate::reason::Reason;
 use crate::unidentified::recorded;
@@ -142,14 +144,13 @@ fn go_through(
     while let Some(effect) = diagnosis.best() {
         let model = steps.last().map_or(&basic, |step| &step.model).clone();
         match join_and_search(&model, effect, sets, options, observer) {
-            // Nothing joins that makes the model predict worse, whatever it promised beside others.
-            Ok((_, addition, _)) if addition.finding.drop_percent < 0.0 => {
-                sets.trim(&model);
-                let [improved, flights] = addition.finding.flights_improved;
-                let why = Reason::MakesWorse { improved, flights };
-                diagnosis = without(&diagnosis, effect, &why, recorded(&model));
-            }
             Ok((better, addition, next)) => {
+                // Nothing joins that makes the model predict worse, whatever it promised beside others.
+                if let Some(why) = makes_worse(&addition.finding) {
+                    sets.trim(&model);
+                    diagnosis = without(&diagnosis, effect, &why, recorded(&model));
+                    continue;
+                }
                 sets.judge_clocks(&better, effect);
                 let comparison = sysid::compare(&better, &sets.validate());
                 let before = std::mem::replace(&mut diagnosis, next);
@@ -165,6 +166,13 @@ fn go_through(
     }
     let model = steps.last().map_or(&basic, |step| &step.model).clone();
     Ok(Explanation { basic, basic_comparison, steps, last_diagnosis: diagnosis, model, refinement: None })
+}
+
+/// Why a model is worse with an effect; nothing where it is not.
+fn makes_worse(finding: &EffectFinding) -> Option<Reason> {
+    let [improved, flights] = finding.flights_improved;
+    let worse = (finding.drop_percent < 0.0).then_some(Reason::MakesWorse { improved, flights });
+    worse.or_else(|| harm(finding))
 }
 
 /// Adds an effect to a model and diagnoses the better one.

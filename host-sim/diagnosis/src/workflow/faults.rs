@@ -1,6 +1,6 @@
 //! Faults of flights, vehicle files and fits, each with the files it is about.
 
-use model::{Effect, FlightRole, GROUPS, Model, NotIdentified, Vehicle};
+use model::{Effect, FlightRole, Group, Model, NotIdentified, Vehicle};
 use sysid::checks::overlap;
 use sysid::checks::under_sampled;
 use sysid::checks::vehicle::{self, Likeness};
@@ -46,15 +46,8 @@ impl Faults {
 
     /// What flights with such faults do not determine.
     pub(crate) fn not_identified(&self) -> Vec<NotIdentified> {
-        let told = |listed: &Listed| listed.fault.severity != Severity::Note;
-        let found = self.listed.iter().filter(|listed| told(listed)).filter_map(|listed| {
-            let fly = what_to_fly(listed.fault.kind)?;
-            Some(GROUPS.map(|group| {
-                let reason = format!("{}: {}", listed.whose, listed.fault.sentence);
-                NotIdentified::of_group(group, reason, fly)
-            }))
-        });
-        found.flatten().collect()
+        let told = self.listed.iter().filter(|listed| listed.fault.severity != Severity::Note);
+        told.filter_map(|listed| not_determined(listed.fault.kind)).collect()
     }
 
     /// Adds a fault, once: a fit that is made again finds the same.
@@ -166,11 +159,15 @@ impl Faults {
     }
 }
 
-/// What to do about flights with a fault because of which they determine nothing; nothing for any other fault. This is the place
-/// for a kind of fault that leaves no answer.
-fn what_to_fly(kind: FaultKind) -> Option<&'static str> {
+/// What flights with a fault do not determine; nothing for a fault that leaves them an answer. Commands between the logged
+/// ones turn the craft to and fro before they have moved it.
+fn not_determined(kind: FaultKind) -> Option<NotIdentified> {
     match kind {
-        FaultKind::UnderSampled => Some("log at least as fast as the commands change"),
+        FaultKind::UnderSampled => Some(NotIdentified::of_group(
+            Group::Rotation,
+            "the motor commands look under-sampled (see the warnings)".into(),
+            "log at least as fast as the commands change",
+        )),
         _ => None,
     }
 }

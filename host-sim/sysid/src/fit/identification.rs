@@ -14,7 +14,7 @@ use crate::fit::error::{FitError, check_finite, not_converged, unidentifiable};
 use crate::fit::fitted::{Fit, finish};
 use crate::fit::least_squares;
 use crate::fit::linearise::step_scale;
-use crate::fit::nonlinear::{settle, settle_carefully};
+use crate::fit::nonlinear::{settle, settle_carefully, stay};
 use crate::fit::parameters::{Layout, store};
 use crate::fit::residuals::spread;
 use crate::fit::rotation::acts_on_rotation_alone;
@@ -23,7 +23,8 @@ use crate::fit::swing::Known;
 use crate::fit::terms::coefficient_count;
 use crate::prepare::Prepared;
 
-/// Fits `effects` to `flights`. `start` gives first values of adjusting coefficients, where it has them.
+/// Fits `effects` to `flights`. `start` gives first values of adjusting coefficients, where it has them; where it has all and the
+/// flights lead nowhere from there, they stay.
 pub fn fit(
     flights: &[&Prepared],
     vehicle: &Vehicle,
@@ -66,8 +67,14 @@ pub fn fit_if(
     let is_unknown = |effect: Effect| start.is_none_or(|m| !m.has(effect));
     layout.is_searched =
         layout.adjusting.iter().any(|effect| effect.info().special.hangs_load && is_unknown(*effect));
+    // Values that a model was once given are no worse for steps that find no end from there.
+    let known = (!layout.adjusting.iter().any(|effect| is_unknown(*effect))).then(|| model.clone());
     let starts = starts::of(flights, model, &layout, is_unknown, demand)?;
-    best_of(starts, flights, start, &layout)
+    let best = best_of(starts, flights, start, &layout);
+    match known {
+        Some(known) => best.or_else(|_| stay(flights, known, &layout)),
+        None => best,
+    }
 }
 
 /// The model before any fit: effects without values, but for those of adjusting effects that `start` has.

@@ -78,6 +78,17 @@ pub(crate) fn settle_carefully(
     gauss_newton::solve(&mut problem, rule)?.ok_or_else(|| not_converged(&layout.adjusting))
 }
 
+/// The adjusting effects as `model` has them, where steps find no end: with errors as of coefficients that are all free.
+pub(crate) fn stay(flights: &[&Prepared], model: Model, layout: &Layout) -> Result<Fit, FitError> {
+    let mut problem = Nonlinear::new(flights, model, layout, (false, 0.0));
+    let at = problem.linearise()?;
+    let solution = least_squares::solve_without_errors(&at.rows, &at.priors)
+        .map_err(|why| unidentifiable(why, &layout.order))?;
+    let values: Vec<f64> = layout.order.iter().flat_map(|effect| problem.values_of(*effect)).collect();
+    let reach = Reach { values: values.into(), is_settled: true, is_small: true };
+    problem.end(&at, solution, reach)
+}
+
 /// A model that steps lead to what the flights show.
 struct Nonlinear<'a> {
     flights: &'a [&'a Prepared],
