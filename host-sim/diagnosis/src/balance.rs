@@ -275,8 +275,7 @@ impl<'a> Balance<'a> {
         let info = change.effect.info();
         let errors: Vec<f64> = fitted.covariance.diagonal().iter().map(|v| v.sqrt()).collect();
         let figures = change.coefficients().into_iter().enumerate().map(|(i, k)| {
-            let rotors = self.model.rotor_quantity();
-            CoefficientFigures::new(&info.coefficients[k], fitted.value[i], errors[i], rotors)
+            CoefficientFigures::new(&info.coefficients[k], fitted.value[i], errors[i], self.model)
         });
         finding.coefficients = figures.collect();
         // What seldom happens needs as much more evidence.

@@ -223,7 +223,8 @@ mod tests {
         let mut named = found(Effect::MassChange, None, true);
         named.1.drop_percent = 61.27;
         let (name, unit) = ("extra_mass", "kg");
-        named.1.coefficients = vec![CoefficientFigures { name, value: 0.1512, std_error: 0.0123, unit }];
+        named.1.coefficients =
+            vec![CoefficientFigures { name, value: 0.1512, std_error: 0.0123, unit, possible: (-1.0, 1.0) }];
         let rivals = vec![Change { effect: Effect::MotorEfficiency, motor: Some(2) }];
         named.1.reason = Reason::Changed { axes: Effect::MassChange.info().axes, percent: 61.27, rivals };
         assert_eq!(

@@ -170,7 +170,13 @@ mod tests {
             EffectFinding::unsupported(Effect::MotorEfficiency, 2, Reason::WithinScatter { p_value: 0.2 });
         (finding.p_value, finding.motor) = (0.2, Some(4));
         let (name, unit) = ("thrust_loss_4", "1");
-        finding.coefficients = vec![crate::CoefficientFigures { name, value: 0.0412, std_error: 0.03, unit }];
+        finding.coefficients = vec![crate::CoefficientFigures {
+            name,
+            value: 0.0412,
+            std_error: 0.03,
+            unit,
+            possible: (-1.0, 1.0),
+        }];
         let found = in_balance(&finding);
         assert!(!found.supported);
         assert!(

@@ -36,6 +36,8 @@ const HELD: f64 = 1e-6;
 /// Largest p-value, of "they are what the model says", of coefficients that are fitted together with a change: as of a
 /// finding.
 const REVEALED: f64 = 0.01;
+/// Part of a coefficient by which it may be off where the model was never flown.
+const HOLDS_TO: f64 = 0.25;
 /// How far the power of the airspeed with which drag grows in a wind may be from the square: from 1.5, of rotors that lean, to 2.5.
 const POWER_ERROR: f64 = 0.5;
 
@@ -157,8 +159,8 @@ struct Revealed {
     expected: f64,
     /// Standard error of that.
     std_error: f64,
-    /// How far it may be off. The flights of a model tell nothing of what they did not show: as much as is ordinary, beside
-    /// the standard error. Nothing is known of what the model lacks.
+    /// How far it may be off: beside the standard error, by a part of itself, since the flights of a model tell nothing of what they
+    /// did not show. Nothing is known of what the model lacks.
     allowance: Option<f64>,
     /// Held at what the model says: the flights would make it a drag that drives, so they do not determine it. Without drag to
     /// the side, any small push to the side would be a gale.
@@ -168,7 +170,7 @@ struct Revealed {
 impl Revealed {
     fn all(model: &Model, effect: Effect) -> impl Iterator<Item = Self> {
         let known = model.term(effect).cloned();
-        effect.info().coefficients.iter().enumerate().map(move |(coefficient, info)| {
+        (0..effect.info().coefficients.len()).map(move |coefficient| {
             let estimate = known.as_ref().map(|term| term.coefficients[coefficient]);
             let std_error = estimate.and_then(|e| e.std_error).unwrap_or(0.0);
             Self {
@@ -176,7 +178,7 @@ impl Revealed {
                 coefficient,
                 expected: estimate.map_or(0.0, |e| e.value),
                 std_error,
-                allowance: estimate.map(|_| std_error.hypot(info.typical)),
+                allowance: estimate.map(|e| std_error.hypot(HOLDS_TO * e.value)),
                 is_held: false,
             }
         })

@@ -180,7 +180,7 @@ pub(crate) fn examine(model: &Model, change: Change, flights: &[&Prepared], cand
     let Ok(fitted) = fitted else {
         return Examined { finding, std_errors: Vec::new(), residuals: None, has_rotor_map };
     };
-    let (free, rotors) = (change.coefficients(), model.rotor_quantity());
+    let free = change.coefficients();
     let Scattered { total, from_usual, tested, independent } = Scattered::of(model, change, &fitted, flights);
     finding.coefficients = free
         .iter()
@@ -188,7 +188,7 @@ pub(crate) fn examine(model: &Model, change: Change, flights: &[&Prepared], cand
         .map(|(i, &k)| {
             // What is uncertain in proportion to the size says nothing against there being a change.
             let std_error = total[(i, i)].max(0.0).sqrt().hypot(fitted.law_error * fitted.values[i]);
-            CoefficientFigures::new(&info.coefficients[k], fitted.values[i], std_error, rotors)
+            CoefficientFigures::new(&info.coefficients[k], fitted.values[i], std_error, model)
         })
         .collect();
     let coefficients = free.iter().map(|&k| &info.coefficients[k]);

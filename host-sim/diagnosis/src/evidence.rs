@@ -13,7 +13,6 @@ use report::number;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::change::Change;
 use crate::criteria::{Applied, Evidence, applied};
 use crate::figures::{rms_fall_percent, rms_of};
 use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding};
@@ -294,14 +293,12 @@ pub(crate) fn criteria(evidence: &Evidence<'_>) -> Vec<Criterion> {
 
 /// What was found of the effect's coefficients, or of a motor's.
 pub(crate) fn coefficients(finding: &EffectFinding) -> Vec<CoefficientEvidence> {
-    let free = Change { effect: finding.effect, motor: finding.motor }.coefficients();
-    let info = finding.effect.info();
-    let evidence = |(figures, k): (&CoefficientFigures, usize)| CoefficientEvidence {
+    let evidence = |figures: &CoefficientFigures| CoefficientEvidence {
         half_width_95: 1.96 * figures.std_error,
         figures: figures.clone(),
-        possible: info.coefficients[k].possible,
+        possible: figures.possible,
     };
-    finding.coefficients.iter().zip(free).map(evidence).collect()
+    finding.coefficients.iter().map(evidence).collect()
 }
 
 /// Errors of each flight by its residuals without and with the effect.
@@ -378,6 +375,9 @@ mod tests {
         };
         finding.p_value = pick(0.005, 0.02);
         finding.held_out_p_value = Some(pick(0.02, 0.2));
+        finding.harm_percent = pick(15.0, 60.0);
+        finding.rise = Some((effect.info().axes[0], 20.0));
+        finding.swings = effect.info().special.hangs_load.then(|| pick(8.0, 1.0));
         for axis in effect.info().axes {
             finding.axes.insert(axis.name(), AxisDrop::new(100.0, 100.0 - pick(6.0, 0.5)));
         }
@@ -389,7 +389,7 @@ mod tests {
                 let value = pick(c.typical, 20.0 * (c.possible.1 - c.possible.0));
                 let value = value * pick(1.0, 0.02) * pick(1.0, -1.0).signum();
                 let std_error = pick(0.1, 1.0) * c.typical;
-                CoefficientFigures { name: c.name, value, std_error, unit: c.unit }
+                CoefficientFigures { name: c.name, value, std_error, unit: c.unit, possible: c.possible }
             })
             .collect();
         finding.flights_improved[0] = rng.random_range(0..flights + 1);

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 pub use model::Verdict;
-use model::{Axis, Coefficient, Effect, NotIdentified, PerGroup, RotorQuantity};
+use model::{Axis, Coefficient, Effect, Model, NotIdentified, PerGroup};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -40,12 +40,17 @@ pub struct CoefficientFigures {
     pub std_error: f64,
     /// Unit.
     pub unit: &'static str,
+    /// Smallest and largest physically possible value.
+    #[serde(skip)]
+    pub(crate) possible: (f64, f64),
 }
 
 impl CoefficientFigures {
-    /// What was found of a coefficient of a model whose rotors are counted in `rotors`.
-    pub(crate) fn new(coefficient: &Coefficient, value: f64, std_error: f64, rotors: RotorQuantity) -> Self {
-        Self { name: coefficient.name, value, std_error, unit: coefficient.unit_for(rotors) }
+    /// What was found of a coefficient of a model.
+    pub(crate) fn new(coefficient: &Coefficient, value: f64, std_error: f64, model: &Model) -> Self {
+        let unit = coefficient.unit_for(model.rotor_quantity());
+        let possible = coefficient.possible_for(model.vehicle.arm_length);
+        Self { name: coefficient.name, value, std_error, unit, possible }
     }
 }
 
@@ -79,6 +84,12 @@ pub struct EffectFinding {
     /// The axis whose held-out squared error rises most with it, beyond chance, and by how many percent.
     #[serde(skip)]
     pub(crate) rise: Option<(Axis, f64)>,
+    /// What all such rises take from the logarithm of the likelihood, percent of what the falls add to it.
+    #[serde(skip)]
+    pub(crate) harm_percent: f64,
+    /// Swings of a slung load in the longest stretch that it was followed over.
+    #[serde(skip)]
+    pub(crate) swings: Option<f64>,
     /// The motor, for a change of one motor.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub motor: Option<u8>,
@@ -100,6 +111,8 @@ impl EffectFinding {
             reason,
             gain: f64::NEG_INFINITY,
             rise: None,
+            harm_percent: 0.0,
+            swings: None,
             motor: None,
         }
     }

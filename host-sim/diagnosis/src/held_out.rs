@@ -1,12 +1,12 @@
 //! Fits, what they predict of flights held out, and what an effect gains there.
 
 use model::{Axis, AxisError, Effect, Model, PerAxis};
-use sysid::fit::check_residuals;
+use sysid::fit::{check_residuals, slung_load};
 use sysid::prepare::Prepared;
 use sysid::statistics::Blocks;
 use sysid::{Fit, FitError, Residuals, errors, residuals};
 
-use crate::criteria::{Evidence, HELD_OUT_SIGNIFICANCE, weigh};
+use crate::criteria::{Evidence, HELD_OUT_SIGNIFICANCE, RISE_PERCENT, weigh};
 use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding};
 use crate::reason::Reason;
 use crate::significance::{block_sums, effect_p_value};
@@ -46,17 +46,28 @@ pub(crate) fn examine(
     let mut finding = EffectFinding::unsupported(effect, validate.len(), Reason::LikeChance);
     let estimates = with.fit.model.term(effect).map_or(&[][..], |term| &term.coefficients);
     let info = effect.info();
-    let rotors = with.fit.model.rotor_quantity();
     finding.coefficients = info
         .coefficients
         .iter()
         .zip(estimates)
-        .map(|(c, e)| CoefficientFigures::new(c, e.value, e.std_error.unwrap_or(0.0), rotors))
+        .map(|(c, e)| CoefficientFigures::new(c, e.value, e.std_error.unwrap_or(0.0), &with.fit.model))
         .collect();
+    finding.swings = swings(&with.fit.model, effect, &[train, validate].concat());
     finding.p_value = (effect_p_value(&with.fit, effect, train) * candidates as f64).min(1.0);
     take_gain(&mut finding, &with.fit.sigma, validate, (&without.held_out, &with.held_out));
     (finding.supported, finding.reason) = weigh(&Evidence::missing(&finding, &with.fit.model));
     finding
+}
+
+/// Swings of a load over the longest stretch of flights.
+fn swings(model: &Model, effect: Effect, flights: &[&Prepared]) -> Option<f64> {
+    let carried = slung_load::of_model(model).filter(|_| effect.info().special.hangs_load)?;
+    let seconds = |flight: &&Prepared| {
+        let samples = flight.stretches.iter().map(|stretch| stretch.time_s.len()).max().unwrap_or(0);
+        samples as f64 * flight.period_s
+    };
+    let longest_s = flights.iter().map(seconds).fold(0.0, f64::max);
+    Some(longest_s / carried.swing_s())
 }
 
 /// Writes into a finding by how much the squared error of `flights` falls from the residuals `before` to those `after`,
@@ -93,14 +104,25 @@ pub(crate) fn take_gain(
         let drop = AxisDrop::new(errors_before[axis].sse, errors_after[axis].sse);
         finding.axes.insert(axis.name(), drop);
     }
-    finding.rise =
-        axes.iter().filter_map(|axis| rise(*axis, finding, flights, (before, after))).max_by(larger);
+    let rises: Vec<(Axis, f64)> =
+        axes.iter().filter_map(|axis| rise(*axis, finding, flights, (before, after))).collect();
+    finding.harm_percent = harm_percent(finding, &rises);
+    finding.rise = rises.into_iter().max_by(larger);
     finding.drop_percent = if total > 0.0 { 100.0 * fall / total } else { 0.0 };
     finding.held_out_p_value = Some(blocks.p_value());
     finding.gain = log_likelihood_ratio(&errors_before, &errors_after);
 }
 
-/// By how many percent the squared error of an axis rises; nothing where it falls, or where noise would make it rise as much.
+/// What rises of the squared error of some axes take, percent of what the falls of the others add: logarithms, as of likelihoods.
+fn harm_percent(finding: &EffectFinding, rises: &[(Axis, f64)]) -> f64 {
+    let loss: f64 = rises.iter().map(|(_, percent)| (1.0 + 0.01 * percent).ln()).sum();
+    let falls = finding.axes.values().map(|axis| axis.drop_percent).filter(|percent| *percent > 0.0);
+    let gain: f64 = falls.map(|percent| -(1.0 - 0.01 * percent).max(f64::MIN_POSITIVE).ln()).sum();
+    if loss > 0.0 { 100.0 * loss / gain.max(f64::MIN_POSITIVE) } else { 0.0 }
+}
+
+/// By how many percent the squared error of an axis rises; nothing where it does not by an amount that counts, or where noise would make
+/// it rise as much.
 fn rise(
     axis: Axis,
     finding: &EffectFinding,
@@ -116,7 +138,7 @@ fn rise(
         blocks.gain.extend(block_sums(flight, &risen));
         blocks.chance.extend(block_sums(flight, &chance));
     }
-    (percent > 0.0 && blocks.p_value() <= HELD_OUT_SIGNIFICANCE).then_some((axis, percent))
+    (percent > RISE_PERCENT && blocks.p_value() <= HELD_OUT_SIGNIFICANCE).then_some((axis, percent))
 }
 
 fn larger(one: &(Axis, f64), other: &(Axis, f64)) -> std::cmp::Ordering {
@@ -133,6 +155,7 @@ fn log_likelihood_ratio(before: &PerAxis<AxisError>, after: &PerAxis<AxisError>)
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::{ORDINARY, prepared, truth};
 
     /// Halving the error's deviation on n samples of one axis: n ln 2. An axis without errors says nothing.
     #[test]
@@ -146,5 +169,28 @@ mod tests {
         };
         let found = log_likelihood_ratio(&all(4.0), &all(1.0));
         assert!((found - 3.0 * 100.0 * 2_f64.ln()).abs() < 1e-9, "{found}");
+    }
+
+    /// Falls of 50 and 10 % add ln 2 + ln(1/0.9), a rise of 20 % takes ln 1.2: 22.8 % of it.
+    #[test]
+    fn what_rises_take_is_told_by_what_falls_add() {
+        let mut finding = EffectFinding::unsupported(Effect::Tether, 2, Reason::LikeChance);
+        for (axis, after) in [("u", 50.0), ("v", 90.0), ("w", 120.0)] {
+            finding.axes.insert(axis, AxisDrop::new(100.0, after));
+        }
+        let expected = 100.0 * 1.2_f64.ln() / (2.0_f64.ln() - 0.9_f64.ln());
+        assert!((harm_percent(&finding, &[(Axis::W, 20.0)]) - expected).abs() < 1e-9);
+        assert_eq!(harm_percent(&finding, &[]), 0.0);
+    }
+
+    /// A cable of 0.5 m swings 7.05 times in ten seconds.
+    #[test]
+    fn swings_are_counted_in_the_longest_stretch() {
+        let mut model = truth();
+        model.set(Effect::SlungLoad, &[0.05, 0.5, 0.05]);
+        let flights = prepared(&truth(), 30..31, 10.0, &ORDINARY);
+        let found = swings(&model, Effect::SlungLoad, &[&flights[0]]).unwrap();
+        assert!((found - 7.05).abs() < 0.1, "{found}");
+        assert_eq!(swings(&model, Effect::Tether, &[&flights[0]]), None);
     }
 }

@@ -24,6 +24,7 @@ mod noise;
 mod observer;
 mod onset;
 mod options;
+mod other_splits;
 pub mod planning;
 mod ranking;
 mod reason;

@@ -87,7 +87,8 @@ mod tests {
     fn found() -> (Change, EffectFinding) {
         let mut finding = EffectFinding::unsupported(Effect::MassChange, 3, Reason::LikeChance);
         let (name, unit) = ("extra_mass", "kg");
-        finding.coefficients = vec![CoefficientFigures { name, value: 0.1, std_error: 0.01, unit }];
+        finding.coefficients =
+            vec![CoefficientFigures { name, value: 0.1, std_error: 0.01, unit, possible: (-1.0, 1.0) }];
         (Change { effect: Effect::MassChange, motor: None }, finding)
     }
 

@@ -145,14 +145,13 @@ fn by_itself(search: &Search<'_>, index: usize) -> EffectFinding {
     let not_excited = Reason::NotExcited { excitation: info.excitation };
     let mut finding = EffectFinding::unsupported(effect, search.validate.len(), not_excited);
     let Some(single) = search.screen.single(index, &search.base.fit.sigma) else { return finding };
-    let rotors = search.base.fit.model.rotor_quantity();
     finding.coefficients = info
         .coefficients
         .iter()
         .enumerate()
         .map(|(k, c)| {
             let std_error = single.covariance[(k, k)].max(0.0).sqrt();
-            CoefficientFigures::new(c, single.values[k], std_error, rotors)
+            CoefficientFigures::new(c, single.values[k], std_error, &search.base.fit.model)
         })
         .collect();
     let before = errors(&search.base.held_out);

@@ -80,6 +80,13 @@ pub enum Reason {
         /// Held-out flights.
         flights: usize,
     },
+    /// Not confirmed on the flights held out, but on most where each is held out in turn.
+    OnOtherSplits {
+        /// Flights that, held out, find it.
+        found: usize,
+        /// Flights.
+        of: usize,
+    },
     /// Its columns are zero on these flights.
     NotExcited {
         /// What to fly.
@@ -157,6 +164,13 @@ pub enum Reason {
         /// Held-out flights.
         flights: usize,
     },
+    /// A load that swings too seldom to be told from a drift.
+    TooFewSwings {
+        /// Swings in the longest stretch.
+        swings: f64,
+        /// What to fly.
+        excitation: &'static str,
+    },
     /// It takes error from some axes and adds as much or more to another.
     HarmsAxis {
         /// The axis.
@@ -231,6 +245,10 @@ impl fmt::Display for Reason {
                 let (rms, fall) = (rms_of(axes), number::percent(rms_fall_percent(*percent)));
                 write!(f, "the held-out {rms} falls by {fall} %, in {improved} of {flights} flights")
             }
+            Self::OnOtherSplits { found, of } => write!(
+                f,
+                "the flights held out do not show it, but with each of the {of} flights held out in turn, {found} find it"
+            ),
             Self::NotExcited { excitation } => {
                 write!(f, "these flights do not excite it; to see it: {excitation}")
             }
@@ -251,6 +269,11 @@ impl fmt::Display for Reason {
                 p_value.map_or(Ok(()), |p| write!(f, ", {}", p_equation(p)))?;
                 f.write_str(")")
             }
+            Self::TooFewSwings { swings, excitation } => write!(
+                f,
+                "swings {} times in the longest flight without a gap: a slow drift would look the same; to see it, fly longer: {excitation}",
+                number::fixed(*swings, 1)
+            ),
             Self::HarmsAxis { axis, percent } => write!(
                 f,
                 "with it, the held-out rms error of {axis} rises by {} %",

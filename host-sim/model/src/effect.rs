@@ -46,6 +46,8 @@ pub struct Coefficient {
     pub in_rotor_speed: bool,
     /// Step of the difference that stands for a derivative, where it cannot be a small part of the typical value.
     pub derivative_step: Option<f64>,
+    /// Largest possible magnitude in lengths of the craft's arms, for a place on the craft.
+    pub most_arms: Option<f64>,
 }
 
 impl Coefficient {
@@ -61,7 +63,20 @@ impl Coefficient {
             sign: None,
             in_rotor_speed: false,
             derivative_step: None,
+            most_arms: None,
         }
+    }
+
+    /// With [`Coefficient::most_arms`].
+    pub const fn within_arms(self, most: f64) -> Self {
+        Self { most_arms: Some(most), ..self }
+    }
+
+    /// Smallest and largest possible value for a craft with such arms.
+    pub fn possible_for(&self, arm_length_m: f64) -> (f64, f64) {
+        let ((low, high), most) =
+            (self.possible, self.most_arms.map_or(f64::INFINITY, |most| most * arm_length_m));
+        (low.max(-most), high.min(most))
     }
 
     /// With a [`Coefficient::prior`].

@@ -4,6 +4,7 @@ use model::{Effect, Model};
 
 use crate::conclusion::conclude;
 use crate::observer::Observer;
+use crate::other_splits::or_by_other_splits;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::loaded::names;
 use crate::workflow::sets::FlightSets;
@@ -42,7 +43,9 @@ pub(crate) fn search(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Diagnosis, WorkflowError> {
-    let mut diagnosis = diagnose_with(model, &sets.train(), &sets.validate(), options, observer)
+    let (train, validate) = (sets.train(), sets.validate());
+    let mut diagnosis = diagnose_with(model, &train, &validate, options, observer)
+        .and_then(|found| or_by_other_splits(found, model, &[train, validate].concat(), options, observer))
         .map_err(|why| WorkflowError::of_search(why, names(sets.training.loaded())))?;
     diagnosis.not_identified.extend(sets.faults.not_identified());
     let Diagnosis { effects, unexplained, not_identified, .. } = diagnosis;

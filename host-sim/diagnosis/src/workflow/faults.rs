@@ -272,9 +272,12 @@ mod tests {
         let mut faults = Faults::default();
         for kind in [FaultKind::TrackerJump, FaultKind::SaturatedCommands, FaultKind::ClockOffset] {
             faults.add("A.csv", Fault::of_all(kind, Severity::Warning, "something"));
-            assert_eq!(what_to_fly(kind), None);
+            assert_eq!(not_determined(kind), None);
         }
         assert_eq!(faults.not_identified(), []);
+        faults.add("A.csv", Fault::of_all(FaultKind::UnderSampled, Severity::Warning, "something"));
+        let groups: Vec<Group> = faults.not_identified().iter().map(|unknown| unknown.group).collect();
+        assert_eq!(groups, [Group::Rotation]);
     }
 
     #[test]

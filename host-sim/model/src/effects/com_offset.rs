@@ -5,7 +5,8 @@ use crate::effect::{Coefficient, EffectInfo, Kind, Question, Special};
 use crate::effects::adjusting::Adjusting;
 
 const fn coefficient(name: &'static str) -> Coefficient {
-    Coefficient::new(name, "m", (-0.5, 0.5), 0.005)
+    // Beyond the rotors, no thrust holds it.
+    Coefficient::new(name, "m", (-0.5, 0.5), 0.005).within_arms(1.0)
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {

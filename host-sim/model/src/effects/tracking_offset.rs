@@ -7,7 +7,8 @@ use crate::effect::{Coefficient, EffectInfo, Kind, Question, Special};
 use crate::effects::adjusting::Adjusting;
 
 const fn coefficient(name: &'static str) -> Coefficient {
-    Coefficient::new(name, "m", (-1.0, 1.0), 0.05)
+    // A marker further out than two arms is on no craft.
+    Coefficient::new(name, "m", (-1.0, 1.0), 0.05).within_arms(2.0)
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {

@@ -27,6 +27,11 @@ impl Carried {
         self.share / (1.0 + self.share)
     }
 
+    /// Time of a swing, s.
+    pub fn swing_s(&self) -> f64 {
+        std::f64::consts::TAU / self.load.stiffness_rad2_s2(self.gravity_m_s2).sqrt()
+    }
+
     /// zeta w0, by which a swing decays.
     pub(crate) fn decay_per_s(&self) -> f64 {
         self.load.damping_ratio * self.load.stiffness_rad2_s2(self.gravity_m_s2).sqrt()
