@@ -17,7 +17,7 @@ use crate::change_conclusion::{OfRows, conclude};
 use crate::change_fit::{Fitted, fit_change};
 use crate::change_scatter::Scattered;
 use crate::change_structure::structure_left;
-use crate::criteria::{AS_GOOD, Asked, Evidence, Left, RIVAL, SIGNIFICANCE, stand_in, weigh};
+use crate::criteria::{AS_GOOD, Asked, Evidence, RIVAL, SIGNIFICANCE, weigh};
 use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding, Unexplained};
 use crate::held_out::take_gain;
 use crate::observer::Observer;
@@ -65,20 +65,17 @@ pub fn changed(
     Ok(conclude(model, rows, balance::answer(model, flights, changes)))
 }
 
-/// Why the best change is none: it leaves more structure than it takes away, on its own axes, or in bursts on any. Another craft overhead
-/// presses this one down again and again, and drags a little air along all the time.
+/// Why the best change is none: bursts are left of an axis that are more of its error than the change takes away anywhere. Another
+/// craft overhead presses this one down again and again, and drags a little air along all the time.
 fn stands_in(finding: &EffectFinding, left: &[Unexplained]) -> Option<Reason> {
     let takes_percent = finding.largest_drop_percent();
-    let bursts = left.iter().find(|u| u.depends_on == Dependence::Bursts && u.share_percent > takes_percent);
-    let of_bursts = bursts.map(|u| Reason::LeavesMore {
-        takes_percent,
-        left_percent: u.share_percent,
-        axis: u.axis,
-        depends_on: u.depends_on,
-    });
-    let on_own_axes =
-        || stand_in(finding, &Left { unexplained: left, incomplete: [false; 6], answers_late: false });
-    of_bursts.or_else(on_own_axes)
+    let of_whole = |u: &Unexplained| {
+        let taken_percent = finding.axes.get(u.axis.name()).map_or(0.0, |axis| axis.drop_percent);
+        u.share_percent * (1.0 - 0.01 * taken_percent)
+    };
+    let bursts = left.iter().find(|u| u.depends_on == Dependence::Bursts && of_whole(u) > takes_percent)?;
+    let Unexplained { axis, depends_on, share_percent: left_percent, .. } = *bursts;
+    Some(Reason::LeavesMore { takes_percent, left_percent, axis, depends_on })
 }
 
 /// Changes that explain nearly as much as the best, and add nothing to it nor it to them, cannot be told from it. The model with the best
@@ -226,9 +223,10 @@ fn cross_validate(
 
 #[cfg(test)]
 mod tests {
-    use model::Effect;
+    use model::{Axis, Effect};
 
     use super::*;
+    use crate::finding::AxisDrop;
     use crate::observer::Silent;
     use crate::testing::{ORDINARY, prepared, truth};
 
@@ -288,5 +286,26 @@ mod tests {
         };
         assert_eq!(pair(60.0), [Effect::MassChange, Effect::ComOffset]);
         assert!(pair(54.0).is_empty());
+    }
+
+    /// Bursts that are 90 % of p are more than a wind takes of u, unless that is more: and what is left of u counts as the part of all of it.
+    #[test]
+    fn bursts_beyond_what_a_change_takes_refuse_it() {
+        let burst = |axis, share_percent| Unexplained {
+            axis,
+            depends_on: Dependence::Bursts,
+            share_percent,
+            p_value: 0.0,
+        };
+        let wind = |percent: f64| {
+            let mut wind = finding(Effect::SteadyWind, None, 1.0).1;
+            wind.axes.insert("u", AxisDrop::new(100.0, 100.0 - percent));
+            wind
+        };
+        assert!(stands_in(&wind(20.0), &[burst(Axis::P, 90.0)]).is_some());
+        assert!(stands_in(&wind(95.0), &[burst(Axis::P, 90.0)]).is_none());
+        assert!(stands_in(&wind(60.0), &[burst(Axis::U, 90.0)]).is_none());
+        let slow = Unexplained { depends_on: Dependence::SlowChanges, ..burst(Axis::P, 90.0) };
+        assert!(stands_in(&wind(20.0), &[slow]).is_none());
     }
 }

@@ -68,7 +68,9 @@ fn is_identified(axis: Axis, not_identified: &[NotIdentified]) -> bool {
 pub(crate) fn counts_in(finding: &EffectFinding, group: Group, not_identified: &[NotIdentified]) -> bool {
     let falls =
         |axis: &Axis| finding.axes.get(axis.name()).is_some_and(|drop| drop.drop_percent >= MATTERS_PERCENT);
-    group.axes().any(|axis| falls(&axis) && is_identified(axis, not_identified))
+    let is_known =
+        |axis: Axis| !not_identified.iter().any(|reason| reason.is_about(axis) && !reason.leaves_findings);
+    group.axes().any(|axis| falls(&axis) && is_known(axis))
 }
 
 fn verdict_of(

@@ -13,6 +13,14 @@ pub struct Options {
 }
 
 impl Options {
+    /// The same without the effects that show in accelerations: those that commands between the logged ones make look alike.
+    pub(crate) fn without_quick(&self) -> Self {
+        let is_quick = |e: &Effect| e.info().through.iter().any(|name| name.ends_with("acceleration"));
+        let mut without = self.without.clone();
+        without.extend(Effect::candidates().filter(is_quick));
+        Self { without }
+    }
+
     /// What could be missing from a model. One without rotation lacks none of the rotation's alone.
     pub(crate) fn candidates(&self, model: &Model) -> Vec<Effect> {
         let missing = |e: &Effect| !model.has(*e) && !self.without.contains(e);
@@ -64,6 +72,13 @@ mod tests {
         assert_eq!(fewer.len() + 4, all.len(), "one for each motor");
         assert!(fewer.iter().all(|change| change.effect != Effect::MotorEfficiency));
         assert_eq!(options.changes_with(Effect::MotorEfficiency, &model), all);
+    }
+
+    #[test]
+    fn what_shows_in_accelerations_is_quick() {
+        let quick = Options::default().without_quick().without;
+        assert!(quick.contains(&Effect::TrackingOffset) && quick.contains(&Effect::MotorLag), "{quick:?}");
+        assert!(!quick.contains(&Effect::GroundEffect) && !quick.contains(&Effect::SteadyWind), "{quick:?}");
     }
 
     #[test]

@@ -74,12 +74,13 @@ pub(crate) fn verdicts_of_change(
     balance_speaks: bool,
 ) -> (Verdict, PerGroup<Verdict>) {
     let unknown = recorded(model);
-    let is_unknown = |group| {
-        !(balance_speaks && group == Group::Rotation) && unknown.iter().any(|reason| reason.group == group)
-    };
+    let of_group = |group| unknown.iter().filter(move |reason| reason.group == group);
+    let speaks = |group| balance_speaks && group == Group::Rotation;
+    let is_unknown = |group| !speaks(group) && of_group(group).next().is_some();
+    let hides = |group| !speaks(group) && of_group(group).any(|reason| !reason.leaves_findings);
     let acts_on = |group| named.is_some_and(|e| e.info().axes.iter().any(|axis| Group::of(*axis) == group));
     let verdicts = PerGroup::from_fn(|group| match group {
-        _ if acts_on(group) && !is_unknown(group) => Verdict::MissingEffect,
+        _ if acts_on(group) && !hides(group) => Verdict::MissingEffect,
         _ if left.iter().any(|u| Group::of(u.axis) == group) => Verdict::Unexplained,
         _ if is_unknown(group) => Verdict::NotIdentified,
         _ => Verdict::Adequate,

@@ -101,17 +101,21 @@ pub struct NotIdentified {
     pub reason: String,
     /// What to fly, or to log, to determine it.
     pub fly: String,
+    /// Whether effects that were found all the same stand: the log is too poor for what is left to mean anything, and not for an
+    /// error that falls.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub leaves_findings: bool,
 }
 
 impl NotIdentified {
     /// Of one axis.
     pub fn of_axis(axis: Axis, reason: String, fly: impl Into<String>) -> Self {
-        Self { group: Group::of(axis), axis: Some(axis), reason, fly: fly.into() }
+        Self { group: Group::of(axis), axis: Some(axis), reason, fly: fly.into(), leaves_findings: false }
     }
 
     /// Of all axes of a group.
     pub fn of_group(group: Group, reason: String, fly: impl Into<String>) -> Self {
-        Self { group, axis: None, reason, fly: fly.into() }
+        Self { group, axis: None, reason, fly: fly.into(), leaves_findings: false }
     }
 
     /// Whether an axis is among those that are meant.

@@ -1,6 +1,7 @@
 //! Which physical effect is missing from a model? And why, or why not, one of them?
 
 use model::{Effect, Model};
+use sysid::FaultKind;
 
 use crate::conclusion::conclude;
 use crate::observer::Observer;
@@ -44,6 +45,10 @@ pub(crate) fn search(
     observer: &dyn Observer,
 ) -> Result<Diagnosis, WorkflowError> {
     let (train, validate) = (sets.train(), sets.validate());
+    let options = &match sets.faults.has(FaultKind::UnderSampled) {
+        true => options.without_quick(),
+        false => options.clone(),
+    };
     let mut diagnosis = diagnose_with(model, &train, &validate, options, observer)
         .and_then(|found| or_by_other_splits(found, model, &[train, validate].concat(), options, observer))
         .map_err(|why| WorkflowError::of_search(why, names(sets.training.loaded())))?;

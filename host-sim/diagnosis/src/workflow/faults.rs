@@ -1,6 +1,6 @@
 //! Faults of flights, vehicle files and fits, each with the files it is about.
 
-use model::{Effect, FlightRole, Group, Model, NotIdentified, Vehicle};
+use model::{Effect, FlightRole, GROUPS, Group, Model, NotIdentified, Vehicle};
 use sysid::checks::overlap;
 use sysid::checks::under_sampled;
 use sysid::checks::vehicle::{self, Likeness};
@@ -47,7 +47,12 @@ impl Faults {
     /// What flights with such faults do not determine.
     pub(crate) fn not_identified(&self) -> Vec<NotIdentified> {
         let told = self.listed.iter().filter(|listed| listed.fault.severity != Severity::Note);
-        told.filter_map(|listed| not_determined(listed.fault.kind)).collect()
+        told.flat_map(|listed| not_determined(listed.fault.kind)).collect()
+    }
+
+    /// Whether there is one of a kind, other than a note.
+    pub(crate) fn has(&self, kind: FaultKind) -> bool {
+        self.listed.iter().any(|l| l.fault.kind == kind && l.fault.severity != Severity::Note)
     }
 
     /// Adds a fault, once: a fit that is made again finds the same.
@@ -160,15 +165,19 @@ impl Faults {
 }
 
 /// What flights with a fault do not determine; nothing for a fault that leaves them an answer. Commands between the logged
-/// ones turn the craft to and fro before they have moved it.
-fn not_determined(kind: FaultKind) -> Option<NotIdentified> {
-    match kind {
-        FaultKind::UnderSampled => Some(NotIdentified::of_group(
-            Group::Rotation,
+/// ones turn the craft to and fro, and move it a little.
+fn not_determined(kind: FaultKind) -> Vec<NotIdentified> {
+    let of = |group: Group| NotIdentified {
+        leaves_findings: group == Group::Translation,
+        ..NotIdentified::of_group(
+            group,
             "the motor commands look under-sampled (see the warnings)".into(),
             "log at least as fast as the commands change",
-        )),
-        _ => None,
+        )
+    };
+    match kind {
+        FaultKind::UnderSampled => GROUPS.map(of).to_vec(),
+        _ => Vec::new(),
     }
 }
 
@@ -272,12 +281,12 @@ mod tests {
         let mut faults = Faults::default();
         for kind in [FaultKind::TrackerJump, FaultKind::SaturatedCommands, FaultKind::ClockOffset] {
             faults.add("A.csv", Fault::of_all(kind, Severity::Warning, "something"));
-            assert_eq!(not_determined(kind), None);
+            assert_eq!(not_determined(kind), []);
         }
         assert_eq!(faults.not_identified(), []);
         faults.add("A.csv", Fault::of_all(FaultKind::UnderSampled, Severity::Warning, "something"));
-        let groups: Vec<Group> = faults.not_identified().iter().map(|unknown| unknown.group).collect();
-        assert_eq!(groups, [Group::Rotation]);
+        let told: Vec<_> = faults.not_identified().iter().map(|u| (u.group, u.leaves_findings)).collect();
+        assert_eq!(told, [(Group::Translation, true), (Group::Rotation, false)]);
     }
 
     #[test]
