@@ -7,6 +7,7 @@
 //! - **still**: it stands where it is for a second, though the thrust is too small for that, by whatever little;
 //! - what stands still beside such a part, at the same height and place, stands there too: the motors ramp up, and the feet
 //!   leave the floor where the craft first moves;
+//! - what is as low beside a part where it stands bounces or slides there, whatever its thrust;
 //! - **tumbling**: upside down shortly before such a part, or at the end of the log.
 //!
 //! All of it is looked at in pieces of a tenth of a second, by medians: an outlier does not count, and lift-off is found to a
@@ -40,6 +41,11 @@ const STILL_PIECES: usize = 10;
 /// A craft that still stands at the same place: higher or lower by no more than this, m, and as far to the side.
 const SAME_HEIGHT_M: f64 = 0.02;
 const SAME_PLACE_M: f64 = 0.05;
+/// A craft that is no higher than this above where it stands soon or stood before, m, touches the floor; between two touches it hops no
+/// higher than that, for so many pieces at most: a landing with full thrust bounces by some centimetres for a second or two.
+const TOUCH_M: f64 = 0.04;
+const BOUNCE_M: f64 = 0.15;
+const BOUNCE_PIECES: usize = 20;
 /// So many pieces at most without any sign that something carries: thrust equal to the weight says nothing.
 const UNSURE_PIECES: usize = 10;
 /// Part of the weight that is such a sign.
@@ -132,6 +138,7 @@ pub fn airborne(flight: &Flight, vehicle: &Vehicle) -> Airborne {
         return Airborne { flown: vec![true; flight.len()], ..Airborne::default() };
     }
     log.grow(&mut why, &carried);
+    log.grow_along_floor(&mut why);
     close_hops(&mut why);
     log.mark_tumbling(&mut why);
     let gyro = log.standing_gyro(flight, &why);
@@ -253,6 +260,25 @@ impl Pieces {
                     why[next] = Some(Ground::Standing);
                     k = next;
                 }
+            }
+        }
+    }
+
+    /// Adds what is as low beside a part where the craft stands: it touches the floor again and again, though its thrust carries it.
+    fn grow_along_floor(&self, why: &mut [Option<Ground>]) {
+        let stands = |k: usize, why: &[Option<Ground>]| why[k] == Some(Ground::Standing);
+        let cores: Vec<usize> = (0..why.len()).filter(|&k| stands(k, why)).collect();
+        let height_m = |k: usize| -self.position_m[2][k];
+        for core in cores {
+            for ahead in [true, false] {
+                let beside = (1..=BOUNCE_PIECES)
+                    .map_while(|by| if ahead { Some(core + by) } else { core.checked_sub(by) })
+                    .take_while(|&k| k < why.len() && why[k].is_none());
+                let low: Vec<usize> =
+                    beside.take_while(|&k| height_m(k) - height_m(core) < BOUNCE_M).collect();
+                let touches = |k: &usize| height_m(*k) - height_m(core) < TOUCH_M;
+                let until = low.iter().rposition(touches).map_or(0, |last| last + 1);
+                low[..until].iter().for_each(|&k| why[k] = Some(Ground::Standing));
             }
         }
     }
@@ -545,6 +571,27 @@ mod tests {
         let [(from, to, why)] = times(&found)[..] else { panic!("{:?}", found.left_out) };
         assert_eq!(why, Ground::Tumbling);
         assert!((9.7..10.4).contains(&from) && to > 14.9, "{from} {to}");
+    }
+
+    /// It touches the floor, hops 7 cm with the thrust of a hover for one and a half seconds, and stands. The wave is as low for half a
+    /// second before.
+    #[test]
+    fn a_landing_that_bounces_ends_the_flight_with_the_first_touch() {
+        let bounces = |after_s: f64, row: &mut Row| {
+            let map = truth().vehicle.rotor_map();
+            if after_s < 1.5 {
+                row.position_ned_m[2] -= 0.07 * (std::f64::consts::PI * after_s / 1.5).sin();
+                row.command = [map.command_for(600.0, row.battery_v); 4];
+                row.rate_rad_s[0] += (3.0 * after_s).sin();
+            } else {
+                ramps(after_s - 1.5, row);
+            }
+        };
+        let found = times(&of(&flown_between(0.0, 5.0, bounces)));
+        assert!(
+            matches!(found[..], [(from_s, to_s, Ground::Standing)] if (9.0..10.3).contains(&from_s) && to_s > 14.9),
+            "{found:?}"
+        );
     }
 
     #[test]
