@@ -5,6 +5,16 @@ use sysid::{Prepared, has_rotation, without_rotation};
 
 use crate::change::Change;
 
+/// Periods of slow logs, s, slower than 80 and than 40 Hz: loops of craft command at 100 Hz and more, and their rotors answer within 20 to
+/// 50 ms.
+pub(crate) const SLOW_S: f64 = 0.0125;
+pub(crate) const SLOWER_S: f64 = 0.025;
+
+/// Whether an effect shows in quantities of a kind.
+fn shows_in(effect: &Effect, kind: &str) -> bool {
+    effect.info().through.iter().any(|name| name.ends_with(kind))
+}
+
 /// What to diagnose with.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Options {
@@ -15,9 +25,8 @@ pub struct Options {
 impl Options {
     /// The same without the effects that show in accelerations: those that commands between the logged ones make look alike.
     pub(crate) fn without_quick(&self) -> Self {
-        let is_quick = |e: &Effect| e.info().through.iter().any(|name| name.ends_with("acceleration"));
         let mut without = self.without.clone();
-        without.extend(Effect::candidates().filter(is_quick));
+        without.extend(Effect::candidates().filter(|effect| shows_in(effect, "acceleration")));
         Self { without }
     }
 
@@ -28,13 +37,17 @@ impl Options {
         if has_rotation(model) { all } else { without_rotation(&all) }
     }
 
-    /// What could be missing from a model, by these flights: a dead time cannot be told from what interpolation does to a log.
+    /// What could be missing from a model, by these flights. A dead time cannot be told from what interpolation does to a log, nor how
+    /// rotors speed up from what was commanded between the rows of a slow one; of a slower one, nothing that shows in accelerations.
     pub(crate) fn candidates_by(&self, model: &Model, flights: &[&Prepared]) -> Vec<Effect> {
-        let mut candidates = self.candidates(model);
-        if flights.iter().any(|flight| flight.is_interpolated) {
-            candidates.retain(|effect| *effect != Effect::InputDelay);
-        }
-        candidates
+        let period_s = flights.iter().map(|flight| flight.period_s).fold(0.0, f64::max);
+        let interpolated = flights.iter().any(|flight| flight.is_interpolated);
+        let is_told = |effect: &Effect| {
+            !(interpolated && *effect == Effect::InputDelay
+                || period_s > SLOW_S && shows_in(effect, "rotor_acceleration")
+                || period_s > SLOWER_S && shows_in(effect, "acceleration"))
+        };
+        self.candidates(model).into_iter().filter(is_told).collect()
     }
 
     /// What could be missing from a model, and `effect`, which is asked about.
@@ -72,6 +85,20 @@ mod tests {
         assert_eq!(fewer.len() + 4, all.len(), "one for each motor");
         assert!(fewer.iter().all(|change| change.effect != Effect::MotorEfficiency));
         assert_eq!(options.changes_with(Effect::MotorEfficiency, &model), all);
+    }
+
+    #[test]
+    fn slow_logs_tell_nothing_of_rotors_and_slower_ones_nothing_of_accelerations() {
+        let flights =
+            crate::testing::prepared(&crate::testing::truth(), 1..2, 4.0, &crate::testing::ORDINARY);
+        let at = |rate_hz: f64| {
+            let flight = Prepared { period_s: 1.0 / rate_hz, ..flights[0].clone() };
+            let told = Options::default().candidates_by(&Model::thesis(), &[&flight]);
+            [Effect::MotorLag, Effect::TrackingOffset, Effect::SteadyWind].map(|e| told.contains(&e))
+        };
+        assert_eq!(at(100.0), [true; 3]);
+        assert_eq!(at(50.0), [false, true, true]);
+        assert_eq!(at(25.0), [false, false, true]);
     }
 
     #[test]

@@ -1,11 +1,15 @@
 //! Which physical effect is missing from a model? And why, or why not, one of them?
 
-use model::{Effect, Model};
-use sysid::FaultKind;
+use model::{Effect, GROUPS, Group, Model, NotIdentified};
+use report::number::fixed;
+use sysid::{FaultKind, Prepared};
 
 use crate::conclusion::conclude;
+use crate::finding::Unexplained;
 use crate::observer::Observer;
+use crate::options::{SLOW_S, SLOWER_S};
 use crate::other_splits::or_by_other_splits;
+use crate::reason::Dependence;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::loaded::names;
 use crate::workflow::sets::FlightSets;
@@ -53,8 +57,31 @@ pub(crate) fn search(
         .and_then(|found| or_by_other_splits(found, model, &[train, validate].concat(), options, observer))
         .map_err(|why| WorkflowError::of_search(why, names(sets.training.loaded())))?;
     diagnosis.not_identified.extend(sets.faults.not_identified());
+    diagnosis.not_identified.extend(logged_too_slowly(&diagnosis, &sets.train()));
     let Diagnosis { effects, unexplained, not_identified, .. } = diagnosis;
     Ok(conclude(effects, unexplained, not_identified))
+}
+
+/// A rotation that answers to the past in a slow log answers to what was commanded between its rows; in a slower one, the forces do as
+/// well.
+fn logged_too_slowly(diagnosis: &Diagnosis, flights: &[&Prepared]) -> Vec<NotIdentified> {
+    let period_s = flights.iter().map(|flight| flight.period_s).fold(0.0, f64::max);
+    let left = |u: &Unexplained| Group::of(u.axis) == Group::Rotation && u.depends_on == Dependence::Past;
+    if period_s <= SLOW_S || !diagnosis.unexplained.iter().any(left) {
+        return Vec::new();
+    }
+    let of = |group: &Group| {
+        let why = format!(
+            "the motor commands are under-sampled at {} Hz: the craft also answers to those between the rows",
+            fixed(1.0 / period_s, 0)
+        );
+        NotIdentified {
+            leaves_findings: true,
+            ..NotIdentified::of_group(*group, why, "log at 100 Hz or more")
+        }
+    };
+    let is_unknown = |group: &&Group| **group == Group::Rotation || period_s > SLOWER_S;
+    GROUPS.iter().filter(is_unknown).map(of).collect()
 }
 
 #[cfg(test)]
