@@ -62,25 +62,29 @@ pub(crate) fn search(
     Ok(conclude(effects, unexplained, not_identified))
 }
 
-/// A rotation that answers to the past in a slow log answers to what was commanded between its rows; in a slower one, the forces do as
-/// well.
+/// A rotation that answers to the past in a slow or interpolated log answers to what happened between its rows; where they are further
+/// apart, the forces do as well.
 fn logged_too_slowly(diagnosis: &Diagnosis, flights: &[&Prepared]) -> Vec<NotIdentified> {
     let period_s = flights.iter().map(|flight| flight.period_s).fold(0.0, f64::max);
+    let interpolated = flights.iter().any(|flight| flight.is_interpolated);
     let left = |u: &Unexplained| Group::of(u.axis) == Group::Rotation && u.depends_on == Dependence::Past;
-    if period_s <= SLOW_S || !diagnosis.unexplained.iter().any(left) {
+    if !(interpolated || period_s > SLOW_S) || !diagnosis.unexplained.iter().any(left) {
         return Vec::new();
     }
-    let of = |group: &Group| {
-        let why = format!(
+    let why = match interpolated {
+        true => {
+            "the log is interpolated: the craft also answers to what happened between its own rows".into()
+        }
+        false => format!(
             "the motor commands are under-sampled at {} Hz: the craft also answers to those between the rows",
             fixed(1.0 / period_s, 0)
-        );
-        NotIdentified {
-            leaves_findings: true,
-            ..NotIdentified::of_group(*group, why, "log at 100 Hz or more")
-        }
+        ),
     };
-    let is_unknown = |group: &&Group| **group == Group::Rotation || period_s > SLOWER_S;
+    let of = |group: &Group| NotIdentified {
+        leaves_findings: true,
+        ..NotIdentified::of_group(*group, why.clone(), "log at 100 Hz or more")
+    };
+    let is_unknown = |group: &&Group| **group == Group::Rotation || interpolated || period_s > SLOWER_S;
     GROUPS.iter().filter(is_unknown).map(of).collect()
 }
 
