@@ -1,9 +1,12 @@
 //! Flights before a model meets them: what is checked, and what belongs to single flights and not to the craft, the offset
-//! between their clocks and their trim.
+//! between their clocks, their trim and their wind.
 
 use model::{Effect, Model, Vehicle};
+use nalgebra::Vector3;
+use report::number::fixed;
 use sysid::checks::vehicle::Likeness;
-use sysid::{Prepared, Reference};
+use sysid::fit::weather;
+use sysid::{Fault, FaultKind, Prepared, Reference, Severity};
 
 use crate::observer::Observer;
 use crate::workflow::error::WorkflowError;
@@ -37,6 +40,43 @@ impl FlightSets {
     /// Finds the training flights' trim anew, with what has joined the model.
     pub(crate) fn trim(&mut self, model: &Model) {
         sysid::fit::trim::estimate(&mut prepared(&mut self.training.0), model);
+    }
+
+    /// Whether the flights have winds of their own.
+    pub(crate) fn has_weather(&self) -> bool {
+        self.all().any(|flight| flight.prepared.wind_ned_m_s != Vector3::zeros())
+    }
+
+    /// Gives each flight its own wind about `model`, fitted again with these winds, where they differ. Whether they do.
+    pub(crate) fn find_weather(&mut self, model: &Model) -> bool {
+        if !weather::estimate(&mut self.all_prepared(), model) {
+            return false;
+        }
+        let in_winds = sysid::fit(&self.train(), &model.vehicle, &model.effects(), Some(model));
+        in_winds.is_ok_and(|fit| weather::estimate(&mut self.all_prepared(), &fit.model))
+    }
+
+    pub(crate) fn forget_weather(&mut self) {
+        weather::clear(&mut self.all_prepared());
+    }
+
+    /// Says the wind of each flight.
+    pub(crate) fn tell_weather(&mut self) {
+        let of = |flight: &LoadedFlight| {
+            let [north, east] = [0, 1].map(|i| fixed(flight.prepared.wind_ned_m_s[i], 2));
+            format!("{} {north} north and {east} east", flight.path.display())
+        };
+        let winds: Vec<String> = self.all().map(of).collect();
+        let sentence = format!(
+            "each has a wind of its own, which is taken into account: from the mean of all, in m/s, {}",
+            winds.join(", ")
+        );
+        self.faults.add("flights", Fault::of_all(FaultKind::WindBetweenFlights, Severity::Warning, sentence));
+    }
+
+    fn all_prepared(&mut self) -> Vec<&mut Prepared> {
+        let all = self.training.0.iter_mut().chain(&mut self.held_out.0);
+        all.map(|flight| &mut flight.prepared).collect()
     }
 
     /// Judges anew whose rotor clocks wander, now that `effect` has joined the model: what a model lacks can look like that.

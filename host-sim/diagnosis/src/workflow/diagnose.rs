@@ -13,7 +13,7 @@ use crate::reason::Dependence;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::loaded::names;
 use crate::workflow::sets::FlightSets;
-use crate::{Diagnosis, Options, Why, diagnose_with};
+use crate::{Diagnosis, Options, Verdict, Why, diagnose_with};
 
 /// Diagnoses a model on flights; `effects` are users' own that may join it.
 pub fn diagnose(
@@ -41,8 +41,29 @@ pub fn why(
         .map_err(|why| WorkflowError::of_why(why, names(sets.training.loaded())))
 }
 
-/// Diagnoses on flights whose clocks and trim are set.
+/// Diagnoses on flights whose clocks and trim are set. Where forces stay unexplained, each flight gets its own wind, if that explains
+/// them.
 pub(crate) fn search(
+    model: &Model,
+    sets: &mut FlightSets,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Diagnosis, WorkflowError> {
+    let found = search_in_one_wind(model, sets, options, observer)?;
+    let is_explained = |diagnosis: &Diagnosis| diagnosis.verdicts.translation != Verdict::Unexplained;
+    if is_explained(&found) || sets.has_weather() || !sets.find_weather(model) {
+        return Ok(found);
+    }
+    let in_own_winds = search_in_one_wind(model, sets, options, observer)?;
+    if !is_explained(&in_own_winds) {
+        sets.forget_weather();
+        return Ok(found);
+    }
+    sets.tell_weather();
+    Ok(in_own_winds)
+}
+
+fn search_in_one_wind(
     model: &Model,
     sets: &FlightSets,
     options: &Options,

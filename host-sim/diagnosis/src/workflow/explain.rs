@@ -137,10 +137,13 @@ fn go_through(
     rotation: Rotation<'_>,
     observer: &dyn Observer,
 ) -> Result<Explanation, WorkflowError> {
-    let basic = fit_basic(vehicle, sets, rotation, observer)?.model;
-    let basic_comparison = sysid::compare(&basic, &sets.validate());
+    let mut basic = fit_basic(vehicle, sets, rotation, observer)?.model;
     let mut steps: Vec<Step> = Vec::new();
     let mut diagnosis = search(&basic, sets, options, observer)?;
+    if sets.has_weather() {
+        basic = fit_basic(vehicle, sets, rotation, observer)?.model;
+    }
+    let basic_comparison = sysid::compare(&basic, &sets.validate());
     while let Some(effect) = diagnosis.best() {
         let model = steps.last().map_or(&basic, |step| &step.model).clone();
         match join_and_search(&model, effect, sets, options, observer) {

@@ -48,6 +48,8 @@ pub enum FaultKind {
     Interpolated,
     /// Commands that change between two rows of the log.
     UnderSampled,
+    /// Flights in winds of their own.
+    WindBetweenFlights,
     /// Mass, geometry or units of the vehicle file against what the fit says.
     ImplausibleVehicle,
     /// Flights that are not those of the model's vehicle, or of two vehicles.
@@ -79,6 +81,7 @@ impl FaultKind {
             Self::NotAirborne => "not-airborne",
             Self::Interpolated => "interpolated",
             Self::UnderSampled => "under-sampled",
+            Self::WindBetweenFlights => "wind-between-flights",
             Self::ImplausibleVehicle => "implausible-vehicle",
             Self::OtherVehicle => "other-vehicle",
             Self::TooFewFlights => "too-few-flights",
@@ -313,7 +316,7 @@ mod tests {
     use super::*;
     use crate::testing::{NONE, flight, fly, truth};
 
-    const KINDS: [FaultKind; 19] = [
+    const KINDS: [FaultKind; 20] = [
         FaultKind::ClockOffset,
         FaultKind::ClockSkew,
         FaultKind::WanderingClock,
@@ -327,6 +330,7 @@ mod tests {
         FaultKind::NotAirborne,
         FaultKind::Interpolated,
         FaultKind::UnderSampled,
+        FaultKind::WindBetweenFlights,
         FaultKind::ImplausibleVehicle,
         FaultKind::OtherVehicle,
         FaultKind::TooFewFlights,

@@ -32,6 +32,7 @@ pub mod terms;
 pub mod trim;
 mod undefined;
 mod unloaded;
+pub mod weather;
 
 pub use doubts::{SignDoubt, impossible_signs, produces_thrust, rotation_doubts, rotor_signs, sign_doubts};
 pub use error::{FitError, check_residuals};

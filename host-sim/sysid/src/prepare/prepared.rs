@@ -17,6 +17,7 @@
 use std::ops::Range;
 
 use model::Vehicle;
+use nalgebra::Vector3;
 
 use crate::filter::RegressionFilter;
 use crate::prepare::battery;
@@ -93,6 +94,8 @@ pub struct Prepared {
     /// Constant part of the targets that belongs to this flight and not to the craft; m/s^2,
     /// rad/s^2.
     pub trim: Option<Trim>,
+    /// Wind of this flight beside that of the model, north, east, down, m/s; zero where none was looked for.
+    pub wind_ned_m_s: Vector3<f64>,
     /// Standard deviation of the log's times about an even grid, s.
     pub jitter_s: f64,
     /// Stretches without gaps, in order.
@@ -152,6 +155,7 @@ impl Prepared {
             is_interpolated: false,
             alignment: None,
             trim: None,
+            wind_ned_m_s: Vector3::zeros(),
             jitter_s,
             stretches,
             filter,

@@ -33,6 +33,7 @@ pub struct States<'a> {
     /// From the tracked attitude to the body's, where they differ.
     untilt: Option<Matrix3<f64>>,
     lever_m: Vector3<f64>,
+    wind_ned_m_s: Vector3<f64>,
     rotor: [RotorTrack; 4],
     period_s: f64,
 }
@@ -57,7 +58,8 @@ impl States<'_> {
         let stretch = self.stretch;
         let dcm = self.dcm(k);
         let rate = vector(&stretch.rate_rad_s, k);
-        let mut velocity = dcm * vector(&stretch.velocity_ned_m_s, k);
+        // What the air does to the craft is all that looks at it.
+        let mut velocity = dcm * (vector(&stretch.velocity_ned_m_s, k) - self.wind_ned_m_s);
         let mut position = vector(&stretch.position_ned_m, k);
         if self.lever_m != Vector3::zeros() {
             velocity -= rate.cross(&self.lever_m);
@@ -167,6 +169,7 @@ impl Prepared {
             stretch,
             untilt: Some(adjust.true_dcm(&Matrix3::identity())).filter(|m| *m != Matrix3::identity()),
             lever_m: Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m(),
+            wind_ned_m_s: self.wind_ned_m_s,
             rotor: stretch.rotors(vehicle, adjust, self.period_s, self.rotor_late_s()),
             period_s: self.period_s,
         }

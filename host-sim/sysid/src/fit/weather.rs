@@ -1,0 +1,139 @@
+//! The wind of each flight.
+//!
+//! A wind that blows in all flights is the model's (`steady-wind`), and a craft that is pushed all the time may be pushed by
+//! something else. One that differs from flight to flight belongs to the flights: left in, it is structure that no effect of the craft
+//! explains. It is estimated by each flight alone, about a model of drag, and counts as a **deviation from the flights' mean**, so
+//! that what is common stays to be found.
+
+use model::{Effect, Model};
+use nalgebra::{DVector, Matrix2, Vector2, Vector3};
+
+use crate::fit::least_squares;
+use crate::fit::linearise::About;
+use crate::fit::swing::Known;
+use crate::prepare::Prepared;
+use crate::statistics::squares_p_value;
+
+/// Largest p-value of "the flights have one wind".
+const DIFFERENT: f64 = 1e-6;
+/// Smallest root mean square of the deviations that counts, m/s: less is the trim of a tracker.
+const LEAST_M_S: f64 = 0.2;
+/// Standard errors from zero of the drag along both axes without which a push tells no wind.
+const DETERMINED: f64 = 4.0;
+/// Steps to the wind, with drag that grows with the airspeed.
+const STEPS: usize = 3;
+
+/// Gives each of the flights its own wind about `model`, where they differ; takes it from them where they do not. Whether they do.
+pub fn estimate(flights: &mut [&mut Prepared], model: &Model) -> bool {
+    clear(flights);
+    if flights.len() < 2 || !has_drag(model) {
+        return false;
+    }
+    let winds: Option<Vec<Wind>> = flights.iter().map(|flight| Wind::of(flight, model)).collect();
+    let Some(winds) = winds else { return false };
+    let count = winds.len() as f64;
+    let mean = winds.iter().map(|wind| wind.value).sum::<Vector2<f64>>() / count;
+    let deviations: Vec<Vector2<f64>> = winds.iter().map(|wind| wind.value - mean).collect();
+    let squares = |(wind, d): (&Wind, &Vector2<f64>)| Some(d.dot(&(wind.covariance.try_inverse()? * d)));
+    let Some(squares) = winds.iter().zip(&deviations).map(squares).sum::<Option<f64>>() else { return false };
+    let spread_m_s = (deviations.iter().map(Vector2::norm_squared).sum::<f64>() / count).sqrt();
+    let p_value = squares_p_value(squares, 2 * (winds.len() - 1), INDEPENDENT * count);
+    if p_value > DIFFERENT || spread_m_s < LEAST_M_S {
+        return false;
+    }
+    for (flight, deviation) in flights.iter_mut().zip(deviations) {
+        flight.wind_ned_m_s = Vector3::new(deviation.x, deviation.y, 0.0);
+    }
+    true
+}
+
+/// Independent stretches of a flight that its wind is known from, at least.
+const INDEPENDENT: f64 = 10.0;
+
+/// Takes the flights' own winds from them.
+pub fn clear(flights: &mut [&mut Prepared]) {
+    flights.iter_mut().for_each(|flight| flight.wind_ned_m_s = Vector3::zeros());
+}
+
+fn has_drag(model: &Model) -> bool {
+    let Some(drag) = model.term(Effect::LinearDrag) else { return false };
+    drag.coefficients[..2].iter().all(|c| c.std_error.is_some_and(|error| -c.value > DETERMINED * error))
+}
+
+/// The wind of a flight by itself, north and east.
+struct Wind {
+    value: Vector2<f64>,
+    covariance: Matrix2<f64>,
+}
+
+impl Wind {
+    fn of(flight: &Prepared, model: &Model) -> Option<Self> {
+        let mut windy = model.clone();
+        let start = model.term(Effect::SteadyWind).map_or_else(|| vec![0.0; 2], |term| term.values());
+        let mut value = Vector2::new(start[0], start[1]);
+        let mut covariance = Matrix2::zeros();
+        for _ in 0..STEPS {
+            windy.set(Effect::SteadyWind, value.as_slice());
+            let about = About::new(
+                flight,
+                &windy,
+                (&[], &[Effect::SteadyWind]),
+                flight.fit_stride(),
+                &Known::default(),
+            );
+            let rows = flight.rows_of_fit(about.residuals.residual, about.columns);
+            let solution = least_squares::solve(&[rows], &[None; 2]).ok()?;
+            let step: &DVector<f64> = &solution.value;
+            value += Vector2::new(step[0], step[1]);
+            covariance = solution.covariance.fixed_view::<2, 2>(0, 0).into_owned();
+        }
+        value.iter().all(|v| v.is_finite()).then_some(Self { value, covariance })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{NONE, fly, truth};
+
+    /// Flights of the true craft in winds, north.
+    fn flown(winds_m_s: &[f64]) -> Vec<Prepared> {
+        let one = |(seed, wind): (usize, &f64)| {
+            let mut model = truth();
+            model.set(Effect::SteadyWind, &[*wind, 0.3]);
+            Prepared::new(&fly(&model, seed as u64 + 1, 12.0, &NONE), &model.vehicle).unwrap()
+        };
+        winds_m_s.iter().enumerate().map(one).collect()
+    }
+
+    /// The true craft with what a fit knows of its drag.
+    fn known() -> Model {
+        let mut model = truth();
+        let drag = model.terms.iter_mut().find(|term| term.effect == Effect::LinearDrag).unwrap();
+        drag.coefficients.iter_mut().for_each(|c| c.std_error = Some(0.01 * c.value.abs()));
+        model
+    }
+
+    fn estimated(flights: &mut [Prepared], model: &Model) -> bool {
+        estimate(&mut flights.iter_mut().collect::<Vec<_>>(), model)
+    }
+
+    #[test]
+    fn each_flight_gets_what_its_wind_differs_from_the_mean_of_all_by() {
+        let mut flights = flown(&[1.0, -0.5, -0.5]);
+        assert!(estimated(&mut flights, &known()));
+        for (flight, expected) in flights.iter().zip([1.0, -0.5, -0.5]) {
+            let wind = flight.wind_ned_m_s;
+            assert!((wind.x - expected).abs() < 0.1 && wind.y.abs() < 0.1 && wind.z == 0.0, "{wind}");
+        }
+    }
+
+    #[test]
+    fn a_wind_that_all_have_and_drag_that_is_not_known_give_none() {
+        let mut alike = flown(&[1.0, 1.0]);
+        assert!(!estimated(&mut alike, &known()));
+        assert_eq!(alike[0].wind_ned_m_s, Vector3::zeros());
+        assert!(!estimated(&mut flown(&[1.0, -1.0]), &truth()));
+        assert!(!estimated(&mut flown(&[1.0]), &known()));
+    }
+}
