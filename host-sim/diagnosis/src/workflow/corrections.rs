@@ -13,6 +13,9 @@ use crate::workflow::error::WorkflowError;
 use crate::workflow::loaded::{LoadedFlight, leave_out_undefined};
 use crate::workflow::sets::{FlightSets, FlightsOfOneKind};
 
+/// Fits of drag and winds by turns: a drag that was fitted without the winds is off by what they do.
+const ROUNDS: usize = 3;
+
 impl FlightSets {
     /// Checks the flights against a model that is there already, and sets their clocks and trim.
     pub(crate) fn hold_against(
@@ -49,11 +52,18 @@ impl FlightSets {
 
     /// Gives each flight its own wind about `model`, fitted again with these winds, where they differ. Whether they do.
     pub(crate) fn find_weather(&mut self, model: &Model) -> bool {
-        if !weather::estimate(&mut self.all_prepared(), model) {
-            return false;
+        let mut about = model.clone();
+        for _ in 0..ROUNDS {
+            if !weather::estimate(&mut self.all_prepared(), &about) {
+                return false;
+            }
+            let Ok(fit) = sysid::fit(&self.train(), &model.vehicle, &model.effects(), Some(&about)) else {
+                self.forget_weather();
+                return false;
+            };
+            about = fit.model;
         }
-        let in_winds = sysid::fit(&self.train(), &model.vehicle, &model.effects(), Some(model));
-        in_winds.is_ok_and(|fit| weather::estimate(&mut self.all_prepared(), &fit.model))
+        true
     }
 
     pub(crate) fn forget_weather(&mut self) {
@@ -67,10 +77,8 @@ impl FlightSets {
             format!("{} {north} north and {east} east", flight.path.display())
         };
         let winds: Vec<String> = self.all().map(of).collect();
-        let sentence = format!(
-            "each has a wind of its own, which is taken into account: from the mean of all, in m/s, {}",
-            winds.join(", ")
-        );
+        let sentence =
+            format!("each has a wind of its own, which is taken into account: in m/s, {}", winds.join(", "));
         self.faults.add("flights", Fault::of_all(FaultKind::WindBetweenFlights, Severity::Warning, sentence));
     }
 
