@@ -245,10 +245,6 @@ impl fmt::Display for Reason {
                 let (rms, fall) = (rms_of(axes), number::percent(rms_fall_percent(*percent)));
                 write!(f, "the held-out {rms} falls by {fall} %, in {improved} of {flights} flights")
             }
-            Self::OnOtherSplits { found, of } => write!(
-                f,
-                "the flights held out do not show it, but with each of the {of} flights held out in turn, {found} find it"
-            ),
             Self::NotExcited { excitation } => {
                 write!(f, "these flights do not excite it; to see it: {excitation}")
             }
@@ -264,21 +260,6 @@ impl fmt::Display for Reason {
                 number::percent(*largest_percent),
                 number::percent(*matters_percent)
             ),
-            Self::NotBorneOut { improved, flights, p_value } => {
-                write!(f, "not confirmed on held-out flights ({improved} of {flights} improve")?;
-                p_value.map_or(Ok(()), |p| write!(f, ", {}", p_equation(p)))?;
-                f.write_str(")")
-            }
-            Self::TooFewSwings { swings, excitation } => write!(
-                f,
-                "swings {} times in the longest flight without a gap: a slow drift would look the same; to see it, fly longer: {excitation}",
-                number::fixed(*swings, 1)
-            ),
-            Self::HarmsAxis { axis, percent } => write!(
-                f,
-                "with it, the held-out rms error of {axis} rises by {} %",
-                number::percent(-rms_fall_percent(-percent))
-            ),
             Self::Impossible { coefficient, value, unit, possible: (low, high) } => write!(
                 f,
                 "needs {coefficient} = {}, outside the physically possible range {low} to {high}",
@@ -292,6 +273,10 @@ impl fmt::Display for Reason {
                 write!(f, "{objection}: {name} = {found}")
             }
             Self::AnswersLate | Self::AboveNoise { .. } | Self::LeavesMore { .. } => self.write_stand_in(f),
+            Self::OnOtherSplits { .. }
+            | Self::NotBorneOut { .. }
+            | Self::HarmsAxis { .. }
+            | Self::TooFewSwings { .. } => self.write_of_flights(f),
             Self::OnlyLinearised
             | Self::NotFittedTogether(_)
             | Self::MakesWorse { .. }
@@ -310,6 +295,33 @@ impl fmt::Display for Reason {
 }
 
 impl Reason {
+    /// What the flights say of an effect that is certain on those of the fit.
+    fn write_of_flights(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::OnOtherSplits { found, of } => write!(
+                f,
+                "the held-out flights do not show it, but when each of the {of} flights is held out in turn, {found} of them do"
+            ),
+            Self::NotBorneOut { improved, flights, p_value } => {
+                write!(f, "not confirmed on held-out flights ({improved} of {flights} improve")?;
+                p_value.map_or(Ok(()), |p| write!(f, ", {}", p_equation(p)))?;
+                f.write_str(")")
+            }
+            Self::HarmsAxis { axis, percent } => write!(
+                f,
+                "with it, the held-out rms error of {axis} rises by {} %",
+                number::percent(-rms_fall_percent(-percent))
+            ),
+            Self::TooFewSwings { swings, excitation } => write!(
+                f,
+                "it would swing only {} times in the longest flight, where a slow drift looks the same; to see it, fly longer: \
+                 {excitation}",
+                fixed(*swings, 1)
+            ),
+            _ => Ok(()),
+        }
+    }
+
     /// Why an effect is taken for a stand-in.
     fn write_stand_in(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
