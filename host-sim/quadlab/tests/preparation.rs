@@ -169,8 +169,8 @@ fn seconds_on_the_floor_change_no_answer() {
     assert_eq!(effects(&with_floor), effects(&flown));
     for axis in common::AXES {
         let [with, without] = [&with_floor, &flown].map(|answer| answer["sse_last"][axis].as_f64().unwrap());
-        // A few tenths of a second at each end are left out as well.
-        assert!((with / without - 1.0).abs() < 0.08, "{axis}: {with} {without}");
+        // A few tenths of a second at each end are left out as well, and what is no higher than a bounce beside them.
+        assert!((with / without - 1.0).abs() < 0.15, "{axis}: {with} {without}");
     }
     let used = with_floor["used"].as_array().unwrap();
     assert_eq!(used.len(), 5);

@@ -111,9 +111,12 @@ fn logged_too_slowly(diagnosis: &Diagnosis, flights: &[&Prepared]) -> Vec<NotIde
 
 #[cfg(test)]
 mod tests {
+    use flights::Flight;
+
     use super::*;
+    use crate::reason::Reason;
     use crate::testing::{ORDINARY, fly, truth};
-    use crate::workflow::{Reading, Silent};
+    use crate::workflow::{Reading, Silent, identify};
 
     struct Stopping;
 
@@ -141,5 +144,31 @@ mod tests {
     fn an_effect_that_cannot_be_missing_is_not_asked_about() {
         let asked = why(&truth(), Effect::Thrust, &[], &mut sets(), &Options::default(), &Silent);
         assert!(matches!(asked, Err(WorkflowError::Why(crate::WhyError::Basic(Effect::Thrust)))));
+    }
+
+    fn flown_as(effect: Effect, values: &[f64], seed: u64) -> Flight {
+        let mut model = truth();
+        model.set(effect, values);
+        fly(&model, seed, 10.0, &ORDINARY)
+    }
+
+    fn diagnosed(train: &[Flight], validate: &[Flight]) -> (Diagnosis, FlightSets) {
+        let vehicle = truth().vehicle;
+        let mut sets =
+            FlightSets::from_flights(train, validate, &vehicle, Reading::default(), &Silent).unwrap();
+        let basic = identify(&vehicle, &[], &mut sets, None, &Silent).unwrap().model;
+        let found = diagnose(&basic, &[], &mut sets, &Options::default(), &Silent).unwrap();
+        (found, sets)
+    }
+
+    /// Nothing of the craft is missing where each flight has a wind of its own.
+    #[test]
+    fn flights_in_winds_of_their_own_are_each_given_theirs() {
+        let winds = [[1.5, 0.2], [-1.0, 0.8], [0.1, -1.2], [-0.5, -1.0], [1.0, 1.0]];
+        let flights: Vec<Flight> =
+            (1..6).map(|seed| flown_as(Effect::SteadyWind, &winds[seed - 1], seed as u64)).collect();
+        let (found, sets) = diagnosed(&flights[..3], &flights[3..]);
+        assert_eq!(found.best(), None, "{}", found.summary);
+        assert!(sets.faults.has(FaultKind::WindBetweenFlights), "{}", found.summary);
     }
 }
