@@ -114,7 +114,6 @@ mod tests {
     use flights::Flight;
 
     use super::*;
-    use crate::reason::Reason;
     use crate::testing::{ORDINARY, fly, truth};
     use crate::workflow::{Reading, Silent, identify};
 
