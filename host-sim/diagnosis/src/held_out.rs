@@ -107,7 +107,7 @@ pub(crate) fn take_gain(
     let rises: Vec<(Axis, f64)> =
         axes.iter().filter_map(|axis| rise(*axis, finding, flights, (before, after))).collect();
     finding.harm_percent = harm_percent(finding, &rises);
-    finding.rise = rises.into_iter().max_by(larger);
+    finding.rise = rises.into_iter().max_by(|one, other| one.1.total_cmp(&other.1));
     finding.drop_percent = if total > 0.0 { 100.0 * fall / total } else { 0.0 };
     finding.held_out_p_value = Some(blocks.p_value());
     finding.gain = log_likelihood_ratio(&errors_before, &errors_after);
@@ -130,6 +130,9 @@ fn rise(
     (before, after): (&[Residuals], &[Residuals]),
 ) -> Option<(Axis, f64)> {
     let percent = -finding.axes.get(axis.name())?.drop_percent;
+    if percent <= RISE_PERCENT {
+        return None;
+    }
     let mut blocks = Blocks::default();
     for ((flight, a), b) in flights.iter().zip(before).zip(after) {
         let pairs = || a.residual[axis.index()].iter().zip(&b.residual[axis.index()]);
@@ -138,11 +141,7 @@ fn rise(
         blocks.gain.extend(block_sums(flight, &risen));
         blocks.chance.extend(block_sums(flight, &chance));
     }
-    (percent > RISE_PERCENT && blocks.p_value() <= HELD_OUT_SIGNIFICANCE).then_some((axis, percent))
-}
-
-fn larger(one: &(Axis, f64), other: &(Axis, f64)) -> std::cmp::Ordering {
-    one.1.total_cmp(&other.1)
+    (blocks.p_value() <= HELD_OUT_SIGNIFICANCE).then_some((axis, percent))
 }
 
 /// Logarithm of the likelihood ratio of two models of the same flights, Gaussian residuals: sum over the axes of

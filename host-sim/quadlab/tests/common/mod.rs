@@ -7,6 +7,11 @@ use std::sync::OnceLock;
 
 use serde_json::Value;
 
+#[path = "../../../diagnosis/tests/common/shared.rs"]
+mod shared;
+#[allow(unused_imports, reason = "each test file uses a part of this module")]
+pub(crate) use shared::shared;
+
 /// The axes of the contract's JSON.
 pub(crate) const AXES: [&str; 6] = ["u", "v", "w", "p", "q", "r"];
 
@@ -66,19 +71,4 @@ pub(crate) fn with_sets<'a>(first: &[&'a str]) -> Vec<&'a str> {
 /// Identifies the basic model of the folder's flights into model.toml.
 pub(crate) fn identify(folder: &Path) {
     done_in(folder, &with_sets(&["identify", "--vehicle", "vehicle.toml", "--out", "model.toml"]));
-}
-
-/// The shared reference material beside the repository, or where QUADLAB_SHARED says; says so when it is not there.
-pub(crate) fn shared(inside: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("QUADLAB_SHARED")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"), PathBuf::from);
-    let path = root.join(inside);
-    if path.exists() {
-        return Some(path);
-    }
-    println!(
-        "SKIPPED: {} is not there (set QUADLAB_SHARED to the folder that holds {inside})",
-        path.display()
-    );
-    None
 }

@@ -22,6 +22,8 @@ const LEAST_M_S: f64 = 0.2;
 const DETERMINED: f64 = 2.0;
 /// Steps to the wind, with drag that grows with the airspeed.
 const STEPS: usize = 3;
+/// Independent stretches of a flight that its wind is known from, at least.
+const INDEPENDENT: f64 = 10.0;
 
 /// Gives each of the flights its own wind about `model`, where they differ; takes it from them where they do not. Whether they do.
 pub fn estimate(flights: &mut [&mut Prepared], model: &Model) -> bool {
@@ -46,9 +48,6 @@ pub fn estimate(flights: &mut [&mut Prepared], model: &Model) -> bool {
     }
     true
 }
-
-/// Independent stretches of a flight that its wind is known from, at least.
-const INDEPENDENT: f64 = 10.0;
 
 /// Takes the flights' own winds from them.
 pub fn clear(flights: &mut [&mut Prepared]) {
