@@ -38,13 +38,18 @@ const ARROWS: &[Allowed] = &[
         why: "a log is read without knowing what is made of it, but for the vehicle's motor commands",
     },
     Allowed {
+        from: "logs",
+        to: &["model", "flights"],
+        why: "other programs' logs become flights before anything is fitted to them",
+    },
+    Allowed {
         from: "sysid",
         to: &["model", "flights", "report"],
         why: "identification fits the effects that the plant simulates, and its sentences write numbers as tables do",
     },
     Allowed {
         from: "diagnosis",
-        to: &["model", "flights", "sysid", "report"],
+        to: &["model", "flights", "logs", "sysid", "report"],
         why: "what is missing is searched for with the fit and the residuals of identification, and told with numbers as in tables",
     },
     Allowed {
@@ -102,6 +107,7 @@ const ARROWS: &[Allowed] = &[
             "proto",
             "report",
             "flights",
+            "logs",
             "sysid",
             "diagnosis",
             "motor-stand",
@@ -120,6 +126,7 @@ const ARROWS: &[Allowed] = &[
             "proto",
             "report",
             "flights",
+            "logs",
             "sysid",
             "diagnosis",
             "motor-stand",

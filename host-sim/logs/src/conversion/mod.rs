@@ -1,0 +1,1 @@
+//! Quantities into flights: airborne parts on one time grid.

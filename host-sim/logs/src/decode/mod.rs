@@ -1,0 +1,35 @@
+//! Files into tables, one module a format.
+
+mod blackbox;
+mod crazyflie;
+mod dataflash;
+mod mcap;
+mod parquet;
+mod rosbag1;
+mod rosbag2;
+mod ulog;
+
+use std::path::Path;
+
+use crate::error::LogError;
+use crate::format::Format;
+use crate::log::Log;
+
+/// Decodes the bytes of a log; `path` is for messages.
+pub fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
+    match Format::of(bytes) {
+        Some(Format::Ulog) => ulog::decode(bytes, path),
+        Some(Format::Dataflash) => dataflash::decode(bytes, path),
+        Some(Format::Blackbox) => blackbox::decode(bytes, path),
+        Some(Format::Crazyflie) => crazyflie::decode(bytes, path),
+        Some(Format::Rosbag1) => rosbag1::decode(bytes, path),
+        Some(Format::Rosbag2) => rosbag2::decode(bytes, path),
+        Some(Format::Mcap) => mcap::decode(bytes, path),
+        Some(Format::Parquet) => parquet::decode(bytes, path),
+        Some(Format::Csv) | None => Err(LogError::Format {
+            path: path.into(),
+            what: "is no log of a format that is read".into(),
+            mend: "see `quadlab import --help` for the formats".into(),
+        }),
+    }
+}

@@ -1,0 +1,34 @@
+//! Why a log was refused: the file, what is wrong, how to mend it.
+
+use std::path::PathBuf;
+
+/// Why a log was refused.
+#[derive(Debug, thiserror::Error)]
+pub enum LogError {
+    /// The file cannot be read.
+    #[error("{}: cannot read the log: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file is of no format that is read.
+    #[error("{}: {what}: {mend}", path.display())]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// What it is, or what is wrong with it.
+        what: String,
+        /// What to do.
+        mend: String,
+    },
+    /// The log is whole, but no flight of a quadcopter can be made of it.
+    #[error("{}: {reason}", path.display())]
+    Refused {
+        /// The file.
+        path: PathBuf,
+        /// Why, and what to do.
+        reason: String,
+    },
+}

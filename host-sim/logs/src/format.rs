@@ -1,0 +1,48 @@
+//! The formats of logs, and how a file tells which it is.
+
+/// The formats that are read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Format {
+    /// PX4 ULog.
+    Ulog,
+    /// ArduPilot DataFlash, binary or text.
+    Dataflash,
+    /// Betaflight or INAV blackbox.
+    Blackbox,
+    /// Crazyflie's SD card (cfusdlog), version 0 (before the magic), 1 and 2.
+    Crazyflie,
+    /// ROS 1 bag.
+    Rosbag1,
+    /// ROS 2 bag, sqlite.
+    Rosbag2,
+    /// ROS 2 messages or quadlab's own recording in MCAP.
+    Mcap,
+    /// Parquet.
+    Parquet,
+    /// Comma separated text with other columns than a flight file.
+    Csv,
+}
+
+impl Format {
+    /// The format of a file by its first kilobytes; none for text and what is not known.
+    pub fn of(bytes: &[u8]) -> Option<Self> {
+        const MAGIC: [(&[u8], Format); 8] = [
+            (b"ULog\x01\x12\x35", Format::Ulog),
+            (b"\xa3\x95", Format::Dataflash),
+            (b"FMT, ", Format::Dataflash),
+            (b"\xbc", Format::Crazyflie),
+            (b"#ROSBAG V2", Format::Rosbag1),
+            (b"SQLite format 3\0", Format::Rosbag2),
+            (b"\x89MCAP0\r\n", Format::Mcap),
+            (b"PAR1", Format::Parquet),
+        ];
+        // Firmware writes blank bytes before the first header of a blackbox log.
+        let head = &bytes[..bytes.len().min(4096)];
+        MAGIC
+            .iter()
+            .find(|(magic, _)| bytes.starts_with(magic))
+            .map(|(_, format)| *format)
+            .or_else(|| memchr::memmem::find(head, b"H Product:Blackbox").map(|_| Self::Blackbox))
+    }
+}

@@ -1,0 +1,24 @@
+//! Logs of other programs: decoded, put into quadlab's frames and units, and cut into flights.
+//!
+//! Three steps, each of which can be looked at by itself:
+//! - `decode`: the file's own tables, names and times, nothing interpreted ([`Log`]);
+//! - `sources`: which table is the position, the attitude, the commands; north-east-down, front-right-down, SI ([`Recording`]);
+//! - `conversion`: airborne parts on one time grid ([`flights::Flight`]).
+//!
+//! A damaged log gives what stands before and after the damage. Nothing here panics on what a file holds.
+#![forbid(unsafe_code)]
+
+mod conversion;
+mod decode;
+mod error;
+mod format;
+mod log;
+mod recording;
+mod sources;
+
+pub use decode::decode;
+pub use error::LogError;
+pub use format::Format;
+pub use log::{Column, Log, Losses, Table, TimeUnit, Values};
+pub use recording::{Hints, Recording, Signal, Signals, Span};
+pub use sources::record;

@@ -1,0 +1,25 @@
+//! Tables into quantities: which table is the position, which the commands, in which frame and unit. One module a program that logs.
+
+mod ardupilot;
+mod blackbox;
+mod crazyflie;
+mod px4;
+mod ros;
+
+use std::path::Path;
+
+use crate::format::Format;
+use crate::error::LogError;
+use crate::log::Log;
+use crate::recording::Recording;
+
+/// Finds the quantities of a log and puts them into quadlab's frames and units; `path` is for messages.
+pub fn record(log: &Log, path: &Path) -> Result<Recording, LogError> {
+    match log.format {
+        Format::Ulog => px4::record(log, path),
+        Format::Dataflash => ardupilot::record(log, path),
+        Format::Blackbox => blackbox::record(log, path),
+        Format::Crazyflie | Format::Parquet | Format::Csv => crazyflie::record(log, path),
+        Format::Rosbag1 | Format::Rosbag2 | Format::Mcap => ros::record(log, path),
+    }
+}
