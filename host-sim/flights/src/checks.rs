@@ -4,14 +4,15 @@ use std::path::Path;
 
 use model::Vehicle;
 
-use crate::columns::{COLUMNS, Column, REQUIRED};
+use crate::columns::{COLUMNS, Column};
+use crate::completion::StandIn;
 use crate::error::FlightError;
 use crate::flight::Flight;
 use crate::sampling::median_step;
 
 impl Flight {
-    /// What cannot be right whatever the vehicle.
-    pub(crate) fn check(&self, path: &Path) -> Result<(), FlightError> {
+    /// Times that are missing or go back.
+    pub(crate) fn check_times(&self, path: &Path) -> Result<(), FlightError> {
         let t = self.required(Column::T);
         if let Some(row) = t.iter().position(|t| !t.is_finite()) {
             let (row, column, text) = (row + 2, "t".to_owned(), String::new());
@@ -25,15 +26,11 @@ impl Flight {
             let (rows, duration_s, needed_s) = (t.len(), 0.0, 2.0);
             return Err(FlightError::TooShort { path: path.into(), rows, duration_s, needed_s });
         }
-        for (index, column) in COLUMNS[..REQUIRED].iter().enumerate() {
-            if self.columns[index].as_ref().is_some_and(|c| c.iter().all(|v| v.is_nan())) {
-                return Err(FlightError::NoValues { path: path.into(), column });
-            }
-        }
-        self.check_units(path)
+        Ok(())
     }
 
-    fn check_units(&self, path: &Path) -> Result<(), FlightError> {
+    /// What cannot be right whatever the vehicle: columns in another unit.
+    pub(crate) fn check_units(&self, path: &Path) -> Result<(), FlightError> {
         let refuse = |column: &str, observed: String, advice| {
             Err(FlightError::Unit { path: path.into(), column: column.into(), observed, advice })
         };
@@ -76,8 +73,18 @@ impl Flight {
         Ok(())
     }
 
-    /// What cannot be right for this vehicle: commands in another unit.
+    /// What cannot be right for this vehicle: commands in another unit, no voltage where the motors' map needs it.
     pub fn check_against(&self, vehicle: &Vehicle, path: &Path) -> Result<(), FlightError> {
+        if self.stand_ins.contains(&StandIn::RotorSpeeds) {
+            return Ok(());
+        }
+        let maps_speeds = self.column(Column::Omega1).is_none();
+        if self.stand_ins.contains(&StandIn::ConstantVoltage)
+            && maps_speeds
+            && vehicle.rotor_map().voltage != 0.0
+        {
+            return Err(FlightError::VoltageNeeded { path: path.into(), vehicle: vehicle.name.clone() });
+        }
         let [low, high] = vehicle.motors.command_range;
         let margin = 0.25 * (high - low);
         for column in [Column::Cmd1, Column::Cmd2, Column::Cmd3, Column::Cmd4] {

@@ -1,13 +1,10 @@
 //! The columns of a flight file.
 
 /// Columns of a flight file, in the order they are written.
-pub const COLUMNS: [&str; 25] = [
+pub const COLUMNS: [&str; 29] = [
     "t", "x", "y", "z", "phi", "theta", "psi", "p", "q", "r", "cmd1", "cmd2", "cmd3", "cmd4", "vbat",
-    "omega1", "omega2", "omega3", "omega4", "ax", "ay", "az", "vx", "vy", "vz",
+    "omega1", "omega2", "omega3", "omega4", "ax", "ay", "az", "vx", "vy", "vz", "qw", "qx", "qy", "qz",
 ];
-
-/// The first of [`COLUMNS`] that a file must have.
-pub(crate) const REQUIRED: usize = 15;
 
 /// A column of a flight file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,4 +36,8 @@ pub enum Column {
     Vx,
     Vy,
     Vz,
+    Qw,
+    Qx,
+    Qy,
+    Qz,
 }

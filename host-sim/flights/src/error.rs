@@ -95,13 +95,16 @@ pub enum FlightError {
         /// What is needed, s.
         needed_s: f64,
     },
-    /// A required column without a single value.
-    #[error("{}: column \"{column}\" has no values", path.display())]
-    NoValues {
+    /// No voltage for a motor map that depends on it.
+    #[error(
+        "{}: column \"vbat\" is missing or has no values, and the motor map of \"{vehicle}\" depends on the voltage (motors.voltage); log \
+         it, or write map = \"identify\" in the place of the map", path.display()
+    )]
+    VoltageNeeded {
         /// The file.
         path: PathBuf,
-        /// The column.
-        column: &'static str,
+        /// The vehicle's name.
+        vehicle: String,
     },
     /// A list of parts to use that says nothing.
     #[error("{}: {what}; write for example use = [[3.2, 41.0], [55.0, 80.5]], in seconds of the column t", path.display())]

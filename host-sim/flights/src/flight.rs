@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-use crate::columns::{COLUMNS, Column, REQUIRED};
+use crate::columns::{COLUMNS, Column};
+use crate::completion::StandIn;
 
 /// A flight as recorded: one vector a column, NaN where a value is missing.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -10,13 +11,15 @@ pub struct Flight {
     /// File name, for people and for records.
     pub name: String,
     pub(crate) columns: [Option<Vec<f64>>; COLUMNS.len()],
+    /// What was not logged.
+    pub(crate) stand_ins: Vec<StandIn>,
 }
 
 impl Flight {
     /// A flight from columns, for programs that record one.
     ///
     /// # Panics
-    /// When the columns differ in length or a required one is missing: a mistake in the program.
+    /// When the columns differ in length: a mistake in the program.
     pub fn from_columns(
         name: impl Into<String>,
         columns: impl IntoIterator<Item = (Column, Vec<f64>)>,
@@ -27,7 +30,6 @@ impl Flight {
         }
         let rows = flight.len();
         assert!(flight.columns.iter().flatten().all(|c| c.len() == rows), "columns differ in length");
-        assert!(flight.columns[..REQUIRED].iter().all(Option::is_some), "a required column is missing");
         flight
     }
 
@@ -57,10 +59,14 @@ impl Flight {
         let kept = |values: &Vec<f64>| -> Vec<f64> {
             values.iter().zip(keep).filter(|(_, keep)| **keep).map(|(value, _)| *value).collect()
         };
-        Self { name: self.name.clone(), columns: self.columns.each_ref().map(|c| c.as_ref().map(kept)) }
+        Self {
+            name: self.name.clone(),
+            columns: self.columns.each_ref().map(|c| c.as_ref().map(kept)),
+            stand_ins: self.stand_ins.clone(),
+        }
     }
 
-    /// A column that every flight has.
+    /// A column that every flight has, once it is complete.
     pub fn required(&self, column: Column) -> &[f64] {
         self.column(column).unwrap_or(&[])
     }
@@ -74,10 +80,15 @@ impl Flight {
         Some(found)
     }
 
-    /// The text of the flight file. Values are written with the shortest digits that read back to
+    /// The text of the flight file: what was logged. Values are written with the shortest digits that read back to
     /// the same bits.
     pub fn to_csv(&self) -> String {
-        let present: Vec<usize> = (0..COLUMNS.len()).filter(|&c| self.columns[c].is_some()).collect();
+        let logged = |c: &usize| {
+            let stands_in =
+                self.stand_ins.iter().flat_map(|what| what.columns()).any(|column| *column as usize == *c);
+            self.columns[*c].is_some() && !stands_in
+        };
+        let present: Vec<usize> = (0..COLUMNS.len()).filter(logged).collect();
         let mut text = present.iter().map(|&c| COLUMNS[c]).collect::<Vec<_>>().join(",");
         text.push('\n');
         for row in 0..self.len() {

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use crate::columns::{COLUMNS, REQUIRED};
+use crate::columns::COLUMNS;
 use crate::error::FlightError;
+use crate::names::{Named, named};
 
 /// Which columns the fields of a row are.
 pub(crate) struct Header {
@@ -11,12 +12,16 @@ pub(crate) struct Header {
     pub(crate) fields: Vec<Option<usize>>,
     /// Known columns that the file has, in file order.
     pub(crate) known: Vec<usize>,
+    /// Factor to the unit of each of them.
+    pub(crate) factors: Vec<f64>,
 }
 
 pub(crate) fn read_header(line: &[u8], path: &Path) -> Result<Header, FlightError> {
     let text = String::from_utf8_lossy(line);
     let names: Vec<&str> = text.trim().split(',').map(|n| n.trim().trim_matches('"')).collect();
-    let mut header = Header { fields: Vec::new(), known: Vec::new() };
+    let mut header = Header { fields: Vec::new(), known: Vec::new(), factors: Vec::new() };
+    let exact: Vec<usize> =
+        names.iter().filter_map(|name| COLUMNS.iter().position(|column| column == name)).collect();
     let refuse = |column: &str, problem| {
         Err(FlightError::Header {
             path: path.into(),
@@ -26,19 +31,21 @@ pub(crate) fn read_header(line: &[u8], path: &Path) -> Result<Header, FlightErro
         })
     };
     for name in &names {
-        match COLUMNS.iter().position(|c| c == name) {
-            Some(column) if header.known.contains(&column) => return refuse(name, "is there twice"),
-            Some(column) => {
+        match named(name, &exact) {
+            Named::Column(column, _) if header.known.contains(&column) => {
+                return refuse(name, "is there twice");
+            }
+            Named::Column(column, factor) => {
                 header.fields.push(Some(header.known.len()));
                 header.known.push(column);
+                header.factors.push(factor);
             }
-            None => header.fields.push(None),
+            Named::UnknownUnit => return refuse(name, "is in a unit that is not known"),
+            Named::Other => header.fields.push(None),
         }
     }
-    for (index, column) in COLUMNS[..REQUIRED].iter().enumerate() {
-        if !header.known.contains(&index) {
-            return refuse(column, "is missing");
-        }
+    if !header.known.contains(&0) {
+        return refuse(COLUMNS[0], "is missing");
     }
     Ok(header)
 }

@@ -8,17 +8,22 @@
 
 mod checks;
 mod columns;
+mod completion;
 mod decimal;
 mod error;
 mod flight;
 mod foreign;
 mod header;
+mod interpolation;
+mod names;
 mod parts;
 mod reading;
 mod sampling;
 
 pub use columns::{COLUMNS, Column};
+pub use completion::{StandIn, UNKNOWN_VOLTAGE_V};
 pub use error::FlightError;
 pub use flight::Flight;
+pub use interpolation::{hermite, interpolated};
 pub use parts::{parts_file, parts_to_use};
 pub use sampling::{GAP_PERIODS, median_step};

@@ -36,9 +36,11 @@ impl Flight {
             let filled = kept + read;
             let text = &block[..filled];
             let last = read == 0;
-            // Whole rows only, unless nothing follows. Quotes need the whole file at once.
+            // Whole rows only, unless nothing follows. Quotes and other separators need the whole file at once.
             let end = if last { Some(filled) } else { memchr::memrchr(b'\n', text).map(|n| n + 1) };
-            let (Some(end), false) = (end, memchr::memchr(b'"', text).is_some()) else {
+            let is_odd =
+                memchr::memchr(b'"', text).is_some() || (reader.is_none() && other_separator(text).is_some());
+            let (Some(end), false) = (end, is_odd) else {
                 return Self::parse(&std::fs::read(path).map_err(unreadable)?, path);
             };
             match &mut reader {
@@ -59,6 +61,9 @@ impl Flight {
 
     /// Parses the bytes of a flight file; `path` is for messages and gives the name.
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, FlightError> {
+        if let Some(separator) = other_separator(bytes) {
+            return Self::parse(&with_commas(bytes, separator), path);
+        }
         if memchr::memchr(b'"', bytes).is_none() {
             return PlainReader::new(bytes, bytes.len(), path)?.finish(path);
         }
@@ -74,12 +79,34 @@ impl Flight {
             name: path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into()),
             ..Self::default()
         };
-        for (column, values) in header.known.iter().zip(table) {
+        for ((column, factor), mut values) in header.known.iter().zip(&header.factors).zip(table) {
+            if *factor != 1.0 {
+                values.iter_mut().for_each(|value| *value *= factor);
+            }
             flight.columns[*column] = Some(values);
         }
-        flight.check(path)?;
+        flight.check_times(path)?;
+        flight.complete(path)?;
+        flight.check_units(path)?;
         Ok(flight)
     }
+}
+
+/// The separator of a header row without commas.
+fn other_separator(bytes: &[u8]) -> Option<u8> {
+    let header = &bytes[..memchr::memchr(b'\n', bytes).unwrap_or(bytes.len())];
+    let has = |byte| memchr::memchr(byte, header).is_some();
+    if has(b',') { None } else { [b';', b'\t'].into_iter().find(|separator| has(*separator)) }
+}
+
+/// The text with commas between its fields and points in its numbers.
+fn with_commas(bytes: &[u8], separator: u8) -> Vec<u8> {
+    let turned = |byte: &u8| match *byte {
+        b',' => b'.',
+        byte if byte == separator => b',',
+        byte => byte,
+    };
+    bytes.iter().map(turned).collect()
 }
 
 /// The text without a byte order mark; blank text is refused.

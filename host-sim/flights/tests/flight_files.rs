@@ -114,6 +114,22 @@ fn wrong_units_are_recognised() {
     assert!(parse(&good()).unwrap().check_against(&truth().vehicle, Path::new("f.csv")).is_ok());
 }
 
+/// What spreadsheets and other programs write: semicolons or tabs, decimal commas, other names, degrees and milliseconds.
+#[test]
+fn tables_of_other_programs_are_read_as_they_are() {
+    let original = parse(&good()).unwrap();
+    let german = good().replace('.', "\u{1}").replace(',', ";").replace('\u{1}', ",");
+    assert_eq!(parse(&german).unwrap(), original);
+    assert_eq!(parse(&good().replace(',', "\t")).unwrap(), original);
+    let named = good().replacen("phi,theta,psi", "Roll,Pitch,Yaw", 1).replacen("t,", "Time [s],", 1);
+    assert_eq!(parse(&named).unwrap(), original);
+    let degrees = scaled("phi", 180.0 / std::f64::consts::PI).replacen("phi", "roll [deg]", 1);
+    let flight = parse(&degrees).unwrap();
+    let pairs = flight.required(Column::Phi).iter().zip(original.required(Column::Phi));
+    assert!(pairs.into_iter().all(|(read, own)| (read - own).abs() < 1e-12));
+    assert!(refusal(&good().replacen(",x,", ",x [furlong],", 1)).contains("is in a unit that is not known"));
+}
+
 #[test]
 fn a_long_file_is_read_in_blocks_to_the_same_flight() {
     let short = good();

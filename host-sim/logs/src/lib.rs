@@ -12,13 +12,16 @@ mod conversion;
 mod decode;
 mod error;
 mod format;
+mod import;
 mod log;
 mod recording;
 mod sources;
 
+pub use conversion::{Part, convert};
 pub use decode::decode;
 pub use error::LogError;
 pub use format::Format;
+pub use import::{Import, Messages, Sources, format_of, import, import_bytes};
 pub use log::{Column, Log, Losses, Table, TimeUnit, Values};
 pub use recording::{Hints, Recording, Signal, Signals, Span};
 pub use sources::record;

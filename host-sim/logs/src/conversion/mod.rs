@@ -1,1 +1,256 @@
 //! Quantities into flights: airborne parts on one time grid.
+//!
+//! The grid is the times of the body rates (of the attitude where there are no rates, of the position without both) where they
+//! come at 125 Hz or slower, and even steps of 10 ms where they are faster. Faster signals are averaged over a step, slower ones
+//! run along cubic arcs, commands are held. Nothing is filled in across gaps.
+
+mod parts;
+mod resampling;
+
+use flights::{Column, Flight, median_step};
+use model::frames;
+use nalgebra::Vector4;
+
+use crate::conversion::resampling::{Grid, Kind, resampled};
+use crate::recording::{Recording, Signal, Signals, Span};
+
+/// Logs faster than this are brought down to 100 Hz, the rate that flight files have.
+const FASTEST_HZ: f64 = 125.0;
+const STEP_S: f64 = 0.01;
+
+/// A flight cut out of a log.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// The flight; its times start at zero.
+    pub flight: Flight,
+    /// First and last time on the log's clock, s.
+    pub span: Span,
+    /// Rows a second.
+    pub rate_hz: f64,
+    /// Time without rows within the span, s.
+    pub lost_s: f64,
+}
+
+/// The flights of a recording, named after `stem`; and what was left out, a sentence each.
+pub fn convert(recording: &Recording, stem: &str) -> (Vec<Part>, Vec<String>) {
+    let mut notes = Vec::new();
+    let Some(base) = base_times(&recording.signals) else {
+        return (
+            Vec::new(),
+            vec!["neither rates nor attitude nor position: no flight can be made of it".into()],
+        );
+    };
+    let log = [base[0], base[base.len() - 1]];
+    let spans = parts::airborne(&recording.airborne, log);
+    let mut made = Vec::new();
+    for span in &spans {
+        match part(recording, base, *span) {
+            Some(part) => made.push(part),
+            None => notes.push(format!(
+                "{:.1} to {:.1} s: under {} s of rows, left out",
+                span[0],
+                span[1],
+                parts::SHORTEST_S
+            )),
+        }
+    }
+    let several = made.len() > 1;
+    for (index, part) in made.iter_mut().enumerate() {
+        part.flight.name = if several { format!("{stem}-{}.csv", index + 1) } else { format!("{stem}.csv") };
+    }
+    (made, notes)
+}
+
+/// The times that the grid is made of.
+fn base_times(signals: &Signals) -> Option<&[f64]> {
+    let candidates = [
+        signals.rates.as_ref().map(|s| &s.t),
+        signals.attitude.as_ref().map(|s| &s.t),
+        signals.position.as_ref().map(|s| &s.t),
+    ];
+    candidates.into_iter().flatten().find(|t| t.len() > 1).map(Vec::as_slice)
+}
+
+fn part(recording: &Recording, base: &[f64], span: Span) -> Option<Part> {
+    let own: Vec<f64> = base.iter().copied().filter(|t| (span[0]..=span[1]).contains(t)).collect();
+    let (first, last) = (*own.first()?, *own.last()?);
+    let own_period_s = median_step(&own);
+    let even = own_period_s < 1.0 / FASTEST_HZ;
+    let period_s = if even { STEP_S } else { own_period_s };
+    if !(last - first >= parts::SHORTEST_S && period_s > 0.0) {
+        return None;
+    }
+    let steps = ((last - first) / STEP_S).floor();
+    let t = if even { (0..=steps as usize).map(|k| first + k as f64 * STEP_S).collect() } else { own };
+    let columns = columns(&recording.signals, &recording.untrusted, &Grid { t: &t, period_s });
+    let keep = rows_to_keep(&columns, t.len());
+    let kept: Vec<f64> = t.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(t, _)| *t).collect();
+    let (first, last) = (*kept.first()?, *kept.last()?);
+    if last - first < parts::SHORTEST_S {
+        return None;
+    }
+    let lost_s = kept.windows(2).map(|w| w[1] - w[0]).filter(|step| *step > 1.5 * period_s).sum::<f64>();
+    let time = kept.iter().map(|t| microseconds(t - first)).collect();
+    let rest = columns.into_iter().map(|(column, values)| {
+        let kept = values.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(value, _)| rounded(*value));
+        (column, kept.collect())
+    });
+    let flight = Flight::from_columns("", std::iter::once((Column::T, time)).chain(rest));
+    Some(Part { flight, span: [first, last], rate_hz: 1.0 / period_s, lost_s })
+}
+
+/// A row is kept that has the first of what there is of rates, attitude, position, and motors: gaps are gaps in time.
+fn rows_to_keep(columns: &[(Column, Vec<f64>)], rows: usize) -> Vec<bool> {
+    let needed = |names: &[Column]| columns.iter().find(|(column, _)| names.contains(column)).map(|(_, v)| v);
+    let state = needed(&[Column::P]).or_else(|| needed(&[Column::Phi])).or_else(|| needed(&[Column::X]));
+    let motor = needed(&[Column::Cmd1, Column::Omega1]);
+    let there = |values: Option<&Vec<f64>>, row: usize| values.is_none_or(|values| values[row].is_finite());
+    (0..rows).map(|row| there(state, row) && there(motor, row)).collect()
+}
+
+fn columns(signals: &Signals, untrusted: &[Span], grid: &Grid<'_>) -> Vec<(Column, Vec<f64>)> {
+    use Column::*;
+    let mut all = Vec::new();
+    let mut add = |names: &[Column], values: Vec<Vec<f64>>| all.extend(names.iter().copied().zip(values));
+    let trusted = |mut values: Vec<Vec<f64>>| {
+        for (row, time) in grid.t.iter().enumerate() {
+            if parts::within(untrusted, *time) {
+                values.iter_mut().for_each(|column| column[row] = f64::NAN);
+            }
+        }
+        values
+    };
+    if let Some(position) = &signals.position {
+        add(&[X, Y, Z], trusted(on_grid(position, grid, Kind::Smooth)));
+    }
+    if let Some(attitude) = &signals.attitude {
+        add(&[Phi, Theta, Psi], euler(&on_grid(attitude, grid, Kind::Smooth)));
+    }
+    if let Some(rates) = &signals.rates {
+        add(&[P, Q, R], on_grid(rates, grid, Kind::Smooth));
+    }
+    if let Some(commands) = &signals.commands {
+        add(&[Cmd1, Cmd2, Cmd3, Cmd4], on_grid(commands, grid, Kind::Held));
+    }
+    if let Some(voltage) = &signals.voltage {
+        add(&[Vbat], on_grid(voltage, grid, Kind::Slow));
+    }
+    if let Some(speeds) = &signals.rotor_speed
+        && is_fast_enough(speeds, grid)
+    {
+        add(&[Omega1, Omega2, Omega3, Omega4], on_grid(speeds, grid, Kind::Smooth));
+    }
+    if let Some(force) = &signals.specific_force {
+        add(&[Ax, Ay, Az], on_grid(force, grid, Kind::Smooth));
+    }
+    if let Some(velocity) = &signals.velocity {
+        add(&[Vx, Vy, Vz], trusted(on_grid(velocity, grid, Kind::Smooth)));
+    }
+    all
+}
+
+/// Rotor speeds that come at less than half of the rows would stand in for what they do not show.
+fn is_fast_enough(speeds: &Signal<4>, grid: &Grid<'_>) -> bool {
+    median_step(&speeds.t) < 2.0 * grid.period_s
+}
+
+fn on_grid<const N: usize>(signal: &Signal<N>, grid: &Grid<'_>, kind: Kind) -> Vec<Vec<f64>> {
+    signal.values.iter().map(|values| resampled(&signal.t, values, grid, kind)).collect()
+}
+
+/// Euler angles of quaternions whose components were resampled one by one.
+fn euler(quaternion: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let mut angles = vec![Vec::new(); 3];
+    for row in 0..quaternion[0].len() {
+        let q = Vector4::new(quaternion[0][row], quaternion[1][row], quaternion[2][row], quaternion[3][row]);
+        let euler = frames::euler_from_quaternion(&q.normalize());
+        angles.iter_mut().zip(euler.iter()).for_each(|(angle, value)| angle.push(*value));
+    }
+    angles
+}
+
+fn microseconds(time_s: f64) -> f64 {
+    (time_s * 1e6).round() / 1e6
+}
+
+/// Nine digits: more than any sensor tells, and a file of half the size.
+fn rounded(value: f64) -> f64 {
+    if value == 0.0 || !value.is_finite() {
+        return value;
+    }
+    let scale = 10_f64.powf(8.0 - value.abs().log10().floor());
+    if scale.is_finite() { (value * scale).round() / scale } else { value }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn signal<const N: usize>(rate_hz: f64, seconds: f64, value: impl Fn(f64) -> [f64; N]) -> Signal<N> {
+        let t: Vec<f64> = (0..(rate_hz * seconds) as usize).map(|k| 100.0 + k as f64 / rate_hz).collect();
+        let values = std::array::from_fn(|i| t.iter().map(|t| value(*t)[i]).collect());
+        Signal { source: "test".into(), t, values }
+    }
+
+    fn recording(rate_hz: f64) -> Recording {
+        let signals = Signals {
+            position: Some(signal(10.0, 20.0, |t| [t, 0.0, -1.0])),
+            attitude: Some(signal(20.0, 20.0, |_| [1.0, 0.0, 0.0, 0.0])),
+            rates: Some(signal(rate_hz, 20.0, |_| [0.1, 0.2, 0.3])),
+            commands: Some(signal(10.0, 20.0, |_| [0.5; 4])),
+            rotor_speed: Some(signal(4.0, 20.0, |_| [500.0; 4])),
+            ..Signals::default()
+        };
+        Recording { signals, ..Recording::default() }
+    }
+
+    #[test]
+    fn rates_at_a_hundred_hertz_or_less_keep_their_times_and_faster_ones_come_down() {
+        for (logged_hz, rate_hz) in
+            [(50.0, 50.0), (100.0, 100.0), (120.0, 120.0), (250.0, 100.0), (1000.0, 100.0)]
+        {
+            let (parts, notes) = convert(&recording(logged_hz), "log");
+            assert_eq!((parts.len(), notes.len()), (1, 0));
+            assert!((parts[0].rate_hz - rate_hz).abs() < 1e-6, "{logged_hz}: {}", parts[0].rate_hz);
+            assert_eq!(parts[0].flight.name, "log.csv");
+            assert_eq!(parts[0].flight.column(Column::P).unwrap()[10], 0.1);
+            let [x, t] = [Column::X, Column::T].map(|column| parts[0].flight.column(column).unwrap()[400]);
+            assert!((x - t - parts[0].span[0]).abs() < 1e-6, "{x} at {t} s after {}", parts[0].span[0]);
+        }
+    }
+
+    /// Four values a second do not say how fast a rotor turned between them.
+    #[test]
+    fn slow_rotor_speeds_do_not_stand_in_for_fast_ones() {
+        let (parts, _) = convert(&recording(50.0), "log");
+        assert_eq!(parts[0].flight.column(Column::Omega1), None);
+    }
+
+    #[test]
+    fn each_part_in_the_air_is_a_flight_and_a_hop_is_none() {
+        let airborne = vec![[102.0, 108.0], [110.0, 110.5], [112.0, 119.0]];
+        let (parts, notes) = convert(&Recording { airborne, ..recording(100.0) }, "log");
+        let names: Vec<&str> = parts.iter().map(|part| part.flight.name.as_str()).collect();
+        assert_eq!(names, ["log-1.csv", "log-2.csv"]);
+        assert_eq!(parts[1].span[0], 112.0);
+        assert_eq!(notes, ["110.0 to 110.5 s: under 2 s of rows, left out"]);
+        assert_eq!(parts[1].flight.column(Column::T).unwrap()[0], 0.0);
+    }
+
+    #[test]
+    fn what_the_estimator_was_not_sure_of_is_missing() {
+        let untrusted = vec![[104.0, 104.1]];
+        let (parts, _) = convert(&Recording { untrusted, ..recording(100.0) }, "log");
+        let x = parts[0].flight.column(Column::X).unwrap();
+        let missing = x[..1900].iter().filter(|x| x.is_nan()).count();
+        assert_eq!(missing, 11);
+        assert!(parts[0].flight.column(Column::P).unwrap().iter().all(|p| p.is_finite()));
+    }
+
+    #[test]
+    fn nine_digits_are_kept_of_any_size() {
+        assert_eq!(rounded(123.456_789_123_4), 123.456_789);
+        assert_eq!(rounded(-0.000_012_345_678_912_3), -0.000_012_345_678_9);
+        assert_eq!((rounded(0.0), rounded(5.0)), (0.0, 5.0));
+    }
+}

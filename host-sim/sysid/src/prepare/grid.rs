@@ -3,10 +3,9 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use flights::GAP_PERIODS;
+use flights::{GAP_PERIODS, interpolated};
 
 use crate::prepare::columns::{BATTERY, COMMAND};
-use crate::prepare::hermite::hermite;
 
 /// Missing values in a row that are bridged.
 const BRIDGED_SAMPLES: usize = 3;
@@ -164,25 +163,6 @@ fn grid_start(times: &[f64], period_s: f64) -> (f64, f64) {
     let variance = times.iter().map(|t| (off(t) - mean).powi(2)).sum::<f64>() / count;
     let start = times[0] + period_s * mean;
     (if start < times[0] { start + period_s } else { start }, period_s * variance.sqrt())
-}
-
-/// Cubic Hermite interpolation between samples `at` and `at + 1`, with the slopes of the parabolas
-/// through each of them and its neighbours: exact for a parabola however the samples lie, and in
-/// the middle of even ones a cubic through four.
-fn interpolated(t: &[f64], y: &[f64], at: usize, time: f64) -> f64 {
-    let secant = |k: usize| (y[k + 1] - y[k]) / (t[k + 1] - t[k]);
-    let slope = |k: usize| {
-        if k == 0 {
-            return secant(0);
-        }
-        if k + 1 == t.len() {
-            return secant(k - 1);
-        }
-        let (before, after) = (t[k] - t[k - 1], t[k + 1] - t[k]);
-        (secant(k - 1) * after + secant(k) * before) / (before + after)
-    };
-    let step = t[at + 1] - t[at];
-    hermite((time - t[at]) / step, step, [y[at], y[at + 1]], [slope(at), slope(at + 1)])
 }
 
 #[cfg(test)]

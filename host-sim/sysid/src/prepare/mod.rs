@@ -8,7 +8,6 @@ pub mod conditions;
 mod corrections;
 mod error;
 mod grid;
-mod hermite;
 mod outliers;
 mod prepared;
 mod states;

@@ -1,11 +1,11 @@
 //! A stretch of a flight without gaps, and how fast its rotors turned.
 
+use flights::hermite;
 use model::rotor_lag::{RotorLag, decayed};
 use model::{Adjustments, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::filter::convolve;
-use crate::prepare::hermite::hermite;
 use crate::prepare::outliers::Outlier;
 
 /// A stretch of a flight without gaps, evenly sampled.

@@ -1,0 +1,135 @@
+//! A log from file to flights, with what is told of it on the way.
+
+use std::path::{Path, PathBuf};
+
+use crate::conversion::{Part, convert};
+use crate::decode::decode;
+use crate::error::LogError;
+use crate::format::Format;
+use crate::log::{Log, Losses, Table, TimeUnit};
+use crate::recording::{Hints, Recording};
+use crate::sources::record;
+
+/// How much of a file tells its format.
+const HEAD_BYTES: usize = 4096;
+
+/// What was found in a log, and the flights made of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Import {
+    /// The file.
+    pub path: PathBuf,
+    /// Its format.
+    pub format: Format,
+    /// The program that wrote it.
+    pub firmware: Option<String>,
+    /// Kinds of messages.
+    pub messages: Vec<Messages>,
+    /// Which of them became which quantity.
+    pub sources: Sources,
+    /// The flights.
+    pub flights: Vec<Part>,
+    /// What the log says about the craft.
+    pub hints: Hints,
+    /// What was lost or damaged.
+    pub losses: Losses,
+    /// What this log cannot tell, a sentence each.
+    pub limits: Vec<String>,
+    /// What was done to it, a sentence each.
+    pub notes: Vec<String>,
+}
+
+/// How many messages of a kind there are, and when.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Messages {
+    /// The format's own name.
+    pub name: String,
+    /// Rows.
+    pub count: usize,
+    /// Times of the first and the last row in the unit that the format counts in; nothing where rows have no times.
+    pub first_last: Option<[f64; 2]>,
+}
+
+/// The format's own name of what became each quantity; nothing where it is not logged.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
+pub struct Sources {
+    /// Position.
+    pub position: Option<String>,
+    /// Attitude.
+    pub attitude: Option<String>,
+    /// Body rates.
+    pub rates: Option<String>,
+    /// Specific force.
+    pub specific_force: Option<String>,
+    /// Motor commands.
+    pub commands: Option<String>,
+    /// Rotor speeds.
+    pub rotor_speed: Option<String>,
+    /// Battery voltage.
+    pub voltage: Option<String>,
+}
+
+/// The format of a file if it is a log; nothing for flight files and what cannot be read.
+pub fn format_of(path: &Path) -> Option<Format> {
+    use std::io::Read as _;
+    let mut head = Vec::new();
+    std::fs::File::open(path).ok()?.take(HEAD_BYTES as u64).read_to_end(&mut head).ok()?;
+    Format::of(&head)
+}
+
+/// Reads a log and makes flights of it.
+pub fn import(path: &Path) -> Result<Import, LogError> {
+    let bytes = std::fs::read(path).map_err(|source| LogError::Read { path: path.into(), source })?;
+    import_bytes(&bytes, path)
+}
+
+/// Makes flights of the bytes of a log; `path` is for messages and gives the flights their names.
+pub fn import_bytes(bytes: &[u8], path: &Path) -> Result<Import, LogError> {
+    let log = decode(bytes, path)?;
+    let recording = record(&log, path)?;
+    Ok(imported(log, &recording, path))
+}
+
+fn imported(log: Log, recording: &Recording, path: &Path) -> Import {
+    let stem = path.file_stem().map_or_else(|| "log".into(), |stem| stem.to_string_lossy().into_owned());
+    let (flights, left_out) = convert(recording, &stem);
+    Import {
+        path: path.into(),
+        format: log.format,
+        firmware: log.firmware,
+        messages: log.tables.iter().map(|table| Messages::of(table, log.format)).collect(),
+        sources: Sources::of(recording),
+        flights,
+        hints: recording.hints.clone(),
+        losses: log.losses,
+        limits: recording.limits.clone(),
+        notes: recording.notes.iter().cloned().chain(left_out).collect(),
+    }
+}
+
+impl Messages {
+    fn of(table: &Table, format: Format) -> Self {
+        // A Crazyflie's clock counts microseconds; its own decoder shows milliseconds.
+        let unit = match (format, table.time_unit) {
+            (Format::Crazyflie, TimeUnit::Microseconds) if table.name != "(only)" => 1e-3,
+            _ => 1.0,
+        };
+        let ends = table.times.first().zip(table.times.last());
+        let first_last = ends.map(|(first, last)| [*first as f64 * unit, *last as f64 * unit]);
+        Self { name: table.name.clone(), count: table.rows, first_last }
+    }
+}
+
+impl Sources {
+    fn of(recording: &Recording) -> Self {
+        let signals = &recording.signals;
+        Self {
+            position: signals.position.as_ref().map(|s| s.source.clone()),
+            attitude: signals.attitude.as_ref().map(|s| s.source.clone()),
+            rates: signals.rates.as_ref().map(|s| s.source.clone()),
+            specific_force: signals.specific_force.as_ref().map(|s| s.source.clone()),
+            commands: signals.commands.as_ref().map(|s| s.source.clone()),
+            rotor_speed: signals.rotor_speed.as_ref().map(|s| s.source.clone()),
+            voltage: signals.voltage.as_ref().map(|s| s.source.clone()),
+        }
+    }
+}
