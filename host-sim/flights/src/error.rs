@@ -114,6 +114,14 @@ pub enum FlightError {
         /// Which field, and what is wrong with it.
         what: String,
     },
+    /// A map of columns that makes no sense.
+    #[error("{}: {what}", path.display())]
+    Map {
+        /// The file.
+        path: PathBuf,
+        /// Which field, and what is wrong with it.
+        what: String,
+    },
     /// A column that is not in its unit.
     #[error("{}: column \"{column}\" {observed}: {advice}", path.display())]
     Unit {

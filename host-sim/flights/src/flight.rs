@@ -80,15 +80,22 @@ impl Flight {
         Some(found)
     }
 
+    /// Names of the columns that were logged, in the order they are written.
+    pub fn logged_columns(&self) -> impl Iterator<Item = &'static str> {
+        self.logged().map(|column| COLUMNS[column])
+    }
+
+    fn logged(&self) -> impl Iterator<Item = usize> {
+        let stands_in = |c: usize| {
+            self.stand_ins.iter().flat_map(|what| what.columns()).any(|column| *column as usize == c)
+        };
+        (0..COLUMNS.len()).filter(move |c| self.columns[*c].is_some() && !stands_in(*c))
+    }
+
     /// The text of the flight file: what was logged. Values are written with the shortest digits that read back to
     /// the same bits.
     pub fn to_csv(&self) -> String {
-        let logged = |c: &usize| {
-            let stands_in =
-                self.stand_ins.iter().flat_map(|what| what.columns()).any(|column| *column as usize == *c);
-            self.columns[*c].is_some() && !stands_in
-        };
-        let present: Vec<usize> = (0..COLUMNS.len()).filter(logged).collect();
+        let present: Vec<usize> = self.logged().collect();
         let mut text = present.iter().map(|&c| COLUMNS[c]).collect::<Vec<_>>().join(",");
         text.push('\n');
         for row in 0..self.len() {

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::column_map::ColumnMap;
 use crate::columns::COLUMNS;
 use crate::error::FlightError;
 use crate::names::{Named, named};
@@ -12,14 +13,14 @@ pub(crate) struct Header {
     pub(crate) fields: Vec<Option<usize>>,
     /// Known columns that the file has, in file order.
     pub(crate) known: Vec<usize>,
-    /// Factor to the unit of each of them.
-    pub(crate) factors: Vec<f64>,
+    /// Factor to the unit of each of them, and what is added then.
+    pub(crate) scales: Vec<[f64; 2]>,
 }
 
-pub(crate) fn read_header(line: &[u8], path: &Path) -> Result<Header, FlightError> {
+pub(crate) fn read_header(line: &[u8], path: &Path, map: &ColumnMap) -> Result<Header, FlightError> {
     let text = String::from_utf8_lossy(line);
     let names: Vec<&str> = text.trim().split(',').map(|n| n.trim().trim_matches('"')).collect();
-    let mut header = Header { fields: Vec::new(), known: Vec::new(), factors: Vec::new() };
+    let mut header = Header { fields: Vec::new(), known: Vec::new(), scales: Vec::new() };
     let exact: Vec<usize> =
         names.iter().filter_map(|name| COLUMNS.iter().position(|column| column == name)).collect();
     let refuse = |column: &str, problem| {
@@ -30,15 +31,25 @@ pub(crate) fn read_header(line: &[u8], path: &Path) -> Result<Header, FlightErro
             found: shortened(&names.join(",")),
         })
     };
+    if let Some((_, source)) = map.sources.iter().find(|(_, source)| !names.contains(&source.name.as_str())) {
+        return refuse(&source.name, "is named in columns.toml and not there");
+    }
     for name in &names {
+        if let Some((column, source)) = map.sources.iter().find(|(_, source)| source.name == *name) {
+            header.fields.push(Some(header.known.len()));
+            header.known.push(*column);
+            header.scales.push([source.scale, source.offset]);
+            continue;
+        }
         match named(name, &exact) {
+            Named::Column(column, _) if map.sources.contains_key(&column) => header.fields.push(None),
             Named::Column(column, _) if header.known.contains(&column) => {
                 return refuse(name, "is there twice");
             }
             Named::Column(column, factor) => {
                 header.fields.push(Some(header.known.len()));
                 header.known.push(column);
-                header.factors.push(factor);
+                header.scales.push([factor, 0.0]);
             }
             Named::UnknownUnit => return refuse(name, "is in a unit that is not known"),
             Named::Other => header.fields.push(None),

@@ -7,6 +7,7 @@
 #![forbid(unsafe_code)]
 
 mod checks;
+mod column_map;
 mod columns;
 mod completion;
 mod decimal;
@@ -20,6 +21,7 @@ mod parts;
 mod reading;
 mod sampling;
 
+pub use column_map::ColumnMap;
 pub use columns::{COLUMNS, Column};
 pub use completion::{StandIn, UNKNOWN_VOLTAGE_V};
 pub use error::FlightError;

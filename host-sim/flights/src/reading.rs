@@ -6,6 +6,7 @@
 use std::io::Read as _;
 use std::path::Path;
 
+use crate::column_map::ColumnMap;
 use crate::columns::COLUMNS;
 use crate::decimal;
 use crate::error::FlightError;
@@ -17,7 +18,7 @@ use crate::header::{Header, read_header, shortened};
 const BLOCK_BYTES: usize = 256 * 1024;
 
 impl Flight {
-    /// Reads and checks a flight file.
+    /// Reads and checks a flight file, with the map of columns beside it.
     ///
     /// A block at a time, so that the text is parsed while it is in the cache and a long log costs
     /// the memory of its numbers only.
@@ -25,6 +26,7 @@ impl Flight {
         if path.is_dir() {
             return Err(FlightError::Folder { path: path.into() });
         }
+        let map = ColumnMap::beside(path)?;
         let unreadable = |source| FlightError::Read { path: path.into(), source };
         let mut file = std::fs::File::open(path).map_err(unreadable)?;
         let size = file.metadata().map_or(0, |m| m.len() as usize);
@@ -41,11 +43,11 @@ impl Flight {
             let is_odd =
                 memchr::memchr(b'"', text).is_some() || (reader.is_none() && other_separator(text).is_some());
             let (Some(end), false) = (end, is_odd) else {
-                return Self::parse(&std::fs::read(path).map_err(unreadable)?, path);
+                return Self::parse_with(&std::fs::read(path).map_err(unreadable)?, path, &map);
             };
             match &mut reader {
                 Some(reader) => reader.rows(&block[..end], path)?,
-                None => reader = Some(PlainReader::new(&block[..end], size, path)?),
+                None => reader = Some(PlainReader::new(&block[..end], size, path, &map)?),
             }
             if last {
                 break;
@@ -54,37 +56,49 @@ impl Flight {
             kept = filled - end;
         }
         match reader {
-            Some(reader) => reader.finish(path),
+            Some(reader) => reader.finish(path, &map),
             None => Err(FlightError::Empty { path: path.into() }),
         }
     }
 
     /// Parses the bytes of a flight file; `path` is for messages and gives the name.
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, FlightError> {
+        Self::parse_with(bytes, path, &ColumnMap::default())
+    }
+
+    /// Parses the bytes of a flight file whose columns are mapped.
+    pub fn parse_with(bytes: &[u8], path: &Path, map: &ColumnMap) -> Result<Self, FlightError> {
         if let Some(separator) = other_separator(bytes) {
-            return Self::parse(&with_commas(bytes, separator), path);
+            return Self::parse_with(&with_commas(bytes, separator), path, map);
         }
         if memchr::memchr(b'"', bytes).is_none() {
-            return PlainReader::new(bytes, bytes.len(), path)?.finish(path);
+            return PlainReader::new(bytes, bytes.len(), path, map)?.finish(path, map);
         }
         let bytes = without_mark(bytes, path)?;
         let header_end = memchr::memchr(b'\n', bytes).unwrap_or(bytes.len());
-        let header = read_header(&bytes[..header_end], path)?;
+        let header = read_header(&bytes[..header_end], path, map)?;
         let table = read_quoted(bytes, &header, path)?;
-        Self::from_table(&header, table, path)
+        Self::from_table(&header, table, path, map)
     }
 
-    fn from_table(header: &Header, table: Vec<Vec<f64>>, path: &Path) -> Result<Self, FlightError> {
+    fn from_table(
+        header: &Header,
+        table: Vec<Vec<f64>>,
+        path: &Path,
+        map: &ColumnMap,
+    ) -> Result<Self, FlightError> {
         let mut flight = Self {
             name: path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into()),
             ..Self::default()
         };
-        for ((column, factor), mut values) in header.known.iter().zip(&header.factors).zip(table) {
-            if *factor != 1.0 {
-                values.iter_mut().for_each(|value| *value *= factor);
+        for ((column, scale), mut values) in header.known.iter().zip(&header.scales).zip(table) {
+            let [factor, offset] = *scale;
+            if *scale != [1.0, 0.0] {
+                values.iter_mut().for_each(|value| *value = *value * factor + offset);
             }
             flight.columns[*column] = Some(values);
         }
+        map.apply(&mut flight);
         flight.check_times(path)?;
         flight.complete(path)?;
         flight.check_units(path)?;
@@ -130,10 +144,10 @@ struct PlainReader {
 
 impl PlainReader {
     /// Starts with the first rows of a file of `size` bytes.
-    fn new(first: &[u8], size: usize, path: &Path) -> Result<Self, FlightError> {
+    fn new(first: &[u8], size: usize, path: &Path, map: &ColumnMap) -> Result<Self, FlightError> {
         let bytes = without_mark(first, path)?;
         let header_end = memchr::memchr(b'\n', bytes).unwrap_or(bytes.len());
-        let header = read_header(&bytes[..header_end], path)?;
+        let header = read_header(&bytes[..header_end], path, map)?;
         let body = &bytes[(header_end + 1).min(bytes.len())..];
         // A guess of the row count from the first row saves growing the vectors.
         let row_bytes = memchr::memchr(b'\n', body).unwrap_or(body.len()).max(1);
@@ -164,8 +178,8 @@ impl PlainReader {
         Ok(())
     }
 
-    fn finish(self, path: &Path) -> Result<Flight, FlightError> {
-        Flight::from_table(&self.header, self.table, path)
+    fn finish(self, path: &Path, map: &ColumnMap) -> Result<Flight, FlightError> {
+        Flight::from_table(&self.header, self.table, path, map)
     }
 }
 

@@ -50,7 +50,7 @@ pub struct Messages {
 }
 
 /// The format's own name of what became each quantity; nothing where it is not logged.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Sources {
     /// Position.
     pub position: Option<String>,

@@ -16,6 +16,7 @@ mod import;
 mod log;
 mod recording;
 mod sources;
+mod vehicle;
 
 pub use conversion::{Part, convert};
 pub use decode::decode;
@@ -25,3 +26,4 @@ pub use import::{Import, Messages, Sources, format_of, import, import_bytes};
 pub use log::{Column, Log, Losses, Table, TimeUnit, Values};
 pub use recording::{Hints, Recording, Signal, Signals, Span};
 pub use sources::record;
+pub use vehicle::{Draft, draft};

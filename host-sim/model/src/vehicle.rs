@@ -167,6 +167,9 @@ pub struct Vehicle {
     /// From the centre of mass to the tracked point, body FRD, m.
     #[serde(default)]
     pub tracked_point: [f64; 3],
+    /// Fields that stand at usual values because no one has measured them yet: "mass", "motors.spin".
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub unmeasured: Vec<String>,
     /// Motors, rotors and their map.
     pub motors: Motors,
 }

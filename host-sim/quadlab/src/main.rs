@@ -19,8 +19,8 @@ use clap::{CommandFactory, Parser, Subcommand};
 use crate::cli::colour;
 use crate::cli::output::Outcome;
 use crate::commands::{
-    add, compare, demo, design, diagnose, effects, excite, explain, ground, identify, linearize, motor_map,
-    plan, reference,
+    add, compare, demo, design, diagnose, effects, excite, explain, ground, identify, import, init,
+    linearize, motor_map, plan, reference,
 };
 
 /// Identify a quadcopter's model from flights, find where it fails, and name the physical effect it lacks.
@@ -35,6 +35,8 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    Init(init::Options),
+    Import(import::Options),
     Identify(identify::Options),
     Compare(compare::Options),
     Diagnose(diagnose::Options),
@@ -61,6 +63,8 @@ fn main() -> ExitCode {
         Err(error) => return usage(&error),
     };
     let outcome = match arguments.command {
+        Command::Init(options) => init::run(&options),
+        Command::Import(options) => import::run(&options),
         Command::Identify(options) => identify::run(&options),
         Command::Compare(options) => compare::run(&options),
         Command::Diagnose(options) => diagnose::run(&options),
@@ -87,6 +91,10 @@ fn main() -> ExitCode {
 
 fn finish(outcome: Outcome) -> anyhow::Result<ExitCode> {
     report::print(&colour::for_stdout(&outcome.text))?;
+    outcome.refused.iter().for_each(|why| colour::error(&one_line(why)));
+    if !outcome.refused.is_empty() {
+        return Ok(ExitCode::from(BAD_INPUT));
+    }
     Ok(if outcome.holds { ExitCode::SUCCESS } else { ExitCode::from(DOES_NOT_HOLD) })
 }
 

@@ -425,6 +425,7 @@ impl Craft {
             Size::Large => ("large", "us"),
         };
         Vehicle {
+            unmeasured: Vec::new(),
             name: name.into(),
             mass: self.mass_kg,
             arm_length: self.arm_m,

@@ -13,6 +13,9 @@ pub enum WorkflowError {
     /// The file.
     #[error(transparent)]
     File(#[from] FlightError),
+    /// A log of another program.
+    #[error(transparent)]
+    Log(#[from] logs::LogError),
     /// What is in it.
     #[error("{}: {why}", path.display())]
     Unusable {

@@ -47,7 +47,14 @@ impl Faults {
     /// What flights with such faults do not determine.
     pub(crate) fn not_identified(&self) -> Vec<NotIdentified> {
         let told = self.listed.iter().filter(|listed| listed.fault.severity != Severity::Note);
-        told.flat_map(|listed| not_determined(listed.fault.kind)).collect()
+        let mut all: Vec<NotIdentified> = Vec::new();
+        for unknown in told.flat_map(|listed| not_determined(listed.fault.kind)) {
+            // One reason of many flights is told once.
+            if !all.contains(&unknown) {
+                all.push(unknown);
+            }
+        }
+        all
     }
 
     /// Whether there is one of a kind, other than a note.
@@ -91,7 +98,7 @@ impl Faults {
                 self.add(flight.path.display().to_string(), fault.clone());
             }
         }
-        if let Some(fault) = vehicle::of_vehicle(vehicle) {
+        for fault in vehicle::of_vehicle(vehicle).into_iter().chain(vehicle::unmeasured(vehicle)) {
             self.add(&vehicle.name, fault);
         }
         Ok(())
@@ -177,6 +184,14 @@ fn not_determined(kind: FaultKind) -> Vec<NotIdentified> {
     };
     match kind {
         FaultKind::UnderSampled => GROUPS.map(of).to_vec(),
+        FaultKind::NoPosition => vec![NotIdentified {
+            leaves_findings: true,
+            ..NotIdentified::of_group(
+                Group::Translation,
+                "no position is logged, so the speed through the air is not known".into(),
+                "log x, y and z, from motion capture or from the estimator on board",
+            )
+        }],
         _ => Vec::new(),
     }
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use flights::{Flight, FlightError, parts_to_use};
+use flights::{ColumnMap, Flight, FlightError, parts_to_use};
 use model::{Effect, Model, Vehicle};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
@@ -56,6 +56,33 @@ impl Reading {
 pub(crate) enum Source<'a> {
     File(&'a Path),
     Memory(&'a Flight),
+    /// A flight cut out of a log, and the log.
+    Cut(&'a Path, Flight),
+}
+
+impl<'a> Source<'a> {
+    /// Where the flights of files are from: a flight file is one, a log of another program as many as were flown in it.
+    pub(crate) fn of_files(paths: &'a [PathBuf]) -> Result<Vec<Self>, WorkflowError> {
+        let of_file = |path: &'a PathBuf| -> Result<Vec<Self>, WorkflowError> {
+            if logs::format_of(path).is_none() {
+                return Ok(vec![Source::File(path)]);
+            }
+            let flights = logs::import(path)?.flights;
+            if flights.is_empty() {
+                return Err(logs::LogError::Refused {
+                    path: path.clone(),
+                    reason: "nothing in this log is long enough in the air to be a flight".into(),
+                }
+                .into());
+            }
+            Ok(flights.into_iter().map(|part| Source::Cut(path, part.flight)).collect())
+        };
+        paths
+            .par_iter()
+            .map(of_file)
+            .collect::<Result<Vec<_>, _>>()
+            .map(|all| all.into_iter().flatten().collect())
+    }
 }
 
 impl LoadedFlight {
@@ -71,6 +98,20 @@ impl LoadedFlight {
         Self::examined(flight, vehicle, &parts, path, sha256(flight.to_csv().as_bytes()))
     }
 
+    fn from_log(
+        log: &Path,
+        cut: &Flight,
+        vehicle: &Vehicle,
+        reading: Reading,
+    ) -> Result<Self, WorkflowError> {
+        let path = log.with_file_name(&cut.name);
+        let sha256 = sha256(cut.to_csv().as_bytes());
+        let mut flight = cut.clone();
+        flight.complete(&path)?;
+        flight.check_against(vehicle, &path)?;
+        Self::examined(&flight, vehicle, &reading.parts(Some(&path))?, path, sha256)
+    }
+
     /// Whether its rotor clock wanders.
     pub(crate) fn wanders(&self) -> bool {
         self.prepared.alignment.as_ref().is_some_and(|alignment| !alignment.wandering.is_empty())
@@ -81,7 +122,7 @@ impl LoadedFlight {
             return Err(FlightError::Folder { path: path.into() }.into());
         }
         let bytes = std::fs::read(path).map_err(|source| FlightError::Read { path: path.into(), source })?;
-        let flight = Flight::parse(&bytes, path)?;
+        let flight = Flight::parse_with(&bytes, path, &ColumnMap::beside(path)?)?;
         flight.check_against(vehicle, path)?;
         Self::examined(&flight, vehicle, &reading.parts(Some(path))?, path.into(), sha256(&bytes))
     }
@@ -137,6 +178,7 @@ pub(crate) fn load_all(
             let loaded = match source {
                 Source::File(path) => LoadedFlight::from_file(path, vehicle, reading),
                 Source::Memory(flight) => LoadedFlight::from_memory(flight, vehicle, reading),
+                Source::Cut(log, flight) => LoadedFlight::from_log(log, flight, vehicle, reading),
             };
             tell(done.fetch_add(1, Ordering::Relaxed) + 1);
             loaded

@@ -71,8 +71,10 @@ impl FlightSets {
         reading: Reading,
         observer: &dyn Observer,
     ) -> Result<Self, WorkflowError> {
-        let all: Vec<Source<'_>> = train.iter().chain(validate).map(|path| Source::File(path)).collect();
-        Self::load(&all, train.len(), vehicle, reading, observer)
+        let mut all = Source::of_files(train)?;
+        let training = all.len();
+        all.extend(Source::of_files(validate)?);
+        Self::load(&all, training, vehicle, reading, observer)
     }
 
     /// Takes flights that are already in memory.
@@ -164,8 +166,7 @@ impl FlightsOfOneKind {
         reading: Reading,
         observer: &dyn Observer,
     ) -> Result<Self, WorkflowError> {
-        let sources: Vec<Source<'_>> = paths.iter().map(|path| Source::File(path)).collect();
-        Self::load(&sources, vehicle, reading, observer)
+        Self::load(&Source::of_files(paths)?, vehicle, reading, observer)
     }
 
     /// Takes flights that are already in memory.

@@ -13,12 +13,14 @@ pub(crate) struct Outcome {
     pub(crate) text: String,
     /// Whether what the command checks holds.
     pub(crate) holds: bool,
+    /// Why inputs were refused while the job was done with the others, one line each.
+    pub(crate) refused: Vec<String>,
 }
 
 impl Outcome {
     /// The job is done.
     pub(crate) fn done(text: String) -> Self {
-        Self { text, holds: true }
+        Self { text, holds: true, refused: Vec::new() }
     }
 
     /// The job is done; its result is one JSON document.

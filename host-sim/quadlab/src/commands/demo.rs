@@ -140,7 +140,7 @@ fn on_hidden_effect(options: &Options) -> anyhow::Result<Outcome> {
     let _ = write!(text, "\n{}", tables::hidden(&craft, effect, &explanation.model).to_text());
     let again = format!("quadlab demo --seed {seed}");
     let _ = writeln!(text, "\nto see this run again: {again}");
-    Ok(Outcome { text, holds: found })
+    Ok(Outcome { holds: found, ..Outcome::done(text) })
 }
 
 /// What was hidden, and whether the flights gave away that and nothing else.

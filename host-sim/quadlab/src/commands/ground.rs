@@ -417,7 +417,7 @@ fn outcome(options: &Options, ended: &RunResult, finished: Option<&Finished>) ->
             text.push_str(&format!("flight: {}\n", flight.display()));
         }
     }
-    Ok(Outcome { text, holds: ended.well })
+    Ok(Outcome { holds: ended.well, ..Outcome::done(text) })
 }
 
 #[cfg(test)]

@@ -13,6 +13,8 @@ pub(crate) mod excite;
 pub(crate) mod explain;
 pub(crate) mod ground;
 pub(crate) mod identify;
+pub(crate) mod import;
+pub(crate) mod init;
 pub(crate) mod linearize;
 pub(crate) mod motor_map;
 pub(crate) mod plan;

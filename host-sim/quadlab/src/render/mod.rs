@@ -6,6 +6,7 @@ pub(crate) mod evidence;
 pub(crate) mod excite_page;
 pub(crate) mod figures;
 pub(crate) mod grid;
+pub(crate) mod import_text;
 pub(crate) mod pages;
 pub(crate) mod tables;
 pub(crate) mod view;

@@ -17,7 +17,7 @@ use crate::checks::frames::{self, FrameFault};
 use crate::checks::under_sampled::Thinning;
 use crate::checks::{channels, command_clock, imu, interpolated, motors, under_sampled};
 use crate::prepare::{PrepareError, Prepared, StandingGyro};
-use flights::{Column, Flight};
+use flights::{Column, Flight, StandIn};
 
 /// What kind of fault; the word in JSON.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -48,10 +48,16 @@ pub enum FaultKind {
     Interpolated,
     /// Commands that change between two rows of the log.
     UnderSampled,
+    /// Columns that were not logged, and what stands in for them.
+    NotLogged,
+    /// No position, and with it no speed through the air.
+    NoPosition,
     /// Flights in winds of their own.
     WindBetweenFlights,
     /// Mass, geometry or units of the vehicle file against what the fit says.
     ImplausibleVehicle,
+    /// Fields of the vehicle file that no one has measured.
+    UnmeasuredVehicle,
     /// Flights that are not those of the model's vehicle, or of two vehicles.
     OtherVehicle,
     /// Too few or too short flights.
@@ -81,8 +87,11 @@ impl FaultKind {
             Self::NotAirborne => "not-airborne",
             Self::Interpolated => "interpolated",
             Self::UnderSampled => "under-sampled",
+            Self::NotLogged => "not-logged",
+            Self::NoPosition => "no-position",
             Self::WindBetweenFlights => "wind-between-flights",
             Self::ImplausibleVehicle => "implausible-vehicle",
+            Self::UnmeasuredVehicle => "unmeasured-vehicle",
             Self::OtherVehicle => "other-vehicle",
             Self::TooFewFlights => "too-few-flights",
             Self::NotExcited => "not-excited",
@@ -185,6 +194,10 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
     let mut add = |kind, severity, sentence: String| {
         faults.push(Fault { kind, severity, flight: Some(flight.name.clone()), sentence });
     };
+    for stand_in in flight.stand_ins() {
+        let kind = if *stand_in == StandIn::NoPosition { FaultKind::NoPosition } else { FaultKind::NotLogged };
+        stand_in.sentence().into_iter().for_each(|sentence| add(kind, Severity::Warning, sentence.into()));
+    }
     let (cut, standing, taken) = take(flight, vehicle, parts)?;
     if let Some(sentence) = airborne::sentence(&taken.left_out) {
         add(FaultKind::NotAirborne, Severity::Warning, sentence);

@@ -47,6 +47,25 @@ pub fn of_vehicle(vehicle: &Vehicle) -> Option<Fault> {
     ))
 }
 
+/// What of a vehicle file no one has measured yet.
+pub fn unmeasured(vehicle: &Vehicle) -> Option<Fault> {
+    if vehicle.unmeasured.is_empty() {
+        return None;
+    }
+    Some(warning(
+        FaultKind::UnmeasuredVehicle,
+        format!(
+            "vehicle file: {} not measured yet but at values of a usual craft: forces, loads and lengths of the model scale with them; \
+             measure them and take them out of `unmeasured`",
+            match &vehicle.unmeasured[..] {
+                [one] => format!("{one} is"),
+                [rest @ .., last] => format!("{} and {last} are", rest.join(", ")),
+                [] => String::new(),
+            }
+        ),
+    ))
+}
+
 /// Suspicions from a fitted model: mass, lengths and map against thrust and moments.
 pub fn of_fit(model: &Model) -> Vec<Fault> {
     let mut faults: Vec<Fault> = undetermined(model).into_iter().collect();

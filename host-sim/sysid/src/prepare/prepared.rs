@@ -28,7 +28,7 @@ use crate::prepare::error::PrepareError;
 use crate::prepare::grid::{bridge, even_grid, unbroken};
 use crate::prepare::outliers::Outlier;
 use crate::prepare::stretch::{Stretch, smoothed};
-use flights::{Column, Flight, median_step};
+use flights::{Column, Flight, StandIn, median_step};
 
 /// Where the force rows' targets come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -78,6 +78,8 @@ pub struct Prepared {
     /// Whether positions, velocities and attitudes are an estimator's output rather than raw
     /// tracking.
     pub has_logged_velocity: bool,
+    /// Whether the log says where the craft is; without, nothing is known of its speed.
+    pub has_position: bool,
     /// Gyro bias found and taken out, rad/s.
     pub gyro_bias_rad_s: [f64; 3],
     /// Accelerometer bias along x and y found and taken out, m/s^2; zero without an accelerometer
@@ -148,6 +150,7 @@ impl Prepared {
             period_s,
             force_target,
             has_logged_velocity,
+            has_position: !flight.stand_ins().contains(&StandIn::NoPosition),
             gyro_bias_rad_s,
             accelerometer_bias_m_s2,
             notes,

@@ -1,0 +1,256 @@
+//! `quadlab import`: flight files and a vehicle file from the logs of other programs.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use diagnosis::workflow::{Observer as _, Progress};
+use logs::{Draft, Import, Part, Sources};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::cli::flights::{Kind, named_files};
+use crate::cli::output::Outcome;
+use crate::cli::terminal::Terminal;
+use crate::render::import_text;
+
+/// The vehicle file beside the flights.
+const VEHICLE: &str = "vehicle.toml";
+
+/// Make flight files from logs of other programs.
+///
+/// Reads PX4 ULog, ArduPilot DataFlash, Betaflight and INAV blackbox, Crazyflie SD-card logs, ROS 1 and ROS 2 bags, MCAP and
+/// Parquet. Writes a flight file for each part that was flown, and a vehicle file in which what must be measured is marked.
+/// Every command that takes flights also takes logs: this only makes the flight files permanent. Exit status 2 if a log is
+/// refused; the others are still imported.
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  quadlab import log1.ulg log2.ulg --out flights")]
+pub(crate) struct Options {
+    /// Logs: files, folders, patterns such as '*.ulg', or - for standard input
+    #[arg(value_name = "LOG", num_args = 1.., required = true)]
+    logs: Vec<PathBuf>,
+
+    /// Folder to write the flight files and the vehicle file to; it is made if it is not there, for example: --out flights
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+
+    /// Overwrite existing flight files and an existing vehicle file
+    #[arg(long)]
+    force: bool,
+
+    /// Print one JSON document on standard output and nothing else there
+    #[arg(long)]
+    json: bool,
+}
+
+/// What became of a log.
+pub(crate) struct Read {
+    pub(crate) path: PathBuf,
+    pub(crate) import: Result<Import, logs::LogError>,
+}
+
+pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
+    let mut read = read_logs(&options.logs, options.json)?;
+    name_apart(&mut read);
+    let draft = draft(&read)?;
+    std::fs::create_dir_all(&options.out)
+        .with_context(|| format!("{}: cannot make the folder", options.out.display()))?;
+    let flights: Vec<&Part> = imported(&read).flat_map(|import| &import.flights).collect();
+    let paths: Vec<PathBuf> = flights.iter().map(|part| options.out.join(&part.flight.name)).collect();
+    if let Some(there) = paths.iter().find(|path| path.exists() && !options.force) {
+        anyhow::bail!(
+            "{}: already exists; give --force to overwrite it, or choose another folder",
+            there.display()
+        );
+    }
+    for (part, path) in flights.iter().zip(&paths) {
+        report::write_atomic(path, part.flight.to_csv())?;
+    }
+    let vehicle = options.out.join(VEHICLE);
+    // A vehicle file has been edited: measured values are not written over.
+    let keeps = vehicle.exists() && !options.force;
+    if let (Some(draft), false) = (&draft, keeps) {
+        report::write_atomic(&vehicle, draft.to_toml())?;
+    }
+    let vehicle = draft.as_ref().map(|_| vehicle);
+    let outcome = if options.json {
+        Outcome::json(&document(&read, &paths, vehicle.as_deref(), draft.as_ref()))?
+    } else {
+        Outcome::done(import_text::of(
+            &read,
+            &options.out,
+            vehicle.as_deref().map(|path| (path, keeps)),
+            draft.as_ref(),
+        ))
+    };
+    Ok(Outcome { refused: refused(&read), ..outcome })
+}
+
+/// Reads logs; each that is refused with its reason.
+pub(crate) fn read_logs(named: &[PathBuf], json: bool) -> anyhow::Result<Vec<Read>> {
+    let paths = named_files(named, Kind::Logs)?;
+    let terminal = Terminal::new(json);
+    let mut read = Vec::new();
+    for (done, path) in paths.iter().enumerate() {
+        terminal.progress(Progress { activity: "reading logs", steps: Some((done, paths.len())) });
+        read.push(Read { path: path.clone(), import: logs::import(path) });
+    }
+    terminal.clear();
+    Ok(read)
+}
+
+/// The logs that were read.
+pub(crate) fn imported(read: &[Read]) -> impl Iterator<Item = &Import> {
+    read.iter().filter_map(|read| read.import.as_ref().ok())
+}
+
+/// Why logs were refused, one line each.
+pub(crate) fn refused(read: &[Read]) -> Vec<String> {
+    read.iter().filter_map(|read| read.import.as_ref().err()).map(ToString::to_string).collect()
+}
+
+/// The vehicle file of the craft that wrote them.
+pub(crate) fn draft(read: &[Read]) -> anyhow::Result<Option<Draft>> {
+    let all: Vec<Import> = imported(read).cloned().collect();
+    logs::draft(&all).map_err(anyhow::Error::msg)
+}
+
+/// Logs of one name in two folders give flights of two names.
+fn name_apart(read: &mut [Read]) {
+    let mut taken = BTreeSet::new();
+    for read in read {
+        let Ok(import) = &mut read.import else { continue };
+        for part in &mut import.flights {
+            let stem = part.flight.name.trim_end_matches(".csv").to_owned();
+            let mut count = 1;
+            while !taken.insert(part.flight.name.clone()) {
+                count += 1;
+                part.flight.name = format!("{stem}_{count}.csv");
+            }
+        }
+    }
+}
+
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Document<'a> {
+    logs: Vec<LogEntry<'a>>,
+    /// The vehicle file, where there is a flight.
+    vehicle: Option<String>,
+    /// What to measure for it.
+    missing: Vec<String>,
+}
+
+#[derive(Serialize, JsonSchema)]
+struct LogEntry<'a> {
+    file: String,
+    format: Option<logs::Format>,
+    firmware: Option<&'a str>,
+    /// Kinds of messages by the format's own name.
+    messages: BTreeMap<&'a str, MessagesEntry>,
+    /// The format's own name of what became each quantity.
+    sources: Option<&'a Sources>,
+    flights: Vec<FlightEntry>,
+    /// Times at which the craft could not write fast enough, and what they lost.
+    dropouts: usize,
+    dropouts_s: f64,
+    /// Damage, one sentence each.
+    damage: &'a [String],
+    /// What this log cannot tell, one sentence each.
+    limits: &'a [String],
+    /// What was done to it, one sentence each.
+    notes: &'a [String],
+    /// Why no flight was made of it.
+    refused: Option<String>,
+}
+
+#[derive(Serialize, JsonSchema)]
+struct MessagesEntry {
+    count: usize,
+    first: Option<f64>,
+    last: Option<f64>,
+}
+
+#[derive(Serialize, JsonSchema)]
+struct FlightEntry {
+    file: String,
+    /// First and last time on the log's clock, s.
+    start_s: f64,
+    end_s: f64,
+    rows: usize,
+    rate_hz: f64,
+    columns: Vec<String>,
+    /// Time without rows in between, s.
+    lost_s: f64,
+}
+
+fn document<'a>(
+    read: &'a [Read],
+    paths: &[PathBuf],
+    vehicle: Option<&Path>,
+    draft: Option<&Draft>,
+) -> Document<'a> {
+    let mut paths = paths.iter();
+    let logs = read.iter().map(|read| match &read.import {
+        Ok(import) => entry(read, import, &mut paths),
+        Err(error) => LogEntry::refused(read, error),
+    });
+    Document {
+        logs: logs.collect(),
+        vehicle: vehicle.map(|path| path.display().to_string()),
+        missing: draft.map_or(Vec::new(), |draft| {
+            draft.missing.iter().map(|(field, how)| format!("{field}: {how}")).collect()
+        }),
+    }
+}
+
+fn entry<'a>(read: &Read, import: &'a Import, paths: &mut std::slice::Iter<'_, PathBuf>) -> LogEntry<'a> {
+    let messages = import.messages.iter().map(|messages| {
+        let [first, last] = messages.first_last.map_or([None; 2], |ends| ends.map(Some));
+        (messages.name.as_str(), MessagesEntry { count: messages.count, first, last })
+    });
+    let flights = import.flights.iter().zip(paths).map(|(part, path)| FlightEntry {
+        file: path.display().to_string(),
+        start_s: part.span[0],
+        end_s: part.span[1],
+        rows: part.flight.len(),
+        rate_hz: part.rate_hz,
+        columns: part.flight.logged_columns().map(ToOwned::to_owned).collect(),
+        lost_s: part.lost_s,
+    });
+    LogEntry {
+        file: read.path.display().to_string(),
+        format: Some(import.format),
+        firmware: import.firmware.as_deref(),
+        messages: messages.collect(),
+        sources: Some(&import.sources),
+        flights: flights.collect(),
+        dropouts: import.losses.dropouts,
+        dropouts_s: import.losses.dropouts_s,
+        damage: &import.losses.damage,
+        limits: &import.limits,
+        notes: &import.notes,
+        refused: import
+            .flights
+            .is_empty()
+            .then(|| "nothing in it is long enough in the air to be a flight".into()),
+    }
+}
+
+impl LogEntry<'_> {
+    fn refused(read: &Read, error: &logs::LogError) -> Self {
+        Self {
+            file: read.path.display().to_string(),
+            format: logs::format_of(&read.path),
+            firmware: None,
+            messages: BTreeMap::new(),
+            sources: None,
+            flights: Vec::new(),
+            dropouts: 0,
+            dropouts_s: 0.0,
+            damage: &[],
+            limits: &[],
+            notes: &[],
+            refused: Some(error.to_string()),
+        }
+    }
+}

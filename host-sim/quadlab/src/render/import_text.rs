@@ -1,0 +1,92 @@
+//! What an import found and made, for people.
+
+use std::path::Path;
+
+use logs::{Draft, Import};
+use report::number::fixed;
+
+use crate::commands::import::Read;
+use crate::commands::init::to_measure;
+use crate::render::grid::{Grid, number, text};
+use crate::render::tables;
+
+/// All logs with what became of them, and what is still to be measured. `vehicle` is the file, and whether it was there before.
+pub(crate) fn of(read: &[Read], out: &Path, vehicle: Option<(&Path, bool)>, draft: Option<&Draft>) -> String {
+    let mut said = String::new();
+    for read in read {
+        if let Ok(import) = &read.import {
+            said.push_str(&log(import));
+        }
+    }
+    match (vehicle, draft) {
+        (Some((path, true)), _) => {
+            said.push_str(&format!("{} was there before and is left as it is\n", path.display()));
+        }
+        (Some((path, false)), Some(draft)) => {
+            said.push_str(&format!("{}vehicle file written to {}\n", to_measure(draft), path.display()));
+        }
+        _ => {}
+    }
+    let flights: usize =
+        read.iter().filter_map(|read| read.import.as_ref().ok()).map(|i| i.flights.len()).sum();
+    let plural = if flights == 1 { "" } else { "s" };
+    said.push_str(&format!("{flights} flight file{plural} written to {}\n", out.display()));
+    said
+}
+
+fn log(import: &Import) -> String {
+    let rows: usize = import.messages.iter().map(|messages| messages.count).sum();
+    let firmware = import.firmware.as_deref().map_or(String::new(), |firmware| format!(", {firmware}"));
+    let mut said = format!(
+        "{}: {:?}{firmware}, {rows} rows of {} kinds of messages\n",
+        import.path.display(),
+        import.format,
+        import.messages.len()
+    );
+    let mut sources = Grid::new("quantities", [text("quantity"), text("from")]);
+    for (name, source) in [
+        ("position", &import.sources.position),
+        ("attitude", &import.sources.attitude),
+        ("rates", &import.sources.rates),
+        ("specific force", &import.sources.specific_force),
+        ("motor commands", &import.sources.commands),
+        ("rotor speeds", &import.sources.rotor_speed),
+        ("voltage", &import.sources.voltage),
+    ] {
+        sources.push([name.to_owned(), source.clone().unwrap_or_else(|| "not logged".into())]);
+    }
+    said.push_str(&format!("\n{}\n", sources.to_text()));
+    let mut flights = Grid::new(
+        "flights",
+        [
+            text("file"),
+            number("from", "s"),
+            number("to", "s"),
+            number("rows", ""),
+            number("rate", "Hz"),
+            number("lost", "s"),
+        ],
+    );
+    for part in &import.flights {
+        flights.push([
+            part.flight.name.clone(),
+            fixed(part.span[0], 2),
+            fixed(part.span[1], 2),
+            part.flight.len().to_string(),
+            fixed(part.rate_hz, 1),
+            fixed(part.lost_s, 2),
+        ]);
+    }
+    if flights.has_rows() {
+        said.push_str(&format!("{}\n", flights.to_text()));
+    }
+    let dropouts = (import.losses.dropouts > 0).then(|| {
+        format!("{} dropouts, {} s lost", import.losses.dropouts, fixed(import.losses.dropouts_s, 2))
+    });
+    let sentences = dropouts.iter().chain(&import.losses.damage).chain(&import.notes).chain(&import.limits);
+    for sentence in sentences {
+        said.push_str(&format!("{}\n", tables::paragraph(&format!("- {sentence}"))));
+    }
+    said.push('\n');
+    said
+}
