@@ -61,6 +61,14 @@ pub(crate) enum Source<'a> {
 }
 
 impl<'a> Source<'a> {
+    /// The file; the name of a flight that is no file.
+    pub(crate) fn path(&self) -> &Path {
+        match self {
+            Source::File(path) | Source::Cut(path, _) => path,
+            Source::Memory(flight) => Path::new(&flight.name),
+        }
+    }
+
     /// Where the flights of files are from: a flight file is one, a log of another program as many as were flown in it.
     pub(crate) fn of_files(paths: &'a [PathBuf]) -> Result<Vec<Self>, WorkflowError> {
         let of_file = |path: &'a PathBuf| -> Result<Vec<Self>, WorkflowError> {

@@ -19,6 +19,7 @@ mod loaded;
 mod record;
 mod refinement;
 mod sets;
+mod split;
 
 pub use crate::observer::{Observer, Progress, Silent};
 pub use add::{Added, add};

@@ -13,6 +13,7 @@ use crate::workflow::faults::{Faults, listed};
 use crate::workflow::loaded::{
     LoadedFlight, Reading, Source, leave_out_undefined, load_all, names, prepared,
 };
+use crate::workflow::split::split;
 
 /// Flights to fit on.
 pub struct TrainingFlights(pub(crate) Vec<LoadedFlight>);
@@ -75,6 +76,27 @@ impl FlightSets {
         let training = all.len();
         all.extend(Source::of_files(validate)?);
         Self::load(&all, training, vehicle, reading, observer)
+    }
+
+    /// Reads files and splits them (`split.rs`).
+    pub fn split(
+        paths: &[PathBuf],
+        vehicle: &Vehicle,
+        reading: Reading,
+        observer: &dyn Observer,
+    ) -> Result<Self, WorkflowError> {
+        let (train, validate) = split(Source::of_files(paths)?)?;
+        let training = train.len();
+        let all: Vec<Source<'_>> = train.into_iter().chain(validate).collect();
+        Self::load(&all, training, vehicle, reading, observer)
+    }
+
+    /// Which flights are fitted on and which are to judge by, for people.
+    pub fn split_sentence(&self) -> String {
+        let names = |flights: &[LoadedFlight]| -> String {
+            flights.iter().map(|flight| flight.prepared.name.as_str()).collect::<Vec<_>>().join(", ")
+        };
+        format!("split: fitted on {}; judged on {}", names(&self.training.0), names(&self.held_out.0))
     }
 
     /// Takes flights that are already in memory.

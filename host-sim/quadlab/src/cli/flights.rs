@@ -5,30 +5,40 @@ use std::path::{Path, PathBuf};
 use diagnosis::workflow::{FlightSets, Observer, Reading, WorkflowError};
 use model::Vehicle;
 
+use crate::cli::colour;
+
 /// Ending of a flight file.
 const ENDING: &str = "csv";
 
-/// Flights of both kinds as given on the command line.
+/// Flights to fit on and to judge by, as given on the command line.
 #[derive(clap::Args)]
 pub(crate) struct SetOptions {
+    /// Flights and logs to be split into training and held-out ones, in the place of --train and --validate: by flight, by part
+    /// in the air, or by blocks of time where there is only one
+    #[arg(value_name = "FLIGHTS", conflicts_with_all = ["train", "validate"])]
+    flights: Vec<PathBuf>,
+
     /// Training flights: files, folders or patterns such as 'A*.csv', for example: --train A.csv B.csv C.csv
-    #[arg(long, value_name = "CSV", num_args = 1.., required = true)]
+    #[arg(long, value_name = "FLIGHTS", num_args = 1.., requires = "validate")]
     train: Vec<PathBuf>,
 
     /// Held-out flights, used to test the fit and never for it, for example: --validate D.csv E.csv
-    #[arg(long, value_name = "CSV", num_args = 1.., required = true)]
+    #[arg(long, value_name = "FLIGHTS", num_args = 1.., requires = "train")]
     validate: Vec<PathBuf>,
 }
 
 /// Flight files of both kinds.
 pub(crate) struct SetFiles {
     pub(crate) train: Vec<PathBuf>,
+    /// Empty where the program splits.
     pub(crate) validate: Vec<PathBuf>,
 }
 
 /// Why no flight files are named.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum NamedFlightsError {
+    #[error("no flights are named: name them and they are split, or give --train and --validate")]
+    None,
     #[error("{}: no flight file (*.{ENDING}) and no log in this folder", .0.display())]
     EmptyFolder(PathBuf),
     #[error("{}: no log of a format that is read in this folder (see quadlab import --help)", .0.display())]
@@ -44,7 +54,16 @@ pub(crate) enum NamedFlightsError {
 impl SetOptions {
     /// The files that are meant.
     pub(crate) fn files(&self) -> Result<SetFiles, NamedFlightsError> {
-        Ok(SetFiles { train: files(&self.train)?, validate: files(&self.validate)? })
+        match &self.flights[..] {
+            [] if self.train.is_empty() => Err(NamedFlightsError::None),
+            [] => Ok(SetFiles { train: files(&self.train)?, validate: files(&self.validate)? }),
+            all => Ok(SetFiles { train: files(all)?, validate: Vec::new() }),
+        }
+    }
+
+    /// What the user named, as it was written.
+    pub(crate) fn named(&self) -> impl Iterator<Item = &PathBuf> {
+        self.flights.iter().chain(&self.train).chain(&self.validate)
     }
 }
 
@@ -61,7 +80,12 @@ impl SetFiles {
         reading: Reading,
         observer: &dyn Observer,
     ) -> Result<FlightSets, WorkflowError> {
-        FlightSets::read(&self.train, &self.validate, vehicle, reading, observer)
+        if !self.validate.is_empty() {
+            return FlightSets::read(&self.train, &self.validate, vehicle, reading, observer);
+        }
+        let sets = FlightSets::split(&self.train, vehicle, reading, observer)?;
+        colour::note(&sets.split_sentence());
+        Ok(sets)
     }
 }
 
