@@ -8,8 +8,8 @@ mod ros;
 
 use std::path::Path;
 
-use crate::format::Format;
 use crate::error::LogError;
+use crate::format::Format;
 use crate::log::Log;
 use crate::recording::Recording;
 

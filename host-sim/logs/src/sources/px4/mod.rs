@@ -1,11 +1,8 @@
-//! PX4 topics.
-
-use std::path::Path;
-
+//! dummy
 use crate::error::LogError;
 use crate::log::Log;
 use crate::recording::Recording;
-
+use std::path::Path;
 pub(crate) fn record(log: &Log, path: &Path) -> Result<Recording, LogError> {
     let _ = log;
     Err(LogError::Refused { path: path.into(), reason: "not read yet".into() })
