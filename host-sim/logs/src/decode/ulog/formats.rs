@@ -53,7 +53,8 @@ pub(super) fn is_definition(body: &[u8]) -> bool {
         .is_some_and(|(_, fields)| fields.split_terminator(';').all(|field| typed_name(field).is_some()))
 }
 
-/// Name and fields of a definition. A name is short: a long one is not looked through at every place of a file.
+/// Name and fields of a definition. A name is short: a long one is not looked through at every
+/// place of a file.
 fn definition(body: &[u8]) -> Option<(&str, &str)> {
     let colon = body.iter().take(256).position(|&byte| byte == b':')?;
     let (name, fields) = body.split_at_checked(colon)?;
@@ -78,7 +79,7 @@ impl<'a> Formats<'a> {
         self.fields.contains_key(name)
     }
 
-    /// The extent of a format's row; none where a part of it is not defined, is within itself or is too large.
+    /// The extent of a format's row; none where a part is not defined, is within itself or is too large.
     pub(super) fn extent(&mut self, name: &str) -> Option<Extent> {
         self.extent_within(name, 0)
     }

@@ -3,7 +3,7 @@
 //! Written by hand: `yule_log` 0.4 reads 52 MB/s, a value at a time, and ends at the first damage;
 //! `px4-ulog` 0.6.1 panics on damaged files.
 //!
-//! A first walk over the records finds where the rows of each topic lie; then every column is copied as a whole.
+//! A first walk over the records finds where the rows of each topic lie; then columns are copied whole.
 
 mod columns;
 mod contents;

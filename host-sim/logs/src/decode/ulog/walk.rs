@@ -37,7 +37,7 @@ fn stands(bytes: &[u8], record: Raw<'_>, end: usize, contents: &Contents<'_>) ->
     match contents.belief(record) {
         Belief::Certain => true,
         Belief::No => false,
-        // Its length may be damaged: then it does not end where another one starts, nor where the file is cut.
+        // Its length may be damaged: then it does not end where another one starts or the file is cut.
         Belief::Possible if record.next() == end => true,
         Belief::Possible => match Raw::at(bytes, record.next(), end) {
             Some(next) => contents.belief(next) != Belief::No,
