@@ -106,7 +106,7 @@ impl<'a> Contents<'a> {
                 Some(Subscription { row_bytes: (least, most), .. }) => {
                     certain_if((least..=most).contains(&row.len()))
                 }
-                None => Belief::Possible,
+                None => Belief::Unknown,
             },
             (b'D', _) => Belief::No,
             (b'F', body) => certain_if(is_definition(body)),

@@ -40,6 +40,8 @@ pub(super) enum Belief {
     Certain,
     /// Nothing speaks against it; what follows it must decide.
     Possible,
+    /// Of a kind or topic that is not known: what follows and what it holds must decide.
+    Unknown,
     /// It is none.
     No,
 }
@@ -62,7 +64,8 @@ pub(super) fn belief(record: Raw<'_>) -> Belief {
         b'O' | b'R' => if_possible(body.len() == 2),
         b'B' => if_possible(body.len() >= FLAG_BITS_BYTES),
         // Later versions may add kinds: they are passed over.
-        kind => if_possible(kind.is_ascii_alphanumeric() && !body.is_empty()),
+        kind if kind.is_ascii_alphanumeric() && !body.is_empty() => Belief::Unknown,
+        _ => Belief::No,
     }
 }
 

@@ -37,27 +37,44 @@ fn stands(bytes: &[u8], record: Raw<'_>, end: usize, contents: &Contents<'_>) ->
     match contents.belief(record) {
         Belief::Certain => true,
         Belief::No => false,
-        // Its length may be damaged: then it does not end where another one starts or the file is cut.
-        Belief::Possible if record.next() == end => true,
-        Belief::Possible => match Raw::at(bytes, record.next(), end) {
-            Some(next) => contents.belief(next) != Belief::No,
-            None => bytes
-                .get(record.next() + RECORD_HEADER_BYTES - 1)
-                .is_none_or(|kind| b"ABCDFILMOPQRS".contains(kind)),
-        },
+        belief @ (Belief::Possible | Belief::Unknown) => {
+            // Its length may be damaged: then it ends anywhere, and others lie within it.
+            leads_on(bytes, record.next(), end, belief, contents) && !covers_others(bytes, record, contents)
+        }
     }
 }
 
-/// Whether records start again at a place within damage: one that is certain, or leads to such a one.
-fn resumes(bytes: &[u8], place: usize, end: usize, contents: &Contents<'_>) -> bool {
-    let mut at = place;
-    for _ in 0..3 {
-        let Some(record) = Raw::at(bytes, at, end) else { return false };
-        match contents.belief(record) {
+/// Whether records go on after one that is not certain by itself.
+fn leads_on(bytes: &[u8], mut at: usize, end: usize, belief: Belief, contents: &Contents<'_>) -> bool {
+    const FURTHEST: usize = 8;
+    for _ in 0..FURTHEST {
+        if at == end {
+            return true;
+        }
+        let Some(next) = Raw::at(bytes, at, end) else {
+            // The last record of a log is often cut.
+            let kind = bytes[..end].get(at + RECORD_HEADER_BYTES - 1);
+            return belief == Belief::Possible && kind.is_none_or(|kind| b"ABCDFILMOPQRS".contains(kind));
+        };
+        match contents.belief(next) {
             Belief::Certain => return true,
+            Belief::Possible if belief == Belief::Possible => return true,
+            Belief::Possible | Belief::Unknown => at = next.next(),
             Belief::No => return false,
-            Belief::Possible => at = record.next(),
         }
     }
     false
+}
+
+/// Whether two records that are certain follow each other within the body of one that is not.
+fn covers_others(bytes: &[u8], record: Raw<'_>, contents: &Contents<'_>) -> bool {
+    let end = record.next();
+    let certain =
+        |at: usize| Raw::at(bytes, at, end).filter(|record| contents.belief(*record) == Belief::Certain);
+    (record.body_at..end).any(|at| certain(at).is_some_and(|first| certain(first.next()).is_some()))
+}
+
+/// Whether records start again at a place within damage.
+fn resumes(bytes: &[u8], place: usize, end: usize, contents: &Contents<'_>) -> bool {
+    Raw::at(bytes, place, end).is_some_and(|record| contents.belief(record) == Belief::Certain)
 }
