@@ -286,7 +286,6 @@ fn rebuilt_commands_agree_with_the_logged_ones() {
             for (ours, theirs) in commands.values.iter().zip(&motors) {
                 assert_eq!(ours[place], theirs[row], "{name} row {row}");
             }
-            // Between rows of the motors commands stay near them.
             compared += 1;
         }
         assert!(compared > 700, "{name}: {compared}");
@@ -491,6 +490,24 @@ fn a_written_log_is_read() {
     assert_eq!(recording.airborne.len(), 1);
 }
 
+/// Times that go back, come twice or are damaged.
+#[test]
+fn times_are_put_in_order() {
+    let mut log = hover(&[("MAV_TYPE", 2)], 100);
+    let upright = [&[0; 8][..], &1.0_f32.to_le_bytes(), &[0; 12]].concat();
+    for us in [1_010_000, 1_000_300, u64::MAX, 900_000_000_000] {
+        log.row(0, us, &upright);
+    }
+    let recording = logs::record(&log.decoded(), Path::new("written.ulg")).expect("quadcopter");
+    let attitude = recording.signals.attitude.expect("attitude");
+    assert!(attitude.t.windows(2).all(|pair| pair[0] < pair[1]));
+    assert_eq!(attitude.t.len(), 102);
+    assert!((attitude.t[101] - 2.98).abs() < 1e-9);
+    // Signs are continuous: they are those of the first row.
+    assert!(attitude.values[0].iter().all(|w| *w == -1.0));
+    assert_eq!(recording.notes.len(), 2, "{:?}", recording.notes);
+}
+
 #[test]
 fn crafts_that_are_no_x_are_refused() {
     let refusal = |parameters: &[(&str, i32)]| {
@@ -661,6 +678,8 @@ fn survives(bytes: &[u8]) -> Option<Log> {
     };
     let log = logs::decode(bytes, path).map_err(told).ok()?;
     assert!(bytes_of(&log) <= bytes.len(), "{} of {} bytes", bytes_of(&log), bytes.len());
+    // Columns take more room than their values where there are few rows.
+    assert!(log.tables.iter().map(|table| table.columns.len()).sum::<usize>() <= 200_000);
     assert!(log.losses.damage.len() <= 9, "{:?}", log.losses.damage);
     if let Err(error) = logs::record(&log, path) {
         told(error);

@@ -6,7 +6,7 @@ use super::formats::Place;
 use super::records::Kind;
 
 /// Rows that are copied at once: few enough that what they lie in stays in the cache for all columns.
-const ROWS_AT_ONCE: usize = 512;
+const ROWS_AT_ONCE: usize = 128;
 
 /// Copies columns out of the rows that start at the given places of the file.
 pub(super) fn columns(bytes: &[u8], rows: &[usize], places: Vec<Place>) -> Vec<Column> {

@@ -56,7 +56,7 @@ pub(super) fn is_definition(body: &[u8]) -> bool {
 /// Name and fields of a definition. A name is short: a long one is not looked through at every
 /// place of a file.
 fn definition(body: &[u8]) -> Option<(&str, &str)> {
-    let colon = body.iter().take(256).position(|&byte| byte == b':')?;
+    let colon = memchr::memchr(b':', &body[..body.len().min(256)])?;
     let (name, fields) = body.split_at_checked(colon)?;
     let name = std::str::from_utf8(name).ok().filter(|name| is_name(name))?;
     Some((name, std::str::from_utf8(fields.get(1..)?).ok()?))

@@ -68,7 +68,7 @@ fn of_rotors(parameters: &BTreeMap<String, f64>) -> Result<Layout, String> {
         };
         if of("AX", 0.0).hypot(of("AY", 0.0)) > 0.1 * of("AZ", -1.0).abs() || of("AZ", -1.0) >= 0.0 {
             return Err(format!(
-                "is of a craft whose rotor {} is tilted (CA_ROTOR{number}_AX..AZ): only upright rotors are read",
+                "is of a craft with rotor {} tilted (CA_ROTOR{number}_AX..AZ): only upright rotors are read",
                 number + 1
             ));
         }

@@ -44,7 +44,7 @@ pub(super) fn add(recording: &mut Recording) {
              that are wanted, in etc/logging/logger_topics.txt on the SD card"
         )),
         Some(_) => {}
-        None => limits.push("position and velocity are not logged: forces are known from the accelerometer alone".into()),
+        None => limits.push("position and velocity are not logged: forces are known by the accelerometer".into()),
     }
     if let Some(hz) =
         rate(signals.rotor_speed.as_ref().map(|signal| &signal.t)).filter(|hz| *hz < FAST_ROTORS_HZ)

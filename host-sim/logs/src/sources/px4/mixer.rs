@@ -60,7 +60,8 @@ pub(super) struct Rebuilt {
     pub(super) compared: usize,
 }
 
-/// Rebuilds commands at the times of the asked torques; `motors` are the rows and commands of `actuator_motors`.
+/// Rebuilds commands at the times of the asked torques; `motors` are rows and commands of
+/// `actuator_motors`.
 /// None where torques and thrust are not logged at least twice as often.
 pub(super) fn rebuild(log: &Log, mixer: &Mixer, motors: (&Rows, &[Vec<f64>; 4])) -> Option<Rebuilt> {
     let (rows, logged) = motors;

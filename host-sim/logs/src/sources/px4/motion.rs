@@ -159,7 +159,8 @@ fn estimate(table: &Table, rows: &Rows, recording: &mut Recording) {
     if !never.is_empty() {
         let what = never.join(", ");
         recording.limits.push(format!(
-            "the estimator was not sure of {what} in most of the flight: left out; fly with GPS, motion capture or optical flow"
+            "the estimator was not sure of {what} in most of the flight: left out; \
+             fly with GPS, motion capture or optical flow"
         ));
     }
     let source = topic_of(table);

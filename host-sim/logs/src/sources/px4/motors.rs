@@ -46,8 +46,9 @@ fn of_motors(log: &Log, table: &Table, layout: &Layout, recording: &mut Recordin
         let agree = correlation > AGREEING && error < DIFFERING && compared >= FEWEST_COMPARED;
         let kept = if agree { "used between its rows" } else { "not used" };
         recording.notes.push(format!(
-            "motor commands rebuilt from vehicle_torque_setpoint and vehicle_thrust_setpoint by CA_ROTORn are {kept}: \
-             against actuator_motors correlation {correlation:.5}, rms difference {error:.4}, {compared} samples"
+            "motor commands rebuilt from vehicle_torque_setpoint and vehicle_thrust_setpoint by CA_ROTORn \
+             are {kept}: against actuator_motors correlation {correlation:.5}, rms difference {error:.4}, \
+             {compared} samples"
         ));
         if agree {
             t = rebuilt.t;
