@@ -18,10 +18,8 @@ use crate::error::LogError;
 use crate::log::Log;
 
 use contents::Contents;
+use records::HEADER_BYTES;
 use walk::walk;
-
-/// Bytes before the first record: magic, version, time at which logging started.
-const HEADER_BYTES: usize = 16;
 
 /// Decodes a ULog. A table is a topic and its instance, `vehicle_attitude[0]`; its times are `timestamp`.
 pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {

@@ -1,5 +1,8 @@
 //! Single records: what their bytes say, and how far to believe that they are a record at all.
 
+/// Bytes before the first record: magic, version, time at which logging started.
+pub(super) const HEADER_BYTES: usize = 16;
+
 /// Bytes of a record's header: size of the body, kind.
 pub(super) const RECORD_HEADER_BYTES: usize = 3;
 
@@ -200,7 +203,7 @@ pub(super) struct FlagBits<'a> {
 
 /// The flag record of a file, if it has one.
 pub(super) fn flag_bits(bytes: &[u8]) -> Option<FlagBits<'_>> {
-    let record = Raw::at(bytes, super::HEADER_BYTES, bytes.len()).filter(|record| record.kind == b'B')?;
+    let record = Raw::at(bytes, HEADER_BYTES, bytes.len()).filter(|record| record.kind == b'B')?;
     Some(FlagBits { body: record.body.first_chunk()? })
 }
 
@@ -218,7 +221,7 @@ impl FlagBits<'_> {
             return places;
         }
         for offset in self.body[16..].as_chunks::<8>().0 {
-            let last = places.last().copied().unwrap_or(super::HEADER_BYTES);
+            let last = places.last().copied().unwrap_or(HEADER_BYTES);
             match usize::try_from(u64::from_le_bytes(*offset)) {
                 Ok(offset) if offset > last && offset < end => places.push(offset),
                 _ => {}

@@ -4,7 +4,7 @@ use crate::log::Log;
 use crate::recording::Recording;
 
 use super::rows::signal;
-use super::{instances, topic};
+use super::topics::{instances, topic};
 
 /// Without a sensor PX4 logs a tenth of a volt.
 const NO_SENSOR_V: f64 = 1.0;

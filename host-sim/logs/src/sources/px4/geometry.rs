@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::mixer::Mixer;
+use super::mixer::{Mixer, Rotor};
 
 /// The motors of a quadcopter in X, in quadlab's order: front-left, front-right, rear-right, rear-left.
 pub(super) struct Layout {
@@ -14,19 +14,6 @@ pub(super) struct Layout {
     pub(super) positions_m: Option<[[f64; 2]; 4]>,
     /// From torques and thrust to PX4's motors, where the log says how.
     pub(super) mixer: Option<Mixer>,
-}
-
-/// A rotor as PX4's parameters have it.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Rotor {
-    /// To the front, m.
-    pub(super) x: f64,
-    /// To the right, m.
-    pub(super) y: f64,
-    /// Thrust at full command.
-    pub(super) thrust: f64,
-    /// Torque over thrust; positive turns counter-clockwise.
-    pub(super) torque_ratio: f64,
 }
 
 /// The layout that parameters say, PX4's own where they say none; refused where it is not an X.

@@ -4,9 +4,21 @@ use nalgebra::Matrix4;
 
 use crate::log::{Log, Table};
 
-use super::geometry::Rotor;
 use super::rows::Rows;
-use super::topic;
+use super::topics::topic;
+
+/// A rotor as PX4's parameters have it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Rotor {
+    /// To the front, m.
+    pub(super) x: f64,
+    /// To the right, m.
+    pub(super) y: f64,
+    /// Thrust at full command.
+    pub(super) thrust: f64,
+    /// Torque over thrust; positive turns counter-clockwise.
+    pub(super) torque_ratio: f64,
+}
 
 /// PX4's mixer: the inverse of what the rotors do, scaled as `ControlAllocationPseudoInverse` does.
 pub(super) struct Mixer {

@@ -10,11 +10,12 @@ mod refusal;
 mod rows;
 mod spans;
 mod surroundings;
+mod topics;
 
 use std::path::Path;
 
 use crate::error::LogError;
-use crate::log::{Log, Table};
+use crate::log::Log;
 use crate::recording::Recording;
 
 /// Finds the quantities of a PX4 log.
@@ -55,30 +56,6 @@ fn quantities(log: &Log) -> Result<Recording, String> {
 /// First and last of a list.
 fn ends(t: &[f64]) -> Option<[f64; 2]> {
     Some([*t.first()?, *t.last()?])
-}
-
-/// The lowest instance of a topic that has rows.
-fn topic<'a>(log: &'a Log, name: &str) -> Option<&'a Table> {
-    instances(log, name).next()
-}
-
-/// All instances of a topic, in the order of the log.
-fn instances<'a>(log: &'a Log, name: &str) -> impl Iterator<Item = &'a Table> {
-    let mut tables: Vec<_> =
-        log.tables.iter().filter(|table| topic_of(table) == name && table.rows > 0).collect();
-    tables.sort_by_key(|table| instance_of(table));
-    tables.into_iter()
-}
-
-/// The topic of a table: its name without the instance.
-fn topic_of(table: &Table) -> &str {
-    table.name.split_once('[').map_or(table.name.as_str(), |(topic, _)| topic)
-}
-
-fn instance_of(table: &Table) -> u8 {
-    let instance =
-        table.name.split_once('[').and_then(|(_, instance)| instance.trim_end_matches(']').parse().ok());
-    instance.unwrap_or(0)
 }
 
 /// What the log knows that tells crafts apart: PX4 has no name for them.

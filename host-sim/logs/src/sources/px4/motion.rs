@@ -5,7 +5,7 @@ use crate::recording::{Recording, Signal, Span};
 
 use super::rows::{Rows, signal};
 use super::spans::{joined, within};
-use super::{topic, topic_of};
+use super::topics::{topic, topic_of};
 
 /// Around a jump of the estimator this much is not trusted, s.
 const JUMP_MARGIN_S: f64 = 0.05;

@@ -10,7 +10,7 @@ use super::geometry::Layout;
 use super::mixer::rebuild;
 use super::rows::Rows;
 use super::spans::within;
-use super::{instances, topic, topic_of};
+use super::topics::{instances, topic, topic_of};
 
 /// Least correlation with the logged commands, and greatest difference, at which rebuilt ones are taken.
 const AGREEING: f64 = 0.99;

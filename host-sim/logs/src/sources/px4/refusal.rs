@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 
 use crate::log::Log;
 
-use super::{spans, topic, topic_of};
+use super::spans;
+use super::topics::{topic, topic_of};
 
 /// Why a log is refused, if it is.
 pub(super) fn check(log: &Log) -> Result<(), String> {

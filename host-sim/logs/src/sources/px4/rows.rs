@@ -3,6 +3,8 @@
 use crate::log::{Table, Values};
 use crate::recording::Signal;
 
+use super::topics::topic_of;
+
 /// Times of a publication and of what it is made of differ by milliseconds; more is damage.
 const LATEST_US: u64 = 10_000_000;
 
@@ -83,7 +85,7 @@ pub(super) fn signal<const N: usize>(
     }
     let rows = Rows::of(table, notes);
     let values = rows.columns(table, names)?;
-    (!rows.us.is_empty()).then(|| Signal { source: super::topic_of(table).into(), t: rows.times_s(), values })
+    (!rows.us.is_empty()).then(|| Signal { source: topic_of(table).into(), t: rows.times_s(), values })
 }
 
 /// The time that each row's values are of: `timestamp_sample` where it is set, else `timestamp`.

@@ -4,7 +4,7 @@ use crate::log::Log;
 use crate::recording::Span;
 
 use super::rows::Rows;
-use super::topic;
+use super::topics::topic;
 
 /// When the craft was armed, s; empty where it never was, none where the log does not say.
 pub(super) fn armed(log: &Log) -> Option<Vec<Span>> {

@@ -2,7 +2,7 @@
 
 use crate::log::Log;
 
-use super::{instances, topic};
+use super::topics::{instances, topic};
 
 /// Densities that a craft can meet, kg/m^3: -40 degrees at sea level down to 5 km.
 const DENSITIES: std::ops::Range<f64> = 0.5..1.6;
