@@ -6,7 +6,7 @@
 //! | `p, q, r` | the derivative of the attitude |
 //! | `cmd1..cmd4` | the rotor speeds |
 //! | `vbat` | a constant |
-//! | `x, y, z` | a point that stays where it is, if there is an accelerometer |
+//! | `x, y, z` or `x, y` | a point that stays where it is, if there is an accelerometer |
 
 use std::path::Path;
 
@@ -35,6 +35,8 @@ pub enum StandIn {
     ConstantVoltage,
     /// No position: nothing that depends on place or speed can be told.
     NoPosition,
+    /// A height and no position.
+    HeightOnly,
 }
 
 impl StandIn {
@@ -47,7 +49,13 @@ impl StandIn {
             Self::RotorSpeeds => &[Cmd1, Cmd2, Cmd3, Cmd4],
             Self::ConstantVoltage => &[Vbat],
             Self::NoPosition => &[X, Y, Z],
+            Self::HeightOnly => &[X, Y],
         }
+    }
+
+    /// Whether it leaves nothing known of the speed through the air.
+    pub const fn hides_speed(self) -> bool {
+        matches!(self, Self::NoPosition | Self::HeightOnly)
     }
 
     /// What cannot be told without them, for people; nothing where nothing is lost.
@@ -69,6 +77,9 @@ impl StandIn {
             ),
             Self::NoPosition => Some(
                 "no position: drag, wind and what depends on height or place cannot be told, only thrust and rotation; log x, y, z",
+            ),
+            Self::HeightOnly => Some(
+                "a height and no position: drag and wind cannot be told, only thrust and rotation; log x and y",
             ),
         }
     }
@@ -94,7 +105,15 @@ impl Flight {
         if self.column(Column::Vbat).is_none() {
             self.stand_in(StandIn::ConstantVoltage, vec![vec![UNKNOWN_VOLTAGE_V; self.len()]]);
         }
-        if self.all_or_none(StandIn::NoPosition.columns(), path)? {
+        self.complete_position(path)
+    }
+
+    /// Without north and east, a height by itself is kept.
+    fn complete_position(&mut self, path: &Path) -> Result<(), FlightError> {
+        let horizontal = StandIn::HeightOnly.columns();
+        let only_height =
+            self.column(Column::Z).is_some() && horizontal.iter().all(|c| self.column(*c).is_none());
+        if !only_height && self.all_or_none(StandIn::NoPosition.columns(), path)? {
             return Ok(());
         }
         if self.group(FORCE).is_none() {
@@ -104,7 +123,8 @@ impl Flight {
                 path,
             ));
         }
-        self.stand_in(StandIn::NoPosition, vec![vec![0.0; self.len()]; 3]);
+        let what = if only_height { StandIn::HeightOnly } else { StandIn::NoPosition };
+        self.stand_in(what, vec![vec![0.0; self.len()]; what.columns().len()]);
         Ok(())
     }
 

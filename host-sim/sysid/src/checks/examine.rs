@@ -17,7 +17,7 @@ use crate::checks::frames::{self, FrameFault};
 use crate::checks::under_sampled::Thinning;
 use crate::checks::{channels, command_clock, imu, interpolated, motors, under_sampled};
 use crate::prepare::{PrepareError, Prepared, StandingGyro};
-use flights::{Column, Flight, StandIn};
+use flights::{Column, Flight};
 
 /// What kind of fault; the word in JSON.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -195,7 +195,7 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
         faults.push(Fault { kind, severity, flight: Some(flight.name.clone()), sentence });
     };
     for stand_in in flight.stand_ins() {
-        let kind = if *stand_in == StandIn::NoPosition { FaultKind::NoPosition } else { FaultKind::NotLogged };
+        let kind = if stand_in.hides_speed() { FaultKind::NoPosition } else { FaultKind::NotLogged };
         stand_in.sentence().into_iter().for_each(|sentence| add(kind, Severity::Warning, sentence.into()));
     }
     let (cut, standing, taken) = take(flight, vehicle, parts)?;

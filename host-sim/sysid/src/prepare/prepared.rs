@@ -28,7 +28,7 @@ use crate::prepare::error::PrepareError;
 use crate::prepare::grid::{bridge, even_grid, unbroken};
 use crate::prepare::outliers::Outlier;
 use crate::prepare::stretch::{Stretch, smoothed};
-use flights::{Column, Flight, StandIn, median_step};
+use flights::{Column, Flight, median_step};
 
 /// Where the force rows' targets come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -150,7 +150,7 @@ impl Prepared {
             period_s,
             force_target,
             has_logged_velocity,
-            has_position: !flight.stand_ins().contains(&StandIn::NoPosition),
+            has_position: !flight.stand_ins().iter().any(|what| what.hides_speed()),
             gyro_bias_rad_s,
             accelerometer_bias_m_s2,
             notes,

@@ -1,0 +1,68 @@
+//! PX4's topics as quantities. Frames are quadlab's own already: north-east-down, front-right-down, SI.
+
+mod electrics;
+mod geometry;
+mod limits;
+mod mixer;
+mod motion;
+mod motors;
+mod refusal;
+mod rows;
+mod spans;
+mod surroundings;
+mod topics;
+
+use std::path::Path;
+
+use crate::error::LogError;
+use crate::log::Log;
+use crate::recording::Recording;
+
+/// Finds the quantities of a PX4 log.
+pub(crate) fn record(log: &Log, path: &Path) -> Result<Recording, LogError> {
+    quantities(log).map_err(|reason| LogError::Refused { path: path.into(), reason })
+}
+
+fn quantities(log: &Log) -> Result<Recording, String> {
+    refusal::check(log)?;
+    let layout = geometry::layout(&log.parameters)?;
+    let mut recording = Recording::default();
+    recording.signals.attitude = motion::attitude(log, &mut recording.notes);
+    let Some([first, last]) = recording.signals.attitude.as_ref().and_then(|signal| ends(&signal.t)) else {
+        return Err(refusal::no_attitude(log));
+    };
+    recording.airborne = spans::airborne(log, [first, last]);
+    if recording.airborne.is_empty() {
+        return Err(
+            "was armed but never left the ground (vehicle_land_detected): there is no flight in it".into()
+        );
+    }
+    motion::position_and_velocity(log, &mut recording);
+    recording.signals.rates = motion::rates(log, &mut recording.notes);
+    recording.signals.specific_force = motion::specific_force(log, &mut recording.notes);
+    motors::commands(log, &layout, &mut recording);
+    recording.signals.rotor_speed = motors::rotor_speed(log, &layout, &mut recording.notes);
+    electrics::voltage(log, &mut recording);
+    recording.hints.name = name(log);
+    recording.hints.cells = electrics::cells(log);
+    recording.hints.spin = Some(layout.spin);
+    recording.hints.rotor_positions_m = layout.positions_m;
+    recording.hints.air_density = surroundings::air_density(log);
+    recording.hints.gravity = surroundings::gravity(log);
+    limits::add(&mut recording);
+    Ok(recording)
+}
+
+/// First and last of a list.
+fn ends(t: &[f64]) -> Option<[f64; 2]> {
+    Some([*t.first()?, *t.last()?])
+}
+
+/// What the log knows that tells crafts apart: PX4 has no name for them.
+fn name(log: &Log) -> Option<String> {
+    let board = log.information.get("ver_hw")?;
+    Some(match log.parameters.get("SYS_AUTOSTART") {
+        Some(airframe) => format!("{board} airframe {airframe}"),
+        None => board.clone(),
+    })
+}
