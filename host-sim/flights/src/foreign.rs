@@ -1,32 +1,21 @@
-//! Files of other programs, told by how they begin.
+//! Files of other programs, told by how they begin, for where a flight file and nothing else will do.
 
 /// How other log files begin, what they are, and how flight files are made of them.
-const FOREIGN: [(&[u8], &str, &str); 7] = [
-    (
-        b"ULog\x01\x12\x35",
-        "a PX4 ULog",
-        "export its topics with ulog2csv and join vehicle_local_position, vehicle_attitude, vehicle_angular_velocity, \
-         actuator_outputs and battery_status into the columns t, x, y, z, phi, ...",
-    ),
-    (
-        b"\xbc",
-        "a Crazyflie SD-card log",
-        "decode it with the firmware's cfusdlog.py and write its variables into the columns t, x, y, z, phi, ... (north-east-down, radians)",
-    ),
-    (
-        b"\xa3\x95",
-        "an ArduPilot DataFlash log",
-        "export it with mavlogdump.py --format csv and join its messages into the columns t, x, y, z, phi, ...",
-    ),
-    (
-        b"H Product:Blackbox",
-        "a Betaflight blackbox log",
-        "decode it with blackbox_decode and write its fields into the columns t, x, y, z, phi, ...",
-    ),
+const FOREIGN: [(&[u8], &str, &str); 10] = [
+    (b"ULog\x01\x12\x35", "a PX4 ULog", IMPORT),
+    (b"\xbc", "a Crazyflie SD-card log", IMPORT),
+    (b"\xa3\x95", "an ArduPilot DataFlash log", IMPORT),
+    (b"H Product:Blackbox", "a Betaflight blackbox log", IMPORT),
+    (b"#ROSBAG V2", "a ROS 1 bag", IMPORT),
+    (b"SQLite format 3\0", "a ROS 2 bag", IMPORT),
+    (b"\x89MCAP", "an MCAP file", IMPORT),
+    (b"PAR1", "a Parquet file", IMPORT),
     (b"PK\x03\x04", "a zip archive or spreadsheet", "unpack it, or save the sheet as CSV with commas"),
     (b"\x1f\x8b", "a gzip archive", "unpack it with gunzip"),
-    (b"PAR1", "a Parquet file", "write its columns as CSV"),
 ];
+
+/// What to do with a log of another program.
+const IMPORT: &str = "make flight files of it with quadlab import";
 
 /// What a file is that is no text, by how it begins.
 pub(crate) fn foreign(bytes: &[u8]) -> Option<(&'static str, &'static str)> {

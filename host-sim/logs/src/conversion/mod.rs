@@ -146,6 +146,8 @@ fn columns(signals: &Signals, untrusted: &[Span], grid: &Grid<'_>) -> Vec<(Colum
     if let Some(velocity) = &signals.velocity {
         add(&[Vx, Vy, Vz], trusted(on_grid(velocity, grid, Kind::Smooth)));
     }
+    // A column without a value was not logged.
+    all.retain(|(_, values)| values.iter().any(|value| value.is_finite()));
     all
 }
 

@@ -28,6 +28,34 @@ pub(crate) fn read_model(path: &Path) -> Result<Model, WrongKindError> {
     })
 }
 
+/// The vehicle of a command: the file given, else the `vehicle.toml` beside the first of the flights or in the folder that is
+/// named, else what the logs among the flights tell. With the file, where there is one.
+pub(crate) fn vehicle_of<'a>(
+    given: Option<&PathBuf>,
+    named: impl Iterator<Item = &'a PathBuf>,
+    flights: &[&PathBuf],
+) -> anyhow::Result<(Vehicle, Option<PathBuf>)> {
+    let beside = |path: &PathBuf| match path.is_dir() {
+        true => path.join(VEHICLE),
+        false => path.with_file_name(VEHICLE),
+    };
+    let found = given.cloned().or_else(|| named.map(beside).find(|path| path.is_file()));
+    if let Some(path) = found {
+        return Ok((read_vehicle(&path)?, Some(path)));
+    }
+    let is_log = |path: &&&PathBuf| logs::format_of(path).is_some();
+    let imports: Result<Vec<_>, _> = flights.iter().filter(is_log).map(|path| logs::import(path)).collect();
+    match logs::draft(&imports?).map_err(anyhow::Error::msg)? {
+        Some(draft) => Ok((draft.vehicle, None)),
+        None => anyhow::bail!(
+            "no vehicle file: give --vehicle, or put a {VEHICLE} beside the flights (quadlab init makes one from logs)"
+        ),
+    }
+}
+
+/// Name of a vehicle file beside flights.
+const VEHICLE: &str = "vehicle.toml";
+
 /// Reads a vehicle file.
 pub(crate) fn read_vehicle(path: &Path) -> Result<Vehicle, WrongKindError> {
     Vehicle::read(path).map_err(|error| match Model::read(path) {

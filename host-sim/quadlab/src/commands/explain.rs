@@ -11,7 +11,7 @@ use serde::Serialize;
 use crate::cli::colour;
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::SetOptions;
-use crate::cli::model_files::read_vehicle;
+use crate::cli::model_files::vehicle_of;
 use crate::cli::output::{Outcome, OutputOptions, provenance};
 use crate::cli::refine::{self, RefineOptions, RefinementEntry};
 use crate::cli::terminal::Terminal;
@@ -27,9 +27,10 @@ use crate::render::{pages, tables};
 #[command(after_help = "Example:\n  quadlab explain --vehicle vehicle.toml --train A.csv B.csv C.csv \
                         --validate D.csv E.csv --out model.toml --html report.html")]
 pub(crate) struct Options {
-    /// Vehicle file, with what was measured before any flight, for example: --vehicle vehicle.toml
+    /// Vehicle file, with what was measured before any flight, for example: --vehicle vehicle.toml; without, the vehicle.toml
+    /// beside the flights, or what logs tell about the craft
     #[arg(long, value_name = "TOML")]
-    vehicle: PathBuf,
+    vehicle: Option<PathBuf>,
 
     #[command(flatten)]
     sets: SetOptions,
@@ -61,10 +62,10 @@ pub(crate) struct Options {
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let files = options.sets.files()?;
     let mut inputs = files.paths();
-    inputs.push(&options.vehicle);
+    inputs.extend(&options.vehicle);
     inputs.extend(options.effects.paths());
     options.output.check([&options.out].into_iter().chain(&options.html), &inputs)?;
-    let vehicle = read_vehicle(&options.vehicle)?;
+    let (vehicle, vehicle_file) = vehicle_of(options.vehicle.as_ref(), options.sets.named(), &files.paths())?;
     let effects = options.effects.read()?;
     let search = options.without.options()?;
     let terminal = Terminal::new(options.output.json);
@@ -76,7 +77,10 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     if let Some(path) = &options.html {
         let page = pages::explanation(&explanation.conclusion(), &sets, &explanation);
         pages::with_checks(page, sets.all(), &sets.faults)
-            .provenance(provenance(&[&options.vehicle], sets.all()))
+            .provenance(provenance(
+                &vehicle_file.iter().map(PathBuf::as_path).collect::<Vec<_>>(),
+                sets.all(),
+            ))
             .write(path)?;
     }
     let outcome = if options.output.json {

@@ -11,7 +11,7 @@ use sysid::MotorsOfFlights;
 use crate::cli::colour;
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::SetOptions;
-use crate::cli::model_files::read_vehicle;
+use crate::cli::model_files::vehicle_of;
 use crate::cli::output::{Outcome, OutputOptions};
 use crate::cli::refine::{self, RefineOptions, RefinementEntry};
 use crate::cli::terminal::Terminal;
@@ -26,9 +26,10 @@ use crate::render::tables;
 #[command(after_help = "Example:\n  quadlab identify --vehicle vehicle.toml --train A.csv B.csv C.csv \
                         --validate D.csv E.csv --out model.toml")]
 pub(crate) struct Options {
-    /// Vehicle file, with what was measured before any flight, for example: --vehicle vehicle.toml
+    /// Vehicle file, with what was measured before any flight, for example: --vehicle vehicle.toml; without, the vehicle.toml
+    /// beside the flights, or what logs tell about the craft
     #[arg(long, value_name = "TOML")]
-    vehicle: PathBuf,
+    vehicle: Option<PathBuf>,
 
     #[command(flatten)]
     sets: SetOptions,
@@ -53,10 +54,10 @@ pub(crate) struct Options {
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let files = options.sets.files()?;
     let mut inputs = files.paths();
-    inputs.push(&options.vehicle);
+    inputs.extend(&options.vehicle);
     inputs.extend(options.effects.paths());
     options.output.check([&options.out], &inputs)?;
-    let vehicle = read_vehicle(&options.vehicle)?;
+    let (vehicle, _) = vehicle_of(options.vehicle.as_ref(), options.sets.named(), &files.paths())?;
     let effects = options.effects.read()?;
     let terminal = Terminal::new(options.output.json);
     let mut sets = files.read(&vehicle, options.faults.reading()?, &terminal)?;

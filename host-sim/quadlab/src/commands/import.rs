@@ -9,6 +9,7 @@ use logs::{Draft, Import, Part, Sources};
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::cli::colour;
 use crate::cli::flights::{Kind, named_files};
 use crate::cli::output::Outcome;
 use crate::cli::terminal::Terminal;
@@ -52,7 +53,10 @@ pub(crate) struct Read {
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let mut read = read_logs(&options.logs, options.json)?;
     name_apart(&mut read);
-    let draft = draft(&read)?;
+    let (draft, two_craft) = match draft(&read) {
+        Ok(draft) => (draft, None),
+        Err(why) => (None, Some(why.to_string())),
+    };
     std::fs::create_dir_all(&options.out)
         .with_context(|| format!("{}: cannot make the folder", options.out.display()))?;
     let flights: Vec<&Part> = imported(&read).flat_map(|import| &import.flights).collect();
@@ -73,8 +77,13 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         report::write_atomic(&vehicle, draft.to_toml())?;
     }
     let vehicle = draft.as_ref().map(|_| vehicle);
+    if let Some(why) = &two_craft {
+        colour::warn(&format!("no vehicle file is written: {why}"));
+    }
     let outcome = if options.json {
-        Outcome::json(&document(&read, &paths, vehicle.as_deref(), draft.as_ref()))?
+        let mut document = document(&read, &paths, vehicle.as_deref(), draft.as_ref());
+        document.missing.extend(two_craft);
+        Outcome::json(&document)?
     } else {
         Outcome::done(import_text::of(
             &read,

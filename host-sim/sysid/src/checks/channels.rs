@@ -160,7 +160,8 @@ fn dead_columns(flight: &Flight) -> Vec<String> {
         (&GYRO, "though the craft moves: not logged, or a dead sensor; a model needs it"),
     ] {
         let most = stream.iter().map(|&c| moves(c)).max().unwrap_or(0);
-        let dead = stream.iter().filter(|&&c| moves(c) == 0 && most > flight.len() / 20);
+        let stands_in = |c: Column| flight.stand_ins().iter().any(|what| what.columns().contains(&c));
+        let dead = stream.iter().filter(|&&c| moves(c) == 0 && most > flight.len() / 20 && !stands_in(c));
         found.extend(dead.map(|&c| format!("{} never changes {advice}", COLUMNS[c as usize])));
     }
     found

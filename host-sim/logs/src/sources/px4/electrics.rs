@@ -1,7 +1,7 @@
 //! Battery.
 
 use crate::log::Log;
-use crate::recording::Recording;
+use crate::recording::{Recording, Signal};
 
 use super::rows::signal;
 use super::topics::{instances, topic};
@@ -9,7 +9,7 @@ use super::topics::{instances, topic};
 /// Without a sensor PX4 logs a tenth of a volt.
 const NO_SENSOR_V: f64 = 1.0;
 
-/// The voltage of the first battery that has a sensor.
+/// The voltage of the first battery that has a sensor. Where none has, the topic is named without a value.
 pub(super) fn voltage(log: &Log, recording: &mut Recording) {
     let mut highest: Option<f64> = None;
     for table in instances(log, "battery_status") {
@@ -20,6 +20,7 @@ pub(super) fn voltage(log: &Log, recording: &mut Recording) {
             return;
         }
         highest = Some(highest.map_or(top, |highest| highest.max(top)));
+        recording.signals.voltage = Some(Signal { t: Vec::new(), values: [Vec::new()], ..voltage });
     }
     recording.limits.push(match highest {
         Some(top) => format!(
