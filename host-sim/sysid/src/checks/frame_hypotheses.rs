@@ -136,14 +136,16 @@ const FROM_ENU: Axes = Axes { from: [1, 0, 2], sign: [1.0, 1.0, -1.0] };
 pub(super) const CONVENTIONS: [Convention; 5] = [
     Convention {
         looks_like: "the whole log is in the frames north-west-up and front-left-up",
-        mend: "write -y, -z, -theta, -psi, -q, -r (and -ay, -az, -vy, -vz)",
+        mend: "write -y, -z, -theta, -psi, -q, -r (and -ay, -az, -vy, -vz), or world = \"nwu\" and body = \"flu\" under [frames] in \
+               columns.toml beside it",
         undo: |e| signed(e, [1.0, -1.0, -1.0]),
         position: FLIPPED_YZ,
         gyro: FLIPPED_YZ,
     },
     Convention {
         looks_like: "the whole log is in the frames east-north-up and front-left-up (as ROS has it)",
-        mend: "write y, x, -z for x, y, z; -theta and pi/2 - psi; -q, -r (and vy, vx, -vz; -ay, -az)",
+        mend: "write y, x, -z for x, y, z; -theta and pi/2 - psi; -q, -r (and vy, vx, -vz; -ay, -az), or world = \"enu\" and body = \
+               \"flu\" under [frames] in columns.toml beside it",
         undo: |e| FLIP_YZ * frames::dcm_from_euler(e) * ENU,
         position: FROM_ENU,
         gyro: FLIPPED_YZ,

@@ -125,9 +125,10 @@ fn unnamed(rates: Relation, force: Relation) -> String {
 fn gyro_sentence(axes: Axes) -> String {
     let names = ["p", "q", "r"];
     format!(
-        "p, q, r look like {} of this craft's attitude: write {} into p, q, r",
+        "p, q, r look like {} of this craft's attitude: write {} into p, q, r{}",
         axes.named(names),
-        axes.inverse().named(names)
+        axes.inverse().named(names),
+        axes.inverse().mapped(names)
     )
 }
 
@@ -136,7 +137,10 @@ fn position_sentence(axes: Axes) -> String {
     let names = ["x", "y", "z"];
     let (is, mend) = (axes.inverse().named(names), axes.named(names));
     let up = if axes == (Axes { from: [0, 1, 2], sign: [1.0, 1.0, -1.0] }) { " (z points up)" } else { "" };
-    format!("x, y, z look like {is} of the frame of the attitude{up}: write {mend} into x, y, z")
+    format!(
+        "x, y, z look like {is} of the frame of the attitude{up}: write {mend} into x, y, z{}",
+        axes.mapped(names)
+    )
 }
 
 #[cfg(test)]

@@ -39,9 +39,10 @@ fn hypotheses() -> Vec<Hypothesis> {
         let turned = axes.sign == [-1.0; 3] && axes.from == [0, 1, 2];
         let is = if turned { " (gravity included with the wrong sign)" } else { "" };
         let sentence = format!(
-            "ax, ay, az look like {} of this craft{is}: write {} into ax, ay, az",
+            "ax, ay, az look like {} of this craft{is}: write {} into ax, ay, az{}",
             axes.inverse().named(names),
-            axes.named(names)
+            axes.named(names),
+            axes.mapped(names)
         );
         all.push((sentence, Box::new(move |f, _, _| axes.of(f))));
     }

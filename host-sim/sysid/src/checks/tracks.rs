@@ -138,6 +138,19 @@ impl Axes {
         format!("{}, {}, {}", one(0), one(1), one(2))
     }
 
+    /// The same for the map of columns beside a flight, ready to paste: ` (or in columns.toml: [columns] p = "q", ...)`.
+    pub(crate) fn mapped(self, names: [&str; 3]) -> String {
+        let changed = (0..3).filter(|&i| self.from[i] != i || self.sign[i] < 0.0);
+        let one = |i: usize| {
+            let sign = if self.sign[i] < 0.0 { "-" } else { "" };
+            format!("{} = \"{sign}{}\"", names[i], names[self.from[i]])
+        };
+        format!(
+            " (or leave the log as it is and say so in columns.toml beside it, under [columns]: {})",
+            changed.map(one).collect::<Vec<_>>().join("; ")
+        )
+    }
+
     /// The axes of which these are made, in terms of these.
     pub(crate) fn inverse(self) -> Self {
         let mut inverse = Self::SAME;
