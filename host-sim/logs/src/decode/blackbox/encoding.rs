@@ -69,6 +69,32 @@ impl<'log> Reader<'log> {
         (value >> 1) ^ (value & 1).wrapping_neg()
     }
 
+    /// A run of signed numbers. Most take one byte: a run of such is read at once.
+    #[inline]
+    pub(super) fn signed_run(&mut self, values: &mut [u32]) {
+        for values in values.chunks_mut(8) {
+            let continued = self.word().swap_bytes() & 0x8080_8080_8080_8080;
+            if continued.trailing_zeros() as usize / 8 >= values.len() && self.at + 8 <= self.bytes.len() {
+                for (value, &byte) in values.iter_mut().zip(&self.bytes[self.at..]) {
+                    *value = u32::from(byte >> 1) ^ u32::from(byte & 1).wrapping_neg();
+                }
+                self.at += values.len();
+            } else {
+                values.iter_mut().for_each(|value| *value = self.signed());
+            }
+        }
+    }
+
+    /// The next eight bytes, the first highest; zeros past the end.
+    #[inline]
+    fn word(&self) -> u64 {
+        let rest = self.bytes.get(self.at..).unwrap_or_default();
+        if let Some(&bytes) = rest.first_chunk() {
+            return u64::from_be_bytes(bytes);
+        }
+        rest.iter().zip((0..8).rev()).fold(0, |word, (&byte, place)| word | u64::from(byte) << (8 * place))
+    }
+
     /// The negative of a number of 14 bits.
     pub(super) fn negative_14_bit(&mut self) -> u32 {
         extend(self.unsigned() & 0x3fff, 14).wrapping_neg()
@@ -81,10 +107,13 @@ impl<'log> Reader<'log> {
             *value = self.signed();
             return;
         }
+        values.fill(0);
         let mut present = self.byte();
-        for value in values {
-            *value = if present & 1 == 0 { 0 } else { self.signed() };
-            present >>= 1;
+        while present != 0 {
+            if let Some(value) = values.get_mut(present.trailing_zeros() as usize) {
+                *value = self.signed();
+            }
+            present &= present - 1;
         }
     }
 
@@ -140,24 +169,19 @@ impl<'log> Reader<'log> {
         if widths == 0 {
             return values;
         }
-        // What is left of the last byte, in its lower half, if its upper half is used up.
-        let mut half: Option<u32> = None;
+        let word = self.word();
+        let mut read = 0;
         for value in &mut values {
             let bits = [0, 4, 8, 16][usize::from(widths & 3)];
             widths >>= 2;
-            if bits == 0 {
-                continue;
-            }
-            let mut raw = half.unwrap_or(0);
-            let mut have = if half.is_some() { 4 } else { 0 };
-            while have < bits {
-                raw = raw << 8 | u32::from(self.byte());
-                have += 8;
-            }
-            let left = have - bits;
-            half = (left > 0).then_some(raw & 0xf);
-            *value = extend(raw >> left, bits);
+            // The field in the highest bits, so that its sign goes with it; nothing of it if it has no bits.
+            let field = ((word << read) as i64 >> 48) as i32 >> (16 - bits);
+            *value = if bits == 0 { 0 } else { field as u32 };
+            read += bits;
         }
+        let bytes = (read as usize).div_ceil(8);
+        self.past_end |= self.at + bytes > self.bytes.len();
+        self.at = (self.at + bytes).min(self.bytes.len());
         values
     }
 
@@ -207,7 +231,8 @@ mod tests {
         assert_eq!(read(&[0x80, 0x01]).unsigned(), 128);
         assert_eq!(read(&[0xff, 0xff, 0xff, 0xff, 0x0f]).unsigned(), u32::MAX);
         assert_eq!([0, 1, 2, 3, 4].map(|byte| Reader::new(&[byte]).signed() as i32), [0, -1, 1, -2, 2]);
-        assert_eq!(read(&[0xff, 0x3f]).negative_14_bit() as i32, 1);
+        assert_eq!(read(&[0xff, 0x3f]).negative_14_bit() as i32, -0x1fff);
+        assert_eq!(read(&[0xff, 0x7f]).negative_14_bit() as i32, 1);
         let mut eight = [0; 3];
         read(&[0b101, 2, 1]).up_to_eight(&mut eight);
         assert_eq!(eight.map(|value| value as i32), [1, 0, -1]);

@@ -150,7 +150,7 @@ impl Definition {
         for (encoding, range) in &self.encodings {
             let Some(values) = frame.get_mut(range.clone()) else { continue };
             match encoding {
-                Encoding::Signed => values.iter_mut().for_each(|value| *value = reader.signed()),
+                Encoding::Signed => reader.signed_run(values),
                 Encoding::Unsigned => values.iter_mut().for_each(|value| *value = reader.unsigned()),
                 Encoding::Negative14Bit => values.iter_mut().for_each(|value| *value = reader.negative_14_bit()),
                 Encoding::UpToEight => reader.up_to_eight(values),
@@ -204,14 +204,15 @@ impl Definition {
     }
 }
 
-/// The mean, towards zero.
+/// The mean, towards zero, without a carry out of 32 bits.
 #[inline]
 fn average(last: u32, before: u32, signed: bool) -> u32 {
-    if signed {
-        ((i64::from(last as i32) + i64::from(before as i32)) / 2) as u32
-    } else {
-        ((u64::from(last) + u64::from(before)) / 2) as u32
+    let (both, either) = (last & before, last ^ before);
+    if !signed {
+        return both + (either >> 1);
     }
+    let down = (both as i32).wrapping_add(either as i32 >> 1) as u32;
+    down.wrapping_add((down >> 31) & either & 1)
 }
 
 impl Encoding {
@@ -438,7 +439,7 @@ impl Stream<'_> {
         self.candidate = None;
         self.has_history = true;
         self.found.cut |= self.reader.past_end;
-        rows.push(now.1, &*self.current);
+        rows.push(now.1, &self.current, self.reader.at);
         std::mem::swap(&mut self.before, &mut self.last);
         std::mem::swap(&mut self.last, &mut self.current);
     }
@@ -497,4 +498,22 @@ impl Stream<'_> {
 fn follows((iteration, time): (u32, i64), now: (u32, i64)) -> bool {
     let most = iteration.wrapping_add(LONGEST_GAP.0);
     now.0 >= iteration && now.0 < most && now.1 >= time && now.1 < time.saturating_add(LONGEST_GAP.1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn means_are_those_of_64_bits() {
+        let numbers = [0, 1, 2, 3, -1, -2, -3, 32_767, i32::MAX, i32::MIN, i32::MIN + 1];
+        for last in numbers {
+            for before in numbers {
+                let wide = (i64::from(last) + i64::from(before)) / 2;
+                assert_eq!(i64::from(average(last as u32, before as u32, true) as i32), wide, "{last} {before}");
+                let wide = (u64::from(last as u32) + u64::from(before as u32)) / 2;
+                assert_eq!(u64::from(average(last as u32, before as u32, false)), wide, "{last} {before}");
+            }
+        }
+    }
 }

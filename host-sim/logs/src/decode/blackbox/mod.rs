@@ -22,8 +22,6 @@ use crate::log::{Log, Table, TimeUnit};
 
 /// How each log of a file begins.
 const MARKER: &[u8] = b"H Product:Blackbox";
-/// Columns may take as many bytes for each byte of a log; real ones take about one.
-const MOST_BYTES_PER_BYTE: usize = 8;
 /// Sentences about damage; the rest is counted.
 const MOST_SENTENCES: usize = 5;
 
@@ -76,7 +74,7 @@ fn one_log(bytes: &[u8], name: &str, log: &mut Log) -> (Table, Option<String>) {
         Ok(definitions) => definitions,
         Err(sentence) => return (empty, Some(sentence)),
     };
-    let mut rows = rows::Rows::new(&header, bytes.len().saturating_mul(MOST_BYTES_PER_BYTE).saturating_add(1 << 16));
+    let mut rows = rows::Rows::new(&header, data.len());
     let found = frames::read(data, &definitions, &mut rows);
     if found.cut {
         log.information.insert(format!("{name}: last row"), "cut off".into());
