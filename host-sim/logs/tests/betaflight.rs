@@ -37,7 +37,8 @@ fn rows_and_sums_are_those_of_blackbox_decode() {
                     "BaroAlt (cm)" => ("BaroAlt", 1.0),
                     column => (column, 1.0),
                 };
-                let found: f64 = table.column(column).unwrap_or_else(|| panic!("{what}: {column}")).to_f64().iter().sum();
+                let found: f64 =
+                    table.column(column).unwrap_or_else(|| panic!("{what}: {column}")).to_f64().iter().sum();
                 let sum = sum.as_f64().expect("a number");
                 assert!((found / per_unit - sum).abs() <= 1e-6 * sum.abs(), "{what}: {field} {found} {sum}");
             }

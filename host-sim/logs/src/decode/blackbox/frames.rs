@@ -83,7 +83,9 @@ impl Definitions {
         let shared = Fields { names: whole.names.clone(), signed: whole.signed.clone(), ..of(b'P') };
         let constants = Constants::new(header, &whole.names);
         let interval = header.settings.get("P interval").and_then(|text| text.split_once('/'));
-        let part = |text: Option<&str>| text.and_then(|text| text.trim().parse().ok()).filter(|&part: &u32| part > 0).unwrap_or(1);
+        let part = |text: Option<&str>| {
+            text.and_then(|text| text.trim().parse().ok()).filter(|&part: &u32| part > 0).unwrap_or(1)
+        };
         Ok(Self {
             whole: Definition::new(&whole, &constants)?,
             difference: Definition::new(&shared, &constants)?,
@@ -92,7 +94,11 @@ impl Definitions {
             home: Definition::new(&of(b'H'), &constants)?,
             data_version: header.number("Data version").unwrap_or(0),
             interval: Interval {
-                whole: header.number("I interval").and_then(|interval| u32::try_from(interval).ok()).unwrap_or(32).max(1),
+                whole: header
+                    .number("I interval")
+                    .and_then(|interval| u32::try_from(interval).ok())
+                    .unwrap_or(32)
+                    .max(1),
                 numerator: part(interval.map(|(numerator, _)| numerator)),
                 denominator: part(interval.map(|(_, denominator)| denominator)),
             },
@@ -128,7 +134,8 @@ impl Definition {
         for index in 0..count {
             let encoding = Encoding::new(fields.encodings.get(index).copied().unwrap_or(0))?;
             let signed = fields.signed.get(index).is_some_and(|&signed| signed != 0);
-            let predictor = Predictor::new(fields.predictors.get(index).copied().unwrap_or(0), signed, constants)?;
+            let predictor =
+                Predictor::new(fields.predictors.get(index).copied().unwrap_or(0), signed, constants)?;
             let counted = predictor == Predictor::Increment;
             let encoding = if counted { Encoding::Null } else { encoding };
             match definition.encodings.last_mut() {
@@ -152,16 +159,22 @@ impl Definition {
             match encoding {
                 Encoding::Signed => reader.signed_run(values),
                 Encoding::Unsigned => values.iter_mut().for_each(|value| *value = reader.unsigned()),
-                Encoding::Negative14Bit => values.iter_mut().for_each(|value| *value = reader.negative_14_bit()),
+                Encoding::Negative14Bit => {
+                    values.iter_mut().for_each(|value| *value = reader.negative_14_bit())
+                }
                 Encoding::UpToEight => reader.up_to_eight(values),
-                Encoding::Three => values.iter_mut().zip(reader.three()).for_each(|(value, read)| *value = read),
+                Encoding::Three => {
+                    values.iter_mut().zip(reader.three()).for_each(|(value, read)| *value = read)
+                }
                 Encoding::ThreeVariable => {
                     values.iter_mut().zip(reader.three_variable()).for_each(|(value, read)| *value = read);
                 }
                 Encoding::Four if data_version < 2 => {
                     values.iter_mut().zip(reader.four_version_1()).for_each(|(value, read)| *value = read);
                 }
-                Encoding::Four => values.iter_mut().zip(reader.four()).for_each(|(value, read)| *value = read),
+                Encoding::Four => {
+                    values.iter_mut().zip(reader.four()).for_each(|(value, read)| *value = read)
+                }
                 Encoding::Null => values.fill(0),
             }
         }
@@ -171,11 +184,16 @@ impl Definition {
     #[inline]
     fn predict(&self, frame: &mut Frame, history: Option<(&Frame, &Frame)>, skipped: u32) {
         for (predictor, range) in &self.predictors {
-            let last = |at: &Range<usize>| history.and_then(|(last, before)| Some((last.get(at.clone())?, before.get(at.clone())?)));
-            let first_motor = if let Predictor::FirstMotor(at) = predictor { frame.get(*at).copied() } else { None };
+            let last = |at: &Range<usize>| {
+                history.and_then(|(last, before)| Some((last.get(at.clone())?, before.get(at.clone())?)))
+            };
+            let first_motor =
+                if let Predictor::FirstMotor(at) = predictor { frame.get(*at).copied() } else { None };
             let Some(values) = frame.get_mut(range.clone()) else { continue };
             match (predictor, last(range)) {
-                (Predictor::Constant(constant), _) => values.iter_mut().for_each(|value| *value = value.wrapping_add(*constant)),
+                (Predictor::Constant(constant), _) => {
+                    values.iter_mut().for_each(|value| *value = value.wrapping_add(*constant))
+                }
                 (Predictor::FirstMotor(_), _) => {
                     values.iter_mut().for_each(|value| *value = value.wrapping_add(first_motor.unwrap_or(0)));
                 }
@@ -250,7 +268,9 @@ impl Predictor {
             2 => Self::StraightLine,
             3 => Self::Average { signed },
             4 => Self::Constant(constants.minimum_throttle),
-            5 => Self::FirstMotor(constants.first_motor.ok_or("a field follows the first motor, which is not there")?),
+            5 => Self::FirstMotor(
+                constants.first_motor.ok_or("a field follows the first motor, which is not there")?,
+            ),
             6 => Self::Increment,
             8 => Self::Constant(1500),
             9 => Self::Constant(constants.battery),
@@ -266,9 +286,12 @@ impl Interval {
         if self.denominator == 1 {
             return 0;
         }
-        let logged = |at: u32| (at % self.whole).wrapping_add(self.numerator - 1) % self.denominator < self.numerator;
+        let logged =
+            |at: u32| (at % self.whole).wrapping_add(self.numerator - 1) % self.denominator < self.numerator;
         // A whole frame is always logged, so that this ends.
-        (0..self.whole.min(LONGEST_GAP.0)).find(|&count| logged(iteration.wrapping_add(1).wrapping_add(count))).unwrap_or(0)
+        (0..self.whole.min(LONGEST_GAP.0))
+            .find(|&count| logged(iteration.wrapping_add(1).wrapping_add(count)))
+            .unwrap_or(0)
     }
 }
 
@@ -293,7 +316,10 @@ impl Found {
             parts.push(format!("{} damaged lines in its header", header.damaged_lines));
         }
         if self.bad_places > 0 {
-            parts.push(format!("damaged in {} places, {} frames left out until the next whole ones", self.bad_places, self.left_out));
+            parts.push(format!(
+                "damaged in {} places, {} frames left out until the next whole ones",
+                self.bad_places, self.left_out
+            ));
         }
         if self.cut {
             parts.push("cut off within its last frame".into());
@@ -396,7 +422,8 @@ impl Stream<'_> {
             return false;
         }
         let now = self.now();
-        self.valid = self.taken.is_none_or(|taken| follows(taken, now)) || self.candidate.is_some_and(|candidate| follows(candidate, now));
+        self.valid = self.taken.is_none_or(|taken| follows(taken, now))
+            || self.candidate.is_some_and(|candidate| follows(candidate, now));
         if !self.valid {
             // Two whole frames that follow on each other: the log goes on here.
             self.candidate = Some(now);
@@ -419,7 +446,8 @@ impl Stream<'_> {
             self.found.left_out += 1;
             return true;
         }
-        let skipped = self.taken.map_or(0, |(iteration, _)| self.definitions.interval.skipped_after(iteration));
+        let skipped =
+            self.taken.map_or(0, |(iteration, _)| self.definitions.interval.skipped_after(iteration));
         let history = self.has_history.then_some((&*self.last, &*self.before));
         self.definitions.difference.predict(&mut self.current, history, skipped);
         let now = self.now();
@@ -510,7 +538,11 @@ mod tests {
         for last in numbers {
             for before in numbers {
                 let wide = (i64::from(last) + i64::from(before)) / 2;
-                assert_eq!(i64::from(average(last as u32, before as u32, true) as i32), wide, "{last} {before}");
+                assert_eq!(
+                    i64::from(average(last as u32, before as u32, true) as i32),
+                    wide,
+                    "{last} {before}"
+                );
                 let wide = (u64::from(last as u32) + u64::from(before as u32)) / 2;
                 assert_eq!(u64::from(average(last as u32, before as u32, false)), wide, "{last} {before}");
             }

@@ -85,7 +85,9 @@ impl Rows {
 
     /// Puts the waiting rows into the columns.
     fn flush(&mut self, end: usize) {
-        for ((column, &(_, signed)), block) in self.columns.iter_mut().zip(&self.fields).zip(self.block.chunks_exact(BLOCK)) {
+        for ((column, &(_, signed)), block) in
+            self.columns.iter_mut().zip(&self.fields).zip(self.block.chunks_exact(BLOCK))
+        {
             let block = &block[..self.waiting];
             widen(&mut column.values, block, signed);
             match &mut column.values {

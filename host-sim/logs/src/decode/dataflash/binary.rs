@@ -35,13 +35,24 @@ pub(super) fn decode(bytes: &[u8], log: &mut Log) {
     let mut special = Special::default();
     for messages in &mut index.all {
         messages.starts.shrink_to_fit();
-        for &start in messages.starts.iter().take(if Special::wants(&messages.format.name) { usize::MAX } else { 0 }) {
-            special.take(&messages.format.name, &BinaryRow { bytes, start: start as usize, format: &messages.format }, log);
+        for &start in
+            messages.starts.iter().take(if Special::wants(&messages.format.name) { usize::MAX } else { 0 })
+        {
+            special.take(
+                &messages.format.name,
+                &BinaryRow { bytes, start: start as usize, format: &messages.format },
+                log,
+            );
         }
     }
     let names = index.by_type.map(|all| all.map(|at| index.all[at].format.name.clone()));
     special.finish(log, &|kind| names.get(kind).cloned().flatten());
-    log.tables = index.all.iter().filter(|messages| !messages.starts.is_empty()).map(|messages| columns::table(messages, bytes)).collect();
+    log.tables = index
+        .all
+        .iter()
+        .filter(|messages| !messages.starts.is_empty())
+        .map(|messages| columns::table(messages, bytes))
+        .collect();
     log.losses.damage = index.damage.sentences();
 }
 
@@ -81,7 +92,9 @@ impl Index<'_> {
             }
             return next.unwrap_or(self.bytes.len());
         }
-        if !self.may_begin(end) && let Some(next) = self.next_whole(at + HEADER_LENGTH, end) {
+        if !self.may_begin(end)
+            && let Some(next) = self.next_whole(at + HEADER_LENGTH, end)
+        {
             // Bytes of it are missing.
             self.damage.leave_out(at, next - at);
             return next;
@@ -95,7 +108,9 @@ impl Index<'_> {
         let next = self.next_whole(at, self.bytes.len()).unwrap_or(self.bytes.len());
         let skipped = &self.bytes[at..next];
         let is_padding = next == self.bytes.len()
-            && (skipped.len() < PADDING || skipped.iter().all(|&byte| byte == 0) || skipped.iter().all(|&byte| byte == 0xff));
+            && (skipped.len() < PADDING
+                || skipped.iter().all(|&byte| byte == 0)
+                || skipped.iter().all(|&byte| byte == 0xff));
         if !is_padding {
             self.damage.leave_out(at, skipped.len());
         }
@@ -106,7 +121,8 @@ impl Index<'_> {
     fn next_whole(&self, from: usize, to: usize) -> Option<usize> {
         let within = self.bytes.get(from..to)?;
         memchr::memchr_iter(HEADER[0], within).map(|offset| from + offset).find(|&at| {
-            self.length_at(at).is_some_and(|length| at + length <= self.bytes.len() && self.may_begin(at + length))
+            self.length_at(at)
+                .is_some_and(|length| at + length <= self.bytes.len() && self.may_begin(at + length))
         })
     }
 
@@ -129,7 +145,8 @@ impl Index<'_> {
             return;
         }
         let letters = body[6..22].split(|&byte| byte == 0).next().unwrap_or_default();
-        let format = MessageFormat::new(&plain_text(&body[2..6]), length, letters, &plain_text(&body[22..86]));
+        let format =
+            MessageFormat::new(&plain_text(&body[2..6]), length, letters, &plain_text(&body[22..86]));
         let Some(format) = format else {
             self.damage.formats += 1;
             return;

@@ -22,7 +22,11 @@ pub(super) fn table(messages: &Messages, bytes: &[u8]) -> Table {
             continue;
         }
         for element in 0..if field.letter == b'a' { ARRAY } else { 1 } {
-            let name = if field.letter == b'a' { format!("{}[{element}]", field.label) } else { field.label.clone() };
+            let name = if field.letter == b'a' {
+                format!("{}[{element}]", field.label)
+            } else {
+                field.label.clone()
+            };
             columns.push(Column { name, values: empty(field.letter, rows) });
             sources.push(Field { offset: field.offset + 2 * element, ..field.clone() });
         }
@@ -35,7 +39,14 @@ pub(super) fn table(messages: &Messages, bytes: &[u8]) -> Table {
             append(&mut column.values, bytes, starts, field);
         }
     }
-    Table { name: format.name.clone(), message_type: None, time_unit: time_unit(format, time), times, rows, columns }
+    Table {
+        name: format.name.clone(),
+        message_type: None,
+        time_unit: time_unit(format, time),
+        times,
+        rows,
+        columns,
+    }
 }
 
 /// Milliseconds in logs before 3.3, else microseconds.
@@ -83,9 +94,15 @@ fn append(values: &mut Values, bytes: &[u8], starts: &[u32], field: &Field) {
         }
         (Values::F32(values), b'g') => gather(values, bytes, starts, at, half),
         (Values::F32(values), _) => gather(values, bytes, starts, at, f32::from_le_bytes),
-        (Values::F64(values), b'e') => gather(values, bytes, starts, at, |raw| f64::from(i32::from_le_bytes(raw)) * 0.01),
-        (Values::F64(values), b'E') => gather(values, bytes, starts, at, |raw| f64::from(u32::from_le_bytes(raw)) * 0.01),
-        (Values::F64(values), b'L') => gather(values, bytes, starts, at, |raw| f64::from(i32::from_le_bytes(raw)) * 1e-7),
+        (Values::F64(values), b'e') => {
+            gather(values, bytes, starts, at, |raw| f64::from(i32::from_le_bytes(raw)) * 0.01)
+        }
+        (Values::F64(values), b'E') => {
+            gather(values, bytes, starts, at, |raw| f64::from(u32::from_le_bytes(raw)) * 0.01)
+        }
+        (Values::F64(values), b'L') => {
+            gather(values, bytes, starts, at, |raw| f64::from(i32::from_le_bytes(raw)) * 1e-7)
+        }
         (Values::F64(values), _) => gather(values, bytes, starts, at, f64::from_le_bytes),
     }
 }
@@ -94,7 +111,9 @@ fn append(values: &mut Values, bytes: &[u8], starts: &[u32], field: &Field) {
 fn append_times(times: &mut Vec<i64>, bytes: &[u8], starts: &[u32], field: &Field) {
     let at = field.offset;
     match field.letter {
-        b'Q' => gather(times, bytes, starts, at, |raw| i64::try_from(u64::from_le_bytes(raw)).unwrap_or(i64::MAX)),
+        b'Q' => {
+            gather(times, bytes, starts, at, |raw| i64::try_from(u64::from_le_bytes(raw)).unwrap_or(i64::MAX))
+        }
         b'q' => gather(times, bytes, starts, at, i64::from_le_bytes),
         b'I' => gather(times, bytes, starts, at, |raw| u32::from_le_bytes(raw).into()),
         b'i' => gather(times, bytes, starts, at, |raw| i32::from_le_bytes(raw).into()),
@@ -106,7 +125,13 @@ fn append_times(times: &mut Vec<i64>, bytes: &[u8], starts: &[u32], field: &Fiel
 }
 
 /// Appends the value at an offset of each message. The messages lie within the bytes: the index has seen to it.
-fn gather<const N: usize, T>(values: &mut Vec<T>, bytes: &[u8], starts: &[u32], offset: usize, value: impl Fn([u8; N]) -> T) {
+fn gather<const N: usize, T>(
+    values: &mut Vec<T>,
+    bytes: &[u8],
+    starts: &[u32],
+    offset: usize,
+    value: impl Fn([u8; N]) -> T,
+) {
     values.extend(starts.iter().map(|&start| {
         let at = start as usize + offset;
         value(bytes.get(at..at + N).and_then(|raw| raw.try_into().ok()).unwrap_or([0; N]))
@@ -143,7 +168,14 @@ mod tests {
 
     #[test]
     fn half_precision_as_ieee_754_has_it() {
-        let cases = [(0x3c00, 1.0), (0xc000, -2.0), (0x7bff, 65504.0), (0x0001, 5.960_464_5e-8), (0x3555, 0.333_251_95), (0xfc00, f32::NEG_INFINITY)];
+        let cases = [
+            (0x3c00, 1.0),
+            (0xc000, -2.0),
+            (0x7bff, 65504.0),
+            (0x0001, 5.960_464_5e-8),
+            (0x3555, 0.333_251_95),
+            (0xfc00, f32::NEG_INFINITY),
+        ];
         for (bits, value) in cases {
             assert_eq!(half(u16::to_le_bytes(bits)), value, "{bits:#06x}");
         }

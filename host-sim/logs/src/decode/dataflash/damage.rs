@@ -35,7 +35,8 @@ impl Damage {
             ));
         }
         if self.formats > 0 {
-            sentences.push(format!("{} descriptions of messages cannot be right and were left out", self.formats));
+            sentences
+                .push(format!("{} descriptions of messages cannot be right and were left out", self.formats));
         }
         if self.cut {
             sentences.push("the log is cut off within its last message".into());

@@ -50,7 +50,13 @@ impl MessageFormat {
 
     /// `FMT` itself.
     pub(super) fn of_formats() -> Self {
-        let fields = [("Type", b'B', 3), ("Length", b'B', 4), ("Name", b'n', 5), ("Format", b'N', 9), ("Columns", b'Z', 25)];
+        let fields = [
+            ("Type", b'B', 3),
+            ("Length", b'B', 4),
+            ("Name", b'n', 5),
+            ("Format", b'N', 9),
+            ("Columns", b'Z', 25),
+        ];
         let fields = fields.map(|(label, letter, offset)| Field { label: label.into(), letter, offset });
         Self { name: "FMT".into(), length: 89, fields: fields.into() }
     }
@@ -90,5 +96,10 @@ pub(super) fn is_text(letter: u8) -> bool {
 /// Text of fixed length up to its first zero, without what could harm a terminal.
 pub(super) fn plain_text(bytes: &[u8]) -> String {
     let end = memchr::memchr(0, bytes).unwrap_or(bytes.len());
-    String::from_utf8_lossy(&bytes[..end]).chars().filter(|c| !c.is_control()).collect::<String>().trim_end().into()
+    String::from_utf8_lossy(&bytes[..end])
+        .chars()
+        .filter(|c| !c.is_control())
+        .collect::<String>()
+        .trim_end()
+        .into()
 }

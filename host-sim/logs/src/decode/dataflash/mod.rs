@@ -28,7 +28,11 @@ pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
         });
     }
     let mut log = Log::new(Format::Dataflash);
-    if bytes.starts_with(&format::HEADER) { binary::decode(bytes, &mut log) } else { text::decode(bytes, &mut log) }
+    if bytes.starts_with(&format::HEADER) {
+        binary::decode(bytes, &mut log)
+    } else {
+        text::decode(bytes, &mut log)
+    }
     if log.tables.is_empty() {
         return Err(LogError::Format {
             path: path.into(),

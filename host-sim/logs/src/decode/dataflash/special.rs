@@ -34,7 +34,9 @@ impl Special {
     pub(super) fn take(&mut self, name: &str, row: &dyn Row, log: &mut Log) {
         match name {
             "PARM" => {
-                if let (Some(name), Some(value)) = (row.text("Name").filter(|name| !name.is_empty()), row.number("Value")) {
+                if let (Some(name), Some(value)) =
+                    (row.text("Name").filter(|name| !name.is_empty()), row.number("Value"))
+                {
                     log.parameters.insert(name, value);
                 }
             }
@@ -42,12 +44,16 @@ impl Special {
             "VER" => self.version = row.text("FWS").filter(|text| !text.is_empty()).or(self.version.take()),
             "FMTU" => {
                 let kind = row.number("FmtType").map(|kind| kind as u8);
-                if let (Some(kind), Some(units), Some(multipliers)) = (kind, row.text("UnitIds"), row.text("MultIds")) {
+                if let (Some(kind), Some(units), Some(multipliers)) =
+                    (kind, row.text("UnitIds"), row.text("MultIds"))
+                {
                     self.units.insert(kind, (units, multipliers));
                 }
             }
             "UNIT" => keep(log, "UNIT", row.number("Id"), row.text("Label")),
-            "MULT" => keep(log, "MULT", row.number("Id"), row.number("Mult").map(|factor| factor.to_string())),
+            "MULT" => {
+                keep(log, "MULT", row.number("Id"), row.number("Mult").map(|factor| factor.to_string()))
+            }
             _ => {}
         }
     }

@@ -62,7 +62,14 @@ impl Messages {
                 Some(Column { name: field.label, values })
             })
             .collect();
-        Table { name: self.format.name, message_type: None, time_unit, times: self.times, rows: self.rows, columns }
+        Table {
+            name: self.format.name,
+            message_type: None,
+            time_unit,
+            times: self.times,
+            rows: self.rows,
+            columns,
+        }
     }
 }
 
@@ -109,7 +116,13 @@ fn split(rest: &str, fields: usize, comma_space: bool) -> Vec<&str> {
 }
 
 /// Takes in a description.
-fn describe(row: &[&str], all: &mut Vec<Messages>, by_name: &mut HashMap<String, usize>, names: &mut HashMap<usize, String>, damage: &mut Damage) {
+fn describe(
+    row: &[&str],
+    all: &mut Vec<Messages>,
+    by_name: &mut HashMap<String, usize>,
+    names: &mut HashMap<usize, String>,
+    damage: &mut Damage,
+) {
     let &[kind, _, name, letters, labels] = row else { return };
     let Ok(kind) = kind.trim().parse::<u8>() else { return };
     if kind == FMT || name == "FMT" {
@@ -177,7 +190,9 @@ impl Number {
             Values::I32(values) => values.push(whole.clamp(i32::MIN.into(), i32::MAX.into()) as i32),
             Values::U32(values) => values.push(whole.clamp(0, u32::MAX.into()) as u32),
             Values::I64(values) => values.push(whole),
-            Values::U64(values) => values.push(if let Self::Large(number) = self { number } else { whole.max(0) as u64 }),
+            Values::U64(values) => {
+                values.push(if let Self::Large(number) = self { number } else { whole.max(0) as u64 })
+            }
             Values::F32(values) => values.push(self.real() as f32),
             Values::F64(values) => values.push(self.real()),
         }
@@ -221,7 +236,12 @@ impl Row for TextRow<'_> {
     fn number(&self, label: &str) -> Option<f64> {
         let text = self.field(label)?;
         // Letters of units are written as themselves.
-        let letter = || text.chars().next().filter(|_| text.chars().count() == 1).map(|letter| f64::from(u32::from(letter)));
+        let letter = || {
+            text.chars()
+                .next()
+                .filter(|_| text.chars().count() == 1)
+                .map(|letter| f64::from(u32::from(letter)))
+        };
         Number::read(text).map(Number::real).or_else(letter)
     }
 }
