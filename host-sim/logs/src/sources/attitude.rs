@@ -2,7 +2,8 @@
 
 use nalgebra::Vector3;
 
-/// Quaternions w, x, y, z of roll, pitch and yaw (front-right-down to north-east-down), rad, with continuous signs.
+/// Quaternions w, x, y, z of roll, pitch and yaw, rad (front-right-down to north-east-down), with continuous
+/// signs.
 pub(super) fn quaternions([roll, pitch, yaw]: [&[f64]; 3]) -> [Vec<f64>; 4] {
     let mut all = [const { Vec::new() }; 4];
     let mut last = [1.0, 0.0, 0.0, 0.0];

@@ -1,4 +1,5 @@
-//! Tables into quantities: which table is the position, which the commands, in which frame and unit. One module a program that logs.
+//! Tables into quantities: which table is the position, which the commands, in which frame and unit. One
+//! module a program that logs.
 
 mod ardupilot;
 mod attitude;

@@ -55,24 +55,6 @@ pub(crate) fn derivative(values: &[f64], step_s: f64) -> Series {
     filtered(values, step_s, |i, m| i / (m * (m + 1.0) * (2.0 * m + 1.0) / 3.0 * step_s))
 }
 
-/// Slope of b over a through the origin.
-pub(crate) fn slope(a: &[f64], b: &[f64]) -> f64 {
-    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    product(a, b) / product(a, a)
-}
-
-/// Body rates from the quaternions' changes: twice the vector part of q* dq/dt.
-pub(crate) fn rates_of(attitude: &[Series; 4], step_s: f64) -> [Series; 3] {
-    let q = attitude.each_ref().map(|component| smooth(component, step_s));
-    let d = attitude.each_ref().map(|component| derivative(component, step_s));
-    let part = |a: usize, b: usize, c: usize| {
-        (0..q[0].len())
-            .map(|k| 2.0 * (q[0][k] * d[a][k] - q[a][k] * d[0][k] - q[b][k] * d[c][k] + q[c][k] * d[b][k]))
-            .collect()
-    };
-    [part(1, 2, 3), part(2, 3, 1), part(3, 1, 2)]
-}
-
 /// Signs of the motors on an angular acceleration: "+--+" in our order, at the lead of the commands that explains most.
 pub(crate) fn motor_signs(commands: &[Series; 4], rate: &[f64], step_s: f64) -> String {
     let motors = commands.each_ref().map(|motor| smooth(motor, step_s));

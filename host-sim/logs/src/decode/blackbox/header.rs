@@ -78,7 +78,11 @@ pub(super) fn read(bytes: &[u8]) -> (Header, usize) {
                 at += line.len() + 1;
             }
             _ if b"IPGES".contains(&rest[0]) => break,
-            _ => at += 1,
+            // Garbage: on to the next line or frame.
+            _ => {
+                at +=
+                    1 + rest[1..].iter().position(|byte| b"\nIPGES".contains(byte)).unwrap_or(rest.len() - 1)
+            }
         }
     }
     (header, at)

@@ -1,14 +1,17 @@
 //! Betaflight and INAV blackbox.
 //!
-//! Read by hand: the one library, `blackbox-log` 0.4.3, takes empty logs together with those that follow, stops at
-//! Betaflight 4.5 and INAV 8, and reads 15 to 37 MB/s.
+//! Read by hand: the one library, `blackbox-log` 0.4.3, takes empty logs together with those that follow,
+//! stops at Betaflight 4.5 and INAV 8, and reads 15 to 37 MB/s.
 //!
-//! A file holds a log for each time the craft was armed, each with a header of text lines, then frames: `I` whole, `P` as
-//! differences from what the last two predict, `S`, `G`, `H`, `E` for the rest. Nothing has a checksum. What is
-//! taken for a frame follows blackbox_decode, so that its rows and sums come out the same.
+//! A file holds a log for each time the craft was armed, each with a header of text lines, then frames:
+//! `I` whole, `P` as differences from what the last two predict, `S`, `G`, `H`, `E` for the rest. Nothing has
+//! a checksum. What is taken for a frame follows blackbox_decode, so that its rows and sums come out the same;
+//! but where that stops (a gap of more than 5000 iterations, erased memory), two whole frames that follow on
+//! each other begin anew.
 //!
 //! Fields that say nothing of the craft's motion (terms of the controller, radio) are read past, not kept.
 
+mod definitions;
 mod encoding;
 mod frames;
 mod header;
@@ -70,7 +73,7 @@ fn one_log(bytes: &[u8], name: &str, log: &mut Log) -> (Table, Option<String>) {
         log.information.insert(format!("{name}: {key}"), value.clone());
     }
     let data = bytes.get(start..).unwrap_or_default();
-    let definitions = match frames::Definitions::new(&header) {
+    let definitions = match definitions::Definitions::new(&header) {
         Ok(definitions) => definitions,
         Err(sentence) => return (empty, Some(sentence)),
     };

@@ -78,7 +78,7 @@ pub(super) fn decode(bytes: &[u8], log: &mut Log) {
     let mut by_name = HashMap::from([("FMT".to_owned(), 0)]);
     let mut names: HashMap<usize, String> = HashMap::new();
     let (mut special, mut damage) = (Special::default(), Damage::default());
-    let (mut start, mut numbers) = (0, Vec::new());
+    let (mut start, mut row, mut numbers) = (0, Vec::new(), Vec::new());
     let comma_space = memchr::memmem::find(&bytes[..bytes.len().min(8192)], b"FMT, ").is_some();
     while start < bytes.len() {
         let end = memchr::memchr(b'\n', &bytes[start..]).map_or(bytes.len(), |length| start + length);
@@ -92,7 +92,7 @@ pub(super) fn decode(bytes: &[u8], log: &mut Log) {
         let Some((name, rest)) = line.split_once(',') else { continue };
         let Some(&known) = by_name.get(name) else { continue };
         let messages = &mut all[known];
-        let row = split(rest, messages.format.fields.len(), comma_space);
+        split(rest, messages.format.fields.len(), comma_space, &mut row);
         if row.len() < messages.format.fields.len() || !messages.append(&row, &mut numbers) {
             damage.leave_out(at, length);
             continue;
@@ -110,9 +110,15 @@ pub(super) fn decode(bytes: &[u8], log: &mut Log) {
 }
 
 /// Cuts a line into its fields; the last takes what is left, commas and all.
-fn split(rest: &str, fields: usize, comma_space: bool) -> Vec<&str> {
-    let cut = |text: &'_ str| -> usize { usize::from(comma_space && text.starts_with(' ')) };
-    rest.splitn(fields.max(1), ',').map(|text| &text[cut(text)..]).collect()
+fn split<'log>(rest: &'log str, fields: usize, comma_space: bool, row: &mut Vec<&'log str>) {
+    row.clear();
+    let mut start = 0;
+    let commas = memchr::memchr_iter(b',', rest.as_bytes()).take(fields.saturating_sub(1));
+    for end in commas.chain([rest.len()]) {
+        let text = &rest[start..end];
+        row.push(if comma_space { text.strip_prefix(' ').unwrap_or(text) } else { text });
+        start = end + 1;
+    }
 }
 
 /// Takes in a description.
@@ -156,11 +162,17 @@ enum Number {
 
 impl Number {
     fn read(text: &str) -> Option<Self> {
-        let text = text.trim();
-        if text.bytes().all(|byte| byte.is_ascii_digit() || byte == b'-') {
+        const SURELY_FIT: usize = 18;
+        let text = text.trim_ascii();
+        let (negative, digits) = text.strip_prefix('-').map_or((false, text), |digits| (true, digits));
+        if digits.is_empty() || !digits.bytes().all(|byte| byte.is_ascii_digit()) {
+            return text.parse().ok().map(Self::Real);
+        }
+        if digits.len() > SURELY_FIT {
             return text.parse().map(Self::Whole).ok().or_else(|| text.parse().map(Self::Large).ok());
         }
-        text.parse().ok().map(Self::Real)
+        let whole = digits.bytes().fold(0, |whole, digit| 10 * whole + i64::from(digit - b'0'));
+        Some(Self::Whole(if negative { -whole } else { whole }))
     }
 
     fn whole(self) -> i64 {

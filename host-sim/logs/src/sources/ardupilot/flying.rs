@@ -149,7 +149,8 @@ impl Status {
     }
 }
 
-/// Takes position and velocity out where nothing measured them for most of the flight, else does not trust those stretches.
+/// Takes position and velocity out where nothing measured them for most of the flight, else does not trust
+/// those stretches.
 pub(super) fn drop_blind_position(log: &Log, estimator: &str, recording: &mut Recording) {
     let Some(rows) = health(log, estimator) else { return };
     let Some(status) = rows.column("SS") else { return };
@@ -162,7 +163,8 @@ pub(super) fn drop_blind_position(log: &Log, estimator: &str, recording: &mut Re
         recording.signals.position = None;
         recording.signals.velocity = None;
         recording.limits.push(
-            "position and velocity were measured by nothing (no GPS, beacons or flow): only what the IMU shows can be fitted".into(),
+            "position and velocity were measured by nothing (no GPS, beacons or flow): only what the IMU shows can \
+                 be fitted".into(),
         );
     } else {
         let spans = recording.untrusted.drain(..).chain(widened(blind)).collect();

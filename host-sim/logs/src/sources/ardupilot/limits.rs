@@ -19,10 +19,17 @@ pub(super) fn add(log: &Log, recording: &mut Recording) {
     let mut limits = Vec::new();
     match rate(signals.commands.as_ref().map(|signal| &signal.t)) {
         Some(hz) if hz < FAST_COMMANDS_HZ => {
-            limits.push(format!("motor commands (RCOU) are logged at {hz:.0} Hz: forces can be fitted, rotation cannot; {FAST}"));
+            limits.push(format!(
+                "motor commands (RCOU) are logged at {hz:.0} Hz: forces can be fitted, rotation cannot; \
+                 {FAST}"
+            ));
         }
         Some(_) => {}
-        None => limits.push("motor commands (RCOU) are not logged: no model can be fitted; set LOG_BITMASK to hold RC Output (1024)".into()),
+        None => limits.push(
+            "motor commands (RCOU) are not logged: no model can be fitted; set LOG_BITMASK \
+                 to hold RC Output (1024)"
+                .into(),
+        ),
     }
     match rate(signals.attitude.as_ref().map(|signal| &signal.t)) {
         Some(hz) if hz < FAST_ATTITUDE_HZ => {
@@ -37,13 +44,25 @@ pub(super) fn add(log: &Log, recording: &mut Recording) {
         );
     }
     if signals.position.is_none() && !recording.limits.iter().any(|limit| limit.starts_with("position")) {
-        limits.push("position and velocity (XKF1, NKF1) are not logged: forces are known from the accelerometer alone".into());
+        limits.push(
+            "position and velocity (XKF1, NKF1) are not logged: forces are known from the \
+                 accelerometer alone"
+                .into(),
+        );
     }
     if signals.voltage.is_none() {
-        limits.push("the battery's voltage is not logged: set BATT_MONITOR, and LOG_BITMASK to hold Battery Monitor (512)".into());
+        limits.push(
+            "the battery's voltage is not logged: set BATT_MONITOR, and LOG_BITMASK to hold \
+                 Battery Monitor (512)"
+                .into(),
+        );
     }
     if signals.rotor_speed.is_none() && log.table("ESC").is_none() {
-        limits.push("rotor speeds are not logged: ESCs with telemetry (SERVO_BLH_AUTO, SERVO_DSHOT_ESC) would log them (ESC)".into());
+        limits.push(
+            "rotor speeds are not logged: ESCs with telemetry (SERVO_BLH_AUTO, SERVO_DSHOT_ESC) \
+                 would log them (ESC)"
+                .into(),
+        );
     }
     recording.limits.extend(limits);
 }

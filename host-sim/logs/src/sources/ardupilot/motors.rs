@@ -28,8 +28,8 @@ pub(super) fn range(log: &Log) -> Span {
     both("MOT_PWM_MIN", "MOT_PWM_MAX").or_else(|| both("RC3_MIN", "RC3_MAX")).unwrap_or([1000.0, 2000.0])
 }
 
-/// Rotor speeds in our order, rad/s, at the times of the first rotor's: `ESC` counts outputs from 0, older logs have a
-/// table each, from 1.
+/// Rotor speeds in our order, rad/s, at the times of the first rotor's. `ESC` counts outputs from 0; older
+/// logs have a table each, from 1.
 pub(super) fn speeds(log: &Log, layout: &Layout) -> Option<Signal<4>> {
     let rows = |output: usize| match log.table("ESC") {
         Some(table) => Some(Rows::instance(table, (output - 1) as f64)),

@@ -44,7 +44,7 @@ impl<'log> Rows<'log> {
         let rows: Vec<usize> = (0..times.len()).filter(|&row| chosen(row)).collect();
         let (mut kept, mut t) = (Vec::with_capacity(rows.len()), Vec::with_capacity(rows.len()));
         for run in runs_that_follow(&rows, &times) {
-            for &row in run {
+            for row in run {
                 if t.last().is_none_or(|&last| times[row] > last) {
                     kept.push(row);
                     t.push(times[row]);
@@ -58,7 +58,11 @@ impl<'log> Rows<'log> {
     /// What was left out, in a sentence.
     pub(super) fn note(&self, name: &str) -> Option<String> {
         (self.left_out > 0).then(|| {
-            format!("{} rows of {name} were left out: their times stand still, go back or jump by more than a minute", self.left_out)
+            format!(
+                "{} rows of {name} were left out: their times stand still, go back or jump by more than a \
+                 minute",
+                self.left_out
+            )
         })
     }
 
@@ -91,37 +95,53 @@ impl<'log> Rows<'log> {
 
 /// Runs of rows without a jump, without those that are too short to be the log going on elsewhere,
 /// nor those that lie before what precedes them. The longest run is taken for right.
-fn runs_that_follow<'rows>(rows: &'rows [usize], times: &[f64]) -> Vec<&'rows [usize]> {
-    let jumps = |pair: &usize, next: &usize| (times[*next] - times[*pair]).abs() <= LONGEST_JUMP_S;
-    let mut runs: Vec<&[usize]> = rows.chunk_by(jumps).collect();
+fn runs_that_follow(rows: &[usize], times: &[f64]) -> Vec<Vec<usize>> {
+    let mut runs = runs(rows, times);
     if runs.iter().any(|run| run.len() >= ENOUGH_ROWS) {
         runs.retain(|run| run.len() >= ENOUGH_ROWS);
     }
-    let bounds = |run: &[usize]| {
-        run.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &row| {
-            [low.min(times[row]), high.max(times[row])]
+    let bounds: Vec<[f64; 2]> = runs
+        .iter()
+        .map(|run| {
+            let reach = |[low, high]: [f64; 2], &row: &usize| [low.min(times[row]), high.max(times[row])];
+            run.iter().fold([f64::INFINITY, f64::NEG_INFINITY], reach)
         })
-    };
+        .collect();
     let Some(longest) = (0..runs.len()).max_by_key(|&run| (runs[run].len(), std::cmp::Reverse(run))) else {
         return runs;
     };
-    let mut chosen = vec![runs[longest]];
-    let mut start = bounds(runs[longest])[0];
-    for run in runs[..longest].iter().rev() {
-        if bounds(run)[1] < start {
-            start = bounds(run)[0];
-            chosen.push(run);
+    let [mut start, mut end] = bounds[longest];
+    let mut follows = vec![false; runs.len()];
+    follows[longest] = true;
+    for run in (0..longest).rev() {
+        if bounds[run][1] < start {
+            start = bounds[run][0];
+            follows[run] = true;
         }
     }
-    chosen.reverse();
-    let mut end = bounds(runs[longest])[1];
-    for run in &runs[longest + 1..] {
-        if bounds(run)[0] > end {
-            end = bounds(run)[1];
-            chosen.push(run);
+    for run in longest + 1..runs.len() {
+        if bounds[run][0] > end {
+            end = bounds[run][1];
+            follows[run] = true;
         }
     }
-    chosen
+    runs.into_iter().zip(follows).filter_map(|(run, follows)| follows.then_some(run)).collect()
+}
+
+/// Rows cut where the clock jumps. A row goes on with one of the last few runs if it can.
+fn runs(rows: &[usize], times: &[f64]) -> Vec<Vec<usize>> {
+    const LAST: usize = 4;
+    let mut runs: Vec<Vec<usize>> = Vec::new();
+    for &row in rows {
+        let continues = |run: &&mut Vec<usize>| {
+            run.last().is_some_and(|&last| (times[row] - times[last]).abs() <= LONGEST_JUMP_S)
+        };
+        match runs.iter_mut().rev().take(LAST).find(continues) {
+            Some(run) => run.push(row),
+            None => runs.push(vec![row]),
+        }
+    }
+    runs
 }
 
 #[cfg(test)]

@@ -143,7 +143,8 @@ fn outputs(log: &Log, motors: [usize; 4]) -> Result<[usize; 4], String> {
         [Some(a), Some(b), Some(c), Some(d)] => Ok([a, b, c, d]),
         // Before 3.5 motors are on the outputs of their number.
         [None, None, None, None] => Ok(motors),
-        _ => Err("names outputs for some of its four motors only (SERVOn_FUNCTION 33 to 36): the log is damaged, or no quadcopter's".into()),
+        _ => Err("names outputs for some of its four motors only (SERVOn_FUNCTION 33 to 36): the log is damaged, or \
+                 no quadcopter's".into()),
     }
 }
 

@@ -6,19 +6,21 @@ use std::path::Path;
 
 use crate::error::LogError;
 use crate::log::{Log, Table};
-use crate::recording::{Hints, Recording, Signal, Signals};
+use crate::recording::{Hints, Recording, Signal, Signals, Span};
 
 use super::attitude;
-use super::spans::where_holds;
+use super::spans::{both, where_holds};
 use scales::Scales;
 
-/// Front left, front right, rear right, rear left in the order of the mixer (rear right, front right, rear left, front left).
+/// Our order in that of the mixer: rear right, front right, rear left, front left.
 const MOTORS: [usize; 4] = [3, 1, 0, 2];
 /// Front, left, up to front, right, down.
 const FLIP: [f64; 3] = [1.0, -1.0, -1.0];
 const GRAVITY: f64 = 9.81;
 /// Motors turn above this part of their range in flight.
-const ABOVE_IDLE: f64 = 0.05;
+const ABOVE_IDLE: f64 = 0.02;
+/// Throttle that is more than a stick at rest, thousandths.
+const RAISED: f64 = 20.0;
 /// Motors that are slower for less than this still carry a craft that falls, s.
 const SHORT_IDLE_S: f64 = 2.0;
 
@@ -27,13 +29,19 @@ pub(crate) fn record(log: &Log, path: &Path) -> Result<Vec<Recording>, LogError>
     let refused = |reason: String| LogError::Refused { path: path.into(), reason };
     let filled: Vec<&Table> = log.tables.iter().filter(|table| table.rows > 0).collect();
     if filled.is_empty() {
-        let logs = if log.tables.len() == 1 {
+        let count = log.tables.len();
+        let logs = if count == 1 {
             "its only log is empty".into()
         } else {
-            format!("all its {} logs are empty", log.tables.len())
+            format!("all its {count} logs are empty")
         };
+        let why = log
+            .losses
+            .damage
+            .first()
+            .map_or("nothing was logged between arming and disarming", String::as_str);
         return Err(refused(format!(
-            "{logs}: nothing was flown between arming and disarming, or the memory was full"
+            "{logs} ({why}): download it from the craft again, or log another flight"
         )));
     }
     filled.into_iter().map(|table| one(log, table).map_err(refused)).collect()
@@ -51,14 +59,8 @@ fn one(log: &Log, table: &Table) -> Result<Recording, String> {
             table.name
         ));
     }
-    let commands = signals.commands.as_ref();
-    let airborne = match (commands, scales.motor_range) {
-        (Some(commands), Some([low, high])) => {
-            let mean = |row: usize| commands.values.iter().map(|motor| motor[row]).sum::<f64>() / 4.0;
-            where_holds(&commands.t, |row| mean(row) > low + ABOVE_IDLE * (high - low), SHORT_IDLE_S)
-        }
-        _ => Vec::new(),
-    };
+    let throttle = rows.signal("setpoint", [3], [1.0]);
+    let airborne = airborne(signals.commands.as_ref(), throttle.as_ref(), scales.motor_range);
     let name = log.information.get(&format!("{}: Craft name", table.name)).filter(|name| !name.is_empty());
     let hints = Hints {
         name: name.cloned(),
@@ -73,7 +75,25 @@ fn one(log: &Log, table: &Table) -> Result<Recording, String> {
     };
     let mut recording = Recording { signals, airborne, hints, notes, ..Recording::default() };
     limits(&scales, &mut recording);
+    if throttle.is_some_and(|throttle| throttle.values[0].iter().all(|&throttle| throttle < RAISED)) {
+        recording.limits.push(
+            "the throttle (setpoint[3]) was never raised: the craft may have stood on the ground".into(),
+        );
+    }
     Ok(recording)
+}
+
+/// When the motors turned faster than idle and, if it ever was, the throttle was raised, s.
+fn airborne(commands: Option<&Signal<4>>, throttle: Option<&Signal<1>>, range: Option<Span>) -> Vec<Span> {
+    let (Some(commands), Some([low, high])) = (commands, range) else { return Vec::new() };
+    let mean = |row: usize| commands.values.iter().map(|motor| motor[row]).sum::<f64>() / 4.0;
+    let turning = where_holds(&commands.t, |row| mean(row) > low + ABOVE_IDLE * (high - low), SHORT_IDLE_S);
+    let raised = throttle
+        .map(|throttle| where_holds(&throttle.t, |row| throttle.values[0][row] >= RAISED, SHORT_IDLE_S));
+    match raised {
+        Some(raised) if !raised.is_empty() => both(&turning, &raised),
+        _ => turning,
+    }
 }
 
 /// Refuses what has not four motors.
@@ -181,7 +201,8 @@ fn limits(scales: &Scales, recording: &mut Recording) {
     };
     say(
         signals.position.is_none() && signals.attitude.is_none(),
-        "attitude and position are not logged by Betaflight: rotation can be fitted, forces only from the accelerometer",
+        "attitude and position are not logged by Betaflight: rotation can be fitted, forces only from the \
+         accelerometer",
     );
     say(
         signals.attitude.is_some() && signals.position.is_none(),
@@ -189,7 +210,8 @@ fn limits(scales: &Scales, recording: &mut Recording) {
     );
     say(
         true,
-        "which way the motors turn is not logged: give it in the vehicle file (props in: cw ccw cw ccw, front left first)",
+        "which way the motors turn is not logged: give it in the vehicle file (props in: cw ccw cw \
+         ccw, front left first)",
     );
     say(signals.rates.is_none(), "gyro (gyroADC) is not logged: set blackbox_disable_gyro = OFF");
     say(
@@ -199,7 +221,8 @@ fn limits(scales: &Scales, recording: &mut Recording) {
     say(signals.commands.is_none(), "motor commands are not logged: set blackbox_disable_motors = OFF");
     say(
         signals.rotor_speed.is_none(),
-        "rotor speeds (eRPM) are not logged: Betaflight 4.5 logs them with dshot_bidir = ON and blackbox_disable_rpm = OFF",
+        "rotor speeds (eRPM) are not logged: Betaflight 4.5 logs them with dshot_bidir = ON and \
+         blackbox_disable_rpm = OFF",
     );
     say(signals.voltage.is_none(), "the battery's voltage is not logged: set blackbox_disable_bat = OFF");
     say(
