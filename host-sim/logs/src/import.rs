@@ -85,24 +85,49 @@ pub fn import(path: &Path) -> Result<Import, LogError> {
 /// Makes flights of the bytes of a log; `path` is for messages and gives the flights their names.
 pub fn import_bytes(bytes: &[u8], path: &Path) -> Result<Import, LogError> {
     let log = decode(bytes, path)?;
-    let recording = record(&log, path)?;
-    Ok(imported(log, &recording, path))
+    let recordings = record(&log, path)?;
+    Ok(imported(log, &recordings, path))
 }
 
-fn imported(log: Log, recording: &Recording, path: &Path) -> Import {
+fn imported(log: Log, recordings: &[Recording], path: &Path) -> Import {
     let stem = path.file_stem().map_or_else(|| "log".into(), |stem| stem.to_string_lossy().into_owned());
-    let (flights, left_out) = convert(recording, &stem);
+    let (mut flights, mut limits, mut notes) = (Vec::new(), Vec::new(), Vec::new());
+    for recording in recordings {
+        let (made, left_out) = convert(recording);
+        flights.extend(made);
+        add_new(&mut limits, recording.limits.iter().cloned());
+        add_new(&mut notes, recording.notes.iter().cloned().chain(left_out));
+    }
+    number(&mut flights, &stem);
+    let first = recordings.first();
     Import {
         path: path.into(),
         format: log.format,
         firmware: log.firmware,
         messages: log.tables.iter().map(|table| Messages::of(table, log.format)).collect(),
-        sources: Sources::of(recording),
+        sources: first.map_or_else(Sources::default, Sources::of),
         flights,
-        hints: recording.hints.clone(),
+        hints: first.map_or_else(Hints::default, |recording| recording.hints.clone()),
         losses: log.losses,
-        limits: recording.limits.clone(),
-        notes: recording.notes.iter().cloned().chain(left_out).collect(),
+        limits,
+        notes,
+    }
+}
+
+/// Sentences that are not there yet: recordings of one file mostly lack the same.
+fn add_new(told: &mut Vec<String>, sentences: impl Iterator<Item = String>) {
+    for sentence in sentences {
+        if !told.contains(&sentence) {
+            told.push(sentence);
+        }
+    }
+}
+
+/// Flights of one file are numbered where there are several.
+fn number(flights: &mut [Part], stem: &str) {
+    let several = flights.len() > 1;
+    for (index, part) in flights.iter_mut().enumerate() {
+        part.flight.name = if several { format!("{stem}-{}.csv", index + 1) } else { format!("{stem}.csv") };
     }
 }
 
@@ -122,14 +147,16 @@ impl Messages {
 impl Sources {
     fn of(recording: &Recording) -> Self {
         let signals = &recording.signals;
+        // A file of several logs names the log before the field.
+        let bare = |source: &str| source.rsplit_once(": ").map_or(source, |(_, field)| field).to_owned();
         Self {
-            position: signals.position.as_ref().map(|s| s.source.clone()),
-            attitude: signals.attitude.as_ref().map(|s| s.source.clone()),
-            rates: signals.rates.as_ref().map(|s| s.source.clone()),
-            specific_force: signals.specific_force.as_ref().map(|s| s.source.clone()),
-            commands: signals.commands.as_ref().map(|s| s.source.clone()),
-            rotor_speed: signals.rotor_speed.as_ref().map(|s| s.source.clone()),
-            voltage: signals.voltage.as_ref().map(|s| s.source.clone()),
+            position: signals.position.as_ref().map(|s| bare(&s.source)),
+            attitude: signals.attitude.as_ref().map(|s| bare(&s.source)),
+            rates: signals.rates.as_ref().map(|s| bare(&s.source)),
+            specific_force: signals.specific_force.as_ref().map(|s| bare(&s.source)),
+            commands: signals.commands.as_ref().map(|s| bare(&s.source)),
+            rotor_speed: signals.rotor_speed.as_ref().map(|s| bare(&s.source)),
+            voltage: signals.voltage.as_ref().map(|s| bare(&s.source)),
         }
     }
 }

@@ -31,6 +31,11 @@ fn named(name: &str) -> Option<(Log, PathBuf)> {
     Some((decoded(&path), path))
 }
 
+/// The only recording of a log.
+fn recorded(log: &Log, path: &Path) -> Result<Recording, LogError> {
+    logs::record(log, path).map(|mut all| all.remove(0))
+}
+
 #[test]
 fn tables_are_those_of_pyulog() {
     for (path, expected) in expected() {
@@ -97,7 +102,7 @@ fn source<const N: usize>(signal: &Option<Signal<N>>) -> Option<&str> {
 fn quantities_come_from_the_expected_topics() {
     let mut accepted = 0;
     for (path, expected) in expected() {
-        let Ok(Recording { signals, .. }) = logs::record(&decoded(&path), &path) else { continue };
+        let Ok(Recording { signals, .. }) = recorded(&decoded(&path), &path) else { continue };
         accepted += 1;
         let from = &expected["flight_format"];
         assert_eq!(from["position"].as_str(), source(&signals.position), "{path:?}");
@@ -123,7 +128,7 @@ fn other_crafts_are_refused_by_name() {
         ("px4_custom_topics.ulg", "vehicle_attitude"),
     ] {
         let Some((log, path)) = named(name) else { return };
-        let refused = logs::record(&log, &path).expect_err(name);
+        let refused = recorded(&log, &path).expect_err(name);
         assert!(matches!(refused, LogError::Refused { .. }), "{name}");
         let text = refused.to_string();
         assert!(text.contains(reason) && !text.contains(char::is_control), "{text}");
@@ -228,7 +233,7 @@ fn quantities_are_those_of_the_reference_conversion() {
     ];
     for (name, start, samples) in sampled {
         let Some((log, path)) = named(name) else { return };
-        let signals = logs::record(&log, &path).expect(name).signals;
+        let signals = recorded(&log, &path).expect(name).signals;
         for (after, expected) in samples {
             let t = start + after;
             let mut found = Vec::new();
@@ -247,7 +252,7 @@ fn quantities_are_those_of_the_reference_conversion() {
 #[test]
 fn electrics_are_those_of_the_reference_conversion() {
     let Some((log, path)) = named("px4_esc_rpm.ulg") else { return };
-    let recording = logs::record(&log, &path).expect("quadcopter");
+    let recording = recorded(&log, &path).expect("quadcopter");
     let signals = &recording.signals;
     let t = 5080.501645 + 20.0;
     assert_close(
@@ -270,7 +275,7 @@ fn electrics_are_those_of_the_reference_conversion() {
 fn rebuilt_commands_agree_with_the_logged_ones() {
     for name in ["px4_quadrotor.ulg", "px4_indoor_vision.ulg"] {
         let Some((log, path)) = named(name) else { return };
-        let recording = logs::record(&log, &path).expect(name);
+        let recording = recorded(&log, &path).expect(name);
         let commands = recording.signals.commands.as_ref().expect("commands");
         let logged = log.table("actuator_motors[0]").expect("motors");
         assert!(commands.t.len() > 4 * logged.rows, "{name}");
@@ -324,7 +329,7 @@ fn rates_are_those_of_the_attitude() {
         ("px4_esc_rpm.ulg", 0..3, 0.8..1.15),
     ] {
         let Some((log, path)) = named(name) else { return };
-        let recording = logs::record(&log, &path).expect(name);
+        let recording = recorded(&log, &path).expect(name);
         let attitude = recording.signals.attitude.as_ref().expect("attitude");
         let rates = recording.signals.rates.as_ref().expect("rates");
         let mut pairs = [const { Vec::new() }; 3];
@@ -357,7 +362,7 @@ fn velocity_is_that_of_the_position() {
         [("px4_quadrotor.ulg", 2..3), ("px4_indoor_vision.ulg", 0..3), ("px4_esc_rpm.ulg", 0..3)]
     {
         let Some((log, path)) = named(name) else { return };
-        let recording = logs::record(&log, &path).expect(name);
+        let recording = recorded(&log, &path).expect(name);
         let position = recording.signals.position.as_ref().expect("position");
         let velocity = recording.signals.velocity.as_ref().expect("velocity");
         for axis in axes {
@@ -387,7 +392,7 @@ fn specific_force_carries_the_craft() {
         ("px4_esc_rpm.ulg", -11.1..-10.5),
     ] {
         let Some((log, path)) = named(name) else { return };
-        let recording = logs::record(&log, &path).expect(name);
+        let recording = recorded(&log, &path).expect(name);
         let force = recording.signals.specific_force.as_ref().expect("force");
         let flying = force.t.iter().zip(&force.values[2]).filter(|(t, _)| in_flight(&recording, **t));
         let values: Vec<f64> = flying.map(|(_, force)| *force).collect();
@@ -476,7 +481,7 @@ fn hover(parameters: &[(&str, i32)], rows: u64) -> Writer {
 fn a_written_log_is_read() {
     let log = hover(&[("MAV_TYPE", 2)], 100).decoded();
     assert_eq!(log.losses.damage, Vec::<String>::new());
-    let recording = logs::record(&log, Path::new("written.ulg")).expect("quadcopter");
+    let recording = recorded(&log, Path::new("written.ulg")).expect("quadcopter");
     let attitude = recording.signals.attitude.as_ref().expect("attitude");
     // The time of the sample, not of its publication.
     assert_eq!((attitude.t.len(), attitude.t[0]), (100, 1.0));
@@ -499,7 +504,7 @@ fn times_are_put_in_order() {
     for us in [1_010_000, 1_000_300, u64::MAX, 900_000_000_000] {
         log.row(0, us, &upright);
     }
-    let recording = logs::record(&log.decoded(), Path::new("written.ulg")).expect("quadcopter");
+    let recording = recorded(&log.decoded(), Path::new("written.ulg")).expect("quadcopter");
     let attitude = recording.signals.attitude.expect("attitude");
     assert!(attitude.t.windows(2).all(|pair| pair[0] < pair[1]));
     assert_eq!(attitude.t.len(), 102);
@@ -513,7 +518,7 @@ fn times_are_put_in_order() {
 fn crafts_that_are_no_x_are_refused() {
     let refusal = |parameters: &[(&str, i32)]| {
         let log = hover(parameters, 30).decoded();
-        logs::record(&log, Path::new("written.ulg")).err().map_or(String::new(), |error| error.to_string())
+        recorded(&log, Path::new("written.ulg")).err().map_or(String::new(), |error| error.to_string())
     };
     assert_eq!(refusal(&[]), "");
     for (kind, name) in [
@@ -541,7 +546,7 @@ fn rotors(places: [(f32, f32, f32); 4]) -> Result<Recording, String> {
         }
     }
     log.0.splice(16..59, definitions.0.split_off(16));
-    logs::record(&log.decoded(), Path::new("written.ulg")).map_err(|error| error.to_string())
+    recorded(&log.decoded(), Path::new("written.ulg")).map_err(|error| error.to_string())
 }
 
 #[test]
@@ -682,7 +687,7 @@ fn survives(bytes: &[u8]) -> Option<Log> {
     // Columns take more room than their values where there are few rows.
     assert!(log.tables.iter().map(|table| table.columns.len()).sum::<usize>() <= 200_000);
     assert!(log.losses.damage.len() <= 9, "{:?}", log.losses.damage);
-    if let Err(error) = logs::record(&log, path) {
+    if let Err(error) = recorded(&log, path) {
         told(error);
     }
     Some(log)

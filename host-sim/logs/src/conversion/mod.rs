@@ -31,8 +31,8 @@ pub struct Part {
     pub lost_s: f64,
 }
 
-/// The flights of a recording, named after `stem`; and what was left out, a sentence each.
-pub fn convert(recording: &Recording, stem: &str) -> (Vec<Part>, Vec<String>) {
+/// The flights of a recording, still without names; and what was left out, a sentence each.
+pub fn convert(recording: &Recording) -> (Vec<Part>, Vec<String>) {
     let mut notes = Vec::new();
     let Some(base) = base_times(&recording.signals) else {
         return (
@@ -53,10 +53,6 @@ pub fn convert(recording: &Recording, stem: &str) -> (Vec<Part>, Vec<String>) {
                 parts::SHORTEST_S
             )),
         }
-    }
-    let several = made.len() > 1;
-    for (index, part) in made.iter_mut().enumerate() {
-        part.flight.name = if several { format!("{stem}-{}.csv", index + 1) } else { format!("{stem}.csv") };
     }
     (made, notes)
 }
@@ -211,10 +207,9 @@ mod tests {
         for (logged_hz, rate_hz) in
             [(50.0, 50.0), (100.0, 100.0), (120.0, 120.0), (250.0, 100.0), (1000.0, 100.0)]
         {
-            let (parts, notes) = convert(&recording(logged_hz), "log");
+            let (parts, notes) = convert(&recording(logged_hz));
             assert_eq!((parts.len(), notes.len()), (1, 0));
             assert!((parts[0].rate_hz - rate_hz).abs() < 1e-6, "{logged_hz}: {}", parts[0].rate_hz);
-            assert_eq!(parts[0].flight.name, "log.csv");
             assert_eq!(parts[0].flight.column(Column::P).unwrap()[10], 0.1);
             let [x, t] = [Column::X, Column::T].map(|column| parts[0].flight.column(column).unwrap()[400]);
             assert!((x - t - parts[0].span[0]).abs() < 1e-6, "{x} at {t} s after {}", parts[0].span[0]);
@@ -224,16 +219,15 @@ mod tests {
     /// Four values a second do not say how fast a rotor turned between them.
     #[test]
     fn slow_rotor_speeds_do_not_stand_in_for_fast_ones() {
-        let (parts, _) = convert(&recording(50.0), "log");
+        let (parts, _) = convert(&recording(50.0));
         assert_eq!(parts[0].flight.column(Column::Omega1), None);
     }
 
     #[test]
     fn each_part_in_the_air_is_a_flight_and_a_hop_is_none() {
         let airborne = vec![[102.0, 108.0], [110.0, 110.5], [112.0, 119.0]];
-        let (parts, notes) = convert(&Recording { airborne, ..recording(100.0) }, "log");
-        let names: Vec<&str> = parts.iter().map(|part| part.flight.name.as_str()).collect();
-        assert_eq!(names, ["log-1.csv", "log-2.csv"]);
+        let (parts, notes) = convert(&Recording { airborne, ..recording(100.0) });
+        assert_eq!(parts.len(), 2);
         assert_eq!(parts[1].span[0], 112.0);
         assert_eq!(notes, ["110.0 to 110.5 s: under 2 s of rows, left out"]);
         assert_eq!(parts[1].flight.column(Column::T).unwrap()[0], 0.0);
@@ -242,7 +236,7 @@ mod tests {
     #[test]
     fn what_the_estimator_was_not_sure_of_is_missing() {
         let untrusted = vec![[104.0, 104.1]];
-        let (parts, _) = convert(&Recording { untrusted, ..recording(100.0) }, "log");
+        let (parts, _) = convert(&Recording { untrusted, ..recording(100.0) });
         let x = parts[0].flight.column(Column::X).unwrap();
         let missing = x[..1900].iter().filter(|x| x.is_nan()).count();
         assert_eq!(missing, 11);

@@ -1,10 +1,13 @@
-//! Tables into quantities: which table is the position, which the commands, in which frame and unit. One module a program that logs.
+//! Tables into quantities: which table is the position, which the commands, in which frame and unit. One
+//! module a program that logs.
 
 mod ardupilot;
+mod attitude;
 mod blackbox;
 mod crazyflie;
 mod px4;
 mod ros;
+mod spans;
 
 use std::path::Path;
 
@@ -14,12 +17,14 @@ use crate::log::Log;
 use crate::recording::Recording;
 
 /// Finds the quantities of a log and puts them into quadlab's frames and units; `path` is for messages.
-pub fn record(log: &Log, path: &Path) -> Result<Recording, LogError> {
+/// More than one recording where a file holds several logs (blackbox): one for each that holds anything.
+pub fn record(log: &Log, path: &Path) -> Result<Vec<Recording>, LogError> {
+    let one = |recording: Result<Recording, LogError>| recording.map(|recording| vec![recording]);
     match log.format {
-        Format::Ulog => px4::record(log, path),
-        Format::Dataflash => ardupilot::record(log, path),
+        Format::Ulog => one(px4::record(log, path)),
+        Format::Dataflash => one(ardupilot::record(log, path)),
         Format::Blackbox => blackbox::record(log, path),
-        Format::Crazyflie | Format::Parquet | Format::Csv => crazyflie::record(log, path),
-        Format::Rosbag1 | Format::Rosbag2 | Format::Mcap => ros::record(log, path),
+        Format::Crazyflie | Format::Parquet | Format::Csv => one(crazyflie::record(log, path)),
+        Format::Rosbag1 | Format::Rosbag2 | Format::Mcap => one(ros::record(log, path)),
     }
 }

@@ -1,5 +1,8 @@
 //! What the tests of this crate share.
 
+pub(crate) mod damage;
+pub(crate) mod motion;
+
 use std::path::{Path, PathBuf};
 
 /// A place in the shared data (beside the repository, or where `QUADLAB_SHARED` points); nothing, and says so, where it is not there.

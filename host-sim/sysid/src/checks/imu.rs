@@ -197,7 +197,8 @@ mod tests {
     fn turned_axes_are_named_with_what_to_write_instead() {
         assert_eq!(
             named(|f, _| Vector3::new(f.y, -f.x, f.z)),
-            "ax, ay, az look like ay, -ax, az of this craft: write -ay, ax, az into ax, ay, az"
+            "ax, ay, az look like ay, -ax, az of this craft: write -ay, ax, az into ax, ay, az (or leave the log as it is and say so \
+             in columns.toml beside it, under [columns]: ax = \"-ay\"; ay = \"ax\")"
         );
     }
 
