@@ -45,9 +45,14 @@ pub(crate) fn vehicle_of<'a>(
     }
     let is_log = |path: &&&PathBuf| logs::format_of(path).is_some();
     let imports: Result<Vec<_>, _> = flights.iter().filter(is_log).map(|path| logs::import(path)).collect();
-    match logs::draft(&imports?).map_err(anyhow::Error::msg)? {
-        Some(draft) => Ok((draft.vehicle, None)),
-        None => anyhow::bail!(
+    let imports = imports?;
+    match (logs::draft(&imports).map_err(anyhow::Error::msg)?, imports.first()) {
+        (Some(draft), _) => Ok((draft.vehicle, None)),
+        (None, Some(log)) => anyhow::bail!(
+            "{}: nothing in this log is long enough in the air to be a flight",
+            log.path.display()
+        ),
+        (None, None) => anyhow::bail!(
             "no vehicle file: give --vehicle, or put a {VEHICLE} beside the flights (quadlab init makes one from logs)"
         ),
     }

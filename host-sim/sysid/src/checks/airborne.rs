@@ -13,7 +13,7 @@
 //! All of it is looked at in pieces of a tenth of a second, by medians: an outlier does not count, and lift-off is found to a
 //! tenth of a second. The scale of the thrust is the log's own, so neither mass nor motor map have to be right.
 
-use flights::{Column, Flight, median_step};
+use flights::{Column, Flight, StandIn, median_step};
 use model::Vehicle;
 use report::number::fixed;
 
@@ -34,6 +34,8 @@ const CARRIED_PIECES: usize = 3;
 const CARRIED_STILL: f64 = 0.15;
 /// Slower than this a craft stands, m/s: millimetres of noise over a fifth of a second are a tenth of it.
 const STILL_M_S: f64 = 0.05;
+/// What it feels then, where no position is logged, is one g within this part.
+const STILL_G: f64 = 0.05;
 /// And turns no faster than this, rad/s, beside the median over the log, which holds the gyro's bias.
 const STILL_RAD_S: f64 = 0.2;
 /// For so many pieces in a row. A hover that is held to 5 cm/s for a second has all of its thrust.
@@ -67,6 +69,8 @@ const FALL_PIECES: usize = 20;
 const STOPPED: f64 = 0.01;
 /// Samples of a standing craft from which on the gyro's mean is its bias: a second at 100 Hz.
 const BIAS_SAMPLES: usize = 100;
+
+const GRAVITY_M_S2: f64 = 9.81;
 
 /// Why a part of a log is no flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -138,7 +142,9 @@ pub fn airborne(flight: &Flight, vehicle: &Vehicle) -> Airborne {
         return Airborne { flown: vec![true; flight.len()], ..Airborne::default() };
     }
     log.grow(&mut why, &carried);
-    log.grow_along_floor(&mut why);
+    if log.felt_g.is_none() {
+        log.grow_along_floor(&mut why);
+    }
     close_hops(&mut why);
     log.mark_tumbling(&mut why);
     let gyro = log.standing_gyro(flight, &why);
@@ -159,6 +165,8 @@ struct Pieces {
     turning_rad_s: Vec<f64>,
     /// Thrust relative to what flight takes.
     thrust: Vec<f64>,
+    /// What the accelerometer feels along the thrust, in g, where no position is logged.
+    felt_g: Option<Vec<f64>>,
 }
 
 impl Pieces {
@@ -185,6 +193,8 @@ impl Pieces {
             thrust: by_piece(&piece_of, &squares_of_speeds(flight, vehicle), |piece| {
                 piece.iter().sum::<f64>() / piece.len() as f64
             }),
+            felt_g: (flight.stand_ins().contains(&StandIn::NoPosition))
+                .then(|| medians(flight.required(Az)).iter().map(|az| -az / GRAVITY_M_S2).collect()),
             piece_of,
         };
         log.scale_thrust();
@@ -203,7 +213,8 @@ impl Pieces {
     }
 
     fn stands(&self, k: usize) -> bool {
-        self.speed_m_s(k) < STILL_M_S && self.turning_rad_s[k] < STILL_RAD_S
+        let feels_still = self.felt_g.as_ref().is_none_or(|felt| (felt[k] - 1.0).abs() < STILL_G);
+        self.speed_m_s(k) < STILL_M_S && self.turning_rad_s[k] < STILL_RAD_S && feels_still
     }
 
     /// Makes the thrust one where the craft flies: its median over what moves, without idle.
@@ -219,13 +230,21 @@ impl Pieces {
         } else {
             flying.iter().map(|&k| self.thrust[k]).collect()
         };
-        let usual = median(&mut counted).filter(|usual| *usual > 0.0).unwrap_or(f64::NAN);
+        let mut usual = median(&mut counted).filter(|usual| *usual > 0.0).unwrap_or(f64::NAN);
+        if let Some(felt) = &self.felt_g {
+            // What is felt in flight is the thrust, however briskly it is flown.
+            let ratio = flying.iter().map(|&k| self.thrust[k] / felt[k]).filter(|ratio| *ratio > 0.0);
+            usual = median(&mut ratio.collect::<Vec<f64>>()).unwrap_or(usual);
+        }
         self.thrust.iter_mut().for_each(|thrust| *thrust /= usual);
     }
 
-    /// Part of the weight that neither the thrust nor falling accounts for, at each piece.
+    /// Part of the weight that neither the thrust nor falling accounts for, at each piece. Without a position, what is felt beyond
+    /// the thrust.
     fn carried(&self) -> Vec<f64> {
-        const GRAVITY_M_S2: f64 = 9.81;
+        if let Some(felt) = &self.felt_g {
+            return felt.iter().zip(&self.thrust).map(|(felt, thrust)| felt - thrust).collect();
+        }
         let z = &self.position_m[2];
         (0..self.count())
             .map(|k| {
