@@ -1,6 +1,6 @@
 //! Why a log was refused: the file, what is wrong, how to mend it.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Why a log was refused.
 #[derive(Debug, thiserror::Error)]
@@ -31,4 +31,14 @@ pub enum LogError {
         /// Why, and what to do.
         reason: String,
     },
+}
+
+impl LogError {
+    /// A log in which no part is long enough in the air.
+    pub fn nothing_flown(path: &Path) -> Self {
+        Self::Refused {
+            path: path.into(),
+            reason: "nothing in this log is long enough in the air to be a flight".into(),
+        }
+    }
 }

@@ -76,8 +76,23 @@ pub fn format_of(path: &Path) -> Option<Format> {
     Format::of(&head)
 }
 
-/// Reads a log and makes flights of it.
+/// The path that stands for standard input.
+pub const STANDARD_INPUT: &str = "-";
+
+/// All bytes of standard input.
+pub fn read_standard_input() -> Result<Vec<u8>, LogError> {
+    use std::io::Read as _;
+    let mut bytes = Vec::new();
+    let read = std::io::stdin().lock().read_to_end(&mut bytes);
+    read.map_err(|source| LogError::Read { path: STANDARD_INPUT.into(), source })?;
+    Ok(bytes)
+}
+
+/// Reads a log, `-` for standard input, and makes flights of it.
 pub fn import(path: &Path) -> Result<Import, LogError> {
+    if path == Path::new(STANDARD_INPUT) {
+        return import_bytes(&read_standard_input()?, path);
+    }
     let bytes = std::fs::read(path).map_err(|source| LogError::Read { path: path.into(), source })?;
     import_bytes(&bytes, path)
 }
@@ -90,7 +105,10 @@ pub fn import_bytes(bytes: &[u8], path: &Path) -> Result<Import, LogError> {
 }
 
 fn imported(log: Log, recordings: &[Recording], path: &Path) -> Import {
-    let stem = path.file_stem().map_or_else(|| "log".into(), |stem| stem.to_string_lossy().into_owned());
+    let stem = match path.file_stem() {
+        Some(stem) if path != Path::new(STANDARD_INPUT) => stem.to_string_lossy().into_owned(),
+        _ => "log".to_owned(),
+    };
     let (mut flights, mut limits, mut notes) = (Vec::new(), Vec::new(), Vec::new());
     for recording in recordings {
         let (made, left_out) = convert(recording);

@@ -22,7 +22,9 @@ pub use conversion::{Part, convert};
 pub use decode::decode;
 pub use error::LogError;
 pub use format::Format;
-pub use import::{Import, Messages, Sources, format_of, import, import_bytes};
+pub use import::{
+    Import, Messages, STANDARD_INPUT, Sources, format_of, import, import_bytes, read_standard_input,
+};
 pub use log::{Column, Log, Losses, Table, TimeUnit, Values};
 pub use recording::{Hints, Recording, Signal, Signals, Span};
 pub use sources::record;

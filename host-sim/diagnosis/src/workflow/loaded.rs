@@ -69,27 +69,37 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Where the flights of files are from: a flight file is one, a log of another program as many as were flown in it.
+    /// Where the flights of files are from: a flight file is one, a log of another program as many as were flown in it; `-` is
+    /// standard input.
     pub(crate) fn of_files(paths: &'a [PathBuf]) -> Result<Vec<Self>, WorkflowError> {
-        let of_file = |path: &'a PathBuf| -> Result<Vec<Self>, WorkflowError> {
-            if logs::format_of(path).is_none() {
-                return Ok(vec![Source::File(path)]);
-            }
-            let flights = logs::import(path)?.flights;
-            if flights.is_empty() {
-                return Err(logs::LogError::Refused {
-                    path: path.clone(),
-                    reason: "nothing in this log is long enough in the air to be a flight".into(),
-                }
-                .into());
-            }
-            Ok(flights.into_iter().map(|part| Source::Cut(path, part.flight)).collect())
-        };
-        paths
-            .par_iter()
-            .map(of_file)
-            .collect::<Result<Vec<_>, _>>()
-            .map(|all| all.into_iter().flatten().collect())
+        let all: Result<Vec<Vec<Self>>, WorkflowError> =
+            paths.par_iter().map(|path| Self::of_file(path)).collect();
+        Ok(all?.into_iter().flatten().collect())
+    }
+
+    fn of_file(path: &'a Path) -> Result<Vec<Self>, WorkflowError> {
+        if path == Path::new(logs::STANDARD_INPUT) {
+            return Self::of_standard_input(path);
+        }
+        match logs::format_of(path) {
+            Some(_) => Self::cut(path, logs::import(path)?.flights),
+            None => Ok(vec![Source::File(path)]),
+        }
+    }
+
+    fn of_standard_input(path: &'a Path) -> Result<Vec<Self>, WorkflowError> {
+        let bytes = logs::read_standard_input()?;
+        match logs::Format::of(&bytes) {
+            Some(_) => Self::cut(path, logs::import_bytes(&bytes, path)?.flights),
+            None => Ok(vec![Source::Cut(path, Flight::parse(&bytes, path)?)]),
+        }
+    }
+
+    fn cut(path: &'a Path, flights: Vec<logs::Part>) -> Result<Vec<Self>, WorkflowError> {
+        if flights.is_empty() {
+            return Err(logs::LogError::nothing_flown(path).into());
+        }
+        Ok(flights.into_iter().map(|part| Source::Cut(path, part.flight)).collect())
     }
 }
 

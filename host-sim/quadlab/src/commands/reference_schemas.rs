@@ -12,7 +12,8 @@ use sysid::Comparison;
 
 use crate::cli::faults::WithFaults;
 use crate::commands::{
-    add, compare, design, design_report, effects, excite, explain, identify, linearize, motor_map, plan,
+    add, compare, design, design_report, effects, excite, explain, identify, import, linearize, motor_map,
+    plan,
 };
 
 /// Writes the schemas, one file a document.
@@ -27,8 +28,9 @@ pub(crate) fn write(folder: &Path) -> anyhow::Result<()> {
 }
 
 /// File name, command and schema of each document.
-fn schemas() -> [(&'static str, &'static str, Schema); 16] {
+fn schemas() -> [(&'static str, &'static str, Schema); 17] {
     [
+        ("import", "import", of::<import::Document>()),
         ("identify", "identify", of::<WithFaults<identify::Document>>()),
         ("compare", "compare", of::<WithFaults<Comparison>>()),
         ("compare-models", "compare with several models", of::<WithFaults<compare::SideBySide>>()),
