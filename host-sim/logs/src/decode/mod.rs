@@ -1,10 +1,15 @@
 //! Files into tables, one module a format.
 
 mod blackbox;
+mod budget;
+mod bytes;
 mod crazyflie;
 mod dataflash;
+mod decompress;
+mod faults;
 mod mcap;
 mod parquet;
+mod ros_messages;
 mod rosbag1;
 mod rosbag2;
 mod ulog;

@@ -1,0 +1,36 @@
+//! What tests of this crate share.
+#![allow(dead_code, reason = "not every test needs all of it")]
+
+use std::path::{Path, PathBuf};
+
+use logs::{Log, Table, decode};
+use serde_json::Value;
+
+/// A file of the shared data (beside the repository); nothing, and says so, where it is not there.
+pub(crate) fn shared(relative: &str) -> Option<PathBuf> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared").join(relative);
+    if path.exists() {
+        return Some(path);
+    }
+    println!("SKIPPED: {} is not there", path.display());
+    None
+}
+
+/// A log of the shared data, decoded, and what the format's own decoder finds in it.
+pub(crate) fn expected(name: &str) -> Option<(Log, Value)> {
+    let path = shared(&format!("data/logs/{name}"))?;
+    let all = std::fs::read_to_string(shared("data/logs/expected.json")?).unwrap();
+    let all: Value = serde_json::from_str(&all).unwrap();
+    let log = decode(&std::fs::read(&path).unwrap(), &path).unwrap();
+    Some((log, all[name].clone()))
+}
+
+/// Compares the sum of a column, NaN left out, with one that is written with eight digits or more. Where positive and negative
+/// numbers cancel, the order of adding shows: so it is as exact as the sum of the magnitudes.
+pub(crate) fn expected_sum(table: &Table, column: &str, expected: f64) {
+    let values = table.column(column).unwrap_or_else(|| panic!("{} lacks {column}", table.name)).to_f64();
+    let there = || values.iter().filter(|value| !value.is_nan());
+    let (sum, magnitude): (f64, f64) = (there().sum(), there().map(|value| value.abs()).sum());
+    let tolerance = 1e-8 * expected.abs() + 1e-12 * magnitude;
+    assert!((sum - expected).abs() <= tolerance, "{} {column}: {sum}, not {expected}", table.name);
+}
