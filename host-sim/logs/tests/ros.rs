@@ -32,7 +32,7 @@ fn agrees(log: &Log, expected: &Value) {
                         "linear" => format!("twist.{key}"),
                         _ => key.clone(),
                     };
-                    expected_sum(table, &column, sum);
+                    expected_sum(table, &column, sum, 8);
                 }
             }
         }

@@ -5,6 +5,7 @@ mod blackbox;
 mod crazyflie;
 mod px4;
 mod ros;
+mod series;
 
 use std::path::Path;
 
@@ -22,4 +23,11 @@ pub fn record(log: &Log, path: &Path) -> Result<Recording, LogError> {
         Format::Crazyflie | Format::Parquet | Format::Csv => crazyflie::record(log, path),
         Format::Rosbag1 | Format::Rosbag2 | Format::Mcap => ros::record(log, path),
     }
+}
+
+/// Names out of a log as part of a sentence, without control characters and not too long.
+fn plain_list(names: &[&str]) -> String {
+    let plain = |name: &&str| name.chars().map(|c| if c.is_control() { '?' } else { c }).take(40).collect::<String>();
+    let text = names.iter().map(plain).collect::<Vec<_>>().join(", ");
+    if text.chars().count() > 250 { text.chars().take(250).chain("...".chars()).collect() } else { text }
 }

@@ -1,6 +1,8 @@
 //! What tests of this crate share.
 #![allow(dead_code, reason = "not every test needs all of it")]
 
+pub(crate) mod flight;
+
 use std::path::{Path, PathBuf};
 
 use logs::{Log, Table, decode};
@@ -25,12 +27,12 @@ pub(crate) fn expected(name: &str) -> Option<(Log, Value)> {
     Some((log, all[name].clone()))
 }
 
-/// Compares the sum of a column, NaN left out, with one that is written with eight digits or more. Where positive and negative
-/// numbers cancel, the order of adding shows: so it is as exact as the sum of the magnitudes.
-pub(crate) fn expected_sum(table: &Table, column: &str, expected: f64) {
+/// Compares the sum of a column, NaN left out, with one that is written with so many digits. Where positive and negative numbers
+/// cancel, the order of adding shows: so it is as exact as the sum of the magnitudes.
+pub(crate) fn expected_sum(table: &Table, column: &str, expected: f64, digits: i32) {
     let values = table.column(column).unwrap_or_else(|| panic!("{} lacks {column}", table.name)).to_f64();
     let there = || values.iter().filter(|value| !value.is_nan());
     let (sum, magnitude): (f64, f64) = (there().sum(), there().map(|value| value.abs()).sum());
-    let tolerance = 1e-8 * expected.abs() + 1e-12 * magnitude;
+    let tolerance = 5.01 * 10_f64.powi(-digits) * expected.abs() + 1e-12 * magnitude;
     assert!((sum - expected).abs() <= tolerance, "{} {column}: {sum}, not {expected}", table.name);
 }

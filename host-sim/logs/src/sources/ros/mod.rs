@@ -1,5 +1,4 @@
 //! ROS messages.
-
 use std::path::Path;
 
 use crate::error::LogError;

@@ -1,0 +1,65 @@
+//! Body rates. Two variables have the pitch rate with a sign that changed with the firmware: there the attitude decides.
+
+use crate::recording::Signal;
+use super::super::series::{flip, interpolate, rates_of_attitude, scale};
+use super::tables::Tables;
+
+/// The name that they are known by, the variables, their unit in rad/s, and whether pitch may be nose up.
+const RATES: [(&str, [&str; 3], f64, bool); 5] = [
+    ("gyro.x", ["gyro.x", "gyro.y", "gyro.z"], std::f64::consts::PI / 180.0, false),
+    (
+        "stateEstimateZ.rateRoll",
+        ["stateEstimateZ.rateRoll", "stateEstimateZ.ratePitch", "stateEstimateZ.rateYaw"],
+        1e-3,
+        true,
+    ),
+    ("ctrlLee.omegax", ["ctrlLee.omegax", "ctrlLee.omegay", "ctrlLee.omegaz"], 1.0, false),
+    ("ctrlLeeP.omegax", ["ctrlLeeP.omegax", "ctrlLeeP.omegay", "ctrlLeeP.omegaz"], 1.0, false),
+    ("controller.r_roll", ["controller.r_roll", "controller.r_pitch", "controller.r_yaw"], 1.0, true),
+];
+/// Steps of attitude that are compared are no longer than this, s.
+const LONGEST_STEP_S: f64 = 0.1;
+/// Correlation from which on a sign is certain.
+const CERTAIN: f64 = 0.3;
+
+/// The first rates that are logged, in our frame.
+pub(super) fn rates(
+    tables: &Tables<'_>,
+    attitude: Option<&Signal<4>>,
+    notes: &mut Vec<String>,
+) -> Option<Signal<3>> {
+    RATES.iter().find_map(|(source, names, unit, may_be_nose_up)| {
+        let (rising, values) = tables.group(*names)?;
+        let mut signal = rising.signal(source, &values);
+        if *may_be_nose_up {
+            signal.values[1].iter_mut().for_each(|q| *q = -*q);
+            let likeness = attitude.and_then(|attitude| likeness(&signal, attitude));
+            let found = likeness.filter(|likeness| likeness.abs() > CERTAIN);
+            // As logged by firmware of the last years: nose up; before the format had a magic number: nose down.
+            let nose_up = found.map_or(!tables.is_old(), |likeness| likeness > 0.0);
+            if !nose_up {
+                signal.values[1].iter_mut().for_each(|q| *q = -*q);
+            }
+            let sign = if nose_up { "nose up" } else { "nose down" };
+            let how = if found.is_some() { "by the attitude" } else { "as firmware of that age has it: check it" };
+            notes.push(format!("{} is positive {sign}, {how}", names[1]));
+        }
+        signal.values = flip(scale(signal.values, *unit));
+        Some(signal)
+    })
+}
+
+/// Correlation of minus the pitch rate with that of the attitude (nose up).
+fn likeness(rates: &Signal<3>, attitude: &Signal<4>) -> Option<f64> {
+    let (times, of_attitude) = rates_of_attitude(attitude);
+    let (mut both, mut own, mut other) = (0.0, 0.0, 0.0);
+    for (time, expected) in times.iter().zip(&of_attitude[1]) {
+        let measured = -interpolate(&rates.t, &rates.values[1], *time, LONGEST_STEP_S);
+        if measured.is_finite() && expected.is_finite() {
+            both += measured * expected;
+            own += measured * measured;
+            other += expected * expected;
+        }
+    }
+    (own > 0.0 && other > 0.0).then(|| both / (own * other).sqrt())
+}
