@@ -51,3 +51,23 @@ fn bags_hold_what_rosbags_finds() {
         agrees(&log, &expected);
     }
 }
+
+/// The names of the topics that the reference conversion takes.
+#[test]
+fn sources_are_those_of_the_reference() {
+    for name in ["crazyflie_ros1.bag", "crazyflie_log203.db3", "crazyflie_log203.mcap"] {
+        let Some((log, expected)) = expected(name) else { return };
+        let recording = logs::record(&log, std::path::Path::new(name)).unwrap();
+        println!("{name} {:?} {:?} {:?}", recording.notes, recording.limits, recording.hints);
+        let signals = &recording.signals;
+        let told = &expected["flight_format"];
+        let of = |source: Option<&String>| source.map_or(Value::Null, |name| Value::from(name.as_str()));
+        assert_eq!(of(signals.position.as_ref().map(|signal| &signal.source)), told["position"]);
+        assert_eq!(of(signals.attitude.as_ref().map(|signal| &signal.source)), told["attitude"]);
+        assert_eq!(of(signals.rates.as_ref().map(|signal| &signal.source)), told["rates"]);
+        assert_eq!(of(signals.specific_force.as_ref().map(|signal| &signal.source)), told["specific_force"]);
+        assert_eq!(of(signals.commands.as_ref().map(|signal| &signal.source)), told["commands"]);
+        assert_eq!(of(signals.rotor_speed.as_ref().map(|signal| &signal.source)), told["rotor_speed"]);
+        assert_eq!(of(signals.voltage.as_ref().map(|signal| &signal.source)), told["voltage"]);
+    }
+}

@@ -158,7 +158,7 @@ mod tests {
     #[test]
     fn rotations_turn_as_aircraft_do() {
         let quarter = std::f64::consts::FRAC_PI_2;
-        let close = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-15);
+        let close = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-14);
         assert!(close(rotate(from_euler(0.0, 0.0, quarter), [1.0, 0.0, 0.0]), [0.0, 1.0, 0.0]));
         assert!(close(rotate(from_euler(0.0, quarter, 0.0), [1.0, 0.0, 0.0]), [0.0, 0.0, -1.0]));
         assert!(close(rotate(from_euler(quarter, 0.0, 0.0), [0.0, 1.0, 0.0]), [0.0, 0.0, 1.0]));
