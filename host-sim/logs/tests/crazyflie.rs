@@ -4,9 +4,12 @@ mod common;
 
 use std::path::Path;
 
-use common::flight::{Reference, angles, smooth};
+use common::flight::{
+    ANGLES, COMMANDS, FORCE, POSITION, RATES, Reference, VELOCITY, angles, smoothed_agrees,
+};
+use common::mutations::survives;
 use common::{expected, expected_sum, shared};
-use logs::{Format, Recording, Signal, TimeUnit, record};
+use logs::{Format, Recording, Signal, TimeUnit, decode, record};
 use serde_json::Value;
 
 const LOGS: [&str; 5] = [
@@ -75,64 +78,16 @@ fn sources_are_those_of_the_reference() {
     }
 }
 
-/// Names of the columns of a flight file, of the signals that they are from.
-const POSITION: [&str; 3] = ["x", "y", "z"];
-const VELOCITY: [&str; 3] = ["vx", "vy", "vz"];
-const ANGLES: [&str; 3] = ["phi", "theta", "psi"];
-const RATES: [&str; 3] = ["p", "q", "r"];
-const FORCE: [&str; 3] = ["ax", "ay", "az"];
-const COMMANDS: [&str; 4] = ["cmd1", "cmd2", "cmd3", "cmd4"];
-
-/// The flight was made by the same steps from the same rows: means of three rows, then 100 Hz by interpolation. Doing both here leaves
-/// the five digits that it is written with, 5e-5 of the value: of 10 m/s^2, 5 rad/s or rad, 1 m.
+/// The flight was made by the same steps from the same rows.
 #[test]
 fn log201_is_its_flight() {
-    let (Some((log, _)), Some(path)) = (expected("crazyflie_sd_load_log201"), shared("data/crazyswarm2/log201.csv")) else {
+    let (Some((log, _)), Some(path)) =
+        (expected("crazyflie_sd_load_log201"), shared("data/crazyswarm2/log201.csv"))
+    else {
         return;
     };
     let recording = record(&log, Path::new("log201")).unwrap();
     smoothed_agrees(&recording, &Reference::read(&path));
-}
-
-fn smoothed_agrees(recording: &Recording, reference: &Reference) {
-    let signals = &recording.signals;
-    let position = signals.position.as_ref().unwrap();
-    let began = position.t[0];
-    let smooth_near = |name: &str, t: &[f64], values: &[f64], offset: f64, tolerance: f64| {
-        reference.near(name, t, &smooth(values), offset, [tolerance, tolerance]);
-    };
-    // The first 30 samples were cut off, gaps among them too: look where it fits.
-    let misfit = |offset: &f64| {
-        let parts = POSITION.iter().zip(&position.values);
-        parts.map(|(name, values)| reference.differences(name, &position.t, &smooth(values), *offset).1).sum::<f64>()
-    };
-    let offsets = (30..100).map(|k| began + f64::from(k) * 0.01);
-    let offset = offsets.min_by(|a, b| misfit(a).total_cmp(&misfit(b))).unwrap();
-    for (name, values) in POSITION.iter().zip(&position.values) {
-        smooth_near(name, &position.t, values, offset, 6e-5);
-    }
-    let three = |names: [&str; 3], signal: &Signal<3>, tolerance: f64| {
-        for (name, values) in names.iter().zip(&signal.values) {
-            smooth_near(name, &signal.t, values, offset, tolerance);
-        }
-    };
-    three(VELOCITY, signals.velocity.as_ref().unwrap(), 6e-5);
-    three(RATES, signals.rates.as_ref().unwrap(), 3e-4);
-    three(FORCE, signals.specific_force.as_ref().unwrap(), 1e-3);
-    let attitude = signals.attitude.as_ref().unwrap();
-    for (name, values) in ANGLES.iter().zip(&angles(attitude)) {
-        smooth_near(name, &attitude.t, values, offset, 6e-5);
-    }
-    let commands = signals.commands.as_ref().unwrap();
-    for (name, values) in COMMANDS.iter().zip(&commands.values) {
-        smooth_near(name, &commands.t, values, offset, 6e-5);
-    }
-    let names: Vec<&str> = signals.extra.iter().map(|(name, _)| name.as_str()).collect();
-    assert_eq!(names, ["load_north", "load_east", "load_down"]);
-    for (name, signal) in &signals.extra {
-        // Written with four digits.
-        smooth_near(name, &signal.t, &signal.values[0], offset, 6e-4);
-    }
 }
 
 /// The flight has the rows of the log with their own times, rounded to 0.1 ms, and six digits.
@@ -152,7 +107,8 @@ fn the_old_log_is_its_flight() {
     assert!(drift < 1.1e-4, "{drift}");
     let same = |name: &str, values: &[f64], tolerance: f64| {
         let rows = times.iter().zip(reference.column(name));
-        let largest = rows.map(|(time, value)| (values[row_of(time + offset)] - value).abs()).fold(0.0, f64::max);
+        let largest =
+            rows.map(|(time, value)| (values[row_of(time + offset)] - value).abs()).fold(0.0, f64::max);
         assert!(largest <= tolerance, "{name}: {largest}");
     };
     let three = |names: [&str; 3], signal: &Signal<3>, tolerance: f64| {
@@ -172,4 +128,31 @@ fn the_old_log_is_its_flight() {
         same(name, values, 1e-5);
     }
     same("vbat", &signals.voltage.as_ref().unwrap().values[0], 1e-5);
+}
+
+#[test]
+fn damaged_logs_do_no_harm() {
+    for (name, cases) in
+        [("crazyflie_sd_two_events", 1500), ("crazyflie_sd_old", 700), ("crazyflie_sd_load_log201", 300)]
+    {
+        let Some(path) = shared(&format!("data/logs/{name}")) else { return };
+        survives(name, &std::fs::read(path).unwrap(), cases);
+    }
+}
+
+/// Bytes that are missing in the middle cost the rows around them.
+#[test]
+fn rows_behind_damage_are_there() {
+    for (name, lost) in [("crazyflie_sd_two_events", 2), ("crazyflie_sd_log10", 2), ("crazyflie_sd_old", 20)]
+    {
+        let Some((whole, _)) = expected(name) else { return };
+        let mut bytes = std::fs::read(shared(&format!("data/logs/{name}")).unwrap()).unwrap();
+        let middle = bytes.len() / 2;
+        bytes.drain(middle..middle + 3);
+        let log = decode(&bytes, Path::new(name)).unwrap();
+        let rows = |log: &logs::Log| log.tables.iter().map(|table| table.rows).sum::<usize>();
+        assert!(rows(&log) + lost >= rows(&whole), "{name}: {} of {}", rows(&log), rows(&whole));
+        assert!(!log.losses.damage.is_empty());
+        assert_eq!(log.tables[0].times.last(), whole.tables[0].times.last());
+    }
 }

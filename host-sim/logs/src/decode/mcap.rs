@@ -89,6 +89,8 @@ enum Depth {
 /// A record: its kind, its content as far as it is there, where it ends.
 struct Record<'a> {
     kind: u8,
+    /// Bytes that the content is said to have.
+    length: usize,
     content: &'a [u8],
     end: usize,
     whole: bool,
@@ -104,7 +106,7 @@ fn record(bytes: &[u8], at: usize) -> Option<Record<'_>> {
     let length = usize::try_from(cursor.u64()?).ok()?;
     let whole = length <= cursor.left();
     let content = cursor.take(length.min(cursor.left()))?;
-    Some(Record { kind, content, end: cursor.position(), whole })
+    Some(Record { kind, length, content, end: cursor.position(), whole })
 }
 
 /// A chunk before its messages.
@@ -137,7 +139,8 @@ impl File {
             let fits = found.as_ref().is_some_and(|record| record.whole && self.fits(record, depth));
             let mut end = found.as_ref().map_or(bytes.len(), |record| record.end);
             if !fits {
-                let next = self.next_record(bytes, at + 1, depth);
+                let is_cut = found.as_ref().is_some_and(|record| Self::is_cut_chunk(record, depth));
+                let next = if is_cut { None } else { self.next_record(bytes, at + 1, depth) };
                 end = next.unwrap_or(bytes.len());
                 self.faults.say(match next {
                     Some(next) => format!("{} bytes at byte {} are damaged", next - at, offset + at),
@@ -146,7 +149,8 @@ impl File {
             }
             if let Some(mut record) = found {
                 // With a wrong length, it is not as long as it says: the next record is not part of it.
-                let content_bytes = record.content.len() - record.end.saturating_sub(end).min(record.content.len());
+                let content_bytes =
+                    record.content.len() - record.end.saturating_sub(end).min(record.content.len());
                 record.content = &record.content[..content_bytes];
                 if record.kind == DATA_END && depth == Depth::Chunks {
                     return true;
@@ -161,7 +165,10 @@ impl File {
     /// Whether the content of a record is what its kind has.
     fn fits(&self, record: &Record<'_>, depth: Depth) -> bool {
         match record.kind {
-            CHUNK => depth != Depth::Inside && chunk(record.content).is_some_and(|c| c.records_bytes == c.records.len() as u64),
+            CHUNK => {
+                depth != Depth::Inside
+                    && chunk(record.content).is_some_and(|c| c.records_bytes == c.records.len() as u64)
+            }
             MESSAGE => record.content.len() >= MESSAGE_HEAD,
             SCHEMA => read_schema(record.content).is_some(),
             CHANNEL => read_channel(record.content).is_some(),
@@ -169,11 +176,24 @@ impl File {
         }
     }
 
+    /// Whether a record is a chunk that goes on behind the end of the file: both its lengths say the same.
+    fn is_cut_chunk(record: &Record<'_>, depth: Depth) -> bool {
+        let head = |chunk: Chunk<'_>| (record.content.len() - chunk.records.len(), chunk.records_bytes);
+        record.kind == CHUNK
+            && depth == Depth::Chunks
+            && !record.whole
+            && chunk(record.content).map(head).is_some_and(|(head, records)| {
+                usize::try_from(records).is_ok_and(|records| head.checked_add(records) == Some(record.length))
+            })
+    }
+
     /// The next place at which a record begins without doubt, and is followed by another one or by nothing.
     fn next_record(&self, bytes: &[u8], from: usize, depth: Depth) -> Option<usize> {
         let certain = |record: &Record<'_>| {
             let known = match record.kind {
-                MESSAGE => Cursor::new(record.content).u16().is_some_and(|channel| self.channels.contains_key(&channel)),
+                MESSAGE => Cursor::new(record.content)
+                    .u16()
+                    .is_some_and(|channel| self.channels.contains_key(&channel)),
                 SCHEMA | CHANNEL | CHUNK => true,
                 kind => depth != Depth::Inside && (HEADER..=DATA_END).contains(&kind),
             };
@@ -181,7 +201,8 @@ impl File {
         };
         (from..bytes.len()).find(|&place| {
             record(bytes, place).is_some_and(|first| {
-                certain(&first) && (first.end == bytes.len() || record(bytes, first.end).is_some_and(|r| certain(&r)))
+                certain(&first)
+                    && (first.end == bytes.len() || record(bytes, first.end).is_some_and(|r| certain(&r)))
             })
         })
     }
@@ -240,7 +261,8 @@ impl File {
             b"" => {
                 let whole = chunk.crc == 0 || crc32fast::hash(chunk.records) == chunk.crc;
                 if record.whole && !whole {
-                    self.faults.say(format!("the chunk at byte {at} is damaged: its checksum does not match"));
+                    self.faults
+                        .say(format!("the chunk at byte {at} is damaged: its checksum does not match"));
                 }
                 return self.walk_chunk(chunk.records, at, record.whole);
             }

@@ -73,8 +73,21 @@ struct Record<'a> {
     op: u8,
     header: &'a [u8],
     data: &'a [u8],
+    /// Bytes that the data are said to have.
+    length: usize,
     end: usize,
     whole: bool,
+}
+
+impl Record<'_> {
+    /// Whether it is a chunk that goes on behind the end of the file: both its lengths say the same.
+    fn is_cut_chunk(&self) -> bool {
+        let plain = field(self.header, "compression") == Some(b"none");
+        self.op == 5
+            && !self.whole
+            && plain
+            && field_u32(self.header, "size").is_some_and(|size| size as usize == self.length)
+    }
 }
 
 /// The value of a field of a header.
@@ -105,7 +118,7 @@ fn record(bytes: &[u8], at: usize) -> Option<Record<'_>> {
     let length = cursor.u32()? as usize;
     let whole = length <= cursor.left();
     let data = cursor.take(length.min(cursor.left()))?;
-    Some(Record { op, header, data, end: cursor.position(), whole })
+    Some(Record { op, header, data, length, end: cursor.position(), whole })
 }
 
 /// The next place at which a record begins that is whole.
@@ -133,19 +146,25 @@ impl Bag {
             let Some(mut record) = record(bytes, at) else {
                 let next = next_record(bytes, at + 1);
                 let end = next.unwrap_or(bytes.len());
-                self.faults.say(format!("{} bytes at byte {} are damaged and left out", end - at, offset + at));
+                self.faults.say(format!(
+                    "{} bytes at byte {} are damaged and left out",
+                    end - at,
+                    offset + at
+                ));
                 at = end;
                 continue;
             };
             let mut end = record.end;
             if !record.whole {
                 // The end is missing, or the length is wrong: then there are records within.
-                let next = next_record(bytes, at + 1);
+                let next = if record.is_cut_chunk() { None } else { next_record(bytes, at + 1) };
                 end = next.unwrap_or(bytes.len());
                 let missing = record.end.saturating_sub(end);
                 record.data = &record.data[..record.data.len().saturating_sub(missing)];
                 self.faults.say(match next {
-                    Some(next) => format!("the record at byte {} is damaged, {} bytes", offset + at, next - at),
+                    Some(next) => {
+                        format!("the record at byte {} is damaged, {} bytes", offset + at, next - at)
+                    }
                     None => format!("the log is cut off in the record at byte {}", offset + at),
                 });
             }
@@ -171,7 +190,11 @@ impl Bag {
             Some(b"none") => return self.walk_chunk(record.data, at, record.whole),
             Some(b"bz2") => Compression::Bzip2,
             Some(b"lz4") => Compression::Lz4,
-            _ => return self.faults.say(format!("the chunk at byte {at} is compressed in a way that is not known")),
+            _ => {
+                return self
+                    .faults
+                    .say(format!("the chunk at byte {at} is compressed in a way that is not known"));
+            }
         };
         let plain = decompress(record.data, compression, size, &mut self.budget);
         if record.whole && !(plain.whole && plain.bytes.len() == size) {

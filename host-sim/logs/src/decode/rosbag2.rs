@@ -32,9 +32,12 @@ pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
     };
     let mut faults = Faults::default();
     let database = open(bytes, &mut faults).map_err(refuse)?;
-    let journal = path.with_file_name(format!("{}-wal", path.file_name().unwrap_or_default().to_string_lossy()));
+    let journal =
+        path.with_file_name(format!("{}-wal", path.file_name().unwrap_or_default().to_string_lossy()));
     if journal.metadata().is_ok_and(|journal| journal.len() > 0) {
-        faults.say("the file ending in -wal beside the bag holds its last messages: open the bag once with sqlite3");
+        faults.say(
+            "the file ending in -wal beside the bag holds its last messages: open the bag once with sqlite3",
+        );
     }
     let mut bag = Bag {
         topics: Topics::new(bytes.len()),
@@ -45,7 +48,10 @@ pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
     bag.read_topics(&database).map_err(refuse)?;
     bag.read_messages(&database, &mut faults).map_err(refuse)?;
     if bag.lost_messages > 0 {
-        faults.say(format!("{} messages are of topics that are not in the bag, or are damaged", bag.lost_messages));
+        faults.say(format!(
+            "{} messages are of topics that are not in the bag, or are damaged",
+            bag.lost_messages
+        ));
     }
     let mut log = Log::new(Format::Rosbag2);
     log.tables = bag.topics.into_tables(&mut faults);

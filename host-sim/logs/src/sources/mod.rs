@@ -9,8 +9,8 @@ mod series;
 
 use std::path::Path;
 
-use crate::format::Format;
 use crate::error::LogError;
+use crate::format::Format;
 use crate::log::Log;
 use crate::recording::Recording;
 
@@ -27,7 +27,8 @@ pub fn record(log: &Log, path: &Path) -> Result<Recording, LogError> {
 
 /// Names out of a log as part of a sentence, without control characters and not too long.
 fn plain_list(names: &[&str]) -> String {
-    let plain = |name: &&str| name.chars().map(|c| if c.is_control() { '?' } else { c }).take(40).collect::<String>();
+    let plain =
+        |name: &&str| name.chars().map(|c| if c.is_control() { '?' } else { c }).take(40).collect::<String>();
     let text = names.iter().map(plain).collect::<Vec<_>>().join(", ");
     if text.chars().count() > 250 { text.chars().take(250).chain("...".chars()).collect() } else { text }
 }

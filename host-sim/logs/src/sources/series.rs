@@ -83,7 +83,8 @@ pub(super) fn at<const N: usize>(columns: &[Vec<f64>; N], row: usize) -> [f64; N
 
 /// Quaternion w, x, y, z of roll, pitch, yaw (ZYX), rad.
 pub(super) fn from_euler(roll: f64, pitch: f64, yaw: f64) -> [f64; 4] {
-    let ((sr, cr), (sp, cp), (sy, cy)) = ((roll / 2.0).sin_cos(), (pitch / 2.0).sin_cos(), (yaw / 2.0).sin_cos());
+    let ((sr, cr), (sp, cp), (sy, cy)) =
+        ((roll / 2.0).sin_cos(), (pitch / 2.0).sin_cos(), (yaw / 2.0).sin_cos());
     [
         cr * cp * cy + sr * sp * sy,
         sr * cp * cy - cr * sp * sy,
@@ -94,11 +95,7 @@ pub(super) fn from_euler(roll: f64, pitch: f64, yaw: f64) -> [f64; 4] {
 
 /// Turns a vector from body to inertial axes.
 pub(super) fn rotate([w, x, y, z]: [f64; 4], [a, b, c]: [f64; 3]) -> [f64; 3] {
-    let (u, v, s) = (
-        2.0 * (y * c - z * b),
-        2.0 * (z * a - x * c),
-        2.0 * (x * b - y * a),
-    );
+    let (u, v, s) = (2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a));
     [a + w * u + y * s - z * v, b + w * v + z * u - x * s, c + w * s + x * v - y * u]
 }
 
@@ -136,7 +133,8 @@ pub(super) fn rates_of_attitude(attitude: &Signal<4>) -> (Vec<f64>, [Vec<f64>; 3
         let step = pair[1] - pair[0];
         let ([w, x, y, z], [a, b, c, d]) = (at(&attitude.values, row), at(&attitude.values, row + 1));
         // The vector part of the quaternion that leads from one to the next.
-        let turn = [w * b - x * a - y * d + z * c, w * c + x * d - y * a - z * b, w * d - x * c + y * b - z * a];
+        let turn =
+            [w * b - x * a - y * d + z * c, w * c + x * d - y * a - z * b, w * d - x * c + y * b - z * a];
         times.push(f64::midpoint(pair[0], pair[1]));
         rates.iter_mut().zip(turn).for_each(|(column, part)| column.push(2.0 * part / step));
     }
@@ -185,7 +183,8 @@ mod tests {
 
     #[test]
     fn quaternions_keep_their_sign() {
-        let mut quaternions = [vec![2.0, -1.0, 0.0], vec![0.0, 0.0, 0.0], vec![0.0, 0.0, 0.0], vec![0.0, -0.1, 0.0]];
+        let mut quaternions =
+            [vec![2.0, -1.0, 0.0], vec![0.0, 0.0, 0.0], vec![0.0, 0.0, 0.0], vec![0.0, -0.1, 0.0]];
         normalise(&mut quaternions);
         assert_eq!(quaternions[0][0], 1.0);
         assert!(quaternions[0][1] > 0.99 && quaternions[3][1] > 0.0);

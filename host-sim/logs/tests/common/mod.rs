@@ -2,6 +2,7 @@
 #![allow(dead_code, reason = "not every test needs all of it")]
 
 pub(crate) mod flight;
+pub(crate) mod mutations;
 
 use std::path::{Path, PathBuf};
 

@@ -37,8 +37,8 @@ pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
     let (header, rows_at) = Header::read(bytes).map_err(refuse)?;
     let mut faults = Faults::default();
     let checked = bytes.len().saturating_sub(4);
-    let whole = bytes.len() >= rows_at + 4
-        && bytes[checked..] == crc32fast::hash(&bytes[..checked]).to_le_bytes();
+    let whole =
+        bytes.len() >= rows_at + 4 && bytes[checked..] == crc32fast::hash(&bytes[..checked]).to_le_bytes();
     let end = if whole { checked } else { bytes.len() };
     let events = read_rows(&header, &bytes[..end], rows_at, &mut faults);
     if !whole {
@@ -49,7 +49,14 @@ pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
     for (event, found) in header.events.iter().zip(events) {
         let times = found.iter().map(|&at| header.time(bytes, at)).collect();
         let data_at: Vec<usize> = found.iter().map(|at| at + header.head_bytes()).collect();
-        log.tables.push(variables::table(&event.name, &event.variables, bytes, &data_at, times, header.unit()));
+        log.tables.push(variables::table(
+            &event.name,
+            &event.variables,
+            bytes,
+            &data_at,
+            times,
+            header.unit(),
+        ));
     }
     log.losses.damage = faults.into_sentences();
     Ok(log)
@@ -189,7 +196,9 @@ mod tests {
 
     /// A version 2 log of two events; rows of the first are 20 ms apart, of the second 50 ms.
     fn log(rows: u16) -> Vec<u8> {
-        let mut bytes = b"\xbc\x02\x00\x02\x00\xff\xfffixed\0\x02\x00a.x(h)\0a.y(f)\0\x07\x00seldom\0\x01\x00b.z(B)\0".to_vec();
+        let mut bytes =
+            b"\xbc\x02\x00\x02\x00\xff\xfffixed\0\x02\x00a.x(h)\0a.y(f)\0\x07\x00seldom\0\x01\x00b.z(B)\0"
+                .to_vec();
         for k in 0..rows {
             bytes.extend(0xffff_u16.to_le_bytes());
             bytes.extend((u64::from(k) * 20_000).to_le_bytes());
@@ -225,7 +234,10 @@ mod tests {
         let fixed = log.table("fixed").unwrap();
         assert!(fixed.rows >= 96, "{}", fixed.rows);
         let halves = fixed.column("a.y").unwrap().to_f64();
-        assert!(fixed.times.iter().zip(&halves).all(|(t, half)| *t as f64 == half * 40_000.0), "no mixed rows");
+        assert!(
+            fixed.times.iter().zip(&halves).all(|(t, half)| *t as f64 == half * 40_000.0),
+            "no mixed rows"
+        );
         assert_eq!(log.losses.damage.len(), 2, "{:?}", log.losses.damage);
     }
 

@@ -27,11 +27,8 @@ use values::Numbers;
 const BATCH: usize = 65_536;
 
 pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
-    let refuse = |what: String| LogError::Format {
-        path: path.into(),
-        what,
-        mend: "write or copy it again".into(),
-    };
+    let refuse =
+        |what: String| LogError::Format { path: path.into(), what, mend: "write or copy it again".into() };
     if bytes.len() < 12 || !bytes.ends_with(b"PAR1") {
         return Err(refuse("is a Parquet file without its end, which says what is in it".into()));
     }
@@ -133,21 +130,21 @@ impl File<'_> {
         pages::check(chunk, &mut self.pages)?;
         let rows = usize::try_from(group.num_rows()).ok()?;
         let (reader, columns) = (&self.reader, &mut self.columns);
-        guarded(|| {
-            match reader.get_row_group(group_number).ok()?.get_column_reader(number).ok()? {
-                ColumnReader::BoolColumnReader(reader) => add(reader, rows, columns, values, Numbers::Bool),
-                ColumnReader::Int32ColumnReader(reader) if unsigned => add(reader, rows, columns, values, |bits| {
+        guarded(|| match reader.get_row_group(group_number).ok()?.get_column_reader(number).ok()? {
+            ColumnReader::BoolColumnReader(reader) => add(reader, rows, columns, values, Numbers::Bool),
+            ColumnReader::Int32ColumnReader(reader) if unsigned => {
+                add(reader, rows, columns, values, |bits| {
                     Numbers::I64(bits.into_iter().map(|bits| bits.cast_unsigned().into()).collect())
-                }),
-                ColumnReader::Int32ColumnReader(reader) => add(reader, rows, columns, values, Numbers::I32),
-                ColumnReader::Int64ColumnReader(reader) => add(reader, rows, columns, values, Numbers::I64),
-                ColumnReader::FloatColumnReader(reader) => add(reader, rows, columns, values, Numbers::F32),
-                ColumnReader::DoubleColumnReader(reader) => add(reader, rows, columns, values, Numbers::F64),
-                ColumnReader::Int96ColumnReader(reader) => add(reader, rows, columns, values, |days| {
-                    Numbers::I64(days.iter().map(parquet::data_type::Int96::to_nanos).collect())
-                }),
-                ColumnReader::ByteArrayColumnReader(_) | ColumnReader::FixedLenByteArrayColumnReader(_) => None,
+                })
             }
+            ColumnReader::Int32ColumnReader(reader) => add(reader, rows, columns, values, Numbers::I32),
+            ColumnReader::Int64ColumnReader(reader) => add(reader, rows, columns, values, Numbers::I64),
+            ColumnReader::FloatColumnReader(reader) => add(reader, rows, columns, values, Numbers::F32),
+            ColumnReader::DoubleColumnReader(reader) => add(reader, rows, columns, values, Numbers::F64),
+            ColumnReader::Int96ColumnReader(reader) => add(reader, rows, columns, values, |days| {
+                Numbers::I64(days.iter().map(parquet::data_type::Int96::to_nanos).collect())
+            }),
+            ColumnReader::ByteArrayColumnReader(_) | ColumnReader::FixedLenByteArrayColumnReader(_) => None,
         })?
     }
 }
@@ -227,7 +224,8 @@ fn unit(column: &ColumnDescriptor) -> Option<&'static str> {
 /// Keeps what the writer said of the file, but for long texts that describe the schema once more.
 fn information(pair: &KeyValue, log: &mut Log) {
     const LONGEST: usize = 1000;
-    if let Some(value) = pair.value.as_ref().filter(|value| value.len() < LONGEST && pair.key.len() < LONGEST) {
+    if let Some(value) = pair.value.as_ref().filter(|value| value.len() < LONGEST && pair.key.len() < LONGEST)
+    {
         log.information.insert(pair.key.clone(), value.clone());
     }
 }

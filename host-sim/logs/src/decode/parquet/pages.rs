@@ -39,7 +39,11 @@ struct PageHeader {
 }
 
 /// Reads a struct; every integer goes to `found` with the numbers of the fields that lead to it.
-fn read_struct(cursor: &mut Cursor<'_>, path: &mut Vec<i16>, found: &mut impl FnMut(&[i16], i64)) -> Option<()> {
+fn read_struct(
+    cursor: &mut Cursor<'_>,
+    path: &mut Vec<i16>,
+    found: &mut impl FnMut(&[i16], i64),
+) -> Option<()> {
     if path.len() >= DEEPEST {
         return None;
     }

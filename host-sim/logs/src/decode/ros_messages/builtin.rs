@@ -9,10 +9,10 @@ const POSE: &str = "MSG: geometry_msgs/Pose\nPoint position\nQuaternion orientat
 const TWIST: &str = "MSG: geometry_msgs/Twist\nVector3 linear\nVector3 angular\n";
 const ACCEL: &str = "MSG: geometry_msgs/Accel\nVector3 linear\nVector3 angular\n";
 const TRANSFORM: &str = "MSG: geometry_msgs/Transform\nVector3 translation\nQuaternion rotation\n";
-const TRANSFORM_STAMPED: &str =
-    "MSG: geometry_msgs/TransformStamped\nstd_msgs/Header header\nstring child_frame_id\nTransform transform\n";
+const TRANSFORM_STAMPED: &str = "MSG: geometry_msgs/TransformStamped\nstd_msgs/Header header\nstring child_frame_id\nTransform transform\n";
 const POSE_COVARIANCE: &str = "MSG: geometry_msgs/PoseWithCovariance\nPose pose\nfloat64[36] covariance\n";
-const TWIST_COVARIANCE: &str = "MSG: geometry_msgs/TwistWithCovariance\nTwist twist\nfloat64[36] covariance\n";
+const TWIST_COVARIANCE: &str =
+    "MSG: geometry_msgs/TwistWithCovariance\nTwist twist\nfloat64[36] covariance\n";
 const ARRAY_LAYOUT: &str = "MSG: std_msgs/MultiArrayLayout\nMultiArrayDimension[] dim\nuint32 data_offset\n\
     MSG: std_msgs/MultiArrayDimension\nstring label\nuint32 size\nuint32 stride\n";
 
@@ -28,7 +28,9 @@ pub(super) fn definition(name: &str) -> Option<String> {
             ("std_msgs/Header header\nQuaternion quaternion\n", &[HEADER, QUATERNION])
         }
         "geometry_msgs/Pose" => ("Point position\nQuaternion orientation\n", &[POINT, QUATERNION]),
-        "geometry_msgs/PoseStamped" => ("std_msgs/Header header\nPose pose\n", &[HEADER, POSE, POINT, QUATERNION]),
+        "geometry_msgs/PoseStamped" => {
+            ("std_msgs/Header header\nPose pose\n", &[HEADER, POSE, POINT, QUATERNION])
+        }
         "geometry_msgs/PoseWithCovarianceStamped" => (
             "std_msgs/Header header\nPoseWithCovariance pose\n",
             &[HEADER, POSE_COVARIANCE, POSE, POINT, QUATERNION],
@@ -73,7 +75,9 @@ pub(super) fn definition(name: &str) -> Option<String> {
         "sensor_msgs/FluidPressure" => {
             ("std_msgs/Header header\nfloat64 fluid_pressure\nfloat64 variance\n", &[HEADER])
         }
-        "sensor_msgs/Temperature" => ("std_msgs/Header header\nfloat64 temperature\nfloat64 variance\n", &[HEADER]),
+        "sensor_msgs/Temperature" => {
+            ("std_msgs/Header header\nfloat64 temperature\nfloat64 variance\n", &[HEADER])
+        }
         "sensor_msgs/Range" => (
             "std_msgs/Header header\nuint8 radiation_type\nfloat32 field_of_view\nfloat32 min_range\nfloat32 max_range\n\
              float32 range\nfloat32 variance\n",
@@ -92,7 +96,8 @@ fn of_std(name: &str) -> Option<String> {
         Some(element) => (element, true),
         None => (name, false),
     };
-    let known = ["Float32", "Float64", "Int8", "Int16", "Int32", "Int64", "UInt8", "UInt16", "UInt32", "UInt64"];
+    let known =
+        ["Float32", "Float64", "Int8", "Int16", "Int32", "Int64", "UInt8", "UInt16", "UInt32", "UInt64"];
     let element = known.contains(&element).then(|| element.to_lowercase())?;
     Some(if array {
         format!("MultiArrayLayout layout\n{element}[] data\n{ARRAY_LAYOUT}")

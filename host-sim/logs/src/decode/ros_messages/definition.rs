@@ -32,7 +32,9 @@ pub(super) enum Kind {
     Primitive(Primitive),
     Text,
     /// Seconds and nanoseconds; whether the seconds have a sign.
-    Time { signed: bool },
+    Time {
+        signed: bool,
+    },
     /// A message by its name, `package/Type`.
     Message(String),
 }
@@ -115,7 +117,8 @@ fn field(line: &str, message: &str, dialect: Dialect) -> Result<Option<Field>, S
     if name.is_empty() {
         return Err(format!("{message} has a field without a name"));
     }
-    let (element, count) = count(type_name).ok_or_else(|| format!("{message}.{name} is of a strange length"))?;
+    let (element, count) =
+        count(type_name).ok_or_else(|| format!("{message}.{name} is of a strange length"))?;
     let kind = kind(element, message, dialect)
         .ok_or_else(|| format!("{message}.{name} is of a type that is not read"))?;
     Ok(Some(Field { name, kind, count }))

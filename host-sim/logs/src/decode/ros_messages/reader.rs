@@ -43,14 +43,29 @@ pub(super) struct Reader {
 /// A part of a message. Columns are none where too many were asked for, or in what is only left out.
 #[derive(Debug)]
 enum Node {
-    Number { primitive: Primitive, column: Option<usize> },
-    Time { signed: bool, column: Option<usize> },
+    Number {
+        primitive: Primitive,
+        column: Option<usize>,
+    },
+    Time {
+        signed: bool,
+        column: Option<usize>,
+    },
     Text,
     /// An empty message, which CDR gives a byte.
     Empty,
     Group(Vec<Node>),
-    Fixed { first: Vec<Node>, more: usize, left_out: Box<Node> },
-    Any { name: String, kind: Kind, first: Vec<Node>, left_out: Box<Node> },
+    Fixed {
+        first: Vec<Node>,
+        more: usize,
+        left_out: Box<Node>,
+    },
+    Any {
+        name: String,
+        kind: Kind,
+        first: Vec<Node>,
+        left_out: Box<Node>,
+    },
 }
 
 #[derive(Debug, Default)]
@@ -108,7 +123,13 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    fn group(&self, fields: &[Field], prefix: &str, depth: usize, columns: &mut Columns) -> Result<Vec<Node>, String> {
+    fn group(
+        &self,
+        fields: &[Field],
+        prefix: &str,
+        depth: usize,
+        columns: &mut Columns,
+    ) -> Result<Vec<Node>, String> {
         let node = |field: &Field| {
             let dot = if prefix.is_empty() { "" } else { "." };
             self.field(field, format!("{prefix}{dot}{}", field.name), depth, columns)
@@ -116,7 +137,13 @@ impl Builder<'_> {
         fields.iter().map(node).collect()
     }
 
-    fn field(&self, field: &Field, name: String, depth: usize, columns: &mut Columns) -> Result<Node, String> {
+    fn field(
+        &self,
+        field: &Field,
+        name: String,
+        depth: usize,
+        columns: &mut Columns,
+    ) -> Result<Node, String> {
         let left_out = || Self { in_columns: false, ..*self };
         match field.count {
             Count::One => self.element(&field.kind, &name, depth, columns),
@@ -152,7 +179,8 @@ impl Builder<'_> {
                 Node::Time { signed: *signed, column: self.column(name, values, columns) }
             }
             Kind::Message(message) => {
-                let fields = self.definitions.fields(message).ok_or_else(|| format!("{message} is not defined"))?;
+                let fields =
+                    self.definitions.fields(message).ok_or_else(|| format!("{message} is not defined"))?;
                 let nodes = self.group(fields, name, depth + 1, columns)?;
                 if nodes.is_empty() { Node::Empty } else { Node::Group(nodes) }
             }
@@ -173,7 +201,12 @@ impl Builder<'_> {
 }
 
 impl Node {
-    fn read(&mut self, message: &mut Serialised<'_>, definitions: &Definitions, columns: &mut Columns) -> Option<()> {
+    fn read(
+        &mut self,
+        message: &mut Serialised<'_>,
+        definitions: &Definitions,
+        columns: &mut Columns,
+    ) -> Option<()> {
         match self {
             Self::Number { primitive, column: Some(column) } => {
                 read_number(message, *primitive, &mut columns.all[*column].values)
@@ -191,7 +224,9 @@ impl Node {
             }
             Self::Text => message.skip_text(),
             Self::Empty => message.skip(1, usize::from(message.is_cdr())),
-            Self::Group(nodes) => nodes.iter_mut().try_for_each(|node| node.read(message, definitions, columns)),
+            Self::Group(nodes) => {
+                nodes.iter_mut().try_for_each(|node| node.read(message, definitions, columns))
+            }
             Self::Fixed { first, more, left_out } => {
                 first.iter_mut().try_for_each(|node| node.read(message, definitions, columns))?;
                 left_out.skip(message, *more, definitions, columns)
@@ -253,7 +288,14 @@ impl Node {
 }
 
 /// Makes columns for elements that no message had so far.
-fn grow(first: &mut Vec<Node>, count: usize, name: &str, kind: &Kind, definitions: &Definitions, columns: &mut Columns) {
+fn grow(
+    first: &mut Vec<Node>,
+    count: usize,
+    name: &str,
+    kind: &Kind,
+    definitions: &Definitions,
+    columns: &mut Columns,
+) {
     while first.len() < count && columns.all.len() < MOST_COLUMNS {
         let builder = Builder { definitions, in_columns: true, may_be_missing: true };
         match builder.element(kind, &format!("{name}[{}]", first.len()), 0, columns) {

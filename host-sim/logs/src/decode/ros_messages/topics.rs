@@ -128,8 +128,9 @@ fn reader(message_type: &str, dialect: Dialect, definition: Option<&str>) -> Res
     let text = match (own, dialect) {
         (Some(text), _) => text.to_owned(),
         (None, Dialect::Ros1) if definition.is_some() => String::new(),
-        (None, _) => builtin::definition(&name)
-            .ok_or_else(|| format!("{message_type} is not defined in the bag"))?,
+        (None, _) => {
+            builtin::definition(&name).ok_or_else(|| format!("{message_type} is not defined in the bag"))?
+        }
     };
     Reader::new(&name, Definitions::parse(&name, &text, dialect)?)
 }

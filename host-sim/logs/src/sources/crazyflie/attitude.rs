@@ -1,8 +1,8 @@
 //! Attitude: as quaternion, packed quaternion, or angles in two conventions.
 
-use crate::recording::Signal;
 use super::super::series::{from_euler, normalise};
 use super::tables::Tables;
+use crate::recording::Signal;
 
 /// Variables of a quaternion of the firmware's frames: the name that it is known by, w, x, y, z.
 const QUATERNIONS: [(&str, [&str; 4]); 2] = [
@@ -39,7 +39,12 @@ fn quaternion(tables: &Tables<'_>, (source, names): &(&str, [&str; 4])) -> Optio
 }
 
 /// Angles in the firmware's frames but for the sign of pitch, +1 where it is nose down.
-fn angles(tables: &Tables<'_>, (source, names): &(&str, [&str; 3]), unit: f64, pitch_sign: f64) -> Option<Signal<4>> {
+fn angles(
+    tables: &Tables<'_>,
+    (source, names): &(&str, [&str; 3]),
+    unit: f64,
+    pitch_sign: f64,
+) -> Option<Signal<4>> {
     let (rising, [roll, pitch, yaw]) = tables.group(*names)?;
     let mut values = [const { Vec::new() }; 4];
     for row in 0..roll.len() {
@@ -53,7 +58,11 @@ fn packed(tables: &Tables<'_>) -> Option<Signal<4>> {
     let (rising, [packed]) = tables.group(["stateEstimateZ.quat"])?;
     let mut values = [const { Vec::new() }; 4];
     for &number in &packed {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the variable has 32 bits")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "the variable has 32 bits"
+        )]
         let [x, y, z, w] = unpack(number as u32);
         values.iter_mut().zip([w, x, -y, -z]).for_each(|(column, part)| column.push(part));
     }

@@ -1,8 +1,8 @@
 //! Motor commands and rotor speeds, in our order of the motors.
 
-use crate::recording::Signal;
 use super::super::series::{Rising, scale};
 use super::tables::Tables;
+use crate::recording::Signal;
 
 /// Highest PWM.
 const MOST_PWM: f64 = 65_535.0;
@@ -24,7 +24,8 @@ const WRENCHES: [(&str, [&str; 4]); 4] = [
     ("ctrlLeeP.thrustS", ["ctrlLeeP.thrustSI", "ctrlLeeP.torquex", "ctrlLeeP.torquey", "ctrlLeeP.torquez"]),
     ("ctrlLeeP.thrustS", ["ctrlLeeP.thrustSi", "ctrlLeeP.torquex", "ctrlLeeP.torquey", "ctrlLeeP.torquez"]),
 ];
-const FORCES: [&str; 4] = ["powerDist.m4force", "powerDist.m1force", "powerDist.m2force", "powerDist.m3force"];
+const FORCES: [&str; 4] =
+    ["powerDist.m4force", "powerDist.m1force", "powerDist.m2force", "powerDist.m3force"];
 /// A quarter of the thrust and what roll, pitch and yaw add to it, N.
 const PARTS: [&str; 4] =
     ["powerDist.thrustPart", "powerDist.rollPart", "powerDist.pitchPart", "powerDist.yawPart"];

@@ -12,11 +12,11 @@ mod tables;
 
 use std::path::Path;
 
+use super::series::{at, flip, nearest, rotate_back, scale};
 use crate::error::LogError;
 use crate::format::Format;
 use crate::log::Log;
 use crate::recording::{Hints, Recording, Signal, Span};
-use super::series::{at, flip, nearest, rotate_back, scale};
 use tables::Tables;
 
 /// Standard gravity of the firmware, m/s^2.
@@ -45,7 +45,8 @@ pub(crate) fn record(log: &Log, path: &Path) -> Result<Recording, LogError> {
     let signals = &recording.signals;
     let moves = signals.position.is_some() || signals.attitude.is_some() || signals.rates.is_some();
     if !moves && signals.specific_force.is_none() {
-        let variables: Vec<&str> = log.tables.iter().flat_map(|table| &table.columns).map(|c| c.name.as_str()).take(12).collect();
+        let variables: Vec<&str> =
+            log.tables.iter().flat_map(|table| &table.columns).map(|c| c.name.as_str()).take(12).collect();
         let reason = format!(
             "no position, attitude, rates or acceleration of a craft among the variables: {}",
             super::plain_list(&variables)
@@ -166,6 +167,7 @@ fn limits(recording: &mut Recording) {
         (signals.commands.is_none(), "no motor commands: log motor.m1, .m2, .m3 and .m4"),
         (signals.voltage.is_none(), "no battery voltage: log pm.vbat"),
     ];
-    let sentences = missing.into_iter().filter(|(is_missing, _)| *is_missing).map(|(_, sentence)| sentence.into());
+    let sentences =
+        missing.into_iter().filter(|(is_missing, _)| *is_missing).map(|(_, sentence)| sentence.into());
     recording.limits.extend(sentences);
 }

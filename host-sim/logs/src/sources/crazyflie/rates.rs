@@ -1,8 +1,8 @@
 //! Body rates. Two variables have the pitch rate with a sign that changed with the firmware: there the attitude decides.
 
-use crate::recording::Signal;
 use super::super::series::{flip, interpolate, rates_of_attitude, scale};
 use super::tables::Tables;
+use crate::recording::Signal;
 
 /// The name that they are known by, the variables, their unit in rad/s, and whether pitch may be nose up.
 const RATES: [(&str, [&str; 3], f64, bool); 5] = [
@@ -41,7 +41,8 @@ pub(super) fn rates(
                 signal.values[1].iter_mut().for_each(|q| *q = -*q);
             }
             let sign = if nose_up { "nose up" } else { "nose down" };
-            let how = if found.is_some() { "by the attitude" } else { "as firmware of that age has it: check it" };
+            let how =
+                if found.is_some() { "by the attitude" } else { "as firmware of that age has it: check it" };
             notes.push(format!("{} is positive {sign}, {how}", names[1]));
         }
         signal.values = flip(scale(signal.values, *unit));

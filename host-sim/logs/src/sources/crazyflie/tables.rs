@@ -1,8 +1,8 @@
 //! Tables with times in seconds: those of the SD card have times, those of Parquet and CSV a column of times.
 
-use crate::log::{Log, Table};
 use super::super::series::Rising;
 use super::clock::{self, Clock};
+use crate::log::{Log, Table};
 
 /// Names of columns of times, the most certain first, with their unit in seconds.
 const TIME_COLUMNS: [(&str, f64); 12] = [
@@ -49,7 +49,10 @@ impl<'a> Tables<'a> {
         let all = all.into_iter().map(|(table, times)| (table, Rising::of(&times))).collect::<Vec<_>>();
         for (table, rising) in &all {
             if rising.left_out > 0 {
-                notes.push(format!("{}: {} rows whose times go back or repeat are left out", table.name, rising.left_out));
+                notes.push(format!(
+                    "{}: {} rows whose times go back or repeat are left out",
+                    table.name, rising.left_out
+                ));
             }
         }
         Self { all, slow_clock }

@@ -79,7 +79,9 @@ fn namespace(table: &Table) -> &str {
 struct Delay<'a> {
     table: &'a Table,
     stamps_s: Vec<f64>,
+    /// When messages were written, rising, and how late each was.
     written_s: Vec<f64>,
+    late_s: Vec<f64>,
     median_s: f64,
 }
 
@@ -99,8 +101,16 @@ impl<'a> Delay<'a> {
         let time = |(stamp, written): (&i64, &i64)| {
             if *stamp == 0 { *written as f64 * 1e-9 - median_s } else { *stamp as f64 * 1e-9 }
         };
-        let stamps_s = stamps.iter().zip(&table.times).map(time).collect();
-        Some(Self { table, stamps_s, written_s: table.times_s(), median_s })
+        let stamps_s: Vec<f64> = stamps.iter().zip(&table.times).map(time).collect();
+        let mut written: Vec<(f64, f64)> = table
+            .times_s()
+            .into_iter()
+            .zip(&stamps_s)
+            .map(|(written, stamp)| (written, written - stamp))
+            .collect();
+        written.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (written_s, late_s) = written.into_iter().unzip();
+        Some(Self { table, stamps_s, written_s, late_s, median_s })
     }
 }
 
@@ -117,7 +127,7 @@ fn unstamped(table: &Table, delays: &[Option<Delay<'_>>]) -> (Vec<f64>, Option<S
     );
     let less = |time: f64| {
         let together = nearest(&delay.written_s, time, TOGETHER_S);
-        time - together.map_or(delay.median_s, |row| delay.written_s[row] - delay.stamps_s[row])
+        time - together.map_or(delay.median_s, |row| delay.late_s[row])
     };
     (times.into_iter().map(less).collect(), Some(note))
 }

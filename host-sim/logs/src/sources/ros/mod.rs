@@ -21,7 +21,11 @@ use vehicle::Poses;
 const LONGEST_GAP_S: f64 = 0.2;
 
 pub(crate) fn record(log: &Log, path: &Path) -> Result<Recording, LogError> {
-    if log.tables.iter().any(|table| table.message_type.as_deref().is_some_and(|name| name.starts_with("quadlab."))) {
+    if log
+        .tables
+        .iter()
+        .any(|table| table.message_type.as_deref().is_some_and(|name| name.starts_with("quadlab.")))
+    {
         let reason = "is a recording of quadlab's own ground station, whose flights lie beside it (NAME-1.csv ...): take those; \
              `quadlab ground --recover NAME` makes them of a NAME.mcap.part"
             .into();
@@ -33,7 +37,8 @@ pub(crate) fn record(log: &Log, path: &Path) -> Result<Recording, LogError> {
     let mut recording = Recording::default();
     let bag = Bag::of(log, &mut recording.notes);
     let poses = Poses::of(&bag);
-    let namespace = poses.craft.map(|topic| topic.namespace()).or_else(|| bag.imus().next().map(Topic::namespace));
+    let namespace =
+        poses.craft.map(|topic| topic.namespace()).or_else(|| bag.imus().next().map(Topic::namespace));
     let Some(namespace) = namespace else {
         return Err(LogError::Refused { path: path.into(), reason: nothing(&bag) });
     };
@@ -66,7 +71,9 @@ fn fill(recording: &mut Recording, bag: &Bag<'_>, poses: &Poses<'_, '_>, namespa
     signals.attitude = poses
         .craft
         .and_then(|topic| attitude(topic, &["pose.orientation", "pose.pose.orientation"]))
-        .or_else(|| imu.filter(|topic| topic.has_orientation()).and_then(|topic| attitude(topic, &["orientation"])));
+        .or_else(|| {
+            imu.filter(|topic| topic.has_orientation()).and_then(|topic| attitude(topic, &["orientation"]))
+        });
     let odometry = poses.craft.filter(|topic| topic.table.column("twist.twist.angular.x").is_some());
     signals.rates = imu
         .and_then(|topic| topic.vector(&["angular_velocity"]))
@@ -79,9 +86,9 @@ fn fill(recording: &mut Recording, bag: &Bag<'_>, poses: &Poses<'_, '_>, namespa
 
 /// An attitude out of x, y, z, w, in our frames.
 fn attitude(topic: &Topic<'_>, prefixes: &[&str]) -> Option<Signal<4>> {
-    let mut signal = prefixes.iter().find_map(|prefix| {
-        topic.signal(["w", "x", "y", "z"].map(|part| format!("{prefix}.{part}")))
-    })?;
+    let mut signal = prefixes
+        .iter()
+        .find_map(|prefix| topic.signal(["w", "x", "y", "z"].map(|part| format!("{prefix}.{part}"))))?;
     signal.values[2].iter_mut().for_each(|y| *y = -*y);
     signal.values[3].iter_mut().for_each(|z| *z = -*z);
     normalise(&mut signal.values);
@@ -89,8 +96,14 @@ fn attitude(topic: &Topic<'_>, prefixes: &[&str]) -> Option<Signal<4>> {
 }
 
 /// Velocity in the world, from odometry or a twist: in which axes it is, its agreement with the position tells.
-fn velocity(recording: &mut Recording, bag: &Bag<'_>, odometry: Option<&Topic<'_>>, namespace: &str) -> Option<Signal<3>> {
-    let twist = || bag.topics.iter().find(|topic| topic.namespace() == namespace && topic.is_a("TwistStamped"));
+fn velocity(
+    recording: &mut Recording,
+    bag: &Bag<'_>,
+    odometry: Option<&Topic<'_>>,
+    namespace: &str,
+) -> Option<Signal<3>> {
+    let twist =
+        || bag.topics.iter().find(|topic| topic.namespace() == namespace && topic.is_a("TwistStamped"));
     let (signal, is_odometry) = match odometry.and_then(|topic| topic.vector(&["twist.twist.linear"])) {
         Some(signal) => (signal, true),
         None => (twist()?.vector(&["twist.linear"])?, false),
@@ -103,7 +116,9 @@ fn velocity(recording: &mut Recording, bag: &Bag<'_>, odometry: Option<&Topic<'_
     let in_body = errors.map_or(is_odometry, |(as_it_is, as_turned)| as_turned < as_it_is);
     if in_body != is_odometry {
         let axes = if in_body { "the body" } else { "the world" };
-        recording.notes.push(format!("the velocity of {} is in the axes of {axes}, by the position", signal.source));
+        recording
+            .notes
+            .push(format!("the velocity of {} is in the axes of {axes}, by the position", signal.source));
     }
     Some(if in_body { turned } else { signal })
 }
@@ -111,7 +126,8 @@ fn velocity(recording: &mut Recording, bag: &Bag<'_>, odometry: Option<&Topic<'_
 fn in_world(signal: &Signal<3>, attitude: &Signal<4>) -> Signal<3> {
     let mut turned = signal.clone();
     for (row, &time) in signal.t.iter().enumerate() {
-        let quaternion = attitude.values.each_ref().map(|part| interpolate(&attitude.t, part, time, LONGEST_GAP_S));
+        let quaternion =
+            attitude.values.each_ref().map(|part| interpolate(&attitude.t, part, time, LONGEST_GAP_S));
         let vector = rotate(quaternion, at(&signal.values, row));
         turned.values.iter_mut().zip(vector).for_each(|(column, part)| column[row] = part);
     }
@@ -162,8 +178,9 @@ fn load_position(topic: &Topic<'_>) -> Vec<(String, Signal<1>)> {
 impl Topic<'_> {
     /// A vector in our frames, of the first prefix whose columns are there.
     fn vector(&self, prefixes: &[&str]) -> Option<Signal<3>> {
-        let mut signal =
-            prefixes.iter().find_map(|prefix| self.signal(["x", "y", "z"].map(|part| format!("{prefix}.{part}"))))?;
+        let mut signal = prefixes
+            .iter()
+            .find_map(|prefix| self.signal(["x", "y", "z"].map(|part| format!("{prefix}.{part}"))))?;
         signal.values = flip(signal.values);
         Some(signal)
     }
@@ -179,13 +196,20 @@ impl Topic<'_> {
 fn limits(recording: &mut Recording, bag: &Bag<'_>) {
     let signals = &recording.signals;
     let missing = [
-        (signals.position.is_none(), "no position: record a geometry_msgs/PoseStamped or nav_msgs/Odometry of the craft"),
-        (signals.attitude.is_none(), "no attitude: record a geometry_msgs/PoseStamped or nav_msgs/Odometry of the craft"),
+        (
+            signals.position.is_none(),
+            "no position: record a geometry_msgs/PoseStamped or nav_msgs/Odometry of the craft",
+        ),
+        (
+            signals.attitude.is_none(),
+            "no attitude: record a geometry_msgs/PoseStamped or nav_msgs/Odometry of the craft",
+        ),
         (signals.rates.is_none(), "no body rates: record the sensor_msgs/Imu of the craft"),
         (signals.specific_force.is_none(), "no accelerometer: record the sensor_msgs/Imu of the craft"),
         (signals.voltage.is_none(), "no battery voltage: record a sensor_msgs/BatteryState of the craft"),
     ];
-    let sentences = missing.into_iter().filter(|(is_missing, _)| *is_missing).map(|(_, sentence)| sentence.into());
+    let sentences =
+        missing.into_iter().filter(|(is_missing, _)| *is_missing).map(|(_, sentence)| sentence.into());
     recording.limits.extend(sentences);
     for topic in bag.topics.iter().filter(|topic| topic.is_a("GenericLogData")) {
         recording.limits.push(format!(

@@ -79,7 +79,11 @@ fn order(commands: &Signal<4>, rates: &Signal<3>, attitude: Option<&Signal<4>>) 
     let end = commands.t.last()?.min(*rates.t.last()?);
     // A flight of hours says no more than its first minutes.
     let rows = ((end - begin) / STEP_S).clamp(0.0, 30_000.0);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and 30000, or NaN, which is 0")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "between 0 and 30000, or NaN, which is 0"
+    )]
     let grid: Vec<f64> = (0..rows as u32).map(|k| begin + f64::from(k) * STEP_S).collect();
     let on_grid = |t: &[f64], values: &[f64]| -> Vec<f64> {
         grid.iter().map(|&time| interpolate(t, values, time, LONGEST_GAP_S)).collect()
@@ -101,7 +105,11 @@ fn places(signs: [[bool; 2]; 4]) -> Option<[usize; 4]> {
 }
 
 /// Whether each motor raises roll and pitch: the controller asks less of it the faster the craft turns that way.
-fn by_feedback(motors: &[Vec<f64>; 4], [p, q, r]: &[Vec<f64>; 3], [roll, pitch]: [Vec<f64>; 2]) -> Option<[[bool; 2]; 4]> {
+fn by_feedback(
+    motors: &[Vec<f64>; 4],
+    [p, q, r]: &[Vec<f64>; 3],
+    [roll, pitch]: [Vec<f64>; 2],
+) -> Option<[[bool; 2]; 4]> {
     let causes = [p.clone(), q.clone(), r.clone(), roll, pitch];
     let mut coefficients = [[0.0; 2]; 4];
     for (motor, coefficients) in motors.iter().zip(&mut coefficients) {
@@ -150,7 +158,8 @@ fn average(values: &[f64]) -> Vec<f64> {
 /// Slope by the rows before and behind.
 fn slope(values: &[f64]) -> Vec<f64> {
     let at = |k: usize| values.get(k).copied().unwrap_or(f64::NAN);
-    let slope = |k: usize| k.checked_sub(1).map_or(f64::NAN, |before| (at(k + 1) - at(before)) / (2.0 * STEP_S));
+    let slope =
+        |k: usize| k.checked_sub(1).map_or(f64::NAN, |before| (at(k + 1) - at(before)) / (2.0 * STEP_S));
     (0..values.len()).map(slope).collect()
 }
 
@@ -190,15 +199,16 @@ fn fit<const N: usize>(causes: &[Vec<f64>; N], effect: &[f64], lag: usize) -> Op
 fn solve<const N: usize>(mut matrix: [[f64; N]; N], mut right: [f64; N]) -> Option<[f64; N]> {
     let diagonal: [f64; N] = std::array::from_fn(|k| matrix[k][k]);
     for pivot in 0..N {
-        if !(matrix[pivot][pivot] > 1e-9 * diagonal[pivot]) {
+        let (above, below) = matrix.split_at_mut(pivot + 1);
+        let pivot_row = &above[pivot];
+        if !(pivot_row[pivot] > 1e-9 * diagonal[pivot]) {
             return None;
         }
-        for row in pivot + 1..N {
-            let factor = matrix[row][pivot] / matrix[pivot][pivot];
-            for column in pivot..N {
-                matrix[row][column] -= factor * matrix[pivot][column];
-            }
-            right[row] -= factor * right[pivot];
+        let (solved, rest) = right.split_at_mut(pivot + 1);
+        for (row, value) in below.iter_mut().zip(rest) {
+            let factor = row[pivot] / pivot_row[pivot];
+            row.iter_mut().zip(pivot_row).for_each(|(part, known)| *part -= factor * known);
+            *value -= factor * solved[pivot];
         }
     }
     for row in (0..N).rev() {
@@ -219,7 +229,8 @@ mod tests {
         let wave = |time: f64, k: f64| (2.0 * time * (1.0 + 0.37 * k) + k).sin();
         let place = [1, 3, 0, 2];
         let signs = |k: usize| SIGNS[place[k]].map(|positive| if positive { 1.0 } else { -1.0 });
-        let values: [Vec<f64>; 4] = std::array::from_fn(|k| t.iter().map(|time| wave(*time, k as f64)).collect());
+        let values: [Vec<f64>; 4] =
+            std::array::from_fn(|k| t.iter().map(|time| wave(*time, k as f64)).collect());
         let mut rates = [vec![0.0], vec![0.0], vec![0.0; t.len()]];
         for row in 1..t.len() {
             for (axis, rate) in rates.iter_mut().take(2).enumerate() {
@@ -257,7 +268,8 @@ mod tests {
             "crazyflie_sd_log10",
             "crazyflie_sd_log16",
         ] {
-            let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/logs").join(name);
+            let path =
+                std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/logs").join(name);
             let Ok(bytes) = std::fs::read(&path) else {
                 println!("SKIPPED: {} is not there", path.display());
                 return;

@@ -30,7 +30,9 @@ fn topic(table: &Table) -> Option<Table> {
         _ => last,
     };
     let times = match table.column("timestamp")? {
-        crate::log::Values::U64(times) => times.iter().map(|&time| i64::try_from(time).unwrap_or(i64::MAX)).collect(),
+        crate::log::Values::U64(times) => {
+            times.iter().map(|&time| i64::try_from(time).unwrap_or(i64::MAX)).collect()
+        }
         _ => return None,
     };
     Some(Table {

@@ -19,7 +19,8 @@ impl<'a, 'b> Poses<'a, 'b> {
             bag.topics.iter().filter(is_pose).partition(|topic| is_load(&topic.table.name));
         let has_sensors = |topic: &Topic<'_>| {
             bag.topics.iter().any(|other| {
-                other.namespace() == topic.namespace() && (other.is_a("Imu") || super::motors::is_named_so(other))
+                other.namespace() == topic.namespace()
+                    && (other.is_a("Imu") || super::motors::is_named_so(other))
             })
         };
         // Stable: of equals, the first in the bag.
