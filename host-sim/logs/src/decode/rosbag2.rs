@@ -4,6 +4,7 @@
 //! sqlite stops after a number of steps that goes with the size of the file.
 
 use std::collections::HashMap;
+use std::io::Read;
 use std::path::Path;
 
 use rusqlite::limits::Limit;
@@ -17,6 +18,8 @@ use crate::error::LogError;
 use crate::format::Format;
 use crate::log::Log;
 
+/// Bytes of the header of a database.
+const HEADER_BYTES: usize = 100;
 /// First bytes of messages that the recorder compressed, each by itself.
 const ZSTANDARD: &[u8] = b"\x28\xb5\x2f\xfd";
 /// How often reading goes on behind rows that cannot be read.
@@ -66,8 +69,9 @@ fn plain(text: &str) -> String {
 
 /// Opens a copy of the bag in memory.
 fn open(bytes: &[u8], faults: &mut Faults) -> rusqlite::Result<Connection> {
-    let mut copy = bytes.to_vec();
-    if let Some(header) = copy.first_chunk_mut::<100>() {
+    let (head, rest) = bytes.split_at(bytes.len().min(HEADER_BYTES));
+    let mut header = head.to_vec();
+    if let Some(header) = header.first_chunk_mut::<HEADER_BYTES>() {
         // Write-ahead mode needs files beside the bag, which are not in memory.
         header[18..20].fill(1);
         let pages = u32::from_be_bytes([header[28], header[29], header[30], header[31]]);
@@ -83,8 +87,7 @@ fn open(bytes: &[u8], faults: &mut Faults) -> rusqlite::Result<Connection> {
     }
     let mut database = Connection::open_in_memory()?;
     let longest = i32::try_from(bytes.len()).unwrap_or(i32::MAX).max(1000);
-    database.deserialize_read_exact("main", &copy[..], copy.len(), true)?;
-    drop(copy);
+    database.deserialize_read_exact("main", header.chain(rest), bytes.len(), true)?;
     database.set_limit(Limit::SQLITE_LIMIT_LENGTH, longest)?;
     let mut looks_left = bytes.len() / 100 + 10_000;
     database.progress_handler(

@@ -115,10 +115,14 @@ pub(super) fn nearest(t: &[f64], time: f64, within_s: f64) -> Option<usize> {
     ((t[row] - time).abs() <= within_s).then_some(row)
 }
 
-/// The value at a time between two rows; NaN outside, and in gaps longer than `longest_s`.
+/// The value at a time between two rows; NaN outside, and within gaps longer than `longest_s`.
 pub(super) fn interpolate(t: &[f64], values: &[f64], time: f64, longest_s: f64) -> f64 {
     let after = t.partition_point(|&t| t <= time);
-    let Some((before, end)) = after.checked_sub(1).zip(t.get(after)) else { return f64::NAN };
+    let Some(before) = after.checked_sub(1) else { return f64::NAN };
+    if t[before] == time {
+        return values[before];
+    }
+    let Some(end) = t.get(after) else { return f64::NAN };
     let step = end - t[before];
     if step > longest_s {
         return f64::NAN;
@@ -196,6 +200,7 @@ mod tests {
         assert_eq!(interpolate(&[0.0, 1.0, 3.0], &[0.0, 2.0, 4.0], 0.5, 1.5), 1.0);
         assert!(interpolate(&[0.0, 1.0, 3.0], &[0.0, 2.0, 4.0], 2.0, 1.5).is_nan());
         assert!(interpolate(&[0.0, 1.0], &[0.0, 2.0], 2.0, 1.5).is_nan());
+        assert_eq!(interpolate(&[0.0, 3.0], &[0.0, 2.0], 3.0, 1.5), 2.0);
         assert_eq!(nearest(&[0.0, 1.0, 3.0], 1.9, 1.0), Some(1));
         assert_eq!(nearest(&[0.0, 1.0, 3.0], 9.0, 1.0), None);
     }

@@ -32,8 +32,8 @@ struct Topic {
     name: String,
     message_type: String,
     dialect: Dialect,
-    /// Why messages are only counted, or how they are read.
-    reader: Result<Reader, String>,
+    /// How messages are read, or why they are only counted.
+    reader: Result<Reader, Option<String>>,
     times: Vec<i64>,
     damaged: usize,
 }
@@ -57,8 +57,9 @@ impl Topics {
             return known;
         }
         let (dialect, reader) = match encoding {
-            Encoding::Ros(dialect) => (dialect, reader(message_type, dialect, definition)),
-            Encoding::Other => (Dialect::Ros2, Err("they are no ROS messages".into())),
+            Encoding::Ros(dialect) => (dialect, reader(message_type, dialect, definition).map_err(Some)),
+            // Nothing is wrong with them.
+            Encoding::Other => (Dialect::Ros2, Err(None)),
         };
         let number = self.all.len();
         self.all.push(Topic {
@@ -99,7 +100,7 @@ impl Topics {
             let columns = match topic.reader {
                 Ok(reader) => reader.into_columns(),
                 Err(why) => {
-                    if !topic.times.is_empty() {
+                    if let Some(why) = why.filter(|_| !topic.times.is_empty()) {
                         faults.say(format!("{}: messages are only counted, for {why}", topic.name));
                     }
                     Vec::new()
