@@ -48,8 +48,8 @@ impl Format {
     }
 }
 
-/// Whether bytes are of a Crazyflie log from before its magic number: the number of variables, then that many `group.name(t),`
-/// as far as the bytes go.
+/// Whether bytes are of a Crazyflie log from before its magic number: the number of variables, then
+/// that many `group.name(t),` as far as the bytes go.
 pub(crate) fn crazyflie_before_magic(bytes: &[u8]) -> bool {
     const LONGEST: usize = 64;
     let Some((&count, mut rest)) = bytes.split_first() else { return false };

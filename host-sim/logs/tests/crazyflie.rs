@@ -99,7 +99,8 @@ fn the_old_log_is_its_flight() {
     let reference = Reference::read(&path);
     let signals = &recording.signals;
     let t = &signals.position.as_ref().unwrap().t;
-    // The time at which the flight begins fits all rows to the rounding of 0.1 ms: see that the clock does not drift.
+    // The time at which the flight begins fits all rows to the rounding of 0.1 ms: see that the clock
+    // does not drift.
     let row_of = |time: f64| t.partition_point(|&own| own < time - 2e-3);
     let offset = 2.018;
     let times = reference.column("t");

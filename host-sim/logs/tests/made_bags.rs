@@ -1,4 +1,5 @@
-//! Bags that are made here: chunks with damage, definitions that are not in the bag, messages of many kinds.
+//! Bags that are made here: chunks with damage, definitions that are not in the bag, messages of many
+//! kinds.
 
 mod common;
 
@@ -12,7 +13,8 @@ use mcap::records::MessageHeader;
 use mcap::{Compression, WriteOptions, Writer};
 use rusqlite::Connection;
 
-/// Odometry in CDR: stamp, frames, pose, covariance, twist, covariance; it flies forward with `k` m/s, heading left of the world's x.
+/// Odometry in CDR: stamp, frames, pose, covariance, twist, covariance; it flies forward with `k` m/s,
+/// heading left of the world's x.
 fn odometry(k: u32) -> Vec<u8> {
     let mut message = vec![0, 1, 0, 0];
     message.extend(k.to_le_bytes());

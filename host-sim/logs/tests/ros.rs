@@ -80,9 +80,10 @@ fn sources_are_those_of_the_reference() {
     }
 }
 
-/// The bag keeps the slow clock of the log that it was made from, so its times are stretched by 85/84 first. It has all rows of the
-/// sensor and the motors, which agree to the five digits of the flight; every second or third row of poses and twists, between which
-/// the craft moves on for 10 ms, where the flight has means of three rows of 4 ms.
+/// The bag keeps the slow clock of the log that it was made from, so its times are stretched by 85/84
+/// first. It has all rows of the sensor and the motors, which agree to the five digits of the flight;
+/// every second or third row of poses and twists, between which the craft moves on for 10 ms, where the
+/// flight has means of three rows of 4 ms.
 #[test]
 fn log203_is_its_flight() {
     let Some(path) = shared("data/crazyswarm2/log203.csv") else { return };
@@ -148,7 +149,8 @@ fn left(name: &str, change: impl Fn(&mut Vec<u8>)) -> Option<f64> {
     Some(rows(&log) as f64 / rows(&whole) as f64)
 }
 
-/// A recorder that was killed leaves a bag without its end. Where an index is at the end, the messages are in less than the whole.
+/// A recorder that was killed leaves a bag without its end. Where an index is at the end, the messages
+/// are in less than the whole.
 #[test]
 fn bags_that_were_not_closed_keep_what_is_there() {
     for name in BAGS {

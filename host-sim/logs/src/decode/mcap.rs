@@ -1,16 +1,16 @@
 //! ROS messages and quadlab recordings in MCAP (<https://mcap.dev/spec>).
 //!
-//! Records: u8 kind, u64 length, content. Messages stand in chunks or by themselves. All records are read one after another, without
-//! the index at the end: so a file that was not closed is read too. After damage, the next record is the first place at which the
-//! content fits its length.
+//! Records: u8 kind, u64 length, content. Messages stand in chunks or by themselves. All records are
+//! read one after another, without the index at the end: so a file that was not closed is read too.
+//! After damage, the next record is the first place at which the content fits its length.
 
 use std::collections::HashMap;
 use std::path::Path;
 
-use super::budget::Budget;
-use super::bytes::Cursor;
-use super::decompress::{Compression, decompress};
-use super::faults::Faults;
+use super::common::budget::Budget;
+use super::common::bytes::Cursor;
+use super::common::decompress::{Compression, decompress};
+use super::common::faults::Faults;
 use super::ros_messages::{Dialect, Encoding, Topics};
 use crate::error::LogError;
 use crate::format::Format;

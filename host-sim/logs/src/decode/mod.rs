@@ -1,12 +1,9 @@
 //! Files into tables, one module a format.
 
 mod blackbox;
-mod budget;
-mod bytes;
+mod common;
 mod crazyflie;
 mod dataflash;
-mod decompress;
-mod faults;
 mod mcap;
 mod parquet;
 mod ros_messages;

@@ -1,16 +1,17 @@
 //! ROS 1 bags, version 2.0 (<http://wiki.ros.org/Bags/Format/2.0>).
 //!
-//! Records: u32 length of a header of `name=value` fields, then u32 length of the data. Messages stand in chunks, each with the
-//! definitions of its connections before them. Chunks are read one after another, without the index at the end: so a bag that was
-//! not closed is read too. After damage, the next record is looked for by its `op` field.
+//! Records: u32 length of a header of `name=value` fields, then u32 length of the data. Messages stand
+//! in chunks, each with the definitions of its connections before them. Chunks are read one after
+//! another, without the index at the end: so a bag that was not closed is read too. After damage, the
+//! next record is looked for by its `op` field.
 
 use std::collections::HashMap;
 use std::path::Path;
 
-use super::budget::Budget;
-use super::bytes::Cursor;
-use super::decompress::{Compression, decompress};
-use super::faults::Faults;
+use super::common::budget::Budget;
+use super::common::bytes::Cursor;
+use super::common::decompress::{Compression, decompress};
+use super::common::faults::Faults;
 use super::ros_messages::{Dialect, Encoding, Topics};
 use crate::error::LogError;
 use crate::format::Format;

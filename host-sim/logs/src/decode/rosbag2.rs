@@ -1,7 +1,8 @@
 //! ROS 2 bags in sqlite: tables `topics` and `messages`, since ROS 2 Iron also `message_definitions`.
 //!
-//! The file is opened in memory, as a copy. It may be hostile: no view or virtual table is read, nothing is longer than the file, and
-//! sqlite stops after a number of steps that goes with the size of the file.
+//! The file is opened in memory, as a copy. It may be hostile: no view or virtual table is read,
+//! nothing is longer than the file, and sqlite stops after a number of steps that goes with the size of
+//! the file.
 
 use std::collections::HashMap;
 use std::io::Read;
@@ -10,9 +11,9 @@ use std::path::Path;
 use rusqlite::limits::Limit;
 use rusqlite::{Connection, Statement};
 
-use super::budget::Budget;
-use super::decompress::{Compression, decompress};
-use super::faults::Faults;
+use super::common::budget::Budget;
+use super::common::decompress::{Compression, decompress};
+use super::common::faults::Faults;
 use super::ros_messages::{Dialect, Encoding, Topics, full_type_name};
 use crate::error::LogError;
 use crate::format::Format;
@@ -82,7 +83,8 @@ fn open(bytes: &[u8], faults: &mut Faults) -> rusqlite::Result<Connection> {
         if u64::from(pages) * page_bytes > bytes.len() as u64 {
             faults.say("the bag is cut off: its end is missing");
         }
-        // Without a number of pages here, sqlite takes it from the size, instead of refusing a bag that is cut off.
+        // Without a number of pages here, sqlite takes it from the size, instead of refusing a bag that
+        // is cut off.
         header[28..32].fill(0);
     }
     let mut database = Connection::open_in_memory()?;
@@ -103,8 +105,8 @@ fn open(bytes: &[u8], faults: &mut Faults) -> rusqlite::Result<Connection> {
 
 /// Whether there is a real table of this name, without columns that are computed.
 fn has_table(database: &Connection, name: &str) -> rusqlite::Result<bool> {
-    let query = "SELECT count(*) FROM sqlite_schema WHERE type='table' AND name=?1 AND sql LIKE 'CREATE TABLE%' \
-                 AND NOT EXISTS (SELECT 1 FROM pragma_table_xinfo(?1) WHERE hidden<>0)";
+    let query = "SELECT count(*) FROM sqlite_schema WHERE type='table' AND name=?1 \
+                 AND sql LIKE 'CREATE TABLE%' AND NOT EXISTS (SELECT 1 FROM pragma_table_xinfo(?1) WHERE hidden<>0)";
     database.query_row(query, [name], |row| row.get::<_, i64>(0)).map(|count| count > 0)
 }
 
@@ -125,7 +127,8 @@ impl Bag {
         }
         let mut definitions = HashMap::new();
         if has_table(database, "message_definitions")? {
-            let query = "SELECT topic_type, encoded_message_definition FROM message_definitions WHERE encoding='ros2msg'";
+            let query = "SELECT topic_type, encoded_message_definition FROM message_definitions \
+                         WHERE encoding='ros2msg'";
             let mut statement = database.prepare(query)?;
             let mut rows = statement.query([])?;
             while let Some(row) = rows.next()? {

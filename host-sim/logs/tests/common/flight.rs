@@ -42,7 +42,8 @@ impl Reference {
         &self.columns[name]
     }
 
-    /// Largest and mean difference of a column from values at times, `offset_s` after which the flight begins.
+    /// Largest and mean difference of a column from values at times, `offset_s` after which the flight
+    /// begins.
     pub(crate) fn differences(&self, name: &str, t: &[f64], values: &[f64], offset_s: f64) -> (f64, f64) {
         let differences: Vec<f64> = self
             .column("t")
@@ -58,8 +59,8 @@ impl Reference {
         (largest, differences.iter().sum::<f64>() / differences.len() as f64)
     }
 
-    /// When the flight begins on the clock of a position. The first 30 samples of the log were cut off, and gaps among them: so it is
-    /// where it fits best.
+    /// When the flight begins on the clock of a position. The first 30 samples of the log were cut off,
+    /// and gaps among them: so it is where it fits best.
     pub(crate) fn begin(&self, position: &Signal<3>, prepare: impl Fn(&[f64]) -> Vec<f64>) -> f64 {
         let misfit = |offset: &f64| -> f64 {
             let parts = POSITION.iter().zip(&position.values);
@@ -112,8 +113,9 @@ pub(crate) fn angles(attitude: &Signal<4>) -> [Vec<f64>; 3] {
     angles
 }
 
-/// That a flight is that of a recording, made by the same steps from the same rows: means of three rows, then 100 Hz by interpolation.
-/// Doing both here leaves the five digits that it is written with, 5e-5 of the value: of 10 m/s^2, 5 rad/s or rad, 1 m.
+/// That a flight is that of a recording, made by the same steps from the same rows: means of three
+/// rows, then 100 Hz by interpolation. Doing both here leaves the five digits that it is written with,
+/// 5e-5 of the value: of 10 m/s^2, 5 rad/s or rad, 1 m.
 pub(crate) fn smoothed_agrees(recording: &Recording, reference: &Reference) {
     let signals = &recording.signals;
     let position = signals.position.as_ref().unwrap();

@@ -28,8 +28,9 @@ pub(crate) fn expected(name: &str) -> Option<(Log, Value)> {
     Some((log, all[name].clone()))
 }
 
-/// Compares the sum of a column, NaN left out, with one that is written with so many digits. Where positive and negative numbers
-/// cancel, the order of adding shows: so it is as exact as the sum of the magnitudes.
+/// Compares the sum of a column, NaN left out, with one that is written with so many digits. Where
+/// positive and negative numbers cancel, the order of adding shows: so it is as exact as the sum of the
+/// magnitudes.
 pub(crate) fn expected_sum(table: &Table, column: &str, expected: f64, digits: i32) {
     let values = table.column(column).unwrap_or_else(|| panic!("{} lacks {column}", table.name)).to_f64();
     let there = || values.iter().filter(|value| !value.is_nan());

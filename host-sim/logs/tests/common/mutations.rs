@@ -72,14 +72,16 @@ pub(crate) fn changed(bytes: &[u8], mutations: &[Mutation]) -> Vec<u8> {
     bytes
 }
 
-/// Decodes changed files: nothing panics, hangs, or takes more memory than a file of this size may; messages are one line.
+/// Decodes changed files: nothing panics, hangs, or takes more memory than a file of this size may;
+/// messages are one line.
 pub(crate) fn survives(name: &str, bytes: &[u8], cases: u32) {
     let config = ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() };
     proptest!(config, |(mutations in mutations())| {
         let bytes = changed(bytes, &mutations);
         let began = std::time::Instant::now();
         let memory = allocation_counter::measure(|| look(name, &bytes));
-        // What compressed parts and columns may become: the decoders' own limits; far below what four damaged bytes can ask for.
+        // What compressed parts and columns may become: the decoders' own limits; far below what four
+        // damaged bytes can ask for.
         prop_assert!(memory.bytes_max < (160 << 20) + 400 * bytes.len() as u64, "{} bytes", memory.bytes_max);
         prop_assert!(began.elapsed().as_secs() < 20, "{:?}", began.elapsed());
     });

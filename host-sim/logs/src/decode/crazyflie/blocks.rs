@@ -1,15 +1,17 @@
 //! The format before the magic number (firmware until about 2020).
 //!
-//! u8 number of variables, each `name(t),`, then the inverted CRC-32 of all before. Then blocks: u8 number of rows, the rows,
-//! packed, and the inverted CRC-32 of the block. The first variable is the time: us, or ms in the oldest firmware.
+//! u8 number of variables, each `name(t),`, then the inverted CRC-32 of all before. Then blocks: u8
+//! number of rows, the rows, packed, and the inverted CRC-32 of the block. The first variable is the
+//! time: us, or ms in the oldest firmware.
 
-use super::super::bytes::Cursor;
-use super::super::faults::Faults;
+use super::super::common::bytes::Cursor;
+use super::super::common::faults::Faults;
 use super::variables::{self, Kind, Variable};
 use crate::format::Format;
 use crate::log::{Log, TimeUnit, Values};
 
-/// Rows that are closer than this in ticks are logged in ms: nobody logs with 2 kHz and more, or slower than 2 Hz.
+/// Rows that are closer than this in ticks are logged in ms: nobody logs with 2 kHz and more, or slower
+/// than 2 Hz.
 const FEWEST_TICKS_US: i64 = 500;
 /// Rows that follow each other are no further apart than a minute.
 const NEAR_TICKS: u32 = 60_000_000;
@@ -67,7 +69,8 @@ enum Block {
 impl Blocks<'_> {
     /// Where the rows of all blocks with a right checksum are.
     fn read(&self, at: usize, faults: &mut Faults) -> Vec<usize> {
-        // Looking for the next block means a checksum at many bytes: a hostile file must not make that quadratic.
+        // Looking for the next block means a checksum at many bytes: a hostile file must not make that
+        // quadratic.
         let mut effort = self.bytes.len().saturating_mul(64).saturating_add(1 << 20);
         let mut rows_at = Vec::new();
         let mut at = at;
@@ -98,7 +101,8 @@ impl Blocks<'_> {
         }
     }
 
-    /// The next block behind a damaged one: where its own length says, else the first place with a right checksum.
+    /// The next block behind a damaged one: where its own length says, else the first place with a
+    /// right checksum.
     fn next_block(&self, at: usize, last_tick: Option<u32>, effort: &mut usize) -> Option<usize> {
         if let Block::Wrong { end } = self.block(at)
             && matches!(self.block(end), Block::Whole { .. })
@@ -118,7 +122,8 @@ impl Blocks<'_> {
         None
     }
 
-    /// Whether the first and the last row of a block here would be near each other, and near the last row that was read.
+    /// Whether the first and the last row of a block here would be near each other, and near the last
+    /// row that was read.
     fn times_fit(&self, at: usize, rows: usize, last_tick: Option<u32>) -> bool {
         let tick = |row: usize| Cursor::at(self.bytes, at + 1 + row * self.row_bytes).u32();
         let near = |a: u32, b: u32| b.wrapping_sub(a) < NEAR_TICKS;

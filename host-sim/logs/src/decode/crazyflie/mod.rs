@@ -1,9 +1,11 @@
 //! Crazyflie SD card (cfusdlog): before the magic number, versions 1 and 2.
 //!
-//! Version 1 and 2 (`tools/usdlog/cfusdlog.py` of the firmware): magic 0xBC, u16 version, u16 number of events; of each event u16
-//! id, its name up to a zero, u16 number of variables, each `name(t)` up to a zero, `t` a type letter of Python's `struct`. Then rows:
-//! u16 id, time (u32 ms or u64 us), the variables, packed. The last four bytes are the CRC-32 of all before. There are no sync
-//! bytes: after damage, the next place is taken at which several rows with known ids and near times follow each other.
+//! Version 1 and 2 (`tools/usdlog/cfusdlog.py` of the firmware): magic 0xBC, u16 version, u16 number of
+//! events; of each event u16 id, its name up to a zero, u16 number of variables, each `name(t)` up to a
+//! zero, `t` a type letter of Python's `struct`. Then rows: u16 id, time (u32 ms or u64 us), the
+//! variables, packed. The last four bytes are the CRC-32 of all before. There are no sync bytes: after
+//! damage, the next place is taken at which several rows with known ids and near times follow each
+//! other.
 
 mod blocks;
 mod variables;
@@ -11,8 +13,8 @@ mod variables;
 use std::collections::HashMap;
 use std::path::Path;
 
-use super::bytes::Cursor;
-use super::faults::Faults;
+use super::common::bytes::Cursor;
+use super::common::faults::Faults;
 use crate::error::LogError;
 use crate::format::Format;
 use crate::log::{Log, TimeUnit};

@@ -1,7 +1,9 @@
-//! Parquet tables: one table `rows` with a column for each column of numbers, truth values (0, 1) or times.
+//! Parquet tables: one table `rows` with a column for each column of numbers, truth values (0, 1) or
+//! times.
 //!
-//! A time column stays a column; its unit, where the schema has one, is in the log's information as `unit of NAME`. Integers with
-//! missing values become floating-point numbers. Text and lists are left out.
+//! A time column stays a column; its unit, where the schema has one, is in the log's information as
+//! `unit of NAME`. Integers with missing values become floating-point numbers. Text and lists are left
+//! out.
 
 mod pages;
 mod values;
@@ -16,8 +18,8 @@ use parquet::file::metadata::{KeyValue, RowGroupMetaData};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
-use super::budget::Budget;
-use super::faults::{Faults, guarded};
+use super::common::budget::Budget;
+use super::common::faults::{Faults, guarded};
 use crate::error::LogError;
 use crate::format::Format;
 use crate::log::{Column, Log, Table, TimeUnit, Values};
@@ -116,7 +118,8 @@ impl File<'_> {
         Some(log)
     }
 
-    /// Adds the rows of a group to a column; nothing where it is damaged, behind the rows before the damage.
+    /// Adds the rows of a group to a column; nothing where it is damaged, behind the rows before the
+    /// damage.
     fn read_column(
         &mut self,
         group_number: usize,

@@ -1,10 +1,13 @@
-//! The headers of pages, looked at before they are decompressed: a few damaged bytes must not reserve gigabytes.
+//! The headers of pages, looked at before they are decompressed: a few damaged bytes must not reserve
+//! gigabytes.
 //!
-//! Thrift's compact protocol (<https://github.com/apache/thrift/blob/master/doc/specs/thrift-compact-protocol.md>), and `PageHeader` of
-//! parquet.thrift: 2 bytes uncompressed, 3 bytes compressed, 7 header of a dictionary, whose 1 is the number of values.
+//! Thrift's compact protocol
+//! (<https://github.com/apache/thrift/blob/master/doc/specs/thrift-compact-protocol.md>), and
+//! `PageHeader` of parquet.thrift: 2 bytes uncompressed, 3 bytes compressed, 7 header of a dictionary,
+//! whose 1 is the number of values.
 
-use super::super::budget::Budget;
-use super::super::bytes::Cursor;
+use super::super::common::budget::Budget;
+use super::super::common::bytes::Cursor;
 
 /// Structs in structs.
 const DEEPEST: usize = 16;

@@ -1,5 +1,5 @@
-//! Definitions of common messages, for bags that hold only their names (ROS 2 before Iron, in sqlite). As in the packages
-//! `common_interfaces` of ROS 2 Humble.
+//! Definitions of common messages, for bags that hold only their names (ROS 2 before Iron, in sqlite).
+//! As in the packages `common_interfaces` of ROS 2 Humble.
 
 const HEADER: &str = "MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n";
 const VECTOR3: &str = "MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n";
@@ -9,7 +9,8 @@ const POSE: &str = "MSG: geometry_msgs/Pose\nPoint position\nQuaternion orientat
 const TWIST: &str = "MSG: geometry_msgs/Twist\nVector3 linear\nVector3 angular\n";
 const ACCEL: &str = "MSG: geometry_msgs/Accel\nVector3 linear\nVector3 angular\n";
 const TRANSFORM: &str = "MSG: geometry_msgs/Transform\nVector3 translation\nQuaternion rotation\n";
-const TRANSFORM_STAMPED: &str = "MSG: geometry_msgs/TransformStamped\nstd_msgs/Header header\nstring child_frame_id\nTransform transform\n";
+const TRANSFORM_STAMPED: &str = "MSG: geometry_msgs/TransformStamped\nstd_msgs/Header header\nstring child_frame_id\n\
+    Transform transform\n";
 const POSE_COVARIANCE: &str = "MSG: geometry_msgs/PoseWithCovariance\nPose pose\nfloat64[36] covariance\n";
 const TWIST_COVARIANCE: &str =
     "MSG: geometry_msgs/TwistWithCovariance\nTwist twist\nfloat64[36] covariance\n";
@@ -18,7 +19,15 @@ const ARRAY_LAYOUT: &str = "MSG: std_msgs/MultiArrayLayout\nMultiArrayDimension[
 
 /// The definition of a message `package/Type` with all that is in it.
 pub(super) fn definition(name: &str) -> Option<String> {
-    let (fields, parts): (&str, &[&str]) = match name {
+    let Some((fields, parts)) = geometry(name).or_else(|| sensor(name)) else { return of_std(name) };
+    Some(std::iter::once(fields).chain(parts.iter().copied()).collect())
+}
+
+/// Fields, and the messages in them.
+type Definition = (&'static str, &'static [&'static str]);
+
+fn geometry(name: &str) -> Option<Definition> {
+    Some(match name {
         "std_msgs/Header" => (HEADER, &[]),
         "geometry_msgs/Point" | "geometry_msgs/Vector3" => ("float64 x\nfloat64 y\nfloat64 z\n", &[]),
         "geometry_msgs/Quaternion" => ("float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n", &[]),
@@ -36,12 +45,20 @@ pub(super) fn definition(name: &str) -> Option<String> {
             &[HEADER, POSE_COVARIANCE, POSE, POINT, QUATERNION],
         ),
         "geometry_msgs/Twist" => ("Vector3 linear\nVector3 angular\n", &[VECTOR3]),
-        "geometry_msgs/TwistStamped" => ("std_msgs/Header header\nTwist twist\n", &[HEADER, TWIST, VECTOR3]),
+        "geometry_msgs/TwistStamped" => (
+            "std_msgs/Header header\nTwist twist\n\
+             ",
+            &[HEADER, TWIST, VECTOR3],
+        ),
         "geometry_msgs/TwistWithCovarianceStamped" => (
             "std_msgs/Header header\nTwistWithCovariance twist\n",
             &[HEADER, TWIST_COVARIANCE, TWIST, VECTOR3],
         ),
-        "geometry_msgs/AccelStamped" => ("std_msgs/Header header\nAccel accel\n", &[HEADER, ACCEL, VECTOR3]),
+        "geometry_msgs/AccelStamped" => (
+            "std_msgs/Header header\nAccel accel\n\
+             ",
+            &[HEADER, ACCEL, VECTOR3],
+        ),
         "geometry_msgs/TransformStamped" => (
             "std_msgs/Header header\nstring child_frame_id\nTransform transform\n",
             &[HEADER, TRANSFORM, VECTOR3, QUATERNION],
@@ -55,21 +72,33 @@ pub(super) fn definition(name: &str) -> Option<String> {
              geometry_msgs/TwistWithCovariance twist\n",
             &[HEADER, POSE_COVARIANCE, POSE, POINT, QUATERNION, TWIST_COVARIANCE, TWIST, VECTOR3],
         ),
+        "std_msgs/Bool" => ("bool data\n", &[]),
+        _ => return None,
+    })
+}
+
+fn sensor(name: &str) -> Option<Definition> {
+    Some(match name {
         "sensor_msgs/Imu" => (
-            "std_msgs/Header header\ngeometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n\
+            "std_msgs/Header header\ngeometry_msgs/Quaternion orientation\n\
+             float64[9] orientation_covariance\n\
              geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n\
              geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance\n",
             &[HEADER, QUATERNION, VECTOR3],
         ),
         "sensor_msgs/BatteryState" => (
-            "std_msgs/Header header\nfloat32 voltage\nfloat32 temperature\nfloat32 current\nfloat32 charge\nfloat32 capacity\n\
-             float32 design_capacity\nfloat32 percentage\nuint8 power_supply_status\nuint8 power_supply_health\n\
-             uint8 power_supply_technology\nbool present\nfloat32[] cell_voltage\nfloat32[] cell_temperature\nstring location\n\
+            "std_msgs/Header header\nfloat32 voltage\nfloat32 temperature\nfloat32 current\n\
+             float32 charge\nfloat32 capacity\n\
+             float32 design_capacity\nfloat32 percentage\nuint8 power_supply_status\n\
+             uint8 power_supply_health\n\
+             uint8 power_supply_technology\nbool present\nfloat32[] cell_voltage\n\
+             float32[] cell_temperature\nstring location\n\
              string serial_number\n",
             &[HEADER],
         ),
         "sensor_msgs/MagneticField" => (
-            "std_msgs/Header header\ngeometry_msgs/Vector3 magnetic_field\nfloat64[9] magnetic_field_covariance\n",
+            "std_msgs/Header header\ngeometry_msgs/Vector3 magnetic_field\n\
+             float64[9] magnetic_field_covariance\n",
             &[HEADER, VECTOR3],
         ),
         "sensor_msgs/FluidPressure" => {
@@ -79,14 +108,13 @@ pub(super) fn definition(name: &str) -> Option<String> {
             ("std_msgs/Header header\nfloat64 temperature\nfloat64 variance\n", &[HEADER])
         }
         "sensor_msgs/Range" => (
-            "std_msgs/Header header\nuint8 radiation_type\nfloat32 field_of_view\nfloat32 min_range\nfloat32 max_range\n\
+            "std_msgs/Header header\nuint8 radiation_type\nfloat32 field_of_view\nfloat32 min_range\n\
+             float32 max_range\n\
              float32 range\nfloat32 variance\n",
             &[HEADER],
         ),
-        "std_msgs/Bool" => ("bool data\n", &[]),
-        _ => return of_std(name),
-    };
-    Some(std::iter::once(fields).chain(parts.iter().copied()).collect())
+        _ => return None,
+    })
 }
 
 /// `std_msgs/Float32` and the like, and `std_msgs/Float32MultiArray`.

@@ -1,6 +1,7 @@
 //! Message definitions: the text of `.msg` files, one after another with `MSG: name` between them.
 //!
-//! ROS 1: <http://wiki.ros.org/msg>; ROS 2: <https://docs.ros.org/en/rolling/Concepts/Basic/About-Interfaces.html>.
+//! ROS 1: <http://wiki.ros.org/msg>; ROS 2:
+//! <https://docs.ros.org/en/rolling/Concepts/Basic/About-Interfaces.html>.
 
 use std::collections::HashMap;
 
@@ -110,7 +111,8 @@ fn field(line: &str, message: &str, dialect: Dialect) -> Result<Option<Field>, S
     };
     let rest = rest.trim();
     let name: String = rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
-    // `int8 LEFT=1` and `string HOME = house # comment` are constants, `int8 side 1` a field with a default.
+    // `int8 LEFT=1` and `string HOME = house # comment` are constants, `int8 side 1` a field with a
+    // default.
     if rest[name.len()..].trim_start().starts_with('=') {
         return Ok(None);
     }
@@ -166,7 +168,8 @@ fn kind(name: &str, message: &str, dialect: Dialect) -> Option<Kind> {
 mod tests {
     use super::*;
 
-    /// Lines of sensor_msgs/BatteryState, geometry_msgs/PoseStamped (ROS 1), and the kinds of lines of the ROS 2 documentation.
+    /// Lines of sensor_msgs/BatteryState, geometry_msgs/PoseStamped (ROS 1), and the kinds of lines of
+    /// the ROS 2 documentation.
     #[test]
     fn lines_of_definitions() {
         let text = "# comment\nuint8 POWER_SUPPLY_STATUS_UNKNOWN = 0\nstring HOME=\"a # b\"\nHeader header\nfloat32[] cell_voltage # V\n\

@@ -1,6 +1,6 @@
 //! A definition as a tree that knows which column each number goes to, and messages through it.
 
-use super::super::budget::Budget;
+use super::super::common::budget::Budget;
 use super::definition::{Count, Definitions, Field, Kind, Primitive};
 use super::serialised::Serialised;
 use crate::log::{Column, Values};
@@ -89,7 +89,8 @@ impl Reader {
         Ok(Self { definitions, root, columns })
     }
 
-    /// Reads a message as one row; whether it was whole, and in the budget. Nothing is kept of one that is not.
+    /// Reads a message as one row; whether it was whole, and in the budget. Nothing is kept of one that
+    /// is not.
     pub(super) fn read(&mut self, mut message: Serialised<'_>, budget: &mut Budget) -> bool {
         let (columns, definitions) = (&mut self.columns, &self.definitions);
         if !budget.take(columns.row_bytes) {

@@ -1,8 +1,10 @@
-//! How messages are serialised: ROS 1 packs them little endian; ROS 2 as CDR, aligned to the width of each number.
+//! How messages are serialised: ROS 1 packs them little endian; ROS 2 as CDR, aligned to the width of
+//! each number.
 //!
-//! CDR: OMG DDS-XTypes 1.3, 7.4. Four bytes say which kind; alignment counts from behind them, to 8 bytes, in version 2 to 4.
+//! CDR: OMG DDS-XTypes 1.3, 7.4. Four bytes say which kind; alignment counts from behind them, to 8
+//! bytes, in version 2 to 4.
 
-use super::super::bytes::Cursor;
+use super::super::common::bytes::Cursor;
 
 /// A message that is being read.
 #[derive(Debug, Clone, Copy)]

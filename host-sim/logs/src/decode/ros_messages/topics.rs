@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use super::super::budget::Budget;
-use super::super::faults::Faults;
+use super::super::common::budget::Budget;
+use super::super::common::faults::Faults;
 use super::builtin;
 use super::definition::{Definitions, Dialect, full_type_name, short_type_name};
 use super::reader::Reader;
@@ -44,7 +44,8 @@ impl Topics {
         Self { all: Vec::new(), by_name: HashMap::new(), budget: Budget::for_columns(file_bytes) }
     }
 
-    /// The number of a topic, which is new or known. Without a definition, that of a common message is taken.
+    /// The number of a topic, which is new or known. Without a definition, that of a common message is
+    /// taken.
     pub(in crate::decode) fn add(
         &mut self,
         name: &str,

@@ -1,6 +1,6 @@
 //! Attitude: as quaternion, packed quaternion, or angles in two conventions.
 
-use super::super::series::{from_euler, normalise};
+use super::super::common::series::{from_euler, normalise};
 use super::tables::Tables;
 use crate::recording::Signal;
 
@@ -69,8 +69,9 @@ fn packed(tables: &Tables<'_>) -> Option<Signal<4>> {
     Some(rising.signal("stateEstimateZ.quat", &values))
 }
 
-/// Quaternion x, y, z, w out of 32 bits (`quatcompress.h` of the firmware): two bits tell which part is largest, then, from x on, for
-/// each other part its sign and nine bits of its size in 1/511 of the square root of one half.
+/// Quaternion x, y, z, w out of 32 bits (`quatcompress.h` of the firmware): two bits tell which part is
+/// largest, then, from x on, for each other part its sign and nine bits of its size in 1/511 of the
+/// square root of one half.
 fn unpack(packed: u32) -> [f64; 4] {
     let largest = (packed >> 30) as usize;
     let mut quaternion = [0.0; 4];

@@ -1,14 +1,15 @@
-//! The microsecond clock of the firmware: its prescaler divided by 85 instead of 84 until bitcraze/crazyflie-firmware#1684, August 2026.
-//! So times were 84/85 of what they should be.
+//! The microsecond clock of the firmware: its prescaler divided by 85 instead of 84 until
+//! bitcraze/crazyflie-firmware#1684, August 2026. So times were 84/85 of what they should be.
 //!
-//! Rows are logged at a rate of whole milliseconds, by the loop that the inertial sensor drives: on the log's clock their period tells
-//! which of the two it is. The sensor's own clock is off by less than half a percent.
+//! Rows are logged at a rate of whole milliseconds, by the loop that the inertial sensor drives: on the
+//! log's clock their period tells which of the two it is. The sensor's own clock is off by less than
+//! half a percent.
 
 /// What slow times are to be multiplied by.
 pub(super) const MENDED: f64 = 85.0 / 84.0;
 /// What is said where the log does not tell.
-pub(super) const UNKNOWN: &str = "whether the log's clock ran 85/84 slow, as in firmware before bitcraze/crazyflie-firmware#1684, cannot \
-    be told from the times of its rows: log at a fixed rate of 50 Hz or more";
+pub(super) const UNKNOWN: &str = "whether the log's clock ran 85/84 slow, as in firmware before \
+    bitcraze/crazyflie-firmware#1684, cannot be told from the times of its rows: log at a fixed rate of 50 Hz or more";
 /// Longest period that tells, ms: of longer ones, 84/85 of one whole number is near another.
 const LONGEST_MS: f64 = 20.0;
 /// How far the sensor's clock may be off.

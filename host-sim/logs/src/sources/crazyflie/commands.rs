@@ -1,12 +1,13 @@
 //! Motor commands and rotor speeds, in our order of the motors.
 
-use super::super::series::{Rising, scale};
+use super::super::common::series::{Rising, scale};
 use super::tables::Tables;
 use crate::recording::Signal;
 
 /// Highest PWM.
 const MOST_PWM: f64 = 65_535.0;
-/// From the centre to a motor, m, and torque over thrust of a rotor, m: `power_distribution_quadrotor.c`, Crazyflie 2.1.
+/// From the centre to a motor, m, and torque over thrust of a rotor, m:
+/// `power_distribution_quadrotor.c`, Crazyflie 2.1.
 const ARM_M: f64 = 0.046 * std::f64::consts::FRAC_1_SQRT_2;
 const TORQUE_PER_THRUST_M: f64 = 0.005_964_552;
 /// Force of a rotor at full command, N.
@@ -39,8 +40,8 @@ pub(super) fn commands(tables: &Tables<'_>, notes: &mut Vec<String>) -> Option<S
     }
     let (source, rising, forces) = forces(tables)?;
     notes.push(format!(
-        "no PWM is logged: commands are rebuilt from {source} as the firmware shares it out among the motors, as square roots of forces \
-         over {MOST_FORCE_N} N"
+        "no PWM is logged: commands are rebuilt from {source} as the firmware shares it out among the motors, \
+         as square roots of forces over {MOST_FORCE_N} N"
     ));
     let command = |force: &f64| (force.max(0.0) / MOST_FORCE_N).sqrt();
     Some(rising.signal(source, &forces.map(|forces| forces.iter().map(command).collect())))
@@ -80,7 +81,8 @@ pub(super) fn rotor_speed(tables: &Tables<'_>) -> Option<Signal<4>> {
 mod tests {
     use super::*;
 
-    /// A roll to the right asks more of the left rotors, nose down more of the rear ones, a yaw to the left more of those that turn cw.
+    /// A roll to the right asks more of the left rotors, nose down more of the rear ones, a yaw to the
+    /// left more of those that turn cw.
     #[test]
     fn torques_are_shared_out() {
         let one = |number: f64| vec![number];

@@ -1,8 +1,9 @@
 //! Crazyflie log variables, on the SD card, in Parquet or CSV.
 //!
-//! World z up, body forward-left-up: flipped to north-east-down and forward-right-down, (x, -y, -z). Motors of the firmware: m1 front-right
-//! ccw, m2 rear-right cw, m3 rear-left ccw, m4 front-left cw. What a variable is, in which unit: `src/modules/src` of
-//! bitcraze/crazyflie-firmware; checked on logs where `import.md` says so.
+//! World z up, body forward-left-up: flipped to north-east-down and forward-right-down, (x, -y, -z).
+//! Motors of the firmware: m1 front-right ccw, m2 rear-right cw, m3 rear-left ccw, m4 front-left cw.
+//! What a variable is, in which unit: `src/modules/src` of bitcraze/crazyflie-firmware; checked on logs
+//! where `import.md` says so.
 
 mod attitude;
 mod clock;
@@ -12,7 +13,7 @@ mod tables;
 
 use std::path::Path;
 
-use super::series::{at, flip, nearest, rotate_back, scale};
+use super::common::series::{at, flip, nearest, rotate_back, scale};
 use crate::error::LogError;
 use crate::format::Format;
 use crate::log::Log;
@@ -49,7 +50,7 @@ pub(crate) fn record(log: &Log, path: &Path) -> Result<Recording, LogError> {
             log.tables.iter().flat_map(|table| &table.columns).map(|c| c.name.as_str()).take(12).collect();
         let reason = format!(
             "no position, attitude, rates or acceleration of a craft among the variables: {}",
-            super::plain_list(&variables)
+            super::common::plain_list(&variables)
         );
         return Err(LogError::Refused { path: path.into(), reason });
     }

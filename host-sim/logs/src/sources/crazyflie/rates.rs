@@ -1,6 +1,7 @@
-//! Body rates. Two variables have the pitch rate with a sign that changed with the firmware: there the attitude decides.
+//! Body rates. Two variables have the pitch rate with a sign that changed with the firmware: there the
+//! attitude decides.
 
-use super::super::series::{flip, interpolate, rates_of_attitude, scale};
+use super::super::common::series::{flip, interpolate, rates_of_attitude, scale};
 use super::tables::Tables;
 use crate::recording::Signal;
 
@@ -35,7 +36,8 @@ pub(super) fn rates(
             signal.values[1].iter_mut().for_each(|q| *q = -*q);
             let likeness = attitude.and_then(|attitude| likeness(&signal, attitude));
             let found = likeness.filter(|likeness| likeness.abs() > CERTAIN);
-            // As logged by firmware of the last years: nose up; before the format had a magic number: nose down.
+            // As logged by firmware of the last years: nose up; before the format had a magic number:
+            // nose down.
             let nose_up = found.map_or(!tables.is_old(), |likeness| likeness > 0.0);
             if !nose_up {
                 signal.values[1].iter_mut().for_each(|q| *q = -*q);

@@ -1,6 +1,7 @@
-//! Tables with times in seconds: those of the SD card have times, those of Parquet and CSV a column of times.
+//! Tables with times in seconds: those of the SD card have times, those of Parquet and CSV a column of
+//! times.
 
-use super::super::series::Rising;
+use super::super::common::series::Rising;
 use super::clock::{self, Clock};
 use crate::log::{Log, Table};
 
@@ -42,8 +43,8 @@ impl<'a> Tables<'a> {
         if let Clock::Slow { period_ms, nominal_ms } = slow_clock {
             all.iter_mut().for_each(|(_, times)| times.iter_mut().for_each(|time| *time *= clock::MENDED));
             notes.push(format!(
-                "the clock of the log ran 85/84 slow (rows every {period_ms:.3} ms instead of {nominal_ms} ms, as in firmware before \
-                 bitcraze/crazyflie-firmware#1684): times are multiplied by 85/84"
+                "the clock of the log ran 85/84 slow (rows every {period_ms:.3} ms instead of {nominal_ms} ms, \
+                 as in firmware before bitcraze/crazyflie-firmware#1684): times are multiplied by 85/84"
             ));
         }
         let all = all.into_iter().map(|(table, times)| (table, Rising::of(&times))).collect::<Vec<_>>();

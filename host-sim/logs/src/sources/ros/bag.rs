@@ -1,7 +1,7 @@
-//! Topics of a bag with times in seconds: of the stamps in the messages, and for messages without them of when they were written,
-//! less what writing took.
+//! Topics of a bag with times in seconds: of the stamps in the messages, and for messages without them
+//! of when they were written, less what writing took.
 
-use super::super::series::{Rising, nearest};
+use super::super::common::series::{Rising, nearest};
 use crate::log::{Log, Table, Values};
 use crate::recording::Signal;
 
@@ -86,7 +86,8 @@ struct Delay<'a> {
 }
 
 impl<'a> Delay<'a> {
-    /// Nothing for a topic without stamps. A stamp of zero is none: there, the time at which it was written stands in.
+    /// Nothing for a topic without stamps. A stamp of zero is none: there, the time at which it was
+    /// written stands in.
     fn of(table: &'a Table) -> Option<Self> {
         let Some(Values::I64(stamps)) = table.column("header.stamp") else { return None };
         if stamps.iter().all(|stamp| *stamp == 0) {
@@ -114,13 +115,15 @@ impl<'a> Delay<'a> {
     }
 }
 
-/// Times of a topic without stamps, as late as those of a topic of the same craft; and a sentence that says so.
+/// Times of a topic without stamps, as late as those of a topic of the same craft; and a sentence that
+/// says so.
 fn unstamped(table: &Table, delays: &[Option<Delay<'_>>]) -> (Vec<f64>, Option<String>) {
     let times = table.times_s();
     let of_craft = delays.iter().flatten().filter(|delay| namespace(delay.table) == namespace(table));
     let Some(delay) = of_craft.max_by_key(|delay| delay.table.rows) else { return (times, None) };
     let note = format!(
-        "{} has no stamps: its times are those at which it was written, less the {:.1} ms by which {} was late",
+        "{} has no stamps: its times are those at which it was written, \
+         less the {:.1} ms by which {} was late",
         table.name,
         delay.median_s * 1e3,
         delay.table.name

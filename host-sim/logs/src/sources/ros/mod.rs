@@ -1,7 +1,7 @@
 //! ROS messages: poses, odometry, inertial sensors, batteries, and arrays of motor commands.
 //!
-//! World z up, body forward-left-up, quaternion x, y, z, w (REP 103): flipped to north-east-down and forward-right-down. PX4's own messages over
-//! ROS 2 keep PX4's frames and go the way of its logs.
+//! World z up, body forward-left-up, quaternion x, y, z, w (REP 103): flipped to north-east-down and
+//! forward-right-down. PX4's own messages over ROS 2 keep PX4's frames and go the way of its logs.
 
 mod bag;
 mod motors;
@@ -10,11 +10,12 @@ mod vehicle;
 
 use std::path::Path;
 
-use super::series::{at, flip, interpolate, normalise, rotate};
+use super::common::series::{at, flip, interpolate, normalise, rotate};
 use crate::error::LogError;
 use crate::log::Log;
 use crate::recording::{Recording, Signal};
 use bag::{Bag, Topic};
+pub(super) use px4::as_px4_log;
 use vehicle::Poses;
 
 /// Attitude and position this far apart do not go together, s.
@@ -26,13 +27,10 @@ pub(crate) fn record(log: &Log, path: &Path) -> Result<Recording, LogError> {
         .iter()
         .any(|table| table.message_type.as_deref().is_some_and(|name| name.starts_with("quadlab.")))
     {
-        let reason = "is a recording of quadlab's own ground station, whose flights lie beside it (NAME-1.csv ...): take those; \
-             `quadlab ground --recover NAME` makes them of a NAME.mcap.part"
+        let reason = "is a recording of quadlab's own ground station, whose flights lie beside it \
+             (NAME-1.csv ...): take those; `quadlab ground --recover NAME` makes them of a NAME.mcap.part"
             .into();
         return Err(LogError::Refused { path: path.into(), reason });
-    }
-    if let Some(log) = px4::as_px4_log(log) {
-        return super::px4::record(&log, path);
     }
     let mut recording = Recording::default();
     let bag = Bag::of(log, &mut recording.notes);
@@ -49,7 +47,9 @@ pub(crate) fn record(log: &Log, path: &Path) -> Result<Recording, LogError> {
     }
     if !poses.others.is_empty() {
         let names: Vec<&str> = poses.others.iter().map(|topic| topic.table.name.as_str()).collect();
-        recording.notes.push(format!("other poses in the bag are left alone: {}", super::plain_list(&names)));
+        recording
+            .notes
+            .push(format!("other poses in the bag are left alone: {}", super::common::plain_list(&names)));
     }
     limits(&mut recording, &bag);
     Ok(recording)
@@ -59,7 +59,7 @@ fn nothing(bag: &Bag<'_>) -> String {
     let names: Vec<&str> = bag.topics.iter().map(|topic| topic.table.name.as_str()).collect();
     format!(
         "no pose, odometry or inertial sensor of a craft among the topics: {}",
-        if names.is_empty() { "none".into() } else { super::plain_list(&names) }
+        if names.is_empty() { "none".into() } else { super::common::plain_list(&names) }
     )
 }
 
@@ -95,7 +95,8 @@ fn attitude(topic: &Topic<'_>, prefixes: &[&str]) -> Option<Signal<4>> {
     Some(signal)
 }
 
-/// Velocity in the world, from odometry or a twist: in which axes it is, its agreement with the position tells.
+/// Velocity in the world, from odometry or a twist: in which axes it is, its agreement with the
+/// position tells.
 fn velocity(
     recording: &mut Recording,
     bag: &Bag<'_>,
@@ -112,7 +113,8 @@ fn velocity(
     let turned = in_world(&signal, attitude);
     let position = recording.signals.position.as_ref();
     let errors = position.and_then(|position| Some((misfit(&signal, position)?, misfit(&turned, position)?)));
-    // Without a position, as REP 103 and nav_msgs say: odometry in the axes of the body, else in those of the world.
+    // Without a position, as REP 103 and nav_msgs say: odometry in the axes of the body, else in those
+    // of the world.
     let in_body = errors.map_or(is_odometry, |(as_it_is, as_turned)| as_turned < as_it_is);
     if in_body != is_odometry {
         let axes = if in_body { "the body" } else { "the world" };
@@ -214,7 +216,7 @@ fn limits(recording: &mut Recording, bag: &Bag<'_>) {
     for topic in bag.topics.iter().filter(|topic| topic.is_a("GenericLogData")) {
         recording.limits.push(format!(
             "{} has values without names, which cannot be told apart: log them on the craft's SD card",
-            super::plain_list(&[&topic.table.name])
+            super::common::plain_list(&[&topic.table.name])
         ));
     }
 }

@@ -1,12 +1,13 @@
-//! Motor commands: ROS has no message for them. An array of four numbers on a topic that is named after motors is taken, and which motor is
-//! which is found from how the craft turns.
+//! Motor commands: ROS has no message for them. An array of four numbers on a topic that is named after
+//! motors is taken, and which motor is which is found from how the craft turns.
 //!
-//! Each motor's thrust turns the craft about its front and right axes with its own pair of signs: front-left (+, +), front-right (-, +), rear-right
-//! (-, -), rear-left (+, -). In steady flight these are seen in the controller, which asks less of a motor the faster the craft turns the way that
-//! it turns it: least squares of each command on rates and tilt. In lively flight they are seen in the craft: least squares of the angular
-//! acceleration on the four commands some ten milliseconds before.
+//! Each motor's thrust turns the craft about its front and right axes with its own pair of signs:
+//! front-left (+, +), front-right (-, +), rear-right (-, -), rear-left (+, -). In steady flight these
+//! are seen in the controller, which asks less of a motor the faster the craft turns the way that it
+//! turns it: least squares of each command on rates and tilt. In lively flight they are seen in the
+//! craft: least squares of the angular acceleration on the four commands some ten milliseconds before.
 
-use super::super::series::interpolate;
+use super::super::common::series::interpolate;
 use super::bag::{Bag, Topic};
 use crate::recording::{Recording, Signal};
 
@@ -50,23 +51,31 @@ pub(super) fn commands(recording: &mut Recording, bag: &Bag<'_>, namespace: &str
     let Some((mut signal, note)) = found else {
         let topics: Vec<&str> = bag.topics.iter().map(|topic| topic.table.name.as_str()).collect();
         recording.limits.push(format!(
-            "no motor commands, for which ROS has no message: record a std_msgs/Float32MultiArray of four named .../motors; topics are {}",
-            super::super::plain_list(&topics)
+            "no motor commands, for which ROS has no message: record a std_msgs/Float32MultiArray of four \
+             named .../motors; topics are {}",
+            super::super::common::plain_list(&topics)
         ));
         return;
     };
     recording.notes.extend(note);
-    let source = super::super::plain_list(&[&signal.source]);
-    match recording.signals.rates.as_ref().and_then(|rates| order(&signal, rates, recording.signals.attitude.as_ref())) {
+    let source = super::super::common::plain_list(&[&signal.source]);
+    match recording
+        .signals
+        .rates
+        .as_ref()
+        .and_then(|rates| order(&signal, rates, recording.signals.attitude.as_ref()))
+    {
         Some(order) => {
             let [a, b, c, d] = order;
             signal.values = order.map(|number| std::mem::take(&mut signal.values[number]));
             recording.notes.push(format!(
-                "{source}: front-left, front-right, rear-right, rear-left are elements {a}, {b}, {c}, {d}, by how the craft turns"
+                "{source}: front-left, front-right, rear-right, rear-left are elements {a}, {b}, {c}, {d}, \
+                 by how the craft turns"
             ));
         }
         None => recording.limits.push(format!(
-            "which element of {source} is which motor could not be found: taken as front-left, front-right, rear-right, rear-left"
+            "which element of {source} is which motor could not be found: taken as front-left, front-right, \
+             rear-right, rear-left"
         )),
     }
     recording.limits.push(format!("{source}: ROS does not say the unit of its numbers"));
@@ -104,7 +113,8 @@ fn places(signs: [[bool; 2]; 4]) -> Option<[usize; 4]> {
     Some(order)
 }
 
-/// Whether each motor raises roll and pitch: the controller asks less of it the faster the craft turns that way.
+/// Whether each motor raises roll and pitch: the controller asks less of it the faster the craft turns
+/// that way.
 fn by_feedback(
     motors: &[Vec<f64>; 4],
     [p, q, r]: &[Vec<f64>; 3],
@@ -163,7 +173,8 @@ fn slope(values: &[f64]) -> Vec<f64> {
     (0..values.len()).map(slope).collect()
 }
 
-/// Coefficients of causes, so many rows before, on an effect, and the share of it that they explain; means are left out of both.
+/// Coefficients of causes, so many rows before, on an effect, and the share of it that they explain;
+/// means are left out of both.
 fn fit<const N: usize>(causes: &[Vec<f64>; N], effect: &[f64], lag: usize) -> Option<([f64; N], f64)> {
     let rows = || {
         (lag..effect.len()).filter_map(|k| {
@@ -222,7 +233,8 @@ fn solve<const N: usize>(mut matrix: [[f64; N]; N], mut right: [f64; N]) -> Opti
 mod tests {
     use super::*;
 
-    /// Four commands that change on their own; elements 2, 0, 3, 1 are front-left, front-right, rear-right, rear-left.
+    /// Four commands that change on their own; elements 2, 0, 3, 1 are front-left, front-right,
+    /// rear-right, rear-left.
     #[test]
     fn the_order_is_found_from_how_the_craft_turns() {
         let t: Vec<f64> = (0..4000).map(|k| f64::from(k) * 0.005).collect();

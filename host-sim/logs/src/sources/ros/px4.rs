@@ -1,10 +1,11 @@
-//! PX4's own messages over ROS 2 (package px4_msgs): the topics of its logs under other names, in its own frames and units.
+//! PX4's own messages over ROS 2 (package px4_msgs): the topics of its logs under other names, in its
+//! own frames and units.
 
 use crate::format::Format;
 use crate::log::{Log, Table, TimeUnit};
 
 /// The bag as a log of PX4, if it has its messages.
-pub(super) fn as_px4_log(log: &Log) -> Option<Log> {
+pub(in crate::sources) fn as_px4_log(log: &Log) -> Option<Log> {
     let tables: Vec<Table> = log.tables.iter().filter_map(topic).collect();
     if tables.is_empty() {
         return None;

@@ -10,7 +10,8 @@ pub(super) struct Poses<'a, 'b> {
 }
 
 impl<'a, 'b> Poses<'a, 'b> {
-    /// The craft's is the one beside an inertial sensor or motors, then the one with most messages; a load has it in its name.
+    /// The craft's is the one beside an inertial sensor or motors, then the one with most messages; a
+    /// load has it in its name.
     pub(super) fn of(bag: &'b Bag<'a>) -> Self {
         let is_pose = |topic: &&Topic<'_>| {
             ["pose.position.x", "pose.pose.position.x"].iter().any(|name| topic.table.column(name).is_some())

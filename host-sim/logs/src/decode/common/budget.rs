@@ -2,23 +2,23 @@
 
 /// Bytes that may still be reserved.
 #[derive(Debug)]
-pub(super) struct Budget {
+pub(in crate::decode) struct Budget {
     left: usize,
 }
 
 impl Budget {
     /// What compressed parts of a file of this size may become in all: far more than any real log.
-    pub(super) fn for_decompression(file_bytes: usize) -> Self {
+    pub(in crate::decode) fn for_decompression(file_bytes: usize) -> Self {
         Self { left: file_bytes.saturating_mul(256).saturating_add(64 << 20) }
     }
 
     /// What the columns of a file of this size may take in all.
-    pub(super) fn for_columns(file_bytes: usize) -> Self {
+    pub(in crate::decode) fn for_columns(file_bytes: usize) -> Self {
         Self { left: file_bytes.saturating_mul(64).saturating_add(64 << 20) }
     }
 
     /// Takes some, if that much is left.
-    pub(super) fn take(&mut self, bytes: usize) -> bool {
+    pub(in crate::decode) fn take(&mut self, bytes: usize) -> bool {
         let enough = bytes <= self.left;
         if enough {
             self.left -= bytes;
@@ -27,7 +27,7 @@ impl Budget {
     }
 
     /// What is left.
-    pub(super) fn left(&self) -> usize {
+    pub(in crate::decode) fn left(&self) -> usize {
         self.left
     }
 }

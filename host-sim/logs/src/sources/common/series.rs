@@ -7,17 +7,17 @@ const ABSURD_STEP_S: f64 = 60.0;
 
 /// Rows of a table whose times rise strictly.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Rising {
+pub(in crate::sources) struct Rising {
     /// Times of the rows, s.
-    pub(super) t: Vec<f64>,
+    pub(in crate::sources) t: Vec<f64>,
     rows: Vec<usize>,
     /// Rows that are left out, for their times go back, repeat or are absurd.
-    pub(super) left_out: usize,
+    pub(in crate::sources) left_out: usize,
 }
 
 impl Rising {
     /// Of all times of a table, s.
-    pub(super) fn of(times: &[f64]) -> Self {
+    pub(in crate::sources) fn of(times: &[f64]) -> Self {
         let mut rising = Self::default();
         let mut last = f64::NEG_INFINITY;
         for (row, &time) in times.iter().enumerate() {
@@ -34,7 +34,7 @@ impl Rising {
     }
 
     /// Values of all rows as those of the rows that are kept.
-    pub(super) fn pick(&self, values: &[f64]) -> Vec<f64> {
+    pub(in crate::sources) fn pick(&self, values: &[f64]) -> Vec<f64> {
         if self.left_out == 0 {
             return values.to_vec();
         }
@@ -42,26 +42,30 @@ impl Rising {
     }
 
     /// A signal of columns that are still those of all rows.
-    pub(super) fn signal<const N: usize>(&self, source: &str, values: &[Vec<f64>; N]) -> Signal<N> {
+    pub(in crate::sources) fn signal<const N: usize>(
+        &self,
+        source: &str,
+        values: &[Vec<f64>; N],
+    ) -> Signal<N> {
         let values = values.each_ref().map(|column| self.pick(column));
         Signal { source: source.into(), t: self.t.clone(), values }
     }
 }
 
 /// Forward-left-up to forward-right-down, and the world likewise.
-pub(super) fn flip([x, mut y, mut z]: [Vec<f64>; 3]) -> [Vec<f64>; 3] {
+pub(in crate::sources) fn flip([x, mut y, mut z]: [Vec<f64>; 3]) -> [Vec<f64>; 3] {
     y.iter_mut().chain(&mut z).for_each(|value| *value = -*value);
     [x, y, z]
 }
 
 /// Multiplies all values.
-pub(super) fn scale<const N: usize>(mut values: [Vec<f64>; N], factor: f64) -> [Vec<f64>; N] {
+pub(in crate::sources) fn scale<const N: usize>(mut values: [Vec<f64>; N], factor: f64) -> [Vec<f64>; N] {
     values.iter_mut().flatten().for_each(|value| *value *= factor);
     values
 }
 
 /// Makes quaternions w, x, y, z of unit length and their signs continuous; NaN where they have no length.
-pub(super) fn normalise(quaternions: &mut [Vec<f64>; 4]) {
+pub(in crate::sources) fn normalise(quaternions: &mut [Vec<f64>; 4]) {
     let mut before = [1.0, 0.0, 0.0, 0.0];
     for row in 0..quaternions[0].len() {
         let mut quaternion = at(quaternions, row);
@@ -77,12 +81,12 @@ pub(super) fn normalise(quaternions: &mut [Vec<f64>; 4]) {
 }
 
 /// A row of columns.
-pub(super) fn at<const N: usize>(columns: &[Vec<f64>; N], row: usize) -> [f64; N] {
+pub(in crate::sources) fn at<const N: usize>(columns: &[Vec<f64>; N], row: usize) -> [f64; N] {
     columns.each_ref().map(|column| column.get(row).copied().unwrap_or(f64::NAN))
 }
 
 /// Quaternion w, x, y, z of roll, pitch, yaw (ZYX), rad.
-pub(super) fn from_euler(roll: f64, pitch: f64, yaw: f64) -> [f64; 4] {
+pub(in crate::sources) fn from_euler(roll: f64, pitch: f64, yaw: f64) -> [f64; 4] {
     let ((sr, cr), (sp, cp), (sy, cy)) =
         ((roll / 2.0).sin_cos(), (pitch / 2.0).sin_cos(), (yaw / 2.0).sin_cos());
     [
@@ -94,18 +98,18 @@ pub(super) fn from_euler(roll: f64, pitch: f64, yaw: f64) -> [f64; 4] {
 }
 
 /// Turns a vector from body to inertial axes.
-pub(super) fn rotate([w, x, y, z]: [f64; 4], [a, b, c]: [f64; 3]) -> [f64; 3] {
+pub(in crate::sources) fn rotate([w, x, y, z]: [f64; 4], [a, b, c]: [f64; 3]) -> [f64; 3] {
     let (u, v, s) = (2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a));
     [a + w * u + y * s - z * v, b + w * v + z * u - x * s, c + w * s + x * v - y * u]
 }
 
 /// Turns a vector from inertial to body axes.
-pub(super) fn rotate_back([w, x, y, z]: [f64; 4], vector: [f64; 3]) -> [f64; 3] {
+pub(in crate::sources) fn rotate_back([w, x, y, z]: [f64; 4], vector: [f64; 3]) -> [f64; 3] {
     rotate([w, -x, -y, -z], vector)
 }
 
 /// The row whose time is nearest, if it is within so many seconds.
-pub(super) fn nearest(t: &[f64], time: f64, within_s: f64) -> Option<usize> {
+pub(in crate::sources) fn nearest(t: &[f64], time: f64, within_s: f64) -> Option<usize> {
     let after = t.partition_point(|&t| t < time);
     let row = [after.checked_sub(1), Some(after)]
         .into_iter()
@@ -116,7 +120,7 @@ pub(super) fn nearest(t: &[f64], time: f64, within_s: f64) -> Option<usize> {
 }
 
 /// The value at a time between two rows; NaN outside, and within gaps longer than `longest_s`.
-pub(super) fn interpolate(t: &[f64], values: &[f64], time: f64, longest_s: f64) -> f64 {
+pub(in crate::sources) fn interpolate(t: &[f64], values: &[f64], time: f64, longest_s: f64) -> f64 {
     let after = t.partition_point(|&t| t <= time);
     let Some(before) = after.checked_sub(1) else { return f64::NAN };
     if t[before] == time {
@@ -131,7 +135,7 @@ pub(super) fn interpolate(t: &[f64], values: &[f64], time: f64, longest_s: f64) 
 }
 
 /// Body rates of an attitude, rad/s, in the middle between its rows, with their times.
-pub(super) fn rates_of_attitude(attitude: &Signal<4>) -> (Vec<f64>, [Vec<f64>; 3]) {
+pub(in crate::sources) fn rates_of_attitude(attitude: &Signal<4>) -> (Vec<f64>, [Vec<f64>; 3]) {
     let (mut times, mut rates) = (Vec::new(), [const { Vec::new() }; 3]);
     for (row, pair) in attitude.t.windows(2).enumerate() {
         let step = pair[1] - pair[0];

@@ -1,4 +1,5 @@
-//! Sentences about damage, a handful and a count of the rest; and other people's code that may panic on damage.
+//! Sentences about damage, a handful and a count of the rest; and other people's code that may panic on
+//! damage.
 
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -11,14 +12,14 @@ const LONGEST: usize = 300;
 
 /// Damage found in a log.
 #[derive(Debug, Default)]
-pub(super) struct Faults {
+pub(in crate::decode) struct Faults {
     sentences: Vec<String>,
     more: usize,
 }
 
 impl Faults {
     /// Adds a sentence, without control characters.
-    pub(super) fn say(&mut self, sentence: impl AsRef<str>) {
+    pub(in crate::decode) fn say(&mut self, sentence: impl AsRef<str>) {
         if self.sentences.len() < KEPT {
             let plain = sentence.as_ref().chars().map(|c| if c.is_control() { '?' } else { c });
             self.sentences.push(plain.take(LONGEST).collect());
@@ -28,7 +29,7 @@ impl Faults {
     }
 
     /// The sentences, the last of which counts what is not said.
-    pub(super) fn into_sentences(mut self) -> Vec<String> {
+    pub(in crate::decode) fn into_sentences(mut self) -> Vec<String> {
         if self.more > 0 {
             self.sentences.push(format!("and {} more places are damaged", self.more));
         }
@@ -41,7 +42,7 @@ thread_local! {
 }
 
 /// Runs somebody else's decoder, which may panic on damage: nothing then, and nothing is printed.
-pub(super) fn guarded<T>(decode: impl FnOnce() -> T) -> Option<T> {
+pub(in crate::decode) fn guarded<T>(decode: impl FnOnce() -> T) -> Option<T> {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {
         let before = std::panic::take_hook();

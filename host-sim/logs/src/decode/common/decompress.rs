@@ -7,7 +7,7 @@ use super::faults::guarded;
 
 /// How a part is compressed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Compression {
+pub(in crate::decode) enum Compression {
     Bzip2,
     Lz4,
     Zstandard,
@@ -15,14 +15,14 @@ pub(super) enum Compression {
 
 /// What came of a part.
 #[derive(Debug)]
-pub(super) struct Decompressed {
-    pub(super) bytes: Vec<u8>,
+pub(in crate::decode) struct Decompressed {
+    pub(in crate::decode) bytes: Vec<u8>,
     /// Whether all of it is there.
-    pub(super) whole: bool,
+    pub(in crate::decode) whole: bool,
 }
 
 /// Decompresses a part, to no more than `most` bytes and no more than the budget has.
-pub(super) fn decompress(
+pub(in crate::decode) fn decompress(
     compressed: &[u8],
     compression: Compression,
     most: usize,
@@ -42,7 +42,8 @@ pub(super) fn decompress(
 
 /// Reads up to `most` bytes; whether it came to the end without an error.
 fn read(mut decoder: impl Read, most: usize, bytes: &mut Vec<u8>) -> bool {
-    // One more byte than allowed tells whether there is more. What was read before an error stays in `bytes`.
+    // One more byte than allowed tells whether there is more. What was read before an error stays in
+    // `bytes`.
     let whole = decoder.by_ref().take(most as u64 + 1).read_to_end(bytes).is_ok() && bytes.len() <= most;
     bytes.truncate(most);
     whole
