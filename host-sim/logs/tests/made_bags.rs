@@ -193,8 +193,79 @@ fn quadlabs_own_recording_is_sent_to_its_flights() {
     assert!(message.contains("quadlab ground --recover"), "{message}");
 }
 
+/// A record of a ROS 1 bag.
+fn ros1_record(fields: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
+    let counted = |bytes: &[u8]| [&(bytes.len() as u32).to_le_bytes()[..], bytes].concat();
+    let field = |(name, value): &(&str, &[u8])| counted(&[name.as_bytes(), b"=", value].concat());
+    let header: Vec<u8> = fields.iter().flat_map(field).collect();
+    [counted(&header), counted(data)].concat()
+}
+
+/// A ROS 1 bag that was not closed, of chunks with ten messages: `uint16 number`, `time[2] times`, `Pair[] pairs`.
+fn ros1(compression: &str) -> Vec<u8> {
+    let definition = "uint16 number\ntime[2] times\nPair[] pairs\nduration late\n\
+        ================================================================================\nMSG: own_msgs/Pair\nint8 A=3\nint8 a\nfloat32 b\n";
+    let mut bag = b"#ROSBAG V2.0\n".to_vec();
+    bag.extend(ros1_record(&[("op", &[3]), ("index_pos", &[0; 8])], &[b' '; 100]));
+    for chunk in 0..10_u16 {
+        let mut records = Vec::new();
+        if chunk == 0 {
+            let text = |name: &str, value: &str| ros1_record(&[(name, value.as_bytes())], &[]);
+            let mut data = Vec::new();
+            for (name, value) in [("message_definition", definition), ("type", "own_msgs/Own")] {
+                let record = text(name, value);
+                data.extend(&record[4..record.len() - 4]);
+            }
+            let fields: [(&str, &[u8]); 3] = [("op", &[7]), ("conn", &[5, 0, 0, 0]), ("topic", b"/own")];
+            records.extend(ros1_record(&fields, &data));
+        }
+        for number in chunk * 10..chunk * 10 + 10 {
+            let mut data = number.to_le_bytes().to_vec();
+            data.extend([1, 0, 0, 0, 5, 0, 0, 0, 0xff, 0xff, 0xff, 0xff, 0, 0, 0, 0]);
+            data.extend(u32::from(number % 2).to_le_bytes());
+            (0..number % 2).for_each(|_| data.extend([0xfe, 0, 0, 0x80, 0x3f]));
+            data.extend([0xff, 0xff, 0xff, 0xff, 0, 0, 0, 0]);
+            let time = [u32::from(number).to_le_bytes(), 7_u32.to_le_bytes()].concat();
+            records.extend(ros1_record(&[("conn", &[5, 0, 0, 0]), ("op", &[2]), ("time", &time)], &data));
+        }
+        let size = (records.len() as u32).to_le_bytes();
+        let data = if compression == "lz4" {
+            let mut encoder = lz4_flex::frame::FrameEncoder::new(Vec::new());
+            std::io::Write::write_all(&mut encoder, &records).unwrap();
+            encoder.finish().unwrap()
+        } else {
+            records
+        };
+        let fields: [(&str, &[u8]); 3] =
+            [("compression", compression.as_bytes()), ("op", &[5]), ("size", &size)];
+        bag.extend(ros1_record(&fields, &data));
+    }
+    bag
+}
+
+#[test]
+fn ros1_messages_of_many_kinds() {
+    for compression in ["none", "lz4"] {
+        let log = read(&ros1(compression));
+        assert_eq!(log.losses.damage, Vec::<String>::new());
+        let own = log.table("/own").unwrap();
+        assert_eq!((own.rows, own.times[99]), (100, 99_000_000_007));
+        assert!(matches!(own.column("number"), Some(Values::U16(numbers)) if numbers[99] == 99));
+        assert!(matches!(own.column("times[0]"), Some(Values::I64(times)) if times[0] == 1_000_000_005));
+        assert!(
+            matches!(own.column("times[1]"), Some(Values::I64(times)) if times[0] == 4_294_967_295_000_000_000)
+        );
+        assert!(matches!(own.column("late"), Some(Values::I64(late)) if late[0] == -1_000_000_000));
+        let (a, b) = (own.column("pairs[0].a").unwrap().to_f64(), own.column("pairs[0].b").unwrap().to_f64());
+        assert!(a[0].is_nan() && a[1] == -2.0 && b[2].is_nan() && b[3] == 1.0);
+        assert_eq!(own.columns.len(), 6);
+    }
+}
+
 #[test]
 fn damaged_bags_do_no_harm() {
+    survives("made.bag", &ros1("none"), 1500);
+    survives("made-lz4.bag", &ros1("lz4"), 1500);
     survives("made.mcap", &recording(None), 1500);
     survives("made-zstd.mcap", &recording(Some(Compression::Zstd)), 1500);
     survives("made.db3", &sqlite(false), 1500);

@@ -227,6 +227,23 @@ mod tests {
         assert_eq!(log.table("seldom").unwrap().column("b.z").unwrap().to_f64(), [0.0, 5.0]);
     }
 
+    /// Version 1 has milliseconds in four bytes.
+    #[test]
+    fn version_1() {
+        let mut bytes = b"\xbc\x01\x00\x01\x00\xff\xfffixed\0\x01\x00a.x(h)\0".to_vec();
+        for k in 0..60_i16 {
+            bytes.extend(0xffff_u16.to_le_bytes());
+            bytes.extend((i32::from(k) * 10).to_le_bytes());
+            bytes.extend((-k).to_le_bytes());
+        }
+        bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
+        let log = decode(&bytes, Path::new("log")).unwrap();
+        let fixed = log.table("fixed").unwrap();
+        assert_eq!((fixed.rows, fixed.times[59], fixed.time_unit), (60, 590, TimeUnit::Milliseconds));
+        assert_eq!(fixed.column("a.x").unwrap().to_f64()[59], -59.0);
+        assert_eq!(log.losses.damage, Vec::<String>::new());
+    }
+
     #[test]
     fn rows_behind_damage_are_found() {
         let mut bytes = log(100);

@@ -66,3 +66,60 @@ fn likeness(rates: &Signal<3>, attitude: &Signal<4>) -> Option<f64> {
     }
     (own > 0.0 && other > 0.0).then(|| both / (own * other).sqrt())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::format::Format;
+    use crate::log::{Column, Log, Table, TimeUnit, Values};
+
+    /// A craft that pitches by a sine of 0.2 rad, with a pitch rate of either sign, nose down as the frames of the firmware have it.
+    fn log(sign: f64, with_attitude: bool) -> Log {
+        let t = |k: u32| f64::from(k) * 0.01;
+        let column = |name: &str, value: &dyn Fn(f64) -> f64| Column {
+            name: name.into(),
+            values: Values::F64((0..500).map(|k| value(t(k))).collect()),
+        };
+        let mut columns = vec![
+            column("stateEstimateZ.rateRoll", &|_| 1.0),
+            column("stateEstimateZ.ratePitch", &|t| sign * 1000.0 * 0.6 * (3.0 * t).cos()),
+            column("stateEstimateZ.rateYaw", &|_| 2.0),
+        ];
+        if with_attitude {
+            columns.push(column("ctrlLee.rpyx", &|_| 0.0));
+            columns.push(column("ctrlLee.rpyy", &|t| 0.2 * (3.0 * t).sin()));
+            columns.push(column("ctrlLee.rpyz", &|_| 0.0));
+        }
+        let mut log = Log::new(Format::Crazyflie);
+        log.tables.push(Table {
+            name: "fixedFrequency".into(),
+            message_type: None,
+            time_unit: TimeUnit::Milliseconds,
+            times: (0..500).map(|k| k * 10).collect(),
+            rows: 500,
+            columns,
+        });
+        log
+    }
+
+    fn pitch_rate(log: &Log) -> (f64, Vec<String>) {
+        let mut notes = Vec::new();
+        let tables = Tables::of(log, &mut notes);
+        let attitude = super::super::attitude::attitude(&tables);
+        let rates = rates(&tables, attitude.as_ref(), &mut notes).unwrap();
+        assert_eq!((rates.values[0][3], rates.values[2][3]), (0.001, -0.002));
+        (rates.values[1][0], notes)
+    }
+
+    /// Nose down is a negative rate here, whichever sign the log has.
+    #[test]
+    fn the_attitude_tells_the_sign_of_pitch() {
+        for sign in [1.0, -1.0] {
+            let (q, notes) = pitch_rate(&log(sign, true));
+            assert!((q + 0.6).abs() < 1e-12, "{q}");
+            assert!(notes[0].contains("by the attitude"), "{notes:?}");
+        }
+        let (q, notes) = pitch_rate(&log(1.0, false));
+        assert!((q - 0.6).abs() < 1e-12 && notes[0].contains("nose up, as firmware"), "{notes:?}");
+    }
+}
