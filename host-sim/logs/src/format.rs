@@ -44,5 +44,26 @@ impl Format {
             .find(|(magic, _)| bytes.starts_with(magic))
             .map(|(_, format)| *format)
             .or_else(|| memchr::memmem::find(head, b"H Product:Blackbox").map(|_| Self::Blackbox))
+            .or_else(|| crazyflie_before_magic(head).then_some(Self::Crazyflie))
     }
+}
+
+/// Whether bytes are of a Crazyflie log from before its magic number: the number of variables, then
+/// that many `group.name(t),` as far as the bytes go.
+pub(crate) fn crazyflie_before_magic(bytes: &[u8]) -> bool {
+    const LONGEST: usize = 64;
+    let Some((&count, mut rest)) = bytes.split_first() else { return false };
+    for variable in 0..count {
+        let Some(end) = memchr::memchr(b',', &rest[..rest.len().min(LONGEST)]) else {
+            // Only the last variable that is there may be cut off.
+            return variable > 0 && rest.len() < LONGEST;
+        };
+        let [name @ .., b'(', letter, b')'] = &rest[..end] else { return false };
+        let plain = |c: &u8| c.is_ascii_alphanumeric() || matches!(c, b'_' | b'.');
+        if name.is_empty() || !name.iter().all(plain) || !letter.is_ascii_alphabetic() {
+            return false;
+        }
+        rest = &rest[end + 1..];
+    }
+    count > 0
 }

@@ -1,8 +1,9 @@
 //! Which folder of a crate may use which: the levels inside a crate.
 //!
-//! `.` stands for the files beside the crate's root file; what the root re-exports is no arrow. One of those files can
-//! have a row of its own, by its name: what all folders stand on lies beside what joins them. A crate whose files all lie
-//! side by side needs no row. A folder inside a folder is one of its own.
+//! `.` stands for the files beside the crate's root file; what the root re-exports is no arrow. One of
+//! those files can have a row of its own, by its name: what all folders stand on lies beside what joins
+//! them. A crate whose files all lie side by side needs no row. A folder inside a folder is one of its
+//! own.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -129,11 +130,64 @@ const FOLDERS: &[Folder] = &[
     row("logs", "error.rs", &[], "why a log is refused does not depend on who refuses it"),
     row("logs", "log.rs", &["format.rs"], "tables are what every format comes to"),
     row("logs", "recording.rs", &[], "quantities do not know which log they are from"),
-    row("logs", "decode", &["format.rs", "error.rs", "log.rs"], "decoding interprets nothing"),
+    row("logs", "decode/common", &[], "bytes are read and damage is told the same way in every format"),
+    row(
+        "logs",
+        "decode/crazyflie",
+        &["decode/common", "format.rs", "error.rs", "log.rs"],
+        "a format is decoded without knowing the others",
+    ),
+    row(
+        "logs",
+        "decode/parquet",
+        &["decode/common", "format.rs", "error.rs", "log.rs"],
+        "a format is decoded without knowing the others",
+    ),
+    row(
+        "logs",
+        "decode/ros_messages",
+        &["decode/common", "log.rs"],
+        "messages are the same in all kinds of bags",
+    ),
+    row(
+        "logs",
+        "decode",
+        &[
+            "decode/common",
+            "decode/crazyflie",
+            "decode/parquet",
+            "decode/ros_messages",
+            "format.rs",
+            "error.rs",
+            "log.rs",
+        ],
+        "decoding interprets nothing",
+    ),
+    row("logs", "sources/common", &["recording.rs"], "times and rotations are the same for every program"),
+    row(
+        "logs",
+        "sources/crazyflie",
+        &["sources/common", "format.rs", "error.rs", "log.rs", "recording.rs"],
+        "a program's tables are understood without knowing the others",
+    ),
+    row(
+        "logs",
+        "sources/ros",
+        &["sources/common", "format.rs", "error.rs", "log.rs", "recording.rs"],
+        "a program's tables are understood without knowing the others",
+    ),
     row(
         "logs",
         "sources",
-        &["format.rs", "error.rs", "log.rs", "recording.rs"],
+        &[
+            "sources/common",
+            "sources/crazyflie",
+            "sources/ros",
+            "format.rs",
+            "error.rs",
+            "log.rs",
+            "recording.rs",
+        ],
         "which table is which quantity depends on the program, not on the bytes of its log",
     ),
     row("logs", "conversion", &["error.rs", "recording.rs"], "flights are cut from quantities, whichever program logged them"),
@@ -204,7 +258,8 @@ const FOLDERS: &[Folder] = &[
 
 const TABLE: &str = "xtask/src/checks/folders.rs";
 
-/// Arrows between folders that the table does not allow, folders that it lacks, and rows that stand for nothing.
+/// Arrows between folders that the table does not allow, folders that it lacks, and rows that stand for
+/// nothing.
 pub(crate) fn violations(crates: &[Crate]) -> Vec<Violation> {
     against(FOLDERS, crates)
 }

@@ -1,10 +1,12 @@
 //! Files into tables, one module a format.
 
 mod blackbox;
+mod common;
 mod crazyflie;
 mod dataflash;
 mod mcap;
 mod parquet;
+mod ros_messages;
 mod rosbag1;
 mod rosbag2;
 mod ulog;

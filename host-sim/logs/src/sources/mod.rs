@@ -4,6 +4,7 @@
 mod ardupilot;
 mod attitude;
 mod blackbox;
+mod common;
 mod crazyflie;
 mod px4;
 mod ros;
@@ -25,6 +26,10 @@ pub fn record(log: &Log, path: &Path) -> Result<Vec<Recording>, LogError> {
         Format::Dataflash => one(ardupilot::record(log, path)),
         Format::Blackbox => blackbox::record(log, path),
         Format::Crazyflie | Format::Parquet | Format::Csv => one(crazyflie::record(log, path)),
-        Format::Rosbag1 | Format::Rosbag2 | Format::Mcap => one(ros::record(log, path)),
+        // PX4's own messages over ROS 2 are the topics of its logs.
+        Format::Rosbag1 | Format::Rosbag2 | Format::Mcap => match ros::as_px4_log(log) {
+            Some(log) => one(px4::record(&log, path)),
+            None => one(ros::record(log, path)),
+        },
     }
 }

@@ -1,10 +1,8 @@
 //! Betaflight logs: what the format's own decoder (blackbox_decode) finds in them, and what the craft did.
 
-mod common;
-
 use std::path::Path;
 
-use common::{damage, motion};
+use crate::common::{damage, motion};
 use logs::{Log, Recording, decode, record};
 use proptest::prelude::*;
 use serde_json::Value;
@@ -14,7 +12,7 @@ const FILES: [&str; 4] =
 
 /// A log of the shared data and what its own decoder finds in it.
 fn log_and_expected(name: &str) -> Option<(Log, Value)> {
-    let path = common::shared(&format!("data/logs/{name}"))?;
+    let path = crate::common::shared(&format!("data/logs/{name}"))?;
     let text = std::fs::read_to_string(path.with_file_name("expected.json")).expect("expected.json");
     let expected: Value = serde_json::from_str(&text).expect("JSON");
     let bytes = std::fs::read(&path).expect("a log");
@@ -296,7 +294,7 @@ fn what_is_no_quadcopter_or_empty_is_refused() {
 /// What lies before and after a damage stays, however long it is.
 #[test]
 fn rows_on_both_sides_of_a_damage_stay() {
-    let Some(path) = common::shared("data/logs/betaflight_44_logs.bbl") else { return };
+    let Some(path) = crate::common::shared("data/logs/betaflight_44_logs.bbl") else { return };
     let whole = std::fs::read(&path).expect("a log");
     let rows = |bytes: &[u8]| {
         let log = decode(bytes, &path).expect("a log");
@@ -331,7 +329,7 @@ proptest! {
     #[test]
     fn damaged_real_logs_neither_panic_nor_fill_the_memory(changes in damage::changes(), short in any::<bool>()) {
         static REAL: std::sync::OnceLock<[Option<Vec<u8>>; 2]> = std::sync::OnceLock::new();
-        let read = |index: usize| common::shared(&format!("data/logs/{}", FILES[index])).map(|path| std::fs::read(path).expect("a log"));
+        let read = |index: usize| crate::common::shared(&format!("data/logs/{}", FILES[index])).map(|path| std::fs::read(path).expect("a log"));
         if let Some(mut bytes) = REAL.get_or_init(|| [read(3), read(2)])[usize::from(short)].clone() {
             changes.iter().for_each(|change| change.apply(&mut bytes));
             damage::survives(&bytes);

@@ -1,10 +1,8 @@
 //! ArduPilot logs: what pymavlink finds in them, and what the craft did.
 
-mod common;
-
 use std::path::Path;
 
-use common::{damage, motion};
+use crate::common::{damage, motion};
 use logs::{Log, Recording, decode, record};
 use proptest::prelude::*;
 use serde_json::Value;
@@ -18,7 +16,7 @@ const FILES: [&str; 4] = [
 
 /// A log of the shared data and what its own decoder finds in it.
 fn log_and_expected(name: &str) -> Option<(Log, Value)> {
-    let path = common::shared(&format!("data/logs/{name}"))?;
+    let path = crate::common::shared(&format!("data/logs/{name}"))?;
     let text = std::fs::read_to_string(path.with_file_name("expected.json")).expect("expected.json");
     let expected: Value = serde_json::from_str(&text).expect("JSON");
     let bytes = std::fs::read(&path).expect("a log");
@@ -465,7 +463,7 @@ fn an_old_log_in_milliseconds() {
 /// What lies before and after a damage stays.
 #[test]
 fn rows_on_both_sides_of_a_damage_stay() {
-    let Some(path) = common::shared("data/logs/ardupilot_copter36_b.bin") else { return };
+    let Some(path) = crate::common::shared("data/logs/ardupilot_copter36_b.bin") else { return };
     let whole = std::fs::read(&path).expect("a log");
     let rows = |bytes: &[u8]| {
         let log = decode(bytes, &path).expect("a log");
@@ -503,7 +501,7 @@ proptest! {
     #[test]
     fn damaged_real_logs_neither_panic_nor_fill_the_memory(changes in damage::changes(), plane in any::<bool>()) {
         static REAL: std::sync::OnceLock<[Option<Vec<u8>>; 2]> = std::sync::OnceLock::new();
-        let read = |index: usize| common::shared(&format!("data/logs/{}", FILES[index])).map(|path| std::fs::read(path).expect("a log"));
+        let read = |index: usize| crate::common::shared(&format!("data/logs/{}", FILES[index])).map(|path| std::fs::read(path).expect("a log"));
         if let Some(mut bytes) = REAL.get_or_init(|| [read(1), read(3)])[usize::from(plane)].clone() {
             changes.iter().for_each(|change| change.apply(&mut bytes));
             damage::survives(&bytes);

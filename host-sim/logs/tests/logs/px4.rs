@@ -1,13 +1,11 @@
 //! PX4 logs: what pyulog finds in them, what a reference conversion makes of them, and damaged ones.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 
 use logs::{Log, LogError, Recording, Signal, Table, Values};
 use proptest::prelude::*;
 
-use common::shared;
+use crate::common::{recorded, shared};
 
 const SYNC: [u8; 8] = [0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12];
 
@@ -29,11 +27,6 @@ fn decoded(path: &Path) -> Log {
 fn named(name: &str) -> Option<(Log, PathBuf)> {
     let path = shared(&format!("data/logs/{name}"))?;
     Some((decoded(&path), path))
-}
-
-/// The only recording of a log.
-fn recorded(log: &Log, path: &Path) -> Result<Recording, LogError> {
-    logs::record(log, path).map(|mut all| all.remove(0))
 }
 
 #[test]
