@@ -125,8 +125,8 @@ impl LoadedFlight {
         let path = log.with_file_name(&cut.name);
         let sha256 = sha256(cut.to_csv().as_bytes());
         let mut flight = cut.clone();
-        flight.complete(&path)?;
-        flight.check_against(vehicle, &path)?;
+        flight.complete(log)?;
+        flight.check_against(vehicle, log)?;
         Self::examined(&flight, vehicle, &reading.parts(Some(&path))?, path, sha256)
     }
 
