@@ -20,7 +20,9 @@ use sysid::prepare::Prepared;
 use crate::conclusion::conclude;
 use crate::criteria::Left;
 use crate::finding::Diagnosis;
+use crate::held_out::Validated;
 use crate::noise;
+use crate::not_logged::without_sides;
 use crate::observer::{Observer, Progress};
 use crate::options::Options;
 use crate::ranking::{confounded, ranked};
@@ -50,16 +52,18 @@ pub fn diagnose_with(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Diagnosis, SearchError> {
-    let candidates = options.candidates_by(model, &[train, validate].concat());
+    let flights = [train, validate].concat();
+    let candidates = options.candidates_by(model, &flights);
     let search = Search::new(model, candidates, train, validate, observer)?;
     let mut chosen = search.choose()?;
     let confounded = confounded(&search, &chosen)?;
     observer.progress(Progress { activity: "testing what is left", steps: None });
-    let noise_before = noise::excess(validate, &search.base.held_out);
-    let unexplained = loop {
+    let excess = |of: &Validated| noise::excess(validate, &of.held_out, Some(&of.fit.model));
+    let noise_before = excess(&search.base);
+    let mut unexplained = loop {
         let rest = chosen.validated.as_ref().unwrap_or(&search.base);
         let Structure { mut unexplained, answers_late } = structure(rest, train, validate);
-        let noise_after = noise::excess(validate, &rest.held_out);
+        let noise_after = excess(rest);
         unexplained.extend(above_noise(&noise_after, rest, validate));
         let incomplete = incomplete(&noise_before, &noise_after);
         let left = Left { unexplained: &unexplained, incomplete, answers_late };
@@ -68,6 +72,7 @@ pub fn diagnose_with(
         }
         search.refit(&mut chosen)?;
     };
+    without_sides(&mut unexplained, &flights);
     let effects = ranked(&search, chosen.findings, &confounded)?;
     let rest = chosen.validated.as_ref().unwrap_or(&search.base);
     let refused = model.fit.as_ref().map_or(&[][..], |fit| &fit.rotation_refused);

@@ -21,6 +21,7 @@ mod finding;
 mod held_out;
 mod mending;
 mod noise;
+mod not_logged;
 mod observer;
 mod onset;
 mod options;

@@ -34,7 +34,8 @@ pub(crate) fn mending(
     let turns = |effect: &Effect| {
         effect.info().axes.iter().any(|axis| !axis.is_force()) && effect.starts().is_empty()
     };
-    let candidates: Vec<Effect> = options.candidates(model).into_iter().filter(turns).collect();
+    let flown = options.candidates_by(model, &[train, validate].concat());
+    let candidates: Vec<Effect> = flown.into_iter().filter(turns).collect();
     let mut steps = Steps::new(observer, candidates.len());
     let mut best: Option<(f64, Effect)> = None;
     for effect in candidates.iter().copied() {

@@ -7,11 +7,16 @@
 //!
 //! Samples that were filled in (`prepare.rs`) have no noise of their own, and those at lost rows another: neither counts.
 //!
+//! Rotor speeds that were measured bring in their noise as well: what the model makes of it is found by shaking them once more by
+//! as much.
+//!
 //! Logs of an estimator instead of sensors have no white noise to go by; their channels fail the test for whiteness
 //! (the autocorrelation of fourth differences is known, and so is what they do over every other sample), and nothing is
 //! said.
 
 use std::f64::consts::TAU;
+
+use model::Model;
 
 use crate::reason::Dependence;
 use sysid::Residuals;
@@ -61,14 +66,33 @@ fn floor(flight: &Prepared, (channels, gain): (Channels, f64)) -> [f64; 3] {
     })
 }
 
-/// Whether the noise of three channels is white, over all flights: the autocorrelation of fourth differences, and their
-/// variance over every other sample.
-fn is_white(flights: &[&Prepared], channels: impl Fn(&Prepared) -> (Channels, f64)) -> bool {
+/// A signal, and which of its samples were measured.
+type Signal<'a> = (&'a [f64], &'a [bool]);
+
+/// Signals of three channels, over all flights.
+fn signals<'a>(
+    flights: &'a [&'a Prepared],
+    channels: impl Fn(&Prepared) -> (Channels, f64),
+) -> Vec<Signal<'a>> {
+    let of_stretch = |channels: Channels, s: &'a Stretch| {
+        channels(s).each_ref().map(|signal| (signal.as_slice(), s.measured.as_slice()))
+    };
+    let of_flight = |f: &&'a Prepared| f.stretches.iter().flat_map(|s| of_stretch(channels(f).0, s)).collect::<Vec<_>>();
+    flights.iter().flat_map(of_flight).collect()
+}
+
+/// Measured rotor speeds of a flight, if there are any.
+fn rotor_signals(flight: &Prepared) -> impl Iterator<Item = Signal<'_>> {
+    flight.stretches.iter().flat_map(|s| {
+        s.logged_rotor_rad_s.iter().flatten().map(|signal| (signal.as_slice(), s.measured.as_slice()))
+    })
+}
+
+/// Whether the noise of signals is white: the autocorrelation of fourth differences, and their variance over every other sample.
+fn is_white(signals: &[Signal<'_>]) -> bool {
     let all = |step: usize| -> Vec<Vec<f64>> {
-        let each = flights.iter().flat_map(|f| {
-            f.stretches.iter().flat_map(|s| (channels(f).0)(s).iter().map(|signal| (signal, &s.measured)))
-        });
         // Channels of unequal noise weigh the same.
+        let each = signals.iter();
         each.map(|(signal, measured)| {
             let differences = fourth_differences(signal, measured, step);
             let scale = variance(std::slice::from_ref(&fourth_differences(signal, measured, 1))).sqrt();
@@ -124,10 +148,55 @@ fn self_convolution(taps: &[f64]) -> Vec<f64> {
     result
 }
 
+/// What the noise of measured rotor speeds, if white, leaves in a row of each axis of what a model predicts of a flight: what the
+/// prediction changes by when as much is added to them.
+fn rotor_floor(flight: &Prepared, model: &Model) -> [f64; 6] {
+    let signals: Vec<Signal<'_>> = rotor_signals(flight).collect();
+    if signals.is_empty() || !is_white(&signals) {
+        return [0.0; 6];
+    }
+    let mut shaken = flight.clone();
+    let mut random = SHAKING;
+    for rotor in 0..4 {
+        let of_rotor = |s: &Stretch| {
+            let signal = s.logged_rotor_rad_s.as_ref().map(|all| &all[rotor]);
+            signal.map_or_else(Vec::new, |signal| fourth_differences(signal, &s.measured, 1))
+        };
+        let differences: Vec<Vec<f64>> = flight.stretches.iter().map(of_rotor).collect();
+        let deviation = variance(&differences).sqrt();
+        let speeds = shaken.stretches.iter_mut().filter_map(|s| s.logged_rotor_rad_s.as_mut());
+        for speed in speeds.flat_map(|all| &mut all[rotor]) {
+            *speed += if coin(&mut random) { deviation } else { -deviation };
+        }
+    }
+    let (still, shaken) = (sysid::residuals(flight, model), sysid::residuals(&shaken, model));
+    std::array::from_fn(|axis| {
+        let pairs = still.residual[axis].iter().zip(&shaken.residual[axis]);
+        let squares: f64 = pairs.map(|(a, b)| (a - b) * (a - b)).sum();
+        squares / still.residual[axis].len().max(1) as f64
+    })
+}
+
+/// Where the coins of the shaking begin.
+const SHAKING: u64 = 0x9E37_79B9_7F4A_7C15;
+
+/// Heads or tails, by Marsaglia's xorshift (Journal of Statistical Software 8(14), 2003).
+fn coin(state: &mut u64) -> bool {
+    *state ^= *state << 13;
+    *state ^= *state >> 7;
+    *state ^= *state << 17;
+    *state >> 63 == 1
+}
+
 /// Ratio of the residual's variance to what the sensors' noise explains, for each axis over several flights; nothing
-/// where the noise is not white.
-pub(crate) fn excess(flights: &[&Prepared], residuals: &[Residuals]) -> [Option<f64>; 6] {
-    let (force, turning) = (is_white(flights, force_channels), is_white(flights, gyro_channels));
+/// where the noise is not white. Residuals of a `model` have the noise of measured rotor speeds in them.
+pub(crate) fn excess(
+    flights: &[&Prepared],
+    residuals: &[Residuals],
+    model: Option<&Model>,
+) -> [Option<f64>; 6] {
+    let (force, turning) =
+        (is_white(&signals(flights, force_channels)), is_white(&signals(flights, gyro_channels)));
     let (mut found, mut expected) = ([0.0; 6], [0.0; 6]);
     for (flight, residual) in flights.iter().zip(residuals) {
         let mut noise = floor(flight, force_channels(flight));
@@ -136,7 +205,9 @@ pub(crate) fn excess(flights: &[&Prepared], residuals: &[Residuals]) -> [Option<
             noise = [noise.iter().sum::<f64>() / 3.0; 3];
         }
         let noise = noise.into_iter().chain(floor(flight, gyro_channels(flight)));
+        let of_rotors = model.map_or([0.0; 6], |model| rotor_floor(flight, model));
         for (axis, noise) in noise.enumerate() {
+            let noise = noise + of_rotors[axis];
             found[axis] += residual.residual[axis].iter().map(|e| e * e).sum::<f64>();
             expected[axis] += noise * flight.rows() as f64;
         }

@@ -12,6 +12,7 @@ use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 use crate::criteria::{LATE_PERCENT, PAST_PERCENT, STRUCTURE_PERCENT, STRUCTURE_SIGNIFICANCE};
 use crate::finding::Unexplained;
 use crate::held_out::Validated;
+use crate::not_logged::lack_position;
 use crate::reason::Dependence;
 use crate::significance::block_sums;
 use sysid::prepare::Prepared;
@@ -56,6 +57,9 @@ pub(crate) fn structure_of(
     let tests = ((quantities + 1) * 6) as f64;
     let mut found = Vec::new();
     let (mut late, mut late_percent, mut is_late) = (Blocks::default(), 0.0, false);
+    // A drag that nobody knows answers late, too.
+    let is_known = |axis: &Axis| !axis.is_force() || !lack_position(&[train, validate].concat());
+    let of_thrust: Vec<Axis> = OF_THRUST.into_iter().filter(is_known).collect();
     for axis in model::AXES {
         let held = Held::new(axis, validate, tested);
         let training = || fitted.iter().flat_map(|r| r.residual[axis.index()].iter().copied());
@@ -81,10 +85,10 @@ pub(crate) fn structure_of(
             let share_percent = held.share_percent(gain, constant);
             let alone =
                 held.depends_on(Dependence::Past, share_percent, PAST_PERCENT, 6.0 * blocks.p_value());
-            is_late |= alone.is_some();
+            is_late |= alone.is_some() && is_known(&axis);
             found.extend(alone);
-            if OF_THRUST.contains(&axis) {
-                late_percent += share_percent / OF_THRUST.len() as f64;
+            if of_thrust.contains(&axis) {
+                late_percent += share_percent / of_thrust.len() as f64;
                 late.extend_by(&blocks, 1.0 / held.total.max(f64::MIN_POSITIVE));
             }
         }

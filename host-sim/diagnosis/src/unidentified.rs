@@ -162,7 +162,7 @@ fn worse_than_a_mean(
     if worse.is_empty() {
         return Vec::new();
     }
-    let motion = noise::excess(validate, &about_mean(held_out));
+    let motion = noise::excess(validate, &about_mean(held_out), None);
     let reason = |axis: Axis| match motion[axis.index()] {
         Some(ratio) if ratio < ABOVE_NOISE => not_excited(axis, ratio),
         _ => no_better(axis, errors[axis].r2),

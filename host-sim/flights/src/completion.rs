@@ -8,6 +8,7 @@
 //! | `vbat` | a constant |
 //! | `x, y, z` or `x, y` | a point that stays where it is, if there is an accelerometer |
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use model::frames;
@@ -89,6 +90,19 @@ impl Flight {
     /// What stands in for columns that were not logged.
     pub fn stand_ins(&self) -> &[StandIn] {
         &self.stand_ins
+    }
+
+    /// The flight with all columns that a model is fitted to; as it is, where it has them.
+    pub fn completed(&self, path: &Path) -> Result<Cow<'_, Self>, FlightError> {
+        let groups = [&ANGLES[..], &RATES, &COMMANDS, &[Column::Vbat], StandIn::NoPosition.columns()];
+        let is_there = |column: &Column| self.column(*column).is_some();
+        let has_values = |values: &Vec<f64>| values.iter().any(|v| !v.is_nan());
+        if groups.into_iter().flatten().all(is_there) && self.columns.iter().flatten().all(has_values) {
+            return Ok(Cow::Borrowed(self));
+        }
+        let mut flight = self.clone();
+        flight.complete(path)?;
+        Ok(Cow::Owned(flight))
     }
 
     /// Gives the flight all columns that a model is fitted to, from those that were logged; `path` is for messages. A column

@@ -48,6 +48,8 @@ pub struct Body {
     pub link: [Vector3<f64>; 2],
     /// Terminal voltage, V.
     pub battery_v: f64,
+    /// What an accelerometer at the centre of mass feels, body, m/s^2: the mean over the last step.
+    pub specific_force_m_s2: Vector3<f64>,
     inverse_inertia: Matrix3<f64>,
     gust_m_s: [f64; 2],
     wandering_m_s: [f64; 2],
@@ -90,6 +92,7 @@ impl Body {
             rotor_rad_s,
             link: [Vector3::z(), Vector3::zeros()],
             battery_v: craft.battery.voltage_v(0.0, &rotor_rad_s),
+            specific_force_m_s2: Vector3::z() * -craft.gravity_m_s2,
             inverse_inertia,
             gust_m_s: [0.0; 2],
             wandering_m_s: [0.0; 2],
@@ -142,6 +145,7 @@ impl Body {
         let mut acceleration = Vector3::zeros();
         let mut torque_ned = Vector3::zeros();
         let mut link_acceleration = Vector3::zeros();
+        let mut felt = self.specific_force_m_s2;
         for _ in 0..ROUNDS {
             let attitude = self.attitude * Rotation3::new(0.5 * h * rate);
             rate =
@@ -162,12 +166,14 @@ impl Body {
             let own = wrench.force_ned_n / (left * craft.mass_kg);
             let cable;
             (cable, link_acceleration) = self.cable(craft, own, link_acceleration);
+            felt = attitude.inverse() * (own + cable);
             acceleration = own + cable + Vector3::new(0.0, 0.0, craft.gravity_m_s2);
         }
         let velocity = self.velocity_ned_m_s + 0.5 * h * acceleration;
         self.bounce(craft, acceleration.z);
         self.position_ned_m += h * velocity;
         self.velocity_ned_m_s += h * acceleration;
+        self.specific_force_m_s2 = felt;
         self.attitude *= Rotation3::new(h * rate);
         self.momentum += h * torque_ned;
         self.rotor_rad_s = end;

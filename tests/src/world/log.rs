@@ -1,5 +1,5 @@
-//! What happens to logs after the flight: rows get lost, are interpolated, or rates are made up from
-//! the attitude.
+//! What happens to logs after the flight: rows or columns get lost, are interpolated, or rates are
+//! made up from the attitude.
 
 use std::f64::consts::{PI, TAU};
 
@@ -7,7 +7,7 @@ use flights::{Column, Flight};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use super::sensors::LOGGED;
+use super::sensors::{FORCE, LOGGED, SPEEDS};
 
 const ANGLES: [Column; 3] = [Column::Phi, Column::Theta, Column::Psi];
 /// Pose and rates: what comes from the tracker and the gyro.
@@ -56,6 +56,13 @@ pub fn with_gaps(flight: &Flight, seed: u64) -> Flight {
         (*column, values.filter(|(_, t)| is_kept(**t)).map(|(value, _)| *value).collect())
     });
     Flight::from_columns(&flight.name, columns)
+}
+
+/// Loses columns.
+pub fn without(flight: &Flight, lost: &[Column]) -> Flight {
+    let kept = LOGGED.iter().chain(&FORCE).chain(&SPEEDS).filter(|column| !lost.contains(column));
+    let logged = kept.filter_map(|column| Some((*column, flight.column(*column)?.to_vec())));
+    Flight::from_columns(&flight.name, logged)
 }
 
 /// Rows on either side of the mean that smooths derived rates: 50 ms at 100 Hz.

@@ -98,6 +98,16 @@ impl World {
         Self { standing_s, ..self }
     }
 
+    /// This world with speed controllers that hold each rotor's speed whatever the voltage, as its operator knows.
+    pub fn governed(mut self) -> Self {
+        for craft in [&mut self.craft, &mut self.designed] {
+            craft.map.offset += craft.map.voltage * craft.hover_v();
+            craft.map.voltage = 0.0;
+        }
+        self.vehicle = self.craft.vehicle();
+        self
+    }
+
     /// Plants an effect of [`PLANTED`] or [`OUTSIDE`].
     pub fn with(mut self, id: &str, strength: f64) -> Result<Self, UnknownEffect> {
         let seed = stream(self.seed, Purpose::Planted(self.planted.len() as u64));

@@ -1,5 +1,5 @@
 //! What the laboratory's instruments see of a flight: motion capture, gyro, battery, and the
-//! commands as sent.
+//! commands as sent; where asked for, an accelerometer and the speeds of the rotors.
 
 use flights::{Column, Flight};
 use nalgebra::{Rotation3, Vector3};
@@ -33,6 +33,10 @@ pub struct Sensors {
     pub rate_hz: f64,
     /// What the voltmeter adds to the battery's voltage, V.
     pub voltmeter_v: f64,
+    /// Whether there is an accelerometer at the centre of mass, of a craft in the air.
+    pub accelerometer: bool,
+    /// Whether the speeds of the rotors are measured.
+    pub tachometers: bool,
 }
 
 impl Default for Sensors {
@@ -47,6 +51,8 @@ impl Default for Sensors {
             outliers: 0.0,
             rate_hz: 1.0 / PILOT_PERIOD_S,
             voltmeter_v: 0.0,
+            accelerometer: false,
+            tachometers: false,
         }
     }
 }
@@ -64,6 +70,12 @@ impl Sensors {
     const OUTLIERS: [f64; 3] = [0.3, 0.4, 6.0];
     /// Battery, V.
     pub const BATTERY_V: f64 = 0.015;
+    /// Accelerometer, m/s^2.
+    pub const FORCE_M_S2: f64 = 0.05;
+    /// Largest bias of the accelerometer, m/s^2.
+    pub const FORCE_BIAS_M_S2: f64 = 0.05;
+    /// Rotor speeds, part of them.
+    pub const ROTOR: f64 = 0.002;
 
     /// Time between rows, s.
     fn period_s(&self) -> f64 {
@@ -91,7 +103,7 @@ impl Sensors {
 /// Mean length of a burst of lost rows.
 const BURST_ROWS: f64 = 12.0;
 
-/// What the instruments log, in the order of the file.
+/// What the instruments always log, in the order of the file.
 pub(super) const LOGGED: [Column; 15] = [
     Column::T,
     Column::X,
@@ -110,6 +122,11 @@ pub(super) const LOGGED: [Column; 15] = [
     Column::Vbat,
 ];
 
+/// What the accelerometer logs.
+pub(super) const FORCE: [Column; 3] = [Column::Ax, Column::Ay, Column::Az];
+/// What the tachometers log.
+pub(super) const SPEEDS: [Column; 4] = [Column::Omega1, Column::Omega2, Column::Omega3, Column::Omega4];
+
 /// Takes samples of a flight.
 pub(super) struct Recorder {
     sensors: Sensors,
@@ -119,6 +136,10 @@ pub(super) struct Recorder {
     /// Step at which each row is taken.
     due: Vec<usize>,
     rows: [Vec<f64>; LOGGED.len()],
+    force_bias_m_s2: Vector3<f64>,
+    /// Rows of the accelerometer and of the tachometers; empty without them.
+    forces: [Vec<f64>; FORCE.len()],
+    speeds: [Vec<f64>; SPEEDS.len()],
     /// Rates of the last steps, the newest last.
     rates: Vec<Vector3<f64>>,
     /// Present noise of the motion capture: position, then attitude, standard deviation 1.
@@ -142,6 +163,11 @@ impl Recorder {
         let scale = sensors.noise.min(1.0) * Sensors::BIAS_RAD_S;
         let bias_rad_s = Vector3::from_fn(|_, _| scale * rng.random_range(-1.0..1.0));
         let mocap = std::array::from_fn(|_| rng.sample(StandardNormal));
+        let mut force_bias_m_s2 = Vector3::zeros();
+        if sensors.accelerometer {
+            let largest = sensors.noise.min(1.0) * Sensors::FORCE_BIAS_M_S2;
+            force_bias_m_s2 = Vector3::from_fn(|_, _| largest * rng.random_range(-1.0..1.0));
+        }
         Self {
             sensors: *sensors,
             tilt: Rotation3::new(Vector3::new(roll, pitch, 0.0)),
@@ -149,6 +175,9 @@ impl Recorder {
             rng,
             due,
             rows: std::array::from_fn(|_| Vec::with_capacity(count)),
+            force_bias_m_s2,
+            forces: Default::default(),
+            speeds: Default::default(),
             rates: Vec::new(),
             mocap,
             losing: false,
@@ -206,6 +235,23 @@ impl Recorder {
         ];
         self.rows.iter_mut().zip(values).for_each(|(row, value)| row.push(value));
         self.garble();
+        self.record_more(body);
+    }
+
+    /// Samples of the instruments that not every craft has.
+    fn record_more(&mut self, body: &Body) {
+        let noise = self.sensors.noise;
+        if self.sensors.accelerometer {
+            let felt = body.specific_force_m_s2 + self.force_bias_m_s2;
+            let felt = felt + self.white3() * (noise * Sensors::FORCE_M_S2);
+            self.forces.iter_mut().zip(felt.iter()).for_each(|(row, value)| row.push(*value));
+        }
+        if self.sensors.tachometers {
+            for (rotor, speed) in body.rotor_rad_s.iter().enumerate() {
+                let off = 1.0 + noise * Sensors::ROTOR * self.white();
+                self.speeds[rotor].push(speed * off);
+            }
+        }
     }
 
     /// Makes some of the latest row's values gross outliers.
@@ -250,10 +296,15 @@ impl Recorder {
     pub(super) fn flight(mut self, name: &str) -> Flight {
         let gap = self.gap();
         let kept: Vec<bool> = (0..self.row()).map(|k| self.is_kept() && !gap.contains(&k)).collect();
-        let rows = std::mem::take(&mut self.rows).map(|row| {
+        let always = LOGGED.into_iter().zip(std::mem::take(&mut self.rows));
+        let forces = FORCE.into_iter().zip(std::mem::take(&mut self.forces));
+        let speeds = SPEEDS.into_iter().zip(std::mem::take(&mut self.speeds));
+        let rows = always.chain(forces.filter(|_| self.sensors.accelerometer));
+        let rows = rows.chain(speeds.filter(|_| self.sensors.tachometers));
+        let of_kept = |row: Vec<f64>| {
             row.into_iter().zip(&kept).filter(|(_, kept)| **kept).map(|(value, _)| value).collect()
-        });
-        Flight::from_columns(name, LOGGED.into_iter().zip(rows))
+        };
+        Flight::from_columns(name, rows.map(|(column, row)| (column, of_kept(row))))
     }
 
     /// Rows of the gap: anywhere in the middle half of the flight.

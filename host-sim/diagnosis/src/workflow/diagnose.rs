@@ -6,6 +6,7 @@ use sysid::{FaultKind, Prepared};
 
 use crate::conclusion::conclude;
 use crate::finding::Unexplained;
+use crate::not_logged::not_told;
 use crate::observer::Observer;
 use crate::options::{SLOW_S, SLOWER_S};
 use crate::other_splits::or_by_other_splits;
@@ -79,6 +80,8 @@ fn search_in_one_wind(
         .map_err(|why| WorkflowError::of_search(why, names(sets.training.loaded())))?;
     diagnosis.not_identified.extend(sets.faults.not_identified());
     diagnosis.not_identified.extend(logged_too_slowly(&diagnosis, &sets.train()));
+    let all: Vec<&Prepared> = sets.all().map(|flight| &flight.prepared).collect();
+    diagnosis.not_identified.extend(not_told(&diagnosis.unexplained, &all, &model.vehicle));
     let Diagnosis { effects, unexplained, not_identified, .. } = diagnosis;
     Ok(conclude(effects, unexplained, not_identified))
 }

@@ -111,9 +111,11 @@ impl LoadedFlight {
 
     fn from_memory(flight: &Flight, vehicle: &Vehicle, reading: Reading) -> Result<Self, WorkflowError> {
         let path = PathBuf::from(&flight.name);
+        let sha256 = sha256(flight.to_csv().as_bytes());
+        let flight = &*flight.completed(&path)?;
         flight.check_against(vehicle, &path)?;
         let parts = reading.parts(None)?;
-        Self::examined(flight, vehicle, &parts, path, sha256(flight.to_csv().as_bytes()))
+        Self::examined(flight, vehicle, &parts, path, sha256)
     }
 
     fn from_log(
@@ -124,10 +126,9 @@ impl LoadedFlight {
     ) -> Result<Self, WorkflowError> {
         let path = log.with_file_name(&cut.name);
         let sha256 = sha256(cut.to_csv().as_bytes());
-        let mut flight = cut.clone();
-        flight.complete(log)?;
+        let flight = &*cut.completed(log)?;
         flight.check_against(vehicle, log)?;
-        Self::examined(&flight, vehicle, &reading.parts(Some(&path))?, path, sha256)
+        Self::examined(flight, vehicle, &reading.parts(Some(&path))?, path, sha256)
     }
 
     /// Whether its rotor clock wanders.

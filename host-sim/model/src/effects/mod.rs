@@ -81,6 +81,14 @@ impl Effect {
         self.info().id
     }
 
+    /// Names of the measured quantities that it shows in; of a user's, all that its formulas name.
+    pub fn quantities(self) -> Vec<&'static str> {
+        match self {
+            Effect::User(user) => user.quantities(),
+            known => known.info().through.to_vec(),
+        }
+    }
+
     /// The basic model of (4.3).
     pub fn basic() -> impl Iterator<Item = Self> {
         CATALOGUE.iter().copied().filter(|effect| effect.info().kind == Kind::Basic)

@@ -130,7 +130,7 @@ impl UserEffect {
     }
 
     /// Names of the measured quantities in its formulas.
-    fn quantities(&self) -> Vec<&'static str> {
+    pub(super) fn quantities(&self) -> Vec<&'static str> {
         let mut names: Vec<&str> = Vec::new();
         for input in self.formulas.iter().flat_map(|f| &f.inputs) {
             match input {

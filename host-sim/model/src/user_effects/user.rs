@@ -83,6 +83,11 @@ impl User {
         &self.0.info
     }
 
+    /// Names of the measured quantities in its formulas.
+    pub(crate) fn quantities(self) -> Vec<&'static str> {
+        self.0.effect.quantities()
+    }
+
     /// As it was defined.
     pub fn definition(self) -> &'static Definition {
         &self.0.effect.definition

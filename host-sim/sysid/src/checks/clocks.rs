@@ -193,7 +193,7 @@ pub fn of_attitude(flight: &Prepared) -> Option<Clock> {
 /// The tracked position's clock against the IMU's. Nothing without an IMU, and nothing where velocities are logged: then the
 /// position is an estimate made from the same IMU.
 pub fn of_position(flight: &Prepared) -> Option<Clock> {
-    if flight.has_logged_velocity {
+    if flight.has_logged_velocity || !flight.has_position {
         return None;
     }
     estimate(&tracks::forces(flight), flight.period_s, [MATTERS_AGAINST_IMU_S, MATTERS_AGAINST_IMU_SKEW])

@@ -61,7 +61,11 @@ fn is_mended(old: Relation, new: Relation) -> bool {
 pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
     let as_is = Seen::new(flight, vehicle, as_logged);
     let rates = as_is.rates(&[Axes::SAME])[0];
-    let force = as_is.force(Axes::SAME, 1.0);
+    // Without a position, the gyro is all there is to hold an attitude against.
+    let force_of = |seen: &Seen, axes: Axes, scale: f64| {
+        flight.has_position.then(|| seen.force(axes, scale)).flatten()
+    };
+    let force = force_of(&as_is, Axes::SAME, 1.0);
     if !below(rates, IN_DOUBT) && !below(force, IN_DOUBT) {
         return None;
     }
@@ -79,7 +83,7 @@ pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
     }
     for hypothesis in &ATTITUDES {
         let seen = Seen::new(flight, vehicle, hypothesis.undo);
-        consider(seen.rates(&[Axes::SAME])[0], seen.force(Axes::SAME, 1.0), &|| {
+        consider(seen.rates(&[Axes::SAME])[0], force_of(&seen, Axes::SAME, 1.0), &|| {
             format!("{}: {}", hypothesis.looks_like, hypothesis.mend)
         });
     }
@@ -87,15 +91,15 @@ pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
     // position mirrored in all axes.
     for c in &CONVENTIONS {
         let seen = Seen::new(flight, vehicle, c.undo);
-        consider(seen.rates(&[c.gyro])[0], seen.force(c.position, 1.0), &|| {
+        consider(seen.rates(&[c.gyro])[0], force_of(&seen, c.position, 1.0), &|| {
             format!("{}: {}", c.looks_like, c.mend)
         });
     }
     for axes in axes.iter().skip(1) {
-        consider(rates, as_is.force(*axes, 1.0), &|| position_sentence(*axes));
+        consider(rates, force_of(&as_is, *axes, 1.0), &|| position_sentence(*axes));
     }
     for (unit, scale) in [("millimetres", 1e-3), ("centimetres", 1e-2)] {
-        consider(rates, as_is.force(Axes::SAME, scale), &|| {
+        consider(rates, force_of(&as_is, Axes::SAME, scale), &|| {
             format!("x, y, z look like {unit}: multiply by {scale}")
         });
     }

@@ -65,8 +65,11 @@ fn hypotheses() -> Vec<Hypothesis> {
     all
 }
 
-/// Checks a flight whose gyro and attitude share a clock; nothing without an IMU.
+/// Checks a flight whose gyro and attitude share a clock; nothing without an IMU, and without a position to hold it against.
 pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
+    if !flight.has_position {
+        return None;
+    }
     let as_logged = relation(flight, vehicle, &|f, _, _| f);
     if !below(as_logged, EXCHANGED) {
         return None;

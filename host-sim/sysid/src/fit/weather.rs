@@ -28,7 +28,7 @@ const INDEPENDENT: f64 = 10.0;
 /// Gives each of the flights its own wind about `model`, where they differ; takes it from them where they do not. Whether they do.
 pub fn estimate(flights: &mut [&mut Prepared], model: &Model) -> bool {
     clear(flights);
-    if flights.len() < 2 || !has_drag(model) {
+    if flights.len() < 2 || !has_drag(model) || flights.iter().any(|flight| !flight.has_position) {
         return false;
     }
     let winds: Option<Vec<Wind>> = flights.iter().map(|flight| Wind::of(flight, model)).collect();

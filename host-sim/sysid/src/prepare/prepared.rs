@@ -28,7 +28,7 @@ use crate::prepare::error::PrepareError;
 use crate::prepare::grid::{bridge, even_grid, unbroken};
 use crate::prepare::outliers::Outlier;
 use crate::prepare::stretch::{Stretch, smoothed};
-use flights::{Column, Flight, median_step};
+use flights::{Column, Flight, StandIn, UNKNOWN_VOLTAGE_V, median_step};
 
 /// Where the force rows' targets come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,6 +80,10 @@ pub struct Prepared {
     pub has_logged_velocity: bool,
     /// Whether the log says where the craft is; without, nothing is known of its speed.
     pub has_position: bool,
+    /// Whether the battery voltage was logged; without, it is a constant.
+    pub has_voltage: bool,
+    /// Whether the motor commands were logged; without, the rotor speeds stand in for them.
+    pub has_commands: bool,
     /// Gyro bias found and taken out, rad/s.
     pub gyro_bias_rad_s: [f64; 3],
     /// Accelerometer bias along x and y found and taken out, m/s^2; zero without an accelerometer
@@ -137,7 +141,14 @@ impl Prepared {
             return Err(PrepareError::NoRotorSpeeds);
         }
         let (mut stretches, jitter_s) = even_stretches(channels, t, period_s, &filter, margin, &mut notes)?;
-        battery::steady(&mut stretches, vehicle, period_s);
+        let lacks = |what: StandIn| flight.stand_ins().contains(&what);
+        let has_voltage = !lacks(StandIn::ConstantVoltage);
+        if has_voltage {
+            battery::steady(&mut stretches, vehicle, period_s);
+        } else {
+            // Interpolation rounds, and whatever varies is tested.
+            stretches.iter_mut().for_each(|stretch| stretch.battery_v.fill(UNKNOWN_VOLTAGE_V));
+        }
         let gyro_bias_rad_s = remove_gyro_bias(&mut stretches, &filter, standing, &mut notes);
         let accelerometer_bias_m_s2 = if has_logged_velocity {
             remove_accelerometer_bias(&mut stretches, &filter, vehicle.gravity)
@@ -151,6 +162,8 @@ impl Prepared {
             force_target,
             has_logged_velocity,
             has_position: !flight.stand_ins().iter().any(|what| what.hides_speed()),
+            has_voltage,
+            has_commands: !lacks(StandIn::RotorSpeeds),
             gyro_bias_rad_s,
             accelerometer_bias_m_s2,
             notes,

@@ -1,6 +1,6 @@
 //! What makes flights or their logs difficult, whatever a world hides.
 
-use flights::Flight;
+use flights::{Column, Flight};
 use model::MotorMapKind;
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
@@ -35,6 +35,15 @@ pub(crate) enum Condition {
     ProductOfInertia,
     /// Two days with other batteries.
     TwoBatteries,
+    /// No gyro in the log at all.
+    NoGyro,
+    /// No voltage in the log: of motors whose speed is held whatever it is, or of a craft without a
+    /// test stand.
+    NoVoltage,
+    /// No position in the log, but an accelerometer.
+    NoPosition,
+    /// Rotor speeds in the log, and no commands.
+    NoCommands,
 }
 
 /// What a log at 25 Hz still shows: it changes as slowly as the craft moves.
@@ -50,7 +59,7 @@ const QUICK: &[&str] = &[
 ];
 
 impl Condition {
-    pub(crate) const ALL: [Self; 15] = [
+    pub(crate) const ALL: [Self; 19] = [
         Self::FloorAtBothEnds,
         Self::WindBetweenFlights,
         Self::WanderingWind,
@@ -66,6 +75,10 @@ impl Condition {
         Self::Gaps,
         Self::ProductOfInertia,
         Self::TwoBatteries,
+        Self::NoGyro,
+        Self::NoVoltage,
+        Self::NoPosition,
+        Self::NoCommands,
     ];
 
     /// For `--only` and tables.
@@ -82,6 +95,10 @@ impl Condition {
             Self::Gaps => "gaps".into(),
             Self::ProductOfInertia => "large-product-of-inertia".into(),
             Self::TwoBatteries => "two-batteries".into(),
+            Self::NoGyro => "no-gyro".into(),
+            Self::NoVoltage => "no-voltage".into(),
+            Self::NoPosition => "no-position".into(),
+            Self::NoCommands => "no-commands".into(),
         }
     }
 
@@ -100,6 +117,10 @@ impl Condition {
                 slow.chain(quick).filter(|id| !["steady-wind", "attitude-offset"].contains(id)).collect()
             }
             Self::ProductOfInertia => slow.chain(quick).filter(|id| *id != "product-of-inertia").collect(),
+            // What is measured at the rotors hides nothing of what comes before them.
+            Self::NoCommands => {
+                slow.chain(quick).filter(|id| !["motor-lag", "input-delay"].contains(id)).collect()
+            }
             _ => slow.chain(quick).collect(),
         }
     }
@@ -136,6 +157,10 @@ impl Condition {
             Self::Gaps => &["gap", "missing"],
             Self::ProductOfInertia => &["inertia", "sign"],
             Self::TwoBatteries => &["batter", "voltage"],
+            Self::NoGyro => &["gyro", "rates"],
+            Self::NoVoltage => &["vbat", "voltage"],
+            Self::NoPosition => &["position"],
+            Self::NoCommands => &["command"],
         };
         words.iter().any(|word| refusal.contains(word))
     }
@@ -146,8 +171,9 @@ impl Condition {
     }
 
     /// The world before anything is planted into it.
-    pub(crate) fn bare(self, mut world: World) -> World {
+    pub(crate) fn bare(self, mut world: World, seed: u64) -> World {
         match self {
+            Self::NoVoltage if is_governed(seed) => world.governed(),
             Self::FloorAtBothEnds => world.standing(3.0),
             Self::WanderingWind => {
                 world.craft.strange.wandering_m_s = 1.0;
@@ -164,8 +190,8 @@ impl Condition {
     }
 
     /// The world with all that is planted: what its operator knows of it.
-    pub(crate) fn known(self, mut world: World) -> World {
-        if self == Self::MapUnknown {
+    pub(crate) fn known(self, mut world: World, seed: u64) -> World {
+        if self == Self::MapUnknown || self == Self::NoVoltage && !is_governed(seed) {
             let motors = &mut world.vehicle.motors;
             motors.map = Some(MotorMapKind::Identify);
             (motors.command, motors.voltage, motors.offset) = (None, None, None);
@@ -189,6 +215,8 @@ impl Condition {
                 world.craft.wind_ned_m_s = Vector3::new(towards.cos(), towards.sin(), 0.0) * speed;
             }
             Self::LoggedAt(rate_hz) => sensors.rate_hz = f64::from(rate_hz),
+            Self::NoPosition => sensors.accelerometer = true,
+            Self::NoCommands => sensors.tachometers = true,
             // The second day, of which there are flights to fit on and to judge by.
             Self::TwoBatteries if matches!(pattern, Pattern::B | Pattern::E) => {
                 let battery = &mut world.craft.battery;
@@ -207,9 +235,30 @@ impl Condition {
             Self::Interpolated => log::interpolated(&flight, 4),
             Self::DerivedRates => log::with_derived_rates(&flight),
             Self::Gaps => log::with_gaps(&flight, own_seed(seed, pattern)),
-            _ => flight,
+            _ => match self.not_logged() {
+                [] => flight,
+                lost => log::without(&flight, lost),
+            },
         }
     }
+
+    /// Columns that the logs do not have.
+    const fn not_logged(self) -> &'static [Column] {
+        use Column::*;
+        match self {
+            Self::NoGyro => &[P, Q, R],
+            Self::NoVoltage => &[Vbat],
+            Self::NoPosition => &[X, Y, Z],
+            Self::NoCommands => &[Cmd1, Cmd2, Cmd3, Cmd4],
+            _ => &[],
+        }
+    }
+}
+
+/// Whether the speed of the motors is held whatever the voltage, under the condition that it is not
+/// logged: with every other pair of seeds.
+const fn is_governed(seed: u64) -> bool {
+    seed % 4 < 2
 }
 
 /// A stream of chance for a flight's condition, apart from those of the world.
@@ -270,14 +319,14 @@ mod tests {
 
     #[test]
     fn a_vehicle_without_a_test_stand_is_a_good_vehicle_file() {
-        let world = Condition::MapUnknown.known(World::new(Size::Small, 3));
+        let world = Condition::MapUnknown.known(World::new(Size::Small, 3), 3);
         world.vehicle.check(std::path::Path::new("vehicle.toml")).expect("a map to be identified is allowed");
         assert_eq!(world.vehicle.motors.command, None);
     }
 
     #[test]
     fn the_large_product_of_inertia_leaves_a_body_that_exists() {
-        let world = Condition::ProductOfInertia.bare(World::new(Size::F330, 3));
+        let world = Condition::ProductOfInertia.bare(World::new(Size::F330, 3), 3);
         let inertia = world.craft.inertia_kg_m2;
         assert!((inertia[(0, 2)] / inertia[(0, 0)] + 0.28).abs() < 1e-12);
         let moments = inertia.symmetric_eigenvalues();

@@ -119,7 +119,7 @@ impl Outcome {
 fn calm(trial: &Trial) -> World {
     let world = World::new(trial.size, trial.seed).flown(trial.style);
     match trial.condition {
-        Some(condition) => condition.bare(world),
+        Some(condition) => condition.bare(world, trial.seed),
         None => world,
     }
 }
@@ -130,7 +130,7 @@ fn world(trial: &Trial) -> Result<World, String> {
         world.with(id, strength).map_err(|error| error.to_string())
     })?;
     Ok(match trial.condition {
-        Some(condition) => condition.known(world),
+        Some(condition) => condition.known(world, trial.seed),
         None => world,
     })
 }
