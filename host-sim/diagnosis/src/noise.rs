@@ -77,7 +77,8 @@ fn signals<'a>(
     let of_stretch = |channels: Channels, s: &'a Stretch| {
         channels(s).each_ref().map(|signal| (signal.as_slice(), s.measured.as_slice()))
     };
-    let of_flight = |f: &&'a Prepared| f.stretches.iter().flat_map(|s| of_stretch(channels(f).0, s)).collect::<Vec<_>>();
+    let of_flight =
+        |f: &&'a Prepared| f.stretches.iter().flat_map(|s| of_stretch(channels(f).0, s)).collect::<Vec<_>>();
     flights.iter().flat_map(of_flight).collect()
 }
 

@@ -5,10 +5,10 @@ use std::path::Path;
 use model::Vehicle;
 
 use crate::columns::{COLUMNS, Column};
-use crate::completion::StandIn;
 use crate::error::FlightError;
 use crate::flight::Flight;
 use crate::sampling::median_step;
+use crate::stand_in::StandIn;
 
 impl Flight {
     /// Times that are missing or go back.

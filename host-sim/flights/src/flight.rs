@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::columns::{COLUMNS, Column};
-use crate::completion::StandIn;
+use crate::stand_in::StandIn;
 
 /// A flight as recorded: one vector a column, NaN where a value is missing.
 #[derive(Debug, Clone, PartialEq, Default)]

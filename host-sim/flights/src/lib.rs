@@ -20,12 +20,14 @@ mod names;
 mod parts;
 mod reading;
 mod sampling;
+mod stand_in;
 
 pub use column_map::ColumnMap;
 pub use columns::{COLUMNS, Column};
-pub use completion::{StandIn, UNKNOWN_VOLTAGE_V};
+pub use completion::UNKNOWN_VOLTAGE_V;
 pub use error::FlightError;
 pub use flight::Flight;
 pub use interpolation::{hermite, interpolated};
 pub use parts::{parts_file, parts_to_use};
 pub use sampling::{GAP_PERIODS, median_step};
+pub use stand_in::StandIn;

@@ -32,7 +32,8 @@ fn expected_messages(expected: &Value) -> Vec<(String, u64, Option<[f64; 2]>)> {
     };
     let tables = ["topics", "types", "events"].iter().find_map(|key| expected[*key].as_object());
     if let Some(tables) = tables {
-        let counted = |(name, entry): (&String, &Value)| (name.clone(), entry["count"].as_u64().unwrap(), ends(entry));
+        let counted =
+            |(name, entry): (&String, &Value)| (name.clone(), entry["count"].as_u64().unwrap(), ends(entry));
         return tables.iter().map(counted).collect();
     }
     let logs = expected["logs"].as_array().map_or(&[][..], Vec::as_slice);
@@ -49,7 +50,11 @@ fn an_import_finds_what_the_formats_own_decoders_find() {
         let entry = &document["logs"][0];
         assert_eq!(entry["format"], expected["format"], "{log:?}");
         let refused = entry["refused"].is_string();
-        assert_eq!(status, Some(if refused && entry["sources"].is_null() { 2 } else { 0 }), "{log:?}: {stderr}");
+        assert_eq!(
+            status,
+            Some(if refused && entry["sources"].is_null() { 2 } else { 0 }),
+            "{log:?}: {stderr}"
+        );
         if entry["sources"].is_null() {
             assert!(stderr.lines().count() == 1 && stderr.len() < 400, "{log:?}: {stderr}");
             assert!(stderr.contains(log.to_str().unwrap()), "{stderr}");
@@ -83,9 +88,12 @@ fn an_import_finds_what_the_formats_own_decoders_find() {
 #[test]
 fn an_import_writes_the_same_bytes_each_time_and_over_no_file() {
     let folder = tempfile::tempdir().unwrap();
-    let Some((log, _)) = logs().into_iter().find(|(log, _)| log.ends_with("px4_quadrotor.ulg")) else { return };
+    let Some((log, _)) = logs().into_iter().find(|(log, _)| log.ends_with("px4_quadrotor.ulg")) else {
+        return;
+    };
     let read = |out: &str| {
-        ["px4_quadrotor.csv", "vehicle.toml"].map(|name| std::fs::read(folder.path().join(out).join(name)).unwrap())
+        ["px4_quadrotor.csv", "vehicle.toml"]
+            .map(|name| std::fs::read(folder.path().join(out).join(name)).unwrap())
     };
     assert_eq!(imported(folder.path(), &log, "first").0, Some(0));
     assert_eq!(imported(folder.path(), &log, "second").0, Some(0));
@@ -128,7 +136,9 @@ fn explain_straight_on_a_log_answers_or_says_that_it_cannot() {
 #[test]
 fn a_vehicle_file_is_made_of_a_log_and_says_what_to_measure() {
     let folder = tempfile::tempdir().unwrap();
-    let Some((log, _)) = logs().into_iter().find(|(log, _)| log.ends_with("ardupilot_copter36_a.bin")) else { return };
+    let Some((log, _)) = logs().into_iter().find(|(log, _)| log.ends_with("ardupilot_copter36_a.bin")) else {
+        return;
+    };
     let output = run_in(folder.path(), &["init", log.to_str().unwrap(), "--out", "vehicle.toml"]);
     assert_eq!(output.status.code(), Some(0));
     let said = String::from_utf8(output.stdout).unwrap();
@@ -136,8 +146,10 @@ fn a_vehicle_file_is_made_of_a_log_and_says_what_to_measure() {
     let text = std::fs::read_to_string(folder.path().join("vehicle.toml")).unwrap();
     assert!(text.contains("command_unit = \"us\"") && text.contains("NOT MEASURED"), "{text}");
     // A command that uses it warns of what no one has measured.
-    let explained =
-        run_in(folder.path(), &["explain", log.to_str().unwrap(), "--vehicle", "vehicle.toml", "--out", "model.toml"]);
+    let explained = run_in(
+        folder.path(),
+        &["explain", log.to_str().unwrap(), "--vehicle", "vehicle.toml", "--out", "model.toml"],
+    );
     assert!(String::from_utf8_lossy(&explained.stderr).contains("not measured yet"));
 }
 

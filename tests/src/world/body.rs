@@ -177,9 +177,7 @@ impl Body {
         self.attitude *= Rotation3::new(h * rate);
         self.momentum += h * torque_ned;
         self.rotor_rad_s = end;
-        for (wake, rotor) in self.wake_rad_s.iter_mut().zip(end) {
-            *wake += STEP_S / WAKE_S * (rotor - *wake);
-        }
+        self.wake_rad_s.iter_mut().zip(end).for_each(|(wake, rotor)| *wake += h / WAKE_S * (rotor - *wake));
         let turning = self.link[1] + 0.5 * h * link_acceleration;
         self.link[0] = Rotation3::new(h * turning) * self.link[0];
         self.link[1] += h * link_acceleration;

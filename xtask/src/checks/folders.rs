@@ -151,9 +151,30 @@ const FOLDERS: &[Folder] = &[
     ),
     row(
         "logs",
+        "decode/blackbox",
+        &["decode/common", "format.rs", "error.rs", "log.rs"],
+        "a format is decoded without knowing the others",
+    ),
+    row(
+        "logs",
+        "decode/dataflash",
+        &["decode/common", "format.rs", "error.rs", "log.rs"],
+        "a format is decoded without knowing the others",
+    ),
+    row(
+        "logs",
+        "decode/ulog",
+        &["decode/common", "format.rs", "error.rs", "log.rs"],
+        "a format is decoded without knowing the others",
+    ),
+    row(
+        "logs",
         "decode",
         &[
             "decode/common",
+            "decode/blackbox",
+            "decode/dataflash",
+            "decode/ulog",
             "decode/crazyflie",
             "decode/parquet",
             "decode/ros_messages",
@@ -178,9 +199,30 @@ const FOLDERS: &[Folder] = &[
     ),
     row(
         "logs",
+        "sources/ardupilot",
+        &["sources/common", "format.rs", "error.rs", "log.rs", "recording.rs"],
+        "a program's tables are understood without knowing the others",
+    ),
+    row(
+        "logs",
+        "sources/blackbox",
+        &["sources/common", "format.rs", "error.rs", "log.rs", "recording.rs"],
+        "a program's tables are understood without knowing the others",
+    ),
+    row(
+        "logs",
+        "sources/px4",
+        &["sources/common", "format.rs", "error.rs", "log.rs", "recording.rs"],
+        "a program's tables are understood without knowing the others",
+    ),
+    row(
+        "logs",
         "sources",
         &[
             "sources/common",
+            "sources/ardupilot",
+            "sources/blackbox",
+            "sources/px4",
             "sources/crazyflie",
             "sources/ros",
             "format.rs",
@@ -190,7 +232,12 @@ const FOLDERS: &[Folder] = &[
         ],
         "which table is which quantity depends on the program, not on the bytes of its log",
     ),
-    row("logs", "conversion", &["error.rs", "recording.rs"], "flights are cut from quantities, whichever program logged them"),
+    row(
+        "logs",
+        "conversion",
+        &["error.rs", "recording.rs"],
+        "flights are cut from quantities, whichever program logged them",
+    ),
     row(
         "logs",
         ".",

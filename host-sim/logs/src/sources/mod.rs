@@ -2,13 +2,11 @@
 //! module a program that logs.
 
 mod ardupilot;
-mod attitude;
 mod blackbox;
 mod common;
 mod crazyflie;
 mod px4;
 mod ros;
-mod spans;
 
 use std::path::Path;
 

@@ -3,6 +3,7 @@
 pub(crate) mod colour;
 pub(crate) mod faults;
 pub(crate) mod flights;
+pub(crate) mod logs;
 pub(crate) mod model_files;
 pub(crate) mod output;
 pub(crate) mod progress;

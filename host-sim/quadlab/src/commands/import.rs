@@ -4,15 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use diagnosis::workflow::{Observer as _, Progress};
 use logs::{Draft, Import, Part, Sources};
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::cli::colour;
-use crate::cli::flights::{Kind, named_files};
+use crate::cli::logs::{Read, draft, imported, read_logs, refused};
 use crate::cli::output::Outcome;
-use crate::cli::terminal::Terminal;
 use crate::render::import_text;
 
 /// The vehicle file beside the flights.
@@ -42,12 +40,6 @@ pub(crate) struct Options {
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
     json: bool,
-}
-
-/// What became of a log.
-pub(crate) struct Read {
-    pub(crate) path: PathBuf,
-    pub(crate) import: Result<Import, logs::LogError>,
 }
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
@@ -93,35 +85,6 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         ))
     };
     Ok(Outcome { refused: refused(&read), ..outcome })
-}
-
-/// Reads logs; each that is refused with its reason.
-pub(crate) fn read_logs(named: &[PathBuf], json: bool) -> anyhow::Result<Vec<Read>> {
-    let paths = named_files(named, Kind::Logs)?;
-    let terminal = Terminal::new(json);
-    let mut read = Vec::new();
-    for (done, path) in paths.iter().enumerate() {
-        terminal.progress(Progress { activity: "reading logs", steps: Some((done, paths.len())) });
-        read.push(Read { path: path.clone(), import: logs::import(path) });
-    }
-    terminal.clear();
-    Ok(read)
-}
-
-/// The logs that were read.
-pub(crate) fn imported(read: &[Read]) -> impl Iterator<Item = &Import> {
-    read.iter().filter_map(|read| read.import.as_ref().ok())
-}
-
-/// Why logs were refused, one line each.
-pub(crate) fn refused(read: &[Read]) -> Vec<String> {
-    read.iter().filter_map(|read| read.import.as_ref().err()).map(ToString::to_string).collect()
-}
-
-/// The vehicle file of the craft that wrote them.
-pub(crate) fn draft(read: &[Read]) -> anyhow::Result<Option<Draft>> {
-    let all: Vec<Import> = imported(read).cloned().collect();
-    logs::draft(&all).map_err(anyhow::Error::msg)
 }
 
 /// Logs of one name in two folders give flights of two names.

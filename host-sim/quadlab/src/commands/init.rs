@@ -2,11 +2,9 @@
 
 use std::path::PathBuf;
 
-use logs::Draft;
-
+use crate::cli::logs::{draft, read_logs, refused};
 use crate::cli::output::{Outcome, OutputOptions};
-use crate::commands::import::{draft, read_logs, refused};
-use crate::render::tables;
+use crate::render::import_text::to_measure;
 
 /// Make a vehicle file from what logs tell, with what must be measured marked.
 ///
@@ -49,17 +47,4 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         Outcome::done(format!("{}vehicle file written to {}\n", to_measure(&draft), options.out.display()))
     };
     Ok(Outcome { refused, ..outcome })
-}
-
-/// What must be measured, for people.
-pub(crate) fn to_measure(draft: &Draft) -> String {
-    let mut text = String::from("To be measured, and written into the vehicle file:\n");
-    for (field, how) in &draft.missing {
-        let lines = tables::wrap(&format!("{field}: {how}"), 94);
-        for (index, line) in lines.iter().enumerate() {
-            let indent = if index == 0 { "  " } else { "    " };
-            text.push_str(&format!("{indent}{line}\n"));
-        }
-    }
-    text
 }

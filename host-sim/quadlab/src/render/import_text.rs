@@ -5,8 +5,7 @@ use std::path::Path;
 use logs::{Draft, Import};
 use report::number::fixed;
 
-use crate::commands::import::Read;
-use crate::commands::init::to_measure;
+use crate::cli::logs::Read;
 use crate::render::grid::{Grid, number, text};
 use crate::render::tables;
 
@@ -89,4 +88,17 @@ fn log(import: &Import) -> String {
     }
     said.push('\n');
     said
+}
+
+/// What must be measured, for people.
+pub(crate) fn to_measure(draft: &Draft) -> String {
+    let mut text = String::from("To be measured, and written into the vehicle file:\n");
+    for (field, how) in &draft.missing {
+        let lines = tables::wrap(&format!("{field}: {how}"), 94);
+        for (index, line) in lines.iter().enumerate() {
+            let indent = if index == 0 { "  " } else { "    " };
+            text.push_str(&format!("{indent}{line}\n"));
+        }
+    }
+    text
 }

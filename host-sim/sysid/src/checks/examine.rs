@@ -194,10 +194,7 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
     let mut add = |kind, severity, sentence: String| {
         faults.push(Fault { kind, severity, flight: Some(flight.name.clone()), sentence });
     };
-    for stand_in in flight.stand_ins() {
-        let kind = if stand_in.hides_speed() { FaultKind::NoPosition } else { FaultKind::NotLogged };
-        stand_in.sentence().into_iter().for_each(|sentence| add(kind, Severity::Warning, sentence.into()));
-    }
+    tell_stand_ins(flight, &mut add);
     let (cut, standing, taken) = take(flight, vehicle, parts)?;
     if let Some(sentence) = airborne::sentence(&taken.left_out) {
         add(FaultKind::NotAirborne, Severity::Warning, sentence);
@@ -228,9 +225,8 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
         let mut flight = flight.into_owned();
         clocks = Clocks::of(&prepared, vehicle.gravity);
         put_on_one_clock(&mut flight, &mut prepared, &mut clocks, (vehicle, standing))?;
-        // Against a motion that was made of the IMU itself, or of nothing, it proves nothing.
-        let is_circular =
-            flight.stand_ins().iter().any(|what| what.hides_speed() || *what == StandIn::AnglesOfGyro);
+        // Against an attitude that was made of the IMU itself, it proves nothing.
+        let is_circular = flight.stand_ins().contains(&StandIn::AnglesOfGyro);
         frame = if is_circular { None } else { imu::check(&prepared, vehicle) };
         // An IMU in other axes would be taken for one with another clock.
         if frame.is_none() {
@@ -254,6 +250,14 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
     faults.sort_by_key(|f| std::cmp::Reverse(f.severity));
     let thinning = under_sampled::thinning(&prepared, vehicle);
     Ok(Examined { prepared, faults, clocks, taken, thinning })
+}
+
+/// Says what was not logged, and what cannot be told without it.
+fn tell_stand_ins(flight: &Flight, add: &mut impl FnMut(FaultKind, Severity, String)) {
+    for stand_in in flight.stand_ins() {
+        let kind = if stand_in.hides_speed() { FaultKind::NoPosition } else { FaultKind::NotLogged };
+        stand_in.sentence().into_iter().for_each(|sentence| add(kind, Severity::Warning, sentence.into()));
+    }
 }
 
 /// The rows that are taken, what the gyro tells where the craft stands, and which parts they are.

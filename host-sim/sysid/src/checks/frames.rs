@@ -62,9 +62,8 @@ pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
     let as_is = Seen::new(flight, vehicle, as_logged);
     let rates = as_is.rates(&[Axes::SAME])[0];
     // Without a position, the gyro is all there is to hold an attitude against.
-    let force_of = |seen: &Seen, axes: Axes, scale: f64| {
-        flight.has_position.then(|| seen.force(axes, scale)).flatten()
-    };
+    let force_of =
+        |seen: &Seen, axes: Axes, scale: f64| flight.has_position.then(|| seen.force(axes, scale)).flatten();
     let force = force_of(&as_is, Axes::SAME, 1.0);
     if !below(rates, IN_DOUBT) && !below(force, IN_DOUBT) {
         return None;

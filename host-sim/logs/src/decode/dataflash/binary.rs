@@ -3,20 +3,12 @@
 use super::columns;
 use super::damage::Damage;
 use super::format::{FMT, Field, HEADER, HEADER_LENGTH, MOST_FORMATS, MessageFormat, is_text, plain_text};
+use super::messages::Messages;
 use super::special::{Row, Special};
 use crate::log::Log;
 
 /// Blocks of flash memory are this long at most: what is left of the last one is no damage.
 const PADDING: usize = 528;
-
-/// The messages of one type.
-#[derive(Debug)]
-pub(super) struct Messages {
-    /// What they look like.
-    pub(super) format: MessageFormat,
-    /// Where each begins in the file.
-    pub(super) starts: Vec<u32>,
-}
 
 /// Where the messages of a log stand.
 struct Index<'log> {

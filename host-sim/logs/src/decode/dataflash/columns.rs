@@ -1,7 +1,7 @@
 //! Fields of messages into typed columns.
 
-use super::binary::Messages;
 use super::format::{Field, is_text};
+use super::messages::Messages;
 use crate::log::{Column, Table, TimeUnit, Values};
 
 /// Messages that are read at a time, field after field: few enough to stay in the cache.

@@ -10,6 +10,7 @@ mod binary;
 mod columns;
 mod damage;
 mod format;
+mod messages;
 mod special;
 mod text;
 

@@ -3,7 +3,7 @@
 use crate::log::Log;
 use crate::recording::{Recording, Signal, Span};
 
-use super::super::spans::{both, joined, length_s, where_holds};
+use super::super::common::spans::{both, joined, length_s, where_holds};
 use super::rows::Rows;
 
 /// Events: armed, disarmed, landed, off the ground, heading of the estimator reset.

@@ -3,7 +3,7 @@
 use crate::log::Log;
 use crate::recording::Recording;
 
-use super::super::spans::rate_hz;
+use super::super::common::spans::rate_hz;
 
 /// Slower commands show nothing of what the rate loop does.
 const FAST_COMMANDS_HZ: f64 = 45.0;

@@ -13,7 +13,7 @@ use crate::error::LogError;
 use crate::log::Log;
 use crate::recording::{Recording, Signal, Signals};
 
-use super::attitude;
+use super::common::attitude;
 use rows::Rows;
 
 /// Position and velocity by preference: of EKF3, EKF2, the first EKF.

@@ -8,8 +8,8 @@ use crate::error::LogError;
 use crate::log::{Log, Table};
 use crate::recording::{Hints, Recording, Signal, Signals, Span};
 
-use super::attitude;
-use super::spans::{both, where_holds};
+use super::common::attitude;
+use super::common::spans::{both, where_holds};
 use scales::Scales;
 
 /// Our order in that of the mixer: rear right, front right, rear left, front left.

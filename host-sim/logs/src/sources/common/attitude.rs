@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 /// Quaternions w, x, y, z of roll, pitch and yaw, rad (front-right-down to north-east-down), with continuous
 /// signs.
-pub(super) fn quaternions([roll, pitch, yaw]: [&[f64]; 3]) -> [Vec<f64>; 4] {
+pub(in crate::sources) fn quaternions([roll, pitch, yaw]: [&[f64]; 3]) -> [Vec<f64>; 4] {
     let mut all = [const { Vec::new() }; 4];
     let mut last = [1.0, 0.0, 0.0, 0.0];
     for ((&roll, &pitch), &yaw) in roll.iter().zip(pitch).zip(yaw) {

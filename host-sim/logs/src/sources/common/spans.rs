@@ -3,12 +3,12 @@
 use crate::recording::Span;
 
 /// Spans in order, those that touch joined.
-pub(super) fn joined(spans: Vec<Span>) -> Vec<Span> {
+pub(in crate::sources) fn joined(spans: Vec<Span>) -> Vec<Span> {
     joined_over(spans, 0.0)
 }
 
 /// Spans in order, those that are no further apart than a gap joined.
-pub(super) fn joined_over(mut spans: Vec<Span>, gap_s: f64) -> Vec<Span> {
+pub(in crate::sources) fn joined_over(mut spans: Vec<Span>, gap_s: f64) -> Vec<Span> {
     spans.sort_by(|a, b| a[0].total_cmp(&b[0]));
     let mut all: Vec<Span> = Vec::new();
     for span in spans {
@@ -21,7 +21,7 @@ pub(super) fn joined_over(mut spans: Vec<Span>, gap_s: f64) -> Vec<Span> {
 }
 
 /// What lies in both of two lists of spans in order.
-pub(super) fn both(a: &[Span], b: &[Span]) -> Vec<Span> {
+pub(in crate::sources) fn both(a: &[Span], b: &[Span]) -> Vec<Span> {
     let mut shared = Vec::new();
     let (mut at_a, mut at_b) = (0, 0);
     while let (Some(&[start_a, end_a]), Some(&[start_b, end_b])) = (a.get(at_a), b.get(at_b)) {
@@ -35,17 +35,17 @@ pub(super) fn both(a: &[Span], b: &[Span]) -> Vec<Span> {
 }
 
 /// Length of all spans, s.
-pub(super) fn length_s(spans: &[Span]) -> f64 {
+pub(in crate::sources) fn length_s(spans: &[Span]) -> f64 {
     spans.iter().map(|[start, end]| end - start).sum()
 }
 
 /// Stretches of rows that a condition holds for, joined over gaps; rows further apart than the gap are not.
-pub(super) fn where_holds(t: &[f64], holds: impl Fn(usize) -> bool, gap_s: f64) -> Vec<Span> {
+pub(in crate::sources) fn where_holds(t: &[f64], holds: impl Fn(usize) -> bool, gap_s: f64) -> Vec<Span> {
     joined_over(t.iter().enumerate().filter(|(row, _)| holds(*row)).map(|(_, &t)| [t, t]).collect(), gap_s)
 }
 
 /// Median rate of rising times, Hz; gaps of more than a second are none of its steps.
-pub(super) fn rate_hz(t: &[f64]) -> Option<f64> {
+pub(in crate::sources) fn rate_hz(t: &[f64]) -> Option<f64> {
     let mut steps: Vec<f64> =
         t.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| (0.0..1.0).contains(step)).collect();
     if steps.is_empty() {

@@ -1,0 +1,68 @@
+//! What stands in for columns that were not logged.
+
+use crate::columns::Column;
+
+/// A group of columns that was not logged, and what its values are instead.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StandIn {
+    /// Angles of the logged quaternion: nothing is lost.
+    AnglesOfQuaternion,
+    /// Angles of gyro and accelerometer: they drift.
+    AnglesOfGyro,
+    /// Rates of the attitude.
+    RatesOfAttitude,
+    /// Rotor speeds in the place of commands.
+    RotorSpeeds,
+    /// A constant in the place of the voltage.
+    ConstantVoltage,
+    /// No position: nothing that depends on place or speed can be told.
+    NoPosition,
+    /// A height and no position.
+    HeightOnly,
+}
+
+impl StandIn {
+    /// The columns that are not the log's own.
+    pub const fn columns(self) -> &'static [Column] {
+        use Column::*;
+        match self {
+            Self::AnglesOfQuaternion | Self::AnglesOfGyro => &[Phi, Theta, Psi],
+            Self::RatesOfAttitude => &[P, Q, R],
+            Self::RotorSpeeds => &[Cmd1, Cmd2, Cmd3, Cmd4],
+            Self::ConstantVoltage => &[Vbat],
+            Self::NoPosition => &[X, Y, Z],
+            Self::HeightOnly => &[X, Y],
+        }
+    }
+
+    /// Whether it leaves nothing known of the speed through the air.
+    pub const fn hides_speed(self) -> bool {
+        matches!(self, Self::NoPosition | Self::HeightOnly)
+    }
+
+    /// What cannot be told without them, for people; nothing where nothing is lost.
+    pub const fn sentence(self) -> Option<&'static str> {
+        match self {
+            Self::AnglesOfQuaternion => None,
+            Self::AnglesOfGyro => Some(
+                "no attitude: it is integrated from the gyro and held level by the accelerometer, so it is uncertain by degrees in turns; \
+                 log the attitude",
+            ),
+            Self::RatesOfAttitude => Some(
+                "no gyro: the rates are the derivative of the attitude, which blurs fast rotation; log p, q, r",
+            ),
+            Self::RotorSpeeds => Some(
+                "no motor commands: the rotor speeds stand in for them, so delays before the motors cannot be told",
+            ),
+            Self::ConstantVoltage => Some(
+                "no battery voltage: what follows the battery cannot be told from what follows time; log vbat",
+            ),
+            Self::NoPosition => Some(
+                "no position: drag, wind and what depends on height or place cannot be told, only thrust and rotation; log x, y, z",
+            ),
+            Self::HeightOnly => Some(
+                "a height and no position: drag and wind cannot be told, only thrust and rotation; log x and y",
+            ),
+        }
+    }
+}
