@@ -225,9 +225,7 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
         let mut flight = flight.into_owned();
         clocks = Clocks::of(&prepared, vehicle.gravity);
         put_on_one_clock(&mut flight, &mut prepared, &mut clocks, (vehicle, standing))?;
-        // Against an attitude that was made of the IMU itself, it proves nothing.
-        let is_circular = flight.stand_ins().contains(&StandIn::AnglesOfGyro);
-        frame = if is_circular { None } else { imu::check(&prepared, vehicle) };
+        frame = imu_fault(&flight, &prepared, vehicle);
         // An IMU in other axes would be taken for one with another clock.
         if frame.is_none() {
             clocks.position = clocks::of_position(&prepared);
@@ -250,6 +248,12 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
     faults.sort_by_key(|f| std::cmp::Reverse(f.severity));
     let thinning = under_sampled::thinning(&prepared, vehicle);
     Ok(Examined { prepared, faults, clocks, taken, thinning })
+}
+
+/// What is wrong with the accelerometer's axes. Against an attitude that was made of it, nothing is proved.
+fn imu_fault(flight: &Flight, prepared: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
+    let is_circular = flight.stand_ins().contains(&StandIn::AnglesOfGyro);
+    if is_circular { None } else { imu::check(prepared, vehicle) }
 }
 
 /// Says what was not logged, and what cannot be told without it.
