@@ -152,7 +152,7 @@ impl Flight {
 
     fn angles_of_quaternion(&self) -> Vec<Vec<f64>> {
         let [w, x, y, z] = QUATERNION.map(|column| self.required(column));
-        let mut angles = vec![Vec::with_capacity(w.len()); 3];
+        let mut angles = vec![Vec::new(); 3];
         for k in 0..w.len() {
             let euler = frames::euler_from_quaternion(&Vector4::new(w[k], x[k], y[k], z[k]).normalize());
             angles.iter_mut().zip(euler.iter()).for_each(|(angle, value)| angle.push(*value));
@@ -167,7 +167,7 @@ impl Flight {
         let angles = ANGLES.map(|column| self.required(column));
         let attitude =
             |k: usize| frames::dcm_from_euler(Vector3::new(angles[0][k], angles[1][k], angles[2][k]));
-        let mut rates = vec![Vec::with_capacity(t.len()); 3];
+        let mut rates = vec![Vec::new(); 3];
         for k in 0..t.len() {
             let (before, after) = (k.saturating_sub(1), (k + 1).min(t.len() - 1));
             // Inertial to body: the turn seen from the body is the transpose of the later on the earlier.
@@ -207,7 +207,7 @@ fn angles_of_gyro(t: &[f64], rates: [&[f64]; 3], force: [&[f64]; 3]) -> Vec<Vec<
     let up = resting.map_or_else(|| -Vector3::z(), |f| f.normalize());
     let level = Vector3::new((-up.y).atan2(-up.z), up.x.clamp(-1.0, 1.0).asin(), 0.0);
     let mut q = frames::quaternion_from_euler(level);
-    let mut angles = vec![Vec::with_capacity(t.len()); 3];
+    let mut angles = vec![Vec::new(); 3];
     for k in 0..t.len() {
         let euler = frames::euler_from_quaternion(&q);
         angles.iter_mut().zip(euler.iter()).for_each(|(angle, value)| angle.push(*value));

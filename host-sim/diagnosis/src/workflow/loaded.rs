@@ -57,7 +57,7 @@ pub(crate) enum Source<'a> {
     File(&'a Path),
     Memory(&'a Flight),
     /// A flight cut out of a log, and the log.
-    Cut(&'a Path, Flight),
+    Cut(&'a Path, Box<Flight>),
 }
 
 impl<'a> Source<'a> {
@@ -91,7 +91,7 @@ impl<'a> Source<'a> {
         let bytes = logs::read_standard_input()?;
         match logs::Format::of(&bytes) {
             Some(_) => Self::cut(path, logs::import_bytes(&bytes, path)?.flights),
-            None => Ok(vec![Source::Cut(path, Flight::parse(&bytes, path)?)]),
+            None => Ok(vec![Source::Cut(path, Box::new(Flight::parse(&bytes, path)?))]),
         }
     }
 
@@ -99,7 +99,7 @@ impl<'a> Source<'a> {
         if flights.is_empty() {
             return Err(logs::LogError::nothing_flown(path).into());
         }
-        Ok(flights.into_iter().map(|part| Source::Cut(path, part.flight)).collect())
+        Ok(flights.into_iter().map(|part| Source::Cut(path, Box::new(part.flight))).collect())
     }
 }
 

@@ -56,7 +56,7 @@ fn numbered_files(sources: &[Source<'_>]) -> Vec<usize> {
 fn blocks<'a>(only: &Source<'a>) -> Result<(Sources<'a>, Sources<'a>), WorkflowError> {
     let (path, flight) = match only {
         Source::File(path) => (*path, read(path)?),
-        Source::Cut(path, flight) => (*path, flight.clone()),
+        Source::Cut(path, flight) => (*path, (**flight).clone()),
         Source::Memory(flight) => (Path::new(""), (*flight).clone()),
     };
     let t = flight.column(Column::T).unwrap_or(&[]);
@@ -77,7 +77,7 @@ fn blocks<'a>(only: &Source<'a>) -> Result<(Sources<'a>, Sources<'a>), WorkflowE
         let mut cut = flight.with_rows(&keep);
         let stem = flight.name.trim_end_matches(".csv");
         cut.name = format!("{stem}-{}.csv", if held_out { "held-out-blocks" } else { "training-blocks" });
-        Source::Cut(path, cut)
+        Source::Cut(path, Box::new(cut))
     };
     Ok((vec![part(false)], vec![part(true)]))
 }
@@ -112,7 +112,8 @@ mod tests {
         for (count, held_out) in [(2, vec![1]), (3, vec![1]), (5, vec![1, 4])] {
             let flights = flights(count);
             let paths: Vec<PathBuf> = (0..count).map(|k| PathBuf::from(format!("{k}.ulg"))).collect();
-            let sources = flights.iter().zip(&paths).map(|(f, p)| Source::Cut(p, f.clone())).collect();
+            let sources =
+                flights.iter().zip(&paths).map(|(f, p)| Source::Cut(p, Box::new(f.clone()))).collect();
             let (train, validate) = split(sources).unwrap();
             let expected: Vec<String> = held_out.iter().map(|k: &usize| flights[*k].name.clone()).collect();
             assert_eq!(names(&validate), expected);
@@ -125,7 +126,7 @@ mod tests {
     fn parts_of_a_log_stay_together_where_there_are_several() {
         let flights = flights(4);
         let paths = [PathBuf::from("a.ulg"), PathBuf::from("b.ulg")];
-        let of = |k: usize| Source::Cut(&paths[usize::from(k > 2)], flights[k].clone());
+        let of = |k: usize| Source::Cut(&paths[usize::from(k > 2)], Box::new(flights[k].clone()));
         let (train, validate) = split((0..4).map(of).collect()).unwrap();
         assert_eq!((train.len(), validate.len()), (3, 1));
         let (train, validate) = split((0..3).map(of).collect()).unwrap();

@@ -159,8 +159,9 @@ fn on_grid<const N: usize>(signal: &Signal<N>, grid: &Grid<'_>, kind: Kind) -> V
 /// Euler angles of quaternions whose components were resampled one by one.
 fn euler(quaternion: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut angles = vec![Vec::new(); 3];
-    for row in 0..quaternion[0].len() {
-        let q = Vector4::new(quaternion[0][row], quaternion[1][row], quaternion[2][row], quaternion[3][row]);
+    let [w, x, y, z] = quaternion else { return angles };
+    for (((w, x), y), z) in w.iter().zip(x).zip(y).zip(z) {
+        let q = Vector4::new(*w, *x, *y, *z);
         let euler = frames::euler_from_quaternion(&q.normalize());
         angles.iter_mut().zip(euler.iter()).for_each(|(angle, value)| angle.push(*value));
     }
