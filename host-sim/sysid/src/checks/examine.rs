@@ -50,6 +50,8 @@ pub enum FaultKind {
     UnderSampled,
     /// Flights in winds of their own.
     WindBetweenFlights,
+    /// Flights in a wind that wanders.
+    WanderingWind,
     /// Mass, geometry or units of the vehicle file against what the fit says.
     ImplausibleVehicle,
     /// Flights that are not those of the model's vehicle, or of two vehicles.
@@ -82,6 +84,7 @@ impl FaultKind {
             Self::Interpolated => "interpolated",
             Self::UnderSampled => "under-sampled",
             Self::WindBetweenFlights => "wind-between-flights",
+            Self::WanderingWind => "wandering-wind",
             Self::ImplausibleVehicle => "implausible-vehicle",
             Self::OtherVehicle => "other-vehicle",
             Self::TooFewFlights => "too-few-flights",
@@ -331,6 +334,7 @@ mod tests {
         FaultKind::Interpolated,
         FaultKind::UnderSampled,
         FaultKind::WindBetweenFlights,
+        FaultKind::WanderingWind,
         FaultKind::ImplausibleVehicle,
         FaultKind::OtherVehicle,
         FaultKind::TooFewFlights,
