@@ -132,3 +132,72 @@ fn power(signals: &[[f64; 2]], cycles: f64) -> f64 {
     }
     sums.iter().flatten().map(|s| s * s).sum::<f64>() / (2.0 * weights)
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+    use sysid::fit::slow;
+
+    use super::*;
+    use crate::testing::{ORDINARY, prepared, truth};
+
+    /// Residuals of forces over the ground, by the sample, through the filters of the rows and less their slow part.
+    fn residuals(flight: &Prepared, force: &mut impl FnMut(usize) -> [f64; 2]) -> Residuals {
+        let taps = flight.force_taps();
+        let stretch = &flight.stretches[0];
+        let forces: Vec<[f64; 2]> = (0..stretch.time_s.len()).map(force).collect();
+        let mut left = Residuals::default();
+        for k in flight.margin..forces.len() - flight.margin {
+            let window = &forces[k - taps.len() / 2..];
+            let [north, east] =
+                [0, 1].map(|axis| taps.iter().zip(window).map(|(tap, f)| tap * f[axis]).sum::<f64>());
+            let (sine, cosine) = stretch.euler_rad[2][k].sin_cos();
+            left.residual[0].push(cosine * north + sine * east);
+            left.residual[1].push(cosine * east - sine * north);
+        }
+        slow::take_from_targets(flight, 1, &mut left.residual);
+        left
+    }
+
+    fn judged(mut force: impl FnMut(usize) -> [f64; 2]) -> Vec<Unexplained> {
+        let flights = prepared(&truth(), 1..5, 24.0, &ORDINARY);
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        assert!(is_told_by(&flights) && !is_told_by(&flights[..1]));
+        let left: Vec<Residuals> = flights.iter().map(|flight| residuals(flight, &mut force)).collect();
+        otherwise(&flights, &left.iter().collect::<Vec<_>>())
+    }
+
+    /// First-order processes of 4 s and a push of 0.25 m/s^2: a random walk within seconds.
+    #[test]
+    fn a_wind_that_wanders_is_a_random_walk() {
+        for seed in 0..8 {
+            let mut rng = Pcg64Mcg::seed_from_u64(seed);
+            let (mut push, keep) = ([0.0; 2], (-0.01f64 / 4.0).exp());
+            let spread = 0.25 * (1.0 - keep * keep).sqrt();
+            let found = judged(|_| {
+                push.iter_mut().for_each(|p| {
+                    let normal = (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0;
+                    *p = keep * *p + spread * normal;
+                });
+                push
+            });
+            assert_eq!(found, [], "seed {seed}");
+        }
+    }
+
+    #[test]
+    fn a_force_of_one_frequency_or_of_none_is_not() {
+        let wave = |period_s: f64| {
+            move |k: usize| {
+                let (sine, cosine) = (TAU * 0.01 * k as f64 / period_s).sin_cos();
+                [0.25 * sine, 0.25 * cosine]
+            }
+        };
+        for period_s in [1.4, 5.0, 16.0] {
+            let found = judged(wave(period_s));
+            assert_eq!(found.len(), 2, "{period_s}");
+            assert!(found.iter().all(|left| left.p_value < OTHERWISE && left.share_percent > 50.0));
+        }
+    }
+}

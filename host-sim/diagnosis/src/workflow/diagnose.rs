@@ -63,11 +63,13 @@ pub(crate) fn search(
         }
         sets.forget_weather();
     }
-    if sets.find_gusts(model) {
+    let is_left = |diagnosis: &Diagnosis| {
+        diagnosis.unexplained.iter().any(|left| matches!(left.axis, Axis::U | Axis::V))
+    };
+    if is_left(&found) && sets.find_gusts(model) {
         let in_gusts = search_in_one_wind(model, sets, options, observer)?;
         // Whatever else is found, nothing may be left of the axes that tell the wind.
-        let is_left = in_gusts.unexplained.iter().any(|left| matches!(left.axis, Axis::U | Axis::V));
-        if is_explained(&in_gusts) && !is_left {
+        if is_explained(&in_gusts) && !is_left(&in_gusts) {
             sets.tell_gusts();
             return Ok(in_gusts);
         }

@@ -319,7 +319,7 @@ mod tests {
     use super::*;
     use crate::testing::{NONE, flight, fly, truth};
 
-    const KINDS: [FaultKind; 20] = [
+    const KINDS: [FaultKind; 21] = [
         FaultKind::ClockOffset,
         FaultKind::ClockSkew,
         FaultKind::WanderingClock,

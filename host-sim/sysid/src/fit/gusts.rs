@@ -148,3 +148,89 @@ fn smoothed(signal: &[f64], stiffness: f64) -> Vec<f64> {
     }
     result
 }
+
+#[cfg(test)]
+mod tests {
+    use model::Vehicle;
+
+    use super::*;
+    use crate::testing::prepared;
+
+    /// N s/m along the body axes: a craft that is not alike from the front and from the side.
+    const DRAG_N_S_M: [f64; 2] = [0.30, 0.24];
+
+    fn known(std_error: f64) -> Model {
+        let mut model = Model::new(Vehicle::thesis());
+        model.set(Effect::LinearDrag, &[-DRAG_N_S_M[0], -DRAG_N_S_M[1], -0.3]);
+        model.terms[0].coefficients.iter_mut().for_each(|c| c.std_error = Some(std_error));
+        model
+    }
+
+    /// North of a craft, m, and the wind that moves it so, m/s: w = v + (m / d) a.
+    fn north(t: f64, drag_n_s_m: f64) -> (f64, f64) {
+        let mut sums = [0.0; 3];
+        for (amplitude, rate) in [(0.15, 0.8), (0.03, 1.9)] {
+            let (sine, cosine) = f64::sin_cos(rate * t);
+            sums[0] += amplitude * sine;
+            sums[1] += amplitude * rate * cosine;
+            sums[2] -= amplitude * rate * rate * sine;
+        }
+        (sums[0], sums[1] + Vehicle::thesis().mass / drag_n_s_m * sums[2])
+    }
+
+    /// Nose north, then nose east: the push is felt by another drag.
+    #[test]
+    fn a_known_wind_is_found_by_the_motion_that_it_makes() {
+        for (yaw_rad, drag_n_s_m) in [(0.0, DRAG_N_S_M[0]), (std::f64::consts::FRAC_PI_2, DRAG_N_S_M[1])] {
+            let mut flight = prepared(2000, |t, row| {
+                row.position_ned_m[0] = north(t, drag_n_s_m).0;
+                row.euler_rad[2] = yaw_rad;
+            });
+            expect(&mut [&mut flight]);
+            assert_eq!(rms_m_s(&flight), 0.0);
+            estimate(&mut [&mut flight], &known(0.01)).unwrap();
+            let stretch = &flight.stretches[0];
+            let [found, across] = stretch.gust_ned_m_s.as_ref().unwrap();
+            for k in 100..1900 {
+                let expected = north(stretch.time_s[k], drag_n_s_m).1;
+                assert!((found[k] - expected).abs() < 0.02, "{k}: {} for {expected}", found[k]);
+                assert!(across[k].abs() < 1e-6);
+            }
+            assert!(rms_m_s(&flight) > 0.3);
+            clear(&mut [&mut flight]);
+            assert!(!flight.has_gusts());
+        }
+    }
+
+    #[test]
+    fn a_drag_that_is_hardly_known_tells_no_wind() {
+        let mut flight = prepared(400, |_, _| {});
+        expect(&mut [&mut flight]);
+        assert!(estimate(&mut [&mut flight], &known(0.1)).is_none());
+        assert!(estimate(&mut [&mut flight], &Model::new(Vehicle::thesis())).is_none());
+    }
+
+    #[test]
+    fn a_drag_that_grows_with_the_wind_makes_a_push_a_smaller_wind() {
+        let drag = Drag { linear_per_s: [0.2, 0.2], quadratic_per_m: 0.1 };
+        let [u, v] = drag.wind_m_s([0.2 * 3.0 + 0.1 * 9.0, 0.0]);
+        assert!((u - 3.0).abs() < 1e-3 && v == 0.0, "{u}");
+    }
+
+    /// A penalty on second differences leaves lines alone, and takes from an oscillation of w radians a sample by
+    /// 1 / (1 + stiffness (2 sin(w/2))^4).
+    #[test]
+    fn the_smoother_leaves_lines_and_takes_oscillations() {
+        let line: Vec<f64> = (0..50).map(|k| 3.0 - 0.2 * f64::from(k)).collect();
+        for (a, b) in smoothed(&line, 1e4).iter().zip(&line) {
+            assert!((a - b).abs() < 1e-6, "{a}, {b}");
+        }
+        let (w, stiffness) = (0.1f64, 4e3);
+        let gain = 1.0 / (1.0 + stiffness * (2.0 * (0.5 * w).sin()).powi(4));
+        let wave: Vec<f64> = (0..2000).map(|k| (w * f64::from(k)).sin()).collect();
+        for (a, b) in smoothed(&wave, stiffness)[500..1500].iter().zip(&wave[500..]) {
+            assert!((a - gain * b).abs() < 1e-6);
+        }
+        assert_eq!(smoothed(&[1.0, 5.0], 1e4), [1.0, 5.0]);
+    }
+}

@@ -32,3 +32,28 @@ impl InGust {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use model::{Axis, Effect, Model};
+
+    use crate::fit::gusts;
+    use crate::testing::prepared;
+
+    /// A craft that stands in a north wind, nose to the north, is one that flies to the south: its flapping moment is that of the air, and
+    /// its drag is not told apart from what pushes.
+    #[test]
+    fn the_wind_turns_a_craft_and_does_not_push_it() {
+        let mut flight = prepared(400, |_, _| {});
+        gusts::expect(&mut [&mut flight]);
+        let [north, _] = flight.stretches[0].gust_ned_m_s.as_mut().unwrap();
+        north.fill(2.0);
+        let model = Model::new(model::Vehicle::thesis());
+        let effects = [Effect::LinearDrag, Effect::FlappingMoment];
+        let columns = flight.columns(&effects, &model, 1, None);
+        let at = |column: usize, axis: Axis| columns[column][axis.index()].as_ref().unwrap()[100];
+        assert!(at(0, Axis::U).abs() < 1e-9);
+        let pitching = (3..columns.len()).find(|&c| columns[c][Axis::Q.index()].is_some()).unwrap();
+        assert!((at(pitching, Axis::Q) + 2.0).abs() < 1e-9, "{}", at(pitching, Axis::Q));
+    }
+}

@@ -23,8 +23,8 @@ use model::{Adjustments, Axis, Effect, Model, Plant, Quantity, SampleInput, Vehi
 use nalgebra::{Matrix3, Vector3};
 
 use crate::filter::{SideBySide, compose, sum_of_products};
-use crate::fit::least_squares::{FlightRows, RowColumn};
 use crate::fit::in_gust::InGust;
+use crate::fit::least_squares::{FlightRows, RowColumn};
 use crate::fit::slow;
 use crate::fit::slung_load;
 use crate::fit::terms::{Both, LinearEffects, Predictions, Seen, Slots, Terms, append, append_turned_back};
