@@ -16,10 +16,11 @@
 
 use model::Model;
 use sysid::prepare::Prepared;
+use sysid::{Residuals, residuals};
 
 use crate::conclusion::conclude;
 use crate::criteria::Left;
-use crate::finding::Diagnosis;
+use crate::finding::{Diagnosis, Unexplained};
 use crate::held_out::Validated;
 use crate::noise;
 use crate::not_logged::without_sides;
@@ -31,6 +32,7 @@ use crate::search::Search;
 use crate::search_error::SearchError;
 use crate::stand_ins::{above_noise, incomplete, refuse_stand_ins};
 use crate::unidentified::unidentified;
+use crate::wander;
 
 /// Diagnoses a model with the whole catalogue: which effect is missing from it?
 ///
@@ -58,13 +60,13 @@ pub fn diagnose_with(
     let mut chosen = search.choose()?;
     let confounded = confounded(&search, &chosen)?;
     observer.progress(Progress { activity: "testing what is left", steps: None });
-    let excess = |of: &Validated| noise::excess(validate, &of.held_out, Some(&of.fit.model));
-    let noise_before = excess(&search.base);
+    let noise_before = excess(&search.base, validate);
     let mut unexplained = loop {
         let rest = chosen.validated.as_ref().unwrap_or(&search.base);
         let Structure { mut unexplained, answers_late } = structure(rest, train, validate);
-        let noise_after = excess(rest);
+        let noise_after = excess(rest, validate);
         unexplained.extend(above_noise(&noise_after, rest, validate));
+        unexplained.extend(no_wander(rest, train, validate));
         let incomplete = incomplete(&noise_before, &noise_after);
         let left = Left { unexplained: &unexplained, incomplete, answers_late };
         if !refuse_stand_ins(&mut chosen.findings, &left) {
@@ -78,6 +80,26 @@ pub fn diagnose_with(
     let refused = model.fit.as_ref().map_or(&[][..], |fit| &fit.rotation_refused);
     let unknown = unidentified(&rest.fit.model, refused, &unexplained, train, (validate, &rest.held_out));
     Ok(conclude(effects, unexplained, unknown))
+}
+
+/// Ratio of the residual's variance to that of the sensors' noise on each axis; in a wind that wanders, only where it is not
+/// looked for.
+fn excess(of: &Validated, validate: &[&Prepared]) -> [Option<f64>; 6] {
+    let mut ratios = noise::excess(validate, &of.held_out, Some(&of.fit.model));
+    if validate.iter().any(|flight| flight.has_gusts()) {
+        ratios[..2].fill(None);
+    }
+    ratios
+}
+
+/// What is left along the horizontal axes in a wind that wanders, if it is not that wind.
+fn no_wander(rest: &Validated, train: &[&Prepared], validate: &[&Prepared]) -> Vec<Unexplained> {
+    if !validate.iter().any(|flight| flight.has_gusts()) {
+        return Vec::new();
+    }
+    let fitted: Vec<Residuals> = train.iter().map(|flight| residuals(flight, &rest.fit.model)).collect();
+    let all: Vec<&Residuals> = fitted.iter().chain(&rest.held_out).collect();
+    wander::otherwise(&[train, validate].concat(), &all)
 }
 
 #[cfg(test)]

@@ -39,6 +39,7 @@ pub mod subsets;
 #[cfg(test)]
 mod testing;
 mod unidentified;
+mod wander;
 pub mod workflow;
 
 pub use addition::{Addition, add};

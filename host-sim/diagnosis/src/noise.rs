@@ -49,6 +49,33 @@ fn force_channels(flight: &Prepared) -> (Channels, f64) {
     }
 }
 
+/// Spectral density that sensor noise alone has in the force rows of a flight, by the frequency in Hz: that of white noise is its variance, (m/s^2)^2.
+pub(crate) fn force_density(flight: &Prepared) -> impl Fn(f64) -> f64 {
+    let filter = &flight.filter;
+    let taps = match flight.force_target {
+        ForceTarget::Imu => filter.smooth.clone(),
+        ForceTarget::Velocity => filter.derivative.clone(),
+        ForceTarget::Position => self_convolution(&filter.derivative),
+    };
+    let channels = force_channels(flight);
+    let white = floor(flight, channels).iter().sum::<f64>() / 3.0 / channels.1;
+    let period_s = flight.period_s;
+    move |frequency_hz| white * gain(&taps, frequency_hz * period_s)
+}
+
+/// What a filter makes of the power of an oscillation of so many cycles a sample.
+pub(crate) fn gain(taps: &[f64], cycles: f64) -> f64 {
+    let part = |turn: fn(f64) -> f64| -> f64 {
+        taps.iter().enumerate().map(|(k, tap)| tap * turn(TAU * cycles * k as f64)).sum()
+    };
+    part(f64::cos).powi(2) + part(f64::sin).powi(2)
+}
+
+/// Whether the noise of the force rows is known.
+pub(crate) fn knows_forces(flights: &[&Prepared]) -> bool {
+    is_white(&signals(flights, force_channels))
+}
+
 fn gyro_channels(flight: &Prepared) -> (Channels, f64) {
     (|s| &s.rate_rad_s, energy(&flight.filter.derivative))
 }

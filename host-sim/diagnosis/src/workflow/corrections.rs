@@ -5,16 +5,19 @@ use model::{Effect, Model, Vehicle};
 use nalgebra::Vector3;
 use report::number::fixed;
 use sysid::checks::vehicle::Likeness;
-use sysid::fit::weather;
+use sysid::fit::{gusts, weather};
 use sysid::{Fault, FaultKind, Prepared, Reference, Severity};
 
 use crate::observer::Observer;
+use crate::wander;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::loaded::{LoadedFlight, leave_out_undefined};
 use crate::workflow::sets::{FlightSets, FlightsOfOneKind};
 
 /// Fits of drag and winds by turns: a drag that was fitted without the winds is off by what they do.
 const ROUNDS: usize = 3;
+/// Smallest root mean square of a wind that wanders in the flight with most of it, m/s.
+const LEAST_M_S: f64 = 0.2;
 
 impl FlightSets {
     /// Checks the flights against a model that is there already, and sets their clocks and trim.
@@ -47,7 +50,8 @@ impl FlightSets {
 
     /// Whether the flights have winds of their own.
     pub(crate) fn has_weather(&self) -> bool {
-        self.all().any(|flight| flight.prepared.wind_ned_m_s != Vector3::zeros())
+        let has = |flight: &Prepared| flight.wind_ned_m_s != Vector3::zeros() || flight.has_gusts();
+        self.all().any(|flight| has(&flight.prepared))
     }
 
     /// Gives each flight its own wind about `model`, fitted again with these winds, where they differ. Whether they do.
@@ -80,6 +84,55 @@ impl FlightSets {
         let sentence =
             format!("each has a wind of its own, which is taken into account: in m/s, {}", winds.join(", "));
         self.faults.add("flights", Fault::of_all(FaultKind::WindBetweenFlights, Severity::Warning, sentence));
+    }
+
+    /// Gives each flight a wind that wanders, about `model` fitted again without what is slow in the horizontal forces. Whether
+    /// there is one, and these flights tell.
+    pub(crate) fn find_gusts(&mut self, model: &Model) -> bool {
+        if !wander::is_told_by(&[self.train(), self.validate()].concat()) {
+            return false;
+        }
+        gusts::expect(&mut self.all_prepared());
+        let found = self.gusts_about(model).is_some()
+            && self.all().any(|flight| gusts::rms_m_s(&flight.prepared) > LEAST_M_S);
+        if !found {
+            self.forget_gusts();
+        }
+        found
+    }
+
+    fn gusts_about(&mut self, model: &Model) -> Option<()> {
+        let mut about = model.clone();
+        for _ in 0..ROUNDS {
+            about = sysid::fit(&self.train(), &model.vehicle, &model.effects(), Some(&about)).ok()?.model;
+            gusts::estimate(&mut self.all_prepared(), &about)?;
+        }
+        Some(())
+    }
+
+    /// Finds the winds that wander anew about a model that was fitted in them, where there are any.
+    pub(crate) fn follow_gusts(&mut self, model: &Model) {
+        if self.all().any(|flight| flight.prepared.has_gusts()) {
+            // Where the drag is not known any more, the winds are those that were found before.
+            let _ = gusts::estimate(&mut self.all_prepared(), model);
+        }
+    }
+
+    pub(crate) fn forget_gusts(&mut self) {
+        gusts::clear(&mut self.all_prepared());
+    }
+
+    /// Says how the wind of each flight wanders.
+    pub(crate) fn tell_gusts(&mut self) {
+        let of = |flight: &LoadedFlight| {
+            format!("{} {}", flight.path.display(), fixed(gusts::rms_m_s(&flight.prepared), 2))
+        };
+        let winds: Vec<String> = self.all().map(of).collect();
+        let sentence = format!(
+            "the wind wanders within each flight, which is taken into account: root mean square in m/s, {}",
+            winds.join(", ")
+        );
+        self.faults.add("flights", Fault::of_all(FaultKind::WanderingWind, Severity::Warning, sentence));
     }
 
     fn all_prepared(&mut self) -> Vec<&mut Prepared> {

@@ -1,6 +1,6 @@
 //! Which physical effect is missing from a model? And why, or why not, one of them?
 
-use model::{Effect, GROUPS, Group, Model, NotIdentified};
+use model::{Axis, Effect, GROUPS, Group, Model, NotIdentified};
 use report::number::fixed;
 use sysid::{FaultKind, Prepared};
 
@@ -42,26 +42,41 @@ pub fn why(
         .map_err(|why| WorkflowError::of_why(why, names(sets.training.loaded())))
 }
 
-/// Diagnoses on flights whose clocks and trim are set. Where forces stay unexplained, each flight gets its own wind, if that explains
-/// them.
+/// Diagnoses on flights whose clocks and trim are set. Where forces stay unexplained, each flight gets its own wind, if that
+/// explains them, and else one that wanders.
 pub(crate) fn search(
     model: &Model,
     sets: &mut FlightSets,
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Diagnosis, WorkflowError> {
+    sets.follow_gusts(model);
     let found = search_in_one_wind(model, sets, options, observer)?;
     let is_explained = |diagnosis: &Diagnosis| diagnosis.verdicts.translation != Verdict::Unexplained;
-    if is_explained(&found) || sets.has_weather() || !sets.find_weather(model) {
+    if is_explained(&found) || sets.has_weather() {
         return Ok(found);
     }
-    let in_own_winds = search_in_one_wind(model, sets, options, observer)?;
-    if !is_explained(&in_own_winds) {
+    if sets.find_weather(model) {
+        let in_own_winds = search_in_one_wind(model, sets, options, observer)?;
+        if is_explained(&in_own_winds) {
+            sets.tell_weather();
+            return Ok(in_own_winds);
+        }
         sets.forget_weather();
-        return Ok(found);
     }
-    sets.tell_weather();
-    Ok(in_own_winds)
+    let is_left = |diagnosis: &Diagnosis| {
+        diagnosis.unexplained.iter().any(|left| matches!(left.axis, Axis::U | Axis::V))
+    };
+    if is_left(&found) && sets.find_gusts(model) {
+        let in_gusts = search_in_one_wind(model, sets, options, observer)?;
+        // Whatever else is found, nothing may be left of the axes that tell the wind.
+        if is_explained(&in_gusts) && !is_left(&in_gusts) {
+            sets.tell_gusts();
+            return Ok(in_gusts);
+        }
+        sets.forget_gusts();
+    }
+    Ok(found)
 }
 
 fn search_in_one_wind(

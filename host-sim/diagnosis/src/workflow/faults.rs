@@ -58,7 +58,7 @@ impl Faults {
     }
 
     /// Whether there is one of a kind, other than a note.
-    pub(crate) fn has(&self, kind: FaultKind) -> bool {
+    pub fn has(&self, kind: FaultKind) -> bool {
         self.listed.iter().any(|l| l.fault.kind == kind && l.fault.severity != Severity::Note)
     }
 

@@ -54,6 +54,8 @@ pub enum FaultKind {
     NoPosition,
     /// Flights in winds of their own.
     WindBetweenFlights,
+    /// Flights in a wind that wanders.
+    WanderingWind,
     /// Mass, geometry or units of the vehicle file against what the fit says.
     ImplausibleVehicle,
     /// Fields of the vehicle file that no one has measured.
@@ -90,6 +92,7 @@ impl FaultKind {
             Self::NotLogged => "not-logged",
             Self::NoPosition => "no-position",
             Self::WindBetweenFlights => "wind-between-flights",
+            Self::WanderingWind => "wandering-wind",
             Self::ImplausibleVehicle => "implausible-vehicle",
             Self::UnmeasuredVehicle => "unmeasured-vehicle",
             Self::OtherVehicle => "other-vehicle",
@@ -340,7 +343,7 @@ mod tests {
     use super::*;
     use crate::testing::{NONE, flight, fly, truth};
 
-    const KINDS: [FaultKind; 20] = [
+    const KINDS: [FaultKind; 21] = [
         FaultKind::ClockOffset,
         FaultKind::ClockSkew,
         FaultKind::WanderingClock,
@@ -355,6 +358,7 @@ mod tests {
         FaultKind::Interpolated,
         FaultKind::UnderSampled,
         FaultKind::WindBetweenFlights,
+        FaultKind::WanderingWind,
         FaultKind::ImplausibleVehicle,
         FaultKind::OtherVehicle,
         FaultKind::TooFewFlights,

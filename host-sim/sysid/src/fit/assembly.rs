@@ -8,6 +8,7 @@ use crate::fit::linearise::{About, residuals_at_rows};
 use crate::fit::parameters::Layout;
 use crate::fit::residuals::Residuals;
 use crate::fit::rotation::has_rotation;
+use crate::fit::slow;
 use crate::fit::swing::Known;
 use crate::fit::terms::coefficient_count;
 use crate::prepare::Prepared;
@@ -27,6 +28,9 @@ pub(crate) fn timing(flights: &[&Prepared], model: &Model) -> Vec<Option<RowColu
             let mut off: RowColumn = about.columns.into_iter().next().unwrap_or_default();
             let deviation_s = LATENESS * flight.jitter_s;
             off.iter_mut().flatten().flatten().for_each(|value| *value *= deviation_s);
+            if flight.has_gusts() {
+                slow::take_from_column(flight, stride, &mut off);
+            }
             off
         })
     };
@@ -57,7 +61,7 @@ pub(crate) fn assemble(
             } else {
                 let about = About::new(flight, model, (linear, adjusting), stride, begun);
                 let Residuals { residual, .. } = about.residuals;
-                sums.add(&residual, model);
+                sums.add(&slow::less(flight, stride, &residual), model);
                 begun.begun = about.begun;
                 let targets =
                     if adds { less_added(residual, model, linear, &about.columns) } else { all_targets() };
@@ -90,7 +94,9 @@ impl Squares {
 pub(crate) fn left_by(flights: &[&Prepared], model: &Model) -> f64 {
     let mut sums = Squares::default();
     for flight in flights {
-        sums.add(&residuals_at_rows(flight, model, flight.fit_stride()).residual, model);
+        let stride = flight.fit_stride();
+        let residual = residuals_at_rows(flight, model, stride).residual;
+        sums.add(&slow::less(flight, stride, &residual), model);
     }
     sums.spread()
 }
@@ -110,13 +116,16 @@ pub(crate) fn follow_up(
         let stride = flight.fit_stride();
         if layout.adds() {
             let about = About::new(flight, model, (&[], &[]), stride, begun);
-            sums.add(&about.residuals.residual, model);
+            // The columns are those of rows already.
+            let residual = slow::less(flight, stride, &about.residuals.residual).into_owned();
+            sums.add(&residual, model);
             begun.begun = about.begun;
-            rows.targets = less_added(about.residuals.residual, model, &layout.linear, &rows.columns);
+            rows.targets = less_added(residual, model, &layout.linear, &rows.columns);
         } else {
-            rows.targets = flight.targets(&model.vehicle, &model.adjustments(), stride);
-            let columns = flight.columns(&layout.linear, model, stride, None);
-            rows.columns.splice(..count, columns);
+            let targets = flight.targets(&model.vehicle, &model.adjustments(), stride);
+            let anew = flight.rows_of_fit(targets, flight.columns(&layout.linear, model, stride, None));
+            rows.targets = anew.targets;
+            rows.columns.splice(..count, anew.columns);
             sums.add(&added(rows.targets.clone(), model, &layout.linear, &rows.columns, -1.0), model);
         }
     }
@@ -155,6 +164,7 @@ fn added(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit::gusts;
     use crate::testing::{NONE, fly, truth};
 
     fn flown(model: &Model) -> Prepared {
@@ -209,7 +219,15 @@ mod tests {
     #[test]
     fn rows_that_follow_a_model_are_those_formed_about_it() {
         let model = truth();
-        let flight = flown(&model);
+        let calm = flown(&model);
+        let mut in_gusts = calm.clone();
+        gusts::expect(&mut [&mut in_gusts]);
+        for flight in [calm, in_gusts] {
+            rows_follow(&model, &flight);
+        }
+    }
+
+    fn rows_follow(model: &Model, flight: &Prepared) {
         let linear: Vec<Effect> = Effect::basic().collect();
         let layout = Layout {
             order: [&linear[..], &[Effect::MassChange]].concat(),
@@ -223,7 +241,7 @@ mod tests {
             model
         };
         let (near, here) = (with_mass(0.05), with_mass(0.06));
-        let flights = [&flight];
+        let flights = [flight];
         let assembled = |model: &Model| {
             assemble(&flights, model, &layout.linear, &layout.adjusting, &mut [Known::default()])
         };

@@ -10,6 +10,7 @@ use crate::fit::least_squares::RowColumn;
 use crate::fit::predicted::{self, less, measured};
 use crate::fit::residuals::Residuals;
 use crate::fit::rows::Hung;
+use crate::fit::slow;
 use crate::fit::slung_load::{self, Carried};
 use crate::fit::swing::{Followed, Known};
 use crate::fit::unloaded::{Beginning, Unloaded};
@@ -176,8 +177,14 @@ fn slope(ahead: &RowColumn, here: &RowColumn, step: f64) -> RowColumn {
 }
 
 /// Measured and measured-minus-predicted of all six axes over the rows of a flight.
+/// In a wind that wanders, the slow part of the horizontal forces is taken from both.
 pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
-    residuals_at_rows(flight, model, 1)
+    let mut all = residuals_at_rows(flight, model, 1);
+    if flight.has_gusts() {
+        slow::take_from_targets(flight, 1, &mut all.measured);
+        slow::take_from_targets(flight, 1, &mut all.residual);
+    }
+    all
 }
 
 /// The same over the rows at every `stride`th sample.

@@ -23,7 +23,9 @@ use model::{Adjustments, Axis, Effect, Model, Plant, Quantity, SampleInput, Vehi
 use nalgebra::{Matrix3, Vector3};
 
 use crate::filter::{SideBySide, compose, sum_of_products};
+use crate::fit::in_gust::InGust;
 use crate::fit::least_squares::{FlightRows, RowColumn};
+use crate::fit::slow;
 use crate::fit::slung_load;
 use crate::fit::terms::{Both, LinearEffects, Predictions, Seen, Slots, Terms, append, append_turned_back};
 use crate::prepare::{ForceTarget, Part, Prepared, States, Stretch, subtract, vector};
@@ -57,8 +59,12 @@ impl Prepared {
     }
 
     /// A regression on this flight: targets and columns over the rows of a fit ([`Self::fit_stride`]).
-    pub fn rows_of_fit(&self, targets: [Vec<f64>; 6], columns: Vec<RowColumn>) -> FlightRows {
+    pub fn rows_of_fit(&self, mut targets: [Vec<f64>; 6], mut columns: Vec<RowColumn>) -> FlightRows {
         let stride = self.fit_stride();
+        if self.has_gusts() {
+            slow::take_from_targets(self, stride, &mut targets);
+            columns.iter_mut().for_each(|column| slow::take_from_column(self, stride, column));
+        }
         let starts = self.starts_of_rows(stride);
         FlightRows { targets, columns, starts, period_s: self.period_s * stride as f64 }
     }
@@ -217,10 +223,16 @@ impl Prepared {
                     FilteredRows::new(&self.filter.between, layout.places.len(), layout.wanted, rows());
                 let turned = if imu { Vec::new() } else { layout.forces_by_parameter() };
                 let mut forces = FilteredRows::new(&force_taps, 3 * turned.len(), 3 * turned.len(), rows());
+                let (mut in_gust, mut k) = (InGust::default(), first);
                 states.for_each_between(part, |input| {
                     let (dcm, direction) = (input.dcm, input.pendulum.direction);
-                    let sample = plant.sample_of(&input);
-                    if moments.push(|row| layout.write(terms, &sample, row)).is_some() {
+                    let gust = states.gust_after(k);
+                    k += 1;
+                    let write = |row: &mut [f64]| match gust {
+                        None => layout.write(terms, &plant.sample_of(&input), row),
+                        Some(gust) => in_gust.write((&layout, terms, plant), &input, gust, row),
+                    };
+                    if moments.push(write).is_some() {
                         append(&layout.places, &moments.row, &mut result);
                     }
                     if turned.is_empty() {
@@ -258,10 +270,14 @@ impl Prepared {
         let layout = Slots::new(terms, &plant.sample_of(&states.at(first)), |axis| axis < 3);
         if cable.is_none() {
             let mut forces = FilteredRows::new(&taps, layout.places.len(), layout.wanted, rows);
+            let mut in_gust = InGust::default();
             for k in part.samples.clone() {
                 let input = states.at(k);
-                let sample = plant.sample_of(&input);
-                if forces.push(|row| layout.write(terms, &sample, row)).is_some() {
+                let write = |row: &mut [f64]| match states.gust_at(k) {
+                    None => layout.write(terms, &plant.sample_of(&input), row),
+                    Some(gust) => in_gust.write((&layout, terms, plant), &input, gust, row),
+                };
+                if forces.push(write).is_some() {
                     append(&layout.places, &forces.row, result);
                 }
             }

@@ -20,6 +20,7 @@ use crate::fit::load_shapes::LoadShapes;
 use crate::fit::parameters::{Layout, step_end};
 use crate::fit::predicted::measured_less_predicted;
 use crate::fit::shapes::{End, Shapes};
+use crate::fit::slow;
 use crate::prepare::Prepared;
 
 /// The starts of a fit. `model` has the linear coefficients of a fit without the adjusting effects that are unknown.
@@ -246,7 +247,7 @@ impl Shapes for AnyShapes<'_> {
                 let here = measured_less_predicted(flight, model, stride).1;
                 let mut columns = linear.all.clone();
                 columns.extend(slopes(flight, model, *effect, &free, &here));
-                for (sum, residual) in squares.iter_mut().zip(&here) {
+                for (sum, residual) in squares.iter_mut().zip(slow::less(flight, stride, &here).iter()) {
                     *sum = (sum.0 + residual.iter().map(|e| e * e).sum::<f64>(), sum.1 + residual.len());
                 }
                 let mut targets = less_added(here, model, &layout.linear, &columns);

@@ -182,6 +182,11 @@ impl Slots {
         terms.evaluate(sample, &mut Writer { slots: self.slots.iter(), row });
     }
 
+    /// All slots but those of forces along the horizontal body axes.
+    pub(crate) fn slots_but_horizontal_forces(&self) -> impl Iterator<Item = usize> {
+        self.places.iter().enumerate().filter(|(_, place)| place.axis >= 2).map(|(slot, _)| slot)
+    }
+
     pub(crate) fn forces_by_parameter(&self) -> Vec<Turned> {
         let mut turned: Vec<Turned> = Vec::new();
         for (slot, place) in self.places.iter().enumerate().filter(|(_, place)| place.axis < 3) {

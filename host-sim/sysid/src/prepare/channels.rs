@@ -99,6 +99,7 @@ impl<'a> Channels<'a> {
             battery_v: even.columns[BATTERY].clone(),
             imu_m_s2: self.imu.map(|first| even.take(first)),
             outliers: Vec::new(),
+            gust_ned_m_s: None,
             measured: even.measured,
             time_s: even.time_s,
         }

@@ -197,6 +197,11 @@ impl Prepared {
         self.stretches.iter().map(|s| s.time_s.len() - 2 * self.margin).sum()
     }
 
+    /// Whether it has a wind that wanders.
+    pub fn has_gusts(&self) -> bool {
+        self.stretches.iter().any(|s| s.gust_ned_m_s.is_some())
+    }
+
     /// Whether rotor speeds were measured, rather than computed from commands.
     pub fn has_rotor_speeds(&self) -> bool {
         self.stretches.iter().any(|s| s.logged_rotor_rad_s.is_some())

@@ -89,6 +89,17 @@ impl States<'_> {
         }
     }
 
+    /// What a wind that wanders adds at a sample, body axes, m/s. The states are those without it.
+    pub fn gust_at(&self, k: usize) -> Option<Vector3<f64>> {
+        let [north, east] = self.stretch.gust_ned_m_s.as_ref()?;
+        Some(self.dcm(k) * Vector3::new(north[k], east[k], 0.0))
+    }
+
+    /// The mean of it between a sample and the next.
+    pub fn gust_after(&self, k: usize) -> Option<Vector3<f64>> {
+        Some(0.5 * (self.gust_at(k)? + self.gust_at(k + 1)?))
+    }
+
     /// Hands over the mean states between neighbouring samples of a part, one fewer.
     pub fn for_each_between(&self, part: &Part, mut take: impl FnMut(SampleInput)) {
         let per_period = 1.0 / self.period_s;

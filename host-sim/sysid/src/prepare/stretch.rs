@@ -36,6 +36,8 @@ pub struct Stretch {
     pub measured: Vec<bool>,
     /// Outliers in the place of which there are other values now, by sample of the stretch.
     pub outliers: Vec<Outlier>,
+    /// Wind that wanders within the flight at each sample, north and east, m/s, beside the constant one; nothing where none was found.
+    pub gust_ned_m_s: Option<[Vec<f64>; 2]>,
 }
 
 /// One rotor over a stretch.
@@ -70,6 +72,7 @@ impl Stretch {
                 .filter(|outlier| range.contains(&outlier.row))
                 .map(|outlier| Outlier { row: outlier.row - range.start, ..*outlier })
                 .collect(),
+            gust_ned_m_s: self.gust_ned_m_s.as_ref().map(|all| cut(all, &range)),
         }
     }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use model::Effect;
 use serde::Serialize;
 
-use crate::trial::{ADEQUATE, NOT_IDENTIFIED, Outcome, UNEXPLAINED};
+use crate::trial::{ADEQUATE, GUSTS, NOT_IDENTIFIED, Outcome, UNEXPLAINED};
 
 /// What kind of answer it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -47,7 +47,7 @@ impl Class {
             UNEXPLAINED => Self::Unexplained,
             ADEQUATE => Self::Missed,
             _ if outcome.names_the_condition() => Self::Missed,
-            answer if Effect::from_id(answer).is_some() => Self::WrongName,
+            answer if answer == GUSTS || Effect::from_id(answer).is_some() => Self::WrongName,
             refusal if outcome.trial.condition.is_some_and(|c| c.is_named_in(refusal)) => Self::Honest,
             _ => Self::NoAnswer,
         }
@@ -142,6 +142,10 @@ mod tests {
         assert_eq!(Class::of(&told), Class::Missed);
         told.found = vec!["steady-wind", "ground-effect"];
         assert_eq!(Class::of(&told), Class::Right);
+        let wanders = Condition::WanderingWind;
+        assert_eq!(class(wanders, Hidden::Nothing, "gusts"), Class::Right);
+        assert_eq!(class(wanders, Hidden::One("ground-effect"), "gusts"), Class::Missed);
+        assert_eq!(class(Condition::Gaps, Hidden::Nothing, "gusts"), Class::WrongName);
         let inertia = Condition::ProductOfInertia;
         assert_eq!(class(inertia, Hidden::Nothing, "product-of-inertia"), Class::Right);
         assert_eq!(class(inertia, Hidden::Nothing, "adequate"), Class::Missed);

@@ -6,6 +6,7 @@ use flights::Flight;
 use model::{Effect, Model, Vehicle};
 use serde::Serialize;
 use stories::world::{Pattern, Sensors, True, World};
+use sysid::FaultKind;
 
 use crate::condition::Condition;
 use crate::plan::{Hidden, Trial};
@@ -16,13 +17,15 @@ const HALF_95: f64 = 1.959_964;
 pub(crate) const ADEQUATE: &str = "adequate";
 pub(crate) const UNEXPLAINED: &str = "unexplained";
 pub(crate) const NOT_IDENTIFIED: &str = "not-identified";
+/// Nothing of the craft is missing, but the wind wanders.
+pub(crate) const GUSTS: &str = "gusts";
 
 /// The product's answer.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Outcome {
     pub(crate) trial: Trial,
-    /// What it answered first: an effect's identifier, "adequate", "unexplained",
-    /// "not-identified", or why there is no answer.
+    /// What it answered first: an effect's identifier, "adequate", "gusts" (adequate in a wind that
+    /// wanders), "unexplained", "not-identified", or why there is no answer.
     pub(crate) answer: String,
     /// Whether the motor it blames is the one, where it blames one.
     pub(crate) motor_is_right: bool,
@@ -226,6 +229,7 @@ fn ask_what_is_missing(trial: &Trial) -> Result<Outcome, String> {
     let options = diagnosis::Options::default();
     let basic = workflow::identify(&world.vehicle, &[], &mut sets, None, &Silent).map_err(told)?.model;
     let diagnosis = workflow::diagnose(&basic, &[], &mut sets, &options, &Silent).map_err(told)?;
+    let wanders = sets.faults.has(FaultKind::WanderingWind);
     let found = match (trial.rounds, diagnosis.best()) {
         (0 | 1, best) => best.map(Effect::id).into_iter().collect(),
         _ => {
@@ -240,7 +244,11 @@ fn ask_what_is_missing(trial: &Trial) -> Result<Outcome, String> {
         Some(_) => Vec::new(),
         None => distances(trial, &world, basic, &mut sets),
     };
-    Ok(outcome(trial, &diagnosis, found, coefficients))
+    let mut outcome = outcome(trial, &diagnosis, found, coefficients);
+    if wanders && outcome.answer == ADEQUATE {
+        outcome.answer = GUSTS.into();
+    }
+    Ok(outcome)
 }
 
 fn outcome(
