@@ -25,7 +25,7 @@ impl InGust {
     ) {
         layout.write(terms, &plant.sample_of(input), row);
         self.0.resize(row.len(), 0.0);
-        let through = SampleInput { velocity_m_s: input.velocity_m_s - gust_m_s, ..input.clone() };
+        let through = SampleInput { velocity_m_s: input.velocity_m_s - gust_m_s, ..*input };
         layout.write(terms, &plant.sample_of(&through), &mut self.0);
         for slot in layout.slots_but_horizontal_forces() {
             row[slot] = self.0[slot];
