@@ -52,16 +52,16 @@ impl StandIn {
                 "no gyro: the rates are the derivative of the attitude, which blurs fast rotation; log p, q, r",
             ),
             Self::RotorSpeeds => Some(
-                "no motor commands: the rotor speeds stand in for them, so delays before the motors cannot be told",
+                "no motor commands: the rotor speeds stand in for them, so delays between command and motor cannot be seen; log cmd1 to cmd4",
             ),
             Self::ConstantVoltage => Some(
-                "no battery voltage: what follows the battery cannot be told from what follows time; log vbat",
+                "no battery voltage: effects of a sagging battery cannot be told apart from other slow changes; log vbat",
             ),
             Self::NoPosition => Some(
-                "no position: drag, wind and what depends on height or place cannot be told, only thrust and rotation; log x, y, z",
+                "no position: only thrust and rotation can be identified, not drag, wind or anything that depends on height or place; log x, y, z",
             ),
             Self::HeightOnly => Some(
-                "a height and no position: drag and wind cannot be told, only thrust and rotation; log x and y",
+                "height but no horizontal position: only thrust and rotation can be identified, not drag or wind; log x and y",
             ),
         }
     }

@@ -152,12 +152,12 @@ fn number(flights: &mut [Part], stem: &str) {
 impl Messages {
     fn of(table: &Table, format: Format) -> Self {
         // A Crazyflie's clock counts microseconds; its own decoder shows milliseconds.
-        let unit = match (format, table.time_unit) {
-            (Format::Crazyflie, TimeUnit::Microseconds) if table.name != "(only)" => 1e-3,
+        let shown_as = match (format, table.time_unit) {
+            (Format::Crazyflie, TimeUnit::Microseconds) if table.name != "(only)" => 1e3,
             _ => 1.0,
         };
         let ends = table.times.first().zip(table.times.last());
-        let first_last = ends.map(|(first, last)| [*first as f64 * unit, *last as f64 * unit]);
+        let first_last = ends.map(|(first, last)| [*first as f64 / shown_as, *last as f64 / shown_as]);
         Self { name: table.name.clone(), count: table.rows, first_last }
     }
 }

@@ -34,9 +34,9 @@ fn usual_sizes(format: Format) -> [f64; 3] {
 pub fn draft(imports: &[Import]) -> Result<Option<Draft>, String> {
     let flown: Vec<&Import> = imports.iter().filter(|import| !import.flights.is_empty()).collect();
     let Some(first) = flown.first() else { return Ok(None) };
-    let unit = one_of(&flown, "count their motor commands in different units", |h| h.command_unit.clone())?;
-    let spin = one_of(&flown, "have motors that spin otherwise", |h| h.spin)?;
-    let positions = one_of(&flown, "have rotors in other places", |h| h.rotor_positions_m)?;
+    let unit = one_of(&flown, "have motor commands in different units", |h| h.command_unit.clone())?;
+    let spin = one_of(&flown, "have motors that spin in different directions", |h| h.spin)?;
+    let positions = one_of(&flown, "have rotors in different places", |h| h.rotor_positions_m)?;
     let name = flown.iter().find_map(|import| import.hints.name.clone());
     let number = |of: fn(&Hints) -> Option<f64>| flown.iter().find_map(|import| of(&import.hints));
     let [mass, usual_arm, rotor_radius] = usual_sizes(first.format);
@@ -79,18 +79,18 @@ fn missing(has_arm: bool, has_spin: bool, has_range: bool) -> Vec<(&'static str,
     missing.push(("rotor_radius", "measure half of the diameter of a propeller, in m".into()));
     missing.push((
         "tracked_point",
-        "measure from the centre of mass (where the craft balances) to the point that is tracked, forward, right and down, in m".into(),
+        "measure from the centre of mass (where the craft balances) to the point whose position is logged (with motion capture the centre of the markers, otherwise usually the flight controller): forward, right and down, in m".into(),
     ));
     if !has_spin {
         missing.push((
             "motors.spin",
-            "look from above which way each propeller turns: 1 front-left, 2 front-right, 3 rear-right, 4 rear-left".into(),
+            "see which way each propeller turns, seen from above (cw or ccw): 1 front-left, 2 front-right, 3 rear-right, 4 rear-left".into(),
         ));
     }
     if !has_range {
         missing.push((
             "motors.command_range",
-            "look up the commands of an idling motor and of full throttle; those of the log stand here"
+            "look up the motor commands at idle and at full throttle; the values here are only the smallest and largest in the logs"
                 .into(),
         ));
     }
@@ -143,8 +143,8 @@ impl Draft {
             found.map_or(String::new(), |(_, how)| format!("   # NOT MEASURED: {how}"))
         };
         let mut text = String::from(
-            "# Filled in from logs. Values marked NOT MEASURED are those of a usual craft: replace them, and take the field\n\
-             # out of `unmeasured`.\n",
+            "# Filled in from logs. Values marked NOT MEASURED are guesses: replace each with your own,\n\
+             # then delete its name from the list `unmeasured`.\n",
         );
         let unmeasured = self.missing.iter().map(|(field, _)| format!("{field:?}")).collect::<Vec<_>>();
         let [low, high] = motors.command_range;

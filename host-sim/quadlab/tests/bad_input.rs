@@ -303,7 +303,7 @@ fn bad_usage_is_one_line() {
     for (arguments, expected) in [
         (vec![], "no command"),
         (vec!["identfy"], "identfy"),
-        (vec!["identify"], "--vehicle"),
+        (vec!["identify"], "--out"),
         (vec!["compare", "--model", "m.toml"], "--flights"),
         (vec!["compare", "--model", "m.toml", "--flights"], "--flights"),
         (vec!["effects", "--jsno"], "--jsno"),

@@ -19,9 +19,9 @@ const VEHICLE: &str = "vehicle.toml";
 /// Make flight files from logs of other programs.
 ///
 /// Reads PX4 ULog, ArduPilot DataFlash, Betaflight and INAV blackbox, Crazyflie SD-card logs, ROS 1 and ROS 2 bags, MCAP and
-/// Parquet. Writes a flight file for each part that was flown, and a vehicle file in which what must be measured is marked.
-/// Every command that takes flights also takes logs: this only makes the flight files permanent. Exit status 2 if a log is
-/// refused; the others are still imported.
+/// Parquet. Writes a flight file for each part that was flown, and a vehicle file that marks what you still have to measure; an
+/// existing one is kept unless --force is given. Every command that takes flights also takes logs: import only saves the flights
+/// as files. Exit status 2 if a log is refused; the others are still imported.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  quadlab import log1.ulg log2.ulg --out flights")]
 pub(crate) struct Options {
@@ -29,7 +29,7 @@ pub(crate) struct Options {
     #[arg(value_name = "LOG", num_args = 1.., required = true)]
     logs: Vec<PathBuf>,
 
-    /// Folder to write the flight files and the vehicle file to; it is made if it is not there, for example: --out flights
+    /// Folder to write the flight files and the vehicle file to; created if missing, for example: --out flights
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 

@@ -6,11 +6,11 @@ use crate::cli::logs::{draft, read_logs, refused};
 use crate::cli::output::{Outcome, OutputOptions};
 use crate::render::import_text::to_measure;
 
-/// Make a vehicle file from what logs tell, with what must be measured marked.
+/// Make a vehicle file from logs and mark what you still have to measure.
 ///
 /// Fills in motor order, spin, command range and rotor positions, air density and gravity where the logs have them. Mass, sizes
-/// and the tracked point must be measured: the file says how. Until then they stand at values of a usual craft, and every command
-/// warns of that.
+/// and the tracked point must be measured: the file says how. Until then the file holds typical values, and every command warns
+/// you of that.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  quadlab init log.ulg --out vehicle.toml")]
 pub(crate) struct Options {

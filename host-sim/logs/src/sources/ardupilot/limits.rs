@@ -33,7 +33,9 @@ pub(super) fn add(log: &Log, recording: &mut Recording) {
     }
     match rate(signals.attitude.as_ref().map(|signal| &signal.t)) {
         Some(hz) if hz < FAST_ATTITUDE_HZ => {
-            limits.push(format!("attitude (ATT) is logged at {hz:.0} Hz: fast turns are smoothed; {FAST}"));
+            limits.push(format!(
+                "attitude (ATT) is logged at {hz:.0} Hz: fast rotation is smoothed out; {FAST}"
+            ));
         }
         Some(_) => {}
         None => limits.push("attitude (ATT) is not logged: set LOG_BITMASK to hold Fast Attitude (1)".into()),

@@ -27,7 +27,7 @@ pub(super) fn add(recording: &mut Recording) {
             "motor commands are logged at {hz:.0} Hz: forces can be fitted, rotation cannot; {PROFILE}"
         )),
         Some(hz) if hz < FAST_COMMANDS_HZ => limits.push(format!(
-            "motor commands are known at {hz:.0} Hz: forces can be fitted, fast turns cannot; {PROFILE}"
+            "motor commands are known at {hz:.0} Hz: forces and slow rotation can be fitted, fast rotation cannot; {PROFILE}"
         )),
         Some(_) => {}
         None => limits
@@ -36,15 +36,15 @@ pub(super) fn add(recording: &mut Recording) {
     if let Some(hz) =
         rate(signals.attitude.as_ref().map(|signal| &signal.t)).filter(|hz| *hz < FAST_ATTITUDE_HZ)
     {
-        limits.push(format!("attitude is logged at {hz:.0} Hz: fast turns are smoothed; {PROFILE}"));
+        limits.push(format!("attitude is logged at {hz:.0} Hz: fast rotation is smoothed out; {PROFILE}"));
     }
     match rate(signals.position.as_ref().map(|signal| &signal.t)) {
         Some(hz) if hz < FAST_POSITION_HZ => limits.push(format!(
-            "position and velocity are logged at {hz:.0} Hz: list vehicle_local_position, with all other topics \
-             that are wanted, in etc/logging/logger_topics.txt on the SD card"
+            "position and velocity are logged at {hz:.0} Hz: to log them faster, list vehicle_local_position in etc/logging/logger_topics.txt on the SD card, \
+             with every other topic you need, because that file replaces SDLOG_PROFILE"
         )),
         Some(_) => {}
-        None => limits.push("position and velocity are not logged: forces are known by the accelerometer".into()),
+        None => limits.push("position and velocity are not logged: thrust can be fitted from the accelerometer, drag and wind cannot".into()),
     }
     if let Some(hz) =
         rate(signals.rotor_speed.as_ref().map(|signal| &signal.t)).filter(|hz| *hz < FAST_ROTORS_HZ)
