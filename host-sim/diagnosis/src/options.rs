@@ -4,7 +4,7 @@ use model::{Effect, Model};
 use sysid::{Prepared, has_rotation, without_rotation};
 
 use crate::change::Change;
-use crate::not_logged;
+use crate::{not_logged, wander};
 
 /// Periods of slow logs, s, slower than 80 and than 40 Hz: loops of craft command at 100 Hz and more, and their rotors answer within 20 to
 /// 50 ms.
@@ -40,7 +40,7 @@ impl Options {
 
     /// What could be missing from a model, by these flights. A dead time cannot be told from what interpolation does to a log, nor how
     /// rotors speed up from what was commanded between the rows of a slow one; of a slower one, nothing that shows in accelerations. Nor can
-    /// what shows in columns that were not logged.
+    /// what shows in columns that were not logged, or what a wind that wanders looks like.
     pub(crate) fn candidates_by(&self, model: &Model, flights: &[&Prepared]) -> Vec<Effect> {
         let period_s = flights.iter().map(|flight| flight.period_s).fold(0.0, f64::max);
         let interpolated = flights.iter().any(|flight| flight.is_interpolated);
@@ -48,7 +48,8 @@ impl Options {
             !(interpolated && *effect == Effect::InputDelay
                 || period_s > SLOW_S && shows_in(effect, "rotor_acceleration")
                 || period_s > SLOWER_S && shows_in(effect, "acceleration")
-                || not_logged::hide(flights, *effect))
+                || not_logged::hide(flights, *effect)
+                || wander::looks_like(flights, model, *effect))
         };
         self.candidates(model).into_iter().filter(is_told).collect()
     }

@@ -7,7 +7,7 @@
 
 use std::f64::consts::TAU;
 
-use model::Axis;
+use model::{Axis, Effect, Model};
 use sysid::Residuals;
 use sysid::fit::slow::MEMORY_S;
 use sysid::prepare::{Prepared, Stretch};
@@ -42,6 +42,20 @@ struct Band {
     noise: f64,
     /// Independent values.
     count: f64,
+}
+
+/// Whether an effect cannot be told from a wind that wanders: one whose force follows the rates, if the wind turns the craft. The wind's push
+/// stays in the residual, and the rates follow it.
+pub(crate) fn looks_like(flights: &[&Prepared], model: &Model, effect: Effect) -> bool {
+    let through =
+        |effect: Effect, names: [&str; 2]| effect.quantities().iter().any(|name| names.contains(name));
+    let turns = |effect: Effect| {
+        effect.info().axes.iter().any(|axis| matches!(axis, Axis::P | Axis::Q)) && through(effect, ["u", "v"])
+    };
+    flights.iter().any(|flight| flight.has_gusts())
+        && model.terms.iter().any(|term| turns(term.effect))
+        && effect.info().axes.iter().all(|axis| matches!(axis, Axis::U | Axis::V))
+        && through(effect, ["p", "q"])
 }
 
 /// Whether these flights tell a random walk from something else.
@@ -184,6 +198,23 @@ mod tests {
             });
             assert_eq!(found, [], "seed {seed}");
         }
+    }
+
+    #[test]
+    fn a_force_that_follows_rates_is_told_unless_the_wind_turns_the_craft() {
+        let mut flights = prepared(&truth(), 1..2, 4.0, &ORDINARY);
+        let looks = |flight: &Prepared, model: &Model| {
+            [Effect::RateCoupling, Effect::GroundEffect, Effect::TrackingOffset]
+                .map(|effect| looks_like(&[flight], model, effect))
+        };
+        let mut turned = Model::thesis();
+        turned.terms.retain(|term| term.effect != Effect::FlappingMoment);
+        let blown = turned.clone();
+        turned.set(Effect::FlappingMoment, &[0.0; 2]);
+        assert_eq!(looks(&flights[0], &turned), [false; 3]);
+        sysid::fit::gusts::expect(&mut [&mut flights[0]]);
+        assert_eq!(looks(&flights[0], &turned), [true, false, false]);
+        assert_eq!(looks(&flights[0], &blown), [false; 3]);
     }
 
     #[test]
