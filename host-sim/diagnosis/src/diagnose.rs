@@ -15,6 +15,7 @@
 //! determine at all (`unidentified.rs`) is neither (`conclusion.rs`).
 
 use model::Model;
+use sysid::fit::slow;
 use sysid::prepare::Prepared;
 use sysid::{Residuals, residuals};
 
@@ -82,11 +83,10 @@ pub fn diagnose_with(
     Ok(conclude(effects, unexplained, unknown))
 }
 
-/// Ratio of the residual's variance to that of the sensors' noise on each axis; in a wind that wanders, only where it is not
-/// looked for.
+/// Ratio of the residual's variance to that of the sensors' noise on each axis; only where no slow part was taken from it.
 fn excess(of: &Validated, validate: &[&Prepared]) -> [Option<f64>; 6] {
     let mut ratios = noise::excess(validate, &of.held_out, Some(&of.fit.model));
-    if validate.iter().any(|flight| flight.has_gusts()) {
+    if validate.iter().any(|flight| slow::is_taken(flight)) {
         ratios[..2].fill(None);
     }
     ratios

@@ -15,7 +15,7 @@ pub enum StandIn {
     RotorSpeeds,
     /// A constant in the place of the voltage.
     ConstantVoltage,
-    /// No position: nothing that depends on place or speed can be told.
+    /// No position: little that depends on place or speed can be told.
     NoPosition,
     /// A height and no position.
     HeightOnly,
@@ -35,7 +35,7 @@ impl StandIn {
         }
     }
 
-    /// Whether it leaves nothing known of the speed through the air.
+    /// Whether it leaves little known of the speed through the air.
     pub const fn hides_speed(self) -> bool {
         matches!(self, Self::NoPosition | Self::HeightOnly)
     }
@@ -45,7 +45,7 @@ impl StandIn {
         match self {
             Self::AnglesOfQuaternion => None,
             Self::AnglesOfGyro => Some(
-                "no attitude: it is integrated from the gyro and held level by the accelerometer, so it is uncertain by degrees in turns; \
+                "no attitude: it is integrated from the gyro and held level by the accelerometer, so it is uncertain by degrees in turns, and drag fitted to it comes out low, in simulated flights by up to a third; \
                  log the attitude",
             ),
             Self::RatesOfAttitude => Some(
@@ -58,10 +58,10 @@ impl StandIn {
                 "no battery voltage: effects of a sagging battery cannot be told apart from other slow changes; log vbat",
             ),
             Self::NoPosition => Some(
-                "no position: only thrust and rotation can be identified, not drag, wind or anything that depends on height or place; log x, y, z",
+                "no position: the accelerometer tells the speed for a second at a time, enough for drag along the body axes; wind and what depends on height, place or speed cannot be identified; log x, y, z",
             ),
             Self::HeightOnly => Some(
-                "height but no horizontal position: only thrust and rotation can be identified, not drag or wind; log x and y",
+                "height but no horizontal position: the accelerometer tells the speed for a second at a time, enough for drag along the body axes; wind and what depends on speed cannot be identified; log x and y",
             ),
         }
     }

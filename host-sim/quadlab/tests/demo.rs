@@ -77,15 +77,15 @@ fn falls(text: &str, seed: &str) {
 fn flights_of_ones_own_go_through_the_same_loop() {
     let folder = tempfile::tempdir().unwrap();
     let own = flights().to_str().unwrap();
-    let text = done_in(folder.path(), &["demo", "--flights", own, "--out", "mine"]);
-    assert!(text.contains("Flights A, B and C were used for the fit, D and E for validation."), "{text}");
+    let text = done_in(folder.path(), &["demo", "--flights", own, "--out", "mine"]).replace('\n', " ");
+    assert!(text.contains("Flights split: fitted on A.csv, B.csv, C.csv; judged on D.csv, E.csv."), "{text}");
     assert!(text.contains("Found: ground-effect."), "{text}");
     assert!(folder.path().join("mine/report.html").is_file());
     assert!(!folder.path().join("mine/flights").exists(), "nothing is flown");
 }
 
 #[test]
-fn other_names_are_split_sixty_to_forty() {
+fn other_names_are_split_as_by_the_other_commands() {
     let folder = common::copies();
     for name in ["A", "B", "C", "D", "E"] {
         let path = |name: &str| folder.path().join(format!("{name}.csv"));
@@ -94,7 +94,9 @@ fn other_names_are_split_sixty_to_forty() {
     let text = done_in(folder.path(), &["demo", "--flights", ".", "--out", "mine"]);
     let text = text.replace('\n', " ");
     assert!(
-        text.contains("The first 3 of 5 flights by name were used for the fit, the rest for validation."),
+        text.contains(
+            "fitted on flight-A.csv, flight-C.csv, flight-D.csv; judged on flight-B.csv, flight-E.csv."
+        ),
         "{text}"
     );
 }
@@ -111,7 +113,7 @@ fn refused(folder: &Path, arguments: &[&str], expected: &str) {
 fn a_folder_without_flights_is_refused_in_one_line() {
     let folder = tempfile::tempdir().unwrap();
     refused(folder.path(), &["demo", "--flights", "absent"], "absent: cannot read the folder");
-    refused(folder.path(), &["demo", "--flights", "."], "has 0 *.csv files");
+    refused(folder.path(), &["demo", "--flights", "."], "no flight file (*.csv) and no log in this folder");
     refused(folder.path(), &["demo", "--flights", ".", "--seed", "1"], "cannot be used with");
     assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none(), "nothing was written");
     std::fs::write(folder.path().join("file"), "").unwrap();

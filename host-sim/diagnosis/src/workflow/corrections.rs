@@ -8,6 +8,7 @@ use sysid::checks::vehicle::Likeness;
 use sysid::fit::{gusts, weather};
 use sysid::{Fault, FaultKind, Prepared, Reference, Severity};
 
+use crate::not_logged::lack_position;
 use crate::observer::Observer;
 use crate::wander;
 use crate::workflow::error::WorkflowError;
@@ -89,7 +90,8 @@ impl FlightSets {
     /// Gives each flight a wind that wanders, about `model` fitted again without what is slow in the horizontal forces. Whether
     /// there is one, and these flights tell.
     pub(crate) fn find_gusts(&mut self, model: &Model) -> bool {
-        if !wander::is_told_by(&[self.train(), self.validate()].concat()) {
+        let flights = [self.train(), self.validate()].concat();
+        if lack_position(&flights) || !wander::is_told_by(&flights) {
             return false;
         }
         gusts::expect(&mut self.all_prepared());

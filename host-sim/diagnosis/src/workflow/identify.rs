@@ -61,7 +61,7 @@ pub(crate) fn fit_basic(
         return Err(WorkflowError::Cancelled);
     }
     observer.progress(Progress { activity: "fitting the basic model", steps: None });
-    let basic = basic_effects(sets);
+    let basic: Vec<Effect> = Effect::basic().collect();
     sets.align_training(&basic_model(vehicle));
     let mut fit = sysid::fit(&sets.train(), vehicle, &basic, None).map_err(|why| sets.blame(why))?;
     sets.align_held_out(&fit.model);
@@ -78,12 +78,6 @@ pub(crate) fn fit_basic(
     warn(&model, &motors, observer);
     sets.add_faults_of_fit(&model);
     Ok(Identified { model, condition: fit.condition, motors, refinement: None })
-}
-
-/// The effects of the basic model: without drag where no flight says how fast the craft is.
-fn basic_effects(sets: &FlightSets) -> Vec<Effect> {
-    let has_speed = sets.train().iter().any(|flight| flight.has_position);
-    Effect::basic().filter(|effect| has_speed || *effect != Effect::LinearDrag).collect()
 }
 
 /// Why the rotation of a model is to be refused. Where motors push the wrong way, missing effects are tried first: one that mends

@@ -130,8 +130,8 @@ fn files_in(folder: &Path, kind: Kind) -> Result<Vec<PathBuf>, NamedFlightsError
 }
 
 /// The flight files of a folder, and the logs in it, in the order of their names.
-pub(crate) fn flight_files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
-    files_of_kind(folder, Kind::Flights)
+pub(crate) fn flights_in(folder: &Path) -> Result<Vec<PathBuf>, NamedFlightsError> {
+    files_in(folder, Kind::Flights)
 }
 
 fn files_of_kind(folder: &Path, kind: Kind) -> std::io::Result<Vec<PathBuf>> {

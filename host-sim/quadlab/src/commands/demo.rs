@@ -12,7 +12,8 @@ use model::{Effect, Model, Vehicle};
 use rayon::prelude::*;
 
 use crate::cli::faults;
-use crate::cli::flights::{SetFiles, flight_files};
+use crate::cli::flights::{SetFiles, flights_in};
+use crate::cli::model_files::vehicle_of;
 use crate::cli::output::{Outcome, provenance};
 use crate::cli::progress;
 use crate::cli::terminal::Terminal;
@@ -24,8 +25,6 @@ const TRAIN: [&str; 3] = ["A", "B", "C"];
 const VALIDATE: [&str; 2] = ["D", "E"];
 /// Length of a simulated flight, s.
 const FLIGHT_S: f64 = 40.0;
-/// Share of the flights that the fit uses where their names do not say.
-const TRAIN_SHARE: f64 = 0.6;
 
 /// Run the whole workflow: identify, compare, diagnose, add, and write a page with figures.
 ///
@@ -36,9 +35,8 @@ const TRAIN_SHARE: f64 = 0.6;
     after_help = "Examples:\n  quadlab demo --seed 7\n  quadlab demo --flights my-flights --out my-report"
 )]
 pub(crate) struct Options {
-    /// Folder with flight files and their vehicle.toml; A, B and C are used for the fit, D and E for
-    /// validation; with other names, the first 60 % by name are used for the fit, for example:
-    /// --flights my-flights
+    /// Folder with flight files or logs; A, B and C are used for the fit, D and E for validation, and
+    /// flights with other names are split as by the other commands, for example: --flights my-flights
     #[arg(long, value_name = "DIR", conflicts_with = "seed")]
     flights: Option<PathBuf>,
 
@@ -55,10 +53,6 @@ pub(crate) struct Options {
 /// Why a folder of flights cannot be used.
 #[derive(Debug, thiserror::Error)]
 enum DemoError {
-    #[error("{}: cannot read the folder: {source}; name a folder with *.csv files and vehicle.toml", folder.display())]
-    Folder { folder: PathBuf, source: std::io::Error },
-    #[error("{}: has {count} *.csv files; at least 2 are needed, one to fit the model and one to validate it", folder.display())]
-    TooFew { folder: PathBuf, count: usize },
     #[error("{}: cannot create the folder: {source}; give another with --out", folder.display())]
     Create { folder: PathBuf, source: std::io::Error },
     #[error("--seed {seed}: the simulated craft was lost in flight {name}; use another seed")]
@@ -77,25 +71,23 @@ fn create(folder: &Path) -> Result<(), DemoError> {
 }
 
 fn on_flights(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
-    let (files, how) = chosen_flights(folder)?;
-    let vehicle_path = folder.join("vehicle.toml");
-    let vehicle = Vehicle::read(&vehicle_path)?;
+    let named = [folder.to_owned()];
+    let files = chosen_flights(flights_in(folder)?);
+    let (vehicle, vehicle_path) = vehicle_of(None, named.iter(), &files.paths())?;
     let terminal = Terminal::new(false);
     let mut sets = files.read(&vehicle, Reading::default(), &terminal)?;
     create(&options.out)?;
     let explanation =
         workflow::explain(&vehicle, &[], &mut sets, &diagnosis::Options::default(), None, &terminal)?;
     terminal.clear();
-    let lead = format!("{how} {}", explanation.conclusion());
-    let text = finish(options, &lead, &vehicle_path, &sets, &explanation)?;
+    let lead = format!("Flights {}. {}", sets.split_sentence(), explanation.conclusion());
+    let text = finish(options, &lead, vehicle_path.as_deref(), &sets, &explanation)?;
     faults::warn(&sets.faults);
     Ok(Outcome::done(text))
 }
 
-/// Which files of a folder are for the fit and which for validation, and why.
-fn chosen_flights(folder: &Path) -> Result<(SetFiles, String), DemoError> {
-    let refused = |source| DemoError::Folder { folder: folder.into(), source };
-    let mut files = flight_files(folder).map_err(refused)?;
+/// Flights that are named as those of a demonstration are used as these are; all others are to be split.
+fn chosen_flights(files: Vec<PathBuf>) -> SetFiles {
     let named = |names: &[&str]| -> Vec<PathBuf> {
         let has_name =
             |path: &&PathBuf| names.iter().any(|name| path.file_stem().is_some_and(|stem| stem == *name));
@@ -103,19 +95,9 @@ fn chosen_flights(folder: &Path) -> Result<(SetFiles, String), DemoError> {
     };
     let (train, validate) = (named(&TRAIN), named(&VALIDATE));
     if train.len() == TRAIN.len() && validate.len() == VALIDATE.len() {
-        let how = "Flights A, B and C were used for the fit, D and E for validation.".to_owned();
-        return Ok((SetFiles { train, validate }, how));
+        return SetFiles { train, validate };
     }
-    let count = files.len();
-    if count < 2 {
-        return Err(DemoError::TooFew { folder: folder.into(), count });
-    }
-    let first = ((count as f64 * TRAIN_SHARE).round() as usize).clamp(1, count - 1);
-    let validate = files.split_off(first);
-    let how = format!(
-        "The first {first} of {count} flights by name were used for the fit, the rest for validation."
-    );
-    Ok((SetFiles { train: files, validate }, how))
+    SetFiles { train: files, validate: Vec::new() }
 }
 
 fn on_hidden_effect(options: &Options) -> anyhow::Result<Outcome> {
@@ -136,7 +118,7 @@ fn on_hidden_effect(options: &Options) -> anyhow::Result<Outcome> {
     let found = explanation.found().first() == Some(&effect);
     terminal.clear();
     let lead = format!("{} {}", explanation.conclusion(), verdict(effect, seed, &explanation));
-    let mut text = finish(options, &lead, &vehicle_path, &sets, &explanation)?;
+    let mut text = finish(options, &lead, Some(&vehicle_path), &sets, &explanation)?;
     let _ = write!(text, "\n{}", tables::hidden(&craft, effect, &explanation.model).to_text());
     let again = format!("quadlab demo --seed {seed}");
     let _ = writeln!(text, "\nto see this run again: {again}");
@@ -192,7 +174,7 @@ fn fly(craft: &Model, seed: u64, folder: &Path) -> anyhow::Result<SetFiles> {
 fn finish(
     options: &Options,
     lead: &str,
-    vehicle: &Path,
+    vehicle: Option<&Path>,
     sets: &FlightSets,
     explanation: &Explanation,
 ) -> anyhow::Result<String> {
@@ -200,7 +182,7 @@ fn finish(
     report::write_atomic(options.out.join("basic.toml"), explanation.basic.to_toml())?;
     report::write_atomic(options.out.join("better.toml"), explanation.model.to_toml())?;
     pages::explanation(lead, sets, explanation)
-        .provenance(provenance(&[vehicle], sets.all()))
+        .provenance(provenance(vehicle.as_slice(), sets.all()))
         .write(&page)?;
     let mut text = tables::paragraph(lead);
     let _ = write!(text, "\n{}", tables::falling_error(explanation).to_text());

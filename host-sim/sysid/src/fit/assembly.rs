@@ -28,7 +28,7 @@ pub(crate) fn timing(flights: &[&Prepared], model: &Model) -> Vec<Option<RowColu
             let mut off: RowColumn = about.columns.into_iter().next().unwrap_or_default();
             let deviation_s = LATENESS * flight.jitter_s;
             off.iter_mut().flatten().flatten().for_each(|value| *value *= deviation_s);
-            if flight.has_gusts() {
+            if slow::is_taken(flight) {
                 slow::take_from_column(flight, stride, &mut off);
             }
             off

@@ -177,10 +177,10 @@ fn slope(ahead: &RowColumn, here: &RowColumn, step: f64) -> RowColumn {
 }
 
 /// Measured and measured-minus-predicted of all six axes over the rows of a flight.
-/// In a wind that wanders, the slow part of the horizontal forces is taken from both.
+/// Where the slow part of the horizontal forces is none of the model's, it is taken from both.
 pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
     let mut all = residuals_at_rows(flight, model, 1);
-    if flight.has_gusts() {
+    if slow::is_taken(flight) {
         slow::take_from_targets(flight, 1, &mut all.measured);
         slow::take_from_targets(flight, 1, &mut all.residual);
     }

@@ -61,7 +61,7 @@ impl Prepared {
     /// A regression on this flight: targets and columns over the rows of a fit ([`Self::fit_stride`]).
     pub fn rows_of_fit(&self, mut targets: [Vec<f64>; 6], mut columns: Vec<RowColumn>) -> FlightRows {
         let stride = self.fit_stride();
-        if self.has_gusts() {
+        if slow::is_taken(self) {
             slow::take_from_targets(self, stride, &mut targets);
             columns.iter_mut().for_each(|column| slow::take_from_column(self, stride, column));
         }

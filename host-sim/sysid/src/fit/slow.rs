@@ -4,6 +4,8 @@
 //! ground. Its differences are noise, and so is what it deviates by from the mean of its own past, weighted by an exponential that
 //! forgets: that of a random walk beside white noise is a Kalman filter's innovation. Targets and columns are treated alike, so that what is
 //! fitted is the same coefficients, by generalised least squares.
+//!
+//! Without a position the same is done over a second: how fast a craft moves is known that long.
 
 use std::borrow::Cow;
 
@@ -13,15 +15,26 @@ use crate::prepare::Prepared;
 /// Time constant of the mean, s: a wind whose standard deviation is 1 m/s and that wanders within 4 s stands out of a motion capture's
 /// noise up to 2 Hz.
 pub const MEMORY_S: f64 = 0.1;
+/// The same where the velocity is carried on by an accelerometer, s.
+const CARRIED_MEMORY_S: f64 = 1.0;
 
-/// Targets, residuals or the like at every `stride`th sample as a fit has them: without it, in flights in which a wind wanders.
+/// Whether the slow part of the horizontal forces is none of a model's in a flight.
+pub fn is_taken(flight: &Prepared) -> bool {
+    flight.has_gusts() || !flight.has_position
+}
+
+fn memory_s(flight: &Prepared) -> f64 {
+    if flight.has_position { MEMORY_S } else { CARRIED_MEMORY_S }
+}
+
+/// Targets, residuals or the like at every `stride`th sample as a fit has them: without it, where it is none of the model's.
 pub(crate) fn less<'a>(
     flight: &Prepared,
     stride: usize,
     targets: &'a [Vec<f64>; 6],
 ) -> Cow<'a, [Vec<f64>; 6]> {
     let mut targets = Cow::Borrowed(targets);
-    if flight.has_gusts() {
+    if is_taken(flight) {
         take_from_targets(flight, stride, targets.to_mut());
     }
     targets
@@ -46,7 +59,7 @@ pub fn take_from_column(flight: &Prepared, stride: usize, column: &mut RowColumn
 pub fn steadied(flight: &Prepared, stride: usize, forces: [Option<&[f64]>; 2]) -> [Vec<f64>; 2] {
     let rows = forces.iter().flatten().map(|f| f.len()).max().unwrap_or(0);
     let mut result = [0, 1].map(|_| Vec::with_capacity(rows));
-    let keep = (-flight.period_s * stride as f64 / MEMORY_S).exp();
+    let keep = (-flight.period_s * stride as f64 / memory_s(flight)).exp();
     let mut row = 0;
     for stretch in &flight.stretches {
         let mut mean: Option<[f64; 2]> = None;

@@ -6,6 +6,7 @@ mod channels;
 mod columns;
 pub mod conditions;
 mod corrections;
+mod dead_reckoning;
 mod error;
 mod grid;
 mod outliers;

@@ -24,6 +24,7 @@ use crate::prepare::battery;
 use crate::prepare::biases::{StandingGyro, remove_accelerometer_bias, remove_gyro_bias};
 use crate::prepare::channels::Channels;
 use crate::prepare::corrections::{Alignment, Trim};
+use crate::prepare::dead_reckoning::carry_velocity;
 use crate::prepare::error::PrepareError;
 use crate::prepare::grid::{bridge, even_grid, unbroken};
 use crate::prepare::outliers::Outlier;
@@ -78,7 +79,7 @@ pub struct Prepared {
     /// Whether positions, velocities and attitudes are an estimator's output rather than raw
     /// tracking.
     pub has_logged_velocity: bool,
-    /// Whether the log says where the craft is; without, nothing is known of its speed.
+    /// Whether the log says where the craft is; without, its speed is known for seconds at a time at best.
     pub has_position: bool,
     /// Whether the battery voltage was logged; without, it is a constant.
     pub has_voltage: bool,
@@ -155,13 +156,18 @@ impl Prepared {
         } else {
             [0.0; 2]
         };
+        let has_position = !flight.stand_ins().iter().any(|what| what.hides_speed());
+        if !has_position && !has_logged_velocity {
+            let axes = if lacks(StandIn::NoPosition) { 0..3 } else { 0..2 };
+            carry_velocity(&mut stretches, axes, vehicle.gravity, period_s);
+        }
         notes.dedup();
         Ok(Self {
             name: flight.name.clone(),
             period_s,
             force_target,
             has_logged_velocity,
-            has_position: !flight.stand_ins().iter().any(|what| what.hides_speed()),
+            has_position,
             has_voltage,
             has_commands: !lacks(StandIn::RotorSpeeds),
             gyro_bias_rad_s,
