@@ -14,20 +14,15 @@ const FORGOTTEN_S: f64 = 5.0;
 /// Shortest stretch whose mean acceleration is the sensors' bias rather than the craft's, s.
 const UNBIASED_S: f64 = 10.0;
 
-/// Gives stretches with an accelerometer the velocity that it tells, along these inertial axes.
-pub(crate) fn carry_velocity(
-    stretches: &mut [Stretch],
-    axes: std::ops::Range<usize>,
-    gravity_m_s2: f64,
-    period_s: f64,
-) {
+/// Gives stretches with an accelerometer the velocity that it tells, over the ground and, unless the height was logged, down.
+pub(crate) fn carry_velocity(stretches: &mut [Stretch], has_height: bool, gravity_m_s2: f64, period_s: f64) {
     let gravity = Vector3::new(0.0, 0.0, gravity_m_s2);
     for stretch in stretches {
         let Some(force) = &stretch.imu_m_s2 else { continue };
         let count = stretch.time_s.len();
         let acceleration: Vec<Vector3<f64>> =
             (0..count).map(|k| stretch.dcm[k].tr_mul(&vector(force, k)) + gravity).collect();
-        for axis in axes.clone() {
+        for axis in 0..if has_height { 2 } else { 3 } {
             stretch.velocity_ned_m_s[axis] = carried(acceleration.iter().map(|a| a[axis]), period_s);
         }
     }

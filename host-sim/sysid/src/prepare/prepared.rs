@@ -144,12 +144,7 @@ impl Prepared {
         let (mut stretches, jitter_s) = even_stretches(channels, t, period_s, &filter, margin, &mut notes)?;
         let lacks = |what: StandIn| flight.stand_ins().contains(&what);
         let has_voltage = !lacks(StandIn::ConstantVoltage);
-        if has_voltage {
-            battery::steady(&mut stretches, vehicle, period_s);
-        } else {
-            // Interpolation rounds, and whatever varies is tested.
-            stretches.iter_mut().for_each(|stretch| stretch.battery_v.fill(UNKNOWN_VOLTAGE_V));
-        }
+        steady_voltage(&mut stretches, has_voltage, vehicle, period_s);
         let gyro_bias_rad_s = remove_gyro_bias(&mut stretches, &filter, standing, &mut notes);
         let accelerometer_bias_m_s2 = if has_logged_velocity {
             remove_accelerometer_bias(&mut stretches, &filter, vehicle.gravity)
@@ -158,8 +153,7 @@ impl Prepared {
         };
         let has_position = !flight.stand_ins().iter().any(|what| what.hides_speed());
         if !has_position && !has_logged_velocity {
-            let axes = if lacks(StandIn::NoPosition) { 0..3 } else { 0..2 };
-            carry_velocity(&mut stretches, axes, vehicle.gravity, period_s);
+            carry_velocity(&mut stretches, !lacks(StandIn::NoPosition), vehicle.gravity, period_s);
         }
         notes.dedup();
         Ok(Self {
@@ -237,6 +231,16 @@ impl Prepared {
     /// fit.
     pub fn smooth(&self, signals: &[Vec<f64>; 3]) -> [Vec<f64>; 3] {
         signals.each_ref().map(|signal| smoothed(signal, &self.filter.smooth))
+    }
+}
+
+/// Smooths the battery voltage, or makes it the constant that it stands for where it was not logged.
+fn steady_voltage(stretches: &mut [Stretch], was_logged: bool, vehicle: &Vehicle, period_s: f64) {
+    if was_logged {
+        battery::steady(stretches, vehicle, period_s);
+    } else {
+        // Interpolation rounds, and whatever varies is tested.
+        stretches.iter_mut().for_each(|stretch| stretch.battery_v.fill(UNKNOWN_VOLTAGE_V));
     }
 }
 
