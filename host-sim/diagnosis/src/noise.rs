@@ -7,6 +7,8 @@
 //!
 //! Samples that were filled in (`prepare.rs`) have no noise of their own, and those at lost rows another: neither counts.
 //!
+//! An accelerometer has an offset besides, another one in each flight.
+//!
 //! Rotor speeds that were measured bring in their noise as well: what the model makes of it is found by shaking them once more by
 //! as much.
 //!
@@ -31,6 +33,8 @@ const WHITE_TOLERANCE: f64 = 0.08;
 /// How far the variance by every other sample may be off that by every sample. White noise has the same; the sluggish noise
 /// of a tracker, which the filters pass more of than its highest frequencies tell, has more.
 const SAME_VARIANCE: f64 = 0.15;
+/// Offset that an accelerometer may have in a flight, m/s^2: 20 mg, as data sheets have it (Bosch BMI088, zero-g offset).
+const OFFSET_M_S2: f64 = 0.2;
 /// Frequencies looked at, Hz: from what a flight is long enough for to where the filters end.
 const FREQUENCIES_HZ: (f64, f64, usize) = (0.1, 5.0, 99);
 /// An oscillation has this part of the excess within a sixth of its frequency.
@@ -236,7 +240,11 @@ pub(crate) fn excess(
         let of_rotors = model.map_or([0.0; 6], |model| rotor_floor(flight, model));
         for (axis, noise) in noise.enumerate() {
             let noise = noise + of_rotors[axis];
-            found[axis] += residual.residual[axis].iter().map(|e| e * e).sum::<f64>();
+            let of_axis = &residual.residual[axis];
+            found[axis] += of_axis.iter().map(|e| e * e).sum::<f64>();
+            if axis < 3 && flight.force_target == ForceTarget::Imu {
+                found[axis] -= of_axis.len() as f64 * offset(of_axis).powi(2);
+            }
             expected[axis] += noise * flight.rows() as f64;
         }
     }
@@ -244,6 +252,12 @@ pub(crate) fn excess(
         let known = if axis < 3 { force } else { turning };
         (known && expected[axis] > 0.0).then(|| found[axis] / expected[axis])
     })
+}
+
+/// What may be an accelerometer's own offset in the mean of a flight's residual, m/s^2.
+fn offset(residual: &[f64]) -> f64 {
+    let mean = residual.iter().sum::<f64>() / residual.len().max(1) as f64;
+    mean.clamp(-OFFSET_M_S2, OFFSET_M_S2)
 }
 
 /// Where in frequency a residual stands out most from white noise through the filters: an oscillation, or slow
@@ -315,6 +329,13 @@ mod tests {
         measured[4] = false;
         assert!(fourth_differences(&[0.0; 9], &measured, 1).iter().all(|d| d.is_nan()));
         assert!(variance(&[]).is_nan());
+    }
+
+    #[test]
+    fn an_offset_is_what_an_accelerometer_may_have() {
+        assert!((offset(&[0.05, 0.15]) - 0.1).abs() < 1e-12);
+        assert_eq!(offset(&[-0.7, -0.9]), -OFFSET_M_S2);
+        assert_eq!(offset(&[]), 0.0);
     }
 
     #[test]
