@@ -46,7 +46,7 @@ fn damaged_files_do_no_harm() {
 }
 
 /// Two groups of 100 rows; every third `count` is missing.
-fn made(compression: Compression) -> Vec<u8> {
+pub(crate) fn made(compression: Compression) -> Vec<u8> {
     let schema = "message rows {
         required int64 time (TIMESTAMP(MICROS, true));
         optional int32 count (INTEGER(16, false));
@@ -86,7 +86,7 @@ fn made(compression: Compression) -> Vec<u8> {
     file
 }
 
-const CODECS: [fn() -> Compression; 5] = [
+pub(crate) const CODECS: [fn() -> Compression; 5] = [
     || Compression::UNCOMPRESSED,
     || Compression::SNAPPY,
     || Compression::LZ4_RAW,

@@ -7,14 +7,15 @@ pub(in crate::decode) struct Budget {
 }
 
 impl Budget {
-    /// What compressed parts of a file of this size may become in all: far more than any real log.
+    /// What compressed parts of a file of this size may become in all: far more than any real log, and so
+    /// little for a small one that it takes no more than 64 MB, with the columns and while both grow.
     pub(in crate::decode) fn for_decompression(file_bytes: usize) -> Self {
-        Self { left: file_bytes.saturating_mul(256).saturating_add(64 << 20) }
+        Self { left: file_bytes.saturating_mul(64).saturating_add(16 << 20) }
     }
 
     /// What the columns of a file of this size may take in all.
     pub(in crate::decode) fn for_columns(file_bytes: usize) -> Self {
-        Self { left: file_bytes.saturating_mul(64).saturating_add(64 << 20) }
+        Self { left: file_bytes.saturating_mul(32).saturating_add(16 << 20) }
     }
 
     /// Takes some, if that much is left.

@@ -112,7 +112,7 @@ fn range_of_outputs(
     if highest > 2200.0 {
         return ([0.0, 8191.0], "UAVCAN raw");
     }
-    if lowest < 800.0 {
+    if lowest < 800.0 || has_dshot(parameters) {
         return ([0.0, 1999.0], "DShot");
     }
     let limit = |end: &str, default: f64| {
@@ -125,6 +125,16 @@ fn range_of_outputs(
     let low = limit("MIN", 1000.0).into_iter().fold(f64::INFINITY, f64::min);
     let high = limit("MAX", 2000.0).into_iter().fold(0.0, f64::max);
     ([low, high], "us")
+}
+
+/// Whether outputs are set to DShot, of which 1 to 1999 are throttle: `src/drivers/dshot/DShot.h` of
+/// PX4/PX4-Autopilot. From version 1.13 a parameter of each timer says it (-8 to -2), before that one of all.
+fn has_dshot(parameters: &BTreeMap<String, f64>) -> bool {
+    let timers = parameters.iter().filter(|(name, _)| {
+        ["PWM_MAIN_TIM", "PWM_AUX_TIM"].iter().any(|timer| name.starts_with(timer))
+    });
+    parameters.get("DSHOT_CONFIG").is_some_and(|rate| *rate > 0.0)
+        || timers.into_iter().any(|(_, setting)| (-8.0..=-2.0).contains(setting))
 }
 
 /// Rotor speeds that the speed controllers report.
