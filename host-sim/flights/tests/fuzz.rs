@@ -55,7 +55,7 @@ fn read_with(name: &str, bytes: &[u8], map: &ColumnMap) -> Outcome {
 #[test]
 fn damaged_flight_files_do_no_harm() {
     let base = |name, separator| Base { name, records: flight_file(separator), seal: joined };
-    fuzz(20_000, vec![base("A.csv", ","), base("B.csv", ";"), base("C.csv", "\"")], read_flight);
+    fuzz(100_000, vec![base("A.csv", ","), base("B.csv", ";"), base("C.csv", "\"")], read_flight);
 }
 
 const MAP: &str = r#"[columns]
@@ -91,5 +91,5 @@ fn read_map(name: &str, bytes: &[u8]) -> Outcome {
 #[test]
 fn damaged_column_maps_do_no_harm() {
     let records = cut_before(MAP.as_bytes(), b"\n");
-    fuzz(20_000, vec![Base { name: "columns.toml", records, seal: joined }], read_map);
+    fuzz(100_000, vec![Base { name: "columns.toml", records, seal: joined }], read_map);
 }

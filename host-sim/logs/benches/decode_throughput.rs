@@ -134,9 +134,25 @@ fn dataflash(rows: u32) -> Vec<u8> {
              ATT, {t}, {:.2}, {:.2}, 0, {:.2}, 90.5, {:.2}, 0.01, 0.02, 3\n\
              RATE, {t}, {:.6}, {:.6}, {:.8}, 0, {:.6}, {:.7}, 0, {:.6}, 0.01, {:.5}, {:.5}, 0.35\n\
              RCOU, {t}, 1501, 1502, {}, 1504, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0",
-            sin, cos, sin * cos, cos * 0.3, sin * 0.2, -9.8 + sin, 45.0 + x,
-            sin * 5.0, cos * 5.0, sin * 3.0, 90.0 + sin,
-            sin * 20.0, cos * 20.0, sin * 0.1, cos * 10.0, sin * 0.2, cos, sin * 100.0, cos * 80.0,
+            sin,
+            cos,
+            sin * cos,
+            cos * 0.3,
+            sin * 0.2,
+            -9.8 + sin,
+            45.0 + x,
+            sin * 5.0,
+            cos * 5.0,
+            sin * 3.0,
+            90.0 + sin,
+            sin * 20.0,
+            cos * 20.0,
+            sin * 0.1,
+            cos * 10.0,
+            sin * 0.2,
+            cos,
+            sin * 100.0,
+            cos * 80.0,
             1500 + row % 100,
         );
         written.expect("strings grow");

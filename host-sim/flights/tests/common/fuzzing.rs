@@ -100,6 +100,14 @@ pub(crate) fn fuzz(cases: u64, bases: Vec<Base>, read: fn(&str, &[u8]) -> Outcom
     assert!(worker.join().is_ok(), "bad file: {}", again(at.load(Ordering::Relaxed)));
 }
 
+/// Reads one file, within its bounds.
+#[allow(dead_code, reason = "not every test needs all of it")]
+pub(crate) fn take(name: &str, bytes: &[u8], read: fn(&str, &[u8]) -> Outcome) {
+    let mut summary = Summary::default();
+    summary.add(name, bytes, read);
+    println!("{name}, {} bytes: {summary:?}", bytes.len());
+}
+
 /// What the files took.
 #[derive(Debug, Default)]
 struct Summary {
@@ -242,9 +250,34 @@ fn overwrite(bytes: &mut [u8], at: usize, rng: &mut Pcg64Mcg) {
 /// A number or word of a text becomes another one.
 fn token(bytes: &mut Vec<u8>, at: usize, rng: &mut Pcg64Mcg) {
     const TOKENS: [&str; 28] = [
-        "", "0", "-0", "-1", "1e999", "-1e-999", "nan", "inf", "-inf", "99999999999999999999", "18446744073709551615",
-        "9223372036854775807", "-9223372036854775808", "4294967296", "65536", "256", "1e15", "0.000000001", "0x7f800000",
-        ",", ",,,,", "\n", "\r\n", "\"", "[", "=", "\u{fffd}", "Q",
+        "",
+        "0",
+        "-0",
+        "-1",
+        "1e999",
+        "-1e-999",
+        "nan",
+        "inf",
+        "-inf",
+        "99999999999999999999",
+        "18446744073709551615",
+        "9223372036854775807",
+        "-9223372036854775808",
+        "4294967296",
+        "65536",
+        "256",
+        "1e15",
+        "0.000000001",
+        "0x7f800000",
+        ",",
+        ",,,,",
+        "\n",
+        "\r\n",
+        "\"",
+        "[",
+        "=",
+        "\u{fffd}",
+        "Q",
     ];
     let is_word = |byte: &u8| byte.is_ascii_alphanumeric() || b"._-+".contains(byte);
     let start = bytes[..at].iter().rposition(|byte| !is_word(byte)).map_or(0, |before| before + 1);

@@ -130,9 +130,9 @@ fn range_of_outputs(
 /// Whether outputs are set to DShot, of which 1 to 1999 are throttle: `src/drivers/dshot/DShot.h` of
 /// PX4/PX4-Autopilot. From version 1.13 a parameter of each timer says it (-8 to -2), before that one of all.
 fn has_dshot(parameters: &BTreeMap<String, f64>) -> bool {
-    let timers = parameters.iter().filter(|(name, _)| {
-        ["PWM_MAIN_TIM", "PWM_AUX_TIM"].iter().any(|timer| name.starts_with(timer))
-    });
+    let timers = parameters
+        .iter()
+        .filter(|(name, _)| ["PWM_MAIN_TIM", "PWM_AUX_TIM"].iter().any(|timer| name.starts_with(timer)));
     parameters.get("DSHOT_CONFIG").is_some_and(|rate| *rate > 0.0)
         || timers.into_iter().any(|(_, setting)| (-8.0..=-2.0).contains(setting))
 }

@@ -11,9 +11,6 @@ use flights::Column;
 use fuzzing::{Outcome, fuzz};
 use logs::import_bytes;
 
-/// Files that the tests run on; `QUADLAB_FUZZ_CASES` runs more.
-const CASES: u64 = 10_000;
-
 fn look(name: &str, bytes: &[u8]) -> Outcome {
     let import = match import_bytes(bytes, Path::new(name)) {
         Ok(import) => import,
@@ -37,24 +34,34 @@ fn look(name: &str, bytes: &[u8]) -> Outcome {
 }
 
 macro_rules! fuzzed {
-    ($($test:ident: $bases:expr;)*) => {
+    ($($test:ident: $cases:literal of $bases:expr;)*) => {
         $(
             #[test]
             fn $test() {
-                fuzz(CASES, $bases, look);
+                fuzz($cases, $bases, look);
             }
         )*
     };
 }
 
+// As many as take no more than 20 s of processor time; `QUADLAB_FUZZ_CASES=100000` runs more of the others.
 fuzzed! {
-    ulog: programs::ulog();
-    dataflash_binary: programs::dataflash_binary();
-    dataflash_text: programs::dataflash_text();
-    blackbox: programs::blackbox();
-    crazyflie: programs::crazyflie();
-    parquet: programs::parquet();
-    rosbag1: ros::rosbag1();
-    mcap: ros::mcap();
-    rosbag2: ros::rosbag2();
+    ulog: 100_000 of programs::ulog();
+    dataflash_binary: 100_000 of programs::dataflash_binary();
+    dataflash_text: 100_000 of programs::dataflash_text();
+    blackbox: 50_000 of programs::blackbox();
+    crazyflie: 100_000 of programs::crazyflie();
+    parquet: 100_000 of programs::parquet();
+    rosbag1: 50_000 of ros::rosbag1();
+    mcap: 50_000 of ros::mcap();
+    rosbag2: 20_000 of ros::rosbag2();
+}
+
+/// A few kilobytes that become a hundred megabytes.
+#[test]
+fn what_grows_without_end_is_cut() {
+    for (name, bytes) in ros::bombs() {
+        fuzzing::take(name, &bytes, look);
+    }
+    fuzzing::take("long.parquet", &programs::long_parquet(), look);
 }

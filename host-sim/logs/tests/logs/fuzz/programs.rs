@@ -29,7 +29,10 @@ pub(super) fn ulog() -> Vec<Base> {
     log.record(b'M', &[&[0, 9], &b"char[2] mab"[..]].concat());
     log.record(b'F', b"sensor_combined:uint64_t timestamp;float[3] gyro_rad;float[3] accelerometer_m_s2;");
     log.record(b'F', b"esc_status:uint64_t timestamp;uint8_t count;esc_report[4] esc;");
-    log.record(b'F', b"esc_report:uint64_t timestamp;int32_t esc_rpm;uint8_t actuator_function;uint8_t[3] _padding0;");
+    log.record(
+        b'F',
+        b"esc_report:uint64_t timestamp;int32_t esc_rpm;uint8_t actuator_function;uint8_t[3] _padding0;",
+    );
     log.record(b'F', b"battery_status:uint64_t timestamp;float voltage_v;");
     for (number, name) in ["sensor_combined", "esc_status", "battery_status"].into_iter().enumerate() {
         log.subscribe(4 + number as u16, 0, name);
@@ -171,7 +174,8 @@ pub(super) fn blackbox() -> Vec<Base> {
 }
 
 fn blackbox_log(settings: &str, rows: u64) -> Vec<Vec<u8>> {
-    let list = |of: fn(&(&str, u8, u8, u8, u8)) -> String| BLACKBOX.iter().map(of).collect::<Vec<_>>().join(",");
+    let list =
+        |of: fn(&(&str, u8, u8, u8, u8)) -> String| BLACKBOX.iter().map(of).collect::<Vec<_>>().join(",");
     let text = format!(
         "H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\nH I interval:32\nH P interval:1/2\n\
          H Field I name:{}\nH Field I signed:{}\nH Field I predictor:{}\nH Field I encoding:{}\nH Field P predictor:{}\n\
@@ -196,7 +200,15 @@ fn blackbox_log(settings: &str, rows: u64) -> Vec<Vec<u8>> {
             records.push([&b"P"[..], &vec![0; fields + 4]].concat());
         }
     }
-    let others: [&[u8]; 7] = [b"S\x01\x00", b"G\x01\x05\x02\x02", b"H\x02\x02", b"E\x00\x05", b"E\x0d\x05\x07", b"E\x0e\x01\x02", b"E\x1e\x01\x02"];
+    let others: [&[u8]; 7] = [
+        b"S\x01\x00",
+        b"G\x01\x05\x02\x02",
+        b"H\x02\x02",
+        b"E\x00\x05",
+        b"E\x0d\x05\x07",
+        b"E\x0e\x01\x02",
+        b"E\x1e\x01\x02",
+    ];
     for (place, other) in others.into_iter().enumerate() {
         records.insert((40 + 12 * place).min(records.len()), other.to_vec());
     }
@@ -267,13 +279,19 @@ pub(super) fn crazyflie() -> Vec<Base> {
 }
 
 fn crazyflie_events(version: u16) -> Vec<Vec<u8>> {
-    let names: Vec<Vec<u8>> = VARIABLES.iter().map(|(name, letter, _)| format!("{name}({letter})\0").into_bytes()).collect();
-    let mut records = vec![vec![0xbc], version.to_le_bytes().to_vec(), vec![2, 0], b"\xff\xfffixedFrequency\0".to_vec()];
+    let names: Vec<Vec<u8>> =
+        VARIABLES.iter().map(|(name, letter, _)| format!("{name}({letter})\0").into_bytes()).collect();
+    let mut records =
+        vec![vec![0xbc], version.to_le_bytes().to_vec(), vec![2, 0], b"\xff\xfffixedFrequency\0".to_vec()];
     records.push((names.len() as u16).to_le_bytes().to_vec());
     records.extend(names);
     records.push(b"\x07\x00seldom\0\x02\x00b.z(b)\0b.w(d)\0".to_vec());
     for row in 0..60_u32 {
-        let time = if version == 1 { (row * 50).to_le_bytes().to_vec() } else { u64::from(row * 50_000).to_le_bytes().to_vec() };
+        let time = if version == 1 {
+            (row * 50).to_le_bytes().to_vec()
+        } else {
+            u64::from(row * 50_000).to_le_bytes().to_vec()
+        };
         records.push([&[0xff, 0xff][..], &time, &variable_bytes()].concat());
         if row % 10 == 0 {
             records.push([&[7, 0][..], &time, &[1], &1.5_f64.to_le_bytes()].concat());
@@ -311,13 +329,37 @@ pub(super) fn parquet() -> Vec<Base> {
     crate::parquet::CODECS.map(|codec| in_parts("made.parquet", parquet_flight(codec()))).into()
 }
 
+/// Four million rows of one number, in a few kilobytes.
+pub(super) fn long_parquet() -> Vec<u8> {
+    const ROWS: usize = 4 << 20;
+    let schema = "message rows { required double stateEstimate.x; required double stateEstimate.y; required int64 timestamp; }";
+    let schema = Arc::new(parse_message_type(schema).expect("a schema"));
+    let properties =
+        WriterProperties::builder().set_compression(Compression::ZSTD(Default::default())).build();
+    let mut file = Vec::new();
+    let mut writer = SerializedFileWriter::new(&mut file, schema, Arc::new(properties)).expect("a writer");
+    let mut rows = writer.next_row_group().expect("a group");
+    for _ in 0..2 {
+        let mut column = rows.next_column().expect("a column").expect("numbers");
+        column.typed::<DoubleType>().write_batch(&vec![1.0; ROWS], None, None).expect("written");
+        column.close().expect("closed");
+    }
+    let mut column = rows.next_column().expect("a column").expect("times");
+    column.typed::<Int64Type>().write_batch(&vec![5; ROWS], None, None).expect("written");
+    column.close().expect("closed");
+    rows.close().expect("closed");
+    writer.close().expect("closed");
+    file
+}
+
 fn parquet_flight(compression: Compression) -> Vec<u8> {
     let optional = "pm.vbat";
-    let names: Vec<String> = ["stateEstimate.x", "stateEstimate.y", "stateEstimate.z", "gyro.x", "gyro.y", "gyro.z"]
-        .into_iter()
-        .chain(["acc.x", "acc.y", "acc.z", "pwm.m1_pwm", "pwm.m2_pwm", "pwm.m3_pwm", "pwm.m4_pwm"])
-        .map(str::to_owned)
-        .collect();
+    let names: Vec<String> =
+        ["stateEstimate.x", "stateEstimate.y", "stateEstimate.z", "gyro.x", "gyro.y", "gyro.z"]
+            .into_iter()
+            .chain(["acc.x", "acc.y", "acc.z", "pwm.m1_pwm", "pwm.m2_pwm", "pwm.m3_pwm", "pwm.m4_pwm"])
+            .map(str::to_owned)
+            .collect();
     let fields: String = names.iter().map(|name| format!("required double {name};")).collect();
     let schema = format!("message rows {{ required int64 timestamp; optional double {optional}; {fields} }}");
     let schema = Arc::new(parse_message_type(&schema).expect("a schema"));

@@ -24,8 +24,16 @@ const TOPICS: [(&str, &str, &str); 6] = [
     ),
     ("/cf/twist", "geometry_msgs/TwistStamped", "std_msgs/Header header\ngeometry_msgs/Twist twist\n"),
     ("/cf/motors", "std_msgs/Float32MultiArray", "int8 KIND=3\nfloat32[] data\nstring<=8 name\n"),
-    ("/cf/battery", "sensor_msgs/BatteryState", "std_msgs/Header header\nfloat32 voltage\nbool[<=3] flags\nuint8[] raw\n"),
-    ("/cf/own", "own_msgs/Own", "geometry_msgs/Vector3[] all\nstring words\nint64[3] numbers\nduration late\n"),
+    (
+        "/cf/battery",
+        "sensor_msgs/BatteryState",
+        "std_msgs/Header header\nfloat32 voltage\nbool[<=3] flags\nuint8[] raw\n",
+    ),
+    (
+        "/cf/own",
+        "own_msgs/Own",
+        "geometry_msgs/Vector3[] all\nstring words\nint64[3] numbers\nduration late\n",
+    ),
 ];
 
 /// PX4's attitude over ROS 2.
@@ -55,7 +63,8 @@ impl Message {
     }
 
     fn stamp(self, time_ns: u64) -> Self {
-        self.put(((time_ns / 1_000_000_000) as u32).to_le_bytes()).put(((time_ns % 1_000_000_000) as u32).to_le_bytes())
+        self.put(((time_ns / 1_000_000_000) as u32).to_le_bytes())
+            .put(((time_ns % 1_000_000_000) as u32).to_le_bytes())
     }
 
     fn text(self, text: &str) -> Self {
@@ -87,9 +96,23 @@ fn message(topic: usize, is_ros2: bool, time_ns: u64) -> Vec<u8> {
         1 => new.header(time_ns).numbers(&[0.0, 0.0, 0.0, 1.0, -1.0, 0.0, 0.1, 0.2, 0.3, 0.0, 0.1, 9.8]),
         2 => new.header(time_ns).numbers(&[0.1, 0.2, 0.3, 0.0, 0.0, 0.0]),
         3 => new.put(4_u32.to_le_bytes()).floats(&[0.1, 0.2, 0.3, (time_ns % 7) as f32]).text("x"),
-        4 => new.header(time_ns).floats(&[12.5]).put(three).put([1]).put([0]).put([1]).put(three).put([7]).put([8]).put([9]),
+        4 => new
+            .header(time_ns)
+            .floats(&[12.5])
+            .put(three)
+            .put([1])
+            .put([0])
+            .put([1])
+            .put(three)
+            .put([7])
+            .put([8])
+            .put([9]),
         5 => new.put(1_u32.to_le_bytes()).numbers(&[1.0; 3]).text("words").numbers(&[2.0; 3]).stamp(5),
-        _ => new.put((time_ns / 1000).to_le_bytes()).put((time_ns / 1000).to_le_bytes()).floats(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]).put([0]),
+        _ => new
+            .put((time_ns / 1000).to_le_bytes())
+            .put((time_ns / 1000).to_le_bytes())
+            .floats(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+            .put([0]),
     };
     message.bytes
 }
@@ -114,7 +137,8 @@ pub(super) fn rosbag1() -> Vec<Base> {
     for (number, (topic, kind, fields)) in TOPICS.into_iter().enumerate() {
         let definition = format!("{fields}{}", PARTS.replace("STAMP", "time"));
         let data = [text("message_definition", &definition), text("type", kind)].concat();
-        let fields: [(&str, &[u8]); 3] = [("op", &[7]), ("conn", &[number as u8, 0, 0, 0]), ("topic", topic.as_bytes())];
+        let fields: [(&str, &[u8]); 3] =
+            [("op", &[7]), ("conn", &[number as u8, 0, 0, 0]), ("topic", topic.as_bytes())];
         records.push(ros1_record(&fields, &data));
     }
     for (topic, time_ns, data) in messages(false) {
@@ -122,7 +146,10 @@ pub(super) fn rosbag1() -> Vec<Base> {
         records.push(ros1_record(&[("conn", &[topic as u8, 0, 0, 0]), ("op", &[2]), ("time", &time)], &data));
     }
     let base = |name, seal| Base { name, records: records.clone(), seal };
-    vec![base("plain.bag", |records| ros1_bag(records, "none")), base("lz4.bag", |records| ros1_bag(records, "lz4"))]
+    vec![
+        base("plain.bag", |records| ros1_bag(records, "none")),
+        base("lz4.bag", |records| ros1_bag(records, "lz4")),
+    ]
 }
 
 /// Chunks of 20 records with their real sizes, an index record behind each.
@@ -133,8 +160,14 @@ fn ros1_bag(records: &[Vec<u8>], compression: &str) -> Vec<u8> {
         let plain = records.concat();
         let size = (plain.len() as u32).to_le_bytes();
         let data = if compression == "lz4" { lz4(&plain) } else { plain };
-        bag.extend(ros1_record(&[("compression", compression.as_bytes()), ("op", &[5]), ("size", &size)], &data));
-        bag.extend(ros1_record(&[("op", &[4]), ("ver", &[1, 0, 0, 0]), ("conn", &[0; 4]), ("count", &[0; 4])], &[]));
+        bag.extend(ros1_record(
+            &[("compression", compression.as_bytes()), ("op", &[5]), ("size", &size)],
+            &data,
+        ));
+        bag.extend(ros1_record(
+            &[("op", &[4]), ("ver", &[1, 0, 0, 0]), ("conn", &[0; 4]), ("count", &[0; 4])],
+            &[],
+        ));
     }
     bag
 }
@@ -165,7 +198,8 @@ pub(super) fn mcap() -> Vec<Base> {
         records.push([&[4][..], &id, &id, &counted(topic), &counted("cdr"), &[0; 4]].concat());
     }
     for (topic, time_ns, data) in messages(true).filter(|(topic, ..)| *topic != 5) {
-        let head = [&[5, topic as u8 + 1, 0, 0, 0, 0, 0][..], &time_ns.to_le_bytes(), &time_ns.to_le_bytes()].concat();
+        let head = [&[5, topic as u8 + 1, 0, 0, 0, 0, 0][..], &time_ns.to_le_bytes(), &time_ns.to_le_bytes()]
+            .concat();
         records.push([head, data].concat());
     }
     // With PX4's messages the way of its logs is taken, and their attitude is all that is there.
@@ -203,6 +237,30 @@ fn sealed_mcap(records: &[Vec<u8>], compression: &str) -> Vec<u8> {
     file.extend(mcap_record(2, &[0; 20]));
     file.extend(b"\x89MCAP0\r\n");
     file
+}
+
+/// Bags whose compressed parts are zeros and headers of messages without an end.
+pub(super) fn bombs() -> Vec<(&'static str, Vec<u8>)> {
+    const BYTES: usize = 100 << 20;
+    let header = |records: &[Vec<u8>]| records[..records.len() - 1].to_vec();
+    let [zstd, lz4, ..] = &mcap()[..] else { panic!("kinds of compression") };
+    // A message of a battery whose array goes on and on; and one small message again and again.
+    let long = [&[5, 5, 0, 0, 0, 0, 0][..], &[0; 16], &vec![0; BYTES]].concat();
+    let short = mcap_record(5, &[&[1, 0, 0, 0, 0, 0][..], &[0; 16], &message(0, true, 5)].concat());
+    let many =
+        [&[5, 1, 0, 0, 0, 0, 0][..], &[0; 16], &message(0, true, 5), &short.repeat(BYTES / short.len())]
+            .concat();
+    let mut bags = Vec::new();
+    for record in [long, many] {
+        for base in [zstd, lz4] {
+            let records = [header(&base.records), vec![record.clone()]].concat();
+            bags.push((base.name, (base.seal)(&records)));
+        }
+        let plain =
+            [&ros1_record(&[("conn", &[4, 0, 0, 0]), ("op", &[2]), ("time", &[0; 8])], &record)[..]].concat();
+        bags.push(("bomb.bag", ros1_bag(&[header(&rosbag1()[1].records), vec![plain]].concat(), "lz4")));
+    }
+    bags
 }
 
 /// Small pages, so that there are several in a small file; messages plain and compressed.
