@@ -55,7 +55,7 @@ impl Message {
     }
 
     fn put<const N: usize>(mut self, number: [u8; N]) -> Self {
-        while self.is_ros2 && (self.bytes.len() - 4) % N > 0 {
+        while self.is_ros2 && !(self.bytes.len() - 4).is_multiple_of(N) {
             self.bytes.push(0);
         }
         self.bytes.extend(number);
