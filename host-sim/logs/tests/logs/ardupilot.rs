@@ -397,6 +397,19 @@ fn motors_by_frame_type_and_function() {
     assert!(error.contains("SERVOn_FUNCTION"), "{error}");
 }
 
+/// Controllers on outputs 9 to 12 are counted from 0 where a second processor has the first eight.
+#[test]
+fn controllers_behind_a_second_processor() {
+    let functions = [33.0, 34.0, 35.0, 36.0];
+    let names: Vec<String> = (9..13).map(|output| format!("SERVO{output}_FUNCTION")).collect();
+    let outputs = names.iter().map(String::as_str).zip(functions);
+    let mut log = copter("ArduCopter V4.5.0 (abc)", &QUAD_X.into_iter().chain(outputs).collect::<Vec<_>>());
+    hover(&mut log);
+    let speeds = recorded(&log.binary).expect("a recording").signals.rotor_speed.expect("speeds");
+    let rpm = speeds.values.map(|speed| (speed[0] * 60.0 / std::f64::consts::TAU).round());
+    assert_eq!(rpm, [6120.0, 6000.0, 6180.0, 6060.0]);
+}
+
 /// What is no quadcopter of ours is refused by its name.
 #[test]
 fn other_craft_are_refused_by_name() {

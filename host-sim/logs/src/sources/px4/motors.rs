@@ -166,3 +166,23 @@ fn in_order(mut lists: [Vec<f64>; 4], order: [usize; 4]) -> [Vec<f64>; 4] {
     let distinct = (0..4).all(|motor| order.contains(&motor));
     order.map(|motor| if distinct { std::mem::take(&mut lists[motor]) } else { lists[motor].clone() })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dshot_is_told_from_pulses() {
+        let signal =
+            Signal { source: String::new(), t: vec![0.0], values: std::array::from_fn(|_| vec![1200.0]) };
+        let range = |name: &str, setting: f64| {
+            range_of_outputs(&BTreeMap::from([(name.to_owned(), setting)]), &signal, [0, 1, 2, 3])
+        };
+        for (name, setting) in [("PWM_MAIN_TIM0", -5.0), ("PWM_AUX_TIM2", -8.0), ("DSHOT_CONFIG", 600.0)] {
+            assert_eq!(range(name, setting), ([0.0, 1999.0], "DShot"), "{name}");
+        }
+        for (name, setting) in [("PWM_MAIN_TIM0", 400.0), ("PWM_MAIN_TIM0", -1.0), ("DSHOT_CONFIG", 0.0)] {
+            assert_eq!(range(name, setting), ([1000.0, 2000.0], "us"), "{name}");
+        }
+    }
+}
