@@ -26,7 +26,7 @@ pub(crate) fn read_header(line: &[u8], path: &Path, map: &ColumnMap) -> Result<H
     let refuse = |column: &str, problem| {
         Err(FlightError::Header {
             path: path.into(),
-            column: column.into(),
+            column: shortened(column),
             problem,
             found: shortened(&names.join(",")),
         })
