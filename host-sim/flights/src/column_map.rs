@@ -129,10 +129,11 @@ impl ColumnMap {
 
     /// Parses the text of a map; `path` is for messages.
     pub fn parse(text: &str, path: &Path) -> Result<Self, FlightError> {
-        let refuse = |what: String| FlightError::Map { path: path.into(), what };
+        // Names and values of the file are in the reasons: a line is a line whatever they hold.
+        let refuse = |what: String| FlightError::Map { path: path.into(), what: one_line(&what) };
         let file: MapFile = toml::from_str(text).map_err(|error| {
             let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
-            refuse(format!("line {line}: {}", error.message().replace('\n', " ")))
+            refuse(format!("line {line}: {}", error.message()))
         })?;
         let mut sources = BTreeMap::new();
         for (own, entry) in file.columns {
@@ -201,6 +202,10 @@ impl ColumnMap {
             [Qw, Qx, Qy, Qz].into_iter().for_each(|column| flight.columns[column as usize] = None);
         }
     }
+}
+
+fn one_line(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
 impl Source {

@@ -23,7 +23,7 @@ const EXACT: u64 = 1 << 53;
 /// Returns the value and where it ends. An empty field and the words nan and inf (any case, signed) are missing
 /// values: NaN. Blanks around the number are allowed. `None` when it is no number.
 #[inline]
-pub(crate) fn read(bytes: &[u8], start: usize) -> Option<(f64, usize)> {
+pub fn read(bytes: &[u8], start: usize) -> Option<(f64, usize)> {
     read_short(bytes, start).or_else(|| read_any(bytes, start))
 }
 

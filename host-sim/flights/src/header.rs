@@ -26,7 +26,7 @@ pub(crate) fn read_header(line: &[u8], path: &Path, map: &ColumnMap) -> Result<H
     let refuse = |column: &str, problem| {
         Err(FlightError::Header {
             path: path.into(),
-            column: column.into(),
+            column: shortened(column),
             problem,
             found: shortened(&names.join(",")),
         })
@@ -63,5 +63,6 @@ pub(crate) fn read_header(line: &[u8], path: &Path, map: &ColumnMap) -> Result<H
 
 /// For messages: the beginning of a long text.
 pub(crate) fn shortened(text: &str) -> String {
-    if text.chars().count() <= 120 { text.into() } else { text.chars().take(117).collect::<String>() + "..." }
+    let text: String = text.chars().map(|c| if c.is_control() { '?' } else { c }).take(121).collect();
+    if text.chars().count() <= 120 { text } else { text.chars().take(117).collect::<String>() + "..." }
 }

@@ -25,6 +25,7 @@ mod stand_in;
 pub use column_map::ColumnMap;
 pub use columns::{COLUMNS, Column};
 pub use completion::UNKNOWN_VOLTAGE_V;
+pub use decimal::read as read_decimal;
 pub use error::FlightError;
 pub use flight::Flight;
 pub use interpolation::{hermite, interpolated};

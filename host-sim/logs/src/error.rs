@@ -2,6 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+/// Longest reason: names in a file can be as long as the file.
+const LONGEST: usize = 350;
+
 /// Why a log was refused.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
@@ -14,7 +17,7 @@ pub enum LogError {
         source: std::io::Error,
     },
     /// The file is of no format that is read.
-    #[error("{}: {what}: {mend}", path.display())]
+    #[error("{}: {}: {mend}", path.display(), plain(what, LONGEST))]
     Format {
         /// The file.
         path: PathBuf,
@@ -24,13 +27,18 @@ pub enum LogError {
         mend: String,
     },
     /// The log is whole, but no flight of a quadcopter can be made of it.
-    #[error("{}: {reason}", path.display())]
+    #[error("{}: {}", path.display(), plain(reason, LONGEST))]
     Refused {
         /// The file.
         path: PathBuf,
         /// Why, and what to do.
         reason: String,
     },
+}
+
+/// Text out of a log as part of a line: no control characters, and not longer than so many.
+pub(crate) fn plain(text: &str, longest: usize) -> String {
+    text.chars().map(|c| if c.is_control() { '?' } else { c }).take(longest).collect()
 }
 
 impl LogError {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::conversion::{Part, convert};
 use crate::decode::decode;
-use crate::error::LogError;
+use crate::error::{LogError, plain};
 use crate::format::Format;
 use crate::log::{Log, Losses, Table, TimeUnit};
 use crate::recording::{Hints, Recording};
@@ -134,7 +134,9 @@ fn imported(log: Log, recordings: &[Recording], path: &Path) -> Import {
 
 /// Sentences that are not there yet: recordings of one file mostly lack the same.
 fn add_new(told: &mut Vec<String>, sentences: impl Iterator<Item = String>) {
+    const LONGEST: usize = 600;
     for sentence in sentences {
+        let sentence = plain(&sentence, LONGEST);
         if !told.contains(&sentence) {
             told.push(sentence);
         }

@@ -130,7 +130,12 @@ const FOLDERS: &[Folder] = &[
     row("logs", "error.rs", &[], "why a log is refused does not depend on who refuses it"),
     row("logs", "log.rs", &["format.rs"], "tables are what every format comes to"),
     row("logs", "recording.rs", &[], "quantities do not know which log they are from"),
-    row("logs", "decode/common", &[], "bytes are read and damage is told the same way in every format"),
+    row(
+        "logs",
+        "decode/common",
+        &["error.rs"],
+        "bytes are read and damage is told the same way in every format",
+    ),
     row(
         "logs",
         "decode/crazyflie",
@@ -184,7 +189,12 @@ const FOLDERS: &[Folder] = &[
         ],
         "decoding interprets nothing",
     ),
-    row("logs", "sources/common", &["recording.rs"], "times and rotations are the same for every program"),
+    row(
+        "logs",
+        "sources/common",
+        &["error.rs", "recording.rs"],
+        "times, rotations and names are the same for every program",
+    ),
     row(
         "logs",
         "sources/crazyflie",

@@ -79,7 +79,8 @@ fn part(recording: &Recording, base: &[f64], span: Span) -> Option<Part> {
     let steps = ((last - first) / STEP_S).floor();
     let t = if even { (0..=steps as usize).map(|k| first + k as f64 * STEP_S).collect() } else { own };
     let columns = columns(&recording.signals, &recording.untrusted, &Grid { t: &t, period_s });
-    let keep = rows_to_keep(&columns, t.len());
+    let mut keep = rows_to_keep(&columns, t.len());
+    keep_rising(&t, &mut keep);
     let kept: Vec<f64> = t.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(t, _)| *t).collect();
     let (first, last) = (*kept.first()?, *kept.last()?);
     if last - first < parts::SHORTEST_S {
@@ -102,6 +103,17 @@ fn rows_to_keep(columns: &[(Column, Vec<f64>)], rows: usize) -> Vec<bool> {
     let motor = needed(&[Column::Cmd1, Column::Omega1]);
     let there = |values: Option<&Vec<f64>>, row: usize| values.is_none_or(|values| values[row].is_finite());
     (0..rows).map(|row| there(state, row) && there(motor, row)).collect()
+}
+
+/// Times are written in microseconds: of rows that are closer, the first is kept.
+fn keep_rising(t: &[f64], keep: &mut [bool]) {
+    let Some(first) = t.iter().zip(keep.iter()).find_map(|(t, keep)| keep.then_some(*t)) else { return };
+    let mut last = f64::NEG_INFINITY;
+    for (t, keep) in t.iter().zip(keep).filter(|(_, keep)| **keep) {
+        let time = microseconds(t - first);
+        *keep = time > last;
+        last = last.max(time);
+    }
 }
 
 fn columns(signals: &Signals, untrusted: &[Span], grid: &Grid<'_>) -> Vec<(Column, Vec<f64>)> {
@@ -215,6 +227,18 @@ mod tests {
             let [x, t] = [Column::X, Column::T].map(|column| parts[0].flight.column(column).unwrap()[400]);
             assert!((x - t - parts[0].span[0]).abs() < 1e-6, "{x} at {t} s after {}", parts[0].span[0]);
         }
+    }
+
+    /// Stamps in nanoseconds can be closer than the microseconds of a flight file.
+    #[test]
+    fn times_rise_in_microseconds() {
+        let mut close = recording(50.0);
+        let rates = close.signals.rates.as_mut().unwrap();
+        rates.t[500] = rates.t[499] + 1e-7;
+        let (parts, _) = convert(&close);
+        let t = parts[0].flight.column(Column::T).unwrap();
+        assert_eq!(t.len(), 999);
+        assert!(t.windows(2).all(|pair| pair[0] < pair[1]));
     }
 
     /// Four values a second do not say how fast a rotor turned between them.

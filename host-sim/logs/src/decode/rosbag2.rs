@@ -15,7 +15,7 @@ use super::common::budget::Budget;
 use super::common::decompress::{Compression, decompress};
 use super::common::faults::Faults;
 use super::ros_messages::{Dialect, Encoding, Topics, full_type_name};
-use crate::error::LogError;
+use crate::error::{LogError, plain};
 use crate::format::Format;
 use crate::log::Log;
 
@@ -25,13 +25,15 @@ const HEADER_BYTES: usize = 100;
 const ZSTANDARD: &[u8] = b"\x28\xb5\x2f\xfd";
 /// How often reading goes on behind rows that cannot be read.
 const MOST_RESTARTS: usize = 100;
+/// Characters of a message of sqlite's.
+const LONGEST_MESSAGE: usize = 120;
 /// Steps of sqlite's machine between two looks at how many there were.
 const STEPS: i32 = 1000;
 
 pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
     let refuse = |error: rusqlite::Error| LogError::Format {
         path: path.into(),
-        what: format!("is no ROS 2 bag that can be read: {}", plain(&error.to_string())),
+        what: format!("is no ROS 2 bag that can be read: {}", plain(&error.to_string(), LONGEST_MESSAGE)),
         mend: "`ros2 bag reindex` or `sqlite3 BAG .recover` may save it".into(),
     };
     let mut faults = Faults::default();
@@ -61,11 +63,6 @@ pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
     log.tables = bag.topics.into_tables(&mut faults);
     log.losses.damage = faults.into_sentences();
     Ok(log)
-}
-
-/// A message of sqlite's as part of a line.
-fn plain(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(120).collect()
 }
 
 /// Opens a copy of the bag in memory.
@@ -163,7 +160,7 @@ impl Bag {
                 Err(error) if restarts == 0 => faults.say(format!(
                     "the bag is damaged behind message {}: {}",
                     last.max(0),
-                    plain(&error.to_string())
+                    plain(&error.to_string(), LONGEST_MESSAGE)
                 )),
                 Err(_) => {}
             }

@@ -197,22 +197,22 @@ fn a_plane_is_refused_by_name() {
 
 /// A log written by the test: types of messages, and messages, in both notations.
 #[derive(Default)]
-struct Written {
+pub(crate) struct Written {
     types: Vec<(&'static str, &'static str)>,
-    binary: Vec<u8>,
-    text: String,
+    pub(crate) binary: Vec<u8>,
+    pub(crate) text: String,
 }
 
 /// A field of a message.
 #[derive(Clone, Copy)]
-enum Field<'text> {
+pub(crate) enum Field<'text> {
     Number(f64),
     Text(&'text str),
 }
 
 impl Written {
     /// Describes a type of message.
-    fn describe(&mut self, name: &'static str, letters: &'static str, labels: &str) {
+    pub(crate) fn describe(&mut self, name: &'static str, letters: &'static str, labels: &str) {
         let kind = 129 + self.types.len() as u8;
         let width = |letter| match letter {
             'B' | 'M' => 1,
@@ -236,7 +236,7 @@ impl Written {
     }
 
     /// Writes a message.
-    fn message(&mut self, name: &str, fields: &[Field]) {
+    pub(crate) fn message(&mut self, name: &str, fields: &[Field]) {
         let kind = self.types.iter().position(|(known, _)| *known == name).expect("a type");
         self.binary.extend([0xa3, 0x95, 129 + kind as u8]);
         self.text += name;
@@ -270,7 +270,7 @@ impl Written {
     }
 
     /// Writes a message of numbers.
-    fn numbers(&mut self, name: &str, numbers: &[f64]) {
+    pub(crate) fn numbers(&mut self, name: &str, numbers: &[f64]) {
         let fields: Vec<Field> = numbers.iter().map(|&number| Field::Number(number)).collect();
         self.message(name, &fields);
     }
@@ -282,7 +282,7 @@ impl Written {
 }
 
 /// A copter with its types described, its firmware and some parameters said.
-fn copter(firmware: &str, parameters: &[(&str, f64)]) -> Written {
+pub(crate) fn copter(firmware: &str, parameters: &[(&str, f64)]) -> Written {
     let mut log = Written::default();
     log.describe("PARM", "QNf", "TimeUS,Name,Value");
     log.describe("MSG", "QZ", "TimeUS,Message");
@@ -301,7 +301,7 @@ fn copter(firmware: &str, parameters: &[(&str, f64)]) -> Written {
 }
 
 /// Two seconds of hover with two of everything.
-fn hover(log: &mut Written) {
+pub(crate) fn hover(log: &mut Written) {
     for step in 0..20 {
         let t = 1e6 + 1e5 * f64::from(step);
         log.numbers("ATT", &[t, 0.0, 1.5, 0.0, -2.5, f64::from((355 + step) % 360)]);
@@ -318,7 +318,7 @@ fn hover(log: &mut Written) {
     }
 }
 
-const QUAD_X: [(&str, f64); 2] = [("FRAME_CLASS", 1.0), ("FRAME_TYPE", 1.0)];
+pub(crate) const QUAD_X: [(&str, f64); 2] = [("FRAME_CLASS", 1.0), ("FRAME_TYPE", 1.0)];
 
 fn recorded(bytes: &[u8]) -> Result<Recording, String> {
     let path = Path::new("written");
@@ -395,6 +395,19 @@ fn motors_by_frame_type_and_function() {
     assert_eq!(commands(&[&QUAD_X[..], &functions].concat()), Ok(([1900, 1503, 1502, 1504], x)));
     let error = commands(&[&QUAD_X[..], &functions[..3]].concat()).expect_err("two motors");
     assert!(error.contains("SERVOn_FUNCTION"), "{error}");
+}
+
+/// Controllers on outputs 9 to 12 are counted from 0 where a second processor has the first eight.
+#[test]
+fn controllers_behind_a_second_processor() {
+    let functions = [33.0, 34.0, 35.0, 36.0];
+    let names: Vec<String> = (9..13).map(|output| format!("SERVO{output}_FUNCTION")).collect();
+    let outputs = names.iter().map(String::as_str).zip(functions);
+    let mut log = copter("ArduCopter V4.5.0 (abc)", &QUAD_X.into_iter().chain(outputs).collect::<Vec<_>>());
+    hover(&mut log);
+    let speeds = recorded(&log.binary).expect("a recording").signals.rotor_speed.expect("speeds");
+    let rpm = speeds.values.map(|speed| (speed[0] * 60.0 / std::f64::consts::TAU).round());
+    assert_eq!(rpm, [6120.0, 6000.0, 6180.0, 6060.0]);
 }
 
 /// What is no quadcopter of ours is refused by its name.

@@ -181,9 +181,9 @@ fn written(settings: &str, fields: &[&str], rows: usize, value: impl Fn(usize, u
     bytes
 }
 
-const BETAFLIGHT: &str = "H Firmware revision:Betaflight 4.5.1 (abc) STM32H743\nH gyro_scale:0x3f800000\nH acc_1G:2048\n\
+pub(crate) const BETAFLIGHT: &str = "H Firmware revision:Betaflight 4.5.1 (abc) STM32H743\nH gyro_scale:0x3f800000\nH acc_1G:2048\n\
                           H motorOutput:158,2047\nH motor_poles:14\nH blackbox_high_resolution:1\nH Craft name:Test\n";
-const INAV: &str = "H Firmware revision:INAV 7.1.0 (abc) MATEKF405\nH gyro_scale:0x3f800000\nH acc_1G:512\nH motorOutput:1000,2000\n";
+pub(crate) const INAV: &str = "H Firmware revision:INAV 7.1.0 (abc) MATEKF405\nH gyro_scale:0x3f800000\nH acc_1G:512\nH motorOutput:1000,2000\n";
 const FIELDS: [&str; 15] = [
     "gyroADC[0]",
     "gyroADC[1]",

@@ -193,7 +193,7 @@ fn quadlabs_own_recording_is_sent_to_its_flights() {
 }
 
 /// A record of a ROS 1 bag.
-fn ros1_record(fields: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
+pub(crate) fn ros1_record(fields: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
     let counted = |bytes: &[u8]| [&(bytes.len() as u32).to_le_bytes()[..], bytes].concat();
     let field = |(name, value): &(&str, &[u8])| counted(&[name.as_bytes(), b"=", value].concat());
     let header: Vec<u8> = fields.iter().flat_map(field).collect();

@@ -4,6 +4,7 @@ mod ardupilot;
 mod betaflight;
 mod common;
 mod crazyflie;
+mod fuzz;
 mod made_bags;
 mod parquet;
 mod px4;

@@ -39,6 +39,17 @@ fn log203_is_its_flight() {
     smoothed_agrees(&recording, &Reference::read(&path));
 }
 
+/// What an import takes beside the bytes of the file: its columns unpacked, and the quantities made of them.
+#[test]
+fn memory_of_an_import() {
+    let Some(path) = shared("data/logs/crazyflie_log203.parquet") else { return };
+    let bytes = std::fs::read(&path).unwrap();
+    let decoding = allocation_counter::measure(|| _ = decode(&bytes, &path)).bytes_max;
+    let importing = allocation_counter::measure(|| _ = logs::import_bytes(&bytes, &path)).bytes_max;
+    println!("{} bytes: decoding {decoding}, importing {importing}", bytes.len());
+    assert!(importing < 3 * bytes.len() as u64 + (1 << 19), "{importing} bytes for {}", bytes.len());
+}
+
 #[test]
 fn damaged_files_do_no_harm() {
     let Some(path) = shared("data/logs/crazyflie_log203.parquet") else { return };
@@ -46,7 +57,7 @@ fn damaged_files_do_no_harm() {
 }
 
 /// Two groups of 100 rows; every third `count` is missing.
-fn made(compression: Compression) -> Vec<u8> {
+pub(crate) fn made(compression: Compression) -> Vec<u8> {
     let schema = "message rows {
         required int64 time (TIMESTAMP(MICROS, true));
         optional int32 count (INTEGER(16, false));
@@ -86,7 +97,7 @@ fn made(compression: Compression) -> Vec<u8> {
     file
 }
 
-const CODECS: [fn() -> Compression; 5] = [
+pub(crate) const CODECS: [fn() -> Compression; 5] = [
     || Compression::UNCOMPRESSED,
     || Compression::SNAPPY,
     || Compression::LZ4_RAW,

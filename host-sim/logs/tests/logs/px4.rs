@@ -398,10 +398,10 @@ fn specific_force_carries_the_craft() {
 // ---- Logs written here.
 
 /// A ULog being written.
-struct Writer(Vec<u8>);
+pub(crate) struct Writer(pub(crate) Vec<u8>);
 
 impl Writer {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let mut bytes = b"ULog\x01\x12\x35\x01".to_vec();
         bytes.extend(1_000_000_u64.to_le_bytes());
         let mut writer = Self(bytes);
@@ -409,23 +409,23 @@ impl Writer {
         writer
     }
 
-    fn record(&mut self, kind: u8, body: &[u8]) -> &mut Self {
+    pub(crate) fn record(&mut self, kind: u8, body: &[u8]) -> &mut Self {
         self.0.extend(u16::try_from(body.len()).expect("short").to_le_bytes());
         self.0.push(kind);
         self.0.extend(body);
         self
     }
 
-    fn pair(&mut self, kind: u8, key: &str, value: &[u8]) -> &mut Self {
+    pub(crate) fn pair(&mut self, kind: u8, key: &str, value: &[u8]) -> &mut Self {
         self.record(kind, &[&[key.len() as u8], key.as_bytes(), value].concat())
     }
 
-    fn subscribe(&mut self, number: u16, instance: u8, name: &str) -> &mut Self {
+    pub(crate) fn subscribe(&mut self, number: u16, instance: u8, name: &str) -> &mut Self {
         let [low, high] = number.to_le_bytes();
         self.record(b'A', &[&[instance, low, high], name.as_bytes()].concat())
     }
 
-    fn row(&mut self, number: u16, time_us: u64, fields: &[u8]) -> &mut Self {
+    pub(crate) fn row(&mut self, number: u16, time_us: u64, fields: &[u8]) -> &mut Self {
         self.record(b'D', &[&number.to_le_bytes()[..], &time_us.to_le_bytes(), fields].concat())
     }
 
@@ -435,7 +435,7 @@ impl Writer {
 }
 
 /// A quadcopter that hovers, at 50 Hz: all that a flight needs, in some twenty kilobytes.
-fn hover(parameters: &[(&str, i32)], rows: u64) -> Writer {
+pub(crate) fn hover(parameters: &[(&str, i32)], rows: u64) -> Writer {
     let mut log = Writer::new();
     log.record(b'F', b"vehicle_attitude:uint64_t timestamp;uint64_t timestamp_sample;float[4] q;");
     log.record(b'F', b"vehicle_local_position:uint64_t timestamp;float x;float y;float z;float vx;float vy;float vz;uint8_t xy_reset_counter;bool z_valid;");

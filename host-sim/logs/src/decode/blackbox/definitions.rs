@@ -41,10 +41,26 @@ enum Predictor {
 }
 
 /// How a kind of frame is written.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Definition {
     encodings: Vec<(Encoding, Range<usize>)>,
-    predictors: Vec<(Predictor, Range<usize>)>,
+    prediction: Box<Prediction>,
+}
+
+/// What each field is a difference from: a mask for each predictor, all ones in the fields that have it, so
+/// that a frame is predicted without a branch.
+#[derive(Debug)]
+struct Prediction {
+    constant: Frame,
+    previous: Frame,
+    straight_line: Frame,
+    average: Frame,
+    signed: Frame,
+    /// Fields that have any of these, rounded up.
+    count: usize,
+    /// Fields that follow the first motor of the same frame, and where that one stands.
+    after_motor: Vec<(usize, usize)>,
+    counters: Vec<usize>,
 }
 
 /// How the frames of a log are written.
@@ -128,7 +144,8 @@ impl Constants {
 
 impl Definition {
     fn new(fields: &Fields, constants: &Constants) -> Result<Self, String> {
-        let mut definition = Self::default();
+        let mut encodings: Vec<(Encoding, Range<usize>)> = Vec::new();
+        let mut prediction = Box::new(Prediction::of_nothing());
         let count = fields.names.len().min(MOST_FIELDS);
         for index in 0..count {
             let encoding = Encoding::new(fields.encodings.get(index).copied().unwrap_or(0))?;
@@ -137,17 +154,13 @@ impl Definition {
                 Predictor::new(fields.predictors.get(index).copied().unwrap_or(0), signed, constants)?;
             let counted = predictor == Predictor::Increment;
             let encoding = if counted { Encoding::Null } else { encoding };
-            match definition.encodings.last_mut() {
+            match encodings.last_mut() {
                 Some((last, range)) if *last == encoding && range.len() < encoding.most() => range.end += 1,
-                _ => definition.encodings.push((encoding, index..index + 1)),
+                _ => encodings.push((encoding, index..index + 1)),
             }
-            match definition.predictors.last_mut() {
-                Some((last, range)) if *last == predictor => range.end += 1,
-                _ => definition.predictors.push((predictor, index..index + 1)),
-            }
+            prediction.add(index, predictor);
         }
-        definition.predictors.retain(|(predictor, _)| *predictor != Predictor::Constant(0));
-        Ok(definition)
+        Ok(Self { encodings, prediction })
     }
 
     /// Reads the numbers as they are written.
@@ -182,54 +195,77 @@ impl Definition {
     /// Adds what the last frames predict; without one, nothing is predicted from it.
     #[inline]
     pub(super) fn predict(&self, frame: &mut Frame, history: Option<(&Frame, &Frame)>, skipped: u32) {
-        for (predictor, range) in &self.predictors {
-            let last = |at: &Range<usize>| {
-                history.and_then(|(last, before)| Some((last.get(at.clone())?, before.get(at.clone())?)))
-            };
-            let first_motor =
-                if let Predictor::FirstMotor(at) = predictor { frame.get(*at).copied() } else { None };
-            let Some(values) = frame.get_mut(range.clone()) else { continue };
-            match (predictor, last(range)) {
-                (Predictor::Constant(constant), _) => {
-                    values.iter_mut().for_each(|value| *value = value.wrapping_add(*constant))
-                }
-                (Predictor::FirstMotor(_), _) => {
-                    values.iter_mut().for_each(|value| *value = value.wrapping_add(first_motor.unwrap_or(0)));
-                }
-                (Predictor::Increment, last) => {
-                    for (index, value) in values.iter_mut().enumerate() {
-                        let last = last.and_then(|(last, _)| last.get(index)).copied().unwrap_or(0);
-                        *value = last.wrapping_add(skipped).wrapping_add(1);
-                    }
-                }
-                (Predictor::Previous, Some((last, _))) => {
-                    values.iter_mut().zip(last).for_each(|(value, last)| *value = value.wrapping_add(*last));
-                }
-                (Predictor::StraightLine, Some((last, before))) => {
-                    for ((value, last), before) in values.iter_mut().zip(last).zip(before) {
-                        *value = value.wrapping_add(last.wrapping_mul(2)).wrapping_sub(*before);
-                    }
-                }
-                (Predictor::Average { signed }, Some((last, before))) => {
-                    for ((value, &last), &before) in values.iter_mut().zip(last).zip(before) {
-                        *value = value.wrapping_add(average(last, before, *signed));
-                    }
-                }
-                (_, None) => {}
-            }
+        let (last, before) = history.unwrap_or((&NOTHING, &NOTHING));
+        self.prediction.add_to(frame, last, before);
+        for &field in &self.prediction.counters {
+            frame[field] = last[field].wrapping_add(skipped).wrapping_add(1);
+        }
+        for &(field, motor) in &self.prediction.after_motor {
+            frame[field] = frame[field].wrapping_add(frame[motor]);
         }
     }
 }
 
-/// The mean, towards zero, without a carry out of 32 bits.
-#[inline]
-fn average(last: u32, before: u32, signed: bool) -> u32 {
-    let (both, either) = (last & before, last ^ before);
-    if !signed {
-        return both + (either >> 1);
+/// A frame of zeros.
+const NOTHING: Frame = [0; MOST_FIELDS];
+
+impl Prediction {
+    fn of_nothing() -> Self {
+        Self {
+            constant: NOTHING,
+            previous: NOTHING,
+            straight_line: NOTHING,
+            average: NOTHING,
+            signed: NOTHING,
+            count: 0,
+            after_motor: Vec::new(),
+            counters: Vec::new(),
+        }
     }
-    let down = (both as i32).wrapping_add(either as i32 >> 1) as u32;
-    down.wrapping_add((down >> 31) & either & 1)
+
+    /// Takes in the predictor of a field.
+    fn add(&mut self, field: usize, predictor: Predictor) {
+        const YES: u32 = u32::MAX;
+        const TOGETHER: usize = 8;
+        match predictor {
+            Predictor::Constant(0) => return,
+            Predictor::Constant(constant) => self.constant[field] = constant,
+            Predictor::Previous => self.previous[field] = YES,
+            Predictor::StraightLine => self.straight_line[field] = YES,
+            Predictor::Average { signed } => {
+                self.average[field] = YES;
+                self.signed[field] = if signed { YES } else { 0 };
+            }
+            Predictor::FirstMotor(motor) => return self.after_motor.push((field, motor)),
+            Predictor::Increment => return self.counters.push(field),
+        }
+        self.count = (field + 1).next_multiple_of(TOGETHER).min(MOST_FIELDS);
+    }
+
+    /// Adds all but what follows the first motor.
+    #[inline]
+    fn add_to(&self, frame: &mut Frame, last: &Frame, before: &Frame) {
+        let count = self.count.min(MOST_FIELDS);
+        let masks = self.previous[..count].iter().zip(&self.straight_line[..count]);
+        let averages = self.average[..count].iter().zip(&self.signed[..count]);
+        let history = last[..count].iter().zip(&before[..count]);
+        let fields =
+            frame[..count].iter_mut().zip(&self.constant[..count]).zip(masks).zip(averages).zip(history);
+        for ((((value, constant), (previous, line)), (mean, signed)), (&last, &before)) in fields {
+            let straight = last.wrapping_mul(2).wrapping_sub(before);
+            let predicted = (last & previous) | (straight & line) | (average(last, before, *signed) & mean);
+            *value = value.wrapping_add(*constant).wrapping_add(predicted);
+        }
+    }
+}
+
+/// The mean, towards zero, without a carry out of 32 bits; of signed numbers where `signed` is all ones.
+#[inline]
+fn average(last: u32, before: u32, signed: u32) -> u32 {
+    let (both, either) = (last & before, last ^ before);
+    let half = (either >> 1) | (either & signed & (1 << 31));
+    let down = both.wrapping_add(half);
+    down.wrapping_add((down >> 31) & either & 1 & signed)
 }
 
 impl Encoding {
@@ -305,12 +341,12 @@ mod tests {
             for before in numbers {
                 let wide = (i64::from(last) + i64::from(before)) / 2;
                 assert_eq!(
-                    i64::from(average(last as u32, before as u32, true) as i32),
+                    i64::from(average(last as u32, before as u32, u32::MAX) as i32),
                     wide,
                     "{last} {before}"
                 );
                 let wide = (u64::from(last as u32) + u64::from(before as u32)) / 2;
-                assert_eq!(u64::from(average(last as u32, before as u32, false)), wide, "{last} {before}");
+                assert_eq!(u64::from(average(last as u32, before as u32, 0)), wide, "{last} {before}");
             }
         }
     }

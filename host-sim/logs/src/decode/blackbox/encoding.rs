@@ -10,6 +10,37 @@ pub(super) struct Reader<'log> {
     pub(super) past_end: bool,
 }
 
+/// More bytes than eight numbers take: within it, no number has to look for the end of the log.
+const WINDOW: usize = 64;
+
+/// Reads up to eight signed numbers; answers how many bytes they took.
+#[inline]
+fn signed_in_window(window: &[u8; WINDOW], values: &mut [u32]) -> usize {
+    let byte = |at: usize| u32::from(window[at % WINDOW]);
+    let mut at = 0;
+    for value in values {
+        let mut raw = byte(at);
+        at += 1;
+        if raw >= 0x80 {
+            raw = (raw & 0x7f) | byte(at) << 7;
+            at += 1;
+            // Seldom: three to five bytes; more are no number.
+            let mut shift = 14;
+            while byte(at - 1) >= 0x80 {
+                if shift > 28 {
+                    raw = 0;
+                    break;
+                }
+                raw = (raw & ((1 << shift) - 1)) | byte(at) << shift;
+                at += 1;
+                shift += 7;
+            }
+        }
+        *value = (raw >> 1) ^ (raw & 1).wrapping_neg();
+    }
+    at
+}
+
 impl<'log> Reader<'log> {
     pub(super) fn new(bytes: &'log [u8]) -> Self {
         Self { bytes, at: 0, past_end: false }
@@ -79,6 +110,8 @@ impl<'log> Reader<'log> {
                     *value = u32::from(byte >> 1) ^ u32::from(byte & 1).wrapping_neg();
                 }
                 self.at += values.len();
+            } else if let Some(window) = self.bytes.get(self.at..).and_then(|rest| rest.first_chunk()) {
+                self.at += signed_in_window(window, values);
             } else {
                 values.iter_mut().for_each(|value| *value = self.signed());
             }

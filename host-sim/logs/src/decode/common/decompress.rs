@@ -28,7 +28,7 @@ pub(in crate::decode) fn decompress(
     most: usize,
     budget: &mut Budget,
 ) -> Decompressed {
-    let most = most.min(budget.left());
+    let most = most.min(budget.next());
     let mut bytes = Vec::new();
     let whole = guarded(|| match compression {
         Compression::Bzip2 => read(bzip2_rs::DecoderReader::new(compressed), most, &mut bytes),

@@ -5,6 +5,8 @@ use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Once;
 
+use crate::error::plain;
+
 /// Sentences that are kept.
 const KEPT: usize = 5;
 /// Longest sentence: names in a file can be as long as the file.
@@ -21,8 +23,7 @@ impl Faults {
     /// Adds a sentence, without control characters.
     pub(in crate::decode) fn say(&mut self, sentence: impl AsRef<str>) {
         if self.sentences.len() < KEPT {
-            let plain = sentence.as_ref().chars().map(|c| if c.is_control() { '?' } else { c });
-            self.sentences.push(plain.take(LONGEST).collect());
+            self.sentences.push(plain(sentence.as_ref(), LONGEST));
         } else {
             self.more += 1;
         }

@@ -30,15 +30,24 @@ impl Messages {
         Self { format, time, rows: 0, times: Vec::new(), columns }
     }
 
-    /// Appends a row if every number of it can be read.
-    fn append(&mut self, row: &[&str], numbers: &mut Vec<Number>) -> bool {
+    /// Appends the row whose fields begin at a place of a line, if every number of it can be read.
+    fn append(&mut self, line: &[u8], start: usize, numbers: &mut Vec<Number>) -> Option<()> {
         numbers.clear();
-        for (index, (text, column)) in row.iter().zip(&self.columns).enumerate() {
-            let wanted = column.is_some() || Some(index) == self.time;
-            match if wanted { Number::read(text) } else { Some(Number::Whole(0)) } {
-                Some(number) => numbers.push(number),
-                None => return false,
-            }
+        let last = self.columns.len().checked_sub(1)?;
+        let mut at = start;
+        for (index, column) in self.columns.iter().enumerate() {
+            let end = if column.is_some() || Some(index) == self.time {
+                let (number, end) = Number::next(line, at)?;
+                numbers.push(number);
+                end
+            } else {
+                numbers.push(Number::Whole(0));
+                // The last field takes what is left, commas and all.
+                if index == last { line.len() } else { field_end(line, at) }
+            };
+            let is_end = if index == last { end == line.len() } else { line.get(end) == Some(&b',') };
+            is_end.then_some(())?;
+            at = end + 1;
         }
         self.rows += 1;
         for (index, (number, column)) in numbers.iter().zip(&mut self.columns).enumerate() {
@@ -48,7 +57,7 @@ impl Messages {
                 number.push_to(column);
             }
         }
-        true
+        Some(())
     }
 
     fn into_table(mut self) -> Table {
@@ -89,15 +98,16 @@ pub(super) fn decode(bytes: &[u8], log: &mut Log) {
             damage.leave_out(at, length);
             continue;
         };
-        let Some((name, rest)) = line.split_once(',') else { continue };
+        let name_end = field_end(line.as_bytes(), 0);
+        let (name, Some(rest)) = (&line[..name_end], line.get(name_end + 1..)) else { continue };
         let Some(&known) = by_name.get(name) else { continue };
         let messages = &mut all[known];
-        split(rest, messages.format.fields.len(), comma_space, &mut row);
-        if row.len() < messages.format.fields.len() || !messages.append(&row, &mut numbers) {
+        if messages.append(line.as_bytes(), name_end + 1, &mut numbers).is_none() {
             damage.leave_out(at, length);
             continue;
         }
-        if Special::wants(name) {
+        if known == 0 || Special::wants(name) {
+            split(rest, messages.format.fields.len(), comma_space, &mut row);
             special.take(name, &TextRow { format: &messages.format, row: &row }, log);
         }
         if known == 0 {
@@ -107,6 +117,12 @@ pub(super) fn decode(bytes: &[u8], log: &mut Log) {
     special.finish(log, &|kind| names.get(&kind).cloned());
     log.tables = all.into_iter().filter(|messages| messages.rows > 0).map(Messages::into_table).collect();
     log.losses.damage = damage.sentences();
+}
+
+/// Where the field that begins at a place ends.
+fn field_end(line: &[u8], at: usize) -> usize {
+    let rest = line.get(at..).unwrap_or_default();
+    memchr::memchr(b',', rest).map_or(line.len(), |length| at + length)
 }
 
 /// Cuts a line into its fields; the last takes what is left, commas and all.
@@ -161,18 +177,41 @@ enum Number {
 }
 
 impl Number {
-    fn read(text: &str) -> Option<Self> {
+    /// The number of the field that begins at a place, and where the field ends.
+    #[inline]
+    fn next(line: &[u8], at: usize) -> Option<(Self, usize)> {
         const SURELY_FIT: usize = 18;
+        let start = at + usize::from(line.get(at) == Some(&b' '));
+        let is_negative = line.get(start) == Some(&b'-');
+        let first = start + usize::from(is_negative);
+        let (mut end, mut whole) = (first, 0_i64);
+        while let Some(digit) = line.get(end).map(|byte| byte.wrapping_sub(b'0')).filter(|digit| *digit < 10)
+        {
+            whole = whole.wrapping_mul(10).wrapping_add(digit.into());
+            end += 1;
+        }
+        match line.get(end) {
+            None | Some(b',') if (1..=SURELY_FIT).contains(&(end - first)) => {
+                return Some((Self::Whole(if is_negative { -whole } else { whole }), end));
+            }
+            Some(b'.') if end > first => {
+                if let Some((number, end)) = flights::read_decimal(line, start) {
+                    return Some((Self::Real(number), end));
+                }
+            }
+            _ => {}
+        }
+        let end = field_end(line, at);
+        let text = std::str::from_utf8(line.get(at..end)?).ok()?;
+        Some((Self::read(text)?, end))
+    }
+
+    /// A number in any form.
+    fn read(text: &str) -> Option<Self> {
         let text = text.trim_ascii();
-        let (negative, digits) = text.strip_prefix('-').map_or((false, text), |digits| (true, digits));
-        if digits.is_empty() || !digits.bytes().all(|byte| byte.is_ascii_digit()) {
-            return text.parse().ok().map(Self::Real);
-        }
-        if digits.len() > SURELY_FIT {
-            return text.parse().map(Self::Whole).ok().or_else(|| text.parse().map(Self::Large).ok());
-        }
-        let whole = digits.bytes().fold(0, |whole, digit| 10 * whole + i64::from(digit - b'0'));
-        Some(Self::Whole(if negative { -whole } else { whole }))
+        let whole = || text.parse().ok().map(Self::Whole);
+        let large = || text.parse().ok().map(Self::Large);
+        whole().or_else(large).or_else(|| text.parse().ok().map(Self::Real))
     }
 
     fn whole(self) -> i64 {

@@ -44,13 +44,9 @@ pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
         }
         None => return Err(refuse("is a damaged Parquet file".into())),
     };
-    let mut file = File {
-        bytes,
-        reader,
-        pages: Budget::for_decompression(bytes.len()),
-        columns: Budget::for_columns(bytes.len()),
-    };
-    let log = file.read(&mut faults);
+    let mut budgets =
+        Budgets { pages: Budget::for_decompression(bytes.len()), columns: Budget::for_columns(bytes.len()) };
+    let log = File { bytes, reader }.read(&mut budgets, &mut faults);
     let mut log = log.ok_or_else(|| refuse("is a damaged Parquet file".into()))?;
     log.losses.damage = faults.into_sentences();
     Ok(log)
@@ -59,14 +55,17 @@ pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
 struct File<'a> {
     bytes: &'a [u8],
     reader: SerializedFileReader<Bytes>,
+}
+
+struct Budgets {
     pages: Budget,
     columns: Budget,
 }
 
 impl File<'_> {
-    fn read(&mut self, faults: &mut Faults) -> Option<Log> {
+    fn read(&self, budgets: &mut Budgets, faults: &mut Faults) -> Option<Log> {
         let mut log = Log::new(Format::Parquet);
-        let metadata = self.reader.metadata().clone();
+        let metadata = self.reader.metadata();
         let schema = metadata.file_metadata().schema_descr();
         let kinds: Vec<(usize, Values)> = (0..schema.num_columns())
             .filter_map(|number| Some((number, guarded(|| kind(&schema.column(number)))??)))
@@ -93,7 +92,8 @@ impl File<'_> {
             for ((number, kind), column) in kinds.iter().zip(&mut table.columns) {
                 let before = column.values.len();
                 let unsigned = matches!(kind, Values::U32(_));
-                if self.read_column(group_number, group, (*number, unsigned), &mut column.values).is_none() {
+                let place = (group_number, *number, unsigned);
+                if self.read_column(group, place, &mut column.values, budgets).is_none() {
                     damaged.push(column.name.clone());
                 }
                 rows = rows.max(column.values.len() - before);
@@ -103,7 +103,7 @@ impl File<'_> {
                 let missing = table.rows - column.values.len();
                 if missing > 0 {
                     // Numbers so far may have to become wider to have a NaN.
-                    self.columns.take((table.rows).saturating_mul(8)).then_some(())?;
+                    budgets.columns.take((table.rows).saturating_mul(8)).then_some(())?;
                     values::pad(&mut column.values, missing);
                 }
             }
@@ -121,18 +121,18 @@ impl File<'_> {
     /// Adds the rows of a group to a column; nothing where it is damaged, behind the rows before the
     /// damage.
     fn read_column(
-        &mut self,
-        group_number: usize,
+        &self,
         group: &RowGroupMetaData,
-        (number, unsigned): (usize, bool),
+        (group_number, number, unsigned): (usize, usize, bool),
         values: &mut Values,
+        budgets: &mut Budgets,
     ) -> Option<()> {
         let (start, length) = guarded(|| group.column(number).byte_range())?;
         let (start, length) = (usize::try_from(start).ok()?, usize::try_from(length).ok()?);
         let chunk = self.bytes.get(start..start.checked_add(length)?)?;
-        pages::check(chunk, &mut self.pages)?;
+        pages::check(chunk, &mut budgets.pages)?;
         let rows = usize::try_from(group.num_rows()).ok()?;
-        let (reader, columns) = (&self.reader, &mut self.columns);
+        let (reader, columns) = (&self.reader, &mut budgets.columns);
         guarded(|| match reader.get_row_group(group_number).ok()?.get_column_reader(number).ok()? {
             ColumnReader::BoolColumnReader(reader) => add(reader, rows, columns, values, Numbers::Bool),
             ColumnReader::Int32ColumnReader(reader) if unsigned => {
@@ -168,6 +168,7 @@ fn add<T: DataType>(
         if read == 0 || !budget.take(read * 16) {
             return None;
         }
+        values::reserve(values, read);
         let most = levels.iter().copied().max().filter(|_| batch.len() < levels.len());
         let present = most.map(|_| {
             // A value is there at the highest level; if none is, no level is high enough.

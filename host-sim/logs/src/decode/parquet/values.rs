@@ -42,6 +42,23 @@ pub(super) fn append(values: &mut Values, numbers: &Numbers, present: Option<&[b
     Some(())
 }
 
+/// Makes room for the first batch, mostly the only one, and no more.
+pub(super) fn reserve(values: &mut Values, count: usize) {
+    match values {
+        _ if !values.is_empty() => {}
+        Values::I8(to) => to.reserve_exact(count),
+        Values::U8(to) => to.reserve_exact(count),
+        Values::I16(to) => to.reserve_exact(count),
+        Values::U16(to) => to.reserve_exact(count),
+        Values::I32(to) => to.reserve_exact(count),
+        Values::U32(to) => to.reserve_exact(count),
+        Values::I64(to) => to.reserve_exact(count),
+        Values::U64(to) => to.reserve_exact(count),
+        Values::F32(to) => to.reserve_exact(count),
+        Values::F64(to) => to.reserve_exact(count),
+    }
+}
+
 /// Adds so many missing numbers.
 pub(super) fn pad(values: &mut Values, count: usize) {
     make_nullable(values);

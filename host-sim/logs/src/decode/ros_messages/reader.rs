@@ -96,9 +96,9 @@ impl Reader {
         if !budget.take(columns.row_bytes) {
             return false;
         }
-        columns.allowance = budget.left();
+        columns.allowance = budget.next();
         let whole = self.root.iter_mut().try_for_each(|node| node.read(&mut message, definitions, columns));
-        budget.take(budget.left() - columns.allowance);
+        budget.take(budget.next() - columns.allowance);
         if whole.is_some() {
             columns.rows += 1;
         } else {

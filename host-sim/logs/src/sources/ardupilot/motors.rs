@@ -28,24 +28,32 @@ pub(super) fn range(log: &Log) -> Span {
     both("MOT_PWM_MIN", "MOT_PWM_MAX").or_else(|| both("RC3_MIN", "RC3_MAX")).unwrap_or([1000.0, 2000.0])
 }
 
-/// Rotor speeds in our order, rad/s, at the times of the first rotor's. `ESC` counts outputs from 0; older
-/// logs have a table each, from 1.
+/// Rotor speeds in our order, rad/s, at the times of the first rotor's. `ESC` counts from 0
+/// (`libraries/AP_ESC_Telem/LogStructure.h` of ArduPilot/ardupilot); older logs have a table each, from 1.
 pub(super) fn speeds(log: &Log, layout: &Layout) -> Option<Signal<4>> {
-    let rows = |output: usize| match log.table("ESC") {
-        Some(table) => Some(Rows::instance(table, (output - 1) as f64)),
-        None => log.table(&format!("ESC{output}")).map(Rows::first_instance),
-    };
-    let mut each = Vec::new();
-    for output in layout.outputs {
-        let rows = rows(output).filter(|rows| !rows.t.is_empty())?;
-        each.push((rows.column("RPM")?, rows.t));
-    }
+    // Outputs are counted from the first, or, where a second processor has the first eight, from behind those
+    // (`chan_offset` in `libraries/AP_BLHeli/AP_BLHeli.cpp`); before 4.1 only those that have a controller are.
+    let outputs = layout.outputs;
+    let behind = |before: usize| outputs.map(|output| output.checked_sub(before + 1));
+    let ranks = outputs.map(|output| Some(outputs.iter().filter(|other| **other < output).count()));
+    let each = [behind(0), behind(8), ranks].into_iter().find_map(|numbers| {
+        numbers.iter().map(|number| speed_of(log, (*number)?)).collect::<Option<Vec<_>>>()
+    })?;
     let t = each.first()?.1.clone();
     let speed = |(rpm, times): &(Vec<f64>, Vec<f64>)| {
         nearest(&t, times, rpm).into_iter().map(|rpm| rpm * 2.0 * PI / 60.0).collect()
     };
     let values = <[Vec<f64>; 4]>::try_from(each.iter().map(speed).collect::<Vec<_>>()).ok()?;
     values.iter().flatten().any(|&speed| speed > 0.0).then(|| Signal { source: "ESC".into(), t, values })
+}
+
+/// Speeds and their times of a controller, numbered from 0.
+fn speed_of(log: &Log, number: usize) -> Option<(Vec<f64>, Vec<f64>)> {
+    let rows = match log.table("ESC") {
+        Some(table) => Rows::instance(table, number as f64),
+        None => Rows::first_instance(log.table(&format!("ESC{}", number + 1))?),
+    };
+    (!rows.t.is_empty()).then_some((rows.column("RPM")?, rows.t))
 }
 
 /// The values nearest to times; none further away than half a second.

@@ -154,7 +154,8 @@ fn signals(rows: &Rows, scales: &Scales) -> Signals {
     let gyro = scales.gyro_rad_s;
     let acceleration = scales.acceleration_per_g.map(|per_g| FLIP.map(|sign| sign * GRAVITY / per_g));
     Signals {
-        // INAV: north, east, up in cm.
+        // INAV: north, east, up in cm (`updateActualAltitudeAndClimbRate` and its like in
+        // `src/main/navigation/navigation.c` of iNavFlight/inav).
         position: rows.signal("navPos", AXES, [CENTI, CENTI, -CENTI]),
         velocity: rows.signal("navVel", AXES, [CENTI, CENTI, -CENTI]),
         attitude: turned(rows),
@@ -167,7 +168,8 @@ fn signals(rows: &Rows, scales: &Scales) -> Signals {
     }
 }
 
-/// INAV's attitude: roll right, pitch down, heading clockwise, 0.1 degrees.
+/// INAV's attitude: roll right, pitch down, heading clockwise, 0.1 degrees (`imuUpdateEulerAngles` in its
+/// `src/main/flight/imu.c`).
 fn turned(rows: &Rows) -> Option<Signal<4>> {
     let tenth = 0.1_f64.to_radians();
     let angles = rows.signal("attitude", [0, 1, 2], [tenth, -tenth, tenth])?;
@@ -178,10 +180,12 @@ fn turned(rows: &Rows) -> Option<Signal<4>> {
 /// Battery voltage; none if no sensor is there.
 fn voltage(rows: &Rows, scales: &Scales) -> Option<Signal<1>> {
     const LEAST_V: f64 = 1.0;
-    let (field, column) =
-        ["vbatLatest", "vbat"].iter().find_map(|field| Some((field, rows.table.column(field)?.to_f64())))?;
+    let fields = ["vbatLatest", "vbat"].into_iter().zip(scales.volts);
+    let (field, scale, column) = fields
+        .into_iter()
+        .find_map(|(field, scale)| Some((field, scale, rows.table.column(field)?.to_f64())))?;
     let values: Vec<f64> =
-        rows.kept.iter().map(|&row| column.get(row).map_or(f64::NAN, |raw| raw * scales.volts)).collect();
+        rows.kept.iter().map(|&row| column.get(row).map_or(f64::NAN, |raw| raw * scale)).collect();
     let measured = values.iter().any(|&volts| volts > LEAST_V);
     measured.then(|| Signal {
         source: format!("{}: {field}", rows.table.name),

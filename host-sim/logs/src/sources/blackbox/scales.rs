@@ -12,8 +12,8 @@ pub(super) struct Scales {
     pub(super) gyro_rad_s: Option<f64>,
     /// Counts for the acceleration of gravity.
     pub(super) acceleration_per_g: Option<f64>,
-    /// V.
-    pub(super) volts: f64,
+    /// Volts of a count of `vbatLatest`, and of `vbat`.
+    pub(super) volts: [f64; 2],
     /// Rotor speed of a count of eRPM, rad/s.
     pub(super) speed_rad_s: Option<f64>,
     /// Lowest and highest motor command.
@@ -33,7 +33,7 @@ impl Scales {
         Self {
             gyro_rad_s: gyro_degrees_s(&text).map(|degrees| (degrees * resolution).to_radians()),
             acceleration_per_g: number("acc_1G").filter(|per_g| *per_g > 0.0),
-            volts: version.volts(),
+            volts: [version.volts(number("vbat_scale").or(number("vbatscale"))), HUNDREDTH],
             speed_rad_s: number("motor_poles")
                 .filter(|poles| *poles >= 2.0)
                 .map(|poles| 100.0 * 2.0 * PI / 60.0 / (poles / 2.0)),
@@ -72,28 +72,41 @@ fn is_range([low, high]: &Span) -> bool {
     low.is_finite() && high.is_finite() && high > low
 }
 
-/// The program and its main version.
+/// INAV's `vbat` is in hundredths of a volt: `getBatteryVoltage` in its `src/main/sensors/battery.c`.
+const HUNDREDTH: f64 = 0.01;
+
+/// The program and its version.
 #[derive(Debug, PartialEq)]
 enum Version {
-    Betaflight(u32),
+    Betaflight([u32; 2]),
+    Cleanflight([u32; 2]),
     Other,
 }
 
 impl Version {
     fn of(revision: &str) -> Self {
         let mut words = revision.split_whitespace();
-        let main = |word: &str| word.split('.').next().and_then(|main| main.parse().ok());
-        match (words.next(), words.next().and_then(main)) {
-            (Some("Betaflight"), Some(main)) => Self::Betaflight(main),
+        let numbers = |word: &str| {
+            let mut parts = word.split('.').map(str::parse);
+            Some([parts.next()?.ok()?, parts.next()?.ok()?])
+        };
+        match (words.next(), words.next().and_then(numbers)) {
+            (Some("Betaflight"), Some(version)) => Self::Betaflight(version),
+            (Some("Cleanflight"), Some(version)) => Self::Cleanflight(version),
             _ => Self::Other,
         }
     }
 
-    /// Hundredths of a volt, tenths before Betaflight 4.
-    fn volts(&self) -> f64 {
+    /// Hundredths of a volt, tenths before Betaflight 4, and before Betaflight 3.1 and Cleanflight 2 what a
+    /// converter of 12 bits and 3.3 V measures behind a divider of so many tenths, which INAV has kept:
+    /// `src/flightlog_fields_presenter.js` and `vbatADCToMillivolts` of betaflight/blackbox-log-viewer.
+    fn volts(&self, divider: Option<f64>) -> f64 {
+        const USUAL_DIVIDER: f64 = 110.0;
         match self {
-            Self::Betaflight(main) if *main < 4 => 0.1,
-            _ => 0.01,
+            Self::Betaflight(version) if *version >= [4, 0] => HUNDREDTH,
+            Self::Betaflight(version) if *version >= [3, 1] => 0.1,
+            Self::Cleanflight(version) if *version >= [2, 0] => 0.1,
+            _ => 3.3 / 4095.0 * divider.filter(|tenths| *tenths > 0.0).unwrap_or(USUAL_DIVIDER) / 10.0,
         }
     }
 }
@@ -104,9 +117,14 @@ mod tests {
 
     #[test]
     fn versions_of_revisions() {
-        assert_eq!(Version::of("Betaflight 4.2.11 (948ba6339) STM32F7X2"), Version::Betaflight(4));
-        assert_eq!(Version::of("Betaflight 2025.12.0 (abc) STM32H743"), Version::Betaflight(2025));
+        assert_eq!(Version::of("Betaflight 4.2.11 (948ba6339) STM32F7X2"), Version::Betaflight([4, 2]));
+        assert_eq!(Version::of("Betaflight 2025.12.0 (abc) STM32H743"), Version::Betaflight([2025, 12]));
         assert_eq!(Version::of("INAV 7.1.0 (abc) MATEKF405"), Version::Other);
-        assert_eq!(Version::Betaflight(3).volts(), 0.1);
+        assert_eq!(Version::of("Cleanflight 2.4.0 (abc) SPRACINGF3"), Version::Cleanflight([2, 4]));
+        let volts = |version: [u32; 2], divider| Version::Betaflight(version).volts(divider);
+        assert_eq!([volts([4, 0], None), volts([3, 5], None)], [0.01, 0.1]);
+        // A battery of 12 V behind a divider of 11 is 1.09 V at the converter.
+        assert!((volts([3, 0], Some(110.0)) * 1354.0 - 12.0).abs() < 0.01);
+        assert_eq!(Version::Other.volts(Some(110.0)), volts([2, 8], None));
     }
 }

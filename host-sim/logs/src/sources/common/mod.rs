@@ -4,10 +4,10 @@ pub(super) mod attitude;
 pub(super) mod series;
 pub(super) mod spans;
 
+use crate::error::plain;
+
 /// Names out of a log as part of a sentence, without control characters and not too long.
 pub(super) fn plain_list(names: &[&str]) -> String {
-    let plain =
-        |name: &&str| name.chars().map(|c| if c.is_control() { '?' } else { c }).take(40).collect::<String>();
-    let text = names.iter().map(plain).collect::<Vec<_>>().join(", ");
+    let text = names.iter().map(|name| plain(name, 40)).collect::<Vec<_>>().join(", ");
     if text.chars().count() > 250 { text.chars().take(250).chain("...".chars()).collect() } else { text }
 }

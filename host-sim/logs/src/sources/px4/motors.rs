@@ -112,7 +112,7 @@ fn range_of_outputs(
     if highest > 2200.0 {
         return ([0.0, 8191.0], "UAVCAN raw");
     }
-    if lowest < 800.0 {
+    if lowest < 800.0 || has_dshot(parameters) {
         return ([0.0, 1999.0], "DShot");
     }
     let limit = |end: &str, default: f64| {
@@ -125,6 +125,16 @@ fn range_of_outputs(
     let low = limit("MIN", 1000.0).into_iter().fold(f64::INFINITY, f64::min);
     let high = limit("MAX", 2000.0).into_iter().fold(0.0, f64::max);
     ([low, high], "us")
+}
+
+/// Whether outputs are set to DShot, of which 1 to 1999 are throttle: `src/drivers/dshot/DShot.h` of
+/// PX4/PX4-Autopilot. From version 1.13 a parameter of each timer says it (-8 to -2), before that one of all.
+fn has_dshot(parameters: &BTreeMap<String, f64>) -> bool {
+    let timers = parameters
+        .iter()
+        .filter(|(name, _)| ["PWM_MAIN_TIM", "PWM_AUX_TIM"].iter().any(|timer| name.starts_with(timer)));
+    parameters.get("DSHOT_CONFIG").is_some_and(|rate| *rate > 0.0)
+        || timers.into_iter().any(|(_, setting)| (-8.0..=-2.0).contains(setting))
 }
 
 /// Rotor speeds that the speed controllers report.
@@ -155,4 +165,24 @@ fn esc_of(table: &Table, motor: usize) -> usize {
 fn in_order(mut lists: [Vec<f64>; 4], order: [usize; 4]) -> [Vec<f64>; 4] {
     let distinct = (0..4).all(|motor| order.contains(&motor));
     order.map(|motor| if distinct { std::mem::take(&mut lists[motor]) } else { lists[motor].clone() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dshot_is_told_from_pulses() {
+        let signal =
+            Signal { source: String::new(), t: vec![0.0], values: std::array::from_fn(|_| vec![1200.0]) };
+        let range = |name: &str, setting: f64| {
+            range_of_outputs(&BTreeMap::from([(name.to_owned(), setting)]), &signal, [0, 1, 2, 3])
+        };
+        for (name, setting) in [("PWM_MAIN_TIM0", -5.0), ("PWM_AUX_TIM2", -8.0), ("DSHOT_CONFIG", 600.0)] {
+            assert_eq!(range(name, setting), ([0.0, 1999.0], "DShot"), "{name}");
+        }
+        for (name, setting) in [("PWM_MAIN_TIM0", 400.0), ("PWM_MAIN_TIM0", -1.0), ("DSHOT_CONFIG", 0.0)] {
+            assert_eq!(range(name, setting), ([1000.0, 2000.0], "us"), "{name}");
+        }
+    }
 }

@@ -20,12 +20,14 @@ pub(in crate::sources) fn as_px4_log(log: &Log) -> Option<Log> {
     })
 }
 
-/// `/fmu/out/vehicle_attitude` or `..._v1` as `vehicle_attitude[0]`, with the craft's own times, us.
+/// `/fmu/out/vehicle_attitude`, `..._v1`, or `/fmu/vehicle_attitude/out` of PX4 1.13 and before, as
+/// `vehicle_attitude[0]`, with the craft's own times, us. Names as in `docs/en/middleware/dds_topics.md` of
+/// PX4/PX4-Autopilot.
 fn topic(table: &Table) -> Option<Table> {
     if !table.message_type.as_deref()?.starts_with("px4_msgs/") {
         return None;
     }
-    let last = table.name.rsplit('/').next()?;
+    let last = table.name.strip_suffix("/out").unwrap_or(&table.name).rsplit('/').next()?;
     let name = match last.rsplit_once("_v") {
         Some((name, version)) if !version.is_empty() && version.bytes().all(|c| c.is_ascii_digit()) => name,
         _ => last,
@@ -64,6 +66,8 @@ mod tests {
         });
         let px4 = as_px4_log(&log).unwrap();
         assert_eq!(px4.table("vehicle_attitude[0]").unwrap().times, [7, 8]);
+        log.tables[0].name = "/iris_1/fmu/vehicle_attitude/out".into();
+        assert!(as_px4_log(&log).unwrap().table("vehicle_attitude[0]").is_some());
         log.tables[0].message_type = Some("geometry_msgs/msg/PoseStamped".into());
         assert!(as_px4_log(&log).is_none());
     }
