@@ -7,6 +7,7 @@ mod columns;
 pub mod conditions;
 mod corrections;
 mod error;
+mod further;
 mod grid;
 mod outliers;
 mod prepared;

@@ -25,6 +25,7 @@ use crate::prepare::biases::{StandingGyro, remove_accelerometer_bias, remove_gyr
 use crate::prepare::channels::Channels;
 use crate::prepare::corrections::{Alignment, Trim};
 use crate::prepare::error::PrepareError;
+use crate::prepare::further;
 use crate::prepare::grid::{bridge, even_grid, unbroken};
 use crate::prepare::outliers::Outlier;
 use crate::prepare::stretch::{Stretch, smoothed};
@@ -141,6 +142,7 @@ impl Prepared {
             return Err(PrepareError::NoRotorSpeeds);
         }
         let (mut stretches, jitter_s) = even_stretches(channels, t, period_s, &filter, margin, &mut notes)?;
+        further::put(&mut stretches, flight, t);
         let lacks = |what: StandIn| flight.stand_ins().contains(&what);
         let has_voltage = !lacks(StandIn::ConstantVoltage);
         if has_voltage {

@@ -5,7 +5,7 @@ pub(super) mod series;
 pub(super) mod spans;
 
 /// Names out of a log as part of a sentence, without control characters and not too long.
-pub(super) fn plain_list(names: &[&str]) -> String {
+pub(crate) fn plain_list(names: &[&str]) -> String {
     let plain =
         |name: &&str| name.chars().map(|c| if c.is_control() { '?' } else { c }).take(40).collect::<String>();
     let text = names.iter().map(plain).collect::<Vec<_>>().join(", ");
