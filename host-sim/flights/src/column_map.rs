@@ -30,7 +30,6 @@ use serde::Deserialize;
 use crate::columns::{COLUMNS, Column};
 use crate::error::FlightError;
 use crate::flight::Flight;
-use crate::header::read_header;
 use crate::names::{bare, is_other_name};
 
 /// Name of the file.
@@ -168,17 +167,6 @@ impl ColumnMap {
     /// The further column that is read which a name in a header is.
     pub(crate) fn further_named(&self, name: &str) -> Option<&str> {
         self.further.iter().map(String::as_str).find(|own| *own == bare(name))
-    }
-
-    /// For the columns that a file with these names in its header has, where they are from.
-    pub fn sources_in(&self, names: &[String], path: &Path) -> Result<BTreeMap<String, Source>, FlightError> {
-        let header = read_header(names, path, self)?;
-        let fields = names.iter().zip(&header.fields).filter_map(|(name, field)| Some((name, (*field)?)));
-        let source = |(name, k): (&String, usize)| {
-            let [scale, offset] = header.scales[k];
-            (header.known[k].clone(), Source { name: name.clone(), scale, offset })
-        };
-        Ok(fields.map(source).collect())
     }
 
     /// Whether it names a column of theirs.

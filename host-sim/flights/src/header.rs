@@ -1,8 +1,9 @@
 //! The header row: which field is which column.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::column_map::{ColumnMap, Origin};
+use crate::column_map::{ColumnMap, Origin, Source};
 use crate::columns::COLUMNS;
 use crate::error::FlightError;
 use crate::names::{Named, named, unit_of_further};
@@ -74,6 +75,19 @@ pub(crate) fn read_header(names: &[String], path: &Path, map: &ColumnMap) -> Res
         );
     }
     Ok(header)
+}
+
+impl ColumnMap {
+    /// For the columns that a file with these names in its header has, where they are from.
+    pub fn sources_in(&self, names: &[String], path: &Path) -> Result<BTreeMap<String, Source>, FlightError> {
+        let header = read_header(names, path, self)?;
+        let fields = names.iter().zip(&header.fields).filter_map(|(name, field)| Some((name, (*field)?)));
+        let source = |(name, k): (&String, usize)| {
+            let [scale, offset] = header.scales[k];
+            (header.known[k].clone(), Source { name: name.clone(), scale, offset })
+        };
+        Ok(fields.map(source).collect())
+    }
 }
 
 impl Header {

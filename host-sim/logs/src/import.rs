@@ -9,7 +9,7 @@ use crate::format::Format;
 use crate::log::{Log, Losses, Table, TimeUnit};
 use crate::recording::{Hints, Recording};
 use crate::sources::record;
-use crate::tables;
+use crate::tables::{self, FlightOfTable};
 use flights::ColumnMap;
 
 /// How much of a file tells its format.
@@ -106,7 +106,7 @@ pub fn import_bytes(bytes: &[u8], path: &Path, map: &ColumnMap) -> Result<Import
     }
     let log = decode(bytes, path)?;
     if log.format == Format::Parquet && (map.says_something() || tables::has_usual_names(&log)) {
-        return tables::of_parquet(&log, path, map);
+        return Ok(of_table(tables::of_parquet(&log, path, map)?, path));
     }
     let recordings = record(&log, path)?;
     Ok(imported(log, &recordings, path))
@@ -115,14 +115,41 @@ pub fn import_bytes(bytes: &[u8], path: &Path, map: &ColumnMap) -> Result<Import
 /// Text is a flight file under whatever names, unless a program is known by them.
 fn import_text(bytes: &[u8], path: &Path, map: &ColumnMap) -> Result<Import, LogError> {
     if map.says_something() {
-        return tables::of_text(bytes, path, map);
+        return Ok(of_table(tables::of_text(bytes, path, map)?, path));
     }
     match decode_text(bytes, path)? {
         Some(log) => {
             let recordings = record(&log, path)?;
             Ok(imported(log, &recordings, path))
         }
-        None => tables::of_text(bytes, path, map),
+        None => Ok(of_table(tables::of_text(bytes, path, map)?, path)),
+    }
+}
+
+fn of_table(table: FlightOfTable, path: &Path) -> Import {
+    let sources = Sources {
+        position: table.source(&["x", "z"]),
+        attitude: table.source(&["phi", "qw"]),
+        rates: table.source(&["p"]),
+        specific_force: table.source(&["ax"]),
+        commands: table.source(&["cmd1"]),
+        rotor_speed: table.source(&["omega1"]),
+        voltage: table.source(&["vbat"]),
+    };
+    let (format, limits) = (table.format, table.limits());
+    let part = table.into_part(format!("{}.csv", stem(path)));
+    let messages = Messages { name: "rows".into(), count: part.flight.len(), first_last: Some(part.span) };
+    Import {
+        path: path.into(),
+        format,
+        firmware: None,
+        messages: vec![messages],
+        sources,
+        flights: vec![part],
+        hints: Hints::default(),
+        losses: Losses::default(),
+        limits,
+        notes: Vec::new(),
     }
 }
 
@@ -152,7 +179,7 @@ fn imported(log: Log, recordings: &[Recording], path: &Path) -> Import {
 }
 
 /// What flights of a file are called.
-pub(crate) fn stem(path: &Path) -> String {
+fn stem(path: &Path) -> String {
     match path.file_stem() {
         Some(stem) if path != Path::new(STANDARD_INPUT) => stem.to_string_lossy().into_owned(),
         _ => "log".to_owned(),

@@ -8,9 +8,14 @@ use flights::{COLUMNS, Column, ColumnMap, Flight, GAP_PERIODS, Source, header_na
 use crate::conversion::Part;
 use crate::error::LogError;
 use crate::format::Format;
-use crate::import::{Import, Messages, Sources, stem};
-use crate::log::{Log, Losses};
-use crate::recording::Hints;
+use crate::log::Log;
+
+/// The flight of a table, and which of its columns became which of ours.
+pub(crate) struct FlightOfTable {
+    flight: Flight,
+    sources: BTreeMap<String, Source>,
+    pub(crate) format: Format,
+}
 
 /// How much of a file is looked at to tell text.
 const HEAD_BYTES: usize = 4096;
@@ -22,15 +27,15 @@ pub(crate) fn is_text(bytes: &[u8]) -> bool {
 }
 
 /// The flight of a text.
-pub(crate) fn of_text(bytes: &[u8], path: &Path, map: &ColumnMap) -> Result<Import, LogError> {
+pub(crate) fn of_text(bytes: &[u8], path: &Path, map: &ColumnMap) -> Result<FlightOfTable, LogError> {
     let names = header_names(bytes);
     refuse_strangers(&names, path, map)?;
     let flight = Flight::parse_whole(bytes, path, map)?;
-    Ok(imported(flight, &map.sources_in(&names, path)?, Format::Csv, path))
+    Ok(FlightOfTable { flight, sources: map.sources_in(&names, path)?, format: Format::Csv })
 }
 
 /// The flight of a Parquet file.
-pub(crate) fn of_parquet(log: &Log, path: &Path, map: &ColumnMap) -> Result<Import, LogError> {
+pub(crate) fn of_parquet(log: &Log, path: &Path, map: &ColumnMap) -> Result<FlightOfTable, LogError> {
     let columns: Vec<(String, Vec<f64>)> = log
         .tables
         .iter()
@@ -40,7 +45,7 @@ pub(crate) fn of_parquet(log: &Log, path: &Path, map: &ColumnMap) -> Result<Impo
     let names: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
     refuse_strangers(&names, path, map)?;
     let flight = Flight::from_named(columns, path, map)?;
-    Ok(imported(flight, &map.sources_in(&names, path)?, Format::Parquet, path))
+    Ok(FlightOfTable { flight, sources: map.sources_in(&names, path)?, format: Format::Parquet })
 }
 
 /// The name of a column with the unit that the schema gives it, where the map does not name it.
@@ -80,33 +85,26 @@ fn refuse_strangers(names: &[String], path: &Path, map: &ColumnMap) -> Result<()
     Err(LogError::Refused { path: path.into(), reason })
 }
 
-fn imported(mut flight: Flight, sources: &BTreeMap<String, Source>, format: Format, path: &Path) -> Import {
-    flight.name = format!("{}.csv", stem(path));
-    let t = flight.required(Column::T);
-    let span = [t[0], t[t.len() - 1]];
-    let period_s = median_step(t);
-    let lost_s = t.windows(2).map(|w| w[1] - w[0]).filter(|step| *step > GAP_PERIODS * period_s).sum::<f64>();
-    let limits = flight.stand_ins().iter().filter_map(|what| what.sentence()).map(Into::into).collect();
-    let messages = Messages { name: "rows".into(), count: t.len(), first_last: Some(span) };
-    let from = |ours: &[&str]| ours.iter().find_map(|own| Some(sources.get(*own)?.name.clone()));
-    Import {
-        path: path.into(),
-        format,
-        firmware: None,
-        messages: vec![messages],
-        sources: Sources {
-            position: from(&["x", "z"]),
-            attitude: from(&["phi", "qw"]),
-            rates: from(&["p"]),
-            specific_force: from(&["ax"]),
-            commands: from(&["cmd1"]),
-            rotor_speed: from(&["omega1"]),
-            voltage: from(&["vbat"]),
-        },
-        flights: vec![Part { flight, span, rate_hz: 1.0 / period_s, lost_s }],
-        hints: Hints::default(),
-        losses: Losses::default(),
-        limits,
-        notes: Vec::new(),
+impl FlightOfTable {
+    /// The flight as a part of a log, under a name.
+    pub(crate) fn into_part(self, name: String) -> Part {
+        let mut flight = self.flight;
+        flight.name = name;
+        let t = flight.required(Column::T);
+        let span = [t[0], t[t.len() - 1]];
+        let period_s = median_step(t);
+        let steps = t.windows(2).map(|w| w[1] - w[0]);
+        let lost_s = steps.filter(|step| *step > GAP_PERIODS * period_s).sum::<f64>();
+        Part { flight, span, rate_hz: 1.0 / period_s, lost_s }
+    }
+
+    /// The name in the table of the first of these columns of ours that it has.
+    pub(crate) fn source(&self, ours: &[&str]) -> Option<String> {
+        ours.iter().find_map(|own| Some(self.sources.get(*own)?.name.clone()))
+    }
+
+    /// What it cannot tell, a sentence each.
+    pub(crate) fn limits(&self) -> Vec<String> {
+        self.flight.stand_ins().iter().filter_map(|what| what.sentence()).map(Into::into).collect()
     }
 }
