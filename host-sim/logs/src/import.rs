@@ -101,7 +101,7 @@ pub fn import(path: &Path, map: &ColumnMap) -> Result<Import, LogError> {
 
 /// Makes flights of the bytes of a log; `path` is for messages and gives the flights their names.
 pub fn import_bytes(bytes: &[u8], path: &Path, map: &ColumnMap) -> Result<Import, LogError> {
-    if Format::of(bytes).is_none() && tables::is_text(bytes) {
+    if matches!(Format::of(bytes), None | Some(Format::Csv)) && tables::is_text(bytes) {
         return import_text(bytes, path, map);
     }
     let log = decode(bytes, path)?;

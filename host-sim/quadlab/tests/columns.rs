@@ -174,7 +174,6 @@ fn tables_of_any_names_are_imported_with_further_columns_and_the_vehicle() {
     table.rename("t", "stamp");
     table.rename("x", "northing");
     table.write(&at("B.csv"), "\t");
-    std::fs::write(at("map.toml"), "").unwrap();
     std::fs::create_dir(at("b")).unwrap();
     std::fs::rename(at("B.csv"), at("b/B.csv")).unwrap();
     std::fs::write(at("b/columns.toml"), "[columns]\nt = \"stamp\"\nx = \"northing\"\n").unwrap();
@@ -217,16 +216,22 @@ fn a_table_with_wrong_axes_is_mended_on_its_way_in() {
     assert_eq!(made.rows[50][made.at("q")], original.rows[50][original.at("q")]);
 }
 
-/// Sines of a load that swings by itself, and the motion of a craft of 1 kg that it pulls by 1 N for each metre: the second
-/// integral, by hand.
-const SWINGS: [(f64, f64, f64); 3] = [(0.8, 2.1, 0.3), (0.7, 3.4, 1.1), (0.5, 5.2, 2.0)];
+/// Slow sines of where a load hangs: size in m, rad/s, rad.
+const SWINGS: [(f64, f64, f64); 2] = [(0.6, 0.31, 0.3), (0.3, 0.47, 1.1)];
+/// Drag of the craft of the demo over its mass, 1/s: 0.235 N s/m.
+const DRAG_PER_S: f64 = 0.235 / 1.214;
 
 fn load_m(t: f64) -> f64 {
     SWINGS.iter().map(|(size, w, phase)| size * (w * t + phase).sin()).sum()
 }
 
+/// How far the load moves a craft that it pulls by 1 m/s^2 for each metre, against its drag: the solution by hand.
 fn moved_m(t: f64) -> f64 {
-    SWINGS.iter().map(|(size, w, phase)| -size / (w * w) * (w * t + phase).sin()).sum()
+    let moved = |(size, w, phase): &(f64, f64, f64)| {
+        let (sin, cos) = (w * t + phase).sin_cos();
+        -size / (w * w + DRAG_PER_S * DRAG_PER_S) * (sin + DRAG_PER_S / w * cos)
+    };
+    SWINGS.iter().map(moved).sum()
 }
 
 const PULL: &str = r#"
@@ -243,22 +248,18 @@ fn a_formula_names_a_column_of_the_flights() {
     let mass = model::Vehicle::read(&folder.path().join("vehicle.toml")).unwrap().mass;
     change_all(folder.path(), |table| {
         table.change("x", |t, x| x + moved_m(t));
-        for (column, slope) in [("vx", true), ("ax", false)] {
-            assert!(!table.names.iter().any(|name| name == column) || !slope, "{column} is logged");
-        }
         table.add("load_north", load_m);
     });
     std::fs::write(folder.path().join("pull.toml"), PULL).unwrap();
-    let without = json_with_any_status(
-        folder.path(),
-        &with_sets(&["explain", "--vehicle", "vehicle.toml", "--out", "plain.toml"]),
-    );
-    assert_eq!(without["verdicts"]["translation"], "unexplained", "{without}");
+    let plain = ["explain", "--vehicle", "vehicle.toml", "--out", "plain.toml"];
+    let without = json_with_any_status(folder.path(), &with_sets(&plain));
+    assert_eq!(without["verdict"], "unexplained", "{without}");
     let with = ["explain", "--vehicle", "vehicle.toml", "--effects", "pull.toml", "--out", "model.toml"];
     let explained = json_with_any_status(folder.path(), &with_sets(&with));
     let added: Vec<&str> =
         explained["added"].as_array().unwrap().iter().map(|e| e["effect"].as_str().unwrap()).collect();
-    assert!(added.contains(&"other-craft"), "{explained}");
+    assert_eq!(added[0], "other-craft", "{explained}");
+    assert_eq!(explained["unexplained"], serde_json::json!([]), "{explained}");
     let model = model::Model::read(&folder.path().join("model.toml")).unwrap();
     let own = model.terms.iter().find(|term| term.effect.id() == "other-craft").unwrap();
     let stiffness = own.coefficients[0];
@@ -268,7 +269,7 @@ fn a_formula_names_a_column_of_the_flights() {
     let compared =
         |model: &str| json_in(folder.path(), &["compare", "--model", model, "--flights", "D.csv", "E.csv"]);
     let position = |json: &serde_json::Value| json["horizons"]["50"]["position_m"].as_f64().unwrap();
-    assert!(position(&compared("model.toml")) < 0.5 * position(&compared("plain.toml")));
+    assert!(position(&compared("model.toml")) < 0.3 * position(&compared("plain.toml")));
     std::fs::copy(common::flights().join("D.csv"), folder.path().join("D.csv")).unwrap();
     let said = refused(folder.path(), &["compare", "--model", "model.toml", "--flights", "D.csv"]);
     assert!(

@@ -8,26 +8,19 @@ use std::path::Path;
 use flights::text_columns;
 
 use crate::error::LogError;
-use crate::format::Format;
+use crate::format::{Format, TextOf, text_of};
 use crate::log::{Column, Log, Table, TimeUnit, Values};
-
-/// Beginnings of the names of the Crazyflie's variables that say how it moves.
-const CRAZYFLIE: [&str; 8] =
-    ["stateEstimate.", "stateEstimateZ.", "stabilizer.", "kalman.", "locSrv.", "gyro.", "acc.", "ctrlLee."];
 
 /// Gravity that the accelerometer's unit stands for in [`crate::sources`], m/s^2.
 const GRAVITY: f64 = 9.81;
 
 /// A log from text; nothing where its names are of no program that is known.
 pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Option<Log>, LogError> {
-    let names = flights::header_names(bytes);
-    if names.iter().any(|name| CRAZYFLIE.iter().any(|group| name.starts_with(group))) {
-        return Ok(Some(crazyflie(bytes)));
+    match text_of(bytes) {
+        Some(TextOf::Crazyflie) => Ok(Some(crazyflie(bytes))),
+        Some(TextOf::Blackbox) => blackbox(bytes, path).map(Some),
+        None => Ok(None),
     }
-    if names.iter().any(|name| bare(name) == "loopIteration") {
-        return blackbox(bytes, path).map(Some);
-    }
-    Ok(None)
 }
 
 fn crazyflie(bytes: &[u8]) -> Log {

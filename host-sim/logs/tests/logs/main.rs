@@ -8,3 +8,4 @@ mod made_bags;
 mod parquet;
 mod px4;
 mod ros;
+mod tables;

@@ -42,7 +42,7 @@ fn import(path: &Path) -> anyhow::Result<Result<Import, LogError>> {
 /// The vehicle file beside a table of another program; logs tell of their craft themselves.
 pub(crate) fn vehicle_beside(path: &Path) -> anyhow::Result<Option<Vehicle>> {
     let file = path.with_file_name(VEHICLE);
-    let is_table = matches!(logs::format_of(path), None | Some(Format::Parquet));
+    let is_table = matches!(logs::format_of(path), None | Some(Format::Parquet | Format::Csv));
     Ok(if is_table && file.is_file() { Some(read_vehicle(&file)?) } else { None })
 }
 

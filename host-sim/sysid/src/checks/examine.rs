@@ -207,17 +207,9 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
     }
     let flight = cut.as_ref();
     let channels = channels::check(flight, vehicle);
-    for (kind, found) in [
-        (FaultKind::FrozenChannel, channels.frozen),
-        (FaultKind::TrackerJump, channels.jumps),
-        (FaultKind::SaturatedCommands, channels.saturated),
-    ] {
-        let kept = kind == FaultKind::TrackerJump && channels.jumps_kept;
-        let severity = if kept { Severity::Note } else { Severity::Warning };
-        found.into_iter().for_each(|sentence| add(kind, severity, sentence));
-    }
+    let masked = tell_channels(channels, &mut add);
     let mut flight = Cow::Borrowed(flight);
-    if let Some(masked) = channels.masked {
+    if let Some(masked) = masked {
         flight = Cow::Owned(masked);
     }
     let interpolated = interpolated::check(&flight);
@@ -264,6 +256,23 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
 fn imu_fault(flight: &Flight, prepared: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
     let is_circular = flight.stand_ins().contains(&StandIn::AnglesOfGyro);
     if is_circular { None } else { imu::check(prepared, vehicle) }
+}
+
+/// Says which channels lie; the flight without what they say, where that is mended.
+fn tell_channels(
+    found: channels::Channels,
+    add: &mut impl FnMut(FaultKind, Severity, String),
+) -> Option<Flight> {
+    for (kind, sentences) in [
+        (FaultKind::FrozenChannel, found.frozen),
+        (FaultKind::TrackerJump, found.jumps),
+        (FaultKind::SaturatedCommands, found.saturated),
+    ] {
+        let kept = kind == FaultKind::TrackerJump && found.jumps_kept;
+        let severity = if kept { Severity::Note } else { Severity::Warning };
+        sentences.into_iter().for_each(|sentence| add(kind, severity, sentence));
+    }
+    found.masked
 }
 
 /// Says what was not logged, and what cannot be told without it.
