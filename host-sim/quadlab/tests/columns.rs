@@ -6,7 +6,7 @@ mod common;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use common::{copies, done_in, json_in, run_in, with_sets};
+use common::{copies, json_in, run_in, with_sets};
 
 const FLIGHTS: [&str; 5] = ["A.csv", "B.csv", "C.csv", "D.csv", "E.csv"];
 
