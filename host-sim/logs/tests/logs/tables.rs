@@ -81,7 +81,7 @@ fn what_bitcrazes_client_writes_is_a_flight_with_columns_of_someones_own() {
         &table,
         "[columns]\nt = { column = \"timestamp\", scale = 1e-3 }\nx = \"stateEstimate.x\"\n",
     );
-    assert!(mapped.unwrap_err().contains("column \"z\" is missing"));
+    assert!(mapped.unwrap_err().contains("column \"phi\" is missing"));
 }
 
 const OURS: &str = "stamp,n,e,d,roll,pitch,yaw,wx,wy,wz,cmd1,cmd2,cmd3,cmd4,weight";
