@@ -1,9 +1,10 @@
-//! Which column of a file is which, as its owner says: `columns.toml` beside the flight.
+//! Which column of a file is which, as its owner says: `columns.toml` beside the flight, or the vehicle file.
 //!
 //! ```toml
 //! [columns]                                     # ours = theirs
 //! t = { column = "stamp", scale = 1e-6 }        # value = scale * theirs + offset
 //! p = "-gyro_roll"                              # with the other sign
+//! payload_kg = { column = "grams", scale = 1e-3 } # a further column, for formulas of users
 //!
 //! [frames]
 //! world = "enu"                                 # ned, enu or nwu; of x y z, vx vy vz and the attitude
@@ -14,18 +15,22 @@
 //! order = [4, 1, 2, 3]                          # their numbers of front-left, front-right, rear-right, rear-left
 //! ```
 //!
-//! Columns that are not named here are found by their usual names.
+//! In the vehicle file the order is `log_order` of `[motors]`; the rest is the same. Of the two, the file beside the flight
+//! is taken, whole: it is nearer to the data. Columns that are not named are found by their usual names.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use model::frames;
+use model::{
+    BodyFrame, LogColumn, LogColumns, LogFrames, QuaternionTurn, Vehicle, WorldFrame, frames, user_effects,
+};
 use nalgebra::{Matrix3, Vector3, Vector4};
 use serde::Deserialize;
 
 use crate::columns::{COLUMNS, Column};
 use crate::error::FlightError;
 use crate::flight::Flight;
+use crate::names::{bare, is_other_name};
 
 /// Name of the file.
 const FILE: &str = "columns.toml";
@@ -33,46 +38,43 @@ const FILE: &str = "columns.toml";
 /// Which column of a file is which.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ColumnMap {
-    /// For columns by their place in [`COLUMNS`], where their values are from.
-    pub(crate) sources: BTreeMap<usize, Source>,
-    frames: Frames,
-    motor_order: Option<[usize; 4]>,
+    /// For columns by their name, where their values are from.
+    pub(crate) sources: BTreeMap<String, Source>,
+    pub(crate) frames: LogFrames,
+    pub(crate) motor_order: Option<[usize; 4]>,
+    pub(crate) origin: Origin,
+    /// Further columns that are read besides ours.
+    pub(crate) further: Vec<String>,
 }
 
-/// Where the values of a column are from.
+/// Where a map stands.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) enum Origin {
+    #[default]
+    Beside,
+    Vehicle,
+}
+
+/// Where the values of a column are from: scale * theirs + offset.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Source {
-    pub(crate) name: String,
-    pub(crate) scale: f64,
-    pub(crate) offset: f64,
+pub struct Source {
+    /// Name in the file.
+    pub name: String,
+    /// What it is multiplied by.
+    pub scale: f64,
+    /// What is added then.
+    pub offset: f64,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct MapFile {
     #[serde(default)]
-    columns: BTreeMap<String, Entry>,
+    columns: LogColumns,
     #[serde(default)]
-    frames: Frames,
+    frames: LogFrames,
     #[serde(default)]
     motors: Option<Motors>,
-}
-
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum Entry {
-    Name(String),
-    Scaled {
-        column: String,
-        #[serde(default = "one")]
-        scale: f64,
-        #[serde(default)]
-        offset: f64,
-    },
-}
-
-fn one() -> f64 {
-    1.0
 }
 
 #[derive(Deserialize)]
@@ -81,48 +83,41 @@ struct Motors {
     order: [usize; 4],
 }
 
-#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct Frames {
-    world: World,
-    body: Body,
-    quaternion: Turn,
-}
-
-#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum World {
-    #[default]
-    Ned,
-    Enu,
-    Nwu,
-}
-
-#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum Body {
-    #[default]
-    Frd,
-    Flu,
-}
-
-#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum Turn {
-    #[default]
-    BodyToWorld,
-    WorldToBody,
-}
-
 impl ColumnMap {
+    /// The map of a flight of `vehicle`: that beside the flight, else that of the vehicle. With the further columns that formulas
+    /// of users name.
+    pub fn of_flight(flight: &Path, vehicle: &Vehicle) -> Result<Self, FlightError> {
+        let map = match Self::read_beside(flight)? {
+            Some(map) => map,
+            None => Self::of_vehicle(vehicle, Path::new(&vehicle.name))?,
+        };
+        let further = user_effects::columns().iter().map(|column| (*column).to_owned()).collect();
+        Ok(Self { further, ..map })
+    }
+
     /// The map beside a flight; the usual names where there is none.
     pub fn beside(flight: &Path) -> Result<Self, FlightError> {
-        let path = flight.with_file_name(FILE);
+        Ok(Self::read_beside(flight)?.unwrap_or_default())
+    }
+
+    /// The map of a vehicle file; `path` is for messages.
+    pub fn of_vehicle(vehicle: &Vehicle, path: &Path) -> Result<Self, FlightError> {
+        let map = Self::new(&vehicle.columns, vehicle.frames, vehicle.motors.log_order, "log_order", path)?;
+        Ok(Self { origin: Origin::Vehicle, ..map })
+    }
+
+    /// The file of a flight's map.
+    pub fn file_beside(flight: &Path) -> PathBuf {
+        flight.with_file_name(FILE)
+    }
+
+    fn read_beside(flight: &Path) -> Result<Option<Self>, FlightError> {
+        let path = Self::file_beside(flight);
         match std::fs::read_to_string(&path) {
-            Ok(text) => Self::parse(&text, &path),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Self::default()),
+            Ok(text) => Self::parse(&text, &path).map(Some),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
             // Standard input and devices have no folder with a map in it.
-            Err(_) if !flight.is_file() => Ok(Self::default()),
+            Err(_) if !flight.is_file() => Ok(None),
             Err(source) => Err(FlightError::Read { path, source }),
         }
     }
@@ -130,49 +125,79 @@ impl ColumnMap {
     /// Parses the text of a map; `path` is for messages.
     pub fn parse(text: &str, path: &Path) -> Result<Self, FlightError> {
         // Names and values of the file are in the reasons: a line is a line whatever they hold.
-        let refuse = |what: String| FlightError::Map { path: path.into(), what: one_line(&what) };
         let file: MapFile = toml::from_str(text).map_err(|error| {
             let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
-            refuse(format!("line {line}: {}", error.message()))
+            let what = one_line(&format!("line {line}: {}", error.message()));
+            FlightError::Map { path: path.into(), what }
         })?;
+        Self::new(&file.columns, file.frames, file.motors.map(|motors| motors.order), "order", path)
+    }
+
+    fn new(
+        columns: &LogColumns,
+        frames: LogFrames,
+        motor_order: Option<[usize; 4]>,
+        order_key: &str,
+        path: &Path,
+    ) -> Result<Self, FlightError> {
+        let refuse = |what: String| FlightError::Map { path: path.into(), what: one_line(&what) };
         let mut sources = BTreeMap::new();
-        for (own, entry) in file.columns {
-            let Some(column) = COLUMNS.iter().position(|name| *name == own) else {
+        for (own, entry) in columns {
+            if !COLUMNS.contains(&own.as_str()) && (is_other_name(own) || !user_effects::can_be_column(own)) {
                 return Err(refuse(format!(
-                    "columns.{own}: is no column of a flight file; those are {}",
+                    "columns.{own}: is no column of a flight file; those are {}, and words that mean nothing else in formulas",
                     COLUMNS.join(", ")
                 )));
-            };
+            }
             let source = Source::of(entry);
             if !(source.scale.is_finite() && source.scale != 0.0 && source.offset.is_finite()) {
                 return Err(refuse(format!(
                     "columns.{own}: scale and offset must be finite numbers, and the scale not zero"
                 )));
             }
-            sources.insert(column, source);
+            sources.insert(own.clone(), source);
         }
-        let motor_order = file.motors.map(|motors| motors.order);
         if let Some(order) = motor_order
             && (1..=4).any(|number| !order.contains(&number))
         {
-            return Err(refuse(format!("motors.order: {order:?} does not have each of 1, 2, 3 and 4")));
+            return Err(refuse(format!("motors.{order_key}: {order:?} does not have each of 1, 2, 3 and 4")));
         }
-        Ok(Self { sources, frames: file.frames, motor_order })
+        Ok(Self { sources, frames, motor_order, ..Self::default() })
+    }
+
+    /// The further column that is read which a name in a header is.
+    pub(crate) fn further_named(&self, name: &str) -> Option<&str> {
+        self.further.iter().map(String::as_str).find(|own| *own == bare(name))
+    }
+
+    /// Whether it names a column of theirs.
+    pub fn names(&self, theirs: &str) -> bool {
+        self.sources.values().any(|source| source.name == theirs)
+    }
+
+    /// With these further columns read besides ours.
+    pub(crate) fn with_further(&self, further: Vec<String>) -> Self {
+        Self { further, ..self.clone() }
+    }
+
+    /// Whether it says anything.
+    pub fn says_something(&self) -> bool {
+        !(self.sources.is_empty() && self.frames.are_ours() && self.motor_order.is_none())
     }
 
     /// Turns what was read into our frames and motor order.
     pub(crate) fn apply(&self, flight: &mut Flight) {
         use Column::*;
-        let (world, body) = (self.frames.world.to_ned(), self.frames.body.to_frd());
-        if self.frames.world != World::Ned {
+        let (world, body) = (to_ned(self.frames.world), to_frd(self.frames.body));
+        if self.frames.world != WorldFrame::Ned {
             turn(flight, [X, Y, Z], &world);
             turn(flight, [Vx, Vy, Vz], &world);
         }
-        if self.frames.body != Body::Frd {
+        if self.frames.body != BodyFrame::Frd {
             turn(flight, [P, Q, R], &body);
             turn(flight, [Ax, Ay, Az], &body);
         }
-        if self.frames != Frames::default() {
+        if !self.frames.are_ours() {
             self.turn_attitude(flight, &world, &body);
         }
         if let Some(order) = self.motor_order {
@@ -191,7 +216,7 @@ impl ColumnMap {
             put(flight, [Phi, Theta, Psi], |axis, k| turned[k][axis]);
         }
         if let [Some(w), Some(x), Some(y), Some(z)] = [Qw, Qx, Qy, Qz].map(|c| flight.column(c)) {
-            let sign = if self.frames.quaternion == Turn::WorldToBody { -1.0 } else { 1.0 };
+            let sign = if self.frames.quaternion == QuaternionTurn::WorldToBody { -1.0 } else { 1.0 };
             let quaternions = (0..w.len()).map(|k| Vector4::new(w[k], sign * x[k], sign * y[k], sign * z[k]));
             let turned: Vec<Vector3<f64>> = quaternions
                 .map(|q| frames::euler_from_dcm(&ours(frames::dcm_from_quaternion(&q.normalize()))))
@@ -209,10 +234,10 @@ fn one_line(text: &str) -> String {
 }
 
 impl Source {
-    fn of(entry: Entry) -> Self {
+    fn of(entry: &LogColumn) -> Self {
         let (name, scale, offset) = match entry {
-            Entry::Name(name) => (name, 1.0, 0.0),
-            Entry::Scaled { column, scale, offset } => (column, scale, offset),
+            LogColumn::Name(name) => (name.clone(), 1.0, 0.0),
+            LogColumn::Scaled(scaled) => (scaled.column.clone(), scaled.scale, scaled.offset),
         };
         match name.strip_prefix('-') {
             Some(bare) => Self { name: bare.trim().into(), scale: -scale, offset },
@@ -221,22 +246,18 @@ impl Source {
     }
 }
 
-impl World {
-    fn to_ned(self) -> Matrix3<f64> {
-        match self {
-            Self::Ned => Matrix3::identity(),
-            Self::Enu => Matrix3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0),
-            Self::Nwu => Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0)),
-        }
+fn to_ned(world: WorldFrame) -> Matrix3<f64> {
+    match world {
+        WorldFrame::Ned => Matrix3::identity(),
+        WorldFrame::Enu => Matrix3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0),
+        WorldFrame::Nwu => Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0)),
     }
 }
 
-impl Body {
-    fn to_frd(self) -> Matrix3<f64> {
-        match self {
-            Self::Frd => Matrix3::identity(),
-            Self::Flu => Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0)),
-        }
+fn to_frd(body: BodyFrame) -> Matrix3<f64> {
+    match body {
+        BodyFrame::Frd => Matrix3::identity(),
+        BodyFrame::Flu => Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0)),
     }
 }
 

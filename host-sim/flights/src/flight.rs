@@ -1,5 +1,6 @@
 //! A flight as recorded: its columns in memory, and as the text of a flight file.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use crate::columns::{COLUMNS, Column};
@@ -11,6 +12,8 @@ pub struct Flight {
     /// File name, for people and for records.
     pub name: String,
     pub(crate) columns: [Option<Vec<f64>>; COLUMNS.len()],
+    /// Columns of other names, for formulas of users.
+    pub(crate) further: BTreeMap<String, Vec<f64>>,
     /// What was not logged.
     pub(crate) stand_ins: Vec<StandIn>,
 }
@@ -48,6 +51,23 @@ impl Flight {
         self.columns[column as usize].as_deref()
     }
 
+    /// A column of another name, if it was read.
+    pub fn further(&self, name: &str) -> Option<&[f64]> {
+        self.further.get(name).map(Vec::as_slice)
+    }
+
+    /// The flight with a further column, which formulas can name.
+    ///
+    /// # Panics
+    /// When it is not as long as the others or has the name of one of them: a mistake in the program.
+    #[must_use]
+    pub fn with_further(mut self, name: impl Into<String>, values: Vec<f64>) -> Self {
+        let name = name.into();
+        assert!(values.len() == self.len() && !COLUMNS.contains(&name.as_str()), "{name}: no further column");
+        self.further.insert(name, values);
+        self
+    }
+
     /// Puts other values into a column.
     pub fn replace(&mut self, column: Column, values: Vec<f64>) {
         debug_assert_eq!(values.len(), self.len(), "columns differ in length");
@@ -62,6 +82,7 @@ impl Flight {
         Self {
             name: self.name.clone(),
             columns: self.columns.each_ref().map(|c| c.as_ref().map(kept)),
+            further: self.further.iter().map(|(name, values)| (name.clone(), kept(values))).collect(),
             stand_ins: self.stand_ins.clone(),
         }
     }
@@ -81,8 +102,8 @@ impl Flight {
     }
 
     /// Names of the columns that were logged, in the order they are written.
-    pub fn logged_columns(&self) -> impl Iterator<Item = &'static str> {
-        self.logged().map(|column| COLUMNS[column])
+    pub fn logged_columns(&self) -> impl Iterator<Item = &str> {
+        self.logged().map(|column| COLUMNS[column]).chain(self.further.keys().map(String::as_str))
     }
 
     fn logged(&self) -> impl Iterator<Item = usize> {
@@ -95,15 +116,16 @@ impl Flight {
     /// The text of the flight file: what was logged. Values are written with the shortest digits that read back to
     /// the same bits.
     pub fn to_csv(&self) -> String {
-        let present: Vec<usize> = self.logged().collect();
-        let mut text = present.iter().map(|&c| COLUMNS[c]).collect::<Vec<_>>().join(",");
+        let own = self.logged().filter_map(|column| self.columns[column].as_ref());
+        let present: Vec<&Vec<f64>> = own.chain(self.further.values()).collect();
+        let mut text = self.logged_columns().collect::<Vec<_>>().join(",");
         text.push('\n');
         for row in 0..self.len() {
-            for (k, &c) in present.iter().enumerate() {
+            for (k, values) in present.iter().enumerate() {
                 if k > 0 {
                     text.push(',');
                 }
-                let value = self.columns[c].as_ref().map_or(f64::NAN, |values| values[row]);
+                let value = values[row];
                 if value.is_finite() {
                     let _ = write!(text, "{value}");
                 }

@@ -1,25 +1,30 @@
 //! The header row: which field is which column.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::column_map::ColumnMap;
+use crate::column_map::{ColumnMap, Origin, Source};
 use crate::columns::COLUMNS;
 use crate::error::FlightError;
-use crate::names::{Named, named};
+use crate::names::{Named, named, unit_of_further};
 
 /// Which columns the fields of a row are.
 pub(crate) struct Header {
     /// For each field of a row: the place of its column in `known`, nothing for an unknown column.
     pub(crate) fields: Vec<Option<usize>>,
-    /// Known columns that the file has, in file order.
-    pub(crate) known: Vec<usize>,
+    /// Names of ours for the columns that are read, in file order.
+    pub(crate) known: Vec<String>,
     /// Factor to the unit of each of them, and what is added then.
     pub(crate) scales: Vec<[f64; 2]>,
 }
 
-pub(crate) fn read_header(line: &[u8], path: &Path, map: &ColumnMap) -> Result<Header, FlightError> {
+/// The names in a header row.
+pub(crate) fn names_in(line: &[u8]) -> Vec<String> {
     let text = String::from_utf8_lossy(line);
-    let names: Vec<&str> = text.trim().split(',').map(|n| n.trim().trim_matches('"')).collect();
+    text.trim().split(',').map(|name| name.trim().trim_matches('"').to_owned()).collect()
+}
+
+pub(crate) fn read_header(names: &[String], path: &Path, map: &ColumnMap) -> Result<Header, FlightError> {
     let mut header = Header { fields: Vec::new(), known: Vec::new(), scales: Vec::new() };
     let exact: Vec<usize> =
         names.iter().filter_map(|name| COLUMNS.iter().position(|column| column == name)).collect();
@@ -31,34 +36,71 @@ pub(crate) fn read_header(line: &[u8], path: &Path, map: &ColumnMap) -> Result<H
             found: shortened(&names.join(",")),
         })
     };
-    if let Some((_, source)) = map.sources.iter().find(|(_, source)| !names.contains(&source.name.as_str())) {
-        return refuse(&source.name, "is named in columns.toml and not there");
+    if let Some((_, source)) = map.sources.iter().find(|(_, source)| !names.contains(&source.name)) {
+        return refuse(
+            &source.name,
+            match map.origin {
+                Origin::Beside => "is named in columns.toml and not there",
+                Origin::Vehicle => {
+                    "is named under [columns] in the vehicle file and not there (a columns.toml beside the flight, even an empty one, \
+                 goes before it)"
+                }
+            },
+        );
     }
-    for name in &names {
-        if let Some((column, source)) = map.sources.iter().find(|(_, source)| source.name == *name) {
-            header.fields.push(Some(header.known.len()));
-            header.known.push(*column);
-            header.scales.push([source.scale, source.offset]);
+    for name in names {
+        if let Some((own, source)) = map.sources.iter().find(|(_, source)| source.name == *name) {
+            header.add(own, [source.scale, source.offset]);
             continue;
         }
         match named(name, &exact) {
-            Named::Column(column, _) if map.sources.contains_key(&column) => header.fields.push(None),
-            Named::Column(column, _) if header.known.contains(&column) => {
-                return refuse(name, "is there twice");
-            }
-            Named::Column(column, factor) => {
-                header.fields.push(Some(header.known.len()));
-                header.known.push(column);
-                header.scales.push([factor, 0.0]);
-            }
+            Named::Column(column, _) if map.sources.contains_key(COLUMNS[column]) => header.fields.push(None),
+            Named::Column(column, _) if header.has(COLUMNS[column]) => return refuse(name, "is there twice"),
+            Named::Column(column, factor) => header.add(COLUMNS[column], [factor, 0.0]),
             Named::UnknownUnit => return refuse(name, "is in a unit that is not known"),
-            Named::Other => header.fields.push(None),
+            Named::Other => match map.further_named(name) {
+                Some(own) if header.has(own) => return refuse(name, "is there twice"),
+                Some(own) => match unit_of_further(name) {
+                    Some(factor) => header.add(own, [factor, 0.0]),
+                    None => return refuse(name, "is in a unit that is not known; scale it in columns.toml"),
+                },
+                None => header.fields.push(None),
+            },
         }
     }
-    if !header.known.contains(&0) {
-        return refuse(COLUMNS[0], "is missing");
+    if !header.has(COLUMNS[0]) {
+        return refuse(
+            COLUMNS[0],
+            "is missing (a columns.toml beside the flight can say which column is the time)",
+        );
     }
     Ok(header)
+}
+
+impl ColumnMap {
+    /// For the columns that a file with these names in its header has, where they are from.
+    pub fn sources_in(&self, names: &[String], path: &Path) -> Result<BTreeMap<String, Source>, FlightError> {
+        let header = read_header(names, path, self)?;
+        let fields = names.iter().zip(&header.fields).filter_map(|(name, field)| Some((name, (*field)?)));
+        let source = |(name, k): (&String, usize)| {
+            let [scale, offset] = header.scales[k];
+            (header.known[k].clone(), Source { name: name.clone(), scale, offset })
+        };
+        Ok(fields.map(source).collect())
+    }
+}
+
+impl Header {
+    /// The next field is this column.
+    fn add(&mut self, own: &str, scale: [f64; 2]) {
+        self.fields.push(Some(self.known.len()));
+        self.known.push(own.to_owned());
+        self.scales.push(scale);
+    }
+
+    fn has(&self, own: &str) -> bool {
+        self.known.iter().any(|known| known == own)
+    }
 }
 
 /// For messages: the beginning of a long text.

@@ -110,6 +110,33 @@ pub(crate) fn named(name: &str, exact: &[usize]) -> Named {
     }
 }
 
+/// Whether a name is another one of a column of ours: roll for phi.
+pub(crate) fn is_other_name(name: &str) -> bool {
+    matches!(named(name, &[]), Named::Column(..)) && !COLUMNS.contains(&name)
+}
+
+/// Whether a name is that of a column of ours, or another one for it.
+pub fn is_known_name(name: &str) -> bool {
+    !matches!(named(name, &[]), Named::Other)
+}
+
+/// A name without the unit behind it.
+pub(crate) fn bare(name: &str) -> &str {
+    split_unit(name).0.trim()
+}
+
+/// Factor to SI units of a further column; nothing where its unit is not known. "g" may be grams or gravities.
+pub(crate) fn unit_of_further(name: &str) -> Option<f64> {
+    const MORE: [&str; 6] = ["kg", "N", "Nm", "A", "W", "Pa"];
+    let Some(unit) = split_unit(name).1 else { return Some(1.0) };
+    if MORE.contains(&unit) {
+        return Some(1.0);
+    }
+    let unit = unit.to_lowercase();
+    let known = UNITS.iter().find(|(own, _)| *own == unit && !["g", "mg"].contains(own));
+    known.map(|(_, factor)| *factor)
+}
+
 /// "x [mm]" or "x (mm)" as name and unit.
 fn split_unit(name: &str) -> (&str, Option<&str>) {
     for (open, close) in [('[', ']'), ('(', ')')] {

@@ -7,12 +7,14 @@ use std::io::Read as _;
 use std::path::Path;
 
 use crate::column_map::ColumnMap;
-use crate::columns::COLUMNS;
+use crate::columns::{COLUMNS, Column};
 use crate::decimal;
 use crate::error::FlightError;
 use crate::flight::Flight;
 use crate::foreign::foreign;
-use crate::header::{Header, read_header, shortened};
+use crate::header::{Header, names_in, read_header, shortened};
+use crate::names::{bare, is_other_name, unit_of_further};
+use model::user_effects;
 
 /// Bytes read at once.
 const BLOCK_BYTES: usize = 256 * 1024;
@@ -76,9 +78,37 @@ impl Flight {
         }
         let bytes = without_mark(bytes, path)?;
         let header_end = memchr::memchr(b'\n', bytes).unwrap_or(bytes.len());
-        let header = read_header(&bytes[..header_end], path, map)?;
+        let header = read_header(&names_in(&bytes[..header_end]), path, map)?;
         let table = read_quoted(bytes, &header, path)?;
         Self::from_table(&header, table, path, map)
+    }
+
+    /// Parses the bytes of a flight file with all further columns of numbers that formulas could name.
+    pub fn parse_whole(bytes: &[u8], path: &Path, map: &ColumnMap) -> Result<Self, FlightError> {
+        if let Some(separator) = other_separator(bytes) {
+            return Self::parse_whole(&with_commas(bytes, separator), path, map);
+        }
+        let (names, columns) = text_columns(without_mark(bytes, path)?);
+        let is_numeric =
+            |index: usize| columns.get(index).is_some_and(|values| values.iter().any(|v| v.is_finite()));
+        let further = further_of(&names, map, is_numeric);
+        Self::parse_with(bytes, path, &map.with_further(further))
+    }
+
+    /// A flight from a table of another program: names and values of its columns.
+    pub fn from_named(
+        columns: Vec<(String, Vec<f64>)>,
+        path: &Path,
+        map: &ColumnMap,
+    ) -> Result<Self, FlightError> {
+        let (names, values): (Vec<String>, Vec<Vec<f64>>) = columns.into_iter().unzip();
+        let further = further_of(&names, map, |index| values[index].iter().any(|v| v.is_finite()));
+        let map = map.with_further(further);
+        let header = read_header(&names, path, &map)?;
+        let known =
+            values.into_iter().zip(&header.fields).filter_map(|(values, field)| Some((values, (*field)?)));
+        let table = known.map(|(values, _)| values).collect();
+        Self::from_table(&header, table, path, &map)
     }
 
     fn from_table(
@@ -96,14 +126,78 @@ impl Flight {
             if *scale != [1.0, 0.0] {
                 values.iter_mut().for_each(|value| *value = *value * factor + offset);
             }
-            flight.columns[*column] = Some(values);
+            match COLUMNS.iter().position(|own| own == column) {
+                Some(column) => flight.columns[column] = Some(values),
+                None => drop(flight.further.insert(column.clone(), values)),
+            }
         }
+        wrap_turned_angles(&mut flight, header);
         map.apply(&mut flight);
         flight.check_times(path)?;
         flight.complete(path)?;
         flight.check_units(path)?;
         Ok(flight)
     }
+}
+
+/// Brings angles to which something was added back to -pi to pi.
+fn wrap_turned_angles(flight: &mut Flight, header: &Header) {
+    use std::f64::consts::{PI, TAU};
+    for column in [Column::Phi, Column::Psi] {
+        let is_it = |(own, scale): &(&String, &[f64; 2])| *own == COLUMNS[column as usize] && scale[1] != 0.0;
+        if let (true, Some(values)) =
+            (header.known.iter().zip(&header.scales).any(|c| is_it(&c)), &mut flight.columns[column as usize])
+        {
+            values.iter_mut().for_each(|angle| *angle = (*angle + PI).rem_euclid(TAU) - PI);
+        }
+    }
+}
+
+/// Names in the header of a text, whatever its separator.
+pub fn header_names(bytes: &[u8]) -> Vec<String> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let line = &bytes[..memchr::memchr(b'\n', bytes).unwrap_or(bytes.len())];
+    match other_separator(line) {
+        Some(separator) => names_in(&with_commas(line, separator)),
+        None => names_in(line),
+    }
+}
+
+/// Names and values of the columns of a text that hold nothing but numbers and missing values; the values of others are empty.
+pub fn text_columns(bytes: &[u8]) -> (Vec<String>, Vec<Vec<f64>>) {
+    if let Some(separator) = other_separator(bytes) {
+        return text_columns(&with_commas(bytes, separator));
+    }
+    let names = header_names(bytes);
+    let mut columns: Vec<Option<Vec<f64>>> = vec![Some(Vec::new()); names.len()];
+    let mut reader = csv::ReaderBuilder::new().has_headers(true).flexible(true).from_reader(bytes);
+    for record in reader.byte_records().map_while(Result::ok) {
+        for (field, column) in record.iter().zip(&mut columns) {
+            let read =
+                decimal::read(field.trim_ascii(), 0).filter(|(_, end)| *end == field.trim_ascii().len());
+            match (read, &mut *column) {
+                (Some((value, _)), Some(values)) => values.push(value),
+                _ => *column = None,
+            }
+        }
+    }
+    (names, columns.into_iter().map(Option::unwrap_or_default).collect())
+}
+
+/// The further columns of a table that formulas could name, each name once.
+fn further_of(names: &[String], map: &ColumnMap, is_numeric: impl Fn(usize) -> bool) -> Vec<String> {
+    let mut further: Vec<String> = Vec::new();
+    for (index, name) in names.iter().enumerate() {
+        let own = bare(name);
+        let is_free = user_effects::can_be_column(own) && !COLUMNS.contains(&own) && !is_other_name(own);
+        let is_read = map.names(name) || unit_of_further(name).is_none() || map.sources.contains_key(own);
+        if is_free && !is_read && is_numeric(index) && !further.iter().any(|there| there == own) {
+            further.push(own.to_owned());
+        }
+    }
+    // A second column of the same name in another unit is not told apart from the first.
+    further.retain(|own| names.iter().filter(|name| bare(name) == own).count() == 1);
+    further
 }
 
 /// The separator of a header row without commas.
@@ -147,7 +241,7 @@ impl PlainReader {
     fn new(first: &[u8], size: usize, path: &Path, map: &ColumnMap) -> Result<Self, FlightError> {
         let bytes = without_mark(first, path)?;
         let header_end = memchr::memchr(b'\n', bytes).unwrap_or(bytes.len());
-        let header = read_header(&bytes[..header_end], path, map)?;
+        let header = read_header(&names_in(&bytes[..header_end]), path, map)?;
         let body = &bytes[(header_end + 1).min(bytes.len())..];
         // A guess of the row count from the first row saves growing the vectors.
         let row_bytes = memchr::memchr(b'\n', body).unwrap_or(body.len()).max(1);
@@ -197,7 +291,7 @@ impl RowFault {
             let (found, expected) = (fields.len(), header.fields.len());
             return FlightError::FieldCount { path: path.into(), row, found, expected };
         }
-        let column = header.fields[self.column].map_or("?", |k| COLUMNS[header.known[k]]).to_owned();
+        let column = header.fields[self.column].map_or("?", |k| header.known[k].as_str()).to_owned();
         FlightError::Field { path: path.into(), row, column, text: shortened(fields[self.column].trim()) }
     }
 }
@@ -259,7 +353,7 @@ fn read_quoted(bytes: &[u8], header: &Header, path: &Path) -> Result<Vec<Vec<f64
             match decimal::read(field, 0) {
                 Some((value, end)) if end == field.len() => table[k].push(value),
                 _ => {
-                    let column = COLUMNS[header.known[k]].to_owned();
+                    let column = header.known[k].clone();
                     let text = shortened(&String::from_utf8_lossy(field));
                     return Err(FlightError::Field { path: path.into(), row, column, text });
                 }

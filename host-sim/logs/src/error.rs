@@ -26,6 +26,9 @@ pub enum LogError {
         /// What to do.
         mend: String,
     },
+    /// A table of another program, or its map of columns.
+    #[error(transparent)]
+    Flight(#[from] flights::FlightError),
     /// The log is whole, but no flight of a quadcopter can be made of it.
     #[error("{}: {}", path.display(), plain(reason, LONGEST))]
     Refused {

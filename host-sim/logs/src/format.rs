@@ -20,12 +20,12 @@ pub enum Format {
     Mcap,
     /// Parquet.
     Parquet,
-    /// Comma separated text with other columns than a flight file.
+    /// Separated text: a program's that is known by its names, or a table with a column a quantity.
     Csv,
 }
 
 impl Format {
-    /// The format of a file by its first kilobytes; none for text and what is not known.
+    /// The format of a file by its first kilobytes; none for what is not known and for text without names of a program.
     pub fn of(bytes: &[u8]) -> Option<Self> {
         const MAGIC: [(&[u8], Format); 8] = [
             (b"ULog\x01\x12\x35", Format::Ulog),
@@ -45,7 +45,34 @@ impl Format {
             .map(|(_, format)| *format)
             .or_else(|| memchr::memmem::find(head, b"H Product:Blackbox").map(|_| Self::Blackbox))
             .or_else(|| crazyflie_before_magic(head).then_some(Self::Crazyflie))
+            .or_else(|| text_of(head).map(|_| Self::Csv))
     }
+}
+
+/// A program that is known by the names in a text.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum TextOf {
+    /// Bitcraze's clients, with the names of the firmware's variables.
+    Crazyflie,
+    /// `blackbox_decode`.
+    Blackbox,
+}
+
+/// Beginnings of the names of the Crazyflie's variables that say how it moves.
+const CRAZYFLIE: [&str; 8] =
+    ["stateEstimate.", "stateEstimateZ.", "stabilizer.", "kalman.", "locSrv.", "gyro.", "acc.", "ctrlLee."];
+
+/// The program whose names stand in the header of a text.
+pub(crate) fn text_of(bytes: &[u8]) -> Option<TextOf> {
+    let names = flights::header_names(bytes);
+    // A flight file may have further columns of any names.
+    if names.iter().any(|name| name == "t") {
+        return None;
+    }
+    if names.iter().any(|name| CRAZYFLIE.iter().any(|group| name.starts_with(group))) {
+        return (names.len() > 1).then_some(TextOf::Crazyflie);
+    }
+    names.iter().any(|name| name == "loopIteration").then_some(TextOf::Blackbox)
 }
 
 /// Whether bytes are of a Crazyflie log from before its magic number: the number of variables, then

@@ -3,12 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use crate::conversion::{Part, convert};
-use crate::decode::decode;
+use crate::decode::{decode, decode_text};
 use crate::error::{LogError, plain};
 use crate::format::Format;
 use crate::log::{Log, Losses, Table, TimeUnit};
 use crate::recording::{Hints, Recording};
 use crate::sources::record;
+use crate::tables::{self, FlightOfTable};
+use flights::ColumnMap;
 
 /// How much of a file tells its format.
 const HEAD_BYTES: usize = 4096;
@@ -88,27 +90,71 @@ pub fn read_standard_input() -> Result<Vec<u8>, LogError> {
     Ok(bytes)
 }
 
-/// Reads a log, `-` for standard input, and makes flights of it.
-pub fn import(path: &Path) -> Result<Import, LogError> {
+/// Reads a log, `-` for standard input, and makes flights of it. Tables of other programs are read through `map`.
+pub fn import(path: &Path, map: &ColumnMap) -> Result<Import, LogError> {
     if path == Path::new(STANDARD_INPUT) {
-        return import_bytes(&read_standard_input()?, path);
+        return import_bytes(&read_standard_input()?, path, map);
     }
     let bytes = std::fs::read(path).map_err(|source| LogError::Read { path: path.into(), source })?;
-    import_bytes(&bytes, path)
+    import_bytes(&bytes, path, map)
 }
 
 /// Makes flights of the bytes of a log; `path` is for messages and gives the flights their names.
-pub fn import_bytes(bytes: &[u8], path: &Path) -> Result<Import, LogError> {
+pub fn import_bytes(bytes: &[u8], path: &Path, map: &ColumnMap) -> Result<Import, LogError> {
+    if matches!(Format::of(bytes), None | Some(Format::Csv)) && tables::is_text(bytes) {
+        return import_text(bytes, path, map);
+    }
     let log = decode(bytes, path)?;
+    if log.format == Format::Parquet && (map.says_something() || tables::has_usual_names(&log)) {
+        return Ok(of_table(tables::of_parquet(&log, path, map)?, path));
+    }
     let recordings = record(&log, path)?;
     Ok(imported(log, &recordings, path))
 }
 
-fn imported(log: Log, recordings: &[Recording], path: &Path) -> Import {
-    let stem = match path.file_stem() {
-        Some(stem) if path != Path::new(STANDARD_INPUT) => stem.to_string_lossy().into_owned(),
-        _ => "log".to_owned(),
+/// Text is a flight file under whatever names, unless a program is known by them.
+fn import_text(bytes: &[u8], path: &Path, map: &ColumnMap) -> Result<Import, LogError> {
+    if map.says_something() {
+        return Ok(of_table(tables::of_text(bytes, path, map)?, path));
+    }
+    match decode_text(bytes, path)? {
+        Some(log) => {
+            let recordings = record(&log, path)?;
+            Ok(imported(log, &recordings, path))
+        }
+        None => Ok(of_table(tables::of_text(bytes, path, map)?, path)),
+    }
+}
+
+fn of_table(table: FlightOfTable, path: &Path) -> Import {
+    let sources = Sources {
+        position: table.source(&["x", "z"]),
+        attitude: table.source(&["phi", "qw"]),
+        rates: table.source(&["p"]),
+        specific_force: table.source(&["ax"]),
+        commands: table.source(&["cmd1"]),
+        rotor_speed: table.source(&["omega1"]),
+        voltage: table.source(&["vbat"]),
     };
+    let (format, limits) = (table.format, table.limits());
+    let part = table.into_part(format!("{}.csv", stem(path)));
+    let messages = Messages { name: "rows".into(), count: part.flight.len(), first_last: Some(part.span) };
+    Import {
+        path: path.into(),
+        format,
+        firmware: None,
+        messages: vec![messages],
+        sources,
+        flights: vec![part],
+        hints: Hints::default(),
+        losses: Losses::default(),
+        limits,
+        notes: Vec::new(),
+    }
+}
+
+fn imported(log: Log, recordings: &[Recording], path: &Path) -> Import {
+    let stem = stem(path);
     let (mut flights, mut limits, mut notes) = (Vec::new(), Vec::new(), Vec::new());
     for recording in recordings {
         let (made, left_out) = convert(recording);
@@ -129,6 +175,14 @@ fn imported(log: Log, recordings: &[Recording], path: &Path) -> Import {
         losses: log.losses,
         limits,
         notes,
+    }
+}
+
+/// What flights of a file are called.
+fn stem(path: &Path) -> String {
+    match path.file_stem() {
+        Some(stem) if path != Path::new(STANDARD_INPUT) => stem.to_string_lossy().into_owned(),
+        _ => "log".to_owned(),
     }
 }
 

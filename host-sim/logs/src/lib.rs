@@ -16,6 +16,7 @@ mod import;
 mod log;
 mod recording;
 mod sources;
+mod tables;
 mod vehicle;
 
 pub use conversion::{Part, convert};

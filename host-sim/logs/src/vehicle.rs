@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use flights::Column;
-use model::{MotorMapKind, Motors, Spin, Vehicle};
+use model::{LogColumns, LogFrames, MotorMapKind, Motors, Spin, Vehicle};
 
 use crate::format::Format;
 use crate::import::Import;
@@ -62,7 +62,10 @@ pub fn draft(imports: &[Import]) -> Result<Option<Draft>, String> {
             voltage: None,
             offset: None,
             lag: None,
+            log_order: None,
         },
+        columns: LogColumns::new(),
+        frames: LogFrames::default(),
     };
     Ok(Some(Draft { vehicle, missing }))
 }

@@ -20,6 +20,7 @@ mod effect;
 pub mod effects;
 mod fit_record;
 pub mod frames;
+mod log_columns;
 mod model;
 mod model_file;
 mod pendulum;
@@ -41,13 +42,16 @@ pub use fit_record::{
     AxisError, BalanceRecord, BalanceRow, ChangeScatter, FitRecord, FlightRecord, FlightRole, HistoryEntry,
     OpenLoopSums, ReferenceValues, RefinementRecord,
 };
+pub use log_columns::{
+    BodyFrame, LogColumn, LogColumns, LogFrames, QuaternionTurn, ScaledColumn, WorldFrame,
+};
 pub use model::{Correlation, Model, Term};
 pub use model_file::ModelError;
 pub use pendulum::Pendulum;
 pub use plant::{DelayLine, Plant, State, Substeps};
 pub use quantity::{COMBINATIONS, QUANTITIES, Quantity};
 pub use rotor_quantity::RotorQuantity;
-pub use sample::{Sample, SampleInput};
+pub use sample::{Further, MAX_FURTHER, NO_FURTHER, Sample, SampleInput, Surroundings};
 pub use user_effects::UserEffectError;
 pub use vehicle::{MotorMapKind, Motors, RotorMap, Spin, Vehicle, VehicleError};
 pub use verdict::{GROUPS, Group, NotIdentified, PerGroup, Verdict};

@@ -76,6 +76,19 @@ pub enum ModelError {
     /// The vehicle in the model is impossible.
     #[error(transparent)]
     Vehicle(#[from] VehicleError),
+    /// An effect that looks at a column of flights, where there is none.
+    #[error(
+        "{}: effect \"{effect}\" names the column \"{column}\" of flight files, which a simulated or designed craft does not have; \
+         take a model without this effect", path.display()
+    )]
+    NoColumn {
+        /// The file.
+        path: PathBuf,
+        /// The effect.
+        effect: Effect,
+        /// The column.
+        column: &'static str,
+    },
     /// The definition of a user's effect in the model cannot be right.
     #[error(transparent)]
     UserEffect(#[from] UserEffectError),
@@ -138,6 +151,18 @@ impl Model {
         let text = std::fs::read_to_string(path)
             .map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
         Self::parse(&text, path)
+    }
+
+    /// Reads a model file to fly it without a log: a simulation has no further columns of flight files.
+    pub fn read_to_simulate(path: &Path) -> Result<Self, ModelError> {
+        let model = Self::read(path)?;
+        for effect in model.effects() {
+            let Effect::User(user) = effect else { continue };
+            if let Some(column) = user.columns_named().first() {
+                return Err(ModelError::NoColumn { path: path.to_owned(), effect, column });
+            }
+        }
+        Ok(model)
     }
 
     /// Parses and checks the text of a model file; `path` is for messages.

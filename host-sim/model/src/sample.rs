@@ -57,6 +57,33 @@ impl Constants {
     }
 }
 
+/// Most further columns of flight files that formulas can name in one program.
+pub const MAX_FURTHER: usize = 8;
+
+/// Values of the further columns of flight files that formulas name, by their place ([`crate::user_effects::columns`]); NaN
+/// where there is none.
+pub type Further = [f64; MAX_FURTHER];
+
+/// No further column.
+pub const NO_FURTHER: Further = [f64::NAN; MAX_FURTHER];
+
+/// What surrounds a craft besides its motion: what a step of the plant is given.
+#[derive(Debug, Clone, Copy)]
+pub struct Surroundings {
+    /// Battery voltage, V.
+    pub battery_v: f64,
+    /// Further columns of the flight.
+    pub further: Further,
+}
+
+/// A battery, and no further column.
+impl From<f64> for Surroundings {
+    #[inline(always)]
+    fn from(battery_v: f64) -> Self {
+        Self { battery_v, further: NO_FURTHER }
+    }
+}
+
 /// The state a [`Sample`] is made from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SampleInput {
@@ -78,6 +105,8 @@ pub struct SampleInput {
     pub battery_v: f64,
     /// Where a slung load hangs; still where there is none.
     pub pendulum: Pendulum,
+    /// Further columns of the flight that formulas name.
+    pub further: Further,
 }
 
 /// Everything an effect can look at.

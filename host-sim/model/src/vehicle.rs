@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use crate::log_columns::{LogColumns, LogFrames};
 use crate::rotor_quantity::RotorQuantity;
 
 /// Direction of rotation of a rotor, seen from above.
@@ -63,6 +64,10 @@ pub struct Motors {
     /// First-order lag of the rotor speed, rad/s; absent = unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lag: Option<f64>,
+    /// Numbers in the log of the motors front-left, front-right, rear-right, rear-left; absent = 1, 2, 3, 4. All else in this
+    /// table is in our order.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub log_order: Option<[usize; 4]>,
 }
 
 /// Refuses a field's value; the last word is what it should be.
@@ -172,6 +177,12 @@ pub struct Vehicle {
     pub unmeasured: Vec<String>,
     /// Motors, rotors and their map.
     pub motors: Motors,
+    /// Which column of its flights is which, where no `columns.toml` lies beside them.
+    #[serde(default, skip_serializing_if = "LogColumns::is_empty")]
+    pub columns: LogColumns,
+    /// Frames of its flights, where no `columns.toml` lies beside them.
+    #[serde(default, skip_serializing_if = "LogFrames::are_ours")]
+    pub frames: LogFrames,
 }
 
 /// Why a vehicle file was refused.
@@ -208,8 +219,8 @@ pub enum VehicleError {
 }
 
 impl Vehicle {
-    /// SHA-256, hexadecimal, of everything the file says, whatever its layout: which vehicle gains were designed for. Equal
-    /// for a vehicle file and for the models identified with it.
+    /// SHA-256, hexadecimal, of everything the file says of the craft, whatever its layout: which vehicle gains were designed for.
+    /// Equal for a vehicle file and for the models identified with it. How its logs are written is not of the craft.
     pub fn sha256(&self) -> String {
         let mut hash = Sha256::new();
         let mut text = |text: &str| {
@@ -277,6 +288,13 @@ impl Vehicle {
             return refuse("tracked_point", format!("{:?}", self.tracked_point), "metres, each within 10");
         }
         self.motors.check(&refuse)
+    }
+
+    /// The vehicle of flights that are in our columns, frames and motor order.
+    #[must_use]
+    pub fn with_our_columns(mut self) -> Self {
+        (self.columns, self.frames, self.motors.log_order) = Default::default();
+        self
     }
 
     /// The rotor map. Without a test stand the command stands in for the speed: gain 1, so that "speeds" are in

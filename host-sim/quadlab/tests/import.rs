@@ -167,5 +167,8 @@ fn what_is_no_log_is_refused_with_a_sentence() {
     std::fs::write(folder.path().join("cut.ulg"), b"ULog\x01\x12\x35").unwrap();
     assert!(refused(&["import", "cut.ulg", "--out", "out"]).starts_with("error: cut.ulg: "));
     std::fs::create_dir(folder.path().join("bare")).unwrap();
-    assert!(refused(&["import", "bare", "--out", "out"]).contains("bare: no log of a format that is read"));
+    assert!(
+        refused(&["import", "bare", "--out", "out"])
+            .contains("bare: no flight file (*.csv) and no log in this folder")
+    );
 }

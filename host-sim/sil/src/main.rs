@@ -311,7 +311,7 @@ fn fly_pattern(
 
 /// A model whose motors can be commanded, by gains of its own or by the thesis'.
 fn flyable(path: &std::path::Path, own_gains: bool) -> anyhow::Result<Model> {
-    let model = Model::read(path)?;
+    let model = Model::read_to_simulate(path)?;
     let motors = &model.vehicle.motors;
     if !(model.vehicle.can_map_commands() && model.vehicle.has_rotor_map()) {
         anyhow::bail!(

@@ -442,7 +442,10 @@ impl Craft {
                 voltage: Some(self.map.voltage),
                 offset: Some(self.map.offset),
                 lag: Some(self.lag_rad_s),
+                log_order: None,
             },
+            columns: model::LogColumns::new(),
+            frames: model::LogFrames::default(),
         }
     }
 }

@@ -32,6 +32,16 @@ pub enum WorkflowError {
         /// What is wrong, and how to mend it.
         sentence: String,
     },
+    /// A fault that `columns.toml` cannot mend, or must not.
+    #[error("{}: {fault}; --apply does nothing: {why}", path.display())]
+    CannotMend {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        fault: String,
+        /// Why it is not mended.
+        why: String,
+    },
     /// The same content twice, whatever the names.
     #[error("{}: is the same flight as {}{}; give each flight once", again.display(), first.display(), why_once(*in_both_sets))]
     GivenTwice {

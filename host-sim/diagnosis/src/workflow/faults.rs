@@ -92,7 +92,8 @@ impl Faults {
         for flight in flights {
             for fault in &flight.faults {
                 if fault.severity == Severity::Refused && !reading.accept_faults {
-                    let (path, sentence) = (flight.path.clone(), fault.sentence.clone());
+                    let apply = fault.mend.as_ref().map_or("", |_| "; --apply writes it into columns.toml");
+                    let (path, sentence) = (flight.path.clone(), format!("{}{apply}", fault.sentence));
                     return Err(WorkflowError::Faulty { path, sentence });
                 }
                 self.add(flight.path.display().to_string(), fault.clone());
@@ -124,7 +125,10 @@ impl Faults {
             }
             let flight = Some(again.prepared.name.clone());
             let (kind, severity) = (FaultKind::SharedSamples, Severity::Refused);
-            self.add(again.path.display().to_string(), Fault { kind, severity, flight, sentence });
+            self.add(
+                again.path.display().to_string(),
+                Fault { kind, severity, flight, sentence, mend: None },
+            );
         }
         let thinnings: Vec<_> = train.iter().chain(validate).map(|flight| flight.thinning).collect();
         let of_commands = under_sampled::of_flights(&thinnings)
@@ -149,6 +153,7 @@ impl Faults {
                 severity: Severity::Warning,
                 flight: Some(flight.prepared.name.clone()),
                 sentence: "the model was fitted to this flight, so its errors here are too small".into(),
+                mend: None,
             };
             self.add(flight.path.display().to_string(), fault);
         }

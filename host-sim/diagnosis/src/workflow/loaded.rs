@@ -43,7 +43,7 @@ pub struct Reading {
 
 impl Reading {
     /// The parts of a flight to take: the window, else what the file beside the flight says, else what flies.
-    fn parts(self, flight: Option<&Path>) -> Result<Parts, FlightError> {
+    pub(crate) fn parts(self, flight: Option<&Path>) -> Result<Parts, FlightError> {
         if let Some(window) = self.window_s {
             return Ok(Parts::Given(vec![window]));
         }
@@ -71,27 +71,28 @@ impl<'a> Source<'a> {
 
     /// Where the flights of files are from: a flight file is one, a log of another program as many as were flown in it; `-` is
     /// standard input.
-    pub(crate) fn of_files(paths: &'a [PathBuf]) -> Result<Vec<Self>, WorkflowError> {
+    pub(crate) fn of_files(paths: &'a [PathBuf], vehicle: &Vehicle) -> Result<Vec<Self>, WorkflowError> {
         let all: Result<Vec<Vec<Self>>, WorkflowError> =
-            paths.par_iter().map(|path| Self::of_file(path)).collect();
+            paths.par_iter().map(|path| Self::of_file(path, vehicle)).collect();
         Ok(all?.into_iter().flatten().collect())
     }
 
-    fn of_file(path: &'a Path) -> Result<Vec<Self>, WorkflowError> {
+    fn of_file(path: &'a Path, vehicle: &Vehicle) -> Result<Vec<Self>, WorkflowError> {
         if path == Path::new(logs::STANDARD_INPUT) {
-            return Self::of_standard_input(path);
+            return Self::of_standard_input(path, vehicle);
         }
         match logs::format_of(path) {
-            Some(_) => Self::cut(path, logs::import(path)?.flights),
+            Some(_) => Self::cut(path, logs::import(path, &ColumnMap::of_flight(path, vehicle)?)?.flights),
             None => Ok(vec![Source::File(path)]),
         }
     }
 
-    fn of_standard_input(path: &'a Path) -> Result<Vec<Self>, WorkflowError> {
+    fn of_standard_input(path: &'a Path, vehicle: &Vehicle) -> Result<Vec<Self>, WorkflowError> {
         let bytes = logs::read_standard_input()?;
+        let map = ColumnMap::of_flight(path, vehicle)?;
         match logs::Format::of(&bytes) {
-            Some(_) => Self::cut(path, logs::import_bytes(&bytes, path)?.flights),
-            None => Ok(vec![Source::Cut(path, Box::new(Flight::parse(&bytes, path)?))]),
+            Some(_) => Self::cut(path, logs::import_bytes(&bytes, path, &map)?.flights),
+            None => Ok(vec![Source::Cut(path, Box::new(Flight::parse_with(&bytes, path, &map)?))]),
         }
     }
 
@@ -141,7 +142,7 @@ impl LoadedFlight {
             return Err(FlightError::Folder { path: path.into() }.into());
         }
         let bytes = std::fs::read(path).map_err(|source| FlightError::Read { path: path.into(), source })?;
-        let flight = Flight::parse_with(&bytes, path, &ColumnMap::beside(path)?)?;
+        let flight = Flight::parse_with(&bytes, path, &ColumnMap::of_flight(path, vehicle)?)?;
         flight.check_against(vehicle, path)?;
         Self::examined(&flight, vehicle, &reading.parts(Some(path))?, path.into(), sha256(&bytes))
     }

@@ -6,6 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use flights::{Column, ColumnMap, Flight, FlightError};
+use model::Vehicle;
 
 use crate::workflow::error::WorkflowError;
 use crate::workflow::loaded::Source;
@@ -18,9 +19,12 @@ const LONG_S: f64 = 30.0;
 type Sources<'a> = Vec<Source<'a>>;
 
 /// Sources to fit on and sources to judge by.
-pub(crate) fn split(sources: Sources<'_>) -> Result<(Sources<'_>, Sources<'_>), WorkflowError> {
+pub(crate) fn split<'a>(
+    sources: Sources<'a>,
+    vehicle: &Vehicle,
+) -> Result<(Sources<'a>, Sources<'a>), WorkflowError> {
     if let [only] = &sources[..] {
-        return blocks(only);
+        return blocks(only, vehicle);
     }
     let files = numbered_files(&sources);
     let several = files.last().is_some_and(|last| *last > 0);
@@ -53,9 +57,9 @@ fn numbered_files(sources: &[Source<'_>]) -> Vec<usize> {
 }
 
 /// Blocks of time of the only flight, as a flight to fit on and one to judge by.
-fn blocks<'a>(only: &Source<'a>) -> Result<(Sources<'a>, Sources<'a>), WorkflowError> {
+fn blocks<'a>(only: &Source<'a>, vehicle: &Vehicle) -> Result<(Sources<'a>, Sources<'a>), WorkflowError> {
     let (path, flight) = match only {
-        Source::File(path) => (*path, read(path)?),
+        Source::File(path) => (*path, read(path, vehicle)?),
         Source::Cut(path, flight) => (*path, (**flight).clone()),
         Source::Memory(flight) => (Path::new(""), (*flight).clone()),
     };
@@ -82,9 +86,9 @@ fn blocks<'a>(only: &Source<'a>) -> Result<(Sources<'a>, Sources<'a>), WorkflowE
     Ok((vec![part(false)], vec![part(true)]))
 }
 
-fn read(path: &Path) -> Result<Flight, FlightError> {
+fn read(path: &Path, vehicle: &Vehicle) -> Result<Flight, FlightError> {
     let bytes = std::fs::read(path).map_err(|source| FlightError::Read { path: path.into(), source })?;
-    Flight::parse_with(&bytes, path, &ColumnMap::beside(path)?)
+    Flight::parse_with(&bytes, path, &ColumnMap::of_flight(path, vehicle)?)
 }
 
 #[cfg(test)]
@@ -114,7 +118,7 @@ mod tests {
             let paths: Vec<PathBuf> = (0..count).map(|k| PathBuf::from(format!("{k}.ulg"))).collect();
             let sources =
                 flights.iter().zip(&paths).map(|(f, p)| Source::Cut(p, Box::new(f.clone()))).collect();
-            let (train, validate) = split(sources).unwrap();
+            let (train, validate) = split(sources, &truth().vehicle).unwrap();
             let expected: Vec<String> = held_out.iter().map(|k: &usize| flights[*k].name.clone()).collect();
             assert_eq!(names(&validate), expected);
             assert_eq!(train.len() + validate.len(), count as usize);
@@ -127,16 +131,16 @@ mod tests {
         let flights = flights(4);
         let paths = [PathBuf::from("a.ulg"), PathBuf::from("b.ulg")];
         let of = |k: usize| Source::Cut(&paths[usize::from(k > 2)], Box::new(flights[k].clone()));
-        let (train, validate) = split((0..4).map(of).collect()).unwrap();
+        let (train, validate) = split((0..4).map(of).collect(), &truth().vehicle).unwrap();
         assert_eq!((train.len(), validate.len()), (3, 1));
-        let (train, validate) = split((0..3).map(of).collect()).unwrap();
+        let (train, validate) = split((0..3).map(of).collect(), &truth().vehicle).unwrap();
         assert_eq!((train.len(), validate.len()), (2, 1));
     }
 
     #[test]
     fn blocks_of_the_only_flight_share_no_sample_and_keep_their_distance() {
         let flights = flights(1);
-        let (train, validate) = split(vec![Source::Memory(&flights[0])]).unwrap();
+        let (train, validate) = split(vec![Source::Memory(&flights[0])], &truth().vehicle).unwrap();
         let times = |sources: &[Source<'_>]| match &sources[0] {
             Source::Cut(_, flight) => flight.column(Column::T).unwrap().to_vec(),
             _ => panic!("not cut"),

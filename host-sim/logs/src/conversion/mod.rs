@@ -92,7 +92,14 @@ fn part(recording: &Recording, base: &[f64], span: Span) -> Option<Part> {
         let kept = values.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(value, _)| rounded(*value));
         (column, kept.collect())
     });
-    let flight = Flight::from_columns("", std::iter::once((Column::T, time)).chain(rest));
+    let mut flight = Flight::from_columns("", std::iter::once((Column::T, time)).chain(rest));
+    for (name, signal) in &recording.signals.extra {
+        let values = &on_grid(signal, &Grid { t: &t, period_s }, Kind::Smooth)[0];
+        if values.iter().any(|value| value.is_finite()) {
+            let kept = values.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(value, _)| rounded(*value));
+            flight = flight.with_further(name.clone(), kept.collect());
+        }
+    }
     Some(Part { flight, span: [first, last], rate_hz: 1.0 / period_s, lost_s })
 }
 

@@ -3,6 +3,7 @@
 mod blackbox;
 mod common;
 mod crazyflie;
+mod csv;
 mod dataflash;
 mod mcap;
 mod parquet;
@@ -16,6 +17,8 @@ use std::path::Path;
 use crate::error::LogError;
 use crate::format::Format;
 use crate::log::Log;
+
+pub(crate) use csv::decode as decode_text;
 
 /// Decodes the bytes of a log; `path` is for messages.
 pub fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {

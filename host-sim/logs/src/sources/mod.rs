@@ -8,6 +8,7 @@ mod crazyflie;
 mod px4;
 mod ros;
 
+pub(crate) use common::plain_list;
 use std::path::Path;
 
 use crate::error::LogError;
@@ -23,6 +24,7 @@ pub fn record(log: &Log, path: &Path) -> Result<Vec<Recording>, LogError> {
         Format::Ulog => one(px4::record(log, path)),
         Format::Dataflash => one(ardupilot::record(log, path)),
         Format::Blackbox => blackbox::record(log, path),
+        Format::Csv if blackbox::is_decoded(log) => blackbox::record(log, path),
         Format::Crazyflie | Format::Parquet | Format::Csv => one(crazyflie::record(log, path)),
         // PX4's own messages over ROS 2 are the topics of its logs.
         Format::Rosbag1 | Format::Rosbag2 | Format::Mcap => match ros::as_px4_log(log) {

@@ -9,3 +9,4 @@ mod made_bags;
 mod parquet;
 mod px4;
 mod ros;
+mod tables;

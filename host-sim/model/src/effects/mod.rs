@@ -214,6 +214,7 @@ mod tests {
             rotor_acceleration_rad_s2: [10.0, 20.0, 40.0, 80.0].map(|a| finer * a),
             battery_v: 11.0,
             pendulum: Pendulum::default(),
+            further: crate::sample::NO_FURTHER,
         }
     }
 

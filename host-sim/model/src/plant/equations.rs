@@ -15,7 +15,7 @@ use crate::model::Model;
 use crate::pendulum::Pendulum;
 use crate::plant::state::{Derivative, State, moved};
 use crate::rotor_lag::{RotorLag, decayed};
-use crate::sample::{Constants, Sample, SampleInput};
+use crate::sample::{Constants, Sample, SampleInput, Surroundings};
 use crate::user_effects::Undefined;
 use crate::vehicle::RotorMap;
 
@@ -65,8 +65,13 @@ impl Plant {
     }
 
     /// What [`Plant::sample_of`] takes of a state with rotors on their way to `commanded_rad_s`.
-    pub fn input(&self, state: &State, commanded_rad_s: &[f64; 4], battery_v: f64) -> SampleInput {
-        self.input_at(state, &state.rotor_rad_s, commanded_rad_s, battery_v)
+    pub fn input(
+        &self,
+        state: &State,
+        commanded_rad_s: &[f64; 4],
+        around: impl Into<Surroundings>,
+    ) -> SampleInput {
+        self.input_at(state, &state.rotor_rad_s, commanded_rad_s, &around.into())
     }
 
     /// The sample of a state, measured or integrated.
@@ -76,8 +81,14 @@ impl Plant {
     }
 
     #[inline(always)]
-    fn input_at(&self, state: &State, rotor: &[f64; 4], commanded: &[f64; 4], battery_v: f64) -> SampleInput {
-        self.input_with(state, rotor, self.lagged_acceleration_rad_s2(rotor, commanded), battery_v)
+    fn input_at(
+        &self,
+        state: &State,
+        rotor: &[f64; 4],
+        commanded: &[f64; 4],
+        around: &Surroundings,
+    ) -> SampleInput {
+        self.input_with(state, rotor, self.lagged_acceleration_rad_s2(rotor, commanded), around)
     }
 
     /// Acceleration of rotors on their way to what is commanded.
@@ -93,7 +104,7 @@ impl Plant {
         state: &State,
         rotor: &[f64; 4],
         rotor_acceleration_rad_s2: [f64; 4],
-        battery_v: f64,
+        around: &Surroundings,
     ) -> SampleInput {
         SampleInput {
             position_ned_m: state.position_ned_m,
@@ -103,8 +114,9 @@ impl Plant {
             angular_acceleration_rad_s2: Vector3::zeros(),
             rotor_rad_s: *rotor,
             rotor_acceleration_rad_s2,
-            battery_v,
+            battery_v: around.battery_v,
             pendulum: state.pendulum,
+            further: around.further,
         }
     }
 
@@ -144,9 +156,16 @@ impl Plant {
     }
 
     /// Advances `state` over the period of `substeps` with a held rotor speed command.
-    pub fn step(&self, state: &mut State, commanded_rad_s: &[f64; 4], battery_v: f64, substeps: &Substeps) {
+    pub fn step(
+        &self,
+        state: &mut State,
+        commanded_rad_s: &[f64; 4],
+        around: impl Into<Surroundings>,
+        substeps: &Substeps,
+    ) {
+        let around = around.into();
         for _ in 0..substeps.count {
-            self.lagged_step(state, commanded_rad_s, battery_v, substeps);
+            self.lagged_step(state, commanded_rad_s, &around, substeps);
         }
     }
 
@@ -157,11 +176,11 @@ impl Plant {
         state: &mut State,
         start: &[f64; 4],
         end: &[f64; 4],
-        battery_v: f64,
+        around: impl Into<Surroundings>,
         step_s: f64,
     ) {
         let mean = std::array::from_fn(|i| 0.5 * (start[i] + end[i]));
-        self.step_through(state, [start, &mean, end], battery_v, step_s);
+        self.step_through(state, [start, &mean, end], around, step_s);
     }
 
     /// As [`Plant::step_between`], with the mean of the rotor speeds over the step, which on the way of a lag is not that of its ends.
@@ -169,13 +188,13 @@ impl Plant {
         &self,
         state: &mut State,
         [start, mean, end]: [&[f64; 4]; 3],
-        battery_v: f64,
+        around: impl Into<Surroundings>,
         step_s: f64,
     ) {
         // Simpson's rule, which the step amounts to, gives the mean back.
         let middle = std::array::from_fn(|i| 0.25 * (6.0 * mean[i] - start[i] - end[i]));
         let slope = std::array::from_fn(|i| (end[i] - start[i]) / step_s);
-        self.integrate(state, [start, &middle, end], |_| slope, battery_v, step_s);
+        self.integrate(state, [start, &middle, end], |_| slope, &around.into(), step_s);
     }
 
     /// The formula of a user's effect that has no finite value in the step that starts at `state`, if one has none: why the
@@ -184,9 +203,10 @@ impl Plant {
         &self,
         state: &State,
         commanded_rad_s: &[f64; 4],
-        battery_v: f64,
+        around: impl Into<Surroundings>,
         substeps: &Substeps,
     ) -> Option<Undefined> {
+        let around = &around.into();
         let mut state = *state;
         for _ in 0..substeps.count {
             // A stage that fails shows in the stage before it: formulas are asked where Runge and Kutta ask them.
@@ -194,15 +214,15 @@ impl Plant {
             let h = substeps.step_s;
             let mut stage = state;
             for part in [0.5, 0.5, 1.0, 0.0] {
-                let input = self.input_at(&stage, &rotor, commanded_rad_s, battery_v);
+                let input = self.input_at(&stage, &rotor, commanded_rad_s, around);
                 if let Some(undefined) = self.undefined(&self.sample_of(&input)) {
                     return Some(undefined);
                 }
                 let acceleration = self.lagged_acceleration_rad_s2(&rotor, commanded_rad_s);
-                let k = self.derivative::<false>(&stage, &rotor, acceleration, battery_v);
+                let k = self.derivative::<false>(&stage, &rotor, acceleration, around);
                 stage = moved(&state, &k, part * h);
             }
-            self.lagged_step(&mut state, commanded_rad_s, battery_v, substeps);
+            self.lagged_step(&mut state, commanded_rad_s, around, substeps);
         }
         None
     }
@@ -217,13 +237,19 @@ impl Plant {
         self.weights.users().iter().find_map(|(user, coefficients)| user.undefined(sample, coefficients))
     }
 
-    fn lagged_step(&self, state: &mut State, commanded: &[f64; 4], battery_v: f64, substeps: &Substeps) {
+    fn lagged_step(
+        &self,
+        state: &mut State,
+        commanded: &[f64; 4],
+        around: &Surroundings,
+        substeps: &Substeps,
+    ) {
         let start = state.rotor_rad_s;
         let towards =
             |decay: f64| -> [f64; 4] { std::array::from_fn(|i| decayed(start[i], commanded[i], decay)) };
         let (middle, end) = (towards(substeps.half_decay), towards(substeps.decay));
         let slope = |rotor: &[f64; 4]| self.lagged_acceleration_rad_s2(rotor, commanded);
-        self.integrate(state, [&start, &middle, &end], slope, battery_v, substeps.step_s);
+        self.integrate(state, [&start, &middle, &end], slope, around, substeps.step_s);
     }
 
     /// One Runge-Kutta step with the rotor speeds at its start, middle and end.
@@ -233,13 +259,13 @@ impl Plant {
         state: &mut State,
         rotor: [&[f64; 4]; 3],
         rotor_acceleration: impl Fn(&[f64; 4]) -> [f64; 4],
-        battery_v: f64,
+        around: &Surroundings,
         step_s: f64,
     ) {
         if self.plain {
-            self.runge_kutta_4::<true>(state, rotor, rotor_acceleration, battery_v, step_s);
+            self.runge_kutta_4::<true>(state, rotor, rotor_acceleration, around, step_s);
         } else {
-            self.runge_kutta_4::<false>(state, rotor, rotor_acceleration, battery_v, step_s);
+            self.runge_kutta_4::<false>(state, rotor, rotor_acceleration, around, step_s);
         }
     }
 
@@ -248,12 +274,12 @@ impl Plant {
         state: &mut State,
         [rotor_start, rotor_middle, rotor_end]: [&[f64; 4]; 3],
         rotor_acceleration: impl Fn(&[f64; 4]) -> [f64; 4],
-        battery_v: f64,
+        around: &Surroundings,
         h: f64,
     ) {
         let start = *state;
         let stage = |state: &State, rotor: &[f64; 4]| {
-            self.derivative::<PLAIN>(state, rotor, rotor_acceleration(rotor), battery_v)
+            self.derivative::<PLAIN>(state, rotor, rotor_acceleration(rotor), around)
         };
         let k1 = stage(&start, rotor_start);
         let k2 = stage(&moved(&start, &k1, 0.5 * h), rotor_middle);
@@ -282,9 +308,9 @@ impl Plant {
         state: &State,
         rotor: &[f64; 4],
         rotor_acceleration_rad_s2: [f64; 4],
-        battery_v: f64,
+        around: &Surroundings,
     ) -> Derivative {
-        let input = self.input_with(state, rotor, rotor_acceleration_rad_s2, battery_v);
+        let input = self.input_with(state, rotor, rotor_acceleration_rad_s2, around);
         let a = if PLAIN {
             self.weights.accelerations_of_thesis(&Sample::plain(&input, &self.constants))
         } else {

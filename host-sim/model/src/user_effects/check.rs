@@ -1,7 +1,8 @@
 //! Checks of a definition's words, coefficients and constants.
 
 use crate::quantity::QUANTITIES;
-use crate::user_effects::arithmetic::FUNCTIONS;
+use crate::sample::MAX_FURTHER;
+use crate::user_effects::columns::{is_function, is_word};
 use crate::user_effects::definition::{Definition, MAX_COEFFICIENTS, MAX_CONSTANTS, MAX_NAME, MAX_SENTENCE};
 use crate::user_effects::dimension::Dimension;
 use crate::user_effects::formula::dimension_of;
@@ -47,14 +48,11 @@ pub(super) fn check_words(definition: &Definition, known: &Known) -> Result<(), 
 }
 
 fn check_name(field: &str, name: &str, taken: &[&str]) -> Result<(), Problem> {
-    let word = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let refuse = |problem: String| Err((field.to_owned(), problem));
-    if !(name.starts_with(|c: char| c.is_ascii_alphabetic()) && name.chars().all(word))
-        || name.len() > MAX_NAME
-    {
+    if !is_word(name) {
         return refuse(format!("a name is a word of letters, digits and _, at most {MAX_NAME} long"));
     }
-    if FUNCTIONS.contains(&name) || ["min", "max", "atan2"].contains(&name) {
+    if is_function(name) {
         return refuse("is a function's name; choose another".into());
     }
     if let Some(quantity) = QUANTITIES.iter().find(|q| q.name == name) {
@@ -108,6 +106,25 @@ pub(super) fn check_constants(definition: &Definition) -> Result<Vec<Dimension>,
             return Err((format!("{field}: value"), "is not finite".into()));
         }
         dimensions.push(dimension_of(&c.unit).map_err(|problem| (format!("{field}: unit"), problem))?);
+    }
+    Ok(dimensions)
+}
+
+pub(super) fn check_columns(definition: &Definition) -> Result<Vec<Dimension>, Problem> {
+    let all = &definition.column;
+    if all.len() > MAX_FURTHER {
+        return Err(("column".into(), format!("has {}, at most {MAX_FURTHER} are possible", all.len())));
+    }
+    let coefficients = definition.coefficient.iter().map(|c| c.name.as_str());
+    let mut taken: Vec<&str> =
+        coefficients.chain(definition.constant.iter().map(|c| c.name.as_str())).collect();
+    let mut dimensions = Vec::new();
+    for column in all {
+        let short: String = column.name.chars().take(MAX_NAME).collect();
+        let field = format!("column {short:?}");
+        check_name(&field, &column.name, &taken)?;
+        taken.push(&column.name);
+        dimensions.push(dimension_of(&column.unit).map_err(|problem| (format!("{field}: unit"), problem))?);
     }
     Ok(dimensions)
 }

@@ -44,6 +44,16 @@ pub struct ConstantDefinition {
     pub value: f64,
 }
 
+/// A further column of flight files that formulas can name.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ColumnDefinition {
+    /// Name in formulas and in the header of flight files.
+    pub name: String,
+    /// Unit, coherent SI.
+    pub unit: String,
+}
+
 /// An effect as a file gives it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -66,6 +76,9 @@ pub struct Definition {
     /// Its constants.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub constant: Vec<ConstantDefinition>,
+    /// Columns of flight files in its formulas.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub column: Vec<ColumnDefinition>,
 }
 
 #[derive(Deserialize)]

@@ -5,7 +5,9 @@ use std::path::Path;
 use crate::axis::{AXES, Axis};
 use crate::effect::{Coefficient, EffectInfo, Kind, Question, Special};
 use crate::sample::Sample;
-use crate::user_effects::check::{Known, Problem, check_coefficients, check_constants, check_words};
+use crate::user_effects::check::{
+    Known, Problem, check_coefficients, check_columns, check_constants, check_words,
+};
 use crate::user_effects::definition::{Definition, MAX_NAME, UserEffectError};
 use crate::user_effects::names::Names;
 use crate::user_effects::row::{Input, Row, RowFormula, rows_known};
@@ -74,7 +76,13 @@ impl UserEffect {
         if definition.acceleration.is_empty() {
             return Err(("acceleration".into(), format!("has no row; rows are {}", rows_known())));
         }
-        let names = Names { definition: &definition, coefficients: &coefficients, constants: &constants };
+        let columns = check_columns(&definition)?;
+        let names = Names {
+            definition: &definition,
+            coefficients: &coefficients,
+            constants: &constants,
+            columns: &columns,
+        };
         let mut formulas = Vec::new();
         for (row, text) in &definition.acceleration {
             let field = format!("acceleration.{row}");
@@ -129,13 +137,28 @@ impl UserEffect {
         }
     }
 
-    /// Names of the measured quantities in its formulas.
+    /// Names of the measured quantities in its formulas, further columns of flight files among them.
     pub(super) fn quantities(&self) -> Vec<&'static str> {
+        self.names(|input| match input {
+            Input::Quantity(quantity) => Some(quantity.name),
+            Input::Further(column) => Some(column.name),
+            Input::Coefficient(_) | Input::Constant(_) => None,
+        })
+    }
+
+    /// Names of the further columns of flight files in its formulas.
+    pub(super) fn columns(&self) -> Vec<&'static str> {
+        self.names(|input| match input {
+            Input::Further(column) => Some(column.name),
+            _ => None,
+        })
+    }
+
+    fn names(&self, of: impl Fn(&Input) -> Option<&'static str>) -> Vec<&'static str> {
         let mut names: Vec<&str> = Vec::new();
-        for input in self.formulas.iter().flat_map(|f| &f.inputs) {
-            match input {
-                Input::Quantity(quantity) if !names.contains(&quantity.name) => names.push(quantity.name),
-                _ => {}
+        for name in self.formulas.iter().flat_map(|f| &f.inputs).filter_map(of) {
+            if !names.contains(&name) {
+                names.push(name);
             }
         }
         names

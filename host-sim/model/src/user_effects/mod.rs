@@ -13,8 +13,8 @@
 //! ```
 //!
 //! Rows: `u v w` (m/s^2, body) and `p q r` (rad/s^2, body) as in the equations of motion, and `north east down` (m/s^2),
-//! which are turned into the body. Names in formulas are [`crate::QUANTITIES`], the effect's coefficients, and its
-//! constants. Every formula must have its row's unit.
+//! which are turned into the body. Names in formulas are [`crate::QUANTITIES`], the effect's coefficients, its constants, and
+//! further columns of flight files (`column = [{ name = "load_force", unit = "N" }]`, or one of [`USUAL_COLUMNS`]). Every formula must have its row's unit.
 //!
 //! A user's effect is then an effect like the others. Where its formulas are linear in the coefficients, it is regressed
 //! directly; else it is fitted by Gauss and Newton's method from several starts: coefficients that enter linearly when the
@@ -25,6 +25,7 @@
 
 mod arithmetic;
 mod check;
+mod columns;
 mod definition;
 mod dimension;
 mod effect;
@@ -35,9 +36,10 @@ mod scanner;
 mod trace;
 mod user;
 
+pub use columns::{USUAL_COLUMNS, can_be_column, columns};
 pub use definition::{
-    CoefficientDefinition, ConstantDefinition, Definition, MAX_COEFFICIENTS, MAX_EFFECTS, MAX_FILE_BYTES,
-    UserEffectError,
+    CoefficientDefinition, ColumnDefinition, ConstantDefinition, Definition, MAX_COEFFICIENTS, MAX_EFFECTS,
+    MAX_FILE_BYTES, UserEffectError,
 };
 pub use effect::UserEffect;
 pub use user::{Undefined, User};

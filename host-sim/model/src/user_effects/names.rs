@@ -1,6 +1,8 @@
 //! What the names in the formulas of one effect mean, and how its coefficients enter them.
 
 use crate::quantity::QUANTITIES;
+use crate::sample::MAX_FURTHER;
+use crate::user_effects::columns::{USUAL_COLUMNS, placed, usual_unit};
 use crate::user_effects::definition::{Definition, MAX_NAME};
 use crate::user_effects::dimension::Dimension;
 use crate::user_effects::formula::{Formula, dimension_of};
@@ -12,6 +14,7 @@ pub(super) struct Names<'a> {
     pub(super) definition: &'a Definition,
     pub(super) coefficients: &'a [Dimension],
     pub(super) constants: &'a [Dimension],
+    pub(super) columns: &'a [Dimension],
 }
 
 impl Names<'_> {
@@ -37,7 +40,7 @@ impl Names<'_> {
     }
 
     fn input(&self, name: &str) -> Result<Input, String> {
-        let Definition { coefficient, constant, .. } = self.definition;
+        let Definition { coefficient, constant, column, .. } = self.definition;
         if let Some(k) = coefficient.iter().position(|c| c.name == name) {
             return Ok(Input::Coefficient(k));
         }
@@ -47,14 +50,24 @@ impl Names<'_> {
         if let Some(quantity) = QUANTITIES.iter().find(|q| q.name == name) {
             return Ok(Input::Quantity(quantity));
         }
+        if column.iter().any(|c| c.name == name) || usual_unit(name).is_some() {
+            let too_many = || format!("more than {MAX_FURTHER} different columns of flight files");
+            return placed(name).map(Input::Further).ok_or_else(too_many);
+        }
         let own = coefficient.iter().map(|c| c.name.as_str()).chain(constant.iter().map(|c| c.name.as_str()));
-        let known: Vec<&str> = own.chain(QUANTITIES.iter().map(|q| q.name)).collect();
+        let columns =
+            column.iter().map(|c| c.name.as_str()).chain(USUAL_COLUMNS.iter().map(|(name, _)| *name));
+        let known: Vec<&str> = own.chain(QUANTITIES.iter().map(|q| q.name)).chain(columns).collect();
         let short: String = name.chars().take(MAX_NAME).collect();
-        Err(format!("unknown name \"{short}\"; known are {}", known.join(", ")))
+        Err(format!(
+            "unknown name \"{short}\"; known are {}; a column of the flights is declared with its unit: column = [{{ name = \
+             \"{short}\", unit = \"N\" }}]",
+            known.join(", ")
+        ))
     }
 
     fn trace(&self, name: &str, entry: &dyn Fn(usize) -> Entry) -> Trace {
-        let Definition { coefficient, constant, .. } = self.definition;
+        let Definition { coefficient, constant, column, .. } = self.definition;
         if let Some(k) = coefficient.iter().position(|c| c.name == name) {
             return Trace { dimension: self.coefficients[k], entry: entry(k), value: None };
         }
@@ -65,7 +78,11 @@ impl Names<'_> {
                 value: Some(constant[k].value),
             };
         }
-        let unit = QUANTITIES.iter().find(|q| q.name == name).map_or("1", |q| q.unit);
+        if let Some(k) = column.iter().position(|c| c.name == name) {
+            return Trace { dimension: self.columns[k], entry: Entry::Free, value: None };
+        }
+        let quantity = QUANTITIES.iter().find(|q| q.name == name).map(|q| q.unit);
+        let unit = quantity.or_else(|| usual_unit(name)).unwrap_or("1");
         let dimension = dimension_of(unit).unwrap_or(Dimension::NONE);
         Trace { dimension, entry: Entry::Free, value: None }
     }

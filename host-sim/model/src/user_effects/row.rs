@@ -3,6 +3,7 @@
 use crate::axis::{AXES, Axis};
 use crate::quantity::Quantity;
 use crate::sample::Sample;
+use crate::user_effects::columns::FurtherColumn;
 use crate::user_effects::formula::Formula;
 
 /// A row of a formula.
@@ -40,6 +41,7 @@ impl Row {
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Input {
     Quantity(&'static Quantity),
+    Further(FurtherColumn),
     Coefficient(usize),
     Constant(f64),
 }
@@ -62,6 +64,7 @@ impl RowFormula {
         for (value, input) in values.iter_mut().zip(&self.inputs) {
             *value = match input {
                 Input::Quantity(quantity) => quantity.at(sample),
+                Input::Further(column) => sample.input.further[column.place],
                 Input::Coefficient(k) => coefficients.get(*k).copied().unwrap_or(0.0),
                 Input::Constant(value) => *value,
             };

@@ -88,6 +88,11 @@ impl User {
         self.0.effect.quantities()
     }
 
+    /// Names of the further columns of flight files in its formulas.
+    pub fn columns_named(self) -> Vec<&'static str> {
+        self.0.effect.columns()
+    }
+
     /// As it was defined.
     pub fn definition(self) -> &'static Definition {
         &self.0.effect.definition

@@ -1,7 +1,10 @@
 //! Faults of flights, vehicle files and fits: told on standard error and in JSON, or refused.
 
-use diagnosis::workflow::{Faults, LoadedFlight, Reading};
+use std::path::PathBuf;
+
+use diagnosis::workflow::{self, Faults, LoadedFlight, MapToWrite, Reading};
 use flights::COLUMNS;
+use model::Vehicle;
 use schemars::JsonSchema;
 use serde::Serialize;
 use sysid::checks::clocks::Clocks;
@@ -16,6 +19,10 @@ pub(crate) struct FaultOptions {
     /// Continue with flights whose axes, signs or motor order are recognised as wrong; the results will be wrong too
     #[arg(long)]
     pub(crate) accept_faults: bool,
+
+    /// Mend wrong axes, signs and motor orders: write what the checks propose into columns.toml beside the flights, then go on
+    #[arg(long, conflicts_with = "accept_faults")]
+    apply: bool,
 
     /// Use the flights from this time on, s in the column t, whether the craft flies there or not, for example: --from 12.5
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
@@ -44,6 +51,26 @@ impl FaultOptions {
         let window_s = (self.from.is_some() || self.to.is_some()).then_some([from, to]);
         Ok(Reading { accept_faults: self.accept_faults, window_s })
     }
+}
+
+impl FaultOptions {
+    /// With `--apply`, writes the maps of columns that mend the flights, and says so.
+    pub(crate) fn apply(self, flights: &[&PathBuf], vehicle: &Vehicle) -> anyhow::Result<()> {
+        if self.apply {
+            apply(flights, vehicle, self.reading()?)?;
+        }
+        Ok(())
+    }
+}
+
+/// Writes the maps of columns that mend flights, and says so; whether there were any.
+pub(crate) fn apply(flights: &[&PathBuf], vehicle: &Vehicle, reading: Reading) -> anyhow::Result<bool> {
+    let maps = workflow::mends(flights, vehicle, reading)?;
+    for MapToWrite { file, text, lines } in &maps {
+        report::write_atomic(file, text)?;
+        colour::note(&format!("{}: written: {}", file.display(), lines.join("; ")));
+    }
+    Ok(!maps.is_empty())
 }
 
 /// Warns on standard error. For the end of a command: one that is refused says why in one line and nothing else.

@@ -41,8 +41,6 @@ pub(crate) enum NamedFlightsError {
     None,
     #[error("{}: no flight file (*.{ENDING}) and no log in this folder", .0.display())]
     EmptyFolder(PathBuf),
-    #[error("{}: no log of a format that is read in this folder (see quadlab import --help)", .0.display())]
-    NoLog(PathBuf),
     #[error("{}: cannot read the folder: {source}", path.display())]
     Folder { path: PathBuf, source: std::io::Error },
     #[error("{}: matches no file", .0.display())]
@@ -89,29 +87,15 @@ impl SetFiles {
     }
 }
 
-/// What a folder stands for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Kind {
-    /// Its flight files and logs.
-    Flights,
-    /// Its logs.
-    Logs,
-}
-
 /// The flights that are meant: those of a folder and those that match a pattern in the order of their names.
 pub(crate) fn files(named: &[PathBuf]) -> Result<Vec<PathBuf>, NamedFlightsError> {
-    named_files(named, Kind::Flights)
-}
-
-/// The files that are meant.
-pub(crate) fn named_files(named: &[PathBuf], kind: Kind) -> Result<Vec<PathBuf>, NamedFlightsError> {
-    let all: Result<Vec<Vec<PathBuf>>, _> = named.iter().map(|path| files_of(path, kind)).collect();
+    let all: Result<Vec<Vec<PathBuf>>, _> = named.iter().map(|path| files_of(path)).collect();
     Ok(all?.concat())
 }
 
-fn files_of(named: &Path, kind: Kind) -> Result<Vec<PathBuf>, NamedFlightsError> {
+fn files_of(named: &Path) -> Result<Vec<PathBuf>, NamedFlightsError> {
     if named.is_dir() {
-        return files_in(named, kind);
+        return flights_in(named);
     }
     // A shell has done this already where there is one that does; a name with such a letter in it is that file.
     match named.to_str().filter(|name| name.contains(['*', '?', '[']) && !named.exists()) {
@@ -120,9 +104,9 @@ fn files_of(named: &Path, kind: Kind) -> Result<Vec<PathBuf>, NamedFlightsError>
     }
 }
 
-fn files_in(folder: &Path, kind: Kind) -> Result<Vec<PathBuf>, NamedFlightsError> {
-    match files_of_kind(folder, kind) {
-        Ok(files) if files.is_empty() && kind == Kind::Logs => Err(NamedFlightsError::NoLog(folder.into())),
+/// The flights of a folder in the order of their names; an error where there are none.
+pub(crate) fn flights_in(folder: &Path) -> Result<Vec<PathBuf>, NamedFlightsError> {
+    match flight_files(folder) {
         Ok(files) if files.is_empty() => Err(NamedFlightsError::EmptyFolder(folder.into())),
         Ok(files) => Ok(files),
         Err(source) => Err(NamedFlightsError::Folder { path: folder.into(), source }),
@@ -130,17 +114,12 @@ fn files_in(folder: &Path, kind: Kind) -> Result<Vec<PathBuf>, NamedFlightsError
 }
 
 /// The flight files of a folder, and the logs in it, in the order of their names.
-pub(crate) fn flights_in(folder: &Path) -> Result<Vec<PathBuf>, NamedFlightsError> {
-    files_in(folder, Kind::Flights)
-}
-
-fn files_of_kind(folder: &Path, kind: Kind) -> std::io::Result<Vec<PathBuf>> {
+fn flight_files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder)? {
         let path = entry?.path();
         let is_flight = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(ENDING));
-        let is_wanted = (is_flight && kind == Kind::Flights) || logs::format_of(&path).is_some();
-        if is_wanted && path.is_file() {
+        if (is_flight || logs::format_of(&path).is_some()) && path.is_file() {
             files.push(path);
         }
     }

@@ -1,30 +1,49 @@
 //! Logs of other programs as they are named on the command line.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use diagnosis::workflow::{Observer as _, Progress};
-use logs::{Draft, Import};
+use flights::ColumnMap;
+use logs::{Draft, Format, Import, LogError};
+use model::Vehicle;
 
-use crate::cli::flights::{Kind, named_files};
+use crate::cli::flights::files;
+use crate::cli::model_files::{VEHICLE, read_vehicle};
 use crate::cli::terminal::Terminal;
 
 /// What became of a log.
 pub(crate) struct Read {
     pub(crate) path: PathBuf,
-    pub(crate) import: Result<Import, logs::LogError>,
+    pub(crate) import: Result<Import, LogError>,
 }
 
 /// Reads logs; each that is refused with its reason.
 pub(crate) fn read_logs(named: &[PathBuf], json: bool) -> anyhow::Result<Vec<Read>> {
-    let paths = named_files(named, Kind::Logs)?;
+    let paths = files(named)?;
     let terminal = Terminal::new(json);
     let mut read = Vec::new();
     for (done, path) in paths.iter().enumerate() {
         terminal.progress(Progress { activity: "reading logs", steps: Some((done, paths.len())) });
-        read.push(Read { path: path.clone(), import: logs::import(path) });
+        read.push(Read { path: path.clone(), import: import(path)? });
     }
     terminal.clear();
     Ok(read)
+}
+
+/// A log; a table of another program through the map of columns beside it, else that of the vehicle file beside it.
+fn import(path: &Path) -> anyhow::Result<Result<Import, LogError>> {
+    let map = match vehicle_beside(path)? {
+        Some(vehicle) => ColumnMap::of_flight(path, &vehicle)?,
+        None => ColumnMap::beside(path)?,
+    };
+    Ok(logs::import(path, &map))
+}
+
+/// The vehicle file beside a table of another program; logs tell of their craft themselves.
+pub(crate) fn vehicle_beside(path: &Path) -> anyhow::Result<Option<Vehicle>> {
+    let file = path.with_file_name(VEHICLE);
+    let is_table = matches!(logs::format_of(path), None | Some(Format::Parquet | Format::Csv));
+    Ok(if is_table && file.is_file() { Some(read_vehicle(&file)?) } else { None })
 }
 
 /// The logs that were read.

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use flights::{ColumnMap, FlightError};
 use model::{Model, ModelError, Vehicle, VehicleError};
 
 /// Why there is no model or no vehicle.
@@ -18,6 +19,8 @@ pub(crate) enum WrongKindError {
     Model(#[from] ModelError),
     #[error(transparent)]
     Vehicle(#[from] VehicleError),
+    #[error(transparent)]
+    Columns(#[from] FlightError),
 }
 
 /// Reads a model file.
@@ -44,7 +47,8 @@ pub(crate) fn vehicle_of<'a>(
         return Ok((read_vehicle(&path)?, Some(path)));
     }
     let is_log = |path: &&&PathBuf| logs::format_of(path).is_some();
-    let imports: Result<Vec<_>, _> = flights.iter().filter(is_log).map(|path| logs::import(path)).collect();
+    let imports: Result<Vec<_>, logs::LogError> =
+        flights.iter().filter(is_log).map(|path| logs::import(path, &ColumnMap::beside(path)?)).collect();
     let imports = imports?;
     match (logs::draft(&imports).map_err(anyhow::Error::msg)?, imports.first()) {
         (Some(draft), _) => Ok((draft.vehicle, None)),
@@ -59,12 +63,15 @@ pub(crate) fn vehicle_of<'a>(
 }
 
 /// Name of a vehicle file beside flights.
-const VEHICLE: &str = "vehicle.toml";
+pub(crate) const VEHICLE: &str = "vehicle.toml";
 
 /// Reads a vehicle file.
 pub(crate) fn read_vehicle(path: &Path) -> Result<Vehicle, WrongKindError> {
-    Vehicle::read(path).map_err(|error| match Model::read(path) {
+    let vehicle = Vehicle::read(path).map_err(|error| match Model::read(path) {
         Ok(_) => WrongKindError::ModelForVehicle(path.into()),
         Err(_) => error.into(),
-    })
+    })?;
+    // What it says of columns is refused with the file's own name.
+    ColumnMap::of_vehicle(&vehicle, path)?;
+    Ok(vehicle)
 }

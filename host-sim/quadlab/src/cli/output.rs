@@ -32,7 +32,7 @@ impl Outcome {
 /// An output file that would take the place of an input.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: is read by this command and would be overwritten; give another name for the output", .0.display())]
-pub(crate) struct OverwritesInput(PathBuf);
+pub(crate) struct OverwritesInput(pub(crate) PathBuf);
 
 /// An output file that is there already.
 #[derive(Debug, thiserror::Error)]

@@ -74,6 +74,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         return Err(AddError::AlreadyThere { model: options.model.clone(), effect, there }.into());
     }
     let terminal = Terminal::new(options.output.json);
+    options.faults.apply(&files.paths(), &model.vehicle)?;
     let mut sets = files.read(&model.vehicle, options.faults.reading()?, &terminal)?;
     let added = workflow::add(&model, effect, &mut sets, options.refine.rows(), &terminal)?;
     terminal.clear();

@@ -71,6 +71,7 @@ fn compare(
     terminal: &Terminal,
 ) -> anyhow::Result<Compared> {
     let model = read_model(path)?;
+    options.faults.apply(&files.iter().collect::<Vec<_>>(), &model.vehicle)?;
     let mut flights = FlightsOfOneKind::read(files, &model.vehicle, options.faults.reading()?, terminal)?;
     let comparison = workflow::compare(&model, &mut flights, terminal)?;
     Ok(Compared { path: path.into(), model, flights, comparison })

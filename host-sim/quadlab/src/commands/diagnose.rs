@@ -111,6 +111,7 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
     let search = options.without.options()?;
     let asked = options.why.as_deref().map(crate::commands::add::known_effect).transpose()?;
     let terminal = Terminal::new(options.output.json);
+    options.faults.apply(&files.paths(), &model.vehicle)?;
     let mut sets = files.read(&model.vehicle, options.faults.reading()?, &terminal)?;
     if let Some(effect) = asked {
         let why = workflow::why(&model, effect, &effects, &mut sets, &search, &terminal)?;
@@ -145,6 +146,7 @@ fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
     let search = options.without.options()?;
     let asked = options.why.as_deref().map(crate::commands::add::known_effect).transpose()?;
     let terminal = Terminal::new(options.output.json);
+    options.faults.apply(&files.iter().collect::<Vec<_>>(), &model.vehicle)?;
     let mut changed = FlightsOfOneKind::read(&files, &model.vehicle, options.faults.reading()?, &terminal)?;
     if model.fit.as_ref().is_none_or(|fit| fit.scatter.is_empty()) {
         colour::warn(&format!(

@@ -164,7 +164,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let inputs: Vec<&PathBuf> =
         std::iter::once(&options.model).chain(&options.gains).chain(&options.pattern).collect();
     options.output.check(options.out.iter().chain(&options.html), &inputs)?;
-    let model = Model::read(&options.model)?;
+    let model = Model::read_to_simulate(&options.model)?;
     let given = options.pattern.as_ref().map(|path| Pattern::read(path)).transpose()?;
     let predictor = predictor(&model, &options.model, options.gains.as_deref(), options.seed)?;
     let pattern = match given {

@@ -69,6 +69,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let effects = options.effects.read()?;
     let search = options.without.options()?;
     let terminal = Terminal::new(options.output.json);
+    options.faults.apply(&files.paths(), &vehicle)?;
     let mut sets = files.read(&vehicle, options.faults.reading()?, &terminal)?;
     let explanation =
         workflow::explain(&vehicle, &effects, &mut sets, &search, options.refine.rows(), &terminal)?;

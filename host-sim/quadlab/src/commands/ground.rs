@@ -264,7 +264,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
 /// that are given fly as they are.
 fn plan(options: &Options) -> anyhow::Result<FlightPlan> {
     let model = match &options.model {
-        Some(path) => Model::read(path)?,
+        Some(path) => Model::read_to_simulate(path)?,
         None => Model::thesis(),
     };
     let config = match (&options.gains, &options.model) {

@@ -60,6 +60,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let (vehicle, _) = vehicle_of(options.vehicle.as_ref(), options.sets.named(), &files.paths())?;
     let effects = options.effects.read()?;
     let terminal = Terminal::new(options.output.json);
+    options.faults.apply(&files.paths(), &vehicle)?;
     let mut sets = files.read(&vehicle, options.faults.reading()?, &terminal)?;
     let identified = workflow::identify(&vehicle, &effects, &mut sets, options.refine.rows(), &terminal)?;
     terminal.clear();

@@ -4,22 +4,23 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use logs::{Draft, Import, Part, Sources};
+use diagnosis::workflow::Reading;
+use flights::ColumnMap;
+use logs::{Draft, Format, Import, Part, Sources};
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::cli::colour;
-use crate::cli::logs::{Read, draft, imported, read_logs, refused};
-use crate::cli::output::Outcome;
+use crate::cli::faults;
+use crate::cli::logs::{Read, draft, imported, read_logs, refused, vehicle_beside};
+use crate::cli::model_files::VEHICLE;
+use crate::cli::output::{Outcome, OverwritesInput};
 use crate::render::import_text;
-
-/// The vehicle file beside the flights.
-const VEHICLE: &str = "vehicle.toml";
 
 /// Make flight files from logs of other programs.
 ///
-/// Reads PX4 ULog, ArduPilot DataFlash, Betaflight and INAV blackbox, Crazyflie SD-card logs, ROS 1 and ROS 2 bags, MCAP and
-/// Parquet. Writes a flight file for each part that was flown, and a vehicle file that marks what you still have to measure; an
+/// Reads PX4 ULog, ArduPilot DataFlash, Betaflight and INAV blackbox, Crazyflie SD-card logs, ROS 1 and ROS 2 bags, MCAP,
+/// Parquet and CSV under any names (a columns.toml beside them says which column is which). Writes a flight file for each part that was flown, and a vehicle file that marks what you still have to measure; an
 /// existing one is kept unless --force is given. Every command that takes flights also takes logs: import only saves the flights
 /// as files. Exit status 2 if a log is refused; the others are still imported.
 #[derive(clap::Args)]
@@ -37,16 +38,25 @@ pub(crate) struct Options {
     #[arg(long)]
     force: bool,
 
+    /// Mend wrong axes, signs and motor orders of tables: write what the checks propose into columns.toml beside them, then go on
+    #[arg(long)]
+    apply: bool,
+
     /// Print one JSON document on standard output and nothing else there
     #[arg(long)]
     json: bool,
 }
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
+    refuse_map_in(&options.out)?;
     let mut read = read_logs(&options.logs, options.json)?;
+    if options.apply && mended(&read)? {
+        read = read_logs(&options.logs, options.json)?;
+    }
     name_apart(&mut read);
+    let known = known_vehicle(&read)?;
     let (draft, two_craft) = match draft(&read) {
-        Ok(draft) => (draft, None),
+        Ok(draft) => (draft.map(|draft| known.unwrap_or(draft)), None),
         Err(why) => (None, Some(why.to_string())),
     };
     std::fs::create_dir_all(&options.out)
@@ -59,6 +69,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
             there.display()
         );
     }
+    refuse_inputs_among(&paths, &read)?;
     for (part, path) in flights.iter().zip(&paths) {
         report::write_atomic(path, part.flight.to_csv())?;
     }
@@ -66,7 +77,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     // A vehicle file has been edited: measured values are not written over.
     let keeps = vehicle.exists() && !options.force;
     if let (Some(draft), false) = (&draft, keeps) {
-        report::write_atomic(&vehicle, draft.to_toml())?;
+        report::write_atomic(&vehicle, vehicle_text(draft)?)?;
     }
     let vehicle = draft.as_ref().map(|_| vehicle);
     if let Some(why) = &two_craft {
@@ -85,6 +96,64 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         ))
     };
     Ok(Outcome { refused: refused(&read), ..outcome })
+}
+
+/// A map of columns among the flight files would be applied to them, which need none.
+fn refuse_map_in(folder: &Path) -> anyhow::Result<()> {
+    let map = ColumnMap::file_beside(&folder.join(VEHICLE));
+    anyhow::ensure!(
+        !map.exists(),
+        "{}: would be applied to the flight files that are written beside it; choose another folder for --out",
+        map.display()
+    );
+    Ok(())
+}
+
+/// A flight file is not written over the table that it is made of.
+fn refuse_inputs_among(outputs: &[PathBuf], read: &[Read]) -> anyhow::Result<()> {
+    let is_input = |output: &PathBuf| {
+        let Ok(output) = output.canonicalize() else { return false };
+        read.iter().any(|read| read.path.canonicalize().is_ok_and(|input| input == output))
+    };
+    match outputs.iter().find(|output| is_input(output)) {
+        Some(output) => Err(OverwritesInput(output.clone()).into()),
+        None => Ok(()),
+    }
+}
+
+/// The vehicle of the file beside tables, in our columns; nothing where logs tell of their craft themselves.
+fn known_vehicle(read: &[Read]) -> anyhow::Result<Option<Draft>> {
+    if imported(read).any(|import| !is_table(import)) {
+        return Ok(None);
+    }
+    for read in read {
+        if let Some(vehicle) = vehicle_beside(&read.path)? {
+            return Ok(Some(Draft { vehicle: vehicle.with_our_columns(), missing: Vec::new() }));
+        }
+    }
+    Ok(None)
+}
+
+/// A vehicle file without anything to measure is that of a known vehicle.
+fn vehicle_text(draft: &Draft) -> anyhow::Result<String> {
+    Ok(if draft.missing.is_empty() { toml::to_string(&draft.vehicle)? } else { draft.to_toml() })
+}
+
+/// Writes the maps of columns that mend what was read; whether there were any.
+fn mended(read: &[Read]) -> anyhow::Result<bool> {
+    let mut vehicle = draft(read)?.map(|draft| draft.vehicle);
+    for read in read {
+        // Its own columns are read as it says.
+        vehicle = vehicle_beside(&read.path)?.or(vehicle);
+    }
+    let Some(vehicle) = vehicle else { return Ok(false) };
+    let is_read = |read: &&Read| read.import.as_ref().is_ok_and(|import| !import.flights.is_empty());
+    let paths: Vec<&PathBuf> = read.iter().filter(is_read).map(|read| &read.path).collect();
+    faults::apply(&paths, &vehicle, Reading::default())
+}
+
+fn is_table(import: &Import) -> bool {
+    matches!(import.format, Format::Csv | Format::Parquet)
 }
 
 /// Logs of one name in two folders give flights of two names.

@@ -98,7 +98,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     if !(8.0..=600.0).contains(&options.duration) {
         return Err(NoPlan::Duration(options.duration).into());
     }
-    let model = Model::read(&options.model)?;
+    let model = Model::read_to_simulate(&options.model)?;
     let predictor = predictor(&model, &options.model, options.gains.as_deref(), options.seed)?;
     let goal = goal(options, &predictor)?;
     let proposals = plan(&predictor, goal, options.duration, options.seed)?;

@@ -92,6 +92,9 @@ fn log(import: &Import) -> String {
 
 /// What must be measured, for people.
 pub(crate) fn to_measure(draft: &Draft) -> String {
+    if draft.missing.is_empty() {
+        return String::new();
+    }
     let mut text = String::from("To be measured, and written into the vehicle file:\n");
     for (field, how) in &draft.missing {
         let lines = tables::wrap(&format!("{field}: {how}"), 94);

@@ -17,7 +17,7 @@ use crate::checks::frames::{self, FrameFault};
 use crate::checks::under_sampled::Thinning;
 use crate::checks::{channels, command_clock, imu, interpolated, motors, under_sampled};
 use crate::prepare::{PrepareError, Prepared, StandingGyro};
-use flights::{Column, Flight, StandIn};
+use flights::{Column, Flight, Mend, StandIn};
 
 /// What kind of fault; the word in JSON.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -133,7 +133,7 @@ pub enum Severity {
 }
 
 /// A fault, for people and programs.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Fault {
     /// What kind.
     pub kind: FaultKind,
@@ -143,12 +143,15 @@ pub struct Fault {
     pub flight: Option<String>,
     /// What is wrong and how to mend it.
     pub sentence: String,
+    /// What mends it, where a map of columns can say that.
+    #[serde(skip)]
+    pub mend: Option<Mend>,
 }
 
 impl Fault {
     /// A fault that does not belong to one flight.
     pub fn of_all(kind: FaultKind, severity: Severity, sentence: impl Into<String>) -> Self {
-        Self { kind, severity, flight: None, sentence: sentence.into() }
+        Self { kind, severity, flight: None, sentence: sentence.into(), mend: None }
     }
 }
 
@@ -193,9 +196,9 @@ pub fn examine(flight: &Flight, vehicle: &Vehicle) -> Result<Examined, PrepareEr
 
 /// Examines parts of a log, mends what can be mended and prepares them.
 pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Result<Examined, PrepareError> {
-    let mut faults = Vec::new();
+    let (mut faults, mut mend) = (Vec::new(), None);
     let mut add = |kind, severity, sentence: String| {
-        faults.push(Fault { kind, severity, flight: Some(flight.name.clone()), sentence });
+        faults.push(Fault { kind, severity, flight: Some(flight.name.clone()), sentence, mend: None });
     };
     tell_stand_ins(flight, &mut add);
     let (cut, standing, taken) = take(flight, vehicle, parts)?;
@@ -204,17 +207,9 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
     }
     let flight = cut.as_ref();
     let channels = channels::check(flight, vehicle);
-    for (kind, found) in [
-        (FaultKind::FrozenChannel, channels.frozen),
-        (FaultKind::TrackerJump, channels.jumps),
-        (FaultKind::SaturatedCommands, channels.saturated),
-    ] {
-        let kept = kind == FaultKind::TrackerJump && channels.jumps_kept;
-        let severity = if kept { Severity::Note } else { Severity::Warning };
-        found.into_iter().for_each(|sentence| add(kind, severity, sentence));
-    }
+    let masked = tell_channels(channels, &mut add);
     let mut flight = Cow::Borrowed(flight);
-    if let Some(masked) = channels.masked {
+    if let Some(masked) = masked {
         flight = Cow::Owned(masked);
     }
     let interpolated = interpolated::check(&flight);
@@ -237,17 +232,21 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
             clocks.aligned |= rest.aligned;
         }
         tell_clocks(&clocks, &mut add);
-        if let Some(sentence) = motors::check(&prepared, vehicle) {
-            add(FaultKind::WrongMotors, Severity::Refused, sentence);
+        if let Some(fault) = motors::check(&prepared, vehicle) {
+            add(FaultKind::WrongMotors, Severity::Refused, fault.sentence);
+            mend = fault.mend;
         } else if let Some(pieces) = command_clock::check(&prepared, vehicle) {
             add(FaultKind::WanderingClock, Severity::Warning, command_clock::sentence(&pieces));
         }
     }
     if let Some(fault) = frame {
+        mend.clone_from(&fault.mend);
         add_frame(fault, &mut add);
     }
     prepared.notes.iter().for_each(|note| add(FaultKind::Gaps, Severity::Note, note.clone()));
     prepared.is_interpolated = !interpolated.is_empty();
+    // Of what is refused there is one at most: motors are looked at in right frames only.
+    faults.iter_mut().filter(|f| f.severity == Severity::Refused).for_each(|f| f.mend.clone_from(&mend));
     faults.sort_by_key(|f| std::cmp::Reverse(f.severity));
     let thinning = under_sampled::thinning(&prepared, vehicle);
     Ok(Examined { prepared, faults, clocks, taken, thinning })
@@ -257,6 +256,23 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
 fn imu_fault(flight: &Flight, prepared: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
     let is_circular = flight.stand_ins().contains(&StandIn::AnglesOfGyro);
     if is_circular { None } else { imu::check(prepared, vehicle) }
+}
+
+/// Says which channels lie; the flight without what they say, where that is mended.
+fn tell_channels(
+    found: channels::Channels,
+    add: &mut impl FnMut(FaultKind, Severity, String),
+) -> Option<Flight> {
+    for (kind, sentences) in [
+        (FaultKind::FrozenChannel, found.frozen),
+        (FaultKind::TrackerJump, found.jumps),
+        (FaultKind::SaturatedCommands, found.saturated),
+    ] {
+        let kept = kind == FaultKind::TrackerJump && found.jumps_kept;
+        let severity = if kept { Severity::Note } else { Severity::Warning };
+        sentences.into_iter().for_each(|sentence| add(kind, severity, sentence));
+    }
+    found.masked
 }
 
 /// Says what was not logged, and what cannot be told without it.

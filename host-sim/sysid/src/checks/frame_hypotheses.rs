@@ -1,6 +1,10 @@
 //! Ways in which a log's axes, signs and units have been seen to be wrong, and what undoes each.
 
 use model::frames;
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use flights::{Column, Mend, MendedColumn};
+use model::{BodyFrame, WorldFrame};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::checks::tracks::Axes;
@@ -12,7 +16,15 @@ pub(super) struct Attitude {
     pub(super) mend: &'static str,
     /// From the logged angles to the body's attitude (inertial to body).
     pub(super) undo: fn(Vector3<f64>) -> Matrix3<f64>,
+    /// The angles that undo it, where other angles do.
+    pub(super) angles: &'static [MendedColumn],
 }
+
+const fn angle(own: Column, from: Column, scale: f64, offset: f64) -> MendedColumn {
+    MendedColumn::new(own, from, scale, offset)
+}
+
+const PER_DEGREE: f64 = PI / 180.0;
 
 const FLIP_YZ: Matrix3<f64> = Matrix3::new(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0);
 /// From east-north-up to north-east-down and back.
@@ -37,86 +49,114 @@ pub(super) const ATTITUDES: [Attitude; 17] = [
         looks_like: "phi and theta are exchanged",
         mend: "exchange the columns",
         undo: |e| frames::dcm_from_euler(Vector3::new(e.y, e.x, e.z)),
+        angles: &[angle(Column::Phi, Column::Theta, 1.0, 0.0), angle(Column::Theta, Column::Phi, 1.0, 0.0)],
     },
     Attitude {
         looks_like: "theta has the wrong sign (as in logs of the Crazyflie firmware)",
         mend: "write -theta",
         undo: |e| signed(e, [1.0, -1.0, 1.0]),
+        angles: &[angle(Column::Theta, Column::Theta, -1.0, 0.0)],
     },
     Attitude {
         looks_like: "phi has the wrong sign",
         mend: "write -phi",
         undo: |e| signed(e, [-1.0, 1.0, 1.0]),
+        angles: &[angle(Column::Phi, Column::Phi, -1.0, 0.0)],
     },
     Attitude {
         looks_like: "psi has the wrong sign",
         mend: "write -psi",
         undo: |e| signed(e, [1.0, 1.0, -1.0]),
+        angles: &[angle(Column::Psi, Column::Psi, -1.0, 0.0)],
     },
     Attitude {
         looks_like: "theta and psi are those of a body front-left-up in a frame north-west-up",
         mend: "write -theta and -psi",
         undo: |e| signed(e, [1.0, -1.0, -1.0]),
+        angles: &[angle(Column::Theta, Column::Theta, -1.0, 0.0), angle(Column::Psi, Column::Psi, -1.0, 0.0)],
     },
     Attitude {
         looks_like: "phi and theta have the wrong sign",
         mend: "write -phi and -theta",
         undo: |e| signed(e, [-1.0, -1.0, 1.0]),
+        angles: &[angle(Column::Phi, Column::Phi, -1.0, 0.0), angle(Column::Theta, Column::Theta, -1.0, 0.0)],
     },
     Attitude {
         looks_like: "phi and psi have the wrong sign",
         mend: "write -phi and -psi",
         undo: |e| signed(e, [-1.0, 1.0, -1.0]),
+        angles: &[angle(Column::Phi, Column::Phi, -1.0, 0.0), angle(Column::Psi, Column::Psi, -1.0, 0.0)],
     },
     Attitude {
         looks_like: "the attitude is that from the inertial to the body frame (a conjugated quaternion, a transposed matrix)",
         mend: "conjugate the quaternion (or transpose the matrix) before taking angles from it",
         undo: |e| frames::dcm_from_euler(e).transpose(),
+        angles: &[],
     },
     Attitude {
         looks_like: "the attitude is from a quaternion x, y, z, w that was read as w, x, y, z",
         mend: "put its last entry first before taking angles from it",
         undo: |e| reordered(e, [3, 0, 1, 2]),
+        angles: &[],
     },
     Attitude {
         looks_like: "the attitude is from a quaternion w, x, y, z that was read as x, y, z, w",
         mend: "put its first entry last before taking angles from it",
         undo: |e| reordered(e, [1, 2, 3, 0]),
+        angles: &[],
     },
     Attitude {
         looks_like: "the attitude is from a quaternion x, y, z, w that was read as w, x, y, z and conjugated",
         mend: "put its last entry first and conjugate it before taking angles from it",
         undo: |e| reordered(e, [3, 0, 1, 2]).transpose(),
+        angles: &[],
     },
     Attitude {
         looks_like: "the attitude is from a conjugated quaternion w, x, y, z that was read as x, y, z, w",
         mend: "put its first entry last and conjugate it before taking angles from it",
         undo: |e| reordered(e, [1, 2, 3, 0]).transpose(),
+        angles: &[],
     },
     Attitude {
         looks_like: "the attitude is that of a body front-left-up in a frame east-north-up",
         mend: "write phi, -theta and pi/2 - psi",
         undo: |e| FLIP_YZ * frames::dcm_from_euler(e) * ENU,
+        angles: &[
+            angle(Column::Theta, Column::Theta, -1.0, 0.0),
+            angle(Column::Psi, Column::Psi, -1.0, FRAC_PI_2),
+        ],
     },
     Attitude {
         looks_like: "the attitude is that of a body front-left-up (it is upside down)",
         mend: "turn it by half a turn about x: write phi + pi",
         undo: |e| FLIP_YZ * frames::dcm_from_euler(e),
+        angles: &[angle(Column::Phi, Column::Phi, 1.0, PI)],
     },
     Attitude {
         looks_like: "the attitude is given in a frame north-west-up",
         mend: "turn the frame by half a turn about x",
         undo: |e| frames::dcm_from_euler(e) * FLIP_YZ,
+        angles: &[
+            angle(Column::Phi, Column::Phi, 1.0, PI),
+            angle(Column::Theta, Column::Theta, -1.0, 0.0),
+            angle(Column::Psi, Column::Psi, -1.0, 0.0),
+        ],
     },
     Attitude {
         looks_like: "phi, theta and psi are in degrees",
         mend: "multiply by pi/180",
         undo: |e| frames::dcm_from_euler(e.map(f64::to_radians)),
+        angles: &[
+            angle(Column::Phi, Column::Phi, PER_DEGREE, 0.0),
+            angle(Column::Theta, Column::Theta, PER_DEGREE, 0.0),
+            angle(Column::Psi, Column::Psi, PER_DEGREE, 0.0),
+        ],
     },
     Attitude {
         looks_like: "psi is in degrees",
         mend: "multiply by pi/180",
         undo: |e| frames::dcm_from_euler(Vector3::new(e.x, e.y, e.z.to_radians())),
+        angles: &[angle(Column::Psi, Column::Psi, PER_DEGREE, 0.0)],
     },
 ];
 
@@ -128,6 +168,8 @@ pub(super) struct Convention {
     pub(super) undo: fn(Vector3<f64>) -> Matrix3<f64>,
     pub(super) position: Axes,
     pub(super) gyro: Axes,
+    /// What undoes all of it.
+    pub(super) undone_by: fn() -> Mend,
 }
 
 const FLIPPED_YZ: Axes = Axes { from: [0, 1, 2], sign: [1.0, -1.0, -1.0] };
@@ -141,6 +183,7 @@ pub(super) const CONVENTIONS: [Convention; 5] = [
         undo: |e| signed(e, [1.0, -1.0, -1.0]),
         position: FLIPPED_YZ,
         gyro: FLIPPED_YZ,
+        undone_by: || Mend::Frames(WorldFrame::Nwu, BodyFrame::Flu),
     },
     Convention {
         looks_like: "the whole log is in the frames east-north-up and front-left-up (as ROS has it)",
@@ -149,6 +192,7 @@ pub(super) const CONVENTIONS: [Convention; 5] = [
         undo: |e| FLIP_YZ * frames::dcm_from_euler(e) * ENU,
         position: FROM_ENU,
         gyro: FLIPPED_YZ,
+        undone_by: || Mend::Frames(WorldFrame::Enu, BodyFrame::Flu),
     },
     Convention {
         looks_like: "the tracker is in the frames north-west-up and front-left-up",
@@ -156,6 +200,7 @@ pub(super) const CONVENTIONS: [Convention; 5] = [
         undo: |e| signed(e, [1.0, -1.0, -1.0]),
         position: FLIPPED_YZ,
         gyro: Axes::SAME,
+        undone_by: tracker_north_west_up,
     },
     Convention {
         looks_like: "the tracker is in the frames east-north-up and front-left-up (as ROS has it)",
@@ -163,6 +208,7 @@ pub(super) const CONVENTIONS: [Convention; 5] = [
         undo: |e| FLIP_YZ * frames::dcm_from_euler(e) * ENU,
         position: FROM_ENU,
         gyro: Axes::SAME,
+        undone_by: tracker_east_north_up,
     },
     Convention {
         looks_like: "the body's axes are front-left-up in attitude and gyro",
@@ -170,8 +216,26 @@ pub(super) const CONVENTIONS: [Convention; 5] = [
         undo: |e| FLIP_YZ * frames::dcm_from_euler(e),
         position: Axes::SAME,
         gyro: FLIPPED_YZ,
+        undone_by: || Mend::Frames(WorldFrame::Ned, BodyFrame::Flu),
     },
 ];
+
+/// The tracker's columns out of a frame north-west-up with a body front-left-up.
+fn tracker_north_west_up() -> Mend {
+    use Column::*;
+    Mend::Columns(
+        [Y, Z, Theta, Psi, Vy, Vz].map(|column| MendedColumn::new(column, column, -1.0, 0.0)).into(),
+    )
+}
+
+/// The tracker's columns out of a frame east-north-up with a body front-left-up.
+fn tracker_east_north_up() -> Mend {
+    use Column::*;
+    let turned = [(X, Y, 1.0), (Y, X, 1.0), (Z, Z, -1.0), (Vx, Vy, 1.0), (Vy, Vx, 1.0), (Vz, Vz, -1.0)];
+    let mut all = turned.map(|(own, from, sign)| MendedColumn::new(own, from, sign, 0.0)).to_vec();
+    all.extend([MendedColumn::new(Theta, Theta, -1.0, 0.0), MendedColumn::new(Psi, Psi, -1.0, FRAC_PI_2)]);
+    Mend::Columns(all)
+}
 
 #[cfg(test)]
 mod tests {

@@ -21,6 +21,7 @@
 //! Deliberately absent: faults in two streams at once other than whole conventions, and small
 //! misalignments, which are effects (`attitude-offset`).
 
+use flights::{Column, Mend};
 use model::Vehicle;
 
 use crate::checks::frame_hypotheses::{ATTITUDES, CONVENTIONS, as_logged};
@@ -38,13 +39,20 @@ const MENDED_BY: f64 = 0.3;
 pub(crate) const BETTER_BY: f64 = 0.02;
 
 /// What was found.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct FrameFault {
     /// For people: what it looks like and how to mend it.
     pub sentence: String,
     /// Whether one fault explains it.
     pub named: bool,
+    /// What undoes it, where a map of columns can say that.
+    pub mend: Option<Mend>,
 }
+
+const POSITION: [Column; 3] = [Column::X, Column::Y, Column::Z];
+
+/// What it looks like and how to mend it, for people; and for a map of columns, where that can say it.
+type Remedy = (String, Option<Mend>);
 
 /// Whether a relation that was `old` is right, or no worse than it was, when it is `new`.
 fn is_mended(old: Relation, new: Relation) -> bool {
@@ -68,22 +76,27 @@ pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
     if !below(rates, IN_DOUBT) && !below(force, IN_DOUBT) {
         return None;
     }
-    let mut best: Option<(f64, String)> = None;
-    let mut consider = |new_rates: Relation, new_force: Relation, sentence: &dyn Fn() -> String| {
+    let mut best: Option<(f64, Remedy)> = None;
+    let mut consider = |new_rates: Relation, new_force: Relation, remedy: &dyn Fn() -> Remedy| {
         let score = new_rates.unwrap_or(0.0) + new_force.unwrap_or(0.0);
         let better = best.as_ref().is_none_or(|(s, _)| score > s + BETTER_BY);
         if better && is_mended(rates, new_rates) && is_mended(force, new_force) {
-            best = Some((score, sentence()));
+            best = Some((score, remedy()));
         }
     };
     let axes = Axes::all();
     for (axes, new) in axes.iter().zip(as_is.rates(&axes)).skip(1) {
-        consider(new, force, &|| gyro_sentence(*axes));
+        consider(new, force, &|| {
+            let Axes { from, sign } = axes.inverse();
+            (gyro_sentence(*axes), Some(Mend::axes([Column::P, Column::Q, Column::R], from, sign)))
+        });
     }
     for hypothesis in &ATTITUDES {
         let seen = Seen::new(flight, vehicle, hypothesis.undo);
         consider(seen.rates(&[Axes::SAME])[0], force_of(&seen, Axes::SAME, 1.0), &|| {
-            format!("{}: {}", hypothesis.looks_like, hypothesis.mend)
+            let angles = hypothesis.angles.to_vec();
+            let mend = (!angles.is_empty()).then_some(Mend::Columns(angles));
+            (format!("{}: {}", hypothesis.looks_like, hypothesis.mend), mend)
         });
     }
     // Before mirrored positions: a log that is upside down in all streams looks the same as a
@@ -91,21 +104,24 @@ pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
     for c in &CONVENTIONS {
         let seen = Seen::new(flight, vehicle, c.undo);
         consider(seen.rates(&[c.gyro])[0], force_of(&seen, c.position, 1.0), &|| {
-            format!("{}: {}", c.looks_like, c.mend)
+            (format!("{}: {}", c.looks_like, c.mend), Some((c.undone_by)()))
         });
     }
     for axes in axes.iter().skip(1) {
-        consider(rates, force_of(&as_is, *axes, 1.0), &|| position_sentence(*axes));
+        consider(rates, force_of(&as_is, *axes, 1.0), &|| {
+            (position_sentence(*axes), Some(Mend::axes(POSITION, axes.from, axes.sign)))
+        });
     }
     for (unit, scale) in [("millimetres", 1e-3), ("centimetres", 1e-2)] {
         consider(rates, force_of(&as_is, Axes::SAME, scale), &|| {
-            format!("x, y, z look like {unit}: multiply by {scale}")
+            let sentence = format!("x, y, z look like {unit}: multiply by {scale}");
+            (sentence, Some(Mend::scaled(&POSITION, scale)))
         });
     }
     match best {
-        Some((_, sentence)) => Some(FrameFault { sentence, named: true }),
+        Some((_, (sentence, mend))) => Some(FrameFault { sentence, named: true, mend }),
         None if below(rates, CONTRADICTED) || below(force, CONTRADICTED) => {
-            Some(FrameFault { sentence: unnamed(rates, force), named: false })
+            Some(FrameFault { sentence: unnamed(rates, force), named: false, mend: None })
         }
         None => None,
     }

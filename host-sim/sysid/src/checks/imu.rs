@@ -5,6 +5,7 @@
 //! mirrored, gravity that is missing or has the wrong sign, and accelerations in the inertial frame or in g are undone in
 //! turn, as [`crate::checks::frames`] does it for the other streams.
 
+use flights::{Column, Mend};
 use model::Vehicle;
 use nalgebra::{Matrix3, Vector3};
 
@@ -28,7 +29,9 @@ const CONTRADICTED: f64 = -0.4;
 
 /// Ways an IMU may have been written wrongly: what it looks like, how to mend it, and the specific force in body axes
 /// from what was logged, the attitude (inertial to body) and gravity.
-type Hypothesis = (String, Box<Undo>);
+type Hypothesis = (String, Option<Mend>, Box<Undo>);
+
+const FORCE: [Column; 3] = [Column::Ax, Column::Ay, Column::Az];
 
 type Undo = dyn Fn(Vector3<f64>, &Matrix3<f64>, f64) -> Vector3<f64>;
 
@@ -44,22 +47,30 @@ fn hypotheses() -> Vec<Hypothesis> {
             axes.named(names),
             axes.mapped(names)
         );
-        all.push((sentence, Box::new(move |f, _, _| axes.of(f))));
+        let mend = Mend::axes(FORCE, axes.from, axes.sign);
+        all.push((sentence, Some(mend), Box::new(move |f, _, _| axes.of(f))));
     }
-    all.push(("ax, ay, az look like multiples of g: multiply by 9.81".into(), Box::new(|f, _, g| g * f)));
+    all.push((
+        "ax, ay, az look like multiples of g: multiply by 9.81".into(),
+        Some(Mend::scaled(&FORCE, 9.81)),
+        Box::new(|f, _, g| g * f),
+    ));
     all.push((
         "ax, ay, az look like accelerations without gravity, but the specific force of an IMU is needed (0, 0, -9.81 at rest): \
          subtract gravity in body axes"
             .into(),
+        None,
         Box::new(|f, dcm, g| f - g * dcm.column(2)),
     ));
     all.push((
         "az has gravity with the wrong sign: subtract it twice in body axes".into(),
+        None,
         Box::new(|f, dcm, g| f - 2.0 * g * dcm.column(2)),
     ));
     all.push((
         "ax, ay, az look like accelerations in the inertial frame: subtract gravity and rotate them into the body frame"
             .into(),
+        None,
         Box::new(|f, dcm, g| dcm * (f - Vector3::new(0.0, 0.0, g))),
     ));
     all
@@ -74,18 +85,18 @@ pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
     if !below(as_logged, EXCHANGED) {
         return None;
     }
-    let mut best: Option<(f64, String)> = None;
-    for (sentence, undo) in hypotheses() {
+    let mut best: Option<(f64, String, Option<Mend>)> = None;
+    for (sentence, mend, undo) in hypotheses() {
         if let Some(quality) = relation(flight, vehicle, &*undo)
             && quality >= MENDED
-            && best.as_ref().is_none_or(|(b, _)| quality > b + BETTER_BY)
+            && best.as_ref().is_none_or(|(b, ..)| quality > b + BETTER_BY)
         {
-            best = Some((quality, sentence));
+            best = Some((quality, sentence, mend));
         }
     }
     let least = if below(as_logged, IN_DOUBT) { MENDED } else { as_logged? + CLEARLY };
-    match best.filter(|(quality, _)| *quality >= least) {
-        Some((_, sentence)) => Some(FrameFault { sentence, named: true }),
+    match best.filter(|(quality, ..)| *quality >= least) {
+        Some((_, sentence, mend)) => Some(FrameFault { sentence, named: true, mend }),
         // Small forces to the sides drown in a tilted tracker.
         None if !below(as_logged, CONTRADICTED) => None,
         None => Some(FrameFault {
@@ -93,6 +104,7 @@ pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
                        unit explains it: check how the log was converted"
                 .into(),
             named: false,
+            mend: None,
         }),
     }
 }

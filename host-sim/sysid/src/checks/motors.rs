@@ -7,6 +7,7 @@
 //!
 //! Rotors answer late and clocks are off a little: each hypothesis gets the best of several delays.
 
+use flights::Mend;
 use model::{Adjustments, Vehicle};
 use nalgebra::{Matrix4, SMatrix, Vector3, Vector4};
 
@@ -44,8 +45,17 @@ impl Products {
     }
 }
 
-/// A sentence if the motors of a flight are numbered or spin otherwise than `vehicle` says.
-pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<String> {
+/// Motors that are numbered or spin otherwise.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MotorFault {
+    /// For people: what is wrong and how to mend it.
+    pub sentence: String,
+    /// The order that mends it; nothing where it is the vehicle file's spin that is wrong.
+    pub mend: Option<Mend>,
+}
+
+/// What is wrong if the motors of a flight are numbered or spin otherwise than `vehicle` says.
+pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<MotorFault> {
     let delays: Vec<Products> = DELAYS_S.iter().map(|d| products(flight, vehicle, *d)).collect();
     // `place[k]` is where the motor of cmd k+1 sits.
     let score = |place: [usize; 4]| -> (f64, &Products) {
@@ -60,15 +70,23 @@ pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<String> {
     let (as_given, at) = score([0, 1, 2, 3]);
     if as_given < IN_DOUBT {
         let best = orders().into_iter().map(|o| (score(o).0, o)).max_by(|a, b| a.0.total_cmp(&b.0))?;
-        return (best.0 > CLEAR.max(as_given + BETTER_BY)).then(|| order_sentence(best.1));
+        return (best.0 > CLEAR.max(as_given + BETTER_BY)).then(|| order_fault(best.1));
     }
     let spin = vehicle.motors.spin.map(|s| s.yaw_sign());
     let yaw = at.correlation(2, spin);
-    (as_given > CLEAR && yaw < -CLEAR).then(|| {
-        "the motors yaw the craft opposite to [motors] spin in the vehicle file: exchange \"ccw\" and \
+    (as_given > CLEAR && yaw < -CLEAR).then(|| MotorFault {
+        sentence:
+            "the motors yaw the craft opposite to [motors] spin in the vehicle file: exchange \"ccw\" and \
          \"cw\" there"
-            .into()
+                .into(),
+        mend: None,
     })
+}
+
+fn order_fault(place: [usize; 4]) -> MotorFault {
+    let number = |seat: usize| 1 + place.iter().position(|p| *p == seat).unwrap_or(seat);
+    let order = [0, 1, 2, 3].map(number);
+    MotorFault { sentence: order_sentence(place), mend: Some(Mend::MotorOrder(order)) }
 }
 
 fn order_sentence(place: [usize; 4]) -> String {
@@ -174,7 +192,7 @@ mod tests {
     fn another_numbering_is_found_and_named() {
         for place in [[1, 0, 3, 2], [3, 0, 1, 2], [2, 1, 0, 3]] {
             let sentence = check(&numbered(place), &truth().vehicle);
-            assert_eq!(sentence, Some(order_sentence(place)), "{place:?}");
+            assert_eq!(sentence, Some(order_fault(place)), "{place:?}");
         }
     }
 
@@ -195,7 +213,7 @@ mod tests {
         let spin = &mut vehicle.motors.spin;
         spin.rotate_left(1);
         assert_eq!(
-            check(&numbered([0, 1, 2, 3]), &vehicle).unwrap(),
+            check(&numbered([0, 1, 2, 3]), &vehicle).unwrap().sentence,
             "the motors yaw the craft opposite to [motors] spin in the vehicle file: \
              exchange \"ccw\" and \"cw\" there"
         );

@@ -113,7 +113,7 @@ fn add_rollouts(
     let track = Track {
         states: &states,
         rotor_mean_rad_s: &rotor_mean_rad_s,
-        battery_v: &stretch.battery_v,
+        stretch,
         period_s: flight.period_s,
         turns: has_rotation(model),
     };
@@ -151,7 +151,8 @@ pub(crate) struct Track<'a> {
     pub(crate) states: &'a [State],
     /// Mean rotor speeds between neighbouring samples, rad/s.
     pub(crate) rotor_mean_rad_s: &'a [[f64; 4]],
-    pub(crate) battery_v: &'a [f64],
+    /// Battery and further columns of it.
+    pub(crate) stretch: &'a Stretch,
     pub(crate) period_s: f64,
     /// Whether the model predicts attitude and rates; the logged ones are taken otherwise.
     pub(crate) turns: bool,
@@ -177,7 +178,7 @@ impl Track<'_> {
             plant.step_through(
                 &mut state,
                 [before, &self.rotor_mean_rad_s[from], after],
-                self.battery_v[from],
+                self.stretch.surroundings_after(from),
                 self.period_s,
             );
             state.velocity_m_s += Vector3::new(push[0], push[1], push[2]);
@@ -376,7 +377,7 @@ mod tests {
         let track = Track {
             states: &states,
             rotor_mean_rad_s: &rotor,
-            battery_v: &stretch.battery_v,
+            stretch,
             period_s: flight.period_s,
             turns: true,
         };

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use model::{Effect, Kind, Model, Plant, SampleInput};
+use model::{Effect, Kind, Model, Plant, SampleInput, user_effects};
 
 use crate::prepare::{Part, PrepareError, Prepared, Stretch};
 
@@ -15,8 +15,9 @@ impl Prepared {
     /// coefficients of `model` or, where it does not have the effect, at ordinary ones. Says so in [`Self::notes`].
     ///
     /// # Errors
-    /// When nothing is left.
+    /// When nothing is left, or the flight lacks a column that a formula names.
     pub fn leave_out_undefined(&mut self, model: &Model, effects: &[Effect]) -> Result<(), PrepareError> {
+        self.check_columns(effects)?;
         let asked: Vec<Asked> = effects.iter().filter_map(|effect| Asked::new(model, *effect)).collect();
         if asked.is_empty() {
             return Ok(());
@@ -44,6 +45,22 @@ impl Prepared {
         }
         let lost = before - self.rows();
         self.notes.push(format!("{lost} samples left out, in or beside which {reason}"));
+        Ok(())
+    }
+
+    /// Refuses a flight without a column that a formula of `effects` names.
+    fn check_columns(&self, effects: &[Effect]) -> Result<(), PrepareError> {
+        let places = user_effects::columns();
+        for effect in effects {
+            let Effect::User(user) = effect else { continue };
+            for column in user.columns_named() {
+                let is_it = |place: &usize| places[*place] == column;
+                let is_there = |stretch: &Stretch| stretch.further.iter().any(|(place, _)| is_it(place));
+                if !self.stretches.iter().all(is_there) {
+                    return Err(PrepareError::NoColumn { column, effect: user.info().id });
+                }
+            }
+        }
         Ok(())
     }
 }

@@ -100,6 +100,7 @@ impl<'a> Channels<'a> {
             imu_m_s2: self.imu.map(|first| even.take(first)),
             outliers: Vec::new(),
             gust_ned_m_s: None,
+            further: Vec::new(),
             measured: even.measured,
             time_s: even.time_s,
         }

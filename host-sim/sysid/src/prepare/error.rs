@@ -34,6 +34,16 @@ pub enum PrepareError {
         "has no rotor speeds (omega1..4) and the vehicle file has no motor map; give [motors] command, voltage and offset, or map = \"identify\""
     )]
     NoRotorSpeeds,
+    /// A column that a formula names is not there.
+    #[error(
+        "has no column \"{column}\", which the effect \"{effect}\" names; log it, or name it in columns.toml beside the flight"
+    )]
+    NoColumn {
+        /// The column.
+        column: &'static str,
+        /// The effect.
+        effect: &'static str,
+    },
     /// A user's formula has no value anywhere for long enough.
     #[error("has nothing left to use: {reason} nearly everywhere")]
     Undefined {

@@ -8,6 +8,7 @@ pub mod conditions;
 mod corrections;
 mod dead_reckoning;
 mod error;
+mod further;
 mod grid;
 mod outliers;
 mod prepared;

@@ -26,6 +26,7 @@ use crate::prepare::channels::Channels;
 use crate::prepare::corrections::{Alignment, Trim};
 use crate::prepare::dead_reckoning::carry_velocity;
 use crate::prepare::error::PrepareError;
+use crate::prepare::further;
 use crate::prepare::grid::{bridge, even_grid, unbroken};
 use crate::prepare::outliers::Outlier;
 use crate::prepare::stretch::{Stretch, smoothed};
@@ -142,6 +143,7 @@ impl Prepared {
             return Err(PrepareError::NoRotorSpeeds);
         }
         let (mut stretches, jitter_s) = even_stretches(channels, t, period_s, &filter, margin, &mut notes)?;
+        further::put(&mut stretches, flight, t);
         let lacks = |what: StandIn| flight.stand_ins().contains(&what);
         let has_voltage = !lacks(StandIn::ConstantVoltage);
         steady_voltage(&mut stretches, has_voltage, vehicle, period_s);

@@ -75,6 +75,7 @@ impl States<'_> {
             rotor_acceleration_rad_s2: [0.0; 4],
             battery_v: stretch.battery_v[k],
             pendulum: Pendulum::default(),
+            further: stretch.further_at(k),
         }
     }
 
@@ -123,6 +124,7 @@ impl States<'_> {
                     Some([before, after]) => before.middle(after),
                     _ => Pendulum::default(),
                 },
+                further: std::array::from_fn(|i| 0.5 * (a.further[i] + b.further[i])),
             });
             a = b;
         }

@@ -2,7 +2,7 @@
 
 use flights::hermite;
 use model::rotor_lag::{RotorLag, decayed};
-use model::{Adjustments, Vehicle};
+use model::{Adjustments, Further, NO_FURTHER, Surroundings, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::filter::convolve;
@@ -38,6 +38,8 @@ pub struct Stretch {
     pub outliers: Vec<Outlier>,
     /// Wind that wanders within the flight at each sample, north and east, m/s, beside the constant one; nothing where none was found.
     pub gust_ned_m_s: Option<[Vec<f64>; 2]>,
+    /// Further columns that formulas name, each with its place in a sample; NaN where nothing is known.
+    pub further: Vec<(usize, Vec<f64>)>,
 }
 
 /// One rotor over a stretch.
@@ -73,7 +75,24 @@ impl Stretch {
                 .map(|outlier| Outlier { row: outlier.row - range.start, ..*outlier })
                 .collect(),
             gust_ned_m_s: self.gust_ned_m_s.as_ref().map(|all| cut(all, &range)),
+            further: self.further.iter().map(|(place, all)| (*place, all[range.clone()].to_vec())).collect(),
         }
+    }
+
+    /// The further columns at a sample.
+    #[inline]
+    pub fn further_at(&self, k: usize) -> Further {
+        let mut values = NO_FURTHER;
+        self.further.iter().for_each(|(place, all)| values[*place] = all[k]);
+        values
+    }
+
+    /// Battery at a sample, and the further columns halfway to the next.
+    #[inline]
+    pub(crate) fn surroundings_after(&self, k: usize) -> Surroundings {
+        let mut further = NO_FURTHER;
+        self.further.iter().for_each(|(place, all)| further[*place] = 0.5 * (all[k] + all[k + 1]));
+        Surroundings { battery_v: self.battery_v[k], further }
     }
 
     /// Each rotor's speed. `late_s` is what the log's rotor samples come late: they are brought

@@ -24,6 +24,11 @@ const RAISED: f64 = 20.0;
 /// Motors that are slower for less than this still carry a craft that falls, s.
 const SHORT_IDLE_S: f64 = 2.0;
 
+/// Whether a text is a log that `blackbox_decode` has written.
+pub(crate) fn is_decoded(log: &Log) -> bool {
+    log.tables.iter().any(|table| table.column("motor[0]").is_some() || table.column("gyroADC[0]").is_some())
+}
+
 /// One recording for each log that holds anything.
 pub(crate) fn record(log: &Log, path: &Path) -> Result<Vec<Recording>, LogError> {
     let refused = |reason: String| LogError::Refused { path: path.into(), reason };

@@ -7,7 +7,7 @@ pub(super) mod spans;
 use crate::error::plain;
 
 /// Names out of a log as part of a sentence, without control characters and not too long.
-pub(super) fn plain_list(names: &[&str]) -> String {
+pub(crate) fn plain_list(names: &[&str]) -> String {
     let text = names.iter().map(|name| plain(name, 40)).collect::<Vec<_>>().join(", ");
     if text.chars().count() > 250 { text.chars().take(250).chain("...".chars()).collect() } else { text }
 }

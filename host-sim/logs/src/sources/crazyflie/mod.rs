@@ -13,6 +13,8 @@ mod tables;
 
 use std::path::Path;
 
+use model::user_effects;
+
 use super::common::series::{at, flip, nearest, rotate_back, scale};
 use crate::error::LogError;
 use crate::format::Format;
@@ -41,6 +43,7 @@ pub(crate) fn record(log: &Log, path: &Path) -> Result<Recording, LogError> {
     signals.rotor_speed = commands::rotor_speed(&tables);
     signals.voltage = voltage(&tables);
     signals.extra = load(&tables);
+    signals.extra.extend(further(log, &tables));
     recording.airborne = airborne(&tables);
     limits(&mut recording);
     let signals = &recording.signals;
@@ -130,6 +133,21 @@ fn load(tables: &Tables<'_>) -> Vec<(String, Signal<1>)> {
         (name.to_owned(), Signal { source: source.clone(), t: t.clone(), values: [values] })
     };
     ["load_north", "load_east", "load_down"].into_iter().zip(values).map(signal).collect()
+}
+
+/// Columns of a table of someone's own that formulas can name: `payload_kg`. The firmware's variables have a point in their names.
+fn further(log: &Log, tables: &Tables<'_>) -> Vec<(String, Signal<1>)> {
+    if log.format == Format::Crazyflie {
+        return Vec::new();
+    }
+    let names = log.tables.iter().flat_map(|table| &table.columns).map(|column| column.name.as_str());
+    names
+        .filter(|name| user_effects::can_be_column(name) && !flights::is_known_name(name))
+        .filter_map(|name| {
+            let (rising, values) = tables.group([name])?;
+            Some((name.to_owned(), rising.signal(name, &values)))
+        })
+        .collect()
 }
 
 /// When the firmware says that it flies.

@@ -43,9 +43,17 @@ pub(crate) fn record(log: &Log, path: &Path) -> Result<Recording, LogError> {
     recording.hints.name = namespace.rsplit('/').next().filter(|name| !name.is_empty()).map(Into::into);
     fill(&mut recording, &bag, &poses, namespace);
     if let Some(load) = poses.load {
-        recording.signals.extra = load_position(load);
+        recording.signals.extra = position_as(load, ["load_north", "load_east", "load_down"]);
     }
-    if !poses.others.is_empty() {
+    if let [other] = &poses.others[..]
+        && other.namespace() != namespace
+        && poses.load.is_none_or(|load| load.namespace() != other.namespace())
+    {
+        recording.signals.extra.extend(position_as(other, ["other_north", "other_east", "other_down"]));
+        let sentence =
+            "is kept as other_north, other_east and other_down, which formulas of effects can name";
+        recording.notes.push(format!("the pose {} {sentence}", other.table.name));
+    } else if !poses.others.is_empty() {
         let names: Vec<&str> = poses.others.iter().map(|topic| topic.table.name.as_str()).collect();
         recording
             .notes
@@ -166,15 +174,15 @@ fn voltage(bag: &Bag<'_>, namespace: &str) -> Option<Signal<1>> {
         .filter(|signal| signal.values[0].iter().any(|voltage| *voltage > 0.0))
 }
 
-/// Where a load is.
-fn load_position(topic: &Topic<'_>) -> Vec<(String, Signal<1>)> {
+/// A position that is not the craft's, in three columns.
+fn position_as(topic: &Topic<'_>, names: [&str; 3]) -> Vec<(String, Signal<1>)> {
     let Some(Signal { source, t, values }) = topic.vector(&["pose.position", "pose.pose.position"]) else {
         return Vec::new();
     };
     let signal = |(name, values): (&str, Vec<f64>)| {
         (name.to_owned(), Signal { source: source.clone(), t: t.clone(), values: [values] })
     };
-    ["load_north", "load_east", "load_down"].into_iter().zip(values).map(signal).collect()
+    names.into_iter().zip(values).map(signal).collect()
 }
 
 impl Topic<'_> {

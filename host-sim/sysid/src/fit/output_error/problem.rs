@@ -91,7 +91,7 @@ impl<'a> Problem<'a> {
                     velocities: states.iter().map(velocity_ned_m_s).collect(),
                     states,
                     rotor_mean_rad_s: mean_rotor_speeds(model, flight, stretch),
-                    battery_v: &stretch.battery_v,
+                    stretch,
                     period_s: flight.period_s,
                     starts,
                     block: (BLOCK_S / START_STEP_S).round() as usize,

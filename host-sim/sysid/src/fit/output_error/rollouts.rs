@@ -4,6 +4,7 @@ use model::{Plant, State};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3, Vector4};
 
 use crate::fit::open_loop::{LONGEST_HORIZON, Track, velocity_ned_m_s};
+use crate::prepare::Stretch;
 
 /// Horizons that enter the loss are multiples of this, samples.
 const HORIZON_STEP: usize = 5;
@@ -18,7 +19,7 @@ pub(super) struct Run<'a> {
     pub(super) states: Vec<State>,
     pub(super) rotor_mean_rad_s: Vec<[f64; 4]>,
     pub(super) velocities: Vec<Vector3<f64>>,
-    pub(super) battery_v: &'a [f64],
+    pub(super) stretch: &'a Stretch,
     pub(super) period_s: f64,
     pub(super) starts: Vec<usize>,
     /// Starts in one block of the covariance.
@@ -31,7 +32,7 @@ impl Run<'_> {
         let track = Track {
             states: &self.states,
             rotor_mean_rad_s: &self.rotor_mean_rad_s,
-            battery_v: self.battery_v,
+            stretch: self.stretch,
             period_s: self.period_s,
             turns: true,
         };
