@@ -2,13 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
+use flights::Column;
+
 use crate::conversion::{Part, convert};
 use crate::decode::decode;
 use crate::error::LogError;
 use crate::format::Format;
 use crate::log::{Log, Losses, Table, TimeUnit};
 use crate::recording::{Hints, Recording};
-use crate::sources::record;
+use crate::sources::{OwnFlight, own_flights, record};
 
 /// How much of a file tells its format.
 const HEAD_BYTES: usize = 4096;
@@ -100,15 +102,14 @@ pub fn import(path: &Path) -> Result<Import, LogError> {
 /// Makes flights of the bytes of a log; `path` is for messages and gives the flights their names.
 pub fn import_bytes(bytes: &[u8], path: &Path) -> Result<Import, LogError> {
     let log = decode(bytes, path)?;
+    if let Some(flights) = own_flights(&log, path)? {
+        return Ok(own(log, flights, path));
+    }
     let recordings = record(&log, path)?;
     Ok(imported(log, &recordings, path))
 }
 
 fn imported(log: Log, recordings: &[Recording], path: &Path) -> Import {
-    let stem = match path.file_stem() {
-        Some(stem) if path != Path::new(STANDARD_INPUT) => stem.to_string_lossy().into_owned(),
-        _ => "log".to_owned(),
-    };
     let (mut flights, mut limits, mut notes) = (Vec::new(), Vec::new(), Vec::new());
     for recording in recordings {
         let (made, left_out) = convert(recording);
@@ -116,19 +117,62 @@ fn imported(log: Log, recordings: &[Recording], path: &Path) -> Import {
         add_new(&mut limits, recording.limits.iter().cloned());
         add_new(&mut notes, recording.notes.iter().cloned().chain(left_out));
     }
-    number(&mut flights, &stem);
     let first = recordings.first();
-    Import {
-        path: path.into(),
-        format: log.format,
-        firmware: log.firmware,
-        messages: log.tables.iter().map(|table| Messages::of(table, log.format)).collect(),
-        sources: first.map_or_else(Sources::default, Sources::of),
-        flights,
-        hints: first.map_or_else(Hints::default, |recording| recording.hints.clone()),
-        losses: log.losses,
-        limits,
-        notes,
+    let sources = first.map_or_else(Sources::default, Sources::of);
+    let hints = first.map_or_else(Hints::default, |recording| recording.hints.clone());
+    Import { sources, hints, limits, notes, ..Import::of(log, flights, path) }
+}
+
+/// Of quadlab's own recording, whose rows are in its frames and units already.
+fn own(log: Log, flights: Vec<OwnFlight>, path: &Path) -> Import {
+    let has = |column| flights.iter().any(|own| own.flight.column(column).is_some());
+    let field = |name: &str| Some(format!("/telemetry {name}"));
+    let sources = Sources {
+        position: field("tracked.position_m"),
+        attitude: field("tracked.attitude_rad"),
+        rates: field(if log.telemetry.iter().any(|row| row.imu.is_some()) {
+            "imu.gyro_rad_s"
+        } else {
+            "tracked_rates_rad_s"
+        }),
+        specific_force: has(Column::Ax).then(|| field("imu.acceleration_m_s2")).flatten(),
+        commands: field("pwm"),
+        rotor_speed: None,
+        voltage: field("battery_v"),
+    };
+    let notes = vec!["is a recording of quadlab's own ground station: its rows are taken as they are".into()];
+    let parts = flights.into_iter().map(Part::of_own).collect();
+    Import { sources, notes, ..Import::of(log, parts, path) }
+}
+
+/// Flights of one file have its name, and are numbered where there are several.
+fn name(flights: &mut [Part], path: &Path) {
+    let stem = match path.file_stem() {
+        Some(stem) if path != Path::new(STANDARD_INPUT) => stem.to_string_lossy().into_owned(),
+        _ => "log".to_owned(),
+    };
+    let several = flights.len() > 1;
+    for (index, part) in flights.iter_mut().enumerate() {
+        part.flight.name = if several { format!("{stem}-{}.csv", index + 1) } else { format!("{stem}.csv") };
+    }
+}
+
+impl Import {
+    /// What a log and its flights say without knowing which program wrote it.
+    fn of(log: Log, mut flights: Vec<Part>, path: &Path) -> Self {
+        name(&mut flights, path);
+        Self {
+            path: path.into(),
+            format: log.format,
+            messages: log.tables.iter().map(|table| Messages::of(table, log.format)).collect(),
+            firmware: log.firmware,
+            sources: Sources::default(),
+            flights,
+            hints: Hints::default(),
+            losses: log.losses,
+            limits: Vec::new(),
+            notes: Vec::new(),
+        }
     }
 }
 
@@ -138,14 +182,6 @@ fn add_new(told: &mut Vec<String>, sentences: impl Iterator<Item = String>) {
         if !told.contains(&sentence) {
             told.push(sentence);
         }
-    }
-}
-
-/// Flights of one file are numbered where there are several.
-fn number(flights: &mut [Part], stem: &str) {
-    let several = flights.len() > 1;
-    for (index, part) in flights.iter_mut().enumerate() {
-        part.flight.name = if several { format!("{stem}-{}.csv", index + 1) } else { format!("{stem}.csv") };
     }
 }
 

@@ -192,7 +192,7 @@ mod tests {
             firmware: None,
             messages: Vec::new(),
             sources: Sources::default(),
-            flights: vec![Part { flight, span: [0.0, 0.02], rate_hz: 100.0, lost_s: 0.0 }],
+            flights: vec![Part { flight, span: [0.0, 0.02], rate_hz: 100.0, lost_s: 0.0, cuts: Vec::new() }],
             hints,
             losses: Losses::default(),
             limits: Vec::new(),

@@ -9,6 +9,7 @@ mod parquet;
 mod ros_messages;
 mod rosbag1;
 mod rosbag2;
+mod telemetry;
 mod ulog;
 
 use std::path::Path;
@@ -16,6 +17,8 @@ use std::path::Path;
 use crate::error::LogError;
 use crate::format::Format;
 use crate::log::Log;
+
+pub use telemetry::telemetry_from_json;
 
 /// Decodes the bytes of a log; `path` is for messages.
 pub fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {

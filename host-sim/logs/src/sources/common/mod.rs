@@ -1,8 +1,7 @@
 //! What the tables of several programs need on their way to signals.
 
-pub(super) mod attitude;
 pub(super) mod series;
-pub(super) mod spans;
+pub(super) mod surroundings;
 
 /// Names out of a log as part of a sentence, without control characters and not too long.
 pub(super) fn plain_list(names: &[&str]) -> String {
