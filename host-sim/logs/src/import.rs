@@ -4,11 +4,13 @@ use std::path::{Path, PathBuf};
 
 use flights::Column;
 
+use crate::clocks::{self, ClockPair};
 use crate::conversion::{Part, convert};
-use crate::decode::decode;
+use crate::decode::decode_watched;
 use crate::error::LogError;
 use crate::format::Format;
 use crate::log::{Log, Losses, Table, TimeUnit};
+use crate::progress::{Progress, REPORTED_BYTES, UNWATCHED, Watch};
 use crate::recording::{Hints, Recording};
 use crate::sources::{OwnFlight, own_flights, record};
 
@@ -28,6 +30,8 @@ pub struct Import {
     pub messages: Vec<Messages>,
     /// Which of them became which quantity.
     pub sources: Sources,
+    /// Every pair of clocks that stamp the same rows.
+    pub clocks: Vec<ClockPair>,
     /// The flights.
     pub flights: Vec<Part>,
     /// What the log says about the craft.
@@ -92,16 +96,43 @@ pub fn read_standard_input() -> Result<Vec<u8>, LogError> {
 
 /// Reads a log, `-` for standard input, and makes flights of it.
 pub fn import(path: &Path) -> Result<Import, LogError> {
-    if path == Path::new(STANDARD_INPUT) {
-        return import_bytes(&read_standard_input()?, path);
+    import_watched(path, UNWATCHED)
+}
+
+/// The same, and tells who watches how far it is.
+pub fn import_watched(path: &Path, watch: Watch<'_>) -> Result<Import, LogError> {
+    let bytes = if path == Path::new(STANDARD_INPUT) {
+        watch(Progress { stage: "reading", bytes: None });
+        read_standard_input()?
+    } else {
+        read_file(path, watch).map_err(|source| LogError::Read { path: path.into(), source })?
+    };
+    bytes_watched(&bytes, path, watch)
+}
+
+fn read_file(path: &Path, watch: Watch<'_>) -> std::io::Result<Vec<u8>> {
+    use std::io::Read as _;
+    let mut file = std::fs::File::open(path)?;
+    let all = usize::try_from(file.metadata()?.len()).unwrap_or(usize::MAX);
+    let mut bytes = Vec::new();
+    // A file that cannot be held is the reader's to refuse.
+    let _ = bytes.try_reserve_exact(all);
+    loop {
+        watch(Progress { stage: "reading", bytes: Some((bytes.len(), all)) });
+        if file.by_ref().take(REPORTED_BYTES as u64).read_to_end(&mut bytes)? == 0 {
+            return Ok(bytes);
+        }
     }
-    let bytes = std::fs::read(path).map_err(|source| LogError::Read { path: path.into(), source })?;
-    import_bytes(&bytes, path)
 }
 
 /// Makes flights of the bytes of a log; `path` is for messages and gives the flights their names.
 pub fn import_bytes(bytes: &[u8], path: &Path) -> Result<Import, LogError> {
-    let log = decode(bytes, path)?;
+    bytes_watched(bytes, path, UNWATCHED)
+}
+
+fn bytes_watched(bytes: &[u8], path: &Path, watch: Watch<'_>) -> Result<Import, LogError> {
+    let log = decode_watched(bytes, path, watch)?;
+    watch(Progress { stage: "making flights", bytes: None });
     if let Some(flights) = own_flights(&log, path)? {
         return Ok(own(log, flights, path));
     }
@@ -164,6 +195,7 @@ impl Import {
         Self {
             path: path.into(),
             format: log.format,
+            clocks: clocks::pairs(&log),
             messages: log.tables.iter().map(|table| Messages::of(table, log.format)).collect(),
             firmware: log.firmware,
             sources: Sources::default(),

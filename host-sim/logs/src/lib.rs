@@ -10,25 +10,30 @@
 //! A damaged log gives what stands before and after the damage. Nothing here panics on what a file holds.
 #![forbid(unsafe_code)]
 
+mod clocks;
 mod conversion;
 mod decode;
 mod error;
 mod format;
 mod import;
 mod log;
+mod progress;
 mod recording;
 mod sources;
 mod spans;
 mod vehicle;
 
+pub use clocks::ClockPair;
 pub use conversion::{Cause, Cut, Part, convert};
 pub use decode::{decode, telemetry_from_json};
 pub use error::LogError;
 pub use format::Format;
 pub use import::{
-    Import, Messages, STANDARD_INPUT, Sources, format_of, import, import_bytes, read_standard_input,
+    Import, Messages, STANDARD_INPUT, Sources, format_of, import, import_bytes, import_watched,
+    read_standard_input,
 };
 pub use log::{Column, Log, Losses, ParameterChange, Table, TimeUnit, Values};
+pub use progress::{Progress, Watch};
 pub use recording::{Hints, Recording, Signal, Signals, Span};
 pub use sources::{FlightCutter, OwnFlight, record};
 pub use vehicle::{Draft, draft};

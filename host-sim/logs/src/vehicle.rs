@@ -191,6 +191,7 @@ mod tests {
             format: Format::Ulog,
             firmware: None,
             messages: Vec::new(),
+            clocks: Vec::new(),
             sources: Sources::default(),
             flights: vec![Part { flight, span: [0.0, 0.02], rate_hz: 100.0, lost_s: 0.0, cuts: Vec::new() }],
             hints,

@@ -136,6 +136,7 @@ const FOLDERS: &[Folder] = &[
         &["recording.rs"],
         "stretches of time are joined and met the same way everywhere",
     ),
+    row("logs", "progress.rs", &[], "how far something is does not depend on what it is"),
     row("logs", "decode/common", &[], "bytes are read and damage is told the same way in every format"),
     row(
         "logs",
@@ -158,19 +159,19 @@ const FOLDERS: &[Folder] = &[
     row(
         "logs",
         "decode/blackbox",
-        &["decode/common", "format.rs", "error.rs", "log.rs"],
+        &["decode/common", "format.rs", "error.rs", "log.rs", "progress.rs"],
         "a format is decoded without knowing the others",
     ),
     row(
         "logs",
         "decode/dataflash",
-        &["decode/common", "format.rs", "error.rs", "log.rs"],
+        &["decode/common", "format.rs", "error.rs", "log.rs", "progress.rs"],
         "a format is decoded without knowing the others",
     ),
     row(
         "logs",
         "decode/ulog",
-        &["decode/common", "format.rs", "error.rs", "log.rs"],
+        &["decode/common", "format.rs", "error.rs", "log.rs", "progress.rs"],
         "a format is decoded without knowing the others",
     ),
     row(
@@ -187,6 +188,7 @@ const FOLDERS: &[Folder] = &[
             "format.rs",
             "error.rs",
             "log.rs",
+            "progress.rs",
         ],
         "decoding interprets nothing",
     ),
@@ -248,7 +250,17 @@ const FOLDERS: &[Folder] = &[
     row(
         "logs",
         ".",
-        &["format.rs", "error.rs", "log.rs", "recording.rs", "spans.rs", "decode", "sources", "conversion"],
+        &[
+            "format.rs",
+            "error.rs",
+            "log.rs",
+            "progress.rs",
+            "recording.rs",
+            "spans.rs",
+            "decode",
+            "sources",
+            "conversion",
+        ],
         "the library joins the three steps",
     ),
     row("sysid", "statistics.rs", &[], "numbers in, numbers out"),

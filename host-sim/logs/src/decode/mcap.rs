@@ -18,6 +18,7 @@ use super::telemetry::telemetry_from_json;
 use crate::error::LogError;
 use crate::format::Format;
 use crate::log::{Column, Log, Table, Values};
+use crate::progress::Decoding;
 
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";
 const HEADER: u8 = 1;
@@ -31,7 +32,7 @@ const TELEMETRY: &str = "quadlab.Telemetry";
 /// Bytes of a message before its data.
 const MESSAGE_HEAD: usize = 22;
 
-pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
+pub(crate) fn decode(bytes: &[u8], path: &Path, progress: &mut Decoding<'_>) -> Result<Log, LogError> {
     let mut log = Log::new(Format::Mcap);
     let mut file = File {
         topics: Topics::new(bytes.len()),
@@ -47,9 +48,9 @@ pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
     let end = bytes.len() - if bytes[MAGIC.len()..].ends_with(MAGIC) { MAGIC.len() } else { 0 };
     let records = &bytes[..end];
     // The summary at the end repeats schemas and channels: for chunks whose own are lost.
-    file.walk(records, MAGIC.len(), 0, Depth::Definitions);
+    file.walk(records, MAGIC.len(), 0, Depth::Definitions, &mut |_| {});
     file.faults = Faults::default();
-    let data_end = file.walk(records, MAGIC.len(), 0, Depth::Chunks);
+    let data_end = file.walk(records, MAGIC.len(), 0, Depth::Chunks, &mut |byte| progress.at(byte));
     if !data_end {
         file.faults.say("the file was not closed: what came last may be missing");
     }
@@ -159,10 +160,18 @@ fn chunk(content: &[u8]) -> Option<Chunk<'_>> {
 }
 
 impl File {
-    /// Reads records one after another; whether the end of the data was there.
-    fn walk(&mut self, bytes: &[u8], from: usize, offset: usize, depth: Depth) -> bool {
+    /// Reads records one after another, each told to `at_byte`; whether the end of the data was there.
+    fn walk(
+        &mut self,
+        bytes: &[u8],
+        from: usize,
+        offset: usize,
+        depth: Depth,
+        at_byte: &mut dyn FnMut(usize),
+    ) -> bool {
         let mut at = from;
         while at < bytes.len() {
+            at_byte(at);
             let found = record(bytes, at);
             let fits = found.as_ref().is_some_and(|record| record.whole && self.fits(record, depth));
             let mut end = found.as_ref().map_or(bytes.len(), |record| record.end);
@@ -322,10 +331,10 @@ impl File {
     /// Reads a chunk; that one that is cut ends within a record was said already.
     fn walk_chunk(&mut self, bytes: &[u8], at: usize, whole: bool) {
         if whole {
-            self.walk(bytes, 0, at, Depth::Inside);
+            self.walk(bytes, 0, at, Depth::Inside, &mut |_| {});
         } else {
             let faults = std::mem::take(&mut self.faults);
-            self.walk(bytes, 0, at, Depth::Inside);
+            self.walk(bytes, 0, at, Depth::Inside, &mut |_| {});
             self.faults = faults;
         }
     }

@@ -502,8 +502,8 @@ fn times_are_put_in_order() {
     assert!(attitude.t.windows(2).all(|pair| pair[0] < pair[1]));
     assert_eq!(attitude.t.len(), 102);
     assert!((attitude.t[101] - 2.98).abs() < 1e-9);
-    // Signs are continuous: they are those of the first row.
-    assert!(attitude.values[0].iter().all(|w| *w == -1.0));
+    // Signs are continuous, and the first one is that of an upright craft.
+    assert!(attitude.values[0].iter().all(|w| *w == 1.0));
     assert_eq!(recording.notes.len(), 2, "{:?}", recording.notes);
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use diagnosis::workflow::{Observer as _, Progress};
+use diagnosis::workflow::import_log;
 use logs::{Draft, Import};
 
 use crate::cli::flights::{Kind, named_files};
@@ -19,9 +19,8 @@ pub(crate) fn read_logs(named: &[PathBuf], json: bool) -> anyhow::Result<Vec<Rea
     let paths = named_files(named, Kind::Logs)?;
     let terminal = Terminal::new(json);
     let mut read = Vec::new();
-    for (done, path) in paths.iter().enumerate() {
-        terminal.progress(Progress { activity: "reading logs", steps: Some((done, paths.len())) });
-        read.push(Read { path: path.clone(), import: logs::import(path) });
+    for path in &paths {
+        read.push(Read { path: path.clone(), import: import_log(path, &terminal) });
     }
     terminal.clear();
     Ok(read)

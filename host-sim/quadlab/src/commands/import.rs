@@ -4,12 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use logs::{Draft, Import, Part, Sources};
+use logs::{Cause, ClockPair, Draft, Import, Part, Sources};
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::cli::colour;
 use crate::cli::logs::{Read, draft, imported, read_logs, refused};
+use crate::cli::motion_clocks;
 use crate::cli::output::Outcome;
 use crate::render::import_text;
 
@@ -18,8 +19,8 @@ const VEHICLE: &str = "vehicle.toml";
 
 /// Make flight files from logs of other programs.
 ///
-/// Reads PX4 ULog, ArduPilot DataFlash, Betaflight and INAV blackbox, Crazyflie SD-card logs, ROS 1 and ROS 2 bags, MCAP and
-/// Parquet. Writes a flight file for each part that was flown, and a vehicle file that marks what you still have to measure; an
+/// Reads PX4 ULog, ArduPilot DataFlash, Betaflight and INAV blackbox, Crazyflie SD-card logs, ROS 1 and ROS 2 bags, MCAP,
+/// Parquet, and recordings of `quadlab ground`. Prints how far the log's clocks are apart, and what was cut out. Writes a flight file for each part that was flown, and a vehicle file that marks what you still have to measure; an
 /// existing one is kept unless --force is given. Every command that takes flights also takes logs: import only saves the flights
 /// as files. Exit status 2 if a log is refused; the others are still imported.
 #[derive(clap::Args)]
@@ -45,6 +46,9 @@ pub(crate) struct Options {
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let mut read = read_logs(&options.logs, options.json)?;
     name_apart(&mut read);
+    for import in read.iter_mut().filter_map(|read| read.import.as_mut().ok()) {
+        import.clocks.extend(motion_clocks::of(import));
+    }
     let (draft, two_craft) = match draft(&read) {
         Ok(draft) => (draft, None),
         Err(why) => (None, Some(why.to_string())),
@@ -121,6 +125,8 @@ struct LogEntry<'a> {
     messages: BTreeMap<&'a str, MessagesEntry>,
     /// The format's own name of what became each quantity.
     sources: Option<&'a Sources>,
+    /// Every pair of clocks that stamp the same rows or see the same motion.
+    clocks: &'a [ClockPair],
     flights: Vec<FlightEntry>,
     /// Times at which the craft could not write fast enough, and what they lost.
     dropouts: usize,
@@ -153,6 +159,18 @@ struct FlightEntry {
     columns: Vec<String>,
     /// Time without rows in between, s.
     lost_s: f64,
+    /// What was left out in between.
+    cuts: Vec<CutEntry>,
+}
+
+#[derive(Serialize, JsonSchema)]
+struct CutEntry {
+    /// First and last time on the log's clock, s.
+    start_s: f64,
+    end_s: f64,
+    /// Rows: `gap` (the log has none for more than 3.5 periods), `dropout` (the craft could not write). `position` and
+    /// `attitude`: these columns only, where the estimator was not sure of them, or they jumped.
+    why: Cause,
 }
 
 fn document<'a>(
@@ -188,6 +206,11 @@ fn entry<'a>(read: &Read, import: &'a Import, paths: &mut std::slice::Iter<'_, P
         rate_hz: part.rate_hz,
         columns: part.flight.logged_columns().map(ToOwned::to_owned).collect(),
         lost_s: part.lost_s,
+        cuts: part
+            .cuts
+            .iter()
+            .map(|cut| CutEntry { start_s: cut.span[0], end_s: cut.span[1], why: cut.why })
+            .collect(),
     });
     LogEntry {
         file: read.path.display().to_string(),
@@ -195,6 +218,7 @@ fn entry<'a>(read: &Read, import: &'a Import, paths: &mut std::slice::Iter<'_, P
         firmware: import.firmware.as_deref(),
         messages: messages.collect(),
         sources: Some(&import.sources),
+        clocks: &import.clocks,
         flights: flights.collect(),
         dropouts: import.losses.dropouts,
         dropouts_s: import.losses.dropouts_s,
@@ -216,6 +240,7 @@ impl LogEntry<'_> {
             firmware: None,
             messages: BTreeMap::new(),
             sources: None,
+            clocks: &[],
             flights: Vec::new(),
             dropouts: 0,
             dropouts_s: 0.0,
