@@ -219,18 +219,13 @@ impl Line {
         rows.sort_by(|a, b| a[0].total_cmp(&b[0]));
         let middle_time_s = f64::midpoint(rows[0][0], rows[rows.len() - 1][0]);
         rows.iter_mut().for_each(|row| row[0] -= middle_time_s);
-        let block_rows = rows.len().div_ceil(MOST_BLOCKS).max(BLOCK_ROWS);
-        let blocks: Vec<[f64; 2]> = rows
-            .chunks(block_rows)
-            .map(|block| [0, 1].map(|part| median(block.iter().map(|row| row[part]).collect())))
-            .collect();
-        let mut slopes = Vec::new();
-        for (k, [t, value]) in blocks.iter().enumerate() {
-            let later = blocks[k + 1..].iter().filter(|[other, _]| other > t);
-            slopes.extend(later.map(|[other, other_value]| (other_value - value) / (other - t)));
-        }
-        let slope = median(slopes);
-        let flat = |[t, value]: &[f64; 2]| if slope.is_finite() { value - slope * t } else { *value };
+        // The median of a block that drifts is not that of its delays: the second line goes through what the first one leaves.
+        let first = slope_of(&blocks_of(&rows));
+        let drift = if first.is_finite() { first } else { 0.0 };
+        rows.iter_mut().for_each(|row| row[1] -= drift * row[0]);
+        let blocks = blocks_of(&rows);
+        let left = slope_of(&blocks);
+        let flat = |[t, value]: &[f64; 2]| if left.is_finite() { value - left * t } else { *value };
         let middle_s = median(blocks.iter().map(flat).collect());
         let residuals: Vec<f64> = blocks.iter().map(|block| flat(block) - middle_s).collect();
         // Of blocks that follow each other, a late one is often followed by another: then there are fewer of them.
@@ -247,12 +242,29 @@ impl Line {
         Self {
             middle_s,
             middle_std_error_s: one_s / (blocks.len() as f64).sqrt(),
-            slope,
+            slope: first + left,
             slope_std_error: if spread > 0.0 { one_s / spread } else { f64::NAN },
             scatter_s: deviation(&of_rows),
             furthest_s: of_rows.iter().fold(0.0, |most, residual| f64::max(most, residual.abs())),
         }
     }
+}
+
+/// Medians of rows that follow each other.
+fn blocks_of(rows: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let block_rows = rows.len().div_ceil(MOST_BLOCKS).max(BLOCK_ROWS);
+    let of = |block: &[[f64; 2]]| [0, 1].map(|part| median(block.iter().map(|row| row[part]).collect()));
+    rows.chunks(block_rows).map(of).collect()
+}
+
+/// The median of the slopes between all pairs of blocks; NaN where time stands still.
+fn slope_of(blocks: &[[f64; 2]]) -> f64 {
+    let mut slopes = Vec::new();
+    for (k, [t, value]) in blocks.iter().enumerate() {
+        let later = blocks[k + 1..].iter().filter(|[other, _]| other > t);
+        slopes.extend(later.map(|[other, other_value]| (other_value - value) / (other - t)));
+    }
+    median(slopes)
 }
 
 /// NaN of nothing.
