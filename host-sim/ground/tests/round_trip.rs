@@ -5,9 +5,7 @@ use std::path::Path;
 
 use flights::{Column, Flight};
 use ground::recording::{Entry, Recorder, finish, part_of};
-use proto::{
-    Counters, ImuSample, Mode, Pose, Refusal, Request, State, Supervision, Telemetry, TimedPose,
-};
+use proto::{Counters, ImuSample, Mode, Pose, Refusal, Request, State, Supervision, Telemetry, TimedPose};
 use rand::{Rng, RngExt, SeedableRng};
 
 const TICKS: u32 = 300;
@@ -99,7 +97,10 @@ fn assert_is_what_was_written(flight: &Flight, written: &[Telemetry], what: &str
                 let is_pose = [X, Y, Z, Phi, Theta, Psi].contains(&name);
                 let is_repeated = is_pose && row > 0 && sent.tracked == rows[row - 1].tracked;
                 let sent = of(sent, k).filter(|_| !is_repeated);
-                assert!(is_same(*read, sent), "{what}: {name:?} of row {row} is {read}, was written as {sent:?}");
+                assert!(
+                    is_same(*read, sent),
+                    "{what}: {name:?} of row {row} is {read}, was written as {sent:?}"
+                );
             }
         }
     }
@@ -130,7 +131,10 @@ fn every_recording_reads_back_with_the_digits_that_were_written() {
         }
         let beside = Flight::read(&finished.flights[0]).unwrap();
         assert_is_what_was_written(&beside, &written, "csv");
-        assert_eq!(imported.flights[0].flight.to_csv(), std::fs::read_to_string(&finished.flights[0]).unwrap());
+        assert_eq!(
+            imported.flights[0].flight.to_csv(),
+            std::fs::read_to_string(&finished.flights[0]).unwrap()
+        );
         // A flight file is what was imported.
         let csv = imported.flights[0].flight.to_csv();
         let again = Flight::parse(csv.as_bytes(), Path::new("again")).unwrap();
@@ -147,7 +151,9 @@ fn the_clocks_of_a_recording_are_compared() {
     let import = logs::import(&finish(&name).unwrap().mcap).unwrap();
     let pair = |clock: &str, reference: &str| {
         let mut pairs = import.clocks.iter();
-        pairs.find(|p| p.clock == clock && p.reference == reference).unwrap_or_else(|| panic!("{:?}", import.clocks))
+        pairs
+            .find(|p| p.clock == clock && p.reference == reference)
+            .unwrap_or_else(|| panic!("{:?}", import.clocks))
     };
     let written = pair("time of writing", "ground_us");
     assert!((written.offset_ms - (1.7e12 + 3.0)).abs() < 0.01, "{written:?}");

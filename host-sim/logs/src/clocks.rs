@@ -123,10 +123,13 @@ fn clocks(table: &Table, format: Format) -> Vec<Clock> {
         ns: table.times.iter().map(|&time| time.checked_mul(unit.nanoseconds())).collect(),
         step_ns: unit.nanoseconds(),
     };
-    let stamped = STAMPS.iter().filter_map(|&(name, unit)| {
-        let ns = stamps(table.column(name)?, unit);
-        Some(Clock { name: name.into(), ns, step_ns: unit.nanoseconds() })
-    });
+    // Elsewhere than with PX4, a column of this name can be in any unit.
+    let is_px4 = table.message_type.as_deref().is_some_and(|name| name.starts_with("px4_msgs/"));
+    let stamped =
+        STAMPS.iter().filter(|(name, _)| is_px4 || *name != "timestamp").filter_map(|&(name, unit)| {
+            let ns = stamps(table.column(name)?, unit);
+            Some(Clock { name: name.into(), ns, step_ns: unit.nanoseconds() })
+        });
     let mut all = vec![times];
     all.extend(stamped.chain(gps_time(table)).chain(relative(table)));
     all.retain(|clock| !clock.ns.is_empty());
@@ -171,11 +174,15 @@ fn relative(table: &Table) -> Option<Clock> {
     Some(Clock { name: "accelerometer".into(), ns: ns.collect(), step_ns: 1_000 })
 }
 
-/// One clock against another; nothing where there are too few rows, or both are the same to the last digit.
+/// One clock against another; nothing where there are too few rows, or one of them stands still.
 fn compared(of: &str, clock: &Clock, reference: &Clock) -> Option<ClockPair> {
     let both: Vec<[i64; 2]> =
         clock.ns.iter().zip(&reference.ns).filter_map(|(a, b)| Some([(*a)?, (*b)?])).collect();
-    if both.len() < FEWEST {
+    // The time of an event that is told again and again is none of these rows.
+    let stands_still = |which: usize| {
+        2 * both.windows(2).filter(|pair| pair[0][which] == pair[1][which]).count() > both.len()
+    };
+    if both.len() < FEWEST || stands_still(0) || stands_still(1) {
         return None;
     }
     // What a number of 53 bits does not hold is taken off first.
@@ -354,6 +361,7 @@ mod tests {
         log.tables[0].columns = vec![
             Column { name: "craft_us".into(), values: Values::U32(us) },
             Column { name: "ground_us".into(), values: Values::U32(vec![0; 3000]) },
+            Column { name: "remote_timestamp".into(), values: Values::U64(vec![5_000_000; 3000]) },
         ];
         let [pair] = &pairs(&log)[..] else { panic!("{:?}", pairs(&log)) };
         assert!((pair.skew_ppm.unwrap() + 100.0).abs() < 5.0, "{pair:?}");

@@ -436,6 +436,11 @@ impl Writer {
 
 /// A quadcopter that hovers, at 50 Hz: all that a flight needs, in some twenty kilobytes.
 fn hover(parameters: &[(&str, i32)], rows: u64) -> Writer {
+    hover_with(parameters, rows, |_, _| {})
+}
+
+/// The same; `before` may write something before each row, whose number it is told.
+fn hover_with(parameters: &[(&str, i32)], rows: u64, before: impl Fn(&mut Writer, u64)) -> Writer {
     let mut log = Writer::new();
     log.record(b'F', b"vehicle_attitude:uint64_t timestamp;uint64_t timestamp_sample;float[4] q;");
     log.record(b'F', b"vehicle_local_position:uint64_t timestamp;float x;float y;float z;float vx;float vy;float vz;uint8_t xy_reset_counter;bool z_valid;");
@@ -456,6 +461,7 @@ fn hover(parameters: &[(&str, i32)], rows: u64) -> Writer {
     }
     log.row(3, 1_000_000, &[2]);
     for row in 0..rows {
+        before(&mut log, row);
         let us = 1_000_000 + row * 20_000;
         let floats =
             |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
@@ -487,6 +493,60 @@ fn a_written_log_is_read() {
     assert_eq!(recording.untrusted.len(), 1);
     assert_close("jump", &recording.untrusted[0], &[1.93, 2.05], 1e-9);
     assert_eq!(recording.airborne.len(), 1);
+}
+
+/// The dropout of 40 ms stands before row 100, so it begins with row 99. Less than a gap of 50 Hz, it is cut as one.
+#[test]
+fn a_dropout_is_cut_out_where_it_was() {
+    let written = hover_with(&[("MAV_TYPE", 2)], 300, |log, row| {
+        if row == 100 {
+            log.record(b'O', &40_u16.to_le_bytes());
+        }
+    });
+    let log = written.decoded();
+    let [span] = log.losses.dropout_spans_s[..] else { panic!("{:?}", log.losses) };
+    assert_close("dropout", &span, &[2.98, 3.02], 1e-3);
+    let import = logs::import_bytes(&written.0, Path::new("written.ulg")).expect("flight");
+    let [part] = &import.flights[..] else { panic!("{} flights", import.flights.len()) };
+    let rows = part.cuts.iter().find(|cut| cut.why == logs::Cause::Dropout).expect("cut");
+    assert_close("cut", &rows.span, &[2.96, 3.04], 1e-6);
+    assert_eq!((part.cuts.len(), part.flight.len()), (2, 297));
+    // The position that was reset between rows 149 and 150.
+    let position = part.cuts.iter().find(|cut| cut.why == logs::Cause::Position).expect("reset");
+    assert_close("reset", &position.span, &[3.93, 4.05], 1e-9);
+}
+
+#[test]
+fn a_rotor_that_moves_in_flight_makes_it_two() {
+    let mut parameters = vec![("MAV_TYPE", 2), ("CA_ROTOR_COUNT", 4)];
+    for (names, [front, right, spin]) in [
+        (["CA_ROTOR0_PX", "CA_ROTOR0_PY", "CA_ROTOR0_KM"], [2, 2, 1]),
+        (["CA_ROTOR1_PX", "CA_ROTOR1_PY", "CA_ROTOR1_KM"], [-2, -2, 1]),
+        (["CA_ROTOR2_PX", "CA_ROTOR2_PY", "CA_ROTOR2_KM"], [2, -2, -1]),
+        (["CA_ROTOR3_PX", "CA_ROTOR3_PY", "CA_ROTOR3_KM"], [-2, 2, -1]),
+    ] {
+        parameters.extend(names.into_iter().zip([front, right, spin]));
+    }
+    let written = hover_with(&parameters, 600, |log, row| {
+        // Of no account, and then of some.
+        if row == 100 {
+            log.pair(b'P', "float MC_ROLLRATE_P", &0.2_f32.to_le_bytes());
+        }
+        if row == 300 {
+            log.pair(b'P', "float CA_ROTOR0_PX", &3.0_f32.to_le_bytes());
+        }
+    });
+    let recordings = logs::record(&written.decoded(), Path::new("written.ulg")).expect("quadcopter");
+    let front_right = |k: usize| recordings[k].hints.rotor_positions_m.expect("positions")[1];
+    assert_eq!((recordings.len(), front_right(0), front_right(1)), (2, [2.0, 2.0], [3.0, 2.0]));
+    let import = logs::import_bytes(&written.0, Path::new("written.ulg")).expect("flights");
+    let [first, second] = &import.flights[..] else { panic!("{} flights", import.flights.len()) };
+    assert_close("ends", &[first.span[1], second.span[0]], &[6.98, 6.98], 0.03);
+    assert!(
+        import.notes.iter().any(|note| note.starts_with("CA_ROTOR0_PX was set from 2 to 3 at 7.0 s")),
+        "{:?}",
+        import.notes
+    );
 }
 
 /// Times that go back, come twice or are damaged.

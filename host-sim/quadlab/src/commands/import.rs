@@ -47,7 +47,8 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let mut read = read_logs(&options.logs, options.json)?;
     name_apart(&mut read);
     for import in read.iter_mut().filter_map(|read| read.import.as_mut().ok()) {
-        import.clocks.extend(motion_clocks::of(import));
+        // What decides about a flight first.
+        import.clocks.splice(0..0, motion_clocks::of(import));
     }
     let (draft, two_craft) = match draft(&read) {
         Ok(draft) => (draft, None),

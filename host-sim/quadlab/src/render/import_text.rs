@@ -137,7 +137,7 @@ fn clocks(import: &Import) -> Grid {
         ],
     );
     for pair in &import.clocks {
-        let [offset, offset_error] = value_and_error(pair.offset_ms, pair.offset_std_error_ms);
+        let [offset, offset_error] = offset(pair.offset_ms, pair.offset_std_error_ms);
         let [skew, skew_error] = match pair.skew_ppm {
             Some(skew) => value_and_error(skew, pair.skew_std_error_ppm),
             None => ["-", "-"].map(Into::into),
@@ -155,6 +155,15 @@ fn clocks(import: &Import) -> Grid {
         ]);
     }
     grid
+}
+
+/// An offset and its error in ms: written out, for offsets from UTC have thirteen digits before the point.
+fn offset(offset_ms: f64, error_ms: Option<f64>) -> [String; 2] {
+    let Some(error_ms) = error_ms.filter(|error| *error > 0.0) else {
+        return [fixed(offset_ms, 3), "-".into()];
+    };
+    let decimals = (1.0 - error_ms.log10().floor()).clamp(0.0, 6.0) as usize;
+    [fixed(offset_ms, decimals), fixed(error_ms, decimals)]
 }
 
 /// What must be measured, for people.
