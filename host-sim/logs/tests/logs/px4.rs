@@ -516,6 +516,18 @@ fn a_dropout_is_cut_out_where_it_was() {
     assert_close("reset", &position.span, &[3.93, 4.05], 1e-9);
 }
 
+/// The log of a VTOL, in which rows that had waited stand just before the dropout: it begins with the latest of all rows, and
+/// nothing is of the time that it lasted, but for one row of its first millisecond that was published when it began.
+#[test]
+fn no_row_lies_within_a_dropout() {
+    let Some((log, _)) = named("px4_sample_small.ulg") else { return };
+    let [[start_s, end_s]] = log.losses.dropout_spans_s[..] else { panic!("{:?}", log.losses) };
+    assert!((end_s - start_s - 0.03).abs() < 1e-9 && (start_s - 20.33).abs() < 0.001, "{start_s}");
+    let times: Vec<f64> = log.tables.iter().flat_map(logs::Table::times_s).collect();
+    assert_eq!(times.iter().filter(|time| (start_s + 1e-3..end_s).contains(*time)).count(), 0);
+    assert!(times.iter().filter(|time| (start_s - 0.05..start_s).contains(*time)).count() > 20);
+}
+
 #[test]
 fn a_rotor_that_moves_in_flight_makes_it_two() {
     let mut parameters = vec![("MAV_TYPE", 2), ("CA_ROTOR_COUNT", 4)];

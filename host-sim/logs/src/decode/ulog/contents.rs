@@ -24,6 +24,11 @@ struct Topic<'a> {
     rows: Vec<usize>,
 }
 
+/// So many rows before a record tell when it was written. A single one may have waited for a second.
+const LAST_ROWS: usize = 64;
+/// A row that is later than most before it by more than this has a damaged time, us.
+const LATEST_US: i64 = 10_000_000;
+
 /// A row by its topic and its number there: the log's only clock.
 #[derive(Clone, Copy)]
 struct Moment {
@@ -52,15 +57,16 @@ pub(super) struct Contents<'a> {
     texts: String,
     text_count: usize,
     tagged_count: usize,
-    /// Parameters that were set after the definitions, each with the row before.
-    changes: Vec<(Option<Moment>, String, f64)>,
-    /// The row that was taken in last.
-    last_row: Option<Moment>,
+    /// Parameters that were set after the definitions, each with the rows before.
+    changes: Vec<(Vec<Moment>, String, f64)>,
+    /// The rows that were taken in last, in a ring.
+    last_rows: [Moment; LAST_ROWS],
+    rows: usize,
     /// Whether the definitions are over: parameters after them are changes.
     flying: bool,
     losses: Losses,
-    /// The row before each dropout, and how long it was, ms.
-    dropouts: Vec<(Option<Moment>, u16)>,
+    /// The rows before each dropout, and how long it was, ms.
+    dropouts: Vec<(Vec<Moment>, u16)>,
     /// Stretches without a sentence of their own, and their bytes.
     untold: (usize, usize),
     rows_without_topic: usize,
@@ -80,7 +86,8 @@ impl<'a> Contents<'a> {
             text_count: 0,
             tagged_count: 0,
             changes: Vec::new(),
-            last_row: None,
+            last_rows: [Moment { topic: 0, row: 0 }; LAST_ROWS],
+            rows: 0,
             flying: false,
             losses: Losses::default(),
             dropouts: Vec::new(),
@@ -103,7 +110,8 @@ impl<'a> Contents<'a> {
             return None;
         }
         let rows = &mut self.topics.get_mut(subscription.topic)?.rows;
-        self.last_row = Some(Moment { topic: subscription.topic, row: rows.len() });
+        self.last_rows[self.rows % LAST_ROWS] = Moment { topic: subscription.topic, row: rows.len() };
+        self.rows += 1;
         rows.push(at + RECORD_HEADER_BYTES + 2);
         Some(next)
     }
@@ -159,7 +167,7 @@ impl<'a> Contents<'a> {
             }
             b'O' => {
                 let lasted_ms = body.first_chunk().map_or(0, |ms| u16::from_le_bytes(*ms));
-                self.dropouts.push((self.last_row, lasted_ms));
+                self.dropouts.push((self.rows_before(), lasted_ms));
             }
             _ => {}
         }
@@ -182,6 +190,11 @@ impl<'a> Contents<'a> {
         });
     }
 
+    /// The rows that were taken in last.
+    fn rows_before(&self) -> Vec<Moment> {
+        self.last_rows[..self.rows.min(LAST_ROWS)].to_vec()
+    }
+
     fn set_parameter(&mut self, body: &[u8]) {
         let Some(Pair { kind, name, value, .. }) = pair(body) else { return };
         let Some(&value) = value.first_chunk::<4>() else { return };
@@ -190,7 +203,7 @@ impl<'a> Contents<'a> {
             _ => f64::from(f32::from_le_bytes(value)),
         };
         if self.flying {
-            self.changes.push((self.last_row, name.into(), value));
+            self.changes.push((self.rows_before(), name.into(), value));
         } else {
             self.parameters.insert(name.into(), value);
         }
@@ -235,15 +248,20 @@ impl<'a> Contents<'a> {
         let table_of;
         (log.tables, table_of) = self.tables();
         let tables = &log.tables;
-        let time_s = |moment: Option<Moment>| {
-            let Moment { topic, row } = moment?;
-            let table: &Table = tables.get((*table_of.get(topic)?)?)?;
-            Some(*table.times.get(row)? as f64 * 1e-6)
+        let time_s = |before: &[Moment]| {
+            let time = |moment: &Moment| {
+                let table: &Table = tables.get((*table_of.get(moment.topic)?)?)?;
+                table.times.get(moment.row).copied()
+            };
+            let mut times: Vec<i64> = before.iter().filter_map(time).collect();
+            times.sort_unstable();
+            let latest = times.get(times.len() / 2)?.saturating_add(LATEST_US);
+            times.iter().rfind(|time| **time <= latest).map(|time| *time as f64 * 1e-6)
         };
         log.losses = std::mem::take(&mut self.losses);
         log.losses.dropouts = self.dropouts.len();
-        for &(before, lasted_ms) in &self.dropouts {
-            let lasted_s = f64::from(lasted_ms) * 1e-3;
+        for (before, lasted_ms) in &self.dropouts {
+            let lasted_s = f64::from(*lasted_ms) * 1e-3;
             log.losses.dropouts_s += lasted_s;
             // The record stands before the first row that could be written again.
             log.losses.dropout_spans_s.extend(time_s(before).map(|start_s| [start_s, start_s + lasted_s]));
@@ -252,7 +270,7 @@ impl<'a> Contents<'a> {
         let changes = std::mem::take(&mut self.changes).into_iter();
         log.changes = changes
             .map(|(before, name, value)| {
-                let time_s = time_s(before).unwrap_or(f64::NEG_INFINITY);
+                let time_s = time_s(&before).unwrap_or(f64::NEG_INFINITY);
                 ParameterChange { time_s, name, value }
             })
             .collect();
