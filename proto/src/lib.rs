@@ -28,6 +28,7 @@ pub mod imu_frame;
 mod message;
 mod packet;
 mod peer;
+mod ramp;
 mod stream;
 
 pub use counter::{CounterStore, LEAP, RESERVE, ReplayGuard, SendCounter};
@@ -38,4 +39,5 @@ pub use message::{
 };
 pub use packet::{Key, MAX_PACKET_LEN, Opener, Refused, Role, Sealer, Statistics, TAG_LEN};
 pub use peer::{NotAdmitted, admit};
+pub use ramp::Unwrapped;
 pub use stream::{Deframer, MAX_STREAM_LEN, enframe};

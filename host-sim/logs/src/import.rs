@@ -2,15 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
+use flights::{Column, ColumnMap};
+
+use crate::clocks::{self, ClockPair};
 use crate::conversion::{Part, convert};
-use crate::decode::{decode, decode_text};
+use crate::decode::{decode_text, decode_watched};
 use crate::error::{LogError, plain};
 use crate::format::Format;
 use crate::log::{Log, Losses, Table, TimeUnit};
+use crate::progress::{Progress, REPORTED_BYTES, UNWATCHED, Watch};
 use crate::recording::{Hints, Recording};
-use crate::sources::record;
+use crate::sources::{OwnFlight, own_flights, record};
 use crate::tables::{self, FlightOfTable};
-use flights::ColumnMap;
 
 /// How much of a file tells its format.
 const HEAD_BYTES: usize = 4096;
@@ -28,6 +31,8 @@ pub struct Import {
     pub messages: Vec<Messages>,
     /// Which of them became which quantity.
     pub sources: Sources,
+    /// Every pair of clocks that stamp the same rows.
+    pub clocks: Vec<ClockPair>,
     /// The flights.
     pub flights: Vec<Part>,
     /// What the log says about the craft.
@@ -92,21 +97,51 @@ pub fn read_standard_input() -> Result<Vec<u8>, LogError> {
 
 /// Reads a log, `-` for standard input, and makes flights of it. Tables of other programs are read through `map`.
 pub fn import(path: &Path, map: &ColumnMap) -> Result<Import, LogError> {
-    if path == Path::new(STANDARD_INPUT) {
-        return import_bytes(&read_standard_input()?, path, map);
+    import_watched(path, map, UNWATCHED)
+}
+
+/// The same, and tells who watches how far it is.
+pub fn import_watched(path: &Path, map: &ColumnMap, watch: Watch<'_>) -> Result<Import, LogError> {
+    let bytes = if path == Path::new(STANDARD_INPUT) {
+        watch(Progress { stage: "reading", bytes: None });
+        read_standard_input()?
+    } else {
+        read_file(path, watch).map_err(|source| LogError::Read { path: path.into(), source })?
+    };
+    bytes_watched(&bytes, path, map, watch)
+}
+
+fn read_file(path: &Path, watch: Watch<'_>) -> std::io::Result<Vec<u8>> {
+    use std::io::Read as _;
+    let mut file = std::fs::File::open(path)?;
+    let all = usize::try_from(file.metadata()?.len()).unwrap_or(usize::MAX);
+    let mut bytes = Vec::new();
+    // A file that cannot be held is the reader's to refuse.
+    let _ = bytes.try_reserve_exact(all);
+    loop {
+        watch(Progress { stage: "reading", bytes: Some((bytes.len(), all)) });
+        if file.by_ref().take(REPORTED_BYTES as u64).read_to_end(&mut bytes)? == 0 {
+            return Ok(bytes);
+        }
     }
-    let bytes = std::fs::read(path).map_err(|source| LogError::Read { path: path.into(), source })?;
-    import_bytes(&bytes, path, map)
 }
 
 /// Makes flights of the bytes of a log; `path` is for messages and gives the flights their names.
 pub fn import_bytes(bytes: &[u8], path: &Path, map: &ColumnMap) -> Result<Import, LogError> {
+    bytes_watched(bytes, path, map, UNWATCHED)
+}
+
+fn bytes_watched(bytes: &[u8], path: &Path, map: &ColumnMap, watch: Watch<'_>) -> Result<Import, LogError> {
     if matches!(Format::of(bytes), None | Some(Format::Csv)) && tables::is_text(bytes) {
         return import_text(bytes, path, map);
     }
-    let log = decode(bytes, path)?;
+    let log = decode_watched(bytes, path, watch)?;
+    watch(Progress { stage: "making flights", bytes: None });
     if log.format == Format::Parquet && (map.says_something() || tables::has_usual_names(&log)) {
         return Ok(of_table(tables::of_parquet(&log, path, map)?, path));
+    }
+    if let Some(flights) = own_flights(&log, path)? {
+        return Ok(own(log, flights, path));
     }
     let recordings = record(&log, path)?;
     Ok(imported(log, &recordings, path))
@@ -145,6 +180,7 @@ fn of_table(table: FlightOfTable, path: &Path) -> Import {
         firmware: None,
         messages: vec![messages],
         sources,
+        clocks: Vec::new(),
         flights: vec![part],
         hints: Hints::default(),
         losses: Losses::default(),
@@ -154,7 +190,6 @@ fn of_table(table: FlightOfTable, path: &Path) -> Import {
 }
 
 fn imported(log: Log, recordings: &[Recording], path: &Path) -> Import {
-    let stem = stem(path);
     let (mut flights, mut limits, mut notes) = (Vec::new(), Vec::new(), Vec::new());
     for recording in recordings {
         let (made, left_out) = convert(recording);
@@ -162,19 +197,60 @@ fn imported(log: Log, recordings: &[Recording], path: &Path) -> Import {
         add_new(&mut limits, recording.limits.iter().cloned());
         add_new(&mut notes, recording.notes.iter().cloned().chain(left_out));
     }
-    number(&mut flights, &stem);
     let first = recordings.first();
-    Import {
-        path: path.into(),
-        format: log.format,
-        firmware: log.firmware,
-        messages: log.tables.iter().map(|table| Messages::of(table, log.format)).collect(),
-        sources: first.map_or_else(Sources::default, Sources::of),
-        flights,
-        hints: first.map_or_else(Hints::default, |recording| recording.hints.clone()),
-        losses: log.losses,
-        limits,
-        notes,
+    let sources = first.map_or_else(Sources::default, Sources::of);
+    let hints = first.map_or_else(Hints::default, |recording| recording.hints.clone());
+    Import { sources, hints, limits, notes, ..Import::of(log, flights, path) }
+}
+
+/// Of quadlab's own recording, whose rows are in its frames and units already.
+fn own(log: Log, flights: Vec<OwnFlight>, path: &Path) -> Import {
+    let has = |column| flights.iter().any(|own| own.flight.column(column).is_some());
+    let field = |name: &str| Some(format!("/telemetry {name}"));
+    let sources = Sources {
+        position: field("tracked.position_m"),
+        attitude: field("tracked.attitude_rad"),
+        rates: field(if log.telemetry.iter().any(|row| row.imu.is_some()) {
+            "imu.gyro_rad_s"
+        } else {
+            "tracked_rates_rad_s"
+        }),
+        specific_force: has(Column::Ax).then(|| field("imu.acceleration_m_s2")).flatten(),
+        commands: field("pwm"),
+        rotor_speed: None,
+        voltage: field("battery_v"),
+    };
+    let notes = vec!["is a recording of quadlab's own ground station: its rows are taken as they are".into()];
+    let parts = flights.into_iter().map(Part::of_own).collect();
+    Import { sources, notes, ..Import::of(log, parts, path) }
+}
+
+/// Flights of one file have its name, and are numbered where there are several.
+fn name(flights: &mut [Part], path: &Path) {
+    let stem = stem(path);
+    let several = flights.len() > 1;
+    for (index, part) in flights.iter_mut().enumerate() {
+        part.flight.name = if several { format!("{stem}-{}.csv", index + 1) } else { format!("{stem}.csv") };
+    }
+}
+
+impl Import {
+    /// What a log and its flights say without knowing which program wrote it.
+    fn of(log: Log, mut flights: Vec<Part>, path: &Path) -> Self {
+        name(&mut flights, path);
+        Self {
+            path: path.into(),
+            format: log.format,
+            clocks: clocks::pairs(&log),
+            messages: log.tables.iter().map(|table| Messages::of(table, log.format)).collect(),
+            firmware: log.firmware,
+            sources: Sources::default(),
+            flights,
+            hints: Hints::default(),
+            losses: log.losses,
+            limits: Vec::new(),
+            notes: Vec::new(),
+        }
     }
 }
 
@@ -194,14 +270,6 @@ fn add_new(told: &mut Vec<String>, sentences: impl Iterator<Item = String>) {
         if !told.contains(&sentence) {
             told.push(sentence);
         }
-    }
-}
-
-/// Flights of one file are numbered where there are several.
-fn number(flights: &mut [Part], stem: &str) {
-    let several = flights.len() > 1;
-    for (index, part) in flights.iter_mut().enumerate() {
-        part.flight.name = if several { format!("{stem}-{}.csv", index + 1) } else { format!("{stem}.csv") };
     }
 }
 

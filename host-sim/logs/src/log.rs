@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use proto::Telemetry;
+
 use crate::format::Format;
 
 /// A decoded log: what it holds, under the names that its format gives, in its own units and frames.
@@ -13,12 +15,16 @@ pub struct Log {
     pub firmware: Option<String>,
     /// One table a kind of message and instance.
     pub tables: Vec<Table>,
-    /// Parameters of the craft, by name.
+    /// Parameters of the craft, by name, when the log began.
     pub parameters: BTreeMap<String, f64>,
+    /// Parameters that were set afterwards, in the order of the log.
+    pub changes: Vec<ParameterChange>,
     /// What else the log says about itself, by the name that the format gives.
     pub information: BTreeMap<String, String>,
     /// What is missing or could not be read.
     pub losses: Losses,
+    /// What quadlab's own ground station heard of its craft; empty in logs of other programs.
+    pub telemetry: Vec<Telemetry>,
 }
 
 /// Rows of one kind of message.
@@ -63,6 +69,17 @@ pub enum Values {
     F64(Vec<f64>),
 }
 
+/// A parameter that was set while the log was written.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ParameterChange {
+    /// When, on the log's clock, s; minus infinity before the first row.
+    pub time_s: f64,
+    /// Which.
+    pub name: String,
+    /// What it is from then on.
+    pub value: f64,
+}
+
 /// The unit that a table's times are in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[expect(missing_docs, reason = "the units say it")]
@@ -79,6 +96,8 @@ pub struct Losses {
     pub dropouts: usize,
     /// What they lost in all, s.
     pub dropouts_s: f64,
+    /// When: first and last moment of each on the log's clock, s.
+    pub dropout_spans_s: Vec<[f64; 2]>,
     /// Damage, a sentence each: where, what was left out. No more than a handful; the rest is counted.
     pub damage: Vec<String>,
 }
@@ -91,8 +110,10 @@ impl Log {
             firmware: None,
             tables: Vec::new(),
             parameters: BTreeMap::new(),
+            changes: Vec::new(),
             information: BTreeMap::new(),
             losses: Losses::default(),
+            telemetry: Vec::new(),
         }
     }
 

@@ -10,8 +10,12 @@ pub struct Recording {
     pub signals: Signals,
     /// When the craft says that it flies or is armed, s; empty where the log does not say.
     pub airborne: Vec<Span>,
-    /// When the log's own estimator was not sure of itself, or jumped, s. What lies within is left out.
+    /// When the log's own estimator was not sure of position or velocity, or these jumped, s. What lies within is left out.
     pub untrusted: Vec<Span>,
+    /// The same of the attitude, s.
+    pub untrusted_attitude: Vec<Span>,
+    /// When the craft could not write, s. Rows within are left out, and nothing runs on across.
+    pub dropouts: Vec<Span>,
     /// What the log says about the craft.
     pub hints: Hints,
     /// What this log cannot tell, a sentence each, with the setting of the craft that would log it.

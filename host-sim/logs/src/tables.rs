@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use flights::{COLUMNS, Column, ColumnMap, Flight, GAP_PERIODS, Source, header_names, median_step};
+use flights::{COLUMNS, Column, ColumnMap, Flight, Source, header_names, median_step};
 
 use crate::conversion::Part;
 use crate::error::LogError;
@@ -90,12 +90,9 @@ impl FlightOfTable {
     pub(crate) fn into_part(self, name: String) -> Part {
         let mut flight = self.flight;
         flight.name = name;
-        let t = flight.required(Column::T);
-        let span = [t[0], t[t.len() - 1]];
-        let period_s = median_step(t);
-        let steps = t.windows(2).map(|w| w[1] - w[0]);
-        let lost_s = steps.filter(|step| *step > GAP_PERIODS * period_s).sum::<f64>();
-        Part { flight, span, rate_hz: 1.0 / period_s, lost_s }
+        let t = flight.required(Column::T).to_vec();
+        let period_s = median_step(&t);
+        Part::of(flight, &t, period_s, &[])
     }
 
     /// The name in the table of the first of these columns of ours that it has.

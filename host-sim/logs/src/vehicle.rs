@@ -29,6 +29,12 @@ fn usual_sizes(format: Format) -> [f64; 3] {
     }
 }
 
+/// Whether every flight has rotor speeds: they stand in the place of a motor map.
+fn has_speeds(flown: &[&Import]) -> bool {
+    let mut parts = flown.iter().flat_map(|import| &import.flights);
+    parts.all(|part| part.flight.column(Column::Omega1).is_some())
+}
+
 /// The vehicle file of the craft that wrote these logs; nothing without a flight. An error says where the logs contradict
 /// each other.
 pub fn draft(imports: &[Import]) -> Result<Option<Draft>, String> {
@@ -57,7 +63,7 @@ pub fn draft(imports: &[Import]) -> Result<Option<Draft>, String> {
             spin: spin.unwrap_or(["ccw", "cw", "ccw", "cw"]).map(sense),
             command_unit: unit.unwrap_or_else(|| "of the log".into()),
             command_range: range,
-            map: Some(MotorMapKind::Identify),
+            map: (!has_speeds(&flown)).then_some(MotorMapKind::Identify),
             command: None,
             voltage: None,
             offset: None,
@@ -159,7 +165,7 @@ impl Draft {
              tracked_point = [0.0, 0.0, 0.0]{}\nunmeasured = [{}]\n\n\
              [motors]   # 1 front-left, 2 front-right, 3 rear-right, 4 rear-left\nspin = [{}]{}\n\
              command_unit = {:?}\ncommand_range = [{low:?}, {high:?}]{}\n\
-             map = \"identify\"   # no test stand: see `quadlab motor-map`\n",
+             {}",
             how("mass"),
             how("arm_length"),
             how("rotor_radius"),
@@ -169,6 +175,11 @@ impl Draft {
             how("motors.spin"),
             motors.command_unit,
             how("motors.command_range"),
+            match motors.map {
+                Some(MotorMapKind::Identify) =>
+                    "map = \"identify\"   # no test stand: see `quadlab motor-map`\n",
+                None => "# no motor map: the logs have rotor speeds\n",
+            },
         );
         text
     }
@@ -194,8 +205,9 @@ mod tests {
             format: Format::Ulog,
             firmware: None,
             messages: Vec::new(),
+            clocks: Vec::new(),
             sources: Sources::default(),
-            flights: vec![Part { flight, span: [0.0, 0.02], rate_hz: 100.0, lost_s: 0.0 }],
+            flights: vec![Part { flight, span: [0.0, 0.02], rate_hz: 100.0, lost_s: 0.0, cuts: Vec::new() }],
             hints,
             losses: Losses::default(),
             limits: Vec::new(),
@@ -221,6 +233,24 @@ mod tests {
         let text = draft.to_toml();
         assert_eq!(Vehicle::parse(&text, Path::new("vehicle.toml")).unwrap(), draft.vehicle, "{text}");
         assert!(text.contains("mass = 1.5   # NOT MEASURED: weigh the craft"), "{text}");
+    }
+
+    /// Where all flights have rotor speeds, a model is fitted to these; of one without them the map has to be found.
+    #[test]
+    fn rotor_speeds_stand_in_the_place_of_a_map() {
+        let with_speeds = |file| {
+            let mut import = import(file, Hints::default());
+            let all = [Column::T, Column::Cmd1, Column::Omega1].map(|column| (column, vec![0.0, 0.01, 0.02]));
+            import.flights[0].flight = Flight::from_columns("log.csv", all);
+            import
+        };
+        let all = draft(&[with_speeds("a.bbl"), with_speeds("b.bbl")]).unwrap().unwrap();
+        assert_eq!(all.vehicle.motors.map, None);
+        let text = all.to_toml();
+        assert!(!text.contains("identify"), "{text}");
+        assert_eq!(Vehicle::parse(&text, Path::new("vehicle.toml")).unwrap(), all.vehicle, "{text}");
+        let some = draft(&[with_speeds("a.bbl"), import("b.bbl", Hints::default())]).unwrap().unwrap();
+        assert_eq!(some.vehicle.motors.map, Some(MotorMapKind::Identify));
     }
 
     #[test]

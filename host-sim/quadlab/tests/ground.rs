@@ -43,6 +43,19 @@ fn a_script_is_flown_and_recorded() {
     );
     assert!(document["messages"].as_u64().unwrap() > 500);
     assert!(!folder.path().join("a/b.mcap.part").exists());
+    // The recording is a log like any other: the same flight comes out of it.
+    let import = done_in(folder.path(), &["import", "a/b.mcap", "--out", "imported", "--json"]);
+    let import: serde_json::Value = serde_json::from_str(&import).unwrap();
+    let read = |path: &str| std::fs::read_to_string(folder.path().join(path)).unwrap();
+    assert_eq!(import["logs"][0]["flights"][0]["file"], "imported/b.csv", "{import}");
+    assert!(
+        read("imported/b.csv") == read("a/b-1.csv"),
+        "the import is another flight than the one beside it"
+    );
+    let clocks = import["logs"][0]["clocks"].as_array().unwrap();
+    assert!(clocks.iter().any(|pair| pair["clock"] == "craft_us" && pair["skew_ppm"].is_f64()), "{clocks:?}");
+    let text = done_in(folder.path(), &["import", "a/b.mcap", "--out", "imported", "--force"]);
+    assert!(text.contains("clocks (offset") && text.contains("craft_us"), "{text}");
     // The same name again would overwrite a flight.
     let output = run_in(folder.path(), &["ground", "--simulated", "--script", "s.toml", "--record", "a/b"]);
     let stderr = String::from_utf8_lossy(&output.stderr).into_owned();

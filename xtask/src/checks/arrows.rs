@@ -39,8 +39,8 @@ const ARROWS: &[Allowed] = &[
     },
     Allowed {
         from: "logs",
-        to: &["model", "flights"],
-        why: "other programs' logs become flights before anything is fitted to them",
+        to: &["model", "flights", "proto"],
+        why: "logs become flights before anything is fitted to them, and our own recordings hold messages",
     },
     Allowed {
         from: "sysid",
@@ -85,8 +85,8 @@ const ARROWS: &[Allowed] = &[
     },
     Allowed {
         from: "ground",
-        to: &["control", "model", "pattern", "proto", "proto-files", "report", "flights", "sysid"],
-        why: "it speaks to the craft in messages, names what the supervisor says, and leaves flight files that identification reads",
+        to: &["control", "model", "pattern", "proto", "proto-files", "report", "flights", "logs", "sysid"],
+        why: "it speaks to the craft in messages, names what the supervisor says, and leaves flight files as its recordings are read",
     },
     Allowed {
         from: "com",

@@ -11,7 +11,7 @@ use sysid::checks::clocks::Clocks;
 use sysid::checks::under_sampled::Thinning;
 use sysid::{Examined, Fault, Parts, Prepared, Taken};
 
-use crate::observer::{Observer, Progress};
+use crate::observer::{Observer, Progress, Silent};
 use crate::workflow::error::WorkflowError;
 
 /// A flight, read and prepared.
@@ -30,6 +30,21 @@ pub struct LoadedFlight {
     pub taken: Taken,
     /// What thinning its commands shows.
     pub(crate) thinning: Option<Thinning>,
+}
+
+/// Reads a log and makes flights of it; who watches sees how far it is, in megabytes.
+pub fn import_log(
+    path: &Path,
+    map: &ColumnMap,
+    observer: &dyn Observer,
+) -> Result<logs::Import, logs::LogError> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    logs::import_watched(path, map, &|progress| {
+        let unit = if progress.bytes.is_some() { ", MB" } else { "" };
+        let activity = format!("{} {name}{unit}", progress.stage);
+        let steps = progress.bytes.map(|(done, all)| (done >> 20, all.div_ceil(1 << 20)));
+        observer.progress(Progress { activity: &activity, steps });
+    })
 }
 
 /// How flights are taken.
@@ -71,18 +86,41 @@ impl<'a> Source<'a> {
 
     /// Where the flights of files are from: a flight file is one, a log of another program as many as were flown in it; `-` is
     /// standard input.
-    pub(crate) fn of_files(paths: &'a [PathBuf], vehicle: &Vehicle) -> Result<Vec<Self>, WorkflowError> {
-        let all: Result<Vec<Vec<Self>>, WorkflowError> =
-            paths.par_iter().map(|path| Self::of_file(path, vehicle)).collect();
+    pub(crate) fn of_files(
+        paths: &'a [PathBuf],
+        vehicle: &Vehicle,
+        observer: &dyn Observer,
+    ) -> Result<Vec<Self>, WorkflowError> {
+        if let [path] = paths {
+            return Self::of_file(path, vehicle, observer);
+        }
+        // Several are read side by side: how far each of them is would be too much to show.
+        let done = AtomicUsize::new(0);
+        let all: Result<Vec<Vec<Self>>, WorkflowError> = paths
+            .par_iter()
+            .map(|path| {
+                let read = Self::of_file(path, vehicle, &Silent);
+                let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                observer.progress(Progress { activity: "reading files", steps: Some((done, paths.len())) });
+                read
+            })
+            .collect();
         Ok(all?.into_iter().flatten().collect())
     }
 
-    fn of_file(path: &'a Path, vehicle: &Vehicle) -> Result<Vec<Self>, WorkflowError> {
+    fn of_file(
+        path: &'a Path,
+        vehicle: &Vehicle,
+        observer: &dyn Observer,
+    ) -> Result<Vec<Self>, WorkflowError> {
         if path == Path::new(logs::STANDARD_INPUT) {
             return Self::of_standard_input(path, vehicle);
         }
         match logs::format_of(path) {
-            Some(_) => Self::cut(path, logs::import(path, &ColumnMap::of_flight(path, vehicle)?)?.flights),
+            Some(_) => {
+                let map = ColumnMap::of_flight(path, vehicle)?;
+                Self::cut(path, import_log(path, &map, observer)?.flights)
+            }
             None => Ok(vec![Source::File(path)]),
         }
     }

@@ -31,7 +31,7 @@ pub use error::WorkflowError;
 pub use explain::{Explanation, Step, explain};
 pub use faults::{Faults, Listed};
 pub use identify::{Identified, identify};
-pub use loaded::{LoadedFlight, Reading, names, sha256};
+pub use loaded::{LoadedFlight, Reading, import_log, names, sha256};
 pub use mends::{MapToWrite, mends};
 pub use record::{rotation_refused, shown_record};
 pub use sets::{FlightSets, FlightsOfOneKind, HeldOutFlights, TrainingFlights};

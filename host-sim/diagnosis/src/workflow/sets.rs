@@ -72,9 +72,9 @@ impl FlightSets {
         reading: Reading,
         observer: &dyn Observer,
     ) -> Result<Self, WorkflowError> {
-        let mut all = Source::of_files(train, vehicle)?;
+        let mut all = Source::of_files(train, vehicle, observer)?;
         let training = all.len();
-        all.extend(Source::of_files(validate, vehicle)?);
+        all.extend(Source::of_files(validate, vehicle, observer)?);
         Self::load(&all, training, vehicle, reading, observer)
     }
 
@@ -85,7 +85,7 @@ impl FlightSets {
         reading: Reading,
         observer: &dyn Observer,
     ) -> Result<Self, WorkflowError> {
-        let (train, validate) = split(Source::of_files(paths, vehicle)?, vehicle)?;
+        let (train, validate) = split(Source::of_files(paths, vehicle, observer)?, vehicle)?;
         let training = train.len();
         let all: Vec<Source<'_>> = train.into_iter().chain(validate).collect();
         Self::load(&all, training, vehicle, reading, observer)
@@ -188,7 +188,7 @@ impl FlightsOfOneKind {
         reading: Reading,
         observer: &dyn Observer,
     ) -> Result<Self, WorkflowError> {
-        Self::load(&Source::of_files(paths, vehicle)?, vehicle, reading, observer)
+        Self::load(&Source::of_files(paths, vehicle, observer)?, vehicle, reading, observer)
     }
 
     /// Takes flights that are already in memory.

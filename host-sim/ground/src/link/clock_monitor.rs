@@ -29,6 +29,8 @@
 
 use std::collections::VecDeque;
 
+use proto::Unwrapped;
+
 /// Length of a bin, s of the ground's clock.
 const BIN_S: f64 = 0.25;
 /// Bins that the skew is taken from.
@@ -115,24 +117,6 @@ pub struct Timing {
     pub tick_hz: f64,
     /// What is made of the skew.
     pub pace: Pace,
-}
-
-/// Turns microseconds modulo 2^32 into ones that go on.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Unwrapped {
-    last: Option<(u32, i64)>,
-}
-
-impl Unwrapped {
-    /// The next value; steps of up to 35 minutes either way are understood.
-    pub fn push(&mut self, us: u32) -> i64 {
-        let whole = match self.last {
-            None => i64::from(us),
-            Some((before, whole)) => whole + i64::from(us.wrapping_sub(before).cast_signed()),
-        };
-        self.last = Some((us, whole));
-        whole
-    }
 }
 
 /// A time and a bound, us.

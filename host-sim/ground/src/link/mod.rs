@@ -4,5 +4,5 @@
 mod clock_monitor;
 mod craft_link;
 
-pub use clock_monitor::{ClockEvent, ClockMonitor, Pace, Timing, Unwrapped, ramp_interval_s};
+pub use clock_monitor::{ClockEvent, ClockMonitor, Pace, Timing, ramp_interval_s};
 pub use craft_link::{CraftLink, CraftLinkError, LinkSettings, PORT};

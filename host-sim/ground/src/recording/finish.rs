@@ -4,12 +4,11 @@ use std::fs::{self, File};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
+use logs::{FlightCutter, telemetry_from_json};
 use mcap::WriteOptions;
-use serde_json::Value;
 
 use super::entry::TOPICS;
 use super::error::{RecordError, mcap_error};
-use super::flight_cutter::FlightCutter;
 use super::log::{begin_mcap, for_each_message};
 use super::recorder::{part_of, with_ending};
 
@@ -47,7 +46,7 @@ pub fn finish(name: &Path) -> Result<Finished, RecordError> {
         writer.write(message).map_err(|source| mcap_error(&temporary, "write the log")(source))?;
         messages += 1;
         if message.channel.topic == TOPICS[0].0
-            && let Ok(telemetry) = serde_json::from_slice::<Value>(&message.data)
+            && let Some(telemetry) = telemetry_from_json(&message.data)
         {
             flights.push(&telemetry);
         }
@@ -57,9 +56,9 @@ pub fn finish(name: &Path) -> Result<Finished, RecordError> {
     let written = writer.into_inner().into_inner().map_err(std::io::IntoInnerError::into_error);
     written.and_then(|file| file.sync_all()).map_err(refuse(&temporary, "write the log"))?;
     let mut finished = Finished { mcap: mcap.clone(), flights: Vec::new(), messages };
-    for (k, flight) in flights.finish().iter().enumerate() {
+    for (k, own) in flights.finish().iter().enumerate() {
         let path = with_ending(name, &format!("-{}.csv", k + 1));
-        report::write_atomic(&path, flight.to_csv())?;
+        report::write_atomic(&path, own.flight.to_csv())?;
         finished.flights.push(path);
     }
     fs::rename(&temporary, &mcap).map_err(refuse(&mcap, "rename the log"))?;
@@ -72,7 +71,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     use proto::{Request, Telemetry};
-    use serde_json::json;
+    use serde_json::{Value, json};
 
     use super::super::entry::{Entry, Level};
     use super::super::log::read_log;

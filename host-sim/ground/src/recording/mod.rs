@@ -4,7 +4,7 @@
 //! system before the next one is looked at, so a killed program or a full disk loses nothing that
 //! came before. **When it ends** [`finish`] reads that log and writes `NAME.mcap` (with chunks and
 //! indices, as Foxglove and PlotJuggler like it) and `NAME-1.csv`, `NAME-2.csv` ... (one flight
-//! each, see [`FlightCutter`]), each under a temporary name
+//! each, see [`logs::FlightCutter`]), each under a temporary name
 //! first; then the part goes. A part that a crash left behind is finished in the same way.
 //!
 //! Messages are JSON with a JSON schema each, in SI units, the fields those of crate `proto`:
@@ -24,7 +24,6 @@
 mod entry;
 mod error;
 mod finish;
-mod flight_cutter;
 mod log;
 mod recorder;
 mod schema;
@@ -32,6 +31,5 @@ mod schema;
 pub use entry::{Entry, Level, LinkRecord};
 pub use error::RecordError;
 pub use finish::{Finished, finish};
-pub use flight_cutter::{FlightCutter, IN_THE_AIR_M};
 pub use log::{Logged, read_log};
 pub use recorder::{Recorder, part_of};

@@ -7,12 +7,14 @@
 mod parts;
 mod resampling;
 
-use flights::{Column, Flight, median_step};
+use flights::{Column, Flight, GAP_PERIODS, median_step};
 use model::frames;
 use nalgebra::Vector4;
 
 use crate::conversion::resampling::{Grid, Kind, resampled};
 use crate::recording::{Recording, Signal, Signals, Span};
+use crate::sources::OwnFlight;
+use crate::spans::{any_between, both, joined, within};
 
 /// Logs faster than this are brought down to 100 Hz, the rate that flight files have.
 const FASTEST_HZ: f64 = 125.0;
@@ -29,6 +31,31 @@ pub struct Part {
     pub rate_hz: f64,
     /// Time without rows within the span, s.
     pub lost_s: f64,
+    /// What was left out within the span, and why.
+    pub cuts: Vec<Cut>,
+}
+
+/// A stretch of a flight of which something was left out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cut {
+    /// First and last moment on the log's clock, s.
+    pub span: Span,
+    /// Why, which says what.
+    pub why: Cause,
+}
+
+/// Why something of a flight was left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Cause {
+    /// Rows: the log has none for more than 3.5 periods.
+    Gap,
+    /// Rows: the craft said that it could not write.
+    Dropout,
+    /// Position and velocity: the estimator was not sure of them, or they jumped.
+    Position,
+    /// Attitude: the same.
+    Attitude,
 }
 
 /// The flights of a recording, still without names; and what was left out, a sentence each.
@@ -77,16 +104,18 @@ fn part(recording: &Recording, base: &[f64], span: Span) -> Option<Part> {
         return None;
     }
     let steps = ((last - first) / STEP_S).floor();
+    let shortest_s = GAP_PERIODS * period_s;
+    let dropouts = joined(recording.dropouts.iter().map(|dropout| at_least(*dropout, shortest_s)).collect());
     let t = if even { (0..=steps as usize).map(|k| first + k as f64 * STEP_S).collect() } else { own };
-    let columns = columns(&recording.signals, &recording.untrusted, &Grid { t: &t, period_s });
-    let mut keep = rows_to_keep(&columns, t.len());
+    let grid = Grid { t: &t, period_s, dropouts: &dropouts };
+    let columns = columns(recording, &grid);
+    let mut keep = rows_to_keep(&columns, &within(&t, &dropouts));
     keep_rising(&t, &mut keep);
     let kept: Vec<f64> = t.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(t, _)| *t).collect();
     let (first, last) = (*kept.first()?, *kept.last()?);
     if last - first < parts::SHORTEST_S {
         return None;
     }
-    let lost_s = kept.windows(2).map(|w| w[1] - w[0]).filter(|step| *step > 1.5 * period_s).sum::<f64>();
     let time = kept.iter().map(|t| microseconds(t - first)).collect();
     let rest = columns.into_iter().map(|(column, values)| {
         let kept = values.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(value, _)| rounded(*value));
@@ -94,22 +123,59 @@ fn part(recording: &Recording, base: &[f64], span: Span) -> Option<Part> {
     });
     let mut flight = Flight::from_columns("", std::iter::once((Column::T, time)).chain(rest));
     for (name, signal) in &recording.signals.extra {
-        let values = &on_grid(signal, &Grid { t: &t, period_s }, Kind::Smooth)[0];
+        let values = &on_grid(signal, &grid, Kind::Smooth)[0];
         if values.iter().any(|value| value.is_finite()) {
             let kept = values.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(value, _)| rounded(*value));
             flight = flight.with_further(name.clone(), kept.collect());
         }
     }
-    Some(Part { flight, span: [first, last], rate_hz: 1.0 / period_s, lost_s })
+    let mut part = Part::of(flight, &kept, period_s, &dropouts);
+    part.add_cuts(&recording.untrusted, Cause::Position);
+    part.add_cuts(&recording.untrusted_attitude, Cause::Attitude);
+    Some(part)
 }
 
-/// A row is kept that has the first of what there is of rates, attitude, position, and motors: gaps are gaps in time.
-fn rows_to_keep(columns: &[(Column, Vec<f64>)], rows: usize) -> Vec<bool> {
+/// A span of at least so many seconds about the same middle: fewer lost rows would be filled in like any that are missing.
+fn at_least([from, to]: Span, shortest_s: f64) -> Span {
+    let wider_s = (0.5 * (shortest_s - (to - from))).max(0.0);
+    [from - wider_s, to + wider_s]
+}
+
+impl Part {
+    /// The flight of rows at these times on the log's clock, s.
+    pub(crate) fn of(flight: Flight, t: &[f64], period_s: f64, dropouts: &[Span]) -> Self {
+        let steps = || t.windows(2).map(|w| [w[0], w[1]]);
+        let lost_s = steps().map(|[from, to]| to - from).filter(|step| *step > 1.5 * period_s).sum::<f64>();
+        let gaps = steps().filter(|[from, to]| to - from > GAP_PERIODS * period_s);
+        let cuts = gaps.map(|span| {
+            let is_dropout = any_between(dropouts, span[0], span[1]);
+            Cut { span, why: if is_dropout { Cause::Dropout } else { Cause::Gap } }
+        });
+        let span = [t[0], t[t.len() - 1]];
+        Self { flight, span, rate_hz: 1.0 / period_s, lost_s, cuts: cuts.collect() }
+    }
+
+    /// What of it lies in spans in order was left out.
+    fn add_cuts(&mut self, spans: &[Span], why: Cause) {
+        self.cuts.extend(both(spans, &[self.span]).into_iter().map(|span| Cut { span, why }));
+    }
+
+    /// A flight of quadlab's own recording: rows as they are, where they are.
+    pub(crate) fn of_own(own: OwnFlight) -> Self {
+        let OwnFlight { flight, start_s } = own;
+        let t: Vec<f64> = flight.required(Column::T).iter().map(|t| start_s + t).collect();
+        let period_s = median_step(&t);
+        Self::of(flight, &t, period_s, &[])
+    }
+}
+
+/// A row outside of dropouts is kept that has the first of what there is of rates, attitude, position, and motors: gaps are gaps in time.
+fn rows_to_keep(columns: &[(Column, Vec<f64>)], lost: &[bool]) -> Vec<bool> {
     let needed = |names: &[Column]| columns.iter().find(|(column, _)| names.contains(column)).map(|(_, v)| v);
     let state = needed(&[Column::P]).or_else(|| needed(&[Column::Phi])).or_else(|| needed(&[Column::X]));
     let motor = needed(&[Column::Cmd1, Column::Omega1]);
     let there = |values: Option<&Vec<f64>>, row: usize| values.is_none_or(|values| values[row].is_finite());
-    (0..rows).map(|row| there(state, row) && there(motor, row)).collect()
+    lost.iter().enumerate().map(|(row, lost)| !lost && there(state, row) && there(motor, row)).collect()
 }
 
 /// Times are written in microseconds: of rows that are closer, the first is kept.
@@ -123,23 +189,24 @@ fn keep_rising(t: &[f64], keep: &mut [bool]) {
     }
 }
 
-fn columns(signals: &Signals, untrusted: &[Span], grid: &Grid<'_>) -> Vec<(Column, Vec<f64>)> {
+fn columns(recording: &Recording, grid: &Grid<'_>) -> Vec<(Column, Vec<f64>)> {
     use Column::*;
+    let signals = &recording.signals;
     let mut all = Vec::new();
     let mut add = |names: &[Column], values: Vec<Vec<f64>>| all.extend(names.iter().copied().zip(values));
-    let trusted = |mut values: Vec<Vec<f64>>| {
-        for (row, time) in grid.t.iter().enumerate() {
-            if parts::within(untrusted, *time) {
-                values.iter_mut().for_each(|column| column[row] = f64::NAN);
-            }
+    let outside = |spans: &[Span], mut values: Vec<Vec<f64>>| {
+        for (row, _) in within(grid.t, spans).iter().enumerate().filter(|(_, inside)| **inside) {
+            values.iter_mut().for_each(|column| column[row] = f64::NAN);
         }
         values
     };
+    let trusted = |values| outside(&recording.untrusted, values);
     if let Some(position) = &signals.position {
         add(&[X, Y, Z], trusted(on_grid(position, grid, Kind::Smooth)));
     }
     if let Some(attitude) = &signals.attitude {
-        add(&[Phi, Theta, Psi], euler(&on_grid(attitude, grid, Kind::Smooth)));
+        let angles = euler(&on_grid(attitude, grid, Kind::Smooth));
+        add(&[Phi, Theta, Psi], outside(&recording.untrusted_attitude, angles));
     }
     if let Some(rates) = &signals.rates {
         add(&[P, Q, R], on_grid(rates, grid, Kind::Smooth));
@@ -273,6 +340,44 @@ mod tests {
         let missing = x[..1900].iter().filter(|x| x.is_nan()).count();
         assert_eq!(missing, 11);
         assert!(parts[0].flight.column(Column::P).unwrap().iter().all(|p| p.is_finite()));
+    }
+
+    /// 20 ms are less than a gap at 100 Hz: they are cut as one all the same, and said.
+    #[test]
+    fn a_dropout_is_cut_out_however_short_it_is() {
+        let dropouts = vec![[104.003, 104.023], [110.0, 111.0], [300.0, 301.0]];
+        for rate_hz in [50.0, 100.0, 1000.0] {
+            let (parts, _) = convert(&Recording { dropouts: dropouts.clone(), ..recording(rate_hz) });
+            let [part] = &parts[..] else { panic!("{} parts", parts.len()) };
+            let t: Vec<f64> = part.flight.required(Column::T).iter().map(|t| t + part.span[0]).collect();
+            for dropout in &dropouts {
+                assert!(!t.iter().any(|t| (dropout[0]..=dropout[1]).contains(t)), "{rate_hz}: {dropout:?}");
+            }
+            let [short, long] = &part.cuts[..] else { panic!("{rate_hz}: {:?}", part.cuts) };
+            assert!(short.why == Cause::Dropout && long.why == Cause::Dropout);
+            assert!(short.span[1] - short.span[0] > GAP_PERIODS / part.rate_hz, "{short:?}");
+            assert!(
+                (short.span[0] - 104.0).abs() < 0.05 && (long.span[1] - 111.0).abs() < 0.03,
+                "{:?}",
+                part.cuts
+            );
+            let cut_s: f64 = part.cuts.iter().map(|cut| cut.span[1] - cut.span[0]).sum();
+            assert!((part.lost_s - cut_s).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn an_attitude_that_jumps_is_missing_and_the_rates_are_not() {
+        let untrusted_attitude = vec![[104.0, 104.1]];
+        let (parts, _) = convert(&Recording { untrusted_attitude, ..recording(100.0) });
+        let missing = |column| parts[0].flight.column(column).unwrap().iter().filter(|v| v.is_nan()).count();
+        // The last rows of the slower attitude have no neighbour to run on to.
+        assert_eq!(
+            parts[0].flight.column(Column::Phi).unwrap()[..1900].iter().filter(|v| v.is_nan()).count(),
+            11
+        );
+        assert_eq!((missing(Column::P), missing(Column::Cmd1)), (0, 0));
+        assert_eq!(parts[0].cuts, [Cut { span: [104.0, 104.1], why: Cause::Attitude }]);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Which parts of a log become flights.
 
 use crate::recording::Span;
+use crate::spans::joined_over;
 
 /// Parts that are closer than this are one, s.
 const MERGED_S: f64 = 1.0;
@@ -15,20 +16,7 @@ pub(super) fn airborne(spans: &[Span], log: Span) -> Vec<Span> {
     }
     let mut sorted: Vec<Span> = spans.iter().map(|[from, to]| [from.max(log[0]), to.min(log[1])]).collect();
     sorted.retain(|[from, to]| to > from);
-    sorted.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    let mut parts: Vec<Span> = Vec::new();
-    for span in sorted {
-        match parts.last_mut() {
-            Some(last) if span[0] - last[1] < MERGED_S => last[1] = last[1].max(span[1]),
-            _ => parts.push(span),
-        }
-    }
-    parts
-}
-
-/// Whether a moment lies in one of the spans.
-pub(super) fn within(spans: &[Span], time: f64) -> bool {
-    spans.iter().any(|[from, to]| (*from..=*to).contains(&time))
+    joined_over(sorted, MERGED_S)
 }
 
 #[cfg(test)]

@@ -2,6 +2,9 @@
 
 use flights::{GAP_PERIODS, interpolated, median_step};
 
+use crate::recording::Span;
+use crate::spans::any_between;
+
 /// Signals of less than this part of the grid's period are averaged over it, not sampled.
 const FASTER: f64 = 0.67;
 
@@ -22,6 +25,15 @@ pub(super) struct Grid<'a> {
     pub(super) t: &'a [f64],
     /// Median step, s.
     pub(super) period_s: f64,
+    /// What nothing runs on across, in order, s.
+    pub(super) dropouts: &'a [Span],
+}
+
+impl Grid<'_> {
+    /// Whether a signal does not go on between two moments.
+    fn is_gap(&self, from: f64, to: f64, longest_s: f64) -> bool {
+        to - from > longest_s || any_between(self.dropouts, from, to)
+    }
 }
 
 /// The values of a signal with samples at `t` on the grid; NaN in gaps and beyond its ends.
@@ -36,7 +48,8 @@ pub(super) fn resampled(t: &[f64], values: &[f64], grid: &Grid<'_>, kind: Kind) 
     let own_period_s = if t.len() > 1 { median_step(&t) } else { grid.period_s };
     let longest_s = GAP_PERIODS * own_period_s.max(grid.period_s);
     let is_faster = own_period_s < FASTER * grid.period_s;
-    let area = is_faster.then(|| running_integral(&t, &values, longest_s, kind));
+    let area =
+        is_faster.then(|| running_integral(&t, &values, kind, |from, to| grid.is_gap(from, to, longest_s)));
     let half_s = 0.5 * grid.period_s;
     let at_time = |&time: &f64| {
         let at = t.partition_point(|own| *own <= time);
@@ -44,12 +57,13 @@ pub(super) fn resampled(t: &[f64], values: &[f64], grid: &Grid<'_>, kind: Kind) 
         if t[at] == time && !is_faster {
             return values[at];
         }
-        let is_gap = t.get(at + 1).is_none_or(|next| next - t[at] > longest_s);
+        let is_gap = t.get(at + 1).is_none_or(|next| grid.is_gap(t[at], *next, longest_s));
         match (&area, kind) {
             // A command is held: what acts from this row to the next is its mean from here on.
             (Some(area), Kind::Held) => area.mean(time, time + grid.period_s),
             (Some(area), _) => area.mean(time - half_s, time + half_s),
-            (None, Kind::Held) if time - t[at] <= longest_s => values[at],
+            (None, Kind::Held) if !grid.is_gap(t[at], time, longest_s) => values[at],
+            (None, Kind::Held) => f64::NAN,
             _ if is_gap => f64::NAN,
             (None, _) => interpolated(&t, &values, at, time),
         }
@@ -81,10 +95,15 @@ struct RunningIntegral<'a> {
     kind: Kind,
 }
 
-fn running_integral<'a>(t: &'a [f64], values: &'a [f64], longest_s: f64, kind: Kind) -> RunningIntegral<'a> {
+fn running_integral<'a>(
+    t: &'a [f64],
+    values: &'a [f64],
+    kind: Kind,
+    is_gap: impl Fn(f64, f64) -> bool,
+) -> RunningIntegral<'a> {
     let (mut area, mut covered_s) = (vec![0.0], vec![0.0]);
     for (w, v) in t.windows(2).zip(values.windows(2)) {
-        let step = if w[1] - w[0] > longest_s { 0.0 } else { w[1] - w[0] };
+        let step = if is_gap(w[0], w[1]) { 0.0 } else { w[1] - w[0] };
         let height = if kind == Kind::Held { v[0] } else { 0.5 * (v[0] + v[1]) };
         area.push(area[area.len() - 1] + step * height);
         covered_s.push(covered_s[covered_s.len() - 1] + step);
@@ -124,7 +143,7 @@ mod tests {
     }
 
     fn on(grid: &[f64], period_s: f64, t: &[f64], values: &[f64], kind: Kind) -> Vec<f64> {
-        resampled(t, values, &Grid { t: grid, period_s }, kind)
+        resampled(t, values, &Grid { t: grid, period_s, dropouts: &[] }, kind)
     }
 
     #[test]
@@ -177,6 +196,33 @@ mod tests {
         let fast = on(&grid, 0.0101, &times(0.001, 100), &[2.0; 100], Kind::Smooth);
         assert!(fast[..5].iter().chain(&fast[16..]).all(|v| v.is_nan()));
         assert!(fast[6..14].iter().all(|v| (v - 2.0).abs() < 1e-12));
+    }
+
+    /// A dropout that is shorter than a gap, and one within a signal that is averaged.
+    #[test]
+    fn nothing_runs_on_across_a_dropout() {
+        let grid = times(0.01, 100);
+        for (period_s, kind) in [
+            (0.01, Kind::Smooth),
+            (0.01, Kind::Held),
+            (0.04, Kind::Smooth),
+            (0.04, Kind::Held),
+            (0.001, Kind::Smooth),
+        ] {
+            let dropout = [0.502, 0.522];
+            let t: Vec<f64> =
+                times(period_s, 1000).into_iter().filter(|t| !(dropout[0]..dropout[1]).contains(t)).collect();
+            let grid = Grid { t: &grid, period_s: 0.01, dropouts: &[dropout] };
+            let values = resampled(&t, &vec![1.0; t.len()], &grid, kind);
+            for (time, value) in grid.t.iter().zip(values).skip(1) {
+                assert!(
+                    value.is_nan() || !(dropout[0]..dropout[1]).contains(time),
+                    "{period_s} {kind:?} {time}"
+                );
+                let far = (time - 0.512).abs() > 0.01 + period_s.max(0.01);
+                assert!(value == 1.0 || !far, "{period_s} {kind:?} {time}: {value}");
+            }
+        }
     }
 
     #[test]

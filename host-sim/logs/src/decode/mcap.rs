@@ -7,14 +7,18 @@
 use std::collections::HashMap;
 use std::path::Path;
 
+use proto::Telemetry;
+
 use super::common::budget::Budget;
 use super::common::bytes::Cursor;
 use super::common::decompress::{Compression, decompress};
 use super::common::faults::Faults;
 use super::ros_messages::{Dialect, Encoding, Topics};
+use super::telemetry::telemetry_from_json;
 use crate::error::LogError;
 use crate::format::Format;
-use crate::log::Log;
+use crate::log::{Column, Log, Table, Values};
+use crate::progress::Decoding;
 
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";
 const HEADER: u8 = 1;
@@ -23,16 +27,20 @@ const CHANNEL: u8 = 4;
 const MESSAGE: u8 = 5;
 const CHUNK: u8 = 6;
 const DATA_END: u8 = 0x0f;
+/// The schema of telemetry in quadlab's own recordings.
+const TELEMETRY: &str = "quadlab.Telemetry";
 /// Bytes of a message before its data.
 const MESSAGE_HEAD: usize = 22;
 
-pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
+pub(crate) fn decode(bytes: &[u8], path: &Path, progress: &mut Decoding<'_>) -> Result<Log, LogError> {
     let mut log = Log::new(Format::Mcap);
     let mut file = File {
         topics: Topics::new(bytes.len()),
         schemas: HashMap::new(),
         channels: HashMap::new(),
         library: None,
+        telemetry: Vec::new(),
+        unread: 0,
         budget: Budget::for_decompression(bytes.len()),
         faults: Faults::default(),
         lost_messages: 0,
@@ -40,30 +48,51 @@ pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
     let end = bytes.len() - if bytes[MAGIC.len()..].ends_with(MAGIC) { MAGIC.len() } else { 0 };
     let records = &bytes[..end];
     // The summary at the end repeats schemas and channels: for chunks whose own are lost.
-    file.walk(records, MAGIC.len(), 0, Depth::Definitions);
+    file.walk(records, MAGIC.len(), 0, Depth::Definitions, &mut |_| {});
     file.faults = Faults::default();
-    let data_end = file.walk(records, MAGIC.len(), 0, Depth::Chunks);
+    let data_end = file.walk(records, MAGIC.len(), 0, Depth::Chunks, &mut |byte| progress.at(byte));
     if !data_end {
         file.faults.say("the file was not closed: what came last may be missing");
     }
     if file.lost_messages > 0 {
         file.faults.say(format!("{} messages are of channels whose definition is lost", file.lost_messages));
     }
+    if file.unread > 0 {
+        let mend = "import it with the version that recorded it";
+        file.faults
+            .say(format!("{} messages of telemetry are damaged or of another version: {mend}", file.unread));
+    }
     log.tables = file.topics.into_tables(&mut file.faults);
     log.firmware = file.library.filter(|library| !library.is_empty());
     log.losses.damage = file.faults.into_sentences();
+    add_clocks(&mut log.tables, &file.telemetry);
+    log.telemetry = file.telemetry;
     if log.tables.is_empty() && log.losses.damage.is_empty() {
         return Err(LogError::Refused { path: path.into(), reason: "the recording holds no message".into() });
     }
     Ok(log)
 }
 
+/// The clocks of telemetry beside the time at which it was written.
+fn add_clocks(tables: &mut [Table], telemetry: &[Telemetry]) {
+    let own = tables.iter_mut().find(|table| table.message_type.as_deref() == Some(TELEMETRY));
+    let Some(table) = own.filter(|table| table.rows == telemetry.len()) else { return };
+    let column = |name: &str, of: fn(&Telemetry) -> u32| Column {
+        name: name.into(),
+        values: Values::U32(telemetry.iter().map(of).collect()),
+    };
+    table.columns = vec![column("craft_us", |row| row.craft_us), column("ground_us", |row| row.ground_us)];
+}
+
 struct File {
     topics: Topics,
     schemas: HashMap<u16, Schema>,
-    /// Topic by channel.
-    channels: HashMap<u16, usize>,
+    /// Topic by channel, and whether its messages are telemetry of quadlab's own.
+    channels: HashMap<u16, (usize, bool)>,
     library: Option<String>,
+    /// Telemetry of quadlab's own recording, and how many messages of it cannot be read.
+    telemetry: Vec<Telemetry>,
+    unread: usize,
     budget: Budget,
     faults: Faults,
     lost_messages: usize,
@@ -131,10 +160,18 @@ fn chunk(content: &[u8]) -> Option<Chunk<'_>> {
 }
 
 impl File {
-    /// Reads records one after another; whether the end of the data was there.
-    fn walk(&mut self, bytes: &[u8], from: usize, offset: usize, depth: Depth) -> bool {
+    /// Reads records one after another, each told to `at_byte`; whether the end of the data was there.
+    fn walk(
+        &mut self,
+        bytes: &[u8],
+        from: usize,
+        offset: usize,
+        depth: Depth,
+        at_byte: &mut dyn FnMut(usize),
+    ) -> bool {
         let mut at = from;
         while at < bytes.len() {
+            at_byte(at);
             let found = record(bytes, at);
             let fits = found.as_ref().is_some_and(|record| record.whole && self.fits(record, depth));
             let mut end = found.as_ref().map_or(bytes.len(), |record| record.end);
@@ -240,7 +277,8 @@ impl File {
             _ => Encoding::Other,
         };
         let topic = String::from_utf8_lossy(topic);
-        self.channels.insert(id, self.topics.add(&topic, name, encoding, text));
+        let is_telemetry = name == TELEMETRY && message_encoding == b"json";
+        self.channels.insert(id, (self.topics.add(&topic, name, encoding, text), is_telemetry));
     }
 
     fn message(&mut self, content: &[u8]) {
@@ -248,7 +286,14 @@ impl File {
         let channel = cursor.u16().and_then(|channel| self.channels.get(&channel));
         let time = cursor.u32().and_then(|_| cursor.u64()).zip(cursor.u64());
         match (channel, time, content.get(MESSAGE_HEAD..)) {
-            (Some(&topic), Some((log_time, _)), Some(data)) => {
+            (Some(&(topic, is_telemetry)), Some((log_time, _)), Some(data)) => {
+                if is_telemetry {
+                    let Some(telemetry) = telemetry_from_json(data) else {
+                        self.unread += 1;
+                        return;
+                    };
+                    self.telemetry.push(telemetry);
+                }
                 self.topics.read(topic, i64::try_from(log_time).unwrap_or(i64::MAX), data);
             }
             _ => self.lost_messages += 1,
@@ -286,10 +331,10 @@ impl File {
     /// Reads a chunk; that one that is cut ends within a record was said already.
     fn walk_chunk(&mut self, bytes: &[u8], at: usize, whole: bool) {
         if whole {
-            self.walk(bytes, 0, at, Depth::Inside);
+            self.walk(bytes, 0, at, Depth::Inside, &mut |_| {});
         } else {
             let faults = std::mem::take(&mut self.faults);
-            self.walk(bytes, 0, at, Depth::Inside);
+            self.walk(bytes, 0, at, Depth::Inside, &mut |_| {});
             self.faults = faults;
         }
     }

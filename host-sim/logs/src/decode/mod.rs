@@ -10,6 +10,7 @@ mod parquet;
 mod ros_messages;
 mod rosbag1;
 mod rosbag2;
+mod telemetry;
 mod ulog;
 
 use std::path::Path;
@@ -17,19 +18,28 @@ use std::path::Path;
 use crate::error::LogError;
 use crate::format::Format;
 use crate::log::Log;
+use crate::progress::{Decoding, UNWATCHED, Watch};
+
+pub use telemetry::telemetry_from_json;
 
 pub(crate) use csv::decode as decode_text;
 
 /// Decodes the bytes of a log; `path` is for messages.
 pub fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
+    decode_watched(bytes, path, UNWATCHED)
+}
+
+/// Decodes the bytes of a log, and tells who watches how far it is.
+pub(crate) fn decode_watched(bytes: &[u8], path: &Path, watch: Watch<'_>) -> Result<Log, LogError> {
+    let mut progress = Decoding::new(watch, bytes.len());
     match Format::of(bytes) {
-        Some(Format::Ulog) => ulog::decode(bytes, path),
-        Some(Format::Dataflash) => dataflash::decode(bytes, path),
-        Some(Format::Blackbox) => blackbox::decode(bytes, path),
+        Some(Format::Ulog) => ulog::decode(bytes, path, &mut progress),
+        Some(Format::Dataflash) => dataflash::decode(bytes, path, &mut progress),
+        Some(Format::Blackbox) => blackbox::decode(bytes, path, &mut progress),
         Some(Format::Crazyflie) => crazyflie::decode(bytes, path),
-        Some(Format::Rosbag1) => rosbag1::decode(bytes, path),
+        Some(Format::Rosbag1) => rosbag1::decode(bytes, path, &mut progress),
         Some(Format::Rosbag2) => rosbag2::decode(bytes, path),
-        Some(Format::Mcap) => mcap::decode(bytes, path),
+        Some(Format::Mcap) => mcap::decode(bytes, path, &mut progress),
         Some(Format::Parquet) => parquet::decode(bytes, path),
         Some(Format::Csv) | None => Err(LogError::Format {
             path: path.into(),

@@ -16,12 +16,13 @@ use super::ros_messages::{Dialect, Encoding, Topics};
 use crate::error::LogError;
 use crate::format::Format;
 use crate::log::Log;
+use crate::progress::Decoding;
 
 const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
 /// How far before its `op` field a record may begin.
 const LONGEST_HEAD: usize = 160;
 
-pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
+pub(crate) fn decode(bytes: &[u8], path: &Path, progress: &mut Decoding<'_>) -> Result<Log, LogError> {
     if !bytes.starts_with(MAGIC) {
         return Err(LogError::Format {
             path: path.into(),
@@ -37,9 +38,9 @@ pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
         lost_messages: 0,
     };
     // The index at the end repeats the connections: for chunks whose own are lost.
-    bag.walk(bytes, MAGIC.len(), 0, Depth::Connections);
+    bag.walk(bytes, MAGIC.len(), 0, Depth::Connections, &mut |_| {});
     bag.faults = Faults::default();
-    bag.walk(bytes, MAGIC.len(), 0, Depth::Chunks);
+    bag.walk(bytes, MAGIC.len(), 0, Depth::Chunks, &mut |byte| progress.at(byte));
     if bag.lost_messages > 0 {
         bag.faults.say(format!("{} messages are of topics whose definition is lost", bag.lost_messages));
     }
@@ -141,9 +142,17 @@ fn leads_to(bytes: &[u8], header: usize, place: usize) -> bool {
 
 impl Bag {
     /// Reads records one after another; `offset` is where the bytes stand in the file, for messages.
-    fn walk(&mut self, bytes: &[u8], from: usize, offset: usize, depth: Depth) {
+    fn walk(
+        &mut self,
+        bytes: &[u8],
+        from: usize,
+        offset: usize,
+        depth: Depth,
+        at_byte: &mut dyn FnMut(usize),
+    ) {
         let mut at = from;
         while at < bytes.len() {
+            at_byte(at);
             let Some(mut record) = record(bytes, at) else {
                 let next = next_record(bytes, at + 1);
                 let end = next.unwrap_or(bytes.len());
@@ -210,10 +219,10 @@ impl Bag {
     /// Reads a chunk; that the last record of one that is cut is not whole was said already.
     fn walk_chunk(&mut self, bytes: &[u8], at: usize, whole: bool) {
         if whole {
-            return self.walk(bytes, 0, at, Depth::Inside);
+            return self.walk(bytes, 0, at, Depth::Inside, &mut |_| {});
         }
         let faults = std::mem::take(&mut self.faults);
-        self.walk(bytes, 0, at, Depth::Inside);
+        self.walk(bytes, 0, at, Depth::Inside, &mut |_| {});
         self.faults = faults;
     }
 

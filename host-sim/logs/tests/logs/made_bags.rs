@@ -177,19 +177,24 @@ fn hostile_databases_are_refused() {
     }
 }
 
+/// What is no telemetry of this version is counted, and a recording without telemetry has no flight.
 #[test]
-fn quadlabs_own_recording_is_sent_to_its_flights() {
+fn a_recording_of_ours_in_which_no_craft_was_heard_is_refused() {
     let mut writer = Writer::new(Cursor::new(Vec::new())).unwrap();
-    let schema = writer.add_schema("quadlab.Telemetry", "jsonschema", b"{}").unwrap();
-    let channel_id = writer.add_channel(schema, "/telemetry", "json", &BTreeMap::new()).unwrap();
-    let header = MessageHeader { channel_id, sequence: 0, log_time: 1, publish_time: 1 };
-    writer.write_to_known_channel(&header, b"{}").unwrap();
+    for (topic, name) in [("/telemetry", "quadlab.Telemetry"), ("/pose", "quadlab.TimedPose")] {
+        let schema = writer.add_schema(name, "jsonschema", b"{}").unwrap();
+        let channel_id = writer.add_channel(schema, topic, "json", &BTreeMap::new()).unwrap();
+        let header = MessageHeader { channel_id, sequence: 0, log_time: 1, publish_time: 1 };
+        writer.write_to_known_channel(&header, b"{}").unwrap();
+    }
     writer.finish().unwrap();
-    let log = read(&writer.into_inner().into_inner());
-    assert_eq!(log.losses.damage, Vec::<String>::new());
-    assert_eq!(log.table("/telemetry").unwrap().rows, 1);
-    let message = recorded(&log, Path::new("made")).unwrap_err().to_string();
-    assert!(message.contains("quadlab ground --recover"), "{message}");
+    let bytes = writer.into_inner().into_inner();
+    let log = read(&bytes);
+    assert!(log.losses.damage[0].contains("1 messages of telemetry are damaged"), "{:?}", log.losses);
+    let message = logs::import_bytes(&bytes, Path::new("made"), &flights::ColumnMap::default())
+        .unwrap_err()
+        .to_string();
+    assert!(message.contains("the craft was never heard"), "{message}");
 }
 
 /// A record of a ROS 1 bag.

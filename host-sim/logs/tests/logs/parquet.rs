@@ -45,7 +45,9 @@ fn memory_of_an_import() {
     let Some(path) = shared("data/logs/crazyflie_log203.parquet") else { return };
     let bytes = std::fs::read(&path).unwrap();
     let decoding = allocation_counter::measure(|| _ = decode(&bytes, &path)).bytes_max;
-    let importing = allocation_counter::measure(|| _ = logs::import_bytes(&bytes, &path)).bytes_max;
+    let importing =
+        allocation_counter::measure(|| _ = logs::import_bytes(&bytes, &path, &flights::ColumnMap::default()))
+            .bytes_max;
     println!("{} bytes: decoding {decoding}, importing {importing}", bytes.len());
     assert!(importing < 3 * bytes.len() as u64 + (1 << 19), "{importing} bytes for {}", bytes.len());
 }

@@ -436,6 +436,11 @@ impl Writer {
 
 /// A quadcopter that hovers, at 50 Hz: all that a flight needs, in some twenty kilobytes.
 pub(crate) fn hover(parameters: &[(&str, i32)], rows: u64) -> Writer {
+    hover_with(parameters, rows, |_, _| {})
+}
+
+/// The same; `before` may write something before each row, whose number it is told.
+fn hover_with(parameters: &[(&str, i32)], rows: u64, before: impl Fn(&mut Writer, u64)) -> Writer {
     let mut log = Writer::new();
     log.record(b'F', b"vehicle_attitude:uint64_t timestamp;uint64_t timestamp_sample;float[4] q;");
     log.record(b'F', b"vehicle_local_position:uint64_t timestamp;float x;float y;float z;float vx;float vy;float vz;uint8_t xy_reset_counter;bool z_valid;");
@@ -456,6 +461,7 @@ pub(crate) fn hover(parameters: &[(&str, i32)], rows: u64) -> Writer {
     }
     log.row(3, 1_000_000, &[2]);
     for row in 0..rows {
+        before(&mut log, row);
         let us = 1_000_000 + row * 20_000;
         let floats =
             |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
@@ -489,6 +495,74 @@ fn a_written_log_is_read() {
     assert_eq!(recording.airborne.len(), 1);
 }
 
+/// The dropout of 40 ms stands before row 100, so it begins with row 99. Less than a gap of 50 Hz, it is cut as one.
+#[test]
+fn a_dropout_is_cut_out_where_it_was() {
+    let written = hover_with(&[("MAV_TYPE", 2)], 300, |log, row| {
+        if row == 100 {
+            log.record(b'O', &40_u16.to_le_bytes());
+        }
+    });
+    let log = written.decoded();
+    let [span] = log.losses.dropout_spans_s[..] else { panic!("{:?}", log.losses) };
+    assert_close("dropout", &span, &[2.98, 3.02], 1e-3);
+    let import = logs::import_bytes(&written.0, Path::new("written.ulg"), &flights::ColumnMap::default())
+        .expect("flight");
+    let [part] = &import.flights[..] else { panic!("{} flights", import.flights.len()) };
+    let rows = part.cuts.iter().find(|cut| cut.why == logs::Cause::Dropout).expect("cut");
+    assert_close("cut", &rows.span, &[2.96, 3.04], 1e-6);
+    assert_eq!((part.cuts.len(), part.flight.len()), (2, 297));
+    // The position that was reset between rows 149 and 150.
+    let position = part.cuts.iter().find(|cut| cut.why == logs::Cause::Position).expect("reset");
+    assert_close("reset", &position.span, &[3.93, 4.05], 1e-9);
+}
+
+/// The log of a VTOL, in which rows that had waited stand just before the dropout: it begins with the latest of all rows, and
+/// nothing is of the time that it lasted, but for one row of its first millisecond that was published when it began.
+#[test]
+fn no_row_lies_within_a_dropout() {
+    let Some((log, _)) = named("px4_sample_small.ulg") else { return };
+    let [[start_s, end_s]] = log.losses.dropout_spans_s[..] else { panic!("{:?}", log.losses) };
+    assert!((end_s - start_s - 0.03).abs() < 1e-9 && (start_s - 20.33).abs() < 0.001, "{start_s}");
+    let times: Vec<f64> = log.tables.iter().flat_map(logs::Table::times_s).collect();
+    assert_eq!(times.iter().filter(|time| (start_s + 1e-3..end_s).contains(*time)).count(), 0);
+    assert!(times.iter().filter(|time| (start_s - 0.05..start_s).contains(*time)).count() > 20);
+}
+
+#[test]
+fn a_rotor_that_moves_in_flight_makes_it_two() {
+    let mut parameters = vec![("MAV_TYPE", 2), ("CA_ROTOR_COUNT", 4)];
+    for (names, [front, right, spin]) in [
+        (["CA_ROTOR0_PX", "CA_ROTOR0_PY", "CA_ROTOR0_KM"], [2, 2, 1]),
+        (["CA_ROTOR1_PX", "CA_ROTOR1_PY", "CA_ROTOR1_KM"], [-2, -2, 1]),
+        (["CA_ROTOR2_PX", "CA_ROTOR2_PY", "CA_ROTOR2_KM"], [2, -2, -1]),
+        (["CA_ROTOR3_PX", "CA_ROTOR3_PY", "CA_ROTOR3_KM"], [-2, 2, -1]),
+    ] {
+        parameters.extend(names.into_iter().zip([front, right, spin]));
+    }
+    let written = hover_with(&parameters, 600, |log, row| {
+        // Of no account, and then of some.
+        if row == 100 {
+            log.pair(b'P', "float MC_ROLLRATE_P", &0.2_f32.to_le_bytes());
+        }
+        if row == 300 {
+            log.pair(b'P', "float CA_ROTOR0_PX", &3.0_f32.to_le_bytes());
+        }
+    });
+    let recordings = logs::record(&written.decoded(), Path::new("written.ulg")).expect("quadcopter");
+    let front_right = |k: usize| recordings[k].hints.rotor_positions_m.expect("positions")[1];
+    assert_eq!((recordings.len(), front_right(0), front_right(1)), (2, [2.0, 2.0], [3.0, 2.0]));
+    let import = logs::import_bytes(&written.0, Path::new("written.ulg"), &flights::ColumnMap::default())
+        .expect("flights");
+    let [first, second] = &import.flights[..] else { panic!("{} flights", import.flights.len()) };
+    assert_close("ends", &[first.span[1], second.span[0]], &[6.98, 6.98], 0.03);
+    assert!(
+        import.notes.iter().any(|note| note.starts_with("CA_ROTOR0_PX was set from 2 to 3 at 7.0 s")),
+        "{:?}",
+        import.notes
+    );
+}
+
 /// Times that go back, come twice or are damaged.
 #[test]
 fn times_are_put_in_order() {
@@ -502,8 +576,8 @@ fn times_are_put_in_order() {
     assert!(attitude.t.windows(2).all(|pair| pair[0] < pair[1]));
     assert_eq!(attitude.t.len(), 102);
     assert!((attitude.t[101] - 2.98).abs() < 1e-9);
-    // Signs are continuous: they are those of the first row.
-    assert!(attitude.values[0].iter().all(|w| *w == -1.0));
+    // Signs are continuous, and the first one is that of an upright craft.
+    assert!(attitude.values[0].iter().all(|w| *w == 1.0));
     assert_eq!(recording.notes.len(), 2, "{:?}", recording.notes);
 }
 

@@ -74,7 +74,9 @@ fn what_bitcrazes_client_writes_is_a_flight_with_columns_of_someones_own() {
     let flight = &import.flights[0].flight;
     let at = |column| flight.column(column).unwrap()[7];
     assert_eq!([at(Column::X), at(Column::Y), at(Column::Z)], [1.0, -2.0, -3.0]);
-    assert!((at(Column::T) - 0.07).abs() < 1e-9 && (at(Column::Q) + 0.785_398_163).abs() < 1e-6);
+    assert!(
+        (at(Column::T) - 0.07).abs() < 1e-9 && (at(Column::Q) + std::f64::consts::FRAC_PI_4).abs() < 1e-6
+    );
     assert_eq!(flight.further("payload_kg").unwrap()[7], 0.25);
     // A map says otherwise.
     let mapped = imported(

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use diagnosis::workflow::{Observer as _, Progress};
+use diagnosis::workflow::{Observer, import_log};
 use flights::ColumnMap;
 use logs::{Draft, Format, Import, LogError};
 use model::Vehicle;
@@ -22,21 +22,20 @@ pub(crate) fn read_logs(named: &[PathBuf], json: bool) -> anyhow::Result<Vec<Rea
     let paths = files(named)?;
     let terminal = Terminal::new(json);
     let mut read = Vec::new();
-    for (done, path) in paths.iter().enumerate() {
-        terminal.progress(Progress { activity: "reading logs", steps: Some((done, paths.len())) });
-        read.push(Read { path: path.clone(), import: import(path)? });
+    for path in &paths {
+        read.push(Read { path: path.clone(), import: import(path, &terminal)? });
     }
     terminal.clear();
     Ok(read)
 }
 
 /// A log; a table of another program through the map of columns beside it, else that of the vehicle file beside it.
-fn import(path: &Path) -> anyhow::Result<Result<Import, LogError>> {
+fn import(path: &Path, observer: &dyn Observer) -> anyhow::Result<Result<Import, LogError>> {
     let map = match vehicle_beside(path)? {
         Some(vehicle) => ColumnMap::of_flight(path, &vehicle)?,
         None => ColumnMap::beside(path)?,
     };
-    Ok(logs::import(path, &map))
+    Ok(import_log(path, &map, observer))
 }
 
 /// The vehicle file beside a table of another program; logs tell of their craft themselves.

@@ -5,6 +5,7 @@ pub(crate) mod faults;
 pub(crate) mod flights;
 pub(crate) mod logs;
 pub(crate) mod model_files;
+pub(crate) mod motion_clocks;
 pub(crate) mod output;
 pub(crate) mod progress;
 pub(crate) mod refine;

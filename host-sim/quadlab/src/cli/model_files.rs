@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use diagnosis::workflow::{Observer, import_log};
 use flights::{ColumnMap, FlightError};
 use model::{Model, ModelError, Vehicle, VehicleError};
 
@@ -37,6 +38,7 @@ pub(crate) fn vehicle_of<'a>(
     given: Option<&PathBuf>,
     named: impl Iterator<Item = &'a PathBuf>,
     flights: &[&PathBuf],
+    observer: &dyn Observer,
 ) -> anyhow::Result<(Vehicle, Option<PathBuf>)> {
     let beside = |path: &PathBuf| match path.is_dir() {
         true => path.join(VEHICLE),
@@ -47,8 +49,8 @@ pub(crate) fn vehicle_of<'a>(
         return Ok((read_vehicle(&path)?, Some(path)));
     }
     let is_log = |path: &&&PathBuf| logs::format_of(path).is_some();
-    let imports: Result<Vec<_>, logs::LogError> =
-        flights.iter().filter(is_log).map(|path| logs::import(path, &ColumnMap::beside(path)?)).collect();
+    let import = |path: &&PathBuf| import_log(path, &ColumnMap::beside(path)?, observer);
+    let imports: Result<Vec<_>, logs::LogError> = flights.iter().filter(is_log).map(import).collect();
     let imports = imports?;
     match (logs::draft(&imports).map_err(anyhow::Error::msg)?, imports.first()) {
         (Some(draft), _) => Ok((draft.vehicle, None)),

@@ -73,8 +73,8 @@ fn create(folder: &Path) -> Result<(), DemoError> {
 fn on_flights(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
     let named = [folder.to_owned()];
     let files = chosen_flights(flights_in(folder)?);
-    let (vehicle, vehicle_path) = vehicle_of(None, named.iter(), &files.paths())?;
     let terminal = Terminal::new(false);
+    let (vehicle, vehicle_path) = vehicle_of(None, named.iter(), &files.paths(), &terminal)?;
     let mut sets = files.read(&vehicle, Reading::default(), &terminal)?;
     create(&options.out)?;
     let explanation =

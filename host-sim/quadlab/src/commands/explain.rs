@@ -65,10 +65,11 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     inputs.extend(&options.vehicle);
     inputs.extend(options.effects.paths());
     options.output.check([&options.out].into_iter().chain(&options.html), &inputs)?;
-    let (vehicle, vehicle_file) = vehicle_of(options.vehicle.as_ref(), options.sets.named(), &files.paths())?;
+    let terminal = Terminal::new(options.output.json);
+    let (vehicle, vehicle_file) =
+        vehicle_of(options.vehicle.as_ref(), options.sets.named(), &files.paths(), &terminal)?;
     let effects = options.effects.read()?;
     let search = options.without.options()?;
-    let terminal = Terminal::new(options.output.json);
     options.faults.apply(&files.paths(), &vehicle)?;
     let mut sets = files.read(&vehicle, options.faults.reading()?, &terminal)?;
     let explanation =

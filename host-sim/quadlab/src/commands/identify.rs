@@ -57,9 +57,9 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     inputs.extend(&options.vehicle);
     inputs.extend(options.effects.paths());
     options.output.check([&options.out], &inputs)?;
-    let (vehicle, _) = vehicle_of(options.vehicle.as_ref(), options.sets.named(), &files.paths())?;
-    let effects = options.effects.read()?;
     let terminal = Terminal::new(options.output.json);
+    let (vehicle, _) = vehicle_of(options.vehicle.as_ref(), options.sets.named(), &files.paths(), &terminal)?;
+    let effects = options.effects.read()?;
     options.faults.apply(&files.paths(), &vehicle)?;
     let mut sets = files.read(&vehicle, options.faults.reading()?, &terminal)?;
     let identified = workflow::identify(&vehicle, &effects, &mut sets, options.refine.rows(), &terminal)?;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use diagnosis::workflow::Reading;
 use flights::ColumnMap;
-use logs::{Draft, Format, Import, Part, Sources};
+use logs::{Cause, ClockPair, Draft, Format, Import, Part, Sources};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -14,13 +14,15 @@ use crate::cli::colour;
 use crate::cli::faults;
 use crate::cli::logs::{Read, draft, imported, read_logs, refused, vehicle_beside};
 use crate::cli::model_files::VEHICLE;
+use crate::cli::motion_clocks;
 use crate::cli::output::{Outcome, OverwritesInput};
 use crate::render::import_text;
 
 /// Make flight files from logs of other programs.
 ///
 /// Reads PX4 ULog, ArduPilot DataFlash, Betaflight and INAV blackbox, Crazyflie SD-card logs, ROS 1 and ROS 2 bags, MCAP,
-/// Parquet and CSV under any names (a columns.toml beside them says which column is which). Writes a flight file for each part that was flown, and a vehicle file that marks what you still have to measure; an
+/// Parquet, CSV under any names (a columns.toml beside them says which column is which), and recordings of `quadlab ground`. Prints how
+/// far the log's clocks are apart, and what was cut out. Writes a flight file for each part that was flown, and a vehicle file that marks what you still have to measure; an
 /// existing one is kept unless --force is given. Every command that takes flights also takes logs: import only saves the flights
 /// as files. Exit status 2 if a log is refused; the others are still imported.
 #[derive(clap::Args)]
@@ -55,6 +57,10 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     }
     name_apart(&mut read);
     let known = known_vehicle(&read)?;
+    for import in read.iter_mut().filter_map(|read| read.import.as_mut().ok()) {
+        // What decides about a flight first.
+        import.clocks.splice(0..0, motion_clocks::of(import));
+    }
     let (draft, two_craft) = match draft(&read) {
         Ok(draft) => (draft.map(|draft| known.unwrap_or(draft)), None),
         Err(why) => (None, Some(why.to_string())),
@@ -190,6 +196,8 @@ struct LogEntry<'a> {
     messages: BTreeMap<&'a str, MessagesEntry>,
     /// The format's own name of what became each quantity.
     sources: Option<&'a Sources>,
+    /// Every pair of clocks that stamp the same rows or see the same motion.
+    clocks: &'a [ClockPair],
     flights: Vec<FlightEntry>,
     /// Times at which the craft could not write fast enough, and what they lost.
     dropouts: usize,
@@ -222,6 +230,18 @@ struct FlightEntry {
     columns: Vec<String>,
     /// Time without rows in between, s.
     lost_s: f64,
+    /// What was left out in between.
+    cuts: Vec<CutEntry>,
+}
+
+#[derive(Serialize, JsonSchema)]
+struct CutEntry {
+    /// First and last time on the log's clock, s.
+    start_s: f64,
+    end_s: f64,
+    /// Rows: `gap` (the log has none for more than 3.5 periods), `dropout` (the craft could not write). `position` and
+    /// `attitude`: these columns only, where the estimator was not sure of them, or they jumped.
+    why: Cause,
 }
 
 fn document<'a>(
@@ -257,6 +277,11 @@ fn entry<'a>(read: &Read, import: &'a Import, paths: &mut std::slice::Iter<'_, P
         rate_hz: part.rate_hz,
         columns: part.flight.logged_columns().map(ToOwned::to_owned).collect(),
         lost_s: part.lost_s,
+        cuts: part
+            .cuts
+            .iter()
+            .map(|cut| CutEntry { start_s: cut.span[0], end_s: cut.span[1], why: cut.why })
+            .collect(),
     });
     LogEntry {
         file: read.path.display().to_string(),
@@ -264,6 +289,7 @@ fn entry<'a>(read: &Read, import: &'a Import, paths: &mut std::slice::Iter<'_, P
         firmware: import.firmware.as_deref(),
         messages: messages.collect(),
         sources: Some(&import.sources),
+        clocks: &import.clocks,
         flights: flights.collect(),
         dropouts: import.losses.dropouts,
         dropouts_s: import.losses.dropouts_s,
@@ -285,6 +311,7 @@ impl LogEntry<'_> {
             firmware: None,
             messages: BTreeMap::new(),
             sources: None,
+            clocks: &[],
             flights: Vec::new(),
             dropouts: 0,
             dropouts_s: 0.0,

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use logs::{Draft, Import};
-use report::number::fixed;
+use logs::{Cause, Draft, Import};
+use report::number::{fixed, value_and_error};
+use report::significant;
 
 use crate::cli::logs::Read;
 use crate::render::grid::{Grid, number, text};
@@ -76,8 +77,8 @@ fn log(import: &Import) -> String {
             fixed(part.lost_s, 2),
         ]);
     }
-    if flights.has_rows() {
-        said.push_str(&format!("{}\n", flights.to_text()));
+    for grid in [flights, cuts(import), clocks(import)].iter().filter(|grid| grid.has_rows()) {
+        said.push_str(&format!("{}\n", grid.to_text()));
     }
     let dropouts = (import.losses.dropouts > 0).then(|| {
         format!("{} dropouts, {} s lost", import.losses.dropouts, fixed(import.losses.dropouts_s, 2))
@@ -88,6 +89,81 @@ fn log(import: &Import) -> String {
     }
     said.push('\n');
     said
+}
+
+/// What was left out of the flights: the longest stretches one by one, the rest of each kind together.
+fn cuts(import: &Import) -> Grid {
+    const SHOWN: usize = 5;
+    let mut grid = Grid::new("cut out", [text("file"), text("what"), number("time", "s"), text("when (s)")]);
+    for part in &import.flights {
+        for (why, what) in [
+            (Cause::Dropout, "rows (the craft could not write)"),
+            (Cause::Gap, "rows (missing in the log)"),
+            (Cause::Position, "position, velocity (not trusted)"),
+            (Cause::Attitude, "attitude (not trusted)"),
+        ] {
+            let mut spans: Vec<[f64; 2]> =
+                part.cuts.iter().filter(|cut| cut.why == why).map(|cut| cut.span).collect();
+            if spans.is_empty() {
+                continue;
+            }
+            let all_s: f64 = spans.iter().map(|[from, to]| to - from).sum();
+            spans.sort_by(|a, b| (b[1] - b[0]).total_cmp(&(a[1] - a[0])));
+            let more = spans.len().saturating_sub(SHOWN);
+            spans.truncate(SHOWN);
+            spans.sort_by(|a, b| a[0].total_cmp(&b[0]));
+            let shown = spans.iter().map(|[from, to]| format!("{} to {}", fixed(*from, 2), fixed(*to, 2)));
+            let further = (more > 0).then(|| format!("{more} shorter ones"));
+            let when = shown.chain(further).collect::<Vec<_>>().join(", ");
+            grid.push([part.flight.name.clone(), what.into(), fixed(all_s, 2), when]);
+        }
+    }
+    grid
+}
+
+/// Every pair of clocks.
+fn clocks(import: &Import) -> Grid {
+    let mut grid = Grid::new(
+        "clocks (offset: how far the first is ahead of the second in the middle of the log; skew: how much faster it runs)",
+        [
+            text("rows of"),
+            text("clock"),
+            text("against"),
+            number("offset", "ms"),
+            number("±", "ms"),
+            number("skew", "ppm"),
+            number("±", "ppm"),
+            number("scatter", "ms"),
+        ],
+    );
+    for pair in &import.clocks {
+        let [offset, offset_error] = offset(pair.offset_ms, pair.offset_std_error_ms);
+        let [skew, skew_error] = match pair.skew_ppm {
+            Some(skew) => value_and_error(skew, pair.skew_std_error_ppm),
+            None => ["-", "-"].map(Into::into),
+        };
+        let scatter = pair.scatter_ms.map_or("-".into(), |scatter| significant(scatter, 2));
+        grid.push([
+            pair.of.clone(),
+            pair.clock.clone(),
+            pair.reference.clone(),
+            offset,
+            offset_error,
+            skew,
+            skew_error,
+            scatter,
+        ]);
+    }
+    grid
+}
+
+/// An offset and its error in ms: written out, for offsets from UTC have thirteen digits before the point.
+fn offset(offset_ms: f64, error_ms: Option<f64>) -> [String; 2] {
+    let Some(error_ms) = error_ms.filter(|error| *error > 0.0) else {
+        return [fixed(offset_ms, 3), "-".into()];
+    };
+    let decimals = (1.0 - error_ms.log10().floor()).clamp(0.0, 6.0) as usize;
+    [fixed(offset_ms, decimals), fixed(error_ms, decimals)]
 }
 
 /// What must be measured, for people.

@@ -22,18 +22,20 @@ use std::path::Path;
 use crate::error::LogError;
 use crate::format::Format;
 use crate::log::{Log, Table, TimeUnit};
+use crate::progress::Decoding;
 
 /// How each log of a file begins.
 const MARKER: &[u8] = b"H Product:Blackbox";
 /// Sentences about damage; the rest is counted.
 const MOST_SENTENCES: usize = 5;
 
-pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
+pub(crate) fn decode(bytes: &[u8], path: &Path, progress: &mut Decoding<'_>) -> Result<Log, LogError> {
     let mut log = Log::new(Format::Blackbox);
     let mut starts: Vec<usize> = memchr::memmem::find_iter(bytes, MARKER).collect();
     starts.push(bytes.len());
     let mut sentences = Vec::new();
     for (index, log_bytes) in starts.windows(2).filter_map(|ends| bytes.get(ends[0]..ends[1])).enumerate() {
+        progress.at(starts[index]);
         let name = format!("log {}", index + 1);
         let (table, sentence) = one_log(log_bytes, &name, &mut log);
         log.tables.push(table);

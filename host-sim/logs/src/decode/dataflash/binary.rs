@@ -6,6 +6,7 @@ use super::format::{FMT, Field, HEADER, HEADER_LENGTH, MOST_FORMATS, MessageForm
 use super::messages::Messages;
 use super::special::{Row, Special};
 use crate::log::Log;
+use crate::progress::Decoding;
 
 /// Blocks of flash memory are this long at most: what is left of the last one is no damage.
 const PADDING: usize = 528;
@@ -19,11 +20,11 @@ struct Index<'log> {
     damage: Damage,
 }
 
-pub(super) fn decode(bytes: &[u8], log: &mut Log) {
+pub(super) fn decode(bytes: &[u8], log: &mut Log, progress: &mut Decoding<'_>) {
     let mut index = Index { bytes, all: Vec::new(), by_type: [None; 256], damage: Damage::default() };
     index.all.push(Messages { format: MessageFormat::of_formats(), starts: Vec::new() });
     index.by_type[usize::from(FMT)] = Some(0);
-    index.fill();
+    index.fill(progress);
     let mut special = Special::default();
     for messages in &mut index.all {
         messages.starts.shrink_to_fit();
@@ -50,9 +51,10 @@ pub(super) fn decode(bytes: &[u8], log: &mut Log) {
 
 impl Index<'_> {
     /// Walks through the file.
-    fn fill(&mut self) {
+    fn fill(&mut self, progress: &mut Decoding<'_>) {
         let mut at = 0;
         while at < self.bytes.len() {
+            progress.at(at);
             at = match self.length_at(at) {
                 Some(length) => self.message(at, length),
                 None => self.skip(at),

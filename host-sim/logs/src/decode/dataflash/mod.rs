@@ -19,8 +19,9 @@ use std::path::Path;
 use crate::error::LogError;
 use crate::format::Format;
 use crate::log::{Log, Table};
+use crate::progress::Decoding;
 
-pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
+pub(crate) fn decode(bytes: &[u8], path: &Path, progress: &mut Decoding<'_>) -> Result<Log, LogError> {
     if u32::try_from(bytes.len()).is_err() {
         return Err(LogError::Format {
             path: path.into(),
@@ -30,7 +31,7 @@ pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
     }
     let mut log = Log::new(Format::Dataflash);
     if bytes.starts_with(&format::HEADER) {
-        binary::decode(bytes, &mut log)
+        binary::decode(bytes, &mut log, progress)
     } else {
         text::decode(bytes, &mut log)
     }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 
 use crate::format::Format;
-use crate::log::{Log, Losses, Table, TimeUnit};
+use crate::log::{Log, Losses, ParameterChange, Table, TimeUnit};
 
 use super::columns::{columns, extend};
 use super::formats::{Formats, is_definition};
@@ -22,6 +22,18 @@ struct Topic<'a> {
     instance: u8,
     /// Where the rows start in the file.
     rows: Vec<usize>,
+}
+
+/// So many rows before a record tell when it was written. A single one may have waited for a second.
+const LAST_ROWS: usize = 64;
+/// A row that is later than most before it by more than this has a damaged time, us.
+const LATEST_US: i64 = 10_000_000;
+
+/// A row by its topic and its number there: the log's only clock.
+#[derive(Clone, Copy)]
+struct Moment {
+    topic: usize,
+    row: usize,
 }
 
 /// What rows with a number belong to.
@@ -45,11 +57,16 @@ pub(super) struct Contents<'a> {
     texts: String,
     text_count: usize,
     tagged_count: usize,
-    changed_parameters: usize,
+    /// Parameters that were set after the definitions, each with the rows before.
+    changes: Vec<(Vec<Moment>, String, f64)>,
+    /// The rows that were taken in last, in a ring.
+    last_rows: [Moment; LAST_ROWS],
+    rows: usize,
     /// Whether the definitions are over: parameters after them are changes.
     flying: bool,
     losses: Losses,
-    dropouts_ms: u64,
+    /// The rows before each dropout, and how long it was, ms.
+    dropouts: Vec<(Vec<Moment>, u16)>,
     /// Stretches without a sentence of their own, and their bytes.
     untold: (usize, usize),
     rows_without_topic: usize,
@@ -68,10 +85,12 @@ impl<'a> Contents<'a> {
             texts: String::new(),
             text_count: 0,
             tagged_count: 0,
-            changed_parameters: 0,
+            changes: Vec::new(),
+            last_rows: [Moment { topic: 0, row: 0 }; LAST_ROWS],
+            rows: 0,
             flying: false,
             losses: Losses::default(),
-            dropouts_ms: 0,
+            dropouts: Vec::new(),
             untold: (0, 0),
             rows_without_topic: 0,
         }
@@ -90,7 +109,10 @@ impl<'a> Contents<'a> {
         if next > end || size < least + 2 || size > most + 2 {
             return None;
         }
-        self.topics.get_mut(subscription.topic)?.rows.push(at + RECORD_HEADER_BYTES + 2);
+        let rows = &mut self.topics.get_mut(subscription.topic)?.rows;
+        self.last_rows[self.rows % LAST_ROWS] = Moment { topic: subscription.topic, row: rows.len() };
+        self.rows += 1;
+        rows.push(at + RECORD_HEADER_BYTES + 2);
         Some(next)
     }
 
@@ -144,8 +166,8 @@ impl<'a> Contents<'a> {
                 self.add_text(body.get(3..11), text(body, 11));
             }
             b'O' => {
-                self.losses.dropouts += 1;
-                self.dropouts_ms += body.first_chunk().map_or(0, |ms| u64::from(u16::from_le_bytes(*ms)));
+                let lasted_ms = body.first_chunk().map_or(0, |ms| u16::from_le_bytes(*ms));
+                self.dropouts.push((self.rows_before(), lasted_ms));
             }
             _ => {}
         }
@@ -168,6 +190,11 @@ impl<'a> Contents<'a> {
         });
     }
 
+    /// The rows that were taken in last.
+    fn rows_before(&self) -> Vec<Moment> {
+        self.last_rows[..self.rows.min(LAST_ROWS)].to_vec()
+    }
+
     fn set_parameter(&mut self, body: &[u8]) {
         let Some(Pair { kind, name, value, .. }) = pair(body) else { return };
         let Some(&value) = value.first_chunk::<4>() else { return };
@@ -176,7 +203,7 @@ impl<'a> Contents<'a> {
             _ => f64::from(f32::from_le_bytes(value)),
         };
         if self.flying {
-            self.changed_parameters += 1;
+            self.changes.push((self.rows_before(), name.into(), value));
         } else {
             self.parameters.insert(name.into(), value);
         }
@@ -218,9 +245,35 @@ impl<'a> Contents<'a> {
     /// The log that all this is.
     pub(super) fn into_log(mut self, start_us: u64, appended: usize) -> Log {
         let mut log = Log::new(Format::Ulog);
-        log.tables = self.tables();
+        let table_of;
+        (log.tables, table_of) = self.tables();
+        let tables = &log.tables;
+        let time_s = |before: &[Moment]| {
+            let time = |moment: &Moment| {
+                let table: &Table = tables.get((*table_of.get(moment.topic)?)?)?;
+                table.times.get(moment.row).copied()
+            };
+            let mut times: Vec<i64> = before.iter().filter_map(time).collect();
+            times.sort_unstable();
+            let latest = times.get(times.len() / 2)?.saturating_add(LATEST_US);
+            times.iter().rfind(|time| **time <= latest).map(|time| *time as f64 * 1e-6)
+        };
         log.losses = std::mem::take(&mut self.losses);
-        log.losses.dropouts_s = self.dropouts_ms as f64 * 1e-3;
+        log.losses.dropouts = self.dropouts.len();
+        for (before, lasted_ms) in &self.dropouts {
+            let lasted_s = f64::from(*lasted_ms) * 1e-3;
+            log.losses.dropouts_s += lasted_s;
+            // The record stands before the first row that could be written again.
+            log.losses.dropout_spans_s.extend(time_s(before).map(|start_s| [start_s, start_s + lasted_s]));
+        }
+        let changed_parameters = self.changes.len();
+        let changes = std::mem::take(&mut self.changes).into_iter();
+        log.changes = changes
+            .map(|(before, name, value)| {
+                let time_s = time_s(&before).unwrap_or(f64::NEG_INFINITY);
+                ParameterChange { time_s, name, value }
+            })
+            .collect();
         if self.untold.0 > 0 {
             let (stretches, bytes) = self.untold;
             log.losses
@@ -236,7 +289,7 @@ impl<'a> Contents<'a> {
         let mut tell = |name: &str, value: String| self.information.insert(name.into(), value);
         tell("start_us", start_us.to_string());
         tell("appended_parts", appended.to_string());
-        tell("changed_parameters", self.changed_parameters.to_string());
+        tell("changed_parameters", changed_parameters.to_string());
         tell("logged_messages", self.text_count.to_string());
         tell("logged_messages_tagged", self.tagged_count.to_string());
         if !self.texts.is_empty() {
@@ -248,10 +301,12 @@ impl<'a> Contents<'a> {
         log
     }
 
-    fn tables(&mut self) -> Vec<Table> {
+    /// A table of each topic that has rows, and which table that is of each topic.
+    fn tables(&mut self) -> (Vec<Table>, Vec<Option<usize>>) {
         let mut room = MOST_COLUMNS;
-        let mut tables = Vec::new();
+        let (mut tables, mut table_of) = (Vec::new(), Vec::new());
         for topic in std::mem::take(&mut self.topics) {
+            table_of.push((!topic.rows.is_empty()).then_some(tables.len()));
             if topic.rows.is_empty() {
                 continue;
             }
@@ -282,7 +337,7 @@ impl<'a> Contents<'a> {
                 columns: columns(self.bytes, &topic.rows, places),
             });
         }
-        tables
+        (tables, table_of)
     }
 }
 

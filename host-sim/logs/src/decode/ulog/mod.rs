@@ -16,13 +16,14 @@ use std::path::Path;
 
 use crate::error::LogError;
 use crate::log::Log;
+use crate::progress::Decoding;
 
 use contents::Contents;
 use records::HEADER_BYTES;
 use walk::walk;
 
 /// Decodes a ULog. A table is a topic and its instance, `vehicle_attitude[0]`; its times are `timestamp`.
-pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
+pub(crate) fn decode(bytes: &[u8], path: &Path, progress: &mut Decoding<'_>) -> Result<Log, LogError> {
     let format_error =
         |what: &str, mend: &str| LogError::Format { path: path.into(), what: what.into(), mend: mend.into() };
     let Some(start_us) = bytes.get(8..HEADER_BYTES).and_then(|field| field.first_chunk()) else {
@@ -38,7 +39,7 @@ pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
     let mut contents = Contents::new(bytes);
     let appended = flags.map_or_else(Vec::new, |flags| flags.appended(bytes.len()));
     for section in sections(bytes.len(), &appended) {
-        walk(bytes, section, &mut contents);
+        walk(bytes, section, &mut contents, progress);
     }
     Ok(contents.into_log(u64::from_le_bytes(*start_us), appended.len()))
 }

@@ -2,15 +2,23 @@
 
 use std::ops::Range;
 
+use crate::progress::Decoding;
+
 use super::contents::Contents;
 use super::records::{Belief, RECORD_HEADER_BYTES, Raw};
 
 const LONGEST_RECORD: usize = RECORD_HEADER_BYTES + u16::MAX as usize;
 
 /// Takes in all records of a section.
-pub(super) fn walk<'a>(bytes: &'a [u8], section: Range<usize>, contents: &mut Contents<'a>) {
+pub(super) fn walk<'a>(
+    bytes: &'a [u8],
+    section: Range<usize>,
+    contents: &mut Contents<'a>,
+    progress: &mut Decoding<'_>,
+) {
     let Range { start: mut at, end } = section;
     while at < end {
+        progress.at(at);
         if let Some(next) = contents.take_row(bytes, at, end) {
             at = next;
             continue;

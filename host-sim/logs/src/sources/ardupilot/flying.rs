@@ -3,8 +3,8 @@
 use crate::log::Log;
 use crate::recording::{Recording, Signal, Span};
 
-use super::super::common::spans::{both, joined, length_s, where_holds};
 use super::rows::Rows;
+use crate::spans::{both, joined, length_s, where_holds, widened};
 
 /// Events: armed, disarmed, landed, off the ground, heading of the estimator reset.
 const ARMED: f64 = 10.0;
@@ -62,21 +62,20 @@ fn health<'log>(log: &'log Log, estimator: &str) -> Option<Rows<'log>> {
 }
 
 /// When the estimate was not to be trusted, s: faults, attitude lost, GPS glitches, measurements rejected, jumps.
-pub(super) fn untrusted(log: &Log, estimator: &str) -> Vec<Span> {
-    let mut spans = Vec::new();
+/// The second list is when the attitude was not.
+pub(super) fn untrusted(log: &Log, estimator: &str) -> [Vec<Span>; 2] {
+    let (mut spans, mut of_attitude) = (Vec::new(), Vec::new());
     if let Some(rows) = health(log, estimator) {
         let column = |name: &str| rows.column(name).unwrap_or_else(|| vec![0.0; rows.t.len()]);
         let (status, faults) = (rows.column("SS"), column("FS"));
         let ratios = ["SV", "SP", "SH"].map(column);
         // Two of velocity, position and height rejected.
         let rejects = |row: usize| ratios.iter().filter(|ratio| ratio[row] >= 1.0).count() >= 2;
-        let bad = |row: usize| {
-            let status = status.as_ref().map(|status| Status(status[row] as u64));
-            status.is_some_and(|status| status.attitude_is_lost() || status.glitches())
-                || faults[row] != 0.0
-                || rejects(row)
-        };
-        spans.extend(widened(where_holds(&rows.t, bad, SHORT_IDLE_S)));
+        let status = |row: usize| status.as_ref().map(|status| Status(status[row] as u64));
+        let lost = |row: usize| status(row).is_some_and(Status::attitude_is_lost) || faults[row] != 0.0;
+        let bad = |row: usize| status(row).is_some_and(Status::glitches) || lost(row) || rejects(row);
+        of_attitude.extend(widened(&where_holds(&rows.t, lost, SHORT_IDLE_S), JUMP_S));
+        spans.extend(widened(&where_holds(&rows.t, bad, SHORT_IDLE_S), JUMP_S));
         // What the estimator added to its position since the row before.
         for offset in
             [rows.column("OFN"), rows.column("OFE").or_else(|| rows.column("EFE"))].into_iter().flatten()
@@ -85,21 +84,30 @@ pub(super) fn untrusted(log: &Log, estimator: &str) -> Vec<Span> {
             spans.extend(jumps.map(|(_, t)| [t[0], t[1]]));
         }
     }
-    spans.extend(of_events(log));
-    joined(spans)
+    let turned = turns(log);
+    of_attitude.extend(&turned);
+    spans.extend(turned);
+    spans.extend(of_errors(log));
+    [joined(spans), joined(of_attitude)]
 }
 
-/// What errors and events say of the estimate.
-fn of_events(log: &Log) -> Vec<Span> {
+/// When the attitude jumped: the heading was reset, or another core took over.
+fn turns(log: &Log) -> Vec<Span> {
+    const EKF_PRIMARY: f64 = 24.0;
+    let when = |table: &str, column: &str, value: f64| -> Vec<Span> {
+        let Some(rows) = log.table(table).map(|table| Rows::of(table, |_| true)) else { return Vec::new() };
+        let values = rows.column(column).unwrap_or_default();
+        let found = rows.t.iter().zip(values).filter(|(_, of_row)| *of_row == value);
+        found.map(|(&t, _)| [t, t]).collect()
+    };
+    widened(&[when("EV", "Id", YAW_RESET), when("ERR", "Subsys", EKF_PRIMARY)].concat(), JUMP_S)
+}
+
+/// What errors say of the estimate.
+fn of_errors(log: &Log) -> Vec<Span> {
     const CRASH_CHECK: f64 = 12.0;
     const EKF_CHECK: f64 = 16.0;
-    const EKF_PRIMARY: f64 = 24.0;
     let mut spans = Vec::new();
-    if let Some(rows) = log.table("EV").map(|table| Rows::of(table, |_| true)) {
-        let ids = rows.column("Id").unwrap_or_default();
-        let resets = rows.t.iter().zip(ids).filter(|(_, id)| *id == YAW_RESET);
-        spans.extend(widened(resets.map(|(&t, _)| [t, t]).collect()));
-    }
     let errors = log.table("ERR").map(|table| Rows::of(table, |_| true));
     let Some((rows, [subsystems, codes])) =
         errors.and_then(|rows| rows.group(["Subsys", "ECode"]).map(|group| (rows, group)))
@@ -112,17 +120,10 @@ fn of_events(log: &Log) -> Vec<Span> {
             since.get_or_insert(t);
         } else if subsystem == EKF_CHECK {
             spans.extend(since.take().map(|since| [since, t]));
-        } else if subsystem == EKF_PRIMARY {
-            spans.extend(widened(vec![[t, t]]));
         }
     }
     spans.extend(since.map(|since| [since, f64::INFINITY]));
     spans
-}
-
-/// Spans with what lies just before and after them.
-fn widened(spans: Vec<Span>) -> Vec<Span> {
-    spans.into_iter().map(|[start, end]| [start - JUMP_S[0], end + JUMP_S[1]]).collect()
 }
 
 /// What the estimator says of its solution, a bit each.
@@ -167,7 +168,7 @@ pub(super) fn drop_blind_position(log: &Log, estimator: &str, recording: &mut Re
                  be fitted".into(),
         );
     } else {
-        let spans = recording.untrusted.drain(..).chain(widened(blind)).collect();
+        let spans = recording.untrusted.drain(..).chain(widened(&blind, JUMP_S)).collect();
         recording.untrusted = joined(spans);
     }
 }

@@ -3,7 +3,7 @@
 use crate::log::Log;
 use crate::recording::Recording;
 
-use super::super::common::spans::rate_hz;
+use crate::spans::rate_hz;
 
 /// Slower commands show nothing of what the rate loop does.
 const FAST_COMMANDS_HZ: f64 = 45.0;
@@ -15,7 +15,7 @@ const FAST: &str = "set LOG_BITMASK to hold Fast Attitude (1), RC Output (1024) 
 /// Adds what follows from what is missing and how fast the rest is logged.
 pub(super) fn add(log: &Log, recording: &mut Recording) {
     let signals = &recording.signals;
-    let rate = |t: Option<&Vec<f64>>| t.and_then(|t| rate_hz(t));
+    let rate = |t: Option<&Vec<f64>>| t.and_then(|t| rate_hz(t, &[]));
     let mut limits = Vec::new();
     match rate(signals.commands.as_ref().map(|signal| &signal.t)) {
         Some(hz) if hz < FAST_COMMANDS_HZ => {

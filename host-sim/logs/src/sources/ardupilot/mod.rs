@@ -13,7 +13,7 @@ use crate::error::LogError;
 use crate::log::Log;
 use crate::recording::{Recording, Signal, Signals};
 
-use super::common::attitude;
+use super::common::series::quaternions;
 use rows::Rows;
 
 /// Position and velocity by preference: of EKF3, EKF2, the first EKF.
@@ -54,8 +54,9 @@ pub(crate) fn record(log: &Log, path: &Path) -> Result<Recording, LogError> {
     }
     let range = motors::range(log);
     let airborne = flying::airborne(log, signals.commands.as_ref(), range);
-    let untrusted = flying::untrusted(log, estimator);
-    let mut recording = Recording { signals, airborne, untrusted, notes, ..Recording::default() };
+    let [untrusted, untrusted_attitude] = flying::untrusted(log, estimator);
+    let mut recording =
+        Recording { signals, airborne, untrusted, untrusted_attitude, notes, ..Recording::default() };
     flying::drop_blind_position(log, estimator, &mut recording);
     surroundings::hints(log, &layout, range, &mut recording);
     limits::add(log, &mut recording);
@@ -67,7 +68,7 @@ fn turned(rows: &Rows) -> Option<Signal<4>> {
     let [roll, pitch, yaw] = rows
         .group(["Roll", "Pitch", "Yaw"])?
         .map(|angle| angle.into_iter().map(f64::to_radians).collect::<Vec<_>>());
-    let values = attitude::quaternions([&roll, &pitch, &yaw]);
+    let values = quaternions([&roll, &pitch, &yaw]);
     Some(Signal { source: "ATT".into(), t: rows.t.clone(), values })
 }
 

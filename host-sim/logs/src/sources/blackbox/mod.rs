@@ -8,8 +8,8 @@ use crate::error::LogError;
 use crate::log::{Log, Table};
 use crate::recording::{Hints, Recording, Signal, Signals, Span};
 
-use super::common::attitude;
-use super::common::spans::{both, where_holds};
+use super::common::series::quaternions;
+use crate::spans::{both, where_holds};
 use scales::Scales;
 
 /// Our order in that of the mixer: rear right, front right, rear left, front left.
@@ -178,7 +178,7 @@ fn signals(rows: &Rows, scales: &Scales) -> Signals {
 fn turned(rows: &Rows) -> Option<Signal<4>> {
     let tenth = 0.1_f64.to_radians();
     let angles = rows.signal("attitude", [0, 1, 2], [tenth, -tenth, tenth])?;
-    let values = attitude::quaternions(angles.values.each_ref().map(Vec::as_slice));
+    let values = quaternions(angles.values.each_ref().map(Vec::as_slice));
     Some(Signal { source: angles.source, t: angles.t, values })
 }
 

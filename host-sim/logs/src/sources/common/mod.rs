@@ -1,8 +1,7 @@
 //! What the tables of several programs need on their way to signals.
 
-pub(super) mod attitude;
 pub(super) mod series;
-pub(super) mod spans;
+pub(super) mod surroundings;
 
 use crate::error::plain;
 

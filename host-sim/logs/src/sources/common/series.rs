@@ -1,5 +1,8 @@
 //! Times that rise, rotations, and slopes: what every program's tables need on their way to signals.
 
+use model::frames;
+use nalgebra::Vector3;
+
 use crate::recording::Signal;
 
 /// A step further than this that is taken back at once is a wrong time, s.
@@ -87,14 +90,18 @@ pub(in crate::sources) fn at<const N: usize>(columns: &[Vec<f64>; N], row: usize
 
 /// Quaternion w, x, y, z of roll, pitch, yaw (ZYX), rad.
 pub(in crate::sources) fn from_euler(roll: f64, pitch: f64, yaw: f64) -> [f64; 4] {
-    let ((sr, cr), (sp, cp), (sy, cy)) =
-        ((roll / 2.0).sin_cos(), (pitch / 2.0).sin_cos(), (yaw / 2.0).sin_cos());
-    [
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    ]
+    frames::quaternion_from_euler(Vector3::new(roll, pitch, yaw)).into()
+}
+
+/// Quaternions w, x, y, z of roll, pitch and yaw, rad (front-right-down to north-east-down), with continuous
+/// signs.
+pub(in crate::sources) fn quaternions([roll, pitch, yaw]: [&[f64]; 3]) -> [Vec<f64>; 4] {
+    let mut all = [const { Vec::new() }; 4];
+    for ((&roll, &pitch), &yaw) in roll.iter().zip(pitch).zip(yaw) {
+        all.iter_mut().zip(from_euler(roll, pitch, yaw)).for_each(|(all, part)| all.push(part));
+    }
+    normalise(&mut all);
+    all
 }
 
 /// Turns a vector from body to inertial axes.

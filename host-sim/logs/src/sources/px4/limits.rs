@@ -1,8 +1,7 @@
 //! What a log cannot tell, and the setting that would log it.
 
 use crate::recording::Recording;
-
-use super::spans::rate_hz;
+use crate::spans::rate_hz;
 
 /// Slower commands show nothing of what the rate loop does.
 const SLOW_COMMANDS_HZ: f64 = 25.0;

@@ -2,9 +2,10 @@
 
 use crate::log::{Log, Table};
 use crate::recording::{Recording, Signal, Span};
+use crate::spans::{joined, within};
 
+use super::super::common::series::normalise;
 use super::rows::{Rows, signal};
-use super::spans::{joined, within};
 use super::topics::{topic, topic_of};
 
 /// Around a jump of the estimator this much is not trusted, s.
@@ -51,15 +52,6 @@ pub(super) fn attitude(log: &Log, notes: &mut Vec<String>) -> Option<Signal<4>> 
     let quaternion = |row: usize| std::array::from_fn::<f64, 4, _>(|axis| signal.values[axis][row]);
     let lengths: Vec<f64> = (0..signal.t.len()).map(|row| length(quaternion(row))).collect();
     let keep: Vec<bool> = lengths.iter().map(|length| (0.5..1.5).contains(length)).collect();
-    let mut before = [0.0; 4];
-    for (row, length) in lengths.iter().enumerate().filter(|(row, _)| keep[*row]) {
-        let q = std::array::from_fn::<f64, 4, _>(|axis| signal.values[axis][row] / length);
-        let turned = q.iter().zip(before).map(|(q, before)| q * before).sum::<f64>() < 0.0;
-        before = q.map(|q| if turned { -q } else { q });
-        for (values, q) in signal.values.iter_mut().zip(before) {
-            values[row] = q;
-        }
-    }
     let lost = keep.iter().filter(|keep| !**keep).count();
     if lost > 0 {
         notes.push(format!("vehicle_attitude: {lost} rows without a unit quaternion are left out"));
@@ -68,6 +60,7 @@ pub(super) fn attitude(log: &Log, notes: &mut Vec<String>) -> Option<Signal<4>> 
             list.retain(|_| keep.next() == Some(&true));
         }
     }
+    normalise(&mut signal.values);
     (!signal.t.is_empty()).then_some(signal)
 }
 
@@ -118,13 +111,13 @@ fn on_own_clock(table: &Table, rows: &Rows, values: [Vec<f64>; 3]) -> Signal<3> 
 
 /// Position, velocity, and when they are not to be trusted.
 pub(super) fn position_and_velocity(log: &Log, recording: &mut Recording) {
-    jumps_of_attitude(log, &mut recording.untrusted);
     if let Some(table) = topic(log, "vehicle_local_position") {
         let rows = Rows::of(table, &mut recording.notes);
         if !rows.us.is_empty() {
             estimate(table, &rows, recording);
         }
     }
+    jumps_of_attitude(log, recording);
     recording.untrusted = joined(std::mem::take(&mut recording.untrusted));
 }
 
@@ -155,7 +148,10 @@ fn estimate(table: &Table, rows: &Rows, recording: &mut Recording) {
         }
         add_jumps(&t, table, rows, part.resets, &mut recording.untrusted);
     }
-    add_jumps(&t, table, rows, "heading_reset_counter", &mut recording.untrusted);
+    let mut turned = Vec::new();
+    add_jumps(&t, table, rows, "heading_reset_counter", &mut turned);
+    recording.untrusted.extend(&turned);
+    recording.untrusted_attitude.extend(turned);
     if !never.is_empty() {
         let what = never.join(", ");
         recording.limits.push(format!(
@@ -183,9 +179,13 @@ fn add_jumps(t: &[f64], table: &Table, rows: &Rows, counter: &str, untrusted: &m
     untrusted.extend(changed.map(|(_, t)| [t[0] - JUMP_MARGIN_S, t[1] + JUMP_MARGIN_S]));
 }
 
-fn jumps_of_attitude(log: &Log, untrusted: &mut Vec<Span>) {
+fn jumps_of_attitude(log: &Log, recording: &mut Recording) {
+    let mut spans = std::mem::take(&mut recording.untrusted_attitude);
     if let Some(table) = topic(log, "vehicle_attitude") {
         let rows = Rows::of(table, &mut Vec::new());
-        add_jumps(&rows.times_s(), table, &rows, "quat_reset_counter", untrusted);
+        let counted = spans.len();
+        add_jumps(&rows.times_s(), table, &rows, "quat_reset_counter", &mut spans);
+        recording.untrusted.extend(&spans[counted..]);
     }
+    recording.untrusted_attitude = joined(spans);
 }

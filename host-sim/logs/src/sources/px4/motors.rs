@@ -5,11 +5,11 @@ use std::f64::consts::PI;
 
 use crate::log::{Log, Table};
 use crate::recording::{Recording, Signal};
+use crate::spans::within;
 
 use super::geometry::Layout;
 use super::mixer::rebuild;
 use super::rows::Rows;
-use super::spans::within;
 use super::topics::{instances, topic, topic_of};
 
 /// Least correlation with the logged commands, and greatest difference, at which rebuilt ones are taken.

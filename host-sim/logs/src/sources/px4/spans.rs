@@ -1,7 +1,8 @@
-//! When the craft flew, and when its estimator was not sure of itself.
+//! When the craft was armed and flew.
 
 use crate::log::Log;
 use crate::recording::Span;
+use crate::spans::{both, joined};
 
 use super::rows::Rows;
 use super::topics::topic;
@@ -39,57 +40,4 @@ fn states(log: &Log, name: &str, column: &str, holds: impl Fn(f64) -> bool) -> O
     times.push(f64::INFINITY);
     let held = values.iter().zip(times.windows(2)).filter(|(value, _)| holds(**value));
     Some(joined(held.map(|(_, pair)| [pair[0], pair[1]]).collect()))
-}
-
-/// Spans in order, those that touch joined.
-pub(super) fn joined(mut spans: Vec<Span>) -> Vec<Span> {
-    spans.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    let mut all: Vec<Span> = Vec::new();
-    for span in spans {
-        match all.last_mut() {
-            Some(last) if span[0] <= last[1] => last[1] = last[1].max(span[1]),
-            _ => all.push(span),
-        }
-    }
-    all
-}
-
-/// What lies in both of two lists of spans in order.
-pub(super) fn both(a: &[Span], b: &[Span]) -> Vec<Span> {
-    let mut shared = Vec::new();
-    let (mut at_a, mut at_b) = (0, 0);
-    while let (Some(&[start_a, end_a]), Some(&[start_b, end_b])) = (a.get(at_a), b.get(at_b)) {
-        let (start, end) = (start_a.max(start_b), end_a.min(end_b));
-        if start < end {
-            shared.push([start, end]);
-        }
-        if end_a <= end_b { at_a += 1 } else { at_b += 1 }
-    }
-    shared
-}
-
-/// Which times lie in spans; all where there are no spans.
-pub(super) fn within(t: &[f64], spans: &[Span]) -> Vec<bool> {
-    let mut span = 0;
-    t.iter()
-        .map(|&t| {
-            while spans.get(span).is_some_and(|[_, end]| *end < t) {
-                span += 1;
-            }
-            spans.is_empty() || spans.get(span).is_some_and(|[start, _]| *start <= t)
-        })
-        .collect()
-}
-
-/// Median rate of times within spans, Hz.
-pub(super) fn rate_hz(t: &[f64], spans: &[Span]) -> Option<f64> {
-    let inside = within(t, spans);
-    let pairs = t.windows(2).zip(inside.windows(2)).filter(|(_, inside)| inside[0] && inside[1]);
-    let mut steps: Vec<f64> = pairs.map(|(t, _)| t[1] - t[0]).collect();
-    if steps.is_empty() {
-        return None;
-    }
-    let middle = steps.len() / 2;
-    let (_, step, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
-    Some(1.0 / *step)
 }

@@ -22,16 +22,6 @@ use vehicle::Poses;
 const LONGEST_GAP_S: f64 = 0.2;
 
 pub(crate) fn record(log: &Log, path: &Path) -> Result<Recording, LogError> {
-    if log
-        .tables
-        .iter()
-        .any(|table| table.message_type.as_deref().is_some_and(|name| name.starts_with("quadlab.")))
-    {
-        let reason = "is a recording of quadlab's own ground station, whose flights lie beside it \
-             (NAME-1.csv ...): take those; `quadlab ground --recover NAME` makes them of a NAME.mcap.part"
-            .into();
-        return Err(LogError::Refused { path: path.into(), reason });
-    }
     let mut recording = Recording::default();
     let bag = Bag::of(log, &mut recording.notes);
     let poses = Poses::of(&bag);

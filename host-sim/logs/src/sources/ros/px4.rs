@@ -11,12 +11,11 @@ pub(in crate::sources) fn as_px4_log(log: &Log) -> Option<Log> {
         return None;
     }
     Some(Log {
-        format: Format::Ulog,
-        firmware: None,
         tables,
         parameters: log.parameters.clone(),
         information: log.information.clone(),
         losses: log.losses.clone(),
+        ..Log::new(Format::Ulog)
     })
 }
 
