@@ -44,6 +44,12 @@ pub(crate) fn plain(text: &str, longest: usize) -> String {
     text.chars().map(|c| if c.is_control() { '?' } else { c }).take(longest).collect()
 }
 
+/// Names out of a log as part of a sentence, without control characters and not too long.
+pub(crate) fn plain_list(names: &[&str]) -> String {
+    let text = names.iter().map(|name| plain(name, 40)).collect::<Vec<_>>().join(", ");
+    if text.chars().count() > 250 { text.chars().take(250).chain("...".chars()).collect() } else { text }
+}
+
 impl LogError {
     /// A log in which no part is long enough in the air.
     pub fn nothing_flown(path: &Path) -> Self {

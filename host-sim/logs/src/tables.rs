@@ -78,7 +78,7 @@ fn refuse_strangers(names: &[String], path: &Path, map: &ColumnMap) -> Result<()
     let reason = format!(
         "none of its columns has a name that is known ({}); say which is which in a columns.toml beside it, for example: [columns] \
          t = {{ column = \"{}\", scale = 1e-6 }} (columns of a flight are {}, ...)",
-        crate::sources::plain_list(&names),
+        crate::error::plain_list(&names),
         names.first().unwrap_or(&"stamp"),
         COLUMNS[..11].join(", ")
     );

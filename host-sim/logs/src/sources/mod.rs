@@ -9,7 +9,6 @@ mod px4;
 mod quadlab;
 mod ros;
 
-pub(crate) use common::plain_list;
 use std::path::Path;
 
 use crate::error::LogError;

@@ -53,7 +53,7 @@ pub(crate) fn record(log: &Log, path: &Path) -> Result<Recording, LogError> {
             log.tables.iter().flat_map(|table| &table.columns).map(|c| c.name.as_str()).take(12).collect();
         let reason = format!(
             "no position, attitude, rates or acceleration of a craft among the variables: {}",
-            super::common::plain_list(&variables)
+            crate::error::plain_list(&variables)
         );
         return Err(LogError::Refused { path: path.into(), reason });
     }

@@ -47,7 +47,7 @@ pub(crate) fn record(log: &Log, path: &Path) -> Result<Recording, LogError> {
         let names: Vec<&str> = poses.others.iter().map(|topic| topic.table.name.as_str()).collect();
         recording
             .notes
-            .push(format!("other poses in the bag are left alone: {}", super::common::plain_list(&names)));
+            .push(format!("other poses in the bag are left alone: {}", crate::error::plain_list(&names)));
     }
     limits(&mut recording, &bag);
     Ok(recording)
@@ -57,7 +57,7 @@ fn nothing(bag: &Bag<'_>) -> String {
     let names: Vec<&str> = bag.topics.iter().map(|topic| topic.table.name.as_str()).collect();
     format!(
         "no pose, odometry or inertial sensor of a craft among the topics: {}",
-        if names.is_empty() { "none".into() } else { super::common::plain_list(&names) }
+        if names.is_empty() { "none".into() } else { crate::error::plain_list(&names) }
     )
 }
 
@@ -214,7 +214,7 @@ fn limits(recording: &mut Recording, bag: &Bag<'_>) {
     for topic in bag.topics.iter().filter(|topic| topic.is_a("GenericLogData")) {
         recording.limits.push(format!(
             "{} has values without names, which cannot be told apart: log them on the craft's SD card",
-            super::common::plain_list(&[&topic.table.name])
+            crate::error::plain_list(&[&topic.table.name])
         ));
     }
 }

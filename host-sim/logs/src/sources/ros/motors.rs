@@ -53,12 +53,12 @@ pub(super) fn commands(recording: &mut Recording, bag: &Bag<'_>, namespace: &str
         recording.limits.push(format!(
             "no motor commands, for which ROS has no message: record a std_msgs/Float32MultiArray of four \
              named .../motors; topics are {}",
-            super::super::common::plain_list(&topics)
+            crate::error::plain_list(&topics)
         ));
         return;
     };
     recording.notes.extend(note);
-    let source = super::super::common::plain_list(&[&signal.source]);
+    let source = crate::error::plain_list(&[&signal.source]);
     match recording
         .signals
         .rates
