@@ -66,7 +66,7 @@ pub fn diagnose_with(
         let rest = chosen.validated.as_ref().unwrap_or(&search.base);
         let Structure { mut unexplained, answers_late } = structure(rest, train, validate);
         let noise_after = excess(rest, validate);
-        unexplained.extend(above_noise(&noise_after, rest, validate));
+        unexplained.extend(above_noise(&known_noise(noise_after, rest, validate), rest, validate));
         unexplained.extend(no_wander(rest, train, validate));
         let incomplete = incomplete(&noise_before, &noise_after);
         let left = Left { unexplained: &unexplained, incomplete, answers_late };
@@ -88,6 +88,15 @@ fn excess(of: &Validated, validate: &[&Prepared]) -> [Option<f64>; 6] {
     let mut ratios = noise::excess(validate, &of.held_out, Some(&of.fit.model));
     if validate.iter().any(|flight| slow::is_taken(flight)) {
         ratios[..2].fill(None);
+    }
+    ratios
+}
+
+/// The ratios, and where the noise is not white those to a tracker's. These are upper bounds of the noise, by which effects are not judged.
+fn known_noise(mut ratios: [Option<f64>; 6], of: &Validated, validate: &[&Prepared]) -> [Option<f64>; 6] {
+    let is_told = ratios[..3].iter().any(Option::is_some) || validate.iter().any(|f| slow::is_taken(f));
+    if !is_told && let Some(bounds) = noise::excess_over_wandering(validate, &of.held_out) {
+        ratios.iter_mut().zip(bounds).for_each(|(ratio, bound)| *ratio = Some(bound));
     }
     ratios
 }

@@ -45,22 +45,27 @@ type Channels = fn(&Stretch) -> &[Vec<f64>; 3];
 
 /// The channels that force rows come from, and what the filters make of the variance of their noise.
 fn force_channels(flight: &Prepared) -> (Channels, f64) {
+    let channels: Channels = match flight.force_target {
+        ForceTarget::Imu => |s| s.imu_m_s2.as_ref().unwrap_or(&s.rate_rad_s),
+        ForceTarget::Velocity => |s| &s.velocity_ned_m_s,
+        ForceTarget::Position => |s| &s.position_ned_m,
+    };
+    (channels, energy(&force_noise_taps(flight)))
+}
+
+/// What the filters make of the noise of these channels.
+fn force_noise_taps(flight: &Prepared) -> Vec<f64> {
     let filter = &flight.filter;
     match flight.force_target {
-        ForceTarget::Imu => (|s| s.imu_m_s2.as_ref().unwrap_or(&s.rate_rad_s), energy(&filter.smooth)),
-        ForceTarget::Velocity => (|s| &s.velocity_ned_m_s, energy(&filter.derivative)),
-        ForceTarget::Position => (|s| &s.position_ned_m, energy(&self_convolution(&filter.derivative))),
+        ForceTarget::Imu => filter.smooth.clone(),
+        ForceTarget::Velocity => filter.derivative.clone(),
+        ForceTarget::Position => self_convolution(&filter.derivative),
     }
 }
 
 /// Spectral density that sensor noise alone has in the force rows of a flight, by the frequency in Hz: that of white noise is its variance, (m/s^2)^2.
 pub(crate) fn force_density(flight: &Prepared) -> impl Fn(f64) -> f64 {
-    let filter = &flight.filter;
-    let taps = match flight.force_target {
-        ForceTarget::Imu => filter.smooth.clone(),
-        ForceTarget::Velocity => filter.derivative.clone(),
-        ForceTarget::Position => self_convolution(&filter.derivative),
-    };
+    let taps = force_noise_taps(flight);
     let channels = force_channels(flight);
     let white = floor(flight, channels).iter().sum::<f64>() / 3.0 / channels.1;
     let period_s = flight.period_s;
@@ -122,28 +127,79 @@ fn rotor_signals(flight: &Prepared) -> impl Iterator<Item = Signal<'_>> {
 
 /// Whether the noise of signals is white: the autocorrelation of fourth differences, and their variance over every other sample.
 fn is_white(signals: &[Signal<'_>]) -> bool {
-    let all = |step: usize| -> Vec<Vec<f64>> {
-        // Channels of unequal noise weigh the same.
-        let each = signals.iter();
-        each.map(|(signal, measured)| {
-            let differences = fourth_differences(signal, measured, step);
-            let scale = variance(std::slice::from_ref(&fourth_differences(signal, measured, 1))).sqrt();
-            differences.into_iter().map(|d| d / scale).collect()
-        })
-        .collect()
-    };
-    let (fine, coarse) = (all(1), all(2));
-    let lagged = |lag: usize| -> f64 {
-        let pairs = fine.iter().flat_map(|d| d.iter().zip(d.iter().skip(lag)));
-        let (sum, count) = pairs
-            .map(|(a, b)| a * b)
-            .filter(|product| product.is_finite())
-            .fold((0.0, 0.0), |(sum, count), product| (sum + product, count + 1.0));
-        sum / count
-    };
-    let correlated =
-        WHITE.iter().zip(1..).all(|(w, lag)| (lagged(lag) / lagged(0) - w).abs() < WHITE_TOLERANCE);
+    let (fine, coarse) = (scaled(signals, 1), scaled(signals, 2));
+    let correlated = WHITE
+        .iter()
+        .zip(1..)
+        .all(|(w, lag)| (lagged(&fine, lag) / lagged(&fine, 0) - w).abs() < WHITE_TOLERANCE);
     correlated && (variance(&coarse) / variance(&fine) - 1.0).abs() < SAME_VARIANCE
+}
+
+/// Fourth differences over every `step`-th sample, each in units of the signal's own noise: channels of unequal noise weigh the same.
+fn scaled(signals: &[Signal<'_>], step: usize) -> Vec<Vec<f64>> {
+    let each = signals.iter();
+    each.map(|(signal, measured)| {
+        let differences = fourth_differences(signal, measured, step);
+        let scale = variance(std::slice::from_ref(&fourth_differences(signal, measured, 1))).sqrt();
+        differences.into_iter().map(|d| d / scale).collect()
+    })
+    .collect()
+}
+
+/// Mean product of values so many samples apart.
+fn lagged(signals: &[Vec<f64>], lag: usize) -> f64 {
+    let pairs = signals.iter().flat_map(|d| d.iter().zip(d.iter().skip(lag)));
+    let (sum, count) = pairs
+        .map(|(a, b)| a * b)
+        .filter(|product| product.is_finite())
+        .fold((0.0, 0.0), |(sum, count), product| (sum + product, count + 1.0));
+    sum / count
+}
+
+/// Fourth differences of unit steps of a random walk: third differences of the steps, 1 + 9 + 9 + 1, and what these have one and two
+/// samples apart.
+const OF_STEPS: [f64; 3] = [20.0, -15.0, 6.0];
+
+/// Variance over every other sample, of that over every sample, of a tracker's noise that is white noise on a random walk; nothing where the
+/// autocorrelation of fourth differences is not that of such a noise. Trackers smooth what they see, and markers tremble: what a filter
+/// makes of their slow noise is told by this, from its quick part.
+fn wandering(signals: &[Signal<'_>]) -> Option<f64> {
+    let (fine, coarse) = (scaled(signals, 1), scaled(signals, 2));
+    let ratio = (variance(&coarse) / variance(&fine)).max(1.0);
+    if !(ratio < 2.0 + SAME_VARIANCE) {
+        return None;
+    }
+    let (white, step) = (FOURTH_DIFFERENCE * (2.0 - ratio), FOURTH_DIFFERENCE * (ratio - 1.0) / OF_STEPS[0]);
+    let expected = |lag: usize| (white * WHITE[lag - 1] + step * OF_STEPS[lag]) / FOURTH_DIFFERENCE;
+    let off = |lag: usize| (lagged(&fine, lag) / lagged(&fine, 0) - expected(lag)).abs();
+    (1..=2).all(|lag| off(lag) < WHITE_TOLERANCE).then_some(ratio)
+}
+
+/// Ratio of the residual's variance along the body axes to what a tracker's noise explains that is white noise on a random walk; nothing where it is not.
+pub(crate) fn excess_over_wandering(flights: &[&Prepared], residuals: &[Residuals]) -> Option<[f64; 3]> {
+    if flights.iter().any(|flight| flight.force_target == ForceTarget::Imu) {
+        return None;
+    }
+    let ratio = wandering(&signals(flights, force_channels))?;
+    let (mut found, mut expected) = ([0.0; 3], 0.0);
+    for (flight, residual) in flights.iter().zip(residuals) {
+        let taps = force_noise_taps(flight);
+        let variance = floor(flight, force_channels(flight)).iter().sum::<f64>() / 3.0 / energy(&taps);
+        let steps: Vec<f64> = taps
+            .iter()
+            .scan(0.0, |sum, tap| {
+                *sum += tap;
+                Some(*sum)
+            })
+            .collect();
+        let step = FOURTH_DIFFERENCE / OF_STEPS[0] * (ratio - 1.0);
+        let gain = (2.0 - ratio).max(0.0) * energy(&taps) + step * energy(&steps);
+        expected += gain * variance * flight.rows() as f64;
+        for (found, axis) in found.iter_mut().zip(&residual.residual) {
+            *found += axis.iter().map(|e| e * e).sum::<f64>();
+        }
+    }
+    Some(found.map(|found| found / expected))
 }
 
 /// Fourth differences over every `step`-th sample; NaN where one of the five was filled in.
@@ -329,6 +385,29 @@ mod tests {
         measured[4] = false;
         assert!(fourth_differences(&[0.0; 9], &measured, 1).iter().all(|d| d.is_nan()));
         assert!(variance(&[]).is_nan());
+    }
+
+    /// Of white noise of variance 1 on a random walk with steps of variance 2: fourth differences have 70 + 2 * 20, every other
+    /// sample's 70 + 4 * 20.
+    #[test]
+    fn noise_on_a_random_walk_is_told_from_white_and_from_smooth_noise() {
+        let of = |white_part: f64, step: f64, seed: u64| -> Vec<f64> {
+            let (fast, slow) = (white(20_000, seed), white(20_000, seed + 1));
+            let walk = slow.iter().scan(0.0, |sum, e| {
+                *sum += step * e;
+                Some(*sum)
+            });
+            fast.iter().zip(walk).map(|(e, w)| white_part * e + w).collect()
+        };
+        let all = vec![true; 20_000];
+        let ratio = |signal: &[f64]| wandering(&[(signal, &all)]);
+        let found = ratio(&of(1.0, 2f64.sqrt(), 5)).unwrap();
+        assert!((found - 150.0 / 110.0).abs() < 0.06, "{found}");
+        assert!((ratio(&of(0.0, 1.0, 7)).unwrap() - 2.0).abs() < 0.1);
+        assert!((ratio(&of(1.0, 0.0, 9)).unwrap() - 1.0).abs() < 0.1);
+        let noise = of(1.0, 0.0, 11);
+        let smooth: Vec<f64> = noise.windows(3).map(|w| w.iter().sum()).collect();
+        assert_eq!(wandering(&[(&smooth, &all[2..])]), None);
     }
 
     #[test]

@@ -85,9 +85,9 @@ fn of_folder(
             }
         }
         // What has been mended once is not mended back: then the flights do not need the same.
-        map = map.mended(&mend, &sources).map_err(|why| match map == before {
-            true => refuse(why),
-            false => refuse(
+        map = map.mended(&mend, &sources).map_err(|_| match before.mended(&mend, &sources) {
+            Err(why) => refuse(why),
+            Ok(_) => refuse(
                 "cannot suit all of these flights; put those that need another map into another folder"
                     .into(),
             ),
@@ -240,25 +240,25 @@ mod tests {
 
     #[test]
     fn flights_with_one_fault_are_mended_together() {
-        let (folder, paths) = folder(&[&[Column::Q], &[Column::Q]]);
+        let (folder, paths) = folder(&[&[Column::Y], &[Column::Y]]);
         let [map] = &found(&paths).unwrap()[..] else { panic!("one map") };
         assert_eq!(map.file, folder.path().join("columns.toml"));
-        assert_eq!(map.text, "[columns]\nq = \"-q\"\n");
-        assert_eq!(map.lines, ["[columns] q = \"-q\""]);
+        assert_eq!(map.text, "[columns]\ny = \"-y\"\n");
+        assert_eq!(map.lines, ["[columns] y = \"-y\""]);
     }
 
     #[test]
     fn flights_of_one_folder_that_need_different_maps_are_refused() {
-        let why = found(&folder(&[&[Column::Q], &[]]).1).unwrap_err();
+        let why = found(&folder(&[&[Column::Y], &[]]).1).unwrap_err();
         assert!(why.contains("put those that need another map into another folder"), "{why}");
         assert_eq!(why.lines().count(), 1);
     }
 
     #[test]
     fn a_map_that_says_something_else_is_left_alone() {
-        let (folder, paths) = folder(&[&[Column::Q]]);
-        std::fs::write(folder.path().join("columns.toml"), "[columns]\nq = \"q\"\n").unwrap();
+        let (folder, paths) = folder(&[&[Column::Y]]);
+        std::fs::write(folder.path().join("columns.toml"), "[columns]\ny = \"y\"\n").unwrap();
         let why = found(&paths).unwrap_err();
-        assert!(why.contains("columns.toml says something else about q already"), "{why}");
+        assert!(why.contains("columns.toml says something else about y already"), "{why}");
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use logs::{Cause, Draft, Import};
+use logs::{Cause, ClockPair, Draft, Import};
 use report::number::{fixed, value_and_error};
 use report::significant;
 
@@ -121,7 +121,10 @@ fn cuts(import: &Import) -> Grid {
     grid
 }
 
-/// Every pair of clocks.
+/// Pairs of the same two clocks beyond which they are told together.
+const PAIRS_SHOWN: usize = 3;
+
+/// Every pair of clocks; those that stamp many kinds of messages in one row, from the least to the greatest offset.
 fn clocks(import: &Import) -> Grid {
     let mut grid = Grid::new(
         "clocks (offset: how far the first is ahead of the second in the middle of the log; skew: how much faster it runs)",
@@ -136,25 +139,53 @@ fn clocks(import: &Import) -> Grid {
             number("scatter", "ms"),
         ],
     );
+    let mut groups: Vec<Vec<&ClockPair>> = Vec::new();
     for pair in &import.clocks {
-        let [offset, offset_error] = offset(pair.offset_ms, pair.offset_std_error_ms);
-        let [skew, skew_error] = match pair.skew_ppm {
-            Some(skew) => value_and_error(skew, pair.skew_std_error_ppm),
-            None => ["-", "-"].map(Into::into),
+        let of_same = |group: &&mut Vec<&ClockPair>| {
+            (&group[0].clock, &group[0].reference) == (&pair.clock, &pair.reference)
         };
-        let scatter = pair.scatter_ms.map_or("-".into(), |scatter| significant(scatter, 2));
-        grid.push([
-            pair.of.clone(),
-            pair.clock.clone(),
-            pair.reference.clone(),
-            offset,
-            offset_error,
-            skew,
-            skew_error,
-            scatter,
-        ]);
+        match groups.iter_mut().find(of_same) {
+            Some(group) => group.push(pair),
+            None => groups.push(vec![pair]),
+        }
+    }
+    for group in groups {
+        if group.len() > PAIRS_SHOWN {
+            grid.push(together(&group));
+        } else {
+            group.iter().for_each(|pair| grid.push(one(pair)));
+        }
     }
     grid
+}
+
+fn one(pair: &ClockPair) -> [String; 8] {
+    let [offset, offset_error] = offset(pair.offset_ms, pair.offset_std_error_ms);
+    let [skew, skew_error] = match pair.skew_ppm {
+        Some(skew) => value_and_error(skew, pair.skew_std_error_ppm),
+        None => ["-", "-"].map(Into::into),
+    };
+    let scatter = pair.scatter_ms.map_or("-".into(), |scatter| significant(scatter, 2));
+    let (of, clock, reference) = (pair.of.clone(), pair.clock.clone(), pair.reference.clone());
+    [of, clock, reference, offset, offset_error, skew, skew_error, scatter]
+}
+
+/// Ranges over several pairs of the same two clocks.
+fn together(group: &[&ClockPair]) -> [String; 8] {
+    let range = |of: &dyn Fn(&ClockPair) -> Option<f64>, decimals: usize| {
+        let values = || group.iter().filter_map(|pair| of(pair));
+        let (least, most) =
+            (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
+        if least > most {
+            "-".into()
+        } else {
+            format!("{} to {}", fixed(least, decimals), fixed(most, decimals))
+        }
+    };
+    let of = format!("{} kinds of messages", group.len());
+    let (clock, reference) = (group[0].clock.clone(), group[0].reference.clone());
+    let (offset, skew) = (range(&|pair| Some(pair.offset_ms), 2), range(&|pair| pair.skew_ppm, 0));
+    [of, clock, reference, offset, "-".into(), skew, "-".into(), range(&|pair| pair.scatter_ms, 2)]
 }
 
 /// An offset and its error in ms: written out, for offsets from UTC have thirteen digits before the point.

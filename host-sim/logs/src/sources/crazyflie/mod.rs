@@ -142,7 +142,9 @@ fn further(log: &Log, tables: &Tables<'_>) -> Vec<(String, Signal<1>)> {
     }
     let names = log.tables.iter().flat_map(|table| &table.columns).map(|column| column.name.as_str());
     names
-        .filter(|name| user_effects::can_be_column(name) && !flights::is_known_name(name))
+        .filter(|name| {
+            user_effects::can_be_column(name) && !flights::is_known_name(name) && !tables::is_time(name)
+        })
         .filter_map(|name| {
             let (rising, values) = tables.group([name])?;
             Some((name.to_owned(), rising.signal(name, &values)))

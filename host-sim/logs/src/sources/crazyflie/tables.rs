@@ -22,6 +22,11 @@ const TIME_COLUMNS: [(&str, f64); 12] = [
     ("t", 1.0),
 ];
 
+/// Whether a column of this name is one of times.
+pub(super) fn is_time(name: &str) -> bool {
+    TIME_COLUMNS.iter().any(|(own, _)| *own == name)
+}
+
 /// The tables of a log and their times.
 pub(super) struct Tables<'a> {
     all: Vec<(&'a Table, Rising)>,
