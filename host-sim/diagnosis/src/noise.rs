@@ -66,10 +66,14 @@ fn force_noise_taps(flight: &Prepared) -> Vec<f64> {
 /// Spectral density that sensor noise alone has in the force rows of a flight, by the frequency in Hz: that of white noise is its variance, (m/s^2)^2.
 pub(crate) fn force_density(flight: &Prepared) -> impl Fn(f64) -> f64 {
     let taps = force_noise_taps(flight);
-    let channels = force_channels(flight);
-    let white = floor(flight, channels).iter().sum::<f64>() / 3.0 / channels.1;
+    let white = sample_variance(flight);
     let period_s = flight.period_s;
     move |frequency_hz| white * gain(&taps, frequency_hz * period_s)
+}
+
+/// Variance of white noise in a sample of the force channels, a mean over them.
+fn sample_variance(flight: &Prepared) -> f64 {
+    floor(flight, (force_channels(flight).0, 1.0)).iter().sum::<f64>() / 3.0
 }
 
 /// What a filter makes of the power of an oscillation of so many cycles a sample.
@@ -160,19 +164,41 @@ fn lagged(signals: &[Vec<f64>], lag: usize) -> f64 {
 /// samples apart.
 const OF_STEPS: [f64; 3] = [20.0, -15.0, 6.0];
 
-/// Variance over every other sample, of that over every sample, of a tracker's noise that is white noise on a random walk; nothing where the
-/// autocorrelation of fourth differences is not that of such a noise. Trackers smooth what they see, and markers tremble: what a filter
-/// makes of their slow noise is told by this, from its quick part.
-fn wandering(signals: &[Signal<'_>]) -> Option<f64> {
-    let (fine, coarse) = (scaled(signals, 1), scaled(signals, 2));
-    let ratio = (variance(&coarse) / variance(&fine)).max(1.0);
-    if !(ratio < 2.0 + SAME_VARIANCE) {
-        return None;
+/// A tracker's noise that is white noise on a random walk. Trackers smooth what they see, and markers tremble: what a filter makes of
+/// their slow noise is told by this, from its quick part.
+struct Wandering {
+    /// Variances of the white noise and of the walk's steps, of that which fourth differences tell.
+    white: f64,
+    step: f64,
+}
+
+impl Wandering {
+    /// By the variances over every sample and over every other one; nothing where the autocorrelation of fourth differences is not that of
+    /// such a noise.
+    fn of(signals: &[Signal<'_>]) -> Option<Self> {
+        let (fine, coarse) = (scaled(signals, 1), scaled(signals, 2));
+        let ratio = (variance(&coarse) / variance(&fine)).max(1.0);
+        if !(ratio < 2.0 + SAME_VARIANCE) {
+            return None;
+        }
+        let noise = Self { white: 2.0 - ratio, step: (ratio - 1.0) * FOURTH_DIFFERENCE / OF_STEPS[0] };
+        let expected =
+            |lag: usize| noise.white * WHITE[lag - 1] + noise.step * OF_STEPS[lag] / FOURTH_DIFFERENCE;
+        let off = |lag: usize| (lagged(&fine, lag) / lagged(&fine, 0) - expected(lag)).abs();
+        (1..=2).all(|lag| off(lag) < WHITE_TOLERANCE).then_some(noise)
     }
-    let (white, step) = (FOURTH_DIFFERENCE * (2.0 - ratio), FOURTH_DIFFERENCE * (ratio - 1.0) / OF_STEPS[0]);
-    let expected = |lag: usize| (white * WHITE[lag - 1] + step * OF_STEPS[lag]) / FOURTH_DIFFERENCE;
-    let off = |lag: usize| (lagged(&fine, lag) / lagged(&fine, 0) - expected(lag)).abs();
-    (1..=2).all(|lag| off(lag) < WHITE_TOLERANCE).then_some(ratio)
+
+    /// What a filter that takes constants away makes of its variance.
+    fn gain(&self, taps: &[f64]) -> f64 {
+        let of_steps: Vec<f64> = taps
+            .iter()
+            .scan(0.0, |sum, tap| {
+                *sum += tap;
+                Some(*sum)
+            })
+            .collect();
+        self.white.max(0.0) * energy(taps) + self.step * energy(&of_steps)
+    }
 }
 
 /// Ratio of the residual's variance along the body axes to what a tracker's noise explains that is white noise on a random walk; nothing where it is not.
@@ -180,21 +206,10 @@ pub(crate) fn excess_over_wandering(flights: &[&Prepared], residuals: &[Residual
     if flights.iter().any(|flight| flight.force_target == ForceTarget::Imu) {
         return None;
     }
-    let ratio = wandering(&signals(flights, force_channels))?;
+    let noise = Wandering::of(&signals(flights, force_channels))?;
     let (mut found, mut expected) = ([0.0; 3], 0.0);
     for (flight, residual) in flights.iter().zip(residuals) {
-        let taps = force_noise_taps(flight);
-        let variance = floor(flight, force_channels(flight)).iter().sum::<f64>() / 3.0 / energy(&taps);
-        let steps: Vec<f64> = taps
-            .iter()
-            .scan(0.0, |sum, tap| {
-                *sum += tap;
-                Some(*sum)
-            })
-            .collect();
-        let step = FOURTH_DIFFERENCE / OF_STEPS[0] * (ratio - 1.0);
-        let gain = (2.0 - ratio).max(0.0) * energy(&taps) + step * energy(&steps);
-        expected += gain * variance * flight.rows() as f64;
+        expected += noise.gain(&force_noise_taps(flight)) * sample_variance(flight) * flight.rows() as f64;
         for (found, axis) in found.iter_mut().zip(&residual.residual) {
             *found += axis.iter().map(|e| e * e).sum::<f64>();
         }
@@ -400,14 +415,15 @@ mod tests {
             fast.iter().zip(walk).map(|(e, w)| white_part * e + w).collect()
         };
         let all = vec![true; 20_000];
-        let ratio = |signal: &[f64]| wandering(&[(signal, &all)]);
+        let step = |signal: &[f64]| Wandering::of(&[(signal, &all)]).map(|noise| noise.step);
+        let ratio = |signal: &[f64]| step(signal).map(|step| 1.0 + step * OF_STEPS[0] / FOURTH_DIFFERENCE);
         let found = ratio(&of(1.0, 2f64.sqrt(), 5)).unwrap();
         assert!((found - 150.0 / 110.0).abs() < 0.06, "{found}");
         assert!((ratio(&of(0.0, 1.0, 7)).unwrap() - 2.0).abs() < 0.1);
         assert!((ratio(&of(1.0, 0.0, 9)).unwrap() - 1.0).abs() < 0.1);
         let noise = of(1.0, 0.0, 11);
         let smooth: Vec<f64> = noise.windows(3).map(|w| w.iter().sum()).collect();
-        assert_eq!(wandering(&[(&smooth, &all[2..])]), None);
+        assert!(Wandering::of(&[(&smooth, &all[2..])]).is_none());
     }
 
     #[test]

@@ -172,7 +172,8 @@ fn of_table(table: FlightOfTable, path: &Path) -> Import {
         voltage: table.source(&["vbat"]),
     };
     let (format, limits) = (table.format, table.limits());
-    let part = table.into_part(format!("{}.csv", stem(path)));
+    let mut part = table.into_part();
+    name(std::slice::from_mut(&mut part), path);
     let messages = Messages { name: "rows".into(), count: part.flight.len(), first_last: Some(part.span) };
     Import {
         path: path.into(),
@@ -227,7 +228,10 @@ fn own(log: Log, flights: Vec<OwnFlight>, path: &Path) -> Import {
 
 /// Flights of one file have its name, and are numbered where there are several.
 fn name(flights: &mut [Part], path: &Path) {
-    let stem = stem(path);
+    let stem = match path.file_stem() {
+        Some(stem) if path != Path::new(STANDARD_INPUT) => stem.to_string_lossy().into_owned(),
+        _ => "log".to_owned(),
+    };
     let several = flights.len() > 1;
     for (index, part) in flights.iter_mut().enumerate() {
         part.flight.name = if several { format!("{stem}-{}.csv", index + 1) } else { format!("{stem}.csv") };
@@ -251,14 +255,6 @@ impl Import {
             limits: Vec::new(),
             notes: Vec::new(),
         }
-    }
-}
-
-/// What flights of a file are called.
-fn stem(path: &Path) -> String {
-    match path.file_stem() {
-        Some(stem) if path != Path::new(STANDARD_INPUT) => stem.to_string_lossy().into_owned(),
-        _ => "log".to_owned(),
     }
 }
 

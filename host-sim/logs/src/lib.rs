@@ -21,6 +21,7 @@ mod progress;
 mod recording;
 mod sources;
 mod spans;
+mod statistics;
 mod tables;
 mod vehicle;
 

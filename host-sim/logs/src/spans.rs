@@ -1,6 +1,7 @@
 //! Stretches of time.
 
 use crate::recording::Span;
+use crate::statistics::median;
 
 /// Spans in order, those that touch joined.
 pub(crate) fn joined(spans: Vec<Span>) -> Vec<Span> {
@@ -72,9 +73,7 @@ pub(crate) fn any_between(spans: &[Span], from: f64, to: f64) -> bool {
 pub(crate) fn rate_hz(t: &[f64], spans: &[Span]) -> Option<f64> {
     let inside = if spans.is_empty() { vec![true; t.len()] } else { within(t, spans) };
     let pairs = t.windows(2).zip(inside.windows(2)).filter(|(_, inside)| inside[0] && inside[1]);
-    let mut steps: Vec<f64> = pairs.map(|(t, _)| t[1] - t[0]).collect();
-    let middle = steps.len() / 2;
-    (!steps.is_empty()).then(|| 1.0 / *steps.select_nth_unstable_by(middle, f64::total_cmp).1)
+    median(pairs.map(|(t, _)| t[1] - t[0])).map(|step_s| 1.0 / step_s)
 }
 
 #[cfg(test)]

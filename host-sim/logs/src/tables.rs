@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use flights::{COLUMNS, Column, ColumnMap, Flight, Source, header_names, median_step};
+use flights::{COLUMNS, Column, ColumnMap, Flight, Source, header_names};
 
 use crate::conversion::Part;
 use crate::error::LogError;
@@ -86,13 +86,10 @@ fn refuse_strangers(names: &[String], path: &Path, map: &ColumnMap) -> Result<()
 }
 
 impl FlightOfTable {
-    /// The flight as a part of a log, under a name.
-    pub(crate) fn into_part(self, name: String) -> Part {
-        let mut flight = self.flight;
-        flight.name = name;
-        let t = flight.required(Column::T).to_vec();
-        let period_s = median_step(&t);
-        Part::of(flight, &t, period_s, &[])
+    /// The flight as a part of a log.
+    pub(crate) fn into_part(self) -> Part {
+        let t = self.flight.required(Column::T).to_vec();
+        Part::of_rows(self.flight, &t)
     }
 
     /// The name in the table of the first of these columns of ours that it has.

@@ -130,10 +130,11 @@ const FOLDERS: &[Folder] = &[
     row("logs", "error.rs", &[], "why a log is refused does not depend on who refuses it"),
     row("logs", "log.rs", &["format.rs"], "tables are what every format comes to"),
     row("logs", "recording.rs", &[], "quantities do not know which log they are from"),
+    row("logs", "statistics.rs", &[], "the middle of values is the same of all quantities"),
     row(
         "logs",
         "spans.rs",
-        &["recording.rs"],
+        &["recording.rs", "statistics.rs"],
         "stretches of time are joined and met the same way everywhere",
     ),
     row("logs", "progress.rs", &[], "how far something is does not depend on what it is"),
@@ -206,19 +207,19 @@ const FOLDERS: &[Folder] = &[
     row(
         "logs",
         "sources/crazyflie",
-        &["sources/common", "format.rs", "error.rs", "log.rs", "recording.rs", "spans.rs"],
+        &["sources/common", "format.rs", "error.rs", "log.rs", "recording.rs", "spans.rs", "statistics.rs"],
         "a program's tables are understood without knowing the others",
     ),
     row(
         "logs",
         "sources/ros",
-        &["sources/common", "format.rs", "error.rs", "log.rs", "recording.rs", "spans.rs"],
+        &["sources/common", "format.rs", "error.rs", "log.rs", "recording.rs", "spans.rs", "statistics.rs"],
         "a program's tables are understood without knowing the others",
     ),
     row(
         "logs",
         "sources/ardupilot",
-        &["sources/common", "format.rs", "error.rs", "log.rs", "recording.rs", "spans.rs"],
+        &["sources/common", "format.rs", "error.rs", "log.rs", "recording.rs", "spans.rs", "statistics.rs"],
         "a program's tables are understood without knowing the others",
     ),
     row(
@@ -230,7 +231,7 @@ const FOLDERS: &[Folder] = &[
     row(
         "logs",
         "sources/px4",
-        &["sources/common", "format.rs", "error.rs", "log.rs", "recording.rs", "spans.rs"],
+        &["sources/common", "format.rs", "error.rs", "log.rs", "recording.rs", "spans.rs", "statistics.rs"],
         "a program's tables are understood without knowing the others",
     ),
     row(

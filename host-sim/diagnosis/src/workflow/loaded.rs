@@ -179,7 +179,7 @@ impl LoadedFlight {
         if path.is_dir() {
             return Err(FlightError::Folder { path: path.into() }.into());
         }
-        let bytes = std::fs::read(path).map_err(|source| FlightError::Read { path: path.into(), source })?;
+        let bytes = bytes_of(path)?;
         let flight = Flight::parse_with(&bytes, path, &ColumnMap::of_flight(path, vehicle)?)?;
         flight.check_against(vehicle, path)?;
         Self::examined(&flight, vehicle, &reading.parts(Some(path))?, path.into(), sha256(&bytes))
@@ -199,6 +199,11 @@ impl LoadedFlight {
             Err(why) => Err(WorkflowError::Unusable { path, why }),
         }
     }
+}
+
+/// The bytes of a flight file.
+pub(crate) fn bytes_of(path: &Path) -> Result<Vec<u8>, FlightError> {
+    std::fs::read(path).map_err(|source| FlightError::Read { path: path.into(), source })
 }
 
 /// "A.csv, B.csv", with the folders the user gave.

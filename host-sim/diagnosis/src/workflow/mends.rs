@@ -11,7 +11,7 @@ use model::Vehicle;
 use sysid::{Fault, FaultKind, Severity};
 
 use crate::workflow::error::WorkflowError;
-use crate::workflow::loaded::Reading;
+use crate::workflow::loaded::{Reading, bytes_of};
 
 /// Faults that hide one another: a motor order is looked at in right frames only, an accelerometer once the tracker is right.
 const MOST_ROUNDS: usize = 4;
@@ -161,10 +161,6 @@ fn fault_of(
 
 fn sources_of(path: &Path, map: &ColumnMap) -> Result<BTreeMap<String, Source>, WorkflowError> {
     Ok(map.sources_in(&header_names(&bytes_of(path)?), path)?)
-}
-
-fn bytes_of(path: &Path) -> Result<Vec<u8>, FlightError> {
-    std::fs::read(path).map_err(|source| FlightError::Read { path: path.into(), source })
 }
 
 fn cannot(path: &Path, fault: &Fault, why: &str) -> WorkflowError {

@@ -9,7 +9,7 @@ use flights::{Column, ColumnMap, Flight, FlightError};
 use model::Vehicle;
 
 use crate::workflow::error::WorkflowError;
-use crate::workflow::loaded::Source;
+use crate::workflow::loaded::{Source, bytes_of};
 
 /// Time left out on either side of a block's end, s.
 const GUARD_S: f64 = 0.5;
@@ -87,8 +87,7 @@ fn blocks<'a>(only: &Source<'a>, vehicle: &Vehicle) -> Result<(Sources<'a>, Sour
 }
 
 fn read(path: &Path, vehicle: &Vehicle) -> Result<Flight, FlightError> {
-    let bytes = std::fs::read(path).map_err(|source| FlightError::Read { path: path.into(), source })?;
-    Flight::parse_with(&bytes, path, &ColumnMap::of_flight(path, vehicle)?)
+    Flight::parse_with(&bytes_of(path)?, path, &ColumnMap::of_flight(path, vehicle)?)
 }
 
 #[cfg(test)]

@@ -117,16 +117,15 @@ fn part(recording: &Recording, base: &[f64], span: Span) -> Option<Part> {
         return None;
     }
     let time = kept.iter().map(|t| microseconds(t - first)).collect();
-    let rest = columns.into_iter().map(|(column, values)| {
-        let kept = values.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(value, _)| rounded(*value));
-        (column, kept.collect())
-    });
+    let of_rows = |values: &[f64]| -> Vec<f64> {
+        values.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(value, _)| rounded(*value)).collect()
+    };
+    let rest = columns.into_iter().map(|(column, values)| (column, of_rows(&values)));
     let mut flight = Flight::from_columns("", std::iter::once((Column::T, time)).chain(rest));
     for (name, signal) in &recording.signals.extra {
         let values = &on_grid(signal, &grid, Kind::Smooth)[0];
         if values.iter().any(|value| value.is_finite()) {
-            let kept = values.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(value, _)| rounded(*value));
-            flight = flight.with_further(name.clone(), kept.collect());
+            flight = flight.with_further(name.clone(), of_rows(values));
         }
     }
     let mut part = Part::of(flight, &kept, period_s, &dropouts);
@@ -143,7 +142,7 @@ fn at_least([from, to]: Span, shortest_s: f64) -> Span {
 
 impl Part {
     /// The flight of rows at these times on the log's clock, s.
-    pub(crate) fn of(flight: Flight, t: &[f64], period_s: f64, dropouts: &[Span]) -> Self {
+    fn of(flight: Flight, t: &[f64], period_s: f64, dropouts: &[Span]) -> Self {
         let steps = || t.windows(2).map(|w| [w[0], w[1]]);
         let lost_s = steps().map(|[from, to]| to - from).filter(|step| *step > 1.5 * period_s).sum::<f64>();
         let gaps = steps().filter(|[from, to]| to - from > GAP_PERIODS * period_s);
@@ -164,8 +163,12 @@ impl Part {
     pub(crate) fn of_own(own: OwnFlight) -> Self {
         let OwnFlight { flight, start_s } = own;
         let t: Vec<f64> = flight.required(Column::T).iter().map(|t| start_s + t).collect();
-        let period_s = median_step(&t);
-        Self::of(flight, &t, period_s, &[])
+        Self::of_rows(flight, &t)
+    }
+
+    /// A flight that needs no grid: its rows at these times are as they were logged.
+    pub(crate) fn of_rows(flight: Flight, t: &[f64]) -> Self {
+        Self::of(flight, t, median_step(t), &[])
     }
 }
 

@@ -2,8 +2,9 @@
 
 use crate::log::Log;
 use crate::recording::{Recording, Span};
+use crate::statistics::median;
 
-use super::super::common::surroundings::{self, DENSITIES, median};
+use super::super::common::surroundings::{self, DENSITIES};
 use super::rows::Rows;
 use super::vehicle::Layout;
 

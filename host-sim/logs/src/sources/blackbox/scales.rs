@@ -72,7 +72,7 @@ fn is_range([low, high]: &Span) -> bool {
     low.is_finite() && high.is_finite() && high > low
 }
 
-/// INAV's `vbat` is in hundredths of a volt: `getBatteryVoltage` in its `src/main/sensors/battery.c`.
+/// Volts of a count of INAV's `vbat`: taken for hundredths, for no source was found that states the unit.
 const HUNDREDTH: f64 = 0.01;
 
 /// The program and its version.

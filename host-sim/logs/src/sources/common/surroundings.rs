@@ -27,16 +27,6 @@ fn normal_gravity(latitude: f64, height_m: f64) -> f64 {
         - PER_METRE * height_m
 }
 
-/// The middle of all finite values.
-pub(in crate::sources) fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.retain(|value| value.is_finite());
-    if values.is_empty() {
-        return None;
-    }
-    let middle = values.len() / 2;
-    Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
-}
-
 #[cfg(test)]
 mod tests {
     use super::normal_gravity;

@@ -5,6 +5,8 @@
 //! log's clock their period tells which of the two it is. The sensor's own clock is off by less than
 //! half a percent.
 
+use crate::statistics::median;
+
 /// What slow times are to be multiplied by.
 pub(super) const MENDED: f64 = 85.0 / 84.0;
 /// What is said where the log does not tell.
@@ -28,13 +30,11 @@ pub(super) enum Clock {
 impl Clock {
     /// By the times of rows at a fixed rate, s.
     pub(super) fn of(times: &[f64]) -> Self {
-        let mut steps: Vec<f64> =
+        let steps: Vec<f64> =
             times.windows(2).map(|pair| (pair[1] - pair[0]) * 1e3).filter(|step| *step > 0.0).collect();
-        if steps.len() < FEWEST {
+        let Some(median) = median(steps.iter().copied()).filter(|_| steps.len() >= FEWEST) else {
             return Self::Unknown;
-        }
-        let middle = steps.len() / 2;
-        let median = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+        };
         // Lost rows make steps of two periods and more.
         let single = || steps.iter().filter(|step| **step < 1.5 * median);
         let period_ms = single().sum::<f64>() / single().count() as f64;

@@ -1,8 +1,9 @@
 //! Air and gravity.
 
 use crate::log::Log;
+use crate::statistics::median;
 
-use super::super::common::surroundings::{self, DENSITIES, median};
+use super::super::common::surroundings::{self, DENSITIES};
 use super::topics::{instances, topic};
 
 /// Air density, kg/m^3: PX4's own, else by the gas law from pressure and temperature.
@@ -36,7 +37,7 @@ pub(super) fn gravity(log: &Log) -> Option<f64> {
             let fixes = table.column("fix_type")?.to_f64();
             let values = table.column(column)?.to_f64();
             let fixed = values.iter().zip(fixes).filter(|(_, fix)| *fix >= FIX_3D);
-            median(fixed.map(|(value, _)| value * unit).collect())
+            median(fixed.map(|(value, _)| value * unit))
         };
         // Degrees and metres; before version 1.15 1e-7 degrees and millimetres.
         let latitude = picked("latitude_deg", 1.0).or_else(|| picked("lat", 1e-7))?;

@@ -4,6 +4,7 @@
 use super::super::common::series::{Rising, nearest};
 use crate::log::{Log, Table, Values};
 use crate::recording::Signal;
+use crate::statistics::median;
 
 /// Messages that were written this close to each other were late by the same time, s.
 const TOGETHER_S: f64 = 1e-3;
@@ -93,12 +94,10 @@ impl<'a> Delay<'a> {
         if stamps.iter().all(|stamp| *stamp == 0) {
             return None;
         }
-        let mut late: Vec<f64> = (stamps.iter().zip(&table.times))
+        let late = (stamps.iter().zip(&table.times))
             .filter(|(stamp, _)| **stamp != 0)
-            .map(|(stamp, written)| written.saturating_sub(*stamp) as f64 * 1e-9)
-            .collect();
-        let middle = late.len() / 2;
-        let median_s = *late.select_nth_unstable_by(middle, f64::total_cmp).1;
+            .map(|(stamp, written)| written.saturating_sub(*stamp) as f64 * 1e-9);
+        let median_s = median(late)?;
         let time = |(stamp, written): (&i64, &i64)| {
             if *stamp == 0 { *written as f64 * 1e-9 - median_s } else { *stamp as f64 * 1e-9 }
         };
