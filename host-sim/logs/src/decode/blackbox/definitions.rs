@@ -175,18 +175,10 @@ impl Definition {
                     values.iter_mut().for_each(|value| *value = reader.negative_14_bit())
                 }
                 Encoding::UpToEight => reader.up_to_eight(values),
-                Encoding::Three => {
-                    values.iter_mut().zip(reader.three()).for_each(|(value, read)| *value = read)
-                }
-                Encoding::ThreeVariable => {
-                    values.iter_mut().zip(reader.three_variable()).for_each(|(value, read)| *value = read);
-                }
-                Encoding::Four if data_version < 2 => {
-                    values.iter_mut().zip(reader.four_version_1()).for_each(|(value, read)| *value = read);
-                }
-                Encoding::Four => {
-                    values.iter_mut().zip(reader.four()).for_each(|(value, read)| *value = read)
-                }
+                Encoding::Three => put(values, reader.three()),
+                Encoding::ThreeVariable => put(values, reader.three_variable()),
+                Encoding::Four if data_version < 2 => put(values, reader.four_version_1()),
+                Encoding::Four => put(values, reader.four()),
                 Encoding::Null => values.fill(0),
             }
         }
@@ -203,6 +195,15 @@ impl Definition {
         for &(field, motor) in &self.prediction.after_motor {
             frame[field] = frame[field].wrapping_add(frame[motor]);
         }
+    }
+}
+
+/// Writes a group of fields, of which the last of a frame may be fewer.
+#[inline]
+fn put<const N: usize>(values: &mut [u32], read: [u32; N]) {
+    match values.first_chunk_mut() {
+        Some(whole) => *whole = read,
+        None => values.iter_mut().zip(read).for_each(|(value, read)| *value = read),
     }
 }
 

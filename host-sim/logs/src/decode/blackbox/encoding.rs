@@ -19,11 +19,12 @@ fn signed_in_window(window: &[u8; WINDOW], values: &mut [u32]) -> usize {
     let byte = |at: usize| u32::from(window[at % WINDOW]);
     let mut at = 0;
     for value in values {
-        let mut raw = byte(at);
-        at += 1;
-        if raw >= 0x80 {
-            raw = (raw & 0x7f) | byte(at) << 7;
-            at += 1;
+        // One byte or two, without a branch: which of them it is, no processor foresees.
+        let (first, second) = (byte(at), byte(at + 1));
+        let continued = first >> 7;
+        let mut raw = (first & 0x7f) | ((second << 7) & continued.wrapping_neg());
+        at += 1 + continued as usize;
+        if second >= 0x80 && continued != 0 {
             // Seldom: three to five bytes; more are no number.
             let mut shift = 14;
             while byte(at - 1) >= 0x80 {
