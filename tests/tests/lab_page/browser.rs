@@ -13,6 +13,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use fantoccini::error::CmdError;
+use fantoccini::key::Key;
 use fantoccini::wd::{Capabilities, WebDriverCompatibleCommand};
 use fantoccini::{Client, ClientBuilder, Locator};
 use hyper_util::client::legacy::connect::HttpConnector;
@@ -229,11 +230,11 @@ impl Browser {
         count.as_u64().map_or(0, |count| count as usize)
     }
 
-    /// Types a key into what has the focus.
-    pub(crate) fn press(&self, key: fantoccini::key::Key) {
-        let key = char::from(key).to_string();
-        let press = async { self.client.active_element().await?.send_keys(&key).await };
-        self.done("key", press);
+    /// Presses a key some times.
+    pub(crate) fn press(&self, key: Key, times: usize) {
+        let keys = char::from(key).to_string().repeat(times);
+        let press = async { self.client.active_element().await?.send_keys(&keys).await };
+        self.done("keys", press);
     }
 
     /// Has the page drawn for eyes that want it `light` or `dark`.
