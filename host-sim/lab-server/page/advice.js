@@ -41,6 +41,7 @@ export async function drawAdvice(app, root) {
 
 /** @param {Model} model @returns {Promise<Diagnosis|null>} */
 async function diagnosisOf(model) {
+  if (model.verdict === null) return null;
   try {
     return await get("/api/diagnosis", { model: model.id });
   } catch (error) {
@@ -201,7 +202,7 @@ function card(app, model, diagnosis, finding, again) {
           class: `add${finding.supported ? " primary" : ""}`,
           disabled: Boolean(app.state?.job),
           "data-key": `add ${finding.effect}`,
-          "aria-label": `Add ${finding.effect}`,
+          "aria-label": `${finding.supported ? "Add" : "Add anyway"}: ${finding.effect}`,
           click: () => app.run({ do: "add", model: model.id, effect: finding.effect }),
         },
         finding.supported ? "Add" : "Add anyway",
@@ -220,7 +221,7 @@ function card(app, model, diagnosis, finding, again) {
         "Why?",
       ),
     ),
-    el("div", { id, class: "evidence", hidden: !open, "aria-live": "polite" }, open && evidence(unfolded.get(key))),
+    el("div", { id, class: "evidence", hidden: !open, role: "region", tabindex: "0", "aria-label": `Evidence for and against ${finding.effect}` }, open && evidence(unfolded.get(key))),
   );
 }
 
@@ -286,12 +287,12 @@ function evidence(why) {
     el("p", {}, why.summary),
     table(
       "Criteria",
-      ["question", "value", "needed", ""],
+      ["question", "value", "needed", "met?"],
       why.criteria.map((/** @type {any} */ c) => [
         c.question,
         known(c.value) ? number(c.value, c.unit) : "–",
         `${c.at_most ? "≤" : "≥"} ${number(c.threshold, c.unit)}`,
-        el("span", { class: c.met ? "good-text" : "bad-text" }, c.met ? "✓ met" : "✗ not met"),
+        el("span", { class: c.met ? "good-text" : "bad-text" }, c.met ? "✓ yes" : "✗ no"),
       ]),
     ),
     why.flights?.length > 0 &&

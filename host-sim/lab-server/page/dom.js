@@ -91,5 +91,10 @@ export function choice(label, id, options, chosen, change) {
 
 /** Options of a select. @param {HTMLSelectElement} select @param {[string, string][]} options @param {string} chosen */
 export function fill(select, options, chosen) {
+  const same = select.options.length === options.length && options.every(([value], n) => select.options[n].value === value);
+  if (same) {
+    select.value = chosen;
+    return;
+  }
   select.replaceChildren(...options.map(([value, text]) => el("option", { value, selected: value === chosen }, text)));
 }

@@ -18,7 +18,7 @@ export function drawLegend(app, root) {
     entries.push(["predicted", `predicted: ${model.label}`]);
     if (second) entries.push(["second", `second: ${second.label}`]);
   }
-  entries.push(["residual", tab === "where" ? "mean residual" : "residual (measured minus predicted)"]);
+  entries.push(["residual", tab === "where" ? "mean residual" : "residual"]);
   if (second) entries.push(["second-residual", tab === "where" ? "mean residual of the second" : "residual of the second"]);
   if (tab === "time" && second && app.view.difference) entries.push(["difference", "second minus chosen"]);
   if (tab === "spectrum") entries.push(["difference", "bounds of what chance leaves"]);

@@ -106,15 +106,13 @@ const tabs = {
   model: modelTab(app, byId("panel-model")),
 };
 
-/** Takes a new state; what was just added is compared with what it was added to. @param {State} state */
+/** Takes a new state; what was just made is compared with what was chosen before. @param {State} state */
 function takeState(state) {
   const before = app.state?.current ?? null;
+  const isNew = !app.state?.models.some((model) => model.id === state.current);
   app.state = state;
   const { view } = app;
-  const model = app.current();
-  if (before !== null && state.current !== before) {
-    if (view.compare === state.current || (model && model.parent === before)) view.compare = before;
-  }
+  if (before !== null && state.current !== before && (isNew || view.compare === state.current)) view.compare = before;
   if (!app.second()) view.compare = null;
   if (!app.flight()) {
     const usable = state.flights.filter((flight) => !flight.problem);

@@ -81,7 +81,7 @@ function horizons(one, other) {
   const name = (/** @type {string} */ key) => (/^\d+$/.test(key) ? `${key} samples ahead` : key.replace(/^sum_(\d+)_(\d+)$/, "sum of $1 to $2 ahead"));
   return table(
     `Mean error of open-loop prediction${other ? ": chosen, and second model" : ""}`,
-    ["", ...fields.map(([text, , of]) => withUnit(text, of))],
+    ["horizon", ...fields.map(([text, , of]) => withUnit(text, of))],
     names.map((key) => [
       name(key),
       ...fields.map(([, field]) => {

@@ -7,8 +7,8 @@ const SUPERSCRIPTS = /** @type {Record<string, string>} */ ({
 /** @param {string|number} text */
 const raised = (text) => [...String(text)].map((c) => SUPERSCRIPTS[c] ?? c).join("");
 
-/** @param {string} text */
-const minus = (text) => text.replace("-", "−");
+/** A true minus before each number of a text. @param {string} text */
+export const minus = (text) => text.replace(/-(?=[\d.])/g, "−");
 
 /** A unit: `m/s^2` becomes m/s², `1` nothing. @param {string|null|undefined} unit */
 export function unit(unit) {

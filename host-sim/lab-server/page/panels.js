@@ -9,7 +9,7 @@ const RIGHT = 10;
 const TITLE = 24;
 const BETWEEN = 6;
 const TIMES = 24;
-const LEAST_ROW = 176;
+const LEAST_ROW = 150;
 const TWO_COLUMNS = 1150;
 
 /**

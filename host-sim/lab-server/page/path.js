@@ -3,7 +3,7 @@
 import { AXES, AXIS_NAMES, get, givenUp } from "./api.js";
 import { choice, el, redraw } from "./dom.js";
 import { known, seconds, short, unit, withUnit } from "./numbers.js";
-import { CONFIG, axis, colour, layout, plotly } from "./plots.js";
+import { CONFIG, axis, colour, layout, plotly, room } from "./plots.js";
 import { nearest } from "./time.js";
 
 /** @typedef {import("./main.js").App} App */
@@ -66,7 +66,6 @@ export function pathTab(app, root) {
   async function draw() {
     const Plotly = await plotly();
     if (root.hidden || !path || !root.clientWidth) return;
-    const room = window.innerHeight - plot.getBoundingClientRect().top - (root.parentElement?.scrollTop ?? 0) - 16;
     const limit = largest(path.residual);
     for (const [id, text] of [["scale-low", `−${short(limit, 2)}`], ["scale-high", `+${short(limit, 2)} ${unit(path.unit)}`]]) {
       const label = root.querySelector(`#${id}`);
@@ -75,7 +74,7 @@ export function pathTab(app, root) {
     slider.min = String(path.t[0] ?? 0);
     slider.max = String(path.t[path.t.length - 1] ?? 0);
     const { traces, shape } = flat ? flatFigure(path, limit) : figure(path, limit);
-    await Plotly.react(plot, traces, { ...layout(), ...shape, uirevision: key, width: root.clientWidth, height: Math.max(360, room) }, CONFIG);
+    await Plotly.react(plot, traces, { ...layout(), ...shape, uirevision: key, width: root.clientWidth, height: Math.max(360, room(plot)) }, CONFIG);
     plot.removeAllListeners?.("plotly_hover");
     plot.on("plotly_hover", (/** @type {any} */ event) => {
       const point = event.points[0];
@@ -94,8 +93,8 @@ export function pathTab(app, root) {
   }
 
   function drawCursor() {
-    if (root.hidden || !path || !plot.data || app.cursor === null) return;
-    const at = nearest(path.t, app.cursor);
+    if (root.hidden || !path || !plot.data) return;
+    const at = nearest(path.t, app.cursor ?? path.t[0]);
     slider.value = String(path.t[at]);
     slider.setAttribute("aria-valuetext", seconds(path.t[at]));
     values.textContent =
@@ -152,12 +151,12 @@ function figure(path, limit) {
   const side = (/** @type {string} */ name) => ({ title: { text: withUnit(name, "m") }, gridcolor: colour("grid"), zerolinecolor: colour("control"), color: colour("text"), showspikes: false });
   return {
     traces: [
-      { type: "scatter3d", name: "path", mode: "lines", ...place, line: { width: 5, ...paint(path, limit) }, text, hovertemplate: "%{text}<extra></extra>" },
+      { type: "scatter3d", name: "path", mode: "lines", ...place, line: { width: 8, ...paint(path, limit) }, text, hovertemplate: "%{text}<extra></extra>" },
       { type: "scatter3d", name: "cursor", mode: "markers", x: [null], y: [null], z: [null], marker: { size: 7, color: colour("text"), symbol: "diamond" }, hoverinfo: "skip" },
     ],
     shape: {
       margin: { l: 0, r: 0, t: 0, b: 0 },
-      scene: { aspectmode: "data", xaxis: side("east"), yaxis: side("north"), zaxis: side("up") },
+      scene: { aspectmode: "data", camera: { eye: { x: 1.1, y: 1.1, z: 0.8 } }, xaxis: side("east"), yaxis: side("north"), zaxis: side("up") },
     },
   };
 }

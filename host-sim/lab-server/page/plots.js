@@ -30,6 +30,12 @@ export const plain = (text) => text.replace(/&/g, "&amp;").replace(/</g, "&lt;")
 /** Size of small type, px. */
 export const small = () => 0.8 * parseFloat(getComputedStyle(document.documentElement).fontSize);
 
+/** Height that is left below the top of an element in the middle column, px. @param {HTMLElement} element */
+export function room(element) {
+  const scrolled = document.getElementById("middle")?.scrollTop ?? 0;
+  return window.innerHeight - element.getBoundingClientRect().top - scrolled - 12;
+}
+
 /** What all layouts have in common. @returns {any} */
 export function layout() {
   return {

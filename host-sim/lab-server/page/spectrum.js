@@ -3,7 +3,7 @@
 import { AXES, AXIS_NAMES, get, givenUp } from "./api.js";
 import { choice, el, redraw } from "./dom.js";
 import { known, percent, unit } from "./numbers.js";
-import { CONFIG, axis, colour, layout, line, plotly } from "./plots.js";
+import { CONFIG, axis, colour, layout, line, plotly, room } from "./plots.js";
 
 /** @typedef {import("./main.js").App} App */
 
@@ -43,9 +43,8 @@ export function spectrumTab(app, root) {
   async function draw() {
     const Plotly = await plotly();
     if (root.hidden || !answers.length || !root.clientWidth) return;
-    const room = window.innerHeight - plot.getBoundingClientRect().top - (root.parentElement?.scrollTop ?? 0) - 16;
     const { traces, shape } = figure(answers);
-    await Plotly.react(plot, traces, { ...layout(), ...shape, width: root.clientWidth, height: Math.max(460, room) }, { ...CONFIG, doubleClick: "reset" });
+    await Plotly.react(plot, traces, { ...layout(), ...shape, width: root.clientWidth, height: Math.max(460, room(plot)) }, { ...CONFIG, doubleClick: "reset" });
     summary.textContent = said(answers[0]);
   }
 

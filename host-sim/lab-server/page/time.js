@@ -4,7 +4,7 @@ import { get, givenUp } from "./api.js";
 import { el, redraw } from "./dom.js";
 import { known, seconds, short, withUnit } from "./numbers.js";
 import { layPanels } from "./panels.js";
-import { CONFIG, axis, layout, line, plotly } from "./plots.js";
+import { CONFIG, axis, layout, line, plotly, room } from "./plots.js";
 
 /** @typedef {import("./api.js").Series} Series */
 /** @typedef {import("./api.js").Channel} Channel */
@@ -30,6 +30,7 @@ export function timeTab(app, root) {
 
   const controls = el("div", { class: "controls" });
   const chips = el("div", { class: "chips", role: "group", "aria-label": "Channels" });
+  const tools = el("div", { class: "tools", role: "group", "aria-label": "Range of time" });
   const plots = el("div", { id: "plots-drawing" });
   const overlay = el("div", { class: "overlay", "aria-hidden": "true" });
   const spoken = el("p", { class: "hidden", role: "status" });
@@ -49,7 +50,7 @@ export function timeTab(app, root) {
     plots,
     overlay,
   );
-  root.append(controls, chips, box, spoken);
+  root.append(controls, el("div", { class: "bar-of-two" }, chips, tools), box, spoken);
   app.onCursor(drawCursor);
 
   function drawControls() {
@@ -68,25 +69,29 @@ export function timeTab(app, root) {
         id: `ahead-${type}`,
         "aria-label": "Samples ahead",
         "data-key": `ahead ${type}`,
+        input: (/** @type {any} */ event) => follow(event.target),
         change: (/** @type {any} */ event) => setAhead(event.target.value),
       });
     const tool = (/** @type {string} */ id, /** @type {string} */ text, /** @type {string} */ label, /** @type {() => void} */ click) =>
-      el("button", { type: "button", id, "aria-label": label, title: label, "data-key": id, click }, text);
+      el("button", { type: "button", id, "aria-label": /\w/.test(text) ? null : label, title: label, "data-key": id, click }, text);
     redraw(controls, [
       el("fieldset", {}, el("legend", { class: "hidden" }, "What is compared"), mode("accelerations", 0), mode("predicted ahead", 10), samples("range"), samples("number"), " samples"),
       app.second() &&
         el("label", {}, el("input", { type: "checkbox", id: "difference", checked: view.difference, "data-key": "difference", change: () => app.look({ difference: !view.difference }) }), " difference of the models"),
-      el(
-        "span",
-        { class: "tools" },
-        tool("zoom-in", "+", "Zoom in (plus key)", () => zoom(0.5)),
-        tool("zoom-out", "−", "Zoom out (minus key)", () => zoom(2)),
-        tool("earlier", "◀", "Earlier (shift and left arrow)", () => move(-0.5)),
-        tool("later", "▶", "Later (shift and right arrow)", () => move(0.5)),
-        tool("all", "All", "Show the whole flight (Home key, or double click)", all),
-        el("button", { type: "button", id: "drag", "aria-pressed": String(drag === "pan"), title: "Drag to move the range instead of zooming", "data-key": "drag", click: () => setDrag() }, "drag moves"),
-      ),
     ]);
+    redraw(tools, [
+      tool("zoom-in", "+", "Zoom in (plus key)", () => zoom(0.5)),
+      tool("zoom-out", "−", "Zoom out (minus key)", () => zoom(2)),
+      tool("earlier", "◀", "Earlier (shift and left arrow)", () => move(-0.5)),
+      tool("later", "▶", "Later (shift and right arrow)", () => move(0.5)),
+      tool("all", "All", "Show the whole flight (Home key, or double click)", all),
+      el("button", { type: "button", id: "drag", "aria-pressed": String(drag === "pan"), title: "Drag to move the range instead of zooming", "data-key": "drag", click: () => setDrag() }, "drag moves"),
+    ]);
+  }
+
+  /** The slider and the number show the same while one is moved. @param {HTMLInputElement} moved */
+  function follow(moved) {
+    for (const input of controls.querySelectorAll("#ahead-range, #ahead-number")) if (input !== moved) input.value = moved.value;
   }
 
   /** @param {string} text */
@@ -272,8 +277,7 @@ export function timeTab(app, root) {
     const Plotly = await plotly();
     if (!shown || root.hidden || !root.clientWidth) return;
     const channels = chosen(shown.first.channels);
-    const room = window.innerHeight - box.getBoundingClientRect().top - root.parentElement.scrollTop - 16;
-    panels = layPanels(channels.length, root.clientWidth, Math.max(room, 300));
+    panels = layPanels(channels.length, root.clientWidth, room(box));
     const { traces, axes } = figure(shown, channels, panels, range(), app.view.difference);
     const fresh = !plots.data;
     await Plotly.react(
@@ -424,11 +428,10 @@ function lines(shown, channel, other, difference, main, rest) {
     connectgaps: false,
   });
   const { first, second } = shown;
-  const all = [trace("measured", main, first.t, channel.measured), trace("predicted", main, first.t, channel.predicted), trace("residual", rest, first.t, channel.residual)];
-  if (other && second) {
-    all.push(trace("second", main, second.t, other.predicted), trace("second-residual", rest, second.t, other.residual));
-    if (difference) all.push(trace("difference", rest, first.t, apart(first, channel, second, other)));
-  }
+  const all = [trace("measured", main, first.t, channel.measured)];
+  if (other && second) all.push(trace("second", main, second.t, other.predicted), trace("second-residual", rest, second.t, other.residual));
+  all.push(trace("predicted", main, first.t, channel.predicted), trace("residual", rest, first.t, channel.residual));
+  if (other && second && difference) all.push(trace("difference", rest, first.t, apart(first, channel, second, other)));
   return all;
 }
 

@@ -2,8 +2,8 @@
 
 import { AXES, AXIS_NAMES, axisUnit, get, givenUp } from "./api.js";
 import { choice, el, redraw } from "./dom.js";
-import { known, percent, short, unit, withUnit } from "./numbers.js";
-import { CONFIG, axis, colour, faint, layout, plain, plotly } from "./plots.js";
+import { known, minus, percent, short, unit, withUnit } from "./numbers.js";
+import { CONFIG, axis, colour, faint, layout, plain, plotly, room } from "./plots.js";
 
 /** @typedef {import("./main.js").App} App */
 
@@ -22,12 +22,17 @@ export function whereTab(app, root) {
   /** @type {any[]} */
   let maps = [];
 
+  /** The chosen and the second model, the older first: before and after. */
+  function pair() {
+    const both = [app.current(), app.second()].filter((model) => model !== null);
+    return both.sort((a, b) => a.id - b.id);
+  }
+
   async function update() {
     const [model, second] = [app.current(), app.second()];
     if (!model) return;
     quantities ??= await get("/api/quantities");
-    const known_ = quantities?.some((q) => q.name === app.view.quantity);
-    if (!known_ && quantities?.length) app.view.quantity = quantities[0].name;
+    if (quantities?.length && !quantities.some((q) => q.name === app.view.quantity)) app.view.quantity = quantities[0].name;
     drawControls();
     const { axis: of, quantity, over } = app.view;
     const wanted = JSON.stringify([model.id, model.judged_on, second?.id, of, quantity, over]);
@@ -38,10 +43,9 @@ export function whereTab(app, root) {
     const { signal } = asked;
     const query = { axis: of, quantity, flight: over || null };
     try {
-      const models = second ? [model, second] : [model];
       const [details, ...answers] = await Promise.all([
         app.details(model.id),
-        ...models.map((m) => get("/api/residual", { model: m.id, ...query }, signal)),
+        ...pair().map((m) => get("/api/residual", { model: m.id, ...query }, signal)),
       ]);
       if (signal.aborted) return;
       drawWorst(details.comparison?.worst ?? []);
@@ -87,7 +91,7 @@ export function whereTab(app, root) {
                     click: () => app.look({ axis: row.axis, quantity: row.quantity, over: "" }),
                   },
                   el("b", {}, row.axis),
-                  el("span", { class: "condition" }, row.condition),
+                  el("span", { class: "condition" }, minus(row.condition)),
                   el("span", { class: "track", "aria-hidden": "true" }, el("i", { style: `width: ${(100 * row.share_percent) / most}%` })),
                   el("span", {}, `${percent(row.share_percent)} of the squared error, rms ${short(row.rms)} ${unit(axisUnit(row.axis))}`),
                 ),
@@ -101,12 +105,12 @@ export function whereTab(app, root) {
   async function draw() {
     const Plotly = await plotly();
     if (root.hidden || !maps.length || !root.clientWidth) return;
-    const [model, second] = [app.current(), app.second()];
-    const titles = second ? [`chosen: ${model?.label}`, `second: ${second.label}`] : [model?.label ?? ""];
-    const { traces, shape } = figure(maps, titles, app.view);
-    const room = window.innerHeight - plot.getBoundingClientRect().top - (root.parentElement?.scrollTop ?? 0) - 16;
-    await Plotly.react(plot, traces, { ...layout(), ...shape, width: root.clientWidth, height: Math.max(340, room) }, { ...CONFIG, doubleClick: "reset" });
-    summary.textContent = said(maps[0], app.view);
+    const both = pair();
+    if (both.length !== maps.length) return;
+    const looks = both.map((model) => ({ title: `${model.label} (model ${model.id})`, second: model === app.second() }));
+    const { traces, shape } = figure(maps, looks, app.view);
+    await Plotly.react(plot, traces, { ...layout(), ...shape, width: root.clientWidth, height: Math.max(340, room(plot)) }, { ...CONFIG, doubleClick: "reset" });
+    summary.textContent = said(maps[looks.findIndex((look) => !look.second)], app.view);
   }
 
   return { update, resize: draw, theme: draw };
@@ -123,8 +127,8 @@ function said(map, view) {
   );
 }
 
-/** Maps side by side, with one scale. @param {any[]} maps @param {string[]} titles @param {import("./view.js").View} view */
-function figure(maps, titles, view) {
+/** Maps side by side, with one scale. @param {any[]} maps @param {{title: string, second: boolean}[]} looks @param {import("./view.js").View} view */
+function figure(maps, looks, view) {
   const share = 1 / maps.length;
   const most = Math.max(1, ...maps.flatMap((map) => map.count.flat()));
   /** @type {any[]} */
@@ -141,8 +145,8 @@ function figure(maps, titles, view) {
       showticklabels: !n,
       title: n ? undefined : { text: plain(withUnit(`residual of ${view.axis}`, map.unit)) },
     });
-    shape.annotations.push({ text: plain(titles[n]), x: domain[0], y: 1, xref: "paper", yref: "paper", xanchor: "left", yanchor: "bottom", showarrow: false });
-    traces.push(cells(map, id, most), ...means(map, id, n));
+    shape.annotations.push({ text: plain(looks[n].title), x: domain[0], y: 1, xref: "paper", yref: "paper", xanchor: "left", yanchor: "bottom", showarrow: false });
+    traces.push(cells(map, id, most), ...means(map, id, looks[n].second));
   });
   return { traces, shape };
 }
@@ -168,9 +172,9 @@ function cells(map, id, most) {
   };
 }
 
-/** The running mean and its band. @param {any} map @param {string} id @param {number} n */
-function means(map, id, n) {
-  const role = n ? "second" : "residual";
+/** The running mean and its band. @param {any} map @param {string} id @param {boolean} second */
+function means(map, id, second) {
+  const role = second ? "second" : "residual";
   const x = map.mean.map((/** @type {any} */ m) => m.x);
   const curve = (/** @type {string} */ field, /** @type {any} */ more) => ({
     type: "scatter",
@@ -185,6 +189,6 @@ function means(map, id, n) {
   return [
     curve("low", { line: { width: 0 } }),
     curve("high", { line: { width: 0 }, fill: "tonexty", fillcolor: faint(role, 0.3) }),
-    curve("mean", { line: { color: colour(role), width: 2.5, dash: n ? "6px,3px" : "solid" } }),
+    curve("mean", { line: { color: colour(role), width: 2.5, dash: second ? "6px,3px" : "solid" } }),
   ];
 }
