@@ -285,15 +285,19 @@ function evidence(why) {
   const number = (/** @type {any} */ x, /** @type {string} */ of) => `${short(x)}${of ? ` ${unit(of)}` : ""}`;
   return [
     el("p", {}, why.summary),
-    table(
-      "Criteria",
-      ["question", "value", "needed", "met?"],
-      why.criteria.map((/** @type {any} */ c) => [
-        c.question,
-        known(c.value) ? number(c.value, c.unit) : "–",
-        `${c.at_most ? "≤" : "≥"} ${number(c.threshold, c.unit)}`,
-        el("span", { class: c.met ? "good-text" : "bad-text" }, c.met ? "✓ yes" : "✗ no"),
-      ]),
+    el(
+      "ul",
+      { class: "criteria", "aria-label": "Criteria" },
+      why.criteria.map((/** @type {any} */ c) =>
+        el(
+          "li",
+          { class: c.met ? "met" : "missed" },
+          el("b", { class: c.met ? "good-text" : "bad-text" }, c.met ? "✓ met" : "✗ not met"),
+          ` ${c.question}: `,
+          el("b", {}, known(c.value) ? number(c.value, c.unit) : "unknown"),
+          `; needed: at ${c.at_most ? "most" : "least"} ${number(c.threshold, c.unit)}`,
+        ),
+      ),
     ),
     why.flights?.length > 0 &&
       table(

@@ -7,6 +7,7 @@ import { drawFlights } from "./flights.js";
 import { drawLegend } from "./legend.js";
 import { modelTab } from "./model.js";
 import { drawModels } from "./models.js";
+import { flightOverview } from "./overview.js";
 import { pathTab } from "./path.js";
 import { spectrumTab } from "./spectrum.js";
 import { timeTab } from "./time.js";
@@ -106,6 +107,8 @@ const tabs = {
   model: modelTab(app, byId("panel-model")),
 };
 
+const overview = flightOverview(app, byId("overview"));
+
 /** Takes a new state; what was just made is compared with what was chosen before. @param {State} state */
 function takeState(state) {
   const before = app.state?.current ?? null;
@@ -114,7 +117,7 @@ function takeState(state) {
   const { view } = app;
   if (before !== null && state.current !== before && (isNew || view.compare === state.current)) view.compare = before;
   if (!app.second()) view.compare = null;
-  if (!app.flight()) {
+  if (!app.flight() && !(state.reading && view.flight)) {
     const usable = state.flights.filter((flight) => !flight.problem);
     view.flight = (usable.find((flight) => flight.set === "validate") ?? usable[0])?.name ?? "";
     view.from = view.to = null;
@@ -152,7 +155,7 @@ function drawState() {
   drawFlights(app, byId("flights"));
   drawModels(app, byId("models"));
   fill(byId("flight"), state.flights.filter((f) => !f.problem).map((f) => [f.name, f.name]), view.flight);
-  byId("flight-choice").hidden = !["time", "spectrum", "path"].includes(view.tab);
+  byId("flight-choice").hidden = Boolean(app.current()) && !["time", "spectrum", "path"].includes(view.tab);
   const problem = byId("problem");
   problem.hidden = !state.problem;
   if (problem.textContent !== (state.problem ?? "")) problem.textContent = state.problem ?? "";
@@ -160,6 +163,9 @@ function drawState() {
   app.act(drawAdvice(app, byId("advice")));
   drawTabs();
 }
+
+/** What fills the middle column. */
+const shown = () => (app.current() ? tabs[app.view.tab] : overview);
 
 function drawTabs() {
   const { view } = app;
@@ -171,13 +177,9 @@ function drawTabs() {
     button.tabIndex = chosen ? 0 : -1;
     byId(`panel-${name}`).hidden = !chosen || !model;
   }
-  const empty = byId("empty");
-  empty.hidden = Boolean(model);
-  empty.textContent = app.state?.problem
-    ? "Nothing can be drawn yet. What is missing is told on the right."
-    : "There is no model yet. Choose on the left which flights fit the model and which judge it, then press Identify.";
+  byId("overview").hidden = Boolean(model);
   drawLegend(app, byId("legend"));
-  if (model) app.act((async () => tabs[view.tab].update())());
+  app.act((async () => shown().update())());
 }
 
 /** @param {Job|null} job */
@@ -298,7 +300,7 @@ function wireSize() {
   let timer = 0;
   const later = (/** @type {() => any} */ work) => {
     clearTimeout(timer);
-    timer = window.setTimeout(() => app.current() && app.act((async () => work())()), 100);
+    timer = window.setTimeout(() => app.state && app.act((async () => work())()), 100);
   };
   let width = 0;
   let height = 0;
@@ -306,9 +308,9 @@ function wireSize() {
     const middle = byId("middle");
     if (middle.clientWidth === width && middle.clientHeight === height) return;
     [width, height] = [middle.clientWidth, middle.clientHeight];
-    later(() => tabs[app.view.tab].resize());
+    later(() => shown().resize());
   }).observe(byId("middle"));
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => later(() => tabs[app.view.tab].theme()));
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => later(() => shown().theme()));
 }
 
 const HINTS = [

@@ -31,12 +31,14 @@ export function pathTab(app, root) {
   let path = null;
   let flat = !hasWebGl();
   let cursorDrawn = 0;
+  let smooth = "0.2";
 
   async function update() {
     const [model, flight] = [app.current(), app.flight()];
     if (!model || !flight) return;
     redraw(controls, [
       choice("Colour: residual of", "path-axis", AXES.map((a) => [a, `${a}, ${AXIS_NAMES[a]}`]), app.view.axis, (value) => app.look({ axis: value })),
+      choice("mean over", "path-mean", [["0", "one sample"], ["0.2", "0.2 s"], ["1", "1 s"]], smooth, (value) => setSmooth(value)),
       el("label", {}, el("input", { type: "checkbox", id: "flat", checked: flat, disabled: !hasWebGl(), "data-key": "flat", change: () => setFlat() }), " from above and from the side"),
       el("span", { class: "scale", "aria-hidden": "true" }, el("span", { id: "scale-low" }), el("i", {}), el("span", { id: "scale-high" })),
     ]);
@@ -58,6 +60,12 @@ export function pathTab(app, root) {
     }
   }
 
+  /** @param {string} value s */
+  function setSmooth(value) {
+    smooth = value;
+    app.act(draw());
+  }
+
   function setFlat() {
     flat = !flat;
     app.act(draw());
@@ -66,14 +74,15 @@ export function pathTab(app, root) {
   async function draw() {
     const Plotly = await plotly();
     if (root.hidden || !path || !root.clientWidth) return;
-    const limit = largest(path.residual);
+    const drawn = { ...path, residual: running(path, Number(smooth)) };
+    const limit = largest(drawn.residual);
     for (const [id, text] of [["scale-low", `−${short(limit, 2)}`], ["scale-high", `+${short(limit, 2)} ${unit(path.unit)}`]]) {
       const label = root.querySelector(`#${id}`);
       if (label) label.textContent = text;
     }
     slider.min = String(path.t[0] ?? 0);
     slider.max = String(path.t[path.t.length - 1] ?? 0);
-    const { traces, shape } = flat ? flatFigure(path, limit) : figure(path, limit);
+    const { traces, shape } = flat ? flatFigure(drawn, limit) : figure(drawn, limit);
     await Plotly.react(plot, traces, { ...layout(), ...shape, uirevision: key, width: root.clientWidth, height: Math.max(360, room(plot)) }, CONFIG);
     plot.removeAllListeners?.("plotly_hover");
     plot.on("plotly_hover", (/** @type {any} */ event) => {
@@ -122,6 +131,22 @@ function hasWebGl() {
   } catch {
     return false;
   }
+}
+
+/** Mean over so long around each sample. @param {Path} path @param {number} window s */
+function running(path, window) {
+  let [first, last, sum, count] = [0, 0, 0, 0];
+  const add = (/** @type {number|null} */ r, /** @type {number} */ sign) => {
+    if (!known(r)) return;
+    sum += sign * r;
+    count += sign;
+  };
+  return path.t.map((t, n) => {
+    if (window <= 0 || !known(path.residual[n])) return path.residual[n];
+    while (last < path.t.length && path.t[last] <= t + window / 2) add(path.residual[last++], 1);
+    while (path.t[first] < t - window / 2) add(path.residual[first++], -1);
+    return sum / count;
+  });
 }
 
 /** The residual that 98 in 100 are below. @param {(number|null)[]} residual */

@@ -67,11 +67,11 @@ export const CONFIG = { displayModeBar: false, responsive: false, doubleClick: f
 export function line(role) {
   switch (role) {
     case "measured":
-      return { color: colour("measured"), width: 1.6 };
+      return { color: colour("measured"), width: 2.6 };
     case "predicted":
-      return { color: colour("predicted"), width: 1.4 };
+      return { color: colour("predicted"), width: 1.2 };
     case "second":
-      return { color: colour("second"), width: 1.6, dash: "6px,3px" };
+      return { color: colour("second"), width: 1.4, dash: "6px,3px" };
     case "residual":
       return { color: colour("residual"), width: 1.1 };
     case "second-residual":

@@ -73,7 +73,7 @@ function figure(answers) {
     yaxis: lower ? "y2" : "y",
   });
   const traces = [
-    curve("measured", first.frequency_hz, first.measured, line("measured"), false),
+    curve("measured", first.frequency_hz, first.measured, { ...line("measured"), width: 1.4 }, false),
     curve("residual", first.frequency_hz, first.residual, line("residual"), false),
     curve("residual", first.lag_s, first.autocorrelation, line("residual"), true),
   ];

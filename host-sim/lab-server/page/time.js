@@ -252,6 +252,7 @@ export function timeTab(app, root) {
     asked?.abort();
     asked = new AbortController();
     const { signal } = asked;
+    box.setAttribute("aria-busy", "true");
     if (shown && !first) draw();
     timer = window.setTimeout(() => app.act(ask(signal, { flight: flight.name, from, to, width, ahead: app.view.ahead || null }, model.id, second?.id ?? null)), first ? 0 : REST_MS);
   }
@@ -270,6 +271,8 @@ export function timeTab(app, root) {
       if (givenUp(error)) return;
       if (key === wanted) key = "";
       throw error;
+    } finally {
+      if (!signal.aborted) box.removeAttribute("aria-busy");
     }
   }
 

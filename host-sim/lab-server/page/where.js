@@ -72,7 +72,7 @@ export function whereTab(app, root) {
   function drawWorst(rows) {
     const most = Math.max(1, ...rows.map((row) => row.share_percent ?? 0));
     redraw(worst, [
-      el("h3", {}, "Where the error is largest"),
+      el("h3", {}, "Where the error is largest: share of an axis' squared error, and rms"),
       rows.length
         ? el(
             "ul",
@@ -93,7 +93,7 @@ export function whereTab(app, root) {
                   el("b", {}, row.axis),
                   el("span", { class: "condition" }, minus(row.condition)),
                   el("span", { class: "track", "aria-hidden": "true" }, el("i", { style: `width: ${(100 * row.share_percent) / most}%` })),
-                  el("span", {}, `${percent(row.share_percent)} of the squared error, rms ${short(row.rms)} ${unit(axisUnit(row.axis))}`),
+                  el("span", {}, `${percent(row.share_percent)}, ${short(row.rms)} ${unit(axisUnit(row.axis))}`),
                 ),
               ),
             ),
