@@ -123,7 +123,7 @@ function said(map, view) {
   const top = row.reduce((/** @type {any} */ a, /** @type {any} */ b) => (Math.abs(b.mean) > Math.abs(a.mean) ? b : a));
   return (
     `The line is the mean residual of ${view.axis} with its uncertainty. It is largest, ${short(top.mean)} ${unit(map.unit)}, ` +
-    `at ${view.quantity} ${short(top.x)} ${unit(map.quantity_unit)} (${top.count} samples). Darker cells hold more samples.`
+    `at ${view.quantity} ${short(top.x)} ${unit(map.quantity_unit)} (${top.count} samples). Stronger cells hold more samples.`
   );
 }
 
