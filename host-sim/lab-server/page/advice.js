@@ -116,15 +116,15 @@ function report(app, model, diagnosis, again) {
   const others = diagnosis.effects.filter((finding) => !finding.supported);
   const cards = (/** @type {Finding[]} */ findings) => findings.map((finding) => card(app, model, diagnosis, finding, again));
   return [
-    el("p", { id: "verdict", class: diagnosis.verdict, "data-verdict": diagnosis.verdict }, VERDICTS[diagnosis.verdict] ?? diagnosis.verdict),
+    el("p", { id: "verdict", class: diagnosis.verdict, "data-verdict": diagnosis.verdict }, inWords(diagnosis.verdict)),
     el(
       "p",
       { class: "quiet" },
-      `Translation: ${VERDICTS[diagnosis.verdicts.translation] ?? diagnosis.verdicts.translation}. `,
-      `Rotation: ${VERDICTS[diagnosis.verdicts.rotation] ?? diagnosis.verdicts.rotation}.`,
+      `Translation: ${inWords(diagnosis.verdicts?.translation)}. `,
+      `Rotation: ${inWords(diagnosis.verdicts?.rotation)}.`,
     ),
     el("p", { id: "summary" }, diagnosis.summary),
-    unexplained(diagnosis),
+    unexplained(app, diagnosis),
     notIdentified(diagnosis),
     ...cards(supported),
     others.length
@@ -138,21 +138,41 @@ function report(app, model, diagnosis, again) {
   ];
 }
 
-/** @param {Diagnosis} diagnosis */
-function unexplained(diagnosis) {
+/** A verdict in words. @param {string|undefined} verdict */
+const inWords = (verdict) => VERDICTS[verdict ?? ""] ?? verdict ?? "unknown";
+
+/** What no effect accounts for; a click shows it. @param {App} app @param {Diagnosis} diagnosis */
+function unexplained(app, diagnosis) {
   if (!diagnosis.unexplained.length) return null;
   return el(
     "section",
     {},
-    el("h3", {}, "Unexplained"),
+    el("h3", {}, "What is left in the residual"),
     el(
       "ul",
-      {},
+      { class: "left-over" },
       diagnosis.unexplained.map((one) =>
-        el("li", {}, `The residual of ${one.axis} depends on ${one.depends_on}: ${percent(one.share_percent)} of its squared error, ${pValue(one.p_value)}.`),
+        el(
+          "li",
+          {},
+          el("b", {}, one.axis),
+          `: ${one.depends_on}, ${percent(one.share_percent)} of its squared error, ${pValue(one.p_value)} `,
+          el(
+            "button",
+            { type: "button", "data-key": `left ${one.axis} ${one.depends_on}`, "aria-label": `Show ${one.depends_on} in the residual of ${one.axis}`, click: () => app.act(showLeft(app, one)) },
+            "Show",
+          ),
+        ),
       ),
     ),
   );
+}
+
+/** Draws the residual against what it depends on, or its spectrum where that is nothing measured. @param {App} app @param {{axis: string, depends_on: string}} one */
+async function showLeft(app, one) {
+  const wanted = one.depends_on.includes("changes in time") ? "time" : one.depends_on;
+  const measured = (await app.quantities()).some((quantity) => quantity.name === wanted);
+  app.look(measured ? { tab: "where", axis: one.axis, quantity: wanted, over: "" } : { tab: "spectrum", axis: one.axis });
 }
 
 /** @param {Diagnosis} diagnosis */
@@ -166,7 +186,7 @@ function notIdentified(diagnosis) {
       "ul",
       {},
       diagnosis.not_identified.map((one) =>
-        el("li", {}, el("b", {}, one.axis ?? one.group ?? ""), `: ${one.reason ?? one.why ?? "these flights do not determine it"}. To determine it, fly: ${one.fly}.`),
+        el("li", {}, el("b", {}, one.axis ?? one.group ?? ""), `: ${one.reason ?? one.why ?? "these flights do not determine it"}. To determine it: ${one.fly}.`),
       ),
     ),
   );

@@ -19,6 +19,8 @@ import { whereTab } from "./where.js";
 
 /** The answers to /api/model. @type {Map<number, Promise<any>>} */
 const details = new Map();
+/** The answer to /api/quantities. @type {Promise<{name: string, unit: string}[]>|null} */
+let quantities = null;
 /** @type {(() => void)[]} */
 const cursorListeners = [];
 
@@ -49,6 +51,17 @@ export const app = {
       return await details.get(id);
     } catch (error) {
       details.delete(id);
+      throw error;
+    }
+  },
+
+  /** What residuals can be drawn against. */
+  async quantities() {
+    quantities ??= get("/api/quantities");
+    try {
+      return await quantities;
+    } catch (error) {
+      quantities = null;
       throw error;
     }
   },
@@ -84,7 +97,6 @@ export const app = {
 
   /** Moves the cursor. @param {number|null} t */
   point(t) {
-    if (t === null && app.view.tab === "path") return;
     app.cursor = t;
     for (const listener of cursorListeners) listener();
   },

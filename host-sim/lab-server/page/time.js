@@ -25,6 +25,7 @@ export function timeTab(app, root) {
   let asked = null;
   let timer = 0;
   let drag = "zoom";
+  let pinned = false;
   let key = "";
   let drawn = "";
 
@@ -44,7 +45,7 @@ export function timeTab(app, root) {
         "Linked plots. The left and right arrows move the cursor, with shift they move the range; plus and minus zoom; Home shows all.",
       keydown: onKey,
       mousemove: onMove,
-      mouseleave: () => app.point(null),
+      pointerdown: onPress,
       wheel: onWheel,
     },
     plots,
@@ -224,7 +225,19 @@ export function timeTab(app, root) {
 
   /** @param {MouseEvent} event */
   function onMove(event) {
-    app.point(timeAt(event));
+    const t = timeAt(event);
+    if (t !== null && !pinned) app.point(t);
+  }
+
+  /** A click holds the cursor, the next one lets it go. Plotly covers the page while a button is down. @param {PointerEvent} pressed */
+  function onPress(pressed) {
+    const release = (/** @type {PointerEvent} */ released) => {
+      const t = timeAt(released);
+      if (t === null || Math.abs(released.clientX - pressed.clientX) > 3) return;
+      pinned = !pinned;
+      app.point(t);
+    };
+    window.addEventListener("pointerup", release, { once: true });
   }
 
   /** The wheel scrolls the page; with control or shift it zooms. @param {WheelEvent} event */
@@ -339,6 +352,7 @@ export function timeTab(app, root) {
     const px = inside ? ((t - from) / (to - from)) * lay.plotWidth : 0;
     for (const bar of overlay.querySelectorAll(".cursor")) {
       bar.hidden = !inside;
+      bar.classList.toggle("pinned", pinned);
       bar.style.left = `${lay.x(Number(bar.dataset.column)) + px}px`;
       bar.style.height = `${lay.height - 24}px`;
     }

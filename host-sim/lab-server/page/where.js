@@ -14,8 +14,8 @@ export function whereTab(app, root) {
   const summary = el("p", { class: "quiet", id: "where-summary" });
   const plot = el("div", { id: "where-plot", class: "plot" });
   root.append(worst, controls, summary, plot);
-  /** @type {{name: string, unit: string}[]|null} */
-  let quantities = null;
+  /** @type {{name: string, unit: string}[]} */
+  let quantities = [];
   /** @type {AbortController|null} */
   let asked = null;
   let key = "";
@@ -31,8 +31,8 @@ export function whereTab(app, root) {
   async function update() {
     const [model, second] = [app.current(), app.second()];
     if (!model) return;
-    quantities ??= await get("/api/quantities");
-    if (quantities?.length && !quantities.some((q) => q.name === app.view.quantity)) app.view.quantity = quantities[0].name;
+    quantities = await app.quantities();
+    if (quantities.length && !quantities.some((q) => q.name === app.view.quantity)) app.view.quantity = quantities[0].name;
     drawControls();
     const { axis: of, quantity, over } = app.view;
     const wanted = JSON.stringify([model.id, model.judged_on, second?.id, of, quantity, over]);
@@ -63,7 +63,7 @@ export function whereTab(app, root) {
     const flights = (app.state?.flights ?? []).filter((flight) => !flight.problem);
     redraw(controls, [
       choice("Residual of", "where-axis", AXES.map((a) => [a, `${a}, ${AXIS_NAMES[a]}`]), view.axis, (value) => app.look({ axis: value })),
-      choice("against", "where-quantity", (quantities ?? []).map((q) => [q.name, withUnit(q.name, q.unit)]), view.quantity, (value) => app.look({ quantity: value })),
+      choice("against", "where-quantity", quantities.map((q) => [q.name, withUnit(q.name, q.unit)]), view.quantity, (value) => app.look({ quantity: value })),
       choice("in", "where-flight", [["", "all judged flights"], ...flights.map((f) => /** @type {[string, string]} */ ([f.name, f.name]))], view.over, (value) => app.look({ over: value })),
     ]);
   }
