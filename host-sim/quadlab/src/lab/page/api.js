@@ -1,0 +1,92 @@
+// The server's interface: what it sends, and how to ask for it.
+
+/** @typedef {"u"|"v"|"w"|"p"|"q"|"r"} Axis */
+/** @typedef {{rms: number|null, sse: number|null, r2: number|null}} Errors */
+/** @typedef {{name: string, set: "train"|"validate"|"none", duration_s: number, rate_hz: number, rows: number, columns: string[],
+ *   parts: [number, number][], faults: {severity: "warning"|"error", sentence: string}[], problem: string|null,
+ *   height: [number, number][], battery: [number, number][]}} Flight */
+/** @typedef {{id: number, parent: number|null, effect: string|null, label: string, fitted_on: string[], judged_on: string[],
+ *   effects: string[], axes: Record<Axis, Errors>|null, verdict: string|null, supported: boolean|null, command: string}} Model */
+/** @typedef {{do: string, activity: string, done: number|null, all: number|null}} Job */
+/** @typedef {{folder: string, vehicle: {name: string}|null, problem: string|null, reading: boolean, flights: Flight[],
+ *   models: Model[], current: number|null, job: Job|null}} State */
+/** @typedef {{id: string, name: string, unit: string, group: string, measured: (number|null)[], predicted: (number|null)[],
+ *   residual: (number|null)[]}} Channel */
+/** @typedef {{from: number, to: number, t: number[], channels: Channel[]}} Series */
+/** @typedef {{effect?: string, name: string, value: number, std_error: number|null, unit: string}} Coefficient */
+/** @typedef {{sse_before: number, sse_after: number, drop_percent: number}} Drop */
+/** @typedef {{effect: string, supported: boolean, axes: Record<string, Drop>, p_value: number|null, held_out_p_value: number|null,
+ *   flights_improved: [number, number], coefficients: Coefficient[], confounded_with: string[], reason: string, motor?: number}} Finding */
+/** @typedef {{verdict: string, verdicts: {translation: string, rotation: string}, summary: string, effects: Finding[],
+ *   unexplained: {axis: string, depends_on: string, share_percent: number, p_value: number|null}[],
+ *   not_identified: {group?: string, axis?: string|null, reason?: string, why?: string, fly: string}[],
+ *   sentences?: Record<string, string>}} Diagnosis */
+
+/** The six axes, in their order. @type {Axis[]} */
+export const AXES = ["u", "v", "w", "p", "q", "r"];
+
+/** Unit of an axis, as the server writes units. @param {string} axis */
+export const axisUnit = (axis) => ("uvw".includes(axis) ? "m/s^2" : "rad/s^2");
+
+/** What an axis is. @type {Record<string, string>} */
+export const AXIS_NAMES = { u: "forward", v: "to the right", w: "down", p: "roll", q: "pitch", r: "yaw" };
+
+/** An answer other than 2xx; its message is a sentence for the user. */
+export class ServerError extends Error {
+  /** @param {number} status @param {string} sentence */
+  constructor(status, sentence) {
+    super(sentence);
+    this.status = status;
+  }
+}
+
+/** @param {string} path @param {RequestInit} [options] */
+async function ask(path, options) {
+  let response;
+  try {
+    response = await fetch(path, { credentials: "same-origin", ...options });
+  } catch (error) {
+    if (error instanceof DOMException && error.name === "AbortError") throw error;
+    throw new ServerError(0, "quadlab does not answer. Is it still running in its terminal?");
+  }
+  const text = await response.text();
+  /** @type {any} */
+  let body;
+  try {
+    body = text ? JSON.parse(text) : {};
+  } catch {
+    body = { error: text };
+  }
+  if (!response.ok) {
+    throw new ServerError(response.status, body.error || `quadlab answered ${path} with status ${response.status}.`);
+  }
+  return body;
+}
+
+/**
+ * Asks for a document.
+ * @param {string} path
+ * @param {Record<string, string|number|null|undefined>} [query] fields that are null are left out
+ * @param {AbortSignal} [signal]
+ */
+export function get(path, query = {}, signal) {
+  return ask(address(path, query), { signal });
+}
+
+/** Address of a document. @param {string} path @param {Record<string, string|number|null|undefined>} query */
+export function address(path, query) {
+  const fields = new URLSearchParams();
+  for (const [name, value] of Object.entries(query)) {
+    if (value !== null && value !== undefined && value !== "") fields.set(name, String(value));
+  }
+  const text = fields.toString();
+  return text ? `${path}?${text}` : path;
+}
+
+/** Asks for something to be done. @param {string} path @param {object} body */
+export function post(path, body) {
+  return ask(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
+}
+
+/** Whether a request was given up by the page itself. @param {unknown} error */
+export const givenUp = (error) => error instanceof DOMException && error.name === "AbortError";

@@ -1,0 +1,108 @@
+// The list of flights: what each is like, and what it is used for.
+
+import { el, redraw, svg } from "./dom.js";
+import { short } from "./numbers.js";
+
+/** @typedef {import("./api.js").Flight} Flight */
+/** @typedef {import("./main.js").App} App */
+
+/** @type {[string, string][]} */
+const SETS = [
+  ["train", "fit"],
+  ["validate", "judge"],
+  ["none", "leave out"],
+];
+
+/** @param {App} app @param {HTMLElement} root */
+export function drawFlights(app, root) {
+  const flights = app.state?.flights ?? [];
+  redraw(
+    root,
+    flights.length
+      ? flights.map((flight) => entry(app, flight))
+      : [el("li", { class: "quiet" }, "There is no flight in this folder. Put flight files into it and open the lab again.")],
+  );
+}
+
+/** @param {App} app @param {Flight} flight */
+function entry(app, flight) {
+  const shown = app.view.flight === flight.name;
+  const use = el(
+    "select",
+    {
+      "aria-label": `Use of ${flight.name}`,
+      "data-key": `set ${flight.name}`,
+      disabled: Boolean(app.state?.job) || Boolean(flight.problem),
+      change: (/** @type {any} */ event) => app.choose("/api/sets", { name: flight.name, set: event.target.value }),
+    },
+    SETS.map(([value, text]) => el("option", { value, selected: value === flight.set }, text)),
+  );
+  const show = el(
+    "button",
+    {
+      type: "button",
+      class: "name",
+      title: flight.name,
+      "aria-current": shown ? "true" : null,
+      "data-key": `show ${flight.name}`,
+      click: () => app.look({ flight: flight.name, from: null, to: null }),
+    },
+    flight.name,
+  );
+  return el(
+    "li",
+    { class: `flight ${flight.set}`, "data-name": flight.name },
+    show,
+    use,
+    el("div", { class: "sparks" }, spark(flight.height, "height", "m"), spark(flight.battery, "battery", "V")),
+    el(
+      "p",
+      { class: "facts", title: `${flight.rows} rows: ${flight.columns.join(", ")}` },
+      `${short(flight.duration_s)} s, ${short(flight.rate_hz)} Hz`,
+    ),
+    flight.problem && el("p", { class: "bad-text" }, flight.problem),
+    faults(flight),
+  );
+}
+
+/** @param {Flight} flight */
+function faults(flight) {
+  const count = flight.faults.length;
+  if (!count) return null;
+  const errors = flight.faults.some((fault) => fault.severity === "error");
+  return el(
+    "details",
+    { "data-key": `faults ${flight.name}` },
+    el(
+      "summary",
+      { class: errors ? "bad-text" : "", "data-key": `unfold ${flight.name}` },
+      `${errors ? "⚠ " : ""}${count} ${count === 1 ? "finding" : "findings"} of the checks`,
+    ),
+    el("ul", {}, flight.faults.map((fault) => el("li", {}, el("b", {}, `${fault.severity}: `), fault.sentence))),
+  );
+}
+
+/**
+ * A curve without axes.
+ * @param {[number, number][]} points @param {string} name @param {string} unit
+ */
+function spark(points, name, unit) {
+  const there = points.filter(([t, y]) => Number.isFinite(t) && Number.isFinite(y) && y !== null);
+  if (there.length < 2) return el("span", { class: "spark quiet" }, `no ${name}`);
+  const ys = there.map(([, y]) => y);
+  const [low, high] = [Math.min(...ys), Math.max(...ys)];
+  const [first, last] = [there[0][0], there[there.length - 1][0]];
+  const x = (/** @type {number} */ t) => (100 * (t - first)) / (last - first || 1);
+  const y = (/** @type {number} */ v) => 21 - (18 * (v - low)) / (high - low || 1);
+  const text = `${name} ${short(low)} to ${short(high)} ${unit}`;
+  return el(
+    "span",
+    { class: `spark ${name}`, title: text },
+    svg(
+      "svg",
+      { viewBox: "0 0 100 24", preserveAspectRatio: "none", role: "img", "aria-label": text },
+      svg("polyline", { points: there.map(([t, v]) => `${x(t).toFixed(1)},${y(v).toFixed(1)}`).join(" ") }),
+    ),
+    el("small", { "aria-hidden": "true" }, `${short(low, 2)}–${short(high, 2)} ${unit}`),
+  );
+}

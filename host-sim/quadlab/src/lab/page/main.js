@@ -1,0 +1,357 @@
+// The page: its state, what it hears from the server, and what is drawn when.
+
+import { drawAdvice, forget } from "./advice.js";
+import { get, post } from "./api.js";
+import { byId, el, fill } from "./dom.js";
+import { drawFlights } from "./flights.js";
+import { drawLegend } from "./legend.js";
+import { modelTab } from "./model.js";
+import { drawModels } from "./models.js";
+import { flightOverview } from "./overview.js";
+import { pathTab } from "./path.js";
+import { spectrumTab } from "./spectrum.js";
+import { timeTab } from "./time.js";
+import { TABS, readView, writeView } from "./view.js";
+import { whereTab } from "./where.js";
+
+/** @typedef {import("./api.js").State} State */
+/** @typedef {import("./api.js").Job} Job */
+
+/** The answers to /api/model. @type {Map<number, Promise<any>>} */
+const details = new Map();
+/** The answer to /api/quantities. @type {Promise<{name: string, unit: string}[]>|null} */
+let quantities = null;
+/** @type {(() => void)[]} */
+const cursorListeners = [];
+
+/** What every part of the page works with. */
+export const app = {
+  /** @type {State|null} */
+  state: null,
+  view: readView(),
+  /** Time under the cursor, s. @type {number|null} */
+  cursor: null,
+
+  current: () => app.state?.models.find((model) => model.id === app.state?.current) ?? null,
+  second: () => app.state?.models.find((model) => model.id === app.view.compare && model.id !== app.state?.current) ?? null,
+  flight: () => app.state?.flights.find((flight) => flight.name === app.view.flight) ?? null,
+
+  /** First and last time of the shown flight, s. @returns {[number, number]} */
+  span() {
+    const flight = app.flight();
+    if (!flight) return [0, 1];
+    const first = flight.height[0]?.[0] ?? flight.battery[0]?.[0] ?? 0;
+    return [first, first + Math.max(flight.duration_s, 0.1)];
+  },
+
+  /** Coefficients, errors and file of a model. @param {number} id */
+  async details(id) {
+    if (!details.has(id)) details.set(id, get("/api/model", { id }));
+    try {
+      return await details.get(id);
+    } catch (error) {
+      details.delete(id);
+      throw error;
+    }
+  },
+
+  /** What residuals can be drawn against. */
+  async quantities() {
+    quantities ??= get("/api/quantities");
+    try {
+      return await quantities;
+    } catch (error) {
+      quantities = null;
+      throw error;
+    }
+  },
+
+  /** Changes what is looked at. @param {Partial<import("./view.js").View>} change */
+  look(change) {
+    Object.assign(app.view, change);
+    writeView(app.view);
+    drawState();
+  },
+
+  /** Shows the error of what was asked for, if there is one. @param {Promise<any>} work */
+  async act(work) {
+    try {
+      await work;
+    } catch (error) {
+      console.warn(error);
+      fail(error instanceof Error ? error.message : String(error));
+    }
+  },
+
+  /** Changes the state on the server. @param {string} path @param {object} body */
+  choose: (path, body) => app.act(post(path, body).then(takeState)),
+
+  /** Starts a job. @param {{do: string, model?: number, effect?: string}} job */
+  run(job) {
+    return app.act(
+      post("/api/jobs", job).then(() => {
+        drawJob(app.state?.job ?? { do: job.do, activity: job.do, done: null, all: null });
+      }),
+    );
+  },
+
+  /** Moves the cursor. @param {number|null} t */
+  point(t) {
+    app.cursor = t;
+    for (const listener of cursorListeners) listener();
+  },
+
+  /** @param {() => void} listener */
+  onCursor(listener) {
+    cursorListeners.push(listener);
+  },
+};
+
+/** @typedef {typeof app} App */
+/** @typedef {{update: () => any, resize: () => any, theme: () => any}} Tab */
+
+/** @type {Record<string, Tab>} */
+const tabs = {
+  time: timeTab(app, byId("panel-time")),
+  where: whereTab(app, byId("panel-where")),
+  spectrum: spectrumTab(app, byId("panel-spectrum")),
+  path: pathTab(app, byId("panel-path")),
+  model: modelTab(app, byId("panel-model")),
+};
+
+const overview = flightOverview(app, byId("overview"));
+
+/** Takes a new state; what was just made is compared with what was chosen before. @param {State} state */
+function takeState(state) {
+  const before = app.state?.current ?? null;
+  const isNew = !app.state?.models.some((model) => model.id === state.current);
+  app.state = state;
+  const { view } = app;
+  if (before !== null && state.current !== before && (isNew || view.compare === state.current)) view.compare = before;
+  if (!app.second()) view.compare = null;
+  if (!app.flight() && !(state.reading && view.flight)) {
+    const usable = state.flights.filter((flight) => !flight.problem);
+    view.flight = (usable.find((flight) => flight.set === "validate") ?? usable[0])?.name ?? "";
+    view.from = view.to = null;
+  }
+  if (!state.reading) writeView(view);
+  drawState();
+  document.body.dataset.ready = "true";
+}
+
+let refreshing = false;
+let again = false;
+
+/** Fetches the state; several wishes at once become one. */
+async function refresh() {
+  if (refreshing) {
+    again = true;
+    return;
+  }
+  refreshing = true;
+  try {
+    do {
+      again = false;
+      takeState(await get("/api/state"));
+    } while (again);
+  } finally {
+    refreshing = false;
+  }
+}
+
+function drawState() {
+  const { state, view } = app;
+  if (!state) return;
+  byId("folder").textContent = [state.vehicle?.name, state.folder].filter(Boolean).join(" · ");
+  byId("reading").hidden = !state.reading;
+  drawFlights(app, byId("flights"));
+  drawModels(app, byId("models"));
+  fill(byId("flight"), state.flights.filter((f) => !f.problem).map((f) => [f.name, f.name]), view.flight);
+  byId("flight-choice").hidden = Boolean(app.current()) && !["time", "spectrum", "path"].includes(view.tab);
+  const problem = byId("problem");
+  problem.hidden = !state.problem;
+  if (problem.textContent !== (state.problem ?? "")) problem.textContent = state.problem ?? "";
+  drawJob(state.job);
+  app.act(drawAdvice(app, byId("advice")));
+  drawTabs();
+}
+
+/** What fills the middle column. */
+const shown = () => (app.current() ? tabs[app.view.tab] : overview);
+
+function drawTabs() {
+  const { view } = app;
+  const model = app.current();
+  for (const name of TABS) {
+    const chosen = name === view.tab;
+    const button = byId(`tab-${name}`);
+    button.setAttribute("aria-selected", String(chosen));
+    button.tabIndex = chosen ? 0 : -1;
+    byId(`panel-${name}`).hidden = !chosen || !model;
+  }
+  byId("overview").hidden = Boolean(model);
+  drawLegend(app, byId("legend"));
+  app.act((async () => shown().update())());
+}
+
+/** @param {Job|null} job */
+function drawJob(job) {
+  const state = app.state;
+  if (state) state.job = job;
+  const busy = job !== null;
+  document.body.dataset.busy = String(busy);
+  const blocked = busy || !state || Boolean(state.problem) || state.reading;
+  const model = app.current();
+  byId("identify").disabled = blocked;
+  byId("explain").disabled = blocked;
+  byId("diagnose").disabled = blocked || !model;
+  byId("cancel").disabled = !busy;
+  byId("identify").classList.toggle("primary", !model);
+  byId("diagnose").classList.toggle("primary", Boolean(model) && model?.verdict === null);
+  for (const button of document.querySelectorAll("button.add")) /** @type {HTMLButtonElement} */ (button).disabled = busy;
+  byId("job").hidden = !busy;
+  if (!job) return;
+  const progress = byId("progress");
+  if (job.done !== null && job.all) {
+    progress.max = job.all;
+    progress.value = job.done;
+  } else {
+    progress.removeAttribute("value");
+  }
+  const share = job.done !== null && job.all ? ` (${job.done} of ${job.all})` : "";
+  byId("activity").textContent = `${job.do}: ${job.activity}${share}`;
+}
+
+/** A sentence that can be put away. @param {string} id @param {string[]} sentences */
+function say(id, sentences) {
+  const box = byId(id);
+  const away = () => {
+    box.hidden = true;
+    box.replaceChildren();
+  };
+  box.replaceChildren(
+    el("div", {}, sentences.map((text) => el("p", {}, text))),
+    el("button", { type: "button", class: "dismiss", "aria-label": "Dismiss this message", click: away }, "Dismiss"),
+  );
+  box.hidden = false;
+}
+
+/** @param {string} sentence */
+const fail = (sentence) => say("error", [sentence]);
+
+/** @type {string[]} */
+let warnings = [];
+
+/** @param {string} sentence */
+function warn(sentence) {
+  if (byId("warning").hidden) warnings = [];
+  warnings = [...warnings.filter((text) => text !== sentence), sentence].slice(-4);
+  say("warning", warnings);
+}
+
+const LOST = "The connection to quadlab is lost. Is it still running in its terminal? The page goes on by itself when it is back.";
+
+function listen() {
+  const events = new EventSource("/api/events");
+  const data = (/** @type {any} */ event) => JSON.parse(event.data || "{}");
+  let lost = 0;
+  events.addEventListener("progress", (event) => drawJob(data(event)));
+  events.addEventListener("warning", (event) => warn(data(event).sentence));
+  events.addEventListener("state", () => app.act(refresh()));
+  events.addEventListener("finished", (event) => {
+    const { error } = data(event);
+    drawJob(null);
+    forget();
+    details.clear();
+    if (error) fail(error);
+    app.act(refresh());
+  });
+  events.addEventListener("open", () => {
+    clearTimeout(lost);
+    if (byId("error").textContent.startsWith(LOST)) byId("error").hidden = true;
+    app.act(refresh());
+  });
+  events.addEventListener("error", () => {
+    clearTimeout(lost);
+    lost = window.setTimeout(() => fail(LOST), 1500);
+    // A browser gives up after some errors for good; then the page begins anew.
+    if (events.readyState === EventSource.CLOSED) window.setTimeout(listen, 3000);
+  });
+}
+
+function wireTabs() {
+  const list = byId("tabs");
+  list.addEventListener("click", (/** @type {any} */ event) => {
+    const tab = event.target.closest("[role=tab]")?.dataset.tab;
+    if (tab) app.look({ tab });
+  });
+  list.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
+    const at = TABS.indexOf(app.view.tab);
+    const to = { ArrowRight: at + 1, ArrowLeft: at - 1, Home: 0, End: TABS.length - 1 }[event.key];
+    if (to === undefined) return;
+    event.preventDefault();
+    const tab = TABS[(to + TABS.length) % TABS.length];
+    app.look({ tab });
+    byId(`tab-${tab}`).focus();
+  });
+}
+
+function wireButtons() {
+  byId("identify").addEventListener("click", () => app.run({ do: "identify" }));
+  byId("diagnose").addEventListener("click", () => app.run({ do: "diagnose", model: app.current()?.id }));
+  byId("explain").addEventListener("click", () => app.run({ do: "explain" }));
+  byId("cancel").addEventListener("click", () => app.act(post("/api/cancel", {})));
+  byId("flight").addEventListener("change", (/** @type {any} */ event) => app.look({ flight: event.target.value, from: null, to: null }));
+  window.addEventListener("hashchange", () => {
+    app.view = readView();
+    if (app.state) takeState(app.state);
+  });
+}
+
+function wireSize() {
+  let timer = 0;
+  const later = (/** @type {() => any} */ work) => {
+    clearTimeout(timer);
+    timer = window.setTimeout(() => app.state && app.act((async () => work())()), 100);
+  };
+  let width = 0;
+  let height = 0;
+  new ResizeObserver(() => {
+    const middle = byId("middle");
+    if (middle.clientWidth === width && middle.clientHeight === height) return;
+    [width, height] = [middle.clientWidth, middle.clientHeight];
+    later(() => shown().resize());
+  }).observe(byId("middle"));
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => later(() => shown().theme()));
+}
+
+const HINTS = [
+  "On the left, choose which flights fit the model and which judge it; then press Identify.",
+  "Press Diagnose: it tries every known effect and says which one the model lacks.",
+  "Press Add on a card, and see the error fall beside the model before it. Going back is one click.",
+];
+
+function drawHints() {
+  const box = byId("hints");
+  try {
+    if (localStorage.getItem("quadlab-hints") === "seen") return;
+  } catch {
+    return;
+  }
+  const away = () => {
+    localStorage.setItem("quadlab-hints", "seen");
+    box.hidden = true;
+  };
+  box.replaceChildren(
+    el("ol", {}, HINTS.map((text) => el("li", {}, text))),
+    el("button", { type: "button", class: "dismiss", id: "hints-away", click: away }, "Got it"),
+  );
+  box.hidden = false;
+}
+
+wireTabs();
+wireButtons();
+wireSize();
+drawHints();
+app.act(refresh());
+listen();

@@ -1,0 +1,71 @@
+// A flight before there is a model: what was logged, what the checks say, height and battery over time.
+
+import { el, redraw } from "./dom.js";
+import { short } from "./numbers.js";
+import { CONFIG, axis, colour, faint, layout, plotly, room } from "./plots.js";
+
+/** @typedef {import("./main.js").App} App */
+/** @typedef {import("./api.js").Flight} Flight */
+
+/** @param {App} app @param {HTMLElement} root */
+export function flightOverview(app, root) {
+  const text = el("div", {});
+  const plot = el("div", { id: "overview-plot", class: "plot" });
+  root.append(text, plot);
+
+  async function update() {
+    const flight = app.flight();
+    redraw(text, [
+      el(
+        "p",
+        {},
+        app.state?.problem
+          ? "There is no model yet. What it takes is said on the right."
+          : "There is no model yet. Choose on the left which flights fit the model and which judge it, then press Identify.",
+      ),
+      flight && el("h3", {}, flight.name),
+      flight && el("p", { class: "quiet" }, `${flight.rows} rows in ${short(flight.duration_s)} s: ${flight.columns.join(", ")}.`),
+      flight?.faults.length ? el("ul", {}, flight.faults.map((fault) => el("li", {}, el("b", {}, `${fault.severity}: `), fault.sentence))) : null,
+    ]);
+    if (flight) await draw(flight);
+    else plot.replaceChildren();
+  }
+
+  /** @param {Flight} flight */
+  async function draw(flight) {
+    const Plotly = await plotly();
+    if (root.hidden || !root.clientWidth || app.flight() !== flight) return;
+    const { traces, shape } = figure(flight);
+    await Plotly.react(plot, traces, { ...layout(), ...shape, width: root.clientWidth, height: Math.max(320, Math.min(700, room(plot))) }, CONFIG);
+  }
+
+  return { update, resize: update, theme: update };
+}
+
+/** @param {Flight} flight */
+function figure(flight) {
+  const curve = (/** @type {[number, number][]} */ points, /** @type {string} */ id, /** @type {string} */ name) => ({
+    type: "scatter",
+    mode: "lines",
+    x: points.map(([t]) => t),
+    y: points.map(([, y]) => y),
+    xaxis: `x${id}`,
+    yaxis: `y${id}`,
+    line: { color: colour(name), width: 1.6 },
+    hoverinfo: "x+y",
+  });
+  const air = flight.parts.map(([x0, x1]) => ({ type: "rect", x0, x1, y0: 0, y1: 1, xref: "x", yref: "paper", fillcolor: faint("predicted", 0.07), line: { width: 0 }, layer: "below" }));
+  return {
+    traces: [curve(flight.height, "", "predicted"), curve(flight.battery, "2", "difference")],
+    shape: {
+      shapes: air,
+      margin: { l: 64, r: 12, t: 26, b: 44 },
+      hovermode: "closest",
+      annotations: [{ text: "shaded: in the air", x: 1, y: 1, xref: "paper", yref: "paper", xanchor: "right", yanchor: "bottom", showarrow: false }],
+      xaxis: axis({ anchor: "y", matches: "x2", showticklabels: false, zeroline: false }),
+      yaxis: axis({ domain: [0.54, 1], title: { text: "height [m]" } }),
+      xaxis2: axis({ anchor: "y2", title: { text: "time [s]" }, zeroline: false }),
+      yaxis2: axis({ domain: [0, 0.46], anchor: "x2", title: { text: "battery [V]" }, zeroline: false }),
+    },
+  };
+}

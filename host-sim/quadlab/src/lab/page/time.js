@@ -1,0 +1,463 @@
+// Measured against predicted over time: linked plots with one time axis and one cursor.
+
+import { get, givenUp } from "./api.js";
+import { el, redraw } from "./dom.js";
+import { known, seconds, short, withUnit } from "./numbers.js";
+import { layPanels } from "./panels.js";
+import { CONFIG, axis, layout, line, plotly, room } from "./plots.js";
+
+/** @typedef {import("./api.js").Series} Series */
+/** @typedef {import("./api.js").Channel} Channel */
+/** @typedef {import("./main.js").App} App */
+
+const LEAST_SPAN_S = 0.1;
+const FIRST_AHEAD = ["position", "attitude"];
+/** How long a zoom may rest before the server is asked, ms. */
+const REST_MS = 120;
+
+/** @param {App} app @param {HTMLElement} root */
+export function timeTab(app, root) {
+  /** @type {{first: Series, second: Series|null, all: [number, number]}|null} */
+  let shown = null;
+  /** @type {import("./panels.js").Panels|null} */
+  let panels = null;
+  /** @type {AbortController|null} */
+  let asked = null;
+  let timer = 0;
+  let drag = "zoom";
+  let pinned = false;
+  let key = "";
+  let drawn = "";
+
+  const controls = el("div", { class: "controls" });
+  const chips = el("div", { class: "chips", role: "group", "aria-label": "Channels" });
+  const tools = el("div", { class: "tools", role: "group", "aria-label": "Range of time" });
+  const plots = el("div", { id: "plots-drawing" });
+  const overlay = el("div", { class: "overlay", "aria-hidden": "true" });
+  const spoken = el("p", { class: "hidden", role: "status" });
+  const box = el(
+    "div",
+    {
+      id: "plots",
+      tabindex: "0",
+      role: "group",
+      "aria-label":
+        "Linked plots. The left and right arrows move the cursor, with shift they move the range; plus and minus zoom; Home shows all.",
+      keydown: onKey,
+      mousemove: onMove,
+      pointerdown: onPress,
+      wheel: onWheel,
+    },
+    plots,
+    overlay,
+  );
+  root.append(controls, el("div", { class: "bar-of-two" }, chips, tools), box, spoken);
+  app.onCursor(drawCursor);
+
+  function drawControls() {
+    const { view } = app;
+    const ahead = view.ahead > 0;
+    const mode = (/** @type {string} */ text, /** @type {number} */ value) =>
+      el("label", {}, el("input", { type: "radio", name: "mode", checked: ahead === value > 0, "data-key": `mode ${text}`, change: () => app.look({ ahead: value, channels: null }) }), " ", text);
+    const samples = (/** @type {string} */ type) =>
+      el("input", {
+        type,
+        min: 1,
+        max: 50,
+        step: 1,
+        value: view.ahead || 10,
+        disabled: !ahead,
+        id: `ahead-${type}`,
+        "aria-label": "Samples ahead",
+        "data-key": `ahead ${type}`,
+        input: (/** @type {any} */ event) => follow(event.target),
+        change: (/** @type {any} */ event) => setAhead(event.target.value),
+      });
+    const tool = (/** @type {string} */ id, /** @type {string} */ text, /** @type {string} */ label, /** @type {() => void} */ click) =>
+      el("button", { type: "button", id, "aria-label": /\w/.test(text) ? null : label, title: label, "data-key": id, click }, text);
+    redraw(controls, [
+      el("fieldset", {}, el("legend", { class: "hidden" }, "What is compared"), mode("accelerations", 0), mode("predicted ahead", 10), samples("range"), samples("number"), " samples"),
+      app.second() &&
+        el("label", {}, el("input", { type: "checkbox", id: "difference", checked: view.difference, "data-key": "difference", change: () => app.look({ difference: !view.difference }) }), " difference of the models"),
+    ]);
+    redraw(tools, [
+      tool("zoom-in", "+", "Zoom in (plus key)", () => zoom(0.5)),
+      tool("zoom-out", "−", "Zoom out (minus key)", () => zoom(2)),
+      tool("earlier", "◀", "Earlier (shift and left arrow)", () => move(-0.5)),
+      tool("later", "▶", "Later (shift and right arrow)", () => move(0.5)),
+      tool("all", "All", "Show the whole flight (Home key, or double click)", all),
+      el("button", { type: "button", id: "drag", "aria-pressed": String(drag === "pan"), title: "Drag to move the range instead of zooming", "data-key": "drag", click: () => setDrag() }, "drag moves"),
+    ]);
+  }
+
+  /** The slider and the number show the same while one is moved. @param {HTMLInputElement} moved */
+  function follow(moved) {
+    for (const input of controls.querySelectorAll("#ahead-range, #ahead-number")) if (input !== moved) input.value = moved.value;
+  }
+
+  /** @param {string} text */
+  function setAhead(text) {
+    const n = Math.round(Number(text));
+    if (n >= 1 && n <= 50) app.look({ ahead: n });
+    else drawControls();
+  }
+
+  function setDrag() {
+    drag = drag === "zoom" ? "pan" : "zoom";
+    drawControls();
+    draw();
+  }
+
+  /** @param {Channel[]} channels */
+  function chosen(channels) {
+    const wanted = app.view.channels;
+    const row = channels.filter((c) => (wanted ? wanted.includes(c.id) : app.view.ahead === 0 || FIRST_AHEAD.includes(c.group)));
+    return row.length ? row : channels;
+  }
+
+  function drawChips() {
+    const channels = shown?.first.channels ?? [];
+    const on = chosen(channels).map((c) => c.id);
+    const set = (/** @type {string[]} */ ids) => app.look({ channels: ids.length ? channels.map((c) => c.id).filter((id) => ids.includes(id)) : null });
+    const groups = [...new Set(channels.map((c) => c.group))];
+    redraw(
+      chips,
+      groups.flatMap((group) => [
+        groups.length > 1 && el("span", { class: "quiet" }, group),
+        ...channels
+          .filter((c) => c.group === group)
+          .map((c) =>
+            el(
+              "button",
+              {
+                type: "button",
+                class: "chip",
+                "data-key": `channel ${c.id}`,
+                "data-channel": c.id,
+                "aria-pressed": String(on.includes(c.id)),
+                title: `${withUnit(c.name, c.unit)}; double click to see it alone`,
+                click: () => set(on.includes(c.id) ? on.filter((id) => id !== c.id) : [...on, c.id]),
+                dblclick: () => set([c.id]),
+              },
+              c.id.replace(/_/g, " "),
+            ),
+          ),
+      ]),
+    );
+  }
+
+  /** The range that is shown, s. @returns {[number, number]} */
+  function range() {
+    const whole = app.span();
+    const { from, to } = app.view;
+    return from === null || to === null ? whole : [from, to];
+  }
+
+  /** @param {number} from @param {number} to */
+  function show(from, to) {
+    const [first, last] = app.span();
+    const span = Math.min(Math.max(to - from, LEAST_SPAN_S), last - first);
+    const begin = Math.min(Math.max(from, first), last - span);
+    if (span >= (last - first) * 0.999) return all();
+    app.look({ from: begin, to: begin + span });
+  }
+
+  function all() {
+    app.look({ from: null, to: null });
+  }
+
+  /** Zooms about the cursor, or the middle. @param {number} factor @param {number} [about] */
+  function zoom(factor, about) {
+    const [from, to] = range();
+    const centre = about ?? (app.cursor !== null && app.cursor >= from && app.cursor <= to ? app.cursor : (from + to) / 2);
+    show(centre - (centre - from) * factor, centre + (to - centre) * factor);
+  }
+
+  /** @param {number} share of what is shown */
+  function move(share) {
+    const [from, to] = range();
+    show(from + share * (to - from), to + share * (to - from));
+  }
+
+  /** @param {KeyboardEvent} event */
+  function onKey(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const arrow = event.key === "ArrowLeft" ? -1 : event.key === "ArrowRight" ? 1 : 0;
+    if (arrow && event.shiftKey) move(0.25 * arrow);
+    else if (arrow) stepCursor(arrow);
+    else if (event.key === "+" || event.key === "=") zoom(0.5);
+    else if (event.key === "-") zoom(2);
+    else if (event.key === "Home") all();
+    else return;
+    event.preventDefault();
+  }
+
+  /** @param {number} by samples that are drawn */
+  function stepCursor(by) {
+    const t = shown?.first.t ?? [];
+    const [from, to] = range();
+    const step = Math.max(1, Math.round(t.length / 400));
+    const inside = app.cursor !== null && app.cursor >= from && app.cursor <= to ? app.cursor : (from + to) / 2;
+    const at = nearest(t, inside) + by * step;
+    app.point(t[Math.max(0, Math.min(t.length - 1, at))] ?? null);
+    spoken.textContent = said();
+  }
+
+  /** The values at the cursor as a sentence. */
+  function said() {
+    if (!shown || app.cursor === null) return "";
+    const at = nearest(shown.first.t, app.cursor);
+    const parts = chosen(shown.first.channels).map((c) => `${c.id.replace(/_/g, " ")} measured ${short(c.measured[at])}, predicted ${short(c.predicted[at])}`);
+    return `${seconds(app.cursor)}: ${parts.join("; ")}`;
+  }
+
+  /** Time under the pointer. @param {MouseEvent} event */
+  function timeAt(event) {
+    if (!panels) return null;
+    const x = event.clientX - box.getBoundingClientRect().left;
+    for (let column = 0; column < panels.columns; column++) {
+      const share = (x - panels.x(column)) / panels.plotWidth;
+      const [from, to] = range();
+      if (share >= 0 && share <= 1) return from + share * (to - from);
+    }
+    return null;
+  }
+
+  /** @param {MouseEvent} event */
+  function onMove(event) {
+    const t = timeAt(event);
+    if (t !== null && !pinned) app.point(t);
+  }
+
+  /** A click holds the cursor, the next one lets it go. Plotly covers the page while a button is down. @param {PointerEvent} pressed */
+  function onPress(pressed) {
+    const release = (/** @type {PointerEvent} */ released) => {
+      const t = timeAt(released);
+      if (t === null || Math.abs(released.clientX - pressed.clientX) > 3) return;
+      pinned = !pinned;
+      app.point(t);
+    };
+    window.addEventListener("pointerup", release, { once: true });
+  }
+
+  /** The wheel scrolls the page; with control or shift it zooms. @param {WheelEvent} event */
+  function onWheel(event) {
+    if (!event.ctrlKey && !event.shiftKey) return;
+    event.preventDefault();
+    zoom(event.deltaY + event.deltaX > 0 ? 1.25 : 0.8, timeAt(event) ?? undefined);
+  }
+
+  /** Draws what is there, and asks for what is not. */
+  function update() {
+    drawControls();
+    const [model, flight, second] = [app.current(), app.flight(), app.second()];
+    if (!model || !flight) return;
+    const [from, to] = range();
+    const width = Math.max(200, Math.round((layPanels(6, root.clientWidth, 0).plotWidth || 600) * Math.min(2, devicePixelRatio)));
+    const wanted = JSON.stringify([model.id, model.judged_on, second?.id, flight.name, from, to, width, app.view.ahead]);
+    if (wanted === key && shown) {
+      drawChips();
+      return draw();
+    }
+    const first = !shown || drawn !== `${flight.name} ${app.view.ahead}`;
+    key = wanted;
+    clearTimeout(timer);
+    asked?.abort();
+    asked = new AbortController();
+    const { signal } = asked;
+    box.setAttribute("aria-busy", "true");
+    if (shown && !first) draw();
+    timer = window.setTimeout(() => app.act(ask(signal, { flight: flight.name, from, to, width, ahead: app.view.ahead || null }, model.id, second?.id ?? null)), first ? 0 : REST_MS);
+  }
+
+  /** @param {AbortSignal} signal @param {Record<string, any>} query @param {number} model @param {number|null} second */
+  async function ask(signal, query, model, second) {
+    const wanted = key;
+    try {
+      const [one, two] = await Promise.all([get("/api/series", { model, ...query }, signal), second === null ? null : get("/api/series", { model: second, ...query }, signal)]);
+      if (signal.aborted) return;
+      shown = { first: one, second: two, all: app.span() };
+      drawn = `${query.flight} ${query.ahead ?? 0}`;
+      drawChips();
+      await draw();
+    } catch (error) {
+      if (givenUp(error)) return;
+      if (key === wanted) key = "";
+      throw error;
+    } finally {
+      if (!signal.aborted) box.removeAttribute("aria-busy");
+    }
+  }
+
+  async function draw() {
+    const Plotly = await plotly();
+    if (!shown || root.hidden || !root.clientWidth) return;
+    const channels = chosen(shown.first.channels);
+    panels = layPanels(channels.length, root.clientWidth, room(box));
+    const { traces, axes } = figure(shown, channels, panels, range(), app.view.difference);
+    const fresh = !plots.data;
+    await Plotly.react(
+      plots,
+      traces,
+      { ...layout(), ...axes, width: panels.width, height: panels.height, margin: { l: 0, r: 0, t: 0, b: 0 }, hovermode: false, dragmode: drag },
+      CONFIG,
+    );
+    if (fresh) {
+      plots.on("plotly_relayout", onRelayout);
+      plots.on("plotly_doubleclick", () => all());
+    }
+    drawOverlay(channels);
+  }
+
+  /** @param {Record<string, any>} change */
+  function onRelayout(change) {
+    for (const [name, value] of Object.entries(change)) {
+      const axisName = /^(xaxis\d*)\.range\[0\]$/.exec(name)?.[1];
+      if (axisName) return show(value, change[`${axisName}.range[1]`]);
+      if (/^xaxis\d*\.range$/.test(name)) return show(value[0], value[1]);
+    }
+  }
+
+  /** Names of the panels and values at the cursor. @param {Channel[]} channels */
+  function drawOverlay(channels) {
+    if (!panels) return;
+    const lay = panels;
+    overlay.replaceChildren(
+      ...channels.map((channel, n) => {
+        const place = lay.places[n];
+        return el(
+          "div",
+          {
+            id: `plot-${channel.id}`,
+            class: "panel-name",
+            "data-channel": channel.id,
+            style: `left: ${lay.x(place.column)}px; width: ${lay.plotWidth}px; top: ${lay.main(place)[0] - 22}px`,
+          },
+          el("b", {}, withUnit(channel.name, channel.unit)),
+          el("span", { class: "values" }),
+        );
+      }),
+      ...Array.from({ length: lay.columns }, (_, column) => el("div", { class: "cursor", "data-column": column, hidden: true })),
+      el("div", { class: "cursor-time", hidden: true }),
+    );
+    drawCursor();
+  }
+
+  function drawCursor() {
+    if (!panels || !shown || root.hidden) return;
+    const lay = panels;
+    const [from, to] = range();
+    const t = app.cursor;
+    const inside = t !== null && t >= from && t <= to;
+    const px = inside ? ((t - from) / (to - from)) * lay.plotWidth : 0;
+    for (const bar of overlay.querySelectorAll(".cursor")) {
+      bar.hidden = !inside;
+      bar.classList.toggle("pinned", pinned);
+      bar.style.left = `${lay.x(Number(bar.dataset.column)) + px}px`;
+      bar.style.height = `${lay.height - 24}px`;
+    }
+    const clock = overlay.querySelector(".cursor-time");
+    if (clock) {
+      clock.hidden = !inside;
+      clock.textContent = inside ? seconds(t) : "";
+      clock.style.left = `${lay.x(0) + px}px`;
+    }
+    const at = inside ? nearest(shown.first.t, t) : -1;
+    const secondAt = inside && shown.second ? nearest(shown.second.t, t) : -1;
+    for (const channel of chosen(shown.first.channels)) {
+      const values = overlay.querySelector(`#plot-${CSS.escape(channel.id)} .values`);
+      const other = shown.second?.channels.find((c) => c.id === channel.id);
+      if (values) values.textContent = inside ? reading(channel, at, other, secondAt) : "";
+    }
+  }
+
+  return { update, resize: () => update(), theme: () => draw() };
+}
+
+/** Values of a channel at a sample. @param {Channel} channel @param {number} at @param {Channel|undefined} other @param {number} otherAt */
+function reading(channel, at, other, otherAt) {
+  const parts = [`measured ${short(channel.measured[at])}`, `predicted ${short(channel.predicted[at])}`];
+  if (other) parts.push(`second ${short(other.predicted[otherAt])}`);
+  parts.push(`residual ${short(channel.residual[at])}`);
+  if (other) parts.push(`second's ${short(other.residual[otherAt])}`);
+  return parts.join("  ");
+}
+
+/** Index of the nearest time. @param {number[]} times rising @param {number} t */
+export function nearest(times, t) {
+  let low = 0;
+  let high = times.length - 1;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (times[middle] <= t) low = middle;
+    else high = middle;
+  }
+  return high >= 0 && Math.abs(times[high] - t) < Math.abs(times[low] - t) ? high : low;
+}
+
+/**
+ * Traces and axes of the linked plots.
+ * @param {{first: Series, second: Series|null}} shown @param {Channel[]} channels @param {import("./panels.js").Panels} panels
+ * @param {[number, number]} range @param {boolean} difference
+ */
+function figure(shown, channels, panels, range, difference) {
+  /** @type {any[]} */
+  const traces = [];
+  /** @type {Record<string, any>} */
+  const axes = {};
+  const { width, height } = panels;
+  channels.forEach((channel, n) => {
+    const place = panels.places[n];
+    const left = panels.x(place.column);
+    const across = [left / width, (left + panels.plotWidth) / width];
+    const lowest = n === channels.length - 1 || panels.places[n + 1].column !== place.column;
+    const [main, rest] = [2 * n + 1, 2 * n + 2];
+    const up = (/** @type {[number, number]} */ [top, bottom]) => [1 - bottom / height, 1 - top / height];
+    const x = { domain: across, range, matches: n ? "x" : undefined, zeroline: false };
+    axes[nth("xaxis", main)] = axis({ ...x, anchor: nth("y", main), showticklabels: false, matches: n ? "x" : undefined });
+    axes[nth("xaxis", rest)] = axis({ ...x, anchor: nth("y", rest), showticklabels: lowest, ticksuffix: " s", matches: "x" });
+    axes[nth("yaxis", main)] = axis({ domain: up(panels.main(place)), anchor: nth("x", main), fixedrange: true, nticks: 5, zeroline: false });
+    axes[nth("yaxis", rest)] = axis({ domain: up(panels.rest(place)), anchor: nth("x", rest), fixedrange: true, nticks: 3 });
+    const other = shown.second?.channels.find((c) => c.id === channel.id) ?? null;
+    traces.push(...lines(shown, channel, other, difference, main, rest));
+  });
+  return { traces, axes };
+}
+
+
+/** Plotly's name of an axis. @param {string} kind @param {number} n from 1 */
+const nth = (kind, n) => (n === 1 ? kind : `${kind}${n}`);
+
+/**
+ * @param {{first: Series, second: Series|null}} shown @param {Channel} channel @param {Channel|null} other @param {boolean} difference
+ * @param {number} main @param {number} rest numbers of the axes
+ */
+function lines(shown, channel, other, difference, main, rest) {
+  const trace = (/** @type {Parameters<typeof line>[0]} */ role, /** @type {number} */ n, /** @type {number[]} */ x, /** @type {(number|null)[]} */ y) => ({
+    type: "scatter",
+    mode: "lines",
+    x,
+    y,
+    xaxis: nth("x", n),
+    yaxis: nth("y", n),
+    line: line(role),
+    hoverinfo: "skip",
+    connectgaps: false,
+  });
+  const { first, second } = shown;
+  const all = [trace("measured", main, first.t, channel.measured)];
+  if (other && second) all.push(trace("second", main, second.t, other.predicted), trace("second-residual", rest, second.t, other.residual));
+  all.push(trace("predicted", main, first.t, channel.predicted), trace("residual", rest, first.t, channel.residual));
+  if (other && second && difference) all.push(trace("difference", rest, first.t, apart(first, channel, second, other)));
+  return all;
+}
+
+/** Second prediction minus the first, where both have a value at the same time. @param {Series} first @param {Channel} channel @param {Series} second @param {Channel} other */
+function apart(first, channel, second, other) {
+  let at = 0;
+  return first.t.map((t, n) => {
+    while (at < second.t.length - 1 && second.t[at] < t) at++;
+    const [a, b] = [channel.predicted[n], other.predicted[at]];
+    return second.t[at] === t && known(a) && known(b) ? b - a : null;
+  });
+}
