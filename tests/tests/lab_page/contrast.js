@@ -56,7 +56,7 @@ while (walker.nextNode()) {
     const text = walker.currentNode.data.trim();
     const e = walker.currentNode.parentElement;
     const visible = e.checkVisibility({ opacityProperty: true, visibilityProperty: true });
-    if (!text || !visible || e.closest(':disabled, [aria-disabled=true], script, style, title, [aria-hidden=true]')) {
+    if (!text || !visible || e.closest(':disabled, [aria-disabled=true], script, style, title')) {
         continue;
     }
     // A browser draws the options of a closed list itself.

@@ -1,9 +1,12 @@
 //! Stories through the page, as a user clicks them.
 
+use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 use model::{Effect, Model};
 use serde_json::{Value, json};
+use stories::program;
 
 use crate::browser::{Browser, missing};
 use crate::flights;
@@ -81,8 +84,8 @@ fn models(browser: &Browser) -> String {
 fn downloaded(browser: &Browser) -> Model {
     browser.click("[role=tab][data-tab=model]");
     browser.click("a[href*='/api/download/model.toml']");
-    let text = browser.downloaded("model.toml");
-    Model::parse(&text, Path::new("model.toml")).unwrap()
+    let text = browser.downloaded("model-3.toml");
+    Model::parse(&text, Path::new("model-3.toml")).unwrap()
 }
 
 #[test]
@@ -125,9 +128,39 @@ fn wind_and_ground_effect_are_found_card_by_card_and_kept() {
     browser.finish(&GONE);
 }
 
+/// What the page says a model takes in a terminal.
+fn command_of(browser: &Browser, id: &str) -> String {
+    choose_model(browser, id);
+    browser.click("[role=tab][data-tab=model]");
+    browser.wait_for("#panel-model h3", &format!("(model {id})"));
+    browser.text("#command")
+}
+
+/// Each command, in a terminal in the folder of the flights, makes the model that the lab has made.
+fn assert_commands_make_the_models(folder: &Path, commands: &[(&str, String)]) {
+    let programs = program("quadlab").parent().unwrap().to_owned();
+    for (id, command) in commands {
+        let file = folder.join(format!("lab/model-{id}.toml"));
+        let of_lab = Model::read(&file).unwrap();
+        fs::remove_file(&file).unwrap();
+        let path = format!("{}:{}", programs.display(), std::env::var("PATH").unwrap_or_default());
+        let mut shell = Command::new("sh");
+        let output = shell.args(["-c", command]).current_dir(folder).env("PATH", path).output().unwrap();
+        assert!(output.status.success(), "{command}\n{}", String::from_utf8_lossy(&output.stderr));
+        let of_terminal = Model::read(&file).unwrap();
+        assert_eq!(of_terminal.terms.len(), of_lab.terms.len(), "{command}");
+        for (ours, theirs) in of_lab.terms.iter().zip(&of_terminal.terms) {
+            assert_eq!(ours.effect, theirs.effect, "{command}");
+            for (a, b) in ours.coefficients.iter().zip(&theirs.coefficients) {
+                assert!((a.value - b.value).abs() <= 1e-9 * a.value.abs(), "{command}: {a:?}, {b:?}");
+            }
+        }
+    }
+}
+
 /// Flights that are made here: what runs in every clone.
 #[test]
-fn two_tabs_show_one_state_and_a_job_can_be_cancelled() {
+fn two_tabs_show_one_state_and_a_terminal_makes_the_same() {
     if missing() {
         return;
     }
@@ -167,7 +200,11 @@ fn two_tabs_show_one_state_and_a_job_can_be_cancelled() {
     browser.wait_for("#verdict[data-verdict=missing-effect]", "");
     browser.to_tab(&tabs[1]);
     browser.wait_for("#verdict[data-verdict=missing-effect]", "");
+
+    let commands = ["1", "2"].map(|id| (id, command_of(&browser, id)));
     browser.finish(&[]);
+    drop(lab);
+    assert_commands_make_the_models(folder.path(), &commands);
 }
 
 #[test]

@@ -85,6 +85,27 @@ impl Lab {
         Visitor { cookie: cookie.split(';').next().unwrap().to_owned() }
     }
 
+    /// What it shows once all flights are read and no job runs.
+    pub(crate) fn state(&self) -> Value {
+        let (visitor, start) = (self.visitor(), Instant::now());
+        loop {
+            let state = visitor.get("/api/state").send(self).json();
+            if state["reading"] == false && state["job"].is_null() {
+                return state;
+            }
+            assert!(start.elapsed() < PATIENCE, "the server does not come to rest: {}", state["job"]);
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// Identifies a model, number 1.
+    pub(crate) fn identify(&self) {
+        self.state();
+        let answer = self.visitor().post("/api/jobs", r#"{"do":"identify"}"#).from_page(self).send(self);
+        assert_eq!(answer.status, 200, "{}", answer.body);
+        assert_eq!(self.state()["models"][0]["id"], 1);
+    }
+
     /// What it said, where it did not end well by itself.
     pub(crate) fn is_alive(&mut self) -> Result<(), String> {
         match self.child.try_wait().unwrap() {

@@ -57,7 +57,7 @@ pub(super) fn start(session: &Arc<Session>, task: Task) -> Result<(), Refused> {
         vehicle
     };
     session.events.changed();
-    let (session, cancel) = (session.clone(), Some(cancel));
+    let (session, stopped, cancel) = (session.clone(), cancel.clone(), Some(cancel));
     std::thread::spawn(move || {
         let work = Work {
             session: &session,
@@ -68,9 +68,11 @@ pub(super) fn start(session: &Arc<Session>, task: Task) -> Result<(), Refused> {
         let done = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| work.run(task)));
         let done =
             done.unwrap_or_else(|_| Err(Refused(format!("{kind} has failed: this is a bug of quadlab"))));
+        // Who cancels knows why nothing came.
+        let error = done.err().filter(|_| !stopped.load(Ordering::Relaxed)).map(|error| error.0);
         session.lock().job = None;
         session.events.changed();
-        session.events.tell("finished", json!({ "do": kind, "error": done.err().map(|error| error.0) }));
+        session.events.tell("finished", json!({ "do": kind, "error": error }));
     });
     Ok(())
 }
@@ -130,7 +132,7 @@ impl Work<'_> {
         }
         let mut sets = self.sets()?;
         let added = workflow::add(&parent.model, effect, &mut sets, None, &self.telling).map_err(refused)?;
-        let before = format!("add --model lab/model-{id}.toml --effect {effect}");
+        let before = format!("add {effect} --model lab/model-{id}.toml");
         let command = self.session.command(&before, "--out lab/model-NEW.toml");
         let supported = Some(added.addition.finding.supported);
         self.keep(Some((id, effect)), supported, added.model, &command)?;
