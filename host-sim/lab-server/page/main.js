@@ -1,7 +1,7 @@
 // The page: its state, what it hears from the server, and what is drawn when.
 
 import { drawAdvice, forget } from "./advice.js";
-import { get, post } from "./api.js";
+import { ServerError, get, post } from "./api.js";
 import { byId, el, fill } from "./dom.js";
 import { drawFlights } from "./flights.js";
 import { drawLegend } from "./legend.js";
@@ -78,7 +78,7 @@ export const app = {
     try {
       await work;
     } catch (error) {
-      console.warn(error);
+      if (!(error instanceof ServerError)) console.error(error);
       fail(error instanceof Error ? error.message : String(error));
     }
   },
@@ -199,6 +199,8 @@ function drawJob(job) {
   const state = app.state;
   if (state) state.job = job;
   const busy = job !== null;
+  const focused = document.activeElement;
+  if (document.body.dataset.busy !== String(busy)) byId("announced").textContent = job ? `${job.do} is running` : "done";
   document.body.dataset.busy = String(busy);
   const blocked = busy || !state || Boolean(state.problem) || state.reading;
   const model = app.current();
@@ -210,6 +212,7 @@ function drawJob(job) {
   byId("diagnose").classList.toggle("primary", Boolean(model) && model?.verdict === null);
   for (const button of document.querySelectorAll("button.add")) /** @type {HTMLButtonElement} */ (button).disabled = busy;
   byId("job").hidden = !busy;
+  keepFocus(focused, busy);
   if (!job) return;
   const progress = byId("progress");
   if (job.done !== null && job.all) {
@@ -220,6 +223,12 @@ function drawJob(job) {
   }
   const share = job.done !== null && job.all ? ` (${job.done} of ${job.all})` : "";
   byId("activity").textContent = `${job.do}: ${job.activity}${share}`;
+}
+
+/** The focus does not stay on a button that can no longer be pressed. @param {Element|null} focused @param {boolean} busy */
+function keepFocus(focused, busy) {
+  if (!(focused instanceof HTMLButtonElement) || !focused.disabled || !byId("right").contains(focused)) return;
+  byId(busy ? "cancel" : "advice").focus();
 }
 
 /** A sentence that can be put away. @param {string} id @param {string[]} sentences */

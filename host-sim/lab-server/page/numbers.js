@@ -60,3 +60,15 @@ export function rmsFall(before, after) {
 
 /** A time in a flight. @param {number} s */
 export const seconds = (s) => `${s.toFixed(2)} s`;
+
+/** Index of the nearest time. @param {number[]} times rising @param {number} t */
+export function nearest(times, t) {
+  let low = 0;
+  let high = times.length - 1;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (times[middle] <= t) low = middle;
+    else high = middle;
+  }
+  return high >= 0 && Math.abs(times[high] - t) < Math.abs(times[low] - t) ? high : low;
+}

@@ -2,9 +2,8 @@
 
 import { AXES, AXIS_NAMES, get, givenUp } from "./api.js";
 import { choice, el, redraw } from "./dom.js";
-import { known, seconds, short, unit, withUnit } from "./numbers.js";
+import { known, nearest, seconds, short, unit, withUnit } from "./numbers.js";
 import { CONFIG, axis, colour, layout, plotly, room } from "./plots.js";
-import { nearest } from "./time.js";
 
 /** @typedef {import("./main.js").App} App */
 /** @typedef {{t: number[], north_m: number[], east_m: number[], up_m: number[], residual: (number|null)[], unit: string}} Path */
