@@ -54,6 +54,7 @@ async function diagnosisOf(model) {
 function start(app) {
   const fit = app.state?.flights.filter((flight) => flight.set === "train").length ?? 0;
   const judge = app.state?.flights.filter((flight) => flight.set === "validate").length ?? 0;
+  if (app.state?.problem) return null;
   return el("p", {}, `${fit} flights to fit, ${judge} to judge. Press Identify to fit the basic model, or Explain to let quadlab take all steps by itself.`);
 }
 

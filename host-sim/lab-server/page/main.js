@@ -167,7 +167,7 @@ function drawState() {
   drawFlights(app, byId("flights"));
   drawModels(app, byId("models"));
   fill(byId("flight"), state.flights.filter((f) => !f.problem).map((f) => [f.name, f.name]), view.flight);
-  byId("flight-choice").hidden = Boolean(app.current()) && !["time", "spectrum", "path"].includes(view.tab);
+  byId("flight-choice").hidden = !app.flight() || (Boolean(app.current()) && !["time", "spectrum", "path"].includes(view.tab));
   const problem = byId("problem");
   problem.hidden = !state.problem;
   if (problem.textContent !== (state.problem ?? "")) problem.textContent = state.problem ?? "";

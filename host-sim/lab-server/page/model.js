@@ -78,7 +78,7 @@ function horizons(one, other) {
     ["rates", "rate_rad_s", "rad/s"],
   ];
   const names = Object.keys(one.horizons);
-  const name = (/** @type {string} */ key) => (/^\d+$/.test(key) ? `${key} samples ahead` : key.replace(/^sum_(\d+)_(\d+)$/, "sum of $1 to $2 ahead"));
+  const name = (/** @type {string} */ key) => (/^\d+$/.test(key) ? `${key} ${key === "1" ? "sample" : "samples"} ahead` : key.replace(/^sum_(\d+)_(\d+)$/, "sum of $1 to $2 ahead"));
   return table(
     `Mean error of open-loop prediction${other ? ": chosen, and second model" : ""}`,
     ["horizon", ...fields.map(([text, , of]) => withUnit(text, of))],

@@ -82,7 +82,7 @@ export function pathTab(app, root) {
     slider.min = String(path.t[0] ?? 0);
     slider.max = String(path.t[path.t.length - 1] ?? 0);
     const { traces, shape } = flat ? flatFigure(drawn, limit) : figure(drawn, limit);
-    await Plotly.react(plot, traces, { ...layout(), ...shape, uirevision: key, width: root.clientWidth, height: Math.max(360, room(plot)) }, CONFIG);
+    await Plotly.react(plot, traces, { ...layout(), ...shape, uirevision: `${app.view.flight} ${flat}`, width: root.clientWidth, height: Math.max(360, room(plot)) }, CONFIG);
     plot.removeAllListeners?.("plotly_hover");
     plot.on("plotly_hover", (/** @type {any} */ event) => {
       const point = event.points[0];
@@ -180,7 +180,7 @@ function figure(path, limit) {
     ],
     shape: {
       margin: { l: 0, r: 0, t: 0, b: 0 },
-      scene: { aspectmode: "data", camera: { eye: { x: 1.1, y: 1.1, z: 0.8 } }, xaxis: side("east"), yaxis: side("north"), zaxis: side("up") },
+      scene: { aspectmode: "data", camera: { eye: { x: 1.3, y: 1.3, z: 0.9 }, center: { x: 0, y: 0, z: -0.1 } }, xaxis: side("east"), yaxis: side("north"), zaxis: side("up") },
     },
   };
 }

@@ -2,7 +2,7 @@
 
 import { get, givenUp } from "./api.js";
 import { el, redraw } from "./dom.js";
-import { nearest, seconds, short, withUnit } from "./numbers.js";
+import { known, nearest, seconds, short, withUnit } from "./numbers.js";
 import { layPanels } from "./panels.js";
 import { CONFIG, layout, plotly, room } from "./plots.js";
 import { chipsOf, modeOf, tool } from "./time-controls.js";
@@ -280,6 +280,7 @@ export function timeTab(app, root) {
             style: `left: ${lay.x(place.column)}px; width: ${lay.plotWidth}px; top: ${lay.main(place)[0] - 22}px`,
           },
           el("b", {}, withUnit(channel.name, channel.unit)),
+          channel.predicted.some(known) ? null : el("span", { class: "quiet" }, "not modelled"),
           el("span", { class: "values" }),
         );
       }),
