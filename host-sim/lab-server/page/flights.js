@@ -20,7 +20,13 @@ export function drawFlights(app, root) {
     root,
     flights.length
       ? flights.map((flight) => entry(app, flight))
-      : [el("li", { class: "quiet" }, "There is no flight in this folder. Put flight files into it and open the lab again.")],
+      : [
+          el(
+            "li",
+            { class: "quiet" },
+            "There is no flight in this folder. Put flight files into it and open the lab again.",
+          ),
+        ],
   );
 }
 
@@ -78,7 +84,11 @@ function faults(flight) {
       { class: errors ? "bad-text" : "", "data-key": `unfold ${flight.name}` },
       `${errors ? "⚠ " : ""}${count} ${count === 1 ? "finding" : "findings"} of the checks`,
     ),
-    el("ul", {}, flight.faults.map((fault) => el("li", {}, el("b", {}, `${fault.severity}: `), fault.sentence))),
+    el(
+      "ul",
+      {},
+      flight.faults.map((fault) => el("li", {}, el("b", {}, `${fault.severity}: `), fault.sentence)),
+    ),
   );
 }
 

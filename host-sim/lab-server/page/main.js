@@ -33,7 +33,8 @@ export const app = {
   cursor: null,
 
   current: () => app.state?.models.find((model) => model.id === app.state?.current) ?? null,
-  second: () => app.state?.models.find((model) => model.id === app.view.compare && model.id !== app.state?.current) ?? null,
+  second: () =>
+    app.state?.models.find((model) => model.id === app.view.compare && model.id !== app.state?.current) ?? null,
   flight: () => app.state?.flights.find((flight) => flight.name === app.view.flight) ?? null,
 
   /** First and last time of the shown flight, s. @returns {[number, number]} */
@@ -166,8 +167,13 @@ function drawState() {
   byId("reading").hidden = !state.reading;
   drawFlights(app, byId("flights"));
   drawModels(app, byId("models"));
-  fill(byId("flight"), state.flights.filter((f) => !f.problem).map((f) => [f.name, f.name]), view.flight);
-  byId("flight-choice").hidden = !app.flight() || (Boolean(app.current()) && !["time", "spectrum", "path"].includes(view.tab));
+  fill(
+    byId("flight"),
+    state.flights.filter((f) => !f.problem).map((f) => [f.name, f.name]),
+    view.flight,
+  );
+  byId("flight-choice").hidden =
+    !app.flight() || (Boolean(app.current()) && !["time", "spectrum", "path"].includes(view.tab));
   const problem = byId("problem");
   problem.hidden = !state.problem;
   if (problem.textContent !== (state.problem ?? "")) problem.textContent = state.problem ?? "";
@@ -200,7 +206,8 @@ function drawJob(job) {
   if (state) state.job = job;
   const busy = job !== null;
   const focused = document.activeElement;
-  if (document.body.dataset.busy !== String(busy)) byId("announced").textContent = job ? `${job.do} is running` : "done";
+  if (document.body.dataset.busy !== String(busy))
+    byId("announced").textContent = job ? `${job.do} is running` : "done";
   document.body.dataset.busy = String(busy);
   const blocked = busy || !state || Boolean(state.problem) || state.reading;
   const model = app.current();
@@ -210,7 +217,8 @@ function drawJob(job) {
   byId("cancel").disabled = !busy;
   byId("identify").classList.toggle("primary", !model);
   byId("diagnose").classList.toggle("primary", Boolean(model) && model?.verdict === null);
-  for (const button of document.querySelectorAll("button.add")) /** @type {HTMLButtonElement} */ (button).disabled = busy;
+  for (const button of document.querySelectorAll("button.add"))
+    /** @type {HTMLButtonElement} */ (button).disabled = busy;
   byId("job").hidden = !busy;
   keepFocus(focused, busy);
   if (!job) return;
@@ -239,7 +247,11 @@ function say(id, sentences) {
     box.replaceChildren();
   };
   box.replaceChildren(
-    el("div", {}, sentences.map((text) => el("p", {}, text))),
+    el(
+      "div",
+      {},
+      sentences.map((text) => el("p", {}, text)),
+    ),
     el("button", { type: "button", class: "dismiss", "aria-label": "Dismiss this message", click: away }, "Dismiss"),
   );
   box.hidden = false;
@@ -258,7 +270,8 @@ function warn(sentence) {
   say("warning", warnings);
 }
 
-const LOST = "The connection to quadlab is lost. Is it still running in its terminal? The page goes on by itself when it is back.";
+const LOST =
+  "The connection to quadlab is lost. Is it still running in its terminal? The page goes on by itself when it is back.";
 
 function listen() {
   const events = new EventSource("/api/events");
@@ -310,7 +323,9 @@ function wireButtons() {
   byId("diagnose").addEventListener("click", () => app.run({ do: "diagnose", model: app.current()?.id }));
   byId("explain").addEventListener("click", () => app.run({ do: "explain" }));
   byId("cancel").addEventListener("click", () => app.act(post("/api/cancel", {})));
-  byId("flight").addEventListener("change", (/** @type {any} */ event) => app.look({ flight: event.target.value, from: null, to: null }));
+  byId("flight").addEventListener("change", (/** @type {any} */ event) =>
+    app.look({ flight: event.target.value, from: null, to: null }),
+  );
   window.addEventListener("hashchange", () => {
     app.view = readView();
     if (app.state) takeState(app.state);
@@ -352,7 +367,11 @@ function drawHints() {
     box.hidden = true;
   };
   box.replaceChildren(
-    el("ol", {}, HINTS.map((text) => el("li", {}, text))),
+    el(
+      "ol",
+      {},
+      HINTS.map((text) => el("li", {}, text)),
+    ),
     el("button", { type: "button", class: "dismiss", id: "hints-away", click: away }, "Got it"),
   );
   box.hidden = false;

@@ -17,7 +17,19 @@ export function modeOf(view, change) {
   const ahead = view.ahead > 0;
   const fields = el("fieldset", {}, el("legend", { class: "hidden" }, "What is compared"));
   const mode = (/** @type {string} */ text, /** @type {number} */ value) =>
-    el("label", {}, el("input", { type: "radio", name: "mode", checked: ahead === value > 0, "data-key": `mode ${text}`, change: () => change(value, true) }), " ", text);
+    el(
+      "label",
+      {},
+      el("input", {
+        type: "radio",
+        name: "mode",
+        checked: ahead === value > 0,
+        "data-key": `mode ${text}`,
+        change: () => change(value, true),
+      }),
+      " ",
+      text,
+    );
   const samples = (/** @type {string} */ type) =>
     el("input", {
       type,
@@ -32,15 +44,26 @@ export function modeOf(view, change) {
       input: (/** @type {any} */ event) => {
         for (const other of fields.querySelectorAll("#ahead-range, #ahead-number")) other.value = event.target.value;
       },
-      change: (/** @type {any} */ event) => change(Math.max(1, Math.min(MOST_AHEAD, Math.round(Number(event.target.value)) || 1)), false),
+      change: (/** @type {any} */ event) =>
+        change(Math.max(1, Math.min(MOST_AHEAD, Math.round(Number(event.target.value)) || 1)), false),
     });
-  fields.append(mode("accelerations", 0), mode("predicted ahead", FIRST_AHEAD), samples("range"), samples("number"), " samples");
+  fields.append(
+    mode("accelerations", 0),
+    mode("predicted ahead", FIRST_AHEAD),
+    samples("range"),
+    samples("number"),
+    " samples",
+  );
   return fields;
 }
 
 /** A button for the range of time. @param {string} id @param {string} text @param {string} label @param {() => void} click */
 export function tool(id, text, label, click) {
-  return el("button", { type: "button", id, "aria-label": /\w/.test(text) ? null : label, title: label, "data-key": id, click }, text);
+  return el(
+    "button",
+    { type: "button", id, "aria-label": /\w/.test(text) ? null : label, title: label, "data-key": id, click },
+    text,
+  );
 }
 
 /**
@@ -65,5 +88,8 @@ export function chipsOf(channels, on, change) {
       c.id.replace(/_/g, " "),
     );
   const groups = [...new Set(channels.map((c) => c.group))];
-  return groups.flatMap((group) => [groups.length > 1 && el("span", { class: "quiet" }, group), ...channels.filter((c) => c.group === group).map(chip)]);
+  return groups.flatMap((group) => [
+    groups.length > 1 && el("span", { class: "quiet" }, group),
+    ...channels.filter((c) => c.group === group).map(chip),
+  ]);
 }

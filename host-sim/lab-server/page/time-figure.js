@@ -25,16 +25,37 @@ export function figure(shown, channels, panels, range, difference) {
     const [main, rest] = [2 * n + 1, 2 * n + 2];
     const up = (/** @type {[number, number]} */ [top, bottom]) => [1 - bottom / height, 1 - top / height];
     const x = { domain: across, range, matches: n ? "x" : undefined, zeroline: false };
-    axes[nth("xaxis", main)] = axis({ ...x, anchor: nth("y", main), showticklabels: false, matches: n ? "x" : undefined });
-    axes[nth("xaxis", rest)] = axis({ ...x, anchor: nth("y", rest), showticklabels: lowest, ticksuffix: " s", matches: "x" });
-    axes[nth("yaxis", main)] = axis({ domain: up(panels.main(place)), anchor: nth("x", main), fixedrange: true, nticks: 5, zeroline: false });
-    axes[nth("yaxis", rest)] = axis({ domain: up(panels.rest(place)), anchor: nth("x", rest), fixedrange: true, nticks: 3 });
+    axes[nth("xaxis", main)] = axis({
+      ...x,
+      anchor: nth("y", main),
+      showticklabels: false,
+      matches: n ? "x" : undefined,
+    });
+    axes[nth("xaxis", rest)] = axis({
+      ...x,
+      anchor: nth("y", rest),
+      showticklabels: lowest,
+      ticksuffix: " s",
+      matches: "x",
+    });
+    axes[nth("yaxis", main)] = axis({
+      domain: up(panels.main(place)),
+      anchor: nth("x", main),
+      fixedrange: true,
+      nticks: 5,
+      zeroline: false,
+    });
+    axes[nth("yaxis", rest)] = axis({
+      domain: up(panels.rest(place)),
+      anchor: nth("x", rest),
+      fixedrange: true,
+      nticks: 3,
+    });
     const other = shown.second?.channels.find((c) => c.id === channel.id) ?? null;
     traces.push(...lines(shown, channel, other, difference, main, rest));
   });
   return { traces, axes };
 }
-
 
 /** Plotly's name of an axis. @param {string} kind @param {number} n from 1 */
 const nth = (kind, n) => (n === 1 ? kind : `${kind}${n}`);
@@ -44,7 +65,12 @@ const nth = (kind, n) => (n === 1 ? kind : `${kind}${n}`);
  * @param {number} main @param {number} rest numbers of the axes
  */
 function lines(shown, channel, other, difference, main, rest) {
-  const trace = (/** @type {Parameters<typeof line>[0]} */ role, /** @type {number} */ n, /** @type {number[]} */ x, /** @type {(number|null)[]} */ y) => ({
+  const trace = (
+    /** @type {Parameters<typeof line>[0]} */ role,
+    /** @type {number} */ n,
+    /** @type {number[]} */ x,
+    /** @type {(number|null)[]} */ y,
+  ) => ({
     type: "scatter",
     mode: "lines",
     x,
@@ -57,7 +83,11 @@ function lines(shown, channel, other, difference, main, rest) {
   });
   const { first, second } = shown;
   const all = [trace("measured", main, first.t, channel.measured)];
-  if (other && second) all.push(trace("second", main, second.t, other.predicted), trace("second-residual", rest, second.t, other.residual));
+  if (other && second)
+    all.push(
+      trace("second", main, second.t, other.predicted),
+      trace("second-residual", rest, second.t, other.residual),
+    );
   all.push(trace("predicted", main, first.t, channel.predicted), trace("residual", rest, first.t, channel.residual));
   if (other && second && difference) all.push(trace("difference", rest, first.t, apart(first, channel, second, other)));
   return all;

@@ -61,7 +61,18 @@ export function timeTab(app, root) {
     redraw(controls, [
       modeOf(view, (ahead, other) => app.look(other ? { ahead, channels: null } : { ahead })),
       app.second() &&
-        el("label", {}, el("input", { type: "checkbox", id: "difference", checked: view.difference, "data-key": "difference", change: () => app.look({ difference: !view.difference }) }), " difference of the models"),
+        el(
+          "label",
+          {},
+          el("input", {
+            type: "checkbox",
+            id: "difference",
+            checked: view.difference,
+            "data-key": "difference",
+            change: () => app.look({ difference: !view.difference }),
+          }),
+          " difference of the models",
+        ),
     ]);
     redraw(tools, [
       tool("zoom-in", "+", "Zoom in (plus key)", () => zoom(0.5)),
@@ -69,7 +80,18 @@ export function timeTab(app, root) {
       tool("earlier", "◀", "Earlier (shift and left arrow)", () => move(-0.5)),
       tool("later", "▶", "Later (shift and right arrow)", () => move(0.5)),
       tool("all", "All", "Show the whole flight (Home key, or double click)", all),
-      el("button", { type: "button", id: "drag", "aria-pressed": String(drag === "pan"), title: "Drag to move the range instead of zooming", "data-key": "drag", click: setDrag }, "drag moves"),
+      el(
+        "button",
+        {
+          type: "button",
+          id: "drag",
+          "aria-pressed": String(drag === "pan"),
+          title: "Drag to move the range instead of zooming",
+          "data-key": "drag",
+          click: setDrag,
+        },
+        "drag moves",
+      ),
     ]);
   }
 
@@ -82,14 +104,19 @@ export function timeTab(app, root) {
   /** @param {Channel[]} channels */
   function chosen(channels) {
     const wanted = app.view.channels;
-    const row = channels.filter((c) => (wanted ? wanted.includes(c.id) : app.view.ahead === 0 || FIRST_AHEAD.includes(c.group)));
+    const row = channels.filter((c) =>
+      wanted ? wanted.includes(c.id) : app.view.ahead === 0 || FIRST_AHEAD.includes(c.group),
+    );
     return row.length ? row : channels;
   }
 
   function drawChips() {
     const channels = shown?.first.channels ?? [];
     const on = chosen(channels).map((c) => c.id);
-    redraw(chips, chipsOf(channels, on, (ids) => app.look({ channels: ids.length ? ids : null })));
+    redraw(
+      chips,
+      chipsOf(channels, on, (ids) => app.look({ channels: ids.length ? ids : null })),
+    );
   }
 
   /** The range that is shown, s. @returns {[number, number]} */
@@ -115,7 +142,8 @@ export function timeTab(app, root) {
   /** Zooms about the cursor, or the middle. @param {number} factor @param {number} [about] */
   function zoom(factor, about) {
     const [from, to] = range();
-    const centre = about ?? (app.cursor !== null && app.cursor >= from && app.cursor <= to ? app.cursor : (from + to) / 2);
+    const centre =
+      about ?? (app.cursor !== null && app.cursor >= from && app.cursor <= to ? app.cursor : (from + to) / 2);
     show(centre - (centre - from) * factor, centre + (to - centre) * factor);
   }
 
@@ -153,7 +181,9 @@ export function timeTab(app, root) {
   function said() {
     if (!shown || app.cursor === null) return "";
     const at = nearest(shown.first.t, app.cursor);
-    const parts = chosen(shown.first.channels).map((c) => `${c.id.replace(/_/g, " ")} measured ${short(c.measured[at])}, predicted ${short(c.predicted[at])}`);
+    const parts = chosen(shown.first.channels).map(
+      (c) => `${c.id.replace(/_/g, " ")} measured ${short(c.measured[at])}, predicted ${short(c.predicted[at])}`,
+    );
     return `${seconds(app.cursor)}: ${parts.join("; ")}`;
   }
 
@@ -199,8 +229,20 @@ export function timeTab(app, root) {
     const [model, flight, second] = [app.current(), app.flight(), app.second()];
     if (!model || !flight) return;
     const [from, to] = range();
-    const width = Math.max(200, Math.round((layPanels(6, root.clientWidth, 0).plotWidth || 600) * Math.min(2, devicePixelRatio)));
-    const wanted = JSON.stringify([model.id, model.judged_on, second?.id, flight.name, from, to, width, app.view.ahead]);
+    const width = Math.max(
+      200,
+      Math.round((layPanels(6, root.clientWidth, 0).plotWidth || 600) * Math.min(2, devicePixelRatio)),
+    );
+    const wanted = JSON.stringify([
+      model.id,
+      model.judged_on,
+      second?.id,
+      flight.name,
+      from,
+      to,
+      width,
+      app.view.ahead,
+    ]);
     if (wanted === key && shown) {
       drawChips();
       return draw();
@@ -213,14 +255,28 @@ export function timeTab(app, root) {
     const { signal } = asked;
     box.setAttribute("aria-busy", "true");
     if (shown && !first) draw();
-    timer = window.setTimeout(() => app.act(ask(signal, { flight: flight.name, from, to, width, ahead: app.view.ahead || null }, model.id, second?.id ?? null)), first ? 0 : REST_MS);
+    timer = window.setTimeout(
+      () =>
+        app.act(
+          ask(
+            signal,
+            { flight: flight.name, from, to, width, ahead: app.view.ahead || null },
+            model.id,
+            second?.id ?? null,
+          ),
+        ),
+      first ? 0 : REST_MS,
+    );
   }
 
   /** @param {AbortSignal} signal @param {Record<string, any>} query @param {number} model @param {number|null} second */
   async function ask(signal, query, model, second) {
     const wanted = key;
     try {
-      const [one, two] = await Promise.all([get("/api/series", { model, ...query }, signal), second === null ? null : get("/api/series", { model: second, ...query }, signal)]);
+      const [one, two] = await Promise.all([
+        get("/api/series", { model, ...query }, signal),
+        second === null ? null : get("/api/series", { model: second, ...query }, signal),
+      ]);
       if (signal.aborted) return;
       shown = { first: one, second: two, all: app.span() };
       drawn = `${query.flight} ${query.ahead ?? 0}`;
@@ -245,7 +301,15 @@ export function timeTab(app, root) {
     await Plotly.react(
       plots,
       traces,
-      { ...layout(), ...axes, width: panels.width, height: panels.height, margin: { l: 0, r: 0, t: 0, b: 0 }, hovermode: false, dragmode: drag },
+      {
+        ...layout(),
+        ...axes,
+        width: panels.width,
+        height: panels.height,
+        margin: { l: 0, r: 0, t: 0, b: 0 },
+        hovermode: false,
+        dragmode: drag,
+      },
       CONFIG,
     );
     if (fresh) {
@@ -284,7 +348,9 @@ export function timeTab(app, root) {
           el("span", { class: "values" }),
         );
       }),
-      ...Array.from({ length: lay.columns }, (_, column) => el("div", { class: "cursor", "data-column": column, hidden: true })),
+      ...Array.from({ length: lay.columns }, (_, column) =>
+        el("div", { class: "cursor", "data-column": column, hidden: true }),
+      ),
       el("div", { class: "cursor-time", hidden: true }),
     );
     drawCursor();

@@ -32,7 +32,8 @@ export function whereTab(app, root) {
     const [model, second] = [app.current(), app.second()];
     if (!model) return;
     quantities = await app.quantities();
-    if (quantities.length && !quantities.some((q) => q.name === app.view.quantity)) app.view.quantity = quantities[0].name;
+    if (quantities.length && !quantities.some((q) => q.name === app.view.quantity))
+      app.view.quantity = quantities[0].name;
     drawControls();
     const { axis: of, quantity, over } = app.view;
     const wanted = JSON.stringify([model.id, model.judged_on, second?.id, of, quantity, over]);
@@ -62,9 +63,27 @@ export function whereTab(app, root) {
     const { view } = app;
     const flights = (app.state?.flights ?? []).filter((flight) => !flight.problem);
     redraw(controls, [
-      choice("Residual of", "where-axis", AXES.map((a) => [a, `${a}, ${AXIS_NAMES[a]}`]), view.axis, (value) => app.look({ axis: value })),
-      choice("against", "where-quantity", quantities.map((q) => [q.name, withUnit(q.name, q.unit)]), view.quantity, (value) => app.look({ quantity: value })),
-      choice("in", "where-flight", [["", "all judged flights"], ...flights.map((f) => /** @type {[string, string]} */ ([f.name, f.name]))], view.over, (value) => app.look({ over: value })),
+      choice(
+        "Residual of",
+        "where-axis",
+        AXES.map((a) => [a, `${a}, ${AXIS_NAMES[a]}`]),
+        view.axis,
+        (value) => app.look({ axis: value }),
+      ),
+      choice(
+        "against",
+        "where-quantity",
+        quantities.map((q) => [q.name, withUnit(q.name, q.unit)]),
+        view.quantity,
+        (value) => app.look({ quantity: value }),
+      ),
+      choice(
+        "in",
+        "where-flight",
+        [["", "all judged flights"], ...flights.map((f) => /** @type {[string, string]} */ ([f.name, f.name]))],
+        view.over,
+        (value) => app.look({ over: value }),
+      ),
     ]);
   }
 
@@ -92,7 +111,11 @@ export function whereTab(app, root) {
                   },
                   el("b", {}, row.axis),
                   el("span", { class: "condition" }, minus(row.condition)),
-                  el("span", { class: "track", "aria-hidden": "true" }, el("i", { style: `width: ${(100 * row.share_percent) / most}%` })),
+                  el(
+                    "span",
+                    { class: "track", "aria-hidden": "true" },
+                    el("i", { style: `width: ${(100 * row.share_percent) / most}%` }),
+                  ),
                   el("span", {}, `${percent(row.share_percent)}, ${short(row.rms)} ${unit(axisUnit(row.axis))}`),
                 ),
               ),
@@ -107,9 +130,17 @@ export function whereTab(app, root) {
     if (root.hidden || !maps.length || !root.clientWidth) return;
     const both = pair();
     if (both.length !== maps.length) return;
-    const looks = both.map((model) => ({ title: `${model.label} (model ${model.id})`, second: model === app.second() }));
+    const looks = both.map((model) => ({
+      title: `${model.label} (model ${model.id})`,
+      second: model === app.second(),
+    }));
     const { traces, shape } = figure(maps, looks, app.view);
-    await Plotly.react(plot, traces, { ...layout(), ...shape, width: root.clientWidth, height: Math.max(340, room(plot)) }, { ...CONFIG, doubleClick: "reset" });
+    await Plotly.react(
+      plot,
+      traces,
+      { ...layout(), ...shape, width: root.clientWidth, height: Math.max(340, room(plot)) },
+      { ...CONFIG, doubleClick: "reset" },
+    );
     summary.textContent = said(maps[looks.findIndex((look) => !look.second)], app.view);
   }
 
@@ -138,14 +169,27 @@ function figure(maps, looks, view) {
   maps.forEach((map, n) => {
     const id = n ? String(n + 1) : "";
     const domain = [n * share + (n ? 0.02 : 0), (n + 1) * share - (n < maps.length - 1 ? 0.02 : 0)];
-    shape[`xaxis${id}`] = axis({ domain, matches: n ? "x" : undefined, title: { text: plain(withUnit(view.quantity, map.quantity_unit)) } });
+    shape[`xaxis${id}`] = axis({
+      domain,
+      matches: n ? "x" : undefined,
+      title: { text: plain(withUnit(view.quantity, map.quantity_unit)) },
+    });
     shape[`yaxis${id}`] = axis({
       matches: n ? "y" : undefined,
       anchor: `x${id}`,
       showticklabels: !n,
       title: n ? undefined : { text: plain(withUnit(`residual of ${view.axis}`, map.unit)) },
     });
-    shape.annotations.push({ text: plain(looks[n].title), x: domain[0], y: 1, xref: "paper", yref: "paper", xanchor: "left", yanchor: "bottom", showarrow: false });
+    shape.annotations.push({
+      text: plain(looks[n].title),
+      x: domain[0],
+      y: 1,
+      xref: "paper",
+      yref: "paper",
+      xanchor: "left",
+      yanchor: "bottom",
+      showarrow: false,
+    });
     traces.push(cells(map, id, most), ...means(map, id, looks[n].second));
   });
   return { traces, shape };
