@@ -3,7 +3,7 @@
 import { AXES, ServerError, axisUnit, get } from "./api.js";
 import { el, redraw, table } from "./dom.js";
 import { VERDICTS } from "./models.js";
-import { known, pValue, percent, rmsFall, short, unit, withError } from "./numbers.js";
+import { given, known, pValue, percent, rmsFall, short, unit, withError } from "./numbers.js";
 
 /** @typedef {import("./api.js").Diagnosis} Diagnosis */
 /** @typedef {import("./api.js").Finding} Finding */
@@ -375,7 +375,7 @@ function evidence(why) {
           el("b", { class: c.met ? "good-text" : "bad-text" }, c.met ? "✓ met" : "✗ not met"),
           ` ${c.question}: `,
           el("b", {}, known(c.value) ? number(c.value, c.unit) : "unknown"),
-          `; needed: at ${c.at_most ? "most" : "least"} ${number(c.threshold, c.unit)}`,
+          `; needed: at ${c.at_most ? "most" : "least"} ${given(c.threshold)}${c.unit ? ` ${unit(c.unit)}` : ""}`,
         ),
       ),
     ),
@@ -397,7 +397,7 @@ function evidence(why) {
         why.coefficients.map((/** @type {any} */ c) => [
           c.name,
           `${withError(c.value, c.std_error)} ${unit(c.unit)}`,
-          c.possible ? `${short(c.possible[0])} to ${short(c.possible[1])}` : "–",
+          c.possible ? `${given(c.possible[0])} to ${given(c.possible[1])}` : "–",
         ]),
       ),
     why.alike?.length > 0 &&

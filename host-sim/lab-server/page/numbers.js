@@ -23,6 +23,7 @@ export const minus = (text) => text.replace(/-(?=[\d.])/g, "−");
 /** A unit: `m/s^2` becomes m/s², `1` nothing. @param {string|null|undefined} unit */
 export function unit(unit) {
   if (!unit || unit === "1") return "";
+  if (/\. /.test(unit)) return unit;
   return unit.replace(/\^(-?\d+)/g, (_, power) => raised(power)).replace(/ /g, "·");
 }
 
@@ -57,11 +58,18 @@ export function withError(value, error) {
   return power ? `(${pair})×10${raised(power)}` : pair;
 }
 
+/** A number that was chosen, such as a threshold: without the zeros at its end. @param {number} x */
+export const given = (x) => minus(String(Number(x.toPrecision(4))));
+
 /** A p-value. @param {number|null|undefined} p */
 export const pValue = (p) => (!known(p) ? "p unknown" : p < 1e-6 ? `p < 10${raised(-6)}` : `p = ${short(p, 2)}`);
 
 /** Percent, without digits that mean nothing. @param {number|null|undefined} x */
-export const percent = (x) => (!known(x) ? "–" : `${minus(Math.abs(x) < 10 ? x.toFixed(1) : x.toFixed(0))} %`);
+export function percent(x) {
+  if (!known(x)) return "–";
+  if (Math.abs(x) < 0.05) return "0 %";
+  return `${minus(Math.abs(x) < 10 ? x.toFixed(1) : x.toFixed(0))} %`;
+}
 
 /** By how much the root mean square falls from one sum of squares to another, percent. @param {number|null|undefined} before @param {number|null|undefined} after */
 export function rmsFall(before, after) {
