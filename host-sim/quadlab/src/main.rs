@@ -9,6 +9,7 @@
 
 mod cli;
 mod commands;
+mod lab;
 mod render;
 
 use std::process::ExitCode;
@@ -37,6 +38,7 @@ struct Arguments {
 enum Command {
     Init(init::Options),
     Import(import::Options),
+    Lab(commands::lab::Options),
     Identify(identify::Options),
     Compare(compare::Options),
     Diagnose(diagnose::Options),
@@ -65,6 +67,7 @@ fn main() -> ExitCode {
     let outcome = match arguments.command {
         Command::Init(options) => init::run(&options),
         Command::Import(options) => import::run(&options),
+        Command::Lab(options) => commands::lab::run(&options),
         Command::Identify(options) => identify::run(&options),
         Command::Compare(options) => compare::run(&options),
         Command::Diagnose(options) => diagnose::run(&options),

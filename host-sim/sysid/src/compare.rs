@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::fit::has_rotation;
-pub use crate::fit::open_loop::{HorizonError, LONGEST_HORIZON, open_loop};
+pub use crate::fit::open_loop::{Ahead, HorizonError, LONGEST_HORIZON, open_loop, predict_ahead};
 use crate::fit::open_loop::{open_loop_of_cleaned, sum_of_horizons};
 use crate::prepare::{Alignment, Prepared};
 use crate::{Residuals, errors, residuals};

@@ -15,6 +15,7 @@ use crate::observer::{Observer, Progress, Silent};
 use crate::workflow::error::WorkflowError;
 
 /// A flight, read and prepared.
+#[derive(Clone)]
 pub struct LoadedFlight {
     /// The file as the user gave it; the name of a flight that is no file.
     pub path: PathBuf,

@@ -35,3 +35,4 @@ pub use loaded::{LoadedFlight, Reading, import_log, names, sha256};
 pub use mends::{MapToWrite, mends};
 pub use record::{rotation_refused, shown_record};
 pub use sets::{FlightSets, FlightsOfOneKind, HeldOutFlights, TrainingFlights};
+pub use split::is_held_out;

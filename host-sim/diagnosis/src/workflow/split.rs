@@ -36,7 +36,8 @@ pub(crate) fn split<'a>(
     Ok((train, validate))
 }
 
-fn is_held_out(index: usize) -> bool {
+/// Whether of several flights the one of this number, counted from 0, is to judge by.
+pub fn is_held_out(index: usize) -> bool {
     index % 3 == 1
 }
 

@@ -8,6 +8,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::cli::colour;
+use crate::cli::effect_names::{known_effect, listed};
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::SetOptions;
 use crate::cli::model_files::read_model;
@@ -55,8 +56,6 @@ pub(crate) struct Options {
 /// Why an effect cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum AddError {
-    #[error("unknown effect \"{effect}\"; known are {known}")]
-    Unknown { effect: String, known: String },
     #[error("{}: already has the effect \"{effect}\"; its effects are {there}", model.display())]
     AlreadyThere { model: PathBuf, effect: Effect, there: String },
 }
@@ -85,17 +84,6 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         faults::warn(&sets.faults);
         Ok(text(options, &added))
     }
-}
-
-pub(crate) fn known_effect(id: &str) -> Result<Effect, AddError> {
-    Effect::from_id(id).ok_or_else(|| {
-        let candidates: Vec<Effect> = Effect::candidates().collect();
-        AddError::Unknown { effect: id.into(), known: listed(&candidates) }
-    })
-}
-
-fn listed(effects: &[Effect]) -> String {
-    effects.iter().map(|e| e.id()).collect::<Vec<_>>().join(", ")
 }
 
 fn text(options: &Options, added: &Added) -> Outcome {

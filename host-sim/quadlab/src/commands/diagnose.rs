@@ -6,6 +6,7 @@ use diagnosis::workflow::{self, FlightsOfOneKind};
 use diagnosis::{Diagnosis, Verdict};
 
 use crate::cli::colour;
+use crate::cli::effect_names::{UnknownEffect, known_effect};
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::{self, SetOptions};
 use crate::cli::model_files::read_model;
@@ -76,9 +77,8 @@ pub(crate) struct WithoutOptions {
 
 impl WithoutOptions {
     /// What to diagnose with.
-    pub(crate) fn options(&self) -> Result<diagnosis::Options, crate::commands::add::AddError> {
-        let without =
-            self.without.iter().map(|id| crate::commands::add::known_effect(id)).collect::<Result<_, _>>()?;
+    pub(crate) fn options(&self) -> Result<diagnosis::Options, UnknownEffect> {
+        let without = self.without.iter().map(|id| known_effect(id)).collect::<Result<_, _>>()?;
         Ok(diagnosis::Options { without })
     }
 }
@@ -109,7 +109,7 @@ fn run_missing(options: &Options, sets: &SetOptions) -> anyhow::Result<Outcome> 
     let effects = options.effects.read()?;
     let model = read_model(&options.model)?;
     let search = options.without.options()?;
-    let asked = options.why.as_deref().map(crate::commands::add::known_effect).transpose()?;
+    let asked = options.why.as_deref().map(known_effect).transpose()?;
     let terminal = Terminal::new(options.output.json);
     options.faults.apply(&files.paths(), &model.vehicle)?;
     let mut sets = files.read(&model.vehicle, options.faults.reading()?, &terminal)?;
@@ -144,7 +144,7 @@ fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
     let effects = options.effects.read()?;
     let model = read_model(&options.model)?;
     let search = options.without.options()?;
-    let asked = options.why.as_deref().map(crate::commands::add::known_effect).transpose()?;
+    let asked = options.why.as_deref().map(known_effect).transpose()?;
     let terminal = Terminal::new(options.output.json);
     options.faults.apply(&files.iter().collect::<Vec<_>>(), &model.vehicle)?;
     let mut changed = FlightsOfOneKind::read(&files, &model.vehicle, options.faults.reading()?, &terminal)?;

@@ -15,6 +15,7 @@ pub(crate) mod ground;
 pub(crate) mod identify;
 pub(crate) mod import;
 pub(crate) mod init;
+pub(crate) mod lab;
 pub(crate) mod linearize;
 pub(crate) mod motor_map;
 pub(crate) mod plan;

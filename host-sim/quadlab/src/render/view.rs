@@ -52,6 +52,11 @@ impl View {
         &self.residuals.residual[axis.index()]
     }
 
+    /// All quantities that residuals are judged by.
+    pub(crate) fn conditions(&self) -> impl Iterator<Item = &Condition> {
+        self.conditions.iter()
+    }
+
     /// A quantity that residuals are judged by, over the rows.
     pub(crate) fn condition(&self, name: &str) -> Option<&Condition> {
         self.conditions.iter().find(|condition| condition.name == name)

@@ -141,6 +141,63 @@ fn add_rollouts(
     starts
 }
 
+/// What was measured and what was predicted the same number of samples ahead, at each sample of a flight that can be reached.
+#[derive(Debug, Clone, Default)]
+pub struct Ahead {
+    /// Time of the sample, s.
+    pub time_s: Vec<f64>,
+    /// Measured: position NED in m, body velocity in m/s, roll, pitch and yaw in rad, body rates in rad/s.
+    pub measured: [Vec<f64>; 12],
+    /// The same, predicted.
+    pub predicted: [Vec<f64>; 12],
+}
+
+/// Predicts a flight `samples` ahead of every sample, at most [`LONGEST_HORIZON`], with nothing but the rotor speeds. Yaw is
+/// given without turns that the measured yaw does not make.
+pub fn predict_ahead(model: &Model, flight: &Prepared, samples: usize) -> Ahead {
+    let samples = samples.clamp(1, LONGEST_HORIZON);
+    let plant = Plant::new(model);
+    let trim = flight.trim.as_ref().map_or([0.0; 6], |trim| trim.value);
+    let mut ahead = Ahead::default();
+    for stretch in &flight.stretches {
+        let states = reference_states(model, flight, stretch);
+        let rotor_mean_rad_s = mean_rotor_speeds(model, flight, stretch);
+        let track = Track {
+            states: &states,
+            rotor_mean_rad_s: &rotor_mean_rad_s,
+            stretch,
+            period_s: flight.period_s,
+            turns: has_rotation(model),
+        };
+        for start in flight.margin..(states.len() - flight.margin).saturating_sub(samples) {
+            let mut last = states[start];
+            track.roll_out(&plant, &trim, start, samples, |_, state| last = *state);
+            ahead.time_s.push(stretch.time_s[start + samples]);
+            let measured = values_of(&states[start + samples]);
+            let predicted = values_of(&last);
+            for (place, (measured, predicted)) in measured.into_iter().zip(predicted).enumerate() {
+                let is_angle = (6..9).contains(&place);
+                let near = if is_angle { measured + without_turns(predicted - measured) } else { predicted };
+                ahead.measured[place].push(measured);
+                ahead.predicted[place].push(near);
+            }
+        }
+    }
+    ahead
+}
+
+/// The angle without whole turns, rad.
+fn without_turns(angle: f64) -> f64 {
+    angle.sin().atan2(angle.cos())
+}
+
+/// Position, body velocity, angles and rates of a state.
+fn values_of(state: &State) -> [f64; 12] {
+    let euler = frames::euler_from_dcm(&frames::dcm_from_quaternion(&state.attitude));
+    let parts = [state.position_ned_m, state.velocity_m_s, euler, state.rate_rad_s];
+    std::array::from_fn(|place| parts[place / 3][place % 3])
+}
+
 /// Velocity over ground, inertial NED, m/s.
 pub(crate) fn velocity_ned_m_s(state: &State) -> Vector3<f64> {
     frames::dcm_from_quaternion(&state.attitude).tr_mul(&state.velocity_m_s)
@@ -322,6 +379,25 @@ mod tests {
         let error = open_loop(&model, &[&flight])[49];
         assert!(error.position_m < 0.005, "{error:?}");
         assert!(error.attitude_rad.is_nan() && error.rate_rad_s.is_nan());
+    }
+
+    #[test]
+    fn the_true_model_predicts_every_quantity_and_a_heavier_one_sinks() {
+        let model = truth();
+        let flight = flown(&model);
+        let right = predict_ahead(&model, &flight, 50);
+        assert_eq!(right.time_s.len(), right.predicted[11].len());
+        for (measured, predicted) in std::iter::zip(&right.measured, &right.predicted) {
+            let worst = std::iter::zip(measured, predicted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(worst < 0.1, "{worst}");
+        }
+        let mut weak = model.clone();
+        let thrust = 0.9 * model.term(Effect::Thrust).unwrap().coefficients[0].value;
+        weak.set(Effect::Thrust, &[thrust]);
+        let low = predict_ahead(&weak, &flight, 50);
+        let sunk: f64 = std::iter::zip(&low.predicted[2], &low.measured[2]).map(|(p, m)| p - m).sum();
+        // A tenth of gravity for half a second.
+        assert!((sunk / low.time_s.len() as f64 - 0.123).abs() < 0.015, "{sunk}");
     }
 
     #[test]

@@ -1,0 +1,112 @@
+//! The flights of the folder as the page lists them.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use diagnosis::workflow::{FlightsOfOneKind, LoadedFlight, Observer, Reading};
+use model::{Model, Vehicle};
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+/// What a flight is used for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Use {
+    /// Fitted on.
+    Train,
+    /// Held out, to judge by.
+    Validate,
+    /// Left out.
+    None,
+}
+
+/// A file with one flight, or a log with one or more.
+#[derive(Clone)]
+pub(super) struct FlightFile {
+    pub(super) path: PathBuf,
+    pub(super) name: String,
+    pub(super) used: Use,
+    /// Its flights, or why there are none.
+    pub(super) flights: Arc<Result<Vec<LoadedFlight>, String>>,
+    /// What the page shows of it, drawn once.
+    summary: Value,
+}
+
+/// Points of a sparkline.
+const SPARK: usize = 120;
+
+impl FlightFile {
+    /// Reads and checks a file; faults that commands refuse are told, so that they can be looked at.
+    pub(super) fn read(path: &Path, vehicle: &Vehicle, used: Use, observer: &dyn Observer) -> Self {
+        let reading = Reading { accept_faults: true, ..Reading::default() };
+        let read = FlightsOfOneKind::read(&[path.to_owned()], vehicle, reading, observer);
+        let flights = read.map(|all| all.flights).map_err(|error| error.to_string());
+        let summary = summary(&flights, vehicle);
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Self { path: path.to_owned(), name, used, flights: Arc::new(flights), summary }
+    }
+
+    /// Whether it can be used at all.
+    pub(super) fn is_usable(&self) -> bool {
+        self.flights.is_ok()
+    }
+
+    /// What the page shows.
+    pub(super) fn entry(&self) -> Value {
+        let mut entry = self.summary.clone();
+        entry["name"] = json!(self.name);
+        entry["set"] = json!(if self.is_usable() { self.used } else { Use::None });
+        entry
+    }
+}
+
+fn summary(flights: &Result<Vec<LoadedFlight>, String>, vehicle: &Vehicle) -> Value {
+    let flights = match flights {
+        Ok(flights) => flights,
+        Err(why) => {
+            return json!({ "problem": why, "flights": [], "faults": [], "columns": [], "parts": [], "height": [], "battery": [] });
+        }
+    };
+    let adjust = Model::new(vehicle.clone()).adjustments();
+    let (mut height, mut battery) = (Vec::new(), Vec::new());
+    for LoadedFlight { prepared, .. } in flights {
+        let seen = prepared.conditions(vehicle, &adjust);
+        let [_, _, down] = &seen.position_ned_m;
+        height.extend(seen.time_s.iter().copied().zip(down.iter().map(|z| -z)));
+        if prepared.has_voltage {
+            battery.extend(seen.time_s.iter().copied().zip(seen.battery_v.iter().copied()));
+        }
+    }
+    let parts: Vec<[f64; 2]> = flights.iter().flat_map(|flight| flight.taken.parts.iter().copied()).collect();
+    let period_s = flights.iter().map(|flight| flight.prepared.period_s).fold(0.0, f64::max);
+    json!({
+        "problem": null,
+        "flights": flights.iter().map(|flight| flight.prepared.name.as_str()).collect::<Vec<_>>(),
+        "duration_s": parts.iter().map(|[from, to]| to - from).sum::<f64>(),
+        "rate_hz": 1.0 / period_s,
+        "rows": flights.iter().map(|flight| flight.prepared.rows()).sum::<usize>(),
+        "columns": columns(flights),
+        "parts": parts,
+        "faults": flights.iter().flat_map(|flight| &flight.faults).collect::<Vec<_>>(),
+        "height": thinned(&height),
+        "battery": thinned(&battery),
+    })
+}
+
+/// What was measured in all of the flights.
+fn columns(flights: &[LoadedFlight]) -> Vec<&'static str> {
+    let all = |has: fn(&sysid::Prepared) -> bool| flights.iter().all(|flight| has(&flight.prepared));
+    let asked = [
+        ("position", all(|flight| flight.has_position)),
+        ("logged velocity", all(|flight| flight.has_logged_velocity)),
+        ("accelerometer", all(|flight| flight.force_target == sysid::ForceTarget::Imu)),
+        ("motor commands", all(|flight| flight.has_commands)),
+        ("rotor speeds", all(sysid::Prepared::has_rotor_speeds)),
+        ("battery voltage", all(|flight| flight.has_voltage)),
+    ];
+    asked.into_iter().filter(|(_, has)| *has).map(|(name, _)| name).collect()
+}
+
+fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    points.iter().copied().step_by(points.len().div_ceil(SPARK).max(1)).collect()
+}

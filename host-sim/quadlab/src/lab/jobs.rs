@@ -1,0 +1,189 @@
+//! Long work: one job at a time, on a thread of its own, so that looking is never blocked.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use diagnosis::workflow::{self, Explanation, FlightSets, WorkflowError};
+use diagnosis::{Diagnosis, Options};
+use model::{Effect, Model, Vehicle};
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use super::node::Node;
+use super::refused::Refused;
+use super::session::{Job, Session, Telling};
+use crate::cli::effect_names::known_effect;
+
+/// What the page asks for.
+#[derive(Debug, Deserialize)]
+#[serde(tag = "do", rename_all = "lowercase", deny_unknown_fields)]
+pub(super) enum Task {
+    /// Fit the basic model.
+    Identify,
+    /// Which effect does a model lack?
+    Diagnose { model: u32 },
+    /// Add an effect to a model.
+    Add { model: u32, effect: String },
+    /// All of it, until nothing supported is missing.
+    Explain,
+}
+
+impl Task {
+    fn kind(&self) -> &'static str {
+        match self {
+            Self::Identify => "identify",
+            Self::Diagnose { .. } => "diagnose",
+            Self::Add { .. } => "add",
+            Self::Explain => "explain",
+        }
+    }
+}
+
+/// Starts a job; another one may not be running.
+pub(super) fn start(session: &Arc<Session>, task: Task) -> Result<(), Refused> {
+    let kind = task.kind();
+    let cancel = Arc::new(AtomicBool::new(false));
+    let vehicle = {
+        let mut state = session.lock();
+        if let Some(job) = &state.job {
+            return Err(Refused(format!("{} is running: wait for it or cancel it", job.kind)));
+        }
+        let Some(vehicle) = state.vehicle.clone() else {
+            return Err(Refused(
+                "there is no vehicle file yet: put a vehicle.toml beside the flights".into(),
+            ));
+        };
+        state.job = Some(Job { kind, activity: "starting".into(), steps: None, cancel: cancel.clone() });
+        vehicle
+    };
+    session.events.changed();
+    let (session, cancel) = (session.clone(), Some(cancel));
+    std::thread::spawn(move || {
+        let work = Work {
+            session: &session,
+            vehicle: &vehicle,
+            telling: Telling { session: &session, kind, cancel },
+        };
+        // A bug in the work must not leave a page that waits for ever.
+        let done = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| work.run(task)));
+        let done =
+            done.unwrap_or_else(|_| Err(Refused(format!("{kind} has failed: this is a bug of quadlab"))));
+        session.lock().job = None;
+        session.events.changed();
+        session.events.tell("finished", json!({ "do": kind, "error": done.err().map(|error| error.0) }));
+    });
+    Ok(())
+}
+
+/// Asks the job that runs to stop.
+pub(super) fn cancel(session: &Session) {
+    if let Some(job) = &session.lock().job {
+        job.cancel.store(true, Ordering::Relaxed);
+    }
+}
+
+struct Work<'a> {
+    session: &'a Session,
+    vehicle: &'a Vehicle,
+    telling: Telling<'a>,
+}
+
+impl Work<'_> {
+    fn run(&self, task: Task) -> Result<(), Refused> {
+        match task {
+            Task::Identify => self.identify().map(|_| ()),
+            Task::Diagnose { model } => self.diagnose(model),
+            Task::Add { model, effect } => self.add(model, &effect),
+            Task::Explain => self.explain(),
+        }
+    }
+
+    fn sets(&self) -> Result<FlightSets, Refused> {
+        self.session.sets(self.vehicle, &self.telling)
+    }
+
+    fn identify(&self) -> Result<u32, Refused> {
+        let mut sets = self.sets()?;
+        let identified =
+            workflow::identify(self.vehicle, &[], &mut sets, None, &self.telling).map_err(refused)?;
+        let before = format!("identify{}", self.session.vehicle_option());
+        let command = self.session.command(&before, "--out lab/model-1.toml");
+        self.session.add_node(|id| Node {
+            command: command.replace("model-1", &format!("model-{id}")),
+            ..Node::of(id, None, identified.model)
+        })
+    }
+
+    fn diagnose(&self, id: u32) -> Result<(), Refused> {
+        let model = self.session.node(id)?.model;
+        let mut sets = self.sets()?;
+        let diagnosis = workflow::diagnose(&model, &[], &mut sets, &Options::default(), &self.telling)
+            .map_err(refused)?;
+        self.session.set_diagnosis(id, document(&diagnosis))
+    }
+
+    fn add(&self, id: u32, effect: &str) -> Result<(), Refused> {
+        let parent = self.session.node(id)?;
+        let effect = known_effect(effect).map_err(|error| Refused::from(&error))?;
+        if parent.model.has(effect) {
+            return Err(Refused(format!("the model has {effect} already")));
+        }
+        let mut sets = self.sets()?;
+        let added = workflow::add(&parent.model, effect, &mut sets, None, &self.telling).map_err(refused)?;
+        let before = format!("add --model lab/model-{id}.toml --effect {effect}");
+        let command = self.session.command(&before, "--out lab/model-NEW.toml");
+        let supported = Some(added.addition.finding.supported);
+        self.keep(Some((id, effect)), supported, added.model, &command)?;
+        Ok(())
+    }
+
+    fn keep(
+        &self,
+        from: Option<(u32, Effect)>,
+        supported: Option<bool>,
+        model: Model,
+        command: &str,
+    ) -> Result<u32, Refused> {
+        self.session.add_node(|id| Node {
+            supported,
+            command: command.replace("model-NEW", &format!("model-{id}")),
+            ..Node::of(id, from, model)
+        })
+    }
+
+    fn explain(&self) -> Result<(), Refused> {
+        let mut sets = self.sets()?;
+        let explanation =
+            workflow::explain(self.vehicle, &[], &mut sets, &Options::default(), None, &self.telling)
+                .map_err(refused)?;
+        let before = format!("explain{}", self.session.vehicle_option());
+        let command = self.session.command(&before, "--out lab/model-NEW.toml");
+        self.keep_steps(explanation, &command)
+    }
+
+    /// Each step as a model, with what was found in it.
+    fn keep_steps(&self, explanation: Explanation, command: &str) -> Result<(), Refused> {
+        let mut id = self.keep(None, None, explanation.basic, command)?;
+        for step in explanation.steps {
+            self.session.set_diagnosis(id, document(&step.diagnosis))?;
+            let supported = Some(step.addition.finding.supported);
+            id = self.keep(Some((id, step.effect)), supported, step.model, command)?;
+        }
+        self.session.set_diagnosis(id, document(&explanation.last_diagnosis))
+    }
+}
+
+fn refused(error: WorkflowError) -> Refused {
+    match error {
+        WorkflowError::Cancelled => Refused("cancelled".into()),
+        other => Refused::from(&other),
+    }
+}
+
+/// A diagnosis as `quadlab diagnose --json` gives it, with what each effect is.
+fn document(diagnosis: &Diagnosis) -> Value {
+    let mut document = serde_json::to_value(diagnosis).unwrap_or_default();
+    let sentence = |effect: Effect| (effect.id().to_owned(), json!(effect.info().sentence));
+    document["sentences"] = diagnosis.effects.iter().map(|finding| sentence(finding.effect)).collect();
+    document
+}

@@ -1,0 +1,20 @@
+//! `quadlab lab`: the whole loop on a page in the browser, served on this machine alone.
+//!
+//! The page calls the one workflow (`diagnosis::workflow`) and draws what it returns; nothing here computes a verdict. What
+//! the user did lies in `lab/` beside the flights: models as ordinary model files, diagnoses as JSON, and `state.json`.
+
+mod assets;
+mod events;
+mod flights;
+mod guard;
+mod jobs;
+mod node;
+mod numbers;
+mod refused;
+mod routes;
+mod server;
+mod session;
+mod store;
+mod views;
+
+pub(crate) use server::{Options, serve};

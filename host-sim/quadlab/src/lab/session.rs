@@ -1,0 +1,318 @@
+//! What the server knows: flights, models that came of each other, the job that runs.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use diagnosis::workflow::{FlightSets, Observer, Progress, Reading, WorkflowError, is_held_out};
+use model::Vehicle;
+use rayon::prelude::*;
+use serde_json::{Value, json};
+
+use super::events::Events;
+use super::flights::{FlightFile, Use};
+use super::node::Node;
+use super::refused::Refused;
+use super::store::{Saved, Store, StoreError};
+use super::views::ModelView;
+use crate::cli::flights::flights_in;
+use crate::cli::model_files::{VEHICLE, vehicle_of};
+
+/// Models that are held ready to be looked at.
+const VIEWS: usize = 3;
+
+/// The job that runs, and how far it is.
+#[derive(Debug, Clone)]
+pub(super) struct Job {
+    pub(super) kind: &'static str,
+    pub(super) activity: String,
+    pub(super) steps: Option<(usize, usize)>,
+    pub(super) cancel: Arc<AtomicBool>,
+}
+
+#[derive(Default)]
+pub(super) struct State {
+    pub(super) vehicle: Option<Vehicle>,
+    /// Why nothing can be fitted.
+    problem: Option<String>,
+    reading: bool,
+    pub(super) files: Vec<FlightFile>,
+    pub(super) nodes: Vec<Node>,
+    pub(super) current: Option<u32>,
+    pub(super) job: Option<Job>,
+    views: VecDeque<(u32, Arc<ModelView>)>,
+}
+
+/// A folder of flights that is open.
+pub(super) struct Session {
+    pub(super) folder: PathBuf,
+    pub(super) events: Events,
+    store: Store,
+    state: Mutex<State>,
+    chosen: Mutex<BTreeMap<String, Use>>,
+}
+
+impl Session {
+    /// Opens a folder, with what was done in it before.
+    pub(super) fn open(folder: &Path) -> Result<Self, StoreError> {
+        let store = Store::open(folder)?;
+        let (saved, nodes) = store.read()?;
+        let current = saved.current.filter(|id| nodes.iter().any(|node| node.id == *id));
+        let state = State { nodes, current, reading: true, ..State::default() };
+        Ok(Self {
+            folder: folder.to_owned(),
+            events: Events::new(),
+            store,
+            state: Mutex::new(state),
+            chosen: Mutex::new(saved.chosen),
+        })
+    }
+
+    /// Nothing is left half-done where a thread ended early: what it holds is replaced whole.
+    pub(super) fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Reads vehicle and flights of the folder.
+    pub(super) fn read_flights(&self) {
+        match self.try_read_flights() {
+            Ok(()) => self.lock().problem = None,
+            Err(error) => self.lock().problem = Some(format!("{error:#}")),
+        }
+        self.lock().reading = false;
+        self.events.changed();
+    }
+
+    fn try_read_flights(&self) -> anyhow::Result<()> {
+        let paths = flights_in(&self.folder)?;
+        let telling = Telling { session: self, kind: "reading", cancel: None };
+        let named = [self.folder.clone()];
+        let (vehicle, _) = vehicle_of(None, named.iter(), &paths.iter().collect::<Vec<_>>(), &telling)?;
+        self.lock().vehicle = Some(vehicle.clone());
+        let mut files: Vec<FlightFile> =
+            paths.par_iter().map(|path| FlightFile::read(path, &vehicle, Use::None, &telling)).collect();
+        let chosen = self.chosen.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        for (index, file) in files.iter_mut().filter(|file| file.is_usable()).enumerate() {
+            let automatic = if is_held_out(index) { Use::Validate } else { Use::Train };
+            file.used = chosen.get(&file.name).copied().unwrap_or(automatic);
+        }
+        self.lock().files = files;
+        Ok(())
+    }
+
+    /// What the page shows.
+    pub(super) fn document(&self) -> Value {
+        let state = self.lock();
+        let usable = state.files.iter().filter(|file| file.is_usable()).count();
+        let problem = state.problem.clone().or_else(|| {
+            (!state.reading && usable == 0)
+                .then(|| "none of the files in this folder is a flight that can be used".into())
+        });
+        json!({
+            "folder": self.folder.display().to_string(),
+            "vehicle": state.vehicle.as_ref().map(|vehicle| json!({ "name": vehicle.name })),
+            "problem": problem,
+            "reading": state.reading,
+            "flights": state.files.iter().map(|file| file.entry()).collect::<Vec<_>>(),
+            "models": state.nodes.iter().map(Node::entry).collect::<Vec<_>>(),
+            "current": state.current,
+            "job": state.job.as_ref().map(Job::entry),
+        })
+    }
+
+    /// What a flight is used for from now on.
+    pub(super) fn choose(&self, name: &str, used: Use) -> Result<(), Refused> {
+        {
+            let mut state = self.lock();
+            let Some(file) = state.files.iter_mut().find(|file| file.name == name) else {
+                return Err(Refused(format!("{name}: there is no such flight in this folder")));
+            };
+            file.used = used;
+        }
+        self.chosen.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_owned(), used);
+        self.save()?;
+        self.events.changed();
+        Ok(())
+    }
+
+    /// Looks at another model.
+    pub(super) fn go_to(&self, id: u32) -> Result<(), Refused> {
+        {
+            let mut state = self.lock();
+            if !state.nodes.iter().any(|node| node.id == id) {
+                return Err(Refused(format!("there is no model {id}: load the page again")));
+            }
+            state.current = Some(id);
+        }
+        self.save()?;
+        self.events.changed();
+        Ok(())
+    }
+
+    /// A model.
+    pub(super) fn node(&self, id: u32) -> Result<Node, Refused> {
+        let state = self.lock();
+        let node = state.nodes.iter().find(|node| node.id == id).cloned();
+        node.ok_or_else(|| Refused(format!("there is no model {id}: load the page again")))
+    }
+
+    /// Keeps a new model, and looks at it.
+    pub(super) fn add_node(&self, node: impl FnOnce(u32) -> Node) -> Result<u32, Refused> {
+        let id = {
+            let mut state = self.lock();
+            let id = state.nodes.iter().map(|node| node.id).max().unwrap_or(0) + 1;
+            let node = node(id);
+            self.store.write_node(&node).map_err(|error| Refused::from(&error))?;
+            state.nodes.push(node);
+            state.current = Some(id);
+            id
+        };
+        self.save()?;
+        Ok(id)
+    }
+
+    /// Keeps what was found in a model.
+    pub(super) fn set_diagnosis(&self, id: u32, diagnosis: Value) -> Result<(), Refused> {
+        let mut state = self.lock();
+        if let Some(node) = state.nodes.iter_mut().find(|node| node.id == id) {
+            node.diagnosis = Some(diagnosis);
+            self.store.write_node(node).map_err(|error| Refused::from(&error))?;
+        }
+        Ok(())
+    }
+
+    fn save(&self) -> Result<(), Refused> {
+        let chosen = self.chosen.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let state = self.lock();
+        let saved =
+            Saved { chosen, models: state.nodes.iter().map(Into::into).collect(), current: state.current };
+        self.store.write(&saved).map_err(|error| Refused::from(&error))
+    }
+
+    /// Files to fit on and files to judge by.
+    pub(super) fn files(&self) -> [Vec<PathBuf>; 2] {
+        let state = self.lock();
+        [Use::Train, Use::Validate].map(|used| {
+            let of = state.files.iter().filter(|file| file.used == used && file.is_usable());
+            of.map(|file| file.path.clone()).collect()
+        })
+    }
+
+    /// The flights of a job; a single one is split by blocks of time, as by every command.
+    pub(super) fn sets(&self, vehicle: &Vehicle, observer: &dyn Observer) -> Result<FlightSets, Refused> {
+        let [train, validate] = self.files();
+        let sets = match (&train[..], &validate[..]) {
+            ([only], []) | ([], [only]) => {
+                FlightSets::split(std::slice::from_ref(only), vehicle, Reading::default(), observer)
+            }
+            ([], _) => return Err(Refused("no flight is chosen to fit on: choose one in the table".into())),
+            (_, []) => {
+                return Err(Refused("no flight is held out to judge by: choose one in the table".into()));
+            }
+            _ => FlightSets::read(&train, &validate, vehicle, Reading::default(), observer),
+        };
+        sets.map_err(|error: WorkflowError| Refused::from(&error))
+    }
+
+    /// The command that takes the same flights, with what comes before and after them.
+    pub(super) fn command(&self, before: &str, after: &str) -> String {
+        let [train, validate] = self.files();
+        let names = |paths: &[PathBuf]| -> String {
+            let names =
+                paths.iter().filter_map(|path| path.file_name()).map(|name| quoted(&name.to_string_lossy()));
+            names.collect::<Vec<_>>().join(" ")
+        };
+        let sets = match (&train[..], &validate[..]) {
+            (all, []) | ([], all) => names(all),
+            _ => format!("--train {} --validate {}", names(&train), names(&validate)),
+        };
+        format!("quadlab {before} {sets} {after}")
+    }
+
+    /// ` --vehicle vehicle.toml`, where there is one.
+    pub(super) fn vehicle_option(&self) -> &'static str {
+        if self.folder.join(VEHICLE).is_file() { " --vehicle vehicle.toml" } else { "" }
+    }
+
+    /// A model held against all flights that can be used.
+    pub(super) fn view(&self, id: u32) -> Result<Arc<ModelView>, Refused> {
+        if let Some(view) = self.lock().views.iter().find(|(known, _)| *known == id) {
+            return Ok(view.1.clone());
+        }
+        let model = self.node(id)?.model;
+        let flights = {
+            let state = self.lock();
+            state
+                .files
+                .iter()
+                .filter_map(|file| file.flights.as_ref().as_ref().ok())
+                .flatten()
+                .cloned()
+                .collect()
+        };
+        let view = Arc::new(ModelView::new(&model, flights).map_err(|error| Refused::from(&error))?);
+        let mut state = self.lock();
+        state.views.push_front((id, view.clone()));
+        state.views.truncate(VIEWS);
+        Ok(view)
+    }
+}
+
+/// A word of a shell.
+fn quoted(name: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "._-/".contains(c);
+    if name.chars().all(is_plain) { name.to_owned() } else { format!("'{}'", name.replace('\'', r"'\''")) }
+}
+
+impl Job {
+    pub(super) fn entry(&self) -> Value {
+        json!({
+            "do": self.kind,
+            "activity": self.activity,
+            "done": self.steps.map(|(done, _)| done),
+            "all": self.steps.map(|(_, all)| all),
+        })
+    }
+}
+
+/// Tells the pages how far a job is, and the job whether to stop.
+pub(super) struct Telling<'a> {
+    pub(super) session: &'a Session,
+    pub(super) kind: &'static str,
+    pub(super) cancel: Option<Arc<AtomicBool>>,
+}
+
+impl Observer for Telling<'_> {
+    fn progress(&self, progress: Progress<'_>) {
+        let told = json!({
+            "do": self.kind,
+            "activity": progress.activity,
+            "done": progress.steps.map(|(done, _)| done),
+            "all": progress.steps.map(|(_, all)| all),
+        });
+        self.session.events.tell("progress", told);
+        if let Some(job) = &mut self.session.lock().job {
+            (job.activity, job.steps) = (progress.activity.to_owned(), progress.steps);
+        }
+    }
+
+    fn warning(&self, sentence: &str) {
+        self.session.events.tell("warning", json!({ "sentence": sentence }));
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.cancel.as_ref().is_some_and(|cancel| cancel.load(Ordering::Relaxed))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::quoted;
+
+    #[test]
+    fn a_shell_takes_a_name_for_one_word() {
+        assert_eq!(quoted("run-1.csv"), "run-1.csv");
+        assert_eq!(quoted("it's $HOME.csv"), r"'it'\''s $HOME.csv'");
+    }
+}

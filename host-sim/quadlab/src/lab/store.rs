@@ -1,0 +1,137 @@
+//! What the lab keeps beside the flights, in `lab/`: written whole or not at all, by one server at a time.
+
+use std::fs::{File, TryLockError};
+use std::path::{Path, PathBuf};
+
+use model::Model;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::flights::Use;
+use super::node::Node;
+
+const FOLDER: &str = "lab";
+const STATE: &str = "state.json";
+const LOCK: &str = "lock";
+
+/// The folder, held by this server.
+#[derive(Debug)]
+pub(super) struct Store {
+    folder: PathBuf,
+    /// Whoever has it has the folder; the system lets go of it however the program ends.
+    _lock: File,
+}
+
+/// Why a folder cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum StoreError {
+    #[error("{}: another lab has this folder open: use its page, or end it first", .0.display())]
+    Taken(PathBuf),
+    #[error("{}: cannot be written: {source}; the lab keeps its models there", path.display())]
+    Io { path: PathBuf, source: std::io::Error },
+    #[error("{}: {why}; move the folder away to begin anew", path.display())]
+    Damaged { path: PathBuf, why: String },
+    #[error(transparent)]
+    Write(#[from] report::Error),
+}
+
+/// What is in `state.json`.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(super) struct Saved {
+    /// What the user chose for flights, by file name.
+    #[serde(default)]
+    pub(super) chosen: std::collections::BTreeMap<String, Use>,
+    #[serde(default)]
+    pub(super) models: Vec<SavedModel>,
+    #[serde(default)]
+    pub(super) current: Option<u32>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct SavedModel {
+    id: u32,
+    parent: Option<u32>,
+    effect: Option<String>,
+    supported: Option<bool>,
+    command: String,
+}
+
+impl Store {
+    /// Takes the folder beside the flights.
+    pub(super) fn open(flights: &Path) -> Result<Self, StoreError> {
+        let folder = flights.join(FOLDER);
+        let io = |path: &Path| {
+            let path = path.to_owned();
+            move |source| StoreError::Io { path, source }
+        };
+        std::fs::create_dir_all(&folder).map_err(io(&folder))?;
+        let path = folder.join(LOCK);
+        let lock = File::options().create(true).truncate(false).write(true).open(&path).map_err(io(&path))?;
+        match lock.try_lock() {
+            Ok(()) => Ok(Self { folder, _lock: lock }),
+            Err(TryLockError::WouldBlock) => Err(StoreError::Taken(flights.to_owned())),
+            Err(TryLockError::Error(source)) => Err(StoreError::Io { path, source }),
+        }
+    }
+
+    /// What was kept; nothing in a new folder.
+    pub(super) fn read(&self) -> Result<(Saved, Vec<Node>), StoreError> {
+        let path = self.folder.join(STATE);
+        let text = match std::fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Default::default()),
+            Err(source) => return Err(StoreError::Io { path, source }),
+        };
+        let mut saved: Saved = serde_json::from_str(&text)
+            .map_err(|error| StoreError::Damaged { path, why: format!("is damaged: {error}") })?;
+        let models = std::mem::take(&mut saved.models);
+        let nodes = models.into_iter().map(|model| self.node(model)).collect::<Result<_, _>>()?;
+        Ok((saved, nodes))
+    }
+
+    fn node(&self, saved: SavedModel) -> Result<Node, StoreError> {
+        let SavedModel { id, parent, effect, supported, command } = saved;
+        let path = self.model_path(id);
+        let model = Model::read(&path)
+            .map_err(|error| StoreError::Damaged { path: self.folder.clone(), why: error.to_string() })?;
+        let diagnosis = std::fs::read_to_string(self.diagnosis_path(id))
+            .ok()
+            .and_then(|text| serde_json::from_str::<Value>(&text).ok());
+        Ok(Node { id, parent, effect, supported, command, model: model.into(), diagnosis })
+    }
+
+    /// Keeps all but the models.
+    pub(super) fn write(&self, saved: &Saved) -> Result<(), StoreError> {
+        let text = serde_json::to_string_pretty(saved).unwrap_or_default() + "\n";
+        Ok(report::write_atomic(self.folder.join(STATE), text)?)
+    }
+
+    /// Keeps a model and what was found in it.
+    pub(super) fn write_node(&self, node: &Node) -> Result<(), StoreError> {
+        report::write_atomic(self.model_path(node.id), node.model.to_toml())?;
+        if let Some(diagnosis) = &node.diagnosis {
+            report::write_atomic(self.diagnosis_path(node.id), diagnosis.to_string())?;
+        }
+        Ok(())
+    }
+
+    fn model_path(&self, id: u32) -> PathBuf {
+        self.folder.join(format!("model-{id}.toml"))
+    }
+
+    fn diagnosis_path(&self, id: u32) -> PathBuf {
+        self.folder.join(format!("diagnosis-{id}.json"))
+    }
+}
+
+impl From<&Node> for SavedModel {
+    fn from(node: &Node) -> Self {
+        Self {
+            id: node.id,
+            parent: node.parent,
+            effect: node.effect.clone(),
+            supported: node.supported,
+            command: node.command.clone(),
+        }
+    }
+}
