@@ -1,6 +1,6 @@
 // What to do next: the last step's worth, the verdict, and a card for each effect that was tried.
 
-import { AXES, ServerError, axisUnit, get } from "./api.js";
+import { AXES, ServerError, axisUnit, flightsOf, get } from "./api.js";
 import { el, redraw, table } from "./dom.js";
 import { VERDICTS } from "./models.js";
 import { given, known, pValue, percent, rmsFall, short, unit, withError } from "./numbers.js";
@@ -120,9 +120,11 @@ function outcome(app, model) {
 /** Says so when the model was fitted on other flights than are chosen now. @param {App} app @param {Model} model */
 function stale(app, model) {
   const names = (/** @type {string} */ set) =>
-    (app.state?.flights ?? []).filter((flight) => flight.set === set).map((flight) => flight.name);
+    (app.state?.flights ?? []).filter((file) => file.set === set).flatMap(flightsOf);
   const same = (/** @type {string[]} */ a, /** @type {string[]} */ b) =>
     [...a].sort().join("\n") === [...b].sort().join("\n");
+  // A single flight is split by blocks of time, which have names of their own.
+  if (names("train").length + names("validate").length < 2) return null;
   if (same(names("train"), model.fitted_on) && same(names("validate"), model.judged_on)) return null;
   return el(
     "p",

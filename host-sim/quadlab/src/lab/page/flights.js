@@ -1,5 +1,6 @@
 // The list of flights: what each is like, and what it is used for.
 
+import { flightsOf } from "./api.js";
 import { el, redraw, svg } from "./dom.js";
 import { short } from "./numbers.js";
 
@@ -32,7 +33,7 @@ export function drawFlights(app, root) {
 
 /** @param {App} app @param {Flight} flight */
 function entry(app, flight) {
-  const shown = app.view.flight === flight.name;
+  const shown = flightsOf(flight).includes(app.view.flight);
   const use = el(
     "select",
     {
@@ -51,7 +52,8 @@ function entry(app, flight) {
       title: flight.name,
       "aria-current": shown ? "true" : null,
       "data-key": `show ${flight.name}`,
-      click: () => app.look({ flight: flight.name, from: null, to: null }),
+      disabled: Boolean(flight.problem),
+      click: () => app.look({ flight: flightsOf(flight)[0], from: null, to: null }),
     },
     flight.name,
   );
@@ -60,12 +62,15 @@ function entry(app, flight) {
     { class: `flight ${flight.set}`, "data-name": flight.name },
     show,
     use,
-    el("div", { class: "sparks" }, spark(flight.height, "height", "m"), spark(flight.battery, "battery", "V")),
-    el(
-      "p",
-      { class: "facts", title: `${flight.rows} rows: ${flight.columns.join(", ")}` },
-      `${short(flight.duration_s)} s, ${short(flight.rate_hz)} Hz`,
-    ),
+    !flight.problem &&
+      el("div", { class: "sparks" }, spark(flight.height, "height", "m"), spark(flight.battery, "battery", "V")),
+    !flight.problem &&
+      el(
+        "p",
+        { class: "facts", title: `${flight.rows} rows: ${flight.columns.join(", ")}` },
+        `${short(flight.duration_s)} s, ${short(flight.rate_hz)} Hz`,
+        flightsOf(flight).length > 1 && `, ${flightsOf(flight).length} flights`,
+      ),
     flight.problem && el("p", { class: "bad-text" }, flight.problem),
     faults(flight),
   );

@@ -1,7 +1,7 @@
 // The page: its state, what it hears from the server, and what is drawn when.
 
 import { drawAdvice, forget } from "./advice.js";
-import { ServerError, get, post } from "./api.js";
+import { ServerError, flightsOf, get, post } from "./api.js";
 import { byId, el, fill } from "./dom.js";
 import { drawFlights } from "./flights.js";
 import { drawLegend } from "./legend.js";
@@ -35,14 +35,14 @@ export const app = {
   current: () => app.state?.models.find((model) => model.id === app.state?.current) ?? null,
   second: () =>
     app.state?.models.find((model) => model.id === app.view.compare && model.id !== app.state?.current) ?? null,
-  flight: () => app.state?.flights.find((flight) => flight.name === app.view.flight) ?? null,
+  /** The file of the shown flight. */
+  flight: () => app.state?.flights.find((file) => flightsOf(file).includes(app.view.flight)) ?? null,
 
-  /** First and last time of the shown flight, s. @returns {[number, number]} */
+  /** First and last time of the shown flight as far as its file tells, s. @returns {[number, number]} */
   span() {
-    const flight = app.flight();
-    if (!flight) return [0, 1];
-    const first = flight.height[0]?.[0] ?? flight.battery[0]?.[0] ?? 0;
-    return [first, first + Math.max(flight.duration_s, 0.1)];
+    const file = app.flight();
+    const times = [...(file?.parts ?? []).flat(), ...(file?.height ?? []).map(([t]) => t)];
+    return times.length ? [Math.min(...times), Math.max(...times)] : [0, 1];
   },
 
   /** Coefficients, errors and file of a model. @param {number} id */
@@ -122,17 +122,26 @@ const tabs = {
 
 const overview = flightOverview(app, byId("overview"));
 
+/** The model that another was made from in the first place. @param {number|null} id @returns {number|null} */
+function rootOf(id) {
+  const model = app.state?.models.find((one) => one.id === id);
+  return model?.parent != null ? rootOf(model.parent) : id;
+}
+
 /** Takes a new state; what was just made is compared with what was chosen before. @param {State} state */
 function takeState(state) {
   const before = app.state?.current ?? null;
+  const loaded = app.state !== null;
   const isNew = !app.state?.models.some((model) => model.id === state.current);
   app.state = state;
   const { view } = app;
   if (before !== null && state.current !== before && (isNew || view.compare === state.current)) view.compare = before;
+  if (before === null && isNew && loaded) view.compare = rootOf(state.current);
   if (!app.second()) view.compare = null;
   if (!app.flight() && !(state.reading && view.flight)) {
     const usable = state.flights.filter((flight) => !flight.problem);
-    view.flight = (usable.find((flight) => flight.set === "validate") ?? usable[0])?.name ?? "";
+    const file = usable.find((flight) => flight.set === "validate") ?? usable[0];
+    view.flight = file ? flightsOf(file)[0] : "";
     view.from = view.to = null;
   }
   if (!state.reading) writeView(view);
@@ -169,7 +178,10 @@ function drawState() {
   drawModels(app, byId("models"));
   fill(
     byId("flight"),
-    state.flights.filter((f) => !f.problem).map((f) => [f.name, f.name]),
+    state.flights
+      .filter((file) => !file.problem)
+      .flatMap(flightsOf)
+      .map((name) => [name, name]),
     view.flight,
   );
   byId("flight-choice").hidden =
@@ -273,11 +285,18 @@ function warn(sentence) {
 const LOST =
   "The connection to quadlab is lost. Is it still running in its terminal? The page goes on by itself when it is back.";
 
+/** What is shown as running; looking for evidence and reading are not. */
+const JOBS = ["identify", "diagnose", "add", "explain"];
+
 function listen() {
   const events = new EventSource("/api/events");
   const data = (/** @type {any} */ event) => JSON.parse(event.data || "{}");
   let lost = 0;
-  events.addEventListener("progress", (event) => drawJob(data(event)));
+  events.addEventListener("progress", (event) => {
+    const told = data(event);
+    if (JOBS.includes(told.do)) drawJob(told);
+    else if (told.do === "reading") byId("reading").textContent = `Reading flights: ${told.activity}`;
+  });
   events.addEventListener("warning", (event) => warn(data(event).sentence));
   events.addEventListener("state", () => app.act(refresh()));
   events.addEventListener("finished", (event) => {
@@ -285,7 +304,8 @@ function listen() {
     drawJob(null);
     forget();
     details.clear();
-    if (error) fail(error);
+    if (error === "cancelled") byId("announced").textContent = "cancelled";
+    else if (error) fail(error);
     app.act(refresh());
   });
   events.addEventListener("open", () => {

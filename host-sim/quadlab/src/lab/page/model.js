@@ -23,8 +23,8 @@ export function modelTab(app, root) {
       ),
       downloads(app, model.id),
       command(app, model.command),
-      errors(details.comparison, model.label),
-      other && errors(other.comparison, `second: ${second?.label}`),
+      errors(details.comparison, model, model.label),
+      second && other && errors(other.comparison, second, `second: ${second.label}`),
       horizons(details.comparison, other?.comparison ?? null),
       coefficients(details.coefficients, other?.coefficients ?? null),
       el(
@@ -70,18 +70,21 @@ function command(app, text) {
   );
 }
 
-/** @param {any} comparison @param {string} of */
-function errors(comparison, of) {
+/** @param {any} comparison @param {import("./api.js").Model} model @param {string} of */
+function errors(comparison, model, of) {
   if (!comparison) return null;
   const cell = (/** @type {any} */ one) => (one ? `${short(one.rms)} (${short(one.r2, 3)})` : "–");
+  const use = (/** @type {string} */ name) =>
+    model.fitted_on.includes(name) ? "fit" : model.judged_on.includes(name) ? "judge" : "neither";
   const rows = comparison.flights.map((/** @type {any} */ flight) => [
     flight.name,
+    use(flight.name),
     ...AXES.map((axis) => cell(flight.axes?.[axis])),
   ]);
-  if (comparison.total) rows.push(["all", ...AXES.map((axis) => cell(comparison.total[axis]))]);
+  if (model.axes) rows.push(["all that judge", "judge", ...AXES.map((axis) => cell(model.axes?.[axis]))]);
   return table(
-    `Root mean square error (and R²) on held-out flights, ${of}`,
-    ["flight", ...AXES.map((axis) => withUnit(axis, axisUnit(axis)))],
+    `Root mean square error (and R²) of each flight, ${of}`,
+    ["flight", "used to", ...AXES.map((axis) => withUnit(axis, axisUnit(axis)))],
     rows,
   );
 }
@@ -101,7 +104,7 @@ function horizons(one, other) {
       ? `${key} ${key === "1" ? "sample" : "samples"} ahead`
       : key.replace(/^sum_(\d+)_(\d+)$/, "sum of $1 to $2 ahead");
   return table(
-    `Mean error of open-loop prediction${other ? ": chosen, and second model" : ""}`,
+    `Mean error of open-loop prediction, all flights${other ? ": chosen, and second model" : ""}`,
     ["horizon", ...fields.map(([text, , of]) => withUnit(text, of))],
     names.map((key) => [
       name(key),

@@ -79,14 +79,14 @@ export function pathTab(app, root) {
         el("span", { id: "scale-high" }),
       ),
     ]);
-    const wanted = JSON.stringify([model.id, flight.name, app.view.axis]);
+    const wanted = JSON.stringify([model.id, app.view.flight, app.view.axis]);
     if (wanted === key && path) return draw();
     key = wanted;
     asked?.abort();
     asked = new AbortController();
     const { signal } = asked;
     try {
-      const answer = await get("/api/path", { model: model.id, flight: flight.name, axis: app.view.axis }, signal);
+      const answer = await get("/api/path", { model: model.id, flight: app.view.flight, axis: app.view.axis }, signal);
       if (signal.aborted) return;
       path = answer;
       await draw();

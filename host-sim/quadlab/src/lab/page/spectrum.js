@@ -31,13 +31,13 @@ export function spectrumTab(app, root) {
         (value) => app.look({ axis: value }),
       ),
     ]);
-    const wanted = JSON.stringify([model.id, second?.id, flight.name, app.view.axis]);
+    const wanted = JSON.stringify([model.id, second?.id, app.view.flight, app.view.axis]);
     if (wanted === key) return draw();
     key = wanted;
     asked?.abort();
     asked = new AbortController();
     const { signal } = asked;
-    const query = { flight: flight.name, axis: app.view.axis };
+    const query = { flight: app.view.flight, axis: app.view.axis };
     try {
       answers = await Promise.all(
         (second ? [model, second] : [model]).map((m) => get("/api/spectrum", { model: m.id, ...query }, signal)),

@@ -24,7 +24,8 @@ export function figure(shown, channels, panels, range, difference) {
     const lowest = n === channels.length - 1 || panels.places[n + 1].column !== place.column;
     const [main, rest] = [2 * n + 1, 2 * n + 2];
     const up = (/** @type {[number, number]} */ [top, bottom]) => [1 - bottom / height, 1 - top / height];
-    const x = { domain: across, range, matches: n ? "x" : undefined, zeroline: false };
+    // Plotly writes into the range.
+    const x = { domain: across, range: [...range], matches: n ? "x" : undefined, zeroline: false };
     axes[nth("xaxis", main)] = axis({
       ...x,
       anchor: nth("y", main),

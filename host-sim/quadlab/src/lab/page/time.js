@@ -19,8 +19,10 @@ const REST_MS = 120;
 
 /** @param {App} app @param {HTMLElement} root */
 export function timeTab(app, root) {
-  /** @type {{first: Series, second: Series|null, all: [number, number]}|null} */
+  /** @type {{first: Series, second: Series|null}|null} */
   let shown = null;
+  /** First and last time of the flights that were asked for whole. @type {Map<string, [number, number]>} */
+  const wholes = new Map();
   /** @type {import("./panels.js").Panels|null} */
   let panels = null;
   /** @type {AbortController|null} */
@@ -119,16 +121,18 @@ export function timeTab(app, root) {
     );
   }
 
+  /** @returns {[number, number]} */
+  const whole = () => wholes.get(app.view.flight) ?? app.span();
+
   /** The range that is shown, s. @returns {[number, number]} */
   function range() {
-    const whole = app.span();
     const { from, to } = app.view;
-    return from === null || to === null ? whole : [from, to];
+    return from === null || to === null ? whole() : [from, to];
   }
 
   /** @param {number} from @param {number} to */
   function show(from, to) {
-    const [first, last] = app.span();
+    const [first, last] = whole();
     const span = Math.min(Math.max(to - from, LEAST_SPAN_S), last - first);
     const begin = Math.min(Math.max(from, first), last - span);
     if (span >= (last - first) * 0.999) return all();
@@ -228,18 +232,16 @@ export function timeTab(app, root) {
     drawControls();
     const [model, flight, second] = [app.current(), app.flight(), app.second()];
     if (!model || !flight) return;
-    const [from, to] = range();
     const width = Math.max(
       200,
       Math.round((layPanels(6, root.clientWidth, 0).plotWidth || 600) * Math.min(2, devicePixelRatio)),
     );
     const wanted = JSON.stringify([
       model.id,
-      model.judged_on,
       second?.id,
-      flight.name,
-      from,
-      to,
+      app.view.flight,
+      app.view.from,
+      app.view.to,
       width,
       app.view.ahead,
     ]);
@@ -247,7 +249,7 @@ export function timeTab(app, root) {
       drawChips();
       return draw();
     }
-    const first = !shown || drawn !== `${flight.name} ${app.view.ahead}`;
+    const first = !shown || drawn !== `${app.view.flight} ${app.view.ahead}`;
     key = wanted;
     clearTimeout(timer);
     asked?.abort();
@@ -260,7 +262,7 @@ export function timeTab(app, root) {
         app.act(
           ask(
             signal,
-            { flight: flight.name, from, to, width, ahead: app.view.ahead || null },
+            { flight: app.view.flight, from: app.view.from, to: app.view.to, width, ahead: app.view.ahead || null },
             model.id,
             second?.id ?? null,
           ),
@@ -278,7 +280,8 @@ export function timeTab(app, root) {
         second === null ? null : get("/api/series", { model: second, ...query }, signal),
       ]);
       if (signal.aborted) return;
-      shown = { first: one, second: two, all: app.span() };
+      if (query.from === null && one.to > one.from) wholes.set(query.flight, [one.from, one.to]);
+      shown = { first: one, second: two };
       drawn = `${query.flight} ${query.ahead ?? 0}`;
       drawChips();
       await draw();
@@ -376,16 +379,20 @@ export function timeTab(app, root) {
       clock.style.left = `${lay.x(0) + px}px`;
     }
     const at = inside ? nearest(shown.first.t, t) : -1;
+    const about = isThinned(shown.first.t, app.flight()?.rate_hz ?? 0) ? "≈  " : "";
     const secondAt = inside && shown.second ? nearest(shown.second.t, t) : -1;
     for (const channel of chosen(shown.first.channels)) {
       const values = overlay.querySelector(`#plot-${CSS.escape(channel.id)} .values`);
       const other = shown.second?.channels.find((c) => c.id === channel.id);
-      if (values) values.textContent = inside ? reading(channel, at, other, secondAt) : "";
+      if (values) values.textContent = inside ? `${about}${reading(channel, at, other, secondAt)}` : "";
     }
   }
 
   return { update, resize: () => update(), theme: () => draw() };
 }
+
+/** Whether several samples share a column of pixels: then values are those near the cursor, not at it. @param {number[]} t @param {number} rateHz */
+const isThinned = (t, rateHz) => t.length > 1 && (t[t.length - 1] - t[0]) * rateHz > 1.8 * t.length;
 
 /** Values of a channel at a sample. @param {Channel} channel @param {number} at @param {Channel|undefined} other @param {number} otherAt */
 function reading(channel, at, other, otherAt) {

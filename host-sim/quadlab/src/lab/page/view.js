@@ -14,7 +14,7 @@ import { AXES } from "./api.js";
  * @property {boolean} difference  whether the difference of two predictions is drawn
  * @property {string} axis
  * @property {string} quantity
- * @property {string} over  flight of the residual's map; empty: all held-out ones
+ * @property {string} over  flight of the residual's map; empty: all of them
  */
 
 export const TABS = ["time", "where", "spectrum", "path", "model"];

@@ -1,6 +1,6 @@
 // Where the model fails: the conditions of the worst errors, and the residual against any quantity.
 
-import { AXES, AXIS_NAMES, axisUnit, get, givenUp } from "./api.js";
+import { AXES, AXIS_NAMES, axisUnit, flightsOf, get, givenUp } from "./api.js";
 import { choice, el, redraw } from "./dom.js";
 import { known, minus, percent, short, unit, withUnit } from "./numbers.js";
 import { CONFIG, axis, colour, faint, layout, plain, plotly, room } from "./plots.js";
@@ -80,7 +80,10 @@ export function whereTab(app, root) {
       choice(
         "in",
         "where-flight",
-        [["", "all judged flights"], ...flights.map((f) => /** @type {[string, string]} */ ([f.name, f.name]))],
+        [
+          ["", "all flights"],
+          ...flights.flatMap(flightsOf).map((name) => /** @type {[string, string]} */ ([name, name])),
+        ],
         view.over,
         (value) => app.look({ over: value }),
       ),
@@ -150,10 +153,10 @@ export function whereTab(app, root) {
 /** The largest mean residual as a sentence. @param {any} map @param {import("./view.js").View} view */
 function said(map, view) {
   const row = (map.mean ?? []).filter((/** @type {any} */ m) => known(m.mean));
-  if (!row.length) return "There are too few samples.";
+  if (!row.length) return "There is no residual over this quantity.";
   const top = row.reduce((/** @type {any} */ a, /** @type {any} */ b) => (Math.abs(b.mean) > Math.abs(a.mean) ? b : a));
   return (
-    `The line is the mean residual of ${view.axis} with its uncertainty. It is largest, ${short(top.mean)} ${unit(map.unit)}, ` +
+    `The line is the mean residual of ${view.axis}, the band its standard deviation. The mean is largest, ${short(top.mean)} ${unit(map.unit)}, ` +
     `at ${view.quantity} ${short(top.x)} ${unit(map.quantity_unit)} (${top.count} samples). Stronger cells hold more samples.`
   );
 }
