@@ -118,6 +118,6 @@ function spark(points, name, unit) {
       { viewBox: "0 0 100 24", preserveAspectRatio: "none", role: "img", "aria-label": text },
       svg("polyline", { points: there.map(([t, v]) => `${x(t).toFixed(1)},${y(v).toFixed(1)}`).join(" ") }),
     ),
-    el("small", { "aria-hidden": "true" }, `${short(low, 2)}–${short(high, 2)} ${unit}`),
+    el("small", { "aria-hidden": "true" }, `${short(low)}–${short(high)} ${unit}`),
   );
 }

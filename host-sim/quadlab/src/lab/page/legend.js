@@ -1,6 +1,7 @@
 // What the lines of the shown tab stand for.
 
 import { el, svg } from "./dom.js";
+import { titleOf } from "./models.js";
 import { line } from "./plots.js";
 
 /** @typedef {import("./main.js").App} App */
@@ -15,8 +16,8 @@ export function drawLegend(app, root) {
   const entries = [];
   if (tab !== "where") entries.push(["measured", "measured"]);
   if (tab === "time") {
-    entries.push(["predicted", `predicted: ${model.label}`]);
-    if (second) entries.push(["second", `second: ${second.label}`]);
+    entries.push(["predicted", `predicted: ${titleOf(model)}`]);
+    if (second) entries.push(["second", `second: ${titleOf(second)}`]);
   }
   entries.push(["residual", tab === "where" ? "mean residual" : "residual"]);
   if (second)

@@ -128,15 +128,18 @@ function rootOf(id) {
   return model?.parent != null ? rootOf(model.parent) : id;
 }
 
-/** Takes a new state; what was just made is compared with what was chosen before. @param {State} state */
+/** Takes a new state. @param {State} state */
 function takeState(state) {
-  const before = app.state?.current ?? null;
-  const loaded = app.state !== null;
-  const isNew = !app.state?.models.some((model) => model.id === state.current);
+  const before = app.state;
   app.state = state;
   const { view } = app;
-  if (before !== null && state.current !== before && (isNew || view.compare === state.current)) view.compare = before;
-  if (before === null && isNew && loaded) view.compare = rootOf(state.current);
+  const had = (/** @type {number|null} */ id) => before?.models.some((model) => model.id === id);
+  if (before && state.current !== before.current) {
+    // A model that was just made is compared with the one before it, or with the first of all that were just made.
+    const root = rootOf(state.current);
+    if (!had(state.current)) view.compare = had(root) || root === state.current ? before.current : root;
+    else if (view.compare === state.current) view.compare = before.current;
+  }
   if (!app.second()) view.compare = null;
   if (!app.flight() && !(state.reading && view.flight)) {
     const usable = state.flights.filter((flight) => !flight.problem);
@@ -262,7 +265,13 @@ function say(id, sentences) {
     el(
       "div",
       {},
-      sentences.map((text) => el("p", {}, text)),
+      sentences.map((text) =>
+        el(
+          "p",
+          {},
+          text.replace(/^[a-z](?=[a-z]* )/, (letter) => letter.toUpperCase()),
+        ),
+      ),
     ),
     el("button", { type: "button", class: "dismiss", "aria-label": "Dismiss this message", click: away }, "Dismiss"),
   );

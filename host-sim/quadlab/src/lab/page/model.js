@@ -2,6 +2,7 @@
 
 import { AXES, address, axisUnit } from "./api.js";
 import { el, redraw, table } from "./dom.js";
+import { titleOf } from "./models.js";
 import { short, unit, withError, withUnit } from "./numbers.js";
 
 /** @typedef {import("./main.js").App} App */
@@ -15,7 +16,7 @@ export function modelTab(app, root) {
     const [details, other] = await Promise.all([app.details(model.id), second ? app.details(second.id) : null]);
     if (app.current()?.id !== model.id) return;
     redraw(root, [
-      el("h3", {}, `${model.label} (model ${model.id})`),
+      el("h3", {}, titleOf(model)),
       el(
         "p",
         { class: "quiet" },
@@ -23,8 +24,8 @@ export function modelTab(app, root) {
       ),
       downloads(app, model.id),
       command(app, model.command),
-      errors(details.comparison, model, model.label),
-      second && other && errors(other.comparison, second, `second: ${second.label}`),
+      errors(details.comparison, model, titleOf(model)),
+      second && other && errors(other.comparison, second, `second: ${titleOf(second)}`),
       horizons(details.comparison, other?.comparison ?? null),
       coefficients(details.coefficients, other?.coefficients ?? null),
       el(

@@ -15,6 +15,9 @@ export const VERDICTS = {
   "not-identified": "not identified",
 };
 
+/** A model's name in a legend: labels may be the same. @param {Model} model */
+export const titleOf = (model) => `${model.label} (model ${model.id})`;
+
 /** @param {App} app @param {HTMLElement} root */
 export function drawModels(app, root) {
   const models = app.state?.models ?? [];

@@ -267,7 +267,7 @@ function figure(path, limit) {
       margin: { l: 0, r: 0, t: 0, b: 0 },
       scene: {
         aspectmode: "data",
-        camera: { eye: { x: 1.3, y: 1.3, z: 0.9 }, center: { x: 0, y: 0, z: -0.1 } },
+        camera: { eye: { x: 1.5, y: 1.5, z: 1 } },
         xaxis: side("east"),
         yaxis: side("north"),
         zaxis: side("up"),

@@ -346,7 +346,16 @@ export function timeTab(app, root) {
             "data-channel": channel.id,
             style: `left: ${lay.x(place.column)}px; width: ${lay.plotWidth}px; top: ${lay.main(place)[0] - 22}px`,
           },
-          el("b", {}, withUnit(channel.name, channel.unit)),
+          el(
+            "b",
+            {},
+            withUnit(
+              channel.id.length === 1 && !channel.name.startsWith(`${channel.id} `)
+                ? `${channel.id}, ${channel.name}`
+                : channel.name,
+              channel.unit,
+            ),
+          ),
           channel.predicted.some(known) ? null : el("span", { class: "quiet" }, "not modelled"),
           el("span", { class: "values" }),
         );

@@ -2,6 +2,7 @@
 
 import { AXES, AXIS_NAMES, axisUnit, flightsOf, get, givenUp } from "./api.js";
 import { choice, el, redraw } from "./dom.js";
+import { titleOf } from "./models.js";
 import { known, minus, percent, short, unit, withUnit } from "./numbers.js";
 import { CONFIG, axis, colour, faint, layout, plain, plotly, room } from "./plots.js";
 
@@ -134,7 +135,7 @@ export function whereTab(app, root) {
     const both = pair();
     if (both.length !== maps.length) return;
     const looks = both.map((model) => ({
-      title: `${model.label} (model ${model.id})`,
+      title: titleOf(model),
       second: model === app.second(),
     }));
     const { traces, shape } = figure(maps, looks, app.view);
@@ -233,9 +234,10 @@ function means(map, id, second) {
     hoverinfo: "skip",
     ...more,
   });
+  const edge = { color: colour(role), width: 0.7 };
   return [
-    curve("low", { line: { width: 0 } }),
-    curve("high", { line: { width: 0 }, fill: "tonexty", fillcolor: faint(role, 0.3) }),
+    curve("low", { line: edge }),
+    curve("high", { line: edge, fill: "tonexty", fillcolor: faint(role, 0.15) }),
     curve("mean", { line: { color: colour(role), width: 2.5, dash: second ? "6px,3px" : "solid" } }),
   ];
 }
