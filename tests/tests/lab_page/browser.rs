@@ -208,8 +208,9 @@ impl Browser {
     pub(crate) fn settle(&self) {
         let start = Instant::now();
         let (mut last, mut same) = (Value::Null, 0);
+        let state = "return [performance.getEntriesByType('resource').length, document.documentElement.outerHTML.length]";
         while same < 5 {
-            let now = self.run("return document.documentElement.outerHTML", Value::Null);
+            let now = self.run(state, Value::Null);
             same = if now == last { same + 1 } else { 0 };
             last = now;
             assert!(start.elapsed() < PATIENCE, "{}: the page does not come to rest", self.name);
