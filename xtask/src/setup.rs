@@ -10,7 +10,8 @@ use anyhow::Result;
 use crate::arm;
 use crate::base::process::{output_of, shown};
 use crate::base::tools::{
-    self, CHROMEDRIVER, CHROMIUM, CLIPPY, GIT, GUNGRAUN_RUNNER, MDBOOK, NEXTEST, RUSTFMT, SSHD, Tool, VALGRIND,
+    self, CHROMEDRIVER, CHROMIUM, CLIPPY, GIT, GUNGRAUN_RUNNER, MDBOOK, NEXTEST, RUSTFMT, SSHD, Tool,
+    VALGRIND,
 };
 use crate::base::workspace::Workspace;
 
