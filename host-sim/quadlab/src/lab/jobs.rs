@@ -130,7 +130,7 @@ impl Work<'_> {
         }
         let mut sets = self.sets()?;
         let added = workflow::add(&parent.model, effect, &mut sets, None, &self.telling).map_err(refused)?;
-        let before = format!("add --model lab/model-{id}.toml --effect {effect}");
+        let before = format!("add {effect} --model lab/model-{id}.toml");
         let command = self.session.command(&before, "--out lab/model-NEW.toml");
         let supported = Some(added.addition.finding.supported);
         self.keep(Some((id, effect)), supported, added.model, &command)?;

@@ -51,6 +51,8 @@ pub(super) struct Session {
     store: Store,
     state: Mutex<State>,
     chosen: Mutex<BTreeMap<String, Use>>,
+    /// Held while a model is held against the flights: a page that asks for several things at once waits for one.
+    making_view: Mutex<()>,
 }
 
 impl Session {
@@ -66,6 +68,7 @@ impl Session {
             store,
             state: Mutex::new(state),
             chosen: Mutex::new(saved.chosen),
+            making_view: Mutex::new(()),
         })
     }
 
@@ -237,6 +240,7 @@ impl Session {
 
     /// A model held against all flights that can be used.
     pub(super) fn view(&self, id: u32) -> Result<Arc<ModelView>, Refused> {
+        let _making = self.making_view.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(view) = self.lock().views.iter().find(|(known, _)| *known == id) {
             return Ok(view.1.clone());
         }
