@@ -78,16 +78,20 @@ function entry(app, flight) {
 
 /** @param {Flight} flight */
 function faults(flight) {
-  const count = flight.faults.length;
-  if (!count) return null;
-  const errors = flight.faults.some((fault) => fault.severity === "error");
+  if (!flight.faults.length) return null;
+  const severities = [...new Set(flight.faults.map((fault) => fault.severity))];
+  const counts = severities.map((severity) => {
+    const count = flight.faults.filter((fault) => fault.severity === severity).length;
+    return `${count} ${severity}${count > 1 ? "s" : ""}`;
+  });
+  const errors = severities.includes("error");
   return el(
     "details",
     { "data-key": `faults ${flight.name}` },
     el(
       "summary",
       { class: errors ? "bad-text" : "", "data-key": `unfold ${flight.name}` },
-      `${errors ? "⚠ " : ""}${count} ${count === 1 ? "finding" : "findings"} of the checks`,
+      `${errors ? "⚠ " : ""}${counts.join(", ")} of the checks`,
     ),
     el(
       "ul",

@@ -84,6 +84,15 @@ export const app = {
     }
   },
 
+  /** The same for what is to be drawn: says so where it takes a while. @param {Promise<any>} work */
+  async wait(work) {
+    waiting += 1;
+    window.setTimeout(showWaiting, 400);
+    await app.act(work);
+    waiting -= 1;
+    showWaiting();
+  },
+
   /** Changes the state on the server. @param {string} path @param {object} body */
   choose: (path, body) => app.act(post(path, body).then(takeState)),
 
@@ -107,6 +116,13 @@ export const app = {
     cursorListeners.push(listener);
   },
 };
+
+/** How many answers are awaited. */
+let waiting = 0;
+
+function showWaiting() {
+  byId("loading").hidden = waiting === 0;
+}
 
 /** @typedef {typeof app} App */
 /** @typedef {{update: () => any, resize: () => any, theme: () => any}} Tab */
@@ -212,7 +228,7 @@ function drawTabs() {
   }
   byId("overview").hidden = Boolean(model);
   drawLegend(app, byId("legend"));
-  app.act((async () => shown().update())());
+  app.wait((async () => shown().update())());
 }
 
 /** @param {Job|null} job */
