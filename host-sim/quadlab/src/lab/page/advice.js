@@ -1,9 +1,9 @@
 // What to do next: the last step's worth, the verdict, and a card for each effect that was tried.
 
-import { AXES, ServerError, axisUnit, get } from "./api.js";
+import { AXES, ServerError, axisUnit, flightsOf, get } from "./api.js";
 import { el, redraw, table } from "./dom.js";
 import { VERDICTS } from "./models.js";
-import { known, pValue, percent, rmsFall, short, unit, withError } from "./numbers.js";
+import { given, known, pValue, percent, rmsFall, short, unit, withError } from "./numbers.js";
 
 /** @typedef {import("./api.js").Diagnosis} Diagnosis */
 /** @typedef {import("./api.js").Finding} Finding */
@@ -54,13 +54,22 @@ async function diagnosisOf(model) {
 function start(app) {
   const fit = app.state?.flights.filter((flight) => flight.set === "train").length ?? 0;
   const judge = app.state?.flights.filter((flight) => flight.set === "validate").length ?? 0;
-  return el("p", {}, `${fit} flights to fit, ${judge} to judge. Press Identify to fit the basic model.`);
+  if (app.state?.problem) return null;
+  return el(
+    "p",
+    {},
+    `${fit} flights to fit, ${judge} to judge. Press Identify to fit the basic model, or Explain to let quadlab take all steps by itself.`,
+  );
 }
 
 /** @param {App} app @param {HTMLElement} root @param {Model} model @param {Diagnosis|null} diagnosis */
 function draw(app, root, model, diagnosis) {
   const again = () => draw(app, root, model, diagnosis);
-  redraw(root, [outcome(app, model), stale(app, model), ...(diagnosis ? report(app, model, diagnosis, again) : [undiagnosed()])]);
+  redraw(root, [
+    outcome(app, model),
+    stale(app, model),
+    ...(diagnosis ? report(app, model, diagnosis, again) : [undiagnosed()]),
+  ]);
 }
 
 function undiagnosed() {
@@ -82,7 +91,9 @@ function outcome(app, model) {
     el(
       "p",
       {},
-      rows.length ? `Held-out error of the chosen model and of its parent.${support}` : `No held-out error changes by 1 % or more.${support}`,
+      rows.length
+        ? `Held-out error of the chosen model and of its parent.${support}`
+        : `No held-out error changes by 1 % or more.${support}`,
     ),
     rows.map(({ axis, before, after, fall }) => {
       const largest = Math.max(before?.rms ?? 0, after?.rms ?? 0) || 1;
@@ -96,7 +107,11 @@ function outcome(app, model) {
           el("i", { class: "before", style: `width: ${(100 * (before?.rms ?? 0)) / largest}%` }),
           el("i", { class: "after", style: `width: ${(100 * (after?.rms ?? 0)) / largest}%` }),
         ),
-        el("span", {}, `${short(before?.rms)} → ${short(after?.rms)} ${unit(axisUnit(axis))} (${(fall ?? 0) > 0 ? "−" : "+"}${percent(Math.abs(fall ?? 0))})`),
+        el(
+          "span",
+          {},
+          `${short(before?.rms)} → ${short(after?.rms)} ${unit(axisUnit(axis))} (${(fall ?? 0) > 0 ? "−" : "+"}${percent(Math.abs(fall ?? 0))})`,
+        ),
       );
     }),
   );
@@ -104,17 +119,26 @@ function outcome(app, model) {
 
 /** Says so when the model was fitted on other flights than are chosen now. @param {App} app @param {Model} model */
 function stale(app, model) {
-  const names = (/** @type {string} */ set) => (app.state?.flights ?? []).filter((flight) => flight.set === set).map((flight) => flight.name);
-  const same = (/** @type {string[]} */ a, /** @type {string[]} */ b) => [...a].sort().join("\n") === [...b].sort().join("\n");
+  const names = (/** @type {string} */ set) =>
+    (app.state?.flights ?? []).filter((file) => file.set === set).flatMap(flightsOf);
+  const same = (/** @type {string[]} */ a, /** @type {string[]} */ b) =>
+    [...a].sort().join("\n") === [...b].sort().join("\n");
+  // A single flight is split by blocks of time, which have names of their own.
+  if (names("train").length + names("validate").length < 2) return null;
   if (same(names("train"), model.fitted_on) && same(names("validate"), model.judged_on)) return null;
-  return el("p", { class: "note" }, "This model was fitted and judged on other flights than you have chosen now. Press Identify to fit it on these.");
+  return el(
+    "p",
+    { class: "note" },
+    "This model was fitted and judged on other flights than you have chosen now. Press Identify to fit it on these.",
+  );
 }
 
 /** @param {App} app @param {Model} model @param {Diagnosis} diagnosis @param {() => void} again */
 function report(app, model, diagnosis, again) {
   const supported = diagnosis.effects.filter((finding) => finding.supported);
   const others = diagnosis.effects.filter((finding) => !finding.supported);
-  const cards = (/** @type {Finding[]} */ findings) => findings.map((finding) => card(app, model, diagnosis, finding, again));
+  const cards = (/** @type {Finding[]} */ findings) =>
+    findings.map((finding) => card(app, model, diagnosis, finding, again));
   return [
     el("p", { id: "verdict", class: diagnosis.verdict, "data-verdict": diagnosis.verdict }, inWords(diagnosis.verdict)),
     el(
@@ -159,7 +183,12 @@ function unexplained(app, diagnosis) {
           `: ${one.depends_on}, ${percent(one.share_percent)} of its squared error, ${pValue(one.p_value)} `,
           el(
             "button",
-            { type: "button", "data-key": `left ${one.axis} ${one.depends_on}`, "aria-label": `Show ${one.depends_on} in the residual of ${one.axis}`, click: () => app.act(showLeft(app, one)) },
+            {
+              type: "button",
+              "data-key": `left ${one.axis} ${one.depends_on}`,
+              "aria-label": `Show ${one.depends_on} in the residual of ${one.axis}`,
+              click: () => app.act(showLeft(app, one)),
+            },
             "Show",
           ),
         ),
@@ -172,7 +201,9 @@ function unexplained(app, diagnosis) {
 async function showLeft(app, one) {
   const wanted = one.depends_on.includes("changes in time") ? "time" : one.depends_on;
   const measured = (await app.quantities()).some((quantity) => quantity.name === wanted);
-  app.look(measured ? { tab: "where", axis: one.axis, quantity: wanted, over: "" } : { tab: "spectrum", axis: one.axis });
+  app.look(
+    measured ? { tab: "where", axis: one.axis, quantity: wanted, over: "" } : { tab: "spectrum", axis: one.axis },
+  );
 }
 
 /** @param {Diagnosis} diagnosis */
@@ -186,7 +217,12 @@ function notIdentified(diagnosis) {
       "ul",
       {},
       diagnosis.not_identified.map((one) =>
-        el("li", {}, el("b", {}, one.axis ?? one.group ?? ""), `: ${one.reason ?? one.why ?? "these flights do not determine it"}. To determine it: ${one.fly}.`),
+        el(
+          "li",
+          {},
+          el("b", {}, one.axis ?? one.group ?? ""),
+          `: ${one.reason ?? one.why ?? "these flights do not determine it"}. To determine it: ${one.fly}.`,
+        ),
       ),
     ),
   );
@@ -199,12 +235,20 @@ function card(app, model, diagnosis, finding, again) {
   const id = `why-${finding.effect}`;
   return el(
     "article",
-    { class: `card${finding.supported ? " supported" : ""}`, "data-effect": finding.effect, "aria-label": finding.effect },
+    {
+      class: `card${finding.supported ? " supported" : ""}`,
+      "data-effect": finding.effect,
+      "aria-label": finding.effect,
+    },
     el(
       "div",
       { class: "heading" },
       el("h3", {}, finding.effect, known(finding.motor) && ` (motor ${finding.motor})`),
-      el("span", { class: finding.supported ? "good-text" : "quiet" }, finding.supported ? "✓ supported" : "not supported"),
+      el(
+        "span",
+        { class: finding.supported ? "good-text" : "quiet" },
+        finding.supported ? "✓ supported" : "not supported",
+      ),
     ),
     el("p", {}, diagnosis.sentences?.[finding.effect]),
     el("p", { class: finding.supported ? "" : "quiet" }, sentence(finding.reason)),
@@ -241,7 +285,18 @@ function card(app, model, diagnosis, finding, again) {
         "Why?",
       ),
     ),
-    el("div", { id, class: "evidence", hidden: !open, role: "region", tabindex: "0", "aria-label": `Evidence for and against ${finding.effect}` }, open && evidence(unfolded.get(key))),
+    el(
+      "div",
+      {
+        id,
+        class: "evidence",
+        hidden: !open,
+        role: "region",
+        tabindex: "0",
+        "aria-label": `Evidence for and against ${finding.effect}`,
+      },
+      open && evidence(unfolded.get(key)),
+    ),
   );
 }
 
@@ -282,7 +337,11 @@ function falls(axes) {
         "li",
         {},
         el("b", {}, axis),
-        el("span", { class: "track", "aria-hidden": "true" }, el("i", { class: (fall ?? 0) < 0 ? "worse" : "", style: `width: ${width}%` })),
+        el(
+          "span",
+          { class: "track", "aria-hidden": "true" },
+          el("i", { class: (fall ?? 0) < 0 ? "worse" : "", style: `width: ${width}%` }),
+        ),
         el("span", {}, known(fall) ? `${fall < 0 ? "rises" : "falls"} by ${percent(Math.abs(fall))}` : "–"),
       );
     }),
@@ -295,7 +354,10 @@ function coefficients(finding) {
   return el(
     "dl",
     { class: "coefficients" },
-    finding.coefficients.flatMap((c) => [el("dt", {}, c.name), el("dd", {}, `${withError(c.value, c.std_error)} ${unit(c.unit)}`)]),
+    finding.coefficients.flatMap((c) => [
+      el("dt", {}, c.name),
+      el("dd", {}, `${withError(c.value, c.std_error)} ${unit(c.unit)}`),
+    ]),
   );
 }
 
@@ -315,7 +377,7 @@ function evidence(why) {
           el("b", { class: c.met ? "good-text" : "bad-text" }, c.met ? "✓ met" : "✗ not met"),
           ` ${c.question}: `,
           el("b", {}, known(c.value) ? number(c.value, c.unit) : "unknown"),
-          `; needed: at ${c.at_most ? "most" : "least"} ${number(c.threshold, c.unit)}`,
+          `; needed: at ${c.at_most ? "most" : "least"} ${given(c.threshold)}${c.unit ? ` ${unit(c.unit)}` : ""}`,
         ),
       ),
     ),
@@ -325,7 +387,9 @@ function evidence(why) {
         ["flight", ...AXES],
         why.flights.map((/** @type {any} */ flight) => [
           flight.flight,
-          ...AXES.map((axis) => percent(rmsFall(flight.axes[axis]?.sse_before, flight.axes[axis]?.sse_after)).replace(" %", "")),
+          ...AXES.map((axis) =>
+            percent(rmsFall(flight.axes[axis]?.sse_before, flight.axes[axis]?.sse_after)).replace(" %", ""),
+          ),
         ]),
       ),
     why.coefficients?.length > 0 &&
@@ -335,7 +399,7 @@ function evidence(why) {
         why.coefficients.map((/** @type {any} */ c) => [
           c.name,
           `${withError(c.value, c.std_error)} ${unit(c.unit)}`,
-          c.possible ? `${short(c.possible[0])} to ${short(c.possible[1])}` : "–",
+          c.possible ? `${given(c.possible[0])} to ${given(c.possible[1])}` : "–",
         ]),
       ),
     why.alike?.length > 0 &&
@@ -343,7 +407,18 @@ function evidence(why) {
         "div",
         {},
         el("p", {}, "Looks like:"),
-        el("ul", {}, why.alike.map((/** @type {any} */ a) => el("li", {}, el("b", {}, a.effect), typeof a.separate === "string" ? `: to tell them apart, ${a.separate}` : ""))),
+        el(
+          "ul",
+          {},
+          why.alike.map((/** @type {any} */ a) =>
+            el(
+              "li",
+              {},
+              el("b", {}, a.effect),
+              typeof a.separate === "string" ? `: to tell them apart, ${a.separate}` : "",
+            ),
+          ),
+        ),
       ),
     why.to_see_it && el("p", {}, el("b", {}, "To see it: "), why.to_see_it, "."),
   ];

@@ -3,8 +3,8 @@
 /** @typedef {"u"|"v"|"w"|"p"|"q"|"r"} Axis */
 /** @typedef {{rms: number|null, sse: number|null, r2: number|null}} Errors */
 /** @typedef {{name: string, set: "train"|"validate"|"none", duration_s: number, rate_hz: number, rows: number, columns: string[],
- *   parts: [number, number][], faults: {severity: "warning"|"error", sentence: string}[], problem: string|null,
- *   height: [number, number][], battery: [number, number][]}} Flight */
+ *   parts: [number, number][], faults: {severity: "note"|"warning"|"error", sentence: string}[], problem: string|null,
+ *   height: [number, number][], battery: [number, number][], flights?: string[]}} Flight a file with a flight, or a log with some */
 /** @typedef {{id: number, parent: number|null, effect: string|null, label: string, fitted_on: string[], judged_on: string[],
  *   effects: string[], axes: Record<Axis, Errors>|null, verdict: string|null, supported: boolean|null, command: string}} Model */
 /** @typedef {{do: string, activity: string, done: number|null, all: number|null}} Job */
@@ -30,6 +30,9 @@ export const axisUnit = (axis) => ("uvw".includes(axis) ? "m/s^2" : "rad/s^2");
 
 /** What an axis is. @type {Record<string, string>} */
 export const AXIS_NAMES = { u: "forward", v: "to the right", w: "down", p: "roll", q: "pitch", r: "yaw" };
+
+/** The flights of a file: a log may hold several. @param {Flight} file */
+export const flightsOf = (file) => (file.flights?.length ? file.flights : [file.name]);
 
 /** An answer other than 2xx; its message is a sentence for the user. */
 export class ServerError extends Error {

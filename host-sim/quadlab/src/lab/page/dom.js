@@ -53,7 +53,9 @@ export function redraw(root, children) {
   const open = [...root.querySelectorAll("details[open]")].map((d) => /** @type {HTMLElement} */ (d).dataset.key);
   const shut = [...root.querySelectorAll("details:not([open])")].map((d) => /** @type {HTMLElement} */ (d).dataset.key);
   const scroll = root.scrollTop;
-  root.replaceChildren(...children.filter((child) => child !== null && child !== undefined && child !== false).map(asContent));
+  root.replaceChildren(
+    ...children.filter((child) => child !== null && child !== undefined && child !== false).map(asContent),
+  );
   for (const details of root.querySelectorAll("details")) {
     if (open.includes(details.dataset.key)) details.open = true;
     if (shut.includes(details.dataset.key)) details.open = false;
@@ -76,8 +78,26 @@ export function table(caption, head, rows) {
     "table",
     {},
     el("caption", {}, caption),
-    el("thead", {}, el("tr", {}, head.map((cell) => el("th", { scope: "col" }, cell)))),
-    el("tbody", {}, rows.map((cells) => el("tr", {}, cells.map((cell, n) => (n ? el("td", {}, cell) : el("th", { scope: "row" }, cell)))))),
+    el(
+      "thead",
+      {},
+      el(
+        "tr",
+        {},
+        head.map((cell) => el("th", { scope: "col" }, cell)),
+      ),
+    ),
+    el(
+      "tbody",
+      {},
+      rows.map((cells) =>
+        el(
+          "tr",
+          {},
+          cells.map((cell, n) => (n ? el("td", {}, cell) : el("th", { scope: "row" }, cell))),
+        ),
+      ),
+    ),
   );
 }
 
@@ -91,7 +111,8 @@ export function choice(label, id, options, chosen, change) {
 
 /** Options of a select. @param {HTMLSelectElement} select @param {[string, string][]} options @param {string} chosen */
 export function fill(select, options, chosen) {
-  const same = select.options.length === options.length && options.every(([value], n) => select.options[n].value === value);
+  const same =
+    select.options.length === options.length && options.every(([value], n) => select.options[n].value === value);
   if (same) {
     select.value = chosen;
     return;

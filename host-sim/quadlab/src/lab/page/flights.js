@@ -1,5 +1,6 @@
 // The list of flights: what each is like, and what it is used for.
 
+import { flightsOf } from "./api.js";
 import { el, redraw, svg } from "./dom.js";
 import { short } from "./numbers.js";
 
@@ -20,13 +21,19 @@ export function drawFlights(app, root) {
     root,
     flights.length
       ? flights.map((flight) => entry(app, flight))
-      : [el("li", { class: "quiet" }, "There is no flight in this folder. Put flight files into it and open the lab again.")],
+      : [
+          el(
+            "li",
+            { class: "quiet" },
+            "There is no flight in this folder. Put flight files into it and open the lab again.",
+          ),
+        ],
   );
 }
 
 /** @param {App} app @param {Flight} flight */
 function entry(app, flight) {
-  const shown = app.view.flight === flight.name;
+  const shown = flightsOf(flight).includes(app.view.flight);
   const use = el(
     "select",
     {
@@ -45,7 +52,8 @@ function entry(app, flight) {
       title: flight.name,
       "aria-current": shown ? "true" : null,
       "data-key": `show ${flight.name}`,
-      click: () => app.look({ flight: flight.name, from: null, to: null }),
+      disabled: Boolean(flight.problem),
+      click: () => app.look({ flight: flightsOf(flight)[0], from: null, to: null }),
     },
     flight.name,
   );
@@ -54,12 +62,15 @@ function entry(app, flight) {
     { class: `flight ${flight.set}`, "data-name": flight.name },
     show,
     use,
-    el("div", { class: "sparks" }, spark(flight.height, "height", "m"), spark(flight.battery, "battery", "V")),
-    el(
-      "p",
-      { class: "facts", title: `${flight.rows} rows: ${flight.columns.join(", ")}` },
-      `${short(flight.duration_s)} s, ${short(flight.rate_hz)} Hz`,
-    ),
+    !flight.problem &&
+      el("div", { class: "sparks" }, spark(flight.height, "height", "m"), spark(flight.battery, "battery", "V")),
+    !flight.problem &&
+      el(
+        "p",
+        { class: "facts", title: `${flight.rows} rows: ${flight.columns.join(", ")}` },
+        `${short(flight.duration_s)} s, ${short(flight.rate_hz)} Hz`,
+        flightsOf(flight).length > 1 && `, ${flightsOf(flight).length} flights`,
+      ),
     flight.problem && el("p", { class: "bad-text" }, flight.problem),
     faults(flight),
   );
@@ -67,18 +78,26 @@ function entry(app, flight) {
 
 /** @param {Flight} flight */
 function faults(flight) {
-  const count = flight.faults.length;
-  if (!count) return null;
-  const errors = flight.faults.some((fault) => fault.severity === "error");
+  if (!flight.faults.length) return null;
+  const severities = [...new Set(flight.faults.map((fault) => fault.severity))];
+  const counts = severities.map((severity) => {
+    const count = flight.faults.filter((fault) => fault.severity === severity).length;
+    return `${count} ${severity}${count > 1 ? "s" : ""}`;
+  });
+  const errors = severities.includes("error");
   return el(
     "details",
     { "data-key": `faults ${flight.name}` },
     el(
       "summary",
       { class: errors ? "bad-text" : "", "data-key": `unfold ${flight.name}` },
-      `${errors ? "⚠ " : ""}${count} ${count === 1 ? "finding" : "findings"} of the checks`,
+      `${errors ? "⚠ " : ""}${counts.join(", ")} of the checks`,
     ),
-    el("ul", {}, flight.faults.map((fault) => el("li", {}, el("b", {}, `${fault.severity}: `), fault.sentence))),
+    el(
+      "ul",
+      {},
+      flight.faults.map((fault) => el("li", {}, el("b", {}, `${fault.severity}: `), fault.sentence)),
+    ),
   );
 }
 
@@ -103,6 +122,6 @@ function spark(points, name, unit) {
       { viewBox: "0 0 100 24", preserveAspectRatio: "none", role: "img", "aria-label": text },
       svg("polyline", { points: there.map(([t, v]) => `${x(t).toFixed(1)},${y(v).toFixed(1)}`).join(" ") }),
     ),
-    el("small", { "aria-hidden": "true" }, `${short(low, 2)}–${short(high, 2)} ${unit}`),
+    el("small", { "aria-hidden": "true" }, `${short(low)}–${short(high)} ${unit}`),
   );
 }

@@ -1,7 +1,7 @@
 // The page: its state, what it hears from the server, and what is drawn when.
 
 import { drawAdvice, forget } from "./advice.js";
-import { get, post } from "./api.js";
+import { ServerError, flightsOf, get, post } from "./api.js";
 import { byId, el, fill } from "./dom.js";
 import { drawFlights } from "./flights.js";
 import { drawLegend } from "./legend.js";
@@ -33,15 +33,16 @@ export const app = {
   cursor: null,
 
   current: () => app.state?.models.find((model) => model.id === app.state?.current) ?? null,
-  second: () => app.state?.models.find((model) => model.id === app.view.compare && model.id !== app.state?.current) ?? null,
-  flight: () => app.state?.flights.find((flight) => flight.name === app.view.flight) ?? null,
+  second: () =>
+    app.state?.models.find((model) => model.id === app.view.compare && model.id !== app.state?.current) ?? null,
+  /** The file of the shown flight. */
+  flight: () => app.state?.flights.find((file) => flightsOf(file).includes(app.view.flight)) ?? null,
 
-  /** First and last time of the shown flight, s. @returns {[number, number]} */
+  /** First and last time of the shown flight as far as its file tells, s. @returns {[number, number]} */
   span() {
-    const flight = app.flight();
-    if (!flight) return [0, 1];
-    const first = flight.height[0]?.[0] ?? flight.battery[0]?.[0] ?? 0;
-    return [first, first + Math.max(flight.duration_s, 0.1)];
+    const file = app.flight();
+    const times = [...(file?.parts ?? []).flat(), ...(file?.height ?? []).map(([t]) => t)];
+    return times.length ? [Math.min(...times), Math.max(...times)] : [0, 1];
   },
 
   /** Coefficients, errors and file of a model. @param {number} id */
@@ -78,9 +79,18 @@ export const app = {
     try {
       await work;
     } catch (error) {
-      console.warn(error);
+      if (!(error instanceof ServerError)) console.error(error);
       fail(error instanceof Error ? error.message : String(error));
     }
+  },
+
+  /** The same for what is to be drawn: says so where it takes a while. @param {Promise<any>} work */
+  async wait(work) {
+    waiting += 1;
+    window.setTimeout(showWaiting, 400);
+    await app.act(work);
+    waiting -= 1;
+    showWaiting();
   },
 
   /** Changes the state on the server. @param {string} path @param {object} body */
@@ -107,6 +117,13 @@ export const app = {
   },
 };
 
+/** How many answers are awaited. */
+let waiting = 0;
+
+function showWaiting() {
+  byId("loading").hidden = waiting === 0;
+}
+
 /** @typedef {typeof app} App */
 /** @typedef {{update: () => any, resize: () => any, theme: () => any}} Tab */
 
@@ -121,17 +138,29 @@ const tabs = {
 
 const overview = flightOverview(app, byId("overview"));
 
-/** Takes a new state; what was just made is compared with what was chosen before. @param {State} state */
+/** The model that another was made from in the first place. @param {number|null} id @returns {number|null} */
+function rootOf(id) {
+  const model = app.state?.models.find((one) => one.id === id);
+  return model?.parent != null ? rootOf(model.parent) : id;
+}
+
+/** Takes a new state. @param {State} state */
 function takeState(state) {
-  const before = app.state?.current ?? null;
-  const isNew = !app.state?.models.some((model) => model.id === state.current);
+  const before = app.state;
   app.state = state;
   const { view } = app;
-  if (before !== null && state.current !== before && (isNew || view.compare === state.current)) view.compare = before;
+  const had = (/** @type {number|null} */ id) => before?.models.some((model) => model.id === id);
+  if (before && state.current !== before.current) {
+    // A model that was just made is compared with the one before it, or with the first of all that were just made.
+    const root = rootOf(state.current);
+    if (!had(state.current)) view.compare = had(root) || root === state.current ? before.current : root;
+    else if (view.compare === state.current) view.compare = before.current;
+  }
   if (!app.second()) view.compare = null;
   if (!app.flight() && !(state.reading && view.flight)) {
     const usable = state.flights.filter((flight) => !flight.problem);
-    view.flight = (usable.find((flight) => flight.set === "validate") ?? usable[0])?.name ?? "";
+    const file = usable.find((flight) => flight.set === "validate") ?? usable[0];
+    view.flight = file ? flightsOf(file)[0] : "";
     view.from = view.to = null;
   }
   if (!state.reading) writeView(view);
@@ -166,8 +195,16 @@ function drawState() {
   byId("reading").hidden = !state.reading;
   drawFlights(app, byId("flights"));
   drawModels(app, byId("models"));
-  fill(byId("flight"), state.flights.filter((f) => !f.problem).map((f) => [f.name, f.name]), view.flight);
-  byId("flight-choice").hidden = Boolean(app.current()) && !["time", "spectrum", "path"].includes(view.tab);
+  fill(
+    byId("flight"),
+    state.flights
+      .filter((file) => !file.problem)
+      .flatMap(flightsOf)
+      .map((name) => [name, name]),
+    view.flight,
+  );
+  byId("flight-choice").hidden =
+    !app.flight() || (Boolean(app.current()) && !["time", "spectrum", "path"].includes(view.tab));
   const problem = byId("problem");
   problem.hidden = !state.problem;
   if (problem.textContent !== (state.problem ?? "")) problem.textContent = state.problem ?? "";
@@ -191,7 +228,7 @@ function drawTabs() {
   }
   byId("overview").hidden = Boolean(model);
   drawLegend(app, byId("legend"));
-  app.act((async () => shown().update())());
+  app.wait((async () => shown().update())());
 }
 
 /** @param {Job|null} job */
@@ -199,6 +236,9 @@ function drawJob(job) {
   const state = app.state;
   if (state) state.job = job;
   const busy = job !== null;
+  const focused = document.activeElement;
+  if (document.body.dataset.busy !== String(busy))
+    byId("announced").textContent = job ? `${job.do} is running` : "done";
   document.body.dataset.busy = String(busy);
   const blocked = busy || !state || Boolean(state.problem) || state.reading;
   const model = app.current();
@@ -208,8 +248,10 @@ function drawJob(job) {
   byId("cancel").disabled = !busy;
   byId("identify").classList.toggle("primary", !model);
   byId("diagnose").classList.toggle("primary", Boolean(model) && model?.verdict === null);
-  for (const button of document.querySelectorAll("button.add")) /** @type {HTMLButtonElement} */ (button).disabled = busy;
+  for (const button of document.querySelectorAll("button.add"))
+    /** @type {HTMLButtonElement} */ (button).disabled = busy;
   byId("job").hidden = !busy;
+  keepFocus(focused, busy);
   if (!job) return;
   const progress = byId("progress");
   if (job.done !== null && job.all) {
@@ -222,6 +264,12 @@ function drawJob(job) {
   byId("activity").textContent = `${job.do}: ${job.activity}${share}`;
 }
 
+/** The focus does not stay on a button that can no longer be pressed. @param {Element|null} focused @param {boolean} busy */
+function keepFocus(focused, busy) {
+  if (!(focused instanceof HTMLButtonElement) || !focused.disabled || !byId("right").contains(focused)) return;
+  byId(busy ? "cancel" : "advice").focus();
+}
+
 /** A sentence that can be put away. @param {string} id @param {string[]} sentences */
 function say(id, sentences) {
   const box = byId(id);
@@ -230,7 +278,17 @@ function say(id, sentences) {
     box.replaceChildren();
   };
   box.replaceChildren(
-    el("div", {}, sentences.map((text) => el("p", {}, text))),
+    el(
+      "div",
+      {},
+      sentences.map((text) =>
+        el(
+          "p",
+          {},
+          text.replace(/^[a-z](?=[a-z]* )/, (letter) => letter.toUpperCase()),
+        ),
+      ),
+    ),
     el("button", { type: "button", class: "dismiss", "aria-label": "Dismiss this message", click: away }, "Dismiss"),
   );
   box.hidden = false;
@@ -249,13 +307,21 @@ function warn(sentence) {
   say("warning", warnings);
 }
 
-const LOST = "The connection to quadlab is lost. Is it still running in its terminal? The page goes on by itself when it is back.";
+const LOST =
+  "The connection to quadlab is lost. Is it still running in its terminal? The page goes on by itself when it is back.";
+
+/** What is shown as running; looking for evidence and reading are not. */
+const JOBS = ["identify", "diagnose", "add", "explain"];
 
 function listen() {
   const events = new EventSource("/api/events");
   const data = (/** @type {any} */ event) => JSON.parse(event.data || "{}");
   let lost = 0;
-  events.addEventListener("progress", (event) => drawJob(data(event)));
+  events.addEventListener("progress", (event) => {
+    const told = data(event);
+    if (JOBS.includes(told.do)) drawJob(told);
+    else if (told.do === "reading") byId("reading").textContent = `Reading flights: ${told.activity}`;
+  });
   events.addEventListener("warning", (event) => warn(data(event).sentence));
   events.addEventListener("state", () => app.act(refresh()));
   events.addEventListener("finished", (event) => {
@@ -263,7 +329,8 @@ function listen() {
     drawJob(null);
     forget();
     details.clear();
-    if (error) fail(error);
+    if (error === "cancelled") byId("announced").textContent = "cancelled";
+    else if (error) fail(error);
     app.act(refresh());
   });
   events.addEventListener("open", () => {
@@ -301,7 +368,9 @@ function wireButtons() {
   byId("diagnose").addEventListener("click", () => app.run({ do: "diagnose", model: app.current()?.id }));
   byId("explain").addEventListener("click", () => app.run({ do: "explain" }));
   byId("cancel").addEventListener("click", () => app.act(post("/api/cancel", {})));
-  byId("flight").addEventListener("change", (/** @type {any} */ event) => app.look({ flight: event.target.value, from: null, to: null }));
+  byId("flight").addEventListener("change", (/** @type {any} */ event) =>
+    app.look({ flight: event.target.value, from: null, to: null }),
+  );
   window.addEventListener("hashchange", () => {
     app.view = readView();
     if (app.state) takeState(app.state);
@@ -343,7 +412,11 @@ function drawHints() {
     box.hidden = true;
   };
   box.replaceChildren(
-    el("ol", {}, HINTS.map((text) => el("li", {}, text))),
+    el(
+      "ol",
+      {},
+      HINTS.map((text) => el("li", {}, text)),
+    ),
     el("button", { type: "button", class: "dismiss", id: "hints-away", click: away }, "Got it"),
   );
   box.hidden = false;

@@ -2,6 +2,7 @@
 
 import { AXES, address, axisUnit } from "./api.js";
 import { el, redraw, table } from "./dom.js";
+import { titleOf } from "./models.js";
 import { short, unit, withError, withUnit } from "./numbers.js";
 
 /** @typedef {import("./main.js").App} App */
@@ -15,15 +16,24 @@ export function modelTab(app, root) {
     const [details, other] = await Promise.all([app.details(model.id), second ? app.details(second.id) : null]);
     if (app.current()?.id !== model.id) return;
     redraw(root, [
-      el("h3", {}, `${model.label} (model ${model.id})`),
-      el("p", { class: "quiet" }, `Fitted on ${model.fitted_on.join(", ") || "nothing"}. Judged on ${model.judged_on.join(", ") || "nothing"}.`),
+      el("h3", {}, titleOf(model)),
+      el(
+        "p",
+        { class: "quiet" },
+        `Fitted on ${model.fitted_on.join(", ") || "nothing"}. Judged on ${model.judged_on.join(", ") || "nothing"}.`,
+      ),
       downloads(app, model.id),
       command(app, model.command),
-      errors(details.comparison, model.label),
-      other && errors(other.comparison, `second: ${second?.label}`),
+      errors(details.comparison, model, titleOf(model)),
+      second && other && errors(other.comparison, second, `second: ${titleOf(second)}`),
       horizons(details.comparison, other?.comparison ?? null),
       coefficients(details.coefficients, other?.coefficients ?? null),
-      el("details", { "data-key": "toml" }, el("summary", { "data-key": "unfold toml" }, "Model file"), el("pre", { tabindex: "0" }, details.toml)),
+      el(
+        "details",
+        { "data-key": "toml" },
+        el("summary", { "data-key": "unfold toml" }, "Model file"),
+        el("pre", { tabindex: "0" }, details.toml),
+      ),
     ]);
   }
   return { update, resize: () => {}, theme: () => {} };
@@ -31,12 +41,14 @@ export function modelTab(app, root) {
 
 /** @param {App} app @param {number} id */
 function downloads(app, id) {
-  const link = (/** @type {string} */ text, /** @type {string} */ path, /** @type {Record<string, any>} */ query) => el("li", {}, el("a", { href: address(path, query), download: true, "data-key": path }, text));
+  const link = (/** @type {string} */ text, /** @type {string} */ path, /** @type {Record<string, any>} */ query) =>
+    el("li", {}, el("a", { href: address(path, query), download: true, "data-key": path }, text));
   return el(
     "ul",
     { class: "downloads", "aria-label": "Downloads" },
     link("model.toml", "/api/download/model.toml", { id }),
-    app.flight() && link(`series of ${app.view.flight} (CSV)`, "/api/download/series.csv", { model: id, flight: app.view.flight }),
+    app.flight() &&
+      link(`series of ${app.view.flight} (CSV)`, "/api/download/series.csv", { model: id, flight: app.view.flight }),
     link("report (HTML)", "/api/download/report.html", { id }),
   );
 }
@@ -59,13 +71,23 @@ function command(app, text) {
   );
 }
 
-/** @param {any} comparison @param {string} of */
-function errors(comparison, of) {
+/** @param {any} comparison @param {import("./api.js").Model} model @param {string} of */
+function errors(comparison, model, of) {
   if (!comparison) return null;
   const cell = (/** @type {any} */ one) => (one ? `${short(one.rms)} (${short(one.r2, 3)})` : "–");
-  const rows = comparison.flights.map((/** @type {any} */ flight) => [flight.name, ...AXES.map((axis) => cell(flight.axes?.[axis]))]);
-  if (comparison.total) rows.push(["all", ...AXES.map((axis) => cell(comparison.total[axis]))]);
-  return table(`Root mean square error (and R²) on held-out flights, ${of}`, ["flight", ...AXES.map((axis) => withUnit(axis, axisUnit(axis)))], rows);
+  const use = (/** @type {string} */ name) =>
+    model.fitted_on.includes(name) ? "fit" : model.judged_on.includes(name) ? "judge" : "neither";
+  const rows = comparison.flights.map((/** @type {any} */ flight) => [
+    flight.name,
+    use(flight.name),
+    ...AXES.map((axis) => cell(flight.axes?.[axis])),
+  ]);
+  if (model.axes) rows.push(["all that judge", "judge", ...AXES.map((axis) => cell(model.axes?.[axis]))]);
+  return table(
+    `Root mean square error (and R²) of each flight, ${of}`,
+    ["flight", "used to", ...AXES.map((axis) => withUnit(axis, axisUnit(axis)))],
+    rows,
+  );
 }
 
 /** @param {any} one @param {any} other */
@@ -78,9 +100,12 @@ function horizons(one, other) {
     ["rates", "rate_rad_s", "rad/s"],
   ];
   const names = Object.keys(one.horizons);
-  const name = (/** @type {string} */ key) => (/^\d+$/.test(key) ? `${key} samples ahead` : key.replace(/^sum_(\d+)_(\d+)$/, "sum of $1 to $2 ahead"));
+  const name = (/** @type {string} */ key) =>
+    /^\d+$/.test(key)
+      ? `${key} ${key === "1" ? "sample" : "samples"} ahead`
+      : key.replace(/^sum_(\d+)_(\d+)$/, "sum of $1 to $2 ahead");
   return table(
-    `Mean error of open-loop prediction${other ? ": chosen, and second model" : ""}`,
+    `Mean error of open-loop prediction, all flights${other ? ": chosen, and second model" : ""}`,
     ["horizon", ...fields.map(([text, , of]) => withUnit(text, of))],
     names.map((key) => [
       name(key),
@@ -98,12 +123,10 @@ function coefficients(all, others) {
   const gone = (others ?? []).filter((o) => !all.some((c) => c.effect === o.effect && c.name === o.name));
   const head = ["effect", "coefficient", "value ± standard error", ...(others ? ["second model"] : []), "unit"];
   const value = (/** @type {Coefficient|undefined} */ c) => (c ? withError(c.value, c.std_error) : "–");
-  const row = (/** @type {Coefficient} */ c, /** @type {Coefficient|undefined} */ mine, /** @type {Coefficient|undefined} */ theirs) => [
-    c.effect ?? "",
-    c.name,
-    value(mine),
-    ...(others ? [value(theirs)] : []),
-    unit(c.unit),
-  ];
+  const row = (
+    /** @type {Coefficient} */ c,
+    /** @type {Coefficient|undefined} */ mine,
+    /** @type {Coefficient|undefined} */ theirs,
+  ) => [c.effect ?? "", c.name, value(mine), ...(others ? [value(theirs)] : []), unit(c.unit)];
   return table("Coefficients", head, [...all.map((c) => row(c, c, same(c))), ...gone.map((c) => row(c, undefined, c))]);
 }

@@ -15,10 +15,16 @@ export const VERDICTS = {
   "not-identified": "not identified",
 };
 
+/** A model's name in a legend: labels may be the same. @param {Model} model */
+export const titleOf = (model) => `${model.label} (model ${model.id})`;
+
 /** @param {App} app @param {HTMLElement} root */
 export function drawModels(app, root) {
   const models = app.state?.models ?? [];
-  redraw(root, inTreeOrder(models).map(([model, depth]) => entry(app, model, depth)));
+  redraw(
+    root,
+    inTreeOrder(models).map(([model, depth]) => entry(app, model, depth)),
+  );
   byId("no-models").hidden = models.length > 0;
   const parent = app.current()?.parent ?? null;
   const undo = byId("undo");
@@ -90,13 +96,17 @@ function marks(model) {
   const supported =
     model.supported === null
       ? null
-      : el("span", { class: model.supported ? "good-text" : "bad-text" }, model.supported ? "✓ supported" : "✗ not supported");
+      : el(
+          "span",
+          { class: model.supported ? "good-text" : "bad-text" },
+          model.supported ? "✓ supported" : "✗ not supported",
+        );
   const verdict = model.verdict && el("span", {}, VERDICTS[model.verdict] ?? model.verdict);
-  return el("p", { class: "marks", title: `Fitted on ${model.fitted_on.join(", ")}; judged on ${model.judged_on.join(", ")}` }, [
-    el("span", { class: "quiet" }, `model ${model.id}`),
-    supported,
-    verdict,
-  ]);
+  return el(
+    "p",
+    { class: "marks", title: `Fitted on ${model.fitted_on.join(", ")}; judged on ${model.judged_on.join(", ")}` },
+    [el("span", { class: "quiet" }, `model ${model.id}`), supported, verdict],
+  );
 }
 
 /** Held-out error of each axis, with its change from the parent. @param {Model} model @param {Model|null} parent */
@@ -115,7 +125,12 @@ function errors(model, parent) {
         el("b", {}, axis),
         " ",
         short(now?.rms),
-        moved && el("span", { class: fall > 0 ? "good-text" : "bad-text" }, ` ${fall > 0 ? "↓" : "↑"}${percent(Math.abs(fall))}`),
+        moved &&
+          el(
+            "span",
+            { class: fall > 0 ? "good-text" : "bad-text" },
+            ` ${fall > 0 ? "↓" : "↑"}${percent(Math.abs(fall))}`,
+          ),
       );
     }),
   );

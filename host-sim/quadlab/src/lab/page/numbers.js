@@ -1,7 +1,17 @@
 // Numbers and units as people write them.
 
 const SUPERSCRIPTS = /** @type {Record<string, string>} */ ({
-  "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹",
+  "-": "⁻",
+  0: "⁰",
+  1: "¹",
+  2: "²",
+  3: "³",
+  4: "⁴",
+  5: "⁵",
+  6: "⁶",
+  7: "⁷",
+  8: "⁸",
+  9: "⁹",
 });
 
 /** @param {string|number} text */
@@ -13,6 +23,7 @@ export const minus = (text) => text.replace(/-(?=[\d.])/g, "−");
 /** A unit: `m/s^2` becomes m/s², `1` nothing. @param {string|null|undefined} unit */
 export function unit(unit) {
   if (!unit || unit === "1") return "";
+  if (/\. /.test(unit)) return unit;
   return unit.replace(/\^(-?\d+)/g, (_, power) => raised(power)).replace(/ /g, "·");
 }
 
@@ -47,11 +58,18 @@ export function withError(value, error) {
   return power ? `(${pair})×10${raised(power)}` : pair;
 }
 
+/** A number that was chosen, such as a threshold: without the zeros at its end. @param {number} x */
+export const given = (x) => minus(String(Number(x.toPrecision(4))));
+
 /** A p-value. @param {number|null|undefined} p */
 export const pValue = (p) => (!known(p) ? "p unknown" : p < 1e-6 ? `p < 10${raised(-6)}` : `p = ${short(p, 2)}`);
 
 /** Percent, without digits that mean nothing. @param {number|null|undefined} x */
-export const percent = (x) => (!known(x) ? "–" : `${minus(Math.abs(x) < 10 ? x.toFixed(1) : x.toFixed(0))} %`);
+export function percent(x) {
+  if (!known(x)) return "–";
+  if (Math.abs(x) < 0.05) return "0 %";
+  return `${minus(Math.abs(x) < 10 ? x.toFixed(1) : x.toFixed(0))} %`;
+}
 
 /** By how much the root mean square falls from one sum of squares to another, percent. @param {number|null|undefined} before @param {number|null|undefined} after */
 export function rmsFall(before, after) {
@@ -60,3 +78,15 @@ export function rmsFall(before, after) {
 
 /** A time in a flight. @param {number} s */
 export const seconds = (s) => `${s.toFixed(2)} s`;
+
+/** Index of the nearest time. @param {number[]} times rising @param {number} t */
+export function nearest(times, t) {
+  let low = 0;
+  let high = times.length - 1;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (times[middle] <= t) low = middle;
+    else high = middle;
+  }
+  return high >= 0 && Math.abs(times[high] - t) < Math.abs(times[low] - t) ? high : low;
+}

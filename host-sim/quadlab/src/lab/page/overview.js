@@ -24,8 +24,19 @@ export function flightOverview(app, root) {
           : "There is no model yet. Choose on the left which flights fit the model and which judge it, then press Identify.",
       ),
       flight && el("h3", {}, flight.name),
-      flight && el("p", { class: "quiet" }, `${flight.rows} rows in ${short(flight.duration_s)} s: ${flight.columns.join(", ")}.`),
-      flight?.faults.length ? el("ul", {}, flight.faults.map((fault) => el("li", {}, el("b", {}, `${fault.severity}: `), fault.sentence))) : null,
+      flight &&
+        el(
+          "p",
+          { class: "quiet" },
+          `${flight.rows} rows in ${short(flight.duration_s)} s: ${flight.columns.join(", ")}.`,
+        ),
+      flight?.faults.length
+        ? el(
+            "ul",
+            {},
+            flight.faults.map((fault) => el("li", {}, el("b", {}, `${fault.severity}: `), fault.sentence)),
+          )
+        : null,
     ]);
     if (flight) await draw(flight);
     else plot.replaceChildren();
@@ -36,7 +47,12 @@ export function flightOverview(app, root) {
     const Plotly = await plotly();
     if (root.hidden || !root.clientWidth || app.flight() !== flight) return;
     const { traces, shape } = figure(flight);
-    await Plotly.react(plot, traces, { ...layout(), ...shape, width: root.clientWidth, height: Math.max(320, Math.min(700, room(plot))) }, CONFIG);
+    await Plotly.react(
+      plot,
+      traces,
+      { ...layout(), ...shape, width: root.clientWidth, height: Math.max(320, Math.min(700, room(plot))) },
+      CONFIG,
+    );
   }
 
   return { update, resize: update, theme: update };
@@ -54,14 +70,36 @@ function figure(flight) {
     line: { color: colour(name), width: 1.6 },
     hoverinfo: "x+y",
   });
-  const air = flight.parts.map(([x0, x1]) => ({ type: "rect", x0, x1, y0: 0, y1: 1, xref: "x", yref: "paper", fillcolor: faint("predicted", 0.07), line: { width: 0 }, layer: "below" }));
+  const air = flight.parts.map(([x0, x1]) => ({
+    type: "rect",
+    x0,
+    x1,
+    y0: 0,
+    y1: 1,
+    xref: "x",
+    yref: "paper",
+    fillcolor: faint("predicted", 0.07),
+    line: { width: 0 },
+    layer: "below",
+  }));
   return {
     traces: [curve(flight.height, "", "predicted"), curve(flight.battery, "2", "difference")],
     shape: {
       shapes: air,
       margin: { l: 64, r: 12, t: 26, b: 44 },
       hovermode: "closest",
-      annotations: [{ text: "shaded: in the air", x: 1, y: 1, xref: "paper", yref: "paper", xanchor: "right", yanchor: "bottom", showarrow: false }],
+      annotations: [
+        {
+          text: "shaded: in the air",
+          x: 1,
+          y: 1,
+          xref: "paper",
+          yref: "paper",
+          xanchor: "right",
+          yanchor: "bottom",
+          showarrow: false,
+        },
+      ],
       xaxis: axis({ anchor: "y", matches: "x2", showticklabels: false, zeroline: false }),
       yaxis: axis({ domain: [0.54, 1], title: { text: "height [m]" } }),
       xaxis2: axis({ anchor: "y2", title: { text: "time [s]" }, zeroline: false }),

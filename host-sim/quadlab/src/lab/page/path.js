@@ -2,9 +2,8 @@
 
 import { AXES, AXIS_NAMES, get, givenUp } from "./api.js";
 import { choice, el, redraw } from "./dom.js";
-import { known, seconds, short, unit, withUnit } from "./numbers.js";
+import { known, nearest, seconds, short, unit, withUnit } from "./numbers.js";
 import { CONFIG, axis, colour, layout, plotly, room } from "./plots.js";
-import { nearest } from "./time.js";
 
 /** @typedef {import("./main.js").App} App */
 /** @typedef {{t: number[], north_m: number[], east_m: number[], up_m: number[], residual: (number|null)[], unit: string}} Path */
@@ -22,7 +21,11 @@ export function pathTab(app, root) {
   });
   const values = el("output", { id: "path-values", for: "cursor-time" });
   const plot = el("div", { id: "path-plot", class: "plot" });
-  root.append(controls, el("div", { class: "controls" }, el("label", { class: "wide" }, "Time ", slider), values), plot);
+  root.append(
+    controls,
+    el("div", { class: "controls" }, el("label", { class: "wide" }, "Time ", slider), values),
+    plot,
+  );
   app.onCursor(drawCursor);
   /** @type {AbortController|null} */
   let asked = null;
@@ -37,19 +40,53 @@ export function pathTab(app, root) {
     const [model, flight] = [app.current(), app.flight()];
     if (!model || !flight) return;
     redraw(controls, [
-      choice("Colour: residual of", "path-axis", AXES.map((a) => [a, `${a}, ${AXIS_NAMES[a]}`]), app.view.axis, (value) => app.look({ axis: value })),
-      choice("mean over", "path-mean", [["0", "one sample"], ["0.2", "0.2 s"], ["1", "1 s"]], smooth, (value) => setSmooth(value)),
-      el("label", {}, el("input", { type: "checkbox", id: "flat", checked: flat, disabled: !hasWebGl(), "data-key": "flat", change: () => setFlat() }), " from above and from the side"),
-      el("span", { class: "scale", "aria-hidden": "true" }, el("span", { id: "scale-low" }), el("i", {}), el("span", { id: "scale-high" })),
+      choice(
+        "Colour: residual of",
+        "path-axis",
+        AXES.map((a) => [a, `${a}, ${AXIS_NAMES[a]}`]),
+        app.view.axis,
+        (value) => app.look({ axis: value }),
+      ),
+      choice(
+        "mean over",
+        "path-mean",
+        [
+          ["0", "one sample"],
+          ["0.2", "0.2 s"],
+          ["1", "1 s"],
+        ],
+        smooth,
+        (value) => setSmooth(value),
+      ),
+      el(
+        "label",
+        {},
+        el("input", {
+          type: "checkbox",
+          id: "flat",
+          checked: flat,
+          disabled: !hasWebGl(),
+          "data-key": "flat",
+          change: () => setFlat(),
+        }),
+        " from above and from the side",
+      ),
+      el(
+        "span",
+        { class: "scale", "aria-hidden": "true" },
+        el("span", { id: "scale-low" }),
+        el("i", {}),
+        el("span", { id: "scale-high" }),
+      ),
     ]);
-    const wanted = JSON.stringify([model.id, flight.name, app.view.axis]);
+    const wanted = JSON.stringify([model.id, app.view.flight, app.view.axis]);
     if (wanted === key && path) return draw();
     key = wanted;
     asked?.abort();
     asked = new AbortController();
     const { signal } = asked;
     try {
-      const answer = await get("/api/path", { model: model.id, flight: flight.name, axis: app.view.axis }, signal);
+      const answer = await get("/api/path", { model: model.id, flight: app.view.flight, axis: app.view.axis }, signal);
       if (signal.aborted) return;
       path = answer;
       await draw();
@@ -76,14 +113,28 @@ export function pathTab(app, root) {
     if (root.hidden || !path || !root.clientWidth) return;
     const drawn = { ...path, residual: running(path, Number(smooth)) };
     const limit = largest(drawn.residual);
-    for (const [id, text] of [["scale-low", `−${short(limit, 2)}`], ["scale-high", `+${short(limit, 2)} ${unit(path.unit)}`]]) {
+    for (const [id, text] of [
+      ["scale-low", `−${short(limit, 2)}`],
+      ["scale-high", `+${short(limit, 2)} ${unit(path.unit)}`],
+    ]) {
       const label = root.querySelector(`#${id}`);
       if (label) label.textContent = text;
     }
     slider.min = String(path.t[0] ?? 0);
     slider.max = String(path.t[path.t.length - 1] ?? 0);
     const { traces, shape } = flat ? flatFigure(drawn, limit) : figure(drawn, limit);
-    await Plotly.react(plot, traces, { ...layout(), ...shape, uirevision: key, width: root.clientWidth, height: Math.max(360, room(plot)) }, CONFIG);
+    await Plotly.react(
+      plot,
+      traces,
+      {
+        ...layout(),
+        ...shape,
+        uirevision: `${app.view.flight} ${flat}`,
+        width: root.clientWidth,
+        height: Math.max(360, room(plot)),
+      },
+      CONFIG,
+    );
     plot.removeAllListeners?.("plotly_hover");
     plot.on("plotly_hover", (/** @type {any} */ event) => {
       const point = event.points[0];
@@ -94,7 +145,12 @@ export function pathTab(app, root) {
 
   /** @param {KeyboardEvent} event */
   function onKey(event) {
-    const by = event.key === "ArrowRight" || event.key === "ArrowUp" ? 1 : event.key === "ArrowLeft" || event.key === "ArrowDown" ? -1 : 0;
+    const by =
+      event.key === "ArrowRight" || event.key === "ArrowUp"
+        ? 1
+        : event.key === "ArrowLeft" || event.key === "ArrowDown"
+          ? -1
+          : 0;
     if (!by || !path) return;
     event.preventDefault();
     const at = nearest(path.t, Number(slider.value)) + by;
@@ -118,7 +174,9 @@ export function pathTab(app, root) {
     if (!path) return;
     const Plotly = await plotly();
     const [n, e, u] = [[path.north_m[at]], [path.east_m[at]], [path.up_m[at]]];
-    const marks = plot.data.flatMap((/** @type {any} */ trace, /** @type {number} */ i) => (trace.name === "cursor" ? [i] : []));
+    const marks = plot.data.flatMap((/** @type {any} */ trace, /** @type {number} */ i) =>
+      trace.name === "cursor" ? [i] : [],
+    );
     await Plotly.restyle(plot, flat ? { x: [e, n], y: [n, u] } : { x: [e], y: [n], z: [u] }, marks);
   }
 
@@ -151,7 +209,10 @@ function running(path, window) {
 
 /** The residual that 98 in 100 are below. @param {(number|null)[]} residual */
 function largest(residual) {
-  const sorted = residual.filter(known).map(Math.abs).sort((a, b) => a - b);
+  const sorted = residual
+    .filter(known)
+    .map(Math.abs)
+    .sort((a, b) => a - b);
   return sorted[Math.floor(0.98 * (sorted.length - 1))] || 1;
 }
 
@@ -173,15 +234,44 @@ function paint(path, limit) {
 function figure(path, limit) {
   const text = path.t.map((t, n) => `${seconds(t)}, residual ${short(path.residual[n])} ${unit(path.unit)}`);
   const place = { x: path.east_m, y: path.north_m, z: path.up_m };
-  const side = (/** @type {string} */ name) => ({ title: { text: withUnit(name, "m") }, gridcolor: colour("grid"), zerolinecolor: colour("control"), color: colour("text"), showspikes: false });
+  const side = (/** @type {string} */ name) => ({
+    title: { text: withUnit(name, "m") },
+    gridcolor: colour("grid"),
+    zerolinecolor: colour("control"),
+    color: colour("text"),
+    showspikes: false,
+  });
   return {
     traces: [
-      { type: "scatter3d", name: "path", mode: "lines", ...place, line: { width: 8, ...paint(path, limit) }, text, hovertemplate: "%{text}<extra></extra>" },
-      { type: "scatter3d", name: "cursor", mode: "markers", x: [null], y: [null], z: [null], marker: { size: 7, color: colour("text"), symbol: "diamond" }, hoverinfo: "skip" },
+      {
+        type: "scatter3d",
+        name: "path",
+        mode: "lines",
+        ...place,
+        line: { width: 8, ...paint(path, limit) },
+        text,
+        hovertemplate: "%{text}<extra></extra>",
+      },
+      {
+        type: "scatter3d",
+        name: "cursor",
+        mode: "markers",
+        x: [null],
+        y: [null],
+        z: [null],
+        marker: { size: 7, color: colour("text"), symbol: "diamond" },
+        hoverinfo: "skip",
+      },
     ],
     shape: {
       margin: { l: 0, r: 0, t: 0, b: 0 },
-      scene: { aspectmode: "data", camera: { eye: { x: 1.1, y: 1.1, z: 0.8 } }, xaxis: side("east"), yaxis: side("north"), zaxis: side("up") },
+      scene: {
+        aspectmode: "data",
+        camera: { eye: { x: 1.5, y: 1.5, z: 1 } },
+        xaxis: side("east"),
+        yaxis: side("north"),
+        zaxis: side("up"),
+      },
     },
   };
 }
@@ -190,8 +280,29 @@ function figure(path, limit) {
 function flatFigure(path, limit) {
   const text = path.t.map((t, n) => `${seconds(t)}, residual ${short(path.residual[n])} ${unit(path.unit)}`);
   const dots = (/** @type {number[]} */ x, /** @type {number[]} */ y, /** @type {string} */ id) => [
-    { type: "scatter", name: "path", mode: "markers", x, y, xaxis: `x${id}`, yaxis: `y${id}`, marker: { size: 4, ...paint(path, limit) }, text, hovertemplate: "%{text}<extra></extra>" },
-    { type: "scatter", name: "cursor", mode: "markers", x: [null], y: [null], xaxis: `x${id}`, yaxis: `y${id}`, marker: { size: 11, color: colour("text"), symbol: "diamond" }, hoverinfo: "skip" },
+    {
+      type: "scatter",
+      name: "path",
+      mode: "markers",
+      x,
+      y,
+      xaxis: `x${id}`,
+      yaxis: `y${id}`,
+      marker: { size: 4, ...paint(path, limit) },
+      text,
+      hovertemplate: "%{text}<extra></extra>",
+    },
+    {
+      type: "scatter",
+      name: "cursor",
+      mode: "markers",
+      x: [null],
+      y: [null],
+      xaxis: `x${id}`,
+      yaxis: `y${id}`,
+      marker: { size: 11, color: colour("text"), symbol: "diamond" },
+      hoverinfo: "skip",
+    },
   ];
   const title = (/** @type {string} */ name) => ({ title: { text: withUnit(name, "m") } });
   return {

@@ -3,14 +3,14 @@
 /** @type {Promise<any>|null} */
 let loading = null;
 
-/** Plotly, once it has come: the page is drawn before. @returns {Promise<any>} */
+/** Plotly. It is large, so it starts when the first plot is drawn, and the rest of the page is there before. @returns {Promise<any>} */
 export function plotly() {
   loading ??= new Promise((resolve, reject) => {
-    const have = () => /** @type {any} */ (window).Plotly;
-    if (have()) return resolve(have());
-    const script = /** @type {HTMLScriptElement} */ (document.getElementById("plotly"));
-    script.addEventListener("load", () => resolve(have()));
+    const script = document.createElement("script");
+    script.src = "/page/plotly.min.js";
+    script.addEventListener("load", () => resolve(/** @type {any} */ (window).Plotly));
     script.addEventListener("error", () => reject(new Error("The plots cannot be loaded. Load the page again.")));
+    document.head.append(script);
   });
   return loading;
 }

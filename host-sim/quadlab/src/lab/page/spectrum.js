@@ -22,16 +22,26 @@ export function spectrumTab(app, root) {
   async function update() {
     const [model, second, flight] = [app.current(), app.second(), app.flight()];
     if (!model || !flight) return;
-    redraw(controls, [choice("Axis", "spectrum-axis", AXES.map((a) => [a, `${a}, ${AXIS_NAMES[a]}`]), app.view.axis, (value) => app.look({ axis: value }))]);
-    const wanted = JSON.stringify([model.id, second?.id, flight.name, app.view.axis]);
+    redraw(controls, [
+      choice(
+        "Axis",
+        "spectrum-axis",
+        AXES.map((a) => [a, `${a}, ${AXIS_NAMES[a]}`]),
+        app.view.axis,
+        (value) => app.look({ axis: value }),
+      ),
+    ]);
+    const wanted = JSON.stringify([model.id, second?.id, app.view.flight, app.view.axis]);
     if (wanted === key) return draw();
     key = wanted;
     asked?.abort();
     asked = new AbortController();
     const { signal } = asked;
-    const query = { flight: flight.name, axis: app.view.axis };
+    const query = { flight: app.view.flight, axis: app.view.axis };
     try {
-      answers = await Promise.all((second ? [model, second] : [model]).map((m) => get("/api/spectrum", { model: m.id, ...query }, signal)));
+      answers = await Promise.all(
+        (second ? [model, second] : [model]).map((m) => get("/api/spectrum", { model: m.id, ...query }, signal)),
+      );
       if (!signal.aborted) await draw();
     } catch (error) {
       if (givenUp(error)) return;
@@ -44,7 +54,12 @@ export function spectrumTab(app, root) {
     const Plotly = await plotly();
     if (root.hidden || !answers.length || !root.clientWidth) return;
     const { traces, shape } = figure(answers);
-    await Plotly.react(plot, traces, { ...layout(), ...shape, width: root.clientWidth, height: Math.max(460, room(plot)) }, { ...CONFIG, doubleClick: "reset" });
+    await Plotly.react(
+      plot,
+      traces,
+      { ...layout(), ...shape, width: root.clientWidth, height: Math.max(460, room(plot)) },
+      { ...CONFIG, doubleClick: "reset" },
+    );
     summary.textContent = said(answers[0]);
   }
 
@@ -53,7 +68,9 @@ export function spectrumTab(app, root) {
 
 /** @param {any} one */
 function said(one) {
-  const lags = one.autocorrelation.filter((/** @type {any} */ r, /** @type {number} */ n) => known(r) && one.lag_s[n] > 0);
+  const lags = one.autocorrelation.filter(
+    (/** @type {any} */ r, /** @type {number} */ n) => known(r) && one.lag_s[n] > 0,
+  );
   const outside = lags.filter((/** @type {number} */ r) => Math.abs(r) > one.bound).length;
   const share = lags.length ? (100 * outside) / lags.length : 0;
   return `${percent(share)} of the autocorrelation lies outside its bounds of ±${one.bound.toFixed(3)}; noise that remembers nothing leaves about 5 %.`;
@@ -62,7 +79,13 @@ function said(one) {
 /** @param {any[]} answers of the chosen model, and of the second */
 function figure(answers) {
   const [first, second] = answers;
-  const curve = (/** @type {string} */ name, /** @type {number[]} */ x, /** @type {number[]} */ y, /** @type {any} */ style, /** @type {boolean} */ lower) => ({
+  const curve = (
+    /** @type {string} */ name,
+    /** @type {number[]} */ x,
+    /** @type {number[]} */ y,
+    /** @type {any} */ style,
+    /** @type {boolean} */ lower,
+  ) => ({
     type: "scatter",
     mode: "lines",
     name,
@@ -84,13 +107,27 @@ function figure(answers) {
     );
   }
   const last = first.lag_s[first.lag_s.length - 1] ?? 0;
-  const bound = (/** @type {number} */ y) => ({ type: "line", x0: 0, x1: last, y0: y, y1: y, xref: "x2", yref: "y2", line: { color: colour("difference"), width: 1.5, dash: "2px,2px" } });
+  const bound = (/** @type {number} */ y) => ({
+    type: "line",
+    x0: 0,
+    x1: last,
+    y0: y,
+    y1: y,
+    xref: "x2",
+    yref: "y2",
+    line: { color: colour("difference"), width: 1.5, dash: "2px,2px" },
+  });
   const shape = {
     margin: { l: 76, r: 12, t: 12, b: 48 },
     hovermode: "x unified",
     shapes: [bound(first.bound), bound(-first.bound)],
     xaxis: axis({ type: "log", domain: [0, 1], anchor: "y", title: { text: "frequency [Hz]", standoff: 4 } }),
-    yaxis: axis({ type: "log", domain: [0.5, 1], title: { text: `amplitude density [${unit(first.unit)}/√Hz]` }, exponentformat: "power" }),
+    yaxis: axis({
+      type: "log",
+      domain: [0.5, 1],
+      title: { text: `amplitude density [${unit(first.unit)}/√Hz]` },
+      exponentformat: "power",
+    }),
     xaxis2: axis({ domain: [0, 1], anchor: "y2", title: { text: "lag [s]", standoff: 4 } }),
     yaxis2: axis({ domain: [0, 0.36], anchor: "x2", title: { text: "autocorrelation" } }),
   };

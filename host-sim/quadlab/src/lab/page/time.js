@@ -2,9 +2,11 @@
 
 import { get, givenUp } from "./api.js";
 import { el, redraw } from "./dom.js";
-import { known, seconds, short, withUnit } from "./numbers.js";
+import { known, nearest, seconds, short, withUnit } from "./numbers.js";
 import { layPanels } from "./panels.js";
-import { CONFIG, axis, layout, line, plotly, room } from "./plots.js";
+import { CONFIG, layout, plotly, room } from "./plots.js";
+import { chipsOf, modeOf, tool } from "./time-controls.js";
+import { figure } from "./time-figure.js";
 
 /** @typedef {import("./api.js").Series} Series */
 /** @typedef {import("./api.js").Channel} Channel */
@@ -17,8 +19,10 @@ const REST_MS = 120;
 
 /** @param {App} app @param {HTMLElement} root */
 export function timeTab(app, root) {
-  /** @type {{first: Series, second: Series|null, all: [number, number]}|null} */
+  /** @type {{first: Series, second: Series|null}|null} */
   let shown = null;
+  /** First and last time of the flights that were asked for whole. @type {Map<string, [number, number]>} */
+  const wholes = new Map();
   /** @type {import("./panels.js").Panels|null} */
   let panels = null;
   /** @type {AbortController|null} */
@@ -56,29 +60,21 @@ export function timeTab(app, root) {
 
   function drawControls() {
     const { view } = app;
-    const ahead = view.ahead > 0;
-    const mode = (/** @type {string} */ text, /** @type {number} */ value) =>
-      el("label", {}, el("input", { type: "radio", name: "mode", checked: ahead === value > 0, "data-key": `mode ${text}`, change: () => app.look({ ahead: value, channels: null }) }), " ", text);
-    const samples = (/** @type {string} */ type) =>
-      el("input", {
-        type,
-        min: 1,
-        max: 50,
-        step: 1,
-        value: view.ahead || 10,
-        disabled: !ahead,
-        id: `ahead-${type}`,
-        "aria-label": "Samples ahead",
-        "data-key": `ahead ${type}`,
-        input: (/** @type {any} */ event) => follow(event.target),
-        change: (/** @type {any} */ event) => setAhead(event.target.value),
-      });
-    const tool = (/** @type {string} */ id, /** @type {string} */ text, /** @type {string} */ label, /** @type {() => void} */ click) =>
-      el("button", { type: "button", id, "aria-label": /\w/.test(text) ? null : label, title: label, "data-key": id, click }, text);
     redraw(controls, [
-      el("fieldset", {}, el("legend", { class: "hidden" }, "What is compared"), mode("accelerations", 0), mode("predicted ahead", 10), samples("range"), samples("number"), " samples"),
+      modeOf(view, (ahead, other) => app.look(other ? { ahead, channels: null } : { ahead })),
       app.second() &&
-        el("label", {}, el("input", { type: "checkbox", id: "difference", checked: view.difference, "data-key": "difference", change: () => app.look({ difference: !view.difference }) }), " difference of the models"),
+        el(
+          "label",
+          {},
+          el("input", {
+            type: "checkbox",
+            id: "difference",
+            checked: view.difference,
+            "data-key": "difference",
+            change: () => app.look({ difference: !view.difference }),
+          }),
+          " difference of the models",
+        ),
     ]);
     redraw(tools, [
       tool("zoom-in", "+", "Zoom in (plus key)", () => zoom(0.5)),
@@ -86,20 +82,19 @@ export function timeTab(app, root) {
       tool("earlier", "◀", "Earlier (shift and left arrow)", () => move(-0.5)),
       tool("later", "▶", "Later (shift and right arrow)", () => move(0.5)),
       tool("all", "All", "Show the whole flight (Home key, or double click)", all),
-      el("button", { type: "button", id: "drag", "aria-pressed": String(drag === "pan"), title: "Drag to move the range instead of zooming", "data-key": "drag", click: () => setDrag() }, "drag moves"),
+      el(
+        "button",
+        {
+          type: "button",
+          id: "drag",
+          "aria-pressed": String(drag === "pan"),
+          title: "Drag to move the range instead of zooming",
+          "data-key": "drag",
+          click: setDrag,
+        },
+        "drag moves",
+      ),
     ]);
-  }
-
-  /** The slider and the number show the same while one is moved. @param {HTMLInputElement} moved */
-  function follow(moved) {
-    for (const input of controls.querySelectorAll("#ahead-range, #ahead-number")) if (input !== moved) input.value = moved.value;
-  }
-
-  /** @param {string} text */
-  function setAhead(text) {
-    const n = Math.round(Number(text));
-    if (n >= 1 && n <= 50) app.look({ ahead: n });
-    else drawControls();
   }
 
   function setDrag() {
@@ -111,51 +106,33 @@ export function timeTab(app, root) {
   /** @param {Channel[]} channels */
   function chosen(channels) {
     const wanted = app.view.channels;
-    const row = channels.filter((c) => (wanted ? wanted.includes(c.id) : app.view.ahead === 0 || FIRST_AHEAD.includes(c.group)));
+    const row = channels.filter((c) =>
+      wanted ? wanted.includes(c.id) : app.view.ahead === 0 || FIRST_AHEAD.includes(c.group),
+    );
     return row.length ? row : channels;
   }
 
   function drawChips() {
     const channels = shown?.first.channels ?? [];
     const on = chosen(channels).map((c) => c.id);
-    const set = (/** @type {string[]} */ ids) => app.look({ channels: ids.length ? channels.map((c) => c.id).filter((id) => ids.includes(id)) : null });
-    const groups = [...new Set(channels.map((c) => c.group))];
     redraw(
       chips,
-      groups.flatMap((group) => [
-        groups.length > 1 && el("span", { class: "quiet" }, group),
-        ...channels
-          .filter((c) => c.group === group)
-          .map((c) =>
-            el(
-              "button",
-              {
-                type: "button",
-                class: "chip",
-                "data-key": `channel ${c.id}`,
-                "data-channel": c.id,
-                "aria-pressed": String(on.includes(c.id)),
-                title: `${withUnit(c.name, c.unit)}; double click to see it alone`,
-                click: () => set(on.includes(c.id) ? on.filter((id) => id !== c.id) : [...on, c.id]),
-                dblclick: () => set([c.id]),
-              },
-              c.id.replace(/_/g, " "),
-            ),
-          ),
-      ]),
+      chipsOf(channels, on, (ids) => app.look({ channels: ids.length ? ids : null })),
     );
   }
 
+  /** @returns {[number, number]} */
+  const whole = () => wholes.get(app.view.flight) ?? app.span();
+
   /** The range that is shown, s. @returns {[number, number]} */
   function range() {
-    const whole = app.span();
     const { from, to } = app.view;
-    return from === null || to === null ? whole : [from, to];
+    return from === null || to === null ? whole() : [from, to];
   }
 
   /** @param {number} from @param {number} to */
   function show(from, to) {
-    const [first, last] = app.span();
+    const [first, last] = whole();
     const span = Math.min(Math.max(to - from, LEAST_SPAN_S), last - first);
     const begin = Math.min(Math.max(from, first), last - span);
     if (span >= (last - first) * 0.999) return all();
@@ -169,7 +146,8 @@ export function timeTab(app, root) {
   /** Zooms about the cursor, or the middle. @param {number} factor @param {number} [about] */
   function zoom(factor, about) {
     const [from, to] = range();
-    const centre = about ?? (app.cursor !== null && app.cursor >= from && app.cursor <= to ? app.cursor : (from + to) / 2);
+    const centre =
+      about ?? (app.cursor !== null && app.cursor >= from && app.cursor <= to ? app.cursor : (from + to) / 2);
     show(centre - (centre - from) * factor, centre + (to - centre) * factor);
   }
 
@@ -207,7 +185,9 @@ export function timeTab(app, root) {
   function said() {
     if (!shown || app.cursor === null) return "";
     const at = nearest(shown.first.t, app.cursor);
-    const parts = chosen(shown.first.channels).map((c) => `${c.id.replace(/_/g, " ")} measured ${short(c.measured[at])}, predicted ${short(c.predicted[at])}`);
+    const parts = chosen(shown.first.channels).map(
+      (c) => `${c.id.replace(/_/g, " ")} measured ${short(c.measured[at])}, predicted ${short(c.predicted[at])}`,
+    );
     return `${seconds(app.cursor)}: ${parts.join("; ")}`;
   }
 
@@ -252,14 +232,24 @@ export function timeTab(app, root) {
     drawControls();
     const [model, flight, second] = [app.current(), app.flight(), app.second()];
     if (!model || !flight) return;
-    const [from, to] = range();
-    const width = Math.max(200, Math.round((layPanels(6, root.clientWidth, 0).plotWidth || 600) * Math.min(2, devicePixelRatio)));
-    const wanted = JSON.stringify([model.id, model.judged_on, second?.id, flight.name, from, to, width, app.view.ahead]);
+    const width = Math.max(
+      200,
+      Math.round((layPanels(6, root.clientWidth, 0).plotWidth || 600) * Math.min(2, devicePixelRatio)),
+    );
+    const wanted = JSON.stringify([
+      model.id,
+      second?.id,
+      app.view.flight,
+      app.view.from,
+      app.view.to,
+      width,
+      app.view.ahead,
+    ]);
     if (wanted === key && shown) {
       drawChips();
       return draw();
     }
-    const first = !shown || drawn !== `${flight.name} ${app.view.ahead}`;
+    const first = !shown || drawn !== `${app.view.flight} ${app.view.ahead}`;
     key = wanted;
     clearTimeout(timer);
     asked?.abort();
@@ -267,16 +257,31 @@ export function timeTab(app, root) {
     const { signal } = asked;
     box.setAttribute("aria-busy", "true");
     if (shown && !first) draw();
-    timer = window.setTimeout(() => app.act(ask(signal, { flight: flight.name, from, to, width, ahead: app.view.ahead || null }, model.id, second?.id ?? null)), first ? 0 : REST_MS);
+    timer = window.setTimeout(
+      () =>
+        app.wait(
+          ask(
+            signal,
+            { flight: app.view.flight, from: app.view.from, to: app.view.to, width, ahead: app.view.ahead || null },
+            model.id,
+            second?.id ?? null,
+          ),
+        ),
+      first ? 0 : REST_MS,
+    );
   }
 
   /** @param {AbortSignal} signal @param {Record<string, any>} query @param {number} model @param {number|null} second */
   async function ask(signal, query, model, second) {
     const wanted = key;
     try {
-      const [one, two] = await Promise.all([get("/api/series", { model, ...query }, signal), second === null ? null : get("/api/series", { model: second, ...query }, signal)]);
+      const [one, two] = await Promise.all([
+        get("/api/series", { model, ...query }, signal),
+        second === null ? null : get("/api/series", { model: second, ...query }, signal),
+      ]);
       if (signal.aborted) return;
-      shown = { first: one, second: two, all: app.span() };
+      if (query.from === null && one.to > one.from) wholes.set(query.flight, [one.from, one.to]);
+      shown = { first: one, second: two };
       drawn = `${query.flight} ${query.ahead ?? 0}`;
       drawChips();
       await draw();
@@ -299,7 +304,15 @@ export function timeTab(app, root) {
     await Plotly.react(
       plots,
       traces,
-      { ...layout(), ...axes, width: panels.width, height: panels.height, margin: { l: 0, r: 0, t: 0, b: 0 }, hovermode: false, dragmode: drag },
+      {
+        ...layout(),
+        ...axes,
+        width: panels.width,
+        height: panels.height,
+        margin: { l: 0, r: 0, t: 0, b: 0 },
+        hovermode: false,
+        dragmode: drag,
+      },
       CONFIG,
     );
     if (fresh) {
@@ -333,11 +346,23 @@ export function timeTab(app, root) {
             "data-channel": channel.id,
             style: `left: ${lay.x(place.column)}px; width: ${lay.plotWidth}px; top: ${lay.main(place)[0] - 22}px`,
           },
-          el("b", {}, withUnit(channel.name, channel.unit)),
+          el(
+            "b",
+            {},
+            withUnit(
+              channel.id.length === 1 && !channel.name.startsWith(`${channel.id} `)
+                ? `${channel.id}, ${channel.name}`
+                : channel.name,
+              channel.unit,
+            ),
+          ),
+          channel.predicted.some(known) ? null : el("span", { class: "quiet" }, "not modelled"),
           el("span", { class: "values" }),
         );
       }),
-      ...Array.from({ length: lay.columns }, (_, column) => el("div", { class: "cursor", "data-column": column, hidden: true })),
+      ...Array.from({ length: lay.columns }, (_, column) =>
+        el("div", { class: "cursor", "data-column": column, hidden: true }),
+      ),
       el("div", { class: "cursor-time", hidden: true }),
     );
     drawCursor();
@@ -363,16 +388,20 @@ export function timeTab(app, root) {
       clock.style.left = `${lay.x(0) + px}px`;
     }
     const at = inside ? nearest(shown.first.t, t) : -1;
+    const about = isThinned(shown.first.t, app.flight()?.rate_hz ?? 0) ? "≈  " : "";
     const secondAt = inside && shown.second ? nearest(shown.second.t, t) : -1;
     for (const channel of chosen(shown.first.channels)) {
       const values = overlay.querySelector(`#plot-${CSS.escape(channel.id)} .values`);
       const other = shown.second?.channels.find((c) => c.id === channel.id);
-      if (values) values.textContent = inside ? reading(channel, at, other, secondAt) : "";
+      if (values) values.textContent = inside ? `${about}${reading(channel, at, other, secondAt)}` : "";
     }
   }
 
   return { update, resize: () => update(), theme: () => draw() };
 }
+
+/** Whether several samples share a column of pixels: then values are those near the cursor, not at it. @param {number[]} t @param {number} rateHz */
+const isThinned = (t, rateHz) => t.length > 1 && (t[t.length - 1] - t[0]) * rateHz > 1.8 * t.length;
 
 /** Values of a channel at a sample. @param {Channel} channel @param {number} at @param {Channel|undefined} other @param {number} otherAt */
 function reading(channel, at, other, otherAt) {
@@ -381,83 +410,4 @@ function reading(channel, at, other, otherAt) {
   parts.push(`residual ${short(channel.residual[at])}`);
   if (other) parts.push(`second's ${short(other.residual[otherAt])}`);
   return parts.join("  ");
-}
-
-/** Index of the nearest time. @param {number[]} times rising @param {number} t */
-export function nearest(times, t) {
-  let low = 0;
-  let high = times.length - 1;
-  while (high - low > 1) {
-    const middle = (low + high) >> 1;
-    if (times[middle] <= t) low = middle;
-    else high = middle;
-  }
-  return high >= 0 && Math.abs(times[high] - t) < Math.abs(times[low] - t) ? high : low;
-}
-
-/**
- * Traces and axes of the linked plots.
- * @param {{first: Series, second: Series|null}} shown @param {Channel[]} channels @param {import("./panels.js").Panels} panels
- * @param {[number, number]} range @param {boolean} difference
- */
-function figure(shown, channels, panels, range, difference) {
-  /** @type {any[]} */
-  const traces = [];
-  /** @type {Record<string, any>} */
-  const axes = {};
-  const { width, height } = panels;
-  channels.forEach((channel, n) => {
-    const place = panels.places[n];
-    const left = panels.x(place.column);
-    const across = [left / width, (left + panels.plotWidth) / width];
-    const lowest = n === channels.length - 1 || panels.places[n + 1].column !== place.column;
-    const [main, rest] = [2 * n + 1, 2 * n + 2];
-    const up = (/** @type {[number, number]} */ [top, bottom]) => [1 - bottom / height, 1 - top / height];
-    const x = { domain: across, range, matches: n ? "x" : undefined, zeroline: false };
-    axes[nth("xaxis", main)] = axis({ ...x, anchor: nth("y", main), showticklabels: false, matches: n ? "x" : undefined });
-    axes[nth("xaxis", rest)] = axis({ ...x, anchor: nth("y", rest), showticklabels: lowest, ticksuffix: " s", matches: "x" });
-    axes[nth("yaxis", main)] = axis({ domain: up(panels.main(place)), anchor: nth("x", main), fixedrange: true, nticks: 5, zeroline: false });
-    axes[nth("yaxis", rest)] = axis({ domain: up(panels.rest(place)), anchor: nth("x", rest), fixedrange: true, nticks: 3 });
-    const other = shown.second?.channels.find((c) => c.id === channel.id) ?? null;
-    traces.push(...lines(shown, channel, other, difference, main, rest));
-  });
-  return { traces, axes };
-}
-
-
-/** Plotly's name of an axis. @param {string} kind @param {number} n from 1 */
-const nth = (kind, n) => (n === 1 ? kind : `${kind}${n}`);
-
-/**
- * @param {{first: Series, second: Series|null}} shown @param {Channel} channel @param {Channel|null} other @param {boolean} difference
- * @param {number} main @param {number} rest numbers of the axes
- */
-function lines(shown, channel, other, difference, main, rest) {
-  const trace = (/** @type {Parameters<typeof line>[0]} */ role, /** @type {number} */ n, /** @type {number[]} */ x, /** @type {(number|null)[]} */ y) => ({
-    type: "scatter",
-    mode: "lines",
-    x,
-    y,
-    xaxis: nth("x", n),
-    yaxis: nth("y", n),
-    line: line(role),
-    hoverinfo: "skip",
-    connectgaps: false,
-  });
-  const { first, second } = shown;
-  const all = [trace("measured", main, first.t, channel.measured)];
-  if (other && second) all.push(trace("second", main, second.t, other.predicted), trace("second-residual", rest, second.t, other.residual));
-  all.push(trace("predicted", main, first.t, channel.predicted), trace("residual", rest, first.t, channel.residual));
-  if (other && second && difference) all.push(trace("difference", rest, first.t, apart(first, channel, second, other)));
-  return all;
-}
-
-/** Second prediction minus the first, where both have a value at the same time. @param {Series} first @param {Channel} channel @param {Series} second @param {Channel} other */
-function apart(first, channel, second, other) {
-  let at = 0;
-  return first.t.map((t, n) => {
-    while (at < second.t.length - 1 && second.t[at] < t) at++;
-    const [a, b] = [channel.predicted[n], other.predicted[at]];
-    return second.t[at] === t && known(a) && known(b) ? b - a : null;
-  });
 }

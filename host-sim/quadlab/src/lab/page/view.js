@@ -1,5 +1,7 @@
 // What the user looks at: kept in the address after the `#`, so that a reload shows the same.
 
+import { AXES } from "./api.js";
+
 /**
  * @typedef {object} View
  * @property {string} tab
@@ -12,7 +14,7 @@
  * @property {boolean} difference  whether the difference of two predictions is drawn
  * @property {string} axis
  * @property {string} quantity
- * @property {string} over  flight of the residual's map; empty: all held-out ones
+ * @property {string} over  flight of the residual's map; empty: all of them
  */
 
 export const TABS = ["time", "where", "spectrum", "path", "model"];
@@ -35,7 +37,7 @@ export function readView() {
     ahead: Math.max(0, Math.min(50, Math.round(number("ahead") ?? 0))),
     channels: fields.get("channels")?.split(" ") ?? null,
     difference: fields.get("difference") === "1",
-    axis: "uvwpqr".includes(fields.get("axis") || "?") ? String(fields.get("axis")) : "w",
+    axis: AXES.find((axis) => axis === fields.get("axis")) ?? "w",
     quantity: fields.get("quantity") ?? "height",
     over: fields.get("over") ?? "",
   };

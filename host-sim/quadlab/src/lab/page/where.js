@@ -1,7 +1,8 @@
 // Where the model fails: the conditions of the worst errors, and the residual against any quantity.
 
-import { AXES, AXIS_NAMES, axisUnit, get, givenUp } from "./api.js";
+import { AXES, AXIS_NAMES, axisUnit, flightsOf, get, givenUp } from "./api.js";
 import { choice, el, redraw } from "./dom.js";
+import { titleOf } from "./models.js";
 import { known, minus, percent, short, unit, withUnit } from "./numbers.js";
 import { CONFIG, axis, colour, faint, layout, plain, plotly, room } from "./plots.js";
 
@@ -32,7 +33,8 @@ export function whereTab(app, root) {
     const [model, second] = [app.current(), app.second()];
     if (!model) return;
     quantities = await app.quantities();
-    if (quantities.length && !quantities.some((q) => q.name === app.view.quantity)) app.view.quantity = quantities[0].name;
+    if (quantities.length && !quantities.some((q) => q.name === app.view.quantity))
+      app.view.quantity = quantities[0].name;
     drawControls();
     const { axis: of, quantity, over } = app.view;
     const wanted = JSON.stringify([model.id, model.judged_on, second?.id, of, quantity, over]);
@@ -43,10 +45,8 @@ export function whereTab(app, root) {
     const { signal } = asked;
     const query = { axis: of, quantity, flight: over || null };
     try {
-      const [details, ...answers] = await Promise.all([
-        app.details(model.id),
-        ...pair().map((m) => get("/api/residual", { model: m.id, ...query }, signal)),
-      ]);
+      const answers = await Promise.all(pair().map((m) => get("/api/residual", { model: m.id, ...query }, signal)));
+      const details = await app.details(model.id);
       if (signal.aborted) return;
       drawWorst(details.comparison?.worst ?? []);
       maps = answers;
@@ -62,9 +62,30 @@ export function whereTab(app, root) {
     const { view } = app;
     const flights = (app.state?.flights ?? []).filter((flight) => !flight.problem);
     redraw(controls, [
-      choice("Residual of", "where-axis", AXES.map((a) => [a, `${a}, ${AXIS_NAMES[a]}`]), view.axis, (value) => app.look({ axis: value })),
-      choice("against", "where-quantity", quantities.map((q) => [q.name, withUnit(q.name, q.unit)]), view.quantity, (value) => app.look({ quantity: value })),
-      choice("in", "where-flight", [["", "all judged flights"], ...flights.map((f) => /** @type {[string, string]} */ ([f.name, f.name]))], view.over, (value) => app.look({ over: value })),
+      choice(
+        "Residual of",
+        "where-axis",
+        AXES.map((a) => [a, `${a}, ${AXIS_NAMES[a]}`]),
+        view.axis,
+        (value) => app.look({ axis: value }),
+      ),
+      choice(
+        "against",
+        "where-quantity",
+        quantities.map((q) => [q.name, withUnit(q.name, q.unit)]),
+        view.quantity,
+        (value) => app.look({ quantity: value }),
+      ),
+      choice(
+        "in",
+        "where-flight",
+        [
+          ["", "all flights"],
+          ...flights.flatMap(flightsOf).map((name) => /** @type {[string, string]} */ ([name, name])),
+        ],
+        view.over,
+        (value) => app.look({ over: value }),
+      ),
     ]);
   }
 
@@ -92,7 +113,11 @@ export function whereTab(app, root) {
                   },
                   el("b", {}, row.axis),
                   el("span", { class: "condition" }, minus(row.condition)),
-                  el("span", { class: "track", "aria-hidden": "true" }, el("i", { style: `width: ${(100 * row.share_percent) / most}%` })),
+                  el(
+                    "span",
+                    { class: "track", "aria-hidden": "true" },
+                    el("i", { style: `width: ${(100 * row.share_percent) / most}%` }),
+                  ),
                   el("span", {}, `${percent(row.share_percent)}, ${short(row.rms)} ${unit(axisUnit(row.axis))}`),
                 ),
               ),
@@ -107,9 +132,17 @@ export function whereTab(app, root) {
     if (root.hidden || !maps.length || !root.clientWidth) return;
     const both = pair();
     if (both.length !== maps.length) return;
-    const looks = both.map((model) => ({ title: `${model.label} (model ${model.id})`, second: model === app.second() }));
+    const looks = both.map((model) => ({
+      title: titleOf(model),
+      second: model === app.second(),
+    }));
     const { traces, shape } = figure(maps, looks, app.view);
-    await Plotly.react(plot, traces, { ...layout(), ...shape, width: root.clientWidth, height: Math.max(340, room(plot)) }, { ...CONFIG, doubleClick: "reset" });
+    await Plotly.react(
+      plot,
+      traces,
+      { ...layout(), ...shape, width: root.clientWidth, height: Math.max(340, room(plot)) },
+      { ...CONFIG, doubleClick: "reset" },
+    );
     summary.textContent = said(maps[looks.findIndex((look) => !look.second)], app.view);
   }
 
@@ -119,10 +152,10 @@ export function whereTab(app, root) {
 /** The largest mean residual as a sentence. @param {any} map @param {import("./view.js").View} view */
 function said(map, view) {
   const row = (map.mean ?? []).filter((/** @type {any} */ m) => known(m.mean));
-  if (!row.length) return "There are too few samples.";
+  if (!row.length) return "There is no residual over this quantity.";
   const top = row.reduce((/** @type {any} */ a, /** @type {any} */ b) => (Math.abs(b.mean) > Math.abs(a.mean) ? b : a));
   return (
-    `The line is the mean residual of ${view.axis} with its uncertainty. It is largest, ${short(top.mean)} ${unit(map.unit)}, ` +
+    `The line is the mean residual of ${view.axis}, the band its standard deviation. The mean is largest, ${short(top.mean)} ${unit(map.unit)}, ` +
     `at ${view.quantity} ${short(top.x)} ${unit(map.quantity_unit)} (${top.count} samples). Stronger cells hold more samples.`
   );
 }
@@ -138,14 +171,27 @@ function figure(maps, looks, view) {
   maps.forEach((map, n) => {
     const id = n ? String(n + 1) : "";
     const domain = [n * share + (n ? 0.02 : 0), (n + 1) * share - (n < maps.length - 1 ? 0.02 : 0)];
-    shape[`xaxis${id}`] = axis({ domain, matches: n ? "x" : undefined, title: { text: plain(withUnit(view.quantity, map.quantity_unit)) } });
+    shape[`xaxis${id}`] = axis({
+      domain,
+      matches: n ? "x" : undefined,
+      title: { text: plain(withUnit(view.quantity, map.quantity_unit)) },
+    });
     shape[`yaxis${id}`] = axis({
       matches: n ? "y" : undefined,
       anchor: `x${id}`,
       showticklabels: !n,
       title: n ? undefined : { text: plain(withUnit(`residual of ${view.axis}`, map.unit)) },
     });
-    shape.annotations.push({ text: plain(looks[n].title), x: domain[0], y: 1, xref: "paper", yref: "paper", xanchor: "left", yanchor: "bottom", showarrow: false });
+    shape.annotations.push({
+      text: plain(looks[n].title),
+      x: domain[0],
+      y: 1,
+      xref: "paper",
+      yref: "paper",
+      xanchor: "left",
+      yanchor: "bottom",
+      showarrow: false,
+    });
     traces.push(cells(map, id, most), ...means(map, id, looks[n].second));
   });
   return { traces, shape };
@@ -186,9 +232,10 @@ function means(map, id, second) {
     hoverinfo: "skip",
     ...more,
   });
+  const edge = { color: colour(role), width: 0.7 };
   return [
-    curve("low", { line: { width: 0 } }),
-    curve("high", { line: { width: 0 }, fill: "tonexty", fillcolor: faint(role, 0.3) }),
+    curve("low", { line: edge }),
+    curve("high", { line: edge, fill: "tonexty", fillcolor: faint(role, 0.15) }),
     curve("mean", { line: { color: colour(role), width: 2.5, dash: second ? "6px,3px" : "solid" } }),
   ];
 }
