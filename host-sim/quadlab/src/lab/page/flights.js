@@ -11,6 +11,7 @@ import { short } from "./numbers.js";
 const SETS = [
   ["train", "fit"],
   ["validate", "judge"],
+  ["later", "flown later"],
   ["none", "leave out"],
 ];
 
