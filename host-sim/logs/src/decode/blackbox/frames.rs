@@ -1,8 +1,9 @@
 //! Frames: differences from what the last ones predict, checked against what a clock and a counter can do.
 
-use super::definitions::{Definition, Definitions, Frame, ITERATION, TIME};
+use super::definitions::{Definition, Definitions, ITERATION, TIME};
 use super::encoding::Reader;
-use super::header::{Header, MOST_FIELDS};
+use super::header::Header;
+use super::prediction::{Frame, NOTHING};
 use super::rows::Rows;
 
 /// Iterations and microseconds that no gap between two frames is longer than.
@@ -65,7 +66,7 @@ struct Stream<'log> {
 
 /// Reads the frames of a log.
 pub(super) fn read(bytes: &[u8], definitions: &Definitions, rows: &mut Rows) -> Found {
-    let empty = || Box::new([0; MOST_FIELDS]);
+    let empty = || Box::new(NOTHING);
     let mut stream = Stream {
         reader: Reader::new(bytes),
         definitions,
@@ -119,20 +120,22 @@ enum Event {
 impl Stream<'_> {
     /// Reads past a frame that is not kept.
     fn pass(&mut self, definition: &Definition) -> bool {
-        let start = self.reader.at;
-        definition.read(&mut self.reader, self.definitions.data_version, &mut self.current);
-        self.reader.at - start <= LONGEST_FRAME
+        let start = self.reader.left();
+        definition.read(&mut self.reader, &mut self.current);
+        start - self.reader.left() <= LONGEST_FRAME
     }
 
     /// Reads a whole frame.
     fn whole(&mut self, rows: &mut Rows) -> bool {
-        let start = self.reader.at;
-        self.definitions.whole.read(&mut self.reader, self.definitions.data_version, &mut self.current);
+        let start = self.reader.left();
+        let definition = &self.definitions.whole;
         let history = self.has_history.then_some((&*self.last, &*self.last));
-        self.definitions.whole.predict(&mut self.current, history, 0);
-        if self.reader.at - start > LONGEST_FRAME {
+        definition.prediction.predict(&mut self.current, history, 0);
+        definition.read(&mut self.reader, &mut self.current);
+        if start - self.reader.left() > LONGEST_FRAME {
             return false;
         }
+        definition.prediction.add_first_motor(&mut self.current);
         let now = self.now();
         self.valid = self.taken.is_none_or(|taken| follows(taken, now))
             || self.candidate.is_some_and(|candidate| follows(candidate, now));
@@ -149,19 +152,21 @@ impl Stream<'_> {
 
     /// Reads a frame of differences.
     fn difference(&mut self, rows: &mut Rows) -> bool {
-        let start = self.reader.at;
-        self.definitions.difference.read(&mut self.reader, self.definitions.data_version, &mut self.current);
-        if self.reader.at - start > LONGEST_FRAME {
+        let start = self.reader.left();
+        let definition = &self.definitions.difference;
+        let skipped =
+            self.taken.map_or(0, |(iteration, _)| self.definitions.interval.skipped_after(iteration));
+        let history = self.has_history.then_some((&*self.last, &*self.before));
+        definition.prediction.predict(&mut self.current, history, skipped);
+        definition.read(&mut self.reader, &mut self.current);
+        if start - self.reader.left() > LONGEST_FRAME {
             return false;
         }
         if !self.valid {
             self.found.left_out += 1;
             return true;
         }
-        let skipped =
-            self.taken.map_or(0, |(iteration, _)| self.definitions.interval.skipped_after(iteration));
-        let history = self.has_history.then_some((&*self.last, &*self.before));
-        self.definitions.difference.predict(&mut self.current, history, skipped);
+        definition.prediction.add_first_motor(&mut self.current);
         let now = self.now();
         if self.taken.is_none_or(|taken| follows(taken, now)) {
             self.take(now, rows);
@@ -179,7 +184,7 @@ impl Stream<'_> {
         self.candidate = None;
         self.has_history = true;
         self.found.cut |= self.reader.past_end;
-        rows.push(now.1, &self.current, self.reader.at);
+        rows.push(now.1, &self.current, self.reader.left());
         std::mem::swap(&mut self.before, &mut self.last);
         std::mem::swap(&mut self.last, &mut self.current);
     }
