@@ -189,11 +189,6 @@ impl Places {
     pub(super) fn of(&self, field: usize) -> Option<usize> {
         self.0.get(field).copied().flatten()
     }
-
-    /// How many fields stand in a frame.
-    pub(super) fn count(&self) -> usize {
-        self.0.iter().flatten().count()
-    }
 }
 
 /// How the fields of a run are read.

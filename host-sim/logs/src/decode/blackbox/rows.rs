@@ -1,8 +1,8 @@
 //! Rows of the fields that are kept, in columns as narrow as their numbers allow.
 
 use super::definitions::Places;
-use super::header::Header;
-use super::prediction::Frame;
+use super::header::{Header, MOST_FIELDS};
+use super::prediction::{Frame, NOTHING};
 use crate::log::{Column, Values};
 
 /// Beginnings of the names of fields that are kept.
@@ -40,8 +40,10 @@ pub(super) struct Rows {
     columns: Vec<Column>,
     /// Where in a frame each column stands, and whether it is signed.
     fields: Vec<(usize, bool)>,
-    /// Frames that are not in the columns yet.
-    block: Vec<Frame>,
+    /// The two frames before those that are not in the columns yet, then those.
+    block: Box<[Frame; 2 + BLOCK]>,
+    /// How many are not in the columns yet.
+    waiting: usize,
     /// Bytes of the log.
     length: usize,
     /// Bytes that may still be filled.
@@ -61,9 +63,9 @@ impl Rows {
                 fields.push((place, signed));
             }
         }
-        let block = Vec::with_capacity(BLOCK);
+        let block = Box::new([NOTHING; 2 + BLOCK]);
         let room = length.saturating_mul(MOST_BYTES_PER_BYTE).saturating_add(1 << 16);
-        Self { times: Vec::new(), columns, fields, block, length, room }
+        Self { times: Vec::new(), columns, fields, block, waiting: 0, length, room }
     }
 
     /// Whether there is no room for more.
@@ -71,37 +73,44 @@ impl Rows {
         self.room == 0
     }
 
-    /// Appends the kept fields of a frame, behind which so many bytes of the log are left.
+    /// The last frame but one, the last one and the next one.
     #[inline]
-    pub(super) fn push(&mut self, time_us: i64, frame: &Frame, left: usize) {
+    pub(super) fn frames(&mut self) -> Option<&mut [Frame; 3]> {
+        self.block.get_mut(self.waiting..)?.first_chunk_mut()
+    }
+
+    /// Appends the next frame, behind which so many bytes of the log are left.
+    #[inline]
+    pub(super) fn push(&mut self, time_us: i64, left: usize) {
         let end = self.length - left;
         if self.times.len() == self.times.capacity() {
             reserve(&mut self.times, end, self.length);
         }
         self.times.push(time_us);
-        self.block.extend_from_slice(std::slice::from_ref(frame));
+        self.waiting += 1;
         self.room = self.room.saturating_sub(8 + 4 * self.fields.len());
-        if self.block.len() >= BLOCK {
+        if self.waiting == BLOCK {
             self.flush(end);
         }
     }
 
     /// Puts the waiting frames into the columns.
     fn flush(&mut self, end: usize) {
-        let mut numbers = Vec::with_capacity(BLOCK);
         for (column, &(place, signed)) in self.columns.iter_mut().zip(&self.fields) {
-            numbers.clear();
-            numbers.extend(self.block.iter().map(|frame| frame[place % frame.len()]));
-            widen(&mut column.values, &numbers, signed);
+            let place = place.min(MOST_FIELDS);
+            let numbers: [u32; BLOCK] = std::array::from_fn(|row| self.block[2 + row][place]);
+            let numbers = &numbers[..self.waiting];
+            widen(&mut column.values, numbers, signed);
             match &mut column.values {
-                Values::I16(values) => append(values, &numbers, |value| value as i16, end, self.length),
-                Values::U16(values) => append(values, &numbers, |value| value as u16, end, self.length),
-                Values::I32(values) => append(values, &numbers, |value| value as i32, end, self.length),
-                Values::U32(values) => append(values, &numbers, |value| value, end, self.length),
+                Values::I16(values) => append(values, numbers, |value| value as i16, end, self.length),
+                Values::U16(values) => append(values, numbers, |value| value as u16, end, self.length),
+                Values::I32(values) => append(values, numbers, |value| value as i32, end, self.length),
+                Values::U32(values) => append(values, numbers, |value| value, end, self.length),
                 _ => {}
             }
         }
-        self.block.clear();
+        self.block.copy_within(self.waiting..self.waiting + 2, 0);
+        self.waiting = 0;
     }
 
     /// Times and columns.
