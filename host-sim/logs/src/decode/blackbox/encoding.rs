@@ -219,7 +219,10 @@ impl<'log> Reader<'log> {
         if let Some(&bytes) = self.rest.first_chunk() {
             return u64::from_be_bytes(bytes);
         }
-        self.rest.iter().zip((0..8).rev()).fold(0, |word, (&byte, place)| word | u64::from(byte) << (8 * place))
+        self.rest
+            .iter()
+            .zip((0..8).rev())
+            .fold(0, |word, (&byte, place)| word | u64::from(byte) << (8 * place))
     }
 
     /// The negative of a number of 14 bits.

@@ -87,16 +87,18 @@ fn each(
     run: Range<usize>,
     predict: impl Fn(u32, u32) -> u32,
 ) {
-    let run = run.start..run.start + run.len().next_multiple_of(TOGETHER);
-    let (Some(frame), Some(last), Some(before)) =
-        (frame.get_mut(run.clone()), last.get(run.clone()), before.get(run))
-    else {
-        return;
-    };
-    let (frame, last, before) =
-        (frame.as_chunks_mut::<TOGETHER>().0, last.as_chunks::<TOGETHER>().0, before.as_chunks::<TOGETHER>().0);
-    for ((frame, last), before) in frame.iter_mut().zip(last).zip(before) {
-        *frame = std::array::from_fn(|k| predict(last[k], before[k]));
+    let mut start = run.start;
+    while start < run.end {
+        let of = start..start + TOGETHER;
+        let (Some(frame), Some(last), Some(before)) =
+            (frame.get_mut(of.clone()), last.get(of.clone()), before.get(of))
+        else {
+            return;
+        };
+        for ((frame, &last), &before) in frame.iter_mut().zip(last).zip(before) {
+            *frame = predict(last, before);
+        }
+        start += TOGETHER;
     }
 }
 

@@ -96,9 +96,12 @@ impl Rows {
 
     /// Puts the waiting frames into the columns.
     fn flush(&mut self, end: usize) {
+        let mut numbers = [0; BLOCK];
         for (column, &(place, signed)) in self.columns.iter_mut().zip(&self.fields) {
             let place = place.min(MOST_FIELDS);
-            let numbers: [u32; BLOCK] = std::array::from_fn(|row| self.block[2 + row][place]);
+            for (number, frame) in numbers.iter_mut().zip(&self.block[2..]) {
+                *number = frame[place];
+            }
             let numbers = &numbers[..self.waiting];
             widen(&mut column.values, numbers, signed);
             match &mut column.values {
