@@ -15,6 +15,8 @@ pub(super) struct Reader<'log> {
 #[derive(Debug)]
 pub(super) struct Numbers {
     count: usize,
+    /// The bits that none of them has set if each takes one byte.
+    continued: u64,
     /// The first one that is kept.
     first: usize,
     /// Where those that are kept go in a frame.
@@ -99,7 +101,7 @@ fn signed_in_window(window: &[u8; WINDOW], values: &mut [u32]) -> usize {
 impl Numbers {
     /// A single one, and its place if it is kept.
     pub(super) fn new(place: Option<usize>) -> Self {
-        Self { count: 1, first: 0, places: place.map_or(0..0, |place| place..place + 1) }
+        Self { count: 1, continued: 0x80, first: 0, places: place.map_or(0..0, |place| place..place + 1) }
     }
 
     /// Takes in another one; answers whether it can.
@@ -115,6 +117,7 @@ impl Numbers {
             Some(_) => return false,
         }
         self.count += 1;
+        self.continued |= self.continued << 8;
         true
     }
 }
@@ -191,9 +194,9 @@ impl<'log> Reader<'log> {
     #[inline]
     pub(super) fn numbers(&mut self, numbers: &Numbers, values: &mut [u32]) {
         match self.rest.first_chunk().map(|&bytes| u64::from_le_bytes(bytes)) {
-            Some(bytes) if (bytes & CONTINUED).trailing_zeros() as usize >= 8 * numbers.count => {
+            Some(bytes) if bytes & numbers.continued == 0 => {
                 add_bytes(values, bytes >> (8 * numbers.first % 64));
-                self.pass(numbers.count);
+                self.rest = self.rest.get(numbers.count..).unwrap_or_default();
             }
             _ => self.long_numbers(numbers, values),
         }
