@@ -405,6 +405,28 @@ mod tests {
         assert_eq!(four.map(|value| value as i32), [7, -2, 0, 0x1234]);
     }
 
+    /// Of four numbers the two in the middle: one byte each, one of two bytes, and too near the end to be read at once.
+    #[test]
+    fn numbers_that_are_kept_among_others() {
+        let mut numbers = Numbers::new(None);
+        assert!(numbers.take(Some(3)) && numbers.take(Some(4)) && numbers.take(None));
+        assert!(!numbers.take(Some(5)), "what is kept goes on without a gap");
+        let logs: [(&[u8], [u32; 2]); 4] = [
+            (&[2, 4, 6, 8], [2, 3]),
+            (&[2, 3, 6, 0x80, 1], [-2_i32 as u32, 3]),
+            (&[2, 0x80, 2, 6, 8], [128, 3]),
+            (&[0x80, 0x80, 1, 1, 6, 8], [u32::MAX, 3]),
+        ];
+        for (log, expected) in logs {
+            for behind in [0, 8, WINDOW] {
+                let bytes = [log, &vec![0; behind]].concat();
+                let (mut reader, mut values) = (Reader::new(&bytes), [0; 2]);
+                reader.numbers(&numbers, &mut values);
+                assert_eq!((values, reader.left(), reader.past_end), (expected, behind, false), "{log:?}");
+            }
+        }
+    }
+
     #[test]
     fn past_the_end_all_is_zero() {
         let mut reader = Reader::new(&[0x80]);
