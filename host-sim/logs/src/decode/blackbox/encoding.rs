@@ -35,11 +35,11 @@ const FOUR_LENGTHS: [u8; 256] = {
     let mut lengths = [0; 256];
     let mut widths = 0;
     while widths < 256 {
-        let nibbles = (1 << (widths & 3) >> 1)
+        let nibbles: u8 = (1 << (widths & 3) >> 1)
             + (1 << (widths >> 2 & 3) >> 1)
             + (1 << (widths >> 4 & 3) >> 1)
             + (1 << (widths >> 6) >> 1);
-        lengths[widths] = (nibbles + 1) / 2;
+        lengths[widths] = nibbles.div_ceil(2);
         widths += 1;
     }
     lengths
