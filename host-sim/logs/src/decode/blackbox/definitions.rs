@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::encoding::{Numbers, Reader, add};
 use super::header::{Fields, Header, MOST_FIELDS};
+use super::kept::is_kept;
 use super::prediction::{Frame, Prediction, Predictor};
-use super::rows;
 
 /// Where the counter of iterations and the time stand in a frame.
 pub(super) const ITERATION: usize = 0;
@@ -163,7 +163,7 @@ fn runs(fields: &Fields, version: i64) -> Result<Vec<Run>, String> {
 impl Places {
     fn new(names: &[String], runs: &[Run]) -> Self {
         let mut kept: Vec<bool> =
-            names.iter().enumerate().map(|(field, name)| field <= TIME || rows::is_kept(name)).collect();
+            names.iter().enumerate().map(|(field, name)| field <= TIME || is_kept(name)).collect();
         // The others of a group come with it, and with them the others of their groups in the other kind of frame.
         loop {
             let before = kept.clone();

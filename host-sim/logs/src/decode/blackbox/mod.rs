@@ -15,6 +15,7 @@ mod definitions;
 mod encoding;
 mod frames;
 mod header;
+mod kept;
 mod prediction;
 mod rows;
 

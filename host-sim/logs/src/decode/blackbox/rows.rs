@@ -2,36 +2,14 @@
 
 use super::definitions::Places;
 use super::header::{Header, MOST_FIELDS};
+use super::kept::is_kept;
 use super::prediction::{Frame, NOTHING};
 use crate::log::{Column, Values};
 
-/// Beginnings of the names of fields that are kept.
-const KEPT: [&str; 15] = [
-    "gyroADC",
-    "gyroData",
-    "accSmooth",
-    "motor[",
-    "eRPM",
-    "vbat",
-    "setpoint",
-    "magADC",
-    "BaroAlt",
-    "baroAlt",
-    "debug",
-    "navPos",
-    "navVel",
-    "attitude",
-    "imuQuaternion",
-];
 /// Rows that are gathered before they go into the columns.
 const BLOCK: usize = 64;
 /// Columns may take as many bytes for each byte of a log; real ones take about one.
 const MOST_BYTES_PER_BYTE: usize = 8;
-
-/// Whether a field is kept.
-pub(super) fn is_kept(name: &str) -> bool {
-    KEPT.iter().any(|kept| name.starts_with(kept))
-}
 
 /// Rows of a log.
 #[derive(Debug)]
