@@ -2,7 +2,7 @@
 
 import { flightsOf } from "./api.js";
 import { el, redraw, svg } from "./dom.js";
-import { short } from "./numbers.js";
+import { prose, short } from "./numbers.js";
 
 /** @typedef {import("./api.js").Flight} Flight */
 /** @typedef {import("./main.js").App} App */
@@ -64,7 +64,12 @@ function entry(app, flight) {
     show,
     use,
     !flight.problem &&
-      el("div", { class: "sparks" }, spark(flight.height, "height", "m"), spark(flight.battery, "battery", "V")),
+      el(
+        "div",
+        { class: "sparks" },
+        spark(hasPosition(flight) ? flight.height : [], "height", "m"),
+        spark(flight.battery, "battery", "V"),
+      ),
     !flight.problem &&
       el(
         "p",
@@ -76,6 +81,9 @@ function entry(app, flight) {
     faults(flight),
   );
 }
+
+/** Without a position, the height that comes is none. @param {Flight} flight */
+export const hasPosition = (flight) => flight.columns.includes("position");
 
 /** @param {Flight} flight */
 function faults(flight) {
@@ -97,7 +105,7 @@ function faults(flight) {
     el(
       "ul",
       {},
-      flight.faults.map((fault) => el("li", {}, el("b", {}, `${fault.severity}: `), fault.sentence)),
+      flight.faults.map((fault) => el("li", {}, el("b", {}, `${fault.severity}: `), prose(fault.sentence))),
     ),
   );
 }

@@ -9,6 +9,7 @@ import { drawLegend } from "./legend.js";
 import { modelTab } from "./model.js";
 import { drawModels } from "./models.js";
 import { flightOverview } from "./overview.js";
+import { prose } from "./numbers.js";
 import { pathTab } from "./path.js";
 import { spectrumTab } from "./spectrum.js";
 import { timeTab } from "./time.js";
@@ -289,7 +290,7 @@ function say(id, sentences) {
         el(
           "p",
           {},
-          text.replace(/^[a-z](?=[a-z]* )/, (letter) => letter.toUpperCase()),
+          prose(text).replace(/^[a-z](?=[a-z]* )/, (letter) => letter.toUpperCase()),
         ),
       ),
     ),
