@@ -3,7 +3,7 @@
 import { AXES, ServerError, axisUnit, flightsOf, get } from "./api.js";
 import { el, redraw, table } from "./dom.js";
 import { VERDICTS } from "./models.js";
-import { given, known, pValue, percent, rmsFall, short, unit, withError } from "./numbers.js";
+import { given, known, pValue, percent, prose, rmsFall, short, unit, withError } from "./numbers.js";
 
 /** @typedef {import("./api.js").Diagnosis} Diagnosis */
 /** @typedef {import("./api.js").Finding} Finding */
@@ -147,7 +147,7 @@ function report(app, model, diagnosis, again) {
       `Translation: ${inWords(diagnosis.verdicts?.translation)}. `,
       `Rotation: ${inWords(diagnosis.verdicts?.rotation)}.`,
     ),
-    el("p", { id: "summary" }, diagnosis.summary),
+    el("p", { id: "summary", tabindex: diagnosis.summary.length > 400 ? 0 : null }, prose(diagnosis.summary)),
     unexplained(app, diagnosis),
     notIdentified(diagnosis),
     ...cards(supported),
@@ -221,7 +221,7 @@ function notIdentified(diagnosis) {
           "li",
           {},
           el("b", {}, one.axis ?? one.group ?? ""),
-          `: ${one.reason ?? one.why ?? "these flights do not determine it"}. To determine it: ${one.fly}.`,
+          prose(`: ${one.reason ?? one.why ?? "these flights do not determine it"}. To determine it: ${one.fly}.`),
         ),
       ),
     ),
@@ -301,7 +301,8 @@ function card(app, model, diagnosis, finding, again) {
 }
 
 /** @param {string} text */
-const sentence = (text) => (text ? text[0].toUpperCase() + text.slice(1) + (/[.!?]$/.test(text) ? "" : ".") : "");
+const sentence = (text) =>
+  text ? prose(text[0].toUpperCase() + text.slice(1) + (/[.!?]$/.test(text) ? "" : ".")) : "";
 
 /** @param {Model} model @param {Finding} finding @param {() => void} again */
 async function toggle(model, finding, again) {
@@ -366,7 +367,7 @@ function evidence(why) {
   if (!why) return [el("p", { role: "status" }, "Weighing the evidence …")];
   const number = (/** @type {any} */ x, /** @type {string} */ of) => `${short(x)}${of ? ` ${unit(of)}` : ""}`;
   return [
-    el("p", {}, why.summary),
+    el("p", {}, prose(why.summary)),
     el(
       "ul",
       { class: "criteria", "aria-label": "Criteria" },

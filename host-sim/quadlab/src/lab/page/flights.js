@@ -2,7 +2,7 @@
 
 import { flightsOf } from "./api.js";
 import { el, redraw, svg } from "./dom.js";
-import { short } from "./numbers.js";
+import { prose, short } from "./numbers.js";
 
 /** @typedef {import("./api.js").Flight} Flight */
 /** @typedef {import("./main.js").App} App */
@@ -11,6 +11,7 @@ import { short } from "./numbers.js";
 const SETS = [
   ["train", "fit"],
   ["validate", "judge"],
+  ["later", "flown later"],
   ["none", "leave out"],
 ];
 
@@ -63,7 +64,12 @@ function entry(app, flight) {
     show,
     use,
     !flight.problem &&
-      el("div", { class: "sparks" }, spark(flight.height, "height", "m"), spark(flight.battery, "battery", "V")),
+      el(
+        "div",
+        { class: "sparks" },
+        spark(hasPosition(flight) ? flight.height : [], "height", "m"),
+        spark(flight.battery, "battery", "V"),
+      ),
     !flight.problem &&
       el(
         "p",
@@ -76,23 +82,30 @@ function entry(app, flight) {
   );
 }
 
+/** Without a position, the height that comes is none. @param {Flight} flight */
+export const hasPosition = (flight) => flight.columns.includes("position");
+
 /** @param {Flight} flight */
 function faults(flight) {
-  const count = flight.faults.length;
-  if (!count) return null;
-  const errors = flight.faults.some((fault) => fault.severity === "error");
+  if (!flight.faults.length) return null;
+  const severities = [...new Set(flight.faults.map((fault) => fault.severity))];
+  const counts = severities.map((severity) => {
+    const count = flight.faults.filter((fault) => fault.severity === severity).length;
+    return `${count} ${severity}${count > 1 ? "s" : ""}`;
+  });
+  const errors = severities.includes("error");
   return el(
     "details",
     { "data-key": `faults ${flight.name}` },
     el(
       "summary",
       { class: errors ? "bad-text" : "", "data-key": `unfold ${flight.name}` },
-      `${errors ? "⚠ " : ""}${count} ${count === 1 ? "finding" : "findings"} of the checks`,
+      `${errors ? "⚠ " : ""}${counts.join(", ")} of the checks`,
     ),
     el(
       "ul",
       {},
-      flight.faults.map((fault) => el("li", {}, el("b", {}, `${fault.severity}: `), fault.sentence)),
+      flight.faults.map((fault) => el("li", {}, el("b", {}, `${fault.severity}: `), prose(fault.sentence))),
     ),
   );
 }

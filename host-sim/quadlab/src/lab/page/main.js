@@ -2,12 +2,14 @@
 
 import { drawAdvice, forget } from "./advice.js";
 import { ServerError, flightsOf, get, post } from "./api.js";
+import { drawChanges, forgetChanges } from "./changed.js";
 import { byId, el, fill } from "./dom.js";
 import { drawFlights } from "./flights.js";
 import { drawLegend } from "./legend.js";
 import { modelTab } from "./model.js";
 import { drawModels } from "./models.js";
 import { flightOverview } from "./overview.js";
+import { prose } from "./numbers.js";
 import { pathTab } from "./path.js";
 import { spectrumTab } from "./spectrum.js";
 import { timeTab } from "./time.js";
@@ -84,6 +86,15 @@ export const app = {
     }
   },
 
+  /** The same for what is to be drawn: says so where it takes a while. @param {Promise<any>} work */
+  async wait(work) {
+    waiting += 1;
+    window.setTimeout(showWaiting, 400);
+    await app.act(work);
+    waiting -= 1;
+    showWaiting();
+  },
+
   /** Changes the state on the server. @param {string} path @param {object} body */
   choose: (path, body) => app.act(post(path, body).then(takeState)),
 
@@ -107,6 +118,13 @@ export const app = {
     cursorListeners.push(listener);
   },
 };
+
+/** How many answers are awaited. */
+let waiting = 0;
+
+function showWaiting() {
+  byId("loading").hidden = waiting === 0;
+}
 
 /** @typedef {typeof app} App */
 /** @typedef {{update: () => any, resize: () => any, theme: () => any}} Tab */
@@ -194,6 +212,7 @@ function drawState() {
   if (problem.textContent !== (state.problem ?? "")) problem.textContent = state.problem ?? "";
   drawJob(state.job);
   app.act(drawAdvice(app, byId("advice")));
+  app.act(drawChanges(app, byId("changes")));
   drawTabs();
 }
 
@@ -212,7 +231,7 @@ function drawTabs() {
   }
   byId("overview").hidden = Boolean(model);
   drawLegend(app, byId("legend"));
-  app.act((async () => shown().update())());
+  app.wait((async () => shown().update())());
 }
 
 /** @param {Job|null} job */
@@ -229,6 +248,8 @@ function drawJob(job) {
   byId("identify").disabled = blocked;
   byId("explain").disabled = blocked;
   byId("diagnose").disabled = blocked || !model;
+  byId("changed").hidden = !state?.flights.some((flight) => flight.set === "later");
+  byId("changed").disabled = blocked || !model;
   byId("cancel").disabled = !busy;
   byId("identify").classList.toggle("primary", !model);
   byId("diagnose").classList.toggle("primary", Boolean(model) && model?.verdict === null);
@@ -269,7 +290,7 @@ function say(id, sentences) {
         el(
           "p",
           {},
-          text.replace(/^[a-z](?=[a-z]* )/, (letter) => letter.toUpperCase()),
+          prose(text).replace(/^[a-z](?=[a-z]* )/, (letter) => letter.toUpperCase()),
         ),
       ),
     ),
@@ -295,7 +316,7 @@ const LOST =
   "The connection to quadlab is lost. The page goes on by itself when quadlab answers again. If quadlab has ended, start it again and open the address that it prints.";
 
 /** What is shown as running; looking for evidence and reading are not. */
-const JOBS = ["identify", "diagnose", "add", "explain"];
+const JOBS = ["identify", "diagnose", "add", "explain", "changed"];
 
 function listen() {
   const events = new EventSource("/api/events");
@@ -312,6 +333,7 @@ function listen() {
     const { error } = data(event);
     drawJob(null);
     forget();
+    forgetChanges();
     details.clear();
     if (error === "cancelled") byId("announced").textContent = "cancelled";
     else if (error) fail(error);
@@ -350,6 +372,7 @@ function wireTabs() {
 function wireButtons() {
   byId("identify").addEventListener("click", () => app.run({ do: "identify" }));
   byId("diagnose").addEventListener("click", () => app.run({ do: "diagnose", model: app.current()?.id }));
+  byId("changed").addEventListener("click", () => app.run({ do: "changed", model: app.current()?.id }));
   byId("explain").addEventListener("click", () => app.run({ do: "explain" }));
   byId("cancel").addEventListener("click", () => app.act(post("/api/cancel", {})));
   byId("flight").addEventListener("change", (/** @type {any} */ event) =>

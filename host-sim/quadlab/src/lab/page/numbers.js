@@ -17,8 +17,11 @@ const SUPERSCRIPTS = /** @type {Record<string, string>} */ ({
 /** @param {string|number} text */
 const raised = (text) => [...String(text)].map((c) => SUPERSCRIPTS[c] ?? c).join("");
 
-/** A true minus before each number of a text. @param {string} text */
-export const minus = (text) => text.replace(/-(?=[\d.])/g, "−");
+/** A true minus before each number of a text, and not in names. @param {string} text */
+export const minus = (text) => text.replace(/(^|[\s(=])-(?=[\d.])/g, "$1−");
+
+/** A sentence of the server with powers and minus signs as people write them. @param {string} text */
+export const prose = (text) => minus(text).replace(/\^(-?\d+)/g, (_, power) => raised(power));
 
 /** A unit: `m/s^2` becomes m/s², `1` nothing. @param {string|null|undefined} unit */
 export function unit(unit) {

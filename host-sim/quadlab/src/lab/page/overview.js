@@ -1,7 +1,8 @@
 // A flight before there is a model: what was logged, what the checks say, height and battery over time.
 
 import { el, redraw } from "./dom.js";
-import { short } from "./numbers.js";
+import { hasPosition } from "./flights.js";
+import { prose, short } from "./numbers.js";
 import { CONFIG, axis, colour, faint, layout, plotly, room } from "./plots.js";
 
 /** @typedef {import("./main.js").App} App */
@@ -34,7 +35,7 @@ export function flightOverview(app, root) {
         ? el(
             "ul",
             {},
-            flight.faults.map((fault) => el("li", {}, el("b", {}, `${fault.severity}: `), fault.sentence)),
+            flight.faults.map((fault) => el("li", {}, el("b", {}, `${fault.severity}: `), prose(fault.sentence))),
           )
         : null,
     ]);
@@ -83,7 +84,10 @@ function figure(flight) {
     layer: "below",
   }));
   return {
-    traces: [curve(flight.height, "", "predicted"), curve(flight.battery, "2", "difference")],
+    traces: [
+      curve(hasPosition(flight) ? flight.height : [], "", "predicted"),
+      curve(flight.battery, "2", "difference"),
+    ],
     shape: {
       shapes: air,
       margin: { l: 64, r: 12, t: 26, b: 44 },

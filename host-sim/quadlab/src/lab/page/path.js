@@ -2,6 +2,7 @@
 
 import { AXES, AXIS_NAMES, get, givenUp } from "./api.js";
 import { choice, el, redraw } from "./dom.js";
+import { hasPosition } from "./flights.js";
 import { known, nearest, seconds, short, unit, withUnit } from "./numbers.js";
 import { CONFIG, axis, colour, layout, plotly, room } from "./plots.js";
 
@@ -39,6 +40,11 @@ export function pathTab(app, root) {
   async function update() {
     const [model, flight] = [app.current(), app.flight()];
     if (!model || !flight) return;
+    plot.hidden = !hasPosition(flight);
+    if (plot.hidden) {
+      values.textContent = "No position was logged in this flight, so there is no path to draw.";
+      return;
+    }
     redraw(controls, [
       choice(
         "Colour: residual of",
@@ -158,7 +164,7 @@ export function pathTab(app, root) {
   }
 
   function drawCursor() {
-    if (root.hidden || !path || !plot.data) return;
+    if (root.hidden || plot.hidden || !path || !plot.data) return;
     const at = nearest(path.t, app.cursor ?? path.t[0]);
     slider.value = String(path.t[at]);
     slider.setAttribute("aria-valuetext", seconds(path.t[at]));

@@ -259,7 +259,7 @@ export function timeTab(app, root) {
     if (shown && !first) draw();
     timer = window.setTimeout(
       () =>
-        app.act(
+        app.wait(
           ask(
             signal,
             { flight: app.view.flight, from: app.view.from, to: app.view.to, width, ahead: app.view.ahead || null },

@@ -45,10 +45,8 @@ export function whereTab(app, root) {
     const { signal } = asked;
     const query = { axis: of, quantity, flight: over || null };
     try {
-      const [details, ...answers] = await Promise.all([
-        app.details(model.id),
-        ...pair().map((m) => get("/api/residual", { model: m.id, ...query }, signal)),
-      ]);
+      const answers = await Promise.all(pair().map((m) => get("/api/residual", { model: m.id, ...query }, signal)));
+      const details = await app.details(model.id);
       if (signal.aborted) return;
       drawWorst(details.comparison?.worst ?? []);
       maps = answers;
