@@ -101,7 +101,7 @@ impl Lab {
     /// Identifies a model, number 1.
     pub(crate) fn identify(&self) {
         self.state();
-        let answer = self.visitor().post("/api/jobs", r#"{"do":"identify"}"#).as_page(self).send(self);
+        let answer = self.visitor().post("/api/jobs", r#"{"do":"identify"}"#).with_origin(self).send(self);
         assert_eq!(answer.status, 200, "{}", answer.body);
         assert_eq!(self.state()["models"][0]["id"], 1);
     }
@@ -171,8 +171,8 @@ impl Request {
         self
     }
 
-    /// From the page itself.
-    pub(crate) fn as_page(self, lab: &Lab) -> Self {
+    /// With the origin of the page itself.
+    pub(crate) fn with_origin(self, lab: &Lab) -> Self {
         self.with("Origin", &format!("http://127.0.0.1:{}", lab.port))
     }
 
