@@ -144,7 +144,7 @@ fn bytes_watched(bytes: &[u8], path: &Path, map: &ColumnMap, watch: Watch<'_>) -
         return Ok(own(log, flights, path));
     }
     let recordings = record(&log, path)?;
-    Ok(imported(log, &recordings, path))
+    Ok(imported(log, recordings, path))
 }
 
 /// Text is a flight file under whatever names, unless a program is known by them.
@@ -155,7 +155,7 @@ fn import_text(bytes: &[u8], path: &Path, map: &ColumnMap) -> Result<Import, Log
     match decode_text(bytes, path)? {
         Some(log) => {
             let recordings = record(&log, path)?;
-            Ok(imported(log, &recordings, path))
+            Ok(imported(log, recordings, path))
         }
         None => Ok(of_table(tables::of_text(bytes, path, map)?, path)),
     }
@@ -190,18 +190,20 @@ fn of_table(table: FlightOfTable, path: &Path) -> Import {
     }
 }
 
-fn imported(log: Log, recordings: &[Recording], path: &Path) -> Import {
-    let (mut flights, mut limits, mut notes) = (Vec::new(), Vec::new(), Vec::new());
-    for recording in recordings {
-        let (made, left_out) = convert(recording);
-        flights.extend(made);
-        add_new(&mut limits, recording.limits.iter().cloned());
-        add_new(&mut notes, recording.notes.iter().cloned().chain(left_out));
-    }
+fn imported(log: Log, recordings: Vec<Recording>, path: &Path) -> Import {
     let first = recordings.first();
     let sources = first.map_or_else(Sources::default, Sources::of);
     let hints = first.map_or_else(Hints::default, |recording| recording.hints.clone());
-    Import { sources, hints, limits, notes, ..Import::of(log, flights, path) }
+    // The tables of the log are given up before flights are made, and each recording when its flights are.
+    let mut import = Import { sources, hints, ..Import::of(log, path) };
+    for recording in recordings {
+        let (made, left_out) = convert(&recording);
+        import.flights.extend(made);
+        add_new(&mut import.limits, recording.limits.into_iter());
+        add_new(&mut import.notes, recording.notes.into_iter().chain(left_out));
+    }
+    name(&mut import.flights, path);
+    import
 }
 
 /// Of quadlab's own recording, whose rows are in its frames and units already.
@@ -222,8 +224,9 @@ fn own(log: Log, flights: Vec<OwnFlight>, path: &Path) -> Import {
         voltage: field("battery_v"),
     };
     let notes = vec!["is a recording of quadlab's own ground station: its rows are taken as they are".into()];
-    let parts = flights.into_iter().map(Part::of_own).collect();
-    Import { sources, notes, ..Import::of(log, parts, path) }
+    let mut flights: Vec<Part> = flights.into_iter().map(Part::of_own).collect();
+    name(&mut flights, path);
+    Import { sources, notes, flights, ..Import::of(log, path) }
 }
 
 /// Flights of one file have its name, and are numbered where there are several.
@@ -239,9 +242,8 @@ fn name(flights: &mut [Part], path: &Path) {
 }
 
 impl Import {
-    /// What a log and its flights say without knowing which program wrote it.
-    fn of(log: Log, mut flights: Vec<Part>, path: &Path) -> Self {
-        name(&mut flights, path);
+    /// What a log says without knowing which program wrote it, and no flights yet.
+    fn of(log: Log, path: &Path) -> Self {
         Self {
             path: path.into(),
             format: log.format,
@@ -249,7 +251,7 @@ impl Import {
             messages: log.tables.iter().map(|table| Messages::of(table, log.format)).collect(),
             firmware: log.firmware,
             sources: Sources::default(),
-            flights,
+            flights: Vec::new(),
             hints: Hints::default(),
             losses: log.losses,
             limits: Vec::new(),

@@ -18,6 +18,7 @@ use crate::cli::output::{Outcome, provenance};
 use crate::cli::progress;
 use crate::cli::terminal::Terminal;
 use crate::commands::demo_effect;
+use crate::lab;
 use crate::render::{pages, tables};
 
 /// Names of flights for the fit and for validation.
@@ -48,6 +49,14 @@ pub(crate) struct Options {
     /// Folder for report.html, model files and simulated flights, for example: --out my-report
     #[arg(long, value_name = "DIR", default_value = "out/demo")]
     out: PathBuf,
+
+    /// Open the flights in the lab, a page in the browser, to find the effect yourself
+    #[arg(long)]
+    lab: bool,
+
+    /// With --lab: print the page's address and do not open the browser
+    #[arg(long, requires = "lab")]
+    no_open: bool,
 }
 
 /// Why a folder of flights cannot be used.
@@ -61,9 +70,16 @@ enum DemoError {
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     match &options.flights {
+        Some(folder) if options.lab => open_lab(options, folder),
         Some(folder) => on_flights(options, folder),
         None => on_hidden_effect(options),
     }
+}
+
+/// Serves the page until it is ended.
+fn open_lab(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
+    lab::serve(&lab::Options { folder: folder.to_owned(), port: 0, open: !options.no_open })?;
+    Ok(Outcome::done(String::new()))
 }
 
 fn create(folder: &Path) -> Result<(), DemoError> {
@@ -108,6 +124,11 @@ fn on_hidden_effect(options: &Options) -> anyhow::Result<Outcome> {
     let files = fly(&craft, seed, &folder)?;
     let vehicle_path = folder.join("vehicle.toml");
     report::write_atomic(&vehicle_path, toml::to_string(&craft.vehicle)?)?;
+    if options.lab {
+        // What an earlier demonstration found is of other flights.
+        let _ = std::fs::remove_dir_all(folder.join("lab"));
+        return open_lab(options, &folder);
+    }
 
     // From here on only the files speak.
     let vehicle = Vehicle::read(&vehicle_path)?;

@@ -16,6 +16,8 @@ pub(super) enum Use {
     Train,
     /// Held out, to judge by.
     Validate,
+    /// Flown later: has the craft changed since?
+    Later,
     /// Left out.
     None,
 }

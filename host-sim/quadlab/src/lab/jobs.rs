@@ -3,15 +3,16 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use diagnosis::workflow::{self, Explanation, FlightSets, WorkflowError};
+use diagnosis::workflow::{self, Explanation, FlightSets, FlightsOfOneKind, Reading, WorkflowError};
 use diagnosis::{Diagnosis, Options};
 use model::{Effect, Model, Vehicle};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use super::flights::Use;
 use super::node::Node;
 use super::refused::Refused;
-use super::session::{Job, Session, Telling};
+use super::session::{Job, Session, Telling, names};
 use crate::cli::effect_names::known_effect;
 
 /// What the page asks for.
@@ -24,6 +25,8 @@ pub(super) enum Task {
     Diagnose { model: u32 },
     /// Add an effect to a model.
     Add { model: u32, effect: String },
+    /// What has changed since a model was good?
+    Changed { model: u32 },
     /// All of it, until nothing supported is missing.
     Explain,
 }
@@ -34,6 +37,7 @@ impl Task {
             Self::Identify => "identify",
             Self::Diagnose { .. } => "diagnose",
             Self::Add { .. } => "add",
+            Self::Changed { .. } => "changed",
             Self::Explain => "explain",
         }
     }
@@ -94,6 +98,7 @@ impl Work<'_> {
             Task::Identify => self.identify().map(|_| ()),
             Task::Diagnose { model } => self.diagnose(model),
             Task::Add { model, effect } => self.add(model, &effect),
+            Task::Changed { model } => self.changed(model),
             Task::Explain => self.explain(),
         }
     }
@@ -119,7 +124,24 @@ impl Work<'_> {
         let mut sets = self.sets()?;
         let diagnosis = workflow::diagnose(&model, &[], &mut sets, &Options::default(), &self.telling)
             .map_err(refused)?;
-        self.session.set_diagnosis(id, document(&diagnosis))
+        self.session.tell_of(id, |node| node.diagnosis = Some(document(&diagnosis)))
+    }
+
+    fn changed(&self, id: u32) -> Result<(), Refused> {
+        let model = self.session.node(id)?.model;
+        let files = self.session.files(Use::Later);
+        if files.is_empty() {
+            return Err(Refused("no flight is marked as flown later: choose one in the table".into()));
+        }
+        let mut flights = FlightsOfOneKind::read(&files, &model.vehicle, Reading::default(), &self.telling)
+            .map_err(refused)?;
+        let found = workflow::changed(&model, &[], &mut flights, &Options::default(), &self.telling);
+        let mut changes = document(&found.map_err(refused)?);
+        let command = format!("quadlab diagnose --model lab/model-{id}.toml --changed {}", names(&files));
+        changes["command"] = json!(command);
+        let of = flights.flights.iter().map(|flight| flight.prepared.name.as_str());
+        changes["flights"] = of.collect::<Vec<_>>().into();
+        self.session.tell_of(id, |node| node.changes = Some(changes))
     }
 
     fn add(&self, id: u32, effect: &str) -> Result<(), Refused> {
@@ -130,7 +152,7 @@ impl Work<'_> {
         }
         let mut sets = self.sets()?;
         let added = workflow::add(&parent.model, effect, &mut sets, None, &self.telling).map_err(refused)?;
-        let before = format!("add --model lab/model-{id}.toml --effect {effect}");
+        let before = format!("add {effect} --model lab/model-{id}.toml");
         let command = self.session.command(&before, "--out lab/model-NEW.toml");
         let supported = Some(added.addition.finding.supported);
         self.keep(Some((id, effect)), supported, added.model, &command)?;
@@ -165,11 +187,11 @@ impl Work<'_> {
     fn keep_steps(&self, explanation: Explanation, command: &str) -> Result<(), Refused> {
         let mut id = self.keep(None, None, explanation.basic, command)?;
         for step in explanation.steps {
-            self.session.set_diagnosis(id, document(&step.diagnosis))?;
+            self.session.tell_of(id, |node| node.diagnosis = Some(document(&step.diagnosis)))?;
             let supported = Some(step.addition.finding.supported);
             id = self.keep(Some((id, step.effect)), supported, step.model, command)?;
         }
-        self.session.set_diagnosis(id, document(&explanation.last_diagnosis))
+        self.session.tell_of(id, |node| node.diagnosis = Some(document(&explanation.last_diagnosis)))
     }
 }
 

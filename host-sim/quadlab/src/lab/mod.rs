@@ -4,6 +4,7 @@
 //! the user did lies in `lab/` beside the flights: models as ordinary model files, diagnoses as JSON, and `state.json`.
 
 mod assets;
+mod equations;
 mod events;
 mod flights;
 mod guard;

@@ -19,6 +19,8 @@ pub(super) struct Node {
     pub(super) model: Arc<Model>,
     /// The document of `quadlab diagnose --json`.
     pub(super) diagnosis: Option<Value>,
+    /// The document of `quadlab diagnose --changed --json`.
+    pub(super) changes: Option<Value>,
 }
 
 impl Node {
@@ -32,6 +34,7 @@ impl Node {
             command: String::new(),
             model: Arc::new(model),
             diagnosis: None,
+            changes: None,
         }
     }
 
@@ -60,6 +63,7 @@ impl Node {
             "effects": self.model.effects().iter().map(|effect| effect.id()).collect::<Vec<_>>(),
             "axes": axes,
             "verdict": self.diagnosis.as_ref().map(|diagnosis| diagnosis["verdict"].clone()),
+            "changed": self.changes.as_ref().map(|changes| changes["verdict"].clone()),
             "supported": self.supported,
             "command": self.command,
         })

@@ -18,8 +18,8 @@ pub(super) struct Window {
 #[derive(Debug, Default)]
 pub(super) struct Rows {
     pub(super) t: Vec<f64>,
-    /// Not a number where the line breaks.
-    pub(super) lines: Vec<Vec<f64>>,
+    /// Not a number where the line breaks; seven digits are more than any screen has rows.
+    pub(super) lines: Vec<Vec<f32>>,
 }
 
 /// The rows of a window, where there are more than two a column of pixels the lowest and the highest of each, in their order.
@@ -55,7 +55,7 @@ impl Rows {
     fn push(&mut self, t: f64, value: impl Fn(usize) -> f64) {
         self.t.push(t);
         for (line, values) in self.lines.iter_mut().enumerate() {
-            values.push(value(line));
+            values.push(value(line) as f32);
         }
     }
 
@@ -206,7 +206,7 @@ mod tests {
         (values[54_321], values[54_400]) = (40.0, -40.0);
         let rows = reduced(&t, &[&values], ALL);
         assert!(rows.t.len() <= 200, "{}", rows.t.len());
-        assert!(rows.lines[0].contains(&40.0) && rows.lines[0].contains(&-40.0));
+        assert!(rows.lines[0].contains(&40.0_f32) && rows.lines[0].contains(&-40.0));
         assert!(rows.t.is_sorted());
     }
 
@@ -216,7 +216,7 @@ mod tests {
         let window = Window { from_s: 2.005, to_s: 2.045, width: 100 };
         assert_eq!(reduced(&t, &[&t], window).lines[0], [2.0, 2.01, 2.02, 2.03, 2.04, 2.05]);
         let empty = reduced(&[], &[&[]], window);
-        assert!(empty.t.is_empty() && empty.lines == [Vec::<f64>::new()]);
+        assert!(empty.t.is_empty() && empty.lines == [Vec::<f32>::new()]);
     }
 
     #[test]

@@ -14,12 +14,12 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
-use super::assets;
 use super::flights::Use;
 use super::jobs::{self, Task};
 use super::numbers::Window;
 use super::refused::{Refused, refusal};
 use super::session::{Session, Telling};
+use super::{assets, equations};
 use crate::cli::effect_names::known_effect;
 
 /// No request of the page is longer, bytes.
@@ -47,6 +47,7 @@ pub(super) fn router(session: Arc<Session>) -> Router {
         )
         .route("/api/model", get(model))
         .route("/api/diagnosis", get(diagnosis))
+        .route("/api/changes", get(changes))
         .route("/api/why", get(why))
         .route("/api/series", get(series))
         .route("/api/quantities", get(quantities))
@@ -141,6 +142,7 @@ async fn model(State(session): Shared, Asked(Id { id }): Asked<Id>) -> Answer {
     });
     Ok(Json(json!({
         "coefficients": coefficients.collect::<Vec<_>>(),
+        "equations": model.effects().into_iter().map(equations::of).collect::<Vec<_>>(),
         "comparison": view.comparison,
         "toml": model.to_toml(),
     })))
@@ -153,6 +155,19 @@ async fn diagnosis(
     Ok(match session.node(model)?.diagnosis {
         Some(diagnosis) => Json(diagnosis).into_response(),
         None => refusal(StatusCode::NOT_FOUND, "this model has not been diagnosed yet: press Diagnose"),
+    })
+}
+
+async fn changes(
+    State(session): Shared,
+    Asked(OfModel { model }): Asked<OfModel>,
+) -> Result<Response, Refused> {
+    Ok(match session.node(model)?.changes {
+        Some(changes) => Json(changes).into_response(),
+        None => refusal(
+            StatusCode::NOT_FOUND,
+            "nobody has asked what changed since this model: mark flights as flown later, and press What changed?",
+        ),
     })
 }
 

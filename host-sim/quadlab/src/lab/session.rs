@@ -51,6 +51,8 @@ pub(super) struct Session {
     store: Store,
     state: Mutex<State>,
     chosen: Mutex<BTreeMap<String, Use>>,
+    /// Held while a model is held against the flights: a page that asks for several things at once waits for one.
+    making_view: Mutex<()>,
 }
 
 impl Session {
@@ -66,6 +68,7 @@ impl Session {
             store,
             state: Mutex::new(state),
             chosen: Mutex::new(saved.chosen),
+            making_view: Mutex::new(()),
         })
     }
 
@@ -172,11 +175,11 @@ impl Session {
         Ok(id)
     }
 
-    /// Keeps what was found in a model.
-    pub(super) fn set_diagnosis(&self, id: u32, diagnosis: Value) -> Result<(), Refused> {
+    /// Keeps what was found of a model.
+    pub(super) fn tell_of(&self, id: u32, tell: impl FnOnce(&mut Node)) -> Result<(), Refused> {
         let mut state = self.lock();
         if let Some(node) = state.nodes.iter_mut().find(|node| node.id == id) {
-            node.diagnosis = Some(diagnosis);
+            tell(node);
             self.store.write_node(node).map_err(|error| Refused::from(&error))?;
         }
         Ok(())
@@ -190,18 +193,16 @@ impl Session {
         self.store.write(&saved).map_err(|error| Refused::from(&error))
     }
 
-    /// Files to fit on and files to judge by.
-    pub(super) fn files(&self) -> [Vec<PathBuf>; 2] {
+    /// Files of a use.
+    pub(super) fn files(&self, used: Use) -> Vec<PathBuf> {
         let state = self.lock();
-        [Use::Train, Use::Validate].map(|used| {
-            let of = state.files.iter().filter(|file| file.used == used && file.is_usable());
-            of.map(|file| file.path.clone()).collect()
-        })
+        let of = state.files.iter().filter(|file| file.used == used && file.is_usable());
+        of.map(|file| file.path.clone()).collect()
     }
 
     /// The flights of a job; a single one is split by blocks of time, as by every command.
     pub(super) fn sets(&self, vehicle: &Vehicle, observer: &dyn Observer) -> Result<FlightSets, Refused> {
-        let [train, validate] = self.files();
+        let [train, validate] = [Use::Train, Use::Validate].map(|used| self.files(used));
         let sets = match (&train[..], &validate[..]) {
             ([only], []) | ([], [only]) => {
                 FlightSets::split(std::slice::from_ref(only), vehicle, Reading::default(), observer)
@@ -217,12 +218,7 @@ impl Session {
 
     /// The command that takes the same flights, with what comes before and after them.
     pub(super) fn command(&self, before: &str, after: &str) -> String {
-        let [train, validate] = self.files();
-        let names = |paths: &[PathBuf]| -> String {
-            let names =
-                paths.iter().filter_map(|path| path.file_name()).map(|name| quoted(&name.to_string_lossy()));
-            names.collect::<Vec<_>>().join(" ")
-        };
+        let [train, validate] = [Use::Train, Use::Validate].map(|used| self.files(used));
         let sets = match (&train[..], &validate[..]) {
             (all, []) | ([], all) => names(all),
             _ => format!("--train {} --validate {}", names(&train), names(&validate)),
@@ -237,6 +233,7 @@ impl Session {
 
     /// A model held against all flights that can be used.
     pub(super) fn view(&self, id: u32) -> Result<Arc<ModelView>, Refused> {
+        let _making = self.making_view.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(view) = self.lock().views.iter().find(|(known, _)| *known == id) {
             return Ok(view.1.clone());
         }
@@ -257,6 +254,12 @@ impl Session {
         state.views.truncate(VIEWS);
         Ok(view)
     }
+}
+
+/// Names of files as a shell takes them.
+pub(super) fn names(paths: &[PathBuf]) -> String {
+    let names = paths.iter().filter_map(|path| path.file_name());
+    names.map(|name| quoted(&name.to_string_lossy())).collect::<Vec<_>>().join(" ")
 }
 
 /// A word of a shell.

@@ -94,10 +94,11 @@ impl Store {
         let path = self.model_path(id);
         let model = Model::read(&path)
             .map_err(|error| StoreError::Damaged { path: self.folder.clone(), why: error.to_string() })?;
-        let diagnosis = std::fs::read_to_string(self.diagnosis_path(id))
-            .ok()
-            .and_then(|text| serde_json::from_str::<Value>(&text).ok());
-        Ok(Node { id, parent, effect, supported, command, model: model.into(), diagnosis })
+        let found = |path: PathBuf| -> Option<Value> {
+            serde_json::from_str(&std::fs::read_to_string(path).ok()?).ok()
+        };
+        let [diagnosis, changes] = [self.diagnosis_path(id), self.changes_path(id)].map(found);
+        Ok(Node { id, parent, effect, supported, command, model: model.into(), diagnosis, changes })
     }
 
     /// Keeps all but the models.
@@ -112,6 +113,9 @@ impl Store {
         if let Some(diagnosis) = &node.diagnosis {
             report::write_atomic(self.diagnosis_path(node.id), diagnosis.to_string())?;
         }
+        if let Some(changes) = &node.changes {
+            report::write_atomic(self.changes_path(node.id), changes.to_string())?;
+        }
         Ok(())
     }
 
@@ -121,6 +125,10 @@ impl Store {
 
     fn diagnosis_path(&self, id: u32) -> PathBuf {
         self.folder.join(format!("diagnosis-{id}.json"))
+    }
+
+    fn changes_path(&self, id: u32) -> PathBuf {
+        self.folder.join(format!("changes-{id}.json"))
     }
 }
 

@@ -2,8 +2,10 @@
 
 use std::ops::Range;
 
-use super::encoding::Reader;
+use super::encoding::{Numbers, Reader, add};
 use super::header::{Fields, Header, MOST_FIELDS};
+use super::kept::is_kept;
+use super::prediction::{Frame, Prediction, Predictor};
 
 /// Where the counter of iterations and the time stand in a frame.
 pub(super) const ITERATION: usize = 0;
@@ -12,9 +14,6 @@ pub(super) const TIME: usize = 1;
 
 /// Iterations that are skipped on purpose at most.
 const LONGEST_PAUSE: u32 = 5000;
-
-/// The numbers of a frame; signed ones as their two's complement.
-pub(super) type Frame = [u32; MOST_FIELDS];
 
 /// How a run of fields is written.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,42 +25,36 @@ enum Encoding {
     Three,
     ThreeVariable,
     Four,
+    FourVersion1,
     Null,
 }
 
-/// What a run of fields is a difference from.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Predictor {
-    Constant(u32),
-    Previous,
-    StraightLine,
-    Average { signed: bool },
-    FirstMotor(usize),
-    Increment,
+/// Fields that are written alike, together where the encoding is of several.
+type Run = (Encoding, Range<usize>);
+
+/// Fields that are read at once.
+#[derive(Debug)]
+enum Step {
+    /// Signed numbers, and any that are not kept.
+    Numbers(Numbers),
+    /// Others that are kept: how they are written, and where they go in a frame.
+    Kept(Run),
+    /// Groups that are not kept.
+    Three,
+    Four,
 }
 
 /// How a kind of frame is written.
 #[derive(Debug)]
 pub(super) struct Definition {
-    encodings: Vec<(Encoding, Range<usize>)>,
-    prediction: Box<Prediction>,
+    steps: Vec<Step>,
+    pub(super) prediction: Prediction,
 }
 
-/// What each field is a difference from: a mask for each predictor, all ones in the fields that have it, so
-/// that a frame is predicted without a branch.
-#[derive(Debug)]
-struct Prediction {
-    constant: Frame,
-    previous: Frame,
-    straight_line: Frame,
-    average: Frame,
-    signed: Frame,
-    /// Fields that have any of these, rounded up.
-    count: usize,
-    /// Fields that follow the first motor of the same frame, and where that one stands.
-    after_motor: Vec<(usize, usize)>,
-    counters: Vec<usize>,
-}
+/// Where the fields of a log stand in a frame, those in the order of the log that are kept or cannot be read
+/// without them.
+#[derive(Debug, Default)]
+pub(super) struct Places(Vec<Option<usize>>);
 
 /// How the frames of a log are written.
 #[derive(Debug)]
@@ -71,7 +64,7 @@ pub(super) struct Definitions {
     pub(super) slow: Definition,
     pub(super) position: Definition,
     pub(super) home: Definition,
-    pub(super) data_version: i64,
+    pub(super) places: Places,
     /// Which iterations are logged: of every so many, so many.
     pub(super) interval: Interval,
 }
@@ -96,18 +89,25 @@ impl Definitions {
             return Err("its header cannot be right".into());
         }
         let shared = Fields { names: whole.names.clone(), signed: whole.signed.clone(), ..of(b'P') };
-        let constants = Constants::new(header, &whole.names);
+        let version = header.number("Data version").unwrap_or(0);
+        let runs = |fields: &Fields| runs(fields, version);
+        let places = Places::new(&whole.names, &[runs(&whole)?, runs(&shared)?].concat());
+        let constants = Constants::new(header, &whole.names, &places);
+        let kept = |fields: &Fields| Definition::new(fields, runs(fields)?, &constants, &places);
+        let passed = |fields: &Fields| {
+            Definition::new(fields, runs(fields)?, &constants, &Places::of_all(fields.names.len()))
+        };
         let interval = header.settings.get("P interval").and_then(|text| text.split_once('/'));
         let part = |text: Option<&str>| {
             text.and_then(|text| text.trim().parse().ok()).filter(|&part: &u32| part > 0).unwrap_or(1)
         };
         Ok(Self {
-            whole: Definition::new(&whole, &constants)?,
-            difference: Definition::new(&shared, &constants)?,
-            slow: Definition::new(&of(b'S'), &constants)?,
-            position: Definition::new(&of(b'G'), &constants)?,
-            home: Definition::new(&of(b'H'), &constants)?,
-            data_version: header.number("Data version").unwrap_or(0),
+            whole: kept(&whole)?,
+            difference: kept(&shared)?,
+            slow: passed(&of(b'S'))?,
+            position: passed(&of(b'G'))?,
+            home: passed(&of(b'H'))?,
+            places,
             interval: Interval {
                 whole: header
                     .number("I interval")
@@ -126,157 +126,147 @@ struct Constants {
     minimum_throttle: u32,
     battery: u32,
     lowest_motor: u32,
+    /// Where in a frame it stands.
     first_motor: Option<usize>,
 }
 
 impl Constants {
-    fn new(header: &Header, names: &[String]) -> Self {
+    fn new(header: &Header, names: &[String], places: &Places) -> Self {
         let minimum_throttle = header.number("minthrottle");
         let number = |number: Option<i64>, otherwise: u32| number.map_or(otherwise, |number| number as u32);
         Self {
             minimum_throttle: number(minimum_throttle, 1150),
             battery: number(header.number("vbatref"), 4095),
             lowest_motor: number(header.number("motorOutput").or(minimum_throttle), 1150),
-            first_motor: names.iter().position(|name| name == "motor[0]"),
+            first_motor: names.iter().position(|name| name == "motor[0]").and_then(|field| places.of(field)),
         }
+    }
+}
+
+/// How the fields of a kind of frame are written.
+fn runs(fields: &Fields, version: i64) -> Result<Vec<Run>, String> {
+    let mut runs: Vec<Run> = Vec::new();
+    for field in 0..fields.names.len().min(MOST_FIELDS) {
+        let encoding = match (fields.encodings.get(field), fields.predictors.get(field)) {
+            // Counters are not written.
+            (_, Some(&INCREMENT)) => Encoding::Null,
+            (encoding, _) => Encoding::new(encoding.copied().unwrap_or(0), version)?,
+        };
+        match runs.last_mut() {
+            Some((last, run)) if *last == encoding && run.len() < encoding.most() => run.end += 1,
+            _ => runs.push((encoding, field..field + 1)),
+        }
+    }
+    Ok(runs)
+}
+
+impl Places {
+    fn new(names: &[String], runs: &[Run]) -> Self {
+        let mut kept: Vec<bool> =
+            names.iter().enumerate().map(|(field, name)| field <= TIME || is_kept(name)).collect();
+        // The others of a group come with it, and with them the others of their groups in the other kind of frame.
+        loop {
+            let before = kept.clone();
+            for (encoding, group) in runs.iter().filter(|(encoding, _)| encoding.most() < MOST_FIELDS) {
+                let group = &mut kept[group.clone()];
+                let any = group.contains(&true) || !encoding.is_passed();
+                group.fill(any);
+            }
+            if kept == before {
+                break;
+            }
+        }
+        let mut count = 0..;
+        Self(kept.into_iter().map(|kept| kept.then(|| count.next()).flatten()).collect())
+    }
+
+    /// Each at its own place.
+    fn of_all(count: usize) -> Self {
+        Self((0..count).map(Some).collect())
+    }
+
+    /// Where a field stands.
+    pub(super) fn of(&self, field: usize) -> Option<usize> {
+        self.0.get(field).copied().flatten()
+    }
+}
+
+/// How the fields of a run are read.
+fn steps((encoding, run): Run, places: &Places) -> Vec<Step> {
+    let place = places.of(run.start);
+    match (encoding, place) {
+        (Encoding::Null, _) => Vec::new(),
+        (Encoding::Signed | Encoding::Unsigned | Encoding::Negative14Bit, _) => {
+            let mut steps = Vec::new();
+            for place in run.map(|field| places.of(field)) {
+                if let Some(place) = place.filter(|_| encoding != Encoding::Signed) {
+                    steps.push(Step::Kept((encoding, place..place + 1)));
+                    continue;
+                }
+                let taken = match steps.last_mut() {
+                    Some(Step::Numbers(numbers)) => numbers.take(place),
+                    _ => false,
+                };
+                if !taken {
+                    steps.push(Step::Numbers(Numbers::new(place)));
+                }
+            }
+            steps
+        }
+        (_, Some(place)) => vec![Step::Kept((encoding, place..place + run.len()))],
+        (Encoding::Four, None) => vec![Step::Four],
+        (_, None) => vec![Step::Three],
     }
 }
 
 impl Definition {
-    fn new(fields: &Fields, constants: &Constants) -> Result<Self, String> {
-        let mut encodings: Vec<(Encoding, Range<usize>)> = Vec::new();
-        let mut prediction = Box::new(Prediction::of_nothing());
-        let count = fields.names.len().min(MOST_FIELDS);
-        for index in 0..count {
-            let encoding = Encoding::new(fields.encodings.get(index).copied().unwrap_or(0))?;
-            let signed = fields.signed.get(index).is_some_and(|&signed| signed != 0);
-            let predictor =
-                Predictor::new(fields.predictors.get(index).copied().unwrap_or(0), signed, constants)?;
-            let counted = predictor == Predictor::Increment;
-            let encoding = if counted { Encoding::Null } else { encoding };
-            match encodings.last_mut() {
-                Some((last, range)) if *last == encoding && range.len() < encoding.most() => range.end += 1,
-                _ => encodings.push((encoding, index..index + 1)),
+    fn new(fields: &Fields, runs: Vec<Run>, constants: &Constants, places: &Places) -> Result<Self, String> {
+        let mut prediction = Prediction::default();
+        for field in 0..fields.names.len().min(MOST_FIELDS) {
+            let number = fields.predictors.get(field).copied().unwrap_or(0);
+            let signed = fields.signed.get(field).is_some_and(|&signed| signed != 0);
+            let predictor = predictor(number, signed, constants)?;
+            if places.of(field).is_some() {
+                prediction.push(predictor);
             }
-            prediction.add(index, predictor);
         }
-        Ok(Self { encodings, prediction })
+        let steps = runs.into_iter().flat_map(|run| steps(run, places)).collect();
+        Ok(Self { steps, prediction })
     }
 
-    /// Reads the numbers as they are written.
+    /// Adds the numbers that are written to a frame.
     #[inline]
-    pub(super) fn read(&self, reader: &mut Reader, data_version: i64, frame: &mut Frame) {
-        for (encoding, range) in &self.encodings {
-            let Some(values) = frame.get_mut(range.clone()) else { continue };
-            match encoding {
-                Encoding::Signed => reader.signed_run(values),
-                Encoding::Unsigned => values.iter_mut().for_each(|value| *value = reader.unsigned()),
-                Encoding::Negative14Bit => {
-                    values.iter_mut().for_each(|value| *value = reader.negative_14_bit())
+    pub(super) fn read(&self, reader: &mut Reader, frame: &mut Frame) {
+        let mut local = *reader;
+        for step in &self.steps {
+            match step {
+                Step::Numbers(numbers) => {
+                    if let Some(values) = frame.get_mut(numbers.places.clone()) {
+                        local.numbers(numbers, values);
+                    }
                 }
-                Encoding::UpToEight => reader.up_to_eight(values),
-                Encoding::Three => put(values, reader.three()),
-                Encoding::ThreeVariable => put(values, reader.three_variable()),
-                Encoding::Four if data_version < 2 => put(values, reader.four_version_1()),
-                Encoding::Four => put(values, reader.four()),
-                Encoding::Null => values.fill(0),
+                Step::Kept((encoding, run)) => {
+                    if let Some(values) = frame.get_mut(run.clone()) {
+                        encoding.read(&mut local, values);
+                    }
+                }
+                Step::Three => local.pass_three(),
+                Step::Four => local.pass_four(),
             }
         }
+        *reader = local;
     }
-
-    /// Adds what the last frames predict; without one, nothing is predicted from it.
-    #[inline]
-    pub(super) fn predict(&self, frame: &mut Frame, history: Option<(&Frame, &Frame)>, skipped: u32) {
-        let (last, before) = history.unwrap_or((&NOTHING, &NOTHING));
-        self.prediction.add_to(frame, last, before);
-        for &field in &self.prediction.counters {
-            frame[field] = last[field].wrapping_add(skipped).wrapping_add(1);
-        }
-        for &(field, motor) in &self.prediction.after_motor {
-            frame[field] = frame[field].wrapping_add(frame[motor]);
-        }
-    }
-}
-
-/// Writes a group of fields, of which the last of a frame may be fewer.
-#[inline]
-fn put<const N: usize>(values: &mut [u32], read: [u32; N]) {
-    match values.first_chunk_mut() {
-        Some(whole) => *whole = read,
-        None => values.iter_mut().zip(read).for_each(|(value, read)| *value = read),
-    }
-}
-
-/// A frame of zeros.
-const NOTHING: Frame = [0; MOST_FIELDS];
-
-impl Prediction {
-    fn of_nothing() -> Self {
-        Self {
-            constant: NOTHING,
-            previous: NOTHING,
-            straight_line: NOTHING,
-            average: NOTHING,
-            signed: NOTHING,
-            count: 0,
-            after_motor: Vec::new(),
-            counters: Vec::new(),
-        }
-    }
-
-    /// Takes in the predictor of a field.
-    fn add(&mut self, field: usize, predictor: Predictor) {
-        const YES: u32 = u32::MAX;
-        const TOGETHER: usize = 8;
-        match predictor {
-            Predictor::Constant(0) => return,
-            Predictor::Constant(constant) => self.constant[field] = constant,
-            Predictor::Previous => self.previous[field] = YES,
-            Predictor::StraightLine => self.straight_line[field] = YES,
-            Predictor::Average { signed } => {
-                self.average[field] = YES;
-                self.signed[field] = if signed { YES } else { 0 };
-            }
-            Predictor::FirstMotor(motor) => return self.after_motor.push((field, motor)),
-            Predictor::Increment => return self.counters.push(field),
-        }
-        self.count = (field + 1).next_multiple_of(TOGETHER).min(MOST_FIELDS);
-    }
-
-    /// Adds all but what follows the first motor.
-    #[inline]
-    fn add_to(&self, frame: &mut Frame, last: &Frame, before: &Frame) {
-        let count = self.count.min(MOST_FIELDS);
-        let masks = self.previous[..count].iter().zip(&self.straight_line[..count]);
-        let averages = self.average[..count].iter().zip(&self.signed[..count]);
-        let history = last[..count].iter().zip(&before[..count]);
-        let fields =
-            frame[..count].iter_mut().zip(&self.constant[..count]).zip(masks).zip(averages).zip(history);
-        for ((((value, constant), (previous, line)), (mean, signed)), (&last, &before)) in fields {
-            let straight = last.wrapping_mul(2).wrapping_sub(before);
-            let predicted = (last & previous) | (straight & line) | (average(last, before, *signed) & mean);
-            *value = value.wrapping_add(*constant).wrapping_add(predicted);
-        }
-    }
-}
-
-/// The mean, towards zero, without a carry out of 32 bits; of signed numbers where `signed` is all ones.
-#[inline]
-fn average(last: u32, before: u32, signed: u32) -> u32 {
-    let (both, either) = (last & before, last ^ before);
-    let half = (either >> 1) | (either & signed & (1 << 31));
-    let down = both.wrapping_add(half);
-    down.wrapping_add((down >> 31) & either & 1 & signed)
 }
 
 impl Encoding {
-    fn new(number: i64) -> Result<Self, String> {
+    fn new(number: i64, version: i64) -> Result<Self, String> {
         Ok(match number {
             0 => Self::Signed,
             1 => Self::Unsigned,
             3 => Self::Negative14Bit,
             6 => Self::UpToEight,
             7 => Self::Three,
+            8 if version < 2 => Self::FourVersion1,
             8 => Self::Four,
             9 => Self::Null,
             10 => Self::ThreeVariable,
@@ -289,31 +279,54 @@ impl Encoding {
         match self {
             Self::UpToEight => 8,
             Self::Three | Self::ThreeVariable => 3,
-            Self::Four => 4,
+            Self::Four | Self::FourVersion1 => 4,
             Self::Signed | Self::Unsigned | Self::Negative14Bit | Self::Null => MOST_FIELDS,
+        }
+    }
+
+    /// Whether fields that are not kept are read past; the others are kept.
+    fn is_passed(self) -> bool {
+        !matches!(self, Self::UpToEight | Self::FourVersion1)
+    }
+
+    /// Adds the numbers of a run to some values.
+    #[inline]
+    fn read(self, reader: &mut Reader, values: &mut [u32]) {
+        match self {
+            Self::Signed => values.iter_mut().for_each(|value| add(value, reader.signed())),
+            Self::Unsigned => values.iter_mut().for_each(|value| add(value, reader.unsigned())),
+            Self::Negative14Bit => values.iter_mut().for_each(|value| add(value, reader.negative_14_bit())),
+            Self::UpToEight => reader.up_to_eight(values),
+            Self::Three => reader.three(values),
+            Self::ThreeVariable => reader.three_variable(values),
+            Self::Four => reader.four(values),
+            Self::FourVersion1 => reader.four_version_1(values),
+            Self::Null => {}
         }
     }
 }
 
-impl Predictor {
-    fn new(number: i64, signed: bool, constants: &Constants) -> Result<Self, String> {
-        Ok(match number {
-            // Positions are differences from the home position, times of positions from the frame before: not kept.
-            0 | 7 | 10 => Self::Constant(0),
-            1 => Self::Previous,
-            2 => Self::StraightLine,
-            3 => Self::Average { signed },
-            4 => Self::Constant(constants.minimum_throttle),
-            5 => Self::FirstMotor(
-                constants.first_motor.ok_or("a field follows the first motor, which is not there")?,
-            ),
-            6 => Self::Increment,
-            8 => Self::Constant(1500),
-            9 => Self::Constant(constants.battery),
-            11 => Self::Constant(constants.lowest_motor),
-            _ => return Err(format!("predictor {number} is not known")),
-        })
-    }
+/// The predictor of numbers that count frames.
+const INCREMENT: i64 = 6;
+
+/// A predictor by its number.
+fn predictor(number: i64, signed: bool, constants: &Constants) -> Result<Predictor, String> {
+    Ok(match number {
+        // Positions are differences from the home position, times of positions from the frame before: not kept.
+        0 | 7 | 10 => Predictor::Constant(0),
+        1 => Predictor::Previous,
+        2 => Predictor::StraightLine,
+        3 => Predictor::Average { signed },
+        4 => Predictor::Constant(constants.minimum_throttle),
+        5 => Predictor::FirstMotor(
+            constants.first_motor.ok_or("a field follows the first motor, which is not there")?,
+        ),
+        INCREMENT => Predictor::Increment,
+        8 => Predictor::Constant(1500),
+        9 => Predictor::Constant(constants.battery),
+        11 => Predictor::Constant(constants.lowest_motor),
+        _ => return Err(format!("predictor {number} is not known")),
+    })
 }
 
 impl Interval {
@@ -328,27 +341,5 @@ impl Interval {
         (0..self.whole.min(LONGEST_PAUSE))
             .find(|&count| logged(iteration.wrapping_add(1).wrapping_add(count)))
             .unwrap_or(0)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn means_are_those_of_64_bits() {
-        let numbers = [0, 1, 2, 3, -1, -2, -3, 32_767, i32::MAX, i32::MIN, i32::MIN + 1];
-        for last in numbers {
-            for before in numbers {
-                let wide = (i64::from(last) + i64::from(before)) / 2;
-                assert_eq!(
-                    i64::from(average(last as u32, before as u32, u32::MAX) as i32),
-                    wide,
-                    "{last} {before}"
-                );
-                let wide = (u64::from(last as u32) + u64::from(before as u32)) / 2;
-                assert_eq!(u64::from(average(last as u32, before as u32, 0)), wide, "{last} {before}");
-            }
-        }
     }
 }

@@ -1,17 +1,73 @@
 //! How numbers of frames are written: bytes, nibbles and bits, small numbers in few of them.
 
+use std::ops::Range;
+
 /// Reads on through the bytes of a log.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Reader<'log> {
-    bytes: &'log [u8],
-    /// The next byte.
-    pub(super) at: usize,
+    /// What is not read yet.
+    rest: &'log [u8],
     /// Whether more was asked for than there is.
     pub(super) past_end: bool,
 }
 
-/// More bytes than eight numbers take: within it, no number has to look for the end of the log.
+/// Up to eight signed numbers in a row, of which some in a row are kept.
+#[derive(Debug)]
+pub(super) struct Numbers {
+    count: usize,
+    /// The bits that none of them has set if each takes one byte.
+    continued: u64,
+    /// The first one that is kept.
+    first: usize,
+    /// Where those that are kept go in a frame.
+    pub(super) places: Range<usize>,
+}
+
+/// Numbers of a `Numbers` at most.
+const MOST_NUMBERS: usize = 8;
+/// More bytes than those take: within it, no number has to look for the end of the log.
 const WINDOW: usize = 64;
+/// The highest bit of each of eight bytes: a number goes on behind it.
+const CONTINUED: u64 = 0x8080_8080_8080_8080;
+
+/// Bytes of four fields (data version 2) behind the byte of their widths, by that one.
+const FOUR_LENGTHS: [u8; 256] = {
+    let mut lengths = [0; 256];
+    let mut widths = 0;
+    while widths < 256 {
+        let nibbles: u8 = (1 << (widths & 3) >> 1)
+            + (1 << (widths >> 2 & 3) >> 1)
+            + (1 << (widths >> 4 & 3) >> 1)
+            + (1 << (widths >> 6) >> 1);
+        lengths[widths] = nibbles.div_ceil(2);
+        widths += 1;
+    }
+    lengths
+};
+
+/// Adds a number to another one.
+#[inline]
+pub(super) fn add(value: &mut u32, number: u32) {
+    *value = value.wrapping_add(number);
+}
+
+/// Adds numbers to as many others as there are.
+#[inline]
+fn add_all(values: &mut [u32], numbers: &[u32]) {
+    values.iter_mut().zip(numbers).for_each(|(value, &number)| add(value, number));
+}
+
+/// Adds signed numbers of one byte each, the first lowest.
+#[inline]
+fn add_bytes(values: &mut [u32], bytes: u64) {
+    const LOWEST: u64 = 0x0101_0101_0101_0101;
+    // All ones where the sign is set: no byte takes from the next.
+    let mut numbers = (bytes >> 1 & !CONTINUED) ^ ((bytes & LOWEST) * 0xff);
+    for value in values {
+        add(value, numbers as i8 as u32);
+        numbers >>= 8;
+    }
+}
 
 /// Reads up to eight signed numbers; answers how many bytes they took.
 #[inline]
@@ -42,35 +98,68 @@ fn signed_in_window(window: &[u8; WINDOW], values: &mut [u32]) -> usize {
     at
 }
 
+impl Numbers {
+    /// A single one, and its place if it is kept.
+    pub(super) fn new(place: Option<usize>) -> Self {
+        Self { count: 1, continued: 0x80, first: 0, places: place.map_or(0..0, |place| place..place + 1) }
+    }
+
+    /// Takes in another one; answers whether it can.
+    pub(super) fn take(&mut self, place: Option<usize>) -> bool {
+        let goes_on = self.count == self.first + self.places.len();
+        match place {
+            _ if self.count == MOST_NUMBERS => return false,
+            None => {}
+            Some(place) if self.places.is_empty() => {
+                (self.first, self.places) = (self.count, place..place + 1);
+            }
+            Some(_) if goes_on => self.places.end += 1,
+            Some(_) => return false,
+        }
+        self.count += 1;
+        self.continued |= self.continued << 8;
+        true
+    }
+}
+
 impl<'log> Reader<'log> {
     pub(super) fn new(bytes: &'log [u8]) -> Self {
-        Self { bytes, at: 0, past_end: false }
+        Self { rest: bytes, past_end: false }
+    }
+
+    /// Bytes that are not read yet.
+    pub(super) fn left(&self) -> usize {
+        self.rest.len()
     }
 
     /// The next byte, if there is one.
+    #[inline]
     pub(super) fn next(&mut self) -> Option<u8> {
-        let byte = self.bytes.get(self.at).copied()?;
-        self.at += 1;
+        let (&byte, rest) = self.rest.split_first()?;
+        self.rest = rest;
         Some(byte)
     }
 
     /// Whether certain bytes come next; goes past them if they do.
     pub(super) fn passes(&mut self, expected: &[u8]) -> bool {
-        let passes = self.bytes.get(self.at..).is_some_and(|rest| rest.starts_with(expected));
-        if passes {
-            self.at += expected.len();
-        }
-        passes
+        let rest = self.rest.strip_prefix(expected);
+        self.rest = rest.unwrap_or(self.rest);
+        rest.is_some()
     }
 
     #[inline]
     fn byte(&mut self) -> u8 {
-        if let Some(&byte) = self.bytes.get(self.at) {
-            self.at += 1;
-            return byte;
-        }
-        self.past_end = true;
-        0
+        self.next().unwrap_or_else(|| {
+            self.past_end = true;
+            0
+        })
+    }
+
+    /// Goes past some bytes.
+    #[inline]
+    fn pass(&mut self, count: usize) {
+        self.past_end |= count > self.rest.len();
+        self.rest = self.rest.get(count..).unwrap_or_default();
     }
 
     /// Seven bits a byte, the lowest first. More than five bytes are no number.
@@ -101,32 +190,42 @@ impl<'log> Reader<'log> {
         (value >> 1) ^ (value & 1).wrapping_neg()
     }
 
-    /// A run of signed numbers. Most take one byte: a run of such is read at once.
+    /// Adds those of some numbers that are kept. Most take one byte: all are looked at at once.
     #[inline]
-    pub(super) fn signed_run(&mut self, values: &mut [u32]) {
-        for values in values.chunks_mut(8) {
-            let continued = self.word().swap_bytes() & 0x8080_8080_8080_8080;
-            if continued.trailing_zeros() as usize / 8 >= values.len() && self.at + 8 <= self.bytes.len() {
-                for (value, &byte) in values.iter_mut().zip(&self.bytes[self.at..]) {
-                    *value = u32::from(byte >> 1) ^ u32::from(byte & 1).wrapping_neg();
-                }
-                self.at += values.len();
-            } else if let Some(window) = self.bytes.get(self.at..).and_then(|rest| rest.first_chunk()) {
-                self.at += signed_in_window(window, values);
-            } else {
-                values.iter_mut().for_each(|value| *value = self.signed());
+    pub(super) fn numbers(&mut self, numbers: &Numbers, values: &mut [u32]) {
+        match self.rest.first_chunk().map(|&bytes| u64::from_le_bytes(bytes)) {
+            Some(bytes) if bytes & numbers.continued == 0 => {
+                add_bytes(values, bytes >> (8 * numbers.first % 64));
+                self.rest = self.rest.get(numbers.count..).unwrap_or_default();
             }
+            _ => self.long_numbers(numbers, values),
         }
+    }
+
+    /// The same, some of more bytes than one.
+    fn long_numbers(&mut self, numbers: &Numbers, values: &mut [u32]) {
+        let mut read = [0; MOST_NUMBERS];
+        let all = &mut read[..numbers.count.min(MOST_NUMBERS)];
+        match self.rest.first_chunk() {
+            Some(window) => {
+                let length = signed_in_window(window, all);
+                self.pass(length);
+            }
+            None => all.iter_mut().for_each(|number| *number = self.signed()),
+        }
+        add_all(values, all.get(numbers.first..).unwrap_or_default());
     }
 
     /// The next eight bytes, the first highest; zeros past the end.
     #[inline]
     fn word(&self) -> u64 {
-        let rest = self.bytes.get(self.at..).unwrap_or_default();
-        if let Some(&bytes) = rest.first_chunk() {
+        if let Some(&bytes) = self.rest.first_chunk() {
             return u64::from_be_bytes(bytes);
         }
-        rest.iter().zip((0..8).rev()).fold(0, |word, (&byte, place)| word | u64::from(byte) << (8 * place))
+        self.rest
+            .iter()
+            .zip((0..8).rev())
+            .fold(0, |word, (&byte, place)| word | u64::from(byte) << (8 * place))
     }
 
     /// The negative of a number of 14 bits.
@@ -134,53 +233,74 @@ impl<'log> Reader<'log> {
         extend(self.unsigned() & 0x3fff, 14).wrapping_neg()
     }
 
-    /// A byte whose bits say which of the fields are not zero, then those; no such byte for a single one.
+    /// Goes past a group of three fields.
+    #[inline]
+    pub(super) fn pass_three(&mut self) {
+        let first = self.byte();
+        self.pass(match first >> 6 {
+            3 => (0..3).map(|field| usize::from(first >> (2 * field) & 3) + 1).sum(),
+            few => few.into(),
+        });
+    }
+
+    /// Goes past a group of four fields (data version 2).
+    #[inline]
+    pub(super) fn pass_four(&mut self) {
+        let widths = self.byte();
+        self.pass(FOUR_LENGTHS[usize::from(widths)].into());
+    }
+
+    /// Adds the numbers behind a byte whose bits say which of the fields are not zero; no such byte for a single one.
     #[inline]
     pub(super) fn up_to_eight(&mut self, values: &mut [u32]) {
         if let [value] = values {
-            *value = self.signed();
-            return;
+            return add(value, self.signed());
         }
-        values.fill(0);
         let mut present = self.byte();
         while present != 0 {
             if let Some(value) = values.get_mut(present.trailing_zeros() as usize) {
-                *value = self.signed();
+                add(value, self.signed());
             }
             present &= present - 1;
         }
     }
 
-    /// Three fields whose width stands in the first two bits.
+    /// Adds three fields whose width stands in the first two bits.
     #[inline]
-    pub(super) fn three(&mut self) -> [u32; 3] {
+    pub(super) fn three(&mut self, values: &mut [u32]) {
         let first = u32::from(self.byte());
-        match first >> 6 {
-            0 => [extend(first >> 4, 2), extend(first >> 2, 2), extend(first, 2)],
-            1 => {
-                let second = u32::from(self.byte());
-                [extend(first, 4), extend(second >> 4, 4), extend(second, 4)]
-            }
-            2 => [extend(first, 6), extend(self.byte().into(), 6), extend(self.byte().into(), 6)],
-            _ => self.three_of_whole_bytes(first),
-        }
+        add_all(
+            values,
+            &match first >> 6 {
+                0 => [extend(first >> 4, 2), extend(first >> 2, 2), extend(first, 2)],
+                1 => {
+                    let second = u32::from(self.byte());
+                    [extend(first, 4), extend(second >> 4, 4), extend(second, 4)]
+                }
+                2 => [extend(first, 6), extend(self.byte().into(), 6), extend(self.byte().into(), 6)],
+                _ => self.three_of_whole_bytes(first),
+            },
+        );
     }
 
     /// The same with other widths.
-    pub(super) fn three_variable(&mut self) -> [u32; 3] {
+    pub(super) fn three_variable(&mut self, values: &mut [u32]) {
         let first = u32::from(self.byte());
-        match first >> 6 {
-            0 => [extend(first >> 4, 2), extend(first >> 2, 2), extend(first, 2)],
-            1 => {
-                let both = first << 8 | u32::from(self.byte());
-                [extend(both >> 9, 5), extend(both >> 4, 5), extend(both, 4)]
-            }
-            2 => {
-                let all = first << 16 | u32::from(self.byte()) << 8 | u32::from(self.byte());
-                [extend(all >> 14, 8), extend(all >> 7, 7), extend(all, 7)]
-            }
-            _ => self.three_of_whole_bytes(first),
-        }
+        add_all(
+            values,
+            &match first >> 6 {
+                0 => [extend(first >> 4, 2), extend(first >> 2, 2), extend(first, 2)],
+                1 => {
+                    let both = first << 8 | u32::from(self.byte());
+                    [extend(both >> 9, 5), extend(both >> 4, 5), extend(both, 4)]
+                }
+                2 => {
+                    let all = first << 16 | u32::from(self.byte()) << 8 | u32::from(self.byte());
+                    [extend(all >> 14, 8), extend(all >> 7, 7), extend(all, 7)]
+                }
+                _ => self.three_of_whole_bytes(first),
+            },
+        );
     }
 
     /// Two bits a field say its width: one to four bytes, the lowest first.
@@ -195,32 +315,32 @@ impl<'log> Reader<'log> {
         values
     }
 
-    /// Four fields of 0, 4, 8 or 16 bits without gaps between them, the highest first (data version 2).
+    /// Adds four fields of 0, 4, 8 or 16 bits without gaps between them, the highest first (data version 2).
     #[inline]
-    pub(super) fn four(&mut self) -> [u32; 4] {
-        let mut widths = self.byte();
-        let mut values = [0; 4];
-        if widths == 0 {
-            return values;
+    pub(super) fn four(&mut self, values: &mut [u32]) {
+        let all = self.byte();
+        if all == 0 {
+            return;
         }
+        let mut widths = all;
         let word = self.word();
         let mut read = 0;
-        for value in &mut values {
-            let bits = [0, 4, 8, 16][usize::from(widths & 3)];
+        let mut numbers = [0; 4];
+        for number in &mut numbers {
+            let width = widths & 3;
+            let bits = (1 << width >> 1) * 4;
             widths >>= 2;
             // The field in the highest bits, so that its sign goes with it; nothing of it if it has no bits.
             let field = ((word << read) as i64 >> 48) as i32 >> (16 - bits);
-            *value = if bits == 0 { 0 } else { field as u32 };
+            *number = field as u32 & u32::from((width + 3) >> 2).wrapping_neg();
             read += bits;
         }
-        let bytes = (read as usize).div_ceil(8);
-        self.past_end |= self.at + bytes > self.bytes.len();
-        self.at = (self.at + bytes).min(self.bytes.len());
-        values
+        self.pass(FOUR_LENGTHS[usize::from(all)].into());
+        add_all(values, &numbers);
     }
 
-    /// Four fields of 0, 4, 8 or 16 bits (data version 1): those of 4 bits come in pairs, the lower half first.
-    pub(super) fn four_version_1(&mut self) -> [u32; 4] {
+    /// Adds four fields of 0, 4, 8 or 16 bits (data version 1): those of 4 bits come in pairs, the lower half first.
+    pub(super) fn four_version_1(&mut self, sums: &mut [u32]) {
         let mut widths = self.byte();
         let mut values = [0; 4];
         let mut index = 0;
@@ -242,7 +362,7 @@ impl<'log> Reader<'log> {
             widths >>= 2;
             index += 1;
         }
-        values
+        add_all(sums, &values);
     }
 }
 
@@ -270,18 +390,41 @@ mod tests {
         let mut eight = [0; 3];
         read(&[0b101, 2, 1]).up_to_eight(&mut eight);
         assert_eq!(eight.map(|value| value as i32), [1, 0, -1]);
-        assert_eq!(read(&[0b0001_1011]).three().map(|value| value as i32), [1, -2, -1]);
-        assert_eq!(read(&[0x47, 0x8f]).three().map(|value| value as i32), [7, -8, -1]);
-        assert_eq!(read(&[0x9f, 0x20, 0x3f]).three().map(|value| value as i32), [31, -32, -1]);
-        assert_eq!(
-            read(&[0b1110_0100, 0xff, 0x34, 0x12, 0xfe, 0xff, 0xff]).three().map(|value| value as i32),
-            [-1, 0x1234, -2]
-        );
+        let three = |bytes| {
+            let mut three = [0; 3];
+            read(bytes).three(&mut three);
+            three.map(|value| value as i32)
+        };
+        assert_eq!(three(&[0b0001_1011]), [1, -2, -1]);
+        assert_eq!(three(&[0x47, 0x8f]), [7, -8, -1]);
+        assert_eq!(three(&[0x9f, 0x20, 0x3f]), [31, -32, -1]);
+        assert_eq!(three(&[0b1110_0100, 0xff, 0x34, 0x12, 0xfe, 0xff, 0xff]), [-1, 0x1234, -2]);
         // 4 bits, 8 bits across two bytes, nothing, 16 bits across three bytes.
-        assert_eq!(
-            read(&[0b1100_1001, 0x7f, 0xe1, 0x23, 0x40]).four().map(|value| value as i32),
-            [7, -2, 0, 0x1234]
-        );
+        let mut four = [0; 4];
+        read(&[0b1100_1001, 0x7f, 0xe1, 0x23, 0x40]).four(&mut four);
+        assert_eq!(four.map(|value| value as i32), [7, -2, 0, 0x1234]);
+    }
+
+    /// Of four numbers the two in the middle: one byte each, one of two bytes, and too near the end to be read at once.
+    #[test]
+    fn numbers_that_are_kept_among_others() {
+        let mut numbers = Numbers::new(None);
+        assert!(numbers.take(Some(3)) && numbers.take(Some(4)) && numbers.take(None));
+        assert!(!numbers.take(Some(5)), "what is kept goes on without a gap");
+        let logs: [(&[u8], [u32; 2]); 4] = [
+            (&[2, 4, 6, 8], [2, 3]),
+            (&[2, 3, 6, 0x80, 1], [-2_i32 as u32, 3]),
+            (&[2, 0x80, 2, 6, 8], [128, 3]),
+            (&[0x80, 0x80, 1, 1, 6, 8], [u32::MAX, 3]),
+        ];
+        for (log, expected) in logs {
+            for behind in [0, 8, WINDOW] {
+                let bytes = [log, &vec![0; behind]].concat();
+                let (mut reader, mut values) = (Reader::new(&bytes), [0; 2]);
+                reader.numbers(&numbers, &mut values);
+                assert_eq!((values, reader.left(), reader.past_end), (expected, behind, false), "{log:?}");
+            }
+        }
     }
 
     #[test]

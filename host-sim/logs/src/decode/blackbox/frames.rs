@@ -1,8 +1,8 @@
 //! Frames: differences from what the last ones predict, checked against what a clock and a counter can do.
 
-use super::definitions::{Definition, Definitions, Frame, ITERATION, TIME};
+use super::definitions::{Definition, Definitions, ITERATION, TIME};
 use super::encoding::Reader;
-use super::header::{Header, MOST_FIELDS};
+use super::header::Header;
 use super::rows::Rows;
 
 /// Iterations and microseconds that no gap between two frames is longer than.
@@ -49,10 +49,10 @@ impl Found {
 struct Stream<'log> {
     reader: Reader<'log>,
     definitions: &'log Definitions,
-    current: Box<Frame>,
-    last: Box<Frame>,
-    before: Box<Frame>,
+    rows: &'log mut Rows,
     has_history: bool,
+    /// Whether the last frame is a whole one, which stands for the one before it, too.
+    after_whole: bool,
     /// Whether differences can be added up: no damage since the last whole frame.
     valid: bool,
     /// Iteration and time of the last frame that was taken.
@@ -64,15 +64,13 @@ struct Stream<'log> {
 }
 
 /// Reads the frames of a log.
-pub(super) fn read(bytes: &[u8], definitions: &Definitions, rows: &mut Rows) -> Found {
-    let empty = || Box::new([0; MOST_FIELDS]);
+pub(super) fn read<'log>(bytes: &'log [u8], definitions: &'log Definitions, rows: &'log mut Rows) -> Found {
     let mut stream = Stream {
         reader: Reader::new(bytes),
         definitions,
-        current: empty(),
-        last: empty(),
-        before: empty(),
+        rows,
         has_history: false,
+        after_whole: false,
         valid: false,
         taken: None,
         candidate: None,
@@ -82,8 +80,8 @@ pub(super) fn read(bytes: &[u8], definitions: &Definitions, rows: &mut Rows) -> 
     let mut in_garbage = false;
     while let Some(letter) = stream.reader.next() {
         let known = match letter {
-            b'I' => stream.whole(rows),
-            b'P' => stream.difference(rows),
+            b'I' => stream.whole(),
+            b'P' => stream.difference(),
             b'S' => stream.pass(&definitions.slow),
             b'G' => stream.pass(&definitions.position),
             b'H' => stream.pass(&definitions.home),
@@ -101,7 +99,7 @@ pub(super) fn read(bytes: &[u8], definitions: &Definitions, rows: &mut Rows) -> 
         let is_bad = !known && letter != 0xff;
         stream.found.bad_places += usize::from(is_bad && !in_garbage);
         in_garbage = !known;
-        if rows.full() {
+        if stream.rows.full() {
             stream.found.too_many = true;
             break;
         }
@@ -119,21 +117,27 @@ enum Event {
 impl Stream<'_> {
     /// Reads past a frame that is not kept.
     fn pass(&mut self, definition: &Definition) -> bool {
-        let start = self.reader.at;
-        definition.read(&mut self.reader, self.definitions.data_version, &mut self.current);
-        self.reader.at - start <= LONGEST_FRAME
+        let start = self.reader.left();
+        if let Some([.., next]) = self.rows.frames() {
+            definition.read(&mut self.reader, next);
+        }
+        start - self.reader.left() <= LONGEST_FRAME
     }
 
     /// Reads a whole frame.
-    fn whole(&mut self, rows: &mut Rows) -> bool {
-        let start = self.reader.at;
-        self.definitions.whole.read(&mut self.reader, self.definitions.data_version, &mut self.current);
-        let history = self.has_history.then_some((&*self.last, &*self.last));
-        self.definitions.whole.predict(&mut self.current, history, 0);
-        if self.reader.at - start > LONGEST_FRAME {
+    fn whole(&mut self) -> bool {
+        let start = self.reader.left();
+        let definition = &self.definitions.whole;
+        let Some([_, last, next]) = self.rows.frames() else { return false };
+        let history = self.has_history.then_some((&*last, &*last));
+        definition.prediction.predict(next, history, 0);
+        definition.read(&mut self.reader, next);
+        if start - self.reader.left() > LONGEST_FRAME {
             return false;
         }
-        let now = self.now();
+        definition.prediction.add_first_motor(next);
+        let now = (next[ITERATION], next[TIME]);
+        let now = self.now(now);
         self.valid = self.taken.is_none_or(|taken| follows(taken, now))
             || self.candidate.is_some_and(|candidate| follows(candidate, now));
         if !self.valid {
@@ -142,29 +146,34 @@ impl Stream<'_> {
             self.has_history = false;
             return false;
         }
-        self.take(now, rows);
-        self.before.copy_from_slice(&*self.last);
+        self.take(now);
+        self.after_whole = true;
         true
     }
 
     /// Reads a frame of differences.
-    fn difference(&mut self, rows: &mut Rows) -> bool {
-        let start = self.reader.at;
-        self.definitions.difference.read(&mut self.reader, self.definitions.data_version, &mut self.current);
-        if self.reader.at - start > LONGEST_FRAME {
+    fn difference(&mut self) -> bool {
+        let start = self.reader.left();
+        let definition = &self.definitions.difference;
+        let skipped =
+            self.taken.map_or(0, |(iteration, _)| self.definitions.interval.skipped_after(iteration));
+        let Some([before, last, next]) = self.rows.frames() else { return false };
+        let history = self.has_history.then_some((&*last, if self.after_whole { &*last } else { &*before }));
+        definition.prediction.predict(next, history, skipped);
+        definition.read(&mut self.reader, next);
+        if start - self.reader.left() > LONGEST_FRAME {
             return false;
         }
         if !self.valid {
             self.found.left_out += 1;
             return true;
         }
-        let skipped =
-            self.taken.map_or(0, |(iteration, _)| self.definitions.interval.skipped_after(iteration));
-        let history = self.has_history.then_some((&*self.last, &*self.before));
-        self.definitions.difference.predict(&mut self.current, history, skipped);
-        let now = self.now();
+        definition.prediction.add_first_motor(next);
+        let now = (next[ITERATION], next[TIME]);
+        let now = self.now(now);
         if self.taken.is_none_or(|taken| follows(taken, now)) {
-            self.take(now, rows);
+            self.take(now);
+            self.after_whole = false;
             return true;
         }
         self.has_history = false;
@@ -172,26 +181,23 @@ impl Stream<'_> {
         false
     }
 
-    /// The current frame becomes the last one.
-    fn take(&mut self, now: (u32, i64), rows: &mut Rows) {
+    /// The next frame becomes the last one.
+    fn take(&mut self, now: (u32, i64)) {
         self.wraps = now.1 & !i64::from(u32::MAX);
         self.taken = Some(now);
         self.candidate = None;
         self.has_history = true;
         self.found.cut |= self.reader.past_end;
-        rows.push(now.1, &self.current, self.reader.at);
-        std::mem::swap(&mut self.before, &mut self.last);
-        std::mem::swap(&mut self.last, &mut self.current);
+        self.rows.push(now.1, self.reader.left());
     }
 
-    /// Iteration and time of the current frame. The clock of 32 bits wraps every 71.6 minutes.
-    fn now(&self) -> (u32, i64) {
-        let ticks = self.current[TIME];
+    /// Iteration and time of the next frame. The clock of 32 bits wraps every 71.6 minutes.
+    fn now(&self, (iteration, ticks): (u32, u32)) -> (u32, i64) {
         let wrapped = self.taken.is_some_and(|(_, taken)| {
             let taken = taken as u32;
             ticks < taken && i64::from(ticks.wrapping_sub(taken)) < LONGEST_GAP.1
         });
-        (self.current[ITERATION], self.wraps + i64::from(ticks) + if wrapped { 1 << 32 } else { 0 })
+        (iteration, self.wraps + i64::from(ticks) + if wrapped { 1 << 32 } else { 0 })
     }
 
     /// Reads an event.

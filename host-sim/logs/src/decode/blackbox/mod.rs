@@ -15,6 +15,8 @@ mod definitions;
 mod encoding;
 mod frames;
 mod header;
+mod kept;
+mod prediction;
 mod rows;
 
 use std::path::Path;
@@ -79,7 +81,7 @@ fn one_log(bytes: &[u8], name: &str, log: &mut Log) -> (Table, Option<String>) {
         Ok(definitions) => definitions,
         Err(sentence) => return (empty, Some(sentence)),
     };
-    let mut rows = rows::Rows::new(&header, data.len());
+    let mut rows = rows::Rows::new(&header, &definitions.places, data.len());
     let found = frames::read(data, &definitions, &mut rows);
     if found.cut {
         log.information.insert(format!("{name}: last row"), "cut off".into());

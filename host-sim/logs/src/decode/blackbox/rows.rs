@@ -1,28 +1,13 @@
 //! Rows of the fields that are kept, in columns as narrow as their numbers allow.
 
+use super::definitions::Places;
 use super::header::{Header, MOST_FIELDS};
+use super::kept::is_kept;
+use super::prediction::{Frame, NOTHING};
 use crate::log::{Column, Values};
 
-/// Beginnings of the names of fields that are kept.
-const KEPT: [&str; 15] = [
-    "gyroADC",
-    "gyroData",
-    "accSmooth",
-    "motor[",
-    "eRPM",
-    "vbat",
-    "setpoint",
-    "magADC",
-    "BaroAlt",
-    "baroAlt",
-    "debug",
-    "navPos",
-    "navVel",
-    "attitude",
-    "imuQuaternion",
-];
 /// Rows that are gathered before they go into the columns.
-const BLOCK: usize = 256;
+const BLOCK: usize = 64;
 /// Columns may take as many bytes for each byte of a log; real ones take about one.
 const MOST_BYTES_PER_BYTE: usize = 8;
 
@@ -33,9 +18,9 @@ pub(super) struct Rows {
     columns: Vec<Column>,
     /// Where in a frame each column stands, and whether it is signed.
     fields: Vec<(usize, bool)>,
-    /// Rows that are not in the columns yet, `BLOCK` numbers a column.
-    block: Vec<u32>,
-    /// How many those are.
+    /// The two frames before those that are not in the columns yet, then those.
+    block: Box<[Frame; 2 + BLOCK]>,
+    /// How many are not in the columns yet.
     waiting: usize,
     /// Bytes of the log.
     length: usize,
@@ -45,18 +30,18 @@ pub(super) struct Rows {
 
 impl Rows {
     /// No rows yet; their memory is bounded by the bytes of the log.
-    pub(super) fn new(header: &Header, length: usize) -> Self {
+    pub(super) fn new(header: &Header, places: &Places, length: usize) -> Self {
         let (mut columns, mut fields) = (Vec::new(), Vec::new());
         let whole = header.fields.get(&b'I').cloned().unwrap_or_default();
         for (index, name) in whole.names.iter().enumerate() {
-            if KEPT.iter().any(|kept| name.starts_with(kept)) {
+            if let Some(place) = places.of(index).filter(|_| is_kept(name)) {
                 let signed = whole.signed.get(index).is_some_and(|&signed| signed != 0);
                 let values = if signed { Values::I16(Vec::new()) } else { Values::U16(Vec::new()) };
                 columns.push(Column { name: name.chars().filter(|c| !c.is_control()).collect(), values });
-                fields.push((index, signed));
+                fields.push((place, signed));
             }
         }
-        let block = vec![0; BLOCK * fields.len()];
+        let block = Box::new([NOTHING; 2 + BLOCK]);
         let room = length.saturating_mul(MOST_BYTES_PER_BYTE).saturating_add(1 << 16);
         Self { times: Vec::new(), columns, fields, block, waiting: 0, length, room }
     }
@@ -66,16 +51,20 @@ impl Rows {
         self.room == 0
     }
 
-    /// Appends the kept fields of a frame that ends at a byte of the log.
+    /// The last frame but one, the last one and the next one.
     #[inline]
-    pub(super) fn push(&mut self, time_us: i64, frame: &[u32; MOST_FIELDS], end: usize) {
+    pub(super) fn frames(&mut self) -> Option<&mut [Frame; 3]> {
+        self.block.get_mut(self.waiting..)?.first_chunk_mut()
+    }
+
+    /// Appends the next frame, behind which so many bytes of the log are left.
+    #[inline]
+    pub(super) fn push(&mut self, time_us: i64, left: usize) {
+        let end = self.length - left;
         if self.times.len() == self.times.capacity() {
             reserve(&mut self.times, end, self.length);
         }
         self.times.push(time_us);
-        for (block, &(field, _)) in self.block.chunks_exact_mut(BLOCK).zip(&self.fields) {
-            block[self.waiting] = frame[field % MOST_FIELDS];
-        }
         self.waiting += 1;
         self.room = self.room.saturating_sub(8 + 4 * self.fields.len());
         if self.waiting == BLOCK {
@@ -83,21 +72,25 @@ impl Rows {
         }
     }
 
-    /// Puts the waiting rows into the columns.
+    /// Puts the waiting frames into the columns.
     fn flush(&mut self, end: usize) {
-        for ((column, &(_, signed)), block) in
-            self.columns.iter_mut().zip(&self.fields).zip(self.block.chunks_exact(BLOCK))
-        {
-            let block = &block[..self.waiting];
-            widen(&mut column.values, block, signed);
+        let mut numbers = [0; BLOCK];
+        for (column, &(place, signed)) in self.columns.iter_mut().zip(&self.fields) {
+            let place = place.min(MOST_FIELDS);
+            for (number, frame) in numbers.iter_mut().zip(&self.block[2..]) {
+                *number = frame[place];
+            }
+            let numbers = &numbers[..self.waiting];
+            widen(&mut column.values, numbers, signed);
             match &mut column.values {
-                Values::I16(values) => append(values, block, |value| value as i16, end, self.length),
-                Values::U16(values) => append(values, block, |value| value as u16, end, self.length),
-                Values::I32(values) => append(values, block, |value| value as i32, end, self.length),
-                Values::U32(values) => append(values, block, |value| value, end, self.length),
+                Values::I16(values) => append(values, numbers, |value| value as i16, end, self.length),
+                Values::U16(values) => append(values, numbers, |value| value as u16, end, self.length),
+                Values::I32(values) => append(values, numbers, |value| value as i32, end, self.length),
+                Values::U32(values) => append(values, numbers, |value| value, end, self.length),
                 _ => {}
             }
         }
+        self.block.copy_within(self.waiting..self.waiting + 2, 0);
         self.waiting = 0;
     }
 

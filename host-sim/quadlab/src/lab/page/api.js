@@ -2,11 +2,11 @@
 
 /** @typedef {"u"|"v"|"w"|"p"|"q"|"r"} Axis */
 /** @typedef {{rms: number|null, sse: number|null, r2: number|null}} Errors */
-/** @typedef {{name: string, set: "train"|"validate"|"none", duration_s: number, rate_hz: number, rows: number, columns: string[],
+/** @typedef {{name: string, set: "train"|"validate"|"later"|"none", duration_s: number, rate_hz: number, rows: number, columns: string[],
  *   parts: [number, number][], faults: {severity: "note"|"warning"|"error", sentence: string}[], problem: string|null,
  *   height: [number, number][], battery: [number, number][], flights?: string[]}} Flight a file with a flight, or a log with some */
 /** @typedef {{id: number, parent: number|null, effect: string|null, label: string, fitted_on: string[], judged_on: string[],
- *   effects: string[], axes: Record<Axis, Errors>|null, verdict: string|null, supported: boolean|null, command: string}} Model */
+ *   effects: string[], axes: Record<Axis, Errors>|null, verdict: string|null, changed: string|null, supported: boolean|null, command: string}} Model */
 /** @typedef {{do: string, activity: string, done: number|null, all: number|null}} Job */
 /** @typedef {{folder: string, vehicle: {name: string}|null, problem: string|null, reading: boolean, flights: Flight[],
  *   models: Model[], current: number|null, job: Job|null}} State */

@@ -11,6 +11,7 @@ import { prose, short } from "./numbers.js";
 const SETS = [
   ["train", "fit"],
   ["validate", "judge"],
+  ["later", "flown later"],
   ["none", "leave out"],
 ];
 

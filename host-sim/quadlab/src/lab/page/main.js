@@ -2,6 +2,7 @@
 
 import { drawAdvice, forget } from "./advice.js";
 import { ServerError, flightsOf, get, post } from "./api.js";
+import { drawChanges, forgetChanges } from "./changed.js";
 import { byId, el, fill } from "./dom.js";
 import { drawFlights } from "./flights.js";
 import { drawLegend } from "./legend.js";
@@ -10,6 +11,7 @@ import { drawModels } from "./models.js";
 import { flightOverview } from "./overview.js";
 import { prose } from "./numbers.js";
 import { pathTab } from "./path.js";
+import { plotly } from "./plots.js";
 import { spectrumTab } from "./spectrum.js";
 import { timeTab } from "./time.js";
 import { TABS, readView, writeView } from "./view.js";
@@ -167,6 +169,8 @@ function takeState(state) {
   if (!state.reading) writeView(view);
   drawState();
   document.body.dataset.ready = "true";
+  // It comes while the first series are computed.
+  app.act(plotly());
 }
 
 let refreshing = false;
@@ -211,6 +215,7 @@ function drawState() {
   if (problem.textContent !== (state.problem ?? "")) problem.textContent = state.problem ?? "";
   drawJob(state.job);
   app.act(drawAdvice(app, byId("advice")));
+  app.act(drawChanges(app, byId("changes")));
   drawTabs();
 }
 
@@ -246,6 +251,8 @@ function drawJob(job) {
   byId("identify").disabled = blocked;
   byId("explain").disabled = blocked;
   byId("diagnose").disabled = blocked || !model;
+  byId("changed").hidden = !state?.flights.some((flight) => flight.set === "later");
+  byId("changed").disabled = blocked || !model;
   byId("cancel").disabled = !busy;
   byId("identify").classList.toggle("primary", !model);
   byId("diagnose").classList.toggle("primary", Boolean(model) && model?.verdict === null);
@@ -312,7 +319,7 @@ const LOST =
   "The connection to quadlab is lost. Is it still running in its terminal? The page goes on by itself when it is back.";
 
 /** What is shown as running; looking for evidence and reading are not. */
-const JOBS = ["identify", "diagnose", "add", "explain"];
+const JOBS = ["identify", "diagnose", "add", "explain", "changed"];
 
 function listen() {
   const events = new EventSource("/api/events");
@@ -329,6 +336,7 @@ function listen() {
     const { error } = data(event);
     drawJob(null);
     forget();
+    forgetChanges();
     details.clear();
     if (error === "cancelled") byId("announced").textContent = "cancelled";
     else if (error) fail(error);
@@ -367,6 +375,7 @@ function wireTabs() {
 function wireButtons() {
   byId("identify").addEventListener("click", () => app.run({ do: "identify" }));
   byId("diagnose").addEventListener("click", () => app.run({ do: "diagnose", model: app.current()?.id }));
+  byId("changed").addEventListener("click", () => app.run({ do: "changed", model: app.current()?.id }));
   byId("explain").addEventListener("click", () => app.run({ do: "explain" }));
   byId("cancel").addEventListener("click", () => app.act(post("/api/cancel", {})));
   byId("flight").addEventListener("change", (/** @type {any} */ event) =>

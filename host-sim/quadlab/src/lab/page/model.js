@@ -28,6 +28,7 @@ export function modelTab(app, root) {
       second && other && errors(other.comparison, second, `second: ${titleOf(second)}`),
       horizons(details.comparison, other?.comparison ?? null),
       coefficients(details.coefficients, other?.coefficients ?? null),
+      equations(details.equations ?? []),
       el(
         "details",
         { "data-key": "toml" },
@@ -37,6 +38,30 @@ export function modelTab(app, root) {
     ]);
   }
   return { update, resize: () => {}, theme: () => {} };
+}
+
+/** What each effect does. @param {{effect: string, sentence: string, mathml: string|null, source: string|null}[]} all */
+function equations(all) {
+  return el(
+    "section",
+    { "aria-label": "Equations" },
+    el("h3", {}, "Equations"),
+    all.map((one) =>
+      el(
+        "div",
+        { class: "equation", "data-effect": one.effect },
+        el("b", {}, one.effect),
+        one.mathml ? drawn(one.mathml) : null,
+        el("p", { class: "quiet" }, one.sentence, one.source && ` (${one.source})`),
+      ),
+    ),
+  );
+}
+
+/** The equation of an effect of the catalogue, from the server's own text. @param {string} mathml */
+function drawn(mathml) {
+  const parsed = new DOMParser().parseFromString(mathml, "application/xml");
+  return document.importNode(parsed.documentElement, true);
 }
 
 /** @param {App} app @param {number} id */
