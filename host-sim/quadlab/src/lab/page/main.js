@@ -72,6 +72,7 @@ export const app = {
 
   /** Changes what is looked at. @param {Partial<import("./view.js").View>} change */
   look(change) {
+    if (change.tab && change.tab !== app.view.tab) byId("middle").scrollTop = 0;
     Object.assign(app.view, change);
     writeView(app.view);
     drawState();

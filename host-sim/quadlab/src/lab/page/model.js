@@ -42,6 +42,7 @@ export function modelTab(app, root) {
 
 /** What each effect does. @param {{effect: string, sentence: string, mathml: string|null, source: string|null}[]} all */
 function equations(all) {
+  if (!all.length) return null;
   return el(
     "section",
     { "aria-label": "Equations" },
