@@ -8,6 +8,7 @@
 pub mod world;
 
 use std::path::PathBuf;
+use std::process::Command;
 
 /// A file or folder of the shared data, or nothing (and a line that says so) when it is not there.
 pub fn shared(relative: &str) -> Option<PathBuf> {
@@ -19,6 +20,25 @@ pub fn shared(relative: &str) -> Option<PathBuf> {
     }
     report_skipped(relative);
     None
+}
+
+/// A program as this workspace builds it. It is built where it is not there; `cargo test -p stories` does not build it anew.
+pub fn program(name: &str) -> PathBuf {
+    let mut path = std::env::current_exe().expect("a test knows where it is");
+    path.pop();
+    if path.ends_with("deps") {
+        path.pop();
+    }
+    let path = path.join(name);
+    if !path.exists() {
+        let built = Command::new(env!("CARGO")).args(["build", "-p", name, "--bin", name]).status();
+        assert!(
+            built.is_ok_and(|status| status.success()) && path.exists(),
+            "{} is not there",
+            path.display()
+        );
+    }
+    path
 }
 
 #[expect(clippy::print_stdout, reason = "the test runner collects these lines")]

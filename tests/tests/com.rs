@@ -13,7 +13,7 @@ mod common;
 use std::fs;
 use std::net::{SocketAddr, UdpSocket};
 use std::os::unix::fs::PermissionsExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -28,23 +28,9 @@ use pattern::{Excitation, Pattern};
 use proto::{Key, MAX_PACKET_LEN, Message, Mode, Opener, Pose, Request, Role, State, Telemetry, Timer};
 use serde_json::Value;
 use sil::{FlightPlan, NoiseModel, Room, Script, Sensors, SimulatedCraft, for_identification};
+use stories::program;
 
 const PERIOD_S: f64 = 0.01;
-
-/// A program as this workspace builds it.
-fn program(name: &str) -> PathBuf {
-    let mut path = std::env::current_exe().unwrap();
-    path.pop();
-    if path.ends_with("deps") {
-        path.pop();
-    }
-    let path = path.join(name);
-    if !path.exists() {
-        let built = Command::new(env!("CARGO")).args(["build", "-p", name, "--bin", name]).status();
-        assert!(built.unwrap().success() && path.exists(), "{} is not there", path.display());
-    }
-    path
-}
 
 /// The craft in somebody's hand, and then in the air.
 struct World {

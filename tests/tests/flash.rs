@@ -19,6 +19,7 @@ use common::{Bench, Ground, Held, IDLE, PATIENCE, patient_law};
 use control::Config;
 use proto::{Request, State};
 use sil::{FlightComputer, FlightPlan, InProcess, NoiseModel, Recording, StepAxis, Udp};
+use stories::program;
 
 const RUNNER: &str = "qemu-arm -L /usr/arm-linux-gnueabihf";
 /// The program for ARM Linux, which `cargo xtask test` has built.
@@ -130,21 +131,6 @@ impl Drop for Machine {
         let _ = self.sshd.kill();
         let _ = self.sshd.wait();
     }
-}
-
-/// A program as this workspace builds it.
-fn program(name: &str) -> PathBuf {
-    let mut path = std::env::current_exe().unwrap();
-    path.pop();
-    if path.ends_with("deps") {
-        path.pop();
-    }
-    let path = path.join(name);
-    if !path.exists() {
-        let built = Command::new(env!("CARGO")).args(["build", "-p", name, "--bin", name]).status();
-        assert!(built.unwrap().success() && path.exists(), "{} is not there", path.display());
-    }
-    path
 }
 
 fn said(output: &Output) -> String {

@@ -10,7 +10,8 @@ use anyhow::Result;
 use crate::arm;
 use crate::base::process::{output_of, shown};
 use crate::base::tools::{
-    self, CLIPPY, GIT, GUNGRAUN_RUNNER, MDBOOK, NEXTEST, RUSTFMT, SSHD, Tool, VALGRIND,
+    self, CHROMEDRIVER, CHROMIUM, CLIPPY, GIT, GUNGRAUN_RUNNER, MDBOOK, NEXTEST, RUSTFMT, SSHD, Tool,
+    VALGRIND,
 };
 use crate::base::workspace::Workspace;
 
@@ -61,6 +62,9 @@ fn states(workspace: &Workspace) -> Vec<State> {
         states.push(State::of(tool, "`cargo xtask arm` builds and runs the craft's programs", false));
     }
     states.push(State::of(&SSHD, "`cargo xtask flash` is tested on a real one", false));
+    for tool in [&CHROMIUM, &CHROMEDRIVER] {
+        states.push(State::of(tool, "the lab's page is tested in a real browser", false));
+    }
     states.extend(arm::Target::ALL.map(target));
     states
 }

@@ -49,6 +49,18 @@ pub(crate) const SSHD: Tool = Tool {
     version: &["sh", "-c", "test -x /usr/sbin/sshd && echo /usr/sbin/sshd"],
     install: "apt-get install --yes openssh-server",
 };
+/// The browser in which pages are tested.
+pub(crate) const CHROMIUM: Tool = Tool {
+    name: "chromium",
+    version: &["chromium", "--version"],
+    install: "apt-get install --yes --no-install-recommends chromium",
+};
+/// Steers that browser.
+pub(crate) const CHROMEDRIVER: Tool = Tool {
+    name: "chromedriver",
+    version: &["chromedriver", "--version"],
+    install: "apt-get install --yes --no-install-recommends chromium-driver",
+};
 /// Name of the program that starts instruction-count benches under valgrind. Its version has to be that
 /// of the library `gungraun`, so its installation line depends on the lock file.
 pub(crate) const GUNGRAUN_RUNNER: &str = "gungraun-runner";

@@ -61,7 +61,7 @@ pub(super) fn start(session: &Arc<Session>, task: Task) -> Result<(), Refused> {
         vehicle
     };
     session.events.changed();
-    let (session, cancel) = (session.clone(), Some(cancel));
+    let (session, stopped, cancel) = (session.clone(), cancel.clone(), Some(cancel));
     std::thread::spawn(move || {
         let work = Work {
             session: &session,
@@ -72,9 +72,11 @@ pub(super) fn start(session: &Arc<Session>, task: Task) -> Result<(), Refused> {
         let done = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| work.run(task)));
         let done =
             done.unwrap_or_else(|_| Err(Refused(format!("{kind} has failed: this is a bug of quadlab"))));
+        // Who cancels knows why nothing came.
+        let error = done.err().filter(|_| !stopped.load(Ordering::Relaxed)).map(|error| error.0);
         session.lock().job = None;
         session.events.changed();
-        session.events.tell("finished", json!({ "do": kind, "error": done.err().map(|error| error.0) }));
+        session.events.tell("finished", json!({ "do": kind, "error": error }));
     });
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use axum::extract::{DefaultBodyLimit, FromRequestParts, Path, Query, State};
+use axum::extract::{DefaultBodyLimit, FromRequest, FromRequestParts, Path, Query, Request, State};
 use axum::http::request::Parts;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -19,6 +19,7 @@ use super::jobs::{self, Task};
 use super::numbers::Window;
 use super::refused::{Refused, refusal};
 use super::session::{Session, Telling};
+use super::views::Series;
 use super::{assets, equations};
 use crate::cli::effect_names::known_effect;
 
@@ -85,6 +86,20 @@ impl<T: DeserializeOwned, S: Sync> FromRequestParts<S> for Asked<T> {
     }
 }
 
+/// What a request carries; a mistake in it is told as every other one.
+struct Sent<T>(T);
+
+impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Sent<T> {
+    type Rejection = Response;
+
+    async fn from_request(request: Request, state: &S) -> Result<Self, Response> {
+        let sent = Json::from_request(request, state).await;
+        sent.map(|Json(sent)| Self(sent)).map_err(|error| {
+            refusal(error.status(), &format!("the request is not one of the page's: {}", error.body_text()))
+        })
+    }
+}
+
 /// Work that takes longer than a moment, beside the server's own thread.
 async fn aside<T: Send + 'static>(
     work: impl FnOnce() -> Result<T, Refused> + Send + 'static,
@@ -100,7 +115,7 @@ struct Choice {
     set: Use,
 }
 
-async fn choose(State(session): Shared, Json(Choice { name, set }): Json<Choice>) -> Answer {
+async fn choose(State(session): Shared, Sent(Choice { name, set }): Sent<Choice>) -> Answer {
     session.choose(&name, set)?;
     Ok(Json(session.document()))
 }
@@ -110,12 +125,12 @@ struct OfModel {
     model: u32,
 }
 
-async fn go_to(State(session): Shared, Json(OfModel { model }): Json<OfModel>) -> Answer {
+async fn go_to(State(session): Shared, Sent(OfModel { model }): Sent<OfModel>) -> Answer {
     session.go_to(model)?;
     Ok(Json(session.document()))
 }
 
-async fn start(State(session): Shared, Json(task): Json<Task>) -> Answer {
+async fn start(State(session): Shared, Sent(task): Sent<Task>) -> Answer {
     jobs::start(&session, task)?;
     Ok(Json(json!({})))
 }
@@ -201,7 +216,7 @@ struct OfSeries {
     ahead: Option<usize>,
 }
 
-async fn series(State(session): Shared, Asked(asked): Asked<OfSeries>) -> Answer {
+async fn series(State(session): Shared, Asked(asked): Asked<OfSeries>) -> Result<Json<Series>, Refused> {
     const WIDEST: usize = 8000;
     aside(move || {
         let view = session.view(asked.model)?;

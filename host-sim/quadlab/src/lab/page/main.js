@@ -317,7 +317,7 @@ function warn(sentence) {
 }
 
 const LOST =
-  "The connection to quadlab is lost. Is it still running in its terminal? The page goes on by itself when it is back.";
+  "The connection to quadlab is lost. The page goes on by itself when quadlab answers again. If quadlab has ended, start it again and open the address that it prints.";
 
 /** What is shown as running; looking for evidence and reading are not. */
 const JOBS = ["identify", "diagnose", "add", "explain", "changed"];

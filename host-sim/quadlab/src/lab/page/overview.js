@@ -11,8 +11,8 @@ import { CONFIG, axis, colour, faint, layout, plotly, room } from "./plots.js";
 /** @param {App} app @param {HTMLElement} root */
 export function flightOverview(app, root) {
   const text = el("div", {});
-  const plot = el("div", { id: "overview-plot", class: "plot" });
-  root.append(text, plot);
+  const plot = el("div", { id: "overview-plot", class: "plot", "aria-hidden": "true" });
+  root.append(text, el("div", { role: "img", "aria-label": "Height and battery voltage of the flight over time" }, plot));
 
   async function update() {
     const flight = app.flight();

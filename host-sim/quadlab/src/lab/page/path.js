@@ -21,11 +21,11 @@ export function pathTab(app, root) {
     keydown: (/** @type {KeyboardEvent} */ event) => onKey(event),
   });
   const values = el("output", { id: "path-values", for: "cursor-time" });
-  const plot = el("div", { id: "path-plot", class: "plot" });
+  const plot = el("div", { id: "path-plot", class: "plot", "aria-hidden": "true" });
   root.append(
     controls,
     el("div", { class: "controls" }, el("label", { class: "wide" }, "Time ", slider), values),
-    plot,
+    el("div", { role: "img", "aria-label": "Path of the flight, coloured by the residual" }, plot),
   );
   app.onCursor(drawCursor);
   /** @type {AbortController|null} */

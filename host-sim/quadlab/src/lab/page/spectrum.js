@@ -11,8 +11,8 @@ import { CONFIG, axis, colour, layout, line, plotly, room } from "./plots.js";
 export function spectrumTab(app, root) {
   const controls = el("div", { class: "controls" });
   const summary = el("p", { class: "quiet", id: "spectrum-summary" });
-  const plot = el("div", { id: "spectrum-plot", class: "plot" });
-  root.append(controls, summary, plot);
+  const plot = el("div", { id: "spectrum-plot", class: "plot", "aria-hidden": "true" });
+  root.append(controls, summary, el("div", { role: "img", "aria-label": "Spectrum of measurement and residual, and the residual's autocorrelation" }, plot));
   /** @type {AbortController|null} */
   let asked = null;
   let key = "";

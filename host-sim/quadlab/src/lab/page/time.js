@@ -36,7 +36,7 @@ export function timeTab(app, root) {
   const controls = el("div", { class: "controls" });
   const chips = el("div", { class: "chips", role: "group", "aria-label": "Channels" });
   const tools = el("div", { class: "tools", role: "group", "aria-label": "Range of time" });
-  const plots = el("div", { id: "plots-drawing" });
+  const plots = el("div", { id: "plots-drawing", "aria-hidden": "true" });
   const overlay = el("div", { class: "overlay", "aria-hidden": "true" });
   const spoken = el("p", { class: "hidden", role: "status" });
   const box = el(

@@ -13,8 +13,8 @@ export function whereTab(app, root) {
   const worst = el("div", { id: "worst" });
   const controls = el("div", { class: "controls" });
   const summary = el("p", { class: "quiet", id: "where-summary" });
-  const plot = el("div", { id: "where-plot", class: "plot" });
-  root.append(worst, controls, summary, plot);
+  const plot = el("div", { id: "where-plot", class: "plot", "aria-hidden": "true" });
+  root.append(worst, controls, summary, el("div", { role: "img", "aria-label": "The residual against the chosen quantity" }, plot));
   /** @type {{name: string, unit: string}[]} */
   let quantities = [];
   /** @type {AbortController|null} */

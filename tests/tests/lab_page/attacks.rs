@@ -1,0 +1,292 @@
+//! What a page of somebody else, or another program of this machine, may not do to the lab: plain
+//! HTTP, byte by byte.
+
+use std::fs;
+
+use crate::browser::missing;
+use crate::flights;
+use crate::server::{Answer, Lab, Request, command, output};
+
+/// All that is read, and a job.
+const READS: [&str; 10] = [
+    "/",
+    "/page/plotly.min.js",
+    "/api/state",
+    "/api/events",
+    "/api/model?id=1",
+    "/api/diagnosis?model=1",
+    "/api/series?model=1&flight=A.csv&from=0&to=1&width=10",
+    "/api/quantities",
+    "/api/download/model.toml?id=1",
+    "/api/download/report.html?id=1",
+];
+const WRITES: [(&str, &str); 4] = [
+    ("/api/sets", r#"{"name":"A.csv","set":"none"}"#),
+    ("/api/current", r#"{"model":1}"#),
+    ("/api/jobs", r#"{"do":"identify"}"#),
+    ("/api/cancel", "{}"),
+];
+
+/// Refused, in one sentence that says why.
+fn assert_refused(answer: &Answer, what: &str) {
+    assert!((400..500).contains(&answer.status), "{what}: status {}", answer.status);
+    let sentence = answer.json()["error"].as_str().unwrap_or_default().to_owned();
+    assert!(sentence.len() > 10, "{what}: refused without a word: {:?}", answer.body);
+    assert!(!sentence.contains("bug"), "{what}: {sentence}");
+    assert!(answer.header("set-cookie").is_none(), "{what}: refused with a cookie");
+}
+
+fn set_of(lab: &Lab, name: &str) -> String {
+    let state = lab.state();
+    let flights = state["flights"].as_array().expect("flights");
+    let flight = flights.iter().find(|flight| flight["name"] == name);
+    flight.unwrap_or_else(|| panic!("{name} is not in {state}"))["set"].as_str().unwrap().to_owned()
+}
+
+#[test]
+fn nothing_is_given_without_the_token() {
+    let folder = flights::small();
+    let lab = Lab::start(folder.path());
+    assert!(lab.token.len() >= 22, "a token of {} characters can be guessed", lab.token.len());
+    let other = Lab::start(flights::small().path()).token.clone();
+    assert_ne!(lab.token, other, "two servers have one token");
+    let mut wrong = lab.token.clone();
+    wrong.pop();
+    for path in READS {
+        let answer = Request::get(path).send(&lab);
+        assert_eq!(answer.status, 403, "{path}: {}", answer.body);
+        assert_refused(&answer, path);
+        let cookie = format!("token={other}; lab={other}; session={other}");
+        assert_eq!(Request::get(path).with("Cookie", &cookie).send(&lab).status, 403, "{path}");
+    }
+    for token in [wrong.as_str(), "", &other, &format!("{}x", lab.token)] {
+        assert_eq!(Request::get(&format!("/?token={token}")).send(&lab).status, 403, "{token}");
+    }
+    let before = set_of(&lab, "A.csv");
+    for (path, body) in WRITES {
+        let answer = Request::post(path, body).from_page(&lab).send(&lab);
+        assert_eq!(answer.status, 403, "{path}: {}", answer.body);
+    }
+    assert_eq!(set_of(&lab, "A.csv"), before);
+}
+
+#[test]
+fn the_cookie_is_for_this_page_alone() {
+    let folder = flights::small();
+    let lab = Lab::start(folder.path());
+    let answer = Request::get(&format!("/?token={}", lab.token)).send(&lab);
+    assert!((300..400).contains(&answer.status), "{}", answer.status);
+    assert_eq!(answer.header("location"), Some("/"));
+    let cookie = answer.header("set-cookie").expect("a cookie").to_ascii_lowercase();
+    for needed in ["httponly", "samesite=strict"] {
+        assert!(cookie.contains(needed), "{needed} is not in {cookie}");
+    }
+    let page = lab.visitor().get("/").send(&lab);
+    assert_eq!(page.status, 200);
+    let policy = page.header("content-security-policy").expect("a policy");
+    let rule = |name: &str| policy.split(';').map(str::trim).find(|rule| rule.starts_with(name));
+    assert_eq!(rule("default-src"), Some("default-src 'none'"));
+    assert_eq!(rule("script-src"), Some("script-src 'self'"));
+    assert_eq!(rule("connect-src"), Some("connect-src 'self'"));
+    assert_eq!(rule("frame-ancestors"), Some("frame-ancestors 'none'"));
+    assert!(!policy.contains("unsafe-eval"), "{policy}");
+    // What is downloaded or asked for is never taken for a page.
+    for path in ["/", "/api/state"] {
+        let answer = lab.visitor().get(path).send(&lab);
+        assert_eq!(answer.header("x-content-type-options"), Some("nosniff"), "{path}");
+        assert!(answer.header("access-control-allow-origin").is_none(), "{path}");
+    }
+}
+
+/// A name of somebody else's that points to this machine (DNS rebinding).
+#[test]
+fn another_host_or_origin_is_refused() {
+    let folder = flights::small();
+    let lab = Lab::start(folder.path());
+    let (visitor, port) = (lab.visitor(), lab.port);
+    for host in ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "", "0.0.0.0"] {
+        for path in ["/", "/api/state", &format!("/?token={}", lab.token)] {
+            assert_refused(&visitor.get(path).with("Host", host).send(&lab), &format!("host {host}, {path}"));
+        }
+    }
+    let before = set_of(&lab, "A.csv");
+    let origins = [
+        "http://evil.example".to_owned(),
+        "null".to_owned(),
+        "http://127.0.0.1".to_owned(),
+        format!("https://127.0.0.1:{port}"),
+        format!("http://127.0.0.1:{}", port ^ 1),
+        format!("http://127.0.0.1:{port}.evil.example"),
+        format!("http://evil.example:{port}"),
+    ];
+    for (path, body) in WRITES {
+        for origin in &origins {
+            let answer = visitor.post(path, body).with("Origin", origin).send(&lab);
+            assert_refused(&answer, &format!("{path} from {origin}"));
+        }
+        assert_refused(&visitor.post(path, body).send(&lab), &format!("{path} without an origin"));
+        // What a form of another page can send without asking.
+        for form in ["text/plain", "application/x-www-form-urlencoded", "multipart/form-data"] {
+            let answer = visitor.post(path, body).from_page(&lab).with("Content-Type", form).send(&lab);
+            assert_refused(&answer, &format!("{path} as {form}"));
+        }
+    }
+    assert_eq!(set_of(&lab, "A.csv"), before);
+    let allowed = visitor.post(WRITES[0].0, WRITES[0].1).from_page(&lab).send(&lab);
+    assert_eq!(allowed.status, 200, "{}", allowed.body);
+    assert_eq!(set_of(&lab, "A.csv"), "none");
+}
+
+#[test]
+fn no_path_leads_out_of_the_folder() {
+    let folder = flights::small();
+    let lab = Lab::start(folder.path());
+    lab.identify();
+    let visitor = lab.visitor();
+    for path in [
+        "/page/../../Cargo.toml",
+        "/page/..%2f..%2fCargo.toml",
+        "/page/%2e%2e/%2e%2e/Cargo.toml",
+        "/page/....//....//Cargo.toml",
+        "/page//etc/passwd",
+        "/page/..\\..\\Cargo.toml",
+        "/../../../../etc/passwd",
+        "/page/index.html%00.js",
+    ] {
+        assert_refused(&visitor.get(path).send(&lab), path);
+    }
+    for flight in
+        ["../../etc/passwd", "..%2f..%2fetc%2fpasswd", "%2fetc%2fpasswd", "/etc/passwd", "A.csv%00", ""]
+    {
+        for path in [
+            "/api/series?from=0&to=1&width=10&",
+            "/api/download/series.csv?",
+            "/api/path?axis=u&",
+            "/api/spectrum?axis=u&",
+        ] {
+            let answer = visitor.get(&format!("{path}model=1&flight={flight}")).send(&lab);
+            assert_refused(&answer, &format!("{path} of {flight}"));
+            assert!(!answer.body.contains("root:"), "{}", answer.body);
+        }
+    }
+    for name in ["../../etc/passwd", "/etc/passwd", "", "B.csv/../A.csv"] {
+        let body = serde_json::json!({ "name": name, "set": "train" }).to_string();
+        assert_refused(&visitor.post("/api/sets", &body).from_page(&lab).send(&lab), name);
+    }
+}
+
+/// Not one of them ends the server, and each is told what is wrong.
+#[test]
+fn nonsense_is_refused_and_the_server_stays() {
+    let folder = flights::small();
+    let mut lab = Lab::start(folder.path());
+    lab.identify();
+    let visitor = lab.visitor();
+    for query in [
+        "/api/model",
+        "/api/model?id=",
+        "/api/model?id=99",
+        "/api/model?id=-1",
+        "/api/model?id=x",
+        "/api/model?id=1e99",
+        "/api/diagnosis?model=99",
+        "/api/why?model=1&effect=magic",
+        "/api/why?model=99&effect=ground-effect",
+        "/api/residual?model=1&axis=x&quantity=height",
+        "/api/residual?model=1&axis=u&quantity=magic",
+        "/api/spectrum?model=1&flight=none.csv&axis=u",
+        "/api/none",
+        "/page/none.js",
+        "/api/download/model.toml?id=99",
+        "/api/download/passwd?id=1",
+    ] {
+        assert_refused(&visitor.get(query).send(&lab), query);
+    }
+    for window in [
+        "from=nan&to=inf&width=10",
+        "from=9&to=1&width=0",
+        "from=0&to=60&width=18446744073709551615",
+        "from=-1e300&to=1e300",
+        "from=0&to=60&width=100&ahead=100000",
+    ] {
+        let answer = visitor.get(&format!("/api/series?model=1&flight=A.csv&{window}")).send(&lab);
+        assert!(
+            answer.body.len() < 10_000_000 && !answer.body.contains("bug"),
+            "{window}: {}",
+            answer.status
+        );
+        answer.json();
+    }
+    for (path, body) in [
+        ("/api/sets", "{"),
+        ("/api/sets", ""),
+        ("/api/sets", r#"{"name":"A.csv","set":"everything"}"#),
+        ("/api/sets", r#"{"name":"none.csv","set":"train"}"#),
+        ("/api/current", r#"{"model":99}"#),
+        ("/api/jobs", r#"{"do":"format the disk"}"#),
+        ("/api/jobs", r#"{"do":"diagnose"}"#),
+    ] {
+        assert_refused(&visitor.post(path, body).from_page(&lab).send(&lab), &format!("{path} {body}"));
+    }
+    for job in
+        [r#"{"do":"add","model":99,"effect":"ground-effect"}"#, r#"{"do":"add","model":1,"effect":"magic"}"#]
+    {
+        visitor.post("/api/jobs", job).from_page(&lab).send(&lab);
+        assert_eq!(lab.state()["models"].as_array().map(Vec::len), Some(1), "{job}");
+    }
+    let deep = "[".repeat(200_000);
+    assert_refused(&visitor.post("/api/sets", &deep).from_page(&lab).send(&lab), "a deep body");
+    let large = format!(r#"{{"name":"{}","set":"train"}}"#, "A".repeat(20_000_000));
+    let answer = visitor.post("/api/sets", &large).from_page(&lab).send(&lab);
+    assert_eq!(answer.status, 413, "20 MB: {}", answer.body);
+    lab.is_alive().unwrap();
+    assert_eq!(visitor.get("/api/state").send(&lab).status, 200);
+}
+
+#[test]
+fn a_second_server_on_the_folder_is_refused_with_a_sentence() {
+    let folder = flights::small();
+    let mut lab = Lab::start(folder.path());
+    let second = output(command(folder.path()));
+    let said = String::from_utf8_lossy(&second.stderr).trim().to_owned();
+    assert_eq!(second.status.code(), Some(2), "{said}");
+    assert_eq!(said.lines().count(), 1, "{said}");
+    assert!(said.contains(&folder.path().display().to_string()), "{said}");
+    lab.is_alive().unwrap();
+    // What it leaves behind when it is killed locks nobody out.
+    lab.cut();
+    let again = Lab::start(folder.path());
+    assert_eq!(again.visitor().get("/api/state").send(&again).status, 200);
+}
+
+/// In the browser: a name is text, whatever it looks like.
+#[test]
+fn a_name_of_a_flight_is_never_a_part_of_the_page() {
+    if missing() {
+        return;
+    }
+    let name = "<img src=x onerror=alert(1)>.csv";
+    let folder = flights::small();
+    fs::rename(folder.path().join("A.csv"), folder.path().join(name)).unwrap();
+    let vehicle = folder.path().join("vehicle.toml");
+    let text = fs::read_to_string(&vehicle).unwrap();
+    let craft = "<script>document.title='taken'</script><b id=taken>";
+    let named = text
+        .lines()
+        .map(|line| if line.starts_with("name =") { format!("name = \"{craft}\"") } else { line.to_owned() });
+    fs::write(&vehicle, named.collect::<Vec<_>>().join("\n")).unwrap();
+    let (_lab, browser) = crate::page::opened("names", folder.path());
+    browser.wait_for(".flight", name);
+    let taken = "return document.querySelectorAll('.flight img, #taken, [onerror]').length + (document.title === 'taken' ? 1 : 0)";
+    let assert_free =
+        |when: &str| assert_eq!(browser.run(taken, 0), 0, "{when}: a name became a part of the page");
+    assert_free("at first");
+    crate::page::identify(&browser);
+    crate::page::diagnose(&browser);
+    for tab in ["time", "where", "spectrum", "path", "model"] {
+        browser.click(&format!("[role=tab][data-tab={tab}]"));
+        browser.settle();
+        assert_free(tab);
+    }
+    browser.finish(&[]);
+}

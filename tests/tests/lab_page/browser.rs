@@ -1,0 +1,342 @@
+//! A real browser without a window, steered over WebDriver.
+//!
+//! What it logs and what it asks the network for is read at the end: a page that uses anything but its own server, or
+//! that writes an error to the console, fails its test.
+
+use std::fmt::Write as _;
+use std::fs::{self, File};
+use std::future::Future;
+use std::io::{BufRead, BufReader};
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use fantoccini::error::CmdError;
+use fantoccini::key::Key;
+use fantoccini::wd::{Capabilities, WebDriverCompatibleCommand};
+use fantoccini::{Client, ClientBuilder, Locator};
+use hyper_util::client::legacy::connect::HttpConnector;
+use rustix::process::{Pid, Signal, kill_process_group};
+use serde_json::{Value, json};
+use tokio::runtime::{Builder, Runtime};
+
+/// How long anything on the page may take: diagnoses run on machines that do other things too.
+const PATIENCE: Duration = Duration::from_secs(180);
+/// How long the browser may take for one command.
+const ONE_COMMAND: Duration = Duration::from_secs(60);
+
+/// What is missing on this machine, if so. In continuous integration that is a failure.
+pub(crate) fn missing() -> bool {
+    let needed = [("chromium", "chromium"), ("chromedriver", "chromium-driver")];
+    let absent = needed.into_iter().find(|(program, _)| {
+        let mut version = Command::new(program);
+        version.arg("--version").stdout(Stdio::null()).stderr(Stdio::null());
+        !version.status().is_ok_and(|status| status.success())
+    });
+    let Some((program, package)) = absent else { return false };
+    let line = format!("{program} is not installed: apt-get install --yes --no-install-recommends {package}");
+    assert!(std::env::var_os("CI").is_none_or(|ci| ci != "true"), "{line}");
+    println!("SKIPPED: {line}");
+    true
+}
+
+/// The program between test and browser. Its process group holds the browser too.
+struct Driver {
+    child: Child,
+    port: u16,
+}
+
+impl Driver {
+    fn start(home: &Path) -> Self {
+        let mut child = Command::new("chromedriver")
+            .arg("--port=0")
+            .env("HOME", home)
+            .stdout(Stdio::piped())
+            .stderr(File::create(home.join("driver.log")).unwrap())
+            .process_group(0)
+            .spawn()
+            .unwrap();
+        let mut said = BufReader::new(child.stdout.take().unwrap()).lines();
+        let sentence = "started successfully on port ";
+        let port = said.by_ref().map_while(Result::ok).find_map(|line| {
+            let (_, port) = line.split_once(sentence)?;
+            port.trim_end_matches('.').parse().ok()
+        });
+        // It may go on to say things, and must not find its output closed.
+        std::thread::spawn(move || said.for_each(drop));
+        Self { child, port: port.expect("chromedriver says its port") }
+    }
+}
+
+impl Drop for Driver {
+    fn drop(&mut self) {
+        let _ = kill_process_group(Pid::from_child(&self.child), Signal::KILL);
+        let _ = self.child.wait();
+    }
+}
+
+/// A command of chromedriver's own: path below the session, body.
+#[derive(Debug)]
+struct Vendor(&'static str, Value);
+
+impl WebDriverCompatibleCommand for Vendor {
+    fn endpoint(&self, base: &url::Url, session: Option<&str>) -> Result<url::Url, url::ParseError> {
+        base.join(&format!("session/{}/{}", session.unwrap_or_default(), self.0))
+    }
+
+    fn method_and_body(&self, _: &url::Url) -> (http::Method, Option<String>) {
+        (http::Method::POST, Some(self.1.to_string()))
+    }
+}
+
+/// A browser with one window; it and its driver end with this value.
+pub(crate) struct Browser {
+    name: &'static str,
+    client: Client,
+    runtime: Runtime,
+    /// Where a page may get anything from.
+    ports: Vec<u16>,
+    // Ends before its folder is removed.
+    _driver: Driver,
+    folder: tempfile::TempDir,
+}
+
+impl Browser {
+    /// A fresh browser for the test `name`.
+    pub(crate) fn start(name: &'static str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let driver = Driver::start(folder.path());
+        let runtime = Builder::new_current_thread().enable_all().build().unwrap();
+        let mut builder = ClientBuilder::new(HttpConnector::new());
+        builder.capabilities(capabilities(folder.path()));
+        let address = format!("http://127.0.0.1:{}", driver.port);
+        let client = runtime.block_on(builder.connect(&address)).expect("the browser starts");
+        Self { name, client, runtime, ports: Vec::new(), _driver: driver, folder }
+    }
+
+    fn done<T>(&self, what: &str, work: impl Future<Output = Result<T, CmdError>>) -> T {
+        let limited = async { tokio::time::timeout(ONE_COMMAND, work).await };
+        match self.runtime.block_on(limited) {
+            Ok(Ok(value)) => value,
+            Ok(Err(error)) => panic!("{}: {what}: {error}", self.name),
+            Err(_) => panic!("{}: {what}: the browser does not answer", self.name),
+        }
+    }
+
+    /// Opens an address on this machine.
+    pub(crate) fn open(&mut self, address: &str) {
+        self.ports.push(url::Url::parse(address).unwrap().port().expect("a port"));
+        self.done(address, self.client.goto(address));
+    }
+
+    /// Opens a page that is written here.
+    pub(crate) fn open_text(&self, html: &str) {
+        let address =
+            format!("data:text/html;charset=utf-8,{}", html.replace('%', "%25").replace('#', "%23"));
+        self.done("a page of text", self.client.goto(&address));
+    }
+
+    /// A second tab, in front from now on; gives the handle of the first.
+    pub(crate) fn second_tab(&self) -> [fantoccini::wd::WindowHandle; 2] {
+        let first = self.done("window", self.client.window());
+        let second = self.done("new tab", self.client.new_window(true)).handle;
+        self.to_tab(&second);
+        [first, second]
+    }
+
+    /// Brings a tab to the front.
+    pub(crate) fn to_tab(&self, tab: &fantoccini::wd::WindowHandle) {
+        self.done("to tab", self.client.switch_to_window(tab.clone()));
+    }
+
+    /// What a script on the page returns; `arguments[0]` is `argument`.
+    pub(crate) fn run(&self, script: &str, argument: impl Into<Value>) -> Value {
+        self.done(script, self.client.execute(script, vec![argument.into()]))
+    }
+
+    /// What a command of Chromium's developer tools gives.
+    pub(crate) fn devtools(&self, command: &str, parameters: Value) -> Value {
+        let body = json!({ "cmd": command, "params": parameters });
+        self.done(command, self.client.issue_cmd(Vendor("goog/cdp/execute", body)))
+    }
+
+    /// Waits until a script returns true.
+    pub(crate) fn wait_until(&self, what: &str, script: &str, argument: impl Into<Value>) {
+        let (argument, start) = (argument.into(), Instant::now());
+        while self.run(script, argument.clone()) != Value::Bool(true) {
+            if start.elapsed() > PATIENCE {
+                panic!("{}: {what} does not come; {}", self.name, self.state());
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// Waits until a visible element that `selector` finds holds `text`.
+    pub(crate) fn wait_for(&self, selector: &str, text: &str) {
+        let script = "const [selector, text] = arguments[0];
+            return [...document.querySelectorAll(selector)].some(e => e.checkVisibility() && e.textContent.includes(text))";
+        self.wait_until(&format!("{selector} with \"{text}\""), script, json!([selector, text]));
+    }
+
+    /// Waits until nothing that `selector` finds can be seen.
+    pub(crate) fn wait_for_no(&self, selector: &str) {
+        let script = "return [...document.querySelectorAll(arguments[0])].every(e => !e.checkVisibility())";
+        self.wait_until(&format!("an end of {selector}"), script, selector);
+    }
+
+    /// Clicks as a user does: what lies beneath something else cannot be clicked.
+    pub(crate) fn click(&self, selector: &str) {
+        self.wait_until(
+            &format!("{selector} to click"),
+            "const e = document.querySelector(arguments[0]);
+             e?.scrollIntoView({ block: 'center' });
+             return !!e && e.checkVisibility() && !e.disabled && e.ariaDisabled !== 'true'",
+            selector,
+        );
+        let click = async { self.client.find(Locator::Css(selector)).await?.click().await };
+        self.done(&format!("click on {selector}"), click);
+    }
+
+    /// Chooses an option of a select by its value.
+    pub(crate) fn choose(&self, selector: &str, value: &str) {
+        let choose = async { self.client.find(Locator::Css(selector)).await?.select_by_value(value).await };
+        self.done(&format!("choice of {value} in {selector}"), choose);
+    }
+
+    /// Waits until nothing on the page has changed for half a second.
+    pub(crate) fn settle(&self) {
+        let start = Instant::now();
+        let (mut last, mut same) = (Value::Null, 0);
+        let state = "return [performance.getEntriesByType('resource').length, document.documentElement.outerHTML.length]";
+        while same < 5 {
+            let now = self.run(state, Value::Null);
+            same = if now == last { same + 1 } else { 0 };
+            last = now;
+            assert!(start.elapsed() < PATIENCE, "{}: the page does not come to rest", self.name);
+            std::thread::sleep(Duration::from_millis(100));
+        }
+    }
+
+    /// Text of all that `selector` finds.
+    pub(crate) fn text(&self, selector: &str) -> String {
+        let script =
+            "return [...document.querySelectorAll(arguments[0])].map(e => e.textContent).join('\\n')";
+        self.run(script, selector).as_str().unwrap_or_default().to_owned()
+    }
+
+    /// How many elements `selector` finds.
+    pub(crate) fn count(&self, selector: &str) -> usize {
+        let count = self.run("return document.querySelectorAll(arguments[0]).length", selector);
+        count.as_u64().map_or(0, |count| count as usize)
+    }
+
+    /// Presses a key some times.
+    pub(crate) fn press(&self, key: Key, times: usize) {
+        let keys = char::from(key).to_string().repeat(times);
+        let press = async { self.client.active_element().await?.send_keys(&keys).await };
+        self.done("keys", press);
+    }
+
+    /// Has the page drawn for eyes that want it `light` or `dark`.
+    pub(crate) fn prefer(&self, scheme: &str) {
+        let features = json!({ "features": [{ "name": "prefers-color-scheme", "value": scheme }] });
+        self.devtools("Emulation.setEmulatedMedia", features);
+    }
+
+    /// The content of a file once it is downloaded.
+    pub(crate) fn downloaded(&self, name: &str) -> String {
+        let (path, start) = (self.folder.path().join("downloads").join(name), Instant::now());
+        loop {
+            match fs::read_to_string(&path) {
+                Ok(text) if !text.is_empty() => return text,
+                _ if start.elapsed() > PATIENCE => {
+                    panic!("{}: {name} is not downloaded; {}", self.name, self.state())
+                }
+                _ => std::thread::sleep(Duration::from_millis(50)),
+            }
+        }
+    }
+
+    /// Leaves a picture of the page in `target/tmp/lab_page`.
+    pub(crate) fn screenshot(&self, picture: &str) -> PathBuf {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("lab_page");
+        fs::create_dir_all(&folder).unwrap();
+        let path = folder.join(format!("{}-{picture}.png", self.name));
+        fs::write(&path, self.done("screenshot", self.client.screenshot())).unwrap();
+        path
+    }
+
+    /// What to show of a page on which something did not come.
+    fn state(&self) -> String {
+        let picture = self.screenshot("failed");
+        let mut state = format!("picture: {}\npage: {}", picture.display(), self.text("main, body > *"));
+        for line in self.log("browser") {
+            let _ = write!(state, "\nconsole: {} {}", line["level"], line["message"]);
+        }
+        state
+    }
+
+    /// What was logged since it was asked for last.
+    fn log(&self, kind: &str) -> Vec<Value> {
+        let lines = self.done("log", self.client.issue_cmd(Vendor("se/log", json!({ "type": kind }))));
+        serde_json::from_value(lines).expect("a list of lines")
+    }
+
+    /// Ends the browser: no error on the console but those that hold one of `expected`, and nothing asked for elsewhere.
+    pub(crate) fn finish(self, expected: &[&str]) {
+        let of_line = |line: &Value, name: &str| line[name].as_str().unwrap_or_default().to_owned();
+        for line in self.log("browser") {
+            let message = of_line(&line, "message");
+            let is_error = of_line(&line, "level") == "SEVERE";
+            assert!(
+                !is_error || expected.iter().any(|known| message.contains(known)),
+                "{}: on the console: {message}",
+                self.name
+            );
+        }
+        let asked: Vec<String> = self.log("performance").iter().filter_map(address).collect();
+        assert!(!asked.is_empty(), "{}: nothing of the network is logged", self.name);
+        let foreign: Vec<&String> = asked.iter().filter(|address| !self.is_own(address)).collect();
+        assert!(foreign.is_empty(), "{}: the page asked for {foreign:?}", self.name);
+        let _ = self.runtime.block_on(self.client.clone().close());
+    }
+
+    fn is_own(&self, address: &str) -> bool {
+        // A new tab is a page of the browser itself.
+        ["data:", "blob:", "about:", "chrome:"].iter().any(|scheme| address.starts_with(scheme))
+            || self.ports.iter().any(|port| address.starts_with(&format!("http://127.0.0.1:{port}/")))
+    }
+}
+
+/// What a line of the network's log asks for.
+fn address(line: &Value) -> Option<String> {
+    let message: Value = serde_json::from_str(line["message"].as_str()?).ok()?;
+    let message = &message["message"];
+    let asks =
+        ["Network.requestWillBeSent", "Network.webSocketCreated"].iter().any(|m| message["method"] == *m);
+    let parameters = &message["params"];
+    let address = parameters["request"]["url"].as_str().or_else(|| parameters["url"].as_str());
+    address.filter(|_| asks).map(ToOwned::to_owned)
+}
+
+fn capabilities(folder: &Path) -> Capabilities {
+    let arguments = [
+        "--headless=new".to_owned(),
+        "--no-sandbox".to_owned(),
+        "--disable-gpu".to_owned(),
+        "--disable-dev-shm-usage".to_owned(),
+        "--window-size=1600,1000".to_owned(),
+        // Not even by mistake.
+        "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1".to_owned(),
+        format!("--user-data-dir={}", folder.join("profile").display()),
+    ];
+    let options = json!({
+        "args": arguments,
+        "prefs": { "download.default_directory": folder.join("downloads") },
+    });
+    Capabilities::from_iter([
+        ("goog:chromeOptions".to_owned(), options),
+        ("goog:loggingPrefs".to_owned(), json!({ "browser": "ALL", "performance": "ALL" })),
+    ])
+}
