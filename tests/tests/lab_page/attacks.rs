@@ -64,7 +64,7 @@ fn nothing_is_given_without_the_token() {
     }
     let before = set_of(&lab, "A.csv");
     for (path, body) in WRITES {
-        let answer = Request::post(path, body).from_page(&lab).send(&lab);
+        let answer = Request::post(path, body).as_page(&lab).send(&lab);
         assert_eq!(answer.status, 403, "{path}: {}", answer.body);
     }
     assert_eq!(set_of(&lab, "A.csv"), before);
@@ -127,12 +127,12 @@ fn another_host_or_origin_is_refused() {
         assert_refused(&visitor.post(path, body).send(&lab), &format!("{path} without an origin"));
         // What a form of another page can send without asking.
         for form in ["text/plain", "application/x-www-form-urlencoded", "multipart/form-data"] {
-            let answer = visitor.post(path, body).from_page(&lab).with("Content-Type", form).send(&lab);
+            let answer = visitor.post(path, body).as_page(&lab).with("Content-Type", form).send(&lab);
             assert_refused(&answer, &format!("{path} as {form}"));
         }
     }
     assert_eq!(set_of(&lab, "A.csv"), before);
-    let allowed = visitor.post(WRITES[0].0, WRITES[0].1).from_page(&lab).send(&lab);
+    let allowed = visitor.post(WRITES[0].0, WRITES[0].1).as_page(&lab).send(&lab);
     assert_eq!(allowed.status, 200, "{}", allowed.body);
     assert_eq!(set_of(&lab, "A.csv"), "none");
 }
@@ -171,7 +171,7 @@ fn no_path_leads_out_of_the_folder() {
     }
     for name in ["../../etc/passwd", "/etc/passwd", "", "B.csv/../A.csv"] {
         let body = serde_json::json!({ "name": name, "set": "train" }).to_string();
-        assert_refused(&visitor.post("/api/sets", &body).from_page(&lab).send(&lab), name);
+        assert_refused(&visitor.post("/api/sets", &body).as_page(&lab).send(&lab), name);
     }
 }
 
@@ -226,18 +226,18 @@ fn nonsense_is_refused_and_the_server_stays() {
         ("/api/jobs", r#"{"do":"format the disk"}"#),
         ("/api/jobs", r#"{"do":"diagnose"}"#),
     ] {
-        assert_refused(&visitor.post(path, body).from_page(&lab).send(&lab), &format!("{path} {body}"));
+        assert_refused(&visitor.post(path, body).as_page(&lab).send(&lab), &format!("{path} {body}"));
     }
     for job in
         [r#"{"do":"add","model":99,"effect":"ground-effect"}"#, r#"{"do":"add","model":1,"effect":"magic"}"#]
     {
-        visitor.post("/api/jobs", job).from_page(&lab).send(&lab);
+        visitor.post("/api/jobs", job).as_page(&lab).send(&lab);
         assert_eq!(lab.state()["models"].as_array().map(Vec::len), Some(1), "{job}");
     }
     let deep = "[".repeat(200_000);
-    assert_refused(&visitor.post("/api/sets", &deep).from_page(&lab).send(&lab), "a deep body");
+    assert_refused(&visitor.post("/api/sets", &deep).as_page(&lab).send(&lab), "a deep body");
     let large = format!(r#"{{"name":"{}","set":"train"}}"#, "A".repeat(20_000_000));
-    let answer = visitor.post("/api/sets", &large).from_page(&lab).send(&lab);
+    let answer = visitor.post("/api/sets", &large).as_page(&lab).send(&lab);
     assert_eq!(answer.status, 413, "20 MB: {}", answer.body);
     lab.is_alive().unwrap();
     assert_eq!(visitor.get("/api/state").send(&lab).status, 200);

@@ -49,9 +49,11 @@ struct Driver {
 
 impl Driver {
     fn start(home: &Path) -> Self {
-        let mut child = Command::new("chromedriver")
-            .arg("--port=0")
+        // Its input is closed however the test ends, and then all of its group ends.
+        let mut child = Command::new("sh")
+            .args(["-c", "chromedriver --port=0 & cat > /dev/null; kill -KILL 0"])
             .env("HOME", home)
+            .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(File::create(home.join("driver.log")).unwrap())
             .process_group(0)

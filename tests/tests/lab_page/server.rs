@@ -101,7 +101,7 @@ impl Lab {
     /// Identifies a model, number 1.
     pub(crate) fn identify(&self) {
         self.state();
-        let answer = self.visitor().post("/api/jobs", r#"{"do":"identify"}"#).from_page(self).send(self);
+        let answer = self.visitor().post("/api/jobs", r#"{"do":"identify"}"#).as_page(self).send(self);
         assert_eq!(answer.status, 200, "{}", answer.body);
         assert_eq!(self.state()["models"][0]["id"], 1);
     }
@@ -172,7 +172,7 @@ impl Request {
     }
 
     /// From the page itself.
-    pub(crate) fn from_page(self, lab: &Lab) -> Self {
+    pub(crate) fn as_page(self, lab: &Lab) -> Self {
         self.with("Origin", &format!("http://127.0.0.1:{}", lab.port))
     }
 

@@ -152,7 +152,7 @@ mod tests {
         let guard = guard();
         let put = |name, value: &'static str| {
             move |headers: &mut HeaderMap| {
-                headers.insert(name, HeaderValue::from_static(value));
+                headers.insert(name.clone(), HeaderValue::from_static(value));
             }
         };
         let refused = |method: &str, change: &dyn Fn(&mut HeaderMap)| {

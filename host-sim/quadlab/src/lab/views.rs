@@ -1,5 +1,7 @@
 //! A model held against the flights, as series and clouds that the page draws.
 
+use std::sync::OnceLock;
+
 use diagnosis::workflow::{self, Faults, FlightsOfOneKind, LoadedFlight, Silent, WorkflowError};
 use model::{AXES, Axis, Model};
 use serde::Serialize;
@@ -17,7 +19,8 @@ pub(super) struct ModelView {
     model: Model,
     flights: Vec<LoadedFlight>,
     views: Vec<View>,
-    pub(super) comparison: Comparison,
+    /// Its predictions ahead take longest: made when they are first asked for.
+    comparison: OnceLock<Comparison>,
 }
 
 /// What the page draws over time.
@@ -68,9 +71,15 @@ const PATH: usize = 3000;
 impl ModelView {
     pub(super) fn new(model: &Model, flights: Vec<LoadedFlight>) -> Result<Self, WorkflowError> {
         let mut flights = FlightsOfOneKind { flights, faults: Faults::default() };
-        let comparison = workflow::compare(model, &mut flights, &Silent)?;
+        workflow::line_up(model, &mut flights, &Silent)?;
         let views = View::all(&flights.prepared(), model);
-        Ok(Self { model: model.clone(), flights: flights.flights, views, comparison })
+        Ok(Self { model: model.clone(), flights: flights.flights, views, comparison: OnceLock::new() })
+    }
+
+    /// What `quadlab compare` says of it.
+    pub(super) fn comparison(&self) -> &Comparison {
+        let prepared = || self.flights.iter().map(|flight| &flight.prepared).collect::<Vec<_>>();
+        self.comparison.get_or_init(|| sysid::compare(&self.model, &prepared()))
     }
 
     fn flight(&self, name: &str) -> Result<(&LoadedFlight, &View), Refused> {
@@ -166,7 +175,7 @@ impl ModelView {
 
     /// The page of `quadlab compare --html`.
     pub(super) fn report(&self) -> String {
-        pages::compare(&self.model, &self.flights, &self.comparison).render()
+        pages::compare(&self.model, &self.flights, self.comparison()).render()
     }
 
     /// All samples of a flight as a table.
