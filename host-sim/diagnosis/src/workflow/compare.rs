@@ -14,11 +14,20 @@ pub fn compare(
     flights: &mut FlightsOfOneKind,
     observer: &dyn Observer,
 ) -> Result<Comparison, WorkflowError> {
-    // Offsets of flights of commands are counted from what the training flights had in common.
-    let delay_s = model.fit.as_ref().and_then(|fit| fit.rotor_delay_s);
-    flights.hold_against(model, &[], (Likeness::SAME, Reference::Model(delay_s)), observer)?;
+    line_up(model, flights, observer)?;
     observer.progress(Progress { activity: "predicting", steps: None });
     Ok(sysid::compare(model, &flights.prepared()))
+}
+
+/// Checks flights against a model and sets their clocks and trim, so that its residuals can be looked at.
+pub fn line_up(
+    model: &Model,
+    flights: &mut FlightsOfOneKind,
+    observer: &dyn Observer,
+) -> Result<(), WorkflowError> {
+    // Offsets of flights of commands are counted from what the training flights had in common.
+    let delay_s = model.fit.as_ref().and_then(|fit| fit.rotor_delay_s);
+    flights.hold_against(model, &[], (Likeness::SAME, Reference::Model(delay_s)), observer)
 }
 
 #[cfg(test)]

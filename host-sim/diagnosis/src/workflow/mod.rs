@@ -25,7 +25,7 @@ mod split;
 pub use crate::observer::{Observer, Progress, Silent};
 pub use add::{Added, add};
 pub use changed::{changed, changed_why};
-pub use compare::compare;
+pub use compare::{compare, line_up};
 pub use diagnose::{diagnose, why};
 pub use error::WorkflowError;
 pub use explain::{Explanation, Step, explain};

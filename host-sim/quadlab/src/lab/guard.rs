@@ -150,9 +150,9 @@ mod tests {
     #[test]
     fn only_the_browser_that_has_the_token_and_its_own_page_get_in() {
         let guard = guard();
-        let put = |name, value: &'static str| {
+        let put = |name: header::HeaderName, value: &'static str| {
             move |headers: &mut HeaderMap| {
-                headers.insert(name, HeaderValue::from_static(value));
+                headers.insert(name.clone(), HeaderValue::from_static(value));
             }
         };
         let refused = |method: &str, change: &dyn Fn(&mut HeaderMap)| {

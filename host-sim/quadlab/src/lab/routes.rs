@@ -9,16 +9,18 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
 use diagnosis::workflow;
-use model::{AXES, Axis};
+use model::{AXES, Axis, Model};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
+use sysid::Comparison;
 
 use super::flights::Use;
 use super::jobs::{self, Task};
 use super::numbers::Window;
 use super::refused::{Refused, refusal};
 use super::session::{Session, Telling};
+use super::views::Series;
 use super::{assets, equations};
 use crate::cli::effect_names::known_effect;
 
@@ -140,8 +142,10 @@ struct Id {
 }
 
 async fn model(State(session): Shared, Asked(Id { id }): Asked<Id>) -> Answer {
-    let (node, view) = aside(move || Ok((session.node(id)?, session.view(id)?))).await?;
-    let model = &node.model;
+    aside(move || Ok(Json(model_document(&session.node(id)?.model, session.view(id)?.comparison())))).await
+}
+
+fn model_document(model: &Model, comparison: &Comparison) -> Value {
     let coefficients = model.terms.iter().flat_map(|term| {
         let info = term.effect.info();
         info.coefficients.iter().zip(&term.coefficients).map(|(coefficient, estimate)| {
@@ -154,12 +158,12 @@ async fn model(State(session): Shared, Asked(Id { id }): Asked<Id>) -> Answer {
             })
         })
     });
-    Ok(Json(json!({
+    json!({
         "coefficients": coefficients.collect::<Vec<_>>(),
         "equations": model.effects().into_iter().map(equations::of).collect::<Vec<_>>(),
-        "comparison": view.comparison,
+        "comparison": comparison,
         "toml": model.to_toml(),
-    })))
+    })
 }
 
 async fn diagnosis(
@@ -215,7 +219,7 @@ struct OfSeries {
     ahead: Option<usize>,
 }
 
-async fn series(State(session): Shared, Asked(asked): Asked<OfSeries>) -> Answer {
+async fn series(State(session): Shared, Asked(asked): Asked<OfSeries>) -> Result<Json<Series>, Refused> {
     const WIDEST: usize = 8000;
     aside(move || {
         let view = session.view(asked.model)?;

@@ -103,12 +103,14 @@ impl Store {
 
     /// Keeps all but the models.
     pub(super) fn write(&self, saved: &Saved) -> Result<(), StoreError> {
+        self.make_folder()?;
         let text = serde_json::to_string_pretty(saved).unwrap_or_default() + "\n";
         Ok(report::write_atomic(self.folder.join(STATE), text)?)
     }
 
     /// Keeps a model and what was found in it.
     pub(super) fn write_node(&self, node: &Node) -> Result<(), StoreError> {
+        self.make_folder()?;
         report::write_atomic(self.model_path(node.id), node.model.to_toml())?;
         if let Some(diagnosis) = &node.diagnosis {
             report::write_atomic(self.diagnosis_path(node.id), diagnosis.to_string())?;
@@ -117,6 +119,12 @@ impl Store {
             report::write_atomic(self.changes_path(node.id), changes.to_string())?;
         }
         Ok(())
+    }
+
+    /// Somebody may have tidied up while the lab was open.
+    fn make_folder(&self) -> Result<(), StoreError> {
+        let made = std::fs::create_dir_all(&self.folder);
+        made.map_err(|source| StoreError::Io { path: self.folder.clone(), source })
     }
 
     fn model_path(&self, id: u32) -> PathBuf {

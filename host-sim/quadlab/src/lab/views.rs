@@ -1,7 +1,10 @@
 //! A model held against the flights, as series and clouds that the page draws.
 
+use std::sync::OnceLock;
+
 use diagnosis::workflow::{self, Faults, FlightsOfOneKind, LoadedFlight, Silent, WorkflowError};
 use model::{AXES, Axis, Model};
+use serde::Serialize;
 use serde_json::{Value, json};
 use sysid::Comparison;
 use sysid::compare::predict_ahead;
@@ -16,7 +19,35 @@ pub(super) struct ModelView {
     model: Model,
     flights: Vec<LoadedFlight>,
     views: Vec<View>,
-    pub(super) comparison: Comparison,
+    /// Its predictions ahead take longest: made when they are first asked for.
+    comparison: OnceLock<Comparison>,
+}
+
+/// What the page draws over time.
+#[derive(Debug, Serialize)]
+pub(super) struct Series {
+    from: f64,
+    to: f64,
+    t: Vec<f64>,
+    channels: Vec<Channel>,
+}
+
+/// One quantity of it; where a line breaks, its value is `null`.
+#[derive(Debug, Default, Serialize)]
+struct Channel {
+    id: &'static str,
+    name: &'static str,
+    unit: &'static str,
+    group: &'static str,
+    measured: Vec<f32>,
+    predicted: Vec<f32>,
+    residual: Vec<f32>,
+}
+
+impl Channel {
+    fn new(id: &'static str, name: &'static str, unit: &'static str, group: &'static str) -> Self {
+        Self { id, name, unit, group, ..Self::default() }
+    }
 }
 
 /// Names of what is predicted ahead: id, name, unit, group.
@@ -40,9 +71,15 @@ const PATH: usize = 3000;
 impl ModelView {
     pub(super) fn new(model: &Model, flights: Vec<LoadedFlight>) -> Result<Self, WorkflowError> {
         let mut flights = FlightsOfOneKind { flights, faults: Faults::default() };
-        let comparison = workflow::compare(model, &mut flights, &Silent)?;
+        workflow::line_up(model, &mut flights, &Silent)?;
         let views = View::all(&flights.prepared(), model);
-        Ok(Self { model: model.clone(), flights: flights.flights, views, comparison })
+        Ok(Self { model: model.clone(), flights: flights.flights, views, comparison: OnceLock::new() })
+    }
+
+    /// What `quadlab compare` says of it.
+    pub(super) fn comparison(&self) -> &Comparison {
+        let prepared = || self.flights.iter().map(|flight| &flight.prepared).collect::<Vec<_>>();
+        self.comparison.get_or_init(|| sysid::compare(&self.model, &prepared()))
     }
 
     fn flight(&self, name: &str) -> Result<(&LoadedFlight, &View), Refused> {
@@ -52,27 +89,27 @@ impl ModelView {
     }
 
     /// Measured, predicted and what is left of the accelerations.
-    pub(super) fn accelerations(&self, flight: &str, window: Window) -> Result<Value, Refused> {
+    pub(super) fn accelerations(&self, flight: &str, window: Window) -> Result<Series, Refused> {
         let (_, view) = self.flight(flight)?;
         let spoken = |axis: &&Axis| axis.index() < 3 || sysid::has_rotation(&self.model);
         let channels = AXES.iter().filter(spoken).map(|axis| {
             let measured = view.residuals.measured[axis.index()].clone();
             let residual = view.residual(*axis).to_vec();
             let predicted = measured.iter().zip(&residual).map(|(y, e)| y - e).collect();
-            let told = json!({ "id": axis.name(), "name": axis_name(*axis), "unit": axis.unit(), "group": "acceleration" });
+            let told = Channel::new(axis.name(), axis_name(*axis), axis.unit(), "acceleration");
             (told, [measured, predicted, residual])
         });
         Ok(series(&view.time_s, channels.collect(), window))
     }
 
     /// The same of everything predicted so many samples ahead.
-    pub(super) fn ahead(&self, flight: &str, samples: usize, window: Window) -> Result<Value, Refused> {
+    pub(super) fn ahead(&self, flight: &str, samples: usize, window: Window) -> Result<Series, Refused> {
         let (flight, _) = self.flight(flight)?;
         let ahead = predict_ahead(&self.model, &flight.prepared, samples);
         let all = AHEAD.iter().zip(ahead.measured.into_iter().zip(ahead.predicted));
         let channels = all.map(|((id, name, unit, group), (measured, predicted))| {
             let residual = measured.iter().zip(&predicted).map(|(y, p)| y - p).collect();
-            let told = json!({ "id": id, "name": name, "unit": unit, "group": group });
+            let told = Channel::new(id, name, unit, group);
             (told, [measured, predicted, residual])
         });
         Ok(series(&ahead.time_s, channels.collect(), window))
@@ -138,7 +175,7 @@ impl ModelView {
 
     /// The page of `quadlab compare --html`.
     pub(super) fn report(&self) -> String {
-        pages::compare(&self.model, &self.flights, &self.comparison).render()
+        pages::compare(&self.model, &self.flights, self.comparison()).render()
     }
 
     /// All samples of a flight as a table.
@@ -175,26 +212,18 @@ fn axis_name(axis: Axis) -> &'static str {
     }
 }
 
-fn series(time_s: &[f64], channels: Vec<(Value, [Vec<f64>; 3])>, window: Window) -> Value {
+fn series(time_s: &[f64], channels: Vec<(Channel, [Vec<f64>; 3])>, window: Window) -> Series {
     let lines: Vec<&[f64]> = channels.iter().flat_map(|(_, lines)| lines.iter().map(Vec::as_slice)).collect();
     let Rows { t, lines } = numbers::reduced(time_s, &lines, window);
     let mut lines = lines.into_iter();
-    let mut next = || json!(lines.next().unwrap_or_default());
-    let told: Vec<Value> = channels
-        .into_iter()
-        .map(|(mut told, _)| {
-            for name in ["measured", "predicted", "residual"] {
-                told[name] = next();
-            }
-            told
-        })
-        .collect();
-    json!({
-        "from": time_s.first().copied().unwrap_or(0.0).max(window.from_s),
-        "to": time_s.last().copied().unwrap_or(0.0).min(window.to_s),
-        "t": t,
-        "channels": told,
-    })
+    let mut next = || lines.next().unwrap_or_default();
+    let reduced = |(channel, _)| Channel { measured: next(), predicted: next(), residual: next(), ..channel };
+    Series {
+        from: time_s.first().copied().unwrap_or(0.0).max(window.from_s),
+        to: time_s.last().copied().unwrap_or(0.0).min(window.to_s),
+        channels: channels.into_iter().map(reduced).collect(),
+        t,
+    }
 }
 
 fn thinned(values: &[f64]) -> Vec<f64> {

@@ -3,7 +3,7 @@
 import { get } from "./api.js";
 import { el, redraw } from "./dom.js";
 import { VERDICTS } from "./models.js";
-import { short, unit, withError } from "./numbers.js";
+import { prose, short, unit, withError } from "./numbers.js";
 
 /** @typedef {import("./api.js").Finding} Finding */
 /** @typedef {import("./main.js").App} App */
@@ -40,7 +40,7 @@ function draw(root, changes) {
   redraw(root, [
     el("h2", {}, "What changed?"),
     el("p", { id: "changed-verdict", "data-verdict": changes.verdict }, inWords(changes.verdict)),
-    el("p", { id: "changed-summary" }, changes.summary),
+    el("p", { id: "changed-summary" }, prose(changes.summary)),
     el("p", { class: "quiet" }, `Flown later: ${changes.flights.join(", ")}.`),
     changes.since && el("p", {}, since(changes.since)),
     ...supported.map((finding) => card(changes, finding)),

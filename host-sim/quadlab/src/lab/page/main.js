@@ -11,6 +11,7 @@ import { drawModels } from "./models.js";
 import { flightOverview } from "./overview.js";
 import { prose } from "./numbers.js";
 import { pathTab } from "./path.js";
+import { plotly } from "./plots.js";
 import { spectrumTab } from "./spectrum.js";
 import { timeTab } from "./time.js";
 import { TABS, readView, writeView } from "./view.js";
@@ -71,6 +72,7 @@ export const app = {
 
   /** Changes what is looked at. @param {Partial<import("./view.js").View>} change */
   look(change) {
+    if (change.tab && change.tab !== app.view.tab) byId("middle").scrollTop = 0;
     Object.assign(app.view, change);
     writeView(app.view);
     drawState();
@@ -168,6 +170,8 @@ function takeState(state) {
   if (!state.reading) writeView(view);
   drawState();
   document.body.dataset.ready = "true";
+  // It comes while the first series are computed.
+  app.act(plotly());
 }
 
 let refreshing = false;

@@ -28,7 +28,7 @@ export function modelTab(app, root) {
       second && other && errors(other.comparison, second, `second: ${titleOf(second)}`),
       horizons(details.comparison, other?.comparison ?? null),
       coefficients(details.coefficients, other?.coefficients ?? null),
-      equations(details.equations),
+      equations(details.equations ?? []),
       el(
         "details",
         { "data-key": "toml" },
@@ -42,6 +42,7 @@ export function modelTab(app, root) {
 
 /** What each effect does. @param {{effect: string, sentence: string, mathml: string|null, source: string|null}[]} all */
 function equations(all) {
+  if (!all.length) return null;
   return el(
     "section",
     { "aria-label": "Equations" },
