@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use bytes::Bytes;
 use flights::{Column, ColumnMap};
 
 use crate::clocks::{self, ClockPair};
@@ -108,7 +109,7 @@ pub fn import_watched(path: &Path, map: &ColumnMap, watch: Watch<'_>) -> Result<
     } else {
         read_file(path, watch).map_err(|source| LogError::Read { path: path.into(), source })?
     };
-    bytes_watched(&bytes, path, map, watch)
+    bytes_watched(bytes.into(), path, map, watch)
 }
 
 fn read_file(path: &Path, watch: Watch<'_>) -> std::io::Result<Vec<u8>> {
@@ -127,15 +128,17 @@ fn read_file(path: &Path, watch: Watch<'_>) -> std::io::Result<Vec<u8>> {
 }
 
 /// Makes flights of the bytes of a log; `path` is for messages and gives the flights their names.
-pub fn import_bytes(bytes: &[u8], path: &Path, map: &ColumnMap) -> Result<Import, LogError> {
-    bytes_watched(bytes, path, map, UNWATCHED)
+pub fn import_bytes(bytes: impl Into<Bytes>, path: &Path, map: &ColumnMap) -> Result<Import, LogError> {
+    bytes_watched(bytes.into(), path, map, UNWATCHED)
 }
 
-fn bytes_watched(bytes: &[u8], path: &Path, map: &ColumnMap, watch: Watch<'_>) -> Result<Import, LogError> {
-    if matches!(Format::of(bytes), None | Some(Format::Csv)) && tables::is_text(bytes) {
-        return import_text(bytes, path, map);
+/// The bytes are given up once they are decoded.
+fn bytes_watched(bytes: Bytes, path: &Path, map: &ColumnMap, watch: Watch<'_>) -> Result<Import, LogError> {
+    if matches!(Format::of(&bytes), None | Some(Format::Csv)) && tables::is_text(&bytes) {
+        return import_text(&bytes, path, map);
     }
-    let log = decode_watched(bytes, path, watch)?;
+    let log = decode_watched(&bytes, path, watch)?;
+    drop(bytes);
     watch(Progress { stage: "making flights", bytes: None });
     if log.format == Format::Parquet && (map.says_something() || tables::has_usual_names(&log)) {
         return Ok(of_table(tables::of_parquet(&log, path, map)?, path));

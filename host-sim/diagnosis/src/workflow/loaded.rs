@@ -130,7 +130,7 @@ impl<'a> Source<'a> {
         let bytes = logs::read_standard_input()?;
         let map = ColumnMap::of_flight(path, vehicle)?;
         match logs::Format::of(&bytes) {
-            Some(_) => Self::cut(path, logs::import_bytes(&bytes, path, &map)?.flights),
+            Some(_) => Self::cut(path, logs::import_bytes(bytes, path, &map)?.flights),
             None => Ok(vec![Source::Cut(path, Box::new(Flight::parse_with(&bytes, path, &map)?))]),
         }
     }

@@ -1,4 +1,4 @@
-//! A flight file as a tracker: its poses at the times they were taken, as fast as they were or
+//! A flight file, or a log of another program, as a tracker: its poses at the times they were taken, as fast as they were or
 //! faster.
 //!
 //! For trying a ground station, a craft on the bench with its propellers off, or a recorded failure
@@ -7,7 +7,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use flights::{Column, Flight};
+use flights::{Column, ColumnMap, Flight};
 use proto::Pose;
 
 use super::receiver::{MocapError, MocapReceiver, Sighting, TrackerEvent};
@@ -24,16 +24,19 @@ pub struct Replay {
 }
 
 impl Replay {
-    /// Reads a flight file; `speed` 1 is as it was flown, 10 ten times as fast.
+    /// Reads a flight file, or the longest flight of a log; `speed` 1 is as it was flown, 10 ten times as fast.
     ///
     /// # Errors
-    /// A file that is not a flight, or a speed that is not above zero.
+    /// A file in which there is no flight, or a speed that is not above zero.
     pub fn open(path: &Path, speed: f64) -> Result<Self, MocapError> {
         let refuse = |problem: String| MocapError::Replay { file: path.display().to_string(), problem };
         if !(speed > 0.0 && speed <= 1e6) {
             return Err(refuse(format!("a speed of {speed}; 1 is real time, at most 1e6")));
         }
-        let flight = Flight::read(path).map_err(|error| refuse(error.to_string()))?;
+        let flight = match logs::format_of(path) {
+            Some(_) => longest_of_log(path).map_err(|error| refuse(error.to_string()))?,
+            None => Flight::read(path).map_err(|error| refuse(error.to_string()))?,
+        };
         Self::of(&flight, speed).ok_or_else(|| refuse("it has no poses".into()))
     }
 
@@ -62,6 +65,15 @@ impl Replay {
             started: None,
         })
     }
+}
+
+fn longest_of_log(path: &Path) -> Result<Flight, logs::LogError> {
+    let flights = logs::import(path, &ColumnMap::beside(path)?)?.flights.into_iter();
+    let longest = flights.map(|part| part.flight).max_by_key(Flight::len);
+    let longest = longest.ok_or_else(|| logs::LogError::nothing_flown(path))?;
+    // A log has its attitude in its own form, a pose in angles; no place may stand in for one that was not logged.
+    let has_place = longest.column(Column::X).is_some();
+    Ok(if has_place { longest.completed(path)?.into_owned() } else { longest })
 }
 
 impl MocapReceiver for Replay {
@@ -150,7 +162,28 @@ mod tests {
             let message = Replay::open(&path, speed).unwrap_err().to_string();
             assert!(message.contains("f.csv") && message.contains("speed"), "{message}");
         }
+        let log = folder.path().join("f.ulg");
+        std::fs::write(&log, b"ULog\x01\x12\x35\x01").unwrap();
+        let message = Replay::open(&log, 1.0).unwrap_err().to_string();
+        assert!(message.contains("f.ulg") && message.lines().count() == 1, "{message}");
         let message = Replay::open(&folder.path().join("none.csv"), 1.0).unwrap_err().to_string();
         assert!(message.contains("none.csv") && message.lines().count() == 1, "{message}");
+    }
+
+    /// A log of PX4's, where it is there.
+    #[test]
+    fn the_longest_flight_of_a_log_is_replayed() {
+        let log =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/logs/px4_indoor_vision.ulg");
+        if !log.is_file() {
+            println!("SKIPPED: {} is not there", log.display());
+            return;
+        }
+        let replay = Replay::open(&log, 1.0).unwrap();
+        let (last_s, _) = replay.rows[replay.rows.len() - 1];
+        assert!(
+            last_s > 10.0 && replay.rows.iter().filter(|(_, pose)| pose.is_some()).count() > 1000,
+            "{last_s}"
+        );
     }
 }

@@ -15,6 +15,8 @@ mod ulog;
 
 use std::path::Path;
 
+use bytes::Bytes;
+
 use crate::error::LogError;
 use crate::format::Format;
 use crate::log::Log;
@@ -26,11 +28,21 @@ pub(crate) use csv::decode as decode_text;
 
 /// Decodes the bytes of a log; `path` is for messages.
 pub fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
-    decode_watched(bytes, path, UNWATCHED)
+    match Format::of(bytes) {
+        Some(Format::Parquet) => parquet::decode(Bytes::copy_from_slice(bytes), path),
+        _ => decode_slice(bytes, path, UNWATCHED),
+    }
 }
 
-/// Decodes the bytes of a log, and tells who watches how far it is.
-pub(crate) fn decode_watched(bytes: &[u8], path: &Path, watch: Watch<'_>) -> Result<Log, LogError> {
+/// Decodes the bytes of a log without another copy of them, and tells who watches how far it is.
+pub(crate) fn decode_watched(bytes: &Bytes, path: &Path, watch: Watch<'_>) -> Result<Log, LogError> {
+    match Format::of(bytes) {
+        Some(Format::Parquet) => parquet::decode(bytes.clone(), path),
+        _ => decode_slice(bytes, path, watch),
+    }
+}
+
+fn decode_slice(bytes: &[u8], path: &Path, watch: Watch<'_>) -> Result<Log, LogError> {
     let mut progress = Decoding::new(watch, bytes.len());
     match Format::of(bytes) {
         Some(Format::Ulog) => ulog::decode(bytes, path, &mut progress),
@@ -40,8 +52,7 @@ pub(crate) fn decode_watched(bytes: &[u8], path: &Path, watch: Watch<'_>) -> Res
         Some(Format::Rosbag1) => rosbag1::decode(bytes, path, &mut progress),
         Some(Format::Rosbag2) => rosbag2::decode(bytes, path),
         Some(Format::Mcap) => mcap::decode(bytes, path, &mut progress),
-        Some(Format::Parquet) => parquet::decode(bytes, path),
-        Some(Format::Csv) | None => Err(LogError::Format {
+        Some(Format::Csv | Format::Parquet) | None => Err(LogError::Format {
             path: path.into(),
             what: "is no log of a format that is read".into(),
             mend: "see `quadlab import --help` for the formats".into(),

@@ -191,9 +191,8 @@ fn a_recording_of_ours_in_which_no_craft_was_heard_is_refused() {
     let bytes = writer.into_inner().into_inner();
     let log = read(&bytes);
     assert!(log.losses.damage[0].contains("1 messages of telemetry are damaged"), "{:?}", log.losses);
-    let message = logs::import_bytes(&bytes, Path::new("made"), &flights::ColumnMap::default())
-        .unwrap_err()
-        .to_string();
+    let message =
+        logs::import_bytes(bytes, Path::new("made"), &flights::ColumnMap::default()).unwrap_err().to_string();
     assert!(message.contains("the craft was never heard"), "{message}");
 }
 

@@ -506,8 +506,9 @@ fn a_dropout_is_cut_out_where_it_was() {
     let log = written.decoded();
     let [span] = log.losses.dropout_spans_s[..] else { panic!("{:?}", log.losses) };
     assert_close("dropout", &span, &[2.98, 3.02], 1e-3);
-    let import = logs::import_bytes(&written.0, Path::new("written.ulg"), &flights::ColumnMap::default())
-        .expect("flight");
+    let import =
+        logs::import_bytes(written.0.clone(), Path::new("written.ulg"), &flights::ColumnMap::default())
+            .expect("flight");
     let [part] = &import.flights[..] else { panic!("{} flights", import.flights.len()) };
     let rows = part.cuts.iter().find(|cut| cut.why == logs::Cause::Dropout).expect("cut");
     assert_close("cut", &rows.span, &[2.96, 3.04], 1e-6);
@@ -552,8 +553,9 @@ fn a_rotor_that_moves_in_flight_makes_it_two() {
     let recordings = logs::record(&written.decoded(), Path::new("written.ulg")).expect("quadcopter");
     let front_right = |k: usize| recordings[k].hints.rotor_positions_m.expect("positions")[1];
     assert_eq!((recordings.len(), front_right(0), front_right(1)), (2, [2.0, 2.0], [3.0, 2.0]));
-    let import = logs::import_bytes(&written.0, Path::new("written.ulg"), &flights::ColumnMap::default())
-        .expect("flights");
+    let import =
+        logs::import_bytes(written.0.clone(), Path::new("written.ulg"), &flights::ColumnMap::default())
+            .expect("flights");
     let [first, second] = &import.flights[..] else { panic!("{} flights", import.flights.len()) };
     assert_close("ends", &[first.span[1], second.span[0]], &[6.98, 6.98], 0.03);
     assert!(

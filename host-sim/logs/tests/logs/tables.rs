@@ -24,7 +24,7 @@ fn text(header: &str, row: impl Fn(usize) -> Vec<f64>) -> String {
 
 fn imported(text: &str, map: &str) -> Result<Import, String> {
     let map = ColumnMap::parse(map, Path::new("columns.toml")).unwrap();
-    import_bytes(text.as_bytes(), Path::new("a/table.csv"), &map).map_err(|why| why.to_string())
+    import_bytes(text.as_bytes().to_vec(), Path::new("a/table.csv"), &map).map_err(|why| why.to_string())
 }
 
 /// What `blackbox_decode` writes: axes front, left, up; motors rear right, front right, rear left, front left.
@@ -134,7 +134,7 @@ fn a_parquet_file_of_any_names_is_a_flight_through_a_map() {
     group.close().unwrap();
     writer.close().unwrap();
     let map = ColumnMap::parse(MAP, Path::new("columns.toml")).unwrap();
-    is_ours(&import_bytes(&file, Path::new("table.parquet"), &map).unwrap());
-    let why = import_bytes(&file, Path::new("table.parquet"), &ColumnMap::default()).unwrap_err().to_string();
+    is_ours(&import_bytes(file.clone(), Path::new("table.parquet"), &map).unwrap());
+    let why = import_bytes(file, Path::new("table.parquet"), &ColumnMap::default()).unwrap_err().to_string();
     assert!(why.contains("table.parquet: "), "{why}");
 }

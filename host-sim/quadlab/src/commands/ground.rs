@@ -95,8 +95,8 @@ pub(crate) struct Options {
     #[arg(long, value_name = "ADDRESS", default_value = "0.0.0.0")]
     interface: Ipv4Addr,
 
-    /// Send the poses of a flight file instead of a tracker's
-    #[arg(long, value_name = "CSV", conflicts_with = "no_tracker")]
+    /// Send the poses of a flight file, or of the longest flight in a log, instead of a tracker's
+    #[arg(long, value_name = "FLIGHT", conflicts_with = "no_tracker")]
     replay: Option<PathBuf>,
 
     /// Speed of the replay: 2 is twice as fast as it was flown

@@ -65,6 +65,8 @@ const AHEAD: [(&str, &str, &str, &str); 12] = [
     ("rate_q", "pitch rate", "rad/s", "rates"),
     ("rate_r", "yaw rate", "rad/s", "rates"),
 ];
+/// Quantities that say where the craft is.
+const OF_PLACE: [&str; 3] = ["height", "north position", "east position"];
 /// Points of a path in space.
 const PATH: usize = 3000;
 
@@ -115,11 +117,12 @@ impl ModelView {
         Ok(series(&ahead.time_s, channels.collect(), window))
     }
 
-    /// Quantities that residuals can be drawn over.
+    /// Quantities that residuals can be drawn over: those of the place only where a flight says it.
     pub(super) fn quantities(&self) -> Value {
-        let first = self.views.first();
-        let all = first.into_iter().flat_map(View::conditions);
-        all.map(|condition| json!({ "name": condition.name, "unit": condition.unit })).collect()
+        let has_place = self.flights.iter().any(|flight| flight.prepared.has_position);
+        let all = self.views.first().into_iter().flat_map(View::conditions);
+        let known = all.filter(|condition| has_place || !OF_PLACE.contains(&condition.name));
+        known.map(|condition| json!({ "name": condition.name, "unit": condition.unit })).collect()
     }
 
     /// The residual of an axis over a quantity, of one flight or of all.

@@ -28,14 +28,14 @@ use values::Numbers;
 /// Rows that are read at once.
 const BATCH: usize = 65_536;
 
-pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
+pub(crate) fn decode(bytes: Bytes, path: &Path) -> Result<Log, LogError> {
     let refuse =
         |what: String| LogError::Format { path: path.into(), what, mend: "write or copy it again".into() };
     if bytes.len() < 12 || !bytes.ends_with(b"PAR1") {
         return Err(refuse("is a Parquet file without its end, which says what is in it".into()));
     }
     let mut faults = Faults::default();
-    let opened = guarded(|| SerializedFileReader::new(Bytes::copy_from_slice(bytes)));
+    let opened = guarded(|| SerializedFileReader::new(bytes.clone()));
     let reader = match opened {
         Some(Ok(reader)) => reader,
         Some(Err(error)) => {
@@ -46,7 +46,7 @@ pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
     };
     let mut budgets =
         Budgets { pages: Budget::for_decompression(bytes.len()), columns: Budget::for_columns(bytes.len()) };
-    let log = File { bytes, reader }.read(&mut budgets, &mut faults);
+    let log = File { bytes: &bytes, reader }.read(&mut budgets, &mut faults);
     let mut log = log.ok_or_else(|| refuse("is a damaged Parquet file".into()))?;
     log.losses.damage = faults.into_sentences();
     Ok(log)

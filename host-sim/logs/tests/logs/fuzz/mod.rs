@@ -12,7 +12,7 @@ use fuzzing::{Outcome, fuzz};
 use logs::import_bytes;
 
 fn look(name: &str, bytes: &[u8]) -> Outcome {
-    let import = match import_bytes(bytes, Path::new(name), &flights::ColumnMap::default()) {
+    let import = match import_bytes(bytes.to_vec(), Path::new(name), &flights::ColumnMap::default()) {
         Ok(import) => import,
         Err(error) => {
             let text = error.to_string();
