@@ -103,10 +103,9 @@ fn part(recording: &Recording, base: &[f64], span: Span) -> Option<Part> {
     if !(last - first >= parts::SHORTEST_S && period_s > 0.0) {
         return None;
     }
-    let steps = ((last - first) / STEP_S).floor();
     let shortest_s = GAP_PERIODS * period_s;
     let dropouts = joined(recording.dropouts.iter().map(|dropout| at_least(*dropout, shortest_s)).collect());
-    let t = if even { (0..=steps as usize).map(|k| first + k as f64 * STEP_S).collect() } else { own };
+    let t = if even { even_steps(&own, shortest_s) } else { own };
     let grid = Grid { t: &t, period_s, dropouts: &dropouts };
     let columns = columns(recording, &grid);
     let mut keep = rows_to_keep(&columns, &within(&t, &dropouts));
@@ -132,6 +131,22 @@ fn part(recording: &Recording, base: &[f64], span: Span) -> Option<Part> {
     part.add_cuts(&recording.untrusted, Cause::Position);
     part.add_cuts(&recording.untrusted_attitude, Cause::Attitude);
     Some(part)
+}
+
+/// Even steps from the first time to the last, without those further than `reach_s` from any: a clock that jumps by an hour
+/// costs no rows.
+fn even_steps(times: &[f64], reach_s: f64) -> Vec<f64> {
+    let (first, last) = (times[0], times[times.len() - 1]);
+    let step_at = |t: f64| (t.clamp(first, last) - first) / STEP_S;
+    let mut steps = Vec::new();
+    let mut next = 0;
+    for t in times {
+        let from = step_at(t - reach_s).ceil() as usize;
+        let to = step_at(t + reach_s).floor() as usize;
+        steps.extend((from.max(next)..=to).map(|k| first + k as f64 * STEP_S));
+        next = next.max(to + 1);
+    }
+    steps
 }
 
 /// A span of at least so many seconds about the same middle: fewer lost rows would be filled in like any that are missing.
@@ -304,6 +319,25 @@ mod tests {
             let [x, t] = [Column::X, Column::T].map(|column| parts[0].flight.column(column).unwrap()[400]);
             assert!((x - t - parts[0].span[0]).abs() < 1e-6, "{x} at {t} s after {}", parts[0].span[0]);
         }
+    }
+
+    /// As a clock that jumps, or a damaged time.
+    #[test]
+    fn an_hour_without_rows_costs_no_rows() {
+        let mut jumping = recording(1000.0);
+        let later = |t: &mut f64| *t += if *t > 110.0 { 3600.0 } else { 0.0 };
+        let Signals { rates, commands, .. } = &mut jumping.signals;
+        rates.iter_mut().flat_map(|signal| &mut signal.t).for_each(later);
+        commands.iter_mut().flat_map(|signal| &mut signal.t).for_each(later);
+        let own = &jumping.signals.rates.as_ref().unwrap().t;
+        let steps = even_steps(own, GAP_PERIODS * STEP_S);
+        assert!((1990..2020).contains(&steps.len()), "{}", steps.len());
+        assert!(steps.windows(2).all(|pair| pair[0] < pair[1]));
+        let (parts, _) = convert(&jumping);
+        assert!((parts[0].lost_s - 3600.0).abs() < 0.2, "{}", parts[0].lost_s);
+        assert_eq!(parts[0].cuts.len(), 1);
+        let [rows, without] = [&parts, &convert(&recording(1000.0)).0].map(|parts| parts[0].flight.len());
+        assert!(rows <= without && without - rows < 15, "{rows}, {without} without the jump");
     }
 
     /// Stamps in nanoseconds can be closer than the microseconds of a flight file.

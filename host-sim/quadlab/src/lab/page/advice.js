@@ -13,7 +13,7 @@ import { given, known, pValue, percent, prose, rmsFall, short, unit, withError }
 /** The evidence that was unfolded, by model and effect: an answer, or null while it is on its way. @type {Map<string, any>} */
 const unfolded = new Map();
 
-/** Diagnoses by model; null where none was made. @type {Map<number, Promise<Diagnosis|null>>} */
+/** Diagnoses by model. @type {Map<number, Promise<Diagnosis|null>>} */
 const made = new Map();
 
 /** Asks for diagnoses and evidence anew: a job has ended. */
@@ -29,6 +29,11 @@ export async function drawAdvice(app, root) {
     redraw(root, [start(app)]);
     return;
   }
+  // A state from before the diagnosis may still be drawn after its end: that there was none yet is not kept.
+  if (model.verdict === null) {
+    draw(app, root, model, null);
+    return;
+  }
   if (!made.has(model.id)) made.set(model.id, diagnosisOf(model));
   try {
     const diagnosis = (await made.get(model.id)) ?? null;
@@ -41,7 +46,6 @@ export async function drawAdvice(app, root) {
 
 /** @param {Model} model @returns {Promise<Diagnosis|null>} */
 async function diagnosisOf(model) {
-  if (model.verdict === null) return null;
   try {
     return await get("/api/diagnosis", { model: model.id });
   } catch (error) {

@@ -44,6 +44,8 @@ export function byId(id) {
 
 /**
  * Draws the content of an element anew, with the focus and the unfolded parts where they were. Both are known by `data-key`.
+ * Children that say the same as before stay, so that a choice that is open stays open; what their listeners work with must
+ * therefore stand in them.
  * @param {HTMLElement} root
  * @param {Child[]} children
  */
@@ -53,19 +55,42 @@ export function redraw(root, children) {
   const open = [...root.querySelectorAll("details[open]")].map((d) => /** @type {HTMLElement} */ (d).dataset.key);
   const shut = [...root.querySelectorAll("details:not([open])")].map((d) => /** @type {HTMLElement} */ (d).dataset.key);
   const scroll = root.scrollTop;
-  root.replaceChildren(
-    ...children.filter((child) => child !== null && child !== undefined && child !== false).map(asContent),
-  );
-  for (const details of root.querySelectorAll("details")) {
-    if (open.includes(details.dataset.key)) details.open = true;
-    if (shut.includes(details.dataset.key)) details.open = false;
+  const drawn = children
+    .filter((child) => child !== null && child !== undefined && child !== false)
+    .map((child) => (child instanceof Node ? child : document.createTextNode(String(child))));
+  for (const parent of drawn) {
+    for (const details of parent instanceof Element ? parent.querySelectorAll("details") : []) {
+      if (open.includes(details.dataset.key)) details.open = true;
+      if (shut.includes(details.dataset.key)) details.open = false;
+    }
   }
+  replace(root, drawn);
   root.scrollTop = scroll;
-  if (key) /** @type {HTMLElement|null} */ (root.querySelector(`[data-key="${CSS.escape(key)}"]`))?.focus();
+  const focused = key && root.querySelector(`[data-key="${CSS.escape(key)}"]`);
+  if (focused instanceof HTMLElement && focused !== document.activeElement) focused.focus();
 }
 
-/** @param {any} child */
-const asContent = (child) => (child instanceof Node ? child : String(child));
+/** Puts nodes into an element, without touching those that are there already. @param {HTMLElement} root @param {Node[]} drawn */
+function replace(root, drawn) {
+  const old = new Set(root.childNodes);
+  const content = drawn.map((node) => {
+    for (const there of old) {
+      if (!there.isEqualNode(node)) continue;
+      old.delete(there);
+      const made = node instanceof Element ? node.querySelectorAll("select") : [];
+      const kept = there instanceof Element ? there.querySelectorAll("select") : [];
+      kept.forEach((select, n) => (select.value = made[n].value));
+      return there;
+    }
+    return node;
+  });
+  for (const node of old) root.removeChild(node);
+  let next = root.firstChild;
+  for (const node of content) {
+    if (node === next) next = node.nextSibling;
+    else root.insertBefore(node, next);
+  }
+}
 
 /**
  * A table.
