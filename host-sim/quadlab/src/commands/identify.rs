@@ -16,6 +16,7 @@ use crate::cli::output::{Outcome, OutputOptions};
 use crate::cli::refine::{self, RefineOptions, RefinementEntry};
 use crate::cli::terminal::Terminal;
 use crate::cli::user_effects::EffectOptions;
+use crate::render::documents::{CoefficientEntry, coefficient_entries};
 use crate::render::tables;
 
 /// Identify the basic model from flights.
@@ -85,7 +86,8 @@ fn warn_of_unidentified(model: &Model) {
     let unknown = model.fit.as_ref().map_or(&[][..], |fit| &fit.not_identified);
     for NotIdentified { group, reason, fly, .. } in unknown.iter().filter(|unknown| !is_told(unknown)) {
         colour::warn(&format!(
-            "the {group} of this model is not identified: {reason}; an effect may be missing (see quadlab diagnose), or these              flights do not determine it: {fly}"
+            "the {group} of this model is not identified: {reason}; an effect may be missing (see quadlab diagnose), or these \
+             flights do not determine it: {fly}"
         ));
     }
 }
@@ -153,15 +155,6 @@ struct FlightEntry<'a> {
     notes: &'a [String],
 }
 
-#[derive(Serialize, JsonSchema)]
-struct CoefficientEntry {
-    effect: &'static str,
-    name: &'static str,
-    value: f64,
-    std_error: Option<f64>,
-    unit: &'static str,
-}
-
 fn document<'a>(identified: &'a Identified, sets: &'a FlightSets) -> Document<'a> {
     let model = &identified.model;
     let record = shown_record(model);
@@ -181,20 +174,10 @@ fn document<'a>(identified: &'a Identified, sets: &'a FlightSets) -> Document<'a
             notes: &flight.prepared.notes,
         })
         .collect();
-    let coefficients = model.terms.iter().flat_map(|term| {
-        let info = term.effect.info();
-        info.coefficients.iter().zip(&term.coefficients).map(|(c, estimate)| CoefficientEntry {
-            effect: info.id,
-            name: c.name,
-            value: estimate.value,
-            std_error: estimate.std_error,
-            unit: c.unit_for(model.rotor_quantity()),
-        })
-    });
     Document {
         vehicle: &model.vehicle.name,
         flights,
-        coefficients: coefficients.collect(),
+        coefficients: coefficient_entries(model),
         train: record.train,
         held_out: record.held_out,
         condition: identified.condition,

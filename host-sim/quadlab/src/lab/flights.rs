@@ -8,6 +8,8 @@ use model::{Model, Vehicle};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use super::numbers;
+
 /// What a flight is used for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -90,8 +92,8 @@ fn summary(flights: &Result<Vec<LoadedFlight>, String>, vehicle: &Vehicle) -> Va
         "columns": columns(flights),
         "parts": parts,
         "faults": flights.iter().flat_map(|flight| &flight.faults).collect::<Vec<_>>(),
-        "height": thinned(&height),
-        "battery": thinned(&battery),
+        "height": numbers::thinned(&height, SPARK),
+        "battery": numbers::thinned(&battery, SPARK),
     })
 }
 
@@ -107,8 +109,4 @@ fn columns(flights: &[LoadedFlight]) -> Vec<&'static str> {
         ("battery voltage", all(|flight| flight.has_voltage)),
     ];
     asked.into_iter().filter(|(_, has)| *has).map(|(name, _)| name).collect()
-}
-
-fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    points.iter().copied().step_by(points.len().div_ceil(SPARK).max(1)).collect()
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use diagnosis::workflow::{self, Explanation, FlightSets, FlightsOfOneKind, Reading, WorkflowError};
+use diagnosis::workflow::{self, Explanation, FlightSets, FlightsOfOneKind, Reading};
 use diagnosis::{Diagnosis, Options};
 use model::{Effect, Model, Vehicle};
 use serde::Deserialize;
@@ -97,7 +97,7 @@ struct Work<'a> {
 impl Work<'_> {
     fn run(&self, task: Task) -> Result<(), Refused> {
         match task {
-            Task::Identify => self.identify().map(|_| ()),
+            Task::Identify => self.identify(),
             Task::Diagnose { model } => self.diagnose(model),
             Task::Add { model, effect } => self.add(model, &effect),
             Task::Changed { model } => self.changed(model),
@@ -109,23 +109,18 @@ impl Work<'_> {
         self.session.sets(self.vehicle, &self.telling)
     }
 
-    fn identify(&self) -> Result<u32, Refused> {
+    fn identify(&self) -> Result<(), Refused> {
         let mut sets = self.sets()?;
-        let identified =
-            workflow::identify(self.vehicle, &[], &mut sets, None, &self.telling).map_err(refused)?;
+        let identified = workflow::identify(self.vehicle, &[], &mut sets, None, &self.telling)?;
         let before = format!("identify{}", self.session.vehicle_option());
-        let command = self.session.command(&before, "--out lab/model-1.toml");
-        self.session.add_node(|id| Node {
-            command: command.replace("model-1", &format!("model-{id}")),
-            ..Node::of(id, None, identified.model)
-        })
+        self.keep(None, None, identified.model, &self.session.command(&before))?;
+        Ok(())
     }
 
     fn diagnose(&self, id: u32) -> Result<(), Refused> {
         let model = self.session.node(id)?.model;
         let mut sets = self.sets()?;
-        let diagnosis = workflow::diagnose(&model, &[], &mut sets, &Options::default(), &self.telling)
-            .map_err(refused)?;
+        let diagnosis = workflow::diagnose(&model, &[], &mut sets, &Options::default(), &self.telling)?;
         self.session.tell_of(id, |node| node.diagnosis = Some(document(&diagnosis)))
     }
 
@@ -135,10 +130,9 @@ impl Work<'_> {
         if files.is_empty() {
             return Err(Refused("no flight is marked as flown later: choose one in the table".into()));
         }
-        let mut flights = FlightsOfOneKind::read(&files, &model.vehicle, Reading::default(), &self.telling)
-            .map_err(refused)?;
+        let mut flights = FlightsOfOneKind::read(&files, &model.vehicle, Reading::default(), &self.telling)?;
         let found = workflow::changed(&model, &[], &mut flights, &Options::default(), &self.telling);
-        let mut changes = document(&found.map_err(refused)?);
+        let mut changes = document(&found?);
         let command = format!("quadlab diagnose --model lab/model-{id}.toml --changed {}", names(&files));
         changes["command"] = json!(command);
         let of = flights.flights.iter().map(|flight| flight.prepared.name.as_str());
@@ -148,16 +142,15 @@ impl Work<'_> {
 
     fn add(&self, id: u32, effect: &str) -> Result<(), Refused> {
         let parent = self.session.node(id)?;
-        let effect = known_effect(effect).map_err(|error| Refused::from(&error))?;
+        let effect = known_effect(effect)?;
         if parent.model.has(effect) {
             return Err(Refused(format!("the model has {effect} already")));
         }
         let mut sets = self.sets()?;
-        let added = workflow::add(&parent.model, effect, &mut sets, None, &self.telling).map_err(refused)?;
+        let added = workflow::add(&parent.model, effect, &mut sets, None, &self.telling)?;
         let before = format!("add {effect} --model lab/model-{id}.toml");
-        let command = self.session.command(&before, "--out lab/model-NEW.toml");
         let supported = Some(added.addition.finding.supported);
-        self.keep(Some((id, effect)), supported, added.model, &command)?;
+        self.keep(Some((id, effect)), supported, added.model, &self.session.command(&before))?;
         Ok(())
     }
 
@@ -170,7 +163,7 @@ impl Work<'_> {
     ) -> Result<u32, Refused> {
         self.session.add_node(|id| Node {
             supported,
-            command: command.replace("model-NEW", &format!("model-{id}")),
+            command: format!("{command} --out lab/model-{id}.toml"),
             ..Node::of(id, from, model)
         })
     }
@@ -178,11 +171,9 @@ impl Work<'_> {
     fn explain(&self) -> Result<(), Refused> {
         let mut sets = self.sets()?;
         let explanation =
-            workflow::explain(self.vehicle, &[], &mut sets, &Options::default(), None, &self.telling)
-                .map_err(refused)?;
+            workflow::explain(self.vehicle, &[], &mut sets, &Options::default(), None, &self.telling)?;
         let before = format!("explain{}", self.session.vehicle_option());
-        let command = self.session.command(&before, "--out lab/model-NEW.toml");
-        self.keep_steps(explanation, &command)
+        self.keep_steps(explanation, &self.session.command(&before))
     }
 
     /// Each step as a model, with what was found in it.
@@ -194,13 +185,6 @@ impl Work<'_> {
             id = self.keep(Some((id, step.effect)), supported, step.model, command)?;
         }
         self.session.tell_of(id, |node| node.diagnosis = Some(document(&explanation.last_diagnosis)))
-    }
-}
-
-fn refused(error: WorkflowError) -> Refused {
-    match error {
-        WorkflowError::Cancelled => Refused("cancelled".into()),
-        other => Refused::from(&other),
     }
 }
 

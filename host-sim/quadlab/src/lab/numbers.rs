@@ -22,6 +22,11 @@ pub(super) struct Rows {
     pub(super) lines: Vec<Vec<f32>>,
 }
 
+/// At most so many of the values, evenly picked.
+pub(super) fn thinned<T: Copy>(values: &[T], most: usize) -> Vec<T> {
+    values.iter().copied().step_by(values.len().div_ceil(most).max(1)).collect()
+}
+
 /// The rows of a window, where there are more than two a column of pixels the lowest and the highest of each, in their order.
 pub(super) fn reduced(time_s: &[f64], lines: &[&[f64]], window: Window) -> Rows {
     let from = time_s.partition_point(|t| *t < window.from_s).saturating_sub(1);

@@ -5,13 +5,12 @@ use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use serde_json::json;
 
-/// A sentence for the user.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
+/// A sentence for the user: of any error, so that `?` makes it.
+#[derive(Debug)]
 pub(super) struct Refused(pub(super) String);
 
-impl<E: std::fmt::Display> From<&E> for Refused {
-    fn from(error: &E) -> Self {
+impl<E: std::error::Error> From<E> for Refused {
+    fn from(error: E) -> Self {
         Self(error.to_string())
     }
 }

@@ -23,6 +23,7 @@ use super::session::{Session, Telling};
 use super::views::Series;
 use super::{assets, equations};
 use crate::cli::effect_names::known_effect;
+use crate::render::documents::coefficient_entries;
 
 /// No request of the page is longer, bytes.
 const LONGEST_BODY: usize = 1 << 20;
@@ -146,20 +147,8 @@ async fn model(State(session): Shared, Asked(Id { id }): Asked<Id>) -> Answer {
 }
 
 fn model_document(model: &Model, comparison: &Comparison) -> Value {
-    let coefficients = model.terms.iter().flat_map(|term| {
-        let info = term.effect.info();
-        info.coefficients.iter().zip(&term.coefficients).map(|(coefficient, estimate)| {
-            json!({
-                "effect": info.id,
-                "name": coefficient.name,
-                "value": estimate.value,
-                "std_error": estimate.std_error,
-                "unit": coefficient.unit_for(model.rotor_quantity()),
-            })
-        })
-    });
     json!({
-        "coefficients": coefficients.collect::<Vec<_>>(),
+        "coefficients": coefficient_entries(model),
         "equations": model.effects().into_iter().map(equations::of).collect::<Vec<_>>(),
         "comparison": comparison,
         "toml": model.to_toml(),
@@ -198,12 +187,12 @@ struct OfEffect {
 async fn why(State(session): Shared, Asked(OfEffect { model, effect }): Asked<OfEffect>) -> Answer {
     aside(move || {
         let node = session.node(model)?;
-        let effect = known_effect(&effect).map_err(|error| Refused::from(&error))?;
+        let effect = known_effect(&effect)?;
         let telling = Telling { session: &session, kind: "why", cancel: None };
         let mut sets = session.sets(&node.model.vehicle, &telling)?;
         let why =
             workflow::why(&node.model, effect, &[], &mut sets, &diagnosis::Options::default(), &telling);
-        let why = why.map_err(|error| Refused::from(&error))?;
+        let why = why?;
         Ok(Json(serde_json::to_value(&why).unwrap_or_default()))
     })
     .await

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use diagnosis::workflow::{FlightSets, Observer, Progress, Reading, WorkflowError, is_held_out};
+use diagnosis::workflow::{FlightSets, Observer, Progress, Reading, is_held_out};
 use model::Vehicle;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -38,6 +38,8 @@ pub(super) struct State {
     problem: Option<String>,
     reading: bool,
     pub(super) files: Vec<FlightFile>,
+    /// What the user chose for flights, by file name.
+    chosen: BTreeMap<String, Use>,
     pub(super) nodes: Vec<Node>,
     pub(super) current: Option<u32>,
     pub(super) job: Option<Job>,
@@ -50,7 +52,6 @@ pub(super) struct Session {
     pub(super) events: Events,
     store: Store,
     state: Mutex<State>,
-    chosen: Mutex<BTreeMap<String, Use>>,
     /// Held while a model is held against the flights: a page that asks for several things at once waits for one.
     making_view: Mutex<()>,
 }
@@ -61,13 +62,12 @@ impl Session {
         let store = Store::open(folder)?;
         let (saved, nodes) = store.read()?;
         let current = saved.current.filter(|id| nodes.iter().any(|node| node.id == *id));
-        let state = State { nodes, current, reading: true, ..State::default() };
+        let state = State { chosen: saved.chosen, nodes, current, reading: true, ..State::default() };
         Ok(Self {
             folder: folder.to_owned(),
             events: Events::new(),
             store,
             state: Mutex::new(state),
-            chosen: Mutex::new(saved.chosen),
             making_view: Mutex::new(()),
         })
     }
@@ -95,12 +95,12 @@ impl Session {
         self.lock().vehicle = Some(vehicle.clone());
         let mut files: Vec<FlightFile> =
             paths.par_iter().map(|path| FlightFile::read(path, &vehicle, Use::None, &telling)).collect();
-        let chosen = self.chosen.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let mut state = self.lock();
         for (index, file) in files.iter_mut().filter(|file| file.is_usable()).enumerate() {
             let automatic = if is_held_out(index) { Use::Validate } else { Use::Train };
-            file.used = chosen.get(&file.name).copied().unwrap_or(automatic);
+            file.used = state.chosen.get(&file.name).copied().unwrap_or(automatic);
         }
-        self.lock().files = files;
+        state.files = files;
         Ok(())
     }
 
@@ -132,8 +132,8 @@ impl Session {
                 return Err(Refused(format!("{name}: there is no such flight in this folder")));
             };
             file.used = used;
+            state.chosen.insert(name.to_owned(), used);
         }
-        self.chosen.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_owned(), used);
         self.save()?;
         self.events.changed();
         Ok(())
@@ -166,7 +166,7 @@ impl Session {
             let mut state = self.lock();
             let id = state.nodes.iter().map(|node| node.id).max().unwrap_or(0) + 1;
             let node = node(id);
-            self.store.write_node(&node).map_err(|error| Refused::from(&error))?;
+            self.store.write_node(&node)?;
             state.nodes.push(node);
             state.current = Some(id);
             id
@@ -180,17 +180,15 @@ impl Session {
         let mut state = self.lock();
         if let Some(node) = state.nodes.iter_mut().find(|node| node.id == id) {
             tell(node);
-            self.store.write_node(node).map_err(|error| Refused::from(&error))?;
+            self.store.write_node(node)?;
         }
         Ok(())
     }
 
     fn save(&self) -> Result<(), Refused> {
-        let chosen = self.chosen.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let state = self.lock();
-        let saved =
-            Saved { chosen, models: state.nodes.iter().map(Into::into).collect(), current: state.current };
-        self.store.write(&saved).map_err(|error| Refused::from(&error))
+        let models = state.nodes.iter().map(Into::into).collect();
+        Ok(self.store.write(&Saved { chosen: state.chosen.clone(), models, current: state.current })?)
     }
 
     /// Files of a use.
@@ -203,27 +201,26 @@ impl Session {
     /// The flights of a job; a single one is split by blocks of time, as by every command.
     pub(super) fn sets(&self, vehicle: &Vehicle, observer: &dyn Observer) -> Result<FlightSets, Refused> {
         let [train, validate] = [Use::Train, Use::Validate].map(|used| self.files(used));
-        let sets = match (&train[..], &validate[..]) {
+        Ok(match (&train[..], &validate[..]) {
             ([only], []) | ([], [only]) => {
-                FlightSets::split(std::slice::from_ref(only), vehicle, Reading::default(), observer)
+                FlightSets::split(std::slice::from_ref(only), vehicle, Reading::default(), observer)?
             }
             ([], _) => return Err(Refused("no flight is chosen to fit on: choose one in the table".into())),
             (_, []) => {
                 return Err(Refused("no flight is held out to judge by: choose one in the table".into()));
             }
-            _ => FlightSets::read(&train, &validate, vehicle, Reading::default(), observer),
-        };
-        sets.map_err(|error: WorkflowError| Refused::from(&error))
+            _ => FlightSets::read(&train, &validate, vehicle, Reading::default(), observer)?,
+        })
     }
 
-    /// The command that takes the same flights, with what comes before and after them.
-    pub(super) fn command(&self, before: &str, after: &str) -> String {
+    /// The command that takes the same flights, with what comes before them.
+    pub(super) fn command(&self, before: &str) -> String {
         let [train, validate] = [Use::Train, Use::Validate].map(|used| self.files(used));
         let sets = match (&train[..], &validate[..]) {
             (all, []) | ([], all) => names(all),
             _ => format!("--train {} --validate {}", names(&train), names(&validate)),
         };
-        format!("quadlab {before} {sets} {after}")
+        format!("quadlab {before} {sets}")
     }
 
     /// ` --vehicle vehicle.toml`, where there is one.
@@ -248,7 +245,7 @@ impl Session {
                 .cloned()
                 .collect()
         };
-        let view = Arc::new(ModelView::new(&model, flights).map_err(|error| Refused::from(&error))?);
+        let view = Arc::new(ModelView::new(&model, flights)?);
         let mut state = self.lock();
         state.views.push_front((id, view.clone()));
         state.views.truncate(VIEWS);
@@ -269,14 +266,14 @@ fn quoted(name: &str) -> String {
 }
 
 impl Job {
-    pub(super) fn entry(&self) -> Value {
-        json!({
-            "do": self.kind,
-            "activity": self.activity,
-            "done": self.steps.map(|(done, _)| done),
-            "all": self.steps.map(|(_, all)| all),
-        })
+    fn entry(&self) -> Value {
+        progress_entry(self.kind, &self.activity, self.steps)
     }
+}
+
+fn progress_entry(kind: &str, activity: &str, steps: Option<(usize, usize)>) -> Value {
+    let [done, all] = [steps.map(|(done, _)| done), steps.map(|(_, all)| all)];
+    json!({ "do": kind, "activity": activity, "done": done, "all": all })
 }
 
 /// Tells the pages how far a job is, and the job whether to stop.
@@ -288,12 +285,7 @@ pub(super) struct Telling<'a> {
 
 impl Observer for Telling<'_> {
     fn progress(&self, progress: Progress<'_>) {
-        let told = json!({
-            "do": self.kind,
-            "activity": progress.activity,
-            "done": progress.steps.map(|(done, _)| done),
-            "all": progress.steps.map(|(_, all)| all),
-        });
+        let told = progress_entry(self.kind, progress.activity, progress.steps);
         self.session.events.tell("progress", told);
         if let Some(job) = &mut self.session.lock().job {
             (job.activity, job.steps) = (progress.activity.to_owned(), progress.steps);

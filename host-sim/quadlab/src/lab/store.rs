@@ -60,13 +60,12 @@ impl Store {
     /// Takes the folder beside the flights.
     pub(super) fn open(flights: &Path) -> Result<Self, StoreError> {
         let folder = flights.join(FOLDER);
-        let io = |path: &Path| {
-            let path = path.to_owned();
-            move |source| StoreError::Io { path, source }
-        };
-        std::fs::create_dir_all(&folder).map_err(io(&folder))?;
+        make(&folder)?;
         let path = folder.join(LOCK);
-        let lock = File::options().create(true).truncate(false).write(true).open(&path).map_err(io(&path))?;
+        let lock = match File::options().create(true).truncate(false).write(true).open(&path) {
+            Ok(lock) => lock,
+            Err(source) => return Err(StoreError::Io { path, source }),
+        };
         match lock.try_lock() {
             Ok(()) => Ok(Self { folder, _lock: lock }),
             Err(TryLockError::WouldBlock) => Err(StoreError::Taken(flights.to_owned())),
@@ -103,14 +102,15 @@ impl Store {
 
     /// Keeps all but the models.
     pub(super) fn write(&self, saved: &Saved) -> Result<(), StoreError> {
-        self.make_folder()?;
+        // Somebody may have tidied up while the lab was open.
+        make(&self.folder)?;
         let text = serde_json::to_string_pretty(saved).unwrap_or_default() + "\n";
         Ok(report::write_atomic(self.folder.join(STATE), text)?)
     }
 
     /// Keeps a model and what was found in it.
     pub(super) fn write_node(&self, node: &Node) -> Result<(), StoreError> {
-        self.make_folder()?;
+        make(&self.folder)?;
         report::write_atomic(self.model_path(node.id), node.model.to_toml())?;
         if let Some(diagnosis) = &node.diagnosis {
             report::write_atomic(self.diagnosis_path(node.id), diagnosis.to_string())?;
@@ -119,12 +119,6 @@ impl Store {
             report::write_atomic(self.changes_path(node.id), changes.to_string())?;
         }
         Ok(())
-    }
-
-    /// Somebody may have tidied up while the lab was open.
-    fn make_folder(&self) -> Result<(), StoreError> {
-        let made = std::fs::create_dir_all(&self.folder);
-        made.map_err(|source| StoreError::Io { path: self.folder.clone(), source })
     }
 
     fn model_path(&self, id: u32) -> PathBuf {
@@ -138,6 +132,10 @@ impl Store {
     fn changes_path(&self, id: u32) -> PathBuf {
         self.folder.join(format!("changes-{id}.json"))
     }
+}
+
+fn make(folder: &Path) -> Result<(), StoreError> {
+    std::fs::create_dir_all(folder).map_err(|source| StoreError::Io { path: folder.to_owned(), source })
 }
 
 impl From<&Node> for SavedModel {

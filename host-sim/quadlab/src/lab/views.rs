@@ -164,14 +164,14 @@ impl ModelView {
         let (_, view) = self.flight(flight)?;
         let picked = |name: &str| -> Vec<f64> {
             let condition = view.condition(name);
-            condition.map(|condition| thinned(&condition.values)).unwrap_or_default()
+            condition.map(|condition| numbers::thinned(&condition.values, PATH)).unwrap_or_default()
         };
         Ok(json!({
-            "t": thinned(&view.time_s),
+            "t": numbers::thinned(&view.time_s, PATH),
             "north_m": picked("north position"),
             "east_m": picked("east position"),
             "up_m": picked("height"),
-            "residual": thinned(view.residual(axis)),
+            "residual": numbers::thinned(view.residual(axis), PATH),
             "unit": axis.unit(),
         }))
     }
@@ -227,8 +227,4 @@ fn series(time_s: &[f64], channels: Vec<(Channel, [Vec<f64>; 3])>, window: Windo
         channels: channels.into_iter().map(reduced).collect(),
         t,
     }
-}
-
-fn thinned(values: &[f64]) -> Vec<f64> {
-    values.iter().copied().step_by(values.len().div_ceil(PATH).max(1)).collect()
 }

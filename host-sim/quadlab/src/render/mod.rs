@@ -2,6 +2,7 @@
 
 pub(crate) mod design_pages;
 pub(crate) mod design_tables;
+pub(crate) mod documents;
 pub(crate) mod evidence;
 pub(crate) mod excite_page;
 pub(crate) mod figures;

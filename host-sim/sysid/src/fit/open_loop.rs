@@ -110,13 +110,7 @@ fn add_rollouts(
     }
     let velocities: Vec<Vector3<f64>> = judges.iter().map(velocity_ned_m_s).collect();
     let rotor_mean_rad_s = mean_rotor_speeds(model, flight, stretch);
-    let track = Track {
-        states: &states,
-        rotor_mean_rad_s: &rotor_mean_rad_s,
-        stretch,
-        period_s: flight.period_s,
-        turns: has_rotation(model),
-    };
+    let track = Track::of(model, flight, stretch, &states, &rotor_mean_rad_s);
     let has_users = model.effects().iter().any(|effect| matches!(effect, Effect::User(_)));
     let mut starts = 0;
     for start in flight.margin..(states.len() - flight.margin).saturating_sub(sums.len()) {
@@ -162,13 +156,7 @@ pub fn predict_ahead(model: &Model, flight: &Prepared, samples: usize) -> Ahead 
     for stretch in &flight.stretches {
         let states = reference_states(model, flight, stretch);
         let rotor_mean_rad_s = mean_rotor_speeds(model, flight, stretch);
-        let track = Track {
-            states: &states,
-            rotor_mean_rad_s: &rotor_mean_rad_s,
-            stretch,
-            period_s: flight.period_s,
-            turns: has_rotation(model),
-        };
+        let track = Track::of(model, flight, stretch, &states, &rotor_mean_rad_s);
         for start in flight.margin..(states.len() - flight.margin).saturating_sub(samples) {
             let mut last = states[start];
             track.roll_out(&plant, &trim, start, samples, |_, state| last = *state);
@@ -215,7 +203,18 @@ pub(crate) struct Track<'a> {
     pub(crate) turns: bool,
 }
 
-impl Track<'_> {
+impl<'a> Track<'a> {
+    /// A stretch of a flight as a model predicts it.
+    fn of(
+        model: &Model,
+        flight: &Prepared,
+        stretch: &'a Stretch,
+        states: &'a [State],
+        rotor_mean_rad_s: &'a [[f64; 4]],
+    ) -> Self {
+        Self { states, rotor_mean_rad_s, stretch, period_s: flight.period_s, turns: has_rotation(model) }
+    }
+
     /// Predicts `samples` from `start` on with nothing but the rotor speeds; `see` is handed each horizon and its state.
     /// `trim`: constant accelerations of the flight, m/s^2 and rad/s^2.
     #[inline]
@@ -450,13 +449,7 @@ mod tests {
         let states = reference_states(&model, &flight, stretch);
         let rotor = mean_rotor_speeds(&model, &flight, stretch);
         assert_eq!(rotor.len() + 1, states.len());
-        let track = Track {
-            states: &states,
-            rotor_mean_rad_s: &rotor,
-            stretch,
-            period_s: flight.period_s,
-            turns: true,
-        };
+        let track = Track::of(&model, &flight, stretch, &states, &rotor);
         let mut seen = Vec::new();
         track.roll_out(&Plant::new(&model), &[0.0; 6], 100, 3, |h, state| seen.push((h, *state)));
         assert_eq!(seen.iter().map(|(h, _)| *h).collect::<Vec<_>>(), [1, 2, 3]);

@@ -93,3 +93,34 @@ export function post(path, body) {
 
 /** Whether a request was given up by the page itself. @param {unknown} error */
 export const givenUp = (error) => error instanceof DOMException && error.name === "AbortError";
+
+/**
+ * Asks the newest question: the same one once, and an older one is given up for it.
+ * @template T
+ * @returns {(wanted: unknown, ask: (signal: AbortSignal) => Promise<T>) => Promise<T|null>} takes what the answer depends on, and
+ *   gives nothing where a newer question came before the answer
+ */
+export function newest() {
+  let key = "";
+  let asked = new AbortController();
+  /** @type {Promise<T>|null} */
+  let answer = null;
+  return async (wanted, ask) => {
+    const now = JSON.stringify(wanted);
+    if (now !== key) {
+      asked.abort();
+      asked = new AbortController();
+      key = now;
+      answer = ask(asked.signal);
+    }
+    const { signal } = asked;
+    try {
+      const given = await answer;
+      return signal.aborted ? null : given;
+    } catch (error) {
+      if (signal.aborted || givenUp(error)) return null;
+      key = "";
+      throw error;
+    }
+  };
+}

@@ -1,6 +1,7 @@
 // The path in space, coloured by the residual of an axis. The cursor is that of the time plots.
 
-import { AXES, AXIS_NAMES, get, givenUp } from "./api.js";
+import { get, newest } from "./api.js";
+import { axisChoice } from "./controls.js";
 import { choice, el, redraw } from "./dom.js";
 import { hasPosition } from "./flights.js";
 import { known, nearest, seconds, short, unit, withUnit } from "./numbers.js";
@@ -28,9 +29,8 @@ export function pathTab(app, root) {
     el("div", { role: "img", "aria-label": "Path of the flight, coloured by the residual" }, plot),
   );
   app.onCursor(drawCursor);
-  /** @type {AbortController|null} */
-  let asked = null;
-  let key = "";
+  /** @type {ReturnType<typeof newest<Path>>} */
+  const ask = newest();
   /** @type {Path|null} */
   let path = null;
   let flat = !hasWebGl();
@@ -46,13 +46,7 @@ export function pathTab(app, root) {
       return;
     }
     redraw(controls, [
-      choice(
-        "Colour: residual of",
-        "path-axis",
-        AXES.map((a) => [a, `${a}, ${AXIS_NAMES[a]}`]),
-        app.view.axis,
-        (value) => app.look({ axis: value }),
-      ),
+      axisChoice(app, "Colour: residual of", "path-axis"),
       choice(
         "mean over",
         "path-mean",
@@ -85,22 +79,11 @@ export function pathTab(app, root) {
         el("span", { id: "scale-high" }),
       ),
     ]);
-    const wanted = JSON.stringify([model.id, app.view.flight, app.view.axis]);
-    if (wanted === key && path) return draw();
-    key = wanted;
-    asked?.abort();
-    asked = new AbortController();
-    const { signal } = asked;
-    try {
-      const answer = await get("/api/path", { model: model.id, flight: app.view.flight, axis: app.view.axis }, signal);
-      if (signal.aborted) return;
-      path = answer;
-      await draw();
-    } catch (error) {
-      if (givenUp(error)) return;
-      key = "";
-      throw error;
-    }
+    const query = { model: model.id, flight: app.view.flight, axis: app.view.axis };
+    const given = await ask(query, (signal) => get("/api/path", query, signal));
+    if (!given) return;
+    path = given;
+    await draw();
   }
 
   /** @param {string} value s */

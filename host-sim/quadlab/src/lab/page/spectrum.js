@@ -1,7 +1,8 @@
 // At which frequencies the residual lives, and whether it remembers its past.
 
-import { AXES, AXIS_NAMES, get, givenUp } from "./api.js";
-import { choice, el, redraw } from "./dom.js";
+import { get, newest } from "./api.js";
+import { axisChoice } from "./controls.js";
+import { el, redraw } from "./dom.js";
 import { known, percent, unit } from "./numbers.js";
 import { CONFIG, axis, colour, layout, line, plotly, room } from "./plots.js";
 
@@ -13,41 +14,23 @@ export function spectrumTab(app, root) {
   const summary = el("p", { class: "quiet", id: "spectrum-summary" });
   const plot = el("div", { id: "spectrum-plot", class: "plot", "aria-hidden": "true" });
   root.append(controls, summary, el("div", { role: "img", "aria-label": "Spectrum of measurement and residual, and the residual's autocorrelation" }, plot));
-  /** @type {AbortController|null} */
-  let asked = null;
-  let key = "";
+  /** @type {ReturnType<typeof newest<any[]>>} */
+  const ask = newest();
   /** @type {any[]} */
   let answers = [];
 
   async function update() {
     const [model, second, flight] = [app.current(), app.second(), app.flight()];
     if (!model || !flight) return;
-    redraw(controls, [
-      choice(
-        "Axis",
-        "spectrum-axis",
-        AXES.map((a) => [a, `${a}, ${AXIS_NAMES[a]}`]),
-        app.view.axis,
-        (value) => app.look({ axis: value }),
-      ),
-    ]);
-    const wanted = JSON.stringify([model.id, second?.id, app.view.flight, app.view.axis]);
-    if (wanted === key) return draw();
-    key = wanted;
-    asked?.abort();
-    asked = new AbortController();
-    const { signal } = asked;
+    redraw(controls, [axisChoice(app, "Axis", "spectrum-axis")]);
+    const models = second ? [model, second] : [model];
     const query = { flight: app.view.flight, axis: app.view.axis };
-    try {
-      answers = await Promise.all(
-        (second ? [model, second] : [model]).map((m) => get("/api/spectrum", { model: m.id, ...query }, signal)),
-      );
-      if (!signal.aborted) await draw();
-    } catch (error) {
-      if (givenUp(error)) return;
-      key = "";
-      throw error;
-    }
+    const given = await ask([model.id, second?.id, query], (signal) =>
+      Promise.all(models.map((m) => get("/api/spectrum", { model: m.id, ...query }, signal))),
+    );
+    if (!given) return;
+    answers = given;
+    await draw();
   }
 
   async function draw() {

@@ -1,6 +1,7 @@
 // Where the model fails: the conditions of the worst errors, and the residual against any quantity.
 
-import { AXES, AXIS_NAMES, axisUnit, flightsOf, get, givenUp } from "./api.js";
+import { axisUnit, flightsOf, get, newest } from "./api.js";
+import { axisChoice } from "./controls.js";
 import { choice, el, redraw } from "./dom.js";
 import { titleOf } from "./models.js";
 import { known, minus, percent, short, unit, withUnit } from "./numbers.js";
@@ -17,9 +18,8 @@ export function whereTab(app, root) {
   root.append(worst, controls, summary, el("div", { role: "img", "aria-label": "The residual against the chosen quantity" }, plot));
   /** @type {{name: string, unit: string}[]} */
   let quantities = [];
-  /** @type {AbortController|null} */
-  let asked = null;
-  let key = "";
+  /** @type {ReturnType<typeof newest<{answers: any[], details: any}>>} */
+  const ask = newest();
   /** @type {any[]} */
   let maps = [];
 
@@ -37,38 +37,22 @@ export function whereTab(app, root) {
       app.view.quantity = quantities[0].name;
     drawControls();
     const { axis: of, quantity, over } = app.view;
-    const wanted = JSON.stringify([model.id, model.judged_on, second?.id, of, quantity, over]);
-    if (wanted === key) return draw();
-    key = wanted;
-    asked?.abort();
-    asked = new AbortController();
-    const { signal } = asked;
     const query = { axis: of, quantity, flight: over || null };
-    try {
-      const answers = await Promise.all(pair().map((m) => get("/api/residual", { model: m.id, ...query }, signal)));
-      const details = await app.details(model.id);
-      if (signal.aborted) return;
-      drawWorst(details.comparison?.worst ?? []);
-      maps = answers;
-      await draw();
-    } catch (error) {
-      if (givenUp(error)) return;
-      key = "";
-      throw error;
-    }
+    const given = await ask([model.id, model.judged_on, second?.id, query], async (signal) => ({
+      answers: await Promise.all(pair().map((m) => get("/api/residual", { model: m.id, ...query }, signal))),
+      details: await app.details(model.id),
+    }));
+    if (!given) return;
+    drawWorst(given.details.comparison?.worst ?? []);
+    maps = given.answers;
+    await draw();
   }
 
   function drawControls() {
     const { view } = app;
     const flights = (app.state?.flights ?? []).filter((flight) => !flight.problem);
     redraw(controls, [
-      choice(
-        "Residual of",
-        "where-axis",
-        AXES.map((a) => [a, `${a}, ${AXIS_NAMES[a]}`]),
-        view.axis,
-        (value) => app.look({ axis: value }),
-      ),
+      axisChoice(app, "Residual of", "where-axis"),
       choice(
         "against",
         "where-quantity",
