@@ -33,7 +33,7 @@ use crate::flight::Flight;
 use crate::names::{bare, is_other_name};
 
 /// Name of the file.
-const FILE: &str = "columns.toml";
+pub const MAP_FILE: &str = "columns.toml";
 
 /// Which column of a file is which.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -108,7 +108,7 @@ impl ColumnMap {
 
     /// The file of a flight's map.
     pub fn file_beside(flight: &Path) -> PathBuf {
-        flight.with_file_name(FILE)
+        flight.with_file_name(MAP_FILE)
     }
 
     fn read_beside(flight: &Path) -> Result<Option<Self>, FlightError> {

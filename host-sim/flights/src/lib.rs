@@ -23,7 +23,7 @@ mod reading;
 mod sampling;
 mod stand_in;
 
-pub use column_map::{ColumnMap, Source};
+pub use column_map::{ColumnMap, MAP_FILE, Source};
 pub use columns::{COLUMNS, Column};
 pub use completion::UNKNOWN_VOLTAGE_V;
 pub use decimal::read as read_decimal;

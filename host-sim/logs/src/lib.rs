@@ -38,4 +38,4 @@ pub use log::{Column, Log, Losses, ParameterChange, Table, TimeUnit, Values};
 pub use progress::{Progress, Watch};
 pub use recording::{Hints, Recording, Signal, Signals, Span};
 pub use sources::{FlightCutter, OwnFlight, record};
-pub use vehicle::{Draft, draft};
+pub use vehicle::{Draft, draft, how_to_measure};

@@ -15,7 +15,7 @@ pub struct Draft {
     /// The vehicle, with typical values where the logs say nothing.
     pub vehicle: Vehicle,
     /// What has to be measured: field of the file, and how, a sentence each.
-    pub missing: Vec<(&'static str, String)>,
+    pub missing: Vec<(&'static str, &'static str)>,
 }
 
 /// Sizes of a usual craft that logs in a format: kg, m from the centre to a motor, m of rotor radius.
@@ -76,34 +76,34 @@ pub fn draft(imports: &[Import]) -> Result<Option<Draft>, String> {
     Ok(Some(Draft { vehicle, missing }))
 }
 
-/// What has to be measured, each with how.
-fn missing(has_arm: bool, has_spin: bool, has_range: bool) -> Vec<(&'static str, String)> {
-    let mut missing = vec![("mass", "weigh the craft ready to fly, with its battery, in kg".to_owned())];
-    if !has_arm {
-        missing.push((
-            "arm_length",
-            "measure from the middle of the craft to the shaft of a motor, in m".into(),
-        ));
-    }
-    missing.push(("rotor_radius", "measure half of the diameter of a propeller, in m".into()));
-    missing.push((
+/// How to measure the fields of a vehicle file that logs do not tell, in their order.
+const HOW: [(&str, &str); 6] = [
+    ("mass", "weigh the craft ready to fly, with its battery, in kg"),
+    ("arm_length", "measure from the middle of the craft to the shaft of a motor, in m"),
+    ("rotor_radius", "measure half of the diameter of a propeller, in m"),
+    (
         "tracked_point",
-        "measure from the centre of mass (where the craft balances) to the point whose position is logged (with motion capture the centre of the markers, otherwise usually the flight controller): forward, right and down, in m".into(),
-    ));
-    if !has_spin {
-        missing.push((
-            "motors.spin",
-            "see which way each propeller turns, seen from above (cw or ccw): 1 front-left, 2 front-right, 3 rear-right, 4 rear-left".into(),
-        ));
-    }
-    if !has_range {
-        missing.push((
-            "motors.command_range",
-            "look up the motor commands at idle and at full throttle; the values here are only the smallest and largest in the logs"
-                .into(),
-        ));
-    }
-    missing
+        "measure from the centre of mass (where the craft balances) to the point whose position is logged (with motion capture the centre of the markers, otherwise usually the flight controller): forward, right and down, in m",
+    ),
+    (
+        "motors.spin",
+        "see which way each propeller turns, seen from above (cw or ccw): 1 front-left, 2 front-right, 3 rear-right, 4 rear-left",
+    ),
+    (
+        "motors.command_range",
+        "look up the motor commands at idle and at full throttle; the values here are only the smallest and largest in the logs",
+    ),
+];
+
+/// How to measure a field of a vehicle file.
+pub fn how_to_measure(field: &str) -> Option<&'static str> {
+    HOW.iter().find(|(own, _)| *own == field).map(|(_, how)| *how)
+}
+
+/// What has to be measured, each with how.
+fn missing(has_arm: bool, has_spin: bool, has_range: bool) -> Vec<(&'static str, &'static str)> {
+    let told = [("arm_length", has_arm), ("motors.spin", has_spin), ("motors.command_range", has_range)];
+    HOW.into_iter().filter(|(field, _)| !told.contains(&(*field, true))).collect()
 }
 
 /// What all logs that say it agree on.

@@ -20,11 +20,14 @@ const READS: [&str; 10] = [
     "/api/download/model.toml?id=1",
     "/api/download/report.html?id=1",
 ];
-const WRITES: [(&str, &str); 4] = [
+const WRITES: [(&str, &str); 7] = [
     ("/api/sets", r#"{"name":"A.csv","set":"none"}"#),
     ("/api/current", r#"{"model":1}"#),
     ("/api/jobs", r#"{"do":"identify"}"#),
     ("/api/cancel", "{}"),
+    ("/api/read", "{}"),
+    ("/api/vehicle", "{}"),
+    ("/api/upload?name=x.csv", "t"),
 ];
 
 /// Refused, in one sentence that says why.
@@ -173,6 +176,67 @@ fn no_path_leads_out_of_the_folder() {
         let body = serde_json::json!({ "name": name, "set": "train" }).to_string();
         assert_refused(&visitor.post("/api/sets", &body).with_origin(&lab).send(&lab), name);
     }
+}
+
+/// Files come into the folder under plain names, whole, and none in the place of another.
+#[test]
+fn nothing_is_put_outside_of_the_folder_or_over_a_file() {
+    let outer = tempfile::tempdir().unwrap();
+    let folder = outer.path().join("flights");
+    fs::create_dir(&folder).unwrap();
+    let made = flights::small();
+    for entry in fs::read_dir(made.path()).unwrap().map(Result::unwrap) {
+        fs::copy(entry.path(), folder.join(entry.file_name())).unwrap();
+    }
+    let lab = Lab::start(&folder);
+    let before = lab.state();
+    let visitor = lab.visitor();
+    let send = |name: &str, text: &str| {
+        let request = visitor.post(&format!("/api/upload?name={name}"), text).with_origin(&lab);
+        request.with("Content-Type", "application/octet-stream").send(&lab)
+    };
+    let old = fs::read(folder.join("A.csv")).unwrap();
+    for name in [
+        "..%2Fx.csv",
+        "%2Ftmp%2Fx.csv",
+        "lab%2Fstate.json",
+        "..",
+        "",
+        ".x.csv",
+        "x%00.csv",
+        "a%0Ab.csv",
+        "A.csv",
+    ] {
+        assert_refused(&send(name, "t,x\n0,1\n"), name);
+    }
+    assert_refused(&send("tool.sh", "#!/bin/sh\n"), "a program");
+    let unasked = visitor.post("/api/upload?name=x.csv", "t\n").with_origin(&lab);
+    assert_refused(&unasked.with("Content-Type", "multipart/form-data").send(&lab), "a form");
+    // A connection that ends early: what was sent of it is gone.
+    let long = visitor.post("/api/upload?name=half.csv", "t,x\n").with_origin(&lab);
+    long.with("Content-Type", "application/octet-stream").with("Content-Length", "1000").send_and_leave(&lab);
+    let start = std::time::Instant::now();
+    while fs::read_dir(folder.join("lab")).unwrap().count() > 1 {
+        assert!(start.elapsed().as_secs() < 10, "half a file stays");
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    assert_eq!(send("new.csv", "t,x\n0,1\n").status, 200);
+    let mut names: Vec<String> = fs::read_dir(&folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    let flights = ["A.csv", "B.csv", "C.csv", "D.csv", "E.csv", "lab", "new.csv", "vehicle.toml"];
+    assert_eq!(names, flights);
+    assert_eq!(fs::read_dir(folder.join("lab")).unwrap().count(), 1, "the lock alone");
+    assert_eq!(fs::read_dir(outer.path()).unwrap().count(), 1);
+    assert_eq!(fs::read(folder.join("A.csv")).unwrap(), old);
+    assert_eq!(before["flights"].as_array().map(Vec::len), Some(5));
+    // It is no flight, and says so once the folder is read again.
+    assert_eq!(visitor.post("/api/read", "{}").with_origin(&lab).send(&lab).status, 200);
+    let state = lab.state();
+    let new = state["flights"].as_array().unwrap().iter().find(|flight| flight["name"] == "new.csv").unwrap();
+    assert!(new["problem"].as_str().is_some_and(|problem| problem.contains("new.csv")), "{new}");
 }
 
 /// Not one of them ends the server, and each is told what is wrong.

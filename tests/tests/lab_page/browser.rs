@@ -206,6 +206,23 @@ impl Browser {
         self.done(&format!("choice of {value} in {selector}"), choose);
     }
 
+    /// Chooses files of this machine in an input for files.
+    pub(crate) fn attach(&self, selector: &str, files: &[PathBuf]) {
+        let names = files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join("\n");
+        let attach = async { self.client.find(Locator::Css(selector)).await?.send_keys(&names).await };
+        self.done(&format!("files for {selector}"), attach);
+    }
+
+    /// Types into a field in the place of what is there.
+    pub(crate) fn fill(&self, selector: &str, text: &str) {
+        let fill = async {
+            let field = self.client.find(Locator::Css(selector)).await?;
+            field.clear().await?;
+            field.send_keys(text).await
+        };
+        self.done(&format!("{text} into {selector}"), fill);
+    }
+
     /// Waits until nothing on the page has changed for half a second.
     pub(crate) fn settle(&self) {
         let start = Instant::now();

@@ -9,5 +9,6 @@ mod accessibility;
 mod attacks;
 mod browser;
 mod flights;
+mod folder;
 mod page;
 mod server;

@@ -19,6 +19,14 @@ pub(crate) fn opened(name: &'static str, folder: &Path) -> (Lab, Browser) {
     (lab, browser)
 }
 
+/// The page of a folder without flights.
+pub(crate) fn opened_empty(name: &'static str, folder: &Path) -> (Lab, Browser) {
+    let (lab, mut browser) = (Lab::start(folder), Browser::start(name));
+    browser.open(&lab.address);
+    browser.wait_for("body[data-ready='true']", "");
+    (lab, browser)
+}
+
 fn open(lab: &Lab, browser: &mut Browser) {
     browser.open(&lab.address);
     browser.wait_for("body[data-ready='true'] .flight[data-name]", "");

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read, Write};
-use std::net::TcpStream;
+use std::net::{Shutdown, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -176,7 +176,20 @@ impl Request {
         self.with("Origin", &format!("http://127.0.0.1:{}", lab.port))
     }
 
-    pub(crate) fn send(mut self, lab: &Lab) -> Answer {
+    pub(crate) fn send(self, lab: &Lab) -> Answer {
+        let what = format!("{} {}", self.method, self.path);
+        let mut stream = self.put(lab);
+        let mut bytes = Vec::new();
+        let read = stream.read_to_end(&mut bytes);
+        Answer::parse(&bytes).unwrap_or_else(|| panic!("{what}: no answer ({read:?})"))
+    }
+
+    /// Sends it and goes away without waiting for the answer.
+    pub(crate) fn send_and_leave(self, lab: &Lab) {
+        self.put(lab).shutdown(Shutdown::Both).unwrap();
+    }
+
+    fn put(mut self, lab: &Lab) -> TcpStream {
         if !self.headers.iter().any(|(name, _)| name == "Host") {
             self = self.with("Host", &format!("127.0.0.1:{}", lab.port));
         }
@@ -189,11 +202,8 @@ impl Request {
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         stream.write_all(head.as_bytes()).unwrap();
         // Who refuses a body may close the line before all of it is sent.
-        let sent = stream.write_all(&self.body);
-        let mut bytes = Vec::new();
-        let read = stream.read_to_end(&mut bytes);
-        Answer::parse(&bytes)
-            .unwrap_or_else(|| panic!("{} {}: no answer ({sent:?}, {read:?})", self.method, self.path))
+        let _ = stream.write_all(&self.body);
+        stream
     }
 }
 

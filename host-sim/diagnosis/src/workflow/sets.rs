@@ -119,6 +119,19 @@ impl FlightSets {
         observer: &dyn Observer,
     ) -> Result<Self, WorkflowError> {
         let mut train = load_all(sources, vehicle, reading, observer)?;
+        let validate = train.split_off(training);
+        Self::from_loaded(train, validate, vehicle, reading)
+    }
+
+    /// Takes flights that have been read already, as they were read.
+    pub fn from_loaded(
+        mut train: Vec<LoadedFlight>,
+        validate: Vec<LoadedFlight>,
+        vehicle: &Vehicle,
+        reading: Reading,
+    ) -> Result<Self, WorkflowError> {
+        let training = train.len();
+        train.extend(validate);
         if let Some((first, again)) = repeated(&train) {
             let in_both_sets = first < training && again >= training;
             return Err(given_twice(&train, first, again, in_both_sets));
@@ -208,7 +221,15 @@ impl FlightsOfOneKind {
         reading: Reading,
         observer: &dyn Observer,
     ) -> Result<Self, WorkflowError> {
-        let flights = load_all(sources, vehicle, reading, observer)?;
+        Self::from_loaded(load_all(sources, vehicle, reading, observer)?, vehicle, reading)
+    }
+
+    /// Takes flights that have been read already, as they were read.
+    pub fn from_loaded(
+        flights: Vec<LoadedFlight>,
+        vehicle: &Vehicle,
+        reading: Reading,
+    ) -> Result<Self, WorkflowError> {
         if let Some((first, again)) = repeated(&flights) {
             return Err(given_twice(&flights, first, again, false));
         }

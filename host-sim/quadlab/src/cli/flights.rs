@@ -118,13 +118,17 @@ fn flight_files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder)? {
         let path = entry?.path();
-        let is_flight = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(ENDING));
-        if (is_flight || logs::format_of(&path).is_some()) && path.is_file() {
+        if (has_flight_ending(&path) || logs::format_of(&path).is_some()) && path.is_file() {
             files.push(path);
         }
     }
     files.sort();
     Ok(files)
+}
+
+/// Whether a file is a flight file by its name.
+pub(crate) fn has_flight_ending(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(ENDING))
 }
 
 fn matching(named: &Path, pattern: &str) -> Result<Vec<PathBuf>, NamedFlightsError> {

@@ -51,9 +51,11 @@ impl Guard {
             .is_some_and(|from| self.hosts.iter().any(|own| own == from))
     }
 
-    fn is_json(headers: &HeaderMap) -> bool {
+    /// What no form of another page can send without being asked first.
+    fn is_of_a_script(headers: &HeaderMap) -> bool {
         let kind = headers.get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok());
-        kind.is_some_and(|kind| kind.split(';').next() == Some("application/json"))
+        let kind = kind.and_then(|kind| kind.split(';').next());
+        kind.is_some_and(|kind| ["application/json", "application/octet-stream"].contains(&kind))
     }
 
     fn has_cookie(&self, headers: &HeaderMap) -> bool {
@@ -86,7 +88,7 @@ impl Guard {
             );
         }
         let changes = request.method() != Method::GET && request.method() != Method::HEAD;
-        if changes && !(self.is_own_origin(headers) && Self::is_json(headers)) {
+        if changes && !(self.is_own_origin(headers) && Self::is_of_a_script(headers)) {
             return Some(
                 "only the lab's own page may change something: open the address that quadlab printed",
             );

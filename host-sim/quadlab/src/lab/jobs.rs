@@ -52,10 +52,14 @@ pub(super) fn start(session: &Arc<Session>, task: Task) -> Result<(), Refused> {
         if let Some(job) = &state.job {
             return Err(Refused(format!("{} is running: wait for it or cancel it", job.kind)));
         }
-        let Some(vehicle) = state.vehicle.clone() else {
-            return Err(Refused(
-                "there is no vehicle file yet: put a vehicle.toml beside the flights".into(),
-            ));
+        if state.reading {
+            return Err(Refused("the flights are being read: wait for it".into()));
+        }
+        if let Some(problem) = &state.problem {
+            return Err(Refused(problem.clone()));
+        }
+        let Some(vehicle) = state.craft.as_ref().map(|craft| craft.vehicle.clone()) else {
+            return Err(Refused("there is no flight in this folder yet: drop flights on the page".into()));
         };
         state.job = Some(Job { kind, activity: "starting".into(), steps: None, cancel: cancel.clone() });
         vehicle
@@ -130,7 +134,8 @@ impl Work<'_> {
         if files.is_empty() {
             return Err(Refused("no flight is marked as flown later: choose one in the table".into()));
         }
-        let mut flights = FlightsOfOneKind::read(&files, &model.vehicle, Reading::default(), &self.telling)?;
+        let flights = self.session.loaded(Use::Later);
+        let mut flights = FlightsOfOneKind::from_loaded(flights, &model.vehicle, Reading::default())?;
         let found = workflow::changed(&model, &[], &mut flights, &Options::default(), &self.telling);
         let mut changes = document(&found?);
         let command = format!("quadlab diagnose --model lab/model-{id}.toml --changed {}", names(&files));

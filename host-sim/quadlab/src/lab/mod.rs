@@ -16,6 +16,8 @@ mod routes;
 mod server;
 mod session;
 mod store;
+mod upload;
+mod vehicle;
 mod views;
 
 pub(crate) use server::{Options, serve};

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use axum::body::Body;
 use axum::extract::{DefaultBodyLimit, FromRequest, FromRequestParts, Path, Query, Request, State};
 use axum::http::request::Parts;
 use axum::http::{StatusCode, header};
@@ -13,15 +14,15 @@ use model::{AXES, Axis, Model};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
-use sysid::Comparison;
 
 use super::flights::Use;
 use super::jobs::{self, Task};
 use super::numbers::Window;
 use super::refused::{Refused, refusal};
 use super::session::{Session, Telling};
-use super::views::Series;
-use super::{assets, equations};
+use super::vehicle::Measured;
+use super::views::{self, Series};
+use super::{assets, equations, upload};
 use crate::cli::effect_names::known_effect;
 use crate::render::documents::coefficient_entries;
 
@@ -48,7 +49,11 @@ pub(super) fn router(session: Arc<Session>) -> Router {
                 Json(json!({}))
             }),
         )
+        .route("/api/vehicle", get(vehicle).post(write_vehicle))
+        .route("/api/upload", post(take_file).layer(DefaultBodyLimit::disable()))
+        .route("/api/read", post(read_again))
         .route("/api/model", get(model))
+        .route("/api/comparison", get(comparison))
         .route("/api/diagnosis", get(diagnosis))
         .route("/api/changes", get(changes))
         .route("/api/why", get(why))
@@ -137,22 +142,53 @@ async fn start(State(session): Shared, Sent(task): Sent<Task>) -> Answer {
     Ok(Json(json!({})))
 }
 
+async fn vehicle(State(session): Shared) -> Answer {
+    let craft = session.lock().craft.clone();
+    let craft =
+        craft.ok_or_else(|| Refused("no flight tells of a craft yet: drop flights on the page".into()))?;
+    Ok(Json(craft.document()))
+}
+
+async fn write_vehicle(State(session): Shared, Sent(measured): Sent<Measured>) -> Answer {
+    session.write_vehicle(&measured)?;
+    Ok(Json(session.document()))
+}
+
+async fn read_again(State(session): Shared) -> Answer {
+    session.read_again()?;
+    Ok(Json(session.document()))
+}
+
+#[derive(Deserialize)]
+struct Named {
+    name: String,
+}
+
+async fn take_file(State(session): Shared, Asked(Named { name }): Asked<Named>, body: Body) -> Answer {
+    upload::take(session, name, body).await?;
+    Ok(Json(json!({})))
+}
+
 #[derive(Deserialize)]
 struct Id {
     id: u32,
 }
 
 async fn model(State(session): Shared, Asked(Id { id }): Asked<Id>) -> Answer {
-    aside(move || Ok(Json(model_document(&session.node(id)?.model, session.view(id)?.comparison())))).await
+    let model = session.node(id)?.model;
+    Ok(Json(model_document(&model)))
 }
 
-fn model_document(model: &Model, comparison: &Comparison) -> Value {
+fn model_document(model: &Model) -> Value {
     json!({
         "coefficients": coefficient_entries(model),
         "equations": model.effects().into_iter().map(equations::of).collect::<Vec<_>>(),
-        "comparison": comparison,
         "toml": model.to_toml(),
     })
+}
+
+async fn comparison(State(session): Shared, Asked(Id { id }): Asked<Id>) -> Answer {
+    aside(move || Ok(Json(serde_json::to_value(&*session.comparison(id)?)?))).await
 }
 
 async fn diagnosis(
@@ -211,15 +247,15 @@ struct OfSeries {
 async fn series(State(session): Shared, Asked(asked): Asked<OfSeries>) -> Result<Json<Series>, Refused> {
     const WIDEST: usize = 8000;
     aside(move || {
-        let view = session.view(asked.model)?;
+        let seen = session.seen(asked.model, &asked.flight)?;
         let window = Window {
             from_s: asked.from.unwrap_or(f64::NEG_INFINITY),
             to_s: asked.to.unwrap_or(f64::INFINITY),
             width: asked.width.unwrap_or(1200).clamp(10, WIDEST),
         };
         Ok(Json(match asked.ahead {
-            Some(samples) => view.ahead(&asked.flight, samples, window)?,
-            None => view.accelerations(&asked.flight, window)?,
+            Some(samples) => seen.ahead(samples, window),
+            None => seen.accelerations(window),
         }))
     })
     .await
@@ -228,7 +264,12 @@ async fn series(State(session): Shared, Asked(asked): Asked<OfSeries>) -> Result
 async fn quantities(State(session): Shared) -> Answer {
     let current = session.lock().current;
     let Some(id) = current else { return Ok(Json(json!([]))) };
-    aside(move || Ok(Json(session.view(id)?.quantities()))).await
+    aside(move || {
+        let (names, has_place) = session.flight_names();
+        let Some(first) = names.first() else { return Ok(Json(json!([]))) };
+        Ok(Json(session.seen(id, first)?.quantities(has_place)))
+    })
+    .await
 }
 
 /// The axis of a name.
@@ -247,8 +288,9 @@ struct OfResidual {
 
 async fn residual(State(session): Shared, Asked(asked): Asked<OfResidual>) -> Answer {
     aside(move || {
-        let view = session.view(asked.model)?;
-        Ok(Json(view.residual(axis(&asked.axis)?, &asked.quantity, asked.flight.as_deref())?))
+        let names = asked.flight.map_or_else(|| session.flight_names().0, |name| vec![name]);
+        let seen = names.iter().map(|name| session.seen(asked.model, name));
+        Ok(Json(views::residual(seen, axis(&asked.axis)?, &asked.quantity)?))
     })
     .await
 }
@@ -261,11 +303,11 @@ struct OfAxis {
 }
 
 async fn spectrum(State(session): Shared, Asked(asked): Asked<OfAxis>) -> Answer {
-    aside(move || Ok(Json(session.view(asked.model)?.spectrum(&asked.flight, axis(&asked.axis)?)?))).await
+    aside(move || Ok(Json(session.seen(asked.model, &asked.flight)?.spectrum(axis(&asked.axis)?)))).await
 }
 
 async fn path(State(session): Shared, Asked(asked): Asked<OfAxis>) -> Answer {
-    aside(move || Ok(Json(session.view(asked.model)?.path(&asked.flight, axis(&asked.axis)?)?))).await
+    aside(move || Ok(Json(session.seen(asked.model, &asked.flight)?.path(axis(&asked.axis)?)))).await
 }
 
 /// A file to keep.
@@ -284,7 +326,7 @@ async fn model_file(State(session): Shared, Asked(Id { id }): Asked<Id>) -> Resu
 
 async fn report(State(session): Shared, Asked(Id { id }): Asked<Id>) -> Result<Response, Refused> {
     aside(move || {
-        let text = session.view(id)?.report();
+        let text = session.report(id)?;
         Ok(download(&format!("model-{id}.html"), "text/html; charset=utf-8", text))
     })
     .await
@@ -301,7 +343,7 @@ async fn series_file(
     Asked(OfFlight { model, flight }): Asked<OfFlight>,
 ) -> Result<Response, Refused> {
     aside(move || {
-        let text = session.view(model)?.table(&flight)?;
+        let text = session.seen(model, &flight)?.table();
         Ok(download(&format!("model-{model}-{flight}"), "text/csv; charset=utf-8", text))
     })
     .await

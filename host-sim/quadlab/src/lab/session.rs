@@ -5,22 +5,28 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use diagnosis::workflow::{FlightSets, Observer, Progress, Reading, is_held_out};
-use model::Vehicle;
+use diagnosis::workflow::{
+    self, Faults, FlightSets, FlightsOfOneKind, LoadedFlight, Observer, Progress, Reading, Silent,
+    is_held_out,
+};
+use model::{Model, Vehicle};
 use rayon::prelude::*;
 use serde_json::{Value, json};
+use sysid::Comparison;
 
 use super::events::Events;
 use super::flights::{FlightFile, Use};
 use super::node::Node;
 use super::refused::Refused;
 use super::store::{Saved, Store, StoreError};
-use super::views::ModelView;
+use super::vehicle::{Craft, Measured};
+use super::views::Seen;
 use crate::cli::flights::flights_in;
-use crate::cli::model_files::{VEHICLE, vehicle_of};
+use crate::cli::model_files::VEHICLE;
+use crate::render::pages;
 
-/// Models that are held ready to be looked at.
-const VIEWS: usize = 3;
+/// Rows of flights seen by models that are held ready to be looked at: some 0.9 kB each.
+const MOST_ROWS: usize = 1_500_000;
 
 /// The job that runs, and how far it is.
 #[derive(Debug, Clone)]
@@ -33,17 +39,19 @@ pub(super) struct Job {
 
 #[derive(Default)]
 pub(super) struct State {
-    pub(super) vehicle: Option<Vehicle>,
+    pub(super) craft: Option<Craft>,
     /// Why nothing can be fitted.
-    problem: Option<String>,
-    reading: bool,
+    pub(super) problem: Option<String>,
+    pub(super) reading: bool,
     pub(super) files: Vec<FlightFile>,
     /// What the user chose for flights, by file name.
     chosen: BTreeMap<String, Use>,
     pub(super) nodes: Vec<Node>,
     pub(super) current: Option<u32>,
     pub(super) job: Option<Job>,
-    views: VecDeque<(u32, Arc<ModelView>)>,
+    /// The newest first.
+    seen: VecDeque<((u32, String), Arc<Seen>)>,
+    comparisons: BTreeMap<u32, Arc<Comparison>>,
 }
 
 /// A folder of flights that is open.
@@ -52,8 +60,10 @@ pub(super) struct Session {
     pub(super) events: Events,
     store: Store,
     state: Mutex<State>,
-    /// Held while a model is held against the flights: a page that asks for several things at once waits for one.
-    making_view: Mutex<()>,
+    /// Held while a model is held against a flight: a page that asks for several things at once waits for one.
+    seeing: Mutex<()>,
+    /// The same of all flights.
+    comparing: Mutex<()>,
 }
 
 impl Session {
@@ -68,7 +78,8 @@ impl Session {
             events: Events::new(),
             store,
             state: Mutex::new(state),
-            making_view: Mutex::new(()),
+            seeing: Mutex::new(()),
+            comparing: Mutex::new(()),
         })
     }
 
@@ -77,22 +88,43 @@ impl Session {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Reads vehicle and flights of the folder.
+    /// Reads vehicle and flights of the folder, and forgets what was made of those that were read before.
     pub(super) fn read_flights(&self) {
-        match self.try_read_flights() {
-            Ok(()) => self.lock().problem = None,
-            Err(error) => self.lock().problem = Some(format!("{error:#}")),
+        let problem = self.try_read_flights().err().map(|error| format!("{error:#}"));
+        {
+            let mut state = self.lock();
+            (state.problem, state.reading) = (problem, false);
+            state.seen.clear();
+            state.comparisons.clear();
         }
-        self.lock().reading = false;
         self.events.changed();
+    }
+
+    /// Reads them again, beside the page.
+    pub(super) fn read_again(self: &Arc<Self>) -> Result<(), Refused> {
+        {
+            let mut state = self.lock();
+            if let Some(job) = &state.job {
+                return Err(Refused(format!("{} is running: wait for it or cancel it", job.kind)));
+            }
+            if state.reading {
+                return Err(Refused("the flights are being read: wait for it".into()));
+            }
+            state.reading = true;
+        }
+        self.events.changed();
+        let session = self.clone();
+        std::thread::spawn(move || session.read_flights());
+        Ok(())
     }
 
     fn try_read_flights(&self) -> anyhow::Result<()> {
         let paths = flights_in(&self.folder)?;
         let telling = Telling { session: self, kind: "reading", cancel: None };
-        let named = [self.folder.clone()];
-        let (vehicle, _) = vehicle_of(None, named.iter(), &paths.iter().collect::<Vec<_>>(), &telling)?;
-        self.lock().vehicle = Some(vehicle.clone());
+        let craft = Craft::of(&self.folder, &paths, &telling)?;
+        let vehicle = craft.vehicle.clone();
+        let is_blocked = !craft.is_written && paths.iter().any(|path| logs::format_of(path).is_none());
+        self.lock().craft = Some(craft);
         let mut files: Vec<FlightFile> =
             paths.par_iter().map(|path| FlightFile::read(path, &vehicle, Use::None, &telling)).collect();
         let mut state = self.lock();
@@ -101,7 +133,26 @@ impl Session {
             file.used = state.chosen.get(&file.name).copied().unwrap_or(automatic);
         }
         state.files = files;
+        // As every command, which takes the vehicle of logs from them, and of flight files from a file of its own.
+        anyhow::ensure!(
+            !is_blocked,
+            "there is no {VEHICLE} yet: press Vehicle, check what is guessed, and save it"
+        );
         Ok(())
+    }
+
+    /// Writes the vehicle file, and reads the flights again with it.
+    pub(super) fn write_vehicle(self: &Arc<Self>, measured: &Measured) -> Result<(), Refused> {
+        let craft = self.lock().craft.clone();
+        let craft =
+            craft.ok_or_else(|| Refused("there is no flight yet: drop flights on the page".into()))?;
+        craft.write(&self.folder, measured)?;
+        self.read_again()
+    }
+
+    /// A file to write to until it is whole.
+    pub(super) fn temporary(&self) -> Result<tempfile::NamedTempFile, Refused> {
+        Ok(self.store.temporary()?)
     }
 
     /// What the page shows.
@@ -114,7 +165,7 @@ impl Session {
         });
         json!({
             "folder": self.folder.display().to_string(),
-            "vehicle": state.vehicle.as_ref().map(|vehicle| json!({ "name": vehicle.name })),
+            "vehicle": state.craft.as_ref().map(Craft::entry),
             "problem": problem,
             "reading": state.reading,
             "flights": state.files.iter().map(|file| file.entry()).collect::<Vec<_>>(),
@@ -201,16 +252,26 @@ impl Session {
     /// The flights of a job; a single one is split by blocks of time, as by every command.
     pub(super) fn sets(&self, vehicle: &Vehicle, observer: &dyn Observer) -> Result<FlightSets, Refused> {
         let [train, validate] = [Use::Train, Use::Validate].map(|used| self.files(used));
-        Ok(match (&train[..], &validate[..]) {
+        match (&train[..], &validate[..]) {
             ([only], []) | ([], [only]) => {
-                FlightSets::split(std::slice::from_ref(only), vehicle, Reading::default(), observer)?
+                let only = std::slice::from_ref(only);
+                return Ok(FlightSets::split(only, vehicle, Reading::default(), observer)?);
             }
             ([], _) => return Err(Refused("no flight is chosen to fit on: choose one in the table".into())),
             (_, []) => {
                 return Err(Refused("no flight is held out to judge by: choose one in the table".into()));
             }
-            _ => FlightSets::read(&train, &validate, vehicle, Reading::default(), observer)?,
-        })
+            _ => {}
+        }
+        let [train, validate] = [Use::Train, Use::Validate].map(|used| self.loaded(used));
+        Ok(FlightSets::from_loaded(train, validate, vehicle, Reading::default())?)
+    }
+
+    /// Flights of a use, as they were read.
+    pub(super) fn loaded(&self, used: Use) -> Vec<LoadedFlight> {
+        let state = self.lock();
+        let files = state.files.iter().filter(|file| file.used == used);
+        files.filter_map(|file| file.flights.as_ref().as_ref().ok()).flatten().cloned().collect()
     }
 
     /// The command that takes the same flights, with what comes before them.
@@ -228,28 +289,73 @@ impl Session {
         if self.folder.join(VEHICLE).is_file() { " --vehicle vehicle.toml" } else { "" }
     }
 
-    /// A model held against all flights that can be used.
-    pub(super) fn view(&self, id: u32) -> Result<Arc<ModelView>, Refused> {
-        let _making = self.making_view.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(view) = self.lock().views.iter().find(|(known, _)| *known == id) {
-            return Ok(view.1.clone());
-        }
-        let model = self.node(id)?.model;
-        let flights = {
-            let state = self.lock();
-            state
-                .files
-                .iter()
-                .filter_map(|file| file.flights.as_ref().as_ref().ok())
-                .flatten()
-                .cloned()
-                .collect()
+    /// A flight seen by a model.
+    pub(super) fn seen(&self, id: u32, flight: &str) -> Result<Arc<Seen>, Refused> {
+        let _seeing = self.seeing.lock().unwrap_or_else(PoisonError::into_inner);
+        let key = (id, flight.to_owned());
+        let known = |state: &mut State| {
+            let place = state.seen.iter().position(|(known, _)| *known == key)?;
+            let (_, seen) = state.seen.remove(place)?;
+            state.seen.push_front((key.clone(), seen.clone()));
+            Some(seen)
         };
-        let view = Arc::new(ModelView::new(&model, flights)?);
+        if let Some(seen) = known(&mut self.lock()) {
+            return Ok(seen);
+        }
+        let loaded = self.lock().loaded().find(|loaded| loaded.prepared.name == flight).cloned();
+        let loaded =
+            loaded.ok_or_else(|| Refused(format!("{flight}: there is no such flight in this folder")))?;
+        let seen = Arc::new(Seen::new(&self.node(id)?.model, loaded)?);
         let mut state = self.lock();
-        state.views.push_front((id, view.clone()));
-        state.views.truncate(VIEWS);
-        Ok(view)
+        state.seen.push_front((key, seen.clone()));
+        let mut rows = 0;
+        let fit = state.seen.iter().take_while(|(_, seen)| {
+            rows += seen.rows();
+            rows <= MOST_ROWS
+        });
+        let most = fit.count().max(1);
+        state.seen.truncate(most);
+        Ok(seen)
+    }
+
+    /// Names of all flights that can be used, and whether any of them says where it was.
+    pub(super) fn flight_names(&self) -> (Vec<String>, bool) {
+        let state = self.lock();
+        let names = state.loaded().map(|loaded| loaded.prepared.name.clone()).collect();
+        (names, state.loaded().any(|loaded| loaded.prepared.has_position))
+    }
+
+    /// A model held against all flights that can be used, together: what `quadlab compare` says of them.
+    pub(super) fn comparison(&self, id: u32) -> Result<Arc<Comparison>, Refused> {
+        let _comparing = self.comparing.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(comparison) = self.lock().comparisons.get(&id) {
+            return Ok(comparison.clone());
+        }
+        let (model, mut flights) = self.held(id)?;
+        let comparison = Arc::new(workflow::compare(&model, &mut flights, &Silent)?);
+        self.lock().comparisons.insert(id, comparison.clone());
+        Ok(comparison)
+    }
+
+    /// The page of `quadlab compare --html`.
+    pub(super) fn report(&self, id: u32) -> Result<String, Refused> {
+        let comparison = self.comparison(id)?;
+        let (model, mut flights) = self.held(id)?;
+        workflow::line_up(&model, &mut flights, &Silent)?;
+        Ok(pages::compare(&model, &flights.flights, &comparison).render())
+    }
+
+    fn held(&self, id: u32) -> Result<(Arc<Model>, FlightsOfOneKind), Refused> {
+        let model = self.node(id)?.model;
+        let flights = self.lock().loaded().cloned().collect();
+        Ok((model, FlightsOfOneKind { flights, faults: Faults::default() }))
+    }
+}
+
+impl State {
+    /// All flights that can be used.
+    fn loaded(&self) -> impl Iterator<Item = &LoadedFlight> {
+        self.files.iter().filter_map(|file| file.flights.as_ref().as_ref().ok()).flatten()
     }
 }
 

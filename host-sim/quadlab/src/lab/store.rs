@@ -121,6 +121,13 @@ impl Store {
         Ok(())
     }
 
+    /// A file beside the others that is gone when it is dropped.
+    pub(super) fn temporary(&self) -> Result<tempfile::NamedTempFile, StoreError> {
+        make(&self.folder)?;
+        tempfile::NamedTempFile::new_in(&self.folder)
+            .map_err(|source| StoreError::Io { path: self.folder.clone(), source })
+    }
+
     fn model_path(&self, id: u32) -> PathBuf {
         self.folder.join(format!("model-{id}.toml"))
     }

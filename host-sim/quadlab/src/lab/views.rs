@@ -1,26 +1,20 @@
-//! A model held against the flights, as series and clouds that the page draws.
-
-use std::sync::OnceLock;
+//! Flights seen by a model, as series and clouds that the page draws.
 
 use diagnosis::workflow::{self, Faults, FlightsOfOneKind, LoadedFlight, Silent, WorkflowError};
 use model::{AXES, Axis, Model};
 use serde::Serialize;
 use serde_json::{Value, json};
-use sysid::Comparison;
 use sysid::compare::predict_ahead;
 
 use super::numbers::{self, Rows, Window};
 use super::refused::Refused;
-use crate::render::pages;
 use crate::render::view::View;
 
-/// A model held against all flights.
-pub(super) struct ModelView {
+/// A flight held against a model, by itself: what `quadlab compare` does with it alone.
+pub(super) struct Seen {
     model: Model,
-    flights: Vec<LoadedFlight>,
-    views: Vec<View>,
-    /// Its predictions ahead take longest: made when they are first asked for.
-    comparison: OnceLock<Comparison>,
+    flight: LoadedFlight,
+    view: View,
 }
 
 /// What the page draws over time.
@@ -70,29 +64,22 @@ const OF_PLACE: [&str; 3] = ["height", "north position", "east position"];
 /// Points of a path in space.
 const PATH: usize = 3000;
 
-impl ModelView {
-    pub(super) fn new(model: &Model, flights: Vec<LoadedFlight>) -> Result<Self, WorkflowError> {
-        let mut flights = FlightsOfOneKind { flights, faults: Faults::default() };
-        workflow::line_up(model, &mut flights, &Silent)?;
-        let views = View::all(&flights.prepared(), model);
-        Ok(Self { model: model.clone(), flights: flights.flights, views, comparison: OnceLock::new() })
+impl Seen {
+    pub(super) fn new(model: &Model, flight: LoadedFlight) -> Result<Self, WorkflowError> {
+        let mut held = FlightsOfOneKind { flights: vec![flight], faults: Faults::default() };
+        workflow::line_up(model, &mut held, &Silent)?;
+        let flight = held.flights.remove(0);
+        Ok(Self { model: model.clone(), view: View::new(&flight.prepared, model), flight })
     }
 
-    /// What `quadlab compare` says of it.
-    pub(super) fn comparison(&self) -> &Comparison {
-        let prepared = || self.flights.iter().map(|flight| &flight.prepared).collect::<Vec<_>>();
-        self.comparison.get_or_init(|| sysid::compare(&self.model, &prepared()))
-    }
-
-    fn flight(&self, name: &str) -> Result<(&LoadedFlight, &View), Refused> {
-        let mut all = self.flights.iter().zip(&self.views);
-        all.find(|(flight, _)| flight.prepared.name == name)
-            .ok_or_else(|| Refused(format!("{name}: there is no such flight in this folder")))
+    /// How much memory it takes, in rows of the flight.
+    pub(super) fn rows(&self) -> usize {
+        self.view.time_s.len()
     }
 
     /// Measured, predicted and what is left of the accelerations.
-    pub(super) fn accelerations(&self, flight: &str, window: Window) -> Result<Series, Refused> {
-        let (_, view) = self.flight(flight)?;
+    pub(super) fn accelerations(&self, window: Window) -> Series {
+        let view = &self.view;
         let spoken = |axis: &&Axis| axis.index() < 3 || sysid::has_rotation(&self.model);
         let channels = AXES.iter().filter(spoken).map(|axis| {
             let measured = view.residuals.measured[axis.index()].clone();
@@ -101,90 +88,70 @@ impl ModelView {
             let told = Channel::new(axis.name(), axis_name(*axis), axis.unit(), "acceleration");
             (told, [measured, predicted, residual])
         });
-        Ok(series(&view.time_s, channels.collect(), window))
+        series(&view.time_s, channels.collect(), window)
     }
 
     /// The same of everything predicted so many samples ahead.
-    pub(super) fn ahead(&self, flight: &str, samples: usize, window: Window) -> Result<Series, Refused> {
-        let (flight, _) = self.flight(flight)?;
-        let ahead = predict_ahead(&self.model, &flight.prepared, samples);
+    pub(super) fn ahead(&self, samples: usize, window: Window) -> Series {
+        let ahead = predict_ahead(&self.model, &self.flight.prepared, samples);
         let all = AHEAD.iter().zip(ahead.measured.into_iter().zip(ahead.predicted));
         let channels = all.map(|((id, name, unit, group), (measured, predicted))| {
             let residual = measured.iter().zip(&predicted).map(|(y, p)| y - p).collect();
             let told = Channel::new(id, name, unit, group);
             (told, [measured, predicted, residual])
         });
-        Ok(series(&ahead.time_s, channels.collect(), window))
+        series(&ahead.time_s, channels.collect(), window)
     }
 
-    /// Quantities that residuals can be drawn over: those of the place only where a flight says it.
-    pub(super) fn quantities(&self) -> Value {
-        let has_place = self.flights.iter().any(|flight| flight.prepared.has_position);
-        let all = self.views.first().into_iter().flat_map(View::conditions);
-        let known = all.filter(|condition| has_place || !OF_PLACE.contains(&condition.name));
+    /// Quantities that residuals can be drawn over: those of the place only where it was logged.
+    pub(super) fn quantities(&self, has_place: bool) -> Value {
+        let known =
+            self.view.conditions().filter(|condition| has_place || !OF_PLACE.contains(&condition.name));
         known.map(|condition| json!({ "name": condition.name, "unit": condition.unit })).collect()
     }
 
-    /// The residual of an axis over a quantity, of one flight or of all.
-    pub(super) fn residual(
+    /// Adds the residual of an axis over a quantity to points, and tells the quantity's unit.
+    pub(super) fn add_residual(
         &self,
         axis: Axis,
         quantity: &str,
-        flight: Option<&str>,
-    ) -> Result<Value, Refused> {
-        let views: Vec<&View> = match flight {
-            Some(name) => vec![self.flight(name)?.1],
-            None => self.views.iter().collect(),
-        };
-        let (mut points, mut unit) = (Vec::new(), None);
-        for view in views {
-            let Some(condition) = view.condition(quantity) else { continue };
-            unit = Some(condition.unit);
-            points.extend(condition.values.iter().copied().zip(view.residual(axis).iter().copied()));
-        }
-        let unit =
-            unit.ok_or_else(|| Refused(format!("{quantity}: no such quantity; load the page again")))?;
-        let mut density = numbers::density(&points);
-        density["unit"] = json!(axis.unit());
-        density["quantity_unit"] = json!(unit);
-        Ok(density)
+        points: &mut Vec<(f64, f64)>,
+    ) -> Option<&'static str> {
+        let condition = self.view.condition(quantity)?;
+        points.extend(condition.values.iter().copied().zip(self.view.residual(axis).iter().copied()));
+        Some(condition.unit)
     }
 
     /// Spectra of what is measured and of what is left, and how what is left hangs together.
-    pub(super) fn spectrum(&self, flight: &str, axis: Axis) -> Result<Value, Refused> {
-        let (loaded, view) = self.flight(flight)?;
-        let measured = &view.residuals.measured[axis.index()];
-        let mut spectrum = numbers::spectrum(measured, view.residual(axis), loaded.prepared.period_s);
+    pub(super) fn spectrum(&self, axis: Axis) -> Value {
+        let measured = &self.view.residuals.measured[axis.index()];
+        let period_s = self.flight.prepared.period_s;
+        let mut spectrum = numbers::spectrum(measured, self.view.residual(axis), period_s);
         spectrum["unit"] = json!(axis.unit());
-        Ok(spectrum)
+        spectrum
     }
 
     /// The way through the room, with what is left of an axis.
-    pub(super) fn path(&self, flight: &str, axis: Axis) -> Result<Value, Refused> {
-        let (_, view) = self.flight(flight)?;
+    pub(super) fn path(&self, axis: Axis) -> Value {
+        let view = &self.view;
         let picked = |name: &str| -> Vec<f64> {
             let condition = view.condition(name);
             condition.map(|condition| numbers::thinned(&condition.values, PATH)).unwrap_or_default()
         };
-        Ok(json!({
+        json!({
             "t": numbers::thinned(&view.time_s, PATH),
             "north_m": picked("north position"),
             "east_m": picked("east position"),
             "up_m": picked("height"),
             "residual": numbers::thinned(view.residual(axis), PATH),
             "unit": axis.unit(),
-        }))
-    }
-
-    /// The page of `quadlab compare --html`.
-    pub(super) fn report(&self) -> String {
-        pages::compare(&self.model, &self.flights, self.comparison()).render()
+        })
     }
 
     /// All samples of a flight as a table.
-    pub(super) fn table(&self, flight: &str) -> Result<String, Refused> {
+    pub(super) fn table(&self) -> String {
         use std::fmt::Write as _;
-        let (_, view) = self.flight(flight)?;
+        let view = &self.view;
         let mut text = String::from("t_s");
         for axis in AXES {
             let unit = if axis.index() < 3 { "m_s2" } else { "rad_s2" };
@@ -200,8 +167,25 @@ impl ModelView {
             }
             text.push('\n');
         }
-        Ok(text)
+        text
     }
+}
+
+/// The residual of an axis over a quantity, of one flight or of several.
+pub(super) fn residual(
+    flights: impl Iterator<Item = Result<std::sync::Arc<Seen>, Refused>>,
+    axis: Axis,
+    quantity: &str,
+) -> Result<Value, Refused> {
+    let (mut points, mut unit) = (Vec::new(), None);
+    for seen in flights {
+        unit = seen?.add_residual(axis, quantity, &mut points).or(unit);
+    }
+    let unit = unit.ok_or_else(|| Refused(format!("{quantity}: no such quantity; load the page again")))?;
+    let mut density = numbers::density(&points);
+    density["unit"] = json!(axis.unit());
+    density["quantity_unit"] = json!(unit);
+    Ok(density)
 }
 
 fn axis_name(axis: Axis) -> &'static str {

@@ -8,7 +8,7 @@
 /** @typedef {{id: number, parent: number|null, effect: string|null, label: string, fitted_on: string[], judged_on: string[],
  *   effects: string[], axes: Record<Axis, Errors>|null, verdict: string|null, changed: string|null, supported: boolean|null, command: string}} Model */
 /** @typedef {{do: string, activity: string, done: number|null, all: number|null}} Job */
-/** @typedef {{folder: string, vehicle: {name: string}|null, problem: string|null, reading: boolean, flights: Flight[],
+/** @typedef {{folder: string, vehicle: {name: string, written: boolean, unmeasured: string[]}|null, problem: string|null, reading: boolean, flights: Flight[],
  *   models: Model[], current: number|null, job: Job|null}} State */
 /** @typedef {{id: string, name: string, unit: string, group: string, measured: (number|null)[], predicted: (number|null)[],
  *   residual: (number|null)[]}} Channel */
@@ -89,6 +89,12 @@ export function address(path, query) {
 /** Asks for something to be done. @param {string} path @param {object} body */
 export function post(path, body) {
   return ask(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
+}
+
+/** Sends a file. @param {string} path @param {Record<string, string>} query @param {File} file */
+export function put(path, query, file) {
+  const headers = { "Content-Type": "application/octet-stream" };
+  return ask(address(path, query), { method: "POST", headers, body: file });
 }
 
 /** Whether a request was given up by the page itself. @param {unknown} error */

@@ -26,7 +26,7 @@ export function drawFlights(app, root) {
           el(
             "li",
             { class: "quiet" },
-            "There is no flight in this folder. Put flight files into it and open the lab again.",
+            "There is no flight in this folder. Drop flights or logs on the page, or press Add files.",
           ),
         ],
   );

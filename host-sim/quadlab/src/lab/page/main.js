@@ -14,6 +14,8 @@ import { pathTab } from "./path.js";
 import { plotly } from "./plots.js";
 import { spectrumTab } from "./spectrum.js";
 import { timeTab } from "./time.js";
+import { wireUpload } from "./upload.js";
+import { drawVehicleButton, wireVehicle } from "./vehicle.js";
 import { TABS, readView, writeView } from "./view.js";
 import { whereTab } from "./where.js";
 
@@ -22,6 +24,8 @@ import { whereTab } from "./where.js";
 
 /** The answers to /api/model. @type {Map<number, Promise<any>>} */
 const details = new Map();
+/** The answers to /api/comparison. @type {Map<number, Promise<any>>} */
+const comparisons = new Map();
 /** The answer to /api/quantities. @type {Promise<{name: string, unit: string}[]>|null} */
 let quantities = null;
 /** @type {(() => void)[]} */
@@ -48,16 +52,11 @@ export const app = {
     return times.length ? [Math.min(...times), Math.max(...times)] : [0, 1];
   },
 
-  /** Coefficients, errors and file of a model. @param {number} id */
-  async details(id) {
-    if (!details.has(id)) details.set(id, get("/api/model", { id }));
-    try {
-      return await details.get(id);
-    } catch (error) {
-      details.delete(id);
-      throw error;
-    }
-  },
+  /** Coefficients, equations and file of a model. @param {number} id */
+  details: (id) => kept(details, id, "/api/model"),
+
+  /** What `quadlab compare` says of a model and all flights; it takes long where these are. @param {number} id */
+  comparison: (id) => kept(comparisons, id, "/api/comparison"),
 
   /** What residuals can be drawn against. */
   async quantities() {
@@ -109,6 +108,8 @@ export const app = {
     );
   },
 
+  takeState: (/** @type {State} */ state) => takeState(state),
+
   /** Moves the cursor. @param {number|null} t */
   point(t) {
     app.cursor = t;
@@ -120,6 +121,17 @@ export const app = {
     cursorListeners.push(listener);
   },
 };
+
+/** An answer by model, asked for once. @param {Map<number, Promise<any>>} answers @param {number} id @param {string} path */
+async function kept(answers, id, path) {
+  if (!answers.has(id)) answers.set(id, get(path, { id }));
+  try {
+    return await answers.get(id);
+  } catch (error) {
+    answers.delete(id);
+    throw error;
+  }
+}
 
 /** How many answers are awaited. */
 let waiting = 0;
@@ -201,6 +213,7 @@ function drawState() {
   byId("reading").hidden = !state.reading;
   drawFlights(app, byId("flights"));
   drawModels(app, byId("models"));
+  drawVehicleButton(app);
   fill(
     byId("flight"),
     state.flights
@@ -339,6 +352,7 @@ function listen() {
     forget();
     forgetChanges();
     details.clear();
+    comparisons.clear();
     if (error === "cancelled") byId("announced").textContent = "cancelled";
     else if (error) fail(error);
     app.act(refresh());
@@ -435,6 +449,8 @@ function drawHints() {
 
 wireTabs();
 wireButtons();
+wireVehicle(app);
+wireUpload(app);
 wireSize();
 drawHints();
 app.act(refresh());

@@ -13,8 +13,16 @@ export function modelTab(app, root) {
   async function update() {
     const [model, second] = [app.current(), app.second()];
     if (!model) return;
-    const [details, other] = await Promise.all([app.details(model.id), second ? app.details(second.id) : null]);
-    if (app.current()?.id !== model.id) return;
+    const all = second ? [model, second] : [model];
+    const still = () => app.current()?.id === model.id && app.second()?.id === second?.id;
+    const [details, other] = await Promise.all(all.map((one) => app.details(one.id)));
+    if (still()) draw(model, second, [details, other], []);
+    const comparisons = await Promise.all(all.map((one) => app.comparison(one.id)));
+    if (still()) draw(model, second, [details, other], comparisons);
+  }
+
+  /** @param {import("./api.js").Model} model @param {import("./api.js").Model|null} second @param {any[]} documents @param {any[]} comparisons */
+  function draw(model, second, [details, other], [comparison, others]) {
     redraw(root, [
       el("h3", {}, titleOf(model)),
       el(
@@ -24,9 +32,9 @@ export function modelTab(app, root) {
       ),
       downloads(app, model.id),
       command(app, model.command),
-      errors(details.comparison, model, titleOf(model)),
-      second && other && errors(other.comparison, second, `second: ${titleOf(second)}`),
-      horizons(details.comparison, other?.comparison ?? null),
+      errors(comparison, model, titleOf(model)),
+      second && errors(others, second, `second: ${titleOf(second)}`),
+      horizons(comparison, others ?? null),
       coefficients(details.coefficients, other?.coefficients ?? null),
       equations(details.equations ?? []),
       el(

@@ -18,8 +18,10 @@ export function whereTab(app, root) {
   root.append(worst, controls, summary, el("div", { role: "img", "aria-label": "The residual against the chosen quantity" }, plot));
   /** @type {{name: string, unit: string}[]} */
   let quantities = [];
-  /** @type {ReturnType<typeof newest<{answers: any[], details: any}>>} */
+  /** @type {ReturnType<typeof newest<any[]>>} */
   const ask = newest();
+  /** The model whose worst conditions are shown. @type {number|null} */
+  let drawnWorst = null;
   /** @type {any[]} */
   let maps = [];
 
@@ -38,14 +40,16 @@ export function whereTab(app, root) {
     drawControls();
     const { axis: of, quantity, over } = app.view;
     const query = { axis: of, quantity, flight: over || null };
-    const given = await ask([model.id, model.judged_on, second?.id, query], async (signal) => ({
-      answers: await Promise.all(pair().map((m) => get("/api/residual", { model: m.id, ...query }, signal))),
-      details: await app.details(model.id),
-    }));
+    const given = await ask([model.id, model.judged_on, second?.id, query], (signal) =>
+      Promise.all(pair().map((m) => get("/api/residual", { model: m.id, ...query }, signal))),
+    );
     if (!given) return;
-    drawWorst(given.details.comparison?.worst ?? []);
-    maps = given.answers;
+    maps = given;
     await draw();
+    if (drawnWorst !== model.id) drawWorst(null);
+    drawnWorst = model.id;
+    const comparison = await app.comparison(model.id);
+    if (app.current()?.id === model.id) drawWorst(comparison.worst ?? []);
   }
 
   function drawControls() {
@@ -73,11 +77,16 @@ export function whereTab(app, root) {
     ]);
   }
 
-  /** @param {any[]} rows */
+  /** @param {any[]|null} rows nothing while they are computed */
   function drawWorst(rows) {
+    const title = el("h3", {}, "Where the error is largest: share of an axis' squared error, and rms");
+    if (!rows) {
+      redraw(worst, [title, el("p", { class: "quiet" }, "All flights are being predicted.")]);
+      return;
+    }
     const most = Math.max(1, ...rows.map((row) => row.share_percent ?? 0));
     redraw(worst, [
-      el("h3", {}, "Where the error is largest: share of an axis' squared error, and rms"),
+      title,
       rows.length
         ? el(
             "ul",
