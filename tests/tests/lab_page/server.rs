@@ -106,6 +106,15 @@ impl Lab {
         assert_eq!(self.state()["models"][0]["id"], 1);
     }
 
+    /// Memory that it takes now, and the most it took, kB.
+    pub(crate) fn memory_kb(&self) -> [u64; 2] {
+        let status = fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
+        ["VmRSS:", "VmHWM:"].map(|name| {
+            let line = status.lines().find_map(|line| line.strip_prefix(name)).expect("a figure of memory");
+            line.trim().trim_end_matches(" kB").parse().unwrap()
+        })
+    }
+
     /// What it said, where it did not end well by itself.
     pub(crate) fn is_alive(&mut self) -> Result<(), String> {
         match self.child.try_wait().unwrap() {
