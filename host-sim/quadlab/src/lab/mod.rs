@@ -12,10 +12,13 @@ mod jobs;
 mod node;
 mod numbers;
 mod refused;
+mod room;
 mod routes;
 mod server;
 mod session;
 mod store;
+mod table;
+mod timeline;
 mod views;
 
 pub(crate) use server::{Options, serve};

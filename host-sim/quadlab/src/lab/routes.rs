@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use axum::body::Body;
 use axum::extract::{DefaultBodyLimit, FromRequest, FromRequestParts, Path, Query, Request, State};
 use axum::http::request::Parts;
 use axum::http::{StatusCode, header};
@@ -20,7 +21,7 @@ use super::jobs::{self, Task};
 use super::numbers::Window;
 use super::refused::{Refused, refusal};
 use super::session::{Session, Telling};
-use super::views::Series;
+use super::views::{Beside, Series};
 use super::{assets, equations};
 use crate::cli::effect_names::known_effect;
 use crate::render::documents::coefficient_entries;
@@ -57,8 +58,11 @@ pub(super) fn router(session: Arc<Session>) -> Router {
         .route("/api/residual", get(residual))
         .route("/api/spectrum", get(spectrum))
         .route("/api/path", get(path))
+        .route("/api/room", get(room))
+        .route("/api/timeline", get(timeline))
         .route("/api/download/model.toml", get(model_file))
-        .route("/api/download/series.csv", get(series_file))
+        .route("/api/download/series.csv", get(series_text))
+        .route("/api/download/series.parquet", get(series_parquet))
         .route("/api/download/report.html", get(report))
         .fallback(async || {
             refusal(StatusCode::NOT_FOUND, "there is nothing at this address: open the lab's first page")
@@ -150,6 +154,7 @@ fn model_document(model: &Model, comparison: &Comparison) -> Value {
     json!({
         "coefficients": coefficient_entries(model),
         "equations": model.effects().into_iter().map(equations::of).collect::<Vec<_>>(),
+        "physical": equations::physical(model),
         "comparison": comparison,
         "toml": model.to_toml(),
     })
@@ -206,6 +211,10 @@ struct OfSeries {
     to: Option<f64>,
     width: Option<usize>,
     ahead: Option<usize>,
+    /// A flight whose start its own goes to.
+    beside: Option<String>,
+    /// So much later, s.
+    shift: Option<f64>,
 }
 
 async fn series(State(session): Shared, Asked(asked): Asked<OfSeries>) -> Result<Json<Series>, Refused> {
@@ -217,9 +226,12 @@ async fn series(State(session): Shared, Asked(asked): Asked<OfSeries>) -> Result
             to_s: asked.to.unwrap_or(f64::INFINITY),
             width: asked.width.unwrap_or(1200).clamp(10, WIDEST),
         };
-        Ok(Json(match asked.ahead {
-            Some(samples) => view.ahead(&asked.flight, samples, window)?,
-            None => view.accelerations(&asked.flight, window)?,
+        Ok(Json(match &asked.beside {
+            Some(flight) => {
+                let beside = Beside { flight, shift_s: asked.shift.filter(|s| s.is_finite()).unwrap_or(0.0) };
+                view.series_beside(&asked.flight, &beside, asked.ahead, window)?
+            }
+            None => view.series(&asked.flight, asked.ahead, window)?,
         }))
     })
     .await
@@ -268,12 +280,28 @@ async fn path(State(session): Shared, Asked(asked): Asked<OfAxis>) -> Answer {
     aside(move || Ok(Json(session.view(asked.model)?.path(&asked.flight, axis(&asked.axis)?)?))).await
 }
 
+#[derive(Deserialize)]
+struct OfRoom {
+    model: u32,
+    axis: String,
+    flight: Option<String>,
+}
+
+async fn room(State(session): Shared, Asked(asked): Asked<OfRoom>) -> Answer {
+    aside(move || Ok(Json(session.view(asked.model)?.room(axis(&asked.axis)?, asked.flight.as_deref())?)))
+        .await
+}
+
+async fn timeline(State(session): Shared, Asked(OfModel { model }): Asked<OfModel>) -> Answer {
+    aside(move || Ok(Json(session.view(model)?.timeline().clone()))).await
+}
+
 /// A file to keep.
-fn download(name: &str, kind: &'static str, text: String) -> Response {
+fn download(name: &str, kind: &'static str, content: impl Into<Body>) -> Response {
     let safe: String =
         name.chars().map(|c| if c.is_ascii_alphanumeric() || "._-".contains(c) { c } else { '_' }).collect();
     let disposition = format!("attachment; filename=\"{safe}\"");
-    ([(header::CONTENT_TYPE, kind.to_owned()), (header::CONTENT_DISPOSITION, disposition)], text)
+    ([(header::CONTENT_TYPE, kind.to_owned()), (header::CONTENT_DISPOSITION, disposition)], content.into())
         .into_response()
 }
 
@@ -296,13 +324,27 @@ struct OfFlight {
     flight: String,
 }
 
-async fn series_file(
-    State(session): Shared,
-    Asked(OfFlight { model, flight }): Asked<OfFlight>,
-) -> Result<Response, Refused> {
+async fn series_text(State(session): Shared, Asked(of): Asked<OfFlight>) -> Result<Response, Refused> {
     aside(move || {
-        let text = session.view(model)?.table(&flight)?;
-        Ok(download(&format!("model-{model}-{flight}"), "text/csv; charset=utf-8", text))
+        let table = session.view(of.model)?.table(&of.flight)?;
+        Ok(download(&of.file("csv"), "text/csv; charset=utf-8", table.to_csv()))
     })
     .await
+}
+
+async fn series_parquet(State(session): Shared, Asked(of): Asked<OfFlight>) -> Result<Response, Refused> {
+    aside(move || {
+        let table = session.view(of.model)?.table(&of.flight)?;
+        let about = [("model", of.model.to_string()), ("flight", of.flight.clone())];
+        Ok(download(&of.file("parquet"), "application/vnd.apache.parquet", table.to_parquet(&about)?))
+    })
+    .await
+}
+
+impl OfFlight {
+    /// What a file about it is called.
+    fn file(&self, extension: &str) -> String {
+        let stem = std::path::Path::new(&self.flight).file_stem().unwrap_or_default();
+        format!("model-{}-{}.{extension}", self.model, stem.to_string_lossy())
+    }
 }

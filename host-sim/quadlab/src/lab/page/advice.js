@@ -258,8 +258,7 @@ function card(app, model, diagnosis, finding, again) {
     el("p", { class: finding.supported ? "" : "quiet" }, sentence(finding.reason)),
     falls(finding.axes),
     coefficients(finding),
-    finding.confounded_with.length > 0 &&
-      el("p", { class: "note" }, `These flights cannot tell it apart from ${finding.confounded_with.join(", ")}.`),
+    finding.confounded_with.length > 0 && confounded(model, finding),
     el(
       "div",
       { class: "buttons" },
@@ -301,6 +300,19 @@ function card(app, model, diagnosis, finding, again) {
       },
       open && evidence(unfolded.get(key)),
     ),
+  );
+}
+
+/** What it cannot be told apart from, and what plans the flight that tells. @param {Model} model @param {Finding} finding */
+function confounded(model, finding) {
+  const plan = (/** @type {string} */ other) =>
+    `quadlab plan --model lab/model-${model.id}.toml --separate ${finding.effect} ${other} --out lab/next.csv`;
+  return el(
+    "div",
+    { class: "note" },
+    el("p", {}, `These flights cannot tell it apart from ${finding.confounded_with.join(", ")}.`),
+    el("p", {}, "What to fly to tell them apart, as a pattern file:"),
+    finding.confounded_with.map((other) => el("p", {}, el("code", {}, plan(other)))),
   );
 }
 

@@ -4,18 +4,23 @@ import { AXES, address, axisUnit } from "./api.js";
 import { el, redraw, table } from "./dom.js";
 import { titleOf } from "./models.js";
 import { short, unit, withError, withUnit } from "./numbers.js";
+import { timelineSection } from "./timeline.js";
 
 /** @typedef {import("./main.js").App} App */
 /** @typedef {import("./api.js").Coefficient} Coefficient */
 
 /** @param {App} app @param {HTMLElement} root */
 export function modelTab(app, root) {
+  const content = el("div");
+  const timeline = timelineSection(app);
+  root.append(content, timeline.element);
+
   async function update() {
     const [model, second] = [app.current(), app.second()];
     if (!model) return;
     const [details, other] = await Promise.all([app.details(model.id), second ? app.details(second.id) : null]);
     if (app.current()?.id !== model.id) return;
-    redraw(root, [
+    redraw(content, [
       el("h3", {}, titleOf(model)),
       el(
         "p",
@@ -28,6 +33,7 @@ export function modelTab(app, root) {
       second && other && errors(other.comparison, second, `second: ${titleOf(second)}`),
       horizons(details.comparison, other?.comparison ?? null),
       coefficients(details.coefficients, other?.coefficients ?? null),
+      physical(details.physical ?? []),
       equations(details.equations ?? []),
       el(
         "details",
@@ -36,8 +42,47 @@ export function modelTab(app, root) {
         el("pre", { tabindex: "0" }, details.toml),
       ),
     ]);
+    await timeline.update();
   }
-  return { update, resize: () => {}, theme: () => {} };
+  return { update, picture: () => null, resize: timeline.draw, theme: timeline.draw };
+}
+
+/** @typedef {{symbol: string, name: string, value: number, std_error: number|null, unit: string, mathml: string|null, source: string}} Physical */
+
+/** Mass, thrust and torque coefficients and moments of inertia. @param {Physical[]} all */
+function physical(all) {
+  if (!all.length) return null;
+  const commands = all.some((one) => one.unit.includes("cmd"));
+  return el(
+    "section",
+    { id: "physical", "aria-label": "Physical parameters" },
+    table(
+      "Physical parameters",
+      ["parameter", "meaning", "value ± standard error", "unit", "from"],
+      all.map((one) => [
+        symbol(one.symbol),
+        one.name,
+        withError(one.value, one.std_error),
+        unit(one.unit),
+        [one.mathml && one.symbol !== "m" ? drawn(one.mathml) : null, ` ${one.source}`],
+      ]),
+    ),
+    el(
+      "p",
+      { class: "quiet" },
+      "Mass and geometry of the vehicle file count as exact; a rotor's lever is its arm over √2, as in an X frame. ",
+      commands && "The motor map is not known: cmd is the unit of the motor commands, which stand in for rotor speeds.",
+    ),
+  );
+}
+
+/** @param {string} text such as `k_Q/I_zz` */
+function symbol(text) {
+  const one = (/** @type {string} */ part) => {
+    const [base, below] = part.replace("omega", "ω").split("_");
+    return [el("i", {}, base), below ? el("sub", {}, below) : ""];
+  };
+  return text.split("/").flatMap((part, n) => [n ? " / " : "", ...one(part)]);
 }
 
 /** What each effect does. @param {{effect: string, sentence: string, mathml: string|null, source: string|null}[]} all */
@@ -74,7 +119,9 @@ function downloads(app, id) {
     { class: "downloads", "aria-label": "Downloads" },
     link("model.toml", "/api/download/model.toml", { id }),
     app.flight() &&
-      link(`series of ${app.view.flight} (CSV)`, "/api/download/series.csv", { model: id, flight: app.view.flight }),
+      link(`samples of ${app.view.flight} (CSV)`, "/api/download/series.csv", { model: id, flight: app.view.flight }),
+    app.flight() &&
+      link(`samples of ${app.view.flight} (Parquet)`, "/api/download/series.parquet", { model: id, flight: app.view.flight }),
     link("report (HTML)", "/api/download/report.html", { id }),
   );
 }
