@@ -1,7 +1,10 @@
 //! Figures and what can be taken away: the room, two flights, coefficients flight by flight, files.
 
+use std::process::Command;
+
 use fantoccini::key::Key;
 use serde_json::{Value, json};
+use stories::program;
 
 use crate::browser::{Browser, missing};
 use crate::flights;
@@ -203,5 +206,58 @@ fn parameters_of_the_craft_and_what_each_flight_says_of_them() {
     let first = &rows["coefficients"][0];
     assert_eq!(first["flights"].as_array().unwrap().len(), 5, "{first}");
     assert_eq!(rows["flights"][4], json!({ "flight": "E.csv", "problem": null }));
+    browser.finish(&[]);
+}
+
+/// A diagnosis that leaves two effects open, as the lab keeps it.
+fn undecided() -> Value {
+    json!({
+        "verdict": "missing-effect",
+        "verdicts": { "translation": "missing-effect", "rotation": "adequate" },
+        "summary": "A wind, or a tilted attitude.",
+        "effects": [{
+            "effect": "steady-wind",
+            "supported": true,
+            "axes": {},
+            "p_value": null,
+            "held_out_p_value": null,
+            "flights_improved": [2, 2],
+            "coefficients": [],
+            "confounded_with": ["attitude-offset"],
+            "reason": "it improves all flights",
+        }],
+        "unexplained": [],
+        "not_identified": [],
+        "sentences": {},
+    })
+}
+
+#[test]
+fn the_flight_that_tells_two_effects_apart_is_a_file() {
+    if missing() {
+        return;
+    }
+    let folder = flights::small();
+    let before = Lab::start(folder.path());
+    before.identify();
+    drop(before);
+    std::fs::write(folder.path().join("lab/diagnosis-1.json"), undecided().to_string()).unwrap();
+
+    let (_lab, browser) = opened("what-to-fly", folder.path());
+    let card = ".card[data-effect='steady-wind']";
+    browser.wait_for(&format!("{card} .to-fly"), "In a terminal: quadlab plan --model lab/model-1.toml");
+    let command = browser.text(&format!("{card} .to-fly code"));
+    browser.click(&format!("{card} button.plan"));
+    browser.wait_for(&format!("{card} .to-fly a"), "Pattern file steady-wind-or-attitude-offset.csv");
+    browser.screenshot("planned");
+    browser.click(&format!("{card} .to-fly a"));
+    let name = "steady-wind-or-attitude-offset.csv";
+    let pattern = browser.downloaded(name);
+
+    // The command that the card shows writes the same.
+    let mut shell = Command::new(program("quadlab"));
+    let output = shell.args(command.split(' ').skip(1)).current_dir(folder.path()).output().unwrap();
+    assert!(output.status.success(), "{command}\n{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(std::fs::read_to_string(folder.path().join(name)).unwrap(), pattern);
     browser.finish(&[]);
 }

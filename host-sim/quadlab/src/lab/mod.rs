@@ -9,6 +9,7 @@ mod events;
 mod flights;
 mod guard;
 mod jobs;
+mod next;
 mod node;
 mod numbers;
 mod refused;

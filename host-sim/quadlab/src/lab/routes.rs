@@ -22,7 +22,7 @@ use super::numbers::Window;
 use super::refused::{Refused, refusal};
 use super::session::{Session, Telling};
 use super::views::{Beside, Series};
-use super::{assets, equations};
+use super::{assets, equations, next};
 use crate::cli::effect_names::known_effect;
 use crate::render::documents::coefficient_entries;
 
@@ -60,6 +60,7 @@ pub(super) fn router(session: Arc<Session>) -> Router {
         .route("/api/path", get(path))
         .route("/api/room", get(room))
         .route("/api/timeline", get(timeline))
+        .route("/api/next", get(next_flight))
         .route("/api/download/model.toml", get(model_file))
         .route("/api/download/series.csv", get(series_text))
         .route("/api/download/series.parquet", get(series_parquet))
@@ -290,6 +291,17 @@ struct OfRoom {
 async fn room(State(session): Shared, Asked(asked): Asked<OfRoom>) -> Answer {
     aside(move || Ok(Json(session.view(asked.model)?.room(axis(&asked.axis)?, asked.flight.as_deref())?)))
         .await
+}
+
+#[derive(Deserialize)]
+struct OfTwo {
+    model: u32,
+    effect: String,
+    other: String,
+}
+
+async fn next_flight(State(session): Shared, Asked(of): Asked<OfTwo>) -> Answer {
+    aside(move || Ok(Json(next::flight(&session, of.model, [&of.effect, &of.other])?))).await
 }
 
 async fn timeline(State(session): Shared, Asked(OfModel { model }): Asked<OfModel>) -> Answer {
