@@ -64,7 +64,7 @@ function physical(all) {
         one.name,
         withError(one.value, one.std_error),
         unit(one.unit),
-        [one.mathml && one.symbol !== "m" ? drawn(one.mathml) : null, ` ${one.source}`],
+        one.source,
       ]),
     ),
     el(
@@ -72,6 +72,14 @@ function physical(all) {
       { class: "quiet" },
       "Mass and geometry of the vehicle file count as exact; a rotor's lever is its arm over √2, as in an X frame. ",
       commands && "The motor map is not known: cmd is the unit of the motor commands, which stand in for rotor speeds.",
+    ),
+    el(
+      "details",
+      { "data-key": "relations" },
+      el("summary", { "data-key": "unfold relations" }, "How they follow from the coefficients"),
+      all
+        .filter((one) => one.mathml && one.symbol !== "m")
+        .map((one) => el("div", { class: "equation" }, drawn(/** @type {string} */ (one.mathml)))),
     ),
   );
 }
