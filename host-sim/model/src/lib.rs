@@ -24,6 +24,7 @@ mod log_columns;
 mod model;
 mod model_file;
 mod pendulum;
+mod physical;
 mod plant;
 mod quantity;
 pub mod rotor_lag;
@@ -48,6 +49,7 @@ pub use log_columns::{
 pub use model::{Correlation, Model, Term};
 pub use model_file::ModelError;
 pub use pendulum::Pendulum;
+pub use physical::{PhysicalParameter, physical_parameters};
 pub use plant::{DelayLine, Plant, State, Substeps};
 pub use quantity::{COMBINATIONS, QUANTITIES, Quantity};
 pub use rotor_quantity::RotorQuantity;

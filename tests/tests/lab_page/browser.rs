@@ -265,10 +265,15 @@ impl Browser {
 
     /// The content of a file once it is downloaded.
     pub(crate) fn downloaded(&self, name: &str) -> String {
+        String::from_utf8(self.downloaded_bytes(name)).expect("a text")
+    }
+
+    /// The same of a file that is no text.
+    pub(crate) fn downloaded_bytes(&self, name: &str) -> Vec<u8> {
         let (path, start) = (self.folder.path().join("downloads").join(name), Instant::now());
         loop {
-            match fs::read_to_string(&path) {
-                Ok(text) if !text.is_empty() => return text,
+            match fs::read(&path) {
+                Ok(bytes) if !bytes.is_empty() => return bytes,
                 _ if start.elapsed() > PATIENCE => {
                     panic!("{}: {name} is not downloaded; {}", self.name, self.state())
                 }

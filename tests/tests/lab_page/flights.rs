@@ -7,11 +7,16 @@ use stories::shared;
 use stories::world::{Pattern, Sensors, Size, World};
 use tempfile::TempDir;
 
-/// Five flights of 24 s of a craft whose rotors flap: its effect is what a diagnosis should find.
-pub(crate) fn small() -> TempDir {
+/// A craft whose rotors flap.
+pub(crate) fn small_world() -> World {
     let seed = 11;
     println!("flights of seed {seed}");
-    let world = World::new(Size::F330, seed).with("flapping-moment", 1.0).unwrap();
+    World::new(Size::F330, seed).with("flapping-moment", 1.0).unwrap()
+}
+
+/// Five flights of 24 s of it: its effect is what a diagnosis should find.
+pub(crate) fn small() -> TempDir {
+    let world = small_world();
     let folder = tempfile::tempdir().unwrap();
     let fly = |pattern: &Pattern| world.fly(*pattern, 24.0, &Sensors::default(), 0).expect("the pilot copes");
     let flights: Vec<_> = Pattern::TRAIN.iter().chain(&Pattern::VALIDATE).map(fly).collect();

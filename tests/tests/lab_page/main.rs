@@ -8,6 +8,7 @@
 mod accessibility;
 mod attacks;
 mod browser;
+mod figures;
 mod flights;
 mod folder;
 mod page;

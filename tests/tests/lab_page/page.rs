@@ -33,7 +33,7 @@ fn open(lab: &Lab, browser: &mut Browser) {
 }
 
 /// Trains on A, B and C and judges on D and E.
-fn split(browser: &Browser) {
+pub(crate) fn split(browser: &Browser) {
     for (name, set) in [("A", "train"), ("B", "train"), ("C", "train"), ("D", "validate"), ("E", "validate")]
     {
         let select = format!(".flight[data-name='{name}.csv'] select");

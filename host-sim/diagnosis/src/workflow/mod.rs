@@ -7,6 +7,7 @@
 //! A caller passes an [`Observer`], which hears of progress and warnings and may cancel. Nothing here prints.
 
 mod add;
+mod by_flight;
 mod changed;
 mod compare;
 mod corrections;
@@ -24,6 +25,7 @@ mod split;
 
 pub use crate::observer::{Observer, Progress, Silent};
 pub use add::{Added, add};
+pub use by_flight::{FlightFit, flight_by_flight};
 pub use changed::{changed, changed_why};
 pub use compare::{compare, line_up};
 pub use diagnose::{diagnose, why};

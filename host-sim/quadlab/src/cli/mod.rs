@@ -7,6 +7,7 @@ pub(crate) mod flights;
 pub(crate) mod logs;
 pub(crate) mod model_files;
 pub(crate) mod motion_clocks;
+pub(crate) mod next_flight;
 pub(crate) mod output;
 pub(crate) mod progress;
 pub(crate) mod refine;

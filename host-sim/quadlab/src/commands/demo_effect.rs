@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use control::Config;
-use control::gains::Law;
 use model::{Coefficient, Effect, Model};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use sil::FlightPlan;
+
+use crate::cli::next_flight::without_cancellers;
 
 /// A coefficient's range; with `either_sign` the sign is drawn too.
 struct Strength {
@@ -51,14 +51,6 @@ pub(crate) fn flight_plan(craft: &Model, seed: u64, duration_s: f64) -> FlightPl
     let mut plan = FlightPlan::identification(craft.clone(), seed, duration_s);
     without_cancellers(&mut plan.config);
     plan
-}
-
-/// Takes the zero-cancellers of roll and pitch out of the thesis' law, for a craft without flapping moments.
-pub(crate) fn without_cancellers(config: &mut Config) {
-    if let Law::ModelBased(law) = &mut config.law {
-        law.loops.roll.canceller = None;
-        law.loops.pitch.canceller = None;
-    }
 }
 
 /// The craft with one effect more, and that effect.

@@ -6,9 +6,6 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use control::Config;
-use design::Gains;
-use design::plant::{Linear, TrimTarget};
-use design::synthesis::{Method, Specs, design};
 use diagnosis::planning::information::{Expected, Parameter};
 use model::Model;
 use pattern::{Pattern, relative_peak_factor};
@@ -20,8 +17,8 @@ use sil::manoeuvre::{Injection, Signal, library};
 use sil::next_flight::{BAND_HZ, GENTLE, known_error};
 use sil::predict::{Course, Foreseen, Predictor, Prospect};
 
+use crate::cli::next_flight::predictor;
 use crate::cli::output::{Outcome, OutputOptions, provenance};
-use crate::commands::demo_effect;
 use crate::render::excite_page;
 
 /// Write an informative flight pattern, and predict how well it determines the model's coefficients.
@@ -105,10 +102,6 @@ enum ExciteError {
     Duration(f64),
     #[error("--amplitude {0}: give a positive number of command units, at most half the command range")]
     Amplitude(f64),
-    #[error("{}: no gains were found that fly this model in simulation; give --gains", .0.display())]
-    NoGains(PathBuf),
-    #[error("{}: vehicle.motors: has no map from command to rotor speed; find it with quadlab motor-map to simulate flights", .0.display())]
-    NoMap(PathBuf),
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -189,38 +182,6 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         Outcome::done(described(&document, options.out.is_some()))
     };
     Ok(Outcome { holds, ..outcome })
-}
-
-/// The model under the gains of a file, or else under the first that fly it: designed the thesis'
-/// way, which takes a second; by the search for a late pose; the thesis' own, if they suit; and
-/// these without the cancellers that only flapping asks for.
-pub(crate) fn predictor(
-    model: &Model,
-    path: &Path,
-    gains: Option<&Path>,
-    seed: u64,
-) -> anyhow::Result<Predictor> {
-    if !(model.vehicle.can_map_commands() && model.vehicle.has_rotor_map()) {
-        return Err(ExciteError::NoMap(path.into()).into());
-    }
-    let under = |config: Config| anyhow::Ok(Predictor::new(model.clone(), config, seed)?);
-    if let Some(gains) = gains {
-        return under(design::gains_match::read_for(gains, model)?.config);
-    }
-    let designed = |method: Method| under(design(model, &Specs { method, ..Specs::default() })?.config);
-    let of_thesis = |cancellers: bool| {
-        let mut config = Config::thesis();
-        let linear = Linear::new(model, &TrimTarget::default())?;
-        design::gains_match::gains_match(&Gains { config, provenance: None }, model, &linear, path)?;
-        if !cancellers {
-            demo_effect::without_cancellers(&mut config);
-        }
-        under(config)
-    };
-    designed(Method::Thesis)
-        .or_else(|_| designed(Method::Delay))
-        .or_else(|why| of_thesis(true).or_else(|_| of_thesis(false)).map_err(|_| why))
-        .map_err(|why| why.context(ExciteError::NoGains(path.into())))
 }
 
 fn made(options: &Options, config: &Config) -> anyhow::Result<Pattern> {

@@ -7,11 +7,11 @@ use model::{Effect, Model, RotorQuantity};
 use report::significant;
 use schemars::JsonSchema;
 use serde::Serialize;
-use sil::next_flight::{APART, Goal, Proposal, check_effect, coefficient, known_error, plan};
+use sil::next_flight::{Goal, Proposal, check_effect, coefficient, known_error, plan};
 use sil::predict::Predictor;
 
+use crate::cli::next_flight::{is_enough, predictor};
 use crate::cli::output::{Outcome, OutputOptions};
-use crate::commands::excite::predictor;
 use crate::render::tables;
 
 /// Say what to fly next: the flight that best tells two effects apart or shrinks a standard error.
@@ -147,15 +147,6 @@ fn goal(options: &Options, predictor: &Predictor) -> anyhow::Result<Goal> {
         [a, b] if a != b => Ok(Goal::Separate(*a, *b)),
         _ => Err(NoPlan::SameEffect(named.first().cloned().unwrap_or_default()).into()),
     }
-}
-
-fn is_enough(best: &Proposal, goal: Goal) -> bool {
-    let tells = match (goal, best.worth) {
-        (Goal::Separate(..), Some(deviations)) => deviations >= APART,
-        (Goal::Shrink(_), worth) => worth.is_some(),
-        _ => false,
-    };
-    tells && best.course.trouble.is_none()
 }
 
 fn words(goal: Goal) -> String {

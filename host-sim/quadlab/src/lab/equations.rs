@@ -1,6 +1,6 @@
 //! Equations of effects as a browser draws them.
 
-use model::Effect;
+use model::{Effect, Model, physical_parameters};
 use pulldown_latex::config::DisplayMode;
 use pulldown_latex::{Parser, RenderConfig, Storage, push_mathml};
 use serde_json::{Value, json};
@@ -14,6 +14,22 @@ pub(super) fn of(effect: Effect) -> Value {
         _ => mathml(info.equation),
     };
     json!({ "effect": info.id, "sentence": info.sentence, "mathml": mathml, "source": info.source })
+}
+
+/// Mass, thrust and torque coefficients and moments of inertia, with where each comes from.
+pub(super) fn physical(model: &Model) -> Vec<Value> {
+    let entry = |one: model::PhysicalParameter| {
+        json!({
+            "symbol": one.symbol,
+            "name": one.name,
+            "value": one.value,
+            "std_error": one.std_error,
+            "unit": one.unit,
+            "mathml": mathml(one.relation),
+            "source": one.source,
+        })
+    };
+    physical_parameters(model).into_iter().map(entry).collect()
 }
 
 /// Nothing where the equation cannot be read.
@@ -39,5 +55,18 @@ mod tests {
             assert!(!text.contains("merror"), "{effect}: {text}");
         }
         assert!(mathml(r"\frac{1}{").is_none());
+    }
+
+    #[test]
+    fn every_physical_parameter_says_where_it_comes_from() {
+        let all = physical(&Model::thesis());
+        assert_eq!(all.len(), 8, "all but the rotors' own inertia");
+        for one in all {
+            let relation = one["mathml"].as_str().unwrap_or_else(|| panic!("{one}"));
+            assert!(
+                !relation.contains("merror") && one["source"].as_str().is_some_and(|s| !s.is_empty()),
+                "{one}"
+            );
+        }
     }
 }

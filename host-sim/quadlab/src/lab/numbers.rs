@@ -69,6 +69,32 @@ impl Rows {
     }
 }
 
+/// Values less those of another line at the same times, between whose samples a straight line goes; nothing where the other
+/// has none. Angles in rad differ by half a turn at most.
+pub(super) fn apart(
+    time_s: &[f64],
+    values: &[f64],
+    other_s: &[f64],
+    others: &[f64],
+    are_angles: bool,
+) -> Vec<f64> {
+    let longest_s = 3.0 * shortest_step(other_s);
+    let difference = |t: f64, value: f64| {
+        let after = other_s.partition_point(|other| *other < t);
+        if other_s.get(after).is_some_and(|other| *other == t) {
+            return value - others[after];
+        }
+        if after == 0 || after == other_s.len() || other_s[after] - other_s[after - 1] > longest_s {
+            return f64::NAN;
+        }
+        let share = (t - other_s[after - 1]) / (other_s[after] - other_s[after - 1]);
+        value - (others[after - 1] + share * (others[after] - others[after - 1]))
+    };
+    let turned = |angle: f64| angle - std::f64::consts::TAU * (angle / std::f64::consts::TAU).round();
+    let differences = time_s.iter().zip(values).map(|(t, value)| difference(*t, *value));
+    if are_angles { differences.map(turned).collect() } else { differences.collect() }
+}
+
 fn shortest_step(time_s: &[f64]) -> f64 {
     time_s.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min)
 }
@@ -138,6 +164,48 @@ fn cell(edges: &[f64], value: f64) -> Option<usize> {
     let place = ((value - first) / (last - first) * CELLS as f64).floor();
     let is_inside = value >= *first && value <= *last;
     is_inside.then_some((place as usize).min(CELLS - 1))
+}
+
+/// Means of a value over cells of a plane.
+pub(super) struct Cells {
+    /// Edges, one more than columns.
+    pub(super) x: Vec<f64>,
+    /// Edges, one more than rows.
+    pub(super) y: Vec<f64>,
+    /// By row and column; none where there are too few.
+    pub(super) mean: Vec<Vec<Option<f64>>>,
+    pub(super) count: Vec<Vec<u32>>,
+}
+
+/// Means of the third of each three numbers in square cells over the first two; edges are multiples of the cell's side.
+pub(super) fn mean_in_cells(points: &[[f64; 3]], side: f64, fewest: u32) -> Cells {
+    let [x, y] = [0, 1].map(|place| multiples(points.iter().map(|point| point[place]), side));
+    let (columns, rows) = (x.len().saturating_sub(1), y.len().saturating_sub(1));
+    let mut count = vec![vec![0_u32; columns]; rows];
+    let mut sum = vec![vec![0.0; columns]; rows];
+    for [at, up, value] in points {
+        let place = |edges: &[f64], value: f64| edges[1..].partition_point(|edge| *edge <= value);
+        let (column, row) = (place(&x, *at).min(columns - 1), place(&y, *up).min(rows - 1));
+        count[row][column] += 1;
+        sum[row][column] += value;
+    }
+    let mean = |(sums, counts): (&Vec<f64>, &Vec<u32>)| {
+        let cells = sums.iter().zip(counts);
+        cells.map(|(sum, count)| (*count >= fewest).then(|| sum / f64::from(*count))).collect()
+    };
+    Cells { mean: sum.iter().zip(&count).map(mean).collect(), x, y, count }
+}
+
+/// Multiples of a length around all values.
+fn multiples(values: impl Iterator<Item = f64> + Clone, side: f64) -> Vec<f64> {
+    let low = values.clone().fold(f64::INFINITY, f64::min);
+    let high = values.fold(f64::NEG_INFINITY, f64::max);
+    if low > high {
+        return Vec::new();
+    }
+    let first = (low / side).floor();
+    let cells = ((high / side).floor() - first) as usize + 1;
+    (0..=cells).map(|edge| (first + edge as f64) * side).collect()
 }
 
 /// Longest segment of a spectrum, samples.
@@ -230,6 +298,25 @@ mod tests {
         let rows = reduced(&t, &[&t], ALL);
         let broken: Vec<usize> = (0..rows.t.len()).filter(|&k| rows.lines[0][k].is_nan()).collect();
         assert_eq!(broken, [10]);
+    }
+
+    #[test]
+    fn flights_differ_where_both_have_samples() {
+        let line = |t: &[f64]| -> Vec<f64> { t.iter().map(|t| 2.0 * t).collect() };
+        // One begins at 1, breaks between 2 and 4, and ends at 5.
+        let other: Vec<f64> =
+            (0..41).map(|k| 1.0 + 0.1 * f64::from(k)).filter(|t| *t < 2.05 || *t > 3.95).collect();
+        let own: Vec<f64> = (0..60).map(|k| 0.05 + 0.1 * f64::from(k)).collect();
+        let higher: Vec<f64> = line(&own).iter().map(|value| value + 0.5).collect();
+        let found = apart(&own, &higher, &other, &line(&other), false);
+        for (t, difference) in own.iter().zip(&found) {
+            let both = (1.0..=2.0).contains(t) || (4.0..=5.0).contains(t);
+            assert_eq!(both, difference.is_finite(), "at {t}: {difference}");
+            assert!(!both || (difference - 0.5).abs() < 1e-12, "at {t}: {difference}");
+        }
+        let turn = apart(&[0.0], &[3.1], &[0.0], &[-3.1], true);
+        assert!((turn[0] - (6.2 - std::f64::consts::TAU)).abs() < 1e-12, "{turn:?}");
+        assert!(apart(&[1.0], &[1.0], &[], &[], false)[0].is_nan());
     }
 
     #[test]

@@ -21,8 +21,8 @@ use super::numbers::Window;
 use super::refused::{Refused, refusal};
 use super::session::{Session, Telling};
 use super::vehicle::Measured;
-use super::views::{self, Series};
-use super::{assets, equations, upload};
+use super::views::{self, Beside, Series};
+use super::{assets, equations, next, upload};
 use crate::cli::effect_names::known_effect;
 use crate::render::documents::coefficient_entries;
 
@@ -62,8 +62,12 @@ pub(super) fn router(session: Arc<Session>) -> Router {
         .route("/api/residual", get(residual))
         .route("/api/spectrum", get(spectrum))
         .route("/api/path", get(path))
+        .route("/api/room", get(room))
+        .route("/api/timeline", get(timeline))
+        .route("/api/next", get(next_flight))
         .route("/api/download/model.toml", get(model_file))
-        .route("/api/download/series.csv", get(series_file))
+        .route("/api/download/series.csv", get(series_text))
+        .route("/api/download/series.parquet", get(series_parquet))
         .route("/api/download/report.html", get(report))
         .fallback(async || {
             refusal(StatusCode::NOT_FOUND, "there is nothing at this address: open the lab's first page")
@@ -183,6 +187,7 @@ fn model_document(model: &Model) -> Value {
     json!({
         "coefficients": coefficient_entries(model),
         "equations": model.effects().into_iter().map(equations::of).collect::<Vec<_>>(),
+        "physical": equations::physical(model),
         "toml": model.to_toml(),
     })
 }
@@ -242,6 +247,10 @@ struct OfSeries {
     to: Option<f64>,
     width: Option<usize>,
     ahead: Option<usize>,
+    /// A flight whose start its own goes to.
+    beside: Option<String>,
+    /// So much later, s.
+    shift: Option<f64>,
 }
 
 async fn series(State(session): Shared, Asked(asked): Asked<OfSeries>) -> Result<Json<Series>, Refused> {
@@ -253,9 +262,13 @@ async fn series(State(session): Shared, Asked(asked): Asked<OfSeries>) -> Result
             to_s: asked.to.unwrap_or(f64::INFINITY),
             width: asked.width.unwrap_or(1200).clamp(10, WIDEST),
         };
-        Ok(Json(match asked.ahead {
-            Some(samples) => seen.ahead(samples, window),
-            None => seen.accelerations(window),
+        Ok(Json(match &asked.beside {
+            Some(flight) => {
+                let other = session.seen(asked.model, flight)?;
+                let shift_s = asked.shift.filter(|s| s.is_finite()).unwrap_or(0.0);
+                seen.series_beside(&Beside { other: &other, shift_s }, asked.ahead, window)
+            }
+            None => seen.series(asked.ahead, window),
         }))
     })
     .await
@@ -310,12 +323,43 @@ async fn path(State(session): Shared, Asked(asked): Asked<OfAxis>) -> Answer {
     aside(move || Ok(Json(session.seen(asked.model, &asked.flight)?.path(axis(&asked.axis)?)))).await
 }
 
+#[derive(Deserialize)]
+struct OfRoom {
+    model: u32,
+    axis: String,
+    flight: Option<String>,
+}
+
+async fn room(State(session): Shared, Asked(asked): Asked<OfRoom>) -> Answer {
+    aside(move || {
+        let names = asked.flight.map_or_else(|| session.flight_names().0, |name| vec![name]);
+        let seen = names.iter().map(|name| session.seen(asked.model, name));
+        Ok(Json(views::room(seen, axis(&asked.axis)?)?))
+    })
+    .await
+}
+
+#[derive(Deserialize)]
+struct OfTwo {
+    model: u32,
+    effect: String,
+    other: String,
+}
+
+async fn next_flight(State(session): Shared, Asked(of): Asked<OfTwo>) -> Answer {
+    aside(move || Ok(Json(next::flight(&session, of.model, [&of.effect, &of.other])?))).await
+}
+
+async fn timeline(State(session): Shared, Asked(OfModel { model }): Asked<OfModel>) -> Answer {
+    aside(move || Ok(Json(session.timeline(model)?))).await
+}
+
 /// A file to keep.
-fn download(name: &str, kind: &'static str, text: String) -> Response {
+fn download(name: &str, kind: &'static str, content: impl Into<Body>) -> Response {
     let safe: String =
         name.chars().map(|c| if c.is_ascii_alphanumeric() || "._-".contains(c) { c } else { '_' }).collect();
     let disposition = format!("attachment; filename=\"{safe}\"");
-    ([(header::CONTENT_TYPE, kind.to_owned()), (header::CONTENT_DISPOSITION, disposition)], text)
+    ([(header::CONTENT_TYPE, kind.to_owned()), (header::CONTENT_DISPOSITION, disposition)], content.into())
         .into_response()
 }
 
@@ -338,13 +382,27 @@ struct OfFlight {
     flight: String,
 }
 
-async fn series_file(
-    State(session): Shared,
-    Asked(OfFlight { model, flight }): Asked<OfFlight>,
-) -> Result<Response, Refused> {
+async fn series_text(State(session): Shared, Asked(of): Asked<OfFlight>) -> Result<Response, Refused> {
     aside(move || {
-        let text = session.seen(model, &flight)?.table();
-        Ok(download(&format!("model-{model}-{flight}"), "text/csv; charset=utf-8", text))
+        let table = session.seen(of.model, &of.flight)?.table();
+        Ok(download(&of.file("csv"), "text/csv; charset=utf-8", table.to_csv()))
     })
     .await
+}
+
+async fn series_parquet(State(session): Shared, Asked(of): Asked<OfFlight>) -> Result<Response, Refused> {
+    aside(move || {
+        let table = session.seen(of.model, &of.flight)?.table();
+        let about = [("model", of.model.to_string()), ("flight", of.flight.clone())];
+        Ok(download(&of.file("parquet"), "application/vnd.apache.parquet", table.to_parquet(&about)?))
+    })
+    .await
+}
+
+impl OfFlight {
+    /// What a file about it is called.
+    fn file(&self, extension: &str) -> String {
+        let stem = std::path::Path::new(&self.flight).file_stem().unwrap_or_default();
+        format!("model-{}-{}.{extension}", self.model, stem.to_string_lossy())
+    }
 }

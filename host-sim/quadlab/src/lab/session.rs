@@ -19,6 +19,7 @@ use super::flights::{FlightFile, Use};
 use super::node::Node;
 use super::refused::Refused;
 use super::store::{Saved, Store, StoreError};
+use super::timeline;
 use super::vehicle::{Craft, Measured};
 use super::views::Seen;
 use crate::cli::flights::flights_in;
@@ -52,6 +53,7 @@ pub(super) struct State {
     /// The newest first.
     seen: VecDeque<((u32, String), Arc<Seen>)>,
     comparisons: BTreeMap<u32, Arc<Comparison>>,
+    timelines: BTreeMap<u32, Value>,
 }
 
 /// A folder of flights that is open.
@@ -96,6 +98,7 @@ impl Session {
             (state.problem, state.reading) = (problem, false);
             state.seen.clear();
             state.comparisons.clear();
+            state.timelines.clear();
         }
         self.events.changed();
     }
@@ -335,6 +338,20 @@ impl Session {
         let comparison = Arc::new(workflow::compare(&model, &mut flights, &Silent)?);
         self.lock().comparisons.insert(id, comparison.clone());
         Ok(comparison)
+    }
+
+    /// The coefficients of a model, each flight by itself.
+    pub(super) fn timeline(&self, id: u32) -> Result<Value, Refused> {
+        let _comparing = self.comparing.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(timeline) = self.lock().timelines.get(&id) {
+            return Ok(timeline.clone());
+        }
+        let (model, mut flights) = self.held(id)?;
+        workflow::line_up(&model, &mut flights, &Silent)?;
+        let fits = workflow::flight_by_flight(&model, &flights.prepared());
+        let document = timeline::document(&model, &fits);
+        self.lock().timelines.insert(id, document.clone());
+        Ok(document)
     }
 
     /// The page of `quadlab compare --html`.

@@ -1,5 +1,7 @@
 //! Flights seen by a model, as series and clouds that the page draws.
 
+use std::sync::Arc;
+
 use diagnosis::workflow::{self, Faults, FlightsOfOneKind, LoadedFlight, Silent, WorkflowError};
 use model::{AXES, Axis, Model};
 use serde::Serialize;
@@ -8,6 +10,8 @@ use sysid::compare::predict_ahead;
 
 use super::numbers::{self, Rows, Window};
 use super::refused::Refused;
+use super::room::{self, Place};
+use super::table::Table;
 use crate::render::view::View;
 
 /// A flight held against a model, by itself: what `quadlab compare` does with it alone.
@@ -36,6 +40,22 @@ struct Channel {
     measured: Vec<f32>,
     predicted: Vec<f32>,
     residual: Vec<f32>,
+    /// Beside another flight: the residual less that there, where both have samples.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    residual_apart: Vec<f32>,
+}
+
+/// Place of the residual among the lines of a channel.
+const RESIDUAL: usize = 2;
+/// A channel with its lines at all samples: measured, predicted, residual, and what else is drawn of it.
+type Lines = (Channel, Vec<Vec<f64>>);
+
+/// The flight that another is put beside.
+pub(super) struct Beside<'a> {
+    /// Its start is where the other's goes.
+    pub(super) other: &'a Seen,
+    /// So much later, s.
+    pub(super) shift_s: f64,
 }
 
 impl Channel {
@@ -77,30 +97,55 @@ impl Seen {
         self.view.time_s.len()
     }
 
-    /// Measured, predicted and what is left of the accelerations.
-    pub(super) fn accelerations(&self, window: Window) -> Series {
+    /// Measured, predicted and what is left: of the accelerations, or of everything predicted so many samples ahead.
+    pub(super) fn series(&self, ahead: Option<usize>, window: Window) -> Series {
+        let (time_s, lines) = self.lines(ahead);
+        series(&time_s, lines, window)
+    }
+
+    /// The same on the clock of another flight, with the difference from its residual.
+    pub(super) fn series_beside(&self, beside: &Beside<'_>, ahead: Option<usize>, window: Window) -> Series {
+        let (mut time_s, mut lines) = self.lines(ahead);
+        let (other_s, others) = beside.other.lines(ahead);
+        if let (Some(first), Some(start)) = (time_s.first(), other_s.first()) {
+            let later_s = start - first + beside.shift_s;
+            time_s.iter_mut().for_each(|t| *t += later_s);
+        }
+        for ((channel, own), (_, theirs)) in lines.iter_mut().zip(&others) {
+            let wraps = channel.group == "attitude";
+            own.push(numbers::apart(&time_s, &own[RESIDUAL], &other_s, &theirs[RESIDUAL], wraps));
+        }
+        series(&time_s, lines, window)
+    }
+
+    fn lines(&self, ahead: Option<usize>) -> (Vec<f64>, Vec<Lines>) {
+        match ahead {
+            Some(samples) => self.lines_ahead(samples),
+            None => (self.view.time_s.clone(), self.lines_of_accelerations()),
+        }
+    }
+
+    fn lines_of_accelerations(&self) -> Vec<Lines> {
         let view = &self.view;
         let spoken = |axis: &&Axis| axis.index() < 3 || sysid::has_rotation(&self.model);
-        let channels = AXES.iter().filter(spoken).map(|axis| {
+        let of_axis = |axis: &Axis| {
             let measured = view.residuals.measured[axis.index()].clone();
             let residual = view.residual(*axis).to_vec();
             let predicted = measured.iter().zip(&residual).map(|(y, e)| y - e).collect();
             let told = Channel::new(axis.name(), axis_name(*axis), axis.unit(), "acceleration");
-            (told, [measured, predicted, residual])
-        });
-        series(&view.time_s, channels.collect(), window)
+            (told, vec![measured, predicted, residual])
+        };
+        AXES.iter().filter(spoken).map(of_axis).collect()
     }
 
-    /// The same of everything predicted so many samples ahead.
-    pub(super) fn ahead(&self, samples: usize, window: Window) -> Series {
+    fn lines_ahead(&self, samples: usize) -> (Vec<f64>, Vec<Lines>) {
         let ahead = predict_ahead(&self.model, &self.flight.prepared, samples);
         let all = AHEAD.iter().zip(ahead.measured.into_iter().zip(ahead.predicted));
-        let channels = all.map(|((id, name, unit, group), (measured, predicted))| {
+        let lines = all.map(|((id, name, unit, group), (measured, predicted))| {
             let residual = measured.iter().zip(&predicted).map(|(y, p)| y - p).collect();
-            let told = Channel::new(id, name, unit, group);
-            (told, [measured, predicted, residual])
+            (Channel::new(id, name, unit, group), vec![measured, predicted, residual])
         });
-        series(&ahead.time_s, channels.collect(), window)
+        (ahead.time_s, lines.collect())
     }
 
     /// Quantities that residuals can be drawn over: those of the place only where it was logged.
@@ -148,32 +193,61 @@ impl Seen {
         })
     }
 
+    /// Adds the places of a flight, with what is left of an axis there.
+    fn add_places(&self, axis: Axis, places: &mut Vec<Place>) {
+        let of = |name: &str| self.view.condition(name).map_or(&[][..], |condition| &condition.values);
+        let along = of("north position").iter().zip(of("east position")).zip(of("height"));
+        places.extend(along.zip(self.view.residual(axis)).map(|(((north, east), up), residual)| Place {
+            north_m: *north,
+            east_m: *east,
+            up_m: *up,
+            residual: *residual,
+        }));
+    }
+
     /// All samples of a flight as a table.
-    pub(super) fn table(&self) -> String {
-        use std::fmt::Write as _;
+    pub(super) fn table(&self) -> Table {
         let view = &self.view;
-        let mut text = String::from("t_s");
+        let mut table = Table::default();
+        table.push("t_s", view.time_s.clone());
         for axis in AXES {
             let unit = if axis.index() < 3 { "m_s2" } else { "rad_s2" };
-            let _ = write!(text, ",{axis}_measured_{unit},{axis}_predicted_{unit},{axis}_residual_{unit}");
+            let (measured, residual) = (&view.residuals.measured[axis.index()], view.residual(axis));
+            let predicted = measured.iter().zip(residual).map(|(y, e)| y - e).collect();
+            table.push(format!("{axis}_measured_{unit}"), measured.clone());
+            table.push(format!("{axis}_predicted_{unit}"), predicted);
+            table.push(format!("{axis}_residual_{unit}"), residual.to_vec());
         }
-        text.push('\n');
-        for (row, time) in view.time_s.iter().enumerate() {
-            let _ = write!(text, "{time}");
-            for axis in AXES {
-                let measured = view.residuals.measured[axis.index()][row];
-                let residual = view.residual(axis)[row];
-                let _ = write!(text, ",{measured},{},{residual}", measured - residual);
-            }
-            text.push('\n');
-        }
-        text
+        table
     }
+}
+
+/// What is left of an axis over the room, of all flights whose place is known.
+pub(super) fn room(
+    flights: impl Iterator<Item = Result<Arc<Seen>, Refused>>,
+    axis: Axis,
+) -> Result<Value, Refused> {
+    let (mut places, mut placed, mut without) = (Vec::new(), Vec::new(), Vec::new());
+    for seen in flights {
+        let seen = seen?;
+        let name = seen.flight.prepared.name.clone();
+        if seen.flight.prepared.has_position {
+            seen.add_places(axis, &mut places);
+            placed.push(name);
+        } else {
+            without.push(name);
+        }
+    }
+    let mut map = room::map(places);
+    map["unit"] = json!(axis.unit());
+    map["flights"] = json!(placed);
+    map["without_position"] = json!(without);
+    Ok(map)
 }
 
 /// The residual of an axis over a quantity, of one flight or of several.
 pub(super) fn residual(
-    flights: impl Iterator<Item = Result<std::sync::Arc<Seen>, Refused>>,
+    flights: impl Iterator<Item = Result<Arc<Seen>, Refused>>,
     axis: Axis,
     quantity: &str,
 ) -> Result<Value, Refused> {
@@ -199,16 +273,19 @@ fn axis_name(axis: Axis) -> &'static str {
     }
 }
 
-fn series(time_s: &[f64], channels: Vec<(Channel, [Vec<f64>; 3])>, window: Window) -> Series {
+fn series(time_s: &[f64], channels: Vec<Lines>, window: Window) -> Series {
     let lines: Vec<&[f64]> = channels.iter().flat_map(|(_, lines)| lines.iter().map(Vec::as_slice)).collect();
     let Rows { t, lines } = numbers::reduced(time_s, &lines, window);
-    let mut lines = lines.into_iter();
-    let mut next = || lines.next().unwrap_or_default();
-    let reduced = |(channel, _)| Channel { measured: next(), predicted: next(), residual: next(), ..channel };
+    let mut reduced = lines.into_iter();
+    let channels = channels.into_iter().map(|(channel, lines)| {
+        let mut next = reduced.by_ref().take(lines.len());
+        let mut line = || next.next().unwrap_or_default();
+        Channel { measured: line(), predicted: line(), residual: line(), residual_apart: line(), ..channel }
+    });
     Series {
         from: time_s.first().copied().unwrap_or(0.0).max(window.from_s),
         to: time_s.last().copied().unwrap_or(0.0).min(window.to_s),
-        channels: channels.into_iter().map(reduced).collect(),
+        channels: channels.collect(),
         t,
     }
 }

@@ -258,8 +258,7 @@ function card(app, model, diagnosis, finding, again) {
     el("p", { class: finding.supported ? "" : "quiet" }, sentence(finding.reason)),
     falls(finding.axes),
     coefficients(finding),
-    finding.confounded_with.length > 0 &&
-      el("p", { class: "note" }, `These flights cannot tell it apart from ${finding.confounded_with.join(", ")}.`),
+    finding.confounded_with.length > 0 && confounded(app, model, finding, again),
     el(
       "div",
       { class: "buttons" },
@@ -303,6 +302,65 @@ function card(app, model, diagnosis, finding, again) {
     ),
   );
 }
+
+/** What it cannot be told apart from, and the flight that tells. @param {App} app @param {Model} model @param {Finding} finding @param {() => void} again */
+function confounded(app, model, finding, again) {
+  return el(
+    "div",
+    { class: "note" },
+    el("p", {}, `These flights cannot tell it apart from ${finding.confounded_with.join(", ")}.`),
+    finding.confounded_with.map((other) => toFly(app, model, finding.effect, other, again)),
+  );
+}
+
+/** Flights that were planned, by model and effects; null while one is on its way. @type {Map<string, {words: string, deviations: number, file: string, url: string}|null>} */
+const planned = new Map();
+
+/** @param {App} app @param {Model} model @param {string} effect @param {string} other @param {() => void} again */
+function toFly(app, model, effect, other, again) {
+  const key = `${model.id} ${effect} ${other}`;
+  const plan = planned.get(key);
+  const work = async () => {
+    planned.set(key, null);
+    again();
+    try {
+      const { csv, ...flight } = await get("/api/next", { model: model.id, effect, other });
+      planned.set(key, { ...flight, url: URL.createObjectURL(new Blob([csv], { type: "text/csv" })) });
+    } catch (error) {
+      planned.delete(key);
+      throw error;
+    } finally {
+      again();
+    }
+  };
+  return el(
+    "div",
+    { class: "to-fly" },
+    plan
+      ? el(
+          "p",
+          {},
+          `To tell it from ${other}: ${plan.words}; the one the craft has then stands out by ${short(plan.deviations, 2)} standard errors. `,
+          el("a", { href: plan.url, download: plan.file, "data-key": `pattern ${key}` }, `Pattern file ${plan.file}`),
+        )
+      : el(
+          "button",
+          {
+            type: "button",
+            class: "plan",
+            disabled: plan === null,
+            "data-key": `plan ${key}`,
+            click: () => app.act(work()),
+          },
+          plan === null ? `Planning a flight …` : `What to fly to tell it from ${other}`,
+        ),
+    el("p", { class: "quiet" }, "In a terminal: ", el("code", {}, planCommand(model.id, effect, other))),
+  );
+}
+
+/** @param {number} model @param {string} effect @param {string} other */
+const planCommand = (model, effect, other) =>
+  `quadlab plan --model lab/model-${model}.toml --separate ${effect} ${other} --out ${effect}-or-${other}.csv`;
 
 /** @param {string} text */
 const sentence = (text) =>

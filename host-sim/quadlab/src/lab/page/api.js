@@ -11,7 +11,8 @@
 /** @typedef {{folder: string, vehicle: {name: string, written: boolean, unmeasured: string[]}|null, problem: string|null, reading: boolean, flights: Flight[],
  *   models: Model[], current: number|null, job: Job|null}} State */
 /** @typedef {{id: string, name: string, unit: string, group: string, measured: (number|null)[], predicted: (number|null)[],
- *   residual: (number|null)[]}} Channel */
+ *   residual: (number|null)[], residual_apart?: (number|null)[]}} Channel with the difference of the residuals where it is of a
+ *   flight beside another */
 /** @typedef {{from: number, to: number, t: number[], channels: Channel[]}} Series */
 /** @typedef {{effect?: string, name: string, value: number, std_error: number|null, unit: string}} Coefficient */
 /** @typedef {{sse_before: number, sse_after: number, drop_percent: number}} Drop */

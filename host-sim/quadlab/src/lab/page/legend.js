@@ -8,23 +8,57 @@ import { line } from "./plots.js";
 
 /** @param {App} app @param {HTMLElement} root */
 export function drawLegend(app, root) {
+  const entries = legendOf(app);
+  root.hidden = !entries.length;
+  root.replaceChildren(...entries.map(([role, text]) => el("span", {}, swatch(role), text)));
+}
+
+/** @typedef {[Parameters<typeof line>[0], string]} Entry what a line looks like, and what it is */
+/** @typedef {import("./api.js").Model} Model */
+
+/** What the shown tab draws. @param {App} app @returns {Entry[]} */
+export function legendOf(app) {
   const [model, second] = [app.current(), app.second()];
   const { tab } = app.view;
-  root.hidden = !model || !["time", "where", "spectrum"].includes(tab);
-  if (root.hidden || !model) return;
-  /** @type {[Parameters<typeof line>[0], string][]} */
-  const entries = [];
-  if (tab !== "where") entries.push(["measured", "measured"]);
-  if (tab === "time") {
-    entries.push(["predicted", `predicted: ${titleOf(model)}`]);
-    if (second) entries.push(["second", `second: ${titleOf(second)}`]);
-  }
-  entries.push(["residual", tab === "where" ? "mean residual" : "residual"]);
-  if (second)
-    entries.push(["second-residual", tab === "where" ? "mean residual of the second" : "residual of the second"]);
-  if (tab === "time" && second && app.view.difference) entries.push(["difference", "second minus chosen"]);
-  if (tab === "spectrum") entries.push(["difference", "bounds of what chance leaves"]);
-  root.replaceChildren(...entries.map(([role, text]) => el("span", {}, swatch(role), text)));
+  if (!model || !["time", "where", "spectrum"].includes(tab)) return [];
+  return tab === "time" ? ofTime(app, model, second) : ofOthers(tab, second);
+}
+
+/** @param {App} app @param {Model} model @param {Model|null} second @returns {Entry[]} */
+function ofTime(app, model, second) {
+  /** @type {Entry[]} */
+  const own = [
+    ["measured", "measured"],
+    ["predicted", `predicted: ${titleOf(model)}`],
+  ];
+  const { beside, difference } = app.view;
+  if (beside)
+    return [
+      ...own,
+      ["residual", "residual"],
+      ["beside-measured", `measured in ${beside}`],
+      ["second", "predicted there"],
+      ["second-residual", "residual there"],
+      ...(difference ? [/** @type {Entry} */ (["difference", "residual there minus residual here"])] : []),
+    ];
+  if (second) own.push(["second", `second: ${titleOf(second)}`]);
+  own.push(["residual", "residual"]);
+  if (second) own.push(["second-residual", "residual of the second"]);
+  if (second && difference) own.push(["difference", "second minus chosen"]);
+  return own;
+}
+
+/** @param {string} tab @param {Model|null} second @returns {Entry[]} */
+function ofOthers(tab, second) {
+  const where = tab === "where";
+  /** @type {(Entry|false|null)[]} */
+  const entries = [
+    !where && ["measured", "measured"],
+    ["residual", where ? "mean residual" : "residual"],
+    second && ["second-residual", where ? "mean residual of the second" : "residual of the second"],
+    !where && ["difference", "bounds of what chance leaves"],
+  ];
+  return entries.filter((entry) => entry !== null && entry !== false);
 }
 
 /** @param {Parameters<typeof line>[0]} role */

@@ -12,6 +12,7 @@ import { flightOverview } from "./overview.js";
 import { prose } from "./numbers.js";
 import { pathTab } from "./path.js";
 import { plotly } from "./plots.js";
+import { saveButtons } from "./save.js";
 import { spectrumTab } from "./spectrum.js";
 import { timeTab } from "./time.js";
 import { wireUpload } from "./upload.js";
@@ -72,7 +73,10 @@ export const app = {
   /** Changes what is looked at. @param {Partial<import("./view.js").View>} change */
   look(change) {
     if (change.tab && change.tab !== app.view.tab) byId("middle").scrollTop = 0;
-    Object.assign(app.view, change);
+    // Who chooses the flight beside has both change places.
+    const { flight, beside, shift } = app.view;
+    const swap = Boolean(beside) && change.flight === beside;
+    Object.assign(app.view, change, swap && { beside: flight, shift: -shift });
     writeView(app.view);
     drawState();
   },
@@ -141,7 +145,7 @@ function showWaiting() {
 }
 
 /** @typedef {typeof app} App */
-/** @typedef {{update: () => any, resize: () => any, theme: () => any}} Tab */
+/** @typedef {{update: () => any, picture: () => import("./save.js").Picture|null, resize: () => any, theme: () => any}} Tab */
 
 /** @type {Record<string, Tab>} */
 const tabs = {
@@ -179,6 +183,8 @@ function takeState(state) {
     view.flight = file ? flightsOf(file)[0] : "";
     view.from = view.to = null;
   }
+  const isThere = (/** @type {string} */ name) => state.flights.some((file) => !file.problem && flightsOf(file).includes(name));
+  if (view.beside === view.flight || (!state.reading && !isThere(view.beside))) view.beside = "";
   if (!state.reading) writeView(view);
   drawState();
   document.body.dataset.ready = "true";
@@ -247,6 +253,7 @@ function drawTabs() {
     byId(`panel-${name}`).hidden = !chosen || !model;
   }
   byId("overview").hidden = Boolean(model);
+  byId("save").hidden = !model || view.tab === "model";
   drawLegend(app, byId("legend"));
   app.wait((async () => shown().update())());
 }
@@ -388,6 +395,7 @@ function wireTabs() {
 }
 
 function wireButtons() {
+  byId("save").append(...saveButtons(app, () => tabs[app.view.tab].picture(), "save"));
   byId("identify").addEventListener("click", () => app.run({ do: "identify" }));
   byId("diagnose").addEventListener("click", () => app.run({ do: "diagnose", model: app.current()?.id }));
   byId("changed").addEventListener("click", () => app.run({ do: "changed", model: app.current()?.id }));

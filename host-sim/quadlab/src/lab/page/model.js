@@ -4,12 +4,17 @@ import { AXES, address, axisUnit } from "./api.js";
 import { el, redraw, table } from "./dom.js";
 import { titleOf } from "./models.js";
 import { short, unit, withError, withUnit } from "./numbers.js";
+import { timelineSection } from "./timeline.js";
 
 /** @typedef {import("./main.js").App} App */
 /** @typedef {import("./api.js").Coefficient} Coefficient */
 
 /** @param {App} app @param {HTMLElement} root */
 export function modelTab(app, root) {
+  const content = el("div");
+  const timeline = timelineSection(app);
+  root.append(content, timeline.element);
+
   async function update() {
     const [model, second] = [app.current(), app.second()];
     if (!model) return;
@@ -18,12 +23,14 @@ export function modelTab(app, root) {
     const [details, other] = await Promise.all(all.map((one) => app.details(one.id)));
     if (still()) draw(model, second, [details, other], []);
     const comparisons = await Promise.all(all.map((one) => app.comparison(one.id)));
-    if (still()) draw(model, second, [details, other], comparisons);
+    if (!still()) return;
+    draw(model, second, [details, other], comparisons);
+    await timeline.update();
   }
 
   /** @param {import("./api.js").Model} model @param {import("./api.js").Model|null} second @param {any[]} documents @param {any[]} comparisons */
   function draw(model, second, [details, other], [comparison, others]) {
-    redraw(root, [
+    redraw(content, [
       el("h3", {}, titleOf(model)),
       el(
         "p",
@@ -36,6 +43,7 @@ export function modelTab(app, root) {
       second && errors(others, second, `second: ${titleOf(second)}`),
       horizons(comparison, others ?? null),
       coefficients(details.coefficients, other?.coefficients ?? null),
+      physical(details.physical ?? []),
       equations(details.equations ?? []),
       el(
         "details",
@@ -45,7 +53,53 @@ export function modelTab(app, root) {
       ),
     ]);
   }
-  return { update, resize: () => {}, theme: () => {} };
+  return { update, picture: () => null, resize: timeline.draw, theme: timeline.draw };
+}
+
+/** @typedef {{symbol: string, name: string, value: number, std_error: number|null, unit: string, mathml: string|null, source: string}} Physical */
+
+/** Mass, thrust and torque coefficients and moments of inertia. @param {Physical[]} all */
+function physical(all) {
+  if (!all.length) return null;
+  const commands = all.some((one) => one.unit.includes("cmd"));
+  return el(
+    "section",
+    { id: "physical", "aria-label": "Physical parameters" },
+    table(
+      "Physical parameters",
+      ["parameter", "meaning", "value ± standard error", "unit", "from"],
+      all.map((one) => [
+        symbol(one.symbol),
+        one.name,
+        withError(one.value, one.std_error),
+        unit(one.unit),
+        one.source,
+      ]),
+    ),
+    el(
+      "p",
+      { class: "quiet" },
+      "Mass and geometry of the vehicle file count as exact; a rotor's lever is its arm over √2, as in an X frame. ",
+      commands && "The motor map is not known: cmd is the unit of the motor commands, which stand in for rotor speeds.",
+    ),
+    el(
+      "details",
+      { "data-key": "relations" },
+      el("summary", { "data-key": "unfold relations" }, "How they follow from the coefficients"),
+      all
+        .filter((one) => one.mathml && one.symbol !== "m")
+        .map((one) => el("div", { class: "equation" }, drawn(/** @type {string} */ (one.mathml)))),
+    ),
+  );
+}
+
+/** @param {string} text such as `k_Q/I_zz` */
+function symbol(text) {
+  const one = (/** @type {string} */ part) => {
+    const [base, below] = part.replace("omega", "ω").split("_");
+    return [el("i", {}, base), below ? el("sub", {}, below) : ""];
+  };
+  return text.split("/").flatMap((part, n) => [n ? " / " : "", ...one(part)]);
 }
 
 /** What each effect does. @param {{effect: string, sentence: string, mathml: string|null, source: string|null}[]} all */
@@ -82,7 +136,9 @@ function downloads(app, id) {
     { class: "downloads", "aria-label": "Downloads" },
     link("model.toml", "/api/download/model.toml", { id }),
     app.flight() &&
-      link(`series of ${app.view.flight} (CSV)`, "/api/download/series.csv", { model: id, flight: app.view.flight }),
+      link(`samples of ${app.view.flight} (CSV)`, "/api/download/series.csv", { model: id, flight: app.view.flight }),
+    app.flight() &&
+      link(`samples of ${app.view.flight} (Parquet)`, "/api/download/series.parquet", { model: id, flight: app.view.flight }),
     link("report (HTML)", "/api/download/report.html", { id }),
   );
 }

@@ -1,4 +1,5 @@
-// The path in space, coloured by the residual of an axis. The cursor is that of the time plots.
+// The path in space, coloured by the residual of an axis, or the residual's mean over the room. The cursor is that of the
+// time plots.
 
 import { get, newest } from "./api.js";
 import { axisChoice } from "./controls.js";
@@ -6,6 +7,7 @@ import { choice, el, redraw } from "./dom.js";
 import { hasPosition } from "./flights.js";
 import { known, nearest, seconds, short, unit, withUnit } from "./numbers.js";
 import { CONFIG, axis, colour, layout, plotly, room } from "./plots.js";
+import { largestMean, roomFigure, roomSaid } from "./room.js";
 
 /** @typedef {import("./main.js").App} App */
 /** @typedef {{t: number[], north_m: number[], east_m: number[], up_m: number[], residual: (number|null)[], unit: string}} Path */
@@ -22,55 +24,87 @@ export function pathTab(app, root) {
     keydown: (/** @type {KeyboardEvent} */ event) => onKey(event),
   });
   const values = el("output", { id: "path-values", for: "cursor-time" });
+  const summary = el("p", { class: "quiet", id: "room-summary" });
   const plot = el("div", { id: "path-plot", class: "plot", "aria-hidden": "true" });
-  root.append(
-    controls,
-    el("div", { class: "controls" }, el("label", { class: "wide" }, "Time ", slider), values),
-    el("div", { role: "img", "aria-label": "Path of the flight, coloured by the residual" }, plot),
-  );
+  const time = el("div", { class: "controls" }, el("label", { class: "wide" }, "Time ", slider));
+  const frame = el("div", { role: "img" }, plot);
+  root.append(controls, time, values, summary, frame);
   app.onCursor(drawCursor);
-  /** @type {ReturnType<typeof newest<Path>>} */
+  /** @type {ReturnType<typeof newest<{path: Path|null, map: import("./room.js").Room|null}>>} */
   const ask = newest();
   /** @type {Path|null} */
   let path = null;
-  let flat = !hasWebGl();
+  /** @type {import("./room.js").Room|null} */
+  let map = null;
   let cursorDrawn = 0;
   let smooth = "0.2";
+
+  /** How the flight is drawn: `path` in space, `flat` from above and from the side, `map` or `map-all` in cells. */
+  function kind() {
+    const wanted = app.view.space;
+    return wanted === "path" && !hasWebGl() ? "flat" : wanted;
+  }
+
+  const isMap = () => kind().startsWith("map");
 
   async function update() {
     const [model, flight] = [app.current(), app.flight()];
     if (!model || !flight) return;
-    plot.hidden = !hasPosition(flight);
-    if (plot.hidden) {
-      values.textContent = "No position was logged in this flight, so there is no path to draw.";
-      return;
+    const placed = hasPosition(flight);
+    redraw(controls, controlsOf());
+    time.hidden = !placed;
+    summary.hidden = !isMap();
+    plot.hidden = !placed && kind() !== "map-all";
+    frame.setAttribute(
+      "aria-label",
+      isMap() ? "Mean residual over the room" : "Path of the flight, coloured by the residual",
+    );
+    if (!placed) {
+      path = null;
+      summary.textContent = "";
+      values.textContent = `No position was logged in ${app.view.flight}, so there is no path to draw.`;
     }
-    redraw(controls, [
+    if (plot.hidden) return;
+    const query = { model: model.id, flight: app.view.flight, axis: app.view.axis };
+    const given = await ask([query, kind(), placed], async (signal) => {
+      const [of, cells] = await Promise.all([
+        placed ? get("/api/path", query, signal) : null,
+        isMap() ? get("/api/room", kind() === "map-all" ? { ...query, flight: null } : query, signal) : null,
+      ]);
+      return { path: of, map: cells };
+    });
+    if (!given) return;
+    ({ path, map } = given);
+    await draw();
+  }
+
+  function controlsOf() {
+    return [
       axisChoice(app, "Colour: residual of", "path-axis"),
       choice(
-        "mean over",
-        "path-mean",
+        "as",
+        "path-kind",
         [
-          ["0", "one sample"],
-          ["0.2", "0.2 s"],
-          ["1", "1 s"],
+          ...(hasWebGl() ? [/** @type {[string, string]} */ (["path", "path in space"])] : []),
+          ["flat", "path from above and side"],
+          ["map", "map of means, this flight"],
+          ["map-all", "map of means, all flights"],
         ],
-        smooth,
-        (value) => setSmooth(value),
+        kind(),
+        (value) => app.look({ space: value }),
       ),
-      el(
-        "label",
-        {},
-        el("input", {
-          type: "checkbox",
-          id: "flat",
-          checked: flat,
-          disabled: !hasWebGl(),
-          "data-key": "flat",
-          change: () => setFlat(),
-        }),
-        " from above and from the side",
-      ),
+      !isMap() &&
+        choice(
+          "mean over",
+          "path-mean",
+          [
+            ["0", "one sample"],
+            ["0.2", "0.2 s"],
+            ["1", "1 s"],
+          ],
+          smooth,
+          (value) => setSmooth(value),
+        ),
       el(
         "span",
         { class: "scale", "aria-hidden": "true" },
@@ -78,12 +112,7 @@ export function pathTab(app, root) {
         el("i", {}),
         el("span", { id: "scale-high" }),
       ),
-    ]);
-    const query = { model: model.id, flight: app.view.flight, axis: app.view.axis };
-    const given = await ask(query, (signal) => get("/api/path", query, signal));
-    if (!given) return;
-    path = given;
-    await draw();
+    ];
   }
 
   /** @param {string} value s */
@@ -92,33 +121,43 @@ export function pathTab(app, root) {
     app.act(draw());
   }
 
-  function setFlat() {
-    flat = !flat;
-    app.act(draw());
+  /** What is drawn, and what its darkest colours stand for. */
+  function drawing() {
+    if (isMap()) {
+      if (!map) return null;
+      const limit = largestMean(map);
+      summary.textContent = roomSaid(map, app.view.axis);
+      return { limit, unit: map.unit, ...roomFigure(map, limit) };
+    }
+    if (!path) return null;
+    const drawn = { ...path, residual: running(path, Number(smooth)) };
+    const limit = largest(drawn.residual);
+    return { limit, unit: path.unit, ...(kind() === "flat" ? flatFigure(drawn, limit) : figure(drawn, limit)) };
   }
 
   async function draw() {
     const Plotly = await plotly();
-    if (root.hidden || !path || !root.clientWidth) return;
-    const drawn = { ...path, residual: running(path, Number(smooth)) };
-    const limit = largest(drawn.residual);
+    const drawn = root.hidden || !root.clientWidth ? null : drawing();
+    if (!drawn) return;
     for (const [id, text] of [
-      ["scale-low", `−${short(limit, 2)}`],
-      ["scale-high", `+${short(limit, 2)} ${unit(path.unit)}`],
+      ["scale-low", `−${short(drawn.limit, 2)}`],
+      ["scale-high", `+${short(drawn.limit, 2)} ${unit(drawn.unit)}`],
     ]) {
       const label = root.querySelector(`#${id}`);
       if (label) label.textContent = text;
     }
-    slider.min = String(path.t[0] ?? 0);
-    slider.max = String(path.t[path.t.length - 1] ?? 0);
-    const { traces, shape } = flat ? flatFigure(drawn, limit) : figure(drawn, limit);
+    if (path) {
+      slider.min = String(path.t[0] ?? 0);
+      slider.max = String(path.t[path.t.length - 1] ?? 0);
+    }
+    const { traces, shape } = drawn;
     await Plotly.react(
       plot,
       traces,
       {
         ...layout(),
         ...shape,
-        uirevision: `${app.view.flight} ${flat}`,
+        uirevision: `${app.view.flight} ${kind()}`,
         width: root.clientWidth,
         height: Math.max(360, room(plot)),
       },
@@ -166,18 +205,40 @@ export function pathTab(app, root) {
     const marks = plot.data.flatMap((/** @type {any} */ trace, /** @type {number} */ i) =>
       trace.name === "cursor" ? [i] : [],
     );
-    await Plotly.restyle(plot, flat ? { x: [e, n], y: [n, u] } : { x: [e], y: [n], z: [u] }, marks);
+    const places = isMap()
+      ? { x: [e, e, n], y: [n, u, u] }
+      : kind() === "flat"
+        ? { x: [e, n], y: [n, u] }
+        : { x: [e], y: [n], z: [u] };
+    await Plotly.restyle(plot, places, marks);
   }
 
-  return { update, resize: draw, theme: draw };
+  /** With the scale of its colours, which the page has beside the plot. */
+  function picture() {
+    if (plot.hidden || !plot.data) return null;
+    const scale = { showscale: true, colorbar: { title: { text: `residual of ${app.view.axis} [${unit((map ?? path)?.unit)}]`, side: "right" } } };
+    const [first, ...rest] = plot.data;
+    const scaled = first.line ? { line: { ...first.line, ...scale } } : first.marker ? { marker: { ...first.marker, ...scale } } : scale;
+    return {
+      plot,
+      of: kind() === "map-all" ? "all flights" : app.view.flight,
+      data: [{ ...first, ...scaled }, ...rest],
+    };
+  }
+
+  return { update, picture, resize: draw, theme: draw };
 }
+
+/** Asked of the browser once. @type {boolean|null} */
+let webGl = null;
 
 function hasWebGl() {
   try {
-    return Boolean(document.createElement("canvas").getContext("webgl"));
+    webGl ??= Boolean(document.createElement("canvas").getContext("webgl"));
   } catch {
-    return false;
+    webGl = false;
   }
+  return webGl;
 }
 
 /** Mean over so long around each sample. @param {Path} path @param {number} window s */

@@ -63,13 +63,15 @@ export function axis(more = {}) {
 /** What all plots have in common. */
 export const CONFIG = { displayModeBar: false, responsive: false, doubleClick: false, showTips: false };
 
-/** How the lines of one role look. @param {"measured"|"predicted"|"second"|"residual"|"second-residual"|"difference"} role */
+/** How the lines of one role look. @param {"measured"|"predicted"|"second"|"residual"|"second-residual"|"beside-measured"|"difference"} role */
 export function line(role) {
   switch (role) {
     case "measured":
       return { color: colour("measured"), width: 2.6 };
     case "predicted":
       return { color: colour("predicted"), width: 1.2 };
+    case "beside-measured":
+      return { color: faint("second", 0.55), width: 2.6 };
     case "second":
       return { color: colour("second"), width: 1.4, dash: "6px,3px" };
     case "residual":

@@ -46,7 +46,9 @@ export function spectrumTab(app, root) {
     summary.textContent = said(answers[0]);
   }
 
-  return { update, resize: draw, theme: draw };
+  const picture = () => ({ plot, of: app.view.flight });
+
+  return { update, picture, resize: draw, theme: draw };
 }
 
 /** @param {any} one */

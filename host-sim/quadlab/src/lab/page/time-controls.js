@@ -1,6 +1,6 @@
 // The controls above the linked plots.
 
-import { el } from "./dom.js";
+import { choice, el } from "./dom.js";
 import { withUnit } from "./numbers.js";
 
 /** @typedef {import("./api.js").Channel} Channel */
@@ -55,6 +55,31 @@ export function modeOf(view, change) {
     " samples",
   );
   return fields;
+}
+
+/**
+ * A second flight, and by how much it is drawn later.
+ * @param {string[]} names of the other flights @param {{beside: string, shift: number}} view
+ * @param {(change: {beside?: string, shift?: number}) => void} change
+ */
+export function besideOf(names, view, change) {
+  const flights = choice(
+    "beside flight",
+    "beside",
+    [["", "none"], ...names.map((name) => /** @type {[string, string]} */ ([name, name]))],
+    view.beside,
+    (beside) => change({ beside, shift: 0 }),
+  );
+  if (!view.beside) return flights;
+  const shift = el("input", {
+    type: "number",
+    id: "shift",
+    step: 0.1,
+    value: view.shift,
+    "data-key": "shift",
+    change: (/** @type {any} */ event) => change({ shift: Number(event.target.value) || 0 }),
+  });
+  return el("span", { class: "pair" }, flights, el("label", {}, " starting later by ", shift, " s"));
 }
 
 /** A button for the range of time. @param {string} id @param {string} text @param {string} label @param {() => void} click */

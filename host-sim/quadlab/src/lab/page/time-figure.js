@@ -5,10 +5,11 @@ import { axis, line } from "./plots.js";
 
 /** @typedef {import("./api.js").Series} Series */
 /** @typedef {import("./api.js").Channel} Channel */
+/** @typedef {{first: Series, second: Series|null, beside: Series|null}} Shown of the chosen model, of the second, and of a second flight */
 
 /**
  * Traces and axes of the linked plots.
- * @param {{first: Series, second: Series|null}} shown @param {Channel[]} channels @param {import("./panels.js").Panels} panels
+ * @param {Shown} shown @param {Channel[]} channels @param {import("./panels.js").Panels} panels
  * @param {[number, number]} range @param {boolean} difference
  */
 export function figure(shown, channels, panels, range, difference) {
@@ -52,8 +53,7 @@ export function figure(shown, channels, panels, range, difference) {
       fixedrange: true,
       nticks: 3,
     });
-    const other = shown.second?.channels.find((c) => c.id === channel.id) ?? null;
-    traces.push(...lines(shown, channel, other, difference, main, rest));
+    traces.push(...lines(shown, channel, difference, main, rest));
   });
   return { traces, axes };
 }
@@ -62,10 +62,10 @@ export function figure(shown, channels, panels, range, difference) {
 const nth = (kind, n) => (n === 1 ? kind : `${kind}${n}`);
 
 /**
- * @param {{first: Series, second: Series|null}} shown @param {Channel} channel @param {Channel|null} other @param {boolean} difference
+ * @param {Shown} shown @param {Channel} channel @param {boolean} difference
  * @param {number} main @param {number} rest numbers of the axes
  */
-function lines(shown, channel, other, difference, main, rest) {
+function lines(shown, channel, difference, main, rest) {
   const trace = (
     /** @type {Parameters<typeof line>[0]} */ role,
     /** @type {number} */ n,
@@ -82,17 +82,30 @@ function lines(shown, channel, other, difference, main, rest) {
     hoverinfo: "skip",
     connectgaps: false,
   });
-  const { first, second } = shown;
+  const { first, second, beside } = shown;
+  const other = sameIn(second, channel);
+  const there = sameIn(beside, channel);
   const all = [trace("measured", main, first.t, channel.measured)];
+  if (there && beside)
+    all.unshift(
+      trace("beside-measured", main, beside.t, there.measured),
+      trace("second", main, beside.t, there.predicted),
+      trace("second-residual", rest, beside.t, there.residual),
+    );
   if (other && second)
     all.push(
       trace("second", main, second.t, other.predicted),
       trace("second-residual", rest, second.t, other.residual),
     );
   all.push(trace("predicted", main, first.t, channel.predicted), trace("residual", rest, first.t, channel.residual));
-  if (other && second && difference) all.push(trace("difference", rest, first.t, apart(first, channel, second, other)));
+  if (!difference) return all;
+  if (other && second) all.push(trace("difference", rest, first.t, apart(first, channel, second, other)));
+  if (there && beside) all.push(trace("difference", rest, beside.t, there.residual_apart ?? []));
   return all;
 }
+
+/** The same channel of other series. @param {Series|null} series @param {Channel} channel */
+export const sameIn = (series, channel) => series?.channels.find((c) => c.id === channel.id);
 
 /** Second prediction minus the first, where both have a value at the same time. @param {Series} first @param {Channel} channel @param {Series} second @param {Channel} other */
 function apart(first, channel, second, other) {

@@ -1,12 +1,12 @@
 // Measured against predicted over time: linked plots with one time axis and one cursor.
 
-import { get, givenUp } from "./api.js";
+import { flightsOf, get, givenUp } from "./api.js";
 import { el, redraw } from "./dom.js";
 import { known, nearest, seconds, short, withUnit } from "./numbers.js";
 import { layPanels } from "./panels.js";
 import { CONFIG, layout, plotly, room } from "./plots.js";
-import { chipsOf, modeOf, tool } from "./time-controls.js";
-import { figure } from "./time-figure.js";
+import { besideOf, chipsOf, modeOf, tool } from "./time-controls.js";
+import { figure, sameIn } from "./time-figure.js";
 
 /** @typedef {import("./api.js").Series} Series */
 /** @typedef {import("./api.js").Channel} Channel */
@@ -19,9 +19,9 @@ const REST_MS = 120;
 
 /** @param {App} app @param {HTMLElement} root */
 export function timeTab(app, root) {
-  /** @type {{first: Series, second: Series|null}|null} */
+  /** @type {import("./time-figure.js").Shown|null} */
   let shown = null;
-  /** First and last time of the flights that were asked for whole. @type {Map<string, [number, number]>} */
+  /** First and last time of what was asked for whole. @type {Map<string, [number, number]>} */
   const wholes = new Map();
   /** @type {import("./panels.js").Panels|null} */
   let panels = null;
@@ -62,7 +62,8 @@ export function timeTab(app, root) {
     const { view } = app;
     redraw(controls, [
       modeOf(view, (ahead, other) => app.look(other ? { ahead, channels: null } : { ahead })),
-      app.second() &&
+      besideOf(others(), view, (change) => app.look(change)),
+      (view.beside || app.second()) &&
         el(
           "label",
           {},
@@ -73,7 +74,7 @@ export function timeTab(app, root) {
             "data-key": "difference",
             change: () => app.look({ difference: !view.difference }),
           }),
-          " difference of the models",
+          view.beside ? " difference of the residuals" : " difference of the models",
         ),
     ]);
     redraw(tools, [
@@ -95,6 +96,12 @@ export function timeTab(app, root) {
         "drag moves",
       ),
     ]);
+  }
+
+  /** Names of the flights that another can be chosen of. */
+  function others() {
+    const usable = (app.state?.flights ?? []).filter((file) => !file.problem);
+    return usable.flatMap(flightsOf).filter((name) => name !== app.view.flight);
   }
 
   function setDrag() {
@@ -121,8 +128,11 @@ export function timeTab(app, root) {
     );
   }
 
+  /** What is drawn along the axis of time. */
+  const flights = () => JSON.stringify([app.view.flight, app.view.beside, app.view.beside && app.view.shift]);
+
   /** @returns {[number, number]} */
-  const whole = () => wholes.get(app.view.flight) ?? app.span();
+  const whole = () => wholes.get(flights()) ?? app.span();
 
   /** The range that is shown, s. @returns {[number, number]} */
   function range() {
@@ -230,7 +240,9 @@ export function timeTab(app, root) {
   /** Draws what is there, and asks for what is not. */
   function update() {
     drawControls();
-    const [model, flight, second] = [app.current(), app.flight(), app.second()];
+    const { beside, shift } = app.view;
+    // Lines of two flights and two models could not be told apart.
+    const [model, flight, second] = [app.current(), app.flight(), beside ? null : app.second()];
     if (!model || !flight) return;
     const width = Math.max(
       200,
@@ -244,6 +256,8 @@ export function timeTab(app, root) {
       app.view.to,
       width,
       app.view.ahead,
+      beside,
+      shift,
     ]);
     if (wanted === key && shown) {
       drawChips();
@@ -265,23 +279,31 @@ export function timeTab(app, root) {
             { flight: app.view.flight, from: app.view.from, to: app.view.to, width, ahead: app.view.ahead || null },
             model.id,
             second?.id ?? null,
+            beside ? { flight: beside, beside: app.view.flight, shift } : null,
           ),
         ),
       first ? 0 : REST_MS,
     );
   }
 
-  /** @param {AbortSignal} signal @param {Record<string, any>} query @param {number} model @param {number|null} second */
-  async function ask(signal, query, model, second) {
+  /**
+   * @param {AbortSignal} signal @param {Record<string, any>} query @param {number} model @param {number|null} second
+   * @param {Record<string, any>|null} other what the question for a second flight has besides
+   */
+  async function ask(signal, query, model, second, other) {
     const wanted = key;
+    const along = flights();
     try {
-      const [one, two] = await Promise.all([
+      const [one, two, beside] = await Promise.all([
         get("/api/series", { model, ...query }, signal),
         second === null ? null : get("/api/series", { model: second, ...query }, signal),
+        other && get("/api/series", { model, ...query, ...other }, signal),
       ]);
       if (signal.aborted) return;
-      if (query.from === null && one.to > one.from) wholes.set(query.flight, [one.from, one.to]);
-      shown = { first: one, second: two };
+      const ends = [one, beside].filter((series) => series && series.to > series.from);
+      if (query.from === null && ends.length)
+        wholes.set(along, [Math.min(...ends.map((s) => s.from)), Math.max(...ends.map((s) => s.to))]);
+      shown = { first: one, second: two, beside };
       drawn = `${query.flight} ${query.ahead ?? 0}`;
       drawChips();
       await draw();
@@ -346,16 +368,7 @@ export function timeTab(app, root) {
             "data-channel": channel.id,
             style: `left: ${lay.x(place.column)}px; width: ${lay.plotWidth}px; top: ${lay.main(place)[0] - 22}px`,
           },
-          el(
-            "b",
-            {},
-            withUnit(
-              channel.id.length === 1 && !channel.name.startsWith(`${channel.id} `)
-                ? `${channel.id}, ${channel.name}`
-                : channel.name,
-              channel.unit,
-            ),
-          ),
+          el("b", {}, nameOf(channel)),
           channel.predicted.some(known) ? null : el("span", { class: "quiet" }, "not modelled"),
           el("span", { class: "values" }),
         );
@@ -389,25 +402,51 @@ export function timeTab(app, root) {
     }
     const at = inside ? nearest(shown.first.t, t) : -1;
     const about = isThinned(shown.first.t, app.flight()?.rate_hz ?? 0) ? "≈  " : "";
-    const secondAt = inside && shown.second ? nearest(shown.second.t, t) : -1;
+    const otherSeries = shown.second ?? shown.beside;
+    const otherAt = inside && otherSeries ? nearest(otherSeries.t, t) : -1;
     for (const channel of chosen(shown.first.channels)) {
       const values = overlay.querySelector(`#plot-${CSS.escape(channel.id)} .values`);
-      const other = shown.second?.channels.find((c) => c.id === channel.id);
-      if (values) values.textContent = inside ? `${about}${reading(channel, at, other, secondAt)}` : "";
+      const other = sameIn(otherSeries, channel);
+      const text = reading(channel, at, other, otherAt, Boolean(shown.beside));
+      if (values) values.textContent = inside ? `${about}${text}` : "";
     }
   }
 
-  return { update, resize: () => update(), theme: () => draw() };
+  /** @returns {import("./save.js").Picture|null} */
+  function picture() {
+    if (!panels || !shown) return null;
+    const lay = panels;
+    const names = chosen(shown.first.channels).map((channel, n) => ({
+      text: nameOf(channel),
+      x: lay.x(lay.places[n].column),
+      y: lay.main(lay.places[n])[0] - 20,
+    }));
+    const { flight, beside } = app.view;
+    return { plot: plots, of: beside ? `${flight} and ${beside}` : flight, names };
+  }
+
+  return { update, picture, resize: () => update(), theme: () => draw() };
+}
+
+/** @param {Channel} channel */
+function nameOf({ id, name, unit }) {
+  return withUnit(id.length === 1 && !name.startsWith(`${id} `) ? `${id}, ${name}` : name, unit);
 }
 
 /** Whether several samples share a column of pixels: then values are those near the cursor, not at it. @param {number[]} t @param {number} rateHz */
 const isThinned = (t, rateHz) => t.length > 1 && (t[t.length - 1] - t[0]) * rateHz > 1.8 * t.length;
 
-/** Values of a channel at a sample. @param {Channel} channel @param {number} at @param {Channel|undefined} other @param {number} otherAt */
-function reading(channel, at, other, otherAt) {
-  const parts = [`measured ${short(channel.measured[at])}`, `predicted ${short(channel.predicted[at])}`];
-  if (other) parts.push(`second ${short(other.predicted[otherAt])}`);
+/**
+ * Values of a channel at a sample.
+ * @param {Channel} channel @param {number} at @param {Channel|undefined} other @param {number} otherAt
+ * @param {boolean} beside whether the other is of a second flight, and not of a second model
+ */
+function reading(channel, at, other, otherAt, beside) {
+  const parts = [`measured ${short(channel.measured[at])}`];
+  if (other && beside) parts.push(`there ${short(other.measured[otherAt])}`);
+  parts.push(`predicted ${short(channel.predicted[at])}`);
+  if (other) parts.push(`${beside ? "there" : "second"} ${short(other.predicted[otherAt])}`);
   parts.push(`residual ${short(channel.residual[at])}`);
-  if (other) parts.push(`second's ${short(other.residual[otherAt])}`);
+  if (other) parts.push(`${beside ? "there" : "second's"} ${short(other.residual[otherAt])}`);
   return parts.join("  ");
 }

@@ -139,7 +139,9 @@ export function whereTab(app, root) {
     summary.textContent = said(maps[looks.findIndex((look) => !look.second)], app.view);
   }
 
-  return { update, resize: draw, theme: draw };
+  const picture = () => ({ plot, of: app.view.over || "all flights" });
+
+  return { update, picture, resize: draw, theme: draw };
 }
 
 /** The largest mean residual as a sentence. @param {any} map @param {import("./view.js").View} view */
