@@ -9,5 +9,6 @@ mod accessibility;
 mod attacks;
 mod browser;
 mod flights;
+mod own_effect;
 mod page;
 mod server;

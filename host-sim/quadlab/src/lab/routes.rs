@@ -21,15 +21,15 @@ use super::numbers::Window;
 use super::refused::{Refused, refusal};
 use super::session::{Session, Telling};
 use super::views::Series;
-use super::{assets, equations};
+use super::{assets, equations, own_routes};
 use crate::cli::effect_names::known_effect;
 use crate::render::documents::coefficient_entries;
 
 /// No request of the page is longer, bytes.
 const LONGEST_BODY: usize = 1 << 20;
 
-type Shared = State<Arc<Session>>;
-type Answer = Result<Json<Value>, Refused>;
+pub(super) type Shared = State<Arc<Session>>;
+pub(super) type Answer = Result<Json<Value>, Refused>;
 
 /// All addresses.
 pub(super) fn router(session: Arc<Session>) -> Router {
@@ -60,6 +60,7 @@ pub(super) fn router(session: Arc<Session>) -> Router {
         .route("/api/download/model.toml", get(model_file))
         .route("/api/download/series.csv", get(series_file))
         .route("/api/download/report.html", get(report))
+        .nest("/api/effects", own_routes::router())
         .fallback(async || {
             refusal(StatusCode::NOT_FOUND, "there is nothing at this address: open the lab's first page")
         })
@@ -89,7 +90,7 @@ impl<T: DeserializeOwned, S: Sync> FromRequestParts<S> for Asked<T> {
 }
 
 /// What a request carries; a mistake in it is told as every other one.
-struct Sent<T>(T);
+pub(super) struct Sent<T>(pub(super) T);
 
 impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Sent<T> {
     type Rejection = Response;
@@ -103,7 +104,7 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Sent<T> {
 }
 
 /// Work that takes longer than a moment, beside the server's own thread.
-async fn aside<T: Send + 'static>(
+pub(super) async fn aside<T: Send + 'static>(
     work: impl FnOnce() -> Result<T, Refused> + Send + 'static,
 ) -> Result<T, Refused> {
     let done = tokio::task::spawn_blocking(work).await;
@@ -190,8 +191,14 @@ async fn why(State(session): Shared, Asked(OfEffect { model, effect }): Asked<Of
         let effect = known_effect(&effect)?;
         let telling = Telling { session: &session, kind: "why", cancel: None };
         let mut sets = session.sets(&node.model.vehicle, &telling)?;
-        let why =
-            workflow::why(&node.model, effect, &[], &mut sets, &diagnosis::Options::default(), &telling);
+        let why = workflow::why(
+            &node.model,
+            effect,
+            &session.own_effects(),
+            &mut sets,
+            &diagnosis::Options::default(),
+            &telling,
+        );
         let why = why?;
         Ok(Json(serde_json::to_value(&why).unwrap_or_default()))
     })
@@ -209,14 +216,9 @@ struct OfSeries {
 }
 
 async fn series(State(session): Shared, Asked(asked): Asked<OfSeries>) -> Result<Json<Series>, Refused> {
-    const WIDEST: usize = 8000;
     aside(move || {
         let view = session.view(asked.model)?;
-        let window = Window {
-            from_s: asked.from.unwrap_or(f64::NEG_INFINITY),
-            to_s: asked.to.unwrap_or(f64::INFINITY),
-            width: asked.width.unwrap_or(1200).clamp(10, WIDEST),
-        };
+        let window = Window::new(asked.from, asked.to, asked.width);
         Ok(Json(match asked.ahead {
             Some(samples) => view.ahead(&asked.flight, samples, window)?,
             None => view.accelerations(&asked.flight, window)?,

@@ -28,7 +28,7 @@ export function drawLegend(app, root) {
 }
 
 /** @param {Parameters<typeof line>[0]} role */
-function swatch(role) {
+export function swatch(role) {
   const look = line(role);
   return svg(
     "svg",

@@ -17,7 +17,7 @@ import { AXES } from "./api.js";
  * @property {string} over  flight of the residual's map; empty: all of them
  */
 
-export const TABS = ["time", "where", "spectrum", "path", "model"];
+export const TABS = ["time", "where", "spectrum", "path", "model", "own"];
 
 /** @returns {View} */
 export function readView() {
