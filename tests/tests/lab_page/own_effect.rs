@@ -76,7 +76,10 @@ fn an_own_effect_is_mended_tried_kept_added_and_there_again() {
     let file = folder.path().join("lab/effects/tilting-rotors.toml");
     assert_eq!(fs::read_to_string(&file).unwrap(), TILT);
     assert_eq!(diagnose(&browser), "missing-effect");
-    browser.wait_for("#advice .card[data-effect='tilting-rotors']", "tilts the <b>rotors</b>");
+    // What it says of itself is text, on its card as everywhere.
+    let card = "const card = document.querySelector('#advice .card[data-effect=tilting-rotors]');
+        return !!card && card.textContent.includes('tilts the <b>rotors</b>')";
+    browser.wait_until("a card of it", card, Value::Null);
 
     browser.click("#own-add");
     wait_for_models(&browser, 2);

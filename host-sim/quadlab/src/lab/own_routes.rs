@@ -9,16 +9,16 @@ use axum::{Json, Router};
 use serde::Deserialize;
 
 use super::numbers::Window;
-use super::own_effects;
+use super::own_effect;
 use super::refused::Refused;
-use super::routes::{Answer, Sent, Shared, aside};
+use super::requests::{Answer, Sent, Shared, aside};
 use super::session::Session;
 use super::views::Contributions;
 
 /// The addresses below `/api/effects`.
 pub(super) fn router() -> Router<Arc<Session>> {
     Router::new()
-        .route("/names", get(async || Json(own_effects::names())))
+        .route("/names", get(async || Json(own_effect::names())))
         .route("/check", post(check))
         .route("/preview", post(preview))
         .route("/try", post(try_out))

@@ -2,8 +2,7 @@
 
 use std::sync::Arc;
 
-use axum::extract::{DefaultBodyLimit, FromRequest, FromRequestParts, Path, Query, Request, State};
-use axum::http::request::Parts;
+use axum::extract::{DefaultBodyLimit, Path, State};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
@@ -11,7 +10,6 @@ use axum::{Json, Router};
 use diagnosis::workflow;
 use model::{AXES, Axis, Model};
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 use sysid::Comparison;
 
@@ -19,6 +17,7 @@ use super::flights::Use;
 use super::jobs::{self, Task};
 use super::numbers::Window;
 use super::refused::{Refused, refusal};
+use super::requests::{Answer, Asked, Sent, Shared, aside};
 use super::session::{Session, Telling};
 use super::views::Series;
 use super::{assets, equations, own_routes};
@@ -27,9 +26,6 @@ use crate::render::documents::coefficient_entries;
 
 /// No request of the page is longer, bytes.
 const LONGEST_BODY: usize = 1 << 20;
-
-pub(super) type Shared = State<Arc<Session>>;
-pub(super) type Answer = Result<Json<Value>, Refused>;
 
 /// All addresses.
 pub(super) fn router(session: Arc<Session>) -> Router {
@@ -73,42 +69,6 @@ fn page(name: &str) -> Response {
         Some((bytes, kind)) => ([(header::CONTENT_TYPE, kind)], bytes).into_response(),
         None => refusal(StatusCode::NOT_FOUND, "the page has no such file"),
     }
-}
-
-/// What stands behind the question mark; a mistake in it is told as every other one.
-struct Asked<T>(T);
-
-impl<T: DeserializeOwned, S: Sync> FromRequestParts<S> for Asked<T> {
-    type Rejection = Refused;
-
-    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Refused> {
-        let asked = Query::try_from_uri(&parts.uri);
-        asked
-            .map(|Query(asked)| Self(asked))
-            .map_err(|error| Refused(format!("the address is not one of the page's: {}", error.body_text())))
-    }
-}
-
-/// What a request carries; a mistake in it is told as every other one.
-pub(super) struct Sent<T>(pub(super) T);
-
-impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Sent<T> {
-    type Rejection = Response;
-
-    async fn from_request(request: Request, state: &S) -> Result<Self, Response> {
-        let sent = Json::from_request(request, state).await;
-        sent.map(|Json(sent)| Self(sent)).map_err(|error| {
-            refusal(error.status(), &format!("the request is not one of the page's: {}", error.body_text()))
-        })
-    }
-}
-
-/// Work that takes longer than a moment, beside the server's own thread.
-pub(super) async fn aside<T: Send + 'static>(
-    work: impl FnOnce() -> Result<T, Refused> + Send + 'static,
-) -> Result<T, Refused> {
-    let done = tokio::task::spawn_blocking(work).await;
-    done.unwrap_or_else(|_| Err(Refused("this could not be computed: a bug of quadlab".into())))
 }
 
 #[derive(Deserialize)]

@@ -6,14 +6,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use diagnosis::workflow::{FlightSets, Observer, Progress, Reading, is_held_out};
-use model::Vehicle;
+use model::{Effect, Vehicle};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::events::Events;
 use super::flights::{FlightFile, Use};
 use super::node::Node;
-use super::own_effects::OwnEffect;
+use super::own_effect::OwnEffect;
 use super::refused::Refused;
 use super::store::{Saved, Store, StoreError, effect_file};
 use super::views::ModelView;
@@ -203,6 +203,11 @@ impl Session {
             self.store.write_node(node)?;
         }
         Ok(())
+    }
+
+    /// The user's own effects that are kept and can be used.
+    pub(super) fn own_effects(&self) -> Vec<Effect> {
+        self.lock().own.iter().filter_map(OwnEffect::effect).collect()
     }
 
     /// Forgets what was found with an effect that is no longer what it was.

@@ -276,7 +276,12 @@ export function ownTab(app, root) {
         el("span", { class: why.supported ? "good-text" : "quiet" }, why.supported ? "✓ supported" : "not supported"),
       ),
       falls(overFlights(why.flights, [...(checked?.effect?.forces ?? []), ...(checked?.effect?.moments ?? [])])),
-      el("div", { class: "evidence" }, evidence(why)),
+      el(
+        "details",
+        { "data-key": "own evidence", open: true },
+        el("summary", { "data-key": "own evidence summary" }, "The evidence"),
+        el("div", { class: "evidence" }, evidence(why)),
+      ),
     );
   }
 
