@@ -209,6 +209,59 @@ fn a_model_with_users_effects_round_trips_and_needs_no_other_file() {
     assert!(Model::parse(&format!("{before}\"bumb\"{after}"), Path::new("m.toml")).is_err());
 }
 
+/// An identifier that comes to mean another formula changes no model that has the old one.
+#[test]
+fn an_edited_effect_is_another_one_and_models_keep_theirs() {
+    let text = |formula: &str| {
+        format!(
+            "[[effect]]\nid = \"edited\"\nacceleration.u = \"{formula}\"\n\
+             coefficient = [{{ name = \"k\", unit = \"1/s\", possible = [-1.0, 1.0], typical = 0.1 }}]"
+        )
+    };
+    let path = Path::new("edited.toml");
+    let draft = |formula: &str| effects::draft(&text(formula), path).unwrap()[0];
+    let (first, second) = (draft("-k * u"), draft("k * v"));
+    assert_eq!(Effect::from_id("edited"), None, "what is only tried is no candidate");
+    assert_eq!((first, first.info().id), (draft("-k * u"), "edited"));
+    assert_ne!(first, second);
+
+    first.make_known(path).unwrap();
+    assert_eq!(Effect::from_id("edited"), Some(Effect::User(first)));
+    let mut model = Model::thesis();
+    model.set(Effect::User(first), &[0.2]);
+    let before = model.to_toml();
+    second.make_known(path).unwrap();
+    assert_eq!(Effect::from_id("edited"), Some(Effect::User(second)));
+    assert_eq!(Effect::candidates().filter(|effect| effect.id() == "edited").count(), 1);
+    assert_eq!(model.to_toml(), before);
+    assert!(model.has(Effect::User(first)) && !model.has(Effect::User(second)));
+
+    second.forget();
+    assert_eq!(Effect::from_id("edited"), None);
+    assert_eq!(Model::parse(&before, Path::new("m.toml")).unwrap(), model);
+    first.forget();
+}
+
+/// The file of the other effect may be elsewhere.
+#[test]
+fn a_model_file_is_read_without_the_effects_that_its_own_is_confused_with() {
+    let text = |id: &str, more: &str| {
+        format!(
+            "[[effect]]\nid = \"{id}\"\nacceleration.u = \"-k * u\"\n{more}\n\
+             coefficient = [{{ name = \"k\", unit = \"1/s\", possible = [-1.0, 1.0], typical = 0.1 }}]"
+        )
+    };
+    let path = Path::new("x.toml");
+    let other = effects::draft(&text("other-one", ""), path).unwrap()[0];
+    other.make_known(path).unwrap();
+    let more = "confused_with.other-one = \"fly slowly\"";
+    let mut model = Model::thesis();
+    model.set(Effect::User(effects::draft(&text("confused-one", more), path).unwrap()[0]), &[0.1]);
+    other.forget();
+    assert!(effects::draft(&text("confused-two", more), path).is_err());
+    assert_eq!(Model::parse(&model.to_toml(), Path::new("m.toml")).unwrap(), model);
+}
+
 #[test]
 fn a_formula_without_a_value_is_named_not_flown_over() {
     let root = effect(

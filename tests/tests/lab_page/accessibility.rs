@@ -110,7 +110,7 @@ fn the_page_can_be_read_and_used_by_all() {
     diagnose(&browser);
     for scheme in ["light", "dark"] {
         browser.prefer(scheme);
-        for tab in ["time", "where", "spectrum", "path", "model"] {
+        for tab in ["time", "where", "spectrum", "path", "model", "own"] {
             browser.click(&format!("[role=tab][data-tab={tab}]"));
             browser.wait_for(&format!("[role=tab][data-tab={tab}][aria-selected=true]"), "");
             browser.settle();

@@ -8,7 +8,7 @@ use crate::flights;
 use crate::server::{Answer, Lab, Request, command, output};
 
 /// All that is read, and a job.
-const READS: [&str; 10] = [
+const READS: [&str; 11] = [
     "/",
     "/page/plotly.min.js",
     "/api/state",
@@ -17,10 +17,11 @@ const READS: [&str; 10] = [
     "/api/diagnosis?model=1",
     "/api/series?model=1&flight=A.csv&from=0&to=1&width=10",
     "/api/quantities",
+    "/api/effects/names",
     "/api/download/model.toml?id=1",
     "/api/download/report.html?id=1",
 ];
-const WRITES: [(&str, &str); 7] = [
+const WRITES: [(&str, &str); 12] = [
     ("/api/sets", r#"{"name":"A.csv","set":"none"}"#),
     ("/api/current", r#"{"model":1}"#),
     ("/api/jobs", r#"{"do":"identify"}"#),
@@ -28,6 +29,11 @@ const WRITES: [(&str, &str); 7] = [
     ("/api/read", "{}"),
     ("/api/vehicle", "{}"),
     ("/api/upload?name=x.csv", "t"),
+    ("/api/effects/check", r#"{"text":""}"#),
+    ("/api/effects/preview", r#"{"text":"","model":1,"flight":"A.csv"}"#),
+    ("/api/effects/try", r#"{"text":"","model":1}"#),
+    ("/api/effects/keep", r#"{"text":""}"#),
+    ("/api/effects/remove", r#"{"id":"x"}"#),
 ];
 
 /// Refused, in one sentence that says why.
@@ -307,6 +313,72 @@ fn nonsense_is_refused_and_the_server_stays() {
     assert_eq!(visitor.get("/api/state").send(&lab).status, 200);
 }
 
+/// An effect as its user writes it.
+fn effect(id: &str, formula: &str) -> String {
+    format!(
+        "[[effect]]\nid = \"{id}\"\nacceleration.u = \"{formula}\"\n\
+         coefficient = [{{ name = \"k\", unit = \"1/s\", possible = [-1.0, 1.0], typical = 0.1 }}]\n"
+    )
+}
+
+/// No text of an effect does more than its formulas say, and each that cannot be right is refused with a sentence.
+#[test]
+fn texts_of_effects_write_one_file_at_most() {
+    let folder = flights::small();
+    let mut lab = Lab::start(folder.path());
+    lab.identify();
+    let visitor = lab.visitor();
+    let post = |path: &str, body: serde_json::Value| {
+        visitor.post(&format!("/api/effects/{path}"), &body.to_string()).with_origin(&lab).send(&lab)
+    };
+    let good = effect("good", "-k * u");
+    for (what, text) in [
+        ("a path as id", effect("../../good", "-k * u")),
+        ("a path of Windows", effect(r"..\\good", "-k * u")),
+        ("an absolute path", effect("/tmp/good", "-k * u")),
+        ("an id with a null", effect("good\\u0000", "-k * u")),
+        ("markup as id", effect("<img src=x onerror=alert(1)>", "-k * u")),
+        ("markup as formula", effect("good", "<script>alert(1)</script>")),
+        ("an effect of the catalogue", effect("tether", "-k * u")),
+        ("deep brackets", effect("good", &"(".repeat(60_000))),
+        ("deep tables", format!("effect = {}", "[".repeat(60_000))),
+        ("deep keys", format!("effect{} = 1", ".a".repeat(30_000))),
+        ("too long a text", format!("{good}# {}", "x".repeat(500_000))),
+        ("two effects", format!("{good}{}", effect("other", "k * v"))),
+        ("no effect", "effect = []".to_owned()),
+        ("nothing", String::new()),
+        ("no table", "\u{0}\u{feff}<svg onload=alert(1)>".to_owned()),
+    ] {
+        let checked = post("check", serde_json::json!({ "text": text }));
+        assert_eq!(checked.status, 200, "{what}: {}", checked.body);
+        let told = checked.json()["problem"].as_str().unwrap_or_default().to_owned();
+        assert!(told.len() > 10 && told.len() < 2000 && told.lines().count() == 1, "{what}: {told:?}");
+        assert_refused(&post("keep", serde_json::json!({ "text": text })), what);
+        assert_refused(&post("try", serde_json::json!({ "text": text, "model": 1 })), what);
+        let of_flight = serde_json::json!({ "text": text, "model": 1, "flight": "A.csv" });
+        assert_refused(&post("preview", of_flight), what);
+    }
+    for id in ["../state", "../../A", "/etc/passwd", "", "good", "..", "good\0"] {
+        assert_refused(&post("remove", serde_json::json!({ "id": id })), id);
+    }
+    for body in [
+        serde_json::json!({ "text": good, "model": 1, "flight": "../../etc/passwd" }),
+        serde_json::json!({ "text": good, "model": 99, "flight": "A.csv" }),
+        serde_json::json!({ "text": [good], "model": 1, "flight": "A.csv" }),
+    ] {
+        assert_refused(&post("preview", body.clone()), &body.to_string());
+    }
+    let huge = post("keep", serde_json::json!({ "text": "x".repeat(20_000_000) }));
+    assert_eq!(huge.status, 413, "{}", huge.body);
+    assert!(!folder.path().join("lab/effects").exists(), "something was kept");
+    // The twin: what is right is kept, in one file.
+    assert_eq!(post("keep", serde_json::json!({ "text": good })).status, 200);
+    let kept: Vec<_> = fs::read_dir(folder.path().join("lab/effects")).unwrap().collect();
+    assert_eq!(kept.len(), 1);
+    assert_eq!(fs::read_to_string(folder.path().join("lab/effects/good.toml")).unwrap(), good);
+    lab.is_alive().unwrap();
+}
+
 #[test]
 fn a_second_server_on_the_folder_is_refused_with_a_sentence() {
     let folder = flights::small();
@@ -347,7 +419,7 @@ fn a_name_of_a_flight_is_never_a_part_of_the_page() {
     assert_free("at first");
     crate::page::identify(&browser);
     crate::page::diagnose(&browser);
-    for tab in ["time", "where", "spectrum", "path", "model"] {
+    for tab in ["time", "where", "spectrum", "path", "model", "own"] {
         browser.click(&format!("[role=tab][data-tab={tab}]"));
         browser.settle();
         assert_free(tab);

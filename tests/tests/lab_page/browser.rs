@@ -200,6 +200,16 @@ impl Browser {
         self.done(&format!("click on {selector}"), click);
     }
 
+    /// Writes into a field in place of what is there, as keys do.
+    pub(crate) fn write(&self, selector: &str, text: &str) {
+        let write = async {
+            let field = self.client.find(Locator::Css(selector)).await?;
+            field.clear().await?;
+            field.send_keys(text).await
+        };
+        self.done(&format!("text in {selector}"), write);
+    }
+
     /// Chooses an option of a select by its value.
     pub(crate) fn choose(&self, selector: &str, value: &str) {
         let choose = async { self.client.find(Locator::Css(selector)).await?.select_by_value(value).await };

@@ -11,5 +11,6 @@ mod browser;
 mod figures;
 mod flights;
 mod folder;
+mod own_effect;
 mod page;
 mod server;

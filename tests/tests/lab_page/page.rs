@@ -27,7 +27,7 @@ pub(crate) fn opened_empty(name: &'static str, folder: &Path) -> (Lab, Browser) 
     (lab, browser)
 }
 
-fn open(lab: &Lab, browser: &mut Browser) {
+pub(crate) fn open(lab: &Lab, browser: &mut Browser) {
     browser.open(&lab.address);
     browser.wait_for("body[data-ready='true'] .flight[data-name]", "");
 }
@@ -45,11 +45,11 @@ pub(crate) fn split(browser: &Browser) {
 }
 
 /// Waits until no job runs.
-fn wait_idle(browser: &Browser) {
+pub(crate) fn wait_idle(browser: &Browser) {
     browser.wait_until("the end of a job", "return document.body.dataset.busy === 'false'", Value::Null);
 }
 
-fn wait_for_models(browser: &Browser, count: usize) {
+pub(crate) fn wait_for_models(browser: &Browser, count: usize) {
     let are = "return document.querySelectorAll('.model[data-id]').length === arguments[0]";
     browser.wait_until(&format!("{count} models"), are, count);
 }
@@ -137,7 +137,7 @@ fn wind_and_ground_effect_are_found_card_by_card_and_kept() {
 }
 
 /// What the page says a model takes in a terminal.
-fn command_of(browser: &Browser, id: &str) -> String {
+pub(crate) fn command_of(browser: &Browser, id: &str) -> String {
     choose_model(browser, id);
     browser.click("[role=tab][data-tab=model]");
     browser.wait_for("#panel-model h3", &format!("(model {id})"));
@@ -145,7 +145,7 @@ fn command_of(browser: &Browser, id: &str) -> String {
 }
 
 /// Each command, in a terminal in the folder of the flights, makes the model that the lab has made.
-fn assert_commands_make_the_models(folder: &Path, commands: &[(&str, String)]) {
+pub(crate) fn assert_commands_make_the_models(folder: &Path, commands: &[(&str, String)]) {
     let programs = program("quadlab").parent().unwrap().to_owned();
     for (id, command) in commands {
         let file = folder.join(format!("lab/model-{id}.toml"));
@@ -244,7 +244,7 @@ fn a_power_cut_in_the_middle_of_a_job_loses_no_model() {
 }
 
 /// What the console may say of a server that is gone.
-const GONE: [&str; 4] = [
+pub(crate) const GONE: [&str; 4] = [
     "net::ERR_CONNECTION_",
     "net::ERR_EMPTY_RESPONSE",
     "net::ERR_INCOMPLETE_CHUNKED_ENCODING",

@@ -129,6 +129,15 @@ pub fn parse(text: &str, path: &Path) -> Result<Vec<UserEffect>, UserEffectError
     user_effects::parse(text, path, &taken())
 }
 
+/// Parses and checks the text of a file of users' effects, so that they can be fitted. Their identifiers go on to mean what they
+/// meant ([`User::make_known`] changes that); `path` is for messages.
+///
+/// # Errors
+/// As [`read`], and when more texts were tried than one program keeps.
+pub fn draft(text: &str, path: &Path) -> Result<Vec<User>, UserEffectError> {
+    user_effects::draft(text, path, &taken())
+}
+
 /// Checks a definition and makes it known; `path` is for messages.
 pub(crate) fn define(definition: Definition, path: &Path) -> Result<Effect, UserEffectError> {
     user_effects::define(definition, path, &taken()).map(Effect::User)

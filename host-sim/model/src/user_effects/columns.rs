@@ -39,9 +39,14 @@ pub(super) fn is_word(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_alphabetic()) && name.chars().all(in_word) && name.len() <= MAX_NAME
 }
 
+/// The functions that formulas can call, those of two arguments last.
+pub fn functions() -> impl Iterator<Item = &'static str> {
+    FUNCTIONS.into_iter().chain(["min", "max", "atan2"])
+}
+
 /// Whether a name is that of a function.
 pub(super) fn is_function(name: &str) -> bool {
-    FUNCTIONS.contains(&name) || ["min", "max", "atan2"].contains(&name)
+    functions().any(|function| function == name)
 }
 
 /// Unit of a column that needs no declaration.

@@ -7,6 +7,8 @@ use serde::{Deserialize, Serialize};
 
 /// Most users' effects in one program.
 pub const MAX_EFFECTS: usize = 16;
+/// Most definitions in one program: an effect that is edited has one for each of its texts.
+pub const MAX_DEFINITIONS: usize = 4096;
 /// Largest file, bytes.
 pub const MAX_FILE_BYTES: u64 = 64 * 1024;
 /// Most coefficients of one effect.
@@ -127,6 +129,12 @@ pub enum UserEffectError {
     /// More than are kept.
     #[error("{}: more than {MAX_EFFECTS} effects of users; leave out some", path.display())]
     TooMany {
+        /// The file.
+        path: PathBuf,
+    },
+    /// More texts of effects than one program keeps.
+    #[error("{}: more than {MAX_DEFINITIONS} effects have been tried; end quadlab and start it again", path.display())]
+    TooManyChanges {
         /// The file.
         path: PathBuf,
     },

@@ -54,6 +54,16 @@ impl UserEffect {
         &self.definition.id
     }
 
+    /// As it was defined.
+    pub fn definition(&self) -> &Definition {
+        &self.definition
+    }
+
+    /// The rows that it acts on.
+    pub fn axes(&self) -> Vec<Axis> {
+        AXES.into_iter().filter(|axis| self.formulas.iter().any(|f| f.row.acts_on(*axis))).collect()
+    }
+
     /// Whether every formula is linear in the coefficients.
     pub fn is_linear(&self) -> bool {
         self.is_linear
@@ -100,7 +110,6 @@ impl UserEffect {
     /// What it says of itself, for the rest of the program.
     pub(super) fn info(&self) -> EffectInfo {
         let definition = &self.definition;
-        let acts = |axis: &Axis| self.formulas.iter().any(|f| f.row.acts_on(*axis));
         let coefficients: Vec<Coefficient> = definition
             .coefficient
             .iter()
@@ -126,7 +135,7 @@ impl UserEffect {
             sentence: forever(&sentence),
             kind: if self.is_linear() { Kind::Linear } else { Kind::Adjusting },
             question: if self.is_linear() { Question::Both } else { Question::Structure },
-            axes: Vec::leak(AXES.into_iter().filter(acts).collect()),
+            axes: Vec::leak(self.axes()),
             coefficients: Vec::leak(coefficients),
             excitation: forever(&excitation),
             confused_with: Vec::leak(confused),

@@ -20,8 +20,9 @@
 //! directly; else it is fitted by Gauss and Newton's method from several starts: coefficients that enter linearly when the
 //! others are given are solved for, the others (its *shape*) start about their typical values.
 //!
-//! Definitions are kept to the end of the program, [`MAX_EFFECTS`] at most: an effect can then be copied and compared as
-//! those of the catalogue are. This is the one thing that the library keeps for itself.
+//! Definitions are kept to the end of the program, [`MAX_DEFINITIONS`] at most: an effect can then be copied and compared as
+//! those of the catalogue are. [`MAX_EFFECTS`] of them are known by their identifiers. This is the one thing that the library
+//! keeps for itself.
 
 mod arithmetic;
 mod check;
@@ -36,11 +37,11 @@ mod scanner;
 mod trace;
 mod user;
 
-pub use columns::{USUAL_COLUMNS, can_be_column, columns};
+pub use columns::{USUAL_COLUMNS, can_be_column, columns, functions};
 pub use definition::{
-    CoefficientDefinition, ColumnDefinition, ConstantDefinition, Definition, MAX_COEFFICIENTS, MAX_EFFECTS,
-    MAX_FILE_BYTES, UserEffectError,
+    CoefficientDefinition, ColumnDefinition, ConstantDefinition, Definition, MAX_COEFFICIENTS,
+    MAX_DEFINITIONS, MAX_EFFECTS, MAX_FILE_BYTES, UserEffectError,
 };
 pub use effect::UserEffect;
 pub use user::{Undefined, User};
-pub(crate) use user::{all, define, parse, read};
+pub(crate) use user::{all, define, draft, parse, read};

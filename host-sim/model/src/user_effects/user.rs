@@ -1,23 +1,29 @@
 //! Users' effects that have been read: kept to the end of the program.
+//!
+//! A definition that was kept once is found again and costs nothing more; another one with the same identifier is another
+//! effect. Which of them an identifier means is [`Registry::known`]: a model that has one keeps it, whatever the identifier
+//! comes to mean later.
 
 use std::cmp::Ordering;
 use std::fmt;
 use std::hash::{Hash, Hasher};
 use std::path::Path;
-use std::sync::{PoisonError, RwLock};
+use std::sync::{PoisonError, RwLock, RwLockWriteGuard};
 
 use crate::axis::AXES;
 use crate::effect::{EffectInfo, Kind, Sink};
 use crate::sample::Sample;
 use crate::user_effects::check::Known;
 use crate::user_effects::definition::{
-    Definition, File, MAX_COEFFICIENTS, MAX_EFFECTS, MAX_FILE_BYTES, MAX_STARTS, UserEffectError,
+    Definition, File, MAX_COEFFICIENTS, MAX_DEFINITIONS, MAX_EFFECTS, MAX_FILE_BYTES, MAX_STARTS,
+    UserEffectError,
 };
 use crate::user_effects::effect::UserEffect;
 use crate::user_effects::row::{INERTIAL, Row};
 use crate::vehicle::toml_message;
 
-/// A user's effect that has been read; copied and compared like those of the catalogue.
+/// A user's effect that has been read; copied and compared like those of the catalogue. Two are the same where their
+/// definitions are.
 #[derive(Clone, Copy)]
 pub struct User(&'static Interned);
 
@@ -25,11 +31,13 @@ pub struct User(&'static Interned);
 struct Interned {
     info: EffectInfo,
     effect: UserEffect,
+    /// Its place among all definitions that were kept: no two have the same.
+    place: usize,
 }
 
 impl PartialEq for User {
     fn eq(&self, other: &Self) -> bool {
-        self.0.info.id == other.0.info.id
+        self.0.place == other.0.place
     }
 }
 
@@ -37,7 +45,7 @@ impl Eq for User {}
 
 impl Hash for User {
     fn hash<H: Hasher>(&self, state: &mut H) {
-        self.0.info.id.hash(state);
+        self.0.place.hash(state);
     }
 }
 
@@ -49,7 +57,7 @@ impl PartialOrd for User {
 
 impl Ord for User {
     fn cmp(&self, other: &Self) -> Ordering {
-        self.0.info.id.cmp(other.0.info.id)
+        (self.0.info.id, self.0.place).cmp(&(other.0.info.id, other.0.place))
     }
 }
 
@@ -91,6 +99,19 @@ impl User {
     /// Names of the further columns of flight files in its formulas.
     pub fn columns_named(self) -> Vec<&'static str> {
         self.0.effect.columns()
+    }
+
+    /// Makes it what its identifier means, in place of another definition where there is one.
+    ///
+    /// # Errors
+    /// When there are too many; `path` is for the message.
+    pub fn make_known(self, path: &Path) -> Result<(), UserEffectError> {
+        registry().make_known(self, path)
+    }
+
+    /// Its identifier means nothing from now on. Models that have the effect keep it.
+    pub fn forget(self) {
+        registry().known.retain(|own| *own != self);
     }
 
     /// As it was defined.
@@ -166,7 +187,7 @@ impl User {
     }
 }
 
-/// Reads a file of effects and keeps them; `catalogue` has the identifiers that they cannot have.
+/// Reads a file of effects and makes them known; `catalogue` has the identifiers that they cannot have.
 pub(crate) fn read(path: &Path, catalogue: &[&str]) -> Result<Vec<User>, UserEffectError> {
     let refuse = |source| UserEffectError::Read { path: path.to_owned(), source };
     let size = std::fs::metadata(path).map_err(refuse)?.len();
@@ -174,7 +195,7 @@ pub(crate) fn read(path: &Path, catalogue: &[&str]) -> Result<Vec<User>, UserEff
         return Err(UserEffectError::TooLarge { path: path.to_owned() });
     }
     let text = std::fs::read_to_string(path).map_err(refuse)?;
-    parse(&text, path, catalogue)?.into_iter().map(|effect| keep(effect, path)).collect()
+    parse(&text, path, catalogue)?.into_iter().map(|effect| know(effect, path)).collect()
 }
 
 /// Parses and checks the text of a file of effects without keeping them.
@@ -193,33 +214,78 @@ pub(crate) fn parse(text: &str, path: &Path, catalogue: &[&str]) -> Result<Vec<U
     file.effect.into_iter().map(|definition| UserEffect::check(definition, path, &known)).collect()
 }
 
-/// Checks a definition and keeps it.
+/// Parses and checks the text of a file of effects and keeps them, without making them known by their identifiers.
+pub(crate) fn draft(text: &str, path: &Path, catalogue: &[&str]) -> Result<Vec<User>, UserEffectError> {
+    parse(text, path, catalogue)?.into_iter().map(|effect| registry().keep(effect, path)).collect()
+}
+
+/// Checks a definition of a model file and makes it known. What it is confused with may be defined in a file that is not here.
 pub(crate) fn define(
     definition: Definition,
     path: &Path,
     catalogue: &[&str],
 ) -> Result<User, UserEffectError> {
-    keep(UserEffect::check(definition, path, &known_beside(catalogue))?, path)
+    let named: Vec<String> = definition.confused_with.keys().cloned().collect();
+    let known = Known { catalogue, users: named.iter().map(String::as_str).collect() };
+    know(UserEffect::check(definition, path, &known)?, path)
 }
 
 fn known_beside<'a>(catalogue: &'a [&'a str]) -> Known<'a> {
     Known { catalogue, users: all().iter().map(|user| user.info().id).collect() }
 }
 
-static KNOWN: RwLock<Vec<User>> = RwLock::new(Vec::new());
+/// Users' effects of this program.
+struct Registry {
+    /// All definitions that were kept. They are never given back, so that an effect can be copied: some kilobytes each, and
+    /// no more than [`MAX_DEFINITIONS`].
+    kept: Vec<User>,
+    /// What identifiers mean.
+    known: Vec<User>,
+}
+
+static REGISTRY: RwLock<Registry> = RwLock::new(Registry { kept: Vec::new(), known: Vec::new() });
+
+fn registry() -> RwLockWriteGuard<'static, Registry> {
+    REGISTRY.write().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// The users' effects that have been read.
 pub(crate) fn all() -> Vec<User> {
-    KNOWN.read().unwrap_or_else(PoisonError::into_inner).clone()
+    REGISTRY.read().unwrap_or_else(PoisonError::into_inner).known.clone()
 }
 
-fn keep(effect: UserEffect, path: &Path) -> Result<User, UserEffectError> {
-    let mut known = KNOWN.write().unwrap_or_else(PoisonError::into_inner);
-    let id = effect.definition.id.as_str();
-    if let Some(same) = known.iter().find(|user| user.info().id == id) {
-        if *same.definition() == effect.definition {
+impl Registry {
+    fn keep(&mut self, effect: UserEffect, path: &Path) -> Result<User, UserEffectError> {
+        if let Some(same) = self.kept.iter().find(|user| *user.definition() == effect.definition) {
             return Ok(*same);
         }
+        if self.kept.len() >= MAX_DEFINITIONS {
+            return Err(UserEffectError::TooManyChanges { path: path.to_owned() });
+        }
+        let info = effect.info();
+        let user = User(Box::leak(Box::new(Interned { info, effect, place: self.kept.len() })));
+        self.kept.push(user);
+        Ok(user)
+    }
+
+    fn make_known(&mut self, user: User, path: &Path) -> Result<(), UserEffectError> {
+        match self.known.iter().position(|own| own.info().id == user.info().id) {
+            Some(place) => self.known[place] = user,
+            None if self.known.len() >= MAX_EFFECTS => {
+                return Err(UserEffectError::TooMany { path: path.to_owned() });
+            }
+            None => self.known.push(user),
+        }
+        Ok(())
+    }
+}
+
+/// Keeps an effect and makes it known, where its identifier does not mean another one.
+fn know(effect: UserEffect, path: &Path) -> Result<User, UserEffectError> {
+    let mut registry = registry();
+    let user = registry.keep(effect, path)?;
+    let id = user.info().id;
+    if registry.known.iter().any(|own| own.info().id == id && *own != user) {
         return Err(UserEffectError::Field {
             path: path.to_owned(),
             effect: id.to_owned(),
@@ -227,11 +293,6 @@ fn keep(effect: UserEffect, path: &Path) -> Result<User, UserEffectError> {
             problem: "is already defined in another way; give one of the two another id".into(),
         });
     }
-    if known.len() >= MAX_EFFECTS {
-        return Err(UserEffectError::TooMany { path: path.to_owned() });
-    }
-    let info = effect.info();
-    let user = User(Box::leak(Box::new(Interned { info, effect })));
-    known.push(user);
+    registry.make_known(user, path)?;
     Ok(user)
 }

@@ -115,7 +115,8 @@ impl Work<'_> {
 
     fn identify(&self) -> Result<(), Refused> {
         let mut sets = self.sets()?;
-        let identified = workflow::identify(self.vehicle, &[], &mut sets, None, &self.telling)?;
+        let identified =
+            workflow::identify(self.vehicle, &self.session.own_effects(), &mut sets, None, &self.telling)?;
         let before = format!("identify{}", self.session.vehicle_option());
         self.keep(None, None, identified.model, &self.session.command(&before))?;
         Ok(())
@@ -124,7 +125,8 @@ impl Work<'_> {
     fn diagnose(&self, id: u32) -> Result<(), Refused> {
         let model = self.session.node(id)?.model;
         let mut sets = self.sets()?;
-        let diagnosis = workflow::diagnose(&model, &[], &mut sets, &Options::default(), &self.telling)?;
+        let own = self.session.own_effects();
+        let diagnosis = workflow::diagnose(&model, &own, &mut sets, &Options::default(), &self.telling)?;
         self.session.tell_of(id, |node| node.diagnosis = Some(document(&diagnosis)))
     }
 
@@ -136,9 +138,14 @@ impl Work<'_> {
         }
         let flights = self.session.loaded(Use::Later);
         let mut flights = FlightsOfOneKind::from_loaded(flights, &model.vehicle, Reading::default())?;
-        let found = workflow::changed(&model, &[], &mut flights, &Options::default(), &self.telling);
+        let own = self.session.own_effects();
+        let found = workflow::changed(&model, &own, &mut flights, &Options::default(), &self.telling);
         let mut changes = document(&found?);
-        let command = format!("quadlab diagnose --model lab/model-{id}.toml --changed {}", names(&files));
+        let command = format!(
+            "quadlab diagnose --model lab/model-{id}.toml --changed {}{}",
+            names(&files),
+            self.session.effects_option()
+        );
         changes["command"] = json!(command);
         let of = flights.flights.iter().map(|flight| flight.prepared.name.as_str());
         changes["flights"] = of.collect::<Vec<_>>().into();
@@ -175,8 +182,9 @@ impl Work<'_> {
 
     fn explain(&self) -> Result<(), Refused> {
         let mut sets = self.sets()?;
+        let own = self.session.own_effects();
         let explanation =
-            workflow::explain(self.vehicle, &[], &mut sets, &Options::default(), None, &self.telling)?;
+            workflow::explain(self.vehicle, &own, &mut sets, &Options::default(), None, &self.telling)?;
         let before = format!("explain{}", self.session.vehicle_option());
         self.keep_steps(explanation, &self.session.command(&before))
     }

@@ -1,7 +1,8 @@
 //! `quadlab lab`: the whole loop on a page in the browser, served on this machine alone.
 //!
 //! The page calls the one workflow (`diagnosis::workflow`) and draws what it returns; nothing here computes a verdict. What
-//! the user did lies in `lab/` beside the flights: models as ordinary model files, diagnoses as JSON, and `state.json`.
+//! the user did lies in `lab/` beside the flights: models as ordinary model files, diagnoses as JSON, effects of the user's own,
+//! and `state.json`.
 
 mod assets;
 mod equations;
@@ -12,7 +13,11 @@ mod jobs;
 mod next;
 mod node;
 mod numbers;
+mod own_effect;
+mod own_effects;
+mod own_routes;
 mod refused;
+mod requests;
 mod room;
 mod routes;
 mod server;

@@ -14,6 +14,27 @@ pub(super) struct Window {
     pub(super) width: usize,
 }
 
+impl Window {
+    /// Points across a screen.
+    const WIDTHS: [usize; 2] = [10, 8000];
+
+    /// The whole flight where nothing is said of the range.
+    pub(super) fn new(from_s: Option<f64>, to_s: Option<f64>, width: Option<usize>) -> Self {
+        let [least, most] = Self::WIDTHS;
+        Self {
+            from_s: from_s.unwrap_or(f64::NEG_INFINITY),
+            to_s: to_s.unwrap_or(f64::INFINITY),
+            width: width.unwrap_or(1200).clamp(least, most),
+        }
+    }
+
+    /// First and last time of it in a flight.
+    pub(super) fn within(self, time_s: &[f64]) -> [f64; 2] {
+        let [first, last] = [time_s.first(), time_s.last()].map(|end| end.copied().unwrap_or(0.0));
+        [first.max(self.from_s), last.min(self.to_s)]
+    }
+}
+
 /// Rows of several lines over one time.
 #[derive(Debug, Default)]
 pub(super) struct Rows {

@@ -3,8 +3,7 @@
 use std::sync::Arc;
 
 use axum::body::Body;
-use axum::extract::{DefaultBodyLimit, FromRequest, FromRequestParts, Path, Query, Request, State};
-use axum::http::request::Parts;
+use axum::extract::{DefaultBodyLimit, Path, State};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
@@ -12,25 +11,22 @@ use axum::{Json, Router};
 use diagnosis::workflow;
 use model::{AXES, Axis, Model};
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
 use super::flights::Use;
 use super::jobs::{self, Task};
 use super::numbers::Window;
 use super::refused::{Refused, refusal};
+use super::requests::{Answer, Asked, Sent, Shared, aside};
 use super::session::{Session, Telling};
 use super::vehicle::Measured;
 use super::views::{self, Beside, Series};
-use super::{assets, equations, next, upload};
+use super::{assets, equations, next, own_routes, upload};
 use crate::cli::effect_names::known_effect;
 use crate::render::documents::coefficient_entries;
 
 /// No request of the page is longer, bytes.
 const LONGEST_BODY: usize = 1 << 20;
-
-type Shared = State<Arc<Session>>;
-type Answer = Result<Json<Value>, Refused>;
 
 /// All addresses.
 pub(super) fn router(session: Arc<Session>) -> Router {
@@ -69,6 +65,7 @@ pub(super) fn router(session: Arc<Session>) -> Router {
         .route("/api/download/series.csv", get(series_text))
         .route("/api/download/series.parquet", get(series_parquet))
         .route("/api/download/report.html", get(report))
+        .nest("/api/effects", own_routes::router())
         .fallback(async || {
             refusal(StatusCode::NOT_FOUND, "there is nothing at this address: open the lab's first page")
         })
@@ -81,42 +78,6 @@ fn page(name: &str) -> Response {
         Some((bytes, kind)) => ([(header::CONTENT_TYPE, kind)], bytes).into_response(),
         None => refusal(StatusCode::NOT_FOUND, "the page has no such file"),
     }
-}
-
-/// What stands behind the question mark; a mistake in it is told as every other one.
-struct Asked<T>(T);
-
-impl<T: DeserializeOwned, S: Sync> FromRequestParts<S> for Asked<T> {
-    type Rejection = Refused;
-
-    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Refused> {
-        let asked = Query::try_from_uri(&parts.uri);
-        asked
-            .map(|Query(asked)| Self(asked))
-            .map_err(|error| Refused(format!("the address is not one of the page's: {}", error.body_text())))
-    }
-}
-
-/// What a request carries; a mistake in it is told as every other one.
-struct Sent<T>(T);
-
-impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Sent<T> {
-    type Rejection = Response;
-
-    async fn from_request(request: Request, state: &S) -> Result<Self, Response> {
-        let sent = Json::from_request(request, state).await;
-        sent.map(|Json(sent)| Self(sent)).map_err(|error| {
-            refusal(error.status(), &format!("the request is not one of the page's: {}", error.body_text()))
-        })
-    }
-}
-
-/// Work that takes longer than a moment, beside the server's own thread.
-async fn aside<T: Send + 'static>(
-    work: impl FnOnce() -> Result<T, Refused> + Send + 'static,
-) -> Result<T, Refused> {
-    let done = tokio::task::spawn_blocking(work).await;
-    done.unwrap_or_else(|_| Err(Refused("this could not be computed: a bug of quadlab".into())))
 }
 
 #[derive(Deserialize)]
@@ -231,8 +192,14 @@ async fn why(State(session): Shared, Asked(OfEffect { model, effect }): Asked<Of
         let effect = known_effect(&effect)?;
         let telling = Telling { session: &session, kind: "why", cancel: None };
         let mut sets = session.sets(&node.model.vehicle, &telling)?;
-        let why =
-            workflow::why(&node.model, effect, &[], &mut sets, &diagnosis::Options::default(), &telling);
+        let why = workflow::why(
+            &node.model,
+            effect,
+            &session.own_effects(),
+            &mut sets,
+            &diagnosis::Options::default(),
+            &telling,
+        );
         let why = why?;
         Ok(Json(serde_json::to_value(&why).unwrap_or_default()))
     })
@@ -254,14 +221,9 @@ struct OfSeries {
 }
 
 async fn series(State(session): Shared, Asked(asked): Asked<OfSeries>) -> Result<Json<Series>, Refused> {
-    const WIDEST: usize = 8000;
     aside(move || {
         let seen = session.seen(asked.model, &asked.flight)?;
-        let window = Window {
-            from_s: asked.from.unwrap_or(f64::NEG_INFINITY),
-            to_s: asked.to.unwrap_or(f64::INFINITY),
-            width: asked.width.unwrap_or(1200).clamp(10, WIDEST),
-        };
+        let window = Window::new(asked.from, asked.to, asked.width);
         Ok(Json(match &asked.beside {
             Some(flight) => {
                 let other = session.seen(asked.model, flight)?;

@@ -9,7 +9,7 @@ use diagnosis::workflow::{
     self, Faults, FlightSets, FlightsOfOneKind, LoadedFlight, Observer, Progress, Reading, Silent,
     is_held_out,
 };
-use model::{Model, Vehicle};
+use model::{Effect, Model, Vehicle};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use sysid::Comparison;
@@ -17,8 +17,9 @@ use sysid::Comparison;
 use super::events::Events;
 use super::flights::{FlightFile, Use};
 use super::node::Node;
+use super::own_effect::OwnEffect;
 use super::refused::Refused;
-use super::store::{Saved, Store, StoreError};
+use super::store::{Saved, Store, StoreError, effect_file};
 use super::timeline;
 use super::vehicle::{Craft, Measured};
 use super::views::Seen;
@@ -48,6 +49,10 @@ pub(super) struct State {
     /// What the user chose for flights, by file name.
     chosen: BTreeMap<String, Use>,
     pub(super) nodes: Vec<Node>,
+    /// Effects of the user's own.
+    pub(super) own: Vec<OwnEffect>,
+    /// Further columns of flights that were known when the flights were read.
+    columns: usize,
     pub(super) current: Option<u32>,
     pub(super) job: Option<Job>,
     /// The newest first.
@@ -60,7 +65,7 @@ pub(super) struct State {
 pub(super) struct Session {
     pub(super) folder: PathBuf,
     pub(super) events: Events,
-    store: Store,
+    pub(super) store: Store,
     state: Mutex<State>,
     /// Held while a model is held against a flight: a page that asks for several things at once waits for one.
     seeing: Mutex<()>,
@@ -73,8 +78,10 @@ impl Session {
     pub(super) fn open(folder: &Path) -> Result<Self, StoreError> {
         let store = Store::open(folder)?;
         let (saved, nodes) = store.read()?;
+        // After the models: what one of them has must go on to mean the same.
+        let own = OwnEffect::all(&store.read_effects()?);
         let current = saved.current.filter(|id| nodes.iter().any(|node| node.id == *id));
-        let state = State { chosen: saved.chosen, nodes, current, reading: true, ..State::default() };
+        let state = State { chosen: saved.chosen, nodes, own, current, reading: true, ..State::default() };
         Ok(Self {
             folder: folder.to_owned(),
             events: Events::new(),
@@ -96,9 +103,7 @@ impl Session {
         {
             let mut state = self.lock();
             (state.problem, state.reading) = (problem, false);
-            state.seen.clear();
-            state.comparisons.clear();
-            state.timelines.clear();
+            state.forget_seen();
         }
         self.events.changed();
     }
@@ -121,7 +126,19 @@ impl Session {
         Ok(())
     }
 
+    /// Reads the flights again, where formulas have come to name columns of them since they were read.
+    pub(super) fn read_further_columns(&self) -> Result<(), Refused> {
+        let _seeing = self.seeing.lock().unwrap_or_else(PoisonError::into_inner);
+        if self.lock().columns == model::user_effects::columns().len() {
+            return Ok(());
+        }
+        self.try_read_flights().map_err(|error| Refused(format!("{error:#}")))?;
+        self.lock().forget_seen();
+        Ok(())
+    }
+
     fn try_read_flights(&self) -> anyhow::Result<()> {
+        let columns = model::user_effects::columns().len();
         let paths = flights_in(&self.folder)?;
         let telling = Telling { session: self, kind: "reading", cancel: None };
         let craft = Craft::of(&self.folder, &paths, &telling)?;
@@ -135,7 +152,7 @@ impl Session {
             let automatic = if is_held_out(index) { Use::Validate } else { Use::Train };
             file.used = state.chosen.get(&file.name).copied().unwrap_or(automatic);
         }
-        state.files = files;
+        (state.files, state.columns) = (files, columns);
         // As every command, which takes the vehicle of logs from them, and of flight files from a file of its own.
         anyhow::ensure!(
             !is_blocked,
@@ -173,6 +190,7 @@ impl Session {
             "reading": state.reading,
             "flights": state.files.iter().map(|file| file.entry()).collect::<Vec<_>>(),
             "models": state.nodes.iter().map(Node::entry).collect::<Vec<_>>(),
+            "own": state.own.iter().map(|own| own.entry(&state.nodes)).collect::<Vec<_>>(),
             "current": state.current,
             "job": state.job.as_ref().map(Job::entry),
         })
@@ -239,6 +257,28 @@ impl Session {
         Ok(())
     }
 
+    /// The user's own effects that are kept and can be used.
+    pub(super) fn own_effects(&self) -> Vec<Effect> {
+        self.lock().own.iter().filter_map(OwnEffect::effect).collect()
+    }
+
+    /// Forgets what was found with an effect that is no longer what it was.
+    pub(super) fn forget_findings(&self, effect: &str) -> Result<(), Refused> {
+        let is_in = |found: &Option<Value>| {
+            let found = found.as_ref().and_then(|found| found["effects"].as_array());
+            found.is_some_and(|all| all.iter().any(|finding| finding["effect"] == effect))
+        };
+        for node in &mut self.lock().nodes {
+            for found in [&mut node.diagnosis, &mut node.changes] {
+                if is_in(found) {
+                    *found = None;
+                }
+            }
+            self.store.write_node(node)?;
+        }
+        Ok(())
+    }
+
     fn save(&self) -> Result<(), Refused> {
         let state = self.lock();
         let models = state.nodes.iter().map(Into::into).collect();
@@ -284,7 +324,14 @@ impl Session {
             (all, []) | ([], all) => names(all),
             _ => format!("--train {} --validate {}", names(&train), names(&validate)),
         };
-        format!("quadlab {before} {sets}")
+        format!("quadlab {before} {sets}{}", self.effects_option())
+    }
+
+    /// ` --effects lab/effects/ID.toml`, where there are effects of the user's own; it stands after all files.
+    pub(super) fn effects_option(&self) -> String {
+        let files: String =
+            self.own_effects().iter().map(|effect| format!(" {}", effect_file(effect.id()))).collect();
+        if files.is_empty() { files } else { format!(" --effects{files}") }
     }
 
     /// ` --vehicle vehicle.toml`, where there is one.
@@ -370,6 +417,13 @@ impl Session {
 }
 
 impl State {
+    /// What was made of flights that are read anew.
+    fn forget_seen(&mut self) {
+        self.seen.clear();
+        self.comparisons.clear();
+        self.timelines.clear();
+    }
+
     /// All flights that can be used.
     fn loaded(&self) -> impl Iterator<Item = &LoadedFlight> {
         self.files.iter().filter_map(|file| file.flights.as_ref().as_ref().ok()).flatten()
@@ -410,7 +464,8 @@ impl Observer for Telling<'_> {
     fn progress(&self, progress: Progress<'_>) {
         let told = progress_entry(self.kind, progress.activity, progress.steps);
         self.session.events.tell("progress", told);
-        if let Some(job) = &mut self.session.lock().job {
+        // Looking for evidence runs beside the job.
+        if let Some(job) = self.session.lock().job.as_mut().filter(|job| job.kind == self.kind) {
             (job.activity, job.steps) = (progress.activity.to_owned(), progress.steps);
         }
     }

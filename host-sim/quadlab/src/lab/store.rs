@@ -4,6 +4,7 @@ use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
 use model::Model;
+use model::user_effects::MAX_FILE_BYTES;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -13,6 +14,21 @@ use super::node::Node;
 const FOLDER: &str = "lab";
 const STATE: &str = "state.json";
 const LOCK: &str = "lock";
+const EFFECTS: &str = "effects";
+
+/// File of an effect of the user's own, beside the flights.
+pub(super) fn effect_file(id: &str) -> String {
+    format!("{FOLDER}/{EFFECTS}/{id}.toml")
+}
+
+/// A file of effects as it lies in the folder.
+#[derive(Debug)]
+pub(super) struct EffectFile {
+    /// Its name without the ending.
+    pub(super) id: String,
+    /// Its text, or why it cannot be read.
+    pub(super) text: Result<String, String>,
+}
 
 /// The folder, held by this server.
 #[derive(Debug)]
@@ -112,11 +128,13 @@ impl Store {
     pub(super) fn write_node(&self, node: &Node) -> Result<(), StoreError> {
         make(&self.folder)?;
         report::write_atomic(self.model_path(node.id), node.model.to_toml())?;
-        if let Some(diagnosis) = &node.diagnosis {
-            report::write_atomic(self.diagnosis_path(node.id), diagnosis.to_string())?;
-        }
-        if let Some(changes) = &node.changes {
-            report::write_atomic(self.changes_path(node.id), changes.to_string())?;
+        for (path, found) in
+            [(self.diagnosis_path(node.id), &node.diagnosis), (self.changes_path(node.id), &node.changes)]
+        {
+            match found {
+                Some(found) => report::write_atomic(path, found.to_string())?,
+                None => remove(path)?,
+            }
         }
         Ok(())
     }
@@ -126,6 +144,42 @@ impl Store {
         make(&self.folder)?;
         tempfile::NamedTempFile::new_in(&self.folder)
             .map_err(|source| StoreError::Io { path: self.folder.clone(), source })
+    }
+
+    /// The user's own effects that are kept, by name.
+    pub(super) fn read_effects(&self) -> Result<Vec<EffectFile>, StoreError> {
+        let path = self.folder.join(EFFECTS);
+        let failed = |source| StoreError::Io { path: path.clone(), source };
+        let entries = match std::fs::read_dir(&path) {
+            Ok(entries) => entries,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+            Err(error) => return Err(failed(error)),
+        };
+        let mut files = Vec::new();
+        for entry in entries {
+            let path = entry.map_err(failed)?.path();
+            if path.extension().is_some_and(|extension| extension == "toml") {
+                let id = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+                files.push(EffectFile { id, text: effect_text(&path) });
+            }
+        }
+        files.sort_by(|a, b| a.id.cmp(&b.id));
+        Ok(files)
+    }
+
+    /// Keeps an effect of the user's own; its identifier has been checked.
+    pub(super) fn write_effect(&self, id: &str, text: &str) -> Result<(), StoreError> {
+        make(&self.folder.join(EFFECTS))?;
+        Ok(report::write_atomic(self.effect_path(id), text)?)
+    }
+
+    /// Keeps an effect no longer; its name is one of those that were read or written.
+    pub(super) fn remove_effect(&self, id: &str) -> Result<(), StoreError> {
+        remove(self.effect_path(id))
+    }
+
+    fn effect_path(&self, id: &str) -> PathBuf {
+        self.folder.join(EFFECTS).join(format!("{id}.toml"))
     }
 
     fn model_path(&self, id: u32) -> PathBuf {
@@ -138,6 +192,23 @@ impl Store {
 
     fn changes_path(&self, id: u32) -> PathBuf {
         self.folder.join(format!("changes-{id}.json"))
+    }
+}
+
+/// What a file of effects says; one that is far too large is not read.
+fn effect_text(path: &Path) -> Result<String, String> {
+    let size = std::fs::metadata(path).map_err(|error| error.to_string())?.len();
+    if size > MAX_FILE_BYTES {
+        return Err(format!("is larger than {MAX_FILE_BYTES} bytes, which no file of effects is"));
+    }
+    std::fs::read_to_string(path).map_err(|error| format!("cannot be read: {error}"))
+}
+
+/// Removes a file, if it is there.
+fn remove(path: PathBuf) -> Result<(), StoreError> {
+    match std::fs::remove_file(&path) {
+        Err(source) if source.kind() != std::io::ErrorKind::NotFound => Err(StoreError::Io { path, source }),
+        _ => Ok(()),
     }
 }
 

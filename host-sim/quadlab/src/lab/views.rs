@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use diagnosis::workflow::{self, Faults, FlightsOfOneKind, LoadedFlight, Silent, WorkflowError};
-use model::{AXES, Axis, Model};
+use model::{AXES, Axis, Effect, Model};
 use serde::Serialize;
 use serde_json::{Value, json};
 use sysid::compare::predict_ahead;
+use sysid::fit::linearise::contributions;
 
 use super::numbers::{self, Rows, Window};
 use super::refused::Refused;
@@ -62,6 +63,33 @@ impl Channel {
     fn new(id: &'static str, name: &'static str, unit: &'static str, group: &'static str) -> Self {
         Self { id, name, unit, group, ..Self::default() }
     }
+}
+
+/// What an effect would do to the accelerations, at the ordinary sizes of its coefficients.
+#[derive(Debug, Serialize)]
+pub(super) struct Contributions {
+    from: f64,
+    to: f64,
+    t: Vec<f64>,
+    axes: Vec<OnAxis>,
+}
+
+/// One axis of it.
+#[derive(Debug, Serialize)]
+struct OnAxis {
+    id: &'static str,
+    name: &'static str,
+    unit: &'static str,
+    /// What the model leaves.
+    residual: Vec<f32>,
+    columns: Vec<Column>,
+}
+
+/// What one coefficient does.
+#[derive(Debug, Serialize)]
+struct Column {
+    coefficient: &'static str,
+    values: Vec<f32>,
 }
 
 /// Names of what is predicted ahead: id, name, unit, group.
@@ -146,6 +174,33 @@ impl Seen {
             (Channel::new(id, name, unit, group), vec![measured, predicted, residual])
         });
         (ahead.time_s, lines.collect())
+    }
+
+    /// The columns that an effect has in the regression, times the ordinary sizes of their coefficients, beside what the model
+    /// leaves. Samples at which a formula has no value are left out.
+    pub(super) fn contributions(&self, effect: Effect, window: Window) -> Result<Contributions, Refused> {
+        let mut flight = self.flight.prepared.clone();
+        flight.leave_out_undefined(&self.model, &[effect])?;
+        let view = View::new(&flight, &self.model);
+        let columns = contributions(&flight, &self.model, effect);
+        let named = || effect.info().coefficients.iter().zip(&columns);
+        let mut lines: Vec<&[f64]> = Vec::new();
+        for axis in effect.info().axes {
+            lines.push(view.residual(*axis));
+            lines.extend(named().filter_map(|(_, column)| column[axis.index()].as_deref()));
+        }
+        let Rows { t, lines } = numbers::reduced(&view.time_s, &lines, window);
+        let mut lines = lines.into_iter();
+        let mut next = || lines.next().unwrap_or_default();
+        let on_axis = |axis: &Axis| {
+            let residual = next();
+            let there = named().filter(|(_, column)| column[axis.index()].is_some());
+            let columns = there.map(|(c, _)| Column { coefficient: c.name, values: next() }).collect();
+            OnAxis { id: axis.name(), name: axis_name(*axis), unit: axis.unit(), residual, columns }
+        };
+        let axes = effect.info().axes.iter().map(on_axis).collect();
+        let [from, to] = window.within(&view.time_s);
+        Ok(Contributions { from, to, t, axes })
     }
 
     /// Quantities that residuals can be drawn over: those of the place only where it was logged.
@@ -282,10 +337,7 @@ fn series(time_s: &[f64], channels: Vec<Lines>, window: Window) -> Series {
         let mut line = || next.next().unwrap_or_default();
         Channel { measured: line(), predicted: line(), residual: line(), residual_apart: line(), ..channel }
     });
-    Series {
-        from: time_s.first().copied().unwrap_or(0.0).max(window.from_s),
-        to: time_s.last().copied().unwrap_or(0.0).min(window.to_s),
-        channels: channels.collect(),
-        t,
-    }
+    let channels = channels.collect();
+    let [from, to] = window.within(time_s);
+    Series { from, to, channels, t }
 }

@@ -4,7 +4,7 @@
 //! differences, for which the model is evaluated once more for each coefficient. Models that see the same states (another wind,
 //! another ground effect) are evaluated side by side in one pass over them.
 
-use model::{Effect, Model};
+use model::{Effect, Kind, Model};
 
 use crate::fit::least_squares::RowColumn;
 use crate::fit::predicted::{self, less, measured};
@@ -176,6 +176,27 @@ fn slope(ahead: &RowColumn, here: &RowColumn, step: f64) -> RowColumn {
     })
 }
 
+/// What each coefficient of an effect does to the accelerations at the rows, at its ordinary size: its column of the regression
+/// times that. An adjusting effect that the model does not have is taken about ordinary coefficients.
+pub fn contributions(flight: &Prepared, model: &Model, effect: Effect) -> Vec<RowColumn> {
+    let has_map = model.vehicle.has_rotor_map();
+    let sizes: Vec<f64> =
+        (0..effect.info().coefficients.len()).map(|k| step_scale(has_map, effect, k)).collect();
+    let mut there = model.clone();
+    let effects: (&[Effect], &[Effect]) = match effect.info().kind {
+        Kind::Adjusting => (&[], &[effect]),
+        _ => (&[effect], &[]),
+    };
+    if effect.info().kind == Kind::Adjusting && !model.has(effect) {
+        there.set(effect, &sizes);
+    }
+    let mut columns = About::new(flight, &there, effects, 1, &Known::default()).columns;
+    for (column, size) in columns.iter_mut().zip(&sizes) {
+        column.iter_mut().flatten().flatten().for_each(|value| *value *= size);
+    }
+    columns
+}
+
 /// Measured and measured-minus-predicted of all six axes over the rows of a flight.
 /// Where the slow part of the horizontal forces is none of the model's, it is taken from both.
 pub fn residuals(flight: &Prepared, model: &Model) -> Residuals {
@@ -250,6 +271,39 @@ mod tests {
             }
         }
         assert_eq!(residuals(&flight, &model).residual[0].len(), flight.rows());
+    }
+
+    /// By what two models predict.
+    #[test]
+    fn contributions_are_what_the_prediction_changes_by() {
+        let model = truth();
+        let flight = flown(&model);
+        let predicted = |model: &Model| flight.predicted_by(&[model], 1, None).pop().unwrap();
+        let norm = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>().sqrt();
+        for effect in [Effect::QuadraticDrag, Effect::GroundEffect] {
+            let is_linear = effect.info().kind == Kind::Linear;
+            let typical: Vec<f64> = effect.info().coefficients.iter().map(|c| c.typical).collect();
+            let columns = contributions(&flight, &model, effect);
+            assert_eq!(columns.len(), typical.len());
+            for (k, column) in columns.iter().enumerate() {
+                let size = if is_linear { 1.0 } else { 1e-3 };
+                let at = |part: f64| {
+                    let mut values = if is_linear { vec![0.0; typical.len()] } else { typical.clone() };
+                    values[k] += part * typical[k];
+                    let mut with = model.clone();
+                    with.set(effect, &values);
+                    predicted(&with)
+                };
+                let (from, to) = (at(0.0), at(size));
+                for axis in 0..6 {
+                    let Some(column) = &column[axis] else { continue };
+                    let (from, to) = (from[axis].as_ref().unwrap(), to[axis].as_ref().unwrap());
+                    let change: Vec<f64> = from.iter().zip(to).map(|(a, b)| (b - a) / size).collect();
+                    let off: Vec<f64> = change.iter().zip(column).map(|(a, b)| a - b).collect();
+                    assert!(norm(&change) > 0.0 && norm(&off) < 0.01 * norm(&change), "{effect} {k} {axis}");
+                }
+            }
+        }
     }
 
     #[test]

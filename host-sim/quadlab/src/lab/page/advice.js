@@ -198,6 +198,16 @@ function unexplained(app, diagnosis) {
         ),
       ),
     ),
+    el(
+      "p",
+      {},
+      "Do you know what it could be? ",
+      el(
+        "button",
+        { type: "button", "data-key": "write own", click: () => app.look({ tab: "own" }) },
+        "Write an effect of your own",
+      ),
+    ),
   );
 }
 
@@ -387,7 +397,7 @@ async function toggle(model, finding, again) {
 }
 
 /** By how much the held-out rms falls, axis by axis. @param {Finding["axes"]} axes */
-function falls(axes) {
+export function falls(axes) {
   const rows = Object.entries(axes);
   if (!rows.length) return null;
   return el(
@@ -425,7 +435,7 @@ function coefficients(finding) {
 }
 
 /** All that speaks for and against an effect. @param {any} why the server's answer; null while it is on its way */
-function evidence(why) {
+export function evidence(why) {
   if (!why) return [el("p", { role: "status" }, "Weighing the evidence …")];
   const number = (/** @type {any} */ x, /** @type {string} */ of) => `${short(x)}${of ? ` ${unit(of)}` : ""}`;
   return [

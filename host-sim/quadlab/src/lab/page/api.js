@@ -8,8 +8,9 @@
 /** @typedef {{id: number, parent: number|null, effect: string|null, label: string, fitted_on: string[], judged_on: string[],
  *   effects: string[], axes: Record<Axis, Errors>|null, verdict: string|null, changed: string|null, supported: boolean|null, command: string}} Model */
 /** @typedef {{do: string, activity: string, done: number|null, all: number|null}} Job */
+/** @typedef {{id: string, text: string, problem: string|null, models: number[]}} OwnEffect a kept effect, and the models that have it */
 /** @typedef {{folder: string, vehicle: {name: string, written: boolean, unmeasured: string[]}|null, problem: string|null, reading: boolean, flights: Flight[],
- *   models: Model[], current: number|null, job: Job|null}} State */
+ *   models: Model[], own: OwnEffect[], current: number|null, job: Job|null}} State */
 /** @typedef {{id: string, name: string, unit: string, group: string, measured: (number|null)[], predicted: (number|null)[],
  *   residual: (number|null)[], residual_apart?: (number|null)[]}} Channel with the difference of the residuals where it is of a
  *   flight beside another */
@@ -87,9 +88,10 @@ export function address(path, query) {
   return text ? `${path}?${text}` : path;
 }
 
-/** Asks for something to be done. @param {string} path @param {object} body */
-export function post(path, body) {
-  return ask(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
+/** Asks for something to be done. @param {string} path @param {object} body @param {AbortSignal} [signal] */
+export function post(path, body, signal) {
+  const headers = { "Content-Type": "application/json" };
+  return ask(path, { method: "POST", headers, body: JSON.stringify(body), signal });
 }
 
 /** Sends a file. @param {string} path @param {Record<string, string>} query @param {File} file */

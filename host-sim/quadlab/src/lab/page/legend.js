@@ -62,7 +62,7 @@ function ofOthers(tab, second) {
 }
 
 /** @param {Parameters<typeof line>[0]} role */
-function swatch(role) {
+export function swatch(role) {
   const look = line(role);
   return svg(
     "svg",

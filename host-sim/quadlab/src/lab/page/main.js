@@ -10,6 +10,7 @@ import { modelTab } from "./model.js";
 import { drawModels } from "./models.js";
 import { flightOverview } from "./overview.js";
 import { prose } from "./numbers.js";
+import { ownTab } from "./own.js";
 import { pathTab } from "./path.js";
 import { plotly } from "./plots.js";
 import { saveButtons } from "./save.js";
@@ -154,6 +155,7 @@ const tabs = {
   spectrum: spectrumTab(app, byId("panel-spectrum")),
   path: pathTab(app, byId("panel-path")),
   model: modelTab(app, byId("panel-model")),
+  own: ownTab(app, byId("panel-own")),
 };
 
 const overview = flightOverview(app, byId("overview"));
@@ -229,7 +231,7 @@ function drawState() {
     view.flight,
   );
   byId("flight-choice").hidden =
-    !app.flight() || (Boolean(app.current()) && !["time", "spectrum", "path"].includes(view.tab));
+    !app.flight() || (Boolean(app.current()) && !["time", "spectrum", "path", "own"].includes(view.tab));
   const problem = byId("problem");
   problem.hidden = !state.problem;
   if (problem.textContent !== (state.problem ?? "")) problem.textContent = state.problem ?? "";
@@ -239,21 +241,23 @@ function drawState() {
   drawTabs();
 }
 
+/** Whether the chosen tab has something to show: an effect can be written before there is a model. */
+const hasTab = () => Boolean(app.current()) || app.view.tab === "own";
+
 /** What fills the middle column. */
-const shown = () => (app.current() ? tabs[app.view.tab] : overview);
+const shown = () => (hasTab() ? tabs[app.view.tab] : overview);
 
 function drawTabs() {
   const { view } = app;
-  const model = app.current();
   for (const name of TABS) {
     const chosen = name === view.tab;
     const button = byId(`tab-${name}`);
     button.setAttribute("aria-selected", String(chosen));
     button.tabIndex = chosen ? 0 : -1;
-    byId(`panel-${name}`).hidden = !chosen || !model;
+    byId(`panel-${name}`).hidden = !chosen || !hasTab();
   }
-  byId("overview").hidden = Boolean(model);
-  byId("save").hidden = !model || view.tab === "model";
+  byId("overview").hidden = hasTab();
+  byId("save").hidden = !app.current() || ["model", "own"].includes(view.tab);
   drawLegend(app, byId("legend"));
   app.wait((async () => shown().update())());
 }
@@ -277,7 +281,7 @@ function drawJob(job) {
   byId("cancel").disabled = !busy;
   byId("identify").classList.toggle("primary", !model);
   byId("diagnose").classList.toggle("primary", Boolean(model) && model?.verdict === null);
-  for (const button of document.querySelectorAll("button.add"))
+  for (const button of document.querySelectorAll("button.add, button.keep"))
     /** @type {HTMLButtonElement} */ (button).disabled = busy;
   byId("job").hidden = !busy;
   keepFocus(focused, busy);
@@ -431,6 +435,7 @@ const HINTS = [
   "On the left, choose which flights fit the model and which judge it; then press Identify.",
   "Press Diagnose: it tries every known effect and says which one the model lacks.",
   "Press Add on a card, and see the error fall beside the model before it. Going back is one click.",
+  "Do you know what is missing? Write it as formulas in the tab Own effect, and try it before you keep it.",
 ];
 
 function drawHints() {

@@ -20,7 +20,7 @@ import { AXES } from "./api.js";
  * @property {string} space  how a flight is drawn in space, one of SPACES
  */
 
-export const TABS = ["time", "where", "spectrum", "path", "model"];
+export const TABS = ["time", "where", "spectrum", "path", "model", "own"];
 
 /** The first is the one without a choice. */
 const SPACES = ["path", "flat", "map", "map-all"];

@@ -1,0 +1,52 @@
+//! What requests carry, and how they are answered.
+
+use std::sync::Arc;
+
+use axum::Json;
+use axum::extract::{FromRequest, FromRequestParts, Query, Request, State};
+use axum::http::request::Parts;
+use axum::response::Response;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+use super::refused::{Refused, refusal};
+use super::session::Session;
+
+pub(super) type Shared = State<Arc<Session>>;
+pub(super) type Answer = Result<Json<Value>, Refused>;
+
+/// What stands behind the question mark; a mistake in it is told as every other one.
+pub(super) struct Asked<T>(pub(super) T);
+
+impl<T: DeserializeOwned, S: Sync> FromRequestParts<S> for Asked<T> {
+    type Rejection = Refused;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Refused> {
+        let asked = Query::try_from_uri(&parts.uri);
+        asked
+            .map(|Query(asked)| Self(asked))
+            .map_err(|error| Refused(format!("the address is not one of the page's: {}", error.body_text())))
+    }
+}
+
+/// What a request carries; a mistake in it is told as every other one.
+pub(super) struct Sent<T>(pub(super) T);
+
+impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Sent<T> {
+    type Rejection = Response;
+
+    async fn from_request(request: Request, state: &S) -> Result<Self, Response> {
+        let sent = Json::from_request(request, state).await;
+        sent.map(|Json(sent)| Self(sent)).map_err(|error| {
+            refusal(error.status(), &format!("the request is not one of the page's: {}", error.body_text()))
+        })
+    }
+}
+
+/// Work that takes longer than a moment, beside the server's own thread.
+pub(super) async fn aside<T: Send + 'static>(
+    work: impl FnOnce() -> Result<T, Refused> + Send + 'static,
+) -> Result<T, Refused> {
+    let done = tokio::task::spawn_blocking(work).await;
+    done.unwrap_or_else(|_| Err(Refused("this could not be computed: a bug of quadlab".into())))
+}
