@@ -8,7 +8,7 @@ use crate::flights;
 use crate::server::{Answer, Lab, Request, command, output};
 
 /// All that is read, and a job.
-const READS: [&str; 10] = [
+const READS: [&str; 14] = [
     "/",
     "/page/plotly.min.js",
     "/api/state",
@@ -19,6 +19,10 @@ const READS: [&str; 10] = [
     "/api/quantities",
     "/api/download/model.toml?id=1",
     "/api/download/report.html?id=1",
+    "/api/download/series.parquet?model=1&flight=A.csv",
+    "/api/room?model=1&axis=w",
+    "/api/timeline?model=1",
+    "/api/next?model=1&effect=steady-wind&other=attitude-offset",
 ];
 const WRITES: [(&str, &str); 4] = [
     ("/api/sets", r#"{"name":"A.csv","set":"none"}"#),

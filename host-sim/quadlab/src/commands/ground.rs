@@ -22,8 +22,8 @@ use pattern::Pattern;
 use serde::Serialize;
 use sil::FlightPlan;
 
+use crate::cli::next_flight::predictor;
 use crate::cli::output::Outcome;
-use crate::commands::excite::predictor;
 use crate::commands::simulated_laboratory::Simulated;
 
 /// Fly a craft: send poses and commands, show and record its telemetry.
