@@ -8,7 +8,7 @@ use crate::flights;
 use crate::server::{Answer, Lab, Request, command, output};
 
 /// All that is read, and a job.
-const READS: [&str; 11] = [
+const READS: [&str; 17] = [
     "/",
     "/page/plotly.min.js",
     "/api/state",
@@ -17,9 +17,15 @@ const READS: [&str; 11] = [
     "/api/diagnosis?model=1",
     "/api/series?model=1&flight=A.csv&from=0&to=1&width=10",
     "/api/quantities",
+    "/api/vehicle",
+    "/api/comparison?id=1",
     "/api/effects/names",
     "/api/download/model.toml?id=1",
     "/api/download/report.html?id=1",
+    "/api/download/series.parquet?model=1&flight=A.csv",
+    "/api/room?model=1&axis=w",
+    "/api/timeline?model=1",
+    "/api/next?model=1&effect=steady-wind&other=attitude-offset",
 ];
 const WRITES: [(&str, &str); 12] = [
     ("/api/sets", r#"{"name":"A.csv","set":"none"}"#),

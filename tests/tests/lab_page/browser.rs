@@ -367,7 +367,11 @@ fn capabilities(folder: &Path) -> Capabilities {
     ];
     let options = json!({
         "args": arguments,
-        "prefs": { "download.default_directory": folder.join("downloads") },
+        "prefs": {
+            "download.default_directory": folder.join("downloads"),
+            // A figure is drawn before it is saved: on a slow machine the click is long past by then.
+            "profile.default_content_setting_values.automatic_downloads": 1,
+        },
     });
     Capabilities::from_iter([
         ("goog:chromeOptions".to_owned(), options),

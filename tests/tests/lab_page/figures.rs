@@ -177,7 +177,13 @@ fn parameters_of_the_craft_and_what_each_flight_says_of_them() {
     browser.wait_for("#physical tbody th", "kT");
     browser.run("document.querySelector('#physical').scrollIntoView(); return true", Value::Null);
     browser.screenshot("physical");
-    let all = asked(&lab, "/api/model?id=1")["physical"].clone();
+
+    // Without the effect that the craft has, the moments' coefficients are not its own.
+    let add = r#"{"do":"add","model":1,"effect":"flapping-moment"}"#;
+    assert_eq!(lab.visitor().post("/api/jobs", add).with_origin(&lab).send(&lab).status, 200);
+    lab.state();
+    browser.wait_for(".model.chosen[data-id='2']", "flapping-moment");
+    let all = asked(&lab, "/api/model?id=2")["physical"].clone();
     let inertia = craft.inertia_kg_m2;
     let flown = [
         ("m", craft.mass_kg, 1e-12),
@@ -200,9 +206,9 @@ fn parameters_of_the_craft_and_what_each_flight_says_of_them() {
     browser.run("document.querySelector('#by-flight').scrollIntoView(); return true", Value::Null);
     browser.screenshot("timeline");
     browser.click("#timeline-svg");
-    let figure = browser.downloaded("model-1-coefficients-flight-by-flight-model.svg");
-    assert!(figure.contains("linear-drag: C_du [kg/s]"), "{}", &figure[..200]);
-    let rows = asked(&lab, "/api/timeline?model=1");
+    let figure = browser.downloaded("model-2-coefficients-flight-by-flight-model.svg");
+    assert!(figure.contains("linear-drag: C_du ["), "{}", &figure[..200]);
+    let rows = asked(&lab, "/api/timeline?model=2");
     let first = &rows["coefficients"][0];
     assert_eq!(first["flights"].as_array().unwrap().len(), 5, "{first}");
     assert_eq!(rows["flights"][4], json!({ "flight": "E.csv", "problem": null }));

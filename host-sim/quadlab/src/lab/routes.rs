@@ -364,7 +364,8 @@ async fn series_parquet(State(session): Shared, Asked(of): Asked<OfFlight>) -> R
 impl OfFlight {
     /// What a file about it is called.
     fn file(&self, extension: &str) -> String {
-        let stem = std::path::Path::new(&self.flight).file_stem().unwrap_or_default();
-        format!("model-{}-{}.{extension}", self.model, stem.to_string_lossy())
+        // Of a log's name all is kept: it may hold several flights.
+        let name = self.flight.strip_suffix(".csv").unwrap_or(&self.flight);
+        format!("model-{}-{name}.{extension}", self.model)
     }
 }
