@@ -315,6 +315,8 @@ fn nonsense_is_refused_and_the_server_stays() {
     let large = format!(r#"{{"name":"{}","set":"train"}}"#, "A".repeat(20_000_000));
     let answer = visitor.post("/api/sets", &large).with_origin(&lab).send(&lab);
     assert_eq!(answer.status, 413, "20 MB: {}", answer.body);
+    let [_, most_kb] = lab.memory_kb();
+    assert!(most_kb < 1_000_000, "five flights of 24 s and nonsense take {most_kb} kB");
     lab.is_alive().unwrap();
     assert_eq!(visitor.get("/api/state").send(&lab).status, 200);
 }
