@@ -144,7 +144,11 @@ fn put(table: &mut dyn TableLike, key: &str, field: &str, mut new: Item, unmeasu
             new.decor_mut().set_suffix("");
         }
     }
-    table.insert(key, new);
+    // Inserting would make a new key, without the comment above it.
+    match table.get_mut(key) {
+        Some(old) => *old = new,
+        None => _ = table.insert(key, new),
+    }
 }
 
 #[cfg(test)]
