@@ -11,6 +11,11 @@ use model::Model;
 use sil::next_flight::{APART, Goal, Proposal};
 use sil::predict::Predictor;
 
+/// Duration of a planned flight where nothing is said, s.
+pub(crate) const DURATION_S: f64 = 20.0;
+/// Its seed.
+pub(crate) const SEED: u64 = 1;
+
 #[derive(Debug, thiserror::Error)]
 enum NotFlown {
     #[error("{}: no gains were found that fly this model in simulation; give --gains", .0.display())]

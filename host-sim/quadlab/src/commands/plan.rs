@@ -10,7 +10,7 @@ use serde::Serialize;
 use sil::next_flight::{Goal, Proposal, check_effect, coefficient, known_error, plan};
 use sil::predict::Predictor;
 
-use crate::cli::next_flight::{is_enough, predictor};
+use crate::cli::next_flight::{DURATION_S, SEED, is_enough, predictor};
 use crate::cli::output::{Outcome, OutputOptions};
 use crate::render::tables;
 
@@ -46,11 +46,11 @@ pub(crate) struct Options {
     shrink: Option<String>,
 
     /// Duration of the flight, s
-    #[arg(long, value_name = "S", default_value_t = 20.0)]
+    #[arg(long, value_name = "S", default_value_t = DURATION_S)]
     duration: f64,
 
     /// Seed of phases and the tour
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = SEED)]
     seed: u64,
 
     /// Pattern file to write, with the best flight, for example: --out next.csv

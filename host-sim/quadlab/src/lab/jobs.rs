@@ -49,12 +49,8 @@ pub(super) fn start(session: &Arc<Session>, task: Task) -> Result<(), Refused> {
     let cancel = Arc::new(AtomicBool::new(false));
     let vehicle = {
         let mut state = session.lock();
-        if let Some(job) = &state.job {
-            return Err(Refused(format!("{} is running: wait for it or cancel it", job.kind)));
-        }
-        if state.reading {
-            return Err(Refused("the flights are being read: wait for it".into()));
-        }
+        state.has_no_job()?;
+        state.has_read()?;
         if let Some(problem) = &state.problem {
             return Err(Refused(problem.clone()));
         }

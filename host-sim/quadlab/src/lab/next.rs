@@ -7,11 +7,7 @@ use sil::next_flight::{Goal, check_effect, plan};
 use super::refused::Refused;
 use super::session::Session;
 use crate::cli::effect_names::known_effect;
-use crate::cli::next_flight::{is_enough, predictor};
-
-/// What `quadlab plan` takes where nothing is said.
-const DURATION_S: f64 = 20.0;
-const SEED: u64 = 1;
+use crate::cli::next_flight::{DURATION_S, SEED, is_enough, predictor};
 
 /// The flight that best tells two effects apart, as `quadlab plan --separate` finds it.
 pub(super) fn flight(session: &Session, id: u32, effects: [&str; 2]) -> Result<Value, Refused> {

@@ -16,7 +16,7 @@ use serde_json::{Value, json};
 use super::node::Node;
 use super::own_effect::{HERE, OwnEffect, described, have_it, kept_of, models_with, one_of};
 use super::refused::Refused;
-use super::session::{Session, State, Telling};
+use super::session::{Session, Telling};
 
 impl Session {
     /// What a text says, or what is wrong with it.
@@ -78,7 +78,7 @@ impl Session {
         let before = Effect::from_id(id);
         {
             let mut state = self.lock();
-            at_rest(&state)?;
+            state.has_no_job()?;
             user.make_known(Path::new(HERE))?;
             if let Err(why) = self.store.write_effect(id, text) {
                 match before {
@@ -102,7 +102,7 @@ impl Session {
     pub(super) fn remove_effect(&self, id: &str) -> Result<(), Refused> {
         {
             let mut state = self.lock();
-            at_rest(&state)?;
+            state.has_no_job()?;
             let Some(place) = state.own.iter().position(|own| own.id == id) else {
                 return Err(Refused("there is no such effect of your own: load the page again".into()));
             };
@@ -120,14 +120,6 @@ impl Session {
         self.forget_findings(id)?;
         self.events.changed();
         Ok(())
-    }
-}
-
-/// Refuses to change what a job works with.
-fn at_rest(state: &State) -> Result<(), Refused> {
-    match &state.job {
-        Some(job) => Err(Refused(format!("{} is running: wait for it or cancel it", job.kind))),
-        None => Ok(()),
     }
 }
 

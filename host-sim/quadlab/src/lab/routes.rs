@@ -199,8 +199,7 @@ async fn why(State(session): Shared, Asked(OfEffect { model, effect }): Asked<Of
             &mut sets,
             &diagnosis::Options::default(),
             &telling,
-        );
-        let why = why?;
+        )?;
         Ok(Json(serde_json::to_value(&why).unwrap_or_default()))
     })
     .await
@@ -261,9 +260,14 @@ struct OfResidual {
     flight: Option<String>,
 }
 
+/// The flight that is asked for, or all.
+fn one_or_all(session: &Session, flight: Option<String>) -> Vec<String> {
+    flight.map_or_else(|| session.flight_names().0, |name| vec![name])
+}
+
 async fn residual(State(session): Shared, Asked(asked): Asked<OfResidual>) -> Answer {
     aside(move || {
-        let names = asked.flight.map_or_else(|| session.flight_names().0, |name| vec![name]);
+        let names = one_or_all(&session, asked.flight);
         let seen = names.iter().map(|name| session.seen(asked.model, name));
         Ok(Json(views::residual(seen, axis(&asked.axis)?, &asked.quantity)?))
     })
@@ -294,7 +298,7 @@ struct OfRoom {
 
 async fn room(State(session): Shared, Asked(asked): Asked<OfRoom>) -> Answer {
     aside(move || {
-        let names = asked.flight.map_or_else(|| session.flight_names().0, |name| vec![name]);
+        let names = one_or_all(&session, asked.flight);
         let seen = names.iter().map(|name| session.seen(asked.model, name));
         Ok(Json(views::room(seen, axis(&asked.axis)?)?))
     })

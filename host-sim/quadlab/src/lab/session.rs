@@ -112,12 +112,8 @@ impl Session {
     pub(super) fn read_again(self: &Arc<Self>) -> Result<(), Refused> {
         {
             let mut state = self.lock();
-            if let Some(job) = &state.job {
-                return Err(Refused(format!("{} is running: wait for it or cancel it", job.kind)));
-            }
-            if state.reading {
-                return Err(Refused("the flights are being read: wait for it".into()));
-            }
+            state.has_no_job()?;
+            state.has_read()?;
             state.reading = true;
         }
         self.events.changed();
@@ -417,6 +413,22 @@ impl Session {
 }
 
 impl State {
+    /// Refuses to change what a job works with.
+    pub(super) fn has_no_job(&self) -> Result<(), Refused> {
+        match &self.job {
+            Some(job) => Err(Refused(format!("{} is running: wait for it or cancel it", job.kind))),
+            None => Ok(()),
+        }
+    }
+
+    /// Refuses to work with flights that are being read.
+    pub(super) fn has_read(&self) -> Result<(), Refused> {
+        if self.reading {
+            return Err(Refused("the flights are being read: wait for it".into()));
+        }
+        Ok(())
+    }
+
     /// What was made of flights that are read anew.
     fn forget_seen(&mut self) {
         self.seen.clear();
