@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::OnceLock;
+use std::time::UNIX_EPOCH;
 
 use serde_json::Value;
 
@@ -39,16 +40,34 @@ pub(crate) fn json_in(folder: &Path, arguments: &[&str]) -> Value {
     serde_json::from_slice(&output.stdout).expect("standard output is one JSON document")
 }
 
-/// A folder with five simulated flights A to E, in which ground effect is hidden, and their vehicle.toml.
+/// A folder with five simulated flights A to E, in which ground effect is hidden, and their vehicle.toml. They are flown once
+/// by each build of the program: a process for each test would fly them a hundred times.
 pub(crate) fn flights() -> &'static Path {
-    static FLIGHTS: OnceLock<tempfile::TempDir> = OnceLock::new();
-    let folder = FLIGHTS.get_or_init(|| {
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        done_in(folder.path(), &["demo", "--seed", "5", "--out", "."]);
-        folder
-    });
-    static PATH: OnceLock<PathBuf> = OnceLock::new();
-    PATH.get_or_init(|| folder.path().join("flights"))
+    static FLIGHTS: OnceLock<PathBuf> = OnceLock::new();
+    FLIGHTS.get_or_init(|| {
+        let built = std::fs::metadata(env!("CARGO_BIN_EXE_quadlab")).expect("the binary is built");
+        let at = built.modified().ok().and_then(|at| at.duration_since(UNIX_EPOCH).ok()).unwrap_or_default();
+        let shared = Path::new(env!("CARGO_TARGET_TMPDIR"));
+        let place = shared.join(format!("flights-{}-{}", built.len(), at.as_nanos()));
+        if !place.is_dir() {
+            let folder = tempfile::tempdir_in(shared).expect("a temporary folder");
+            done_in(folder.path(), &["demo", "--seed", "5", "--out", "."]);
+            forget_others(shared, &place);
+            // Whoever comes second has flown the same.
+            let flown = std::fs::rename(folder.path().join("flights"), &place);
+            assert!(flown.is_ok() || place.is_dir(), "{flown:?}");
+        }
+        place
+    })
+}
+
+/// Removes what builds before this one have flown.
+fn forget_others(shared: &Path, place: &Path) {
+    for entry in std::fs::read_dir(shared).into_iter().flatten().flatten() {
+        if entry.file_name().to_string_lossy().starts_with("flights-") && entry.path() != place {
+            let _ = std::fs::remove_dir_all(entry.path());
+        }
+    }
 }
 
 /// A folder of its own with copies of the five flights and their vehicle.toml.
