@@ -10,8 +10,8 @@ use anyhow::Result;
 use crate::arm;
 use crate::base::process::{output_of, shown};
 use crate::base::tools::{
-    self, CHROMEDRIVER, CHROMIUM, CLIPPY, GIT, GUNGRAUN_RUNNER, MDBOOK, NEXTEST, RUSTFMT, SSHD, Tool,
-    VALGRIND,
+    self, CHROMEDRIVER, CHROMIUM, CLIPPY, GIT, GUNGRAUN_RUNNER, MDBOOK, NEXTEST, NPM, RUSTFMT, SSHD,
+    TYPESCRIPT, Tool, VALGRIND,
 };
 use crate::base::workspace::Workspace;
 
@@ -65,6 +65,8 @@ fn states(workspace: &Workspace) -> Vec<State> {
     for tool in [&CHROMIUM, &CHROMEDRIVER] {
         states.push(State::of(tool, "the lab's page is tested in a real browser", false));
     }
+    states.push(State::of(&NPM, "it brings tsc", false));
+    states.push(State::of(&TYPESCRIPT, "`cargo xtask test` checks the page's scripts", false));
     states.extend(arm::Target::ALL.map(target));
     states
 }

@@ -10,10 +10,10 @@ use anyhow::{Context, Result};
 
 use crate::base::process::{cargo, filtered, in_continuous_integration, output_of, shown, succeeds};
 use crate::base::tally::{self, LibtestReader, SKIP_MARK, Tally};
-use crate::base::tools::{CLIPPY, GIT, MDBOOK, NEXTEST, RUSTFMT, Tool};
+use crate::base::tools::{CLIPPY, GIT, MDBOOK, NEXTEST, RUSTFMT, TYPESCRIPT, Tool};
 use crate::base::workspace::{self, Workspace};
 use crate::checks::known::Kind;
-use crate::checks::{arrows, dependencies, licences, structure, tidy};
+use crate::checks::{arrows, dependencies, licences, scripts, structure, tidy};
 use crate::{arm, book};
 
 /// Options of the command.
@@ -45,6 +45,11 @@ struct Step {
 const STEPS: &[Step] = &[
     Step { name: "format", about: "sources are formatted", run: format },
     Step { name: "lints", about: "no warnings from clippy or the compiler on any target", run: lints },
+    Step {
+        name: "scripts",
+        about: "the page's scripts have no type errors and nothing unused",
+        run: check_scripts,
+    },
     Step {
         name: "arm",
         about: "programs of the craft's processors build, fit, and cannot panic in flight",
@@ -158,6 +163,13 @@ fn lints(workspace: &Workspace) -> Result<Outcome> {
         tally.add(&one(succeeds(&mut command)?));
     }
     Ok(Outcome::Ran(tally))
+}
+
+fn check_scripts(_: &Workspace) -> Result<Outcome> {
+    if GIT.found().is_none() {
+        return Ok(missing(&GIT));
+    }
+    with_tool(&TYPESCRIPT, scripts::command()?)
 }
 
 /// Before the tests, which run what is built here.

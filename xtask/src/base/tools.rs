@@ -61,6 +61,18 @@ pub(crate) const CHROMEDRIVER: Tool = Tool {
     version: &["chromedriver", "--version"],
     install: "apt-get install --yes --no-install-recommends chromium-driver",
 };
+/// Brings the type checker below.
+pub(crate) const NPM: Tool = Tool {
+    name: "npm",
+    version: &["npm", "--version"],
+    install: "apt-get install --yes --no-install-recommends npm",
+};
+/// Checks the types of the page's scripts. A newer one finds more: the version is raised by hand.
+pub(crate) const TYPESCRIPT: Tool = Tool {
+    name: "tsc",
+    version: &["tsc", "--version"],
+    install: "npm install --global --no-fund --no-audit typescript@7.0.2",
+};
 /// Name of the program that starts instruction-count benches under valgrind. Its version has to be that
 /// of the library `gungraun`, so its installation line depends on the lock file.
 pub(crate) const GUNGRAUN_RUNNER: &str = "gungraun-runner";

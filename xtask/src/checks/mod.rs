@@ -6,5 +6,6 @@ pub(crate) mod dependencies;
 pub(crate) mod folders;
 pub(crate) mod known;
 pub(crate) mod licences;
+pub(crate) mod scripts;
 pub(crate) mod structure;
 pub(crate) mod tidy;

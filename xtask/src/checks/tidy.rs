@@ -62,7 +62,7 @@ fn read(path: &Path) -> Result<String> {
 }
 
 /// Files as git lists them, relative to the root, that are really there.
-fn listed_files(options: &[&str]) -> Result<Vec<String>> {
+pub(super) fn listed_files(options: &[&str]) -> Result<Vec<String>> {
     let root = workspace::root();
     let mut git = std::process::Command::new("git");
     git.current_dir(&root).args(["ls-files", "-z"]).args(options);

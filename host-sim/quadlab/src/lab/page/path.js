@@ -6,7 +6,7 @@ import { axisChoice } from "./controls.js";
 import { choice, el, redraw } from "./dom.js";
 import { hasPosition } from "./flights.js";
 import { known, nearest, seconds, short, unit, withUnit } from "./numbers.js";
-import { CONFIG, axis, colour, layout, plotly, room } from "./plots.js";
+import { CONFIG, axis, colour, cursorMark, layout, plotly, room } from "./plots.js";
 import { largestMean, roomFigure, roomSaid } from "./room.js";
 
 /** @typedef {import("./main.js").App} App */
@@ -342,17 +342,7 @@ function flatFigure(path, limit) {
       text,
       hovertemplate: "%{text}<extra></extra>",
     },
-    {
-      type: "scatter",
-      name: "cursor",
-      mode: "markers",
-      x: [null],
-      y: [null],
-      xaxis: `x${id}`,
-      yaxis: `y${id}`,
-      marker: { size: 11, color: colour("text"), symbol: "diamond" },
-      hoverinfo: "skip",
-    },
+    cursorMark(id),
   ];
   const title = (/** @type {string} */ name) => ({ title: { text: withUnit(name, "m") } });
   return {

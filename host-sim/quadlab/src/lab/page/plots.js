@@ -82,3 +82,16 @@ export function line(role) {
       return { color: colour("difference"), width: 1.3, dash: "2px,2px" };
   }
 }
+
+/** Where the craft is at the cursor's time: the place comes later. @param {string} id what the names of its axes end with */
+export const cursorMark = (id) => ({
+  type: "scatter",
+  name: "cursor",
+  mode: "markers",
+  x: [null],
+  y: [null],
+  xaxis: `x${id}`,
+  yaxis: `y${id}`,
+  marker: { size: 11, color: colour("text"), symbol: "diamond", line: { color: colour("bg"), width: 1.5 } },
+  hoverinfo: "skip",
+});

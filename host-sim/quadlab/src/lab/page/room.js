@@ -1,7 +1,7 @@
 // The mean residual in cells of the room: from above and from two sides.
 
 import { known, short, unit, withUnit } from "./numbers.js";
-import { axis, colour } from "./plots.js";
+import { axis, colour, cursorMark } from "./plots.js";
 
 /** @typedef {{across: string, upwards: string, x: number[], y: number[], mean: (number|null)[][], count: number[][]}} Plane */
 /** @typedef {{cell_m: number, fewest: number, samples: number, planes: Plane[], unit: string, flights: string[], without_position: string[]}} Room */
@@ -17,7 +17,7 @@ export function largestMean(room) {
  * @param {Room} room @param {number} limit of the colours
  */
 export function roomFigure(room, limit) {
-  const traces = room.planes.flatMap((plane, n) => [cells(plane, n ? String(n + 1) : "", room, limit), mark(n)]);
+  const traces = room.planes.flatMap((plane, n) => [cells(plane, axesOf(n), room, limit), cursorMark(axesOf(n))]);
   const [above, east, north] = room.planes;
   const title = (/** @type {string} */ name) => ({ title: { text: withUnit(name, "m"), standoff: 4 } });
   /** Cells are square on the screen, and ticks many enough to be read. @param {any} more */
@@ -33,6 +33,9 @@ export function roomFigure(room, limit) {
   };
   return { traces, shape };
 }
+
+/** What plotly adds to the names of the axes of a plot. @param {number} n */
+const axesOf = (n) => (n ? String(n + 1) : "");
 
 /** @param {Plane} plane @param {string} id @param {Room} room @param {number} limit */
 function cells(plane, id, room, limit) {
@@ -55,22 +58,6 @@ function cells(plane, id, room, limit) {
     xaxis: `x${id}`,
     yaxis: `y${id}`,
     hovertemplate: `${plane.across} %{x:.2f} m, ${plane.upwards} %{y:.2f} m:<br>mean %{z:.3g} ${unit(room.unit)}, %{customdata} samples<extra></extra>`,
-  };
-}
-
-/** Where the craft is at the cursor's time. @param {number} n */
-function mark(n) {
-  const id = n ? String(n + 1) : "";
-  return {
-    type: "scatter",
-    name: "cursor",
-    mode: "markers",
-    x: [null],
-    y: [null],
-    xaxis: `x${id}`,
-    yaxis: `y${id}`,
-    marker: { size: 11, color: colour("text"), symbol: "diamond", line: { color: colour("bg"), width: 1.5 } },
-    hoverinfo: "skip",
   };
 }
 

@@ -238,7 +238,7 @@ export function timeTab(app, root) {
   }
 
   /** Draws what is there, and asks for what is not. */
-  function update() {
+  async function update() {
     drawControls();
     const { beside, shift } = app.view;
     // Lines of two flights and two models could not be told apart.
@@ -261,7 +261,8 @@ export function timeTab(app, root) {
     ]);
     if (wanted === key && shown) {
       drawChips();
-      return draw();
+      await draw();
+      return;
     }
     const first = !shown || drawn !== `${app.view.flight} ${app.view.ahead}`;
     key = wanted;
