@@ -50,10 +50,14 @@ pub(crate) struct Lab {
 impl Lab {
     /// Serves a folder.
     pub(crate) fn start(folder: &Path) -> Self {
+        Self::of(command(folder))
+    }
+
+    /// What a command serves.
+    pub(crate) fn of(mut command: Command) -> Self {
         let said_folder = tempfile::tempdir().unwrap();
         let said = said_folder.path().join("stderr");
-        let mut child =
-            command(folder).stdout(Stdio::piped()).stderr(File::create(&said).unwrap()).spawn().unwrap();
+        let mut child = command.stdout(Stdio::piped()).stderr(File::create(&said).unwrap()).spawn().unwrap();
         let mut output = BufReader::new(child.stdout.take().unwrap());
         let mut line = String::new();
         output.read_line(&mut line).unwrap();

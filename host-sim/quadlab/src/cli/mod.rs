@@ -1,6 +1,8 @@
 //! What subcommands share: options, flights as they are named on the command line, faults, progress, output.
 
 pub(crate) mod colour;
+pub(crate) mod demo_effect;
+pub(crate) mod demo_flights;
 pub(crate) mod effect_names;
 pub(crate) mod faults;
 pub(crate) mod flights;

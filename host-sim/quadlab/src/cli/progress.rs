@@ -57,12 +57,6 @@ impl Progress {
         self.line();
     }
 
-    /// Counts steps that are done.
-    pub(crate) fn inc(&self, steps: u64) {
-        self.bar.inc(steps);
-        self.line();
-    }
-
     /// When the next plain line is due.
     pub(crate) fn next_line(&self) -> Option<Instant> {
         let lines = self.lines.as_ref()?;
@@ -151,10 +145,10 @@ mod tests {
         // Tests have no terminal on standard error, or else a bar.
         let progress = bar(3, false);
         let Some(lines) = &progress.lines else { return };
-        progress.inc(1);
+        progress.set_steps(1, 3);
         assert!(lines.lock().unwrap().due <= Instant::now() + FIRST_LINE);
         lines.lock().unwrap().due = Instant::now();
-        progress.inc(1);
+        progress.set_steps(2, 3);
         assert!(lines.lock().unwrap().due > Instant::now() + FIRST_LINE);
     }
 

@@ -8,24 +8,16 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use diagnosis::workflow::{self, Explanation, FlightSets, Reading};
-use model::{Effect, Model, Vehicle};
-use rayon::prelude::*;
+use model::{Effect, Vehicle};
 
+use crate::cli::demo_flights::{self, Flown, TRAIN, VALIDATE, create, seed_from_clock};
 use crate::cli::faults;
 use crate::cli::flights::{SetFiles, flights_in};
 use crate::cli::model_files::vehicle_of;
 use crate::cli::output::{Outcome, provenance};
-use crate::cli::progress;
 use crate::cli::terminal::Terminal;
-use crate::commands::demo_effect;
 use crate::lab;
 use crate::render::{pages, tables};
-
-/// Names of flights for the fit and for validation.
-const TRAIN: [&str; 3] = ["A", "B", "C"];
-const VALIDATE: [&str; 2] = ["D", "E"];
-/// Length of a simulated flight, s.
-const FLIGHT_S: f64 = 40.0;
 
 /// Run the whole workflow: identify, compare, diagnose, add, and write a page with figures.
 ///
@@ -59,15 +51,6 @@ pub(crate) struct Options {
     no_open: bool,
 }
 
-/// Why a folder of flights cannot be used.
-#[derive(Debug, thiserror::Error)]
-enum DemoError {
-    #[error("{}: cannot create the folder: {source}; give another with --out", folder.display())]
-    Create { folder: PathBuf, source: std::io::Error },
-    #[error("--seed {seed}: the simulated craft was lost in flight {name}; use another seed")]
-    Lost { seed: u64, name: &'static str },
-}
-
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     match &options.flights {
         Some(folder) if options.lab => open_lab(options, folder),
@@ -80,10 +63,6 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
 fn open_lab(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
     lab::serve(&lab::Options { folder: folder.to_owned(), port: 0, open: !options.no_open })?;
     Ok(Outcome::done(String::new()))
-}
-
-fn create(folder: &Path) -> Result<(), DemoError> {
-    std::fs::create_dir_all(folder).map_err(|source| DemoError::Create { folder: folder.into(), source })
 }
 
 fn on_flights(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
@@ -118,12 +97,10 @@ fn chosen_flights(files: Vec<PathBuf>) -> SetFiles {
 
 fn on_hidden_effect(options: &Options) -> anyhow::Result<Outcome> {
     let seed = options.seed.unwrap_or_else(seed_from_clock);
-    let (craft, effect) = demo_effect::draw(seed);
     let folder = options.out.join("flights");
-    create(&folder)?;
-    let files = fly(&craft, seed, &folder)?;
-    let vehicle_path = folder.join("vehicle.toml");
-    report::write_atomic(&vehicle_path, toml::to_string(&craft.vehicle)?)?;
+    let terminal = Terminal::new(false);
+    let Flown { craft, hidden: effect, vehicle_path, files } = demo_flights::fly(seed, &folder, &terminal)?;
+    terminal.clear();
     if options.lab {
         // What an earlier demonstration found is of other flights.
         let _ = std::fs::remove_dir_all(folder.join("lab"));
@@ -131,8 +108,8 @@ fn on_hidden_effect(options: &Options) -> anyhow::Result<Outcome> {
     }
 
     // From here on only the files speak.
+    let files = chosen_flights(files);
     let vehicle = Vehicle::read(&vehicle_path)?;
-    let terminal = Terminal::new(false);
     let mut sets = files.read(&vehicle, Reading::default(), &terminal)?;
     let explanation =
         workflow::explain(&vehicle, &[], &mut sets, &diagnosis::Options::default(), None, &terminal)?;
@@ -157,38 +134,6 @@ fn verdict(hidden: Effect, seed: u64, explanation: &Explanation) -> String {
         format!(" Found, but not in the craft: {}.", not_there.join(", "))
     };
     format!("Hidden in the simulated craft (seed {seed}): {hidden}. It was {gave}.{wrong}")
-}
-
-fn seed_from_clock() -> u64 {
-    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-    // Six digits are quickly typed again.
-    since.map_or(0, |since| since.as_micros() as u64 % 1_000_000)
-}
-
-/// Flies the five flights side by side and writes their files.
-fn fly(craft: &Model, seed: u64, folder: &Path) -> anyhow::Result<SetFiles> {
-    let names = [TRAIN[0], TRAIN[1], TRAIN[2], VALIDATE[0], VALIDATE[1]];
-    let bar = progress::bar(names.len(), false);
-    bar.set_message("flying");
-    let files: Vec<PathBuf> = names
-        .par_iter()
-        .enumerate()
-        .map(|(index, &name)| {
-            // Neighbouring seeds of the demonstration share no flight.
-            let flight_seed = seed.wrapping_mul(names.len() as u64).wrapping_add(index as u64);
-            let recording = sil::fly(&demo_effect::flight_plan(craft, flight_seed, FLIGHT_S))?;
-            if !recording.complete || recording.cage_margin_m() < 0.0 {
-                return Err(DemoError::Lost { seed, name }.into());
-            }
-            let path = folder.join(format!("{name}.csv"));
-            report::write_atomic(&path, recording.to_flight(name, false).to_csv())?;
-            bar.inc(1);
-            Ok(path)
-        })
-        .collect::<anyhow::Result<_>>()?;
-    bar.finish_and_clear();
-    let (train, validate) = files.split_at(TRAIN.len());
-    Ok(SetFiles { train: train.to_vec(), validate: validate.to_vec() })
 }
 
 /// Writes models and page, and says what was found.

@@ -3,7 +3,6 @@
 pub(crate) mod add;
 pub(crate) mod compare;
 pub(crate) mod demo;
-pub(crate) mod demo_effect;
 pub(crate) mod design;
 pub(crate) mod design_check;
 pub(crate) mod design_report;

@@ -7,7 +7,7 @@ use diagnosis::workflow::LoadedFlight;
 use model::{Coefficient, Effect, EffectInfo, Kind, Model, Quantity, Question};
 use rayon::prelude::*;
 
-use crate::commands::demo_effect;
+use crate::cli::demo_effect;
 use crate::render::figures;
 use crate::render::view::View;
 

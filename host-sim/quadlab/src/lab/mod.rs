@@ -16,6 +16,7 @@ mod numbers;
 mod own_effect;
 mod own_effects;
 mod own_routes;
+mod reading;
 mod refused;
 mod requests;
 mod room;

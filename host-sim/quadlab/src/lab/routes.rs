@@ -48,6 +48,7 @@ pub(super) fn router(session: Arc<Session>) -> Router {
         .route("/api/vehicle", get(vehicle).post(write_vehicle))
         .route("/api/upload", post(take_file).layer(DefaultBodyLimit::disable()))
         .route("/api/read", post(read_again))
+        .route("/api/demo", post(fly_demo))
         .route("/api/model", get(model))
         .route("/api/comparison", get(comparison))
         .route("/api/diagnosis", get(diagnosis))
@@ -121,6 +122,11 @@ async fn write_vehicle(State(session): Shared, Sent(measured): Sent<Measured>) -
 
 async fn read_again(State(session): Shared) -> Answer {
     session.read_again()?;
+    Ok(Json(session.document()))
+}
+
+async fn fly_demo(State(session): Shared) -> Answer {
+    session.fly_demo()?;
     Ok(Json(session.document()))
 }
 

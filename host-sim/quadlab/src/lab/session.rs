@@ -7,10 +7,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use diagnosis::workflow::{
     self, Faults, FlightSets, FlightsOfOneKind, LoadedFlight, Observer, Progress, Reading, Silent,
-    is_held_out,
 };
 use model::{Effect, Model, Vehicle};
-use rayon::prelude::*;
 use serde_json::{Value, json};
 use sysid::Comparison;
 
@@ -21,9 +19,8 @@ use super::own_effect::OwnEffect;
 use super::refused::Refused;
 use super::store::{Saved, Store, StoreError, effect_file};
 use super::timeline;
-use super::vehicle::{Craft, Measured};
+use super::vehicle::Craft;
 use super::views::Seen;
-use crate::cli::flights::flights_in;
 use crate::cli::model_files::VEHICLE;
 use crate::render::pages;
 
@@ -47,12 +44,12 @@ pub(super) struct State {
     pub(super) reading: bool,
     pub(super) files: Vec<FlightFile>,
     /// What the user chose for flights, by file name.
-    chosen: BTreeMap<String, Use>,
+    pub(super) chosen: BTreeMap<String, Use>,
     pub(super) nodes: Vec<Node>,
     /// Effects of the user's own.
     pub(super) own: Vec<OwnEffect>,
     /// Further columns of flights that were known when the flights were read.
-    columns: usize,
+    pub(super) columns: usize,
     pub(super) current: Option<u32>,
     pub(super) job: Option<Job>,
     /// The newest first.
@@ -68,7 +65,7 @@ pub(super) struct Session {
     pub(super) store: Store,
     state: Mutex<State>,
     /// Held while a model is held against a flight: a page that asks for several things at once waits for one.
-    seeing: Mutex<()>,
+    pub(super) seeing: Mutex<()>,
     /// The same of all flights.
     comparing: Mutex<()>,
 }
@@ -95,75 +92,6 @@ impl Session {
     /// Nothing is left half-done where a thread ended early: what it holds is replaced whole.
     pub(super) fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Reads vehicle and flights of the folder, and forgets what was made of those that were read before.
-    pub(super) fn read_flights(&self) {
-        let problem = self.try_read_flights().err().map(|error| format!("{error:#}"));
-        {
-            let mut state = self.lock();
-            (state.problem, state.reading) = (problem, false);
-            state.forget_seen();
-        }
-        self.events.changed();
-    }
-
-    /// Reads them again, beside the page.
-    pub(super) fn read_again(self: &Arc<Self>) -> Result<(), Refused> {
-        {
-            let mut state = self.lock();
-            state.has_no_job()?;
-            state.has_read()?;
-            state.reading = true;
-        }
-        self.events.changed();
-        let session = self.clone();
-        std::thread::spawn(move || session.read_flights());
-        Ok(())
-    }
-
-    /// Reads the flights again, where formulas have come to name columns of them since they were read.
-    pub(super) fn read_further_columns(&self) -> Result<(), Refused> {
-        let _seeing = self.seeing.lock().unwrap_or_else(PoisonError::into_inner);
-        if self.lock().columns == model::user_effects::columns().len() {
-            return Ok(());
-        }
-        self.try_read_flights().map_err(|error| Refused(format!("{error:#}")))?;
-        self.lock().forget_seen();
-        Ok(())
-    }
-
-    fn try_read_flights(&self) -> anyhow::Result<()> {
-        let columns = model::user_effects::columns().len();
-        let paths = flights_in(&self.folder)?;
-        let telling = Telling { session: self, kind: "reading", cancel: None };
-        let craft = Craft::of(&self.folder, &paths, &telling)?;
-        let vehicle = craft.vehicle.clone();
-        let is_blocked = !craft.is_written && paths.iter().any(|path| logs::format_of(path).is_none());
-        self.lock().craft = Some(craft);
-        let mut files: Vec<FlightFile> =
-            paths.par_iter().map(|path| FlightFile::read(path, &vehicle, Use::None, &telling)).collect();
-        let mut state = self.lock();
-        for (index, file) in files.iter_mut().filter(|file| file.is_usable()).enumerate() {
-            let automatic = if is_held_out(index) { Use::Validate } else { Use::Train };
-            file.used = state.chosen.get(&file.name).copied().unwrap_or(automatic);
-        }
-        (state.files, state.columns) = (files, columns);
-        // As every command, which takes the vehicle of logs from them, and of flight files from a file of its own.
-        anyhow::ensure!(
-            !is_blocked,
-            "there is no {VEHICLE} yet: press Vehicle, check what is guessed, and save it"
-        );
-        Ok(())
-    }
-
-    /// Writes the vehicle file, and reads the flights again with it.
-    pub(super) fn write_vehicle(self: &Arc<Self>, measured: &Measured) -> Result<(), Refused> {
-        let craft = self.lock().craft.clone();
-        let craft =
-            craft.ok_or_else(|| Refused("there is no flight yet: drop flights on the page".into()))?;
-        craft.write(&self.folder, measured)?;
-        self.read_again()
     }
 
     /// A file to write to until it is whole.
@@ -430,7 +358,7 @@ impl State {
     }
 
     /// What was made of flights that are read anew.
-    fn forget_seen(&mut self) {
+    pub(super) fn forget_seen(&mut self) {
         self.seen.clear();
         self.comparisons.clear();
         self.timelines.clear();

@@ -28,7 +28,28 @@ export function drawFlights(app, root) {
             { class: "quiet" },
             "There is no flight in this folder. Drop flights or logs on the page, or press Add files.",
           ),
+          demonstration(app),
         ],
+  );
+}
+
+/** To try the lab without flights of one's own. @param {App} app */
+function demonstration(app) {
+  if (app.state?.reading || app.state?.vehicle) return null;
+  return el(
+    "li",
+    {},
+    el(
+      "button",
+      {
+        type: "button",
+        id: "demo",
+        title: "Fly a simulated craft five times: it has an effect that the basic model lacks, and you find it",
+        "data-key": "demo",
+        click: () => app.choose("/api/demo", {}),
+      },
+      "Try it on a simulated craft",
+    ),
   );
 }
 
@@ -67,8 +88,8 @@ function entry(app, flight) {
       el(
         "div",
         { class: "sparks" },
-        spark(hasPosition(flight) ? flight.height : [], "height", "m"),
-        spark(flight.battery, "battery", "V"),
+        spark(hasPosition(flight) ? flight.height : [], "height", "m", 2),
+        spark(flight.battery, "battery", "V", 3),
       ),
     !flight.problem &&
       el(
@@ -112,9 +133,9 @@ function faults(flight) {
 
 /**
  * A curve without axes.
- * @param {[number, number][]} points @param {string} name @param {string} unit
+ * @param {[number, number][]} points @param {string} name @param {string} unit @param {number} digits
  */
-function spark(points, name, unit) {
+function spark(points, name, unit, digits) {
   const there = points.filter(([t, y]) => Number.isFinite(t) && Number.isFinite(y) && y !== null);
   if (there.length < 2) return el("span", { class: "spark quiet" }, `no ${name}`);
   const ys = there.map(([, y]) => y);
@@ -122,7 +143,7 @@ function spark(points, name, unit) {
   const [first, last] = [there[0][0], there[there.length - 1][0]];
   const x = (/** @type {number} */ t) => (100 * (t - first)) / (last - first || 1);
   const y = (/** @type {number} */ v) => 21 - (18 * (v - low)) / (high - low || 1);
-  const text = `${name} ${short(low)} to ${short(high)} ${unit}`;
+  const text = `${name} ${short(low, digits)} to ${short(high, digits)} ${unit}`;
   return el(
     "span",
     { class: `spark ${name}`, title: text },
@@ -131,6 +152,6 @@ function spark(points, name, unit) {
       { viewBox: "0 0 100 24", preserveAspectRatio: "none", role: "img", "aria-label": text },
       svg("polyline", { points: there.map(([t, v]) => `${x(t).toFixed(1)},${y(v).toFixed(1)}`).join(" ") }),
     ),
-    el("small", { "aria-hidden": "true" }, `${short(low)}–${short(high)} ${unit}`),
+    el("small", { "aria-hidden": "true" }, `${short(low, digits)}–${short(high, digits)} ${unit}`),
   );
 }

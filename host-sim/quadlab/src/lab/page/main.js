@@ -435,7 +435,6 @@ const HINTS = [
   "On the left, choose which flights fit the model and which judge it; then press Identify.",
   "Press Diagnose: it tries every known effect and says which one the model lacks.",
   "Press Add on a card, and see the error fall beside the model before it. Going back is one click.",
-  "Do you know what is missing? Write it as formulas in the tab Own effect, and try it before you keep it.",
 ];
 
 function drawHints() {
