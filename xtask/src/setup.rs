@@ -21,6 +21,9 @@ pub(crate) struct Options {
     /// Only say what is installed and what is missing
     #[arg(long)]
     check: bool,
+    /// Leave out what `cargo xtask bench` alone needs
+    #[arg(long)]
+    no_bench: bool,
 }
 
 /// A tool as it is on this machine.
@@ -33,6 +36,8 @@ struct State {
     install: Vec<String>,
     /// Nothing stops working without it.
     optional: bool,
+    /// Only `cargo xtask bench` needs it.
+    of_bench: bool,
 }
 
 impl State {
@@ -43,6 +48,7 @@ impl State {
             found: tool.found(),
             install: vec![tool.install.to_owned()],
             optional,
+            of_bench: false,
         }
     }
 }
@@ -55,7 +61,7 @@ fn states(workspace: &Workspace) -> Vec<State> {
         State::of(&GIT, "`cargo xtask test` asks it which files are the project's", false),
         State::of(&NEXTEST, "`cargo xtask test` runs the tests faster", true),
         State::of(&MDBOOK, "`cargo xtask docs` builds the book, and `cargo xtask test` checks it", false),
-        State::of(&VALGRIND, "`cargo xtask bench` counts instructions", false),
+        State { of_bench: true, ..State::of(&VALGRIND, "`cargo xtask bench` counts instructions", false) },
     ];
     states.extend(workspace.locked_version("gungraun").map(|version| runner(&version)));
     for tool in [&arm::ARM_GCC, &arm::QEMU_ARM, &arm::ARM_LD, &arm::QEMU_SYSTEM_ARM] {
@@ -79,6 +85,7 @@ fn target(target: arm::Target) -> State {
         found: arm::Toolchain::of(target).map(|toolchain| toolchain.describe().to_owned()),
         install: target.install().map(ToOwned::to_owned).to_vec(),
         optional: false,
+        of_bench: false,
     }
 }
 
@@ -90,13 +97,14 @@ fn runner(version: &str) -> State {
         found: tools::gungraun_runner_version().filter(|found| found == version),
         install: vec![tools::gungraun_runner_install(version)],
         optional: false,
+        of_bench: true,
     }
 }
 
 /// Installs what is missing; status 1 when something needed is still missing at the end.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
     let mut complete = true;
-    for state in states(workspace) {
+    for state in states(workspace).into_iter().filter(|state| !(options.no_bench && state.of_bench)) {
         let done = settle(&state, options.check);
         complete &= done || state.optional;
     }
@@ -109,7 +117,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
 
 /// Says how a tool stands, installs it if it may, and answers whether it is there.
 fn settle(state: &State, only_check: bool) -> bool {
-    let State { name, purpose, found, install, optional } = state;
+    let State { name, purpose, found, install, optional, .. } = state;
     if let Some(version) = found {
         println!("there      {name}: {version}");
         return true;
@@ -177,6 +185,7 @@ mod tests {
             found: found.map(Into::into),
             install: vec![install.into()],
             optional,
+            of_bench: false,
         }
     }
 

@@ -143,6 +143,7 @@ fn included(text: &str) -> Vec<&str> {
 
 /// Lets the program write its part.
 fn reference_of_program(out: &Path) -> Result<()> {
+    build_program()?;
     let mut command = quadlab();
     command.args(["reference", "--out"]).arg(out);
     ensure!(succeeds(&mut command)?, "`{}` failed", shown(&command));
@@ -208,9 +209,19 @@ fn copy(from: &Path, to: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The user's program, as the tests have built it.
+/// Builds the user's program just as the tests do: alone it has fewer features, with which all that it uses would be
+/// compiled once more.
+fn build_program() -> Result<()> {
+    let mut command = cargo(["test", "--workspace", "--quiet", "--no-run", "--test", "book"]);
+    ensure!(succeeds(&mut command)?, "`{}` failed", shown(&command));
+    Ok(())
+}
+
+/// The user's program, which lies beside this one.
 fn quadlab() -> Command {
-    cargo(["run", "--quiet", "--package", "quadlab", "--bin", "quadlab", "--"])
+    let name = format!("quadlab{}", std::env::consts::EXE_SUFFIX);
+    let beside = std::env::current_exe().map(|xtask| xtask.with_file_name(&name));
+    Command::new(beside.unwrap_or_else(|_| name.into()))
 }
 
 /// The project's programs, asked for their help.

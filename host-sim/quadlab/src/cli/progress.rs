@@ -24,7 +24,7 @@ struct Lines {
     due: Instant,
 }
 
-/// Work of so many steps, of which [`Progress::inc`] counts off one after another.
+/// Work of so many steps, of which what is done is set.
 pub(crate) fn bar(steps: usize, json: bool) -> Progress {
     Progress::new(ProgressBar::new(steps as u64), "{bar:20} {pos} of {len}, about {eta} left  {msg}", json)
 }
