@@ -200,6 +200,17 @@ impl Browser {
         self.done(&format!("click on {selector}"), click);
     }
 
+    /// Moves the pointer to the middle of what can be seen of an element.
+    pub(crate) fn point(&self, selector: &str) {
+        let place = "const e = document.querySelector(arguments[0]);
+            e.scrollIntoView({ block: 'nearest' });
+            const { left, top, right, bottom } = e.getBoundingClientRect();
+            return [(left + right) / 2, (Math.max(0, top) + Math.min(innerHeight, bottom)) / 2]";
+        let at = self.run(place, selector);
+        let [x, y] = [0, 1].map(|n| at[n].as_f64().expect("a place"));
+        self.devtools("Input.dispatchMouseEvent", json!({ "type": "mouseMoved", "x": x, "y": y }));
+    }
+
     /// Writes into a field in place of what is there, as keys do.
     pub(crate) fn write(&self, selector: &str, text: &str) {
         let write = async {

@@ -13,4 +13,5 @@ mod flights;
 mod folder;
 mod own_effect;
 mod page;
+mod preview;
 mod server;
