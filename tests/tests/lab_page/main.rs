@@ -14,4 +14,5 @@ mod folder;
 mod own_effect;
 mod page;
 mod preview;
+mod report_page;
 mod server;
