@@ -160,7 +160,7 @@ fn self_contained(page: &str) {
     assert!(
         page.starts_with("<!DOCTYPE html>") && page.contains("<svg") && page.trim_end().ends_with("</html>")
     );
-    for outside in ["<script", "src=", "<link", "url(", "@import"] {
+    for outside in ["<script>", "src=", "<link", "@import", "fetch(", "import("] {
         assert!(!page.contains(outside), "the page holds {outside}");
     }
 }

@@ -166,6 +166,26 @@ impl Scale {
         (self.axis.transform(value) - self.low) / (self.high - self.low)
     }
 
+    /// The value at a place, 0 at the lower end and 1 at the upper.
+    pub(crate) fn value(&self, fraction: f64) -> f64 {
+        let place = self.low + fraction * (self.high - self.low);
+        if self.axis.logarithmic { 10_f64.powf(place) } else { place }
+    }
+
+    /// Both ends as they are drawn: their logarithms on a logarithmic axis.
+    pub(crate) fn drawn(&self) -> (f64, f64) {
+        (self.low, self.high)
+    }
+
+    pub(crate) fn axis(&self) -> &Axis {
+        &self.axis
+    }
+
+    /// Tick labels are divided by ten to this power.
+    pub(crate) fn power(&self) -> i32 {
+        self.power
+    }
+
     /// Both ends in data units.
     pub(crate) fn ends(&self) -> (f64, f64) {
         if self.axis.logarithmic {

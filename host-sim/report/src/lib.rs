@@ -25,9 +25,10 @@
 //! - A [`Style`] is a role (measured, predicted before, predicted after, reference, limit), not a colour. Each role has one colour of
 //!   the Okabe-Ito palette *and* one dash or width, so that print and colour-blind eyes can tell them apart.
 //! - A value that cannot be drawn (NaN, infinite, beyond 1e100, not positive on a logarithmic axis) is a gap, never a zero.
-//! - Long series are thinned to what the pixels can show, keeping the extremes of every pixel column: peaks stay.
+//! - Long series are thinned to what the pixels can show, keeping the extremes of every pixel column: peaks stay. Beside the drawing,
+//!   a page has up to 8192 samples of each line, for who looks at a part of it closely.
 //!
-//! Deliberately absent: scripts and interaction, fonts, colour maps, reading of data files, and the current date (the caller gives it).
+//! Deliberately absent: scripts of others, fonts, colour maps, reading of data files, and the current date (the caller gives it).
 #![forbid(unsafe_code)]
 
 mod axis;

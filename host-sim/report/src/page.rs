@@ -1,13 +1,14 @@
 //! One HTML file with everything in it: text, tables, figures and where they come from.
 //!
-//! All text is escaped. The page refers to nothing outside itself, has no script, is well-formed XML as well as HTML, follows the
-//! reader's light or dark setting (figures stay on a white card), and breaks sensibly when printed.
+//! All text is escaped. The page refers to nothing outside itself, is well-formed XML as well as HTML, follows the reader's light or
+//! dark setting (figures stay on a white card), and breaks sensibly when printed. Its one script is ours: it shows values under the
+//! pointer and zooms. Figures are there without it, and on paper.
 
 use std::path::Path;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::draw::printable;
+use crate::draw::{Drawn, draw, printable};
 use crate::figure::Panels;
 use crate::file::{Error, write_atomic};
 use crate::number::{significant, unit};
@@ -44,7 +45,7 @@ enum Block {
     List(Vec<String>),
     Preformatted(String),
     Table(Table),
-    Figure { svg: String, caption: String },
+    Figure { svg: String, data: String, caption: String },
 }
 
 /// Where the numbers on a page come from. All text is given by the caller; empty fields are left out.
@@ -142,10 +143,16 @@ impl Page {
                         @for section in &self.sections { (section.markup()) }
                     }
                     (self.provenance.markup())
+                    @if self.has_figures() { script type="module" { (PreEscaped(SCRIPT)) } }
                 }
             }
         };
         printable(&page.into_string())
+    }
+
+    fn has_figures(&self) -> bool {
+        let blocks = || self.sections.iter().flat_map(|section| &section.blocks);
+        blocks().any(|block| matches!(block, Block::Figure { .. }))
     }
 
     /// Renders the page and replaces the file at `path` with it, whole or not at all.
@@ -199,7 +206,8 @@ impl Section {
                     * u32::try_from(more.len()).unwrap_or(u32::MAX / PANEL_HEIGHT_PX).min(100)
             }
         };
-        self.with(Block::Figure { svg: panels.to_svg(FIGURE_WIDTH_PX, height), caption: caption.into() })
+        let Drawn { svg, data } = draw(&panels.figures, FIGURE_WIDTH_PX, height);
+        self.with(Block::Figure { svg, data, caption: caption.into() })
     }
 
     fn with(mut self, block: Block) -> Self {
@@ -225,9 +233,10 @@ impl Block {
             // The line break after the tag is dropped by HTML: it keeps a first empty line of the text.
             Self::Preformatted(text) => html! { pre tabindex="0" { "\n" (text) } },
             Self::Table(table) => table.markup(),
-            Self::Figure { svg, caption } => html! {
+            Self::Figure { svg, data, caption } => html! {
                 figure {
                     div.card tabindex="0" { (PreEscaped(svg)) }
+                    script type="application/json" { (PreEscaped(data)) }
                     @if !caption.is_empty() { figcaption { (caption) } }
                 }
             },
@@ -392,6 +401,15 @@ impl From<String> for Cell {
 const META: &str = "<meta charset=\"utf-8\"/><meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\
                     <meta name=\"color-scheme\" content=\"light dark\"/>";
 
+/// Values under the pointer and zooming, for readers with scripts. XML reads nothing in it, and HTML takes the marks for remarks.
+const SCRIPT: &str = concat!(
+    "//<![CDATA[\n",
+    include_str!("plots/numbers.js"),
+    include_str!("plots/closer.js"),
+    include_str!("plots/plots.js"),
+    "//]]>"
+);
+
 /// Contains neither `<` nor `&`, so that it is the same text in HTML and XML.
 const STYLE_SHEET: &str = "
 :root { color-scheme: light dark; --ink: #1d1d1f; --soft: #57606a; --line: #d0d7de; --paper: #ffffff; --shade: #f4f6f8;
@@ -419,6 +437,17 @@ th { background: var(--shade); border-bottom-width: 2px; vertical-align: bottom;
 figure { margin: 1rem 0; break-inside: avoid; }
 .card { background: #ffffff; border: 1px solid var(--line); border-radius: 6px; padding: 4px; }
 .card svg { display: block; width: 100%; min-width: 600px; height: auto; }
+figure { position: relative; }
+.card.live svg { cursor: crosshair; user-select: none; -webkit-user-select: none; }
+.reading { position: absolute; z-index: 1; pointer-events: none; padding: 0.25rem 0.5rem; border: 1px solid #8a939d; border-radius: 5px;
+  background: #fffffff0; color: #1d1d1f; font-size: 0.8125rem; line-height: 1.4; font-variant-numeric: tabular-nums; max-width: 60%; }
+.reading div { display: flex; gap: 0.5rem; align-items: center; white-space: nowrap; }
+.reading b { margin-left: auto; padding-left: 0.5rem; }
+.plot-tools { display: flex; flex-wrap: wrap; gap: 0.3rem; align-items: center; margin-top: 0.3rem; color: var(--soft); font-size: 0.875rem; }
+.plot-tools button { min-width: 2rem; font: inherit; color: var(--ink); background: var(--shade); border: 1px solid var(--soft);
+  border-radius: 5px; padding: 0.1rem 0.5rem; }
+.plot-tools button:disabled { color: var(--soft); border-color: var(--line); }
+.spoken { position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%); white-space: nowrap; }
 figcaption { color: var(--soft); font-size: 0.95rem; margin-top: 0.4rem; max-width: 45rem; }
 pre, code { font-family: ui-monospace, 'DejaVu Sans Mono', Menlo, Consolas, monospace; font-size: 0.875rem; }
 pre { background: var(--shade); border: 1px solid var(--line); border-radius: 6px; padding: 0.75rem; }
@@ -433,6 +462,7 @@ dd { margin: 0; grid-column: 2; overflow-wrap: anywhere; }
   body { padding: 0; font-size: 10pt; }
   .scroll, .card, pre { overflow: visible; }
   .card { border: 0; padding: 0; }
+  .reading, .plot-tools, .spoken, .closer { display: none; }
   .card svg { min-width: 0; }
   pre { white-space: pre-wrap; overflow-wrap: anywhere; }
   tr { break-inside: avoid; }

@@ -61,7 +61,7 @@ fn texts(value: &Value) -> Vec<String> {
 }
 
 /// What of the page as it stands now is against the rules, in the scheme `scheme`.
-fn faults(browser: &Browser, scheme: &str) -> Vec<String> {
+pub(crate) fn faults(browser: &Browser, scheme: &str) -> Vec<String> {
     browser.prefer(scheme);
     let mut faults: Vec<String> =
         nameless(browser).into_iter().map(|element| format!("no name: {element}")).collect();

@@ -99,6 +99,8 @@ pub(crate) struct Browser {
     runtime: Runtime,
     /// Where a page may get anything from.
     ports: Vec<u16>,
+    /// Files of this machine that are pages themselves.
+    files: Vec<String>,
     // Ends before its folder is removed.
     _driver: Driver,
     folder: tempfile::TempDir,
@@ -114,7 +116,7 @@ impl Browser {
         builder.capabilities(capabilities(folder.path()));
         let address = format!("http://127.0.0.1:{}", driver.port);
         let client = runtime.block_on(builder.connect(&address)).expect("the browser starts");
-        Self { name, client, runtime, ports: Vec::new(), _driver: driver, folder }
+        Self { name, client, runtime, ports: Vec::new(), files: Vec::new(), _driver: driver, folder }
     }
 
     fn done<T>(&self, what: &str, work: impl Future<Output = Result<T, CmdError>>) -> T {
@@ -130,6 +132,13 @@ impl Browser {
     pub(crate) fn open(&mut self, address: &str) {
         self.ports.push(url::Url::parse(address).unwrap().port().expect("a port"));
         self.done(address, self.client.goto(address));
+    }
+
+    /// Opens a page that is a file.
+    pub(crate) fn open_file(&mut self, path: &Path) {
+        let address = url::Url::from_file_path(path).expect("an absolute path").to_string();
+        self.done(&address, self.client.goto(&address));
+        self.files.push(address);
     }
 
     /// Opens a page that is written here.
@@ -200,6 +209,50 @@ impl Browser {
         self.done(&format!("click on {selector}"), click);
     }
 
+    /// Moves the pointer to the middle of what can be seen of an element.
+    pub(crate) fn point(&self, selector: &str) {
+        let place = "const e = document.querySelector(arguments[0]);
+            e.scrollIntoView({ block: 'nearest' });
+            const { left, top, right, bottom } = e.getBoundingClientRect();
+            return [(left + right) / 2, (Math.max(0, top) + Math.min(innerHeight, bottom)) / 2]";
+        let at = self.run(place, selector);
+        self.point_at([0, 1].map(|n| at[n].as_f64().expect("a place")));
+    }
+
+    /// Drags from one place of the window to another with the left button.
+    pub(crate) fn drag(&self, from: [f64; 2], to: [f64; 2]) {
+        self.mouse("mouseMoved", from, 0);
+        self.mouse("mousePressed", from, 1);
+        self.mouse("mouseMoved", [0, 1].map(|n| 0.5 * (from[n] + to[n])), 1);
+        self.mouse("mouseMoved", to, 1);
+        self.mouse("mouseReleased", to, 1);
+    }
+
+    /// Clicks twice on a place of the window.
+    pub(crate) fn double_click(&self, at: [f64; 2]) {
+        for count in [1, 2] {
+            self.mouse("mousePressed", at, count);
+            self.mouse("mouseReleased", at, count);
+        }
+    }
+
+    fn mouse(&self, kind: &str, [x, y]: [f64; 2], count: u32) {
+        let button = if count == 0 { "none" } else { "left" };
+        let event = json!({ "type": kind, "x": x, "y": y, "button": button, "buttons": count.min(1), "clickCount": count });
+        self.devtools("Input.dispatchMouseEvent", event);
+    }
+
+    /// Types letters.
+    pub(crate) fn type_keys(&self, keys: &str) {
+        let press = async { self.client.active_element().await?.send_keys(keys).await };
+        self.done(keys, press);
+    }
+
+    /// Moves the pointer to a place of the window, CSS pixels.
+    pub(crate) fn point_at(&self, at: [f64; 2]) {
+        self.mouse("mouseMoved", at, 0);
+    }
+
     /// Writes into a field in place of what is there, as keys do.
     pub(crate) fn write(&self, selector: &str, text: &str) {
         let write = async {
@@ -262,9 +315,7 @@ impl Browser {
 
     /// Presses a key some times.
     pub(crate) fn press(&self, key: Key, times: usize) {
-        let keys = char::from(key).to_string().repeat(times);
-        let press = async { self.client.active_element().await?.send_keys(&keys).await };
-        self.done("keys", press);
+        self.type_keys(&char::from(key).to_string().repeat(times));
     }
 
     /// Has the page drawn for eyes that want it `light` or `dark`.
@@ -339,6 +390,7 @@ impl Browser {
     fn is_own(&self, address: &str) -> bool {
         // A new tab is a page of the browser itself.
         ["data:", "blob:", "about:", "chrome:"].iter().any(|scheme| address.starts_with(scheme))
+            || self.files.iter().any(|file| file == address)
             || self.ports.iter().any(|port| address.starts_with(&format!("http://127.0.0.1:{port}/")))
     }
 }

@@ -15,4 +15,6 @@ mod folder;
 mod many_flights;
 mod own_effect;
 mod page;
+mod preview;
+mod report_page;
 mod server;

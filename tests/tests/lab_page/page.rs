@@ -71,7 +71,7 @@ pub(crate) fn diagnose(browser: &Browser) -> String {
 }
 
 /// Adds the effect of a card to the model that is chosen.
-fn add(browser: &Browser, effect: &str) {
+pub(crate) fn add(browser: &Browser, effect: &str) {
     let models = browser.count(".model[data-id]");
     browser.click(&format!(".card[data-effect='{effect}'] button.add"));
     wait_for_models(browser, models + 1);

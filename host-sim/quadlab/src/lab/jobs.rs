@@ -12,7 +12,8 @@ use serde_json::{Value, json};
 use super::flights::Use;
 use super::node::Node;
 use super::refused::Refused;
-use super::session::{Job, Session, Telling, names};
+use super::session::{Job, Session, Telling};
+use super::shell::names;
 use crate::cli::effect_names::known_effect;
 
 /// What the page asks for.
@@ -149,13 +150,8 @@ impl Work<'_> {
     }
 
     fn add(&self, id: u32, effect: &str) -> Result<(), Refused> {
-        let parent = self.session.node(id)?;
-        let effect = known_effect(effect)?;
-        if parent.model.has(effect) {
-            return Err(Refused(format!("the model has {effect} already")));
-        }
-        let mut sets = self.sets()?;
-        let added = workflow::add(&parent.model, effect, &mut sets, None, &self.telling)?;
+        let (parent, effect) = (self.session.node(id)?, known_effect(effect)?);
+        let added = self.session.fit_with(&parent.model, effect, self.vehicle, &self.telling)?;
         let before = format!("add {effect} --model lab/model-{id}.toml");
         let supported = Some(added.addition.finding.supported);
         self.keep(Some((id, effect)), supported, added.model, &self.session.command(&before))?;

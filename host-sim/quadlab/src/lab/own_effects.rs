@@ -90,6 +90,7 @@ impl Session {
             state.own.retain(|own| own.id != id);
             state.own.push(OwnEffect { id: id.to_owned(), text: text.to_owned(), read: Ok(user) });
             state.own.sort_by(|a, b| a.id.cmp(&b.id));
+            state.trials.forget();
         }
         if before.is_some_and(|before| before != Effect::User(user)) {
             self.forget_findings(id)?;
@@ -116,6 +117,7 @@ impl Session {
                 user.forget();
             }
             state.own.remove(place);
+            state.trials.forget();
         }
         self.forget_findings(id)?;
         self.events.changed();

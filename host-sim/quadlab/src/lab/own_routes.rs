@@ -1,7 +1,6 @@
 //! What the page can ask for of effects that the user writes on it.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use axum::extract::State;
 use axum::routing::{get, post};
@@ -11,7 +10,7 @@ use serde::Deserialize;
 use super::numbers::Window;
 use super::own_effect;
 use super::refused::Refused;
-use super::requests::{Answer, Sent, Shared, aside};
+use super::requests::{Answer, Sent, Shared, StopOnDrop, aside};
 use super::session::Session;
 use super::views::Contributions;
 
@@ -66,18 +65,8 @@ struct OfModel {
     model: u32,
 }
 
-/// Stops work when nobody waits for it any longer.
-struct StopOnDrop(Arc<AtomicBool>);
-
-impl Drop for StopOnDrop {
-    fn drop(&mut self) {
-        self.0.store(true, Ordering::Relaxed);
-    }
-}
-
 async fn try_out(State(session): Shared, Sent(asked): Sent<OfModel>) -> Answer {
-    let cancel = Arc::new(AtomicBool::new(false));
-    let _stop = StopOnDrop(cancel.clone());
+    let (_stop, cancel) = StopOnDrop::new();
     aside(move || {
         let why = session.try_effect(asked.model, &asked.text, cancel)?;
         Ok(Json(serde_json::to_value(why).unwrap_or_default()))

@@ -1,6 +1,7 @@
 //! What requests carry, and how they are answered.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use axum::Json;
 use axum::extract::{FromRequest, FromRequestParts, Query, Request, State};
@@ -49,4 +50,21 @@ pub(super) async fn aside<T: Send + 'static>(
 ) -> Result<T, Refused> {
     let done = tokio::task::spawn_blocking(work).await;
     done.unwrap_or_else(|_| Err(Refused("this could not be computed: a bug of quadlab".into())))
+}
+
+/// Stops work when nobody waits for it any longer: it is dropped with the request.
+pub(super) struct StopOnDrop(Arc<AtomicBool>);
+
+impl StopOnDrop {
+    /// With what the work is told by.
+    pub(super) fn new() -> (Self, Arc<AtomicBool>) {
+        let cancel = Arc::new(AtomicBool::new(false));
+        (Self(cancel.clone()), cancel)
+    }
+}
+
+impl Drop for StopOnDrop {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
 }

@@ -17,7 +17,7 @@ use super::flights::Use;
 use super::jobs::{self, Task};
 use super::numbers::Window;
 use super::refused::{Refused, refusal};
-use super::requests::{Answer, Asked, Sent, Shared, aside};
+use super::requests::{Answer, Asked, Sent, Shared, StopOnDrop, aside};
 use super::session::{Session, Telling};
 use super::vehicle::Measured;
 use super::views::{self, Beside, Series};
@@ -219,6 +219,8 @@ struct OfSeries {
     to: Option<f64>,
     width: Option<usize>,
     ahead: Option<usize>,
+    /// One that the model has not, and is fitted with to be looked at.
+    effect: Option<String>,
     /// A flight whose start its own goes to.
     beside: Option<String>,
     /// So much later, s.
@@ -226,14 +228,15 @@ struct OfSeries {
 }
 
 async fn series(State(session): Shared, Asked(asked): Asked<OfSeries>) -> Result<Json<Series>, Refused> {
+    let (_stop, cancel) = StopOnDrop::new();
     aside(move || {
-        let seen = session.seen(asked.model, &asked.flight)?;
+        let look = |flight: &str| session.seen_with(asked.model, asked.effect.as_deref(), flight, &cancel);
+        let (seen, other) = (look(&asked.flight)?, asked.beside.as_deref().map(look).transpose()?);
         let window = Window::new(asked.from, asked.to, asked.width);
-        Ok(Json(match &asked.beside {
-            Some(flight) => {
-                let other = session.seen(asked.model, flight)?;
+        Ok(Json(match &other {
+            Some(other) => {
                 let shift_s = asked.shift.filter(|s| s.is_finite()).unwrap_or(0.0);
-                seen.series_beside(&Beside { other: &other, shift_s }, asked.ahead, window)
+                seen.series_beside(&Beside { other, shift_s }, asked.ahead, window)
             }
             None => seen.series(asked.ahead, window),
         }))
@@ -264,6 +267,8 @@ struct OfResidual {
     axis: String,
     quantity: String,
     flight: Option<String>,
+    /// As in a series.
+    effect: Option<String>,
 }
 
 /// The flight that is asked for, or all.
@@ -272,9 +277,11 @@ fn one_or_all(session: &Session, flight: Option<String>) -> Vec<String> {
 }
 
 async fn residual(State(session): Shared, Asked(asked): Asked<OfResidual>) -> Answer {
+    let (_stop, cancel) = StopOnDrop::new();
     aside(move || {
         let names = one_or_all(&session, asked.flight);
-        let seen = names.iter().map(|name| session.seen(asked.model, name));
+        let look = |name: &String| session.seen_with(asked.model, asked.effect.as_deref(), name, &cancel);
+        let seen = names.iter().map(look);
         Ok(Json(views::residual(seen, axis(&asked.axis)?, &asked.quantity)?))
     })
     .await

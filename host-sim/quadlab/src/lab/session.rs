@@ -17,8 +17,10 @@ use super::flights::{FlightFile, Use};
 use super::node::Node;
 use super::own_effect::OwnEffect;
 use super::refused::Refused;
+use super::shell::names;
 use super::store::{Saved, Store, StoreError, effect_file};
 use super::timeline;
+use super::trials::{Eye, Trials};
 use super::vehicle::Craft;
 use super::views::Seen;
 use crate::cli::model_files::VEHICLE;
@@ -52,8 +54,9 @@ pub(super) struct State {
     pub(super) columns: usize,
     pub(super) current: Option<u32>,
     pub(super) job: Option<Job>,
-    /// The newest first.
-    seen: VecDeque<((u32, String), Arc<Seen>)>,
+    /// Flights by what sees them: a model, or a trial of it by its number. The newest first.
+    seen: VecDeque<((Eye, String), Arc<Seen>)>,
+    pub(super) trials: Trials,
     comparisons: BTreeMap<u32, Arc<Comparison>>,
     timelines: BTreeMap<u32, Value>,
 }
@@ -68,6 +71,8 @@ pub(super) struct Session {
     pub(super) seeing: Mutex<()>,
     /// The same of all flights.
     comparing: Mutex<()>,
+    /// Held while an effect is tried.
+    pub(super) trying: Mutex<()>,
 }
 
 impl Session {
@@ -86,6 +91,7 @@ impl Session {
             state: Mutex::new(state),
             seeing: Mutex::new(()),
             comparing: Mutex::new(()),
+            trying: Mutex::new(()),
         })
     }
 
@@ -129,6 +135,7 @@ impl Session {
             };
             file.used = used;
             state.chosen.insert(name.to_owned(), used);
+            state.trials.forget();
         }
         self.save()?;
         self.events.changed();
@@ -265,8 +272,18 @@ impl Session {
 
     /// A flight seen by a model.
     pub(super) fn seen(&self, id: u32, flight: &str) -> Result<Arc<Seen>, Refused> {
+        self.seen_by((id, None), flight, || Ok(self.node(id)?.model))
+    }
+
+    /// The same with what it is seen by.
+    pub(super) fn seen_by(
+        &self,
+        eye: Eye,
+        flight: &str,
+        model: impl FnOnce() -> Result<Arc<Model>, Refused>,
+    ) -> Result<Arc<Seen>, Refused> {
         let _seeing = self.seeing.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (id, flight.to_owned());
+        let key = (eye, flight.to_owned());
         let known = |state: &mut State| {
             let place = state.seen.iter().position(|(known, _)| *known == key)?;
             let (_, seen) = state.seen.remove(place)?;
@@ -279,7 +296,8 @@ impl Session {
         let loaded = self.lock().loaded().find(|loaded| loaded.prepared.name == flight).cloned();
         let loaded =
             loaded.ok_or_else(|| Refused(format!("{flight}: there is no such flight in this folder")))?;
-        let seen = Arc::new(Seen::new(&self.node(id)?.model, loaded)?);
+        let model = model()?;
+        let seen = Arc::new(Seen::new(&model, loaded)?);
         let mut state = self.lock();
         state.seen.push_front((key, seen.clone()));
         let mut rows = 0;
@@ -360,6 +378,7 @@ impl State {
     /// What was made of flights that are read anew.
     pub(super) fn forget_seen(&mut self) {
         self.seen.clear();
+        self.trials.forget();
         self.comparisons.clear();
         self.timelines.clear();
     }
@@ -368,18 +387,6 @@ impl State {
     fn loaded(&self) -> impl Iterator<Item = &LoadedFlight> {
         self.files.iter().filter_map(|file| file.flights.as_ref().as_ref().ok()).flatten()
     }
-}
-
-/// Names of files as a shell takes them.
-pub(super) fn names(paths: &[PathBuf]) -> String {
-    let names = paths.iter().filter_map(|path| path.file_name());
-    names.map(|name| quoted(&name.to_string_lossy())).collect::<Vec<_>>().join(" ")
-}
-
-/// A word of a shell.
-fn quoted(name: &str) -> String {
-    let is_plain = |c: char| c.is_alphanumeric() || "._-/".contains(c);
-    if name.chars().all(is_plain) { name.to_owned() } else { format!("'{}'", name.replace('\'', r"'\''")) }
 }
 
 impl Job {
@@ -416,16 +423,5 @@ impl Observer for Telling<'_> {
 
     fn is_cancelled(&self) -> bool {
         self.cancel.as_ref().is_some_and(|cancel| cancel.load(Ordering::Relaxed))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::quoted;
-
-    #[test]
-    fn a_shell_takes_a_name_for_one_word() {
-        assert_eq!(quoted("run-1.csv"), "run-1.csv");
-        assert_eq!(quoted("it's $HOME.csv"), r"'it'\''s $HOME.csv'");
     }
 }

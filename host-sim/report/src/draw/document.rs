@@ -9,7 +9,8 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{RGBColor, WHITE};
 
 use super::canvas::{Outcome, UNITS, text, units};
-use super::layout::{BETWEEN_PX, Layout, RIGHT_PX};
+use super::data::data;
+use super::layout::{Layout, RIGHT_PX};
 use super::legend::draw_header;
 use super::plot::draw_plot;
 use super::text::{TEXT_PX, escape, printable, shorten};
@@ -21,7 +22,7 @@ impl Figure {
     /// Draws the figure, `width` by `height` CSS pixels (kept between 240 and 8000, and more where the texts need it).
     #[must_use]
     pub fn to_svg(&self, width: u32, height: u32) -> String {
-        svg(std::slice::from_ref(self), width, height)
+        draw(std::slice::from_ref(self), width, height).svg
     }
 }
 
@@ -29,17 +30,24 @@ impl Panels {
     /// Draws the stack, `width` by `height` CSS pixels in all (kept between 240 and 8000, and more where the texts need it).
     #[must_use]
     pub fn to_svg(&self, width: u32, height: u32) -> String {
-        svg(&self.figures, width, height)
+        draw(&self.figures, width, height).svg
     }
 }
 
+/// A drawing, and what is known of it.
+pub(crate) struct Drawn {
+    pub(crate) svg: String,
+    /// Where its axes lie and the numbers behind its lines, as JSON.
+    pub(crate) data: String,
+}
+
 /// Draws `figures` stacked over one x axis into one SVG element, `width` by `height` CSS pixels.
-fn svg(figures: &[Figure], width: u32, height: u32) -> String {
+pub(crate) fn draw(figures: &[Figure], width: u32, height: u32) -> Drawn {
     let nothing = [Figure::new("", Axis::new("", ""), Axis::new("", ""))];
     let figures = if figures.is_empty() { &nothing } else { figures };
     let layout = Layout::new(figures, width.clamp(240, 8000) as i32, height.clamp(240, 8000) as i32);
     let mut drawing = String::new();
-    let body = match draw(&mut drawing, figures, &layout) {
+    let body = match draw_all(&mut drawing, figures, &layout) {
         Ok(()) => drawing.split_once('\n').map_or("", |(_, body)| body).to_owned(),
         // Writing to a string cannot fail; should a new version of the library disagree, the reader is told.
         Err(error) => {
@@ -48,6 +56,7 @@ fn svg(figures: &[Figure], width: u32, height: u32) -> String {
     };
     let titles: Vec<_> = figures.iter().map(|f| f.title.as_str()).filter(|title| !title.is_empty()).collect();
     let label = if titles.is_empty() { "figure".to_owned() } else { titles.join("; ") };
+    let data = data(figures, &layout);
     let Layout { width, height, .. } = layout;
     let head = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {} {}\" \
@@ -56,7 +65,7 @@ fn svg(figures: &[Figure], width: u32, height: u32) -> String {
         height * UNITS,
         escape(&label),
     );
-    printable(&(head + &dashed(&body)))
+    Drawn { svg: printable(&(head + &dashed(&body))), data }
 }
 
 /// Adds the dash pattern to each line of a dashed role.
@@ -73,17 +82,14 @@ fn dashed(drawing: &str) -> String {
     result
 }
 
-fn draw(target: &mut String, figures: &[Figure], layout: &Layout) -> Outcome {
+fn draw_all(target: &mut String, figures: &[Figure], layout: &Layout) -> Outcome {
     let size = ((layout.width * UNITS) as u32, (layout.height * UNITS) as u32);
     let root = SVGBackend::with_string(target, size).into_drawing_area();
     root.fill(&WHITE)?;
-    let mut top = 0;
     for (i, figure) in figures.iter().enumerate() {
-        let header = &layout.headers[i];
-        draw_header(&root, header, top)?;
-        top += header.height();
+        let (header, top) = (&layout.headers[i], layout.top(i));
+        draw_header(&root, header, top - header.height())?;
         draw_plot(&root, figure, layout, i, top)?;
-        top += layout.plot_height + BETWEEN_PX;
     }
     let centre = (layout.left + layout.width - RIGHT_PX) / 2;
     let label = shorten(&layout.x.title(), layout.width - 20, TEXT_PX);

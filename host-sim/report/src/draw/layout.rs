@@ -67,6 +67,12 @@ impl Layout {
         let (width, height) = (left + plot_width + RIGHT_PX, around + plot_height * count);
         Self { width, height, left, plot_height, headers, y_titles, x, y }
     }
+
+    /// Upper edge of a plot.
+    pub(super) fn top(&self, i: usize) -> i32 {
+        let headers: i32 = self.headers[..=i].iter().map(Header::height).sum();
+        headers + i as i32 * (self.plot_height + BETWEEN_PX)
+    }
 }
 
 /// Ranges of the data and marks: x over all figures, y for each.

@@ -17,7 +17,7 @@ use crate::decimate;
 use crate::figure::{Figure, Kind, Mark, Series};
 
 /// More markers than this cannot be told apart and make the file heavy.
-const MOST_MARKERS: usize = 1500;
+pub(super) const MOST_MARKERS: usize = 1500;
 const GRID: RGBColor = RGBColor(0xDD, 0xDD, 0xDD);
 const FINE_GRID: RGBColor = RGBColor(0xF0, 0xF0, 0xF0);
 

@@ -4,6 +4,7 @@ import { AXES, ServerError, axisUnit, flightsOf, get } from "./api.js";
 import { el, redraw, table } from "./dom.js";
 import { VERDICTS } from "./models.js";
 import { given, known, pValue, percent, prose, rmsFall, short, unit, withError } from "./numbers.js";
+import { previewButton } from "./preview.js";
 
 /** @typedef {import("./api.js").Diagnosis} Diagnosis */
 /** @typedef {import("./api.js").Finding} Finding */
@@ -284,6 +285,7 @@ function card(app, model, diagnosis, finding, again) {
         },
         finding.supported ? "Add" : "Add anyway",
       ),
+      previewButton(app, model.id, finding.effect, again),
       el(
         "button",
         {

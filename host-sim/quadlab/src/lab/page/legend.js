@@ -2,7 +2,9 @@
 
 import { el, svg } from "./dom.js";
 import { titleOf } from "./models.js";
+import { prose } from "./numbers.js";
 import { line } from "./plots.js";
+import { outcome } from "./preview.js";
 
 /** @typedef {import("./main.js").App} App */
 
@@ -10,7 +12,15 @@ import { line } from "./plots.js";
 export function drawLegend(app, root) {
   const entries = legendOf(app);
   root.hidden = !entries.length;
-  root.replaceChildren(...entries.map(([role, text]) => el("span", {}, swatch(role), text)));
+  root.replaceChildren(...entries.map(([role, text]) => el("span", {}, swatch(role), text)), ...trying(app));
+}
+
+/** What is to be said of an effect that is tried and is not drawn. @param {App} app */
+function trying(app) {
+  const one = outcome(app);
+  if (!one || one.is === "drawn") return [];
+  const words = one.is === "asked" ? `Trying ${one.effect} …` : `${one.effect} cannot be drawn: ${prose(one.why)}`;
+  return [el("span", { id: "trying", class: one.is === "asked" ? "quiet" : "bad-text" }, words)];
 }
 
 /** @typedef {[Parameters<typeof line>[0], string]} Entry what a line looks like, and what it is */
@@ -21,7 +31,7 @@ export function legendOf(app) {
   const [model, second] = [app.current(), app.second()];
   const { tab } = app.view;
   if (!model || !["time", "where", "spectrum"].includes(tab)) return [];
-  return tab === "time" ? ofTime(app, model, second) : ofOthers(tab, second);
+  return tab === "time" ? ofTime(app, model, second) : ofOthers(app, tab, second);
 }
 
 /** @param {App} app @param {Model} model @param {Model|null} second @returns {Entry[]} */
@@ -41,6 +51,13 @@ function ofTime(app, model, second) {
       ["second-residual", "residual there"],
       ...(difference ? [/** @type {Entry} */ (["difference", "residual there minus residual here"])] : []),
     ];
+  const tried = withTried(app);
+  if (tried) {
+    // One entry for both lines, so that the legend does not grow by a row.
+    own.push(["residual", "residual"], ["second", tried]);
+    if (difference) own.push(["difference", `${tried} minus chosen`]);
+    return own;
+  }
   if (second) own.push(["second", `second: ${titleOf(second)}`]);
   own.push(["residual", "residual"]);
   if (second) own.push(["second-residual", "residual of the second"]);
@@ -48,15 +65,23 @@ function ofTime(app, model, second) {
   return own;
 }
 
-/** @param {string} tab @param {Model|null} second @returns {Entry[]} */
-function ofOthers(tab, second) {
+/** What the lines of an effect that is tried are called, where they are drawn. @param {App} app */
+export function withTried(app) {
+  const one = outcome(app);
+  return one?.is === "drawn" ? `with ${one.effect}` : null;
+}
+
+/** @param {App} app @param {string} tab @param {Model|null} second @returns {Entry[]} */
+function ofOthers(app, tab, second) {
   const where = tab === "where";
+  const tried = where ? withTried(app) : null;
   /** @type {(Entry|false|null)[]} */
   const entries = [
     !where && ["measured", "measured"],
     ["residual", where ? "mean residual" : "residual"],
     second && ["second-residual", where ? "mean residual of the second" : "residual of the second"],
     !where && ["difference", "bounds of what chance leaves"],
+    tried !== null && ["difference", `mean residual ${tried}`],
   ];
   return entries.filter((entry) => entry !== null && entry !== false);
 }

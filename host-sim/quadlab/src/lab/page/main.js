@@ -12,6 +12,7 @@ import { flightOverview } from "./overview.js";
 import { prose } from "./numbers.js";
 import { ownTab } from "./own.js";
 import { pathTab } from "./path.js";
+import { wirePreview } from "./preview.js";
 import { plotly } from "./plots.js";
 import { saveButtons } from "./save.js";
 import { spectrumTab } from "./spectrum.js";
@@ -114,6 +115,10 @@ export const app = {
   },
 
   takeState: (/** @type {State} */ state) => takeState(state),
+
+  /** Draws anew what an effect that is tried has its place in. */
+  drawTrial: () => drawTabs(),
+  drawLegend: () => drawLegend(app, byId("legend")),
 
   /** Moves the cursor. @param {number|null} t */
   point(t) {
@@ -258,7 +263,7 @@ function drawTabs() {
   }
   byId("overview").hidden = hasTab();
   byId("save").hidden = !app.current() || ["model", "own"].includes(view.tab);
-  drawLegend(app, byId("legend"));
+  app.drawLegend();
   app.wait((async () => shown().update())());
 }
 
@@ -281,7 +286,7 @@ function drawJob(job) {
   byId("cancel").disabled = !busy;
   byId("identify").classList.toggle("primary", !model);
   byId("diagnose").classList.toggle("primary", Boolean(model) && model?.verdict === null);
-  for (const button of document.querySelectorAll("button.add, button.keep"))
+  for (const button of document.querySelectorAll("button.add, button.keep, button.preview"))
     /** @type {HTMLButtonElement} */ (button).disabled = busy;
   byId("job").hidden = !busy;
   keepFocus(focused, busy);
@@ -463,6 +468,7 @@ wireTabs();
 wireButtons();
 wireVehicle(app);
 wireUpload(app);
+wirePreview(app, byId("advice"));
 wireSize();
 drawHints();
 app.act(refresh());

@@ -11,8 +11,9 @@ import { axis, line } from "./plots.js";
  * Traces and axes of the linked plots.
  * @param {Shown} shown @param {Channel[]} channels @param {import("./panels.js").Panels} panels
  * @param {[number, number]} range @param {boolean} difference
+ * @param {Shown} framed what the vertical axes are to hold: they stay where a line is only looked at
  */
-export function figure(shown, channels, panels, range, difference) {
+export function figure(shown, channels, panels, range, difference, framed) {
   /** @type {any[]} */
   const traces = [];
   /** @type {Record<string, any>} */
@@ -24,6 +25,8 @@ export function figure(shown, channels, panels, range, difference) {
     const across = [left / width, (left + panels.plotWidth) / width];
     const lowest = n === channels.length - 1 || panels.places[n + 1].column !== place.column;
     const [main, rest] = [2 * n + 1, 2 * n + 2];
+    const drawn = lines(shown, channel, difference, main, rest);
+    const held = framed === shown ? drawn : lines(framed, channel, difference, main, rest);
     const up = (/** @type {[number, number]} */ [top, bottom]) => [1 - bottom / height, 1 - top / height];
     // Plotly writes into the range.
     const x = { domain: across, range: [...range], matches: n ? "x" : undefined, zeroline: false };
@@ -42,6 +45,7 @@ export function figure(shown, channels, panels, range, difference) {
     });
     axes[nth("yaxis", main)] = axis({
       domain: up(panels.main(place)),
+      range: extent(held, nth("y", main)),
       anchor: nth("x", main),
       fixedrange: true,
       nticks: 5,
@@ -49,13 +53,29 @@ export function figure(shown, channels, panels, range, difference) {
     });
     axes[nth("yaxis", rest)] = axis({
       domain: up(panels.rest(place)),
+      range: extent(held, nth("y", rest)),
       anchor: nth("x", rest),
       fixedrange: true,
       nticks: 3,
     });
-    traces.push(...lines(shown, channel, difference, main, rest));
+    traces.push(...drawn);
   });
   return { traces, axes };
+}
+
+/** Range of what is drawn on an axis, with some room; nothing where there is nothing. @param {any[]} traces @param {string} yaxis */
+function extent(traces, yaxis) {
+  let [low, high] = [Infinity, -Infinity];
+  for (const { y } of traces.filter((trace) => trace.yaxis === yaxis)) {
+    for (const value of y) {
+      if (!known(value)) continue;
+      if (value < low) low = value;
+      if (value > high) high = value;
+    }
+  }
+  if (low > high) return undefined;
+  const space = 0.06 * (high - low) || 0.1 * Math.abs(high) || 1;
+  return [low - space, high + space];
 }
 
 /** Plotly's name of an axis. @param {string} kind @param {number} n from 1 */

@@ -2,11 +2,13 @@
 
 import { flightsOf, get, givenUp } from "./api.js";
 import { el, redraw } from "./dom.js";
+import { withTried } from "./legend.js";
 import { known, nearest, seconds, short, withUnit } from "./numbers.js";
 import { layPanels } from "./panels.js";
 import { CONFIG, layout, plotly, room } from "./plots.js";
 import { besideOf, chipsOf, modeOf, tool } from "./time-controls.js";
 import { figure, sameIn } from "./time-figure.js";
+import { trialOf } from "./trial.js";
 
 /** @typedef {import("./api.js").Series} Series */
 /** @typedef {import("./api.js").Channel} Channel */
@@ -32,6 +34,9 @@ export function timeTab(app, root) {
   let pinned = false;
   let key = "";
   let drawn = "";
+  const trial = trialOf(app, "/api/series", () => draw());
+  /** Where the panels lie without an effect that is tried, so that they stay. @type {{of: string, panels: import("./panels.js").Panels}|null} */
+  let bare = null;
 
   const controls = el("div", { class: "controls" });
   const chips = el("div", { class: "chips", role: "group", "aria-label": "Channels" });
@@ -248,6 +253,8 @@ export function timeTab(app, root) {
       200,
       Math.round((layPanels(6, root.clientWidth, 0).plotWidth || 600) * Math.min(2, devicePixelRatio)),
     );
+    const query = { flight: app.view.flight, from: app.view.from, to: app.view.to, width, ahead: app.view.ahead || null };
+    trial.update(beside ? null : query, inTrial());
     const wanted = JSON.stringify([
       model.id,
       second?.id,
@@ -278,7 +285,7 @@ export function timeTab(app, root) {
         app.wait(
           ask(
             signal,
-            { flight: app.view.flight, from: app.view.from, to: app.view.to, width, ahead: app.view.ahead || null },
+            query,
             model.id,
             second?.id ?? null,
             beside ? { flight: beside, beside: app.view.flight, shift } : null,
@@ -318,12 +325,24 @@ export function timeTab(app, root) {
     }
   }
 
+  /** Without which an effect that is tried is not drawn. */
+  const inTrial = () => [app.view.flight, app.view.ahead];
+
+  /** What is drawn: an effect that is tried takes the place of a second model. */
+  function lines() {
+    const tried = shown && !shown.beside ? trial.answer(inTrial()) : null;
+    return shown && tried ? { ...shown, second: tried } : shown;
+  }
+
   async function draw() {
     const Plotly = await plotly();
-    if (!shown || root.hidden || !root.clientWidth) return;
-    const channels = chosen(shown.first.channels);
-    panels = layPanels(channels.length, root.clientWidth, room(box));
-    const { traces, axes } = figure(shown, channels, panels, range(), app.view.difference);
+    const drawing = lines();
+    if (!drawing || root.hidden || !root.clientWidth) return;
+    const channels = chosen(drawing.first.channels);
+    const same = JSON.stringify([channels.map((c) => c.id), root.clientWidth, range(), inTrial()]);
+    const isBare = drawing === shown;
+    panels = !isBare && bare?.of === same ? bare.panels : layPanels(channels.length, root.clientWidth, room(box));
+    const { traces, axes } = figure(drawing, channels, panels, range(), app.view.difference, shown ?? drawing);
     const fresh = !plots.data;
     await Plotly.react(
       plots,
@@ -343,6 +362,7 @@ export function timeTab(app, root) {
       plots.on("plotly_relayout", onRelayout);
       plots.on("plotly_doubleclick", () => all());
     }
+    if (isBare) bare = { of: same, panels };
     drawOverlay(channels);
     // What the benchmark reads.
     performance.measure("time drawn", "time asked");
@@ -406,12 +426,13 @@ export function timeTab(app, root) {
     }
     const at = inside ? nearest(shown.first.t, t) : -1;
     const about = isThinned(shown.first.t, app.flight()?.rate_hz ?? 0) ? "≈  " : "";
-    const otherSeries = shown.second ?? shown.beside;
+    const otherSeries = lines()?.second ?? shown.beside;
+    const word = shown.beside ? "there" : (withTried(app) ?? "second");
     const otherAt = inside && otherSeries ? nearest(otherSeries.t, t) : -1;
     for (const channel of chosen(shown.first.channels)) {
       const values = overlay.querySelector(`#plot-${CSS.escape(channel.id)} .values`);
       const other = sameIn(otherSeries, channel);
-      const text = reading(channel, at, other, otherAt, Boolean(shown.beside));
+      const text = reading(channel, at, other, otherAt, word);
       if (values) values.textContent = inside ? `${about}${text}` : "";
     }
   }
@@ -443,14 +464,14 @@ const isThinned = (t, rateHz) => t.length > 1 && (t[t.length - 1] - t[0]) * rate
 /**
  * Values of a channel at a sample.
  * @param {Channel} channel @param {number} at @param {Channel|undefined} other @param {number} otherAt
- * @param {boolean} beside whether the other is of a second flight, and not of a second model
+ * @param {string} word what the other is called: "there" of a second flight
  */
-function reading(channel, at, other, otherAt, beside) {
+function reading(channel, at, other, otherAt, word) {
   const parts = [`measured ${short(channel.measured[at])}`];
-  if (other && beside) parts.push(`there ${short(other.measured[otherAt])}`);
+  if (other && word === "there") parts.push(`there ${short(other.measured[otherAt])}`);
   parts.push(`predicted ${short(channel.predicted[at])}`);
-  if (other) parts.push(`${beside ? "there" : "second"} ${short(other.predicted[otherAt])}`);
+  if (other) parts.push(`${word} ${short(other.predicted[otherAt])}`);
   parts.push(`residual ${short(channel.residual[at])}`);
-  if (other) parts.push(`${beside ? "there" : "second's"} ${short(other.residual[otherAt])}`);
+  if (other) parts.push(`${word === "second" ? "second's" : word} ${short(other.residual[otherAt])}`);
   return parts.join("  ");
 }

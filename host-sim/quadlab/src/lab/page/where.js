@@ -5,7 +5,8 @@ import { axisChoice } from "./controls.js";
 import { choice, el, redraw } from "./dom.js";
 import { titleOf } from "./models.js";
 import { known, minus, percent, short, unit, withUnit } from "./numbers.js";
-import { CONFIG, axis, colour, faint, layout, plain, plotly, room } from "./plots.js";
+import { CONFIG, axis, colour, faint, layout, line, plain, plotly, room } from "./plots.js";
+import { trialOf } from "./trial.js";
 
 /** @typedef {import("./main.js").App} App */
 
@@ -24,6 +25,10 @@ export function whereTab(app, root) {
   let drawnWorst = null;
   /** @type {any[]} */
   let maps = [];
+  const trial = trialOf(app, "/api/residual", () => draw());
+
+  /** What residual is drawn. */
+  const asked = () => ({ axis: app.view.axis, quantity: app.view.quantity, flight: app.view.over || null });
 
   /** The chosen and the second model, the older first: before and after. */
   function pair() {
@@ -38,8 +43,8 @@ export function whereTab(app, root) {
     if (quantities.length && !quantities.some((q) => q.name === app.view.quantity))
       app.view.quantity = quantities[0].name;
     drawControls();
-    const { axis: of, quantity, over } = app.view;
-    const query = { axis: of, quantity, flight: over || null };
+    const query = asked();
+    trial.update(query, query);
     const given = await ask([model.id, model.judged_on, second?.id, query], (signal) =>
       Promise.all(pair().map((m) => get("/api/residual", { model: m.id, ...query }, signal))),
     );
@@ -130,6 +135,8 @@ export function whereTab(app, root) {
       second: model === app.second(),
     }));
     const { traces, shape } = figure(maps, looks, app.view);
+    const tried = trial.answer(asked());
+    if (tried) traces.push(meanWith(tried, looks.findIndex((look) => !look.second)));
     await Plotly.react(
       plot,
       traces,
@@ -210,6 +217,21 @@ function cells(map, id, most) {
     xaxis: `x${id}`,
     yaxis: `y${id}`,
     hovertemplate: `%{x:.3g} ${unit(map.quantity_unit)}, %{y:.3g} ${unit(map.unit)}: %{customdata} samples<extra></extra>`,
+  };
+}
+
+/** The running mean with an effect that is tried, in the panel of the chosen model. @param {any} map @param {number} panel */
+function meanWith(map, panel) {
+  const id = panel ? String(panel + 1) : "";
+  return {
+    type: "scatter",
+    mode: "lines",
+    x: map.mean.map((/** @type {any} */ m) => m.x),
+    y: map.mean.map((/** @type {any} */ m) => m.mean),
+    xaxis: `x${id}`,
+    yaxis: `y${id}`,
+    hoverinfo: "skip",
+    line: { ...line("difference"), width: 2.5 },
   };
 }
 
