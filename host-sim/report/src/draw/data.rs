@@ -4,9 +4,10 @@
 //! first, lowest, highest and last of each of [`COLUMNS`] parts of the axis, so that a part of the figure can be looked at closely.
 //! Numbers are 32-bit floats, little endian, in base 64; those along the horizontal axis count from its lower end.
 
-use std::fmt::Write as _;
-
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use plotters::style::RGBColor;
+use serde_json::{Map, Value, json};
 
 use super::layout::{Layout, RIGHT_PX};
 use super::plot::MOST_MARKERS;
@@ -20,38 +21,43 @@ use crate::style::{Look, Style};
 const COLUMNS: f64 = 2048.0;
 /// Lines with no more samples have all of them.
 const ALL: usize = 8192;
-const BASE64: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 
 /// The figures of one drawing.
 pub(super) fn data(figures: &[Figure], layout: &Layout) -> String {
     // A map keeps its shape, and a bar its foot.
     let zooms = figures.iter().all(|f| !f.equal_scale && f.series.iter().all(|s| s.kind != Kind::Bars));
     let mut columns = Columns::default();
-    let panels: Vec<String> = figures
-        .iter()
-        .enumerate()
-        .map(|(i, figure)| {
-            let lines = figure.series.iter().map(|series| line(series, layout, i, &mut columns));
-            let lines = list(lines.collect::<Vec<_>>());
-            let marks = list(figure.marks.iter().filter_map(|mark| marked(mark, &layout.x, &layout.y[i])));
-            let top = layout.top(i);
-            format!(
-                "{{\"name\":{},\"top\":{top},\"bottom\":{},\"y\":{},\"lines\":{lines},\"marks\":{marks}}}",
-                text(&figure.title),
-                top + layout.plot_height,
-                axis(&layout.y[i]),
-            )
+    let panels = figures.iter().enumerate().map(|(i, figure)| {
+        let top = layout.top(i);
+        let lines = figure.series.iter().map(|series| line(series, layout, i, &mut columns));
+        let lines: Vec<Value> = lines.collect();
+        let marks: Vec<Value> =
+            figure.marks.iter().filter_map(|mark| marked(mark, &layout.x, &layout.y[i])).collect();
+        json!({
+            "name": figure.title,
+            "top": top,
+            "bottom": top + layout.plot_height,
+            "y": axis(&layout.y[i]),
+            "lines": lines,
+            "marks": marks,
         })
-        .collect();
-    format!(
-        "{{\"width\":{},\"left\":{},\"right\":{},\"zooms\":{zooms},\"x\":{},\"columns\":{},\"panels\":{}}}",
-        layout.width,
-        layout.left,
-        layout.width - RIGHT_PX,
-        axis(&layout.x),
-        list(columns.0.iter().map(|column| format!("\"{column}\""))),
-        list(panels),
-    )
+    });
+    let panels: Vec<Value> = panels.collect();
+    let all = json!({
+        "width": layout.width,
+        "left": layout.left,
+        "right": layout.width - RIGHT_PX,
+        "zooms": zooms,
+        "x": axis(&layout.x),
+        "columns": columns.0,
+        "panels": panels,
+    });
+    not_markup(&all.to_string())
+}
+
+/// JSON without a character that HTML or XML could read as its own: in JSON these stand in texts only.
+fn not_markup(json: &str) -> String {
+    json.replace('<', "\\u003c").replace('>', "\\u003e").replace('&', "\\u0026")
 }
 
 /// Numbers of all lines; those that several lines have, such as their times, are there once.
@@ -69,7 +75,7 @@ impl Columns {
     }
 }
 
-fn line(series: &Series, layout: &Layout, i: usize, columns: &mut Columns) -> String {
+fn line(series: &Series, layout: &Layout, i: usize, columns: &mut Columns) -> Value {
     let (x, y) = (&layout.x, &layout.y[i]);
     let points = points(series, x, y);
     let from = if x.axis().logarithmic { 0.0 } else { x.ends().0 };
@@ -84,12 +90,8 @@ fn line(series: &Series, layout: &Layout, i: usize, columns: &mut Columns) -> St
         Kind::Bars => "bars",
     };
     let half = if series.kind == Kind::Bars { series.half_bar_width() } else { 0.0 };
-    format!(
-        "{{\"name\":{},\"kind\":\"{kind}\",{},\"x\":{across},\"y\":{upwards},\"of\":{},\"half\":{half:?}}}",
-        text(&series.name),
-        look(series.style),
-        series.data.len(),
-    )
+    let numbers = json!({ "kind": kind, "x": across, "y": upwards, "of": series.data.len(), "half": half });
+    named(&series.name, series.style, numbers)
 }
 
 /// The samples of a series, thinned where they are very many. Not a number in y is a gap.
@@ -122,7 +124,7 @@ fn points(series: &Series, x: &Scale, y: &Scale) -> Vec<(f64, f64)> {
     series.data.iter().map(known).collect()
 }
 
-fn marked(mark: &Mark, x: &Scale, y: &Scale) -> Option<String> {
+fn marked(mark: &Mark, x: &Scale, y: &Scale) -> Option<Value> {
     let (along, name, [from, to], style) = match mark {
         Mark::Horizontal { name, y, style } => ("y", name, [*y, *y], style),
         Mark::Vertical { name, x, style } => ("x", name, [*x, *x], style),
@@ -130,63 +132,40 @@ fn marked(mark: &Mark, x: &Scale, y: &Scale) -> Option<String> {
         Mark::VerticalBand { name, x, style } => ("x", name, [x.0, x.1], style),
     };
     let scale = if along == "x" { x } else { y };
-    let is_band = matches!(mark, Mark::HorizontalBand { .. } | Mark::VerticalBand { .. });
-    (scale.can_draw(from) && scale.can_draw(to)).then(|| {
-        let (name, look) = (text(name), look(*style));
-        format!("{{\"along\":\"{along}\",\"band\":{is_band},\"name\":{name},{look},\"from\":{from:?},\"to\":{to:?}}}")
+    let band = matches!(mark, Mark::HorizontalBand { .. } | Mark::VerticalBand { .. });
+    let place = json!({ "along": along, "band": band, "from": from, "to": to });
+    (scale.can_draw(from) && scale.can_draw(to)).then(|| named(name, *style, place))
+}
+
+fn axis(scale: &Scale) -> Value {
+    let ((low, high), axis) = (scale.drawn(), scale.axis());
+    json!({
+        "name": axis.label,
+        "unit": unit(&axis.unit),
+        "log": axis.logarithmic,
+        "low": low,
+        "high": high,
+        "power": scale.power(),
     })
 }
 
-fn axis(scale: &Scale) -> String {
-    let ((low, high), axis) = (scale.drawn(), scale.axis());
-    format!(
-        "{{\"name\":{},\"unit\":{},\"log\":{},\"low\":{low:?},\"high\":{high:?},\"power\":{}}}",
-        text(&axis.label),
-        text(unit(&axis.unit)),
-        axis.logarithmic,
-        scale.power(),
-    )
-}
-
-fn look(style: Style) -> String {
+/// What something is called and how it looks, and more of it.
+fn named(name: &str, style: Style, more: Value) -> Value {
     let Look { colour: RGBColor(r, g, b), width, dash, .. } = style.look();
     let dash = dash.iter().map(u32::to_string).collect::<Vec<_>>().join(" ");
-    format!("\"colour\":\"#{r:02X}{g:02X}{b:02X}\",\"stroke\":{width},\"dash\":\"{dash}\"")
-}
-
-fn list(entries: impl IntoIterator<Item = String>) -> String {
-    format!("[{}]", entries.into_iter().collect::<Vec<_>>().join(","))
-}
-
-/// A text of JSON without a character that HTML or XML could read as its own.
-fn text(text: &str) -> String {
-    let mut quoted = String::from("\"");
-    for c in text.chars() {
-        match c {
-            '"' | '\\' | '<' | '>' | '&' | '\'' => {
-                let _ = write!(quoted, "\\u{:04x}", u32::from(c));
-            }
-            c if c.is_control() => {
-                let _ = write!(quoted, "\\u{:04x}", u32::from(c));
-            }
-            c => quoted.push(c),
-        }
+    let mut all = Map::new();
+    all.insert("name".into(), name.into());
+    all.insert("colour".into(), format!("#{r:02X}{g:02X}{b:02X}").into());
+    all.insert("stroke".into(), width.into());
+    all.insert("dash".into(), dash.into());
+    if let Value::Object(more) = more {
+        all.extend(more);
     }
-    quoted + "\""
+    all.into()
 }
 
 fn base64(values: impl Iterator<Item = f64>) -> String {
-    let bytes: Vec<u8> = values.flat_map(|value| (value as f32).to_le_bytes()).collect();
-    let mut encoded = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for three in bytes.chunks(3) {
-        let of = |place: usize| u32::from(three.get(place).copied().unwrap_or(0));
-        let bits = of(0) << 16 | of(1) << 8 | of(2);
-        for place in 0..4 {
-            let digit = BASE64[(bits >> (18 - 6 * place) & 63) as usize];
-            encoded.push(if place > three.len() { '=' } else { char::from(digit) });
-        }
-    }
-    encoded
+    STANDARD.encode(values.flat_map(|value| (value as f32).to_le_bytes()).collect::<Vec<u8>>())
 }
 
 #[cfg(test)]
@@ -218,7 +197,10 @@ mod tests {
 
     #[test]
     fn text_is_neither_markup_nor_the_end_of_a_script() {
-        assert_eq!(text("a</script>&\"\\\u{1}°"), "\"a\\u003c/script\\u003e\\u0026\\u0022\\u005c\\u0001°\"");
+        let name = "a</script>&\"\\\u{1}°";
+        let text = not_markup(&json!({ "name": name }).to_string());
+        assert!(!text.contains(['<', '>', '&']), "{text}");
+        assert_eq!(serde_json::from_str::<Value>(&text).unwrap()["name"], name);
     }
 
     #[test]
