@@ -37,6 +37,12 @@ struct Day {
     tracker: UdpSocket,
     socket: UdpSocket,
     frame: u32,
+    /// The cameras see the craft, and its tracker runs.
+    tracks: bool,
+    /// Datagrams to the station that are not the tracker's.
+    forged: usize,
+    /// How many frames of each tick the station took.
+    seen: Vec<usize>,
     now_s: f64,
     told: Vec<(f64, Level, String)>,
 }
@@ -46,7 +52,7 @@ impl Day {
         let radio = Radio::open().unwrap();
         let socket = connect(radio.address().unwrap()).unwrap();
         socket.set_read_timeout(Some(SOON)).unwrap();
-        let vicon = Vicon::listen(HERE.parse().unwrap(), Some("quad".into()), FRAMES).unwrap();
+        let vicon = Vicon::listen(HERE.parse().unwrap(), None, Some("quad".into()), FRAMES).unwrap();
         let tracker = UdpSocket::bind(HERE).unwrap();
         tracker.connect(vicon.address().unwrap()).unwrap();
         let link = CraftLink::open(&LinkSettings::default(), radio.address().unwrap().ip()).unwrap();
@@ -60,6 +66,9 @@ impl Day {
             tracker,
             socket,
             frame: 0,
+            tracks: true,
+            forged: 0,
+            seen: Vec::new(),
             now_s: 5.0,
             told: Vec::new(),
         }
@@ -93,23 +102,24 @@ impl Day {
             self.station.on_packet(self.now_us(0.002), &buffer[..length]);
         }
         let pose = proto::Pose { position_m: pose.position_m, attitude_rad: pose.attitude_rad };
-        let (position_m, rotation) = FRAMES.seen(&pose);
-        let quad = Object {
-            name: "quad".into(),
-            translation_mm: position_m.map(|m| m * 1e3),
-            rotation_rad: xyz_from_rotation(&rotation),
-        };
-        let wand = Object { name: "wand".into(), translation_mm: [1.0; 3], rotation_rad: [0.0; 3] };
-        self.tracker.send(&Block { frame: self.frame, objects: vec![wand, quad] }.to_bytes()).unwrap();
-        let heard = self.vicon.next(SOON).unwrap();
-        assert!(matches!(heard, TrackerEvent::Seen(_)), "{heard:?}");
-        self.station.on_tracker(self.now_us(0.003), heard);
+        if self.tracks {
+            self.tracker.send(&frame_of(self.frame, &pose)).unwrap();
+            self.frame += 1;
+        }
+        let under_way = usize::from(self.tracks) + std::mem::take(&mut self.forged);
+        let mut seen = 0;
+        for _ in 0..under_way {
+            let heard = self.vicon.next(SOON).unwrap();
+            assert_ne!(heard, TrackerEvent::Nothing);
+            seen += usize::from(matches!(heard, TrackerEvent::Seen(_)));
+            self.station.on_tracker(self.now_us(0.003), heard);
+        }
+        self.seen.push(seen);
         // The ramp goes out whenever it is due; what comes between two ticks waits for the second.
         let period_s = self.lab.period_s();
         for part in 1..=8 {
             self.up(period_s * f64::from(part) / 8.0 - 1e-4);
         }
-        self.frame += 1;
         self.now_s += period_s;
         let told: Vec<_> = self.station.take_notices().collect();
         self.told.extend(told.into_iter().map(|told| (told.at_us as f64 * 1e-6, told.level, told.text)));
@@ -126,6 +136,18 @@ impl Day {
     fn state(&self) -> Option<State> {
         self.station.snapshot(0).telemetry.map(|(telemetry, _)| telemetry.supervision.state)
     }
+}
+
+/// A frame of the tracker, as its datagram.
+fn frame_of(frame: u32, pose: &proto::Pose) -> Vec<u8> {
+    let (position_m, rotation) = FRAMES.seen(pose);
+    let quad = Object {
+        name: "quad".into(),
+        translation_mm: position_m.map(|m| m * 1e3),
+        rotation_rad: xyz_from_rotation(&rotation),
+    };
+    let wand = Object { name: "wand".into(), translation_mm: [1.0; 3], rotation_rad: [0.0; 3] };
+    Block { frame, objects: vec![wand, quad] }.to_bytes()
 }
 
 /// A tour of the cage with the thesis' excitation, as a pattern file would have it.
@@ -275,4 +297,95 @@ fn a_restarted_ground_station_takes_a_flying_craft_over() {
     let now_us = day.now_us(0.0);
     day.station.on_pilot_request(now_us, PilotRequest::Land);
     day.until(20.0, |day| day.lab.is_down() && day.state() == Some(State::Disarmed));
+}
+
+/// A craft that hovers at a metre.
+fn hovering() -> Day {
+    let plan = FlightPlan::identification(Model::thesis(), 5, 1.0);
+    let mut day =
+        Day::new(&plan, 0.0, vec![MissionStep::Arm {}, MissionStep::TakeOff { height_m: 1.0 }], None);
+    day.until(20.0, |day| *day.station.progress() == Progress::Done && day.lab.position_m()[2] < -0.9);
+    for _ in 0..100 {
+        day.tick();
+    }
+    assert_eq!(day.lab.state(), control::State::Flying);
+    day
+}
+
+/// Flies on for some ticks, each after what an attacker does; the craft has to stay in the air where it is.
+fn flies_on(day: &mut Day, ticks: u32, mut attack: impl FnMut(&mut Day, u32)) {
+    let before = day.lab.position_m();
+    for tick in 0..ticks {
+        attack(day, tick);
+        day.tick();
+        assert_eq!(day.lab.state(), control::State::Flying, "tick {tick}: {:#?}", day.told);
+    }
+    let off = |n: usize| (day.lab.position_m()[n] - before[n]).abs();
+    assert!(off(0) < 0.15 && off(1) < 0.15 && off(2) < 0.15, "{before:?} {:?}", day.lab.position_m());
+}
+
+/// 3 m from where the craft is.
+const ELSEWHERE: proto::Pose = proto::Pose { position_m: [3.0, 0.0, -1.0], attitude_rad: [0.0; 3] };
+
+#[test]
+fn one_forged_datagram_of_the_tracker_changes_nothing() {
+    // From another port, and as from the tracker's own.
+    for is_own in [false, true] {
+        for ahead in [1, 50, 999, 100_000] {
+            let mut day = hovering();
+            let forger = UdpSocket::bind(HERE).unwrap();
+            let forger = if is_own { day.tracker.try_clone().unwrap() } else { forger };
+            let to = day.vicon.address().unwrap();
+            flies_on(&mut day, 300, |day, tick| {
+                if tick == 10 {
+                    let datagram = frame_of(day.frame + ahead, &ELSEWHERE);
+                    let sent = if is_own { forger.send(&datagram) } else { forger.send_to(&datagram, to) };
+                    assert_eq!(sent.unwrap(), datagram.len());
+                    day.forged += 1;
+                }
+            });
+            assert!(day.seen.iter().rev().take(300).all(|seen| *seen == 1), "{is_own} {ahead}");
+        }
+    }
+}
+
+#[test]
+fn a_thousand_forged_datagrams_of_the_tracker_a_second_change_nothing() {
+    let mut day = hovering();
+    let forger = UdpSocket::bind(HERE).unwrap();
+    forger.connect(day.vicon.address().unwrap()).unwrap();
+    let mut number = 1_000_000;
+    flies_on(&mut day, 1000, |day, _| {
+        for _ in 0..10 {
+            forger.send(&frame_of(number, &ELSEWHERE)).unwrap();
+            (number, day.forged) = (number + 1, day.forged + 1);
+        }
+    });
+    assert!(day.seen.iter().rev().take(1000).all(|seen| *seen == 1));
+    let refused = day.station.snapshot(0).tracker.refused;
+    assert!(refused >= 10_000, "{refused} are counted");
+}
+
+#[test]
+fn a_restarted_tracker_is_heard_again_in_flight() {
+    let mut day = hovering();
+    let before = day.lab.position_m();
+    // Its program ends, and comes again at another port with frames from 0 on.
+    day.tracks = false;
+    for _ in 0..12 {
+        day.tick();
+    }
+    // What counts as silent is time of this machine.
+    std::thread::sleep(Duration::from_millis(120));
+    day.tracker = UdpSocket::bind(HERE).unwrap();
+    day.tracker.connect(day.vicon.address().unwrap()).unwrap();
+    (day.tracks, day.frame) = (true, 0);
+    for _ in 0..300 {
+        day.tick();
+    }
+    assert_eq!(day.seen[day.seen.len() - 300..][..3], [0, 0, 1]);
+    assert_eq!(day.lab.state(), control::State::Flying, "{:#?}", day.told);
+    let [x, y, z] = day.lab.position_m();
+    let off = [x - before[0], y - before[1], z - before[2]];
+    assert!(off.iter().all(|off| off.abs() < 0.15), "{off:?}");
 }

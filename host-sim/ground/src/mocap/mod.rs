@@ -5,10 +5,11 @@
 //! file). [`frames`] turns their axes into ours. A simulated laboratory speaks Vicon's format.
 //!
 //! Nothing that comes in over the network ends a receiver: what cannot be used is refused by name
-//! and counted. Trackers do not show who they are, so whoever can reach the port can move the
-//! craft: bind to the tracker's own network.
+//! and counted. Trackers do not show who they are, so a frame has to go on where the last one was
+//! (`gate`); let the tracker have a network of its own all the same.
 
 pub mod frames;
+mod gate;
 pub mod optitrack;
 mod receiver;
 mod replay;

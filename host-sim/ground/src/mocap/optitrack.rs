@@ -16,9 +16,8 @@ use natnet::net::{CommandClient, DataClient, RawCommandClient};
 use natnet::{Decoder, FrameOfData, Message, ModelDef, ServerInfo, Version, command};
 
 use super::frames::{Frames, rotation_from_xyzw};
-use super::receiver::{
-    DATAGRAM, FrameOrder, MocapError, MocapReceiver, Sighting, TrackerEvent, at_least, received,
-};
+use super::gate::Gate;
+use super::receiver::{DATAGRAM, MocapError, MocapReceiver, Sighting, TrackerEvent, at_least, received};
 
 /// The port that Motive takes commands on unless told otherwise.
 pub const COMMAND_PORT: u16 = 1510;
@@ -44,7 +43,7 @@ pub struct OptiTrack {
     ticks_per_s: u64,
     body: i32,
     frames: Frames,
-    order: FrameOrder,
+    gate: Gate,
     buffer: Vec<u8>,
 }
 
@@ -83,12 +82,16 @@ impl OptiTrack {
             ticks_per_s: info.high_res_clock_frequency,
             body,
             frames,
-            order: FrameOrder::default(),
+            gate: Gate::new(Some(server.ip().to_owned().into())),
             buffer: vec![0; DATAGRAM],
         })
     }
 
-    fn judge(&mut self, length: usize) -> TrackerEvent {
+    fn judge(&mut self, length: usize, source: SocketAddr) -> TrackerEvent {
+        // Whoever else is in the multicast group is not the server.
+        if let Err(why) = self.gate.admits(source) {
+            return TrackerEvent::Refused(why.to_string());
+        }
         let datagram = self.buffer.get(..length).unwrap_or_default();
         let frame = match self.decoder.parse(datagram).map(natnet::DecodedMessage::into_message) {
             Ok(Message::FrameOfData(frame)) => frame,
@@ -96,21 +99,27 @@ impl OptiTrack {
             Err(error) => return TrackerEvent::Refused(format!("a NatNet datagram: {error}")),
         };
         let number = frame.frame_number.cast_unsigned();
-        if !self.order.is_new(number) {
-            return TrackerEvent::Refused(format!("frame {number} came late or twice"));
-        }
         let body = frame.rigid_bodies.iter().find(|body| body.id == self.body);
-        let Some(body) = body.filter(|body| body.tracking_valid()) else {
-            return TrackerEvent::NotSeen { frame: number };
-        };
-        let rotation = rotation_from_xyzw(body.orientation.map(f64::from));
-        let pose = rotation.and_then(|rotation| self.frames.pose(body.position.map(f64::from), &rotation));
-        match pose {
-            Some(pose) => {
-                TrackerEvent::Seen(Sighting { frame: number, pose, age: age(&frame, self.ticks_per_s) })
+        let pose = match body.filter(|body| body.tracking_valid()) {
+            None => None,
+            Some(body) => {
+                let rotation = rotation_from_xyzw(body.orientation.map(f64::from));
+                let place = body.position.map(f64::from);
+                match rotation.and_then(|rotation| self.frames.pose(place, &rotation)) {
+                    Some(pose) => Some(pose),
+                    None => {
+                        return TrackerEvent::Refused(format!(
+                            "frame {number} has a pose that is no number or no rotation"
+                        ));
+                    }
+                }
             }
-            None => {
-                TrackerEvent::Refused(format!("frame {number} has a pose that is no number or no rotation"))
+        };
+        match (self.gate.judge(source, number, pose, Instant::now()), pose) {
+            (Err(why), _) => TrackerEvent::Refused(why.to_string()),
+            (Ok(()), None) => TrackerEvent::NotSeen { frame: number },
+            (Ok(()), Some(pose)) => {
+                TrackerEvent::Seen(Sighting { frame: number, pose, age: age(&frame, self.ticks_per_s) })
             }
         }
     }
@@ -171,10 +180,9 @@ impl MocapReceiver for OptiTrack {
                 received(socket.recv(&mut self.buffer))?
             }
         };
-        // Whoever else is in the multicast group is not the server.
         match got {
-            Some((length, from)) if from.ip() == *self.server.ip() => Ok(self.judge(length)),
-            _ => Ok(TrackerEvent::Nothing),
+            Some((length, source)) => Ok(self.judge(length, source.into())),
+            None => Ok(TrackerEvent::Nothing),
         }
     }
 

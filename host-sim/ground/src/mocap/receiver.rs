@@ -1,4 +1,4 @@
-//! What every tracker has in common: sightings, errors, the order of frames.
+//! What every tracker has in common: sightings and errors.
 
 use std::io::{self, ErrorKind};
 use std::net::SocketAddr;
@@ -82,28 +82,6 @@ pub trait MocapReceiver: Send {
     fn describe(&self) -> String;
 }
 
-/// Which frames are new. UDP may deliver late or twice; a tracker that starts anew counts from a
-/// low number again.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct FrameOrder {
-    last: Option<u32>,
-}
-
-/// Frames this far back are those of a tracker that was restarted: 10 s at 100 Hz.
-const RESTARTED: i32 = -1000;
-
-impl FrameOrder {
-    /// Is this frame newer than all before?
-    pub(crate) fn is_new(&mut self, frame: u32) -> bool {
-        let ahead = self.last.map_or(1, |last| frame.wrapping_sub(last).cast_signed());
-        if ahead <= 0 && ahead > RESTARTED {
-            return false;
-        }
-        self.last = Some(frame);
-        true
-    }
-}
-
 /// Turns a wait that ran out into nothing; gives the length of what came.
 pub(crate) fn received<T>(outcome: io::Result<T>) -> Result<Option<T>, MocapError> {
     match outcome {
@@ -123,18 +101,4 @@ pub(crate) fn received<T>(outcome: io::Result<T>) -> Result<Option<T>, MocapErro
 /// Sockets refuse a wait of zero.
 pub(crate) fn at_least(patience: Duration) -> Option<Duration> {
     Some(patience.max(Duration::from_micros(100)))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn frame_numbers_wrap_and_trackers_restart() {
-        let mut order = FrameOrder::default();
-        let new: Vec<bool> = [u32::MAX - 1, u32::MAX, 0, u32::MAX, 1, 90_000, 89_999, 3, 4]
-            .map(|frame| order.is_new(frame))
-            .into();
-        assert_eq!(new, [true, true, true, false, true, true, false, true, true]);
-    }
 }

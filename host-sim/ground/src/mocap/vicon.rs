@@ -1,13 +1,12 @@
 //! Vicon Tracker's UDP object stream as a tracker.
 
 use std::io;
-use std::net::{SocketAddr, UdpSocket};
-use std::time::Duration;
+use std::net::{IpAddr, SocketAddr, UdpSocket};
+use std::time::{Duration, Instant};
 
 use super::frames::{Frames, rotation_from_xyz};
-use super::receiver::{
-    DATAGRAM, FrameOrder, MocapError, MocapReceiver, Sighting, TrackerEvent, at_least, received,
-};
+use super::gate::Gate;
+use super::receiver::{DATAGRAM, MocapError, MocapReceiver, Sighting, TrackerEvent, at_least, received};
 use super::vicon_stream::Block;
 
 /// Vicon Tracker's UDP object stream.
@@ -17,20 +16,25 @@ pub struct Vicon {
     frames: Frames,
     /// The object's name; absent: the only one.
     object: Option<String>,
-    order: FrameOrder,
+    gate: Gate,
     buffer: Vec<u8>,
 }
 
 impl Vicon {
     /// Listens on `address` ([`PORT`](super::vicon_stream::PORT) is Tracker's) for the object of
-    /// that name, or for the only one.
+    /// that name, or for the only one. Only `tracker` is heard; absent: whoever is heard first.
     ///
     /// # Errors
     /// [`MocapError::Bind`].
-    pub fn listen(address: SocketAddr, object: Option<String>, frames: Frames) -> Result<Self, MocapError> {
+    pub fn listen(
+        address: SocketAddr,
+        tracker: Option<IpAddr>,
+        object: Option<String>,
+        frames: Frames,
+    ) -> Result<Self, MocapError> {
         let bind = |source| MocapError::Bind { address: address.to_string(), source };
         let socket = UdpSocket::bind(address).map_err(bind)?;
-        Ok(Self { socket, frames, object, order: FrameOrder::default(), buffer: vec![0; DATAGRAM] })
+        Ok(Self { socket, frames, object, gate: Gate::new(tracker), buffer: vec![0; DATAGRAM] })
     }
 
     /// Where it listens.
@@ -42,7 +46,10 @@ impl Vicon {
     }
 
     /// What a datagram says of the craft.
-    fn judge(&mut self, length: usize) -> TrackerEvent {
+    fn judge(&mut self, length: usize, source: SocketAddr) -> TrackerEvent {
+        if let Err(why) = self.gate.admits(source) {
+            return TrackerEvent::Refused(why.to_string());
+        }
         let datagram = self.buffer.get(..length).unwrap_or_default();
         let block = match Block::parse(datagram) {
             Ok(block) => block,
@@ -65,16 +72,16 @@ impl Vicon {
         };
         // A block without the craft may belong to a frame whose next block has it.
         let Some(object) = object else { return TrackerEvent::Nothing };
-        if !self.order.is_new(*frame) {
-            return TrackerEvent::Refused(format!("frame {frame} came late or twice"));
-        }
-        if !object.is_seen() {
-            return TrackerEvent::NotSeen { frame: *frame };
-        }
         let position_m = object.translation_mm.map(|mm| mm * 1e-3);
-        match self.frames.pose(position_m, &rotation_from_xyz(object.rotation_rad)) {
-            Some(pose) => TrackerEvent::Seen(Sighting { frame: *frame, pose, age: Duration::ZERO }),
-            None => TrackerEvent::Refused(format!("frame {frame} has a pose that is no number")),
+        let pose = match self.frames.pose(position_m, &rotation_from_xyz(object.rotation_rad)) {
+            _ if !object.is_seen() => None,
+            Some(pose) => Some(pose),
+            None => return TrackerEvent::Refused(format!("frame {frame} has a pose that is no number")),
+        };
+        match (self.gate.judge(source, *frame, pose, Instant::now()), pose) {
+            (Err(why), _) => TrackerEvent::Refused(why.to_string()),
+            (Ok(()), None) => TrackerEvent::NotSeen { frame: *frame },
+            (Ok(()), Some(pose)) => TrackerEvent::Seen(Sighting { frame: *frame, pose, age: Duration::ZERO }),
         }
     }
 }
@@ -82,8 +89,8 @@ impl Vicon {
 impl MocapReceiver for Vicon {
     fn next(&mut self, patience: Duration) -> Result<TrackerEvent, MocapError> {
         self.socket.set_read_timeout(at_least(patience))?;
-        match received(self.socket.recv(&mut self.buffer))? {
-            Some(length) => Ok(self.judge(length)),
+        match received(self.socket.recv_from(&mut self.buffer))? {
+            Some((length, source)) => Ok(self.judge(length, source)),
             None => Ok(TrackerEvent::Nothing),
         }
     }
@@ -108,7 +115,7 @@ mod tests {
 
     fn lab(name: Option<&str>) -> (Vicon, UdpSocket) {
         let here: SocketAddr = "127.0.0.1:0".parse().unwrap();
-        let vicon = Vicon::listen(here, name.map(Into::into), Frames::with_axes(Axes::Z_UP)).unwrap();
+        let vicon = Vicon::listen(here, None, name.map(Into::into), Frames::with_axes(Axes::Z_UP)).unwrap();
         let tracker = UdpSocket::bind(here).unwrap();
         tracker.connect(vicon.address().unwrap()).unwrap();
         (vicon, tracker)

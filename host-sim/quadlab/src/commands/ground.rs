@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
-use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, ToSocketAddrs};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4, ToSocketAddrs};
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
@@ -12,7 +12,7 @@ use ::ground::mission::{MissionStep, read_script};
 use ::ground::mocap::Replay;
 use ::ground::mocap::frames::{Axes, Frames};
 use ::ground::mocap::optitrack::{COMMAND_PORT, OptiTrack};
-use ::ground::mocap::{MocapReceiver, Vicon};
+use ::ground::mocap::{MocapReceiver, Vicon, vicon_stream};
 use ::ground::recording::{Finished, Recorder, finish, part_of};
 use ::ground::run::{RunResult, RunUntil, View, catch_interrupts, connect, run as fly};
 use ::ground::station::{Settings, Station};
@@ -34,7 +34,7 @@ use crate::commands::simulated_laboratory::Simulated;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     quadlab ground --simulated\n  \
-    quadlab ground --craft 192.168.7.2:14650 --key craft.key --object quad --record flights/monday\n  \
+    quadlab ground --craft 192.168.7.2:14650 --key craft.key --vicon 192.168.7.3 --record flights/monday\n  \
     quadlab ground --craft 192.168.7.2:14650 --key craft.key --natnet 192.168.7.9 --script tour.toml --plain\n  \
     quadlab ground --simulated --pattern excite.csv --arm --land-after --record out/a\n  \
     quadlab ground --simulated --model model.toml --gains gains.toml\n  \
@@ -45,7 +45,7 @@ pub(crate) struct Options {
     craft: Option<String>,
 
     /// Fly the simulated laboratory instead: plant, craft's program and tracker on this machine
-    #[arg(long, conflicts_with_all = ["craft", "key", "natnet", "replay", "no_tracker", "recover"])]
+    #[arg(long, conflicts_with_all = ["craft", "key", "vicon", "natnet", "replay", "no_tracker", "recover"])]
     simulated: bool,
 
     /// Model of the simulated craft, from quadlab identify [default: the thesis' craft]
@@ -83,9 +83,13 @@ pub(crate) struct Options {
     #[arg(long)]
     allow_open: bool,
 
-    /// Address on which to receive Vicon Tracker's UDP object stream
-    #[arg(long, value_name = "ADDRESS:PORT", default_value = "0.0.0.0:51001")]
-    vicon: SocketAddr,
+    /// This machine's address on the network of Vicon Tracker, to receive its UDP object stream, for example: --vicon 192.168.7.3
+    #[arg(long, value_name = "ADDRESS[:PORT]", conflicts_with_all = ["natnet", "replay", "no_tracker"])]
+    vicon: Option<String>,
+
+    /// Address of the machine that runs Vicon Tracker: no other is heard [default: the first one that is heard]
+    #[arg(long, value_name = "ADDRESS", requires = "vicon")]
+    tracker: Option<IpAddr>,
 
     /// OptiTrack Motive's address instead (NatNet 3 and 4), for example: --natnet 192.168.7.9
     #[arg(long, value_name = "ADDRESS[:PORT]", conflicts_with_all = ["replay", "no_tracker"])]
@@ -201,6 +205,11 @@ fn three(text: &str) -> Result<Three, String> {
 enum GroundError {
     #[error("{option} {text}: {why}; give an address such as 192.168.7.2:{port}")]
     Address { option: &'static str, text: String, why: String, port: u16 },
+    #[error(
+        "no tracker is named: give this machine's address on its network, such as --vicon 192.168.7.3, or OptiTrack's with --natnet, \
+         or --no-tracker"
+    )]
+    NoTracker,
     #[error("{}: cannot search for a free name: {source}; give one with --record", folder.display())]
     Names { folder: PathBuf, source: std::io::Error },
 }
@@ -359,7 +368,9 @@ fn tracker(options: &Options, lab: Option<&Simulated>) -> anyhow::Result<Option<
         };
         return Ok(Some(Box::new(OptiTrack::connect(server, options.interface, object, frames)?)));
     }
-    Ok(Some(Box::new(Vicon::listen(options.vicon, options.object.clone(), frames)?)))
+    let here = options.vicon.as_deref().ok_or(GroundError::NoTracker)?;
+    let here = address("--vicon", here, vicon_stream::PORT)?;
+    Ok(Some(Box::new(Vicon::listen(here, options.tracker, options.object.clone(), frames)?)))
 }
 
 /// Where to record: the name given, or the first that is free.

@@ -45,7 +45,8 @@ impl Simulated {
 
     /// A receiver of the laboratory's tracker.
     pub(crate) fn tracker(&self) -> Result<Vicon, MocapError> {
-        let vicon = Vicon::listen(SocketAddr::from(([127, 0, 0, 1], 0)), None, FRAMES)?;
+        let here = [127, 0, 0, 1].into();
+        let vicon = Vicon::listen(SocketAddr::new(here, 0), Some(here), None, FRAMES)?;
         self.tracker.connect(vicon.address()?)?;
         Ok(vicon)
     }
