@@ -118,7 +118,7 @@ fn bad_usage_is_one_line_and_status_2() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("s.toml"), "[[step]]\ndo = \"jump\"\n").unwrap();
     std::fs::write(folder.path().join("key"), "no key").unwrap();
-    let cases: [(&[&str], &str); 9] = [
+    let cases: [(&[&str], &str); 11] = [
         (&[], "--craft"),
         (&["--craft", "10.0.0.1:14650", "--no-tracker"], "key"),
         (&["--craft", "127.0.0.1:1", "--key", "key"], "chmod 600"),
@@ -126,6 +126,8 @@ fn bad_usage_is_one_line_and_status_2() {
         (&["--craft", "127.0.0.1:1", "--pattern", "none.csv"], "none.csv"),
         (&["--craft", "127.0.0.1:1", "--replay", "none.csv"], "none.csv"),
         (&["--craft", "127.0.0.1:1", "--room", "x,y,-z"], "mirror image"),
+        (&["--craft", "127.0.0.1:1"], "--vicon 192.168.7.3"),
+        (&["--craft", "127.0.0.1:1", "--vicon", "nowhere at all"], "--vicon"),
         (&["--simulated", "--command-hz", "2", "--no-record"], "give 4"),
         (&["--recover", "nothing"], "nothing.mcap"),
     ];

@@ -181,7 +181,7 @@ impl MocapReceiver for OptiTrack {
             }
         };
         match got {
-            Some((length, source)) => Ok(self.judge(length, source.into())),
+            Some((length, source)) => Ok(self.judge(length, source)),
             None => Ok(TrackerEvent::Nothing),
         }
     }
