@@ -14,3 +14,4 @@ mod folder;
 mod own_effect;
 mod page;
 mod server;
+mod used;

@@ -12,7 +12,8 @@ use serde_json::{Value, json};
 use super::flights::Use;
 use super::node::Node;
 use super::refused::Refused;
-use super::session::{Job, Session, Telling, names};
+use super::session::{Job, Session, Telling};
+use super::terminal::names;
 use crate::cli::effect_names::known_effect;
 
 /// What the page asks for.

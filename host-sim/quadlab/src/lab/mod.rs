@@ -24,8 +24,10 @@ mod server;
 mod session;
 mod store;
 mod table;
+mod terminal;
 mod timeline;
 mod upload;
+mod used_parts;
 mod vehicle;
 mod views;
 

@@ -3,6 +3,7 @@
 import { el, svg } from "./dom.js";
 import { titleOf } from "./models.js";
 import { line } from "./plots.js";
+import { unused } from "./used.js";
 
 /** @typedef {import("./main.js").App} App */
 
@@ -10,7 +11,10 @@ import { line } from "./plots.js";
 export function drawLegend(app, root) {
   const entries = legendOf(app);
   root.hidden = !entries.length;
-  root.replaceChildren(...entries.map(([role, text]) => el("span", {}, swatch(role), text)));
+  const used = app.used();
+  const isShaded = app.view.tab === "time" && used && unused(used, app.span()).length > 0;
+  const shade = isShaded && el("span", {}, el("span", { class: "shade", "aria-hidden": "true" }), "not used");
+  root.replaceChildren(...entries.map(([role, text]) => el("span", {}, swatch(role), text)), shade || "");
 }
 
 /** @typedef {[Parameters<typeof line>[0], string]} Entry what a line looks like, and what it is */

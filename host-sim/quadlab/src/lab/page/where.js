@@ -40,7 +40,7 @@ export function whereTab(app, root) {
     drawControls();
     const { axis: of, quantity, over } = app.view;
     const query = { axis: of, quantity, flight: over || null };
-    const given = await ask([model.id, model.judged_on, second?.id, query], (signal) =>
+    const given = await ask([model.id, model.judged_on, second?.id, query, app.state?.readings], (signal) =>
       Promise.all(pair().map((m) => get("/api/residual", { model: m.id, ...query }, signal))),
     );
     if (!given) return;
