@@ -32,7 +32,7 @@ pub use flight::Flight;
 pub use interpolation::{hermite, interpolated};
 pub use mend::{CannotMend, Mend, MendedColumn};
 pub use names::is_known_name;
-pub use parts::{parts_file, parts_to_use};
+pub use parts::{parts_file, parts_text, parts_to_use};
 pub use reading::{header_names, text_columns};
 pub use sampling::{GAP_PERIODS, median_step};
 pub use stand_in::StandIn;

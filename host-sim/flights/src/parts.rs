@@ -7,6 +7,7 @@
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
+use toml_edit::{Array, DocumentMut, Item, Value};
 
 use crate::error::FlightError;
 
@@ -47,6 +48,25 @@ pub fn parts_to_use(flight: &Path) -> Result<Option<Vec<[f64; 2]>>, FlightError>
     checked.collect::<Result<_, _>>().map(Some)
 }
 
+/// The text of such a file for these parts, to the millisecond; the comments of `old`, if there is one, stay.
+pub fn parts_text(parts: &[[f64; 2]], old: Option<&str>) -> String {
+    let millisecond = |time_s: &f64| (1e3 * time_s).round() / 1e3;
+    let part = |part: &[f64; 2]| part.iter().map(millisecond).collect::<Array>();
+    let mut parts = Value::from(parts.iter().map(part).collect::<Array>());
+    let mut document: DocumentMut = old.and_then(|old| old.parse().ok()).unwrap_or_default();
+    match document.get_mut("use") {
+        Some(Item::Value(old)) => {
+            *parts.decor_mut() = old.decor().clone();
+            *old = parts;
+        }
+        _ => {
+            parts.decor_mut().set_suffix("   # s, times of the log's column t");
+            document.insert("use", Item::Value(parts));
+        }
+    }
+    document.to_string()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -72,6 +92,20 @@ mod tests {
     #[test]
     fn parts_are_read_in_seconds_whole_numbers_too() {
         assert_eq!(read("use = [[3, 41.5], [55.0, 80]]").unwrap().unwrap(), [[3.0, 41.5], [55.0, 80.0]]);
+    }
+
+    #[test]
+    fn parts_are_written_to_the_millisecond_and_read_back() {
+        let text = parts_text(&[[3.0, 41.000_49], [55.1, 80.123_6]], None);
+        assert_eq!(text, "use = [[3.0, 41.0], [55.1, 80.124]]   # s, times of the log's column t\n");
+        assert_eq!(read(&text).unwrap().unwrap(), [[3.0, 41.0], [55.1, 80.124]]);
+    }
+
+    #[test]
+    fn comments_stay_where_other_parts_are_written() {
+        let old = "# gusty after 40 s\nuse = [[1, 2]] # mine\n";
+        assert_eq!(parts_text(&[[0.5, 2.0]], Some(old)), "# gusty after 40 s\nuse = [[0.5, 2.0]] # mine\n");
+        assert!(parts_text(&[[0.5, 2.0]], Some("use = [[")).starts_with("use = [[0.5, 2.0]]"));
     }
 
     #[test]

@@ -27,8 +27,9 @@ const READS: [&str; 17] = [
     "/api/timeline?model=1",
     "/api/next?model=1&effect=steady-wind&other=attitude-offset",
 ];
-const WRITES: [(&str, &str); 12] = [
+const WRITES: [(&str, &str); 13] = [
     ("/api/sets", r#"{"name":"A.csv","set":"none"}"#),
+    ("/api/use", r#"{"name":"A.csv","parts":[[2,9]]}"#),
     ("/api/current", r#"{"model":1}"#),
     ("/api/jobs", r#"{"do":"identify"}"#),
     ("/api/cancel", "{}"),
@@ -249,6 +250,81 @@ fn nothing_is_put_outside_of_the_folder_or_over_a_file() {
     let state = lab.state();
     let new = state["flights"].as_array().unwrap().iter().find(|flight| flight["name"] == "new.csv").unwrap();
     assert!(new["problem"].as_str().is_some_and(|problem| problem.contains("new.csv")), "{new}");
+}
+
+/// Which parts are used is written beside a flight that is there, or not at all.
+#[test]
+fn parts_are_of_flights_of_the_folder() {
+    let outer = tempfile::tempdir().unwrap();
+    let folder = outer.path().join("flights");
+    fs::create_dir(&folder).unwrap();
+    let made = flights::small();
+    for entry in fs::read_dir(made.path()).unwrap().map(Result::unwrap) {
+        fs::copy(entry.path(), folder.join(entry.file_name())).unwrap();
+    }
+    fs::copy(folder.join("A.csv"), outer.path().join("A.csv")).unwrap();
+    let mut lab = Lab::start(&folder);
+    let before = lab.state();
+    let visitor = lab.visitor();
+    let post = |path: &str, body: &str| visitor.post(path, body).with_origin(&lab).send(&lab);
+    for name in [
+        "../A.csv",
+        "/etc/passwd",
+        "",
+        "..",
+        "lab/state.json",
+        "B.csv/../A.csv",
+        "A",
+        "vehicle.toml",
+        "A.csv\0",
+    ] {
+        let name = serde_json::json!(name);
+        for (path, body) in [
+            ("/api/use", format!(r#"{{"name":{name},"parts":[[2,9]]}}"#)),
+            ("/api/use", format!(r#"{{"name":{name},"parts":null}}"#)),
+        ] {
+            assert_refused(&post(path, &body), &body);
+        }
+    }
+    for parts in [
+        "[]",
+        "[[9,2]]",
+        "[[2,2]]",
+        "[[2]]",
+        "[[2,3,4]]",
+        "[2,9]",
+        "[[\"2\",9]]",
+        "[[2,null]]",
+        "[[NaN,9]]",
+        "[[2,1e999]]",
+        "[[-1e308,1e308]]",
+        "[[2,900]]",
+        "[[-5,9]]",
+        "[[2,9],[8,12]]",
+        "{}",
+        "\"all\"",
+        "[[5.0,5.2]]",
+    ] {
+        assert_refused(&post("/api/use", &format!(r#"{{"name":"A.csv","parts":{parts}}}"#)), parts);
+    }
+    let many = format!("[{}]", vec!["[2,3]"; 100_000].join(","));
+    assert_refused(&post("/api/use", &format!(r#"{{"name":"A.csv","parts":{many}}}"#)), "many parts");
+    assert_refused(&post("/api/use", r#"{"name":"A.csv"}"#), "no word of parts");
+    let names = |folder: &std::path::Path| {
+        let mut names: Vec<_> =
+            fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    assert_eq!(names(outer.path()), ["A.csv", "flights"]);
+    assert_eq!(names(&folder), ["A.csv", "B.csv", "C.csv", "D.csv", "E.csv", "lab", "vehicle.toml"]);
+    assert_eq!(lab.state()["flights"], before["flights"]);
+    // The twin: what is right is written.
+    let answer = post("/api/use", r#"{"name":"A.csv","parts":[[2,9.0004]]}"#);
+    assert_eq!(answer.status, 200, "{}", answer.body);
+    let text = fs::read_to_string(folder.join("A.use.toml")).unwrap();
+    assert!(text.starts_with("use = [[2.0, 9.0]]"), "{text}");
+    lab.is_alive().unwrap();
 }
 
 /// Not one of them ends the server, and each is told what is wrong.

@@ -18,3 +18,4 @@ mod page;
 mod preview;
 mod report_page;
 mod server;
+mod used;

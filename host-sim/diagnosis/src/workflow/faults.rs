@@ -127,7 +127,7 @@ impl Faults {
             let (kind, severity) = (FaultKind::SharedSamples, Severity::Refused);
             self.add(
                 again.path.display().to_string(),
-                Fault { kind, severity, flight, sentence, mend: None },
+                Fault { flight, ..Fault::of_all(kind, severity, sentence) },
             );
         }
         let thinnings: Vec<_> = train.iter().chain(validate).map(|flight| flight.thinning).collect();
@@ -148,12 +148,10 @@ impl Faults {
             if !fitted {
                 continue;
             }
+            let sentence = "the model was fitted to this flight, so its errors here are too small";
             let fault = Fault {
-                kind: FaultKind::FittedOn,
-                severity: Severity::Warning,
                 flight: Some(flight.prepared.name.clone()),
-                sentence: "the model was fitted to this flight, so its errors here are too small".into(),
-                mend: None,
+                ..Fault::of_all(FaultKind::FittedOn, Severity::Warning, sentence)
             };
             self.add(flight.path.display().to_string(), fault);
         }
@@ -217,8 +215,8 @@ mod tests {
     use super::*;
     use crate::testing::{loaded, truth};
 
-    const STRICT: Reading = Reading { accept_faults: false, window_s: None };
-    const LENIENT: Reading = Reading { accept_faults: true, window_s: None };
+    const STRICT: Reading = Reading { accept_faults: false, window_s: None, whole: false };
+    const LENIENT: Reading = Reading { accept_faults: true, window_s: None, whole: false };
 
     #[test]
     fn five_flights_are_named_and_more_are_counted() {

@@ -55,15 +55,18 @@ pub struct Reading {
     pub accept_faults: bool,
     /// First and last time of the log to use, s, in the place of what is found to fly.
     pub window_s: Option<[f64; 2]>,
+    /// Take all that flies, whatever the file beside the flight says.
+    pub whole: bool,
 }
 
 impl Reading {
-    /// The parts of a flight to take: the window, else what the file beside the flight says, else what flies.
+    /// The parts of a flight to take: the window, else what the file beside the flight says (where that is asked), else what
+    /// flies.
     pub(crate) fn parts(self, flight: Option<&Path>) -> Result<Parts, FlightError> {
         if let Some(window) = self.window_s {
             return Ok(Parts::Given(vec![window]));
         }
-        let given = flight.map(parts_to_use).transpose()?.flatten();
+        let given = flight.filter(|_| !self.whole).map(parts_to_use).transpose()?.flatten();
         Ok(given.map_or(Parts::Flown, Parts::Given))
     }
 }
@@ -332,6 +335,9 @@ mod tests {
         std::fs::write(folder.join("A.use.toml"), "use = [[0.5, 2.5], [4.0, 6.0]]").unwrap();
         assert_eq!(load(None).unwrap(), [[0.5, 2.5], [4.0, 6.0]]);
         assert_eq!(load(Some([1.0, 7.0])).unwrap(), [[1.0, 7.0]]);
+        let whole = Reading { whole: true, ..Reading::default() };
+        let whole = LoadedFlight::from_file(&path, &vehicle, whole).unwrap().taken;
+        assert_eq!((whole.parts, whole.span_s), (vec![[0.0, 7.99]], [0.0, 7.99]));
         let outside = load(Some([9.0, 12.0])).unwrap_err().to_string();
         std::fs::write(folder.join("A.use.toml"), "use = [[3.0, 2.0]]").unwrap();
         let senseless = load(None).unwrap_err().to_string();

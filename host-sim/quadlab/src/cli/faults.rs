@@ -49,7 +49,7 @@ impl FaultOptions {
             return Err(NoTimeBetween { from, to });
         }
         let window_s = (self.from.is_some() || self.to.is_some()).then_some([from, to]);
-        Ok(Reading { accept_faults: self.accept_faults, window_s })
+        Ok(Reading { accept_faults: self.accept_faults, window_s, ..Reading::default() })
     }
 }
 

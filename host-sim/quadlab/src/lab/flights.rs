@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use diagnosis::workflow::{FlightsOfOneKind, LoadedFlight, Observer, Reading};
+use flights::parts_file;
 use model::{Model, Vehicle};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -32,6 +33,8 @@ pub(super) struct FlightFile {
     pub(super) used: Use,
     /// Its flights, or why there are none.
     pub(super) flights: Arc<Result<Vec<LoadedFlight>, String>>,
+    /// All that flies of those flights of which parts are chosen.
+    pub(super) whole: Arc<Vec<LoadedFlight>>,
     /// What the page shows of it, drawn once.
     summary: Value,
 }
@@ -43,11 +46,24 @@ impl FlightFile {
     /// Reads and checks a file; faults that commands refuse are told, so that they can be looked at.
     pub(super) fn read(path: &Path, vehicle: &Vehicle, used: Use, observer: &dyn Observer) -> Self {
         let reading = Reading { accept_faults: true, ..Reading::default() };
-        let read = FlightsOfOneKind::read(&[path.to_owned()], vehicle, reading, observer);
-        let flights = read.map(|all| all.flights).map_err(|error| error.to_string());
-        let summary = summary(&flights, vehicle);
+        let read = |reading| {
+            let read = FlightsOfOneKind::read(&[path.to_owned()], vehicle, reading, observer);
+            read.map(|all| all.flights).map_err(|error| error.to_string())
+        };
+        let flights = read(reading);
+        let mut whole = Vec::new();
+        if has_parts(path) {
+            whole = read(Reading { whole: true, ..reading }).unwrap_or_default();
+            whole.retain(|flight| parts_file(&flight.path).exists());
+        }
+        let summary = summary(&flights, &whole, vehicle);
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        Self { path: path.to_owned(), name, used, flights: Arc::new(flights), summary }
+        Self { path: path.to_owned(), name, used, flights: flights.into(), whole: whole.into(), summary }
+    }
+
+    /// Its flights: those that can be used, and those that could be without the parts that are chosen.
+    pub(super) fn known(&self) -> impl Iterator<Item = &LoadedFlight> {
+        self.flights.iter().flatten().chain(self.whole.iter())
     }
 
     /// Whether it can be used at all.
@@ -64,16 +80,32 @@ impl FlightFile {
     }
 }
 
-fn summary(flights: &Result<Vec<LoadedFlight>, String>, vehicle: &Vehicle) -> Value {
+/// Whether parts are chosen of a flight of this file; those of a log have its name and a number.
+fn has_parts(path: &Path) -> bool {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let beside = path.parent().and_then(|folder| std::fs::read_dir(folder).ok());
+    beside.into_iter().flatten().flatten().any(|entry| {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        name.starts_with(&*stem) && name.ends_with(".use.toml")
+    })
+}
+
+fn summary(flights: &Result<Vec<LoadedFlight>, String>, whole: &[LoadedFlight], vehicle: &Vehicle) -> Value {
     let flights = match flights {
         Ok(flights) => flights,
         Err(why) => {
-            return json!({ "problem": why, "flights": [], "faults": [], "columns": [], "parts": [], "height": [], "battery": [] });
+            let chosen: Vec<Value> = whole.iter().map(|flight| used(flight, &[], Some(flight))).collect();
+            return json!({
+                "problem": why, "flights": [], "faults": [], "columns": [], "used": chosen, "height": [], "battery": [],
+            });
         }
     };
     let adjust = Model::new(vehicle.clone()).adjustments();
     let (mut height, mut battery) = (Vec::new(), Vec::new());
-    for LoadedFlight { prepared, .. } in flights {
+    let whole = |name: &str| whole.iter().find(|flight| flight.prepared.name == name);
+    for flight in flights {
+        let LoadedFlight { prepared, .. } = whole(&flight.prepared.name).unwrap_or(flight);
         let seen = prepared.conditions(vehicle, &adjust);
         let [_, _, down] = &seen.position_ned_m;
         height.extend(seen.time_s.iter().copied().zip(down.iter().map(|z| -z)));
@@ -81,19 +113,42 @@ fn summary(flights: &Result<Vec<LoadedFlight>, String>, vehicle: &Vehicle) -> Va
             battery.extend(seen.time_s.iter().copied().zip(seen.battery_v.iter().copied()));
         }
     }
-    let parts: Vec<[f64; 2]> = flights.iter().flat_map(|flight| flight.taken.parts.iter().copied()).collect();
+    let parts = flights.iter().flat_map(|flight| flight.taken.parts.iter());
+    let of_use = |flight: &LoadedFlight| used(flight, &flight.taken.parts, whole(&flight.prepared.name));
     let period_s = flights.iter().map(|flight| flight.prepared.period_s).fold(0.0, f64::max);
     json!({
         "problem": null,
         "flights": flights.iter().map(|flight| flight.prepared.name.as_str()).collect::<Vec<_>>(),
-        "duration_s": parts.iter().map(|[from, to]| to - from).sum::<f64>(),
+        "duration_s": parts.map(|[from, to]| to - from).sum::<f64>(),
         "rate_hz": 1.0 / period_s,
         "rows": flights.iter().map(|flight| flight.prepared.rows()).sum::<usize>(),
         "columns": columns(flights),
-        "parts": parts,
-        "faults": flights.iter().flat_map(|flight| &flight.faults).collect::<Vec<_>>(),
+        "used": flights.iter().map(of_use).collect::<Vec<_>>(),
+        "faults": flights.iter().flat_map(faults).collect::<Vec<_>>(),
         "height": numbers::thinned(&height, SPARK),
         "battery": numbers::thinned(&battery, SPARK),
+    })
+}
+
+/// Which parts of a flight are used and which fly, first and last times, s.
+fn used(flight: &LoadedFlight, parts: &[[f64; 2]], whole: Option<&LoadedFlight>) -> Value {
+    json!({
+        "flight": flight.prepared.name,
+        "parts": parts,
+        "flown": whole.unwrap_or(flight).taken.parts,
+        "chosen": whole.is_some(),
+    })
+}
+
+/// What is wrong with a flight, and where in it.
+fn faults(flight: &LoadedFlight) -> impl Iterator<Item = Value> {
+    flight.faults.iter().map(|fault| {
+        json!({
+            "flight": flight.prepared.name,
+            "severity": fault.severity,
+            "sentence": fault.sentence,
+            "places": fault.places_s,
+        })
     })
 }
 

@@ -13,7 +13,7 @@ use super::flights::Use;
 use super::node::Node;
 use super::refused::Refused;
 use super::session::{Job, Session, Telling};
-use super::shell::names;
+use super::terminal::names;
 use crate::cli::effect_names::known_effect;
 
 /// What the page asks for.

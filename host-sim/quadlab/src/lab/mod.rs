@@ -24,12 +24,13 @@ mod room;
 mod routes;
 mod server;
 mod session;
-mod shell;
 mod store;
 mod table;
+mod terminal;
 mod timeline;
 mod trials;
 mod upload;
+mod used_parts;
 mod vehicle;
 mod views;
 

@@ -31,7 +31,9 @@ impl Window {
     /// First and last time of it in a flight.
     pub(super) fn within(self, time_s: &[f64]) -> [f64; 2] {
         let [first, last] = [time_s.first(), time_s.last()].map(|end| end.copied().unwrap_or(0.0));
-        [first.max(self.from_s), last.min(self.to_s)]
+        // A window beside the flight holds nothing of it.
+        let from = self.from_s.max(first).min(last);
+        [from, self.to_s.min(last).max(from)]
     }
 }
 
@@ -114,6 +116,40 @@ pub(super) fn apart(
     let turned = |angle: f64| angle - std::f64::consts::TAU * (angle / std::f64::consts::TAU).round();
     let differences = time_s.iter().zip(values).map(|(t, value)| difference(*t, *value));
     if are_angles { differences.map(turned).collect() } else { differences.collect() }
+}
+
+/// A row of one of two lines over time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Row {
+    First(usize),
+    Second(usize),
+}
+
+impl Row {
+    /// Its value, where these are the two lines.
+    pub(super) fn of(self, first: &[f64], second: &[f64]) -> f64 {
+        match self {
+            Self::First(row) => first[row],
+            Self::Second(row) => second[row],
+        }
+    }
+}
+
+/// Part of a step by which rows of the two must lie apart: then there is no break between them, and none looks like a shorter step.
+const APART: f64 = 0.9;
+
+/// All rows of the first line, and those of the second where the first has none, in the order of time.
+pub(super) fn rows_of_both(first_s: &[f64], second_s: &[f64]) -> Vec<Row> {
+    let least_s = APART * shortest_step(first_s).min(shortest_step(second_s));
+    let is_free = |t: f64| {
+        let after = first_s.partition_point(|first| *first < t);
+        let before = after.checked_sub(1).map_or(f64::NEG_INFINITY, |before| first_s[before]);
+        t - before >= least_s && first_s.get(after).copied().unwrap_or(f64::INFINITY) - t >= least_s
+    };
+    let free = (0..second_s.len()).filter(|row| is_free(second_s[*row])).map(Row::Second);
+    let mut rows: Vec<Row> = (0..first_s.len()).map(Row::First).chain(free).collect();
+    rows.sort_by(|a, b| a.of(first_s, second_s).total_cmp(&b.of(first_s, second_s)));
+    rows
 }
 
 fn shortest_step(time_s: &[f64]) -> f64 {
@@ -311,6 +347,22 @@ mod tests {
         assert_eq!(reduced(&t, &[&t], window).lines[0], [2.0, 2.01, 2.02, 2.03, 2.04, 2.05]);
         let empty = reduced(&[], &[&[]], window);
         assert!(empty.t.is_empty() && empty.lines == [Vec::<f32>::new()]);
+    }
+
+    /// A part of a log has a grid of its own, and lacks some rows at its ends.
+    #[test]
+    fn what_one_line_lacks_comes_from_the_other_without_a_break() {
+        let grid =
+            |from: f64, count: u32| (0..count).map(|k| from + 0.01 * f64::from(k)).collect::<Vec<f64>>();
+        let (part, whole) = ([grid(2.0043, 100), grid(4.0, 50)].concat(), grid(0.0, 600));
+        let rows = rows_of_both(&part, &whole);
+        let t: Vec<f64> = rows.iter().map(|row| row.of(&part, &whole)).collect();
+        assert!(t.is_sorted() && (t[0], *t.last().unwrap()) == (0.0, 5.99));
+        assert!(t.windows(2).all(|pair| (0.008..0.03).contains(&(pair[1] - pair[0]))), "{t:?}");
+        assert_eq!(rows.iter().filter(|row| matches!(row, Row::First(_))).count(), 150);
+        assert!(reduced(&t, &[&t], Window { width: 8000, ..ALL }).lines[0].iter().all(|y| y.is_finite()));
+        assert_eq!(rows_of_both(&[], &whole[..3]), [0, 1, 2].map(Row::Second));
+        assert_eq!(rows_of_both(&whole[..2], &[]), [0, 1].map(Row::First));
     }
 
     #[test]

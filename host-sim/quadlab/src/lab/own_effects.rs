@@ -19,6 +19,28 @@ use super::refused::Refused;
 use super::session::{Session, Telling};
 
 impl Session {
+    /// The user's own effects that are kept and can be used.
+    pub(super) fn own_effects(&self) -> Vec<Effect> {
+        self.lock().own.iter().filter_map(OwnEffect::effect).collect()
+    }
+
+    /// Forgets what was found with an effect that is no longer what it was.
+    pub(super) fn forget_findings(&self, effect: &str) -> Result<(), Refused> {
+        let is_in = |found: &Option<Value>| {
+            let found = found.as_ref().and_then(|found| found["effects"].as_array());
+            found.is_some_and(|all| all.iter().any(|finding| finding["effect"] == effect))
+        };
+        for node in &mut self.lock().nodes {
+            for found in [&mut node.diagnosis, &mut node.changes] {
+                if is_in(found) {
+                    *found = None;
+                }
+            }
+            self.store.write_node(node)?;
+        }
+        Ok(())
+    }
+
     /// What a text says, or what is wrong with it.
     pub(super) fn check_effect(&self, text: &str) -> Value {
         let checked = one_of(text).and_then(|effect| self.may_mean(effect.definition()).map(|()| effect));

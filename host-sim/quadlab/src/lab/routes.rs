@@ -19,6 +19,7 @@ use super::numbers::Window;
 use super::refused::{Refused, refusal};
 use super::requests::{Answer, Asked, Sent, Shared, StopOnDrop, aside};
 use super::session::{Session, Telling};
+use super::used_parts::UsedParts;
 use super::vehicle::Measured;
 use super::views::{self, Beside, Series};
 use super::{assets, equations, next, own_routes, upload};
@@ -36,6 +37,7 @@ pub(super) fn router(session: Arc<Session>) -> Router {
         .route("/api/state", get(async |State(session): Shared| Json(session.document())))
         .route("/api/events", get(async |State(session): Shared| session.events.stream()))
         .route("/api/sets", post(choose))
+        .route("/api/use", post(use_parts))
         .route("/api/current", post(go_to))
         .route("/api/jobs", post(start))
         .route(
@@ -91,6 +93,14 @@ struct Choice {
 async fn choose(State(session): Shared, Sent(Choice { name, set }): Sent<Choice>) -> Answer {
     session.choose(&name, set)?;
     Ok(Json(session.document()))
+}
+
+async fn use_parts(State(session): Shared, Sent(asked): Sent<UsedParts>) -> Answer {
+    aside(move || {
+        session.use_parts(&asked)?;
+        Ok(Json(session.document()))
+    })
+    .await
 }
 
 #[derive(Deserialize)]

@@ -7,8 +7,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use diagnosis::workflow::{
     self, Faults, FlightSets, FlightsOfOneKind, LoadedFlight, Observer, Progress, Reading, Silent,
+    is_held_out,
 };
-use model::{Effect, Model, Vehicle};
+use model::{Model, Vehicle};
 use serde_json::{Value, json};
 use sysid::Comparison;
 
@@ -17,13 +18,11 @@ use super::flights::{FlightFile, Use};
 use super::node::Node;
 use super::own_effect::OwnEffect;
 use super::refused::Refused;
-use super::shell::names;
-use super::store::{Saved, Store, StoreError, effect_file};
+use super::store::{Saved, Store, StoreError};
 use super::timeline;
 use super::trials::{Eye, Trials};
 use super::vehicle::Craft;
 use super::views::Seen;
-use crate::cli::model_files::VEHICLE;
 use crate::render::pages;
 
 /// Rows of flights seen by models that are held ready to be looked at: some 0.9 kB each.
@@ -52,6 +51,8 @@ pub(super) struct State {
     pub(super) own: Vec<OwnEffect>,
     /// Further columns of flights that were known when the flights were read.
     pub(super) columns: usize,
+    /// How often flights were read: what was made of them before is no longer true.
+    readings: u64,
     pub(super) current: Option<u32>,
     pub(super) job: Option<Job>,
     /// Flights by what sees them: a model, or a trial of it by its number. The newest first.
@@ -118,6 +119,7 @@ impl Session {
             "vehicle": state.craft.as_ref().map(Craft::entry),
             "problem": problem,
             "reading": state.reading,
+            "readings": state.readings,
             "flights": state.files.iter().map(|file| file.entry()).collect::<Vec<_>>(),
             "models": state.nodes.iter().map(Node::entry).collect::<Vec<_>>(),
             "own": state.own.iter().map(|own| own.entry(&state.nodes)).collect::<Vec<_>>(),
@@ -188,28 +190,6 @@ impl Session {
         Ok(())
     }
 
-    /// The user's own effects that are kept and can be used.
-    pub(super) fn own_effects(&self) -> Vec<Effect> {
-        self.lock().own.iter().filter_map(OwnEffect::effect).collect()
-    }
-
-    /// Forgets what was found with an effect that is no longer what it was.
-    pub(super) fn forget_findings(&self, effect: &str) -> Result<(), Refused> {
-        let is_in = |found: &Option<Value>| {
-            let found = found.as_ref().and_then(|found| found["effects"].as_array());
-            found.is_some_and(|all| all.iter().any(|finding| finding["effect"] == effect))
-        };
-        for node in &mut self.lock().nodes {
-            for found in [&mut node.diagnosis, &mut node.changes] {
-                if is_in(found) {
-                    *found = None;
-                }
-            }
-            self.store.write_node(node)?;
-        }
-        Ok(())
-    }
-
     fn save(&self) -> Result<(), Refused> {
         let state = self.lock();
         let models = state.nodes.iter().map(Into::into).collect();
@@ -248,28 +228,6 @@ impl Session {
         files.filter_map(|file| file.flights.as_ref().as_ref().ok()).flatten().cloned().collect()
     }
 
-    /// The command that takes the same flights, with what comes before them.
-    pub(super) fn command(&self, before: &str) -> String {
-        let [train, validate] = [Use::Train, Use::Validate].map(|used| self.files(used));
-        let sets = match (&train[..], &validate[..]) {
-            (all, []) | ([], all) => names(all),
-            _ => format!("--train {} --validate {}", names(&train), names(&validate)),
-        };
-        format!("quadlab {before} {sets}{}", self.effects_option())
-    }
-
-    /// ` --effects lab/effects/ID.toml`, where there are effects of the user's own; it stands after all files.
-    pub(super) fn effects_option(&self) -> String {
-        let files: String =
-            self.own_effects().iter().map(|effect| format!(" {}", effect_file(effect.id()))).collect();
-        if files.is_empty() { files } else { format!(" --effects{files}") }
-    }
-
-    /// ` --vehicle vehicle.toml`, where there is one.
-    pub(super) fn vehicle_option(&self) -> &'static str {
-        if self.folder.join(VEHICLE).is_file() { " --vehicle vehicle.toml" } else { "" }
-    }
-
     /// A flight seen by a model.
     pub(super) fn seen(&self, id: u32, flight: &str) -> Result<Arc<Seen>, Refused> {
         self.seen_by((id, None), flight, || Ok(self.node(id)?.model))
@@ -293,12 +251,13 @@ impl Session {
         if let Some(seen) = known(&mut self.lock()) {
             return Ok(seen);
         }
-        let loaded = self.lock().loaded().find(|loaded| loaded.prepared.name == flight).cloned();
-        let loaded =
-            loaded.ok_or_else(|| Refused(format!("{flight}: there is no such flight in this folder")))?;
+        let (loaded, whole, readings) = self.lock().read_of(flight)?;
         let model = model()?;
-        let seen = Arc::new(Seen::new(&model, loaded)?);
+        let seen = Arc::new(Seen::new(&model, loaded, whole)?);
         let mut state = self.lock();
+        if state.readings != readings {
+            return Ok(seen);
+        }
         state.seen.push_front((key, seen.clone()));
         let mut rows = 0;
         let fit = state.seen.iter().take_while(|(_, seen)| {
@@ -323,9 +282,13 @@ impl Session {
         if let Some(comparison) = self.lock().comparisons.get(&id) {
             return Ok(comparison.clone());
         }
+        let readings = self.lock().readings;
         let (model, mut flights) = self.held(id)?;
         let comparison = Arc::new(workflow::compare(&model, &mut flights, &Silent)?);
-        self.lock().comparisons.insert(id, comparison.clone());
+        let mut state = self.lock();
+        if state.readings == readings {
+            state.comparisons.insert(id, comparison.clone());
+        }
         Ok(comparison)
     }
 
@@ -335,11 +298,15 @@ impl Session {
         if let Some(timeline) = self.lock().timelines.get(&id) {
             return Ok(timeline.clone());
         }
+        let readings = self.lock().readings;
         let (model, mut flights) = self.held(id)?;
         workflow::line_up(&model, &mut flights, &Silent)?;
         let fits = workflow::flight_by_flight(&model, &flights.prepared());
         let document = timeline::document(&model, &fits);
-        self.lock().timelines.insert(id, document.clone());
+        let mut state = self.lock();
+        if state.readings == readings {
+            state.timelines.insert(id, document.clone());
+        }
         Ok(document)
     }
 
@@ -377,10 +344,35 @@ impl State {
 
     /// What was made of flights that are read anew.
     pub(super) fn forget_seen(&mut self) {
+        self.readings += 1;
         self.seen.clear();
         self.trials.forget();
         self.comparisons.clear();
         self.timelines.clear();
+    }
+
+    /// Puts a file that was read anew in the place of what it was, and forgets what was made of that.
+    pub(super) fn replace(&mut self, file: FlightFile) {
+        let Some(place) = self.files.iter().position(|old| old.path == file.path) else { return };
+        let index = self.files[..place].iter().filter(|file| file.is_usable()).count();
+        let automatic = if is_held_out(index) { Use::Validate } else { Use::Train };
+        let used = self.chosen.get(&file.name).copied().unwrap_or(automatic);
+        let old = std::mem::replace(&mut self.files[place], file);
+        self.files[place].used = if old.is_usable() { old.used } else { used };
+        let mut seen = std::mem::take(&mut self.seen);
+        seen.retain(|((_, name), _)| old.known().all(|flight| flight.prepared.name != *name));
+        self.forget_seen();
+        self.seen = seen;
+    }
+
+    /// A flight by its name, all that flies of it where only parts of it are used, and at which reading that is so.
+    fn read_of(&self, flight: &str) -> Result<(LoadedFlight, Option<LoadedFlight>, u64), Refused> {
+        let is_meant = |loaded: &&LoadedFlight| loaded.prepared.name == flight;
+        let loaded = self.loaded().find(is_meant).cloned();
+        let loaded =
+            loaded.ok_or_else(|| Refused(format!("{flight}: there is no such flight in this folder")))?;
+        let whole = self.files.iter().flat_map(|file| file.whole.iter()).find(is_meant).cloned();
+        Ok((loaded, whole, self.readings))
     }
 
     /// All flights that can be used.

@@ -20,6 +20,8 @@ pub(super) struct Seen {
     model: Model,
     flight: LoadedFlight,
     view: View,
+    /// All that flies, where only parts are used: what is not used can be looked at as well.
+    whole: Option<(LoadedFlight, View)>,
 }
 
 /// What the page draws over time.
@@ -113,16 +115,27 @@ const OF_PLACE: [&str; 3] = ["height", "north position", "east position"];
 const PATH: usize = 3000;
 
 impl Seen {
-    pub(super) fn new(model: &Model, flight: LoadedFlight) -> Result<Self, WorkflowError> {
-        let mut held = FlightsOfOneKind { flights: vec![flight], faults: Faults::default() };
-        workflow::line_up(model, &mut held, &Silent)?;
-        let flight = held.flights.remove(0);
-        Ok(Self { model: model.clone(), view: View::new(&flight.prepared, model), flight })
+    pub(super) fn new(
+        model: &Model,
+        flight: LoadedFlight,
+        whole: Option<LoadedFlight>,
+    ) -> Result<Self, WorkflowError> {
+        let held = |flight| {
+            let mut held = FlightsOfOneKind { flights: vec![flight], faults: Faults::default() };
+            workflow::line_up(model, &mut held, &Silent)?;
+            let flight = held.flights.remove(0);
+            let view = View::new(&flight.prepared, model);
+            Ok::<_, WorkflowError>((flight, view))
+        };
+        let (flight, view) = held(flight)?;
+        let whole = whole.and_then(|whole| held(whole).ok());
+        Ok(Self { model: model.clone(), flight, view, whole })
     }
 
     /// How much memory it takes, in rows of the flight.
     pub(super) fn rows(&self) -> usize {
-        self.view.time_s.len()
+        let of = |view: &View| view.time_s.len();
+        of(&self.view) + self.whole.as_ref().map_or(0, |(_, whole)| of(whole))
     }
 
     /// Measured, predicted and what is left: of the accelerations, or of everything predicted so many samples ahead.
@@ -147,14 +160,18 @@ impl Seen {
     }
 
     fn lines(&self, ahead: Option<usize>) -> (Vec<f64>, Vec<Lines>) {
-        match ahead {
-            Some(samples) => self.lines_ahead(samples),
-            None => (self.view.time_s.clone(), self.lines_of_accelerations()),
+        let of = |flight: &LoadedFlight, view: &View| match ahead {
+            Some(samples) => self.lines_ahead(flight, samples),
+            None => (view.time_s.clone(), self.lines_of_accelerations(view)),
+        };
+        let (time_s, lines) = of(&self.flight, &self.view);
+        match &self.whole {
+            Some((flight, view)) => beside_each_other((time_s, lines), of(flight, view)),
+            None => (time_s, lines),
         }
     }
 
-    fn lines_of_accelerations(&self) -> Vec<Lines> {
-        let view = &self.view;
+    fn lines_of_accelerations(&self, view: &View) -> Vec<Lines> {
         let spoken = |axis: &&Axis| axis.index() < 3 || sysid::has_rotation(&self.model);
         let of_axis = |axis: &Axis| {
             let measured = view.residuals.measured[axis.index()].clone();
@@ -166,8 +183,8 @@ impl Seen {
         AXES.iter().filter(spoken).map(of_axis).collect()
     }
 
-    fn lines_ahead(&self, samples: usize) -> (Vec<f64>, Vec<Lines>) {
-        let ahead = predict_ahead(&self.model, &self.flight.prepared, samples);
+    fn lines_ahead(&self, flight: &LoadedFlight, samples: usize) -> (Vec<f64>, Vec<Lines>) {
+        let ahead = predict_ahead(&self.model, &flight.prepared, samples);
         let all = AHEAD.iter().zip(ahead.measured.into_iter().zip(ahead.predicted));
         let lines = all.map(|((id, name, unit, group), (measured, predicted))| {
             let residual = measured.iter().zip(&predicted).map(|(y, p)| y - p).collect();
@@ -326,6 +343,19 @@ fn axis_name(axis: Axis) -> &'static str {
         Axis::Q => "angular acceleration in pitch",
         Axis::R => "angular acceleration in yaw",
     }
+}
+
+/// The lines of what is used, and those of all that flies where nothing is used.
+fn beside_each_other(
+    (time_s, lines): (Vec<f64>, Vec<Lines>),
+    (whole_s, others): (Vec<f64>, Vec<Lines>),
+) -> (Vec<f64>, Vec<Lines>) {
+    let rows = numbers::rows_of_both(&time_s, &whole_s);
+    let picked = |own: &[f64], other: &[f64]| rows.iter().map(|row| row.of(own, other)).collect();
+    let lines = lines.into_iter().zip(&others).map(|((channel, own), (_, other))| {
+        (channel, own.iter().zip(other).map(|(own, other)| picked(own, other)).collect())
+    });
+    (picked(&time_s, &whole_s), lines.collect())
 }
 
 fn series(time_s: &[f64], channels: Vec<Lines>, window: Window) -> Series {

@@ -32,17 +32,32 @@ const ABOUT_JUMP: usize = 2;
 /// Part of the samples at an end of the range that is worth a word.
 const SATURATED: f64 = 0.05;
 
+/// What channels do that they should not.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lie {
+    /// For people.
+    pub sentence: String,
+    /// First and last time of each place where they do, s; none where it is the flight as a whole.
+    pub places_s: Vec<[f64; 2]>,
+}
+
+impl From<String> for Lie {
+    fn from(sentence: String) -> Self {
+        Self { sentence, places_s: Vec::new() }
+    }
+}
+
 /// What a flight's channels do, in sentences, and the flight without the samples that lie.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Channels {
     /// Streams that froze.
-    pub frozen: Vec<String>,
+    pub frozen: Vec<Lie>,
     /// Jumps of the tracker.
-    pub jumps: Vec<String>,
+    pub jumps: Vec<Lie>,
     /// Whether jumps were told only.
     pub jumps_kept: bool,
     /// Commands at their ends.
-    pub saturated: Vec<String>,
+    pub saturated: Vec<Lie>,
     /// The flight with what lies taken out, if anything does.
     pub masked: Option<Flight>,
 }
@@ -63,42 +78,51 @@ pub fn check(flight: &Flight, vehicle: &Vehicle) -> Channels {
             continue;
         }
         let samples: usize = runs.iter().map(|r| r.len()).sum();
-        found.frozen.push(format!(
+        let sentence = format!(
             "{name} repeats its values {} for {} s in all, first at t = {} s: these {samples} samples are left out",
             times(runs.len()),
             fixed(samples as f64 * period_s, 2),
             fixed(t[runs[0].start], 2)
-        ));
+        );
+        let places_s = runs.iter().map(|run| [t[run.start], t[run.end - 1]]).collect();
+        found.frozen.push(Lie { sentence, places_s });
         for run in runs {
             mask(&mut masked, stream, run);
         }
     }
-    found.frozen.extend(dead_columns(flight));
-    let jumps = jumps(&masked, period_s);
-    // A tracker that always jumps is one in other units or axes, which other checks name.
-    let always = jumps.len() as f64 > MOST_JUMPS * flight.len() as f64;
-    if let Some(first) = jumps.first().filter(|_| !always) {
-        // A logged velocity is the target then, and the position beside it an estimate that was corrected.
-        let kept = flight.group([Column::Vx, Column::Vy, Column::Vz]).is_some();
-        let (what, done) = if kept {
-            (
-                "position or attitude estimate",
-                "(corrections by an estimator?): velocities are logged, so these samples are kept",
-            )
-        } else {
-            ("tracker", "(lost or swapped markers?): samples around the jumps are left out")
-        };
-        let place = format!("{}, first at t = {} s", times(jumps.len()), fixed(t[*first], 2));
-        found.jumps.push(format!("the {what} jumps as no craft can fly, {place} {done}"));
-        found.jumps_kept = kept;
-        if !kept {
-            mask_jumps(&mut masked, &jumps);
-        }
-    }
-    found.saturated = saturated(flight, vehicle);
+    found.frozen.extend(dead_columns(flight).into_iter().map(Lie::from));
+    tell_jumps(flight, &mut masked, &mut found);
+    found.saturated = saturated(flight, vehicle).into_iter().map(Lie::from).collect();
     let is_masked = POSE.iter().chain(&GYRO).any(|&c| missing(&masked, c) != missing(flight, c));
     found.masked = is_masked.then_some(masked);
     found
+}
+
+/// Says where the tracker jumps, and takes the samples about the jumps out.
+fn tell_jumps(flight: &Flight, masked: &mut Flight, found: &mut Channels) {
+    let t = flight.required(Column::T);
+    let jumps = jumps(masked, median_step(t));
+    // A tracker that always jumps is one in other units or axes, which other checks name.
+    let always = jumps.len() as f64 > MOST_JUMPS * flight.len() as f64;
+    let Some(first) = jumps.first().filter(|_| !always) else { return };
+    // A logged velocity is the target then, and the position beside it an estimate that was corrected.
+    let kept = flight.group([Column::Vx, Column::Vy, Column::Vz]).is_some();
+    let (what, done) = if kept {
+        (
+            "position or attitude estimate",
+            "(corrections by an estimator?): velocities are logged, so these samples are kept",
+        )
+    } else {
+        ("tracker", "(lost or swapped markers?): samples around the jumps are left out")
+    };
+    let place = format!("{}, first at t = {} s", times(jumps.len()), fixed(t[*first], 2));
+    let sentence = format!("the {what} jumps as no craft can fly, {place} {done}");
+    let places_s = jumps.iter().map(|&k| [t[k], t[k + 1]]).collect();
+    found.jumps.push(Lie { sentence, places_s });
+    found.jumps_kept = kept;
+    if !kept {
+        mask_jumps(masked, &jumps);
+    }
 }
 
 fn missing(flight: &Flight, column: Column) -> usize {
@@ -259,6 +283,10 @@ mod tests {
         })
     }
 
+    fn said(lies: &[Lie]) -> Vec<&str> {
+        lies.iter().map(|lie| lie.sentence.as_str()).collect()
+    }
+
     fn masked(found: &Channels, column: Column) -> Vec<usize> {
         let values = found.masked.as_ref().unwrap().required(column);
         (0..values.len()).filter(|&k| values[k].is_nan()).collect()
@@ -282,10 +310,12 @@ mod tests {
         });
         let found = check(&flight, &Vehicle::thesis());
         assert_eq!(
-            found.frozen,
+            said(&found.frozen),
             ["the tracker (x, y, z, phi, theta, psi) repeats its values once for 0.30 s in all, first at \
                  t = 1.01 s: these 30 samples are left out"]
         );
+        let [[from_s, to_s]] = found.frozen[0].places_s[..] else { panic!("one place") };
+        assert!((from_s - 1.01).abs() < 1e-9 && (to_s - 1.30).abs() < 1e-9, "{from_s} to {to_s}");
         let samples = masked(&found, Column::Theta);
         assert!((101..131).all(|k| samples.contains(&k)), "{samples:?}");
         assert!(!samples.contains(&100) && masked(&found, Column::P).is_empty());
@@ -317,11 +347,14 @@ mod tests {
         });
         let found = check(&flight, &Vehicle::thesis());
         assert_eq!(
-            found.jumps,
+            said(&found.jumps),
             [
                 "the tracker jumps as no craft can fly, 2 times, first at t = 1.99 s (lost or swapped markers?): samples around the jumps are left out"
             ]
         );
+        let places: Vec<i64> =
+            found.jumps[0].places_s.iter().flatten().map(|t| (100.0 * t).round() as i64).collect();
+        assert_eq!(places, [199, 200, 229, 230]);
         let samples = masked(&found, Column::Y);
         // One sample before the jump, all of the excursion, and two after it.
         assert_eq!(samples, (198..232).collect::<Vec<_>>());
@@ -340,7 +373,7 @@ mod tests {
         let found = check(&flight, &Vehicle::thesis());
         assert!(found.jumps_kept && found.masked.is_none());
         assert_eq!(
-            found.jumps,
+            said(&found.jumps),
             ["the position or attitude estimate jumps as no craft can fly, once, first at t = 1.99 s \
                  (corrections by an estimator?): velocities are logged, so these samples are kept"]
         );
@@ -358,7 +391,7 @@ mod tests {
     fn a_command_that_never_moves_is_named_while_others_do() {
         let found = check(&waving(400, |_, row| row.command[2] = 1500.0), &Vehicle::thesis());
         assert_eq!(
-            found.frozen,
+            said(&found.frozen),
             [
                 "cmd3 never changes while other commands do: a stuck motor, or a column with another signal; correct the log"
             ]
@@ -379,7 +412,7 @@ mod tests {
         };
         assert!(at_top(5).is_empty());
         assert_eq!(
-            at_top(6),
+            said(&at_top(6)),
             [
                 "commands are at the largest value of command_range: cmd2 in 6 % of the samples; the motors may deliver less than commanded there; cut the log to the flight itself or fly more gently"
             ]

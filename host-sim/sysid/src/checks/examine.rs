@@ -146,12 +146,16 @@ pub struct Fault {
     /// What mends it, where a map of columns can say that.
     #[serde(skip)]
     pub mend: Option<Mend>,
+    /// Where in the flight it is: first and last time of each place, s; none where it is about the flight as a whole.
+    #[serde(skip)]
+    pub places_s: Vec<[f64; 2]>,
 }
 
 impl Fault {
     /// A fault that does not belong to one flight.
     pub fn of_all(kind: FaultKind, severity: Severity, sentence: impl Into<String>) -> Self {
-        Self { kind, severity, flight: None, sentence: sentence.into(), mend: None }
+        let sentence = sentence.into();
+        Self { kind, severity, flight: None, sentence, mend: None, places_s: Vec::new() }
     }
 }
 
@@ -187,6 +191,31 @@ pub struct Taken {
     pub parts: Vec<[f64; 2]>,
     /// What was found not to fly, and left out.
     pub left_out: Vec<LeftOut>,
+    /// First and last time of the log, s.
+    pub span_s: [f64; 2],
+}
+
+/// The faults of a flight while they are found.
+struct Found {
+    flight: String,
+    faults: Vec<Fault>,
+}
+
+impl Found {
+    fn add(&mut self, kind: FaultKind, severity: Severity, sentence: impl Into<String>) {
+        self.add_at(kind, severity, sentence, Vec::new());
+    }
+
+    fn add_at(
+        &mut self,
+        kind: FaultKind,
+        severity: Severity,
+        sentence: impl Into<String>,
+        places_s: Vec<[f64; 2]>,
+    ) {
+        let flight = Some(self.flight.clone());
+        self.faults.push(Fault { flight, places_s, ..Fault::of_all(kind, severity, sentence) });
+    }
 }
 
 /// Examines what is flown of a log, mends what can be mended and prepares it.
@@ -196,25 +225,24 @@ pub fn examine(flight: &Flight, vehicle: &Vehicle) -> Result<Examined, PrepareEr
 
 /// Examines parts of a log, mends what can be mended and prepares them.
 pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Result<Examined, PrepareError> {
-    let (mut faults, mut mend) = (Vec::new(), None);
-    let mut add = |kind, severity, sentence: String| {
-        faults.push(Fault { kind, severity, flight: Some(flight.name.clone()), sentence, mend: None });
-    };
-    tell_stand_ins(flight, &mut add);
+    let mut found = Found { flight: flight.name.clone(), faults: Vec::new() };
+    let mut mend = None;
+    tell_stand_ins(flight, &mut found);
     let (cut, standing, taken) = take(flight, vehicle, parts)?;
     if let Some(sentence) = airborne::sentence(&taken.left_out) {
-        add(FaultKind::NotAirborne, Severity::Warning, sentence);
+        let places_s = taken.left_out.iter().map(|part| [part.from_s, part.to_s]).collect();
+        found.add_at(FaultKind::NotAirborne, Severity::Warning, sentence, places_s);
     }
     let flight = cut.as_ref();
     let channels = channels::check(flight, vehicle);
-    let masked = tell_channels(channels, &mut add);
+    let masked = tell_channels(channels, &mut found);
     let mut flight = Cow::Borrowed(flight);
     if let Some(masked) = masked {
         flight = Cow::Owned(masked);
     }
     let interpolated = interpolated::check(&flight);
-    interpolated.iter().for_each(|found| {
-        add(FaultKind::Interpolated, Severity::Warning, found.sentence());
+    interpolated.iter().for_each(|one| {
+        found.add(FaultKind::Interpolated, Severity::Warning, one.sentence());
     });
     let mut prepared = Prepared::with_standing(&flight, vehicle, standing)?;
     let mut clocks = Clocks::default();
@@ -231,21 +259,22 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
             put_on_one_clock(&mut flight, &mut prepared, &mut rest, (vehicle, standing))?;
             clocks.aligned |= rest.aligned;
         }
-        tell_clocks(&clocks, &mut add);
+        tell_clocks(&clocks, &mut found);
         if let Some(fault) = motors::check(&prepared, vehicle) {
-            add(FaultKind::WrongMotors, Severity::Refused, fault.sentence);
+            found.add(FaultKind::WrongMotors, Severity::Refused, fault.sentence);
             mend = fault.mend;
         } else if let Some(pieces) = command_clock::check(&prepared, vehicle) {
-            add(FaultKind::WanderingClock, Severity::Warning, command_clock::sentence(&pieces));
+            found.add(FaultKind::WanderingClock, Severity::Warning, command_clock::sentence(&pieces));
         }
     }
     if let Some(fault) = frame {
         mend.clone_from(&fault.mend);
-        add_frame(fault, &mut add);
+        add_frame(fault, &mut found);
     }
-    prepared.notes.iter().for_each(|note| add(FaultKind::Gaps, Severity::Note, note.clone()));
+    prepared.notes.iter().for_each(|note| found.add(FaultKind::Gaps, Severity::Note, note));
     prepared.is_interpolated = !interpolated.is_empty();
     // Of what is refused there is one at most: motors are looked at in right frames only.
+    let mut faults = found.faults;
     faults.iter_mut().filter(|f| f.severity == Severity::Refused).for_each(|f| f.mend.clone_from(&mend));
     faults.sort_by_key(|f| std::cmp::Reverse(f.severity));
     let thinning = under_sampled::thinning(&prepared, vehicle);
@@ -259,27 +288,24 @@ fn imu_fault(flight: &Flight, prepared: &Prepared, vehicle: &Vehicle) -> Option<
 }
 
 /// Says which channels lie; the flight without what they say, where that is mended.
-fn tell_channels(
-    found: channels::Channels,
-    add: &mut impl FnMut(FaultKind, Severity, String),
-) -> Option<Flight> {
-    for (kind, sentences) in [
-        (FaultKind::FrozenChannel, found.frozen),
-        (FaultKind::TrackerJump, found.jumps),
-        (FaultKind::SaturatedCommands, found.saturated),
+fn tell_channels(channels: channels::Channels, found: &mut Found) -> Option<Flight> {
+    for (kind, lies) in [
+        (FaultKind::FrozenChannel, channels.frozen),
+        (FaultKind::TrackerJump, channels.jumps),
+        (FaultKind::SaturatedCommands, channels.saturated),
     ] {
-        let kept = kind == FaultKind::TrackerJump && found.jumps_kept;
+        let kept = kind == FaultKind::TrackerJump && channels.jumps_kept;
         let severity = if kept { Severity::Note } else { Severity::Warning };
-        sentences.into_iter().for_each(|sentence| add(kind, severity, sentence));
+        lies.into_iter().for_each(|lie| found.add_at(kind, severity, lie.sentence, lie.places_s));
     }
-    found.masked
+    channels.masked
 }
 
 /// Says what was not logged, and what cannot be told without it.
-fn tell_stand_ins(flight: &Flight, add: &mut impl FnMut(FaultKind, Severity, String)) {
+fn tell_stand_ins(flight: &Flight, found: &mut Found) {
     for stand_in in flight.stand_ins() {
         let kind = if stand_in.hides_speed() { FaultKind::NoPosition } else { FaultKind::NotLogged };
-        stand_in.sentence().into_iter().for_each(|sentence| add(kind, Severity::Warning, sentence.into()));
+        stand_in.sentence().into_iter().for_each(|sentence| found.add(kind, Severity::Warning, sentence));
     }
 }
 
@@ -297,7 +323,8 @@ fn take<'a>(
             Airborne { flown: t.iter().map(is_given).collect(), ..Airborne::default() }
         }
     };
-    let mut taken = Taken { parts: Vec::new(), left_out };
+    let span_s = [t[0], t[t.len() - 1]];
+    let mut taken = Taken { parts: Vec::new(), left_out, span_s };
     for (row, _) in flown.iter().enumerate().filter(|(_, flown)| **flown) {
         match taken.parts.last_mut() {
             Some(part) if flown[row - 1] => part[1] = t[row],
@@ -310,17 +337,17 @@ fn take<'a>(
     if flown.iter().filter(|flown| **flown).count() < 2 {
         return Err(match airborne::sentence(&taken.left_out) {
             Some(left_out) => PrepareError::NeverFlies { left_out },
-            None => PrepareError::NothingTaken { from_s: t[0], to_s: t[t.len() - 1] },
+            None => PrepareError::NothingTaken { from_s: span_s[0], to_s: span_s[1] },
         });
     }
     Ok((Cow::Owned(flight.with_rows(&flown)), gyro, taken))
 }
 
-fn add_frame(fault: FrameFault, add: &mut impl FnMut(FaultKind, Severity, String)) {
+fn add_frame(fault: FrameFault, found: &mut Found) {
     if fault.named {
-        add(FaultKind::WrongFrame, Severity::Refused, fault.sentence);
+        found.add(FaultKind::WrongFrame, Severity::Refused, fault.sentence);
     } else {
-        add(FaultKind::InconsistentFrames, Severity::Warning, fault.sentence);
+        found.add(FaultKind::InconsistentFrames, Severity::Warning, fault.sentence);
     }
 }
 
@@ -339,19 +366,19 @@ fn put_on_one_clock(
     Ok(())
 }
 
-fn tell_clocks(found: &Clocks, add: &mut impl FnMut(FaultKind, Severity, String)) {
+fn tell_clocks(clocks: &Clocks, found: &mut Found) {
     let mut tell = |clock: Option<Clock>, tracked: &str, onboard: &str| {
         let Some(clock) = clock.filter(|c| c.matters) else { return };
         let kind = if clock.is_skewed() { FaultKind::ClockSkew } else { FaultKind::ClockOffset };
-        let said = clock.sentence(tracked, onboard, found.board_keeps_time);
-        add(
+        let said = clock.sentence(tracked, onboard, clocks.board_keeps_time);
+        found.add(
             kind,
             Severity::Warning,
             format!("{said}: the flight is put on one clock before the fit; correct the log's clock"),
         );
     };
-    tell(found.attitude, "phi, theta, psi", "the gyro");
-    tell(found.position, "x, y, z", "the IMU");
+    tell(clocks.attitude, "phi, theta, psi", "the gyro");
+    tell(clocks.position, "x, y, z", "the IMU");
 }
 
 #[cfg(test)]
@@ -428,6 +455,7 @@ mod tests {
         );
         assert!(faults.iter().all(|f| f.flight.as_deref() == Some("flight-1.csv")));
         assert_eq!(faults[1].sentence, "1 single missing values bridged");
+        assert!(faults.iter().all(|f| f.places_s.is_empty()), "{faults:?}");
     }
 
     #[test]

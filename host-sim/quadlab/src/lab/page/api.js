@@ -2,14 +2,18 @@
 
 /** @typedef {"u"|"v"|"w"|"p"|"q"|"r"} Axis */
 /** @typedef {{rms: number|null, sse: number|null, r2: number|null}} Errors */
+/** @typedef {{flight: string, parts: [number, number][], flown: [number, number][], chosen: boolean}} Used which parts of a flight are
+ *   used, which fly, and whether the user has chosen */
+/** @typedef {{flight: string, severity: "note"|"warning"|"refused", sentence: string, places: [number, number][]}} Fault with first and
+ *   last time of each place, s; without places it is about the whole flight */
 /** @typedef {{name: string, set: "train"|"validate"|"later"|"none", duration_s: number, rate_hz: number, rows: number, columns: string[],
- *   parts: [number, number][], faults: {severity: "note"|"warning"|"error", sentence: string}[], problem: string|null,
- *   height: [number, number][], battery: [number, number][], flights?: string[]}} Flight a file with a flight, or a log with some */
+ *   used: Used[], faults: Fault[], problem: string|null, height: [number, number][], battery: [number, number][],
+ *   flights?: string[]}} Flight a file with a flight, or a log with some */
 /** @typedef {{id: number, parent: number|null, effect: string|null, label: string, fitted_on: string[], judged_on: string[],
  *   effects: string[], axes: Record<Axis, Errors>|null, verdict: string|null, changed: string|null, supported: boolean|null, command: string}} Model */
 /** @typedef {{do: string, activity: string, done: number|null, all: number|null}} Job */
 /** @typedef {{id: string, text: string, problem: string|null, models: number[]}} OwnEffect a kept effect, and the models that have it */
-/** @typedef {{folder: string, vehicle: {name: string, written: boolean, unmeasured: string[]}|null, problem: string|null, reading: boolean, flights: Flight[],
+/** @typedef {{folder: string, vehicle: {name: string, written: boolean, unmeasured: string[]}|null, problem: string|null, reading: boolean, readings: number, flights: Flight[],
  *   models: Model[], own: OwnEffect[], current: number|null, job: Job|null}} State */
 /** @typedef {{id: string, name: string, unit: string, group: string, measured: (number|null)[], predicted: (number|null)[],
  *   residual: (number|null)[], residual_apart?: (number|null)[]}} Channel with the difference of the residuals where it is of a

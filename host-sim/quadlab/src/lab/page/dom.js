@@ -70,6 +70,28 @@ export function redraw(root, children) {
   if (focused instanceof HTMLElement && focused !== document.activeElement) focused.focus();
 }
 
+/** The items of lists that are drawn by `redrawItems`. @type {WeakMap<HTMLElement, Map<string, HTMLElement>>} */
+const lists = new WeakMap();
+
+/**
+ * Draws a list anew. Its items stay the same elements, so that one of their children can stay too.
+ * @param {HTMLElement} root
+ * @param {{key: string, attributes: Record<string, any>, children: Child[]}[]} items
+ */
+export function redrawItems(root, items) {
+  const known = lists.get(root);
+  const scroll = root.scrollTop;
+  const drawn = items.map(({ key, attributes, children }) => {
+    const item = known?.get(key) ?? el("li");
+    for (const [name, value] of Object.entries(attributes)) item.setAttribute(name, value);
+    redraw(item, children);
+    return item;
+  });
+  lists.set(root, new Map(items.map(({ key }, n) => [key, drawn[n]])));
+  redraw(root, drawn);
+  root.scrollTop = scroll;
+}
+
 /** Puts nodes into an element, without touching those that are there already. @param {HTMLElement} root @param {Node[]} drawn */
 function replace(root, drawn) {
   const old = new Set(root.childNodes);

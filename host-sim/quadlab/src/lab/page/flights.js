@@ -1,8 +1,10 @@
 // The list of flights: what each is like, and what it is used for.
 
 import { flightsOf } from "./api.js";
-import { el, redraw, svg } from "./dom.js";
-import { prose, short } from "./numbers.js";
+import { el, redraw, redrawItems, svg } from "./dom.js";
+import { GRAVITY, faultList } from "./faults.js";
+import { short } from "./numbers.js";
+import { saidOf, unused } from "./used.js";
 
 /** @typedef {import("./api.js").Flight} Flight */
 /** @typedef {import("./main.js").App} App */
@@ -18,19 +20,16 @@ const SETS = [
 /** @param {App} app @param {HTMLElement} root */
 export function drawFlights(app, root) {
   const flights = app.state?.flights ?? [];
-  redraw(
-    root,
-    flights.length
-      ? flights.map((flight) => entry(app, flight))
-      : [
-          el(
-            "li",
-            { class: "quiet" },
-            "There is no flight in this folder. Drop flights or logs on the page, or press Add files.",
-          ),
-          demonstration(app),
-        ],
-  );
+  if (flights.length) redrawItems(root, flights.map((flight) => entry(app, flight)));
+  else
+    redraw(root, [
+      el(
+        "li",
+        { class: "quiet" },
+        "There is no flight in this folder. Drop flights or logs on the page, or press Add files.",
+      ),
+      demonstration(app),
+    ]);
 }
 
 /** To try the lab without flights of one's own. @param {App} app */
@@ -79,17 +78,17 @@ function entry(app, flight) {
     },
     flight.name,
   );
-  return el(
-    "li",
-    { class: `flight ${flight.set}`, "data-name": flight.name },
+  const about = el(
+    "div",
+    { class: "entry" },
     show,
     use,
     !flight.problem &&
       el(
         "div",
         { class: "sparks" },
-        spark(hasPosition(flight) ? flight.height : [], "height", "m", 2),
-        spark(flight.battery, "battery", "V", 3),
+        spark(flight, hasPosition(flight) ? flight.height : [], "height", "m", 2),
+        spark(flight, flight.battery, "battery", "V", 3),
       ),
     !flight.problem &&
       el(
@@ -99,22 +98,50 @@ function entry(app, flight) {
         flightsOf(flight).length > 1 && `, ${flightsOf(flight).length} flights`,
       ),
     flight.problem && el("p", { class: "bad-text" }, flight.problem),
-    faults(flight),
+    parts(app, flight),
+    faults(app, flight),
+  );
+  return {
+    key: flight.name,
+    attributes: { class: `flight ${flight.set}`, "data-name": flight.name },
+    children: [about],
+  };
+}
+
+/** Which parts are used, where the user has chosen some; and how to use all again. @param {App} app @param {Flight} flight */
+function parts(app, flight) {
+  const chosen = flight.used.filter((used) => used.chosen);
+  return chosen.map((used) =>
+    el(
+      "p",
+      { class: "parts" },
+      flight.problem ? "Parts of it are chosen. " : `${saidOf(used)} `,
+      el(
+        "button",
+        {
+          type: "button",
+          disabled: Boolean(app.state?.job) || app.state?.reading,
+          "data-key": `all of ${used.flight}`,
+          click: () => app.choose("/api/use", { name: used.flight, parts: null }),
+        },
+        "Use all that flies",
+      ),
+    ),
   );
 }
 
 /** Without a position, the height that comes is none. @param {Flight} flight */
 export const hasPosition = (flight) => flight.columns.includes("position");
 
-/** @param {Flight} flight */
-function faults(flight) {
+/** @param {App} app @param {Flight} flight */
+function faults(app, flight) {
   if (!flight.faults.length) return null;
   const severities = [...new Set(flight.faults.map((fault) => fault.severity))];
   const counts = severities.map((severity) => {
     const count = flight.faults.filter((fault) => fault.severity === severity).length;
-    return `${count} ${severity}${count > 1 ? "s" : ""}`;
+    return `${count} ${GRAVITY[severity]}${count > 1 ? "s" : ""}`;
   });
-  const errors = severities.includes("error");
+  const errors = severities.includes("refused");
   return el(
     "details",
     { "data-key": `faults ${flight.name}` },
@@ -123,19 +150,15 @@ function faults(flight) {
       { class: errors ? "bad-text" : "", "data-key": `unfold ${flight.name}` },
       `${errors ? "⚠ " : ""}${counts.join(", ")} of the checks`,
     ),
-    el(
-      "ul",
-      {},
-      flight.faults.map((fault) => el("li", {}, el("b", {}, `${fault.severity}: `), prose(fault.sentence))),
-    ),
+    faultList(app, flight),
   );
 }
 
 /**
- * A curve without axes.
- * @param {[number, number][]} points @param {string} name @param {string} unit @param {number} digits
+ * A curve without axes; what is not used of the flight is shaded.
+ * @param {Flight} flight @param {[number, number][]} points @param {string} name @param {string} unit @param {number} digits
  */
-function spark(points, name, unit, digits) {
+function spark(flight, points, name, unit, digits) {
   const there = points.filter(([t, y]) => Number.isFinite(t) && Number.isFinite(y) && y !== null);
   if (there.length < 2) return el("span", { class: "spark quiet" }, `no ${name}`);
   const ys = there.map(([, y]) => y);
@@ -144,12 +167,18 @@ function spark(points, name, unit, digits) {
   const x = (/** @type {number} */ t) => (100 * (t - first)) / (last - first || 1);
   const y = (/** @type {number} */ v) => 21 - (18 * (v - low)) / (high - low || 1);
   const text = `${name} ${short(low, digits)} to ${short(high, digits)} ${unit}`;
+  // Flights of a log have clocks of their own, and lie over each other here.
+  const [used] = flight.used;
+  const shaded = flight.used.length === 1 && used.chosen ? unused(used, [first, last]) : [];
   return el(
     "span",
     { class: `spark ${name}`, title: text },
     svg(
       "svg",
       { viewBox: "0 0 100 24", preserveAspectRatio: "none", role: "img", "aria-label": text },
+      shaded.map(([from, to]) =>
+        svg("rect", { x: x(from).toFixed(1), y: 0, width: (x(to) - x(from)).toFixed(1), height: 24 }),
+      ),
       svg("polyline", { points: there.map(([t, v]) => `${x(t).toFixed(1)},${y(v).toFixed(1)}`).join(" ") }),
     ),
     el("small", { "aria-hidden": "true" }, `${short(low, digits)}–${short(high, digits)} ${unit}`),

@@ -5,6 +5,7 @@ import { titleOf } from "./models.js";
 import { prose } from "./numbers.js";
 import { line } from "./plots.js";
 import { outcome } from "./preview.js";
+import { unused } from "./used.js";
 
 /** @typedef {import("./main.js").App} App */
 
@@ -12,7 +13,10 @@ import { outcome } from "./preview.js";
 export function drawLegend(app, root) {
   const entries = legendOf(app);
   root.hidden = !entries.length;
-  root.replaceChildren(...entries.map(([role, text]) => el("span", {}, swatch(role), text)), ...trying(app));
+  const used = app.used();
+  const isShaded = app.view.tab === "time" && used && unused(used, app.span()).length > 0;
+  const shade = isShaded && el("span", {}, el("span", { class: "shade", "aria-hidden": "true" }), "not used");
+  root.replaceChildren(...entries.map(([role, text]) => el("span", {}, swatch(role), text)), shade || "", ...trying(app));
 }
 
 /** What is to be said of an effect that is tried and is not drawn. @param {App} app */

@@ -18,6 +18,7 @@ import { saveButtons } from "./save.js";
 import { spectrumTab } from "./spectrum.js";
 import { timeTab } from "./time.js";
 import { wireUpload } from "./upload.js";
+import { there } from "./used.js";
 import { drawVehicleButton, wireVehicle } from "./vehicle.js";
 import { TABS, readView, writeView } from "./view.js";
 import { whereTab } from "./where.js";
@@ -41,6 +42,8 @@ export const app = {
   view: readView(),
   /** Time under the cursor, s. @type {number|null} */
   cursor: null,
+  /** Whether the cursor stays where it is when the pointer moves. */
+  held: false,
 
   current: () => app.state?.models.find((model) => model.id === app.state?.current) ?? null,
   second: () =>
@@ -50,10 +53,13 @@ export const app = {
 
   /** First and last time of the shown flight as far as its file tells, s. @returns {[number, number]} */
   span() {
-    const file = app.flight();
-    const times = [...(file?.parts ?? []).flat(), ...(file?.height ?? []).map(([t]) => t)];
-    return times.length ? [Math.min(...times), Math.max(...times)] : [0, 1];
+    const used = app.used();
+    const times = used ? there(used).flat() : [];
+    return times.length ? [times[0], times[times.length - 1]] : [0, 1];
   },
+
+  /** What of the shown flight is used. */
+  used: () => app.flight()?.used.find((used) => used.flight === app.view.flight) ?? null,
 
   /** Coefficients, equations and file of a model. @param {number} id */
   details: (id) => kept(details, id, "/api/model"),
@@ -120,9 +126,10 @@ export const app = {
   drawTrial: () => drawTabs(),
   drawLegend: () => drawLegend(app, byId("legend")),
 
-  /** Moves the cursor. @param {number|null} t */
-  point(t) {
+  /** Moves the cursor. @param {number|null} t @param {boolean} [held] whether it stays there */
+  point(t, held = false) {
     app.cursor = t;
+    app.held = held;
     for (const listener of cursorListeners) listener();
   },
 
@@ -175,6 +182,10 @@ function rootOf(id) {
 function takeState(state) {
   const before = app.state;
   app.state = state;
+  if (before && before.readings !== state.readings) {
+    comparisons.clear();
+    forget();
+  }
   const { view } = app;
   const had = (/** @type {number|null} */ id) => before?.models.some((model) => model.id === id);
   if (before && state.current !== before.current) {

@@ -2,7 +2,8 @@
 
 import { el, redraw } from "./dom.js";
 import { hasPosition } from "./flights.js";
-import { prose, short } from "./numbers.js";
+import { faultList } from "./faults.js";
+import { short } from "./numbers.js";
 import { CONFIG, axis, colour, faint, layout, plotly, room } from "./plots.js";
 
 /** @typedef {import("./main.js").App} App */
@@ -31,13 +32,7 @@ export function flightOverview(app, root) {
           { class: "quiet" },
           `${flight.rows} rows in ${short(flight.duration_s)} s: ${flight.columns.join(", ")}.`,
         ),
-      flight?.faults.length
-        ? el(
-            "ul",
-            {},
-            flight.faults.map((fault) => el("li", {}, el("b", {}, `${fault.severity}: `), prose(fault.sentence))),
-          )
-        : null,
+      flight?.faults.length ? faultList(app, flight) : null,
     ]);
     if (flight) await draw(flight);
     else plot.replaceChildren();
@@ -47,7 +42,8 @@ export function flightOverview(app, root) {
   async function draw(flight) {
     const Plotly = await plotly();
     if (root.hidden || !root.clientWidth || app.flight() !== flight) return;
-    const { traces, shape } = figure(flight);
+    const { from, to } = app.view;
+    const { traces, shape } = figure(flight, from === null || to === null ? undefined : [from, to]);
     await Plotly.react(
       plot,
       traces,
@@ -59,8 +55,8 @@ export function flightOverview(app, root) {
   return { update, resize: update, theme: update };
 }
 
-/** @param {Flight} flight */
-function figure(flight) {
+/** @param {Flight} flight @param {[number, number]} [range] of time; the whole flight without */
+function figure(flight, range) {
   const curve = (/** @type {[number, number][]} */ points, /** @type {string} */ id, /** @type {string} */ name) => ({
     type: "scatter",
     mode: "lines",
@@ -71,7 +67,8 @@ function figure(flight) {
     line: { color: colour(name), width: 1.6 },
     hoverinfo: "x+y",
   });
-  const air = flight.parts.map(([x0, x1]) => ({
+  const parts = flight.used.flatMap((used) => used.parts);
+  const air = parts.map(([x0, x1]) => ({
     type: "rect",
     x0,
     x1,
@@ -94,7 +91,7 @@ function figure(flight) {
       hovermode: "closest",
       annotations: [
         {
-          text: "shaded: in the air",
+          text: flight.used.some((used) => used.chosen) ? "shaded: used" : "shaded: in the air",
           x: 1,
           y: 1,
           xref: "paper",
@@ -104,9 +101,9 @@ function figure(flight) {
           showarrow: false,
         },
       ],
-      xaxis: axis({ anchor: "y", matches: "x2", showticklabels: false, zeroline: false }),
+      xaxis: axis({ anchor: "y", range, matches: "x2", showticklabels: false, zeroline: false }),
       yaxis: axis({ domain: [0.54, 1], title: { text: "height [m]" } }),
-      xaxis2: axis({ anchor: "y2", title: { text: "time [s]" }, zeroline: false }),
+      xaxis2: axis({ anchor: "y2", range, title: { text: "time [s]" }, zeroline: false }),
       yaxis2: axis({ domain: [0, 0.46], anchor: "x2", title: { text: "battery [V]" }, zeroline: false }),
     },
   };

@@ -136,7 +136,7 @@ export function ownTab(app, root) {
       width: Math.round(root.clientWidth * Math.min(2, devicePixelRatio)),
     };
     try {
-      const answer = await newestPreview(asked, (signal) => post("/api/effects/preview", asked, signal));
+      const answer = await newestPreview([asked, app.state?.readings], (signal) => post("/api/effects/preview", asked, signal));
       if (!answer) return;
       [preview, nothingDrawn] = [answer, null];
     } catch (error) {

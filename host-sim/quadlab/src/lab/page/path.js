@@ -66,7 +66,7 @@ export function pathTab(app, root) {
     }
     if (plot.hidden) return;
     const query = { model: model.id, flight: app.view.flight, axis: app.view.axis };
-    const given = await ask([query, kind(), placed], async (signal) => {
+    const given = await ask([query, kind(), placed, app.state?.readings], async (signal) => {
       const [of, cells] = await Promise.all([
         placed ? get("/api/path", query, signal) : null,
         isMap() ? get("/api/room", kind() === "map-all" ? { ...query, flight: null } : query, signal) : null,

@@ -25,7 +25,7 @@ export function spectrumTab(app, root) {
     redraw(controls, [axisChoice(app, "Axis", "spectrum-axis")]);
     const models = second ? [model, second] : [model];
     const query = { flight: app.view.flight, axis: app.view.axis };
-    const given = await ask([model.id, second?.id, query], (signal) =>
+    const given = await ask([model.id, second?.id, query, app.state?.readings], (signal) =>
       Promise.all(models.map((m) => get("/api/spectrum", { model: m.id, ...query }, signal))),
     );
     if (!given) return;

@@ -1,7 +1,8 @@
 // Measured against predicted over time: linked plots with one time axis and one cursor.
 
 import { flightsOf, get, givenUp } from "./api.js";
-import { el, redraw } from "./dom.js";
+import { rangeChoice } from "./choosing.js";
+import { choice, el, redraw } from "./dom.js";
 import { withTried } from "./legend.js";
 import { known, nearest, seconds, short, withUnit } from "./numbers.js";
 import { layPanels } from "./panels.js";
@@ -9,11 +10,18 @@ import { CONFIG, layout, plotly, room } from "./plots.js";
 import { besideOf, chipsOf, modeOf, tool } from "./time-controls.js";
 import { figure, sameIn } from "./time-figure.js";
 import { trialOf } from "./trial.js";
+import { saidOf, shades, unused, usedButtons } from "./used.js";
 
 /** @typedef {import("./api.js").Series} Series */
 /** @typedef {import("./api.js").Channel} Channel */
 /** @typedef {import("./main.js").App} App */
 
+/** What dragging does. @type {[string, string][]} */
+const DRAGS = [
+  ["zoom", "zooms"],
+  ["pan", "moves the range"],
+  ["use", "chooses what is used"],
+];
 const LEAST_SPAN_S = 0.1;
 const FIRST_AHEAD = ["position", "attitude"];
 /** How long a zoom may rest before the server is asked, ms. */
@@ -30,8 +38,8 @@ export function timeTab(app, root) {
   /** @type {AbortController|null} */
   let asked = null;
   let timer = 0;
+  /** What dragging does, one of DRAGS. */
   let drag = "zoom";
-  let pinned = false;
   let key = "";
   let drawn = "";
   const trial = trialOf(app, "/api/series", () => draw());
@@ -41,6 +49,9 @@ export function timeTab(app, root) {
   const controls = el("div", { class: "controls" });
   const chips = el("div", { class: "chips", role: "group", "aria-label": "Channels" });
   const tools = el("div", { class: "tools", role: "group", "aria-label": "Range of time" });
+  const usedSaid = el("span", { role: "status" });
+  const usedRow = el("div", { class: "controls" });
+  const used = el("div", { class: "controls", id: "used", role: "group", "aria-label": "What is used" }, usedSaid, usedRow);
   const plots = el("div", { id: "plots-drawing", "aria-hidden": "true" });
   const overlay = el("div", { class: "overlay", "aria-hidden": "true" });
   const spoken = el("p", { class: "hidden", role: "status" });
@@ -60,7 +71,8 @@ export function timeTab(app, root) {
     plots,
     overlay,
   );
-  root.append(controls, el("div", { class: "bar-of-two" }, chips, tools), box, spoken);
+  root.append(controls, el("div", { class: "bar-of-two" }, chips, tools), used, box, spoken);
+  const choosing = rangeChoice(app, overlay, range, drawUsed);
   app.onCursor(drawCursor);
 
   function drawControls() {
@@ -88,31 +100,38 @@ export function timeTab(app, root) {
       tool("earlier", "◀", "Earlier (shift and left arrow)", () => move(-0.5)),
       tool("later", "▶", "Later (shift and right arrow)", () => move(0.5)),
       tool("all", "All", "Show the whole flight (Home key, or double click)", all),
-      el(
-        "button",
-        {
-          type: "button",
-          id: "drag",
-          "aria-pressed": String(drag === "pan"),
-          title: "Drag to move the range instead of zooming",
-          "data-key": "drag",
-          click: setDrag,
-        },
-        "drag moves",
-      ),
+      choice("dragging", "drag", DRAGS, drag, (wanted) => {
+        drag = wanted;
+        choosing.clear();
+        drawControls();
+        draw();
+      }),
     ]);
+    drawUsed();
+  }
+
+  /** What is used of the flight, and how to change it. */
+  function drawUsed() {
+    const of = app.used();
+    used.hidden = !of || !(drag === "use" || of.chosen);
+    if (!of || used.hidden) return;
+    const text = saidOf(of);
+    if (usedSaid.textContent !== text) usedSaid.textContent = text;
+    const busy = Boolean(app.state?.job) || Boolean(app.state?.reading);
+    const dragged = choosing.get();
+    redraw(
+      usedRow,
+      usedButtons(of, dragged ?? range(), dragged !== null, whole(), busy, (parts) => {
+        choosing.clear();
+        app.choose("/api/use", { name: of.flight, parts });
+      }),
+    );
   }
 
   /** Names of the flights that another can be chosen of. */
   function others() {
     const usable = (app.state?.flights ?? []).filter((file) => !file.problem);
     return usable.flatMap(flightsOf).filter((name) => name !== app.view.flight);
-  }
-
-  function setDrag() {
-    drag = drag === "zoom" ? "pan" : "zoom";
-    drawControls();
-    draw();
   }
 
   /** @param {Channel[]} channels */
@@ -192,7 +211,7 @@ export function timeTab(app, root) {
     const step = Math.max(1, Math.round(t.length / 400));
     const inside = app.cursor !== null && app.cursor >= from && app.cursor <= to ? app.cursor : (from + to) / 2;
     const at = nearest(t, inside) + by * step;
-    app.point(t[Math.max(0, Math.min(t.length - 1, at))] ?? null);
+    app.point(t[Math.max(0, Math.min(t.length - 1, at))] ?? null, app.held);
     spoken.textContent = said();
   }
 
@@ -221,16 +240,17 @@ export function timeTab(app, root) {
   /** @param {MouseEvent} event */
   function onMove(event) {
     const t = timeAt(event);
-    if (t !== null && !pinned) app.point(t);
+    if (t !== null && !app.held) app.point(t);
   }
 
   /** A click holds the cursor, the next one lets it go. Plotly covers the page while a button is down. @param {PointerEvent} pressed */
   function onPress(pressed) {
+    const start = timeAt(pressed);
+    if (drag === "use" && start !== null && pressed.button === 0) choosing.begin(pressed, start);
     const release = (/** @type {PointerEvent} */ released) => {
       const t = timeAt(released);
       if (t === null || Math.abs(released.clientX - pressed.clientX) > 3) return;
-      pinned = !pinned;
-      app.point(t);
+      app.point(t, !app.held);
     };
     window.addEventListener("pointerup", release, { once: true });
   }
@@ -265,6 +285,7 @@ export function timeTab(app, root) {
       app.view.ahead,
       beside,
       shift,
+      app.state?.readings,
     ]);
     if (wanted === key && shown) {
       drawChips();
@@ -343,6 +364,7 @@ export function timeTab(app, root) {
     const isBare = drawing === shown;
     panels = !isBare && bare?.of === same ? bare.panels : layPanels(channels.length, root.clientWidth, room(box));
     const { traces, axes } = figure(drawing, channels, panels, range(), app.view.difference, shown ?? drawing);
+    const parts = app.used();
     const fresh = !plots.data;
     await Plotly.react(
       plots,
@@ -354,7 +376,8 @@ export function timeTab(app, root) {
         height: panels.height,
         margin: { l: 0, r: 0, t: 0, b: 0 },
         hovermode: false,
-        dragmode: drag,
+        dragmode: drag === "use" ? false : drag,
+        shapes: parts ? shades(unused(parts, whole()), channels.length) : [],
       },
       CONFIG,
     );
@@ -400,9 +423,13 @@ export function timeTab(app, root) {
       ...Array.from({ length: lay.columns }, (_, column) =>
         el("div", { class: "cursor", "data-column": column, hidden: true }),
       ),
+      ...Array.from({ length: lay.columns }, (_, column) =>
+        el("div", { class: "choosing", "data-column": column, hidden: true }),
+      ),
       el("div", { class: "cursor-time", hidden: true }),
     );
     drawCursor();
+    choosing.draw(panels);
   }
 
   function drawCursor() {
@@ -414,7 +441,7 @@ export function timeTab(app, root) {
     const px = inside ? ((t - from) / (to - from)) * lay.plotWidth : 0;
     for (const bar of overlay.querySelectorAll(".cursor")) {
       bar.hidden = !inside;
-      bar.classList.toggle("pinned", pinned);
+      bar.classList.toggle("pinned", app.held);
       bar.style.left = `${lay.x(Number(bar.dataset.column)) + px}px`;
       bar.style.height = `${lay.height - 24}px`;
     }

@@ -75,7 +75,7 @@ export function timelineSection(app) {
     }
     of = model.id;
     if (!timeline) summary.textContent = "Fitting each flight …";
-    const given = await ask(model.id, (signal) => get("/api/timeline", { model: model.id }, signal));
+    const given = await ask([model.id, app.state?.readings], (signal) => get("/api/timeline", { model: model.id }, signal));
     if (!given) return;
     timeline = given;
     await draw();

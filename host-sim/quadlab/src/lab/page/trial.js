@@ -19,7 +19,13 @@ export function trialOf(app, path, draw) {
 
   /** What an answer stands for. @param {Tried} one @param {unknown} of what else has to be the same for it to be drawn */
   const nameOf = (one, of) =>
-    JSON.stringify([one, of, app.state?.flights.map((file) => [file.name, file.set]), app.state?.own.map((own) => own.text)]);
+    JSON.stringify([
+      one,
+      of,
+      app.state?.readings,
+      app.state?.flights.map((file) => [file.name, file.set]),
+      app.state?.own.map((own) => own.text),
+    ]);
 
   /** The answer, while it is tried. @param {unknown} of */
   function answer(of) {

@@ -45,7 +45,7 @@ export function whereTab(app, root) {
     drawControls();
     const query = asked();
     trial.update(query, query);
-    const given = await ask([model.id, model.judged_on, second?.id, query], (signal) =>
+    const given = await ask([model.id, model.judged_on, second?.id, query, app.state?.readings], (signal) =>
       Promise.all(pair().map((m) => get("/api/residual", { model: m.id, ...query }, signal))),
     );
     if (!given) return;
