@@ -11,6 +11,7 @@ mod browser;
 mod figures;
 mod flights;
 mod folder;
+mod notes;
 mod own_effect;
 mod page;
 mod server;
