@@ -27,9 +27,10 @@ const READS: [&str; 17] = [
     "/api/timeline?model=1",
     "/api/next?model=1&effect=steady-wind&other=attitude-offset",
 ];
-const WRITES: [(&str, &str); 13] = [
+const WRITES: [(&str, &str); 14] = [
     ("/api/sets", r#"{"name":"A.csv","set":"none"}"#),
     ("/api/use", r#"{"name":"A.csv","parts":[[2,9]]}"#),
+    ("/api/notes", r#"{"flight":"A.csv","text":"x"}"#),
     ("/api/current", r#"{"model":1}"#),
     ("/api/jobs", r#"{"do":"identify"}"#),
     ("/api/cancel", "{}"),
@@ -254,7 +255,7 @@ fn nothing_is_put_outside_of_the_folder_or_over_a_file() {
 
 /// Which parts are used is written beside a flight that is there, or not at all.
 #[test]
-fn parts_are_of_flights_of_the_folder() {
+fn parts_and_notes_are_of_flights_of_the_folder() {
     let outer = tempfile::tempdir().unwrap();
     let folder = outer.path().join("flights");
     fs::create_dir(&folder).unwrap();
@@ -282,6 +283,7 @@ fn parts_are_of_flights_of_the_folder() {
         for (path, body) in [
             ("/api/use", format!(r#"{{"name":{name},"parts":[[2,9]]}}"#)),
             ("/api/use", format!(r#"{{"name":{name},"parts":null}}"#)),
+            ("/api/notes", format!(r#"{{"flight":{name},"text":"x"}}"#)),
         ] {
             assert_refused(&post(path, &body), &body);
         }
@@ -310,6 +312,16 @@ fn parts_are_of_flights_of_the_folder() {
     let many = format!("[{}]", vec!["[2,3]"; 100_000].join(","));
     assert_refused(&post("/api/use", &format!(r#"{{"name":"A.csv","parts":{many}}}"#)), "many parts");
     assert_refused(&post("/api/use", r#"{"name":"A.csv"}"#), "no word of parts");
+    let long = serde_json::json!({ "flight": "A.csv", "text": "x".repeat(4001) }).to_string();
+    for body in [
+        r#"{"flight":"A.csv"}"#,
+        r#"{"text":"x"}"#,
+        r#"{"model":1,"text":"x"}"#,
+        r#"{"flight":"A.csv","text":["x"]}"#,
+        &long,
+    ] {
+        assert_refused(&post("/api/notes", body), &body[..30.min(body.len())]);
+    }
     let names = |folder: &std::path::Path| {
         let mut names: Vec<_> =
             fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
@@ -324,6 +336,9 @@ fn parts_are_of_flights_of_the_folder() {
     assert_eq!(answer.status, 200, "{}", answer.body);
     let text = fs::read_to_string(folder.join("A.use.toml")).unwrap();
     assert!(text.starts_with("use = [[2.0, 9.0]]"), "{text}");
+    let answer = post("/api/notes", r#"{"flight":"A.csv","text":"x"}"#);
+    assert_eq!(answer.status, 200, "{}", answer.body);
+    assert_eq!(lab.state()["flights"][0]["note"], "x");
     lab.is_alive().unwrap();
 }
 

@@ -263,6 +263,12 @@ impl Browser {
         self.done(&format!("text in {selector}"), write);
     }
 
+    /// Types behind what is in a field.
+    pub(crate) fn append(&self, selector: &str, text: &str) {
+        let append = async { self.client.find(Locator::Css(selector)).await?.send_keys(text).await };
+        self.done(&format!("more text in {selector}"), append);
+    }
+
     /// Chooses an option of a select by its value.
     pub(crate) fn choose(&self, selector: &str, value: &str) {
         let choose = async { self.client.find(Locator::Css(selector)).await?.select_by_value(value).await };

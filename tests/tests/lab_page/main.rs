@@ -13,6 +13,7 @@ mod first_use;
 mod flights;
 mod folder;
 mod many_flights;
+mod notes;
 mod own_effect;
 mod page;
 mod preview;

@@ -12,6 +12,7 @@ mod guard;
 mod jobs;
 mod next;
 mod node;
+mod notes;
 mod numbers;
 mod own_effect;
 mod own_effects;

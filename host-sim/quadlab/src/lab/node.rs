@@ -16,6 +16,8 @@ pub(super) struct Node {
     pub(super) supported: Option<bool>,
     /// The same in a terminal.
     pub(super) command: String,
+    /// What the user wrote about it.
+    pub(super) note: String,
     pub(super) model: Arc<Model>,
     /// The document of `quadlab diagnose --json`.
     pub(super) diagnosis: Option<Value>,
@@ -32,6 +34,7 @@ impl Node {
             effect: from.map(|(_, effect)| effect.id().to_owned()),
             supported: None,
             command: String::new(),
+            note: String::new(),
             model: Arc::new(model),
             diagnosis: None,
             changes: None,
@@ -66,6 +69,7 @@ impl Node {
             "changed": self.changes.as_ref().map(|changes| changes["verdict"].clone()),
             "supported": self.supported,
             "command": self.command,
+            "note": self.note,
         })
     }
 }

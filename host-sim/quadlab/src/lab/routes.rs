@@ -15,6 +15,7 @@ use serde_json::{Value, json};
 
 use super::flights::Use;
 use super::jobs::{self, Task};
+use super::notes::Noted;
 use super::numbers::Window;
 use super::refused::{Refused, refusal};
 use super::requests::{Answer, Asked, Sent, Shared, StopOnDrop, aside};
@@ -38,6 +39,7 @@ pub(super) fn router(session: Arc<Session>) -> Router {
         .route("/api/events", get(async |State(session): Shared| session.events.stream()))
         .route("/api/sets", post(choose))
         .route("/api/use", post(use_parts))
+        .route("/api/notes", post(note))
         .route("/api/current", post(go_to))
         .route("/api/jobs", post(start))
         .route(
@@ -101,6 +103,11 @@ async fn use_parts(State(session): Shared, Sent(asked): Sent<UsedParts>) -> Answ
         Ok(Json(session.document()))
     })
     .await
+}
+
+async fn note(State(session): Shared, Sent(noted): Sent<Noted>) -> Answer {
+    session.note(noted)?;
+    Ok(Json(session.document()))
 }
 
 #[derive(Deserialize)]

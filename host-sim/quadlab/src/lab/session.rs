@@ -18,7 +18,7 @@ use super::flights::{FlightFile, Use};
 use super::node::Node;
 use super::own_effect::OwnEffect;
 use super::refused::Refused;
-use super::store::{Saved, Store, StoreError};
+use super::store::{LONGEST_NOTE, Saved, Store, StoreError};
 use super::timeline;
 use super::trials::{Eye, Trials};
 use super::vehicle::Craft;
@@ -46,6 +46,8 @@ pub(super) struct State {
     pub(super) files: Vec<FlightFile>,
     /// What the user chose for flights, by file name.
     pub(super) chosen: BTreeMap<String, Use>,
+    /// What the user wrote about flights, by file name.
+    pub(super) notes: BTreeMap<String, String>,
     pub(super) nodes: Vec<Node>,
     /// Effects of the user's own.
     pub(super) own: Vec<OwnEffect>,
@@ -84,7 +86,8 @@ impl Session {
         // After the models: what one of them has must go on to mean the same.
         let own = OwnEffect::all(&store.read_effects()?);
         let current = saved.current.filter(|id| nodes.iter().any(|node| node.id == *id));
-        let state = State { chosen: saved.chosen, nodes, own, current, reading: true, ..State::default() };
+        let Saved { chosen, notes, .. } = saved;
+        let state = State { chosen, notes, nodes, own, current, reading: true, ..State::default() };
         Ok(Self {
             folder: folder.to_owned(),
             events: Events::new(),
@@ -120,7 +123,8 @@ impl Session {
             "problem": problem,
             "reading": state.reading,
             "readings": state.readings,
-            "flights": state.files.iter().map(|file| file.entry()).collect::<Vec<_>>(),
+            "longest_note": LONGEST_NOTE,
+            "flights": state.files.iter().map(|file| state.entry(file)).collect::<Vec<_>>(),
             "models": state.nodes.iter().map(Node::entry).collect::<Vec<_>>(),
             "own": state.own.iter().map(|own| own.entry(&state.nodes)).collect::<Vec<_>>(),
             "current": state.current,
@@ -190,10 +194,12 @@ impl Session {
         Ok(())
     }
 
-    fn save(&self) -> Result<(), Refused> {
+    /// Keeps all but the models.
+    pub(super) fn save(&self) -> Result<(), Refused> {
         let state = self.lock();
         let models = state.nodes.iter().map(Into::into).collect();
-        Ok(self.store.write(&Saved { chosen: state.chosen.clone(), models, current: state.current })?)
+        let (chosen, notes) = (state.chosen.clone(), state.notes.clone());
+        Ok(self.store.write(&Saved { chosen, notes, models, current: state.current })?)
     }
 
     /// Files of a use.
@@ -363,6 +369,13 @@ impl State {
         seen.retain(|((_, name), _)| old.known().all(|flight| flight.prepared.name != *name));
         self.forget_seen();
         self.seen = seen;
+    }
+
+    /// What the page shows of a file.
+    fn entry(&self, file: &FlightFile) -> Value {
+        let mut entry = file.entry();
+        entry["note"] = json!(self.notes.get(&file.name).map_or("", String::as_str));
+        entry
     }
 
     /// A flight by its name, all that flies of it where only parts of it are used, and at which reading that is so.

@@ -1,5 +1,6 @@
 //! What the lab keeps beside the flights, in `lab/`: written whole or not at all, by one server at a time.
 
+use std::collections::BTreeMap;
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
@@ -15,6 +16,8 @@ const FOLDER: &str = "lab";
 const STATE: &str = "state.json";
 const LOCK: &str = "lock";
 const EFFECTS: &str = "effects";
+/// Characters of a note at most.
+pub(super) const LONGEST_NOTE: usize = 4000;
 
 /// File of an effect of the user's own, beside the flights.
 pub(super) fn effect_file(id: &str) -> String {
@@ -56,7 +59,10 @@ pub(crate) enum StoreError {
 pub(super) struct Saved {
     /// What the user chose for flights, by file name.
     #[serde(default)]
-    pub(super) chosen: std::collections::BTreeMap<String, Use>,
+    pub(super) chosen: BTreeMap<String, Use>,
+    /// What the user wrote about flights, by file name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub(super) notes: BTreeMap<String, String>,
     #[serde(default)]
     pub(super) models: Vec<SavedModel>,
     #[serde(default)]
@@ -70,6 +76,9 @@ pub(super) struct SavedModel {
     effect: Option<String>,
     supported: Option<bool>,
     command: String,
+    /// What the user wrote about it.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    note: String,
 }
 
 impl Store {
@@ -105,7 +114,7 @@ impl Store {
     }
 
     fn node(&self, saved: SavedModel) -> Result<Node, StoreError> {
-        let SavedModel { id, parent, effect, supported, command } = saved;
+        let SavedModel { id, parent, effect, supported, command, note } = saved;
         let path = self.model_path(id);
         let model = Model::read(&path)
             .map_err(|error| StoreError::Damaged { path: self.folder.clone(), why: error.to_string() })?;
@@ -113,7 +122,7 @@ impl Store {
             serde_json::from_str(&std::fs::read_to_string(path).ok()?).ok()
         };
         let [diagnosis, changes] = [self.diagnosis_path(id), self.changes_path(id)].map(found);
-        Ok(Node { id, parent, effect, supported, command, model: model.into(), diagnosis, changes })
+        Ok(Node { id, parent, effect, supported, command, note, model: model.into(), diagnosis, changes })
     }
 
     /// Keeps all but the models.
@@ -224,6 +233,7 @@ impl From<&Node> for SavedModel {
             effect: node.effect.clone(),
             supported: node.supported,
             command: node.command.clone(),
+            note: node.note.clone(),
         }
     }
 }

@@ -7,13 +7,14 @@
 /** @typedef {{flight: string, severity: "note"|"warning"|"refused", sentence: string, places: [number, number][]}} Fault with first and
  *   last time of each place, s; without places it is about the whole flight */
 /** @typedef {{name: string, set: "train"|"validate"|"later"|"none", duration_s: number, rate_hz: number, rows: number, columns: string[],
- *   used: Used[], faults: Fault[], problem: string|null, height: [number, number][], battery: [number, number][],
+ *   used: Used[], faults: Fault[], problem: string|null, note: string, height: [number, number][], battery: [number, number][],
  *   flights?: string[]}} Flight a file with a flight, or a log with some */
 /** @typedef {{id: number, parent: number|null, effect: string|null, label: string, fitted_on: string[], judged_on: string[],
- *   effects: string[], axes: Record<Axis, Errors>|null, verdict: string|null, changed: string|null, supported: boolean|null, command: string}} Model */
+ *   effects: string[], axes: Record<Axis, Errors>|null, verdict: string|null, changed: string|null, supported: boolean|null, command: string,
+ *   note: string}} Model */
 /** @typedef {{do: string, activity: string, done: number|null, all: number|null}} Job */
 /** @typedef {{id: string, text: string, problem: string|null, models: number[]}} OwnEffect a kept effect, and the models that have it */
-/** @typedef {{folder: string, vehicle: {name: string, written: boolean, unmeasured: string[]}|null, problem: string|null, reading: boolean, readings: number, flights: Flight[],
+/** @typedef {{folder: string, vehicle: {name: string, written: boolean, unmeasured: string[]}|null, problem: string|null, reading: boolean, readings: number, longest_note: number, flights: Flight[],
  *   models: Model[], own: OwnEffect[], current: number|null, job: Job|null}} State */
 /** @typedef {{id: string, name: string, unit: string, group: string, measured: (number|null)[], predicted: (number|null)[],
  *   residual: (number|null)[], residual_apart?: (number|null)[]}} Channel with the difference of the residuals where it is of a

@@ -3,6 +3,7 @@
 import { flightsOf } from "./api.js";
 import { el, redraw, redrawItems, svg } from "./dom.js";
 import { GRAVITY, faultList } from "./faults.js";
+import { noteOf } from "./notes.js";
 import { short } from "./numbers.js";
 import { saidOf, unused } from "./used.js";
 
@@ -104,7 +105,7 @@ function entry(app, flight) {
   return {
     key: flight.name,
     attributes: { class: `flight ${flight.set}`, "data-name": flight.name },
-    children: [about],
+    children: [about, noteOf(app, { flight: flight.name }, flight.name, flight.note)],
   };
 }
 

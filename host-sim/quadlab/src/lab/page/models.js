@@ -1,7 +1,8 @@
 // The tree of models: each made from its parent by one effect. Choosing the parent is the undo.
 
 import { AXES, axisUnit } from "./api.js";
-import { byId, el, redraw } from "./dom.js";
+import { byId, el, redrawItems } from "./dom.js";
+import { noteOf } from "./notes.js";
 import { known, percent, rmsFall, short, unit } from "./numbers.js";
 
 /** @typedef {import("./api.js").Model} Model */
@@ -21,7 +22,7 @@ export const titleOf = (model) => `${model.label} (model ${model.id})`;
 /** @param {App} app @param {HTMLElement} root */
 export function drawModels(app, root) {
   const models = app.state?.models ?? [];
-  redraw(
+  redrawItems(
     root,
     inTreeOrder(models).map(([model, depth]) => entry(app, model, depth)),
   );
@@ -77,18 +78,23 @@ function entry(app, model, depth) {
     },
     "compare",
   );
-  return el(
-    "li",
-    {
-      class: `model${chosen ? " chosen" : ""}${second ? " second" : ""}`,
-      "data-id": model.id,
-      style: `--depth: ${Math.min(depth, 6)}`,
-    },
+  const about = el(
+    "div",
+    { class: "entry" },
     el("label", {}, radio, " ", el("span", { class: "name" }, model.label)),
     compare,
     marks(model),
     errors(model, app.state?.models.find((other) => other.id === model.parent) ?? null),
   );
+  return {
+    key: String(model.id),
+    attributes: {
+      class: `model${chosen ? " chosen" : ""}${second ? " second" : ""}`,
+      "data-id": model.id,
+      style: `--depth: ${Math.min(depth, 6)}`,
+    },
+    children: [about, noteOf(app, { model: model.id }, `model ${model.id}`, model.note)],
+  };
 }
 
 /** @param {Model} model */
