@@ -125,6 +125,57 @@ fn the_page_can_be_read_and_used_by_all() {
     browser.finish(&[]);
 }
 
+/// What of the page as it stands now does not fit into a window of that size.
+fn misfits(browser: &Browser, width: u32, height: u32) -> Vec<String> {
+    let size = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false });
+    browser.devtools("Emulation.setDeviceMetricsOverride", size);
+    browser.wait_until("the window's size", "return innerWidth === arguments[0]", width);
+    browser.settle();
+    // What scrolls within a part of the page is within it; what is for screen readers only is nowhere.
+    let script = "const out = [], [w, h] = [innerWidth, innerHeight];
+        if (document.documentElement.scrollWidth > w) out.push('the page scrolls sideways');
+        for (const id of ['left', 'middle', 'right']) {
+            const part = document.getElementById(id), box = part.getBoundingClientRect();
+            if (box.left < -1 || box.right > w + 1 || box.bottom > h + 1) out.push(`#${id} reaches out of the window`);
+            if (part.scrollWidth > part.clientWidth + 1) out.push(`#${id} scrolls sideways`);
+        }
+        for (const e of document.querySelectorAll('button, select, input, [role=tab], h2, h3')) {
+            const box = e.getBoundingClientRect();
+            if (e.checkVisibility() && box.width > 1 && (box.right > w + 1 || box.left < -1)) {
+                out.push(`out of the window: ${e.outerHTML.slice(0, 120)}`);
+            }
+        }
+        const plots = document.querySelector('[role=tabpanel]:not([hidden]) .main-svg');
+        const share = plots ? plots.getBoundingClientRect().width / w : 1;
+        if (share < 0.4) out.push(`the plots take ${Math.round(100 * share)} % of the width`);
+        return out";
+    texts(&browser.run(script, Value::Null)).into_iter().map(|what| format!("{width} px: {what}")).collect()
+}
+
+#[test]
+fn the_page_fits_small_and_large_windows() {
+    if missing() {
+        return;
+    }
+    let folder = flights::small();
+    let (_lab, browser) = opened("widths", folder.path());
+    identify(&browser);
+    diagnose(&browser);
+    let mut all = Vec::new();
+    for tab in ["time", "where", "spectrum", "path", "model", "own"] {
+        browser.click(&format!("[role=tab][data-tab={tab}]"));
+        browser.wait_for(&format!("[role=tab][data-tab={tab}][aria-selected=true]"), "");
+        for (width, height) in [(1280, 720), (1920, 1080), (3840, 2160)] {
+            all.extend(misfits(&browser, width, height).into_iter().map(|misfit| format!("{tab}, {misfit}")));
+            if tab == "time" || tab == "path" {
+                browser.screenshot(&format!("{tab}-{width}"));
+            }
+        }
+    }
+    assert!(all.is_empty(), "{}", all.join("\n"));
+    browser.finish(&[]);
+}
+
 /// The rules see what breaks them.
 #[test]
 fn a_bad_page_is_seen_as_one() {
