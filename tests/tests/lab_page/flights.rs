@@ -16,9 +16,19 @@ pub(crate) fn small_world() -> World {
 
 /// Five flights of 24 s of it: its effect is what a diagnosis should find.
 pub(crate) fn small() -> TempDir {
+    flown(24.0)
+}
+
+/// The same of two minutes each: to explain them takes long enough to be seen and cancelled.
+pub(crate) fn long() -> TempDir {
+    flown(120.0)
+}
+
+fn flown(duration_s: f64) -> TempDir {
     let world = small_world();
     let folder = tempfile::tempdir().unwrap();
-    let fly = |pattern: &Pattern| world.fly(*pattern, 24.0, &Sensors::default(), 0).expect("the pilot copes");
+    let fly =
+        |pattern: &Pattern| world.fly(*pattern, duration_s, &Sensors::default(), 0).expect("the pilot copes");
     let flights: Vec<_> = Pattern::TRAIN.iter().chain(&Pattern::VALIDATE).map(fly).collect();
     world.write(folder.path(), &flights.iter().collect::<Vec<_>>()).unwrap();
     folder

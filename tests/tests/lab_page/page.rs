@@ -172,7 +172,7 @@ fn two_tabs_show_one_state_and_a_terminal_makes_the_same() {
     if missing() {
         return;
     }
-    let folder = flights::small();
+    let folder = flights::long();
     let (lab, mut browser) = opened("two-tabs", folder.path());
     split(&browser);
     identify(&browser);
@@ -220,7 +220,7 @@ fn a_power_cut_in_the_middle_of_a_job_loses_no_model() {
     if missing() {
         return;
     }
-    let folder = flights::small();
+    let folder = flights::long();
     let (lab, mut browser) = opened("power-cut", folder.path());
     split(&browser);
     identify(&browser);

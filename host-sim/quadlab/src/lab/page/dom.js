@@ -50,11 +50,17 @@ export function byId(id) {
  * @param {Child[]} children
  */
 export function redraw(root, children) {
+  const scroll = root.scrollTop;
+  drawAnew(root, children);
+  root.scrollTop = scroll;
+}
+
+/** The same of an element that does not scroll: nothing is laid out for it. @param {HTMLElement} root @param {Child[]} children */
+function drawAnew(root, children) {
   const active = document.activeElement;
   const key = active instanceof HTMLElement && root.contains(active) ? active.dataset.key : undefined;
   const open = [...root.querySelectorAll("details[open]")].map((d) => /** @type {HTMLElement} */ (d).dataset.key);
   const shut = [...root.querySelectorAll("details:not([open])")].map((d) => /** @type {HTMLElement} */ (d).dataset.key);
-  const scroll = root.scrollTop;
   const drawn = children
     .filter((child) => child !== null && child !== undefined && child !== false)
     .map((child) => (child instanceof Node ? child : document.createTextNode(String(child))));
@@ -65,7 +71,6 @@ export function redraw(root, children) {
     }
   }
   replace(root, drawn);
-  root.scrollTop = scroll;
   const focused = key && root.querySelector(`[data-key="${CSS.escape(key)}"]`);
   if (focused instanceof HTMLElement && focused !== document.activeElement) focused.focus();
 }
@@ -84,11 +89,11 @@ export function redrawItems(root, items) {
   const drawn = items.map(({ key, attributes, children }) => {
     const item = known?.get(key) ?? el("li");
     for (const [name, value] of Object.entries(attributes)) item.setAttribute(name, value);
-    redraw(item, children);
+    drawAnew(item, children);
     return item;
   });
   lists.set(root, new Map(items.map(({ key }, n) => [key, drawn[n]])));
-  redraw(root, drawn);
+  drawAnew(root, drawn);
   root.scrollTop = scroll;
 }
 
