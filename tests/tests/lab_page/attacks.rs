@@ -2,6 +2,9 @@
 //! HTTP, byte by byte.
 
 use std::fs;
+use std::path::PathBuf;
+
+use tempfile::TempDir;
 
 use crate::browser::missing;
 use crate::flights;
@@ -192,16 +195,19 @@ fn no_path_leads_out_of_the_folder() {
     }
 }
 
-/// Files come into the folder under plain names, whole, and none in the place of another.
-#[test]
-fn nothing_is_put_outside_of_the_folder_or_over_a_file() {
+/// Flights in the folder `flights` of a folder, out of which nothing may be written.
+fn flights_in_a_folder() -> (TempDir, PathBuf) {
     let outer = tempfile::tempdir().unwrap();
     let folder = outer.path().join("flights");
     fs::create_dir(&folder).unwrap();
-    let made = flights::small();
-    for entry in fs::read_dir(made.path()).unwrap().map(Result::unwrap) {
-        fs::copy(entry.path(), folder.join(entry.file_name())).unwrap();
-    }
+    flights::copy(flights::small().path(), &folder);
+    (outer, folder)
+}
+
+/// Files come into the folder under plain names, whole, and none in the place of another.
+#[test]
+fn nothing_is_put_outside_of_the_folder_or_over_a_file() {
+    let (outer, folder) = flights_in_a_folder();
     let lab = Lab::start(&folder);
     let before = lab.state();
     let visitor = lab.visitor();
@@ -256,13 +262,7 @@ fn nothing_is_put_outside_of_the_folder_or_over_a_file() {
 /// Which parts are used is written beside a flight that is there, or not at all.
 #[test]
 fn parts_and_notes_are_of_flights_of_the_folder() {
-    let outer = tempfile::tempdir().unwrap();
-    let folder = outer.path().join("flights");
-    fs::create_dir(&folder).unwrap();
-    let made = flights::small();
-    for entry in fs::read_dir(made.path()).unwrap().map(Result::unwrap) {
-        fs::copy(entry.path(), folder.join(entry.file_name())).unwrap();
-    }
+    let (outer, folder) = flights_in_a_folder();
     fs::copy(folder.join("A.csv"), outer.path().join("A.csv")).unwrap();
     let mut lab = Lab::start(&folder);
     let before = lab.state();

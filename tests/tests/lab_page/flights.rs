@@ -24,7 +24,8 @@ pub(crate) fn long() -> TempDir {
     flown(120.0)
 }
 
-fn flown(duration_s: f64) -> TempDir {
+/// Five flights of a duration of it.
+pub(crate) fn flown(duration_s: f64) -> TempDir {
     let world = small_world();
     let folder = tempfile::tempdir().unwrap();
     let fly =
@@ -86,7 +87,8 @@ pub(crate) fn hidden(case: &str) -> Option<TempDir> {
     Some(folder)
 }
 
-fn copy(from: &Path, to: &Path) {
+/// Copies the files of a folder.
+pub(crate) fn copy(from: &Path, to: &Path) {
     for entry in fs::read_dir(from).unwrap().map(Result::unwrap) {
         fs::copy(entry.path(), to.join(entry.file_name())).unwrap();
     }

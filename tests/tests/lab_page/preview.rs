@@ -32,6 +32,16 @@ fn wait_for_lines(browser: &Browser, count: u64) {
     browser.wait_until(&format!("{count} lines"), script, count);
 }
 
+/// Until the card is there, and a held-out flight is drawn.
+fn diagnosed(browser: &Browser) {
+    split(browser);
+    identify(browser);
+    diagnose(browser);
+    browser.choose("#flight", "D.csv");
+    browser.wait_for(&format!("{CARD} button.preview"), "Preview");
+    browser.settle();
+}
+
 /// Three lines in each of six panels; an effect that is tried adds two.
 #[test]
 fn a_card_that_is_pointed_at_shows_what_its_effect_would_do() {
@@ -40,12 +50,7 @@ fn a_card_that_is_pointed_at_shows_what_its_effect_would_do() {
     }
     let folder = flights::small();
     let (lab, browser) = opened("preview", folder.path());
-    split(&browser);
-    identify(&browser);
-    diagnose(&browser);
-    browser.choose("#flight", "D.csv");
-    browser.wait_for(&format!("{CARD} button.preview"), "Preview");
-    browser.settle();
+    diagnosed(&browser);
     let (lines, frame) = drawn(&browser);
     assert_eq!(lines, 3 * 6);
 
@@ -112,12 +117,7 @@ fn a_card_that_was_left_is_not_drawn() {
     }
     let folder = flights::small();
     let (_lab, browser) = opened("preview-left", folder.path());
-    split(&browser);
-    identify(&browser);
-    diagnose(&browser);
-    browser.choose("#flight", "D.csv");
-    browser.wait_for(&format!("{CARD} button.preview"), "Preview");
-    browser.settle();
+    diagnosed(&browser);
     // Every request of a series with an effect, and how it ended.
     let watch = "window.asked = []; const real = window.fetch;
         window.fetch = (path, options) => {

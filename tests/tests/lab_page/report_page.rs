@@ -8,7 +8,6 @@ use fantoccini::key::Key;
 use report::{Axis, Figure, Page, Section, Series, Style};
 use serde_json::{Value, json};
 use stories::program;
-use stories::world::{Pattern, Sensors};
 
 use crate::accessibility::faults;
 use crate::browser::{Browser, missing};
@@ -160,29 +159,20 @@ fn a_report_without_a_network_shows_values_and_zooms() {
     browser.finish(&[]);
 }
 
+/// The basic model of the five flights of a folder, in model.toml.
+fn identify_basic(folder: &Path) {
+    let files = ["--train", "A.csv", "B.csv", "C.csv", "--validate", "D.csv", "E.csv"];
+    let before = ["identify", "--vehicle", "vehicle.toml"];
+    run(folder, &[&before[..], &files[..], &["--out", "model.toml"]].concat());
+}
+
 #[test]
 fn figures_over_the_same_time_zoom_together() {
     if missing() {
         return;
     }
     let folder = flights::small();
-    run(
-        folder.path(),
-        &[
-            "identify",
-            "--vehicle",
-            "vehicle.toml",
-            "--train",
-            "A.csv",
-            "B.csv",
-            "C.csv",
-            "--validate",
-            "D.csv",
-            "E.csv",
-            "--out",
-            "model.toml",
-        ],
-    );
+    identify_basic(folder.path());
     run(
         folder.path(),
         &[
@@ -269,28 +259,8 @@ fn a_figure_of_any_kind_is_read() {
 /// A page carries what a zoom shows, and stays a page: a minute at 100 Hz.
 #[test]
 fn a_page_with_all_samples_is_less_than_three_times_as_large() {
-    let world = flights::small_world();
-    let folder = tempfile::tempdir().unwrap();
-    let fly = |pattern: &Pattern| world.fly(*pattern, 60.0, &Sensors::default(), 0).expect("the pilot copes");
-    let flights: Vec<_> = Pattern::TRAIN.iter().chain(&Pattern::VALIDATE).map(fly).collect();
-    world.write(folder.path(), &flights.iter().collect::<Vec<_>>()).unwrap();
-    run(
-        folder.path(),
-        &[
-            "identify",
-            "--vehicle",
-            "vehicle.toml",
-            "--train",
-            "A.csv",
-            "B.csv",
-            "C.csv",
-            "--validate",
-            "D.csv",
-            "E.csv",
-            "--out",
-            "model.toml",
-        ],
-    );
+    let folder = flights::flown(60.0);
+    identify_basic(folder.path());
     run(folder.path(), &["compare", "--model", "model.toml", "--flights", "D.csv", "--html", "page.html"]);
     let page = fs::read_to_string(folder.path().join("page.html")).unwrap();
     let mut bare = String::new();

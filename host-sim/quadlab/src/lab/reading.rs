@@ -2,12 +2,12 @@
 
 use std::sync::{Arc, PoisonError};
 
-use diagnosis::workflow::{Observer as _, is_held_out};
+use diagnosis::workflow::Observer as _;
 use rayon::prelude::*;
 
 use super::flights::{FlightFile, Use};
 use super::refused::Refused;
-use super::session::{Session, Telling};
+use super::session::{Session, State, Telling};
 use super::vehicle::{Craft, Measured};
 use crate::cli::demo_flights::{self, seed_from_clock};
 use crate::cli::flights::flights_in;
@@ -25,15 +25,26 @@ impl Session {
         self.events.changed();
     }
 
-    /// Reads them again, beside the page.
-    pub(super) fn read_again(self: &Arc<Self>) -> Result<(), Refused> {
-        {
+    /// Begins to read, where nothing else is done with flights and `check` allows it; gives what that found.
+    pub(super) fn begin_reading<T>(
+        &self,
+        check: impl FnOnce(&State) -> Result<T, Refused>,
+    ) -> Result<T, Refused> {
+        let found = {
             let mut state = self.lock();
             state.has_no_job()?;
             state.has_read()?;
+            let found = check(&state)?;
             state.reading = true;
-        }
+            found
+        };
         self.events.changed();
+        Ok(found)
+    }
+
+    /// Reads them again, beside the page.
+    pub(super) fn read_again(self: &Arc<Self>) -> Result<(), Refused> {
+        self.begin_reading(|_| Ok(()))?;
         let session = self.clone();
         std::thread::spawn(move || session.read_flights());
         Ok(())
@@ -41,18 +52,12 @@ impl Session {
 
     /// Flies the demonstration into a folder without flights, and reads it.
     pub(super) fn fly_demo(self: &Arc<Self>) -> Result<(), Refused> {
-        {
-            let mut state = self.lock();
-            state.has_no_job()?;
-            state.has_read()?;
-            if !state.files.is_empty() || self.folder.join(VEHICLE).exists() {
-                return Err(Refused(
-                    "the demonstration flies in an empty folder: start quadlab lab in one".into(),
-                ));
+        self.begin_reading(|state| {
+            if state.files.is_empty() && !self.folder.join(VEHICLE).exists() {
+                return Ok(());
             }
-            state.reading = true;
-        }
-        self.events.changed();
+            Err(Refused("the demonstration flies in an empty folder: start quadlab lab in one".into()))
+        })?;
         let session = self.clone();
         std::thread::spawn(move || {
             let telling = Telling { session: &session, kind: "reading", cancel: None };
@@ -92,8 +97,7 @@ impl Session {
             paths.par_iter().map(|path| FlightFile::read(path, &vehicle, Use::None, &telling)).collect();
         let mut state = self.lock();
         for (index, file) in files.iter_mut().filter(|file| file.is_usable()).enumerate() {
-            let automatic = if is_held_out(index) { Use::Validate } else { Use::Train };
-            file.used = state.chosen.get(&file.name).copied().unwrap_or(automatic);
+            file.used = state.use_of(&file.name, index);
         }
         (state.files, state.columns) = (files, columns);
         // As every command, which takes the vehicle of logs from them, and of flight files from a file of its own.

@@ -357,12 +357,17 @@ impl State {
         self.timelines.clear();
     }
 
+    /// What a file is used for, as the user chose, or by its place among those that can be used.
+    pub(super) fn use_of(&self, name: &str, index: usize) -> Use {
+        let automatic = if is_held_out(index) { Use::Validate } else { Use::Train };
+        self.chosen.get(name).copied().unwrap_or(automatic)
+    }
+
     /// Puts a file that was read anew in the place of what it was, and forgets what was made of that.
     pub(super) fn replace(&mut self, file: FlightFile) {
         let Some(place) = self.files.iter().position(|old| old.path == file.path) else { return };
         let index = self.files[..place].iter().filter(|file| file.is_usable()).count();
-        let automatic = if is_held_out(index) { Use::Validate } else { Use::Train };
-        let used = self.chosen.get(&file.name).copied().unwrap_or(automatic);
+        let used = self.use_of(&file.name, index);
         let old = std::mem::replace(&mut self.files[place], file);
         self.files[place].used = if old.is_usable() { old.used } else { used };
         let mut seen = std::mem::take(&mut self.seen);

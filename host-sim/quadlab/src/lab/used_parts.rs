@@ -38,15 +38,7 @@ struct Target {
 impl Session {
     /// Writes which parts of a flight are used, and reads the flight again. Where it cannot be used then, all stays as it was.
     pub(super) fn use_parts(&self, asked: &UsedParts) -> Result<(), Refused> {
-        let target = {
-            let mut state = self.lock();
-            state.has_no_job()?;
-            state.has_read()?;
-            let target = state.target(asked)?;
-            state.reading = true;
-            target
-        };
-        self.events.changed();
+        let target = self.begin_reading(|state| state.target(asked))?;
         // A bug in the reading must not leave a page that waits for ever.
         let done = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
             self.write_and_read(&target, asked.parts.as_deref())
