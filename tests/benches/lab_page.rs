@@ -68,6 +68,16 @@ fn drawn(browser: &Browser) -> Vec<[f64; 2]> {
     serde_json::from_value(entries).unwrap()
 }
 
+/// What the page has asked for so far, and when that began and ended, ms.
+fn answers(browser: &Browser) -> Vec<(String, [f64; 2])> {
+    let entries = browser.run(
+        "return performance.getEntriesByType('resource').filter(e => /api|plotly|main/.test(e.name))
+            .map(e => [new URL(e.name).pathname, [e.startTime, e.responseEnd]])",
+        Value::Null,
+    );
+    serde_json::from_value(entries).unwrap()
+}
+
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
@@ -94,12 +104,20 @@ fn main() {
     println!("a diagnosis starts in {:.0} ms", started.elapsed().as_secs_f64() * 1e3);
     visitor.post("/api/cancel", "{}").with_origin(&lab).send(&lab);
     wait(&lab, &visitor);
+    let [_, while_fitting] = lab.memory_kb();
 
+    // As who comes back to it: the folder is read, and then the page is opened.
+    drop(lab);
+    let lab = Lab::start(folder.path());
+    println!("read again, with a model, in {:.1} s", wait(&lab, &lab.visitor()).as_secs_f64());
     let mut browser = Browser::start("bench");
     browser.open(&lab.address);
     browser.wait_until("a plot", "return performance.getEntriesByName('time drawn').length > 0", Value::Null);
     let [start, took] = drawn(&browser)[0];
     println!("opened: first plot {:.0} ms after the address", start + took);
+    for (what, [start, end]) in answers(&browser) {
+        println!("  {what}: asked for after {start:.0} ms, there after {end:.0} ms");
+    }
     browser.settle();
     let (mut first, mut whole) = (Vec::new(), Vec::new());
     for zoom in 0..ZOOMS {
@@ -117,12 +135,13 @@ fn main() {
         median(first),
         median(whole)
     );
-    let [resident, highest] = lab.memory_kb();
+    let [_, while_looking] = lab.memory_kb();
+    let highest = while_fitting.max(while_looking);
     println!(
-        "memory of the server: {} MB with the flights, {} MB at the end, {} MB at most; {:.2} times the files",
+        "memory of the server: {} MB with the flights, {} MB at most while it fitted, {} MB while one looked; {:.2} times the files",
         held[0] >> 10,
-        resident >> 10,
-        highest >> 10,
+        while_fitting >> 10,
+        while_looking >> 10,
         highest as f64 * 1024.0 / bytes as f64
     );
 }

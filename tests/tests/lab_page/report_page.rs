@@ -224,7 +224,15 @@ fn a_figure_of_any_kind_is_read() {
         Style::Measured,
         many,
     ));
-    let section = Section::new("All kinds").figure(log, "").figure(bars, "").figure(long, "");
+    let clouds = [Style::Measured, Style::PredictedBefore, Style::PredictedAfter].into_iter().zip(1..).fold(
+        Figure::new("Clouds", Axis::new("speed", "m/s"), Axis::new("drag", "N")),
+        |figure, (style, slope)| {
+            let points = (0..=20).map(|k| (f64::from(k), f64::from(slope * k))).collect::<Vec<_>>();
+            figure.with(Series::points(format!("cloud {slope}"), style, points))
+        },
+    );
+    let section =
+        Section::new("All kinds").figure(log, "").figure(bars, "").figure(long, "").figure(clouds, "");
     let path = folder.path().join("kinds.html");
     Page::new("Kinds", "").section(section).write(&path).unwrap();
 
@@ -253,6 +261,16 @@ fn a_figure_of_any_kind_is_read() {
     browser.point_at(place(&browser, 2, 0, 0.5));
     browser.wait_for(".reading", "≈");
     browser.screenshot("thinned");
+
+    // Series of points differ by their shapes as well, near by too.
+    browser.drag(place(&browser, 3, 0, 0.2), place(&browser, 3, 0, 0.8));
+    let shapes = "const drawn = document.querySelectorAll('figure')[3].querySelector('.closer [clip-path]');
+        const joints = path => path.getAttribute('d').replace(/[^A-Z]/g, '');
+        return drawn ? [...new Set([...drawn.querySelectorAll('circle, path')].map(at =>
+            at.tagName === 'circle' ? 'disc' : joints(at)))] : []";
+    browser.wait_until("a zoom", &format!("return (() => {{ {shapes} }})().length > 0"), 0);
+    assert_eq!(browser.run(shapes, 0), json!(["disc", "MLHZ", "MLML"]));
+    browser.screenshot("clouds");
     browser.finish(&[]);
 }
 

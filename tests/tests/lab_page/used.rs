@@ -8,7 +8,7 @@ use flights::parts_to_use;
 use serde_json::{Value, json};
 
 use crate::browser::{Browser, missing};
-use crate::flights::small;
+use crate::flights::{real, small};
 use crate::page::{identify, opened, split};
 use crate::server::Lab;
 
@@ -250,5 +250,49 @@ fn a_fault_leads_to_its_place() {
     let whole = "const [from, to] = plot._fullLayout.xaxis.range;
         return !location.hash.includes('from=') && from < 1 && to > 22";
     wait_for_plot(&browser, "the whole flight", whole);
+    browser.finish(&[]);
+}
+
+/// A real log that holds two flights: each is looked at by itself, and has parts of its own.
+#[test]
+fn a_log_of_two_flights_is_two_flights_on_the_page() {
+    if missing() {
+        return;
+    }
+    let Some(folder) = real("logs", &["ardupilot_copter36_b"]) else { return };
+    let (lab, browser) = opened("two-flights", folder.path());
+    let log = "ardupilot_copter36_b.bin";
+    let names: Vec<String> = serde_json::from_value(flight(&lab, log)["flights"].clone()).unwrap();
+    let [first, second] = &names[..] else { panic!("{names:?}") };
+
+    // One is fitted on, the other judges.
+    identify(&browser);
+    let model = &lab.state()["models"][0];
+    assert_eq!((&model["fitted_on"], &model["judged_on"]), (&json!([first]), &json!([second])));
+    let used = flight(&lab, log)["used"].clone();
+    for (n, name) in names.iter().enumerate() {
+        browser.choose("#flight", name);
+        let [from, to]: [f64; 2] = serde_json::from_value(used[n]["parts"][0].clone()).unwrap();
+        let is_drawn = format!(
+            "const t = plot.data[0].x; return Math.abs(t[0] - {from}) < 1 && Math.abs(t[t.length - 1] - {to}) < 1"
+        );
+        wait_for_plot(&browser, name, &is_drawn);
+    }
+
+    // Part of the second, which is shown.
+    browser.choose("#drag", "use");
+    browser.run("location.hash += '&from=5&to=20'; return true", Value::Null);
+    browser.wait_for("#used", "Shown range, 5.00 to 20.00 s");
+    browser.click("#use-only");
+    browser.wait_for(&format!(".flight[data-name='{log}'] .parts"), &format!("Used of {second}: "));
+    let file = |name: &str| parts_to_use(&folder.path().join(name)).unwrap();
+    assert!(are_about(&file(second).expect("a file"), &[[5.0, 20.0]]), "{:?}", file(second));
+    assert_eq!(file(first), None);
+    let now = flight(&lab, log)["used"].clone();
+    assert_eq!((&now[0], &now[1]["chosen"], &now[1]["flown"]), (&used[0], &json!(true), &used[1]["flown"]));
+    // It is told by its rows, which do not come evenly.
+    let [[from, to]]: [[f64; 2]; 1] = serde_json::from_value(now[1]["parts"].clone()).unwrap();
+    assert!((from - 5.0).abs() < 0.1 && (to - 20.0).abs() < 0.1, "{from} to {to} s");
+    browser.screenshot("part");
     browser.finish(&[]);
 }

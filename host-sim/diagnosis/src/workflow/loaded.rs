@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use flights::{ColumnMap, Flight, FlightError, parts_to_use};
+use flights::{ColumnMap, Flight, FlightError, parts_file, parts_to_use};
 use model::{Effect, Model, Vehicle};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
@@ -88,6 +88,15 @@ impl<'a> Source<'a> {
         }
     }
 
+    /// Whether a file beside the flight says which parts of it to use.
+    pub(crate) fn has_chosen_parts(&self) -> bool {
+        match self {
+            Source::File(path) => parts_file(path).exists(),
+            Source::Cut(log, flight) => parts_file(&log.with_file_name(&flight.name)).exists(),
+            Source::Memory(_) => false,
+        }
+    }
+
     /// Where the flights of files are from: a flight file is one, a log of another program as many as were flown in it; `-` is
     /// standard input.
     pub(crate) fn of_files(
@@ -112,7 +121,7 @@ impl<'a> Source<'a> {
         Ok(all?.into_iter().flatten().collect())
     }
 
-    fn of_file(
+    pub(crate) fn of_file(
         path: &'a Path,
         vehicle: &Vehicle,
         observer: &dyn Observer,

@@ -1,6 +1,6 @@
 //! Flights to fit on and flights to judge by: two kinds that cannot be taken for each other.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use flights::Flight;
 use model::{Effect, Model, Vehicle};
@@ -202,6 +202,23 @@ impl FlightsOfOneKind {
         observer: &dyn Observer,
     ) -> Result<Self, WorkflowError> {
         Self::load(&Source::of_files(paths, vehicle, observer)?, vehicle, reading, observer)
+    }
+
+    /// Reads a file once for its flights as they are used, and for all that flies of those of which parts are chosen.
+    pub fn read_used_and_whole(
+        path: &Path,
+        vehicle: &Vehicle,
+        reading: Reading,
+        observer: &dyn Observer,
+    ) -> (Result<Self, WorkflowError>, Vec<LoadedFlight>) {
+        let mut sources = match Source::of_file(path, vehicle, observer) {
+            Ok(sources) => sources,
+            Err(why) => return (Err(why), Vec::new()),
+        };
+        let used = Self::load(&sources, vehicle, reading, observer);
+        sources.retain(Source::has_chosen_parts);
+        let whole = load_all(&sources, vehicle, Reading { whole: true, ..reading }, observer);
+        (used, whole.unwrap_or_default())
     }
 
     /// Takes flights that are already in memory.

@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use diagnosis::workflow::{FlightsOfOneKind, LoadedFlight, Observer, Reading};
-use flights::parts_file;
 use model::{Model, Vehicle};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -46,16 +45,8 @@ impl FlightFile {
     /// Reads and checks a file; faults that commands refuse are told, so that they can be looked at.
     pub(super) fn read(path: &Path, vehicle: &Vehicle, used: Use, observer: &dyn Observer) -> Self {
         let reading = Reading { accept_faults: true, ..Reading::default() };
-        let read = |reading| {
-            let read = FlightsOfOneKind::read(&[path.to_owned()], vehicle, reading, observer);
-            read.map(|all| all.flights).map_err(|error| error.to_string())
-        };
-        let flights = read(reading);
-        let mut whole = Vec::new();
-        if has_parts(path) {
-            whole = read(Reading { whole: true, ..reading }).unwrap_or_default();
-            whole.retain(|flight| parts_file(&flight.path).exists());
-        }
+        let (flights, whole) = FlightsOfOneKind::read_used_and_whole(path, vehicle, reading, observer);
+        let flights = flights.map(|all| all.flights).map_err(|error| error.to_string());
         let summary = summary(&flights, &whole, vehicle);
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         Self { path: path.to_owned(), name, used, flights: flights.into(), whole: whole.into(), summary }
@@ -78,17 +69,6 @@ impl FlightFile {
         entry["set"] = json!(if self.is_usable() { self.used } else { Use::None });
         entry
     }
-}
-
-/// Whether parts are chosen of a flight of this file; those of a log have its name and a number.
-fn has_parts(path: &Path) -> bool {
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let beside = path.parent().and_then(|folder| std::fs::read_dir(folder).ok());
-    beside.into_iter().flatten().flatten().any(|entry| {
-        let name = entry.file_name();
-        let name = name.to_string_lossy();
-        name.starts_with(&*stem) && name.ends_with(".use.toml")
-    })
 }
 
 fn summary(flights: &Result<Vec<LoadedFlight>, String>, whole: &[LoadedFlight], vehicle: &Vehicle) -> Value {

@@ -19,9 +19,11 @@ impl Session {
         let problem = self.try_read_flights().err().map(|error| format!("{error:#}"));
         {
             let mut state = self.lock();
-            (state.problem, state.reading) = (problem, false);
+            state.problem = problem;
             state.forget_seen();
         }
+        self.look_ahead();
+        self.lock().reading = false;
         self.events.changed();
     }
 

@@ -275,6 +275,21 @@ impl Session {
         Ok(seen)
     }
 
+    /// Holds the chosen model against the flight that a page shows first, so that both are there when it asks for them. What
+    /// goes wrong it hears when it asks.
+    pub(super) fn look_ahead(&self) {
+        let first = {
+            let state = self.lock();
+            let usable = || state.files.iter().filter(|file| file.is_usable());
+            let file = usable().find(|file| file.used == Use::Validate).or_else(|| usable().next());
+            let flight = file.and_then(|file| file.known().next());
+            state.current.zip(flight.map(|flight| flight.prepared.name.clone()))
+        };
+        if let Some((model, flight)) = first {
+            let _ = self.seen(model, &flight);
+        }
+    }
+
     /// Names of all flights that can be used, and whether any of them says where it was.
     pub(super) fn flight_names(&self) -> (Vec<String>, bool) {
         let state = self.lock();

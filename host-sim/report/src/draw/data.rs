@@ -15,7 +15,7 @@ use crate::axis::Scale;
 use crate::decimate;
 use crate::figure::{Figure, Kind, Mark, Series};
 use crate::number::unit;
-use crate::style::{Look, Style};
+use crate::style::{Look, Marker, Style};
 
 /// Parts of the axis, ten times magnified still one for each few pixels.
 const COLUMNS: f64 = 2048.0;
@@ -91,7 +91,15 @@ fn line(series: &Series, layout: &Layout, i: usize, columns: &mut Columns) -> Va
     };
     let half = if series.kind == Kind::Bars { series.half_bar_width() } else { 0.0 };
     let numbers = json!({ "kind": kind, "x": across, "y": upwards, "of": series.data.len(), "half": half });
-    named(&series.name, series.style, numbers)
+    let mut told = named(&series.name, series.style, numbers);
+    if series.kind == Kind::Points {
+        told["marker"] = json!(match series.style.look().marker {
+            Marker::Disc => "disc",
+            Marker::Triangle => "triangle",
+            Marker::Cross => "cross",
+        });
+    }
+    told
 }
 
 /// The samples of a series, thinned where they are very many. Not a number in y is a gap.

@@ -100,10 +100,24 @@ function shapesOf(line, at, range) {
     const known = Number.isFinite(ys[n]);
     const [x, y] = [units(at.x(xs[n])), units(at.y(ys[n]))];
     const lonely = known && !Number.isFinite(before) && !Number.isFinite(ys[n + 1] ?? NaN);
-    if (known && (kind === "points" || lonely)) dots.push(svg("circle", { cx: x, cy: y, r: kind === "points" && xs.length <= 300 ? 30 : 15, fill: colour }));
+    if (known && (kind === "points" || lonely)) dots.push(marker(line, Number(x), Number(y)));
     else if (known) path += Number.isFinite(before) ? `${kind === "step" ? `H${x}V${y}` : `L${x} ${y}`}` : `M${x} ${y}`;
     before = kind === "points" ? NaN : ys[n];
   }
   const drawn = svg("path", { d: path || "M0 0", fill: "none", stroke: colour, "stroke-width": stroke, "stroke-dasharray": dash });
   return path ? [drawn, ...dots] : dots;
+}
+
+/** A sample as the drawing marks it: series of points differ by their shapes too. @param {Line} line @param {number} x @param {number} y */
+function marker({ kind, xs, colour, marker }, x, y) {
+  const radius = kind === "points" && xs.length <= 300 ? 30 : 15;
+  if (marker === "triangle") {
+    const [side, foot] = [1.3 * radius, 0.75 * radius];
+    return svg("path", { d: `M${x} ${y - 1.5 * radius}L${x - side} ${y + foot}H${x + side}Z`, fill: colour });
+  }
+  if (marker === "cross") {
+    const [low, high] = [x - radius, x + radius];
+    return svg("path", { d: `M${low} ${y - radius}L${high} ${y + radius}M${low} ${y + radius}L${high} ${y - radius}`, stroke: colour, "stroke-width": 13 });
+  }
+  return svg("circle", { cx: x, cy: y, r: radius, fill: colour });
 }

@@ -5,7 +5,7 @@
 
 /** @typedef {{name: string, unit: string, log: boolean, low: number, high: number, power: number}} Axis */
 /** @typedef {{name: string, kind: "line"|"step"|"points"|"bars", colour: string, stroke: number, dash: string, x: number, y: number,
- *   of: number, half: number}} Told a line as the page has it: numbers of its columns, and how many samples there were */
+ *   of: number, half: number, marker?: "disc"|"triangle"|"cross"}} Told a line as the page has it: numbers of its columns, and how many samples there were */
 /** @typedef {Told & {xs: Float64Array, ys: Float64Array, rises: boolean}} Line */
 /** @typedef {{along: "x"|"y", band: boolean, name: string, colour: string, stroke: number, dash: string, from: number, to: number}} Mark */
 /** @typedef {{name: string, top: number, bottom: number, y: Axis, lines: Line[], marks: Mark[]}} Panel */
