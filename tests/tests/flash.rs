@@ -107,9 +107,13 @@ impl Machine {
     }
 
     fn flash(&self, more: &[&str]) -> Output {
+        self.flash_by(RUNNER, more)
+    }
+
+    fn flash_by(&self, runner: &str, more: &[&str]) -> Output {
         let destination = format!("{}@127.0.0.1:{}", self.user, self.port);
         let mut command = Command::new(program("xtask"));
-        command.args(["flash", "--com", &destination, "--runner", RUNNER, "--folder"]).arg(self.craft());
+        command.args(["flash", "--com", &destination, "--runner", runner, "--folder"]).arg(self.craft());
         command.arg("--ssh-config").arg(self.folder.path().join("ssh_config")).args(more);
         command.output().unwrap()
     }
@@ -232,11 +236,40 @@ fn a_craft_is_flashed_flown_flashed_again_and_rolled_back() {
     held.until(&bench, IDLE, "disarmed", |held| held.ground.state() == State::Disarmed);
     assert_eq!((machine.current(), machine.process()), (release.clone(), process));
 
-    // Other gains are another release.
+    // Armed after it was asked, while the files were checked there: the old release runs on.
     let mut law = patient_law();
     law.anti_windup = !law.anti_windup;
-    let gains = format!("{}\n[provenance]\nvehicle = 'F330 (thesis)'\n", toml::to_string(&law).unwrap());
-    fs::write(bench.path("gains.toml"), gains).unwrap();
+    bench.write_gains(&law);
+    let (checking, armed) = (bench.path("checking"), bench.path("armed"));
+    let runner = bench.path("runner");
+    let waits = format!(
+        "#!/bin/sh\ncase \"$*\" in *' check '*) touch {}; while [ ! -e {} ]; do sleep 0.05; done;; esac\nexec {RUNNER} \"$@\"\n",
+        checking.display(),
+        armed.display()
+    );
+    fs::write(&runner, waits).unwrap();
+    let runner = format!("sh {}", runner.display());
+    let refused = std::thread::scope(|scope| {
+        let flash =
+            scope.spawn(|| machine.flash_by(&runner, &["--config", config, "--program", &built]));
+        held.until(&bench, IDLE, "checking", |_| checking.exists());
+        held.ground.request(Request::Arm);
+        held.until(&bench, IDLE, "armed", |held| held.ground.state() == State::Armed);
+        fs::write(&armed, "").unwrap();
+        while !flash.is_finished() {
+            held.tick(&bench, IDLE);
+        }
+        flash.join().unwrap()
+    });
+    assert_eq!(refused.status.code(), Some(2));
+    let why = said(&refused);
+    assert!(why.contains("the craft is disarmed") && why.contains("no longer disarmed, so its program runs on"), "{why}");
+    assert_eq!((machine.current(), machine.process()), (release.clone(), process));
+    assert_eq!(held.ground.state(), State::Armed);
+    held.ground.request(Request::Disarm);
+    held.until(&bench, IDLE, "disarmed", |held| held.ground.state() == State::Disarmed);
+
+    // Other gains are another release.
     let second = succeeded(&machine.flash(&["--config", config, "--program", &built]));
     assert!(second.contains("the craft is disarmed"), "{second}");
     let hash = |said: &str| said.split("vehicle hash ").nth(1).unwrap()[..64].to_owned();

@@ -9,8 +9,8 @@
 //! ```
 //!
 //! Order: build; ask the craft what it is doing (its own program asks, over its link) and leave it alone unless it is
-//! disarmed; copy; compare SHA-256; let the new program check its files there; stop, switch, start; ask again, and go back to
-//! the release before if another answers than was flashed.
+//! disarmed; copy; compare SHA-256; let the new program check its files there; ask once more, there, and stop it in the same
+//! moment; switch, start; ask again, and go back to the release before if another answers than was flashed.
 //!
 //! Absent: keys. A key is put on the craft once, by hand, mode 0600; its configuration names it.
 
@@ -42,6 +42,14 @@ pub(crate) struct Flash {
 
 const SERVICE: &str = "quadlab-com";
 
+/// What to do with a program that runs and does not say whether it is armed.
+#[derive(Clone, Copy)]
+enum IfSilent {
+    Refuse,
+    /// One that has just been started, and has never answered.
+    Stop,
+}
+
 impl Flash {
     /// The steps, in words.
     fn steps(&self) -> Vec<String> {
@@ -51,7 +59,8 @@ impl Flash {
             "ask the craft over its link what it is doing ({folder}/current/com who); go on only if it is disarmed, or nothing runs there"
         );
         let start = format!(
-            "stop what runs, switch {folder}/current by renaming, start it: systemd unit {SERVICE}, or directly where there is no systemd"
+            "ask once more, there, and stop what runs if it is still disarmed; switch {folder}/current by renaming, start it: systemd unit \
+             {SERVICE}, or directly where there is no systemd"
         );
         let answer = "ask again; version and vehicle hash have to be those of this release".to_owned();
         if self.rollback {
@@ -106,6 +115,7 @@ impl Flash {
         self.copy(&release)?;
         self.check_there(&release)?;
         let expected = self.identity(&format!("releases/{}", release.id))?;
+        self.stop(IfSilent::Refuse)?;
         self.switch_to(&format!("releases/{}", release.id))?;
         if let Err(why) = self.start().and_then(|()| self.answers_as(&expected)) {
             print!("{}", self.last_words()?);
@@ -240,9 +250,19 @@ impl Flash {
         Ok(())
     }
 
-    /// Stops what runs and starts `current`.
+    /// Stops what runs, unless it is armed: copying takes a while, and the craft may be about to fly by now.
+    fn stop(&self, silent: IfSilent) -> Result<()> {
+        let policy = match silent {
+            IfSilent::Refuse => "refuse",
+            IfSilent::Stop => "stop",
+        };
+        self.must(&format!("{}\nleave_armed_alone {policy}\nstop", self.functions()), None)?;
+        Ok(())
+    }
+
+    /// Starts `current`.
     fn start(&self) -> Result<()> {
-        let said = self.must(&format!("{}\nrestart", self.functions()), None)?;
+        let said = self.must(&format!("{}\nstart", self.functions()), None)?;
         print!("{said}");
         Ok(())
     }
@@ -285,6 +305,7 @@ impl Flash {
     /// To the release before, because the new one does not work. That one stays `previous` too: what failed is not to be come back to.
     fn go_back(&self) -> Result<()> {
         let previous = self.previous()?;
+        self.stop(IfSilent::Stop)?;
         self.must(
             &format!("cd {} && ln -sfn {previous} current.new && mv -T current.new current", self.folder),
             None,
@@ -296,6 +317,7 @@ impl Flash {
     fn roll_back(&self) -> Result<ExitCode> {
         let previous = self.previous()?;
         self.leave_alone_unless_disarmed()?;
+        self.stop(IfSilent::Refuse)?;
         self.switch_to(&previous)?;
         self.start()?;
         self.answers_as(&self.identity("current")?)?;
@@ -303,16 +325,29 @@ impl Flash {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// Shell functions `running` and `restart`, with systemd or without.
+    /// Shell functions `running`, `leave_armed_alone`, `stop` and `start`, with systemd or without.
     fn functions(&self) -> String {
         let Self { folder, runner, .. } = self;
         let unit = self.unit();
         let command = format!("{runner} {folder}/current/{PROGRAM} run {folder}/current/{CONFIG}");
+        let ask = format!("{} --wait 2", self.com("current", "who --config", CONFIG));
         format!(
             "systemd() {{ [ -d /run/systemd/system ]; }}
              pid() {{ cat {folder}/com.pid 2>/dev/null; }}
              direct() {{ p=$(pid) && [ -n \"$p\" ] && tr '\\0' ' ' < /proc/$p/cmdline 2>/dev/null | grep -q '{folder}/current/{PROGRAM} run'; }}
              running() {{ direct || {{ systemd && systemctl --quiet is-active {SERVICE}; }}; }}
+             leave_armed_alone() {{
+               running || return 0
+               if ! answer=$({ask}); then
+                 [ $1 = refuse ] || return 0
+                 echo 'the program there no longer answers on its link, so nobody knows whether it flies; it runs on' >&2
+                 return 1
+               fi
+               case $answer in
+                 *'\"state\":\"disarmed\"'*) ;;
+                 *) echo \"the craft is no longer disarmed, so its program runs on: disarm it and flash again; it says $answer\" >&2; return 1 ;;
+               esac
+             }}
              stop() {{
                if direct; then
                  kill -TERM $(pid)
@@ -321,8 +356,7 @@ impl Flash {
                fi
                if systemd && systemctl --quiet is-active {SERVICE}; then systemctl stop {SERVICE}; fi
              }}
-             restart() {{
-               stop || return 1
+             start() {{
                if systemd; then
                  cat > /etc/systemd/system/{SERVICE}.service.new <<'UNIT'
 {unit}UNIT

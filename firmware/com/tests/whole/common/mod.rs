@@ -51,8 +51,6 @@ impl Bench {
                 fs::write(channel.join(name), format!("{value}\n")).unwrap();
             }
         }
-        let gains = format!("{}\n[provenance]\nvehicle = 'F330 (thesis)'\n", toml::to_string(law).unwrap());
-        fs::write(at.join("gains.toml"), gains).unwrap();
         let vehicle =
             "name = 'F330 (thesis)'\n[motors]\ncommand_unit = 'us'\ncommand_range = [1000.0, 2000.0]\n";
         fs::write(at.join("vehicle.toml"), vehicle).unwrap();
@@ -63,7 +61,14 @@ impl Bench {
              outputs = ['pwmchip0/0', 'pwmchip0/1', 'pwmchip0/2', 'pwmchip0/3']\n{more}\n"
         );
         fs::write(at.join("com.toml"), config).unwrap();
-        Self { folder, board, _line: line }
+        let bench = Self { folder, board, _line: line };
+        bench.write_gains(law);
+        bench
+    }
+
+    pub(crate) fn write_gains(&self, law: &Config) {
+        let gains = format!("{}\n[provenance]\nvehicle = 'F330 (thesis)'\n", toml::to_string(law).unwrap());
+        fs::write(self.path("gains.toml"), gains).unwrap();
     }
 
     pub(crate) fn path(&self, name: &str) -> PathBuf {
