@@ -250,8 +250,7 @@ fn a_craft_is_flashed_flown_flashed_again_and_rolled_back() {
     fs::write(&runner, waits).unwrap();
     let runner = format!("sh {}", runner.display());
     let refused = std::thread::scope(|scope| {
-        let flash =
-            scope.spawn(|| machine.flash_by(&runner, &["--config", config, "--program", &built]));
+        let flash = scope.spawn(|| machine.flash_by(&runner, &["--config", config, "--program", &built]));
         held.until(&bench, IDLE, "checking", |_| checking.exists());
         held.ground.request(Request::Arm);
         held.until(&bench, IDLE, "armed", |held| held.ground.state() == State::Armed);
@@ -263,7 +262,10 @@ fn a_craft_is_flashed_flown_flashed_again_and_rolled_back() {
     });
     assert_eq!(refused.status.code(), Some(2));
     let why = said(&refused);
-    assert!(why.contains("the craft is disarmed") && why.contains("no longer disarmed, so its program runs on"), "{why}");
+    assert!(
+        why.contains("the craft is disarmed") && why.contains("no longer disarmed, so its program runs on"),
+        "{why}"
+    );
     assert_eq!((machine.current(), machine.process()), (release.clone(), process));
     assert_eq!(held.ground.state(), State::Armed);
     held.ground.request(Request::Disarm);

@@ -179,7 +179,32 @@ fn flown(folder: &Path, seed: u64) -> PathBuf {
     drop(day);
     let finished = finish(&name).unwrap();
     let [flight] = &finished.flights[..] else { panic!("seed {seed}: {finished:?}") };
+    assert_messages_fit_their_schemas(&finished.mcap);
     flight.clone()
+}
+
+/// Every message of a recording is what the schema in the same file says, and those for Foxglove's 3-D panel are there.
+fn assert_messages_fit_their_schemas(recording: &Path) {
+    let bytes = std::fs::read(recording).unwrap();
+    let (mut validators, mut counts) = (BTreeMap::new(), BTreeMap::<String, u32>::new());
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        let message = message.unwrap();
+        let validator = validators.entry(message.channel.id).or_insert_with(|| {
+            let schema = message.channel.schema.as_ref().expect("a schema");
+            let schema: serde_json::Value = serde_json::from_slice(&schema.data).unwrap();
+            jsonschema::validator_for(&schema).unwrap()
+        });
+        let value = serde_json::from_slice(&message.data).unwrap();
+        if let Err(why) = validator.validate(&value) {
+            panic!("{}: {why}: {value}", message.channel.topic);
+        }
+        *counts.entry(message.channel.topic.clone()).or_default() += 1;
+    }
+    println!("{}: {counts:?}", recording.display());
+    assert!(
+        counts["/telemetry"] > 1000 && counts["/tf"] == counts["/pose"] && counts["/track"] > 20,
+        "{counts:?}"
+    );
 }
 
 #[test]

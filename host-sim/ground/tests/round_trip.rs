@@ -42,7 +42,8 @@ fn telemetry(tick: u32, rng: &mut impl Rng) -> Telemetry {
         tracked_rates_rad_s: [any(5.0), any(5.0), any(5.0)],
         imu: (tick % 40 != 5).then_some(imu),
         thrust: any(9.0),
-        torque: [any(1.0), any(1.0), any(1.0)],
+        // A list with a number that is none, and one of none.
+        torque: [any(1.0), if tick % 30 == 3 { f32::NAN } else { any(1.0) }, any(1.0)],
         pwm: [1500.0 + any(400.0), 1500.0 + any(400.0), 1500.0 + any(400.0), 1500.0 + any(400.0)],
         refused: Refusal::default(),
         battery_v: if tick % 50 == 7 { f32::NAN } else { 11.1 + any(1.0) },

@@ -27,7 +27,7 @@ mod vehicle;
 
 pub use clocks::ClockPair;
 pub use conversion::{Cause, Cut, Part, convert};
-pub use decode::{decode, telemetry_from_json};
+pub use decode::{LEFT_OUT, decode, telemetry_from_json};
 pub use error::LogError;
 pub use format::Format;
 pub use import::{

@@ -1,8 +1,10 @@
 //! What is recorded, and its JSON.
 
-use proto::{Answer, Command, Gains, Identity, Request, Telemetry, TimedPose};
+use proto::{Answer, Command, Gains, Identity, Pose, Request, Telemetry, TimedPose};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
+
+use super::{nulls, scene};
 
 /// What is known of the link, for the log.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -60,10 +62,12 @@ pub enum Entry<'a> {
     Answer(&'a Answer),
     Link(&'a LinkRecord),
     Log(Level, &'a str),
+    Transform(&'a Pose),
+    Track(&'a [Pose]),
 }
 
 /// Topic and schema name of each entry, in the order of the channels.
-pub(super) const TOPICS: [(&str, &str); 9] = [
+pub(super) const TOPICS: [(&str, &str); 11] = [
     ("/telemetry", "quadlab.Telemetry"),
     ("/pose", "quadlab.TimedPose"),
     ("/command", "quadlab.Command"),
@@ -73,6 +77,8 @@ pub(super) const TOPICS: [(&str, &str); 9] = [
     ("/answer", "quadlab.Answer"),
     ("/link", "quadlab.Link"),
     ("/log", "foxglove.Log"),
+    ("/tf", "foxglove.FrameTransform"),
+    ("/track", "foxglove.PosesInFrame"),
 ];
 
 impl Entry<'_> {
@@ -87,15 +93,15 @@ impl Entry<'_> {
             Self::Answer(_) => 6,
             Self::Link(_) => 7,
             Self::Log(..) => 8,
+            Self::Transform(_) => 9,
+            Self::Track(_) => 10,
         }
     }
 
-    /// Its JSON, numbers with the fewest digits that give them back. Serialising plain data does
-    /// not fail.
+    /// Its JSON, numbers with the fewest digits that give them back.
     pub(super) fn json(&self, log_ns: u64) -> String {
-        fn of(value: &impl Serialize) -> String {
-            serde_json::to_string(value).unwrap_or_else(|_| "{}".into())
-        }
+        use nulls::without_nulls as of;
+        let timestamp = json!({ "sec": log_ns / 1_000_000_000, "nsec": log_ns % 1_000_000_000 });
         match self {
             Self::Telemetry(telemetry) => of(telemetry),
             Self::Pose(pose) => of(pose),
@@ -106,13 +112,15 @@ impl Entry<'_> {
             Self::Answer(answer) => of(answer),
             Self::Link(link) => of(link),
             Self::Log(level, message) => of(&json!({
-                "timestamp": { "sec": log_ns / 1_000_000_000, "nsec": log_ns % 1_000_000_000 },
+                "timestamp": timestamp,
                 "level": level.number(),
                 "message": message,
                 "name": "ground",
                 "file": "",
                 "line": 0,
             })),
+            Self::Transform(pose) => of(&scene::transform(pose, &timestamp)),
+            Self::Track(poses) => of(&scene::track(poses, &timestamp)),
         }
     }
 }

@@ -151,9 +151,8 @@ mod tests {
             );
             let schema: Value = serde_json::from_slice(&schema.data).unwrap();
             let value: Value = serde_json::from_slice(&message.data).unwrap();
-            let fields: Vec<_> = value.as_object().unwrap().keys().collect();
-            let known: Vec<_> = schema["properties"].as_object().unwrap().keys().collect();
-            assert_eq!(fields, known);
+            let known = schema["properties"].as_object().unwrap();
+            assert!(value.as_object().unwrap().keys().all(|field| known.contains_key(field)), "{value}");
             assert_eq!(value["battery_v"].as_f64().unwrap_or(0.1), 0.1, "not 0.10000000149011612");
             assert_eq!(schema["type"], "object", "viewers ask for an object");
         }
@@ -180,15 +179,6 @@ mod tests {
             assert_eq!(finish(&name).unwrap().messages, expected as u64, "cut at {length}");
         }
         assert_eq!(ticks_in(recorder.path()), (0..30).collect::<Vec<_>>());
-    }
-
-    #[test]
-    fn numbers_that_are_none_are_null_and_read_back_as_missing() {
-        let mut told = telemetry(0);
-        told.tracked.position_m[1] = f32::NAN;
-        let value: Value = serde_json::from_str(&Entry::Telemetry(&told).json(0)).unwrap();
-        assert_eq!(value["tracked"]["position_m"][1], Value::Null);
-        assert_eq!(value["supervision"]["state"], "Disarmed");
     }
 
     #[test]

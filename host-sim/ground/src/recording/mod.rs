@@ -16,16 +16,19 @@
 //! | `/identity`, `/answer` | from the craft |
 //! | `/link` | delay, skew and losses, four times a second |
 //! | `/log` | what people were told (`foxglove.Log`) |
+//! | `/tf`, `/track` | where the craft is, and its way in the last minute, for Foxglove's 3-D panel (`foxglove.FrameTransform`, `foxglove.PosesInFrame`) |
 //!
 //! Times are nanoseconds of the machine's wall clock at the start plus the ground's clock since. A
-//! missing number (a pose before the first) is `null`. Deliberately absent: compression
+//! missing number (a pose before the first) is a field that is not there. Deliberately absent: compression
 //! (`mcap compress` does it).
 
 mod entry;
 mod error;
 mod finish;
 mod log;
+mod nulls;
 mod recorder;
+mod scene;
 mod schema;
 
 pub use entry::{Entry, Level, LinkRecord};

@@ -7,10 +7,12 @@ use std::path::{Path, PathBuf};
 
 use mcap::records::MessageHeader;
 use mcap::{WriteOptions, Writer};
+use proto::Pose;
 
 use super::entry::{Entry, Level, TOPICS};
 use super::error::{RecordError, mcap_error};
 use super::log::begin_mcap;
+use super::scene::{Trail, is_known};
 
 /// A recording in progress.
 pub struct Recorder {
@@ -18,6 +20,7 @@ pub struct Recorder {
     writer: Writer<BufWriter<File>>,
     channels: Vec<u16>,
     sequences: [u32; TOPICS.len()],
+    trail: Trail,
     /// Wall clock at the ground's time zero, ns since 1970.
     epoch_ns: u64,
 }
@@ -65,8 +68,14 @@ impl Recorder {
         let (mut writer, channels) =
             begin_mcap(BufWriter::new(file), WriteOptions::new().use_chunks(false)).map_err(refuse)?;
         writer.flush().map_err(refuse)?;
-        let mut recorder =
-            Self { path: path.clone(), writer, channels, sequences: [0; TOPICS.len()], epoch_ns };
+        let mut recorder = Self {
+            path: path.clone(),
+            writer,
+            channels,
+            sequences: [0; TOPICS.len()],
+            trail: Trail::default(),
+            epoch_ns,
+        };
         if !about.is_empty() {
             let words: Vec<String> = about.iter().map(|(name, value)| format!("{name} {value}")).collect();
             recorder.write(0, &Entry::Log(Level::Info, &words.join(", ")))?;
@@ -80,6 +89,23 @@ impl Recorder {
     /// # Errors
     /// A disk that is full or gone.
     pub fn write(&mut self, now_us: u64, entry: &Entry<'_>) -> Result<(), RecordError> {
+        self.put(now_us, entry)?;
+        match entry {
+            Entry::Pose(timed) if is_known(&timed.pose) => self.show(now_us, timed.pose),
+            _ => Ok(()),
+        }
+    }
+
+    /// Where the craft is, for those who look at it in space.
+    fn show(&mut self, now_us: u64, pose: Pose) -> Result<(), RecordError> {
+        self.put(now_us, &Entry::Transform(&pose))?;
+        let mut trail = std::mem::take(&mut self.trail);
+        let shown = trail.push(now_us, pose).map_or(Ok(()), |track| self.put(now_us, &Entry::Track(track)));
+        self.trail = trail;
+        shown
+    }
+
+    fn put(&mut self, now_us: u64, entry: &Entry<'_>) -> Result<(), RecordError> {
         let channel = entry.channel();
         let log_time = self.epoch_ns.saturating_add(now_us.saturating_mul(1000));
         let header = MessageHeader {

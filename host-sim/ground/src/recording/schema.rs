@@ -1,5 +1,6 @@
 //! JSON schemas of the messages, drawn from a message of each topic.
 
+use logs::LEFT_OUT;
 use proto::{
     Answer, Command, Counters, Gains, Identity, ImuSample, Loop, Mode, Pose, Refusal, Request, State,
     Supervision, Telemetry, TimedPose,
@@ -36,7 +37,7 @@ fn sample_telemetry(pose: Pose) -> Telemetry {
 }
 
 /// A message of each topic with every field in it, to draw the schemas from.
-pub(super) fn samples() -> [Value; 9] {
+pub(super) fn samples() -> [Value; 11] {
     let pose = Pose { position_m: [0.5; 3], attitude_rad: [0.5; 3] };
     let telemetry = sample_telemetry(pose);
     let command = Command {
@@ -75,11 +76,14 @@ pub(super) fn samples() -> [Value; 9] {
         Entry::Answer(&Answer { to: 0, done: true, preflight: 0 }),
         Entry::Link(&link),
         Entry::Log(Level::Info, "words"),
+        Entry::Transform(&pose),
+        Entry::Track(&[pose]),
     ]
     .map(|entry| serde_json::from_str(&entry.json(0)).unwrap_or_default())
 }
 
-/// The JSON schema of values like this one. Every number may be `null`: JSON has no NaN.
+/// The JSON schema of messages like this one, in the words that Foxglove reads: no choice of kinds, and each list of one kind. No field
+/// is required, since what is missing is left out (`nulls.rs`).
 pub(super) fn schema(title: &str, sample: &Value) -> Value {
     fn kind(value: &Value) -> Value {
         match value {
@@ -99,6 +103,9 @@ pub(super) fn schema(title: &str, sample: &Value) -> Value {
         }
     }
     let mut schema = kind(sample);
+    if title.starts_with("quadlab.") {
+        schema["properties"][LEFT_OUT] = json!({ "type": "string" });
+    }
     if let Value::Object(fields) = &mut schema {
         fields.insert("title".into(), title.into());
         fields.insert("$schema".into(), "https://json-schema.org/draft/2020-12/schema".into());
@@ -108,6 +115,7 @@ pub(super) fn schema(title: &str, sample: &Value) -> Value {
 
 #[cfg(test)]
 mod tests {
+    use super::super::entry::TOPICS;
     use super::*;
 
     #[test]
@@ -127,6 +135,51 @@ mod tests {
         );
         assert_eq!(schema["properties"]["imu"]["properties"]["gyro"]["items"]["type"], "number");
         assert_eq!((kind("nothing"), kind("empty")), (Value::Null, json!("array")));
+    }
+
+    /// Foxglove's reader of schemas (packages/mcap-support/src/parseJsonSchema.ts of foxglove/studio) knows these kinds only, and
+    /// does not show a topic of any other.
+    #[test]
+    fn foxglove_can_read_every_schema() {
+        fn is_read(schema: &Value) -> bool {
+            match schema["type"].as_str() {
+                Some("boolean" | "string" | "number" | "integer") => true,
+                Some("object") => schema["properties"].as_object().unwrap().values().all(is_read),
+                Some("array") => schema["items"]["type"] != "array" && is_read(&schema["items"]),
+                _ => false,
+            }
+        }
+        for ((_, name), sample) in TOPICS.iter().zip(samples()) {
+            let schema = schema(name, &sample);
+            assert!(schema["type"] == "object" && is_read(&schema), "{schema}");
+        }
+    }
+
+    /// Fields of Foxglove's own definitions (github.com/foxglove/schemas, schemas/jsonschema).
+    #[test]
+    fn foxgloves_messages_have_foxgloves_fields() {
+        let xyz = ["x", "y", "z"];
+        let fields = |value: &Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+        for ((_, name), sample) in TOPICS.iter().zip(samples()) {
+            let expected: &[&str] = match *name {
+                "foxglove.Log" => &["file", "level", "line", "message", "name", "timestamp"],
+                "foxglove.FrameTransform" => {
+                    assert_eq!(fields(&sample["translation"]), xyz);
+                    assert_eq!(fields(&sample["rotation"]), ["w", "x", "y", "z"]);
+                    &["child_frame_id", "parent_frame_id", "rotation", "timestamp", "translation"]
+                }
+                "foxglove.PosesInFrame" => {
+                    let pose = &sample["poses"][0];
+                    assert_eq!(fields(pose), ["orientation", "position"]);
+                    assert_eq!(fields(&pose["position"]), xyz);
+                    assert_eq!(fields(&pose["orientation"]), ["w", "x", "y", "z"]);
+                    &["frame_id", "poses", "timestamp"]
+                }
+                _ => continue,
+            };
+            assert_eq!(fields(&sample), expected, "{name}");
+            assert_eq!(fields(&sample["timestamp"]), ["nsec", "sec"]);
+        }
     }
 
     #[test]

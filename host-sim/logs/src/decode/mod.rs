@@ -22,7 +22,7 @@ use crate::format::Format;
 use crate::log::Log;
 use crate::progress::{Decoding, UNWATCHED, Watch};
 
-pub use telemetry::telemetry_from_json;
+pub use telemetry::{LEFT_OUT, telemetry_from_json};
 
 pub(crate) use csv::decode as decode_text;
 

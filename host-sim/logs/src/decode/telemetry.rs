@@ -1,19 +1,39 @@
 //! Telemetry in quadlab's own recordings: JSON of the type that the craft sends.
 //!
-//! JSON has no NaN: the recorder writes `null`, and `null` where a number is due is NaN again here.
+//! JSON has no NaN: a field that is not there is NaN again here where a number is due, and so is `null`, which recordings of before had.
+//! Lists with such numbers stand as text in [`LEFT_OUT`].
 
 use proto::Telemetry;
 use serde::de::value::{MapDeserializer, SeqDeserializer, StrDeserializer};
 use serde::de::{Deserialize as _, Deserializer, IntoDeserializer, Visitor};
 use serde_json::{Error, Value};
 
+/// Field of a message that holds, as the text of a JSON object, the lists in which a number was none.
+pub const LEFT_OUT: &str = "left_out";
+
 /// A message of the topic `/telemetry`; nothing where it is none.
 pub fn telemetry_from_json(message: &[u8]) -> Option<Telemetry> {
-    let value: Value = serde_json::from_slice(message).ok()?;
+    let mut value: Value = serde_json::from_slice(message).ok()?;
+    let left_out =
+        value.get(LEFT_OUT).and_then(Value::as_str).and_then(|text| serde_json::from_str(text).ok());
+    if let Some(left_out) = left_out {
+        put_back(&mut value, left_out);
+    }
     Telemetry::deserialize(NullIsNan(&value)).ok()
 }
 
-/// JSON in which a number may be `null`.
+fn put_back(value: &mut Value, left_out: Value) {
+    match (value, left_out) {
+        (Value::Object(fields), Value::Object(left_out)) => {
+            for (name, inner) in left_out {
+                put_back(fields.entry(name).or_insert(Value::Null), inner);
+            }
+        }
+        (value, left_out) => *value = left_out,
+    }
+}
+
+/// JSON in which a number may be `null` or missing.
 #[derive(Clone, Copy)]
 struct NullIsNan<'a>(&'a Value);
 
@@ -47,6 +67,26 @@ impl<'de> Deserializer<'de> for NullIsNan<'de> {
         if self.0.is_null() { visitor.visit_none() } else { visitor.visit_some(self) }
     }
 
+    /// All fields that it should have; `null` for those that it has not.
+    fn deserialize_struct<V: Visitor<'de>>(
+        self,
+        _: &'static str,
+        names: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, Error> {
+        let Value::Object(fields) = self.0 else { return self.deserialize_any(visitor) };
+        let field = |name: &&'static str| (*name, NullIsNan(fields.get(*name).unwrap_or(&Value::Null)));
+        visitor.visit_map(MapDeserializer::new(names.iter().map(field)))
+    }
+
+    /// A list of fixed length that is missing has as many numbers that are none.
+    fn deserialize_tuple<V: Visitor<'de>>(self, length: usize, visitor: V) -> Result<V::Value, Error> {
+        if !self.0.is_null() {
+            return self.deserialize_any(visitor);
+        }
+        visitor.visit_seq(SeqDeserializer::new(std::iter::repeat_n(NullIsNan(&Value::Null), length)))
+    }
+
     /// Variants without content, as their names.
     fn deserialize_enum<V: Visitor<'de>>(
         self,
@@ -60,7 +100,7 @@ impl<'de> Deserializer<'de> for NullIsNan<'de> {
 
     serde::forward_to_deserialize_any! {
         bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f64 char str string bytes byte_buf unit unit_struct
-        newtype_struct seq tuple tuple_struct map struct identifier ignored_any
+        newtype_struct seq tuple_struct map identifier ignored_any
     }
 }
 
