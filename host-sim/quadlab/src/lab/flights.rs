@@ -48,7 +48,7 @@ impl FlightFile {
         let reading = Reading { accept_faults: true, ..Reading::default() };
         let read = |reading| {
             let read = FlightsOfOneKind::read(&[path.to_owned()], vehicle, reading, observer);
-            read.map(|all| all.flights).map_err(|error| error.to_string())
+            read.map(|all| all.flights).map_err(|error| report::error_line(&error.to_string()))
         };
         let flights = read(reading);
         let mut whole = Vec::new();
@@ -146,7 +146,7 @@ fn faults(flight: &LoadedFlight) -> impl Iterator<Item = Value> {
         json!({
             "flight": flight.prepared.name,
             "severity": fault.severity,
-            "sentence": fault.sentence,
+            "sentence": report::plain_line(&fault.sentence),
             "places": fault.places_s,
         })
     })
