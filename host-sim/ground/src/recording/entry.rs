@@ -62,6 +62,9 @@ pub enum Entry<'a> {
     Log(Level, &'a str),
 }
 
+/// Longest line for people that is recorded, characters: far below the longest record, whatever JSON makes of each.
+const MOST_WORDS: usize = 20_000;
+
 /// Topic and schema name of each entry, in the order of the channels.
 pub(super) const TOPICS: [(&str, &str); 9] = [
     ("/telemetry", "quadlab.Telemetry"),
@@ -108,7 +111,7 @@ impl Entry<'_> {
             Self::Log(level, message) => of(&json!({
                 "timestamp": { "sec": log_ns / 1_000_000_000, "nsec": log_ns % 1_000_000_000 },
                 "level": level.number(),
-                "message": message,
+                "message": message.chars().take(MOST_WORDS).collect::<String>(),
                 "name": "ground",
                 "file": "",
                 "line": 0,
