@@ -359,7 +359,7 @@ mod tests {
         let open = finished_of(&folder.path().join("open"), &damaged);
         let told = told(&open);
         assert_eq!((&*told["complete"], &*told["lost_messages"], &*told["closed"]), ("no", "2", "no"));
-        assert!(told["missing"].contains(" bytes are damaged in 1 places"), "{told:?}");
+        assert!(told["missing"].contains("; messages lost there: 2"), "{told:?}");
     }
 
     #[test]

@@ -86,10 +86,12 @@ impl Completeness {
     pub fn missing(&self) -> Option<String> {
         let mut said = Vec::new();
         if let Some(first) = self.first_damage {
-            said.push(format!(
-                "{} bytes are damaged in {} places, the first at byte {first}, and {} messages are lost there",
-                self.damaged_bytes, self.damaged_places, self.lost_messages
-            ));
+            let places = match self.damaged_places {
+                1 => format!("from byte {first} on"),
+                places => format!("in {places} places, the first at byte {first}"),
+            };
+            let (bytes, lost) = (self.damaged_bytes, self.lost_messages);
+            said.push(format!("{bytes} bytes are damaged {places}; messages lost there: {lost}"));
         }
         if !self.closed {
             let cut = match self.tail_bytes {
