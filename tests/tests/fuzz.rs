@@ -94,8 +94,9 @@ fuzzed! {
 /// Ten megabytes of a table take hundreds in memory: files of people end far below. The longest that are read are lists of numbers.
 #[test]
 fn long_files_cost_no_more_than_short_ones_did() {
+    type Read = fn(&str, &[u8]) -> Outcome;
     let list = |bytes: usize| format!("mass = [{}]\n", "1,".repeat(bytes / 2 - 20)).into_bytes();
-    let readers: [(&str, fn(&str, &[u8]) -> Outcome); 4] = [
+    let readers: [(&str, Read); 4] = [
         ("vehicle.toml", |_, bytes| outcome(texts::vehicle(bytes))),
         ("model.toml", |_, bytes| outcome(texts::model(bytes))),
         ("gains.toml", |_, bytes| outcome(texts::gains(bytes))),
@@ -153,7 +154,7 @@ fn imu_frames() -> Vec<u8> {
     let frame = |sequence: u16| {
         let sample = ImuSample {
             gyro_rad_s: [0.5, -1.0, 2.0],
-            attitude_rad: (sequence % 2 == 0).then_some([0.1, -0.2, 3.0]),
+            attitude_rad: sequence.is_multiple_of(2).then_some([0.1, -0.2, 3.0]),
             acceleration_m_s2: Some([0.1, 0.2, -9.8]),
         };
         ImuFrame {
