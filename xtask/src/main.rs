@@ -16,8 +16,10 @@ mod checks;
 mod flash;
 mod known;
 mod levels;
+mod nightly;
 mod setup;
 mod source;
+mod step;
 mod test;
 
 use std::ffi::OsString;

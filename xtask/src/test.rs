@@ -3,17 +3,19 @@
 //! The order is from quick and common to slow and rare. A step that cannot run is skipped aloud; in
 //! continuous integration (`CI=true`) that is a failure, since nobody would read it.
 
-use std::process::{Command, ExitCode};
+use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
 
-use crate::base::process::{cargo, filtered, in_continuous_integration, output_of, shown, succeeds};
-use crate::base::tally::{self, LibtestReader, SKIP_MARK, Tally};
-use crate::base::tools::{CLIPPY, GIT, MDBOOK, NEXTEST, RUSTFMT, TYPESCRIPT, Tool};
+use crate::base::process::{cargo, in_continuous_integration, output_of, shown, succeeds};
+use crate::base::tally::{self, SKIP_MARK, Tally};
+use crate::base::tools::{CLIPPY, GIT, MDBOOK, NEXTEST, RUSTFMT, TYPESCRIPT};
 use crate::base::workspace::{self, Workspace};
 use crate::checks::known::Kind;
 use crate::checks::{arrows, dependencies, licences, scripts, structure, tidy};
+use crate::nightly::PARTS;
+use crate::step::{Outcome, Step, agreeing, command_holds, harness, listed, missing, one};
 use crate::{arm, book};
 
 /// Options of the command.
@@ -22,49 +24,69 @@ pub(crate) struct Options {
     /// Continue after a failed step, to see all failures
     #[arg(long)]
     keep_going: bool,
+    /// What takes too long for every change, in the place of the usual steps
+    #[arg(long)]
+    nightly: bool,
     /// Only these steps; by default all
-    #[arg(value_name = "STEP", value_parser = STEPS.iter().map(|step| step.name).collect::<Vec<_>>())]
+    #[arg(value_name = "STEP", value_parser = STEPS.iter().chain(PARTS).map(|step| step.name).collect::<Vec<_>>())]
     steps: Vec<String>,
 }
 
-/// What came of a step.
-enum Outcome {
-    /// The step ran; counts of tests, or one for the check itself.
-    Ran(Tally),
-    /// The step could not run: what, why and the line that mends it.
-    Skipped(String),
-}
-
-/// One step: a name, what it does, and the doing.
-struct Step {
-    name: &'static str,
-    about: &'static str,
-    run: fn(&Workspace) -> Result<Outcome>,
-}
-
 const STEPS: &[Step] = &[
-    Step { name: "format", about: "sources are formatted", run: format },
-    Step { name: "lints", about: "no warnings from clippy or the compiler on any target", run: lints },
+    Step { name: "format", about: "sources are formatted", tools: &[&RUSTFMT], run: format },
+    Step {
+        name: "lints",
+        about: "no warnings from clippy or the compiler on any target",
+        tools: &[&CLIPPY],
+        run: lints,
+    },
     Step {
         name: "scripts",
         about: "the page's scripts have no type errors and nothing unused",
+        tools: &[&GIT, &TYPESCRIPT],
         run: check_scripts,
     },
     Step {
         name: "arm",
         about: "programs of the craft's processors build, fit, and cannot panic in flight",
+        tools: &[],
         run: arm_programs,
     },
-    Step { name: "tests", about: "unit tests, integration tests and stories", run: tests },
-    Step { name: "doc tests", about: "examples in the docs run", run: doc_tests },
-    Step { name: "docs", about: "rustdoc builds without warnings", run: docs },
-    Step { name: "book", about: "the book builds; its links and commands exist", run: check_book },
-    Step { name: "arrows", about: "crates use only what the architecture allows", run: check_arrows },
-    Step { name: "circles", about: "no files use each other in a loop", run: check_circles },
-    Step { name: "folders", about: "folders of a crate use only those below them", run: check_folders },
-    Step { name: "lengths", about: "files and functions are short enough to read", run: check_lengths },
-    Step { name: "licences", about: "every dependency may be linked", run: check_licences },
-    Step { name: "tidy", about: "house rules: heads, links, sizes, leftovers", run: check_tidy },
+    Step { name: "tests", about: "unit tests, integration tests and stories", tools: &[], run: tests },
+    Step { name: "doc tests", about: "examples in the docs run", tools: &[], run: doc_tests },
+    Step { name: "docs", about: "rustdoc builds without warnings", tools: &[], run: docs },
+    Step {
+        name: "book",
+        about: "the book builds; its links and commands exist",
+        tools: &[&MDBOOK],
+        run: check_book,
+    },
+    Step {
+        name: "arrows",
+        about: "crates use only what the architecture allows",
+        tools: &[],
+        run: check_arrows,
+    },
+    Step { name: "circles", about: "no files use each other in a loop", tools: &[], run: check_circles },
+    Step {
+        name: "folders",
+        about: "folders of a crate use only those below them",
+        tools: &[],
+        run: check_folders,
+    },
+    Step {
+        name: "lengths",
+        about: "files and functions are short enough to read",
+        tools: &[],
+        run: check_lengths,
+    },
+    Step { name: "licences", about: "every dependency may be linked", tools: &[], run: check_licences },
+    Step {
+        name: "tidy",
+        about: "house rules: heads, links, sizes, leftovers",
+        tools: &[&GIT],
+        run: check_tidy,
+    },
 ];
 
 /// Runs the steps; status 1 when one fails.
@@ -74,7 +96,13 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     let mut summary = Vec::new();
     let wanted =
         |step: &&Step| options.steps.is_empty() || options.steps.iter().any(|name| name == step.name);
-    let steps: Vec<&Step> = STEPS.iter().filter(wanted).collect();
+    let table = if options.nightly { PARTS } else { STEPS };
+    let steps: Vec<&Step> = table.iter().filter(wanted).collect();
+    anyhow::ensure!(
+        !steps.is_empty(),
+        "none of these steps is of {}",
+        if options.nightly { "the night" } else { "the day: add --nightly" }
+    );
     for (at, step) in steps.iter().enumerate() {
         if total.failed > 0 && !options.keep_going {
             summary.push(format!("  not run  {}", step.name));
@@ -82,7 +110,11 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
         }
         println!("\n== {}/{} {}: {}", at + 1, steps.len(), step.name, step.about);
         let began = Instant::now();
-        let tally = counted(step, (step.run)(workspace));
+        let outcome = match step.tools.iter().find(|tool| tool.found().is_none()) {
+            Some(tool) => Ok(missing(tool)),
+            None => (step.run)(workspace),
+        };
+        let tally = counted(step, outcome);
         let word = verdict(&tally);
         let seconds = began.elapsed().as_secs_f64();
         println!("   {word} in {seconds:.1} s");
@@ -126,36 +158,11 @@ fn verdict(tally: &Tally) -> &'static str {
     }
 }
 
-/// The count of a check that is one thing: it holds or not.
-fn one(holds: bool) -> Tally {
-    Tally { passed: usize::from(holds), failed: usize::from(!holds), ..Tally::default() }
-}
-
-fn command_holds(mut command: Command) -> Result<Outcome> {
-    println!("   {}", shown(&command));
-    Ok(Outcome::Ran(one(succeeds(&mut command)?)))
-}
-
-/// Runs a cargo command that needs a tool, or says how to install it.
-fn with_tool(tool: &Tool, command: Command) -> Result<Outcome> {
-    match tool.found() {
-        Some(_) => command_holds(command),
-        None => Ok(missing(tool)),
-    }
-}
-
-fn missing(tool: &Tool) -> Outcome {
-    Outcome::Skipped(format!("{} is not installed: {}", tool.name, tool.install))
-}
-
 fn format(_: &Workspace) -> Result<Outcome> {
-    with_tool(&RUSTFMT, cargo(["fmt", "--all", "--check"]))
+    command_holds(cargo(["fmt", "--all", "--check"]))
 }
 
 fn lints(workspace: &Workspace) -> Result<Outcome> {
-    if CLIPPY.found().is_none() {
-        return Ok(missing(&CLIPPY));
-    }
     let mut tally = Tally::default();
     let here = cargo(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]);
     for mut command in std::iter::once(here).chain(arm::lints(workspace)) {
@@ -166,10 +173,7 @@ fn lints(workspace: &Workspace) -> Result<Outcome> {
 }
 
 fn check_scripts(_: &Workspace) -> Result<Outcome> {
-    if GIT.found().is_none() {
-        return Ok(missing(&GIT));
-    }
-    with_tool(&TYPESCRIPT, scripts::command()?)
+    command_holds(scripts::command()?)
 }
 
 /// Before the tests, which run what is built here.
@@ -187,11 +191,12 @@ fn tests(workspace: &Workspace) -> Result<Outcome> {
     println!("   with `cargo test`; faster with nextest: {}", NEXTEST.install);
     let mut command = cargo(["test", "--workspace", "--tests", "--no-fail-fast", "--", "--show-output"]);
     command.envs(arm::variables(workspace));
-    harness(command)
+    Ok(Outcome::Ran(harness(command)?))
 }
 
 fn doc_tests(_: &Workspace) -> Result<Outcome> {
-    harness(cargo(["test", "--workspace", "--doc", "--no-fail-fast", "--", "--show-output"]))
+    let command = cargo(["test", "--workspace", "--doc", "--no-fail-fast", "--", "--show-output"]);
+    Ok(Outcome::Ran(harness(command)?))
 }
 
 /// Where nextest leaves its report, from the root: `.config/nextest.toml` says so, whatever the target folder.
@@ -219,22 +224,6 @@ fn with_nextest(workspace: &Workspace) -> Result<Outcome> {
     Ok(Outcome::Ran(agreeing(tally, succeeded)))
 }
 
-/// Runs `cargo test`, counting from what the test harnesses print.
-fn harness(mut command: Command) -> Result<Outcome> {
-    println!("   {}", shown(&command));
-    let mut reader = LibtestReader::default();
-    let succeeded = filtered(&mut command, |line| reader.line(line))?;
-    Ok(Outcome::Ran(agreeing(reader.finish(), succeeded)))
-}
-
-/// A run that failed without a failed test (it did not compile, or crashed) is one failure all the same.
-fn agreeing(mut tally: Tally, succeeded: bool) -> Tally {
-    if !succeeded && tally.failed == 0 {
-        tally.failed = 1;
-    }
-    tally
-}
-
 fn docs(_: &Workspace) -> Result<Outcome> {
     // There are no examples; but with them cargo takes the features of the tests, for which all dependencies are there.
     let mut command = cargo(["doc", "--workspace", "--no-deps", "--lib", "--bins", "--examples"]);
@@ -244,9 +233,6 @@ fn docs(_: &Workspace) -> Result<Outcome> {
 }
 
 fn check_book(_: &Workspace) -> Result<Outcome> {
-    if MDBOOK.found().is_none() {
-        return Ok(missing(&MDBOOK));
-    }
     Ok(listed("pages, links and commands", &book::check()?))
 }
 
@@ -277,19 +263,7 @@ fn check_licences(workspace: &Workspace) -> Result<Outcome> {
 }
 
 fn check_tidy(workspace: &Workspace) -> Result<Outcome> {
-    if GIT.found().is_none() {
-        return Ok(missing(&GIT));
-    }
     Ok(listed("all files that git knows", &tidy::check(workspace)?))
-}
-
-/// Prints a check's problems; the check holds when there are none.
-fn listed(about: &str, problems: &[String]) -> Outcome {
-    println!("   {about}");
-    for problem in problems {
-        println!("   {problem}");
-    }
-    Outcome::Ran(one(problems.is_empty()))
 }
 
 #[cfg(test)]
@@ -297,28 +271,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_run_that_fails_without_a_failed_test_is_a_failure() {
-        let two = Tally { passed: 2, ..Tally::default() };
-        assert_eq!(agreeing(two.clone(), false).failed, 1);
-        assert_eq!(agreeing(two, true).failed, 0);
-        assert_eq!(agreeing(Tally { failed: 3, ..Tally::default() }, false).failed, 3);
-    }
-
-    #[test]
     fn a_skipped_step_fails_in_continuous_integration_only() {
         let line = || format!("{SKIP_MARK} lints, clippy is not installed: {}", CLIPPY.install);
         assert_eq!(verdict(&skipped_step(line(), false)), "skipped");
         assert_eq!(verdict(&skipped_step(line(), true)), "FAILED");
         assert_eq!(skipped_step(line(), true).skip_lines, [line()]);
-    }
-
-    #[test]
-    fn problems_make_a_check_fail() {
-        let failed = |problems: &[String]| match listed("a check", problems) {
-            Outcome::Ran(tally) => tally.failed,
-            Outcome::Skipped(_) => panic!("a check that ran was skipped"),
-        };
-        assert_eq!(failed(&[]), 0);
-        assert_eq!(failed(&["a problem".to_owned(), "another".to_owned()]), 1);
     }
 }

@@ -94,6 +94,8 @@ pub enum GainsError {
 }
 
 const PROVENANCE: &str = "provenance";
+/// Longest gains file, bytes: a hundred times what `quadlab design` writes. In memory a table takes a hundred times its text.
+const LONGEST_BYTES: usize = 1 << 18;
 
 impl Gains {
     /// Reads and checks a gains file.
@@ -110,6 +112,12 @@ impl Gains {
     /// As [`Gains::read`].
     pub fn parse(text: &str, path: &Path) -> Result<Self, GainsError> {
         let refuse = |message: String| GainsError::Parse { path: path.to_owned(), message };
+        if text.len() > LONGEST_BYTES {
+            return Err(refuse(format!(
+                "has {} bytes, and no gains file has more than {LONGEST_BYTES}",
+                text.len()
+            )));
+        }
         let mut table: toml::Table = toml::from_str(text).map_err(|e| refuse(toml_message(text, &e)))?;
         let provenance = table
             .remove(PROVENANCE)

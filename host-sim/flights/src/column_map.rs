@@ -124,6 +124,9 @@ impl ColumnMap {
 
     /// Parses the text of a map; `path` is for messages.
     pub fn parse(text: &str, path: &Path) -> Result<Self, FlightError> {
+        if let Some(what) = model::too_long(text) {
+            return Err(FlightError::Map { path: path.into(), what });
+        }
         // Names and values of the file are in the reasons: a line is a line whatever they hold.
         let file: MapFile = toml::from_str(text).map_err(|error| {
             let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);

@@ -14,7 +14,7 @@ use crate::fit_record::{FitRecord, HistoryEntry, ReferenceValues};
 use crate::model::{Correlation, Model, Term};
 use crate::rotor_quantity::RotorQuantity;
 use crate::user_effects::{Definition, UserEffectError};
-use crate::vehicle::{Vehicle, VehicleError, toml_message};
+use crate::vehicle::{Vehicle, VehicleError, toml_message, too_long};
 
 const FORMAT: &str = "quadlab-model";
 /// The newest version; older ones lack fields that are optional.
@@ -167,6 +167,9 @@ impl Model {
 
     /// Parses and checks the text of a model file; `path` is for messages.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ModelError> {
+        if let Some(message) = too_long(text) {
+            return Err(ModelError::Parse { path: path.to_owned(), message });
+        }
         let parse_error = |error: toml::de::Error| ModelError::Parse {
             path: path.to_owned(),
             message: toml_message(text, &error),

@@ -253,6 +253,9 @@ impl Vehicle {
 
     /// Parses and checks the text of a vehicle file; `path` is for messages.
     pub fn parse(text: &str, path: &Path) -> Result<Self, VehicleError> {
+        if let Some(message) = too_long(text) {
+            return Err(VehicleError::Parse { path: path.to_owned(), message });
+        }
         let vehicle: Self = toml::from_str(text).map_err(|error| VehicleError::Parse {
             path: path.to_owned(),
             message: toml_message(text, &error),
@@ -341,6 +344,20 @@ impl Vehicle {
         let text = include_str!("../vehicles/f330.toml");
         Self::parse(text, Path::new("f330.toml")).expect("the vehicle file in the source tree is tested")
     }
+}
+
+/// Longest file of a vehicle, of a model, or of a map of columns, bytes: a hundred times a long one. In memory a table takes a
+/// hundred times its text.
+pub const LONGEST_TOML_BYTES: usize = 1 << 18;
+
+/// Why a text is too long to be such a file, if it is.
+pub fn too_long(text: &str) -> Option<String> {
+    (text.len() > LONGEST_TOML_BYTES).then(|| {
+        format!(
+            "has {} bytes, and no such file has more than {LONGEST_TOML_BYTES}; is it the right one?",
+            text.len()
+        )
+    })
 }
 
 /// A TOML error as one line with the line number, without the excerpt.

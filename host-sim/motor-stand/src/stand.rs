@@ -12,6 +12,7 @@
 
 use std::path::{Path, PathBuf};
 
+use flights::median_step;
 use model::Vehicle;
 
 /// Tip speeds above this, m/s, are no rotor's: air is hit at the speed of sound at 340.
@@ -20,6 +21,10 @@ const FASTEST_TIP_M_S: f64 = 290.0;
 const LARGEST_THRUST_COEFFICIENT: f64 = 0.1;
 /// A command that moves by less than this part of its range is constant.
 const LEAST_COMMAND_SPREAD: f64 = 0.01;
+/// Longest run, s: a battery lasts for minutes, and what is longer is a clock that leaps.
+const LONGEST_RUN_S: f64 = 3600.0;
+/// Steps of a log's time that are seconds: from those of a fast pulse counter to those of a slow telemetry.
+const STEPS_S: std::ops::Range<f64> = 1e-5..1.0;
 /// Fewer values than this are no log.
 const FEWEST_ROWS: usize = 100;
 
@@ -185,15 +190,30 @@ impl Log {
         if let Some(k) = t.iter().position(|t| !t.is_finite()) {
             return Err(self.field(place, k + 2, "", "a time in seconds"));
         }
-        match t.windows(2).position(|w| w[1] <= w[0]) {
-            Some(k) => Err(self.field(
-                place,
-                k + 3,
-                &t[k + 1].to_string(),
-                "not after the row before; sort the rows",
-            )),
-            None => Ok(()),
+        if let Some(k) = t.windows(2).position(|w| w[1] <= w[0]) {
+            let text = t[k + 1].to_string();
+            return Err(self.field(place, k + 3, &text, "not after the row before; sort the rows"));
         }
+        self.check_unit_of_time(t)
+    }
+
+    /// Refuses times that are no seconds of one run: clocks are laid side by side in steps of theirs.
+    fn check_unit_of_time(&self, t: &[f64]) -> Result<(), StandError> {
+        let [Some(first), Some(last)] = [t.first(), t.last()] else { return Ok(()) };
+        let step = median_step(t);
+        if t.len() > 1 && !STEPS_S.contains(&step) {
+            let advice =
+                "seconds are expected; divide milliseconds by 1000, microseconds by 1e6, nanoseconds by 1e9";
+            return Err(self.values("t", format!("steps by {step}"), advice));
+        }
+        if !(last - first <= LONGEST_RUN_S) {
+            return Err(self.values(
+                "t",
+                format!("goes from {first} to {last} s"),
+                "a run on a stand lasts an hour at most; mend the clock, or cut the log to the run",
+            ));
+        }
+        Ok(())
     }
 
     fn missing(&self, what: impl Into<String>) -> StandError {
@@ -431,5 +451,23 @@ mod tests {
         let error = log("craft.csv", &[("t", t)]).check_times().unwrap_err().to_string();
         // The header is row 1, so that sample 10, counted from 0, is row 12.
         assert!(error.starts_with("craft.csv: row 12: t is "), "{error}");
+    }
+
+    #[test]
+    fn times_in_another_unit_or_of_a_clock_that_leaps_are_refused() {
+        let check = |t: Vec<f64>| log("craft.csv", &[("t", t)]).check_times().map_err(|e| e.to_string());
+        assert_eq!(check(rising(0.0, 2.0)), Ok(()));
+        assert_eq!(check(rising(1.7e9, 1.7e9 + 2.0)), Ok(()), "seconds since 1970");
+        for per_second in [1e3, 1e6, 1e9] {
+            let error = check(rising(0.0, 40.0 * per_second)).unwrap_err();
+            assert!(error.starts_with("craft.csv: column \"t\" steps by "), "{error}");
+        }
+        for leap_s in [3601.0, 1e6, 1e9, 1e300] {
+            let mut t = rising(0.0, 2.0);
+            t[100..].iter_mut().for_each(|t| *t += leap_s);
+            // In 1e300 s nothing is left of the steps.
+            let error = check(t).unwrap_err();
+            assert!(error.contains("an hour at most") || error.contains("sort the rows"), "{error}");
+        }
     }
 }

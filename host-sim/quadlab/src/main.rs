@@ -86,7 +86,7 @@ fn main() -> ExitCode {
     match outcome.and_then(finish) {
         Ok(code) => code,
         Err(error) => {
-            colour::error(&one_line(&with_causes(&error)));
+            colour::error(&with_causes(&error));
             ExitCode::from(BAD_INPUT)
         }
     }
@@ -94,7 +94,7 @@ fn main() -> ExitCode {
 
 fn finish(outcome: Outcome) -> anyhow::Result<ExitCode> {
     report::print(&colour::for_stdout(&outcome.text))?;
-    outcome.refused.iter().for_each(|why| colour::error(&one_line(why)));
+    outcome.refused.iter().for_each(|why| colour::error(why));
     if !outcome.refused.is_empty() {
         return Ok(ExitCode::from(BAD_INPUT));
     }
@@ -117,7 +117,6 @@ fn usage(error: &clap::Error) -> ExitCode {
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => "error: no command given".into(),
         _ => said.join(" "),
     };
-    let said = one_line(&said);
     colour::error(&format!("{} (see {} --help)", said.strip_prefix("error: ").unwrap_or(&said), invoked()));
     ExitCode::from(BAD_INPUT)
 }
@@ -146,9 +145,4 @@ fn with_causes(error: &anyhow::Error) -> String {
             format!("{told}: {cause}")
         }
     })
-}
-
-/// A file name or field may hold a line break; an error is one line all the same.
-fn one_line(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }

@@ -25,6 +25,7 @@ fn refused(folder: &Path, arguments: &[&str], expected: &[&str]) {
     assert!(output.stdout.is_empty(), "{arguments:?} printed {:?}", String::from_utf8_lossy(&output.stdout));
     assert!(stderr.starts_with("error: ") && stderr.lines().count() == 1, "{arguments:?}: {stderr}");
     assert!(stderr.matches("os error").count() < 2, "{arguments:?} tells its cause twice: {stderr}");
+    assert!(stderr.trim_end().chars().count() < 400 + "error: ".len(), "{arguments:?}: {stderr}");
     for text in expected {
         assert!(stderr.contains(text), "{arguments:?}: \"{text}\" is not in: {stderr}");
     }
@@ -286,6 +287,25 @@ fn outputs_without_a_place_are_refused_before_the_work() {
     refused(folder.path(), &to("vehicle.toml"), &["vehicle.toml: ", "would be overwritten"]);
 }
 
+/// Whatever way leads to it, whether it is there already or not.
+#[test]
+fn two_outputs_are_two_files() {
+    let folder = copies();
+    std::fs::write(folder.path().join("B.csv"), "").unwrap();
+    std::fs::create_dir(folder.path().join("sub")).unwrap();
+    std::fs::write(folder.path().join("old"), "precious").unwrap();
+    let explain = |out, html| {
+        with_sets(&["explain", "--vehicle", "vehicle.toml", "--force", "--out", out, "--html", html])
+    };
+    for (out, html) in [("x", "x"), ("x", "./x"), ("sub/../x", "x"), ("old", "sub/../old")] {
+        refused(folder.path(), &explain(out, html), &["is given for two outputs", "a name of its own"]);
+    }
+    let excite = ["excite", "--model", "model.toml", "--out", "x", "--html", "x"];
+    refused(folder.path(), &excite, &["x: is given for two outputs"]);
+    // A device takes both: the flight is the error.
+    refused(folder.path(), &explain("/dev/null", "/dev/null"), &["B.csv: "]);
+}
+
 #[test]
 fn an_old_output_survives_bad_input() {
     let folder = copies();
@@ -295,6 +315,41 @@ fn an_old_output_survives_bad_input() {
     let forced = [&IDENTIFY[..], &["--force"]].concat();
     refused(folder.path(), &with_sets(&forced), &["B.csv: "]);
     assert_eq!(std::fs::read_to_string(folder.path().join("out.toml")).unwrap(), "precious");
+}
+
+/// A name that a stranger has given: it neither moves the cursor, nor reads from right to left, nor fills the screen.
+#[test]
+fn what_an_error_quotes_steers_no_terminal() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = format!("a\u{1b}[2J\r\u{202e}vsc\u{2066}{}.csv", "x".repeat(200));
+    std::fs::write(folder.path().join(&name), "t,\u{202e}x\u{1b}]0;title\u{7}\n1,2\n").unwrap();
+    std::fs::write(folder.path().join("vehicle.toml"), "").unwrap();
+    for arguments in [
+        vec![
+            "identify",
+            "--vehicle",
+            "vehicle.toml",
+            "--out",
+            "m.toml",
+            "--train",
+            &name,
+            "--validate",
+            &name,
+        ],
+        vec!["compare", "--model", &name, "--flights", &name],
+        vec!["import", &name, "--out", "."],
+        vec![&name],
+        vec!["identify", "--out", &name, &name],
+    ] {
+        let output = run_in(folder.path(), &arguments);
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{stderr:?}");
+        for line in stderr.lines() {
+            assert!(line.chars().count() < 400 + "error: ".len(), "{line:?}");
+            assert!(!line.contains(['\u{1b}', '\r', '\u{7}', '\u{202e}', '\u{2066}']), "{line:?}");
+        }
+        assert_eq!(stderr.lines().filter(|line| line.starts_with("error: ")).count(), 1, "{stderr:?}");
+    }
 }
 
 #[test]
@@ -352,11 +407,11 @@ fn folders_and_patterns_stand_for_their_flights() {
 #[test]
 fn flights_that_do_not_determine_the_model_say_what_to_fly() {
     let folder = copies();
-    // Motors at rest in every row: nothing that a rotor does can be seen.
+    // The same command in every row: nothing that a rotor does can be seen.
     for name in ["A.csv", "B.csv", "C.csv"] {
         edit_rows(&folder.path().join(name), |row, fields| {
             if row > 0 {
-                fields[CMD1..CMD1 + 4].iter_mut().for_each(|command| *command = "1000".into());
+                fields[CMD1..CMD1 + 4].iter_mut().for_each(|command| *command = "1500".into());
                 let distinct = format!("11.{}", name.as_bytes()[0]);
                 fields[VBAT] = distinct;
             }

@@ -60,6 +60,25 @@ fn with<'a>(first: &[&'a str], more: &[&'a str]) -> Vec<&'a str> {
     first.iter().chain(more).copied().collect()
 }
 
+/// Laid side by side second by second, nanoseconds would be a thousand years.
+#[test]
+fn a_stand_with_times_in_another_unit_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    stand(folder.path());
+    let path = folder.path().join("craft.csv");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let (header, rows) = text.split_once('\n').unwrap();
+    for unit in ["e3,", "e6,", "e9,"] {
+        let rows: Vec<String> = rows.lines().map(|row| row.replacen(',', unit, 1)).collect();
+        std::fs::write(&path, format!("{header}\n{}\n", rows.join("\n"))).unwrap();
+        let output = run_in(folder.path(), &MOTOR_MAP);
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{stderr}");
+        assert!(stderr.starts_with("error: craft.csv: column \"t\" steps by "), "{stderr}");
+        assert_eq!(stderr.lines().count(), 1, "{stderr}");
+    }
+}
+
 #[test]
 fn a_test_stand_completes_the_vehicle_file() {
     let folder = tempfile::tempdir().unwrap();

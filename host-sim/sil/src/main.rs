@@ -123,7 +123,7 @@ fn main() -> ExitCode {
         None => run(&arguments),
     };
     outcome.unwrap_or_else(|error| {
-        eprintln!("error: {error:#}");
+        eprintln!("error: {}", report::error_line(&format!("{error:#}")));
         let interrupted =
             matches!(error.downcast_ref(), Some(SilError::FlightComputer(FlightComputerError::Interrupted)));
         ExitCode::from(if interrupted { INTERRUPTED } else { BAD_USAGE })
@@ -140,7 +140,7 @@ fn usage(error: &clap::Error) -> ExitCode {
     let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
     let said: Vec<&str> =
         lines.take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more")).collect();
-    eprintln!("{} (see sil --help)", said.join(" "));
+    eprintln!("{}", report::error_line(&format!("{} (see sil --help)", said.join(" "))));
     ExitCode::from(BAD_USAGE)
 }
 

@@ -31,6 +31,12 @@ pub(crate) const NEXTEST: Tool = Tool {
     version: &["cargo", "nextest", "--version"],
     install: "cargo install --locked cargo-nextest",
 };
+/// Looks for inputs that do harm, guided by which code they reach. It needs a nightly compiler.
+pub(crate) const CARGO_FUZZ: Tool = Tool {
+    name: "cargo-fuzz",
+    version: &["rustup", "run", "nightly", "cargo", "fuzz", "--version"],
+    install: "rustup toolchain install nightly && cargo install --locked cargo-fuzz",
+};
 /// Knows which files belong to the project.
 pub(crate) const GIT: Tool =
     Tool { name: "git", version: &["git", "--version"], install: "apt-get install --yes git" };

@@ -136,6 +136,7 @@ const ARROWS: &[Allowed] = &[
             "com",
             "mcu",
             "pattern",
+            "gains-file",
             "quadlab",
         ],
         why: "stories go across crates",

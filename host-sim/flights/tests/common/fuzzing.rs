@@ -41,6 +41,7 @@ pub(crate) struct Base {
 pub(crate) enum Outcome {
     Refused,
     /// Read, but nothing in it is a flight.
+    #[allow(dead_code, reason = "not every test needs all of it")]
     Read,
     Flown,
 }

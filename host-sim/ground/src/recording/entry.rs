@@ -66,6 +66,9 @@ pub enum Entry<'a> {
     Track(&'a [Pose]),
 }
 
+/// Longest line for people that is recorded, characters: far below the longest record, whatever JSON makes of each.
+const MOST_WORDS: usize = 20_000;
+
 /// Topic and schema name of each entry, in the order of the channels.
 pub(super) const TOPICS: [(&str, &str); 11] = [
     ("/telemetry", "quadlab.Telemetry"),
@@ -114,7 +117,7 @@ impl Entry<'_> {
             Self::Log(level, message) => of(&json!({
                 "timestamp": timestamp,
                 "level": level.number(),
-                "message": message,
+                "message": message.chars().take(MOST_WORDS).collect::<String>(),
                 "name": "ground",
                 "file": "",
                 "line": 0,

@@ -28,6 +28,9 @@ pub enum RecordError {
     /// A recording of that name exists.
     #[error("{}: exists already; give another name, or move it away", .0.display())]
     Exists(PathBuf),
+    /// A file with nothing of a recording in it.
+    #[error("{}: is no recording of quadlab: neither its head nor any of its messages is there", .0.display())]
+    NoRecording(PathBuf),
     /// An output file.
     #[error(transparent)]
     Output(#[from] report::Error),

@@ -5,7 +5,8 @@
 //! came before. **When it ends** [`finish`] reads that log and writes `NAME.mcap` (with chunks and
 //! indices, as Foxglove and PlotJuggler like it) and `NAME-1.csv`, `NAME-2.csv` ... (one flight
 //! each, see [`logs::FlightCutter`]), each under a temporary name
-//! first; then the part goes. A part that a crash left behind is finished in the same way.
+//! first; then the part goes. A part that a crash left behind is finished in the same way: what is damaged
+//! is left out, and the log's metadata `quadlab.completeness` says how much of the recording it holds.
 //!
 //! Messages are JSON with a JSON schema each, in SI units, the fields those of crate `proto`:
 //!
@@ -28,11 +29,12 @@ mod finish;
 mod log;
 mod nulls;
 mod recorder;
+mod records;
 mod scene;
 mod schema;
 
 pub use entry::{Entry, Level, LinkRecord};
 pub use error::RecordError;
-pub use finish::{Finished, finish};
-pub use log::{Logged, read_log};
+pub use finish::{Finished, Recovered, finish, recover};
 pub use recorder::{Recorder, part_of};
+pub use records::Completeness;

@@ -28,17 +28,17 @@ pub(crate) fn lead(text: &str) -> String {
 
 /// Prints `warning: ...` on standard error.
 pub(crate) fn warn(text: &str) {
-    anstream::eprintln!("{} {text}", styled(DOUBT, "warning:"));
+    anstream::eprintln!("{} {}", styled(DOUBT, "warning:"), report::plain_line(text));
 }
 
 /// Prints `note: ...` on standard error.
 pub(crate) fn note(text: &str) {
-    anstream::eprintln!("{} {text}", styled(SOFT, "note:"));
+    anstream::eprintln!("{} {}", styled(SOFT, "note:"), report::plain_line(text));
 }
 
-/// Prints `error: ...` on standard error.
+/// Prints `error: ...` on standard error: one short line, whatever a file name or a field holds.
 pub(crate) fn error(text: &str) {
-    anstream::eprintln!("{} {text}", styled(BAD, "error:"));
+    anstream::eprintln!("{} {}", styled(BAD, "error:"), report::error_line(text));
 }
 
 /// `text` as standard output takes it: without colours, but on a terminal that has them.

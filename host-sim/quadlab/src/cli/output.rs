@@ -39,6 +39,11 @@ pub(crate) struct OverwritesInput(pub(crate) PathBuf);
 #[error("{}: already exists; give --force to overwrite it, or choose another name", .0.display())]
 pub(crate) struct AlreadyThere(PathBuf);
 
+/// Two outputs that are one file.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: is given for two outputs; give each a name of its own", .0.display())]
+struct SameOutput(PathBuf);
+
 /// How a command that writes files gives its result.
 #[derive(clap::Args, Clone, Copy)]
 pub(crate) struct OutputOptions {
@@ -52,14 +57,23 @@ pub(crate) struct OutputOptions {
 }
 
 impl OutputOptions {
-    /// Checks, before any work, that outputs have a place and take the place of no input, and of no other file unless forced.
+    /// Checks, before any work, that outputs have a place and take the place of no input, of no other output, and of no other
+    /// file unless forced.
     pub(crate) fn check<'a>(
         self,
         outputs: impl IntoIterator<Item = &'a PathBuf>,
         inputs: &[&PathBuf],
     ) -> anyhow::Result<()> {
+        let mut places = Vec::new();
         for output in outputs {
             report::check_writable(output)?;
+            // Of a device or a pipe each output takes its part.
+            if let Some(place) = place_of(output) {
+                if places.contains(&place) {
+                    return Err(SameOutput(output.clone()).into());
+                }
+                places.push(place);
+            }
             let Ok(there) = output.canonicalize() else { continue };
             if inputs.iter().any(|input| input.canonicalize().is_ok_and(|input| input == there)) {
                 return Err(OverwritesInput(output.clone()).into());
@@ -71,6 +85,15 @@ impl OutputOptions {
         }
         Ok(())
     }
+}
+
+/// Where a file is or will be, whatever way leads there; nothing of what is no file.
+fn place_of(output: &Path) -> Option<PathBuf> {
+    if let Ok(there) = output.canonicalize() {
+        return there.is_file().then_some(there);
+    }
+    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    Some(folder.canonicalize().ok()?.join(output.file_name()?))
 }
 
 /// The footer of a page: command, version and the files behind it.

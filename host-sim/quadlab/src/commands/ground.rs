@@ -13,7 +13,7 @@ use ::ground::mocap::Replay;
 use ::ground::mocap::frames::{Axes, Frames};
 use ::ground::mocap::optitrack::{COMMAND_PORT, OptiTrack};
 use ::ground::mocap::{MocapReceiver, Vicon, vicon_stream};
-use ::ground::recording::{Finished, Recorder, finish, part_of};
+use ::ground::recording::{Completeness, Finished, Recorder, finish, part_of};
 use ::ground::run::{RunResult, RunUntil, View, catch_interrupts, connect, run as fly};
 use ::ground::station::{Settings, Station};
 use ::ground::view::{Live, Plain};
@@ -221,6 +221,8 @@ struct Document<'a> {
     mcap: Option<&'a Path>,
     flights: &'a [PathBuf],
     messages: u64,
+    /// How much of the recording is left; none where nothing was recorded.
+    completeness: Option<&'a Completeness>,
 }
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
@@ -413,7 +415,8 @@ fn outcome(options: &Options, ended: &RunResult, finished: Option<&Finished>) ->
         why: &ended.why,
         mcap: finished.map(|finished| finished.mcap.as_path()),
         flights: finished.map_or(&[], |finished| &finished.flights),
-        messages: finished.map_or(0, |finished| finished.messages),
+        messages: finished.map_or(0, |finished| finished.completeness.messages),
+        completeness: finished.map(|finished| &finished.completeness),
     };
     if options.json {
         return Ok(Outcome { holds: ended.well, ..Outcome::json(&document)? });
@@ -423,7 +426,11 @@ fn outcome(options: &Options, ended: &RunResult, finished: Option<&Finished>) ->
         text.push_str(&format!("not well: {why}\n"));
     }
     if let Some(finished) = finished {
-        text.push_str(&format!("log: {} ({} messages)\n", finished.mcap.display(), finished.messages));
+        let messages = finished.completeness.messages;
+        text.push_str(&format!("log: {} ({messages} messages)\n", finished.mcap.display()));
+        if let Some(missing) = finished.completeness.missing() {
+            text.push_str(&format!("not complete: {missing}\n"));
+        }
         for flight in &finished.flights {
             text.push_str(&format!("flight: {}\n", flight.display()));
         }

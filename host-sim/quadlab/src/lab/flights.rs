@@ -46,7 +46,7 @@ impl FlightFile {
     pub(super) fn read(path: &Path, vehicle: &Vehicle, used: Use, observer: &dyn Observer) -> Self {
         let reading = Reading { accept_faults: true, ..Reading::default() };
         let (flights, whole) = FlightsOfOneKind::read_used_and_whole(path, vehicle, reading, observer);
-        let flights = flights.map(|all| all.flights).map_err(|error| error.to_string());
+        let flights = flights.map(|all| all.flights).map_err(|error| report::error_line(&error.to_string()));
         let summary = summary(&flights, &whole, vehicle);
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         Self { path: path.to_owned(), name, used, flights: flights.into(), whole: whole.into(), summary }
@@ -126,7 +126,7 @@ fn faults(flight: &LoadedFlight) -> impl Iterator<Item = Value> {
         json!({
             "flight": flight.prepared.name,
             "severity": fault.severity,
-            "sentence": fault.sentence,
+            "sentence": report::plain_line(&fault.sentence),
             "places": fault.places_s,
         })
     })

@@ -53,10 +53,10 @@ pub(super) fn start(session: &Arc<Session>, task: Task) -> Result<(), Refused> {
         state.has_no_job()?;
         state.has_read()?;
         if let Some(problem) = &state.problem {
-            return Err(Refused(problem.clone()));
+            return Err(Refused::new(problem));
         }
         let Some(vehicle) = state.craft.as_ref().map(|craft| craft.vehicle.clone()) else {
-            return Err(Refused("there is no flight in this folder yet: drop flights on the page".into()));
+            return Err(Refused::new("there is no flight in this folder yet: drop flights on the page"));
         };
         state.job = Some(Job { kind, activity: "starting".into(), steps: None, cancel: cancel.clone() });
         vehicle
@@ -71,10 +71,10 @@ pub(super) fn start(session: &Arc<Session>, task: Task) -> Result<(), Refused> {
         };
         // A bug in the work must not leave a page that waits for ever.
         let done = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| work.run(task)));
-        let done =
-            done.unwrap_or_else(|_| Err(Refused(format!("{kind} has failed: this is a bug of quadlab"))));
+        let done = done
+            .unwrap_or_else(|_| Err(Refused::new(format!("{kind} has failed: this is a bug of quadlab"))));
         // Who cancels knows why nothing came.
-        let error = done.err().filter(|_| !stopped.load(Ordering::Relaxed)).map(|error| error.0);
+        let error = done.err().filter(|_| !stopped.load(Ordering::Relaxed)).map(Refused::into_sentence);
         session.lock().job = None;
         session.events.changed();
         session.events.tell("finished", json!({ "do": kind, "error": error }));
@@ -131,7 +131,7 @@ impl Work<'_> {
         let model = self.session.node(id)?.model;
         let files = self.session.files(Use::Later);
         if files.is_empty() {
-            return Err(Refused("no flight is marked as flown later: choose one in the table".into()));
+            return Err(Refused::new("no flight is marked as flown later: choose one in the table"));
         }
         let flights = self.session.loaded(Use::Later);
         let mut flights = FlightsOfOneKind::from_loaded(flights, &model.vehicle, Reading::default())?;

@@ -23,7 +23,7 @@ impl Session {
         let count = text.chars().count();
         if count > LONGEST_NOTE {
             let most = LONGEST_NOTE;
-            return Err(Refused(format!(
+            return Err(Refused::new(format!(
                 "a note has {most} characters at most, and this one {count}: shorten it"
             )));
         }
@@ -31,14 +31,15 @@ impl Session {
             let mut state = self.lock();
             match noted {
                 Noted::Flight { flight, .. } if state.files.iter().all(|file| file.name != flight) => {
-                    return Err(Refused(format!("{flight}: there is no such flight in this folder")));
+                    return Err(Refused::new(format!("{flight}: there is no such flight in this folder")));
                 }
                 Noted::Flight { flight, text } if text.is_empty() => _ = state.notes.remove(&flight),
                 Noted::Flight { flight, text } => _ = state.notes.insert(flight, text),
                 Noted::Model { model, text } => {
                     let node = state.nodes.iter_mut().find(|node| node.id == model);
-                    let node = node
-                        .ok_or_else(|| Refused(format!("there is no model {model}: load the page again")))?;
+                    let node = node.ok_or_else(|| {
+                        Refused::new(format!("there is no model {model}: load the page again"))
+                    })?;
                     node.note = text;
                 }
             }
@@ -81,7 +82,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let session = Session::open(folder.path()).unwrap();
         session.add_node(|id| Node::of(id, None, Model::thesis())).unwrap();
-        let why = |noted| session.note(noted).unwrap_err().0;
+        let why = |noted| session.note(noted).unwrap_err().into_sentence();
         assert!(why(of_model(2, "x")).contains("there is no model 2"));
         let flight = Noted::Flight { flight: "../A.csv".into(), text: "x".into() };
         assert!(why(flight).contains("there is no such flight"));

@@ -43,7 +43,7 @@ impl OwnEffect {
     }
 
     fn new(file: &EffectFile) -> Self {
-        let read = file.text.clone().and_then(|text| know(&file.id, &text).map_err(|Refused(why)| why));
+        let read = file.text.clone().and_then(|text| know(&file.id, &text).map_err(Refused::into_sentence));
         Self { id: file.id.clone(), text: file.text.clone().unwrap_or_default(), read }
     }
 
@@ -68,12 +68,12 @@ fn know(id: &str, text: &str) -> Result<User, Refused> {
     let path = Path::new(HERE);
     let effect = one_of(text)?;
     if effect.id() != id {
-        return Err(Refused(format!("the file defines \"{}\": name it {0}.toml", effect.id())));
+        return Err(Refused::new(format!("the file defines \"{}\": name it {0}.toml", effect.id())));
     }
     let user = kept_of(text)?;
     if Effect::from_id(id).is_some_and(|known| known != Effect::User(user)) {
         let why = "a model has it with other formulas; give this one another id";
-        return Err(Refused(format!("effect \"{id}\": {why}")));
+        return Err(Refused::new(format!("effect \"{id}\": {why}")));
     }
     user.make_known(path)?;
     Ok(user)
@@ -87,7 +87,7 @@ pub(super) fn one_of(text: &str) -> Result<UserEffect, Refused> {
     };
     match (all.pop(), all.is_empty()) {
         (Some(only), true) => Ok(only),
-        _ => Err(Refused("write one [[effect]] here: each has a file of its own".into())),
+        _ => Err(Refused::new("write one [[effect]] here: each has a file of its own")),
     }
 }
 
@@ -95,7 +95,7 @@ pub(super) fn one_of(text: &str) -> Result<UserEffect, Refused> {
 pub(super) fn kept_of(text: &str) -> Result<User, Refused> {
     one_of(text)?;
     let all = effects::draft(text, Path::new(HERE))?;
-    all.first().copied().ok_or_else(|| Refused("there is no effect in this text".into()))
+    all.first().copied().ok_or_else(|| Refused::new("there is no effect in this text"))
 }
 
 /// Numbers of the models that have an effect.

@@ -46,7 +46,7 @@ impl Session {
         let checked = one_of(text).and_then(|effect| self.may_mean(effect.definition()).map(|()| effect));
         match checked {
             Ok(effect) => json!({ "problem": null, "effect": described(&effect) }),
-            Err(Refused(problem)) => json!({ "problem": problem, "effect": null }),
+            Err(refused) => json!({ "problem": refused.sentence(), "effect": null }),
         }
     }
 
@@ -63,7 +63,7 @@ impl Session {
             return Ok(());
         }
         let (id, models) = (&definition.id, have_it(&models));
-        Err(Refused(format!(
+        Err(Refused::new(format!(
             "{HERE}: effect \"{id}\": id: {models} as it was before; give this one another id"
         )))
     }
@@ -127,12 +127,12 @@ impl Session {
             let mut state = self.lock();
             state.has_no_job()?;
             let Some(place) = state.own.iter().position(|own| own.id == id) else {
-                return Err(Refused("there is no such effect of your own: load the page again".into()));
+                return Err(Refused::new("there is no such effect of your own: load the page again"));
             };
             let user = state.own[place].read.as_ref().ok().copied();
             let models = user.map_or_else(Vec::new, |user| models_with(&state.nodes, user));
             if !models.is_empty() {
-                return Err(Refused(format!("{id} cannot be removed: {}", have_it(&models))));
+                return Err(Refused::new(format!("{id} cannot be removed: {}", have_it(&models))));
             }
             self.store.remove_effect(id)?;
             if let Some(user) = user {
@@ -268,7 +268,7 @@ mod tests {
         let why = problem(&session, &other);
         assert!(why.contains("model 1 has it as it was before"), "{why}");
         assert!(session.keep_effect(&other).is_err() && session.draft(&other).is_err());
-        let why = session.remove_effect("in-model").unwrap_err().0;
+        let why = session.remove_effect("in-model").unwrap_err().into_sentence();
         assert!(why.contains("model 1 has it"), "{why}");
         // A remark changes nothing.
         session.keep_effect(&format!("# mine\n{first}")).unwrap();
@@ -308,7 +308,7 @@ mod tests {
         let (folder, session) = opened();
         let job = Job { kind: "diagnose", activity: String::new(), steps: None, cancel: Arc::default() };
         session.lock().job = Some(job);
-        let why = session.keep_effect(&text("under-a-job", "-k * u")).unwrap_err().0;
+        let why = session.keep_effect(&text("under-a-job", "-k * u")).unwrap_err().into_sentence();
         assert!(why.contains("diagnose is running"), "{why}");
         assert_eq!((files(&folder).len(), Effect::from_id("under-a-job")), (0, None));
     }

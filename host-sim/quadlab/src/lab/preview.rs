@@ -44,7 +44,7 @@ impl Session {
         observer: &dyn Observer,
     ) -> Result<Added, Refused> {
         if model.has(effect) {
-            return Err(Refused(format!("the model has {effect} already")));
+            return Err(Refused::new(format!("the model has {effect} already")));
         }
         let mut sets = self.sets(vehicle, observer)?;
         Ok(workflow::add(model, effect, &mut sets, None, observer)?)
@@ -65,7 +65,7 @@ impl Session {
             state.has_no_job()?;
             state.has_read()?;
             let craft = state.craft.as_ref();
-            let craft = craft.ok_or_else(|| Refused("there is no flight in this folder yet".into()))?;
+            let craft = craft.ok_or_else(|| Refused::new("there is no flight in this folder yet"))?;
             (craft.vehicle.clone(), state.trials.forgotten)
         };
         let unheard = Unheard(cancel.clone());
@@ -75,7 +75,7 @@ impl Session {
         let with = self.fit_with(&self.node(id)?.model, effect, &vehicle, &unheard)?.model;
         let mut state = self.lock();
         if state.trials.forgotten != forgotten {
-            return Err(Refused("flights or effects have changed meanwhile: point at the card again".into()));
+            return Err(Refused::new("flights or effects have changed meanwhile: point at the card again"));
         }
         Ok(state.trials.keep(id, effect, with))
     }

@@ -16,7 +16,7 @@ use crate::cli::model_files::VEHICLE;
 impl Session {
     /// Reads vehicle and flights of the folder, and forgets what was made of those that were read before.
     pub(super) fn read_flights(&self) {
-        let problem = self.try_read_flights().err().map(|error| format!("{error:#}"));
+        let problem = self.try_read_flights().err().map(|error| report::error_line(&format!("{error:#}")));
         {
             let mut state = self.lock();
             state.problem = problem;
@@ -58,7 +58,7 @@ impl Session {
             if state.files.is_empty() && !self.folder.join(VEHICLE).exists() {
                 return Ok(());
             }
-            Err(Refused("the demonstration flies in an empty folder: start quadlab lab in one".into()))
+            Err(Refused::new("the demonstration flies in an empty folder: start quadlab lab in one"))
         })?;
         let session = self.clone();
         std::thread::spawn(move || {
@@ -82,7 +82,7 @@ impl Session {
         if self.lock().columns == model::user_effects::columns().len() {
             return Ok(());
         }
-        self.try_read_flights().map_err(|error| Refused(format!("{error:#}")))?;
+        self.try_read_flights().map_err(|error| Refused::new(format!("{error:#}")))?;
         self.lock().forget_seen();
         Ok(())
     }
@@ -113,8 +113,7 @@ impl Session {
     /// Writes the vehicle file, and reads the flights again with it.
     pub(super) fn write_vehicle(self: &Arc<Self>, measured: &Measured) -> Result<(), Refused> {
         let craft = self.lock().craft.clone();
-        let craft =
-            craft.ok_or_else(|| Refused("there is no flight yet: drop flights on the page".into()))?;
+        let craft = craft.ok_or_else(|| Refused::new("there is no flight yet: drop flights on the page"))?;
         craft.write(&self.folder, measured)?;
         self.read_again()
     }

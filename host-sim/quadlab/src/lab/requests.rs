@@ -24,9 +24,9 @@ impl<T: DeserializeOwned, S: Sync> FromRequestParts<S> for Asked<T> {
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Refused> {
         let asked = Query::try_from_uri(&parts.uri);
-        asked
-            .map(|Query(asked)| Self(asked))
-            .map_err(|error| Refused(format!("the address is not one of the page's: {}", error.body_text())))
+        asked.map(|Query(asked)| Self(asked)).map_err(|error| {
+            Refused::new(format!("the address is not one of the page's: {}", error.body_text()))
+        })
     }
 }
 
@@ -49,7 +49,7 @@ pub(super) async fn aside<T: Send + 'static>(
     work: impl FnOnce() -> Result<T, Refused> + Send + 'static,
 ) -> Result<T, Refused> {
     let done = tokio::task::spawn_blocking(work).await;
-    done.unwrap_or_else(|_| Err(Refused("this could not be computed: a bug of quadlab".into())))
+    done.unwrap_or_else(|_| Err(Refused::new("this could not be computed: a bug of quadlab")))
 }
 
 /// Stops work when nobody waits for it any longer: it is dropped with the request.

@@ -128,7 +128,7 @@ async fn start(State(session): Shared, Sent(task): Sent<Task>) -> Answer {
 async fn vehicle(State(session): Shared) -> Answer {
     let craft = session.lock().craft.clone();
     let craft =
-        craft.ok_or_else(|| Refused("no flight tells of a craft yet: drop flights on the page".into()))?;
+        craft.ok_or_else(|| Refused::new("no flight tells of a craft yet: drop flights on the page"))?;
     Ok(Json(craft.document()))
 }
 
@@ -275,7 +275,7 @@ async fn quantities(State(session): Shared) -> Answer {
 /// The axis of a name.
 fn axis(name: &str) -> Result<Axis, Refused> {
     let found = AXES.into_iter().find(|axis| axis.name() == name);
-    found.ok_or_else(|| Refused(format!("{name}: is none of the axes u, v, w, p, q and r")))
+    found.ok_or_else(|| Refused::new(format!("{name}: is none of the axes u, v, w, p, q and r")))
 }
 
 #[derive(Deserialize)]

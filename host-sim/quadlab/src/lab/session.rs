@@ -137,7 +137,7 @@ impl Session {
         {
             let mut state = self.lock();
             let Some(file) = state.files.iter_mut().find(|file| file.name == name) else {
-                return Err(Refused(format!("{name}: there is no such flight in this folder")));
+                return Err(Refused::new(format!("{name}: there is no such flight in this folder")));
             };
             file.used = used;
             state.chosen.insert(name.to_owned(), used);
@@ -153,7 +153,7 @@ impl Session {
         {
             let mut state = self.lock();
             if !state.nodes.iter().any(|node| node.id == id) {
-                return Err(Refused(format!("there is no model {id}: load the page again")));
+                return Err(Refused::new(format!("there is no model {id}: load the page again")));
             }
             state.current = Some(id);
         }
@@ -166,7 +166,7 @@ impl Session {
     pub(super) fn node(&self, id: u32) -> Result<Node, Refused> {
         let state = self.lock();
         let node = state.nodes.iter().find(|node| node.id == id).cloned();
-        node.ok_or_else(|| Refused(format!("there is no model {id}: load the page again")))
+        node.ok_or_else(|| Refused::new(format!("there is no model {id}: load the page again")))
     }
 
     /// Keeps a new model, and looks at it.
@@ -217,9 +217,9 @@ impl Session {
                 let only = std::slice::from_ref(only);
                 return Ok(FlightSets::split(only, vehicle, Reading::default(), observer)?);
             }
-            ([], _) => return Err(Refused("no flight is chosen to fit on: choose one in the table".into())),
+            ([], _) => return Err(Refused::new("no flight is chosen to fit on: choose one in the table")),
             (_, []) => {
-                return Err(Refused("no flight is held out to judge by: choose one in the table".into()));
+                return Err(Refused::new("no flight is held out to judge by: choose one in the table"));
             }
             _ => {}
         }
@@ -350,7 +350,7 @@ impl State {
     /// Refuses to change what a job works with.
     pub(super) fn has_no_job(&self) -> Result<(), Refused> {
         match &self.job {
-            Some(job) => Err(Refused(format!("{} is running: wait for it or cancel it", job.kind))),
+            Some(job) => Err(Refused::new(format!("{} is running: wait for it or cancel it", job.kind))),
             None => Ok(()),
         }
     }
@@ -358,7 +358,7 @@ impl State {
     /// Refuses to work with flights that are being read.
     pub(super) fn has_read(&self) -> Result<(), Refused> {
         if self.reading {
-            return Err(Refused("the flights are being read: wait for it".into()));
+            return Err(Refused::new("the flights are being read: wait for it"));
         }
         Ok(())
     }
@@ -402,8 +402,8 @@ impl State {
     fn read_of(&self, flight: &str) -> Result<(LoadedFlight, Option<LoadedFlight>, u64), Refused> {
         let is_meant = |loaded: &&LoadedFlight| loaded.prepared.name == flight;
         let loaded = self.loaded().find(is_meant).cloned();
-        let loaded =
-            loaded.ok_or_else(|| Refused(format!("{flight}: there is no such flight in this folder")))?;
+        let loaded = loaded
+            .ok_or_else(|| Refused::new(format!("{flight}: there is no such flight in this folder")))?;
         let whole = self.files.iter().flat_map(|file| file.whole.iter()).find(is_meant).cloned();
         Ok((loaded, whole, self.readings))
     }
@@ -443,7 +443,7 @@ impl Observer for Telling<'_> {
     }
 
     fn warning(&self, sentence: &str) {
-        self.session.events.tell("warning", json!({ "sentence": sentence }));
+        self.session.events.tell("warning", json!({ "sentence": report::plain_line(sentence) }));
     }
 
     fn is_cancelled(&self) -> bool {

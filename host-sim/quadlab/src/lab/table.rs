@@ -42,7 +42,7 @@ impl Table {
 
     /// A Parquet file; `about` goes into it as key and value.
     pub(super) fn to_parquet(&self, about: &[(&str, String)]) -> Result<Vec<u8>, Refused> {
-        self.parquet(about).map_err(|error| Refused(format!("the Parquet file cannot be made: {error}")))
+        self.parquet(about).map_err(|error| Refused::new(format!("the Parquet file cannot be made: {error}")))
     }
 
     fn parquet(&self, about: &[(&str, String)]) -> Result<Vec<u8>, ParquetError> {

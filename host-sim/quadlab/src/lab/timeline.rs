@@ -21,7 +21,7 @@ pub(super) fn document(model: &Model, fits: &[FlightFit]) -> Value {
         entry
     });
     let flights = fits.iter().map(|fit| {
-        let problem = fit.terms.as_ref().err().map(ToString::to_string);
+        let problem = fit.terms.as_ref().err().map(|why| report::error_line(&why.to_string()));
         json!({ "flight": fit.flight, "problem": problem })
     });
     json!({ "coefficients": coefficients.collect::<Vec<_>>(), "flights": flights.collect::<Vec<_>>() })

@@ -24,7 +24,7 @@ pub(super) async fn take(session: Arc<Session>, name: String, body: Body) -> Res
     check_name(&name)?;
     let target = session.folder.join(&name);
     if target.exists() {
-        return Err(Refused(format!("{name}: is in the folder already: rename one of the two")));
+        return Err(Refused::new(format!("{name}: is in the folder already: rename one of the two")));
     }
     let (chunks, arriving) = mpsc::channel(16);
     let writing = tokio::task::spawn_blocking(move || write(&session, &name, &target, arriving));
@@ -41,7 +41,7 @@ pub(super) async fn take(session: Arc<Session>, name: String, body: Body) -> Res
         let _ = chunks.send(None).await;
     }
     drop(chunks);
-    writing.await.unwrap_or_else(|_| Err(Refused("the file could not be kept: a bug of quadlab".into())))
+    writing.await.unwrap_or_else(|_| Err(Refused::new("the file could not be kept: a bug of quadlab")))
 }
 
 /// Writes what arrives beside its place until the end is told.
@@ -59,12 +59,14 @@ fn write(
                 length += chunk.len() as u64;
                 if length > LONGEST {
                     let most = LONGEST >> 30;
-                    return Err(Refused(format!("{name}: is longer than {most} GB: put it into the folder")));
+                    return Err(Refused::new(format!(
+                        "{name}: is longer than {most} GB: put it into the folder"
+                    )));
                 }
                 file.write_all(&chunk)?;
             }
             Some(None) => return keep(file, name, target),
-            None => return Err(Refused(format!("{name}: has not arrived whole: drop it again"))),
+            None => return Err(Refused::new(format!("{name}: has not arrived whole: drop it again"))),
         }
     }
 }
@@ -76,7 +78,7 @@ fn check_name(name: &str) -> Result<(), Refused> {
     if is_one && is_plain && name.len() <= LONGEST_NAME {
         return Ok(());
     }
-    Err(Refused(format!("{name:?}: is no name that a file of the folder can have: rename it")))
+    Err(Refused::new(format!("{name:?}: is no name that a file of the folder can have: rename it")))
 }
 
 /// Puts a file that has arrived whole in its place, if it is one that the lab reads.
@@ -84,7 +86,7 @@ fn keep(file: NamedTempFile, name: &str, target: &Path) -> Result<(), Refused> {
     file.as_file().sync_all()?;
     let is_settings = [VEHICLE, flights::MAP_FILE].contains(&name) || name.ends_with(".use.toml");
     if !is_settings && !has_flight_ending(Path::new(name)) && logs::format_of(file.path()).is_none() {
-        return Err(Refused(format!(
+        return Err(Refused::new(format!(
             "{name}: is neither a flight (CSV) nor a log of a format that quadlab reads"
         )));
     }

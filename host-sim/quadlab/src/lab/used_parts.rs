@@ -45,7 +45,7 @@ impl Session {
         }));
         self.lock().reading = false;
         self.events.changed();
-        done.unwrap_or_else(|_| Err(Refused("the flight could not be read: a bug of quadlab".into())))
+        done.unwrap_or_else(|_| Err(Refused::new("the flight could not be read: a bug of quadlab")))
     }
 
     fn write_and_read(&self, target: &Target, parts: Option<&[[f64; 2]]>) -> Result<(), Refused> {
@@ -54,7 +54,7 @@ impl Session {
         let telling = Telling { session: self, kind: "reading", cancel: None };
         let file = FlightFile::read(&target.flight, &target.vehicle, Use::None, &telling);
         if let Err(why) = &*file.flights {
-            let why = Refused(format!("{why}; the parts stay as they were"));
+            let why = Refused::new(format!("{why}; the parts stay as they were"));
             put(&target.parts, old.as_deref())?;
             return Err(why);
         }
@@ -68,18 +68,20 @@ impl State {
         let UsedParts { name, parts } = asked;
         let mut known = self.files.iter().flat_map(|file| file.known().map(move |flight| (file, flight)));
         let Some((file, flight)) = known.find(|(_, flight)| flight.prepared.name == *name) else {
-            return Err(Refused(format!("{name}: there is no such flight in this folder")));
+            return Err(Refused::new(format!("{name}: there is no such flight in this folder")));
         };
         let path = parts_file(&flight.path);
         let shares = |other: &FlightFile| other.known().any(|other| parts_file(&other.path) == path);
         if let Some(other) = self.files.iter().find(|other| other.path != file.path && shares(other)) {
             let (one, other, path) = (&file.name, &other.name, path.display());
-            return Err(Refused(format!("{one} and {other} share the file {path}: rename one of the two")));
+            return Err(Refused::new(format!(
+                "{one} and {other} share the file {path}: rename one of the two"
+            )));
         }
         if let Some(parts) = parts {
-            check(parts, flight.taken.span_s).map_err(|why| Refused(format!("{name}: {why}")))?;
+            check(parts, flight.taken.span_s).map_err(|why| Refused::new(format!("{name}: {why}")))?;
         }
-        let craft = self.craft.as_ref().ok_or_else(|| Refused("there is no flight yet".into()))?;
+        let craft = self.craft.as_ref().ok_or_else(|| Refused::new("there is no flight yet"))?;
         Ok(Target { flight: file.path.clone(), parts: path, vehicle: craft.vehicle.clone() })
     }
 }
@@ -116,7 +118,7 @@ fn read(path: &Path) -> Result<Option<String>, Refused> {
     match std::fs::read_to_string(path) {
         Ok(text) => Ok(Some(text)),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(Refused(format!("{}: cannot be read: {error}", path.display()))),
+        Err(error) => Err(Refused::new(format!("{}: cannot be read: {error}", path.display()))),
     }
 }
 
@@ -126,7 +128,7 @@ fn put(path: &Path, text: Option<&str>) -> Result<(), Refused> {
         Some(text) => Ok(report::write_atomic(path, text)?),
         None => match std::fs::remove_file(path) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                Err(Refused(format!("{}: cannot be removed: {error}", path.display())))
+                Err(Refused::new(format!("{}: cannot be removed: {error}", path.display())))
             }
             _ => Ok(()),
         },
@@ -172,7 +174,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let session = Session::open(folder.path()).unwrap();
         let asked = UsedParts { name: "A.csv".into(), parts: None };
-        let why = || session.use_parts(&asked).unwrap_err().0;
+        let why = || session.use_parts(&asked).unwrap_err().into_sentence();
         assert!(why().contains("the flights are being read"));
         session.lock().reading = false;
         assert!(why().contains("A.csv: there is no such flight"));

@@ -94,7 +94,7 @@ impl Craft {
     pub(super) fn write(&self, folder: &Path, measured: &Measured) -> Result<(), Refused> {
         let path = folder.join(VEHICLE);
         let text = with(&self.text, measured)
-            .ok_or_else(|| Refused(format!("{VEHICLE}: cannot be edited here: edit it as a text")))?;
+            .ok_or_else(|| Refused::new(format!("{VEHICLE}: cannot be edited here: edit it as a text")))?;
         Vehicle::parse(&text, Path::new(VEHICLE))?;
         Ok(report::write_atomic(path, text)?)
     }
@@ -198,7 +198,7 @@ mod tests {
         let text = toml::to_string(&vehicle).unwrap();
         let craft = Craft { vehicle, text, is_written: false };
         let refused = craft.write(folder.path(), &Measured { mass: -1.0, ..measured() }).unwrap_err();
-        assert!(refused.0.starts_with("vehicle.toml: mass = -1 is impossible"), "{}", refused.0);
+        assert!(refused.sentence().starts_with("vehicle.toml: mass = -1 is impossible"), "{refused:?}");
         assert!(!folder.path().join("vehicle.toml").exists());
         craft.write(folder.path(), &measured()).unwrap();
         assert_eq!(Vehicle::read(&folder.path().join("vehicle.toml")).unwrap().mass, 1.3);

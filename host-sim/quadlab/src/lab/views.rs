@@ -327,7 +327,8 @@ pub(super) fn residual(
     for seen in flights {
         unit = seen?.add_residual(axis, quantity, &mut points).or(unit);
     }
-    let unit = unit.ok_or_else(|| Refused(format!("{quantity}: no such quantity; load the page again")))?;
+    let unit =
+        unit.ok_or_else(|| Refused::new(format!("{quantity}: no such quantity; load the page again")))?;
     let mut density = numbers::density(&points);
     density["unit"] = json!(axis.unit());
     density["quantity_unit"] = json!(unit);

@@ -66,9 +66,13 @@ const UPRIGHT: f64 = 0.5;
 /// Pieces between being upside down and lying: two seconds of falling are 20 m.
 const FALL_PIECES: usize = 20;
 /// Commands within this part of the range of its lower end: the motor stands.
-const STOPPED: f64 = 0.01;
+pub(super) const STOPPED: f64 = 0.01;
 /// Samples of a standing craft from which on the gyro's mean is its bias: a second at 100 Hz.
 const BIAS_SAMPLES: usize = 100;
+
+/// Pieces that a gap in the log has at most: more than anything is looked for across one, and few enough that a log of many long
+/// gaps needs no more memory than its rows.
+const GAP_PIECES: usize = 50;
 
 const GRAVITY_M_S2: f64 = 9.81;
 
@@ -153,6 +157,19 @@ pub fn airborne(flight: &Flight, vehicle: &Vehicle) -> Airborne {
     Airborne { left_out: left_out(flight.required(Column::T), &log.piece_of, &why), flown, gyro }
 }
 
+/// Piece of each row.
+fn pieces_of_rows(t: &[f64], length_s: f64) -> Vec<usize> {
+    let mut skipped = 0;
+    let mut last = 0;
+    let piece = |time: &f64| {
+        let elapsed = ((time - t[0]) / length_s) as usize;
+        skipped += (elapsed - skipped).saturating_sub(last + GAP_PIECES);
+        last = elapsed - skipped;
+        last
+    };
+    t.iter().map(piece).collect()
+}
+
 /// A log in pieces of a tenth of a second.
 struct Pieces {
     /// Piece of each row.
@@ -174,7 +191,7 @@ impl Pieces {
         use Column::*;
         let t = flight.required(T);
         let length_s = PIECE_S.max(PIECE_SAMPLES * median_step(t));
-        let piece_of: Vec<usize> = t.iter().map(|time| ((time - t[0]) / length_s) as usize).collect();
+        let piece_of = pieces_of_rows(t, length_s);
         let medians = |values: &[f64]| by_piece(&piece_of, values, |piece| median(piece).unwrap_or(f64::NAN));
         let [phi, theta] = [Phi, Theta].map(|c| flight.required(c));
         let upright: Vec<f64> = phi.iter().zip(theta).map(|(phi, theta)| phi.cos() * theta.cos()).collect();
@@ -459,6 +476,12 @@ fn left_out(t: &[f64], piece_of: &[usize], why: &[Option<Ground>]) -> Vec<LeftOu
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_long_gap_is_a_few_pieces_and_a_short_one_as_many_as_it_lasts() {
+        assert_eq!(pieces_of_rows(&[5.0, 5.75, 6.25, 26.25, 26.75], 0.5), [0, 1, 2, 42, 43]);
+        assert_eq!(pieces_of_rows(&[0.0, 0.75, 3600.0, 3600.75, 1e9], 0.5), [0, 1, 51, 52, 102]);
+    }
     use crate::testing::{Row, flight, truth};
 
     /// Ten seconds of waves in the air, between two parts of another kind: `ground` says what a sample of them is, from the

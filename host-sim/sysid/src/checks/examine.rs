@@ -15,7 +15,7 @@ use crate::checks::airborne::{self, Airborne, LeftOut};
 use crate::checks::clocks::{self, Clock, Clocks};
 use crate::checks::frames::{self, FrameFault};
 use crate::checks::under_sampled::Thinning;
-use crate::checks::{channels, command_clock, imu, interpolated, motors, under_sampled};
+use crate::checks::{bench, channels, command_clock, imu, interpolated, motors, under_sampled};
 use crate::prepare::{PrepareError, Prepared, StandingGyro};
 use flights::{Column, Flight, Mend, StandIn};
 
@@ -316,12 +316,16 @@ fn take<'a>(
     parts: &Parts,
 ) -> Result<(Cow<'a, Flight>, Option<StandingGyro>, Taken), PrepareError> {
     let t = flight.required(Column::T);
+    let is_asked = |t: &f64| match parts {
+        Parts::Flown => true,
+        Parts::Given(parts) => parts.iter().any(|[from, to]| (*from..=*to).contains(t)),
+    };
+    let asked: Vec<bool> = t.iter().map(is_asked).collect();
+    bench::refuse_long_gaps(t, &asked)?;
+    bench::refuse_motors_at_rest(flight, vehicle, &asked)?;
     let Airborne { flown, left_out, gyro } = match parts {
         Parts::Flown => airborne::airborne(flight, vehicle),
-        Parts::Given(parts) => {
-            let is_given = |t: &f64| parts.iter().any(|[from, to]| (*from..=*to).contains(t));
-            Airborne { flown: t.iter().map(is_given).collect(), ..Airborne::default() }
-        }
+        Parts::Given(_) => Airborne { flown: asked, ..Airborne::default() },
     };
     let span_s = [t[0], t[t.len() - 1]];
     let mut taken = Taken { parts: Vec::new(), left_out, span_s };

@@ -1,6 +1,7 @@
 //! What is checked of flights, of a vehicle file and of a fit: faults are found and named, not fitted away.
 
 pub mod airborne;
+mod bench;
 pub mod channels;
 pub mod clocks;
 pub mod command_clock;

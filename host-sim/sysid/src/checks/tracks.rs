@@ -17,13 +17,18 @@ use crate::prepare::{Prepared, Stretch, vector};
 const MOST_OFFSET_S: f64 = 0.26;
 /// Largest skew looked for.
 const MOST_SKEW: f64 = 0.024;
+/// Most that one clock may run away from the other between the middle of a flight and its ends, s: skews of flights over an hour
+/// and a half are looked for in a smaller range, so that a log of many hours takes no more memory.
+const MOST_DRIFT_S: f64 = 65.0;
 /// Lags and the shift at the ends of a flight from one skew to the next are this far apart, s.
 const LAG_STEP_S: f64 = 0.01;
 /// Time between the rows that are multiplied, s: the filters pass little that is faster.
 const ROW_PERIOD_S: f64 = 0.03;
 const BLOCK_S: f64 = 2.0;
-/// Blocks that are used; of a longer flight every second, third, ... one.
+/// Blocks that are used, about; of a longer flight every second, third, ... one.
 const MOST_BLOCKS: usize = 80;
+/// Stretches that are used, about, of a log with many.
+const MOST_PAIRS: usize = 500;
 
 /// One motion seen twice over a stretch.
 pub(crate) struct Pair {
@@ -196,7 +201,7 @@ impl Products {
 struct Block {
     /// Middle of the block, from the middle of the flight, s.
     time_s: f64,
-    /// Lag of the first entry of `products`.
+    /// Lag of the first entry of `products`. At other lags the streams have nothing in common.
     first: isize,
     products: Vec<Products>,
 }
@@ -228,13 +233,17 @@ impl Lags {
         let block_samples = ((BLOCK_S / period_s).round() as usize).max(row_samples);
         let (mean_onboard, rms_onboard) = moments(pairs, |p| &p.onboard);
         let (mean_tracked, rms_tracked) = moments(pairs, |p| &p.tracked);
+        let most_skew = most_skew(duration_s);
         let every = ((duration_s / BLOCK_S) as usize).div_ceil(MOST_BLOCKS).max(1);
+        // Of many short stretches every second, third, ... one.
+        let every_pair = pairs.len().div_ceil(MOST_PAIRS).max(1);
         let mut blocks = Vec::new();
-        for pair in pairs {
+        for pair in pairs.iter().step_by(every_pair) {
             for start in (0..pair.len()).step_by(block_samples * every) {
                 let end = (start + block_samples).min(pair.len());
                 let time_s = pair.start_s + 0.5 * (start + end) as f64 * period_s - middle_s;
-                let reach = ((MOST_OFFSET_S + MOST_SKEW * time_s.abs()) / step_s).ceil() as isize + 1;
+                let reach = ((MOST_OFFSET_S + most_skew * time_s.abs()) / step_s).ceil() as isize + 3;
+                let reach = reach.min((pair.len() / lag_samples) as isize + 1);
                 let at_lag = |lag: isize| {
                     let shift = lag * lag_samples as isize;
                     let mut products = Products::default();
@@ -262,8 +271,9 @@ impl Lags {
         let mut sum = Products::default();
         for block in &self.blocks {
             let lag = ((offset_s + skew * block.time_s) / self.step_s).round() as isize - block.first;
-            let last = block.products.len() as isize - 1;
-            sum.add(&block.products[lag.clamp(0, last) as usize]);
+            if let Some(products) = usize::try_from(lag).ok().and_then(|lag| block.products.get(lag)) {
+                sum.add(products);
+            }
         }
         sum
     }
@@ -272,7 +282,7 @@ impl Lags {
     fn shifts(&self) -> Vec<(f64, f64, Products)> {
         let offsets = (MOST_OFFSET_S / self.step_s) as isize;
         let skew_step = 4.0 * self.step_s / self.duration_s.max(1.0);
-        let skews = (MOST_SKEW / skew_step).ceil() as isize;
+        let skews = (most_skew(self.duration_s) / skew_step).ceil() as isize;
         let mut all = Vec::new();
         for s in -skews..=skews {
             for o in -offsets..=offsets {
@@ -288,6 +298,11 @@ impl Lags {
         let shifts = self.shifts();
         hypotheses.iter().map(|&axes| best_of(&shifts, axes)).collect()
     }
+}
+
+/// Largest skew that is looked for in a flight of this length.
+fn most_skew(duration_s: f64) -> f64 {
+    MOST_SKEW.min(MOST_DRIFT_S / (0.5 * duration_s).max(1.0))
 }
 
 fn best_of(shifts: &[(f64, f64, Products)], axes: Axes) -> Match {
@@ -414,6 +429,21 @@ mod tests {
             assert!((best.offset_s - offset_s).abs() < 0.0101, "{best:?}");
             assert!((best.skew - skew).abs() < 0.0015, "{best:?}");
             assert!(best.similarity > 0.98, "{best:?}");
+        }
+    }
+
+    /// Two minutes of a log, an hour or more than a day apart.
+    #[test]
+    fn hours_without_a_log_cost_nothing() {
+        for apart_s in [3600.0, 1e5] {
+            let mut pairs = pair(0.05, 0.0, |v| v);
+            pairs.extend(pair(0.05, 0.0, |v| v));
+            pairs[1].start_s = apart_s;
+            let lags = Lags::new(&pairs, 0.01);
+            let products: usize = lags.blocks.iter().map(|block| block.products.len()).sum();
+            assert!(products < 80 * 13_500, "{products} products");
+            let shifts = lags.shifts().len();
+            assert!(shifts < 53 * 6600, "{shifts} shifts");
         }
     }
 

@@ -21,6 +21,28 @@ pub enum PrepareError {
         /// What it does instead, and when.
         left_out: String,
     },
+    /// A clock that leaps, or logs of two flights in one.
+    #[error(
+        "has nothing between t = {before_s} s and t = {after_s} s; gaps over an hour ({longest_s} s) are refused: mend the clock of the \
+         log, cut it there, or use the part on one side with --from and --to"
+    )]
+    Gap {
+        /// Time of the sample before the gap, s.
+        before_s: f64,
+        /// Time of the sample behind it, s.
+        after_s: f64,
+        /// Longest gap that is taken, s.
+        longest_s: f64,
+    },
+    /// A log of the bench.
+    #[error(
+        "motors at rest: {what} throughout, so that nothing in it flies; give a log of a flight, or the parts in which the motors turn \
+         with --from and --to"
+    )]
+    MotorsAtRest {
+        /// What says so.
+        what: String,
+    },
     /// No sample in the parts that were asked for.
     #[error("has no sample in the parts that are asked for; the log goes from {from_s:.2} to {to_s:.2} s")]
     NothingTaken {

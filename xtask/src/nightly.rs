@@ -1,0 +1,111 @@
+//! `cargo xtask test --nightly`: what takes too long for every change, and is run once a night.
+//!
+//! A part is a row of [`PARTS`], as a step of the normal tests is: its name, what it is worth a night for, the tools it needs, and the
+//! doing. A part whose tool is missing is skipped aloud.
+
+use std::process::Command;
+
+use anyhow::{Context, Result};
+
+use crate::base::process::{cargo, shown, succeeds};
+use crate::base::tally::Tally;
+use crate::base::tools::CARGO_FUZZ;
+use crate::base::workspace::{self, Workspace};
+use crate::step::{Outcome, Step, harness, one};
+
+/// The night's tests, in the order they run.
+pub(crate) const PARTS: &[Step] = &[
+    Step {
+        name: "damage",
+        about: "100,000 damaged inputs of each reader and decoder: none panics, hangs or takes more memory than it may",
+        tools: &[],
+        run: damaged_inputs,
+    },
+    Step {
+        name: "coverage",
+        about: "each fuzz target for a minute, guided by the code it reaches: finds what chance does not",
+        tools: &[&CARGO_FUZZ],
+        run: fuzz_targets,
+    },
+];
+
+/// Damaged inputs of each reader.
+const CASES: u32 = 100_000;
+/// Time for each fuzz target, s.
+const FUZZ_S: u32 = 60;
+/// Folders of fuzz targets, as `cargo fuzz` lays them out.
+const FUZZ_FOLDERS: [&str; 2] = ["tests/fuzz", "proto/fuzz"];
+
+/// The tests that damage inputs for a bounded time, for longer.
+fn damaged_inputs(_: &Workspace) -> Result<Outcome> {
+    let of = |test: &str, filter: &[&str]| {
+        let line = ["test", "--workspace", "--test", test, "--no-fail-fast", "--", "--show-output"];
+        let mut command = cargo([&line[..], filter].concat());
+        command.env("QUADLAB_FUZZ_CASES", CASES.to_string());
+        command
+    };
+    let mut tally = Tally::default();
+    for command in [of("fuzz", &[]), of("logs", &["fuzz::"])] {
+        tally.add(&harness(command)?);
+    }
+    Ok(Outcome::Ran(tally))
+}
+
+fn fuzz_targets(_: &Workspace) -> Result<Outcome> {
+    let mut tally = Tally::default();
+    for folder in FUZZ_FOLDERS {
+        for target in targets_in(folder)? {
+            let mut command = fuzz_target(folder, &target)?;
+            println!("   {}", shown(&command));
+            tally.add(&one(succeeds(&mut command)?));
+        }
+    }
+    Ok(Outcome::Ran(tally))
+}
+
+/// Names of the fuzz targets in a folder.
+fn targets_in(folder: &str) -> Result<Vec<String>> {
+    let folder = workspace::root().join(folder).join("fuzz_targets");
+    let entries = std::fs::read_dir(&folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    let names = entries.flatten().map(|entry| entry.path());
+    let mut names: Vec<String> =
+        names.filter_map(|path| Some(path.file_stem()?.to_string_lossy().into_owned())).collect();
+    names.sort();
+    Ok(names)
+}
+
+/// A target with its corpus. What it finds is kept beside the builds: a person decides what of it joins the corpus.
+fn fuzz_target(folder: &str, target: &str) -> Result<Command> {
+    let found = workspace::root().join("target/fuzz-corpus").join(target);
+    std::fs::create_dir_all(&found).with_context(|| format!("cannot make {}", found.display()))?;
+    let mut command = Command::new("rustup");
+    command.current_dir(workspace::root()).args(["run", "nightly", "cargo", "fuzz", "run"]);
+    command.args(["--fuzz-dir", folder, target]).arg(found).arg(format!("{folder}/corpus/{target}"));
+    command.arg("--").arg(format!("-max_total_time={FUZZ_S}")).args(["-timeout=10", "-rss_limit_mb=2048"]);
+    Ok(command)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A target that nobody runs, or one without anything to begin with, finds nothing.
+    #[test]
+    fn every_fuzz_target_is_declared_and_has_a_corpus() {
+        for folder in FUZZ_FOLDERS {
+            let folder_path = workspace::root().join(folder);
+            let manifest = std::fs::read_to_string(folder_path.join("Cargo.toml")).expect(folder);
+            let targets = targets_in(folder).expect(folder);
+            assert!(!targets.is_empty(), "{folder}");
+            for target in &targets {
+                assert!(
+                    manifest.contains(&format!("path = \"fuzz_targets/{target}.rs\"")),
+                    "{folder}: {target}"
+                );
+                let corpus = std::fs::read_dir(folder_path.join("corpus").join(target));
+                assert!(corpus.is_ok_and(|mut files| files.next().is_some()), "{folder}: {target}");
+            }
+            assert_eq!(manifest.matches("[[bin]]").count(), targets.len(), "{folder}");
+        }
+    }
+}
