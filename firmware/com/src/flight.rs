@@ -10,7 +10,6 @@ use std::time::{Duration, Instant};
 
 use control::State;
 use craft::{Craft, Inputs};
-use embedded_hal::pwm::SetDutyCycle;
 
 use crate::battery::Battery;
 use crate::clock::{Beat, Ticker};
@@ -19,7 +18,7 @@ use crate::error::{Error, Result, log, system};
 use crate::guardian::{Heart, Sign};
 use crate::imu::Imu;
 use crate::link::{Link, Notice};
-use crate::pwm::Motors;
+use crate::pwm::{Idled, Motors, Output};
 use crate::realtime;
 
 /// How many events may wait to be logged; the rest are not logged.
@@ -55,7 +54,7 @@ pub struct FlightLoop<C> {
     events: SyncSender<Event>,
 }
 
-impl<C: SetDutyCycle> FlightLoop<C> {
+impl<C: Output> FlightLoop<C> {
     /// Opens what the setup names; the outputs are open already.
     ///
     /// # Errors
@@ -114,7 +113,8 @@ impl<C: SetDutyCycle> FlightLoop<C> {
             lateness_us: beat.late_us,
         });
         let (pwm, state) = (flight.tick.pwm, flight.state);
-        let written = motors.set(&pwm).is_ok();
+        let written =
+            if state.motors_idle() { motors.idle() == Idled::Pulses } else { motors.set(&pwm).is_ok() };
         if written != self.outputs_ready {
             self.outputs_ready = written;
             report(events, Event::Outputs(written));
@@ -127,8 +127,8 @@ impl<C: SetDutyCycle> FlightLoop<C> {
     }
 
     /// All motors to idle.
-    pub fn idle(&mut self) -> bool {
-        self.motors.idle().is_ok()
+    pub fn idle(&mut self) {
+        self.motors.idle();
     }
 }
 
@@ -156,7 +156,7 @@ fn report(events: &SyncSender<Event>, event: Event) {
 ///
 /// # Errors
 /// What cannot be opened, or [`Error::Orphaned`].
-pub fn fly<C: SetDutyCycle>(setup: &Setup, motors: Motors<C>, mut heart: Heart) -> Result<()> {
+pub fn fly<C: Output>(setup: &Setup, motors: Motors<C>, mut heart: Heart) -> Result<()> {
     let (mut flight, events) = FlightLoop::open(setup, motors)?;
     let log_events = move || print(&events);
     thread::Builder::new()

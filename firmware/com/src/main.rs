@@ -16,7 +16,7 @@ use com::config::{Setup, read_gains};
 use com::error::{Error, Result, log};
 use com::guardian::{End, Terms, watch};
 use com::last_end::LastEnd;
-use com::pwm::Motors;
+use com::pwm::{Idled, Motors};
 use com::watchdog::Watchdogs;
 use com::{flight, jitter, lockstep};
 use proto::{Identity, State};
@@ -127,7 +127,7 @@ fn run(config: &Path) -> Result<ExitCode> {
     let watchdogs = Watchdogs::open(setup.watchdog.as_deref())?;
     let terms = Terms { silence: setup.silence, priority: setup.priority, last_end };
     let end =
-        watch(terms, watchdogs, move || guarded.idle().is_ok(), |heart| flight::fly(&setup, flown, heart))?;
+        watch(terms, watchdogs, move || guarded.idle() != Idled::OutOfControl, |heart| flight::fly(&setup, flown, heart))?;
     Ok(ExitCode::from(match end {
         End::Stopped => 0,
         End::Returned(2) => 2,

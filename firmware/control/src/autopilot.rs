@@ -191,6 +191,7 @@ impl Autopilot {
         let attitude_rad = measurement.attitude_rad;
         self.detectors.battery(readings.battery_v, elapsed_us, &self.limits, found);
         self.detectors.tilt(attitude_rad, elapsed_us, &self.limits, found);
+        self.detectors.outputs(readings.outputs_ready, elapsed_us, &self.limits, found);
         self.detectors.aftermath(found);
         let mut preflight = Preflight::default();
         if self.state != State::Flying || readings.request.is_some() || self.idle_wanted {

@@ -34,6 +34,8 @@ pub struct Supervision {
     pub thrust: ThrustLossLimits,
     /// Clock and loop.
     pub timing: TimingLimits,
+    /// Motor outputs.
+    pub outputs: OutputLimits,
     /// How a landing goes.
     pub landing: Landing,
 }
@@ -157,6 +159,14 @@ pub struct TimingLimits {
     pub overrun_s: f64,
 }
 
+/// Motor outputs.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct OutputLimits {
+    /// Land after this many s in which the outputs did not take the commands.
+    pub land_after_s: f64,
+}
+
 /// How a landing goes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -213,6 +223,7 @@ impl Supervision {
         fence: Fence { x_m: [-3.4, 3.4], y_m: [-2.2, 2.2], z_m: [-2.6, 0.5], for_s: 0.2 },
         thrust: ThrustLossLimits { for_s: 0.4, sink_m_s: 0.2, level_rad: 0.35 },
         timing: TimingLimits { jump_s: 1.0, overrun_s: 0.1 },
+        outputs: OutputLimits { land_after_s: 0.05 },
         landing: Landing { descent_m_s: 0.3, fast_descent_m_s: 0.6, blind_offset_m: 0.06, touchdown_m: 0.1 },
     };
 
@@ -226,7 +237,7 @@ impl Supervision {
 
     /// No time is longer than a minute: a timer in microseconds counts to 71 of them.
     fn check_times(&self) -> Result<(), ConfigError> {
-        let Self { link, pose, imu, battery, tilt, fence, thrust, timing, .. } = self;
+        let Self { link, pose, imu, battery, tilt, fence, thrust, timing, outputs, .. } = self;
         let times = [
             ("supervision.link", "hold_after_s", link.hold_after_s),
             ("supervision.link", "land_after_s", link.land_after_s),
@@ -242,6 +253,7 @@ impl Supervision {
             ("supervision.thrust", "for_s", thrust.for_s),
             ("supervision.timing", "jump_s", timing.jump_s),
             ("supervision.timing", "overrun_s", timing.overrun_s),
+            ("supervision.outputs", "land_after_s", outputs.land_after_s),
         ];
         times
             .into_iter()
@@ -320,6 +332,7 @@ defaults!(
     Fence: fence,
     ThrustLossLimits: thrust,
     TimingLimits: timing,
+    OutputLimits: outputs,
     Landing: landing
 );
 
@@ -363,7 +376,7 @@ mod tests {
     /// A timer in microseconds counts to 71 minutes; every time in the table is checked.
     #[test]
     fn no_time_is_longer_than_a_minute() {
-        let times: [fn(&mut Supervision) -> &mut f64; 15] = [
+        let times: [fn(&mut Supervision) -> &mut f64; 16] = [
             |s| &mut s.link.hold_after_s,
             |s| &mut s.link.land_after_s,
             |s| &mut s.link.good_for_s,
@@ -379,6 +392,7 @@ mod tests {
             |s| &mut s.thrust.for_s,
             |s| &mut s.timing.jump_s,
             |s| &mut s.timing.overrun_s,
+            |s| &mut s.outputs.land_after_s,
         ];
         for (k, time) in times.into_iter().enumerate() {
             for bad in [60.1, -0.1, f64::NAN] {

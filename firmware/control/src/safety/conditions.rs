@@ -59,11 +59,13 @@ pub enum Condition {
     LoopOverrun = 24,
     /// The controller had a result that is not a number.
     NotANumber = 25,
+    /// The program's outputs do not take the motor commands.
+    OutputsFailed = 26,
 }
 
 impl Condition {
     /// All, in the order of their bits.
-    pub const ALL: [Self; 26] = [
+    pub const ALL: [Self; 27] = [
         Self::ArmRequested,
         Self::FlightRequested,
         Self::DisarmRequested,
@@ -90,6 +92,7 @@ impl Condition {
         Self::ClockJumped,
         Self::LoopOverrun,
         Self::NotANumber,
+        Self::OutputsFailed,
     ];
 
     /// The name that people read.
@@ -121,6 +124,7 @@ impl Condition {
             Self::ClockJumped => "clock jumped",
             Self::LoopOverrun => "loop overrun",
             Self::NotANumber => "result not a number",
+            Self::OutputsFailed => "outputs failed",
         }
     }
 
@@ -145,7 +149,7 @@ impl Conditions {
 
     /// The set with these bits; bits that mean nothing are left out.
     pub const fn from_bits(bits: u32) -> Self {
-        Self(bits & ((1 << Condition::ALL.len()) - 1))
+        Self(bits & (u32::MAX >> (32 - Condition::ALL.len())))
     }
 
     /// One bit a condition.

@@ -78,6 +78,7 @@ pub(crate) struct Detectors {
     thrust: Held,
     thrust_lost: bool,
     not_a_number: bool,
+    outputs: Held,
     pub(crate) counters: Counters,
 }
 
@@ -107,6 +108,7 @@ impl Detectors {
             thrust: Held::default(),
             thrust_lost: false,
             not_a_number: false,
+            outputs: Held::default(),
             counters: Counters::default(),
         }
     }
@@ -328,6 +330,18 @@ impl Detectors {
     ) {
         let tilted = !(tilt_bound(attitude_rad) <= limits.tilt_rad) && is_tilted_beyond(attitude_rad, limits);
         conditions.note(Condition::Tilted, self.tilt.step(tilted, elapsed_us, limits.tilt_us));
+    }
+
+    /// Detects outputs that do not take the commands.
+    #[inline]
+    pub(crate) fn outputs(
+        &mut self,
+        ready: bool,
+        elapsed_us: u32,
+        limits: &Limits,
+        conditions: &mut Conditions,
+    ) {
+        conditions.note(Condition::OutputsFailed, self.outputs.step(!ready, elapsed_us, limits.outputs_us));
     }
 
     /// Reports what the end of the tick before has shown.

@@ -42,6 +42,7 @@ pub(crate) struct Limits {
     pub(crate) thrust_us: u32,
     pub(crate) sink_m_s: f32,
     pub(crate) level_rad: f32,
+    pub(crate) outputs_us: u32,
     pub(crate) uses_gyro: bool,
 }
 
@@ -55,7 +56,7 @@ pub(crate) struct SilenceLimits {
 
 impl Limits {
     pub(crate) fn new(config: &Config) -> Self {
-        let Supervision { link, pose, imu, battery, tilt, fence, thrust, timing, .. } = &config.supervision;
+        let Supervision { link, pose, imu, battery, tilt, fence, thrust, timing, outputs, .. } = &config.supervision;
         let sides = [fence.x_m, fence.y_m, fence.z_m];
         Self {
             period_us: micros(config.sample_time_s),
@@ -94,6 +95,7 @@ impl Limits {
             thrust_us: micros(thrust.for_s),
             sink_m_s: thrust.sink_m_s as f32,
             level_rad: thrust.level_rad as f32,
+            outputs_us: micros(outputs.land_after_s),
             uses_gyro: config.estimation.gyro.is_some(),
         }
     }

@@ -40,6 +40,8 @@ pub enum FaultKind {
     VoltageNotANumber,
     /// A motor stands still (0 to 3).
     MotorDead(usize),
+    /// An output takes no command any more: its motor (0 to 3) goes on with the last.
+    OutputDead(usize),
     /// Every motor gets so much less than its command, command units.
     MotorsWeak(f32),
     /// The clock is off by so much from here on, us; modulo 2^32.
@@ -75,6 +77,7 @@ pub(crate) struct Faults {
     last_pose: Option<Pose>,
     last_gyro: Option<[f32; 3]>,
     asked: bool,
+    last_motors: Option<[f32; 4]>,
 }
 
 impl Faults {
@@ -130,19 +133,21 @@ impl Faults {
             FaultKind::VoltageLower(by_v) => readings.battery_v -= by_v,
             FaultKind::VoltageNotANumber => readings.battery_v = f32::NAN,
             FaultKind::ClockOff(by_us) => readings.time_us = readings.time_us.wrapping_add(by_us),
+            FaultKind::OutputDead(_) => readings.outputs_ready = false,
             FaultKind::MotorDead(_) | FaultKind::MotorsWeak(_) | FaultKind::LoopStalled => {}
         }
     }
 
     /// What the motors get of their commands.
     pub(crate) fn motors(
-        &self,
+        &mut self,
         faults: &[Fault],
         time_s: f64,
         mut pwm: [f32; 4],
         command_range: [f64; 2],
     ) -> [f32; 4] {
         let idle = command_range[0] as f32;
+        let last = self.last_motors.unwrap_or(pwm);
         for fault in faults.iter().filter(|fault| fault.is_on(time_s)) {
             match fault.kind {
                 FaultKind::MotorDead(motor) => {
@@ -150,10 +155,16 @@ impl Faults {
                         *command = idle;
                     }
                 }
+                FaultKind::OutputDead(motor) => {
+                    if let (Some(command), Some(last)) = (pwm.get_mut(motor), last.get(motor)) {
+                        *command = *last;
+                    }
+                }
                 FaultKind::MotorsWeak(by) => pwm = pwm.map(|command| (command - by).max(idle)),
                 _ => {}
             }
         }
+        self.last_motors = Some(pwm);
         pwm
     }
 }
@@ -211,11 +222,12 @@ mod tests {
     #[test]
     fn a_dead_motor_idles_and_weak_ones_never_fall_below_idle() {
         let on = |kind| Fault { kind, from_s: 0.0, for_s: 1.0 };
-        let faults = Faults::default();
-        let motors =
+        let mut faults = Faults::default();
+        let mut motors =
             |kind| faults.motors(&[on(kind)], 0.0, [1500.0, 1200.0, 1500.0, 1500.0], [1000.0, 2000.0]);
         assert_eq!(motors(FaultKind::MotorDead(0)), [1000.0, 1200.0, 1500.0, 1500.0]);
         assert_eq!(motors(FaultKind::MotorDead(7)), [1500.0, 1200.0, 1500.0, 1500.0]);
         assert_eq!(motors(FaultKind::MotorsWeak(300.0)), [1200.0, 1000.0, 1200.0, 1200.0]);
+        assert_eq!(motors(FaultKind::OutputDead(1)), [1500.0, 1000.0, 1500.0, 1500.0]);
     }
 }

@@ -11,8 +11,17 @@ use crate::craft::FaultKind as K;
 /// To the end of the flight.
 const ALWAYS_S: f64 = 1e6;
 
+/// How far a craft drifts at most, m, if nothing else is said.
+const NEAR_M: f64 = 1.0;
+
 const fn drill(rule: C, name: &'static str, expected: ExpectedResponse, causes: &'static [Cause]) -> Drill {
-    Drill { name, rule, expected, causes }
+    Drill { name, rule, expected, within_m: NEAR_M, causes }
+}
+
+impl Drill {
+    const fn within(self, within_m: f64) -> Self {
+        Self { within_m, ..self }
+    }
 }
 
 /// All drills: what sets a rule off stands before what just does not.
@@ -224,6 +233,13 @@ const DRILLS: &[Drill] = &[
     drill(C::ClockJumped, "clock wraps in the middle", Flies, &[ClockWraps]),
     drill(C::LoopOverrun, "loop stalls for 12 ticks", Goes(&[(Land, 0.2)]), &[Fault(K::LoopStalled, 0.12)]),
     drill(C::LoopOverrun, "loop stalls for 2 ticks", Flies, &[Fault(K::LoopStalled, 0.02)]),
+    drill(
+        C::OutputsFailed,
+        "output 1 takes no command any more",
+        Goes(&[(Land, 0.06)]),
+        &[Fault(K::OutputDead(0), ALWAYS_S)],
+    ),
+    drill(C::OutputsFailed, "output 1 misses four commands", Flies, &[Fault(K::OutputDead(0), 0.04)]),
     drill(
         C::LandRequested,
         "the ground asks to land",

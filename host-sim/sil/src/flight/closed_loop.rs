@@ -95,6 +95,9 @@ impl<'a, L: FlightComputer> ClosedLoop<'a, L> {
         let motors =
             self.faults.motors(&self.plan.faults, time_s, output.pwm, self.plan.config.command_range);
         self.craft.advance(&motors, battery_v);
+        if let Some(floor_m) = self.plan.floor_m {
+            self.craft.stop_at(floor_m);
+        }
         self.tick += 1;
         Ok(row)
     }
