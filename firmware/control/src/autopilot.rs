@@ -30,7 +30,7 @@ use crate::config::gains::Config;
 use crate::dsp::trig::{sin_cos, wrap_angle};
 use crate::inputs::input_checks::is_finite;
 use crate::inputs::readings::{Command, Measurement, Mode, Pose, Readings, Request};
-use crate::law::controller::Controller;
+use crate::law::controller::{Controller, Guided, LANDING_DEPTH_M};
 use crate::law::terms::Tick;
 use crate::safety::conditions::{Condition, Conditions};
 use crate::safety::detectors::{Counters, Detectors, LastKnown, count};
@@ -38,6 +38,7 @@ use crate::safety::limits::Limits;
 use crate::safety::plausibility::tilt_bound;
 use crate::safety::preflight::Preflight;
 use crate::safety::state_machine::{State, next};
+use crate::safety::touchdown::Touchdown;
 
 /// The outcome of a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -68,8 +69,8 @@ struct Descent {
     slow_m_per_us: f32,
     fast_m_per_us: f32,
     blind_offset_m: f32,
-    /// Inertial z at which the landing is down, m.
-    down_m: f32,
+    /// Inertial z that a landing commands at the most, m.
+    deepest_m: f32,
 }
 
 /// All that flies. Copying it is taking a snapshot.
@@ -88,6 +89,7 @@ pub struct Autopilot {
     /// Attitude by the gyro since then, rad; none while poses come.
     carried_rad: Option<[f32; 3]>,
     anchor: Anchor,
+    touchdown: Touchdown,
     flight: Flight,
 }
 
@@ -114,14 +116,16 @@ impl Autopilot {
         let controller = Controller::new(config)?;
         let landing = &config.supervision.landing;
         let [_, lowest_m] = config.position_limits.z_m;
+        let limits = Limits::new(config);
         Ok(Self {
             controller,
-            limits: Limits::new(config),
+            touchdown: Touchdown::new(&limits.touchdown),
+            limits,
             descent: Descent {
                 slow_m_per_us: (landing.descent_m_s * 1e-6) as f32,
                 fast_m_per_us: (landing.fast_descent_m_s * 1e-6) as f32,
                 blind_offset_m: landing.blind_offset_m as f32,
-                down_m: (lowest_m - landing.touchdown_m) as f32,
+                deepest_m: lowest_m as f32 + LANDING_DEPTH_M,
             },
             detectors: Detectors::at_rest(),
             state: State::Disarmed,
@@ -198,14 +202,15 @@ impl Autopilot {
             preflight = self.attend(readings, commanded, attitude_rad, &mut conditions);
         }
         let state = next(self.state, conditions);
-        let guided;
-        let (mode, cut_off, command) = if state == State::Flying && self.state == State::Flying {
-            (self.mode, self.idle_wanted, pilot)
+        let command;
+        let guided = if state == State::Flying && self.state == State::Flying {
+            Guided { mode: self.mode, cut_off: self.idle_wanted, lands: false, command: pilot }
         } else {
-            guided = self.guide(state, pilot, attitude_rad, elapsed_us, conditions);
-            (guided.mode, guided.cut_off, Some(&guided))
+            command = self.guide(state, pilot, attitude_rad, elapsed_us, conditions);
+            let Command { mode, cut_off, .. } = command;
+            Guided { mode, cut_off, lands: state == State::Land, command: Some(&command) }
         };
-        self.controller.tick_into(&measurement, seen, mode, cut_off, command, &mut self.flight.tick);
+        self.controller.tick_into(&measurement, seen, &guided, &mut self.flight.tick);
         self.look_back(readings, seen, attitude_rad, elapsed_us);
         (self.flight.state, self.flight.conditions, self.flight.preflight) = (state, conditions, preflight);
         &self.flight
@@ -272,6 +277,14 @@ impl Autopilot {
             elapsed_us,
             &self.limits,
         );
+        let touchdown = &self.limits.touchdown;
+        if self.state == State::Land {
+            let [_, _, z_m] = self.pose.position_m;
+            let known = !self.detectors.pose.late;
+            self.touchdown.land(tick.pwm, [z_m, terms.z_rate_m_s], known, elapsed_us, touchdown);
+        } else {
+            self.touchdown.fly(tick.pwm, touchdown);
+        }
     }
 
     /// What matters only on the ground, while landing, or on a request.
@@ -295,9 +308,7 @@ impl Autopilot {
         conditions.note(Condition::LandRequested, asked(Request::Land));
         conditions
             .note(Condition::CutRequested, asked(Request::Cut) || flies && commanded && self.idle_wanted);
-        let [_, _, z_m] = self.pose.position_m;
-        let down = self.state == State::Land && self.carried_rad.is_none() && z_m >= self.descent.down_m;
-        conditions.note(Condition::Landed, down);
+        conditions.note(Condition::Landed, self.state == State::Land && self.touchdown.found);
         preflight
     }
 
@@ -344,6 +355,9 @@ impl Autopilot {
         if let (State::Flying, Some(pilot)) = (state, pilot) {
             return *pilot;
         }
+        if state == State::Land && before != State::Land {
+            self.touchdown.begin();
+        }
         let blind = conditions.has(Condition::PoseLate);
         let entered = before == State::Flying;
         if entered || self.anchor.blind != blind {
@@ -358,9 +372,7 @@ impl Autopilot {
         if state == State::Land {
             let empty = conditions.has(Condition::BatteryEmpty);
             let rate = if empty { self.descent.fast_m_per_us } else { self.descent.slow_m_per_us };
-            // Past the floor only the number goes on; the input checks keep the command inside the
-            // box.
-            anchor.z_m = (anchor.z_m + rate * elapsed_us as f32).min(self.descent.down_m + 1.0);
+            anchor.z_m = (anchor.z_m + rate * elapsed_us as f32).min(self.descent.deepest_m);
         }
         Command { mode: Mode::Position, position_m: anchor.position_m, z_m: anchor.z_m, ..level }
     }

@@ -99,7 +99,8 @@ fn from_the_stand_to_the_air_and_back() {
     assert_eq!(flight.state, State::Flying);
     assert!(!idles(&flight), "it climbs");
     assert_eq!(rig.tick(Some(Request::Land)).state, State::Land);
-    assert_eq!(rig.tick(None).state, State::Disarmed, "on its stand it has landed");
+    let stands = (1..).find(|_| rig.tick(None).state == State::Disarmed).unwrap();
+    assert!((50..250).contains(&stands), "on its stand it has landed once thrust is little: {stands} ticks");
     let flight = rig.run(500);
     assert!(idles(&flight) && flight.state == State::Disarmed, "a command does not take off again");
 }

@@ -178,8 +178,14 @@ pub struct Landing {
     /// Without poses the height is unknown: the altitude loop sees a height that is too great by
     /// this many m, and so gives less thrust than carries the craft.
     pub blind_offset_m: f64,
-    /// The craft counts as landed this many m above the lowest height that may be commanded.
+    /// A landing craft that no longer sinks although its motors carry less than it weighs stands
+    /// on something. It counts as landed after [`Landing::touchdown_s`] this many m above the lowest
+    /// height that may be commanded, and anywhere else (on a table) after three times as long.
     pub touchdown_m: f64,
+    /// So many s of that.
+    pub touchdown_s: f64,
+    /// "Less" is this fraction of what the motor commands were above idle in flight.
+    pub touchdown_fraction: f64,
 }
 
 impl Fence {
@@ -224,7 +230,14 @@ impl Supervision {
         thrust: ThrustLossLimits { for_s: 0.4, sink_m_s: 0.2, level_rad: 0.35 },
         timing: TimingLimits { jump_s: 1.0, overrun_s: 0.1 },
         outputs: OutputLimits { land_after_s: 0.05 },
-        landing: Landing { descent_m_s: 0.3, fast_descent_m_s: 0.6, blind_offset_m: 0.06, touchdown_m: 0.1 },
+        landing: Landing {
+            descent_m_s: 0.3,
+            fast_descent_m_s: 0.6,
+            blind_offset_m: 0.06,
+            touchdown_m: 0.1,
+            touchdown_s: 0.3,
+            touchdown_fraction: 0.7,
+        },
     };
 
     /// Checks every limit: the first that cannot be flown with, by name.
@@ -237,7 +250,7 @@ impl Supervision {
 
     /// No time is longer than a minute: a timer in microseconds counts to 71 of them.
     fn check_times(&self) -> Result<(), ConfigError> {
-        let Self { link, pose, imu, battery, tilt, fence, thrust, timing, outputs, .. } = self;
+        let Self { link, pose, imu, battery, tilt, fence, thrust, timing, outputs, landing } = self;
         let times = [
             ("supervision.link", "hold_after_s", link.hold_after_s),
             ("supervision.link", "land_after_s", link.land_after_s),
@@ -254,6 +267,7 @@ impl Supervision {
             ("supervision.timing", "jump_s", timing.jump_s),
             ("supervision.timing", "overrun_s", timing.overrun_s),
             ("supervision.outputs", "land_after_s", outputs.land_after_s),
+            ("supervision.landing", "touchdown_s", landing.touchdown_s),
         ];
         times
             .into_iter()
@@ -306,7 +320,8 @@ impl Supervision {
         check.within("descent_m_s", landing.descent_m_s, 0.01, 10.0)?;
         check.within("fast_descent_m_s", landing.fast_descent_m_s, 0.01, 10.0)?;
         check.within("blind_offset_m", landing.blind_offset_m, 0.0, 1.0)?;
-        check.within("touchdown_m", landing.touchdown_m, 0.0, 1.0)
+        check.within("touchdown_m", landing.touchdown_m, 0.0, 1.0)?;
+        check.within("touchdown_fraction", landing.touchdown_fraction, 0.1, 0.9)
     }
 }
 
@@ -376,7 +391,7 @@ mod tests {
     /// A timer in microseconds counts to 71 minutes; every time in the table is checked.
     #[test]
     fn no_time_is_longer_than_a_minute() {
-        let times: [fn(&mut Supervision) -> &mut f64; 16] = [
+        let times: [fn(&mut Supervision) -> &mut f64; 17] = [
             |s| &mut s.link.hold_after_s,
             |s| &mut s.link.land_after_s,
             |s| &mut s.link.good_for_s,
@@ -393,6 +408,7 @@ mod tests {
             |s| &mut s.timing.jump_s,
             |s| &mut s.timing.overrun_s,
             |s| &mut s.outputs.land_after_s,
+            |s| &mut s.landing.touchdown_s,
         ];
         for (k, time) in times.into_iter().enumerate() {
             for bad in [60.1, -0.1, f64::NAN] {

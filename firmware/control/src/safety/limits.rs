@@ -2,7 +2,7 @@
 //! a tick need not compute anew.
 
 use crate::config::gains::Config;
-use crate::config::supervision_limits::Supervision;
+use crate::config::supervision_limits::{Landing, Supervision};
 use crate::inputs::input_checks::magnitude;
 
 /// Seconds as microseconds; what does not fit is the greatest number.
@@ -43,7 +43,24 @@ pub(crate) struct Limits {
     pub(crate) sink_m_s: f32,
     pub(crate) level_rad: f32,
     pub(crate) outputs_us: u32,
+    pub(crate) touchdown: TouchdownLimits,
     pub(crate) uses_gyro: bool,
+}
+
+/// When a landing craft stands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct TouchdownLimits {
+    /// Motor command at idle, command units.
+    pub(crate) idle: f32,
+    pub(crate) fraction: f32,
+    /// Smoothing of the command in flight, over a second.
+    pub(crate) smoothing: f32,
+    /// It does not sink if it sinks, or rises, slower.
+    pub(crate) still_m_s: f32,
+    /// Inertial z of what counts as the floor, m.
+    pub(crate) floor_m: f32,
+    pub(crate) near_us: u32,
+    pub(crate) anywhere_us: u32,
 }
 
 /// When a silence matters.
@@ -54,9 +71,25 @@ pub(crate) struct SilenceLimits {
     pub(crate) good_us: u32,
 }
 
+impl TouchdownLimits {
+    fn new(config: &Config, landing: &Landing) -> Self {
+        let ([idle, _], [_, lowest_m]) = (config.command_range, config.position_limits.z_m);
+        Self {
+            idle: idle as f32,
+            fraction: landing.touchdown_fraction as f32,
+            smoothing: (1.0 - libm::exp(-config.sample_time_s)) as f32,
+            still_m_s: (0.5 * landing.descent_m_s) as f32,
+            floor_m: (lowest_m - landing.touchdown_m) as f32,
+            near_us: micros(landing.touchdown_s),
+            anywhere_us: micros(3.0 * landing.touchdown_s),
+        }
+    }
+}
+
 impl Limits {
     pub(crate) fn new(config: &Config) -> Self {
-        let Supervision { link, pose, imu, battery, tilt, fence, thrust, timing, outputs, .. } = &config.supervision;
+        let Supervision { link, pose, imu, battery, tilt, fence, thrust, timing, outputs, landing } =
+            &config.supervision;
         let sides = [fence.x_m, fence.y_m, fence.z_m];
         Self {
             period_us: micros(config.sample_time_s),
@@ -96,6 +129,7 @@ impl Limits {
             sink_m_s: thrust.sink_m_s as f32,
             level_rad: thrust.level_rad as f32,
             outputs_us: micros(outputs.land_after_s),
+            touchdown: TouchdownLimits::new(config, landing),
             uses_gyro: config.estimation.gyro.is_some(),
         }
     }

@@ -2,7 +2,7 @@
 //!
 //! | file | question |
 //! |---|---|
-//! | [`detectors`] | what is wrong in this tick? ([`limits`], [`timers`] and [`plausibility`] help) |
+//! | [`detectors`] | what is wrong in this tick? ([`limits`], [`timers`], [`plausibility`] and [`touchdown`] help) |
 //! | [`conditions`] | what can be wrong at all? One bit each, for telemetry and logs |
 //! | [`state_machine`] | what does the craft do about it? |
 //! | [`preflight`] | may it be armed? |
@@ -17,3 +17,4 @@ pub(crate) mod plausibility;
 pub mod preflight;
 pub mod state_machine;
 pub(crate) mod timers;
+pub(crate) mod touchdown;

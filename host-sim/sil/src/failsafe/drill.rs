@@ -83,6 +83,8 @@ pub(super) enum Cause {
     NeedsGyro,
     /// The craft's clock wraps at the drill's moment.
     ClockWraps,
+    /// A table of this height in m is under the whole flight.
+    Table(f64),
 }
 
 impl Cause {
@@ -102,6 +104,7 @@ impl Cause {
                 let fusion = GyroFusion { corner_rad_s: 5.0, complement: Complement::Exact };
                 plan.config.estimation.gyro = Some(fusion);
             }
+            Self::Table(height_m) => plan.floor_m = Some(-height_m),
             Self::ClockWraps => plan.clock_us = 0_u32.wrapping_sub((at_s * 1e6) as u32),
         }
     }
@@ -153,15 +156,21 @@ impl Drill {
         (0..FLIGHTS.len())
             .map(|k| {
                 let (plan, at_s) = self.plan(k, seed, config);
-                Ok(self.judge(FLIGHTS[k].0, seed, &fly(&plan)?, at_s))
+                Ok(self.judge(FLIGHTS[k].0, &plan, &fly(&plan)?, at_s))
             })
             .collect()
     }
 
-    fn judge(&self, flight: &'static str, seed: u64, recording: &Recording, at_s: f64) -> DrillResult {
+    fn judge(
+        &self,
+        flight: &'static str,
+        plan: &FlightPlan,
+        recording: &Recording,
+        at_s: f64,
+    ) -> DrillResult {
         let begin = (at_s / recording.period_s).round() as usize;
         // A box that is too small is so from the start.
-        let from_start = self.rule == Condition::OutsideFence && self.plan(0, seed, &Config::thesis()).0.faults.is_empty();
+        let from_start = self.rule == Condition::OutsideFence && plan.faults.is_empty();
         let begin = if from_start { 0 } else { begin };
         let after_s = |row: usize| (row as f64 - begin as f64) * recording.period_s;
         let rows = recording.rows.iter().enumerate();
@@ -185,9 +194,21 @@ impl Drill {
             }
             ExpectedResponse::Short(expected) => flagged_s.is_none() && in_order(&states, expected),
         };
-        let holds = holds && drift_m <= self.within_m;
+        let holds = holds && drift_m <= self.within_m && stands_down_on_the_floor(&recording.rows, plan.floor_m);
+        let seed = plan.seed;
         DrillResult { flight, seed, flagged_s, states, reasons, drift_m, holds }
     }
+}
+
+/// A craft that disarms by itself stands: in the air it would fall.
+fn stands_down_on_the_floor(rows: &[Row], floor_m: Option<f64>) -> bool {
+    rows.windows(2).all(|pair| {
+        let [before, after] = pair else { return true };
+        let asked = Conditions::from_bits(after.supervision.conditions).has(Condition::DisarmRequested);
+        let stands_down = before.supervision.state != State::Disarmed && after.supervision.state == State::Disarmed;
+        let height_m = floor_m.map_or(0.0, |floor_m| floor_m - f64::from(after.truth.position_m[2]));
+        !stands_down || asked || height_m < 0.05
+    })
 }
 
 /// How far the craft goes in hold and landing from where each began, at most, horizontally, m.

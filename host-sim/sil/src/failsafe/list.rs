@@ -3,7 +3,7 @@
 use control::{Condition as C, Request};
 use proto::State::{Cut, Disarmed, Flying, Hold, Land};
 
-use super::drill::Cause::{ClockWraps, Fault, Fence, Higher, Later, NeedsGyro, Repeated};
+use super::drill::Cause::{ClockWraps, Fault, Fence, Higher, Later, NeedsGyro, Repeated, Table};
 use super::drill::ExpectedResponse::{Flies, Goes, Short};
 use super::drill::{Cause, Drill, ExpectedResponse};
 use crate::craft::FaultKind as K;
@@ -245,6 +245,21 @@ const DRILLS: &[Drill] = &[
         "the ground asks to land",
         Goes(&[(Land, 0.02), (Disarmed, 8.0)]),
         &[Fault(K::Asks(Request::Land), 0.01)],
+    ),
+    drill(
+        C::Landed,
+        "the ground asks to land on a table",
+        Goes(&[(Land, 0.02), (Disarmed, 8.0)]),
+        &[Table(0.3), Fault(K::Asks(Request::Land), 0.01)],
+    ),
+    drill(
+        C::Landed,
+        "poses of the floor in a landing, one at a time",
+        Goes(&[(Land, 0.02), (Disarmed, 8.0)]),
+        &[
+            Fault(K::Asks(Request::Land), 0.01),
+            Repeated { kind: K::PoseShifted([0.0, 0.0, 0.45]), first_s: 1.0, every_s: 0.3, times: 12, for_s: 0.01 },
+        ],
     ),
     drill(C::ArmRequested, "the ground asks to arm in flight", Flies, &[Fault(K::Asks(Request::Arm), 0.01)]),
     drill(
