@@ -73,6 +73,10 @@ pub struct PoseLimits {
     pub speed_m_s: f64,
     /// So is one turned by more than this many rad about an axis.
     pub jump_rad: f64,
+    /// Refused poses that agree with each other, and with the attitude by the gyro, count after this
+    /// many s of them: the tracker has found the craft again, or was moved. Not before the craft
+    /// ceases to coast.
+    pub believed_after_s: f64,
 }
 
 /// Gyro.
@@ -215,6 +219,7 @@ impl Supervision {
             jump_m: 0.5,
             speed_m_s: 3.0,
             jump_rad: 1.0,
+            believed_after_s: 0.1,
         },
         imu: ImuLimits {
             missing_ticks: 3,
@@ -259,6 +264,7 @@ impl Supervision {
             ("supervision.pose", "land_after_s", pose.land_after_s),
             ("supervision.pose", "cut_after_s", pose.cut_after_s),
             ("supervision.pose", "good_for_s", pose.good_for_s),
+            ("supervision.pose", "believed_after_s", pose.believed_after_s),
             ("supervision.imu", "cut_after_s", imu.cut_after_s),
             ("supervision.battery", "for_s", battery.for_s),
             ("supervision.tilt", "for_s", tilt.for_s),
@@ -280,7 +286,8 @@ impl Supervision {
         let order = |group, name, low, high| RangeCheck { group }.within(name, high, low, LONGEST_S);
         order("supervision.link", "land_after_s", link.hold_after_s, link.land_after_s)?;
         order("supervision.pose", "land_after_s", pose.coast_s, pose.land_after_s)?;
-        order("supervision.pose", "cut_after_s", pose.land_after_s, pose.cut_after_s)
+        order("supervision.pose", "cut_after_s", pose.land_after_s, pose.cut_after_s)?;
+        order("supervision.pose", "believed_after_s", pose.coast_s, pose.believed_after_s)
     }
 
     /// What comes in: poses, gyro, voltage.
@@ -391,7 +398,7 @@ mod tests {
     /// A timer in microseconds counts to 71 minutes; every time in the table is checked.
     #[test]
     fn no_time_is_longer_than_a_minute() {
-        let times: [fn(&mut Supervision) -> &mut f64; 17] = [
+        let times: [fn(&mut Supervision) -> &mut f64; 18] = [
             |s| &mut s.link.hold_after_s,
             |s| &mut s.link.land_after_s,
             |s| &mut s.link.good_for_s,
@@ -399,6 +406,7 @@ mod tests {
             |s| &mut s.pose.land_after_s,
             |s| &mut s.pose.cut_after_s,
             |s| &mut s.pose.good_for_s,
+            |s| &mut s.pose.believed_after_s,
             |s| &mut s.imu.cut_after_s,
             |s| &mut s.imu.disagreement_filter_s,
             |s| &mut s.battery.for_s,

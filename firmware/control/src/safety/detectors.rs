@@ -16,6 +16,7 @@ use crate::inputs::readings::Pose;
 use crate::safety::conditions::{Condition, Conditions};
 use crate::safety::limits::Limits;
 use crate::safety::plausibility::{differ, is_inside, is_pose, is_reachable, is_tilted_beyond, tilt_bound};
+use crate::safety::second_opinion::SecondOpinion;
 use crate::safety::timers::{Held, Silence};
 
 /// How often something was refused since the start; counts stay at the greatest number.
@@ -59,6 +60,8 @@ pub(crate) struct Detectors {
     pose_repeats: u32,
     /// For how long no pose at all has come, us.
     unheard_us: u32,
+    /// Poses that were refused.
+    second: SecondOpinion,
     /// A simulation begins with a line of equal poses: none of them is frozen.
     pose_settling: bool,
     /// Whether the sample of this tick can be compared with motion capture.
@@ -92,6 +95,7 @@ impl Detectors {
             pose: Silence::NEVER,
             pose_repeats: 0,
             unheard_us: 0,
+            second: SecondOpinion::NONE,
             pose_settling: false,
             imu_comparable: false,
             imu_last: [f32::NAN; 3],
@@ -184,8 +188,8 @@ impl Detectors {
         let good = pose.is_some_and(|pose| {
             self.outside = !is_inside(pose.position_m, limits);
             let plausible = if anchored {
-                // Refused poses do not extend the reach: a tracker that has jumped is not believed
-                // for staying there.
+                // Refused poses do not extend the reach: a tracker that has jumped is believed for
+                // moving as a craft does, not for staying there.
                 let reach_m = if self.unheard_us == 0 { limits.jump_m } else { self.reach_m(limits) };
                 is_reachable(pose, last.position_m, attitude_rad, reach_m, limits)
             } else {
@@ -196,7 +200,7 @@ impl Detectors {
                 self.pose_settling &= !anchored;
                 return true;
             }
-            self.doubtful(pose != last, plausible, limits, conditions)
+            self.doubtful(pose, known, plausible, elapsed_us, limits, conditions)
         });
         self.unheard_us = if pose.is_some() { 0 } else { self.unheard_us.saturating_add(elapsed_us) };
         self.pose.step(good, elapsed_us, &limits.pose);
@@ -218,17 +222,30 @@ impl Detectors {
 
     /// A pose that came again unchanged, or one that cannot be true.
     #[cold]
-    fn doubtful(&mut self, new: bool, plausible: bool, limits: &Limits, conditions: &mut Conditions) -> bool {
-        self.pose_repeats = if new { 0 } else { self.pose_repeats.saturating_add(1) };
+    fn doubtful(
+        &mut self,
+        pose: &Pose,
+        known: &LastKnown<'_>,
+        plausible: bool,
+        elapsed_us: u32,
+        limits: &Limits,
+        conditions: &mut Conditions,
+    ) -> bool {
+        self.pose_repeats = if pose == known.last { self.pose_repeats.saturating_add(1) } else { 0 };
         let frozen = self.pose_repeats >= limits.pose_repeats && !self.pose_settling;
-
         conditions.note(Condition::PoseFrozen, frozen);
         conditions.note(Condition::PoseJumped, !plausible);
-        let good = plausible && !frozen;
-        if !good {
+        if plausible && !frozen {
+            return true;
+        }
+        let since_us = self.unheard_us.saturating_add(elapsed_us);
+        let LastKnown { last, attitude_rad, anchored } = *known;
+        let believed =
+            !plausible && anchored && self.second.hear(pose, last.position_m, attitude_rad, since_us, limits);
+        if !believed {
             count(&mut self.counters.poses_refused);
         }
-        good
+        believed
     }
 
     /// Detects bad and missing gyro samples; returns the sample if it can be used.

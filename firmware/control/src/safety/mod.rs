@@ -2,7 +2,8 @@
 //!
 //! | file | question |
 //! |---|---|
-//! | [`detectors`] | what is wrong in this tick? ([`limits`], [`timers`], [`plausibility`] and [`touchdown`] help) |
+//! | [`detectors`] | what is wrong in this tick? ([`limits`], [`timers`], [`plausibility`],
+//! | | [`second_opinion`] and [`touchdown`] help) |
 //! | [`conditions`] | what can be wrong at all? One bit each, for telemetry and logs |
 //! | [`state_machine`] | what does the craft do about it? |
 //! | [`preflight`] | may it be armed? |
@@ -15,6 +16,7 @@ pub(crate) mod detectors;
 pub(crate) mod limits;
 pub(crate) mod plausibility;
 pub mod preflight;
+pub(crate) mod second_opinion;
 pub mod state_machine;
 pub(crate) mod timers;
 pub(crate) mod touchdown;

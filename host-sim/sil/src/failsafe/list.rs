@@ -101,9 +101,21 @@ const DRILLS: &[Drill] = &[
     drill(C::PoseFrozen, "the same pose twice more", Flies, &[Fault(K::PoseFrozen, 0.02)]),
     drill(
         C::PoseJumped,
-        "poses 0.6 m away for good",
-        Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]),
+        "poses 0.6 m away for good: believed",
+        Goes(&[(Hold, 0.1), (Flying, 0.3)]),
         &[Fault(K::PoseShifted([0.6, 0.0, 0.0]), ALWAYS_S)],
+    ),
+    drill(
+        C::PoseJumped,
+        "poses 0.8 m away for 0.3 s after a silence",
+        Goes(&[(Hold, 0.1), (Flying, 0.8)]),
+        &[Fault(K::PoseSilent, 0.12), Later(0.12, K::PoseShifted([0.0, 0.8, 0.0]), 0.3)],
+    ),
+    drill(
+        C::PoseJumped,
+        "poses 0.8 m away and back every 0.05 s",
+        Goes(&[(Hold, 0.1), (Land, 0.5)]),
+        &[Repeated { kind: K::PoseShifted([0.8, 0.0, 0.0]), first_s: 0.0, every_s: 0.1, times: 20, for_s: 0.05 }],
     ),
     drill(C::PoseJumped, "one pose 0.6 m away", Flies, &[Fault(K::PoseShifted([0.6, 0.0, 0.0]), 0.01)]),
     drill(
