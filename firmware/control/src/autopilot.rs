@@ -199,7 +199,7 @@ impl Autopilot {
         self.detectors.aftermath(found);
         let mut preflight = Preflight::default();
         if self.state != State::Flying || readings.request.is_some() || self.idle_wanted {
-            preflight = self.attend(readings, commanded, attitude_rad, &mut conditions);
+            preflight = self.attend(readings, commanded, attitude_rad, elapsed_us, &mut conditions);
         }
         let state = next(self.state, conditions);
         let command;
@@ -294,12 +294,14 @@ impl Autopilot {
         readings: &Readings,
         commanded: bool,
         attitude_rad: [f32; 3],
+        elapsed_us: u32,
         conditions: &mut Conditions,
     ) -> Preflight {
         let mut preflight = Preflight::default();
         if self.state == State::Disarmed {
             preflight = self.preflight(readings, attitude_rad, *conditions);
         }
+        self.detectors.armed(self.state == State::Armed, elapsed_us, &self.limits, conditions);
         let asked = |request| readings.request == Some(request);
         let flies = !self.state.motors_idle();
         conditions.note(Condition::ArmRequested, asked(Request::Arm) && preflight.ready());

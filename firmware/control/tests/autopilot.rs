@@ -105,6 +105,27 @@ fn from_the_stand_to_the_air_and_back() {
     assert!(idles(&flight) && flight.state == State::Disarmed, "a command does not take off again");
 }
 
+/// 10 s by the table; a take-off in time goes on flying, and the next wait begins anew.
+#[test]
+fn an_armed_craft_that_is_not_flown_is_disarmed() {
+    let mut rig = Rig::armed(0);
+    assert_eq!(rig.run(998).state, State::Armed);
+    let flight = rig.run(2);
+    assert_eq!(flight.state, State::Disarmed);
+    assert!(flight.conditions.has(Condition::IdleForLong));
+
+    let mut rig = Rig::armed(0);
+    rig.run(998);
+    rig.readings.command = Some(Command { cut_off: false, ..WAIT });
+    let flight = rig.run(300);
+    assert!(flight.state == State::Flying && !flight.conditions.has(Condition::IdleForLong));
+    rig.readings.command = Some(WAIT);
+    rig.tick(Some(Request::Disarm));
+    rig.run(100);
+    assert_eq!(rig.tick(Some(Request::Arm)).state, State::Armed);
+    assert_eq!(rig.run(998).state, State::Armed);
+}
+
 type Break = fn(&mut Rig);
 
 /// One way to break each preflight check that inputs can break; the controller's own fault is

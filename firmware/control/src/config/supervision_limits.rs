@@ -36,6 +36,8 @@ pub struct Supervision {
     pub timing: TimingLimits,
     /// Motor outputs.
     pub outputs: OutputLimits,
+    /// Waiting for the take-off.
+    pub armed: ArmedLimits,
     /// How a landing goes.
     pub landing: Landing,
 }
@@ -171,6 +173,14 @@ pub struct OutputLimits {
     pub land_after_s: f64,
 }
 
+/// Waiting for the take-off.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ArmedLimits {
+    /// A craft that is armed for this many s and does not fly is disarmed.
+    pub idle_for_s: f64,
+}
+
 /// How a landing goes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -235,6 +245,7 @@ impl Supervision {
         thrust: ThrustLossLimits { for_s: 0.4, sink_m_s: 0.2, level_rad: 0.35 },
         timing: TimingLimits { jump_s: 1.0, overrun_s: 0.1 },
         outputs: OutputLimits { land_after_s: 0.05 },
+        armed: ArmedLimits { idle_for_s: 10.0 },
         landing: Landing {
             descent_m_s: 0.3,
             fast_descent_m_s: 0.6,
@@ -255,7 +266,8 @@ impl Supervision {
 
     /// No time is longer than a minute: a timer in microseconds counts to 71 of them.
     fn check_times(&self) -> Result<(), ConfigError> {
-        let Self { link, pose, imu, battery, tilt, fence, thrust, timing, outputs, landing } = self;
+        let Self { link, pose, imu, battery, tilt, fence, thrust, timing, outputs, armed, landing } =
+            self;
         let times = [
             ("supervision.link", "hold_after_s", link.hold_after_s),
             ("supervision.link", "land_after_s", link.land_after_s),
@@ -273,6 +285,7 @@ impl Supervision {
             ("supervision.timing", "jump_s", timing.jump_s),
             ("supervision.timing", "overrun_s", timing.overrun_s),
             ("supervision.outputs", "land_after_s", outputs.land_after_s),
+            ("supervision.armed", "idle_for_s", armed.idle_for_s),
             ("supervision.landing", "touchdown_s", landing.touchdown_s),
         ];
         times
@@ -355,6 +368,7 @@ defaults!(
     ThrustLossLimits: thrust,
     TimingLimits: timing,
     OutputLimits: outputs,
+    ArmedLimits: armed,
     Landing: landing
 );
 
@@ -398,7 +412,7 @@ mod tests {
     /// A timer in microseconds counts to 71 minutes; every time in the table is checked.
     #[test]
     fn no_time_is_longer_than_a_minute() {
-        let times: [fn(&mut Supervision) -> &mut f64; 18] = [
+        let times: [fn(&mut Supervision) -> &mut f64; 19] = [
             |s| &mut s.link.hold_after_s,
             |s| &mut s.link.land_after_s,
             |s| &mut s.link.good_for_s,
@@ -416,6 +430,7 @@ mod tests {
             |s| &mut s.timing.jump_s,
             |s| &mut s.timing.overrun_s,
             |s| &mut s.outputs.land_after_s,
+            |s| &mut s.armed.idle_for_s,
             |s| &mut s.landing.touchdown_s,
         ];
         for (k, time) in times.into_iter().enumerate() {

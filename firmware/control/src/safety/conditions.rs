@@ -61,11 +61,13 @@ pub enum Condition {
     NotANumber = 25,
     /// The program's outputs do not take the motor commands.
     OutputsFailed = 26,
+    /// The craft has been armed for long and nothing was flown.
+    IdleForLong = 27,
 }
 
 impl Condition {
     /// All, in the order of their bits.
-    pub const ALL: [Self; 27] = [
+    pub const ALL: [Self; 28] = [
         Self::ArmRequested,
         Self::FlightRequested,
         Self::DisarmRequested,
@@ -93,6 +95,7 @@ impl Condition {
         Self::LoopOverrun,
         Self::NotANumber,
         Self::OutputsFailed,
+        Self::IdleForLong,
     ];
 
     /// The name that people read.
@@ -125,6 +128,7 @@ impl Condition {
             Self::LoopOverrun => "loop overrun",
             Self::NotANumber => "result not a number",
             Self::OutputsFailed => "outputs failed",
+            Self::IdleForLong => "idle for long",
         }
     }
 

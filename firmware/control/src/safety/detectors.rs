@@ -82,6 +82,7 @@ pub(crate) struct Detectors {
     thrust_lost: bool,
     not_a_number: bool,
     outputs: Held,
+    armed: Held,
     pub(crate) counters: Counters,
 }
 
@@ -113,6 +114,7 @@ impl Detectors {
             thrust_lost: false,
             not_a_number: false,
             outputs: Held::default(),
+            armed: Held::default(),
             counters: Counters::default(),
         }
     }
@@ -359,6 +361,12 @@ impl Detectors {
         conditions: &mut Conditions,
     ) {
         conditions.note(Condition::OutputsFailed, self.outputs.step(!ready, elapsed_us, limits.outputs_us));
+    }
+
+    /// Detects a craft that is armed and is not flown.
+    #[cold]
+    pub(crate) fn armed(&mut self, waits: bool, elapsed_us: u32, limits: &Limits, conditions: &mut Conditions) {
+        conditions.note(Condition::IdleForLong, self.armed.step(waits, elapsed_us, limits.armed_us));
     }
 
     /// Reports what the end of the tick before has shown.

@@ -44,6 +44,7 @@ pub(crate) struct Limits {
     pub(crate) sink_m_s: f32,
     pub(crate) level_rad: f32,
     pub(crate) outputs_us: u32,
+    pub(crate) armed_us: u32,
     pub(crate) touchdown: TouchdownLimits,
     pub(crate) uses_gyro: bool,
 }
@@ -89,7 +90,7 @@ impl TouchdownLimits {
 
 impl Limits {
     pub(crate) fn new(config: &Config) -> Self {
-        let Supervision { link, pose, imu, battery, tilt, fence, thrust, timing, outputs, landing } =
+        let Supervision { link, pose, imu, battery, tilt, fence, thrust, timing, outputs, armed, landing } =
             &config.supervision;
         let sides = [fence.x_m, fence.y_m, fence.z_m];
         Self {
@@ -131,6 +132,7 @@ impl Limits {
             sink_m_s: thrust.sink_m_s as f32,
             level_rad: thrust.level_rad as f32,
             outputs_us: micros(outputs.land_after_s),
+            armed_us: micros(armed.idle_for_s),
             touchdown: TouchdownLimits::new(config, landing),
             uses_gyro: config.estimation.gyro.is_some(),
         }

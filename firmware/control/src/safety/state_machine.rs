@@ -105,6 +105,7 @@ pub const TABLE: [(Condition, [Action; 6]); Condition::ALL.len()] = {
         (C::LoopOverrun,        [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
         (C::NotANumber,         [Stay,   Stand,  Land,   Land,   Cut,    Stay]),
         (C::OutputsFailed,      [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::IdleForLong,        [Stay,   Stand,  Stay,   Stay,   Stay,   Stay]),
     ]
 };
 
@@ -251,7 +252,7 @@ mod tests {
                 }
             }
             State::Armed => {
-                if stop || down || wait || any(set, &[C::BatteryLow, C::LandRequested]) {
+                if stop || down || wait || any(set, &[C::BatteryLow, C::LandRequested, C::IdleForLong]) {
                     State::Disarmed
                 } else if set.has(C::FlightRequested) {
                     State::Flying

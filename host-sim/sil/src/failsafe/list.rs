@@ -42,7 +42,7 @@ const DRILLS: &[Drill] = &[
     drill(
         C::LinkLost,
         "commands silent for good",
-        Goes(&[(Hold, 0.51), (Land, 2.0), (Disarmed, 8.0)]),
+        Goes(&[(Hold, 0.51), (Land, 2.0), (Disarmed, 10.0)]),
         &[Fault(K::LinkSilent, ALWAYS_S)],
     ),
     drill(
@@ -71,7 +71,7 @@ const DRILLS: &[Drill] = &[
     drill(
         C::PoseLost,
         "poses silent for 0.45 s",
-        Goes(&[(Hold, 0.1), (Land, 0.5), (Disarmed, 8.0)]),
+        Goes(&[(Hold, 0.1), (Land, 0.5), (Disarmed, 10.0)]),
         &[Fault(K::PoseSilent, 0.45)],
     ),
     drill(
@@ -89,7 +89,7 @@ const DRILLS: &[Drill] = &[
     drill(
         C::PoseGone,
         "poses silent for 1.85 s",
-        Short(&[(Hold, 0.1), (Land, 0.5), (Disarmed, 8.0)]),
+        Short(&[(Hold, 0.1), (Land, 0.5), (Disarmed, 10.0)]),
         &[Fault(K::PoseSilent, 1.85)],
     ),
     drill(
@@ -146,14 +146,14 @@ const DRILLS: &[Drill] = &[
     drill(
         C::OutsideFence,
         "a box that ends 0.1 m off for good",
-        Goes(&[(Land, 0.5), (Disarmed, 8.0)]),
+        Goes(&[(Land, 0.5), (Disarmed, 10.0)]),
         &[Fence(-0.1)],
     ),
     drill(C::OutsideFence, "a box with the whole flight inside", Flies, &[Fence(3.0)]),
     drill(
         C::ImuLate,
         "gyro missing for good",
-        Goes(&[(Land, 0.1), (Disarmed, 8.0)]),
+        Goes(&[(Land, 0.1), (Disarmed, 10.0)]),
         &[Fault(K::ImuMissing, ALWAYS_S)],
     ),
     drill(C::ImuLate, "gyro missing for two ticks", Flies, &[Fault(K::ImuMissing, 0.02)]),
@@ -181,7 +181,7 @@ const DRILLS: &[Drill] = &[
     drill(
         C::ImuGone,
         "gyro missing for 0.15 s, under a law that needs it",
-        Short(&[(Land, 0.1), (Disarmed, 8.0)]),
+        Short(&[(Land, 0.1), (Disarmed, 10.0)]),
         &[NeedsGyro, Fault(K::ImuMissing, 0.15)],
     ),
     drill(
@@ -199,7 +199,7 @@ const DRILLS: &[Drill] = &[
     drill(
         C::BatteryCritical,
         "10.2 V for good",
-        Goes(&[(Land, 1.1), (Disarmed, 8.0)]),
+        Goes(&[(Land, 1.1), (Disarmed, 10.0)]),
         &[Fault(K::VoltageLower(0.9), ALWAYS_S)],
     ),
     drill(C::BatteryCritical, "10.2 V for 0.5 s", Flies, &[Fault(K::VoltageLower(0.9), 0.5)]),
@@ -233,7 +233,7 @@ const DRILLS: &[Drill] = &[
     drill(
         C::ClockJumped,
         "clock 5 s ahead",
-        Goes(&[(Land, 0.02), (Disarmed, 8.0)]),
+        Goes(&[(Land, 0.02), (Disarmed, 10.0)]),
         &[Fault(K::ClockOff(5_000_000), ALWAYS_S)],
     ),
     drill(
@@ -255,19 +255,19 @@ const DRILLS: &[Drill] = &[
     drill(
         C::LandRequested,
         "the ground asks to land",
-        Goes(&[(Land, 0.02), (Disarmed, 8.0)]),
+        Goes(&[(Land, 0.02), (Disarmed, 10.0)]),
         &[Fault(K::Asks(Request::Land), 0.01)],
     ),
     drill(
         C::Landed,
         "the ground asks to land on a table",
-        Goes(&[(Land, 0.02), (Disarmed, 8.0)]),
+        Goes(&[(Land, 0.02), (Disarmed, 10.0)]),
         &[Table(0.3), Fault(K::Asks(Request::Land), 0.01)],
     ),
     drill(
         C::Landed,
         "poses of the floor in a landing, one at a time",
-        Goes(&[(Land, 0.02), (Disarmed, 8.0)]),
+        Goes(&[(Land, 0.02), (Disarmed, 10.0)]),
         &[
             Fault(K::Asks(Request::Land), 0.01),
             Repeated { kind: K::PoseShifted([0.0, 0.0, 0.45]), first_s: 1.0, every_s: 0.3, times: 12, for_s: 0.01 },
