@@ -277,6 +277,8 @@ impl Autopilot {
             elapsed_us,
             &self.limits,
         );
+        let rates_rad_s = readings.gyro_rad_s.unwrap_or(terms.body_rates_rad_s);
+        self.detectors.turns(terms.attitude_error_rad, rates_rad_s, elapsed_us, &self.limits);
         let touchdown = &self.limits.touchdown;
         if self.state == State::Land {
             let [_, _, z_m] = self.pose.position_m;

@@ -38,6 +38,8 @@ pub struct Supervision {
     pub outputs: OutputLimits,
     /// Waiting for the take-off.
     pub armed: ArmedLimits,
+    /// Crash.
+    pub crash: CrashLimits,
     /// How a landing goes.
     pub landing: Landing,
 }
@@ -181,6 +183,18 @@ pub struct ArmedLimits {
     pub idle_for_s: f64,
 }
 
+/// Crash: the attitude is far from the one that is flown, and the craft does not turn towards it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CrashLimits {
+    /// Far is errors of roll and pitch that add up to more than this many rad.
+    pub error_rad: f64,
+    /// Body rates that add up to less than this many rad/s are no turn.
+    pub rate_rad_s: f64,
+    /// How long it has to last before it counts, in s.
+    pub for_s: f64,
+}
+
 /// How a landing goes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -246,6 +260,7 @@ impl Supervision {
         timing: TimingLimits { jump_s: 1.0, overrun_s: 0.1 },
         outputs: OutputLimits { land_after_s: 0.05 },
         armed: ArmedLimits { idle_for_s: 10.0 },
+        crash: CrashLimits { error_rad: 0.4, rate_rad_s: 0.6, for_s: 0.3 },
         landing: Landing {
             descent_m_s: 0.3,
             fast_descent_m_s: 0.6,
@@ -266,7 +281,7 @@ impl Supervision {
 
     /// No time is longer than a minute: a timer in microseconds counts to 71 of them.
     fn check_times(&self) -> Result<(), ConfigError> {
-        let Self { link, pose, imu, battery, tilt, fence, thrust, timing, outputs, armed, landing } =
+        let Self { link, pose, imu, battery, tilt, fence, thrust, timing, outputs, armed, crash, landing } =
             self;
         let times = [
             ("supervision.link", "hold_after_s", link.hold_after_s),
@@ -286,6 +301,7 @@ impl Supervision {
             ("supervision.timing", "overrun_s", timing.overrun_s),
             ("supervision.outputs", "land_after_s", outputs.land_after_s),
             ("supervision.armed", "idle_for_s", armed.idle_for_s),
+            ("supervision.crash", "for_s", crash.for_s),
             ("supervision.landing", "touchdown_s", landing.touchdown_s),
         ];
         times
@@ -325,7 +341,7 @@ impl Supervision {
 
     /// What the craft does: tilt, place, sinking, landing.
     fn check_flight(&self) -> Result<(), ConfigError> {
-        let Self { tilt, fence, thrust, landing, .. } = self;
+        let Self { tilt, fence, thrust, crash, landing, .. } = self;
         let check = RangeCheck { group: "supervision.tilt" };
         check.within("limit_rad", tilt.limit_rad, 0.1, core::f64::consts::PI)?;
         check.within("arming_rad", tilt.arming_rad, 0.01, core::f64::consts::PI)?;
@@ -336,6 +352,9 @@ impl Supervision {
         let check = RangeCheck { group: "supervision.thrust" };
         check.within("sink_m_s", thrust.sink_m_s, 0.0, 100.0)?;
         check.within("level_rad", thrust.level_rad, 0.01, core::f64::consts::PI)?;
+        let check = RangeCheck { group: "supervision.crash" };
+        check.within("error_rad", crash.error_rad, 0.05, 10.0)?;
+        check.within("rate_rad_s", crash.rate_rad_s, 0.01, 100.0)?;
         let check = RangeCheck { group: "supervision.landing" };
         check.within("descent_m_s", landing.descent_m_s, 0.01, 10.0)?;
         check.within("fast_descent_m_s", landing.fast_descent_m_s, 0.01, 10.0)?;
@@ -369,6 +388,7 @@ defaults!(
     TimingLimits: timing,
     OutputLimits: outputs,
     ArmedLimits: armed,
+    CrashLimits: crash,
     Landing: landing
 );
 
@@ -412,7 +432,7 @@ mod tests {
     /// A timer in microseconds counts to 71 minutes; every time in the table is checked.
     #[test]
     fn no_time_is_longer_than_a_minute() {
-        let times: [fn(&mut Supervision) -> &mut f64; 19] = [
+        let times: [fn(&mut Supervision) -> &mut f64; 20] = [
             |s| &mut s.link.hold_after_s,
             |s| &mut s.link.land_after_s,
             |s| &mut s.link.good_for_s,
@@ -431,6 +451,7 @@ mod tests {
             |s| &mut s.timing.overrun_s,
             |s| &mut s.outputs.land_after_s,
             |s| &mut s.armed.idle_for_s,
+            |s| &mut s.crash.for_s,
             |s| &mut s.landing.touchdown_s,
         ];
         for (k, time) in times.into_iter().enumerate() {

@@ -63,11 +63,13 @@ pub enum Condition {
     OutputsFailed = 26,
     /// The craft has been armed for long and nothing was flown.
     IdleForLong = 27,
+    /// The craft is tilted away from where it wants to be and does not turn: it lies, or hangs.
+    Crashed = 28,
 }
 
 impl Condition {
     /// All, in the order of their bits.
-    pub const ALL: [Self; 28] = [
+    pub const ALL: [Self; 29] = [
         Self::ArmRequested,
         Self::FlightRequested,
         Self::DisarmRequested,
@@ -96,6 +98,7 @@ impl Condition {
         Self::NotANumber,
         Self::OutputsFailed,
         Self::IdleForLong,
+        Self::Crashed,
     ];
 
     /// The name that people read.
@@ -129,6 +132,7 @@ impl Condition {
             Self::NotANumber => "result not a number",
             Self::OutputsFailed => "outputs failed",
             Self::IdleForLong => "idle for long",
+            Self::Crashed => "crashed",
         }
     }
 

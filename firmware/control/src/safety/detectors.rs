@@ -83,6 +83,8 @@ pub(crate) struct Detectors {
     not_a_number: bool,
     outputs: Held,
     armed: Held,
+    crash: Held,
+    crashed: bool,
     pub(crate) counters: Counters,
 }
 
@@ -115,6 +117,8 @@ impl Detectors {
             not_a_number: false,
             outputs: Held::default(),
             armed: Held::default(),
+            crash: Held::default(),
+            crashed: false,
             counters: Counters::default(),
         }
     }
@@ -372,9 +376,10 @@ impl Detectors {
     /// Reports what the end of the tick before has shown.
     #[inline]
     pub(crate) fn aftermath(&mut self, conditions: &mut Conditions) {
-        if self.thrust_lost || self.not_a_number {
+        if self.thrust_lost || self.not_a_number || self.crashed {
             conditions.note(Condition::ThrustLost, self.thrust_lost);
             conditions.note(Condition::NotANumber, self.not_a_number);
+            conditions.note(Condition::Crashed, self.crashed);
         }
     }
 
@@ -398,6 +403,21 @@ impl Detectors {
             sum += smooth.abs();
         }
         self.imu_disagrees = sum > limits.disagreement_rad_s;
+    }
+
+    /// Looks for a crash in the result of a tick: errors of roll and pitch in rad and body rates in
+    /// rad/s; in a tick with motors at idle both are 0.
+    #[inline]
+    pub(crate) fn turns(
+        &mut self,
+        [roll_error, pitch_error, _]: [f32; 3],
+        [p, q, r]: [f32; 3],
+        elapsed_us: u32,
+        limits: &Limits,
+    ) {
+        let far = roll_error.abs() + pitch_error.abs() > limits.crash_error_rad;
+        let lies = far && p.abs() + q.abs() + r.abs() < limits.crash_rate_rad_s;
+        self.crashed = self.crash.step(lies, elapsed_us, limits.crash_us);
     }
 
     /// Looks at the result of a tick: thrust refused upwards, rate of inertial z in m/s, attitude
@@ -619,6 +639,21 @@ mod tests {
         (0..4).for_each(|_| assert_eq!(voltage(f32::NAN), [C::BatteryLow]));
         assert_eq!(voltage(f32::NAN), [C::BatteryLow, C::BatteryCritical, C::BatteryEmpty]);
         assert_eq!(voltage(12.0), []);
+    }
+
+    #[test]
+    fn a_craft_that_is_far_from_its_attitude_and_does_not_turn_has_crashed() {
+        let limits = limits();
+        let crashed = |error_rad, rate_rad_s, ticks| {
+            let mut detectors = Detectors::in_flight();
+            for _ in 0..ticks {
+                detectors.turns([0.3, error_rad, 0.0], [0.0, rate_rad_s, 0.1], PERIOD_US, &limits);
+            }
+            found(|c| detectors.aftermath(c)).1 == [C::Crashed]
+        };
+        assert!(crashed(-0.2, 0.1, 30));
+        assert!(!crashed(-0.2, 0.1, 29) && !crashed(0.05, 0.1, 100) && !crashed(-0.2, 0.6, 100));
+        assert!(!crashed(f32::NAN, 0.1, 100), "what is no number is another condition");
     }
 
     #[test]

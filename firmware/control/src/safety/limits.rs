@@ -45,6 +45,9 @@ pub(crate) struct Limits {
     pub(crate) level_rad: f32,
     pub(crate) outputs_us: u32,
     pub(crate) armed_us: u32,
+    pub(crate) crash_error_rad: f32,
+    pub(crate) crash_rate_rad_s: f32,
+    pub(crate) crash_us: u32,
     pub(crate) touchdown: TouchdownLimits,
     pub(crate) uses_gyro: bool,
 }
@@ -90,7 +93,7 @@ impl TouchdownLimits {
 
 impl Limits {
     pub(crate) fn new(config: &Config) -> Self {
-        let Supervision { link, pose, imu, battery, tilt, fence, thrust, timing, outputs, armed, landing } =
+        let Supervision { link, pose, imu, battery, tilt, fence, thrust, timing, outputs, armed, crash, landing } =
             &config.supervision;
         let sides = [fence.x_m, fence.y_m, fence.z_m];
         Self {
@@ -133,6 +136,9 @@ impl Limits {
             level_rad: thrust.level_rad as f32,
             outputs_us: micros(outputs.land_after_s),
             armed_us: micros(armed.idle_for_s),
+            crash_error_rad: crash.error_rad as f32,
+            crash_rate_rad_s: crash.rate_rad_s as f32,
+            crash_us: micros(crash.for_s),
             touchdown: TouchdownLimits::new(config, landing),
             uses_gyro: config.estimation.gyro.is_some(),
         }

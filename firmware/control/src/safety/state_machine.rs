@@ -106,6 +106,7 @@ pub const TABLE: [(Condition, [Action; 6]); Condition::ALL.len()] = {
         (C::NotANumber,         [Stay,   Stand,  Land,   Land,   Cut,    Stay]),
         (C::OutputsFailed,      [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
         (C::IdleForLong,        [Stay,   Stand,  Stay,   Stay,   Stay,   Stay]),
+        (C::Crashed,            [Stay,   Stand,  Cut,    Cut,    Cut,    Stay]),
     ]
 };
 
@@ -217,7 +218,7 @@ mod tests {
     }
 
     /// Dangers in three grades.
-    const STOP: [Condition; 3] = [C::PoseGone, C::ImuGone, C::Tilted];
+    const STOP: [Condition; 4] = [C::PoseGone, C::ImuGone, C::Tilted, C::Crashed];
     const DOWN: [Condition; 13] = [
         C::LinkLost,
         C::PoseLost,

@@ -40,6 +40,8 @@ pub enum FaultKind {
     VoltageNotANumber,
     /// A motor stands still (0 to 3).
     MotorDead(usize),
+    /// The craft hangs in a net or a hand, or lies: it stays where it is, with so much roll, rad.
+    Hangs(f64),
     /// An output takes no command any more: its motor (0 to 3) goes on with the last.
     OutputDead(usize),
     /// Every motor gets so much less than its command, command units.
@@ -134,8 +136,16 @@ impl Faults {
             FaultKind::VoltageNotANumber => readings.battery_v = f32::NAN,
             FaultKind::ClockOff(by_us) => readings.time_us = readings.time_us.wrapping_add(by_us),
             FaultKind::OutputDead(_) => readings.outputs_ready = false,
-            FaultKind::MotorDead(_) | FaultKind::MotorsWeak(_) | FaultKind::LoopStalled => {}
+            FaultKind::MotorDead(_) | FaultKind::MotorsWeak(_) | FaultKind::LoopStalled | FaultKind::Hangs(_) => {}
         }
+    }
+
+    /// With how much roll the craft hangs, rad, if it does.
+    pub(crate) fn hangs(faults: &[Fault], time_s: f64) -> Option<f64> {
+        faults.iter().filter(|fault| fault.is_on(time_s)).find_map(|fault| match fault.kind {
+            FaultKind::Hangs(roll_rad) => Some(roll_rad),
+            _ => None,
+        })
     }
 
     /// What the motors get of their commands.

@@ -99,6 +99,18 @@ impl SimulatedCraft {
         }
     }
 
+    /// Something holds the craft: where it is, and more and more at this roll.
+    pub fn hang(&mut self, roll_rad: f64) {
+        // It gives way over some 0.1 s: a jump of the attitude is another fault.
+        let give = 1.0 - (-self.period_s / 0.05).exp();
+        let state = &mut self.state;
+        let euler = frames::euler_from_quaternion(&state.attitude);
+        let toward = Vector3::new(roll_rad, 0.0, euler.z) - euler;
+        state.attitude = frames::quaternion_from_euler(euler + give * toward);
+        state.rate_rad_s = give / self.period_s * Vector3::new(toward.x, toward.y, 0.0);
+        state.velocity_m_s = Vector3::zeros();
+    }
+
     /// A floor at this inertial z stops whatever comes down: no bounce, no sliding, legs that stand
     /// level. Returns whether the craft stands on it.
     pub fn stop_at(&mut self, floor_m: f64) -> bool {

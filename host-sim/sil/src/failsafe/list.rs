@@ -224,6 +224,13 @@ const DRILLS: &[Drill] = &[
     ),
     drill(C::Tilted, "motor 1 dead for 0.02 s", Flies, &[Fault(K::MotorDead(0), 0.02)]),
     drill(
+        C::Crashed,
+        "the craft hangs tilted by 0.6 rad",
+        Goes(&[(Cut, 0.7)]),
+        &[Fault(K::Hangs(0.6), ALWAYS_S)],
+    ),
+    drill(C::Crashed, "the craft is held tilted by 0.25 rad for 0.5 s", Flies, &[Fault(K::Hangs(0.25), 0.5)]),
+    drill(
         C::ThrustLost,
         "motors 310 us weak",
         Goes(&[(Land, 3.0)]),

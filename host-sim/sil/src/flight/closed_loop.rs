@@ -95,6 +95,9 @@ impl<'a, L: FlightComputer> ClosedLoop<'a, L> {
         let motors =
             self.faults.motors(&self.plan.faults, time_s, output.pwm, self.plan.config.command_range);
         self.craft.advance(&motors, battery_v);
+        if let Some(roll_rad) = Faults::hangs(&self.plan.faults, time_s) {
+            self.craft.hang(roll_rad);
+        }
         if let Some(floor_m) = self.plan.floor_m {
             self.craft.stop_at(floor_m);
         }
