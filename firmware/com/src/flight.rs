@@ -37,6 +37,8 @@ pub enum Event {
     Notice(Notice),
     /// An output could not be written, or could be again.
     Outputs(bool),
+    /// This motor (0 to 3) gives less than it is told.
+    Motor(u8),
 }
 
 /// All that the loop's thread touches.
@@ -50,6 +52,7 @@ pub struct FlightLoop<C> {
     battery_by_imu: bool,
     motors: Motors<C>,
     outputs_ready: bool,
+    failed_motor: Option<u8>,
     state: State,
     events: SyncSender<Event>,
 }
@@ -80,6 +83,7 @@ impl<C: Output> FlightLoop<C> {
             battery_by_imu: setup.battery == BatterySource::Imu,
             motors,
             outputs_ready: true,
+            failed_motor: None,
             state: State::Disarmed,
             events,
         };
@@ -122,6 +126,11 @@ impl<C: Output> FlightLoop<C> {
         if state != self.state {
             self.state = state;
             report(events, Event::State(state));
+        }
+        let failed_motor = craft.failed_motor();
+        if failed_motor != self.failed_motor {
+            self.failed_motor = failed_motor;
+            failed_motor.into_iter().for_each(|motor| report(events, Event::Motor(motor)));
         }
         link.send(craft);
     }
@@ -189,6 +198,9 @@ fn print(events: &Receiver<Event>) {
         for event in events.try_iter() {
             match event {
                 Event::State(state) => log(&format!("state: {state:?}").to_lowercase()),
+                Event::Motor(motor) => {
+                    log(&format!("motor {} gives less than it is told: look at it before the next flight", motor + 1));
+                }
                 Event::Outputs(true) => log("the outputs can be written again"),
                 Event::Outputs(false) => log("an output cannot be written"),
                 Event::Notice(notice) => {

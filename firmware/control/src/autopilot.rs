@@ -157,6 +157,11 @@ impl Autopilot {
         self.detectors.counters
     }
 
+    /// The motor, 0 to 3, that failed last; none after a request to disarm on the ground.
+    pub fn failed_motor(&self) -> Option<u8> {
+        self.detectors.failed_motor
+    }
+
     /// The outcome of the last tick; the default before the first.
     pub fn flight(&self) -> &Flight {
         &self.flight
@@ -277,6 +282,7 @@ impl Autopilot {
             elapsed_us,
             &self.limits,
         );
+        self.detectors.motors(tick.pwm, tick.refused.thrust.high, elapsed_us, &self.limits);
         let rates_rad_s = readings.gyro_rad_s.unwrap_or(terms.body_rates_rad_s);
         self.detectors.turns(terms.attitude_error_rad, rates_rad_s, elapsed_us, &self.limits);
         let touchdown = &self.limits.touchdown;
@@ -306,6 +312,10 @@ impl Autopilot {
         self.detectors.armed(self.state == State::Armed, elapsed_us, &self.limits, conditions);
         let asked = |request| readings.request == Some(request);
         let flies = !self.state.motors_idle();
+        if asked(Request::Disarm) && !flies {
+            // The pilot has taken note.
+            self.detectors.failed_motor = None;
+        }
         conditions.note(Condition::ArmRequested, asked(Request::Arm) && preflight.ready());
         conditions.note(Condition::FlightRequested, commanded && !self.idle_wanted);
         conditions.note(Condition::DisarmRequested, asked(Request::Disarm));
@@ -338,6 +348,9 @@ impl Autopilot {
         checks.note(Preflight::CONTROLLER, none(&[Condition::NotANumber]));
         checks.note(Preflight::OUTPUTS, readings.outputs_ready);
         checks.note(Preflight::IDLE, self.idle_wanted);
+        for (motor, check) in (0..).zip(Preflight::MOTORS) {
+            checks.note(check, self.detectors.failed_motor != Some(motor));
+        }
         checks
     }
 

@@ -40,6 +40,8 @@ pub struct Supervision {
     pub armed: ArmedLimits,
     /// Crash.
     pub crash: CrashLimits,
+    /// Loss of a motor.
+    pub motor: MotorLimits,
     /// How a landing goes.
     pub landing: Landing,
 }
@@ -195,6 +197,14 @@ pub struct CrashLimits {
     pub for_s: f64,
 }
 
+/// Loss of a motor: it is at its greatest command, and the others are not.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MotorLimits {
+    /// How long it has to last before it counts, in s.
+    pub for_s: f64,
+}
+
 /// How a landing goes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -261,6 +271,7 @@ impl Supervision {
         outputs: OutputLimits { land_after_s: 0.05 },
         armed: ArmedLimits { idle_for_s: 10.0 },
         crash: CrashLimits { error_rad: 0.4, rate_rad_s: 0.6, for_s: 0.3 },
+        motor: MotorLimits { for_s: 0.25 },
         landing: Landing {
             descent_m_s: 0.3,
             fast_descent_m_s: 0.6,
@@ -281,7 +292,7 @@ impl Supervision {
 
     /// No time is longer than a minute: a timer in microseconds counts to 71 of them.
     fn check_times(&self) -> Result<(), ConfigError> {
-        let Self { link, pose, imu, battery, tilt, fence, thrust, timing, outputs, armed, crash, landing } =
+        let Self { link, pose, imu, battery, tilt, fence, thrust, timing, outputs, armed, crash, motor, landing } =
             self;
         let times = [
             ("supervision.link", "hold_after_s", link.hold_after_s),
@@ -302,6 +313,7 @@ impl Supervision {
             ("supervision.outputs", "land_after_s", outputs.land_after_s),
             ("supervision.armed", "idle_for_s", armed.idle_for_s),
             ("supervision.crash", "for_s", crash.for_s),
+            ("supervision.motor", "for_s", motor.for_s),
             ("supervision.landing", "touchdown_s", landing.touchdown_s),
         ];
         times
@@ -389,6 +401,7 @@ defaults!(
     OutputLimits: outputs,
     ArmedLimits: armed,
     CrashLimits: crash,
+    MotorLimits: motor,
     Landing: landing
 );
 
@@ -432,7 +445,7 @@ mod tests {
     /// A timer in microseconds counts to 71 minutes; every time in the table is checked.
     #[test]
     fn no_time_is_longer_than_a_minute() {
-        let times: [fn(&mut Supervision) -> &mut f64; 20] = [
+        let times: [fn(&mut Supervision) -> &mut f64; 21] = [
             |s| &mut s.link.hold_after_s,
             |s| &mut s.link.land_after_s,
             |s| &mut s.link.good_for_s,
@@ -452,6 +465,7 @@ mod tests {
             |s| &mut s.outputs.land_after_s,
             |s| &mut s.armed.idle_for_s,
             |s| &mut s.crash.for_s,
+            |s| &mut s.motor.for_s,
             |s| &mut s.landing.touchdown_s,
         ];
         for (k, time) in times.into_iter().enumerate() {

@@ -65,11 +65,14 @@ pub enum Condition {
     IdleForLong = 27,
     /// The craft is tilted away from where it wants to be and does not turn: it lies, or hangs.
     Crashed = 28,
+    /// One motor is asked for all it has, and the others are not: it is lost, or weak. Which one is
+    /// a preflight check.
+    MotorFailed = 29,
 }
 
 impl Condition {
     /// All, in the order of their bits.
-    pub const ALL: [Self; 29] = [
+    pub const ALL: [Self; 30] = [
         Self::ArmRequested,
         Self::FlightRequested,
         Self::DisarmRequested,
@@ -99,6 +102,7 @@ impl Condition {
         Self::OutputsFailed,
         Self::IdleForLong,
         Self::Crashed,
+        Self::MotorFailed,
     ];
 
     /// The name that people read.
@@ -133,6 +137,7 @@ impl Condition {
             Self::OutputsFailed => "outputs failed",
             Self::IdleForLong => "idle for long",
             Self::Crashed => "crashed",
+            Self::MotorFailed => "motor failed",
         }
     }
 

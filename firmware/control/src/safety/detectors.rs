@@ -83,6 +83,10 @@ pub(crate) struct Detectors {
     not_a_number: bool,
     outputs: Held,
     armed: Held,
+    motor: Held,
+    /// The motor that failed last, 0 to 3, until the pilot has taken note of it.
+    pub(crate) failed_motor: Option<u8>,
+    motor_failed: bool,
     crash: Held,
     crashed: bool,
     pub(crate) counters: Counters,
@@ -117,6 +121,9 @@ impl Detectors {
             not_a_number: false,
             outputs: Held::default(),
             armed: Held::default(),
+            motor: Held::NOT,
+            failed_motor: None,
+            motor_failed: false,
             crash: Held::default(),
             crashed: false,
             counters: Counters::default(),
@@ -376,10 +383,11 @@ impl Detectors {
     /// Reports what the end of the tick before has shown.
     #[inline]
     pub(crate) fn aftermath(&mut self, conditions: &mut Conditions) {
-        if self.thrust_lost || self.not_a_number || self.crashed {
+        if self.thrust_lost || self.not_a_number || self.crashed || self.motor_failed {
             conditions.note(Condition::ThrustLost, self.thrust_lost);
             conditions.note(Condition::NotANumber, self.not_a_number);
             conditions.note(Condition::Crashed, self.crashed);
+            conditions.note(Condition::MotorFailed, self.motor_failed);
         }
     }
 
@@ -403,6 +411,30 @@ impl Detectors {
             sum += smooth.abs();
         }
         self.imu_disagrees = sum > limits.disagreement_rad_s;
+    }
+
+    /// Looks for a single motor at its end in the commands of a tick that refused thrust upwards,
+    /// or did not.
+    #[inline]
+    pub(crate) fn motors(&mut self, pwm: [f32; 4], refused: bool, elapsed_us: u32, limits: &Limits) {
+        if refused {
+            self.motor_at_end(pwm, elapsed_us, limits);
+        } else {
+            (self.motor, self.motor_failed) = (Held::NOT, false);
+        }
+    }
+
+    #[cold]
+    fn motor_at_end(&mut self, pwm: [f32; 4], elapsed_us: u32, limits: &Limits) {
+        let mut at_end = (0_u8..).zip(pwm).filter(|(_, command)| *command >= limits.full);
+        let single = match (at_end.next(), at_end.next()) {
+            (Some((motor, _)), None) => Some(motor),
+            _ => None,
+        };
+        self.motor_failed = self.motor.step(single.is_some(), elapsed_us, limits.motor_us);
+        if self.motor_failed {
+            self.failed_motor = single;
+        }
     }
 
     /// Looks for a crash in the result of a tick: errors of roll and pitch in rad and body rates in
@@ -654,6 +686,23 @@ mod tests {
         assert!(crashed(-0.2, 0.1, 30));
         assert!(!crashed(-0.2, 0.1, 29) && !crashed(0.05, 0.1, 100) && !crashed(-0.2, 0.6, 100));
         assert!(!crashed(f32::NAN, 0.1, 100), "what is no number is another condition");
+    }
+
+    #[test]
+    fn a_motor_alone_at_its_end_has_failed_and_is_named() {
+        let limits = limits();
+        let failed = |pwm, refused, ticks| {
+            let mut detectors = Detectors::in_flight();
+            (0..ticks).for_each(|_| detectors.motors(pwm, refused, PERIOD_US, &limits));
+            (found(|c| detectors.aftermath(c)).1 == [C::MotorFailed]).then_some(detectors.failed_motor)
+        };
+        for motor in 0..4_u8 {
+            let mut pwm = [1700.0; 4];
+            pwm[usize::from(motor)] = 1999.9;
+            assert_eq!(failed(pwm, true, 25), Some(Some(motor)));
+            assert_eq!((failed(pwm, true, 24), failed(pwm, false, 100)), (None, None));
+        }
+        assert_eq!(failed([2000.0, 1700.0, 2000.0, 1700.0], true, 100), None, "two: a battery, or a load");
     }
 
     #[test]

@@ -10,6 +10,11 @@ fn micros(seconds: f64) -> u32 {
     (seconds * 1e6) as u32
 }
 
+/// What rounding and a map that is not exact leave of the greatest command.
+fn full([low, high]: [f64; 2]) -> f32 {
+    (high - 0.005 * (high - low)) as f32
+}
+
 /// [`Supervision`] in the units of flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Limits {
@@ -45,6 +50,9 @@ pub(crate) struct Limits {
     pub(crate) level_rad: f32,
     pub(crate) outputs_us: u32,
     pub(crate) armed_us: u32,
+    pub(crate) motor_us: u32,
+    /// A motor command from here on is all there is, command units.
+    pub(crate) full: f32,
     pub(crate) crash_error_rad: f32,
     pub(crate) crash_rate_rad_s: f32,
     pub(crate) crash_us: u32,
@@ -93,7 +101,7 @@ impl TouchdownLimits {
 
 impl Limits {
     pub(crate) fn new(config: &Config) -> Self {
-        let Supervision { link, pose, imu, battery, tilt, fence, thrust, timing, outputs, armed, crash, landing } =
+        let Supervision { link, pose, imu, battery, tilt, fence, thrust, timing, outputs, armed, crash, motor, landing } =
             &config.supervision;
         let sides = [fence.x_m, fence.y_m, fence.z_m];
         Self {
@@ -136,6 +144,8 @@ impl Limits {
             level_rad: thrust.level_rad as f32,
             outputs_us: micros(outputs.land_after_s),
             armed_us: micros(armed.idle_for_s),
+            motor_us: micros(motor.for_s),
+            full: full(config.command_range),
             crash_error_rad: crash.error_rad as f32,
             crash_rate_rad_s: crash.rate_rad_s as f32,
             crash_us: micros(crash.for_s),

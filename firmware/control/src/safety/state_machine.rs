@@ -107,6 +107,7 @@ pub const TABLE: [(Condition, [Action; 6]); Condition::ALL.len()] = {
         (C::OutputsFailed,      [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
         (C::IdleForLong,        [Stay,   Stand,  Stay,   Stay,   Stay,   Stay]),
         (C::Crashed,            [Stay,   Stand,  Cut,    Cut,    Cut,    Stay]),
+        (C::MotorFailed,        [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
     ]
 };
 
@@ -219,7 +220,7 @@ mod tests {
 
     /// Dangers in three grades.
     const STOP: [Condition; 4] = [C::PoseGone, C::ImuGone, C::Tilted, C::Crashed];
-    const DOWN: [Condition; 13] = [
+    const DOWN: [Condition; 14] = [
         C::LinkLost,
         C::PoseLost,
         C::ImuLate,
@@ -233,6 +234,7 @@ mod tests {
         C::LoopOverrun,
         C::NotANumber,
         C::OutputsFailed,
+        C::MotorFailed,
     ];
     const WAIT: [Condition; 2] = [C::LinkLate, C::PoseLate];
 

@@ -40,6 +40,8 @@ pub enum FaultKind {
     VoltageNotANumber,
     /// A motor stands still (0 to 3).
     MotorDead(usize),
+    /// A motor (0 to 3) gets so much less than its command, command units.
+    MotorWeak(usize, f32),
     /// The craft hangs in a net or a hand, or lies: it stays where it is, with so much roll, rad.
     Hangs(f64),
     /// An output takes no command any more: its motor (0 to 3) goes on with the last.
@@ -136,7 +138,9 @@ impl Faults {
             FaultKind::VoltageNotANumber => readings.battery_v = f32::NAN,
             FaultKind::ClockOff(by_us) => readings.time_us = readings.time_us.wrapping_add(by_us),
             FaultKind::OutputDead(_) => readings.outputs_ready = false,
-            FaultKind::MotorDead(_) | FaultKind::MotorsWeak(_) | FaultKind::LoopStalled | FaultKind::Hangs(_) => {}
+            FaultKind::MotorDead(_)
+            | FaultKind::MotorWeak(..)
+            | FaultKind::MotorsWeak(_) | FaultKind::LoopStalled | FaultKind::Hangs(_) => {}
         }
     }
 
@@ -168,6 +172,11 @@ impl Faults {
                 FaultKind::OutputDead(motor) => {
                     if let (Some(command), Some(last)) = (pwm.get_mut(motor), last.get(motor)) {
                         *command = *last;
+                    }
+                }
+                FaultKind::MotorWeak(motor, by) => {
+                    if let Some(command) = pwm.get_mut(motor) {
+                        *command = (*command - by).max(idle);
                     }
                 }
                 FaultKind::MotorsWeak(by) => pwm = pwm.map(|command| (command - by).max(idle)),

@@ -14,6 +14,9 @@ const ALWAYS_S: f64 = 1e6;
 /// How far a craft drifts at most, m, if nothing else is said.
 const NEAR_M: f64 = 1.0;
 
+/// How far without poses, m: at up to 0.6 m/s, for 1.9 s and until poses count again.
+const BLIND_M: f64 = 1.6;
+
 const fn drill(rule: C, name: &'static str, expected: ExpectedResponse, causes: &'static [Cause]) -> Drill {
     Drill { name, rule, expected, within_m: NEAR_M, causes }
 }
@@ -85,19 +88,22 @@ const DRILLS: &[Drill] = &[
         "poses silent for good",
         Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]),
         &[Fault(K::PoseSilent, ALWAYS_S)],
-    ),
+    )
+    .within(BLIND_M),
     drill(
         C::PoseGone,
         "poses silent for 1.85 s",
         Short(&[(Hold, 0.1), (Land, 0.5), (Disarmed, 10.0)]),
         &[Fault(K::PoseSilent, 1.85)],
-    ),
+    )
+    .within(BLIND_M),
     drill(
         C::PoseFrozen,
         "the same pose for good",
         Goes(&[(Hold, 0.13), (Land, 0.5), (Cut, 2.0)]),
         &[Fault(K::PoseFrozen, ALWAYS_S)],
-    ),
+    )
+    .within(BLIND_M),
     drill(C::PoseFrozen, "the same pose twice more", Flies, &[Fault(K::PoseFrozen, 0.02)]),
     drill(
         C::PoseJumped,
@@ -113,10 +119,11 @@ const DRILLS: &[Drill] = &[
     ),
     drill(
         C::PoseJumped,
-        "poses 0.8 m away and back every 0.05 s",
-        Goes(&[(Hold, 0.1), (Land, 0.5)]),
+        "poses 0.8 m away and back every 0.05 s: not believed",
+        Goes(&[(Hold, 0.1), (Flying, 2.2)]),
         &[Repeated { kind: K::PoseShifted([0.8, 0.0, 0.0]), first_s: 0.0, every_s: 0.1, times: 20, for_s: 0.05 }],
-    ),
+    )
+    .within(BLIND_M),
     drill(C::PoseJumped, "one pose 0.6 m away", Flies, &[Fault(K::PoseShifted([0.6, 0.0, 0.0]), 0.01)]),
     drill(
         C::PoseJumped,
@@ -129,14 +136,16 @@ const DRILLS: &[Drill] = &[
         "heading turned by 180 degrees",
         Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]),
         &[Fault(K::PoseTurned(std::f32::consts::PI), ALWAYS_S)],
-    ),
+    )
+    .within(BLIND_M),
     drill(C::PoseJumped, "heading turned by 5 degrees", Flies, &[Fault(K::PoseTurned(0.087), ALWAYS_S)]),
     drill(
         C::OutsideFence,
         "positions that are no numbers",
         Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]),
         &[Fault(K::PoseNotANumber, ALWAYS_S)],
-    ),
+    )
+    .within(BLIND_M),
     drill(
         C::OutsideFence,
         "positions that are no numbers for 0.04 s",
@@ -231,6 +240,13 @@ const DRILLS: &[Drill] = &[
     ),
     drill(C::Crashed, "the craft is held tilted by 0.25 rad for 0.5 s", Flies, &[Fault(K::Hangs(0.25), 0.5)]),
     drill(
+        C::MotorFailed,
+        "motor 3 350 us weak",
+        Goes(&[(Land, 1.0)]),
+        &[Fault(K::MotorWeak(2, 350.0), ALWAYS_S)],
+    ),
+    drill(C::MotorFailed, "motor 3 100 us weak", Flies, &[Fault(K::MotorWeak(2, 100.0), ALWAYS_S)]),
+    drill(
         C::ThrustLost,
         "motors 310 us weak",
         Goes(&[(Land, 3.0)]),
@@ -253,11 +269,13 @@ const DRILLS: &[Drill] = &[
     drill(C::LoopOverrun, "loop stalls for 12 ticks", Goes(&[(Land, 0.2)]), &[Fault(K::LoopStalled, 0.12)]),
     drill(C::LoopOverrun, "loop stalls for 2 ticks", Flies, &[Fault(K::LoopStalled, 0.02)]),
     drill(
+        // Three motors hold no place, but land slower than a fall.
         C::OutputsFailed,
         "output 1 takes no command any more",
         Goes(&[(Land, 0.06)]),
         &[Fault(K::OutputDead(0), ALWAYS_S)],
-    ),
+    )
+    .within(4.0),
     drill(C::OutputsFailed, "output 1 misses four commands", Flies, &[Fault(K::OutputDead(0), 0.04)]),
     drill(
         C::LandRequested,
