@@ -98,6 +98,12 @@ pub struct ImuLimits {
     pub cut_after_s: f64,
     /// Rates beyond this many rad/s are refused (2000 degrees/s is the range of the usual chips).
     pub rate_limit_rad_s: f64,
+    /// Greatest vibration in rad/s: root mean square of what changes from sample to sample, the
+    /// axes added. At 100 Hz a body hardly moves above 5 Hz; what the chip's own filter lets pass of
+    /// the rotors' 100 Hz comes folded down to anything below 50 Hz.
+    pub vibration_rad_s: f64,
+    /// Time constant of that mean in s.
+    pub vibration_filter_s: f64,
     /// Greatest difference to the rates from motion capture in rad/s, after smoothing (added over
     /// the axes).
     pub disagreement_rad_s: f64,
@@ -260,6 +266,8 @@ impl Supervision {
             repeats: 10,
             cut_after_s: 0.18,
             rate_limit_rad_s: 35.0,
+            vibration_rad_s: 1.0,
+            vibration_filter_s: 0.5,
             disagreement_rad_s: 1.2,
             disagreement_filter_s: 0.2,
         },
@@ -343,6 +351,8 @@ impl Supervision {
         check.within("missing_ticks", f64::from(imu.missing_ticks), 1.0, 1e6)?;
         check.within("repeats", f64::from(imu.repeats), 1.0, 1e6)?;
         check.within("rate_limit_rad_s", imu.rate_limit_rad_s, 1e-2, 1e4)?;
+        check.within("vibration_rad_s", imu.vibration_rad_s, 1e-3, 1e4)?;
+        check.within("vibration_filter_s", imu.vibration_filter_s, 1e-3, LONGEST_S)?;
         check.within("disagreement_rad_s", imu.disagreement_rad_s, 1e-3, 1e4)?;
         check.within("disagreement_filter_s", imu.disagreement_filter_s, 1e-3, LONGEST_S)?;
         let check = RangeCheck { group: "supervision.battery" };
@@ -445,7 +455,7 @@ mod tests {
     /// A timer in microseconds counts to 71 minutes; every time in the table is checked.
     #[test]
     fn no_time_is_longer_than_a_minute() {
-        let times: [fn(&mut Supervision) -> &mut f64; 21] = [
+        let times: [fn(&mut Supervision) -> &mut f64; 22] = [
             |s| &mut s.link.hold_after_s,
             |s| &mut s.link.land_after_s,
             |s| &mut s.link.good_for_s,
@@ -456,6 +466,7 @@ mod tests {
             |s| &mut s.pose.believed_after_s,
             |s| &mut s.imu.cut_after_s,
             |s| &mut s.imu.disagreement_filter_s,
+            |s| &mut s.imu.vibration_filter_s,
             |s| &mut s.battery.for_s,
             |s| &mut s.tilt.for_s,
             |s| &mut s.fence.for_s,

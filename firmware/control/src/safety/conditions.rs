@@ -68,11 +68,13 @@ pub enum Condition {
     /// One motor is asked for all it has, and the others are not: it is lost, or weak. Which one is
     /// a preflight check.
     MotorFailed = 29,
+    /// The gyro shivers: a propeller is broken, or something is loose.
+    Vibrating = 30,
 }
 
 impl Condition {
     /// All, in the order of their bits.
-    pub const ALL: [Self; 30] = [
+    pub const ALL: [Self; 31] = [
         Self::ArmRequested,
         Self::FlightRequested,
         Self::DisarmRequested,
@@ -103,6 +105,7 @@ impl Condition {
         Self::IdleForLong,
         Self::Crashed,
         Self::MotorFailed,
+        Self::Vibrating,
     ];
 
     /// The name that people read.
@@ -138,6 +141,7 @@ impl Condition {
             Self::IdleForLong => "idle for long",
             Self::Crashed => "crashed",
             Self::MotorFailed => "motor failed",
+            Self::Vibrating => "vibration",
         }
     }
 

@@ -67,6 +67,9 @@ pub(crate) struct Detectors {
     /// Whether the sample of this tick can be compared with motion capture.
     imu_comparable: bool,
     imu_last: [f32; 3],
+    imu_before: [f32; 3],
+    /// Mean square of the second differences, rad^2/s^2.
+    vibration: f32,
     imu_equal: u32,
     imu_missing: u32,
     imu_age_us: u32,
@@ -106,6 +109,8 @@ impl Detectors {
             pose_settling: false,
             imu_comparable: false,
             imu_last: [f32::NAN; 3],
+            imu_before: [f32::NAN; 3],
+            vibration: 0.0,
             imu_equal: 0,
             imu_missing: u32::MAX,
             imu_age_us: u32::MAX,
@@ -273,13 +278,27 @@ impl Detectors {
         if let Some(rates) = gyro_rad_s {
             let greatest = rates.iter().fold(0, |greatest, rate| magnitude(*rate).max(greatest));
             if greatest <= limits.rate_limit && differ(&rates, &self.imu_last) && !self.imu_disagrees {
-                self.imu_last = rates;
+                self.shake(rates, limits);
+                conditions.note(Condition::Vibrating, self.vibration > limits.vibration);
+                (self.imu_before, self.imu_last) = (self.imu_last, rates);
                 (self.imu_equal, self.imu_missing, self.imu_age_us) = (1, 0, 0);
                 self.imu_comparable = true;
                 return gyro_rad_s;
             }
         }
         self.imu_in_doubt(gyro_rad_s, elapsed_us, limits, conditions)
+    }
+
+    /// Adds a good sample to the mean of the vibration.
+    #[inline]
+    fn shake(&mut self, [p, q, r]: [f32; 3], limits: &Limits) {
+        let ([p1, q1, r1], [p2, q2, r2]) = (self.imu_last, self.imu_before);
+        let (dp, dq, dr) = (p - 2.0 * p1 + p2, q - 2.0 * q1 + q2, r - 2.0 * r1 + r2);
+        let square = dp * dp + dq * dq + dr * dr;
+        // The first samples have none before them.
+        if square <= f32::MAX {
+            self.vibration += limits.vibration_gain * (square - self.vibration);
+        }
     }
 
     /// Handles no sample, an implausible one, or a repeated one.
@@ -639,6 +658,28 @@ mod tests {
             let want = if k == 2 { vec![C::ImuLate] } else { vec![] };
             assert_eq!(sample(bad), (None, want));
         }
+    }
+
+    /// Sines of 1 rad/s on one axis, by the frequency response of the second difference (Oppenheim
+    /// and Schafer): 4 sin^2(pi f / fs), so 16/2 at 25 Hz, a quarter of what 1 rad/s at 50 Hz gives.
+    #[test]
+    fn what_shakes_from_sample_to_sample_is_vibration_and_motion_is_not() {
+        let limits = limits();
+        let shaken = |amplitude_rad_s: f32, frequency_hz: f32| {
+            let mut detectors = Detectors::in_flight();
+            let mut last = vec![];
+            for k in 0..400 {
+                // The phase keeps 50 Hz away from its zeros.
+                let phase = core::f32::consts::TAU * frequency_hz * 0.01 * k as f32 + 1.57;
+                let rates = Some([0.0, amplitude_rad_s * phase.sin(), 0.3]);
+                last = found(|c| detectors.imu(rates, PERIOD_US, &limits, c)).1;
+            }
+            (detectors.vibration, last == [C::Vibrating])
+        };
+        let (square, vibrates) = shaken(1.0, 25.0);
+        assert!((square - 2.0).abs() < 0.1 && !vibrates, "{square}");
+        assert!(shaken(1.1, 50.0).1 && !shaken(0.9, 50.0).1);
+        assert!(!shaken(5.0, 5.0).1, "a craft that rolls");
     }
 
     #[test]

@@ -10,6 +10,11 @@ fn micros(seconds: f64) -> u32 {
     (seconds * 1e6) as u32
 }
 
+/// Weight of the newest sample in a first-order smoothing.
+fn smoothing(period_s: f64, time_constant_s: f64) -> f32 {
+    (1.0 - libm::exp(-period_s / time_constant_s)) as f32
+}
+
 /// What rounding and a map that is not exact leave of the greatest command.
 fn full([low, high]: [f64; 2]) -> f32 {
     (high - 0.005 * (high - low)) as f32
@@ -34,6 +39,9 @@ pub(crate) struct Limits {
     pub(crate) imu_cut_us: u32,
     /// As a [`magnitude`].
     pub(crate) rate_limit: u32,
+    /// Of second differences, rad^2/s^2.
+    pub(crate) vibration: f32,
+    pub(crate) vibration_gain: f32,
     pub(crate) disagreement_rad_s: f32,
     pub(crate) disagreement_gain: f32,
     pub(crate) battery_v: [f32; 3],
@@ -90,7 +98,7 @@ impl TouchdownLimits {
         Self {
             idle: idle as f32,
             fraction: landing.touchdown_fraction as f32,
-            smoothing: (1.0 - libm::exp(-config.sample_time_s)) as f32,
+            smoothing: smoothing(config.sample_time_s, 1.0),
             still_m_s: (0.5 * landing.descent_m_s) as f32,
             floor_m: (lowest_m - landing.touchdown_m) as f32,
             near_us: micros(landing.touchdown_s),
@@ -128,8 +136,11 @@ impl Limits {
             imu_repeats: imu.repeats,
             imu_cut_us: micros(imu.cut_after_s),
             rate_limit: magnitude(imu.rate_limit_rad_s as f32),
+            // A second difference is four times what alternates from sample to sample.
+            vibration: (16.0 * imu.vibration_rad_s * imu.vibration_rad_s) as f32,
+            vibration_gain: smoothing(config.sample_time_s, imu.vibration_filter_s),
             disagreement_rad_s: imu.disagreement_rad_s as f32,
-            disagreement_gain: (1.0 - libm::exp(-config.sample_time_s / imu.disagreement_filter_s)) as f32,
+            disagreement_gain: smoothing(config.sample_time_s, imu.disagreement_filter_s),
             battery_v: [battery.warn_v as f32, battery.land_v as f32, battery.empty_v as f32],
             battery_us: micros(battery.for_s),
             tilt_rad: tilt.limit_rad as f32,

@@ -108,6 +108,7 @@ pub const TABLE: [(Condition, [Action; 6]); Condition::ALL.len()] = {
         (C::IdleForLong,        [Stay,   Stand,  Stay,   Stay,   Stay,   Stay]),
         (C::Crashed,            [Stay,   Stand,  Cut,    Cut,    Cut,    Stay]),
         (C::MotorFailed,        [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::Vibrating,          [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
     ]
 };
 
@@ -220,7 +221,7 @@ mod tests {
 
     /// Dangers in three grades.
     const STOP: [Condition; 4] = [C::PoseGone, C::ImuGone, C::Tilted, C::Crashed];
-    const DOWN: [Condition; 14] = [
+    const DOWN: [Condition; 15] = [
         C::LinkLost,
         C::PoseLost,
         C::ImuLate,
@@ -235,6 +236,7 @@ mod tests {
         C::NotANumber,
         C::OutputsFailed,
         C::MotorFailed,
+        C::Vibrating,
     ];
     const WAIT: [Condition; 2] = [C::LinkLate, C::PoseLate];
 

@@ -30,6 +30,8 @@ pub enum FaultKind {
     ImuStuck,
     /// The gyro is off by so much on each axis, rad/s.
     ImuBiased(f32),
+    /// The gyro is off by so much on each axis to and fro from tick to tick, rad/s.
+    ImuShaken(f32),
     /// The gyro's scale is wrong by this factor.
     ImuScaled(f32),
     /// The gyro says nonsense.
@@ -76,12 +78,20 @@ impl Fault {
 }
 
 /// What faults remember.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(crate) struct Faults {
     last_pose: Option<Pose>,
     last_gyro: Option<[f32; 3]>,
     asked: bool,
     last_motors: Option<[f32; 4]>,
+    /// Changes its sign from tick to tick.
+    shaken: f32,
+}
+
+impl Default for Faults {
+    fn default() -> Self {
+        Self { last_pose: None, last_gyro: None, asked: false, last_motors: None, shaken: 1.0 }
+    }
 }
 
 impl Faults {
@@ -132,6 +142,11 @@ impl Faults {
             FaultKind::ImuMissing => readings.gyro_rad_s = None,
             FaultKind::ImuStuck => readings.gyro_rad_s = last_gyro,
             FaultKind::ImuBiased(by) => readings.gyro_rad_s = readings.gyro_rad_s.map(|g| g.map(|x| x + by)),
+            FaultKind::ImuShaken(by) => {
+                self.shaken = -self.shaken;
+                let by = by.copysign(self.shaken);
+                readings.gyro_rad_s = readings.gyro_rad_s.map(|g| g.map(|x| x + by));
+            }
             FaultKind::ImuScaled(by) => readings.gyro_rad_s = readings.gyro_rad_s.map(|g| g.map(|x| x * by)),
             FaultKind::ImuGarbage => readings.gyro_rad_s = Some([f32::NAN, 1e9, f32::INFINITY]),
             FaultKind::VoltageLower(by_v) => readings.battery_v -= by_v,

@@ -181,6 +181,8 @@ const DRILLS: &[Drill] = &[
         &[Fault(K::ImuBiased(1.5), ALWAYS_S)],
     ),
     drill(C::ImuDisagrees, "gyro off by 0.15 rad/s", Flies, &[Fault(K::ImuBiased(0.15), ALWAYS_S)]),
+    drill(C::Vibrating, "gyro shaken by 1 rad/s", Goes(&[(Land, 0.5)]), &[Fault(K::ImuShaken(1.0), ALWAYS_S)]),
+    drill(C::Vibrating, "gyro shaken by 0.5 rad/s", Flies, &[Fault(K::ImuShaken(0.5), ALWAYS_S)]),
     drill(
         C::ImuGone,
         "gyro missing for good, under a law that needs it",
