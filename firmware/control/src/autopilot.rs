@@ -32,6 +32,7 @@ use crate::inputs::input_checks::is_finite;
 use crate::inputs::readings::{Command, Measurement, Mode, Pose, Readings, Request};
 use crate::law::controller::{Controller, Guided, LANDING_DEPTH_M};
 use crate::law::terms::Tick;
+use crate::safety::aftermath::Aftermath;
 use crate::safety::conditions::{Condition, Conditions};
 use crate::safety::detectors::{Counters, Detectors, LastKnown, count};
 use crate::safety::limits::Limits;
@@ -80,6 +81,7 @@ pub struct Autopilot {
     limits: Limits,
     descent: Descent,
     detectors: Detectors,
+    aftermath: Aftermath,
     state: State,
     /// Mode of the pilot's last command.
     mode: Mode,
@@ -128,6 +130,7 @@ impl Autopilot {
                 deepest_m: lowest_m as f32 + LANDING_DEPTH_M,
             },
             detectors: Detectors::at_rest(),
+            aftermath: Aftermath::GOOD,
             state: State::Disarmed,
             mode: IDLE.mode,
             idle_wanted: true,
@@ -159,7 +162,7 @@ impl Autopilot {
 
     /// The motor, 0 to 3, that failed last; none after a request to disarm on the ground.
     pub fn failed_motor(&self) -> Option<u8> {
-        self.detectors.failed_motor
+        self.aftermath.failed_motor
     }
 
     /// The outcome of the last tick; the default before the first.
@@ -201,7 +204,7 @@ impl Autopilot {
         self.detectors.battery(readings.battery_v, elapsed_us, &self.limits, found);
         self.detectors.tilt(attitude_rad, elapsed_us, &self.limits, found);
         self.detectors.outputs(readings.outputs_ready, elapsed_us, &self.limits, found);
-        self.detectors.aftermath(found);
+        self.aftermath.report(found);
         let mut preflight = Preflight::default();
         if self.state != State::Flying || readings.request.is_some() || self.idle_wanted {
             preflight = self.attend(readings, commanded, attitude_rad, elapsed_us, &mut conditions);
@@ -246,9 +249,13 @@ impl Autopilot {
         let before_rad = self.carried_rad.unwrap_or(self.pose.attitude_rad);
         let anchored = self.state != State::Disarmed && self.pose.position_m[0].is_finite();
         let known = LastKnown { last: &self.pose, attitude_rad: before_rad, anchored };
-        let seen = detectors.pose(readings.pose.as_ref(), &known, elapsed_us, limits, conditions);
+        let mut pose = readings.pose.as_ref();
+        if readings.pose_age_us > limits.pose_oldest_us && pose.take().is_some() {
+            detectors.old_pose(conditions);
+        }
+        let seen = detectors.pose(pose, &known, elapsed_us, limits, conditions);
         let gyro_rad_s = detectors.imu(readings.gyro_rad_s, elapsed_us, limits, conditions);
-        if let (true, Some(pose)) = (seen, &readings.pose) {
+        if let (true, Some(pose)) = (seen, pose) {
             if self.carried_rad.is_some() && detectors.pose.late {
                 // What the estimators make of the way between is no velocity.
                 self.controller.restart_estimators();
@@ -274,17 +281,13 @@ impl Autopilot {
         if let (true, Some(rates)) = (seen, readings.gyro_rad_s) {
             self.detectors.compare_rates(rates, terms.body_rates_rad_s, &self.limits);
         }
-        self.detectors.after(
-            tick.refused.thrust.high,
-            terms.z_rate_m_s,
-            attitude_rad,
-            tick.faults.internal.now,
-            elapsed_us,
-            &self.limits,
-        );
-        self.detectors.motors(tick.pwm, tick.refused.thrust.high, elapsed_us, &self.limits);
         let rates_rad_s = readings.gyro_rad_s.unwrap_or(terms.body_rates_rad_s);
-        self.detectors.turns(terms.attitude_error_rad, rates_rad_s, elapsed_us, &self.limits);
+        let refused = tick.refused.thrust.high;
+        let no_number = tick.faults.internal.now;
+        let (aftermath, limits) = (&mut self.aftermath, &self.limits);
+        aftermath.after(refused, terms.z_rate_m_s, attitude_rad, no_number, elapsed_us, limits);
+        aftermath.motors(refused, tick.pwm, terms.attitude_error_rad, elapsed_us, limits);
+        aftermath.turns(terms.attitude_error_rad, rates_rad_s, elapsed_us, limits);
         let touchdown = &self.limits.touchdown;
         if self.state == State::Land {
             let [_, _, z_m] = self.pose.position_m;
@@ -314,7 +317,7 @@ impl Autopilot {
         let flies = !self.state.motors_idle();
         if asked(Request::Disarm) && !flies {
             // The pilot has taken note.
-            self.detectors.failed_motor = None;
+            self.aftermath.failed_motor = None;
         }
         conditions.note(Condition::ArmRequested, asked(Request::Arm) && preflight.ready());
         conditions.note(Condition::FlightRequested, commanded && !self.idle_wanted);
@@ -333,7 +336,7 @@ impl Autopilot {
         checks.note(Preflight::LINK, none(&[Condition::LinkLate]));
         checks.note(
             Preflight::POSE,
-            none(&[Condition::PoseLate, Condition::PoseFrozen, Condition::PoseJumped]),
+            none(&[Condition::PoseLate, Condition::PoseFrozen, Condition::PoseJumped, Condition::PoseOld]),
         );
         checks.note(
             Preflight::IMU,
@@ -349,7 +352,7 @@ impl Autopilot {
         checks.note(Preflight::OUTPUTS, readings.outputs_ready);
         checks.note(Preflight::IDLE, self.idle_wanted);
         for (motor, check) in (0..).zip(Preflight::MOTORS) {
-            checks.note(check, self.detectors.failed_motor != Some(motor));
+            checks.note(check, self.aftermath.failed_motor != Some(motor));
         }
         checks
     }
@@ -439,6 +442,7 @@ mod tests {
         let mut readings = Readings {
             time_us: 0,
             pose: Some(Pose { position_m: [0.0, 0.0, -1.0], attitude_rad: [0.0; 3] }),
+            pose_age_us: 0,
             gyro_rad_s: Some([0.0; 3]),
             battery_v: 11.1,
             command: Some(Command { cut_off: false, z_m: -1.0, ..IDLE }),
@@ -449,7 +453,7 @@ mod tests {
             readings.time_us += 10_000;
             readings.pose.as_mut().unwrap().position_m[0] += 1e-4;
             readings.gyro_rad_s.as_mut().unwrap()[0] += 1e-4;
-            autopilot.detectors.after(false, 0.0, [0.0; 3], no_number, 10_000, &autopilot.limits);
+            autopilot.aftermath.after(false, 0.0, [0.0; 3], no_number, 10_000, &autopilot.limits);
             autopilot.tick(&readings).state
         };
         assert_eq!([state(false), state(false)], [State::Flying; 2]);

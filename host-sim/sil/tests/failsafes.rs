@@ -17,13 +17,13 @@ fn designed() -> Config {
     design::Gains::parse(DESIGNED, Path::new("f330-designed-gains.toml")).unwrap().config
 }
 
-/// Under the thesis' gains and under designed ones. (Two seeds each; 20 take minutes: `cargo xtask
-/// sil --failsafes --seeds 20 --gains FILE`.)
+/// Under the thesis' gains and under designed ones. (Four seeds each; more: `cargo xtask sil
+/// --failsafes --seeds 20 --gains FILE`.)
 #[test]
 fn every_drill_ends_as_expected() {
     for (gains, config) in [("thesis", Config::thesis()), ("designed", designed())] {
         for drill in drills() {
-            for seed in 1..=2 {
+            for seed in 1..=4 {
                 for found in drill.fly(seed, &config).unwrap() {
                     assert!(
                         found.holds,

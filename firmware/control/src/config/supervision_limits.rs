@@ -7,7 +7,7 @@
 //! thrust loss detected within a second as in ArduPilot (sooner: the thesis' law has no priority of
 //! attitude over thrust and keeps a saturated craft level for about a second only). Battery levels
 //! belong to a pack, so there is no default that guesses one: without levels the voltage is not
-//! judged.
+//! judged, unless the craft's own configuration says how many cells it carries.
 
 use serde::{Deserialize, Serialize};
 
@@ -71,6 +71,8 @@ pub struct PoseLimits {
     pub cut_after_s: f64,
     /// Missing poses count again after this many s of good ones.
     pub good_for_s: f64,
+    /// A pose that was taken more than this many s ago is refused.
+    pub oldest_s: f64,
     /// A pose is frozen after this many samples equal to its first.
     pub repeats: u32,
     /// A pose farther from the last than this many m ...
@@ -80,7 +82,7 @@ pub struct PoseLimits {
     /// So is one turned by more than this many rad about an axis.
     pub jump_rad: f64,
     /// Refused poses that agree with each other, and with the attitude by the gyro, count after this
-    /// many s of them: the tracker has found the craft again, or was moved. Not before the craft
+    /// many s of them: the tracker has found the craft again, or was moved. Never before the craft
     /// ceases to coast.
     pub believed_after_s: f64,
 }
@@ -203,11 +205,13 @@ pub struct CrashLimits {
     pub for_s: f64,
 }
 
-/// Loss of a motor: it is at its greatest command, and the others are not.
+/// Loss of a motor: it is at its greatest command, and either no other is, or the one across is at
+/// its least.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MotorLimits {
-    /// How long it has to last before it counts, in s.
+    /// How long it has to last before it counts, in s: in hard flight any motor is at its end for up
+    /// to 0.43 s. Three fifths of it while the craft tips over.
     pub for_s: f64,
 }
 
@@ -243,6 +247,18 @@ impl BatteryLevels {
     /// A lithium-polymer pack of three cells in flight, when 15, 7 and 5 % are left: 3.7, 3.6 and
     /// 3.5 V a cell at rest, less the half volt that hovering draws it down.
     pub const THREE_CELLS: Self = Self { warn_v: 10.6, land_v: 10.3, empty_v: 10.0, for_s: 1.0 };
+
+    /// The same three stages for a pack of so many cells.
+    pub fn of_cells(cells: u8) -> Self {
+        let Self { warn_v, land_v, empty_v, for_s } = Self::THREE_CELLS;
+        let packs = f64::from(cells) / 3.0;
+        Self { warn_v: packs * warn_v, land_v: packs * land_v, empty_v: packs * empty_v, for_s }
+    }
+
+    /// Is there any level to land at?
+    pub fn are_given(&self) -> bool {
+        self.land_v > 0.0
+    }
 }
 
 impl Supervision {
@@ -255,6 +271,7 @@ impl Supervision {
             land_after_s: 0.4,
             cut_after_s: 1.9,
             good_for_s: 0.1,
+            oldest_s: 0.15,
             repeats: 3,
             jump_m: 0.5,
             speed_m_s: 3.0,
@@ -279,7 +296,7 @@ impl Supervision {
         outputs: OutputLimits { land_after_s: 0.05 },
         armed: ArmedLimits { idle_for_s: 10.0 },
         crash: CrashLimits { error_rad: 0.4, rate_rad_s: 0.6, for_s: 0.3 },
-        motor: MotorLimits { for_s: 0.25 },
+        motor: MotorLimits { for_s: 0.5 },
         landing: Landing {
             descent_m_s: 0.3,
             fast_descent_m_s: 0.6,
@@ -300,8 +317,21 @@ impl Supervision {
 
     /// No time is longer than a minute: a timer in microseconds counts to 71 of them.
     fn check_times(&self) -> Result<(), ConfigError> {
-        let Self { link, pose, imu, battery, tilt, fence, thrust, timing, outputs, armed, crash, motor, landing } =
-            self;
+        let Self {
+            link,
+            pose,
+            imu,
+            battery,
+            tilt,
+            fence,
+            thrust,
+            timing,
+            outputs,
+            armed,
+            crash,
+            motor,
+            landing,
+        } = self;
         let times = [
             ("supervision.link", "hold_after_s", link.hold_after_s),
             ("supervision.link", "land_after_s", link.land_after_s),
@@ -310,6 +340,7 @@ impl Supervision {
             ("supervision.pose", "land_after_s", pose.land_after_s),
             ("supervision.pose", "cut_after_s", pose.cut_after_s),
             ("supervision.pose", "good_for_s", pose.good_for_s),
+            ("supervision.pose", "oldest_s", pose.oldest_s),
             ("supervision.pose", "believed_after_s", pose.believed_after_s),
             ("supervision.imu", "cut_after_s", imu.cut_after_s),
             ("supervision.battery", "for_s", battery.for_s),
@@ -335,8 +366,7 @@ impl Supervision {
         let order = |group, name, low, high| RangeCheck { group }.within(name, high, low, LONGEST_S);
         order("supervision.link", "land_after_s", link.hold_after_s, link.land_after_s)?;
         order("supervision.pose", "land_after_s", pose.coast_s, pose.land_after_s)?;
-        order("supervision.pose", "cut_after_s", pose.land_after_s, pose.cut_after_s)?;
-        order("supervision.pose", "believed_after_s", pose.coast_s, pose.believed_after_s)
+        order("supervision.pose", "cut_after_s", pose.land_after_s, pose.cut_after_s)
     }
 
     /// What comes in: poses, gyro, voltage.
@@ -435,7 +465,11 @@ mod tests {
     fn the_defaults_can_be_flown_with() {
         assert_eq!(message(|_| ()), "good");
         assert_eq!(message(|s| s.fence = Fence::NONE), "good");
-        assert_eq!(message(|s| s.battery = BatteryLevels::THREE_CELLS), "good");
+        for cells in 1..=14 {
+            assert_eq!(message(|s| s.battery = BatteryLevels::of_cells(cells)), "good");
+        }
+        assert_eq!(BatteryLevels::of_cells(3), BatteryLevels::THREE_CELLS);
+        assert!(!Supervision::DEFAULT.battery.are_given() && BatteryLevels::of_cells(1).are_given());
     }
 
     #[test]
@@ -455,7 +489,7 @@ mod tests {
     /// A timer in microseconds counts to 71 minutes; every time in the table is checked.
     #[test]
     fn no_time_is_longer_than_a_minute() {
-        let times: [fn(&mut Supervision) -> &mut f64; 22] = [
+        let times: [fn(&mut Supervision) -> &mut f64; 23] = [
             |s| &mut s.link.hold_after_s,
             |s| &mut s.link.land_after_s,
             |s| &mut s.link.good_for_s,
@@ -463,6 +497,7 @@ mod tests {
             |s| &mut s.pose.land_after_s,
             |s| &mut s.pose.cut_after_s,
             |s| &mut s.pose.good_for_s,
+            |s| &mut s.pose.oldest_s,
             |s| &mut s.pose.believed_after_s,
             |s| &mut s.imu.cut_after_s,
             |s| &mut s.imu.disagreement_filter_s,

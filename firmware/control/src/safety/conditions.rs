@@ -70,11 +70,13 @@ pub enum Condition {
     MotorFailed = 29,
     /// The gyro shivers: a propeller is broken, or something is loose.
     Vibrating = 30,
+    /// A pose came that was taken too long ago. It counts as missing.
+    PoseOld = 31,
 }
 
 impl Condition {
     /// All, in the order of their bits.
-    pub const ALL: [Self; 31] = [
+    pub const ALL: [Self; 32] = [
         Self::ArmRequested,
         Self::FlightRequested,
         Self::DisarmRequested,
@@ -106,6 +108,7 @@ impl Condition {
         Self::Crashed,
         Self::MotorFailed,
         Self::Vibrating,
+        Self::PoseOld,
     ];
 
     /// The name that people read.
@@ -142,6 +145,7 @@ impl Condition {
             Self::Crashed => "crashed",
             Self::MotorFailed => "motor failed",
             Self::Vibrating => "vibration",
+            Self::PoseOld => "pose old",
         }
     }
 

@@ -81,17 +81,8 @@ pub(crate) struct Detectors {
     tilt: Held,
     fence: Held,
     outside: bool,
-    thrust: Held,
-    thrust_lost: bool,
-    not_a_number: bool,
     outputs: Held,
     armed: Held,
-    motor: Held,
-    /// The motor that failed last, 0 to 3, until the pilot has taken note of it.
-    pub(crate) failed_motor: Option<u8>,
-    motor_failed: bool,
-    crash: Held,
-    crashed: bool,
     pub(crate) counters: Counters,
 }
 
@@ -121,16 +112,8 @@ impl Detectors {
             tilt: Held::default(),
             fence: Held::default(),
             outside: true,
-            thrust: Held::default(),
-            thrust_lost: false,
-            not_a_number: false,
             outputs: Held::default(),
             armed: Held::default(),
-            motor: Held::NOT,
-            failed_motor: None,
-            motor_failed: false,
-            crash: Held::default(),
-            crashed: false,
             counters: Counters::default(),
         }
     }
@@ -230,6 +213,13 @@ impl Detectors {
         let outside = self.fence.step(self.outside, elapsed_us, limits.fence_us);
         conditions.note(Condition::OutsideFence, outside);
         good
+    }
+
+    /// A pose that came too late counts as none.
+    #[cold]
+    pub(crate) fn old_pose(&mut self, conditions: &mut Conditions) {
+        count(&mut self.counters.poses_refused);
+        conditions.note(Condition::PoseOld, true);
     }
 
     /// How far from the last good pose the craft may be, m.
@@ -395,19 +385,14 @@ impl Detectors {
 
     /// Detects a craft that is armed and is not flown.
     #[cold]
-    pub(crate) fn armed(&mut self, waits: bool, elapsed_us: u32, limits: &Limits, conditions: &mut Conditions) {
+    pub(crate) fn armed(
+        &mut self,
+        waits: bool,
+        elapsed_us: u32,
+        limits: &Limits,
+        conditions: &mut Conditions,
+    ) {
         conditions.note(Condition::IdleForLong, self.armed.step(waits, elapsed_us, limits.armed_us));
-    }
-
-    /// Reports what the end of the tick before has shown.
-    #[inline]
-    pub(crate) fn aftermath(&mut self, conditions: &mut Conditions) {
-        if self.thrust_lost || self.not_a_number || self.crashed || self.motor_failed {
-            conditions.note(Condition::ThrustLost, self.thrust_lost);
-            conditions.note(Condition::NotANumber, self.not_a_number);
-            conditions.note(Condition::Crashed, self.crashed);
-            conditions.note(Condition::MotorFailed, self.motor_failed);
-        }
     }
 
     /// Compares the body rates by gyro and by motion capture, in rad/s.
@@ -430,62 +415,6 @@ impl Detectors {
             sum += smooth.abs();
         }
         self.imu_disagrees = sum > limits.disagreement_rad_s;
-    }
-
-    /// Looks for a single motor at its end in the commands of a tick that refused thrust upwards,
-    /// or did not.
-    #[inline]
-    pub(crate) fn motors(&mut self, pwm: [f32; 4], refused: bool, elapsed_us: u32, limits: &Limits) {
-        if refused {
-            self.motor_at_end(pwm, elapsed_us, limits);
-        } else {
-            (self.motor, self.motor_failed) = (Held::NOT, false);
-        }
-    }
-
-    #[cold]
-    fn motor_at_end(&mut self, pwm: [f32; 4], elapsed_us: u32, limits: &Limits) {
-        let mut at_end = (0_u8..).zip(pwm).filter(|(_, command)| *command >= limits.full);
-        let single = match (at_end.next(), at_end.next()) {
-            (Some((motor, _)), None) => Some(motor),
-            _ => None,
-        };
-        self.motor_failed = self.motor.step(single.is_some(), elapsed_us, limits.motor_us);
-        if self.motor_failed {
-            self.failed_motor = single;
-        }
-    }
-
-    /// Looks for a crash in the result of a tick: errors of roll and pitch in rad and body rates in
-    /// rad/s; in a tick with motors at idle both are 0.
-    #[inline]
-    pub(crate) fn turns(
-        &mut self,
-        [roll_error, pitch_error, _]: [f32; 3],
-        [p, q, r]: [f32; 3],
-        elapsed_us: u32,
-        limits: &Limits,
-    ) {
-        let far = roll_error.abs() + pitch_error.abs() > limits.crash_error_rad;
-        let lies = far && p.abs() + q.abs() + r.abs() < limits.crash_rate_rad_s;
-        self.crashed = self.crash.step(lies, elapsed_us, limits.crash_us);
-    }
-
-    /// Looks at the result of a tick: thrust refused upwards, rate of inertial z in m/s, attitude
-    /// in rad, a result that is not a number.
-    #[inline]
-    pub(crate) fn after(
-        &mut self,
-        refused: bool,
-        z_rate_m_s: f32,
-        attitude_rad: [f32; 3],
-        not_a_number: bool,
-        elapsed_us: u32,
-        limits: &Limits,
-    ) {
-        let sinks = refused && z_rate_m_s > limits.sink_m_s && tilt_bound(attitude_rad) < limits.level_rad;
-        self.thrust_lost = self.thrust.step(sinks, elapsed_us, limits.thrust_us);
-        self.not_a_number = not_a_number;
     }
 
     /// Whether clock and loop keep time.
@@ -712,52 +641,5 @@ mod tests {
         (0..4).for_each(|_| assert_eq!(voltage(f32::NAN), [C::BatteryLow]));
         assert_eq!(voltage(f32::NAN), [C::BatteryLow, C::BatteryCritical, C::BatteryEmpty]);
         assert_eq!(voltage(12.0), []);
-    }
-
-    #[test]
-    fn a_craft_that_is_far_from_its_attitude_and_does_not_turn_has_crashed() {
-        let limits = limits();
-        let crashed = |error_rad, rate_rad_s, ticks| {
-            let mut detectors = Detectors::in_flight();
-            for _ in 0..ticks {
-                detectors.turns([0.3, error_rad, 0.0], [0.0, rate_rad_s, 0.1], PERIOD_US, &limits);
-            }
-            found(|c| detectors.aftermath(c)).1 == [C::Crashed]
-        };
-        assert!(crashed(-0.2, 0.1, 30));
-        assert!(!crashed(-0.2, 0.1, 29) && !crashed(0.05, 0.1, 100) && !crashed(-0.2, 0.6, 100));
-        assert!(!crashed(f32::NAN, 0.1, 100), "what is no number is another condition");
-    }
-
-    #[test]
-    fn a_motor_alone_at_its_end_has_failed_and_is_named() {
-        let limits = limits();
-        let failed = |pwm, refused, ticks| {
-            let mut detectors = Detectors::in_flight();
-            (0..ticks).for_each(|_| detectors.motors(pwm, refused, PERIOD_US, &limits));
-            (found(|c| detectors.aftermath(c)).1 == [C::MotorFailed]).then_some(detectors.failed_motor)
-        };
-        for motor in 0..4_u8 {
-            let mut pwm = [1700.0; 4];
-            pwm[usize::from(motor)] = 1999.9;
-            assert_eq!(failed(pwm, true, 25), Some(Some(motor)));
-            assert_eq!((failed(pwm, true, 24), failed(pwm, false, 100)), (None, None));
-        }
-        assert_eq!(failed([2000.0, 1700.0, 2000.0, 1700.0], true, 100), None, "two: a battery, or a load");
-    }
-
-    #[test]
-    fn thrust_is_lost_by_a_level_craft_that_sinks_and_nobody_else() {
-        let limits = limits();
-        let lost = |refused, sink_m_s, roll_rad| {
-            let mut detectors = Detectors::in_flight();
-            for _ in 0..40 {
-                detectors.after(refused, sink_m_s, [roll_rad, 0.0, 0.0], false, PERIOD_US, &limits);
-            }
-            !found(|c| detectors.aftermath(c)).1.is_empty()
-        };
-        assert!(lost(true, 0.3, 0.1));
-        assert!(!lost(false, 0.3, 0.1) && !lost(true, 0.1, 0.1) && !lost(true, 0.3, 0.5));
-        assert!(!lost(true, f32::NAN, 0.1));
     }
 }

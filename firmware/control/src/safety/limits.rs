@@ -15,9 +15,10 @@ fn smoothing(period_s: f64, time_constant_s: f64) -> f32 {
     (1.0 - libm::exp(-period_s / time_constant_s)) as f32
 }
 
-/// What rounding and a map that is not exact leave of the greatest command.
-fn full([low, high]: [f64; 2]) -> f32 {
-    (high - 0.005 * (high - low)) as f32
+/// Least and greatest command, less what rounding and a map that is not exact leave of them.
+fn ends([low, high]: [f64; 2]) -> [f32; 2] {
+    let rest = 0.005 * (high - low);
+    [(low + rest) as f32, (high - rest) as f32]
 }
 
 /// [`Supervision`] in the units of flight.
@@ -29,6 +30,7 @@ pub(crate) struct Limits {
     pub(crate) link: SilenceLimits,
     pub(crate) pose: SilenceLimits,
     pub(crate) pose_cut_us: u32,
+    pub(crate) pose_oldest_us: u32,
     pub(crate) pose_repeats: u32,
     pub(crate) jump_m: f32,
     pub(crate) speed_m_per_us: f32,
@@ -61,6 +63,8 @@ pub(crate) struct Limits {
     pub(crate) motor_us: u32,
     /// A motor command from here on is all there is, command units.
     pub(crate) full: f32,
+    /// And down from here none.
+    pub(crate) empty: f32,
     pub(crate) crash_error_rad: f32,
     pub(crate) crash_rate_rad_s: f32,
     pub(crate) crash_us: u32,
@@ -109,8 +113,22 @@ impl TouchdownLimits {
 
 impl Limits {
     pub(crate) fn new(config: &Config) -> Self {
-        let Supervision { link, pose, imu, battery, tilt, fence, thrust, timing, outputs, armed, crash, motor, landing } =
-            &config.supervision;
+        let Supervision {
+            link,
+            pose,
+            imu,
+            battery,
+            tilt,
+            fence,
+            thrust,
+            timing,
+            outputs,
+            armed,
+            crash,
+            motor,
+            landing,
+        } = &config.supervision;
+        let [least, most] = ends(config.command_range);
         let sides = [fence.x_m, fence.y_m, fence.z_m];
         Self {
             period_us: micros(config.sample_time_s),
@@ -127,11 +145,12 @@ impl Limits {
                 good_us: micros(pose.good_for_s),
             },
             pose_cut_us: micros(pose.cut_after_s),
+            pose_oldest_us: micros(pose.oldest_s),
             pose_repeats: pose.repeats,
             jump_m: pose.jump_m as f32,
             speed_m_per_us: (pose.speed_m_s * 1e-6) as f32,
             jump_rad: pose.jump_rad as f32,
-            believed_us: micros(pose.believed_after_s),
+            believed_us: micros(pose.believed_after_s.max(pose.coast_s)),
             imu_missing_ticks: imu.missing_ticks,
             imu_repeats: imu.repeats,
             imu_cut_us: micros(imu.cut_after_s),
@@ -156,7 +175,8 @@ impl Limits {
             outputs_us: micros(outputs.land_after_s),
             armed_us: micros(armed.idle_for_s),
             motor_us: micros(motor.for_s),
-            full: full(config.command_range),
+            full: most,
+            empty: least,
             crash_error_rad: crash.error_rad as f32,
             crash_rate_rad_s: crash.rate_rad_s as f32,
             crash_us: micros(crash.for_s),

@@ -2,7 +2,7 @@
 //!
 //! | file | question |
 //! |---|---|
-//! | [`detectors`] | what is wrong in this tick? ([`limits`], [`timers`], [`plausibility`],
+//! | [`detectors`] | what is wrong in this tick? ([`aftermath`], [`limits`], [`timers`], [`plausibility`],
 //! | | [`second_opinion`] and [`touchdown`] help) |
 //! | [`conditions`] | what can be wrong at all? One bit each, for telemetry and logs |
 //! | [`state_machine`] | what does the craft do about it? |
@@ -11,6 +11,7 @@
 //! From when on something counts as wrong is
 //! [`supervision_limits`](crate::config::supervision_limits), in the gains file.
 
+pub(crate) mod aftermath;
 pub mod conditions;
 pub(crate) mod detectors;
 pub(crate) mod limits;

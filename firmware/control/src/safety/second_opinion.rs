@@ -22,8 +22,7 @@ pub(crate) struct SecondOpinion {
 }
 
 impl SecondOpinion {
-    pub(crate) const NONE: Self =
-        Self { good_m: [f32::NAN; 3], last_m: [f32::NAN; 3], agreed: Held::NOT };
+    pub(crate) const NONE: Self = Self { good_m: [f32::NAN; 3], last_m: [f32::NAN; 3], agreed: Held::NOT };
 
     /// Hears a refused pose, so many us after the last one of any kind; the last good position in m
     /// and the attitude by the gyro in rad. Returns whether it is to be believed.
@@ -90,7 +89,11 @@ mod tests {
     #[test]
     fn poses_that_do_not_are_not() {
         assert_eq!(believed(|k| at(5.0 + 0.3 * k, 0.0)), None, "faster than the craft");
-        assert_eq!(believed(|k| at(if k % 5.0 == 0.0 { 1.0 } else { 5.0 + 0.01 * k }, 0.0)), None, "restless");
+        assert_eq!(
+            believed(|k| at(if k % 5.0 == 0.0 { 1.0 } else { 5.0 + 0.01 * k }, 0.0)),
+            None,
+            "restless"
+        );
         assert_eq!(believed(|_| at(5.0, 0.0)), None, "always the same");
         assert_eq!(believed(|k| at(5.0 + 0.01 * k, 3.0)), None, "the gyro has seen no turn");
         assert_eq!(believed(|k| at(2e5 + 0.1 * k, 0.0)), None, "beyond reason");

@@ -109,6 +109,7 @@ pub const TABLE: [(Condition, [Action; 6]); Condition::ALL.len()] = {
         (C::Crashed,            [Stay,   Stand,  Cut,    Cut,    Cut,    Stay]),
         (C::MotorFailed,        [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
         (C::Vibrating,          [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::PoseOld,            [Stay,   Stay,   Stay,   Stay,   Stay,   Stay]),
     ]
 };
 
@@ -326,7 +327,11 @@ mod tests {
                         let others = scrambled(combination << 16 | draw << 8 | k as u64);
                         let member = class[draw as usize % class.len()].bit();
                         let more = class.iter().map(|c| c.bit()).sum::<u32>() & others as u32;
-                        if combination & 1 << k == 0 { 0 } else { member | if draw % 2 == 0 { 0 } else { more } }
+                        if combination & 1 << k == 0 {
+                            0
+                        } else {
+                            member | if draw % 2 == 0 { 0 } else { more }
+                        }
                     };
                     let bits = classes.iter().enumerate().map(of_class).sum();
                     follows_the_rules(state, Conditions::from_bits(bits));

@@ -16,6 +16,8 @@ pub enum FaultKind {
     CutOff,
     /// No pose comes.
     PoseSilent,
+    /// Poses were taken so long ago, us, though they tell where the craft is now.
+    PoseOld(u32),
     /// The last pose comes again and again.
     PoseFrozen,
     /// Poses are off by so much, m.
@@ -133,6 +135,7 @@ impl Faults {
                 readings.command = readings.command.map(|c| Command { cut_off: true, ..c });
             }
             FaultKind::PoseSilent => readings.pose = None,
+            FaultKind::PoseOld(age_us) => readings.pose_age_us = age_us,
             FaultKind::PoseFrozen => readings.pose = last_pose,
             FaultKind::PoseShifted(by_m) => {
                 pose(&|pose| pose.position_m.iter_mut().zip(by_m).for_each(|(x, by)| *x += by), readings)
@@ -155,7 +158,9 @@ impl Faults {
             FaultKind::OutputDead(_) => readings.outputs_ready = false,
             FaultKind::MotorDead(_)
             | FaultKind::MotorWeak(..)
-            | FaultKind::MotorsWeak(_) | FaultKind::LoopStalled | FaultKind::Hangs(_) => {}
+            | FaultKind::MotorsWeak(_)
+            | FaultKind::LoopStalled
+            | FaultKind::Hangs(_) => {}
         }
     }
 
@@ -211,6 +216,7 @@ mod tests {
         Readings {
             time_us: 0,
             pose: Some(Pose { position_m: [x_m, 0.0, -1.0], attitude_rad: [0.0; 3] }),
+            pose_age_us: 0,
             gyro_rad_s: Some([0.1; 3]),
             battery_v: 11.1,
             command: Some(Command::default()),

@@ -194,7 +194,8 @@ impl Drill {
             }
             ExpectedResponse::Short(expected) => flagged_s.is_none() && in_order(&states, expected),
         };
-        let holds = holds && drift_m <= self.within_m && stands_down_on_the_floor(&recording.rows, plan.floor_m);
+        let holds =
+            holds && drift_m <= self.within_m && stands_down_on_the_floor(&recording.rows, plan.floor_m);
         let seed = plan.seed;
         DrillResult { flight, seed, flagged_s, states, reasons, drift_m, holds }
     }
@@ -205,7 +206,8 @@ fn stands_down_on_the_floor(rows: &[Row], floor_m: Option<f64>) -> bool {
     rows.windows(2).all(|pair| {
         let [before, after] = pair else { return true };
         let asked = Conditions::from_bits(after.supervision.conditions).has(Condition::DisarmRequested);
-        let stands_down = before.supervision.state != State::Disarmed && after.supervision.state == State::Disarmed;
+        let stands_down =
+            before.supervision.state != State::Disarmed && after.supervision.state == State::Disarmed;
         let height_m = floor_m.map_or(0.0, |floor_m| floor_m - f64::from(after.truth.position_m[2]));
         !stands_down || asked || height_m < 0.05
     })

@@ -98,6 +98,14 @@ const DRILLS: &[Drill] = &[
     )
     .within(BLIND_M),
     drill(
+        C::PoseOld,
+        "poses 0.2 s old for good",
+        Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]),
+        &[Fault(K::PoseOld(200_000), ALWAYS_S)],
+    )
+    .within(BLIND_M),
+    drill(C::PoseOld, "poses 0.14 s old for good", Flies, &[Fault(K::PoseOld(140_000), ALWAYS_S)]),
+    drill(
         C::PoseFrozen,
         "the same pose for good",
         Goes(&[(Hold, 0.13), (Land, 0.5), (Cut, 2.0)]),
@@ -121,7 +129,13 @@ const DRILLS: &[Drill] = &[
         C::PoseJumped,
         "poses 0.8 m away and back every 0.05 s: not believed",
         Goes(&[(Hold, 0.1), (Flying, 2.2)]),
-        &[Repeated { kind: K::PoseShifted([0.8, 0.0, 0.0]), first_s: 0.0, every_s: 0.1, times: 20, for_s: 0.05 }],
+        &[Repeated {
+            kind: K::PoseShifted([0.8, 0.0, 0.0]),
+            first_s: 0.0,
+            every_s: 0.1,
+            times: 20,
+            for_s: 0.05,
+        }],
     )
     .within(BLIND_M),
     drill(C::PoseJumped, "one pose 0.6 m away", Flies, &[Fault(K::PoseShifted([0.6, 0.0, 0.0]), 0.01)]),
@@ -181,7 +195,12 @@ const DRILLS: &[Drill] = &[
         &[Fault(K::ImuBiased(1.5), ALWAYS_S)],
     ),
     drill(C::ImuDisagrees, "gyro off by 0.15 rad/s", Flies, &[Fault(K::ImuBiased(0.15), ALWAYS_S)]),
-    drill(C::Vibrating, "gyro shaken by 1 rad/s", Goes(&[(Land, 0.5)]), &[Fault(K::ImuShaken(1.0), ALWAYS_S)]),
+    drill(
+        C::Vibrating,
+        "gyro shaken by 1 rad/s",
+        Goes(&[(Land, 0.5)]),
+        &[Fault(K::ImuShaken(1.0), ALWAYS_S)],
+    ),
     drill(C::Vibrating, "gyro shaken by 0.5 rad/s", Flies, &[Fault(K::ImuShaken(0.5), ALWAYS_S)]),
     drill(
         C::ImuGone,
@@ -229,9 +248,9 @@ const DRILLS: &[Drill] = &[
     ),
     drill(
         C::Tilted,
-        "motor 1 dead, from 1 m higher",
+        "the craft hangs tilted by 1.2 rad",
         Goes(&[(Cut, 1.0)]),
-        &[Higher, Fault(K::MotorDead(0), ALWAYS_S)],
+        &[Fault(K::Hangs(1.2), ALWAYS_S)],
     ),
     drill(C::Tilted, "motor 1 dead for 0.02 s", Flies, &[Fault(K::MotorDead(0), 0.02)]),
     drill(
@@ -240,14 +259,29 @@ const DRILLS: &[Drill] = &[
         Goes(&[(Cut, 0.7)]),
         &[Fault(K::Hangs(0.6), ALWAYS_S)],
     ),
-    drill(C::Crashed, "the craft is held tilted by 0.25 rad for 0.5 s", Flies, &[Fault(K::Hangs(0.25), 0.5)]),
+    // Let go again, it is somewhere else; hover and climb are flown without a place to go back to.
+    drill(
+        C::Crashed,
+        "the craft hangs tilted by 0.6 rad for 0.3 s",
+        Short(&[]),
+        &[Fault(K::Hangs(0.6), 0.3)],
+    )
+    .within(2.5),
+    drill(
+        C::ImuDisagrees,
+        "motor 1 dead, from 1 m higher",
+        Goes(&[(Land, 0.5), (Cut, 1.0)]),
+        &[Higher, Fault(K::MotorDead(0), ALWAYS_S)],
+    ),
     drill(
         C::MotorFailed,
         "motor 3 350 us weak",
-        Goes(&[(Land, 1.0)]),
+        Goes(&[(Land, 1.5)]),
         &[Fault(K::MotorWeak(2, 350.0), ALWAYS_S)],
-    ),
-    drill(C::MotorFailed, "motor 3 100 us weak", Flies, &[Fault(K::MotorWeak(2, 100.0), ALWAYS_S)]),
+    )
+    .within(2.5),
+    drill(C::MotorFailed, "motor 3 100 us weak", Short(&[]), &[Fault(K::MotorWeak(2, 100.0), ALWAYS_S)])
+        .within(2.0),
     drill(
         C::ThrustLost,
         "motors 310 us weak",
@@ -277,7 +311,7 @@ const DRILLS: &[Drill] = &[
         Goes(&[(Land, 0.06)]),
         &[Fault(K::OutputDead(0), ALWAYS_S)],
     )
-    .within(4.0),
+    .within(5.0),
     drill(C::OutputsFailed, "output 1 misses four commands", Flies, &[Fault(K::OutputDead(0), 0.04)]),
     drill(
         C::LandRequested,
@@ -297,7 +331,13 @@ const DRILLS: &[Drill] = &[
         Goes(&[(Land, 0.02), (Disarmed, 10.0)]),
         &[
             Fault(K::Asks(Request::Land), 0.01),
-            Repeated { kind: K::PoseShifted([0.0, 0.0, 0.45]), first_s: 1.0, every_s: 0.3, times: 12, for_s: 0.01 },
+            Repeated {
+                kind: K::PoseShifted([0.0, 0.0, 0.45]),
+                first_s: 1.0,
+                every_s: 0.3,
+                times: 12,
+                for_s: 0.01,
+            },
         ],
     ),
     drill(C::ArmRequested, "the ground asks to arm in flight", Flies, &[Fault(K::Asks(Request::Arm), 0.01)]),

@@ -31,7 +31,8 @@ pub fn table(seeds: Range<u64>, config: &Config) -> Result<(String, bool), SilEr
             }
         }
         if seeds.end - seeds.start > 1 {
-            let _ = writeln!(text, "  {count} flights, drift at most {drift_m:.2} m of {:.2} m", drill.within_m);
+            let _ =
+                writeln!(text, "  {count} flights, drift at most {drift_m:.2} m of {:.2} m", drill.within_m);
         }
     }
     Ok((text, all))
@@ -50,6 +51,7 @@ fn line(result: &DrillResult) -> String {
         .collect();
     let went = if went.is_empty() { "flies on".to_owned() } else { went.join(", ") };
     let flagged = result.flagged_s.map_or("not flagged".to_owned(), |s| format!("flagged {s:.2} s"));
-    let verdict = if result.holds { String::new() } else { format!("  NOT AS EXPECTED (seed {})", result.seed) };
+    let verdict =
+        if result.holds { String::new() } else { format!("  NOT AS EXPECTED (seed {})", result.seed) };
     format!("  {:8} {flagged:15} {went}; drift {:.2} m{verdict}\n", result.flight, result.drift_m)
 }

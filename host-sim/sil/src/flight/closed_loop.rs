@@ -76,6 +76,7 @@ impl<'a, L: FlightComputer> ClosedLoop<'a, L> {
         let mut readings = Readings {
             time_us: self.plan.clock_us.wrapping_add((time_s * 1e6).round() as u32),
             pose: Some(Pose { position_m, attitude_rad }),
+            pose_age_us: 0,
             gyro_rad_s: sensed.gyro_rad_s,
             battery_v: sensed.battery_v,
             command: Some(command),
