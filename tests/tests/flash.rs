@@ -178,7 +178,7 @@ fn a_craft_is_flashed_flown_flashed_again_and_rolled_back() {
         return;
     }
     let machine = Machine::start();
-    let bench = Bench::new(&patient_law(), "[guardian]\nsilence_s = 2.0\n");
+    let bench = Bench::new(&patient_law(), "[guardian]\nsilence_s = 2.0\nwatchdog = 'none'\n");
     let port = settle_ports(&bench);
     let config = bench.path("com.toml");
     let config = config.to_str().unwrap();

@@ -199,7 +199,10 @@ fn print(events: &Receiver<Event>) {
             match event {
                 Event::State(state) => log(&format!("state: {state:?}").to_lowercase()),
                 Event::Motor(motor) => {
-                    log(&format!("motor {} gives less than it is told: look at it before the next flight", motor + 1));
+                    log(&format!(
+                        "motor {} gives less than it is told: look at it before the next flight",
+                        motor + 1
+                    ));
                 }
                 Event::Outputs(true) => log("the outputs can be written again"),
                 Event::Outputs(false) => log("an output cannot be written"),

@@ -382,10 +382,14 @@ mod tests {
         let good = || Stubborn { on: true, takes_pulses: true, has_switch: true, ..Stubborn::default() };
         let mut motors = Motors::new([good(), good(), good(), good()], MICROSECONDS);
         motors.set(&[2000.0; 4]).unwrap();
-        let dead = |motors: &mut Motors<Stubborn>, takes_pulses| motors.channels[2].channel.takes_pulses = takes_pulses;
+        let dead = |motors: &mut Motors<Stubborn>, takes_pulses| {
+            motors.channels[2].channel.takes_pulses = takes_pulses
+        };
         dead(&mut motors, false);
         assert!(motors.set(&[1500.0; 4]).is_err());
-        let seen = |motors: &Motors<Stubborn>| [1, 2].map(|k| (motors.channels[k].channel.duty, motors.channels[k].channel.on));
+        let seen = |motors: &Motors<Stubborn>| {
+            [1, 2].map(|k| (motors.channels[k].channel.duty, motors.channels[k].channel.on))
+        };
         assert_eq!(seen(&motors), [(6000, true), (8000, true)]);
         assert_eq!([motors.idle(), motors.idle()], [Idled::SwitchedOff; 2]);
         assert_eq!(seen(&motors), [(4000, true), (8000, false)]);
