@@ -307,7 +307,8 @@ mod tests {
     #[test]
     fn a_craft_that_does_not_arm_says_which_checks_are_not_good() {
         let mut mission = Mission::new([MissionStep::Arm {}], PERIOD_S, 1.0);
-        let known = CraftStatus { preflight: Preflight::ALL.bits() & !0b110, ..known(State::Disarmed, [0.0; 3]) };
+        let known =
+            CraftStatus { preflight: Preflight::ALL.bits() & !0b110, ..known(State::Disarmed, [0.0; 3]) };
         for k in 0..300 {
             assert!(mission.command(f64::from(k) * PERIOD_S, &known).cut_off);
         }
@@ -320,7 +321,8 @@ mod tests {
     fn a_check_that_comes_and_goes_is_named_too() {
         let mut mission = Mission::new([MissionStep::Arm {}], PERIOD_S, 1.0);
         for k in 0..300 {
-            let preflight = if k % 4 == 0 { Preflight::ALL.bits() & !Preflight::TIMING } else { Preflight::ALL.bits() };
+            let preflight =
+                if k % 4 == 0 { Preflight::ALL.bits() & !Preflight::TIMING } else { Preflight::ALL.bits() };
             mission.command(
                 f64::from(k) * PERIOD_S,
                 &CraftStatus { preflight, ..known(State::Disarmed, [0.0; 3]) },
