@@ -54,7 +54,9 @@ fn every_rule_has_both_drills() {
     ];
     for rule in Condition::ALL.into_iter().filter(|rule| !elsewhere.contains(rule)) {
         let of_rule = || list.iter().filter(|drill| drill.rule == rule);
-        let goes = |drill: &&sil::Drill| matches!(drill.expected, ExpectedResponse::Goes(_));
+        let goes = |drill: &&sil::Drill| {
+            matches!(drill.expected, ExpectedResponse::Goes(_) | ExpectedResponse::GoesOrIsCut(_))
+        };
         assert!(
             of_rule().any(|drill| goes(&drill))
                 || [Condition::BatteryLow, Condition::ArmRequested].contains(&rule),

@@ -67,6 +67,14 @@ struct Laws {
     tilt_recovery: f32,
 }
 
+impl Laws {
+    /// Where positions may be commanded.
+    #[inline]
+    fn bounds(&self, lands: bool) -> &Bounds {
+        if lands { &self.landing_bounds } else { &self.bounds }
+    }
+}
+
 /// Memory of the inner loops, from the first tick after the start or a cut-off.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct InnerState {
@@ -232,10 +240,7 @@ impl Controller {
             memory.started = true;
         }
         match command {
-            Some(command) => {
-                let bounds = if lands { &laws.landing_bounds } else { &laws.bounds };
-                memory.inputs.command(command, bounds, &mut memory.faults);
-            }
+            Some(command) => memory.inputs.command(command, laws.bounds(lands), &mut memory.faults),
             None => memory.faults.command.note(false),
         }
         let estimates = estimate(laws, memory, measurement.gyro_rad_s.is_some());

@@ -75,10 +75,11 @@ impl Aftermath {
         limits: &Limits,
     ) {
         let [a, b, c, d] = pwm;
-        let full = |command: f32| command >= limits.full;
+        let [none, all] = limits.ends;
+        let full = |command: f32| command >= all;
         let is_single = pwm.iter().filter(|command| full(**command)).count() == 1;
         // A craft that tips over a motor asks it for all, and the one across for nothing.
-        let lost = |opposite: f32| is_single || opposite <= limits.empty;
+        let lost = |opposite: f32| is_single || opposite <= none;
         let motors = [(0, a, c), (1, b, d), (2, c, a), (3, d, b)];
         let found = motors.into_iter().find(|(_, command, opposite)| full(*command) && lost(*opposite));
         let tips = roll_error.abs() + pitch_error.abs() > TIPS_RAD;
@@ -101,8 +102,9 @@ impl Aftermath {
         elapsed_us: u32,
         limits: &Limits,
     ) {
-        let far = roll_error.abs() + pitch_error.abs() > limits.crash_error_rad;
-        let lies = far && p.abs() + q.abs() + r.abs() < limits.crash_rate_rad_s;
+        let [error_rad, rate_rad_s] = limits.crash;
+        let far = roll_error.abs() + pitch_error.abs() > error_rad;
+        let lies = far && p.abs() + q.abs() + r.abs() < rate_rad_s;
         self.crashed = self.crash.step(lies, elapsed_us, limits.crash_us);
     }
 

@@ -10,6 +10,11 @@ fn micros(seconds: f64) -> u32 {
     (seconds * 1e6) as u32
 }
 
+/// When a silence is late, lost, and over, s.
+fn silence(late_s: f64, lost_s: f64, good_s: f64) -> SilenceLimits {
+    SilenceLimits { late_us: micros(late_s), lost_us: micros(lost_s), good_us: micros(good_s) }
+}
+
 /// Weight of the newest sample in a first-order smoothing.
 fn smoothing(period_s: f64, time_constant_s: f64) -> f32 {
     (1.0 - libm::exp(-period_s / time_constant_s)) as f32
@@ -61,12 +66,10 @@ pub(crate) struct Limits {
     pub(crate) outputs_us: u32,
     pub(crate) armed_us: u32,
     pub(crate) motor_us: u32,
-    /// A motor command from here on is all there is, command units.
-    pub(crate) full: f32,
-    /// And down from here none.
-    pub(crate) empty: f32,
-    pub(crate) crash_error_rad: f32,
-    pub(crate) crash_rate_rad_s: f32,
+    /// A motor command up to the first is none, from the second on all there is, command units.
+    pub(crate) ends: [f32; 2],
+    /// Error in rad, body rates in rad/s.
+    pub(crate) crash: [f32; 2],
     pub(crate) crash_us: u32,
     pub(crate) touchdown: TouchdownLimits,
     pub(crate) uses_gyro: bool,
@@ -128,22 +131,13 @@ impl Limits {
             motor,
             landing,
         } = &config.supervision;
-        let [least, most] = ends(config.command_range);
         let sides = [fence.x_m, fence.y_m, fence.z_m];
         Self {
             period_us: micros(config.sample_time_s),
             jump_us: micros(timing.jump_s),
             overrun_us: micros(timing.overrun_s),
-            link: SilenceLimits {
-                late_us: micros(link.hold_after_s),
-                lost_us: micros(link.land_after_s),
-                good_us: micros(link.good_for_s),
-            },
-            pose: SilenceLimits {
-                late_us: micros(pose.coast_s),
-                lost_us: micros(pose.land_after_s),
-                good_us: micros(pose.good_for_s),
-            },
+            link: silence(link.hold_after_s, link.land_after_s, link.good_for_s),
+            pose: silence(pose.coast_s, pose.land_after_s, pose.good_for_s),
             pose_cut_us: micros(pose.cut_after_s),
             pose_oldest_us: micros(pose.oldest_s),
             pose_repeats: pose.repeats,
@@ -175,10 +169,8 @@ impl Limits {
             outputs_us: micros(outputs.land_after_s),
             armed_us: micros(armed.idle_for_s),
             motor_us: micros(motor.for_s),
-            full: most,
-            empty: least,
-            crash_error_rad: crash.error_rad as f32,
-            crash_rate_rad_s: crash.rate_rad_s as f32,
+            ends: ends(config.command_range),
+            crash: [crash.error_rad as f32, crash.rate_rad_s as f32],
             crash_us: micros(crash.for_s),
             touchdown: TouchdownLimits::new(config, landing),
             uses_gyro: config.estimation.gyro.is_some(),

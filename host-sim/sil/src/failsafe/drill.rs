@@ -27,6 +27,9 @@ pub enum ExpectedResponse {
     /// The rule is set off, and these states are gone to in this order, each within so many s of
     /// the beginning of the fault.
     Goes(&'static [(State, f64)]),
+    /// As `Goes`, or the motors are off within the time of the last state: under gains that let the
+    /// craft tumble, it is cut before the rule's time is over.
+    GoesOrIsCut(&'static [(State, f64)]),
     /// These states, likewise, but the rule is not set off: milder ones are.
     Short(&'static [(State, f64)]),
 }
@@ -191,6 +194,11 @@ impl Drill {
             ExpectedResponse::Flies => states.is_empty() && recording.complete,
             ExpectedResponse::Goes(expected) => {
                 flagged_s.is_some_and(|s| s >= 0.0) && in_order(&states, expected)
+            }
+            ExpectedResponse::GoesOrIsCut(expected) => {
+                let found = flagged_s.is_some_and(|s| s >= 0.0) && in_order(&states, expected);
+                let by_s = expected.last().map_or(0.0, |(_, by_s)| *by_s);
+                found || in_order(&states, &[(State::Cut, by_s)])
             }
             ExpectedResponse::Short(expected) => flagged_s.is_none() && in_order(&states, expected),
         };

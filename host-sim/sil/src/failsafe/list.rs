@@ -4,7 +4,7 @@ use control::{Condition as C, Request};
 use proto::State::{Cut, Disarmed, Flying, Hold, Land};
 
 use super::drill::Cause::{ClockWraps, Fault, Fence, Higher, Later, NeedsGyro, Repeated, Table};
-use super::drill::ExpectedResponse::{Flies, Goes, Short};
+use super::drill::ExpectedResponse::{Flies, Goes, GoesOrIsCut, Short};
 use super::drill::{Cause, Drill, ExpectedResponse};
 use crate::craft::FaultKind as K;
 
@@ -276,7 +276,7 @@ const DRILLS: &[Drill] = &[
     drill(
         C::MotorFailed,
         "motor 3 350 us weak",
-        Goes(&[(Land, 1.5)]),
+        GoesOrIsCut(&[(Land, 1.5)]),
         &[Fault(K::MotorWeak(2, 350.0), ALWAYS_S)],
     )
     .within(2.5),
