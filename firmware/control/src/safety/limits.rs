@@ -46,7 +46,7 @@ pub(crate) struct Limits {
     pub(crate) imu_cut_us: u32,
     /// As a [`magnitude`].
     pub(crate) rate_limit: u32,
-    /// Of second differences, rad^2/s^2.
+    /// Of second differences, which are four times what alternates from sample to sample, rad^2/s^2.
     pub(crate) vibration: f32,
     pub(crate) vibration_gain: f32,
     pub(crate) disagreement_rad_s: f32,
@@ -149,7 +149,6 @@ impl Limits {
             imu_repeats: imu.repeats,
             imu_cut_us: micros(imu.cut_after_s),
             rate_limit: magnitude(imu.rate_limit_rad_s as f32),
-            // A second difference is four times what alternates from sample to sample.
             vibration: (16.0 * imu.vibration_rad_s * imu.vibration_rad_s) as f32,
             vibration_gain: smoothing(config.sample_time_s, imu.vibration_filter_s),
             disagreement_rad_s: imu.disagreement_rad_s as f32,

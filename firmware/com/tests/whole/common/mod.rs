@@ -255,6 +255,8 @@ pub(crate) fn patient_law() -> Config {
     let pose = &mut supervision.pose;
     (pose.coast_s, pose.land_after_s, pose.cut_after_s) = (3.0, 4.0, 5.0);
     (supervision.imu.missing_ticks, supervision.imu.cut_after_s) = (500, 6.0);
+    // It is held, so one motor is at its end before the others.
+    supervision.motor.for_s = 60.0;
     law
 }
 
