@@ -299,7 +299,7 @@ impl Held {
 
     /// Arms and takes off.
     pub(crate) fn take_off(&mut self, bench: &Bench) {
-        let ready = 0b11_1111_1111;
+        let ready = control::Preflight::ALL.bits();
         self.until(bench, IDLE, "ready", |held| {
             held.ground.telemetry.is_some_and(|telemetry| telemetry.supervision.preflight == ready)
         });
