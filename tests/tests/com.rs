@@ -89,7 +89,10 @@ fn the_program_flies_the_plant_through_its_ports() {
 
     let idle = proto::Command { z_m: -0.8, ..IDLE };
     world.until(idle, "ready", |world| {
-        world.ground.telemetry.is_some_and(|telemetry| telemetry.supervision.preflight == 0b11_1111_1111)
+        world
+            .ground
+            .telemetry
+            .is_some_and(|telemetry| telemetry.supervision.preflight == control::Preflight::ALL.bits())
     });
     world.ground.request(Request::Arm);
     world.until(idle, "armed", |world| world.ground.state() == State::Armed);

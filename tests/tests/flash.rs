@@ -215,7 +215,9 @@ fn a_craft_is_flashed_flown_flashed_again_and_rolled_back() {
     // Armed it is left alone.
     let mut held = Held::new(Ground::new(format!("127.0.0.1:{port}").parse().unwrap()));
     held.until(&bench, IDLE, "ready", |held| {
-        held.ground.telemetry.is_some_and(|telemetry| telemetry.supervision.preflight == 0b11_1111_1111)
+        held.ground
+            .telemetry
+            .is_some_and(|telemetry| telemetry.supervision.preflight == control::Preflight::ALL.bits())
     });
     held.ground.request(Request::Arm);
     held.until(&bench, IDLE, "armed", |held| held.ground.state() == State::Armed);
