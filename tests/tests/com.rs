@@ -78,7 +78,7 @@ impl World {
 #[test]
 fn the_program_flies_the_plant_through_its_ports() {
     let model = Model::thesis();
-    let bench = Bench::new(&patient_law(), "[guardian]\nsilence_s = 2.0\n");
+    let bench = Bench::new(&patient_law(), "[guardian]\nsilence_s = 2.0\nwatchdog = 'none'\n");
     let mut program = Program::start(&program("com"), &bench, |_| {});
     let ground = Ground::new(program.address());
     let sensors = Sensors::new(&model, Some(NoiseModel::default()), PERIOD_S, 7);
@@ -89,7 +89,10 @@ fn the_program_flies_the_plant_through_its_ports() {
 
     let idle = proto::Command { z_m: -0.8, ..IDLE };
     world.until(idle, "ready", |world| {
-        world.ground.telemetry.is_some_and(|telemetry| telemetry.supervision.preflight == 0b11_1111_1111)
+        world
+            .ground
+            .telemetry
+            .is_some_and(|telemetry| telemetry.supervision.preflight == control::Preflight::ALL.bits())
     });
     world.ground.request(Request::Arm);
     world.until(idle, "armed", |world| world.ground.state() == State::Armed);
@@ -141,7 +144,7 @@ fn write_key(path: &Path) {
 
 /// A craft's program that shares a key with the ground.
 fn keyed_bench(law: &control::Config) -> Bench {
-    let bench = Bench::new(law, "[guardian]\nsilence_s = 2.0\n");
+    let bench = Bench::new(law, "[guardian]\nsilence_s = 2.0\nwatchdog = 'none'\n");
     let config = fs::read_to_string(bench.path("com.toml")).unwrap();
     let link = format!("[link]\nkey = 'key'\ncounters = 'counters'\nnumber = {LINK}\n");
     fs::write(bench.path("com.toml"), config.replace("[link]\n", &link)).unwrap();

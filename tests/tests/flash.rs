@@ -182,7 +182,7 @@ fn a_craft_is_flashed_flown_flashed_again_and_rolled_back() {
         return;
     }
     let machine = Machine::start();
-    let bench = Bench::new(&patient_law(), "[guardian]\nsilence_s = 2.0\n");
+    let bench = Bench::new(&patient_law(), "[guardian]\nsilence_s = 2.0\nwatchdog = 'none'\n");
     let port = settle_ports(&bench);
     let config = bench.path("com.toml");
     let config = config.to_str().unwrap();
@@ -219,7 +219,9 @@ fn a_craft_is_flashed_flown_flashed_again_and_rolled_back() {
     // Armed it is left alone.
     let mut held = Held::new(Ground::new(format!("127.0.0.1:{port}").parse().unwrap()));
     held.until(&bench, IDLE, "ready", |held| {
-        held.ground.telemetry.is_some_and(|telemetry| telemetry.supervision.preflight == 0b11_1111_1111)
+        held.ground
+            .telemetry
+            .is_some_and(|telemetry| telemetry.supervision.preflight == control::Preflight::ALL.bits())
     });
     held.ground.request(Request::Arm);
     held.until(&bench, IDLE, "armed", |held| held.ground.state() == State::Armed);

@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use control::Config as Law;
+use control::supervision_limits::BatteryLevels;
 use gains_file::{CraftFiles, Gains, Motors, Vehicle};
 use proto::Key;
 use serde::Deserialize;
@@ -19,6 +20,7 @@ use serde::Deserialize;
 use crate::error::{Error, Result, access};
 use crate::imu;
 use crate::pwm::{self, Pulses};
+use crate::watchdog::BoardWatchdog;
 
 /// The file as it is written.
 #[derive(Debug, Deserialize)]
@@ -93,6 +95,7 @@ fn sysfs() -> PathBuf {
 struct BatteryTable {
     converter: Option<PathBuf>,
     volt_per_count: Option<f64>,
+    cells: Option<u8>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -181,7 +184,7 @@ pub struct Setup {
     /// Where the cause of the last end is kept.
     pub last_end: Option<PathBuf>,
     /// The board's watchdog.
-    pub watchdog: Option<PathBuf>,
+    pub watchdog: BoardWatchdog,
 }
 
 impl Setup {
@@ -197,13 +200,23 @@ impl Setup {
         let at = |relative: &PathBuf| folder.join(relative);
 
         let Files { vehicle, gains, vehicle_sha256 } = &file.files;
-        let CraftFiles { config: law, vehicle, sha256 } =
+        let CraftFiles { config: mut law, vehicle, sha256 } =
             CraftFiles::read(&at(gains), &at(vehicle), vehicle_sha256.as_deref())?;
 
         let link = link(&file.link, folder).map_err(refuse)?;
         let outputs = outputs(file.pwm.outputs).map_err(refuse)?;
         let pulses = pulses(&vehicle, file.pwm.period_ns, file.pwm.pulse_ns).map_err(refuse)?;
         let battery = battery(&file.battery, folder).map_err(refuse)?;
+        let levels = &mut law.supervision.battery;
+        match file.battery.cells {
+            Some(cells @ 1..=14) if !levels.are_given() => *levels = BatteryLevels::of_cells(cells),
+            None | Some(1..=14) => {}
+            Some(cells) => {
+                return Err(refuse(format!(
+                    "[battery] cells is {cells}: give the pack's number of cells in series, 1 to 14"
+                )));
+            }
+        }
         if !(1..=98).contains(&file.timing.priority) {
             return Err(refuse(format!(
                 "[timing] priority is {}: give a number from 1 to 98 (99 is the kernel's own)",
@@ -236,7 +249,7 @@ impl Setup {
             priority: file.timing.priority,
             silence: Duration::from_secs_f64(silence_s),
             last_end: file.guardian.last_end.as_ref().map(at),
-            watchdog: file.guardian.watchdog.as_ref().map(at),
+            watchdog: BoardWatchdog::of(file.guardian.watchdog.as_deref(), folder),
         })
     }
 
@@ -422,10 +435,24 @@ mod tests {
         assert!(message.contains("/etc/quadlab/key"), "{message}");
     }
 
+    /// The gains' levels are the pilot's; a craft whose gains have none goes by its pack.
+    #[test]
+    fn battery_levels_are_those_of_the_pack_where_the_gains_have_none() {
+        let case = Case::new();
+        case.replace("com.toml", "[pwm]", "[battery]\ncells = 4\n[pwm]");
+        assert_eq!(case.read().unwrap().law.supervision.battery, BatteryLevels::THREE_CELLS);
+        for level in ["warn_v = 10.6\n", "land_v = 10.3\n", "empty_v = 10.0\n"] {
+            case.replace("gains.toml", level, "");
+        }
+        assert_eq!(case.read().unwrap().law.supervision.battery, BatteryLevels::of_cells(4));
+        case.replace("com.toml", "[battery]\ncells = 4\n", "");
+        assert_eq!(case.read().unwrap().law.supervision.battery, BatteryLevels::NONE);
+    }
+
     #[test]
     fn each_mistake_is_one_line_that_names_it() {
         let key = "0".repeat(64);
-        let cases: [(&str, &str, &str, &str); 24] = [
+        let cases: [(&str, &str, &str, &str); 25] = [
             ("com.toml", "[imu]", "[imy]", "line 6: "),
             ("com.toml", "port = ", "prot = ", "prot"),
             ("com.toml", "'127.0.0.1:0'", "'localhost'", "[link] listen"),
@@ -446,6 +473,7 @@ mod tests {
             ("com.toml", "2500000", "1500000", "no longer than the period"),
             ("com.toml", "2500000", "2500000\npulse_ns = [2000000, 1000000]", "shorter than full"),
             ("com.toml", "[pwm]", "[battery]\nconverter = 'raw'\n[pwm]", "[battery]"),
+            ("com.toml", "[pwm]", "[battery]\ncells = 0\n[pwm]", "[battery] cells is 0"),
             ("com.toml", "[pwm]", "[timing]\npriority = 99\n[pwm]", "[timing] priority is 99"),
             ("com.toml", "[pwm]", "[guardian]\nsilence_s = 0.01\n[pwm]", "[guardian] silence_s"),
             ("com.toml", "'vehicle.toml'", "'other.toml'", "other.toml: cannot read the vehicle file"),

@@ -10,7 +10,6 @@ use std::time::{Duration, Instant};
 
 use control::State;
 use craft::{Craft, Inputs};
-use embedded_hal::pwm::SetDutyCycle;
 
 use crate::battery::Battery;
 use crate::clock::{Beat, Ticker};
@@ -19,7 +18,7 @@ use crate::error::{Error, Result, log, system};
 use crate::guardian::{Heart, Sign};
 use crate::imu::Imu;
 use crate::link::{Link, Notice};
-use crate::pwm::Motors;
+use crate::pwm::{Idled, Motors, Output};
 use crate::realtime;
 
 /// How many events may wait to be logged; the rest are not logged.
@@ -38,6 +37,8 @@ pub enum Event {
     Notice(Notice),
     /// An output could not be written, or could be again.
     Outputs(bool),
+    /// This motor (0 to 3) gives less than it is told.
+    Motor(u8),
 }
 
 /// All that the loop's thread touches.
@@ -51,11 +52,12 @@ pub struct FlightLoop<C> {
     battery_by_imu: bool,
     motors: Motors<C>,
     outputs_ready: bool,
+    failed_motor: Option<u8>,
     state: State,
     events: SyncSender<Event>,
 }
 
-impl<C: SetDutyCycle> FlightLoop<C> {
+impl<C: Output> FlightLoop<C> {
     /// Opens what the setup names; the outputs are open already.
     ///
     /// # Errors
@@ -81,6 +83,7 @@ impl<C: SetDutyCycle> FlightLoop<C> {
             battery_by_imu: setup.battery == BatterySource::Imu,
             motors,
             outputs_ready: true,
+            failed_motor: None,
             state: State::Disarmed,
             events,
         };
@@ -114,7 +117,8 @@ impl<C: SetDutyCycle> FlightLoop<C> {
             lateness_us: beat.late_us,
         });
         let (pwm, state) = (flight.tick.pwm, flight.state);
-        let written = motors.set(&pwm).is_ok();
+        let written =
+            if state.motors_idle() { motors.idle() == Idled::Pulses } else { motors.set(&pwm).is_ok() };
         if written != self.outputs_ready {
             self.outputs_ready = written;
             report(events, Event::Outputs(written));
@@ -123,12 +127,17 @@ impl<C: SetDutyCycle> FlightLoop<C> {
             self.state = state;
             report(events, Event::State(state));
         }
+        let failed_motor = craft.failed_motor();
+        if failed_motor != self.failed_motor {
+            self.failed_motor = failed_motor;
+            failed_motor.into_iter().for_each(|motor| report(events, Event::Motor(motor)));
+        }
         link.send(craft);
     }
 
     /// All motors to idle.
-    pub fn idle(&mut self) -> bool {
-        self.motors.idle().is_ok()
+    pub fn idle(&mut self) {
+        self.motors.idle();
     }
 }
 
@@ -156,7 +165,7 @@ fn report(events: &SyncSender<Event>, event: Event) {
 ///
 /// # Errors
 /// What cannot be opened, or [`Error::Orphaned`].
-pub fn fly<C: SetDutyCycle>(setup: &Setup, motors: Motors<C>, mut heart: Heart) -> Result<()> {
+pub fn fly<C: Output>(setup: &Setup, motors: Motors<C>, mut heart: Heart) -> Result<()> {
     let (mut flight, events) = FlightLoop::open(setup, motors)?;
     let log_events = move || print(&events);
     thread::Builder::new()
@@ -189,6 +198,12 @@ fn print(events: &Receiver<Event>) {
         for event in events.try_iter() {
             match event {
                 Event::State(state) => log(&format!("state: {state:?}").to_lowercase()),
+                Event::Motor(motor) => {
+                    log(&format!(
+                        "motor {} gives less than it is told: look at it before the next flight",
+                        motor + 1
+                    ));
+                }
                 Event::Outputs(true) => log("the outputs can be written again"),
                 Event::Outputs(false) => log("an output cannot be written"),
                 Event::Notice(notice) => {

@@ -16,7 +16,7 @@ use com::config::{Setup, read_gains};
 use com::error::{Error, Result, log};
 use com::guardian::{End, Terms, watch};
 use com::last_end::LastEnd;
-use com::pwm::Motors;
+use com::pwm::{Idled, Motors};
 use com::watchdog::Watchdogs;
 use com::{flight, jitter, lockstep};
 use proto::{Identity, State};
@@ -38,6 +38,12 @@ enum Command {
     },
     /// Check a configuration file and the files it names, without opening any device
     Check {
+        /// Configuration file
+        config: PathBuf,
+    },
+    /// Set all motors to idle, and switch off what does not obey: for what comes after a program
+    /// that died
+    Idle {
         /// Configuration file
         config: PathBuf,
     },
@@ -100,6 +106,7 @@ fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Run { config } => run(&config),
         Command::Check { config } => check(&config),
+        Command::Idle { config } => idle(&config),
         Command::Identity { config } => identity(&config),
         Command::Who(asking) => ask(&asking),
         Command::Lockstep { gains, listen, open } => serve(gains.as_deref(), listen, open),
@@ -121,13 +128,22 @@ fn run(config: &Path) -> Result<ExitCode> {
         hex(&setup.vehicle_sha256)
     ));
     log(&last_end.begin()?);
+    if !setup.law.supervision.battery.are_given() {
+        log(
+            "no battery levels: the craft will not land before its battery is empty; say how many [battery] cells it has",
+        );
+    }
     let open = || Motors::open(&setup.pwm_root, &setup.outputs, setup.pulses);
     // Each process has its own hold on the outputs.
     let (mut guarded, flown) = (open()?, open()?);
-    let watchdogs = Watchdogs::open(setup.watchdog.as_deref())?;
+    let watchdogs = Watchdogs::open(&setup.watchdog)?;
     let terms = Terms { silence: setup.silence, priority: setup.priority, last_end };
-    let end =
-        watch(terms, watchdogs, move || guarded.idle().is_ok(), |heart| flight::fly(&setup, flown, heart))?;
+    let end = watch(
+        terms,
+        watchdogs,
+        move || guarded.idle() != Idled::OutOfControl,
+        |heart| flight::fly(&setup, flown, heart),
+    )?;
     Ok(ExitCode::from(match end {
         End::Stopped => 0,
         End::Returned(2) => 2,
@@ -139,6 +155,17 @@ fn check(config: &Path) -> Result<ExitCode> {
     let setup = Setup::read(config)?;
     println!("{}: valid, for {:?}", config.display(), setup.vehicle);
     Ok(ExitCode::SUCCESS)
+}
+
+fn idle(config: &Path) -> Result<ExitCode> {
+    let setup = Setup::read(config)?;
+    let idled = Motors::open(&setup.pwm_root, &setup.outputs, setup.pulses)?.idle();
+    log(match idled {
+        Idled::Pulses => "the outputs are idle",
+        Idled::SwitchedOff => "an output takes no pulse and is switched off; the others are idle",
+        Idled::OutOfControl => "NOT ALL OUTPUTS COULD BE IDLED: disconnect the battery",
+    });
+    Ok(ExitCode::from(u8::from(idled == Idled::OutOfControl)))
 }
 
 fn identity(config: &Path) -> Result<ExitCode> {

@@ -9,8 +9,10 @@
 //! embedded-hal counts a duty in 65535ths of the period: 38 ns of 2.5 ms, far below the microsecond
 //! that the thesis' commands are counted in.
 //!
-//! Absent: switching a channel off. A speed controller without pulses may beep or forget its idle;
-//! idle pulses go on even after the program has ended.
+//! Idle pulses go on even after the program has ended: a speed controller without pulses may beep
+//! or forget its idle. Only a channel that no longer takes an idle pulse is switched off, by its
+//! `enable`: its motor would go on with whatever it was told last. The next pulse that it takes
+//! switches it on again.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
@@ -26,10 +28,21 @@ use crate::error::{Error, Result, access};
 /// How long a channel may take to appear with the rights that udev gives it.
 const EXPORT_PATIENCE: Duration = Duration::from_secs(1);
 
+/// A channel that can be switched off.
+pub trait Output: SetDutyCycle {
+    /// Pulses go on, or end.
+    ///
+    /// # Errors
+    /// The channel does not obey.
+    fn switch(&mut self, on: bool) -> std::result::Result<(), Self::Error>;
+}
+
 /// A channel of the kernel's PWM interface.
 #[derive(Debug)]
 pub struct SysfsPwm {
     duty_cycle: File,
+    /// Open from the start: in flight no file is opened.
+    enable: File,
     period_ns: u32,
 }
 
@@ -60,11 +73,16 @@ impl SysfsPwm {
             put("duty_cycle", "0\n", "shorten the pulse")?;
             put("period", &format!("{period_ns}\n"), "set the period; does this PWM reach it?")?;
         }
-        let path = folder.join("duty_cycle");
-        let duty_cycle = OpenOptions::new().write(true).open(&path);
-        let mut channel =
-            Self { duty_cycle: duty_cycle.map_err(access(&path, "open the pulse length"))?, period_ns };
-        channel.write(pulse_ns).map_err(access(&path, "set the pulse length"))?;
+        let open = |name: &str, what| {
+            let path = folder.join(name);
+            OpenOptions::new().write(true).open(&path).map_err(access(&path, what))
+        };
+        let mut channel = Self {
+            duty_cycle: open("duty_cycle", "open the pulse length")?,
+            enable: open("enable", "open the switch")?,
+            period_ns,
+        };
+        channel.write(pulse_ns).map_err(access(&folder.join("duty_cycle"), "set the pulse length"))?;
         // Some drivers know one polarity only and have no file for it.
         let polarity = folder.join("polarity");
         if fs::read_to_string(&polarity).is_ok_and(|text| text.trim() != "normal") {
@@ -141,6 +159,13 @@ impl SetDutyCycle for SysfsPwm {
     }
 }
 
+impl Output for SysfsPwm {
+    fn switch(&mut self, on: bool) -> std::result::Result<(), PwmError> {
+        let line: &[u8] = if on { b"1\n" } else { b"0\n" };
+        self.enable.write_all_at(line, 0).map_err(PwmError)
+    }
+}
+
 /// From motor commands to pulses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pulses {
@@ -164,17 +189,56 @@ impl Pulses {
     }
 }
 
+/// What became of motors that were to idle; a later one is worse.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Idled {
+    /// Every channel gives idle pulses.
+    Pulses,
+    /// One that takes no pulse was switched off.
+    SwitchedOff,
+    /// One takes no pulse and cannot be switched off.
+    OutOfControl,
+}
+
+/// A channel, and whether it has been switched off.
+#[derive(Debug)]
+struct Switched<C> {
+    channel: C,
+    off: bool,
+}
+
+impl<C: Output> Switched<C> {
+    /// Writes a duty from 0 to 1, and switches the channel on again if it was off.
+    fn set(&mut self, duty_cycle: f64) -> std::result::Result<(), C::Error> {
+        let duty = duty_cycle * f64::from(self.channel.max_duty_cycle());
+        self.channel.set_duty_cycle(duty.round() as u16)?;
+        if self.off {
+            self.channel.switch(true)?;
+            self.off = false;
+        }
+        Ok(())
+    }
+
+    fn idle(&mut self, duty_cycle: f64) -> Idled {
+        if self.set(duty_cycle).is_ok() {
+            return Idled::Pulses;
+        }
+        self.off = self.off || self.channel.switch(false).is_ok();
+        if self.off { Idled::SwitchedOff } else { Idled::OutOfControl }
+    }
+}
+
 /// Four speed controllers.
 #[derive(Debug)]
 pub struct Motors<C> {
-    channels: [C; 4],
+    channels: [Switched<C>; 4],
     pulses: Pulses,
 }
 
-impl<C: SetDutyCycle> Motors<C> {
+impl<C: Output> Motors<C> {
     /// Rotors 1 to 4 on these channels.
     pub fn new(channels: [C; 4], pulses: Pulses) -> Self {
-        Self { channels, pulses }
+        Self { channels: channels.map(|channel| Switched { channel, off: false }), pulses }
     }
 
     /// Writes motor commands, in command units. Every channel is written even if another fails.
@@ -184,19 +248,17 @@ impl<C: SetDutyCycle> Motors<C> {
     pub fn set(&mut self, commands: &[f32; 4]) -> std::result::Result<(), C::Error> {
         let mut outcome = Ok(());
         for (channel, command) in self.channels.iter_mut().zip(commands) {
-            let duty = self.pulses.duty_cycle(*command) * f64::from(channel.max_duty_cycle());
-            let written = channel.set_duty_cycle(duty.round() as u16);
+            let written = channel.set(self.pulses.duty_cycle(*command));
             outcome = outcome.and(written);
         }
         outcome
     }
 
-    /// All motors to idle.
-    ///
-    /// # Errors
-    /// The error of the first channel that failed.
-    pub fn idle(&mut self) -> std::result::Result<(), C::Error> {
-        self.set(&[f32::NEG_INFINITY; 4])
+    /// All motors to idle; a channel that takes no pulse is switched off. Returns the worst.
+    pub fn idle(&mut self) -> Idled {
+        let duty_cycle = self.pulses.duty_cycle(f32::NEG_INFINITY);
+        let idled = self.channels.iter_mut().map(|channel| channel.idle(duty_cycle));
+        idled.fold(Idled::Pulses, Idled::max)
     }
 }
 
@@ -272,8 +334,71 @@ mod tests {
         let pulses = Pulses { pulse_ns: [900_000, 2_000_000], ..MICROSECONDS };
         let (mut motors, folders) = motors(root.path(), pulses);
         motors.set(&[2000.0; 4]).unwrap();
-        motors.idle().unwrap();
+        assert_eq!(motors.idle(), Idled::Pulses);
         assert!(pulse_ns(&folders[0]).abs_diff(900_000) <= 20);
+    }
+
+    /// A channel of a test: refuses pulses, or its switch too.
+    #[derive(Debug, Default)]
+    struct Stubborn {
+        duty: u16,
+        on: bool,
+        takes_pulses: bool,
+        has_switch: bool,
+    }
+
+    impl ErrorType for Stubborn {
+        type Error = PwmError;
+    }
+
+    fn if_so(so: bool) -> std::result::Result<(), PwmError> {
+        so.then_some(()).ok_or_else(|| PwmError(io::ErrorKind::Other.into()))
+    }
+
+    impl SetDutyCycle for Stubborn {
+        fn max_duty_cycle(&self) -> u16 {
+            10_000
+        }
+
+        fn set_duty_cycle(&mut self, duty: u16) -> std::result::Result<(), PwmError> {
+            if_so(self.takes_pulses)?;
+            self.duty = duty;
+            Ok(())
+        }
+    }
+
+    impl Output for Stubborn {
+        fn switch(&mut self, on: bool) -> std::result::Result<(), PwmError> {
+            if_so(self.has_switch)?;
+            self.on = on;
+            Ok(())
+        }
+    }
+
+    /// In flight it keeps its last pulse, the least evil; where the motors have to stand it has
+    /// none. The others idle as ever, and what is mended comes back with an idle pulse.
+    #[test]
+    fn a_channel_that_takes_no_idle_pulse_is_switched_off() {
+        let good = || Stubborn { on: true, takes_pulses: true, has_switch: true, ..Stubborn::default() };
+        let mut motors = Motors::new([good(), good(), good(), good()], MICROSECONDS);
+        motors.set(&[2000.0; 4]).unwrap();
+        let dead = |motors: &mut Motors<Stubborn>, takes_pulses| {
+            motors.channels[2].channel.takes_pulses = takes_pulses
+        };
+        dead(&mut motors, false);
+        assert!(motors.set(&[1500.0; 4]).is_err());
+        let seen = |motors: &Motors<Stubborn>| {
+            [1, 2].map(|k| (motors.channels[k].channel.duty, motors.channels[k].channel.on))
+        };
+        assert_eq!(seen(&motors), [(6000, true), (8000, true)]);
+        assert_eq!([motors.idle(), motors.idle()], [Idled::SwitchedOff; 2]);
+        assert_eq!(seen(&motors), [(4000, true), (8000, false)]);
+        dead(&mut motors, true);
+        assert_eq!(motors.idle(), Idled::Pulses);
+        assert_eq!(seen(&motors), [(4000, true), (4000, true)]);
+        dead(&mut motors, false);
+        motors.channels[2].channel.has_switch = false;
+        assert_eq!(motors.idle(), Idled::OutOfControl);
     }
 
     #[test]

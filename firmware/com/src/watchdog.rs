@@ -4,11 +4,12 @@
 //! `/dev/watchdog` begins to count when it is opened; any byte feeds it, and only a `V` before it
 //! is closed stops it ("magic close": Linux, Documentation/watchdog/watchdog-api.rst). So if the
 //! guardian is killed the board is reset, and comes up disarmed. Its time is the driver's
-//! (`/sys/class/watchdog/watchdog0/timeout`).
+//! (`/sys/class/watchdog/watchdog0/timeout`). The kernel's usual one is used wherever there is one;
+//! a configuration names another, or `"none"`.
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use sd_notify::NotifyState;
@@ -17,6 +18,31 @@ use crate::error::{Result, access, log};
 
 /// How often the board's watchdog is fed. The usual timeouts are 10 s to 60 s, the shortest 1 s.
 const FEED_EVERY: Duration = Duration::from_millis(200);
+
+/// The kernel's first watchdog.
+const USUAL: &str = "/dev/watchdog";
+
+/// Which watchdog of the board is fed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum BoardWatchdog {
+    /// The usual one, if there is one and it can be had.
+    Usual,
+    /// This one; without it the program does not start.
+    Named(PathBuf),
+    /// None.
+    Off,
+}
+
+impl BoardWatchdog {
+    /// By the configuration's word, in its folder.
+    pub(crate) fn of(word: Option<&Path>, folder: &Path) -> Self {
+        match word {
+            None => Self::Usual,
+            Some(word) if word == Path::new("none") => Self::Off,
+            Some(path) => Self::Named(folder.join(path)),
+        }
+    }
+}
 
 /// Both watchdogs; each only if there is one.
 #[derive(Debug)]
@@ -29,17 +55,16 @@ pub struct Watchdogs {
 }
 
 impl Watchdogs {
-    /// Opens the board's watchdog, if one is named, and checks whether systemd expects signs of
-    /// life.
+    /// Opens the board's watchdog, and checks whether systemd expects signs of life.
     ///
     /// # Errors
     /// A watchdog that is named and cannot be opened.
-    pub fn open(board: Option<&Path>) -> Result<Self> {
-        let open = |path: &Path| {
-            let file = OpenOptions::new().write(true).open(path);
-            file.map_err(access(path, "open the watchdog; is another program feeding it?"))
+    pub fn open(board: &BoardWatchdog) -> Result<Self> {
+        let board = match board {
+            BoardWatchdog::Off => None,
+            BoardWatchdog::Named(path) => Some(open(path)?),
+            BoardWatchdog::Usual => usual(Path::new(USUAL)),
         };
-        let board = board.map(open).transpose()?;
         // A third of what systemd allows leaves room for one that goes missing.
         let systemd_every = sd_notify::watchdog_enabled().map(|timeout| timeout / 3);
         Ok(Self { board, fed: None, systemd_every, told: None, ready: false })
@@ -73,6 +98,29 @@ impl Watchdogs {
     }
 }
 
+fn open(path: &Path) -> Result<File> {
+    let file = OpenOptions::new().write(true).open(path);
+    file.map_err(access(path, "open the watchdog; is another program feeding it?"))
+}
+
+/// The watchdog that is there, or a line that says what goes without it.
+fn usual(path: &Path) -> Option<File> {
+    if !path.exists() {
+        log(&format!(
+            "no watchdog of the board ({}): if the kernel stops, nothing resets it",
+            path.display()
+        ));
+        return None;
+    }
+    open(path)
+        .inspect_err(|error| {
+            log(&format!(
+                "the board's watchdog is not used: {error}; \"none\" in [guardian] watchdog if that is meant"
+            ));
+        })
+        .ok()
+}
+
 /// Without systemd this does nothing.
 fn notify(state: &[NotifyState]) {
     let _ = sd_notify::notify(state);
@@ -87,7 +135,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("watchdog");
         std::fs::write(&path, "").unwrap();
-        let mut watchdogs = Watchdogs::open(Some(&path)).unwrap();
+        let mut watchdogs = Watchdogs::open(&BoardWatchdog::Named(path.clone())).unwrap();
         let start = Instant::now();
         for tick in 0..100 {
             watchdogs.feed(start + Duration::from_millis(10 * tick));
@@ -96,8 +144,29 @@ mod tests {
         assert_eq!(fed, [0; 5], "at 0, 200, 400, 600, 800 ms");
         watchdogs.close();
         assert_eq!(std::fs::read(&path).unwrap(), [0, 0, 0, 0, 0, b'V']);
-        let none = Watchdogs::open(Some(&folder.path().join("none"))).unwrap_err().to_string();
+        let none =
+            Watchdogs::open(&BoardWatchdog::Named(folder.path().join("none"))).unwrap_err().to_string();
         assert!(none.contains("none: cannot open the watchdog"), "{none}");
+    }
+
+    #[test]
+    fn the_usual_watchdog_is_used_where_there_is_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("watchdog");
+        assert!(usual(&path).is_none(), "there is none");
+        std::fs::write(&path, "").unwrap();
+        assert!(usual(&path).is_some());
+        std::fs::remove_file(&path).unwrap();
+        std::fs::create_dir(&path).unwrap();
+        assert!(usual(&path).is_none(), "it cannot be opened, and the craft flies without it");
+    }
+
+    #[test]
+    fn the_configuration_says_which() {
+        let of = |word: Option<&str>| BoardWatchdog::of(word.map(Path::new), Path::new("/etc/quadlab"));
+        assert_eq!((of(None), of(Some("none"))), (BoardWatchdog::Usual, BoardWatchdog::Off));
+        assert_eq!(of(Some("/dev/watchdog1")), BoardWatchdog::Named("/dev/watchdog1".into()));
+        assert_eq!(of(Some("dog")), BoardWatchdog::Named("/etc/quadlab/dog".into()));
     }
 
     /// What is dropped without a close leaves the board's watchdog counting.
@@ -106,7 +175,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("watchdog");
         std::fs::write(&path, "").unwrap();
-        let mut watchdogs = Watchdogs::open(Some(&path)).unwrap();
+        let mut watchdogs = Watchdogs::open(&BoardWatchdog::Named(path.clone())).unwrap();
         watchdogs.feed(Instant::now());
         drop(watchdogs);
         assert_eq!(std::fs::read(&path).unwrap(), [0]);

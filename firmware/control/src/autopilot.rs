@@ -30,14 +30,16 @@ use crate::config::gains::Config;
 use crate::dsp::trig::{sin_cos, wrap_angle};
 use crate::inputs::input_checks::is_finite;
 use crate::inputs::readings::{Command, Measurement, Mode, Pose, Readings, Request};
-use crate::law::controller::Controller;
+use crate::law::controller::{Controller, Guided, LANDING_DEPTH_M};
 use crate::law::terms::Tick;
+use crate::safety::aftermath::Aftermath;
 use crate::safety::conditions::{Condition, Conditions};
 use crate::safety::detectors::{Counters, Detectors, LastKnown, count};
 use crate::safety::limits::Limits;
 use crate::safety::plausibility::tilt_bound;
 use crate::safety::preflight::Preflight;
 use crate::safety::state_machine::{State, next};
+use crate::safety::touchdown::Touchdown;
 
 /// The outcome of a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -68,8 +70,8 @@ struct Descent {
     slow_m_per_us: f32,
     fast_m_per_us: f32,
     blind_offset_m: f32,
-    /// Inertial z at which the landing is down, m.
-    down_m: f32,
+    /// Inertial z that a landing commands at the most, m.
+    deepest_m: f32,
 }
 
 /// All that flies. Copying it is taking a snapshot.
@@ -79,6 +81,7 @@ pub struct Autopilot {
     limits: Limits,
     descent: Descent,
     detectors: Detectors,
+    aftermath: Aftermath,
     state: State,
     /// Mode of the pilot's last command.
     mode: Mode,
@@ -88,6 +91,7 @@ pub struct Autopilot {
     /// Attitude by the gyro since then, rad; none while poses come.
     carried_rad: Option<[f32; 3]>,
     anchor: Anchor,
+    touchdown: Touchdown,
     flight: Flight,
 }
 
@@ -114,16 +118,19 @@ impl Autopilot {
         let controller = Controller::new(config)?;
         let landing = &config.supervision.landing;
         let [_, lowest_m] = config.position_limits.z_m;
+        let limits = Limits::new(config);
         Ok(Self {
             controller,
-            limits: Limits::new(config),
+            touchdown: Touchdown::new(&limits.touchdown),
+            limits,
             descent: Descent {
                 slow_m_per_us: (landing.descent_m_s * 1e-6) as f32,
                 fast_m_per_us: (landing.fast_descent_m_s * 1e-6) as f32,
                 blind_offset_m: landing.blind_offset_m as f32,
-                down_m: (lowest_m - landing.touchdown_m) as f32,
+                deepest_m: lowest_m as f32 + LANDING_DEPTH_M,
             },
             detectors: Detectors::at_rest(),
+            aftermath: Aftermath::GOOD,
             state: State::Disarmed,
             mode: IDLE.mode,
             idle_wanted: true,
@@ -151,6 +158,11 @@ impl Autopilot {
     /// Counts of what has been refused so far.
     pub fn counters(&self) -> Counters {
         self.detectors.counters
+    }
+
+    /// The motor, 0 to 3, that failed last; none after a request to disarm on the ground.
+    pub fn failed_motor(&self) -> Option<u8> {
+        self.aftermath.failed_motor
     }
 
     /// The outcome of the last tick; the default before the first.
@@ -191,20 +203,22 @@ impl Autopilot {
         let attitude_rad = measurement.attitude_rad;
         self.detectors.battery(readings.battery_v, elapsed_us, &self.limits, found);
         self.detectors.tilt(attitude_rad, elapsed_us, &self.limits, found);
-        self.detectors.aftermath(found);
+        self.detectors.outputs(readings.outputs_ready, elapsed_us, &self.limits, found);
+        self.aftermath.report(found);
         let mut preflight = Preflight::default();
         if self.state != State::Flying || readings.request.is_some() || self.idle_wanted {
-            preflight = self.attend(readings, commanded, attitude_rad, &mut conditions);
+            preflight = self.attend(readings, commanded, attitude_rad, elapsed_us, &mut conditions);
         }
         let state = next(self.state, conditions);
-        let guided;
-        let (mode, cut_off, command) = if state == State::Flying && self.state == State::Flying {
-            (self.mode, self.idle_wanted, pilot)
+        let command;
+        let guided = if state == State::Flying && self.state == State::Flying {
+            Guided { mode: self.mode, cut_off: self.idle_wanted, lands: false, command: pilot }
         } else {
-            guided = self.guide(state, pilot, attitude_rad, elapsed_us, conditions);
-            (guided.mode, guided.cut_off, Some(&guided))
+            command = self.guide(state, pilot, attitude_rad, elapsed_us, conditions);
+            let Command { mode, cut_off, .. } = command;
+            Guided { mode, cut_off, lands: state == State::Land, command: Some(&command) }
         };
-        self.controller.tick_into(&measurement, seen, mode, cut_off, command, &mut self.flight.tick);
+        self.controller.tick_into(&measurement, seen, &guided, &mut self.flight.tick);
         self.look_back(readings, seen, attitude_rad, elapsed_us);
         (self.flight.state, self.flight.conditions, self.flight.preflight) = (state, conditions, preflight);
         &self.flight
@@ -235,9 +249,13 @@ impl Autopilot {
         let before_rad = self.carried_rad.unwrap_or(self.pose.attitude_rad);
         let anchored = self.state != State::Disarmed && self.pose.position_m[0].is_finite();
         let known = LastKnown { last: &self.pose, attitude_rad: before_rad, anchored };
-        let seen = detectors.pose(readings.pose.as_ref(), &known, elapsed_us, limits, conditions);
+        let mut pose = readings.pose.as_ref();
+        if readings.pose_age_us > limits.pose_oldest_us && pose.take().is_some() {
+            detectors.old_pose(conditions);
+        }
+        let seen = detectors.pose(pose, &known, elapsed_us, limits, conditions);
         let gyro_rad_s = detectors.imu(readings.gyro_rad_s, elapsed_us, limits, conditions);
-        if let (true, Some(pose)) = (seen, &readings.pose) {
+        if let (true, Some(pose)) = (seen, pose) {
             if self.carried_rad.is_some() && detectors.pose.late {
                 // What the estimators make of the way between is no velocity.
                 self.controller.restart_estimators();
@@ -263,14 +281,21 @@ impl Autopilot {
         if let (true, Some(rates)) = (seen, readings.gyro_rad_s) {
             self.detectors.compare_rates(rates, terms.body_rates_rad_s, &self.limits);
         }
-        self.detectors.after(
-            tick.refused.thrust.high,
-            terms.z_rate_m_s,
-            attitude_rad,
-            tick.faults.internal.now,
-            elapsed_us,
-            &self.limits,
-        );
+        let rates_rad_s = readings.gyro_rad_s.unwrap_or(terms.body_rates_rad_s);
+        let refused = tick.refused.thrust.high;
+        let no_number = tick.faults.internal.now;
+        let (aftermath, limits) = (&mut self.aftermath, &self.limits);
+        aftermath.after(refused, terms.z_rate_m_s, attitude_rad, no_number, elapsed_us, limits);
+        aftermath.motors(refused, tick.pwm, terms.attitude_error_rad, elapsed_us, limits);
+        aftermath.turns(terms.attitude_error_rad, rates_rad_s, elapsed_us, limits);
+        let touchdown = &self.limits.touchdown;
+        if self.state == State::Land {
+            let [_, _, z_m] = self.pose.position_m;
+            let known = !self.detectors.pose.late;
+            self.touchdown.land(tick.pwm, [z_m, terms.z_rate_m_s], known, elapsed_us, touchdown);
+        } else {
+            self.touchdown.fly(tick.pwm, touchdown);
+        }
     }
 
     /// What matters only on the ground, while landing, or on a request.
@@ -280,23 +305,27 @@ impl Autopilot {
         readings: &Readings,
         commanded: bool,
         attitude_rad: [f32; 3],
+        elapsed_us: u32,
         conditions: &mut Conditions,
     ) -> Preflight {
         let mut preflight = Preflight::default();
         if self.state == State::Disarmed {
             preflight = self.preflight(readings, attitude_rad, *conditions);
         }
+        self.detectors.armed(self.state == State::Armed, elapsed_us, &self.limits, conditions);
         let asked = |request| readings.request == Some(request);
         let flies = !self.state.motors_idle();
+        if asked(Request::Disarm) && !flies {
+            // The pilot has taken note.
+            self.aftermath.failed_motor = None;
+        }
         conditions.note(Condition::ArmRequested, asked(Request::Arm) && preflight.ready());
         conditions.note(Condition::FlightRequested, commanded && !self.idle_wanted);
         conditions.note(Condition::DisarmRequested, asked(Request::Disarm));
         conditions.note(Condition::LandRequested, asked(Request::Land));
         conditions
             .note(Condition::CutRequested, asked(Request::Cut) || flies && commanded && self.idle_wanted);
-        let [_, _, z_m] = self.pose.position_m;
-        let down = self.state == State::Land && self.carried_rad.is_none() && z_m >= self.descent.down_m;
-        conditions.note(Condition::Landed, down);
+        conditions.note(Condition::Landed, self.state == State::Land && self.touchdown.found);
         preflight
     }
 
@@ -307,7 +336,7 @@ impl Autopilot {
         checks.note(Preflight::LINK, none(&[Condition::LinkLate]));
         checks.note(
             Preflight::POSE,
-            none(&[Condition::PoseLate, Condition::PoseFrozen, Condition::PoseJumped]),
+            none(&[Condition::PoseLate, Condition::PoseFrozen, Condition::PoseJumped, Condition::PoseOld]),
         );
         checks.note(
             Preflight::IMU,
@@ -322,6 +351,9 @@ impl Autopilot {
         checks.note(Preflight::CONTROLLER, none(&[Condition::NotANumber]));
         checks.note(Preflight::OUTPUTS, readings.outputs_ready);
         checks.note(Preflight::IDLE, self.idle_wanted);
+        for (motor, check) in (0..).zip(Preflight::MOTORS) {
+            checks.note(check, self.aftermath.failed_motor != Some(motor));
+        }
         checks
     }
 
@@ -343,6 +375,9 @@ impl Autopilot {
         if let (State::Flying, Some(pilot)) = (state, pilot) {
             return *pilot;
         }
+        if state == State::Land && before != State::Land {
+            self.touchdown.begin();
+        }
         let blind = conditions.has(Condition::PoseLate);
         let entered = before == State::Flying;
         if entered || self.anchor.blind != blind {
@@ -357,9 +392,7 @@ impl Autopilot {
         if state == State::Land {
             let empty = conditions.has(Condition::BatteryEmpty);
             let rate = if empty { self.descent.fast_m_per_us } else { self.descent.slow_m_per_us };
-            // Past the floor only the number goes on; the input checks keep the command inside the
-            // box.
-            anchor.z_m = (anchor.z_m + rate * elapsed_us as f32).min(self.descent.down_m + 1.0);
+            anchor.z_m = (anchor.z_m + rate * elapsed_us as f32).min(self.descent.deepest_m);
         }
         Command { mode: Mode::Position, position_m: anchor.position_m, z_m: anchor.z_m, ..level }
     }
@@ -409,6 +442,7 @@ mod tests {
         let mut readings = Readings {
             time_us: 0,
             pose: Some(Pose { position_m: [0.0, 0.0, -1.0], attitude_rad: [0.0; 3] }),
+            pose_age_us: 0,
             gyro_rad_s: Some([0.0; 3]),
             battery_v: 11.1,
             command: Some(Command { cut_off: false, z_m: -1.0, ..IDLE }),
@@ -419,7 +453,7 @@ mod tests {
             readings.time_us += 10_000;
             readings.pose.as_mut().unwrap().position_m[0] += 1e-4;
             readings.gyro_rad_s.as_mut().unwrap()[0] += 1e-4;
-            autopilot.detectors.after(false, 0.0, [0.0; 3], no_number, 10_000, &autopilot.limits);
+            autopilot.aftermath.after(false, 0.0, [0.0; 3], no_number, 10_000, &autopilot.limits);
             autopilot.tick(&readings).state
         };
         assert_eq!([state(false), state(false)], [State::Flying; 2]);

@@ -3,7 +3,10 @@
 //! infinities, subnormals, huge, ordinary), each over many ticks, under every law and option;
 //! proptest prints the seed of a failure.
 
-use control::gains::{BatteryFilter, Complement, GyroFusion, Law, Mixing, Saturation};
+mod common;
+
+use common::configs;
+use control::gains::{Law, Mixing};
 use control::{Command, Config, Controller, Measurement, Mode, Tick};
 use proptest::prelude::*;
 
@@ -51,17 +54,6 @@ fn command() -> impl Strategy<Value = Command> {
         })
 }
 
-fn configs() -> [Config; 5] {
-    let mut fused = Config::thesis();
-    fused.estimation.gyro = Some(GyroFusion { corner_rad_s: 5.0, complement: Complement::Exact });
-    fused.estimation.battery = Some(BatteryFilter { gain: 0.02 });
-    let mut plain = Config::thesis();
-    plain.anti_windup = false;
-    let mut shared = Config::thesis();
-    (shared.saturation, shared.tilt_compensation) = (Saturation::AttitudeFirst, true);
-    [Config::thesis(), Config::thesis_hand_tuned(), fused, plain, shared]
-}
-
 fn assert_inside(tick: &Tick) -> Result<(), TestCaseError> {
     for pwm in tick.pwm {
         prop_assert!((1000.0..=2000.0).contains(&pwm), "{tick:?}");
@@ -81,7 +73,7 @@ proptest! {
 
     #[test]
     fn any_bits_give_commands_inside_the_range(
-        which in 0_usize..5,
+        which in 0..configs().len(),
         start_good in any::<bool>(),
         inputs in prop::collection::vec((measurement(), command()), 1..12),
     ) {

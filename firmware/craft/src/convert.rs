@@ -86,6 +86,8 @@ pub fn readings(message: &proto::Readings) -> Readings {
     Readings {
         time_us: message.time_us,
         pose: message.pose.as_ref().map(pose),
+        // A simulator's pose is as old as the simulator makes it.
+        pose_age_us: 0,
         gyro_rad_s: message.gyro_rad_s,
         battery_v: message.battery_v,
         command: message.command.as_ref().map(command),
@@ -165,6 +167,7 @@ mod tests {
         let full = Readings {
             time_us: 21,
             pose: Some(Pose { position_m: [1.0, 2.0, 3.0], attitude_rad: [4.0, 5.0, 6.0] }),
+            pose_age_us: 0,
             gyro_rad_s: Some([7.0, 8.0, 9.0]),
             battery_v: 10.0,
             command: Some(Command {

@@ -6,6 +6,7 @@ use heapless::Deque;
 use proto::{Answer, Counters, Gains, Identity, ImuSample, Loop, MIN_VERSION, Message, Telemetry, VERSION};
 
 use crate::convert;
+use crate::ground_clock::GroundClock;
 
 /// How many answers may wait for the end of the tick. Further requests between two ticks take
 /// effect without an answer.
@@ -69,6 +70,8 @@ struct Asked {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Inbox {
     pose: Option<Pose>,
+    /// When it was taken, by the ground.
+    taken_us: u32,
     command: Option<Command>,
     asked: Option<Asked>,
 }
@@ -85,6 +88,7 @@ pub struct Craft {
     tick: u32,
     time_us: u32,
     ground_us: u32,
+    ground_clock: GroundClock,
     mode: Mode,
     imu: Option<ImuSample>,
     battery_v: f32,
@@ -114,6 +118,7 @@ impl Craft {
             tick: 0,
             time_us: 0,
             ground_us: 0,
+            ground_clock: GroundClock::default(),
             mode: Mode::Attitude,
             imu: None,
             battery_v: f32::NAN,
@@ -130,14 +135,19 @@ impl Craft {
     /// next tick; gains do at once, while disarmed.
     pub fn hear(&mut self, number: u64, message: &Message) {
         match message {
-            Message::Pose(timed) => self.inbox.pose = Some(convert::pose(&timed.pose)),
+            Message::Pose(timed) => {
+                (self.inbox.pose, self.inbox.taken_us) = (Some(convert::pose(&timed.pose)), timed.ground_us);
+            }
             Message::Command(command) => self.inbox.command = Some(convert::command(command)),
             Message::Request(request) => self.ask(Asked { number, request: convert::request(*request) }),
             Message::Gains(gains) => {
                 let done = self.retune(gains).is_ok();
                 self.answer(number, done);
             }
-            Message::Timer(timer) => self.ground_us = timer.ground_us,
+            Message::Timer(timer) => {
+                self.ground_us = timer.ground_us;
+                self.ground_clock.hear(timer.ground_us, self.time_us);
+            }
             Message::Who => self.introduce(),
             Message::Input(_)
             | Message::Output(_)
@@ -159,10 +169,11 @@ impl Craft {
     /// inside the range.
     #[inline]
     pub fn tick(&mut self, inputs: &Inputs) -> &Flight {
-        let Inbox { pose, command, asked } = core::mem::take(&mut self.inbox);
+        let Inbox { pose, taken_us, command, asked } = core::mem::take(&mut self.inbox);
         let readings = Readings {
             time_us: inputs.time_us,
             pose,
+            pose_age_us: self.ground_clock.age_us(taken_us, inputs.time_us),
             gyro_rad_s: inputs.imu.map(|imu| imu.gyro_rad_s),
             battery_v: inputs.battery_v,
             command,
@@ -244,6 +255,11 @@ impl Craft {
     /// What the craft is doing.
     pub fn state(&self) -> State {
         self.autopilot.state()
+    }
+
+    /// The motor, 0 to 3, that failed last, until the pilot has taken note of it.
+    pub fn failed_motor(&self) -> Option<u8> {
+        self.autopilot.failed_motor()
     }
 
     /// All of the last tick.

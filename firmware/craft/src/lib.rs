@@ -31,6 +31,7 @@
 pub mod convert;
 mod craft;
 mod digest;
+mod ground_clock;
 pub mod image;
 mod lockstep;
 

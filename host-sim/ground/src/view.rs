@@ -24,17 +24,18 @@ use crate::run::{Input, View};
 use crate::station::{Notice, PilotRequest, SILENCE_S, Snapshot};
 
 /// Keys and what they do, in the order they are shown.
-const KEYS: [(char, &str, Input); 7] = [
+const KEYS: [(char, &str, Input); 8] = [
     ('a', "arm", Input::Request(PilotRequest::Arm)),
     ('t', "take off", Input::Request(PilotRequest::TakeOff)),
     ('p', "pattern", Input::Request(PilotRequest::Pattern)),
     ('l', "land", Input::Request(PilotRequest::Land)),
     ('D', "disarm", Input::Request(PilotRequest::Disarm)),
+    ('Y', "yes", Input::Request(PilotRequest::Confirm)),
     (' ', "CUT", Input::Request(PilotRequest::Cut)),
     ('q', "quit", Input::Quit),
 ];
 
-/// What a key does. Disarming in the air is a fall, so it takes the upper case.
+/// What a key does. Disarming in the air is a fall, so it takes the upper case, and then another key.
 pub fn key(pressed: char) -> Option<Input> {
     KEYS.iter().find(|(letter, ..)| *letter == pressed).map(|(_, _, input)| *input)
 }
@@ -440,6 +441,7 @@ mod tests {
         assert_eq!(key(' '), Some(Input::Request(PilotRequest::Cut)));
         assert_eq!(key('l'), Some(Input::Request(PilotRequest::Land)));
         assert_eq!((key('d'), key('D')), (None, Some(Input::Request(PilotRequest::Disarm))));
+        assert_eq!((key('y'), key('Y')), (None, Some(Input::Request(PilotRequest::Confirm))));
         assert_eq!(key('x'), None);
     }
 

@@ -17,8 +17,6 @@ use std::net::{SocketAddr, UdpSocket};
 
 use ::craft::{Inputs, Setup};
 use control::{Measurement, Pose};
-use model::frames;
-use nalgebra::Vector3;
 use proto::{ImuSample, MAX_PACKET_LEN, Message, Opener, Refused, Role, Sealer};
 
 use crate::craft::SimulatedCraft;
@@ -58,21 +56,7 @@ impl Room {
         if !idle || !self.is_down() {
             self.body.advance(pwm, voltage_v);
         }
-        self.stop_at_the_floor();
-    }
-
-    fn stop_at_the_floor(&mut self) {
-        let state = &mut self.body.state;
-        if state.position_ned_m.z < 0.0 {
-            return;
-        }
-        let yaw_rad = frames::euler_from_quaternion(&state.attitude).z;
-        state.position_ned_m.z = 0.0;
-        // What pushes up leaves the floor by its own acceleration in the next period.
-        let up_m_s = frames::dcm_from_quaternion(&state.attitude).tr_mul(&state.velocity_m_s).z.min(0.0);
-        state.attitude = frames::quaternion_from_euler(Vector3::new(0.0, 0.0, yaw_rad));
-        state.velocity_m_s = Vector3::new(0.0, 0.0, up_m_s);
-        state.rate_rad_s = Vector3::zeros();
+        self.body.stop_at(0.0);
     }
 
     /// Does the craft stand on the floor?

@@ -78,6 +78,10 @@ struct Arguments {
     #[arg(long)]
     failsafes: bool,
 
+    /// Fly the drills with so many seeds, beginning with --seed
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "failsafes", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    seeds: u16,
+
     /// Fly a pattern file instead (as from quadlab excite or plan), at the speed and angles of an
     /// identification flight
     #[arg(long, value_name = "CSV", conflicts_with_all = ["scenarios", "failsafes", "transport"])]
@@ -149,9 +153,6 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     if let (true, Some(processor), Some(program)) = (arguments.same_bits, processor, &arguments.firmware) {
         return same_bits(arguments, processor, program);
     }
-    if arguments.failsafes {
-        return failsafes(arguments.seed);
-    }
     let scenarios = match arguments.scenarios.as_slice() {
         [] => Scenario::standard().collect(),
         named => named.to_vec(),
@@ -161,6 +162,9 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let craft =
         |path: &PathBuf| design::gains_match::read_for(path, model.as_ref().unwrap_or(&Model::thesis()));
     let gains = arguments.gains.as_ref().map(craft).transpose()?;
+    if arguments.failsafes {
+        return failsafes(arguments, &gains.map_or_else(Config::thesis, |gains| gains.config));
+    }
     let settings = Settings {
         config: gains.map(|gains| gains.config),
         model,
@@ -330,8 +334,9 @@ fn flyable(path: &std::path::Path, own_gains: bool) -> anyhow::Result<Model> {
     Ok(model)
 }
 
-fn failsafes(seed: u64) -> anyhow::Result<ExitCode> {
-    let (table, all) = sil::failsafe::table(seed)?;
+fn failsafes(arguments: &Arguments, config: &Config) -> anyhow::Result<ExitCode> {
+    let seeds = arguments.seed..arguments.seed.saturating_add(arguments.seeds.into());
+    let (table, all) = sil::failsafe::table(seeds, config)?;
     report::print(&table)?;
     Ok(ExitCode::from(u8::from(!all)))
 }

@@ -55,6 +55,20 @@ fn next_start(bench: &Bench) -> String {
     line
 }
 
+/// What systemd runs behind a program that died, whatever the pulses are.
+#[test]
+fn the_motors_can_be_idled_without_the_program() {
+    let bench = bench();
+    let duty = bench.path("pwm/pwmchip0/pwm2/duty_cycle");
+    fs::write(&duty, "2000000\n").unwrap();
+    let idle =
+        || std::process::Command::new(PROGRAM).arg("idle").arg(bench.path("com.toml")).output().unwrap();
+    let said = idle();
+    assert!(said.status.success() && bench.is_idle(), "{said:?}");
+    fs::remove_file(&duty).unwrap();
+    assert_eq!(idle().status.code(), Some(2), "a channel that is not there");
+}
+
 #[test]
 fn a_loop_that_is_killed_leaves_idle_motors() {
     let bench = bench();

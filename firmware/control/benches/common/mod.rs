@@ -47,6 +47,7 @@ fn readings(k: u8, command: Command) -> Readings {
     Readings {
         time_us: 0,
         pose: Some(pose),
+        pose_age_us: 0,
         gyro_rad_s: Some([-0.01 * libm::sinf(a), 0.01 * libm::cosf(a), 0.05 * libm::cosf(a)]),
         battery_v: 11.1,
         command: Some(command),

@@ -7,7 +7,7 @@
 //! thrust loss detected within a second as in ArduPilot (sooner: the thesis' law has no priority of
 //! attitude over thrust and keeps a saturated craft level for about a second only). Battery levels
 //! belong to a pack, so there is no default that guesses one: without levels the voltage is not
-//! judged.
+//! judged, unless the craft's own configuration says how many cells it carries.
 
 use serde::{Deserialize, Serialize};
 
@@ -34,6 +34,14 @@ pub struct Supervision {
     pub thrust: ThrustLossLimits,
     /// Clock and loop.
     pub timing: TimingLimits,
+    /// Motor outputs.
+    pub outputs: OutputLimits,
+    /// Waiting for the take-off.
+    pub armed: ArmedLimits,
+    /// Crash.
+    pub crash: CrashLimits,
+    /// Loss of a motor.
+    pub motor: MotorLimits,
     /// How a landing goes.
     pub landing: Landing,
 }
@@ -63,6 +71,8 @@ pub struct PoseLimits {
     pub cut_after_s: f64,
     /// Missing poses count again after this many s of good ones.
     pub good_for_s: f64,
+    /// A pose that was taken more than this many s ago is refused.
+    pub oldest_s: f64,
     /// A pose is frozen after this many samples equal to its first.
     pub repeats: u32,
     /// A pose farther from the last than this many m ...
@@ -71,6 +81,10 @@ pub struct PoseLimits {
     pub speed_m_s: f64,
     /// So is one turned by more than this many rad about an axis.
     pub jump_rad: f64,
+    /// Refused poses that agree with each other, and with the attitude by the gyro, count after this
+    /// many s of them: the tracker has found the craft again, or was moved. Never before the craft
+    /// ceases to coast.
+    pub believed_after_s: f64,
 }
 
 /// Gyro.
@@ -86,6 +100,12 @@ pub struct ImuLimits {
     pub cut_after_s: f64,
     /// Rates beyond this many rad/s are refused (2000 degrees/s is the range of the usual chips).
     pub rate_limit_rad_s: f64,
+    /// Greatest vibration in rad/s: root mean square of what changes from sample to sample, the
+    /// axes added. At 100 Hz a body hardly moves above 5 Hz; what the chip's own filter lets pass of
+    /// the rotors' 100 Hz comes folded down to anything below 50 Hz.
+    pub vibration_rad_s: f64,
+    /// Time constant of that mean in s.
+    pub vibration_filter_s: f64,
     /// Greatest difference to the rates from motion capture in rad/s, after smoothing (added over
     /// the axes).
     pub disagreement_rad_s: f64,
@@ -157,6 +177,44 @@ pub struct TimingLimits {
     pub overrun_s: f64,
 }
 
+/// Motor outputs.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct OutputLimits {
+    /// Land after this many s in which the outputs did not take the commands.
+    pub land_after_s: f64,
+}
+
+/// Waiting for the take-off.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ArmedLimits {
+    /// A craft that is armed for this many s and does not fly is disarmed.
+    pub idle_for_s: f64,
+}
+
+/// Crash: the attitude is far from the one that is flown, and the craft does not turn towards it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CrashLimits {
+    /// Far is errors of roll and pitch that add up to more than this many rad.
+    pub error_rad: f64,
+    /// Body rates that add up to less than this many rad/s are no turn.
+    pub rate_rad_s: f64,
+    /// How long it has to last before it counts, in s.
+    pub for_s: f64,
+}
+
+/// Loss of a motor: it is at its greatest command, and either no other is, or the one across is at
+/// its least.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MotorLimits {
+    /// How long it has to last before it counts, in s: in hard flight any motor is at its end for up
+    /// to 0.43 s. Three fifths of it while the craft tips over.
+    pub for_s: f64,
+}
+
 /// How a landing goes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -168,8 +226,14 @@ pub struct Landing {
     /// Without poses the height is unknown: the altitude loop sees a height that is too great by
     /// this many m, and so gives less thrust than carries the craft.
     pub blind_offset_m: f64,
-    /// The craft counts as landed this many m above the lowest height that may be commanded.
+    /// A landing craft that no longer sinks although its motors carry less than it weighs stands
+    /// on something. It counts as landed after [`Landing::touchdown_s`] this many m above the lowest
+    /// height that may be commanded, and anywhere else (on a table) after three times as long.
     pub touchdown_m: f64,
+    /// So many s of that.
+    pub touchdown_s: f64,
+    /// "Less" is this fraction of what the motor commands were above idle in flight.
+    pub touchdown_fraction: f64,
 }
 
 impl Fence {
@@ -183,6 +247,18 @@ impl BatteryLevels {
     /// A lithium-polymer pack of three cells in flight, when 15, 7 and 5 % are left: 3.7, 3.6 and
     /// 3.5 V a cell at rest, less the half volt that hovering draws it down.
     pub const THREE_CELLS: Self = Self { warn_v: 10.6, land_v: 10.3, empty_v: 10.0, for_s: 1.0 };
+
+    /// The same three stages for a pack of so many cells.
+    pub fn of_cells(cells: u8) -> Self {
+        let Self { warn_v, land_v, empty_v, for_s } = Self::THREE_CELLS;
+        let packs = f64::from(cells) / 3.0;
+        Self { warn_v: packs * warn_v, land_v: packs * land_v, empty_v: packs * empty_v, for_s }
+    }
+
+    /// Is there any level to land at?
+    pub fn are_given(&self) -> bool {
+        self.land_v > 0.0
+    }
 }
 
 impl Supervision {
@@ -195,16 +271,20 @@ impl Supervision {
             land_after_s: 0.4,
             cut_after_s: 1.9,
             good_for_s: 0.1,
+            oldest_s: 0.15,
             repeats: 3,
             jump_m: 0.5,
             speed_m_s: 3.0,
             jump_rad: 1.0,
+            believed_after_s: 0.1,
         },
         imu: ImuLimits {
             missing_ticks: 3,
             repeats: 10,
             cut_after_s: 0.18,
             rate_limit_rad_s: 35.0,
+            vibration_rad_s: 1.0,
+            vibration_filter_s: 0.5,
             disagreement_rad_s: 1.2,
             disagreement_filter_s: 0.2,
         },
@@ -213,7 +293,18 @@ impl Supervision {
         fence: Fence { x_m: [-3.4, 3.4], y_m: [-2.2, 2.2], z_m: [-2.6, 0.5], for_s: 0.2 },
         thrust: ThrustLossLimits { for_s: 0.4, sink_m_s: 0.2, level_rad: 0.35 },
         timing: TimingLimits { jump_s: 1.0, overrun_s: 0.1 },
-        landing: Landing { descent_m_s: 0.3, fast_descent_m_s: 0.6, blind_offset_m: 0.06, touchdown_m: 0.1 },
+        outputs: OutputLimits { land_after_s: 0.05 },
+        armed: ArmedLimits { idle_for_s: 10.0 },
+        crash: CrashLimits { error_rad: 0.4, rate_rad_s: 0.6, for_s: 0.3 },
+        motor: MotorLimits { for_s: 0.5 },
+        landing: Landing {
+            descent_m_s: 0.3,
+            fast_descent_m_s: 0.6,
+            blind_offset_m: 0.06,
+            touchdown_m: 0.1,
+            touchdown_s: 0.3,
+            touchdown_fraction: 0.7,
+        },
     };
 
     /// Checks every limit: the first that cannot be flown with, by name.
@@ -226,7 +317,21 @@ impl Supervision {
 
     /// No time is longer than a minute: a timer in microseconds counts to 71 of them.
     fn check_times(&self) -> Result<(), ConfigError> {
-        let Self { link, pose, imu, battery, tilt, fence, thrust, timing, .. } = self;
+        let Self {
+            link,
+            pose,
+            imu,
+            battery,
+            tilt,
+            fence,
+            thrust,
+            timing,
+            outputs,
+            armed,
+            crash,
+            motor,
+            landing,
+        } = self;
         let times = [
             ("supervision.link", "hold_after_s", link.hold_after_s),
             ("supervision.link", "land_after_s", link.land_after_s),
@@ -235,6 +340,8 @@ impl Supervision {
             ("supervision.pose", "land_after_s", pose.land_after_s),
             ("supervision.pose", "cut_after_s", pose.cut_after_s),
             ("supervision.pose", "good_for_s", pose.good_for_s),
+            ("supervision.pose", "oldest_s", pose.oldest_s),
+            ("supervision.pose", "believed_after_s", pose.believed_after_s),
             ("supervision.imu", "cut_after_s", imu.cut_after_s),
             ("supervision.battery", "for_s", battery.for_s),
             ("supervision.tilt", "for_s", tilt.for_s),
@@ -242,6 +349,11 @@ impl Supervision {
             ("supervision.thrust", "for_s", thrust.for_s),
             ("supervision.timing", "jump_s", timing.jump_s),
             ("supervision.timing", "overrun_s", timing.overrun_s),
+            ("supervision.outputs", "land_after_s", outputs.land_after_s),
+            ("supervision.armed", "idle_for_s", armed.idle_for_s),
+            ("supervision.crash", "for_s", crash.for_s),
+            ("supervision.motor", "for_s", motor.for_s),
+            ("supervision.landing", "touchdown_s", landing.touchdown_s),
         ];
         times
             .into_iter()
@@ -269,6 +381,8 @@ impl Supervision {
         check.within("missing_ticks", f64::from(imu.missing_ticks), 1.0, 1e6)?;
         check.within("repeats", f64::from(imu.repeats), 1.0, 1e6)?;
         check.within("rate_limit_rad_s", imu.rate_limit_rad_s, 1e-2, 1e4)?;
+        check.within("vibration_rad_s", imu.vibration_rad_s, 1e-3, 1e4)?;
+        check.within("vibration_filter_s", imu.vibration_filter_s, 1e-3, LONGEST_S)?;
         check.within("disagreement_rad_s", imu.disagreement_rad_s, 1e-3, 1e4)?;
         check.within("disagreement_filter_s", imu.disagreement_filter_s, 1e-3, LONGEST_S)?;
         let check = RangeCheck { group: "supervision.battery" };
@@ -279,7 +393,7 @@ impl Supervision {
 
     /// What the craft does: tilt, place, sinking, landing.
     fn check_flight(&self) -> Result<(), ConfigError> {
-        let Self { tilt, fence, thrust, landing, .. } = self;
+        let Self { tilt, fence, thrust, crash, landing, .. } = self;
         let check = RangeCheck { group: "supervision.tilt" };
         check.within("limit_rad", tilt.limit_rad, 0.1, core::f64::consts::PI)?;
         check.within("arming_rad", tilt.arming_rad, 0.01, core::f64::consts::PI)?;
@@ -290,11 +404,15 @@ impl Supervision {
         let check = RangeCheck { group: "supervision.thrust" };
         check.within("sink_m_s", thrust.sink_m_s, 0.0, 100.0)?;
         check.within("level_rad", thrust.level_rad, 0.01, core::f64::consts::PI)?;
+        let check = RangeCheck { group: "supervision.crash" };
+        check.within("error_rad", crash.error_rad, 0.05, 10.0)?;
+        check.within("rate_rad_s", crash.rate_rad_s, 0.01, 100.0)?;
         let check = RangeCheck { group: "supervision.landing" };
         check.within("descent_m_s", landing.descent_m_s, 0.01, 10.0)?;
         check.within("fast_descent_m_s", landing.fast_descent_m_s, 0.01, 10.0)?;
         check.within("blind_offset_m", landing.blind_offset_m, 0.0, 1.0)?;
-        check.within("touchdown_m", landing.touchdown_m, 0.0, 1.0)
+        check.within("touchdown_m", landing.touchdown_m, 0.0, 1.0)?;
+        check.within("touchdown_fraction", landing.touchdown_fraction, 0.1, 0.9)
     }
 }
 
@@ -320,6 +438,10 @@ defaults!(
     Fence: fence,
     ThrustLossLimits: thrust,
     TimingLimits: timing,
+    OutputLimits: outputs,
+    ArmedLimits: armed,
+    CrashLimits: crash,
+    MotorLimits: motor,
     Landing: landing
 );
 
@@ -343,7 +465,11 @@ mod tests {
     fn the_defaults_can_be_flown_with() {
         assert_eq!(message(|_| ()), "good");
         assert_eq!(message(|s| s.fence = Fence::NONE), "good");
-        assert_eq!(message(|s| s.battery = BatteryLevels::THREE_CELLS), "good");
+        for cells in 1..=14 {
+            assert_eq!(message(|s| s.battery = BatteryLevels::of_cells(cells)), "good");
+        }
+        assert_eq!(BatteryLevels::of_cells(3), BatteryLevels::THREE_CELLS);
+        assert!(!Supervision::DEFAULT.battery.are_given() && BatteryLevels::of_cells(1).are_given());
     }
 
     #[test]
@@ -363,7 +489,7 @@ mod tests {
     /// A timer in microseconds counts to 71 minutes; every time in the table is checked.
     #[test]
     fn no_time_is_longer_than_a_minute() {
-        let times: [fn(&mut Supervision) -> &mut f64; 15] = [
+        let times: [fn(&mut Supervision) -> &mut f64; 23] = [
             |s| &mut s.link.hold_after_s,
             |s| &mut s.link.land_after_s,
             |s| &mut s.link.good_for_s,
@@ -371,14 +497,22 @@ mod tests {
             |s| &mut s.pose.land_after_s,
             |s| &mut s.pose.cut_after_s,
             |s| &mut s.pose.good_for_s,
+            |s| &mut s.pose.oldest_s,
+            |s| &mut s.pose.believed_after_s,
             |s| &mut s.imu.cut_after_s,
             |s| &mut s.imu.disagreement_filter_s,
+            |s| &mut s.imu.vibration_filter_s,
             |s| &mut s.battery.for_s,
             |s| &mut s.tilt.for_s,
             |s| &mut s.fence.for_s,
             |s| &mut s.thrust.for_s,
             |s| &mut s.timing.jump_s,
             |s| &mut s.timing.overrun_s,
+            |s| &mut s.outputs.land_after_s,
+            |s| &mut s.armed.idle_for_s,
+            |s| &mut s.crash.for_s,
+            |s| &mut s.motor.for_s,
+            |s| &mut s.landing.touchdown_s,
         ];
         for (k, time) in times.into_iter().enumerate() {
             for bad in [60.1, -0.1, f64::NAN] {

@@ -4,7 +4,7 @@
 //!   never reaches the law. The last good value of that field is held, and a fault of its kind is
 //!   raised and counted. A bad injection counts as none.
 //! - Position and altitude commands are moved into the configured box (thesis 3: 4 m x 2 m x 2 m on
-//!   the floor).
+//!   the floor); a landing's may go below it.
 //! - Nothing flies before there has been one sample whose position, attitude and voltage were all
 //!   good.
 //!
@@ -211,6 +211,11 @@ pub(crate) struct Bounds {
 impl Bounds {
     pub(crate) fn new(limits: &PositionLimits) -> Self {
         Self { x: Interval::new(limits.x_m), y: Interval::new(limits.y_m), z: Interval::new(limits.z_m) }
+    }
+
+    /// The same box, so much deeper.
+    pub(crate) fn deeper(self, by_m: f32) -> Self {
+        Self { z: Interval { high: self.z.high + by_m, ..self.z }, ..self }
     }
 }
 

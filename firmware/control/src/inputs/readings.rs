@@ -33,6 +33,8 @@ pub struct Readings {
     pub time_us: u32,
     /// The newest pose.
     pub pose: Option<Pose>,
+    /// How long ago it was taken at least, us; 0 where nobody knows.
+    pub pose_age_us: u32,
     /// The newest gyro sample p, q, r, body FRD, in rad/s.
     pub gyro_rad_s: Option<[f32; 3]>,
     /// Battery voltage in V; NaN if it could not be measured.

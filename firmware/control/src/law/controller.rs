@@ -47,6 +47,7 @@ use crate::law::terms::{OuterTerms, Terms, Tick};
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Laws {
     bounds: Bounds,
+    landing_bounds: Bounds,
     estimator: Estimator,
     position: PositionLaw,
     roll: AngleLoop,
@@ -64,6 +65,14 @@ struct Laws {
     /// period, and grows in another.
     tilt_reduction: f32,
     tilt_recovery: f32,
+}
+
+impl Laws {
+    /// Where positions may be commanded.
+    #[inline]
+    fn bounds(&self, lands: bool) -> &Bounds {
+        if lands { &self.landing_bounds } else { &self.bounds }
+    }
 }
 
 /// Memory of the inner loops, from the first tick after the start or a cut-off.
@@ -105,6 +114,21 @@ impl Memory {
     }
 }
 
+/// How far below the box a landing may command, m: a floor may be lower than it was thought, and a
+/// craft that stands on it is to carry itself less and less.
+pub(crate) const LANDING_DEPTH_M: f32 = 1.0;
+
+/// What a tick is to do.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Guided<'a> {
+    pub(crate) mode: Mode,
+    pub(crate) cut_off: bool,
+    /// Heights below the box may be commanded.
+    pub(crate) lands: bool,
+    /// Absent: the values of the last one are kept.
+    pub(crate) command: Option<&'a Command>,
+}
+
 /// The controller: an immutable law and a small memory. Copying it is taking a snapshot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Controller {
@@ -133,6 +157,7 @@ impl Controller {
         }
         let laws = Laws {
             bounds: Bounds::new(&config.position_limits),
+            landing_bounds: Bounds::new(&config.position_limits).deeper(LANDING_DEPTH_M),
             estimator: Estimator::new(&config.estimation, period_s),
             position: PositionLaw::new(&loops.x, &loops.y, rule, period_s, anti_windup),
             roll: AngleLoop::new(&loops.roll, period_s, anti_windup),
@@ -180,26 +205,26 @@ impl Controller {
     /// range.
     pub fn tick(&mut self, measurement: &Measurement, command: &Command) -> Tick {
         let mut outcome = Tick::default();
-        self.tick_into(measurement, false, command.mode, command.cut_off, Some(command), &mut outcome);
+        let Command { mode, cut_off, .. } = *command;
+        let guided = Guided { mode, cut_off, lands: false, command: Some(command) };
+        self.tick_into(measurement, false, &guided, &mut outcome);
         outcome
     }
 
     /// [`Controller::tick`] into a place that is there already: copying an outcome is a fifth of
     /// the cost of a tick.
     ///
-    /// `checked`: the detectors have checked position and attitude already. Without a command the
-    /// values of the last one are kept.
+    /// `checked`: the detectors have checked position and attitude already.
     #[inline]
     pub(crate) fn tick_into(
         &mut self,
         measurement: &Measurement,
         checked: bool,
-        mode: Mode,
-        cut_off: bool,
-        command: Option<&Command>,
+        guided: &Guided<'_>,
         outcome: &mut Tick,
     ) {
         let Self { laws, memory } = self;
+        let Guided { mode, cut_off, lands, command } = *guided;
         memory.faults.internal.note(false);
         let wants_gyro = laws.estimator.uses_gyro();
         let all_good = if checked {
@@ -215,7 +240,7 @@ impl Controller {
             memory.started = true;
         }
         match command {
-            Some(command) => memory.inputs.command(command, &laws.bounds, &mut memory.faults),
+            Some(command) => memory.inputs.command(command, laws.bounds(lands), &mut memory.faults),
             None => memory.faults.command.note(false),
         }
         let estimates = estimate(laws, memory, measurement.gyro_rad_s.is_some());

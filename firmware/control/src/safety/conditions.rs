@@ -59,11 +59,24 @@ pub enum Condition {
     LoopOverrun = 24,
     /// The controller had a result that is not a number.
     NotANumber = 25,
+    /// The program's outputs do not take the motor commands.
+    OutputsFailed = 26,
+    /// The craft has been armed for long and nothing was flown.
+    IdleForLong = 27,
+    /// The craft is tilted away from where it wants to be and does not turn: it lies, or hangs.
+    Crashed = 28,
+    /// One motor is asked for all it has, and the others are not: it is lost, or weak. Which one is
+    /// a preflight check.
+    MotorFailed = 29,
+    /// The gyro shivers: a propeller is broken, or something is loose.
+    Vibrating = 30,
+    /// A pose came that was taken too long ago. It counts as missing.
+    PoseOld = 31,
 }
 
 impl Condition {
     /// All, in the order of their bits.
-    pub const ALL: [Self; 26] = [
+    pub const ALL: [Self; 32] = [
         Self::ArmRequested,
         Self::FlightRequested,
         Self::DisarmRequested,
@@ -90,6 +103,12 @@ impl Condition {
         Self::ClockJumped,
         Self::LoopOverrun,
         Self::NotANumber,
+        Self::OutputsFailed,
+        Self::IdleForLong,
+        Self::Crashed,
+        Self::MotorFailed,
+        Self::Vibrating,
+        Self::PoseOld,
     ];
 
     /// The name that people read.
@@ -121,6 +140,12 @@ impl Condition {
             Self::ClockJumped => "clock jumped",
             Self::LoopOverrun => "loop overrun",
             Self::NotANumber => "result not a number",
+            Self::OutputsFailed => "outputs failed",
+            Self::IdleForLong => "idle for long",
+            Self::Crashed => "crashed",
+            Self::MotorFailed => "motor failed",
+            Self::Vibrating => "vibration",
+            Self::PoseOld => "pose old",
         }
     }
 
@@ -145,7 +170,7 @@ impl Conditions {
 
     /// The set with these bits; bits that mean nothing are left out.
     pub const fn from_bits(bits: u32) -> Self {
-        Self(bits & ((1 << Condition::ALL.len()) - 1))
+        Self(bits & (u32::MAX >> (32 - Condition::ALL.len())))
     }
 
     /// One bit a condition.

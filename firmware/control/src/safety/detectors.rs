@@ -16,6 +16,7 @@ use crate::inputs::readings::Pose;
 use crate::safety::conditions::{Condition, Conditions};
 use crate::safety::limits::Limits;
 use crate::safety::plausibility::{differ, is_inside, is_pose, is_reachable, is_tilted_beyond, tilt_bound};
+use crate::safety::second_opinion::SecondOpinion;
 use crate::safety::timers::{Held, Silence};
 
 /// How often something was refused since the start; counts stay at the greatest number.
@@ -59,11 +60,16 @@ pub(crate) struct Detectors {
     pose_repeats: u32,
     /// For how long no pose at all has come, us.
     unheard_us: u32,
+    /// Poses that were refused.
+    second: SecondOpinion,
     /// A simulation begins with a line of equal poses: none of them is frozen.
     pose_settling: bool,
     /// Whether the sample of this tick can be compared with motion capture.
     imu_comparable: bool,
     imu_last: [f32; 3],
+    imu_before: [f32; 3],
+    /// Mean square of the second differences, rad^2/s^2.
+    vibration: f32,
     imu_equal: u32,
     imu_missing: u32,
     imu_age_us: u32,
@@ -75,9 +81,8 @@ pub(crate) struct Detectors {
     tilt: Held,
     fence: Held,
     outside: bool,
-    thrust: Held,
-    thrust_lost: bool,
-    not_a_number: bool,
+    outputs: Held,
+    armed: Held,
     pub(crate) counters: Counters,
 }
 
@@ -91,9 +96,12 @@ impl Detectors {
             pose: Silence::NEVER,
             pose_repeats: 0,
             unheard_us: 0,
+            second: SecondOpinion::NONE,
             pose_settling: false,
             imu_comparable: false,
             imu_last: [f32::NAN; 3],
+            imu_before: [f32::NAN; 3],
+            vibration: 0.0,
             imu_equal: 0,
             imu_missing: u32::MAX,
             imu_age_us: u32::MAX,
@@ -104,9 +112,8 @@ impl Detectors {
             tilt: Held::default(),
             fence: Held::default(),
             outside: true,
-            thrust: Held::default(),
-            thrust_lost: false,
-            not_a_number: false,
+            outputs: Held::default(),
+            armed: Held::default(),
             counters: Counters::default(),
         }
     }
@@ -182,8 +189,8 @@ impl Detectors {
         let good = pose.is_some_and(|pose| {
             self.outside = !is_inside(pose.position_m, limits);
             let plausible = if anchored {
-                // Refused poses do not extend the reach: a tracker that has jumped is not believed
-                // for staying there.
+                // Refused poses do not extend the reach: a tracker that has jumped is believed for
+                // moving as a craft does, not for staying there.
                 let reach_m = if self.unheard_us == 0 { limits.jump_m } else { self.reach_m(limits) };
                 is_reachable(pose, last.position_m, attitude_rad, reach_m, limits)
             } else {
@@ -194,7 +201,7 @@ impl Detectors {
                 self.pose_settling &= !anchored;
                 return true;
             }
-            self.doubtful(pose != last, plausible, limits, conditions)
+            self.doubtful(pose, known, plausible, elapsed_us, limits, conditions)
         });
         self.unheard_us = if pose.is_some() { 0 } else { self.unheard_us.saturating_add(elapsed_us) };
         self.pose.step(good, elapsed_us, &limits.pose);
@@ -208,6 +215,13 @@ impl Detectors {
         good
     }
 
+    /// A pose that came too late counts as none.
+    #[cold]
+    pub(crate) fn old_pose(&mut self, conditions: &mut Conditions) {
+        count(&mut self.counters.poses_refused);
+        conditions.note(Condition::PoseOld, true);
+    }
+
     /// How far from the last good pose the craft may be, m.
     #[cold]
     fn reach_m(&self, limits: &Limits) -> f32 {
@@ -216,17 +230,30 @@ impl Detectors {
 
     /// A pose that came again unchanged, or one that cannot be true.
     #[cold]
-    fn doubtful(&mut self, new: bool, plausible: bool, limits: &Limits, conditions: &mut Conditions) -> bool {
-        self.pose_repeats = if new { 0 } else { self.pose_repeats.saturating_add(1) };
+    fn doubtful(
+        &mut self,
+        pose: &Pose,
+        known: &LastKnown<'_>,
+        plausible: bool,
+        elapsed_us: u32,
+        limits: &Limits,
+        conditions: &mut Conditions,
+    ) -> bool {
+        self.pose_repeats = if pose == known.last { self.pose_repeats.saturating_add(1) } else { 0 };
         let frozen = self.pose_repeats >= limits.pose_repeats && !self.pose_settling;
-
         conditions.note(Condition::PoseFrozen, frozen);
         conditions.note(Condition::PoseJumped, !plausible);
-        let good = plausible && !frozen;
-        if !good {
+        if plausible && !frozen {
+            return true;
+        }
+        let since_us = self.unheard_us.saturating_add(elapsed_us);
+        let LastKnown { last, attitude_rad, anchored } = *known;
+        let believed =
+            !plausible && anchored && self.second.hear(pose, last.position_m, attitude_rad, since_us, limits);
+        if !believed {
             count(&mut self.counters.poses_refused);
         }
-        good
+        believed
     }
 
     /// Detects bad and missing gyro samples; returns the sample if it can be used.
@@ -241,13 +268,27 @@ impl Detectors {
         if let Some(rates) = gyro_rad_s {
             let greatest = rates.iter().fold(0, |greatest, rate| magnitude(*rate).max(greatest));
             if greatest <= limits.rate_limit && differ(&rates, &self.imu_last) && !self.imu_disagrees {
-                self.imu_last = rates;
+                self.shake(rates, limits);
+                conditions.note(Condition::Vibrating, self.vibration > limits.vibration);
+                (self.imu_before, self.imu_last) = (self.imu_last, rates);
                 (self.imu_equal, self.imu_missing, self.imu_age_us) = (1, 0, 0);
                 self.imu_comparable = true;
                 return gyro_rad_s;
             }
         }
         self.imu_in_doubt(gyro_rad_s, elapsed_us, limits, conditions)
+    }
+
+    /// Adds a good sample to the mean of the vibration.
+    #[inline]
+    fn shake(&mut self, [p, q, r]: [f32; 3], limits: &Limits) {
+        let ([p1, q1, r1], [p2, q2, r2]) = (self.imu_last, self.imu_before);
+        let (dp, dq, dr) = (p - 2.0 * p1 + p2, q - 2.0 * q1 + q2, r - 2.0 * r1 + r2);
+        let square = dp * dp + dq * dq + dr * dr;
+        // The first samples have none before them.
+        if square <= f32::MAX {
+            self.vibration += limits.vibration_gain * (square - self.vibration);
+        }
     }
 
     /// Handles no sample, an implausible one, or a repeated one.
@@ -330,13 +371,28 @@ impl Detectors {
         conditions.note(Condition::Tilted, self.tilt.step(tilted, elapsed_us, limits.tilt_us));
     }
 
-    /// Reports what the end of the tick before has shown.
+    /// Detects outputs that do not take the commands.
     #[inline]
-    pub(crate) fn aftermath(&mut self, conditions: &mut Conditions) {
-        if self.thrust_lost || self.not_a_number {
-            conditions.note(Condition::ThrustLost, self.thrust_lost);
-            conditions.note(Condition::NotANumber, self.not_a_number);
-        }
+    pub(crate) fn outputs(
+        &mut self,
+        ready: bool,
+        elapsed_us: u32,
+        limits: &Limits,
+        conditions: &mut Conditions,
+    ) {
+        conditions.note(Condition::OutputsFailed, self.outputs.step(!ready, elapsed_us, limits.outputs_us));
+    }
+
+    /// Detects a craft that is armed and is not flown.
+    #[cold]
+    pub(crate) fn armed(
+        &mut self,
+        waits: bool,
+        elapsed_us: u32,
+        limits: &Limits,
+        conditions: &mut Conditions,
+    ) {
+        conditions.note(Condition::IdleForLong, self.armed.step(waits, elapsed_us, limits.armed_us));
     }
 
     /// Compares the body rates by gyro and by motion capture, in rad/s.
@@ -359,23 +415,6 @@ impl Detectors {
             sum += smooth.abs();
         }
         self.imu_disagrees = sum > limits.disagreement_rad_s;
-    }
-
-    /// Looks at the result of a tick: thrust refused upwards, rate of inertial z in m/s, attitude
-    /// in rad, a result that is not a number.
-    #[inline]
-    pub(crate) fn after(
-        &mut self,
-        refused: bool,
-        z_rate_m_s: f32,
-        attitude_rad: [f32; 3],
-        not_a_number: bool,
-        elapsed_us: u32,
-        limits: &Limits,
-    ) {
-        let sinks = refused && z_rate_m_s > limits.sink_m_s && tilt_bound(attitude_rad) < limits.level_rad;
-        self.thrust_lost = self.thrust.step(sinks, elapsed_us, limits.thrust_us);
-        self.not_a_number = not_a_number;
     }
 
     /// Whether clock and loop keep time.
@@ -550,6 +589,28 @@ mod tests {
         }
     }
 
+    /// Sines of 1 rad/s on one axis, by the frequency response of the second difference (Oppenheim
+    /// and Schafer): 4 sin^2(pi f / fs), so 16/2 at 25 Hz, a quarter of what 1 rad/s at 50 Hz gives.
+    #[test]
+    fn what_shakes_from_sample_to_sample_is_vibration_and_motion_is_not() {
+        let limits = limits();
+        let shaken = |amplitude_rad_s: f32, frequency_hz: f32| {
+            let mut detectors = Detectors::in_flight();
+            let mut last = vec![];
+            for k in 0..400 {
+                // The phase keeps 50 Hz away from its zeros.
+                let phase = core::f32::consts::TAU * frequency_hz * 0.01 * k as f32 + 1.57;
+                let rates = Some([0.0, amplitude_rad_s * phase.sin(), 0.3]);
+                last = found(|c| detectors.imu(rates, PERIOD_US, &limits, c)).1;
+            }
+            (detectors.vibration, last == [C::Vibrating])
+        };
+        let (square, vibrates) = shaken(1.0, 25.0);
+        assert!((square - 2.0).abs() < 0.1 && !vibrates, "{square}");
+        assert!(shaken(1.1, 50.0).1 && !shaken(0.9, 50.0).1);
+        assert!(!shaken(5.0, 5.0).1, "a craft that rolls");
+    }
+
     #[test]
     fn a_gyro_that_contradicts_the_poses_is_noticed_and_one_wild_sample_is_not() {
         let limits = limits();
@@ -580,20 +641,5 @@ mod tests {
         (0..4).for_each(|_| assert_eq!(voltage(f32::NAN), [C::BatteryLow]));
         assert_eq!(voltage(f32::NAN), [C::BatteryLow, C::BatteryCritical, C::BatteryEmpty]);
         assert_eq!(voltage(12.0), []);
-    }
-
-    #[test]
-    fn thrust_is_lost_by_a_level_craft_that_sinks_and_nobody_else() {
-        let limits = limits();
-        let lost = |refused, sink_m_s, roll_rad| {
-            let mut detectors = Detectors::in_flight();
-            for _ in 0..40 {
-                detectors.after(refused, sink_m_s, [roll_rad, 0.0, 0.0], false, PERIOD_US, &limits);
-            }
-            !found(|c| detectors.aftermath(c)).1.is_empty()
-        };
-        assert!(lost(true, 0.3, 0.1));
-        assert!(!lost(false, 0.3, 0.1) && !lost(true, 0.1, 0.1) && !lost(true, 0.3, 0.5));
-        assert!(!lost(true, f32::NAN, 0.1));
     }
 }

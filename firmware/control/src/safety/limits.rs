@@ -2,12 +2,28 @@
 //! a tick need not compute anew.
 
 use crate::config::gains::Config;
-use crate::config::supervision_limits::Supervision;
+use crate::config::supervision_limits::{Landing, Supervision};
 use crate::inputs::input_checks::magnitude;
 
 /// Seconds as microseconds; what does not fit is the greatest number.
 fn micros(seconds: f64) -> u32 {
     (seconds * 1e6) as u32
+}
+
+/// When a silence is late, lost, and over, s.
+fn silence(late_s: f64, lost_s: f64, good_s: f64) -> SilenceLimits {
+    SilenceLimits { late_us: micros(late_s), lost_us: micros(lost_s), good_us: micros(good_s) }
+}
+
+/// Weight of the newest sample in a first-order smoothing.
+fn smoothing(period_s: f64, time_constant_s: f64) -> f32 {
+    (1.0 - libm::exp(-period_s / time_constant_s)) as f32
+}
+
+/// Least and greatest command, less what rounding and a map that is not exact leave of them.
+fn ends([low, high]: [f64; 2]) -> [f32; 2] {
+    let rest = 0.005 * (high - low);
+    [(low + rest) as f32, (high - rest) as f32]
 }
 
 /// [`Supervision`] in the units of flight.
@@ -19,15 +35,20 @@ pub(crate) struct Limits {
     pub(crate) link: SilenceLimits,
     pub(crate) pose: SilenceLimits,
     pub(crate) pose_cut_us: u32,
+    pub(crate) pose_oldest_us: u32,
     pub(crate) pose_repeats: u32,
     pub(crate) jump_m: f32,
     pub(crate) speed_m_per_us: f32,
     pub(crate) jump_rad: f32,
+    pub(crate) believed_us: u32,
     pub(crate) imu_missing_ticks: u32,
     pub(crate) imu_repeats: u32,
     pub(crate) imu_cut_us: u32,
     /// As a [`magnitude`].
     pub(crate) rate_limit: u32,
+    /// Of second differences, which are four times what alternates from sample to sample, rad^2/s^2.
+    pub(crate) vibration: f32,
+    pub(crate) vibration_gain: f32,
     pub(crate) disagreement_rad_s: f32,
     pub(crate) disagreement_gain: f32,
     pub(crate) battery_v: [f32; 3],
@@ -42,7 +63,32 @@ pub(crate) struct Limits {
     pub(crate) thrust_us: u32,
     pub(crate) sink_m_s: f32,
     pub(crate) level_rad: f32,
+    pub(crate) outputs_us: u32,
+    pub(crate) armed_us: u32,
+    pub(crate) motor_us: u32,
+    /// A motor command up to the first is none, from the second on all there is, command units.
+    pub(crate) ends: [f32; 2],
+    /// Error in rad, body rates in rad/s.
+    pub(crate) crash: [f32; 2],
+    pub(crate) crash_us: u32,
+    pub(crate) touchdown: TouchdownLimits,
     pub(crate) uses_gyro: bool,
+}
+
+/// When a landing craft stands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct TouchdownLimits {
+    /// Motor command at idle, command units.
+    pub(crate) idle: f32,
+    pub(crate) fraction: f32,
+    /// Smoothing of the command in flight, over a second.
+    pub(crate) smoothing: f32,
+    /// It does not sink if it sinks, or rises, slower.
+    pub(crate) still_m_s: f32,
+    /// Inertial z of what counts as the floor, m.
+    pub(crate) floor_m: f32,
+    pub(crate) near_us: u32,
+    pub(crate) anywhere_us: u32,
 }
 
 /// When a silence matters.
@@ -53,35 +99,60 @@ pub(crate) struct SilenceLimits {
     pub(crate) good_us: u32,
 }
 
+impl TouchdownLimits {
+    fn new(config: &Config, landing: &Landing) -> Self {
+        let ([idle, _], [_, lowest_m]) = (config.command_range, config.position_limits.z_m);
+        Self {
+            idle: idle as f32,
+            fraction: landing.touchdown_fraction as f32,
+            smoothing: smoothing(config.sample_time_s, 1.0),
+            still_m_s: (0.5 * landing.descent_m_s) as f32,
+            floor_m: (lowest_m - landing.touchdown_m) as f32,
+            near_us: micros(landing.touchdown_s),
+            anywhere_us: micros(3.0 * landing.touchdown_s),
+        }
+    }
+}
+
 impl Limits {
     pub(crate) fn new(config: &Config) -> Self {
-        let Supervision { link, pose, imu, battery, tilt, fence, thrust, timing, .. } = &config.supervision;
+        let Supervision {
+            link,
+            pose,
+            imu,
+            battery,
+            tilt,
+            fence,
+            thrust,
+            timing,
+            outputs,
+            armed,
+            crash,
+            motor,
+            landing,
+        } = &config.supervision;
         let sides = [fence.x_m, fence.y_m, fence.z_m];
         Self {
             period_us: micros(config.sample_time_s),
             jump_us: micros(timing.jump_s),
             overrun_us: micros(timing.overrun_s),
-            link: SilenceLimits {
-                late_us: micros(link.hold_after_s),
-                lost_us: micros(link.land_after_s),
-                good_us: micros(link.good_for_s),
-            },
-            pose: SilenceLimits {
-                late_us: micros(pose.coast_s),
-                lost_us: micros(pose.land_after_s),
-                good_us: micros(pose.good_for_s),
-            },
+            link: silence(link.hold_after_s, link.land_after_s, link.good_for_s),
+            pose: silence(pose.coast_s, pose.land_after_s, pose.good_for_s),
             pose_cut_us: micros(pose.cut_after_s),
+            pose_oldest_us: micros(pose.oldest_s),
             pose_repeats: pose.repeats,
             jump_m: pose.jump_m as f32,
             speed_m_per_us: (pose.speed_m_s * 1e-6) as f32,
             jump_rad: pose.jump_rad as f32,
+            believed_us: micros(pose.believed_after_s.max(pose.coast_s)),
             imu_missing_ticks: imu.missing_ticks,
             imu_repeats: imu.repeats,
             imu_cut_us: micros(imu.cut_after_s),
             rate_limit: magnitude(imu.rate_limit_rad_s as f32),
+            vibration: (16.0 * imu.vibration_rad_s * imu.vibration_rad_s) as f32,
+            vibration_gain: smoothing(config.sample_time_s, imu.vibration_filter_s),
             disagreement_rad_s: imu.disagreement_rad_s as f32,
-            disagreement_gain: (1.0 - libm::exp(-config.sample_time_s / imu.disagreement_filter_s)) as f32,
+            disagreement_gain: smoothing(config.sample_time_s, imu.disagreement_filter_s),
             battery_v: [battery.warn_v as f32, battery.land_v as f32, battery.empty_v as f32],
             battery_us: micros(battery.for_s),
             tilt_rad: tilt.limit_rad as f32,
@@ -94,6 +165,13 @@ impl Limits {
             thrust_us: micros(thrust.for_s),
             sink_m_s: thrust.sink_m_s as f32,
             level_rad: thrust.level_rad as f32,
+            outputs_us: micros(outputs.land_after_s),
+            armed_us: micros(armed.idle_for_s),
+            motor_us: micros(motor.for_s),
+            ends: ends(config.command_range),
+            crash: [crash.error_rad as f32, crash.rate_rad_s as f32],
+            crash_us: micros(crash.for_s),
+            touchdown: TouchdownLimits::new(config, landing),
             uses_gyro: config.estimation.gyro.is_some(),
         }
     }

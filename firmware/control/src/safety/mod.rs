@@ -2,7 +2,8 @@
 //!
 //! | file | question |
 //! |---|---|
-//! | [`detectors`] | what is wrong in this tick? ([`limits`], [`timers`] and [`plausibility`] help) |
+//! | [`detectors`] | what is wrong in this tick? ([`aftermath`], [`limits`], [`timers`], [`plausibility`],
+//! | | [`second_opinion`] and [`touchdown`] help) |
 //! | [`conditions`] | what can be wrong at all? One bit each, for telemetry and logs |
 //! | [`state_machine`] | what does the craft do about it? |
 //! | [`preflight`] | may it be armed? |
@@ -10,10 +11,13 @@
 //! From when on something counts as wrong is
 //! [`supervision_limits`](crate::config::supervision_limits), in the gains file.
 
+pub(crate) mod aftermath;
 pub mod conditions;
 pub(crate) mod detectors;
 pub(crate) mod limits;
 pub(crate) mod plausibility;
 pub mod preflight;
+pub(crate) mod second_opinion;
 pub mod state_machine;
 pub(crate) mod timers;
+pub(crate) mod touchdown;

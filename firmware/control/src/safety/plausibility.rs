@@ -36,17 +36,31 @@ pub(crate) fn is_pose(pose: &Pose) -> bool {
 #[inline]
 pub(crate) fn is_reachable(
     pose: &Pose,
-    [x0, y0, z0]: [f32; 3],
-    [roll0, pitch0, yaw0]: [f32; 3],
+    from_m: [f32; 3],
+    from_rad: [f32; 3],
     reach_m: f32,
     limits: &Limits,
 ) -> bool {
-    let ([x, y, z], [roll, pitch, yaw]) = (pose.position_m, pose.attitude_rad);
+    is_within(pose.position_m, from_m, reach_m) && is_turned_so(pose.attitude_rad, from_rad, limits)
+}
+
+/// Are two positions as near as that? NaN is not.
+#[inline]
+pub(crate) fn is_within([x, y, z]: [f32; 3], [x0, y0, z0]: [f32; 3], reach_m: f32) -> bool {
     let (dx, dy, dz) = (x - x0, y - y0, z - z0);
+    dx * dx + dy * dy + dz * dz <= reach_m * reach_m
+}
+
+/// Can the craft have turned so? NaN cannot.
+#[inline]
+pub(crate) fn is_turned_so(
+    [roll, pitch, yaw]: [f32; 3],
+    [roll0, pitch0, yaw0]: [f32; 3],
+    limits: &Limits,
+) -> bool {
     let jump_rad = limits.jump_rad;
     let (turned_roll, turned_pitch, turned_yaw) = (roll - roll0, pitch - pitch0, yaw - yaw0);
-    dx * dx + dy * dy + dz * dz <= reach_m * reach_m
-        && turned_pitch.abs() <= jump_rad
+    turned_pitch.abs() <= jump_rad
         && ((turned_roll.abs() <= jump_rad && turned_yaw.abs() <= jump_rad)
             || went_the_short_way(turned_roll, turned_yaw, jump_rad))
 }

@@ -25,11 +25,13 @@ impl Preflight {
     pub const OUTPUTS: u16 = 1 << 8;
     /// The pilot's command is cut-off: arming alone does not take off.
     pub const IDLE: u16 = 1 << 9;
+    /// No motor has failed; one each. A disarm request on the ground takes note of one that has.
+    pub const MOTORS: [u16; 4] = [1 << 10, 1 << 11, 1 << 12, 1 << 13];
     /// All of them.
-    pub const ALL: Self = Self((1 << 10) - 1);
+    pub const ALL: Self = Self((1 << 14) - 1);
 
     /// Each check with its name, in the order of the bits.
-    pub const NAMES: [(u16, &'static str); 10] = [
+    pub const NAMES: [(u16, &'static str); 14] = [
         (Self::LINK, "link"),
         (Self::POSE, "pose"),
         (Self::IMU, "IMU"),
@@ -40,6 +42,10 @@ impl Preflight {
         (Self::CONTROLLER, "controller"),
         (Self::OUTPUTS, "outputs"),
         (Self::IDLE, "idle command"),
+        (Self::MOTORS[0], "motor 1"),
+        (Self::MOTORS[1], "motor 2"),
+        (Self::MOTORS[2], "motor 3"),
+        (Self::MOTORS[3], "motor 4"),
     ];
 
     /// Names of the checks that are not good.
@@ -81,10 +87,10 @@ mod tests {
         assert_eq!(Preflight::from_bits(!Preflight::IMU).missing().collect::<Vec<_>>(), ["IMU"]);
     }
 
-    /// All 1024 rows of the arming matrix: it arms on the last one only.
+    /// All rows of the arming matrix: it arms on the last one only.
     #[test]
     fn the_arming_matrix() {
-        let ready: Vec<u16> = (0..1024).filter(|bits| Preflight::from_bits(*bits).ready()).collect();
-        assert_eq!(ready, [1023]);
+        let ready: Vec<u16> = (0..1 << 14).filter(|bits| Preflight::from_bits(*bits).ready()).collect();
+        assert_eq!(ready, [(1 << 14) - 1]);
     }
 }

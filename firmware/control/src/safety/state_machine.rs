@@ -73,7 +73,7 @@ pub enum Action {
 /// The table: for each condition the action in [`State::ALL`]: disarmed, armed, flying, hold, land,
 /// cut.
 #[rustfmt::skip]
-pub const TABLE: [(Condition, [Action; 6]); 26] = {
+pub const TABLE: [(Condition, [Action; 6]); Condition::ALL.len()] = {
     use Action::{Arm, Cut, Disarm, Fly, Hold, Land, Stand, Stay};
     use Condition as C;
     [
@@ -104,6 +104,12 @@ pub const TABLE: [(Condition, [Action; 6]); 26] = {
         (C::ClockJumped,        [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
         (C::LoopOverrun,        [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
         (C::NotANumber,         [Stay,   Stand,  Land,   Land,   Cut,    Stay]),
+        (C::OutputsFailed,      [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::IdleForLong,        [Stay,   Stand,  Stay,   Stay,   Stay,   Stay]),
+        (C::Crashed,            [Stay,   Stand,  Cut,    Cut,    Cut,    Stay]),
+        (C::MotorFailed,        [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::Vibrating,          [Stay,   Stand,  Land,   Land,   Stay,   Stay]),
+        (C::PoseOld,            [Stay,   Stay,   Stay,   Stay,   Stay,   Stay]),
     ]
 };
 
@@ -215,8 +221,8 @@ mod tests {
     }
 
     /// Dangers in three grades.
-    const STOP: [Condition; 3] = [C::PoseGone, C::ImuGone, C::Tilted];
-    const DOWN: [Condition; 12] = [
+    const STOP: [Condition; 4] = [C::PoseGone, C::ImuGone, C::Tilted, C::Crashed];
+    const DOWN: [Condition; 15] = [
         C::LinkLost,
         C::PoseLost,
         C::ImuLate,
@@ -229,6 +235,9 @@ mod tests {
         C::ClockJumped,
         C::LoopOverrun,
         C::NotANumber,
+        C::OutputsFailed,
+        C::MotorFailed,
+        C::Vibrating,
     ];
     const WAIT: [Condition; 2] = [C::LinkLate, C::PoseLate];
 
@@ -249,7 +258,7 @@ mod tests {
                 }
             }
             State::Armed => {
-                if stop || down || wait || any(set, &[C::BatteryLow, C::LandRequested]) {
+                if stop || down || wait || any(set, &[C::BatteryLow, C::LandRequested, C::IdleForLong]) {
                     State::Disarmed
                 } else if set.has(C::FlightRequested) {
                     State::Flying
@@ -281,30 +290,59 @@ mod tests {
         }
     }
 
-    /// Every state with every set of conditions: 6 times 2^26 is 403 million rows. Those that no
-    /// state listens to (frozen and jumped poses, which count as missing ones) are left at their
-    /// four combinations on a thinner grid, so 2^24 remain.
+    /// Conditions with the same row of the table, together.
+    fn classes() -> Vec<Vec<Condition>> {
+        let mut classes: Vec<([Action; 6], Vec<Condition>)> = Vec::new();
+        for (condition, row) in TABLE {
+            match classes.iter_mut().find(|(of, _)| *of == row) {
+                Some((_, class)) => class.push(condition),
+                None => classes.push((row, vec![condition])),
+            }
+        }
+        classes.into_iter().map(|(_, class)| class).collect()
+    }
+
+    /// The generator of Steele, Lea and Flood (SplitMix64).
+    fn scrambled(k: u64) -> u64 {
+        let a = (k ^ k >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let b = (a ^ a >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        b ^ b >> 31
+    }
+
+    fn follows_the_rules(state: State, set: Conditions) {
+        let got = next(state, set);
+        assert!(got == by_the_rules(state, set), "{state:?} {:?}: {got:?}", set.iter().collect::<Vec<_>>());
+    }
+
+    /// Every state with every combination of rows of the table, each row by each of the conditions
+    /// that have it and by several of them; and 10^7 sets of any conditions, few and many.
     #[test]
     fn every_state_with_every_set_of_conditions() {
-        let silent = C::PoseFrozen.bit() | C::PoseJumped.bit();
-        let spread = |k: u32| (k & 0x7ff) | (k & !0x7ff) << 2;
-        assert_eq!(spread(u32::MAX >> 8) & silent, 0, "bits 11 and 12 are stepped over");
+        let classes = classes();
+        assert!((8..=16).contains(&classes.len()), "{}: the combinations can be counted", classes.len());
         for state in State::ALL {
-            for k in 0..1 << 24 {
-                let bits = spread(k);
-                let set = Conditions::from_bits(bits);
-                let got = next(state, set);
-                assert!(
-                    got == by_the_rules(state, set),
-                    "{state:?} {:?}: {got:?}",
-                    set.iter().collect::<Vec<_>>()
-                );
-                if k % 1009 == 0 {
-                    for extra in [C::PoseFrozen.bit(), C::PoseJumped.bit(), silent] {
-                        assert_eq!(next(state, Conditions::from_bits(bits | extra)), got);
-                    }
+            for combination in 0_u64..1 << classes.len() {
+                for draw in 0..20 {
+                    let of_class = |(k, class): (usize, &Vec<Condition>)| {
+                        let others = scrambled(combination << 16 | draw << 8 | k as u64);
+                        let member = class[draw as usize % class.len()].bit();
+                        let more = class.iter().map(|c| c.bit()).sum::<u32>() & others as u32;
+                        if combination & 1 << k == 0 {
+                            0
+                        } else {
+                            member | if draw % 2 == 0 { 0 } else { more }
+                        }
+                    };
+                    let bits = classes.iter().enumerate().map(of_class).sum();
+                    follows_the_rules(state, Conditions::from_bits(bits));
                 }
             }
+        }
+        for k in 0_u64..10_000_000 {
+            let (bits, thin) = (scrambled(2 * k), scrambled(2 * k + 1));
+            let sparse = (bits >> 32) & thin & (thin >> 32);
+            let set = Conditions::from_bits(if k % 2 == 0 { bits } else { sparse } as u32);
+            follows_the_rules(State::ALL[(k % 6) as usize], set);
         }
     }
 
@@ -338,12 +376,10 @@ mod tests {
 
     #[test]
     fn nothing_but_a_request_arms() {
-        for k in 0..1_u32 << 26 {
-            let without = Conditions::from_bits(k & !C::ArmRequested.bit());
-            if k % 97 == 0 {
-                let next = next(State::Disarmed, without);
-                assert!(next == State::Disarmed || next == State::Cut);
-            }
+        for k in 0..4_000_000 {
+            let without = Conditions::from_bits(scrambled(k) as u32 & !C::ArmRequested.bit());
+            let next = next(State::Disarmed, without);
+            assert!(next == State::Disarmed || next == State::Cut);
         }
     }
 }

@@ -11,6 +11,9 @@ use crate::safety::limits::SilenceLimits;
 pub(crate) struct Held(u32);
 
 impl Held {
+    /// It does not hold.
+    pub(crate) const NOT: Self = Self(0);
+
     /// Has it held for so long?
     #[inline]
     pub(crate) fn step(&mut self, now: bool, elapsed_us: u32, for_us: u32) -> bool {

@@ -149,6 +149,7 @@ mod target {
                     position_m: [0.02 * sin, 0.02 * cos, -1.0 + 0.02 * sin * cos],
                     attitude_rad: [0.01 * cos, 0.01 * sin, 0.05 * sin],
                 }),
+                pose_age_us: 0,
                 gyro_rad_s: Some([-0.01 * sin, 0.01 * cos, 0.05 * cos]),
                 battery_v: 11.1,
                 command: Some(control::Command { mode, z_m: -1.0, ..control::Command::default() }),

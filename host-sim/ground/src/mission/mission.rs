@@ -160,7 +160,7 @@ mod tests {
         CraftStatus {
             state,
             pose: Pose { position_m, attitude_rad: [0.0, 0.0, 0.5] },
-            preflight: 0x3ff,
+            preflight: Preflight::ALL.bits(),
             found: 0,
         }
     }
@@ -307,7 +307,8 @@ mod tests {
     #[test]
     fn a_craft_that_does_not_arm_says_which_checks_are_not_good() {
         let mut mission = Mission::new([MissionStep::Arm {}], PERIOD_S, 1.0);
-        let known = CraftStatus { preflight: 0x3ff & !0b110, ..known(State::Disarmed, [0.0; 3]) };
+        let known =
+            CraftStatus { preflight: Preflight::ALL.bits() & !0b110, ..known(State::Disarmed, [0.0; 3]) };
         for k in 0..300 {
             assert!(mission.command(f64::from(k) * PERIOD_S, &known).cut_off);
         }
@@ -320,7 +321,8 @@ mod tests {
     fn a_check_that_comes_and_goes_is_named_too() {
         let mut mission = Mission::new([MissionStep::Arm {}], PERIOD_S, 1.0);
         for k in 0..300 {
-            let preflight = if k % 4 == 0 { 0x3ff & !Preflight::TIMING } else { 0x3ff };
+            let preflight =
+                if k % 4 == 0 { Preflight::ALL.bits() & !Preflight::TIMING } else { Preflight::ALL.bits() };
             mission.command(
                 f64::from(k) * PERIOD_S,
                 &CraftStatus { preflight, ..known(State::Disarmed, [0.0; 3]) },

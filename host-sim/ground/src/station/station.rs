@@ -4,7 +4,7 @@ use proto::{Identity, Message, Request, State, Telemetry, TimedPose, Timer};
 
 use super::notices::{Notice, Notices};
 use super::parts::{CraftReports, Pending, Schedule, Tracking, Traffic};
-use super::pilot::PilotRequest;
+use super::pilot::{Confirmation, PilotRequest, Verdict};
 use super::settings::{Settings, SettingsError};
 use super::snapshot::Snapshot;
 use crate::link::{ClockEvent, ClockMonitor, CraftLink, CraftLinkError, Pace, ramp_interval_s};
@@ -35,6 +35,7 @@ pub struct Station {
     schedule: Schedule,
     notices: Notices,
     pending: Option<Pending>,
+    confirmation: Confirmation,
     /// Something went wrong that a script has to answer for.
     faulty: bool,
 }
@@ -64,6 +65,7 @@ impl Station {
             schedule: Schedule::default(),
             notices: Notices::default(),
             pending: None,
+            confirmation: Confirmation::default(),
             faulty: false,
         })
     }
@@ -229,6 +231,11 @@ impl Station {
 
     /// The pilot asks for something.
     pub fn on_pilot_request(&mut self, now_us: u64, request: PilotRequest) {
+        let state = self.craft.telemetry.as_ref().map(|(telemetry, _)| telemetry.supervision.state);
+        let request = match self.confirmation.judge(request, state, now_us) {
+            Verdict::Do(request) => request,
+            Verdict::Wait(why) => return self.tell(now_us, Level::Warning, why.into()),
+        };
         let steps = match request {
             PilotRequest::Arm => vec![MissionStep::Arm {}],
             PilotRequest::TakeOff => vec![MissionStep::TakeOff { height_m: self.settings.take_off_m }],
@@ -241,7 +248,7 @@ impl Station {
             }
             PilotRequest::Pattern => self.settings.pattern.clone(),
             PilotRequest::Land => vec![MissionStep::Land {}],
-            PilotRequest::Disarm => vec![MissionStep::Disarm {}],
+            PilotRequest::Disarm | PilotRequest::Confirm => vec![MissionStep::Disarm {}],
             PilotRequest::Cut => vec![MissionStep::Cut {}],
         };
         self.tell(now_us, Level::Info, format!("asked for: {request:?}"));
@@ -616,6 +623,23 @@ mod tests {
         let sent = bench.run(1100, 1000, Some(State::Armed));
         assert_eq!(count(&sent, |m| matches!(m, Message::Request(_))), 0);
         assert_eq!(*bench.station.progress(), Progress::Done);
+    }
+
+    #[test]
+    fn disarming_in_the_air_is_asked_for_twice() {
+        let mut bench = Bench::new(Settings::default());
+        bench.run(0, 100, Some(State::Flying));
+        let disarms = |sent: &[(u64, u64, Message)]| count(sent, |m| *m == Message::Request(Request::Disarm));
+        bench.told();
+        for k in 0..5 {
+            bench.station.on_pilot_request(100_000, PilotRequest::Disarm);
+            let sent = bench.run(100 + 100 * k, 100, Some(State::Flying));
+            assert_eq!(disarms(&sent), 0);
+        }
+        assert!(bench.told().contains("Y within 3 s"));
+        bench.station.on_pilot_request(600_000, PilotRequest::Confirm);
+        let sent = bench.run(600, 200, Some(State::Flying));
+        assert!(disarms(&sent) > 0);
     }
 
     #[test]

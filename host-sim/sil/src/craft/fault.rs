@@ -16,6 +16,8 @@ pub enum FaultKind {
     CutOff,
     /// No pose comes.
     PoseSilent,
+    /// Poses were taken so long ago, us, though they tell where the craft is now.
+    PoseOld(u32),
     /// The last pose comes again and again.
     PoseFrozen,
     /// Poses are off by so much, m.
@@ -30,6 +32,8 @@ pub enum FaultKind {
     ImuStuck,
     /// The gyro is off by so much on each axis, rad/s.
     ImuBiased(f32),
+    /// The gyro is off by so much on each axis to and fro from tick to tick, rad/s.
+    ImuShaken(f32),
     /// The gyro's scale is wrong by this factor.
     ImuScaled(f32),
     /// The gyro says nonsense.
@@ -40,6 +44,12 @@ pub enum FaultKind {
     VoltageNotANumber,
     /// A motor stands still (0 to 3).
     MotorDead(usize),
+    /// A motor (0 to 3) gets so much less than its command, command units.
+    MotorWeak(usize, f32),
+    /// The craft hangs in a net or a hand, or lies: it stays where it is, with so much roll, rad.
+    Hangs(f64),
+    /// An output takes no command any more: its motor (0 to 3) goes on with the last.
+    OutputDead(usize),
     /// Every motor gets so much less than its command, command units.
     MotorsWeak(f32),
     /// The clock is off by so much from here on, us; modulo 2^32.
@@ -70,11 +80,20 @@ impl Fault {
 }
 
 /// What faults remember.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(crate) struct Faults {
     last_pose: Option<Pose>,
     last_gyro: Option<[f32; 3]>,
     asked: bool,
+    last_motors: Option<[f32; 4]>,
+    /// Changes its sign from tick to tick.
+    shaken: f32,
+}
+
+impl Default for Faults {
+    fn default() -> Self {
+        Self { last_pose: None, last_gyro: None, asked: false, last_motors: None, shaken: 1.0 }
+    }
 }
 
 impl Faults {
@@ -116,6 +135,7 @@ impl Faults {
                 readings.command = readings.command.map(|c| Command { cut_off: true, ..c });
             }
             FaultKind::PoseSilent => readings.pose = None,
+            FaultKind::PoseOld(age_us) => readings.pose_age_us = age_us,
             FaultKind::PoseFrozen => readings.pose = last_pose,
             FaultKind::PoseShifted(by_m) => {
                 pose(&|pose| pose.position_m.iter_mut().zip(by_m).for_each(|(x, by)| *x += by), readings)
@@ -125,24 +145,43 @@ impl Faults {
             FaultKind::ImuMissing => readings.gyro_rad_s = None,
             FaultKind::ImuStuck => readings.gyro_rad_s = last_gyro,
             FaultKind::ImuBiased(by) => readings.gyro_rad_s = readings.gyro_rad_s.map(|g| g.map(|x| x + by)),
+            FaultKind::ImuShaken(by) => {
+                self.shaken = -self.shaken;
+                let by = by.copysign(self.shaken);
+                readings.gyro_rad_s = readings.gyro_rad_s.map(|g| g.map(|x| x + by));
+            }
             FaultKind::ImuScaled(by) => readings.gyro_rad_s = readings.gyro_rad_s.map(|g| g.map(|x| x * by)),
             FaultKind::ImuGarbage => readings.gyro_rad_s = Some([f32::NAN, 1e9, f32::INFINITY]),
             FaultKind::VoltageLower(by_v) => readings.battery_v -= by_v,
             FaultKind::VoltageNotANumber => readings.battery_v = f32::NAN,
             FaultKind::ClockOff(by_us) => readings.time_us = readings.time_us.wrapping_add(by_us),
-            FaultKind::MotorDead(_) | FaultKind::MotorsWeak(_) | FaultKind::LoopStalled => {}
+            FaultKind::OutputDead(_) => readings.outputs_ready = false,
+            FaultKind::MotorDead(_)
+            | FaultKind::MotorWeak(..)
+            | FaultKind::MotorsWeak(_)
+            | FaultKind::LoopStalled
+            | FaultKind::Hangs(_) => {}
         }
+    }
+
+    /// With how much roll the craft hangs, rad, if it does.
+    pub(crate) fn hangs(faults: &[Fault], time_s: f64) -> Option<f64> {
+        faults.iter().filter(|fault| fault.is_on(time_s)).find_map(|fault| match fault.kind {
+            FaultKind::Hangs(roll_rad) => Some(roll_rad),
+            _ => None,
+        })
     }
 
     /// What the motors get of their commands.
     pub(crate) fn motors(
-        &self,
+        &mut self,
         faults: &[Fault],
         time_s: f64,
         mut pwm: [f32; 4],
         command_range: [f64; 2],
     ) -> [f32; 4] {
         let idle = command_range[0] as f32;
+        let last = self.last_motors.unwrap_or(pwm);
         for fault in faults.iter().filter(|fault| fault.is_on(time_s)) {
             match fault.kind {
                 FaultKind::MotorDead(motor) => {
@@ -150,10 +189,21 @@ impl Faults {
                         *command = idle;
                     }
                 }
+                FaultKind::OutputDead(motor) => {
+                    if let (Some(command), Some(last)) = (pwm.get_mut(motor), last.get(motor)) {
+                        *command = *last;
+                    }
+                }
+                FaultKind::MotorWeak(motor, by) => {
+                    if let Some(command) = pwm.get_mut(motor) {
+                        *command = (*command - by).max(idle);
+                    }
+                }
                 FaultKind::MotorsWeak(by) => pwm = pwm.map(|command| (command - by).max(idle)),
                 _ => {}
             }
         }
+        self.last_motors = Some(pwm);
         pwm
     }
 }
@@ -166,6 +216,7 @@ mod tests {
         Readings {
             time_us: 0,
             pose: Some(Pose { position_m: [x_m, 0.0, -1.0], attitude_rad: [0.0; 3] }),
+            pose_age_us: 0,
             gyro_rad_s: Some([0.1; 3]),
             battery_v: 11.1,
             command: Some(Command::default()),
@@ -211,11 +262,12 @@ mod tests {
     #[test]
     fn a_dead_motor_idles_and_weak_ones_never_fall_below_idle() {
         let on = |kind| Fault { kind, from_s: 0.0, for_s: 1.0 };
-        let faults = Faults::default();
-        let motors =
+        let mut faults = Faults::default();
+        let mut motors =
             |kind| faults.motors(&[on(kind)], 0.0, [1500.0, 1200.0, 1500.0, 1500.0], [1000.0, 2000.0]);
         assert_eq!(motors(FaultKind::MotorDead(0)), [1000.0, 1200.0, 1500.0, 1500.0]);
         assert_eq!(motors(FaultKind::MotorDead(7)), [1500.0, 1200.0, 1500.0, 1500.0]);
         assert_eq!(motors(FaultKind::MotorsWeak(300.0)), [1200.0, 1000.0, 1200.0, 1200.0]);
+        assert_eq!(motors(FaultKind::OutputDead(1)), [1500.0, 1000.0, 1500.0, 1500.0]);
     }
 }

@@ -2,7 +2,8 @@
 
 use control::Measurement;
 use model::user_effects::Undefined;
-use model::{Battery, DelayLine, Plant, State, Substeps};
+use model::{Battery, DelayLine, Plant, State, Substeps, frames};
+use nalgebra::Vector3;
 
 use super::sensors::Sensors;
 
@@ -98,6 +99,35 @@ impl SimulatedCraft {
         }
     }
 
+    /// Something holds the craft: where it is, and more and more at this roll.
+    pub fn hang(&mut self, roll_rad: f64) {
+        // It gives way over some 0.1 s: a jump of the attitude is another fault.
+        let give = 1.0 - (-self.period_s / 0.05).exp();
+        let state = &mut self.state;
+        let euler = frames::euler_from_quaternion(&state.attitude);
+        let toward = Vector3::new(roll_rad, 0.0, euler.z) - euler;
+        state.attitude = frames::quaternion_from_euler(euler + give * toward);
+        state.rate_rad_s = give / self.period_s * Vector3::new(toward.x, toward.y, 0.0);
+        state.velocity_m_s = Vector3::zeros();
+    }
+
+    /// A floor at this inertial z stops whatever comes down: no bounce, no sliding, legs that stand
+    /// level. Returns whether the craft stands on it.
+    pub fn stop_at(&mut self, floor_m: f64) -> bool {
+        let state = &mut self.state;
+        if state.position_ned_m.z < floor_m {
+            return false;
+        }
+        let yaw_rad = frames::euler_from_quaternion(&state.attitude).z;
+        state.position_ned_m.z = floor_m;
+        // What pushes up leaves the floor by its own acceleration in the next period.
+        let up_m_s = frames::dcm_from_quaternion(&state.attitude).tr_mul(&state.velocity_m_s).z.min(0.0);
+        state.attitude = frames::quaternion_from_euler(Vector3::new(0.0, 0.0, yaw_rad));
+        state.velocity_m_s = Vector3::new(0.0, 0.0, up_m_s);
+        state.rate_rad_s = Vector3::zeros();
+        true
+    }
+
     /// Whether the simulation can go on.
     #[inline]
     pub fn is_there(&self) -> bool {
@@ -113,7 +143,6 @@ impl SimulatedCraft {
 mod tests {
     use super::*;
     use model::{Effect, Model};
-    use nalgebra::Vector3;
 
     /// Commands are microseconds; rotors start where 1500 us hold them.
     fn rotor_after(delay_s: f64, ticks: u32) -> f64 {

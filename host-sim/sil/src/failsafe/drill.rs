@@ -6,7 +6,7 @@
 //! beginning of the fault; the limits are the project's (what other autopilots promise), plus one
 //! tick where a limit falls on one.
 
-use control::{Condition, Conditions};
+use control::{Condition, Conditions, Config};
 use proto::State;
 
 use crate::craft::{Fault, FaultKind, NoiseModel};
@@ -15,8 +15,9 @@ use crate::scenarios::{Scenario, Settings};
 
 /// The flights in which each drill is flown, and when its fault begins, s.
 const FLIGHTS: [(&str, f64); 3] = [("hover", 3.0), ("climb", 3.0), ("pattern", 9.0)];
-/// How long a drill goes on after its fault, s: landing from 1.5 m at 0.3 m/s takes 5 s.
-const AFTER_S: f64 = 8.0;
+/// How long a drill goes on after its fault, s: landing from 1.5 m at 0.3 m/s takes 5 s, and one
+/// more until the craft is sure of it.
+const AFTER_S: f64 = 10.0;
 
 /// How the craft has to respond to a fault.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,6 +27,9 @@ pub enum ExpectedResponse {
     /// The rule is set off, and these states are gone to in this order, each within so many s of
     /// the beginning of the fault.
     Goes(&'static [(State, f64)]),
+    /// As `Goes`, or the motors are off within the time of the last state: under gains that let the
+    /// craft tumble, it is cut before the rule's time is over.
+    GoesOrIsCut(&'static [(State, f64)]),
     /// These states, likewise, but the rule is not set off: milder ones are.
     Short(&'static [(State, f64)]),
 }
@@ -39,6 +43,8 @@ pub struct Drill {
     pub rule: Condition,
     /// How the craft has to respond.
     pub expected: ExpectedResponse,
+    /// How far the craft may drift meanwhile, m.
+    pub within_m: f64,
     /// What happens at the drill's moment.
     pub(super) causes: &'static [Cause],
 }
@@ -56,10 +62,10 @@ pub struct DrillResult {
     pub states: Vec<(State, f64)>,
     /// What was found in those ticks.
     pub reasons: Vec<Conditions>,
-    /// How far from where it was when the fault began the craft was at most while its motors ran,
-    /// horizontally, m.
+    /// How far the craft was at most from where it was taken out of the pilot's hands, in hold and
+    /// landing, horizontally, m.
     pub drift_m: f64,
-    /// Whether that is what was expected.
+    /// Whether all of that is what was expected.
     pub holds: bool,
 }
 
@@ -80,6 +86,8 @@ pub(super) enum Cause {
     NeedsGyro,
     /// The craft's clock wraps at the drill's moment.
     ClockWraps,
+    /// A table of this height in m is under the whole flight.
+    Table(f64),
 }
 
 impl Cause {
@@ -99,6 +107,7 @@ impl Cause {
                 let fusion = GyroFusion { corner_rad_s: 5.0, complement: Complement::Exact };
                 plan.config.estimation.gyro = Some(fusion);
             }
+            Self::Table(height_m) => plan.floor_m = Some(-height_m),
             Self::ClockWraps => plan.clock_us = 0_u32.wrapping_sub((at_s * 1e6) as u32),
         }
     }
@@ -122,40 +131,49 @@ fn higher(plan: &mut FlightPlan) {
 }
 
 impl Drill {
-    /// The plan of one flight of it, and when its fault begins, s.
-    pub fn plan(&self, flight: usize, seed: u64) -> (FlightPlan, f64) {
+    /// The plan of one flight of it under these gains, and when its fault begins, s.
+    pub fn plan(&self, flight: usize, seed: u64, config: &Config) -> (FlightPlan, f64) {
         let (name, at_s) = FLIGHTS[flight % FLIGHTS.len()];
         let noise = Some(NoiseModel::default());
+        let flown = Settings { config: Some(*config), noise, seed, ..Settings::default() };
         let mut plan = match name {
-            "pattern" => Scenario::Pattern.plan(&Settings { noise, seed, ..Settings::default() }),
+            "pattern" => Scenario::Pattern.plan(&flown),
             "climb" => {
                 let step = StepCommand { axis: StepAxis::Z, size: -0.5, at_s: at_s - 0.5 };
-                FlightPlan { script: Script::Step(step), noise, seed, ..FlightPlan::thesis() }
+                let script = Script::Step(step);
+                FlightPlan { script, noise, seed, config: *config, ..FlightPlan::thesis() }
             }
-            _ => FlightPlan { noise, seed, ..FlightPlan::thesis() },
+            _ => FlightPlan { noise, seed, config: *config, ..FlightPlan::thesis() },
         };
         plan.duration_s = at_s + AFTER_S;
+        plan.floor_m = Some(0.0);
         self.causes.iter().for_each(|cause| cause.apply(&mut plan, at_s));
         (plan, at_s)
     }
 
-    /// Flies it over hover, climb and pattern with one seed.
+    /// Flies it over hover, climb and pattern under these gains with one seed.
     ///
     /// # Errors
     /// A plan that cannot be flown.
-    pub fn fly(&self, seed: u64) -> Result<Vec<DrillResult>, SilError> {
+    pub fn fly(&self, seed: u64, config: &Config) -> Result<Vec<DrillResult>, SilError> {
         (0..FLIGHTS.len())
             .map(|k| {
-                let (plan, at_s) = self.plan(k, seed);
-                Ok(self.judge(FLIGHTS[k].0, seed, &fly(&plan)?, at_s))
+                let (plan, at_s) = self.plan(k, seed, config);
+                Ok(self.judge(FLIGHTS[k].0, &plan, &fly(&plan)?, at_s))
             })
             .collect()
     }
 
-    fn judge(&self, flight: &'static str, seed: u64, recording: &Recording, at_s: f64) -> DrillResult {
+    fn judge(
+        &self,
+        flight: &'static str,
+        plan: &FlightPlan,
+        recording: &Recording,
+        at_s: f64,
+    ) -> DrillResult {
         let begin = (at_s / recording.period_s).round() as usize;
         // A box that is too small is so from the start.
-        let from_start = self.rule == Condition::OutsideFence && self.plan(0, seed).0.faults.is_empty();
+        let from_start = self.rule == Condition::OutsideFence && plan.faults.is_empty();
         let begin = if from_start { 0 } else { begin };
         let after_s = |row: usize| (row as f64 - begin as f64) * recording.period_s;
         let rows = recording.rows.iter().enumerate();
@@ -171,24 +189,48 @@ impl Drill {
                 reasons.push(Conditions::from_bits(row.supervision.conditions));
             }
         }
-        let place = |k: usize| {
-            recording.rows.get(k).map_or([0.0; 2], |row| [row.truth.position_m[0], row.truth.position_m[1]])
-        };
-        let [x0, y0] = place(begin);
-        let runs = |row: &&Row| !matches!(row.supervision.state, State::Cut | State::Disarmed);
-        let drift_m = recording.rows.iter().skip(begin).take_while(runs).fold(0.0_f64, |most, row| {
-            let [x, y, _] = row.truth.position_m;
-            most.max(f64::from(x - x0).hypot(f64::from(y - y0)))
-        });
+        let drift_m = drift_m(&recording.rows);
         let holds = match self.expected {
             ExpectedResponse::Flies => states.is_empty() && recording.complete,
             ExpectedResponse::Goes(expected) => {
                 flagged_s.is_some_and(|s| s >= 0.0) && in_order(&states, expected)
             }
+            ExpectedResponse::GoesOrIsCut(expected) => {
+                let found = flagged_s.is_some_and(|s| s >= 0.0) && in_order(&states, expected);
+                let by_s = expected.last().map_or(0.0, |(_, by_s)| *by_s);
+                found || in_order(&states, &[(State::Cut, by_s)])
+            }
             ExpectedResponse::Short(expected) => flagged_s.is_none() && in_order(&states, expected),
         };
+        let holds =
+            holds && drift_m <= self.within_m && stands_down_on_the_floor(&recording.rows, plan.floor_m);
+        let seed = plan.seed;
         DrillResult { flight, seed, flagged_s, states, reasons, drift_m, holds }
     }
+}
+
+/// A craft that disarms by itself stands: in the air it would fall.
+fn stands_down_on_the_floor(rows: &[Row], floor_m: Option<f64>) -> bool {
+    rows.windows(2).all(|pair| {
+        let [before, after] = pair else { return true };
+        let asked = Conditions::from_bits(after.supervision.conditions).has(Condition::DisarmRequested);
+        let stands_down =
+            before.supervision.state != State::Disarmed && after.supervision.state == State::Disarmed;
+        let height_m = floor_m.map_or(0.0, |floor_m| floor_m - f64::from(after.truth.position_m[2]));
+        !stands_down || asked || height_m < 0.05
+    })
+}
+
+/// How far the craft goes in hold and landing from where each began, at most, horizontally, m.
+fn drift_m(rows: &[Row]) -> f64 {
+    let supervised = |row: &&Row| matches!(row.supervision.state, State::Hold | State::Land);
+    let place = |row: &Row| [row.truth.position_m[0], row.truth.position_m[1]].map(f64::from);
+    let stretches = rows.split(|row| !supervised(&row));
+    let of_stretch = |stretch: &[Row]| {
+        let [x0, y0] = stretch.first().map_or([0.0; 2], place);
+        stretch.iter().map(place).fold(0.0_f64, |most, [x, y]| most.max((x - x0).hypot(y - y0)))
+    };
+    stretches.map(of_stretch).fold(0.0, f64::max)
 }
 
 /// Does the craft go through the expected states in their order, none before the fault, each in

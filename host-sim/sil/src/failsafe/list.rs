@@ -3,16 +3,28 @@
 use control::{Condition as C, Request};
 use proto::State::{Cut, Disarmed, Flying, Hold, Land};
 
-use super::drill::Cause::{ClockWraps, Fault, Fence, Higher, Later, NeedsGyro, Repeated};
-use super::drill::ExpectedResponse::{Flies, Goes, Short};
+use super::drill::Cause::{ClockWraps, Fault, Fence, Higher, Later, NeedsGyro, Repeated, Table};
+use super::drill::ExpectedResponse::{Flies, Goes, GoesOrIsCut, Short};
 use super::drill::{Cause, Drill, ExpectedResponse};
 use crate::craft::FaultKind as K;
 
 /// To the end of the flight.
 const ALWAYS_S: f64 = 1e6;
 
+/// How far a craft drifts at most, m, if nothing else is said.
+const NEAR_M: f64 = 1.0;
+
+/// How far without poses, m: at up to 0.6 m/s, for 1.9 s and until poses count again.
+const BLIND_M: f64 = 1.6;
+
 const fn drill(rule: C, name: &'static str, expected: ExpectedResponse, causes: &'static [Cause]) -> Drill {
-    Drill { name, rule, expected, causes }
+    Drill { name, rule, expected, within_m: NEAR_M, causes }
+}
+
+impl Drill {
+    const fn within(self, within_m: f64) -> Self {
+        Self { within_m, ..self }
+    }
 }
 
 /// All drills: what sets a rule off stands before what just does not.
@@ -33,7 +45,7 @@ const DRILLS: &[Drill] = &[
     drill(
         C::LinkLost,
         "commands silent for good",
-        Goes(&[(Hold, 0.51), (Land, 2.0), (Disarmed, 8.0)]),
+        Goes(&[(Hold, 0.51), (Land, 2.0), (Disarmed, 10.0)]),
         &[Fault(K::LinkSilent, ALWAYS_S)],
     ),
     drill(
@@ -62,7 +74,7 @@ const DRILLS: &[Drill] = &[
     drill(
         C::PoseLost,
         "poses silent for 0.45 s",
-        Goes(&[(Hold, 0.1), (Land, 0.5), (Disarmed, 8.0)]),
+        Goes(&[(Hold, 0.1), (Land, 0.5), (Disarmed, 10.0)]),
         &[Fault(K::PoseSilent, 0.45)],
     ),
     drill(
@@ -76,26 +88,56 @@ const DRILLS: &[Drill] = &[
         "poses silent for good",
         Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]),
         &[Fault(K::PoseSilent, ALWAYS_S)],
-    ),
+    )
+    .within(BLIND_M),
     drill(
         C::PoseGone,
         "poses silent for 1.85 s",
-        Short(&[(Hold, 0.1), (Land, 0.5), (Disarmed, 8.0)]),
+        Short(&[(Hold, 0.1), (Land, 0.5), (Disarmed, 10.0)]),
         &[Fault(K::PoseSilent, 1.85)],
-    ),
+    )
+    .within(BLIND_M),
+    drill(
+        C::PoseOld,
+        "poses 0.2 s old for good",
+        Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]),
+        &[Fault(K::PoseOld(200_000), ALWAYS_S)],
+    )
+    .within(BLIND_M),
+    drill(C::PoseOld, "poses 0.14 s old for good", Flies, &[Fault(K::PoseOld(140_000), ALWAYS_S)]),
     drill(
         C::PoseFrozen,
         "the same pose for good",
         Goes(&[(Hold, 0.13), (Land, 0.5), (Cut, 2.0)]),
         &[Fault(K::PoseFrozen, ALWAYS_S)],
-    ),
+    )
+    .within(BLIND_M),
     drill(C::PoseFrozen, "the same pose twice more", Flies, &[Fault(K::PoseFrozen, 0.02)]),
     drill(
         C::PoseJumped,
-        "poses 0.6 m away for good",
-        Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]),
+        "poses 0.6 m away for good: believed",
+        Goes(&[(Hold, 0.1), (Flying, 0.3)]),
         &[Fault(K::PoseShifted([0.6, 0.0, 0.0]), ALWAYS_S)],
     ),
+    drill(
+        C::PoseJumped,
+        "poses 0.8 m away for 0.3 s after a silence",
+        Goes(&[(Hold, 0.1), (Flying, 0.8)]),
+        &[Fault(K::PoseSilent, 0.12), Later(0.12, K::PoseShifted([0.0, 0.8, 0.0]), 0.3)],
+    ),
+    drill(
+        C::PoseJumped,
+        "poses 0.8 m away and back every 0.05 s: not believed",
+        Goes(&[(Hold, 0.1), (Flying, 2.2)]),
+        &[Repeated {
+            kind: K::PoseShifted([0.8, 0.0, 0.0]),
+            first_s: 0.0,
+            every_s: 0.1,
+            times: 20,
+            for_s: 0.05,
+        }],
+    )
+    .within(BLIND_M),
     drill(C::PoseJumped, "one pose 0.6 m away", Flies, &[Fault(K::PoseShifted([0.6, 0.0, 0.0]), 0.01)]),
     drill(
         C::PoseJumped,
@@ -108,14 +150,16 @@ const DRILLS: &[Drill] = &[
         "heading turned by 180 degrees",
         Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]),
         &[Fault(K::PoseTurned(std::f32::consts::PI), ALWAYS_S)],
-    ),
+    )
+    .within(BLIND_M),
     drill(C::PoseJumped, "heading turned by 5 degrees", Flies, &[Fault(K::PoseTurned(0.087), ALWAYS_S)]),
     drill(
         C::OutsideFence,
         "positions that are no numbers",
         Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]),
         &[Fault(K::PoseNotANumber, ALWAYS_S)],
-    ),
+    )
+    .within(BLIND_M),
     drill(
         C::OutsideFence,
         "positions that are no numbers for 0.04 s",
@@ -125,14 +169,14 @@ const DRILLS: &[Drill] = &[
     drill(
         C::OutsideFence,
         "a box that ends 0.1 m off for good",
-        Goes(&[(Land, 0.5), (Disarmed, 8.0)]),
+        Goes(&[(Land, 0.5), (Disarmed, 10.0)]),
         &[Fence(-0.1)],
     ),
     drill(C::OutsideFence, "a box with the whole flight inside", Flies, &[Fence(3.0)]),
     drill(
         C::ImuLate,
         "gyro missing for good",
-        Goes(&[(Land, 0.1), (Disarmed, 8.0)]),
+        Goes(&[(Land, 0.1), (Disarmed, 10.0)]),
         &[Fault(K::ImuMissing, ALWAYS_S)],
     ),
     drill(C::ImuLate, "gyro missing for two ticks", Flies, &[Fault(K::ImuMissing, 0.02)]),
@@ -152,6 +196,13 @@ const DRILLS: &[Drill] = &[
     ),
     drill(C::ImuDisagrees, "gyro off by 0.15 rad/s", Flies, &[Fault(K::ImuBiased(0.15), ALWAYS_S)]),
     drill(
+        C::Vibrating,
+        "gyro shaken by 1 rad/s",
+        Goes(&[(Land, 0.5)]),
+        &[Fault(K::ImuShaken(1.0), ALWAYS_S)],
+    ),
+    drill(C::Vibrating, "gyro shaken by 0.5 rad/s", Flies, &[Fault(K::ImuShaken(0.5), ALWAYS_S)]),
+    drill(
         C::ImuGone,
         "gyro missing for good, under a law that needs it",
         Goes(&[(Land, 0.1), (Cut, 0.2)]),
@@ -160,7 +211,7 @@ const DRILLS: &[Drill] = &[
     drill(
         C::ImuGone,
         "gyro missing for 0.15 s, under a law that needs it",
-        Short(&[(Land, 0.1), (Disarmed, 8.0)]),
+        Short(&[(Land, 0.1), (Disarmed, 10.0)]),
         &[NeedsGyro, Fault(K::ImuMissing, 0.15)],
     ),
     drill(
@@ -178,7 +229,7 @@ const DRILLS: &[Drill] = &[
     drill(
         C::BatteryCritical,
         "10.2 V for good",
-        Goes(&[(Land, 1.1), (Disarmed, 8.0)]),
+        Goes(&[(Land, 1.1), (Disarmed, 10.0)]),
         &[Fault(K::VoltageLower(0.9), ALWAYS_S)],
     ),
     drill(C::BatteryCritical, "10.2 V for 0.5 s", Flies, &[Fault(K::VoltageLower(0.9), 0.5)]),
@@ -197,11 +248,40 @@ const DRILLS: &[Drill] = &[
     ),
     drill(
         C::Tilted,
-        "motor 1 dead, from 1 m higher",
+        "the craft hangs tilted by 1.2 rad",
         Goes(&[(Cut, 1.0)]),
-        &[Higher, Fault(K::MotorDead(0), ALWAYS_S)],
+        &[Fault(K::Hangs(1.2), ALWAYS_S)],
     ),
     drill(C::Tilted, "motor 1 dead for 0.02 s", Flies, &[Fault(K::MotorDead(0), 0.02)]),
+    drill(
+        C::Crashed,
+        "the craft hangs tilted by 0.6 rad",
+        Goes(&[(Cut, 0.7)]),
+        &[Fault(K::Hangs(0.6), ALWAYS_S)],
+    ),
+    // Let go again, it is somewhere else; hover and climb are flown without a place to go back to.
+    drill(
+        C::Crashed,
+        "the craft hangs tilted by 0.6 rad for 0.3 s",
+        Short(&[]),
+        &[Fault(K::Hangs(0.6), 0.3)],
+    )
+    .within(2.5),
+    drill(
+        C::ImuDisagrees,
+        "motor 1 dead, from 1 m higher",
+        Goes(&[(Land, 0.5), (Cut, 1.0)]),
+        &[Higher, Fault(K::MotorDead(0), ALWAYS_S)],
+    ),
+    drill(
+        C::MotorFailed,
+        "motor 3 350 us weak",
+        GoesOrIsCut(&[(Land, 1.5)]),
+        &[Fault(K::MotorWeak(2, 350.0), ALWAYS_S)],
+    )
+    .within(2.5),
+    drill(C::MotorFailed, "motor 3 100 us weak", Short(&[]), &[Fault(K::MotorWeak(2, 100.0), ALWAYS_S)])
+        .within(2.0),
     drill(
         C::ThrustLost,
         "motors 310 us weak",
@@ -212,7 +292,7 @@ const DRILLS: &[Drill] = &[
     drill(
         C::ClockJumped,
         "clock 5 s ahead",
-        Goes(&[(Land, 0.02), (Disarmed, 8.0)]),
+        Goes(&[(Land, 0.02), (Disarmed, 10.0)]),
         &[Fault(K::ClockOff(5_000_000), ALWAYS_S)],
     ),
     drill(
@@ -225,10 +305,40 @@ const DRILLS: &[Drill] = &[
     drill(C::LoopOverrun, "loop stalls for 12 ticks", Goes(&[(Land, 0.2)]), &[Fault(K::LoopStalled, 0.12)]),
     drill(C::LoopOverrun, "loop stalls for 2 ticks", Flies, &[Fault(K::LoopStalled, 0.02)]),
     drill(
+        // Three motors hold no place, but land slower than a fall.
+        C::OutputsFailed,
+        "output 1 takes no command any more",
+        Goes(&[(Land, 0.06)]),
+        &[Fault(K::OutputDead(0), ALWAYS_S)],
+    )
+    .within(5.0),
+    drill(C::OutputsFailed, "output 1 misses four commands", Flies, &[Fault(K::OutputDead(0), 0.04)]),
+    drill(
         C::LandRequested,
         "the ground asks to land",
-        Goes(&[(Land, 0.02), (Disarmed, 8.0)]),
+        Goes(&[(Land, 0.02), (Disarmed, 10.0)]),
         &[Fault(K::Asks(Request::Land), 0.01)],
+    ),
+    drill(
+        C::Landed,
+        "the ground asks to land on a table",
+        Goes(&[(Land, 0.02), (Disarmed, 10.0)]),
+        &[Table(0.3), Fault(K::Asks(Request::Land), 0.01)],
+    ),
+    drill(
+        C::Landed,
+        "poses of the floor in a landing, one at a time",
+        Goes(&[(Land, 0.02), (Disarmed, 10.0)]),
+        &[
+            Fault(K::Asks(Request::Land), 0.01),
+            Repeated {
+                kind: K::PoseShifted([0.0, 0.0, 0.45]),
+                first_s: 1.0,
+                every_s: 0.3,
+                times: 12,
+                for_s: 0.01,
+            },
+        ],
     ),
     drill(C::ArmRequested, "the ground asks to arm in flight", Flies, &[Fault(K::Asks(Request::Arm), 0.01)]),
     drill(

@@ -1,23 +1,38 @@
 //! The drills flown, as a table for people.
 
 use std::fmt::Write as _;
+use std::ops::Range;
+
+use control::Config;
 
 use super::drill::DrillResult;
 use super::list::drills;
 use crate::flight::SilError;
 
-/// The drills of one seed as a table: what happens, the rule, the craft's response in each flight;
-/// and whether all are as expected.
+/// The drills of some seeds under some gains as a table: what happens, the rule, the craft's
+/// response in each flight; and whether all are as expected. Of several seeds, the flights of the
+/// first and whatever is not as expected, and how far the craft drifted at most in all.
 ///
 /// # Errors
 /// A plan that cannot be flown.
-pub fn table(seed: u64) -> Result<(String, bool), SilError> {
+pub fn table(seeds: Range<u64>, config: &Config) -> Result<(String, bool), SilError> {
     let (mut text, mut all) = (String::new(), true);
     for drill in drills() {
         let _ = writeln!(text, "{} [{:?}]", drill.name, drill.rule);
-        for result in drill.fly(seed)? {
-            all &= result.holds;
-            text += &line(&result);
+        let (mut drift_m, mut count) = (0.0_f64, 0);
+        for seed in seeds.clone() {
+            for result in drill.fly(seed, config)? {
+                all &= result.holds;
+                drift_m = drift_m.max(result.drift_m);
+                count += 1;
+                if seed == seeds.start || !result.holds {
+                    text += &line(&result);
+                }
+            }
+        }
+        if seeds.end - seeds.start > 1 {
+            let _ =
+                writeln!(text, "  {count} flights, drift at most {drift_m:.2} m of {:.2} m", drill.within_m);
         }
     }
     Ok((text, all))
@@ -36,6 +51,7 @@ fn line(result: &DrillResult) -> String {
         .collect();
     let went = if went.is_empty() { "flies on".to_owned() } else { went.join(", ") };
     let flagged = result.flagged_s.map_or("not flagged".to_owned(), |s| format!("flagged {s:.2} s"));
-    let verdict = if result.holds { "" } else { "  NOT AS EXPECTED" };
+    let verdict =
+        if result.holds { String::new() } else { format!("  NOT AS EXPECTED (seed {})", result.seed) };
     format!("  {:8} {flagged:15} {went}; drift {:.2} m{verdict}\n", result.flight, result.drift_m)
 }

@@ -76,6 +76,7 @@ impl<'a, L: FlightComputer> ClosedLoop<'a, L> {
         let mut readings = Readings {
             time_us: self.plan.clock_us.wrapping_add((time_s * 1e6).round() as u32),
             pose: Some(Pose { position_m, attitude_rad }),
+            pose_age_us: 0,
             gyro_rad_s: sensed.gyro_rad_s,
             battery_v: sensed.battery_v,
             command: Some(command),
@@ -95,6 +96,12 @@ impl<'a, L: FlightComputer> ClosedLoop<'a, L> {
         let motors =
             self.faults.motors(&self.plan.faults, time_s, output.pwm, self.plan.config.command_range);
         self.craft.advance(&motors, battery_v);
+        if let Some(roll_rad) = Faults::hangs(&self.plan.faults, time_s) {
+            self.craft.hang(roll_rad);
+        }
+        if let Some(floor_m) = self.plan.floor_m {
+            self.craft.stop_at(floor_m);
+        }
         self.tick += 1;
         Ok(row)
     }

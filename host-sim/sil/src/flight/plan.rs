@@ -39,6 +39,8 @@ pub struct FlightPlan {
     pub seed: u64,
     /// Runge-Kutta steps in a tick.
     pub substeps: u32,
+    /// Inertial z of a floor under the craft, m; absent: it may fall for ever.
+    pub floor_m: Option<f64>,
     /// What goes wrong during the flight.
     pub faults: Vec<Fault>,
     /// The craft's clock at the start, us.
@@ -62,6 +64,7 @@ impl FlightPlan {
             battery: Battery::constant(THESIS_BATTERY_V),
             seed: 0,
             substeps: 4,
+            floor_m: None,
             faults: Vec::new(),
             clock_us: 0,
         }

@@ -327,6 +327,7 @@ mod tests {
         Readings {
             time_us: 0,
             pose: None,
+            pose_age_us: 0,
             gyro_rad_s: None,
             battery_v: 11.1,
             command: None,

@@ -1,0 +1,202 @@
+//! What only the outcome of a tick shows, for the next one: loss of thrust or of a motor, a crash, a
+//! result that is not a number.
+
+use crate::safety::conditions::{Condition, Conditions};
+use crate::safety::limits::Limits;
+use crate::safety::plausibility::tilt_bound;
+use crate::safety::timers::Held;
+
+/// A craft tips over whose errors of roll and pitch add up to more, rad.
+const TIPS_RAD: f32 = 0.5;
+
+/// What the outcomes have shown.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Aftermath {
+    thrust: Held,
+    thrust_lost: bool,
+    not_a_number: bool,
+    /// One motor is at its end; and the craft tips over.
+    motor: [Held; 2],
+    motor_failed: bool,
+    /// The motor that failed last, 0 to 3, until the pilot has taken note of it.
+    pub(crate) failed_motor: Option<u8>,
+    crash: Held,
+    crashed: bool,
+}
+
+impl Aftermath {
+    /// Everything has been in order until now.
+    pub(crate) const GOOD: Self = Self {
+        thrust: Held::NOT,
+        thrust_lost: false,
+        not_a_number: false,
+        motor: [Held::NOT; 2],
+        motor_failed: false,
+        failed_motor: None,
+        crash: Held::NOT,
+        crashed: false,
+    };
+
+    /// Reports what the end of the tick before has shown.
+    #[inline]
+    pub(crate) fn report(&self, conditions: &mut Conditions) {
+        if self.thrust_lost | self.not_a_number | self.crashed | self.motor_failed {
+            conditions.note(Condition::ThrustLost, self.thrust_lost);
+            conditions.note(Condition::NotANumber, self.not_a_number);
+            conditions.note(Condition::Crashed, self.crashed);
+            conditions.note(Condition::MotorFailed, self.motor_failed);
+        }
+    }
+
+    /// Looks for a single motor at its end in the commands of a tick that refused thrust upwards, or
+    /// did not; errors of roll and pitch in rad.
+    #[inline]
+    pub(crate) fn motors(
+        &mut self,
+        refused: bool,
+        pwm: [f32; 4],
+        errors_rad: [f32; 3],
+        elapsed_us: u32,
+        limits: &Limits,
+    ) {
+        if refused {
+            self.motor_at_end(pwm, errors_rad, elapsed_us, limits);
+        } else {
+            (self.motor, self.motor_failed) = ([Held::NOT; 2], false);
+        }
+    }
+
+    #[cold]
+    fn motor_at_end(
+        &mut self,
+        pwm: [f32; 4],
+        [roll_error, pitch_error, _]: [f32; 3],
+        elapsed_us: u32,
+        limits: &Limits,
+    ) {
+        let [a, b, c, d] = pwm;
+        let [none, all] = limits.ends;
+        let full = |command: f32| command >= all;
+        let is_single = pwm.iter().filter(|command| full(**command)).count() == 1;
+        // A craft that tips over a motor asks it for all, and the one across for nothing.
+        let lost = |opposite: f32| is_single || opposite <= none;
+        let motors = [(0, a, c), (1, b, d), (2, c, a), (3, d, b)];
+        let found = motors.into_iter().find(|(_, command, opposite)| full(*command) && lost(*opposite));
+        let tips = roll_error.abs() + pitch_error.abs() > TIPS_RAD;
+        let [for_long, tipping] = &mut self.motor;
+        let slowly = for_long.step(found.is_some(), elapsed_us, limits.motor_us);
+        let fast = tipping.step(found.is_some() && tips, elapsed_us, limits.motor_us / 5 * 3);
+        self.motor_failed = slowly || fast;
+        if let (true, Some((motor, ..))) = (self.motor_failed, found) {
+            self.failed_motor = Some(motor);
+        }
+    }
+
+    /// Looks for a crash in the result of a tick: errors of roll and pitch in rad and body rates in
+    /// rad/s; in a tick with motors at idle both are 0.
+    #[inline]
+    pub(crate) fn turns(
+        &mut self,
+        [roll_error, pitch_error, _]: [f32; 3],
+        [p, q, r]: [f32; 3],
+        elapsed_us: u32,
+        limits: &Limits,
+    ) {
+        let [error_rad, rate_rad_s] = limits.crash;
+        let far = roll_error.abs() + pitch_error.abs() > error_rad;
+        let lies = far && p.abs() + q.abs() + r.abs() < rate_rad_s;
+        self.crashed = self.crash.step(lies, elapsed_us, limits.crash_us);
+    }
+
+    /// Looks at the result of a tick: thrust refused upwards, rate of inertial z in m/s, attitude
+    /// in rad, a result that is not a number.
+    #[inline]
+    pub(crate) fn after(
+        &mut self,
+        refused: bool,
+        z_rate_m_s: f32,
+        attitude_rad: [f32; 3],
+        not_a_number: bool,
+        elapsed_us: u32,
+        limits: &Limits,
+    ) {
+        let sinks = refused && z_rate_m_s > limits.sink_m_s && tilt_bound(attitude_rad) < limits.level_rad;
+        self.thrust_lost = self.thrust.step(sinks, elapsed_us, limits.thrust_us);
+        self.not_a_number = not_a_number;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::gains::Config;
+    use Condition as C;
+
+    const PERIOD_US: u32 = 10_000;
+
+    fn limits() -> Limits {
+        Limits::new(&Config::thesis())
+    }
+
+    fn reported(aftermath: &Aftermath) -> Vec<Condition> {
+        let mut conditions = Conditions::NONE;
+        aftermath.report(&mut conditions);
+        conditions.iter().collect()
+    }
+
+    #[test]
+    fn a_craft_that_is_far_from_its_attitude_and_does_not_turn_has_crashed() {
+        let limits = limits();
+        let crashed = |error_rad, rate_rad_s, ticks| {
+            let mut aftermath = Aftermath::GOOD;
+            for _ in 0..ticks {
+                aftermath.turns([0.3, error_rad, 0.0], [0.0, rate_rad_s, 0.1], PERIOD_US, &limits);
+            }
+            reported(&aftermath) == [C::Crashed]
+        };
+        assert!(crashed(-0.2, 0.1, 30));
+        assert!(!crashed(-0.2, 0.1, 29) && !crashed(0.05, 0.1, 100) && !crashed(-0.2, 0.6, 100));
+        assert!(!crashed(f32::NAN, 0.1, 100), "what is no number is another condition");
+    }
+
+    #[test]
+    fn a_motor_alone_at_its_end_has_failed_and_is_named() {
+        let limits = limits();
+        let failed = |pwm, refused, error_rad, ticks| {
+            let mut aftermath = Aftermath::GOOD;
+            let errors_rad = [0.1, error_rad, 0.0];
+            (0..ticks).for_each(|_| aftermath.motors(refused, pwm, errors_rad, PERIOD_US, &limits));
+            (reported(&aftermath) == [C::MotorFailed]).then_some(aftermath.failed_motor)
+        };
+        for motor in 0..4_u8 {
+            let mut pwm = [1700.0; 4];
+            pwm[usize::from(motor)] = 1999.9;
+            assert_eq!(failed(pwm, true, 0.0, 50), Some(Some(motor)));
+            assert_eq!((failed(pwm, true, 0.0, 49), failed(pwm, false, 0.0, 100)), (None, None));
+            assert_eq!((failed(pwm, true, -0.5, 30), failed(pwm, true, -0.5, 29)), (Some(Some(motor)), None));
+            let mut pwm = [2000.0; 4];
+            pwm[usize::from(motor + 2) % 4] = 1000.0;
+            assert_eq!(failed(pwm, true, 0.5, 30), Some(Some(motor)), "tips over it");
+        }
+        assert_eq!(
+            failed([2000.0, 1700.0, 2000.0, 1700.0], true, 0.0, 100),
+            None,
+            "two: a battery, or a load"
+        );
+    }
+
+    #[test]
+    fn thrust_is_lost_by_a_level_craft_that_sinks_and_nobody_else() {
+        let limits = limits();
+        let lost = |refused, sink_m_s, roll_rad| {
+            let mut aftermath = Aftermath::GOOD;
+            for _ in 0..40 {
+                aftermath.after(refused, sink_m_s, [roll_rad, 0.0, 0.0], false, PERIOD_US, &limits);
+            }
+            !reported(&aftermath).is_empty()
+        };
+        assert!(lost(true, 0.3, 0.1));
+        assert!(!lost(false, 0.3, 0.1) && !lost(true, 0.1, 0.1) && !lost(true, 0.3, 0.5));
+        assert!(!lost(true, f32::NAN, 0.1));
+    }
+}
