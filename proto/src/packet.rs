@@ -284,7 +284,21 @@ impl Opener {
         }
     }
 
-    fn judge(&mut self, packet: &[u8]) -> Result<(u64, u64, Message), Refused> {
+    /// What can be said of a packet without its tag and its message, which take time: length, CRC
+    /// and header. Refused packets are counted.
+    ///
+    /// # Errors
+    /// Why the packet would be refused.
+    pub fn glance(&mut self, packet: &[u8]) -> Result<(), Refused> {
+        let outcome = self.read(packet).map(|_| ());
+        if outcome.is_err() {
+            self.statistics.refused = self.statistics.refused.saturating_add(1);
+        }
+        outcome
+    }
+
+    /// The parts of a packet that is intact and meant for us.
+    fn read<'a>(&self, packet: &'a [u8]) -> Result<Parts<'a>, Refused> {
         let length = Refused::Length(packet.len());
         if packet.len() > MAX_PACKET_LEN {
             return Err(length);
@@ -302,30 +316,46 @@ impl Opener {
         if flags & !(TAGGED | FROM_CRAFT) != 0 {
             return Err(Refused::Flags(flags));
         }
-        let signed = match (&self.key, flags & TAGGED != 0) {
-            (None, false) => rest,
-            (None, true) => return Err(Refused::NoKey),
-            (Some(_), false) => return Err(Refused::NoTag),
-            (Some(key), true) => {
-                let (signed, tag) = rest.split_last_chunk::<TAG_LEN>().ok_or(length)?;
-                if !key.verifies(signed, tag) {
-                    return Err(Refused::Forged);
-                }
-                signed
-            }
-        };
         if flags & FROM_CRAFT != self.from.flag() {
             return Err(Refused::Direction);
         }
         if link != self.link {
             return Err(Refused::Link { found: link, expected: self.link });
         }
+        let (signed, tag) = match (&self.key, flags & TAGGED != 0) {
+            (None, false) => (rest, None),
+            (None, true) => return Err(Refused::NoKey),
+            (Some(_), false) => return Err(Refused::NoTag),
+            (Some(_), true) => {
+                let (signed, tag) = rest.split_last_chunk::<TAG_LEN>().ok_or(length)?;
+                (signed, Some(tag))
+            }
+        };
         let body = signed.get(HEADER_LEN..).ok_or(length)?;
-        let message = decode_body(version, body).map_err(Refused::Message)?;
+        Ok(Parts { number, signed, tag, body })
+    }
+
+    fn judge(&mut self, packet: &[u8]) -> Result<(u64, u64, Message), Refused> {
+        let Parts { number, signed, tag, body } = self.read(packet)?;
+        if let (Some(key), Some(tag)) = (&self.key, tag)
+            && !key.verifies(signed, tag)
+        {
+            return Err(Refused::Forged);
+        }
+        let message = decode_body(VERSION, body).map_err(Refused::Message)?;
         match self.guard.judge(number) {
             Verdict::Fresh { lost } => Ok((lost, number, message)),
             Verdict::Replayed { accepts_from } => Err(Refused::Replayed { accepts_from }),
             Verdict::NotYet => Err(Refused::NotReserved),
         }
     }
+}
+
+/// The parts of a packet.
+struct Parts<'a> {
+    number: u64,
+    /// What the tag is of.
+    signed: &'a [u8],
+    tag: Option<&'a [u8; TAG_LEN]>,
+    body: &'a [u8],
 }

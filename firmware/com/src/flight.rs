@@ -163,7 +163,7 @@ pub fn fly<C: SetDutyCycle>(setup: &Setup, motors: Motors<C>, mut heart: Heart) 
         .name("log".into())
         .spawn(log_events)
         .map_err(system("start the thread of the log"))?;
-    log(&format!("listening on {}", flight.link().address()?));
+    log(&format!("listening on {}", flight.link().address()));
     for line in realtime::ask_for(setup.priority) {
         log(&line);
     }

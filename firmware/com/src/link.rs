@@ -1,16 +1,18 @@
 //! The link to the ground: UDP datagrams that are packets of crate `proto`.
 //!
-//! The loop's thread sends and receives itself, without ever waiting; in a flood it opens
-//! [`BUDGET`] packets a tick and the kernel drops the rest. Packet numbers that have to be on the
-//! disk before they are used are stored by a thread of their own ([`Keeper`]); the loop asks for
-//! them in time and checks whether they are stored.
+//! The loop's thread sends and receives itself, without ever waiting. Every packet that has come is
+//! looked at (length, CRC, header), which is cheap; of those that look right [`BUDGET`] a tick are
+//! opened, from the pilot's queue and from everybody else's each ([`Sockets`]): tags are what takes
+//! time. So a flood costs the pilot nothing, and the tick little. Packet numbers that have to be on
+//! the disk before they are used are stored by a thread of their own ([`Keeper`]); the loop asks
+//! for them in time and checks whether they are stored.
 //!
 //! Telemetry goes to whoever sent the last pose, command or clock; answers and the identity to
 //! whoever asked. So a second program may ask a craft who it is without taking the telemetry away
-//! from its pilot.
+//! from its pilot. A genuine packet that comes again changes neither: whoever sends it need not have
+//! the key.
 
-use std::io::ErrorKind;
-use std::net::{SocketAddr, UdpSocket};
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::{self, sleep};
@@ -22,8 +24,9 @@ use proto_files::CounterFile;
 
 use crate::config;
 use crate::error::{Result, log, system};
+use crate::sockets::{Queue, Sockets};
 
-/// Packets opened in a tick: over ten times what a ground station sends.
+/// Packets opened of each queue in a tick: over ten times what a ground station sends.
 pub const BUDGET: usize = 48;
 
 /// Between two looks of the keeper. A stretch of numbers lasts for seconds.
@@ -41,7 +44,13 @@ pub enum Notice {
 /// The link's end on the craft.
 #[derive(Debug)]
 pub struct Link {
-    socket: UdpSocket,
+    sockets: Sockets,
+    end: End,
+}
+
+/// What the link makes of packets.
+#[derive(Debug)]
+struct End {
     sealer: Sealer,
     opener: Opener,
     keeper: Option<Keeper>,
@@ -51,6 +60,8 @@ pub struct Link {
     /// Who asked last.
     asker: Option<SocketAddr>,
     strangers: u32,
+    /// Packets of others' queue and of the known peer's that may still be opened in this tick.
+    budgets: [usize; 2],
 }
 
 impl Link {
@@ -59,9 +70,47 @@ impl Link {
     /// # Errors
     /// A port that is taken, or counters that cannot be read or stored.
     pub fn open(settings: &config::LinkSettings) -> Result<Self> {
-        let socket = UdpSocket::bind(settings.listen)
-            .map_err(system("listen on the link's port; is another program using it?"))?;
-        socket.set_nonblocking(true).map_err(system("set up the link's socket"))?;
+        Ok(Self { sockets: Sockets::open(settings.listen)?, end: End::open(settings)? })
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.sockets.address()
+    }
+
+    /// Passes what has arrived on to the craft; `note` gets what was refused. Never waits, never
+    /// allocates.
+    pub fn receive(&mut self, craft: &mut Craft, mut note: impl FnMut(Notice)) {
+        let Self { sockets, end } = self;
+        end.budgets = [BUDGET; 2];
+        sockets.receive(|packet, from, queue| end.take(packet, from, queue, craft, &mut note));
+        if let Some(ground) = end.ground {
+            sockets.prefer(ground);
+        }
+        end.reserve();
+    }
+
+    /// Sends the craft's messages. Never waits, never allocates.
+    pub fn send(&mut self, craft: &mut Craft) {
+        let Self { sockets, end } = self;
+        let counts = end.counts();
+        let mut buffer = [0; MAX_PACKET_LEN];
+        while let Some(message) = craft.next_message(&counts) {
+            let to = match message {
+                Message::Telemetry(_) => end.ground,
+                _ => end.asker.or(end.ground),
+            };
+            let Some(to) = to else { continue };
+            if let Ok((_, packet)) = end.sealer.seal(&message, &mut buffer) {
+                sockets.send(packet, to);
+            }
+        }
+        end.reserve();
+    }
+}
+
+impl End {
+    fn open(settings: &config::LinkSettings) -> Result<Self> {
         let number = settings.number;
         let (sealer, opener, keeper) = match (&settings.key, &settings.counters) {
             (Some(key), Some(folder)) => {
@@ -76,40 +125,31 @@ impl Link {
             _ => (Sealer::open(Role::Craft, number), Opener::open(Role::Ground, number), None),
         };
         let settings = settings.clone();
-        Ok(Self { socket, sealer, opener, keeper, settings, ground: None, asker: None, strangers: 0 })
+        let (ground, asker, strangers) = (None, None, 0);
+        Ok(Self { sealer, opener, keeper, settings, ground, asker, strangers, budgets: [0; 2] })
     }
 
-    /// Where it listens.
-    ///
-    /// # Errors
-    /// The system's error.
-    pub fn address(&self) -> Result<SocketAddr> {
-        self.socket.local_addr().map_err(system("read the address of the link's port"))
-    }
-
-    /// Passes what has arrived on to the craft; `note` gets what was refused. Never waits, never
-    /// allocates.
-    pub fn receive(&mut self, craft: &mut Craft, mut note: impl FnMut(Notice)) {
-        let mut buffer = [0; MAX_PACKET_LEN + 1];
-        for _ in 0..BUDGET {
-            match self.socket.recv_from(&mut buffer) {
-                Ok((length, from)) => {
-                    self.take(buffer.get(..length).unwrap_or_default(), from, craft, &mut note)
-                }
-                Err(error) if error.kind() == ErrorKind::WouldBlock => break,
-                // The other side's port is closed (ICMP); the next packet may be another's.
-                Err(_) => {}
-            }
-        }
-        self.reserve();
-    }
-
-    fn take(&mut self, packet: &[u8], from: SocketAddr, craft: &mut Craft, note: &mut impl FnMut(Notice)) {
+    fn take(
+        &mut self,
+        packet: &[u8],
+        from: SocketAddr,
+        queue: Queue,
+        craft: &mut Craft,
+        note: &mut impl FnMut(Notice),
+    ) {
         let config::LinkSettings { key, open, .. } = &self.settings;
         if proto::admit(from.ip(), key.as_ref(), *open).is_err() {
             self.strangers = self.strangers.saturating_add(1);
             return note(Notice::Stranger(from));
         }
+        if let Err(refused) = self.opener.glance(packet) {
+            return note(Notice::Refused(from, refused));
+        }
+        let [others, known] = &mut self.budgets;
+        let budget = if queue == Queue::Known { known } else { others };
+        // What comes too often to be opened is not told either: the log has enough of it.
+        let Some(left) = budget.checked_sub(1) else { return };
+        *budget = left;
         match self.opener.unseal(packet) {
             Ok((number, message)) => {
                 self.sealer.follow(&mut self.opener);
@@ -122,32 +162,18 @@ impl Link {
             // Genuine, but its number is still being stored.
             Err(Refused::NotReserved) => {}
             Err(refused) => {
-                // Genuine, but behind: its sender is told where to go on.
+                // Genuine, but behind: the ground is told where to go on. Whoever sent this may have
+                // no key and be sending again what somebody else said: it is told only as long as
+                // nobody else is known.
                 if let Refused::Replayed { .. } = refused {
-                    self.asker = Some(from);
+                    if self.ground.is_none() {
+                        self.asker.get_or_insert(from);
+                    }
                     craft.introduce();
                 }
                 note(Notice::Refused(from, refused));
             }
         }
-    }
-
-    /// Sends the craft's messages. Never waits, never allocates; what cannot be sent is lost, as on
-    /// the air.
-    pub fn send(&mut self, craft: &mut Craft) {
-        let counts = self.counts();
-        let mut buffer = [0; MAX_PACKET_LEN];
-        while let Some(message) = craft.next_message(&counts) {
-            let to = match message {
-                Message::Telemetry(_) => self.ground,
-                _ => self.asker.or(self.ground),
-            };
-            let Some(to) = to else { continue };
-            if let Ok((_, packet)) = self.sealer.seal(&message, &mut buffer) {
-                let _ = self.socket.send_to(packet, to);
-            }
-        }
-        self.reserve();
     }
 
     fn counts(&self) -> craft::LinkStatus {

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use control::Config;
 use proto::imu_frame::{self, ImuFrame, MAX_STUFFED_LEN};
 use proto::{
-    Answer, ImuSample, MAX_PACKET_LEN, Message, Opener, Pose, Request, Role, Sealer, State, Telemetry,
+    Answer, ImuSample, Key, MAX_PACKET_LEN, Message, Opener, Pose, Request, Role, Sealer, State, Telemetry,
     TimedPose,
 };
 use serial2::SerialPort;
@@ -183,6 +183,26 @@ pub(crate) struct Ground {
     /// The last of each.
     pub(crate) telemetry: Option<Telemetry>,
     pub(crate) answers: Vec<Answer>,
+}
+
+/// A ground station with a key, for link 5.
+pub(crate) fn keyed(craft: SocketAddr, key: [u8; 32]) -> Ground {
+    let (sealer, mut opener) = ends(key);
+    opener.guard.reserved(u64::MAX);
+    Ground::with(craft, sealer, opener)
+}
+
+fn ends(key: [u8; 32]) -> (Sealer, Opener) {
+    let mut sealer = Sealer::authenticated(Role::Ground, 5, Key::new(key), 0);
+    sealer.counter.reserved(u64::MAX);
+    (sealer, Opener::authenticated(Role::Craft, 5, Key::new(key), 0))
+}
+
+/// Packets that are right in all but their tags: whoever made them has another key.
+pub(crate) fn forgeries(message: &Message, key: [u8; 32]) -> Vec<Vec<u8>> {
+    let mut sealer = ends(key).0;
+    let mut buffer = [0; MAX_PACKET_LEN];
+    (0..64).map(|_| sealer.seal(message, &mut buffer).unwrap().1.to_vec()).collect()
 }
 
 pub(crate) const IDLE: proto::Command = proto::Command { z_m: -1.0, ..proto::Command::IDLE };
