@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use crate::common::{Bench, Held, IDLE, Program, forgeries, keyed, patient_law};
+use crate::common::{Bench, Ground, Held, IDLE, Program, forgeries, patient_law};
 use proto::{Message, State};
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_com");
@@ -72,12 +72,12 @@ fn a_flood_costs_the_pilot_nothing() {
     let bench = Bench::new(&patient_law(), "[guardian]\nsilence_s = 2.0\n");
     let (config, key) = (bench.path("com.toml"), bench.path("key"));
     let text = fs::read_to_string(&config).unwrap();
-    fs::write(&config, text.replace("[imu]", "key = 'key'\ncounters = '.'\nnumber = 5\n[imu]")).unwrap();
+    fs::write(&config, text.replace("[imu]", "key = 'key'\nnumber = 5\n[imu]")).unwrap();
     fs::write(&key, "5a".repeat(32)).unwrap();
     fs::set_permissions(&key, fs::Permissions::from_mode(0o600)).unwrap();
     let mut program = Program::start(Path::new(PROGRAM), &bench, |_| {});
     let address = program.address();
-    let mut held = Held::new(keyed(address, [0x5a; 32]));
+    let mut held = Held::new(Ground::keyed(address, [0x5a; 32]));
     held.take_off(&bench);
     let quiet = fly(&mut held, &bench);
 
