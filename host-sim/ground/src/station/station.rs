@@ -645,7 +645,7 @@ mod tests {
         let told = bench.told();
         assert!(told.contains("telemetry has stopped") && told.lines().count() == 1, "{told}");
         bench.tick = 100;
-        bench.run(3600, 10, Some(State::Flying));
+        bench.run(3600, 30, Some(State::Flying));
         let told = bench.told();
         assert!(told.contains("telemetry again") && told.contains("over: pose late, battery low"), "{told}");
     }
