@@ -1,7 +1,8 @@
 //! What a chip without files has to have built in: the gains, and where its memory is.
 //!
 //! `QUADLAB_GAINS` names the gains file and `QUADLAB_VEHICLE` the vehicle file, from the top folder
-//! of the repository or absolute; the thesis' if neither is set.
+//! of the repository or absolute; the thesis' if neither is set. `QUADLAB_KEY` names the link's key
+//! file, mode 0600; without it the link is open.
 #![forbid(unsafe_code)]
 
 use std::error::Error;
@@ -35,6 +36,7 @@ fn run() -> Result<(), Box<dyn Error>> {
         return Err("gains belong to a vehicle: set QUADLAB_GAINS and QUADLAB_VEHICLE, or neither".into());
     }
     std::fs::write(out.join("gains.image"), image(&gains, &vehicle)?)?;
+    std::fs::write(out.join("link_key.rs"), key()?)?;
     if std::env::var("CARGO_CFG_TARGET_OS")? == "none" {
         let board = if std::env::var_os("CARGO_FEATURE_STM32F405").is_some() { "stm32f405" } else { "mps2" };
         let memory = format!("memory/{board}.x");
@@ -46,6 +48,15 @@ fn run() -> Result<(), Box<dyn Error>> {
         println!("cargo::rustc-link-arg-bins=--nmagic");
     }
     Ok(())
+}
+
+/// The link's key as an expression.
+fn key() -> Result<String, Box<dyn Error>> {
+    println!("cargo::rerun-if-env-changed=QUADLAB_KEY");
+    let Some(file) = std::env::var_os("QUADLAB_KEY") else { return Ok("None".into()) };
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(file);
+    println!("cargo::rerun-if-changed={}", path.display());
+    Ok(format!("Some(proto::Key::new({:?}))", proto_files::read_key_bytes(&path)?))
 }
 
 fn image(gains: &Path, vehicle: &Path) -> Result<Vec<u8>, Box<dyn Error>> {

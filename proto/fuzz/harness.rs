@@ -1,8 +1,8 @@
 //! What has to hold for any bytes, from a radio or from an attacker.
 
 use proto::{
-    Deframer, Key, MAX_FRAME_LEN, MAX_PACKET_LEN, MAX_STREAM_LEN, Opener, Role, Sealer, decode, encode,
-    enframe,
+    CraftEnd, Deframer, GroundEnd, Key, MAX_FRAME_LEN, MAX_PACKET_LEN, MAX_STREAM_LEN, Opener, Role, Sealer,
+    decode, encode, enframe,
 };
 
 /// Panics if something does not hold.
@@ -28,15 +28,17 @@ fn packet(bytes: &[u8]) {
     let mut fitting = bytes.to_vec();
     fitting.extend(crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(bytes).to_le_bytes());
     for packet in [bytes, &fitting] {
-        let mut open = Opener::open(Role::Ground, 0);
-        if let Ok((_, message)) = open.unseal(packet) {
-            let mut buffer = [0; MAX_PACKET_LEN];
-            Sealer::open(Role::Ground, 0).seal(&message, &mut buffer).expect("every message fits");
-            assert!(open.unseal(packet).is_err(), "nothing is accepted twice");
+        let mut buffer = [0; MAX_PACKET_LEN];
+        let mut plain = Opener::new(Role::Ground, 0);
+        if let Ok((_, message)) = plain.unseal(packet) {
+            Sealer::new(Role::Ground, 0).seal(&message, &mut buffer).expect("every message fits");
+            assert!(plain.unseal(packet).is_err(), "nothing is accepted twice");
         }
-        let mut keyed = Opener::authenticated(Role::Ground, 0, Key::new([0x5A; 32]), 0);
-        keyed.guard.reserved(u64::MAX);
-        assert!(keyed.unseal(packet).is_err(), "nothing is genuine without the key");
+        let mut craft = CraftEnd::new(0, Some(Key::new([0x5A; 32])), [1; 32]);
+        assert!(craft.hear(0, None, packet, &mut buffer).is_err(), "nothing is genuine without the key");
+        let mut ground = GroundEnd::new(0, None, [2; 32]);
+        ground.greet(0, &mut buffer);
+        assert!(ground.hear(0, packet).is_err(), "nobody knows what was asked");
     }
 }
 

@@ -6,10 +6,10 @@ use crate::message::Message;
 
 /// Version of the messages that are written. Anything that changes the bytes of a message raises
 /// it.
-pub const VERSION: u8 = 2;
+pub const VERSION: u8 = 3;
 
 /// Oldest version that is still read.
-pub const MIN_VERSION: u8 = 1;
+pub const MIN_VERSION: u8 = 3;
 
 /// No frame is longer, in bytes.
 pub const MAX_FRAME_LEN: usize = 320;
@@ -39,7 +39,7 @@ impl fmt::Display for Error {
             Self::Version { found } => {
                 write!(
                     f,
-                    "the other side speaks protocol version {found}, this one speaks {MIN_VERSION} to {VERSION}: build both from the same source"
+                    "the other side speaks protocol version {found}, this one speaks {VERSION}: build both from the same source"
                 )
             }
             Self::Malformed => f.write_str("not a message: cut short or damaged"),
@@ -79,10 +79,6 @@ pub(crate) fn decode_body(version: u8, body: &[u8]) -> Result<Message, Error> {
         return Err(Error::Version { found: version });
     }
     match postcard::take_from_bytes(body) {
-        // Version 1 ended with the second message.
-        Ok((message, _)) if version == 1 && !matches!(message, Message::Input(_) | Message::Output(_)) => {
-            Err(Error::Malformed)
-        }
         Ok((message, [])) => Ok(message),
         Ok((_, rest)) => Err(Error::TrailingBytes(rest.len())),
         Err(_) => Err(Error::Malformed),
@@ -102,7 +98,7 @@ mod tests {
         assert_eq!(decode(frame), Ok(Message::Who));
         assert_eq!(decode(&[]), Err(Error::Empty));
         assert_eq!(decode(&[VERSION + 1, 9]), Err(Error::Version { found: VERSION + 1 }));
-        assert_eq!(decode(&[1, 9]), Err(Error::Malformed), "version 1 ended with the second message");
+        assert_eq!(decode(&[MIN_VERSION - 1, 9]), Err(Error::Version { found: MIN_VERSION - 1 }));
         assert_eq!(decode(&[VERSION, 9, 0, 0]), Err(Error::TrailingBytes(2)));
         assert_eq!(decode(&[VERSION]), Err(Error::Malformed));
         assert_eq!(encode(&Message::Who, &mut [0; 1]), Err(Error::BufferTooShort));

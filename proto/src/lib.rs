@@ -8,31 +8,37 @@
 //! Units and frames are those of the project: SI, inertial frame north-east-down, body frame
 //! front-right-down, Euler angles Z-Y-X in radians, motor commands in the vehicle's own unit.
 //!
-//! Inside a process and over shared memory a frame is all there is. Over a network or a wire it
-//! travels as a packet ([`Sealer`], [`Opener`]): header with version, direction, link and a number
-//! that never comes twice; the message; with a [`Key`] an HMAC-SHA-256 tag; a CRC. On a byte stream
-//! the packet is stuffed ([`enframe`], [`Deframer`]: COBS). An IMU board's serial line is stuffed
-//! the same way, with a format of its own ([`imu_frame`]).
+//! Inside a process and over shared memory a frame is all there is. Between a law and a simulator it
+//! travels as a plain packet ([`Sealer`], [`Opener`]): header with version, direction, link and
+//! number; the message; a CRC. Between a craft and its ground station packets belong to a session
+//! ([`CraftEnd`], [`GroundEnd`]), which no packet of another time or of another start fits. On a byte
+//! stream the packet is stuffed ([`enframe`], [`Deframer`]: COBS). An IMU board's serial line is
+//! stuffed the same way, with a format of its own ([`imu_frame`]).
 //!
-//! Versions: [`MIN_VERSION`] to [`VERSION`] are read, [`VERSION`] is written. Version 1 had `Input`
-//! and `Output` only, and no packets. The bytes of each version are pinned in `tests/wire_v1.rs`
-//! and `tests/wire_v2.rs`.
+//! Versions: only [`VERSION`] is read and written; others are refused by name. Its bytes are pinned
+//! in `tests/wire_v3.rs`.
 //!
-//! Deliberately absent: encryption (a pose is no secret), sockets, files and clocks.
+//! Deliberately absent: encryption (a pose is no secret), sockets, files, clocks and chance: whoever uses a
+//! session says what time it is and brings random bytes.
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 
-mod counter;
+mod age;
+mod craft_end;
 mod frame;
+mod ground_end;
 pub mod imu_frame;
 mod message;
 mod packet;
 mod peer;
 mod ramp;
+mod session;
 mod stream;
 
-pub use counter::{CounterStore, LEAP, RESERVE, ReplayGuard, SendCounter};
+pub use age::OLDEST_MS;
+pub use craft_end::{CraftEnd, Heard, LISTENING_MS, Opened};
 pub use frame::{Error, MAX_FRAME_LEN, MIN_VERSION, VERSION, decode, encode};
+pub use ground_end::{GroundEnd, Listener, SILENT_MS};
 pub use message::{
     Answer, Command, Counters, Gains, Identity, ImuSample, Input, Loop, Measurement, Message, Mode, Outcome,
     Output, Pose, Readings, Refusal, Request, State, Supervision, Telemetry, TimedPose, Timer,

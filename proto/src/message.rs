@@ -9,8 +9,7 @@ pub enum Message {
     Input(Input),
     /// From the controller: the outcome of that tick.
     Output(Output),
-    // From here on since version 2. Order and fields of what stands here are its bytes: append
-    // only.
+    // Order and fields of what stands here are its bytes: append only.
     /// To the autopilot in lockstep: what has come since the tick before.
     Readings(Readings),
     /// From the autopilot in lockstep: the outcome of that tick.
@@ -356,8 +355,6 @@ pub struct Identity {
     pub program: [u16; 3],
     /// SHA-256 of its gains and vehicle file.
     pub vehicle_sha256: [u8; 32],
-    /// Least packet number that it accepts from the ground.
-    pub accepts_from: u64,
     /// What the craft is doing.
     pub state: State,
 }

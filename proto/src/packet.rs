@@ -1,18 +1,20 @@
 //! Packets: what goes over a network or a wire.
 //!
 //! ```text
-//! version u8 | flags u8 | link u16 | number u64 | message (postcard) | tag, 16 bytes, with a key | CRC-32
+//! plain       version u8 | flags u8 | link u16 | number u64 | message | CRC-32
+//! session     version u8 | flags u8 | link u16 | number u64 | session u64 | time u32 | echo u32 | message | tag, 16 bytes | CRC-32
 //! ```
 //!
-//! All integers are little endian. Flags: bit 0 a tag is there, bit 1 the craft sent it; the others
-//! are 0. `link` tells crafts with one key apart. The tag is HMAC-SHA-256 (RFC 2104) of everything
-//! before it, cut to its first 16 bytes: RFC 2104 asks for half the hash at least, and guessing one
-//! right takes 2^128 tries over the radio. The CRC (CRC-32/ISO-HDLC, of everything before it) tells
-//! damage from forgery and finds every single and double bit error by itself, on links without a
-//! key too.
+//! All integers are little endian. `link` tells crafts with one key apart. Plain packets join a
+//! simulator and a law on one machine, and their numbers only tell order; between a craft and its
+//! ground station there are sessions (see [`crate::CraftEnd`]). Flags: bit 0 the tag is made with a
+//! secret key, bit 1 the craft sent it, bit 2 it makes a session, bit 3 it is of a session; the
+//! others are 0.
 //!
-//! Direction, link and number are under the tag: a packet cannot be sent back, to another craft, or
-//! again.
+//! The tag is HMAC-SHA-256 (RFC 2104) of everything before it, cut to its first 16 bytes: RFC 2104
+//! asks for half the hash at least, and guessing one right takes 2^128 tries over the radio. The CRC
+//! (CRC-32/ISO-HDLC, of everything before it) tells damage from forgery and finds every single and
+//! double bit error by itself, on plain packets too.
 
 use core::fmt;
 
@@ -20,19 +22,26 @@ use crc::{CRC_32_ISO_HDLC, Crc};
 use hmac::{Hmac, KeyInit, Mac};
 use sha2::Sha256;
 
-use crate::counter::{ReplayGuard, SendCounter, Verdict};
 use crate::frame::{Error, MAX_FRAME_LEN, VERSION, decode_body};
 use crate::message::Message;
 
-const HEADER_LEN: usize = 12;
+/// Length of a plain packet's header.
+const PLAIN_LEN: usize = 12;
+/// Length of the header in a session.
+pub(crate) const HEADER_LEN: usize = PLAIN_LEN + 16;
 const CRC_LEN: usize = 4;
 /// Length of a tag in bytes.
 pub const TAG_LEN: usize = 16;
+/// Length of a challenge in bytes.
+pub(crate) const NONCE_LEN: usize = 16;
 /// No packet is longer, in bytes.
 pub const MAX_PACKET_LEN: usize = HEADER_LEN + MAX_FRAME_LEN + TAG_LEN + CRC_LEN;
 
-const TAGGED: u8 = 1;
-const FROM_CRAFT: u8 = 2;
+/// Bits of the flags.
+pub(crate) const KEYED: u8 = 1;
+pub(crate) const FROM_CRAFT: u8 = 2;
+pub(crate) const HANDSHAKE: u8 = 4;
+pub(crate) const SESSION: u8 = 8;
 
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
@@ -46,16 +55,38 @@ impl Key {
         Self(bytes)
     }
 
-    fn mac(&self, bytes: &[u8]) -> Option<Hmac<Sha256>> {
+    fn mac(&self, parts: &[&[u8]]) -> Option<Hmac<Sha256>> {
         // A key of any length is a key for HMAC; this never fails.
         let mut mac = Hmac::<Sha256>::new_from_slice(&self.0).ok()?;
-        mac.update(bytes);
+        parts.iter().for_each(|part| mac.update(part));
         Some(mac)
     }
 
+    /// The tag of these bytes.
+    pub(crate) fn tag(&self, bytes: &[u8]) -> Option<[u8; TAG_LEN]> {
+        let hash: [u8; 32] = self.mac(&[bytes])?.finalize().into_bytes().into();
+        hash.first_chunk().copied()
+    }
+
     /// Compares in constant time.
-    fn verifies(&self, bytes: &[u8], tag: &[u8]) -> bool {
-        tag.len() == TAG_LEN && self.mac(bytes).is_some_and(|mac| mac.verify_truncated_left(tag).is_ok())
+    pub(crate) fn verifies(&self, bytes: &[u8], tag: &[u8; TAG_LEN]) -> bool {
+        self.mac(&[bytes]).is_some_and(|mac| mac.verify_truncated_left(tag).is_ok())
+    }
+
+    /// A key made from this one and what it is for. No packet begins with a letter, so no tag is a
+    /// key.
+    pub(crate) fn derive(&self, purpose: &[u8], parts: &[&[u8]]) -> Self {
+        let hash = self.mac(&[purpose]).map(|mut mac| {
+            parts.iter().for_each(|part| mac.update(part));
+            mac.finalize().into_bytes().into()
+        });
+        // There always is a hash; without one nothing would fit.
+        Self(hash.unwrap_or([0xff; 32]))
+    }
+
+    /// Its first half, as bytes that nobody can guess.
+    pub(crate) fn nonce(&self) -> [u8; NONCE_LEN] {
+        self.0.first_chunk().copied().unwrap_or_default()
     }
 }
 
@@ -75,7 +106,7 @@ pub enum Role {
 }
 
 impl Role {
-    fn flag(self) -> u8 {
+    pub(crate) fn flag(self) -> u8 {
         match self {
             Self::Ground => 0,
             Self::Craft => FROM_CRAFT,
@@ -106,23 +137,27 @@ pub enum Refused {
         /// The link it should be.
         expected: u16,
     },
-    /// A key is set and the packet has no tag.
+    /// A key is set and the packet was made without one.
     NoTag,
-    /// The packet has a tag and no key is set.
+    /// The packet was made with a key and none is set.
     NoKey,
     /// The tag is wrong: another key, or forged.
     Forged,
-    /// The number was received before, or could have been.
-    Replayed {
-        /// Least number that is accepted.
-        accepts_from: u64,
+    /// The number was received before, or a later one was.
+    Replayed,
+    /// It is older than [`OLDEST_MS`](crate::OLDEST_MS), or may be.
+    Old {
+        /// How old it may be.
+        age_ms: u32,
     },
-    /// Genuine, but its number is not reserved yet: store what the guard asks for.
-    NotReserved,
+    /// It belongs to no session that there is: an earlier one, or one of an earlier start.
+    NoSession,
+    /// It belongs to a session with somebody at another address.
+    Elsewhere,
     /// The message in it cannot be read.
     Message(Error),
-    /// The sender has no numbers left: store what the counter asks for.
-    OutOfNumbers,
+    /// The message does not fit into the buffer: [`MAX_PACKET_LEN`] suffices.
+    BufferTooShort,
 }
 
 impl fmt::Display for Refused {
@@ -140,89 +175,146 @@ impl fmt::Display for Refused {
                 write!(f, "a packet for link {found}; this is link {expected}")
             }
             Self::NoTag => f.write_str(
-                "a packet without a tag, and this side has a key: give the other side the same key file",
+                "a packet made without a key, and this side has one: give the other side the same key file",
             ),
             Self::NoKey => f.write_str(
-                "a packet with a tag, and this side has no key: give it the other side's key file",
+                "a packet made with a key, and this side has none: give it the other side's key file",
             ),
             Self::Forged => f.write_str("a packet with a wrong tag: the keys differ, or it was forged"),
-            Self::Replayed { accepts_from } => {
-                write!(f, "a packet that was received before; numbers from {accepts_from} on are accepted")
+            Self::Replayed => f.write_str("a packet that was received before, or came too late"),
+            Self::Old { age_ms } => write!(f, "a packet that may be {age_ms} ms old"),
+            Self::NoSession => {
+                f.write_str("a packet of no session that there is: of an earlier start, or forged")
             }
-            Self::NotReserved => f.write_str("a packet number that is not reserved yet"),
+            Self::Elsewhere => f.write_str("a packet of a session with another address"),
             Self::Message(error) => write!(f, "in a packet: {error}"),
-            Self::OutOfNumbers => f.write_str("no packet numbers are reserved: can the counter be stored?"),
+            Self::BufferTooShort => {
+                write!(f, "the buffer is too short for a packet; {MAX_PACKET_LEN} bytes are enough")
+            }
         }
     }
 }
 
 impl core::error::Error for Refused {}
 
-/// Makes packets.
+/// The bytes of a packet before its CRC, if they came undamaged and are of this version.
+pub(crate) fn intact(packet: &[u8]) -> Result<&[u8], Refused> {
+    let length = Refused::Length(packet.len());
+    if packet.len() > MAX_PACKET_LEN {
+        return Err(length);
+    }
+    let (rest, crc) = packet.split_last_chunk::<CRC_LEN>().ok_or(length)?;
+    let [version, ..] = rest else { return Err(length) };
+    if CRC.checksum(rest) != u32::from_le_bytes(*crc) {
+        return Err(Refused::Damaged);
+    }
+    if *version != VERSION {
+        return Err(Refused::Version { found: *version });
+    }
+    Ok(rest)
+}
+
+/// What every packet begins with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Header {
+    pub(crate) flags: u8,
+    pub(crate) link: u16,
+    pub(crate) number: u64,
+}
+
+impl Header {
+    /// The header, if it is from that side and for that link, and what comes behind it.
+    pub(crate) fn read(bytes: &[u8], from: Role, link: u16) -> Result<(Self, &[u8]), Refused> {
+        let length = Refused::Length(bytes.len());
+        let ([_, flags, l0, l1, n @ ..], rest) = bytes.split_first_chunk::<PLAIN_LEN>().ok_or(length)?;
+        let (flags, found, number) = (*flags, u16::from_le_bytes([*l0, *l1]), u64::from_le_bytes(*n));
+        if flags & !(KEYED | FROM_CRAFT | HANDSHAKE | SESSION) != 0 {
+            return Err(Refused::Flags(flags));
+        }
+        if flags & FROM_CRAFT != from.flag() {
+            return Err(Refused::Direction);
+        }
+        if found != link {
+            return Err(Refused::Link { found, expected: link });
+        }
+        Ok((Self { flags, link, number }, rest))
+    }
+
+    fn bytes(self) -> [u8; PLAIN_LEN] {
+        let ([l0, l1], [a, b, c, d, e, f, g, h]) = (self.link.to_le_bytes(), self.number.to_le_bytes());
+        [VERSION, self.flags, l0, l1, a, b, c, d, e, f, g, h]
+    }
+}
+
+/// A packet that is being written.
+pub(crate) struct Writing<'b> {
+    buffer: &'b mut [u8],
+    length: usize,
+}
+
+impl<'b> Writing<'b> {
+    pub(crate) fn begin(header: Header, buffer: &'b mut [u8]) -> Result<Self, Refused> {
+        let mut writing = Self { buffer, length: 0 };
+        writing.put(&header.bytes())?;
+        Ok(writing)
+    }
+
+    pub(crate) fn put(&mut self, bytes: &[u8]) -> Result<(), Refused> {
+        let free = self.buffer.get_mut(self.length..).unwrap_or_default();
+        free.get_mut(..bytes.len()).ok_or(Refused::BufferTooShort)?.copy_from_slice(bytes);
+        self.length += bytes.len();
+        Ok(())
+    }
+
+    pub(crate) fn message(&mut self, message: &Message) -> Result<(), Refused> {
+        let free = self.buffer.get_mut(self.length..).unwrap_or_default();
+        self.length += postcard::to_slice(message, free).map_err(|_| Refused::BufferTooShort)?.len();
+        Ok(())
+    }
+
+    pub(crate) fn tag(&mut self, key: &Key) -> Result<(), Refused> {
+        let tag = key.tag(self.written()).ok_or(Refused::Forged)?;
+        self.put(&tag)
+    }
+
+    fn written(&self) -> &[u8] {
+        self.buffer.get(..self.length).unwrap_or_default()
+    }
+
+    pub(crate) fn end(mut self) -> Result<&'b [u8], Refused> {
+        let crc = CRC.checksum(self.written()).to_le_bytes();
+        self.put(&crc)?;
+        let Self { buffer, length } = self;
+        buffer.get(..length).ok_or(Refused::BufferTooShort)
+    }
+}
+
+/// Makes plain packets.
 #[derive(Debug, Clone)]
 pub struct Sealer {
     role: Role,
     link: u16,
-    key: Option<Key>,
-    /// The numbers.
-    pub counter: SendCounter,
+    next: u64,
 }
 
 impl Sealer {
-    /// With a key: `stored` is what the counter's store holds.
-    pub fn authenticated(role: Role, link: u16, key: Key, stored: u64) -> Self {
-        Self { role, link, key: Some(key), counter: SendCounter::resume(stored) }
-    }
-
-    /// Without a key.
-    pub fn open(role: Role, link: u16) -> Self {
-        Self { role, link, key: None, counter: SendCounter::volatile() }
-    }
-
-    /// To be called when a packet has been opened: if the other side has started anew, goes on
-    /// where it accepts.
-    pub fn follow(&mut self, opener: &mut Opener) {
-        if opener.guard.take_leap() {
-            self.counter.follow();
-        }
+    /// Numbers begin at 0.
+    pub fn new(role: Role, link: u16) -> Self {
+        Self { role, link, next: 0 }
     }
 
     /// Writes a message as a packet into `buffer`; gives its number and its bytes.
     ///
     /// # Errors
-    /// [`Refused::OutOfNumbers`], or a buffer shorter than [`MAX_PACKET_LEN`] that does not
-    /// suffice.
-    pub fn seal<'a>(&mut self, message: &Message, buffer: &'a mut [u8]) -> Result<(u64, &'a [u8]), Refused> {
-        const SHORT: Refused = Refused::Message(Error::BufferTooShort);
-        let (header, rest) = buffer.split_at_mut_checked(HEADER_LEN).ok_or(SHORT)?;
-        let body = postcard::to_slice(message, rest).map_err(|_| SHORT)?.len();
-        let number = self.counter.take().ok_or(Refused::OutOfNumbers)?;
-        let flags = self.role.flag() | if self.key.is_some() { TAGGED } else { 0 };
-        header.copy_from_slice(&header_bytes(flags, self.link, number));
-        let mut length = HEADER_LEN + body;
-        if let Some(mac) =
-            self.key.as_ref().zip(buffer.get(..length)).and_then(|(key, signed)| key.mac(signed))
-        {
-            let tag = mac.finalize().into_bytes();
-            put(&tag[..TAG_LEN], buffer, &mut length).ok_or(SHORT)?;
-        }
-        let crc = CRC.checksum(buffer.get(..length).ok_or(SHORT)?).to_le_bytes();
-        put(&crc, buffer, &mut length).ok_or(SHORT)?;
-        Ok((number, buffer.get(..length).ok_or(SHORT)?))
+    /// A buffer that is too short; [`MAX_PACKET_LEN`] suffices.
+    pub fn seal<'b>(&mut self, message: &Message, buffer: &'b mut [u8]) -> Result<(u64, &'b [u8]), Refused> {
+        let header = Header { flags: self.role.flag(), link: self.link, number: self.next };
+        let mut writing = Writing::begin(header, buffer)?;
+        writing.message(message)?;
+        let packet = writing.end()?;
+        self.next += 1;
+        Ok((header.number, packet))
     }
-}
-
-/// Puts bytes behind the first `length` of the buffer, if there is room.
-fn put(bytes: &[u8], buffer: &mut [u8], length: &mut usize) -> Option<()> {
-    let place = buffer.get_mut(*length..)?.get_mut(..bytes.len())?;
-    place.copy_from_slice(bytes);
-    *length += bytes.len();
-    Some(())
-}
-
-fn header_bytes(flags: u8, link: u16, number: u64) -> [u8; HEADER_LEN] {
-    let ([l0, l1], [a, b, c, d, e, f, g, h]) = (link.to_le_bytes(), number.to_le_bytes());
-    [VERSION, flags, l0, l1, a, b, c, d, e, f, g, h]
 }
 
 /// What has come over a link. Counts stay at the greatest number.
@@ -230,102 +322,65 @@ fn header_bytes(flags: u8, link: u16, number: u64) -> [u8; HEADER_LEN] {
 pub struct Statistics {
     /// Packets accepted.
     pub accepted: u32,
-    /// Packets refused, for whatever reason but a number that is not reserved yet.
+    /// Packets refused, for whatever reason.
     pub refused: u32,
-    /// Packets that never came, or came before their numbers were reserved: by the gaps in the
-    /// numbers.
+    /// Packets that never came, by the gaps in the numbers.
     pub lost: u32,
 }
 
-/// Opens packets.
+impl Statistics {
+    pub(crate) fn refuse(&mut self) {
+        self.refused = self.refused.saturating_add(1);
+    }
+
+    pub(crate) fn accept(&mut self, lost: u64) {
+        self.accepted = self.accepted.saturating_add(1);
+        self.lost = self.lost.saturating_add(u32::try_from(lost).unwrap_or(u32::MAX));
+    }
+}
+
+/// Opens plain packets, in the order of their numbers. Number 0 begins anew.
 #[derive(Debug, Clone)]
 pub struct Opener {
     from: Role,
     link: u16,
-    key: Option<Key>,
-    /// The numbers.
-    pub guard: ReplayGuard,
+    accepts_from: u64,
     /// Counts of what has come.
     pub statistics: Statistics,
 }
 
 impl Opener {
-    /// With a key, for packets `from` that side: `stored` is what the guard's store holds.
-    pub fn authenticated(from: Role, link: u16, key: Key, stored: u64) -> Self {
-        let guard = ReplayGuard::resume(stored);
-        Self { from, link, key: Some(key), guard, statistics: Statistics::default() }
+    /// For packets `from` that side.
+    pub fn new(from: Role, link: u16) -> Self {
+        Self { from, link, accepts_from: 0, statistics: Statistics::default() }
     }
 
-    /// Without a key.
-    pub fn open(from: Role, link: u16) -> Self {
-        let guard = ReplayGuard::volatile();
-        Self { from, link, key: None, guard, statistics: Statistics::default() }
-    }
-
-    /// The number and message of a packet that is intact, genuine and new.
+    /// The number and message of a packet that is intact and new.
     ///
     /// # Errors
     /// Why the packet was refused.
     pub fn unseal(&mut self, packet: &[u8]) -> Result<(u64, Message), Refused> {
-        let outcome = self.judge(packet);
-        let statistics = &mut self.statistics;
-        match outcome {
-            Ok((lost, number, message)) => {
-                statistics.accepted = statistics.accepted.saturating_add(1);
-                let lost = u32::try_from(lost).unwrap_or(u32::MAX);
-                statistics.lost = statistics.lost.saturating_add(lost);
-                Ok((number, message))
+        let opened = self.read(packet);
+        match &opened {
+            Ok((number, _)) => {
+                let lost = number.checked_sub(self.accepts_from).filter(|_| self.accepts_from > 0);
+                self.statistics.accept(lost.unwrap_or(0));
+                self.accepts_from = number.saturating_add(1);
             }
-            Err(Refused::NotReserved) => Err(Refused::NotReserved),
-            Err(refused) => {
-                statistics.refused = statistics.refused.saturating_add(1);
-                Err(refused)
-            }
+            Err(_) => self.statistics.refuse(),
         }
+        opened
     }
 
-    fn judge(&mut self, packet: &[u8]) -> Result<(u64, u64, Message), Refused> {
-        let length = Refused::Length(packet.len());
-        if packet.len() > MAX_PACKET_LEN {
-            return Err(length);
+    fn read(&self, packet: &[u8]) -> Result<(u64, Message), Refused> {
+        let (header, body) = Header::read(intact(packet)?, self.from, self.link)?;
+        if header.flags & !FROM_CRAFT != 0 {
+            return Err(Refused::Flags(header.flags));
         }
-        let (rest, crc) = packet.split_last_chunk::<CRC_LEN>().ok_or(length)?;
-        let (header, _) = rest.split_first_chunk::<HEADER_LEN>().ok_or(length)?;
-        if CRC.checksum(rest) != u32::from_le_bytes(*crc) {
-            return Err(Refused::Damaged);
+        let message = decode_body(VERSION, body).map_err(Refused::Message)?;
+        if header.number < self.accepts_from && (header.number > 0 || self.accepts_from == 1) {
+            return Err(Refused::Replayed);
         }
-        let [version, flags, l0, l1, n @ ..] = *header;
-        let (link, number) = (u16::from_le_bytes([l0, l1]), u64::from_le_bytes(n));
-        if version != VERSION {
-            return Err(Refused::Version { found: version });
-        }
-        if flags & !(TAGGED | FROM_CRAFT) != 0 {
-            return Err(Refused::Flags(flags));
-        }
-        let signed = match (&self.key, flags & TAGGED != 0) {
-            (None, false) => rest,
-            (None, true) => return Err(Refused::NoKey),
-            (Some(_), false) => return Err(Refused::NoTag),
-            (Some(key), true) => {
-                let (signed, tag) = rest.split_last_chunk::<TAG_LEN>().ok_or(length)?;
-                if !key.verifies(signed, tag) {
-                    return Err(Refused::Forged);
-                }
-                signed
-            }
-        };
-        if flags & FROM_CRAFT != self.from.flag() {
-            return Err(Refused::Direction);
-        }
-        if link != self.link {
-            return Err(Refused::Link { found: link, expected: self.link });
-        }
-        let body = signed.get(HEADER_LEN..).ok_or(length)?;
-        let message = decode_body(version, body).map_err(Refused::Message)?;
-        match self.guard.judge(number) {
-            Verdict::Fresh { lost } => Ok((lost, number, message)),
-            Verdict::Replayed { accepts_from } => Err(Refused::Replayed { accepts_from }),
-            Verdict::NotYet => Err(Refused::NotReserved),
-        }
+        Ok((header.number, message))
     }
 }

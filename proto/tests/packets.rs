@@ -4,10 +4,11 @@
 mod common;
 
 use common::messages;
+use common::session;
 use proptest::prelude::*;
 use proto::{
-    Deframer, Key, LEAP, MAX_PACKET_LEN, MAX_STREAM_LEN, Message, Opener, RESERVE, Refused, Role, Sealer,
-    enframe,
+    CraftEnd, Deframer, GroundEnd, Heard, Key, MAX_PACKET_LEN, MAX_STREAM_LEN, Message, Opener, Refused,
+    Role, Sealer, enframe,
 };
 
 const LINK: u16 = 7;
@@ -16,56 +17,77 @@ fn key(byte: u8) -> Key {
     Key::new([byte; 32])
 }
 
-fn pair(keyed: bool) -> (Sealer, Opener) {
-    if !keyed {
-        return (Sealer::open(Role::Ground, LINK), Opener::open(Role::Ground, LINK));
-    }
-    let mut sealer = Sealer::authenticated(Role::Ground, LINK, key(1), 0);
-    let mut opener = Opener::authenticated(Role::Ground, LINK, key(1), 0);
-    sealer.counter.reserved(LEAP + RESERVE);
-    opener.guard.reserved(LEAP + RESERVE);
-    (sealer, opener)
+/// One end that speaks and one that hears: plain packets, or those of a session from the ground.
+#[derive(Clone)]
+enum Pair {
+    Plain(Sealer, Opener),
+    Session(Box<(GroundEnd, CraftEnd)>),
 }
 
-fn sealed(sealer: &mut Sealer, message: &Message) -> Vec<u8> {
-    let mut buffer = [0; MAX_PACKET_LEN];
-    sealer.seal(message, &mut buffer).unwrap().1.to_vec()
+fn pair(in_session: bool) -> Pair {
+    match in_session {
+        false => Pair::Plain(Sealer::new(Role::Ground, LINK), Opener::new(Role::Ground, LINK)),
+        true => Pair::Session(Box::new(session(LINK, Some(key(1))))),
+    }
+}
+
+impl Pair {
+    fn seal(&mut self, message: &Message) -> Vec<u8> {
+        let mut buffer = [0; MAX_PACKET_LEN];
+        let sealed = match self {
+            Self::Plain(sealer, _) => sealer.seal(message, &mut buffer),
+            Self::Session(ends) => ends.0.seal(5, message, &mut buffer),
+        };
+        sealed.unwrap().1.to_vec()
+    }
+
+    fn open(&mut self, packet: &[u8]) -> Result<(u64, Message), Refused> {
+        match self {
+            Self::Plain(_, opener) => opener.unseal(packet),
+            Self::Session(ends) => match ends.1.hear(5, None, packet, &mut [0; MAX_PACKET_LEN])? {
+                Heard::Message(opened) => Ok((opened.number, opened.message)),
+                Heard::Hello(_) => panic!("no hello"),
+            },
+        }
+    }
+
+    fn statistics(&self) -> proto::Statistics {
+        match self {
+            Self::Plain(_, opener) => opener.statistics,
+            Self::Session(ends) => ends.1.statistics,
+        }
+    }
 }
 
 #[test]
 fn every_message_arrives() {
-    for keyed in [false, true] {
-        let (mut sealer, mut opener) = pair(keyed);
-        let first = if keyed { LEAP } else { 0 };
-        for (number, message) in (first..).zip(messages()) {
-            let packet = sealed(&mut sealer, &message);
-            assert_eq!(opener.unseal(&packet), Ok((number, message)));
+    for in_session in [false, true] {
+        let mut pair = pair(in_session);
+        for (number, message) in (0..).zip(messages()) {
+            let packet = pair.seal(&message);
+            assert_eq!(pair.open(&packet), Ok((number, message)));
         }
-        assert_eq!((opener.statistics.refused, opener.statistics.lost), (0, 0));
+        assert_eq!((pair.statistics().refused, pair.statistics().lost), (0, 0));
     }
 }
 
-/// Every 1-bit flip of every message, with and without a key, is refused; so is every cut.
+/// Every 1-bit flip of every message, plain and in a session, is refused; so is every cut.
 #[test]
 fn damage_is_refused() {
-    for keyed in [false, true] {
+    for in_session in [false, true] {
         for message in messages() {
-            let (mut sealer, opener) = pair(keyed);
-            let packet = sealed(&mut sealer, &message);
+            let mut pair = pair(in_session);
+            let packet = pair.seal(&message);
             for bit in 0..packet.len() * 8 {
                 let mut damaged = packet.clone();
                 damaged[bit / 8] ^= 1 << (bit % 8);
-                assert_eq!(
-                    opener.clone().unseal(&damaged),
-                    Err(Refused::Damaged),
-                    "bit {bit} of {message:?}"
-                );
+                assert_eq!(pair.open(&damaged), Err(Refused::Damaged), "bit {bit} of {message:?}");
             }
             for length in 0..packet.len() {
-                assert!(opener.clone().unseal(&packet[..length]).is_err(), "{length} bytes of {message:?}");
+                assert!(pair.open(&packet[..length]).is_err(), "{length} bytes of {message:?}");
             }
-            assert!(opener.clone().unseal(&[packet.as_slice(), &[0]].concat()).is_err());
-            assert!(opener.clone().unseal(&packet).is_ok(), "undamaged it is accepted");
+            assert!(pair.open(&[packet.as_slice(), &[0]].concat()).is_err());
+            assert!(pair.open(&packet).is_ok(), "undamaged it is accepted");
         }
     }
 }
@@ -73,77 +95,73 @@ fn damage_is_refused() {
 /// An attacker mends the CRC, so the tag has to find every flip by itself.
 #[test]
 fn a_flip_under_a_mended_crc_is_forged() {
-    let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
     for message in messages() {
-        let (mut sealer, opener) = pair(true);
-        let packet = sealed(&mut sealer, &message);
+        let mut pair = pair(true);
+        let packet = pair.seal(&message);
         let signed = packet.len() - 4;
         for bit in 0..signed * 8 {
-            let mut forged = packet.clone();
+            let mut forged = packet[..signed].to_vec();
             forged[bit / 8] ^= 1 << (bit % 8);
-            let sum = crc.checksum(&forged[..signed]).to_le_bytes();
-            forged[signed..].copy_from_slice(&sum);
-            let refused = opener.clone().unseal(&forged).unwrap_err();
-            let by_header =
-                matches!(refused, Refused::Version { .. } | Refused::Flags(_) | Refused::NoTag) && bit < 16;
-            assert!(refused == Refused::Forged || by_header, "bit {bit} of {message:?}: {refused:?}");
+            let refused = pair.open(&with_crc(forged)).unwrap_err();
+            // The header is read before the tag: that is cheaper. Bytes 12 to 19 name the session.
+            let by_header = bit < 32 && !matches!(refused, Refused::Damaged | Refused::Replayed);
+            let by_session =
+                (96..224).contains(&bit) && matches!(refused, Refused::NoSession | Refused::Old { .. });
+            let is_forged = matches!(refused, Refused::Forged | Refused::NoSession);
+            assert!(is_forged || by_header || by_session, "bit {bit} of {message:?}: {refused:?}");
         }
+        assert!(pair.open(&packet).is_ok());
     }
+}
+
+fn with_crc(mut bytes: Vec<u8>) -> Vec<u8> {
+    let sum = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&bytes);
+    bytes.extend(sum.to_le_bytes());
+    bytes
 }
 
 #[test]
 fn who_is_not_meant_or_not_known_is_refused_by_name() {
-    let (mut sealer, _) = pair(true);
-    let packet = sealed(&mut sealer, &Message::Who);
-    let refused = |mut opener: Opener, packet: &[u8]| {
-        opener.guard.reserved(LEAP + RESERVE);
-        opener.unseal(packet).unwrap_err()
+    let (mut buffer, mut reply) = ([0; MAX_PACKET_LEN], [0; MAX_PACKET_LEN]);
+    let mut hello_of = |link, key| GroundEnd::new(link, key, [2; 32]).greet(0, &mut buffer).unwrap().to_vec();
+    let (keyed, open) = (hello_of(LINK, Some(key(1))), hello_of(LINK, None));
+    let mut refused = |link, key, packet: &[u8]| {
+        CraftEnd::new(link, key, [1; 32]).hear(0, None, packet, &mut reply).unwrap_err()
     };
-    assert_eq!(refused(Opener::authenticated(Role::Ground, LINK, key(2), 0), &packet), Refused::Forged);
-    assert_eq!(refused(Opener::authenticated(Role::Craft, LINK, key(1), 0), &packet), Refused::Direction);
+    assert_eq!(refused(LINK, Some(key(2)), &keyed), Refused::Forged);
     let other = Refused::Link { found: LINK, expected: 8 };
-    assert_eq!(refused(Opener::authenticated(Role::Ground, 8, key(1), 0), &packet), other);
-    assert_eq!(refused(Opener::open(Role::Ground, LINK), &packet), Refused::NoKey);
-    let bare = sealed(&mut Sealer::open(Role::Ground, LINK), &Message::Who);
-    assert_eq!(refused(Opener::authenticated(Role::Ground, LINK, key(1), 0), &bare), Refused::NoTag);
-    for refused in [Refused::Forged, Refused::NoKey, Refused::NoTag, other] {
+    assert_eq!(refused(8, Some(key(1)), &keyed), other);
+    assert_eq!(refused(LINK, None, &keyed), Refused::NoKey);
+    assert_eq!(refused(LINK, Some(key(1)), &open), Refused::NoTag);
+    let plain = pair(false).seal(&Message::Who);
+    assert_eq!(refused(LINK, None, &plain), Refused::NoSession);
+    let mut ground = GroundEnd::new(LINK, Some(key(1)), [3; 32]);
+    assert_eq!(ground.hear(0, &keyed), Err(Refused::Direction));
+    for version in [1, 2, 4] {
+        let mut earlier = keyed[..keyed.len() - 4].to_vec();
+        earlier[0] = version;
+        let named = refused(LINK, Some(key(1)), &with_crc(earlier));
+        assert_eq!(named, Refused::Version { found: version });
+        assert!(named.to_string().contains(&format!("version {version}, this one speaks 3")), "{named}");
+    }
+    for refused in [Refused::Forged, Refused::NoKey, Refused::NoTag, Refused::NoSession, other] {
         assert_eq!(refused.to_string().lines().count(), 1);
     }
     assert_eq!(format!("{:?}", key(0x5A)), "Key(..)", "a key is not printed");
 }
 
 #[test]
-fn nothing_is_accepted_twice_even_after_a_restart() {
-    let (mut sealer, mut opener) = pair(true);
-    let packets: Vec<_> = (0..100).map(|_| sealed(&mut sealer, &Message::Who)).collect();
-    for packet in &packets {
-        assert!(opener.unseal(packet).is_ok());
-        assert!(matches!(opener.unseal(packet), Err(Refused::Replayed { .. })));
-    }
-    // What the store holds is where the restarted craft begins.
-    let stored = LEAP + RESERVE;
-    let mut restarted = Opener::authenticated(Role::Ground, LINK, key(1), stored);
-    restarted.guard.reserved(stored + RESERVE);
-    for packet in &packets {
-        assert_eq!(restarted.unseal(packet), Err(Refused::Replayed { accepts_from: stored }));
-    }
-    // The ground hears from where on it is accepted, and skips ahead.
-    sealer.counter.skip_to(restarted.guard.accepts_from());
-    sealer.counter.reserved(stored + RESERVE);
-    assert!(restarted.unseal(&sealed(&mut sealer, &Message::Who)).is_ok());
-}
-
-#[test]
-fn a_sender_without_numbers_says_so() {
-    let mut sealer = Sealer::authenticated(Role::Ground, LINK, key(1), 0);
+fn a_buffer_that_is_too_short_is_said_to_be() {
     let mut buffer = [0; MAX_PACKET_LEN];
-    assert_eq!(sealer.seal(&Message::Who, &mut buffer), Err(Refused::OutOfNumbers));
-    assert!(sealer.counter.to_reserve().is_some());
     for length in 0..20 {
-        let mut open = Sealer::open(Role::Ground, LINK);
-        let sealed = open.seal(&Message::Who, &mut buffer[..length]).map(|(_, packet)| packet.len());
-        assert_eq!(sealed.is_ok(), length >= 17, "{length} bytes of buffer");
+        let sealed = Sealer::new(Role::Ground, LINK).seal(&Message::Who, &mut buffer[..length]).map(|_| ());
+        assert_eq!(sealed, if length >= 17 { Ok(()) } else { Err(Refused::BufferTooShort) });
     }
+    let (mut ground, _) = session(LINK, Some(key(1)));
+    for length in 0..49 {
+        assert_eq!(ground.seal(0, &Message::Who, &mut buffer[..length]), Err(Refused::BufferTooShort));
+    }
+    assert_eq!(ground.seal(0, &Message::Who, &mut buffer).unwrap().0, 0, "no number was used up");
 }
 
 /// The longest message there can be fits every buffer, stuffed too.
@@ -167,11 +185,11 @@ fn the_longest_fits() {
     ] {
         *count = u32::MAX;
     }
-    let (mut sealer, mut opener) = pair(true);
-    let packet = sealed(&mut sealer, &Message::Telemetry(longest));
+    let mut pair = pair(true);
+    let packet = pair.seal(&Message::Telemetry(longest));
     let mut buffer = [0; MAX_STREAM_LEN];
     assert!(enframe(&packet, &mut buffer).is_some());
-    assert!(opener.unseal(&packet).is_ok());
+    assert!(pair.open(&packet).is_ok());
     assert!(enframe(&[1; MAX_PACKET_LEN], &mut buffer).is_some());
     for length in 0..packet.len() {
         assert!(enframe(&packet, &mut buffer[..length]).is_none());
@@ -183,12 +201,12 @@ fn stream(packets: &[Vec<u8>]) -> Vec<u8> {
     packets.iter().flat_map(|packet| enframe(packet, &mut buffer).unwrap().to_vec()).collect()
 }
 
-fn received(opener: &mut Opener, bytes: &[u8]) -> Vec<Message> {
+fn received(pair: &mut Pair, bytes: &[u8]) -> Vec<Message> {
     let mut deframer = Deframer::new();
     let mut messages = Vec::new();
     for byte in bytes {
         if let Some(packet) = deframer.push(*byte) {
-            messages.extend(opener.unseal(packet).ok().map(|(_, message)| message));
+            messages.extend(pair.open(packet).ok().map(|(_, message)| message));
         }
     }
     messages
@@ -196,23 +214,23 @@ fn received(opener: &mut Opener, bytes: &[u8]) -> Vec<Message> {
 
 #[test]
 fn a_stream_is_in_step_again_after_any_lost_or_wrong_byte() {
-    let (mut sealer, opener) = pair(true);
-    let packets: Vec<_> = messages().iter().map(|message| sealed(&mut sealer, message)).collect();
+    let mut pair = pair(true);
+    let packets: Vec<_> = messages().iter().map(|message| pair.seal(message)).collect();
     let bytes = stream(&packets);
-    assert_eq!(received(&mut opener.clone(), &bytes), messages());
+    assert_eq!(received(&mut pair.clone(), &bytes), messages());
     for k in 0..bytes.len() {
         let lost = [&bytes[..k], &bytes[k + 1..]].concat();
         let mut wrong = bytes.clone();
         wrong[k] ^= 0x5A;
         for damaged in [lost, wrong] {
-            let got = received(&mut opener.clone(), &damaged);
+            let got = received(&mut pair.clone(), &damaged);
             // The packet that was hit, and if it was its zero the one behind it too.
             assert!(got.len() >= messages().len() - 2, "byte {k}: {} messages", got.len());
             assert!(got.iter().all(|message| messages().contains(message)));
         }
     }
     let after_noise = [&[0xFF; 5000][..], &[0], &bytes].concat();
-    assert_eq!(received(&mut opener.clone(), &after_noise), messages());
+    assert_eq!(received(&mut pair.clone(), &after_noise), messages());
 }
 
 proptest! {
@@ -226,9 +244,9 @@ proptest! {
         keyed in any::<bool>(),
         edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), 0_u8..4), 1..8),
     ) {
-        let (mut sealer, mut opener) = pair(keyed);
+        let mut pair = pair(keyed);
         let message = messages()[which];
-        let mut bytes = stream(&[sealed(&mut sealer, &message)]);
+        let mut bytes = stream(&[pair.seal(&message)]);
         for (place, byte, kind) in edits {
             if bytes.is_empty() { break; }
             let k = place.index(bytes.len());
@@ -239,8 +257,8 @@ proptest! {
                 _ => bytes.truncate(k),
             }
         }
-        let _ = opener.clone().unseal(&bytes);
-        let got = received(&mut opener, &bytes);
+        let _ = pair.clone().open(&bytes);
+        let got = received(&mut pair, &bytes);
         prop_assert!(got.iter().all(|m| *m == message), "{got:?}");
     }
 
@@ -248,13 +266,13 @@ proptest! {
     /// count of losses fits.
     #[test]
     fn order_is_kept(order in prop::collection::vec(0_usize..60, 0..200)) {
-        let (mut sealer, mut opener) = pair(true);
-        let packets: Vec<_> = (0..60).map(|_| sealed(&mut sealer, &Message::Who)).collect();
-        let numbers: Vec<u64> = order.iter().filter_map(|k| opener.unseal(&packets[*k]).ok()).map(|(n, _)| n).collect();
+        let mut pair = pair(true);
+        let packets: Vec<_> = (0..60).map(|_| pair.seal(&Message::Who)).collect();
+        let numbers: Vec<u64> = order.iter().filter_map(|k| pair.open(&packets[*k]).ok()).map(|(n, _)| n).collect();
         prop_assert!(numbers.windows(2).all(|w| w[0] < w[1]));
         if let (Some(first), Some(last)) = (numbers.first(), numbers.last()) {
             let never_came = (last - first + 1) as usize - numbers.len();
-            prop_assert_eq!(opener.statistics.lost as usize, never_came);
+            prop_assert_eq!(pair.statistics().lost as usize, never_came);
         }
     }
 }

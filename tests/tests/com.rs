@@ -25,7 +25,7 @@ use ground::mocap::vicon_stream::{Block, Object};
 use model::{Battery, Model, Plant};
 use nalgebra::Vector3;
 use pattern::{Excitation, Pattern};
-use proto::{Key, MAX_PACKET_LEN, Message, Mode, Opener, Pose, Request, Role, State, Telemetry, Timer};
+use proto::{Key, Listener, MAX_PACKET_LEN, Message, Mode, Pose, Request, State, Telemetry, Timer};
 use serde_json::Value;
 use sil::{FlightPlan, NoiseModel, Room, Script, Sensors, SimulatedCraft, for_identification};
 use stories::program;
@@ -146,10 +146,9 @@ fn write_key(path: &Path) {
 fn keyed_bench(law: &control::Config) -> Bench {
     let bench = Bench::new(law, "[guardian]\nsilence_s = 2.0\nwatchdog = 'none'\n");
     let config = fs::read_to_string(bench.path("com.toml")).unwrap();
-    let link = format!("[link]\nkey = 'key'\ncounters = 'counters'\nnumber = {LINK}\n");
+    let link = format!("[link]\nkey = 'key'\nnumber = {LINK}\n");
     fs::write(bench.path("com.toml"), config.replace("[link]\n", &link)).unwrap();
     write_key(&bench.path("key"));
-    fs::create_dir(bench.path("counters")).unwrap();
     bench
 }
 
@@ -158,7 +157,7 @@ fn keyed_bench(law: &control::Config) -> Bench {
 struct AccessPoint {
     front: UdpSocket,
     back: UdpSocket,
-    reader: Opener,
+    reader: Listener,
     ground: Arc<Mutex<Option<SocketAddr>>>,
 }
 
@@ -168,8 +167,7 @@ impl AccessPoint {
         let back = UdpSocket::bind("127.0.0.1:0").unwrap();
         back.connect(craft).unwrap();
         back.set_read_timeout(Some(Duration::from_millis(20))).unwrap();
-        let mut reader = Opener::authenticated(Role::Craft, LINK, Key::new(KEY), 0);
-        reader.guard.reserved(u64::MAX);
+        let reader = Listener::new(LINK, Some(Key::new(KEY)));
         let ground = Arc::new(Mutex::new(None));
         let (up, to_craft, known) =
             (front.try_clone().unwrap(), back.try_clone().unwrap(), Arc::clone(&ground));
@@ -197,8 +195,8 @@ impl AccessPoint {
         if let Some(ground) = *self.ground.lock().unwrap() {
             let _ = self.front.send_to(&buffer[..length], ground);
         }
-        match self.reader.unseal(&buffer[..length]) {
-            Ok((_, Message::Telemetry(telemetry))) => Some(telemetry),
+        match self.reader.hear(&buffer[..length]) {
+            Some(Message::Telemetry(telemetry)) => Some(telemetry),
             _ => None,
         }
     }
@@ -400,8 +398,7 @@ impl Pilot {
         socket
     }
 
-    /// As after kill -9: nothing is left but the files. (Nothing is stored at the end of a link, so
-    /// a clean end is no other.)
+    /// As after kill -9: nothing is left. (Nothing is stored, so a clean end is no other.)
     fn killed(&mut self) {
         self.link = Self::link(self.folder.path());
     }
@@ -409,13 +406,18 @@ impl Pilot {
     /// A packet to the craft, and what comes until the next is due.
     fn exchange(&mut self) {
         self.said += 1;
-        let (_, packet) = self.link.seal(&Message::Timer(Timer { ground_us: self.said })).unwrap();
-        let _ = self.socket.send(&packet);
-        self.up.push(packet);
+        let now_us = com::clock::monotonic_ns() / 1000;
+        if let Some(hello) = self.link.greet(now_us) {
+            let _ = self.socket.send(&hello);
+        }
+        if let Ok((_, packet)) = self.link.seal(now_us, &Message::Timer(Timer { ground_us: self.said })) {
+            let _ = self.socket.send(&packet);
+            self.up.push(packet);
+        }
         let mut buffer = [0; MAX_PACKET_LEN];
         if let Ok(length) = self.socket.recv(&mut buffer) {
             let packet = &buffer[..length];
-            if let Ok(message) = self.link.unseal(packet) {
+            if let Ok(Some(message)) = self.link.unseal(now_us, packet) {
                 self.down.push(packet.to_vec());
                 if let Message::Telemetry(telemetry) = message {
                     self.telemetry = Some(telemetry);
@@ -456,14 +458,14 @@ impl Pilot {
             self.exchange();
         }
         for packet in &self.down {
-            assert!(self.link.unseal(packet).is_err(), "the ground takes an echo");
+            let now_us = com::clock::monotonic_ns() / 1000;
+            assert!(self.link.unseal(now_us, packet).is_err(), "the ground takes an echo");
         }
     }
 }
 
-/// Packets until both are heard after a restart: a ground station that waits for the numbers to
-/// grow to the limit in its file needs a thousand. Storing takes some ticks, more on a busy
-/// machine.
+/// Packets until both are heard after a restart: a ground station notices within half a second that
+/// its craft has started anew, and says something every 20 ms then; more on a busy machine.
 const SOON: u32 = 100;
 
 /// Either side ends or is killed, or both are: they go on at once, and what was said before stays

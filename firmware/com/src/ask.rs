@@ -2,12 +2,11 @@
 //! others, and for people.
 
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
-use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use proto::{CounterStore, Identity, Key, MAX_PACKET_LEN, Message, Opener, Role, Sealer};
-use proto_files::CounterFile;
+use proto::{GroundEnd, Identity, Key, MAX_PACKET_LEN, Message};
 
+use crate::clock::monotonic_ms;
 use crate::config;
 use crate::error::{Error, Result, system};
 
@@ -21,8 +20,8 @@ pub struct Question {
     pub craft: SocketAddr,
     /// The craft's link number.
     pub number: u16,
-    /// The key, and the folder in which the ground keeps its packet numbers.
-    pub key: Option<(Key, PathBuf)>,
+    /// The key, if the craft has one.
+    pub key: Option<Key>,
     /// How long to wait for an answer.
     pub patience: Duration,
 }
@@ -39,7 +38,7 @@ impl Question {
                 Ipv6Addr::LOCALHOST.into()
             });
         }
-        Self { craft, number: link.number, key: link.key.clone().zip(link.counters.clone()), patience }
+        Self { craft, number: link.number, key: link.key.clone(), patience }
     }
 }
 
@@ -52,35 +51,25 @@ pub fn who(question: &Question) -> Result<Option<Identity>> {
     let socket = UdpSocket::bind(any).map_err(system("open a socket"))?;
     socket.connect(question.craft).map_err(system("reach the craft's address"))?;
     socket.set_read_timeout(Some(AGAIN_AFTER)).map_err(system("set up a socket"))?;
-    let (mut sealer, mut opener, counters) = ends(question)?;
+    let mut end = GroundEnd::new(question.number, question.key.clone(), proto_files::random()?);
     let started = Instant::now();
     let mut refused = None;
     while started.elapsed() < question.patience {
         let mut buffer = [0; MAX_PACKET_LEN + 1];
-        let sealed = sealer.seal(&Message::Who, &mut buffer);
-        let (number, packet) = sealed.map_err(|refused| Error::Other(refused.to_string()))?;
         // A closed port on the same machine refuses; the craft may be about to start.
-        let sent = socket.send(packet);
+        if !ask(&socket, &mut end, &mut buffer) {
+            std::thread::sleep(AGAIN_AFTER);
+        }
         let asked = Instant::now();
         while asked.elapsed() < AGAIN_AFTER {
             let Ok(length) = socket.recv(&mut buffer) else { break };
-            match opener.unseal(&buffer[..length]) {
-                // The answer to an earlier question; its age is unknown.
-                Ok((_, Message::Identity(identity))) if identity.accepts_from <= number => {}
-                // It answers the question, or only saw that its number is behind; either way it
-                // says who it is.
-                Ok((_, Message::Identity(identity))) => {
-                    if let Some([_, mut heard]) = counters {
-                        heard.store(opener.guard.accepts_from())?;
-                    }
-                    return Ok(Some(identity));
-                }
-                Ok(_) => {}
+            match end.hear(monotonic_ms(), &buffer[..length]) {
+                Ok(Some((_, Message::Identity(identity)))) => return Ok(Some(identity)),
+                Ok(Some(_)) => {}
+                // There is a session now: the question can be asked.
+                Ok(None) => drop(ask(&socket, &mut end, &mut buffer)),
                 Err(why) => refused = Some(why),
             }
-        }
-        if sent.is_err() {
-            std::thread::sleep(AGAIN_AFTER);
         }
     }
     match refused {
@@ -89,23 +78,12 @@ pub fn who(question: &Question) -> Result<Option<Identity>> {
     }
 }
 
-type Ends = (Sealer, Opener, Option<[CounterFile; 2]>);
-
-/// The numbers that this side has used and heard are kept in files of their own: asking is not
-/// flying. What was heard is kept exactly and not by stretches, or a second question within seconds
-/// would take the craft's answer for an echo.
-fn ends(question: &Question) -> Result<Ends> {
-    let number = question.number;
-    let Some((key, folder)) = &question.key else {
-        return Ok((Sealer::open(Role::Ground, number), Opener::open(Role::Craft, number), None));
-    };
-    let mut counters = ["ask-sent", "ask-heard"].map(|name| CounterFile::new(folder.join(name)));
-    let [sent, heard] = &mut counters;
-    let mut sealer = Sealer::authenticated(Role::Ground, number, key.clone(), sent.load()?);
-    sealer.counter.keep(sent)?;
-    let mut opener = Opener::authenticated(Role::Craft, number, key.clone(), heard.load()?);
-    opener.guard.reserved(u64::MAX);
-    Ok((sealer, opener, Some(counters)))
+/// Says hello, or asks where there is a session; could it be sent?
+fn ask(socket: &UdpSocket, end: &mut GroundEnd, buffer: &mut [u8]) -> bool {
+    let now_ms = monotonic_ms();
+    let hello = end.greet(now_ms, buffer).is_none_or(|hello| socket.send(hello).is_ok());
+    let who = end.seal(now_ms, &Message::Who, buffer);
+    hello && who.map_or(true, |(_, packet)| socket.send(packet).is_ok())
 }
 
 #[cfg(test)]
@@ -123,7 +101,6 @@ mod tests {
                 listen: listen.parse().unwrap(),
                 number: 3,
                 key: None,
-                counters: None,
                 open: true,
                 telemetry_every: 1,
             };

@@ -15,6 +15,11 @@ pub fn monotonic_ns() -> u64 {
     (now.tv_sec as u64).wrapping_mul(1_000_000_000).wrapping_add(now.tv_nsec as u64)
 }
 
+/// Milliseconds of the monotonic clock, modulo 2^32: the time that the link's packets carry.
+pub fn monotonic_ms() -> u32 {
+    (monotonic_ns() / 1_000_000) as u32
+}
+
 /// A beat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Beat {

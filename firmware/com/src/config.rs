@@ -53,6 +53,7 @@ struct LinkTable {
     #[serde(default)]
     number: u16,
     key: Option<PathBuf>,
+    /// Until version 2 of the messages.
     counters: Option<PathBuf>,
     #[serde(default)]
     open: bool,
@@ -134,8 +135,6 @@ pub struct LinkSettings {
     /// What both sides share; without one only peers on this machine are heard, unless the link is
     /// open.
     pub key: Option<Key>,
-    /// Folder of the packet counters; there is one where there is a key.
-    pub counters: Option<PathBuf>,
     /// Peers on other machines are heard without a key.
     pub open: bool,
     /// Ticks from one telemetry message to the next.
@@ -282,12 +281,8 @@ fn link(table: &LinkTable, folder: &Path) -> std::result::Result<LinkSettings, S
     })?;
     let key = table.key.as_ref().map(|key| proto_files::read_key(&folder.join(key)));
     let key = key.transpose().map_err(|error| format!("[link] key: {error}"))?;
-    let counters = table.counters.as_ref().map(|counters| folder.join(counters));
-    if key.is_some() && counters.is_none() {
-        return Err("[link] has a key but no counters: name a folder on a disk, where packet numbers survive a restart".into());
-    }
-    if let Some(missing) = counters.as_ref().filter(|counters| !counters.is_dir()) {
-        return Err(format!("[link] counters: {} is not a folder; create it", missing.display()));
+    if table.counters.is_some() {
+        return Err("[link] counters: packet numbers are no longer kept on a disk (each start draws random bytes instead); delete this line, and the folder".into());
     }
     if key.is_none() && !table.open && !listen.ip().to_canonical().is_loopback() {
         return Err(format!(
@@ -298,7 +293,6 @@ fn link(table: &LinkTable, folder: &Path) -> std::result::Result<LinkSettings, S
         listen,
         number: table.number,
         key,
-        counters,
         open: table.open,
         telemetry_every: table.telemetry_every,
     })
@@ -452,20 +446,14 @@ mod tests {
     #[test]
     fn each_mistake_is_one_line_that_names_it() {
         let key = "0".repeat(64);
-        let cases: [(&str, &str, &str, &str); 25] = [
+        let cases: [(&str, &str, &str, &str); 24] = [
             ("com.toml", "[imu]", "[imy]", "line 6: "),
             ("com.toml", "port = ", "prot = ", "prot"),
             ("com.toml", "'127.0.0.1:0'", "'localhost'", "[link] listen"),
             ("com.toml", "'127.0.0.1:0'", "'0.0.0.0:14650'", "there is no key"),
             ("com.toml", "'127.0.0.1:0'", "'127.0.0.1:0'\nkey = 'none'", "[link] key: "),
             ("com.toml", "'127.0.0.1:0'", "'127.0.0.1:0'\nkey = 'loose'", "chmod 600"),
-            ("com.toml", "'127.0.0.1:0'", "'127.0.0.1:0'\nkey = 'key'", "no counters"),
-            (
-                "com.toml",
-                "'127.0.0.1:0'",
-                "'127.0.0.1:0'\nkey = 'key'\ncounters = 'nowhere'",
-                "is not a folder",
-            ),
+            ("com.toml", "'127.0.0.1:0'", "'127.0.0.1:0'\ncounters = 'old'", "delete this line"),
             ("com.toml", "[pwm]", "baud = 9600\n[pwm]", "[imu] baud is 9600"),
             ("com.toml", "'pwmchip0/3'", "'pwm3'", "\"pwm3\" is not an output"),
             ("com.toml", "'pwmchip0/3'", "'pwmchip0/0'", "twice"),
@@ -504,8 +492,7 @@ mod tests {
         let case = Case::new();
         case.write("key", &"5a".repeat(32));
         fs::set_permissions(case.folder.path().join("key"), fs::Permissions::from_mode(0o600)).unwrap();
-        fs::create_dir(case.folder.path().join("counters")).unwrap();
-        case.replace("com.toml", "'127.0.0.1:0'", "'0.0.0.0:14650'\nkey = 'key'\ncounters = 'counters'");
+        case.replace("com.toml", "'127.0.0.1:0'", "'0.0.0.0:14650'\nkey = 'key'");
         assert!(case.read().unwrap().link.key.is_some());
     }
 }

@@ -35,7 +35,7 @@ pub enum Error {
     /// A peer that is not admitted.
     #[error(transparent)]
     NotAdmitted(#[from] proto::NotAdmitted),
-    /// A key or counter file.
+    /// A key file, or a system without random bytes.
     #[error(transparent)]
     LinkFile(#[from] proto_files::FileError),
     /// Gains that cannot be flown here.

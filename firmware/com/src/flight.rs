@@ -2,7 +2,7 @@
 //!
 //! On its thread nothing waits, nothing is allocated and no file is read or written but the four
 //! pulse lengths, which are the outputs themselves (a test counts allocations). Beside it are the
-//! threads of the IMU's line, of the battery's converter, of the packet numbers, and of the log.
+//! threads of the IMU's line, of the battery's converter, and of the log.
 
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::{self, sleep};
@@ -172,7 +172,7 @@ pub fn fly<C: Output>(setup: &Setup, motors: Motors<C>, mut heart: Heart) -> Res
         .name("log".into())
         .spawn(log_events)
         .map_err(system("start the thread of the log"))?;
-    log(&format!("listening on {}", flight.link().address()?));
+    log(&format!("listening on {}", flight.link().address()));
     for line in realtime::ask_for(setup.priority) {
         log(&line);
     }

@@ -29,6 +29,7 @@ pub mod link;
 pub mod lockstep;
 pub mod pwm;
 pub mod realtime;
+pub mod sockets;
 pub mod watchdog;
 
 pub use error::{Error, Result};

@@ -1,7 +1,7 @@
 //! Software in the loop on this processor: a simulator asks tick by tick over UDP, and the law
 //! answers.
 //!
-//! Each datagram is a packet ([`proto::Sealer`] without a key, link 0) with [`proto::Readings`];
+//! Each datagram is a packet ([`proto::Sealer`], link 0) with [`proto::Readings`];
 //! the answer is one with [`proto::Outcome`]. UDP may lose either: asking for a tick again gives
 //! its answer again, and the law is ticked only once. No motor turns, no clock is read: the
 //! simulator's time is all there is, so it runs as fast as both can.
@@ -37,8 +37,8 @@ impl Server {
         Ok(Self {
             socket,
             law,
-            sealer: Sealer::open(Role::Craft, 0),
-            opener: Opener::open(Role::Ground, 0),
+            sealer: Sealer::new(Role::Craft, 0),
+            opener: Opener::new(Role::Ground, 0),
             last: None,
         })
     }
@@ -116,7 +116,7 @@ mod tests {
         let here = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
         let mut server = Server::open(&Config::thesis(), here, false).unwrap();
         let simulator = UdpSocket::bind(here).unwrap();
-        let (mut law, mut opener) = (Lockstep::new(&Config::thesis()).unwrap(), Opener::open(Role::Craft, 0));
+        let (mut law, mut opener) = (Lockstep::new(&Config::thesis()).unwrap(), Opener::new(Role::Craft, 0));
         for (tick, fresh) in [(0, true), (1, true), (1, false), (2, true)] {
             server.answer(&readings(tick), simulator.local_addr().unwrap()).unwrap();
             let mut buffer = [0; MAX_PACKET_LEN];

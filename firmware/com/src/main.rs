@@ -86,14 +86,11 @@ struct Asking {
     #[arg(required_unless_present = "config")]
     craft: Option<String>,
     /// Ask the craft of this configuration, on this machine
-    #[arg(long, conflicts_with_all = ["craft", "key", "counters", "number"])]
+    #[arg(long, conflicts_with_all = ["craft", "key", "number"])]
     config: Option<PathBuf>,
     /// Key file of the link
-    #[arg(long, requires = "counters")]
-    key: Option<PathBuf>,
-    /// Folder in which this side keeps its packet numbers
     #[arg(long)]
-    counters: Option<PathBuf>,
+    key: Option<PathBuf>,
     /// Number of the link
     #[arg(long, default_value_t = 0)]
     number: u16,
@@ -209,14 +206,14 @@ fn ask(asking: &Asking) -> Result<ExitCode> {
 }
 
 fn asked(asking: &Asking, patience: Duration) -> Result<Question> {
-    let Asking { craft, key, counters, number, .. } = asking;
+    let Asking { craft, key, number, .. } = asking;
     let craft = craft.as_deref().unwrap_or_default();
     let address = craft.to_socket_addrs().ok().and_then(|mut addresses| addresses.next());
     let address = address.ok_or_else(|| {
         Error::Other(format!("{craft:?} is not a known address; write HOST:PORT, such as 192.168.1.10:14650"))
     })?;
     let key = key.as_deref().map(proto_files::read_key).transpose()?;
-    Ok(Question { craft: address, number: *number, key: key.zip(counters.clone()), patience })
+    Ok(Question { craft: address, number: *number, key, patience })
 }
 
 fn shown(identity: &Identity) -> serde_json::Value {

@@ -41,21 +41,19 @@ pub struct Inputs {
     pub lateness_us: u32,
 }
 
-/// What the link has counted and accepts, for telemetry and identity.
+/// What the link has counted, for telemetry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LinkStatus {
     /// Packets that never came, by the gaps in their numbers.
     pub lost: u32,
     /// Packets refused: damaged, forged, replayed, or bytes that were no packet.
     pub refused: u32,
-    /// Least packet number that is accepted from the ground.
-    pub accepts_from: u64,
 }
 
-impl From<&proto::Opener> for LinkStatus {
-    fn from(opener: &proto::Opener) -> Self {
-        let proto::Statistics { lost, refused, .. } = opener.statistics;
-        Self { lost, refused, accepts_from: opener.guard.accepts_from() }
+impl From<proto::Statistics> for LinkStatus {
+    fn from(counted: proto::Statistics) -> Self {
+        let proto::Statistics { lost, refused, .. } = counted;
+        Self { lost, refused }
     }
 }
 
@@ -159,8 +157,7 @@ impl Craft {
         }
     }
 
-    /// The identity goes out with the next messages: after booting, and when a genuine packet had
-    /// too low a number, so that its sender can skip ahead.
+    /// The identity goes out with the next messages: whenever somebody has begun to talk to it.
     pub fn introduce(&mut self) {
         self.introduce = true;
     }
@@ -206,7 +203,7 @@ impl Craft {
             return Some(Message::Answer(answer));
         }
         if core::mem::take(&mut self.introduce) {
-            return Some(Message::Identity(self.identity(link)));
+            return Some(Message::Identity(self.identity()));
         }
         core::mem::take(&mut self.telemetry_due).then(|| {
             let telemetry = self.telemetry(link);
@@ -216,12 +213,11 @@ impl Craft {
     }
 
     /// The craft's identity.
-    pub fn identity(&self, link: &LinkStatus) -> Identity {
+    pub fn identity(&self) -> Identity {
         Identity {
             versions: [MIN_VERSION, VERSION],
             program: self.setup.program,
             vehicle_sha256: self.setup.vehicle_sha256,
-            accepts_from: link.accepts_from,
             state: convert::state_message(self.autopilot.state()),
         }
     }
@@ -362,7 +358,7 @@ mod tests {
     use super::*;
 
     const SETUP: Setup = Setup { vehicle_sha256: [1; 32], program: [0, 1, 2], telemetry_every: 3 };
-    const LINK: LinkStatus = LinkStatus { lost: 0, refused: 0, accepts_from: 7 };
+    const LINK: LinkStatus = LinkStatus { lost: 0, refused: 0 };
     const INPUTS: Inputs = Inputs {
         time_us: 0,
         imu: None,
@@ -408,6 +404,6 @@ mod tests {
         assert_eq!(telemetry, [true, false, false, true, false, false, true]);
         craft.hear(9, &Message::Who);
         let [Message::Identity(identity)] = messages(&mut craft)[..] else { panic!("the identity") };
-        assert_eq!((identity.accepts_from, identity.program), (7, [0, 1, 2]));
+        assert_eq!(identity.program, [0, 1, 2]);
     }
 }

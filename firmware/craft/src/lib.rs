@@ -4,9 +4,9 @@
 //! motors. All else is here:
 //!
 //! ```text
-//! per packet:  opener.unseal(packet) -> craft.hear(number, &message)
+//! per packet:  end.hear(now, from, packet) -> craft.hear(number, &message)
 //! per tick:    craft.tick(&Inputs { time, IMU, voltage, ... }) -> &Flight; its tick.pwm goes to the motors
-//!              while let Some(message) = craft.next_message(&link) { sealer.seal(&message); send }
+//!              while let Some(message) = craft.next_message(&link) { end.seal(now, session, &message); send }
 //! ```
 //!
 //! Between two ticks the newest pose and the newest command count. Of several requests the most
@@ -19,8 +19,8 @@
 //! targets with.
 //!
 //! Pure and total: no clock, no input or output, no allocation, no panic. Deliberately absent:
-//! keys, packet numbers and what keeps them (they belong to the link: [`proto::Opener`],
-//! [`proto::Sealer`]), and who may talk at all ([`proto::admit`]).
+//! keys and sessions (they belong to the link: [`proto::CraftEnd`]), and who may talk at all
+//! ([`proto::admit`]).
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 #![cfg_attr(

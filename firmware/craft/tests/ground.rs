@@ -151,7 +151,7 @@ fn the_newest_pose_and_command_count() {
 #[test]
 fn telemetry_tells_what_went_in() {
     let mut bench = Bench::ready(SETUP);
-    bench.link = LinkStatus { lost: 3, refused: 4, accepts_from: 99 };
+    bench.link = LinkStatus { lost: 3, refused: 4 };
     bench.say(Message::Timer(Timer { ground_us: 77 }));
     bench.say(Message::Answer(Answer { to: 0, done: true, preflight: 0 }));
     let said = bench.run(Some([0.1, 0.2, 0.3]), 250);
@@ -186,13 +186,12 @@ fn telemetry_comes_every_so_many_ticks_with_the_worst_lateness_between() {
 #[test]
 fn who_is_answered_with_the_identity() {
     let mut bench = Bench::new(SETUP);
-    bench.link.accepts_from = 42;
     bench.say(Message::Who);
     let said = bench.run(None, 0);
     let Message::Identity(identity) = said[0] else { panic!("{said:?}") };
     assert_eq!(identity.versions, [proto::MIN_VERSION, proto::VERSION]);
     assert_eq!((identity.program, identity.vehicle_sha256), ([1, 2, 3], [7; 32]));
-    assert_eq!((identity.accepts_from, identity.state), (42, proto::State::Disarmed));
+    assert_eq!(identity.state, proto::State::Disarmed);
     assert!(!bench.run(None, 0).iter().any(|m| matches!(m, Message::Identity(_))), "once");
 }
 

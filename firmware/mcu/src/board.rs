@@ -21,6 +21,8 @@ pub trait Board {
     fn current_a(&mut self) -> Option<f32>;
     /// Motor commands to the outputs, in command units: did all of them work?
     fn drive(&mut self, commands: &[f32; 4]) -> bool;
+    /// Random bytes, new at each start; none if there is no source of them.
+    fn random(&mut self) -> Option<[u8; 32]>;
     /// Tells the watchdog that the loop runs.
     fn feed_watchdog(&mut self);
 }

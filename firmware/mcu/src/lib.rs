@@ -12,9 +12,9 @@
 //! identity contains their SHA-256. It boots disarmed with motors at idle. If it ever panics, the
 //! motors go to idle and the watchdog restarts it, disarmed.
 //!
-//! The link is a wire, so packets have numbers and a CRC but no key: whoever holds the wire
-//! controls the craft. Telemetry that does not fit into the buffer of the link is dropped, never
-//! waited for.
+//! The link has a key if one was built in ([`LINK_KEY`], see `build.rs`): whoever can read the chip's
+//! flash has it too. Without one, whoever holds the wire controls the craft. Telemetry that does not
+//! fit into the buffer of the link is dropped, never waited for.
 //!
 //! Programs: `mcu` flies; `mcu-lockstep` is ticked by a simulator; `mcu-measure` counts the
 //! instructions of a period; `mcu-no-panic` links only if no panic can be reached from receiving,
@@ -44,3 +44,6 @@ pub use program::{BootError, Program, VERSION};
 
 /// Gains and vehicle as they were built in: an image of `craft::image`.
 pub static GAINS_IMAGE: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/gains.image"));
+
+/// The link's key as it was built in.
+pub const LINK_KEY: Option<proto::Key> = include!(concat!(env!("OUT_DIR"), "/link_key.rs"));

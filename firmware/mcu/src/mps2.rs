@@ -1,6 +1,9 @@
 //! QEMU's mps2-an386, a Cortex-M4F with serial port and tick, without sensors; its motors are four
 //! numbers in memory.
 //!
+//! It has no source of chance either: each start has the same "random" bytes, so what was recorded
+//! of an earlier emulation can be played to a later one. It is for tests and simulation.
+//!
 //! Addresses and interrupts: Arm DAI 0386 (application note AN386) and the Cortex-M System Design
 //! Kit's UART (Arm DDI 0479). UART0 is QEMU's first serial port.
 #![allow(unsafe_code, reason = "registers are addresses, and handlers are the chip's to call")]
@@ -169,6 +172,10 @@ impl Board for Mps2 {
 
     fn drive(&mut self, commands: &[f32; 4]) -> bool {
         self.escs.drive(commands)
+    }
+
+    fn random(&mut self) -> Option<[u8; 32]> {
+        Some(*b"QEMU's board has no random bytes")
     }
 
     fn feed_watchdog(&mut self) {}

@@ -4,7 +4,7 @@ use control::{Config, ConfigError};
 use craft::image::{self, ImageError};
 use craft::{Craft, Inputs, LinkStatus, Setup};
 use embedded_io::{Read, ReadReady, Write};
-use proto::{Deframer, MAX_PACKET_LEN, MAX_STREAM_LEN, Opener, Refused, Role, Sealer};
+use proto::{CraftEnd, Deframer, Heard, Key, MAX_PACKET_LEN, MAX_STREAM_LEN};
 
 use crate::board::Board;
 
@@ -38,9 +38,15 @@ pub enum BootError {
 #[derive(Debug)]
 pub struct Program {
     craft: Craft,
-    opener: Opener,
-    sealer: Sealer,
+    key: Option<Key>,
+    /// None as long as the board has given no random bytes: nobody is heard.
+    end: Option<CraftEnd>,
+    /// The session of whoever spoke last.
+    ground: Option<u64>,
     deframer: Deframer,
+    /// Time since the first step, us, and the board's clock then.
+    elapsed_us: u64,
+    last_us: Option<u32>,
     config: Config,
     period_us: u32,
     /// When the next tick is due; none before the first.
@@ -50,20 +56,22 @@ pub struct Program {
 }
 
 impl Program {
-    /// A disarmed craft with the gains of an image.
+    /// A disarmed craft with the gains of an image, and the key that the ground has too, if there is
+    /// one.
     ///
     /// # Errors
     /// Why the image cannot be flown.
-    pub fn new(image: &[u8]) -> Result<Self, BootError> {
+    pub fn new(image: &[u8], key: Option<Key>) -> Result<Self, BootError> {
         let (config, vehicle_sha256) = image::decode(image).map_err(BootError::Image)?;
         let setup = Setup { vehicle_sha256, program: VERSION, telemetry_every: 1 };
-        let mut craft = Craft::new(&config, setup).map_err(BootError::Config)?;
-        craft.introduce();
         Ok(Self {
-            craft,
-            opener: Opener::open(Role::Ground, LINK),
-            sealer: Sealer::open(Role::Craft, LINK),
+            craft: Craft::new(&config, setup).map_err(BootError::Config)?,
+            key,
+            end: None,
+            ground: None,
             deframer: Deframer::new(),
+            elapsed_us: 0,
+            last_us: None,
             config,
             period_us: (config.sample_time_s * 1e6 + 0.5) as u32,
             due_us: None,
@@ -78,8 +86,13 @@ impl Program {
 
     /// Receives, ticks if it is time, or waits. The main loop calls this for ever.
     pub fn step<B: Board>(&mut self, board: &mut B) {
-        self.hear(board.link());
         let now_us = board.now_us();
+        let last_us = self.last_us.replace(now_us).unwrap_or(now_us);
+        self.elapsed_us = self.elapsed_us.wrapping_add(u64::from(now_us.wrapping_sub(last_us)));
+        if self.end.is_none() {
+            self.end = board.random().map(|random| CraftEnd::new(LINK, self.key.clone(), random));
+        }
+        self.hear(board.link());
         let due_us = *self.due_us.get_or_insert(now_us);
         let lateness_us = now_us.wrapping_sub(due_us);
         if lateness_us > u32::MAX / 2 {
@@ -108,33 +121,56 @@ impl Program {
         self.speak(board.link());
     }
 
-    /// Receives all packets that have come.
-    fn hear(&mut self, link: &mut (impl Read + ReadReady)) {
-        let mut bytes = [0; 64];
+    /// The craft's clock as packets carry it.
+    fn now_ms(&self) -> u32 {
+        (self.elapsed_us / 1000) as u32
+    }
+
+    /// Receives all packets that have come, and answers hellos.
+    fn hear(&mut self, link: &mut (impl Read + ReadReady + Write)) {
+        let now_ms = self.now_ms();
+        let Self { craft, end: Some(end), deframer, ground, .. } = self else { return };
+        let (mut bytes, mut reply, mut stream) = ([0; 64], [0; MAX_PACKET_LEN], [0; MAX_STREAM_LEN]);
         while let (Ok(true), Ok(count)) = (link.read_ready(), link.read(&mut bytes)) {
             for byte in bytes.iter().take(count) {
-                let Some(packet) = self.deframer.push(*byte) else { continue };
-                match self.opener.unseal(packet) {
-                    Ok((number, message)) => self.craft.hear(number, &message),
-                    Err(Refused::Replayed { .. }) => self.craft.introduce(),
+                let Some(packet) = deframer.push(*byte) else { continue };
+                match end.hear(now_ms, None, packet, &mut reply) {
+                    Ok(Heard::Hello(challenge)) => send(challenge, link, &mut stream),
+                    Ok(Heard::Message(opened)) => {
+                        if opened.is_first {
+                            craft.introduce();
+                        }
+                        *ground = Some(opened.session);
+                        craft.hear(opened.number, &opened.message);
+                    }
                     Err(_) => {}
                 }
             }
         }
+        end.forget_silent(now_ms);
     }
 
     /// Sends all messages of a tick; what the link has no room for is dropped.
     fn speak(&mut self, link: &mut impl Write) {
-        let mut state = LinkStatus::from(&self.opener);
-        state.refused = state.refused.saturating_add(self.deframer.dropped);
+        let now_ms = self.now_ms();
+        let Self { craft, end: Some(end), deframer, ground, .. } = self else { return };
+        let mut counted = LinkStatus::from(end.statistics);
+        counted.refused = counted.refused.saturating_add(deframer.dropped);
         let (mut packet, mut stream) = ([0; MAX_PACKET_LEN], [0; MAX_STREAM_LEN]);
-        while let Some(message) = self.craft.next_message(&state) {
-            let Ok((_, packet)) = self.sealer.seal(&message, &mut packet) else { continue };
-            if let Some(bytes) = proto::enframe(packet, &mut stream) {
-                // A message that is lost here is missing by its number, as on any other link.
-                let _ = link.write(bytes);
+        while let Some(message) = craft.next_message(&counted) {
+            let Some(ground) = *ground else { continue };
+            if let Ok((_, packet)) = end.seal(now_ms, ground, &message, &mut packet) {
+                send(packet, link, &mut stream);
             }
         }
+    }
+}
+
+/// Writes a packet in its stuffed form. One that is lost here is missing by its number, as on any
+/// other link.
+fn send(packet: &[u8], link: &mut impl Write, stream: &mut [u8; MAX_STREAM_LEN]) {
+    if let Some(bytes) = proto::enframe(packet, stream) {
+        let _ = link.write(bytes);
     }
 }
 
@@ -143,7 +179,7 @@ mod tests {
     use super::*;
     use crate::GAINS_IMAGE;
     use crate::ring::{Ring, Serial};
-    use proto::{Command, ImuSample, Message, Mode, Pose, Request, State, TimedPose, enframe};
+    use proto::{Command, GroundEnd, ImuSample, Message, Mode, Pose, Request, State, TimedPose, enframe};
 
     /// A craft on a bench: the ground's ends of two rings, sensors that are set by hand, a clock
     /// that goes on by waiting.
@@ -153,6 +189,7 @@ mod tests {
         pwm: [f32; 4],
         fed: u32,
         broken_outputs: bool,
+        random: Option<[u8; 32]>,
     }
 
     impl<'a> Board for Bench<'a> {
@@ -183,47 +220,80 @@ mod tests {
         fn feed_watchdog(&mut self) {
             self.fed += 1;
         }
+        fn random(&mut self) -> Option<[u8; 32]> {
+            self.random
+        }
     }
 
     struct Ground<'a> {
         to_craft: &'a Ring<4096>,
         from_craft: &'a Ring<4096>,
-        sealer: Sealer,
-        opener: Opener,
+        end: GroundEnd,
         deframer: Deframer,
+        now_ms: u32,
     }
 
     impl Ground<'_> {
+        fn push(&self, packet: &[u8]) {
+            assert!(self.to_craft.push(enframe(packet, &mut [0; MAX_STREAM_LEN]).unwrap()));
+        }
+
         fn say(&mut self, message: Message) {
-            let (mut packet, mut stream) = ([0; MAX_PACKET_LEN], [0; MAX_STREAM_LEN]);
-            let (_, packet) = self.sealer.seal(&message, &mut packet).unwrap();
-            assert!(self.to_craft.push(enframe(packet, &mut stream).unwrap()));
+            let mut packet = [0; MAX_PACKET_LEN];
+            let (_, packet) = self.end.seal(self.now_ms, &message, &mut packet).unwrap();
+            self.push(packet);
+        }
+
+        fn greet(&mut self) {
+            if let Some(hello) = self.end.greet(self.now_ms, &mut [0; MAX_PACKET_LEN]) {
+                self.push(hello);
+            }
         }
 
         fn heard(&mut self) -> Vec<Message> {
+            self.now_ms += 10;
             let mut all = Vec::new();
             while let Some(byte) = self.from_craft.pop() {
                 if let Some(packet) = self.deframer.push(byte) {
-                    all.push(self.opener.unseal(packet).unwrap().1);
+                    all.extend(self.end.hear(self.now_ms, packet).unwrap().map(|(_, message)| message));
                 }
             }
             all
         }
     }
 
+    const KEY: Key = Key::new([3; 32]);
+
+    /// A craft and a ground station that have a session.
     fn with_bench(test: impl FnOnce(&mut Program, &mut Bench, &mut Ground)) {
+        with_keys([Some(KEY), Some(KEY)], |program, bench, ground| {
+            ground.greet();
+            tick(program, bench);
+            assert_eq!(ground.heard(), []);
+            test(program, bench, ground);
+        });
+    }
+
+    fn with_keys(keys: [Option<Key>; 2], test: impl FnOnce(&mut Program, &mut Bench, &mut Ground)) {
+        let [craft_key, ground_key] = keys;
         let (up, down) = (Ring::new(), Ring::new());
         let link = Serial { received: &up, to_send: &down, start: || {} };
-        let mut bench =
-            Bench { link, now_us: u32::MAX - 500_000, pwm: [0.0; 4], fed: 0, broken_outputs: false };
+        let mut bench = Bench {
+            link,
+            now_us: u32::MAX - 500_000,
+            pwm: [0.0; 4],
+            fed: 0,
+            broken_outputs: false,
+            random: Some([1; 32]),
+        };
         let mut ground = Ground {
             to_craft: &up,
             from_craft: &down,
-            sealer: Sealer::open(Role::Ground, 0),
-            opener: Opener::open(Role::Craft, 0),
+            end: GroundEnd::new(0, ground_key, [2; 32]),
             deframer: Deframer::new(),
+            now_ms: 0,
         };
-        test(&mut Program::new(GAINS_IMAGE).unwrap(), &mut bench, &mut ground);
+        test(&mut Program::new(GAINS_IMAGE, craft_key).unwrap(), &mut bench, &mut ground);
     }
 
     /// Runs to the end of the next tick.
@@ -254,12 +324,13 @@ mod tests {
     #[test]
     fn it_introduces_itself_idles_and_reports_at_100_hz() {
         with_bench(|program, bench, ground| {
+            ground.say(Message::Who);
             let start_us = bench.now_us;
             for _ in 0..100 {
                 tick(program, bench);
                 assert_eq!(bench.pwm, [1000.0; 4]);
             }
-            assert_eq!(bench.now_us.wrapping_sub(start_us), 990_000, "across the wrap of the clock");
+            assert_eq!(bench.now_us.wrapping_sub(start_us), 1_000_000, "across the wrap of the clock");
             let heard = ground.heard();
             let Message::Identity(identity) = heard[0] else { panic!("{:?}", heard[0]) };
             assert_eq!((identity.state, identity.program), (State::Disarmed, VERSION));
@@ -305,6 +376,7 @@ mod tests {
     #[test]
     fn a_late_tick_is_reported_and_no_tick_is_made_up() {
         with_bench(|program, bench, ground| {
+            ground.say(Message::Who);
             for _ in 0..20 {
                 tick(program, bench);
                 ground.heard();
@@ -327,6 +399,7 @@ mod tests {
     fn noise_on_the_wire_is_counted_and_does_no_more() {
         with_bench(|program, bench, ground| {
             for k in 0..300_u32 {
+                ground.say(Message::Who);
                 let garbage: Vec<u8> = (0..50).map(|j| (k * 31 + j * 17) as u8).collect();
                 ground.to_craft.push(&garbage);
                 tick(program, bench);
@@ -340,10 +413,34 @@ mod tests {
         });
     }
 
+    /// Who has another key, or none, is not heard; nor is anybody by a board without random bytes.
+    #[test]
+    fn the_wire_has_a_key() {
+        let other = Key::new([4; 32]);
+        for (keys, random, heard) in [
+            ([Some(KEY), Some(KEY)], Some([1; 32]), true),
+            ([None, None], Some([1; 32]), true),
+            ([Some(KEY), Some(other)], Some([1; 32]), false),
+            ([Some(KEY), None], Some([1; 32]), false),
+            ([None, Some(KEY)], Some([1; 32]), false),
+            ([Some(KEY), Some(KEY)], None, false),
+        ] {
+            with_keys(keys, |program, bench, ground| {
+                bench.random = random;
+                for _ in 0..20 {
+                    ground.greet();
+                    tick(program, bench);
+                    ground.heard();
+                }
+                assert_eq!(ground.end.is_open(), heard, "{heard}");
+            });
+        }
+    }
+
     #[test]
     fn a_damaged_image_does_not_boot() {
         let mut image = GAINS_IMAGE.to_vec();
         image[100] ^= 1;
-        assert!(matches!(Program::new(&image), Err(BootError::Image(ImageError::Damaged))));
+        assert!(matches!(Program::new(&image, None), Err(BootError::Image(ImageError::Damaged))));
     }
 }

@@ -6,6 +6,7 @@
 //! | link | USART1: PA9 sends, PA10 receives; 921,600 baud, 8N1 |
 //! | battery | PC2 behind a divider of 11 (10 kOhm over 1 kOhm), 3.3 V analogue supply |
 //! | IMU | MPU-6000 on SPI1: PA5 clock, PA6 in, PA7 out, PA4 select |
+//! | chance | the hardware's generator (RNG), once at the start; where it fails its own tests nobody is heard |
 //! | watchdog | the independent one, 50 ms: five periods |
 //!
 //! Not tested on hardware: only built, linked and sized. What is above the
@@ -20,6 +21,7 @@ use proto::ImuSample;
 use stm32f4xx_hal::adc::Adc;
 use stm32f4xx_hal::adc::config::{AdcConfig, SampleTime};
 use stm32f4xx_hal::gpio::{Analog, Output, PC2, Pin};
+use stm32f4xx_hal::hal_02::blocking::rng::Read as _;
 use stm32f4xx_hal::pac::{self, ADC1, SPI1, TIM3, USART1, interrupt};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc;
@@ -58,6 +60,7 @@ pub struct Stm32f405 {
     /// None if it did not answer at the start; the preflight checks miss it.
     imu: Option<Mpu6000<ImuBus>>,
     watchdog: IndependentWatchdog,
+    random: Option<[u8; 32]>,
 }
 
 /// Sets the board up: motors at idle first, the watchdog last.
@@ -67,7 +70,7 @@ pub fn boot(config: &Config) -> Stm32f405 {
     else {
         emergency()
     };
-    let mut rcc = peripherals.RCC.freeze(rcc::Config::hse(8.MHz()).sysclk(168.MHz()));
+    let mut rcc = peripherals.RCC.freeze(rcc::Config::hse(8.MHz()).sysclk(168.MHz()).require_pll48clk());
     let port_a = peripherals.GPIOA.split(&mut rcc);
     let port_c = peripherals.GPIOC.split(&mut rcc);
 
@@ -106,6 +109,8 @@ pub fn boot(config: &Config) -> Stm32f405 {
         unsafe { NVIC::unmask(pac::Interrupt::USART1) };
     }
 
+    let mut bytes = [0; 32];
+    let random = peripherals.RNG.constrain(&mut rcc).read(&mut bytes).is_ok().then_some(bytes);
     let adc = Adc::new(peripherals.ADC1, true, AdcConfig::default(), &mut rcc);
     // The core's timer counts the eighth part of 168 MHz.
     let clock = Systick::start(&mut core.SYST, SystClkSource::External, 21, config.sample_time_s);
@@ -113,7 +118,7 @@ pub fn boot(config: &Config) -> Stm32f405 {
     watchdog.stop_on_debug(&peripherals.DBGMCU, true);
     watchdog.start(WATCHDOG_MS.millis());
     let link = Serial { received: &RECEIVED, to_send: &TO_SEND, start: send };
-    Stm32f405 { link, clock, escs, adc, battery: port_c.pc2.into_analog(), imu, watchdog }
+    Stm32f405 { link, clock, escs, adc, battery: port_c.pc2.into_analog(), imu, watchdog, random }
 }
 
 /// Lets the interrupt of an empty transmitter take bytes until there are no more.
@@ -178,6 +183,10 @@ impl Board for Stm32f405 {
 
     fn drive(&mut self, commands: &[f32; 4]) -> bool {
         self.escs.drive(commands)
+    }
+
+    fn random(&mut self) -> Option<[u8; 32]> {
+        self.random
     }
 
     fn feed_watchdog(&mut self) {

@@ -11,7 +11,7 @@
 //! - [`mocap`]: trackers behind one trait (Vicon, OptiTrack, the replay of a flight), and their
 //!   axes turned into ours.
 //! - [`mission`]: scripts, and what is commanded when.
-//! - [`link`]: packets with key and counters, their delay, and the pace of the craft's clock.
+//! - [`link`]: packets with a key, their delay, and the pace of the craft's clock.
 //! - [`recording`]: everything that is sent and heard, safe against crashes, and flight files of
 //!   it.
 //! - [`station`]: all of that as one value without sockets and clocks.

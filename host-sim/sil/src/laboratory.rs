@@ -17,7 +17,7 @@ use std::net::{SocketAddr, UdpSocket};
 
 use ::craft::{Inputs, Setup};
 use control::{Measurement, Pose};
-use proto::{ImuSample, MAX_PACKET_LEN, Message, Opener, Refused, Role, Sealer};
+use proto::{CraftEnd, Heard, ImuSample, MAX_PACKET_LEN, Message};
 
 use crate::craft::SimulatedCraft;
 use crate::flight::{FlightPlan, SilError};
@@ -79,6 +79,8 @@ pub struct Laboratory {
     /// A tick by the craft's clock, us.
     tick_us: u32,
     clock_us: u32,
+    /// Since it was booted, us.
+    elapsed_us: u64,
 }
 
 impl Laboratory {
@@ -99,7 +101,7 @@ impl Laboratory {
         let program = ::craft::Craft::new(&plan.config, setup)?;
         let room = Room::new(plan, period_s)?;
         let tick_us = (nominal_s * 1e6).round() as u32;
-        Ok(Self { program, room, period_s, tick_us, clock_us: plan.clock_us })
+        Ok(Self { program, room, period_s, tick_us, clock_us: plan.clock_us, elapsed_us: 0 })
     }
 
     /// Time between two ticks, s.
@@ -137,7 +139,13 @@ impl Laboratory {
         let (idle, pwm) = (flight.state.motors_idle(), flight.tick.pwm);
         self.room.advance(&pwm, idle);
         self.clock_us = self.clock_us.wrapping_add(self.tick_us);
+        self.elapsed_us += u64::from(self.tick_us);
         Pose { position_m: seen.position_m, attitude_rad: seen.attitude_rad }
+    }
+
+    /// The craft's clock as packets carry it, ms.
+    fn now_ms(&self) -> u32 {
+        (self.elapsed_us / 1000) as u32
     }
 
     /// Does the craft stand on the floor?
@@ -160,9 +168,11 @@ impl Laboratory {
 #[derive(Debug)]
 pub struct Radio {
     socket: UdpSocket,
-    sealer: Sealer,
-    opener: Opener,
-    ground: Option<SocketAddr>,
+    end: CraftEnd,
+    /// The session of whoever spoke last.
+    ground: Option<u64>,
+    /// Answers to hellos, for the end of the tick.
+    challenges: Vec<(SocketAddr, Vec<u8>)>,
 }
 
 impl Radio {
@@ -173,8 +183,9 @@ impl Radio {
     pub fn open() -> io::Result<Self> {
         let socket = UdpSocket::bind(("127.0.0.1", 0))?;
         socket.set_nonblocking(true)?;
-        let (sealer, opener) = (Sealer::open(Role::Craft, 0), Opener::open(Role::Ground, 0));
-        Ok(Self { socket, sealer, opener, ground: None })
+        // A simulation repeats itself, and there is nobody to play its recordings to.
+        let end = CraftEnd::new(0, None, [0; 32]);
+        Ok(Self { socket, end, ground: None, challenges: Vec::new() })
     }
 
     /// Where it listens.
@@ -187,31 +198,39 @@ impl Radio {
 
     /// Hands the craft the packets that have arrived; returns their number.
     pub fn receive(&mut self, lab: &mut Laboratory) -> usize {
-        let mut buffer = [0; MAX_PACKET_LEN + 1];
+        let (mut buffer, mut reply) = ([0; MAX_PACKET_LEN + 1], [0; MAX_PACKET_LEN]);
         let mut count = 0;
         while let Ok((length, from)) = self.socket.recv_from(&mut buffer) {
             count += 1;
-            match self.opener.unseal(&buffer[..length]) {
-                Ok((number, message)) => {
-                    self.ground = Some(from);
-                    lab.hear(number, &message);
+            match self.end.hear(lab.now_ms(), Some(from), &buffer[..length], &mut reply) {
+                Ok(Heard::Hello(challenge)) => self.challenges.push((from, challenge.to_vec())),
+                Ok(Heard::Message(opened)) => {
+                    if opened.is_first {
+                        lab.program.introduce();
+                    }
+                    self.ground = Some(opened.session);
+                    lab.hear(opened.number, &opened.message);
                 }
-                Err(Refused::Replayed { .. }) => lab.program.introduce(),
                 Err(_) => {}
             }
         }
         count
     }
 
-    /// Sends the craft's messages; returns the number of packets.
+    /// Sends what the craft has to say; returns the number of packets.
     pub fn send(&mut self, lab: &mut Laboratory) -> usize {
-        let link = ::craft::LinkStatus::from(&self.opener);
         let mut count = 0;
+        for (peer, challenge) in self.challenges.drain(..) {
+            count += usize::from(self.socket.send_to(&challenge, peer).is_ok());
+        }
+        self.end.forget_silent(lab.now_ms());
+        let link = ::craft::LinkStatus::from(self.end.statistics);
         while let Some(message) = lab.next_message(&link) {
             let mut buffer = [0; MAX_PACKET_LEN];
-            let sealed = self.sealer.seal(&message, &mut buffer);
-            if let (Ok((_, packet)), Some(ground)) = (sealed, self.ground) {
-                count += usize::from(self.socket.send_to(packet, ground).is_ok());
+            let ground = self.ground.and_then(|ground| Some((ground, self.end.peer(ground)??)));
+            let Some((session, peer)) = ground else { continue };
+            if let Ok((_, packet)) = self.end.seal(lab.now_ms(), session, &message, &mut buffer) {
+                count += usize::from(self.socket.send_to(packet, peer).is_ok());
             }
         }
         count

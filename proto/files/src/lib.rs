@@ -1,19 +1,18 @@
-//! Files beside a link, for both of its ends: the key and the packet counters.
+//! What a link needs of the system, for both of its ends: its key, and random bytes.
 //!
 //! - A key file is 64 hexadecimal digits (32 bytes) and a line end; `head -c 32 /dev/urandom | xxd
 //!   -p -c 64` makes one. It must be readable by its owner alone (mode 0600); otherwise it is
 //!   refused.
-//! - A counter file is one number. It is replaced by renaming a file that has reached the disk, so
-//!   a loss of power leaves the old number or the new one.
+//! - Random bytes are the system's ([`random`]): each start of a link has its own.
 //!
 //! Deliberately absent: making keys, and the protocol itself (crate `proto`).
 #![forbid(unsafe_code)]
 
-use std::fs::{self, File};
-use std::io::{self, Read, Write};
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use proto::{CounterStore, Key};
+use proto::Key;
 
 /// What is wrong with a file.
 #[derive(Debug, thiserror::Error)]
@@ -36,6 +35,11 @@ pub enum FileError {
         /// Its mode.
         mode: u32,
     },
+    /// The system has no random bytes.
+    #[error(
+        "the system gives no random bytes, without which no recording could be told from what is new: {0}"
+    )]
+    NoChance(getrandom::Error),
     /// The content is something else.
     #[error("{}: {found}; {expected}", path.display())]
     Content {
@@ -58,6 +62,14 @@ fn access<'a>(path: &'a Path, what: &'static str) -> impl FnOnce(io::Error) -> F
 /// A file that cannot be read, that others can read, or that holds something else than 64
 /// hexadecimal digits.
 pub fn read_key(path: &Path) -> Result<Key, FileError> {
+    read_key_bytes(path).map(Key::new)
+}
+
+/// Reads a key to build it into something.
+///
+/// # Errors
+/// As [`read_key`].
+pub fn read_key_bytes(path: &Path) -> Result<[u8; 32], FileError> {
     let mut file = File::open(path).map_err(access(path, "open the key file"))?;
     check_mode(&file, path)?;
     let mut text = String::new();
@@ -83,7 +95,7 @@ fn check_mode(_: &File, _: &Path) -> Result<(), FileError> {
     Ok(())
 }
 
-fn parse_key(text: &str) -> Option<Key> {
+fn parse_key(text: &str) -> Option<[u8; 32]> {
     if text.len() != 64 {
         return None;
     }
@@ -93,60 +105,23 @@ fn parse_key(text: &str) -> Option<Key> {
         let [high, low] = digits else { return None };
         *byte = u8::try_from(digit(*high)? * 16 + digit(*low)?).ok()?;
     }
-    Some(Key::new(bytes))
+    Some(bytes)
 }
 
-/// A number that survives a loss of power.
-#[derive(Debug, Clone)]
-pub struct CounterFile {
-    path: PathBuf,
-}
-
-impl CounterFile {
-    /// The counter in this file, which need not be there yet.
-    pub fn new(path: impl Into<PathBuf>) -> Self {
-        Self { path: path.into() }
-    }
-}
-
-impl CounterStore for CounterFile {
-    type Error = FileError;
-
-    fn load(&mut self) -> Result<u64, FileError> {
-        let text = match fs::read_to_string(&self.path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(0),
-            Err(error) => return Err(access(&self.path, "read the packet counter")(error)),
-        };
-        text.trim().parse().map_err(|_| FileError::Content {
-            path: self.path.clone(),
-            found: format!("{:?} is not a packet counter", text.chars().take(40).collect::<String>()),
-            expected: "it must hold a number greater than any used with this key; with a new key it may be deleted",
-        })
-    }
-
-    fn store(&mut self, number: u64) -> Result<(), FileError> {
-        let path = &self.path;
-        let temporary = path.with_extension("new");
-        let written = File::create(&temporary).and_then(|mut file| {
-            writeln!(file, "{number}")?;
-            file.sync_all()
-        });
-        written.map_err(access(&temporary, "write the packet counter"))?;
-        fs::rename(&temporary, path).map_err(access(path, "replace the packet counter"))?;
-        // The new name must reach the disk too.
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        #[cfg(unix)]
-        File::open(folder).and_then(|f| f.sync_all()).map_err(access(folder, "write the folder"))?;
-        #[cfg(not(unix))]
-        let _ = folder;
-        Ok(())
-    }
+/// Random bytes for one start of a link.
+///
+/// # Errors
+/// A system without any.
+pub fn random() -> Result<[u8; 32], FileError> {
+    let mut bytes = [0; 32];
+    getrandom::fill(&mut bytes).map_err(FileError::NoChance)?;
+    Ok(bytes)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     #[cfg(unix)]
     fn write(path: &Path, text: &str, mode: u32) {
@@ -186,23 +161,5 @@ mod tests {
             assert_eq!(message.lines().count(), 1);
         }
         assert!(read_key(&folder.path().join("none")).unwrap_err().to_string().contains("none"));
-    }
-
-    #[test]
-    fn a_counter_survives_and_a_damaged_one_is_no_zero() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("counter");
-        let mut counter = CounterFile::new(&path);
-        assert_eq!(counter.load().unwrap(), 0);
-        for number in [1, 1024, u64::MAX] {
-            counter.store(number).unwrap();
-            assert_eq!(CounterFile::new(&path).load().unwrap(), number);
-        }
-        for text in ["", "-1", "12x", "18446744073709551616"] {
-            fs::write(&path, text).unwrap();
-            let message = counter.load().unwrap_err().to_string();
-            assert!(message.contains("counter"), "{message}");
-        }
-        assert!(CounterFile::new("/nonexistent/folder/counter").store(1).is_err());
     }
 }

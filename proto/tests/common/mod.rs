@@ -1,4 +1,5 @@
-//! One of each message of version 2, with numbers that are told apart.
+//! One of each message, with numbers that are told apart, and two ends that have a session.
+#![allow(dead_code, reason = "each program of tests uses what it needs")]
 
 use proto::*;
 
@@ -89,9 +90,19 @@ pub(crate) fn messages() -> Vec<Message> {
             versions: [MIN_VERSION, VERSION],
             program: [0, 1, 300],
             vehicle_sha256: [0xAB; 32],
-            accepts_from: 300,
             state: State::Disarmed,
         }),
         Message::Answer(Answer { to: 7, done: true, preflight: 1 }),
     ]
+}
+
+/// A session on a wire at time 0, of random bytes that are known.
+pub(crate) fn session(link: u16, key: Option<Key>) -> (GroundEnd, CraftEnd) {
+    let (mut buffer, mut reply) = ([0; MAX_PACKET_LEN], [0; MAX_PACKET_LEN]);
+    let mut ground = GroundEnd::new(link, key.clone(), [2; 32]);
+    let mut craft = CraftEnd::new(link, key, [1; 32]);
+    let hello = ground.greet(0, &mut buffer).unwrap();
+    let Ok(Heard::Hello(challenge)) = craft.hear(0, None, hello, &mut reply) else { panic!("a challenge") };
+    assert_eq!(ground.hear(0, challenge), Ok(None));
+    (ground, craft)
 }

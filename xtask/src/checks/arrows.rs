@@ -27,7 +27,7 @@ const ARROWS: &[Allowed] = &[
     Allowed {
         from: "proto-files",
         to: &["proto"],
-        why: "keys and counters are files only where there is a file system",
+        why: "keys are files, and chance is the system's, only where there is one",
     },
     Allowed { from: "model", to: &[], why: "the plant never sees the controller" },
     Allowed { from: "pattern", to: &[], why: "who flies a pattern is no part of it" },
@@ -95,8 +95,8 @@ const ARROWS: &[Allowed] = &[
     },
     Allowed {
         from: "mcu",
-        to: &["craft", "control", "gains-file", "proto"],
-        why: "the craft carries the flight law and a link",
+        to: &["craft", "control", "gains-file", "proto", "proto-files"],
+        why: "the craft carries the flight law and a link; its key is read when it is built",
     },
     Allowed {
         from: "quadlab",
@@ -124,6 +124,7 @@ const ARROWS: &[Allowed] = &[
             "craft",
             "model",
             "proto",
+            "proto-files",
             "report",
             "flights",
             "logs",

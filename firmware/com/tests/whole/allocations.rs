@@ -17,7 +17,7 @@ fn a_tick_allocates_nothing() {
     let setup = Setup::read(&bench.path("com.toml")).unwrap();
     let motors = Motors::open(&setup.pwm_root, &setup.outputs, setup.pulses).unwrap();
     let (mut flight, events) = FlightLoop::open(&setup, motors).unwrap();
-    let mut held = Held::new(Ground::new(flight.link().address().unwrap()));
+    let mut held = Held::new(Ground::new(flight.link().address()));
     let mut states = Vec::new();
     for number in 0..600_u32 {
         match number {

@@ -3,5 +3,6 @@
 
 mod allocations;
 mod common;
+mod flood;
 mod process;
 mod programs;

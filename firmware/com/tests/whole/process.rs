@@ -140,7 +140,7 @@ fn a_program_that_is_asked_to_stop_idles_the_motors_and_leaves() {
 fn the_pilot_cuts_and_the_motors_idle() {
     let bench = bench();
     let (_program, mut held) = flying(&bench);
-    let number = held.ground.request(Request::Cut);
+    let number = held.ground.request(Request::Cut).unwrap();
     let command = proto::Command { cut_off: false, ..crate::common::IDLE };
     held.until(&bench, command, "cut", |held| held.ground.state() == State::Cut);
     assert!(bench.is_idle());

@@ -10,8 +10,7 @@ use std::time::Duration;
 
 use control::Config;
 use craft::Lockstep;
-use proto::{Key, MAX_PACKET_LEN, Message, Mode, Opener, Outcome, Pose, Readings, Role, Sealer, State};
-use proto_files::CounterFile;
+use proto::{MAX_PACKET_LEN, Message, Mode, Opener, Outcome, Pose, Readings, Role, Sealer, State};
 use rand::{RngExt, SeedableRng};
 use serde_json::Value;
 
@@ -63,7 +62,7 @@ fn lockstep_over_udp_is_the_law_bit_for_bit() {
     socket.connect(address.trim()).unwrap();
     socket.set_read_timeout(Some(PATIENCE)).unwrap();
     let mut simulator =
-        Simulator { socket, sealer: Sealer::open(Role::Ground, 0), opener: Opener::open(Role::Craft, 0) };
+        Simulator { socket, sealer: Sealer::new(Role::Ground, 0), opener: Opener::new(Role::Craft, 0) };
     let mut here = Lockstep::new(&law).unwrap();
     let seed = 41;
     let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(seed);
@@ -127,54 +126,47 @@ fn who(address: &str, more: &[&str]) -> Output {
 }
 
 /// A link with a key: only who has it is heard, and nothing is heard twice, not even by the
-/// program's next run.
+/// program's next run. Who plays recordings gets no answer.
 #[test]
 fn a_key_keeps_strangers_and_echoes_out() {
     let bench = Bench::new(&patient_law(), "");
     let text = fs::read_to_string(bench.path("com.toml")).unwrap();
-    fs::write(
-        bench.path("com.toml"),
-        text.replace("[imu]", "key = 'key'\ncounters = 'counters'\nnumber = 5\n[imu]"),
-    )
-    .unwrap();
+    fs::write(bench.path("com.toml"), text.replace("[imu]", "key = 'key'\nnumber = 5\n[imu]")).unwrap();
     let key_bytes = [0x5a; 32];
     for (name, text) in [("key", "5a".repeat(32)), ("other", "a5".repeat(32))] {
         fs::write(bench.path(name), text).unwrap();
         fs::set_permissions(bench.path(name), fs::Permissions::from_mode(0o600)).unwrap();
     }
-    fs::create_dir(bench.path("counters")).unwrap();
-    fs::create_dir(bench.path("ground")).unwrap();
-
-    let mut store = CounterFile::new(bench.path("ground/sent"));
-    let mut ends = |stored| {
-        let mut sealer = Sealer::authenticated(Role::Ground, 5, Key::new(key_bytes), stored);
-        sealer.counter.keep(&mut store).unwrap();
-        let mut opener = Opener::authenticated(Role::Craft, 5, Key::new(key_bytes), 0);
-        opener.guard.reserved(u64::MAX);
-        (sealer, opener)
-    };
     let mut program = Program::start(Path::new(PROGRAM), &bench, |_| {});
     let address = program.address();
-    let (sealer, opener) = ends(0);
-    let mut held = Held::new(Ground::with(address, sealer, opener));
+    let mut held = Held::new(Ground::keyed(address, key_bytes));
     held.until(&bench, IDLE, "heard", |held| held.ground.telemetry.is_some());
+    held.ground.request(proto::Request::Disarm);
 
-    // An echo: the very bytes that were heard before.
-    let (mut twin, _) = ends(0);
-    let mut buffer = [0; MAX_PACKET_LEN];
-    let echo = twin.seal(&Message::Request(proto::Request::Arm), &mut buffer).unwrap().1.to_vec();
+    // An echo: the very bytes that were heard before, from elsewhere.
+    let replayer = UdpSocket::bind("127.0.0.1:0").unwrap();
+    replayer.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
+    let replay = |address, said: &[Vec<u8>]| {
+        let mut answered = 0;
+        for packet in said {
+            replayer.send_to(packet, address).unwrap();
+        }
+        while let Ok(length) = replayer.recv(&mut [0; MAX_PACKET_LEN]) {
+            answered += length;
+        }
+        // Hellos are answered by a challenge of their length each, and nothing else is.
+        answered <= said.iter().filter(|packet| packet[1] & 4 != 0).map(Vec::len).sum()
+    };
     let refused =
         |held: &Held| held.ground.telemetry.map_or(0, |telemetry| telemetry.counters.packets_refused);
     let before = refused(&held);
-    held.ground.send_raw(&echo);
+    assert!(replay(address, &held.ground.said));
     held.until(&bench, IDLE, "refused", |held| refused(held) > before);
     // A stranger without a key, and one with another.
-    let mut stranger = Ground::new(address);
-    stranger.request(proto::Request::Arm);
+    let before = refused(&held);
+    Ground::new(address).request(proto::Request::Arm);
     let key = |name: &str| bench.path(name).to_str().unwrap().to_owned();
-    let asked = |name: &str| {
-        who(&address.to_string(), &["--number", "5", "--key", &key(name), "--counters", &key("ground")])
-    };
+    let asked = |name: &str| who(&address.to_string(), &["--number", "5", "--key", &key(name)]);
     assert_eq!(asked("other").status.code(), Some(1), "nobody answers");
     assert_eq!(who(&address.to_string(), &["--number", "5"]).status.code(), Some(1), "nobody answers");
     held.until(&bench, IDLE, "refused", |held| refused(held) > before + 2);
@@ -186,11 +178,36 @@ fn a_key_keeps_strangers_and_echoes_out() {
     signal("TERM", program.child.id());
     assert_eq!(program.ended(), Some(0));
     let mut program = Program::start(Path::new(PROGRAM), &bench, |_| {});
-    let mut again = Ground::with(program.address(), twin, ends(0).1);
-    again.send_raw(&echo);
-    again.say(&Message::Who);
-    program.wait_for("a packet that was received before");
-    assert!(again.hear(Duration::from_millis(200)).is_none(), "numbers of the run before are refused");
+    let address = program.address();
+    assert!(replay(address, &held.ground.said), "what the run before heard says nothing to this one");
+    // Of another session, or too old: whichever is seen first.
+    program.wait_for(&format!("from {}: a packet ", replayer.local_addr().unwrap()));
+}
+
+/// Without a key, whoever forges an address sends nobody more than was sent to the craft; and
+/// telemetry ends when its reader does.
+#[test]
+fn an_open_link_sends_nothing_to_who_did_not_ask() {
+    let bench = Bench::new(&patient_law(), "");
+    let mut program = Program::start(Path::new(PROGRAM), &bench, |_| {});
+    let address = program.address();
+    let mut held = Held::new(Ground::new(address));
+    held.until(&bench, IDLE, "heard", |held| held.ground.telemetry.is_some());
+    // A victim's address sends what somebody else said, and hellos of its own that it never follows.
+    let victim = UdpSocket::bind("127.0.0.1:0").unwrap();
+    victim.set_read_timeout(Some(Duration::from_millis(300))).unwrap();
+    let (mut sent, mut came) = (0, 0);
+    for packet in &held.ground.said {
+        sent += victim.send_to(packet, address).unwrap();
+    }
+    while let Ok(length) = victim.recv(&mut [0; MAX_PACKET_LEN]) {
+        came += length;
+    }
+    assert!(came <= sent, "{came} bytes for {sent}");
+    // The reader falls silent: in a while nothing comes any more.
+    std::thread::sleep(Duration::from_millis(u64::from(proto::LISTENING_MS) + 500));
+    while held.ground.hear(Duration::from_millis(1)).is_some() {}
+    assert_eq!(held.ground.hear(Duration::from_millis(500)), None, "telemetry for nobody");
 }
 
 #[test]

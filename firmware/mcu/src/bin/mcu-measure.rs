@@ -29,8 +29,8 @@ mod target {
     use mcu::ring::{Ring, Serial};
     use mcu::{Board, GAINS_IMAGE, Program, mps2};
     use proto::{
-        Command, Gains, ImuSample, Loop, MAX_PACKET_LEN, MAX_STREAM_LEN, Message, Mode, Pose, Request, Role,
-        Sealer, TimedPose, enframe,
+        Command, Deframer, Gains, GroundEnd, ImuSample, Key, Loop, MAX_PACKET_LEN, MAX_STREAM_LEN, Message,
+        Mode, Pose, Request, TimedPose, enframe,
     };
 
     static UP: Ring<2048> = Ring::new();
@@ -39,6 +39,7 @@ mod target {
     /// The greatest count of the timer.
     const FULL: u32 = 0xff_ffff;
     const TICKS: u32 = 2000;
+    const KEY: Key = Key::new([1; 32]);
 
     /// Motors, sensors and time in memory.
     struct Bench {
@@ -80,22 +81,52 @@ mod target {
             self.pwm = *commands;
             true
         }
+        fn random(&mut self) -> Option<[u8; 32]> {
+            Some([1; 32])
+        }
         fn feed_watchdog(&mut self) {
             self.done = true;
         }
     }
 
-    fn say(ground: &mut Sealer, message: &Message) {
-        let (mut packet, mut stream) = ([0; MAX_PACKET_LEN], [0; MAX_STREAM_LEN]);
-        if let Ok((_, packet)) = ground.seal(message, &mut packet)
-            && let Some(bytes) = enframe(packet, &mut stream)
-        {
-            UP.push(bytes);
+    /// The ground's end of the link: packets with a key, as in flight.
+    struct Ground {
+        end: GroundEnd,
+        deframer: Deframer,
+        now_ms: u32,
+    }
+
+    impl Ground {
+        fn push(packet: &[u8]) {
+            if let Some(bytes) = enframe(packet, &mut [0; MAX_STREAM_LEN]) {
+                UP.push(bytes);
+            }
+        }
+
+        fn greet(&mut self) {
+            if let Some(hello) = self.end.greet(self.now_ms, &mut [0; MAX_PACKET_LEN]) {
+                Self::push(hello);
+            }
+        }
+
+        /// Empties the link: telemetry has to fit into it each time, as on one that is fast enough.
+        fn hear(&mut self) {
+            while let Some(byte) = DOWN.pop() {
+                if let Some(packet) = self.deframer.push(byte) {
+                    let _ = self.end.hear(self.now_ms, packet);
+                }
+            }
+        }
+    }
+
+    fn say(ground: &mut Ground, message: &Message) {
+        if let Ok((_, packet)) = ground.end.seal(ground.now_ms, message, &mut [0; MAX_PACKET_LEN]) {
+            Ground::push(packet);
         }
     }
 
     /// What the ground says before tick `k`.
-    fn speak(ground: &mut Sealer, bench: &mut Bench, k: u32) {
+    fn speak(ground: &mut Ground, bench: &mut Bench, k: u32) {
         let at_rest = k < 320;
         if !(1200..1220).contains(&k) {
             let [x, y, z] = [(); 3].map(|()| 0.002 * bench.noise());
@@ -171,13 +202,16 @@ mod target {
         core.SYST.clear_current();
         core.SYST.enable_counter();
         let boot = SYST::get_current();
-        let Ok(mut program) = Program::new(GAINS_IMAGE) else { mps2::fail() };
+        let Ok(mut program) = Program::new(GAINS_IMAGE, Some(KEY)) else { mps2::fail() };
         let boot = since(boot);
-        let mut ground = Sealer::open(Role::Ground, 0);
+        let end = GroundEnd::new(0, Some(KEY), [2; 32]);
+        let mut ground = Ground { end, deframer: Deframer::new(), now_ms: 0 };
         let link = Serial { received: &UP, to_send: &DOWN, start: || {} };
         let mut bench = Bench { link, now_us: 0, pwm: [0.0; 4], noise: 1, done: false };
         let (mut least, mut most, mut sum, mut flown, mut retune) = (u32::MAX, 0, 0_u32, 0, 0);
         for k in 0..TICKS {
+            ground.now_ms = k * 10;
+            ground.greet();
             speak(&mut ground, &mut bench, k);
             bench.now_us = k * 10_000;
             bench.done = false;
@@ -186,8 +220,7 @@ mod target {
                 program.step(&mut bench);
             }
             let counts = since(start);
-            // Telemetry has to fit into the link each time, as on a link that is fast enough.
-            while DOWN.pop().is_some() {}
+            ground.hear();
             if k == 10 {
                 retune = instructions(counts);
             } else if bench.pwm != [1000.0; 4] {

@@ -2,7 +2,7 @@
 //! tick, or from what it says afterwards.
 //!
 //! What it hears is any bytes there may be: of the wire, through stuffing, CRC, number and message
-//! to the craft, as the microcontroller's whole period does it; the same with a key, as the craft's
+//! to the craft, as the microcontroller's whole period does it; the same over a network, as the craft's
 //! computer does it; of an IMU board's line; and an image of gains.
 //!
 //! The panic handler calls a function that nobody defines. As long as anything that may panic is
@@ -14,12 +14,13 @@
 mod target {
     use core::convert::Infallible;
     use core::mem::MaybeUninit;
+    use core::net::SocketAddr;
     use core::ptr::{addr_of, addr_of_mut, read_volatile, write_volatile};
 
     use craft::{Craft, Inputs, LinkStatus, image};
     use embedded_io::{ErrorType, Read, ReadReady, Write};
     use mcu::{Board, Program};
-    use proto::{ImuSample, Key, MAX_PACKET_LEN, Opener, Refused, Role, Sealer, imu_frame};
+    use proto::{CraftEnd, Heard, ImuSample, Key, MAX_PACKET_LEN, Message, Opener, Role, Sealer, imu_frame};
 
     /// Anything, as far as the optimiser knows.
     static mut LINE: [u8; 512] = [0; 512];
@@ -28,7 +29,7 @@ mod target {
     static mut INPUTS: MaybeUninit<Inputs> = MaybeUninit::uninit();
     static mut PROGRAM: MaybeUninit<Program> = MaybeUninit::uninit();
     static mut CRAFT: MaybeUninit<Craft> = MaybeUninit::uninit();
-    static mut ENDS: MaybeUninit<(Opener, Sealer)> = MaybeUninit::uninit();
+    static mut ENDS: MaybeUninit<(CraftEnd, Opener, Sealer)> = MaybeUninit::uninit();
     static mut PARSER: MaybeUninit<imu_frame::Parser> = MaybeUninit::uninit();
     static mut SAID: u8 = 0;
 
@@ -108,23 +109,36 @@ mod target {
             say(u8::from(*commands != [0.0; 4]));
             flag(1)
         }
+        fn random(&mut self) -> Option<[u8; 32]> {
+            flag(3).then_some([numbers()[0] as u8; 32])
+        }
         fn feed_watchdog(&mut self) {}
     }
 
-    /// A packet with a key, to the craft and back.
-    fn with_a_key(craft: &mut Craft, opener: &mut Opener, sealer: &mut Sealer) {
-        match opener.unseal(&line()) {
-            Ok((number, message)) => craft.hear(number, &message),
-            Err(Refused::Replayed { .. }) => craft.introduce(),
+    /// A packet over a network, to the craft and back; and a plain one.
+    fn over_a_network(craft: &mut Craft, (end, opener, sealer): &mut (CraftEnd, Opener, Sealer)) {
+        let (mut reply, [now_ms, session, ip, _]) = ([0; MAX_PACKET_LEN], numbers());
+        let from = Some(SocketAddr::from(((ip as u32).to_be_bytes(), session as u16)));
+        say(u8::from(end.glance(from, &line()).is_ok()));
+        match end.hear(now_ms as u32, from, &line(), &mut reply) {
+            Ok(Heard::Message(opened)) => craft.hear(opened.number, &opened.message),
+            Ok(Heard::Hello(challenge)) => challenge.iter().for_each(|byte| say(*byte)),
             Err(_) => {}
         }
-        sealer.follow(opener);
+        end.forget_silent(now_ms as u32);
         let mut buffer = [0; MAX_PACKET_LEN];
-        while let Some(message) = craft.next_message(&LinkStatus::from(&*opener)) {
-            if let Ok((_, packet)) = sealer.seal(&message, &mut buffer) {
+        while let Some(message) = craft.next_message(&LinkStatus::from(end.statistics)) {
+            if let Ok((_, packet)) = end.seal(now_ms as u32, session, &message, &mut buffer) {
                 packet.iter().for_each(|byte| say(*byte));
             }
         }
+        say(u8::from(opener.unseal(&line()).is_ok()));
+        say(u8::from(sealer.seal(&Message::Who, &mut buffer).is_ok()));
+    }
+
+    fn numbers() -> [u64; 4] {
+        // SAFETY: as above.
+        unsafe { read_volatile(addr_of!(NUMBERS)) }
     }
 
     #[cortex_m_rt::entry]
@@ -132,24 +146,21 @@ mod target {
         loop {
             // SAFETY: none is needed: this is compiled for what the linker makes of it, and never
             // runs.
-            let (program, craft, (opener, sealer), parser, [stored, sent, heard, _]) = unsafe {
+            let (program, craft, ends, parser) = unsafe {
                 (
                     &mut *addr_of_mut!(PROGRAM).cast::<Program>(),
                     &mut *addr_of_mut!(CRAFT).cast::<Craft>(),
-                    &mut *addr_of_mut!(ENDS).cast::<(Opener, Sealer)>(),
+                    &mut *addr_of_mut!(ENDS).cast::<(CraftEnd, Opener, Sealer)>(),
                     &mut *addr_of_mut!(PARSER).cast::<imu_frame::Parser>(),
-                    read_volatile(addr_of!(NUMBERS)),
                 )
             };
             program.step(&mut Any);
             if flag(2) {
-                let key = Key::new([stored as u8; 32]);
-                *opener = Opener::authenticated(Role::Ground, 0, key.clone(), stored);
-                *sealer = Sealer::authenticated(Role::Craft, 0, key, stored);
-                sealer.counter.reserved(sent);
-                opener.guard.reserved(heard);
+                let [random, key, ..] = numbers();
+                let end = CraftEnd::new(0, Some(Key::new([key as u8; 32])), [random as u8; 32]);
+                *ends = (end, Opener::new(Role::Ground, 0), Sealer::new(Role::Craft, 0));
             }
-            with_a_key(craft, opener, sealer);
+            over_a_network(craft, ends);
             line().into_iter().for_each(|byte| say(u8::from(parser.push(byte).is_some())));
             say(u8::from(image::decode(&line()).is_ok()));
         }

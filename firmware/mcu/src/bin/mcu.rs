@@ -7,11 +7,11 @@ mod target {
     use mcu::mps2 as board;
     #[cfg(feature = "stm32f405")]
     use mcu::stm32f405 as board;
-    use mcu::{GAINS_IMAGE, Program};
+    use mcu::{GAINS_IMAGE, LINK_KEY, Program};
 
     #[cortex_m_rt::entry]
     fn main() -> ! {
-        match Program::new(GAINS_IMAGE) {
+        match Program::new(GAINS_IMAGE, LINK_KEY) {
             Ok(mut program) => {
                 let mut board = board::boot(program.config());
                 loop {

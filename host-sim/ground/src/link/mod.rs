@@ -1,4 +1,4 @@
-//! The link to the craft: packets with key and counters, its delay, and the pace of the craft's
+//! The link to the craft: packets with a key, its delay, and the pace of the craft's
 //! clock.
 
 mod clock_monitor;

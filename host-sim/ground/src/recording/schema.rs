@@ -49,13 +49,8 @@ pub(super) fn samples() -> [Value; 11] {
         cut_off: true,
         injection: [0.5; 4],
     };
-    let identity = Identity {
-        versions: [0; 2],
-        program: [0; 3],
-        vehicle_sha256: [0; 32],
-        accepts_from: 0,
-        state: State::Disarmed,
-    };
+    let identity =
+        Identity { versions: [0; 2], program: [0; 3], vehicle_sha256: [0; 32], state: State::Disarmed };
     let link = LinkRecord {
         one_way_s: 0.5,
         least_one_way_s: 0.5,

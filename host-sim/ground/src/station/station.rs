@@ -7,7 +7,7 @@ use super::parts::{CraftReports, Pending, Schedule, Tracking, Traffic};
 use super::pilot::{Confirmation, PilotRequest, Verdict};
 use super::settings::{Settings, SettingsError};
 use super::snapshot::Snapshot;
-use crate::link::{ClockEvent, ClockMonitor, CraftLink, CraftLinkError, Pace, ramp_interval_s};
+use crate::link::{ClockEvent, ClockMonitor, CraftLink, Pace, ramp_interval_s};
 use crate::mission::{Ask, CraftStatus, Mission, MissionStep, Progress};
 use crate::mocap::TrackerEvent;
 use crate::recording::{Entry, Level, LinkRecord, Recorder};
@@ -72,14 +72,15 @@ impl Station {
 
     /// A packet has come from the craft.
     pub fn on_packet(&mut self, now_us: u64, packet: &[u8]) {
-        match self.link.unseal(packet) {
-            Ok(Message::Telemetry(telemetry)) => self.on_telemetry(now_us, telemetry),
-            Ok(Message::Identity(identity)) => self.on_identity(now_us, identity),
-            Ok(Message::Answer(answer)) => {
+        match self.link.unseal(now_us, packet) {
+            Ok(None) => {}
+            Ok(Some(Message::Telemetry(telemetry))) => self.on_telemetry(now_us, telemetry),
+            Ok(Some(Message::Identity(identity))) => self.on_identity(now_us, identity),
+            Ok(Some(Message::Answer(answer))) => {
                 self.record(now_us, &Entry::Answer(&answer));
                 self.on_answer(now_us, answer);
             }
-            Ok(_) => self.refused(now_us, "a message that is not for a ground station".into()),
+            Ok(Some(_)) => self.refused(now_us, "a message that is not for a ground station".into()),
             Err(error) => self.refused(now_us, error.to_string()),
         }
     }
@@ -159,7 +160,7 @@ impl Station {
 
     fn on_identity(&mut self, now_us: u64, identity: Identity) {
         self.record(now_us, &Entry::Identity(&identity));
-        if self.craft.identity != Some(Identity { accepts_from: 0, state: State::Disarmed, ..identity }) {
+        if self.craft.identity != Some(Identity { state: State::Disarmed, ..identity }) {
             let [major, minor, patch] = identity.program;
             let hash: String = identity.vehicle_sha256.iter().take(4).map(|b| format!("{b:02x}")).collect();
             self.tell(
@@ -169,7 +170,7 @@ impl Station {
             );
         }
         // Leave out what changes all the time: it does not make another craft.
-        self.craft.identity = Some(Identity { accepts_from: 0, state: State::Disarmed, ..identity });
+        self.craft.identity = Some(Identity { state: State::Disarmed, ..identity });
     }
 
     fn on_answer(&mut self, now_us: u64, answer: proto::Answer) {
@@ -259,6 +260,7 @@ impl Station {
     /// Sends what is due.
     pub fn poll(&mut self, now_us: u64) {
         let started_us = *self.schedule.started_us.get_or_insert(now_us);
+        self.traffic.out.extend(self.link.greet(now_us));
         if now_us >= self.schedule.ramp_us {
             self.send(now_us, &Message::Timer(Timer { ground_us: now_us as u32 }));
             self.schedule.ramp_us = now_us + (ramp_interval_s(self.schedule.ramps_sent) * 1e6) as u64;
@@ -301,8 +303,10 @@ impl Station {
     fn watch_craft(&mut self, now_us: u64, started_us: u64) {
         let heard_us = self.craft.telemetry.map_or(started_us, |(_, at)| at);
         let silent_s = now_us.saturating_sub(heard_us) as f64 * 1e-6;
-        if (self.craft.identity.is_none() || silent_s > SILENCE_S) && now_us >= self.schedule.who_us {
-            self.send(now_us, &Message::Who);
+        if (self.craft.identity.is_none() || silent_s > SILENCE_S)
+            && now_us >= self.schedule.who_us
+            && self.send(now_us, &Message::Who).is_some()
+        {
             self.schedule.who_us = now_us + 1_000_000;
         }
         if silent_s > SILENCE_S && !self.craft.silent {
@@ -354,20 +358,12 @@ impl Station {
         self.pending = Some(Pending { ask, numbers: [first, number], next_us });
     }
 
-    /// Seals and queues a message; its number.
+    /// Seals and queues a message; its number. Before the craft has been heard nothing can be said.
     fn send(&mut self, now_us: u64, message: &Message) -> Option<u64> {
-        match self.link.seal(message) {
-            Ok((number, packet)) => {
-                self.traffic.sent += 1;
-                self.traffic.out.push(packet);
-                Some(number)
-            }
-            Err(error) => {
-                self.faulty |= matches!(error, CraftLinkError::File(_));
-                self.refused(now_us, format!("nothing can be sent: {error}"));
-                None
-            }
-        }
+        let (number, packet) = self.link.seal(now_us, message).ok()?;
+        self.traffic.sent += 1;
+        self.traffic.out.push(packet);
+        Some(number)
     }
 
     fn record(&mut self, now_us: u64, entry: &Entry<'_>) {
@@ -446,8 +442,7 @@ impl Station {
         self.mission.is_flying() || matches!(state, Some(State::Flying | State::Hold | State::Land))
     }
 
-    /// Has something gone wrong that a script has to answer for: the craft's clock, the recording,
-    /// the packet counters?
+    /// Has something gone wrong that a script has to answer for: the craft's clock, the recording?
     pub fn is_faulty(&self) -> bool {
         self.faulty
     }
@@ -487,7 +482,7 @@ mod tests {
     use crate::link::LinkSettings;
     use crate::mocap::Sighting;
     use proptest::prelude::*;
-    use proto::{Answer, Counters, MAX_PACKET_LEN, Mode, Opener, Pose, Refusal, Role, Sealer, Supervision};
+    use proto::{Answer, Counters, CraftEnd, Heard, MAX_PACKET_LEN, Mode, Pose, Refusal, Supervision};
     use std::net::{IpAddr, Ipv4Addr};
     use std::time::Duration;
 
@@ -519,8 +514,8 @@ mod tests {
 
     struct Bench {
         station: Station,
-        sealer: Sealer,
-        opener: Opener,
+        craft: CraftEnd,
+        session: Option<u64>,
         tick: u32,
     }
 
@@ -528,13 +523,28 @@ mod tests {
         fn new(settings: Settings) -> Self {
             let link = CraftLink::open(&LinkSettings::default(), IpAddr::V4(Ipv4Addr::LOCALHOST)).unwrap();
             let station = Station::new(settings, link, None).unwrap();
-            let (sealer, opener) = (Sealer::open(Role::Craft, 0), Opener::open(Role::Ground, 0));
-            Self { station, sealer, opener, tick: 0 }
+            Self { station, craft: CraftEnd::new(0, None, [1; 32]), session: None, tick: 0 }
+        }
+
+        /// What the station sends: numbers and messages.
+        fn sent(&mut self, now_us: u64) -> Vec<(u64, Message)> {
+            let (mut sent, now_ms) = (Vec::new(), (now_us / 1000) as u32);
+            for packet in self.station.take_packets().collect::<Vec<_>>() {
+                match self.craft.hear(now_ms, None, &packet, &mut [0; MAX_PACKET_LEN]).unwrap() {
+                    Heard::Hello(challenge) => self.station.on_packet(now_us, challenge),
+                    Heard::Message(opened) => {
+                        self.session = Some(opened.session);
+                        sent.push((opened.number, opened.message));
+                    }
+                }
+            }
+            sent
         }
 
         fn hear(&mut self, now_us: u64, message: &Message) {
-            let mut buffer = [0; MAX_PACKET_LEN];
-            let (_, packet) = self.sealer.seal(message, &mut buffer).unwrap();
+            let Some(session) = self.session else { return };
+            let (mut buffer, now_ms) = ([0; MAX_PACKET_LEN], (now_us / 1000) as u32);
+            let (_, packet) = self.craft.seal(now_ms, session, message, &mut buffer).unwrap();
             self.station.on_packet(now_us, packet);
         }
 
@@ -549,10 +559,8 @@ mod tests {
                     self.tick += 1;
                 }
                 self.station.poll(now_us);
-                for packet in self.station.take_packets().collect::<Vec<_>>() {
-                    let (number, message) = self.opener.unseal(&packet).unwrap();
-                    sent.push((now_ms, number, message));
-                }
+                let said = self.sent(now_us);
+                sent.extend(said.into_iter().map(|(number, message)| (now_ms, number, message)));
             }
             sent
         }
@@ -573,7 +581,7 @@ mod tests {
             let silent = bench.run(0, 2000, None);
             assert_eq!(count(&silent, |m| matches!(m, Message::Command(_))), 0);
             // Identities and ramps are asked for and sent all the same: telemetry goes to whoever
-            // sends the clock.
+            // sends the clock. (This craft has answered a hello, and says no more.)
             assert_eq!(count(&silent, |m| matches!(m, Message::Who)), 2);
             let ramps = count(&silent, |m| matches!(m, Message::Timer(_)));
             assert!((190..=210).contains(&ramps), "{ramps} in 2 s, 10 ms apart in the mean");
@@ -594,12 +602,11 @@ mod tests {
         let mut bench = Bench::new(Settings::default());
         let pose = Pose { position_m: [1.0, 2.0, -3.0], attitude_rad: [0.1; 3] };
         let age = Duration::from_millis(7);
+        bench.run(4_999_990, 10, None);
         bench.station.on_tracker(5_000_000_000, TrackerEvent::Seen(Sighting { frame: 9, pose, age }));
-        let packet = bench.station.take_packets().next().unwrap();
-        let (_, message) = bench.opener.unseal(&packet).unwrap();
         // Modulo 2^32.
         assert_eq!(
-            message,
+            bench.sent(5_000_000_000)[0].1,
             Message::Pose(TimedPose { frame: 9, ground_us: (4_999_993_000_u64 % (1 << 32)) as u32, pose })
         );
     }
@@ -662,7 +669,7 @@ mod tests {
         let told = bench.told();
         assert!(told.contains("telemetry has stopped") && told.lines().count() == 1, "{told}");
         bench.tick = 100;
-        bench.run(3600, 10, Some(State::Flying));
+        bench.run(3600, 30, Some(State::Flying));
         let told = bench.told();
         assert!(told.contains("telemetry again") && told.contains("over: pose late, battery low"), "{told}");
     }

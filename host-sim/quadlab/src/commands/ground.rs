@@ -71,7 +71,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "N", default_value_t = 1, requires = "simulated")]
     seed: u64,
 
-    /// Key file, the craft's own; packet counters are kept beside it
+    /// Key file, the craft's own
     #[arg(long, value_name = "FILE")]
     key: Option<PathBuf>,
 
@@ -240,12 +240,8 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         (None, Some(craft)) => address("--craft", craft, PORT)?,
         (None, None) => unreachable!("clap asks for one of them"),
     };
-    let link = LinkSettings {
-        number: options.link,
-        key: options.key.clone(),
-        counters: None,
-        allow_open: options.allow_open,
-    };
+    let link =
+        LinkSettings { number: options.link, key: options.key.clone(), allow_open: options.allow_open };
     let link = CraftLink::open(&link, craft.ip())?;
     let tracker = tracker(options, lab.as_ref())?;
     let name = (!options.no_record).then(|| name(options)).transpose()?;

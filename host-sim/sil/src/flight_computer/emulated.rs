@@ -262,7 +262,7 @@ impl Udp {
         let socket = UdpSocket::bind("127.0.0.1:0").map_err(failed)?;
         socket.connect(address).map_err(failed)?;
         socket.set_read_timeout(Some(ASK_AGAIN)).map_err(failed)?;
-        let (sealer, opener) = (Sealer::open(Role::Ground, 0), Opener::open(Role::Craft, 0));
+        let (sealer, opener) = (Sealer::new(Role::Ground, 0), Opener::new(Role::Craft, 0));
         Ok(Self { peer, socket, sealer, opener })
     }
 }
@@ -368,7 +368,7 @@ mod tests {
         socket.set_read_timeout(Some(Duration::from_millis(20))).unwrap();
         let server = std::thread::spawn(move || {
             let mut law = Lockstep::new(&Config::thesis()).unwrap();
-            let (mut sealer, mut opener) = (Sealer::open(Role::Craft, 0), Opener::open(Role::Ground, 0));
+            let (mut sealer, mut opener) = (Sealer::new(Role::Craft, 0), Opener::new(Role::Ground, 0));
             let mut heard = 0;
             for _ in 0..6 {
                 let mut buffer = [0; MAX_PACKET_LEN];
@@ -385,7 +385,7 @@ mod tests {
             }
         });
         let peer = Peer::spawn(&mut Command::new("cat")).unwrap();
-        let (sealer, opener) = (Sealer::open(Role::Ground, 0), Opener::open(Role::Craft, 0));
+        let (sealer, opener) = (Sealer::new(Role::Ground, 0), Opener::new(Role::Craft, 0));
         let mut link = Udp { peer, socket, sealer, opener };
         for tick in 0..3 {
             assert_eq!(link.tick(tick, &readings()).unwrap().output.tick, tick);

@@ -13,11 +13,12 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use com::clock::monotonic_ms;
 use control::Config;
 use proto::imu_frame::{self, ImuFrame, MAX_STUFFED_LEN};
 use proto::{
-    Answer, ImuSample, MAX_PACKET_LEN, Message, Opener, Pose, Request, Role, Sealer, State, Telemetry,
-    TimedPose,
+    Answer, CraftEnd, GroundEnd, Heard, ImuSample, Key, MAX_PACKET_LEN, Message, Pose, Refused, Request,
+    State, Telemetry, TimedPose,
 };
 use serial2::SerialPort;
 
@@ -184,33 +185,60 @@ pub(crate) fn signal(name: &str, process: u32) {
 /// A ground station.
 pub(crate) struct Ground {
     socket: UdpSocket,
-    sealer: Sealer,
-    opener: Opener,
+    end: GroundEnd,
     frame: u32,
+    /// All packets so far, hellos too.
+    pub(crate) said: Vec<Vec<u8>>,
     /// The last of each.
     pub(crate) telemetry: Option<Telemetry>,
     pub(crate) answers: Vec<Answer>,
+}
+
+/// Packets that are right in all but their tags: whoever made them has another key.
+pub(crate) fn forgeries(message: &Message, key: [u8; 32]) -> Vec<Vec<u8>> {
+    let (mut buffer, mut reply) = ([0; MAX_PACKET_LEN], [0; MAX_PACKET_LEN]);
+    let mut ground = GroundEnd::new(5, Some(Key::new(key)), random());
+    let mut craft = CraftEnd::new(5, Some(Key::new(key)), random());
+    let hello = ground.greet(monotonic_ms(), &mut buffer).unwrap();
+    let Ok(Heard::Hello(challenge)) = craft.hear(monotonic_ms(), None, hello, &mut reply) else { panic!() };
+    ground.hear(monotonic_ms(), challenge).unwrap();
+    (0..64).map(|_| ground.seal(monotonic_ms(), message, &mut buffer).unwrap().1.to_vec()).collect()
+}
+
+fn random() -> [u8; 32] {
+    proto_files::random().unwrap()
 }
 
 pub(crate) const IDLE: proto::Command = proto::Command { z_m: -1.0, ..proto::Command::IDLE };
 
 impl Ground {
     pub(crate) fn new(craft: SocketAddr) -> Self {
-        Self::with(craft, Sealer::open(Role::Ground, 0), Opener::open(Role::Craft, 0))
+        Self::with(craft, GroundEnd::new(0, None, random()))
     }
 
-    pub(crate) fn with(craft: SocketAddr, sealer: Sealer, opener: Opener) -> Self {
+    /// With a key, for link 5.
+    pub(crate) fn keyed(craft: SocketAddr, key: [u8; 32]) -> Self {
+        Self::with(craft, GroundEnd::new(5, Some(Key::new(key)), random()))
+    }
+
+    fn with(craft: SocketAddr, end: GroundEnd) -> Self {
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         socket.connect(craft).unwrap();
-        Self { socket, sealer, opener, frame: 0, telemetry: None, answers: Vec::new() }
+        Self { socket, end, frame: 0, said: Vec::new(), telemetry: None, answers: Vec::new() }
     }
 
-    pub(crate) fn say(&mut self, message: &Message) -> u64 {
+    /// Says it if there is a session, and hello if there is none.
+    pub(crate) fn say(&mut self, message: &Message) -> Option<u64> {
         let mut buffer = [0; MAX_PACKET_LEN];
-        let (number, packet) = self.sealer.seal(message, &mut buffer).unwrap();
-        // A craft that is gone refuses; whoever waits for it notices.
+        if let Some(hello) = self.end.greet(monotonic_ms(), &mut buffer) {
+            // A craft that is gone refuses; whoever waits for it notices.
+            let _ = self.socket.send(hello);
+            self.said.push(hello.to_vec());
+        }
+        let (number, packet) = self.end.seal(monotonic_ms(), message, &mut buffer).ok()?;
         let _ = self.socket.send(packet);
-        number
+        self.said.push(packet.to_vec());
+        Some(number)
     }
 
     pub(crate) fn send_raw(&self, bytes: &[u8]) {
@@ -225,7 +253,7 @@ impl Ground {
         self.say(&Message::Command(command));
     }
 
-    pub(crate) fn request(&mut self, request: Request) -> u64 {
+    pub(crate) fn request(&mut self, request: Request) -> Option<u64> {
         self.say(&Message::Request(request))
     }
 
@@ -235,12 +263,17 @@ impl Ground {
         let mut buffer = [0; MAX_PACKET_LEN];
         loop {
             let length = self.socket.recv(&mut buffer).ok()?;
-            match self.opener.unseal(&buffer[..length]).unwrap() {
-                (_, Message::Telemetry(telemetry)) => {
+            let heard = self.end.hear(monotonic_ms(), &buffer[..length]);
+            // It has waited here while the test did something else.
+            if matches!(heard, Err(Refused::Old { .. })) {
+                continue;
+            }
+            match heard.unwrap() {
+                Some((_, Message::Telemetry(telemetry))) => {
                     self.telemetry = Some(telemetry);
                     return self.telemetry;
                 }
-                (_, Message::Answer(answer)) => self.answers.push(answer),
+                Some((_, Message::Answer(answer))) => self.answers.push(answer),
                 _ => {}
             }
         }
