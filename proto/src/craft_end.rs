@@ -5,10 +5,7 @@ use core::net::{IpAddr, SocketAddr};
 use crate::age::Age;
 use crate::message::Message;
 use crate::packet::{Key, NONCE_LEN, Refused, Role, Statistics};
-use crate::session::{Common, Parts, Session};
-
-/// How many ground stations and programs that ask a craft hears at a time.
-const SESSIONS: usize = 4;
+use crate::session::{ASKS, Common, Parts, Session};
 
 /// A session ends when the ground has been silent for so long, ms; nothing is sent to it any more.
 pub const LISTENING_MS: u32 = 3000;
@@ -28,6 +25,7 @@ pub struct Opened {
 
 /// What a craft makes of a packet.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "it is used up at once, and a craft has no heap")]
 pub enum Heard<'b> {
     /// Somebody wants to talk: this is to be sent to where it came from.
     Hello(&'b [u8]),
@@ -43,7 +41,8 @@ pub struct CraftEnd {
     secret: Key,
     /// Sessions so far: each has used up a challenge.
     opened: u64,
-    sessions: [Option<Session>; SESSIONS],
+    /// With a ground station, and with a program that asks.
+    sessions: [Option<Session>; 2],
     /// Counts of what has come.
     pub statistics: Statistics,
 }
@@ -53,7 +52,7 @@ impl CraftEnd {
     pub fn new(link: u16, key: Option<Key>, random: [u8; 32]) -> Self {
         let common = Common::new(Role::Craft, link, key);
         let (secret, statistics) = (Key::new(random), Statistics::default());
-        Self { common, secret, opened: 0, sessions: [const { None }; SESSIONS], statistics }
+        Self { common, secret, opened: 0, sessions: [const { None }; 2], statistics }
     }
 
     /// What can be said of a packet without a tag, which takes time: length, CRC, header, and of
@@ -65,7 +64,7 @@ impl CraftEnd {
         let looked = self.common.read(packet).and_then(|parts| {
             let session = self.sessions.iter().flatten().find(|session| session.id == parts.session);
             match session.filter(|_| !parts.is_handshake()) {
-                Some(session) if session.peer != from => Err(Refused::Elsewhere),
+                Some(session) if session.peer != from && !self.common.is_keyed() => Err(Refused::Elsewhere),
                 Some(session) => session.check_number(parts.number),
                 None => Ok(()),
             }
@@ -123,10 +122,11 @@ impl CraftEnd {
     fn open(&mut self, now_ms: u32, from: Option<SocketAddr>, parts: &Parts<'_>) -> Result<Opened, Refused> {
         let Parts { session: id, number, .. } = *parts;
         if let Some(session) = self.sessions.iter_mut().flatten().find(|session| session.id == id) {
-            if session.peer != from {
+            if session.peer != from && !self.common.is_keyed() {
                 return Err(Refused::Elsewhere);
             }
             let (message, lost) = session.open(parts, now_ms)?;
+            session.peer = from;
             self.statistics.accept(lost);
             return Ok(Opened { session: id, is_first: false, number, message });
         }
@@ -140,20 +140,9 @@ impl CraftEnd {
         })?;
         self.statistics.accept(0);
         self.opened = self.opened.wrapping_add(1);
-        if let Some(place) = self.place_for(now_ms, from) {
-            *place = Some(session);
-        }
+        let [station, asker] = &mut self.sessions;
+        *(if id & ASKS == 0 { station } else { asker }) = Some(session);
         Ok(Opened { session: id, is_first: true, number, message })
-    }
-
-    /// Where a new session goes: in the place of the one before with that address, in a free one,
-    /// or in that of whoever has been silent longest.
-    fn place_for(&mut self, now_ms: u32, peer: Option<SocketAddr>) -> Option<&mut Option<Session>> {
-        self.sessions.iter_mut().max_by_key(|place| match place {
-            Some(session) if session.peer == peer => (2, 0),
-            None => (1, 0),
-            Some(session) => (0, session.silent_ms(now_ms)),
-        })
     }
 
     /// Ends the sessions of those who have fallen silent. To be called with each tick.

@@ -4,7 +4,7 @@ use crate::age::Age;
 use crate::frame::{VERSION, decode_body};
 use crate::message::Message;
 use crate::packet::{Key, NONCE_LEN, Refused, Role, Statistics};
-use crate::session::{Common, Parts, Session};
+use crate::session::{ASKS, Common, Parts, Session};
 
 /// A ground station says hello again when it has not heard the craft for so long, ms.
 pub const SILENT_MS: u32 = 500;
@@ -16,6 +16,8 @@ const GREET_EVERY_MS: u32 = 20;
 #[derive(Debug, Clone)]
 pub struct GroundEnd {
     common: Common,
+    /// The bit of session names that tells what kind they are.
+    kind: u64,
     /// What the names of sessions are made from.
     secret: Key,
     /// Hellos of different sessions so far.
@@ -34,6 +36,7 @@ impl GroundEnd {
     pub fn new(link: u16, key: Option<Key>, random: [u8; 32]) -> Self {
         Self {
             common: Common::new(Role::Ground, link, key),
+            kind: 0,
             secret: Key::new(random),
             greeted: 0,
             greeting: None,
@@ -41,6 +44,11 @@ impl GroundEnd {
             next: 0,
             statistics: Statistics::default(),
         }
+    }
+
+    /// The same for a program that only asks: it takes no session away from a ground station.
+    pub fn asking(link: u16, key: Option<Key>, random: [u8; 32]) -> Self {
+        Self { kind: ASKS, ..Self::new(link, key, random) }
     }
 
     /// A hello to be sent, if there is no session with a craft that is heard, and it is time.
@@ -54,7 +62,8 @@ impl GroundEnd {
             None => {
                 self.greeted = self.greeted.wrapping_add(1);
                 let nonce = self.secret.derive(b"hello", &[&self.greeted.to_le_bytes()]).nonce();
-                u64::from_le_bytes(nonce.first_chunk().copied().unwrap_or_default())
+                let name = u64::from_le_bytes(nonce.first_chunk().copied().unwrap_or_default());
+                name & !ASKS | self.kind
             }
         };
         self.greeting = Some((id, now_ms));

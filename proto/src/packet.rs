@@ -37,6 +37,9 @@ pub(crate) const NONCE_LEN: usize = 16;
 /// No packet is longer, in bytes.
 pub const MAX_PACKET_LEN: usize = HEADER_LEN + MAX_FRAME_LEN + TAG_LEN + CRC_LEN;
 
+/// The last number there is: no number is above it, so what has it could come again and again.
+pub(crate) const NEVER_SENT: u64 = u64::MAX;
+
 /// Bits of the flags.
 pub(crate) const KEYED: u8 = 1;
 pub(crate) const FROM_CRAFT: u8 = 2;
@@ -378,7 +381,8 @@ impl Opener {
             return Err(Refused::Flags(header.flags));
         }
         let message = decode_body(VERSION, body).map_err(Refused::Message)?;
-        if header.number < self.accepts_from && (header.number > 0 || self.accepts_from == 1) {
+        let is_behind = header.number < self.accepts_from && (header.number > 0 || self.accepts_from == 1);
+        if is_behind || header.number == NEVER_SENT {
             return Err(Refused::Replayed);
         }
         Ok((header.number, message))

@@ -21,6 +21,12 @@
 //!   disturbs no session; the answer is as long as the question, and there is nothing else for
 //!   somebody who has not answered a challenge: not at a forged address either, where it does not
 //!   arrive. This holds without a key too: then K is public, and says nothing about who it is.
+//! - **Two sessions at most:** one with a ground station, and one with a program that only asks ([`GroundEnd::asking`](crate::GroundEnd::asking));
+//!   the first bit of N tells them apart. A new one ends the one of its kind before, wherever that is, so nothing of an earlier start is
+//!   taken once the later one has been heard. Asking takes no session away from a pilot.
+//! - **Addresses:** with a key, a session is wherever its newest packet came from. Somebody who passes on what he has overheard from an
+//!   address of his own can have the session there until the ground's next packet, and no longer. Without a key it stays with the
+//!   address that answered the challenge, since everybody can make a newer packet.
 //! - **Loss:** a hello is repeated until its challenge comes. A challenge
 //!   that was overtaken by another's session opens none; the ground hears nothing, and begins anew.
 //! - **Restarts:** a ground station that starts anew has a session after one way and back. One whose
@@ -41,8 +47,12 @@ use crate::age::Age;
 use crate::frame::{VERSION, decode_body};
 use crate::message::Message;
 use crate::packet::{
-    HANDSHAKE, HEADER_LEN, Header, KEYED, Key, NONCE_LEN, Refused, Role, SESSION, TAG_LEN, Writing, intact,
+    HANDSHAKE, HEADER_LEN, Header, KEYED, Key, NEVER_SENT, NONCE_LEN, Refused, Role, SESSION, TAG_LEN,
+    Writing, intact,
 };
+
+/// Bit of a session's name: whoever made it only asks.
+pub(crate) const ASKS: u64 = 1 << 63;
 
 /// What both sides use where there is no key: it hides nothing.
 const PUBLIC: Key = Key::new([0; 32]);
@@ -79,6 +89,11 @@ impl Common {
     pub(crate) fn new(role: Role, link: u16, key: Option<Key>) -> Self {
         let keyed = if key.is_some() { KEYED } else { 0 };
         Self { role, link, key: key.unwrap_or(PUBLIC), keyed }
+    }
+
+    /// Whether tags say who has made a packet.
+    pub(crate) fn is_keyed(&self) -> bool {
+        self.keyed == KEYED
     }
 
     /// The parts of a packet that is intact and meant for us.
@@ -172,7 +187,8 @@ impl Session {
 
     /// Is the number new? This needs no tag.
     pub(crate) fn check_number(&self, number: u64) -> Result<(), Refused> {
-        if self.accepts_from.is_some_and(|from| number < from) { Err(Refused::Replayed) } else { Ok(()) }
+        let is_behind = self.accepts_from.is_some_and(|from| number < from);
+        if is_behind || number == NEVER_SENT { Err(Refused::Replayed) } else { Ok(()) }
     }
 
     /// The next packet: its message, and how many before it never came. Nothing has changed where it

@@ -249,6 +249,29 @@ proptest! {
     }
 }
 
+/// Somebody passes on a ground station's first packets from an address of his own, and so has the session there: the ground's next
+/// packet brings it back. Without a key it is his: there, everybody could have made it.
+#[test]
+fn a_session_that_is_passed_on_comes_back_to_whom_it_is_with() {
+    for key in [Some(Key::new([9; 32])), None] {
+        let mut ground = GroundEnd::new(3, key.clone(), random(0, 1));
+        let mut craft = CraftEnd::new(3, key.clone(), random(0, 2));
+        let (mut buffer, mut reply) = ([0; MAX_PACKET_LEN], [0; MAX_PACKET_LEN]);
+        let [own, his] = [address(1), address(2)];
+        let hello = ground.greet(100, &mut buffer).unwrap();
+        let Ok(Heard::Hello(challenge)) = craft.hear(100, his, hello, &mut reply) else { panic!("a hello") };
+        assert_eq!(ground.hear(101, challenge), Ok(None));
+        let (_, first) = ground.seal(102, &Message::Who, &mut buffer).unwrap();
+        assert!(craft.hear(102, own, first, &mut reply).is_err(), "the challenge was for another address");
+        let Ok(Heard::Message(opened)) = craft.hear(103, his, first, &mut reply) else { panic!("a message") };
+        assert_eq!(craft.peer(opened.session), Some(his));
+        let (_, second) = ground.seal(112, &Message::Who, &mut buffer).unwrap();
+        let is_heard = craft.hear(112, own, second, &mut reply).is_ok();
+        let expected = if key.is_some() { (true, own) } else { (false, his) };
+        assert_eq!((is_heard, craft.peer(opened.session)), (expected.0, Some(expected.1)));
+    }
+}
+
 /// Traffic that was recorded and withheld for longer than it may be old moves nothing, whoever has
 /// been restarted since; what is a moment late is taken.
 #[test]

@@ -51,7 +51,7 @@ pub fn who(question: &Question) -> Result<Option<Identity>> {
     let socket = UdpSocket::bind(any).map_err(system("open a socket"))?;
     socket.connect(question.craft).map_err(system("reach the craft's address"))?;
     socket.set_read_timeout(Some(AGAIN_AFTER)).map_err(system("set up a socket"))?;
-    let mut end = GroundEnd::new(question.number, question.key.clone(), proto_files::random()?);
+    let mut end = GroundEnd::asking(question.number, question.key.clone(), proto_files::random()?);
     let started = Instant::now();
     let mut refused = None;
     while started.elapsed() < question.patience {

@@ -286,8 +286,9 @@ impl Autopilot {
         let no_number = tick.faults.internal.now;
         let (aftermath, limits) = (&mut self.aftermath, &self.limits);
         aftermath.after(refused, terms.z_rate_m_s, attitude_rad, no_number, elapsed_us, limits);
-        aftermath.motors(refused, tick.pwm, terms.attitude_error_rad, elapsed_us, limits);
-        aftermath.turns(terms.attitude_error_rad, rates_rad_s, elapsed_us, limits);
+        let seen_rad = [attitude_rad, terms.attitude_error_rad];
+        aftermath.motors(refused, tick.pwm, seen_rad, elapsed_us, limits);
+        aftermath.turns(seen_rad, rates_rad_s, elapsed_us, limits);
         let touchdown = &self.limits.touchdown;
         if self.state == State::Land {
             let [_, _, z_m] = self.pose.position_m;

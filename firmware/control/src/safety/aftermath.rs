@@ -49,18 +49,19 @@ impl Aftermath {
     }
 
     /// Looks for a single motor at its end in the commands of a tick that refused thrust upwards, or
-    /// did not; errors of roll and pitch in rad.
+    /// did not; attitude and errors of roll and pitch in rad.
     #[inline]
     pub(crate) fn motors(
         &mut self,
         refused: bool,
         pwm: [f32; 4],
-        errors_rad: [f32; 3],
+        [attitude_rad, errors_rad]: [[f32; 3]; 2],
         elapsed_us: u32,
         limits: &Limits,
     ) {
         if refused {
-            self.motor_at_end(pwm, errors_rad, elapsed_us, limits);
+            let is_level = tilt_bound(attitude_rad) < limits.level_rad;
+            self.motor_at_end(pwm, is_level, errors_rad, elapsed_us, limits);
         } else {
             (self.motor, self.motor_failed) = ([Held::NOT; 2], false);
         }
@@ -70,6 +71,7 @@ impl Aftermath {
     fn motor_at_end(
         &mut self,
         pwm: [f32; 4],
+        is_level: bool,
         [roll_error, pitch_error, _]: [f32; 3],
         elapsed_us: u32,
         limits: &Limits,
@@ -84,7 +86,8 @@ impl Aftermath {
         let found = motors.into_iter().find(|(_, command, opposite)| full(*command) && lost(*opposite));
         let tips = roll_error.abs() + pitch_error.abs() > TIPS_RAD;
         let [for_long, tipping] = &mut self.motor;
-        let slowly = for_long.step(found.is_some(), elapsed_us, limits.motor_us);
+        // Held at a great tilt a craft may need all of one motor although nothing is wrong with it.
+        let slowly = for_long.step(found.is_some() && is_level, elapsed_us, limits.motor_us);
         let fast = tipping.step(found.is_some() && tips, elapsed_us, limits.motor_us / 5 * 3);
         self.motor_failed = slowly || fast;
         if let (true, Some((motor, ..))) = (self.motor_failed, found) {
@@ -92,19 +95,22 @@ impl Aftermath {
         }
     }
 
-    /// Looks for a crash in the result of a tick: errors of roll and pitch in rad and body rates in
-    /// rad/s; in a tick with motors at idle both are 0.
+    /// Looks for a crash in the result of a tick: a craft that lies tilted, far from the attitude that it
+    /// is to have, and does not turn. Attitude and errors of roll and pitch in rad, body rates in rad/s;
+    /// in a tick with motors at idle errors and rates are 0.
     #[inline]
     pub(crate) fn turns(
         &mut self,
-        [roll_error, pitch_error, _]: [f32; 3],
+        [[roll, pitch, _], [roll_error, pitch_error, _]]: [[f32; 3]; 2],
         [p, q, r]: [f32; 3],
         elapsed_us: u32,
         limits: &Limits,
     ) {
         let [error_rad, rate_rad_s] = limits.crash;
         let far = roll_error.abs() + pitch_error.abs() > error_rad;
-        let lies = far && p.abs() + q.abs() + r.abs() < rate_rad_s;
+        // A level craft that is told to tilt and is slow to begin lies nowhere.
+        let tilted = roll.abs() + pitch.abs() > error_rad;
+        let lies = far && tilted && p.abs() + q.abs() + r.abs() < rate_rad_s;
         self.crashed = self.crash.step(lies, elapsed_us, limits.crash_us);
     }
 
@@ -147,13 +153,17 @@ mod tests {
     #[test]
     fn a_craft_that_is_far_from_its_attitude_and_does_not_turn_has_crashed() {
         let limits = limits();
-        let crashed = |error_rad, rate_rad_s, ticks| {
+        let crashed_at = |tilt_rad, error_rad: f32, rate_rad_s, ticks| {
             let mut aftermath = Aftermath::GOOD;
             for _ in 0..ticks {
-                aftermath.turns([0.3, error_rad, 0.0], [0.0, rate_rad_s, 0.1], PERIOD_US, &limits);
+                let attitude_rad = [tilt_rad, 0.0, 3.0];
+                let errors_rad = [0.3, error_rad, 0.0];
+                aftermath.turns([attitude_rad, errors_rad], [0.0, rate_rad_s, 0.1], PERIOD_US, &limits);
             }
             reported(&aftermath) == [C::Crashed]
         };
+        assert!(!crashed_at(0.3, -0.2, 0.1, 100), "a level craft that is told to tilt");
+        let crashed = |error_rad, rate_rad_s, ticks| crashed_at(0.5, error_rad, rate_rad_s, ticks);
         assert!(crashed(-0.2, 0.1, 30));
         assert!(!crashed(-0.2, 0.1, 29) && !crashed(0.05, 0.1, 100) && !crashed(-0.2, 0.6, 100));
         assert!(!crashed(f32::NAN, 0.1, 100), "what is no number is another condition");
@@ -162,15 +172,18 @@ mod tests {
     #[test]
     fn a_motor_alone_at_its_end_has_failed_and_is_named() {
         let limits = limits();
-        let failed = |pwm, refused, error_rad, ticks| {
+        let failed_at = |roll_rad, pwm, refused, error_rad, ticks| {
             let mut aftermath = Aftermath::GOOD;
-            let errors_rad = [0.1, error_rad, 0.0];
-            (0..ticks).for_each(|_| aftermath.motors(refused, pwm, errors_rad, PERIOD_US, &limits));
+            let seen_rad = [[roll_rad, 0.0, 0.0], [0.1, error_rad, 0.0]];
+            (0..ticks).for_each(|_| aftermath.motors(refused, pwm, seen_rad, PERIOD_US, &limits));
             (reported(&aftermath) == [C::MotorFailed]).then_some(aftermath.failed_motor)
         };
+        let failed = |pwm, refused, error_rad, ticks| failed_at(0.0, pwm, refused, error_rad, ticks);
         for motor in 0..4_u8 {
             let mut pwm = [1700.0; 4];
             pwm[usize::from(motor)] = 1999.9;
+            assert_eq!(failed_at(0.5, pwm, true, 0.0, 100), None, "held at a tilt of 30 degrees");
+            assert_eq!(failed_at(0.5, pwm, true, -0.5, 30), Some(Some(motor)), "and tips over it");
             assert_eq!(failed(pwm, true, 0.0, 50), Some(Some(motor)));
             assert_eq!((failed(pwm, true, 0.0, 49), failed(pwm, false, 0.0, 100)), (None, None));
             assert_eq!((failed(pwm, true, -0.5, 30), failed(pwm, true, -0.5, 29)), (Some(Some(motor)), None));

@@ -600,7 +600,7 @@ mod tests {
             for k in 0..400 {
                 // The phase keeps 50 Hz away from its zeros.
                 let phase = core::f32::consts::TAU * frequency_hz * 0.01 * k as f32 + 1.57;
-                let rates = Some([0.0, amplitude_rad_s * phase.sin(), 0.3]);
+                let rates = Some([0.0, amplitude_rad_s * libm::sinf(phase), 0.3]);
                 last = found(|c| detectors.imu(rates, PERIOD_US, &limits, c)).1;
             }
             (detectors.vibration, last == [C::Vibrating])
