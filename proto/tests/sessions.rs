@@ -78,7 +78,7 @@ impl World {
     }
 
     /// A packet comes to the craft; was a message of it accepted?
-    fn to_craft(&mut self, packet: &Sent, from: Option<SocketAddr>) -> bool {
+    fn craft_hears(&mut self, packet: &Sent, from: Option<SocketAddr>) -> bool {
         let (mut reply, now_ms) = ([0; MAX_PACKET_LEN], self.craft_ms());
         let glanced = self.craft.clone().glance(from, &packet.bytes);
         match self.craft.hear(now_ms, from, &packet.bytes, &mut reply) {
@@ -98,7 +98,7 @@ impl World {
         }
     }
 
-    fn to_ground(&mut self, packet: &Sent) -> bool {
+    fn ground_hears(&mut self, packet: &Sent) -> bool {
         let heard = matches!(self.ground.hear(self.now_ms, &packet.bytes), Ok(Some(_)));
         if heard {
             self.check(packet, 0);
@@ -133,7 +133,7 @@ impl World {
         let (mut up, challenges) = (false, self.sent[1].len());
         for bytes in hello.into_iter().chain(who) {
             let packet = self.send(0, bytes);
-            up |= through[0] && self.to_craft(&packet, address(1));
+            up |= through[0] && self.craft_hears(&packet, address(1));
         }
         self.craft.forget_silent(self.craft_ms());
         let craft_ms = self.craft_ms();
@@ -144,7 +144,7 @@ impl World {
             self.send(1, bytes);
         }
         let said = self.sent[1][challenges..].to_vec();
-        let down = said.iter().filter(|packet| through[1] && self.to_ground(packet)).count();
+        let down = said.iter().filter(|packet| through[1] && self.ground_hears(packet)).count();
         up && down > 0
     }
 
@@ -163,9 +163,9 @@ impl World {
         for way in [0, 1] {
             for packet in self.sent[way].clone().iter().skip(from).take(count) {
                 if way == 0 {
-                    self.to_craft(packet, address(port))
+                    self.craft_hears(packet, address(port))
                 } else {
-                    self.to_ground(packet)
+                    self.ground_hears(packet)
                 };
             }
         }
@@ -282,7 +282,7 @@ fn what_was_withheld_is_refused_by_its_age() {
         world.exchange([false; 2]);
         let late = world.sent[0].last().unwrap().clone();
         world.now_ms += withheld_ms;
-        assert_eq!(world.to_craft(&late, address(1)), taken, "{withheld_ms} ms");
+        assert_eq!(world.craft_hears(&late, address(1)), taken, "{withheld_ms} ms");
     }
 }
 
