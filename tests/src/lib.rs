@@ -31,7 +31,12 @@ pub fn program(name: &str) -> PathBuf {
     }
     let path = path.join(name);
     if !path.exists() {
-        let built = Command::new(env!("CARGO")).args(["build", "-p", name, "--bin", name]).status();
+        // As this program was built: a bench needs an optimised one.
+        let profile =
+            path.parent().and_then(|folder| folder.file_name()).filter(|profile| *profile == "release");
+        let mut build = Command::new(env!("CARGO"));
+        let built =
+            build.args(["build", "-p", name, "--bin", name]).args(profile.map(|_| "--release")).status();
         assert!(
             built.is_ok_and(|status| status.success()) && path.exists(),
             "{} is not there",
