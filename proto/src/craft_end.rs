@@ -33,6 +33,12 @@ pub enum Heard<'b> {
     Message(Opened),
 }
 
+/// A packet that looks right: whether it is genuine, its tag says.
+pub struct Promising<'a> {
+    parts: Parts<'a>,
+    from: Option<SocketAddr>,
+}
+
 /// The craft's end of a link.
 #[derive(Debug, Clone)]
 pub struct CraftEnd {
@@ -59,24 +65,42 @@ impl CraftEnd {
     /// sessions that there are address and number. Refused packets are counted.
     ///
     /// # Errors
-    /// Why the packet would be refused.
-    pub fn glance(&mut self, from: Option<SocketAddr>, packet: &[u8]) -> Result<(), Refused> {
+    /// Why the packet is refused.
+    pub fn glance<'a>(
+        &mut self,
+        from: Option<SocketAddr>,
+        packet: &'a [u8],
+    ) -> Result<Promising<'a>, Refused> {
         let looked = self.common.read(packet).and_then(|parts| {
             let session = self.sessions.iter().flatten().find(|session| session.id == parts.session);
             match session.filter(|_| !parts.is_handshake()) {
                 Some(session) if session.peer != from && !self.common.is_keyed() => Err(Refused::Elsewhere),
-                Some(session) => session.check_number(parts.number),
-                None => Ok(()),
+                Some(session) => session.check_number(parts.number).map(|()| parts),
+                None => Ok(parts),
             }
         });
-        if looked.is_err() {
-            self.statistics.refuse();
-        }
-        looked
+        self.counted(looked).map(|parts| Promising { parts, from })
     }
 
-    /// What a packet says that is intact, genuine and new; an answer that is due at once is written
-    /// into `reply`.
+    /// What a packet says that looks right, if it is genuine and new; an answer that is due at once is
+    /// written into `reply`.
+    ///
+    /// # Errors
+    /// Why the packet was refused; it is counted.
+    pub fn open<'b>(
+        &mut self,
+        now_ms: u32,
+        Promising { parts, from }: Promising<'_>,
+        reply: &'b mut [u8],
+    ) -> Result<Heard<'b>, Refused> {
+        let heard = match parts.is_handshake() {
+            true => self.answer(now_ms, from, &parts, reply).map(Heard::Hello),
+            false => self.message(now_ms, from, &parts).map(Heard::Message),
+        };
+        self.counted(heard)
+    }
+
+    /// The same of a packet as it came.
     ///
     /// # Errors
     /// Why the packet was refused; it is counted.
@@ -87,14 +111,15 @@ impl CraftEnd {
         packet: &[u8],
         reply: &'b mut [u8],
     ) -> Result<Heard<'b>, Refused> {
-        let heard = self.common.read(packet).and_then(|parts| match parts.is_handshake() {
-            true => self.answer(now_ms, from, &parts, reply).map(Heard::Hello),
-            false => self.open(now_ms, from, &parts).map(Heard::Message),
-        });
-        if heard.is_err() {
+        let promising = self.glance(from, packet)?;
+        self.open(now_ms, promising, reply)
+    }
+
+    fn counted<T>(&mut self, outcome: Result<T, Refused>) -> Result<T, Refused> {
+        if outcome.is_err() {
             self.statistics.refuse();
         }
-        heard
+        outcome
     }
 
     fn answer<'b>(
@@ -119,12 +144,14 @@ impl CraftEnd {
         self.secret.derive(b"challenge", &parts).nonce()
     }
 
-    fn open(&mut self, now_ms: u32, from: Option<SocketAddr>, parts: &Parts<'_>) -> Result<Opened, Refused> {
+    fn message(
+        &mut self,
+        now_ms: u32,
+        from: Option<SocketAddr>,
+        parts: &Parts<'_>,
+    ) -> Result<Opened, Refused> {
         let Parts { session: id, number, .. } = *parts;
         if let Some(session) = self.sessions.iter_mut().flatten().find(|session| session.id == id) {
-            if session.peer != from && !self.common.is_keyed() {
-                return Err(Refused::Elsewhere);
-            }
             let (message, lost) = session.open(parts, now_ms)?;
             session.peer = from;
             self.statistics.accept(lost);

@@ -36,7 +36,7 @@ mod session;
 mod stream;
 
 pub use age::OLDEST_MS;
-pub use craft_end::{CraftEnd, Heard, LISTENING_MS, Opened};
+pub use craft_end::{CraftEnd, Heard, LISTENING_MS, Opened, Promising};
 pub use frame::{Error, MAX_FRAME_LEN, MIN_VERSION, VERSION, decode, encode};
 pub use ground_end::{GroundEnd, Listener, SILENT_MS};
 pub use message::{

@@ -80,7 +80,7 @@ impl World {
     /// A packet comes to the craft; was a message of it accepted?
     fn craft_hears(&mut self, packet: &Sent, from: Option<SocketAddr>) -> bool {
         let (mut reply, now_ms) = ([0; MAX_PACKET_LEN], self.craft_ms());
-        let glanced = self.craft.clone().glance(from, &packet.bytes);
+        let glanced = self.craft.clone().glance(from, &packet.bytes).map(drop);
         match self.craft.hear(now_ms, from, &packet.bytes, &mut reply) {
             Ok(Heard::Hello(challenge)) => {
                 assert!(challenge.len() <= packet.bytes.len(), "more out than in");

@@ -7,11 +7,11 @@ use std::process::Command;
 
 use anyhow::{Context, Result};
 
-use crate::base::process::{cargo, shown, succeeds};
+use crate::base::process::cargo;
 use crate::base::tally::Tally;
 use crate::base::tools::CARGO_FUZZ;
 use crate::base::workspace::{self, Workspace};
-use crate::step::{Outcome, Step, harness, one};
+use crate::step::{Outcome, Step, harness, holds};
 
 /// The night's tests, in the order they run.
 pub(crate) const PARTS: &[Step] = &[
@@ -55,9 +55,7 @@ fn fuzz_targets(_: &Workspace) -> Result<Outcome> {
     let mut tally = Tally::default();
     for folder in FUZZ_FOLDERS {
         for target in targets_in(folder)? {
-            let mut command = fuzz_target(folder, &target)?;
-            println!("   {}", shown(&command));
-            tally.add(&one(succeeds(&mut command)?));
+            tally.add(&holds(fuzz_target(folder, &target)?)?);
         }
     }
     Ok(Outcome::Ran(tally))

@@ -127,12 +127,12 @@ fn open(
     budget: &mut usize,
     sockets: &Sockets,
 ) -> std::result::Result<Option<Opened>, Refused> {
-    end.glance(Some(from), packet)?;
+    let promising = end.glance(Some(from), packet)?;
     // What comes too often to be opened is not told either: the log has enough of it.
     let Some(left) = budget.checked_sub(1) else { return Ok(None) };
     *budget = left;
     let mut reply = [0; MAX_PACKET_LEN];
-    match end.hear(now_ms, Some(from), packet, &mut reply)? {
+    match end.open(now_ms, promising, &mut reply)? {
         Heard::Message(opened) => Ok(Some(opened)),
         Heard::Hello(challenge) => {
             sockets.send(challenge, from);

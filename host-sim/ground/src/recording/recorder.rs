@@ -99,10 +99,8 @@ impl Recorder {
     /// Where the craft is, for those who look at it in space.
     fn show(&mut self, now_us: u64, pose: Pose) -> Result<(), RecordError> {
         self.put(now_us, &Entry::Transform(&pose))?;
-        let mut trail = std::mem::take(&mut self.trail);
-        let shown = trail.push(now_us, pose).map_or(Ok(()), |track| self.put(now_us, &Entry::Track(track)));
-        self.trail = trail;
-        shown
+        let track = self.trail.push(now_us, pose).map(<[Pose]>::to_vec);
+        track.map_or(Ok(()), |track| self.put(now_us, &Entry::Track(&track)))
     }
 
     fn put(&mut self, now_us: u64, entry: &Entry<'_>) -> Result<(), RecordError> {

@@ -10,18 +10,14 @@
 use std::collections::HashMap;
 use std::io::{self, Read};
 
+use mcap::MAGIC;
+use mcap::records::op::{CHANNEL, DATA_END, HEADER, MESSAGE, SCHEMA};
 use serde::Serialize;
 use serde::de::IgnoredAny;
 
 /// Longest record that is written or read, bytes without its kind and length.
 pub(super) const LONGEST_RECORD: usize = 1 << 18;
 
-const MAGIC: &[u8] = b"\x89MCAP0\r\n";
-const HEADER: u8 = 1;
-const SCHEMA: u8 = 3;
-const CHANNEL: u8 = 4;
-const MESSAGE: u8 = 5;
-const DATA_END: u8 = 0x0f;
 /// Bytes of a record before its content: kind and length.
 const RECORD_HEAD: usize = 9;
 /// Bytes of a message before its data.

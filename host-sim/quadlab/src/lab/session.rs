@@ -124,6 +124,7 @@ impl Session {
             "reading": state.reading,
             "readings": state.readings,
             "longest_note": LONGEST_NOTE,
+            "first": state.first_flight(),
             "flights": state.files.iter().map(|file| state.entry(file)).collect::<Vec<_>>(),
             "models": state.nodes.iter().map(Node::entry).collect::<Vec<_>>(),
             "own": state.own.iter().map(|own| own.entry(&state.nodes)).collect::<Vec<_>>(),
@@ -280,10 +281,7 @@ impl Session {
     pub(super) fn look_ahead(&self) {
         let first = {
             let state = self.lock();
-            let usable = || state.files.iter().filter(|file| file.is_usable());
-            let file = usable().find(|file| file.used == Use::Validate).or_else(|| usable().next());
-            let flight = file.and_then(|file| file.known().next());
-            state.current.zip(flight.map(|flight| flight.prepared.name.clone()))
+            state.current.zip(state.first_flight().map(str::to_owned))
         };
         if let Some((model, flight)) = first {
             let _ = self.seen(model, &flight);
@@ -389,6 +387,13 @@ impl State {
         seen.retain(|((_, name), _)| old.known().all(|flight| flight.prepared.name != *name));
         self.forget_seen();
         self.seen = seen;
+    }
+
+    /// The flight that a page shows first: one that is to judge by, where there is one.
+    fn first_flight(&self) -> Option<&str> {
+        let usable = || self.files.iter().filter(|file| file.is_usable());
+        let file = usable().find(|file| file.used == Use::Validate).or_else(|| usable().next());
+        file.and_then(|file| file.known().next()).map(|flight| flight.prepared.name.as_str())
     }
 
     /// What the page shows of a file.

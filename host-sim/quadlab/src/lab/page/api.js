@@ -14,7 +14,7 @@
  *   note: string}} Model */
 /** @typedef {{do: string, activity: string, done: number|null, all: number|null}} Job */
 /** @typedef {{id: string, text: string, problem: string|null, models: number[]}} OwnEffect a kept effect, and the models that have it */
-/** @typedef {{folder: string, vehicle: {name: string, written: boolean, unmeasured: string[]}|null, problem: string|null, reading: boolean, readings: number, longest_note: number, flights: Flight[],
+/** @typedef {{folder: string, vehicle: {name: string, written: boolean, unmeasured: string[]}|null, problem: string|null, reading: boolean, readings: number, longest_note: number, first: string|null, flights: Flight[],
  *   models: Model[], own: OwnEffect[], current: number|null, job: Job|null}} State */
 /** @typedef {{id: string, name: string, unit: string, group: string, measured: (number|null)[], predicted: (number|null)[],
  *   residual: (number|null)[], residual_apart?: (number|null)[]}} Channel with the difference of the residuals where it is of a

@@ -196,9 +196,7 @@ function takeState(state) {
   }
   if (!app.second()) view.compare = null;
   if (!app.flight() && !(state.reading && view.flight)) {
-    const usable = state.flights.filter((flight) => !flight.problem);
-    const file = usable.find((flight) => flight.set === "validate") ?? usable[0];
-    view.flight = file ? flightsOf(file)[0] : "";
+    view.flight = state.first ?? "";
     view.from = view.to = null;
   }
   const isThere = (/** @type {string} */ name) => state.flights.some((file) => !file.problem && flightsOf(file).includes(name));
