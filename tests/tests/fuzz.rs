@@ -221,14 +221,19 @@ fn recorded(closed: bool) -> Vec<u8> {
     for frame in 0..20_u32 {
         let pose = Pose { position_m: [0.1, 0.2, -1.0], attitude_rad: [0.01, f32::NAN, 3.1] };
         let pose = TimedPose { frame, ground_us: frame * 10_000, pose };
-        recorder.write(u64::from(frame) * 10_000, &Entry::Pose(&pose)).unwrap();
+        recorder.write(u64::from(frame) * 10_000, &Entry::Pose(&pose));
     }
-    recorder.write(250_000, &Entry::Request(Request::Arm)).unwrap();
-    recorder.write(260_000, &Entry::Answer(&Answer { to: 0, done: true, preflight: 0 })).unwrap();
-    recorder.write(270_000, &Entry::Log(Level::Warning, "the link is late")).unwrap();
+    recorder.write(250_000, &Entry::Request(Request::Arm));
+    recorder.write(260_000, &Entry::Answer(&Answer { to: 0, done: true, preflight: 0 }));
+    recorder.write(270_000, &Entry::Log(Level::Warning, "the link is late"));
     let path = recorder.path().to_owned();
-    if closed {
-        drop(recorder);
+    recorder.close().unwrap();
+    let mut bytes = std::fs::read(path).unwrap();
+    // As a kill leaves it: without the end of the data and what follows it.
+    let data_end = [&[mcap::records::op::DATA_END][..], &4_u64.to_le_bytes()].concat();
+    let end = bytes.windows(data_end.len()).position(|window| window == data_end).unwrap();
+    if !closed {
+        bytes.truncate(end);
     }
-    std::fs::read(path).unwrap()
+    bytes
 }

@@ -27,6 +27,12 @@ pub(crate) const PARTS: &[Step] = &[
         tools: &[&CARGO_FUZZ],
         run: fuzz_targets,
     },
+    Step {
+        name: "disks",
+        about: "the disks of ground station and craft are slow, and full for a minute in flight: no tick is late, no state changes",
+        tools: &[],
+        run: full_disks,
+    },
 ];
 
 /// Damaged inputs of each reader.
@@ -59,6 +65,14 @@ fn fuzz_targets(_: &Workspace) -> Result<Outcome> {
         }
     }
     Ok(Outcome::Ran(tally))
+}
+
+/// The drill of the usual tests, for a minute and under the thesis' supervision.
+fn full_disks(_: &Workspace) -> Result<Outcome> {
+    let mut drill =
+        cargo(["test", "--workspace", "--test", "com", "--", "full_and_slow_disks", "--show-output"]);
+    drill.env("QUADLAB_FULL_DISK_S", "60");
+    Ok(Outcome::Ran(harness(drill)?))
 }
 
 /// Names of the fuzz targets in a folder.

@@ -3,7 +3,8 @@
 //! One thread waits for the craft, one for the tracker, one for the keyboard; all of them hand what
 //! they heard to the loop, which owns the station, wakes up at once when something comes, and
 //! otherwise when something is due. So a pose goes on its way within some 50 us of its arrival, and
-//! nothing polls.
+//! nothing polls. The loop itself waits for nobody: what people see goes through a thread of its own
+//! (a terminal may stand still, and its output may go to a disk that does), as the recording does.
 //!
 //! Ctrl-C (or a request to end) lands a flying craft and ends when it is down; a second one ends at
 //! once, and the craft's own supervisor holds and lands it. The recording is whole either way.
@@ -12,7 +13,7 @@ use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::mpsc::{Receiver as Inbox, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{Receiver as Inbox, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
 use std::time::{Duration, Instant};
 
 use crate::mission::Progress;
@@ -24,6 +25,8 @@ use crate::station::{Notice, PilotRequest, Snapshot, Station};
 const LOOK: Duration = Duration::from_millis(50);
 /// Between two pictures of a view.
 const FRAME: Duration = Duration::from_millis(100);
+/// How much waits to be shown. A view that stands still for longer misses what comes then; the recording has the lines.
+const TO_SHOW: usize = 1000;
 /// A craft that was asked to land is waited for this long, s.
 const LANDING_S: f64 = 60.0;
 /// A craft that has fallen silent is not waited for longer than this, s.
@@ -38,8 +41,8 @@ pub enum Input {
     Quit,
 }
 
-/// Shows people what happens.
-pub trait View {
+/// Shows people what happens, from a thread of its own.
+pub trait View: Send {
     /// There is a new line.
     fn notice(&mut self, notice: &Notice);
     /// How things are now, ten times a second.
@@ -52,6 +55,12 @@ enum Event {
     Tracker(TrackerEvent),
     TrackerFailed(String),
     Input(Input),
+}
+
+/// Something to show.
+enum Shown {
+    Notice(Notice),
+    Picture(Box<Snapshot>),
 }
 
 /// What ends it.
@@ -100,6 +109,7 @@ pub fn run(
     start: Instant,
 ) -> std::io::Result<RunResult> {
     let (sender, events) = channel();
+    let (to_show, shown) = sync_channel(TO_SHOW);
     let over = Arc::new(AtomicBool::new(false));
     socket.set_read_timeout(Some(LOOK))?;
     let listening = socket.try_clone()?;
@@ -114,8 +124,9 @@ pub fn run(
             let (to_loop, stop) = (sender, Arc::clone(&over));
             scope.spawn(move || hear_people(&inputs, &to_loop, &stop));
         }
+        scope.spawn(move || show_people(view, &shown));
         let ended =
-            Loop { station, socket: &socket, events, view, until, start, leaving: None, noted: 0 }.run();
+            Loop { station, socket: &socket, events, to_show, until, start, leaving: None, noted: 0 }.run();
         over.store(true, Ordering::SeqCst);
         ended
     });
@@ -166,11 +177,27 @@ fn hear_people(inputs: &Inbox<Input>, to_loop: &Sender<Event>, over: &AtomicBool
     }
 }
 
+/// Shows what there is to show; of several pictures the newest.
+fn show_people(view: &mut dyn View, shown: &Inbox<Shown>) {
+    while let Ok(first) = shown.recv() {
+        let mut newest = None;
+        for next in std::iter::once(first).chain(shown.try_iter()) {
+            match next {
+                Shown::Notice(notice) => view.notice(&notice),
+                Shown::Picture(snapshot) => newest = Some(snapshot),
+            }
+        }
+        if let Some(snapshot) = newest {
+            view.show(&snapshot);
+        }
+    }
+}
+
 struct Loop<'a> {
     station: &'a mut Station,
     socket: &'a UdpSocket,
     events: Inbox<Event>,
-    view: &'a mut dyn View,
+    to_show: SyncSender<Shown>,
     until: RunUntil,
     start: Instant,
     /// Since when the craft is being landed to leave, us, and why.
@@ -234,9 +261,10 @@ impl Loop<'_> {
 
     fn show(&mut self) {
         for notice in self.station.take_notices() {
-            self.view.notice(&notice);
+            let _ = self.to_show.try_send(Shown::Notice(notice));
         }
-        self.view.show(&self.station.snapshot(self.now_us()));
+        let snapshot = self.station.snapshot(self.now_us());
+        let _ = self.to_show.try_send(Shown::Picture(Box::new(snapshot)));
     }
 
     /// Lands a flying craft, to end when it is down.

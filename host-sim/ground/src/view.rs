@@ -67,7 +67,7 @@ impl<W: Write> Plain<W> {
     }
 }
 
-impl<W: Write> View for Plain<W> {
+impl<W: Write + Send> View for Plain<W> {
     fn notice(&mut self, notice: &Notice) {
         // A reader that has left has seen enough; the flight goes on.
         let _ = writeln!(self.out, "{}", line(notice));

@@ -65,11 +65,11 @@ fn write(name: &Path, flight: &[Telemetry]) {
     let mut recorder = Recorder::begin(name, 1_700_000_000_000_000_000, &about).unwrap();
     for row in flight {
         let now_us = u64::from(row.ground_us) + 3_000;
-        recorder.write(now_us, &Entry::Telemetry(row)).unwrap();
+        recorder.write(now_us, &Entry::Telemetry(row));
         let pose = TimedPose { frame: row.tick, ground_us: row.ground_us, pose: row.tracked };
-        recorder.write(now_us, &Entry::Pose(&pose)).unwrap();
+        recorder.write(now_us, &Entry::Pose(&pose));
     }
-    recorder.write(9_000_000, &Entry::Request(Request::Land)).unwrap();
+    recorder.write(9_000_000, &Entry::Request(Request::Land));
 }
 
 /// Whether a value has the digits of the number that was written; NaN is missing.

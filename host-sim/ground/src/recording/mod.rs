@@ -1,8 +1,9 @@
 //! Recordings: everything that is sent and heard, as MCAP, and each flight in it as a flight file.
 //!
-//! **While it runs** the log is `NAME.mcap.part`: MCAP without chunks, each message written to the
-//! system before the next one is looked at, so a killed program or a full disk loses nothing that
-//! came before. **When it ends** [`finish`] reads that log and writes `NAME.mcap` (with chunks and
+//! **While it runs** the log is `NAME.mcap.part`: MCAP without chunks. A thread of its own writes each
+//! message as it comes, so a killed program loses the last milliseconds at most. A disk that is full
+//! or slow delays nothing but the recording: messages wait in memory, and go to the disk when it takes
+//! them; after some minutes without one they are left out, which people are told and the log says. **When it ends** [`finish`] reads that log and writes `NAME.mcap` (with chunks and
 //! indices, as Foxglove and PlotJuggler like it) and `NAME-1.csv`, `NAME-2.csv` ... (one flight
 //! each, see [`logs::FlightCutter`]), each under a temporary name
 //! first; then the part goes. A part that a crash left behind is finished in the same way: what is damaged
@@ -23,6 +24,7 @@
 //! missing number (a pose before the first) is a field that is not there. Deliberately absent: compression
 //! (`mcap compress` does it).
 
+mod disk_writer;
 mod entry;
 mod error;
 mod finish;

@@ -58,8 +58,10 @@ pub(super) enum Found<'a> {
 pub struct Completeness {
     /// Messages that were read.
     pub messages: u64,
-    /// Messages that are missing between others, by their numbers.
+    /// Messages that are missing where the file is damaged, by the numbers of others.
     pub lost_messages: u64,
+    /// Messages that were never written, by the numbers of others: the disk took none in time.
+    pub left_out_messages: u64,
     /// Places in the file that are damaged.
     pub damaged_places: u64,
     /// Bytes that could not be read there.
@@ -75,7 +77,7 @@ pub struct Completeness {
 impl Completeness {
     /// Whether nothing is missing.
     pub fn is_complete(&self) -> bool {
-        self.closed && self.damaged_places == 0 && self.lost_messages == 0
+        self.closed && self.damaged_places == 0 && self.lost_messages == 0 && self.left_out_messages == 0
     }
 
     /// What is missing, for people; nothing where nothing is.
@@ -88,6 +90,10 @@ impl Completeness {
             };
             let (bytes, lost) = (self.damaged_bytes, self.lost_messages);
             said.push(format!("{bytes} bytes are damaged {places}; messages lost there: {lost}"));
+        }
+        if self.left_out_messages > 0 {
+            let count = self.left_out_messages;
+            said.push(format!("the disk was full or too slow: messages that were not written: {count}"));
         }
         if !self.closed {
             let cut = match self.tail_bytes {
@@ -138,7 +144,9 @@ pub(super) fn walk<E: From<io::Error>>(
             Found::Channel { id, .. } => _ = known.entry(id).or_default(),
             Found::Message { channel, sequence, .. } => {
                 let numbers = known.entry(channel).or_default();
-                complete.lost_messages += numbers.missing_before(sequence, complete.damaged_bytes);
+                let missing = numbers.missing_before(sequence, complete.damaged_bytes);
+                complete.lost_messages += missing.damaged;
+                complete.left_out_messages += missing.left_out;
                 complete.messages += 1;
             }
             _ => {}
@@ -160,16 +168,28 @@ struct Numbers {
     next: u32,
     /// Bytes that were damaged before the last message.
     damaged_bytes: u64,
+    /// A gap before the last message that no damage explains: a number that is damaged itself, unless the next one goes on from it.
+    gap: u32,
+}
+
+/// Messages that are missing before another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Missing {
+    /// In a damaged part of the file.
+    damaged: u64,
+    /// Never written.
+    left_out: u64,
 }
 
 impl Numbers {
-    /// How many messages are missing before this one: no more than what is damaged since the one before has room for, as a number
-    /// may be damaged itself.
-    fn missing_before(&mut self, sequence: u32, damaged_bytes: u64) -> u64 {
+    /// How many messages are missing before this one and the one before it. Of those in damaged parts no more than there is room for.
+    fn missing_before(&mut self, sequence: u32, damaged_bytes: u64) -> Missing {
+        let left_out = if sequence == self.next { u64::from(self.gap) } else { 0 };
         let room = (damaged_bytes - self.damaged_bytes) / SHORTEST_MESSAGE;
-        let missing = u64::from(sequence.saturating_sub(self.next));
-        *self = Self { next: sequence.wrapping_add(1), damaged_bytes };
-        missing.min(room)
+        let missing = sequence.saturating_sub(self.next);
+        let gap = if room == 0 { missing } else { 0 };
+        *self = Self { next: sequence.wrapping_add(1), damaged_bytes, gap };
+        Missing { damaged: u64::from(missing).min(room), left_out }
     }
 }
 

@@ -10,7 +10,7 @@ use super::snapshot::Snapshot;
 use crate::link::{ClockEvent, ClockMonitor, CraftLink, Pace, ramp_interval_s};
 use crate::mission::{Ask, CraftStatus, Mission, MissionStep, Progress};
 use crate::mocap::TrackerEvent;
-use crate::recording::{Entry, Level, LinkRecord, Recorder};
+use crate::recording::{Entry, Level, LinkRecord, RecordError, Recorder};
 
 /// Between two sendings of a request that is not answered, s.
 pub const AGAIN_S: f64 = 0.1;
@@ -268,6 +268,7 @@ impl Station {
         }
         self.watch_craft(now_us, started_us);
         self.watch_tracker(now_us);
+        self.watch_recording(now_us);
         if let (Some(status), true) = (self.craft_status(), now_us >= self.schedule.command_us) {
             self.command(now_us, &status);
         }
@@ -367,11 +368,15 @@ impl Station {
     }
 
     fn record(&mut self, now_us: u64, entry: &Entry<'_>) {
-        let Some(recorder) = &mut self.recorder else { return };
-        if let Err(error) = recorder.write(now_us, entry) {
-            self.recorder = None;
-            self.faulty = true;
-            self.tell(now_us, Level::Error, format!("recording ends here: {error}"));
+        if let Some(recorder) = &mut self.recorder {
+            recorder.write(now_us, entry);
+        }
+    }
+
+    /// Tells people how the recording's disk does.
+    fn watch_recording(&mut self, now_us: u64) {
+        if let Some((level, text)) = self.recorder.as_mut().and_then(Recorder::news) {
+            self.tell(now_us, level, text);
         }
     }
 
@@ -469,8 +474,11 @@ impl Station {
     }
 
     /// Ends the recording, for [`finish`](crate::recording::finish).
-    pub fn end_recording(&mut self) {
-        self.recorder = None;
+    ///
+    /// # Errors
+    /// Messages that are missing from it.
+    pub fn end_recording(&mut self) -> Result<(), RecordError> {
+        self.recorder.take().map_or(Ok(()), Recorder::close)
     }
 }
 

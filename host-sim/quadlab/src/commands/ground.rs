@@ -17,6 +17,7 @@ use ::ground::recording::{Completeness, Finished, Recorder, finish, part_of};
 use ::ground::run::{RunResult, RunUntil, View, catch_interrupts, connect, run as fly};
 use ::ground::station::{Settings, Station};
 use ::ground::view::{Live, Plain};
+use anyhow::Context;
 use model::Model;
 use pattern::Pattern;
 use serde::Serialize;
@@ -262,9 +263,20 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let ended = with_view(options, |view, inputs| {
         fly(&mut station, connect(craft)?, tracker, inputs, view, until, start)
     })?;
-    station.end_recording();
-    let finished = name.as_deref().map(finish).transpose()?;
+    let ended = match station.end_recording() {
+        Err(error) if ended.well => RunResult { well: false, why: Some(error.to_string()) },
+        _ => ended,
+    };
+    let finished = name.as_deref().map(finish_later).transpose()?;
     outcome(options, &ended, finished.as_ref())
+}
+
+/// Finishes a recording; where that cannot be done now, says how it is done later.
+fn finish_later(name: &Path) -> anyhow::Result<Finished> {
+    let later = || {
+        format!("the recording is kept; free some space, then: quadlab ground --recover {}", name.display())
+    };
+    finish(name).with_context(later)
 }
 
 /// The simulated craft, with noisy sensors and a battery that falls, and what it flies with: gains
