@@ -150,8 +150,18 @@ fn bytes_watched(bytes: Bytes, path: &Path, map: &ColumnMap, watch: Watch<'_>) -
     Ok(imported(log, recordings, path))
 }
 
+/// How the list of a ROS 2 bag's files begins, which lies beside them.
+const LIST_OF_BAG: &[u8] = b"rosbag2_bagfile_information:";
+
 /// Text is a flight file under whatever names, unless a program is known by them.
 fn import_text(bytes: &[u8], path: &Path, map: &ColumnMap) -> Result<Import, LogError> {
+    if bytes.starts_with(LIST_OF_BAG) {
+        return Err(LogError::Format {
+            path: path.into(),
+            what: "only lists the files of a ROS 2 bag".into(),
+            mend: "give the .db3 or .mcap file beside it".into(),
+        });
+    }
     if map.says_something() {
         return Ok(of_table(tables::of_text(bytes, path, map)?, path));
     }

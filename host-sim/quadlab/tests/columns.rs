@@ -207,6 +207,11 @@ fn tables_of_any_names_are_imported_with_further_columns_and_the_vehicle() {
 fn a_table_with_wrong_axes_is_mended_on_its_way_in() {
     let folder = copies();
     change_all(folder.path(), |table| table.change("q", |_, q| -q));
+    // A flight file that is in the way is seen before a map is written.
+    std::fs::create_dir(folder.path().join("taken")).unwrap();
+    std::fs::copy(folder.path().join("A.csv"), folder.path().join("taken/A.csv")).unwrap();
+    let said = refused(folder.path(), &["import", "A.csv", "--apply", "--out", "taken"]);
+    assert!(said.contains("already exists") && !folder.path().join("columns.toml").exists(), "{said}");
     let arguments = ["import", "A.csv", "B.csv", "--apply", "--out", "out", "--json"];
     let output = run_in(folder.path(), &arguments);
     let stderr = String::from_utf8_lossy(&output.stderr);

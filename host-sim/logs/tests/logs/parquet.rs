@@ -47,7 +47,7 @@ fn memory_of_an_import() {
     let with_file =
         allocation_counter::measure(|| _ = logs::import(&path, &flights::ColumnMap::default())).bytes_max;
     println!("{file} bytes: importing takes {with_file} with them");
-    assert!(with_file < 4 * file, "{with_file} bytes for {file}");
+    assert!(with_file < 3 * file, "{with_file} bytes for {file}");
 }
 
 #[test]

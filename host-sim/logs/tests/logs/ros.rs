@@ -178,3 +178,13 @@ fn damaged_bags_do_no_harm() {
         survives(name, &std::fs::read(path).unwrap(), 300);
     }
 }
+
+/// As it lies beside each bag.
+#[test]
+fn the_list_of_a_bags_files_is_no_log() {
+    let text = "rosbag2_bagfile_information:\n  version: 5\n  relative_file_paths:\n    - a_0.db3\n";
+    let refused =
+        logs::import_bytes(text.as_bytes(), Path::new("metadata.yaml"), &flights::ColumnMap::default());
+    let message = refused.unwrap_err().to_string();
+    assert!(message.contains("metadata.yaml") && message.contains(".db3 or .mcap"), "{message}");
+}

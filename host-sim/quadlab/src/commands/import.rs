@@ -51,11 +51,12 @@ pub(crate) struct Options {
 
 pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     refuse_map_in(&options.out)?;
-    let mut read = read_logs(&options.logs, options.json)?;
+    let mut read = read_and_named(options)?;
+    // Before anything is written, a map of columns too.
+    free_paths(&read, options)?;
     if options.apply && mended(&read)? {
-        read = read_logs(&options.logs, options.json)?;
+        read = read_and_named(options)?;
     }
-    name_apart(&mut read);
     let known = known_vehicle(&read)?;
     for import in read.iter_mut().filter_map(|read| read.import.as_mut().ok()) {
         // What decides about a flight first.
@@ -65,18 +66,10 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         Ok(draft) => (draft.map(|draft| known.unwrap_or(draft)), None),
         Err(why) => (None, Some(why.to_string())),
     };
+    let paths = free_paths(&read, options)?;
     std::fs::create_dir_all(&options.out)
         .with_context(|| format!("{}: cannot make the folder", options.out.display()))?;
-    let flights: Vec<&Part> = imported(&read).flat_map(|import| &import.flights).collect();
-    let paths: Vec<PathBuf> = flights.iter().map(|part| options.out.join(&part.flight.name)).collect();
-    if let Some(there) = paths.iter().find(|path| path.exists() && !options.force) {
-        anyhow::bail!(
-            "{}: already exists; give --force to overwrite it, or choose another folder",
-            there.display()
-        );
-    }
-    refuse_inputs_among(&paths, &read)?;
-    for (part, path) in flights.iter().zip(&paths) {
+    for (part, path) in parts(&read).zip(&paths) {
         report::write_atomic(path, part.flight.to_csv())?;
     }
     let vehicle = options.out.join(VEHICLE);
@@ -102,6 +95,29 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         ))
     };
     Ok(Outcome { refused: refused(&read), ..outcome })
+}
+
+fn read_and_named(options: &Options) -> anyhow::Result<Vec<Read>> {
+    let mut read = read_logs(&options.logs, options.json)?;
+    name_apart(&mut read);
+    Ok(read)
+}
+
+fn parts(read: &[Read]) -> impl Iterator<Item = &Part> {
+    imported(read).flat_map(|import| &import.flights)
+}
+
+/// Where the flight files go, if they may.
+fn free_paths(read: &[Read], options: &Options) -> anyhow::Result<Vec<PathBuf>> {
+    let paths: Vec<PathBuf> = parts(read).map(|part| options.out.join(&part.flight.name)).collect();
+    if let Some(there) = paths.iter().find(|path| path.exists() && !options.force) {
+        anyhow::bail!(
+            "{}: already exists; give --force to overwrite it, or choose another folder",
+            there.display()
+        );
+    }
+    refuse_inputs_among(&paths, read)?;
+    Ok(paths)
 }
 
 /// A map of columns among the flight files would be applied to them, which need none.

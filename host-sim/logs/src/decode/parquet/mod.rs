@@ -96,6 +96,7 @@ impl File<'_> {
                 if self.read_column(group, place, &mut column.values, budgets).is_none() {
                     damaged.push(column.name.clone());
                 }
+                values::narrow(&mut column.values);
                 rows = rows.max(column.values.len() - before);
             }
             table.rows += rows;

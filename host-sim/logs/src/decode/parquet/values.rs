@@ -16,6 +16,11 @@ pub(super) enum Numbers {
 #[expect(clippy::cast_possible_truncation, reason = "the schema says that they are of that width")]
 #[expect(clippy::cast_sign_loss, reason = "unsigned numbers are stored as signed ones")]
 pub(super) fn append(values: &mut Values, numbers: &Numbers, present: Option<&[bool]>) -> Option<()> {
+    if let (Values::F32(narrow), Numbers::F64(numbers)) = (&*values, numbers)
+        && !numbers.iter().all(is_single)
+    {
+        *values = Values::F64(narrow.iter().copied().map(f64::from).collect());
+    }
     if let Some(present) = present {
         make_nullable(values);
         let mut next = as_f64(numbers).into_iter();
@@ -40,6 +45,22 @@ pub(super) fn append(values: &mut Values, numbers: &Numbers, present: Option<&[b
         (values, numbers) => as_f64(numbers).into_iter().for_each(|number| push_f64(values, number)),
     }
     Some(())
+}
+
+/// Halves a column of doubles that are single-precision numbers, as tables of most programs are that know one width: no number changes.
+#[expect(clippy::cast_possible_truncation, reason = "each of them is such a number")]
+pub(super) fn narrow(values: &mut Values) {
+    if let Values::F64(wide) = values
+        && wide.iter().all(is_single)
+    {
+        *values = Values::F32(wide.iter().map(|&number| number as f32).collect());
+    }
+}
+
+/// Whether a number is one of single precision, or missing.
+#[expect(clippy::cast_possible_truncation, reason = "that is what is asked")]
+fn is_single(number: &f64) -> bool {
+    number.is_nan() || f64::from(*number as f32) == *number
 }
 
 /// Makes room for the first batch, mostly the only one, and no more.
@@ -100,6 +121,21 @@ fn push_f64(values: &mut Values, number: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn doubles_take_half_the_room_where_that_changes_none_of_them() {
+        let mut values = Values::F64(Vec::new());
+        append(&mut values, &Numbers::F64(vec![0.5, f64::from(-1e30_f32), f64::INFINITY]), None).unwrap();
+        append(&mut values, &Numbers::F64(vec![2.0]), Some(&[false, true])).unwrap();
+        narrow(&mut values);
+        assert!(matches!(values, Values::F32(_)));
+        append(&mut values, &Numbers::F64(vec![0.1]), None).unwrap();
+        narrow(&mut values);
+        let Values::F64(values) = values else { panic!("{values:?}") };
+        assert_eq!(values[..3], [0.5, (-1e30_f32).into(), f64::INFINITY]);
+        assert!(values[3].is_nan());
+        assert_eq!(values[4..], [2.0, 0.1]);
+    }
 
     #[test]
     fn missing_numbers_are_nan() {
