@@ -44,6 +44,8 @@ struct Day {
     /// How many frames of each tick the station took.
     seen: Vec<usize>,
     now_s: f64,
+    /// When the ground station was started: its clock begins there.
+    started_s: f64,
     told: Vec<(f64, Level, String)>,
 }
 
@@ -70,12 +72,13 @@ impl Day {
             forged: 0,
             seen: Vec::new(),
             now_s: 5.0,
+            started_s: 0.0,
             told: Vec::new(),
         }
     }
 
     fn now_us(&self, later_s: f64) -> u64 {
-        ((self.now_s + later_s) * 1e6) as u64
+        ((self.now_s - self.started_s + later_s) * 1e6) as u64
     }
 
     /// The ground sends; the craft hears all of it.
@@ -301,8 +304,8 @@ fn a_person_flies_by_wishes() {
     day.until(1.0, |day| day.state() == Some(State::Armed));
 }
 
-/// A ground station that is started anew while the craft flies takes it over where it is, and lands
-/// it.
+/// A ground station that is started anew while the craft flies, whose clock begins anew with it, takes
+/// the craft over where it is, and lands it.
 #[test]
 fn a_restarted_ground_station_takes_a_flying_craft_over() {
     let plan = FlightPlan::identification(Model::thesis(), 4, 1.0);
@@ -313,6 +316,7 @@ fn a_restarted_ground_station_takes_a_flying_craft_over() {
     let link = CraftLink::open(&LinkSettings::default(), peer.ip()).unwrap();
     let settings = Settings { command_hz: 100.0, ..Settings::default() };
     day.station = Station::new(settings, link, None).unwrap();
+    day.started_s = day.now_s - 0.01;
     for _ in 0..300 {
         day.tick();
         assert_eq!(day.lab.state(), control::State::Flying, "{:#?}", day.told);
