@@ -3,7 +3,9 @@
 use control::gains::{InnerLoop, Law, PositionLoop};
 use control::{Autopilot, Command, Config, ConfigError, Flight, Mode, Pose, Readings, Request, State};
 use heapless::Deque;
-use proto::{Answer, Counters, Gains, Identity, ImuSample, Loop, MIN_VERSION, Message, Opened, Telemetry, VERSION};
+use proto::{
+    Answer, Counters, Gains, Identity, ImuSample, Loop, MIN_VERSION, Message, Opened, Telemetry, VERSION,
+};
 
 use crate::convert;
 use crate::ground_clock::GroundClock;

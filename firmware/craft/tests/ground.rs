@@ -4,7 +4,9 @@ use control::Preflight;
 use control::{Config, State};
 use craft::{Craft, Inputs, LinkStatus, Setup, digest};
 use proptest::prelude::*;
-use proto::{Answer, Command, Gains, ImuSample, Loop, Message, Mode, Opened, Pose, Request, TimedPose, Timer};
+use proto::{
+    Answer, Command, Gains, ImuSample, Loop, Message, Mode, Opened, Pose, Request, TimedPose, Timer,
+};
 
 const SETUP: Setup = Setup { vehicle_sha256: [7; 32], program: [1, 2, 3], telemetry_every: 1 };
 
