@@ -9,9 +9,10 @@ use anyhow::{Context, Result};
 
 use crate::base::process::cargo;
 use crate::base::tally::Tally;
-use crate::base::tools::CARGO_FUZZ;
+use crate::base::tools::{CARGO_CYCLONEDX, CARGO_DENY, CARGO_FUZZ};
 use crate::base::workspace::{self, Workspace};
 use crate::step::{Outcome, Step, harness, holds};
+use crate::supply;
 
 /// The night's tests, in the order they run.
 pub(crate) const PARTS: &[Step] = &[
@@ -26,6 +27,18 @@ pub(crate) const PARTS: &[Step] = &[
         about: "each fuzz target for a minute, guided by the code it reaches: finds what chance does not",
         tools: &[&CARGO_FUZZ],
         run: fuzz_targets,
+    },
+    Step {
+        name: "advisories",
+        about: "no dependency has a known fault or nobody who maintains it",
+        tools: &[&CARGO_DENY],
+        run: supply::advisories,
+    },
+    Step {
+        name: "sbom",
+        about: "the bill of materials of each program that flies names all that is linked into it",
+        tools: &[&CARGO_CYCLONEDX],
+        run: supply::sbom,
     },
 ];
 
