@@ -499,19 +499,16 @@ fn odd(dice: &mut Dice, was: &toml::Value, draw: u64) -> toml::Value {
         toml::Value::Integer(_) => {
             [0, 1, -1, i64::from(u32::MAX), i64::MAX, bits as i64][draw as usize % 6].into()
         }
-        toml::Value::Float(was) => ODD
-            .get(draw as usize)
-            .copied()
-            .map_or_else(
-                || match draw % 3 {
-                    0 => f64::from_bits(bits),
-                    // Where ranges end: up to 2^16 times more or less, of either sign.
-                    1 => was * 2_f64.powi((bits % 33) as i32 - 16) * if bits >> 63 == 0 { 1.0 } else { -1.0 },
-                    _ => was * (0.5 + (bits >> 11) as f64 / (1_u64 << 53) as f64),
-                },
-                |odd| odd,
-            )
-            .into(),
+        toml::Value::Float(was) => match (ODD.get(draw as usize), draw % 3) {
+            (Some(odd), _) => (*odd).into(),
+            (None, 0) => f64::from_bits(bits).into(),
+            // Where ranges end: up to 2^16 times more or less, of either sign.
+            (None, 1) => {
+                let part = f64::from(1_u32 << (bits % 17)) * if bits >> 63 == 0 { 1.0 } else { -1.0 };
+                if bits >> 62 & 1 == 0 { was * part } else { was / part }.into()
+            }
+            (None, _) => (was * (0.5 + (bits >> 11) as f64 / (1_u64 << 53) as f64)).into(),
+        },
         other => other.clone(),
     }
 }
