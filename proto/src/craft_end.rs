@@ -23,6 +23,13 @@ pub struct Opened {
     pub message: Message,
 }
 
+impl Opened {
+    /// Is it a ground station's, not that of a program that only asks?
+    pub fn is_of_station(&self) -> bool {
+        self.session & ASKS == 0
+    }
+}
+
 /// What a craft makes of a packet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "it is used up at once, and a craft has no heap")]
@@ -168,8 +175,9 @@ impl CraftEnd {
         self.statistics.accept(0);
         self.opened = self.opened.wrapping_add(1);
         let [station, asker] = &mut self.sessions;
-        *(if id & ASKS == 0 { station } else { asker }) = Some(session);
-        Ok(Opened { session: id, is_first: true, number, message })
+        let opened = Opened { session: id, is_first: true, number, message };
+        *(if opened.is_of_station() { station } else { asker }) = Some(session);
+        Ok(opened)
     }
 
     /// Ends the sessions of those who have fallen silent. To be called with each tick.

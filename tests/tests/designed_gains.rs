@@ -86,6 +86,48 @@ fn designed_gains_fly_with_a_late_pose() {
     assert!(!lost.complete || ripple > 5e-3, "{ripple}");
 }
 
+/// The last delay, in samples, up to which all of them hold.
+fn last(holds: impl Fn(usize) -> bool) -> usize {
+    (1..=21).find(|delay| !holds(*delay)).expect("there is a delay that no craft flies with") - 1
+}
+
+/// Poses later and later, up to 0.2 s: the craft flies as long as the linear loops are stable, to a sample (10 ms).
+#[test]
+fn poses_may_be_as_late_as_the_loops_say() {
+    let model = Model::thesis();
+    for (gains, config) in [("thesis", Config::thesis()), ("designed", designed())] {
+        for (name, axis) in [(LoopName::Roll, StepAxis::Roll), (LoopName::Pitch, StepAxis::Pitch)] {
+            let is_stable = |delay_samples| {
+                let study = Study::new(&model, &config, View::Sampled { delay_samples }).unwrap();
+                study.margins().unwrap().iter().any(|(of, margins)| *of == name && margins.stable)
+            };
+            let flies = |delay_samples| {
+                let mut plan = FlightPlan {
+                    config,
+                    delay_samples,
+                    duration_s: 20.0,
+                    ..FlightPlan::thesis_step(axis, 0.01)
+                };
+                plan.config.supervision.fence = Fence::NONE;
+                let recording = fly(&plan).unwrap();
+                let series = recording.series(axis);
+                let swing = |part: &[f64]| {
+                    let (low, high) =
+                        part.iter().fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
+                    high - low
+                };
+                // What is stable swings less in the end than in the middle, or hardly at all.
+                let (middle, end) =
+                    (swing(&series[800..1100.min(series.len())]), swing(&series[series.len() - 300..]));
+                recording.complete && end < middle.max(1e-4)
+            };
+            let (said, flown) = (last(is_stable), last(flies));
+            println!("{gains} gains, {name}: stable up to {said} samples, flown up to {flown}");
+            assert!(said >= 2 && flown.abs_diff(said) <= 1, "{gains} gains, {name}: {said} {flown}");
+        }
+    }
+}
+
 /// Every standard flight with the default design against the thesis' gains in the same simulation
 /// and against what the thesis prints: overshoot of yaw 3.54 %, altitude 2.15 %, x 15 % and y 17 %,
 /// rise of yaw 0.665 s and altitude 1.24 s. Roll and pitch have no printed step; the reference's

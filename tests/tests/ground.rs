@@ -22,6 +22,7 @@ use ground::station::{PilotRequest, Settings, Station};
 use model::{Effect, Model};
 use pattern::{Excitation, Pattern};
 use proto::State;
+use rand::{RngExt, SeedableRng};
 use sil::{FlightPlan, Laboratory, Radio, Script};
 
 const HERE: &str = "127.0.0.1:0";
@@ -39,12 +40,54 @@ struct Day {
     frame: u32,
     /// The cameras see the craft, and its tracker runs.
     tracks: bool,
+    /// What the network does on the way up and down.
+    ways: [Way; 2],
     /// Datagrams to the station that are not the tracker's.
     forged: usize,
     /// How many frames of each tick the station took.
     seen: Vec<usize>,
     now_s: f64,
+    /// When the ground station was started: its clock begins there.
+    started_s: f64,
     told: Vec<(f64, Level, String)>,
+}
+
+/// One way through a network.
+struct Way {
+    dice: rand_pcg::Pcg64Mcg,
+    /// Which part of the packets is lost; a tenth of the others comes twice.
+    lost: f64,
+    /// How late they are at most, s: each by itself, so that they overtake each other.
+    longest_s: f64,
+    /// When each that is under way arrives.
+    under_way: Vec<(f64, Vec<u8>)>,
+}
+
+impl Way {
+    fn new(seed: u64, lost: f64, longest_s: f64) -> Self {
+        Self { dice: rand_pcg::Pcg64Mcg::seed_from_u64(seed), lost, longest_s, under_way: Vec::new() }
+    }
+
+    /// Takes packets in; gives those that arrive by now, in the order of their arrival.
+    fn pass(&mut self, now_s: f64, packets: impl IntoIterator<Item = Vec<u8>>) -> Vec<Vec<u8>> {
+        if self.lost == 0.0 && self.longest_s == 0.0 {
+            return packets.into_iter().collect();
+        }
+        for packet in packets {
+            let copies = if self.dice.random_bool(self.lost) {
+                0
+            } else {
+                1 + usize::from(self.dice.random_bool(0.1))
+            };
+            for _ in 0..copies {
+                let late_s = self.longest_s * self.dice.random::<f64>();
+                self.under_way.push((now_s + late_s, packet.clone()));
+            }
+        }
+        self.under_way.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        let arrived = self.under_way.partition_point(|(at_s, _)| *at_s <= now_s);
+        self.under_way.drain(..arrived).map(|(_, packet)| packet).collect()
+    }
 }
 
 impl Day {
@@ -67,22 +110,24 @@ impl Day {
             socket,
             frame: 0,
             tracks: true,
+            ways: [1, 2].map(|seed| Way::new(seed, 0.0, 0.0)),
             forged: 0,
             seen: Vec::new(),
             now_s: 5.0,
+            started_s: 0.0,
             told: Vec::new(),
         }
     }
 
     fn now_us(&self, later_s: f64) -> u64 {
-        ((self.now_s + later_s) * 1e6) as u64
+        ((self.now_s - self.started_s + later_s) * 1e6) as u64
     }
 
     /// The ground sends; the craft hears all of it.
     fn up(&mut self, later_s: f64) {
         self.station.poll(self.now_us(later_s));
         let mut under_way = 0;
-        for packet in self.station.take_packets() {
+        for packet in self.ways[0].pass(self.now_s + later_s, self.station.take_packets()) {
             self.socket.send(&packet).unwrap();
             under_way += 1;
         }
@@ -97,9 +142,14 @@ impl Day {
         let pose = self.lab.tick();
         let under_way = self.radio.send(&mut self.lab);
         let mut buffer = [0; 2048];
-        for _ in 0..under_way {
-            let length = self.socket.recv(&mut buffer).unwrap();
-            self.station.on_packet(self.now_us(0.002), &buffer[..length]);
+        let said: Vec<Vec<u8>> = (0..under_way)
+            .map(|_| {
+                let length = self.socket.recv(&mut buffer).unwrap();
+                buffer[..length].to_vec()
+            })
+            .collect();
+        for packet in self.ways[1].pass(self.now_s, said) {
+            self.station.on_packet(self.now_us(0.002), &packet);
         }
         let pose = proto::Pose { position_m: pose.position_m, attitude_rad: pose.attitude_rad };
         if self.tracks {
@@ -115,9 +165,10 @@ impl Day {
             self.station.on_tracker(self.now_us(0.003), heard);
         }
         self.seen.push(seen);
-        // The ramp goes out whenever it is due; what comes between two ticks waits for the second.
+        // The ramp goes out whenever it is due; what comes between two ticks waits for the second. (The ground's clock does not go
+        // back behind the pose that it has had.)
         let period_s = self.lab.period_s();
-        for part in 1..=8 {
+        for part in 3..=8 {
             self.up(period_s * f64::from(part) / 8.0 - 1e-4);
         }
         self.now_s += period_s;
@@ -301,8 +352,8 @@ fn a_person_flies_by_wishes() {
     day.until(1.0, |day| day.state() == Some(State::Armed));
 }
 
-/// A ground station that is started anew while the craft flies takes it over where it is, and lands
-/// it.
+/// A ground station that is started anew while the craft flies, whose clock begins anew with it, takes
+/// the craft over where it is, and lands it.
 #[test]
 fn a_restarted_ground_station_takes_a_flying_craft_over() {
     let plan = FlightPlan::identification(Model::thesis(), 4, 1.0);
@@ -313,6 +364,7 @@ fn a_restarted_ground_station_takes_a_flying_craft_over() {
     let link = CraftLink::open(&LinkSettings::default(), peer.ip()).unwrap();
     let settings = Settings { command_hz: 100.0, ..Settings::default() };
     day.station = Station::new(settings, link, None).unwrap();
+    day.started_s = day.now_s - 0.01;
     for _ in 0..300 {
         day.tick();
         assert_eq!(day.lab.state(), control::State::Flying, "{:#?}", day.told);
@@ -413,4 +465,39 @@ fn a_restarted_tracker_is_heard_again_in_flight() {
     let [x, y, z] = day.lab.position_m();
     let off = [x - before[0], y - before[1], z - before[2]];
     assert!(off.iter().all(|off| off.abs() < 0.15), "{off:?}");
+}
+
+/// Packets that are lost, come twice, and in another order, each way: the craft flies on or holds, lands if it has to, never falls, and
+/// goes on flying when the link is good again. (How late poses may be is for the loops to say: not much.)
+#[test]
+fn a_bad_link_is_flown_over_held_or_landed() {
+    use control::State::{Disarmed, Flying, Hold, Land};
+    let cases: [(f64, f64, &[control::State]); 3] =
+        [(0.1, 0.0, &[Flying]), (0.3, 0.0, &[Flying, Hold]), (0.5, 0.0, &[Flying, Hold, Land, Disarmed])];
+    for (lost, longest_s, allowed) in cases {
+        let mut day = hovering();
+        let before = day.lab.position_m();
+        let mut went = vec![Flying];
+        for (ticks, bad) in [(1000, true), (300, false)] {
+            day.ways = [3, 4]
+                .map(|seed| if bad { Way::new(seed, lost, longest_s) } else { Way::new(seed, 0.0, 0.0) });
+            for tick in 0..ticks {
+                day.tick();
+                let state = day.lab.state();
+                assert!(allowed.contains(&state), "{lost} {longest_s} {tick}: {state:?} {:#?}", day.told);
+                assert!(state != Disarmed || day.lab.is_down(), "{lost} {longest_s} tick {tick}: it falls");
+                if went.last() != Some(&state) {
+                    went.push(state);
+                }
+            }
+        }
+        println!("{lost} lost, up to {longest_s} s late: {went:?}");
+        let last = went[went.len() - 1];
+        assert!(
+            if went.contains(&Land) { matches!(last, Land | Disarmed) } else { last == Flying },
+            "{went:?}"
+        );
+        let [x, y, _] = day.lab.position_m();
+        assert!((x - before[0]).hypot(y - before[1]) < 0.5, "{lost} {longest_s}: {x} {y}, from {before:?}");
+    }
 }

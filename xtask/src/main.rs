@@ -20,6 +20,7 @@ mod nightly;
 mod setup;
 mod source;
 mod step;
+mod supply;
 mod test;
 
 use std::ffi::OsString;
@@ -60,6 +61,8 @@ enum Command {
     Bench(bench::Options),
     /// Build the programs of the craft's processors, and report sizes, stack and instructions per period
     Arm(arm::Options),
+    /// Write the bill of materials of each program that flies (CycloneDX)
+    Sbom(supply::Options),
     /// Install the tools that the other commands use, or say what is missing
     Setup(setup::Options),
 }
@@ -114,6 +117,7 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
         Command::Docs(options) => book::run(&options),
         Command::Bench(options) => bench::run(&Workspace::load()?, &options),
         Command::Arm(options) => arm::run(&Workspace::load()?, &options),
+        Command::Sbom(options) => supply::run(&Workspace::load()?, &options),
         Command::Setup(options) => setup::run(&Workspace::load()?, &options),
     }
 }

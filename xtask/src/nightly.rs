@@ -9,9 +9,10 @@ use anyhow::{Context, Result};
 
 use crate::base::process::cargo;
 use crate::base::tally::Tally;
-use crate::base::tools::CARGO_FUZZ;
+use crate::base::tools::{CARGO_CYCLONEDX, CARGO_DENY, CARGO_FUZZ};
 use crate::base::workspace::{self, Workspace};
 use crate::step::{Outcome, Step, harness, holds};
+use crate::supply;
 
 /// The night's tests, in the order they run.
 pub(crate) const PARTS: &[Step] = &[
@@ -32,6 +33,18 @@ pub(crate) const PARTS: &[Step] = &[
         about: "the disks of ground station and craft are slow, and full for a minute in flight: no tick is late, no state changes",
         tools: &[],
         run: full_disks,
+    },
+    Step {
+        name: "advisories",
+        about: "no dependency has a known fault or nobody who maintains it",
+        tools: &[&CARGO_DENY],
+        run: supply::advisories,
+    },
+    Step {
+        name: "sbom",
+        about: "the bill of materials of each program that flies names all that is linked into it",
+        tools: &[&CARGO_CYCLONEDX],
+        run: supply::sbom,
     },
 ];
 

@@ -10,8 +10,8 @@ use anyhow::Result;
 use crate::arm;
 use crate::base::process::{output_of, shown};
 use crate::base::tools::{
-    self, CHROMEDRIVER, CHROMIUM, CLIPPY, GIT, GUNGRAUN_RUNNER, MDBOOK, NEXTEST, NPM, RUSTFMT, SSHD,
-    TYPESCRIPT, Tool, VALGRIND,
+    self, CARGO_CYCLONEDX, CARGO_DENY, CHROMEDRIVER, CHROMIUM, CLIPPY, GIT, GUNGRAUN_RUNNER, MDBOOK, NEXTEST,
+    NPM, RUSTFMT, SSHD, TYPESCRIPT, Tool, VALGRIND,
 };
 use crate::base::workspace::Workspace;
 
@@ -60,6 +60,12 @@ fn states(workspace: &Workspace) -> Vec<State> {
         State::of(&CLIPPY, "`cargo xtask test` checks the lints", false),
         State::of(&GIT, "`cargo xtask test` asks it which files are the project's", false),
         State::of(&NEXTEST, "`cargo xtask test` runs the tests faster", true),
+        State::of(
+            &CARGO_DENY,
+            "`cargo xtask test` checks where dependencies come from and their licences",
+            false,
+        ),
+        State::of(&CARGO_CYCLONEDX, "`cargo xtask sbom` writes bills of materials", true),
         State::of(&MDBOOK, "`cargo xtask docs` builds the book, and `cargo xtask test` checks it", false),
         State { of_bench: true, ..State::of(&VALGRIND, "`cargo xtask bench` counts instructions", false) },
     ];

@@ -10,13 +10,13 @@ use anyhow::{Context, Result};
 
 use crate::base::process::{cargo, in_continuous_integration, output_of, shown, succeeds};
 use crate::base::tally::{self, SKIP_MARK, Tally};
-use crate::base::tools::{CLIPPY, GIT, MDBOOK, NEXTEST, RUSTFMT, TYPESCRIPT};
+use crate::base::tools::{CARGO_DENY, CLIPPY, GIT, MDBOOK, NEXTEST, RUSTFMT, TYPESCRIPT};
 use crate::base::workspace::{self, Workspace};
 use crate::checks::known::Kind;
-use crate::checks::{arrows, dependencies, licences, scripts, structure, tidy};
+use crate::checks::{arrows, dependencies, promises, scripts, structure, tidy};
 use crate::nightly::PARTS;
 use crate::step::{Outcome, Step, agreeing, command_holds, harness, holds, listed, missing, one};
-use crate::{arm, book};
+use crate::{arm, book, supply};
 
 /// Options of the command.
 #[derive(clap::Args)]
@@ -80,7 +80,24 @@ const STEPS: &[Step] = &[
         tools: &[],
         run: check_lengths,
     },
-    Step { name: "licences", about: "every dependency may be linked", tools: &[], run: check_licences },
+    Step {
+        name: "licences",
+        about: "every dependency may be linked and comes from where it should",
+        tools: &[&CARGO_DENY],
+        run: supply::check_licences,
+    },
+    Step {
+        name: "flying",
+        about: "nothing is linked into what flies but what is listed",
+        tools: &[],
+        run: supply::check_flying,
+    },
+    Step {
+        name: "promises",
+        about: "every test that the book's table of tests names exists",
+        tools: &[&GIT],
+        run: check_promises,
+    },
     Step {
         name: "tidy",
         about: "house rules: heads, links, sizes, leftovers",
@@ -257,8 +274,9 @@ fn check_lengths(workspace: &Workspace) -> Result<Outcome> {
     Ok(listed("every library and program, without what is for tests", &problems))
 }
 
-fn check_licences(workspace: &Workspace) -> Result<Outcome> {
-    Ok(listed(&format!("{} packages", workspace.metadata.packages.len()), &licences::check(workspace)?))
+fn check_promises(workspace: &Workspace) -> Result<Outcome> {
+    let [steps, parts] = [STEPS, PARTS].map(|table| table.iter().map(|step| step.name).collect::<Vec<_>>());
+    Ok(listed("the page of tests in the book", &promises::check(workspace, &steps, &parts)?))
 }
 
 fn check_tidy(workspace: &Workspace) -> Result<Outcome> {

@@ -76,10 +76,8 @@ impl Link {
             let [others, known] = &mut budgets;
             let budget = if queue == Queue::Known { known } else { others };
             match open(end, now_ms, packet, from, budget, sockets) {
-                Ok(Some(Opened { session, is_first, number, message })) => {
-                    if is_first {
-                        craft.introduce();
-                    }
+                Ok(Some(opened)) => {
+                    let Opened { session, is_first, ref message, .. } = opened;
                     let asks = !matches!(message, Message::Pose(_) | Message::Command(_) | Message::Timer(_));
                     if asks || is_first {
                         *asker = Some(session);
@@ -87,7 +85,7 @@ impl Link {
                     if !asks {
                         *ground = Some(session);
                     }
-                    craft.hear(number, &message);
+                    craft.receive(&opened);
                 }
                 Ok(None) => {}
                 Err(refused) => note(Notice::Refused(from, refused)),

@@ -465,3 +465,82 @@ fn a_million_flights_of_any_readings_are_survived() {
         }
     }
 }
+
+/// Every number of a configuration in its place.
+fn numbers(value: &mut toml::Value) -> Vec<&mut toml::Value> {
+    match value {
+        toml::Value::Table(table) => table.iter_mut().flat_map(|(_, value)| numbers(value)).collect(),
+        toml::Value::Array(list) => list.iter_mut().flat_map(numbers).collect(),
+        toml::Value::Float(_) | toml::Value::Integer(_) => vec![value],
+        _ => Vec::new(),
+    }
+}
+
+/// What could stand in the place of a number: what is none, the ends of all ranges, and any bits.
+fn odd(dice: &mut Dice, was: &toml::Value, draw: u64) -> toml::Value {
+    const ODD: [f64; 14] = [
+        f64::NAN,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        f64::MAX,
+        f64::MIN,
+        f64::MIN_POSITIVE,
+        5e-324,
+        1e-45,
+        3.5e38,
+        1e12,
+        -1.0,
+        0.0,
+        -0.0,
+        1.0,
+    ];
+    let bits = dice.throw();
+    match was {
+        toml::Value::Integer(_) => {
+            [0, 1, -1, i64::from(u32::MAX), i64::MAX, bits as i64][draw as usize % 6].into()
+        }
+        toml::Value::Float(was) => match (ODD.get(draw as usize), draw % 3) {
+            (Some(odd), _) => (*odd).into(),
+            (None, 0) => f64::from_bits(bits).into(),
+            // Where ranges end: up to 2^16 times more or less, of either sign.
+            (None, 1) => {
+                let part = f64::from(1_u32 << (bits % 17)) * if bits >> 63 == 0 { 1.0 } else { -1.0 };
+                if bits >> 62 & 1 == 0 { was * part } else { was / part }.into()
+            }
+            (None, _) => (was * (0.5 + (bits >> 11) as f64 / (1_u64 << 53) as f64)).into(),
+        },
+        other => other.clone(),
+    }
+}
+
+/// Whatever stands in the place of any number of a gains file is refused, or what flies with it gives commands inside the file's range.
+#[test]
+fn any_number_of_a_configuration_is_refused_or_flown_inside_the_range() {
+    let mut dice = Dice(7);
+    let (mut refused, mut flown) = (0, 0);
+    for config in configs() {
+        let mut table = toml::Value::try_from(config).unwrap();
+        for place in 0..numbers(&mut table).len() {
+            for draw in 0..2000 {
+                let mut changed = table.clone();
+                let number = numbers(&mut changed).swap_remove(place);
+                *number = odd(&mut dice, number, draw);
+                let config = changed.try_into::<Config>();
+                let autopilot = config.ok().and_then(|c| Some((c, Autopilot::in_flight(&c).ok()?)));
+                let Some((config, mut autopilot)) = autopilot else {
+                    refused += 1;
+                    continue;
+                };
+                flown += 1;
+                let [low, high] = config.command_range.map(|end| end as f32);
+                for tick in 1..=8 {
+                    let flight = autopilot.tick(&dice.readings(tick * 10_000));
+                    let is_inside = flight.tick.pwm.iter().all(|pwm| (low..=high).contains(pwm));
+                    assert!(is_inside && flight.tick.faults.internal.count == 0, "{config:?}: {flight:?}");
+                }
+            }
+        }
+    }
+    println!("{refused} configurations were refused, {flown} flown");
+    assert!(refused > 100_000 && flown > 100_000, "{refused} {flown}");
+}

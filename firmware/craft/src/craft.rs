@@ -3,7 +3,9 @@
 use control::gains::{InnerLoop, Law, PositionLoop};
 use control::{Autopilot, Command, Config, ConfigError, Flight, Mode, Pose, Readings, Request, State};
 use heapless::Deque;
-use proto::{Answer, Counters, Gains, Identity, ImuSample, Loop, MIN_VERSION, Message, Telemetry, VERSION};
+use proto::{
+    Answer, Counters, Gains, Identity, ImuSample, Loop, MIN_VERSION, Message, Opened, Telemetry, VERSION,
+};
 
 use crate::convert;
 use crate::ground_clock::GroundClock;
@@ -129,6 +131,18 @@ impl Craft {
         })
     }
 
+    /// Receives what has come in a session. To whoever begins one the craft introduces itself; a ground
+    /// station that begins one has been started anew, and its clock with it.
+    pub fn receive(&mut self, opened: &Opened) {
+        if opened.is_first {
+            self.introduce();
+            if opened.is_of_station() {
+                self.ground_clock = GroundClock::default();
+            }
+        }
+        self.hear(opened.number, &opened.message);
+    }
+
     /// Receives a message of the ground, in the packet with this number. It takes effect in the
     /// next tick; gains do at once, while disarmed.
     pub fn hear(&mut self, number: u64, message: &Message) {
@@ -157,8 +171,8 @@ impl Craft {
         }
     }
 
-    /// The identity goes out with the next messages: whenever somebody has begun to talk to it.
-    pub fn introduce(&mut self) {
+    /// The identity goes out with the next messages.
+    fn introduce(&mut self) {
         self.introduce = true;
     }
 

@@ -5,7 +5,8 @@
 //! so the greatest difference counts; it is let go at 100 parts in a million, more than two crystals
 //! differ by. An age is therefore too young by what the fastest message takes, and never too old.
 //!
-//! A ground station that starts anew has another zero: what is off by more than a second counts
+//! A ground station that starts anew has another zero, and a session of its own: with that, what is
+//! known of the clock before is forgotten. Within a session, what is off by more than a second counts
 //! once it has been so for a second. Before the first time of the ground no age is known.
 
 /// Clocks this far apart are another start of the ground, us.

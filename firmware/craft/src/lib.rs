@@ -4,7 +4,7 @@
 //! motors. All else is here:
 //!
 //! ```text
-//! per packet:  end.hear(now, from, packet) -> craft.hear(number, &message)
+//! per packet:  end.hear(now, from, packet) -> craft.receive(&opened)
 //! per tick:    craft.tick(&Inputs { time, IMU, voltage, ... }) -> &Flight; its tick.pwm goes to the motors
 //!              while let Some(message) = craft.next_message(&link) { end.seal(now, session, &message); send }
 //! ```

@@ -4,7 +4,9 @@ use control::Preflight;
 use control::{Config, State};
 use craft::{Craft, Inputs, LinkStatus, Setup, digest};
 use proptest::prelude::*;
-use proto::{Answer, Command, Gains, ImuSample, Loop, Message, Mode, Pose, Request, TimedPose, Timer};
+use proto::{
+    Answer, Command, Gains, ImuSample, Loop, Message, Mode, Opened, Pose, Request, TimedPose, Timer,
+};
 
 const SETUP: Setup = Setup { vehicle_sha256: [7; 32], program: [1, 2, 3], telemetry_every: 1 };
 
@@ -16,18 +18,31 @@ struct Bench {
     ticks: u32,
     number: u64,
     link: LinkStatus,
+    /// When the ground's clock began, ticks.
+    ground_from: u32,
 }
 
 impl Bench {
     fn new(setup: Setup) -> Self {
         let craft = Craft::new(&Config::thesis(), setup).unwrap();
-        Self { craft, ticks: 0, number: 0, link: LinkStatus::default() }
+        Self { craft, ticks: 0, number: 0, link: LinkStatus::default(), ground_from: 0 }
     }
 
     fn say(&mut self, message: Message) -> u64 {
         self.number += 1;
         self.craft.hear(self.number, &message);
         self.number
+    }
+
+    /// What the ground's clock shows.
+    fn ground_us(&self) -> u32 {
+        (self.ticks - self.ground_from) * 10_000
+    }
+
+    /// Says it as the first message of a session.
+    fn begin_session(&mut self, session: u64, message: Message) {
+        self.number += 1;
+        self.craft.receive(&Opened { session, is_first: true, number: self.number, message });
     }
 
     /// One tick with a pose, this command and a gyro that moves a little; what the craft says to
@@ -37,7 +52,7 @@ impl Bench {
         let dither = 1e-4 * (self.ticks % 7) as f32;
         self.say(Message::Pose(TimedPose {
             frame: self.ticks,
-            ground_us: self.ticks * 10_000,
+            ground_us: self.ground_us(),
             pose: Pose { position_m: [dither, 0.0, -0.05], attitude_rad: [0.0; 3] },
         }));
         self.say(Message::Command(command));
@@ -181,6 +196,40 @@ fn telemetry_comes_every_so_many_ticks_with_the_worst_lateness_between() {
         }
     }
     assert_eq!(came, [(0, 0), (5, 5), (10, 900), (15, 15)]);
+}
+
+/// Who asks a craft what it is. (The highest bit of a session's name says so.)
+const ASKER: u64 = 1 << 63 | 5;
+
+/// A ground station that starts anew in flight has a clock that begins anew: its poses count from its
+/// first packet on. Whoever only asks leaves the clock as it is: poses of long ago stay refused.
+#[test]
+fn a_ground_station_that_starts_anew_brings_its_clock() {
+    let mut bench = Bench::ready(SETUP);
+    bench.say(Message::Request(Request::Arm));
+    bench.tick(IDLE);
+    let fly = Command { cut_off: false, ..IDLE };
+    let flown = |bench: &mut Bench, ticks: u32| {
+        for _ in 0..ticks {
+            bench.say(Message::Timer(Timer { ground_us: bench.ground_us() }));
+            bench.tick(fly);
+        }
+        bench.craft.state()
+    };
+    bench.begin_session(3, Message::Who);
+    assert_eq!(flown(&mut bench, 100), State::Flying);
+    let refused = |bench: &Bench| bench.craft.telemetry(&bench.link).counters.poses_refused;
+    let before = refused(&bench);
+    // Four seconds back.
+    bench.ground_from = bench.ticks;
+    bench.begin_session(4, Message::Who);
+    assert_eq!(flown(&mut bench, 100), State::Flying);
+    assert_eq!(refused(&bench), before, "its poses are new from the first on");
+    bench.begin_session(ASKER, Message::Who);
+    // Half a second back, and no clock with it.
+    bench.ground_from += 50;
+    bench.tick(fly);
+    assert_eq!(refused(&bench), before + 1);
 }
 
 #[test]

@@ -137,11 +137,8 @@ impl Program {
                 match end.hear(now_ms, None, packet, &mut reply) {
                     Ok(Heard::Hello(challenge)) => send(challenge, link, &mut stream),
                     Ok(Heard::Message(opened)) => {
-                        if opened.is_first {
-                            craft.introduce();
-                        }
                         *ground = Some(opened.session);
-                        craft.hear(opened.number, &opened.message);
+                        craft.receive(&opened);
                     }
                     Err(_) => {}
                 }

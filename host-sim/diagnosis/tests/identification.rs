@@ -231,6 +231,51 @@ fn missing_values_are_bridged_or_left_out() {
     assert!(distance < 4.5, "{which}");
 }
 
+/// Of every column of what was measured, one value in twenty is off by far more than its noise: no coefficient moves by more than two
+/// of its standard errors.
+#[test]
+fn gross_outliers_move_no_coefficient_by_two_errors() {
+    use flights::Column::*;
+    use rand::{RngExt, SeedableRng};
+    let truth = truth();
+    let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(57);
+    let (mut clean, mut hit) = (Vec::new(), Vec::new());
+    for seed in 0..3 {
+        let flight = fly(&truth, seed, 30.0, &ORDINARY);
+        let columns: Vec<(flights::Column, Vec<f64>)> =
+            [T, X, Y, Z, Phi, Theta, Psi, P, Q, R, Cmd1, Cmd2, Cmd3, Cmd4, Vbat]
+                .into_iter()
+                .map(|column| (column, flight.column(column).unwrap().to_vec()))
+                .map(|(column, mut values)| {
+                    let off = if [X, Y, Z].contains(&column) { 0.3 } else { 0.5 };
+                    if [X, Y, Z, Phi, Theta, Psi, P, Q, R].contains(&column) {
+                        for value in &mut values {
+                            if rng.random_bool(0.05) {
+                                *value += rng.random_range(0.2 * off..off)
+                                    * if rng.random_bool(0.5) { 1.0 } else { -1.0 };
+                            }
+                        }
+                    }
+                    (column, values)
+                })
+                .collect();
+        hit.push(
+            Prepared::new(&flights::Flight::from_columns(flight.name.clone(), columns), &truth.vehicle)
+                .unwrap(),
+        );
+        clean.push(Prepared::new(&flight, &truth.vehicle).unwrap());
+    }
+    let of = |flights: &[Prepared]| fit(&all(flights), &truth.vehicle, &basic(), None).unwrap().model;
+    let (clean, hit) = (of(&clean), of(&hit));
+    for term in &clean.terms {
+        let other = hit.term(term.effect).unwrap();
+        for (k, (a, b)) in term.coefficients.iter().zip(&other.coefficients).enumerate() {
+            let moved = (a.value - b.value).abs() / a.std_error.unwrap();
+            assert!(moved < 2.0, "{} {k}: {} and {}, {moved:.2} errors apart", term.effect, a.value, b.value);
+        }
+    }
+}
+
 #[test]
 fn a_motor_that_pushes_the_wrong_way_is_named() {
     let truth = truth();

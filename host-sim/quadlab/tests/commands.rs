@@ -273,6 +273,28 @@ fn an_effect_that_the_flights_do_not_support_is_added_and_said_to_be_so() {
     assert_eq!(effects, ["rate-coupling", "ground-effect"]);
 }
 
+/// On one, two and eight threads.
+#[test]
+fn the_answer_does_not_depend_on_the_threads() {
+    let answers = ["1", "2", "8"].map(|threads| {
+        let folder = copies();
+        let run = |arguments: &[&str]| {
+            let mut command = assert_cmd::Command::cargo_bin("quadlab").unwrap();
+            command.current_dir(folder.path()).env("RAYON_NUM_THREADS", threads);
+            let output = command.args(with_sets(arguments)).output().unwrap();
+            assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+            output.stdout
+        };
+        run(&["identify", "--vehicle", "vehicle.toml", "--out", "model.toml"]);
+        let answer = run(&["diagnose", "--model", "model.toml", "--json"]);
+        (std::fs::read(folder.path().join("model.toml")).unwrap(), answer)
+    });
+    assert!(answers[0].1.len() > 1000);
+    for (one, other) in [(0, 1), (0, 2)] {
+        assert!(answers[one] == answers[other], "{one} {other}");
+    }
+}
+
 #[test]
 fn the_same_flights_give_the_same_bytes() {
     let (one, two) = (copies(), copies());

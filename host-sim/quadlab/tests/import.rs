@@ -172,3 +172,48 @@ fn what_is_no_log_is_refused_with_a_sentence() {
             .contains("bare: no flight file (*.csv) and no log in this folder")
     );
 }
+
+/// Files that begin as a log of each format and go on with nothing, with the greatest lengths and counts, or with anything; and files
+/// that begin as none.
+#[test]
+fn files_of_nothing_and_of_absurd_lengths_are_refused_with_a_sentence() {
+    const MAGIC: [(&str, &[u8]); 9] = [
+        ("a.ulg", b"ULog\x01\x12\x35\x01\0\0\0\0\0\0\0\0"),
+        ("a.bin", &[0xa3, 0x95, 0x80]),
+        ("a.log", b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n"),
+        ("a.bbl", b"H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\n"),
+        ("log01", &[0xbc, 2, 0]),
+        ("a.bag", b"#ROSBAG V2.0\n"),
+        ("a.mcap", b"\x89MCAP0\r\n\x01"),
+        ("a.db3", b"SQLite format 3\0"),
+        ("a.parquet", b"PAR1"),
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |name: &str, what: &str, bytes: &[u8]| {
+        std::fs::write(folder.path().join(name), bytes).unwrap();
+        let started = std::time::Instant::now();
+        let output = run_in(folder.path(), &["import", name, "--out", "out"]);
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{name}, {what}: {text}");
+        assert!(text.starts_with(&format!("error: {name}: ")), "{name}, {what}: {text}");
+        assert!(text.lines().count() == 1 && text.len() < 400, "{name}, {what}: {text}");
+        assert!(started.elapsed().as_secs() < 2, "{name}, {what}: {:?}", started.elapsed());
+        let written = std::fs::read_dir(folder.path().join("out")).map_or(0, Iterator::count);
+        assert_eq!(written, 0, "{name}, {what}: files were written");
+    };
+    for (name, magic) in MAGIC {
+        refused(name, "nothing", b"");
+        refused(name, "zeros", &vec![0; 1_000_000]);
+        refused(name, "another format", b"GIF89a\x01\x00\x01\x00\x80\x01\x00\xff\xff\xff");
+        refused(name, "its beginning", magic);
+        refused(name, "its beginning and zeros", &[magic, &[0; 10_000]].concat());
+        // Each length or count that comes next is the greatest there is; then the greatest of 31 bits.
+        refused(name, "the greatest numbers", &[magic, &[0xff; 10_000]].concat());
+        refused(
+            name,
+            "the greatest numbers of 31 bits",
+            &[magic, &[0xff, 0xff, 0xff, 0x7f].repeat(2500)].concat(),
+        );
+    }
+    refused("a.parquet", "a footer of 4 GiB", &[b"PAR1", &[0; 100][..], &[0xff; 4], b"PAR1"].concat());
+}

@@ -205,11 +205,8 @@ impl Radio {
             match self.end.hear(lab.now_ms(), Some(from), &buffer[..length], &mut reply) {
                 Ok(Heard::Hello(challenge)) => self.challenges.push((from, challenge.to_vec())),
                 Ok(Heard::Message(opened)) => {
-                    if opened.is_first {
-                        lab.program.introduce();
-                    }
                     self.ground = Some(opened.session);
-                    lab.hear(opened.number, &opened.message);
+                    lab.program.receive(&opened);
                 }
                 Err(_) => {}
             }

@@ -37,6 +37,18 @@ pub(crate) const CARGO_FUZZ: Tool = Tool {
     version: &["rustup", "run", "nightly", "cargo", "fuzz", "--version"],
     install: "rustup toolchain install nightly && cargo install --locked cargo-fuzz",
 };
+/// Holds dependencies to `deny.toml`.
+pub(crate) const CARGO_DENY: Tool = Tool {
+    name: "cargo-deny",
+    version: &["cargo", "deny", "--version"],
+    install: "cargo install --locked cargo-deny",
+};
+/// Knows what a bill of materials has to say of each package.
+pub(crate) const CARGO_CYCLONEDX: Tool = Tool {
+    name: "cargo-cyclonedx",
+    version: &["cargo", "cyclonedx", "--version"],
+    install: "cargo install --locked cargo-cyclonedx",
+};
 /// Knows which files belong to the project.
 pub(crate) const GIT: Tool =
     Tool { name: "git", version: &["git", "--version"], install: "apt-get install --yes git" };

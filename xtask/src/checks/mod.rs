@@ -3,9 +3,10 @@
 pub(crate) mod arrows;
 pub(crate) mod crates;
 pub(crate) mod dependencies;
+pub(crate) mod flying;
 pub(crate) mod folders;
 pub(crate) mod known;
-pub(crate) mod licences;
+pub(crate) mod promises;
 pub(crate) mod scripts;
 pub(crate) mod structure;
 pub(crate) mod tidy;

@@ -23,7 +23,7 @@ impl Config {
         limits.range("z_m", self.position_limits.z_m)?;
         // Above half the sampling rate there is nothing to filter.
         let highest_rad_s = core::f64::consts::PI / self.sample_time_s;
-        self.estimation.check(highest_rad_s)?;
+        self.estimation.check(self.sample_time_s, highest_rad_s)?;
         self.supervision.check()?;
         match &self.law {
             Law::ModelBased(law) => {
@@ -46,10 +46,13 @@ impl Config {
 }
 
 impl Estimation {
-    fn check(&self, highest_rad_s: f64) -> Result<(), ConfigError> {
+    fn check(&self, sample_time_s: f64, highest_rad_s: f64) -> Result<(), ConfigError> {
         let check = RangeCheck { group: "estimation" };
         let velocity = &self.velocity;
-        check.within("natural_frequency_rad_s", velocity.natural_frequency_rad_s, 1e-2, highest_rad_s)?;
+        // Two poles nearer to 1 than this are one with it in f32, and what is divided by their distance is no number.
+        let lowest_rad_s = 1e-3 / sample_time_s;
+        let natural_frequency_rad_s = velocity.natural_frequency_rad_s;
+        check.within("natural_frequency_rad_s", natural_frequency_rad_s, lowest_rad_s, highest_rad_s)?;
         check.within("damping_ratio", velocity.damping_ratio, 0.05, 10.0)?;
         check.optional("corner_rad_s", self.gyro.map(|gyro| gyro.corner_rad_s), 1e-2, highest_rad_s)?;
         check.optional("gain", self.battery.map(|battery| battery.gain), 1e-6, 1.0)
@@ -169,6 +172,10 @@ mod tests {
             (
                 changed(|c| c.estimation.velocity.natural_frequency_rad_s = 400.0),
                 "estimation.natural_frequency_rad_s is 400:",
+            ),
+            (
+                changed(|c| c.estimation.velocity.natural_frequency_rad_s = 0.09),
+                "estimation.natural_frequency_rad_s is 0.09:",
             ),
             (changed(|c| c.estimation.battery = Some(BatteryFilter { gain: 0.0 })), "estimation.gain is 0:"),
             (changed(|c| c.supervision.link.hold_after_s = -1.0), "supervision.link.hold_after_s is -1:"),

@@ -627,6 +627,28 @@ mod tests {
         assert!((16..=18).contains(&ticks), "{ticks}");
     }
 
+    /// 60 degrees for 0.3 s by the table, about either axis and about both.
+    #[test]
+    fn a_tilt_counts_beyond_its_limit_and_after_its_time_only() {
+        let limits = limits();
+        let first = |attitude_rad: [f32; 3], ticks: u32| {
+            let mut detectors = Detectors::in_flight();
+            (1..=ticks)
+                .find(|_| found(|c| detectors.tilt(attitude_rad, PERIOD_US, &limits, c)).1 == [C::Tilted])
+        };
+        let degrees = |roll: f32, pitch: f32| [roll.to_radians(), pitch.to_radians(), 2.0];
+        // cos tilt = cos roll cos pitch: 45 degrees of both are 60 of tilt.
+        for attitude_rad in [degrees(59.9, 0.0), degrees(0.0, -59.9), degrees(-44.9, 44.9)] {
+            assert_eq!(first(attitude_rad, 100_000), None, "{attitude_rad:?}");
+        }
+        for attitude_rad in
+            [degrees(-60.1, 0.0), degrees(0.0, 60.1), degrees(45.1, -45.1), degrees(180.0, 0.0)]
+        {
+            assert_eq!(first(attitude_rad, 100), Some(30), "{attitude_rad:?}");
+        }
+        assert_eq!(first([f32::NAN, 0.0, 0.0], 100), Some(30), "what is no number is no good attitude");
+    }
+
     #[test]
     fn a_sag_is_no_empty_battery_and_a_voltage_that_is_no_number_is() {
         let mut config = Config::thesis();

@@ -121,7 +121,7 @@ mod target {
         let from = Some(SocketAddr::from(((ip as u32).to_be_bytes(), session as u16)));
         say(u8::from(end.glance(from, &line()).is_ok()));
         match end.hear(now_ms as u32, from, &line(), &mut reply) {
-            Ok(Heard::Message(opened)) => craft.hear(opened.number, &opened.message),
+            Ok(Heard::Message(opened)) => craft.receive(&opened),
             Ok(Heard::Hello(challenge)) => challenge.iter().for_each(|byte| say(*byte)),
             Err(_) => {}
         }

@@ -46,6 +46,8 @@ pub enum FaultKind {
     MotorDead(usize),
     /// A motor (0 to 3) gets so much less than its command, command units.
     MotorWeak(usize, f32),
+    /// A motor (0 to 3) goes on as it did, whatever it is told, and nobody says so.
+    MotorStuck(usize),
     /// The craft hangs in a net or a hand, or lies: it stays where it is, with so much roll, rad.
     Hangs(f64),
     /// An output takes no command any more: its motor (0 to 3) goes on with the last.
@@ -157,6 +159,7 @@ impl Faults {
             FaultKind::ClockOff(by_us) => readings.time_us = readings.time_us.wrapping_add(by_us),
             FaultKind::OutputDead(_) => readings.outputs_ready = false,
             FaultKind::MotorDead(_)
+            | FaultKind::MotorStuck(_)
             | FaultKind::MotorWeak(..)
             | FaultKind::MotorsWeak(_)
             | FaultKind::LoopStalled
@@ -189,7 +192,7 @@ impl Faults {
                         *command = idle;
                     }
                 }
-                FaultKind::OutputDead(motor) => {
+                FaultKind::OutputDead(motor) | FaultKind::MotorStuck(motor) => {
                     if let (Some(command), Some(last)) = (pwm.get_mut(motor), last.get(motor)) {
                         *command = *last;
                     }
@@ -269,5 +272,6 @@ mod tests {
         assert_eq!(motors(FaultKind::MotorDead(7)), [1500.0, 1200.0, 1500.0, 1500.0]);
         assert_eq!(motors(FaultKind::MotorsWeak(300.0)), [1200.0, 1000.0, 1200.0, 1200.0]);
         assert_eq!(motors(FaultKind::OutputDead(1)), [1500.0, 1000.0, 1500.0, 1500.0]);
+        assert_eq!(motors(FaultKind::MotorStuck(1)), [1500.0, 1000.0, 1500.0, 1500.0]);
     }
 }

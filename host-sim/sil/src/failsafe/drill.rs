@@ -30,6 +30,8 @@ pub enum ExpectedResponse {
     /// As `Goes`, or the motors are off within the time of the last state: under gains that let the
     /// craft tumble, it is cut before the rule's time is over.
     GoesOrIsCut(&'static [(State, f64)]),
+    /// Whichever rule notices it first, the craft lands or its motors are off within so many s.
+    LandsOrIsCut(f64),
     /// These states, likewise, but the rule is not set off: milder ones are.
     Short(&'static [(State, f64)]),
 }
@@ -199,6 +201,9 @@ impl Drill {
                 let found = flagged_s.is_some_and(|s| s >= 0.0) && in_order(&states, expected);
                 let by_s = expected.last().map_or(0.0, |(_, by_s)| *by_s);
                 found || in_order(&states, &[(State::Cut, by_s)])
+            }
+            ExpectedResponse::LandsOrIsCut(by_s) => {
+                [State::Land, State::Cut].into_iter().any(|end| in_order(&states, &[(end, by_s)]))
             }
             ExpectedResponse::Short(expected) => flagged_s.is_none() && in_order(&states, expected),
         };

@@ -4,7 +4,7 @@ use control::{Condition as C, Request};
 use proto::State::{Cut, Disarmed, Flying, Hold, Land};
 
 use super::drill::Cause::{ClockWraps, Fault, Fence, Higher, Later, NeedsGyro, Repeated, Table};
-use super::drill::ExpectedResponse::{Flies, Goes, GoesOrIsCut, Short};
+use super::drill::ExpectedResponse::{Flies, Goes, GoesOrIsCut, LandsOrIsCut, Short};
 use super::drill::{Cause, Drill, ExpectedResponse};
 use crate::craft::FaultKind as K;
 
@@ -152,6 +152,16 @@ const DRILLS: &[Drill] = &[
         &[Fault(K::PoseTurned(std::f32::consts::PI), ALWAYS_S)],
     )
     .within(BLIND_M),
+    drill(
+        C::PoseJumped,
+        "two markers exchanged: turned by 90 degrees and 0.1 m off",
+        Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]),
+        &[
+            Fault(K::PoseTurned(std::f32::consts::FRAC_PI_2), ALWAYS_S),
+            Fault(K::PoseShifted([0.1, 0.0, 0.0]), ALWAYS_S),
+        ],
+    )
+    .within(BLIND_M),
     drill(C::PoseJumped, "heading turned by 5 degrees", Flies, &[Fault(K::PoseTurned(0.087), ALWAYS_S)]),
     drill(
         C::OutsideFence,
@@ -280,6 +290,14 @@ const DRILLS: &[Drill] = &[
         &[Fault(K::MotorWeak(2, 350.0), ALWAYS_S)],
     )
     .within(2.5),
+    drill(
+        // Nothing is at its end, so nobody knows which motor it is; and three motors hold no place.
+        C::MotorFailed,
+        "motor 3 goes on as it did, whatever it is told",
+        LandsOrIsCut(9.0),
+        &[Fault(K::MotorStuck(2), ALWAYS_S)],
+    )
+    .within(8.0),
     drill(C::MotorFailed, "motor 3 100 us weak", Short(&[]), &[Fault(K::MotorWeak(2, 100.0), ALWAYS_S)])
         .within(2.0),
     drill(
@@ -303,7 +321,10 @@ const DRILLS: &[Drill] = &[
     ),
     drill(C::ClockJumped, "clock wraps in the middle", Flies, &[ClockWraps]),
     drill(C::LoopOverrun, "loop stalls for 12 ticks", Goes(&[(Land, 0.2)]), &[Fault(K::LoopStalled, 0.12)]),
+    drill(C::LoopOverrun, "loop stalls for 50 ticks", Goes(&[(Land, 0.52)]), &[Fault(K::LoopStalled, 0.5)]),
+    drill(C::LoopOverrun, "loop stalls for 5 ticks", Flies, &[Fault(K::LoopStalled, 0.05)]),
     drill(C::LoopOverrun, "loop stalls for 2 ticks", Flies, &[Fault(K::LoopStalled, 0.02)]),
+    drill(C::LoopOverrun, "loop stalls for 1 tick", Flies, &[Fault(K::LoopStalled, 0.01)]),
     drill(
         // Three motors hold no place, but land slower than a fall.
         C::OutputsFailed,

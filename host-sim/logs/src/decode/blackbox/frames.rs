@@ -132,6 +132,9 @@ impl Stream<'_> {
         let history = self.has_history.then_some((&*last, &*last));
         definition.prediction.predict(next, history, 0);
         definition.read(&mut self.reader, next);
+        if self.reader.past_end {
+            return self.is_cut();
+        }
         if start - self.reader.left() > LONGEST_FRAME {
             return false;
         }
@@ -161,6 +164,9 @@ impl Stream<'_> {
         let history = self.has_history.then_some((&*last, if self.after_whole { &*last } else { &*before }));
         definition.prediction.predict(next, history, skipped);
         definition.read(&mut self.reader, next);
+        if self.reader.past_end {
+            return self.is_cut();
+        }
         if start - self.reader.left() > LONGEST_FRAME {
             return false;
         }
@@ -181,13 +187,18 @@ impl Stream<'_> {
         false
     }
 
+    /// The log ends within a frame: what is missing of it would be zeros, so it is no row.
+    fn is_cut(&mut self) -> bool {
+        self.found.cut = true;
+        true
+    }
+
     /// The next frame becomes the last one.
     fn take(&mut self, now: (u32, i64)) {
         self.wraps = now.1 & !i64::from(u32::MAX);
         self.taken = Some(now);
         self.candidate = None;
         self.has_history = true;
-        self.found.cut |= self.reader.past_end;
         self.rows.push(now.1, self.reader.left());
     }
 

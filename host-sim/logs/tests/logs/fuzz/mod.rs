@@ -8,6 +8,7 @@ mod programs;
 mod ros;
 
 use fuzzing::{Outcome, fuzz};
+use rand::{RngExt, SeedableRng};
 
 fn look(name: &str, bytes: &[u8]) -> Outcome {
     match harness::import(name, bytes) {
@@ -39,6 +40,53 @@ fuzzed! {
     rosbag1: 50_000 of ros::rosbag1();
     mcap: 50_000 of ros::mcap();
     rosbag2: 20_000 of ros::rosbag2();
+}
+
+/// Rows of all tables, and whether something is said to be missing; nothing where there is no log at all.
+fn held(name: &str, bytes: &[u8]) -> (usize, bool) {
+    logs::decode(bytes, std::path::Path::new(name)).map_or((0, true), |log| {
+        (log.tables.iter().map(|table| table.rows).sum(), !log.losses.damage.is_empty())
+    })
+}
+
+/// Logs cut off at a thousand places: all that stood before is there, but for the record that was cut and the one before it, and the log
+/// says that it is damaged.
+#[test]
+fn a_log_that_was_cut_off_keeps_what_came_before() {
+    let streams = [
+        programs::ulog(),
+        programs::dataflash_binary(),
+        programs::dataflash_text(),
+        programs::blackbox(),
+        programs::crazyflie(),
+    ];
+    let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(39);
+    for base in streams.into_iter().flatten() {
+        let parts: Vec<Vec<u8>> = (0..=base.records.len()).map(|k| (base.seal)(&base.records[..k])).collect();
+        let rows: Vec<usize> = parts.iter().map(|part| held(base.name, part).0).collect();
+        let whole = &parts[parts.len() - 1];
+        // What a seal appends is no part of the records.
+        let appended = parts[0].len();
+        let mut told = 0;
+        for _ in 0..1000 {
+            let length = rng.random_range(0..whole.len());
+            let before = parts.iter().rposition(|part| part.len() <= length + appended).unwrap_or(0);
+            let (found, is_damaged) = held(base.name, &whole[..length]);
+            assert!(
+                found + 1 >= rows[before],
+                "{} cut at {length}: {found} of {} rows",
+                base.name,
+                rows[before]
+            );
+            // Half a header of a log that follows may look like a frame.
+            assert!(found <= rows[rows.len() - 1] + 1, "{} cut at {length}: {found}", base.name);
+            told += usize::from(is_damaged);
+        }
+        println!("{}: {} rows, {told} of 1000 cuts are told", base.name, rows[rows.len() - 1]);
+        // A line of text that ends within its last number is a line, and between two frames of a blackbox all is well.
+        let least = if base.name.ends_with(".log") { 700 } else { 800 };
+        assert!(told > least, "{}: {told} of 1000 cuts are told", base.name);
+    }
 }
 
 /// A few kilobytes that become a hundred megabytes.
