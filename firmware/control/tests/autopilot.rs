@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::configs;
+use common::{cases, configs};
 use control::Preflight;
 use control::{Autopilot, Command, Condition, Config, Pose, Readings, Request, State};
 use proptest::prelude::*;
@@ -360,7 +360,7 @@ fn wrong(before: State, input: &Readings, flight: &control::Flight) -> Option<&'
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(10_000))]
+    #![proptest_config(cases(10_000))]
 
     /// Whatever comes, in whatever order, from wherever, under every configuration.
     #[test]
