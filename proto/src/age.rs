@@ -119,7 +119,8 @@ mod tests {
 
 /// Both clocks from every residue of 2^32 with a boundary, each with steps of any size, against wide
 /// integers that never wrap.
-#[cfg(all(test, not(miri)))]
+#[cfg(test)]
+#[cfg(not(miri))]
 mod arithmetic {
     use super::*;
     use crate::residues::{FEW, residues};

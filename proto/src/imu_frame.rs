@@ -312,7 +312,8 @@ mod tests {
 
 /// Every u16 sequence after every 257th (at night, after every one), every i16 on the line on each
 /// scale, and every 4,099th f32 (at night, every one): against wide integers and f64.
-#[cfg(all(test, not(miri)))]
+#[cfg(test)]
+#[cfg(not(miri))]
 mod arithmetic {
     use super::*;
     use crate::residues::stride;

@@ -391,7 +391,8 @@ impl Opener {
 
 /// Every packet number with a boundary of 2^64 after every other one, and every count with one of 2^32:
 /// against wide integers.
-#[cfg(all(test, not(miri)))]
+#[cfg(test)]
+#[cfg(not(miri))]
 mod arithmetic {
     use super::*;
     use crate::residues::{residues, residues_u64};

@@ -20,7 +20,8 @@ impl Unwrapped {
 
 /// From every residue of 2^32 with a boundary to every other one, and each of every 1,021st u32 (at
 /// night, of all) as a step: against wide integers.
-#[cfg(all(test, not(miri)))]
+#[cfg(test)]
+#[cfg(not(miri))]
 mod arithmetic {
     use super::*;
     use crate::residues::{FEW, TURN, residues, stride};

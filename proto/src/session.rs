@@ -228,7 +228,8 @@ impl Session {
 
 /// Every number of a packet with a boundary of 2^64 after every other one, and silences between all times
 /// with one of 2^32: against wide integers.
-#[cfg(all(test, not(miri)))]
+#[cfg(test)]
+#[cfg(not(miri))]
 mod arithmetic {
     use super::*;
     use crate::packet::MAX_PACKET_LEN;

@@ -325,6 +325,7 @@ mod tests {
         let squares = mixer.mix(1.0, [3.0, 0.0, 0.0]);
         assert_eq!(squares, [4.0, -2.0, -2.0, 4.0]);
         assert_eq!(rotor_speeds(squares), [2.0, 0.0, 0.0, 2.0]);
+        assert_eq!(rotor_speeds([-0.0, 0.0, f32::NAN, -1.0]).map(f32::to_bits), [0; 4], "no zero has a sign");
         let ends = squares.map(|w2| AtEnd { high: false, low: w2 < 0.0 });
         let refused = mixer.refused(ends);
         assert!(refused.roll.high && !refused.roll.low, "more roll to the right is refused");
@@ -386,6 +387,17 @@ mod tests {
         assert_eq!(inverse(&k), Err(ConfigError::SingularMixing));
         assert_eq!(inverse(&[[0.0; 4]; 4]), Err(ConfigError::SingularMixing));
         assert_eq!(inverse(&[[f64::NAN; 4]; 4]), Err(ConfigError::SingularMixing));
+        // A determinant of the least size that counts, and one below it; the rows have length 1.
+        let nearly = |least: f64| {
+            inverse(&[
+                [1.0, 0.0, 0.0, 0.0],
+                [0.0, 1.0, 0.0, 0.0],
+                [0.0, 0.0, 1.0, 0.0],
+                [0.0, 0.0, 1.0, least],
+            ])
+        };
+        assert!(nearly(1e-9).is_ok() && nearly(-1e-9).is_ok());
+        assert_eq!(nearly(0.999e-9), Err(ConfigError::SingularMixing));
     }
 
     proptest! {

@@ -589,6 +589,14 @@ mod tests {
         }
     }
 
+    #[test]
+    fn a_simulation_that_begins_in_the_air_has_had_everything_and_a_boot_nothing() {
+        let limits = Limits { uses_gyro: true, ..limits() };
+        let first = |mut detectors: Detectors| found(|c| detectors.imu(None, PERIOD_US, &limits, c));
+        assert_eq!(first(Detectors::in_flight()), (None, vec![]));
+        assert_eq!(first(Detectors::at_rest()), (None, vec![C::ImuLate, C::ImuGone]));
+    }
+
     /// Sines of 1 rad/s on one axis, by the frequency response of the second difference (Oppenheim
     /// and Schafer): 4 sin^2(pi f / fs), so 16/2 at 25 Hz, a quarter of what 1 rad/s at 50 Hz gives.
     #[test]
@@ -646,7 +654,8 @@ mod tests {
 
 /// The clock from every residue of 2^32 with a boundary, every time between two ticks up to 2.1 s, every
 /// 4,099th of all others (at night, every one), and lost time about its boundaries: against wide integers.
-#[cfg(all(test, not(miri)))]
+#[cfg(test)]
+#[cfg(not(miri))]
 mod arithmetic {
     use super::*;
     use crate::config::gains::Config;

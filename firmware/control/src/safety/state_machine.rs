@@ -367,6 +367,12 @@ mod tests {
     }
 
     #[test]
+    fn motors_turn_where_something_is_flown() {
+        let turning = State::ALL.map(|state| !state.motors_idle());
+        assert_eq!(turning, [false, false, true, true, true, false]);
+    }
+
+    #[test]
     fn cut_is_left_by_disarm_alone() {
         for condition in Condition::ALL.into_iter().filter(|c| *c != C::DisarmRequested) {
             assert_eq!(next(State::Cut, Conditions::from_bits(condition.bit())), State::Cut);

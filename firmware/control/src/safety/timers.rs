@@ -116,7 +116,8 @@ mod tests {
 }
 
 /// Ages at every boundary of 2^32, and time that passes as long: against wide integers.
-#[cfg(all(test, not(miri)))]
+#[cfg(test)]
+#[cfg(not(miri))]
 mod arithmetic {
     use super::*;
     use crate::residues::{FEW, residues};
