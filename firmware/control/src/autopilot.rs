@@ -385,7 +385,7 @@ impl Autopilot {
             self.cast_anchor(attitude_rad, blind, entered);
         }
         let anchor = &mut self.anchor;
-        let level = Command { yaw_rad: anchor.yaw_rad, z_m: anchor.z_m, cut_off: false, ..IDLE };
+        let level = Command { yaw_rad: anchor.yaw_rad, cut_off: false, ..IDLE };
         if blind {
             let offset_m = if state == State::Land { self.descent.blind_offset_m } else { 0.0 };
             return Command { z_m: anchor.z_m + offset_m, ..level };
@@ -469,6 +469,35 @@ mod tests {
         assert_eq!(state(|readings| readings.request = Some(Request::Cut)), State::Cut);
         assert_eq!(state(|readings| readings.request = Some(Request::Disarm)), State::Disarmed);
         assert_eq!(state(|readings| readings.command = Some(IDLE)), State::Cut);
+    }
+
+    /// Half a second without commands, half a second without poses: what is commanded instead, at the
+    /// place and heading that the craft had.
+    #[test]
+    fn a_craft_that_is_left_alone_stays_where_it_is() {
+        let stays = |has_pose: bool, ticks: u32| {
+            let mut autopilot = Autopilot::in_flight(&Config::thesis()).unwrap();
+            for k in 0..10 + ticks {
+                let (shiver, left_alone) = ((k % 3) as f32 * 1e-4, k >= 10);
+                let position_m = [0.4, -0.3 + shiver, -1.3];
+                let pose = Some(Pose { position_m, attitude_rad: [0.0, 0.0, 0.7] });
+                autopilot.tick(&Readings {
+                    time_us: 10_000 * k,
+                    pose: pose.filter(|_| has_pose || !left_alone),
+                    gyro_rad_s: Some([0.0, shiver, 0.0]),
+                    command: HOVER.command.filter(|_| !has_pose || !left_alone),
+                    ..HOVER
+                });
+            }
+            let terms = autopilot.flight().tick.terms;
+            let [roll, pitch, yaw] = terms.attitude_command_rad;
+            let [x, y] = terms.outer.map_or([0.4, -0.3], |outer| outer.reference_m);
+            assert!([yaw - 0.7, x - 0.4, y + 0.3].iter().all(|off| off.abs() < 1e-3), "{yaw} {x} {y}");
+            (autopilot.state(), terms.outer.is_some(), terms.z_command_m, [roll, pitch] == [0.0; 2])
+        };
+        assert_eq!(stays(true, 55), (State::Hold, true, -1.3, false));
+        assert_eq!(stays(false, 10), (State::Hold, false, -1.3, true));
+        assert_eq!(stays(false, 50), (State::Land, false, -1.3 + 0.06, true), "down, blind");
     }
 
     #[test]

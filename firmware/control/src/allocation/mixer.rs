@@ -353,7 +353,7 @@ mod tests {
     #[test]
     fn every_set_of_rotors_at_their_ends() {
         let signs = [1.0, -1.0, 0.0];
-        for row in 0..81_usize {
+        for row in (0..81_usize).step_by(if cfg!(miri) { 41 } else { 1 }) {
             let column = |k: u32| signs[row / 3_usize.pow(k) % 3];
             let entries = [column(0), column(1), column(2), column(3)];
             // Each rotor answers the axes in another order.

@@ -770,7 +770,7 @@ mod tests {
             let tilted = Measurement { attitude_rad: [roll, pitch, 0.3], ..HOVER };
             let command = Command { yaw_rad: 0.3, ..STAY };
             let thrust = Controller::new(&config).unwrap().tick(&tilted, &command).terms.thrust;
-            let upright = f64::from(roll).cos() * f64::from(pitch).cos();
+            let upright = libm::cos(f64::from(roll)) * libm::cos(f64::from(pitch));
             let want = 11.9093 / upright.max(0.5);
             assert!((f64::from(thrust) / want - 1.0).abs() < 1e-5, "{roll} {pitch}: {thrust} {want}");
         }
@@ -852,7 +852,7 @@ mod tests {
         let tick = controller.tick(&high, &Command { attitude_rad: [1.9, 0.0], ..STAY });
         let [roll, ..] = tick.terms.torque;
         assert!(
-            roll > 62.0 && roll < 72.0 && tick.pwm.iter().all(|x| *x > 1000.0 && *x < 2000.0),
+            (62.0..72.0).contains(&roll) && tick.pwm.iter().all(|x| *x > 1000.0 && *x < 2000.0),
             "{tick:?}"
         );
         assert_eq!((tilt_fraction(&controller), tick.refused.any()), (1.0, false));
@@ -875,7 +875,7 @@ mod tests {
                 let tick = attitude_first(config).tick(&high, &command);
                 let least = tick.pwm.into_iter().fold(f32::MAX, f32::min);
                 assert!(
-                    least >= 1000.0 && least < 1100.0 && tick.refused.thrust.low,
+                    (1000.0..1100.0).contains(&least) && tick.refused.thrust.low,
                     "{injection}: {tick:?}"
                 );
             }

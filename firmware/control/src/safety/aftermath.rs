@@ -202,7 +202,7 @@ mod tests {
     #[test]
     fn every_set_of_motors_at_their_ends() {
         let limits = limits();
-        for set in 0..81_usize {
+        for set in (0..81_usize).step_by(if cfg!(miri) { 13 } else { 1 }) {
             let commands = [1000.0, 1500.0, 2000.0];
             let pwm: [f32; 4] = core::array::from_fn(|k| commands[set / 3_usize.pow(k as u32) % 3]);
             let full: Vec<usize> = (0..4).filter(|k| pwm[*k] == 2000.0).collect();

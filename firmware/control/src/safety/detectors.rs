@@ -542,6 +542,24 @@ mod tests {
         assert_eq!(refused, 3);
     }
 
+    /// Until the first one that moves, as at the beginning of a simulation.
+    #[test]
+    fn equal_poses_are_not_frozen_before_one_has_moved() {
+        let limits = limits();
+        let mut detectors = Detectors::in_flight();
+        let mut used = |pose: Pose, last: Pose, anchored| {
+            let known = LastKnown { last: &last, attitude_rad: last.attitude_rad, anchored };
+            found(|c| detectors.pose(Some(&pose), &known, PERIOD_US, &limits, c)).0
+        };
+        (0..10).for_each(|_| assert!(used(POSE, POSE, true)));
+        let moved = Pose { position_m: [0.01, 0.0, -1.0], ..POSE };
+        // On the ground nothing settles.
+        assert!(used(moved, POSE, false));
+        (0..10).for_each(|_| assert!(used(moved, moved, true)));
+        assert!(used(POSE, moved, true));
+        assert_eq!([(); 4].map(|()| used(POSE, POSE, true)), [true, true, false, false]);
+    }
+
     #[test]
     fn a_pose_out_of_reach_is_refused_until_a_silence_makes_room() {
         let away = Pose { position_m: [0.6, 0.0, -1.0], ..POSE };

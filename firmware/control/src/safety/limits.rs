@@ -191,7 +191,9 @@ mod tests {
     /// them, with six decimals, which f64 holds to less than half of one.
     #[test]
     fn whole_microseconds_stay_whole() {
-        for us in (0..3_000_000).chain(crate::residues::residues()) {
+        for us in
+            (0..3_000_000).step_by(if cfg!(miri) { 10_007 } else { 1 }).chain(crate::residues::residues())
+        {
             assert_eq!(micros(f64::from(us) / 1e6), us);
         }
     }
