@@ -108,11 +108,100 @@ mod tests {
             for hears in [true, false] {
                 let mut age = Age::first(0, 0, 0).unwrap();
                 let lasts_ms: u32 = if hears { 3_600_000 } else { 55_000 };
-                for now_ms in (0..lasts_ms).step_by(10) {
+                for now_ms in (0..lasts_ms).step_by(if cfg!(miri) { 1000 } else { 10 }) {
                     let echo_ms = if hears { now_ms.saturating_sub(25) } else { 0 };
                     age = age.next(now_ms, (f64::from(now_ms) * pace) as u32, echo_ms).unwrap();
                 }
             }
         }
+    }
+}
+
+/// Both clocks from every residue of 2^32 with a boundary, each with steps of any size, against wide
+/// integers that never wrap.
+#[cfg(test)]
+#[cfg(not(miri))]
+mod arithmetic {
+    use super::*;
+    use crate::residues::{FEW, residues};
+
+    /// What an age is by the head of this file, of times that go on.
+    #[derive(Debug, Clone, Copy)]
+    struct Wide {
+        anchor: [i128; 3],
+        bound_ms: i128,
+    }
+
+    impl Wide {
+        fn first(ours: i128, theirs: i128, echo: i128) -> Self {
+            Self { anchor: [ours, theirs, ours - echo], bound_ms: ours - echo }
+        }
+
+        fn next(&self, ours: i128, theirs: i128, echo: i128) -> Self {
+            let [then, their_then, bound_ms] = self.anchor;
+            let by_clocks = bound_ms + (ours - then) - (theirs - their_then) + (theirs - their_then) / 50 + 1;
+            let by_echo = ours - echo;
+            let anchor = if by_echo <= by_clocks { [ours, theirs, by_echo] } else { self.anchor };
+            Self { anchor, bound_ms: by_echo.min(by_clocks).max(0) }
+        }
+    }
+
+    /// The age and its error are those of the wide numbers.
+    fn agree(age: Result<Age, Refused>, wide: &Wide, at: [i128; 2]) {
+        let old = wide.bound_ms > i128::from(OLDEST_MS);
+        match age {
+            Ok(age) => {
+                assert!(!old, "{age:?} {wide:?}");
+                assert_eq!(i128::from(age.bound_ms), wide.bound_ms, "{wide:?}");
+                assert_eq!([age.heard_ms, age.their_ms], at.map(|ms| ms as u32));
+            }
+            Err(refused) => {
+                let age_ms = u32::try_from(wide.bound_ms).unwrap_or(u32::MAX);
+                assert!(old, "{refused} {wide:?}");
+                assert_eq!(refused, Refused::Old { age_ms });
+            }
+        }
+    }
+
+    #[test]
+    fn the_first_packets_age_is_its_echos() {
+        for now_ms in residues() {
+            for echo_age_ms in residues() {
+                let (now, age) = (i128::from(now_ms) + (1 << 32), i128::from(echo_age_ms));
+                let echo_ms = (now - age) as u32;
+                agree(Age::first(now_ms, 7, echo_ms), &Wide::first(now, 7, now - age), [now, 7]);
+            }
+        }
+    }
+
+    /// Ages and steps about the limits, and those that are far beyond.
+    const STEPS: [u32; 12] = [0, 1, 10, 49, 50, 51, 1000, 1899, 1900, 1901, 95_000, 1 << 31];
+
+    #[test]
+    fn later_packets_ages_are_the_lesser_of_two_bounds() {
+        let mut refused = 0;
+        for (ours, theirs) in FEW.iter().flat_map(|a| FEW.map(|b| (*a, b))) {
+            let (ours, theirs) = (i128::from(ours) + (1 << 40), i128::from(theirs) + (1 << 40));
+            for first_age in [0, 1, 50, 1899, 1900] {
+                let first = Wide::first(ours, theirs, ours - first_age);
+                let age = Age::first(ours as u32, theirs as u32, (ours - first_age) as u32).unwrap();
+                for (our_step, their_step, echo_age) in
+                    STEPS.iter().flat_map(|a| STEPS.iter().flat_map(move |b| STEPS.map(|c| (*a, *b, c))))
+                {
+                    let at = [ours + i128::from(our_step), theirs + i128::from(their_step)];
+                    let echo = at[0] - i128::from(echo_age);
+                    let wide = first.next(at[0], at[1], echo);
+                    let next = age.next(at[0] as u32, at[1] as u32, echo as u32);
+                    agree(next, &wide, at);
+                    refused += u32::from(next.is_err());
+                    // And one more, by whichever anchor there is now.
+                    let Ok(next) = next else { continue };
+                    let then = [at[0] + 10, at[1] + 10];
+                    let again = next.next(then[0] as u32, then[1] as u32, echo as u32);
+                    agree(again, &wide.next(then[0], then[1], echo), then);
+                }
+            }
+        }
+        assert!(refused > 50_000, "{refused}");
     }
 }

@@ -149,6 +149,13 @@ fn decode(bytes: &[u8]) -> Option<ImuFrame> {
     })
 }
 
+/// Frames that never came between two that did, by their sequence. A leap back is a board that began
+/// anew.
+fn lost_between(last: u16, sequence: u16) -> u16 {
+    let gap = sequence.wrapping_sub(last).wrapping_sub(1);
+    if gap < 0x8000 { gap } else { 0 }
+}
+
 /// Finds frames in what comes over the line.
 #[derive(Debug, Default)]
 pub struct Parser {
@@ -172,11 +179,8 @@ impl Parser {
             self.refused = self.refused.saturating_add(1);
             return None;
         };
-        if let Some(last) = self.last {
-            let gap = frame.sequence.wrapping_sub(last).wrapping_sub(1);
-            // A leap back is a board that began anew.
-            self.lost = self.lost.saturating_add(if gap < 0x8000 { gap.into() } else { 0 });
-        }
+        let lost = self.last.map_or(0, |last| lost_between(last, frame.sequence));
+        self.lost = self.lost.saturating_add(lost.into());
         self.last = Some(frame.sequence);
         Some(frame)
     }
@@ -300,8 +304,57 @@ mod tests {
         /// Noise is not taken for frames: 32 bytes with a right CRC, version and flags among random
         /// ones have a chance of 2^-28 each; and nothing panics.
         #[test]
-        fn noise_is_no_frame(noise in prop::collection::vec(any::<u8>(), 0..4000)) {
+        fn noise_is_no_frame(noise in prop::collection::vec(any::<u8>(), 0..if cfg!(miri) { 100 } else { 4000 })) {
             prop_assert_eq!(frames(&noise, &mut Parser::default()), vec![]);
+        }
+    }
+}
+
+/// Every u16 sequence after every 257th (at night, after every one), every i16 on the line on each
+/// scale, and every 4,099th f32 (at night, every one): against wide integers and f64.
+#[cfg(test)]
+#[cfg(not(miri))]
+mod arithmetic {
+    use super::*;
+    use crate::residues::stride;
+
+    const SCALES: [f32; 4] = [GYRO_PER_RAD_S, ACCELERATION_PER_M_S2, ATTITUDE_PER_RAD, CURRENT_PER_A];
+
+    #[test]
+    fn frames_lost_between_any_two() {
+        for last in (0..=u16::MAX).step_by(stride(257)) {
+            for sequence in 0..=u16::MAX {
+                let ahead = (i64::from(sequence) - i64::from(last)).rem_euclid(1 << 16);
+                let want = if (1..=1 << 15).contains(&ahead) { ahead - 1 } else { 0 };
+                assert_eq!(i64::from(lost_between(last, sequence)), want, "{last} {sequence}");
+            }
+        }
+    }
+
+    /// What is read of the line is written as it was; only NaN has two names.
+    #[test]
+    fn every_number_on_the_line_is_its_own() {
+        for scale in SCALES {
+            for whole in i16::MIN..=i16::MAX {
+                let value = from_i16(whole.to_le_bytes(), scale);
+                assert_eq!(value.is_nan(), whole == i16::MIN);
+                let exact = f64::from(whole) / f64::from(scale);
+                assert!(value.is_nan() || value == exact as f32, "{whole}: {value}");
+                assert_eq!(to_i16(value, scale), whole.to_le_bytes(), "{whole} by {scale}");
+            }
+        }
+    }
+
+    /// The product of two f32 is exact in f64; it is rounded to f32 once, then to a whole number.
+    #[test]
+    fn any_bits_become_a_number_on_the_line() {
+        for bits in (0..=u32::MAX).step_by(stride(4099)) {
+            let value = f32::from_bits(bits);
+            for scale in SCALES {
+                let scaled = f64::from((f64::from(value) * f64::from(scale)) as f32);
+                let want = if scaled.is_nan() { -32768.0 } else { scaled.round().clamp(-32767.0, 32767.0) };
+                assert_eq!(f64::from(i16::from_le_bytes(to_i16(value, scale))), want, "{bits:#x} by {scale}");
+            }
         }
     }
 }

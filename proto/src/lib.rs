@@ -32,6 +32,9 @@ mod message;
 mod packet;
 mod peer;
 mod ramp;
+#[cfg(test)]
+#[path = "../../firmware/control/tests/common/residues.rs"]
+mod residues;
 mod session;
 mod stream;
 

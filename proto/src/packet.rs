@@ -315,7 +315,7 @@ impl Sealer {
         let mut writing = Writing::begin(header, buffer)?;
         writing.message(message)?;
         let packet = writing.end()?;
-        self.next += 1;
+        self.next = self.next.saturating_add(1);
         Ok((header.number, packet))
     }
 }
@@ -386,5 +386,60 @@ impl Opener {
             return Err(Refused::Replayed);
         }
         Ok((header.number, message))
+    }
+}
+
+/// Every packet number with a boundary of 2^64 after every other one, and every count with one of 2^32:
+/// against wide integers.
+#[cfg(test)]
+#[cfg(not(miri))]
+mod arithmetic {
+    use super::*;
+    use crate::residues::{residues, residues_u64};
+
+    /// Of numbers that only grow, the last one of all is never taken; number 0 begins anew, but not at
+    /// once again.
+    #[test]
+    fn plain_packets_are_taken_in_their_order() {
+        let mut packets = Vec::new();
+        for next in residues_u64() {
+            let mut sealer = Sealer { role: Role::Craft, link: 7, next };
+            let mut buffer = [0; MAX_PACKET_LEN];
+            let (number, packet) = sealer.seal(&Message::Who, &mut buffer).unwrap();
+            assert_eq!(number, next);
+            assert_eq!(sealer.next, if next == u64::MAX { next } else { next + 1 });
+            packets.push((number, packet.to_vec()));
+        }
+        for accepts_from in residues_u64() {
+            for (number, packet) in &packets {
+                let mut opener = Opener { accepts_from, ..Opener::new(Role::Craft, 7) };
+                let (from, wide) = (i128::from(accepts_from), i128::from(*number));
+                let begins = wide == 0 && from != 1;
+                let want = (wide >= from || begins) && *number != u64::MAX;
+                let taken = opener.unseal(packet).is_ok();
+                assert_eq!(taken, want, "{number} after {accepts_from}");
+                if taken {
+                    let lost = if from == 0 || begins { 0 } else { wide - from };
+                    assert_eq!(opener.statistics.lost, u32::try_from(lost).unwrap_or(u32::MAX));
+                    assert_eq!(i128::from(opener.accepts_from), wide + 1);
+                    assert!(begins && from == 0 || opener.unseal(packet).is_err(), "{number} twice");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn counts_stay_at_the_greatest_number() {
+        for count in residues() {
+            for lost in residues_u64() {
+                let mut statistics = Statistics { accepted: count, refused: count, lost: count };
+                statistics.refuse();
+                statistics.accept(lost);
+                let least = |wide: i128| i128::from(u32::MAX).min(wide);
+                let Statistics { accepted, refused, lost: counted } = statistics;
+                assert_eq!([accepted, refused].map(i128::from), [least(i128::from(count) + 1); 2]);
+                assert_eq!(i128::from(counted), least(i128::from(count) + i128::from(lost)));
+            }
+        }
     }
 }

@@ -181,6 +181,7 @@ pub(crate) struct Session {
 }
 
 impl Session {
+    /// For how long nothing of the other side has been accepted, ms.
     pub(crate) fn silent_ms(&self, now_ms: u32) -> u32 {
         now_ms.wrapping_sub(self.age.heard_ms)
     }
@@ -220,7 +221,64 @@ impl Session {
         writing.message(message)?;
         writing.tag(&self.key)?;
         let packet = writing.end()?;
-        self.next += 1;
+        self.next = self.next.saturating_add(1);
         Ok((number, packet))
+    }
+}
+
+/// Every number of a packet with a boundary of 2^64 after every other one, and silences between all times
+/// with one of 2^32: against wide integers.
+#[cfg(test)]
+#[cfg(not(miri))]
+mod arithmetic {
+    use super::*;
+    use crate::packet::MAX_PACKET_LEN;
+    use crate::residues::{residues, residues_u64};
+
+    const KEY: Key = Key::new([4; 32]);
+
+    fn session(next: u64, accepts_from: Option<u64>, heard_ms: u32) -> Session {
+        let age = Age::first(heard_ms, 0, heard_ms).unwrap();
+        Session { id: 5, key: KEY, peer: None, next, accepts_from, age }
+    }
+
+    /// A number is taken once, and only by growing; the last one of all never is, and the sender that
+    /// has come to it says it again rather than begin anew.
+    #[test]
+    fn numbers_only_grow() {
+        let [ground, craft] = [Role::Ground, Role::Craft].map(|role| Common::new(role, 7, Some(KEY)));
+        for next in residues_u64() {
+            let (mut from, mut buffer) = (session(next, None, 0), [0; MAX_PACKET_LEN]);
+            let (number, packet) = from.seal(&ground, 0, &Message::Who, &mut buffer).unwrap();
+            assert_eq!(number, next);
+            assert_eq!(i128::from(from.next), (i128::from(next) + 1).min(u64::MAX.into()));
+            let parts = craft.read(packet).unwrap();
+            for accepts_from in residues_u64().into_iter().map(Some).chain([None]) {
+                let mut to = session(0, accepts_from, 0);
+                let least = accepts_from.map_or(0, i128::from);
+                let want = i128::from(next) >= least && next != u64::MAX;
+                assert_eq!(to.check_number(next).is_ok(), want, "{next} after {accepts_from:?}");
+                // The tag is the greater part of the time.
+                if want && (next.is_power_of_two() || i128::from(next) - least < 3) {
+                    let (_, lost) = to.open(&parts, 0).unwrap();
+                    assert_eq!(
+                        i128::from(lost),
+                        accepts_from.map_or(0, |from| i128::from(next) - i128::from(from))
+                    );
+                    assert_eq!(to.accepts_from, Some(next + 1));
+                    assert_eq!(to.open(&parts, 0), Err(Refused::Replayed));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_silence_lasts_as_long_as_it_lasts() {
+        for heard_ms in residues() {
+            for silent_ms in residues() {
+                let now = i128::from(heard_ms) + i128::from(silent_ms);
+                assert_eq!(session(0, None, heard_ms).silent_ms(now as u32), silent_ms);
+            }
+        }
     }
 }

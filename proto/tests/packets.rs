@@ -1,8 +1,11 @@
 //! What a link does to packets: damage, loss, order, replay, forgery; on datagrams and on a byte
 //! stream.
 
+#[path = "../../firmware/control/tests/common/cases.rs"]
+mod cases;
 mod common;
 
+use cases::cases;
 use common::messages;
 use common::session;
 use proptest::prelude::*;
@@ -234,7 +237,7 @@ fn a_stream_is_in_step_again_after_any_lost_or_wrong_byte() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(20_000))]
+    #![proptest_config(cases(20_000))]
 
     /// The fuzz target's property, bounded: a packet or stream made of a real one by cutting,
     /// repeating and overwriting never panics, and what is accepted is a message that was sent.

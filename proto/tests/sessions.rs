@@ -7,9 +7,13 @@
 //! Neither side has anything that outlives a start, so there is no file to lose, to roll back or to
 //! swap.
 
+#[path = "../../firmware/control/tests/common/cases.rs"]
+mod cases;
+
 use std::collections::HashSet;
 use std::net::SocketAddr;
 
+use cases::cases;
 use proptest::prelude::*;
 use proto::{CraftEnd, GroundEnd, Heard, Key, MAX_PACKET_LEN, Message};
 
@@ -212,7 +216,7 @@ fn happening() -> impl Strategy<Value = Happening> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { max_shrink_iters: 200, ..ProptestConfig::with_cases(10_000) })]
+    #![proptest_config(ProptestConfig { max_shrink_iters: 200, ..cases(10_000) })]
 
     #[test]
     fn no_recording_fits_and_nobody_waits(

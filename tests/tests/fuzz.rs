@@ -8,6 +8,10 @@
 mod fuzzing;
 #[path = "../../proto/fuzz/harness.rs"]
 mod packets;
+#[path = "../fuzz/harness/script.rs"]
+mod script;
+#[path = "../fuzz/harness/stand.rs"]
+mod stand;
 #[path = "../fuzz/harness/streams.rs"]
 mod streams;
 #[path = "../fuzz/harness/texts.rs"]
@@ -81,6 +85,8 @@ fuzzed! {
     gains: 100_000 of "fuzz/corpus/gains" in lines by |bytes: &[u8]| outcome(texts::gains(bytes));
     effects: 100_000 of "fuzz/corpus/effects" in lines by |bytes: &[u8]| outcome(texts::effects(bytes));
     pattern: 100_000 of "fuzz/corpus/pattern" in lines by |bytes: &[u8]| outcome(texts::pattern(bytes));
+    script: 100_000 of "fuzz/corpus/script" in lines by |bytes: &[u8]| outcome(script::script(bytes));
+    stand: 20_000 of "fuzz/corpus/stand" in lines by |bytes: &[u8]| outcome(stand::stand(bytes));
     imu: 100_000 of "fuzz/corpus/imu" in words by |bytes: &[u8]| outcome(streams::imu(bytes));
     vicon: 100_000 of "fuzz/corpus/vicon" in words by |bytes: &[u8]| outcome(streams::vicon(bytes));
     optitrack: 100_000 of "fuzz/corpus/optitrack" in words by |bytes: &[u8]| outcome(streams::optitrack(bytes));
@@ -139,6 +145,7 @@ fn the_corpus_is_written_by_those_who_send() {
         std::fs::write(folder("fuzz/corpus").join(target).join(name), bytes).unwrap();
     };
     write("imu", "frames", &imu_frames());
+    write("stand", "one-motor", &stand_logs());
     write("vicon", "block", &vicon_block());
     for (major, minor) in [(3, 1), (4, 0), (4, 1)] {
         let version = natnet::Version { major, minor, build: 0, revision: 0 };
@@ -166,6 +173,28 @@ fn imu_frames() -> Vec<u8> {
         }
     };
     (0..6).flat_map(|k| encode(&frame(k), &mut [0; MAX_STUFFED_LEN]).unwrap().to_vec()).collect()
+}
+
+/// Eight seconds of the thesis' motor (4.11) with a lag of 1/20 s, whose tachometer's clock is 3 s late.
+fn stand_logs() -> Vec<u8> {
+    const STEP_S: f64 = 0.001;
+    let (mut craft, mut rotor) = ("t,cmd,vbat\n".to_owned(), "t,omega\n".to_owned());
+    let mut speed_rad_s = 500.0;
+    for k in 0..8_000_u32 {
+        let t = f64::from(k) * STEP_S;
+        // Steps of half a second, of sizes that do not repeat.
+        let command = 1500.0 + 200.0 * (7.0 * (2.0 * t).floor()).sin();
+        let volts = 12.3 - 0.05 * t + 0.1 * (3.0 * t).sin();
+        let asked = 0.785 * command + 44.6505 * volts - 1205.1;
+        speed_rad_s += STEP_S * 20.0 * (asked - speed_rad_s);
+        if k % 40 == 0 {
+            craft += &format!("{t:.3},{command:.1},{volts:.3}\n");
+        }
+        if k % 50 == 7 {
+            rotor += &format!("{:.4},{speed_rad_s:.2}\n", t + 3.0);
+        }
+    }
+    format!("{craft}--\n{rotor}").into_bytes()
 }
 
 fn vicon_block() -> Vec<u8> {

@@ -7,11 +7,11 @@ use std::process::Command;
 
 use anyhow::{Context, Result};
 
-use crate::base::process::cargo;
+use crate::base::process::{cargo, shown};
 use crate::base::tally::Tally;
-use crate::base::tools::{CARGO_CYCLONEDX, CARGO_DENY, CARGO_FUZZ};
+use crate::base::tools::{CARGO_CYCLONEDX, CARGO_DENY, CARGO_FUZZ, CARGO_MUTANTS, MIRI};
 use crate::base::workspace::{self, Workspace};
-use crate::step::{Outcome, Step, harness, holds};
+use crate::step::{Outcome, Step, harness, holds, one};
 use crate::supply;
 
 /// The night's tests, in the order they run.
@@ -45,6 +45,24 @@ pub(crate) const PARTS: &[Step] = &[
         about: "the bill of materials of each program that flies names all that is linked into it",
         tools: &[&CARGO_CYCLONEDX],
         run: supply::sbom,
+    },
+    Step {
+        name: "arithmetic",
+        about: "every number in the arithmetic of counters and clocks: the same as of integers that never wrap",
+        tools: &[],
+        run: arithmetic,
+    },
+    Step {
+        name: "miri",
+        about: "what flies, on an abstract machine: no undefined behaviour, in the libraries that it uses either",
+        tools: &[&MIRI],
+        run: interpreted,
+    },
+    Step {
+        name: "mutants",
+        about: "mixer, controller and supervisor, changed a little: a test notices each change (`.cargo/mutants.toml`)",
+        tools: &[&CARGO_MUTANTS],
+        run: mutants,
     },
 ];
 
@@ -105,9 +123,44 @@ fn fuzz_target(folder: &str, target: &str) -> Result<Command> {
     std::fs::create_dir_all(&found).with_context(|| format!("cannot make {}", found.display()))?;
     let mut command = Command::new("rustup");
     command.current_dir(workspace::root()).args(["run", "nightly", "cargo", "fuzz", "run"]);
-    command.args(["--fuzz-dir", folder, target]).arg(found).arg(format!("{folder}/corpus/{target}"));
+    command
+        .args(["--fuzz-dir", folder, "--target-dir", "target/fuzz", target])
+        .arg(found)
+        .arg(format!("{folder}/corpus/{target}"));
     command.arg("--").arg(format!("-max_total_time={FUZZ_S}")).args(["-timeout=10", "-rss_limit_mb=2048"]);
     Ok(command)
+}
+
+/// The tests of counters and clocks that take every so manyth number for every change.
+fn arithmetic(_: &Workspace) -> Result<Outcome> {
+    let mut command = cargo(["test", "--workspace", "--lib", "--no-fail-fast", "--", "arithmetic::"]);
+    command.env("QUADLAB_EXHAUSTIVE", "1");
+    Ok(Outcome::Ran(harness(command)?))
+}
+
+/// The crates that fly, each random test with a few cases: the interpreter is some thousand times slower. Tests read their corpora. As
+/// on a craft's processor of 32 bits, where libm calculates as it does in flight (for a PC's it has assembler, which cannot be interpreted).
+fn interpreted(_: &Workspace) -> Result<Outcome> {
+    let mut command = Command::new("rustup");
+    command.current_dir(workspace::root()).args(["run", "nightly", "cargo", "miri", "test"]);
+    command.args(["--target-dir", "target/miri", "--target", "armv7-unknown-linux-gnueabihf"]);
+    command.args(["-p", "proto", "-p", "control", "-p", "craft", "--lib", "--tests", "--no-fail-fast"]);
+    command.env("MIRIFLAGS", "-Zmiri-disable-isolation").env("PROPTEST_CASES", "5");
+    Ok(Outcome::Ran(harness(command)?))
+}
+
+/// Mutants of what decides in flight, in a copy of the sources.
+fn mutants(_: &Workspace) -> Result<Outcome> {
+    let mut command = cargo(["mutants", "--package", "control", "--output", "target/mutants"]);
+    command.env("PROPTEST_CASES", "50");
+    println!("   {}", shown(&command));
+    let status = command.status().context("cannot start cargo mutants")?;
+    Ok(Outcome::Ran(one(is_noticed(status.code()))))
+}
+
+/// Was every mutant noticed? A test that hangs has noticed it, too. (Codes: the chapter "Exit codes" of cargo-mutants' book.)
+fn is_noticed(code: Option<i32>) -> bool {
+    matches!(code, Some(0 | 3))
 }
 
 #[cfg(test)]
@@ -132,5 +185,12 @@ mod tests {
             }
             assert_eq!(manifest.matches("[[bin]]").count(), targets.len(), "{folder}");
         }
+    }
+
+    #[test]
+    fn a_mutant_that_no_test_notices_is_a_failure() {
+        // Everything caught, and one that hangs; a survivor, a baseline that fails, a wrong option, a signal.
+        assert!([Some(0), Some(3)].into_iter().all(is_noticed));
+        assert!(![Some(2), Some(4), Some(1), None].into_iter().any(is_noticed));
     }
 }

@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::{self, sleep};
 use std::time::Duration;
 
-use crate::clock::monotonic_ns;
+use crate::clock::monotonic_ms;
 use crate::error::{Error, Result, access, system};
 
 /// How long a voltage is valid.
@@ -50,24 +50,28 @@ impl Battery {
 
     /// Stores a voltage that arrived now.
     pub fn store(&self, voltage_v: f32) {
-        self.newest.store(now_ms() << 32 | u64::from(voltage_v.to_bits()), Ordering::Relaxed);
+        self.newest.store(packed(monotonic_ms(), voltage_v), Ordering::Relaxed);
     }
 
     /// The voltage in V; NaN if none is valid.
     pub fn voltage_v(&self) -> f32 {
-        let packed = self.newest.load(Ordering::Relaxed);
-        let age_ms = (now_ms() as u32).wrapping_sub((packed >> 32) as u32);
-        if packed != 0 && u128::from(age_ms) <= STALE.as_millis() {
-            f32::from_bits(packed as u32)
-        } else {
-            f32::NAN
-        }
+        unpacked(self.newest.load(Ordering::Relaxed), monotonic_ms())
     }
 }
 
-/// Modulo 2^32 when shifted up; 49 days.
-fn now_ms() -> u64 {
-    monotonic_ns() / 1_000_000
+/// A voltage and when it came, by a clock that wraps after 49 days.
+fn packed(now_ms: u32, voltage_v: f32) -> u64 {
+    u64::from(now_ms) << 32 | u64::from(voltage_v.to_bits())
+}
+
+/// The voltage, V, if it came and is not stale.
+fn unpacked(packed: u64, now_ms: u32) -> f32 {
+    let age_ms = now_ms.wrapping_sub((packed >> 32) as u32);
+    if packed != 0 && u128::from(age_ms) <= STALE.as_millis() {
+        f32::from_bits(packed as u32)
+    } else {
+        f32::NAN
+    }
 }
 
 fn read(path: &Path, volt_per_count: f64) -> Result<f32> {
@@ -85,6 +89,7 @@ fn read(path: &Path, volt_per_count: f64) -> Result<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::residues::{TURN, residues};
 
     #[test]
     fn a_converter_is_read_again_and_again_and_grows_stale() {
@@ -106,6 +111,19 @@ mod tests {
         assert!(wait(&|voltage_v| (voltage_v - 10.36).abs() < 1e-5));
         fs::remove_file(&path).unwrap();
         assert!(wait(&f32::is_nan), "what cannot be read is no voltage after a while");
+    }
+
+    /// From every residue of 2^32 with a boundary to every other one, against wide integers.
+    #[test]
+    fn a_voltage_is_valid_for_half_a_second_wherever_the_clock_wraps() {
+        for came_ms in residues() {
+            for age_ms in residues().into_iter().chain(495..505) {
+                let now = i128::from(came_ms) + i128::from(age_ms);
+                let voltage_v = unpacked(packed(came_ms, 11.1), (now % TURN) as u32);
+                assert_eq!(voltage_v.is_nan(), age_ms > 500, "{age_ms} ms after {came_ms}");
+                assert!(voltage_v.is_nan() || voltage_v == 11.1);
+            }
+        }
     }
 
     #[test]

@@ -72,6 +72,7 @@ impl Ticker {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::residues::{TURN, residues_u64};
 
     #[test]
     fn beats_lie_on_the_grid_and_those_that_have_passed_are_left_out() {
@@ -88,6 +89,31 @@ mod tests {
     fn the_clock_wraps() {
         let mut ticker = Ticker { period_ns: 10_000_000, next_ns: (1 << 32) * 1000 };
         assert_eq!(ticker.beat((1 << 32) * 1000 + 5000).time_us, 5);
+    }
+
+    /// Beats due at every boundary up to 2^63 ns (292 years), late by every other one: against wide
+    /// integers. The grid is kept, the next beat is still to come, and all that is between is missed.
+    #[test]
+    fn a_grid_is_kept_whatever_passes() {
+        let all = || residues_u64().into_iter().filter(|ns| *ns < 1 << 62);
+        for period_ns in [100_000, 2_000_001, 10_000_000, 100_000_000] {
+            for next_ns in all() {
+                for late_ns in all().chain([period_ns - 1, period_ns, period_ns + 1]) {
+                    let mut ticker = Ticker { period_ns, next_ns };
+                    let now_ns = next_ns + late_ns;
+                    let Beat { time_us, late_us, missed } = ticker.beat(now_ns);
+                    let [due, late, period] = [next_ns, late_ns, period_ns].map(i128::from);
+                    assert_eq!(i128::from(time_us), (due + late) / 1000 % TURN);
+                    assert_eq!(u32::try_from(late / 1000).unwrap_or(u32::MAX), late_us);
+                    assert_eq!(u32::try_from(late / period).unwrap_or(u32::MAX), missed);
+                    let next = i128::from(ticker.next_ns);
+                    assert!((next - due) % period == 0 && (1..=period).contains(&(next - due - late)));
+                }
+            }
+            // A clock that is read before its time, as none should.
+            let mut ticker = Ticker { period_ns, next_ns: 1 << 40 };
+            assert_eq!(ticker.beat(0), Beat { time_us: 0, late_us: 0, missed: 0 });
+        }
     }
 
     /// However busy the machine is, no beat comes early, and beats and gaps add up to the time that

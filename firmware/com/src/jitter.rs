@@ -83,6 +83,21 @@ mod tests {
         assert_eq!(Lateness::default().permille_us(500), 0);
     }
 
+    /// Every rank of up to 300 beats, by its definition: the least that so many of 1000 do not exceed.
+    #[test]
+    fn any_rank_is_the_least_that_so_many_do_not_exceed() {
+        for count in 0..300 {
+            let beats: Vec<Beat> =
+                (1..=count).map(|late_us| Beat { time_us: 0, late_us, missed: 0 }).collect();
+            let lateness = Lateness::of(&beats);
+            for permille in 0..=1000_u32 {
+                // Beat k of the sorted ones is k us late.
+                let want = (1..=count).find(|k| k * 1000 >= count * permille).unwrap_or(0);
+                assert_eq!(lateness.permille_us(permille as usize), want, "{permille} of {count}");
+            }
+        }
+    }
+
     #[test]
     fn a_measurement_has_as_many_beats_as_were_asked_for() {
         let text = measure(1_000_000, 20, 10, 1).to_string();

@@ -29,6 +29,9 @@ pub mod link;
 pub mod lockstep;
 pub mod pwm;
 pub mod realtime;
+#[cfg(test)]
+#[path = "../../control/tests/common/residues.rs"]
+mod residues;
 pub mod sockets;
 pub mod watchdog;
 

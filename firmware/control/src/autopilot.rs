@@ -385,7 +385,7 @@ impl Autopilot {
             self.cast_anchor(attitude_rad, blind, entered);
         }
         let anchor = &mut self.anchor;
-        let level = Command { yaw_rad: anchor.yaw_rad, z_m: anchor.z_m, cut_off: false, ..IDLE };
+        let level = Command { yaw_rad: anchor.yaw_rad, cut_off: false, ..IDLE };
         if blind {
             let offset_m = if state == State::Land { self.descent.blind_offset_m } else { 0.0 };
             return Command { z_m: anchor.z_m + offset_m, ..level };
@@ -435,21 +435,118 @@ fn carry([roll, pitch, yaw]: [f32; 3], gyro_rad_s: Option<[f32; 3]>, elapsed_us:
 mod tests {
     use super::*;
 
+    const HOVER: Readings = Readings {
+        time_us: 0,
+        pose: Some(Pose { position_m: [0.0, 0.0, -1.0], attitude_rad: [0.0; 3] }),
+        pose_age_us: 0,
+        gyro_rad_s: Some([0.0; 3]),
+        battery_v: 11.1,
+        command: Some(Command { cut_off: false, z_m: -1.0, ..IDLE }),
+        request: None,
+        outputs_ready: true,
+    };
+
+    /// What a flight comes to within a tick of these readings.
+    fn after(change: impl FnOnce(&mut Readings)) -> Autopilot {
+        let mut autopilot = Autopilot::in_flight(&Config::thesis()).unwrap();
+        autopilot.tick(&HOVER);
+        let mut readings = Readings { time_us: 10_000, ..HOVER };
+        change(&mut readings);
+        autopilot.tick(&readings);
+        autopilot
+    }
+
+    #[test]
+    fn what_is_asked_for_in_flight_is_done_at_once() {
+        let state = |change: fn(&mut Readings)| {
+            let autopilot = after(change);
+            assert_eq!(autopilot.state(), autopilot.flight().state);
+            autopilot.state()
+        };
+        assert_eq!(state(|_| {}), State::Flying);
+        assert_eq!(state(|readings| readings.request = Some(Request::Arm)), State::Flying);
+        assert_eq!(state(|readings| readings.request = Some(Request::Land)), State::Land);
+        assert_eq!(state(|readings| readings.request = Some(Request::Cut)), State::Cut);
+        assert_eq!(state(|readings| readings.request = Some(Request::Disarm)), State::Disarmed);
+        assert_eq!(state(|readings| readings.command = Some(IDLE)), State::Cut);
+    }
+
+    /// Half a second without commands, half a second without poses: what is commanded instead, at the
+    /// place and heading that the craft had.
+    #[test]
+    fn a_craft_that_is_left_alone_stays_where_it_is() {
+        let stays = |has_pose: bool, ticks: u32| {
+            let mut autopilot = Autopilot::in_flight(&Config::thesis()).unwrap();
+            for k in 0..10 + ticks {
+                let (shiver, left_alone) = ((k % 3) as f32 * 1e-4, k >= 10);
+                let position_m = [0.4, -0.3 + shiver, -1.3];
+                let pose = Some(Pose { position_m, attitude_rad: [0.0, 0.0, 0.7] });
+                autopilot.tick(&Readings {
+                    time_us: 10_000 * k,
+                    pose: pose.filter(|_| has_pose || !left_alone),
+                    gyro_rad_s: Some([0.0, shiver, 0.0]),
+                    command: HOVER.command.filter(|_| !has_pose || !left_alone),
+                    ..HOVER
+                });
+            }
+            let terms = autopilot.flight().tick.terms;
+            let [roll, pitch, yaw] = terms.attitude_command_rad;
+            let [x, y] = terms.outer.map_or([0.4, -0.3], |outer| outer.reference_m);
+            assert!([yaw - 0.7, x - 0.4, y + 0.3].iter().all(|off| off.abs() < 1e-3), "{yaw} {x} {y}");
+            (autopilot.state(), terms.outer.is_some(), terms.z_command_m, [roll, pitch] == [0.0; 2])
+        };
+        assert_eq!(stays(true, 55), (State::Hold, true, -1.3, false));
+        assert_eq!(stays(false, 10), (State::Hold, false, -1.3, true));
+        assert_eq!(stays(false, 50), (State::Land, false, -1.3 + 0.06, true), "down, blind");
+    }
+
+    #[test]
+    fn what_was_refused_is_counted() {
+        let nothing = Command { z_m: f32::NAN, ..IDLE };
+        let counters = after(|readings| readings.command = Some(nothing)).counters();
+        assert_eq!(counters, Counters { commands_refused: 1, ..Counters::default() });
+        let counters = after(|readings| readings.pose_age_us = 200_000).counters();
+        assert_eq!(counters, Counters { poses_refused: 1, ..Counters::default() });
+        assert_eq!(after(|readings| readings.command = None).counters(), Counters::default());
+    }
+
+    #[test]
+    fn a_law_changes_on_the_ground_alone() {
+        let other = Config::thesis_hand_tuned();
+        let mut flying = after(|_| {});
+        let before = *flying.controller();
+        assert_eq!((flying.retune(&other), *flying.controller() == before), (Ok(false), true));
+        let mut standing = Autopilot::new(&Config::thesis()).unwrap();
+        assert_eq!(standing.retune(&other), Ok(true));
+        assert_eq!(*standing.controller(), Controller::new(&other).unwrap());
+        assert!(standing.retune(&Config { sample_time_s: 0.0, ..other }).is_err());
+        assert_eq!(*standing.controller(), Controller::new(&other).unwrap());
+    }
+
+    /// It keeps the craft on the ground until the pilot has taken note.
+    #[test]
+    fn a_motor_that_has_failed_is_remembered() {
+        for motor in 0..4_u8 {
+            let mut autopilot = Autopilot::new(&Config::thesis()).unwrap();
+            autopilot.aftermath.failed_motor = Some(motor);
+            let mut preflight = |request, time_us| {
+                let bits = autopilot.tick(&Readings { request, time_us, ..HOVER }).preflight.bits();
+                (autopilot.failed_motor(), Preflight::MOTORS.map(|check| bits & check == 0))
+            };
+            let missing = |motor: Option<u8>| [0, 1, 2, 3].map(|k| motor == Some(k));
+            assert_eq!(preflight(None, 10_000), (Some(motor), missing(Some(motor))));
+            // In the tick of the request the checks have been made already.
+            assert_eq!(preflight(Some(Request::Disarm), 20_000).0, None);
+            assert_eq!(preflight(None, 30_000), (None, missing(None)));
+        }
+    }
+
     /// A result that is no number cannot be brought about from outside (see `tests/totality.rs`);
     /// here it is said to be so.
     #[test]
     fn a_result_that_is_no_number_lands_and_then_cuts() {
         let mut autopilot = Autopilot::in_flight(&Config::thesis()).unwrap();
-        let mut readings = Readings {
-            time_us: 0,
-            pose: Some(Pose { position_m: [0.0, 0.0, -1.0], attitude_rad: [0.0; 3] }),
-            pose_age_us: 0,
-            gyro_rad_s: Some([0.0; 3]),
-            battery_v: 11.1,
-            command: Some(Command { cut_off: false, z_m: -1.0, ..IDLE }),
-            request: None,
-            outputs_ready: true,
-        };
+        let mut readings = HOVER;
         let mut state = |no_number| {
             readings.time_us += 10_000;
             readings.pose.as_mut().unwrap().position_m[0] += 1e-4;

@@ -37,10 +37,16 @@
 
 mod allocation;
 pub mod autopilot;
+#[cfg(test)]
+#[path = "../tests/common/cases.rs"]
+mod cases;
 mod config;
 mod dsp;
 mod inputs;
 mod law;
+#[cfg(test)]
+#[path = "../tests/common/residues.rs"]
+mod residues;
 mod safety;
 
 pub use allocation::{desaturation, mixer, motor_map};

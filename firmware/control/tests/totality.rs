@@ -5,7 +5,7 @@
 
 mod common;
 
-use common::configs;
+use common::{cases, configs};
 use control::gains::{Law, Mixing};
 use control::{Command, Config, Controller, Measurement, Mode, Tick};
 use proptest::prelude::*;
@@ -69,7 +69,7 @@ const HOVER: Measurement = Measurement {
 };
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 120_000, ..ProptestConfig::default() })]
+    #![proptest_config(cases(120_000))]
 
     #[test]
     fn any_bits_give_commands_inside_the_range(
@@ -114,7 +114,7 @@ fn nothing_that_is_allowed_overflows() {
     law.loops.altitude.ki = 1e6;
     law.mixing = Mixing::Inverse([[1e12; 4]; 4]);
     let mut controller = Controller::new(&config).unwrap();
-    for k in 0..100_000 {
+    for k in 0..if cfg!(miri) { 100 } else { 100_000 } {
         let roll = if k % 1000 < 500 { 900.0 } else { -900.0 };
         let measurement =
             Measurement { attitude_rad: [roll, 0.0, 0.0], position_m: [0.0, 0.0, 9e4], ..HOVER };

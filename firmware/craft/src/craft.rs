@@ -420,4 +420,38 @@ mod tests {
         let [Message::Identity(identity)] = messages(&mut craft)[..] else { panic!("the identity") };
         assert_eq!(identity.program, [0, 1, 2]);
     }
+
+    /// Of every length of the wait up to 300 ticks, and the longest ones: 0 counts as 1.
+    #[test]
+    fn telemetry_comes_in_its_ticks_and_their_number_wraps() {
+        let longest = [1 << 15, u16::MAX - 1, u16::MAX].into_iter().filter(|_| !cfg!(miri));
+        let lengths = (0..if cfg!(miri) { 4 } else { 300 }).chain(longest);
+        for telemetry_every in lengths {
+            let mut craft = Craft::new(&Config::thesis(), Setup { telemetry_every, ..SETUP }).unwrap();
+            craft.tick = u32::MAX - 1;
+            let every = u64::from(telemetry_every.max(1));
+            for k in 0..2 * every + 1 {
+                craft.tick(&INPUTS);
+                let due = core::mem::take(&mut craft.telemetry_due);
+                assert_eq!(due, k % every == 0, "{k} of {telemetry_every}");
+                let number = (u64::from(u32::MAX - 1) + k) % (1 << 32);
+                assert_eq!(u64::from(craft.telemetry(&LINK).tick), number);
+            }
+        }
+    }
+
+    /// Counts of the link and of messages for others, about the greatest number.
+    #[test]
+    fn counts_of_refused_packets_stay_at_the_greatest_number() {
+        let mut craft = Craft::new(&Config::thesis(), SETUP).unwrap();
+        for (misdirected, refused) in
+            crate::residues::residues().into_iter().flat_map(|a| crate::residues::FEW.map(|b| (a, b)))
+        {
+            craft.misdirected = misdirected;
+            craft.hear(0, &Message::Answer(Answer { to: 0, done: true, preflight: 0 }));
+            let counted = craft.telemetry(&LinkStatus { lost: 0, refused }).counters.packets_refused;
+            let least = |wide: u64| wide.min(u32::MAX.into());
+            assert_eq!(u64::from(counted), least(least(u64::from(misdirected) + 1) + u64::from(refused)));
+        }
+    }
 }

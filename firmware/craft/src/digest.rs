@@ -124,6 +124,19 @@ mod tests {
         }
     }
 
+    /// Every byte onto every hash with a boundary of 2^64, against a product that does not wrap.
+    #[test]
+    fn the_product_wraps_at_64_bits() {
+        for hash in crate::residues::residues_u64() {
+            for byte in 0..=u8::MAX {
+                let mut fnv = Fnv(hash);
+                fnv.bytes(&[byte]);
+                let product = u128::from(hash ^ u64::from(byte)) * 0x0100_0000_01b3;
+                assert_eq!(u128::from(fnv.0), product % (1 << 64));
+            }
+        }
+    }
+
     /// One bit in a term that no motor shows yet.
     #[test]
     fn one_bit_anywhere_is_seen() {

@@ -120,3 +120,89 @@ mod tests {
         }
     }
 }
+
+/// Both clocks from every residue of 2^32 with a boundary, steps of any size that two messages can be
+/// apart, and ages of up to half a turn either way: against wide integers that never wrap.
+#[cfg(test)]
+#[cfg(not(miri))]
+mod arithmetic {
+    use super::*;
+    use crate::residues::{FEW, TURN, residues};
+
+    /// The head of this file in times that go on.
+    #[derive(Debug, Clone, Copy)]
+    struct Wide {
+        ahead: i128,
+        let_go_at: i128,
+        other_since: Option<i128>,
+    }
+
+    impl Wide {
+        /// Whether the ground is believed to have begun anew.
+        fn hear(&mut self, ground: i128, craft: i128) -> bool {
+            let (ahead, period) = (ground - craft, i128::from(LET_GO_US));
+            let periods = (craft - self.let_go_at) / period;
+            (self.ahead, self.let_go_at) = (self.ahead - periods, self.let_go_at + periods * period);
+            let faster = ahead - self.ahead;
+            if faster.abs() < i128::from(OTHER_START_US) {
+                (self.ahead, self.other_since) = (self.ahead + faster.max(0), None);
+            } else if craft - *self.other_since.get_or_insert(craft) >= i128::from(OTHER_START_US) {
+                *self = Self { ahead, let_go_at: craft, other_since: None };
+                return true;
+            }
+            false
+        }
+
+        fn agrees(&self, clock: &GroundClock) {
+            let ahead = (self.ahead.rem_euclid(TURN) as u32, self.let_go_at.rem_euclid(TURN) as u32);
+            let other_since_us = self.other_since.map(|since| since.rem_euclid(TURN) as u32);
+            assert_eq!(*clock, GroundClock { ahead: Some(ahead), other_since_us }, "{self:?}");
+        }
+    }
+
+    /// Times that pass between two messages, and how far the second is off, us.
+    const APART: [i128; 8] = [0, 1, 9_999, 10_000, 999_999, 1_000_000, 3_000_000, 1 << 30];
+    const OFF: [i128; 9] =
+        [0, 1, -1, 999_999, -999_999, 1_000_000, -1_000_000, (1 << 31) - 1_000_000, 1_000_000 - (1 << 31)];
+
+    /// Three messages after the first, each as far apart and off as any other.
+    #[test]
+    fn what_is_known_of_the_ground_is_what_was_said() {
+        let mut begun_anew = 0;
+        for (ground, craft) in FEW.iter().flat_map(|a| FEW.map(|b| (i128::from(*a), i128::from(b)))) {
+            let steps = || APART.into_iter().flat_map(|apart| OFF.map(|off| (apart, off)));
+            for (first, second) in steps().flat_map(|first| steps().map(move |second| (first, second))) {
+                let mut clock = GroundClock::default();
+                clock.hear(ground as u32, craft as u32);
+                let mut wide = Wide { ahead: ground - craft, let_go_at: craft, other_since: None };
+                let mut now = craft;
+                for (apart, off) in [first, second, (1_000_000, second.1)] {
+                    now += apart;
+                    let said = now + ground - craft + off;
+                    begun_anew += u32::from(wide.hear(said, now));
+                    clock.hear(said.rem_euclid(TURN) as u32, now.rem_euclid(TURN) as u32);
+                    wide.agrees(&clock);
+                }
+            }
+        }
+        assert!(begun_anew > 1000, "{begun_anew}");
+    }
+
+    /// What is out of the future, or of more than half a turn ago, is of now.
+    #[test]
+    fn an_age_is_the_time_that_has_passed() {
+        for (ground, craft) in residues().into_iter().flat_map(|a| FEW.map(|b| (a, b))) {
+            let mut clock = GroundClock::default();
+            clock.hear(ground, craft);
+            for age in residues() {
+                let taken = i128::from(ground) - i128::from(age);
+                let want = if i128::from(age) < TURN / 2 { age } else { 0 };
+                assert_eq!(
+                    clock.age_us(taken.rem_euclid(TURN) as u32, craft),
+                    want,
+                    "{ground} {craft} {age}"
+                );
+            }
+        }
+    }
+}

@@ -34,6 +34,9 @@ mod digest;
 mod ground_clock;
 pub mod image;
 mod lockstep;
+#[cfg(test)]
+#[path = "../../control/tests/common/residues.rs"]
+mod residues;
 
 pub use craft::{Craft, Inputs, LinkStatus, Setup};
 pub use digest::digest;

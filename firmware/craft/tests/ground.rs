@@ -1,5 +1,9 @@
 //! A craft as the ground sees it: messages in, messages out, with the flight law behind.
 
+#[path = "../../control/tests/common/cases.rs"]
+mod cases;
+
+use cases::cases;
 use control::Preflight;
 use control::{Config, State};
 use craft::{Craft, Inputs, LinkStatus, Setup, digest};
@@ -338,7 +342,7 @@ fn any_message() -> impl Strategy<Value = Message> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, ..ProptestConfig::default() })]
+    #![proptest_config(cases(200))]
 
     /// Whatever the ground says and the sensors measure: motors get finite commands inside their
     /// range, idle unless somebody armed; every message out can be sent.

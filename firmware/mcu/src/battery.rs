@@ -35,4 +35,19 @@ mod tests {
         assert!((divider.volts(1252) - 11.1).abs() < 0.009, "{}", divider.volts(1252));
         assert!(divider.volts(4095).is_nan(), "clipped is not measured");
     }
+
+    /// Every count of every converter of 8 to 16 bits, against f64: two roundings of f32.
+    #[test]
+    fn any_count_is_its_voltage() {
+        for bits in 8..=16 {
+            let full = ((1_u32 << bits) - 1) as u16;
+            let divider = Divider { ratio: 11.0, reference_v: 3.3, full };
+            for count in 0..=u16::MAX {
+                let (volts, wide) =
+                    (divider.volts(count), f64::from(count) / f64::from(full) * f64::from(3.3_f32) * 11.0);
+                assert_eq!(volts.is_nan(), count >= full);
+                assert!(volts.is_nan() || (f64::from(volts) - wide).abs() <= 3e-7 * wide, "{count}: {volts}");
+            }
+        }
+    }
 }

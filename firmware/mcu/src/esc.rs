@@ -95,4 +95,24 @@ mod tests {
         let wild = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30];
         assert_eq!(pulses_us([1000.0, 2000.0], wild), [1000.0, 2000.0, 1000.0, 2000.0]);
     }
+
+    /// Every f32 from idle to full on the board's timer, and every timer of 16 bits at both ends: against
+    /// f64, to the rounding of two products.
+    #[test]
+    fn any_pulse_is_the_nearest_count() {
+        let near = |pulse_us: f32, full: u16| {
+            let exact = f64::from(pulse_us) * f64::from(full) / f64::from(FRAME_US);
+            let duty = duty(pulse_us, full);
+            assert!(
+                duty <= full && (f64::from(duty) - exact).abs() <= 0.51,
+                "{pulse_us} us of {full}: {duty}"
+            );
+        };
+        for bits in IDLE_US.to_bits()..=FULL_US.to_bits() {
+            near(f32::from_bits(bits), 52_500);
+        }
+        for full in 0..=u16::MAX {
+            [IDLE_US, 1500.0, FULL_US].iter().for_each(|pulse_us| near(*pulse_us, full));
+        }
+    }
 }

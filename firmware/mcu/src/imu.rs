@@ -152,4 +152,23 @@ mod tests {
     fn another_chip_is_refused() {
         assert!(matches!(Mpu6000::new(chip(0x70), &mut NoDelay), Err(ImuError::OtherChip(0x70))));
     }
+
+    /// Every count of every axis, against f64; the turn into forward, right, down is exact.
+    #[test]
+    fn any_count_is_its_rate_and_its_acceleration() {
+        let mut imu = Mpu6000::new(chip(0x68), &mut NoDelay).unwrap();
+        for count in i16::MIN..=i16::MAX {
+            let [high, low] = count.to_be_bytes();
+            imu.spi.0[0x3b..0x3b + 14].copy_from_slice(&[high, low].repeat(7));
+            let sample = imu.sample().unwrap();
+            let near = |got: [f32; 3], per_count: f64| {
+                let want = f64::from(count) * per_count;
+                got.into_iter()
+                    .zip([want, -want, -want])
+                    .all(|(x, want)| (f64::from(x) - want).abs() <= 3e-7 * want.abs())
+            };
+            assert!(near(sample.gyro_rad_s, std::f64::consts::PI / 180.0 / 32.8), "{count}: {sample:?}");
+            assert!(near(sample.acceleration_m_s2.unwrap(), 9.806_65 / 4096.0), "{count}: {sample:?}");
+        }
+    }
 }

@@ -28,11 +28,15 @@
 
 pub mod battery;
 mod board;
+mod clock;
 pub mod esc;
 pub mod imu;
 #[cfg(all(target_os = "none", not(feature = "stm32f405")))]
 pub mod mps2;
 mod program;
+#[cfg(test)]
+#[path = "../../control/tests/common/residues.rs"]
+mod residues;
 pub mod ring;
 #[cfg(all(target_os = "none", feature = "stm32f405"))]
 pub mod stm32f405;

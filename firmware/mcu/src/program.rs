@@ -7,6 +7,7 @@ use embedded_io::{Read, ReadReady, Write};
 use proto::{CraftEnd, Deframer, Heard, Key, MAX_PACKET_LEN, MAX_STREAM_LEN};
 
 use crate::board::Board;
+use crate::clock::Beats;
 
 /// Version of the program: major, minor, patch.
 pub const VERSION: [u16; 3] = [
@@ -48,9 +49,7 @@ pub struct Program {
     elapsed_us: u64,
     last_us: Option<u32>,
     config: Config,
-    period_us: u32,
-    /// When the next tick is due; none before the first.
-    due_us: Option<u32>,
+    beats: Beats,
     /// Did the outputs take the last commands?
     outputs_ready: bool,
 }
@@ -73,8 +72,7 @@ impl Program {
             elapsed_us: 0,
             last_us: None,
             config,
-            period_us: (config.sample_time_s * 1e6 + 0.5) as u32,
-            due_us: None,
+            beats: Beats::new((config.sample_time_s * 1e6 + 0.5) as u32),
             outputs_ready: true,
         })
     }
@@ -93,16 +91,10 @@ impl Program {
             self.end = board.random().map(|random| CraftEnd::new(LINK, self.key.clone(), random));
         }
         self.hear(board.link());
-        let due_us = *self.due_us.get_or_insert(now_us);
-        let lateness_us = now_us.wrapping_sub(due_us);
-        if lateness_us > u32::MAX / 2 {
+        let Some(lateness_us) = self.beats.late_us(now_us) else {
             board.wait();
             return;
-        }
-        // After a period without a tick it continues from now: missed ticks are not made up, and
-        // the supervisor sees the gap.
-        let base_us = if lateness_us >= self.period_us { now_us } else { due_us };
-        self.due_us = Some(base_us.wrapping_add(self.period_us));
+        };
         self.tick(board, now_us, lateness_us);
         board.feed_watchdog();
     }

@@ -194,4 +194,39 @@ mod tests {
         assert_eq!((port.write(b"xyz"), port.write(b"uv")), (Ok(3), Err(Full)));
         assert_eq!(to_send.len(), 3);
     }
+
+    /// Rings of 1 to 16 bytes that have counted to every boundary of usize, with every number of bytes in
+    /// them and as many more, against a queue.
+    #[test]
+    fn counts_wrap_and_bytes_stay() {
+        fn check<const N: usize>() {
+            let shift = u64::BITS - usize::BITS;
+            for count in crate::residues::residues_u64() {
+                let count = (count >> shift) as usize;
+                for held in 0..=N {
+                    for more in 0..=N + 1 {
+                        let counts = [count.wrapping_add(held), count].map(AtomicUsize::new);
+                        let [pushed, popped] = counts;
+                        let ring = Ring { pushed, popped, ..Ring::<N>::new() };
+                        let mut queue: std::collections::VecDeque<u8> =
+                            std::iter::repeat_n(0, held).collect();
+                        let bytes: Vec<u8> = (1..=more as u8).collect();
+                        assert_eq!(ring.push(&bytes), held + more <= N, "{count} {held} {more}");
+                        if held + more <= N {
+                            queue.extend(&bytes);
+                        }
+                        assert_eq!((ring.len(), ring.is_empty()), (queue.len(), queue.is_empty()));
+                        while let Some(byte) = queue.pop_front() {
+                            assert_eq!(ring.pop(), Some(byte), "{count} {held} {more}");
+                        }
+                        assert_eq!(ring.pop(), None);
+                    }
+                }
+            }
+        }
+        check::<1>();
+        check::<2>();
+        check::<8>();
+        check::<16>();
+    }
 }

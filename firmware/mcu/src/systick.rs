@@ -9,6 +9,8 @@ use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::exception;
 
+use crate::clock::time_us;
+
 /// Periods since the start.
 static PERIODS: AtomicU32 = AtomicU32::new(0);
 
@@ -39,8 +41,7 @@ impl Systick {
             let left_us = SYST::get_current() / self.counts_per_us;
             // An interrupt in between: the two do not belong together.
             if PERIODS.load(Ordering::Relaxed) == before {
-                let since_us = self.period_us.saturating_sub(1).saturating_sub(left_us);
-                return before.wrapping_mul(self.period_us).wrapping_add(since_us);
+                return time_us(before, left_us, self.period_us);
             }
         }
     }

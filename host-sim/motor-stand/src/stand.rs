@@ -137,6 +137,9 @@ pub struct Stand {
     pub motors: Vec<Motor>,
 }
 
+/// What is in a file, and where it comes from.
+pub type Source<'a> = (&'a [u8], &'a Path);
+
 /// One file: header and columns.
 struct Log {
     path: PathBuf,
@@ -145,8 +148,7 @@ struct Log {
 }
 
 impl Log {
-    fn read(path: &Path) -> Result<Self, StandError> {
-        let bytes = std::fs::read(path).map_err(|source| StandError::Read { path: path.into(), source })?;
+    fn parse((bytes, path): Source<'_>) -> Result<Self, StandError> {
         let message = |error: &csv::Error| match error.kind() {
             csv::ErrorKind::UnequalLengths { pos, expected_len, len } => {
                 let row = pos.as_ref().map_or(0, |p| p.record() + 1);
@@ -155,7 +157,7 @@ impl Log {
             _ => error.to_string().chars().map(|c| if c.is_control() { ' ' } else { c }).collect(),
         };
         let refuse = |error: csv::Error| StandError::Csv { path: path.into(), message: message(&error) };
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes.as_slice());
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes);
         let header = reader.headers().map_err(refuse)?.clone();
         let names: Vec<String> =
             header.iter().map(|name| name.trim_start_matches('\u{feff}').to_owned()).collect();
@@ -257,7 +259,23 @@ impl Stand {
         vehicle: &Vehicle,
         motor: Option<usize>,
     ) -> Result<Self, StandError> {
-        let (craft, rotor) = (Log::read(craft)?, Log::read(rotor)?);
+        let load = |path: &Path| {
+            std::fs::read(path).map_err(|source| StandError::Read { path: path.into(), source })
+        };
+        Self::parse((&load(craft)?, craft), (&load(rotor)?, rotor), vehicle, motor)
+    }
+
+    /// The same of logs that have been read.
+    ///
+    /// # Errors
+    /// As [`Stand::read`].
+    pub fn parse(
+        craft: Source<'_>,
+        rotor: Source<'_>,
+        vehicle: &Vehicle,
+        motor: Option<usize>,
+    ) -> Result<Self, StandError> {
+        let (craft, rotor) = (Log::parse(craft)?, Log::parse(rotor)?);
         let volts =
             craft.filled("vbat")?.ok_or_else(|| craft.missing("column \"vbat\" (volts) is missing"))?;
         if volts.iter().filter(|v| v.is_finite()).any(|v| !(0.5..200.0).contains(v)) {

@@ -49,6 +49,18 @@ pub(crate) const CARGO_CYCLONEDX: Tool = Tool {
     version: &["cargo", "cyclonedx", "--version"],
     install: "cargo install --locked cargo-cyclonedx",
 };
+/// Runs programs on an abstract machine that knows undefined behaviour.
+pub(crate) const MIRI: Tool = Tool {
+    name: "miri",
+    version: &["rustup", "run", "nightly", "cargo", "miri", "--version"],
+    install: "rustup toolchain install nightly -c miri,rust-src",
+};
+/// Changes the code a little, and looks whether a test notices.
+pub(crate) const CARGO_MUTANTS: Tool = Tool {
+    name: "cargo-mutants",
+    version: &["cargo", "mutants", "--version"],
+    install: "cargo install --locked cargo-mutants",
+};
 /// Knows which files belong to the project.
 pub(crate) const GIT: Tool =
     Tool { name: "git", version: &["git", "--version"], install: "apt-get install --yes git" };

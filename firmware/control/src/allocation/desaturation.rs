@@ -174,7 +174,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(5_000))]
+        #![proptest_config(crate::cases::cases(5_000))]
 
         /// On the thesis' matrix, whatever is asked for: all rotors inside their range; what is
         /// refused is refused for a rotor at its end; roll and pitch keep their direction and are

@@ -325,6 +325,7 @@ mod tests {
         let squares = mixer.mix(1.0, [3.0, 0.0, 0.0]);
         assert_eq!(squares, [4.0, -2.0, -2.0, 4.0]);
         assert_eq!(rotor_speeds(squares), [2.0, 0.0, 0.0, 2.0]);
+        assert_eq!(rotor_speeds([-0.0, 0.0, f32::NAN, -1.0]).map(f32::to_bits), [0; 4], "no zero has a sign");
         let ends = squares.map(|w2| AtEnd { high: false, low: w2 < 0.0 });
         let refused = mixer.refused(ends);
         assert!(refused.roll.high && !refused.roll.low, "more roll to the right is refused");
@@ -347,6 +348,38 @@ mod tests {
         assert_eq!(mixer.refused(ends), want);
     }
 
+    /// Every rotor at either end, at both or at none, of a mixer whose entries have every sign: what an
+    /// axis loses is what some rotor at an end would have to do for it.
+    #[test]
+    fn every_set_of_rotors_at_their_ends() {
+        let signs = [1.0, -1.0, 0.0];
+        for row in (0..81_usize).step_by(if cfg!(miri) { 41 } else { 1 }) {
+            let column = |k: u32| signs[row / 3_usize.pow(k) % 3];
+            let entries = [column(0), column(1), column(2), column(3)];
+            // Each rotor answers the axes in another order.
+            let rows: [[f64; 4]; 4] =
+                core::array::from_fn(|rotor| core::array::from_fn(|axis| entries[(rotor + axis) % 4]));
+            let mixer = Mixer::from_rows(&rows);
+            for ends in 0..256_u32 {
+                let at_end: [AtEnd; 4] = core::array::from_fn(|rotor| AtEnd {
+                    high: ends >> (2 * rotor) & 1 != 0,
+                    low: ends >> (2 * rotor) & 2 != 0,
+                });
+                let refuses = |axis: usize, sign: f64| {
+                    (0..4).any(|rotor: usize| {
+                        let more = sign * rows[rotor][axis];
+                        at_end[rotor].high && more > 0.0 || at_end[rotor].low && more < 0.0
+                    })
+                };
+                let axis = |k| Directions { high: refuses(k, 1.0), low: refuses(k, -1.0) };
+                let want = Refused { thrust: axis(0), roll: axis(1), pitch: axis(2), yaw: axis(3) };
+                let got = mixer.refused(at_end);
+                assert_eq!(got, want, "{rows:?} {at_end:?}");
+                assert_eq!(got.any(), (0..4).any(|k| refuses(k, 1.0) || refuses(k, -1.0)));
+            }
+        }
+    }
+
     #[test]
     fn singular_matrices_are_refused() {
         let mut k = effectiveness(&THESIS_ROTORS);
@@ -354,6 +387,17 @@ mod tests {
         assert_eq!(inverse(&k), Err(ConfigError::SingularMixing));
         assert_eq!(inverse(&[[0.0; 4]; 4]), Err(ConfigError::SingularMixing));
         assert_eq!(inverse(&[[f64::NAN; 4]; 4]), Err(ConfigError::SingularMixing));
+        // A determinant of the least size that counts, and one below it; the rows have length 1.
+        let nearly = |least: f64| {
+            inverse(&[
+                [1.0, 0.0, 0.0, 0.0],
+                [0.0, 1.0, 0.0, 0.0],
+                [0.0, 0.0, 1.0, 0.0],
+                [0.0, 0.0, 1.0, least],
+            ])
+        };
+        assert!(nearly(1e-9).is_ok() && nearly(-1e-9).is_ok());
+        assert_eq!(nearly(0.999e-9), Err(ConfigError::SingularMixing));
     }
 
     proptest! {

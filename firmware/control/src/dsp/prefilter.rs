@@ -92,7 +92,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(10_000))]
+        #![proptest_config(crate::cases::cases(10_000))]
 
         /// Any bits: the reference moves by no more than the limit (and one rounding of its own),
         /// and stays a number.

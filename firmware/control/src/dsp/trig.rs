@@ -94,7 +94,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(100_000))]
+        #![proptest_config(crate::cases::cases(100_000))]
 
         #[test]
         fn agrees_with_double_precision(x in -1000.0_f32..1000.0) {

@@ -388,10 +388,8 @@ struct Motors {
 #[inline]
 fn allocate(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f32) -> Motors {
     let mixed = laws.mixer.mix(loops.thrust, loops.torque());
-    let [m1, m2, m3, m4] = mixed;
-    // Not finite if any of the four is not. (Checked before the square roots, which make 0 of a
-    // NaN.)
-    if !((m1 + m2) + (m3 + m4)).is_finite() {
+    // Before the square roots, which make 0 of a NaN.
+    if !are_finite(mixed) {
         return internal_fault(memory);
     }
     let (rotor_speed_rad_s, wanted) = commands(laws, memory, mixed, battery_v);
@@ -414,6 +412,12 @@ fn allocate(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f3
         }
     }
     motors
+}
+
+/// Are all four finite? (A sum is not if one of its parts is not.)
+#[inline]
+fn are_finite([a, b, c, d]: [f32; 4]) -> bool {
+    ((a + b) + (c + d)).is_finite()
 }
 
 /// Rotor speeds in rad/s where the law knows any, and motor commands, injection included, on either
@@ -720,6 +724,175 @@ mod tests {
                 // 5 rad/s^2 per rad/s.
                 assert!((got - want).abs() < 3.0, "{k}: {got} {want}");
             }
+        }
+    }
+
+    #[test]
+    fn after_a_reset_it_is_as_new() {
+        let mut controller = thesis();
+        let low = Measurement { position_m: [0.3, 0.0, -0.8], ..HOVER };
+        for _ in 0..50 {
+            controller.tick(&low, &Command { mode: Mode::Position, ..STAY });
+        }
+        assert_ne!(controller, thesis());
+        controller.reset();
+        assert_eq!(controller, thesis());
+    }
+
+    #[test]
+    fn a_settled_height_is_the_reference_at_once() {
+        let mut controller = thesis();
+        controller.tick(&HOVER, &STAY);
+        controller.settle_height(-1.5);
+        let reference_m = controller.tick(&HOVER, &Command { z_m: -1.5, ..STAY }).terms.z_reference_m;
+        assert!((reference_m + 1.5).abs() < 1e-6, "{reference_m}");
+    }
+
+    #[test]
+    fn restarted_estimators_see_no_leap() {
+        let mut controller = thesis();
+        for _ in 0..10 {
+            controller.tick(&HOVER, &STAY);
+        }
+        controller.restart_estimators();
+        let away = Measurement { position_m: [0.0, 0.0, -2.0], attitude_rad: [0.2, 0.0, 0.0], ..HOVER };
+        for _ in 0..5 {
+            let Terms { z_rate_m_s, body_rates_rad_s: [p, ..], .. } = controller.tick(&away, &STAY).terms;
+            assert!(z_rate_m_s.abs() < 1e-4 && p.abs() < 1e-4, "{z_rate_m_s} {p}");
+        }
+    }
+
+    /// The weight is carried at every tilt up to 60 degrees, and twice the weight at most.
+    #[test]
+    fn a_tilted_craft_gets_its_weight_along_the_vertical() {
+        let config = Config { tilt_compensation: true, ..Config::thesis() };
+        for [roll, pitch] in [[0.0, 0.0], [0.3, 0.0], [-0.5, 0.4], [0.9, -0.5], [1.2, 0.0], [3.0, 0.0]] {
+            let tilted = Measurement { attitude_rad: [roll, pitch, 0.3], ..HOVER };
+            let command = Command { yaw_rad: 0.3, ..STAY };
+            let thrust = Controller::new(&config).unwrap().tick(&tilted, &command).terms.thrust;
+            let upright = libm::cos(f64::from(roll)) * libm::cos(f64::from(pitch));
+            let want = 11.9093 / upright.max(0.5);
+            assert!((f64::from(thrust) / want - 1.0).abs() < 1e-5, "{roll} {pitch}: {thrust} {want}");
+        }
+    }
+
+    /// At 8.5 V a rotor that stands still is commanded 1051 us (the map's numbers), which is no end of
+    /// the range: that it cannot turn backwards is refused all the same. 3 N and 40 rad/s^2 of roll.
+    #[test]
+    fn a_rotor_that_would_turn_backwards_refuses() {
+        let high = Measurement { position_m: [0.0, 0.0, -1.5], battery_v: 8.5, ..HOVER };
+        let tick = thesis().tick(&high, &Command { attitude_rad: [1.1, 0.0], ..STAY });
+        assert!(tick.pwm.iter().all(|pwm| *pwm > 1040.0 && *pwm < 1900.0), "{:?}", tick.pwm);
+        let Refused { thrust, roll, .. } = tick.refused;
+        assert!(roll.high && !roll.low && thrust.low && !thrust.high, "{:?}", tick.refused);
+        assert!(!thesis().tick(&Measurement { battery_v: 8.5, ..HOVER }, &STAY).refused.any());
+    }
+
+    /// No thrust, and a second rotor that is to turn backwards: the first gives all that it is asked for.
+    #[test]
+    fn a_rotor_that_is_to_stand_still_refuses_nothing() {
+        let mut config = Config::thesis();
+        let Law::ModelBased(law) = &mut config.law else { panic!("the model-based law") };
+        law.hover_thrust_n = 9.0;
+        (law.loops.altitude.ki, law.loops.altitude.kd) = (0.0, 0.0);
+        law.loops.altitude.prefilter_rad_s = None;
+        law.mixing = crate::config::gains::Mixing::Inverse([
+            [3e4, 0.0, 0.0, 0.0],
+            [0.0, -1e3, 0.0, 0.0],
+            [3e4, 1e3, 0.0, 0.0],
+            [3e4, 1e3, 0.0, 0.0],
+        ]);
+        let mut controller = Controller::new(&config).unwrap();
+        // 18 N/m at half a metre.
+        let high = Measurement { position_m: [0.0, 0.0, -1.5], battery_v: 8.5, ..HOVER };
+        let tick = controller.tick(&high, &Command { attitude_rad: [1.1, 0.0], ..STAY });
+        assert_eq!((tick.terms.thrust, tick.terms.rotor_speed_rad_s.unwrap()[0]), (0.0, 0.0));
+        assert!(tick.refused.roll.high && !tick.refused.thrust.low, "{:?}", tick.refused);
+    }
+
+    /// Every law with roll and pitch first.
+    fn attitude_first(config: Config) -> Controller {
+        Controller::new(&Config { saturation: Saturation::AttitudeFirst, ..config }).unwrap()
+    }
+
+    fn tilt_fraction(controller: &Controller) -> f32 {
+        controller.memory.inner.unwrap().tilt_fraction
+    }
+
+    /// 0.05 a second while the motors are nearly saturated, 0.02 a second back.
+    #[test]
+    fn the_commanded_tilt_falls_while_motors_are_at_their_ends_and_grows_back() {
+        let mut controller = attitude_first(Config::thesis());
+        let over = Measurement { attitude_rad: [-3.0, 0.0, 0.0], ..HOVER };
+        for k in 1..=100 {
+            controller.tick(&over, &STAY);
+            let want = 1.0 - 5e-4 * k as f32;
+            assert!((tilt_fraction(&controller) - want).abs() < 1e-5, "{k}: {}", tilt_fraction(&controller));
+        }
+        let mut calm = attitude_first(Config::thesis());
+        calm.tick(&HOVER, &STAY);
+        calm.memory.inner.iter_mut().for_each(|inner| inner.tilt_fraction = 0.95);
+        for k in 1..=300 {
+            calm.tick(&HOVER, &STAY);
+            let want = (0.95 + 2e-4 * k as f32).min(1.0);
+            assert!((tilt_fraction(&calm) - want).abs() < 2e-5, "{k}: {}", tilt_fraction(&calm));
+        }
+        for _ in 0..3000 {
+            controller.tick(&over, &STAY);
+        }
+        assert_eq!(tilt_fraction(&controller), 0.0, "and never beyond");
+    }
+
+    /// 69 rad/s^2 of roll is nine tenths of what the motors have at any thrust, but at 11 N none of them
+    /// is at an end: nothing is refused, and the whole tilt is flown.
+    #[test]
+    fn motors_inside_their_range_reduce_no_tilt() {
+        let mut controller = attitude_first(Config::thesis());
+        let high = Measurement { position_m: [0.0, 0.0, -1.05], ..HOVER };
+        let tick = controller.tick(&high, &Command { attitude_rad: [1.9, 0.0], ..STAY });
+        let [roll, ..] = tick.terms.torque;
+        assert!(
+            (62.0..72.0).contains(&roll) && tick.pwm.iter().all(|x| *x > 1000.0 && *x < 2000.0),
+            "{tick:?}"
+        );
+        assert_eq!((tilt_fraction(&controller), tick.refused.any()), (1.0, false));
+    }
+
+    /// A climb asks for more than there is: the first motor that has no more is at its end, injection and
+    /// all, whatever the injection.
+    #[test]
+    fn an_injection_takes_its_part_of_the_range() {
+        for config in [Config::thesis(), Config::thesis_hand_tuned()] {
+            for injection in [-50.0, 0.0, 50.0] {
+                let mut controller = attitude_first(config);
+                let command = Command { z_m: -2.0, injection: [injection; 4], ..STAY };
+                let deep = Measurement { position_m: [0.0, 0.0, 0.0], ..HOVER };
+                let tick = controller.tick(&deep, &command);
+                let most = tick.pwm.into_iter().fold(0.0, f32::max);
+                assert!((most - 2000.0).abs() < 0.1 && tick.refused.thrust.high, "{injection}: {tick:?}");
+                let command = Command { z_m: 0.0, injection: [injection; 4], ..STAY };
+                let high = Measurement { position_m: [0.0, 0.0, -2.0], ..HOVER };
+                let tick = attitude_first(config).tick(&high, &command);
+                let least = tick.pwm.into_iter().fold(f32::MAX, f32::min);
+                assert!(
+                    (1000.0..1100.0).contains(&least) && tick.refused.thrust.low,
+                    "{injection}: {tick:?}"
+                );
+            }
+        }
+    }
+
+    /// Numbers of 1e21, as the greatest gains and matrix entries that the checks let pass can make them.
+    #[test]
+    fn great_numbers_are_numbers() {
+        for place in 0..4 {
+            for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+                let mut four = [1e21, 2e21, 3e21, -1e21];
+                assert!(are_finite(four));
+                four[place] = bad;
+                assert!(!are_finite(four), "{four:?}");
+            }
+            assert!(!are_finite([f32::INFINITY; 4]) && !are_finite([f32::NEG_INFINITY; 4]));
         }
     }
 }

@@ -219,7 +219,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(20_000))]
+        #![proptest_config(crate::cases::cases(20_000))]
 
         /// Against nalgebra: the rotation put together from X-Y-Z turns equals the one put together
         /// from Z-Y-X turns by the converted angles. 1e-6 is a few roundings of f32; near the pole

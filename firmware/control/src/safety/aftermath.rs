@@ -198,6 +198,26 @@ mod tests {
         );
     }
 
+    /// Every set of motors at either end, level or not, tipping over or not: which one is named, if any.
+    #[test]
+    fn every_set_of_motors_at_their_ends() {
+        let limits = limits();
+        for set in (0..81_usize).step_by(if cfg!(miri) { 13 } else { 1 }) {
+            let commands = [1000.0, 1500.0, 2000.0];
+            let pwm: [f32; 4] = core::array::from_fn(|k| commands[set / 3_usize.pow(k as u32) % 3]);
+            let full: Vec<usize> = (0..4).filter(|k| pwm[*k] == 2000.0).collect();
+            let alone = |motor: &&usize| full.len() == 1 || pwm[(**motor + 2) % 4] == 1000.0;
+            let want = full.iter().find(alone).map(|motor| *motor as u8);
+            for (roll_rad, error_rad) in [(0.0, 0.0), (0.0, 0.6), (0.6, 0.0), (0.6, 0.6)] {
+                let mut aftermath = Aftermath::GOOD;
+                let seen_rad = [[roll_rad, 0.0, 0.0], [0.0, error_rad, 0.0]];
+                (0..100).for_each(|_| aftermath.motors(true, pwm, seen_rad, PERIOD_US, &limits));
+                let fails = roll_rad == 0.0 || error_rad > 0.0;
+                assert_eq!(aftermath.failed_motor, want.filter(|_| fails), "{pwm:?} {seen_rad:?}");
+            }
+        }
+    }
+
     #[test]
     fn thrust_is_lost_by_a_level_craft_that_sinks_and_nobody_else() {
         let limits = limits();

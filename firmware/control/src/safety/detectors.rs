@@ -542,6 +542,24 @@ mod tests {
         assert_eq!(refused, 3);
     }
 
+    /// Until the first one that moves, as at the beginning of a simulation.
+    #[test]
+    fn equal_poses_are_not_frozen_before_one_has_moved() {
+        let limits = limits();
+        let mut detectors = Detectors::in_flight();
+        let mut used = |pose: Pose, last: Pose, anchored| {
+            let known = LastKnown { last: &last, attitude_rad: last.attitude_rad, anchored };
+            found(|c| detectors.pose(Some(&pose), &known, PERIOD_US, &limits, c)).0
+        };
+        (0..10).for_each(|_| assert!(used(POSE, POSE, true)));
+        let moved = Pose { position_m: [0.01, 0.0, -1.0], ..POSE };
+        // On the ground nothing settles.
+        assert!(used(moved, POSE, false));
+        (0..10).for_each(|_| assert!(used(moved, moved, true)));
+        assert!(used(POSE, moved, true));
+        assert_eq!([(); 4].map(|()| used(POSE, POSE, true)), [true, true, false, false]);
+    }
+
     #[test]
     fn a_pose_out_of_reach_is_refused_until_a_silence_makes_room() {
         let away = Pose { position_m: [0.6, 0.0, -1.0], ..POSE };
@@ -587,6 +605,14 @@ mod tests {
             let want = if k == 2 { vec![C::ImuLate] } else { vec![] };
             assert_eq!(sample(bad), (None, want));
         }
+    }
+
+    #[test]
+    fn a_simulation_that_begins_in_the_air_has_had_everything_and_a_boot_nothing() {
+        let limits = Limits { uses_gyro: true, ..limits() };
+        let first = |mut detectors: Detectors| found(|c| detectors.imu(None, PERIOD_US, &limits, c));
+        assert_eq!(first(Detectors::in_flight()), (None, vec![]));
+        assert_eq!(first(Detectors::at_rest()), (None, vec![C::ImuLate, C::ImuGone]));
     }
 
     /// Sines of 1 rad/s on one axis, by the frequency response of the second difference (Oppenheim
@@ -663,5 +689,76 @@ mod tests {
         (0..4).for_each(|_| assert_eq!(voltage(f32::NAN), [C::BatteryLow]));
         assert_eq!(voltage(f32::NAN), [C::BatteryLow, C::BatteryCritical, C::BatteryEmpty]);
         assert_eq!(voltage(12.0), []);
+    }
+}
+
+/// The clock from every residue of 2^32 with a boundary, every time between two ticks up to 2.1 s, every
+/// 4,099th of all others (at night, every one), and lost time about its boundaries: against wide integers.
+#[cfg(test)]
+#[cfg(not(miri))]
+mod arithmetic {
+    use super::*;
+    use crate::config::gains::Config;
+    use crate::residues::{residues, stride};
+
+    /// What a tick after `elapsed` us does to `debt` us of lost time: the time that counts, the lost time
+    /// after it, whether it was a leap, late, and whether there is too much of it.
+    fn by_words(elapsed: i128, debt: i128, limits: &Limits) -> (i128, i128, [bool; 3]) {
+        let [period, jump, most] = [limits.period_us, limits.jump_us, limits.overrun_us].map(i128::from);
+        if elapsed == 0 || elapsed > jump {
+            return (period, debt, [true, false, false]);
+        }
+        let late = elapsed > period + period / 2;
+        let made_up = if late { debt + elapsed - period } else { debt - period / 10 };
+        // A tick in time, and none lost, or one that comes early.
+        let debt = made_up.clamp(0, i128::from(u32::MAX));
+        (elapsed, debt, [false, late, debt >= most])
+    }
+
+    fn check(last_us: u32, elapsed_us: u32, debt_us: u32, limits: &Limits) {
+        let mut detectors = Detectors { last_us: Some(last_us), debt_us, ..Detectors::in_flight() };
+        let mut found = Conditions::NONE;
+        let now = i128::from(last_us) + i128::from(elapsed_us);
+        let counted = detectors.clock(now as u32, limits, &mut found);
+        let (elapsed, debt, [leap, late, overrun]) = by_words(elapsed_us.into(), debt_us.into(), limits);
+        let Counters { overruns, clock_jumps, .. } = detectors.counters;
+        let about = || format!("{elapsed_us} us after {last_us}, {debt_us} us lost");
+        assert_eq!((i128::from(counted), i128::from(detectors.debt_us)), (elapsed, debt), "{}", about());
+        assert_eq!((clock_jumps, overruns), (leap.into(), late.into()), "{}", about());
+        assert_eq!(found.has(Condition::ClockJumped), leap, "{}", about());
+        assert_eq!(found.has(Condition::LoopOverrun), overrun, "{}", about());
+    }
+
+    #[test]
+    fn time_between_ticks_is_counted_as_it_passes() {
+        let mut config = Config::thesis();
+        // The least, the thesis' and the greatest period that is allowed, and an odd one.
+        for sample_time_s in [0.0001, 0.002_001, 0.01, 0.1] {
+            config.sample_time_s = sample_time_s;
+            let limits = Limits::new(&config);
+            let debts =
+                [0, 1, limits.period_us, limits.overrun_us - 1, limits.overrun_us, u32::MAX - 1, u32::MAX];
+            for elapsed_us in 0..2_100_000 {
+                check(u32::MAX - 10_000, elapsed_us, 0, &limits);
+            }
+            for last_us in residues() {
+                for elapsed_us in residues().into_iter().chain([limits.period_us, 3 * limits.period_us / 2]) {
+                    debts.iter().for_each(|debt_us| check(last_us, elapsed_us, *debt_us, &limits));
+                }
+            }
+        }
+        let limits = Limits::new(&Config::thesis());
+        for elapsed_us in (0..=u32::MAX).step_by(stride(4099)) {
+            check(7, elapsed_us, 1000, &limits);
+        }
+    }
+
+    #[test]
+    fn counts_stay_at_the_greatest_number() {
+        for number in residues() {
+            let mut counter = number;
+            count(&mut counter);
+            assert_eq!(u64::from(counter), (u64::from(number) + 1).min(u32::MAX.into()));
+        }
     }
 }

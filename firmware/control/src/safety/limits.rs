@@ -5,9 +5,9 @@ use crate::config::gains::Config;
 use crate::config::supervision_limits::{Landing, Supervision};
 use crate::inputs::input_checks::magnitude;
 
-/// Seconds as microseconds; what does not fit is the greatest number.
+/// Seconds as the nearest microseconds; what does not fit is the greatest number.
 fn micros(seconds: f64) -> u32 {
-    (seconds * 1e6) as u32
+    libm::round(seconds * 1e6) as u32
 }
 
 /// When a silence is late, lost, and over, s.
@@ -185,6 +185,17 @@ mod tests {
     #[test]
     fn seconds_become_microseconds() {
         assert_eq!([0.0, 1e-6, 0.01, 60.0, 1e9].map(micros), [0, 1, 10_000, 60_000_000, u32::MAX]);
+    }
+
+    /// Of the first 3 s every whole microsecond, and those at boundaries of 2^32: as a person writes
+    /// them, with six decimals, which f64 holds to less than half of one.
+    #[test]
+    fn whole_microseconds_stay_whole() {
+        for us in
+            (0..3_000_000).step_by(if cfg!(miri) { 10_007 } else { 1 }).chain(crate::residues::residues())
+        {
+            assert_eq!(micros(f64::from(us) / 1e6), us);
+        }
     }
 
     /// The thesis' table, worked out by hand.

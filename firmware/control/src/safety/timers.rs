@@ -114,3 +114,63 @@ mod tests {
         }
     }
 }
+
+/// Ages at every boundary of 2^32, and time that passes as long: against wide integers.
+#[cfg(test)]
+#[cfg(not(miri))]
+mod arithmetic {
+    use super::*;
+    use crate::residues::{FEW, residues};
+
+    const MOST: u64 = u32::MAX as u64;
+
+    fn later(age_us: u32, elapsed_us: u32) -> u64 {
+        (u64::from(age_us) + u64::from(elapsed_us)).min(MOST)
+    }
+
+    #[test]
+    fn what_has_held_goes_on_to_the_greatest_number() {
+        for (age_us, elapsed_us) in
+            residues().into_iter().flat_map(|a| residues().into_iter().map(move |b| (a, b)))
+        {
+            for for_us in FEW {
+                let mut held = Held(age_us);
+                let want = later(age_us, elapsed_us);
+                assert_eq!(held.step(true, elapsed_us, for_us), want >= for_us.into());
+                assert_eq!(u64::from(held.0), want);
+                assert!(!held.step(false, elapsed_us, for_us) && held == Held::NOT);
+            }
+        }
+    }
+
+    /// One step of every stream, by the words of [`Silence`].
+    #[test]
+    fn a_silence_is_as_long_as_it_is() {
+        let ages = || FEW.into_iter().chain([99, 100, 101, 49, 50, 51]);
+        let limits = || FEW.into_iter().flat_map(|late_us| FEW.map(move |good_us| (late_us, good_us)));
+        for (age_us, good_us) in ages().flat_map(|a| ages().map(move |b| (a, b))) {
+            for elapsed_us in ages() {
+                for (late_us, good_for_us) in limits().chain([(100, 80)]) {
+                    for (late, came) in [(false, false), (false, true), (true, false), (true, true)] {
+                        let mut stream = Silence { age_us, good_us, late };
+                        stream.step(
+                            came,
+                            elapsed_us,
+                            &SilenceLimits { late_us, lost_us: 0, good_us: good_for_us },
+                        );
+                        let age = if came { 0 } else { later(age_us, elapsed_us) };
+                        assert_eq!(u64::from(stream.age_us), age);
+                        let (gap, silent) = (2 * age > late_us.into(), age >= late_us.into());
+                        let good = if gap { 0 } else { later(good_us, elapsed_us) };
+                        let want =
+                            if late { silent || gap || good < good_for_us.into() } else { silent && !came };
+                        assert_eq!(
+                            stream.late, want,
+                            "{late} {came} {age} of {late_us}, {good} of {good_for_us}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,5 +1,8 @@
 //! What the tests of totality share.
 
+mod cases;
+
+pub(crate) use cases::cases;
 use control::Config;
 use control::gains::{BatteryFilter, Complement, GyroFusion, Saturation};
 
