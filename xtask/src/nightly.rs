@@ -60,7 +60,7 @@ pub(crate) const PARTS: &[Step] = &[
     },
     Step {
         name: "mutants",
-        about: "mixer, controller and supervisor, changed a little: a test notices each change (`.cargo/mutants.toml`)",
+        about: "mixer, controller and state machine, changed a little: a test notices each change (`.cargo/mutants.toml`)",
         tools: &[&CARGO_MUTANTS],
         run: mutants,
     },

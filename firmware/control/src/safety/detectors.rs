@@ -566,8 +566,11 @@ mod tests {
         let (ticks, _) = pose_ticks([Some(away), Some(away)]);
         assert_eq!(ticks, [(false, vec![C::PoseJumped]), (false, vec![C::PoseJumped])]);
         // 0.5 m at once, and 3 m/s: four silent ticks and half a metre reach 0.62 m.
-        let (ticks, _) = pose_ticks([None, None, None, None, Some(away)]);
-        assert!(ticks[4].0, "{ticks:?}");
+        let after_silence = |x_m: f32| {
+            let there = Pose { position_m: [x_m, 0.0, -1.0], ..POSE };
+            pose_ticks([None, None, None, None, Some(there)]).0[4].0
+        };
+        assert!(after_silence(0.61) && !after_silence(0.63));
     }
 
     #[test]
