@@ -93,16 +93,16 @@ impl Program {
             self.end = board.random().map(|random| CraftEnd::new(LINK, self.key.clone(), random));
         }
         self.hear(board.link());
-        let due_us = *self.due_us.get_or_insert(now_us);
+        // Ticks lie where the timer's periods begin: it is what ends the sleep.
+        let due_us = *self.due_us.get_or_insert(now_us - now_us % self.period_us);
         let lateness_us = now_us.wrapping_sub(due_us);
         if lateness_us > u32::MAX / 2 {
             board.wait();
             return;
         }
-        // After a period without a tick it continues from now: missed ticks are not made up, and
-        // the supervisor sees the gap.
-        let base_us = if lateness_us >= self.period_us { now_us } else { due_us };
-        self.due_us = Some(base_us.wrapping_add(self.period_us));
+        // Missed ticks are not made up, and the supervisor sees the gap.
+        let next = 1 + lateness_us / self.period_us;
+        self.due_us = Some(due_us.wrapping_add(next.wrapping_mul(self.period_us)));
         self.tick(board, now_us, lateness_us);
         board.feed_watchdog();
     }
@@ -189,6 +189,8 @@ mod tests {
         pwm: [f32; 4],
         fed: u32,
         broken_outputs: bool,
+        /// Period of a timer that alone wakes it; else something does every ms.
+        timer_us: Option<u32>,
         random: Option<[u8; 32]>,
     }
 
@@ -201,7 +203,8 @@ mod tests {
             self.now_us
         }
         fn wait(&mut self) {
-            self.now_us = self.now_us.wrapping_add(1000);
+            let slept_us = self.timer_us.map_or(1000, |period_us| period_us - self.now_us % period_us);
+            self.now_us = self.now_us.wrapping_add(slept_us);
         }
         fn imu(&mut self) -> Option<ImuSample> {
             let dither = (self.now_us % 70_000) as f32 * 1e-8;
@@ -284,6 +287,7 @@ mod tests {
             pwm: [0.0; 4],
             fed: 0,
             broken_outputs: false,
+            timer_us: None,
             random: Some([1; 32]),
         };
         let mut ground = Ground {
@@ -325,6 +329,7 @@ mod tests {
     fn it_introduces_itself_idles_and_reports_at_100_hz() {
         with_bench(|program, bench, ground| {
             ground.say(Message::Who);
+            tick(program, bench);
             let start_us = bench.now_us;
             for _ in 0..100 {
                 tick(program, bench);
@@ -373,6 +378,28 @@ mod tests {
         });
     }
 
+    /// Nothing but the timer's period wakes it, after a start in the middle of one; and a tick of
+    /// 25 ms comes between.
+    #[test]
+    fn ticks_lie_where_the_timers_periods_begin() {
+        with_bench(|program, bench, _| {
+            bench.now_us = 3_000_037;
+            program.due_us = None;
+            bench.timer_us = Some(10_000);
+            tick(program, bench);
+            for k in 1..=20 {
+                tick(program, bench);
+                assert_eq!(bench.now_us, 3_000_000 + k * 10_000, "one a period");
+                bench.now_us += 150; // what a tick takes
+            }
+            bench.now_us += 25_000;
+            for k in [22, 23, 24, 25] {
+                tick(program, bench);
+                assert_eq!(bench.now_us / 10_000, 300 + k);
+            }
+        });
+    }
+
     #[test]
     fn a_late_tick_is_reported_and_no_tick_is_made_up() {
         with_bench(|program, bench, ground| {
@@ -391,7 +418,7 @@ mod tests {
             );
             let before_us = bench.now_us;
             tick(program, bench);
-            assert_eq!(bench.now_us - before_us, 10_000);
+            assert_eq!(bench.now_us - before_us, 5_000, "where it would have been");
         });
     }
 
