@@ -3,15 +3,17 @@
 //! A part is a row of [`PARTS`], as a step of the normal tests is: its name, what it is worth a night for, the tools it needs, and the
 //! doing. A part whose tool is missing is skipped aloud.
 
+use std::ffi::OsString;
 use std::process::Command;
 
 use anyhow::{Context, Result};
 
-use crate::base::process::{cargo, shown};
+use crate::arm::{self, Target};
+use crate::base::process::{Program, cargo, shown};
 use crate::base::tally::Tally;
 use crate::base::tools::{CARGO_CYCLONEDX, CARGO_DENY, CARGO_FUZZ, CARGO_MUTANTS, MIRI};
 use crate::base::workspace::{self, Workspace};
-use crate::step::{Outcome, Step, harness, holds, one};
+use crate::step::{Outcome, Step, command_holds, harness, holds, one};
 use crate::supply;
 
 /// The night's tests, in the order they run.
@@ -64,12 +66,32 @@ pub(crate) const PARTS: &[Step] = &[
         tools: &[&CARGO_MUTANTS],
         run: mutants,
     },
+    Step {
+        name: "soak",
+        about: "8 h of one simulated craft, mission after mission: nothing happens, and the memory stays as it is",
+        tools: &[],
+        run: |_| sil(&["--soak", "8"]),
+    },
+    Step {
+        name: "monte-carlo",
+        about: "100,000 flights under drawn conditions: no crash that physics did not demand",
+        tools: &[],
+        run: |_| sil(&["--monte-carlo", "100000"]),
+    },
+    Step {
+        name: "serial",
+        about: "10 minutes of the microcontroller's program over serial lines in QEMU: no tick is missed",
+        tools: &[],
+        run: serial,
+    },
 ];
 
 /// Damaged inputs of each reader.
 const CASES: u32 = 100_000;
 /// Time for each fuzz target, s.
 const FUZZ_S: u32 = 60;
+/// Time that the microcontroller flies, s.
+const SERIAL_S: u32 = 600;
 /// Folders of fuzz targets, as `cargo fuzz` lays them out.
 const FUZZ_FOLDERS: [&str; 2] = ["tests/fuzz", "proto/fuzz"];
 
@@ -100,10 +122,26 @@ fn fuzz_targets(_: &Workspace) -> Result<Outcome> {
 
 /// The drill of the usual tests, for a minute and under the thesis' supervision.
 fn full_disks(_: &Workspace) -> Result<Outcome> {
-    let mut drill =
-        cargo(["test", "--workspace", "--test", "com", "--", "full_and_slow_disks", "--show-output"]);
+    // All tests are built, as the programs that it flies are only then.
+    let mut drill = cargo(["test", "--workspace", "--tests", "--", "full_and_slow_disks", "--show-output"]);
     drill.env("QUADLAB_FULL_DISK_S", "60");
     Ok(Outcome::Ran(harness(drill)?))
+}
+
+/// The simulation as its user runs it, for long.
+fn sil(arguments: &[&str]) -> Result<Outcome> {
+    let arguments: Vec<OsString> = arguments.iter().map(OsString::from).collect();
+    command_holds(cargo(Program::SIL.cargo_arguments(&arguments, true)))
+}
+
+fn serial(workspace: &Workspace) -> Result<Outcome> {
+    if let Some(missing) = arm::missing(Target::CortexM4) {
+        return Ok(Outcome::Skipped(missing));
+    }
+    arm::build(workspace, Target::CortexM4, "mcu", &["mcu"], &[])?;
+    let mut command = cargo(["test", "--workspace", "--test", "serial", "--", "--show-output"]);
+    command.envs(arm::variables(workspace)).env("QUADLAB_SERIAL_S", SERIAL_S.to_string());
+    Ok(Outcome::Ran(harness(command)?))
 }
 
 /// Names of the fuzz targets in a folder.

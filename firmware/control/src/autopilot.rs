@@ -13,10 +13,11 @@
 //!
 //! Without poses (thesis chapter 3 has no other position): the position is held and the attitude
 //! carried on from the last pose by the gyro, with Euler rates from body rates (thesis (2.3)). Up
-//! to [`PoseLimits::coast_s`] the command stays; then level at the held height; then down: the
-//! altitude loop sees a craft too high by [`Landing::blind_offset_m`], which takes `kp` times that
-//! off the hover thrust, with the integrator's trim kept. At [`PoseLimits::cut_after_s`] the motors
-//! stop.
+//! to [`PoseLimits::coast_s`] the command stays; then level at the held height, with the thrust that
+//! carried the craft while it was seen (`safety/hover_thrust.rs`), which brakes it too; then down: the altitude loop sees
+//! a craft too high by [`Landing::blind_offset_m`], which takes `kp` times that off this thrust. At
+//! [`PoseLimits::cut_after_s`] the motors stop. (No barometer and no range sensor: [`Readings`] has
+//! neither.)
 //!
 //! Not here: sensors, links and clocks of a board, and the take-off, which is a command like
 //! another.
@@ -35,6 +36,7 @@ use crate::law::terms::Tick;
 use crate::safety::aftermath::Aftermath;
 use crate::safety::conditions::{Condition, Conditions};
 use crate::safety::detectors::{Counters, Detectors, LastKnown, count};
+use crate::safety::hover_thrust::HoverThrust;
 use crate::safety::limits::Limits;
 use crate::safety::plausibility::tilt_bound;
 use crate::safety::preflight::Preflight;
@@ -92,6 +94,7 @@ pub struct Autopilot {
     carried_rad: Option<[f32; 3]>,
     anchor: Anchor,
     touchdown: Touchdown,
+    hover: HoverThrust,
     flight: Flight,
 }
 
@@ -122,6 +125,7 @@ impl Autopilot {
         Ok(Self {
             controller,
             touchdown: Touchdown::new(&limits.touchdown),
+            hover: HoverThrust::of_the_law(&limits.hover),
             limits,
             descent: Descent {
                 slow_m_per_us: (landing.descent_m_s * 1e-6) as f32,
@@ -289,6 +293,9 @@ impl Autopilot {
         let seen_rad = [attitude_rad, terms.attitude_error_rad];
         aftermath.motors(refused, tick.pwm, seen_rad, elapsed_us, limits);
         aftermath.turns(seen_rad, rates_rad_s, elapsed_us, limits);
+        if seen && !refused && self.detectors.pose_is_new() {
+            self.hover.learn(terms.thrust, attitude_rad, terms.z_rate_m_s, &self.limits.hover);
+        }
         let touchdown = &self.limits.touchdown;
         if self.state == State::Land {
             let [_, _, z_m] = self.pose.position_m;
@@ -371,6 +378,7 @@ impl Autopilot {
     ) -> Command {
         let before = core::mem::replace(&mut self.state, state);
         if state.motors_idle() {
+            self.hover = HoverThrust::of_the_law(&self.limits.hover);
             return IDLE;
         }
         if let (State::Flying, Some(pilot)) = (state, pilot) {
@@ -387,6 +395,8 @@ impl Autopilot {
         let anchor = &mut self.anchor;
         let level = Command { yaw_rad: anchor.yaw_rad, cut_off: false, ..IDLE };
         if blind {
+            let thrust = self.hover.carry_on(elapsed_us, &self.limits.hover);
+            self.controller.carry_with(thrust);
             let offset_m = if state == State::Land { self.descent.blind_offset_m } else { 0.0 };
             return Command { z_m: anchor.z_m + offset_m, ..level };
         }

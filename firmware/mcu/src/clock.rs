@@ -17,22 +17,23 @@ pub(crate) struct Beats {
 }
 
 impl Beats {
-    /// The first is due when it is asked for.
+    /// The first is due where the timer's period began in which it is asked for.
     pub(crate) fn new(period_us: u32) -> Self {
         Self { period_us, due_us: None }
     }
 
     /// If a tick is due, how much later than it should have been, us. Up to half a turn of the clock
-    /// before it is due is early. After a period without a tick it goes on from now: missed ticks are
-    /// not made up, and the supervisor sees the gap.
+    /// before it is due is early. Ticks lie where the timer's periods begin, for that is what ends the
+    /// sleep; missed ones are not made up, and the supervisor sees the gap.
     pub(crate) fn late_us(&mut self, now_us: u32) -> Option<u32> {
-        let due_us = *self.due_us.get_or_insert(now_us);
+        let period_us = self.period_us.max(1);
+        let due_us = *self.due_us.get_or_insert(now_us - now_us % period_us);
         let late_us = now_us.wrapping_sub(due_us);
         if late_us > u32::MAX / 2 {
             return None;
         }
-        let base_us = if late_us >= self.period_us { now_us } else { due_us };
-        self.due_us = Some(base_us.wrapping_add(self.period_us));
+        let periods = 1 + late_us / period_us;
+        self.due_us = Some(due_us.wrapping_add(periods.wrapping_mul(period_us)));
         Some(late_us)
     }
 }
@@ -62,8 +63,8 @@ mod arithmetic {
                     let got = beats.late_us(now.rem_euclid(TURN) as u32);
                     assert_eq!(got.map(i128::from), (late >= 0).then_some(late), "{due_us} {passed_us}");
                     let period = i128::from(period_us);
-                    let from = if late >= period { now } else { i128::from(due_us) };
-                    let next = if late >= 0 { from + period } else { i128::from(due_us) };
+                    let periods = if late >= 0 { 1 + late / period } else { 0 };
+                    let next = i128::from(due_us) + periods * period;
                     assert_eq!(beats.due_us, Some(next.rem_euclid(TURN) as u32), "{due_us} {passed_us}");
                 }
             }

@@ -4,7 +4,7 @@
 //! - [`Program`] is all that is not hardware: packets in, a tick when it is due, motors, packets
 //!   out. It runs, and is tested, on any machine.
 //! - [`Board`] is all that is: link, clock, sensors, motors, watchdog. There are two, each for its
-//!   own build: QEMU's `mps2` (without motors or sensors: for tests and simulation) and, with the
+//!   own build: QEMU's `mps2` (for tests and simulation: a [`simulator`] is its motors and sensors) and, with the
 //!   feature of that name, `stm32f405`.
 //! - [`esc`], [`battery`], [`imu`], [`ring`]: drivers over embedded-hal and embedded-io traits.
 //!
@@ -38,6 +38,7 @@ mod program;
 #[path = "../../control/tests/common/residues.rs"]
 mod residues;
 pub mod ring;
+pub mod simulator;
 #[cfg(all(target_os = "none", feature = "stm32f405"))]
 pub mod stm32f405;
 #[cfg(target_os = "none")]

@@ -178,6 +178,8 @@ mod tests {
         pwm: [f32; 4],
         fed: u32,
         broken_outputs: bool,
+        /// Period of a timer that alone wakes it; else something does every ms.
+        timer_us: Option<u32>,
         random: Option<[u8; 32]>,
     }
 
@@ -190,7 +192,8 @@ mod tests {
             self.now_us
         }
         fn wait(&mut self) {
-            self.now_us = self.now_us.wrapping_add(1000);
+            let slept_us = self.timer_us.map_or(1000, |period_us| period_us - self.now_us % period_us);
+            self.now_us = self.now_us.wrapping_add(slept_us);
         }
         fn imu(&mut self) -> Option<ImuSample> {
             let dither = (self.now_us % 70_000) as f32 * 1e-8;
@@ -273,6 +276,7 @@ mod tests {
             pwm: [0.0; 4],
             fed: 0,
             broken_outputs: false,
+            timer_us: None,
             random: Some([1; 32]),
         };
         let mut ground = Ground {
@@ -314,6 +318,7 @@ mod tests {
     fn it_introduces_itself_idles_and_reports_at_100_hz() {
         with_bench(|program, bench, ground| {
             ground.say(Message::Who);
+            tick(program, bench);
             let start_us = bench.now_us;
             for _ in 0..100 {
                 tick(program, bench);
@@ -362,6 +367,28 @@ mod tests {
         });
     }
 
+    /// Nothing but the timer's period wakes it, after a start in the middle of one; and a tick of
+    /// 25 ms comes between.
+    #[test]
+    fn ticks_lie_where_the_timers_periods_begin() {
+        with_bench(|program, bench, _| {
+            bench.now_us = 3_000_037;
+            program.beats = Beats::new(10_000);
+            bench.timer_us = Some(10_000);
+            tick(program, bench);
+            for k in 1..=20 {
+                tick(program, bench);
+                assert_eq!(bench.now_us, 3_000_000 + k * 10_000, "one a period");
+                bench.now_us += 150; // what a tick takes
+            }
+            bench.now_us += 25_000;
+            for k in [22, 23, 24, 25] {
+                tick(program, bench);
+                assert_eq!(bench.now_us / 10_000, 300 + k);
+            }
+        });
+    }
+
     #[test]
     fn a_late_tick_is_reported_and_no_tick_is_made_up() {
         with_bench(|program, bench, ground| {
@@ -380,7 +407,7 @@ mod tests {
             );
             let before_us = bench.now_us;
             tick(program, bench);
-            assert_eq!(bench.now_us - before_us, 10_000);
+            assert_eq!(bench.now_us - before_us, 5_000, "where it would have been");
         });
     }
 

@@ -13,6 +13,8 @@ pub enum Purpose {
     Excitation = 2,
     /// Way-points of a tour.
     Waypoints = 3,
+    /// Craft, air, battery and faults of a flight that is drawn.
+    Conditions = 4,
 }
 
 /// The stream of `seed` for one purpose. PCG 64 gives the same numbers on every machine.
@@ -34,6 +36,7 @@ mod tests {
             first(1, Purpose::Noise),
             first(1, Purpose::Excitation),
             first(1, Purpose::Waypoints),
+            first(1, Purpose::Conditions),
             first(2, Purpose::Noise),
         ];
         for (k, number) in all.iter().enumerate() {

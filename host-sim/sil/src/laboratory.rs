@@ -59,6 +59,11 @@ impl Room {
         self.body.stop_at(0.0);
     }
 
+    /// A fresh battery, as full as the first.
+    pub fn change_battery(&mut self) {
+        self.body.change_battery();
+    }
+
     /// Does the craft stand on the floor?
     pub fn is_down(&self) -> bool {
         self.body.state.position_ned_m.z >= 0.0
@@ -114,8 +119,13 @@ impl Laboratory {
         self.program.hear(number, message);
     }
 
+    /// A fresh battery, as full as the first.
+    pub fn change_battery(&mut self) {
+        self.room.change_battery();
+    }
+
     /// The craft's next message, to be taken after a tick until there is none.
-    fn next_message(&mut self, link: &::craft::LinkStatus) -> Option<Message> {
+    pub(crate) fn next_message(&mut self, link: &::craft::LinkStatus) -> Option<Message> {
         self.program.next_message(link)
     }
 

@@ -31,6 +31,7 @@
 #![forbid(unsafe_code)]
 
 mod craft;
+pub mod endurance;
 mod experiments;
 pub mod failsafe;
 mod flight;
@@ -44,7 +45,7 @@ pub use experiments::{manoeuvre, next_flight, predict};
 pub use failsafe::{Drill, DrillResult, ExpectedResponse, drills};
 pub use flight::{
     CAGE_M, ClosedLoop, FlightPlan, Recording, Row, Script, SilError, StepAxis, StepCommand, Truth, Waypoint,
-    fly, fly_over, for_identification,
+    designed_config, fly, fly_over, for_identification,
 };
 pub use flight_computer::{
     Emulated, Emulation, FlightComputer, FlightComputerError, Iceoryx2, InProcess, Processor, Udp, serve,

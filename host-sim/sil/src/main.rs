@@ -10,6 +10,7 @@ use clap::{Parser, ValueEnum};
 use control::Config;
 use indicatif::{ProgressBar, ProgressStyle};
 use model::Model;
+use sil::endurance::{MonteCarlo, Soak, soak, survey};
 use sil::{
     Emulation, FlightComputerError, FlightPlan, NoiseModel, Processor, Scenario, Settings, SilError, Suite,
     Transport, page,
@@ -82,6 +83,15 @@ struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 1, requires = "failsafes", value_parser = clap::value_parser!(u16).range(1..=1000))]
     seeds: u16,
 
+    /// Fly one craft for so many hours of simulated time, mission after mission, and see that
+    /// nothing happens and its memory does not grow
+    #[arg(long, value_name = "HOURS", conflicts_with_all = ["scenarios", "failsafes", "pattern", "transport", "model", "monte_carlo"])]
+    soak: Option<f64>,
+
+    /// Fly so many flights of 15 s under conditions drawn from --seed and the seeds after it
+    #[arg(long, value_name = "FLIGHTS", conflicts_with_all = ["scenarios", "failsafes", "pattern", "transport", "model"])]
+    monte_carlo: Option<u64>,
+
     /// Fly a pattern file instead (as from quadlab excite or plan), at the speed and angles of an
     /// identification flight
     #[arg(long, value_name = "CSV", conflicts_with_all = ["scenarios", "failsafes", "transport"])]
@@ -112,6 +122,8 @@ enum Way {
     Iceoryx2,
 }
 
+/// The craft's ticks are counted to 2^32; a tenth of that is enough.
+const MOST_HOURS: f64 = 1000.0;
 const BAD_USAGE: u8 = 2;
 const INTERRUPTED: u8 = 130;
 
@@ -162,6 +174,9 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let craft =
         |path: &PathBuf| design::gains_match::read_for(path, model.as_ref().unwrap_or(&Model::thesis()));
     let gains = arguments.gains.as_ref().map(craft).transpose()?;
+    if arguments.soak.is_some() || arguments.monte_carlo.is_some() {
+        return long_run(arguments, gains.map_or_else(sil::designed_config, |gains| Ok(gains.config))?);
+    }
     if arguments.failsafes {
         return failsafes(arguments, &gains.map_or_else(Config::thesis, |gains| gains.config));
     }
@@ -332,6 +347,28 @@ fn flyable(path: &std::path::Path, own_gains: bool) -> anyhow::Result<Model> {
         );
     }
     Ok(model)
+}
+
+/// A soak or a Monte Carlo survey; status 1 where something happened.
+fn long_run(arguments: &Arguments, config: Config) -> anyhow::Result<ExitCode> {
+    let seed = arguments.seed;
+    let (text, holds) = match arguments.soak {
+        Some(hours) => {
+            anyhow::ensure!(
+                hours > 0.0 && hours <= MOST_HOURS,
+                "--soak {hours}: give hours, above 0 and up to {MOST_HOURS}"
+            );
+            let found = soak(&Soak { duration_s: 3600.0 * hours, config, seed })?;
+            (found.to_string(), found.holds())
+        }
+        None => {
+            let flights = arguments.monte_carlo.unwrap_or_default();
+            let found = survey(&MonteCarlo { flights, config, seed })?;
+            (found.to_string(), found.holds())
+        }
+    };
+    report::print(&text)?;
+    Ok(ExitCode::from(u8::from(!holds)))
 }
 
 fn failsafes(arguments: &Arguments, config: &Config) -> anyhow::Result<ExitCode> {

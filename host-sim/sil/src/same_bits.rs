@@ -15,7 +15,7 @@ use proto::{MAX_FRAME_LEN, Message, Outcome};
 use sha2::{Digest, Sha256};
 
 use crate::craft::{Fault, FaultKind, NoiseModel};
-use crate::flight::{ClosedLoop, FlightPlan, SilError};
+use crate::flight::{ClosedLoop, FlightPlan, SilError, designed_config};
 use crate::flight_computer::{Emulated, FlightComputer, FlightComputerError, Processor};
 use crate::scenarios::{Scenario, Settings};
 
@@ -59,10 +59,6 @@ impl FlightComputer for Recorder {
     }
 }
 
-/// Gains of the default design on the thesis' craft: motors at their ends serve attitude first, and
-/// tilt raises the thrust.
-const DESIGNED: &str = include_str!("../../model/vehicles/f330-designed-gains.toml");
-
 /// The plans of the flights: between them both laws, both modes, excitation, gyro fusion,
 /// saturation both ways, thrust raised with the tilt, and a failsafe to its end.
 fn plans(seed: u64) -> Result<[(&'static str, FlightPlan); 4], SilError> {
@@ -84,8 +80,7 @@ fn plans(seed: u64) -> Result<[(&'static str, FlightPlan); 4], SilError> {
         faults: Vec::new(),
         ..failing.clone()
     };
-    let designed = design::Gains::parse(DESIGNED, Path::new("f330-designed-gains.toml"))?;
-    let config = Some(designed.config);
+    let config = Some(designed_config()?);
     let rolled = Scenario::Roll30.plan(&Settings { config, noise, seed: seed + 3, ..Settings::default() });
     Ok([
         ("tour with excitation and gyro fusion", excited),

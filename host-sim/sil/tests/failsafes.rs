@@ -42,7 +42,7 @@ fn every_drill_ends_as_expected() {
 fn every_rule_has_both_drills() {
     let list = drills();
     // Not from a sensor of a craft in the air: forced in the autopilot's own tests.
-    let elsewhere = [Condition::FlightRequested, Condition::NotANumber, Condition::IdleForLong];
+    let elsewhere = [Condition::FlightRequested, Condition::NotANumber];
     // Whether a craft stands down in the air is checked in every drill.
     let landing = Condition::Landed;
     // Requests need no near miss: a request is or is not.

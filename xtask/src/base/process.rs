@@ -32,7 +32,7 @@ impl Program {
     }
 
     /// What cargo is asked to do. `quiet` leaves out its progress, which goes to standard error.
-    fn cargo_arguments(&self, arguments: &[OsString], quiet: bool) -> Vec<OsString> {
+    pub(crate) fn cargo_arguments(&self, arguments: &[OsString], quiet: bool) -> Vec<OsString> {
         let manifest = workspace::root().join("Cargo.toml");
         let mut line: Vec<OsString> = ["run", "--release", "--manifest-path"].map(Into::into).to_vec();
         line.push(manifest.into());

@@ -24,6 +24,8 @@ pub struct AltitudeLoop {
 pub struct AltitudeLoopState {
     prefilter: PrefilterState,
     pid: PidState,
+    /// What carries the craft beyond the law's hover thrust, as it was told, N (or command units).
+    trim: f32,
 }
 
 impl AltitudeLoop {
@@ -39,12 +41,18 @@ impl AltitudeLoop {
 
     /// Integrator at rest, the command (m of z) as if it had always been there.
     pub fn start(&self, command_m: f32) -> AltitudeLoopState {
-        AltitudeLoopState { prefilter: self.prefilter.steady(command_m), pid: PidState::default() }
+        AltitudeLoopState { prefilter: self.prefilter.steady(command_m), ..AltitudeLoopState::default() }
     }
 
-    /// The command as if it had always been there, the integrator as it is.
+    /// The command as if it had always been there.
     pub(crate) fn settle(&self, state: &mut AltitudeLoopState, command_m: f32) {
         state.prefilter = self.prefilter.steady(command_m);
+    }
+
+    /// From now on so much thrust in N (or command units) where there is neither error nor rate,
+    /// whatever the integral holds.
+    pub(crate) fn carry(&self, state: &mut AltitudeLoopState, carrying: f32) {
+        state.trim = carrying - (self.hover - self.pid.integral_part(&state.pid));
     }
 
     /// One period: command and z in m, its rate in m/s, what the motors refused of the thrust.
@@ -61,7 +69,7 @@ impl AltitudeLoop {
         let reference = self.prefilter.step(&mut state.prefilter, command_m);
         let error = reference - z_m;
         let terms = self.pid.step(&mut state.pid, error, z_rate_m_s, refused_thrust.swapped());
-        (LoopOutput { reference, error, terms }, self.hover - terms.output)
+        (LoopOutput { reference, error, terms }, (self.hover - terms.output) + state.trim)
     }
 }
 
@@ -89,6 +97,22 @@ mod tests {
         assert!((low - 11.9093 - 1.801).abs() < 1e-4, "{low}");
         let (_, sinking) = law.step(&mut law.start(-1.0), -1.0, -1.0, 0.25, FREE);
         assert!((sinking - 11.9093 - 2.0).abs() < 1e-4, "{sinking}");
+    }
+
+    #[test]
+    fn a_settled_loop_gives_what_carries_the_craft() {
+        let law = altitude();
+        let mut state = law.start(-1.0);
+        for _ in 0..500 {
+            law.step(&mut state, -1.0, -0.8, 0.1, FREE);
+        }
+        law.settle(&mut state, -0.8);
+        law.carry(&mut state, 13.5);
+        let (_, settled) = law.step(&mut state, -0.8, -0.8, 0.0, FREE);
+        assert!((settled - 13.5).abs() < 1e-4, "{settled}");
+        // Too high by 0.06 m: 18 * 0.06 N less.
+        let (_, sinks) = (0..300).map(|_| law.step(&mut state, -0.74, -0.8, 0.0, FREE)).last().unwrap();
+        assert!(sinks < 12.5 && sinks > 12.0, "{sinks}");
     }
 
     #[test]

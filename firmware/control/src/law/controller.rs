@@ -188,10 +188,18 @@ impl Controller {
     }
 
     /// The altitude loop's reference is this height from now on, inertial z in m, with no way to
-    /// go; its integrator stays.
+    /// go.
     pub(crate) fn settle_height(&mut self, z_m: f32) {
         if let Some(inner) = &mut self.memory.inner {
             self.laws.altitude.settle(&mut inner.altitude, z_m);
+        }
+    }
+
+    /// The altitude loop gives so much thrust where there is neither error nor rate, N (or command
+    /// units).
+    pub(crate) fn carry_with(&mut self, thrust: f32) {
+        if let Some(inner) = &mut self.memory.inner {
+            self.laws.altitude.carry(&mut inner.altitude, thrust);
         }
     }
 

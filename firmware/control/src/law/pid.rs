@@ -65,6 +65,11 @@ impl Pid {
         Self::new(gains.kp, gains.ki, gains.kd, gains.output_limit, period_s, anti_windup)
     }
 
+    /// What the integral adds to the output now, in output units.
+    pub(crate) fn integral_part(&self, state: &PidState) -> f32 {
+        self.ki * state.integral
+    }
+
     /// One step with nothing between the sum and the output. `refused` is what lay behind the
     /// loop's last output.
     #[inline]

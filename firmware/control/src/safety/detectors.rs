@@ -291,6 +291,12 @@ impl Detectors {
         }
     }
 
+    /// Poses come, and the newest is not the one before it again.
+    #[inline]
+    pub(crate) fn pose_is_new(&self) -> bool {
+        !self.pose.late && self.pose_repeats == 0
+    }
+
     /// Handles no sample, an implausible one, or a repeated one.
     #[cold]
     fn imu_in_doubt(

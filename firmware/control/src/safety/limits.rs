@@ -1,8 +1,8 @@
 //! The `[supervision]` table of the gains file in the units of flight: microseconds, f32, and what
 //! a tick need not compute anew.
 
-use crate::config::gains::Config;
-use crate::config::supervision_limits::{Landing, Supervision};
+use crate::config::gains::{Config, Law};
+use crate::config::supervision_limits::{Fence, Landing, Supervision};
 use crate::inputs::input_checks::magnitude;
 
 /// Seconds as the nearest microseconds; what does not fit is the greatest number.
@@ -18,6 +18,11 @@ fn silence(late_s: f64, lost_s: f64, good_s: f64) -> SilenceLimits {
 /// Weight of the newest sample in a first-order smoothing.
 fn smoothing(period_s: f64, time_constant_s: f64) -> f32 {
     (1.0 - libm::exp(-period_s / time_constant_s)) as f32
+}
+
+/// The three pairs of walls of a box.
+fn sides(fence: &Fence) -> [[f64; 2]; 3] {
+    [fence.x_m, fence.y_m, fence.z_m]
 }
 
 /// Least and greatest command, less what rounding and a map that is not exact leave of them.
@@ -72,6 +77,7 @@ pub(crate) struct Limits {
     pub(crate) crash: [f32; 2],
     pub(crate) crash_us: u32,
     pub(crate) touchdown: TouchdownLimits,
+    pub(crate) hover: HoverLimits,
     pub(crate) uses_gyro: bool,
 }
 
@@ -89,6 +95,22 @@ pub(crate) struct TouchdownLimits {
     pub(crate) floor_m: f32,
     pub(crate) near_us: u32,
     pub(crate) anywhere_us: u32,
+}
+
+/// Gravity, m/s^2: what of it differs over the Earth is 0.5 % of a correction by a few percent.
+pub(crate) const GRAVITY_M_S2: f32 = 9.81;
+
+/// What the thrust that carries the craft is learned with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct HoverLimits {
+    /// The law's own, N or command units.
+    pub(crate) model: f32,
+    /// Weight of the newest sample: half a second is long against what noise and the loop do in
+    /// moments, and short against a battery's fall.
+    pub(crate) smoothing: f32,
+    /// Fraction of correction for each m/s that z's rate is above its smoothed value; none for a law
+    /// in command units.
+    pub(crate) per_m_s: f32,
 }
 
 /// When a silence matters.
@@ -114,6 +136,18 @@ impl TouchdownLimits {
     }
 }
 
+impl HoverLimits {
+    fn new(config: &Config) -> Self {
+        const MEMORY_S: f64 = 0.5;
+        let (model, per_m_s) = match &config.law {
+            Law::ModelBased(law) => (law.hover_thrust_n, 1.0 / (MEMORY_S * f64::from(GRAVITY_M_S2))),
+            Law::HandTuned(law) => (law.hover_command, 0.0),
+        };
+        let smoothing = smoothing(config.sample_time_s, MEMORY_S);
+        Self { model: model as f32, smoothing, per_m_s: per_m_s as f32 }
+    }
+}
+
 impl Limits {
     pub(crate) fn new(config: &Config) -> Self {
         let Supervision {
@@ -131,7 +165,6 @@ impl Limits {
             motor,
             landing,
         } = &config.supervision;
-        let sides = [fence.x_m, fence.y_m, fence.z_m];
         Self {
             period_us: micros(config.sample_time_s),
             jump_us: micros(timing.jump_s),
@@ -159,8 +192,8 @@ impl Limits {
             tilt_cosine: libm::cos(tilt.limit_rad) as f32,
             tilt_us: micros(tilt.for_s),
             arming_tilt_rad: tilt.arming_rad as f32,
-            fence_centre_m: sides.map(|[low, high]| (0.5 * (low + high)) as f32),
-            fence_half_m: sides.map(|[low, high]| (0.5 * (high - low)) as f32),
+            fence_centre_m: sides(fence).map(|[low, high]| (0.5 * (low + high)) as f32),
+            fence_half_m: sides(fence).map(|[low, high]| (0.5 * (high - low)) as f32),
             fence_us: micros(fence.for_s),
             thrust_us: micros(thrust.for_s),
             sink_m_s: thrust.sink_m_s as f32,
@@ -172,6 +205,7 @@ impl Limits {
             crash: [crash.error_rad as f32, crash.rate_rad_s as f32],
             crash_us: micros(crash.for_s),
             touchdown: TouchdownLimits::new(config, landing),
+            hover: HoverLimits::new(config),
             uses_gyro: config.estimation.gyro.is_some(),
         }
     }
@@ -180,7 +214,6 @@ impl Limits {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::supervision_limits::Fence;
 
     #[test]
     fn seconds_become_microseconds() {

@@ -3,7 +3,8 @@
 //! | file | question |
 //! |---|---|
 //! | [`detectors`] | what is wrong in this tick? ([`aftermath`], [`limits`], [`timers`], [`plausibility`],
-//! | | [`second_opinion`] and [`touchdown`] help) |
+//! | | [`second_opinion`], [`touchdown`] and
+//! | | [`hover_thrust`] help) |
 //! | [`conditions`] | what can be wrong at all? One bit each, for telemetry and logs |
 //! | [`state_machine`] | what does the craft do about it? |
 //! | [`preflight`] | may it be armed? |
@@ -14,6 +15,7 @@
 pub(crate) mod aftermath;
 pub mod conditions;
 pub(crate) mod detectors;
+pub(crate) mod hover_thrust;
 pub(crate) mod limits;
 pub(crate) mod plausibility;
 pub mod preflight;

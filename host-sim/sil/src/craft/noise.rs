@@ -62,6 +62,20 @@ impl Default for NoiseModel {
     }
 }
 
+impl NoiseModel {
+    /// Everything so many times as noisy.
+    pub(crate) fn times(self, factor: f64) -> Self {
+        let coloured = |noise: Coloured| Coloured { deviation: factor * noise.deviation, ..noise };
+        Self {
+            position: coloured(self.position),
+            attitude: coloured(self.attitude),
+            gyro_rad_s: factor * self.gyro_rad_s,
+            gyro_bias_rad_s: factor * self.gyro_bias_rad_s,
+            battery_v: factor * self.battery_v,
+        }
+    }
+}
+
 /// One sample of everything that is added.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct NoiseSample {

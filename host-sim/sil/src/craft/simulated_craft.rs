@@ -20,7 +20,9 @@ pub struct SimulatedCraft {
     battery: Battery,
     sensors: Sensors,
     period_s: f64,
+    /// Ticks so far, and in which of them the battery was put in.
     tick: u32,
+    battery_since: u32,
     /// Voltage of the tick before, V.
     last_v: f64,
     /// Whether the model has effects of users, whose formulas may have no value.
@@ -48,7 +50,7 @@ impl SimulatedCraft {
         });
         let substeps = plant.substeps(period_s, substeps);
         let has_formulas = plant.has_user_effects();
-        let (tick, fault) = (0, None);
+        let (tick, battery_since, fault) = (0, 0, None);
         Self {
             plant,
             substeps,
@@ -57,6 +59,7 @@ impl SimulatedCraft {
             sensors,
             period_s,
             tick,
+            battery_since,
             last_v,
             has_formulas,
             fault,
@@ -67,7 +70,14 @@ impl SimulatedCraft {
     /// Voltage at the battery's terminals now, V.
     #[inline]
     pub fn voltage_v(&self) -> f64 {
-        self.battery.voltage_v(f64::from(self.tick) * self.period_s, &self.state.rotor_rad_s)
+        let since = self.tick.wrapping_sub(self.battery_since);
+        self.battery.voltage_v(f64::from(since) * self.period_s, &self.state.rotor_rad_s)
+    }
+
+    /// A battery as full as the first was is put in.
+    pub fn change_battery(&mut self) {
+        self.battery_since = self.tick;
+        self.last_v = self.voltage_v();
     }
 
     /// What the sensors measure now. To be called once a tick: each call draws new noise.
@@ -92,7 +102,7 @@ impl SimulatedCraft {
             }
             Some(line) => line.step(&self.plant, &mut self.state, &command, middle_v),
         }
-        self.tick += 1;
+        self.tick = self.tick.wrapping_add(1);
         if let Some(before) = before.filter(|_| !self.state.is_finite()) {
             let commanded = self.plant.commanded_rad_s(&command, middle_v);
             self.fault = self.plant.undefined_in_step(&before, &commanded, middle_v, &self.substeps);

@@ -6,7 +6,9 @@
 //! beginning of the fault; the limits are the project's (what other autopilots promise), plus one
 //! tick where a limit falls on one.
 
-use control::{Condition, Conditions, Config};
+use control::{Condition, Conditions, Config, Request};
+use model::{Effect, frames};
+use nalgebra::Vector3;
 use proto::State;
 
 use crate::craft::{Fault, FaultKind, NoiseModel};
@@ -47,6 +49,8 @@ pub struct Drill {
     pub expected: ExpectedResponse,
     /// How far the craft may drift meanwhile, m.
     pub within_m: f64,
+    /// How fast the craft may sink or climb without poses, m/s.
+    pub blind_m_s: f64,
     /// What happens at the drill's moment.
     pub(super) causes: &'static [Cause],
 }
@@ -67,6 +71,8 @@ pub struct DrillResult {
     /// How far the craft was at most from where it was taken out of the pilot's hands, in hold and
     /// landing, horizontally, m.
     pub drift_m: f64,
+    /// How fast it sank or climbed at most in hold and landing without poses, m/s.
+    pub speed_m_s: f64,
     /// Whether all of that is what was expected.
     pub holds: bool,
 }
@@ -88,6 +94,11 @@ pub(super) enum Cause {
     NeedsGyro,
     /// The craft's clock wraps at the drill's moment.
     ClockWraps,
+    /// The craft is so much heavier than the model of its gains, kg.
+    Heavier(f64),
+    /// The craft stands on the floor; the ground asks to arm at the drill's moment, and the pilot takes
+    /// off so many s after it.
+    WaitsArmed(f64),
     /// A table of this height in m is under the whole flight.
     Table(f64),
 }
@@ -109,6 +120,13 @@ impl Cause {
                 let fusion = GyroFusion { corner_rad_s: 5.0, complement: Complement::Exact };
                 plan.config.estimation.gyro = Some(fusion);
             }
+            Self::WaitsArmed(for_s) => {
+                add(FaultKind::Asks(Request::Arm), at_s, 0.01);
+                add(FaultKind::CutOff, 0.0, at_s + for_s);
+                plan.on_the_floor = true;
+                plan.duration_s += 2.0;
+            }
+            Self::Heavier(by_kg) => plan.model.set(Effect::MassChange, &[by_kg]),
             Self::Table(height_m) => plan.floor_m = Some(-height_m),
             Self::ClockWraps => plan.clock_us = 0_u32.wrapping_sub((at_s * 1e6) as u32),
         }
@@ -183,7 +201,7 @@ impl Drill {
         let flagged_s =
             rows.clone().find(|(_, row)| flagged(row.supervision.conditions)).map(|(k, _)| after_s(k));
         let (mut states, mut reasons) = (Vec::new(), Vec::new());
-        let mut last = State::Flying;
+        let mut last = if plan.on_the_floor { State::Disarmed } else { State::Flying };
         for (k, row) in rows {
             if row.supervision.state != last {
                 last = row.supervision.state;
@@ -191,7 +209,7 @@ impl Drill {
                 reasons.push(Conditions::from_bits(row.supervision.conditions));
             }
         }
-        let drift_m = drift_m(&recording.rows);
+        let (drift_m, speed_m_s) = (drift_m(&recording.rows), blind_speed_m_s(&recording.rows));
         let holds = match self.expected {
             ExpectedResponse::Flies => states.is_empty() && recording.complete,
             ExpectedResponse::Goes(expected) => {
@@ -207,10 +225,12 @@ impl Drill {
             }
             ExpectedResponse::Short(expected) => flagged_s.is_none() && in_order(&states, expected),
         };
-        let holds =
-            holds && drift_m <= self.within_m && stands_down_on_the_floor(&recording.rows, plan.floor_m);
+        let holds = holds
+            && drift_m <= self.within_m
+            && speed_m_s <= self.blind_m_s
+            && stands_down_on_the_floor(&recording.rows, plan.floor_m);
         let seed = plan.seed;
-        DrillResult { flight, seed, flagged_s, states, reasons, drift_m, holds }
+        DrillResult { flight, seed, flagged_s, states, reasons, drift_m, speed_m_s, holds }
     }
 }
 
@@ -226,11 +246,26 @@ fn stands_down_on_the_floor(rows: &[Row], floor_m: Option<f64>) -> bool {
     })
 }
 
+/// Is it in the supervisor's hands?
+fn supervised(row: &Row) -> bool {
+    matches!(row.supervision.state, State::Hold | State::Land)
+}
+
+/// How fast the craft sinks or climbs at most where nobody sees its height, in hold and landing, m/s.
+fn blind_speed_m_s(rows: &[Row]) -> f64 {
+    let vertical = |row: &Row| {
+        let velocity = Vector3::from(row.truth.velocity_m_s.map(f64::from));
+        let body = frames::dcm_from_quaternion(&row.truth.attitude.map(f64::from).into());
+        body.tr_mul(&velocity).z.abs()
+    };
+    let blind = |row: &&Row| Conditions::from_bits(row.supervision.conditions).has(Condition::PoseLate);
+    rows.iter().filter(|row| supervised(row)).filter(blind).map(vertical).fold(0.0, f64::max)
+}
+
 /// How far the craft goes in hold and landing from where each began, at most, horizontally, m.
 fn drift_m(rows: &[Row]) -> f64 {
-    let supervised = |row: &&Row| matches!(row.supervision.state, State::Hold | State::Land);
     let place = |row: &Row| [row.truth.position_m[0], row.truth.position_m[1]].map(f64::from);
-    let stretches = rows.split(|row| !supervised(&row));
+    let stretches = rows.split(|row| !supervised(row));
     let of_stretch = |stretch: &[Row]| {
         let [x0, y0] = stretch.first().map_or([0.0; 2], place);
         stretch.iter().map(place).fold(0.0_f64, |most, [x, y]| most.max((x - x0).hypot(y - y0)))

@@ -1,9 +1,11 @@
 //! All drills, as a table.
 
 use control::{Condition as C, Request};
-use proto::State::{Cut, Disarmed, Flying, Hold, Land};
+use proto::State::{Armed, Cut, Disarmed, Flying, Hold, Land};
 
-use super::drill::Cause::{ClockWraps, Fault, Fence, Higher, Later, NeedsGyro, Repeated, Table};
+use super::drill::Cause::{
+    ClockWraps, Fault, Fence, Heavier, Higher, Later, NeedsGyro, Repeated, Table, WaitsArmed,
+};
 use super::drill::ExpectedResponse::{Flies, Goes, GoesOrIsCut, LandsOrIsCut, Short};
 use super::drill::{Cause, Drill, ExpectedResponse};
 use crate::craft::FaultKind as K;
@@ -17,13 +19,20 @@ const NEAR_M: f64 = 1.0;
 /// How far without poses, m: at up to 0.6 m/s, for 1.9 s and until poses count again.
 const BLIND_M: f64 = 1.6;
 
+/// How fast a craft may sink or climb in the 0.9 s in which it does not see its height, m/s.
+const BLIND_M_S: f64 = 0.7;
+
 const fn drill(rule: C, name: &'static str, expected: ExpectedResponse, causes: &'static [Cause]) -> Drill {
-    Drill { name, rule, expected, within_m: NEAR_M, causes }
+    Drill { name, rule, expected, within_m: NEAR_M, blind_m_s: f64::INFINITY, causes }
 }
 
 impl Drill {
     const fn within(self, within_m: f64) -> Self {
         Self { within_m, ..self }
+    }
+
+    const fn blind_at_most(self, blind_m_s: f64) -> Self {
+        Self { blind_m_s, ..self }
     }
 }
 
@@ -97,6 +106,22 @@ const DRILLS: &[Drill] = &[
         &[Fault(K::PoseSilent, 1.85)],
     )
     .within(BLIND_M),
+    drill(
+        C::PoseLost,
+        "poses silent for 0.9 s, with a craft 0.15 kg heavier than its model",
+        Goes(&[(Hold, 0.1), (Land, 0.5), (Disarmed, 10.0)]),
+        &[Heavier(0.15), Fault(K::PoseSilent, 0.9)],
+    )
+    .within(BLIND_M)
+    .blind_at_most(BLIND_M_S),
+    drill(
+        C::PoseLost,
+        "poses silent for 0.9 s, with a craft 0.15 kg lighter than its model",
+        Goes(&[(Hold, 0.1), (Land, 0.5), (Disarmed, 10.0)]),
+        &[Heavier(-0.15), Fault(K::PoseSilent, 0.9)],
+    )
+    .within(BLIND_M)
+    .blind_at_most(BLIND_M_S),
     drill(
         C::PoseOld,
         "poses 0.2 s old for good",
@@ -360,6 +385,18 @@ const DRILLS: &[Drill] = &[
                 for_s: 0.01,
             },
         ],
+    ),
+    drill(
+        C::IdleForLong,
+        "armed, and nobody takes off",
+        Goes(&[(Armed, 0.01), (Disarmed, 10.02)]),
+        &[WaitsArmed(100.0)],
+    ),
+    drill(
+        C::IdleForLong,
+        "armed, and taken off after 9.9 s",
+        Short(&[(Armed, 0.01), (Flying, 9.91)]),
+        &[WaitsArmed(9.9)],
     ),
     drill(C::ArmRequested, "the ground asks to arm in flight", Flies, &[Fault(K::Asks(Request::Arm), 0.01)]),
     drill(

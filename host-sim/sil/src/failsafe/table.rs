@@ -19,11 +19,12 @@ pub fn table(seeds: Range<u64>, config: &Config) -> Result<(String, bool), SilEr
     let (mut text, mut all) = (String::new(), true);
     for drill in drills() {
         let _ = writeln!(text, "{} [{:?}]", drill.name, drill.rule);
-        let (mut drift_m, mut count) = (0.0_f64, 0);
+        let (mut drift_m, mut speed_m_s, mut count) = (0.0_f64, 0.0_f64, 0);
         for seed in seeds.clone() {
             for result in drill.fly(seed, config)? {
                 all &= result.holds;
                 drift_m = drift_m.max(result.drift_m);
+                speed_m_s = speed_m_s.max(result.speed_m_s);
                 count += 1;
                 if seed == seeds.start || !result.holds {
                     text += &line(&result);
@@ -31,8 +32,11 @@ pub fn table(seeds: Range<u64>, config: &Config) -> Result<(String, bool), SilEr
             }
         }
         if seeds.end - seeds.start > 1 {
-            let _ =
-                writeln!(text, "  {count} flights, drift at most {drift_m:.2} m of {:.2} m", drill.within_m);
+            let _ = writeln!(
+                text,
+                "  {count} flights, drift at most {drift_m:.2} m of {:.2} m, blind at up to {speed_m_s:.2} m/s up or down",
+                drill.within_m
+            );
         }
     }
     Ok((text, all))
@@ -53,5 +57,8 @@ fn line(result: &DrillResult) -> String {
     let flagged = result.flagged_s.map_or("not flagged".to_owned(), |s| format!("flagged {s:.2} s"));
     let verdict =
         if result.holds { String::new() } else { format!("  NOT AS EXPECTED (seed {})", result.seed) };
-    format!("  {:8} {flagged:15} {went}; drift {:.2} m{verdict}\n", result.flight, result.drift_m)
+    format!(
+        "  {:8} {flagged:15} {went}; drift {:.2} m, blind at up to {:.2} m/s{verdict}\n",
+        result.flight, result.drift_m, result.speed_m_s
+    )
 }

@@ -31,7 +31,11 @@ impl<'a> ClosedLoop<'a, InProcess> {
     /// # Errors
     /// A plan or configuration that cannot be flown.
     pub fn in_process(plan: &'a FlightPlan) -> Result<Self, SilError> {
-        Self::new(plan, InProcess::new(&plan.config)?)
+        let disarmed = plan.on_the_floor;
+        Self::new(
+            plan,
+            if disarmed { InProcess::disarmed(&plan.config)? } else { InProcess::new(&plan.config)? },
+        )
     }
 }
 

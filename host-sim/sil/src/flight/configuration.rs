@@ -1,10 +1,25 @@
 //! What a flight changes in the controller's configuration, and the room that it flies in.
 
+use std::path::Path;
+
 use control::Config;
+
+use super::error::SilError;
 
 /// The cage of the thesis' laboratory (chapter 3): 7.6 m x 5.2 m, 2.8 m high, centred on the
 /// origin. Greatest |x|, |y| and height, m.
 pub const CAGE_M: [f64; 3] = [3.8, 2.6, 2.8];
+
+/// Gains of the default design on the thesis' craft: motors at their ends serve attitude first, and
+/// tilt raises the thrust.
+///
+/// # Errors
+/// None, or the file that is built in would not be readable.
+pub fn designed_config() -> Result<Config, SilError> {
+    const NAME: &str = "f330-designed-gains.toml";
+    let text = include_str!("../../../model/vehicles/f330-designed-gains.toml");
+    Ok(design::Gains::parse(text, Path::new(NAME))?.config)
+}
 
 /// For flights with ideal sensors: a craft at rest without noise gives the same pose to the last
 /// bit for seconds, which on a real one only a frozen tracker does, so that it is not judged how

@@ -41,6 +41,8 @@ pub struct FlightPlan {
     pub substeps: u32,
     /// Inertial z of a floor under the craft, m; absent: it may fall for ever.
     pub floor_m: Option<f64>,
+    /// The craft stands on the floor under its start, disarmed, instead of flying.
+    pub on_the_floor: bool,
     /// What goes wrong during the flight.
     pub faults: Vec<Fault>,
     /// The craft's clock at the start, us.
@@ -65,6 +67,7 @@ impl FlightPlan {
             seed: 0,
             substeps: 4,
             floor_m: None,
+            on_the_floor: false,
             faults: Vec::new(),
             clock_us: 0,
         }
@@ -172,6 +175,10 @@ impl FlightPlan {
             let mut controller = Controller::new(&self.config)?;
             let pwm = controller.tick(&ideal.sense(&state, voltage_v), &command).pwm;
             state.rotor_rad_s = plant.commanded_rad_s(&pwm.map(f64::from), voltage_v);
+        }
+        if self.on_the_floor {
+            state.position_ned_m.z = self.floor_m.unwrap_or(0.0);
+            state.rotor_rad_s = [0.0; 4];
         }
         let sensors = Sensors::new(&self.model, self.noise, period_s, self.seed);
         Ok(SimulatedCraft::new(plant, self.battery, sensors, state, period_s, self.substeps))

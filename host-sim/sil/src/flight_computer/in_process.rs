@@ -96,6 +96,14 @@ impl InProcess {
     pub fn new(config: &Config) -> Result<Self, control::ConfigError> {
         Ok(Self { autopilot: Autopilot::in_flight(config)? })
     }
+
+    /// A fresh autopilot of a craft that was just switched on.
+    ///
+    /// # Errors
+    /// As [`InProcess::new`].
+    pub fn disarmed(config: &Config) -> Result<Self, control::ConfigError> {
+        Ok(Self { autopilot: Autopilot::new(config)? })
+    }
 }
 
 impl FlightComputer for InProcess {

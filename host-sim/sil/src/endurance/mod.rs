@@ -1,0 +1,19 @@
+//! Long runs: a craft that is not switched off for hours, and more flights than anybody looks at.
+//!
+//! What an hour of flying does not show, ten may: memory that grows, a clock or a counter that wraps,
+//! a landing in a thousand that ends otherwise. The rules of a crash are the same in both
+//! ([`crash`]), and neither forgives one that physics did not demand.
+
+mod crash;
+mod error;
+mod memory;
+mod missions;
+mod monte_carlo;
+mod soak;
+
+pub use crash::Crash;
+pub use error::LongRunError;
+pub use memory::{Memory, MemoryError};
+pub use missions::{Missions, Seen};
+pub use monte_carlo::{Conditions, End, MonteCarlo, Survey, survey};
+pub use soak::{Soak, SoakReport, soak};
