@@ -84,6 +84,7 @@ impl HoverThrust {
 mod tests {
     use super::*;
     use crate::config::gains::Config;
+    use crate::dsp::trig::sin_cos;
     use crate::safety::limits::Limits;
 
     const PERIOD_S: f32 = 0.01;
@@ -97,7 +98,7 @@ mod tests {
         for k in 0..300_u16 {
             let now = acceleration(f32::from(k) * PERIOD_S);
             let [roll, pitch] = tilt;
-            let thrust = mass_kg * (9.81 - now) / (roll.cos() * pitch.cos());
+            let thrust = mass_kg * (9.81 - now) / (sin_cos(roll).1 * sin_cos(pitch).1);
             rate_m_s += now * PERIOD_S;
             hover.learn(thrust, [roll, pitch, 1.0], rate_m_s, &limits);
         }
@@ -114,7 +115,7 @@ mod tests {
         close(learned(|_| 1.0, [0.0; 2]), 0.5);
         close(learned(|_| -1.0, [0.0; 2]), 0.5);
         // Up and down at 1 Hz: what a first-order filter leaves is the same of thrust and rate.
-        close(learned(|t| 2.0 * (6.28 * t).sin(), [0.1, 0.0]), 1.0);
+        close(learned(|t| 2.0 * sin_cos(std::f32::consts::TAU * t).0, [0.1, 0.0]), 1.0);
     }
 
     #[test]
