@@ -33,26 +33,33 @@ pub(super) struct Watch {
     /// Height of the two ticks before, m, the newer first.
     before_m: [f64; 2],
     state: State,
+    /// How far off the tracker may see it, m.
+    tracker_off_m: [f64; 3],
 }
 
 impl Watch {
     /// Of a craft at this height in m, in this state.
     pub(super) fn new(period_s: f64, height_m: f64, state: State) -> Self {
-        Self { period_s, before_m: [height_m; 2], state }
+        Self { period_s, before_m: [height_m; 2], state, tracker_off_m: [0.0; 3] }
+    }
+
+    /// Whose tracker may see it so far off, m. Where it is in the cage as seen it has not left it: nobody
+    /// on board can know better.
+    pub(super) fn with_tracker_off(self, tracker_off_m: [f64; 3]) -> Self {
+        Self { tracker_off_m, ..self }
     }
 
     /// A tick: where the craft is (inertial NED, m), what it is doing, and why.
     pub(super) fn look(&mut self, position_m: [f64; 3], state: State, conditions: u32) -> Option<Crash> {
-        let [x, y, z] = position_m;
-        let height_m = -z;
+        let height_m = -position_m[2];
         let [newer_m, older_m] = self.before_m;
         self.before_m = [height_m, newer_m];
         let stood_down = self.state != State::Disarmed && state == State::Disarmed;
         self.state = state;
         // The floor stops it within the tick, so its speed is that of the tick before.
         let sinks_m_s = (older_m - newer_m) / self.period_s;
-        let [wall_x, wall_y, ceiling] = CAGE_M;
-        if ![x, y, z].iter().all(|m| m.is_finite()) {
+        let seen_m = [0, 1, 2].map(|axis| position_m[axis] + self.tracker_off_m[axis]);
+        if !position_m.iter().all(|m| m.is_finite()) {
             Some(Crash::Lost)
         } else if state == State::Cut {
             Some(Crash::Cut(Conditions::from_bits(conditions).iter().collect()))
@@ -60,12 +67,18 @@ impl Watch {
             Some(Crash::DisarmedAt(height_m))
         } else if height_m <= 0.0 && newer_m > 0.0 && sinks_m_s > HARD_M_S {
             Some(Crash::Floor(sinks_m_s))
-        } else if x.abs() > wall_x || y.abs() > wall_y || height_m > ceiling {
+        } else if is_outside(position_m) && is_outside(seen_m) {
             Some(Crash::Cage(position_m))
         } else {
             None
         }
     }
+}
+
+/// Whether a place is beyond the walls or the ceiling.
+fn is_outside([x, y, z]: [f64; 3]) -> bool {
+    let [wall_x, wall_y, ceiling] = CAGE_M;
+    x.abs() > wall_x || y.abs() > wall_y || -z > ceiling
 }
 
 #[cfg(test)]
@@ -93,6 +106,10 @@ mod tests {
         assert_eq!(seen(&[(at(1.0), State::Cut)]), Some(Crash::Cut(vec![Condition::Tilted])));
         assert_eq!(seen(&[(at(0.3), State::Disarmed)]), Some(Crash::DisarmedAt(0.3)));
         assert_eq!(seen(&[([0.0, 2.7, -1.0], State::Flying)]), Some(Crash::Cage([0.0, 2.7, -1.0])));
+        let mut shifted = Watch::new(0.01, 1.0, State::Flying).with_tracker_off([0.0, -0.2, 0.0]);
+        assert_eq!(shifted.look([0.0, 2.7, -1.0], State::Flying, 0), None, "it sees itself inside");
+        assert!(matches!(shifted.look([0.0, 2.9, -1.0], State::Flying, 0), Some(Crash::Cage(_))));
+        assert!(matches!(shifted.look([0.0, -2.7, -1.0], State::Flying, 0), Some(Crash::Cage(_))));
         assert_eq!(seen(&[([0.0, f64::NAN, -1.0], State::Flying)]), Some(Crash::Lost));
     }
 }

@@ -9,7 +9,8 @@
 //!
 //! A crash ([`Crash`]) counts unless physics demanded it, and that is decided without the controller:
 //! the drawn craft in the drawn air has no equilibrium, or one that asks a motor for more than there
-//! is at the lowest voltage of that flight. What a controller makes of a craft that can hover is its
+//! is at the lowest voltage of that flight. Nor has a craft left the cage that is inside as its tracker
+//! sees it. What a controller makes of a craft that can hover is its
 //! own affair.
 
 use std::fmt;
@@ -141,6 +142,14 @@ impl Conditions {
             .then(|| format!("hovering asks a motor for {most:.0} of {greatest:.0} at {lowest_v:.2} V"))
     }
 
+    /// How far off the drawn fault lets the tracker see the craft, m.
+    fn tracker_off_m(&self) -> [f64; 3] {
+        match self.fault.map(|fault| fault.kind) {
+            Some(FaultKind::PoseShifted(by)) => by.map(f64::from),
+            _ => [0.0; 3],
+        }
+    }
+
     /// By how much the drawn fault weakens a motor, command units.
     fn weakness(&self) -> f64 {
         match self.fault.map(|fault| fault.kind) {
@@ -195,7 +204,8 @@ fn fly(conditions: &Conditions, config: &Config) -> Result<(End, [u8; 16]), SilE
     let plan = conditions.plan(config);
     let period_s = plan.config.sample_time_s;
     let mut flight = ClosedLoop::in_process(&plan)?;
-    let mut watch = Watch::new(period_s, -plan.start_m[2], State::Flying);
+    let watch = Watch::new(period_s, -plan.start_m[2], State::Flying);
+    let mut watch = watch.with_tracker_off(conditions.tracker_off_m());
     let (mut last, mut state) = ([0; 16], State::Flying);
     for tick in 0..=(FLIGHT_S / period_s).round() as u32 {
         let row = flight.step()?;
