@@ -60,7 +60,7 @@ fn key() -> Result<String, Box<dyn Error>> {
 }
 
 fn image(gains: &Path, vehicle: &Path) -> Result<Vec<u8>, Box<dyn Error>> {
-    let files = CraftFiles::read(gains, vehicle, None)?;
+    let files = CraftFiles::read(gains, vehicle, None)?.with_battery_levels(None);
     let mut buffer = [0; MAX_IMAGE_LEN];
     let image =
         encode(&files.config, &files.sha256, &mut buffer).ok_or("the gains do not fit into an image")?;

@@ -12,8 +12,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use control::Config as Law;
-use control::supervision_limits::BatteryLevels;
-use gains_file::{CraftFiles, Gains, Motors, Vehicle};
+use gains_file::{CELLS, CraftFiles, Gains, Motors, Vehicle};
 use proto::Key;
 use serde::Deserialize;
 
@@ -199,23 +198,19 @@ impl Setup {
         let at = |relative: &PathBuf| folder.join(relative);
 
         let Files { vehicle, gains, vehicle_sha256 } = &file.files;
-        let CraftFiles { config: mut law, vehicle, sha256 } =
-            CraftFiles::read(&at(gains), &at(vehicle), vehicle_sha256.as_deref())?;
+        if let Some(cells) = file.battery.cells.filter(|cells| !CELLS.contains(cells)) {
+            return Err(refuse(format!(
+                "[battery] cells is {cells}: give the pack's number of cells in series, 1 to 14"
+            )));
+        }
+        let CraftFiles { config: law, vehicle, sha256 } =
+            CraftFiles::read(&at(gains), &at(vehicle), vehicle_sha256.as_deref())?
+                .with_battery_levels(file.battery.cells);
 
         let link = link(&file.link, folder).map_err(refuse)?;
         let outputs = outputs(file.pwm.outputs).map_err(refuse)?;
         let pulses = pulses(&vehicle, file.pwm.period_ns, file.pwm.pulse_ns).map_err(refuse)?;
         let battery = battery(&file.battery, folder).map_err(refuse)?;
-        let levels = &mut law.supervision.battery;
-        match file.battery.cells {
-            Some(cells @ 1..=14) if !levels.are_given() => *levels = BatteryLevels::of_cells(cells),
-            None | Some(1..=14) => {}
-            Some(cells) => {
-                return Err(refuse(format!(
-                    "[battery] cells is {cells}: give the pack's number of cells in series, 1 to 14"
-                )));
-            }
-        }
         if !(1..=98).contains(&file.timing.priority) {
             return Err(refuse(format!(
                 "[timing] priority is {}: give a number from 1 to 98 (99 is the kernel's own)",
@@ -351,6 +346,8 @@ fn battery(table: &BatteryTable, folder: &Path) -> std::result::Result<BatterySo
 
 #[cfg(test)]
 mod tests {
+    use control::supervision_limits::BatteryLevels;
+
     use super::*;
     use std::os::unix::fs::PermissionsExt;
 
@@ -439,7 +436,15 @@ mod tests {
             case.replace("gains.toml", level, "");
         }
         assert_eq!(case.read().unwrap().law.supervision.battery, BatteryLevels::of_cells(4));
+        // That of com.toml is the one that is in the craft today, that of the vehicle the usual one.
+        case.replace("vehicle.toml", "[motors]", "[battery]\ncells = 6\n[motors]");
+        assert_eq!(case.read().unwrap().law.supervision.battery, BatteryLevels::of_cells(4));
         case.replace("com.toml", "[battery]\ncells = 4\n", "");
+        assert_eq!(case.read().unwrap().law.supervision.battery, BatteryLevels::of_cells(6));
+        case.replace("vehicle.toml", "cells = 6", "cells = 15");
+        let message = case.read().unwrap_err().to_string();
+        assert!(message.contains("vehicle.toml: battery.cells = 15 is impossible"), "{message}");
+        case.replace("vehicle.toml", "[battery]\ncells = 15\n", "");
         assert_eq!(case.read().unwrap().law.supervision.battery, BatteryLevels::NONE);
     }
 

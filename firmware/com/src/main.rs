@@ -127,7 +127,7 @@ fn run(config: &Path) -> Result<ExitCode> {
     log(&last_end.begin()?);
     if !setup.law.supervision.battery.are_given() {
         log(
-            "no battery levels: the craft will not land before its battery is empty; say how many [battery] cells it has",
+            "no battery levels: the craft will not land before its battery is empty; say in the vehicle file how many [battery] cells it has",
         );
     }
     let open = || Motors::open(&setup.pwm_root, &setup.outputs, setup.pulses);

@@ -5,9 +5,11 @@
 //! started with, the microcontroller carries it in the image that was built from them, and both
 //! send it when they are asked for their identity. Two craft with equal hashes fly alike.
 
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use control::Config;
+use control::supervision_limits::BatteryLevels;
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
@@ -20,6 +22,16 @@ pub struct Vehicle {
     pub name: String,
     /// Its motors.
     pub motors: Motors,
+    /// Its battery.
+    #[serde(default)]
+    pub battery: Pack,
+}
+
+/// The battery.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+pub struct Pack {
+    /// Cells in series, if the file says it.
+    pub cells: Option<u8>,
 }
 
 /// The motors' commands.
@@ -30,6 +42,9 @@ pub struct Motors {
     /// Lowest and highest command.
     pub command_range: [f64; 2],
 }
+
+/// Cells that a pack can have in series.
+pub const CELLS: RangeInclusive<u8> = 1..=14;
 
 /// The two files, read and found to belong together.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,12 +67,28 @@ impl CraftFiles {
     pub fn read(gains: &Path, vehicle: &Path, measured_sha256: Option<&str>) -> Result<Self, GainsError> {
         let (vehicle_text, gains_text) = (read(vehicle, "vehicle")?, read(gains, "gains")?);
         let sha256 = craft_sha256(gains_text.as_bytes(), vehicle_text.as_bytes());
-        let vehicle: Vehicle = toml::from_str(&vehicle_text).map_err(|error| GainsError::Parse {
-            path: vehicle.to_owned(),
-            message: toml_message(&vehicle_text, &error),
-        })?;
+        let refuse = |message: String| GainsError::Parse { path: vehicle.to_owned(), message };
+        let vehicle: Vehicle =
+            toml::from_str(&vehicle_text).map_err(|error| refuse(toml_message(&vehicle_text, &error)))?;
+        if let Some(cells) = vehicle.battery.cells.filter(|cells| !CELLS.contains(cells)) {
+            let message = format!("battery.cells = {cells} is impossible: cells in series, 1 to 14");
+            return Err(refuse(message));
+        }
         let config = flies(&vehicle, measured_sha256, Gains::parse(&gains_text, gains)?, gains)?;
         Ok(Self { config, vehicle, sha256 })
+    }
+
+    /// With battery levels for the supervisor where the gains have none: those of a pack of so many
+    /// cells, and if that is not said, of the vehicle's.
+    #[must_use]
+    pub fn with_battery_levels(mut self, cells: Option<u8>) -> Self {
+        let levels = &mut self.config.supervision.battery;
+        if let Some(cells) = cells.or(self.vehicle.battery.cells)
+            && !levels.are_given()
+        {
+            *levels = BatteryLevels::of_cells(cells);
+        }
+        self
     }
 }
 

@@ -18,7 +18,7 @@ mod craft_files;
 use std::path::{Path, PathBuf};
 
 use control::Config;
-pub use craft_files::{CraftFiles, Motors, Vehicle, craft_sha256};
+pub use craft_files::{CELLS, CraftFiles, Motors, Vehicle, craft_sha256};
 use serde::{Deserialize, Serialize};
 
 /// Where gains come from.

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use flights::Column;
-use model::{LogColumns, LogFrames, MotorMapKind, Motors, Spin, Vehicle};
+use model::{LogColumns, LogFrames, MotorMapKind, Motors, Pack, Spin, Vehicle};
 
 use crate::format::Format;
 use crate::import::Import;
@@ -70,10 +70,21 @@ pub fn draft(imports: &[Import]) -> Result<Option<Draft>, String> {
             lag: None,
             log_order: None,
         },
+        battery: Pack { cells: cells(&flown) },
         columns: LogColumns::new(),
         frames: LogFrames::default(),
     };
     Ok(Some(Draft { vehicle, missing }))
+}
+
+/// Of the packs that flew; nothing where the logs name different ones.
+fn cells(flown: &[&Import]) -> Option<u8> {
+    let mut said = flown.iter().filter_map(|import| import.hints.cells);
+    let first = said.next()?;
+    said.all(|other| other == first)
+        .then(|| u8::try_from(first).ok())
+        .flatten()
+        .filter(|cells| (1..=14).contains(cells))
 }
 
 /// How to measure the fields of a vehicle file that logs do not tell, in their order.
@@ -181,6 +192,10 @@ impl Draft {
                 None => "# no motor map: the logs have rotor speeds\n",
             },
         );
+        if let Some(cells) = self.vehicle.battery.cells {
+            let _ =
+                write!(text, "\n[battery]\ncells = {cells}   # in series: when the craft warns and lands\n");
+        }
         text
     }
 }
@@ -222,11 +237,13 @@ mod tests {
             rotor_positions_m: Some([[0.15, -0.2], [0.15, 0.2], [-0.15, 0.2], [-0.15, -0.2]]),
             command_unit: Some("us".into()),
             gravity: Some(9.79),
+            cells: Some(4),
             ..Hints::default()
         };
         let draft = draft(&[import("a.ulg", Hints::default()), import("b.ulg", hints)]).unwrap().unwrap();
         assert!((draft.vehicle.arm_length - 0.25).abs() < 1e-12);
         assert_eq!((draft.vehicle.gravity, draft.vehicle.air_density), (9.79, 1.225));
+        assert_eq!(draft.vehicle.battery.cells, Some(4));
         assert_eq!(draft.vehicle.motors.command_range, [1200.0, 1300.0]);
         let fields: Vec<&str> = draft.missing.iter().map(|(field, _)| *field).collect();
         assert_eq!(fields, ["mass", "rotor_radius", "tracked_point", "motors.command_range"]);

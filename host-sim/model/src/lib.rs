@@ -56,6 +56,6 @@ pub use rotor_quantity::RotorQuantity;
 pub use sample::{Further, MAX_FURTHER, NO_FURTHER, Sample, SampleInput, Surroundings};
 pub use user_effects::UserEffectError;
 pub use vehicle::{
-    LONGEST_TOML_BYTES, MotorMapKind, Motors, RotorMap, Spin, Vehicle, VehicleError, too_long,
+    LONGEST_TOML_BYTES, MotorMapKind, Motors, Pack, RotorMap, Spin, Vehicle, VehicleError, too_long,
 };
 pub use verdict::{GROUPS, Group, NotIdentified, PerGroup, Verdict};

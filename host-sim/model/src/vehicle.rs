@@ -153,6 +153,22 @@ impl RotorMap {
     }
 }
 
+/// The `[battery]` table: what the craft's program warns and lands by where gains and com.toml say nothing else.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pack {
+    /// Cells in series, 1 to 14; absent = unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cells: Option<u8>,
+}
+
+impl Pack {
+    /// Whether nothing is said of it.
+    pub fn is_unknown(&self) -> bool {
+        self.cells.is_none()
+    }
+}
+
 /// A vehicle file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -177,6 +193,9 @@ pub struct Vehicle {
     pub unmeasured: Vec<String>,
     /// Motors, rotors and their map.
     pub motors: Motors,
+    /// Its battery.
+    #[serde(default, skip_serializing_if = "Pack::is_unknown")]
+    pub battery: Pack,
     /// Which column of its flights is which, where no `columns.toml` lies beside them.
     #[serde(default, skip_serializing_if = "LogColumns::is_empty")]
     pub columns: LogColumns,
@@ -220,7 +239,8 @@ pub enum VehicleError {
 
 impl Vehicle {
     /// SHA-256, hexadecimal, of everything the file says of the craft, whatever its layout: which vehicle gains were designed for.
-    /// Equal for a vehicle file and for the models identified with it. How its logs are written is not of the craft.
+    /// Equal for a vehicle file and for the models identified with it. How its logs are written is not of the craft, and neither is
+    /// the battery, which is changed.
     pub fn sha256(&self) -> String {
         let mut hash = Sha256::new();
         let mut text = |text: &str| {
@@ -289,6 +309,11 @@ impl Vehicle {
         }
         if self.tracked_point.iter().any(|x| x.is_nan() || x.abs() > 10.0) {
             return refuse("tracked_point", format!("{:?}", self.tracked_point), "metres, each within 10");
+        }
+        if let Some(cells) = self.battery.cells
+            && !(1..=14).contains(&cells)
+        {
+            return refuse("battery.cells", cells.to_string(), "cells in series, 1 to 14");
         }
         self.motors.check(&refuse)
     }
@@ -403,6 +428,9 @@ mod tests {
             assert!(text.contains(from), "{from}");
             assert!(!same(&text.replace(from, to)), "{from} -> {to}");
         }
+        assert!(same(&format!("{text}\n[battery]\ncells = 3\n")));
+        let error = with(|text| format!("{text}\n[battery]\ncells = 15\n")).unwrap_err().to_string();
+        assert!(error.contains("battery.cells = 15 is impossible: cells in series, 1 to 14"), "{error}");
     }
 
     #[test]

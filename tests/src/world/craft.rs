@@ -444,6 +444,7 @@ impl Craft {
                 lag: Some(self.lag_rad_s),
                 log_order: None,
             },
+            battery: model::Pack::default(),
             columns: model::LogColumns::new(),
             frames: model::LogFrames::default(),
         }
