@@ -282,7 +282,8 @@ impl Autopilot {
     fn look_back(&mut self, readings: &Readings, seen: bool, attitude_rad: [f32; 3], elapsed_us: u32) {
         let tick = &self.flight.tick;
         let terms = &tick.terms;
-        if let (true, Some(rates)) = (seen, readings.gyro_rad_s) {
+        let evenly = self.detectors.poses_come_evenly(seen);
+        if let (true, true, Some(rates)) = (seen, evenly, readings.gyro_rad_s) {
             self.detectors.compare_rates(rates, terms.body_rates_rad_s, &self.limits);
         }
         let rates_rad_s = readings.gyro_rad_s.unwrap_or(terms.body_rates_rad_s);

@@ -78,10 +78,12 @@ fn package_of<'a>(file: &str, packages: &'a BTreeMap<String, String>) -> Option<
     innermost.filter(|_| file.ends_with(".rs")).map(|(_, package)| package.as_str())
 }
 
-/// The name of a file without its ending; of a `mod.rs`, that of its folder.
+/// The name of a file without its ending; of a `mod.rs`, and of the root of a test in a folder, that of its folder.
 fn stem(file: &str) -> &str {
     let path = Path::new(file);
-    let path = if path.ends_with("mod.rs") { path.parent().unwrap_or(path) } else { path };
+    let is_root_of_test = path.ends_with("main.rs") && !path.ends_with("src/main.rs");
+    let is_folder = path.ends_with("mod.rs") || is_root_of_test;
+    let path = if is_folder { path.parent().unwrap_or(path) } else { path };
     path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default()
 }
 
@@ -269,5 +271,6 @@ mod tests {
         assert_eq!(package_of("proto/tests/packets.rs", &packages), Some("proto"));
         assert_eq!((package_of("proto/README.md", &packages), package_of("x/a.rs", &packages)), (None, None));
         assert_eq!((stem("xtask/src/arm/mod.rs"), stem("proto/tests/packets.rs")), ("arm", "packets"));
+        assert_eq!((stem("tests/tests/com/main.rs"), stem("xtask/src/main.rs")), ("com", "main"));
     }
 }

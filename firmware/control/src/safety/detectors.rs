@@ -49,6 +49,37 @@ pub(crate) struct LastKnown<'a> {
     pub(crate) anchored: bool,
 }
 
+/// Whether good poses come every so many ticks, always as many. After one that comes earlier or later
+/// than the others the rates of motion capture are wrong for a while: the way of two ticks in one.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Rhythm {
+    /// Ticks since the last pose, and between the two before.
+    since: u8,
+    between: u8,
+    /// Ticks until the velocity estimators have forgotten the last irregularity.
+    settling: u8,
+}
+
+/// Ticks after which a velocity estimator has forgotten an irregularity: the thesis' one (75 rad/s,
+/// critically damped, 100 Hz) all but half a percent of it.
+const FORGOTTEN: u8 = 10;
+
+impl Rhythm {
+    /// A tick with or without a good pose; whether the rates of motion capture are worth comparing.
+    #[inline]
+    fn tick(&mut self, seen: bool) -> bool {
+        self.since = self.since.saturating_add(1);
+        self.settling = self.settling.saturating_sub(1);
+        if seen {
+            if self.since != self.between {
+                self.settling = FORGOTTEN;
+            }
+            (self.between, self.since) = (self.since, 0);
+        }
+        self.settling == 0
+    }
+}
+
 /// All detectors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Detectors {
@@ -73,6 +104,8 @@ pub(crate) struct Detectors {
     imu_equal: u32,
     imu_missing: u32,
     imu_age_us: u32,
+    /// Whether poses come evenly.
+    rhythm: Rhythm,
     /// Smoothed difference of gyro and motion capture, rad/s.
     difference_rad_s: [f32; 3],
     imu_disagrees: bool,
@@ -105,6 +138,7 @@ impl Detectors {
             imu_equal: 0,
             imu_missing: u32::MAX,
             imu_age_us: u32::MAX,
+            rhythm: Rhythm::default(),
             difference_rad_s: [0.0; 3],
             imu_disagrees: false,
             battery: [Held::default(); 3],
@@ -401,6 +435,12 @@ impl Detectors {
         conditions.note(Condition::IdleForLong, self.armed.step(waits, elapsed_us, limits.armed_us));
     }
 
+    /// A tick with or without a good pose; whether the rates of motion capture are worth comparing.
+    #[inline]
+    pub(crate) fn poses_come_evenly(&mut self, seen: bool) -> bool {
+        self.rhythm.tick(seen)
+    }
+
     /// Compares the body rates by gyro and by motion capture, in rad/s.
     #[inline]
     pub(crate) fn compare_rates(&mut self, gyro_rad_s: [f32; 3], tracked_rad_s: [f32; 3], limits: &Limits) {
@@ -644,6 +684,24 @@ mod tests {
         assert!((square - 2.0).abs() < 0.1 && !vibrates, "{square}");
         assert!(shaken(1.1, 50.0).1 && !shaken(0.9, 50.0).1);
         assert!(!shaken(5.0, 5.0).1, "a craft that rolls");
+    }
+
+    /// Every tick, every other, every third: rates are compared after a tenth of a second; and not for
+    /// as long after a pose that was lost, late or early.
+    #[test]
+    fn rates_are_compared_where_poses_come_evenly() {
+        for every in 1..=3 {
+            let mut rhythm = Rhythm::default();
+            let mut from = |ticks: std::ops::Range<u32>| -> Vec<bool> {
+                ticks.map(|tick| rhythm.tick(tick % every == 0)).collect()
+            };
+            assert!(from(0..40)[20..].iter().all(|worth| *worth), "{every}");
+        }
+        let mut rhythm = Rhythm::default();
+        (0..40).for_each(|_| _ = rhythm.tick(true));
+        assert!(rhythm.tick(false), "nothing came, so nothing is wrong yet");
+        let worth: Vec<bool> = (0..30).map(|_| rhythm.tick(true)).collect();
+        assert_eq!(worth.iter().position(|worth| *worth), Some(usize::from(FORGOTTEN) + 1));
     }
 
     #[test]

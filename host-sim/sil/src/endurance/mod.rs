@@ -2,7 +2,7 @@
 //!
 //! What an hour of flying does not show, ten may: memory that grows, a clock or a counter that wraps,
 //! a landing in a thousand that ends otherwise. The rules of a crash are the same in both
-//! ([`crash`]), and neither forgives one that physics did not demand.
+//! (module `crash`), and neither forgives one that physics did not demand.
 
 mod crash;
 mod error;
