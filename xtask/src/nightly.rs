@@ -74,7 +74,7 @@ pub(crate) const PARTS: &[Step] = &[
     },
     Step {
         name: "monte-carlo",
-        about: "100,000 flights under drawn conditions: no crash that physics did not demand",
+        about: "100,000 flights under drawn conditions: no more than two crashes that physics did not demand",
         tools: &[],
         run: |_| sil(&["--monte-carlo", "100000"]),
     },
