@@ -260,7 +260,7 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// No more crashes than [`MOST_CRASHES`] but those of physics, and the memory did not grow.
+    /// No more than two crashes in 100,000 but those of physics, and the memory did not grow.
     pub fn holds(&self) -> bool {
         self.crashes.len() as u64 <= self.flights * MOST_CRASHES / 100_000 && self.memory.is_flat()
     }
