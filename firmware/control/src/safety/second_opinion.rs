@@ -75,6 +75,13 @@ mod tests {
         assert_eq!(believed(|k| at(5.0 + 0.02 * k, 0.3)), Some(11));
     }
 
+    /// By hand: a tenth of 0.5 m, and 3 m/s for 10 ms, are 0.08 m from one to the next.
+    #[test]
+    fn a_step_is_a_tenth_of_a_jump_and_what_the_craft_flies_meanwhile() {
+        assert_eq!(believed(|k| at(5.0 + 0.079 * k, 0.0)), Some(11));
+        assert_eq!(believed(|k| at(5.0 + 0.081 * k, 0.0)), None);
+    }
+
     /// Two trackers in turn, each right by itself.
     #[test]
     fn a_good_pose_in_between_begins_anew() {
