@@ -2,8 +2,6 @@
 //! flies.
 #![forbid(unsafe_code)]
 
-use std::path::Path;
-
 use control::Config;
 use control::gains::Saturation;
 use control::supervision_limits::Fence;
@@ -15,8 +13,7 @@ use sil::{FlightPlan, NoiseModel, Scenario, ScenarioResult, Settings, StepAxis, 
 /// The default design on the thesis' vehicle, as the file in the tree has it (crate `design` tests
 /// that it comes out so).
 fn designed() -> Config {
-    let text = include_str!("../../host-sim/model/vehicles/f330-designed-gains.toml");
-    design::Gains::parse(text, Path::new("f330-designed-gains.toml")).unwrap().config
+    sil::designed_config().unwrap()
 }
 
 /// The response over the step from the step on, one value a tick, of a flight with `delay` samples.

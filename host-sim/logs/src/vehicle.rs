@@ -84,7 +84,7 @@ fn cells(flown: &[&Import]) -> Option<u8> {
     said.all(|other| other == first)
         .then(|| u8::try_from(first).ok())
         .flatten()
-        .filter(|cells| (1..=14).contains(cells))
+        .filter(|cells| Pack::CELLS.contains(cells))
 }
 
 /// How to measure the fields of a vehicle file that logs do not tell, in their order.

@@ -3,6 +3,7 @@
 //! Mass and geometry from scale and tape measure, the rotor map from a motor test stand (4.11). Unknown keys and
 //! impossible values are errors that name the field.
 
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -163,6 +164,9 @@ pub struct Pack {
 }
 
 impl Pack {
+    /// Cells that a pack can have in series.
+    pub const CELLS: RangeInclusive<u8> = 1..=14;
+
     /// Whether nothing is said of it.
     pub fn is_unknown(&self) -> bool {
         self.cells.is_none()
@@ -311,7 +315,7 @@ impl Vehicle {
             return refuse("tracked_point", format!("{:?}", self.tracked_point), "metres, each within 10");
         }
         if let Some(cells) = self.battery.cells
-            && !(1..=14).contains(&cells)
+            && !Pack::CELLS.contains(&cells)
         {
             return refuse("battery.cells", cells.to_string(), "cells in series, 1 to 14");
         }

@@ -2,26 +2,17 @@
 //! hover, climb and pattern with noise; and flights in which nothing is wrong, which no rule may
 //! disturb.
 
-use std::path::Path;
-
 use control::{Condition, Config};
 use model::Model;
 use proto::State;
 use sil::failsafe::ExpectedResponse;
-use sil::{Fault, FaultKind, FlightPlan, NoiseModel, Scenario, Settings, drills, fly};
-
-/// Gains of the default design on the thesis' craft.
-const DESIGNED: &str = include_str!("../../model/vehicles/f330-designed-gains.toml");
-
-fn designed() -> Config {
-    design::Gains::parse(DESIGNED, Path::new("f330-designed-gains.toml")).unwrap().config
-}
+use sil::{Fault, FaultKind, FlightPlan, NoiseModel, Scenario, Settings, designed_config, drills, fly};
 
 /// Under the thesis' gains and under designed ones, with twenty seeds each. (Under others:
 /// `cargo xtask sil --failsafes --seeds 20 --gains FILE`.)
 #[test]
 fn every_drill_ends_as_expected() {
-    for (gains, config) in [("thesis", Config::thesis()), ("designed", designed())] {
+    for (gains, config) in [("thesis", Config::thesis()), ("designed", designed_config().unwrap())] {
         for drill in drills() {
             for seed in 1..=20 {
                 for found in drill.fly(seed, &config).unwrap() {

@@ -221,6 +221,14 @@ mod tests {
         }
     }
 
+    /// A recording of fifty lines, which the disk has.
+    fn begun(name: &Path) -> Recorder {
+        let mut recorder = Recorder::begin_with(name, 0, &BTreeMap::new(), WAITING).unwrap();
+        write(&mut recorder, 50);
+        recorder.wait_for_disk();
+        recorder
+    }
+
     /// What is told until a line has these words.
     fn told_until(recorder: &mut Recorder, words: &str) -> Vec<String> {
         let (since, mut told) = (Instant::now(), Vec::new());
@@ -238,7 +246,7 @@ mod tests {
         let may_mount =
             Command::new("unshare").args(["-rm", "mount", "-t", "tmpfs", "none", "/tmp"]).output();
         if !may_mount.is_ok_and(|output| output.status.success()) {
-            println!("skipped: no file systems of one's own here (unshare -rm mount -t tmpfs none /tmp)");
+            println!("SKIPPED: no file systems of one's own here (unshare -rm mount -t tmpfs none /tmp)");
             return;
         }
         let folder = tempfile::tempdir().unwrap();
@@ -269,9 +277,7 @@ mod tests {
             return on_small_disk("a_full_disk_holds_nobody_up_and_what_is_lost_is_said");
         };
         let (name, filler) = (folder.join("a"), folder.join("filler"));
-        let mut recorder = Recorder::begin_with(&name, 0, &BTreeMap::new(), WAITING).unwrap();
-        write(&mut recorder, 50);
-        recorder.wait_for_disk();
+        let mut recorder = begun(&name);
         assert!(recorder.news().is_none());
 
         assert!(fill(&filler) > 500_000);
@@ -309,9 +315,7 @@ mod tests {
             return on_small_disk("a_disk_that_stays_full_is_an_error_at_the_end");
         };
         let (name, filler) = (folder.join("a"), folder.join("filler"));
-        let mut recorder = Recorder::begin_with(&name, 0, &BTreeMap::new(), WAITING).unwrap();
-        write(&mut recorder, 50);
-        recorder.wait_for_disk();
+        let mut recorder = begun(&name);
         fill(&filler);
         write(&mut recorder, 50);
         let message = recorder.close().unwrap_err().to_string();

@@ -35,7 +35,8 @@ impl fmt::Display for Memory {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
         let (early, late, percent) = (mib(self.early), mib(self.late), 100.0 * self.growth());
-        write!(f, "{early:.2} MiB after the first tenth, {late:.2} MiB at the end: {percent:+.2} %")
+        let grows = if self.is_flat() { "" } else { "  GROWS" };
+        write!(f, "{early:.2} MiB after the first tenth, {late:.2} MiB at the end: {percent:+.2} %{grows}")
     }
 }
 

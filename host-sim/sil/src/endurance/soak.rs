@@ -60,7 +60,7 @@ impl fmt::Display for SoakReport {
             Some(problem) => writeln!(f, "ENDED: {problem}")?,
             None => writeln!(f, "no crash, and nothing found but low batteries")?,
         }
-        writeln!(f, "memory: {}{}", self.memory, if self.memory.is_flat() { "" } else { "  GROWS" })
+        writeln!(f, "memory: {}", self.memory)
     }
 }
 
