@@ -30,10 +30,26 @@ pub fn add(
     validate: &[&Prepared],
     options: &Options,
 ) -> Result<Addition, FitError> {
+    add_from(model, effect, None, train, validate, options)
+}
+
+/// The same from values of the effect's coefficients that are known to be near.
+pub(crate) fn add_from(
+    model: &Model,
+    effect: Effect,
+    near: Option<&[f64]>,
+    train: &[&Prepared],
+    validate: &[&Prepared],
+    options: &Options,
+) -> Result<Addition, FitError> {
     let base = fit_and_validate(model, &model.effects(), train, validate)?;
     let mut effects = model.effects();
     effects.push(effect);
-    let with = fit_and_validate(&base.fit.model, &effects, train, validate)?;
+    let mut start = base.fit.model.clone();
+    if let Some(values) = near {
+        start.set(effect, values);
+    }
+    let with = fit_and_validate(&start, &effects, train, validate)?;
     let candidates = options.candidates_with(effect, model);
     let finding = examine(&base, &with, effect, (train, validate), candidates.len());
     let (before, after) = (errors(&base.held_out), errors(&with.held_out));

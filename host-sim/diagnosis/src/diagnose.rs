@@ -64,11 +64,8 @@ pub fn diagnose_with(
     let noise_before = excess(&search.base, validate);
     let mut unexplained = loop {
         let rest = chosen.validated.as_ref().unwrap_or(&search.base);
-        let Structure { mut unexplained, answers_late } = structure(rest, train, validate);
-        let noise_after = excess(rest, validate);
-        unexplained.extend(above_noise(&known_noise(noise_after, rest, validate), rest, validate));
-        unexplained.extend(no_wander(rest, train, validate));
-        let incomplete = incomplete(&noise_before, &noise_after);
+        let Structure { unexplained, answers_late } = what_is_left(rest, train, validate);
+        let incomplete = incomplete(&noise_before, &excess(rest, validate));
         let left = Left { unexplained: &unexplained, incomplete, answers_late };
         if !refuse_stand_ins(&mut chosen.findings, &left) {
             break unexplained;
@@ -81,6 +78,15 @@ pub fn diagnose_with(
     let refused = model.fit.as_ref().map_or(&[][..], |fit| &fit.rotation_refused);
     let unknown = unidentified(&rest.fit.model, refused, &unexplained, train, (validate, &rest.held_out));
     Ok(conclude(effects, unexplained, unknown))
+}
+
+/// What the residual of a model depends on, and what of it is above the noise for another cause.
+pub(crate) fn what_is_left(rest: &Validated, train: &[&Prepared], validate: &[&Prepared]) -> Structure {
+    let mut left = structure(rest, train, validate);
+    let noise = known_noise(excess(rest, validate), rest, validate);
+    left.unexplained.extend(above_noise(&noise, rest, validate));
+    left.unexplained.extend(no_wander(rest, train, validate));
+    left
 }
 
 /// Ratio of the residual's variance to that of the sensors' noise on each axis; only where no slow part was taken from it.

@@ -106,6 +106,23 @@ fn floor(flight: &Prepared, (channels, gain): (Channels, f64)) -> [f64; 3] {
     })
 }
 
+/// Sum of squares that sensor noise alone leaves in the rows of each axis; nothing where the noise is not white.
+pub(crate) fn squares_of_noise(flights: &[&Prepared]) -> [Option<f64>; 6] {
+    let forces = squares_of(flights, force_channels);
+    let rates = squares_of(flights, gyro_channels);
+    std::array::from_fn(|axis| if axis < 3 { forces.map(|f| f[axis]) } else { rates.map(|r| r[axis - 3]) })
+}
+
+fn squares_of(flights: &[&Prepared], channels: impl Fn(&Prepared) -> (Channels, f64)) -> Option<[f64; 3]> {
+    if !is_white(&signals(flights, &channels)) {
+        return None;
+    }
+    let of_flight =
+        |flight: &&Prepared| floor(flight, channels(flight)).map(|floor| floor * flight.rows() as f64);
+    let all: Vec<[f64; 3]> = flights.iter().map(of_flight).collect();
+    Some(std::array::from_fn(|axis| all.iter().map(|squares| squares[axis]).sum()))
+}
+
 /// A signal, and which of its samples were measured.
 type Signal<'a> = (&'a [f64], &'a [bool]);
 

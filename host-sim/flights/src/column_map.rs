@@ -91,7 +91,8 @@ impl ColumnMap {
             Some(map) => map,
             None => Self::of_vehicle(vehicle, Path::new(&vehicle.name))?,
         };
-        let further = user_effects::columns().iter().map(|column| (*column).to_owned()).collect();
+        let is_in_file = |column: &&str| *column != user_effects::TIME_COLUMN;
+        let further = user_effects::columns().into_iter().filter(is_in_file).map(str::to_owned).collect();
         Ok(Self { further, ..map })
     }
 

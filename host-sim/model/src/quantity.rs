@@ -70,10 +70,8 @@ pub const QUANTITIES: &[Quantity] = &[
     quantity("phi", "rad", "roll angle", |s| s.input.dcm[(1, 2)].atan2(s.input.dcm[(2, 2)])),
     quantity("theta", "rad", "pitch angle", |s| -s.input.dcm[(0, 2)].clamp(-1.0, 1.0).asin()),
     quantity("psi", "rad", "yaw angle, -pi to pi", |s| s.input.dcm[(0, 1)].atan2(s.input.dcm[(0, 0)])),
-    quantity("thrust", "m/s^2", "specific thrust of all rotors divided by C_T", |s| {
-        s.constants.beta_kg_m * s.constants.per_mass * s.rotor_thrust_rad2_s2.iter().sum::<f64>()
-    })
-    .in_commands("m cmd^2"),
+    quantity("thrust", "m/s^2", "specific thrust of all rotors divided by C_T", |s| s.thrust_m_s2())
+        .in_commands("m cmd^2"),
     quantity("omega1", "rad/s", "speed of rotor 1, front left", |s| s.input.rotor_rad_s[0])
         .in_commands("cmd"),
     quantity("omega2", "rad/s", "speed of rotor 2, front right", |s| s.input.rotor_rad_s[1])
@@ -90,7 +88,7 @@ pub const QUANTITIES: &[Quantity] = &[
     quantity("domega4", "rad/s^2", "acceleration of rotor 4", |s| s.input.rotor_acceleration_rad_s2[3])
         .in_commands("cmd/s"),
     quantity("vbat", "V", "battery voltage", |s| s.input.battery_v),
-    quantity("mass", "kg", "mass of the craft", |s| 1.0 / s.constants.per_mass),
+    quantity("mass", "kg", "mass of the craft", |s| s.mass_kg()),
     quantity("gravity", "m/s^2", "acceleration of free fall", |s| s.constants.gravity_m_s2),
     quantity("arm_length", "m", "centre to motor", |s| s.constants.arm_length_m),
     quantity("rotor_radius", "m", "radius of a rotor", |s| s.constants.rotor_radius_m),

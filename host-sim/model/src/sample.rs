@@ -137,6 +137,18 @@ impl<'a> Sample<'a> {
         }
     }
 
+    /// Mass of the craft, kg.
+    #[inline]
+    pub fn mass_kg(&self) -> f64 {
+        1.0 / self.constants.per_mass
+    }
+
+    /// Specific thrust of all rotors divided by C_T, m/s^2.
+    #[inline]
+    pub fn thrust_m_s2(&self) -> f64 {
+        self.constants.beta_kg_m * self.constants.per_mass * self.rotor_thrust_rad2_s2.iter().sum::<f64>()
+    }
+
     /// Signed sum of the rotor speeds: + for rotors that yaw the craft right, the S = w1 - w2 + w3 - w4 of the thesis
     /// (reference section 5), rad/s.
     pub fn signed_rotor_sum_rad_s(&self) -> f64 {

@@ -13,6 +13,9 @@ pub enum WorkflowError {
     /// The file.
     #[error(transparent)]
     File(#[from] FlightError),
+    /// An effect of users.
+    #[error(transparent)]
+    Effect(#[from] model::UserEffectError),
     /// A log of another program.
     #[error(transparent)]
     Log(#[from] logs::LogError),

@@ -138,14 +138,27 @@ fn go_through(
     observer: &dyn Observer,
 ) -> Result<Explanation, WorkflowError> {
     let mut basic = fit_basic(vehicle, sets, rotation, observer)?.model;
-    let mut steps: Vec<Step> = Vec::new();
-    let mut diagnosis = search(&basic, sets, options, observer)?;
+    let diagnosis = search(&basic, sets, options, observer)?;
     if sets.has_weather() {
         basic = fit_basic(vehicle, sets, rotation, observer)?.model;
     }
     let basic_comparison = sysid::compare(&basic, &sets.validate());
+    let (steps, last_diagnosis) = add_what_is_found(&basic, diagnosis, sets, options, observer)?;
+    let model = steps.last().map_or(&basic, |step| &step.model).clone();
+    Ok(Explanation { basic, basic_comparison, steps, last_diagnosis, model, refinement: None })
+}
+
+/// Adds what a diagnosis of a model finds, one effect after the other, until nothing supported is left.
+pub(crate) fn add_what_is_found(
+    basic: &Model,
+    mut diagnosis: Diagnosis,
+    sets: &mut FlightSets,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<(Vec<Step>, Diagnosis), WorkflowError> {
+    let mut steps: Vec<Step> = Vec::new();
     while let Some(effect) = diagnosis.best() {
-        let model = steps.last().map_or(&basic, |step| &step.model).clone();
+        let model = steps.last().map_or(basic, |step| &step.model).clone();
         match join_and_search(&model, effect, sets, options, observer) {
             Ok((better, addition, next)) => {
                 // Nothing joins that makes the model predict worse, whatever it promised beside others.
@@ -167,8 +180,7 @@ fn go_through(
             Err(why) => return Err(why),
         }
     }
-    let model = steps.last().map_or(&basic, |step| &step.model).clone();
-    Ok(Explanation { basic, basic_comparison, steps, last_diagnosis: diagnosis, model, refinement: None })
+    Ok((steps, diagnosis))
 }
 
 /// Why a model is worse with an effect; nothing where it is not.

@@ -10,8 +10,12 @@ use crate::sample::MAX_FURTHER;
 use crate::user_effects::arithmetic::FUNCTIONS;
 use crate::user_effects::definition::MAX_NAME;
 
+/// The column that every flight has by its rows, and none by its file: time since the flight's first row, s.
+pub const TIME_COLUMN: &str = "time";
+
 /// Columns that need no declaration, with their units.
-pub const USUAL_COLUMNS: [(&str, &str); 7] = [
+pub const USUAL_COLUMNS: [(&str, &str); 8] = [
+    (TIME_COLUMN, "s"),
     ("load_north", "m"),
     ("load_east", "m"),
     ("load_down", "m"),
@@ -50,7 +54,7 @@ pub(super) fn is_function(name: &str) -> bool {
 }
 
 /// Unit of a column that needs no declaration.
-pub(super) fn usual_unit(name: &str) -> Option<&'static str> {
+pub fn usual_unit(name: &str) -> Option<&'static str> {
     USUAL_COLUMNS.iter().find(|(usual, _)| *usual == name).map(|(_, unit)| *unit)
 }
 
@@ -59,6 +63,11 @@ pub(super) fn usual_unit(name: &str) -> Option<&'static str> {
 pub(super) struct FurtherColumn {
     pub(super) name: &'static str,
     pub(super) place: usize,
+}
+
+/// The place of a column in every sample that is prepared from now on; nothing where all are taken.
+pub fn place_of_column(name: &str) -> Option<usize> {
+    placed(name).map(|column| column.place)
 }
 
 /// Finds the place of a column, or gives it one; nothing where all are taken.

@@ -83,10 +83,16 @@ pub struct Definition {
     pub column: Vec<ColumnDefinition>,
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct File {
     pub(super) effect: Vec<Definition>,
+}
+
+/// The text of a file of effects.
+pub fn file_of(definitions: Vec<Definition>) -> String {
+    // Tables, text and numbers alone: there is nothing in it that TOML cannot hold.
+    toml::to_string(&File { effect: definitions }).unwrap_or_default()
 }
 
 /// Why a user's effect was refused.

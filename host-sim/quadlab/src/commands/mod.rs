@@ -7,6 +7,7 @@ pub(crate) mod design;
 pub(crate) mod design_check;
 pub(crate) mod design_report;
 pub(crate) mod diagnose;
+pub(crate) mod discover;
 pub(crate) mod effects;
 pub(crate) mod excite;
 pub(crate) mod explain;

@@ -12,8 +12,8 @@ use sysid::Comparison;
 
 use crate::cli::faults::WithFaults;
 use crate::commands::{
-    add, compare, design, design_report, effects, excite, explain, identify, import, linearize, motor_map,
-    plan,
+    add, compare, design, design_report, discover, effects, excite, explain, identify, import, linearize,
+    motor_map, plan,
 };
 
 /// Writes the schemas, one file a document.
@@ -28,7 +28,7 @@ pub(crate) fn write(folder: &Path) -> anyhow::Result<()> {
 }
 
 /// File name, command and schema of each document.
-fn schemas() -> [(&'static str, &'static str, Schema); 17] {
+fn schemas() -> [(&'static str, &'static str, Schema); 18] {
     [
         ("import", "import", of::<import::Document>()),
         ("identify", "identify", of::<WithFaults<identify::Document>>()),
@@ -39,6 +39,7 @@ fn schemas() -> [(&'static str, &'static str, Schema); 17] {
         ("diagnose-changed-why", "diagnose --changed --why", of::<WhyChanged>()),
         ("add", "add", of::<WithFaults<add::Document>>()),
         ("explain", "explain", of::<WithFaults<explain::Document>>()),
+        ("discover", "discover", of::<WithFaults<discover::Document>>()),
         ("effects", "effects", of::<Vec<effects::Entry>>()),
         ("linearize", "linearize", of::<linearize::Document>()),
         ("design", "design", of::<design::Document>()),

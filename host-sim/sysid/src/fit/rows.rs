@@ -127,6 +127,11 @@ impl Prepared {
         self.filtered(&plant, &model.vehicle, &effects, stride, hung)
     }
 
+    /// What terms of a caller's own would contribute about a model, at the rows of a fit.
+    pub fn columns_of_terms(&self, terms: &impl Terms, model: &Model) -> Vec<RowColumn> {
+        self.filtered(&Plant::new(model), &model.vehicle, terms, self.fit_stride(), None)
+    }
+
     /// A measured quantity at the rows, through the filter of the moments.
     pub fn quantity(&self, model: &Model, quantity: &Quantity) -> Vec<f64> {
         let plant = Plant::new(&slung_load::without_load(model));

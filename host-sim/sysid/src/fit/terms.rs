@@ -14,7 +14,7 @@ pub fn coefficient_count(effect: Effect) -> usize {
 
 /// Terms of the equations of motion: parameters times what they multiply. Which parameter acts on which axis, and the
 /// order of the terms, do not depend on the state.
-pub(crate) trait Terms {
+pub trait Terms {
     /// Parameters.
     fn count(&self) -> usize;
     /// Adds what each parameter multiplies, by `sink.add(axis, parameter, value)`, once for each axis.

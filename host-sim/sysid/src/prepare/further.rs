@@ -3,6 +3,8 @@
 //! They are not smoothed, mended or turned: what they mean is known to the formula only. Between values they run straight, as
 //! many are logged less often than the flight.
 
+use std::borrow::Cow;
+
 use flights::Flight;
 use model::user_effects;
 
@@ -14,14 +16,23 @@ const LONGEST_GAP_S: f64 = 2.0;
 /// Puts the columns that formulas name onto the samples of the stretches, as far as the flight has them.
 pub(super) fn put(stretches: &mut [Stretch], flight: &Flight, t: &[f64]) {
     for (place, name) in user_effects::columns().into_iter().enumerate() {
-        let Some(values) = flight.further(name) else { continue };
+        let Some(values) = values_of(flight, name, t) else { continue };
         let (times, values): (Vec<f64>, Vec<f64>) =
-            t.iter().zip(values).filter(|(_, value)| value.is_finite()).unzip();
+            t.iter().zip(&*values).filter(|(_, value)| value.is_finite()).unzip();
         for stretch in stretches.iter_mut() {
             let on_grid = stretch.time_s.iter().map(|time| straight(&times, &values, *time)).collect();
             stretch.further.push((place, on_grid));
         }
     }
+}
+
+/// The values of a column, logged or known by the rows themselves.
+fn values_of<'a>(flight: &'a Flight, name: &str, t: &[f64]) -> Option<Cow<'a, [f64]>> {
+    if name == user_effects::TIME_COLUMN {
+        let began_s = t.first().copied().unwrap_or(0.0);
+        return Some(t.iter().map(|t| t - began_s).collect());
+    }
+    flight.further(name).map(Cow::from)
 }
 
 /// The value at a moment; NaN where none is near enough on either side.

@@ -1,0 +1,226 @@
+//! Ways in which a scalar can act on a craft: along an axis, along the thrust, against the air, on one rotor.
+
+use model::{Axis, Model, Plant, Sample, Sink, State};
+use nalgebra::Vector3;
+
+/// A way in which a scalar acts on the six rows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Channel {
+    /// A force along, or a moment about, a body axis.
+    Body(Axis),
+    /// A force along north, east or down.
+    Earth(usize),
+    /// A horizontal force of any direction in the room.
+    Horizontal,
+    /// A part of the thrust of all rotors.
+    Thrust,
+    /// A part of the thrust of one rotor: its force and its moments.
+    Rotor(usize, RotorLever),
+    /// Drag against all of the motion through the air.
+    Drag,
+    /// Drag against the forward and sideward motion through the air.
+    HorizontalDrag,
+}
+
+/// What a rotor's thrust does to the rows for each square of its speed, as the model has it: m, 1 and 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct RotorLever {
+    pub(crate) lift: f64,
+    pub(crate) roll: f64,
+    pub(crate) pitch: f64,
+}
+
+/// One row of a channel's formula: what stands before and after the amplitude times the shape.
+pub(crate) struct RowText {
+    pub(crate) row: &'static str,
+    pub(crate) before: String,
+    pub(crate) after: &'static str,
+    /// Which amplitude.
+    pub(crate) amplitude: usize,
+}
+
+const EARTH: [&str; 3] = ["north", "east", "down"];
+const OMEGA: [&str; 4] = ["omega1", "omega2", "omega3", "omega4"];
+
+impl Channel {
+    /// All that a model has room for, but for those that are wider than another one ([`Self::wider`]).
+    pub(crate) fn all(model: &Model) -> Vec<Self> {
+        let has_rotation = sysid::has_rotation(model);
+        let mut all: Vec<Self> =
+            model::AXES.into_iter().filter(|axis| axis.is_force() || has_rotation).map(Self::Body).collect();
+        all.extend([Self::Earth(0), Self::Earth(1), Self::Earth(2), Self::Thrust]);
+        all.extend([Self::Drag, Self::HorizontalDrag]);
+        if has_rotation && model.vehicle.has_rotor_map() {
+            all.extend(levers(model).into_iter().enumerate().map(|(k, lever)| Self::Rotor(k, lever)));
+        }
+        all
+    }
+
+    /// A way to act with this one as a part of it.
+    pub(crate) const fn wider(self) -> Option<Self> {
+        match self {
+            Self::Earth(0 | 1) => Some(Self::Horizontal),
+            _ => None,
+        }
+    }
+
+    /// Independent amplitudes.
+    pub(crate) const fn amplitudes(self) -> usize {
+        match self {
+            Self::Horizontal => 2,
+            _ => 1,
+        }
+    }
+
+    /// Adds what each amplitude multiplies when the scalar is `value`; parameters count from `first` in steps of one for each
+    /// amplitude.
+    #[inline]
+    pub(crate) fn add(self, sample: &Sample, value: f64, first: usize, sink: &mut impl Sink) {
+        let mut forces = |parameter: usize, force: Vector3<f64>| {
+            for (axis, along) in [Axis::U, Axis::V, Axis::W].into_iter().zip(force.iter()) {
+                sink.add(axis, parameter, *along);
+            }
+        };
+        let per_mass = value / sample.mass_kg();
+        match self {
+            Self::Body(axis) if axis.is_force() => sink.add(axis, first, per_mass),
+            Self::Body(axis) => sink.add(axis, first, value),
+            Self::Earth(k) => forces(first, sample.input.dcm.column(k) * per_mass),
+            Self::Horizontal => {
+                forces(first, sample.input.dcm.column(0) * per_mass);
+                forces(first + 1, sample.input.dcm.column(1) * per_mass);
+            }
+            Self::Thrust => sink.add(Axis::W, first, -value * sample.thrust_m_s2()),
+            Self::Drag => forces(first, sample.air_velocity_m_s * -per_mass),
+            Self::HorizontalDrag => {
+                sink.add(Axis::U, first, -per_mass * sample.air_velocity_m_s.x);
+                sink.add(Axis::V, first, -per_mass * sample.air_velocity_m_s.y);
+            }
+            Self::Rotor(k, lever) => {
+                let square = sample.rotor_thrust_rad2_s2[k] * value;
+                sink.add(Axis::W, first, -lever.lift * square);
+                sink.add(Axis::P, first, lever.roll * square);
+                sink.add(Axis::Q, first, lever.pitch * square);
+            }
+        }
+    }
+
+    /// The axes that it acts on.
+    pub(crate) fn axes(self) -> &'static [Axis] {
+        const FORCES: [Axis; 3] = [Axis::U, Axis::V, Axis::W];
+        match self {
+            Self::Body(Axis::U) => &[Axis::U],
+            Self::Body(Axis::V) => &[Axis::V],
+            Self::Body(Axis::W) | Self::Thrust => &[Axis::W],
+            Self::Body(Axis::P) => &[Axis::P],
+            Self::Body(Axis::Q) => &[Axis::Q],
+            Self::Body(Axis::R) => &[Axis::R],
+            Self::HorizontalDrag => &[Axis::U, Axis::V],
+            Self::Rotor(..) => &[Axis::W, Axis::P, Axis::Q],
+            Self::Earth(_) | Self::Horizontal | Self::Drag => &FORCES,
+        }
+    }
+
+    /// Its rows as formulas: what stands before amplitude and shape, and what after.
+    pub(crate) fn rows(self) -> Vec<RowText> {
+        let row = |row: &'static str, before: &str, after: &'static str| RowText {
+            row,
+            before: before.into(),
+            after,
+            amplitude: 0,
+        };
+        let per_mass = " / mass";
+        match self {
+            Self::Body(axis) if axis.is_force() => vec![row(axis.name(), "", per_mass)],
+            Self::Body(axis) => vec![row(axis.name(), "", "")],
+            Self::Earth(k) => vec![row(EARTH[k], "", per_mass)],
+            Self::Horizontal => {
+                vec![row("north", "", per_mass), RowText { amplitude: 1, ..row("east", "", per_mass) }]
+            }
+            Self::Thrust => vec![row("w", "-thrust * ", "")],
+            Self::Drag => ["u", "v", "w"].map(|axis| row(axis, &format!("-{axis} * "), per_mass)).into(),
+            Self::HorizontalDrag => ["u", "v"].map(|axis| row(axis, &format!("-{axis} * "), per_mass)).into(),
+            Self::Rotor(k, _) => {
+                let with =
+                    |axis, lever: &str| row(axis, &format!("{lever}{} * {}^2 * ", k + 1, OMEGA[k]), "");
+                vec![with("w", "-lift"), with("p", "roll"), with("q", "pitch")]
+            }
+        }
+    }
+
+    /// Constants in its formulas: name, unit and value.
+    pub(crate) fn constants(self) -> Vec<(String, &'static str, f64)> {
+        match self {
+            Self::Rotor(k, lever) => vec![
+                (format!("lift{}", k + 1), "m", lever.lift),
+                (format!("roll{}", k + 1), "1", lever.roll),
+                (format!("pitch{}", k + 1), "1", lever.pitch),
+            ],
+            _ => Vec::new(),
+        }
+    }
+
+    /// Names of the amplitudes in formulas.
+    pub(crate) const fn amplitude_names(self) -> &'static [&'static str] {
+        match self {
+            Self::Horizontal => &["north_k", "east_k"],
+            _ => &["k"],
+        }
+    }
+
+    /// Unit of an amplitude over that of the shape.
+    pub(crate) const fn unit(self) -> &'static str {
+        match self {
+            Self::Body(Axis::P | Axis::Q | Axis::R) => "rad/s^2",
+            Self::Body(_) | Self::Earth(_) | Self::Horizontal => "N",
+            Self::Thrust | Self::Rotor(..) => "1",
+            Self::Drag | Self::HorizontalDrag => "N s/m",
+        }
+    }
+
+    /// Measured quantities that it acts with.
+    pub(crate) const fn quantities(self) -> &'static [&'static str] {
+        match self {
+            Self::Drag => &["u", "v", "w"],
+            Self::HorizontalDrag => &["u", "v"],
+            _ => &[],
+        }
+    }
+
+    /// For people.
+    pub(crate) fn meaning(self) -> String {
+        match self {
+            Self::Body(Axis::U) => "a forward force".into(),
+            Self::Body(Axis::V) => "a force to the right".into(),
+            Self::Body(Axis::W) => "a force along the rotors' axis".into(),
+            Self::Body(Axis::P) => "a roll moment".into(),
+            Self::Body(Axis::Q) => "a pitch moment".into(),
+            Self::Body(Axis::R) => "a yaw moment".into(),
+            Self::Earth(2) => "a vertical force".into(),
+            Self::Earth(k) => format!("a force along {}", EARTH[k]),
+            Self::Horizontal => "a horizontal force".into(),
+            Self::Thrust => "a part of the thrust".into(),
+            Self::Rotor(k, _) => format!("a part of the thrust of motor {}", k + 1),
+            Self::Drag => "drag".into(),
+            Self::HorizontalDrag => "horizontal drag".into(),
+        }
+    }
+}
+
+/// What the model says that each rotor does for each square of its speed, by the accelerations at rest with one that turns.
+fn levers(model: &Model) -> [RotorLever; 4] {
+    const SPEED_RAD_S: f64 = 100.0;
+    let plant = Plant::new(model);
+    let by = |rotors: [f64; 4]| {
+        let state = State::at_rest(Vector3::zeros(), rotors);
+        plant.accelerations(&plant.sample_of(&plant.input(&state, &rotors, model.reference.battery_v)))
+    };
+    let still = by([0.0; 4]);
+    std::array::from_fn(|k| {
+        let mut rotors = [0.0; 4];
+        rotors[k] = SPEED_RAD_S;
+        let turning = by(rotors);
+        let of = |axis: Axis| (turning[axis.index()] - still[axis.index()]) / (SPEED_RAD_S * SPEED_RAD_S);
+        RotorLever { lift: -of(Axis::W), roll: of(Axis::P), pitch: of(Axis::Q) }
+    })
+}

@@ -1,0 +1,155 @@
+//! A form: a way to act, times one or two shapes of measured quantities.
+
+use model::{Sample, Sink};
+use sysid::fit::terms::Terms;
+
+use crate::discovery::channels::Channel;
+use crate::discovery::shapes::{Role, Shape};
+use crate::discovery::variables::Variable;
+
+/// A shape of one of the variables.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Factor {
+    /// Its place among the variables.
+    pub(crate) variable: usize,
+    pub(crate) shape: Shape,
+}
+
+/// A way to act, times shapes of measured quantities.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Form {
+    pub(crate) channel: Channel,
+    pub(crate) factors: Vec<Factor>,
+}
+
+impl Form {
+    /// The scalar at a sample.
+    #[inline]
+    pub(crate) fn at(&self, variables: &[Variable], sample: &Sample) -> f64 {
+        self.factors.iter().map(|f| f.shape.at(variables[f.variable].at(sample))).product()
+    }
+
+    /// Parameters of its shapes: which factor, and which of its parameters.
+    pub(crate) fn parameters(&self) -> Vec<(usize, usize)> {
+        let of = |(index, factor): (usize, &Factor)| (0..factor.shape.count()).map(move |k| (index, k));
+        self.factors.iter().enumerate().flat_map(of).collect()
+    }
+
+    /// How many numbers have to be fitted.
+    pub(crate) fn count(&self) -> usize {
+        self.channel.amplitudes() + self.parameters().len()
+    }
+
+    pub(crate) fn value(&self, (factor, k): (usize, usize)) -> f64 {
+        self.factors[factor].shape.parameters[k]
+    }
+
+    pub(crate) fn role(&self, (factor, k): (usize, usize)) -> Role {
+        self.factors[factor].shape.family.parameters()[k].1
+    }
+
+    /// The form with another value of a parameter.
+    pub(crate) fn with(&self, (factor, k): (usize, usize), value: f64) -> Self {
+        let mut moved = self.clone();
+        moved.factors[factor].shape.parameters[k] = value;
+        moved
+    }
+
+    /// Where a parameter may lie.
+    pub(crate) fn possible(&self, variables: &[Variable], parameter: (usize, usize)) -> [f64; 2] {
+        variables[self.factors[parameter.0].variable].span.possible(self.role(parameter))
+    }
+
+    /// Step of a difference that stands for a derivative.
+    pub(crate) fn step(&self, variables: &[Variable], parameter: (usize, usize)) -> f64 {
+        match self.role(parameter) {
+            Role::Length => 1e-5 * self.value(parameter),
+            Role::Place => 1e-6 * variables[self.factors[parameter.0].variable].span.length(),
+        }
+    }
+
+    /// The variables it depends on by its shapes, each once, in the order of its factors.
+    pub(crate) fn variables(&self) -> Vec<usize> {
+        let mut all: Vec<usize> = Vec::new();
+        for factor in &self.factors {
+            if !all.contains(&factor.variable) {
+                all.push(factor.variable);
+            }
+        }
+        all
+    }
+}
+
+/// The terms of a form: what each amplitude multiplies, then the slope of that over each parameter of its shapes, amplitude by
+/// amplitude.
+pub(crate) struct FormTerms<'a> {
+    forms: Vec<(Form, f64)>,
+    variables: &'a [Variable],
+}
+
+impl<'a> FormTerms<'a> {
+    pub(crate) fn new(form: &Form, variables: &'a [Variable]) -> Self {
+        let ahead = form.parameters().into_iter().map(|parameter| {
+            let step = form.step(variables, parameter);
+            (form.with(parameter, form.value(parameter) + step), step)
+        });
+        Self { forms: std::iter::once((form.clone(), 1.0)).chain(ahead).collect(), variables }
+    }
+}
+
+impl Terms for FormTerms<'_> {
+    fn count(&self) -> usize {
+        self.forms.len() * self.forms[0].0.channel.amplitudes()
+    }
+
+    fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
+        let (form, _) = &self.forms[0];
+        let here = form.at(self.variables, sample);
+        let amplitudes = form.channel.amplitudes();
+        form.channel.add(sample, here, 0, sink);
+        for (index, (ahead, step)) in self.forms.iter().enumerate().skip(1) {
+            let slope = (ahead.at(self.variables, sample) - here) / step;
+            form.channel.add(sample, slope, index * amplitudes, sink);
+        }
+    }
+}
+
+/// A way to act, by itself or times a shape that is known already, over hats of one variable: every piecewise straight shape is a sum
+/// of these.
+pub(crate) struct Hats<'a> {
+    pub(crate) bases: &'a [Form],
+    pub(crate) variables: &'a [Variable],
+    pub(crate) variable: usize,
+    pub(crate) knots: &'a [f64],
+}
+
+impl Hats<'_> {
+    /// Parameters of the bases before one.
+    pub(crate) fn first(&self, base: usize) -> usize {
+        let before = self.bases[..base].iter().map(|form| form.channel.amplitudes()).sum::<usize>();
+        before * self.knots.len()
+    }
+}
+
+impl Terms for Hats<'_> {
+    fn count(&self) -> usize {
+        self.first(self.bases.len())
+    }
+
+    fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
+        let (low, high) = (self.knots[0], self.knots[self.knots.len() - 1]);
+        let step = (high - low) / (self.knots.len() - 1) as f64;
+        let place = ((self.variables[self.variable].at(sample) - low) / step)
+            .clamp(0.0, (self.knots.len() - 1) as f64);
+        let mut first = 0;
+        for base in self.bases {
+            let scale = base.at(self.variables, sample);
+            let amplitudes = base.channel.amplitudes();
+            for k in 0..self.knots.len() {
+                let hat = (1.0 - (place - k as f64).abs()).max(0.0);
+                base.channel.add(sample, scale * hat, first, sink);
+                first += amplitudes;
+            }
+        }
+    }
+}

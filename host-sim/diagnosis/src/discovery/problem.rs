@@ -1,0 +1,218 @@
+//! What a model leaves of flights, made white, and what the model's own coefficients cannot take of a column.
+
+use model::Model;
+use nalgebra::{DMatrix, DVector};
+use sysid::filter::compose;
+use sysid::fit::least_squares::RowColumn;
+use sysid::fit::slow;
+use sysid::fit::terms::Terms;
+use sysid::prepare::{ForceTarget, Prepared};
+
+use crate::columns::rows_about;
+use crate::discovery::whitening::{NoisyRows, Whitening, behind, most_likely};
+
+/// Part of a column of the model that others of it must leave for it to count.
+const INDEPENDENT: f64 = 1e-7;
+
+/// Flights about a model as one regression: rows of all flights below each other, made white, for each axis.
+pub(crate) struct Problem<'a> {
+    pub(crate) model: &'a Model,
+    flights: Vec<Flight<'a>>,
+    /// Rows of all flights.
+    pub(crate) rows: usize,
+    /// What the model leaves, for each axis, of standard deviation 1 where nothing is left but noise.
+    pub(crate) residual: [DVector<f64>; 6],
+    /// An orthonormal basis of what the model's own coefficients can take, in its rows of each axis.
+    basis: [DMatrix<f64>; 6],
+}
+
+struct Flight<'a> {
+    prepared: &'a Prepared,
+    starts: Vec<usize>,
+    /// First of its rows among those of all.
+    first: usize,
+    rows: usize,
+    whitening: [Whitening; 6],
+    /// One over the standard deviation of what the whitening leaves.
+    scale: [f64; 6],
+}
+
+/// A column over the rows of all flights, made white; nothing where it does not act.
+pub(crate) type White = [Option<Vec<f64>>; 6];
+
+impl<'a> Problem<'a> {
+    pub(crate) fn new(prepared: &[&'a Prepared], model: &'a Model) -> Self {
+        let own = model.effects();
+        let about: Vec<_> = prepared.iter().map(|flight| rows_about(flight, model, &own)).collect();
+        let mut flights: Vec<Flight<'a>> = Vec::new();
+        let mut rows = 0;
+        let noises: Vec<[Noise; 2]> = prepared.iter().map(|flight| Noise::of(flight)).collect();
+        let white: [(Vec<Whitening>, f64); 6] = std::array::from_fn(|axis| {
+            let kind = usize::from(axis >= 3);
+            let noisy: Vec<NoisyRows<'_>> = about
+                .iter()
+                .zip(&noises)
+                .map(|(about, noise)| NoisyRows {
+                    signal: &about.targets[axis],
+                    starts: &about.starts,
+                    sensor: &noise[kind].sensor,
+                    acceleration: &noise[kind].acceleration,
+                })
+                .collect();
+            most_likely(&noisy)
+        });
+        for (index, (prepared, about)) in prepared.iter().zip(&about).enumerate() {
+            flights.push(Flight {
+                prepared,
+                starts: about.starts.clone(),
+                first: rows,
+                rows: about.rows(),
+                whitening: std::array::from_fn(|axis| white[axis].0[index].clone()),
+                scale: std::array::from_fn(|axis| 1.0 / white[axis].1),
+            });
+            rows += about.rows();
+        }
+        let mut problem = Self {
+            model,
+            flights,
+            rows,
+            residual: std::array::from_fn(|_| DVector::zeros(rows)),
+            basis: std::array::from_fn(|_| DMatrix::zeros(rows, 0)),
+        };
+        let targets: Vec<RowColumn> = about.iter().map(|rows| rows.targets.clone().map(Some)).collect();
+        let mut residual = problem.white(&targets);
+        let count = about.first().map_or(0, |rows| rows.columns.len());
+        let columns: Vec<White> = (0..count)
+            .map(|k| {
+                let of: Vec<RowColumn> = about.iter().map(|rows| rows.columns[k].clone()).collect();
+                problem.white(&of)
+            })
+            .collect();
+        problem.basis = basis(&columns, rows);
+        problem.take_out(&mut residual);
+        problem.residual = residual.map(|axis| DVector::from_vec(axis.unwrap_or_else(|| vec![0.0; rows])));
+        problem
+    }
+
+    /// What terms contribute, made white; a column for each parameter.
+    pub(crate) fn columns(&self, terms: &impl Terms) -> Vec<White> {
+        let mut by_flight: Vec<std::vec::IntoIter<RowColumn>> = self
+            .flights
+            .iter()
+            .map(|flight| {
+                let mut columns = flight.prepared.columns_of_terms(terms, self.model);
+                if slow::is_taken(flight.prepared) {
+                    let stride = flight.prepared.fit_stride();
+                    columns.iter_mut().for_each(|c| slow::take_from_column(flight.prepared, stride, c));
+                }
+                columns.into_iter()
+            })
+            .collect();
+        (0..terms.count())
+            .map(|_| {
+                let of: Vec<RowColumn> =
+                    by_flight.iter_mut().map(|columns| columns.next().unwrap_or_default()).collect();
+                self.white(&of)
+            })
+            .collect()
+    }
+
+    /// A column of each flight, made white, over the rows of all.
+    fn white(&self, of_flights: &[RowColumn]) -> White {
+        std::array::from_fn(|axis| {
+            if of_flights.iter().all(|column| column[axis].is_none()) {
+                return None;
+            }
+            let mut all = Vec::with_capacity(self.rows);
+            for (flight, column) in self.flights.iter().zip(of_flights) {
+                match &column[axis] {
+                    Some(values) => {
+                        let white = flight.whitening[axis].apply(values, &flight.starts);
+                        all.extend(white.into_iter().map(|value| value * flight.scale[axis]));
+                    }
+                    None => all.extend(std::iter::repeat_n(0.0, flight.rows)),
+                }
+            }
+            Some(all)
+        })
+    }
+
+    /// Takes out of a column what the model's own coefficients can take.
+    pub(crate) fn take_out(&self, column: &mut White) {
+        let mut absorbed = DVector::zeros(self.basis[0].ncols());
+        for (basis, values) in self.basis.iter().zip(column.iter()) {
+            if let Some(values) = values {
+                absorbed += basis.tr_mul(&nalgebra::DVectorView::from_slice(values, values.len()));
+            }
+        }
+        for (basis, values) in self.basis.iter().zip(column.iter_mut()) {
+            let taken = basis * &absorbed;
+            if taken.amax() == 0.0 {
+                continue;
+            }
+            let values = values.get_or_insert_with(|| vec![0.0; self.rows]);
+            values.iter_mut().zip(taken.iter()).for_each(|(value, taken)| *value -= taken);
+        }
+    }
+
+    /// The basis of an axis.
+    pub(crate) const fn basis(&self, axis: usize) -> &DMatrix<f64> {
+        &self.basis[axis]
+    }
+
+    /// Rows of each flight among those of all.
+    pub(crate) fn ranges(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
+        self.flights.iter().map(|flight| flight.first..flight.first + flight.rows)
+    }
+}
+
+/// Autocovariances of noise at the rows of a flight's axes of one kind.
+struct Noise {
+    sensor: Vec<f64>,
+    acceleration: Vec<f64>,
+}
+
+impl Noise {
+    /// Of forces and of moments.
+    fn of(flight: &Prepared) -> [Self; 2] {
+        let (filter, stride) = (&flight.filter, flight.fit_stride());
+        let slope = &filter.derivative;
+        let twice = || compose(slope, slope);
+        let (force_sensor, force_acceleration) = match flight.force_target {
+            ForceTarget::Imu => (filter.smooth.clone(), filter.smooth.clone()),
+            ForceTarget::Velocity => (slope.clone(), filter.between.clone()),
+            ForceTarget::Position => (twice(), compose(&filter.between, &filter.matched)),
+        };
+        let noise = |sensor: &[f64], acceleration: &[f64]| Self {
+            sensor: behind(sensor, stride),
+            acceleration: behind(acceleration, stride),
+        };
+        [noise(&force_sensor, &force_acceleration), noise(slope, &filter.between)]
+    }
+}
+
+/// An orthonormal basis of columns over the rows of all axes, those that others repeat left out.
+fn basis(columns: &[White], rows: usize) -> [DMatrix<f64>; 6] {
+    let mut found: Vec<DVector<f64>> = Vec::new();
+    for column in columns {
+        let mut vector = DVector::zeros(6 * rows);
+        for (axis, values) in column.iter().enumerate() {
+            if let Some(values) = values {
+                vector.rows_mut(axis * rows, rows).copy_from_slice(values);
+            }
+        }
+        let whole = vector.norm();
+        // Twice is enough (Giraud, Langou and Rozloznik 2005).
+        for _ in 0..2 {
+            for other in &found {
+                let part = other.dot(&vector);
+                vector.axpy(-part, other, 1.0);
+            }
+        }
+        let left = vector.norm();
+        if left > INDEPENDENT * whole && left > 0.0 {
+            found.push(vector / left);
+        }
+    }
+    std::array::from_fn(|axis| DMatrix::from_fn(rows, found.len(), |row, k| found[k][axis * rows + row]))
+}

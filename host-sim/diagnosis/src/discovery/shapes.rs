@@ -1,0 +1,321 @@
+//! Shapes that a force can have over one quantity: the functions that known physics is made of.
+
+use std::fmt;
+
+/// A family of functions of one quantity x. Parameters a, b are in the unit of x.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(crate) enum Family {
+    /// x.
+    Proportional,
+    /// x - a.
+    Straight,
+    /// x^2.
+    Square,
+    /// x^3.
+    Cube,
+    /// |x|.
+    Modulus,
+    /// x |x|.
+    SignedSquare,
+    /// x - a above a, nothing below.
+    HingeAbove,
+    /// a - x below a, nothing above.
+    HingeBelow,
+    /// From nothing to one about a, within b.
+    Step,
+    /// tanh(x / a).
+    Saturation,
+    /// exp(-x / a).
+    Decay,
+    /// exp(x / a).
+    Growth,
+    /// 1 / (x + a)^2.
+    InverseSquare,
+    /// exp(-((x - a) / b)^2 / 2).
+    Bump,
+}
+
+/// All families, simple ones first.
+pub(crate) const FAMILIES: [Family; 14] = [
+    Family::Proportional,
+    Family::Straight,
+    Family::Square,
+    Family::Cube,
+    Family::Modulus,
+    Family::SignedSquare,
+    Family::HingeAbove,
+    Family::HingeBelow,
+    Family::Saturation,
+    Family::Decay,
+    Family::Growth,
+    Family::InverseSquare,
+    Family::Step,
+    Family::Bump,
+];
+
+/// What a parameter of a shape is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Role {
+    /// A value of the quantity.
+    Place,
+    /// A distance between values of the quantity, above zero.
+    Length,
+}
+
+impl Family {
+    /// Its parameters: names in formulas and what they are.
+    pub(crate) const fn parameters(self) -> &'static [(&'static str, Role)] {
+        match self {
+            Self::Proportional | Self::Square | Self::Cube | Self::Modulus | Self::SignedSquare => &[],
+            Self::Straight => &[("zero", Role::Place)],
+            Self::HingeAbove | Self::HingeBelow => &[("from", Role::Place)],
+            Self::Step => &[("at", Role::Place), ("within", Role::Length)],
+            Self::Saturation => &[("full", Role::Length)],
+            Self::Decay | Self::Growth => &[("decay", Role::Length)],
+            Self::InverseSquare => &[("beyond", Role::Length)],
+            Self::Bump => &[("center", Role::Place), ("width", Role::Length)],
+        }
+    }
+
+    /// Power of the quantity's unit in the shape's value.
+    pub(crate) const fn power(self) -> i32 {
+        match self {
+            Self::Proportional | Self::Straight | Self::Modulus | Self::HingeAbove | Self::HingeBelow => 1,
+            Self::Square | Self::SignedSquare => 2,
+            Self::Cube => 3,
+            Self::InverseSquare => -2,
+            Self::Step | Self::Saturation | Self::Decay | Self::Growth | Self::Bump => 0,
+        }
+    }
+
+    /// Its value.
+    #[inline]
+    pub(crate) fn at(self, x: f64, [a, b]: [f64; 2]) -> f64 {
+        match self {
+            Self::Proportional => x,
+            Self::Straight => x - a,
+            Self::Square => x * x,
+            Self::Cube => x * x * x,
+            Self::Modulus => x.abs(),
+            Self::SignedSquare => x * x.abs(),
+            Self::HingeAbove => (x - a).max(0.0),
+            Self::HingeBelow => (a - x).max(0.0),
+            Self::Step => 0.5 + 0.5 * ((x - a) / b).tanh(),
+            Self::Saturation => (x / a).tanh(),
+            Self::Decay => (-x / a).exp(),
+            Self::Growth => (x / a).exp(),
+            Self::InverseSquare => (x + a).powi(-2),
+            Self::Bump => (-0.5 * ((x - a) / b).powi(2)).exp(),
+        }
+    }
+
+    /// Its formula over `x`, with the names of its parameters.
+    fn formula(self, x: &str, names: &[String]) -> String {
+        let name = |k: usize| names.get(k).map_or("", String::as_str);
+        let (a, b) = (name(0), name(1));
+        match self {
+            Self::Proportional => x.to_owned(),
+            Self::Straight => format!("({x} - {a})"),
+            Self::Square => format!("{x}^2"),
+            Self::Cube => format!("{x}^3"),
+            Self::Modulus => format!("abs({x})"),
+            Self::SignedSquare => format!("{x} * abs({x})"),
+            Self::HingeAbove => format!("max(0, {x} - {a})"),
+            Self::HingeBelow => format!("max(0, {a} - {x})"),
+            Self::Step => format!("(1 + tanh(({x} - {a}) / {b})) / 2"),
+            Self::Saturation => format!("tanh({x} / {a})"),
+            Self::Decay => format!("exp(-{x} / {a})"),
+            Self::Growth => format!("exp({x} / {a})"),
+            Self::InverseSquare => format!("({x} + {a})^(-2)"),
+            Self::Bump => format!("exp(-(({x} - {a}) / {b})^2 / 2)"),
+        }
+    }
+}
+
+/// A shape: a family with values of its parameters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Shape {
+    pub(crate) family: Family,
+    pub(crate) parameters: [f64; 2],
+}
+
+impl Shape {
+    /// How many parameters it has.
+    pub(crate) fn count(&self) -> usize {
+        self.family.parameters().len()
+    }
+
+    #[inline]
+    pub(crate) fn at(&self, x: f64) -> f64 {
+        self.family.at(x, self.parameters)
+    }
+
+    pub(crate) fn formula(&self, x: &str, names: &[String]) -> String {
+        self.family.formula(x, names)
+    }
+}
+
+impl fmt::Display for Shape {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names = self.parameters.map(|value| format!("{value:.3}"));
+        f.write_str(&self.formula("x", &names))
+    }
+}
+
+/// Where a quantity goes in flights.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Span {
+    pub(crate) low: f64,
+    pub(crate) high: f64,
+}
+
+impl Span {
+    pub(crate) fn length(&self) -> f64 {
+        self.high - self.low
+    }
+
+    /// Whether the quantity goes to both sides of zero, so that shapes about zero mean something.
+    fn is_about_zero(&self) -> bool {
+        self.low < -0.15 * self.length() && self.high > 0.15 * self.length()
+    }
+
+    fn places(&self, count: usize) -> impl Iterator<Item = f64> + Clone {
+        let (low, step) = (self.low, self.length() / (count + 1) as f64);
+        (1..=count).map(move |k| low + k as f64 * step)
+    }
+
+    /// The shapes that are tried over the span.
+    pub(crate) fn shapes(&self) -> Vec<Shape> {
+        let length = self.length();
+        let lengths = |parts: &'static [f64]| parts.iter().map(move |part| part * length);
+        let mut all = Vec::new();
+        for family in FAMILIES {
+            let mut put = |a: f64, b: f64| all.push(Shape { family, parameters: [a, b] });
+            match family {
+                Family::Proportional
+                | Family::Square
+                | Family::Cube
+                | Family::Modulus
+                | Family::SignedSquare => {
+                    if self.is_about_zero() || family == Family::Proportional || family == Family::Square {
+                        put(0.0, 0.0);
+                    }
+                }
+                Family::Straight => put(0.5 * (self.low + self.high), 0.0),
+                Family::HingeAbove | Family::HingeBelow => self.places(9).for_each(|at| put(at, 0.0)),
+                Family::Saturation if self.is_about_zero() => {
+                    lengths(&[0.05, 0.1, 0.2, 0.4]).for_each(|full| put(full, 0.0));
+                }
+                Family::Saturation => (),
+                Family::Decay | Family::Growth => {
+                    lengths(&[0.08, 0.15, 0.3, 0.6, 1.2]).for_each(|decay| put(decay, 0.0));
+                }
+                Family::InverseSquare if self.low >= 0.0 => {
+                    lengths(&[0.03, 0.1, 0.25, 0.5, 1.0]).for_each(|beyond| put(beyond, 0.0));
+                }
+                Family::InverseSquare => (),
+                Family::Step => {
+                    for within in lengths(&[0.02, 0.06, 0.15]) {
+                        self.places(15).for_each(|at| put(at, within));
+                    }
+                }
+                Family::Bump => {
+                    for width in lengths(&[0.03, 0.06, 0.12, 0.24]) {
+                        self.places(19).for_each(|center| put(center, width));
+                    }
+                }
+            }
+        }
+        all
+    }
+
+    /// Where a parameter of a role may lie.
+    pub(crate) fn possible(&self, role: Role) -> [f64; 2] {
+        let length = self.length();
+        match role {
+            Role::Place => [self.low - length, self.high + length],
+            Role::Length => [0.005 * length, 5.0 * length],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    const SPAN: Span = Span { low: -1.2, high: 2.0 };
+
+    /// The formula of every shape is read as an effect of users with its unit, and has the shape's values.
+    #[test]
+    fn formulas_say_what_shapes_do() {
+        for family in FAMILIES {
+            let parameters: Vec<String> =
+                family.parameters().iter().map(|(name, _)| (*name).to_owned()).collect();
+            let value = [0.7, 0.4];
+            let constants: String = parameters
+                .iter()
+                .zip(value)
+                .map(|(name, value)| format!("{{ name = \"{name}\", unit = \"m\", value = {value} }}, "))
+                .collect();
+            let unit = format!("m/s^2/m^({})", family.power());
+            let text = format!(
+                "[[effect]]\nid = \"shape\"\nacceleration.w = \"k * {}\"\ncoefficient = [{{ name = \"k\", unit = \"{unit}\", \
+                 possible = [-1.0, 1.0], typical = 1.0 }}]\nconstant = [{constants}]\n",
+                family.formula("north", &parameters)
+            );
+            let [user] = model::effects::draft(&text, Path::new("test")).unwrap()[..] else {
+                panic!("one effect")
+            };
+            let plant = model::Plant::new(&model::Model::thesis());
+            for x in [-1.1, -0.2, 0.0, 0.3, 0.9, 1.7] {
+                let state = model::State::at_rest(nalgebra::Vector3::new(x, 0.0, 0.0), [0.0; 4]);
+                let input = plant.input(&state, &[0.0; 4], 11.5);
+                let sample = plant.sample_of(&input);
+                let mut column = Taken(0.0);
+                model::Effect::User(user).columns(&sample, &mut column);
+                let expected = family.at(x, value);
+                assert!((column.0 - expected).abs() < 1e-12 * expected.abs().max(1.0), "{family:?} at {x}");
+            }
+        }
+    }
+
+    struct Taken(f64);
+
+    impl model::Sink for Taken {
+        fn add(&mut self, _: model::Axis, _: usize, value: f64) {
+            self.0 = value;
+        }
+    }
+
+    #[test]
+    fn all_shapes_are_finite_where_their_quantity_goes() {
+        for span in [SPAN, Span { low: 0.2, high: 1.5 }, Span { low: 10.9, high: 12.3 }] {
+            let shapes = span.shapes();
+            assert!(shapes.len() > 100);
+            for shape in &shapes {
+                let at = |k: i32| shape.at(span.low + span.length() * f64::from(k) / 50.0);
+                assert!((0..=50).all(|k| at(k).is_finite()), "{shape} over {span:?}");
+                for (k, (_, role)) in shape.family.parameters().iter().enumerate() {
+                    let [low, high] = span.possible(*role);
+                    assert!((low..=high).contains(&shape.parameters[k]), "{shape}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn shapes_about_zero_are_for_quantities_that_go_to_both_sides_of_it() {
+        let has = |span: Span, family| span.shapes().iter().any(|shape| shape.family == family);
+        assert!(
+            has(SPAN, Family::Saturation) && has(SPAN, Family::Modulus) && !has(SPAN, Family::InverseSquare)
+        );
+        let height = Span { low: 0.1, high: 1.5 };
+        assert!(
+            !has(height, Family::Saturation)
+                && !has(height, Family::Modulus)
+                && has(height, Family::InverseSquare)
+        );
+    }
+}

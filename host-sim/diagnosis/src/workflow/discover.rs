@@ -1,0 +1,283 @@
+//! What an unknown effect looks like, when no known one fits.
+//!
+//! Known effects come first, as in [`super::explain`]. What they leave of the training flights is searched for its form
+//! ([`crate::discovery`]). The form is chosen without a look at the flights held out, then fitted with all of the model's
+//! coefficients as an effect of users, and judged on them once. Further terms join until one fails.
+
+use std::path::Path;
+
+use model::user_effects::{Definition, TIME_COLUMN, file_of, place_of_column};
+use model::{Axis, Effect, Model, PerAxis, Vehicle, effects};
+use sysid::{Fit, FitError};
+
+use crate::addition::add_from;
+use crate::diagnose::what_is_left;
+use crate::discovery::candidates::{Candidates, candidates};
+use crate::discovery::choice::{quantities, ranked, rivals};
+use crate::discovery::define::{Defined, define};
+use crate::discovery::form::Form;
+use crate::discovery::refine::Refined;
+use crate::discovery::variables::Variable;
+use crate::discovery::words::{formula, known_physics, sentence, short, to_fly};
+use crate::discovery::{Discovery, DiscoveryVerdict, Proposal};
+use crate::finding::Unexplained;
+use crate::held_out::{Validated, fit_and_validate, validated};
+use crate::noise::squares_of_noise;
+use crate::observer::{Observer, Progress};
+use crate::workflow::diagnose::search;
+use crate::workflow::error::WorkflowError;
+use crate::workflow::explain::{add_what_is_found, explain};
+use crate::workflow::sets::FlightSets;
+use crate::{Addition, Options};
+
+/// Chance of a search's result in residuals of random phases below which it counts.
+const SIGNIFICANT: f64 = 0.01;
+/// Terms of a formula at most.
+const MOST_TERMS: usize = 3;
+/// Forms that are fitted with the model's own coefficients until one can be.
+const FITTED: usize = 5;
+/// Rivals that are fitted and judged beside the first proposal.
+const RIVALS_JUDGED: usize = 2;
+/// Where drafts of effects come from, for messages.
+const HERE: &str = "discover";
+
+/// Makes what flights are read for include the time of each row, which forms may depend on.
+pub fn prepare_to_discover() {
+    place_of_column(TIME_COLUMN);
+}
+
+/// Explains flights of a vehicle by known effects, then searches what is left.
+pub fn explain_and_discover(
+    vehicle: &Vehicle,
+    own: &[Effect],
+    sets: &mut FlightSets,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Discovery, WorkflowError> {
+    let explanation = explain(vehicle, own, sets, options, None, observer)?;
+    discover_beyond(explanation.last_model(), explanation.found(), sets, options, observer)
+}
+
+/// Adds the known effects that a model lacks, then searches what is left.
+pub fn discover(
+    model: &Model,
+    own: &[Effect],
+    sets: &mut FlightSets,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Discovery, WorkflowError> {
+    sets.hold_against(model, own, observer)?;
+    let diagnosis = search(model, sets, options, observer)?;
+    let (steps, _) = add_what_is_found(model, diagnosis, sets, options, observer)?;
+    let known = steps.iter().map(|step| step.effect).collect();
+    let model = steps.last().map_or(model, |step| &step.model).clone();
+    discover_beyond(&model, known, sets, options, observer)
+}
+
+/// Searches what a model leaves to which nothing known is missing.
+fn discover_beyond(
+    model: &Model,
+    known: Vec<Effect>,
+    sets: &FlightSets,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Discovery, WorkflowError> {
+    let hunt = Hunt { model, sets, options, observer };
+    let mut terms: Vec<Term> = Vec::new();
+    let (mut rest, mut refused) = (hunt.fitted(model)?, None);
+    let mut left = hunt.left(&rest);
+    let found = candidates(&sets.train(), model, observer);
+    let search_p_value = found.p_value;
+    let mut next = Some(found.clone());
+    while let Some(found) = next.take().filter(|found| found.p_value < SIGNIFICANT) {
+        if observer.is_cancelled() {
+            return Err(WorkflowError::Cancelled);
+        }
+        match hunt.next_term(&rest.fit.model, &found, terms.len()) {
+            Next::Term(found) => {
+                let (term, with) = *found;
+                terms.push(term);
+                rest = validated(with, &sets.validate()).map_err(|why| sets.blame(why))?;
+                left = hunt.left(&rest);
+            }
+            Next::Refused(why) => {
+                refused = Some(why);
+                break;
+            }
+        }
+        // Where nothing is left, no further term is looked for.
+        if terms.len() < MOST_TERMS && !left.is_empty() {
+            next = Some(candidates(&sets.train(), &rest.fit.model, observer));
+        }
+    }
+    let (proposals, model) = hunt.proposals(&terms, &found)?;
+    let verdict = match (proposals.is_empty(), left.is_empty() && refused.is_none()) {
+        (false, _) => DiscoveryVerdict::Proposed,
+        (true, true) => DiscoveryVerdict::Nothing,
+        (true, false) => DiscoveryVerdict::NotAFormula,
+    };
+    let refused = refused.filter(|_| proposals.is_empty());
+    Ok(Discovery { proposals, verdict, known, refused, left, search_p_value, model })
+}
+
+/// A term of a formula, with the variables that it counts by.
+struct Term {
+    refined: Refined,
+    variables: Vec<Variable>,
+}
+
+/// What comes of a search for a further term.
+enum Next {
+    Term(Box<(Term, Fit)>),
+    /// Why there is none.
+    Refused(String),
+}
+
+/// What is searched.
+struct Hunt<'a> {
+    model: &'a Model,
+    sets: &'a FlightSets,
+    options: &'a Options,
+    observer: &'a dyn Observer,
+}
+
+impl Hunt<'_> {
+    /// The next term about a model, and the fit with it, unless the flights held out do not bear it out.
+    fn next_term(&self, about: &Model, found: &Candidates, place: usize) -> Next {
+        self.observer.progress(Progress { activity: "testing a form on the flights held out", steps: None });
+        let id = format!("discovered-term-{}", place + 1);
+        let mut refused = "no form helps on training flights that it was not fitted to".to_owned();
+        for chosen in ranked(&found.refined).into_iter().take(FITTED) {
+            let defined = define(&id, "A term.".into(), std::slice::from_ref(chosen), &found.variables);
+            let name = short(&chosen.form, &found.variables);
+            match self.judge(about, &defined) {
+                Ok(addition) if addition.finding.supported => {
+                    let term = Term { refined: chosen.clone(), variables: found.variables.clone() };
+                    return Next::Term(Box::new((term, addition.fit)));
+                }
+                // The flights held out are asked once.
+                Ok(addition) => return Next::Refused(format!("{name}: {}", addition.finding.reason)),
+                // What cannot be fitted with the model's own coefficients takes no answer away.
+                Err(why) => refused = format!("{name}: {why}"),
+            }
+        }
+        Next::Refused(refused)
+    }
+
+    /// The terms as one proposal, and their rivals as others; and the model with the first.
+    fn proposals(&self, terms: &[Term], found: &Candidates) -> Result<(Vec<Proposal>, Model), WorkflowError> {
+        let Some(first) = terms.first() else { return Ok((Vec::new(), self.model.clone())) };
+        let (proposal, model) = self.propose("discovered-1", terms, found)?;
+        let mut proposals = vec![proposal];
+        for rival in rivals(&found.refined, &first.refined, &found.variables).into_iter().take(RIVALS_JUDGED)
+        {
+            let term = Term { refined: rival.clone(), variables: found.variables.clone() };
+            let id = format!("discovered-{}", proposals.len() + 1);
+            // A rival that cannot be fitted with the model's own coefficients is none.
+            if let Ok((judged, _)) = self.propose(&id, &[term], found)
+                && judged.finding.supported
+            {
+                proposals.push(judged);
+            }
+        }
+        Ok((proposals, model))
+    }
+
+    /// Fits an effect that was found with everything, and holds it against the flights held out.
+    fn judge(&self, about: &Model, defined: &Defined) -> Result<Addition, WorkflowError> {
+        let text = file_of(vec![defined.definition.clone()]);
+        let drafts = effects::draft(&text, Path::new(HERE))?;
+        let Some(user) = drafts.first() else { return Err(self.sets.blame(FitError::NoFlights)) };
+        let (train, validate) = (self.sets.train(), self.sets.validate());
+        add_from(about, Effect::User(*user), Some(&defined.values), &train, &validate, self.options)
+            .map_err(|why| self.sets.blame(why))
+    }
+
+    /// Terms as one proposal, and the model with it.
+    fn propose(
+        &self,
+        id: &str,
+        terms: &[Term],
+        found: &Candidates,
+    ) -> Result<(Proposal, Model), WorkflowError> {
+        let variables = &found.variables;
+        let refined: Vec<Refined> = terms.iter().map(|term| term.refined.clone()).collect();
+        let thrust = self
+            .model
+            .term(Effect::Thrust)
+            .and_then(|term| term.coefficients.first())
+            .map_or(1.0, |c| c.value);
+        let sentences: Vec<String> =
+            terms.iter().map(|term| sentence(&term.refined, &term.variables, thrust)).collect();
+        let sentence = format!("{}.", sentences.join(". "));
+        let defined = define(id, sentence.chars().take(MOST_SENTENCE).collect(), &refined, variables);
+        let addition = self.judge(self.model, &defined)?;
+        let forms: Vec<&Form> = refined.iter().map(|term| &term.form).collect();
+        let others = rivals(&found.refined, &refined[0], variables);
+        let other_forms: Vec<Form> = others.iter().map(|rival| rival.form.clone()).collect();
+        let mut names: Vec<&'static str> =
+            forms.iter().flat_map(|form| quantities(form, variables)).collect();
+        names.sort_unstable();
+        names.dedup();
+        let mut axes: Vec<Axis> = forms.iter().flat_map(|form| form.channel.axes()).copied().collect();
+        axes.sort_by_key(|axis| axis.index());
+        axes.dedup();
+        let finding = addition.finding;
+        let proposal = Proposal {
+            id: id.to_owned(),
+            axes,
+            formula: formula(&defined.definition.acceleration),
+            quantities: names,
+            sentence,
+            physics: known_physics(forms[0], variables),
+            coefficients: finding.coefficients.clone(),
+            drop_percent: finding.axes.iter().map(|(axis, drop)| (*axis, drop.drop_percent)).collect(),
+            share_of_structure_percent: self.share_percent(
+                &addition.before,
+                &addition.after,
+                &finding.axes.keys().copied().collect::<Vec<_>>(),
+            ),
+            p_value: found.p_value.max(finding.held_out_p_value.unwrap_or(1.0)),
+            splits: [refined[0].improved, self.sets.train().len()],
+            flights_improved: finding.flights_improved,
+            rivals: others.iter().map(|rival| short(&rival.form, variables)).collect(),
+            excite: to_fly(forms[0], &other_forms, variables),
+            definition: defined.definition,
+            finding,
+        };
+        Ok((proposal, addition.fit.model))
+    }
+
+    /// Share of what is above the sensors' noise that falls, over some axes, each in units of what it was.
+    fn share_percent(&self, before: &PerAxis<f64>, after: &PerAxis<f64>, axes: &[&str]) -> f64 {
+        let noise = squares_of_noise(&self.sets.validate());
+        let (mut fall, mut all) = (0.0, 0.0);
+        for axis in model::AXES.into_iter().filter(|axis| axes.contains(&axis.name())) {
+            let floor = noise[axis.index()].unwrap_or(0.0);
+            // In units of the noise, so that axes of rotation and of translation can be added.
+            let unit = if floor > 0.0 { floor } else { after[axis].max(f64::MIN_POSITIVE) };
+            fall += (before[axis] - after[axis]) / unit;
+            all += ((before[axis] - floor).max(before[axis] - after[axis]).max(0.0)) / unit;
+        }
+        if all > 0.0 { (100.0 * fall / all).clamp(0.0, 100.0) } else { 0.0 }
+    }
+
+    /// A model as it fits, and what it predicts of the flights held out.
+    fn fitted(&self, model: &Model) -> Result<Validated, WorkflowError> {
+        fit_and_validate(model, &model.effects(), &self.sets.train(), &self.sets.validate())
+            .map_err(|why| self.sets.blame(why))
+    }
+
+    /// What a fit leaves beyond noise.
+    fn left(&self, rest: &Validated) -> Vec<Unexplained> {
+        what_is_left(rest, &self.sets.train(), &self.sets.validate()).unexplained
+    }
+}
+
+/// Longest sentence of a definition, characters.
+const MOST_SENTENCE: usize = 290;
+
+/// Proposals as the text of a file of users' effects.
+pub fn effects_file(proposals: &[Proposal]) -> String {
+    file_of(proposals.iter().map(|proposal| proposal.definition.clone()).collect::<Vec<Definition>>())
+}
