@@ -92,14 +92,13 @@ fn sort(found: &mut [Scored], rows: usize) {
     found.sort_by(|one, other| other.worth(rows).total_cmp(&one.worth(rows)));
 }
 
-/// The best, of each way to act over the same variables the best two.
+/// The best: of each way to act three at most, two of them over the same variables.
 fn distinct(found: &[Scored], most: usize) -> Vec<Scored> {
     let mut kept: Vec<Scored> = Vec::new();
     for one in found {
-        let is_like = |other: &&Scored| {
-            other.form.channel == one.form.channel && other.form.variables() == one.form.variables()
-        };
-        if kept.iter().filter(is_like).count() < 2 {
+        let alike = kept.iter().filter(|other| other.form.channel == one.form.channel);
+        let same = alike.clone().filter(|other| other.form.variables() == one.form.variables());
+        if alike.count() < 3 && same.count() < 2 {
             kept.push(one.clone());
         }
         if kept.len() == most {

@@ -129,21 +129,56 @@ impl Names {
 }
 
 /// Unit of the amplitudes of a form: that of its way to act over those of its shapes.
-pub(crate) fn amplitude_unit(form: &Form, variables: &[Variable]) -> String {
-    let (mut above, mut below) = (String::from(form.channel.unit()), String::new());
+fn amplitude_unit(form: &Form, variables: &[Variable]) -> String {
+    let mut unit = Unit::default();
+    unit.take(form.channel.unit(), 1);
     for factor in &form.factors {
-        let (unit, power) = (&variables[factor.variable].unit, factor.shape.family.power());
-        if unit == "1" || power == 0 {
-            continue;
-        }
-        let plain = if unit.contains([' ', '/', '^']) { format!("({unit})") } else { unit.clone() };
-        let raised = if power.abs() == 1 { plain } else { format!("{plain}^{}", power.abs()) };
-        match power > 0 {
-            true => below.push_str(&format!("/{raised}")),
-            false => above.push_str(&format!(" {raised}")),
+        unit.take(&variables[factor.variable].unit, -factor.shape.family.power());
+    }
+    unit.text()
+}
+
+/// A unit by the powers of its parts, in the order in which they came.
+#[derive(Default)]
+struct Unit {
+    parts: Vec<(String, i32)>,
+}
+
+impl Unit {
+    /// Multiplies by a power of a unit such as `N s/m` or `1/(kg m^2)`.
+    fn take(&mut self, unit: &str, power: i32) {
+        let (above, below) = unit.split_once('/').unwrap_or((unit, ""));
+        for (side, sign) in [(above, 1), (below, -1)] {
+            for part in side.trim_matches(['(', ')']).split_whitespace().filter(|part| *part != "1") {
+                let (name, own) = part.split_once('^').unwrap_or((part, "1"));
+                let all = sign * power * own.parse::<i32>().unwrap_or(1);
+                match self.parts.iter_mut().find(|(known, _)| known == name) {
+                    Some((_, sum)) => *sum += all,
+                    None => self.parts.push((name.to_owned(), all)),
+                }
+            }
         }
     }
-    format!("{above}{below}")
+
+    fn text(&self) -> String {
+        let side = |sign: i32| -> Vec<String> {
+            let of = self.parts.iter().filter(|(_, power)| power * sign > 0);
+            of.map(|(name, power)| match power.abs() {
+                1 => name.clone(),
+                more => format!("{name}^{more}"),
+            })
+            .collect()
+        };
+        let above = match side(1) {
+            none if none.is_empty() => "1".to_owned(),
+            some => some.join(" "),
+        };
+        match &side(-1)[..] {
+            [] => above,
+            [one] => format!("{above}/{one}"),
+            several => format!("{above}/({})", several.join(" ")),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -156,6 +191,21 @@ mod tests {
         let given: Vec<String> =
             ["k", "width", "k", "k"].into_iter().map(|name| names.new_one(name)).collect();
         assert_eq!(given, ["k", "width", "k_2", "k_3"]);
+    }
+
+    #[test]
+    fn units_are_written_as_people_write_them() {
+        let unit = |parts: &[(&str, i32)]| {
+            let mut unit = Unit::default();
+            parts.iter().for_each(|(part, power)| unit.take(part, *power));
+            unit.text()
+        };
+        assert_eq!(unit(&[("N", 1), ("m", -1)]), "N/m");
+        assert_eq!(unit(&[("N s/m", 1), ("m/s", -1)]), "N s^2/m^2");
+        assert_eq!(unit(&[("rad/s^2", 1), ("rad/s", -1), ("V", -1)]), "1/(s V)");
+        assert_eq!(unit(&[("N", 1), ("m", 2)]), "N m^2");
+        assert_eq!(unit(&[("1/(kg m^2)", 1), ("1", -2)]), "1/(kg m^2)");
+        assert_eq!(unit(&[("m", 1), ("m", -1)]), "1");
     }
 
     #[test]

@@ -13,6 +13,10 @@ enum Source {
     Further(usize),
     Sine(&'static Quantity),
     Cosine(&'static Quantity),
+    /// A quantity less a further column.
+    From(&'static Quantity, usize),
+    /// Horizontal distance from a place in two further columns.
+    Distance([usize; 2]),
 }
 
 /// A measured quantity that an effect may depend on.
@@ -59,6 +63,13 @@ const PLAIN: [&str; 21] = [
 const SPELT: [(&str, &str); 2] =
     [("horizontal_speed", "sqrt(u^2 + v^2)"), ("rotor_speed", "((omega1 + omega2 + omega3 + omega4) / 4)")];
 
+/// Places beside another craft: name, formula, quantity and column.
+const BESIDE_ANOTHER: [(&str, &str, &str, &str); 3] = [
+    ("place north of the other craft", "(north - other_north)", "north", "other_north"),
+    ("place east of the other craft", "(east - other_east)", "east", "other_east"),
+    ("place below the other craft", "(down - other_down)", "down", "other_down"),
+];
+
 impl Variable {
     /// Its value at a sample.
     #[inline]
@@ -68,6 +79,13 @@ impl Variable {
             Source::Further(place) => sample.input.further[place],
             Source::Sine(quantity) => quantity.at(sample).sin(),
             Source::Cosine(quantity) => quantity.at(sample).cos(),
+            Source::From(quantity, place) => quantity.at(sample) - sample.input.further[place],
+            Source::Distance([north, east]) => {
+                let from = |axis: usize, place: usize| {
+                    sample.input.position_ned_m[axis] - sample.input.further[place]
+                };
+                from(0, north).hypot(from(1, east))
+            }
         }
     }
 
@@ -75,7 +93,7 @@ impl Variable {
     pub(crate) fn quantity(&self) -> &'static str {
         match self.source {
             Source::Sine(quantity) | Source::Cosine(quantity) => quantity.name,
-            Source::Quantity(_) | Source::Further(_) => self.name,
+            _ => self.name,
         }
     }
 
@@ -100,9 +118,20 @@ impl Variable {
             put("sine of the heading", "sin(psi)", Source::Sine(psi), "1".into(), false);
             put("cosine of the heading", "cos(psi)", Source::Cosine(psi), "1".into(), false);
         }
-        for (place, name) in user_effects::columns().into_iter().enumerate() {
+        let columns = user_effects::columns();
+        for (place, name) in columns.iter().enumerate() {
             let usual = user_effects::usual_unit(name);
             put(name, name, Source::Further(place), usual.unwrap_or("1").to_owned(), usual.is_none());
+        }
+        let place_of = |name: &str| columns.iter().position(|own| *own == name);
+        for (name, formula, quantity, column) in BESIDE_ANOTHER {
+            if let (Some(quantity), Some(place)) = (named(quantity), place_of(column)) {
+                put(name, formula, Source::From(quantity, place), "m".into(), false);
+            }
+        }
+        if let (Some(north), Some(east)) = (place_of("other_north"), place_of("other_east")) {
+            let formula = "sqrt((north - other_north)^2 + (east - other_east)^2)";
+            put("distance to the other craft", formula, Source::Distance([north, east]), "m".into(), false);
         }
         all.retain_mut(|variable| variable.find_span(flights, model));
         all

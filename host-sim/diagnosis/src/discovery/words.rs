@@ -136,7 +136,9 @@ pub(crate) fn known_physics(form: &Form, variables: &[Variable]) -> Option<&'sta
     );
     let drag = matches!(form.channel, Channel::Drag | Channel::HorizontalDrag);
     let told = match (form.channel, family) {
-        _ if on(&["other_north", "other_east", "other_down"]) => "the downwash of another craft does so",
+        _ if names.iter().any(|name| name.starts_with("other_") || name.ends_with("the other craft")) => {
+            "the downwash of another craft does so"
+        }
         (_, Family::Growth) if upright && on(&["height"]) => {
             "a ceiling does so (Rossow, NASA TM-86754, 1985; Hsiao and Chirarattananon, IEEE/ASME Trans. Mechatronics 24, 2019)"
         }

@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use model::user_effects::{Definition, TIME_COLUMN, file_of, place_of_column};
+use model::user_effects::{Definition, USUAL_COLUMNS, file_of, place_of_column};
 use model::{Axis, Effect, Model, PerAxis, Vehicle, effects};
 use sysid::{Fit, FitError};
 
@@ -34,16 +34,19 @@ use crate::{Addition, Options};
 const SIGNIFICANT: f64 = 0.01;
 /// Terms of a formula at most.
 const MOST_TERMS: usize = 3;
-/// Forms that are fitted with the model's own coefficients until one can be.
-const FITTED: usize = 5;
+/// Forms that are looked at until one can be fitted with the model's own coefficients and holds on the flights held out.
+const FITTED: usize = 8;
 /// Rivals that are fitted and judged beside the first proposal.
 const RIVALS_JUDGED: usize = 2;
 /// Where drafts of effects come from, for messages.
 const HERE: &str = "discover";
 
-/// Makes what flights are read for include the time of each row, which forms may depend on.
+/// Makes flights that are read from now on include what forms may depend on besides: the time of each row, where a load hangs,
+/// where another craft flies. Columns that the effects of users name come first, where there is no room for all.
 pub fn prepare_to_discover() {
-    place_of_column(TIME_COLUMN);
+    for (name, _) in USUAL_COLUMNS {
+        place_of_column(name);
+    }
 }
 
 /// Explains flights of a vehicle by known effects, then searches what is left.
@@ -146,22 +149,31 @@ impl Hunt<'_> {
     fn next_term(&self, about: &Model, found: &Candidates, place: usize) -> Next {
         self.observer.progress(Progress { activity: "testing a form on the flights held out", steps: None });
         let id = format!("discovered-term-{}", place + 1);
-        let mut refused = "no form helps on training flights that it was not fitted to".to_owned();
+        let mut refused: Option<String> = None;
+        let mut asked: Vec<Axis> = Vec::new();
         for chosen in ranked(&found.refined).into_iter().take(FITTED) {
+            // The flights held out are asked once of each axis.
+            if chosen.form.channel.axes().iter().any(|axis| asked.contains(axis)) {
+                continue;
+            }
             let defined = define(&id, "A term.".into(), std::slice::from_ref(chosen), &found.variables);
-            let name = short(&chosen.form, &found.variables);
-            match self.judge(about, &defined) {
+            let why = match self.judge(about, &defined) {
                 Ok(addition) if addition.finding.supported => {
                     let term = Term { refined: chosen.clone(), variables: found.variables.clone() };
                     return Next::Term(Box::new((term, addition.fit)));
                 }
-                // The flights held out are asked once.
-                Ok(addition) => return Next::Refused(format!("{name}: {}", addition.finding.reason)),
+                Ok(addition) => {
+                    asked.extend(chosen.form.channel.axes());
+                    addition.finding.reason.to_string()
+                }
                 // What cannot be fitted with the model's own coefficients takes no answer away.
-                Err(why) => refused = format!("{name}: {why}"),
-            }
+                Err(why) => why.to_string(),
+            };
+            refused.get_or_insert_with(|| format!("{}: {why}", short(&chosen.form, &found.variables)));
         }
-        Next::Refused(refused)
+        Next::Refused(
+            refused.unwrap_or_else(|| "no form helps on training flights that it was not fitted to".into()),
+        )
     }
 
     /// The terms as one proposal, and their rivals as others; and the model with the first.
