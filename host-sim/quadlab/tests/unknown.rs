@@ -125,3 +125,18 @@ fn a_proposal_is_added_like_any_other_effect() {
     let left = json_in(folder.path(), &refs(&with_flights(&left, &root, "unknown-06")));
     assert_eq!(left["verdict"], "nothing", "{left}");
 }
+
+/// The step of `explain` proposes what the command by itself does.
+#[test]
+fn an_explanation_ends_with_what_is_discovered() {
+    let Some(root) = shared("data/unknown") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let vehicle = root.join("unknown-02/vehicle.toml").display().to_string();
+    let explain = ["explain", "--discover", "--vehicle", &vehicle, "--out", "explained.toml"];
+    let explained = json_in(folder.path(), &refs(&with_flights(&explain, &root, "unknown-02")));
+    schemas::assert_valid("explain", &explained);
+    assert_eq!(explained["discovery"]["proposals"][0]["formula"], "r: k * w", "{explained}");
+    let discover = ["discover", "--vehicle", &vehicle];
+    let alone = json_in(folder.path(), &refs(&with_flights(&discover, &root, "unknown-02")));
+    assert_eq!(alone["proposals"], explained["discovery"]["proposals"]);
+}

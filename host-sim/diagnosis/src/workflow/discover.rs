@@ -7,7 +7,7 @@
 use std::path::Path;
 
 use model::user_effects::{Definition, USUAL_COLUMNS, file_of, place_of_column};
-use model::{Axis, Effect, Model, PerAxis, Vehicle, effects};
+use model::{Axis, Effect, Model, PerAxis, effects};
 use sysid::{Fit, FitError};
 
 use crate::addition::add_from;
@@ -26,7 +26,7 @@ use crate::noise::squares_of_noise;
 use crate::observer::{Observer, Progress};
 use crate::workflow::diagnose::search;
 use crate::workflow::error::WorkflowError;
-use crate::workflow::explain::{add_what_is_found, explain};
+use crate::workflow::explain::{Explanation, add_what_is_found};
 use crate::workflow::sets::FlightSets;
 use crate::{Addition, Options};
 
@@ -49,15 +49,13 @@ pub fn prepare_to_discover() {
     }
 }
 
-/// Explains flights of a vehicle by known effects, then searches what is left.
-pub fn explain_and_discover(
-    vehicle: &Vehicle,
-    own: &[Effect],
-    sets: &mut FlightSets,
+/// Searches what is left of flights that have been explained by known effects.
+pub fn discover_after(
+    explanation: &Explanation,
+    sets: &FlightSets,
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Discovery, WorkflowError> {
-    let explanation = explain(vehicle, own, sets, options, None, observer)?;
     discover_beyond(explanation.last_model(), explanation.found(), sets, options, observer)
 }
 

@@ -30,7 +30,7 @@ pub use by_flight::{FlightFit, flight_by_flight};
 pub use changed::{changed, changed_why};
 pub use compare::{compare, line_up};
 pub use diagnose::{diagnose, why};
-pub use discover::{discover, effects_file, explain_and_discover, prepare_to_discover};
+pub use discover::{discover, discover_after, effects_file, prepare_to_discover};
 pub use error::WorkflowError;
 pub use explain::{Explanation, Step, explain};
 pub use faults::{Faults, Listed};

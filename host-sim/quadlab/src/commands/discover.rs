@@ -80,7 +80,8 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
             vehicle_of(options.vehicle.as_ref(), options.sets.named(), &files.paths(), &terminal)?;
         options.faults.apply(&files.paths(), &vehicle)?;
         let mut sets = files.read(&vehicle, options.faults.reading()?, &terminal)?;
-        (workflow::explain_and_discover(&vehicle, &effects, &mut sets, &search, &terminal)?, sets)
+        let explanation = workflow::explain(&vehicle, &effects, &mut sets, &search, None, &terminal)?;
+        (workflow::discover_after(&explanation, &sets, &search, &terminal)?, sets)
     };
     terminal.clear();
     if let (Some(path), false) = (&options.out, discovery.proposals.is_empty()) {
@@ -94,17 +95,23 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
 }
 
 fn text(options: &Options, discovery: &Discovery) -> String {
-    let mut text = colour::lead(&tables::paragraph(&conclusion(discovery)));
-    for proposal in &discovery.proposals {
-        text.push('\n');
-        text.push_str(&proposal_text(proposal));
-    }
+    let mut text = answer(discovery);
     let left = tables::unexplained(&discovery.left);
     if left.has_rows() {
         text.push_str(&format!("\n{}", left.to_text()));
     }
     if let (Some(path), false) = (&options.out, discovery.proposals.is_empty()) {
         text.push_str(&format!("effects written to {}\n", path.display()));
+    }
+    text
+}
+
+/// The conclusion, and each proposal.
+pub(crate) fn answer(discovery: &Discovery) -> String {
+    let mut text = colour::lead(&tables::paragraph(&conclusion(discovery)));
+    for proposal in &discovery.proposals {
+        text.push('\n');
+        text.push_str(&proposal_text(proposal));
     }
     text
 }
@@ -175,7 +182,7 @@ pub(crate) struct Document<'a> {
     search_p_value: f64,
 }
 
-fn document(discovery: &Discovery) -> Document<'_> {
+pub(crate) fn document(discovery: &Discovery) -> Document<'_> {
     Document {
         proposals: &discovery.proposals,
         verdict: discovery.verdict,

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use diagnosis::workflow::{self, Explanation};
-use diagnosis::{Unexplained, Verdict};
+use diagnosis::{Discovery, Unexplained, Verdict};
 use model::{Effect, NotIdentified, PerAxis, PerGroup};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -17,6 +17,7 @@ use crate::cli::refine::{self, RefineOptions, RefinementEntry};
 use crate::cli::terminal::Terminal;
 use crate::cli::user_effects::EffectOptions;
 use crate::commands::diagnose::WithoutOptions;
+use crate::commands::discover;
 use crate::render::{pages, tables};
 
 /// Identify the basic model, then add effects until the flights support no further one.
@@ -43,6 +44,10 @@ pub(crate) struct Options {
 
     #[command(flatten)]
     refine: RefineOptions,
+
+    /// Search what the known effects leave for its form, as `quadlab discover` does with the model that is written
+    #[arg(long)]
+    discover: bool,
 
     /// Model file to write, for example: --out model.toml
     #[arg(long, value_name = "TOML")]
@@ -71,9 +76,16 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let effects = options.effects.read()?;
     let search = options.without.options()?;
     options.faults.apply(&files.paths(), &vehicle)?;
+    if options.discover {
+        workflow::prepare_to_discover();
+    }
     let mut sets = files.read(&vehicle, options.faults.reading()?, &terminal)?;
     let explanation =
         workflow::explain(&vehicle, &effects, &mut sets, &search, options.refine.rows(), &terminal)?;
+    let discovery = options
+        .discover
+        .then(|| workflow::discover_after(&explanation, &sets, &search, &terminal))
+        .transpose()?;
     terminal.clear();
     report::write_atomic(&options.out, explanation.model.to_toml())?;
     if let Some(path) = &options.html {
@@ -86,10 +98,12 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
             .write(path)?;
     }
     let outcome = if options.output.json {
-        faults::json(&document(&explanation), sets.all(), &sets.faults)?
+        faults::json(&document(&explanation, discovery.as_ref()), sets.all(), &sets.faults)?
     } else {
         faults::warn(&sets.faults);
-        Outcome::done(text(options, &explanation))
+        let found =
+            discovery.as_ref().map_or_else(String::new, |found| format!("\n{}", discover::answer(found)));
+        Outcome::done(text(options, &explanation) + &found)
     };
     Ok(Outcome { holds: explanation.verdict() != Verdict::NotIdentified, ..outcome })
 }
@@ -136,6 +150,9 @@ pub(crate) struct Document<'a> {
     not_identified: &'a [NotIdentified],
     #[serde(skip_serializing_if = "Option::is_none")]
     refinement: Option<RefinementEntry>,
+    /// The form of what is left, where it was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    discovery: Option<discover::Document<'a>>,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -146,7 +163,7 @@ struct Added {
     sse: PerAxis<f64>,
 }
 
-fn document(explanation: &Explanation) -> Document<'_> {
+fn document<'a>(explanation: &'a Explanation, discovery: Option<&'a Discovery>) -> Document<'a> {
     let sse = |c: &sysid::Comparison| PerAxis::from_fn(|a| c.total[a].sse);
     Document {
         verdict: explanation.verdict(),
@@ -167,5 +184,6 @@ fn document(explanation: &Explanation) -> Document<'_> {
         unexplained: &explanation.last_diagnosis.unexplained,
         not_identified: &explanation.last_diagnosis.not_identified,
         refinement: explanation.refinement.as_ref().map(RefinementEntry::from),
+        discovery: discovery.map(discover::document),
     }
 }
