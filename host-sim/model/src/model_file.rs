@@ -13,7 +13,7 @@ use crate::effects::{self, Effect};
 use crate::fit_record::{FitRecord, HistoryEntry, ReferenceValues};
 use crate::model::{Correlation, Model, Term};
 use crate::rotor_quantity::RotorQuantity;
-use crate::user_effects::{Definition, UserEffectError};
+use crate::user_effects::{Definition, TIME_COLUMN, UserEffectError};
 use crate::vehicle::{Vehicle, VehicleError, toml_message, too_long};
 
 const FORMAT: &str = "quadlab-model";
@@ -78,7 +78,7 @@ pub enum ModelError {
     Vehicle(#[from] VehicleError),
     /// An effect that looks at a column of flights, where there is none.
     #[error(
-        "{}: effect \"{effect}\" names the column \"{column}\" of flight files, which a simulated or designed craft does not have; \
+        "{}: effect \"{effect}\" names the column \"{column}\" of flight files, which a simulated craft or one at rest does not have; \
          take a model without this effect", path.display()
     )]
     NoColumn {
@@ -153,12 +153,21 @@ impl Model {
         Self::parse(&text, path)
     }
 
-    /// Reads a model file to fly it without a log: a simulation has no further columns of flight files.
+    /// Reads a model file to fly it without a log: a simulation has no further columns of flight files but the time.
     pub fn read_to_simulate(path: &Path) -> Result<Self, ModelError> {
+        Self::read_without_columns(path, &[TIME_COLUMN])
+    }
+
+    /// Reads a model file to linearise it: an equilibrium has no further columns, nor a time.
+    pub fn read_to_linearize(path: &Path) -> Result<Self, ModelError> {
+        Self::read_without_columns(path, &[])
+    }
+
+    fn read_without_columns(path: &Path, but: &[&str]) -> Result<Self, ModelError> {
         let model = Self::read(path)?;
         for effect in model.effects() {
             let Effect::User(user) = effect else { continue };
-            if let Some(column) = user.columns_named().first() {
+            if let Some(column) = user.columns_named().into_iter().find(|column| !but.contains(column)) {
                 return Err(ModelError::NoColumn { path: path.to_owned(), effect, column });
             }
         }

@@ -38,7 +38,7 @@ fn effect(text: &str) -> Effect {
 #[test]
 fn what_cannot_be_right_is_refused_with_file_effect_and_field() {
     for (from, to, expected) in [
-        ("/ mass\"", "/ mass + time\"", "acceleration.north: unknown name \"time\"; known are stiffness"),
+        ("/ mass\"", "/ mass + clock\"", "acceleration.north: unknown name \"clock\"; known are stiffness"),
         (
             "stiffness * north)",
             "stiffness * speed)",

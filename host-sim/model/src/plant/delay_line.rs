@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 
 use crate::plant::equations::{Plant, Substeps};
 use crate::plant::state::State;
+use crate::sample::Surroundings;
 
 /// Dead time between command and rotor (`input-delay`): past commands, and where in the period they take over. The battery
 /// acts at the motor and has no dead time.
@@ -33,14 +34,14 @@ impl DelayLine {
     }
 
     /// Advances `state` over one period in which `command` is given.
-    pub fn step(&mut self, plant: &Plant, state: &mut State, command: &[f64; 4], battery_v: f64) {
+    pub fn step(&mut self, plant: &Plant, state: &mut State, command: &[f64; 4], around: &Surroundings) {
         self.waiting.push_back(*command);
         if let (Some(before), Some(old)) = (&self.before, self.waiting.front()) {
-            plant.step(state, &plant.commanded_rad_s(old, battery_v), battery_v, before);
+            plant.step(state, &plant.commanded_rad_s(old, around.battery_v), *around, before);
         }
         self.waiting.pop_front();
         if let (Some(after), Some(new)) = (&self.after, self.waiting.front()) {
-            plant.step(state, &plant.commanded_rad_s(new, battery_v), battery_v, after);
+            plant.step(state, &plant.commanded_rad_s(new, around.battery_v), *around, after);
         }
     }
 }

@@ -451,7 +451,7 @@ mod tests {
         let mut state = State::at_rest(Vector3::zeros(), [600.0; 4]);
         let command = plant.command_for(&[700.0; 4], 11.1);
         for _ in 0..10 {
-            line.step(&plant, &mut state, &command, 11.1);
+            line.step(&plant, &mut state, &command, &11.1.into());
         }
         let exact = 700.0 - 100.0 * (-21.5_f64 * (0.1 - 0.025)).exp();
         assert!((state.rotor_rad_s[0] - exact).abs() < 1e-9, "{} {exact}", state.rotor_rad_s[0]);

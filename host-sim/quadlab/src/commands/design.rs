@@ -87,7 +87,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
 fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outcome> {
     let inputs: Vec<&PathBuf> = std::iter::once(path).chain(&options.specs).collect();
     options.output.check([out], &inputs)?;
-    let model = Model::read_to_simulate(path)?;
+    let model = Model::read_to_linearize(path)?;
     // Loops of attitude and yaw stand on the rotation, those of height and position on the translation: both are needed.
     if let Some(unknown) =
         diagnosis::recorded(&model).into_iter().next().filter(|_| !options.accept_unidentified)

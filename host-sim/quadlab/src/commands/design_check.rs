@@ -67,7 +67,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     refuse("delay", options.delay, MOST_DELAY)?;
     refuse("samples", options.samples, 100_000)?;
     options.output.check(&options.html, &[&options.model, &options.gains])?;
-    let model = Model::read_to_simulate(&options.model)?;
+    let model = Model::read_to_linearize(&options.model)?;
     let gains = design::gains_match::read_for(&options.gains, &model)?;
     let view = match options.continuous {
         true => View::Continuous,

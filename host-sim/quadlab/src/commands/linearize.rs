@@ -104,7 +104,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         Some("hover") => TrimTarget::default(),
         _ => TrimTarget::read(&options.at)?,
     };
-    let model = Model::read_to_simulate(&options.model)?;
+    let model = Model::read_to_linearize(&options.model)?;
     let linear = Linear::new(&model, &target)?;
     let channels = linear.channels(options.cancel)?;
     if options.json {

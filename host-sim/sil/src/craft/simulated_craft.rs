@@ -2,7 +2,7 @@
 
 use control::Measurement;
 use model::user_effects::Undefined;
-use model::{Battery, DelayLine, Plant, State, Substeps, frames};
+use model::{Battery, DelayLine, Plant, State, Substeps, Surroundings, frames, user_effects};
 use nalgebra::Vector3;
 
 use super::sensors::Sensors;
@@ -27,6 +27,8 @@ pub struct SimulatedCraft {
     last_v: f64,
     /// Whether the model has effects of users, whose formulas may have no value.
     has_formulas: bool,
+    /// Place of the time among the further columns that formulas name, where one does.
+    time_place: Option<usize>,
     /// The formula that had none.
     pub fault: Option<Undefined>,
     /// Where it is and how it moves.
@@ -50,6 +52,8 @@ impl SimulatedCraft {
         });
         let substeps = plant.substeps(period_s, substeps);
         let has_formulas = plant.has_user_effects();
+        let is_time = |name: &&str| *name == user_effects::TIME_COLUMN;
+        let time_place = user_effects::columns().iter().position(is_time).filter(|_| has_formulas);
         let (tick, battery_since, fault) = (0, 0, None);
         Self {
             plant,
@@ -62,6 +66,7 @@ impl SimulatedCraft {
             battery_since,
             last_v,
             has_formulas,
+            time_place,
             fault,
             state,
         }
@@ -95,18 +100,29 @@ impl SimulatedCraft {
         let middle_v = voltage_v + 0.5 * (voltage_v - self.last_v);
         self.last_v = voltage_v;
         let before = self.has_formulas.then_some(self.state);
+        let around = self.surroundings(middle_v);
         match &mut self.dead_time {
             None => {
                 let commanded = self.plant.commanded_rad_s(&command, middle_v);
-                self.plant.step(&mut self.state, &commanded, middle_v, &self.substeps);
+                self.plant.step(&mut self.state, &commanded, around, &self.substeps);
             }
-            Some(line) => line.step(&self.plant, &mut self.state, &command, middle_v),
+            Some(line) => line.step(&self.plant, &mut self.state, &command, &around),
         }
         self.tick = self.tick.wrapping_add(1);
         if let Some(before) = before.filter(|_| !self.state.is_finite()) {
             let commanded = self.plant.commanded_rad_s(&command, middle_v);
-            self.fault = self.plant.undefined_in_step(&before, &commanded, middle_v, &self.substeps);
+            self.fault = self.plant.undefined_in_step(&before, &commanded, around, &self.substeps);
         }
+    }
+
+    /// The battery, and the time in the middle of the tick, since the first.
+    #[inline]
+    fn surroundings(&self, battery_v: f64) -> Surroundings {
+        let mut around = Surroundings::from(battery_v);
+        if let Some(place) = self.time_place {
+            around.further[place] = (f64::from(self.tick) + 0.5) * self.period_s;
+        }
+        around
     }
 
     /// Something holds the craft: where it is, and more and more at this roll.
@@ -180,6 +196,33 @@ mod tests {
         let closed_form = |time_s: f64| 78.50 * (1.0 - (-21.5 * time_s).exp());
         assert!((rotor_after(0.02, 5) - closed_form(0.03)).abs() < 1e-9);
         assert!((rotor_after(0.025, 5) - closed_form(0.025)).abs() < 1e-9);
+    }
+
+    /// A push that grows with the time adds a velocity that grows with its square, k t^2 / 2, but for a little drag.
+    #[test]
+    fn formulas_see_the_time_since_the_first_tick() {
+        let text = "[[effect]]\nid = \"push\"\nacceleration.north = \"k * time\"\n\
+                    coefficient = [{name = \"k\", unit = \"m/s^3\", possible = [-1.0, 1.0], typical = 0.01}]\n";
+        let [user] = model::effects::draft(text, std::path::Path::new("push.toml")).unwrap()[..] else {
+            panic!("one effect")
+        };
+        let after = |k: f64, delay_s: f64| {
+            let mut model = Model::thesis();
+            if delay_s > 0.0 {
+                model.set(Effect::InputDelay, &[delay_s]);
+            }
+            model.set(Effect::User(user), &[k]);
+            let plant = Plant::new(&model);
+            let state = State::at_rest(Vector3::zeros(), plant.commanded_rad_s(&[1500.0; 4], 11.1));
+            let sensors = Sensors::new(&model, None, 0.01, 0);
+            let mut craft = SimulatedCraft::new(plant, Battery::constant(11.1), sensors, state, 0.01, 4);
+            (0..20).for_each(|_| craft.advance(&[1500.0; 4], 11.1));
+            craft.state.velocity_m_s
+        };
+        for delay_s in [0.0, 0.015] {
+            let added = (after(1.0, delay_s) - after(0.0, delay_s)).norm();
+            assert!((added / (0.5 * 0.2 * 0.2) - 1.0).abs() < 0.05, "{added}");
+        }
     }
 
     #[test]
