@@ -6,6 +6,7 @@
 
 mod crash;
 mod error;
+mod kept;
 mod memory;
 mod missions;
 mod monte_carlo;
@@ -13,6 +14,7 @@ mod soak;
 
 pub use crash::Crash;
 pub use error::LongRunError;
+pub use kept::KeptError;
 pub use memory::{Memory, MemoryError};
 pub use missions::{Missions, Seen};
 pub use monte_carlo::{Conditions, End, MonteCarlo, Survey, survey};
