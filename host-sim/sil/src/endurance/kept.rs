@@ -11,10 +11,7 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
-use super::monte_carlo::{End, MonteCarlo};
-
-/// Bytes of a flight's last state.
-pub(super) type Last = [u8; 16];
+use super::drawn_flights::{End, Last, MonteCarlo};
 
 /// Why a file cannot keep the ends of flights.
 #[derive(Debug, thiserror::Error)]

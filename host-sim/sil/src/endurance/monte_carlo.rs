@@ -28,8 +28,9 @@ use pattern::random::{Purpose, stream};
 use proto::State;
 
 use super::crash::{Crash, Watch};
+use super::drawn_flights::{End, Last, MonteCarlo};
 use super::error::LongRunError;
-use super::kept::{Kept, Last};
+use super::kept::Kept;
 use super::memory::{Memory, resident};
 use crate::craft::{Fault, FaultKind, NoiseModel};
 use crate::flight::{ClosedLoop, FlightPlan, Script, SilError};
@@ -192,19 +193,6 @@ fn fault(g: &mut Pcg64) -> Fault {
     Fault { kind, from_s, for_s }
 }
 
-/// How a flight ended.
-#[derive(Debug, Clone, PartialEq)]
-pub enum End {
-    /// In the pilot's hands.
-    Flying,
-    /// Held or landing in the supervisor's hands, or down and disarmed.
-    Supervised,
-    /// As physics demanded, for this reason.
-    Impossible(String),
-    /// In a crash, after so many s.
-    Crashed(Crash, f64),
-}
-
 /// Flies one; how it ended, and the last of its state for comparing runs bit by bit.
 fn fly(conditions: &Conditions, config: &Config) -> Result<(End, Last), SilError> {
     let plan = conditions.plan(config);
@@ -228,17 +216,6 @@ fn fly(conditions: &Conditions, config: &Config) -> Result<(End, Last), SilError
         }
     }
     Ok((if state == State::Flying { End::Flying } else { End::Supervised }, last))
-}
-
-/// How many flights, and the first one's seed; the others count on from it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MonteCarlo {
-    /// What flies.
-    pub config: Config,
-    /// Flights.
-    pub flights: u64,
-    /// Seed of the first.
-    pub seed: u64,
 }
 
 /// What came of them.
