@@ -17,6 +17,8 @@ pub struct Opened {
     pub session: u64,
     /// This is its first packet.
     pub is_first: bool,
+    /// Later ones were taken before it: a pose, which may be older than another.
+    pub is_overtaken: bool,
     /// The packet's number.
     pub number: u64,
     /// The message.
@@ -82,7 +84,7 @@ impl CraftEnd {
             let session = self.sessions.iter().flatten().find(|session| session.id == parts.session);
             match session.filter(|_| !parts.is_handshake()) {
                 Some(session) if session.peer != from && !self.common.is_keyed() => Err(Refused::Elsewhere),
-                Some(session) => session.check_number(parts.number).map(|()| parts),
+                Some(session) => session.may_take(parts.number).map(|()| parts),
                 None => Ok(parts),
             }
         });
@@ -159,14 +161,21 @@ impl CraftEnd {
     ) -> Result<Opened, Refused> {
         let Parts { session: id, number, .. } = *parts;
         if let Some(session) = self.sessions.iter_mut().flatten().find(|session| session.id == id) {
+            let opened = |is_overtaken, message| {
+                Ok(Opened { session: id, is_first: false, is_overtaken, number, message })
+            };
+            if let Some(message) = session.open_overtaken(parts, now_ms)? {
+                self.statistics.accept_overtaken();
+                return opened(true, message);
+            }
             let (message, lost) = session.open(parts, now_ms)?;
             session.peer = from;
             self.statistics.accept(lost);
-            return Ok(Opened { session: id, is_first: false, number, message });
+            return opened(false, message);
         }
         let key = self.common.session_key(id, self.challenge_for(from));
         let age = Age::first(now_ms, parts.time_ms, parts.echo_ms)?;
-        let mut session = Session { id, key, peer: from, next: 0, accepts_from: None, age };
+        let mut session = Session { id, key, peer: from, next: 0, accepts_from: None, taken: 0, age };
         // A wrong tag says no more than that this session is none.
         let (message, _) = session.open(parts, now_ms).map_err(|refused| match refused {
             Refused::Forged => Refused::NoSession,
@@ -175,7 +184,7 @@ impl CraftEnd {
         self.statistics.accept(0);
         self.opened = self.opened.wrapping_add(1);
         let [station, asker] = &mut self.sessions;
-        let opened = Opened { session: id, is_first: true, number, message };
+        let opened = Opened { session: id, is_first: true, is_overtaken: false, number, message };
         *(if opened.is_of_station() { station } else { asker }) = Some(session);
         Ok(opened)
     }

@@ -107,7 +107,7 @@ impl GroundEnd {
         let age = Age::first(now_ms, parts.time_ms, parts.echo_ms)?;
         let key = self.common.session_key(id, challenge);
         self.greeting = None;
-        self.session = Some(Session { id, key, peer: None, next: 0, accepts_from: None, age });
+        self.session = Some(Session { id, key, peer: None, next: 0, accepts_from: None, taken: 0, age });
         Ok(())
     }
 

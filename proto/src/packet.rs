@@ -336,6 +336,12 @@ impl Statistics {
         self.refused = self.refused.saturating_add(1);
     }
 
+    /// One that was counted as lost has come.
+    pub(crate) fn accept_overtaken(&mut self) {
+        self.accepted = self.accepted.saturating_add(1);
+        self.lost = self.lost.saturating_sub(1);
+    }
+
     pub(crate) fn accept(&mut self, lost: u64) {
         self.accepted = self.accepted.saturating_add(1);
         self.lost = self.lost.saturating_add(u32::try_from(lost).unwrap_or(u32::MAX));

@@ -10,8 +10,12 @@
 //! session, before a restart of either side or with another craft, has another key and fits no
 //! more, whatever became of any file: **nothing is stored.** (Until version 2 packet numbers had to
 //! outlive a restart on a disk. A lost or restored file let recordings in, a full one silenced a
-//! flying craft.) Within a session numbers only grow, and a packet that was withheld is refused by
+//! flying craft.) Within a session a number is taken once, and a packet that was withheld is refused by
 //! its age ([`crate::OLDEST_MS`]).
+//!
+//! **Order:** numbers only grow, so that commands and answers count in the order in which they were sent. A pose says itself when it was
+//! taken: the craft takes one that fewer than 32 packets have overtaken, if its echo says that it is not old. (On a link that delays each
+//! packet by another part of a millisecond, half of all poses are overtaken by the commands that are sent right behind them.)
 //!
 //! - **A challenge admits one session.** The craft draws the next as soon as one is used; else an
 //!   earlier session could be played again from its first packet on, once the craft has forgotten
@@ -175,8 +179,10 @@ pub(crate) struct Session {
     pub(crate) peer: Option<SocketAddr>,
     /// Number of the next packet.
     pub(crate) next: u64,
-    /// Least number that is accepted; none before the first.
+    /// Least number that is accepted in its order; none before the first.
     pub(crate) accepts_from: Option<u64>,
+    /// Which of the 32 numbers below that were taken, a bit each; the lowest is that of the greatest.
+    pub(crate) taken: u32,
     pub(crate) age: Age,
 }
 
@@ -192,6 +198,40 @@ impl Session {
         if is_behind || number == NEVER_SENT { Err(Refused::Replayed) } else { Ok(()) }
     }
 
+    /// The bit of a packet that was overtaken and is not taken yet.
+    fn overtaken(&self, number: u64) -> Option<u32> {
+        let behind = self.accepts_from?.checked_sub(number)?.checked_sub(1)?;
+        let bit = 1_u32.checked_shl(u32::try_from(behind).ok()?)?;
+        (self.taken & bit == 0).then_some(bit)
+    }
+
+    /// Can it be taken, in its order or overtaken? This needs no tag.
+    pub(crate) fn may_take(&self, number: u64) -> Result<(), Refused> {
+        if self.overtaken(number).is_some() { Ok(()) } else { self.check_number(number) }
+    }
+
+    /// A packet that was overtaken: its message, if that is one which says itself when it was; nothing of a packet that comes in its
+    /// order. Nothing has changed where it is refused.
+    pub(crate) fn open_overtaken(
+        &mut self,
+        parts: &Parts<'_>,
+        now_ms: u32,
+    ) -> Result<Option<Message>, Refused> {
+        let Some(bit) = self.overtaken(parts.number) else { return Ok(None) };
+        if !self.key.verifies(parts.signed, parts.tag) {
+            return Err(Refused::Forged);
+        }
+        // Its sender's clock is behind that of the newest packet: of the two bounds of its age the echo's holds.
+        Age::first(now_ms, parts.time_ms, parts.echo_ms)?;
+        match decode_body(VERSION, parts.body).map_err(Refused::Message)? {
+            message @ Message::Pose(_) => {
+                self.taken |= bit;
+                Ok(Some(message))
+            }
+            _ => Err(Refused::Replayed),
+        }
+    }
+
     /// The next packet: its message, and how many before it never came. Nothing has changed where it
     /// is refused.
     pub(crate) fn open(&mut self, parts: &Parts<'_>, now_ms: u32) -> Result<(Message, u64), Refused> {
@@ -205,8 +245,16 @@ impl Session {
         };
         let message = decode_body(VERSION, parts.body).map_err(Refused::Message)?;
         let lost = self.accepts_from.map_or(0, |from| parts.number - from);
-        (self.age, self.accepts_from) = (age, Some(parts.number.saturating_add(1)));
+        self.age = age;
+        self.note(parts.number, lost);
         Ok((message, lost))
+    }
+
+    /// The newest number that was taken, so many after the one before it.
+    fn note(&mut self, number: u64, lost: u64) {
+        let passed = u32::try_from(lost).ok().and_then(|lost| self.taken.checked_shl(lost.saturating_add(1)));
+        self.taken = passed.unwrap_or(0) | 1;
+        self.accepts_from = Some(number.saturating_add(1));
     }
 
     pub(crate) fn seal<'b>(
@@ -239,7 +287,7 @@ mod arithmetic {
 
     fn session(next: u64, accepts_from: Option<u64>, heard_ms: u32) -> Session {
         let age = Age::first(heard_ms, 0, heard_ms).unwrap();
-        Session { id: 5, key: KEY, peer: None, next, accepts_from, age }
+        Session { id: 5, key: KEY, peer: None, next, accepts_from, taken: u32::MAX, age }
     }
 
     /// A number is taken once, and only by growing; the last one of all never is, and the sender that
@@ -267,6 +315,29 @@ mod arithmetic {
                     );
                     assert_eq!(to.accepts_from, Some(next + 1));
                     assert_eq!(to.open(&parts, 0), Err(Refused::Replayed));
+                }
+            }
+        }
+    }
+
+    /// Which were taken: by a list of all numbers, whatever is lost and overtaken about every boundary.
+    #[test]
+    fn what_was_overtaken_is_taken_once_and_not_for_long() {
+        for first in residues_u64().into_iter().filter(|first| (40..u64::MAX - 200).contains(first)) {
+            let mut to = Session { taken: 0, ..session(0, None, 0) };
+            let mut taken: Vec<u64> = Vec::new();
+            for step in [1, 1, 2, 1, 5, 1, 31, 1, 32, 1, 33, 3, 1] {
+                let newest = taken.iter().max().map_or(first, |newest| newest + step);
+                let lost = to.accepts_from.map_or(0, |from| newest - from);
+                to.note(newest, lost);
+                taken.push(newest);
+                for number in newest - 40..newest {
+                    let can = newest - number < 32 && !taken.contains(&number);
+                    assert_eq!(to.overtaken(number).is_some(), can, "{number} after {newest} of {taken:?}");
+                    if can && number % 3 == 0 {
+                        to.taken |= to.overtaken(number).unwrap();
+                        taken.push(number);
+                    }
                 }
             }
         }

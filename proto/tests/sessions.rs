@@ -15,10 +15,17 @@ use std::net::SocketAddr;
 
 use cases::cases;
 use proptest::prelude::*;
-use proto::{CraftEnd, GroundEnd, Heard, Key, MAX_PACKET_LEN, Message};
+use proto::{CraftEnd, GroundEnd, Heard, Key, MAX_PACKET_LEN, Message, Pose, TimedPose};
 
 /// Between two packets of each side.
 const PERIOD_MS: u32 = 10;
+
+/// What the ground says: the one message that may be overtaken.
+const POSE: Message = Message::Pose(TimedPose {
+    frame: 0,
+    ground_us: 0,
+    pose: Pose { position_m: [0.0; 3], attitude_rad: [0.0; 3] },
+});
 
 /// A packet that was sent.
 #[derive(Debug, Clone)]
@@ -132,8 +139,7 @@ impl World {
         self.now_ms += PERIOD_MS;
         let mut buffer = [0; MAX_PACKET_LEN];
         let hello = self.ground.greet(self.now_ms, &mut buffer).map(<[u8]>::to_vec);
-        let who =
-            self.ground.seal(self.now_ms, &Message::Who, &mut buffer).map(|(_, packet)| packet.to_vec());
+        let who = self.ground.seal(self.now_ms, &POSE, &mut buffer).map(|(_, packet)| packet.to_vec());
         let (mut up, challenges) = (false, self.sent[1].len());
         for bytes in hello.into_iter().chain(who) {
             let packet = self.send(0, bytes);
@@ -305,5 +311,48 @@ fn a_link_that_works_one_way_works_for_most_of_a_minute() {
             .count();
         let refused = world.craft.statistics.refused;
         assert_eq!((heard, refused), (5500, 0), "{pace}");
+    }
+}
+
+/// A pose that later packets overtook is taken, once and while it is not old; nothing else is, and nothing that more than 31 overtook.
+#[test]
+fn only_a_pose_may_be_overtaken() {
+    let said = |message: &Message, overtakes: usize, later_ms: u32| {
+        let mut world = World::new(1.0);
+        while !world.exchange([true; 2]) {}
+        let mut buffer = [0; MAX_PACKET_LEN];
+        let (_, packet) = world.ground.seal(world.now_ms, message, &mut buffer).unwrap();
+        let packet = packet.to_vec();
+        for _ in 0..overtakes {
+            let (_, next) = world.ground.seal(world.now_ms, &Message::Who, &mut buffer).unwrap();
+            let next = Sent { bytes: next.to_vec(), at_ms: world.now_ms, starts: [0; 2] };
+            assert!(world.craft_hears(&next, address(1)));
+        }
+        let before = world.craft.statistics;
+        world.now_ms += later_ms;
+        let packet = Sent { bytes: packet, at_ms: world.now_ms, starts: [0; 2] };
+        let mut reply = [0; MAX_PACKET_LEN];
+        let mut hear = |world: &mut World| {
+            let now_ms = world.craft_ms();
+            match world.craft.hear(now_ms, address(1), &packet.bytes, &mut reply) {
+                Ok(Heard::Message(opened)) => opened.is_overtaken && opened.message == *message,
+                _ => false,
+            }
+        };
+        let taken = hear(&mut world);
+        let counted = world.craft.statistics;
+        assert_eq!(counted.accepted - before.accepted, u32::from(taken));
+        assert_eq!(before.lost - counted.lost, u32::from(taken), "it is lost no more");
+        assert!(!hear(&mut world), "twice");
+        taken
+    };
+    for overtakes in [1, 2, 31] {
+        assert!(said(&POSE, overtakes, 0), "{overtakes}");
+    }
+    assert!(!said(&POSE, 32, 0), "too many overtook it");
+    assert!(said(&POSE, 1, 1800) && !said(&POSE, 1, 2000), "by its age");
+    for other in [Message::Who, Message::Request(proto::Request::Arm), Message::Command(proto::Command::IDLE)]
+    {
+        assert!(!said(&other, 1, 0), "{other:?}");
     }
 }

@@ -94,8 +94,20 @@ fn worlds(seeds: std::ops::Range<u64>) -> impl Iterator<Item = (u64, Vehicle, Ve
     })
 }
 
-fn quaternion(q: Vector4<f64>) -> Vector3<f64> {
-    frames::euler_from_quaternion(&q)
+type Order = fn(Vector4<f64>) -> Vector4<f64>;
+
+/// Ways to misread a quaternion: what it is, and a word that its sentence has.
+const ORDERS: [(&str, &str, Order); 3] = [
+    ("conjugated", "conjugated", |q| Vector4::new(q[0], -q[1], -q[2], -q[3])),
+    ("x, y, z, w read as w, x, y, z", "x, y, z, w", |q| Vector4::new(q[1], q[2], q[3], q[0])),
+    ("w, x, y, z read as x, y, z, w", "w, x, y, z", |q| Vector4::new(q[3], q[0], q[1], q[2])),
+];
+
+impl Row {
+    /// Reads its quaternion in this order.
+    fn misread(&mut self, order: Order) {
+        self.euler = frames::euler_from_quaternion(&order(frames::quaternion_from_euler(self.euler)));
+    }
 }
 
 type Edit = Box<dyn Fn(&mut Row)>;
@@ -117,18 +129,8 @@ fn planted() -> Vec<(String, &'static str, Edit)> {
         ));
         all.push((format!("angle {axis} mirrored"), "wrong sign", Box::new(move |r| r.euler[axis] *= -1.0)));
     }
-    type Order = fn(Vector4<f64>) -> Vector4<f64>;
-    let orders: [(&str, &str, Order); 3] = [
-        ("conjugated", "conjugated", |q| Vector4::new(q[0], -q[1], -q[2], -q[3])),
-        ("x, y, z, w read as w, x, y, z", "x, y, z, w", |q| Vector4::new(q[1], q[2], q[3], q[0])),
-        ("w, x, y, z read as x, y, z, w", "w, x, y, z", |q| Vector4::new(q[3], q[0], q[1], q[2])),
-    ];
-    for (name, word, order) in orders {
-        all.push((
-            format!("quaternion {name}"),
-            word,
-            Box::new(move |r| r.euler = quaternion(order(frames::quaternion_from_euler(r.euler)))),
-        ));
+    for (name, word, order) in ORDERS {
+        all.push((format!("quaternion {name}"), word, Box::new(move |r| r.misread(order))));
     }
     let flip = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
     let enu = Matrix3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0);
@@ -181,6 +183,28 @@ fn planted() -> Vec<(String, &'static str, Edit)> {
     all
 }
 
+/// Each rotation of the axes of a signal together with each wrong order of the quaternion.
+fn planted_pairs() -> Vec<(String, Edit)> {
+    type Signal = fn(&mut Row) -> &mut Vector3<f64>;
+    let signals: [(&str, Signal); 2] = [("gyro", |r| &mut r.rate), ("position", |r| &mut r.position)];
+    let mut all: Vec<(String, Edit)> = Vec::new();
+    for (signal, of) in signals {
+        for (k, m) in rotations().into_iter().enumerate().skip(1) {
+            for (name, _, order) in ORDERS {
+                all.push((
+                    format!("{signal} turned {k}, quaternion {name}"),
+                    Box::new(move |r| {
+                        r.misread(order);
+                        let of = of(r);
+                        *of = m * *of;
+                    }),
+                ));
+            }
+        }
+    }
+    all
+}
+
 fn refused(faults: &[Fault]) -> Option<&Fault> {
     faults.iter().find(|f| f.severity == Severity::Refused)
 }
@@ -208,6 +232,30 @@ fn planted_frames_are_found_and_named() {
     println!("{count} planted, {found} found, {named} named rightly");
     assert!(found as f64 >= 0.99 * count as f64);
     assert!(named as f64 >= 0.98 * count as f64);
+}
+
+/// Two at once are noticed as one is; which two it is, is not asked.
+#[test]
+fn planted_pairs_of_frames_are_noticed() {
+    let flights: Vec<(u64, Vehicle, Flight)> = worlds(0..2)
+        .flat_map(|(seed, vehicle, flights)| flights.into_iter().map(move |f| (seed, vehicle.clone(), f)))
+        .collect();
+    let judged = flights.par_iter().map(|(seed, vehicle, flight)| {
+        let mut counts = [0, 0];
+        for (what, edit) in planted_pairs() {
+            let faults = examine(&edited(flight, edit), vehicle).unwrap().faults;
+            let is_noticed =
+                refused(&faults).is_some() || faults.iter().any(|f| f.kind == FaultKind::InconsistentFrames);
+            counts = [counts[0] + 1, counts[1] + usize::from(is_noticed)];
+            if !is_noticed {
+                println!("seed {seed} {} {what}: {faults:?}", flight.name);
+            }
+        }
+        counts
+    });
+    let [count, noticed] = judged.reduce(|| [0; 2], |a, b| std::array::from_fn(|i| a[i] + b[i]));
+    println!("{count} planted, {noticed} noticed");
+    assert!(noticed as f64 >= 0.99 * count as f64);
 }
 
 #[test]

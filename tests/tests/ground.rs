@@ -378,7 +378,12 @@ fn a_restarted_ground_station_takes_a_flying_craft_over() {
 
 /// A craft that hovers at a metre.
 fn hovering() -> Day {
-    let plan = FlightPlan::identification(Model::thesis(), 5, 1.0);
+    hovering_under(FlightPlan::identification(Model::thesis(), 5, 1.0).config)
+}
+
+/// The same under these gains.
+fn hovering_under(config: control::Config) -> Day {
+    let plan = FlightPlan { config, ..FlightPlan::identification(Model::thesis(), 5, 1.0) };
     let mut day =
         Day::new(&plan, 0.0, vec![MissionStep::Arm {}, MissionStep::TakeOff { height_m: 1.0 }], None);
     day.until(20.0, |day| *day.station.progress() == Progress::Done && day.lab.position_m()[2] < -0.9);
@@ -467,15 +472,23 @@ fn a_restarted_tracker_is_heard_again_in_flight() {
     assert!(off.iter().all(|off| off.abs() < 0.15), "{off:?}");
 }
 
-/// Packets that are lost, come twice, and in another order, each way: the craft flies on or holds, lands if it has to, never falls, and
-/// goes on flying when the link is good again. (How late poses may be is for the loops to say: not much.)
+/// Packets that are lost, come twice, late, and in another order, each way: the craft flies on or holds, lands if it has to, never falls,
+/// and goes on flying when the link is good again. (How late poses may be is for the loops to say: not much.)
 #[test]
 fn a_bad_link_is_flown_over_held_or_landed() {
     use control::State::{Disarmed, Flying, Hold, Land};
-    let cases: [(f64, f64, &[control::State]); 3] =
-        [(0.1, 0.0, &[Flying]), (0.3, 0.0, &[Flying, Hold]), (0.5, 0.0, &[Flying, Hold, Land, Disarmed])];
-    for (lost, longest_s, allowed) in cases {
-        let mut day = hovering();
+    let thesis = FlightPlan::identification(Model::thesis(), 5, 1.0).config;
+    let designed = sil::for_identification(sil::designed_config().unwrap());
+    let cases: [(&control::Config, f64, f64, &[control::State]); 6] = [
+        (&thesis, 0.1, 0.0, &[Flying]),
+        (&thesis, 0.3, 0.0, &[Flying, Hold]),
+        (&thesis, 0.5, 0.0, &[Flying, Hold, Land, Disarmed]),
+        (&thesis, 0.1, 0.03, &[Flying]),
+        (&thesis, 0.3, 0.03, &[Flying, Hold]),
+        (&designed, 0.1, 0.05, &[Flying]),
+    ];
+    for (config, lost, longest_s, allowed) in cases {
+        let mut day = hovering_under(*config);
         let before = day.lab.position_m();
         let mut went = vec![Flying];
         for (ticks, bad) in [(1000, true), (300, false)] {

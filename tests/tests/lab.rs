@@ -45,6 +45,24 @@ fn results_depend_on_the_seed_and_not_on_the_threads() {
     assert!(text.contains("flapping-moment") && page.contains("Confusion"));
 }
 
+/// What is asked of the counts is missed where no diagnosis can be right.
+#[test]
+fn counts_that_are_missed_are_a_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    let counted = |strength: &str| {
+        let few = ["--counts", "2", "--only", "flapping-moment", "nothing", "--strength", strength];
+        let output = lab(folder.path(), 2, &few);
+        (output.status.code(), String::from_utf8(output.stdout).unwrap())
+    };
+    let (code, text) = counted("1");
+    assert!(text.contains("holds  flapping-moment is named first: 2/2 (90 % at least)"), "{text}");
+    assert!(text.contains("something is named where nothing is missing: 0/18 (5 % at most)"), "{text}");
+    assert_eq!(code, Some(0), "{text}");
+    let (code, text) = counted("0.001");
+    assert!(text.contains("MISSED flapping-moment is named first: 0/2"), "{text}");
+    assert_eq!(code, Some(1), "{text}");
+}
+
 #[test]
 fn kept_failures_can_be_flown_again_from_their_files() {
     let folder = tempfile::tempdir().unwrap();

@@ -79,6 +79,12 @@ pub(crate) const PARTS: &[Step] = &[
         run: |_| sil(&["--monte-carlo", "100000"]),
     },
     Step {
+        name: "answers",
+        about: "60 trials of each of 18 effects, 540 with nothing hidden, 60 pairs: as many answers are right as have to be",
+        tools: &[],
+        run: answers,
+    },
+    Step {
         name: "serial",
         about: "10 minutes of the microcontroller's program over serial lines in QEMU: no tick is missed",
         tools: &[],
@@ -132,6 +138,12 @@ fn full_disks(_: &Workspace) -> Result<Outcome> {
 fn sil(arguments: &[&str]) -> Result<Outcome> {
     let arguments: Vec<OsString> = arguments.iter().map(OsString::from).collect();
     command_holds(cargo(Program::SIL.cargo_arguments(&arguments, true)))
+}
+
+/// The laboratory's count of right answers.
+fn answers(_: &Workspace) -> Result<Outcome> {
+    let arguments = ["--counts", "60", "--out", "target/lab"].map(OsString::from);
+    command_holds(cargo(Program::LAB.cargo_arguments(&arguments, true)))
 }
 
 fn serial(workspace: &Workspace) -> Result<Outcome> {

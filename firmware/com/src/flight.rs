@@ -6,7 +6,7 @@
 
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::{self, sleep};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use control::State;
 use craft::{Craft, Inputs};
@@ -25,8 +25,8 @@ use crate::realtime;
 const WAITING: usize = 64;
 /// The log's thread looks for events this often.
 const LOG_EVERY: Duration = Duration::from_millis(20);
-/// A refused packet is logged at most this often; all are counted.
-const REFUSAL_EVERY: Duration = Duration::from_secs(1);
+/// A refused packet is logged at most this often, us; all are counted.
+const REFUSAL_EVERY_US: u32 = 1_000_000;
 
 /// Something that happened in the loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,6 +54,8 @@ pub struct FlightLoop<C> {
     outputs_ready: bool,
     failed_motor: Option<u8>,
     state: State,
+    /// When a refused packet was handed to the log last, on the monotonic clock.
+    refusal_us: Option<u32>,
     events: SyncSender<Event>,
 }
 
@@ -85,6 +87,7 @@ impl<C: Output> FlightLoop<C> {
             outputs_ready: true,
             failed_motor: None,
             state: State::Disarmed,
+            refusal_us: None,
             events,
         };
         Ok((flight, log))
@@ -102,8 +105,14 @@ impl<C: Output> FlightLoop<C> {
 
     /// One tick.
     pub fn tick(&mut self, beat: Beat) {
-        let Self { craft, link, imu, battery, motors, events, .. } = self;
-        link.receive(craft, |notice| report(events, Event::Notice(notice)));
+        let Self { craft, link, imu, battery, motors, refusal_us, events, .. } = self;
+        // Seldom already here: a flood must not take the places of what else there is to log.
+        link.receive(craft, |notice| {
+            if refusal_us.is_none_or(|at_us| beat.time_us.wrapping_sub(at_us) >= REFUSAL_EVERY_US) {
+                *refusal_us = Some(beat.time_us);
+                report(events, Event::Notice(notice));
+            }
+        });
         let frame = imu.newest();
         if let Some(voltage_v) = frame.and_then(|frame| frame.battery_v).filter(|_| self.battery_by_imu) {
             battery.store(voltage_v);
@@ -193,7 +202,6 @@ pub fn fly<C: Output>(setup: &Setup, motors: Motors<C>, mut heart: Heart) -> Res
 /// Prints events for ever. (It polls instead of waiting: a thread that waits takes a lock that the
 /// loop might have to wait for.)
 fn print(events: &Receiver<Event>) {
-    let mut refused: Option<Instant> = None;
     loop {
         for event in events.try_iter() {
             match event {
@@ -206,12 +214,7 @@ fn print(events: &Receiver<Event>) {
                 }
                 Event::Outputs(true) => log("the outputs can be written again"),
                 Event::Outputs(false) => log("an output cannot be written"),
-                Event::Notice(notice) => {
-                    if refused.is_none_or(|at| at.elapsed() >= REFUSAL_EVERY) {
-                        refused = Some(Instant::now());
-                        log(&sentence(notice));
-                    }
-                }
+                Event::Notice(notice) => log(&sentence(notice)),
             }
         }
         sleep(LOG_EVERY);

@@ -4,7 +4,8 @@ use control::gains::{InnerLoop, Law, PositionLoop};
 use control::{Autopilot, Command, Config, ConfigError, Flight, Mode, Pose, Readings, Request, State};
 use heapless::Deque;
 use proto::{
-    Answer, Counters, Gains, Identity, ImuSample, Loop, MIN_VERSION, Message, Opened, Telemetry, VERSION,
+    Answer, Counters, Gains, Identity, ImuSample, Loop, MIN_VERSION, Message, Opened, Telemetry, TimedPose,
+    VERSION,
 };
 
 use crate::convert;
@@ -89,6 +90,8 @@ pub struct Craft {
     time_us: u32,
     ground_us: u32,
     ground_clock: GroundClock,
+    /// When the newest pose was taken, by the ground.
+    newest_pose_us: u32,
     mode: Mode,
     imu: Option<ImuSample>,
     battery_v: f32,
@@ -119,6 +122,7 @@ impl Craft {
             time_us: 0,
             ground_us: 0,
             ground_clock: GroundClock::default(),
+            newest_pose_us: 0,
             mode: Mode::Attitude,
             imu: None,
             battery_v: f32::NAN,
@@ -140,7 +144,13 @@ impl Craft {
                 self.ground_clock = GroundClock::default();
             }
         }
-        self.hear(opened.number, &opened.message);
+        let is_overtaken_by_a_newer_one = |timed: &TimedPose| {
+            opened.is_overtaken && timed.ground_us.wrapping_sub(self.newest_pose_us).cast_signed() <= 0
+        };
+        match &opened.message {
+            Message::Pose(timed) if is_overtaken_by_a_newer_one(timed) => {}
+            message => self.hear(opened.number, message),
+        }
     }
 
     /// Receives a message of the ground, in the packet with this number. It takes effect in the
@@ -149,6 +159,7 @@ impl Craft {
         match message {
             Message::Pose(timed) => {
                 (self.inbox.pose, self.inbox.taken_us) = (Some(convert::pose(&timed.pose)), timed.ground_us);
+                self.newest_pose_us = timed.ground_us;
             }
             Message::Command(command) => self.inbox.command = Some(convert::command(command)),
             Message::Request(request) => self.ask(Asked { number, request: convert::request(*request) }),

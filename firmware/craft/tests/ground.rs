@@ -46,7 +46,13 @@ impl Bench {
     /// Says it as the first message of a session.
     fn begin_session(&mut self, session: u64, message: Message) {
         self.number += 1;
-        self.craft.receive(&Opened { session, is_first: true, number: self.number, message });
+        self.craft.receive(&Opened {
+            session,
+            is_first: true,
+            is_overtaken: false,
+            number: self.number,
+            message,
+        });
     }
 
     /// One tick with a pose, this command and a gyro that moves a little; what the craft says to
@@ -381,4 +387,24 @@ proptest! {
             }
         }
     }
+}
+
+/// Of two poses the newer one counts, in whichever order they come; the ground's clock wraps between them.
+#[test]
+fn an_overtaken_pose_counts_where_it_is_the_newest() {
+    let mut bench = Bench::new(SETUP);
+    let hear = |bench: &mut Bench, at_us: i32, is_overtaken: bool| {
+        let pose = Pose { position_m: [at_us as f32 * 1e-6, 0.0, -0.05], attitude_rad: [0.0; 3] };
+        let message = Message::Pose(TimedPose { frame: 0, ground_us: at_us.cast_unsigned(), pose });
+        bench.craft.receive(&Opened { session: 1, is_first: false, is_overtaken, number: 0, message });
+    };
+    let mut seen_x_m = |said: [(i32, bool); 2]| {
+        said.into_iter().for_each(|(at_us, is_overtaken)| hear(&mut bench, at_us, is_overtaken));
+        bench.run(Some([0.0; 3]), 0);
+        bench.craft.flight().tick.terms.position_m[0]
+    };
+    assert_eq!(seen_x_m([(-20_000, false), (-30_000, true)]), -0.02);
+    assert_eq!(seen_x_m([(-20_000, true), (-10_000, true)]), -0.01);
+    assert_eq!(seen_x_m([(10_000, true), (0, true)]), 0.01);
+    assert_eq!(seen_x_m([(10_000, true), (5_000, true)]), 0.01, "it has none that is new");
 }

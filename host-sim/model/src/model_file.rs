@@ -73,6 +73,19 @@ pub enum ModelError {
         /// Those given.
         found: String,
     },
+    /// Moments of inertia that are given, and of no rigid body.
+    #[error(
+        "{}: effect \"inertia-coupling\": {ratio} = {value} is of no rigid body: it lies between -1 and 1, as no moment of inertia is \
+         larger than the sum of the other two; give the moments that were measured", path.display()
+    )]
+    NoBody {
+        /// The file.
+        path: PathBuf,
+        /// The ratio of moments.
+        ratio: &'static str,
+        /// Its value.
+        value: f64,
+    },
     /// The vehicle in the model is impossible.
     #[error(transparent)]
     Vehicle(#[from] VehicleError),
@@ -251,9 +264,24 @@ fn read_effect(entry: EffectEntry, path: &Path) -> Result<Term, ModelError> {
             found: if expected == found { "a value that is not finite".into() } else { found.join(", ") },
         });
     }
-    let coefficients =
+    let coefficients: Vec<Estimate> =
         entry.coefficients.iter().map(|c| Estimate { value: c.value, std_error: c.std_error }).collect();
+    if effect == Effect::InertiaCoupling {
+        check_body(&coefficients, path)?;
+    }
     Ok(Term { effect, coefficients })
+}
+
+/// Refuses moments of inertia of which one is larger than the sum of the other two. An estimate may be off by its error, so that one out
+/// there is a model that was fitted badly, which is told where it is fitted; a value without an error is given.
+fn check_body(ratios: &[Estimate], path: &Path) -> Result<(), ModelError> {
+    for (ratio, estimate) in Effect::InertiaCoupling.info().coefficients.iter().zip(ratios) {
+        let (least, most) = ratio.possible;
+        if estimate.std_error.is_none() && !(least..=most).contains(&estimate.value) {
+            return Err(ModelError::NoBody { path: path.into(), ratio: ratio.name, value: estimate.value });
+        }
+    }
+    Ok(())
 }
 
 fn definition_of(effect: Effect) -> Option<Definition> {
@@ -470,6 +498,26 @@ mod tests {
                 Model::parse(&text.replacen(from, to, 1), Path::new("m.toml")).unwrap_err().to_string();
             assert!(error.contains(expected) && error.starts_with("m.toml: "), "{error}");
             assert_eq!(error.lines().count(), 1, "{error}");
+        }
+    }
+
+    /// Of a body with moments 1, 2 and 3 the ratios are -1, 1 and -1/3: a flat plate, which is just possible.
+    #[test]
+    fn given_moments_of_inertia_are_those_of_a_body() {
+        let with = |value: f64, std_error: Option<f64>| {
+            let mut model = Model::thesis();
+            model.set(Effect::InertiaCoupling, &[-1.0, 1.0, -1.0 / 3.0]);
+            let term = model.terms.iter_mut().find(|term| term.effect == Effect::InertiaCoupling).unwrap();
+            term.coefficients[1] = Estimate { value, std_error };
+            Model::parse(&model.to_toml(), Path::new("m.toml"))
+        };
+        for (value, std_error) in [(1.0, None), (-1.0, None), (1.2, Some(0.3))] {
+            assert!(with(value, std_error).is_ok(), "{value}");
+        }
+        for value in [1.001, -1.3, 1e9] {
+            let error = with(value, None).unwrap_err().to_string();
+            assert!(error.starts_with("m.toml: effect \"inertia-coupling\": (Izz-Ixx)/Iyy = "), "{error}");
+            assert!(error.contains("is of no rigid body") && error.lines().count() == 1, "{error}");
         }
     }
 

@@ -92,6 +92,10 @@ struct Arguments {
     #[arg(long, value_name = "FLIGHTS", conflicts_with_all = ["scenarios", "failsafes", "pattern", "transport", "model"])]
     monte_carlo: Option<u64>,
 
+    /// Keep the flights of --monte-carlo in this file, and go on from those that are in it
+    #[arg(long, value_name = "FILE", requires = "monte_carlo")]
+    resume: Option<PathBuf>,
+
     /// Fly a pattern file instead (as from quadlab excite or plan), at the speed and angles of an
     /// identification flight
     #[arg(long, value_name = "CSV", conflicts_with_all = ["scenarios", "failsafes", "transport"])]
@@ -363,7 +367,7 @@ fn long_run(arguments: &Arguments, config: Config) -> anyhow::Result<ExitCode> {
         }
         None => {
             let flights = arguments.monte_carlo.unwrap_or_default();
-            let found = survey(&MonteCarlo { flights, config, seed })?;
+            let found = survey(&MonteCarlo { flights, config, seed }, arguments.resume.as_deref())?;
             (found.to_string(), found.holds())
         }
     };

@@ -253,3 +253,49 @@ fn a_closed_output_is_a_quiet_end() {
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
 }
+
+/// Killed a hundred times at any moment, a survey ends with the bytes of one that was left alone.
+#[test]
+fn a_survey_that_is_killed_a_hundred_times_ends_with_the_same_bytes() {
+    use rand::{RngExt, SeedableRng};
+    let folder = tempfile::tempdir().unwrap();
+    let [alone, killed] = ["alone", "killed"].map(|name| folder.path().join(name));
+    let survey = |file: &Path| {
+        let mut command = Command::new(SIL);
+        command.args(["--monte-carlo", "200", "--seed", "9", "--resume"]).arg(file);
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    };
+    let bits = |output: &Output| {
+        let said = text(&output.stdout);
+        // Of what little is left to fly, the memory is not flat: no more is asked of it here than an answer.
+        assert_ne!(output.status.code(), Some(2), "{said}{}", text(&output.stderr));
+        said.lines().filter(|line| !line.starts_with("memory")).map(str::to_owned).collect::<Vec<_>>()
+    };
+    let started = Instant::now();
+    let expected = bits(&survey(&alone).output().unwrap());
+    let whole_s = started.elapsed().as_secs_f64();
+    let expected_file = std::fs::read(&alone).unwrap();
+    let seed = 62;
+    let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
+    let (mut kills, mut within) = (0, 0);
+    while kills < 100 {
+        let mut child = survey(&killed).spawn().unwrap();
+        std::thread::sleep(Duration::from_secs_f64(random.random_range(0.0..0.4 * whole_s)));
+        if child.try_wait().unwrap().is_some() {
+            // To its end, in spite of all that was killed before it: once more from the beginning.
+            assert_eq!(std::fs::read(&killed).unwrap(), expected_file, "seed {seed}, {kills} kills");
+            std::fs::remove_file(&killed).unwrap();
+            continue;
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+        kills += 1;
+        let length = std::fs::metadata(&killed).map_or(0, |file| file.len() as usize);
+        within += usize::from((200..expected_file.len()).contains(&length));
+    }
+    println!("{kills} kills, {within} of them amid the flights");
+    assert!(within > 20, "{within}");
+    assert_eq!(bits(&survey(&killed).output().unwrap()), expected, "seed {seed}");
+    assert_eq!(std::fs::read(&killed).unwrap(), expected_file, "seed {seed}");
+}

@@ -2,6 +2,7 @@
 //! HTTP, byte by byte.
 
 use std::fs;
+use std::os::unix::fs::symlink;
 use std::path::PathBuf;
 
 use tempfile::TempDir;
@@ -257,6 +258,82 @@ fn nothing_is_put_outside_of_the_folder_or_over_a_file() {
     let state = lab.state();
     let new = state["flights"].as_array().unwrap().iter().find(|flight| flight["name"] == "new.csv").unwrap();
     assert!(new["problem"].as_str().is_some_and(|problem| problem.contains("new.csv")), "{new}");
+}
+
+/// A link in the folder is followed within it alone: what it leads to elsewhere is neither shown nor changed.
+#[test]
+fn no_link_leads_out_of_the_folder() {
+    let (outer, folder) = flights_in_a_folder();
+    let out = |name: &str| outer.path().join(name);
+    let link = |to: PathBuf, name: &str| {
+        let _ = fs::remove_file(folder.join(name));
+        symlink(to, folder.join(name)).unwrap();
+    };
+    let measured = fs::read_to_string(folder.join("vehicle.toml")).unwrap();
+    fs::rename(folder.join("B.csv"), out("B.csv")).unwrap();
+    fs::write(out("vehicle.toml"), &measured).unwrap();
+    fs::write(out("A.use.toml"), "use = [[1.0, 20.0]]\n").unwrap();
+    fs::create_dir(out("effects")).unwrap();
+    link(out("B.csv"), "B.csv");
+    fs::create_dir(folder.join("kept")).unwrap();
+    fs::rename(folder.join("C.csv"), folder.join("kept/C.csv")).unwrap();
+    link("kept/C.csv".into(), "C.csv");
+    let lab = Lab::start(&folder);
+    let visitor = lab.visitor();
+    let post = |path: &str, body: &str| visitor.post(path, body).with_origin(&lab).send(&lab);
+    let is_told = |problem: &serde_json::Value| {
+        problem.as_str().is_some_and(|why| why.contains("leads out of the folder"))
+    };
+    let state = lab.state();
+    let problem_of = |name: &str| {
+        state["flights"].as_array().unwrap().iter().find(|flight| flight["name"] == name).unwrap()["problem"]
+            .clone()
+    };
+    assert!(is_told(&problem_of("B.csv")), "{state}");
+    assert!(problem_of("C.csv").is_null(), "a link within the folder is followed: {state}");
+    lab.identify();
+    assert_refused(&visitor.get("/api/series?model=1&flight=B.csv&from=0&to=1&width=10").send(&lab), "B.csv");
+
+    link(out("A.use.toml"), "A.use.toml");
+    assert_refused(&post("/api/use", r#"{"name":"A.csv","parts":[[2,9]]}"#), "parts");
+    let fields = visitor.get("/api/vehicle").send(&lab).json()["fields"].clone();
+    link(out("vehicle.toml"), "vehicle.toml");
+    assert_refused(&post("/api/vehicle", &fields.to_string()), "a vehicle");
+    link(out("new.csv"), "new.csv");
+    let upload = visitor.post("/api/upload?name=new.csv", "t,x\n0,1\n").with_origin(&lab);
+    assert_refused(&upload.with("Content-Type", "application/octet-stream").send(&lab), "an upload");
+    fs::rename(folder.join("lab/state.json"), out("state.json")).unwrap();
+    link(out("state.json"), "lab/state.json");
+    assert_refused(&post("/api/notes", r#"{"flight":"A.csv","text":"secret"}"#), "a state");
+    link(out("effects"), "lab/effects");
+    let own = serde_json::json!({ "text": effect("good", "-k * u") });
+    assert_refused(&post("/api/effects/keep", &own.to_string()), "effects");
+    assert_refused(&post("/api/demo", "{}"), "flights to try");
+    assert_eq!(post("/api/read", "{}").status, 200);
+    let started = std::time::Instant::now();
+    while lab.state()["reading"] == true && started.elapsed().as_secs() < 60 {
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    assert!(is_told(&lab.state()["problem"]), "a vehicle file: {}", lab.state());
+
+    // Nor does it begin with such a folder of its own.
+    lab.cut();
+    let refuses = |what: &str| {
+        let ended = output(command(&folder));
+        let said = String::from_utf8_lossy(&ended.stderr).trim().to_owned();
+        assert_eq!(ended.status.code(), Some(2), "{what}: {said}");
+        assert!(said.contains("leads out of the folder") && said.lines().count() == 1, "{what}: {said}");
+    };
+    refuses("a state");
+    fs::remove_dir_all(folder.join("lab")).unwrap();
+    link(out("effects"), "lab");
+    refuses("all that is kept");
+
+    assert_eq!(fs::read_to_string(out("vehicle.toml")).unwrap(), measured);
+    assert_eq!(fs::read_to_string(out("A.use.toml")).unwrap(), "use = [[1.0, 20.0]]\n");
+    assert!(!fs::read_to_string(out("state.json")).unwrap().contains("secret"));
+    assert_eq!(fs::read_dir(out("effects")).unwrap().count(), 0);
+    assert!(!out("new.csv").exists());
 }
 
 /// Which parts are used is written beside a flight that is there, or not at all.

@@ -1,4 +1,5 @@
-//! A flood at the link's port, while the real program flies: it costs the pilot nothing.
+//! A flood at the link's port, while the real program flies: it costs the pilot nothing, and neither fills the log nor keeps
+//! anything out of it.
 //!
 //! Rates are what the generators are asked for; on a machine of few processors they compete with
 //! the program, so what was reached is printed beside what was lost.
@@ -10,8 +11,8 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use crate::common::{Bench, Ground, Held, IDLE, Program, forgeries, patient_law};
-use proto::{Message, State};
+use crate::common::{Bench, Ground, Held, IDLE, Program, forgeries, patient_law, signal};
+use proto::{Message, Request, State};
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_com");
 
@@ -67,24 +68,38 @@ fn flood(packets: &[Vec<u8>], to: std::net::SocketAddr, rate: u32, over: &Atomic
     }
 }
 
-#[test]
-fn a_flood_costs_the_pilot_nothing() {
+const KEY: [u8; 32] = [0x5a; 32];
+
+/// A craft whose link 5 has the key.
+fn keyed_bench() -> Bench {
     let bench = Bench::new(&patient_law(), "[guardian]\nsilence_s = 2.0\n");
     let (config, key) = (bench.path("com.toml"), bench.path("key"));
     let text = fs::read_to_string(&config).unwrap();
     fs::write(&config, text.replace("[imu]", "key = 'key'\nnumber = 5\n[imu]")).unwrap();
     fs::write(&key, "5a".repeat(32)).unwrap();
     fs::set_permissions(&key, fs::Permissions::from_mode(0o600)).unwrap();
+    bench
+}
+
+fn junk() -> Vec<Vec<u8>> {
+    (0..64_usize).map(|k| (0..20 + 5 * k).map(|n| (n * 31 + k * 17) as u8).collect()).collect()
+}
+
+/// As genuine ones look, of somebody who has another key.
+fn forged() -> Vec<Vec<u8>> {
+    forgeries(&Message::Command(IDLE), [0xa5; 32])
+}
+
+#[test]
+fn a_flood_costs_the_pilot_nothing() {
+    let bench = keyed_bench();
     let mut program = Program::start(Path::new(PROGRAM), &bench, |_| {});
     let address = program.address();
-    let mut held = Held::new(Ground::keyed(address, [0x5a; 32]));
+    let mut held = Held::new(Ground::keyed(address, KEY));
     held.take_off(&bench);
     let quiet = fly(&mut held, &bench);
 
-    let junk: Vec<Vec<u8>> =
-        (0..64_usize).map(|k| (0..20 + 5 * k).map(|n| (n * 31 + k * 17) as u8).collect()).collect();
-    // As genuine ones look, of somebody who has another key.
-    let forged = forgeries(&Message::Command(IDLE), [0xa5; 32]);
+    let (junk, forged) = (junk(), forged());
     let (over, sent) = (AtomicBool::new(false), [AtomicU64::new(0), AtomicU64::new(0)]);
     let (flooded, lasted) = std::thread::scope(|scope| {
         scope.spawn(|| flood(&junk, address, RATES[0], &over, &sent[0]));
@@ -104,4 +119,44 @@ fn a_flood_costs_the_pilot_nothing() {
     // Ten periods would bring a condition of the supervisor; a machine that is busy with other tests
     // is late by some of them.
     assert!(flooded.late_us[0] < quiet.late_us[0].max(1_000) * 20, "{quiet:?} {flooded:?}");
+}
+
+/// A refusal a second at most, though thousands are counted, and each state that the craft goes to.
+#[test]
+fn refusals_are_logged_seldom_and_keep_no_state_out_of_the_log() {
+    const TIMES: usize = 5;
+    let (bench, started) = (keyed_bench(), Instant::now());
+    let mut program = Program::start(Path::new(PROGRAM), &bench, |_| {});
+    let address = program.address();
+    let mut held = Held::new(Ground::keyed(address, KEY));
+    let ready = control::Preflight::ALL.bits();
+    held.until(&bench, IDLE, "ready", |held| {
+        held.ground.telemetry.is_some_and(|telemetry| telemetry.supervision.preflight == ready)
+    });
+    let (junk, forged) = (junk(), forged());
+    let (over, sent) = (AtomicBool::new(false), [AtomicU64::new(0), AtomicU64::new(0)]);
+    std::thread::scope(|scope| {
+        scope.spawn(|| flood(&junk, address, 20_000, &over, &sent[0]));
+        scope.spawn(|| flood(&forged, address, 5_000, &over, &sent[1]));
+        let flooded = Instant::now();
+        for _ in 0..TIMES {
+            for (request, state) in [(Request::Arm, State::Armed), (Request::Disarm, State::Disarmed)] {
+                held.ground.request(request);
+                held.until(&bench, IDLE, "in the state asked for", |held| held.ground.state() == state);
+            }
+        }
+        held.until(&bench, IDLE, "flooded for long enough", |_| flooded.elapsed().as_secs_f64() > 3.5);
+        over.store(true, Ordering::Relaxed);
+    });
+    let refused = held.ground.telemetry.unwrap().counters.packets_refused;
+    signal("TERM", program.child.id());
+    assert_eq!(program.ended(), Some(0));
+    let lasted_s = started.elapsed().as_secs() as usize;
+    let lines = program.all_lines();
+    let with = |text: &str| lines.iter().filter(|line| line.contains(text)).count();
+    let logged = with("from 127.0.0.1:");
+    println!("{refused} refused, {logged} of them logged in {lasted_s} s");
+    assert!(refused > 10_000, "the generators were too slow: {refused}");
+    assert!((3..=lasted_s + 1).contains(&logged), "{logged} in {lasted_s} s: {lines:#?}");
+    assert_eq!([with("state: armed"), with("state: disarmed")], [TIMES; 2], "{lines:#?}");
 }

@@ -47,6 +47,21 @@ impl FlightFile {
         let reading = Reading { accept_faults: true, ..Reading::default() };
         let (flights, whole) = FlightsOfOneKind::read_used_and_whole(path, vehicle, reading, observer);
         let flights = flights.map(|all| all.flights).map_err(|error| report::error_line(&error.to_string()));
+        Self::of(path, vehicle, used, flights, whole)
+    }
+
+    /// A file that is not read, and why.
+    pub(super) fn unread(path: &Path, vehicle: &Vehicle, why: &str) -> Self {
+        Self::of(path, vehicle, Use::None, Err(report::error_line(why)), Vec::new())
+    }
+
+    fn of(
+        path: &Path,
+        vehicle: &Vehicle,
+        used: Use,
+        flights: Result<Vec<LoadedFlight>, String>,
+        whole: Vec<LoadedFlight>,
+    ) -> Self {
         let summary = summary(&flights, &whole, vehicle);
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         Self { path: path.to_owned(), name, used, flights: flights.into(), whole: whole.into(), summary }

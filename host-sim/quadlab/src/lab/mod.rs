@@ -10,6 +10,7 @@ mod events;
 mod flights;
 mod guard;
 mod jobs;
+mod links;
 mod next;
 mod node;
 mod notes;

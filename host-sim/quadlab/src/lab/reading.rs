@@ -1,13 +1,16 @@
 //! What is in the folder: reading it, again when it has changed, and flights to try the lab on.
 
+use std::path::PathBuf;
 use std::sync::{Arc, PoisonError};
 
 use diagnosis::workflow::Observer as _;
 use rayon::prelude::*;
 
 use super::flights::{FlightFile, Use};
+use super::links;
 use super::refused::Refused;
 use super::session::{Session, State, Telling};
+use super::upload::is_settings;
 use super::vehicle::{Craft, Measured};
 use crate::cli::demo_flights::{self, seed_from_clock};
 use crate::cli::flights::flights_in;
@@ -55,6 +58,7 @@ impl Session {
     /// Flies the demonstration into a folder without flights, and reads it.
     pub(super) fn fly_demo(self: &Arc<Self>) -> Result<(), Refused> {
         self.begin_reading(|state| {
+            links::check_all(&self.folder, |_| true)?;
             if state.files.is_empty() && !self.folder.join(VEHICLE).exists() {
                 return Ok(());
             }
@@ -90,13 +94,19 @@ impl Session {
     fn try_read_flights(&self) -> anyhow::Result<()> {
         let columns = model::user_effects::columns().len();
         let paths = flights_in(&self.folder)?;
+        links::check_all(&self.folder, is_settings)?;
         let telling = Telling { session: self, kind: "reading", cancel: None };
-        let craft = Craft::of(&self.folder, &paths, &telling)?;
+        let within: Vec<PathBuf> =
+            paths.iter().filter(|path| links::check(&self.folder, path).is_ok()).cloned().collect();
+        let craft = Craft::of(&self.folder, &within, &telling)?;
         let vehicle = craft.vehicle.clone();
         let is_blocked = !craft.is_written && paths.iter().any(|path| logs::format_of(path).is_none());
         self.lock().craft = Some(craft);
-        let mut files: Vec<FlightFile> =
-            paths.par_iter().map(|path| FlightFile::read(path, &vehicle, Use::None, &telling)).collect();
+        let read = |path: &PathBuf| match links::check(&self.folder, path) {
+            Ok(()) => FlightFile::read(path, &vehicle, Use::None, &telling),
+            Err(why) => FlightFile::unread(path, &vehicle, &why.to_string()),
+        };
+        let mut files: Vec<FlightFile> = paths.par_iter().map(read).collect();
         let mut state = self.lock();
         for (index, file) in files.iter_mut().filter(|file| file.is_usable()).enumerate() {
             file.used = state.use_of(&file.name, index);
@@ -114,6 +124,7 @@ impl Session {
     pub(super) fn write_vehicle(self: &Arc<Self>, measured: &Measured) -> Result<(), Refused> {
         let craft = self.lock().craft.clone();
         let craft = craft.ok_or_else(|| Refused::new("there is no flight yet: drop flights on the page"))?;
+        links::check(&self.folder, &self.folder.join(VEHICLE))?;
         craft.write(&self.folder, measured)?;
         self.read_again()
     }

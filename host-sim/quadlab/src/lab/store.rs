@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::flights::Use;
+use super::links::{self, LeadsOut};
 use super::node::Node;
 
 const FOLDER: &str = "lab";
@@ -21,7 +22,7 @@ pub(super) const LONGEST_NOTE: usize = 4000;
 
 /// File of an effect of the user's own, beside the flights.
 pub(super) fn effect_file(id: &str) -> String {
-    format!("{FOLDER}/{EFFECTS}/{id}.toml")
+    format!("{FOLDER}/{}", own_file(id))
 }
 
 /// A file of effects as it lies in the folder.
@@ -36,7 +37,8 @@ pub(super) struct EffectFile {
 /// The folder, held by this server.
 #[derive(Debug)]
 pub(super) struct Store {
-    folder: PathBuf,
+    /// The folder of the flights: nothing outside of it is read or written.
+    flights: PathBuf,
     /// Whoever has it has the folder; the system lets go of it however the program ends.
     _lock: File,
 }
@@ -50,6 +52,8 @@ pub(crate) enum StoreError {
     Io { path: PathBuf, source: std::io::Error },
     #[error("{}: {why}; move the folder away to begin anew", path.display())]
     Damaged { path: PathBuf, why: String },
+    #[error(transparent)]
+    LeadsOut(#[from] LeadsOut),
     #[error(transparent)]
     Write(#[from] report::Error),
 }
@@ -84,15 +88,14 @@ pub(super) struct SavedModel {
 impl Store {
     /// Takes the folder beside the flights.
     pub(super) fn open(flights: &Path) -> Result<Self, StoreError> {
-        let folder = flights.join(FOLDER);
-        make(&folder)?;
-        let path = folder.join(LOCK);
+        let store = |lock| Self { flights: flights.to_owned(), _lock: lock };
+        let path = place_for(flights, LOCK)?;
         let lock = match File::options().create(true).truncate(false).write(true).open(&path) {
             Ok(lock) => lock,
             Err(source) => return Err(StoreError::Io { path, source }),
         };
         match lock.try_lock() {
-            Ok(()) => Ok(Self { folder, _lock: lock }),
+            Ok(()) => Ok(store(lock)),
             Err(TryLockError::WouldBlock) => Err(StoreError::Taken(flights.to_owned())),
             Err(TryLockError::Error(source)) => Err(StoreError::Io { path, source }),
         }
@@ -100,7 +103,7 @@ impl Store {
 
     /// What was kept; nothing in a new folder.
     pub(super) fn read(&self) -> Result<(Saved, Vec<Node>), StoreError> {
-        let path = self.folder.join(STATE);
+        let path = self.place_of(STATE)?;
         let text = match std::fs::read_to_string(&path) {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Default::default()),
@@ -115,34 +118,33 @@ impl Store {
 
     fn node(&self, saved: SavedModel) -> Result<Node, StoreError> {
         let SavedModel { id, parent, effect, supported, command, note } = saved;
-        let path = self.model_path(id);
-        let model = Model::read(&path)
-            .map_err(|error| StoreError::Damaged { path: self.folder.clone(), why: error.to_string() })?;
-        let found = |path: PathBuf| -> Option<Value> {
-            serde_json::from_str(&std::fs::read_to_string(path).ok()?).ok()
+        let model = Model::read(&self.place_of(&model_file(id))?).map_err(|error| StoreError::Damaged {
+            path: self.flights.join(FOLDER),
+            why: error.to_string(),
+        })?;
+        let found = |name: String| -> Result<Option<Value>, StoreError> {
+            let text = std::fs::read_to_string(self.place_of(&name)?);
+            Ok(text.ok().and_then(|text| serde_json::from_str(&text).ok()))
         };
-        let [diagnosis, changes] = [self.diagnosis_path(id), self.changes_path(id)].map(found);
+        let (diagnosis, changes) = (found(diagnosis_file(id))?, found(changes_file(id))?);
         Ok(Node { id, parent, effect, supported, command, note, model: model.into(), diagnosis, changes })
     }
 
     /// Keeps all but the models.
     pub(super) fn write(&self, saved: &Saved) -> Result<(), StoreError> {
-        // Somebody may have tidied up while the lab was open.
-        make(&self.folder)?;
         let text = serde_json::to_string_pretty(saved).unwrap_or_default() + "\n";
-        Ok(report::write_atomic(self.folder.join(STATE), text)?)
+        self.put(STATE, &text)
     }
 
     /// Keeps a model and what was found in it.
     pub(super) fn write_node(&self, node: &Node) -> Result<(), StoreError> {
-        make(&self.folder)?;
-        report::write_atomic(self.model_path(node.id), node.model.to_toml())?;
-        for (path, found) in
-            [(self.diagnosis_path(node.id), &node.diagnosis), (self.changes_path(node.id), &node.changes)]
+        self.put(&model_file(node.id), &node.model.to_toml())?;
+        for (name, found) in
+            [(diagnosis_file(node.id), &node.diagnosis), (changes_file(node.id), &node.changes)]
         {
             match found {
-                Some(found) => report::write_atomic(path, found.to_string())?,
-                None => remove(path)?,
+                Some(found) => self.put(&name, &found.to_string())?,
+                None => self.remove(&name)?,
             }
         }
         Ok(())
@@ -150,14 +152,13 @@ impl Store {
 
     /// A file beside the others that is gone when it is dropped.
     pub(super) fn temporary(&self) -> Result<tempfile::NamedTempFile, StoreError> {
-        make(&self.folder)?;
-        tempfile::NamedTempFile::new_in(&self.folder)
-            .map_err(|source| StoreError::Io { path: self.folder.clone(), source })
+        let path = place_for(&self.flights, STATE)?.with_file_name("");
+        tempfile::NamedTempFile::new_in(&path).map_err(|source| StoreError::Io { path, source })
     }
 
     /// The user's own effects that are kept, by name.
     pub(super) fn read_effects(&self) -> Result<Vec<EffectFile>, StoreError> {
-        let path = self.folder.join(EFFECTS);
+        let path = self.place_of(EFFECTS)?;
         let failed = |source| StoreError::Io { path: path.clone(), source };
         let entries = match std::fs::read_dir(&path) {
             Ok(entries) => entries,
@@ -169,7 +170,8 @@ impl Store {
             let path = entry.map_err(failed)?.path();
             if path.extension().is_some_and(|extension| extension == "toml") {
                 let id = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-                files.push(EffectFile { id, text: effect_text(&path) });
+                let text = self.place_of(&own_file(&id)).map_err(|error| error.to_string());
+                files.push(EffectFile { id, text: text.and_then(|path| effect_text(&path)) });
             }
         }
         files.sort_by(|a, b| a.id.cmp(&b.id));
@@ -178,30 +180,66 @@ impl Store {
 
     /// Keeps an effect of the user's own; its identifier has been checked.
     pub(super) fn write_effect(&self, id: &str, text: &str) -> Result<(), StoreError> {
-        make(&self.folder.join(EFFECTS))?;
-        Ok(report::write_atomic(self.effect_path(id), text)?)
+        self.put(&own_file(id), text)
     }
 
     /// Keeps an effect no longer; its name is one of those that were read or written.
     pub(super) fn remove_effect(&self, id: &str) -> Result<(), StoreError> {
-        remove(self.effect_path(id))
+        self.remove(&own_file(id))
     }
 
-    fn effect_path(&self, id: &str) -> PathBuf {
-        self.folder.join(EFFECTS).join(format!("{id}.toml"))
+    /// Where a file of this name is.
+    fn place_of(&self, name: &str) -> Result<PathBuf, StoreError> {
+        place_of(&self.flights, name)
     }
 
-    fn model_path(&self, id: u32) -> PathBuf {
-        self.folder.join(format!("model-{id}.toml"))
+    /// Writes a file whole. Somebody may have tidied up while the lab was open.
+    fn put(&self, name: &str, text: &str) -> Result<(), StoreError> {
+        Ok(report::write_atomic(place_for(&self.flights, name)?, text)?)
     }
 
-    fn diagnosis_path(&self, id: u32) -> PathBuf {
-        self.folder.join(format!("diagnosis-{id}.json"))
+    /// Removes a file, if it is there.
+    fn remove(&self, name: &str) -> Result<(), StoreError> {
+        let path = self.place_of(name)?;
+        match std::fs::remove_file(&path) {
+            Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
+                Err(StoreError::Io { path, source })
+            }
+            _ => Ok(()),
+        }
     }
+}
 
-    fn changes_path(&self, id: u32) -> PathBuf {
-        self.folder.join(format!("changes-{id}.json"))
-    }
+/// Where a file of this name is, beside these flights.
+fn place_of(flights: &Path, name: &str) -> Result<PathBuf, StoreError> {
+    let path = flights.join(FOLDER).join(name);
+    links::check(flights, &path)?;
+    Ok(path)
+}
+
+/// The same, with the folder that it needs.
+fn place_for(flights: &Path, name: &str) -> Result<PathBuf, StoreError> {
+    let path = place_of(flights, name)?;
+    let folder = path.parent().unwrap_or(flights);
+    std::fs::create_dir_all(folder).map_err(|source| StoreError::Io { path: folder.to_owned(), source })?;
+    Ok(path)
+}
+
+/// Names of files in the folder.
+fn model_file(id: u32) -> String {
+    format!("model-{id}.toml")
+}
+
+fn diagnosis_file(id: u32) -> String {
+    format!("diagnosis-{id}.json")
+}
+
+fn changes_file(id: u32) -> String {
+    format!("changes-{id}.json")
+}
+
+fn own_file(id: &str) -> String {
+    format!("{EFFECTS}/{id}.toml")
 }
 
 /// What a file of effects says; one that is far too large is not read.
@@ -211,18 +249,6 @@ fn effect_text(path: &Path) -> Result<String, String> {
         return Err(format!("is larger than {MAX_FILE_BYTES} bytes, which no file of effects is"));
     }
     std::fs::read_to_string(path).map_err(|error| format!("cannot be read: {error}"))
-}
-
-/// Removes a file, if it is there.
-fn remove(path: PathBuf) -> Result<(), StoreError> {
-    match std::fs::remove_file(&path) {
-        Err(source) if source.kind() != std::io::ErrorKind::NotFound => Err(StoreError::Io { path, source }),
-        _ => Ok(()),
-    }
-}
-
-fn make(folder: &Path) -> Result<(), StoreError> {
-    std::fs::create_dir_all(folder).map_err(|source| StoreError::Io { path: folder.to_owned(), source })
 }
 
 impl From<&Node> for SavedModel {

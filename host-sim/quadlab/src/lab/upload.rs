@@ -23,7 +23,8 @@ const LONGEST_NAME: usize = 200;
 pub(super) async fn take(session: Arc<Session>, name: String, body: Body) -> Result<(), Refused> {
     check_name(&name)?;
     let target = session.folder.join(&name);
-    if target.exists() {
+    // A link that leads nowhere is there, too.
+    if target.symlink_metadata().is_ok() {
         return Err(Refused::new(format!("{name}: is in the folder already: rename one of the two")));
     }
     let (chunks, arriving) = mpsc::channel(16);
@@ -81,11 +82,15 @@ fn check_name(name: &str) -> Result<(), Refused> {
     Err(Refused::new(format!("{name:?}: is no name that a file of the folder can have: rename it")))
 }
 
+/// Whether a file of this name says how flights are read.
+pub(super) fn is_settings(name: &str) -> bool {
+    [VEHICLE, flights::MAP_FILE].contains(&name) || name.ends_with(".use.toml")
+}
+
 /// Puts a file that has arrived whole in its place, if it is one that the lab reads.
 fn keep(file: NamedTempFile, name: &str, target: &Path) -> Result<(), Refused> {
     file.as_file().sync_all()?;
-    let is_settings = [VEHICLE, flights::MAP_FILE].contains(&name) || name.ends_with(".use.toml");
-    if !is_settings && !has_flight_ending(Path::new(name)) && logs::format_of(file.path()).is_none() {
+    if !is_settings(name) && !has_flight_ending(Path::new(name)) && logs::format_of(file.path()).is_none() {
         return Err(Refused::new(format!(
             "{name}: is neither a flight (CSV) nor a log of a format that quadlab reads"
         )));

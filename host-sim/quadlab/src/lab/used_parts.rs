@@ -8,6 +8,7 @@ use report::number::fixed;
 use serde::Deserialize;
 
 use super::flights::{FlightFile, Use};
+use super::links;
 use super::refused::Refused;
 use super::session::{Session, State, Telling};
 
@@ -49,6 +50,8 @@ impl Session {
     }
 
     fn write_and_read(&self, target: &Target, parts: Option<&[[f64; 2]]>) -> Result<(), Refused> {
+        links::check(&self.folder, &target.flight)?;
+        links::check(&self.folder, &target.parts)?;
         let old = read(&target.parts)?;
         put(&target.parts, parts.map(|parts| parts_text(parts, old.as_deref())).as_deref())?;
         let telling = Telling { session: self, kind: "reading", cancel: None };

@@ -1,5 +1,6 @@
 //! Why a long run cannot be flown.
 
+use super::kept::KeptError;
 use super::memory::MemoryError;
 use crate::flight::SilError;
 
@@ -12,6 +13,9 @@ pub enum LongRunError {
     /// Its memory.
     #[error(transparent)]
     Memory(#[from] MemoryError),
+    /// The file that keeps its flights.
+    #[error(transparent)]
+    Kept(#[from] KeptError),
 }
 
 impl From<crate::flight_computer::FlightComputerError> for LongRunError {

@@ -5,15 +5,19 @@
 //! (module `crash`), and neither forgives one that physics did not demand.
 
 mod crash;
+mod drawn_flights;
 mod error;
+mod kept;
 mod memory;
 mod missions;
 mod monte_carlo;
 mod soak;
 
 pub use crash::Crash;
+pub use drawn_flights::{End, MonteCarlo};
 pub use error::LongRunError;
+pub use kept::KeptError;
 pub use memory::{Memory, MemoryError};
 pub use missions::{Missions, Seen};
-pub use monte_carlo::{Conditions, End, MonteCarlo, Survey, survey};
+pub use monte_carlo::{Conditions, Survey, survey};
 pub use soak::{Soak, SoakReport, soak};

@@ -12,7 +12,7 @@ use clap::Parser;
 #[command(
     name = "lab",
     version,
-    after_help = "Examples:\n  cargo xtask bench lab --quick\n  cargo xtask bench lab --only ground-effect --strength 0.3 --noise 2 --seeds 20 --keep-failures\n  cargo xtask bench lab --only conditions --each 10"
+    after_help = "Examples:\n  cargo xtask bench lab --quick\n  cargo xtask bench lab --only ground-effect --strength 0.3 --noise 2 --seeds 20 --keep-failures\n  cargo xtask bench lab --only conditions --each 10\n  cargo xtask bench lab --counts 10"
 )]
 pub(crate) struct Arguments {
     /// One seed, one strength and one noise level: under a minute
@@ -38,6 +38,11 @@ pub(crate) struct Arguments {
     /// Trials of each condition of flights and logs (50; in a quick run 2)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub(crate) each: Option<u64>,
+
+    /// N trials of each effect, nine times as many with nothing hidden, and N pairs, at a strength that a pilot would notice and under
+    /// usual noise: status 1 where too few are right
+    #[arg(long, value_name = "N", conflicts_with_all = ["quick", "seeds", "each"], value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub(crate) counts: Option<u64>,
 
     /// Only trials that hide these (nothing, pairs, triples, changes, or identifiers of effects), or
     /// of these conditions (conditions for all, floor, gaps, log-25-hz, ...)

@@ -108,6 +108,7 @@ mod tests {
             seed: 1,
             duration_s: 24.0,
             rounds: 1,
+            predicts: false,
             style: Style::Usual,
             rough: false,
             outliers: false,

@@ -8,6 +8,7 @@
 
 mod arguments;
 mod condition;
+mod counts;
 mod judge;
 mod library;
 mod plan;
@@ -32,7 +33,7 @@ use crate::trial::Outcome;
 
 fn main() -> ExitCode {
     match run(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(holds) => ExitCode::from(u8::from(!holds)),
         Err(error) => {
             let _ = writeln!(std::io::stderr(), "error: {error:#}");
             ExitCode::from(2)
@@ -40,7 +41,8 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(arguments: &Arguments) -> anyhow::Result<()> {
+/// Whether what is asked of the counts holds.
+fn run(arguments: &Arguments) -> anyhow::Result<bool> {
     let plan = Plan::new(arguments)?;
     std::fs::create_dir_all(&arguments.out).with_context(|| {
         format!("{}: cannot create the folder; give another with --out", arguments.out.display())
@@ -57,8 +59,11 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let page = arguments.out.join("index.html");
     show::page(&plan, &scores).write(&page)?;
     let mut text = show::text(&scores);
+    let counts = arguments.counts.map_or_else(Vec::new, |_| counts::of(&outcomes));
+    counts.iter().for_each(|count| text.push_str(&format!("{count}\n")));
     text.push_str(&format!("\npage: {}\n", page.display()));
-    std::io::stdout().write_all(text.as_bytes()).context("cannot write the tables")
+    std::io::stdout().write_all(text.as_bytes()).context("cannot write the tables")?;
+    Ok(counts.iter().all(counts::Count::holds))
 }
 
 /// Runs all trials on all cores; the outcomes are in the order of the plan.

@@ -22,6 +22,8 @@ pub(crate) const CHANGED: &str = "since then: ";
 const NOTHING_PER_SEED: u64 = 12;
 const PAIRS_PER_SEED: u64 = 12;
 const TRIPLES_PER_SEED: u64 = 6;
+/// Trials with nothing hidden for each of an effect, where answers are counted.
+const NOTHING_TO_COUNT: u64 = 9;
 /// Trials of each condition, and in a quick run.
 const EACH: [u64; 2] = [50, 2];
 /// Names all conditions in `--only`.
@@ -55,6 +57,8 @@ pub(crate) struct Trial {
     /// Most effects to add one after the other.
     pub(crate) rounds: usize,
     pub(crate) style: Style,
+    /// Whether it is asked how far the effect's error of prediction falls.
+    pub(crate) predicts: bool,
     /// A log with jitter, lost rows and a gap.
     pub(crate) rough: bool,
     /// A log with gross outliers.
@@ -137,6 +141,43 @@ impl Sizes {
 
 impl Plan {
     pub(crate) fn new(arguments: &Arguments) -> anyhow::Result<Self> {
+        let mut plan = match arguments.counts {
+            Some(trials) => Self::to_count(arguments, trials),
+            None => Self::to_survey(arguments),
+        };
+        plan.keep_only(&arguments.only)?;
+        Ok(plan)
+    }
+
+    /// As many trials of each effect and of pairs, and more with nothing hidden; what is asked of each is the ranking alone.
+    fn to_count(arguments: &Arguments, trials: u64) -> Self {
+        let one = |given: &[f64]| given.first().copied().unwrap_or(1.0);
+        let mut plan = Self {
+            strengths: vec![one(&arguments.strength)],
+            noises: vec![one(&arguments.noise)],
+            seeds: trials,
+            first_seed: arguments.seed,
+            duration_s: arguments.duration,
+            trials: Vec::new(),
+        };
+        let known: Vec<&str> = catalogue().into_iter().filter(|(_, can)| *can).map(|(id, _)| id).collect();
+        let (strength, noise) = (plan.strengths[0], plan.noises[0]);
+        for id in &known {
+            for k in 0..trials {
+                plan.push(Hidden::One(id), strength, noise, Size::MAIN[(k / 3) as usize % 2], k, 1);
+            }
+        }
+        plan.trials.iter_mut().for_each(|trial| trial.predicts = true);
+        plan.without_effect(&Hidden::Nothing, NOTHING_TO_COUNT);
+        for k in 0..trials {
+            let effects = together(&known, 2, plan.first_seed, k);
+            let strength = effects[0].1;
+            plan.push(Hidden::Together(effects), strength, noise, Size::ALL[(k / 3) as usize % 3], k, 1);
+        }
+        plan
+    }
+
+    fn to_survey(arguments: &Arguments) -> Self {
         let chosen = |given: &[f64], all: &[f64], quick: f64| match (given.is_empty(), arguments.quick) {
             (false, _) => given.to_vec(),
             (true, true) => vec![quick],
@@ -173,8 +214,7 @@ impl Plan {
         plan.changes(&mut sizes);
         plan.without_effect(&Hidden::Change(None), per_seed(NOTHING_PER_SEED));
         plan.conditions(arguments.each.unwrap_or(EACH[usize::from(arguments.quick)]));
-        plan.keep_only(&arguments.only)?;
-        Ok(plan)
+        plan
     }
 
     /// Trials in which there is nothing to find.
@@ -234,6 +274,7 @@ impl Plan {
             seed: 0,
             duration_s: self.duration_s,
             rounds,
+            predicts: false,
             style: Style::ALL[(turn + 1) % 3],
             rough: turn % 2 == 1,
             outliers: turn / 2 % 2 == 1,
@@ -258,6 +299,7 @@ impl Plan {
                     seed: 0,
                     duration_s: condition.duration_s(self.duration_s),
                     rounds: 1,
+                    predicts: false,
                     style: Style::ALL[turn / 2 % 3],
                     rough: false,
                     outliers: false,

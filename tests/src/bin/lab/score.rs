@@ -16,7 +16,10 @@ pub(crate) struct Share {
 }
 
 impl Share {
-    fn of<'a>(outcomes: impl IntoIterator<Item = &'a Outcome>, hit: impl Fn(&Outcome) -> bool) -> Self {
+    pub(crate) fn of<'a>(
+        outcomes: impl IntoIterator<Item = &'a Outcome>,
+        hit: impl Fn(&Outcome) -> bool,
+    ) -> Self {
         let mut share = Self::default();
         for outcome in outcomes {
             share.of += 1;

@@ -6,7 +6,8 @@ use flights::Flight;
 use model::{Effect, Model, Vehicle};
 use serde::Serialize;
 use stories::world::{Pattern, Sensors, True, World};
-use sysid::FaultKind;
+use sysid::fit::open_loop::open_loop;
+use sysid::{FaultKind, Prepared};
 
 use crate::condition::Condition;
 use crate::plan::{Hidden, Trial};
@@ -39,6 +40,9 @@ pub(crate) struct Outcome {
     pub(crate) unexplained: Vec<String>,
     /// Coefficients against the truth, with the right structure.
     pub(crate) coefficients: Vec<Distance>,
+    /// Part of the error of prediction that the planted effect leaves on held-out flights, where that is asked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) error_left: Option<f64>,
 }
 
 /// What the diagnosis of the basic model said of a planted effect.
@@ -114,6 +118,7 @@ impl Outcome {
             confounded_with: Vec::new(),
             unexplained: Vec::new(),
             coefficients: Vec::new(),
+            error_left: None,
         }
     }
 }
@@ -240,11 +245,13 @@ fn ask_what_is_missing(trial: &Trial) -> Result<Outcome, String> {
         }
     };
     // Conditions are about names; their worlds differ from flight to flight, and so would the truth.
-    let coefficients = match trial.condition {
-        Some(_) => Vec::new(),
-        None => distances(trial, &world, basic, &mut sets),
-    };
+    let right = if trial.condition.is_none() { with_planted(trial, &basic, &mut sets) } else { None };
+    let truth = world.truth();
+    let coefficients =
+        right.iter().flat_map(|model| truth.iter().filter_map(|truth| distance(model, truth))).collect();
     let mut outcome = outcome(trial, &diagnosis, found, coefficients);
+    outcome.error_left =
+        right.filter(|_| trial.predicts).map(|model| error_left(&basic, &model, &sets.validate()));
     if wanders && outcome.answer == ADEQUATE {
         outcome.answer = GUSTS.into();
     }
@@ -273,6 +280,7 @@ fn outcome(
             .map(|u| format!("{} on {}, {:.1} %", u.axis, u.depends_on, u.share_percent))
             .collect(),
         coefficients,
+        error_left: None,
     }
 }
 
@@ -297,17 +305,23 @@ fn of_planted(diagnosis: &Diagnosis, id: &str) -> Option<OfPlanted> {
     })
 }
 
-/// Coefficients of the model with the right structure against the truth; none where the catalogue lacks it.
-fn distances(trial: &Trial, world: &World, basic: Model, sets: &mut FlightSets) -> Vec<Distance> {
+/// The model with the right structure; none where the catalogue lacks it.
+fn with_planted(trial: &Trial, basic: &Model, sets: &mut FlightSets) -> Option<Model> {
     let planted: Option<Vec<Effect>> =
         trial.planted().into_iter().map(|(id, _)| Effect::from_id(id)).collect();
-    let with = planted.and_then(|planted| {
-        planted.into_iter().try_fold(basic, |model, effect| {
-            workflow::add(&model, effect, sets, None, &Silent).ok().map(|added| added.model)
-        })
+    planted?.into_iter().try_fold(basic.clone(), |model, effect| {
+        workflow::add(&model, effect, sets, None, &Silent).ok().map(|added| added.model)
+    })
+}
+
+/// What is left, with a better model, of the open-loop error half a second ahead: of position, velocity, attitude or rate, whichever it
+/// takes more of (an effect acts on some of them, and takes little of the others).
+fn error_left(before: &Model, after: &Model, held_out: &[&Prepared]) -> f64 {
+    let [before, after] = [before, after].map(|model| {
+        let farthest = open_loop(model, held_out).last().copied().unwrap_or_default();
+        [farthest.position_m, farthest.velocity_m_s, farthest.attitude_rad, farthest.rate_rad_s]
     });
-    let Some(model) = with else { return Vec::new() };
-    world.truth().into_iter().filter_map(|truth| distance(&model, &truth)).collect()
+    before.into_iter().zip(after).map(|(before, after)| after / before).fold(f64::INFINITY, f64::min)
 }
 
 fn distance(model: &Model, truth: &True) -> Option<Distance> {

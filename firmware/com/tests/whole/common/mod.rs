@@ -145,6 +145,12 @@ impl Program {
         }
     }
 
+    /// All lines of a program that ends by itself.
+    pub(crate) fn all_lines(&mut self) -> &[String] {
+        self.seen.extend(self.lines.iter());
+        &self.seen
+    }
+
     pub(crate) fn address(&mut self) -> SocketAddr {
         self.wait_for("listening on ").rsplit(' ').next().unwrap().parse().unwrap()
     }
