@@ -346,15 +346,24 @@ mod arithmetic {
     }
 
     /// The product of two f32 is exact in f64; it is rounded to f32 once, then to a whole number.
+    fn is_rounded_and_clamped(bits: u32) {
+        let value = f32::from_bits(bits);
+        for scale in SCALES {
+            let scaled = f64::from((f64::from(value) * f64::from(scale)) as f32);
+            let want = if scaled.is_nan() { -32768.0 } else { scaled.round().clamp(-32767.0, 32767.0) };
+            assert_eq!(f64::from(i16::from_le_bytes(to_i16(value, scale))), want, "{bits:#x} by {scale}");
+        }
+    }
+
+    /// Every so manyth f32, at night every one, dealt out to several threads.
     #[test]
     fn any_bits_become_a_number_on_the_line() {
-        for bits in (0..=u32::MAX).step_by(stride(4099)) {
-            let value = f32::from_bits(bits);
-            for scale in SCALES {
-                let scaled = f64::from((f64::from(value) * f64::from(scale)) as f32);
-                let want = if scaled.is_nan() { -32768.0 } else { scaled.round().clamp(-32767.0, 32767.0) };
-                assert_eq!(f64::from(i16::from_le_bytes(to_i16(value, scale))), want, "{bits:#x} by {scale}");
+        const THREADS: u8 = 4;
+        std::thread::scope(|scope| {
+            for first in 0..THREADS {
+                let own = (u32::from(first)..=u32::MAX).step_by(usize::from(THREADS) * stride(1023));
+                scope.spawn(move || own.for_each(is_rounded_and_clamped));
             }
-        }
+        });
     }
 }

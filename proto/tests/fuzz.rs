@@ -49,8 +49,8 @@ fn the_corpus_holds_every_message() {
 #[test]
 fn the_corpus_and_every_cut_of_it() {
     // An interpreter is ten thousand times slower.
-    let every = if cfg!(miri) { 4001 } else { 1 };
-    for bytes in corpus() {
+    let (every_file, every) = if cfg!(miri) { (9, 4001) } else { (1, 1) };
+    for bytes in corpus().into_iter().step_by(every_file) {
         for length in (0..=bytes.len()).step_by(every) {
             harness::run(&bytes[..length]);
         }

@@ -62,7 +62,7 @@ pub(crate) const PARTS: &[Step] = &[
     },
     Step {
         name: "mutants",
-        about: "mixer, controller and state machine, changed a little: a test notices each change (`.cargo/mutants.toml`)",
+        about: "what decides in flight, changed a little: a test notices each change (`.cargo/mutants.toml`)",
         tools: &[&CARGO_MUTANTS],
         run: mutants,
     },
@@ -199,9 +199,9 @@ fn interpreted(_: &Workspace) -> Result<Outcome> {
     Ok(Outcome::Ran(harness(command)?))
 }
 
-/// Mutants of what decides in flight, in a copy of the sources.
+/// Mutants of what decides in flight, in two copies of the sources at once.
 fn mutants(_: &Workspace) -> Result<Outcome> {
-    let mut command = cargo(["mutants", "--package", "control", "--output", "target/mutants"]);
+    let mut command = cargo(["mutants", "--package", "control", "--jobs", "2", "--output", "target/mutants"]);
     command.env("PROPTEST_CASES", "50");
     println!("   {}", shown(&command));
     let status = command.status().context("cannot start cargo mutants")?;

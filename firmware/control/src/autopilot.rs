@@ -511,6 +511,138 @@ mod tests {
         assert_eq!(stays(false, 50), (State::Land, false, -1.3 + 0.06, true), "down, blind");
     }
 
+    /// A flight of this many ticks, in each of which the readings are those of a hover, shivering and changed.
+    fn flown(autopilot: &mut Autopilot, ticks: core::ops::Range<u32>, change: impl Fn(u32, &mut Readings)) {
+        for k in ticks {
+            let shiver = (k % 3) as f32 * 1e-4;
+            let mut readings =
+                Readings { time_us: 10_000 * k, gyro_rad_s: Some([0.0, shiver, 0.0]), ..HOVER };
+            readings.pose.iter_mut().for_each(|pose| pose.position_m[1] = shiver);
+            change(k, &mut readings);
+            autopilot.tick(&readings);
+        }
+    }
+
+    /// By the table 0.3 m/s, to 1 m below the box whose floor is at 0: a craft that cannot follow is carried less and less.
+    #[test]
+    fn a_landing_goes_down_at_its_rate_and_on_below_the_floor() {
+        let mut autopilot = Autopilot::in_flight(&Config::thesis()).unwrap();
+        flown(&mut autopilot, 0..10, |_, _| {});
+        flown(&mut autopilot, 10..11, |_, readings| readings.request = Some(Request::Land));
+        flown(&mut autopilot, 11..111, |_, _| {});
+        let z_m = autopilot.flight().tick.terms.z_command_m;
+        assert!((z_m - (-1.0 + 0.3 * 1.01)).abs() < 1e-3, "a second later: {z_m} m");
+        for (k, from_m, want_m) in [(111, 0.9, 0.903), (112, 0.999, 1.0)] {
+            autopilot.anchor.z_m = from_m;
+            flown(&mut autopilot, k..k + 1, |_, _| {});
+            let z_m = autopilot.flight().tick.terms.z_command_m;
+            assert!((z_m - want_m).abs() < 1e-5, "{z_m} m after {from_m} m");
+        }
+    }
+
+    /// Half a second of them is another matter: see above.
+    #[test]
+    fn a_command_that_is_missed_leaves_the_one_before() {
+        let mut autopilot = Autopilot::in_flight(&Config::thesis()).unwrap();
+        flown(&mut autopilot, 0..20, |k, readings| {
+            readings.command =
+                HOVER.command.map(|command| Command { z_m: -1.2, ..command }).filter(|_| k < 19);
+        });
+        let terms = autopilot.flight().tick.terms;
+        assert_eq!((autopilot.state(), terms.z_command_m, terms.outer), (State::Flying, -1.2, None));
+    }
+
+    /// The place is that of the moment in which the pilot was lost, wherever the wind takes the craft.
+    #[test]
+    fn a_hold_does_not_drift_with_the_craft() {
+        let mut autopilot = Autopilot::in_flight(&Config::thesis()).unwrap();
+        flown(&mut autopilot, 0..100, |k, readings| {
+            let drift_m = 0.01 * k.saturating_sub(60) as f32;
+            let position_m = &mut readings.pose.as_mut().unwrap().position_m;
+            *position_m = [drift_m, position_m[1], -1.0 + 0.5 * drift_m];
+            readings.command = readings.command.filter(|_| k < 5);
+        });
+        assert_eq!(autopilot.state(), State::Hold);
+        let terms = autopilot.flight().tick.terms;
+        let [x, _] = terms.outer.unwrap().reference_m;
+        assert!(x.abs() < 1e-3 && terms.z_command_m == -1.0, "{x} {}", terms.z_command_m);
+    }
+
+    /// A craft may be carried about on the ground, and one that is seen for the first time may be anywhere; in flight it cannot leap.
+    #[test]
+    fn a_leap_is_one_in_flight_only() {
+        let leaps = |mut autopilot: Autopilot| {
+            flown(&mut autopilot, 0..30, |k, readings| {
+                readings.pose.as_mut().unwrap().position_m[0] = if k < 29 { 0.0 } else { 1.5 };
+            });
+            (autopilot.flight().conditions.has(Condition::PoseJumped), autopilot.pose.position_m[0])
+        };
+        assert_eq!(leaps(Autopilot::new(&Config::thesis()).unwrap()), (false, 1.5));
+        assert_eq!(leaps(Autopilot::in_flight(&Config::thesis()).unwrap()), (true, 0.0));
+    }
+
+    /// One pose that is missed leaves the velocity what it was; the way of a long silence is none.
+    #[test]
+    fn a_silence_restarts_the_estimators_and_a_gap_does_not() {
+        let climbing_m_s = |silent: u32, leap_m: f32| {
+            let mut autopilot = Autopilot::in_flight(&Config::thesis()).unwrap();
+            flown(&mut autopilot, 0..61 + silent, |k, readings| {
+                let z_m = -1.0 - 0.005 * k.min(60) as f32 - if k > 60 { leap_m } else { 0.0 };
+                readings.pose.as_mut().unwrap().position_m[2] = z_m;
+                readings.pose = readings.pose.filter(|_| !(60..60 + silent).contains(&k));
+            });
+            -autopilot.flight().tick.terms.z_rate_m_s
+        };
+        assert!((0.2..1.0).contains(&climbing_m_s(1, 0.0)), "0.5 m/s, a gap: {}", climbing_m_s(1, 0.0));
+        assert!(
+            climbing_m_s(10, 0.3).abs() < 1e-3,
+            "0.1 s without poses, 0.3 m on: {}",
+            climbing_m_s(10, 0.3)
+        );
+    }
+
+    /// By a new pose, with thrust that the motors have.
+    #[test]
+    fn what_carries_the_craft_is_learned_where_it_is_seen() {
+        let learns = |seen: bool, refused: bool, is_new: bool| {
+            let mut autopilot = Autopilot::in_flight(&Config::thesis()).unwrap();
+            flown(&mut autopilot, 0..3, |_, readings| {
+                readings.pose.as_mut().unwrap().position_m = [0.0, 0.0, -1.0];
+            });
+            flown(&mut autopilot, 3..4, |_, readings| {
+                readings.pose.as_mut().unwrap().position_m = [if is_new { 1e-3 } else { 0.0 }, 0.0, -1.0];
+            });
+            assert_eq!(autopilot.detectors.pose_is_new(), is_new);
+            (autopilot.flight.tick.terms.thrust, autopilot.flight.tick.refused.thrust.high) = (20.0, refused);
+            let before = autopilot.hover;
+            autopilot.look_back(&HOVER, seen, [0.0; 3], 10_000);
+            autopilot.hover != before
+        };
+        assert!(learns(true, false, true));
+        assert!(!learns(false, false, true) && !learns(true, true, true) && !learns(true, false, false));
+    }
+
+    /// What a landing before had found says nothing of the next one.
+    #[test]
+    fn a_landing_after_another_begins_anew() {
+        let mut autopilot = Autopilot::in_flight(&Config::thesis()).unwrap();
+        let limits = autopilot.limits.touchdown;
+        // High up, told to be low: with motors that carry little, as of a craft that stands.
+        let high = |_: u32, readings: &mut Readings| {
+            readings.pose.as_mut().unwrap().position_m[2] = -1.9;
+            readings.command.as_mut().unwrap().z_m = 0.0;
+        };
+        flown(&mut autopilot, 0..50, high);
+        (0..1000).for_each(|_| autopilot.touchdown.fly([2000.0; 4], &limits));
+        (0..100).for_each(|_| autopilot.touchdown.land([1000.0; 4], [-1.9, 0.0], true, 10_000, &limits));
+        assert!(autopilot.touchdown.found);
+        flown(&mut autopilot, 50..51, |k, readings| {
+            high(k, readings);
+            readings.request = Some(Request::Land);
+        });
+        assert_eq!((autopilot.state(), autopilot.touchdown.found), (State::Land, false));
+    }
+
     #[test]
     fn what_was_refused_is_counted() {
         let nothing = Command { z_m: f32::NAN, ..IDLE };
@@ -591,5 +723,9 @@ mod tests {
             assert!((f64::from(*got) - want).abs() < 1e-3, "{attitude:?} {roll} {pitch} {yaw}");
         }
         assert_eq!(carry(start, None, 10_000), start);
+        // Nose up: 0.1 stands in for a cosine of next to nothing.
+        let [roll, pitch, yaw] =
+            carry([0.0, core::f32::consts::FRAC_PI_2, 0.0], Some([0.0, 0.0, 1.0]), 10_000);
+        assert!((roll - 0.1).abs() < 1e-4 && (yaw - 0.1).abs() < 1e-4, "{roll} {pitch} {yaw}");
     }
 }

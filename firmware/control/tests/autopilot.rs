@@ -111,8 +111,9 @@ fn from_the_stand_to_the_air_and_back() {
     assert_eq!(flight.state, State::Flying);
     assert!(!idles(&flight), "it climbs");
     assert_eq!(rig.tick(Some(Request::Land)).state, State::Land);
-    let stands = (1..).find(|_| rig.tick(None).state == State::Disarmed).unwrap();
-    assert!((50..250).contains(&stands), "on its stand it has landed once thrust is little: {stands} ticks");
+    let stands = (1..1000).find(|_| rig.tick(None).state == State::Disarmed);
+    let in_time = stands.is_some_and(|ticks| (50..250).contains(&ticks));
+    assert!(in_time, "on its stand it has landed once thrust is little: {stands:?} ticks");
     let flight = rig.run(500);
     assert!(idles(&flight) && flight.state == State::Disarmed, "a command does not take off again");
 }
@@ -254,10 +255,12 @@ fn timers_do_not_care_when_the_clock_wraps() {
     let names: Vec<State> = expected.iter().map(|(state, _)| *state).collect();
     use State::{Disarmed, Flying, Hold, Land};
     assert_eq!(names, [Flying, Hold, Flying, Hold, Flying, Land, Disarmed]);
-    for start in [0_u32, 1 << 31, (1 << 31) - 5_000_000, 0_u32.wrapping_sub(30_000_000)] {
+    // A story is a thousand ticks: an interpreter has time for a few.
+    let starts = [0_u32, 1 << 31, (1 << 31) - 5_000_000, 0_u32.wrapping_sub(30_000_000)];
+    for start in starts.into_iter().skip(if cfg!(miri) { 3 } else { 0 }) {
         assert_eq!(story(start), expected, "start {start}");
     }
-    for before_wrap_us in (0..12_000_000).step_by(510_000) {
+    for before_wrap_us in (0..12_000_000).step_by(if cfg!(miri) { 7_000_000 } else { 510_000 }) {
         assert_eq!(
             story(0_u32.wrapping_sub(before_wrap_us)),
             expected,
@@ -517,11 +520,14 @@ fn odd(dice: &mut Dice, was: &toml::Value, draw: u64) -> toml::Value {
 #[test]
 fn any_number_of_a_configuration_is_refused_or_flown_inside_the_range() {
     let mut dice = Dice(7);
-    let (mut refused, mut flown) = (0, 0);
+    // As many draws as usual, or every so manyth of them: the first ones are those of `ODD`.
+    let every = (2000 / cases(2000).cases.max(1) as usize).max(1);
+    let (mut tried, mut refused, mut flown) = (0, 0, 0);
     for config in configs() {
         let mut table = toml::Value::try_from(config).unwrap();
-        for place in 0..numbers(&mut table).len() {
-            for draw in 0..2000 {
+        for place in (0..numbers(&mut table).len()).step_by(if cfg!(miri) { 29 } else { 1 }) {
+            for draw in (0..2000).step_by(every) {
+                tried += 1;
                 let mut changed = table.clone();
                 let number = numbers(&mut changed).swap_remove(place);
                 *number = odd(&mut dice, number, draw);
@@ -542,5 +548,5 @@ fn any_number_of_a_configuration_is_refused_or_flown_inside_the_range() {
         }
     }
     println!("{refused} configurations were refused, {flown} flown");
-    assert!(refused > 100_000 && flown > 100_000, "{refused} {flown}");
+    assert!(refused > tried / 10 && flown > tried / 10, "{refused} {flown} of {tried}");
 }

@@ -171,6 +171,7 @@ fn the_hand_tuned_law() {
 
 /// The smallest mistakes that were ever made with this law are far outside the tolerance.
 #[test]
+#[cfg_attr(miri, ignore = "flies what other tests have flown, to weigh their tolerance")]
 fn the_tolerance_is_tight_enough() {
     let run = Run::read(PATTERN);
     let loops = |change: fn(&mut control::gains::Loops)| {

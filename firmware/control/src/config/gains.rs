@@ -311,6 +311,10 @@ mod tests {
     use super::*;
 
     #[test]
+    #[cfg_attr(
+        miri,
+        ignore = "reads TOML again and again, which no craft does; the defaults' test does it once"
+    )]
     fn files_round_trip() {
         let mut full = Config::thesis();
         full.estimation.gyro = Some(GyroFusion { corner_rad_s: 5.0, complement: Complement::MatchedPair });
@@ -338,6 +342,10 @@ mod tests {
     }
 
     #[test]
+    #[cfg_attr(
+        miri,
+        ignore = "reads TOML again and again, which no craft does; the defaults' test does it once"
+    )]
     fn unknown_keys_are_errors() {
         let text = toml::to_string(&Config::thesis()).unwrap();
         for (key, misspelt) in [

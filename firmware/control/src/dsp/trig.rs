@@ -117,12 +117,14 @@ mod tests {
     /// samples of all others.
     #[test]
     fn the_square_root_is_the_exact_one() {
-        for bits in 0x3f80_0000..=0x4080_0000_u32 {
+        // An interpreter is ten thousand times slower.
+        let every = if cfg!(miri) { 40_009 } else { 1 };
+        for bits in (0x3f80_0000..=0x4080_0000_u32).step_by(every) {
             let x = f32::from_bits(bits);
             assert_eq!(sqrt(x).to_bits(), libm::sqrtf(x).to_bits(), "{x}");
         }
         for bits in (0..=u32::MAX)
-            .step_by(4099)
+            .step_by(if cfg!(miri) { 40_000_003 } else { 4099 })
             .chain(0x2180_0000 - 9..0x2180_0000 + 9)
             .chain(0x5d80_0000 - 9..0x5d80_0000 + 9)
         {

@@ -169,6 +169,67 @@ mod tests {
         assert!(!crashed(f32::NAN, 0.1, 100), "what is no number is another condition");
     }
 
+    /// Each by itself and with any others.
+    #[test]
+    fn every_set_of_outcomes_is_reported() {
+        for set in 0..16_u8 {
+            let [thrust_lost, not_a_number, crashed, motor_failed] = [1, 2, 4, 8].map(|bit| set & bit != 0);
+            let aftermath = Aftermath { thrust_lost, not_a_number, crashed, motor_failed, ..Aftermath::GOOD };
+            let outcomes = [
+                (C::ThrustLost, thrust_lost),
+                (C::NotANumber, not_a_number),
+                (C::Crashed, crashed),
+                (C::MotorFailed, motor_failed),
+            ];
+            let want = outcomes.into_iter().filter_map(|(condition, is_so)| is_so.then_some(condition));
+            assert_eq!(reported(&aftermath), want.collect::<Vec<_>>(), "{set:04b}");
+        }
+    }
+
+    /// Beyond a limit it counts, at the limit not; roll and pitch alike.
+    #[test]
+    fn what_is_at_a_limit_is_not_beyond_it() {
+        let limits = limits();
+        let [error_rad, rate_rad_s] = limits.crash;
+        let (beyond, slow) = (error_rad.next_up(), rate_rad_s.next_down());
+        let crashed = |tilt_rad: [f32; 3], errors_rad: [f32; 3], rates_rad_s: [f32; 3]| {
+            let mut aftermath = Aftermath::GOOD;
+            for _ in 0..100 {
+                aftermath.turns([tilt_rad, errors_rad], rates_rad_s, PERIOD_US, &limits);
+            }
+            aftermath.crashed
+        };
+        for axis in 0..2 {
+            let about = |angle_rad: f32| core::array::from_fn(|k| if k == axis { -angle_rad } else { 0.0 });
+            assert!(crashed(about(beyond), about(beyond), [0.0; 3]));
+            assert!(!crashed(about(error_rad), about(beyond), [0.0; 3]));
+            assert!(!crashed(about(beyond), about(error_rad), [0.0; 3]));
+        }
+        for axis in 0..3 {
+            let about = |rate_rad_s: f32| core::array::from_fn(|k| if k == axis { -rate_rad_s } else { 0.0 });
+            assert!(crashed([beyond; 3], [beyond; 3], about(slow)));
+            assert!(!crashed([beyond; 3], [beyond; 3], about(rate_rad_s)));
+        }
+        let lost = |sink_m_s: f32, roll_rad: f32| {
+            let mut aftermath = Aftermath::GOOD;
+            for _ in 0..100 {
+                aftermath.after(true, sink_m_s, [roll_rad, 0.0, 0.0], false, PERIOD_US, &limits);
+            }
+            aftermath.thrust_lost
+        };
+        assert!(lost(limits.sink_m_s.next_up(), limits.level_rad.next_down()));
+        assert!(!lost(limits.sink_m_s, 0.0) && !lost(1.0, limits.level_rad));
+        let failed = |roll_rad: f32, errors_rad: [f32; 3]| {
+            let mut aftermath = Aftermath::GOOD;
+            let seen_rad = [[roll_rad, 0.0, 0.0], errors_rad];
+            let pwm = [2000.0, 1700.0, 1700.0, 1700.0];
+            (0..100).for_each(|_| aftermath.motors(true, pwm, seen_rad, PERIOD_US, &limits));
+            aftermath.motor_failed
+        };
+        assert!(failed(limits.level_rad.next_down(), [0.0; 3]) && !failed(limits.level_rad, [0.0; 3]));
+        assert!(failed(1.0, [-0.26, 0.25, 0.0]) && !failed(1.0, [-0.25, 0.25, 0.0]));
+    }
+
     #[test]
     fn a_motor_alone_at_its_end_has_failed_and_is_named() {
         let limits = limits();

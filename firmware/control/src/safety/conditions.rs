@@ -210,6 +210,18 @@ mod tests {
         assert_eq!(Conditions::from_bits(u32::MAX).iter().count(), Condition::ALL.len());
     }
 
+    /// What is no fault is what somebody asks for, and its end.
+    #[test]
+    fn what_is_asked_for_is_no_fault() {
+        use Condition::{
+            ArmRequested, CutRequested, DisarmRequested, FlightRequested, LandRequested, Landed,
+        };
+        let asked_for = [ArmRequested, FlightRequested, DisarmRequested, LandRequested, CutRequested, Landed];
+        for condition in Condition::ALL {
+            assert_eq!(condition.is_asked_for(), asked_for.contains(&condition), "{condition:?}");
+        }
+    }
+
     #[test]
     fn each_condition_has_a_name_of_its_own() {
         let mut names: Vec<_> = Condition::ALL.iter().map(|condition| condition.name()).collect();

@@ -150,6 +150,27 @@ mod tests {
         }
     }
 
+    /// By hand: 0.1 m/s falls within 0.15 s with 0.1 / (9.81 * 0.15) = 6.8 % of the weight more, and by 9.81 m/s^2 of that in 10 ms; at
+    /// 1 m/s a quarter is all there is. After a long pause the craft is not said to move the other way.
+    #[test]
+    fn the_brake_is_proportional_and_bounded() {
+        let limits = Limits::new(&Config::thesis()).hover;
+        let braked = |rate_m_s: f32, elapsed_us: u32| {
+            let mut hover = HoverThrust { carried_m_s: rate_m_s, ..HoverThrust::of_the_law(&limits) };
+            let more = hover.carry_on(elapsed_us, &limits) / limits.model - 1.0;
+            (more, hover.carried_m_s)
+        };
+        for sign in [1.0, -1.0] {
+            for (elapsed_us, more, left_m_s) in [(10_000, 0.067_96, 0.093_33), (2_000_000, 0.067_96, 0.0)] {
+                let (got, rate_m_s) = braked(sign * 0.1, elapsed_us);
+                assert!((sign * got - more).abs() < 1e-4, "{got}");
+                assert!((sign * rate_m_s - left_m_s).abs() < 1e-5, "{rate_m_s}");
+            }
+            let (got, rate_m_s) = braked(sign, 10_000);
+            assert!((sign * got - 0.25).abs() < 1e-6 && (sign * rate_m_s - 0.975_475).abs() < 1e-5);
+        }
+    }
+
     /// Command units: 1711.9 us carry the thesis' craft.
     #[test]
     fn a_command_is_smoothed_only() {

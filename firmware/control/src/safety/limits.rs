@@ -241,6 +241,8 @@ mod tests {
         assert_eq!(limits.link, SilenceLimits { late_us: 500_000, lost_us: 1_900_000, good_us: 500_000 });
         assert_eq!(limits.pose, SilenceLimits { late_us: 50_000, lost_us: 400_000, good_us: 100_000 });
         assert_eq!((limits.fence_centre_m, limits.fence_half_m), ([1.0, 3.0, -1.0], [2.0, 1.0, 1.5]));
+        // Of 1000 us between idle and all there is, 5 at either end.
+        assert_eq!(limits.ends, [1005.0, 1995.0]);
         // cos(60 degrees), rounded once.
         assert!((limits.tilt_cosine - 0.5).abs() < 1e-7);
         // A first-order smoothing of 0.2 s at 0.01 s: 1 - exp(-0.05).

@@ -84,6 +84,7 @@ pub(crate) fn is_tilted_beyond([roll, pitch, _]: [f32; 3], limits: &Limits) -> b
 mod tests {
     use super::*;
     use crate::config::gains::Config;
+    use crate::config::supervision_limits::Fence;
     use core::f32::consts::PI;
     use nalgebra::{Rotation3, Vector3};
     use proptest::prelude::*;
@@ -116,6 +117,79 @@ mod tests {
         {
             assert!(!is_inside(outside, &limits), "{outside:?}");
         }
+    }
+
+    #[test]
+    fn a_box_lies_where_its_walls_are() {
+        let mut config = Config::thesis();
+        let walls_m = [[-1.0, 3.0], [2.0, 4.0], [-2.5, 0.5]];
+        let [x_m, y_m, z_m] = walls_m;
+        config.supervision.fence = Fence { x_m, y_m, z_m, for_s: 0.2 };
+        let limits = Limits::new(&config);
+        for (axis, walls_m) in walls_m.into_iter().enumerate() {
+            for (wall_m, outwards) in walls_m.into_iter().zip([-1.0, 1.0]) {
+                let beyond = |off_m: f32| {
+                    let mut position_m = [1.0, 3.0, -1.0];
+                    position_m[axis] = wall_m as f32 + outwards * off_m;
+                    !is_inside(position_m, &limits)
+                };
+                assert!(!beyond(0.0) && !beyond(-0.1) && beyond(1e-3), "axis {axis}, {wall_m} m");
+            }
+        }
+    }
+
+    #[test]
+    fn vectors_differ_where_one_number_does() {
+        let vector = [1.0, 2.0, 3.0];
+        assert!(!differ(&vector, &vector));
+        for axis in 0..3 {
+            let mut other = vector;
+            other[axis] += 1e-6;
+            assert!(differ(&vector, &other), "axis {axis}");
+        }
+    }
+
+    /// 3^2 + 4^2 + 12^2 = 13^2, in every order and direction, from a place that is not the origin.
+    #[test]
+    fn what_is_within_reach_is_a_ball() {
+        let from_m = [1.0, -2.0, 0.5];
+        for [x, y, z] in [[3.0, 4.0, 12.0], [4.0, 12.0, 3.0], [12.0, 3.0, 4.0]] {
+            for signs in 0..8_u8 {
+                let sign = |axis: u8| if signs >> axis & 1 == 0 { 1.0 } else { -1.0 };
+                let to_m = [1.0 + sign(0) * x, -2.0 + sign(1) * y, 0.5 + sign(2) * z];
+                assert!(is_within(to_m, from_m, 13.0) && !is_within(to_m, from_m, 12.999), "{to_m:?}");
+            }
+        }
+    }
+
+    /// At the limit it can have turned so, about each axis; about roll and yaw the short way, both of them.
+    #[test]
+    fn a_turn_is_limited_about_each_axis() {
+        let limits = limits();
+        let jump_rad = limits.jump_rad;
+        for axis in 0..3 {
+            let turned = |angle_rad: f32| {
+                let mut to_rad = [0.0; 3];
+                to_rad[axis] = angle_rad;
+                is_turned_so(to_rad, [0.0; 3], &limits) && is_turned_so([0.0; 3], to_rad, &limits)
+            };
+            assert!(turned(jump_rad) && !turned(jump_rad + 1e-6), "axis {axis}");
+            let from_rad = [0.5, -0.4, 0.3];
+            let from = |angle_rad: f32| {
+                let mut to_rad = from_rad;
+                to_rad[axis] += angle_rad;
+                is_turned_so(to_rad, from_rad, &limits)
+            };
+            assert!(from(0.99 * jump_rad) && from(-0.99 * jump_rad), "axis {axis}");
+            assert!(!from(1.01 * jump_rad) && !from(-1.01 * jump_rad), "axis {axis}");
+        }
+        let round = 2.0 * PI;
+        assert!(is_turned_so([round, 0.0, -round], [0.1, 0.0, -0.1], &limits));
+        assert!(!is_turned_so([round, 0.0, 2.0], [0.0; 3], &limits), "yaw has turned");
+        assert!(!is_turned_so([2.0, 0.0, round], [0.0; 3], &limits), "roll has turned");
+        // Two angles within reason are at most twice as far apart.
+        assert!(went_the_short_way(318.0 * round, 0.0, jump_rad), "1998 rad");
+        assert!(!went_the_short_way(319.0 * round, 0.0, jump_rad), "2004 rad");
     }
 
     #[test]

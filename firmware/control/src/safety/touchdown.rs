@@ -90,6 +90,48 @@ mod tests {
         assert_eq!(ticks(1450.0, -0.05, 0.0, false), None, "nobody knows");
     }
 
+    /// By hand: of 700 us above idle, 1 - exp(-0.01) in the first tick of 10 ms.
+    #[test]
+    fn what_carries_the_craft_is_smoothed_over_a_second() {
+        let limits = Limits::new(&Config::thesis()).touchdown;
+        let mut touchdown = Touchdown::new(&limits);
+        touchdown.fly([1600.0, 1800.0, 1650.0, 1750.0], &limits);
+        assert!((touchdown.carrying - 1006.965).abs() < 1e-3, "{}", touchdown.carrying);
+    }
+
+    /// 70 % of 1000 us, and half the speed of descent: neither is less than itself.
+    #[test]
+    fn at_the_limits_a_craft_is_carried_and_sinks() {
+        let limits = Limits::new(&Config::thesis()).touchdown;
+        let stands = |command: f32, sink_m_s: f32| {
+            let mut touchdown = Touchdown { carrying: 2000.0, ..Touchdown::new(&limits) };
+            for _ in 0..100 {
+                touchdown.land([command; 4], [-0.05, sink_m_s], true, 10_000, &limits);
+            }
+            touchdown.found
+        };
+        assert!(!stands(1700.0, 0.0) && stands(1699.9, 0.0));
+        assert!(!stands(1200.0, limits.still_m_s) && stands(1200.0, limits.still_m_s.next_down()));
+    }
+
+    /// As after a landing that was broken off in its last moment, or that a disarm request has ended.
+    #[test]
+    fn each_landing_begins_anew() {
+        let limits = Limits::new(&Config::thesis()).touchdown;
+        let mut touchdown = Touchdown { carrying: 1700.0, ..Touchdown::new(&limits) };
+        for z_m in [-0.05, -0.7] {
+            let needed = if z_m > -0.1 { 30 } else { 90 };
+            for landing in 0..3 {
+                touchdown.begin();
+                assert!(!touchdown.found);
+                for tick in 1..=needed {
+                    touchdown.land([1200.0; 4], [z_m, 0.0], true, 10_000, &limits);
+                    assert_eq!(touchdown.found, tick == needed, "{landing}: {tick} at {z_m} m");
+                }
+            }
+        }
+    }
+
     #[test]
     fn one_tick_of_motion_begins_anew() {
         let limits = Limits::new(&Config::thesis()).touchdown;
