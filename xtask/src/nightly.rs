@@ -85,6 +85,12 @@ pub(crate) const PARTS: &[Step] = &[
         run: answers,
     },
     Step {
+        name: "forms",
+        about: "20 forms that no catalogue has, at two strengths, and nothing hidden: most are discovered, and nothing where nothing is",
+        tools: &[],
+        run: forms,
+    },
+    Step {
         name: "serial",
         about: "10 minutes of the microcontroller's program over serial lines in QEMU: no tick is missed",
         tools: &[],
@@ -144,6 +150,12 @@ fn sil(arguments: &[&str]) -> Result<Outcome> {
 fn answers(_: &Workspace) -> Result<Outcome> {
     let arguments = ["--counts", "60", "--out", "target/lab"].map(OsString::from);
     command_holds(cargo(Program::LAB.cargo_arguments(&arguments, true)))
+}
+
+/// The tests of forms that take minutes.
+fn forms(_: &Workspace) -> Result<Outcome> {
+    let command = cargo(["test", "--workspace", "--test", "discovery", "--", "--ignored", "--show-output"]);
+    Ok(Outcome::Ran(harness(command)?))
 }
 
 fn serial(workspace: &Workspace) -> Result<Outcome> {
