@@ -86,7 +86,7 @@ pub(crate) const PARTS: &[Step] = &[
     },
     Step {
         name: "forms",
-        about: "20 forms that no catalogue has, at two strengths, and nothing hidden: most are discovered, and nothing where nothing is",
+        about: "20 forms that no catalogue has, at three strengths, pairs of them, and nothing hidden: most are discovered, and nothing where nothing is",
         tools: &[],
         run: forms,
     },
