@@ -55,7 +55,8 @@ fn a_hidden_jet_of_air_is_found_where_it_blows() {
     }
     assert!(best.share_of_structure_percent > 80.0 && best.p_value < 1e-3, "{best:?}");
     assert!(
-        best.sentence.starts_with("A force along north acts where the place east is near 0.2"),
+        best.sentence.starts_with("A force to the north, up to 0.")
+            && best.sentence.contains("around east position = 0.2"),
         "{}",
         best.sentence
     );

@@ -32,12 +32,15 @@ pub(crate) struct Candidates {
     pub(crate) refined: Vec<Refined>,
     /// Chance that a search of residuals of random phases finds one of such worth.
     pub(crate) p_value: f64,
-    pub(crate) variables: Vec<Variable>,
 }
 
 /// Searches all forms on training flights.
-pub(crate) fn candidates(flights: &[&Prepared], model: &Model, observer: &dyn Observer) -> Candidates {
-    let variables = Variable::all(flights, model);
+pub(crate) fn candidates(
+    flights: &[&Prepared],
+    model: &Model,
+    variables: &[Variable],
+    observer: &dyn Observer,
+) -> Candidates {
     let problem = Problem::new(flights, model);
     let others = of_random_phases(&problem, RANDOM_PHASES, SEED);
     let against = Against::new(&problem, &others);
@@ -49,7 +52,7 @@ pub(crate) fn candidates(flights: &[&Prepared], model: &Model, observer: &dyn Ob
     for variable in 0..variables.len() {
         observer.progress(Progress { activity: "trying forms", steps: Some((variable, steps)) });
         let one =
-            over_variable(&problem, &against, (&bases, &variables, variable), knots_of(&variables[variable]));
+            over_variable(&problem, &against, (&bases, variables, variable), knots_of(&variables[variable]));
         found.extend(one.best);
         by_chance.iter_mut().zip(one.by_chance).for_each(|(most, one)| *most = most.max(one));
     }
@@ -65,7 +68,7 @@ pub(crate) fn candidates(flights: &[&Prepared], model: &Model, observer: &dyn Ob
             activity: "trying forms",
             steps: Some((variables.len() + variable, steps)),
         });
-        let one = over_variable(&problem, &only, (&bases, &variables, variable), KNOTS);
+        let one = over_variable(&problem, &only, (&bases, variables, variable), KNOTS);
         products.extend(
             one.best.into_iter().filter(|scored| scored.form.variables().len() == scored.form.factors.len()),
         );
@@ -73,10 +76,10 @@ pub(crate) fn candidates(flights: &[&Prepared], model: &Model, observer: &dyn Ob
     sort(&mut products, problem.rows);
     forms.extend(distinct(&products, REFINED).into_iter().map(|scored| scored.form));
     let mut refined: Vec<Refined> =
-        forms.iter().filter_map(|form| refine(&problem, form, &variables)).collect();
+        forms.iter().filter_map(|form| refine(&problem, form, variables)).collect();
     let worth = |one: &Refined| one.gain_left_out - cost(one.form.count(), problem.rows);
     refined.sort_by(|one, other| worth(other).total_cmp(&worth(one)));
-    Candidates { refined, p_value, variables }
+    Candidates { refined, p_value }
 }
 
 /// The best form with a way to act that has a wider one, with that.

@@ -190,19 +190,20 @@ impl Channel {
     /// For people.
     pub(crate) fn meaning(self) -> String {
         match self {
-            Self::Body(Axis::U) => "a forward force".into(),
-            Self::Body(Axis::V) => "a force to the right".into(),
-            Self::Body(Axis::W) => "a force along the rotors' axis".into(),
-            Self::Body(Axis::P) => "a roll moment".into(),
-            Self::Body(Axis::Q) => "a pitch moment".into(),
-            Self::Body(Axis::R) => "a yaw moment".into(),
-            Self::Earth(2) => "a vertical force".into(),
-            Self::Earth(k) => format!("a force along {}", EARTH[k]),
-            Self::Horizontal => "a horizontal force".into(),
-            Self::Thrust => "a part of the thrust".into(),
-            Self::Rotor(k, _) => format!("a part of the thrust of motor {}", k + 1),
-            Self::Drag => "drag".into(),
-            Self::HorizontalDrag => "horizontal drag".into(),
+            Self::Body(Axis::U) => "A force forward or backward".into(),
+            Self::Body(Axis::V) => "A force to the right or left".into(),
+            Self::Body(Axis::W) => "A force along the rotors' axis".into(),
+            Self::Body(Axis::P) => "A roll acceleration".into(),
+            Self::Body(Axis::Q) => "A pitch acceleration".into(),
+            Self::Body(Axis::R) => "A yaw acceleration".into(),
+            Self::Earth(0) => "A force along north".into(),
+            Self::Earth(1) => "A force along east".into(),
+            Self::Earth(_) => "A vertical force".into(),
+            Self::Horizontal => "A horizontal force".into(),
+            Self::Thrust => "A change of the thrust".into(),
+            Self::Rotor(k, _) => format!("A change of the thrust of motor {}", k + 1),
+            Self::Drag => "A change of the drag".into(),
+            Self::HorizontalDrag => "A change of the horizontal drag".into(),
         }
     }
 }

@@ -89,6 +89,12 @@ impl Variable {
         }
     }
 
+    /// One for tests of words.
+    #[cfg(test)]
+    pub(crate) fn made_up(name: &'static str, unit: &str, span: Span) -> Self {
+        Self { name, formula: name, unit: unit.into(), declared: false, source: Source::Further(0), span }
+    }
+
     /// The measured quantity behind it.
     pub(crate) fn quantity(&self) -> &'static str {
         match self.source {

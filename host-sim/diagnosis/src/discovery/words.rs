@@ -4,9 +4,9 @@ use model::Axis;
 use report::number::significant;
 
 use crate::discovery::channels::Channel;
-use crate::discovery::form::Form;
+use crate::discovery::form::{Factor, Form};
 use crate::discovery::refine::Refined;
-use crate::discovery::shapes::Family;
+use crate::discovery::shapes::{Family, Shape, Span};
 use crate::discovery::variables::Variable;
 
 /// Digits that a number in a sentence has.
@@ -19,16 +19,16 @@ fn number(value: f64) -> String {
 /// A quantity as people call it.
 pub(crate) fn called(variable: &Variable) -> &str {
     match variable.name {
-        "u" => "forward speed through the air",
-        "v" => "sideward speed through the air",
-        "w" => "sink rate through the air",
+        "u" => "forward airspeed u",
+        "v" => "sideward airspeed v",
+        "w" => "airspeed w along the rotors' axis (positive down)",
         "speed" => "airspeed",
         "horizontal_speed" => "horizontal airspeed",
         "north_speed" => "speed north",
         "east_speed" => "speed east",
         "down_speed" => "sink rate",
-        "north" => "place north",
-        "east" => "place east",
+        "north" => "north position",
+        "east" => "east position",
         "p" => "roll rate",
         "q" => "pitch rate",
         "r" => "yaw rate",
@@ -49,13 +49,67 @@ pub(crate) fn called(variable: &Variable) -> &str {
 pub(crate) fn sentence(term: &Refined, variables: &[Variable], thrust_coefficient: f64) -> String {
     let form = &term.form;
     let how: Vec<String> = (0..form.factors.len()).map(|index| shape_words(form, index, variables)).collect();
-    let size = size(term, variables, thrust_coefficient);
-    let subject = form.channel.meaning();
-    let mut text = format!("{subject} {}: {size}", how.join(", and "));
-    if let Some(first) = text.get(..1) {
-        text = format!("{}{}", first.to_uppercase(), &text[1..]);
+    let strongest = strongest(form, variables);
+    let most: Vec<f64> = term.amplitudes.iter().map(|amplitude| amplitude * strongest).collect();
+    let one = most.first().copied().unwrap_or(0.0);
+    let size = match form.channel {
+        Channel::Thrust => format!("{} % of the thrust", number((100.0 * one / thrust_coefficient).abs())),
+        Channel::Rotor(..) => format!("{} % of it", number((100.0 * one).abs())),
+        Channel::Horizontal => {
+            let [north, east] = [0, 1].map(|k| number(most.get(k).copied().unwrap_or(0.0)));
+            format!("{north} N north and {east} N east")
+        }
+        channel => format!("{} {}", number(one.abs()), channel.unit()),
+    };
+    let how = how.join(" and ");
+    if form.factors.iter().any(|factor| changes_sign(&factor.shape, &variables[factor.variable].span)) {
+        let way = if term.amplitudes.first().is_some_and(|k| *k > 0.0) { "with" } else { "against" };
+        return format!("{}, up to {size} in magnitude, {how}, {way} its sign", form.channel.meaning());
     }
-    text
+    format!("{}, up to {size}, {how}", directed(form.channel, one))
+}
+
+/// Whether a shape takes both signs where its quantity went.
+fn changes_sign(shape: &Shape, span: &Span) -> bool {
+    let [low, high] = [shape.at(span.low), shape.at(span.high)];
+    low * high < 0.0 && low.abs().min(high.abs()) > 0.05 * low.abs().max(high.abs())
+}
+
+/// The strongest value of the shapes of a form where their quantities went.
+fn strongest(form: &Form, variables: &[Variable]) -> f64 {
+    let of = |factor: &Factor| {
+        let span = variables[factor.variable].span;
+        let at = |k: i32| factor.shape.at(span.low + span.length() * f64::from(k) / 200.0);
+        (0..=200).map(at).fold(0.0_f64, |most, value| if value.abs() > most.abs() { value } else { most })
+    };
+    form.factors.iter().map(of).product()
+}
+
+/// A way to act with its direction.
+fn directed(channel: Channel, amount: f64) -> String {
+    let either =
+        |positive: &str, negative: &str| if amount > 0.0 { positive.to_owned() } else { negative.to_owned() };
+    match channel {
+        Channel::Body(Axis::U) => either("A forward force", "A backward force"),
+        Channel::Body(Axis::V) => either("A force to the right", "A force to the left"),
+        Channel::Body(Axis::W) => {
+            either("A downward force along the rotors' axis", "An upward force along the rotors' axis")
+        }
+        Channel::Earth(0) => either("A force to the north", "A force to the south"),
+        Channel::Earth(1) => either("A force to the east", "A force to the west"),
+        Channel::Earth(_) => either("A downward force", "An upward force"),
+        Channel::Thrust => either("Extra thrust", "A loss of thrust"),
+        Channel::Rotor(k, _) => either(
+            &format!("Extra thrust of motor {}", k + 1),
+            &format!("A loss of thrust of motor {}", k + 1),
+        ),
+        Channel::Drag => either("Extra drag", "Less drag"),
+        Channel::HorizontalDrag => either("Extra horizontal drag", "Less horizontal drag"),
+        Channel::Body(Axis::P) => either("A roll acceleration", "A negative roll acceleration"),
+        Channel::Body(Axis::Q) => either("A pitch acceleration", "A negative pitch acceleration"),
+        Channel::Body(Axis::R) => either("A yaw acceleration", "A negative yaw acceleration"),
+        Channel::Horizontal => "A horizontal force".into(),
+    }
 }
 
 /// How a form depends on one of its quantities.
@@ -68,48 +122,20 @@ fn shape_words(form: &Form, index: usize, variables: &[Variable]) -> String {
         if unit.is_empty() { value } else { format!("{value} {unit}") }
     };
     match factor.shape.family {
-        Family::Proportional => format!("grows in proportion to the {name}"),
-        Family::Straight => format!("changes evenly with the {name} and is zero at {}", value(0)),
-        Family::Square => format!("grows with the square of the {name}"),
-        Family::Cube => format!("grows with the cube of the {name}"),
-        Family::Modulus => format!("grows with the magnitude of the {name}"),
-        Family::SignedSquare => format!("grows with the square of the {name} and follows its sign"),
-        Family::HingeAbove => format!("sets in where the {name} exceeds {} and grows from there", value(0)),
-        Family::HingeBelow => {
-            format!("sets in where the {name} falls below {} and grows from there", value(0))
-        }
-        Family::Step => format!("sets in where the {name} passes {}, within about {}", value(0), value(1)),
-        Family::Saturation => format!("follows the sign of the {name} and is full beyond about {}", value(0)),
-        Family::Decay => format!("fades as the {name} grows, to 37 % every {}", value(0)),
-        Family::Growth => format!("grows with the {name}, by a factor of 2.7 every {}", value(0)),
-        Family::InverseSquare => format!("falls with the square of the {name} plus {}", value(0)),
-        Family::Bump => format!("acts where the {name} is near {}, within about {}", value(0), value(1)),
-    }
-}
-
-/// How strong it is at most, over where its quantities went.
-fn size(term: &Refined, variables: &[Variable], thrust_coefficient: f64) -> String {
-    let form = &term.form;
-    let strongest = |index: usize| {
-        let factor = &form.factors[index];
-        let span = variables[factor.variable].span;
-        let at = |k: i32| factor.shape.at(span.low + span.length() * f64::from(k) / 200.0);
-        (0..=200).map(at).fold(0.0_f64, |most, value| if value.abs() > most.abs() { value } else { most })
-    };
-    let shape: f64 = (0..form.factors.len()).map(strongest).product();
-    let most: Vec<f64> = term.amplitudes.iter().map(|amplitude| amplitude * shape).collect();
-    let one = most.first().copied().unwrap_or(0.0);
-    match form.channel {
-        Channel::Thrust => {
-            let percent = 100.0 * one / thrust_coefficient;
-            format!("{} % of the thrust at most", number(percent))
-        }
-        Channel::Rotor(..) => format!("{} % of it at most", number(100.0 * one)),
-        Channel::Horizontal => {
-            let [north, east] = [0, 1].map(|k| number(most.get(k).copied().unwrap_or(0.0)));
-            format!("{north} N north and {east} N east at most")
-        }
-        channel => format!("{} {} at most", number(one), channel.unit()),
+        Family::Proportional => format!("proportional to the {name}"),
+        Family::Straight => format!("linear in the {name}, zero at {}", value(0)),
+        Family::Square => format!("growing with the square of the {name}"),
+        Family::Cube => format!("growing with the cube of the {name}"),
+        Family::Modulus => format!("growing with the magnitude of the {name}"),
+        Family::SignedSquare => format!("growing with the square of the {name}"),
+        Family::HingeAbove => format!("where the {name} exceeds {}, growing from there", value(0)),
+        Family::HingeBelow => format!("where the {name} is below {}, growing from there", value(0)),
+        Family::Step => format!("where the {name} is above {} (the step is {} wide)", value(0), value(1)),
+        Family::Saturation => format!("following the {name}, saturated beyond about {}", value(0)),
+        Family::Decay => format!("decaying with the {name} (by a factor of e per {})", value(0)),
+        Family::Growth => format!("growing with the {name} (by a factor of e per {})", value(0)),
+        Family::InverseSquare => format!("inversely proportional to ({name} + {})^2", value(0)),
+        Family::Bump => format!("around {name} = {} (standard deviation {})", value(0), value(1)),
     }
 }
 
@@ -124,47 +150,57 @@ pub(crate) fn short(form: &Form, variables: &[Variable]) -> String {
     format!("{} that depends on the {}", form.channel.meaning(), names.join(" and the "))
 }
 
-/// Known physics that behaves so, with its source.
-pub(crate) fn known_physics(form: &Form, variables: &[Variable]) -> Option<&'static str> {
+/// Known physics of this form, with its source.
+pub(crate) fn known_physics(term: &Refined, variables: &[Variable]) -> Option<&'static str> {
+    let form = &term.form;
     let names: Vec<&str> = form.variables().iter().map(|index| variables[*index].name).collect();
     let on = |of: &[&str]| names.iter().any(|name| of.contains(name));
     let family = form.factors.first()?.shape.family;
-    let upright = matches!(form.channel, Channel::Thrust | Channel::Body(Axis::W) | Channel::Earth(2));
+    let amount = term.amplitudes.first()? * strongest(form, variables);
+    // Which way it pushes, where it acts upwards or downwards.
+    let upward = match form.channel {
+        Channel::Thrust => Some(amount > 0.0),
+        Channel::Body(Axis::W) | Channel::Earth(2) => Some(amount < 0.0),
+        _ => None,
+    };
     let sideward = matches!(
         form.channel,
         Channel::Horizontal | Channel::Earth(0 | 1) | Channel::Body(Axis::U | Axis::V)
     );
     let drag = matches!(form.channel, Channel::Drag | Channel::HorizontalDrag);
-    let told = match (form.channel, family) {
+    let fades = matches!(family, Family::Decay | Family::InverseSquare | Family::HingeBelow);
+    let grows =
+        matches!(family, Family::Growth | Family::HingeAbove | Family::Proportional | Family::Straight);
+    let told = match (form.channel, upward) {
         _ if names.iter().any(|name| name.starts_with("other_") || name.ends_with("the other craft")) => {
-            "the downwash of another craft does so"
+            "the downwash of another craft"
         }
-        (_, Family::Growth) if upright && on(&["height"]) => {
-            "a ceiling does so (Rossow, NASA TM-86754, 1985; Hsiao and Chirarattananon, IEEE/ASME Trans. Mechatronics 24, 2019)"
+        (_, Some(true)) if on(&["height"]) && fades => {
+            "ground effect (Cheeseman and Bennett, ARC R&M 3021, 1955)"
         }
-        _ if upright && on(&["height"]) => {
-            "the ground does so (Cheeseman and Bennett, ARC R&M 3021, 1955), or a magnet or a cord at the floor"
+        (_, Some(true)) if on(&["height"]) && grows => {
+            "a ceiling (Rossow, NASA TM-86754, 1985; Hsiao and Chirarattananon, IEEE/ASME Trans. Mechatronics 24, 2019)"
         }
-        (_, Family::HingeAbove | Family::Step | Family::Bump) if upright && on(&["w", "down_speed"]) => {
-            "the vortex ring state does so (Johnson, NASA/TP-2005-213477)"
+        (_, Some(false)) if on(&["height"]) && fades => "an attraction to the floor, such as a magnet",
+        (_, Some(false)) if on(&["height"]) && grows => "a tether or a cord",
+        (_, Some(false)) if on(&["w", "down_speed"]) => {
+            "the vortex ring state (Johnson, NASA/TP-2005-213477)"
         }
-        _ if upright && on(&["time", "vbat"]) => "motors that warm up, or a battery that weakens, do so",
-        _ if upright && on(&["north", "east"]) => {
-            "the edge of a table, or a downdraught in a part of the room, does so"
+        (_, Some(_)) if on(&["time", "vbat"]) => "motors that warm up, or a battery that weakens",
+        (_, Some(_)) if on(&["north", "east"]) => {
+            "the edge of a table, or vertical air in a part of the room"
         }
-        (Channel::Rotor(..), _) if on(&["time"]) => "a motor or a propeller that fails does so",
-        (Channel::Body(Axis::R), _) if on(&["v"]) => {
-            "a craft that turns into the wind like a weathercock does so"
-        }
+        (Channel::Rotor(..), _) if on(&["time"]) => "a motor or a propeller that fails",
+        (Channel::Body(Axis::R), _) if on(&["v"]) => "a craft that turns into the wind like a weathercock",
         (Channel::Body(Axis::R), _) if on(&["psi", "sine of the heading", "cosine of the heading"]) => {
-            "a cable that twists does so"
+            "a cable that twists"
         }
         _ if drag && on(&["north", "east", "height"]) => {
-            "moving air in a part of the room, such as a curtain of it, does so"
+            "a curtain of air, a net or a cloth in a part of the room"
         }
-        _ if sideward && on(&["time"]) => "a draught does so: a door that opens, a fan that is switched on",
+        _ if sideward && on(&["time"]) => "a draught, such as a door that opens or a fan that is switched on",
         _ if sideward && on(&["north", "east", "height"]) => {
-            "the jet of a fan, a wall, or wind that changes with height does so"
+            "the jet of a fan, a wall, or wind that changes with height"
         }
         _ => return None,
     };
@@ -182,11 +218,64 @@ pub(crate) fn to_fly(form: &Form, rivals: &[Form], variables: &[Variable]) -> St
     others.sort_unstable();
     others.dedup();
     let is_time = |index: &usize| variables[*index].name == model::user_effects::TIME_COLUMN;
-    match (own.iter().any(is_time), others.is_empty()) {
-        (true, _) => {
-            "fly the same pattern again at another time: what depends on the time stays where it was".into()
+    if own.iter().any(is_time) {
+        return "repeat a flight and start its pattern some seconds later in the log: what depends on time keeps its time, what \
+                depends on place moves with the pattern"
+            .into();
+    }
+    if !others.is_empty() {
+        return format!("vary the {} while the {} stays the same", names(&own), names(&others));
+    }
+    let flown: Vec<String> = own
+        .iter()
+        .map(|index| &variables[*index])
+        .map(|v| format!("{} {} to {} {}", called(v), number(v.span.low), number(v.span.high), v.unit))
+        .collect();
+    format!("fly another pattern over a wider range (flown: {})", flown.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn term(channel: Channel, family: Family, amplitude: f64) -> Refined {
+        let shape = Shape { family, parameters: [0.4, 0.1] };
+        Refined {
+            form: Form { channel, factors: vec![Factor { variable: 0, shape }] },
+            amplitudes: vec![amplitude],
+            gain_left_out: 1.0,
+            improved: 3,
         }
-        (false, true) => format!("vary the {} over more than these flights did", names(&own)),
-        (false, false) => format!("vary the {} while the {} stays the same", names(&own), names(&others)),
+    }
+
+    #[test]
+    fn a_sentence_says_which_way_and_the_physics_are_those_of_that_way() {
+        let height = [Variable::made_up("height", "m", Span { low: 0.1, high: 1.6 })];
+        let down = term(Channel::Earth(2), Family::InverseSquare, 0.24);
+        assert_eq!(
+            sentence(&down, &height, 0.02),
+            "A downward force, up to 0.960 N, inversely proportional to (height + 0.400 m)^2"
+        );
+        assert!(known_physics(&down, &height).unwrap().contains("magnet"));
+        let up = term(Channel::Thrust, Family::Decay, 0.004);
+        assert!(
+            sentence(&up, &height, 0.02).starts_with("Extra thrust, up to 15.6 % of the thrust, decaying")
+        );
+        assert!(known_physics(&up, &height).unwrap().starts_with("ground effect"));
+        assert_eq!(
+            known_physics(&term(Channel::Thrust, Family::Growth, -0.004), &height),
+            Some("a tether or a cord")
+        );
+    }
+
+    #[test]
+    fn what_takes_both_signs_has_a_magnitude() {
+        let w = [Variable::made_up("w", "m/s", Span { low: -0.6, high: 0.5 })];
+        let yaw = term(Channel::Body(Axis::R), Family::Proportional, 1.0);
+        assert_eq!(
+            sentence(&yaw, &w, 0.02),
+            "A yaw acceleration, up to 0.600 rad/s^2 in magnitude, proportional to the airspeed w along the rotors' axis (positive \
+             down), with its sign"
+        );
     }
 }

@@ -20,7 +20,7 @@ use crate::discovery::refine::Refined;
 use crate::discovery::variables::Variable;
 use crate::discovery::words::{formula, known_physics, sentence, short, to_fly};
 use crate::discovery::{Discovery, DiscoveryVerdict, Proposal};
-use crate::finding::Unexplained;
+use crate::finding::{CoefficientFigures, Unexplained};
 use crate::held_out::{Validated, fit_and_validate, validated};
 use crate::noise::squares_of_noise;
 use crate::observer::{Observer, Progress};
@@ -83,11 +83,12 @@ fn discover_beyond(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Discovery, WorkflowError> {
-    let hunt = Hunt { model, sets, options, observer };
-    let mut terms: Vec<Term> = Vec::new();
+    let variables = Variable::all(&sets.train(), model);
+    let hunt = Hunt { model, sets, variables: &variables, options, observer };
+    let mut terms: Vec<Refined> = Vec::new();
     let (mut rest, mut refused) = (hunt.fitted(model)?, None);
     let mut left = hunt.left(&rest);
-    let found = candidates(&sets.train(), model, observer);
+    let found = candidates(&sets.train(), model, &variables, observer);
     let search_p_value = found.p_value;
     let mut next = Some(found.clone());
     while let Some(found) = next.take().filter(|found| found.p_value < SIGNIFICANT) {
@@ -108,7 +109,7 @@ fn discover_beyond(
         }
         // Where nothing is left, no further term is looked for.
         if terms.len() < MOST_TERMS && !left.is_empty() {
-            next = Some(candidates(&sets.train(), &rest.fit.model, observer));
+            next = Some(candidates(&sets.train(), &rest.fit.model, &variables, observer));
         }
     }
     let (proposals, model) = hunt.proposals(&terms, &found)?;
@@ -121,15 +122,9 @@ fn discover_beyond(
     Ok(Discovery { proposals, verdict, known, refused, left, search_p_value, model })
 }
 
-/// A term of a formula, with the variables that it counts by.
-struct Term {
-    refined: Refined,
-    variables: Vec<Variable>,
-}
-
 /// What comes of a search for a further term.
 enum Next {
-    Term(Box<(Term, Fit)>),
+    Term(Box<(Refined, Fit)>),
     /// Why there is none.
     Refused(String),
 }
@@ -138,6 +133,7 @@ enum Next {
 struct Hunt<'a> {
     model: &'a Model,
     sets: &'a FlightSets,
+    variables: &'a [Variable],
     options: &'a Options,
     observer: &'a dyn Observer,
 }
@@ -154,11 +150,10 @@ impl Hunt<'_> {
             if chosen.form.channel.axes().iter().any(|axis| asked.contains(axis)) {
                 continue;
             }
-            let defined = define(&id, "A term.".into(), std::slice::from_ref(chosen), &found.variables);
+            let defined = define(&id, "A term.".into(), std::slice::from_ref(chosen), self.variables);
             let why = match self.judge(about, &defined) {
                 Ok(addition) if addition.finding.supported => {
-                    let term = Term { refined: chosen.clone(), variables: found.variables.clone() };
-                    return Next::Term(Box::new((term, addition.fit)));
+                    return Next::Term(Box::new((chosen.clone(), addition.fit)));
                 }
                 Ok(addition) => {
                     asked.extend(chosen.form.channel.axes());
@@ -167,24 +162,26 @@ impl Hunt<'_> {
                 // What cannot be fitted with the model's own coefficients takes no answer away.
                 Err(why) => why.to_string(),
             };
-            refused.get_or_insert_with(|| format!("{}: {why}", short(&chosen.form, &found.variables)));
+            refused.get_or_insert_with(|| format!("{}: {why}", short(&chosen.form, self.variables)));
         }
         Next::Refused(
-            refused.unwrap_or_else(|| "no form helps on training flights that it was not fitted to".into()),
+            refused.unwrap_or_else(|| "no form predicts a training flight that it was not fitted to".into()),
         )
     }
 
     /// The terms as one proposal, and their rivals as others; and the model with the first.
-    fn proposals(&self, terms: &[Term], found: &Candidates) -> Result<(Vec<Proposal>, Model), WorkflowError> {
+    fn proposals(
+        &self,
+        terms: &[Refined],
+        found: &Candidates,
+    ) -> Result<(Vec<Proposal>, Model), WorkflowError> {
         let Some(first) = terms.first() else { return Ok((Vec::new(), self.model.clone())) };
         let (proposal, model) = self.propose("discovered-1", terms, found)?;
         let mut proposals = vec![proposal];
-        for rival in rivals(&found.refined, &first.refined, &found.variables).into_iter().take(RIVALS_JUDGED)
-        {
-            let term = Term { refined: rival.clone(), variables: found.variables.clone() };
+        for rival in rivals(&found.refined, first, self.variables).into_iter().take(RIVALS_JUDGED) {
             let id = format!("discovered-{}", proposals.len() + 1);
             // A rival that cannot be fitted with the model's own coefficients is none.
-            if let Ok((judged, _)) = self.propose(&id, &[term], found)
+            if let Ok((judged, _)) = self.propose(&id, std::slice::from_ref(rival), found)
                 && judged.finding.supported
             {
                 proposals.push(judged);
@@ -207,23 +204,23 @@ impl Hunt<'_> {
     fn propose(
         &self,
         id: &str,
-        terms: &[Term],
+        terms: &[Refined],
         found: &Candidates,
     ) -> Result<(Proposal, Model), WorkflowError> {
-        let variables = &found.variables;
-        let refined: Vec<Refined> = terms.iter().map(|term| term.refined.clone()).collect();
+        let variables = self.variables;
         let thrust = self
             .model
             .term(Effect::Thrust)
             .and_then(|term| term.coefficients.first())
             .map_or(1.0, |c| c.value);
-        let sentences: Vec<String> =
-            terms.iter().map(|term| sentence(&term.refined, &term.variables, thrust)).collect();
+        // A name for the fit; the words are those of what it finds.
+        let addition = self.judge(self.model, &define(id, "Discovered.".into(), terms, variables))?;
+        let fitted = with_values(terms, &addition.finding.coefficients);
+        let sentences: Vec<String> = fitted.iter().map(|term| sentence(term, variables, thrust)).collect();
         let sentence = format!("{}.", sentences.join(". "));
-        let defined = define(id, sentence.chars().take(MOST_SENTENCE).collect(), &refined, variables);
-        let addition = self.judge(self.model, &defined)?;
-        let forms: Vec<&Form> = refined.iter().map(|term| &term.form).collect();
-        let others = rivals(&found.refined, &refined[0], variables);
+        let defined = define(id, sentence.chars().take(MOST_SENTENCE).collect(), &fitted, variables);
+        let forms: Vec<&Form> = terms.iter().map(|term| &term.form).collect();
+        let others = rivals(&found.refined, &terms[0], variables);
         let other_forms: Vec<Form> = others.iter().map(|rival| rival.form.clone()).collect();
         let mut names: Vec<&'static str> =
             forms.iter().flat_map(|form| quantities(form, variables)).collect();
@@ -239,7 +236,7 @@ impl Hunt<'_> {
             formula: formula(&defined.definition.acceleration),
             quantities: names,
             sentence,
-            physics: known_physics(forms[0], variables),
+            physics: known_physics(&fitted[0], variables),
             coefficients: finding.coefficients.clone(),
             drop_percent: finding.axes.iter().map(|(axis, drop)| (*axis, drop.drop_percent)).collect(),
             share_of_structure_percent: self.share_percent(
@@ -248,7 +245,7 @@ impl Hunt<'_> {
                 &finding.axes.keys().copied().collect::<Vec<_>>(),
             ),
             p_value: found.p_value.max(finding.held_out_p_value.unwrap_or(1.0)),
-            splits: [refined[0].improved, self.sets.train().len()],
+            splits: [terms[0].improved, self.sets.train().len()],
             flights_improved: finding.flights_improved,
             rivals: others.iter().map(|rival| short(&rival.form, variables)).collect(),
             excite: to_fly(forms[0], &other_forms, variables),
@@ -282,6 +279,22 @@ impl Hunt<'_> {
     fn left(&self, rest: &Validated) -> Vec<Unexplained> {
         what_is_left(rest, &self.sets.train(), &self.sets.validate()).unexplained
     }
+}
+
+/// Forms with the values of a fit of them all, in the order of its coefficients.
+fn with_values(terms: &[Refined], coefficients: &[CoefficientFigures]) -> Vec<Refined> {
+    let mut values = coefficients.iter().map(|coefficient| coefficient.value);
+    let mut fitted = terms.to_vec();
+    for term in &mut fitted {
+        for amplitude in &mut term.amplitudes {
+            *amplitude = values.next().unwrap_or(*amplitude);
+        }
+        for parameter in term.form.parameters() {
+            let value = values.next().unwrap_or_else(|| term.form.value(parameter));
+            term.form = term.form.with(parameter, value);
+        }
+    }
+    fitted
 }
 
 /// Longest sentence of a definition, characters.

@@ -20,19 +20,19 @@ use crate::cli::user_effects::EffectOptions;
 use crate::commands::diagnose::WithoutOptions;
 use crate::render::tables;
 
-/// Say what an unknown effect looks like, when no known one fits.
+/// Find a formula for an effect that is not in the catalogue.
 ///
-/// Known effects come first: those that the model lacks are added. What is left is searched for its form: a force or a moment that
+/// Known effects come first: those that the model lacks are added. The residual is then searched for a force or a moment that
 /// depends on measured quantities, on place or on time. The form is chosen on the training flights and tested on the held-out
 /// ones. With --out it is written as an effect of your own, which `quadlab add --effects` takes. Where nothing is left, nothing is
-/// proposed; where what is left has no form that holds on other flights (turbulence), the answer is `not-a-formula`.
+/// proposed; where no formula predicts the residual of other flights (turbulence), the answer is `not-a-formula`.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  quadlab discover --model model.toml --train A.csv B.csv C.csv \
                         --validate D.csv E.csv --out effects.toml\n  \
                         quadlab add discovered-1 --effects effects.toml --model model.toml --train A.csv B.csv C.csv \
                         --validate D.csv E.csv --out better.toml")]
 pub(crate) struct Options {
-    /// Model file to start from, for example: --model model.toml; without, the known effects are explained from the vehicle file on
+    /// Model file to start from, for example: --model model.toml; without it, the known effects are fitted first, as `explain` does
     #[arg(long, value_name = "TOML")]
     model: Option<PathBuf>,
 
@@ -119,57 +119,61 @@ pub(crate) fn answer(discovery: &Discovery) -> String {
 /// What the search ends with, in a paragraph.
 fn conclusion(discovery: &Discovery) -> String {
     let known = match &discovery.known[..] {
-        [] => String::new(),
-        known => format!("Known effects were missing and come first: {}. ", listed(known)),
+        [] => "Known effects added first: none.".to_owned(),
+        known => format!("Known effects added first: {}.", listed(known)),
     };
     let chance = p_equation(discovery.search_p_value);
     let answer = match (discovery.verdict, discovery.proposals.first()) {
-        (_, Some(best)) => {
-            let sure = p_equation(best.p_value);
-            format!(
-                "Proposed: {} On the held-out flights it takes {} % of what is left there beyond noise ({sure}).",
-                best.sentence,
-                percent(best.share_of_structure_percent)
-            )
-        }
+        (_, Some(best)) => format!(
+            "Proposed: {} It explains {} of the held-out residual beyond noise ({}).",
+            best.sentence,
+            share(best.share_of_structure_percent),
+            p_equation(best.p_value)
+        ),
         (DiscoveryVerdict::Nothing, None) => format!(
-            "Nothing is proposed: what the model leaves depends on none of the measured quantities, and chance finds forms as good as \
-             the best one ({chance})."
+            "Nothing is proposed: the residual is noise, and the best form is no better than chance ({chance}; the limit is 0.01)."
         ),
         (_, None) => {
             let best = discovery.refused.as_ref();
             let best = best.map_or_else(String::new, |why| format!(" The best form was refused: {why}."));
             format!(
-                "Nothing is proposed: something is left, but no formula of the measured quantities holds on the held-out flights \
-                 (not-a-formula). Turbulence, lost data or a hand at the craft leave such residuals.{best}"
+                "Nothing is proposed: something is left, but no formula predicts it on other flights (not-a-formula). Turbulence, lost \
+                 data or someone touching the craft leave such residuals.{best} Next: repeat a pattern in still air, with at least \
+                 three flights to fit on and two to judge by."
             )
         }
     };
-    format!("{known}{answer}")
+    format!("{answer} {known}")
+}
+
+/// A share that is as good as all is not told to the last digit.
+fn share(percent_of_all: f64) -> String {
+    if percent_of_all > 99.0 { "over 99 %".into() } else { format!("{} %", percent(percent_of_all)) }
 }
 
 fn proposal_text(proposal: &Proposal) -> String {
     let mut lines = vec![format!("{}: {}", proposal.id, proposal.formula)];
-    lines.extend(proposal.physics.map(|physics| format!("  Known physics: {physics}.")));
     for c in &proposal.coefficients {
         lines.push(format!("  {} = {}", c.name, report::number::with_error(c.value, c.std_error, c.unit)));
     }
     let drops: Vec<String> =
         proposal.drop_percent.iter().map(|(axis, drop)| format!("{axis} {} %", percent(*drop))).collect();
     lines.push(format!(
-        "  Held-out squared error falls: {}; on {} of {} flights.",
+        "  Held-out squared error, noise included, falls: {}; on {} of {} flights.",
         drops.join(", "),
         proposal.flights_improved[0],
         proposal.flights_improved[1]
     ));
     lines.push(format!(
-        "  Left out one by one, it helps {} of {} training flights.",
+        "  Leave-one-out: improves {} of {} training flights.",
         proposal.splits[0], proposal.splits[1]
     ));
-    if !proposal.rivals.is_empty() {
-        lines.push(format!("  These flights do not tell it from: {}.", proposal.rivals.join("; ")));
-    }
-    lines.push(format!("  To be surer: {}.", proposal.excite));
+    lines.extend(proposal.physics.map(|physics| format!("  Consistent with: {physics}.")));
+    lines.push(match &proposal.rivals[..] {
+        [] => "  No form in other quantities explains these flights about as well.".into(),
+        rivals => format!("  These flights cannot distinguish it from: {}.", rivals.join("; ")),
+    });
+    lines.push(format!("  To confirm: {}.", proposal.excite));
     lines.join("\n") + "\n"
 }
 
