@@ -5,8 +5,10 @@
 
 use std::ffi::OsString;
 use std::process::Command;
+use std::sync::Mutex;
+use std::thread;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow};
 
 use crate::arm::{self, Target};
 use crate::base::process::{Program, cargo, shown};
@@ -123,13 +125,13 @@ fn damaged_inputs(_: &Workspace) -> Result<Outcome> {
 }
 
 fn fuzz_targets(_: &Workspace) -> Result<Outcome> {
-    let mut tally = Tally::default();
+    let mut runs = Vec::new();
     for folder in FUZZ_FOLDERS {
         for target in targets_in(folder)? {
-            tally.add(&holds(fuzz_target(folder, &target)?)?);
+            runs.push(fuzz_target(folder, &target)?);
         }
     }
-    Ok(Outcome::Ran(tally))
+    Ok(Outcome::Ran(side_by_side(runs, holds)?))
 }
 
 /// The drill of the usual tests, for a minute and under the thesis' supervision.
@@ -168,6 +170,31 @@ fn serial(workspace: &Workspace) -> Result<Outcome> {
     Ok(Outcome::Ran(harness(command)?))
 }
 
+/// Runs commands that take one processor each, as many at a time as there are processors, and adds up what they count.
+fn side_by_side(
+    commands: impl IntoIterator<Item = Command>,
+    run: fn(Command) -> Result<Tally>,
+) -> Result<Tally> {
+    let waiting = Mutex::new(commands.into_iter().collect::<Vec<_>>().into_iter());
+    let next = || waiting.lock().ok()?.next();
+    let one_after_another = || -> Result<Tally> {
+        let mut tally = Tally::default();
+        while let Some(command) = next() {
+            tally.add(&run(command)?);
+        }
+        Ok(tally)
+    };
+    let processors = thread::available_parallelism().map_or(1, usize::from);
+    thread::scope(|scope| {
+        let threads: Vec<_> = (0..processors).map(|_| scope.spawn(one_after_another)).collect();
+        let mut tally = Tally::default();
+        for thread in threads {
+            tally.add(&thread.join().map_err(|_| anyhow!("a thread of the tests panicked"))??);
+        }
+        Ok(tally)
+    })
+}
+
 /// Names of the fuzz targets in a folder.
 fn targets_in(folder: &str) -> Result<Vec<String>> {
     let folder = workspace::root().join(folder).join("fuzz_targets");
@@ -200,15 +227,20 @@ fn arithmetic(_: &Workspace) -> Result<Outcome> {
     Ok(Outcome::Ran(harness(command)?))
 }
 
-/// The crates that fly, each random test with a few cases: the interpreter is some thousand times slower. Tests read their corpora. As
-/// on a craft's processor of 32 bits, where libm calculates as it does in flight (for a PC's it has assembler, which cannot be interpreted).
+/// The crates that fly.
 fn interpreted(_: &Workspace) -> Result<Outcome> {
+    Ok(Outcome::Ran(side_by_side(["control", "proto", "craft"].map(interpreted_crate), harness)?))
+}
+
+/// The tests of a crate, each random one with a few cases: the interpreter is some thousand times slower. They read their corpora. As
+/// on a craft's processor of 32 bits, where libm calculates as it does in flight (for a PC's it has assembler, which cannot be interpreted).
+fn interpreted_crate(package: &str) -> Command {
     let mut command = Command::new("rustup");
     command.current_dir(workspace::root()).args(["run", "nightly", "cargo", "miri", "test"]);
     command.args(["--target-dir", "target/miri", "--target", "armv7-unknown-linux-gnueabihf"]);
-    command.args(["-p", "proto", "-p", "control", "-p", "craft", "--lib", "--tests", "--no-fail-fast"]);
+    command.args(["-p", package, "--lib", "--tests", "--no-fail-fast"]);
     command.env("MIRIFLAGS", "-Zmiri-disable-isolation").env("PROPTEST_CASES", "5");
-    Ok(Outcome::Ran(harness(command)?))
+    command
 }
 
 /// Mutants of what decides in flight, in two copies of the sources at once.
@@ -247,6 +279,18 @@ mod tests {
             }
             assert_eq!(manifest.matches("[[bin]]").count(), targets.len(), "{folder}");
         }
+    }
+
+    #[test]
+    fn commands_side_by_side_are_all_run_and_counted() {
+        let commands = (0..7).map(|number| cargo([number.to_string()]));
+        let tally = side_by_side(commands, |command| {
+            let number = command.get_args().next().and_then(|text| text.to_str()?.parse::<usize>().ok());
+            Ok(Tally { passed: number.unwrap_or(100), failed: 1, ..Tally::default() })
+        });
+        let tally = tally.unwrap();
+        assert_eq!((tally.passed, tally.failed), (21, 7));
+        assert!(side_by_side([cargo(["none"])], |_| Err(anyhow!("no such thing"))).is_err());
     }
 
     #[test]

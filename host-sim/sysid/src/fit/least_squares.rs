@@ -346,7 +346,11 @@ fn add_window_sums(
 
 #[cfg(test)]
 mod tests {
+    use model::Effect;
+
     use super::*;
+    use crate::prepare::Prepared;
+    use crate::testing;
     use rand::{RngExt, SeedableRng};
 
     /// Rows of y = X c + e on axis u and, with a shared first parameter, on axis v.
@@ -481,6 +485,44 @@ mod tests {
         let share = 100.0 * covered as f64 / f64::from(runs);
         // 4000 runs know the share to 0.35 %.
         assert!((93.0..97.0).contains(&share), "{share} %");
+    }
+
+    /// The regression of a craft whose coefficients are known, with white noise on its rows.
+    #[test]
+    fn intervals_of_a_simulated_craft_cover_its_coefficients_under_white_noise() {
+        let truth = testing::truth();
+        let effects: Vec<Effect> = Effect::basic().filter(|effect| truth.has(*effect)).collect();
+        let known = effects.iter().flat_map(|effect| &truth.term(*effect).unwrap().coefficients);
+        let known: Vec<f64> = known.map(|coefficient| coefficient.value).collect();
+        let flight = testing::fly(&truth, 1, 24.0, &testing::NONE);
+        let flight = Prepared::new(&flight, &truth.vehicle).unwrap();
+        let columns = flight.columns(&effects, &truth, flight.fit_stride(), None);
+        let rows = columns[0].iter().flatten().next().unwrap().len();
+        let exact: [Vec<f64>; 6] = std::array::from_fn(|axis| {
+            let of = |row: usize| {
+                let terms = columns.iter().zip(&known);
+                terms.filter_map(|(column, value)| Some(column[axis].as_ref()?[row] * value)).sum()
+            };
+            (0..rows).map(of).collect()
+        });
+        let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(3);
+        let mut covered = vec![0; known.len()];
+        let runs = 200;
+        for _ in 0..runs {
+            let noisy = exact.clone().map(|target| {
+                target.into_iter().map(|value| value + rng.random::<f64>() - 0.5).collect::<Vec<f64>>()
+            });
+            let rows = flight.rows_of_fit(noisy, columns.clone());
+            let solution = solve(&[rows], &vec![None; known.len()]).unwrap();
+            for (i, (covered, known)) in covered.iter_mut().zip(&known).enumerate() {
+                let error = solution.covariance[(i, i)].sqrt();
+                *covered += usize::from((solution.value[i] - known).abs() < 1.96 * error);
+            }
+        }
+        let all = covered.iter().sum::<usize>() as f64 / (runs * known.len()) as f64;
+        assert!((0.93..=0.97).contains(&all), "{all}");
+        // One coefficient's share is known to 1.5 %: three times that beside the same limits.
+        assert!(covered.iter().all(|count| (177..=200).contains(count)), "{covered:?}");
     }
 
     #[test]
