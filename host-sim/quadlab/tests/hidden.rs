@@ -5,29 +5,14 @@ mod common;
 
 use std::path::Path;
 
-use common::{json_in, run_in, shared};
+use common::{json_of_case, run_in, shared};
 use serde_json::Value;
-
-fn with_flights(first: &[&str], case: &Path) -> Vec<String> {
-    let flight = |name: &str| case.join(format!("{name}.csv")).display().to_string();
-    let mut arguments: Vec<String> = first.iter().map(|a| (*a).to_owned()).collect();
-    arguments.push("--train".into());
-    arguments.extend(["A", "B", "C"].map(flight));
-    arguments.push("--validate".into());
-    arguments.extend(["D", "E"].map(flight));
-    arguments
-}
-
-fn json(folder: &Path, first: &[&str], case: &Path) -> Value {
-    let arguments = with_flights(first, case);
-    json_in(folder, &arguments.iter().map(String::as_str).collect::<Vec<_>>())
-}
 
 /// A folder with the basic model of a case in model.toml.
 fn identified(case: &Path) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let vehicle = case.join("vehicle.toml").display().to_string();
-    json(folder.path(), &["identify", "--vehicle", &vehicle, "--out", "model.toml"], case);
+    json_of_case(folder.path(), &["identify", "--vehicle", &vehicle, "--out", "model.toml"], case);
     folder
 }
 
@@ -47,12 +32,13 @@ fn hidden_effects_are_ranked_first_one_after_the_other() {
         let folder = identified(&flights);
         let mut model = "model.toml".to_owned();
         for effect in truth(&root, case) {
-            let diagnosis = json(folder.path(), &["diagnose", "--model", &model], &flights);
+            let diagnosis = json_of_case(folder.path(), &["diagnose", "--model", &model], &flights);
             assert_eq!(diagnosis["verdict"], "missing-effect", "{case}");
             assert_eq!(diagnosis["effects"][0]["effect"], effect.as_str(), "{case}");
             assert_eq!(diagnosis["effects"][0]["supported"], true, "{case}");
             let better = format!("{effect}.toml");
-            let added = json(folder.path(), &["add", &effect, "--model", &model, "--out", &better], &flights);
+            let added =
+                json_of_case(folder.path(), &["add", &effect, "--model", &model, "--out", &better], &flights);
             assert_eq!(added["supported"], true, "{case}: {effect}");
             model = better;
         }
@@ -64,7 +50,7 @@ fn nothing_is_found_where_nothing_is_hidden() {
     let Some(root) = shared("data/hidden") else { return };
     let flights = root.join("calm");
     let folder = identified(&flights);
-    let diagnosis = json(folder.path(), &["diagnose", "--model", "model.toml"], &flights);
+    let diagnosis = json_of_case(folder.path(), &["diagnose", "--model", "model.toml"], &flights);
     assert_eq!(diagnosis["verdict"], "adequate", "{diagnosis}");
     assert!(diagnosis["effects"].as_array().unwrap().iter().all(|e| e["supported"] == false));
 }
@@ -76,7 +62,7 @@ fn an_unknown_tether_is_unexplained_and_depends_on_the_position() {
     let flights = root.join("case-08");
     let folder = identified(&flights);
     let without = ["diagnose", "--model", "model.toml", "--without", "tether"];
-    let diagnosis = json(folder.path(), &without, &flights);
+    let diagnosis = json_of_case(folder.path(), &without, &flights);
     assert_eq!(diagnosis["verdict"], "unexplained", "{diagnosis}");
     assert!(diagnosis["effects"].as_array().unwrap().iter().all(|e| e["effect"] != "tether"));
     let left = diagnosis["unexplained"].as_array().unwrap();
@@ -87,7 +73,7 @@ fn an_unknown_tether_is_unexplained_and_depends_on_the_position() {
 
     let vehicle = flights.join("vehicle.toml").display().to_string();
     let loop_ = ["explain", "--vehicle", &vehicle, "--out", "out.toml", "--without", "tether"];
-    let story = json(folder.path(), &loop_, &flights);
+    let story = json_of_case(folder.path(), &loop_, &flights);
     assert_eq!(story["verdict"], "unexplained", "{story}");
     assert!(story["added"].as_array().unwrap().is_empty());
 }
@@ -98,7 +84,7 @@ fn why_shows_the_evidence_for_and_against() {
     let flights = root.join("case-01");
     let folder = identified(&flights);
     let why = |effect: &str, model: &str| {
-        json(folder.path(), &["diagnose", "--model", model, "--why", effect], &flights)
+        json_of_case(folder.path(), &["diagnose", "--model", model, "--why", effect], &flights)
     };
     let right = why("ground-effect", "model.toml");
     assert_eq!(right["supported"], true);
@@ -117,7 +103,11 @@ fn why_shows_the_evidence_for_and_against() {
     assert!(wrong["drop_percent_beside_found"].as_f64().unwrap() < 1.0);
 
     // In the model, it is taken out: the same evidence but for where the fits start from.
-    json(folder.path(), &["add", "ground-effect", "--model", "model.toml", "--out", "with.toml"], &flights);
+    json_of_case(
+        folder.path(),
+        &["add", "ground-effect", "--model", "model.toml", "--out", "with.toml"],
+        &flights,
+    );
     let inside = why("ground-effect", "with.toml");
     assert_eq!(inside["in_model"], true);
     assert_eq!(inside["supported"], true);

@@ -7,7 +7,7 @@ mod schemas;
 
 use std::path::Path;
 
-use common::{done_in, json_in, shared};
+use common::{json_of_case, shared};
 use serde_json::Value;
 
 /// What is proposed for a case: the document, and the folder with the basic model and the effects that were written.
@@ -15,25 +15,11 @@ fn discovered(root: &Path, case: &str) -> (Value, tempfile::TempDir) {
     let folder = tempfile::tempdir().unwrap();
     let vehicle = root.join(case).join("vehicle.toml").display().to_string();
     let identify = ["identify", "--vehicle", &vehicle, "--out", "model.toml"];
-    done_in(folder.path(), &refs(&with_flights(&identify, root, case)));
+    json_of_case(folder.path(), &identify, &root.join(case));
     let discover = ["discover", "--model", "model.toml", "--out", "effects.toml"];
-    let document = json_in(folder.path(), &refs(&with_flights(&discover, root, case)));
+    let document = json_of_case(folder.path(), &discover, &root.join(case));
     schemas::assert_valid("discover", &document);
     (document, folder)
-}
-
-fn with_flights(first: &[&str], root: &Path, case: &str) -> Vec<String> {
-    let flight = |name: &str| root.join(case).join(format!("{name}.csv")).display().to_string();
-    let mut arguments: Vec<String> = first.iter().map(|a| (*a).to_owned()).collect();
-    arguments.push("--train".into());
-    arguments.extend(["A", "B", "C"].map(flight));
-    arguments.push("--validate".into());
-    arguments.extend(["D", "E"].map(flight));
-    arguments
-}
-
-fn refs(arguments: &[String]) -> Vec<&str> {
-    arguments.iter().map(String::as_str).collect()
 }
 
 fn truth(root: &Path, case: &str) -> Value {
@@ -114,7 +100,7 @@ fn a_proposal_is_added_like_any_other_effect() {
     let (document, folder) = discovered(&root, "unknown-06");
     let add =
         ["add", "discovered-1", "--effects", "effects.toml", "--model", "model.toml", "--out", "better.toml"];
-    let added = json_in(folder.path(), &refs(&with_flights(&add, &root, "unknown-06")));
+    let added = json_of_case(folder.path(), &add, &root.join("unknown-06"));
     assert_eq!(added["supported"], true, "{added}");
     let told = document["proposals"][0]["coefficients"].as_array().unwrap();
     for (own, told) in added["finding"]["coefficients"].as_array().unwrap().iter().zip(told) {
@@ -122,7 +108,7 @@ fn a_proposal_is_added_like_any_other_effect() {
         assert!(off.abs() < 0.1 * told["std_error"].as_f64().unwrap(), "{own} {told}");
     }
     let left = ["discover", "--model", "better.toml"];
-    let left = json_in(folder.path(), &refs(&with_flights(&left, &root, "unknown-06")));
+    let left = json_of_case(folder.path(), &left, &root.join("unknown-06"));
     assert_eq!(left["verdict"], "nothing", "{left}");
 }
 
@@ -133,10 +119,10 @@ fn an_explanation_ends_with_what_is_discovered() {
     let folder = tempfile::tempdir().unwrap();
     let vehicle = root.join("unknown-02/vehicle.toml").display().to_string();
     let explain = ["explain", "--discover", "--vehicle", &vehicle, "--out", "explained.toml"];
-    let explained = json_in(folder.path(), &refs(&with_flights(&explain, &root, "unknown-02")));
+    let explained = json_of_case(folder.path(), &explain, &root.join("unknown-02"));
     schemas::assert_valid("explain", &explained);
     assert_eq!(explained["discovery"]["proposals"][0]["formula"], "r: k * w", "{explained}");
     let discover = ["discover", "--vehicle", &vehicle];
-    let alone = json_in(folder.path(), &refs(&with_flights(&discover, &root, "unknown-02")));
+    let alone = json_of_case(folder.path(), &discover, &root.join("unknown-02"));
     assert_eq!(alone["proposals"], explained["discovery"]["proposals"]);
 }

@@ -4,7 +4,7 @@ mod common;
 
 use std::path::Path;
 
-use common::{copies, done_in, identify, json_in, run_in, shared, with_sets};
+use common::{copies, done_in, identify, json_in, json_of_case, run_in, shared, with_sets};
 use model::Effect;
 
 /// A cable to a hook, as a user who does not know the catalogue writes it.
@@ -99,19 +99,7 @@ fn a_users_cable_explains_a_cable_as_the_catalogue_does() {
     let Some(case) = shared("data/hidden/case-08") else { return };
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("my.toml"), CABLE).unwrap();
-    let flights = |first: &[&str]| -> Vec<String> {
-        let flight = |name: &str| case.join(format!("{name}.csv")).display().to_string();
-        let mut arguments: Vec<String> = first.iter().map(|a| (*a).to_owned()).collect();
-        arguments.push("--train".into());
-        arguments.extend(["A", "B", "C"].map(flight));
-        arguments.push("--validate".into());
-        arguments.extend(["D", "E"].map(flight));
-        arguments
-    };
-    let json = |first: &[&str]| {
-        let arguments = flights(first);
-        json_in(folder.path(), &arguments.iter().map(String::as_str).collect::<Vec<_>>())
-    };
+    let json = |first: &[&str]| json_of_case(folder.path(), first, &case);
     let vehicle = case.join("vehicle.toml").display().to_string();
     json(&["identify", "--vehicle", &vehicle, "--out", "model.toml"]);
     let own =

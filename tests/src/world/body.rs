@@ -25,6 +25,11 @@ pub(super) const LANDING_GEAR: f64 = 0.6;
 /// Time in which a rotor's wake follows it, s.
 const WAKE_S: f64 = 0.15;
 
+/// Time in which the air below follows a craft that sinks, s.
+const SINKING_S: f64 = 0.5;
+/// When a rotor that fails does so, s.
+const FAILS_S: f64 = 11.0;
+
 /// Correlation time of gusts, s.
 const GUST_S: f64 = 0.5;
 
@@ -58,6 +63,8 @@ pub struct Body {
     bounce: [f64; 2],
     /// Rotor speeds that the wakes belong to, rad/s.
     wake_rad_s: [f64; 4],
+    /// Speed down through the air that the wake below has had time to follow, m/s.
+    sunk_m_s: f64,
 }
 
 /// Forces and torques at an instant.
@@ -76,6 +83,7 @@ struct Instant<'a> {
     rate: Vector3<f64>,
     rotor: &'a [f64; 4],
     wake_rad_s: &'a [f64; 4],
+    sunk_m_s: f64,
     time_s: f64,
 }
 
@@ -98,6 +106,7 @@ impl Body {
             wandering_m_s: [0.0; 2],
             bounce: [0.0; 2],
             wake_rad_s: rotor_rad_s,
+            sunk_m_s: 0.0,
             held_rad_s: rotor_rad_s[0],
         }
     }
@@ -158,6 +167,7 @@ impl Body {
                 rate,
                 rotor: &middle,
                 wake_rad_s: &self.wake_rad_s,
+                sunk_m_s: self.sunk_m_s,
                 time_s: time_s + 0.5 * h,
             };
             let wrench = self.wrench(craft, &instant);
@@ -178,6 +188,8 @@ impl Body {
         self.momentum += h * torque_ned;
         self.rotor_rad_s = end;
         self.wake_rad_s.iter_mut().zip(end).for_each(|(wake, rotor)| *wake += h / WAKE_S * (rotor - *wake));
+        let sinking = (self.attitude.inverse() * self.velocity_ned_m_s).z;
+        self.sunk_m_s += h / SINKING_S * (sinking - self.sunk_m_s);
         let turning = self.link[1] + 0.5 * h * link_acceleration;
         self.link[0] = Rotation3::new(h * turning) * self.link[0];
         self.link[1] += h * link_acceleration;
@@ -242,6 +254,10 @@ impl Body {
 
         let mut force = self.drag(craft, now, &air);
         force.z -= thrusts_n.iter().sum::<f64>();
+        torque.z += craft.strange.weathercock_n_s * air.y;
+        torque.z -= craft.strange.torsion_nm * now.attitude[(1, 0)].atan2(now.attitude[(0, 0)]).sin();
+        force.x += craft.strange.skewed_drag_n_s_m * air.y;
+        force.z += craft.mass_kg * craft.strange.wake_memory_per_s * now.sunk_m_s;
         force.x += craft.strange.loose_arm * (thrusts_n[0] - 0.25 * craft.mass_kg * craft.gravity_m_s2);
         force.x += craft.rate_coupling_n_s[0] * now.rate.y;
         force.y += craft.rate_coupling_n_s[1] * now.rate.x;
@@ -255,6 +271,10 @@ impl Body {
         let close = |distance_m: f64| (-distance_m / 0.25).exp().min(2.0);
         force_ned.z -= craft.mass_kg * strange.ceiling_m_s2 * close(1.9 + now.position.z);
         force_ned.y += craft.mass_kg * strange.wall_m_s2 * close(0.8 - now.position.y);
+        let over_table = 0.5 * (1.0 + ((now.position.x - 0.1) / 0.03).tanh());
+        let [x, y] = [now.position.x - 0.1, now.position.y - 0.1];
+        let in_column = (-(x * x + y * y) / (2.0 * 0.45 * 0.45)).exp();
+        force_ned.z -= craft.mass_kg * (strange.table_m_s2 * over_table - strange.column_m_s2 * in_column);
         force_ned.z += strange.bungee * craft.mass_kg * bungee_m_s2(self.bounce[0], self.bounce[1]);
         Wrench { force_ned_n: force_ned, torque_nm: torque }
     }
@@ -327,7 +347,8 @@ fn rotors(craft: &Craft, now: &Instant<'_>, air: &Vector3<f64>) -> ([f64; 4], f6
         let ahead = w / now.wake_rad_s[i].max(1.0) - 1.0;
         let own_wake =
             (1.0 - craft.strange.settling * sinking * sinking) * (1.0 + craft.strange.inflow * ahead);
-        let thrust = craft.efficiency[i] * still * lift * warm * own_wake;
+        let failed = if i == 1 && now.time_s > FAILS_S { craft.strange.failing } else { 0.0 };
+        let thrust = craft.efficiency[i] * (1.0 - failed) * still * lift * warm * own_wake;
         if craft.ground_gain == 0.0 {
             return thrust;
         }

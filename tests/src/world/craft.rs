@@ -133,6 +133,20 @@ pub struct Strange {
     pub inflow: f64,
     /// Forward force of the first rotor for each newton beyond its share of the weight.
     pub loose_arm: f64,
+    /// Yaw torque for each m/s of air from the side, N s.
+    pub weathercock_n_s: f64,
+    /// Yaw torque back to north, times the sine of the heading, N m.
+    pub torsion_nm: f64,
+    /// Forward force for each m/s of air from the side, N s/m.
+    pub skewed_drag_n_s_m: f64,
+    /// Lift over a table whose edge is 0.1 m north, m/s^2.
+    pub table_m_s2: f64,
+    /// Press of a column of air that falls down 0.1 m north and east, m/s^2.
+    pub column_m_s2: f64,
+    /// Part of its thrust that the second rotor loses 11 s after the start.
+    pub failing: f64,
+    /// Thrust that is lost for each m/s sunk, in a wake that takes half a second to build up, 1/s.
+    pub wake_memory_per_s: f64,
 }
 
 /// A craft and its air.

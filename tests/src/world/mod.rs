@@ -34,7 +34,7 @@ use rand_pcg::Pcg64;
 pub use body::{Body, STEP_S};
 pub use craft::{Craft, Size};
 pub use pilot::{Pattern, Style};
-pub use planted::{OUTSIDE, PLANTED, Planted, UnknownEffect, changes};
+pub use planted::{FORMS, OUTSIDE, PLANTED, Planted, UnknownEffect, changes};
 pub use sensors::Sensors;
 pub use truth::True;
 
@@ -108,7 +108,7 @@ impl World {
         self
     }
 
-    /// Plants an effect of [`PLANTED`] or [`OUTSIDE`].
+    /// Plants an effect of [`PLANTED`], [`OUTSIDE`] or [`FORMS`].
     pub fn with(mut self, id: &str, strength: f64) -> Result<Self, UnknownEffect> {
         let seed = stream(self.seed, Purpose::Planted(self.planted.len() as u64));
         let effect = planted::plant(id, strength, &mut self.craft, &mut self.vehicle, seed)?;

@@ -163,6 +163,25 @@ pub const OUTSIDE: &[Seedling] = &[
     seedling("hot-motors", "thrust that fades as the motors get hot", |c, _, s, _| c.strange.fade = 0.08 * s),
 ];
 
+/// Further ones, for the question what the unknown looks like.
+pub const FORMS: &[Seedling] = &[
+    seedling("weathercock", "air from the side turns the craft about its yaw axis", |c, _, s, _| {
+        c.strange.weathercock_n_s = 0.5 * s * c.inertia_kg_m2[(2, 2)];
+    }),
+    seedling("torsion", "a cable that turns the craft back to north", |c, _, s, _| {
+        c.strange.torsion_nm = 0.8 * s * c.inertia_kg_m2[(2, 2)];
+    }),
+    seedling("skewed-drag", "air from the side pushes the craft forward", |c, _, s, _| {
+        c.strange.skewed_drag_n_s_m = 0.55 * s * c.drag_n_s_m[0];
+    }),
+    seedling("table", "more lift over a table", |c, _, s, _| c.strange.table_m_s2 = 0.3 * s),
+    seedling("column", "a column of falling air", |c, _, s, _| c.strange.column_m_s2 = 0.7 * s),
+    seedling("failing", "a rotor that loses thrust in flight", |c, _, s, _| c.strange.failing = 0.08 * s),
+    seedling("wake-memory", "thrust that is lost some time after sinking", |c, _, s, _| {
+        c.strange.wake_memory_per_s = 0.5 * s;
+    }),
+];
+
 /// Effects that happen to a craft whose model was good: flown before and after.
 pub fn changes() -> impl Iterator<Item = &'static str> {
     ["mass-change", "com-offset", "motor-efficiency"].into_iter()
@@ -175,7 +194,7 @@ pub(super) fn plant(
     vehicle: &mut Vehicle,
     mut rng: Pcg64,
 ) -> Result<&'static str, UnknownEffect> {
-    let known = PLANTED.iter().chain(OUTSIDE).find(|seedling| seedling.id == id);
+    let known = PLANTED.iter().chain(OUTSIDE).chain(FORMS).find(|seedling| seedling.id == id);
     let seedling = known.ok_or_else(|| UnknownEffect(id.to_owned()))?;
     (seedling.plant)(craft, vehicle, strength, &mut rng);
     Ok(seedling.id)

